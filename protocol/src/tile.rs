@@ -1,0 +1,186 @@
+//! The container that every tile travels in: magic, version, kind, a section table, sections with checksums.
+//!
+//! In: sections of bytes. Out: one run of bytes (or back). Next: `blockmap` and `subtree` say what the sections hold.
+
+use crate::{TileId, codec, codec::varint::Reader, error::DecodeError};
+use serde::{Deserialize, Serialize};
+
+/// The first bytes of every tile.
+pub const MAGIC: [u8; 4] = *b"INSU";
+/// Version of the container and of all tile kinds; any change of bytes raises it.
+pub const VERSION: u16 = 1;
+/// Largest section in bytes, packed or raw.
+pub const MAX_SECTION_BYTES: u32 = 16 << 20;
+/// Most sections in one tile.
+pub const MAX_SECTIONS: usize = 16;
+
+/// What a tile holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Kind {
+    /// A V-BlockMap.
+    BlockMap = 1,
+    /// Which nodes exist below one.
+    Subtree = 2,
+}
+
+/// How a section's bytes are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Packing {
+    /// As they are.
+    Raw,
+    /// One zstd frame.
+    Zstd,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct SectionEntry {
+    tag: u8,
+    packing: Packing,
+    packed_bytes: u32,
+    raw_bytes: u32,
+    crc32: u32,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Header {
+    id: TileId,
+    sections: Vec<SectionEntry>,
+}
+
+/// Collects sections and writes a tile.
+#[derive(Debug)]
+pub struct TileWriter {
+    kind: Kind,
+    header: Header,
+    body: Vec<u8>,
+}
+
+impl TileWriter {
+    /// An empty tile.
+    pub fn new(kind: Kind, id: TileId) -> Self {
+        Self { kind, header: Header { id, sections: Vec::new() }, body: Vec::new() }
+    }
+
+    /// Adds `raw` under `tag`, with zstd where that makes it smaller. Empty sections are left out.
+    pub fn section(&mut self, tag: u8, raw: &[u8]) -> Result<(), DecodeError> {
+        if raw.is_empty() {
+            return Ok(());
+        }
+        let packed = codec::zstd::compress(raw)?;
+        let (packing, bytes) = if packed.len() < raw.len() { (Packing::Zstd, &packed[..]) } else { (Packing::Raw, raw) };
+        self.header.sections.push(SectionEntry {
+            tag,
+            packing,
+            packed_bytes: length(bytes.len())?,
+            raw_bytes: length(raw.len())?,
+            crc32: crc32fast::hash(bytes),
+        });
+        self.body.extend_from_slice(bytes);
+        Ok(())
+    }
+
+    /// The tile's bytes.
+    pub fn finish(self) -> Result<Vec<u8>, DecodeError> {
+        let header = codec::bincode::to_bytes(&self.header)?;
+        let mut out = Vec::with_capacity(16 + header.len() + self.body.len());
+        out.extend_from_slice(&MAGIC);
+        out.extend_from_slice(&VERSION.to_le_bytes());
+        out.push(self.kind as u8);
+        out.push(0);
+        out.extend_from_slice(&length(header.len())?.to_le_bytes());
+        out.extend_from_slice(&crc32fast::hash(&header).to_le_bytes());
+        out.extend_from_slice(&header);
+        out.extend_from_slice(&self.body);
+        Ok(out)
+    }
+}
+
+fn length(bytes: usize) -> Result<u32, DecodeError> {
+    match u32::try_from(bytes) {
+        Ok(n) if n <= MAX_SECTION_BYTES => Ok(n),
+        _ => Err(limit("a section's bytes", bytes, MAX_SECTION_BYTES)),
+    }
+}
+
+fn limit(what: &'static str, found: usize, limit: u32) -> DecodeError {
+    DecodeError::Limit { what, found: found as u64, limit: u64::from(limit) }
+}
+
+/// A tile whose frame and checksums are right; its sections are not looked into yet.
+#[derive(Debug)]
+pub struct TileReader<'a> {
+    /// The node that it says it is.
+    pub id: TileId,
+    sections: Vec<(SectionEntry, &'a [u8])>,
+}
+
+impl<'a> TileReader<'a> {
+    /// Checks magic, version, kind, lengths and every checksum. The bytes must end where the last section does.
+    pub fn new(bytes: &'a [u8], kind: Kind) -> Result<Self, DecodeError> {
+        let mut reader = Reader::new(bytes);
+        if reader.array()? != MAGIC {
+            return Err(DecodeError::Magic);
+        }
+        let found = reader.u16()?;
+        if found != VERSION {
+            return Err(DecodeError::Version { found, known: VERSION });
+        }
+        let found = reader.u8()?;
+        if found != kind as u8 {
+            return Err(DecodeError::Kind { found, wanted: kind as u8 });
+        }
+        if reader.u8()? != 0 {
+            return Err(DecodeError::Invalid("a reserved byte is not zero"));
+        }
+        let (header_bytes, crc32) = (reader.u32()? as usize, reader.u32()?);
+        let header = reader.take(header_bytes)?;
+        if crc32fast::hash(header) != crc32 {
+            return Err(DecodeError::Checksum("the tile header"));
+        }
+        let header: Header = codec::bincode::from_bytes(header)?;
+        let sections = Self::sections(header.sections, &mut reader)?;
+        reader.finish()?;
+        Ok(Self { id: header.id, sections })
+    }
+
+    fn sections(
+        entries: Vec<SectionEntry>,
+        reader: &mut Reader<'a>,
+    ) -> Result<Vec<(SectionEntry, &'a [u8])>, DecodeError> {
+        if entries.len() > MAX_SECTIONS {
+            return Err(limit("the number of sections", entries.len(), MAX_SECTIONS as u32));
+        }
+        let mut sections: Vec<(SectionEntry, &[u8])> = Vec::with_capacity(entries.len());
+        for entry in entries {
+            if entry.raw_bytes > MAX_SECTION_BYTES {
+                return Err(limit("a section's bytes", entry.raw_bytes as usize, MAX_SECTION_BYTES));
+            }
+            if sections.iter().any(|(other, _)| other.tag == entry.tag) {
+                return Err(DecodeError::Invalid("two sections of one tag"));
+            }
+            let packed = reader.take(entry.packed_bytes as usize)?;
+            if crc32fast::hash(packed) != entry.crc32 {
+                return Err(DecodeError::Checksum("a section"));
+            }
+            sections.push((entry, packed));
+        }
+        Ok(sections)
+    }
+
+    /// The section's bytes, unpacked; empty if the tile has none of that tag. `limit_bytes` is the most that is allocated.
+    pub fn section(&self, tag: u8, limit_bytes: usize) -> Result<Vec<u8>, DecodeError> {
+        let Some((entry, packed)) = self.sections.iter().find(|(entry, _)| entry.tag == tag) else {
+            return Ok(Vec::new());
+        };
+        let raw_bytes = entry.raw_bytes as usize;
+        if raw_bytes > limit_bytes {
+            return Err(limit("a section's bytes", raw_bytes, limit_bytes as u32));
+        }
+        match entry.packing {
+            Packing::Raw if packed.len() == raw_bytes => Ok(packed.to_vec()),
+            Packing::Raw => Err(DecodeError::Truncated { wanted: raw_bytes, found: packed.len() }),
+            Packing::Zstd => codec::zstd::decompress(packed, raw_bytes),
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Round trips, truncations and damage of V-BlockMap tiles.
+
+use insula_protocol::{
+    BlockMap, DecodeError, Texel, TileId,
+    blockmap::{COLUMNS, Column, Strip, strip_rows},
+};
+use proptest::prelude::*;
+
+fn column() -> impl Strategy<Value = Column> {
+    let texel = any::<u32>().prop_map(Texel);
+    (0u16..4000, 1u16..95, any::<[bool; 4]>(), texel, any::<u16>(), any::<u32>(), any::<u8>()).prop_map(
+        |(z_min, height, [inclined, suspended, exposed, gap], roof, roof_normal, seed, azimuth)| {
+            let z_max = z_min + height;
+            let rows = strip_rows(z_min, z_max, 1).1;
+            let texels = (0..u32::from(rows)).map(|i| Texel(seed.wrapping_mul(i * 2 + 1))).collect();
+            let gap = (gap && exposed && height > 3).then_some([z_min + 1, z_max - 1]);
+            let strip = exposed.then_some(Strip { texels, azimuth });
+            Column { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip }
+        },
+    )
+}
+
+fn map() -> impl Strategy<Value = BlockMap> {
+    let id = (0u8..=20).prop_flat_map(|l| (Just(l), 0..1u32 << l, 0..1u32 << l));
+    let columns = proptest::collection::vec((any::<usize>(), column()), 0..200);
+    (id, 0.01f32..100.0, any::<i32>(), columns).prop_map(|((level, x, y), cell_m, z_base, list)| {
+        let mut columns = vec![None; COLUMNS];
+        for (at, column) in list {
+            columns[at % COLUMNS] = Some(column);
+        }
+        BlockMap::from_columns(TileId::new(level, x, y).unwrap(), cell_m, z_base, 1, &columns).unwrap()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn any_map_round_trips(map in map()) {
+        let bytes = map.encode().unwrap();
+        let back = BlockMap::decode(&bytes).unwrap();
+        prop_assert_eq!(&back, &map);
+        let again = BlockMap::from_columns(map.id, map.cell_m, map.z_base_cells, map.z_shift, &back.columns()).unwrap();
+        prop_assert_eq!(again, map);
+    }
+
+    #[test]
+    fn any_flipped_bit_is_found(map in map(), at in any::<usize>(), bit in 0u8..8) {
+        let mut bytes = map.encode().unwrap();
+        let at = at % bytes.len();
+        bytes[at] ^= 1 << bit;
+        prop_assert!(BlockMap::decode(&bytes).is_err());
+    }
+
+    #[test]
+    fn any_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        prop_assert!(BlockMap::decode(&bytes).is_err());
+    }
+}
+
+#[test]
+fn every_truncation_and_extra_bytes_are_refused() {
+    let mut columns = vec![None; COLUMNS];
+    columns[77] = Some(Column { z_min: 3, z_max: 40, ..Column::default() });
+    let bytes = BlockMap::from_columns(TileId::ROOT, 1.0, -3, 0, &columns).unwrap().encode().unwrap();
+    for len in 0..bytes.len() {
+        assert!(BlockMap::decode(&bytes[..len]).is_err(), "{len} of {}", bytes.len());
+    }
+    let longer = [&bytes[..], &[0]].concat();
+    assert_eq!(BlockMap::decode(&longer), Err(DecodeError::TrailingBytes(1)));
+}
+
+#[test]
+fn what_a_column_promises_is_checked() {
+    let build = |column: Column| {
+        let mut columns = vec![None; COLUMNS];
+        columns[0] = Some(column);
+        BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)
+    };
+    let good = Column { z_min: 0, z_max: 40, ..Column::default() };
+    assert!(build(good.clone()).is_ok());
+    assert!(build(Column { z_min: 40, ..good.clone() }).is_err(), "no height");
+    assert!(build(Column { z_max: 4096, ..good.clone() }).is_err(), "over 12 bits");
+    assert!(build(Column { gap: Some([10, 20]), ..good.clone() }).is_err(), "gap without strip");
+    assert!(build(Column { strip: Some(Strip::default()), ..good }).is_err(), "short strip");
+}
