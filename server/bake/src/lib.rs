@@ -1,1 +1,5 @@
-//! Placeholder.
+//! Insula's bake: city files in, a baked city out. Knows no HTTP.
+
+pub mod grid;
+pub mod scene;
+pub mod voxels;

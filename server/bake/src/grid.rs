@@ -1,0 +1,77 @@
+//! Where nodes, columns and blocks of leaves lie.
+//!
+//! In: the scene's bounds and the cell size. Out: [`Grid`]. Next: `partition` sorts triangles into blocks of leaves.
+
+use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
+
+/// Leaves along a block's side: visibility maps are shared by the leaves of one block (design 5, step 2).
+pub const BLOCK_LEAVES: u32 = 8;
+
+/// The city's quadtree in space. Lengths in metres; "scene" coordinates are those of [`crate::scene::Scene`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// South-west corner of the root and height zero of all nodes, in scene coordinates.
+    pub corner: [f64; 3],
+    /// Level of the leaves.
+    pub depth: u8,
+    /// Side of a leaf's column.
+    pub cell_m: f64,
+}
+
+impl Grid {
+    /// The smallest root square of side `leaf_side * 2^depth` that covers `[min, max]` (scene coordinates, x and y),
+    /// its corner on the world grid of whole leaves, so that the same place always falls into the same cell.
+    ///
+    /// `world_origin` is the scene's. `None` if the city would need more than [`MAX_LEVEL`] levels or is not finite.
+    pub fn covering(min: [f64; 3], max: [f64; 3], world_origin: [f64; 3], cell_m: f64) -> Option<Self> {
+        let leaf_side = cell_m * NODE_CELLS as f64;
+        let snap = |v: f64, origin: f64, step: f64| ((v + origin) / step).floor() * step - origin;
+        let corner = [
+            snap(min[0], world_origin[0], leaf_side),
+            snap(min[1], world_origin[1], leaf_side),
+            snap(min[2], world_origin[2], cell_m) - cell_m,
+        ];
+        let side = (max[0] - corner[0]).max(max[1] - corner[1]);
+        if !side.is_finite() || !corner[2].is_finite() || leaf_side <= 0.0 {
+            return None;
+        }
+        // A point on the far edge belongs to the next leaf: hence `floor + 1`.
+        let leaves = (side / leaf_side).floor() + 1.0;
+        let depth = (0..=MAX_LEVEL).find(|d| f64::from(1u32 << d) >= leaves)?;
+        Some(Self { corner, depth, cell_m })
+    }
+
+    /// Side of a node.
+    pub fn node_side_m(&self, level: u8) -> f64 {
+        self.cell_m_at(level) * NODE_CELLS as f64
+    }
+
+    /// Side of a column.
+    pub fn cell_m_at(&self, level: u8) -> f64 {
+        self.cell_m * f64::from(1u32 << (self.depth - level))
+    }
+
+    /// South-west corner of a node in scene coordinates, x and y.
+    pub fn node_corner(&self, id: TileId) -> [f64; 2] {
+        let side = self.node_side_m(id.level());
+        [self.corner[0] + f64::from(id.x()) * side, self.corner[1] + f64::from(id.y()) * side]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn covers_and_snaps() {
+        let grid = Grid::covering([0.5, -3.0, 7.3], [200.0, 61.0, 50.0], [1000.0, 64.0, 0.0], 1.0).unwrap();
+        assert_eq!(grid.corner, [-40.0, -64.0, 6.0]);
+        assert_eq!(grid.depth, 2);
+        assert_eq!(grid.node_side_m(0), 256.0);
+        assert_eq!(grid.node_corner(TileId::new(2, 1, 1).unwrap()), [24.0, 0.0]);
+        let on_edge = Grid::covering([0.0; 3], [64.0, 1.0, 1.0], [0.0; 3], 1.0).unwrap();
+        assert_eq!(on_edge.depth, 1);
+        assert!(Grid::covering([0.0; 3], [f64::INFINITY; 3], [0.0; 3], 1.0).is_none());
+        assert!(Grid::covering([0.0; 3], [1e12; 3], [0.0; 3], 1.0).is_none());
+    }
+}

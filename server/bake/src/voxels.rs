@@ -1,0 +1,69 @@
+//! A node's columns before they are coded: metres, linear colours.
+//!
+//! In: what `sample` saw, or what `lod` averaged. Out: [`VoxelNode`]. Next: `parametrise` makes a `BlockMap` of it.
+
+use insula_protocol::{TileId, blockmap::COLUMNS};
+
+/// Look of one voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Look {
+    /// Linear RGB, 0 to 1.
+    pub rgb: [f32; 3],
+    /// Ambient occlusion: 0 closed in, 1 open.
+    pub ao: f32,
+    /// Coverage, 0 to 1.
+    pub alpha: f32,
+}
+
+/// A run of full voxels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solid {
+    /// Metres above the grid's height zero.
+    pub bottom_m: f32,
+    /// Above `bottom_m`; at the cell's centre where the column is inclined.
+    pub top_m: f32,
+}
+
+/// One column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VoxelColumn {
+    /// Bottom to top, disjoint, at least one.
+    pub solids: Vec<Solid>,
+    /// Whether the top is the plane square to `normal`.
+    pub inclined: bool,
+    /// Whether the lowest solid's bottom is in the air.
+    pub suspended: bool,
+    /// Unit normal of the top.
+    pub normal: [f32; 3],
+    /// Seen from above.
+    pub roof: Look,
+    /// Whether a wall strip is to be kept.
+    pub exposed: bool,
+    /// Sum of the wall's horizontal normals, weighted by area; may be zero.
+    pub wall_normal: [f32; 2],
+    /// Row of the first wall look: whole cells above the grid's height zero.
+    pub first_row: i32,
+    /// Wall looks, a cell each, upwards; empty unless exposed.
+    pub wall: Vec<Look>,
+}
+
+/// A node's columns, [`COLUMNS`] of them, row-major from the south-west corner.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VoxelNode {
+    /// Which node.
+    pub id: TileId,
+    /// `None` where nothing stands.
+    pub columns: Vec<Option<VoxelColumn>>,
+}
+
+impl VoxelNode {
+    /// Without columns.
+    pub fn empty(id: TileId) -> Self {
+        Self { id, columns: vec![None; COLUMNS] }
+    }
+
+    /// Whether nothing stands anywhere.
+    pub fn is_empty(&self) -> bool {
+        self.columns.iter().all(Option::is_none)
+    }
+}
