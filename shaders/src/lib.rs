@@ -1,1 +1,18 @@
-//! Placeholder.
+//! Insula's ray-caster: WGSL, its CPU twin, and the layouts that both read.
+//!
+//! In: packed nodes (`pack`), the cut as a tree (`layout`), a camera. Out: pixels, distances, the node that each pixel
+//! hit. Next: the client shows them.
+//!
+//! What a V-BlockMap looks like is defined once, by [`cpu::raycast`]; `wgsl/raycast.wgsl` must agree with it pixel for pixel
+//! but for rounding at edges (`tests/tests/twin_raycast.rs`). No wgpu unless feature `gpu`.
+
+pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+pub mod layout;
+pub mod pack;
+
+/// The WGSL source of the ray-caster: bindings in [`layout::binding`], workgroups of [`layout::WORKGROUP`].
+pub const RAYCAST_WGSL: &str = include_str!("../wgsl/raycast.wgsl");
+/// The WGSL source that puts the ray-caster's pixels on a render target.
+pub const COMPOSE_WGSL: &str = include_str!("../wgsl/compose.wgsl");

@@ -1,0 +1,147 @@
+//! Structs that Rust and WGSL share, checked against naga's offsets by `tests/layout.rs`.
+//!
+//! Lengths in metres relative to the camera ("view-relative": world axes, camera at zero), so that f32 is enough anywhere.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Words (u32) of an atlas page: 16 KiB, one plane of a node.
+pub const PAGE_WORDS: usize = 4096;
+/// Pages that every node has: walk, roof, attributes, strip addresses. Strip pages follow.
+pub const PLANES: usize = 4;
+/// Cells along a side of a summary block.
+pub const BLOCK_CELLS: u32 = 8;
+/// Summary words of a node: 8 x 8 blocks, `lowest | highest << 16` in height codes; `0x0000_ffff` where empty.
+pub const SUMMARY_WORDS: usize = 64;
+/// Threads of a workgroup in x and y.
+pub const WORKGROUP: [u32; 2] = [8, 8];
+
+/// A word of the cut's tree ([`TreeNode::child`], [`Frame::root`]): nothing there.
+pub const TREE_EMPTY: u32 = 0;
+/// Set in a tree word that names a drawn node (its index into the nodes); clear in one that names a [`TreeNode`].
+pub const TREE_NODE_BIT: u32 = 0x8000_0000;
+/// In the hit buffer: no node was hit.
+pub const NO_NODE: u32 = u32::MAX;
+
+/// What a pixel shows ([`Frame::shading`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum Shading {
+    /// Sun and sky.
+    #[default]
+    Lit = 0,
+    /// Colour alone, without light.
+    Albedo = 1,
+    /// Ambient occlusion alone.
+    Ao = 2,
+    /// Normals as colours.
+    Normal = 3,
+    /// One colour a level.
+    Lod = 4,
+    /// Column kinds: roof grey, exposed orange, suspended blue, with gaps red; inclined tinted green.
+    Kind = 5,
+}
+
+impl Shading {
+    /// All, in the order of their keys.
+    pub const ALL: [Self; 6] = [Self::Lit, Self::Albedo, Self::Ao, Self::Normal, Self::Lod, Self::Kind];
+
+    /// The word on command lines.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Lit => "lit",
+            Self::Albedo => "albedo",
+            Self::Ao => "ao",
+            Self::Normal => "normal",
+            Self::Lod => "lod",
+            Self::Kind => "kind",
+        }
+    }
+}
+
+/// A camera and what surrounds it, for one dispatch.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Frame {
+    /// Unit vector through the picture's centre.
+    pub forward: [f32; 3],
+    /// Picture width in pixels.
+    pub width_px: u32,
+    /// To the right edge: unit right times `tan(fov_x / 2)`.
+    pub right: [f32; 3],
+    /// Picture height in pixels.
+    pub height_px: u32,
+    /// To the upper edge: unit up times `tan(fov_y / 2)`.
+    pub up: [f32; 3],
+    /// Tree word of the city's root.
+    pub root: u32,
+    /// South-west corner of the root square; z is unused.
+    pub root_corner: [f32; 3],
+    /// Side of the root square in metres.
+    pub root_side_m: f32,
+    /// Unit vector towards the sun.
+    pub sun: [f32; 3],
+    /// A [`Shading`].
+    pub shading: u32,
+    /// Height of the plane where there is no column, relative to the camera.
+    pub ground_z_m: f32,
+    /// 1 if the plane is drawn.
+    pub ground: u32,
+    /// Rays along a pixel's side: 1 or 2. Distance and hit node are those of the centre ray only if 1.
+    pub samples: u32,
+    /// Zero.
+    pub pad: u32,
+}
+
+/// A node of the cut, ready to be walked.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// South-west corner of the node at height code 0, relative to the camera.
+    pub corner: [f32; 3],
+    /// Side of a column.
+    pub cell_m: f32,
+    /// Metres of a height code.
+    pub z_step_m: f32,
+    /// Lowest point above code 0, in codes.
+    pub z_lo: f32,
+    /// Highest point above code 0, in codes; inclined columns' slopes included.
+    pub z_hi: f32,
+    /// The map's `z_shift`: a strip row is `16 >> z_shift` codes.
+    pub z_shift: u32,
+    /// Atlas pages of the [`PLANES`]: walk, roof, attributes, strip addresses.
+    pub pages: [u32; 4],
+    /// Where the summary lies: word index / [`SUMMARY_WORDS`].
+    pub slot: u32,
+    /// Level of the node in the city, for [`Shading::Lod`].
+    pub level: u32,
+    /// Zero.
+    pub pad: [u32; 2],
+}
+
+/// An inner node of the cut's tree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable, Default)]
+#[repr(C)]
+pub struct TreeNode {
+    /// Tree words in quadrant order (bit 0 east, bit 1 north).
+    pub child: [u32; 4],
+}
+
+/// Binding numbers in group 0 of `raycast.wgsl`.
+pub mod binding {
+    /// Uniform [`super::Frame`].
+    pub const FRAME: u32 = 0;
+    /// Storage, `array<TreeNode>`; entry 0 is never referred to.
+    pub const TREE: u32 = 1;
+    /// Storage, `array<Node>`.
+    pub const NODES: u32 = 2;
+    /// Storage, `array<u32>`.
+    pub const SUMMARIES: u32 = 3;
+    /// Storage, `array<u32>`.
+    pub const ATLAS: u32 = 4;
+    /// Storage, written: `array<u32>`, r, g, b, 255 in sRGB.
+    pub const COLOUR: u32 = 5;
+    /// Storage, written: `array<f32>`, metres, infinity where no column was hit.
+    pub const DISTANCE: u32 = 6;
+    /// Storage, written: `array<u32>`, index of the node that was hit or [`super::NO_NODE`].
+    pub const HIT: u32 = 7;
+}

@@ -1,0 +1,218 @@
+//! A V-BlockMap as the ray-caster reads it: pages of words.
+//!
+//! In: a decoded [`BlockMap`]. Out: [`PackedNode`]. Next: the client's cache gives it pages and a slot, `cpu::raycast` and
+//! `raycast.wgsl` walk it.
+//!
+//! | page | word of column i |
+//! |---|---|
+//! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8) |
+//! | 1 roof | texel |
+//! | 2 attributes | roof normal (16), wall azimuth (8) |
+//! | 3 strips | address of its strip: a word of the atlas (0 if none) |
+//! | 4... | strips; one never crosses a page. With [`flag::GAP`] the first word is the gap, `low \| high << 16` |
+
+use crate::layout::{BLOCK_CELLS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
+use insula_protocol::{
+    BlockMap, NODE_CELLS,
+    blockmap::{COLUMNS, STEPS_PER_CELL, flag, strip_rows},
+    octahedral,
+};
+
+/// One page's words.
+pub type Page = Box<[u32]>;
+
+/// A node in pages; strip addresses are still relative to the first strip page.
+#[derive(Debug, Clone)]
+pub struct PackedNode {
+    /// [`PLANES`] planes, then strip pages, each of [`PAGE_WORDS`] words.
+    pub pages: Vec<Page>,
+    /// Lowest and highest height codes per block.
+    pub summary: [u32; SUMMARY_WORDS],
+    /// Side of a column.
+    pub cell_m: f32,
+    /// Metres of a height code.
+    pub z_step_m: f32,
+    /// Height of code 0 above the city's origin.
+    pub z_base_m: f64,
+    /// Lowest and highest point in codes, slopes included.
+    pub z_range: [f32; 2],
+    /// The map's `z_shift`.
+    pub z_shift: u32,
+}
+
+/// Pages that `map` takes, without packing it.
+pub fn page_count(map: &BlockMap) -> usize {
+    let mut layout = StripLayout::default();
+    for i in 0..COLUMNS {
+        layout.place(strip_words(map, i));
+    }
+    PLANES + layout.pages
+}
+
+/// Slope of an inclined column in height codes per cell along x and y; the plane rises against the normal.
+pub fn slope_codes(normal_code: u16, z_shift: u32) -> [f32; 2] {
+    let n = octahedral::decode(normal_code);
+    // A top that leans so far that it could not be seen from above is no top; the bake never writes one.
+    let scale = -(f32::from(STEPS_PER_CELL >> z_shift)) / n[2].max(0.1);
+    [n[0] * scale, n[1] * scale]
+}
+
+fn strip_words(map: &BlockMap, i: usize) -> usize {
+    let flags = map.flags[i];
+    if flags & flag::EXPOSED == 0 {
+        return 0;
+    }
+    usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1) + usize::from(flags & flag::GAP != 0)
+}
+
+/// Places strips one after the other, none across a page.
+#[derive(Default)]
+struct StripLayout {
+    pages: usize,
+    used: usize,
+}
+
+impl StripLayout {
+    /// Word, relative to the first strip page, where `words` go. A strip is shorter than a page: 4095 codes at most.
+    fn place(&mut self, words: usize) -> usize {
+        if words == 0 {
+            return 0;
+        }
+        if self.pages == 0 || self.used + words > PAGE_WORDS {
+            self.pages += 1;
+            self.used = 0;
+        }
+        let at = (self.pages - 1) * PAGE_WORDS + self.used;
+        self.used += words;
+        at
+    }
+}
+
+impl PackedNode {
+    /// Packs a decoded map (whose decoder has checked every height and length).
+    pub fn new(map: &BlockMap) -> Self {
+        let mut pages: Vec<Page> = vec![vec![0; PAGE_WORDS].into(); page_count(map)];
+        let mut layout = StripLayout::default();
+        let (mut gaps, mut strips) = (map.gaps.iter(), &map.strips[..]);
+        for i in 0..COLUMNS {
+            let flags = map.flags[i];
+            pages[0][i] =
+                u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << 12 | u32::from(flags) << 24;
+            pages[1][i] = map.roof[i].0;
+            pages[2][i] = u32::from(map.roof_normal[i]) | u32::from(map.wall_azimuth[i]) << 16;
+            let words = strip_words(map, i);
+            if words == 0 {
+                continue;
+            }
+            let at = layout.place(words);
+            pages[3][i] = at as u32;
+            let page = &mut pages[PLANES + at / PAGE_WORDS][at % PAGE_WORDS..][..words];
+            let gap = (flags & flag::GAP != 0).then(|| gaps.next()).flatten();
+            let texels = match gap {
+                Some([low, high]) => {
+                    page[0] = u32::from(*low) | u32::from(*high) << 16;
+                    &mut page[1..]
+                }
+                None => page,
+            };
+            let (head, tail) = strips.split_at(texels.len().min(strips.len()));
+            strips = tail;
+            for (word, texel) in texels.iter_mut().zip(head) {
+                *word = texel.0;
+            }
+        }
+        let (summary, z_range) = summarise(map);
+        let (cell_m, z_step_m, z_base_m) = (map.cell_m, map.z_step_m(), map.z_base_m());
+        Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, z_shift: u32::from(map.z_shift) }
+    }
+
+    /// Makes strip addresses absolute, once the cache has said which atlas pages the node gets (one per entry of
+    /// [`PackedNode::pages`], in order).
+    pub fn relocate(&mut self, atlas_pages: &[u32]) {
+        let count = self.pages.len();
+        let (planes, strips) = self.pages.split_at_mut(PLANES.min(count));
+        if strips.is_empty() || atlas_pages.len() < PLANES + strips.len() {
+            return;
+        }
+        let [walk, .., addresses] = planes else { return };
+        for (word, walk) in addresses.iter_mut().zip(walk.iter()) {
+            if (walk >> 24) as u8 & flag::EXPOSED != 0 {
+                let at = *word as usize;
+                *word = atlas_pages[PLANES + at / PAGE_WORDS] * PAGE_WORDS as u32 + (at % PAGE_WORDS) as u32;
+            }
+        }
+    }
+}
+
+/// Per block the lowest bottom and the highest top (slopes included), and both of the whole node.
+fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2]) {
+    let mut bounds = [[u32::from(u16::MAX), 0]; SUMMARY_WORDS];
+    let block_cells = BLOCK_CELLS as usize;
+    for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0) {
+        let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
+        let mut top = u32::from(map.z_max[i]);
+        if map.flags[i] & flag::INCLINED != 0 {
+            let [sx, sy] = slope_codes(map.roof_normal[i], u32::from(map.z_shift));
+            top += (0.5 * (sx.abs() + sy.abs())).ceil() as u32;
+        }
+        let block = &mut bounds[y / block_cells * (NODE_CELLS / block_cells) + x / block_cells];
+        block[0] = block[0].min(u32::from(map.z_min[i]));
+        block[1] = block[1].max(top.min(u32::from(u16::MAX)));
+    }
+    let low = bounds.iter().map(|b| b[0]).min().unwrap_or(0);
+    let high = bounds.iter().map(|b| b[1]).max().unwrap_or(0);
+    (bounds.map(|[low, high]| low | high << 16), [low as f32, high as f32])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_protocol::{
+        Texel, TileId,
+        blockmap::{Column, Strip},
+    };
+
+    fn tall(z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> Column {
+        let rows = strip_rows(z_min, z_max, 0).1;
+        let texels = (0..rows).map(|r| Texel::new([r as u8, 1, 2], 63, 3)).collect();
+        Column { z_min, z_max, gap, strip: Some(Strip { texels, azimuth: 7 }), ..Column::default() }
+    }
+
+    #[test]
+    fn strips_are_found_again_and_never_cross_a_page() {
+        let mut columns = vec![None; COLUMNS];
+        for i in 0..100 {
+            columns[i * 3] = Some(tall(5, 4000 - i as u16, (i % 2 == 0).then_some([100, 200])));
+        }
+        let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap();
+        let mut packed = PackedNode::new(&map);
+        assert_eq!(packed.pages.len(), page_count(&map));
+        let atlas_pages: Vec<u32> = (0..packed.pages.len() as u32).map(|p| 1000 - p * 3).collect();
+        packed.relocate(&atlas_pages);
+        for i in 0..100 {
+            let address = packed.pages[3][i * 3];
+            let page = atlas_pages.iter().position(|p| *p == address / PAGE_WORDS as u32).unwrap();
+            let words = &packed.pages[page][address as usize % PAGE_WORDS..];
+            let texels = if i % 2 == 0 {
+                assert_eq!(words[0], 100 | 200 << 16);
+                &words[1..]
+            } else {
+                words
+            };
+            assert_eq!(Texel(texels[17]).rgb(), [17, 1, 2]);
+        }
+    }
+
+    #[test]
+    fn summaries_hold_slopes() {
+        let mut columns = vec![None; COLUMNS];
+        let roof_normal = octahedral::encode([0.5, 0.0, 0.866]);
+        columns[8] = Some(Column { z_min: 10, z_max: 20, inclined: true, roof_normal, ..Column::default() });
+        let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap();
+        let packed = PackedNode::new(&map);
+        assert_eq!(packed.summary[0], 0xffff);
+        assert_eq!(packed.summary[1] & 0xffff, 10);
+        assert!((25..=26).contains(&(packed.summary[1] >> 16)), "{}", packed.summary[1] >> 16);
+        assert_eq!(packed.z_range[0], 10.0);
+    }
+}
