@@ -1,0 +1,520 @@
+// Ray-casting the cut: the GPU's twin of src/cpu/raycast.rs and src/cpu/shade.rs, function by function.
+//
+// In: frame, tree, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, or read-back.
+
+struct Frame {
+    forward: vec3<f32>,
+    width_px: u32,
+    right: vec3<f32>,
+    height_px: u32,
+    up: vec3<f32>,
+    root: u32,
+    root_corner: vec3<f32>,
+    root_side_m: f32,
+    sun: vec3<f32>,
+    shading: u32,
+    ground_z_m: f32,
+    ground: u32,
+    samples: u32,
+    pad: u32,
+}
+
+struct TreeNode {
+    child: vec4<u32>,
+}
+
+struct Node {
+    corner: vec3<f32>,
+    cell_m: f32,
+    z_step_m: f32,
+    z_lo: f32,
+    z_hi: f32,
+    z_shift: u32,
+    pages: vec4<u32>,
+    slot: u32,
+    level: u32,
+    pad: vec2<u32>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> tree: array<TreeNode>;
+@group(0) @binding(2) var<storage, read> nodes: array<Node>;
+@group(0) @binding(3) var<storage, read> summaries: array<u32>;
+@group(0) @binding(4) var<storage, read> atlas: array<u32>;
+@group(0) @binding(5) var<storage, read_write> colour: array<u32>;
+@group(0) @binding(6) var<storage, read_write> distance_m: array<f32>;
+@group(0) @binding(7) var<storage, read_write> hit: array<u32>;
+
+const PAGE_WORDS: u32 = 4096u;
+const SUMMARY_WORDS: u32 = 64u;
+const BLOCK_CELLS: i32 = 8;
+const BLOCKS: i32 = 8;
+const NODE_CELLS: i32 = 64;
+const TREE_EMPTY: u32 = 0u;
+const TREE_NODE_BIT: u32 = 0x80000000u;
+const NO_NODE: u32 = 0xffffffffu;
+const MAX_TREE_STEPS: u32 = 4096u;
+const OPAQUE: f32 = 0.02;
+
+const OCCUPIED: u32 = 1u;
+const EXPOSED: u32 = 2u;
+const INCLINED: u32 = 4u;
+const GAP: u32 = 8u;
+const HOLES: u32 = 16u;
+const SUSPENDED: u32 = 32u;
+
+const FACE_SIDE: u32 = 0u;
+const FACE_TOP: u32 = 1u;
+const FACE_BOTTOM: u32 = 2u;
+
+// ---- shade (src/cpu/shade.rs)
+
+const SUN: vec3<f32> = vec3<f32>(1.08, 0.98, 0.84);
+const SKY: vec3<f32> = vec3<f32>(0.46, 0.54, 0.66);
+const BOUNCE: vec3<f32> = vec3<f32>(0.26, 0.24, 0.22);
+const HORIZON: vec3<f32> = vec3<f32>(0.72, 0.80, 0.88);
+const ZENITH: vec3<f32> = vec3<f32>(0.20, 0.38, 0.68);
+const GROUND: vec3<f32> = vec3<f32>(0.36, 0.37, 0.35);
+const GROUND_FADE_M: f32 = 3000.0;
+
+fn linear_of(texel: u32) -> vec3<f32> {
+    let v = unpack4x8unorm(texel).rgb;
+    return select(pow((v + 0.055) / 1.055, vec3<f32>(2.4)), v / 12.92, v <= vec3<f32>(0.04045));
+}
+
+fn encode_srgb(rgb: vec3<f32>) -> u32 {
+    let v = clamp(rgb, vec3<f32>(0.0), vec3<f32>(1.0));
+    let s = select(1.055 * pow(v, vec3<f32>(1.0 / 2.4)) - 0.055, v * 12.92, v <= vec3<f32>(0.0031308));
+    let c = vec3<u32>(s * 255.0 + 0.5);
+    return c.r | (c.g << 8u) | (c.b << 16u) | (255u << 24u);
+}
+
+fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32) -> vec3<f32> {
+    let albedo = linear_of(texel);
+    let ao = f32(texel >> 26u) / 63.0;
+    let facing = max(dot(n, frame.sun), 0.0);
+    let debug = (0.35 + 0.65 * ao) * (0.7 + 0.3 * facing);
+    switch frame.shading {
+        case 1u: { return albedo; }
+        case 2u: { return vec3<f32>(ao); }
+        case 3u: { return n * 0.5 + 0.5; }
+        case 4u: { return level_tint(level) * debug; }
+        case 5u: { return kind_tint(flags) * debug; }
+        default: {
+            let sky = mix(BOUNCE, SKY, n.z * 0.5 + 0.5) * ao;
+            let sun = SUN * facing * (0.4 + 0.6 * ao);
+            return albedo * (sky + sun);
+        }
+    }
+}
+
+fn level_tint(level: u32) -> vec3<f32> {
+    let phase = f32(level * 5u % 8u) * 0.7853982;
+    return 0.55 + 0.4 * cos(vec3<f32>(phase, phase - 2.094, phase + 2.094));
+}
+
+fn kind_tint(flags: u32) -> vec3<f32> {
+    var base = vec3<f32>(0.55);
+    if (flags & (GAP | HOLES)) != 0u {
+        base = vec3<f32>(0.85, 0.15, 0.12);
+    } else if (flags & SUSPENDED) != 0u {
+        base = vec3<f32>(0.15, 0.35, 0.90);
+    } else if (flags & EXPOSED) != 0u {
+        base = vec3<f32>(0.90, 0.50, 0.12);
+    }
+    return select(base, mix(base, vec3<f32>(0.20, 0.75, 0.25), 0.4), (flags & INCLINED) != 0u);
+}
+
+fn background(dir: vec3<f32>) -> vec3<f32> {
+    let sky = mix(HORIZON, ZENITH, sqrt(max(dir.z, 0.0)));
+    if frame.ground == 0u || dir.z > -1e-5 || frame.ground_z_m >= 0.0 {
+        return sky;
+    }
+    let d = frame.ground_z_m / dir.z;
+    return mix(GROUND, HORIZON, d / (d + GROUND_FADE_M));
+}
+
+// ---- raycast (src/cpu/raycast.rs)
+
+struct Gathered {
+    rgb: vec3<f32>,
+    left: f32,
+    distance: f32,
+    node: u32,
+}
+
+struct NodeRay {
+    index: u32,
+    dir: vec3<f32>,
+    o: vec3<f32>,
+    d: vec3<f32>,
+    inv: vec2<f32>,
+}
+
+struct Span {
+    s: f32,
+    e: f32,
+    face: u32,
+}
+
+struct Square {
+    word: u32,
+    low: vec2<f32>,
+    size: f32,
+}
+
+var<private> gathered: Gathered;
+var<private> ray: NodeRay;
+
+@compute @workgroup_size(8, 8)
+fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= frame.width_px || id.y >= frame.height_px {
+        return;
+    }
+    let n = clamp(frame.samples, 1u, 2u);
+    var sum = vec3<f32>(0.0);
+    let at = id.y * frame.width_px + id.x;
+    for (var s = 0u; s < n * n; s++) {
+        let offset = (vec2<f32>(f32(s % n), f32(s / n)) + 0.5) / f32(n);
+        trace(ray_direction(vec2<f32>(id.xy) + offset));
+        sum += gathered.rgb;
+        if s == 0u {
+            distance_m[at] = gathered.distance;
+            hit[at] = gathered.node;
+        }
+    }
+    colour[at] = encode_srgb(sum / f32(n * n));
+}
+
+fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {
+    let ndc = p_px / vec2<f32>(f32(frame.width_px), f32(frame.height_px)) * 2.0 - 1.0;
+    return normalize(frame.forward + frame.right * ndc.x - frame.up * ndc.y);
+}
+
+fn nonzero(v: vec2<f32>) -> vec2<f32> {
+    return select(v, vec2<f32>(1e-12), abs(v) < vec2<f32>(1e-12));
+}
+
+fn ahead_of(d: vec2<f32>) -> vec2<f32> {
+    return select(vec2<f32>(0.0), vec2<f32>(1.0), d > vec2<f32>(0.0));
+}
+
+fn trace(dir: vec3<f32>) {
+    gathered = Gathered(vec3<f32>(0.0), 1.0, bitcast<f32>(infinity_bits()), NO_NODE);
+    if frame.root != TREE_EMPTY {
+        walk_tree(dir);
+    }
+    if gathered.left > OPAQUE {
+        gathered.rgb += background(dir) * gathered.left;
+    }
+}
+
+// Infinity is no constant of WGSL: made from bits that the compiler cannot fold.
+fn infinity_bits() -> u32 {
+    return 0x7f800000u + frame.pad;
+}
+
+fn walk_tree(dir: vec3<f32>) {
+    let side = frame.root_side_m;
+    let o = -frame.root_corner.xy / side;
+    let d = nonzero(dir.xy / side);
+    let inv = 1.0 / d;
+    let ahead = ahead_of(d);
+    let near = (1.0 - ahead - o) * inv;
+    let far = (ahead - o) * inv;
+    var t = max(max(near.x, near.y), 0.0);
+    if t >= min(far.x, far.y) {
+        return;
+    }
+    var p = clamp(o + d * t, vec2<f32>(0.0), vec2<f32>(1.0));
+    if t == near.x {
+        p.x = 1.0 - ahead.x;
+    } else if t == near.y {
+        p.y = 1.0 - ahead.y;
+    }
+    for (var i = 0u; i < MAX_TREE_STEPS; i++) {
+        let square = descend(p, ahead);
+        let edge = square.low + ahead * square.size;
+        let te = (edge - o) * inv;
+        let exit = max(min(te.x, te.y), t);
+        if (square.word & TREE_NODE_BIT) != 0u {
+            walk_node(square.word & ~TREE_NODE_BIT, dir, t, exit);
+            if gathered.left <= OPAQUE {
+                return;
+            }
+        }
+        p = clamp(o + d * exit, square.low, square.low + square.size);
+        var out = false;
+        if te.x <= te.y {
+            p.x = edge.x;
+            out = edge.x == ahead.x;
+        } else {
+            p.y = edge.y;
+            out = edge.y == ahead.y;
+        }
+        t = exit;
+        if out {
+            return;
+        }
+    }
+}
+
+fn descend(p: vec2<f32>, ahead: vec2<f32>) -> Square {
+    var square = Square(frame.root, vec2<f32>(0.0), 1.0);
+    for (var i = 0u; i < 32u; i++) {
+        if square.word == TREE_EMPTY || (square.word & TREE_NODE_BIT) != 0u {
+            break;
+        }
+        square.size *= 0.5;
+        let mid = square.low + square.size;
+        let east = p.x > mid.x || (p.x == mid.x && ahead.x > 0.5);
+        let north = p.y > mid.y || (p.y == mid.y && ahead.y > 0.5);
+        square.low = select(square.low, mid, vec2<bool>(east, north));
+        let quadrant = select(0u, 1u, east) | select(0u, 2u, north);
+        square.word = tree[square.word].child[quadrant];
+    }
+    return square;
+}
+
+fn walk_node(index: u32, dir: vec3<f32>, t_in: f32, t_out: f32) {
+    let cell_m = nodes[index].cell_m;
+    let scale = vec3<f32>(1.0 / cell_m, 1.0 / cell_m, 1.0 / nodes[index].z_step_m);
+    let o = -nodes[index].corner * scale;
+    let d_xy = nonzero(dir.xy * scale.xy);
+    var dz = dir.z * scale.z;
+    dz = select(dz, 1e-12, abs(dz) < 1e-12);
+    let a = (nodes[index].z_lo - 1.0 - o.z) / dz;
+    let b = (nodes[index].z_hi + 1.0 - o.z) / dz;
+    let t_end = min(t_out, max(a, b));
+    var t = max(t_in, min(a, b));
+    if t > t_end {
+        return;
+    }
+    ray = NodeRay(index, dir, o, vec3<f32>(d_xy, dz), 1.0 / d_xy);
+    let ahead = ahead_of(d_xy);
+    let step = vec2<i32>(ahead * 2.0 - 1.0);
+    let slot = nodes[index].slot * SUMMARY_WORDS;
+    var block = clamp(vec2<i32>(floor((o.xy + d_xy * t) / f32(BLOCK_CELLS))), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
+    for (var i = 0; i < 2 * BLOCKS; i++) {
+        let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - o.xy) * ray.inv;
+        let exit = min(te.x, te.y);
+        let t_block = max(min(exit, t_end), t);
+        let summary = summaries[slot + u32(block.y * BLOCKS + block.x)];
+        let za = o.z + dz * t;
+        let zb = o.z + dz * t_block;
+        if min(za, zb) <= f32(summary >> 16u) + 1.0 && max(za, zb) + 1.0 >= f32(summary & 0xffffu) {
+            walk_block(block, t, t_block);
+            if gathered.left <= OPAQUE {
+                return;
+            }
+        }
+        if exit >= t_end {
+            return;
+        }
+        if te.x <= te.y {
+            block.x += step.x;
+        } else {
+            block.y += step.y;
+        }
+        if any(block < vec2<i32>(0)) || any(block >= vec2<i32>(BLOCKS)) {
+            return;
+        }
+        t = t_block;
+    }
+}
+
+fn walk_block(block: vec2<i32>, t_in: f32, t_end: f32) {
+    let o = ray.o.xy;
+    let d = ray.d.xy;
+    let ahead = ahead_of(d);
+    let step = vec2<i32>(ahead * 2.0 - 1.0);
+    let low = block * BLOCK_CELLS;
+    let high = low + (BLOCK_CELLS - 1);
+    var t = t_in;
+    var cell = clamp(vec2<i32>(floor(o + d * t)), low, high);
+    for (var i = 0; i < 2 * BLOCK_CELLS; i++) {
+        let te = (vec2<f32>(cell) + ahead - o) * ray.inv;
+        let exit = min(te.x, te.y);
+        let t_cell = max(min(exit, t_end), t);
+        column(cell, t, t_cell);
+        if gathered.left <= OPAQUE || exit >= t_end {
+            return;
+        }
+        if te.x <= te.y {
+            cell.x += step.x;
+        } else {
+            cell.y += step.y;
+        }
+        if any(cell < low) || any(cell > high) {
+            return;
+        }
+        t = t_cell;
+    }
+}
+
+fn plane_word(plane: u32, i: u32) -> u32 {
+    return atlas[nodes[ray.index].pages[plane] * PAGE_WORDS + i];
+}
+
+fn octahedral(code: u32) -> vec3<f32> {
+    let c = vec2<f32>(f32(min(code & 255u, 254u)), f32(min((code >> 8u) & 255u, 254u)));
+    var p = (c - 127.0) / 127.0;
+    let z = 1.0 - abs(p.x) - abs(p.y);
+    if z < 0.0 {
+        let s = select(vec2<f32>(1.0), vec2<f32>(-1.0), p < vec2<f32>(0.0));
+        p = (1.0 - abs(p.yx)) * s;
+    }
+    return normalize(vec3<f32>(p, z));
+}
+
+fn column(cell: vec2<i32>, ta: f32, te: f32) {
+    let i = u32(cell.y * NODE_CELLS + cell.x);
+    let walk = plane_word(0u, i);
+    let flags = walk >> 24u;
+    if (flags & OCCUPIED) == 0u {
+        return;
+    }
+    let z_max = f32(walk & 0xfffu);
+    let z_min = f32((walk >> 12u) & 0xfffu);
+    let za = ray.o.z + ray.d.z * ta;
+    let zb = ray.o.z + ray.d.z * te;
+    var top_a = z_max;
+    var top_b = z_max;
+    if (flags & INCLINED) != 0u {
+        let n = octahedral(plane_word(2u, i));
+        let slope = n.xy * (-f32(16u >> nodes[ray.index].z_shift) / max(n.z, 0.1));
+        let centre = vec2<f32>(cell) + 0.5;
+        top_a += dot(slope, ray.o.xy + ray.d.xy * ta - centre);
+        top_b += dot(slope, ray.o.xy + ray.d.xy * te - centre);
+    }
+    if min(za, zb) > max(top_a, top_b) || max(za, zb) < z_min {
+        return;
+    }
+    if (flags & GAP) == 0u {
+        let span = clip_solid(ta, te, vec2<f32>(za - top_a, zb - top_b), vec2<f32>(za - z_min, zb - z_min));
+        hit_solid(cell, i, walk, span, z_min, z_max);
+        return;
+    }
+    let gap = atlas[plane_word(3u, i)];
+    let low = f32(gap & 0xffffu);
+    let high = f32(gap >> 16u);
+    let lower = clip_solid(ta, te, vec2<f32>(za - low, zb - low), vec2<f32>(za - z_min, zb - z_min));
+    let upper = clip_solid(ta, te, vec2<f32>(za - top_a, zb - top_b), vec2<f32>(za - high, zb - high));
+    if ray.d.z > 0.0 {
+        hit_solid(cell, i, walk, lower, z_min, low);
+        hit_solid(cell, i, walk, upper, high, z_max);
+    } else {
+        hit_solid(cell, i, walk, upper, high, z_max);
+        hit_solid(cell, i, walk, lower, z_min, low);
+    }
+}
+
+fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
+    let none = Span(1.0, 0.0, FACE_SIDE);
+    var span = Span(ta, te, FACE_SIDE);
+    if over.x > 0.0 {
+        if over.y > 0.0 {
+            return none;
+        }
+        span.s = ta + (te - ta) * (over.x / (over.x - over.y));
+        span.face = FACE_TOP;
+    } else if over.y > 0.0 {
+        span.e = ta + (te - ta) * (over.x / (over.x - over.y));
+    }
+    if above.x < 0.0 {
+        if above.y < 0.0 {
+            return none;
+        }
+        let s = ta + (te - ta) * (above.x / (above.x - above.y));
+        if s > span.s {
+            span.s = s;
+            span.face = FACE_BOTTOM;
+        }
+    } else if above.y < 0.0 {
+        span.e = min(span.e, ta + (te - ta) * (above.x / (above.x - above.y)));
+    }
+    return span;
+}
+
+fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f32) {
+    if span.s > span.e || gathered.left <= OPAQUE {
+        return;
+    }
+    let flags = walk >> 24u;
+    let attributes = plane_word(2u, i);
+    let is_roof = top == f32(walk & 0xfffu);
+    if span.face == FACE_TOP && is_roof {
+        gather(span.s, plane_word(1u, i) | (3u << 24u), octahedral(attributes), flags);
+        return;
+    }
+    if (flags & EXPOSED) == 0u {
+        var normal = octahedral(attributes);
+        if span.face == FACE_BOTTOM {
+            normal = vec3<f32>(0.0, 0.0, -1.0);
+        }
+        if dot(normal, ray.dir) >= 0.0 {
+            normal = face_normal(cell);
+        }
+        gather(span.s, plane_word(1u, i) | (3u << 24u), normal, flags);
+        return;
+    }
+    let strip = plane_word(3u, i) + select(0u, 1u, (flags & GAP) != 0u);
+    let codes = f32(16u >> nodes[ray.index].z_shift);
+    let first = i32(floor(f32((walk >> 12u) & 0xfffu) / codes));
+    let row_low = i32(floor(bottom / codes));
+    let row_high = i32(floor((top - 1.0) / codes));
+    var row = clamp(i32(floor((ray.o.z + ray.d.z * span.s) / codes)), row_low, row_high);
+    var s = span.s;
+    var face = span.face;
+    for (var n = 0; n < 256; n++) {
+        let texel = atlas[u32(i32(strip) + row - first)];
+        if ((texel >> 24u) & 3u) != 0u {
+            var normal = vec3<f32>(0.0, 0.0, 1.0);
+            if face == FACE_BOTTOM {
+                normal = vec3<f32>(0.0, 0.0, -1.0);
+            } else if face == FACE_SIDE {
+                normal = wall_normal(cell, attributes);
+            }
+            gather(s, texel, normal, flags);
+        }
+        if gathered.left <= OPAQUE || (flags & HOLES) == 0u {
+            return;
+        }
+        let up = ray.d.z > 0.0;
+        s = (f32(row + select(0, 1, up)) * codes - ray.o.z) / ray.d.z;
+        face = select(FACE_TOP, FACE_BOTTOM, up);
+        row += select(-1, 1, up);
+        if s > span.e || row < row_low || row > row_high {
+            return;
+        }
+    }
+}
+
+fn wall_normal(cell: vec2<i32>, attributes: u32) -> vec3<f32> {
+    let angle = f32((attributes >> 16u) & 255u) * (6.2831855 / 256.0);
+    let normal = vec3<f32>(cos(angle), sin(angle), 0.0);
+    if dot(normal, ray.dir) < 0.0 {
+        return normal;
+    }
+    return face_normal(cell);
+}
+
+fn face_normal(cell: vec2<i32>) -> vec3<f32> {
+    let ahead = ahead_of(ray.d.xy);
+    let near = (vec2<f32>(cell) + 1.0 - ahead - ray.o.xy) * ray.inv;
+    if near.x >= near.y {
+        return vec3<f32>(1.0 - 2.0 * ahead.x, 0.0, 0.0);
+    }
+    return vec3<f32>(0.0, 1.0 - 2.0 * ahead.y, 0.0);
+}
+
+fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
+    let alpha = f32((texel >> 24u) & 3u) / 3.0;
+    gathered.rgb += shade(texel, normal, flags, nodes[ray.index].level) * (alpha * gathered.left);
+    let before = gathered.left;
+    gathered.left *= 1.0 - alpha;
+    if before > 0.5 && gathered.left <= 0.5 {
+        gathered.distance = t;
+        gathered.node = ray.index;
+    }
+}

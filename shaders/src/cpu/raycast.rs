@@ -1,8 +1,20 @@
 //! Ray-casting the cut (Vacca 2008, 3.5; design 7): what a V-BlockMap looks like.
 //!
 //! In: [`SceneRef`]. Out: [`Pixels`]. Next: a picture file, or the window.
+//!
+//! A ray descends the cut's tree to the node at its place, clips itself to the node's heights, walks blocks of 8 x 8 cells
+//! (Amanatides and Woo 1987) and, where a block's summary lets it, the cells inside. Integer cells are the only state; every
+//! crossing is computed from the ray's origin, so that errors do not add up. Functions bear the names that they have in
+//! `raycast.wgsl` and stand in the same order.
 
-use crate::layout::{Frame, Node, TreeNode};
+use super::shade::{Surface, background, encode_srgb, shade};
+use crate::{
+    layout::{BLOCK_CELLS, Frame, NO_NODE, Node, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
+    pack::slope_codes,
+};
+use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
+use insula_protocol::{NODE_CELLS, blockmap::flag, octahedral};
+use rayon::prelude::*;
 
 /// All that a picture is made of: the same arrays that the GPU reads.
 #[derive(Debug, Clone, Copy)]
@@ -34,8 +46,407 @@ pub struct Pixels {
     pub hit: Vec<u32>,
 }
 
+/// Most tree squares that a ray visits: a guard against damaged trees, far above any real walk.
+const MAX_TREE_STEPS: u32 = 4096;
+/// Light that is left when a ray stops.
+const OPAQUE: f32 = 0.02;
+
+/// What a ray gathered on its way.
+struct Gathered {
+    rgb: Vec3,
+    left: f32,
+    distance_m: f32,
+    node: u32,
+}
+
+/// A ray inside a node: position and direction in cells (x, y) and height codes (z), `t` still in metres.
+struct NodeRay<'a> {
+    node: &'a Node,
+    index: u32,
+    dir: Vec3,
+    o: Vec3,
+    d: Vec3,
+    inv: Vec2,
+}
+
+/// Where a ray is inside a solid: from `s` to `e`, entered through `face`.
+#[derive(Clone, Copy)]
+struct Span {
+    s: f32,
+    e: f32,
+    face: Face,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Face {
+    Side,
+    Top,
+    Bottom,
+}
+
 /// Draws the whole picture on all cores. Words that point outside the arrays read as zero.
 pub fn render(scene: &SceneRef<'_>) -> Pixels {
-    let _ = scene;
-    Pixels::default()
+    let (width, height) = (scene.frame.width_px, scene.frame.height_px);
+    let rows: Vec<Vec<(u32, f32, u32)>> = (0..height)
+        .into_par_iter()
+        .map(|y| (0..width).map(|x| pixel(scene, x, y)).collect())
+        .collect();
+    let mut out = Pixels { width_px: width, height_px: height, ..Pixels::default() };
+    for (colour, distance, hit) in rows.into_iter().flatten() {
+        out.colour.push(colour);
+        out.distance.push(distance);
+        out.hit.push(hit);
+    }
+    out
+}
+
+fn pixel(scene: &SceneRef<'_>, x: u32, y: u32) -> (u32, f32, u32) {
+    let n = scene.frame.samples.clamp(1, 2);
+    let mut sum = Vec3::ZERO;
+    let (mut distance, mut hit) = (f32::INFINITY, NO_NODE);
+    for s in 0..n * n {
+        let offset = (Vec2::new((s % n) as f32, (s / n) as f32) + 0.5) / n as f32;
+        let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + offset);
+        let gathered = trace(scene, dir);
+        sum += gathered.rgb;
+        if s == 0 {
+            (distance, hit) = (gathered.distance_m, gathered.node);
+        }
+    }
+    (encode_srgb(sum / (n * n) as f32), distance, hit)
+}
+
+fn ray_direction(frame: &Frame, p_px: Vec2) -> Vec3 {
+    let ndc = p_px / Vec2::new(frame.width_px as f32, frame.height_px as f32) * 2.0 - 1.0;
+    (Vec3::from(frame.forward) + Vec3::from(frame.right) * ndc.x - Vec3::from(frame.up) * ndc.y).normalize_or(Vec3::X)
+}
+
+/// No component zero, so that every crossing is a finite number.
+fn nonzero(v: Vec2) -> Vec2 {
+    let fix = |v: f32| if v.abs() < 1e-12 { 1e-12 } else { v };
+    Vec2::new(fix(v.x), fix(v.y))
+}
+
+/// 1 along the axes on which the ray climbs, else 0.
+fn ahead(d: Vec2) -> Vec2 {
+    Vec2::new(f32::from(d.x > 0.0), f32::from(d.y > 0.0))
+}
+
+fn trace(scene: &SceneRef<'_>, dir: Vec3) -> Gathered {
+    let mut gathered = Gathered { rgb: Vec3::ZERO, left: 1.0, distance_m: f32::INFINITY, node: NO_NODE };
+    if scene.frame.root != TREE_EMPTY {
+        walk_tree(scene, dir, &mut gathered);
+    }
+    if gathered.left > OPAQUE {
+        gathered.rgb += background(scene.frame, dir) * gathered.left;
+    }
+    gathered
+}
+
+/// In the root's own unit square, whose quarters have exact coordinates.
+fn walk_tree(scene: &SceneRef<'_>, dir: Vec3, gathered: &mut Gathered) {
+    let side = scene.frame.root_side_m;
+    let o = -Vec3::from(scene.frame.root_corner).xy() / side;
+    let d = nonzero(dir.xy() / side);
+    let inv = 1.0 / d;
+    let ahead = ahead(d);
+    let near = (1.0 - ahead - o) * inv;
+    let far = (ahead - o) * inv;
+    let mut t = near.x.max(near.y).max(0.0);
+    if t >= far.x.min(far.y) {
+        return;
+    }
+    let mut p = (o + d * t).clamp(Vec2::ZERO, Vec2::ONE);
+    if t == near.x {
+        p.x = 1.0 - ahead.x;
+    } else if t == near.y {
+        p.y = 1.0 - ahead.y;
+    }
+    for _ in 0..MAX_TREE_STEPS {
+        let (word, low, size) = descend(scene, p, ahead);
+        let edge = low + ahead * size;
+        let te = (edge - o) * inv;
+        let exit = te.x.min(te.y).max(t);
+        if word & TREE_NODE_BIT != 0 {
+            walk_node(scene, word & !TREE_NODE_BIT, dir, t, exit, gathered);
+            if gathered.left <= OPAQUE {
+                return;
+            }
+        }
+        p = (o + d * exit).clamp(low, low + size);
+        if te.x <= te.y {
+            p.x = edge.x;
+        } else {
+            p.y = edge.y;
+        }
+        t = exit;
+        let out = if te.x <= te.y { edge.x == ahead.x } else { edge.y == ahead.y };
+        if out {
+            return;
+        }
+    }
+}
+
+/// The tree word at `p`, and the square that it stands for. On an edge, the square that the ray goes into.
+fn descend(scene: &SceneRef<'_>, p: Vec2, ahead: Vec2) -> (u32, Vec2, f32) {
+    let (mut word, mut low, mut size) = (scene.frame.root, Vec2::ZERO, 1.0f32);
+    for _ in 0..32 {
+        if word == TREE_EMPTY || word & TREE_NODE_BIT != 0 {
+            break;
+        }
+        size *= 0.5;
+        let mid = low + size;
+        let east = p.x > mid.x || (p.x == mid.x && ahead.x > 0.5);
+        let north = p.y > mid.y || (p.y == mid.y && ahead.y > 0.5);
+        if east {
+            low.x = mid.x;
+        }
+        if north {
+            low.y = mid.y;
+        }
+        let quadrant = usize::from(east) | usize::from(north) << 1;
+        word = scene.tree.get(word as usize).map_or(TREE_EMPTY, |inner| inner.child[quadrant]);
+    }
+    (word, low, size)
+}
+
+fn walk_node(scene: &SceneRef<'_>, index: u32, dir: Vec3, t_in: f32, t_out: f32, gathered: &mut Gathered) {
+    let Some(node) = scene.nodes.get(index as usize) else { return };
+    let scale = Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m);
+    let o = -Vec3::from(node.corner) * scale;
+    let d_xy = nonzero(dir.xy() * scale.xy());
+    let dz = dir.z * scale.z;
+    let dz = if dz.abs() < 1e-12 { 1e-12 } else { dz };
+    let a = (node.z_lo - 1.0 - o.z) / dz;
+    let b = (node.z_hi + 1.0 - o.z) / dz;
+    let t_end = t_out.min(a.max(b));
+    let mut t = t_in.max(a.min(b));
+    if t > t_end {
+        return;
+    }
+    let ray = NodeRay { node, index, dir, o, d: d_xy.extend(dz), inv: 1.0 / d_xy };
+    let ahead = ahead(d_xy);
+    let step = (ahead * 2.0 - 1.0).as_ivec2();
+    let blocks = NODE_CELLS as i32 / BLOCK_CELLS as i32;
+    let p = (o.xy() + d_xy * t) / BLOCK_CELLS as f32;
+    let mut block = p.floor().as_ivec2().clamp(IVec2::ZERO, IVec2::splat(blocks - 1));
+    for _ in 0..2 * blocks {
+        let te = ((block.as_vec2() + ahead) * BLOCK_CELLS as f32 - o.xy()) * ray.inv;
+        let exit = te.x.min(te.y);
+        let t_block = exit.min(t_end).max(t);
+        let at = node.slot as usize * SUMMARY_WORDS + (block.y * blocks + block.x) as usize;
+        let summary = scene.summaries.get(at).copied().unwrap_or(0xffff);
+        let (za, zb) = (o.z + dz * t, o.z + dz * t_block);
+        if za.min(zb) <= (summary >> 16) as f32 + 1.0 && za.max(zb) + 1.0 >= (summary & 0xffff) as f32 {
+            walk_block(scene, &ray, block, t, t_block, gathered);
+            if gathered.left <= OPAQUE {
+                return;
+            }
+        }
+        if exit >= t_end {
+            return;
+        }
+        if te.x <= te.y {
+            block.x += step.x;
+        } else {
+            block.y += step.y;
+        }
+        if block.min_element() < 0 || block.max_element() >= blocks {
+            return;
+        }
+        t = t_block;
+    }
+}
+
+fn walk_block(scene: &SceneRef<'_>, ray: &NodeRay<'_>, block: IVec2, t_in: f32, t_end: f32, gathered: &mut Gathered) {
+    let (o, d) = (ray.o.xy(), ray.d.xy());
+    let ahead = ahead(d);
+    let step = (ahead * 2.0 - 1.0).as_ivec2();
+    let low = block * BLOCK_CELLS as i32;
+    let high = low + BLOCK_CELLS as i32 - 1;
+    let mut t = t_in;
+    let mut cell = (o + d * t).floor().as_ivec2().clamp(low, high);
+    for _ in 0..2 * BLOCK_CELLS {
+        let te = (cell.as_vec2() + ahead - o) * ray.inv;
+        let exit = te.x.min(te.y);
+        let t_cell = exit.min(t_end).max(t);
+        column(scene, ray, cell, t, t_cell, gathered);
+        if gathered.left <= OPAQUE || exit >= t_end {
+            return;
+        }
+        if te.x <= te.y {
+            cell.x += step.x;
+        } else {
+            cell.y += step.y;
+        }
+        if cell.cmplt(low).any() || cell.cmpgt(high).any() {
+            return;
+        }
+        t = t_cell;
+    }
+}
+
+fn word(scene: &SceneRef<'_>, page: u32, i: usize) -> u32 {
+    scene.atlas.get(page as usize * crate::layout::PAGE_WORDS + i).copied().unwrap_or(0)
+}
+
+fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f32, te: f32, gathered: &mut Gathered) {
+    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
+    let walk = word(scene, ray.node.pages[0], i);
+    let flags = (walk >> 24) as u8;
+    if flags & flag::OCCUPIED == 0 {
+        return;
+    }
+    let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
+    let (za, zb) = (ray.o.z + ray.d.z * ta, ray.o.z + ray.d.z * te);
+    let mut top_a = z_max;
+    let mut top_b = z_max;
+    if flags & flag::INCLINED != 0 {
+        let slope = Vec2::from(slope_codes(word(scene, ray.node.pages[2], i) as u16, ray.node.z_shift));
+        let centre = cell.as_vec2() + 0.5;
+        top_a += slope.dot(ray.o.xy() + ray.d.xy() * ta - centre);
+        top_b += slope.dot(ray.o.xy() + ray.d.xy() * te - centre);
+    }
+    if za.min(zb) > top_a.max(top_b) || za.max(zb) < z_min {
+        return;
+    }
+    if flags & flag::GAP == 0 {
+        let span = clip_solid(ta, te, [za - top_a, zb - top_b], [za - z_min, zb - z_min]);
+        hit_solid(scene, ray, cell, i, walk, span, [z_min, z_max], gathered);
+        return;
+    }
+    let gap = word(scene, 0, word(scene, ray.node.pages[3], i) as usize);
+    let (low, high) = ((gap & 0xffff) as f32, (gap >> 16) as f32);
+    let lower = clip_solid(ta, te, [za - low, zb - low], [za - z_min, zb - z_min]);
+    let upper = clip_solid(ta, te, [za - top_a, zb - top_b], [za - high, zb - high]);
+    if ray.d.z > 0.0 {
+        hit_solid(scene, ray, cell, i, walk, lower, [z_min, low], gathered);
+        hit_solid(scene, ray, cell, i, walk, upper, [high, z_max], gathered);
+    } else {
+        hit_solid(scene, ray, cell, i, walk, upper, [high, z_max], gathered);
+        hit_solid(scene, ray, cell, i, walk, lower, [z_min, low], gathered);
+    }
+}
+
+/// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0); both are linear along the ray and
+/// given at its two ends. Empty if `s > e`.
+fn clip_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> Span {
+    const NONE: Span = Span { s: 1.0, e: 0.0, face: Face::Side };
+    let mut span = Span { s: ta, e: te, face: Face::Side };
+    if over[0] > 0.0 {
+        if over[1] > 0.0 {
+            return NONE;
+        }
+        span.s = ta + (te - ta) * (over[0] / (over[0] - over[1]));
+        span.face = Face::Top;
+    } else if over[1] > 0.0 {
+        span.e = ta + (te - ta) * (over[0] / (over[0] - over[1]));
+    }
+    if above[0] < 0.0 {
+        if above[1] < 0.0 {
+            return NONE;
+        }
+        let s = ta + (te - ta) * (above[0] / (above[0] - above[1]));
+        if s > span.s {
+            span.s = s;
+            span.face = Face::Bottom;
+        }
+    } else if above[1] < 0.0 {
+        span.e = span.e.min(ta + (te - ta) * (above[0] / (above[0] - above[1])));
+    }
+    span
+}
+
+/// Gathers what a solid shows at the start of `span`, and behind its transparent texels.
+#[allow(clippy::too_many_arguments)] // One call in WGSL too; a struct for it would only rename them.
+fn hit_solid(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    cell: IVec2,
+    i: usize,
+    walk: u32,
+    span: Span,
+    bounds: [f32; 2],
+    gathered: &mut Gathered,
+) {
+    if span.s > span.e || gathered.left <= OPAQUE {
+        return;
+    }
+    let flags = (walk >> 24) as u8;
+    let attributes = word(scene, ray.node.pages[2], i);
+    let is_roof = bounds[1] == (walk & 0xfff) as f32;
+    if span.face == Face::Top && is_roof {
+        let texel = word(scene, ray.node.pages[1], i) | 3 << 24;
+        let normal = Vec3::from(octahedral::decode(attributes as u16));
+        return gather(scene, ray, span.s, texel, normal, flags, gathered);
+    }
+    if flags & flag::EXPOSED == 0 {
+        let texel = word(scene, ray.node.pages[1], i) | 3 << 24;
+        let normal = match span.face {
+            Face::Bottom => Vec3::NEG_Z,
+            _ => Vec3::from(octahedral::decode(attributes as u16)),
+        };
+        let normal = if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) };
+        return gather(scene, ray, span.s, texel, normal, flags, gathered);
+    }
+    let strip = word(scene, ray.node.pages[3], i) + u32::from(flags & flag::GAP != 0);
+    let codes = (16 >> ray.node.z_shift) as f32;
+    let first = ((walk >> 12 & 0xfff) as f32 / codes).floor() as i32;
+    let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
+    let mut row = (((ray.o.z + ray.d.z * span.s) / codes).floor() as i32).clamp(row_low, row_high);
+    let (mut s, mut face) = (span.s, span.face);
+    for _ in 0..256 {
+        let texel = word(scene, 0, (strip as i32 + row - first) as usize);
+        if texel >> 24 & 3 != 0 {
+            let normal = match face {
+                Face::Top => Vec3::Z,
+                Face::Bottom => Vec3::NEG_Z,
+                Face::Side => wall_normal(ray, cell, attributes),
+            };
+            gather(scene, ray, s, texel, normal, flags, gathered);
+        }
+        if gathered.left <= OPAQUE || flags & flag::HOLES == 0 {
+            return;
+        }
+        let up = ray.d.z > 0.0;
+        s = ((row + i32::from(up)) as f32 * codes - ray.o.z) / ray.d.z;
+        face = if up { Face::Bottom } else { Face::Top };
+        row += if up { 1 } else { -1 };
+        if s > span.e || row < row_low || row > row_high {
+            return;
+        }
+    }
+}
+
+fn wall_normal(ray: &NodeRay<'_>, cell: IVec2, attributes: u32) -> Vec3 {
+    let angle = (attributes >> 16 & 255) as f32 * (std::f32::consts::TAU / 256.0);
+    let normal = Vec3::new(angle.cos(), angle.sin(), 0.0);
+    if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) }
+}
+
+/// Normal of the cell's face through which the ray came in.
+fn face_normal(ray: &NodeRay<'_>, cell: IVec2) -> Vec3 {
+    let ahead = ahead(ray.d.xy());
+    let near = (cell.as_vec2() + 1.0 - ahead - ray.o.xy()) * ray.inv;
+    if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
+}
+
+fn gather(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    t: f32,
+    texel: u32,
+    normal: Vec3,
+    flags: u8,
+    gathered: &mut Gathered,
+) {
+    let alpha = (texel >> 24 & 3) as f32 / 3.0;
+    let surface = Surface { texel, normal, flags: u32::from(flags), level: ray.node.level };
+    gathered.rgb += shade(scene.frame, &surface) * (alpha * gathered.left);
+    let before = gathered.left;
+    gathered.left *= 1.0 - alpha;
+    if before > 0.5 && gathered.left <= 0.5 {
+        gathered.distance_m = t;
+        gathered.node = ray.index;
+    }
 }

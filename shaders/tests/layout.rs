@@ -1,0 +1,53 @@
+//! The WGSL is valid with the capabilities that the client asks for (none), and its structs lie as Rust's do.
+
+use insula_shaders::{
+    COMPOSE_WGSL, RAYCAST_WGSL,
+    layout::{Frame, Node, TreeNode, WORKGROUP},
+};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use std::mem::offset_of;
+
+fn module(source: &str) -> naga::Module {
+    let module = naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(source)));
+    Validator::new(ValidationFlags::all(), Capabilities::empty())
+        .validate(&module)
+        .unwrap_or_else(|e| panic!("{}", e.emit_to_string(source)));
+    module
+}
+
+/// Span and member offsets of a struct as WGSL lays it out.
+fn wgsl_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usize)>) {
+    let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).expect(name);
+    let naga::TypeInner::Struct { members, span } = &found.1.inner else { panic!("{name} is no struct") };
+    let members = members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
+    (*span as usize, members)
+}
+
+macro_rules! assert_layout {
+    ($module:expr, $type:ident { $($field:ident),* $(,)? }) => {
+        let (span, members) = wgsl_layout($module, stringify!($type));
+        let rust = vec![$((stringify!($field).to_owned(), offset_of!($type, $field))),*];
+        assert_eq!(members, rust, stringify!($type));
+        assert_eq!(span, size_of::<$type>(), stringify!($type));
+    };
+}
+
+#[test]
+fn structs_lie_alike() {
+    let module = module(RAYCAST_WGSL);
+    assert_layout!(&module, Frame {
+        forward, width_px, right, height_px, up, root, root_corner, root_side_m, sun, shading, ground_z_m, ground,
+        samples, pad,
+    });
+    assert_layout!(&module, Node { corner, cell_m, z_step_m, z_lo, z_hi, z_shift, pages, slot, level, pad });
+    assert_layout!(&module, TreeNode { child });
+}
+
+#[test]
+fn entry_points_are_valid() {
+    let raycast = module(RAYCAST_WGSL);
+    let entry = &raycast.entry_points[0];
+    assert_eq!((entry.name.as_str(), entry.workgroup_size), ("raycast", [WORKGROUP[0], WORKGROUP[1], 1]));
+    let names: Vec<_> = module(COMPOSE_WGSL).entry_points.iter().map(|e| e.name.clone()).collect();
+    assert_eq!(names, ["corner", "compose_srgb", "compose_linear"]);
+}
