@@ -1,1 +1,7 @@
-//! Placeholder.
+//! Insula's tile server: baked cities over HTTP, and the commands that make and check them.
+//!
+//! In: city folders, requests. Out: responses. Next: `insula-client` streams them.
+//!
+//! Other programs embed it with [`store::Store::open`], [`config::Config`] and [`http::serve`].
+
+pub mod store;

@@ -1,0 +1,205 @@
+//! A PMTiles v3 header and its directories, flattened into one sorted index.
+//!
+//! In: a whole archive as bytes that anyone may have made. Out: [`Entry`]s, each proven to lie inside those bytes.
+//! Next: `archive` looks tiles up in them.
+//!
+//! The `pmtiles` crate keeps an entry's offset to itself and decodes a leaf directory at each look-up (118 us a tile), so
+//! the format's few lines are read here once: <https://github.com/protomaps/PMTiles/blob/main/spec/v3/spec.md>.
+
+use super::ArchiveError;
+use insula_protocol::tile_id::MAX_LEVEL;
+use std::{io::Read, ops::Range};
+
+const HEADER_BYTES: usize = 127;
+/// Most tiles in one archive: 24 bytes each, 1.6 GB of index.
+const MAX_ENTRIES: usize = 1 << 26;
+/// Largest unpacked directory.
+const MAX_DIRECTORY_BYTES: u64 = 256 << 20;
+/// Leaf directories below leaf directories; writers make one level.
+const MAX_DEPTH: u8 = 3;
+
+const COMPRESSION_NONE: u8 = 1;
+const COMPRESSION_GZIP: u8 = 2;
+
+/// One tile: `id` is its place on the pyramid of Hilbert curves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Entry {
+    pub(super) id: u64,
+    pub(super) offset: u64,
+    pub(super) length: u32,
+}
+
+struct Header {
+    root: Range<u64>,
+    leaves: Range<u64>,
+    data: Range<u64>,
+    gzip: bool,
+}
+
+/// All tiles of an archive, by ascending id.
+pub(super) fn read(file: &[u8]) -> Result<Vec<Entry>, ArchiveError> {
+    let header = Header::read(file)?;
+    let mut entries = Vec::new();
+    flatten(file, &header, header.root.clone(), 0, &mut entries)?;
+    Ok(entries)
+}
+
+impl Header {
+    fn read(file: &[u8]) -> Result<Self, ArchiveError> {
+        let magic = &b"PMTiles\x03"[..];
+        if !file.starts_with(&magic[..magic.len().min(file.len())]) || file.is_empty() {
+            return Err(ArchiveError::Magic);
+        }
+        let found = file.len() as u64;
+        let header: &[u8; HEADER_BYTES] = file.first_chunk().ok_or(ArchiveError::Truncated {
+            what: "the header",
+            wanted: HEADER_BYTES as u64,
+            found,
+        })?;
+        if header[98] != COMPRESSION_NONE {
+            return Err(ArchiveError::Compression("tiles"));
+        }
+        if ![COMPRESSION_NONE, COMPRESSION_GZIP].contains(&header[97]) {
+            return Err(ArchiveError::Compression("directories"));
+        }
+        let section = |at: usize, what| -> Result<Range<u64>, ArchiveError> {
+            let number = |at: usize| header[at..at + 8].iter().rev().fold(0, |n, b| n << 8 | u64::from(*b));
+            let (start, length) = (number(at), number(at + 8));
+            let wanted = start.saturating_add(length);
+            if wanted > found { Err(ArchiveError::Truncated { what, wanted, found }) } else { Ok(start..wanted) }
+        };
+        Ok(Self {
+            root: section(8, "the root directory")?,
+            leaves: section(40, "the leaf directories")?,
+            data: section(56, "the tile data")?,
+            gzip: header[97] == COMPRESSION_GZIP,
+        })
+    }
+}
+
+/// Appends what the directory at `place` lists; leaf directories in their order, so that ids keep ascending.
+fn flatten(
+    file: &[u8],
+    header: &Header,
+    place: Range<u64>,
+    depth: u8,
+    out: &mut Vec<Entry>,
+) -> Result<(), ArchiveError> {
+    let packed = &file[place.start as usize..place.end as usize];
+    for raw in Directory::unpack(packed, header.gzip)?.entries {
+        let Some(runs) = raw.run_length.checked_sub(1) else {
+            if depth >= MAX_DEPTH {
+                return Err(ArchiveError::Directory("leaf directories are nested too deeply"));
+            }
+            let leaf = inside(&header.leaves, raw.offset, raw.length, "a leaf directory lies outside its section")?;
+            flatten(file, header, leaf, depth + 1, out)?;
+            continue;
+        };
+        // Every tile carries its own id, so no two can share their bytes.
+        if runs != 0 {
+            return Err(ArchiveError::Directory("several nodes share one tile"));
+        }
+        let data = inside(&header.data, raw.offset, raw.length, "a tile lies outside the tile data")?;
+        if out.last().is_some_and(|last| last.id >= raw.id) {
+            return Err(ArchiveError::Directory("its tiles are not in order"));
+        }
+        if raw.id >= pmtiles::PYRAMID_SIZE_BY_ZOOM[usize::from(MAX_LEVEL) + 1] {
+            return Err(ArchiveError::Directory("a tile lies below the deepest level"));
+        }
+        if out.len() >= MAX_ENTRIES {
+            return Err(ArchiveError::TooMany(MAX_ENTRIES));
+        }
+        out.push(Entry { id: raw.id, offset: data.start, length: raw.length });
+    }
+    Ok(())
+}
+
+fn inside(section: &Range<u64>, offset: u64, length: u32, what: &'static str) -> Result<Range<u64>, ArchiveError> {
+    let start = section.start.checked_add(offset);
+    let end = start.and_then(|start| start.checked_add(u64::from(length)));
+    match (start, end) {
+        (Some(start), Some(end)) if end <= section.end => Ok(start..end),
+        _ => Err(ArchiveError::Directory(what)),
+    }
+}
+
+#[derive(Clone, Copy, Default)]
+struct RawEntry {
+    id: u64,
+    offset: u64,
+    length: u32,
+    run_length: u32,
+}
+
+struct Directory {
+    entries: Vec<RawEntry>,
+}
+
+impl Directory {
+    fn unpack(packed: &[u8], gzip: bool) -> Result<Self, ArchiveError> {
+        if !gzip {
+            return Self::read(packed);
+        }
+        let mut raw = Vec::new();
+        let limit = MAX_DIRECTORY_BYTES + 1;
+        let read = flate2::read::GzDecoder::new(packed).take(limit).read_to_end(&mut raw);
+        if read.is_err() || raw.len() as u64 == limit {
+            return Err(ArchiveError::Directory("it cannot be unpacked"));
+        }
+        Self::read(&raw)
+    }
+
+    fn read(mut bytes: &[u8]) -> Result<Self, ArchiveError> {
+        let bad = ArchiveError::Directory;
+        let count = varint(&mut bytes)?;
+        // Four fields of at least a byte each: what is allocated is bounded by what is there.
+        if count > bytes.len() as u64 / 4 {
+            return Err(bad("it announces more entries than it has"));
+        }
+        let mut entries = vec![RawEntry::default(); count as usize];
+        let mut id = 0u64;
+        for entry in &mut entries {
+            id = id.checked_add(varint(&mut bytes)?).ok_or(bad("a number is too large"))?;
+            entry.id = id;
+        }
+        for entry in &mut entries {
+            entry.run_length = varint32(&mut bytes)?;
+        }
+        for entry in &mut entries {
+            entry.length = varint32(&mut bytes)?;
+            if entry.length == 0 {
+                return Err(bad("a tile is empty"));
+            }
+        }
+        let mut follows = None;
+        for entry in &mut entries {
+            entry.offset = match varint(&mut bytes)?.checked_sub(1) {
+                Some(offset) => offset,
+                None => follows.ok_or(bad("the first tile has no offset"))?,
+            };
+            follows = entry.offset.checked_add(u64::from(entry.length));
+        }
+        if bytes.is_empty() { Ok(Self { entries }) } else { Err(bad("it goes on after its last entry")) }
+    }
+}
+
+fn varint(bytes: &mut &[u8]) -> Result<u64, ArchiveError> {
+    let mut value = 0u64;
+    for shift in (0..64).step_by(7) {
+        let (&byte, rest) = bytes.split_first().ok_or(ArchiveError::Directory("it ends too early"))?;
+        *bytes = rest;
+        let bits = u64::from(byte & 0x7f);
+        if bits << shift >> shift != bits {
+            break;
+        }
+        value |= bits << shift;
+        if byte < 0x80 {
+            return Ok(value);
+        }
+    }
+    Err(ArchiveError::Directory("a number is too large"))
+}
+
+fn varint32(bytes: &mut &[u8]) -> Result<u32, ArchiveError> {
+    u32::try_from(varint(bytes)?).map_err(|_| ArchiveError::Directory("a number is too large"))
+}

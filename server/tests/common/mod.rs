@@ -1,0 +1,105 @@
+//! A city small enough to be known by heart: the root and its north-eastern child.
+#![allow(dead_code, reason = "each test file uses its part")]
+
+use insula_protocol::{
+    BlockMap, Manifest, Subtree, Texel, TileId,
+    blockmap::{COLUMNS, Column, Strip},
+    manifest::{Attribution, Counts, FORMAT_VERSION},
+    route::Layer,
+    subtree::NodeInfo,
+};
+use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
+use std::{fs::File, path::Path};
+
+/// Its version.
+pub(crate) const VERSION: &str = "0123456789abcdef";
+
+/// The root's child.
+pub(crate) fn child() -> TileId {
+    TileId::ROOT.child(3).unwrap()
+}
+
+/// A node with one wall and one roof.
+pub(crate) fn blockmap(id: TileId) -> Vec<u8> {
+    let mut columns = vec![None; COLUMNS];
+    let texels = (0..3).map(|i| Texel::new([200, 50 * i, 10], 63, 3)).collect();
+    columns[65] = Some(Column {
+        z_min: 0,
+        z_max: 48,
+        roof: Texel::new([10, 20, 30], 63, 3),
+        strip: Some(Strip { texels, azimuth: 64 }),
+        ..Column::default()
+    });
+    columns[66] = Some(Column { z_min: 16, z_max: 40, roof: Texel::new([90, 80, 70], 32, 3), ..Column::default() });
+    let cell_m = 2.0 / f32::from(1u16 << id.level());
+    BlockMap::from_columns(id, cell_m, 0, 0, &columns).unwrap().encode().unwrap()
+}
+
+/// Writes one archive.
+pub(crate) fn archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
+    let writer = PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None);
+    let mut writer = writer.create(File::create(path).unwrap()).unwrap();
+    for (id, bytes) in tiles {
+        writer.add_tile(TileCoord::new(id.level(), id.x(), id.y()).unwrap(), bytes).unwrap();
+    }
+    writer.finalize().unwrap();
+}
+
+/// The blockmaps that [`city`] writes.
+pub(crate) fn blockmaps() -> Vec<(TileId, Vec<u8>)> {
+    [TileId::ROOT, child()].map(|id| (id, blockmap(id))).to_vec()
+}
+
+/// The subtree tile that [`city`] writes.
+pub(crate) fn subtree() -> Vec<u8> {
+    let node = |id: TileId, child_mask| NodeInfo {
+        id,
+        child_mask,
+        z_min_m: 0.0,
+        z_max_m: 6.0,
+        error_m: 2.0 / f32::from(1 + id.level()),
+        radius_m: 100.0,
+        blockmap_bytes: blockmap(id).len() as u32,
+    };
+    Subtree { nodes: vec![node(TileId::ROOT, 0b1000), node(child(), 0)] }.encode().unwrap()
+}
+
+/// The manifest that [`city`] writes.
+pub(crate) fn manifest(name: &str) -> Manifest {
+    Manifest {
+        format_version: FORMAT_VERSION,
+        name: name.into(),
+        title: "Two <b>nodes</b>".into(),
+        version: VERSION.into(),
+        crs: Some("EPSG:7415".into()),
+        origin: [85_000.0, 446_000.0, 0.0],
+        root_side_m: 128.0,
+        depth: 1,
+        node_cells: 64,
+        cell_m: 1.0,
+        bounds: [[85_000.0, 446_000.0, 0.0], [85_128.0, 446_128.0, 6.0]],
+        ground_z_m: 0.0,
+        has_terrain: false,
+        counts: Counts {
+            objects: 2,
+            triangles: 24,
+            nodes_per_level: vec![1, 1],
+            bytes_per_level: blockmaps().iter().map(|(_, bytes)| bytes.len() as u64).collect(),
+        },
+        attribution: vec![Attribution {
+            text: "3D BAG".into(),
+            licence: Some("CC BY 4.0".into()),
+            url: Some("https://example.org/3dbag".into()),
+        }],
+        tile_version: insula_protocol::tile::VERSION,
+        settings: "none".into(),
+    }
+}
+
+/// Writes a whole city into `folder`.
+pub(crate) fn city(folder: &Path, name: &str) {
+    std::fs::create_dir_all(folder).unwrap();
+    std::fs::write(folder.join("city.json"), serde_json::to_vec_pretty(&manifest(name)).unwrap()).unwrap();
+    archive(&folder.join(Layer::BlockMaps.file_name()), &blockmaps());
+    archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree())]);
+}

@@ -1,0 +1,154 @@
+//! City folders, whole and damaged.
+
+mod common;
+
+use insula_protocol::{TileId, route::Layer};
+use insula_server::store::{CityStore, Store, StoreError};
+use std::path::Path;
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    common::city(folder.path(), "two");
+    folder
+}
+
+/// The one line that opening gives instead of a city.
+fn refusal(path: &Path) -> String {
+    let text = CityStore::open(path).err().expect("opened").to_string();
+    assert!(!text.contains('\n'), "{text}");
+    text
+}
+
+#[test]
+fn tiles_come_back_byte_for_byte() {
+    let folder = folder();
+    let city = CityStore::open(folder.path()).unwrap();
+    assert_eq!(city.manifest(), &common::manifest("two"));
+    for (id, bytes) in common::blockmaps() {
+        assert_eq!(city.tile(Layer::BlockMaps, id).unwrap(), bytes);
+    }
+    assert_eq!(city.tile(Layer::Subtrees, TileId::ROOT).unwrap(), common::subtree());
+    assert_eq!(city.tile(Layer::Subtrees, common::child()), None);
+    assert_eq!(city.tile(Layer::BlockMaps, TileId::new(1, 0, 0).unwrap()), None);
+    assert_eq!(city.tile(Layer::BlockMaps, TileId::new(20, 1, 1).unwrap()), None);
+    let listed: Vec<_> = city.archive(Layer::BlockMaps).tiles().map(|(id, bytes)| (id, bytes.to_vec())).collect();
+    assert_eq!(listed, common::blockmaps());
+}
+
+#[test]
+fn a_tile_outlives_its_store() {
+    let folder = folder();
+    let tile = CityStore::open(folder.path()).unwrap().tile(Layer::Subtrees, TileId::ROOT).unwrap();
+    drop(folder);
+    assert_eq!(tile, common::subtree());
+}
+
+#[test]
+fn archives_with_leaf_directories_are_read_whole() {
+    let folder = folder();
+    let side = 1u32 << 7;
+    let ids = (0..side * side).map(|i| TileId::new(7, i % side, i / side).unwrap());
+    // Lengths as irregular as real tiles', so that the directory does not fit into its root.
+    let bytes = |id: TileId| format!("{id} {}", "x".repeat((id.x() * 7919 + id.y() * 104_729) as usize % 997));
+    let tiles: Vec<_> = ids.map(|id| (id, bytes(id).into_bytes())).collect();
+    let mut manifest = common::manifest("two");
+    manifest.depth = 7;
+    manifest.root_side_m = 64.0 * 128.0;
+    std::fs::write(folder.path().join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    let mut in_order = tiles.clone();
+    in_order.sort_by_key(|(id, _)| {
+        pmtiles::TileId::from(pmtiles::TileCoord::new(id.level(), id.x(), id.y()).unwrap()).value()
+    });
+    let path = folder.path().join("blockmaps.pmtiles");
+    common::archive(&path, &in_order);
+    let file = std::fs::read(&path).unwrap();
+    assert_ne!(file[48..56], [0; 8], "the archive has no leaf directories: the test tests nothing");
+    let city = CityStore::open(folder.path()).unwrap();
+    assert_eq!(city.archive(Layer::BlockMaps).len(), tiles.len());
+    for (id, bytes) in tiles {
+        assert_eq!(city.tile(Layer::BlockMaps, id).unwrap(), bytes);
+    }
+}
+
+#[test]
+fn every_truncation_is_refused() {
+    for name in ["blockmaps.pmtiles", "subtrees.pmtiles"] {
+        let folder = folder();
+        let path = folder.path().join(name);
+        let whole = std::fs::read(&path).unwrap();
+        for len in (0..whole.len()).step_by(61).chain([whole.len() - 1]) {
+            std::fs::write(&path, &whole[..len]).unwrap();
+            assert!(refusal(folder.path()).contains(name), "{len} of {}", whole.len());
+        }
+    }
+}
+
+#[test]
+fn flipped_bits_never_panic_and_never_leave_the_file() {
+    let folder = folder();
+    let path = folder.path().join("blockmaps.pmtiles");
+    let whole = std::fs::read(&path).unwrap();
+    let root_bytes = usize::try_from(u64::from_le_bytes(whole[16..24].try_into().unwrap())).unwrap();
+    let mut refused = 0;
+    for at in 0..127 + root_bytes {
+        for bit in 0..8 {
+            let mut wrong = whole.clone();
+            wrong[at] ^= 1 << bit;
+            std::fs::write(&path, &wrong).unwrap();
+            match CityStore::open(folder.path()) {
+                Err(error) => {
+                    refused += 1;
+                    assert!(!error.to_string().contains('\n'));
+                }
+                Ok(city) => assert!(city.archive(Layer::BlockMaps).tiles().all(|(_, bytes)| !bytes.is_empty())),
+            }
+        }
+    }
+    assert!(refused > 300, "{refused}");
+}
+
+#[test]
+fn manifests_that_lie_are_refused() {
+    let folder = folder();
+    let path = folder.path().join("city.json");
+    let good = common::manifest("two");
+    let write = |manifest: &insula_protocol::Manifest| {
+        std::fs::write(&path, serde_json::to_vec(manifest).unwrap()).unwrap();
+    };
+    let refused = |change: &dyn Fn(&mut insula_protocol::Manifest)| {
+        let mut manifest = good.clone();
+        change(&mut manifest);
+        write(&manifest);
+        assert!(refusal(folder.path()).contains("pmtiles") || refusal(folder.path()).contains("city.json"));
+    };
+    refused(&|m| m.format_version = 9);
+    refused(&|m| m.name = "../etc".into());
+    refused(&|m| m.version = "a b".into());
+    refused(&|m| m.depth = 200);
+    refused(&|m| (m.depth, m.root_side_m) = (0, 64.0));
+    std::fs::write(&path, "{").unwrap();
+    refusal(folder.path());
+    std::fs::write(&path, vec![b' '; (1 << 20) + 1]).unwrap();
+    assert!(refusal(folder.path()).contains("at most"));
+    write(&good);
+    CityStore::open(folder.path()).unwrap();
+    std::fs::remove_file(folder.path().join("subtrees.pmtiles")).unwrap();
+    assert!(refusal(folder.path()).contains("subtrees.pmtiles"));
+}
+
+#[test]
+fn a_folder_of_cities_gives_them_all() {
+    let root = tempfile::tempdir().unwrap();
+    assert!(matches!(Store::open(&[root.path()]), Err(StoreError::NoCity(_))));
+    for name in ["b", "a"] {
+        common::city(&root.path().join(name), name);
+    }
+    std::fs::create_dir(root.path().join("other")).unwrap();
+    let store = Store::open(&[root.path()]).unwrap();
+    let names: Vec<_> = store.cities().map(|city| city.manifest().name.clone()).collect();
+    assert_eq!(names, ["a", "b"]);
+    assert!(store.city("a").is_some() && store.city("c").is_none());
+    let twice = Store::open(&[root.path().join("a"), root.path().to_owned()]);
+    assert!(matches!(twice, Err(StoreError::SameName { .. })));
+    assert!(matches!(Store::open(&[root.path().join("missing")]), Err(StoreError::Io { .. })));
+}
