@@ -1,0 +1,202 @@
+//! What was asked for, and what it means.
+//!
+//! In: [`BakeOptions`]. Out: the checked `Config` that the pipeline obeys. Next: `pipeline`.
+
+use std::path::PathBuf;
+
+use insula_protocol::{
+    NODE_CELLS,
+    manifest::{self, Attribution},
+    tile,
+};
+use serde::Serialize;
+
+use crate::{error::BakeError, grid::BLOCK_LEAVES, read::Up, sample::SampleSettings};
+
+/// Raised whenever the same scene and settings would give other tiles than before.
+const ALGORITHM: u32 = 1;
+/// Cells outside this range are slips of the keyboard.
+const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+/// More threads than this help nobody.
+const MAX_THREADS: usize = 1024;
+
+/// What a bake is asked to do.
+#[derive(Debug, Clone)]
+pub struct BakeOptions {
+    /// City files, or folders with some.
+    pub inputs: Vec<PathBuf>,
+    /// The city folder to make; a city that is there already is replaced at the very end.
+    pub out: PathBuf,
+    /// Side of a leaf's column in metres.
+    pub cell_m: f64,
+    /// Worker threads; `None` for one a core. The result does not depend on it.
+    pub threads: Option<usize>,
+    /// Go on where an interrupted bake of the same input with the same settings stopped.
+    pub resume: bool,
+    /// Name in URLs, of a-z, 0-9, `_` and `-`; `None` for the folder's name.
+    pub name: Option<String>,
+    /// Name for people; `None` for the source's title.
+    pub title: Option<String>,
+    /// Who must be named; empty for what the sources say.
+    pub attribution: Vec<Attribution>,
+    /// Which axis is up in OBJ files.
+    pub obj_up: Up,
+    /// How leaves are sampled.
+    pub sample: SampleSettings,
+}
+
+impl Default for BakeOptions {
+    fn default() -> Self {
+        Self {
+            inputs: Vec::new(),
+            out: PathBuf::new(),
+            cell_m: 1.0,
+            threads: None,
+            resume: false,
+            name: None,
+            title: None,
+            attribution: Vec::new(),
+            obj_up: Up::default(),
+            sample: SampleSettings::default(),
+        }
+    }
+}
+
+/// Options that make sense.
+#[derive(Debug, Clone)]
+pub(crate) struct Config {
+    pub(crate) out: PathBuf,
+    pub(crate) cell_m: f64,
+    pub(crate) threads: usize,
+    pub(crate) resume: bool,
+    pub(crate) name: String,
+    pub(crate) title: Option<String>,
+    pub(crate) attribution: Vec<Attribution>,
+    pub(crate) sample: SampleSettings,
+    /// Hash of all that decides the tiles apart from the scene, 16 hexadecimal digits.
+    pub(crate) settings: String,
+}
+
+impl Config {
+    /// Checks the options.
+    pub(crate) fn new(options: &BakeOptions) -> Result<Self, BakeError> {
+        let cell_m = options.cell_m;
+        if !CELL_RANGE_M.contains(&cell_m) {
+            let advice = format!("a cell is {} to {} metres wide", CELL_RANGE_M.start(), CELL_RANGE_M.end());
+            return Err(BakeError::Option { option: "--cell", value: cell_m.to_string(), advice });
+        }
+        let Some(folder) = options.out.file_name() else {
+            let advice = "give the name of a folder to make, for example cities/delft".into();
+            return Err(BakeError::Option { option: "--out", value: options.out.display().to_string(), advice });
+        };
+        Ok(Self {
+            out: options.out.clone(),
+            cell_m,
+            threads: threads(options.threads)?,
+            resume: options.resume,
+            name: name(options.name.as_deref(), &folder.to_string_lossy())?,
+            title: options.title.clone(),
+            attribution: options.attribution.clone(),
+            sample: options.sample.clone(),
+            settings: settings_hash(cell_m, &options.sample)?,
+        })
+    }
+}
+
+fn threads(asked: Option<usize>) -> Result<usize, BakeError> {
+    match asked {
+        None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
+        Some(n) if (1..=MAX_THREADS).contains(&n) => Ok(n),
+        Some(n) => {
+            let advice = format!("give 1 to {MAX_THREADS}");
+            Err(BakeError::Option { option: "--threads", value: n.to_string(), advice })
+        }
+    }
+}
+
+fn name(asked: Option<&str>, folder: &str) -> Result<String, BakeError> {
+    match asked {
+        None => Ok(manifest::to_name(folder)),
+        Some(name) if manifest::is_name(name) => Ok(name.to_owned()),
+        Some(name) => {
+            let advice =
+                format!("a name has only a-z, 0-9, _ and -, at most 64: for example {}", manifest::to_name(name));
+            Err(BakeError::Option { option: "--name", value: name.to_owned(), advice })
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Settings<'a> {
+    algorithm: u32,
+    tile_version: u16,
+    node_cells: usize,
+    block_leaves: u32,
+    cell_m: f64,
+    sample: &'a SampleSettings,
+}
+
+fn settings_hash(cell_m: f64, sample: &SampleSettings) -> Result<String, BakeError> {
+    let settings = Settings {
+        algorithm: ALGORITHM,
+        tile_version: tile::VERSION,
+        node_cells: NODE_CELLS,
+        block_leaves: BLOCK_LEAVES,
+        cell_m,
+        sample,
+    };
+    let json = serde_json::to_vec(&settings).map_err(|cause| BakeError::Option {
+        option: "the sampling",
+        value: "settings".into(),
+        advice: cause.to_string(),
+    })?;
+    Ok(short_hex(&blake3::hash(&json)))
+}
+
+/// The first 16 hexadecimal digits.
+pub(crate) fn short_hex(hash: &blake3::Hash) -> String {
+    hash.to_hex().chars().take(16).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options() -> BakeOptions {
+        BakeOptions { out: "some/where/Den Haag (2024)".into(), ..BakeOptions::default() }
+    }
+
+    #[test]
+    fn defaults_make_sense() {
+        let config = Config::new(&options()).unwrap();
+        assert_eq!(config.name, "den-haag-2024");
+        assert!(config.threads >= 1);
+        assert_eq!(config.settings.len(), 16);
+    }
+
+    #[test]
+    fn what_changes_tiles_changes_the_hash_and_nothing_else_does() {
+        let hash = |options: &BakeOptions| Config::new(options).unwrap().settings;
+        let base = hash(&options());
+        assert_ne!(hash(&BakeOptions { cell_m: 2.0, ..options() }), base);
+        let title = Some("Den Haag".to_owned());
+        assert_eq!(hash(&BakeOptions { threads: Some(7), resume: true, title, ..options() }), base);
+    }
+
+    #[test]
+    fn slips_are_refused_with_advice() {
+        let wrong = [
+            BakeOptions { cell_m: 0.0, ..options() },
+            BakeOptions { cell_m: f64::NAN, ..options() },
+            BakeOptions { threads: Some(0), ..options() },
+            BakeOptions { name: Some("Den Haag".into()), ..options() },
+            BakeOptions { out: "..".into(), ..options() },
+            BakeOptions { out: "".into(), ..options() },
+        ];
+        for options in wrong {
+            assert!(matches!(Config::new(&options), Err(BakeError::Option { .. })), "{options:?}");
+        }
+        let error = Config::new(&BakeOptions { name: Some("Den Haag".into()), ..options() }).unwrap_err();
+        assert!(error.to_string().ends_with("den-haag"), "{error}");
+    }
+}

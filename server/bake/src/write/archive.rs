@@ -1,0 +1,80 @@
+//! PMTiles archives.
+//!
+//! In: ids and a way to get each one's tile. Out: a clustered, synchronised `.pmtiles` file. Next: `city`.
+
+use std::{fs, path::Path};
+
+use insula_protocol::TileId;
+use pmtiles::{Compression, PmTilesWriter, PmtError, TileCoord, TileType};
+
+use crate::error::BakeError;
+
+/// Writes the tiles of `ids` in the archive's own order (along a Hilbert curve, root first), each stored once however
+/// often it occurs. Returns the file's length.
+pub(crate) fn write(
+    path: &Path,
+    ids: &[TileId],
+    mut tile: impl FnMut(TileId) -> Result<Vec<u8>, BakeError>,
+) -> Result<u64, BakeError> {
+    let failed = |cause| archive_error(path, cause);
+    let mut ordered = Vec::with_capacity(ids.len());
+    for id in ids {
+        let coord = TileCoord::new(id.level(), id.x(), id.y()).map_err(failed)?;
+        ordered.push((pmtiles::TileId::from(coord), coord, *id));
+    }
+    ordered.sort_unstable_by_key(|(order, ..)| *order);
+    let file = fs::File::create(path).map_err(|cause| BakeError::io(path, "written", cause))?;
+    let max_zoom = ids.iter().map(|id| id.level()).max().unwrap_or(0);
+    let mut writer = PmTilesWriter::new(TileType::Unknown)
+        .tile_compression(Compression::None)
+        .min_zoom(0)
+        .max_zoom(max_zoom)
+        .create(&file)
+        .map_err(failed)?;
+    for (_, coord, id) in ordered {
+        writer.add_tile(coord, &tile(id)?).map_err(failed)?;
+    }
+    writer.finalize().map_err(failed)?;
+    let synced = file.sync_all().and_then(|()| file.metadata());
+    Ok(synced.map_err(|cause| BakeError::io(path, "written", cause))?.len())
+}
+
+fn archive_error(path: &Path, cause: PmtError) -> BakeError {
+    match cause {
+        PmtError::Reading(cause) => BakeError::io(path, "written", cause),
+        other => BakeError::Archive { path: path.to_owned(), what: other.to_string() },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::write::scratch::tests::Folder;
+
+    #[test]
+    fn equal_tiles_are_stored_once_and_the_order_of_ids_does_not_matter() {
+        let folder = Folder::new("archive");
+        let path = folder.path.join("a.pmtiles");
+        let mut ids: Vec<TileId> = (0..256).filter_map(|i| TileId::new(4, i % 16, i / 16)).collect();
+        let big = vec![7u8; 10_000];
+        let length = write(&path, &ids, |_| Ok(big.clone())).unwrap();
+        assert!((10_000..40_000).contains(&length), "{length}");
+        let tile = |id: TileId| Ok(id.to_string().into_bytes());
+        write(&path, &ids, tile).unwrap();
+        let first = fs::read(&path).unwrap();
+        ids.reverse();
+        write(&path, &ids, tile).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), first);
+        // Byte 96 of a PMTiles v3 header says "clustered".
+        assert_eq!((&first[..8], first[96]), (&b"PMTiles\x03"[..], 1));
+    }
+
+    #[test]
+    fn a_failed_tile_ends_it() {
+        let folder = Folder::new("archive-fails");
+        let error = write(&folder.path.join("a.pmtiles"), &[TileId::ROOT], |id| {
+            Err(BakeError::tile(id, "read")(insula_protocol::DecodeError::Magic))
+        });
+        assert!(matches!(error, Err(BakeError::Tile { .. })));
+    }
+}

@@ -1,0 +1,200 @@
+//! The final files.
+//!
+//! In: the tree of stored tiles, and what is known of the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles` and
+//! `city.json`, synchronised, in the scratch folder. Next: `Scratch::publish` renames them into place.
+
+use std::{fs, io, path::Path};
+
+use insula_protocol::{
+    NODE_CELLS, TileId,
+    manifest::{Attribution, Counts, FORMAT_VERSION, Manifest},
+    tile,
+};
+
+use super::{
+    archive,
+    pack::PackReader,
+    tree::{self, Tree},
+    write_whole,
+};
+use crate::{
+    config::{Config, short_hex},
+    error::BakeError,
+    grid::Grid,
+    read::ReadReport,
+    scene::{ObjectKind, Scene},
+};
+
+/// What the manifest says of the scene, so that the scene itself need not be kept until the end.
+#[derive(Debug, Clone)]
+pub(crate) struct SceneFacts {
+    pub(crate) origin: [f64; 3],
+    pub(crate) bounds: [[f64; 3]; 2],
+    pub(crate) ground_z_m: f64,
+    pub(crate) has_terrain: bool,
+    pub(crate) objects: u64,
+    pub(crate) triangles: u64,
+    pub(crate) crs: Option<String>,
+}
+
+impl SceneFacts {
+    /// Of a scene with at least one triangle, whose bounds in its own coordinates are `min` and `max`.
+    pub(crate) fn new(scene: &Scene, min: [f64; 3], max: [f64; 3]) -> Self {
+        let terrain_z = lowest_terrain(scene);
+        let world = |p: [f64; 3]| std::array::from_fn(|axis| p[axis] + scene.origin[axis]);
+        let ground = terrain_z.or_else(|| median_base(scene)).map_or(min[2], f64::from);
+        Self {
+            origin: scene.origin,
+            bounds: [world(min), world(max)],
+            ground_z_m: scene.origin[2] + ground,
+            has_terrain: terrain_z.is_some(),
+            objects: scene.objects.len() as u64,
+            triangles: scene.triangles.len() as u64,
+            crs: scene.crs.clone(),
+        }
+    }
+}
+
+fn lowest_terrain(scene: &Scene) -> Option<f32> {
+    let is_terrain = |object: u32| scene.objects[object as usize].kind == ObjectKind::Terrain;
+    let terrain = scene.triangles.iter().filter(|triangle| is_terrain(triangle.object));
+    terrain.flat_map(|triangle| triangle.corners).map(|corner| corner[2]).reduce(f32::min)
+}
+
+fn median_base(scene: &Scene) -> Option<f32> {
+    let mut bases: Vec<f32> = scene.objects.iter().map(|object| object.base_z_m).filter(|z| z.is_finite()).collect();
+    let middle = bases.len() / 2;
+    (!bases.is_empty()).then(|| *bases.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+/// What the final files are made of.
+pub(crate) struct CityInput<'a> {
+    pub(crate) config: &'a Config,
+    pub(crate) grid: &'a Grid,
+    pub(crate) facts: &'a SceneFacts,
+    pub(crate) read: &'a ReadReport,
+    pub(crate) tree: &'a Tree,
+    /// The folder of the packs.
+    pub(crate) packs: &'a Path,
+}
+
+/// A written city.
+#[derive(Debug)]
+pub(crate) struct Written {
+    pub(crate) manifest: Manifest,
+    /// Bytes of all files.
+    pub(crate) bytes: u64,
+}
+
+/// Writes the files into `folder`, which must not exist. `advance` is told of every tile.
+pub(crate) fn write(input: &CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<Written, BakeError> {
+    fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "made", cause))?;
+    let (blockmaps, subtrees) = (folder.join("blockmaps.pmtiles"), folder.join("subtrees.pmtiles"));
+    let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
+    let mut reader = PackReader::new(input.packs);
+    let mut bytes = archive::write(&blockmaps, &ids, |id| {
+        advance(1);
+        let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: input.packs.to_owned() })?;
+        reader.read(stored)
+    })?;
+    let nodes = tree::describe(input.tree, input.grid);
+    bytes += archive::write(&subtrees, &tree::subtree_roots(input.tree), |root| tree::subtree_tile(&nodes, root))?;
+    let mut manifest = manifest(input);
+    manifest.version = version(&manifest, &[&blockmaps, &subtrees])?;
+    let path = folder.join("city.json");
+    let json = to_json(&manifest, &path)?;
+    write_whole(&path, &json)?;
+    Ok(Written { manifest, bytes: bytes + json.len() as u64 })
+}
+
+fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
+    let mut json = serde_json::to_vec_pretty(manifest).map_err(|cause| BakeError::io(path, "written", cause.into()))?;
+    json.push(b'\n');
+    Ok(json)
+}
+
+/// Hash of the archives and of the manifest but for its version.
+fn version(manifest: &Manifest, archives: &[&Path]) -> Result<String, BakeError> {
+    let mut hasher = blake3::Hasher::new();
+    for path in archives {
+        let hashed = fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
+        hashed.map_err(|cause| BakeError::io(path, "read", cause))?;
+    }
+    hasher.update(&to_json(manifest, Path::new("city.json"))?);
+    Ok(short_hex(&hasher.finalize()))
+}
+
+fn manifest(input: &CityInput<'_>) -> Manifest {
+    let CityInput { config, grid, facts, read, tree, .. } = input;
+    let of_sources = || read.sources.iter().flat_map(|source| &source.titles).next().cloned();
+    let per_level = |f: fn(&[super::pack::Stored]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
+    Manifest {
+        format_version: FORMAT_VERSION,
+        name: config.name.clone(),
+        title: config.title.clone().or_else(of_sources).unwrap_or_else(|| config.name.clone()),
+        version: String::new(),
+        crs: facts.crs.clone().or_else(|| read.crs.clone()),
+        origin: std::array::from_fn(|axis| facts.origin[axis] + grid.corner[axis]),
+        root_side_m: grid.node_side_m(0),
+        depth: grid.depth,
+        node_cells: NODE_CELLS as u16,
+        cell_m: grid.cell_m,
+        bounds: facts.bounds,
+        ground_z_m: facts.ground_z_m,
+        has_terrain: facts.has_terrain,
+        counts: Counts {
+            objects: facts.objects,
+            triangles: facts.triangles,
+            nodes_per_level: per_level(|level| level.len() as u64),
+            bytes_per_level: per_level(|level| level.iter().map(|tile| u64::from(tile.bytes)).sum()),
+        },
+        attribution: attribution(&config.attribution, read),
+        tile_version: tile::VERSION,
+        settings: config.settings.clone(),
+    }
+}
+
+/// What was asked for; else one for each different set of names and licences in the sources.
+fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
+    let mut all = asked.to_vec();
+    if !all.is_empty() {
+        return all;
+    }
+    for source in &read.sources {
+        let licence = (!source.licences.is_empty()).then(|| source.licences.join(", "));
+        let names =
+            if source.attributions.is_empty() && licence.is_some() { &source.titles } else { &source.attributions };
+        let attribution = Attribution { text: names.join(", "), licence, url: None };
+        if !attribution.text.is_empty() && !all.contains(&attribution) {
+            all.push(attribution);
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Object, Triangle};
+
+    fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
+        let mut scene = Scene { origin: [1000.0, 2000.0, 50.0], ..Scene::default() };
+        for (i, (kind, z)) in objects.iter().enumerate() {
+            scene.objects.push(Object { id: i.to_string(), kind: *kind, base_z_m: *z });
+            let corners = [[0.0, 0.0, *z], [1.0, 0.0, *z + 1.0], [0.0, 1.0, *z]];
+            scene.triangles.push(Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: i as u32 });
+        }
+        scene
+    }
+
+    #[test]
+    fn ground_is_the_lowest_terrain_or_the_median_base() {
+        use ObjectKind::{Building, Terrain};
+        let facts = |objects: &[_]| SceneFacts::new(&scene(objects), [0.0, 0.0, -9.0], [1.0, 1.0, 9.0]);
+        let mixed = facts(&[(Building, -9.0), (Terrain, 2.0), (Terrain, 1.0)]);
+        assert_eq!((mixed.ground_z_m, mixed.has_terrain), (51.0, true));
+        let houses = facts(&[(Building, -9.0), (Building, 3.0), (Building, 4.0)]);
+        assert_eq!((houses.ground_z_m, houses.has_terrain), (53.0, false));
+        assert_eq!(houses.bounds, [[1000.0, 2000.0, 41.0], [1001.0, 2001.0, 59.0]]);
+    }
+}
