@@ -4,4 +4,6 @@
 //!
 //! Other programs embed it with [`store::Store::open`], [`config::Config`] and [`http::serve`].
 
+pub mod config;
+pub mod http;
 pub mod store;

@@ -1,0 +1,80 @@
+//! Errors as clients see them: `application/problem+json` (RFC 9457).
+//!
+//! In: a status and a fixed sentence. Out: a response. Next: the client's retry.
+//!
+//! A problem holds only constants: nothing of the request, of a path or of an inner error can leak into it.
+
+use axum::{
+    http::{HeaderName, HeaderValue, StatusCode, header},
+    response::{IntoResponse, Response},
+};
+use serde::Serialize;
+
+/// What went wrong, for the client.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    status: StatusCode,
+    detail: &'static str,
+    header: Option<(HeaderName, HeaderValue)>,
+}
+
+#[derive(Serialize)]
+struct Body {
+    r#type: &'static str,
+    title: &'static str,
+    status: u16,
+    detail: &'static str,
+}
+
+impl Problem {
+    /// Any status with a sentence.
+    pub const fn new(status: StatusCode, detail: &'static str) -> Self {
+        Self { status, detail, header: None }
+    }
+
+    /// What was asked for does not exist: 404.
+    pub const fn not_found(detail: &'static str) -> Self {
+        Self::new(StatusCode::NOT_FOUND, detail)
+    }
+
+    /// What was asked for cannot be: 400.
+    pub const fn bad_request(detail: &'static str) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, detail)
+    }
+
+    /// Not now: 503, with the seconds after which to ask again.
+    pub fn unavailable(detail: &'static str) -> Self {
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, detail).with(header::RETRY_AFTER, HeaderValue::from_static("1"))
+    }
+
+    /// With one header more.
+    pub fn with(mut self, name: HeaderName, value: HeaderValue) -> Self {
+        self.header = Some((name, value));
+        self
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let title = self.status.canonical_reason().unwrap_or("Error");
+        let body = Body { r#type: "about:blank", title, status: self.status.as_u16(), detail: self.detail };
+        let mut response = (self.status, serde_json::to_vec(&body).unwrap_or_default()).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+        headers.extend(self.header);
+        response
+    }
+}
+
+/// No such route.
+pub(super) async fn no_route() -> Problem {
+    Problem::not_found("there is nothing at this address; the cities are listed at /v1/cities")
+}
+
+/// A route, but not by this method. The router adds `Allow`.
+pub(super) async fn no_method() -> Problem {
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this address answers GET and HEAD only")
+        .with(header::ALLOW, HeaderValue::from_static("GET,HEAD"))
+}

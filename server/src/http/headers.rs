@@ -1,0 +1,172 @@
+//! Conditional and partial answers (RFC 9110, 13 and 14).
+//!
+//! In: a representation and the request's method and headers. Out: 200, 206, 304 or 416. Next: the wire.
+
+use super::Problem;
+use axum::{
+    body::Body,
+    http::{HeaderMap, HeaderValue, Method, StatusCode, header},
+    response::{IntoResponse, Response},
+};
+use bytes::Bytes;
+use std::ops::Range;
+
+/// For what never changes at its address.
+pub(super) const IMMUTABLE: HeaderValue = HeaderValue::from_static("public, max-age=31536000, immutable");
+/// For what may change: ask each time, mostly for a 304.
+pub(super) const REVALIDATE: HeaderValue = HeaderValue::from_static("no-cache");
+
+/// Something to be sent, whole or in part.
+#[derive(Debug, Clone)]
+pub(super) struct Representation {
+    pub(super) body: Bytes,
+    pub(super) content_type: HeaderValue,
+    pub(super) etag: HeaderValue,
+    pub(super) cache_control: HeaderValue,
+    /// Request headers that chose it.
+    pub(super) vary: Option<HeaderValue>,
+}
+
+/// A strong ETag of the bytes themselves.
+pub(super) fn etag_of(bytes: &[u8]) -> HeaderValue {
+    let hash = blake3::hash(bytes).to_hex();
+    quoted(&hash[..32])
+}
+
+/// `tag` in quotes. It must be visible ASCII without quotes; anything else becomes the empty tag.
+pub(super) fn quoted(tag: &str) -> HeaderValue {
+    HeaderValue::try_from(format!("\"{tag}\"")).unwrap_or(HeaderValue::from_static("\"\""))
+}
+
+impl Representation {
+    /// The answer to `method` (GET or HEAD) with these request headers.
+    pub(super) fn answer(self, method: &Method, request: &HeaderMap) -> Response {
+        if matches_none(request, &self.etag) {
+            return self.with_headers(StatusCode::NOT_MODIFIED, Body::empty());
+        }
+        let length = self.body.len() as u64;
+        // RFC 9110, 14.2: a range means nothing but to GET.
+        let range = if *method == Method::GET { wanted_range(request, &self.etag, length) } else { Wanted::Whole };
+        match range {
+            Wanted::Whole => {
+                let body = Body::from(self.body.clone());
+                let mut response = self.with_headers(StatusCode::OK, body);
+                response.headers_mut().insert(header::CONTENT_TYPE, self.content_type);
+                response
+            }
+            Wanted::Part(part) => {
+                let content_range = format!("bytes {}-{}/{length}", part.start, part.end - 1);
+                let body = Body::from(self.body.slice(part.start as usize..part.end as usize));
+                let mut response = self.with_headers(StatusCode::PARTIAL_CONTENT, body);
+                let headers = response.headers_mut();
+                headers.extend(HeaderValue::try_from(content_range).map(|value| (header::CONTENT_RANGE, value)));
+                headers.insert(header::CONTENT_TYPE, self.content_type);
+                response
+            }
+            Wanted::Outside => {
+                let problem = Problem::new(StatusCode::RANGE_NOT_SATISFIABLE, "the range lies outside of the content");
+                match HeaderValue::try_from(format!("bytes */{length}")) {
+                    Ok(value) => problem.with(header::CONTENT_RANGE, value).into_response(),
+                    Err(_) => problem.into_response(),
+                }
+            }
+        }
+    }
+
+    fn with_headers(&self, status: StatusCode, body: Body) -> Response {
+        let mut response = (status, body).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::ETAG, self.etag.clone());
+        headers.insert(header::CACHE_CONTROL, self.cache_control.clone());
+        headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+        headers.extend(self.vary.clone().map(|vary| (header::VARY, vary)));
+        response
+    }
+}
+
+/// Whether `If-None-Match` names this ETag (by the weak comparison, as RFC 9110 asks) or any.
+fn matches_none(request: &HeaderMap, etag: &HeaderValue) -> bool {
+    let tags = request.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+    // Our ETags have no commas, so splitting a list of foreign ones wrongly does no harm.
+    let mut tags = tags.flat_map(|list| list.split(',')).map(str::trim);
+    tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag).as_bytes() == etag.as_bytes())
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum Wanted {
+    Whole,
+    Part(Range<u64>),
+    Outside,
+}
+
+fn wanted_range(request: &HeaderMap, etag: &HeaderValue, length: u64) -> Wanted {
+    let same = request.get(header::IF_RANGE).is_none_or(|condition| condition == etag);
+    match request.get(header::RANGE).and_then(|value| value.to_str().ok()) {
+        Some(range) if same => parse_range(range, length),
+        _ => Wanted::Whole,
+    }
+}
+
+/// One range of bytes. Several, another unit or nonsense: the whole, as RFC 9110, 14.2 allows.
+fn parse_range(text: &str, length: u64) -> Wanted {
+    let Some((unit, range)) = text.split_once('=') else { return Wanted::Whole };
+    let Some((first, last)) = range.trim().split_once('-') else { return Wanted::Whole };
+    let digits = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    if !unit.trim().eq_ignore_ascii_case("bytes") || !digits(first) || !digits(last) {
+        return Wanted::Whole;
+    }
+    // Too many digits for u64 are only far behind the end.
+    let number = |text: &str| text.parse().unwrap_or(u64::MAX);
+    let part = match (first, last) {
+        ("", "") => return Wanted::Whole,
+        ("", suffix) => length.saturating_sub(number(suffix))..length,
+        (first, "") => number(first)..length,
+        (first, last) if number(last) < number(first) => return Wanted::Whole,
+        (first, last) => number(first)..number(last).saturating_add(1).min(length),
+    };
+    if part.start < part.end { Wanted::Part(part) } else { Wanted::Outside }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges() {
+        let huge = "99999999999999999999999999";
+        for (text, wanted) in [
+            ("bytes=0-0", Wanted::Part(0..1)),
+            ("bytes=2-4", Wanted::Part(2..5)),
+            ("bytes=5-", Wanted::Part(5..10)),
+            ("bytes=5-99", Wanted::Part(5..10)),
+            ("bytes=-3", Wanted::Part(7..10)),
+            ("bytes=-99", Wanted::Part(0..10)),
+            ("BYTES=0-9", Wanted::Part(0..10)),
+            (&format!("bytes=3-{huge}"), Wanted::Part(3..10)),
+            (&format!("bytes={huge}-"), Wanted::Outside),
+            ("bytes=10-", Wanted::Outside),
+            ("bytes=-0", Wanted::Outside),
+            ("bytes=4-2", Wanted::Whole),
+            ("bytes=0-1,3-4", Wanted::Whole),
+            ("bytes=+1-2", Wanted::Whole),
+            ("bytes=-", Wanted::Whole),
+            ("bytes", Wanted::Whole),
+            ("lines=1-2", Wanted::Whole),
+        ] {
+            assert_eq!(parse_range(text, 10), wanted, "{text}");
+        }
+        assert_eq!(parse_range("bytes=0-", 0), Wanted::Outside);
+    }
+
+    #[test]
+    fn none_match() {
+        let matches = |value: &'static str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(header::IF_NONE_MATCH, HeaderValue::from_static(value));
+            matches_none(&headers, &quoted("abc"))
+        };
+        assert!(matches("\"abc\"") && matches("W/\"abc\"") && matches("\"x\", \"abc\"") && matches("*"));
+        assert!(!matches("abc") && !matches("\"ab\"") && !matches(""));
+    }
+}

@@ -1,0 +1,32 @@
+//! What machines ask: is it alive, may requests come, how is it going.
+//!
+//! In: `/healthz`, `/readyz`, `/metrics`. Out: a word, or Prometheus text. Next: orchestrators, Prometheus.
+
+use super::{AppState, Problem};
+use axum::{
+    extract::State,
+    http::header,
+    response::{IntoResponse, Response},
+};
+
+const NOT_KEPT: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
+
+/// The process answers.
+pub(super) async fn alive() -> Response {
+    ([NOT_KEPT], "ok\n").into_response()
+}
+
+/// Cities are open and the server is not shutting down.
+pub(super) async fn ready(State(app): State<AppState>) -> Result<Response, Problem> {
+    if app.is_ready() {
+        Ok(([NOT_KEPT], "ready\n").into_response())
+    } else {
+        Err(Problem::unavailable("no city is open, or the server is shutting down"))
+    }
+}
+
+/// Prometheus text format 0.0.4.
+pub(super) async fn metrics(State(app): State<AppState>) -> Response {
+    let text = app.metrics().text(app.store());
+    ([NOT_KEPT, (header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
+}
