@@ -3,6 +3,7 @@
 pub mod grid;
 pub mod partition;
 pub mod progress;
+pub mod read;
 pub mod scene;
 pub mod voxels;
 

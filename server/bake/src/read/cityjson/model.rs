@@ -1,0 +1,262 @@
+//! CityJSON's own structure, as far as it is used.
+//!
+//! In: JSON text. Out: typed values, city objects still as text so that one broken object costs only itself.
+//! Next: `geometry`.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
+
+use serde::Deserialize;
+use serde::de::{Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde_json::value::RawValue;
+
+use super::nested::Nested;
+
+/// A whole file, the header line of a sequence, or one of its features: they share their members.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Document<'a> {
+    #[serde(rename = "type")]
+    pub(crate) kind: Option<String>,
+    pub(crate) version: Option<String>,
+    pub(crate) id: Option<String>,
+    pub(crate) transform: Option<Transform>,
+    #[serde(borrow)]
+    pub(crate) metadata: Option<&'a RawValue>,
+    #[serde(rename = "CityObjects", borrow)]
+    pub(crate) city_objects: RawObjects<'a>,
+    pub(crate) vertices: Vec<Position>,
+    pub(crate) appearance: Option<Appearance>,
+    #[serde(rename = "geometry-templates")]
+    pub(crate) templates: Option<Templates>,
+}
+
+/// Objects in the order of the file, unparsed.
+#[derive(Default)]
+pub(crate) struct RawObjects<'a>(pub(crate) Vec<(String, &'a RawValue)>);
+
+impl<'de: 'a, 'a> Deserialize<'de> for RawObjects<'a> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(RawObjectsVisitor(PhantomData))
+    }
+}
+
+struct RawObjectsVisitor<'a>(PhantomData<&'a ()>);
+
+impl<'de: 'a, 'a> Visitor<'de> for RawObjectsVisitor<'a> {
+    type Value = RawObjects<'a>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a map of city objects")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<RawObjects<'a>, A::Error> {
+        let mut objects = Vec::new();
+        while let Some(entry) = map.next_entry()? {
+            objects.push(entry);
+        }
+        Ok(RawObjects(objects))
+    }
+}
+
+/// From integer vertices to world positions.
+#[derive(Deserialize, Clone, Copy, Debug)]
+pub(crate) struct Transform {
+    pub(crate) scale: [f64; 3],
+    pub(crate) translate: [f64; 3],
+}
+
+impl Transform {
+    pub(crate) fn apply(&self, p: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| p[axis] * self.scale[axis] + self.translate[axis])
+    }
+}
+
+/// A position; whatever is no number in it is NaN and costs only the objects that use it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Position(pub(crate) [f64; 3]);
+
+impl<'de> Deserialize<'de> for Position {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(PositionVisitor)
+    }
+}
+
+struct PositionVisitor;
+
+impl<'de> Visitor<'de> for PositionVisitor {
+    type Value = Position;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a vertex of three numbers")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Position, A::Error> {
+        let mut position = [f64::NAN; 3];
+        for value in &mut position {
+            match seq.next_element::<Option<f64>>()? {
+                Some(number) => *value = number.unwrap_or(f64::NAN),
+                None => return Ok(Position(position)),
+            }
+        }
+        while seq.next_element::<IgnoredAny>()?.is_some() {}
+        Ok(Position(position))
+    }
+}
+
+/// Materials and textures.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Appearance {
+    pub(crate) materials: Vec<MaterialDef>,
+    pub(crate) textures: Vec<TextureDef>,
+    #[serde(rename = "vertices-texture")]
+    pub(crate) vertices_texture: Vec<[f64; 2]>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct MaterialDef {
+    #[serde(rename = "diffuseColor")]
+    pub(crate) diffuse_colour: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct TextureDef {
+    pub(crate) image: String,
+}
+
+/// Geometries that objects place several times.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Templates {
+    pub(crate) templates: Vec<Geometry>,
+    #[serde(rename = "vertices-templates")]
+    pub(crate) vertices: Vec<Position>,
+}
+
+/// One city object.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct CityObject {
+    #[serde(rename = "type")]
+    pub(crate) kind: String,
+    pub(crate) geometry: Option<Vec<Geometry>>,
+}
+
+/// One geometry of an object.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Geometry {
+    #[serde(rename = "type")]
+    pub(crate) kind: String,
+    pub(crate) lod: Lod,
+    pub(crate) boundaries: Nested,
+    pub(crate) semantics: Option<Semantics>,
+    /// By theme.
+    pub(crate) material: Option<BTreeMap<String, Values>>,
+    /// By theme.
+    pub(crate) texture: Option<BTreeMap<String, Values>>,
+    pub(crate) template: Option<i64>,
+    #[serde(rename = "transformationMatrix")]
+    pub(crate) matrix: Option<Vec<f64>>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Semantics {
+    pub(crate) surfaces: Vec<Semantic>,
+    pub(crate) values: Nested,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Semantic {
+    #[serde(rename = "type")]
+    pub(crate) kind: String,
+}
+
+/// A material for the whole (`value`) or per surface (`values`).
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Values {
+    pub(crate) value: Nested,
+    pub(crate) values: Nested,
+}
+
+impl Values {
+    pub(crate) fn get(&self) -> &Nested {
+        if self.values == Nested::Null { &self.value } else { &self.values }
+    }
+}
+
+/// What of an object decides which of its geometries are used, read ahead of everything else.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct Outline {
+    #[serde(rename = "type")]
+    pub(crate) kind: String,
+    pub(crate) geometry: Option<Vec<GeometryOutline>>,
+    pub(crate) parents: Option<Vec<String>>,
+    pub(crate) children: Option<Vec<String>>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct GeometryOutline {
+    pub(crate) lod: Lod,
+    pub(crate) template: Option<i64>,
+}
+
+/// A level of detail: a number, written as text since CityJSON 1.1. Unknown is below 0.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub(crate) struct Lod(pub(crate) f64);
+
+impl Default for Lod {
+    fn default() -> Self {
+        Self(-1.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Lod {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Written {
+            Number(f64),
+            Text(String),
+            Other(IgnoredAny),
+        }
+        let value = match Written::deserialize(deserializer)? {
+            Written::Number(number) => Some(number),
+            Written::Text(text) => text.trim().parse().ok(),
+            Written::Other(_) => None,
+        };
+        Ok(value.filter(|lod: &f64| lod.is_finite()).map_or(Self::default(), Self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_compare_as_numbers() {
+        let lods: Vec<Lod> = serde_json::from_str(r#"["2.2", "2.1", 2, "1.3", "0", null, "x"]"#).unwrap();
+        assert!(lods.windows(2).all(|pair| pair[0] >= pair[1]));
+        assert_eq!(lods[2], Lod(2.0));
+        assert_eq!(lods[6], Lod::default());
+    }
+
+    #[test]
+    fn objects_keep_their_order_and_positions_their_faults() {
+        let text = r#"{"CityObjects": {"z": {"a": 1}, "a": 7}, "vertices": [[1, 2.5, 3, 4], [1, null, 3], [9]]}"#;
+        let document: Document<'_> = serde_json::from_str(text).unwrap();
+        let ids: Vec<_> = document.city_objects.0.iter().map(|(id, raw)| (id.as_str(), raw.get())).collect();
+        assert_eq!(ids, [("z", r#"{"a": 1}"#), ("a", "7")]);
+        assert_eq!(document.vertices[0], Position([1.0, 2.5, 3.0]));
+        assert!(document.vertices[1].0[1].is_nan() && document.vertices[2].0[1].is_nan());
+    }
+}

@@ -1,0 +1,105 @@
+//! CityJSONSeq: a header line, then one feature a line, each read and dropped.
+//!
+//! In: lines. Out: objects in the builder and a [`SourceReport`]. Next: `builder`.
+
+use std::io::BufRead;
+
+use super::geometry::ObjectReader;
+use super::model::Document;
+use super::{Batch, Shared, begin, lenient, read_objects, without_mark};
+use crate::read::Reading;
+use crate::read::error::{ReadError, json_message};
+use crate::read::report::{Format, SourceReport};
+use crate::read::source::{Source, next_line};
+
+/// After how many lines progress is told.
+const TICK_LINES: usize = 64;
+
+/// Reads a sequence. A broken header is an error, a broken line a reported skip.
+pub(super) fn read(
+    reading: &mut Reading<'_>,
+    source: &Source<'_>,
+    lines: &mut dyn BufRead,
+    tick: &dyn Fn(),
+) -> Result<SourceReport, ReadError> {
+    let limit = usize::try_from(reading.options.max_line_bytes).unwrap_or(usize::MAX);
+    let mut line = Vec::new();
+    let mut next =
+        |line: &mut Vec<u8>| next_line(lines, line, limit).map_err(|cause| ReadError::io(&source.label, cause));
+    if next(&mut line)? == Some(false) {
+        let what = "the header line's length in bytes".to_owned();
+        return Err(ReadError::TooLarge { path: source.label.clone(), what, limit: limit as u64 });
+    }
+    let first = without_mark(&line).to_vec();
+    let mut header: Document<'_> =
+        serde_json::from_slice(&first).map_err(|error| ReadError::json(&source.label, &error))?;
+    if header.kind.as_deref() != Some("CityJSON") {
+        let what = "its first line is no CityJSON header";
+        return Err(ReadError::unsupported(&source.label, what));
+    }
+    let mut report = begin(reading, source, &header, Format::CityJsonSeq)?;
+    let appearance = header.appearance.take().unwrap_or_default();
+    let templates = header.templates.take().unwrap_or_default();
+    let shared = Shared { transform: header.transform, templates: &templates, appearance: &appearance };
+    // A header may hold objects too.
+    feature(reading, source, &shared, &header, &mut report);
+    let mut number = 1;
+    while let Some(whole) = next(&mut line)? {
+        number += 1;
+        if !whole {
+            report.skip("line too long", || format!("line {number}: more than {limit} bytes"));
+        } else if !line.trim_ascii().is_empty() {
+            parse(&line, number, &mut report, |document, report| {
+                feature(reading, source, &shared, document, report);
+            });
+        }
+        if number % TICK_LINES == 0 {
+            tick();
+        }
+    }
+    Ok(report)
+}
+
+/// Hands a line's feature on, or notes why there is none.
+fn parse(
+    line: &[u8],
+    number: usize,
+    report: &mut SourceReport,
+    mut then: impl FnMut(&Document<'_>, &mut SourceReport),
+) {
+    let clean;
+    let document = match serde_json::from_slice::<Document<'_>>(line) {
+        Ok(document) => Ok(document),
+        Err(error) => match lenient::without_odd_numbers(line) {
+            None => Err(error),
+            Some(text) => {
+                clean = text;
+                serde_json::from_slice(&clean)
+            }
+        },
+    };
+    match document {
+        Ok(document) if document.kind.as_deref() == Some("CityJSONFeature") => then(&document, report),
+        Ok(document) => {
+            let kind = document.kind.unwrap_or_default();
+            report.skip("line is no feature", || format!("line {number}: its type is \"{kind}\""));
+        }
+        Err(error) => {
+            let detail = || format!("line {number}, column {}: {}", error.column(), json_message(&error));
+            report.skip("broken line", detail);
+        }
+    }
+}
+
+fn feature(
+    reading: &mut Reading<'_>,
+    source: &Source<'_>,
+    shared: &Shared<'_>,
+    document: &Document<'_>,
+    report: &mut SourceReport,
+) {
+    let objects: Vec<(&str, &str)> = document.city_objects.0.iter().map(|(id, raw)| (&**id, raw.get())).collect();
+    let appearance = document.appearance.as_ref().unwrap_or(shared.appearance);
+    let batch = Batch { objects: &objects, vertices: &document.vertices, appearance };
+    read_objects(ObjectReader::new(reading, source, report), shared, &batch, &|_| {});
+}

@@ -1,0 +1,191 @@
+//! City files of several formats to one scene.
+//!
+//! In: files, folders or embedded bytes. Out: [`Scene`] and [`ReadReport`]. Next: `partition`.
+
+mod builder;
+mod cityjson;
+mod error;
+mod obj;
+mod palette;
+mod polygon;
+mod report;
+mod source;
+#[cfg(test)]
+mod tests;
+mod texture;
+
+use std::path::PathBuf;
+
+pub use error::ReadError;
+pub use palette::Palette;
+pub use report::{Format, ReadReport, SourceReport, Tally};
+pub use source::ReadProgress;
+
+use crate::scene::Scene;
+use builder::SceneBuilder;
+use polygon::Triangulator;
+use source::{NamedAs, Source, named_as};
+use texture::TextureStore;
+
+/// Which axis of an OBJ points up; CityJSON's is always z.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Up {
+    /// x east, y north.
+    #[default]
+    Z,
+    /// x east, z south, as modelling programs export.
+    Y,
+}
+
+/// How to read, and how much.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Which axis of an OBJ points up.
+    pub obj_up: Up,
+    /// A picture of more pixels is not decoded.
+    pub max_texture_pixels: u64,
+    /// A source of more unpacked bytes is refused.
+    pub max_source_bytes: u64,
+    /// A line of a CityJSONSeq of more bytes is skipped.
+    pub max_line_bytes: u64,
+    /// Colours where the source has none.
+    pub palette: Palette,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        Self {
+            obj_up: Up::Z,
+            max_texture_pixels: 64 << 20,
+            max_source_bytes: 8 << 30,
+            max_line_bytes: 256 << 20,
+            palette: Palette::default(),
+        }
+    }
+}
+
+/// Tells how many bytes of the current source are done.
+pub(crate) type Tick<'a> = &'a dyn Fn(u64);
+
+/// What all sources of one reading share.
+pub(crate) struct Reading<'o> {
+    pub(crate) options: &'o ReadOptions,
+    pub(crate) builder: SceneBuilder,
+    pub(crate) textures: TextureStore,
+    pub(crate) triangulator: Triangulator,
+    /// Number of the source that is being read.
+    pub(crate) source: usize,
+    /// The first coordinate system named, and by which source.
+    crs: Option<(String, String)>,
+}
+
+impl<'o> Reading<'o> {
+    fn new(options: &'o ReadOptions) -> Self {
+        Self {
+            options,
+            builder: SceneBuilder::default(),
+            textures: TextureStore::new(options.max_texture_pixels),
+            triangulator: Triangulator::new(),
+            source: 0,
+            crs: None,
+        }
+    }
+
+    /// A source without a system is taken to lie in that of the others.
+    pub(crate) fn agree_on_crs(&mut self, path: &str, crs: Option<&str>) -> Result<(), ReadError> {
+        let Some(crs) = crs else { return Ok(()) };
+        match &self.crs {
+            None => self.crs = Some((crs.to_owned(), path.to_owned())),
+            Some((first, _)) if first == crs => {}
+            Some((first_crs, first_path)) => {
+                return Err(ReadError::CrsMismatch {
+                    path: path.to_owned(),
+                    crs: crs.to_owned(),
+                    first_path: first_path.clone(),
+                    first_crs: first_crs.clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Reads files and folders (every city file directly in them, by name) into one scene.
+///
+/// # Errors
+///
+/// If a source cannot be read at all, if sources disagree on the coordinate system, or if no triangle comes of them.
+/// Faults of single objects are in the report instead.
+pub fn read(
+    inputs: &[PathBuf],
+    options: &ReadOptions,
+    progress: &dyn Fn(ReadProgress),
+) -> Result<(Scene, ReadReport), ReadError> {
+    read_sources(&source::list(inputs)?, options, progress)
+}
+
+/// Reads city files from memory. Each is named as it would be on disk; material libraries and pictures are found
+/// among the given files by the name that the city file has for them.
+///
+/// # Errors
+///
+/// As [`read`].
+pub fn read_embedded(
+    files: &[(&str, &[u8])],
+    options: &ReadOptions,
+    progress: &dyn Fn(ReadProgress),
+) -> Result<(Scene, ReadReport), ReadError> {
+    read_sources(&source::embedded(files), options, progress)
+}
+
+fn read_sources(
+    sources: &[Source<'_>],
+    options: &ReadOptions,
+    progress: &dyn Fn(ReadProgress),
+) -> Result<(Scene, ReadReport), ReadError> {
+    if sources.is_empty() {
+        return Err(ReadError::NoSource { path: "the input".to_owned() });
+    }
+    let bytes_total = sources.iter().map(|source| source.bytes).sum();
+    let mut reading = Reading::new(options);
+    let mut report = ReadReport::default();
+    let mut bytes_before = 0;
+    for source in sources {
+        let tick = |done: u64| {
+            progress(ReadProgress { bytes_done: bytes_before + done.min(source.bytes), bytes_total });
+        };
+        tick(0);
+        reading.source = report.sources.len();
+        match read_source(&mut reading, source, &tick)? {
+            Some(read) => report.sources.push(read),
+            None => report.ignored.push(source.label.clone()),
+        }
+        bytes_before += source.bytes;
+    }
+    progress(ReadProgress { bytes_done: bytes_total, bytes_total });
+    let mut scene = reading.builder.finish(&mut report.sources);
+    scene.crs = reading.crs.map(|(crs, _)| crs);
+    report.objects = scene.objects.len() as u64;
+    report.triangles = scene.triangles.len() as u64;
+    report.crs.clone_from(&scene.crs);
+    if scene.triangles.is_empty() { Err(empty(sources, &report)) } else { Ok((scene, report)) }
+}
+
+fn read_source(
+    reading: &mut Reading<'_>,
+    source: &Source<'_>,
+    tick: Tick<'_>,
+) -> Result<Option<SourceReport>, ReadError> {
+    match named_as(&source.name) {
+        Some(NamedAs::Json | NamedAs::JsonLines) => cityjson::read(reading, source, tick),
+        Some(NamedAs::Obj) => obj::read(reading, source, tick).map(Some),
+        None => Err(ReadError::unsupported(&source.label, "not a city file by its name")),
+    }
+}
+
+fn empty(sources: &[Source<'_>], report: &ReadReport) -> ReadError {
+    let first = sources.first().map_or("", |source| &source.label);
+    let more = if sources.len() > 1 { format!(" and {} more", sources.len() - 1) } else { String::new() };
+    let hint = report.main_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();
+    ReadError::Empty { sources: format!("{first}{more}"), hint }
+}
