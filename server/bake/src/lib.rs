@@ -1,10 +1,23 @@
 //! Insula's bake: city files in, a baked city out. Knows no HTTP.
 
+pub mod config;
+pub mod error;
 pub mod grid;
 pub mod partition;
+pub mod pipeline;
 pub mod progress;
+pub mod report;
+pub mod lod;
+mod merge;
+pub mod parametrise;
+pub mod sample;
 pub mod read;
 pub mod scene;
 pub mod voxels;
+pub mod write;
 
+pub use config::BakeOptions;
+pub use error::BakeError;
+pub use pipeline::{bake, bake_scene};
 pub use progress::{Progress, Silent};
+pub use report::Report;

@@ -1,0 +1,111 @@
+//! Points on the surfaces, half a cell apart, where colour, normal and occlusion are taken (design 5, step 1).
+//!
+//! In: [`Block`]. Out: [`Candidate`]s. Next: `visibility` counts from where they are seen, `attributes` gives them to voxels.
+
+use super::{
+    local::{Block, LocalTriangle},
+    scan::scan,
+};
+use glam::Vec3;
+
+/// One point of a surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    pub(super) p: Vec3,
+    /// Into the block's triangles.
+    pub(super) triangle: u32,
+    /// Area that it stands for.
+    pub(super) area_m2: f32,
+    /// Cosines of the sky directions from which the front (the normal's side) and the back are seen.
+    pub(super) sky: [f32; 2],
+    /// Directions of any kind from which the front and the back are seen.
+    pub(super) sightings: [u16; 2],
+}
+
+/// All candidates that lie over the block's cells.
+pub(super) fn find(block: &Block) -> Vec<Candidate> {
+    let mut found = Vec::new();
+    let spacing = block.cell_m * 0.5;
+    for (index, triangle) in block.triangles.iter().enumerate() {
+        let shortest = 2.0 * triangle.area_m2 / longest_edge(triangle).1;
+        if shortest < 2.0 * spacing {
+            slice(block, triangle, index as u32, spacing, &mut found);
+        } else {
+            raster(block, triangle, index as u32, spacing, &mut found);
+        }
+    }
+    found
+}
+
+fn push(block: &Block, found: &mut Vec<Candidate>, p: Vec3, triangle: u32, area_m2: f32) {
+    let [width, height] = block.extent_m();
+    // A wall on the block's rim may belong to the cell on its other side: half a cell more, dropped later if it does not.
+    let rim = block.cell_m * 0.5;
+    if p.x >= -rim && p.y >= -rim && p.x < width + rim && p.y < height + rim {
+        found.push(Candidate { p, triangle, area_m2, sky: [0.0; 2], sightings: [0; 2] });
+    }
+}
+
+fn longest_edge(triangle: &LocalTriangle) -> (usize, f32) {
+    let length = |i: usize| triangle.corners[i].distance(triangle.corners[(i + 1) % 3]);
+    (0..3).map(|i| (i, length(i))).fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a })
+}
+
+/// A sliver: cut across its longest edge into pieces of equal length, and those along their height.
+fn slice(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<Candidate>) {
+    let (edge, length) = longest_edge(triangle);
+    let (a, b) = (triangle.corners[edge], triangle.corners[(edge + 1) % 3]);
+    let apex = triangle.corners[(edge + 2) % 3];
+    let n = (length / spacing).ceil().clamp(1.0, 65536.0) as u32;
+    let height = 2.0 * triangle.area_m2 / length;
+    let levels = (height / spacing).ceil().clamp(1.0, 4.0) as u32;
+    for level in 0..levels {
+        // Trapezoid between two lines parallel to the edge; f is the share of the way to the apex.
+        let (f0, f1) = (level as f32 / levels as f32, (level + 1) as f32 / levels as f32);
+        let share = (1.0 - f0) * (1.0 - f0) - (1.0 - f1) * (1.0 - f1);
+        let f = f0 + (f1 - f0) * if level + 1 == levels { 1.0 / 3.0 } else { 0.5 };
+        let pieces = ((n as f32 * (1.0 - f0)).ceil() as u32).max(1);
+        for i in 0..pieces {
+            let along = (i as f32 + 0.5) / pieces as f32;
+            let p = a.lerp(b, along).lerp(apex, f);
+            push(block, found, p, index, triangle.area_m2 * share / pieces as f32);
+        }
+    }
+}
+
+/// A broad triangle: the points of the world's grid on the plane of its two smaller axes.
+fn raster(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<Candidate>) {
+    let n = triangle.normal.abs();
+    let main = if n.z >= n.x && n.z >= n.y {
+        2
+    } else if n.x >= n.y {
+        0
+    } else {
+        1
+    };
+    let (u, v) = ((main + 1) % 3, (main + 2) % 3);
+    let low = triangle.corners.iter().fold(Vec3::MAX, |m, c| m.min(*c));
+    let high = triangle.corners.iter().fold(Vec3::MIN, |m, c| m.max(*c));
+    // Only the block's part of what may be a large triangle.
+    let [width, height] = block.extent_m();
+    let floor = Vec3::new(-block.cell_m, -block.cell_m, f32::MIN).max(low);
+    let ceiling = Vec3::new(width + block.cell_m, height + block.cell_m, f32::MAX).min(high);
+    if floor.cmpgt(ceiling).any() {
+        return;
+    }
+    let start = (floor / spacing).floor() * spacing;
+    let size = [u, v].map(|axis| ((ceiling[axis] - start[axis]) / spacing).ceil().clamp(0.0, 65536.0) as usize + 1);
+    let corners = triangle.corners.map(|c| [c[u] - start[u], c[v] - start[v]]);
+    let origin = triangle.corners[0];
+    let area_m2 = spacing * spacing / n[main];
+    scan(corners, spacing, size, |row, first, end| {
+        for column in first..end {
+            let mut p = Vec3::ZERO;
+            p[u] = start[u] + (column as f32 + 0.5) * spacing;
+            p[v] = start[v] + (row as f32 + 0.5) * spacing;
+            let slope = triangle.normal[u] * (p[u] - origin[u]) + triangle.normal[v] * (p[v] - origin[v]);
+            p[main] = origin[main] - slope / triangle.normal[main];
+            push(block, found, p, index, area_m2);
+        }
+    });
+}

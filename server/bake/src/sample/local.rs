@@ -1,0 +1,104 @@
+//! A block's triangles in its own coordinates.
+//!
+//! In: [`BlockInput`]. Out: [`Block`]. Next: every other step of `sample`.
+
+use super::{BlockInput, SampleSettings};
+use crate::scene::ObjectKind;
+use glam::Vec3;
+use insula_protocol::NODE_CELLS;
+
+/// A triangle, metres from the block's south-west corner at the grid's height zero.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LocalTriangle {
+    pub(super) corners: [Vec3; 3],
+    /// Unit normal as the source turns it; terrain's points up.
+    pub(super) normal: Vec3,
+    pub(super) area_m2: f32,
+    pub(super) terrain: bool,
+    pub(super) object: u32,
+    /// Lowest point of its object.
+    pub(super) base_z_m: f32,
+    /// Index into the scene's triangles.
+    pub(super) source: u32,
+}
+
+/// A rectangle of whole leaves, and all triangles around it.
+#[derive(Debug)]
+pub(super) struct Block {
+    pub(super) triangles: Vec<LocalTriangle>,
+    pub(super) cell_m: f32,
+    /// Width and height in cells.
+    pub(super) cells: [usize; 2],
+    /// South-west leaf, in leaves of the city.
+    pub(super) first_leaf: [u32; 2],
+    /// Lowest and highest point of what lies inside.
+    pub(super) z_range: [f32; 2],
+    /// How many directions over the horizon it is looked at from.
+    pub(super) sky_directions: u32,
+}
+
+impl Block {
+    /// `None` without leaves.
+    pub(super) fn new(input: &BlockInput<'_>, settings: &SampleSettings) -> Option<Self> {
+        let xs = input.leaves.iter().map(|l| l.x());
+        let ys = input.leaves.iter().map(|l| l.y());
+        let first_leaf = [xs.clone().min()?, ys.clone().min()?];
+        let count = [xs.max()? - first_leaf[0] + 1, ys.max()? - first_leaf[1] + 1];
+        let side = input.grid.node_side_m(input.grid.depth);
+        let corner = [
+            input.grid.corner[0] + f64::from(first_leaf[0]) * side,
+            input.grid.corner[1] + f64::from(first_leaf[1]) * side,
+            input.grid.corner[2],
+        ];
+        let triangles: Vec<LocalTriangle> = input.triangles.iter().filter_map(|i| local(input, *i, corner)).collect();
+        let extent = count.map(|n| (f64::from(n) * side) as f32);
+        let z_range = heights(&triangles, extent);
+        let cells = count.map(|n| n as usize * NODE_CELLS);
+        let (cell_m, sky_directions) = (input.grid.cell_m as f32, settings.sky_directions);
+        Some(Self { triangles, cell_m, cells, first_leaf, z_range, sky_directions })
+    }
+
+    /// Width and height in metres.
+    pub(super) fn extent_m(&self) -> [f32; 2] {
+        self.cells.map(|n| n as f32 * self.cell_m)
+    }
+}
+
+fn local(input: &BlockInput<'_>, index: u32, corner: [f64; 3]) -> Option<LocalTriangle> {
+    let triangle = input.scene.triangles.get(index as usize)?;
+    let object = input.scene.objects.get(triangle.object as usize)?;
+    let corners = triangle
+        .corners
+        .map(|c| Vec3::from_array(std::array::from_fn(|axis| (f64::from(c[axis]) - corner[axis]) as f32)));
+    let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let length = cross.length();
+    if !length.is_finite() || length <= 1e-9 {
+        return None;
+    }
+    let terrain = object.kind == ObjectKind::Terrain;
+    let normal = cross / length;
+    Some(LocalTriangle {
+        corners,
+        normal: if terrain && normal.z < 0.0 { -normal } else { normal },
+        area_m2: length * 0.5,
+        terrain,
+        object: triangle.object,
+        base_z_m: (f64::from(object.base_z_m) - corner[2]) as f32,
+        source: index,
+    })
+}
+
+/// Of what overlaps the block; `[0, 0]` if nothing does.
+fn heights(triangles: &[LocalTriangle], extent: [f32; 2]) -> [f32; 2] {
+    let inside = |t: &&LocalTriangle| {
+        let low = t.corners.iter().fold(Vec3::MAX, |m, c| m.min(*c));
+        let high = t.corners.iter().fold(Vec3::MIN, |m, c| m.max(*c));
+        low.x < extent[0] && low.y < extent[1] && high.x > 0.0 && high.y > 0.0
+    };
+    let range = triangles
+        .iter()
+        .filter(inside)
+        .flat_map(|t| t.corners)
+        .fold([f32::MAX, f32::MIN], |[low, high], c| [low.min(c.z), high.max(c.z)]);
+    if range[0] > range[1] { [0.0; 2] } else { range }
+}

@@ -1,0 +1,207 @@
+//! From where the samples are seen: space carving by maps of the nearest triangle (Vacca 2008, 3.4.1; design 5, step 2).
+//!
+//! In: [`Block`], crossings and candidates. Out: their sightings. Next: `solids`, `attributes`.
+//!
+//! A map keeps the nearest triangle's id, and a sample asks that triangle's plane: depths compared at texel centres leak.
+
+use super::{
+    SampleSettings,
+    candidates::Candidate,
+    crossings::{Crossing, Crossings},
+    directions,
+    local::{Block, LocalTriangle},
+    scan::scan,
+};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Sky directions that crossings look at: half of the geometry's 64, the other half of which would look from below.
+const CROSSING_DIRECTIONS: usize = 48;
+/// Sky directions after which a candidate's back that was never seen is given up.
+const BACK_DIRECTIONS: usize = 16;
+/// Samples a task.
+const CHUNK: usize = 4096;
+
+/// Looks at the block from everywhere.
+pub(super) fn look(block: &Block, settings: &SampleSettings, crossings: &mut Crossings, candidates: &mut [Candidate]) {
+    let mut pending: Vec<u32> = (0..crossings.list.len() as u32)
+        .filter(|i| crossings.list[*i as usize].wants(true) || crossings.list[*i as usize].wants(false))
+        .collect();
+    let mut map = Map::default();
+    let low = directions::low(settings.low_directions);
+    for (i, direction) in low.iter().enumerate() {
+        map.draw(block, *direction);
+        sight_crossings(block, &map, crossings, &mut pending);
+        sight_candidates(block, &map, candidates, i < BACK_DIRECTIONS);
+    }
+    for (i, direction) in directions::sky(settings.sky_directions).iter().enumerate() {
+        map.draw(block, *direction);
+        if i < CROSSING_DIRECTIONS {
+            sight_crossings(block, &map, crossings, &mut pending);
+        }
+        sight_candidates(block, &map, candidates, i < BACK_DIRECTIONS);
+    }
+}
+
+fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending: &mut Vec<u32>) {
+    let (lines, step, offset) = (crossings.lines[0], crossings.step_m, crossings.offset_m);
+    let look = |c: &Crossing| {
+        let triangle = &block.triangles[c.triangle as usize];
+        let up = if triangle.normal.z > 0.0 { triangle.normal } else { -triangle.normal };
+        let above = up.dot(map.w) > 0.0;
+        let place = |i: usize| (i as f32 + 0.5) * step + offset;
+        let p = Vec3::new(place(c.line as usize % lines), place(c.line as usize / lines), c.z);
+        (c.wants(above) && map.sees(block, p, if above { up } else { -up }, c.triangle)).then_some(above)
+    };
+    let list = &crossings.list;
+    let sighted: Vec<(u32, bool)> = pending
+        .par_chunks(CHUNK)
+        .flat_map_iter(|chunk| chunk.iter().filter_map(|i| Some((*i, look(&list[*i as usize])?))).collect::<Vec<_>>())
+        .collect();
+    for (i, above) in sighted {
+        crossings.list[i as usize].sighted(above);
+    }
+    let list = &crossings.list;
+    pending.retain(|i| list[*i as usize].wants(true) || list[*i as usize].wants(false));
+}
+
+fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], backs: bool) {
+    candidates.par_chunks_mut(CHUNK).for_each(|chunk| {
+        for candidate in chunk {
+            let triangle = &block.triangles[candidate.triangle as usize];
+            let cos = triangle.normal.dot(map.w);
+            let side = usize::from(cos < 0.0);
+            if side == 1 && (triangle.terrain || !(backs || candidate.sightings[1] > 0)) {
+                continue;
+            }
+            let normal = if side == 1 { -triangle.normal } else { triangle.normal };
+            if map.sees(block, candidate.p, normal, candidate.triangle) {
+                candidate.sightings[side] += 1;
+                if map.w.z > 0.0 {
+                    candidate.sky[side] += cos.abs();
+                }
+            }
+        }
+    });
+}
+
+/// The nearest triangles as seen from one direction.
+#[derive(Debug, Default)]
+struct Map {
+    u: Vec3,
+    v: Vec3,
+    /// Towards the viewer.
+    w: Vec3,
+    corner: Vec2,
+    texel_m: f32,
+    size: [usize; 2],
+    /// Triangle + 1, 0 where there is none.
+    ids: Vec<u32>,
+    depths: Vec<f32>,
+    /// Per triangle: `w = x * u + y * v + z` in map coordinates.
+    planes: Vec<Vec3>,
+    tolerance_m: f32,
+}
+
+impl Map {
+    fn draw(&mut self, block: &Block, direction: Vec3) {
+        self.aim(block, direction);
+        self.ids.clear();
+        self.ids.resize(self.size[0] * self.size[1], 0);
+        self.depths.clear();
+        self.depths.resize(self.size[0] * self.size[1], f32::NEG_INFINITY);
+        self.planes.clear();
+        self.planes.resize(block.triangles.len(), Vec3::ZERO);
+        for (index, triangle) in block.triangles.iter().enumerate() {
+            self.draw_triangle(triangle, index);
+        }
+    }
+
+    /// Axes and extent: what the block's box projects to.
+    fn aim(&mut self, block: &Block, direction: Vec3) {
+        self.w = direction;
+        (self.u, self.v) = direction.any_orthonormal_pair();
+        self.texel_m = block.cell_m * 0.5;
+        self.tolerance_m = block.cell_m * 0.02;
+        let [width, height] = block.extent_m();
+        let rim = block.cell_m;
+        let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
+        for i in 0..8 {
+            let corner = Vec3::new(
+                if i & 1 == 0 { -rim } else { width + rim },
+                if i & 2 == 0 { -rim } else { height + rim },
+                block.z_range[i >> 2] + if i & 4 == 0 { -rim } else { rim },
+            );
+            let p = self.flat(corner);
+            (low, high) = (low.min(p), high.max(p));
+        }
+        self.corner = low - self.texel_m;
+        let size = ((high - self.corner) / self.texel_m).ceil() + 2.0;
+        self.size = [size.x as usize, size.y as usize];
+    }
+
+    fn flat(&self, p: Vec3) -> Vec2 {
+        Vec2::new(p.dot(self.u), p.dot(self.v))
+    }
+
+    fn draw_triangle(&mut self, triangle: &LocalTriangle, index: usize) {
+        let cos = triangle.normal.dot(self.w);
+        if cos.abs() < 1e-3 || (triangle.terrain && cos < 0.0) {
+            return;
+        }
+        let corners = triangle.corners.map(|c| self.flat(c) - self.corner);
+        // On the plane, n.p is constant: w = (n.c - n.u * u - n.v * v) / n.w.
+        let (a, b) = (-triangle.normal.dot(self.u) / cos, -triangle.normal.dot(self.v) / cos);
+        let first = corners[0];
+        let plane = Vec3::new(a, b, triangle.corners[0].dot(self.w) - a * first.x - b * first.y);
+        self.planes[index] = plane;
+        let width = self.size[0];
+        let (texel, ids, depths) = (self.texel_m, &mut self.ids, &mut self.depths);
+        scan(corners.map(|c| [c.x, c.y]), texel, self.size, |row, first, end| {
+            let base = plane.y * (row as f32 + 0.5) * texel + plane.z;
+            let run = row * width + first..row * width + end;
+            for (i, (depth, id)) in depths[run.clone()].iter_mut().zip(&mut ids[run]).enumerate() {
+                let w = plane.x * ((first + i) as f32 + 0.5) * texel + base;
+                if w > *depth {
+                    *depth = w;
+                    *id = index as u32 + 1;
+                }
+            }
+        });
+    }
+
+    /// Whether the surface at `p` with `normal` (towards the viewer) of `triangle` is seen: the triangles in all four texels
+    /// around let it be.
+    fn sees(&self, block: &Block, p: Vec3, normal: Vec3, triangle: u32) -> bool {
+        let at = self.flat(p) - self.corner;
+        let w = p.dot(self.w);
+        let texel = at / self.texel_m - 0.5;
+        let (x, y) = (texel.x.floor(), texel.y.floor());
+        if x < 0.0 || y < 0.0 {
+            return true;
+        }
+        let (x, y) = (x as usize, y as usize);
+        if x + 1 >= self.size[0] || y + 1 >= self.size[1] {
+            return true;
+        }
+        let first = y * self.size[0] + x;
+        let second = first + self.size[0];
+        let mut last = triangle + 1;
+        for id in [self.ids[first], self.ids[first + 1], self.ids[second], self.ids[second + 1]] {
+            if id == 0 || id == triangle + 1 || id == last {
+                continue;
+            }
+            last = id;
+            let plane = self.planes[id as usize - 1];
+            if plane.x * at.x + plane.y * at.y + plane.z <= w + self.tolerance_m {
+                continue;
+            }
+            // A triangle wholly behind the sample's own plane hides nothing of it: its plane was asked beyond its rim.
+            let other = &block.triangles[id as usize - 1];
+            if other.corners.iter().any(|c| normal.dot(*c - p) > self.tolerance_m) {
+                return false;
+            }
+        }
+        true
+    }
+}
