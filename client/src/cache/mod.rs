@@ -1,0 +1,304 @@
+//! The atlas: decoded nodes in a fixed number of bytes.
+//!
+//! In: [`PackedNode`]s, which nodes each frame uses. Out: [`Placed`] nodes, words handed to an [`Upload`]. Next:
+//! `render::frame` points the ray-caster at them.
+//!
+//! The memory is taken once and never exceeded. Least recently used goes first; what the current frame uses (the cut and
+//! its ancestors) is pinned. Knows no wgpu: tests use a fake, the CPU ray-caster a vector.
+
+mod pages;
+
+use insula_protocol::TileId;
+use insula_shaders::{
+    layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
+    pack::PackedNode,
+};
+use lru::LruCache;
+use pages::Pool;
+
+/// Bytes of a page.
+pub const PAGE_BYTES: u64 = PAGE_WORDS as u64 * 4;
+
+/// Where the words go.
+pub trait Upload {
+    /// Writes one page of the atlas.
+    fn page(&mut self, page: u32, words: &[u32]);
+    /// Writes one node's summary.
+    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]);
+}
+
+/// A resident node: where it is, and what the ray-caster must know of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// Atlas pages, planes first.
+    pub pages: Vec<u32>,
+    /// Place of its summary.
+    pub slot: u32,
+    /// Side of a column.
+    pub cell_m: f32,
+    /// Metres of a height code.
+    pub z_step_m: f32,
+    /// Height of code 0 above the city's origin.
+    pub z_base_m: f64,
+    /// Lowest and highest point in codes.
+    pub z_range: [f32; 2],
+    /// The map's `z_shift`.
+    pub z_shift: u32,
+    last_frame: u64,
+}
+
+/// What became of a node that was to be placed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Placement {
+    /// It is in; these had to go.
+    Placed {
+        /// Least recently used first.
+        evicted: Vec<TileId>,
+    },
+    /// Everything that could go is in use: it is not in. What had gone before that was known is gone.
+    Full {
+        /// Least recently used first.
+        evicted: Vec<TileId>,
+    },
+}
+
+/// The atlas's owner.
+#[derive(Debug)]
+pub struct Cache {
+    nodes: LruCache<TileId, Placed>,
+    pages: Pool,
+    slots: Pool,
+    frame: u64,
+    peak_pages: u32,
+}
+
+/// Slots that `pages` pages can ever need: a node takes [`PLANES`] at least.
+pub const fn slots_for(pages: u32) -> u32 {
+    let slots = pages / PLANES as u32;
+    if slots == 0 { 1 } else { slots }
+}
+
+/// Pages that fit `bytes`, summaries included.
+pub const fn pages_for(bytes: u64) -> u32 {
+    let per_page = PAGE_BYTES + (SUMMARY_WORDS as u64 * 4) / PLANES as u64;
+    let pages = bytes / per_page;
+    if pages > u32::MAX as u64 / PAGE_WORDS as u64 { u32::MAX / PAGE_WORDS as u32 } else { pages as u32 }
+}
+
+impl Cache {
+    /// Empty, with room for `pages` pages.
+    pub fn new(pages: u32) -> Self {
+        Self {
+            nodes: LruCache::unbounded(),
+            pages: Pool::new(pages),
+            slots: Pool::new(slots_for(pages)),
+            frame: 1,
+            peak_pages: 0,
+        }
+    }
+
+    /// A new frame: nothing is pinned until it is used.
+    pub fn begin_frame(&mut self) {
+        self.frame += 1;
+    }
+
+    /// Pins `id` for this frame. Touch what may go first among equals first.
+    pub fn touch(&mut self, id: TileId) {
+        if let Some(node) = self.nodes.get_mut(&id) {
+            node.last_frame = self.frame;
+        }
+    }
+
+    /// A resident node.
+    pub fn get(&self, id: TileId) -> Option<&Placed> {
+        self.nodes.peek(&id)
+    }
+
+    /// Puts `node` in, evicting what is least recently used and not pinned. A node that is in already is placed anew.
+    pub fn place(&mut self, id: TileId, mut node: PackedNode, upload: &mut impl Upload) -> Placement {
+        self.remove(id);
+        let wanted = node.pages.len() as u32;
+        let mut evicted = Vec::new();
+        while self.pages.free() < wanted || self.slots.free() == 0 {
+            match self.evict() {
+                Some(id) => evicted.push(id),
+                None => return Placement::Full { evicted },
+            }
+        }
+        let (Some(pages), Some(slot)) = (self.pages.take(wanted), self.slots.take(1)) else {
+            return Placement::Full { evicted };
+        };
+        node.relocate(&pages);
+        for (page, words) in pages.iter().zip(&node.pages) {
+            upload.page(*page, words);
+        }
+        upload.summary(slot[0], &node.summary);
+        let PackedNode { cell_m, z_step_m, z_base_m, z_range, z_shift, .. } = node;
+        let (slot, last_frame) = (slot[0], self.frame);
+        self.nodes.put(id, Placed { pages, slot, cell_m, z_step_m, z_base_m, z_range, z_shift, last_frame });
+        self.peak_pages = self.peak_pages.max(self.pages.used());
+        Placement::Placed { evicted }
+    }
+
+    fn evict(&mut self) -> Option<TileId> {
+        let (id, node) = self.nodes.peek_lru()?;
+        let id = *id;
+        if node.last_frame >= self.frame {
+            return None;
+        }
+        self.remove(id);
+        Some(id)
+    }
+
+    /// Takes a node out.
+    pub fn remove(&mut self, id: TileId) {
+        if let Some(node) = self.nodes.pop(&id) {
+            self.pages.give(node.pages);
+            self.slots.give([node.slot]);
+        }
+    }
+
+    /// Resident nodes.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether nothing is resident.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Pages in all.
+    pub fn capacity_pages(&self) -> u32 {
+        self.pages.count()
+    }
+
+    /// Pages that nobody owns.
+    pub fn free_pages(&self) -> u32 {
+        self.pages.free()
+    }
+
+    /// Bytes that nodes take now.
+    pub fn used_bytes(&self) -> u64 {
+        u64::from(self.pages.used()) * PAGE_BYTES
+    }
+
+    /// Most bytes that nodes ever took.
+    pub fn peak_bytes(&self) -> u64 {
+        u64::from(self.peak_pages) * PAGE_BYTES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_protocol::{
+        BlockMap, Texel,
+        blockmap::{COLUMNS, Column, Strip, strip_rows},
+    };
+    use std::collections::HashMap;
+
+    /// Remembers what was written where; every page that a node names must hold that node's words.
+    #[derive(Default)]
+    struct Fake {
+        pages: HashMap<u32, Vec<u32>>,
+        summaries: HashMap<u32, [u32; SUMMARY_WORDS]>,
+    }
+
+    impl Upload for Fake {
+        fn page(&mut self, page: u32, words: &[u32]) {
+            assert_eq!(words.len(), PAGE_WORDS);
+            self.pages.insert(page, words.to_vec());
+        }
+        fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+            self.summaries.insert(slot, *words);
+        }
+    }
+
+    /// No page or slot has two owners, none is lost, none lies outside.
+    fn assert_no_leak(cache: &Cache) {
+        let mut pages: Vec<u32> = cache.nodes.iter().flat_map(|(_, n)| n.pages.clone()).collect();
+        let mut slots: Vec<u32> = cache.nodes.iter().map(|(_, n)| n.slot).collect();
+        assert_eq!(pages.len() as u32, cache.pages.used());
+        assert_eq!(slots.len() as u32, cache.slots.used());
+        for numbers in [&mut pages, &mut slots] {
+            let len = numbers.len();
+            numbers.sort_unstable();
+            numbers.dedup();
+            assert_eq!(numbers.len(), len, "two owners");
+        }
+        assert!(pages.last().is_none_or(|p| *p < cache.capacity_pages()));
+    }
+
+    fn id(x: u32) -> TileId {
+        TileId::new(10, x, 0).unwrap()
+    }
+
+    /// A node of `PLANES + strip_pages` pages whose roofs say `mark`.
+    fn node(mark: u8, strip_pages: usize) -> PackedNode {
+        let mut columns = vec![None; COLUMNS];
+        for i in 0..strip_pages {
+            let rows = strip_rows(0, 4095, 4).1;
+            let texels = vec![Texel::new([mark; 3], 63, 3); usize::from(rows)];
+            let strip = Some(Strip { texels, azimuth: 0 });
+            columns[i] = Some(Column { z_max: 4095, strip, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
+        }
+        columns[100] = Some(Column { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
+        PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap())
+    }
+
+    fn mark_of(cache: &Cache, fake: &Fake, id: TileId) -> Option<u8> {
+        let placed = cache.get(id)?;
+        Some(Texel(fake.pages[&placed.pages[1]][100]).rgb()[0])
+    }
+
+    #[test]
+    fn least_recently_used_goes_first_and_the_frame_s_nodes_stay() {
+        let (mut cache, mut fake) = (Cache::new(16), Fake::default());
+        for x in 0..4 {
+            assert_eq!(cache.place(id(x), node(x as u8, 0), &mut fake), Placement::Placed { evicted: vec![] });
+        }
+        assert_no_leak(&cache);
+        cache.begin_frame();
+        cache.touch(id(0));
+        assert_eq!(cache.place(id(9), node(9, 0), &mut fake), Placement::Placed { evicted: vec![id(1)] });
+        assert_eq!(mark_of(&cache, &fake, id(0)), Some(0));
+        assert_eq!(mark_of(&cache, &fake, id(9)), Some(9));
+        [id(2), id(3)].into_iter().for_each(|id| cache.touch(id));
+        assert_eq!(cache.place(id(5), node(5, 0), &mut fake), Placement::Full { evicted: vec![] });
+        assert_no_leak(&cache);
+    }
+
+    #[test]
+    fn a_thousand_frames_leak_nothing_and_never_exceed() {
+        let (mut cache, mut fake) = (Cache::new(37), Fake::default());
+        let mut marks: HashMap<TileId, u8> = HashMap::new();
+        for frame in 0..1000u32 {
+            cache.begin_frame();
+            let r = |k: u32| frame.wrapping_mul(2_654_435_761).rotate_left(k) >> 7;
+            (0..3).for_each(|k| cache.touch(id(r(k) % 20)));
+            let (at, mark) = (id(r(5) % 20), (frame % 251) as u8);
+            match cache.place(at, node(mark, (r(9) % 3) as usize), &mut fake) {
+                Placement::Placed { evicted } => {
+                    evicted.iter().for_each(|id| assert!(marks.remove(id).is_some() && cache.get(*id).is_none()));
+                    marks.insert(at, mark);
+                }
+                Placement::Full { .. } => panic!("three of at most five pages are pinned"),
+            }
+            assert_no_leak(&cache);
+            for (id, mark) in &marks {
+                assert_eq!(mark_of(&cache, &fake, *id), Some(*mark), "frame {frame}");
+            }
+            assert_eq!(marks.len(), cache.len());
+        }
+        assert!(cache.peak_bytes() <= 37 * PAGE_BYTES && cache.peak_bytes() > 30 * PAGE_BYTES);
+    }
+
+    #[test]
+    fn sizes() {
+        let mib = 1 << 20;
+        assert!(u64::from(pages_for(256 * mib)) * PAGE_BYTES <= 256 * mib);
+        assert!(pages_for(256 * mib) > 16_000);
+        assert_eq!(slots_for(37), 9);
+    }
+}

@@ -1,0 +1,84 @@
+//! `insula snapshot`: a view, as good as the city has it, as a picture.
+//!
+//! In: a server, a camera file. Out: PNG, PFM, report. Next: people and scripts.
+
+use super::connect::connect;
+use crate::{
+    args::{Global, Snapshot},
+    camera::{Camera, CameraFile},
+    error::Result,
+    picture::{write_pfm, write_png},
+    render::{Adapter, Look},
+    scene::Tree,
+    session::{Session, Shot},
+    stream::{Stream, fetch::Http},
+};
+use insula_shaders::layout::Shading;
+use std::{
+    path::Path,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+/// Requests in flight.
+pub(crate) const IN_FLIGHT: usize = 12;
+/// Between two looks at what has arrived.
+const PAUSE: Duration = Duration::from_millis(2);
+
+/// Runs the command.
+pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
+    let camera = CameraFile::read(&args.camera)?;
+    let mut session = start(&args.server, global, None)?;
+    let shot = Shot { camera, heading: None, size_px: args.size, tau_px: global.tau };
+    take(&mut session, &shot, global, args.shading, &args.out)?;
+    if let Some(path) = &args.distance {
+        // One ray a pixel: a distance is that of the pixel's centre.
+        let look = Look { samples: 1, shading: args.shading, ..Look::default() };
+        write_pfm(path, &session.draw(&shot, &look)?)?;
+    }
+    match &args.report {
+        Some(path) => session.report(global.tau).write(path),
+        None => Ok(()),
+    }
+}
+
+/// Connects and sets up a session without a window.
+pub(crate) fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Session> {
+    let started = Instant::now();
+    let http = Arc::new(match http {
+        Some(http) => http,
+        None => Http::new(None)?,
+    });
+    let city = connect(&http, url, global)?;
+    let stream = Stream::new(http, &city.base, IN_FLIGHT, None);
+    let adapter = Adapter::headless(global.adapter, u64::from(global.cache_mib) << 20);
+    Ok(Session::new(Tree::new(city.manifest), stream, adapter, started))
+}
+
+/// Waits until the picture cannot get better, draws it with four rays a pixel and writes it.
+pub(crate) fn take(session: &mut Session, shot: &Shot, global: &Global, shading: Shading, out: &Path) -> Result<()> {
+    settle(session, shot, Duration::from_secs(u64::from(global.timeout)))?;
+    let look = Look { samples: 2, shading, ..Look::default() };
+    let before = Instant::now();
+    let pixels = session.draw(shot, &look)?;
+    session.timed(before.elapsed());
+    write_png(out, &pixels)
+}
+
+/// Streams until nothing better can be fetched.
+pub(crate) fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<()> {
+    loop {
+        session.step(shot);
+        session.check(timeout)?;
+        if session.settled() {
+            return Ok(());
+        }
+        std::thread::sleep(PAUSE);
+    }
+}
+
+/// For commands that have a whole city in view.
+pub(crate) fn overlook(session: &Session, size_px: [u32; 2]) -> Camera {
+    let aspect = f64::from(size_px[0]) / f64::from(size_px[1].max(1));
+    Camera::overlook(session.tree().manifest().bounds, aspect)
+}

@@ -1,0 +1,96 @@
+//! Which ray-caster draws.
+//!
+//! In: `--adapter`, the cache's bytes. Out: [`Adapter`]. Next: `session` uploads to it and draws with it.
+
+use super::{
+    FrameData,
+    cpu::CpuAdapter,
+    gpu::{Device, GpuAdapter},
+};
+use crate::{
+    cache::{Upload, pages_for},
+    error::Result,
+};
+use insula_shaders::{cpu::raycast::Pixels, layout::SUMMARY_WORDS};
+
+/// `--adapter`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum AdapterChoice {
+    /// A graphics device if there is one that works, else the CPU.
+    #[default]
+    Auto,
+    /// The CPU ray-caster.
+    Cpu,
+}
+
+/// For reports and the overlay.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct AdapterInfo {
+    /// As the driver says.
+    pub name: String,
+    /// `vulkan`, `gl`, `metal`, `dx12` or `cpu`.
+    pub backend: String,
+}
+
+impl AdapterInfo {
+    /// The CPU ray-caster's.
+    pub fn cpu() -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self { name: format!("CPU ray-caster, {cores} cores"), backend: "cpu".into() }
+    }
+}
+
+/// A ray-caster with its memory.
+#[derive(Debug)]
+pub enum Adapter {
+    /// On a graphics device.
+    Gpu(Box<GpuAdapter>),
+    /// In main memory.
+    Cpu(CpuAdapter),
+}
+
+impl Adapter {
+    /// Without a window. Says on standard error if there is no graphics device.
+    pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> (Self, AdapterInfo, u32) {
+        let pages = pages_for(cache_bytes);
+        if choice == AdapterChoice::Auto {
+            let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+            let gpu = Device::open(&instance, None, cache_bytes).and_then(|device| GpuAdapter::new(device, pages));
+            match gpu {
+                Ok(gpu) => {
+                    let (info, pages) = (gpu.device.info(), gpu.pages());
+                    return (Self::Gpu(Box::new(gpu)), info, pages);
+                }
+                Err(reason) => {
+                    tracing::debug!("no graphics device: {reason}");
+                    eprintln!("note: no graphics device can be used, the CPU ray-caster draws instead");
+                }
+            }
+        }
+        (Self::Cpu(CpuAdapter::new(pages)), AdapterInfo::cpu(), pages)
+    }
+
+    /// Draws a picture and waits for it.
+    pub fn draw(&mut self, data: &FrameData) -> Result<Pixels> {
+        match self {
+            Self::Gpu(gpu) => gpu.draw(data),
+            Self::Cpu(cpu) => Ok(cpu.draw(data)),
+        }
+    }
+}
+
+impl Upload for Adapter {
+    fn page(&mut self, page: u32, words: &[u32]) {
+        match self {
+            Self::Gpu(gpu) => gpu.page(page, words),
+            Self::Cpu(cpu) => cpu.page(page, words),
+        }
+    }
+
+    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+        match self {
+            Self::Gpu(gpu) => gpu.summary(slot, words),
+            Self::Cpu(cpu) => cpu.summary(slot, words),
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! The CPU ray-caster with its own atlas.
+//!
+//! In: uploads, [`FrameData`]. Out: [`Pixels`]. Next: `session`.
+
+use super::FrameData;
+use crate::cache::{Upload, slots_for};
+use insula_shaders::{
+    cpu::raycast::{Pixels, SceneRef, render},
+    layout::{PAGE_WORDS, SUMMARY_WORDS},
+};
+
+/// Memory of the CPU ray-caster.
+#[derive(Debug)]
+pub struct CpuAdapter {
+    atlas: Vec<u32>,
+    summaries: Vec<u32>,
+}
+
+impl CpuAdapter {
+    /// Room for `pages` pages; the system gives it as it is touched.
+    pub fn new(pages: u32) -> Self {
+        Self {
+            atlas: vec![0; pages as usize * PAGE_WORDS],
+            summaries: vec![0; slots_for(pages) as usize * SUMMARY_WORDS],
+        }
+    }
+
+    /// Draws on all cores.
+    pub fn draw(&self, data: &FrameData) -> Pixels {
+        let FrameData { frame, tree, nodes } = data;
+        render(&SceneRef { frame, tree, nodes, summaries: &self.summaries, atlas: &self.atlas })
+    }
+}
+
+impl Upload for CpuAdapter {
+    fn page(&mut self, page: u32, words: &[u32]) {
+        let at = page as usize * PAGE_WORDS;
+        if let Some(target) = self.atlas.get_mut(at..at + words.len()) {
+            target.copy_from_slice(words);
+        }
+    }
+
+    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+        let at = slot as usize * SUMMARY_WORDS;
+        if let Some(target) = self.summaries.get_mut(at..at + SUMMARY_WORDS) {
+            target.copy_from_slice(words);
+        }
+    }
+}

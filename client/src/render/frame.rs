@@ -1,0 +1,136 @@
+//! What one frame is made of: the arrays of `insula_shaders::layout`.
+//!
+//! In: the cut, the cache, a view, a [`Look`]. Out: [`FrameData`]. Next: `cpu`, `gpu`.
+//!
+//! Places are taken relative to the camera in f64 and only then rounded to f32.
+
+use crate::{
+    cache::{Cache, Placed},
+    camera::View,
+    scene::{NodeIndex, Tree},
+};
+use bytemuck::Zeroable;
+use glam::DVec3;
+use insula_protocol::TileId;
+use insula_shaders::layout::{Frame, Node, Shading, TREE_EMPTY, TREE_NODE_BIT, TreeNode};
+
+/// What is set by taste, not by place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Look {
+    /// What pixels show.
+    pub shading: Shading,
+    /// Rays along a pixel's side, 1 or 2.
+    pub samples: u32,
+    /// Unit vector towards the sun.
+    pub sun: DVec3,
+}
+
+impl Default for Look {
+    /// Lit by an afternoon's sun from the south-west, 45 degrees high.
+    fn default() -> Self {
+        let sun = DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z);
+        Self { shading: Shading::Lit, samples: 1, sun }
+    }
+}
+
+/// Everything that a ray-caster reads besides the atlas.
+#[derive(Debug, Clone)]
+pub struct FrameData {
+    /// Camera and light.
+    pub frame: Frame,
+    /// Inner nodes of the cut's tree; entry 0 is never referred to.
+    pub tree: Vec<TreeNode>,
+    /// The cut.
+    pub nodes: Vec<Node>,
+}
+
+impl FrameData {
+    /// Of a cut whose nodes are all in `cache`; one that is not is left out.
+    pub fn new(cut: &[NodeIndex], tree: &Tree, cache: &Cache, view: &View, look: &Look) -> Self {
+        let eye = view.camera.position;
+        let mut data = Self {
+            frame: frame(tree, view, look),
+            tree: vec![TreeNode::default()],
+            nodes: Vec::with_capacity(cut.len()),
+        };
+        for id in cut.iter().map(|at| tree.node(*at).id) {
+            if let Some(placed) = cache.get(id) {
+                let word = TREE_NODE_BIT | data.nodes.len() as u32;
+                data.nodes.push(node(id, placed, tree, eye));
+                data.hang(id, word);
+            }
+        }
+        data
+    }
+
+    /// Makes the way from the root down to `id` and puts `word` there.
+    fn hang(&mut self, id: TileId, word: u32) {
+        if id == TileId::ROOT {
+            self.frame.root = word;
+            return;
+        }
+        if self.frame.root == TREE_EMPTY {
+            self.frame.root = self.inner();
+        }
+        let mut at = self.frame.root;
+        for child in (1..=id.level()).filter_map(|level| id.ancestor(level)) {
+            if at & TREE_NODE_BIT != 0 {
+                return; // An ancestor is drawn: selection never does that.
+            }
+            let (entry, quadrant) = (at as usize, child.quadrant());
+            if child == id {
+                self.tree[entry].child[quadrant] = word;
+            } else if self.tree[entry].child[quadrant] == TREE_EMPTY {
+                self.tree[entry].child[quadrant] = self.inner();
+            }
+            at = self.tree[entry].child[quadrant];
+        }
+    }
+
+    fn inner(&mut self) -> u32 {
+        self.tree.push(TreeNode::default());
+        self.tree.len() as u32 - 1
+    }
+}
+
+fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
+    let (camera, manifest) = (&view.camera, tree.manifest());
+    let tan_y = (camera.fov_y_rad * 0.5).tan();
+    let corner = DVec3::from(manifest.origin) - camera.position;
+    Frame {
+        forward: camera.forward.as_vec3().to_array(),
+        width_px: view.width_px,
+        right: (camera.right * tan_y * view.aspect()).as_vec3().to_array(),
+        height_px: view.height_px,
+        up: (camera.up * tan_y).as_vec3().to_array(),
+        root: TREE_EMPTY,
+        root_corner: corner.as_vec3().to_array(),
+        root_side_m: manifest.root_side_m as f32,
+        sun: look.sun.as_vec3().to_array(),
+        shading: look.shading as u32,
+        ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
+        ground: 1,
+        samples: look.samples.clamp(1, 2),
+        pad: 0,
+    }
+}
+
+fn node(id: TileId, placed: &Placed, tree: &Tree, eye: DVec3) -> Node {
+    let corner = DVec3::from(tree.manifest().node_corner(id)) + DVec3::Z * placed.z_base_m - eye;
+    let mut node = Node {
+        corner: corner.as_vec3().to_array(),
+        // The manifest's side, so that neighbours meet to the last bit.
+        cell_m: tree.manifest().cell_m_at(id.level()) as f32,
+        z_step_m: placed.z_step_m,
+        z_lo: placed.z_range[0],
+        z_hi: placed.z_range[1],
+        z_shift: placed.z_shift,
+        slot: placed.slot,
+        level: u32::from(id.level()),
+        ..Node::zeroed()
+    };
+    for (plane, page) in node.pages.iter_mut().zip(&placed.pages) {
+        *plane = *page;
+    }
+    node
+}

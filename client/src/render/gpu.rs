@@ -1,0 +1,117 @@
+//! The ray-caster on a graphics device.
+//!
+//! In: uploads, [`FrameData`]. Out: pixels in device memory, or read back. Next: `session`, `ui::window`.
+
+use super::{FrameData, adapter::AdapterInfo};
+use crate::{
+    cache::{PAGE_BYTES, Upload, slots_for},
+    error::{ClientError, Result},
+};
+use insula_shaders::{
+    cpu::raycast::Pixels,
+    gpu::{Capacity, Raycaster},
+    layout::SUMMARY_WORDS,
+};
+
+/// A device, and what it can hold.
+#[derive(Debug, Clone)]
+pub struct Device {
+    /// The adapter, for its surface formats.
+    pub adapter: wgpu::Adapter,
+    /// Makes things.
+    pub device: wgpu::Device,
+    /// Takes work.
+    pub queue: wgpu::Queue,
+    /// Largest storage buffer.
+    pub storage_bytes: u64,
+}
+
+impl Device {
+    /// The best device that can present to `surface` (any, without one), with storage buffers of up to `bytes`.
+    pub fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>, bytes: u64) -> Result<Self, String> {
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            compatible_surface: surface,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| e.to_string())?;
+        let has = adapter.limits();
+        let storage_bytes = bytes.min(has.max_storage_buffer_binding_size).min(has.max_buffer_size);
+        let defaults = wgpu::Limits::default();
+        let required_limits = wgpu::Limits {
+            max_storage_buffer_binding_size: storage_bytes.max(defaults.max_storage_buffer_binding_size),
+            max_buffer_size: storage_bytes.max(defaults.max_buffer_size),
+            max_texture_dimension_2d: has.max_texture_dimension_2d,
+            ..defaults
+        };
+        let descriptor =
+            wgpu::DeviceDescriptor { label: Some("insula"), required_limits, ..wgpu::DeviceDescriptor::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| e.to_string())?;
+        device.on_uncaptured_error(std::sync::Arc::new(|error| tracing::error!("graphics device: {error}")));
+        Ok(Self { adapter, device, queue, storage_bytes })
+    }
+
+    /// Name and backend.
+    pub fn info(&self) -> AdapterInfo {
+        let info = self.adapter.get_info();
+        AdapterInfo { name: info.name, backend: info.backend.to_string() }
+    }
+}
+
+/// The ray-caster and its device.
+#[derive(Debug)]
+pub struct GpuAdapter {
+    /// Where it runs.
+    pub device: Device,
+    /// Its buffers and its pass.
+    pub raycaster: Raycaster,
+}
+
+impl GpuAdapter {
+    /// Takes the device memory for `pages` pages (fewer if one buffer cannot be as large).
+    pub fn new(device: Device, pages: u32) -> Result<Self, String> {
+        let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
+        let slots = slots_for(pages);
+        let capacity = Capacity { atlas_pages: pages, slots, nodes: slots, tree: slots + 1 };
+        let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let raycaster = Raycaster::new(&device.device, capacity);
+        let errors = [pollster::block_on(memory.pop()), pollster::block_on(scope.pop())];
+        match errors.into_iter().flatten().next() {
+            Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
+            None => Ok(Self { device, raycaster }),
+        }
+    }
+
+    /// Pages that fit.
+    pub fn pages(&self) -> u32 {
+        self.raycaster.capacity().atlas_pages
+    }
+
+    /// Records the ray-casting pass; the pixels stay on the device.
+    pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<()> {
+        let failed = |e: insula_shaders::gpu::GpuError| ClientError::Graphics(e.to_string());
+        self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
+        self.raycaster.render(&self.device.queue, encoder, &data.frame, &data.tree, &data.nodes).map_err(failed)
+    }
+
+    /// Draws, waits and reads back.
+    pub fn draw(&mut self, data: &FrameData) -> Result<Pixels> {
+        let label = wgpu::CommandEncoderDescriptor { label: Some("picture") };
+        let mut encoder = self.device.device.create_command_encoder(&label);
+        self.encode(&mut encoder, data)?;
+        self.device.queue.submit([encoder.finish()]);
+        let pixels = self.raycaster.read_back(&self.device.device, &self.device.queue);
+        pixels.map_err(|e| ClientError::Graphics(e.to_string()))
+    }
+}
+
+impl Upload for GpuAdapter {
+    fn page(&mut self, page: u32, words: &[u32]) {
+        self.raycaster.write_page(&self.device.queue, page, words);
+    }
+
+    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+        self.raycaster.write_summary(&self.device.queue, slot, words);
+    }
+}

@@ -1,0 +1,194 @@
+//! The nodes that subtrees told of, in one array, with their tiles' states.
+//!
+//! In: a manifest, [`Subtree`]s, [`TileEvent`]s. Out: [`Tree`]. Next: `select` walks it.
+
+use super::tile::{Tile, TileEvent};
+use glam::DVec3;
+use insula_protocol::{Manifest, Subtree, TileId, route::Layer, subtree::NodeInfo};
+use std::collections::HashMap;
+
+/// Pages that a node is thought to take until it has been decoded once.
+const PAGES_GUESS: u32 = 6;
+
+/// Place of a node in [`Tree::nodes`]; stays valid for good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeIndex(pub u32);
+
+/// Names anything that can be fetched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Key {
+    /// V-BlockMap or subtree, as 0 or 1 (so that keys have an order).
+    subtree: bool,
+    /// Which node.
+    pub id: TileId,
+}
+
+impl Key {
+    /// A node's V-BlockMap.
+    pub const fn block_map(id: TileId) -> Self {
+        Self { subtree: false, id }
+    }
+
+    /// The subtree below a node.
+    pub const fn subtree(id: TileId) -> Self {
+        Self { subtree: true, id }
+    }
+
+    /// The archive it comes from.
+    pub const fn layer(self) -> Layer {
+        if self.subtree { Layer::Subtrees } else { Layer::BlockMaps }
+    }
+}
+
+/// One known node. Lengths in metres, world coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TreeNode {
+    /// Which.
+    pub id: TileId,
+    /// Middle of its box.
+    pub centre: DVec3,
+    /// Half of its box's sides.
+    pub half: DVec3,
+    /// World error.
+    pub error_m: f64,
+    /// Radius around `centre`; the sphere holds the children's.
+    pub radius_m: f64,
+    /// Which children exist.
+    pub child_mask: u8,
+    /// Where they are, once a subtree told of them.
+    pub children: [Option<NodeIndex>; 4],
+    /// Bytes of its V-BlockMap on the wire.
+    pub bytes: u32,
+    /// Pages it takes, once decoded.
+    pub pages: Option<u32>,
+    /// Its V-BlockMap.
+    pub tile: Tile,
+}
+
+/// Everything known of one city's nodes.
+#[derive(Debug, Clone)]
+pub struct Tree {
+    manifest: Manifest,
+    nodes: Vec<TreeNode>,
+    index: HashMap<TileId, NodeIndex>,
+    subtrees: HashMap<TileId, Tile>,
+    pages_seen: (u64, u64),
+}
+
+impl Tree {
+    /// Knows nothing but the manifest (which [`Manifest::check`] has passed).
+    pub fn new(manifest: Manifest) -> Self {
+        Self { manifest, nodes: Vec::new(), index: HashMap::new(), subtrees: HashMap::new(), pages_seen: (0, 0) }
+    }
+
+    /// The city.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The root, once its subtree is here.
+    pub fn root(&self) -> Option<NodeIndex> {
+        self.find(TileId::ROOT)
+    }
+
+    /// Where `id` is.
+    pub fn find(&self, id: TileId) -> Option<NodeIndex> {
+        self.index.get(&id).copied()
+    }
+
+    /// A node.
+    pub fn node(&self, at: NodeIndex) -> &TreeNode {
+        &self.nodes[at.0 as usize]
+    }
+
+    /// All known nodes.
+    pub fn nodes(&self) -> &[TreeNode] {
+        &self.nodes
+    }
+
+    /// State of a subtree tile.
+    pub fn subtree(&self, root: TileId) -> Tile {
+        self.subtrees.get(&root).copied().unwrap_or_default()
+    }
+
+    /// Pages that a node takes, or is thought to.
+    pub fn pages_of(&self, at: NodeIndex) -> u32 {
+        let (pages, nodes) = self.pages_seen;
+        let guess = if nodes >= 8 { pages.div_ceil(nodes) as u32 } else { PAGES_GUESS };
+        self.node(at).pages.unwrap_or(guess)
+    }
+
+    /// Remembers how many pages a node takes.
+    pub fn set_pages(&mut self, id: TileId, pages: u32) {
+        if let Some(at) = self.find(id)
+            && self.nodes[at.0 as usize].pages.replace(pages).is_none()
+        {
+            self.pages_seen.0 += u64::from(pages);
+            self.pages_seen.1 += 1;
+        }
+    }
+
+    /// State of anything.
+    pub fn tile(&self, key: Key) -> Option<Tile> {
+        match key.layer() {
+            Layer::Subtrees => Some(self.subtree(key.id)),
+            Layer::BlockMaps => self.find(key.id).map(|at| self.node(at).tile),
+        }
+    }
+
+    /// Hands an event to a tile; `false` if it means nothing there.
+    pub fn apply(&mut self, key: Key, event: TileEvent) -> bool {
+        match key.layer() {
+            Layer::Subtrees => self.subtrees.entry(key.id).or_default().apply(event),
+            Layer::BlockMaps => match self.find(key.id) {
+                Some(at) => self.nodes[at.0 as usize].tile.apply(event),
+                None => false,
+            },
+        }
+    }
+
+    /// South-west corner and side of a node's square.
+    pub fn square(&self, id: TileId) -> ([f64; 3], f64) {
+        (self.manifest.node_corner(id), self.manifest.node_side_m(id.level()))
+    }
+
+    /// Adds a subtree's nodes. Nodes deeper than the manifest says are left out.
+    pub fn merge(&mut self, subtree: &Subtree) {
+        for info in &subtree.nodes {
+            if info.id.level() > self.manifest.depth || self.index.contains_key(&info.id) {
+                continue;
+            }
+            let parent = info.id.parent().and_then(|id| self.find(id));
+            if info.id != TileId::ROOT && parent.is_none() {
+                continue;
+            }
+            let at = NodeIndex(self.nodes.len() as u32);
+            let node = self.make(info);
+            self.nodes.push(node);
+            self.index.insert(info.id, at);
+            if let Some(parent) = parent {
+                self.nodes[parent.0 as usize].children[info.id.quadrant()] = Some(at);
+            }
+        }
+    }
+
+    fn make(&self, info: &NodeInfo) -> TreeNode {
+        let (corner, side_m) = self.square(info.id);
+        let (z_min_m, z_max_m) = (f64::from(info.z_min_m), f64::from(info.z_max_m));
+        let centre = DVec3::from(corner) + DVec3::new(side_m * 0.5, side_m * 0.5, (z_min_m + z_max_m) * 0.5);
+        let half = DVec3::new(side_m, side_m, z_max_m - z_min_m) * 0.5;
+        let leaf = info.id.level() >= self.manifest.depth;
+        TreeNode {
+            id: info.id,
+            centre,
+            half,
+            error_m: f64::from(info.error_m),
+            radius_m: f64::from(info.radius_m),
+            child_mask: if leaf { 0 } else { info.child_mask },
+            children: [None; 4],
+            bytes: info.blockmap_bytes,
+            pages: None,
+            tile: Tile::default(),
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! Frame by frame, with trees built by hand.
+
+use super::*;
+use crate::{camera::Camera, scene::TileEvent};
+use insula_protocol::{Manifest, Subtree, manifest::Counts, subtree::NodeInfo};
+use std::time::Instant;
+
+const DEPTH: u8 = 5;
+const SIDE_M: f64 = 64.0 * 32.0;
+
+fn manifest(depth: u8) -> Manifest {
+    Manifest {
+        format_version: 1,
+        name: "test".into(),
+        title: "Test".into(),
+        version: "0".into(),
+        crs: None,
+        origin: [500_000.0, 4_000_000.0, 10.0],
+        root_side_m: 64.0 * f64::from(1u32 << depth),
+        depth,
+        node_cells: 64,
+        cell_m: 1.0,
+        bounds: [[0.0; 3]; 2],
+        ground_z_m: 0.0,
+        has_terrain: false,
+        counts: Counts::default(),
+        attribution: Vec::new(),
+        tile_version: 1,
+        settings: String::new(),
+    }
+}
+
+/// A full tree down to `to` (some quadrants left out by `skip`), as subtrees.
+fn subtrees(to: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
+    let mut roots = vec![TileId::ROOT];
+    let mut all = Vec::new();
+    while let Some(root) = roots.pop() {
+        let (mut ids, mut nodes, mut next) = (vec![root], Vec::new(), 0);
+        while let Some(&id) = ids.get(next) {
+            next += 1;
+            let children: Vec<TileId> = id.children().filter(|c| c.level() <= to && !skip(*c)).collect();
+            let child_mask = children.iter().fold(0, |mask, c| mask | 1 << c.quadrant());
+            let side = SIDE_M as f32 / f32::from(1u16 << id.level());
+            let (z_min_m, z_max_m) = (0.0, 30.0);
+            let radius_m = (side * side * 0.5 + 15.0 * 15.0).sqrt();
+            nodes.push(NodeInfo {
+                id,
+                child_mask,
+                z_min_m,
+                z_max_m,
+                error_m: side / 64.0,
+                radius_m,
+                blockmap_bytes: 1,
+            });
+            let below = id.level() + 1 == root.level() + 5;
+            if below { roots.extend(children) } else { ids.extend(children) }
+        }
+        all.push(Subtree { nodes });
+    }
+    all
+}
+
+fn tree() -> Tree {
+    let mut tree = Tree::new(manifest(DEPTH));
+    subtrees(DEPTH, |_| false).iter().for_each(|s| tree.merge(s));
+    tree
+}
+
+fn view(position: [f64; 3], target: [f64; 3]) -> View {
+    let world = DVec3::new(500_000.0, 4_000_000.0, 10.0);
+    let (position, target) = (DVec3::from(position) + world, DVec3::from(target) + world);
+    let camera = Camera::look(position, target, DVec3::Z, 1.0).unwrap();
+    View { camera, width_px: 640, height_px: 360, tau_px: 1.0, budget_pages: 1_000_000, budget_nodes: 100_000 }
+}
+
+fn load(tree: &mut Tree, key: Key) {
+    for event in [TileEvent::Want { now: Instant::now() }, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload] {
+        assert!(tree.apply(key, event), "{key:?} {event:?}");
+    }
+}
+
+fn refuse(tree: &mut Tree, key: Key) {
+    for event in [TileEvent::Want { now: Instant::now() }, TileEvent::Start, TileEvent::Refuse] {
+        assert!(tree.apply(key, event));
+    }
+}
+
+fn ids(tree: &Tree, selection: &Selection) -> Vec<TileId> {
+    selection.cut.iter().map(|at| tree.node(*at).id).collect()
+}
+
+/// Every leaf in view has exactly one of its line (itself and its ancestors) in the cut.
+fn assert_whole(tree: &Tree, view: &View, selection: &Selection, frame: usize) {
+    let cut = ids(tree, selection);
+    let planes = view.planes();
+    for node in tree.nodes() {
+        let line: Vec<TileId> = (0..=node.id.level()).filter_map(|l| node.id.ancestor(l)).collect();
+        let drawn = cut.iter().filter(|id| line.contains(id)).count();
+        assert!(drawn <= 1, "frame {frame}: {} is drawn {drawn} times", node.id);
+        let leaf = node.child_mask == 0;
+        // In view with all its ancestors' boxes, which hold it.
+        if leaf && cull::in_view(&planes, node.centre, node.half) {
+            assert_eq!(drawn, 1, "frame {frame}: a hole at {}", node.id);
+        }
+    }
+}
+
+/// Fetches `count` wanted tiles at once; returns how many frames until nothing is wanted.
+fn converge(tree: &mut Tree, view: &View, count: usize) -> (usize, Selection) {
+    let mut scratch = Scratch::default();
+    let mut worst = f64::INFINITY;
+    for frame in 0..10_000 {
+        let selection = select(view, tree, &mut scratch);
+        if frame > 0 {
+            assert_whole(tree, view, &selection, frame);
+            assert!(selection.counters.worst_error_px <= worst, "coarser than the frame before");
+            worst = selection.counters.worst_error_px;
+        }
+        if selection.wanted.is_empty() {
+            return (frame, selection);
+        }
+        selection.wanted.iter().take(if frame == 0 { 1 } else { count }).for_each(|w| load(tree, w.key));
+    }
+    panic!("never converges");
+}
+
+#[test]
+fn every_frame_is_whole_and_finer_than_the_last() {
+    for count in [1, 3, 12] {
+        let mut tree = tree();
+        let view = view([1000.0, -300.0, 200.0], [1000.0, 1000.0, 0.0]);
+        let (frames, selection) = converge(&mut tree, &view, count);
+        assert!(frames > 10, "{frames}");
+        assert!(selection.counters.worst_error_px <= 1.0 || ids(&tree, &selection).iter().any(|i| i.level() == DEPTH));
+        assert!(ids(&tree, &selection).iter().any(|id| id.level() < DEPTH), "far nodes stay coarse");
+    }
+}
+
+#[test]
+fn what_is_behind_is_neither_drawn_nor_asked_for() {
+    let mut tree = tree();
+    let view = view([1024.0, 1024.0, 50.0], [1024.0, 3000.0, 50.0]);
+    let (_, selection) = converge(&mut tree, &view, 12);
+    assert!(selection.counters.culled > 0);
+    for at in &selection.cut {
+        let node = tree.node(*at);
+        assert!(node.centre.y + node.half.y >= 4_000_000.0 + 1024.0 - 1e-6, "{}", node.id);
+    }
+    let away = super::tests::view([1024.0, -500.0, 50.0], [1024.0, -3000.0, 50.0]);
+    let selection = select(&away, &tree, &mut Scratch::default());
+    assert!(selection.cut.is_empty() && selection.wanted.is_empty());
+}
+
+#[test]
+fn turning_and_moving_never_makes_a_hole() {
+    let mut tree = tree();
+    let mut scratch = Scratch::default();
+    load(&mut tree, Key::block_map(TileId::ROOT));
+    for frame in 0..400 {
+        let a = frame as f64 * 0.09;
+        let eye = [1024.0 + 700.0 * (a * 0.37).cos(), 1024.0 + 700.0 * (a * 0.23).sin(), 60.0 + 50.0 * a.sin()];
+        let target = [eye[0] + a.cos(), eye[1] + a.sin(), eye[2] - 0.3];
+        let view = view(eye, target);
+        let selection = select(&view, &tree, &mut scratch);
+        assert_whole(&tree, &view, &selection, frame);
+        selection.wanted.iter().take(4).for_each(|w| load(&mut tree, w.key));
+        // What this view does not need may vanish at any time (but for the root, which every view uses).
+        let used: Vec<TileId> = selection.used.iter().map(|at| tree.node(*at).id).collect();
+        let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
+        for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
+            tree.apply(Key::block_map(id), TileEvent::Drop);
+        }
+    }
+}
+
+#[test]
+fn a_parent_stays_until_all_its_children_in_view_are_there() {
+    let mut tree = tree();
+    let view = view([1024.0, 1024.0, 2200.0], [1024.0, 1024.1, 0.0]);
+    let mut scratch = Scratch::default();
+    load(&mut tree, Key::block_map(TileId::ROOT));
+    for quadrant in 0..4 {
+        assert_eq!(ids(&tree, &select(&view, &tree, &mut scratch)), [TileId::ROOT]);
+        load(&mut tree, Key::block_map(TileId::ROOT.child(quadrant).unwrap()));
+    }
+    assert_eq!(select(&view, &tree, &mut scratch).cut.len(), 4);
+}
+
+#[test]
+fn a_bad_tile_keeps_its_parent_and_the_rest_converges() {
+    let mut tree = tree();
+    let bad = TileId::new(2, 1, 1).unwrap();
+    refuse(&mut tree, Key::block_map(bad));
+    let view = view([600.0, 100.0, 300.0], [700.0, 700.0, 0.0]);
+    let (_, selection) = converge(&mut tree, &view, 5);
+    assert!(selection.counters.blocked > 0);
+    let cut = ids(&tree, &selection);
+    assert!(cut.contains(&bad.parent().unwrap()), "{cut:?}");
+}
+
+#[test]
+fn missing_subtrees_are_asked_for_and_their_node_stays() {
+    let mut tree = Tree::new(manifest(7));
+    let mut scratch = Scratch::default();
+    let view = view([10.0, 10.0, 40.0], [80.0, 90.0, 0.0]);
+    let first = select(&view, &tree, &mut scratch);
+    assert_eq!(first.wanted.iter().map(|w| w.key).collect::<Vec<_>>(), [Key::subtree(TileId::ROOT)]);
+    let all = subtrees(7, |_| false);
+    tree.merge(&all[0]);
+    for _ in 0..100 {
+        let selection = select(&view, &tree, &mut scratch);
+        let maps: Vec<Key> = selection.wanted.iter().map(|w| w.key).filter(|k| *k == Key::block_map(k.id)).collect();
+        if maps.is_empty() {
+            break;
+        }
+        maps.into_iter().for_each(|key| load(&mut tree, key));
+    }
+    let selection = select(&view, &tree, &mut scratch);
+    assert!(!selection.wanted.is_empty() && selection.wanted.iter().all(|w| w.key == Key::subtree(w.key.id)));
+    assert!(ids(&tree, &selection).iter().any(|id| id.level() == 4));
+    assert_whole(&tree, &view, &selection, 0);
+    // One of them is missing on the server: its node stays, without end.
+    let lost = selection.wanted[0].key;
+    refuse(&mut tree, lost);
+    all[1..].iter().filter(|s| s.nodes[0].id != lost.id).for_each(|s| tree.merge(s));
+    let (_, selection) = converge(&mut tree, &view, 12);
+    assert!(ids(&tree, &selection).contains(&lost.id.parent().unwrap()));
+}
+
+#[test]
+fn nodes_that_do_not_exist_are_no_holes() {
+    let mut tree = Tree::new(manifest(DEPTH));
+    subtrees(DEPTH, |id| id.level() > 1 && (id.x() + id.y()) % 3 == 0).iter().for_each(|s| tree.merge(s));
+    let view = view([500.0, -200.0, 150.0], [900.0, 900.0, 0.0]);
+    converge(&mut tree, &view, 4);
+}
+
+#[test]
+fn a_small_budget_raises_tau_and_a_larger_one_lets_it_fall() {
+    let mut last = f64::INFINITY;
+    for budget_pages in [30, 60, 120, 240, 480, 5000] {
+        let mut tree = tree();
+        let mut view = view([1000.0, -100.0, 80.0], [1000.0, 1000.0, 0.0]);
+        view.budget_pages = budget_pages;
+        let (_, selection) = converge(&mut tree, &view, 6);
+        let counters = selection.counters;
+        assert!(counters.pages <= budget_pages, "{counters:?}");
+        assert!(counters.tau_px <= last && counters.tau_px >= 1.0, "{counters:?}");
+        last = counters.tau_px;
+        // Standing still asks for nothing more: no thrashing.
+        assert!(select(&view, &tree, &mut Scratch::default()).wanted.is_empty());
+    }
+    assert_eq!(last, 1.0);
+}
+
+#[test]
+fn the_same_view_gives_the_same_selection() {
+    let tree = tree();
+    let view = view([100.0, 100.0, 80.0], [700.0, 900.0, 0.0]);
+    let mut scratch = Scratch::default();
+    let first = select(&view, &tree, &mut scratch);
+    select(&super::tests::view([900.0, 100.0, 80.0], [700.0, 900.0, 0.0]), &tree, &mut scratch);
+    assert_eq!(select(&view, &tree, &mut scratch), first);
+    assert!(first.wanted.len() > 20);
+}

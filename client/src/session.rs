@@ -1,0 +1,270 @@
+//! The loop that every command shares: select, request, decode, upload, draw.
+//!
+//! In: a camera each frame. Out: the cut, pictures, counters. Next: `ui::window`, `commands::snapshot`, `commands::fly`.
+
+use crate::{
+    cache::{Cache, PAGE_BYTES, Placement},
+    camera::{Camera, View},
+    error::{ClientError, Result},
+    render::{Adapter, AdapterInfo, FrameData, Look},
+    report::{FrameTimes, Report, TileCounts},
+    scene::{Key, TileEvent, Tree},
+    select::{Scratch, Selection, priority::Group, select},
+    stream::{Arrival, Stream},
+};
+use insula_protocol::TileId;
+use insula_shaders::{cpu::raycast::Pixels, pack::PackedNode};
+use std::{
+    collections::VecDeque,
+    time::{Duration, Instant},
+};
+
+/// Most bytes that one frame uploads; one node may exceed it.
+const UPLOAD_BYTES: u64 = 8 << 20;
+/// Decoded nodes that may wait for their upload.
+const DECODED_NODES: usize = 64;
+/// Share of the atlas that a view may fill; the rest is for what it needed a moment ago.
+const BUDGET_SHARE: f64 = 0.85;
+/// Frame times that are kept.
+const TIMES: usize = 100_000;
+
+/// What one frame is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shot {
+    /// Where from.
+    pub camera: Camera,
+    /// Where the camera will be in a moment, if it moves.
+    pub heading: Option<Camera>,
+    /// Picture size.
+    pub size_px: [u32; 2],
+    /// Tolerated error.
+    pub tau_px: f64,
+}
+
+/// A city that is being looked at.
+pub struct Session {
+    tree: Tree,
+    cache: Cache,
+    stream: Stream,
+    adapter: Adapter,
+    info: AdapterInfo,
+    scratch: Scratch,
+    selection: Selection,
+    decoded: VecDeque<(TileId, PackedNode)>,
+    tiles: TileCounts,
+    times: Vec<Duration>,
+    started: Instant,
+    first_picture: Option<Duration>,
+    converged: Option<Duration>,
+}
+
+impl Session {
+    /// Nothing fetched yet. `pages` is what `adapter` has room for; `started` is when the command began.
+    pub fn new(
+        tree: Tree,
+        stream: Stream,
+        (adapter, info, pages): (Adapter, AdapterInfo, u32),
+        started: Instant,
+    ) -> Self {
+        Self {
+            tree,
+            cache: Cache::new(pages),
+            stream,
+            adapter,
+            info,
+            scratch: Scratch::default(),
+            selection: Selection::default(),
+            decoded: VecDeque::new(),
+            tiles: TileCounts::default(),
+            times: Vec::new(),
+            started,
+            first_picture: None,
+            converged: None,
+        }
+    }
+
+    /// The view of a shot, with this cache's budget.
+    pub fn view(&self, shot: &Shot, camera: Camera) -> View {
+        let pages = f64::from(self.cache.capacity_pages()) * BUDGET_SHARE;
+        View {
+            camera,
+            width_px: shot.size_px[0],
+            height_px: shot.size_px[1],
+            tau_px: shot.tau_px,
+            budget_pages: pages as u32,
+            budget_nodes: crate::cache::slots_for(pages as u32),
+        }
+    }
+
+    /// One turn of the loop but for drawing.
+    pub fn step(&mut self, shot: &Shot) {
+        let now = Instant::now();
+        let view = self.view(shot, shot.camera);
+        self.cache.begin_frame();
+        self.selection = select(&view, &self.tree, &mut self.scratch);
+        // The coarsest last: of equals, it goes last.
+        for at in self.selection.used.iter().rev() {
+            self.cache.touch(self.tree.node(*at).id);
+        }
+        if let Some(heading) = shot.heading {
+            self.preload(shot, heading);
+        }
+        self.stream.request(&mut self.tree, &self.selection.wanted, now);
+        self.collect(now);
+        self.upload();
+        let elapsed = self.started.elapsed();
+        if !self.selection.cut.is_empty() {
+            self.first_picture.get_or_insert(elapsed);
+        }
+        if self.settled() {
+            self.converged.get_or_insert(elapsed);
+        }
+    }
+
+    /// What the camera will want in a moment, as long as there is room that nobody uses.
+    fn preload(&mut self, shot: &Shot, heading: Camera) {
+        let free_share = f64::from(self.cache.free_pages()) / f64::from(self.cache.capacity_pages().max(1));
+        if self.selection.wanted.iter().any(|w| w.group == Group::Urgent) || free_share < 0.1 {
+            return;
+        }
+        let ahead = select(&self.view(shot, heading), &self.tree, &mut self.scratch);
+        for mut wanted in ahead.wanted {
+            if !self.selection.wanted.iter().any(|w| w.key == wanted.key) {
+                wanted.group = Group::Preload;
+                self.selection.wanted.push(wanted);
+            }
+        }
+    }
+
+    fn collect(&mut self, now: Instant) {
+        while self.decoded.len() < DECODED_NODES
+            && let Some(arrival) = self.stream.arrival(&mut self.tree, now)
+        {
+            match arrival {
+                Arrival::Subtree(key, subtree) => {
+                    self.tree.merge(&subtree);
+                    self.tree.apply(key, TileEvent::Upload);
+                    self.tiles.subtrees += 1;
+                }
+                Arrival::Node(key, node) => {
+                    self.tree.set_pages(key.id, node.pages.len() as u32);
+                    self.decoded.push_back((key.id, *node));
+                }
+            }
+        }
+    }
+
+    fn upload(&mut self) {
+        let mut bytes = 0;
+        while bytes < UPLOAD_BYTES
+            && let Some((id, node)) = self.decoded.pop_front()
+        {
+            bytes += node.pages.len() as u64 * PAGE_BYTES;
+            let (event, evicted) = match self.cache.place(id, node, &mut self.adapter) {
+                Placement::Placed { evicted } => (TileEvent::Upload, evicted),
+                Placement::Full { evicted } => (TileEvent::Drop, evicted),
+            };
+            self.tiles.blockmaps += u64::from(event == TileEvent::Upload);
+            self.tree.apply(Key::block_map(id), event);
+            for id in evicted {
+                self.tree.apply(Key::block_map(id), TileEvent::Drop);
+            }
+        }
+    }
+
+    /// Whether nothing could make the last selection's picture better.
+    pub fn settled(&self) -> bool {
+        self.tree.root().is_some() && self.selection.wanted.is_empty() && self.decoded.is_empty()
+    }
+
+    /// Whether another frame may differ from the last although the camera stands still.
+    pub fn busy(&self) -> bool {
+        !self.decoded.is_empty() || self.stream.in_flight() > 0
+    }
+
+    /// An error if the city has no root to begin with, or the server does not answer for `timeout`.
+    pub fn check(&self, timeout: Duration) -> Result<()> {
+        let root_bad = self.tree.subtree(TileId::ROOT).is_bad()
+            || self.tree.root().is_some_and(|root| self.tree.node(root).tile.is_bad());
+        if root_bad {
+            let name = &self.tree.manifest().name;
+            return Err(ClientError::Server(format!(
+                "the root tile of city {name} is missing or damaged: run insula-server verify on the city"
+            )));
+        }
+        self.stream.check_reachable(Instant::now(), timeout)
+    }
+
+    /// What the ray-caster needs for the last selection.
+    pub fn frame_data(&self, shot: &Shot, look: &Look) -> FrameData {
+        FrameData::new(&self.selection.cut, &self.tree, &self.cache, &self.view(shot, shot.camera), look)
+    }
+
+    /// Draws the last selection and waits for the pixels.
+    pub fn draw(&mut self, shot: &Shot, look: &Look) -> Result<Pixels> {
+        let data = self.frame_data(shot, look);
+        self.adapter.draw(&data)
+    }
+
+    /// Notes how long a frame took.
+    pub fn timed(&mut self, time: Duration) {
+        if self.times.len() < TIMES {
+            self.times.push(time);
+        }
+    }
+
+    /// The ray-caster, for the window.
+    pub fn adapter_mut(&mut self) -> &mut Adapter {
+        &mut self.adapter
+    }
+
+    /// What draws.
+    pub fn adapter_info(&self) -> &AdapterInfo {
+        &self.info
+    }
+
+    /// What is known of the city.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// The last selection.
+    pub fn selection(&self) -> &Selection {
+        &self.selection
+    }
+
+    /// The atlas.
+    pub fn cache(&self) -> &Cache {
+        &self.cache
+    }
+
+    /// The network.
+    pub fn stream(&self) -> &Stream {
+        &self.stream
+    }
+
+    /// What it all cost so far.
+    pub fn report(&self, tau_px: f64) -> Report {
+        let manifest = self.tree.manifest();
+        let bad = self.tree.nodes().iter().filter(|n| n.tile.is_bad()).count() as u64;
+        let counters = self.selection.counters;
+        Report {
+            city: manifest.name.clone(),
+            version: manifest.version.clone(),
+            bytes_fetched: self.stream.http().bytes(),
+            requests: self.stream.http().requests(),
+            tiles: TileCounts { bad, ..self.tiles },
+            frame_times: FrameTimes::new(&self.times),
+            time_to_first_picture_secs: self.first_picture.map(|t| t.as_secs_f64()),
+            time_to_converged_picture_secs: self.converged.map(|t| t.as_secs_f64()),
+            peak_cache_bytes: self.cache.peak_bytes(),
+            cache_bytes: u64::from(self.cache.capacity_pages()) * PAGE_BYTES,
+            adapter: self.info.clone(),
+            tau_px,
+            tau_reached_px: counters.tau_px,
+            worst_error_px: counters.worst_error_px,
+            nodes_drawn: counters.drawn,
+            unconverged_share: None,
+        }
+    }
+}

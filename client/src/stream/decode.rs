@@ -1,0 +1,79 @@
+//! From a tile's bytes to what the cache and the tree hold, on worker threads.
+//!
+//! In: bytes that anyone may have made. Out: [`Decoded`]. Next: `cache`, `scene::tree`.
+
+use super::fetch::FetchError;
+use crate::scene::Key;
+use bytes::Bytes;
+use insula_protocol::{BlockMap, DecodeError, Subtree, route::Layer};
+use insula_shaders::pack::PackedNode;
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+
+/// Largest subtree tile: 341 nodes of 21 bytes and a header.
+const SUBTREE_BYTES: usize = 64 << 10;
+/// Largest V-BlockMap tile: a million texels and all planes, incompressible, and room to spare.
+const BLOCK_MAP_BYTES: usize = 8 << 20;
+
+/// A tile's content.
+#[derive(Debug)]
+pub enum Decoded {
+    /// Ready for the atlas.
+    Node(Box<PackedNode>),
+    /// Ready for the tree.
+    Subtree(Subtree),
+}
+
+/// Most bytes that an answer may have.
+pub fn limit_bytes(key: Key) -> usize {
+    match key.layer() {
+        Layer::Subtrees => SUBTREE_BYTES,
+        Layer::BlockMaps => BLOCK_MAP_BYTES,
+    }
+}
+
+/// Decodes (and packs) on a blocking thread; `decoders` bounds how many do so at once.
+pub async fn on_worker(key: Key, bytes: Bytes, decoders: Arc<Semaphore>) -> Result<Decoded, FetchError> {
+    let closed = |e: &dyn std::fmt::Display| FetchError::Network(format!("decoding was broken off: {e}"));
+    let permit = decoders.acquire_owned().await.map_err(|e| closed(&e))?;
+    let work = tokio::task::spawn_blocking(move || {
+        let _permit = permit;
+        decode(key, &bytes)
+    });
+    let decoded = work.await.map_err(|e| closed(&e))?;
+    decoded.map_err(FetchError::Damaged)
+}
+
+/// Decodes `bytes`, which must be the tile of `key`.
+pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
+    const OTHER: DecodeError = DecodeError::Invalid("the tile of another node");
+    match key.layer() {
+        Layer::Subtrees => {
+            let subtree = Subtree::decode(bytes)?;
+            let same = subtree.nodes.first().is_some_and(|root| root.id == key.id);
+            if same { Ok(Decoded::Subtree(subtree)) } else { Err(OTHER) }
+        }
+        Layer::BlockMaps => {
+            let map = BlockMap::decode(bytes)?;
+            if map.id != key.id {
+                return Err(OTHER);
+            }
+            Ok(Decoded::Node(Box::new(PackedNode::new(&map))))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_protocol::TileId;
+
+    #[test]
+    fn only_the_tile_that_was_asked_for() {
+        let id = TileId::new(3, 1, 2).unwrap();
+        let bytes = BlockMap::empty(id, 1.0, 0, 0).encode().unwrap();
+        assert!(matches!(decode(Key::block_map(id), &bytes), Ok(Decoded::Node(_))));
+        assert!(decode(Key::block_map(TileId::ROOT), &bytes).is_err());
+        assert!(decode(Key::subtree(TileId::ROOT), &bytes).is_err());
+    }
+}

@@ -1,0 +1,205 @@
+//! One HTTP request: bounded in time and in bytes, counted.
+//!
+//! In: a URL. Out: bytes, or a [`FetchError`] that says what to make of it. Next: `decode`.
+
+use super::throttle::Throttle;
+use crate::error::{ClientError, Result};
+use bytes::{Bytes, BytesMut};
+use insula_protocol::DecodeError;
+use reqwest::{StatusCode, header::RETRY_AFTER};
+use std::{
+    future::Future,
+    sync::atomic::{AtomicU64, Ordering},
+    time::Duration,
+};
+
+const CONNECT: Duration = Duration::from_secs(5);
+const READ: Duration = Duration::from_secs(15);
+
+/// Why a request gave nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum FetchError {
+    /// There is no such thing, and asking again will not help.
+    #[error("the server has no such tile")]
+    Missing,
+    /// The server is busy or ill.
+    #[error("the server answers {status}")]
+    Busy {
+        /// What it says.
+        status: StatusCode,
+        /// How long it wants to be left alone.
+        retry_after: Option<Duration>,
+    },
+    /// No answer, or half of one.
+    #[error("{0}")]
+    Network(String),
+    /// An answer that is no tile.
+    #[error("{0}")]
+    Damaged(DecodeError),
+}
+
+/// The client's one connection pool, its threads and its counters.
+#[derive(Debug)]
+pub struct Http {
+    runtime: Option<tokio::runtime::Runtime>,
+    handle: tokio::runtime::Handle,
+    client: reqwest::Client,
+    throttle: Option<Throttle>,
+    requests: AtomicU64,
+    bytes: AtomicU64,
+}
+
+impl Http {
+    /// Starts two threads for the network.
+    pub fn new(throttle: Option<Throttle>) -> Result<Self> {
+        let failed = |e: &dyn std::fmt::Display| ClientError::Failed(format!("the network cannot be set up: {e}"));
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .max_blocking_threads(16)
+            .thread_name("insula-net")
+            .enable_all()
+            .build()
+            .map_err(|e| failed(&e))?;
+        let client = reqwest::Client::builder()
+            .connect_timeout(CONNECT)
+            .read_timeout(READ)
+            .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
+            .build()
+            .map_err(|e| failed(&e))?;
+        let (requests, bytes) = (AtomicU64::new(0), AtomicU64::new(0));
+        let handle = runtime.handle().clone();
+        Ok(Self { runtime: Some(runtime), handle, client, throttle, requests, bytes })
+    }
+
+    /// Runs `future` on the network's threads.
+    pub fn spawn(&self, future: impl Future<Output = ()> + Send + 'static) -> tokio::task::AbortHandle {
+        self.handle.spawn(future).abort_handle()
+    }
+
+    /// Waits for `future`; not to be called from the network's threads.
+    pub fn block_on<T>(&self, future: impl Future<Output = T>) -> T {
+        self.handle.block_on(future)
+    }
+
+    /// Gets at most `limit_bytes`.
+    pub async fn get(&self, url: &str, limit_bytes: usize) -> Result<Bytes, FetchError> {
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        if let Some(throttle) = &self.throttle {
+            throttle.round_trip().await;
+        }
+        let mut response = self.client.get(url).send().await.map_err(network)?;
+        check_status(&response)?;
+        let too_long = |found: u64| {
+            FetchError::Damaged(DecodeError::Limit { what: "an answer's bytes", found, limit: limit_bytes as u64 })
+        };
+        let announced = response.content_length().unwrap_or(0);
+        if announced > limit_bytes as u64 {
+            return Err(too_long(announced));
+        }
+        let mut body = BytesMut::with_capacity(announced as usize);
+        while let Some(chunk) = response.chunk().await.map_err(network)? {
+            self.bytes.fetch_add(chunk.len() as u64, Ordering::Relaxed);
+            if let Some(throttle) = &self.throttle {
+                throttle.carry(chunk.len()).await;
+            }
+            if body.len() + chunk.len() > limit_bytes {
+                return Err(too_long((body.len() + chunk.len()) as u64));
+            }
+            body.extend_from_slice(&chunk);
+        }
+        Ok(body.freeze())
+    }
+
+    /// Requests sent so far.
+    pub fn requests(&self) -> u64 {
+        self.requests.load(Ordering::Relaxed)
+    }
+
+    /// Bytes of bodies received so far.
+    pub fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Http {
+    fn drop(&mut self) {
+        // The last owner may be one of the runtime's own tasks, which must not wait for itself.
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
+        }
+    }
+}
+
+fn network(error: reqwest::Error) -> FetchError {
+    // The innermost cause is the one that means something ("connection refused").
+    let mut cause: &dyn std::error::Error = &error;
+    while let Some(next) = cause.source() {
+        cause = next;
+    }
+    FetchError::Network(cause.to_string())
+}
+
+fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
+    let status = response.status();
+    match status {
+        StatusCode::OK => Ok(()),
+        StatusCode::REQUEST_TIMEOUT | StatusCode::TOO_MANY_REQUESTS | StatusCode::TOO_EARLY => Err(busy(response)),
+        _ if status.is_client_error() => Err(FetchError::Missing),
+        _ => Err(busy(response)),
+    }
+}
+
+fn busy(response: &reqwest::Response) -> FetchError {
+    let secs = response.headers().get(RETRY_AFTER).and_then(|v| v.to_str().ok()).and_then(|v| v.trim().parse().ok());
+    FetchError::Busy { status: response.status(), retry_after: secs.map(Duration::from_secs) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{
+        io::{Read, Write},
+        net::TcpListener,
+    };
+
+    /// Answers each connection with the next of `answers`.
+    fn server(answers: Vec<String>) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/x", listener.local_addr().unwrap());
+        std::thread::spawn(move || {
+            for answer in answers {
+                let (mut stream, _) = listener.accept().unwrap();
+                let mut request = [0; 2048];
+                let _ = stream.read(&mut request);
+                stream.write_all(answer.as_bytes()).unwrap();
+            }
+        });
+        url
+    }
+
+    fn answer(head: &str, body: &str) -> String {
+        let length = body.len();
+        format!("HTTP/1.1 {head}\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n{body}")
+    }
+
+    #[test]
+    fn answers_and_what_to_make_of_them() {
+        let url = server(vec![
+            answer("200 OK", "hello"),
+            answer("404 Not Found", "{}"),
+            answer("503 Service Unavailable\r\nretry-after: 3", ""),
+            answer("200 OK", "far too long"),
+            "HTTP/1.1 200 OK\r\nconnection: close\r\ncontent-length: 50\r\n\r\nhalf".into(),
+        ]);
+        let http = Http::new(None).unwrap();
+        let get = || http.block_on(http.get(&url, 8));
+        assert_eq!(&get().unwrap()[..], b"hello");
+        assert!(matches!(get(), Err(FetchError::Missing)));
+        assert!(matches!(get(), Err(FetchError::Busy { retry_after: Some(d), .. }) if d.as_secs() == 3));
+        assert!(matches!(get(), Err(FetchError::Damaged(_))));
+        let cut_off = http.block_on(http.get(&url, 100));
+        assert!(matches!(cut_off, Err(FetchError::Network(_))), "{cut_off:?}");
+        assert!(matches!(get(), Err(FetchError::Network(_))), "nobody listens any more");
+        assert_eq!((http.requests(), http.bytes()), (6, 5 + 4));
+    }
+}

@@ -1,0 +1,212 @@
+//! From wanted tiles to decoded nodes, over HTTP.
+//!
+//! In: the selection's [`Wanted`], in order. Out: [`Arrival`]s. Next: `cache`.
+//!
+//! The requests run on tokio's threads, decoding on its blocking threads; the frame loop only starts, cancels and
+//! collects. Everything is bounded: requests in flight, decoders at work, arrivals waiting.
+
+pub mod decode;
+pub mod fetch;
+pub mod queue;
+pub mod throttle;
+
+use crate::{
+    error::{ClientError, Result},
+    scene::{Key, TileEvent, Tree},
+    select::priority::Wanted,
+};
+use decode::Decoded;
+use fetch::{FetchError, Http};
+use insula_protocol::{Subtree, route};
+use insula_shaders::pack::PackedNode;
+use queue::Queue;
+use std::{
+    collections::HashMap,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::sync::{Semaphore, mpsc};
+
+/// Arrivals that may wait for the frame loop.
+const ARRIVALS: usize = 16;
+
+/// Called from any thread when something has arrived.
+pub type Wake = Arc<dyn Fn() + Send + Sync>;
+
+/// Something new.
+#[derive(Debug)]
+pub enum Arrival {
+    /// A node, to be put into the cache: the tile is decoded.
+    Node(Key, Box<PackedNode>),
+    /// A subtree, to be merged into the tree: the tile is decoded.
+    Subtree(Key, Subtree),
+}
+
+struct Message {
+    key: Key,
+    ticket: u64,
+    outcome: Result<Decoded, FetchError>,
+}
+
+struct Flight {
+    ticket: u64,
+    task: tokio::task::AbortHandle,
+}
+
+/// The frame loop's end of the stream.
+pub struct Stream {
+    http: Arc<Http>,
+    prefix: String,
+    queue: Queue,
+    flights: HashMap<Key, Flight>,
+    decoders: Arc<Semaphore>,
+    sender: mpsc::Sender<Message>,
+    receiver: mpsc::Receiver<Message>,
+    wake: Option<Wake>,
+    tickets: u64,
+    failing_since: Option<Instant>,
+    last_error: String,
+}
+
+impl Stream {
+    /// For the city of `tree`, on the server at `base` (`http://host:port`).
+    pub fn new(http: Arc<Http>, base: &str, max_in_flight: usize, wake: Option<Wake>) -> Self {
+        let (sender, receiver) = mpsc::channel(ARRIVALS);
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            http,
+            prefix: base.trim_end_matches('/').to_owned(),
+            queue: Queue::new(max_in_flight),
+            flights: HashMap::new(),
+            decoders: Arc::new(Semaphore::new(cores.max(2))),
+            sender,
+            receiver,
+            wake,
+            tickets: 0,
+            failing_since: None,
+            last_error: String::new(),
+        }
+    }
+
+    /// Cancels what is no longer wanted and starts what is wanted most.
+    pub fn request(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant) {
+        let plan = self.queue.plan(tree, wanted, now);
+        for key in plan.cancel {
+            if let Some(flight) = self.flights.remove(&key) {
+                flight.task.abort();
+            }
+        }
+        for key in plan.start {
+            self.start(tree, key);
+        }
+    }
+
+    fn start(&mut self, tree: &Tree, key: Key) {
+        self.tickets += 1;
+        let (ticket, http, decoders) = (self.tickets, self.http.clone(), self.decoders.clone());
+        let (sender, wake) = (self.sender.clone(), self.wake.clone());
+        let manifest = tree.manifest();
+        let url = format!("{}{}", self.prefix, route::tile(&manifest.name, &manifest.version, key.layer(), key.id));
+        let task = self.http.spawn(async move {
+            let outcome = match http.get(&url, decode::limit_bytes(key)).await {
+                Ok(bytes) => decode::on_worker(key, bytes, decoders).await,
+                Err(error) => Err(error),
+            };
+            // A closed channel: the session is over, nobody listens.
+            if sender.send(Message { key, ticket, outcome }).await.is_ok()
+                && let Some(wake) = wake
+            {
+                wake();
+            }
+        });
+        self.flights.insert(key, Flight { ticket, task });
+    }
+
+    /// The next thing that has arrived, if any; failures are dealt with on the way.
+    pub fn arrival(&mut self, tree: &mut Tree, now: Instant) -> Option<Arrival> {
+        loop {
+            let Message { key, ticket, outcome } = self.receiver.try_recv().ok()?;
+            if self.flights.get(&key).is_none_or(|flight| flight.ticket != ticket) {
+                continue; // Cancelled while it was on its way.
+            }
+            self.flights.remove(&key);
+            self.queue.landed(key);
+            match outcome {
+                Ok(decoded) => {
+                    self.succeeded();
+                    tree.apply(key, TileEvent::Arrive);
+                    return Some(match decoded {
+                        Decoded::Node(node) => Arrival::Node(key, node),
+                        Decoded::Subtree(subtree) => Arrival::Subtree(key, subtree),
+                    });
+                }
+                Err(error) => self.failed(tree, key, error, now),
+            }
+        }
+    }
+
+    fn succeeded(&mut self) {
+        self.failing_since = None;
+        self.queue.gate.succeeded();
+    }
+
+    fn failed(&mut self, tree: &mut Tree, key: Key, error: FetchError, now: Instant) {
+        tracing::debug!("{} {}: {error}", key.layer().word(), key.id);
+        let jitter = queue::jitter();
+        let event = match &error {
+            FetchError::Missing => TileEvent::Refuse,
+            FetchError::Damaged(_) => TileEvent::Damage { now, jitter },
+            FetchError::Busy { retry_after, .. } => TileEvent::Fail { now, retry_after: *retry_after, jitter },
+            FetchError::Network(_) => TileEvent::Fail { now, retry_after: None, jitter },
+        };
+        match &error {
+            FetchError::Missing | FetchError::Damaged(_) => self.succeeded(),
+            FetchError::Busy { retry_after, .. } => self.queue.gate.failed(now, *retry_after, jitter),
+            FetchError::Network(_) => self.queue.gate.failed(now, None, jitter),
+        }
+        if matches!(error, FetchError::Busy { .. } | FetchError::Network(_)) {
+            self.failing_since.get_or_insert(now);
+        }
+        self.last_error = error.to_string();
+        tree.apply(key, event);
+    }
+
+    /// Requests under way.
+    pub fn in_flight(&self) -> usize {
+        self.flights.len()
+    }
+
+    /// An error, once the server has answered nothing for `timeout`.
+    pub fn check_reachable(&self, now: Instant, timeout: Duration) -> Result<()> {
+        match self.failing_since {
+            Some(since) if now.duration_since(since) >= timeout => Err(ClientError::Server(format!(
+                "no answer from the server, {}, for {} s ({}): check that it runs, or give --timeout",
+                self.prefix,
+                timeout.as_secs(),
+                self.last_error
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Since when the server has not answered.
+    pub fn failing_since(&self) -> Option<Instant> {
+        self.failing_since
+    }
+
+    /// The transport and its counters.
+    pub fn http(&self) -> &Http {
+        &self.http
+    }
+
+    /// When to look again although nothing arrived: retries wait for their time.
+    pub fn retry_at(&self) -> Option<Instant> {
+        self.queue.gate.closed_until()
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        self.flights.values().for_each(|flight| flight.task.abort());
+    }
+}

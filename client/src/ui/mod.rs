@@ -1,0 +1,3 @@
+//! The window: keys, mouse, overlay.
+//!
+//! In: window events. Out: shots for `session`, drawn frames. Next: the screen.

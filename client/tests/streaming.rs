@@ -1,0 +1,216 @@
+//! Whole sessions against a server that is well, ill, away and back; pictures by the CPU ray-caster.
+
+mod common;
+
+use common::{Answer, GROUND_M, ORIGIN, Policy, ROOF_M, Server, city, serve};
+use glam::DVec3;
+use insula_client::{
+    camera::Camera,
+    commands::connect::connect,
+    render::{Adapter, AdapterChoice, Look},
+    scene::Tree,
+    session::{Session, Shot},
+    stream::{Stream, fetch::Http},
+};
+use insula_protocol::{
+    TileId,
+    route::{self, Layer},
+};
+use std::{
+    sync::{Arc, atomic::Ordering},
+    time::{Duration, Instant},
+};
+
+fn well() -> Box<Policy> {
+    Box::new(|_, _| Answer::Well)
+}
+
+fn session(server: &Server, cache_mib: u64) -> Session {
+    let http = Arc::new(Http::new(None).unwrap());
+    let global =
+        insula_client::args::Global { adapter: AdapterChoice::Cpu, cache_mib: 256, city: None, tau: 1.0, timeout: 5 };
+    let city = connect(&http, &server.url, &global).unwrap();
+    let stream = Stream::new(http, &city.base, 12, None);
+    Session::new(
+        Tree::new(city.manifest),
+        stream,
+        Adapter::headless(AdapterChoice::Cpu, cache_mib << 20),
+        Instant::now(),
+    )
+}
+
+fn shot(position: [f64; 3], target: [f64; 3]) -> Shot {
+    let world = DVec3::from(ORIGIN);
+    let camera = Camera::look(world + DVec3::from(position), world + DVec3::from(target), DVec3::Z, 1.0).unwrap();
+    Shot { camera, heading: None, size_px: [160, 90], tau_px: 1.0 }
+}
+
+/// Steps until settled; panics after 20 s. `each` sees every frame.
+fn settle(session: &mut Session, shot: &Shot, mut each: impl FnMut(&Session)) -> u32 {
+    let begin = Instant::now();
+    let mut frames = 0;
+    loop {
+        session.step(shot);
+        each(session);
+        frames += 1;
+        if session.settled() {
+            return frames;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", session.selection());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn street() -> Shot {
+    shot([31.0, -20.0, 15.0], [31.0, 200.0, 5.0])
+}
+
+#[test]
+fn converges_and_measures_distances_in_metres() {
+    let server = serve(city("test"), well());
+    let mut session = session(&server, 64);
+    // Straight down, 100 m above a roof's middle (12, 12) of the house at (80, 80).
+    let down = shot([92.0, 92.0, ROOF_M + 100.0], [92.0, 92.0, 0.0]);
+    settle(&mut session, &down, |_| {});
+    let pixels = session.draw(&down, &Look::default()).unwrap();
+    let centre = pixels.distance[45 * 160 + 80];
+    assert!((centre - 100.0).abs() < 0.6, "{centre}");
+    // A ray at the picture's edge, between two houses, ends on the ground.
+    let far = pixels.distance.iter().filter(|d| d.is_finite()).copied().fold(0.0f32, f32::max);
+    assert!(f64::from(far) > 100.0 + ROOF_M - GROUND_M - 1.0, "{far}");
+    let report = session.report(1.0);
+    assert!(report.time_to_converged_picture_secs >= report.time_to_first_picture_secs);
+    assert_eq!(report.requests, u64::from(server.requests.load(Ordering::Relaxed)));
+    assert_eq!((report.tiles.subtrees, report.tiles.bad), (1, 0));
+}
+
+#[test]
+fn each_frame_is_finer_and_every_tile_is_fetched_once() {
+    let server = serve(city("test"), well());
+    let mut session = session(&server, 64);
+    let mut worst = f64::INFINITY;
+    settle(&mut session, &street(), |session| {
+        let counters = session.selection().counters;
+        if counters.drawn > 0 {
+            assert!(counters.worst_error_px <= worst);
+            worst = counters.worst_error_px;
+        }
+    });
+    assert!(session.selection().cut.len() > 10, "{:?}", session.selection().counters);
+    let log = server.log.lock().unwrap();
+    assert!(log.values().all(|times| *times == 1), "{log:?}");
+}
+
+#[test]
+fn an_ill_server_costs_time_but_no_tile() {
+    let policy: Box<Policy> =
+        Box::new(|path, times| match (path.len() * 7 + path.bytes().last().map_or(0, usize::from)) % 5 {
+            _ if !path.contains("blockmaps") => Answer::Well,
+            0 if times == 0 => Answer::Status(503),
+            1 if times == 0 => Answer::Cut,
+            2 if times < 2 => Answer::Damaged,
+            _ => Answer::Well,
+        });
+    let server = serve(city("test"), policy);
+    let mut ill = session(&server, 64);
+    settle(&mut ill, &street(), |_| {});
+    let mut fine = session(&serve(city("test"), well()), 64);
+    settle(&mut fine, &street(), |_| {});
+    let draw = |session: &mut Session| session.draw(&street(), &Look::default()).unwrap();
+    assert_eq!(draw(&mut ill).colour, draw(&mut fine).colour);
+    assert!(ill.report(1.0).requests > fine.report(1.0).requests);
+}
+
+#[test]
+fn what_stays_bad_leaves_its_parent_on_screen() {
+    let damaged = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(3, 0, 0).unwrap());
+    let missing = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(2, 0, 1).unwrap());
+    let server = serve(
+        city("test"),
+        Box::new(move |path, _| match path {
+            p if p == damaged => Answer::Damaged,
+            p if p == missing => Answer::Status(404),
+            _ => Answer::Well,
+        }),
+    );
+    let mut session = session(&server, 64);
+    settle(&mut session, &street(), |_| {});
+    let cut: Vec<TileId> = session.selection().cut.iter().map(|at| session.tree().node(*at).id).collect();
+    assert_eq!(session.report(1.0).tiles.bad, 1 + u64::from(!cut.contains(&TileId::new(1, 0, 0).unwrap())));
+    assert!(cut.contains(&TileId::new(1, 0, 0).unwrap()) || cut.contains(&TileId::new(2, 0, 0).unwrap()), "{cut:?}");
+    // The picture has no hole: below the horizon, every ray hits.
+    let pixels = session.draw(&street(), &Look::default()).unwrap();
+    assert!(pixels.distance[80 * 160 + 20..80 * 160 + 140].iter().all(|d| d.is_finite()));
+}
+
+#[test]
+fn goes_on_drawing_while_the_server_is_away_and_resumes_by_itself() {
+    let slow: Box<Policy> = Box::new(|_, _| {
+        std::thread::sleep(Duration::from_millis(30));
+        Answer::Well
+    });
+    let server = serve(city("test"), slow);
+    let mut session = session(&server, 64);
+    for _ in 0..10_000 {
+        session.step(&street());
+        if !session.selection().cut.is_empty() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    server.down.store(true, Ordering::Relaxed);
+    let before = server.requests.load(Ordering::Relaxed);
+    let away = Instant::now();
+    while away.elapsed() < Duration::from_millis(1500) {
+        session.step(&street());
+        assert!(!session.selection().cut.is_empty());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(!session.settled() && session.stream().failing_since().is_some());
+    assert!(session.check(Duration::from_millis(500)).is_err() && session.check(Duration::from_secs(60)).is_ok());
+    assert!(server.requests.load(Ordering::Relaxed) - before <= 12);
+    server.down.store(false, Ordering::Relaxed);
+    settle(&mut session, &street(), |_| {});
+    assert!(session.stream().failing_since().is_none());
+}
+
+#[test]
+fn a_cache_that_is_too_small_is_never_exceeded_and_never_thrashes() {
+    let server = serve(city("test"), well());
+    let mut small = session(&server, 2);
+    settle(&mut small, &street(), |session| assert!(session.cache().used_bytes() <= 2 << 20));
+    let counters = small.selection().counters;
+    assert!(counters.tau_px > 1.0 && counters.drawn > 1, "{counters:?}");
+    let requests = small.report(1.0).requests;
+    for _ in 0..50 {
+        small.step(&street());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(small.report(1.0).requests, requests);
+    // There and back, many times: what is shown is always whole.
+    for turn in 0..12 {
+        let x = 40.0 * f64::from(turn);
+        settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
+            assert!(session.cache().used_bytes() <= 2 << 20 && !session.selection().cut.is_empty());
+        });
+    }
+}
+
+#[test]
+fn several_cities_must_be_named() {
+    let mut files = city("one");
+    files.extend(city("two"));
+    files.insert(route::CITIES.into(), br#"[{"name":"one"},{"name":"two"}]"#.to_vec());
+    let server = serve(files, well());
+    let http = Arc::new(Http::new(None).unwrap());
+    let mut global =
+        insula_client::args::Global { adapter: AdapterChoice::Cpu, cache_mib: 256, city: None, tau: 1.0, timeout: 2 };
+    assert_eq!(connect(&http, &server.url, &global).unwrap_err().exit_code(), 2);
+    global.city = Some("two".into());
+    assert_eq!(connect(&http, &server.url, &global).unwrap().manifest.name, "two");
+    let named = format!("{}/v1/cities/one", server.url);
+    global.city = None;
+    assert_eq!(connect(&http, &named, &global).unwrap().manifest.name, "one");
+    global.city = Some("three".into());
+    assert_eq!(connect(&http, &server.url, &global).unwrap_err().exit_code(), 1);
+}
