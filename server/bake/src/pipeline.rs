@@ -133,6 +133,11 @@ fn pool(threads: usize) -> Result<ThreadPool, BakeError> {
     built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
 }
 
+/// A block may take 200 MB while it is sampled, and sampling is parallel in itself: few blocks keep all threads busy.
+fn blocks_in_flight(threads: usize) -> usize {
+    threads.min(2 + threads / 8)
+}
+
 fn tell(start: Start, config: &Config) {
     let out = config.out.display();
     match start {
@@ -163,7 +168,7 @@ fn leaves(
     let total = blocks.iter().map(|block| partition.leaves(block).len() as u64).sum();
     stage.progress.stage("sample", total);
     let leaves = leaves::Leaves { stage, scene, partition };
-    let done = feed::feed(pool, &blocks, |block| leaves.block(block))?;
+    let done = feed::feed(pool, blocks_in_flight(stage.config.threads), &blocks, |block| leaves.block(block))?;
     collect(done, stage.grid.depth, tree, counts);
     Ok(())
 }
@@ -178,7 +183,7 @@ fn parents(
 ) -> Result<(), BakeError> {
     let chunks = parents::chunks_above(tree, level + 1);
     stage.progress.stage(&format!("level {level}"), chunks.iter().map(|chunk| chunk.nodes.len() as u64).sum());
-    let done = feed::feed(pool, &chunks, |chunk| parents::chunk(stage, tree, chunk))?;
+    let done = feed::feed(pool, stage.config.threads, &chunks, |chunk| parents::chunk(stage, tree, chunk))?;
     collect(done, level, tree, counts);
     Ok(())
 }

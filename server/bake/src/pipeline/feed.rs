@@ -16,10 +16,11 @@ use std::{
 
 use rayon::ThreadPool;
 
-/// Runs `work` on every item, at most as many at once as the pool has threads. After an error or a panic no further
-/// item is begun; the error of the earliest item that failed is returned, a panic goes on.
+/// Runs `work` on every item in the pool, at most `in_flight` at once. After an error or a panic no further item is
+/// begun; the error of the earliest item that failed is returned, a panic goes on.
 pub(super) fn feed<T: Sync, R: Send, E: Send>(
     pool: &ThreadPool,
+    in_flight: usize,
     items: &[T],
     work: impl Fn(&T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
@@ -37,7 +38,7 @@ pub(super) fn feed<T: Sync, R: Send, E: Send>(
         drop(guard);
     };
     thread::scope(|scope| {
-        let feeders: Vec<_> = (0..pool.current_num_threads().min(items.len())).map(|_| scope.spawn(feeder)).collect();
+        let feeders: Vec<_> = (0..in_flight.max(1).min(items.len())).map(|_| scope.spawn(feeder)).collect();
         for feeder in feeders {
             if let Err(panic) = feeder.join() {
                 resume_unwind(panic);
@@ -87,7 +88,7 @@ mod tests {
     fn results_keep_the_order_and_the_number_in_flight_is_bounded() {
         let items: Vec<usize> = (0..200).collect();
         let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        let result: Result<Vec<usize>, ()> = feed(&pool(3), &items, |i| {
+        let result: Result<Vec<usize>, ()> = feed(&pool(4), 3, &items, |i| {
             most.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
             // Inner parallelism is what would make rayon take up further pieces.
             rayon::join(|| thread::sleep(std::time::Duration::from_micros(50)), || ());
@@ -96,7 +97,7 @@ mod tests {
         });
         assert_eq!(result.unwrap(), (0..400).step_by(2).collect::<Vec<_>>());
         assert!(most.into_inner() <= 3);
-        assert_eq!(feed(&pool(2), &[] as &[u8], |_| Ok::<(), ()>(())), Ok(vec![]));
+        assert_eq!(feed(&pool(2), 2, &[] as &[u8], |_| Ok::<(), ()>(())), Ok(vec![]));
     }
 
     #[test]
@@ -107,10 +108,10 @@ mod tests {
             begun.fetch_add(1, Ordering::Relaxed);
             if *i >= 5 { Err(*i) } else { Ok(*i) }
         };
-        assert!(feed(&pool(2), &items, work).is_err());
+        assert!(feed(&pool(2), 2, &items, work).is_err());
         assert!(begun.load(Ordering::Relaxed) < 20);
         let panics = |i: &usize| if *i == 5 { panic!("at five") } else { Ok::<usize, ()>(*i) };
-        let caught = catch_unwind(AssertUnwindSafe(|| feed(&pool(2), &items, panics))).unwrap_err();
+        let caught = catch_unwind(AssertUnwindSafe(|| feed(&pool(2), 2, &items, panics))).unwrap_err();
         assert_eq!(caught.downcast_ref::<&str>(), Some(&"at five"));
     }
 }

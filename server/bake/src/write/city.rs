@@ -154,7 +154,7 @@ fn manifest(input: &CityInput<'_>) -> Manifest {
     }
 }
 
-/// What was asked for; else one for each different set of names and licences in the sources.
+/// What was asked for; else one for each different set of names (a title where there are none) and licences.
 fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
     let mut all = asked.to_vec();
     if !all.is_empty() {
@@ -162,8 +162,7 @@ fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
     }
     for source in &read.sources {
         let licence = (!source.licences.is_empty()).then(|| source.licences.join(", "));
-        let names =
-            if source.attributions.is_empty() && licence.is_some() { &source.titles } else { &source.attributions };
+        let names = if source.attributions.is_empty() { &source.titles } else { &source.attributions };
         let attribution = Attribution { text: names.join(", "), licence, url: None };
         if !attribution.text.is_empty() && !all.contains(&attribution) {
             all.push(attribution);
