@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn holes_are_left_out_whichever_way_they_turn() {
         let outer = [[0., 0., 0.], [4., 0., 0.], [4., 0., 4.], [0., 0., 4.]];
-        let mut hole = vec![[1., 0., 1.], [2., 0., 1.], [2., 0., 2.], [1., 0., 2.]];
+        let mut hole = [[1., 0., 1.], [2., 0., 1.], [2., 0., 2.], [1., 0., 2.]];
         for _ in 0..2 {
             let points = [&outer[..], &hole[..]].concat();
             let mut triangulator = Triangulator::new();

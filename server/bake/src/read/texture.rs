@@ -15,6 +15,8 @@ use crate::scene::Texture;
 
 /// A picture's file may have this many bytes for each pixel that is allowed: enough for any uncompressed one.
 const FILE_BYTES_PER_PIXEL: u64 = 8;
+/// And this many for everything that is no pixel.
+const FILE_BYTES_ASIDE: u64 = 1 << 20;
 
 /// All pictures so far, with those that failed, so that each is tried once.
 pub(crate) struct TextureStore {
@@ -59,14 +61,17 @@ fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<Arc<Texture>
         return Err(Fault { kind: "texture on the web", detail: "not fetched, put it beside the file".to_owned() });
     }
     let name = name.replace('\\', "/");
-    let limit = max_pixels.saturating_mul(FILE_BYTES_PER_PIXEL);
+    let limit = max_pixels.saturating_mul(FILE_BYTES_PER_PIXEL).saturating_add(FILE_BYTES_ASIDE);
     let bare = name.rsplit('/').next().unwrap_or(&name);
     let folder = source.name.rsplit_once('/').map_or("", |(folder, _)| folder);
     let beside = |name: &str| if folder.is_empty() { name.to_owned() } else { format!("{folder}/{name}") };
     let read = |name: &str| read_beside(&*source.files, &beside(name), limit);
     // Absolute paths of the machine that exported the file are common: the picture then mostly lies beside it.
     let bytes = read(&name).or_else(|error| if bare == name { Err(error) } else { read(bare).map_err(|_| error) });
-    let bytes = bytes.map_err(|error| Fault { kind: "texture missing", detail: error.to_string() })?;
+    let bytes = bytes.map_err(|error| {
+        let missing = error.kind() == std::io::ErrorKind::NotFound;
+        Fault { kind: if missing { "texture missing" } else { "texture unreadable" }, detail: error.to_string() }
+    })?;
     decode(bytes, max_pixels).map(Arc::new)
 }
 
@@ -83,7 +88,7 @@ fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<Texture, Fault> {
     }
     let mut reader = ImageReader::new(bytes).with_guessed_format().map_err(|error| broken(&error))?;
     let mut limits = Limits::default();
-    limits.max_alloc = Some(max_pixels.saturating_mul(FILE_BYTES_PER_PIXEL));
+    limits.max_alloc = Some(max_pixels.saturating_mul(FILE_BYTES_PER_PIXEL).saturating_add(FILE_BYTES_ASIDE));
     reader.limits(limits);
     let rgb = reader.decode().map_err(|error| broken(&error))?.into_rgb8();
     let rgb = rgb.into_raw().chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();

@@ -14,7 +14,9 @@ mod seq;
 mod tests;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::error::Category;
+use serde_json::value::RawValue;
 
 use super::error::{ReadError, json_message};
 use super::palette::object_kind;
@@ -107,8 +109,8 @@ fn read_document(
         return other_kind(source, document.kind);
     }
     let mut report = begin(reading, source, &document, Format::CityJson)?;
-    let appearance = document.appearance.unwrap_or_default();
-    let templates = document.templates.unwrap_or_default();
+    let appearance: Appearance = member(document.appearance, "appearance", &mut report);
+    let templates: Templates = member(document.templates, "geometry-templates", &mut report);
     let shared = Shared { transform: document.transform, templates: &templates, appearance: &appearance };
     let objects: Vec<(&str, &str)> = document.city_objects.0.iter().map(|(id, raw)| (&**id, raw.get())).collect();
     let count = objects.len().max(1) as u64;
@@ -140,6 +142,15 @@ fn begin(
     }
     reading.agree_on_crs(&source.label, report.crs.as_deref())?;
     Ok(report)
+}
+
+/// A member that the file can do without.
+fn member<T: DeserializeOwned + Default>(raw: Option<&RawValue>, name: &str, report: &mut SourceReport) -> T {
+    let Some(raw) = raw else { return T::default() };
+    serde_json::from_str(raw.get()).unwrap_or_else(|error| {
+        report.problem("malformed member", || format!("{name}: {}", json_message(&error)));
+        T::default()
+    })
 }
 
 /// What a whole file shares.

@@ -27,9 +27,12 @@ pub(crate) struct Document<'a> {
     #[serde(rename = "CityObjects", borrow)]
     pub(crate) city_objects: RawObjects<'a>,
     pub(crate) vertices: Vec<Position>,
-    pub(crate) appearance: Option<Appearance>,
-    #[serde(rename = "geometry-templates")]
-    pub(crate) templates: Option<Templates>,
+    /// An [`Appearance`]. Unparsed, as are the templates: a fault in them costs looks and instances, not the file.
+    #[serde(borrow)]
+    pub(crate) appearance: Option<&'a RawValue>,
+    /// [`Templates`].
+    #[serde(rename = "geometry-templates", borrow)]
+    pub(crate) templates: Option<&'a RawValue>,
 }
 
 /// Objects in the order of the file, unparsed.

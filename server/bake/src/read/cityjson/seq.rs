@@ -5,8 +5,8 @@
 use std::io::BufRead;
 
 use super::geometry::ObjectReader;
-use super::model::Document;
-use super::{Batch, Shared, begin, lenient, read_objects, without_mark};
+use super::model::{Appearance, Document, Templates};
+use super::{Batch, Shared, begin, lenient, member, read_objects, without_mark};
 use crate::read::Reading;
 use crate::read::error::{ReadError, json_message};
 use crate::read::report::{Format, SourceReport};
@@ -38,8 +38,8 @@ pub(super) fn read(
         return Err(ReadError::unsupported(&source.label, what));
     }
     let mut report = begin(reading, source, &header, Format::CityJsonSeq)?;
-    let appearance = header.appearance.take().unwrap_or_default();
-    let templates = header.templates.take().unwrap_or_default();
+    let appearance: Appearance = member(header.appearance.take(), "appearance", &mut report);
+    let templates: Templates = member(header.templates.take(), "geometry-templates", &mut report);
     let shared = Shared { transform: header.transform, templates: &templates, appearance: &appearance };
     // A header may hold objects too.
     feature(reading, source, &shared, &header, &mut report);
@@ -99,7 +99,8 @@ fn feature(
     report: &mut SourceReport,
 ) {
     let objects: Vec<(&str, &str)> = document.city_objects.0.iter().map(|(id, raw)| (&**id, raw.get())).collect();
-    let appearance = document.appearance.as_ref().unwrap_or(shared.appearance);
+    let own: Option<Appearance> = document.appearance.map(|raw| member(Some(raw), "appearance", report));
+    let appearance = own.as_ref().unwrap_or(shared.appearance);
     let batch = Batch { objects: &objects, vertices: &document.vertices, appearance };
     read_objects(ObjectReader::new(reading, source, report), shared, &batch, &|_| {});
 }

@@ -1,1 +1,286 @@
-//! Tests.
+//! Whole CityJSON documents, small ones.
+
+use crate::read::texture::tests::png;
+use crate::read::{Palette, ReadError, ReadOptions, ReadReport, read_embedded};
+use crate::scene::{ObjectKind, Scene};
+
+/// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
+const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";
+/// Its six faces, outwards: ground, roof, walls.
+const FACES: &str = "[[0,3,2,1]],[[4,5,6,7]],[[0,1,5,4]],[[1,2,6,5]],[[2,3,7,6]],[[3,0,4,7]]";
+
+fn document(objects: &str, more: &str) -> String {
+    format!(r#"{{"type": "CityJSON", "version": "2.0", "CityObjects": {{{objects}}}, "vertices": [{CUBE}]{more}}}"#)
+}
+
+fn object(id: &str, geometry: &str) -> String {
+    format!(r#""{id}": {{"type": "Building", "geometry": [{geometry}]}}"#)
+}
+
+fn solid(lod: &str) -> String {
+    format!(r#"{{"type": "Solid", "lod": "{lod}", "boundaries": [[{FACES}]]}}"#)
+}
+
+fn read(text: &str) -> (Scene, ReadReport) {
+    read_embedded(&[("a.city.json", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap()
+}
+
+/// Volume enclosed, positive if all faces look outwards.
+fn volume(scene: &Scene) -> f32 {
+    let corners = scene.triangles.iter().map(|triangle| triangle.corners.map(glam::Vec3::from_array));
+    corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+}
+
+#[test]
+fn every_kind_of_surface_geometry_is_read_outwards() {
+    let bodies = [
+        ("MultiSurface", format!("[{FACES}]")),
+        ("CompositeSurface", format!("[{FACES}]")),
+        ("Solid", format!("[[{FACES}]]")),
+        ("MultiSolid", format!("[[[{FACES}]]]")),
+        ("CompositeSolid", format!("[[[{FACES}]]]")),
+    ];
+    for (kind, boundaries) in bodies {
+        let geometry = format!(r#"{{"lod": "1", "boundaries": {boundaries}, "type": "{kind}"}}"#);
+        let (scene, _) = read(&document(&object("a", &geometry), ""));
+        assert_eq!(scene.triangles.len(), 12, "{kind}");
+        assert!((volume(&scene) - 8.0).abs() < 1e-4, "{kind}");
+    }
+    let geometry = format!(r#"{{"type": "MultiPoint", "boundaries": [0, 1]}}, {}"#, solid("1"));
+    let (_, report) =
+        read(&document(&object("a", &geometry.replace("MultiPoint\"", "MultiPoint\", \"lod\": \"1\"")), ""));
+    assert_eq!(report.sources[0].problems["geometry without surfaces"].first, ["a: MultiPoint"]);
+}
+
+#[test]
+fn inner_shells_and_holes_are_kept() {
+    let inner = r#"[[0,1,2,3]]"#;
+    let geometry = format!(r#"{{"type": "Solid", "lod": 1, "boundaries": [[{FACES}], [{inner}]]}}"#);
+    assert_eq!(read(&document(&object("a", &geometry), "")).0.triangles.len(), 14);
+
+    let vertices = "[0,0,0],[4,0,0],[4,4,0],[0,4,0],[1,1,0],[1,2,0],[2,2,0],[2,1,0]";
+    let holed = r#"{"type": "MultiSurface", "lod": "2", "boundaries": [[[0,1,2,3],[4,5,6,7],[0,1]]]}"#;
+    let (scene, _) = read(&document(&object("a", holed), "").replace(CUBE, vertices));
+    let area: f32 = scene
+        .triangles
+        .iter()
+        .map(|triangle| {
+            let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
+            (b - a).cross(c - a).z / 2.0
+        })
+        .sum();
+    assert!((area - 15.0).abs() < 1e-4, "{area}");
+}
+
+#[test]
+fn only_the_best_level_is_read_and_no_footprint_under_a_body() {
+    let foot = r#"{"type": "MultiSurface", "lod": "0", "boundaries": [[[0,1,2,3]]]}"#;
+    let (scene, _) = read(&document(&object("a", &format!("{foot}, {}, {}", solid("1.3"), solid("2.2"))), ""));
+    assert_eq!(scene.triangles.len(), 12);
+    let whole = format!(r#""b": {{"type": "Building", "geometry": [{foot}], "children": ["p"]}}"#);
+    let part = format!(r#""p": {{"type": "BuildingPart", "geometry": [{}], "parents": ["b"]}}"#, solid("2.2"));
+    let (scene, report) = read(&document(&format!("{part}, {whole}"), ""));
+    assert_eq!((scene.triangles.len(), scene.objects[0].id.as_str()), (12, "p"));
+    assert_eq!((report.sources[0].coarser_left_out, report.sources[0].objects_by_type["Building"]), (1, 1));
+    assert_eq!(read(&document(&whole, "")).0.triangles.len(), 2);
+}
+
+#[test]
+fn the_transform_is_applied_and_may_be_missing() {
+    let more = r#", "transform": {"scale": [0.001, 0.001, 0.001], "translate": [85000, 446000, -3.5]}"#;
+    let text = document(&object("a", &solid("1")), more).replace(CUBE, &CUBE.replace('2', "2000"));
+    let (scene, _) = read(&text);
+    assert_eq!(scene.origin, [85001.0, 446001.0, -4.0]);
+    assert!((volume(&scene) - 8.0).abs() < 1e-4);
+    assert_eq!(scene.objects[0].base_z_m, 0.5);
+    assert_eq!(read(&document(&object("a", &solid("1")), "")).0.origin, [1.0, 1.0, 0.0]);
+}
+
+#[test]
+fn templates_are_placed_by_matrix_and_anchor() {
+    let templates =
+        format!(r#", "geometry-templates": {{"vertices-templates": [{CUBE}], "templates": [{}]}}"#, solid("2"));
+    let instance = r#"{"type": "GeometryInstance", "template": 0, "boundaries": [6],
+        "transformationMatrix": [0,-1,0,10, 1,0,0,0, 0,0,3,0, 0,0,0,1]}"#;
+    let (scene, _) = read(&document(&object("tree", instance), &templates));
+    assert!((volume(&scene) - 24.0).abs() < 1e-3);
+    // Turned by a quarter to x in [-2, 0], moved by 10 and by the anchor's (2, 2, 2).
+    let low =
+        scene.triangles.iter().flat_map(|t| t.corners).map(|c| f64::from(c[0]) + scene.origin[0]).fold(99.0, f64::min);
+    assert_eq!((low, scene.origin[2]), (10.0, 2.0));
+
+    let bad = [instance.replace("\"template\": 0", "\"template\": 7"), instance.replace("10, ", "")];
+    for (bad, reason) in bad.iter().zip(["template out of range", "transformationMatrix malformed"]) {
+        let text = document(&format!("{}, {}", object("bad", bad), object("good", &solid("1"))), &templates);
+        assert_eq!(read(&text).1.sources[0].skipped[reason].count, 1);
+    }
+}
+
+fn colours(scene: &Scene) -> Vec<[u8; 3]> {
+    scene.triangles.iter().step_by(2).map(|triangle| scene.materials[triangle.material as usize].rgb).collect()
+}
+
+#[test]
+fn materials_colour_by_surface_or_whole_and_semantics_the_rest() {
+    let semantics = r#""semantics": {"surfaces": [{"type": "RoofSurface"}, {"type": "WallSurface"}],
+        "values": [[null, 0, 1, 1, 1, 77]]}"#;
+    let materials = r#""material": {"z": {"value": 0}, "a": {"values": [[0, null, 1, null, 99, null]]}}"#;
+    let geometry = format!(r#"{{"type": "Solid", "lod": "1", "boundaries": [[{FACES}]], {semantics}, {materials}}}"#);
+    let appearance = r#", "appearance": {"materials": [{"name": "m", "diffuseColor": [1, 0.5, 0]}, {"name": "none"}]}"#;
+    let (scene, report) = read(&document(&object("a", &geometry), appearance));
+    let palette = Palette::default();
+    let [building, roof, wall] = ["Building", "RoofSurface", "WallSurface"].map(|name| palette.by_name[name]);
+    assert_eq!(colours(&scene), [[255, 128, 0], roof, wall, wall, wall, building]);
+    assert_eq!(report.sources[0].problems["material index out of range"].count, 1);
+    assert_eq!(report.sources[0].problems["semantic index out of range"].count, 1);
+
+    let whole = geometry.replace(materials, r#""material": {"a": {"value": 0}}"#);
+    assert_eq!(colours(&read(&document(&object("a", &whole), appearance)).0), [[255, 128, 0]; 6]);
+    let water = document(&object("w", &solid("1")), "").replace("Building", "WaterBody");
+    assert_eq!(colours(&read(&water).0)[0], palette.by_name["WaterBody"]);
+}
+
+#[test]
+fn textures_bring_their_coordinates_or_are_reported() {
+    let picture = png(2, 2, [7, 8, 9]);
+    let values = "[[[0,0,1,2,3]]], [[[0,0,1,2,3]]], [[[null]]], [[[1,0,1,2,3]]], [[[0,0,1]]], [[[5,0,1,2,3]]]";
+    let values = values.replace("[[[", "[[").replace("]]]", "]]");
+    let geometry = format!(
+        r#"{{"type": "Solid", "lod": "2", "boundaries": [[{FACES}]], "texture": {{"t": {{"values": [[{values}]]}}}}}}"#
+    );
+    let appearance = r#", "appearance": {"textures": [{"type": "PNG", "image": "pics/a.png"}, {"image": "none.png"}],
+        "vertices-texture": [[0, 0], [1, 0], [1, 1], [0, 1]]}"#;
+    let text = document(&object("a", &geometry), appearance);
+    let files: [(&str, &[u8]); 2] = [("d/a.city.json", text.as_bytes()), ("d/pics/a.png", &picture)];
+    let (scene, report) = read_embedded(&files, &ReadOptions::default(), &|_| {}).unwrap();
+    let textured = |i: usize| scene.materials[scene.triangles[i].material as usize].texture.is_some();
+    assert_eq!([0, 2, 4, 6, 8, 10].map(textured), [true, true, false, false, false, false]);
+    for triangle in &scene.triangles[2..4] {
+        for (corner, uv) in triangle.corners.iter().zip(triangle.uv) {
+            assert_eq!(uv, [(corner[0] + 1.0) / 2.0, (corner[1] + 1.0) / 2.0]);
+        }
+    }
+    let source = &report.sources[0];
+    assert_eq!(source.textures, 1);
+    let kinds: Vec<_> = source.problems.keys().map(String::as_str).collect();
+    assert_eq!(kinds, ["texture coordinates do not fit the ring", "texture index out of range", "texture missing"]);
+}
+
+#[test]
+fn relief_is_terrain_and_faces_up() {
+    let relief = r#""t": {"type": "TINRelief", "geometry": [{"type": "CompositeSurface", "lod": 1, "boundaries":
+        [[[4,5,6]], [[4,7,6]]]}]}"#;
+    let (scene, report) = read(&document(relief, ""));
+    assert_eq!(scene.objects[0].kind, ObjectKind::Terrain);
+    assert_eq!(report.sources[0].terrain_triangles, 2);
+    for triangle in &scene.triangles {
+        let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
+        assert!((b - a).cross(c - a).z > 0.0);
+    }
+}
+
+#[test]
+fn bad_objects_are_skipped_with_their_reason() {
+    let surface = |ring: &str| format!(r#"{{"type": "MultiSurface", "lod": "1", "boundaries": [[{ring}]]}}"#);
+    let objects = [
+        object("good", &solid("1")),
+        object("index", &surface("[0, 1, 99]")),
+        object("negative", &surface("[0, 1, -1]")),
+        object("nan", &surface("[0, 1, 8]")),
+        object("huge", &surface("[0, 1, 9]")),
+        object("overflow", &surface("[0, 1, 10]")),
+        object("flat", &surface("[0, 1, 1]")),
+        object("two", &surface("[0, 1]")),
+        object("shape", r#"{"type": "Solid", "lod": "1", "boundaries": [["x"]]}"#),
+        object("shallow", r#"{"type": "Solid", "lod": "1", "boundaries": [[[0, 1, 2]]]}"#),
+        r#""number": 7"#.to_owned(),
+        r#""group": {"type": "CityObjectGroup"}"#.to_owned(),
+    ];
+    let text =
+        document(&objects.join(", "), "").replace(CUBE, &format!("{CUBE}, [NaN, 0, 0], [1e300, 0, 0], [0, 1e999, 0]"));
+    let (scene, report) = read(&text);
+    assert_eq!(scene.objects.iter().map(|object| object.id.as_str()).collect::<Vec<_>>(), ["good"]);
+    let skipped = &report.sources[0].skipped;
+    let expected = ["index: vertex index 99 out of range of 11", "negative: vertex index -1 out of range of 11"];
+    assert_eq!(skipped["vertex index out of range"].first[..2], expected);
+    assert_eq!(skipped["coordinate not a number or beyond 1e9 m"].count, 3);
+    assert_eq!(skipped["malformed object"].count, 2);
+    assert_eq!(report.skipped(), 10, "{skipped:?}");
+}
+
+#[test]
+fn versions_and_metadata_of_1_0_are_understood() {
+    let old = document(
+        &object("a", &solid("1").replace("\"1\"", "1")),
+        r#", "metadata": {"referenceSystem": "urn:ogc:def:crs:EPSG::7415"}"#,
+    );
+    assert_eq!(read(&old.replace("2.0", "1.0")).0.crs.as_deref(), Some("EPSG:7415"));
+    let odd = document(&object("a", &solid("1")), r#", "metadata": [{"title": "T"}]"#);
+    assert_eq!(read(&odd).1.sources[0].titles, ["T"]);
+    let next = odd.replace("2.0", "3.0");
+    let error = read_embedded(&[("a.json", next.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
+    assert!(matches!(&error, ReadError::Unsupported { what, .. } if what.contains("3.0")), "{error}");
+}
+
+const HEADER: &str = r#"{"type":"CityJSON","version":"2.0","transform":{"scale":[0.5,0.5,0.5],"translate":[100,0,0]},"CityObjects":{},"vertices":[]}"#;
+
+fn feature(id: &str) -> String {
+    let text = format!(
+        r#"{{"type": "CityJSONFeature", "id": "{id}", "CityObjects": {{{}}}, "vertices": [{CUBE}]}}"#,
+        object(id, &solid("1"))
+    );
+    text.replace('\n', " ")
+}
+
+#[test]
+fn a_sequence_skips_broken_lines_and_reads_on() {
+    let cut = &feature("cut")[..100];
+    let odd = feature("odd").replace("[0,0,0]", "[NaN,0,0]");
+    let lines = [HEADER, &feature("a"), cut, "", "nonsense", r#"{"type": "Feature"}"#, &odd, &feature("b")];
+    let text = lines.join("\n");
+    let (scene, report) =
+        read_embedded(&[("a.city.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
+    assert_eq!(scene.objects.iter().map(|object| object.id.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+    assert!((volume(&scene) - 2.0).abs() < 1e-4);
+    assert_eq!(scene.origin[0], 100.0);
+    let skipped = &report.sources[0].skipped;
+    assert_eq!(skipped["broken line"].count, 2);
+    assert!(skipped["broken line"].first[0].starts_with("line 3, column 1"), "{skipped:?}");
+    assert_eq!(skipped["line is no feature"].count, 1);
+    assert_eq!(skipped["coordinate not a number or beyond 1e9 m"].count, 1);
+}
+
+#[test]
+fn a_sequence_needs_its_header_and_keeps_to_the_line_limit() {
+    let fails =
+        |text: &str| read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
+    assert!(matches!(fails(&feature("a")), ReadError::Unsupported { .. }));
+    assert!(matches!(fails(&HEADER[..40]), ReadError::Json { line: 1, .. }));
+    assert!(matches!(fails(HEADER), ReadError::Empty { .. }));
+    let long = feature("long").replace("\"id\"", &format!("\"pad\": \"{}\", \"id\"", "x".repeat(1000)));
+    let text = [HEADER, &long, &feature("a")].join("\n");
+    let options = ReadOptions { max_line_bytes: 1000, ..ReadOptions::default() };
+    let (scene, report) = read_embedded(&[("a.jsonl", text.as_bytes())], &options, &|_| {}).unwrap();
+    assert_eq!((scene.objects.len(), report.sources[0].skipped["line too long"].count), (1, 1));
+}
+
+#[test]
+fn a_malformed_appearance_costs_the_colours_and_not_the_file() {
+    let bad = r#", "appearance": {"materials": [{"diffuseColor": "red"}]}, "geometry-templates": 7"#;
+    let (scene, report) = read(&document(&object("a", &solid("1")), bad));
+    assert_eq!(scene.triangles.len(), 12);
+    assert_eq!(report.sources[0].problems["malformed member"].count, 2);
+}
+
+#[test]
+fn a_feature_brings_its_own_appearance() {
+    let coloured = solid("1").replace("\"lod\"", r#""material": {"m": {"value": 0}}, "lod""#);
+    let feature = format!(
+        r#"{{"type": "CityJSONFeature", "CityObjects": {{{}}}, "vertices": [{CUBE}],
+            "appearance": {{"materials": [{{"diffuseColor": [0, 0, 1]}}]}}}}"#,
+        object("a", &coloured)
+    );
+    let text = format!("{HEADER}\n{}", feature.replace('\n', " "));
+    let (scene, _) = read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
+    assert_eq!(colours(&scene)[0], [0, 0, 255]);
+}

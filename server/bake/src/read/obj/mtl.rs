@@ -74,7 +74,7 @@ fn picture(text: &str) -> Option<String> {
         let arguments = MAP_OPTIONS.iter().find(|(name, _)| *name == option).map(|(_, count)| *count)?;
         rest = after.trim_start();
         for taken in 0..arguments {
-            let (word, after) = rest.split_once(char::is_whitespace)?;
+            let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
             // -o, -s and -t may have fewer numbers than three.
             if taken > 0 && word.parse::<f64>().is_err() {
                 break;

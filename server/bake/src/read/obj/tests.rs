@@ -1,1 +1,121 @@
-//! Tests.
+//! Whole OBJ files with their libraries and pictures.
+
+use crate::read::texture::tests::png;
+use crate::read::{ReadError, ReadOptions, ReadReport, Up, read_embedded};
+use crate::scene::{ObjectKind, Scene};
+
+fn read(files: &[(&str, &[u8])]) -> (Scene, ReadReport) {
+    read_embedded(files, &ReadOptions::default(), &|_| {}).unwrap()
+}
+
+const SQUARE: &str = "mtllib a.mtl\nv 0 0 1\nv 2 0 1\nv 2 2 1\nv 0 2 1\nvt 0 0\nvt 2.5 0\nvt 2.5 1\nvt 0 1\nusemtl wall\n\
+                      f 1/1 2/2 3/3 4/4\n";
+
+#[test]
+fn faces_carry_colour_picture_and_coordinates() {
+    let picture = png(2, 2, [1, 2, 3]);
+    let mtl = b"newmtl wall\nKd 1 0.5 0\nmap_Kd wall.png\n";
+    let (scene, report) = read(&[("a.obj", SQUARE.as_bytes()), ("a.mtl", mtl), ("wall.png", &picture)]);
+    assert_eq!(scene.triangles.len(), 2);
+    let material = &scene.materials[scene.triangles[0].material as usize];
+    assert_eq!(material.rgb, [255, 128, 0]);
+    assert_eq!(material.texture.as_ref().unwrap().rgb[3], [1, 2, 3]);
+    for triangle in &scene.triangles {
+        for (corner, uv) in triangle.corners.iter().zip(triangle.uv) {
+            // Beyond 1 the picture repeats, so the coordinate stays as it is.
+            assert_eq!(uv, [(corner[0] + 1.0) * 1.25, (corner[1] + 1.0) * 0.5]);
+        }
+    }
+    assert_eq!((report.sources[0].textures, report.sources[0].problems.len()), (1, 0));
+    assert_eq!(scene.objects[0].base_z_m, 0.0);
+    assert_eq!(scene.origin[2], 1.0);
+}
+
+#[test]
+fn a_packed_model_finds_packed_companions() {
+    use std::io::Write;
+    let gz = |bytes: &[u8]| {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    };
+    let picture = png(2, 2, [1, 2, 3]);
+    let (obj, mtl) = (gz(SQUARE.as_bytes()), gz(b"newmtl wall\nmap_Kd wall.png\n"));
+    let (scene, _) = read(&[("t/a.obj.gz", &obj), ("t/a.mtl.gz", &mtl), ("t/wall.png", &picture)]);
+    let material = &scene.materials[scene.triangles[0].material as usize];
+    assert!(material.texture.is_some());
+    assert_eq!((material.rgb, scene.objects[0].id.as_str()), ([255; 3], "a"));
+}
+
+#[test]
+fn missing_libraries_materials_and_pictures_cost_only_the_look() {
+    let (scene, report) = read(&[("a.obj", SQUARE.as_bytes())]);
+    assert_eq!(scene.triangles.len(), 2);
+    let problems = &report.sources[0].problems;
+    assert!(problems["material library missing"].first[0].starts_with("a.mtl"));
+    assert_eq!(problems["material missing"].first, ["wall"]);
+
+    let mtl = b"newmtl wall\nKd 0.2 0.2 0.2\nmap_Kd none.jpg\n";
+    let (scene, report) = read(&[("a.obj", SQUARE.as_bytes()), ("a.mtl", mtl)]);
+    let material = &scene.materials[scene.triangles[0].material as usize];
+    assert_eq!((material.rgb, &material.texture), ([51; 3], &None));
+    assert_eq!(report.sources[0].problems["texture missing"].count, 1);
+    assert_eq!(scene.triangles[0].uv, [[0.0; 2]; 3]);
+}
+
+#[test]
+fn wrong_faces_and_coordinates_cost_only_themselves() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nv 1e300 0 0\nv inf 0 0\nv 1\n\
+                f 1 2 3\nf 1 2 99\nf 0 1 2\nf -9 1 2\nf 1 2 4\nf 1 2 5\nf 1 2 6\nf 1 2 7\nf 1 1 2\nf a b c\nf 1 2\nf\n\
+                f 99999999999999999999 1 2\nf 1/9/9 2/9 3/9\n";
+    let (scene, report) = read(&[("a.obj", text.as_bytes())]);
+    assert_eq!(scene.triangles.len(), 2);
+    let problems = &report.sources[0].problems;
+    assert_eq!(problems["vertex index out of range"].count, 5);
+    assert_eq!(problems["vertex index out of range"].first[0], "line 9: vertex index 99 out of range of 7");
+    assert_eq!(problems["coordinate not a number or beyond 1e9 m"].count, 4);
+    assert_eq!(problems["polygon without area"].first, ["line 16"]);
+    assert_eq!(problems["face of less than three corners"].count, 2);
+}
+
+#[test]
+fn objects_have_their_own_base_and_terrain_is_terrain() {
+    let text = "v 0 0 10\nv 1 0 10\nv 0 1 12\nv 50 0 20\nv 51 0 20\nv 50 1 25\no house\nf 1 2 3\no terrain\nf 4 6 5\n";
+    let (scene, report) = read(&[("a.obj", text.as_bytes())]);
+    let bases: Vec<_> = scene.objects.iter().map(|object| (object.id.as_str(), object.kind, object.base_z_m)).collect();
+    assert_eq!(bases, [("house", ObjectKind::Building, 0.0), ("terrain", ObjectKind::Terrain, 10.0)]);
+    assert_eq!(report.sources[0].terrain_triangles, 1);
+    let [a, b, c] = scene.triangles[1].corners;
+    assert!((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0, "terrain faces up");
+}
+
+#[test]
+fn y_up_is_turned_upright_and_polygons_keep_their_sense() {
+    // A concave wall that stands: in y-up it lies in the plane z = 0 and faces south, towards positive z.
+    let text = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 1 2 3 4 5\n";
+    let options = ReadOptions { obj_up: Up::Y, ..ReadOptions::default() };
+    let (scene, _) = read_embedded(&[("a.obj", text.as_bytes())], &options, &|_| {}).unwrap();
+    assert_eq!(scene.triangles.len(), 3);
+    let mut facing = glam::Vec3::ZERO;
+    for triangle in &scene.triangles {
+        let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
+        facing += (b - a).cross(c - a) * 0.5;
+    }
+    assert!((facing - glam::Vec3::new(0.0, -10.0, 0.0)).length() < 1e-5, "{facing}");
+}
+
+#[test]
+fn no_bytes_make_it_panic() {
+    let mut state = 1_u32;
+    let alphabet = b"vftgo 0123456789.-/\\\n\n eusemtl";
+    for _ in 0..300 {
+        let text: Vec<u8> = (0..200)
+            .map(|_| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                alphabet[(state >> 16) as usize % alphabet.len()]
+            })
+            .collect();
+        let result = read_embedded(&[("a.obj", &text)], &ReadOptions::default(), &|_| {});
+        assert!(matches!(result, Ok(_) | Err(ReadError::Empty { .. })));
+    }
+}
