@@ -4,6 +4,9 @@
 //!
 //! Other programs embed it with [`store::Store::open`], [`config::Config`] and [`http::serve`].
 
+pub mod args;
+pub mod commands;
 pub mod config;
 pub mod http;
 pub mod store;
+pub mod telemetry;

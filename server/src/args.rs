@@ -1,0 +1,202 @@
+//! The command line (design 3): what may be typed.
+//!
+//! In: arguments. Out: [`Args`]. Next: `commands`; `serve` turns them into a [`Config`](crate::config::Config) first.
+
+use crate::config::{DEFAULT_LISTEN, check_address};
+use clap::{Parser, Subcommand, ValueEnum};
+use insula_protocol::{TileId, manifest::is_name};
+use std::path::PathBuf;
+
+/// Bakes cities and serves them.
+#[derive(Debug, Parser)]
+#[command(
+    name = "insula-server",
+    version,
+    after_help = "Example:\n  insula-server bake delft.city.json --out delft\n  insula-server serve delft"
+)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Turn city files into a city that can be served
+    #[command(
+        after_help = "Example:\n  insula-server bake buildings.city.json terrain.city.json --out cities/delft --cell 0.5 \\\n    --attribution \"3D BAG, tudelft3d\" --licence \"CC BY 4.0\" --source-url https://3dbag.nl\n\nKilled at any moment it leaves no city or a whole one; --resume goes on where it stopped."
+    )]
+    Bake(BakeArgs),
+    /// Serve cities over HTTP
+    #[command(
+        after_help = "Example:\n  insula-server serve cities/delft cities/chiba --listen 0.0.0.0:7700\n\nA config file is JSON: {\"listen\": \"127.0.0.1:7700\", \"max_in_flight\": 1024}. The command line wins over it.\nLogs go to standard error; RUST_LOG=debug shows every request.\nNever overwrite the files of a city that is being served: replace its folder by renaming."
+    )]
+    Serve(ServeArgs),
+    /// Show what is in a city
+    #[command(
+        after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png"
+    )]
+    Inspect(InspectArgs),
+    /// Check every checksum and that every tile decodes
+    #[command(
+        after_help = "Example:\n  insula-server verify cities/delft\n\nPrints the bad tiles, one a line, and exits with 1 if there are any."
+    )]
+    Verify(VerifyArgs),
+}
+
+/// `bake`.
+#[derive(Debug, clap::Args)]
+pub struct BakeArgs {
+    /// CityJSON, CityJSONSeq or OBJ files, or folders of them
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// Folder to write the city to
+    #[arg(long, value_name = "CITY")]
+    pub out: PathBuf,
+    /// Side of a leaf's column in metres
+    #[arg(long, value_name = "M", default_value = "1", value_parser = cell)]
+    pub cell: f64,
+    /// Threads to use; all cores unless given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Write a report of what was read, made and how long it took
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Go on with a bake that was interrupted
+    #[arg(long)]
+    pub resume: bool,
+    /// Name in URLs (a-z, 0-9, _ and -); the folder's name unless given
+    #[arg(long, value_parser = name)]
+    pub name: Option<String>,
+    /// Title for people
+    #[arg(long)]
+    pub title: Option<String>,
+    /// Who made the data and must be named wherever it is shown
+    #[arg(long, value_name = "TEXT")]
+    pub attribution: Option<String>,
+    /// Licence of the data
+    #[arg(long, value_name = "TEXT", requires = "attribution")]
+    pub licence: Option<String>,
+    /// Where the data comes from
+    #[arg(long, value_name = "URL", requires = "attribution")]
+    pub source_url: Option<String>,
+    /// Which axis of OBJ files points up
+    #[arg(long, value_enum, default_value = "z")]
+    pub obj_up: Axis,
+}
+
+/// An axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Axis {
+    /// As in surveying.
+    Z,
+    /// As in most modelling programs.
+    Y,
+}
+
+/// `serve`.
+#[derive(Debug, clap::Args)]
+pub struct ServeArgs {
+    /// City folders, or folders of city folders
+    #[arg(required = true, value_name = "CITY")]
+    pub cities: Vec<PathBuf>,
+    /// Address to listen on, 127.0.0.1:7700 unless given; port 0 picks a free one
+    #[arg(long, value_name = "HOST:PORT", value_parser = address)]
+    pub listen: Option<String>,
+    /// JSON file with "listen" and "max_in_flight"
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
+
+/// `inspect`.
+#[derive(Debug, clap::Args)]
+pub struct InspectArgs {
+    /// City folder
+    pub city: PathBuf,
+    /// Print JSON
+    #[arg(long, conflicts_with_all = ["tile", "png"])]
+    pub json: bool,
+    /// Node to draw, as level/x/y
+    #[arg(long, value_name = "L/X/Y", value_parser = tile, requires = "png")]
+    pub tile: Option<TileId>,
+    /// Picture to write of the node's geometry, roofs and walls maps
+    #[arg(long, value_name = "FILE", requires = "tile")]
+    pub png: Option<PathBuf>,
+}
+
+/// `verify`.
+#[derive(Debug, clap::Args)]
+pub struct VerifyArgs {
+    /// City folder
+    pub city: PathBuf,
+}
+
+fn cell(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(cell) if (0.01..=1000.0).contains(&cell) => Ok(cell),
+        _ => Err("metres between 0.01 and 1000 are wanted, as in 0.5".into()),
+    }
+}
+
+fn name(text: &str) -> Result<String, String> {
+    if is_name(text) { Ok(text.into()) } else { Err("1 to 64 of a-z, 0-9, _ and - are wanted".into()) }
+}
+
+fn address(text: &str) -> Result<String, String> {
+    check_address(text).map(|()| text.to_owned()).map_err(|_| format!("HOST:PORT is wanted, as in {DEFAULT_LISTEN}"))
+}
+
+fn tile(text: &str) -> Result<TileId, String> {
+    let mut parts = text.split('/').map(str::parse::<u32>);
+    let id = match (parts.next(), parts.next(), parts.next(), parts.next()) {
+        (Some(Ok(level)), Some(Ok(x)), Some(Ok(y)), None) => {
+            u8::try_from(level).ok().and_then(|level| TileId::new(level, x, y))
+        }
+        _ => None,
+    };
+    id.ok_or_else(|| "level/x/y is wanted, as in 3/2/5, with x and y below 2^level".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Args::command().debug_assert();
+        for command in Args::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains(&format!("insula-server {} ", command.get_name())), "{help}");
+        }
+    }
+
+    #[test]
+    fn slips_are_usage_errors() {
+        let parse = |line: &str| Args::try_parse_from(line.split(' ')).map_err(|error| error.exit_code());
+        assert!(parse("insula-server bake a b --out c --cell 0.5 --threads 2 --report r.json --resume").is_ok());
+        assert!(parse("insula-server serve a b --listen localhost:0 --config c.json").is_ok());
+        assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
+        for wrong in [
+            "insula-server",
+            "insula-server bake a",
+            "insula-server bake --out c",
+            "insula-server bake a --out c --cell 0",
+            "insula-server bake a --out c --cell nan",
+            "insula-server bake a --out c --threads 0",
+            "insula-server bake a --out c --name A",
+            "insula-server bake a --out c --licence L",
+            "insula-server serve",
+            "insula-server serve a --listen 7700",
+            "insula-server serve a --listen h:70000",
+            "insula-server inspect a --tile 1/2/0 --png p",
+            "insula-server inspect a --tile 1/1/0",
+            "insula-server inspect a --png p",
+            "insula-server verify",
+            "insula-server dance",
+        ] {
+            assert_eq!(parse(wrong).err(), Some(2), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! `inspect`: what is in a city, for people or as JSON; one node's maps as a picture.
+//!
+//! In: a city's folder. Out: text, JSON or a PNG. Next: a person.
+
+use super::{
+    CommandError,
+    census::{Census, Level},
+    human_bytes, print, tile_picture, write,
+};
+use crate::{args::InspectArgs, store::CityStore};
+use image::ImageFormat;
+use insula_protocol::{BlockMap, TileId, manifest::Attribution, route::Layer};
+use std::{fmt::Write, io::Cursor, path::Path};
+
+pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
+    let city = CityStore::open(&args.city)?;
+    if let (Some(tile), Some(png)) = (args.tile, &args.png) {
+        return picture(&city, tile, png);
+    }
+    let census = Census::take(&city);
+    if args.json {
+        let json = serde_json::to_string_pretty(&census)
+            .map_err(|error| CommandError::System { what: "make JSON", source: error.into() })?;
+        print(&(json + "\n"));
+    } else {
+        print(&table(&census));
+    }
+    Ok(())
+}
+
+fn picture(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError> {
+    let wrong = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
+    let bytes = city.tile(Layer::BlockMaps, id).ok_or_else(|| wrong("the city has no such node".into()))?;
+    let map = BlockMap::decode(&bytes).map_err(|error| wrong(error.to_string()))?;
+    let mut out = Cursor::new(Vec::new());
+    tile_picture::draw(&map)
+        .write_to(&mut out, ImageFormat::Png)
+        .map_err(|error| CommandError::Write { path: png.to_owned(), reason: error.to_string() })?;
+    write(png, out.get_ref())?;
+    print(&format!("{}: geometry, roofs and walls of {id}, {}\n", png.display(), human_bytes(bytes.len() as u64)));
+    Ok(())
+}
+
+fn table(census: &Census<'_>) -> String {
+    let manifest = census.manifest;
+    let [[x0, y0, z0], [x1, y1, z1]] = manifest.bounds;
+    let nodes: u64 = census.levels.iter().map(|level| level.nodes).sum();
+    let mut out = String::new();
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(out, "{name:<12}{value}");
+    };
+    line("name", manifest.name.clone());
+    line("title", manifest.title.clone());
+    line("version", manifest.version.clone());
+    line("CRS", manifest.crs.clone().unwrap_or_else(|| "local metres".into()));
+    line("extent", format!("{:.1} x {:.1} x {:.1} m from {x0:.1}, {y0:.1}, {z0:.1}", x1 - x0, y1 - y0, z1 - z0));
+    line(
+        "cell",
+        format!("{} m, {} columns a side, {} levels", manifest.cell_m, manifest.node_cells, manifest.depth + 1),
+    );
+    line("source", format!("{} objects, {} triangles", manifest.counts.objects, manifest.counts.triangles));
+    line("terrain", if manifest.has_terrain { "yes".into() } else { "no".into() });
+    line(
+        "size",
+        format!("{nodes} nodes, {} in {} subtrees and all", human_bytes(census.file_bytes), census.subtree_tiles),
+    );
+    for source in &manifest.attribution {
+        line("attribution", credit(source));
+    }
+    if census.damaged_subtree_tiles > 0 {
+        line("DAMAGED", format!("{} subtree tiles: run `insula-server verify`", census.damaged_subtree_tiles));
+    }
+    let _ = writeln!(
+        out,
+        "\n{:>5} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9}   error m",
+        "level", "cell m", "nodes", "bytes", "min", "mean", "max"
+    );
+    for level in &census.levels {
+        out.push_str(&row(level));
+    }
+    out
+}
+
+fn row(level: &Level) -> String {
+    let error = match (level.error_m_min, level.error_m_max) {
+        (Some(min), Some(max)) => format!("{min:.3} to {max:.3}"),
+        _ => "unknown".into(),
+    };
+    format!(
+        "{:>5} {:>9} {:>9} {:>10} {:>9} {:>9.0} {:>9}   {error}\n",
+        level.level,
+        level.cell_m,
+        level.nodes,
+        human_bytes(level.bytes),
+        level.bytes_min,
+        level.bytes_mean,
+        level.bytes_max
+    )
+}
+
+fn credit(source: &Attribution) -> String {
+    let mut text = source.text.clone();
+    for part in [&source.licence, &source.url].into_iter().flatten() {
+        let _ = write!(text, ", {part}");
+    }
+    text
+}

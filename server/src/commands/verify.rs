@@ -1,0 +1,128 @@
+//! `verify`: every checksum, every tile, and that the parts of a city agree.
+//!
+//! In: a city's folder. Out: the faults, one a line. Next: exit code 0 or 1.
+
+use super::{CommandError, print};
+use crate::{args::VerifyArgs, store::CityStore};
+use insula_protocol::{BlockMap, Subtree, TileId, route::Layer, subtree::NodeInfo, tile};
+use std::collections::{BTreeMap, BTreeSet};
+
+pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
+    let city = CityStore::open(&args.city)?;
+    let faults = faults(&city);
+    if faults.is_empty() {
+        let tiles = city.archive(Layer::BlockMaps).len() + city.archive(Layer::Subtrees).len();
+        print(&format!("{}: {tiles} tiles, all good\n", city.manifest().name));
+        return Ok(());
+    }
+    print(&faults.iter().map(|fault| format!("{fault}\n")).collect::<String>());
+    Err(CommandError::Faults { path: args.city.clone(), faults: faults.len() })
+}
+
+/// All that is wrong, one line each, tiles first.
+pub(super) fn faults(city: &CityStore) -> Vec<String> {
+    let mut faults = Vec::new();
+    let lengths = blockmaps(city, &mut faults);
+    let nodes = subtrees(city, &mut faults);
+    agreement(&lengths, &nodes, &mut faults);
+    manifest(city, &lengths, &mut faults);
+    faults
+}
+
+/// Every V-BlockMap's length, by its place.
+fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64> {
+    let mut lengths = BTreeMap::new();
+    for (id, bytes) in city.archive(Layer::BlockMaps).tiles() {
+        lengths.insert(id, bytes.len() as u64);
+        let mut fault = |what: String| faults.push(format!("blockmaps/{id}: {what}"));
+        match BlockMap::decode(&bytes) {
+            Err(error) => fault(error.to_string()),
+            Ok(map) if map.id != id => fault(format!("it says that it is {}", map.id)),
+            Ok(map) => {
+                let wanted_m = city.manifest().cell_m_at(id.level());
+                if (f64::from(map.cell_m) / wanted_m - 1.0).abs() > 1e-5 {
+                    fault(format!("its columns are {} m wide, those of its level {wanted_m} m", map.cell_m));
+                }
+            }
+        }
+    }
+    lengths
+}
+
+/// Every node that the subtrees list.
+fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, NodeInfo> {
+    let mut nodes = BTreeMap::new();
+    let mut there = BTreeSet::new();
+    let mut continued = BTreeSet::from([TileId::ROOT]);
+    for (id, bytes) in city.archive(Layer::Subtrees).tiles() {
+        there.insert(id);
+        let subtree = match Subtree::decode(&bytes) {
+            Ok(subtree) => subtree,
+            Err(error) => {
+                faults.push(format!("subtrees/{id}: {error}"));
+                continue;
+            }
+        };
+        if let Some(root) = subtree.nodes.first().filter(|root| root.id != id) {
+            faults.push(format!("subtrees/{id}: it says that it is {}", root.id));
+            continue;
+        }
+        for node in subtree.nodes {
+            let children = (0..4).filter(|quadrant| node.child_mask >> quadrant & 1 == 1);
+            let children = children.filter_map(|quadrant| node.id.child(quadrant));
+            continued.extend(children.filter(|child| Subtree::is_root(*child)));
+            nodes.insert(node.id, node);
+        }
+    }
+    for id in continued.difference(&there) {
+        faults.push(format!("subtrees/{id}: missing, though its parent names it"));
+    }
+    for id in there.difference(&continued) {
+        faults.push(format!("subtrees/{id}: no parent names it, so nobody will ask for it"));
+    }
+    nodes
+}
+
+/// Nodes and V-BlockMaps are the same set, of the lengths that the nodes say; errors shrink downwards.
+fn agreement(lengths: &BTreeMap<TileId, u64>, nodes: &BTreeMap<TileId, NodeInfo>, faults: &mut Vec<String>) {
+    for (id, node) in nodes {
+        match lengths.get(id) {
+            None => faults.push(format!("blockmaps/{id}: missing, though a subtree lists it")),
+            Some(length) if *length != u64::from(node.blockmap_bytes) => {
+                faults.push(format!("blockmaps/{id}: {length} bytes, its subtree says {}", node.blockmap_bytes));
+            }
+            Some(_) => {}
+        }
+        let parent = id.parent().and_then(|parent| nodes.get(&parent));
+        if let Some(parent) = parent.filter(|parent| node.error_m > parent.error_m) {
+            let (own, above) = (node.error_m, parent.error_m);
+            faults.push(format!("subtrees/{id}: its error of {own} m is larger than its parent's {above} m"));
+        }
+    }
+    for id in lengths.keys().filter(|id| !nodes.contains_key(id)) {
+        faults.push(format!("blockmaps/{id}: no subtree lists it, so nobody will ask for it"));
+    }
+}
+
+/// What the manifest counts is what is there.
+fn manifest(city: &CityStore, lengths: &BTreeMap<TileId, u64>, faults: &mut Vec<String>) {
+    let manifest = city.manifest();
+    let mut fault = |what: String| faults.push(format!("city.json: {what}"));
+    if manifest.tile_version != tile::VERSION {
+        fault(format!("its tiles are of format {}, this program reads {}", manifest.tile_version, tile::VERSION));
+    }
+    let levels = usize::from(manifest.depth) + 1;
+    let (mut nodes, mut bytes) = (vec![0u64; levels], vec![0u64; levels]);
+    for (id, length) in lengths {
+        let level = usize::from(id.level());
+        nodes[level] += 1;
+        bytes[level] += length;
+    }
+    for (what, said, found) in
+        [("nodes", &manifest.counts.nodes_per_level, &nodes), ("bytes", &manifest.counts.bytes_per_level, &bytes)]
+    {
+        if said != found {
+            fault(format!("it counts {said:?} {what} per level, the archive has {found:?}"));
+        }
+    }
+}
