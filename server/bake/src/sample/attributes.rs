@@ -141,7 +141,7 @@ fn match_solid(solids: &[Solid], top: f32, seen: &Seen, c: f32) -> Option<Place>
                 return Some(Place::Flat(row(solid.bottom_m + 1e-3 * c)));
             }
         } else if seen.p.z > solid.bottom_m - 0.5 * c && seen.p.z < high + 0.5 * c {
-            return Some(Place::Side(row(seen.p.z.clamp(solid.bottom_m, high - 1e-3 * c))));
+            return Some(Place::Side(row(seen.p.z.min(high - 1e-3 * c).max(solid.bottom_m))));
         }
     }
     None
