@@ -1,4 +1,5 @@
 //! The server inside another program, as the client starts it.
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod common;
 

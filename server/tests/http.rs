@@ -1,4 +1,5 @@
 //! Every route, without a port.
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod common;
 
