@@ -56,6 +56,9 @@ pub struct Session {
     started: Instant,
     first_picture: Option<Duration>,
     converged: Option<Duration>,
+    asked_tau_px: f64,
+    /// Something came in after the last selection.
+    fresh: bool,
 }
 
 impl Session {
@@ -80,6 +83,8 @@ impl Session {
             started,
             first_picture: None,
             converged: None,
+            asked_tau_px: 1.0,
+            fresh: false,
         }
     }
 
@@ -101,6 +106,8 @@ impl Session {
         let now = Instant::now();
         let view = self.view(shot, shot.camera);
         self.cache.begin_frame();
+        self.asked_tau_px = shot.tau_px;
+        self.fresh = false;
         self.selection = select(&view, &self.tree, &mut self.scratch);
         // The coarsest last: of equals, it goes last.
         for at in self.selection.used.iter().rev() {
@@ -140,6 +147,7 @@ impl Session {
         while self.decoded.len() < DECODED_NODES
             && let Some(arrival) = self.stream.arrival(&mut self.tree, now)
         {
+            self.fresh = true;
             match arrival {
                 Arrival::Subtree(key, subtree) => {
                     self.tree.merge(&subtree);
@@ -164,6 +172,7 @@ impl Session {
                 Placement::Placed { evicted } => (TileEvent::Upload, evicted),
                 Placement::Full { evicted } => (TileEvent::Drop, evicted),
             };
+            self.fresh = true;
             self.tiles.blockmaps += u64::from(event == TileEvent::Upload);
             self.tree.apply(Key::block_map(id), event);
             for id in evicted {
@@ -177,9 +186,14 @@ impl Session {
         self.tree.root().is_some() && self.selection.wanted.is_empty() && self.decoded.is_empty()
     }
 
-    /// Whether another frame may differ from the last although the camera stands still.
-    pub fn busy(&self) -> bool {
-        !self.decoded.is_empty() || self.stream.in_flight() > 0
+    /// Whether the next frame has something to upload, or to select anew: no need to wait for the network.
+    pub fn streaming_now(&self) -> bool {
+        !self.decoded.is_empty() || self.fresh
+    }
+
+    /// What the last shot asked for.
+    pub fn asked_tau_px(&self) -> f64 {
+        self.asked_tau_px
     }
 
     /// An error if the city has no root to begin with, or the server does not answer for `timeout`.

@@ -3,8 +3,15 @@
 //! In: [`Cli`]. Out: pictures, reports, windows. Next: the exit code.
 
 pub mod connect;
+#[cfg(feature = "embedded")]
+pub mod demo;
+#[cfg(feature = "embedded")]
+mod embedded;
 pub mod fly;
+#[cfg(feature = "embedded")]
+pub mod open;
 pub mod snapshot;
+pub mod view;
 
 use crate::{
     args::{Cli, Command},
@@ -15,8 +22,16 @@ use crate::{
 pub fn run(cli: Cli) -> Result<()> {
     let Cli { command, global } = cli;
     match command {
+        Command::View { url } => view::run(&url, &global),
         Command::Snapshot(args) => snapshot::run(&args, &global),
         Command::Fly(args) => fly::run(&args, &global),
-        _ => todo!(),
+        #[cfg(feature = "embedded")]
+        Command::Open { inputs, cell } => open::run(&inputs, cell, &global),
+        #[cfg(feature = "embedded")]
+        Command::Demo { headless, out, size } => demo::run(headless, &out, size, &global),
+        #[cfg(not(feature = "embedded"))]
+        Command::Open { .. } | Command::Demo { .. } => Err(crate::error::ClientError::Usage(
+            "this program was built without the embedded server: use insula-server, then insula view".into(),
+        )),
     }
 }

@@ -5,7 +5,7 @@
 use super::connect::connect;
 use crate::{
     args::{Global, Snapshot},
-    camera::{Camera, CameraFile},
+    camera::CameraFile,
     error::Result,
     picture::{write_pfm, write_png},
     render::{Adapter, Look},
@@ -78,7 +78,8 @@ pub(crate) fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> R
 }
 
 /// For commands that have a whole city in view.
-pub(crate) fn overlook(session: &Session, size_px: [u32; 2]) -> Camera {
+#[cfg(feature = "embedded")]
+pub(crate) fn overlook(session: &Session, size_px: [u32; 2]) -> crate::camera::Camera {
     let aspect = f64::from(size_px[0]) / f64::from(size_px[1].max(1));
-    Camera::overlook(session.tree().manifest().bounds, aspect)
+    crate::camera::Camera::overlook(session.tree().manifest().bounds, aspect)
 }

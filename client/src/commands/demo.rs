@@ -1,0 +1,89 @@
+//! `insula demo`: the bundled city, in a window or as a picture.
+//!
+//! In: files inside this program. Out: a window, or a PNG. Next: people.
+
+use super::{
+    embedded::{Recipe, bake, cache_folder, serve},
+    snapshot::{overlook, start, take},
+    view,
+};
+use crate::{
+    args::Global,
+    error::{ClientError, Result},
+    session::Shot,
+};
+use insula_protocol::manifest::Attribution;
+use insula_shaders::layout::Shading;
+use serde::Deserialize;
+use std::{
+    collections::hash_map::DefaultHasher,
+    env, fs,
+    hash::{Hash, Hasher},
+    path::{Path, PathBuf},
+};
+
+/// The bundled city's files.
+const FILES: &[(&str, &[u8])] = &include!(concat!(env!("OUT_DIR"), "/demo_files.rs"));
+/// Tells of the source: title, attribution, cell.
+const ABOUT: &str = "about.json";
+
+/// `demo/chiba/about.json`; all of it may be left out.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct About {
+    title: Option<String>,
+    attribution: Vec<Attribution>,
+    cell_m: Option<f64>,
+}
+
+/// Runs the command.
+pub fn run(headless: bool, out: &Path, size_px: [u32; 2], global: &Global) -> Result<()> {
+    let server = serve(&bake(&recipe()?)?)?;
+    if !headless && has_screen() {
+        return view::run(&server.url, global);
+    }
+    let mut session = start(&server.url, global, None)?;
+    let shot = Shot { camera: overlook(&session, size_px), heading: None, size_px, tau_px: global.tau };
+    take(&mut session, &shot, global, Shading::Lit, out)?;
+    let place = out.canonicalize().unwrap_or_else(|_| out.to_owned());
+    println!("wrote {} (drawn by {})", place.display(), session.adapter_info().name);
+    for source in &session.tree().manifest().attribution {
+        println!("source: {}", source.text);
+    }
+    Ok(())
+}
+
+/// Unpacks the files once.
+fn recipe() -> Result<Recipe> {
+    if FILES.is_empty() {
+        return Err(ClientError::Failed("this program was built without its bundled city: use insula open".into()));
+    }
+    let mut hasher = DefaultHasher::new();
+    (FILES, insula_protocol::tile::VERSION).hash(&mut hasher);
+    let key = hasher.finish();
+    let folder = cache_folder("demo")?.join(format!("chiba-{key:016x}"));
+    fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;
+    let mut about = About::default();
+    for (name, bytes) in FILES {
+        let path = folder.join(name);
+        if *name == ABOUT {
+            about = serde_json::from_slice(bytes).map_err(|e| ClientError::Failed(format!("{ABOUT}: {e}")))?;
+        } else if fs::metadata(&path).map_or(0, |m| m.len()) != bytes.len() as u64 {
+            fs::write(&path, bytes).map_err(ClientError::file(&path))?;
+        }
+    }
+    let inputs: Vec<PathBuf> =
+        FILES.iter().filter(|(name, _)| is_city(name)).map(|(name, _)| folder.join(name)).collect();
+    let About { title, attribution, cell_m } = about;
+    Ok(Recipe { inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, key })
+}
+
+fn is_city(name: &str) -> bool {
+    let name = name.strip_suffix(".gz").unwrap_or(name);
+    [".obj", ".city.json", ".city.jsonl", ".cityjson"].iter().any(|end| name.ends_with(end))
+}
+
+fn has_screen() -> bool {
+    let set = |name| env::var_os(name).is_some_and(|value| !value.is_empty());
+    !cfg!(all(unix, not(target_os = "macos"))) || set("DISPLAY") || set("WAYLAND_DISPLAY")
+}
