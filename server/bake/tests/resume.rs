@@ -1,5 +1,7 @@
 //! A bake that is interrupted, and one that goes on.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod support;
 
 use std::{

@@ -1,5 +1,7 @@
 //! A finished city: the same whatever the threads, sound in every node, and in place of the one before it.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod support;
 
 use std::{fs, path::Path, sync::Mutex};

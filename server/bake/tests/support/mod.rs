@@ -1,6 +1,6 @@
 //! A small city of boxes, folders for tests, and a reader of archives.
 
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used, reason = "each test file uses a part; a test fails by panicking")]
 
 use std::{
     collections::BTreeMap,
@@ -33,7 +33,7 @@ const BOXES: [[f32; 5]; 9] = [
 ];
 
 /// A city of boxes on nothing.
-pub fn city() -> Scene {
+pub(crate) fn city() -> Scene {
     let mut scene = Scene { origin: [84_000.0, 447_000.0, -2.0], crs: Some("EPSG:7415".into()), ..Scene::default() };
     scene.materials =
         vec![Material { rgb: [200, 90, 60], texture: None }, Material { rgb: [120, 130, 140], texture: None }];
@@ -59,12 +59,12 @@ fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
 }
 
 /// A folder for one test, removed at its end.
-pub struct Folder {
-    pub path: PathBuf,
+pub(crate) struct Folder {
+    pub(crate) path: PathBuf,
 }
 
 impl Folder {
-    pub fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("insula-bake-it-{name}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).unwrap();
@@ -72,7 +72,7 @@ impl Folder {
     }
 
     /// The output of a bake in its own parent folder: the city's name is the same in all.
-    pub fn out(&self, run: &str) -> PathBuf {
+    pub(crate) fn out(&self, run: &str) -> PathBuf {
         self.path.join(run).join("boxes")
     }
 }
@@ -83,16 +83,16 @@ impl Drop for Folder {
     }
 }
 
-pub fn options(out: &Path, threads: usize) -> BakeOptions {
+pub(crate) fn options(out: &Path, threads: usize) -> BakeOptions {
     BakeOptions { out: out.to_owned(), threads: Some(threads), ..BakeOptions::default() }
 }
 
-pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<Report, BakeError> {
+pub(crate) fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<Report, BakeError> {
     bake_scene(city(), ReadReport::default(), options, progress)
 }
 
 /// Name and content of every file.
-pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entry = |entry: std::io::Result<fs::DirEntry>| {
         let entry = entry.unwrap();
         (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap())
@@ -100,16 +100,16 @@ pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     fs::read_dir(folder).unwrap().map(entry).collect()
 }
 
-pub fn partial(out: &Path) -> PathBuf {
+pub(crate) fn partial(out: &Path) -> PathBuf {
     out.with_file_name("boxes.partial")
 }
 
-pub fn manifest(city: &Path) -> Manifest {
+pub(crate) fn manifest(city: &Path) -> Manifest {
     serde_json::from_slice(&fs::read(city.join("city.json")).unwrap()).unwrap()
 }
 
 /// An archive in memory.
-pub struct Archive(AsyncPmTilesReader<Bytes>);
+pub(crate) struct Archive(AsyncPmTilesReader<Bytes>);
 
 struct Bytes(Vec<u8>);
 
@@ -129,26 +129,26 @@ fn at_once<T>(future: impl Future<Output = T>) -> T {
 }
 
 impl Archive {
-    pub fn open(path: &Path) -> Self {
+    pub(crate) fn open(path: &Path) -> Self {
         Self(at_once(AsyncPmTilesReader::try_from_source(Bytes(fs::read(path).unwrap()))).unwrap())
     }
 
-    pub fn get(&self, id: TileId) -> Option<Vec<u8>> {
+    pub(crate) fn get(&self, id: TileId) -> Option<Vec<u8>> {
         let coord = TileCoord::new(id.level(), id.x(), id.y()).unwrap();
         at_once(self.0.get_tile(coord)).unwrap().map(|bytes| bytes.to_vec())
     }
 
-    pub fn tiles(&self) -> u64 {
+    pub(crate) fn tiles(&self) -> u64 {
         self.0.get_header().n_addressed_tiles().unwrap().get()
     }
 
-    pub fn clustered(&self) -> bool {
+    pub(crate) fn clustered(&self) -> bool {
         self.0.get_header().clustered()
     }
 }
 
 /// All nodes that the subtree tiles name, found as a client finds them: from the root's tile on.
-pub fn nodes(city: &Path) -> BTreeMap<TileId, NodeInfo> {
+pub(crate) fn nodes(city: &Path) -> BTreeMap<TileId, NodeInfo> {
     let archive = Archive::open(&city.join("subtrees.pmtiles"));
     let (mut nodes, mut roots, mut read) = (BTreeMap::new(), vec![TileId::ROOT], 0);
     while let Some(root) = roots.pop() {
