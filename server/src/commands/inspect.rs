@@ -62,7 +62,7 @@ fn table(census: &Census<'_>) -> String {
     line("terrain", if manifest.has_terrain { "yes".into() } else { "no".into() });
     line(
         "size",
-        format!("{nodes} nodes, {} in {} subtrees and all", human_bytes(census.file_bytes), census.subtree_tiles),
+        format!("{nodes} nodes in {} subtree tiles, {}", human_bytes(census.file_bytes), census.subtree_tiles),
     );
     for source in &manifest.attribution {
         line("attribution", credit(source));
