@@ -437,7 +437,7 @@ fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
 }
 
 fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f32) {
-    if span.s > span.e || gathered.left <= OPAQUE {
+    if span.s >= span.e || gathered.left <= OPAQUE {
         return;
     }
     let flags = walk >> 24u;

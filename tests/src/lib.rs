@@ -1,1 +1,15 @@
-//! Placeholder.
+//! What the tests share: random cities, cameras, a GPU, ray-traced truth, comparisons.
+
+pub mod baked;
+pub mod cameras;
+pub mod compare;
+pub mod cut;
+pub mod fidelity;
+pub mod gpu;
+pub mod naive;
+pub mod pfm;
+pub mod random;
+pub mod rng;
+pub mod truth;
+pub mod twin;
+pub mod view;

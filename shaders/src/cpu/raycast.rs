@@ -87,10 +87,8 @@ enum Face {
 /// Draws the whole picture on all cores. Words that point outside the arrays read as zero.
 pub fn render(scene: &SceneRef<'_>) -> Pixels {
     let (width, height) = (scene.frame.width_px, scene.frame.height_px);
-    let rows: Vec<Vec<(u32, f32, u32)>> = (0..height)
-        .into_par_iter()
-        .map(|y| (0..width).map(|x| pixel(scene, x, y)).collect())
-        .collect();
+    let rows: Vec<Vec<(u32, f32, u32)>> =
+        (0..height).into_par_iter().map(|y| (0..width).map(|x| pixel(scene, x, y)).collect()).collect();
     let mut out = Pixels { width_px: width, height_px: height, ..Pixels::default() };
     for (colour, distance, hit) in rows.into_iter().flatten() {
         out.colour.push(colour);
@@ -369,7 +367,7 @@ fn hit_solid(
     bounds: [f32; 2],
     gathered: &mut Gathered,
 ) {
-    if span.s > span.e || gathered.left <= OPAQUE {
+    if span.s >= span.e || gathered.left <= OPAQUE {
         return;
     }
     let flags = (walk >> 24) as u8;

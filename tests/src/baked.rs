@@ -1,0 +1,87 @@
+//! A baked city read straight from its folder, without HTTP or cache: what a client that has fetched everything would draw.
+
+use crate::{
+    cut::{Cut, Place},
+    view::{Camera, Picture},
+};
+use anyhow::{Context, Result};
+use glam::DVec3;
+use insula_protocol::{BlockMap, Manifest, Subtree, TileId, route::Layer, subtree::NodeInfo};
+use insula_server::store::CityStore;
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::Path,
+};
+
+/// Nearest distance in the projected error.
+const NEAR_M: f64 = 0.1;
+
+/// A baked city.
+pub struct Baked {
+    store: CityStore,
+    nodes: HashMap<TileId, NodeInfo>,
+}
+
+impl Baked {
+    /// Reads the manifest and every subtree.
+    pub fn open(folder: &Path) -> Result<Self> {
+        let store = CityStore::open(folder).with_context(|| folder.display().to_string())?;
+        let mut nodes = HashMap::new();
+        for (id, bytes) in store.archive(Layer::Subtrees).tiles() {
+            let subtree = Subtree::decode(&bytes).with_context(|| format!("subtree {id}"))?;
+            nodes.extend(subtree.nodes.iter().map(|node| (node.id, *node)));
+        }
+        Ok(Self { store, nodes })
+    }
+
+    /// The manifest.
+    pub fn manifest(&self) -> &Manifest {
+        self.store.manifest()
+    }
+
+    /// Nodes a level, and bytes of their tiles.
+    pub fn levels(&self) -> BTreeMap<u8, (usize, usize)> {
+        let mut levels = BTreeMap::new();
+        for (id, bytes) in self.store.archive(Layer::BlockMaps).tiles() {
+            let level: &mut (usize, usize) = levels.entry(id.level()).or_default();
+            level.0 += 1;
+            level.1 += bytes.len();
+        }
+        levels
+    }
+
+    /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
+    pub fn select(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
+        let px_per_rad = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+        let eye = DVec3::from(camera.position);
+        let mut chosen = Vec::new();
+        let mut open = vec![TileId::ROOT];
+        while let Some(id) = open.pop() {
+            let Some(node) = self.nodes.get(&id) else { continue };
+            let half_m = self.manifest().node_side_m(id.level()) / 2.0;
+            let centre_z = f64::from(node.z_min_m + node.z_max_m) / 2.0;
+            let centre = DVec3::from(self.manifest().node_corner(id)) + DVec3::new(half_m, half_m, centre_z);
+            let away_m = (eye.distance(centre) - f64::from(node.radius_m)).max(NEAR_M);
+            if node.child_mask == 0 || f64::from(node.error_m) * px_per_rad / away_m <= tau_px {
+                chosen.push(id);
+            } else {
+                open.extend((0..4).filter(|q| node.child_mask >> q & 1 == 1).filter_map(|q| id.child(q)));
+            }
+        }
+        chosen.sort();
+        chosen
+    }
+
+    /// Decodes these nodes.
+    pub fn cut(&self, ids: &[TileId]) -> Result<Cut> {
+        let manifest = self.manifest();
+        let mut cut = Cut::new(Place { origin: manifest.origin, root_side_m: manifest.root_side_m });
+        for id in ids {
+            let bytes = self.store.tile(Layer::BlockMaps, *id).with_context(|| format!("no tile {id}"))?;
+            let map = BlockMap::decode(&bytes).with_context(|| format!("tile {id}"))?;
+            anyhow::ensure!(map.id == *id, "tile {id} says that it is {}", map.id);
+            cut.add(&map);
+        }
+        Ok(cut)
+    }
+}

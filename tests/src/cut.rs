@@ -1,0 +1,187 @@
+//! A cut of a city in memory, as the client's cache would lay it out, but without limits.
+
+use crate::view::{Camera, Picture};
+use glam::{Vec2, Vec3};
+use insula_protocol::{BlockMap, TileId};
+use insula_shaders::{
+    cpu::raycast::{self, Pixels, SceneRef},
+    layout::{Frame, Node, PLANES, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
+    pack::PackedNode,
+};
+use std::collections::HashMap;
+
+/// Where a city lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// South-west corner of the root and the height that nodes' heights are relative to, world metres.
+    pub origin: [f64; 3],
+    /// Side of the root square.
+    pub root_side_m: f64,
+}
+
+/// A node that is drawn.
+#[derive(Debug, Clone)]
+struct Drawn {
+    id: TileId,
+    pages: [u32; PLANES],
+    cell_m: f32,
+    z_step_m: f32,
+    z_base_m: f64,
+    z_range: [f32; 2],
+    z_shift: u32,
+}
+
+/// Nodes of one cut; none may contain another.
+#[derive(Debug, Clone)]
+pub struct Cut {
+    place: Place,
+    drawn: Vec<Drawn>,
+    inner: HashMap<TileId, u32>,
+    root: u32,
+    tree: Vec<TreeNode>,
+    summaries: Vec<u32>,
+    atlas: Vec<u32>,
+}
+
+impl Cut {
+    /// Without nodes.
+    pub fn new(place: Place) -> Self {
+        let tree = vec![TreeNode::default()];
+        let (drawn, inner) = (Vec::new(), HashMap::new());
+        Self { place, drawn, inner, root: TREE_EMPTY, tree, summaries: Vec::new(), atlas: Vec::new() }
+    }
+
+    /// Adds a node.
+    pub fn add(&mut self, map: &BlockMap) {
+        let mut packed = PackedNode::new(map);
+        let first = (self.atlas.len() / insula_shaders::layout::PAGE_WORDS) as u32;
+        let pages: Vec<u32> = (first..first + packed.pages.len() as u32).collect();
+        packed.relocate(&pages);
+        for page in &packed.pages {
+            self.atlas.extend_from_slice(page);
+        }
+        self.summaries.extend_from_slice(&packed.summary);
+        let index = self.drawn.len() as u32;
+        self.drawn.push(Drawn {
+            id: map.id,
+            pages: std::array::from_fn(|plane| pages[plane]),
+            cell_m: packed.cell_m,
+            z_step_m: packed.z_step_m,
+            z_base_m: packed.z_base_m,
+            z_range: packed.z_range,
+            z_shift: packed.z_shift,
+        });
+        self.link(map.id, TREE_NODE_BIT | index);
+    }
+
+    fn link(&mut self, id: TileId, word: u32) {
+        let Some(parent) = id.parent() else {
+            self.root = word;
+            return;
+        };
+        let at = match self.inner.get(&parent) {
+            Some(at) => *at,
+            None => {
+                let at = self.tree.len() as u32;
+                self.tree.push(TreeNode::default());
+                self.inner.insert(parent, at);
+                self.link(parent, at);
+                at
+            }
+        };
+        self.tree[at as usize].child[id.quadrant()] = word;
+    }
+
+    /// How many nodes are drawn.
+    pub fn len(&self) -> usize {
+        self.drawn.len()
+    }
+
+    /// Whether none is.
+    pub fn is_empty(&self) -> bool {
+        self.drawn.is_empty()
+    }
+
+    /// Which node a picture's `hit` names.
+    pub fn id(&self, hit: u32) -> Option<TileId> {
+        self.drawn.get(hit as usize).map(|drawn| drawn.id)
+    }
+
+    /// The cut as the ray-caster wants it for this camera.
+    pub fn scene(&self, camera: &Camera, picture: &Picture) -> Scene<'_> {
+        let p = camera.position;
+        let relative = |x: f64, y: f64, z: f64| {
+            let [ox, oy, oz] = self.place.origin;
+            [(ox + x - p[0]) as f32, (oy + y - p[1]) as f32, (oz + z - p[2]) as f32]
+        };
+        let mut frame = camera.frame(picture);
+        frame.root = self.root;
+        frame.root_corner = relative(0.0, 0.0, 0.0);
+        frame.root_side_m = self.place.root_side_m as f32;
+        let nodes = self.drawn.iter().enumerate().map(|(slot, drawn)| {
+            let side_m = self.place.root_side_m / f64::from(1u32 << drawn.id.level());
+            let (x, y) = (f64::from(drawn.id.x()) * side_m, f64::from(drawn.id.y()) * side_m);
+            Node {
+                corner: relative(x, y, drawn.z_base_m),
+                cell_m: drawn.cell_m,
+                z_step_m: drawn.z_step_m,
+                z_lo: drawn.z_range[0],
+                z_hi: drawn.z_range[1],
+                z_shift: drawn.z_shift,
+                pages: drawn.pages,
+                slot: slot as u32,
+                level: u32::from(drawn.id.level()),
+                pad: [0; 2],
+            }
+        });
+        Scene { frame, nodes: nodes.collect(), cut: self }
+    }
+}
+
+/// A cut seen by a camera.
+#[derive(Debug, Clone)]
+pub struct Scene<'a> {
+    /// Camera, light, root.
+    pub frame: Frame,
+    /// Nodes relative to the camera.
+    pub nodes: Vec<Node>,
+    cut: &'a Cut,
+}
+
+impl Scene<'_> {
+    /// What both ray-casters read.
+    pub fn as_ref(&self) -> SceneRef<'_> {
+        SceneRef {
+            frame: &self.frame,
+            tree: &self.cut.tree,
+            nodes: &self.nodes,
+            summaries: &self.cut.summaries,
+            atlas: &self.cut.atlas,
+        }
+    }
+
+    /// The same, but only the part of pixel `x`, `y` within `share_px` of its middle, in 17 x 17 rays.
+    pub fn close_up(&self, [x, y]: [u32; 2], share_px: f32) -> Self {
+        let mut near = self.clone();
+        let frame = &mut near.frame;
+        let size = Vec2::new(frame.width_px as f32, frame.height_px as f32);
+        let ndc = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
+        let (right, up) = (Vec3::from(frame.right), Vec3::from(frame.up));
+        frame.forward = (Vec3::from(frame.forward) + right * ndc.x - up * ndc.y).into();
+        frame.right = (right * (2.0 * share_px / size.x)).into();
+        frame.up = (up * (2.0 * share_px / size.y)).into();
+        (frame.width_px, frame.height_px) = (17, 17);
+        near
+    }
+
+    /// The CPU's picture.
+    pub fn render(&self) -> Pixels {
+        raycast::render(&self.as_ref())
+    }
+
+    /// Resident nodes and pages, for the GPU's capacity.
+    pub fn slots_and_pages(&self) -> (u32, u32) {
+        let pages = self.cut.atlas.len() / insula_shaders::layout::PAGE_WORDS;
+        ((self.cut.summaries.len() / SUMMARY_WORDS) as u32, pages as u32)
+    }
+}

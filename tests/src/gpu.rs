@@ -1,0 +1,79 @@
+//! A graphics device for tests, or the reason why there is none.
+
+use crate::cut::Scene;
+use anyhow::{Context, Result};
+use insula_shaders::{
+    cpu::raycast::Pixels,
+    gpu::{Capacity, Raycaster},
+    layout::{PAGE_WORDS, SUMMARY_WORDS},
+};
+use std::sync::{Mutex, PoisonError};
+
+/// A device, its queue and what it calls itself.
+#[derive(Debug)]
+pub struct Gpu {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    /// Made once, and again when a scene is larger: its shader takes longer to compile than a picture to draw.
+    /// One picture at a time: error scopes are the device's, not a thread's.
+    raycaster: Mutex<Option<Raycaster>>,
+    /// Adapter and backend.
+    pub name: String,
+}
+
+/// Whether a missing adapter is a failure (`INSULA_REQUIRE_ADAPTER=1`, as in CI) rather than a reason to ignore a test.
+pub fn adapter_is_required() -> bool {
+    std::env::var("INSULA_REQUIRE_ADAPTER").is_ok_and(|v| v == "1")
+}
+
+impl Gpu {
+    /// The first adapter that the environment allows (`WGPU_BACKEND`, `VK_ICD_FILENAMES`).
+    pub fn open() -> Result<Self> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
+            .context("no graphics adapter")?;
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).context("no graphics device")?;
+        Ok(Self { device, queue, raycaster: Mutex::new(None), name: format!("{} ({})", info.name, info.backend) })
+    }
+
+    /// The GPU's picture of a scene; any validation error is an error.
+    pub fn render(&self, scene: &Scene<'_>) -> Result<Pixels> {
+        let mut raycaster = self.raycaster.lock().unwrap_or_else(PoisonError::into_inner);
+        let guard = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let pixels = self.draw(&mut raycaster, scene);
+        if let Some(error) = pollster::block_on(guard.pop()) {
+            anyhow::bail!("the device refused: {error}");
+        }
+        pixels
+    }
+
+    fn draw(&self, made: &mut Option<Raycaster>, scene: &Scene<'_>) -> Result<Pixels> {
+        let data = scene.as_ref();
+        let (slots, atlas_pages) = scene.slots_and_pages();
+        let wanted = Capacity { atlas_pages, slots, nodes: data.nodes.len() as u32, tree: data.tree.len() as u32 };
+        if !made.as_ref().is_some_and(|raycaster| holds(raycaster.capacity(), wanted)) {
+            *made = Some(Raycaster::new(&self.device, wanted));
+        }
+        let raycaster = made.as_mut().context("no ray-caster")?;
+        raycaster.resize(&self.device, [data.frame.width_px, data.frame.height_px]);
+        for (page, words) in data.atlas.chunks_exact(PAGE_WORDS).enumerate() {
+            raycaster.write_page(&self.queue, page as u32, words);
+        }
+        for (slot, words) in data.summaries.as_chunks::<SUMMARY_WORDS>().0.iter().enumerate() {
+            raycaster.write_summary(&self.queue, slot as u32, words);
+        }
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
+        raycaster.render(&self.queue, &mut encoder, data.frame, data.tree, data.nodes)?;
+        self.queue.submit([encoder.finish()]);
+        Ok(raycaster.read_back(&self.device, &self.queue)?)
+    }
+}
+
+fn holds(has: Capacity, wanted: Capacity) -> bool {
+    has.atlas_pages >= wanted.atlas_pages
+        && has.slots >= wanted.slots
+        && has.nodes >= wanted.nodes
+        && has.tree >= wanted.tree
+}

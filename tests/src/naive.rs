@@ -1,0 +1,207 @@
+//! What a V-BlockMap looks like, said in the plainest way: every solid of every column is tested against every ray, in f64,
+//! and what they show is gathered front to back. No tree, no summaries, no pages, no stepping.
+
+use crate::{cut::Place, view::Camera};
+use glam::{DVec2, DVec3};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel,
+    blockmap::{COLUMNS, STEPS_PER_CELL, flag, strip_rows},
+};
+use insula_shaders::pack::slope_codes;
+
+/// Light that is left when a ray stops.
+const OPAQUE: f64 = 0.02;
+
+/// What a ray sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Metres to where half of the light is gone; infinity if it never is.
+    pub distance_m: f64,
+    /// Colours in linear light, weighted by what they cover.
+    pub rgb: DVec3,
+    /// Light that passed all.
+    pub left: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Solid {
+    low: DVec2,
+    cell_m: f64,
+    bottom_m: f64,
+    top_m: f64,
+    slope: DVec2,
+    roof: Option<Texel>,
+    wall: Wall,
+}
+
+#[derive(Debug, Clone)]
+enum Wall {
+    /// One colour all over.
+    Plain(Texel),
+    /// Opaque or transparent texels; row `first` begins at `base_m`, each is a cell high; only rows in `rows` belong here.
+    Strip { texels: Vec<Texel>, base_m: f64, holes: bool },
+}
+
+/// All solids of a city, in metres above the place's origin.
+#[derive(Debug, Clone)]
+pub struct Naive {
+    place: Place,
+    solids: Vec<Solid>,
+}
+
+impl Naive {
+    /// Takes the maps apart.
+    pub fn new(place: Place, maps: &[BlockMap]) -> Self {
+        let mut solids = Vec::new();
+        for map in maps {
+            take_apart(place, map, &mut solids);
+        }
+        Self { place, solids }
+    }
+
+    /// Looks from `camera` along the unit vector `dir`.
+    pub fn look(&self, camera: &Camera, dir: DVec3) -> Seen {
+        let o = DVec3::from(camera.position) - DVec3::from(self.place.origin);
+        let mut events = Vec::new();
+        for solid in &self.solids {
+            solid.meet(o, dir, &mut events);
+        }
+        events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut seen = Seen { distance_m: f64::INFINITY, rgb: DVec3::ZERO, left: 1.0 };
+        for (t, texel, alpha) in events {
+            seen.rgb += linear(texel) * alpha * seen.left;
+            let before = seen.left;
+            seen.left *= 1.0 - alpha;
+            if before > 0.5 && seen.left <= 0.5 {
+                seen.distance_m = t;
+            }
+            if seen.left <= OPAQUE {
+                break;
+            }
+        }
+        seen
+    }
+}
+
+fn linear(texel: Texel) -> DVec3 {
+    let [r, g, b] = texel.rgb().map(|c| {
+        let v = f64::from(c) / 255.0;
+        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    });
+    DVec3::new(r, g, b)
+}
+
+fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
+    let side_m = place.root_side_m / f64::from(1u32 << map.id.level());
+    let corner = DVec2::new(f64::from(map.id.x()), f64::from(map.id.y())) * side_m;
+    let cell_m = side_m / NODE_CELLS as f64;
+    let step_m = cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u32 << map.z_shift);
+    let z_m = |code: f64| map.z_base_m() + code * step_m;
+    let columns = map.columns();
+    for i in 0..COLUMNS {
+        let Some(column) = &columns[i] else { continue };
+        let low = corner + DVec2::new((i % NODE_CELLS) as f64, (i / NODE_CELLS) as f64) * cell_m;
+        let mut slope = DVec2::ZERO;
+        if column.inclined {
+            let [x, y] = slope_codes(column.roof_normal, u32::from(map.z_shift));
+            slope = DVec2::new(f64::from(x), f64::from(y)) * step_m / cell_m;
+        }
+        let holes = map.flags[i] & flag::HOLES != 0;
+        let first_row = strip_rows(column.z_min, column.z_max, map.z_shift).0;
+        let codes = STEPS_PER_CELL >> map.z_shift;
+        let ranges = match column.gap {
+            None => vec![[column.z_min, column.z_max]],
+            Some([a, b]) => vec![[column.z_min, a], [b, column.z_max]],
+        };
+        for [bottom, top] in ranges {
+            let is_top = top == column.z_max;
+            let wall = match &column.strip {
+                None => Wall::Plain(column.roof),
+                Some(strip) => {
+                    let (from, rows) = strip_rows(bottom, top, map.z_shift);
+                    let at = usize::from(from - first_row);
+                    let texels = strip.texels[at..at + usize::from(rows)].to_vec();
+                    Wall::Strip { texels, base_m: z_m(f64::from(from * codes)), holes }
+                }
+            };
+            solids.push(Solid {
+                low,
+                cell_m,
+                bottom_m: z_m(f64::from(bottom)),
+                top_m: z_m(f64::from(top)),
+                slope: if is_top { slope } else { DVec2::ZERO },
+                roof: is_top.then_some(column.roof),
+                wall,
+            });
+        }
+    }
+}
+
+impl Solid {
+    /// Adds what the ray meets here: distance, texel, and the share of light that it takes.
+    fn meet(&self, o: DVec3, d: DVec3, events: &mut Vec<(f64, Texel, f64)>) {
+        let (mut s, mut e) = (0.0, f64::INFINITY);
+        for axis in 0..2 {
+            clip(&mut s, &mut e, o[axis] - self.low[axis], d[axis]);
+            clip(&mut s, &mut e, self.low[axis] + self.cell_m - o[axis], -d[axis]);
+        }
+        clip(&mut s, &mut e, o.z - self.bottom_m, d.z);
+        if s >= e {
+            return;
+        }
+        let from_top = self.top_at(o) - o.z;
+        let before = s;
+        clip(&mut s, &mut e, from_top, self.slope.dot(d.truncate()) - d.z);
+        if s >= e {
+            return;
+        }
+        let through_top = s > before;
+        match (&self.wall, self.roof) {
+            (_, Some(roof)) if through_top => events.push((s, roof, 1.0)),
+            (Wall::Plain(texel), _) => events.push((s, *texel, 1.0)),
+            (Wall::Strip { texels, base_m, holes }, _) => self.meet_rows(o, d, [s, e], (texels, *base_m, *holes), events),
+        }
+    }
+
+    fn meet_rows(
+        &self,
+        o: DVec3,
+        d: DVec3,
+        [s, e]: [f64; 2],
+        (texels, base_m, holes): (&[Texel], f64, bool),
+        events: &mut Vec<(f64, Texel, f64)>,
+    ) {
+        if !holes {
+            let row = ((o.z + d.z * s - base_m) / self.cell_m).floor().clamp(0.0, texels.len() as f64 - 1.0);
+            events.push((s, texels[row as usize], 1.0));
+            return;
+        }
+        for (row, texel) in texels.iter().enumerate() {
+            let (mut from, mut to) = (s, e);
+            if row > 0 {
+                clip(&mut from, &mut to, o.z - base_m - row as f64 * self.cell_m, d.z);
+            }
+            if row + 1 < texels.len() {
+                clip(&mut from, &mut to, base_m + (row + 1) as f64 * self.cell_m - o.z, -d.z);
+            }
+            if from < to && texel.alpha() > 0 {
+                events.push((from, *texel, f64::from(texel.alpha()) / 3.0));
+            }
+        }
+    }
+
+    fn top_at(&self, p: DVec3) -> f64 {
+        self.top_m + self.slope.dot(p.truncate() - self.low - self.cell_m / 2.0)
+    }
+}
+
+/// Keeps the part of `s..e` where `at + rate * t >= 0`.
+fn clip(s: &mut f64, e: &mut f64, at: f64, rate: f64) {
+    if rate > 0.0 {
+        *s = s.max(-at / rate);
+    } else if rate < 0.0 {
+        *e = e.min(at / -rate);
+    } else if at < 0.0 {
+        *e = f64::NEG_INFINITY;
+    }
+}

@@ -1,0 +1,65 @@
+//! Distances as PFM files: little-endian, rows from the bottom, as the format has it.
+
+use anyhow::{Context, Result, bail};
+use std::{fs, path::Path};
+
+/// A picture of one number a pixel, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pfm {
+    /// Width.
+    pub width_px: u32,
+    /// Height.
+    pub height_px: u32,
+    /// Row by row from the top.
+    pub values: Vec<f32>,
+}
+
+impl Pfm {
+    /// Reads `Pf`, little-endian.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = fs::read(path).with_context(|| path.display().to_string())?;
+        let mut at = 0;
+        let mut words = Vec::new();
+        while words.len() < 4 {
+            let end = at + bytes[at..].iter().position(u8::is_ascii_whitespace).context("a header that never ends")?;
+            words.push(std::str::from_utf8(&bytes[at..end])?.to_owned());
+            at = end + 1;
+        }
+        let (width_px, height_px): (u32, u32) = (words[1].parse()?, words[2].parse()?);
+        if words[0] != "Pf" || words[3].parse::<f32>()? >= 0.0 {
+            bail!("not a little-endian Pf: {words:?}");
+        }
+        let data = &bytes[at..];
+        if data.len() != width_px as usize * height_px as usize * 4 || data.is_empty() {
+            bail!("{} bytes for {width_px} x {height_px}", data.len());
+        }
+        let rows = data.chunks_exact(width_px as usize * 4).rev().flatten().copied().collect::<Vec<u8>>();
+        let values = rows.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        Ok(Self { width_px, height_px, values })
+    }
+
+    /// Writes `Pf`, little-endian.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut bytes = format!("Pf\n{} {}\n-1.0\n", self.width_px, self.height_px).into_bytes();
+        for row in self.values.chunks_exact(self.width_px as usize).rev() {
+            bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
+        }
+        fs::write(path, bytes).with_context(|| path.display().to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_trip() {
+        let pfm = Pfm { width_px: 2, height_px: 2, values: vec![1.5, f32::INFINITY, -0.25, 7.0] };
+        let path = std::env::temp_dir().join(format!("insula-pfm-{}.pfm", std::process::id()));
+        pfm.write(&path).unwrap();
+        assert_eq!(Pfm::read(&path).unwrap(), pfm);
+        std::fs::write(&path, b"Pf\n2 2\n-1.0\nshort").unwrap();
+        assert!(Pfm::read(&path).is_err());
+        std::fs::remove_file(path).unwrap();
+    }
+}

@@ -1,0 +1,97 @@
+//! Whether two ray-casters drew the same picture.
+
+use crate::cut::Scene;
+use insula_shaders::cpu::raycast::Pixels;
+
+/// Most that a colour channel may differ.
+pub const COLOUR_STEPS: u8 = 2;
+/// Most that distances may differ, relative.
+pub const DISTANCE_SHARE: f32 = 1e-3;
+/// Share of pixels that must agree.
+pub const AGREEING_SHARE: f64 = 0.998;
+/// Relative difference of neighbouring distances that makes an edge.
+const EDGE_SHARE: f32 = 0.03;
+
+/// How two pictures differ.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Difference {
+    /// Pixels compared.
+    pub pixels: usize,
+    /// Pixels that differ in colour or distance.
+    pub differing: usize,
+    /// Those of them that lie on no edge of the first picture: x, y.
+    pub off_edge: Vec<[u32; 2]>,
+}
+
+impl Difference {
+    /// An error that says what is wrong, unless almost all pixels agree and the rest lie on edges.
+    pub fn check(&self) -> Result<(), String> {
+        let agreeing = 1.0 - self.differing as f64 / self.pixels.max(1) as f64;
+        if agreeing < AGREEING_SHARE {
+            return Err(format!("{} of {} pixels differ", self.differing, self.pixels));
+        }
+        if let Some(at) = self.off_edge.first() {
+            return Err(format!("{} pixels differ away from any edge, the first at {at:?}", self.off_edge.len()));
+        }
+        Ok(())
+    }
+}
+
+/// Compares the GPU's picture of `scene` with the CPU's. Some edges are finer than a pixel (between two texels far away, or
+/// the corner of a cell): a pixel lies on one if the CPU's rays within a two-hundredth of a pixel around its own differ.
+pub fn compare_twins(scene: &Scene<'_>, on_cpu: &Pixels, on_gpu: &Pixels) -> Difference {
+    let mut difference = compare(on_cpu, on_gpu);
+    if on_cpu.colour.len() == on_gpu.colour.len() && scene.frame.samples == 1 {
+        difference.off_edge.retain(|at| {
+            let near = scene.close_up(*at, 0.005).render();
+            let (colour, distance) = (near.colour[0], near.distance[0]);
+            let alike = near.colour.iter().all(|near| same_colour(*near, colour, COLOUR_STEPS));
+            alike && near.distance.iter().all(|near| same_distance(*near, distance, EDGE_SHARE))
+        });
+    }
+    difference
+}
+
+/// Compares `other` with `first`; pictures of different sizes differ everywhere.
+pub fn compare(first: &Pixels, other: &Pixels) -> Difference {
+    let pixels = first.colour.len();
+    if first.width_px != other.width_px || pixels != other.colour.len() || pixels == 0 {
+        return Difference { pixels, differing: pixels.max(1), off_edge: vec![[0, 0]] };
+    }
+    let mut difference = Difference { pixels, ..Difference::default() };
+    for at in 0..pixels {
+        if same_colour(first.colour[at], other.colour[at], COLOUR_STEPS)
+            && same_distance(first.distance[at], other.distance[at], DISTANCE_SHARE)
+        {
+            continue;
+        }
+        difference.differing += 1;
+        if !on_edge(first, at, other.colour[at], other.distance[at]) {
+            difference.off_edge.push([at as u32 % first.width_px, at as u32 / first.width_px]);
+        }
+    }
+    difference
+}
+
+fn same_colour(a: u32, b: u32, steps: u8) -> bool {
+    a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= steps)
+}
+
+fn same_distance(a: f32, b: f32, share: f32) -> bool {
+    a == b || (a - b).abs() <= share * a.abs().max(b.abs()) || (a.abs() < 1e-3 && b.abs() < 1e-3)
+}
+
+/// Whether the 3 x 3 pixels around hold the other colour at a distance between theirs, or a jump in distance.
+fn on_edge(picture: &Pixels, at: usize, colour: u32, distance: f32) -> bool {
+    let (width, height) = (picture.width_px as usize, picture.height_px as usize);
+    let (x, y) = (at % width, at / width);
+    let around = (y.saturating_sub(1)..(y + 2).min(height))
+        .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
+    let around: Vec<usize> = around.into_iter().filter(|near| *near != at).collect();
+    let here = picture.distance[at];
+    let low = around.iter().map(|near| picture.distance[*near]).fold(here, f32::min) * (1.0 - DISTANCE_SHARE);
+    let high = around.iter().map(|near| picture.distance[*near]).fold(here, f32::max) * (1.0 + DISTANCE_SHARE);
+    let holds_colour = around.iter().any(|near| same_colour(picture.colour[*near], colour, 4 * COLOUR_STEPS));
+    let jumps = around.iter().any(|near| !same_distance(picture.distance[*near], here, EDGE_SHARE));
+    jumps || (holds_colour && (low..=high).contains(&distance))
+}

@@ -1,0 +1,246 @@
+//! The ray-caster's twins: WGSL draws what the CPU draws, and the CPU draws what every solid tested by itself would show.
+
+use anyhow::Result;
+use insula_shaders::{
+    cpu::{
+        raycast::Pixels,
+        shade::{background, encode_srgb},
+    },
+    layout::Shading,
+};
+use insula_tests::{
+    gpu::{Gpu, adapter_is_required},
+    naive::{Naive, Seen},
+    random::{self, Pose, RandomCity},
+    rng::Rng,
+    twin,
+    view::{Camera, Picture},
+};
+use libtest_mimic::{Arguments, Failed, Trial};
+use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
+
+/// Odd, so that one ray goes exactly where the camera looks.
+const PICTURE: Picture = Picture { width_px: 241, height_px: 135, shading: Shading::Lit, samples: 1 };
+const CITIES: u64 = 24;
+
+fn main() {
+    let arguments = Arguments::from_args();
+    // Asked for once, before any test: that is what decides whether they count as ignored.
+    let gpu = Arc::new(Gpu::open());
+    if let Err(error) = gpu.as_ref() {
+        eprintln!("no GPU test can run: {error:#}");
+    }
+    let ignored = gpu.is_err() && !adapter_is_required();
+    let on_gpu = |name: &str, test: fn(&Gpu) -> Result<()>| {
+        let gpu = gpu.clone();
+        let run = move || match gpu.as_ref() {
+            Ok(gpu) => test(gpu).map_err(|e| Failed::from(format!("{}: {e:#}", gpu.name))),
+            Err(error) => Err(Failed::from(format!("an adapter is required: {error:#}"))),
+        };
+        Trial::test(name, run).with_ignored_flag(ignored)
+    };
+    let plain = |name: &str, test: fn() -> Result<()>| {
+        Trial::test(name, move || test().map_err(|e| Failed::from(format!("{e:#}"))))
+    };
+    let tests = vec![
+        on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws),
+        on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading),
+        on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen),
+        plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show),
+        plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen),
+        plain("a_missing_or_cut_picture_is_seen", a_missing_or_cut_picture_is_seen),
+    ];
+    libtest_mimic::run(&arguments, tests).exit();
+}
+
+fn cities() -> &'static [RandomCity] {
+    static CITIES_MADE: OnceLock<Vec<RandomCity>> = OnceLock::new();
+    CITIES_MADE.get_or_init(|| (0..CITIES).map(|seed| random::city(seed).expect("random cities are valid")).collect())
+}
+
+/// Compares both twins' pictures of one view; `what` names it in errors.
+fn twins_agree(gpu: &Gpu, city: &RandomCity, camera: &Camera, picture: &Picture, what: &str) -> Result<twin::Difference> {
+    let mut scene = city.cut.scene(camera, picture);
+    scene.frame.ground = picture.samples % 2;
+    scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
+    let (on_cpu, on_gpu) = (scene.render(), gpu.render(&scene)?);
+    let difference = twin::compare_twins(&scene, &on_cpu, &on_gpu);
+    if let Err(error) = difference.check() {
+        let at = difference.off_edge.first().copied().unwrap_or_default();
+        let i = (at[1] * picture.width_px + at[0]) as usize;
+        let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
+        anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
+    }
+    Ok(difference)
+}
+
+fn gpu_draws_what_the_cpu_draws(gpu: &Gpu) -> Result<()> {
+    let (mut pixels, mut differing) = (0, 0);
+    for (seed, city) in cities().iter().enumerate() {
+        let mut rng = Rng::new(1000 + seed as u64);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let difference = twins_agree(gpu, city, &camera, &PICTURE, &format!("city {seed}, {pose:?}"))?;
+            pixels += difference.pixels;
+            differing += difference.differing;
+        }
+    }
+    println!("{}: {differing} of {pixels} pixels differ", gpu.name);
+    Ok(())
+}
+
+fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
+    for (seed, city) in cities().iter().enumerate().take(4) {
+        let mut rng = Rng::new(2000 + seed as u64);
+        for shading in Shading::ALL {
+            for samples in [1, 2] {
+                let pose = Pose::ALL[rng.below(Pose::ALL.len())];
+                let camera = random::camera(&mut rng, city, pose);
+                let picture = Picture { shading, samples, ..PICTURE };
+                let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
+                twins_agree(gpu, city, &camera, &picture, &what)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The comparison above can fail: the GPU's own picture with one pixel altered does.
+fn one_altered_pixel_of_the_gpu_is_seen(gpu: &Gpu) -> Result<()> {
+    let city = &cities()[0];
+    let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
+    let scene = city.cut.scene(&camera, &PICTURE);
+    let on_cpu = scene.render();
+    let mut on_gpu = gpu.render(&scene)?;
+    let i = flat_pixel(&on_cpu)?;
+    on_gpu.colour[i] ^= 0x40;
+    anyhow::ensure!(twin::compare_twins(&scene, &on_cpu, &on_gpu).check().is_err(), "an altered pixel went unseen");
+    Ok(())
+}
+
+/// A pixel whose neighbourhood is all alike.
+fn flat_pixel(picture: &Pixels) -> Result<usize> {
+    let (width, height) = (picture.width_px as usize, picture.height_px as usize);
+    let flat = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x)).find(|i| {
+        let around = [i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1];
+        around.iter().all(|n| {
+            let alike = picture.hit[*n] == picture.hit[*i] && picture.colour[*n] == picture.colour[*i];
+            alike && picture.distance[*i].is_finite() && (picture.distance[*n] / picture.distance[*i] - 1.0).abs() < 0.01
+        })
+    });
+    flat.ok_or_else(|| anyhow::anyhow!("no flat pixel in the picture"))
+}
+
+fn one_altered_pixel_is_seen() -> Result<()> {
+    let city = &cities()[0];
+    let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
+    let picture = city.cut.scene(&camera, &PICTURE).render();
+    anyhow::ensure!(twin::compare(&picture, &picture).check().is_ok(), "a picture differs from itself");
+    let i = flat_pixel(&picture)?;
+    let mut colour = picture.clone();
+    colour.colour[i] ^= 0x40;
+    let mut distance = picture.clone();
+    distance.distance[i] = if distance.distance[i].is_finite() { distance.distance[i] * 1.05 } else { 1e4 };
+    let mut not_a_number = picture.clone();
+    not_a_number.distance[i] = f32::NAN;
+    for (what, altered) in [("colour", colour), ("distance", distance), ("NaN", not_a_number)] {
+        anyhow::ensure!(twin::compare(&picture, &altered).check().is_err(), "an altered pixel went unseen: {what}");
+    }
+    Ok(())
+}
+
+fn a_missing_or_cut_picture_is_seen() -> Result<()> {
+    let city = &cities()[0];
+    let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
+    let picture = city.cut.scene(&camera, &PICTURE).render();
+    let mut short = picture.clone();
+    short.colour.pop();
+    let mut narrow = picture.clone();
+    narrow.width_px -= 1;
+    for altered in [Pixels::default(), short, narrow] {
+        anyhow::ensure!(twin::compare(&picture, &altered).check().is_err(), "a picture of another size was accepted");
+        anyhow::ensure!(twin::compare(&altered, &picture).check().is_err(), "a picture of another size was accepted");
+    }
+    Ok(())
+}
+
+/// Rays that start on the very edge of a cell may take either side; all others must agree with the reference, or with a
+/// reference ray that is turned by a few millionths.
+fn cpu_draws_what_every_solid_by_itself_would_show() -> Result<()> {
+    let picture = Picture { width_px: 49, height_px: 33, shading: Shading::Albedo, samples: 1 };
+    let (mut rays, mut turned, mut hits) = (0, 0, 0);
+    for (seed, city) in cities().iter().enumerate() {
+        let naive = Naive::new(city.place, &city.maps);
+        let mut rng = Rng::new(3000 + seed as u64);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let scene = city.cut.scene(&camera, &picture);
+            let drawn = scene.render();
+            let verdicts: Vec<Verdict> = (0..picture.width_px * picture.height_px)
+                .into_par_iter()
+                .map(|i| judge(&naive, &camera, &picture, &scene.frame, &drawn, i))
+                .collect();
+            if let Some(i) = verdicts.iter().position(|v| *v == Verdict::Wrong) {
+                let (x, y) = (i as u32 % picture.width_px, i as u32 / picture.width_px);
+                let seen = naive.look(&camera, camera.ray(&picture, x, y));
+                let wrong = verdicts.iter().filter(|v| **v == Verdict::Wrong).count();
+                anyhow::bail!(
+                    "city {seed}, {pose:?}: {wrong} wrong, first at {x}, {y}: drawn {:08x} {}, meant {seen:?}\n{camera:?}",
+                    drawn.colour[i],
+                    drawn.distance[i],
+                );
+            }
+            rays += verdicts.len();
+            turned += verdicts.iter().filter(|v| **v == Verdict::Turned).count();
+            hits += drawn.distance.iter().filter(|d| d.is_finite()).count();
+        }
+    }
+    println!("{rays} rays, {hits} hits, {turned} on edges");
+    anyhow::ensure!(turned * 100 < rays, "{turned} of {rays} rays agree only when turned");
+    anyhow::ensure!(hits * 4 > rays, "only {hits} of {rays} rays hit anything");
+    Ok(())
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Right,
+    Turned,
+    Wrong,
+}
+
+fn judge(
+    naive: &Naive,
+    camera: &Camera,
+    picture: &Picture,
+    frame: &insula_shaders::layout::Frame,
+    drawn: &Pixels,
+    i: u32,
+) -> Verdict {
+    let dir = camera.ray(picture, i % picture.width_px, i / picture.width_px);
+    let agrees = |seen: Seen| {
+        let (drawn_m, meant_m) = (f64::from(drawn.distance[i as usize]), seen.distance_m);
+        if drawn_m.is_finite() != meant_m.is_finite() {
+            return false;
+        }
+        if meant_m.is_finite() && (drawn_m - meant_m).abs() > 2e-3 + 1e-3 * meant_m {
+            return false;
+        }
+        let mut rgb = seen.rgb.as_vec3();
+        if seen.left > 0.02 {
+            rgb += background(frame, dir.as_vec3()) * seen.left as f32;
+        }
+        let meant = encode_srgb(rgb).to_le_bytes();
+        drawn.colour[i as usize].to_le_bytes().iter().zip(meant).all(|(a, b)| a.abs_diff(b) <= 3)
+    };
+    if agrees(naive.look(camera, dir)) {
+        return Verdict::Right;
+    }
+    let (side, up) = dir.any_orthonormal_pair();
+    let turns = (0..24).map(|k| {
+        let angle = f64::from(k % 8) * std::f64::consts::FRAC_PI_4;
+        let by = [2e-6, 2e-5, 1e-4][k as usize / 8];
+        (dir + (side * angle.cos() + up * angle.sin()) * by).normalize_or(dir)
+    });
+    if turns.into_iter().any(|turn| agrees(naive.look(camera, turn))) { Verdict::Turned } else { Verdict::Wrong }
+}
