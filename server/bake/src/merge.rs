@@ -99,12 +99,12 @@ fn steep(lines: &Lines, cell_m: f32) -> Option<Solid> {
 }
 
 /// Gaps that the grid cannot show: under half a cell anywhere, under a whole one above the ground (Vacca's figure 4.3).
-fn close_gaps(solids: &mut Vec<Solid>, cell_m: f32) {
+pub(crate) fn close_gaps(solids: &mut Vec<Solid>, cell_m: f32) {
     let mut i = 1;
     while i < solids.len() {
         let limit = if i == 1 { cell_m } else { cell_m * 0.5 };
         if solids[i].bottom_m - solids[i - 1].top_m < limit {
-            solids[i - 1].top_m = solids[i].top_m;
+            solids[i - 1].top_m = solids[i - 1].top_m.max(solids[i].top_m);
             solids.remove(i);
         } else {
             i += 1;

@@ -2,14 +2,14 @@
 //!
 //! In: [`Cells`] and the candidates that were seen. Out: a [`VoxelNode`] a leaf. Next: `mend`.
 
-use super::{BlockInput, candidates::Candidate, local::Block, solids::Cells, texture};
+use super::{BlockInput, candidates::Candidate, local::Block, solids::Cells, texture, visibility::TURNS};
 use crate::voxels::{Look, Solid, VoxelColumn, VoxelNode};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
 use rayon::prelude::*;
 
 /// Normals that rise more than this belong to a top, those that fall more to an underside, the others to walls.
-const TOP_Z: f32 = 0.35;
+pub(super) const TOP_Z: f32 = 0.35;
 /// How far, in cells, a sample may lie from the top that it colours.
 const TOP_REACH: f32 = 1.0;
 
@@ -101,7 +101,7 @@ fn seen(block: &Block, input: &BlockInput<'_>, candidate: &Candidate) -> Option<
     let triangle = &block.triangles[candidate.triangle as usize];
     let rgb = texture::colour(input.scene, triangle.source, &triangle.corners, candidate.p, block.cell_m * 0.5);
     // Over all directions of the sphere the mean of a positive cosine is a quarter: half of that of the upper ones alone.
-    let ao = candidate.sky[side] * 2.0 / block.sky_directions as f32;
+    let ao = candidate.sky[side] * (2 * TURNS) as f32 / block.sky_directions as f32;
     let normal = if side == 0 { triangle.normal } else { -triangle.normal };
     Some(Seen { p: candidate.p, normal, rgb, ao, area_m2: candidate.area_m2 })
 }

@@ -6,6 +6,7 @@ use super::{BlockInput, SampleSettings};
 use crate::scene::ObjectKind;
 use glam::Vec3;
 use insula_protocol::NODE_CELLS;
+use std::collections::HashMap;
 
 /// A triangle, metres from the block's south-west corner at the grid's height zero.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +19,8 @@ pub(super) struct LocalTriangle {
     pub(super) object: u32,
     /// Lowest point of its object.
     pub(super) base_z_m: f32,
+    /// West, south, east and north end of its object.
+    pub(super) footprint_m: [f32; 4],
     /// Index into the scene's triangles.
     pub(super) source: u32,
 }
@@ -50,7 +53,9 @@ impl Block {
             input.grid.corner[1] + f64::from(first_leaf[1]) * side,
             input.grid.corner[2],
         ];
-        let triangles: Vec<LocalTriangle> = input.triangles.iter().filter_map(|i| local(input, *i, corner)).collect();
+        let mut triangles: Vec<LocalTriangle> =
+            input.triangles.iter().filter_map(|i| local(input, *i, corner)).collect();
+        find_footprints(&mut triangles);
         let extent = count.map(|n| (f64::from(n) * side) as f32);
         let z_range = heights(&triangles, extent);
         let cells = count.map(|n| n as usize * NODE_CELLS);
@@ -84,8 +89,24 @@ fn local(input: &BlockInput<'_>, index: u32, corner: [f64; 3]) -> Option<LocalTr
         terrain,
         object: triangle.object,
         base_z_m: (f64::from(object.base_z_m) - corner[2]) as f32,
+        footprint_m: [0.0; 4],
         source: index,
     })
+}
+
+/// Extents of the objects, as far as their triangles are here.
+fn find_footprints(triangles: &mut [LocalTriangle]) {
+    const NOTHING: [f32; 4] = [f32::MAX, f32::MAX, f32::MIN, f32::MIN];
+    let mut extents: HashMap<u32, [f32; 4]> = HashMap::new();
+    for triangle in triangles.iter() {
+        let e = extents.entry(triangle.object).or_insert(NOTHING);
+        for c in triangle.corners {
+            *e = [e[0].min(c.x), e[1].min(c.y), e[2].max(c.x), e[3].max(c.y)];
+        }
+    }
+    for triangle in triangles {
+        triangle.footprint_m = extents.get(&triangle.object).copied().unwrap_or(NOTHING);
+    }
 }
 
 /// Of what overlaps the block; `[0, 0]` if nothing does.

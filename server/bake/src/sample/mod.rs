@@ -7,7 +7,7 @@
 //! | triangles in the block's own coordinates | `local` |
 //! | points on the surfaces: where vertical lines cross them, and where colours are taken | `crossings`, `candidates` |
 //! | which of them are seen from outside, and from how much of the sky | `directions`, `visibility` |
-//! | full runs of each column, slopes of their tops | `solids` |
+//! | full runs of each column, slopes of their tops | `solids`, `sheets` |
 //! | colours, normals and occlusion of what is seen | `attributes`, `texture` |
 //! | holes closed, every voxel coloured | `mend` |
 
@@ -18,6 +18,7 @@ mod directions;
 mod local;
 pub(crate) mod mend;
 mod scan;
+mod sheets;
 pub(crate) mod solids;
 pub(crate) mod texture;
 mod visibility;
@@ -65,8 +66,9 @@ pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<Vo
     let mut crossings = crossings::find(&block);
     let mut candidates = candidates::find(&block);
     visibility::look(&block, settings, &mut crossings, &mut candidates);
-    let columns = solids::build(&block, &crossings);
+    let mut columns = solids::build(&block, &crossings);
     drop(crossings);
+    sheets::add(&block, &candidates, &mut columns);
     let mut nodes = attributes::build(&block, input, &columns, &candidates);
     for node in &mut nodes {
         mend::fill(node);

@@ -7,7 +7,7 @@ use super::{
     local::Block,
 };
 use crate::{
-    merge::{LINES, Lines, Merged, merge},
+    merge::{LINES, Lines, Merged, close_gaps, merge},
     voxels::Solid,
 };
 use rayon::prelude::*;
@@ -100,10 +100,10 @@ fn runs(block: &Block, line: &[Crossing]) -> Vec<Solid> {
             }
             break;
         }
-        if crossing.seen_below() {
-            if let Some(top) = open.take() {
-                found.push(Solid { bottom_m: crossing.z.min(top.z - SHEET * block.cell_m), top_m: top.z });
-            }
+        if crossing.seen_below()
+            && let Some(top) = open.take()
+        {
+            found.push(Solid { bottom_m: crossing.z.min(top.z - SHEET * block.cell_m), top_m: top.z });
         }
     }
     if let Some(top) = open {
@@ -123,6 +123,25 @@ impl Cells {
     pub(super) fn at(&self, x: i32, y: i32) -> Option<&Cell> {
         let (x, y) = (usize::try_from(x + 1).ok()?, usize::try_from(y + 1).ok()?);
         if x >= self.width { None } else { self.list.get(y * self.width + x) }
+    }
+
+    /// Makes a run of a cell full; it joins what it touches.
+    pub(super) fn insert(&mut self, x: i32, y: i32, solid: Solid, base_z_m: f32) {
+        let (Ok(column), Ok(row)) = (usize::try_from(x + 1), usize::try_from(y + 1)) else { return };
+        let cell_m = self.cell_m;
+        let Some(cell) = self.list.get_mut(row * self.width + column).filter(|_| column < self.width) else { return };
+        let solids = &mut cell.column.solids;
+        let top_before = solids.last().map_or(f32::MIN, |s| s.top_m);
+        if solids.is_empty() {
+            cell.grounded = solid.bottom_m < base_z_m + cell_m;
+        }
+        solids.push(solid);
+        solids.sort_unstable_by(|a, b| a.bottom_m.total_cmp(&b.bottom_m));
+        close_gaps(solids, cell_m);
+        if solids.last().is_some_and(|s| s.top_m > top_before) {
+            cell.column.slope = [0.0; 2];
+            cell.column.inclined = false;
+        }
     }
 
     /// Ends what goes down into the ground a little under the lowest ground around (design 5, step 2).

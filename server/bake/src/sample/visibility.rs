@@ -19,6 +19,10 @@ use rayon::prelude::*;
 const CROSSING_DIRECTIONS: usize = 48;
 /// Sky directions after which a candidate's back that was never seen is given up.
 const BACK_DIRECTIONS: usize = 16;
+/// Sky directions after which a candidate that was never seen is given up.
+const FIRST_DIRECTIONS: usize = 48;
+/// A candidate looks at every so many-th sky direction for its occlusion; its neighbours look at the others.
+pub(super) const TURNS: usize = 4;
 /// Samples a task.
 const CHUNK: usize = 4096;
 
@@ -32,14 +36,14 @@ pub(super) fn look(block: &Block, settings: &SampleSettings, crossings: &mut Cro
     for (i, direction) in low.iter().enumerate() {
         map.draw(block, *direction);
         sight_crossings(block, &map, crossings, &mut pending);
-        sight_candidates(block, &map, candidates, i < BACK_DIRECTIONS);
+        sight_candidates(block, &map, candidates, i, i < BACK_DIRECTIONS);
     }
     for (i, direction) in directions::sky(settings.sky_directions).iter().enumerate() {
         map.draw(block, *direction);
         if i < CROSSING_DIRECTIONS {
             sight_crossings(block, &map, crossings, &mut pending);
         }
-        sight_candidates(block, &map, candidates, i < BACK_DIRECTIONS);
+        sight_candidates(block, &map, candidates, i, i < BACK_DIRECTIONS);
     }
 }
 
@@ -51,7 +55,8 @@ fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending:
         let above = up.dot(map.w) > 0.0;
         let place = |i: usize| (i as f32 + 0.5) * step + offset;
         let p = Vec3::new(place(c.line as usize % lines), place(c.line as usize / lines), c.z);
-        (c.wants(above) && map.sees(block, p, if above { up } else { -up }, c.triangle)).then_some(above)
+        let open = c.wants(above) && (above || !through_floor(triangle, p, map.w));
+        (open && map.sees(block, p, if above { up } else { -up }, c.triangle)).then_some(above)
     };
     let list = &crossings.list;
     let sighted: Vec<(u32, bool)> = pending
@@ -65,19 +70,42 @@ fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending:
     pending.retain(|i| list[*i as usize].wants(true) || list[*i as usize].wants(false));
 }
 
-fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], backs: bool) {
+/// Whether the look at an underside comes up through the ground that its object stands on: a shell without a floor would
+/// show its inside to a viewer who cannot be there.
+fn through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
+    if direction.z >= 0.0 {
+        return false;
+    }
+    let [west, south, east, north] = triangle.footprint_m;
+    let exit = |d: f32, at: f32, low: f32, high: f32| match d {
+        d if d > 1e-6 => (high - at) / d,
+        d if d < -1e-6 => (low - at) / d,
+        _ => f32::INFINITY,
+    };
+    let out = exit(direction.x, p.x, west, east).min(exit(direction.y, p.y, south, north));
+    p.z + out * direction.z < triangle.base_z_m
+}
+
+fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], direction: usize, backs: bool) {
+    let sky = map.w.z > 0.0;
     candidates.par_chunks_mut(CHUNK).for_each(|chunk| {
-        for candidate in chunk {
+        for (i, candidate) in chunk.iter_mut().enumerate() {
             let triangle = &block.triangles[candidate.triangle as usize];
             let cos = triangle.normal.dot(map.w);
             let side = usize::from(cos < 0.0);
             if side == 1 && (triangle.terrain || !(backs || candidate.sightings[1] > 0)) {
                 continue;
             }
+            let turn = sky && (direction + i) % TURNS == 0;
+            let unseen = candidate.sightings[side] == 0 && direction < FIRST_DIRECTIONS;
+            let given_up = candidate.sightings == [0; 2] && direction >= FIRST_DIRECTIONS;
+            if given_up || !(turn || unseen) || (!sky && through_floor(triangle, candidate.p, map.w)) {
+                continue;
+            }
             let normal = if side == 1 { -triangle.normal } else { triangle.normal };
             if map.sees(block, candidate.p, normal, candidate.triangle) {
                 candidate.sightings[side] += 1;
-                if map.w.z > 0.0 {
+                if turn {
                     candidate.sky[side] += cos.abs();
                 }
             }
