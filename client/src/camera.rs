@@ -52,12 +52,14 @@ impl Camera {
     /// Sees all of `bounds` (`[min, max]`) from the south-east, 25 degrees above the horizon.
     pub fn overlook(bounds: [[f64; 3]; 2], aspect: f64) -> Self {
         let (low, high) = (DVec3::from(bounds[0]), DVec3::from(bounds[1]));
-        let (centre, fov_y_rad) = ((low + high) * 0.5, 50f64.to_radians());
+        let fov_y_rad = 50f64.to_radians();
+        // Most of a city is low: one tower would lift the middle of the box into the air.
+        let centre = ((low + high) * 0.5).with_z(low.z + 0.2 * (high.z - low.z));
         let elevation = 25f64.to_radians();
         let away = DVec3::new(0.6 * elevation.cos(), -0.8 * elevation.cos(), elevation.sin());
         let half_fov = (fov_y_rad * 0.5).min(((fov_y_rad * 0.5).tan() * aspect).atan());
         // The half-diagonal fits exactly where the picture is narrowest; a city is flat, so most of the sphere is air.
-        let distance_m = (0.72 * 0.5 * (high - low).length() / half_fov.sin()).max(10.0);
+        let distance_m = (0.62 * 0.5 * (high - low).length() / half_fov.sin()).max(10.0);
         let position = centre + away * distance_m;
         Self::look(position, centre, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
     }

@@ -76,7 +76,7 @@ pub struct Report {
     pub worst_error_px: f64,
     /// Nodes in the last frame's cut.
     pub nodes_drawn: u32,
-    /// Largest share of a path's frames whose picture was not converged, 0 to 1 (`fly` only).
+    /// Share of a path's frames whose picture was not converged, 0 to 1 (`fly` only).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unconverged_share: Option<f64>,
 }

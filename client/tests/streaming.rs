@@ -1,5 +1,7 @@
 //! Whole sessions against a server that is well, ill, away and back; pictures by the CPU ray-caster.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{Answer, GROUND_M, ORIGIN, Policy, ROOF_M, Server, city, serve};

@@ -59,6 +59,9 @@ impl Adapter {
             match gpu {
                 Ok(gpu) => {
                     let (info, pages) = (gpu.device.info(), gpu.pages());
+                    if gpu.device.is_software() {
+                        eprintln!("note: {} is no graphics hardware, --adapter cpu may be faster", info.name);
+                    }
                     return (Self::Gpu(Box::new(gpu)), info, pages);
                 }
                 Err(reason) => {

@@ -51,6 +51,11 @@ impl Device {
         Ok(Self { adapter, device, queue, storage_bytes })
     }
 
+    /// Whether it is a driver that computes on the CPU; the CPU ray-caster does that better.
+    pub fn is_software(&self) -> bool {
+        self.adapter.get_info().device_type == wgpu::DeviceType::Cpu
+    }
+
     /// Name and backend.
     pub fn info(&self) -> AdapterInfo {
         let info = self.adapter.get_info();

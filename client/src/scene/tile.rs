@@ -23,6 +23,8 @@ use std::time::{Duration, Instant};
 pub const DAMAGE_LIMIT: u8 = 3;
 const WAIT_FIRST: Duration = Duration::from_millis(100);
 const WAIT_MOST: Duration = Duration::from_secs(2);
+/// Longest wait that a server's Retry-After is believed.
+pub const RETRY_AFTER_MOST: Duration = Duration::from_secs(60);
 
 /// Where a tile is on its way from the server to the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -136,7 +138,7 @@ impl Tile {
 
     fn failed(&mut self, now: Instant, retry_after: Option<Duration>, jitter: f64) -> TileState {
         self.attempts = self.attempts.saturating_add(1);
-        let wait = retry_after.unwrap_or_else(|| wait_after(self.attempts, jitter));
+        let wait = retry_after.map_or_else(|| wait_after(self.attempts, jitter), |wait| wait.min(RETRY_AFTER_MOST));
         TileState::Failed { attempts: self.attempts, retry_at: now + wait }
     }
 }

@@ -3,7 +3,10 @@
 //! In: [`Wanted`] in order, the tree's states. Out: [`Plan`]. Next: `stream` does it.
 
 use crate::{
-    scene::{Key, TileEvent, TileState, Tree, tile::wait_after},
+    scene::{
+        Key, TileEvent, TileState, Tree,
+        tile::{RETRY_AFTER_MOST, wait_after},
+    },
     select::priority::Wanted,
 };
 use std::{
@@ -11,9 +14,6 @@ use std::{
     hash::{BuildHasher, Hasher, RandomState},
     time::{Duration, Instant},
 };
-
-/// Longest wait that a server's Retry-After is believed.
-const RETRY_AFTER_MOST: Duration = Duration::from_secs(60);
 
 /// What to do in this frame.
 #[derive(Debug, Default, PartialEq, Eq)]

@@ -37,8 +37,10 @@ pub struct Arrived;
 
 /// A standing picture is drawn again with four rays a pixel after so long.
 const REST: Duration = Duration::from_millis(250);
-/// Frames slower than this are drawn at half the resolution while something moves.
+/// While something moves or arrives, frames slower than this are drawn with fewer pixels: a half or a quarter a side.
 const SLOW: Duration = Duration::from_millis(45);
+/// Coarsest.
+const DIVIDE_MOST: u32 = 4;
 /// A hidden window looks for arrivals so often.
 const RETRY: Duration = Duration::from_millis(100);
 
@@ -104,8 +106,9 @@ struct Open {
     last_frame: Instant,
     last_change: Instant,
     frame_time: Duration,
+    /// What a frame of all pixels, one ray each, takes.
+    full_time: Duration,
     rested: bool,
-    coarse: bool,
 }
 
 impl ApplicationHandler<Arrived> for App {
@@ -186,8 +189,8 @@ impl Open {
             last_frame: now,
             last_change: now,
             frame_time: Duration::ZERO,
+            full_time: Duration::ZERO,
             rested: false,
-            coarse: false,
         })
     }
 
@@ -298,6 +301,15 @@ impl Open {
         }
     }
 
+    /// How much coarser to draw so that a frame is not slow.
+    fn divide(&self) -> u32 {
+        let mut divide = 1;
+        while divide < DIVIDE_MOST && self.full_time / (divide * divide) > SLOW {
+            divide *= 2;
+        }
+        divide
+    }
+
     /// One frame: move, stream, draw; returns when to draw the next.
     fn frame(&mut self) -> Result<ControlFlow> {
         let begin = Instant::now();
@@ -308,11 +320,10 @@ impl Open {
             self.rested = false;
         }
         let restless = begin.duration_since(self.last_change) < REST;
-        // A slow ray-caster draws half the pixels a side while something moves.
-        self.coarse = restless && (self.coarse || self.frame_time > SLOW);
-        let shot = self.shot(if self.coarse { 2 } else { 1 });
+        let divide = if restless || !self.session.settled() { self.divide() } else { 1 };
+        let shot = self.shot(divide);
         self.session.step(&shot);
-        let fine = !restless && self.session.settled();
+        let fine = !restless && divide == 1 && self.session.settled();
         let look = Look { samples: if fine { 2 } else { 1 }, shading: self.settings.shading, ..Look::default() };
         let data = self.session.frame_data(&shot, &look);
         if let Adapter::Cpu(cpu) = self.session.adapter_mut() {
@@ -322,9 +333,8 @@ impl Open {
         let before = (self.settings.tau_px, self.settings.message.is_some());
         let (overlay, again) = self.lay_out();
         let shown = self.surface.present(self.session.adapter_mut(), &data, &overlay)?;
-        if !self.coarse && !fine || self.frame_time.is_zero() {
-            self.frame_time = begin.elapsed();
-        }
+        self.frame_time = begin.elapsed();
+        self.full_time = if fine { self.frame_time / 4 } else { self.frame_time * (divide * divide) };
         self.session.timed(begin.elapsed());
         self.rested = fine && shown;
         if before.0 != self.settings.tau_px {
@@ -377,7 +387,9 @@ impl Open {
 
 fn adapter(surface: &Surface, start: &Start) -> (Adapter, AdapterInfo, u32) {
     let pages = pages_for(start.cache_bytes);
-    if start.adapter == AdapterChoice::Auto {
+    if start.adapter == AdapterChoice::Auto && surface.device().is_software() {
+        eprintln!("note: {} is no graphics hardware, the CPU ray-caster draws instead", surface.device().info().name);
+    } else if start.adapter == AdapterChoice::Auto {
         match GpuAdapter::new(surface.device().clone(), pages) {
             Ok(gpu) => {
                 let (info, pages) = (gpu.device.info(), gpu.pages());

@@ -1,6 +1,6 @@
 //! A small city made by hand, and a server that can be ill.
 
-#![allow(dead_code, unreachable_pub, missing_docs)]
+#![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used)]
 
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId,
