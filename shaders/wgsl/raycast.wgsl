@@ -101,8 +101,9 @@ fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32) -> vec3<f32> {
         case 4u: { return level_tint(level) * debug; }
         case 5u: { return kind_tint(flags) * debug; }
         default: {
-            let sky = mix(BOUNCE, SKY, n.z * 0.5 + 0.5) * ao;
-            let sun = SUN * facing * (0.4 + 0.6 * ao);
+            let bounced = (1.0 - ao) * (0.65 - 0.35 * n.z);
+            let sky = SKY * ao + BOUNCE * bounced;
+            let sun = SUN * facing * min(2.0 * ao + 0.25, 1.0);
             return albedo * (sky + sun);
         }
     }
@@ -437,7 +438,8 @@ fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
 }
 
 fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f32) {
-    if span.s >= span.e || gathered.left <= OPAQUE {
+    let inside = span.s <= 0.0 && span.face == FACE_SIDE;
+    if span.s >= span.e || inside || gathered.left <= OPAQUE {
         return;
     }
     let flags = walk >> 24u;

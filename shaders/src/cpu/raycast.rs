@@ -367,7 +367,9 @@ fn hit_solid(
     bounds: [f32; 2],
     gathered: &mut Gathered,
 ) {
-    if span.s >= span.e || gathered.left <= OPAQUE {
+    // Who stands inside a column (a wall nearer than half a cell) looks out of it.
+    let inside = span.s <= 0.0 && span.face == Face::Side;
+    if span.s >= span.e || inside || gathered.left <= OPAQUE {
         return;
     }
     let flags = (walk >> 24) as u8;

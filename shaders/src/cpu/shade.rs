@@ -65,8 +65,11 @@ pub fn shade(frame: &Frame, surface: &Surface) -> Vec3 {
         s if s == Shading::Lod as u32 => debug(level_tint(surface.level)),
         s if s == Shading::Kind as u32 => debug(kind_tint(surface.flags)),
         _ => {
-            let sky = BOUNCE.lerp(SKY, n.z * 0.5 + 0.5) * ao;
-            let sun = SUN * n.dot(Vec3::from(frame.sun)).max(0.0) * (0.4 + 0.6 * ao);
+            // What of the hemisphere is not sky is lit ground and walls, the less of it the deeper the corner.
+            let bounced = (1.0 - ao) * (0.65 - 0.35 * n.z);
+            let sky = SKY * ao + BOUNCE * bounced;
+            // Without shadows, what sees little sky sees little sun. A wall in the open sees half the sky.
+            let sun = SUN * n.dot(Vec3::from(frame.sun)).max(0.0) * (2.0 * ao + 0.25).min(1.0);
             albedo * (sky + sun)
         }
     }

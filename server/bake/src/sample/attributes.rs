@@ -2,7 +2,13 @@
 //!
 //! In: [`Cells`] and the candidates that were seen. Out: a [`VoxelNode`] a leaf. Next: `mend`.
 
-use super::{BlockInput, candidates::Candidate, local::Block, solids::Cells, texture, visibility::TURNS};
+use super::{
+    BlockInput,
+    candidates::{Candidate, TURNS},
+    local::Block,
+    solids::Cells,
+    texture,
+};
 use crate::voxels::{Look, Solid, VoxelColumn, VoxelNode};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};

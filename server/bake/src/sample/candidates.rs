@@ -8,6 +8,9 @@ use super::{
 };
 use glam::Vec3;
 
+/// A candidate looks at every so many-th sky direction for its occlusion; its neighbours look at the others.
+pub(super) const TURNS: usize = 4;
+
 /// One point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
@@ -16,6 +19,8 @@ pub(super) struct Candidate {
     pub(super) triangle: u32,
     /// Area that it stands for.
     pub(super) area_m2: f32,
+    /// Which of [`TURNS`] shares of the directions it looks at; neighbours differ.
+    pub(super) turn: u8,
     /// Cosines of the sky directions from which the front (the normal's side) and the back are seen.
     pub(super) sky: [f32; 2],
     /// Directions of any kind from which the front and the back are seen.
@@ -37,12 +42,13 @@ pub(super) fn find(block: &Block) -> Vec<Candidate> {
     found
 }
 
-fn push(block: &Block, found: &mut Vec<Candidate>, p: Vec3, triangle: u32, area_m2: f32) {
+fn push(block: &Block, found: &mut Vec<Candidate>, p: Vec3, triangle: u32, area_m2: f32, place: [usize; 2]) {
     let [width, height] = block.extent_m();
     // A wall on the block's rim may belong to the cell on its other side: half a cell more, dropped later if it does not.
     let rim = block.cell_m * 0.5;
     if p.x >= -rim && p.y >= -rim && p.x < width + rim && p.y < height + rim {
-        found.push(Candidate { p, triangle, area_m2, sky: [0.0; 2], sightings: [0; 2] });
+        let turn = (place[0] & 1 | (place[1] & 1) << 1) as u8;
+        found.push(Candidate { p, triangle, area_m2, turn, sky: [0.0; 2], sightings: [0; 2] });
     }
 }
 
@@ -68,7 +74,8 @@ fn slice(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, foun
         for i in 0..pieces {
             let along = (i as f32 + 0.5) / pieces as f32;
             let p = a.lerp(b, along).lerp(apex, f);
-            push(block, found, p, index, triangle.area_m2 * share / pieces as f32);
+            let place = [i as usize, level as usize + (i as usize >> 1)];
+            push(block, found, p, index, triangle.area_m2 * share / pieces as f32, place);
         }
     }
 }
@@ -105,7 +112,7 @@ fn raster(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, fou
             p[v] = start[v] + (row as f32 + 0.5) * spacing;
             let slope = triangle.normal[u] * (p[u] - origin[u]) + triangle.normal[v] * (p[v] - origin[v]);
             p[main] = origin[main] - slope / triangle.normal[main];
-            push(block, found, p, index, area_m2);
+            push(block, found, p, index, area_m2, [column, row]);
         }
     });
 }

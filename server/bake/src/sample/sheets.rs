@@ -12,9 +12,10 @@ use super::{
 use crate::voxels::Solid;
 use std::collections::BTreeMap;
 
-/// Seen wall area in a cell's row, in squares of the cell's side, from which on the row is full: half a cell's width seen
-/// from both sides. Masts and wires are thinner and do not swell to a cell.
-const FULL: f32 = 0.8;
+/// Wall area in a cell's row, in squares of the cell's side, from which on the row is full. A wall that crosses a line of
+/// cells has half of one in at least one of each two, so that no ray slips through; masts and wires have less, and do not
+/// swell to a cell.
+const FULL: f32 = 0.45;
 
 /// A row of a cell in which wall was seen that no column shows.
 #[derive(Debug, Clone, Copy)]

@@ -6,7 +6,7 @@
 
 use super::{
     SampleSettings,
-    candidates::Candidate,
+    candidates::{Candidate, TURNS},
     crossings::{Crossing, Crossings},
     directions,
     local::{Block, LocalTriangle},
@@ -21,8 +21,6 @@ const CROSSING_DIRECTIONS: usize = 48;
 const BACK_DIRECTIONS: usize = 16;
 /// Sky directions after which a candidate that was never seen is given up.
 const FIRST_DIRECTIONS: usize = 48;
-/// A candidate looks at every so many-th sky direction for its occlusion; its neighbours look at the others.
-pub(super) const TURNS: usize = 4;
 /// Samples a task.
 const CHUNK: usize = 4096;
 
@@ -89,14 +87,14 @@ fn through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
 fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], direction: usize, backs: bool) {
     let sky = map.w.z > 0.0;
     candidates.par_chunks_mut(CHUNK).for_each(|chunk| {
-        for (i, candidate) in chunk.iter_mut().enumerate() {
+        for candidate in chunk {
             let triangle = &block.triangles[candidate.triangle as usize];
             let cos = triangle.normal.dot(map.w);
             let side = usize::from(cos < 0.0);
             if side == 1 && (triangle.terrain || !(backs || candidate.sightings[1] > 0)) {
                 continue;
             }
-            let turn = sky && (direction + i) % TURNS == 0;
+            let turn = sky && direction % TURNS == usize::from(candidate.turn);
             let unseen = candidate.sightings[side] == 0 && direction < FIRST_DIRECTIONS;
             let given_up = candidate.sightings == [0; 2] && direction >= FIRST_DIRECTIONS;
             if given_up || !(turn || unseen) || (!sky && through_floor(triangle, candidate.p, map.w)) {
