@@ -23,7 +23,7 @@ pub struct Cli {
 /// Options of all commands.
 #[derive(Debug, Clone, Args)]
 pub struct Global {
-    /// What draws: `auto` is a graphics device if there is one, else the CPU.
+    /// What draws: a graphics device if there is one that works, else (or with `cpu`) the CPU; `gpu` insists.
     #[arg(long, value_enum, default_value = "auto", global = true)]
     pub adapter: AdapterChoice,
     /// Memory for the city, in MiB; never exceeded.

@@ -36,7 +36,7 @@ fn session(server: &Server, cache_mib: u64) -> Session {
     Session::new(
         Tree::new(city.manifest),
         stream,
-        Adapter::headless(AdapterChoice::Cpu, cache_mib << 20),
+        Adapter::headless(AdapterChoice::Cpu, cache_mib << 20).unwrap(),
         Instant::now(),
     )
 }

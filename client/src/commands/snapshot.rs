@@ -51,7 +51,7 @@ pub(crate) fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Se
     });
     let city = connect(&http, url, global)?;
     let stream = Stream::new(http, &city.base, IN_FLIGHT, None);
-    let adapter = Adapter::headless(global.adapter, u64::from(global.cache_mib) << 20);
+    let adapter = Adapter::headless(global.adapter, u64::from(global.cache_mib) << 20)?;
     Ok(Session::new(Tree::new(city.manifest), stream, adapter, started))
 }
 

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     cache::{Upload, pages_for},
-    error::Result,
+    error::{ClientError, Result},
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::SUMMARY_WORDS};
 
@@ -21,6 +21,8 @@ pub enum AdapterChoice {
     Auto,
     /// The CPU ray-caster.
     Cpu,
+    /// A graphics device, even one in software; an error if there is none.
+    Gpu,
 }
 
 /// For reports and the overlay.
@@ -51,18 +53,23 @@ pub enum Adapter {
 
 impl Adapter {
     /// Without a window. Says on standard error if there is no graphics device.
-    pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> (Self, AdapterInfo, u32) {
+    pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> Result<(Self, AdapterInfo, u32)> {
         let pages = pages_for(cache_bytes);
-        if choice == AdapterChoice::Auto {
+        if choice != AdapterChoice::Cpu {
             let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
             let gpu = Device::open(&instance, None, cache_bytes).and_then(|device| GpuAdapter::new(device, pages));
             match gpu {
                 Ok(gpu) => {
                     let (info, pages) = (gpu.device.info(), gpu.pages());
-                    if gpu.device.is_software() {
+                    if choice == AdapterChoice::Auto && gpu.device.is_software() {
                         eprintln!("note: {} is no graphics hardware, --adapter cpu may be faster", info.name);
                     }
-                    return (Self::Gpu(Box::new(gpu)), info, pages);
+                    return Ok((Self::Gpu(Box::new(gpu)), info, pages));
+                }
+                Err(reason) if choice == AdapterChoice::Gpu => {
+                    return Err(ClientError::Graphics(format!(
+                        "no graphics device can be used ({reason}): install a driver, or use --adapter auto"
+                    )));
                 }
                 Err(reason) => {
                     tracing::debug!("no graphics device: {reason}");
@@ -70,7 +77,7 @@ impl Adapter {
                 }
             }
         }
-        (Self::Cpu(CpuAdapter::new(pages)), AdapterInfo::cpu(), pages)
+        Ok((Self::Cpu(CpuAdapter::new(pages)), AdapterInfo::cpu(), pages))
     }
 
     /// Draws a picture and waits for it.

@@ -68,8 +68,8 @@ pub struct Start {
 /// An event loop, before the city is connected to (it needs the loop to wake it).
 pub fn event_loop() -> Result<EventLoop<Arrived>> {
     EventLoop::with_user_event().build().map_err(|e| {
-        let text = e.to_string().replace('\n', " ");
-        ClientError::Graphics(format!("no window can be opened ({text}): set DISPLAY, or use insula snapshot"))
+        tracing::debug!("no event loop: {e}");
+        ClientError::Graphics("no window can be opened, there is no screen: set DISPLAY, or use insula snapshot".into())
     })
 }
 
@@ -321,8 +321,9 @@ impl Open {
         }
         let restless = begin.duration_since(self.last_change) < REST;
         let divide = if restless || !self.session.settled() { self.divide() } else { 1 };
+        // Fewer pixels do not mean that less is fetched: what streams must not depend on how fast pixels come.
+        self.session.step(&self.shot(1));
         let shot = self.shot(divide);
-        self.session.step(&shot);
         let fine = !restless && divide == 1 && self.session.settled();
         let look = Look { samples: if fine { 2 } else { 1 }, shading: self.settings.shading, ..Look::default() };
         let data = self.session.frame_data(&shot, &look);
@@ -387,9 +388,10 @@ impl Open {
 
 fn adapter(surface: &Surface, start: &Start) -> (Adapter, AdapterInfo, u32) {
     let pages = pages_for(start.cache_bytes);
-    if start.adapter == AdapterChoice::Auto && surface.device().is_software() {
+    let software = surface.device().is_software();
+    if start.adapter == AdapterChoice::Auto && software {
         eprintln!("note: {} is no graphics hardware, the CPU ray-caster draws instead", surface.device().info().name);
-    } else if start.adapter == AdapterChoice::Auto {
+    } else if start.adapter != AdapterChoice::Cpu {
         match GpuAdapter::new(surface.device().clone(), pages) {
             Ok(gpu) => {
                 let (info, pages) = (gpu.device.info(), gpu.pages());
