@@ -43,12 +43,14 @@ struct City<'a> {
     truth: &'a Truth,
     low: DVec3,
     high: DVec3,
+    has_terrain: bool,
 }
 
 /// The city's cameras. Fewer than twelve only if it has no roof, or no street, to stand on.
 pub fn of(truth: &Truth) -> Vec<Station> {
     let [low, high] = truth.bounds();
-    let city = City { truth, low, high };
+    let has_terrain = truth.scene.objects.iter().any(|object| object.kind == ObjectKind::Terrain);
+    let city = City { truth, low, high, has_terrain };
     let mut stations: Vec<Station> = (0..EACH).filter_map(|k| city.aerial(k)).collect();
     for stand in [Stand::Roof, Stand::Street] {
         let mut rng = Rng::new(stand as u64);
@@ -109,7 +111,8 @@ impl City<'_> {
         let floor = match (stand, on_building, below) {
             (Stand::Roof, Some(hit), _) => from.z - hit.distance_m,
             (Stand::Street, None, Some(hit)) => from.z - hit.distance_m,
-            (Stand::Street, None, None) => ground,
+            // Beside the terrain there is no street; where the source has none, there is all around.
+            (Stand::Street, None, None) if !self.has_terrain => ground,
             _ => return None,
         };
         let room_m = if stand == Stand::Street { 4.0 } else { 1.0 };
@@ -132,18 +135,20 @@ impl City<'_> {
             return Some(from.z - hit.distance_m);
         }
         let corners = self.truth.scene.triangles.iter().flat_map(|t| t.corners);
-        let near = corners.filter(|c| {
-            DVec2::new(f64::from(c[0]), f64::from(c[1])).distance_squared(at.truncate()) < 60.0 * 60.0
-        });
+        let near = corners
+            .filter(|c| DVec2::new(f64::from(c[0]), f64::from(c[1])).distance_squared(at.truncate()) < 60.0 * 60.0);
         near.map(|c| f64::from(c[2])).min_by(f64::total_cmp)
     }
 
-    /// Share of a view that shows the city neither right before the eye nor as nothing.
+    /// A view across the city: much of it further away than the next wall, little of it right before the eye, and some of
+    /// its outline before the sky.
     fn worth(&self, camera: &Camera) -> f64 {
         let seen = self.truth.render(camera, &JUDGE);
-        let good = seen.distance.iter().filter(|d| d.is_finite() && **d > 12.0).count();
-        let far = seen.distance.iter().filter(|d| d.is_finite() && **d > 60.0).count();
-        let near = seen.distance.iter().filter(|d| **d < 5.0).count();
-        good as f64 + 0.5 * far as f64 - 2.0 * near as f64
+        let count = |range: std::ops::Range<f32>| seen.distance.iter().filter(|d| range.contains(d)).count() as f64;
+        let (far, middle, near) = (count(60.0..2000.0), count(12.0..60.0), count(0.0..8.0));
+        let width = JUDGE.width_px as usize;
+        let outline = |i: usize| seen.distance[i].is_finite() != seen.distance[i + width].is_finite();
+        let outlines = (0..seen.distance.len() - width).filter(|i| outline(*i)).count() as f64;
+        2.0 * far + middle - 2.0 * near + 4.0 * outlines
     }
 }

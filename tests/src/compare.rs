@@ -75,20 +75,12 @@ pub fn percentile(values: &[f64], p: f64) -> f64 {
     values.get((last as f64 * p).round() as usize).copied().unwrap_or(f64::INFINITY)
 }
 
-/// All figures of one picture.
-pub fn score(
-    truth: &Truth,
-    camera: &Camera,
-    picture: &Picture,
-    meant: &Pixels,
-    drawn: &Pixels,
-    cell_m: f64,
-) -> Score {
-    let cells = deviations(truth, camera, picture, drawn, cell_m);
+/// All figures of one picture, given its [`deviations`].
+pub fn score(meant: &Pixels, drawn: &Pixels, cells: &[f64]) -> Score {
     Score {
         iou: silhouette_iou(meant, drawn),
-        median_cells: percentile(&cells, 0.5),
-        p95_cells: percentile(&cells, 0.95),
+        median_cells: percentile(cells, 0.5),
+        p95_cells: percentile(cells, 0.95),
         psnr_db: psnr_db(meant, drawn),
     }
 }

@@ -71,7 +71,8 @@ pub fn measure(
     gpu: Option<&Gpu>,
     mut with: impl FnMut(usize, &View) -> Result<()>,
 ) -> Result<Vec<Summary>> {
-    let mut summaries: Vec<Summary> = taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![] }).collect();
+    let mut summaries: Vec<Summary> =
+        taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![], cells: vec![] }).collect();
     let mut last: Option<(Vec<TileId>, Cut)> = None;
     for (number, station) in cameras::of(truth).into_iter().enumerate() {
         let camera = station.camera;
@@ -85,8 +86,10 @@ pub fn measure(
             let scene = cut.scene(&camera, &PICTURE);
             let drawn = gpu.map_or_else(|| Ok(scene.render()), |gpu| gpu.render(&scene))?;
             let cell_m = baked.manifest().cell_m;
-            let score = compare::score(truth, &camera, &PICTURE, &meant, &drawn, cell_m);
+            let cells = compare::deviations(truth, &camera, &PICTURE, &drawn, cell_m);
+            let score = compare::score(&meant, &drawn, &cells);
             summary.views.push((station.stand, score));
+            summary.cells.extend(cells);
             let (tau_px, nodes, meant) = (summary.tau_px, ids.len(), meant.clone());
             with(number, &View { station, tau_px, nodes, score, meant, drawn })?;
         }
@@ -101,6 +104,8 @@ pub struct Summary {
     pub tau_px: f64,
     /// Where the cameras stand, and their figures.
     pub views: Vec<(Stand, Score)>,
+    /// Deviations of all views, in cells.
+    pub cells: Vec<f64>,
 }
 
 impl Summary {
@@ -112,10 +117,11 @@ impl Summary {
         [worst, of.iter().sum::<f64>() / of.len().max(1) as f64]
     }
 
-    /// Largest median and largest 95th percentile of the deviation of any view, in cells.
+    /// Median and 95th percentile of the deviations of all views together, in cells.
     pub fn deviation_cells(&self) -> [f64; 2] {
-        let most = |of: fn(&Score) -> f64| self.views.iter().map(|v| of(&v.1)).fold(0.0, f64::max);
-        [most(|s| s.median_cells), most(|s| s.p95_cells)]
+        let mut cells = self.cells.clone();
+        cells.sort_by(f64::total_cmp);
+        [compare::percentile(&cells, 0.5), compare::percentile(&cells, 0.95)]
     }
 
     /// Mean of the colours' PSNR.

@@ -156,10 +156,16 @@ impl Solid {
             return;
         }
         let through_top = s > before;
+        // Who stands inside a solid looks out of it.
+        if s <= 0.0 {
+            return;
+        }
         match (&self.wall, self.roof) {
             (_, Some(roof)) if through_top => events.push((s, roof, 1.0)),
             (Wall::Plain(texel), _) => events.push((s, *texel, 1.0)),
-            (Wall::Strip { texels, base_m, holes }, _) => self.meet_rows(o, d, [s, e], (texels, *base_m, *holes), events),
+            (Wall::Strip { texels, base_m, holes }, _) => {
+                self.meet_rows(o, d, [s, e], (texels, *base_m, *holes), events)
+            }
         }
     }
 

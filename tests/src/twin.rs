@@ -37,19 +37,26 @@ impl Difference {
     }
 }
 
+/// Half the width of what is looked at around a pixel's own ray, in pixels: f32 sees a wall a hundred metres away to a
+/// hundredth of a millimetre.
+const CLOSE_UPS_PX: [f32; 3] = [5e-3, 1e-3, 1e-4];
+
 /// Compares the GPU's picture of `scene` with the CPU's. Some edges are finer than a pixel (between two texels far away, or
-/// the corner of a cell): a pixel lies on one if the CPU's rays within a two-hundredth of a pixel around its own differ.
+/// the seam of two cells of one wall): a pixel lies on one if the CPU's rays close around its own differ.
 pub fn compare_twins(scene: &Scene<'_>, on_cpu: &Pixels, on_gpu: &Pixels) -> Difference {
     let mut difference = compare(on_cpu, on_gpu);
     if on_cpu.colour.len() == on_gpu.colour.len() && scene.frame.samples == 1 {
-        difference.off_edge.retain(|at| {
-            let near = scene.close_up(*at, 0.005).render();
-            let (colour, distance) = (near.colour[0], near.distance[0]);
-            let alike = near.colour.iter().all(|near| same_colour(*near, colour, COLOUR_STEPS));
-            alike && near.distance.iter().all(|near| same_distance(*near, distance, EDGE_SHARE))
-        });
+        difference
+            .off_edge
+            .retain(|at| !CLOSE_UPS_PX.iter().any(|reach| holds_edge(&scene.close_up(*at, *reach).render())));
     }
     difference
+}
+
+fn holds_edge(near: &Pixels) -> bool {
+    let (colour, distance) = (near.colour[0], near.distance[0]);
+    !near.colour.iter().all(|near| same_colour(*near, colour, COLOUR_STEPS))
+        || !near.distance.iter().all(|near| same_distance(*near, distance, EDGE_SHARE))
 }
 
 /// Compares `other` with `first`; pictures of different sizes differ everywhere.

@@ -60,7 +60,13 @@ fn cities() -> &'static [RandomCity] {
 }
 
 /// Compares both twins' pictures of one view; `what` names it in errors.
-fn twins_agree(gpu: &Gpu, city: &RandomCity, camera: &Camera, picture: &Picture, what: &str) -> Result<twin::Difference> {
+fn twins_agree(
+    gpu: &Gpu,
+    city: &RandomCity,
+    camera: &Camera,
+    picture: &Picture,
+    what: &str,
+) -> Result<twin::Difference> {
     let mut scene = city.cut.scene(camera, picture);
     scene.frame.ground = picture.samples % 2;
     scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
@@ -126,7 +132,9 @@ fn flat_pixel(picture: &Pixels) -> Result<usize> {
         let around = [i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1];
         around.iter().all(|n| {
             let alike = picture.hit[*n] == picture.hit[*i] && picture.colour[*n] == picture.colour[*i];
-            alike && picture.distance[*i].is_finite() && (picture.distance[*n] / picture.distance[*i] - 1.0).abs() < 0.01
+            alike
+                && picture.distance[*i].is_finite()
+                && (picture.distance[*n] / picture.distance[*i] - 1.0).abs() < 0.01
         })
     });
     flat.ok_or_else(|| anyhow::anyhow!("no flat pixel in the picture"))

@@ -66,7 +66,7 @@ fn main() -> Result<()> {
         let [aerial, _] = summary.iou(Some(insula_tests::cameras::Stand::Aerial));
         println!(
             "tau {}: IoU worst {worst:.4}, mean {mean:.4}, aerial worst {aerial:.4}; deviation median {median:.3}, \
-             p95 {p95:.3} (largest of any view); PSNR mean {:.2} dB",
+             p95 {p95:.3} (all views); PSNR mean {:.2} dB",
             summary.tau_px,
             summary.psnr_db()
         );
