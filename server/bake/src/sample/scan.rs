@@ -8,7 +8,12 @@ pub(super) fn scan(corners: [[f32; 2]; 3], step: f32, size: [usize; 2], mut run:
     let inverse = 1.0 / step;
     let low = corners.iter().fold(f32::INFINITY, |m, c| m.min(c[1]));
     let high = corners.iter().fold(f32::NEG_INFINITY, |m, c| m.max(c[1]));
-    let index = |v: f32, end: usize| ((v * inverse - 0.5).ceil().max(0.0) as usize).min(end);
+    // The cast cuts off and saturates: a ceiling for what is positive, and cheaper than `ceil` on plain x86-64.
+    let index = |v: f32, end: usize| {
+        let v = v * inverse - 0.5;
+        let whole = v as usize;
+        (whole + usize::from(v > whole as f32)).min(end)
+    };
     for row in index(low, size[1])..index(high, size[1]) {
         let y = (row as f32 + 0.5) * step;
         let (mut left, mut right) = (f32::INFINITY, f32::NEG_INFINITY);

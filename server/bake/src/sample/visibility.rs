@@ -6,6 +6,7 @@
 
 use super::{
     SampleSettings,
+    attributes::TOP_Z,
     candidates::{Candidate, TURNS},
     crossings::{Crossing, Crossings},
     directions,
@@ -19,13 +20,13 @@ use rayon::prelude::*;
 const CROSSING_DIRECTIONS: usize = 48;
 /// Sky directions after which a candidate's back that was never seen is given up.
 const BACK_DIRECTIONS: usize = 16;
-/// Sky directions after which a candidate that was never seen is given up.
+/// Sky directions after which a candidate that was never seen is dropped: it lies inside.
 const FIRST_DIRECTIONS: usize = 48;
 /// Samples a task.
 const CHUNK: usize = 4096;
 
 /// Looks at the block from everywhere.
-pub(super) fn look(block: &Block, settings: &SampleSettings, crossings: &mut Crossings, candidates: &mut [Candidate]) {
+pub(super) fn look(block: &Block, settings: &SampleSettings, crossings: &mut Crossings, candidates: &mut Vec<Candidate>) {
     let mut pending: Vec<u32> = (0..crossings.list.len() as u32)
         .filter(|i| crossings.list[*i as usize].wants(true) || crossings.list[*i as usize].wants(false))
         .collect();
@@ -38,6 +39,9 @@ pub(super) fn look(block: &Block, settings: &SampleSettings, crossings: &mut Cro
     }
     for (i, direction) in directions::sky(settings.sky_directions).iter().enumerate() {
         map.draw(block, *direction);
+        if i == FIRST_DIRECTIONS {
+            candidates.retain(|c| c.sightings != [0; 2]);
+        }
         if i < CROSSING_DIRECTIONS {
             sight_crossings(block, &map, crossings, &mut pending);
         }
@@ -88,16 +92,22 @@ fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], dire
     let sky = map.w.z > 0.0;
     candidates.par_chunks_mut(CHUNK).for_each(|chunk| {
         for candidate in chunk {
+            let turn = sky && direction % TURNS == usize::from(candidate.turn);
+            if !turn && sky && direction >= FIRST_DIRECTIONS {
+                continue;
+            }
             let triangle = &block.triangles[candidate.triangle as usize];
+            // Tops are seen from the sky; from below, only undersides and walls under roofs need a look.
+            if !sky && (triangle.terrain || triangle.normal.z > TOP_Z) {
+                continue;
+            }
             let cos = triangle.normal.dot(map.w);
             let side = usize::from(cos < 0.0);
             if side == 1 && (triangle.terrain || !(backs || candidate.sightings[1] > 0)) {
                 continue;
             }
-            let turn = sky && direction % TURNS == usize::from(candidate.turn);
-            let unseen = candidate.sightings[side] == 0 && direction < FIRST_DIRECTIONS;
-            let given_up = candidate.sightings == [0; 2] && direction >= FIRST_DIRECTIONS;
-            if given_up || !(turn || unseen) || (!sky && through_floor(triangle, candidate.p, map.w)) {
+            let unseen = candidate.sightings[side] == 0;
+            if !(turn || unseen) || (!sky && through_floor(triangle, candidate.p, map.w)) {
                 continue;
             }
             let normal = if side == 1 { -triangle.normal } else { triangle.normal };
@@ -120,6 +130,7 @@ struct Map {
     w: Vec3,
     corner: Vec2,
     texel_m: f32,
+    texels_per_m: f32,
     size: [usize; 2],
     /// Triangle + 1, 0 where there is none.
     ids: Vec<u32>,
@@ -148,6 +159,7 @@ impl Map {
         self.w = direction;
         (self.u, self.v) = direction.any_orthonormal_pair();
         self.texel_m = block.cell_m * 0.5;
+        self.texels_per_m = 1.0 / self.texel_m;
         self.tolerance_m = block.cell_m * 0.02;
         let [width, height] = block.extent_m();
         let rim = block.cell_m;
@@ -201,12 +213,11 @@ impl Map {
     fn sees(&self, block: &Block, p: Vec3, normal: Vec3, triangle: u32) -> bool {
         let at = self.flat(p) - self.corner;
         let w = p.dot(self.w);
-        let texel = at / self.texel_m - 0.5;
-        let (x, y) = (texel.x.floor(), texel.y.floor());
-        if x < 0.0 || y < 0.0 {
+        let texel = at * self.texels_per_m - 0.5;
+        if texel.x < 0.0 || texel.y < 0.0 {
             return true;
         }
-        let (x, y) = (x as usize, y as usize);
+        let (x, y) = (texel.x as usize, texel.y as usize);
         if x + 1 >= self.size[0] || y + 1 >= self.size[1] {
             return true;
         }
