@@ -75,7 +75,7 @@ fn recipe() -> Result<Recipe> {
     let inputs: Vec<PathBuf> =
         FILES.iter().filter(|(name, _)| is_city(name)).map(|(name, _)| folder.join(name)).collect();
     let About { title, attribution, cell_m } = about;
-    Ok(Recipe { inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, key })
+    Ok(Recipe { name: Some("chiba".into()), inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, key })
 }
 
 fn is_city(name: &str) -> bool {

@@ -26,6 +26,8 @@ pub(super) struct Recipe {
     pub(super) inputs: Vec<PathBuf>,
     /// Side of the finest column.
     pub(super) cell_m: f64,
+    /// Name in URLs; the first input's if empty.
+    pub(super) name: Option<String>,
     /// For people; the source's own if empty.
     pub(super) title: Option<String>,
     /// Who must be named; what the sources say if empty.
@@ -70,8 +72,9 @@ fn hash_path(path: &Path, hasher: &mut DefaultHasher) -> Result<()> {
 
 /// The baked city's folder: from the cache, or baked now.
 pub(super) fn bake(recipe: &Recipe) -> Result<PathBuf> {
-    let stem = recipe.inputs.first().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
-    let stem = to_name(stem.as_deref().unwrap_or("city").split('.').next().unwrap_or("city"));
+    let first = recipe.inputs.first().and_then(|path| path.file_name()).unwrap_or_default().to_string_lossy();
+    let first = first.split('.').next().unwrap_or_default();
+    let stem = to_name(recipe.name.as_deref().unwrap_or(first));
     let out = cache_folder("cities")?.join(format!("{stem}-{:016x}", recipe.key));
     if out.join(insula_server::store::MANIFEST_FILE).is_file() {
         return Ok(out);
