@@ -22,7 +22,7 @@ use std::sync::{Arc, OnceLock};
 
 /// Odd, so that one ray goes exactly where the camera looks.
 const PICTURE: Picture = Picture { width_px: 241, height_px: 135, shading: Shading::Lit, samples: 1 };
-const CITIES: u64 = 24;
+const CITIES: u64 = 16;
 
 fn main() {
     let arguments = Arguments::from_args();

@@ -1,0 +1,163 @@
+//! Who may know whom (docs/architecture.md): the directions between the workspace's packages, and what stays out of which.
+
+use serde_json::Value;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    process::Command,
+};
+
+/// What cargo knows of the workspace.
+struct Workspace {
+    metadata: Value,
+}
+
+/// A dependency as its package declares it.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Declared {
+    name: String,
+    optional: bool,
+}
+
+impl Workspace {
+    fn load() -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let output = Command::new(env!("CARGO"))
+            .args(["metadata", "--format-version", "1", "--offline", "--locked"])
+            .current_dir(root)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        Self { metadata: serde_json::from_slice(&output.stdout).unwrap() }
+    }
+
+    fn packages(&self) -> impl Iterator<Item = &Value> {
+        self.metadata["packages"].as_array().unwrap().iter()
+    }
+
+    fn package(&self, name: &str) -> &Value {
+        self.packages().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no package {name}"))
+    }
+
+    /// Normal dependencies that `package` declares.
+    fn declared(&self, package: &str) -> BTreeSet<Declared> {
+        let dependencies = self.package(package)["dependencies"].as_array().unwrap().iter();
+        let normal = dependencies.filter(|d| d["kind"].is_null());
+        normal
+            .map(|d| Declared { name: d["name"].as_str().unwrap().into(), optional: d["optional"].as_bool().unwrap() })
+            .collect()
+    }
+
+    fn insula_of(&self, package: &str) -> Vec<String> {
+        self.declared(package).into_iter().map(|d| d.name).filter(|name| name.starts_with("insula-")).collect()
+    }
+
+    fn default_features(&self, package: &str) -> BTreeSet<String> {
+        let features = &self.package(package)["features"];
+        let mut reached = BTreeSet::new();
+        let mut open = vec!["default".to_owned()];
+        while let Some(feature) = open.pop() {
+            if reached.insert(feature.clone()) {
+                let next = features[&feature].as_array().into_iter().flatten();
+                open.extend(next.map(|f| f.as_str().unwrap().to_owned()));
+            }
+        }
+        reached
+    }
+
+    /// Names of all packages that are built for `package` by normal dependencies, as the workspace resolves.
+    fn closure(&self, package: &str) -> BTreeSet<String> {
+        let nodes = self.metadata["resolve"]["nodes"].as_array().unwrap();
+        let by_id: BTreeMap<&str, &Value> = nodes.iter().map(|n| (n["id"].as_str().unwrap(), n)).collect();
+        let name: BTreeMap<&str, &str> =
+            self.packages().map(|p| (p["id"].as_str().unwrap(), p["name"].as_str().unwrap())).collect();
+        let mut open = vec![self.package(package)["id"].as_str().unwrap()];
+        let mut reached = BTreeSet::new();
+        while let Some(id) = open.pop() {
+            for dep in by_id[id]["deps"].as_array().unwrap() {
+                let kinds = dep["dep_kinds"].as_array().unwrap();
+                let next = dep["pkg"].as_str().unwrap();
+                if kinds.iter().any(|k| k["kind"].is_null()) && reached.insert(next) {
+                    open.push(next);
+                }
+            }
+        }
+        reached.into_iter().map(|id| name[id].to_owned()).collect()
+    }
+}
+
+#[test]
+fn packages_know_only_those_below_them() {
+    let workspace = Workspace::load();
+    let allowed: [(&str, &[&str]); 5] = [
+        ("insula-protocol", &[]),
+        ("insula-shaders", &["insula-protocol"]),
+        ("insula-bake", &["insula-protocol", "insula-shaders"]),
+        ("insula-server", &["insula-protocol", "insula-bake"]),
+        ("insula-client", &["insula-protocol", "insula-shaders", "insula-server", "insula-bake"]),
+    ];
+    for (package, below) in allowed {
+        for found in workspace.insula_of(package) {
+            assert!(below.contains(&found.as_str()), "{package} must not depend on {found}");
+        }
+    }
+    let members = workspace.packages().filter(|p| p["source"].is_null()).count();
+    assert_eq!(members, allowed.len() + 1, "a package is not in the table above");
+}
+
+#[test]
+fn what_can_be_left_out_is_optional() {
+    let workspace = Workspace::load();
+    for (package, optional) in
+        [("insula-server", "insula-bake"), ("insula-client", "insula-server"), ("insula-client", "insula-bake")]
+    {
+        let found = workspace.declared(package).into_iter().find(|d| d.name == optional);
+        assert!(found.is_some_and(|d| d.optional), "{package} must build without {optional}");
+    }
+    assert!(workspace.default_features("insula-server").contains("bake"));
+    assert!(workspace.default_features("insula-client").contains("embedded"));
+    let shaders = workspace.declared("insula-shaders").into_iter().find(|d| d.name == "wgpu");
+    assert!(shaders.is_some_and(|d| d.optional), "the shaders must build without wgpu");
+    assert!(!workspace.default_features("insula-shaders").contains("gpu"));
+}
+
+#[test]
+fn rooms_keep_out_what_they_must_not_know() {
+    let workspace = Workspace::load();
+    let network = ["axum", "hyper", "reqwest", "tower", "tower-http"];
+    let graphics = ["wgpu", "winit", "egui"];
+    let check = |package: &str, banned: &[&str], found: &BTreeSet<String>| {
+        for name in banned {
+            assert!(!found.contains(*name), "{package} must not know {name}");
+        }
+    };
+    let names = |package: &str| workspace.declared(package).into_iter().map(|d| d.name).collect::<BTreeSet<_>>();
+    check(
+        "insula-protocol",
+        &[&network[..], &graphics, &["tokio", "tracing", "rayon"]].concat(),
+        &workspace.closure("insula-protocol"),
+    );
+    check("insula-shaders", &[&network[..], &["tokio", "winit", "egui"]].concat(), &names("insula-shaders"));
+    check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));
+    check("insula-server", &[&graphics[..], &["reqwest"]].concat(), &names("insula-server"));
+    check("insula-client", &["axum", "pmtiles", "memmap2"], &names("insula-client"));
+}
+
+/// Selection and cache are pure: they know neither the network nor the graphics device.
+#[test]
+fn selection_and_cache_know_neither_wgpu_nor_http() {
+    for folder in ["select", "cache"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/src").join(folder);
+        let mut files = 0;
+        for entry in std::fs::read_dir(path).unwrap() {
+            let path = entry.unwrap().path();
+            let text = std::fs::read_to_string(&path).unwrap();
+            let code = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
+            for banned in ["wgpu", "reqwest", "http", "tokio", "winit"] {
+                assert!(!code.contains(banned), "{} knows {banned}", path.display());
+            }
+            files += 1;
+        }
+        assert!(files > 0, "{folder} is empty");
+    }
+}
