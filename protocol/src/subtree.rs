@@ -2,8 +2,9 @@
 //!
 //! In: a tile of kind `Subtree`. Out: [`Subtree`]. Next: the client's scene tree.
 //!
-//! Subtree tiles exist at levels 0, 5, 10, ... Each lists its root and the nodes up to four levels below it; a child mask
-//! of the last row names the roots of further subtrees.
+//! A subtree tile lists its root and the nodes up to five levels below it. There is one for the city's root, and one for
+//! each node of levels 5, 10, ... that has children: such a node stands in two, at the bottom of one and at the top of the
+//! other, so that a leaf needs none of its own.
 
 use crate::{
     TileId,
@@ -12,10 +13,10 @@ use crate::{
     tile::{Kind, TileReader, TileWriter},
 };
 
-/// Levels in one subtree.
+/// Levels below a subtree's root that it lists.
 pub const LEVELS: u8 = 5;
-/// Most nodes in one subtree: 1 + 4 + 16 + 64 + 256.
-pub const MAX_NODES: usize = 341;
+/// Most nodes in one subtree: 1 + 4 + 16 + 64 + 256 + 1024.
+pub const MAX_NODES: usize = 1365;
 
 const TAG_NODES: u8 = 1;
 const NODE_BYTES: usize = 21;
@@ -47,12 +48,12 @@ pub struct Subtree {
 }
 
 impl Subtree {
-    /// Whether `id` is the root of a subtree tile.
+    /// Whether `id` is the root of a subtree tile, if it has children.
     pub fn is_root(id: TileId) -> bool {
-        id.level() % LEVELS == 0
+        id.level().is_multiple_of(LEVELS)
     }
 
-    /// The root of the subtree tile that lists `id`.
+    /// The root of the subtree tile that lists the children of `id`.
     pub fn root_of(id: TileId) -> TileId {
         id.ancestor(id.level() / LEVELS * LEVELS).unwrap_or(TileId::ROOT)
     }
@@ -88,7 +89,7 @@ impl Subtree {
         while let Some(&id) = ids.get(next) {
             next += 1;
             let node = read_node(&mut reader, id)?;
-            if id.level() + 1 < end {
+            if id.level() < end {
                 ids.extend((0..4).filter(|q| node.child_mask >> q & 1 == 1).filter_map(|q| id.child(q)));
             }
             nodes.push(node);

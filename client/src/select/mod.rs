@@ -18,7 +18,7 @@ use crate::{
     scene::{Key, NodeIndex, Tree, TreeNode},
 };
 use glam::DVec3;
-use insula_protocol::TileId;
+use insula_protocol::{Subtree, TileId};
 use priority::Wanted;
 use std::{cmp::Ordering, collections::BinaryHeap, ops::Range};
 
@@ -208,7 +208,8 @@ impl Visitor<'_> {
             selection.counters.culled += 1;
             return false;
         }
-        self.want_subtree(id, priority::weight(error_px, centre, self.view), selection);
+        let root = Subtree::root_of(node.id);
+        self.want_subtree(root, priority::weight(error_px, centre, self.view), selection);
         true
     }
 

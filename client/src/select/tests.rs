@@ -52,8 +52,12 @@ fn subtrees(to: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
                 radius_m,
                 blockmap_bytes: 1,
             });
-            let below = id.level() + 1 == root.level() + 5;
-            if below { roots.extend(children) } else { ids.extend(children) }
+            let last = id.level() == root.level() + 5;
+            if !last {
+                ids.extend(children);
+            } else if child_mask != 0 {
+                roots.push(id);
+            }
         }
         all.push(Subtree { nodes });
     }
@@ -217,14 +221,14 @@ fn missing_subtrees_are_asked_for_and_their_node_stays() {
     }
     let selection = select(&view, &tree, &mut scratch);
     assert!(!selection.wanted.is_empty() && selection.wanted.iter().all(|w| w.key == Key::subtree(w.key.id)));
-    assert!(ids(&tree, &selection).iter().any(|id| id.level() == 4));
+    assert!(ids(&tree, &selection).iter().any(|id| id.level() == 5));
     assert_whole(&tree, &view, &selection, 0);
     // One of them is missing on the server: its node stays, without end.
     let lost = selection.wanted[0].key;
     refuse(&mut tree, lost);
     all[1..].iter().filter(|s| s.nodes[0].id != lost.id).for_each(|s| tree.merge(s));
     let (_, selection) = converge(&mut tree, &view, 12);
-    assert!(ids(&tree, &selection).contains(&lost.id.parent().unwrap()));
+    assert!(ids(&tree, &selection).contains(&lost.id));
 }
 
 #[test]

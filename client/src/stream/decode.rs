@@ -10,7 +10,7 @@ use insula_shaders::pack::PackedNode;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
 
-/// Largest subtree tile: 341 nodes of 21 bytes and a header.
+/// Largest subtree tile: 1,365 nodes of 21 bytes and a header.
 const SUBTREE_BYTES: usize = 64 << 10;
 /// Largest V-BlockMap tile: a million texels and all planes, incompressible, and room to spare.
 const BLOCK_MAP_BYTES: usize = 8 << 20;

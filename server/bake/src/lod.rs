@@ -54,7 +54,7 @@ fn four(fine: &[Vec<Option<Fine>>; 4], i: usize) -> [Option<&Fine>; 4] {
     let (x, y) = (i % NODE_CELLS * 2, i / NODE_CELLS * 2);
     std::array::from_fn(|q| {
         let (x, y) = (x + (q & 1), y + (q >> 1));
-        let child = x / NODE_CELLS | (y / NODE_CELLS) << 1;
+        let child = (x / NODE_CELLS) | ((y / NODE_CELLS) << 1);
         fine[child].get(y % NODE_CELLS * NODE_CELLS + x % NODE_CELLS)?.as_ref()
     })
 }
@@ -106,7 +106,7 @@ fn merge_four(four: &[Option<&Fine>; 4], cell_m: f32) -> Merged {
         .fold(f32::INFINITY, f32::min);
     let lines: Lines = std::array::from_fn(|i| {
         let (x, y) = (i % LINES, i / LINES);
-        let Some(fine) = four[x / 2 | (y / 2) << 1] else { return Vec::new() };
+        let Some(fine) = four[(x / 2) | ((y / 2) << 1)] else { return Vec::new() };
         let place = |k: usize| ((k % 2) as f32 - 0.5) * 0.25 * cell_m;
         let mut solids = fine.merged.solids.clone();
         if let (true, Some(first)) = (fine.grounded, solids.first_mut()) {

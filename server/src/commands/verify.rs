@@ -68,17 +68,17 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, Node
             continue;
         }
         for node in subtree.nodes {
-            let children = (0..4).filter(|quadrant| node.child_mask >> quadrant & 1 == 1);
-            let children = children.filter_map(|quadrant| node.id.child(quadrant));
-            continued.extend(children.filter(|child| Subtree::is_root(*child)));
+            if node.child_mask != 0 && Subtree::is_root(node.id) {
+                continued.insert(node.id);
+            }
             nodes.insert(node.id, node);
         }
     }
     for id in continued.difference(&there) {
-        faults.push(format!("subtrees/{id}: missing, though its parent names it"));
+        faults.push(format!("subtrees/{id}: missing, though its node has children"));
     }
     for id in there.difference(&continued) {
-        faults.push(format!("subtrees/{id}: no parent names it, so nobody will ask for it"));
+        faults.push(format!("subtrees/{id}: its node has no children, so nobody will ask for it"));
     }
     nodes
 }

@@ -76,7 +76,7 @@ pub fn shade(frame: &Frame, surface: &Surface) -> Vec3 {
 }
 
 fn level_tint(level: u32) -> Vec3 {
-    let phase = (level * 5 % 8) as f32 * 0.785_398_2;
+    let phase = (level * 5 % 8) as f32 * std::f32::consts::FRAC_PI_4;
     Vec3::new(0.55 + 0.4 * phase.cos(), 0.55 + 0.4 * (phase - 2.094).cos(), 0.55 + 0.4 * (phase + 2.094).cos())
 }
 

@@ -47,7 +47,7 @@ fn push(block: &Block, found: &mut Vec<Candidate>, p: Vec3, triangle: u32, area_
     // A wall on the block's rim may belong to the cell on its other side: half a cell more, dropped later if it does not.
     let rim = block.cell_m * 0.5;
     if p.x >= -rim && p.y >= -rim && p.x < width + rim && p.y < height + rim {
-        let turn = (place[0] & 1 | (place[1] & 1) << 1) as u8;
+        let turn = ((place[0] & 1) | ((place[1] & 1) << 1)) as u8;
         found.push(Candidate { p, triangle, area_m2, turn, sky: [0.0; 2], sightings: [0; 2] });
     }
 }

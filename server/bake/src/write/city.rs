@@ -98,7 +98,7 @@ pub(crate) fn write(input: &CityInput<'_>, folder: &Path, advance: impl Fn(u64))
         reader.read(stored)
     })?;
     let nodes = tree::describe(input.tree, input.grid);
-    bytes += archive::write(&subtrees, &tree::subtree_roots(input.tree), |root| tree::subtree_tile(&nodes, root))?;
+    bytes += archive::write(&subtrees, &tree::subtree_roots(&nodes), |root| tree::subtree_tile(&nodes, root))?;
     let mut manifest = manifest(input);
     manifest.version = version(&manifest, &[&blockmaps, &subtrees])?;
     let path = folder.join("city.json");

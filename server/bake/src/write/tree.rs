@@ -133,11 +133,11 @@ fn centre_m(grid: &Grid, node: &NodeInfo) -> [f64; 3] {
     [x, y, (f64::from(node.z_min_m) + f64::from(node.z_max_m)) / 2.0]
 }
 
-/// The subtree tile rooted at each node of level 0, 5, 10, ... of `nodes` (as [`describe`] gives them).
+/// The subtree tile rooted at `root`, of `nodes` as [`describe`] gives them.
 pub(crate) fn subtree_tile(nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
     let mut found: Vec<NodeInfo> = Vec::new();
     let mut row = vec![root];
-    for level in usize::from(root.level())..nodes.len().min(usize::from(root.level() + LEVELS)) {
+    for level in usize::from(root.level())..nodes.len().min(usize::from(root.level() + LEVELS) + 1) {
         let start = found.len();
         found.extend(row.iter().filter_map(|id| find(&nodes[level], *id, |node| node.id)));
         let children = |node: &NodeInfo| {
@@ -149,9 +149,10 @@ pub(crate) fn subtree_tile(nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<
     Subtree { nodes: found }.encode().map_err(BakeError::tile(root, "encoded"))
 }
 
-/// The roots of all subtree tiles.
-pub(crate) fn subtree_roots(tree: &Tree) -> Vec<TileId> {
-    tree.levels().iter().step_by(usize::from(LEVELS)).flatten().map(|tile| tile.id).collect()
+/// The roots of all subtree tiles: the city's, and the nodes of levels 5, 10, ... that have children.
+pub(crate) fn subtree_roots(nodes: &[Vec<NodeInfo>]) -> Vec<TileId> {
+    let roots = nodes.iter().step_by(usize::from(LEVELS)).flatten();
+    roots.filter(|node| node.child_mask != 0 || node.id == TileId::ROOT).map(|node| node.id).collect()
 }
 
 #[cfg(test)]

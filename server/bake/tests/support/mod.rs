@@ -155,9 +155,11 @@ pub(crate) fn nodes(city: &Path) -> BTreeMap<TileId, NodeInfo> {
         let subtree = Subtree::decode(&archive.get(root).unwrap()).unwrap();
         read += 1;
         for node in subtree.nodes {
-            let children = (0..4).filter(|q| node.child_mask >> q & 1 == 1).filter_map(|q| node.id.child(q));
-            roots.extend(children.filter(|child| Subtree::is_root(*child)));
-            assert!(nodes.insert(node.id, node).is_none());
+            if node.id != root && node.child_mask != 0 && Subtree::is_root(node.id) {
+                roots.push(node.id);
+            }
+            let before = nodes.insert(node.id, node);
+            assert!(before.is_none_or(|before| node.id == root && before == node));
         }
     }
     assert_eq!(archive.tiles(), read, "subtree tiles that nothing leads to");
