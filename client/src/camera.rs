@@ -59,7 +59,7 @@ impl Camera {
         let away = DVec3::new(0.6 * elevation.cos(), -0.8 * elevation.cos(), elevation.sin());
         let half_fov = (fov_y_rad * 0.5).min(((fov_y_rad * 0.5).tan() * aspect).atan());
         // The half-diagonal fits exactly where the picture is narrowest; a city is flat, so most of the sphere is air.
-        let distance_m = (0.7 * 0.5 * (high - low).length() / half_fov.sin()).max(10.0);
+        let distance_m = (0.62 * 0.5 * (high - low).length() / half_fov.sin()).max(10.0);
         let position = centre + away * distance_m;
         Self::look(position, centre, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
     }

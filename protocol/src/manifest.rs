@@ -30,6 +30,9 @@ pub struct Manifest {
     pub cell_m: f64,
     /// World bounds of what was baked, `[min, max]`.
     pub bounds: [[f64; 3]; 2],
+    /// World x and y between which most of it stands, `[min, max]`: where a client first looks. A tenth of the leaves'
+    /// bytes lies beyond each side.
+    pub focus: [[f64; 2]; 2],
     /// World height of the plane that clients draw where there is no column.
     pub ground_z_m: f64,
     /// Whether the source has terrain (then the plane is hardly needed).
@@ -82,7 +85,7 @@ impl Manifest {
             return Err(format!("depth {} is over {}", self.depth, crate::tile_id::MAX_LEVEL));
         }
         let numbers = self.origin.iter().chain(&self.bounds[0]).chain(&self.bounds[1]);
-        let all = numbers.chain([&self.root_side_m, &self.cell_m, &self.ground_z_m]);
+        let all = numbers.chain(&self.focus[0]).chain(&self.focus[1]).chain([&self.root_side_m, &self.cell_m, &self.ground_z_m]);
         if !all.clone().all(|v| v.is_finite() && v.abs() < 1e10) || self.cell_m <= 0.0 || self.root_side_m <= 0.0 {
             return Err("a number is not finite, or not positive".into());
         }
@@ -94,6 +97,11 @@ impl Manifest {
             return Err("name or version has other characters than a-z, 0-9, _ and -".into());
         }
         Ok(())
+    }
+
+    /// World bounds of where most of the city stands.
+    pub fn focus_bounds(&self) -> [[f64; 3]; 2] {
+        [0, 1].map(|end| [self.focus[end][0], self.focus[end][1], self.bounds[end][2]])
     }
 
     /// Side of a node in metres.

@@ -96,8 +96,7 @@ impl PackedNode {
         let (mut gaps, mut strips) = (map.gaps.iter(), &map.strips[..]);
         for i in 0..COLUMNS {
             let flags = map.flags[i];
-            pages[0][i] =
-                u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << 12 | u32::from(flags) << 24;
+            pages[0][i] = u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << 12 | u32::from(flags) << 24;
             pages[1][i] = map.roof[i].0;
             pages[2][i] = u32::from(map.roof_normal[i]) | u32::from(map.wall_azimuth[i]) << 16;
             let words = strip_words(map, i);

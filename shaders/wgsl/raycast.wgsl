@@ -75,6 +75,7 @@ const BOUNCE: vec3<f32> = vec3<f32>(0.26, 0.24, 0.22);
 const HORIZON: vec3<f32> = vec3<f32>(0.72, 0.80, 0.88);
 const ZENITH: vec3<f32> = vec3<f32>(0.20, 0.38, 0.68);
 const GROUND: vec3<f32> = vec3<f32>(0.36, 0.37, 0.35);
+const EXPOSURE: f32 = 1.25;
 const GROUND_FADE_M: f32 = 3000.0;
 
 fn linear_of(texel: u32) -> vec3<f32> {
@@ -104,9 +105,13 @@ fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32) -> vec3<f32> {
             let bounced = (1.0 - ao) * (0.65 - 0.35 * n.z);
             let sky = SKY * ao + BOUNCE * bounced;
             let sun = SUN * facing * min(2.0 * ao + 0.25, 1.0);
-            return albedo * (sky + sun);
+            return tone(albedo * (sky + sun));
         }
     }
+}
+
+fn tone(rgb: vec3<f32>) -> vec3<f32> {
+    return 1.0 - exp(-EXPOSURE * rgb);
 }
 
 fn level_tint(level: u32) -> vec3<f32> {

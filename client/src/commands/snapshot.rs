@@ -81,5 +81,5 @@ pub(crate) fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> R
 #[cfg(feature = "embedded")]
 pub(crate) fn overlook(session: &Session, size_px: [u32; 2]) -> crate::camera::Camera {
     let aspect = f64::from(size_px[0]) / f64::from(size_px[1].max(1));
-    crate::camera::Camera::overlook(session.tree().manifest().bounds, aspect)
+    crate::camera::Camera::overlook(session.tree().manifest().focus_bounds(), aspect)
 }

@@ -25,7 +25,7 @@ pub fn run(url: &str, global: &Global) -> Result<()> {
     let size_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
     let start = Start {
         title: manifest.title.clone(),
-        camera: Camera::overlook(manifest.bounds, 16.0 / 9.0),
+        camera: Camera::overlook(manifest.focus_bounds(), 16.0 / 9.0),
         size_m,
         ground_z_m: manifest.ground_z_m,
         tau_px: global.tau,

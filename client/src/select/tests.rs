@@ -22,6 +22,7 @@ fn manifest(depth: u8) -> Manifest {
         cell_m: 1.0,
         bounds: [[0.0; 3]; 2],
         ground_z_m: 0.0,
+        focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
         counts: Counts::default(),
         attribution: Vec::new(),

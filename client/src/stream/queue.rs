@@ -135,6 +135,7 @@ mod tests {
             cell_m: 1.0,
             bounds: [[0.0; 3]; 2],
             ground_z_m: 0.0,
+            focus: [[0.0; 2], [1.0; 2]],
             has_terrain: false,
             counts: Counts::default(),
             attribution: Vec::new(),

@@ -46,6 +46,7 @@ pub fn manifest(name: &str) -> Manifest {
         cell_m: 1.0,
         bounds: [ORIGIN, [ORIGIN[0] + side, ORIGIN[1] + side, ROOF_M]],
         ground_z_m: 0.0,
+        focus: [[0.0; 2], [1.0; 2]],
         has_terrain: true,
         counts: Counts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],

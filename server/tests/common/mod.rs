@@ -79,6 +79,7 @@ pub(crate) fn manifest(name: &str) -> Manifest {
         cell_m: 1.0,
         bounds: [[85_000.0, 446_000.0, 0.0], [85_128.0, 446_128.0, 6.0]],
         ground_z_m: 0.0,
+        focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
         counts: Counts {
             objects: 2,

@@ -17,6 +17,8 @@ const HORIZON: Vec3 = Vec3::new(0.72, 0.80, 0.88);
 const ZENITH: Vec3 = Vec3::new(0.20, 0.38, 0.68);
 /// The plane where there is no column, linear RGB.
 const GROUND: Vec3 = Vec3::new(0.36, 0.37, 0.35);
+/// Brightness of the picture.
+const EXPOSURE: f32 = 1.25;
 /// Metres at which the plane has half become horizon.
 const GROUND_FADE_M: f32 = 3000.0;
 
@@ -70,9 +72,14 @@ pub fn shade(frame: &Frame, surface: &Surface) -> Vec3 {
             let sky = SKY * ao + BOUNCE * bounced;
             // Without shadows, what sees little sky sees little sun. A wall in the open sees half the sky.
             let sun = SUN * n.dot(Vec3::from(frame.sun)).max(0.0) * (2.0 * ao + 0.25).min(1.0);
-            albedo * (sky + sun)
+            tone(albedo * (sky + sun))
         }
     }
+}
+
+/// Bright light bends towards white instead of being cut off: a white wall in the sun keeps its shading.
+fn tone(rgb: Vec3) -> Vec3 {
+    Vec3::ONE - Vec3::new((-EXPOSURE * rgb.x).exp(), (-EXPOSURE * rgb.y).exp(), (-EXPOSURE * rgb.z).exp())
 }
 
 fn level_tint(level: u32) -> Vec3 {

@@ -117,7 +117,11 @@ impl Raycaster {
     /// Writes a page of the atlas; a page outside the capacity is ignored.
     pub fn write_page(&self, queue: &wgpu::Queue, page: u32, words: &[u32]) {
         if page < self.capacity.atlas_pages && words.len() <= PAGE_WORDS {
-            queue.write_buffer(&self.inputs.atlas, u64::from(page) * PAGE_WORDS as u64 * 4, bytemuck::cast_slice(words));
+            queue.write_buffer(
+                &self.inputs.atlas,
+                u64::from(page) * PAGE_WORDS as u64 * 4,
+                bytemuck::cast_slice(words),
+            );
         }
     }
 
@@ -153,7 +157,8 @@ impl Raycaster {
         queue.write_buffer(&self.inputs.frame, 0, bytemuck::bytes_of(frame));
         queue.write_buffer(&self.inputs.tree, 0, bytemuck::cast_slice(tree));
         queue.write_buffer(&self.inputs.nodes, 0, bytemuck::cast_slice(nodes));
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.target.bind_group, &[]);
         pass.dispatch_workgroups(
@@ -232,4 +237,3 @@ impl Target {
         Self { width_px, height_px, colour, distance, hit, bind_group }
     }
 }
-

@@ -140,6 +140,7 @@ fn manifest(input: &CityInput<'_>) -> Manifest {
         node_cells: NODE_CELLS as u16,
         cell_m: grid.cell_m,
         bounds: facts.bounds,
+        focus: focus(input),
         ground_z_m: facts.ground_z_m,
         has_terrain: facts.has_terrain,
         counts: Counts {
@@ -152,6 +153,28 @@ fn manifest(input: &CityInput<'_>) -> Manifest {
         tile_version: tile::VERSION,
         settings: config.settings.clone(),
     }
+}
+
+/// The nine tenths of the leaves' bytes from either side, along x and along y.
+fn focus(input: &CityInput<'_>) -> [[f64; 2]; 2] {
+    let CityInput { grid, facts, tree, .. } = input;
+    let leaves = tree.level(grid.depth);
+    let side = grid.node_side_m(grid.depth);
+    let quantile = |axis: usize, share: f64| {
+        let mut places: Vec<(u32, u32)> =
+            leaves.iter().map(|tile| ([tile.id.x(), tile.id.y()][axis], tile.bytes)).collect();
+        places.sort_unstable();
+        let wanted = share * places.iter().map(|p| f64::from(p.1)).sum::<f64>();
+        let mut sum = 0.0;
+        let found = places.iter().find(|p| {
+            sum += f64::from(p.1);
+            sum >= wanted
+        });
+        facts.origin[axis] + grid.corner[axis] + found.map_or(0.0, |p| f64::from(p.0)) * side
+    };
+    let low = [0, 1].map(|axis| quantile(axis, 0.1).max(facts.bounds[0][axis]));
+    let high = [0, 1].map(|axis| (quantile(axis, 0.9) + side).min(facts.bounds[1][axis]));
+    [low, high]
 }
 
 /// What was asked for; else one for each different set of names (a title where there are none) and licences.
