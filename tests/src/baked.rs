@@ -14,7 +14,7 @@ use std::{
 };
 
 /// Nearest distance in the projected error.
-const NEAR_M: f64 = 0.1;
+const NEAR_M: f64 = 1.0;
 
 /// A baked city.
 pub struct Baked {

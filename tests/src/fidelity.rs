@@ -5,6 +5,7 @@ use crate::{
     cameras::{self, Stand, Station},
     compare::{self, Score},
     cut::Cut,
+    fixtures,
     gpu::Gpu,
     truth::Truth,
     view::Picture,
@@ -48,15 +49,16 @@ pub fn bake(inputs: &[PathBuf], out: &Path, cell_m: f64) -> Result<()> {
     Ok(())
 }
 
-/// The three real cities beside the workspace, by name; those that are not there are left out.
+/// The three real cities beside the workspace, by name; of those that are not there, only the bundled one is given.
 pub fn real_cities() -> Vec<(&'static str, Vec<PathBuf>)> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     let city = |name: &'static str, files: &[&str]| {
         let inputs: Vec<PathBuf> = files.iter().map(|file| data.join(name).join(file)).collect();
         inputs.iter().all(|path| path.exists()).then_some((name, inputs))
     };
+    let bundled = || fixtures::chiba().ok().map(|inputs| ("chiba-textured", inputs));
     let all = [
-        city("chiba-textured", &["chiba_64.obj", "chiba_68.obj", "chiba_70.obj"]),
+        city("chiba-textured", &["chiba_64.obj", "chiba_68.obj", "chiba_70.obj"]).or_else(bundled),
         city("delft-3dbag", &["delft.city.jsonl"]),
         city("denhaag-cityjson", &["denhaag.city.json"]),
     ];

@@ -1,0 +1,101 @@
+//! A client in this process, frame by frame.
+
+use crate::view::Camera;
+use anyhow::{Context, Result, ensure};
+use glam::DVec3;
+use insula_client::{
+    args::Global,
+    camera,
+    commands::connect::connect,
+    render::{Adapter, AdapterChoice, Look},
+    scene::{Tree, tile::TileState},
+    session::{Session, Shot},
+    stream::{Stream, fetch::Http},
+};
+use insula_protocol::{Manifest, TileId};
+use insula_shaders::cpu::raycast::Pixels;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+/// Requests in flight, as `insula snapshot` has them.
+const IN_FLIGHT: usize = 12;
+/// Picture size.
+const SIZE_PX: [u32; 2] = [640, 360];
+/// Between two frames.
+const FRAME: Duration = Duration::from_millis(5);
+
+/// A client that draws with the CPU.
+pub struct Viewer {
+    /// The client.
+    pub session: Session,
+    /// What it looks at.
+    pub shot: Shot,
+}
+
+impl Viewer {
+    /// Connects; `camera` is chosen once the city is known.
+    pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
+        let http = Arc::new(Http::new(None)?);
+        let global = Global { adapter: AdapterChoice::Cpu, cache_mib: 256, city: None, tau: 1.0, timeout: 20 };
+        let city = connect(&http, url, &global)?;
+        let stream = Stream::new(http, &city.base, IN_FLIGHT, None);
+        let shot = shot(&camera(&city.manifest))?;
+        let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
+        Ok(Self { session: Session::new(Tree::new(city.manifest), stream, adapter, Instant::now()), shot })
+    }
+
+    /// Turns to another view.
+    pub fn look(&mut self, camera: &Camera) -> Result<()> {
+        self.shot = shot(camera)?;
+        Ok(())
+    }
+
+    /// One frame, then a pause.
+    pub fn step(&mut self) {
+        self.session.step(&self.shot);
+        std::thread::sleep(FRAME);
+    }
+
+    /// Frames until `done`; an error after `most`.
+    pub fn until(&mut self, most: Duration, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
+        let begin = Instant::now();
+        loop {
+            self.step();
+            if done(self)? {
+                return Ok(());
+            }
+            let selection = self.session.selection();
+            ensure!(begin.elapsed() < most, "not within {most:?}: {:?}", selection.counters);
+        }
+    }
+
+    /// The picture of the last frame's cut.
+    pub fn draw(&mut self) -> Result<Pixels> {
+        let look = Look { samples: 1, ..Look::default() };
+        Ok(self.session.draw(&self.shot, &look)?)
+    }
+
+    /// Tiles of which a request is under way.
+    pub fn loading(&self) -> Vec<TileId> {
+        let nodes = self.session.tree().nodes().iter();
+        nodes.filter(|node| node.tile.state() == TileState::Loading).map(|node| node.id).collect()
+    }
+}
+
+fn shot(view: &Camera) -> Result<Shot> {
+    let [position, target, up] = [view.position, view.target, view.up].map(DVec3::from);
+    let camera = camera::Camera::look(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
+    Ok(Shot { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
+}
+
+/// The city from above, from the south; `turned_away`: from the same place, the other way.
+pub fn overlook(manifest: &Manifest, turned_away: bool) -> Camera {
+    let [low, high] = manifest.bounds.map(DVec3::from);
+    let size = high - low;
+    let middle = ((low + high) / 2.0).with_z(low.z);
+    let position = middle + DVec3::new(0.0, -size.y * 0.55, 0.35 * size.truncate().min_element());
+    let ahead = middle - position;
+    Camera::looking(position, position + if turned_away { ahead * DVec3::new(-1.0, -1.0, 1.0) } else { ahead })
+}

@@ -1,0 +1,322 @@
+//! Whatever is wrong with what the programs are given: one line that says so and exit code 1, or a reported skip; never a
+//! panic, never half a city.
+
+use anyhow::{Context, Result, ensure};
+use insula_tests::{
+    fixtures,
+    programs::{Served, program, run},
+};
+use serde_json::{Value, json};
+use std::{
+    fs,
+    net::TcpListener,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+use tempfile::TempDir;
+
+/// A folder to make things in.
+struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    fn new() -> Result<Self> {
+        Ok(Self { folder: tempfile::tempdir()? })
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<PathBuf> {
+        let path = self.path(name);
+        fs::write(&path, bytes).with_context(|| name.to_owned())?;
+        Ok(path)
+    }
+
+    /// Bakes `input` into `city`, with a report.
+    fn bake(&self, input: &Path) -> Result<Output> {
+        let [out, report] = ["city", "report.json"].map(|name| self.path(name));
+        run(Command::new(program("insula-server")?)
+            .arg("bake")
+            .arg(input)
+            .arg("--out")
+            .arg(out)
+            .arg("--report")
+            .arg(report))
+    }
+
+    /// A bake that must fail, and leave nothing that could be taken for a city.
+    fn bake_fails(&self, what: &str, input: &Path) -> Result<String> {
+        let line = fails(what, &self.bake(input)?)?;
+        ensure!(!self.path("city").exists(), "{what}: half a city is left");
+        Ok(line)
+    }
+
+    /// A bake that must succeed in spite of a fault, say so in its report, and make a city that is whole.
+    fn bake_skips(&self, what: &str, input: &Path) -> Result<Value> {
+        let output = self.bake(input)?;
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        ensure!(output.status.success(), "{what}: {error}");
+        ensure!(!error.contains("panicked"), "{what}: {error}");
+        let verified = run(Command::new(program("insula-server")?).arg("verify").arg(self.path("city")))?;
+        ensure!(verified.status.success(), "{what}: the city is not whole");
+        Ok(serde_json::from_slice(&fs::read(self.path("report.json"))?)?)
+    }
+}
+
+/// Exit code 1 and one line; the line.
+fn fails(what: &str, output: &Output) -> Result<String> {
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    ensure!(output.status.code() == Some(1), "{what}: {:?}: {error}", output.status);
+    ensure!(!error.contains("panicked"), "{what}: {error}");
+    let lines: Vec<&str> = error.lines().filter(|line| line.starts_with("error: ")).collect();
+    ensure!(lines.len() == 1 && lines[0].len() > 20, "{what}: not one line that says what is wrong: {error:?}");
+    let others = error.lines().filter(|line| !line.starts_with("error: ") && !line.trim().is_empty()).count();
+    ensure!(others == 0, "{what}: more than one line: {error:?}");
+    Ok(lines[0].to_owned())
+}
+
+/// Whether the report tells of something that was left out.
+fn tells_of_skips(report: &Value) -> bool {
+    let text = report.to_string();
+    text.contains("skipped") && (find_positive(report, "skipped") || find_positive(report, "count"))
+}
+
+/// Whether any number, or any list, under a key that holds `word` is more than nothing.
+fn find_positive(value: &Value, word: &str) -> bool {
+    match value {
+        Value::Object(map) => map.iter().any(|(key, value)| {
+            let more = value.as_u64().is_some_and(|n| n > 0)
+                || value.as_array().is_some_and(|list| !list.is_empty())
+                || value.as_object().is_some_and(|map| !map.is_empty());
+            (key.contains(word) && more) || find_positive(value, word)
+        }),
+        Value::Array(list) => list.iter().any(|value| find_positive(value, word)),
+        _ => false,
+    }
+}
+
+#[test]
+fn truncated_json() -> Result<()> {
+    let whole = fixtures::city_json(3).to_string();
+    for share in [0.0, 0.1, 0.5, 0.9, 0.999] {
+        let bench = Bench::new()?;
+        let input = bench.write("town.city.json", &whole[..(whole.len() as f64 * share) as usize])?;
+        let line = bench.bake_fails(&format!("JSON cut at {share}"), &input)?;
+        ensure!(line.contains("town.city.json"), "{line}");
+    }
+    Ok(())
+}
+
+#[test]
+fn cities_without_anything() -> Result<()> {
+    let nothing = json!({ "type": "CityJSON", "version": "2.0", "CityObjects": {}, "vertices": [],
+        "transform": { "scale": [1.0, 1.0, 1.0], "translate": [0.0, 0.0, 0.0] } });
+    let bench = Bench::new()?;
+    bench.bake_fails("no objects", &bench.write("empty.city.json", nothing.to_string())?)?;
+    bench.bake_fails("an empty OBJ", &bench.write("empty.obj", "# nothing\n")?)?;
+    bench.bake_fails("an empty sequence", &bench.write("empty.city.jsonl", "")?)?;
+    bench.bake_fails("an empty folder", bench.folder.path().join("none").as_path())?;
+    bench.bake_fails("some other file", &bench.write("a.city.json", "{\"type\":\"FeatureCollection\"}")?)?;
+    bench.bake_fails("a picture for a city", &bench.write("b.city.json", [0x89, b'P', b'N', b'G', 0xff, 0xfe])?)?;
+    Ok(())
+}
+
+#[test]
+fn faults_of_single_objects_are_skipped_and_reported() -> Result<()> {
+    let faults: [(&str, fn(&mut Value)); 5] = [
+        ("an index out of range", |geometry| geometry["boundaries"][0][1][0][2] = json!(4_000_000)),
+        ("a negative index", |geometry| geometry["boundaries"][0][1][0][2] = json!(-1)),
+        ("a degenerate polygon", |geometry| geometry["boundaries"][0][1][0] = json!([4, 4, 4, 4])),
+        ("a polygon of two corners", |geometry| geometry["boundaries"][0][1][0] = json!([4, 5])),
+        ("a polygon of nothing", |geometry| geometry["boundaries"][0][1] = json!([])),
+    ];
+    for (what, fault) in faults {
+        let mut town = fixtures::city_json(3);
+        fault(&mut town["CityObjects"]["house-0"]["geometry"][0]);
+        let bench = Bench::new()?;
+        let report = bench.bake_skips(what, &bench.write("town.city.json", town.to_string())?)?;
+        ensure!(tells_of_skips(&report), "{what}: the report says nothing of it: {report}");
+    }
+    Ok(())
+}
+
+#[test]
+fn numbers_that_are_none() -> Result<()> {
+    let bench = Bench::new()?;
+    // 1e300 as a vertex, as a scale, as a translation; NaN is no JSON at all.
+    let mut town = fixtures::city_json(3);
+    town["transform"]["translate"][0] = json!(1e300);
+    bench.bake_fails("a translation of 1e300", &bench.write("a.city.json", town.to_string())?)?;
+    let mut town = fixtures::city_json(3);
+    town["transform"]["scale"][2] = json!(1e300);
+    bench.bake_fails("a scale of 1e300", &bench.write("b.city.json", town.to_string())?)?;
+    let text = fixtures::city_json(3).to_string().replace("0.001", "NaN");
+    bench.bake_fails("NaN in JSON", &bench.write("c.city.json", text)?)?;
+    let house = "v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 9\n";
+    for number in ["nan", "inf", "1e300", "-1e39"] {
+        let bench = Bench::new()?;
+        let text = format!("{house}v {number} 5 5\nf 1 2 3\nf 1 3 4\nf 1 2 5\n");
+        let report = bench.bake_skips(number, &bench.write("house.obj", text)?)?;
+        ensure!(tells_of_skips(&report), "{number}: the report says nothing of it: {report}");
+    }
+    Ok(())
+}
+
+#[test]
+fn obj_files_that_name_what_is_not_there() -> Result<()> {
+    let house = "v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 9\nf 1 2 3\nf 1 3 4\n";
+    for (what, more) in [("a face out of range", "f 1 2 9999\n"), ("a face that counts back too far", "f -1 -2 -99\n")]
+    {
+        let bench = Bench::new()?;
+        let output = bench.bake(&bench.write("house.obj", format!("{house}{more}"))?)?;
+        // Either the face is left out and reported, or the file is refused; both say so.
+        if output.status.success() {
+            let report: Value = serde_json::from_slice(&fs::read(bench.path("report.json"))?)?;
+            ensure!(tells_of_skips(&report), "{what}: the report says nothing of it: {report}");
+        } else {
+            fails(what, &output)?;
+            ensure!(!bench.path("city").exists(), "{what}: half a city is left");
+        }
+    }
+    let bench = Bench::new()?;
+    bench.write("house.mtl", "newmtl a\nKd 1 0 0\nmap_Kd gone.jpg\nnewmtl b\nmap_Kd broken.jpg\n")?;
+    bench.write("broken.jpg", [0xff, 0xd8, 0xff, 0xe0, 1, 2, 3])?;
+    let text = format!(
+        "mtllib house.mtl\nmtllib gone.mtl\nusemtl a\n{house}usemtl b\nvt 0 0\nf 1/1 2/1 4/1\nusemtl c\nf 2 3 4\n"
+    );
+    let report = bench.bake_skips("missing textures", &bench.write("house.obj", text)?)?.to_string();
+    ensure!(
+        report.contains("gone.jpg") && report.contains("broken.jpg"),
+        "the report names no missing picture: {report}"
+    );
+    Ok(())
+}
+
+#[test]
+fn a_full_disk() -> Result<()> {
+    let bench = Bench::new()?;
+    let input = fixtures::write_city_json(bench.folder.path(), 14)?;
+    for kilobytes in [1, 8, 24, 64] {
+        // A limit on the size of files, not the signal that comes with it, is what a full disk looks like.
+        let script = format!("trap '' XFSZ; ulimit -f {kilobytes}; exec \"$0\" bake \"$1\" --out \"$2\"");
+        let output = run(Command::new("bash")
+            .args(["-c", &script])
+            .arg(program("insula-server")?)
+            .arg(&input)
+            .arg(bench.path("city")))?;
+        let what = format!("files of at most {kilobytes} KiB");
+        let line = fails(&what, &output)?;
+        ensure!(line.contains("disk"), "{what}: {line}");
+        ensure!(!bench.path("city").exists(), "{what}: half a city is left");
+    }
+    let out = bench.path("no-folder/city");
+    fs::write(bench.path("no-folder"), "a file")?;
+    let output = run(Command::new(program("insula-server")?).arg("bake").arg(&input).arg("--out").arg(out))?;
+    fails("a file where the folder should be", &output)?;
+    Ok(())
+}
+
+/// A baked town.
+fn town(bench: &Bench) -> Result<PathBuf> {
+    let input = fixtures::write_city_json(bench.folder.path(), 8)?;
+    let output = bench.bake(&input)?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Ok(bench.path("city"))
+}
+
+#[test]
+fn archives_that_were_cut_or_altered() -> Result<()> {
+    let bench = Bench::new()?;
+    let city = town(&bench)?;
+    let verify = |what: &str| -> Result<Output> {
+        let output = run(Command::new(program("insula-server")?).arg("verify").arg(&city))?;
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        ensure!(!error.contains("panicked"), "{what}: {error}");
+        Ok(output)
+    };
+    ensure!(verify("a whole city")?.status.success(), "a whole city is called bad");
+    for name in ["blockmaps.pmtiles", "subtrees.pmtiles", "city.json"] {
+        let path = city.join(name);
+        let whole = fs::read(&path)?;
+        for share in [0.0, 0.02, 0.5, 0.95] {
+            fs::write(&path, &whole[..(whole.len() as f64 * share) as usize])?;
+            let what = format!("{name} cut at {share}");
+            ensure!(verify(&what)?.status.code() == Some(1), "{what} went unseen");
+            let served =
+                run(Command::new(program("insula-server")?).arg("serve").arg(&city).args(["--listen", "127.0.0.1:0"]));
+            // A cut that leaves all directories whole is only seen by verify; then the server would run on.
+            if let Ok(served) = served {
+                fails(&what, &served)?;
+            }
+        }
+        fs::write(&path, &whole)?;
+    }
+    let path = city.join("blockmaps.pmtiles");
+    let whole = fs::read(&path)?;
+    for share in [0.3, 0.6, 0.9] {
+        let mut altered = whole.clone();
+        altered[(whole.len() as f64 * share) as usize] ^= 0x20;
+        fs::write(&path, &altered)?;
+        let output = verify("a flipped bit")?;
+        ensure!(output.status.code() == Some(1), "a flipped bit at {share} went unseen");
+    }
+    Ok(())
+}
+
+#[test]
+fn a_damaged_city_is_still_drawn_where_it_is_whole() -> Result<()> {
+    let bench = Bench::new()?;
+    let city = town(&bench)?;
+    let path = city.join("blockmaps.pmtiles");
+    let mut bytes = fs::read(&path)?;
+    let at = bytes.len() - 40;
+    bytes[at] ^= 0x20;
+    fs::write(&path, &bytes)?;
+    let server = Served::start(&city, "127.0.0.1:0")?;
+    let camera = json!({ "position": [84140.0, 446900.0, 120.0], "target": [84140.0, 447140.0, 0.0],
+        "up": [0, 0, 1], "fov_y_deg": 60 });
+    let camera = bench.write("camera.json", camera.to_string())?;
+    let output = snapshot(&bench, &format!("http://{}", server.address), &camera)?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_slice(&fs::read(bench.path("report.json"))?)?;
+    ensure!(report["tiles"]["blockmaps"].as_u64() > Some(0), "{report}");
+    Ok(())
+}
+
+fn snapshot(bench: &Bench, url: &str, camera: &Path) -> Result<Output> {
+    run(Command::new(program("insula")?)
+        .args(["snapshot", "--adapter", "cpu", "--timeout", "3", "--size", "160x90", "--server", url, "--camera"])
+        .arg(camera)
+        .arg("--out")
+        .arg(bench.path("a.png"))
+        .arg("--report")
+        .arg(bench.path("report.json")))
+}
+
+#[test]
+fn addresses_that_lead_nowhere() -> Result<()> {
+    let bench = Bench::new()?;
+    let camera = bench.write("camera.json", r#"{"position":[0,0,9],"target":[9,9,0],"up":[0,0,1],"fov_y_deg":60}"#)?;
+    // Nobody listens on a port that was just given back.
+    let free = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
+    fails("nobody listens", &snapshot(&bench, &format!("http://{free}"), &camera)?)?;
+    fails("no such host", &snapshot(&bench, "http://no-such-host.invalid:7700", &camera)?)?;
+    // Somebody listens, but speaks no HTTP.
+    let mute = TcpListener::bind("127.0.0.1:0")?;
+    fails("nobody answers", &snapshot(&bench, &format!("http://{}", mute.local_addr()?), &camera)?)?;
+    let city = town(&bench)?;
+    let server = Served::start(&city, "127.0.0.1:0")?;
+    fails("no such city", &snapshot(&bench, &format!("http://{}/v1/cities/atlantis", server.address), &camera)?)?;
+    let broken = bench.write("broken.json", "{\"position\":[0,0")?;
+    let output = snapshot(&bench, &format!("http://{}", server.address), &broken)?;
+    ensure!(output.status.code() == Some(2) && output.stderr.starts_with(b"error: "), "a camera cut short: {output:?}");
+    let taken =
+        run(Command::new(program("insula-server")?).arg("serve").arg(&city).args(["--listen", &server.address]))?;
+    let line = fails("a port in use", &taken)?;
+    ensure!(line.contains(&server.address), "{line}");
+    ensure!(!bench.path("a.png").exists(), "a picture of nothing was written");
+    Ok(())
+}
