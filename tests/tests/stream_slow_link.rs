@@ -1,7 +1,7 @@
 //! Streaming over 2 Mbit/s and 80 ms: something whole at once, then better and better; what is out of sight is let go.
 
 use anyhow::{Result, ensure};
-use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::{cpu::raycast::Pixels, layout::NO_NODE};
 use insula_tests::{
     fixtures,
     programs::Served,
@@ -64,9 +64,22 @@ fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
         ensure!(now >= likeness - 0.01, "stage {stage} is worse than the one before: {now:.4} after {likeness:.4}");
         likeness = now;
     }
+    ensure!(holes_would_be_seen(&last), "a missing node would go unseen");
     ensure!(pictures.windows(2).all(|pair| pair[1].0 <= pair[0].0), "the worst error grew on the way");
     ensure!(like(&pictures[0].1, &last) < likeness, "the first picture was as good as the last");
     Ok(())
+}
+
+/// The check above can fail: the last picture without the node that most of it shows has holes.
+fn holes_would_be_seen(last: &Pixels) -> bool {
+    let mut counts = std::collections::BTreeMap::<u32, usize>::new();
+    last.hit.iter().filter(|node| **node != NO_NODE).for_each(|node| *counts.entry(*node).or_default() += 1);
+    let most = counts.into_iter().max_by_key(|(_, pixels)| *pixels).map(|(node, _)| node);
+    let mut without = last.clone();
+    for i in (0..without.hit.len()).filter(|i| Some(last.hit[*i]) == most) {
+        without.distance[i] = f32::INFINITY;
+    }
+    holes(&without, last, 1.0) > MOST_HOLES
 }
 
 /// Pixels where the sky shows although in the last picture the city is all around, further than what is drawn may err.
