@@ -15,6 +15,9 @@ use std::{
 };
 use tempfile::TempDir;
 
+/// Spoils a geometry.
+type Fault = fn(&mut Value);
+
 /// A folder to make things in.
 struct Bench {
     folder: TempDir,
@@ -126,7 +129,7 @@ fn cities_without_anything() -> Result<()> {
 
 #[test]
 fn faults_of_single_objects_are_skipped_and_reported() -> Result<()> {
-    let faults: [(&str, fn(&mut Value)); 5] = [
+    let faults: [(&str, Fault); 5] = [
         ("an index out of range", |geometry| geometry["boundaries"][0][1][0][2] = json!(4_000_000)),
         ("a negative index", |geometry| geometry["boundaries"][0][1][0][2] = json!(-1)),
         ("a degenerate polygon", |geometry| geometry["boundaries"][0][1][0] = json!([4, 4, 4, 4])),

@@ -1,5 +1,7 @@
 //! Who may know whom (docs/architecture.md): the directions between the workspace's packages, and what stays out of which.
 
+#![allow(clippy::unwrap_used)]
+
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},

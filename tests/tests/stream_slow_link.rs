@@ -1,5 +1,7 @@
 //! Streaming over 2 Mbit/s and 80 ms: something whole at once, then better and better; what is out of sight is let go.
 
+#![allow(clippy::unwrap_used)]
+
 use anyhow::{Result, ensure};
 use insula_shaders::{cpu::raycast::Pixels, layout::NO_NODE};
 use insula_tests::{

@@ -1,5 +1,7 @@
 //! Rules about the text of the project itself.
 
+#![allow(clippy::unwrap_used)]
+
 use std::{
     path::{Path, PathBuf},
     process::Command,
