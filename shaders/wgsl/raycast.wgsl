@@ -1,4 +1,4 @@
-// Ray-casting the cut: the GPU's twin of src/cpu/raycast.rs and src/cpu/shade.rs, function by function.
+// Ray-casting the cut: the GPU's twin of src/cpu/raycast.rs and src/cpu/shade.rs.
 //
 // In: frame, tree, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, or read-back.
 
@@ -62,6 +62,13 @@ const INCLINED: u32 = 4u;
 const GAP: u32 = 8u;
 const HOLES: u32 = 16u;
 const SUSPENDED: u32 = 32u;
+
+// What the walk is about to do.
+const AT_SQUARE: u32 = 0u;
+const AT_BLOCK: u32 = 1u;
+const AT_CELL: u32 = 2u;
+const AFTER_CELL: u32 = 3u;
+const AFTER_BLOCK: u32 = 4u;
 
 const FACE_SIDE: u32 = 0u;
 const FACE_TOP: u32 = 1u;
@@ -155,6 +162,16 @@ struct NodeRay {
     o: vec3<f32>,
     d: vec3<f32>,
     inv: vec2<f32>,
+    // First words of the node's planes.
+    pages: vec4<u32>,
+    z_shift: u32,
+}
+
+// The column that `may_hit` found: its word, and its top less the ray's height at both ends.
+struct Touched {
+    walk: u32,
+    over: vec2<f32>,
+    z: vec2<f32>,
 }
 
 struct Span {
@@ -171,6 +188,7 @@ struct Square {
 
 var<private> gathered: Gathered;
 var<private> ray: NodeRay;
+var<private> touched: Touched;
 
 @compute @workgroup_size(8, 8)
 fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -220,12 +238,16 @@ fn infinity_bits() -> u32 {
     return 0x7f800000u + frame.pad;
 }
 
+// The twin's walk_tree, walk_node and walk_block in one: nested loops that a column which may be hit leaves all at once, and
+// that go on where they were. So the body of the innermost loop is small and the costly rest runs once a column: devices
+// whose lanes run in step (and lavapipe, whose `if`s skip nothing) would otherwise pay for it at every cell.
 fn walk_tree(dir: vec3<f32>) {
     let side = frame.root_side_m;
     let o = -frame.root_corner.xy / side;
     let d = nonzero(dir.xy / side);
     let inv = 1.0 / d;
     let ahead = ahead_of(d);
+    let step = vec2<i32>(ahead * 2.0 - 1.0);
     let near = (1.0 - ahead - o) * inv;
     let far = (ahead - o) * inv;
     var t = max(max(near.x, near.y), 0.0);
@@ -238,30 +260,104 @@ fn walk_tree(dir: vec3<f32>) {
     } else if t == near.y {
         p.y = 1.0 - ahead.y;
     }
-    for (var i = 0u; i < MAX_TREE_STEPS; i++) {
-        let square = descend(p, ahead);
-        let edge = square.low + ahead * square.size;
-        let te = (edge - o) * inv;
-        let exit = max(min(te.x, te.y), t);
-        if (square.word & TREE_NODE_BIT) != 0u {
-            walk_node(square.word & ~TREE_NODE_BIT, dir, t, exit);
-            if gathered.left <= OPAQUE {
-                return;
+    var phase = AT_SQUARE;
+    var square_exit = t;
+    var leaves_root = false;
+    var node_end = t;
+    var slot = 0u;
+    var block = vec2<i32>(0);
+    var block_end = t;
+    var cell = vec2<i32>(0);
+    var cell_end = t;
+    var squares = 0u;
+    for (var columns = 0u; columns < MAX_TREE_STEPS; columns++) {
+        var found = false;
+        loop {
+            if phase == AT_SQUARE {
+                let square = descend(p, ahead);
+                let edge = square.low + ahead * square.size;
+                let te = (edge - o) * inv;
+                square_exit = max(min(te.x, te.y), t);
+                p = clamp(o + d * square_exit, square.low, square.low + square.size);
+                if te.x <= te.y {
+                    p.x = edge.x;
+                    leaves_root = edge.x == ahead.x;
+                } else {
+                    p.y = edge.y;
+                    leaves_root = edge.y == ahead.y;
+                }
+                squares++;
+                if (square.word & TREE_NODE_BIT) != 0u {
+                    let index = square.word & ~TREE_NODE_BIT;
+                    let entry = enter_node(index, dir, t, square_exit);
+                    if entry.x <= entry.y {
+                        t = entry.x;
+                        node_end = entry.y;
+                        slot = nodes[index].slot * SUMMARY_WORDS;
+                        let start = floor((ray.o.xy + ray.d.xy * t) / f32(BLOCK_CELLS));
+                        block = clamp(vec2<i32>(start), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
+                        phase = AT_BLOCK;
+                    }
+                }
             }
+            loop {
+                if phase == AT_SQUARE {
+                    break;
+                }
+                if phase == AT_BLOCK {
+                    let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - ray.o.xy) * ray.inv;
+                    block_end = max(min(min(te.x, te.y), node_end), t);
+                    let summary = summaries[slot + u32(block.y * BLOCKS + block.x)];
+                    let za = ray.o.z + ray.d.z * t;
+                    let zb = ray.o.z + ray.d.z * block_end;
+                    phase = AFTER_BLOCK;
+                    if min(za, zb) <= f32(summary >> 16u) + 1.0 && max(za, zb) + 1.0 >= f32(summary & 0xffffu) {
+                        let low = block * BLOCK_CELLS;
+                        cell = clamp(vec2<i32>(floor(ray.o.xy + ray.d.xy * t)), low, low + (BLOCK_CELLS - 1));
+                        phase = AT_CELL;
+                    }
+                }
+                loop {
+                    if phase != AT_CELL && phase != AFTER_CELL {
+                        break;
+                    }
+                    let te = (vec2<f32>(cell) + ahead - ray.o.xy) * ray.inv;
+                    let exit = min(te.x, te.y);
+                    cell_end = max(min(exit, block_end), t);
+                    if phase == AT_CELL && may_hit(cell, t, cell_end) {
+                        found = true;
+                        break;
+                    }
+                    let along_x = te.x <= te.y;
+                    let next = cell + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), along_x);
+                    let same = all((next >> vec2<u32>(3u)) == block);
+                    phase = select(AFTER_BLOCK, AT_CELL, exit < block_end && same);
+                    cell = next;
+                    t = cell_end;
+                }
+                if found {
+                    break;
+                }
+                let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - ray.o.xy) * ray.inv;
+                let exit = min(te.x, te.y);
+                t = max(min(exit, node_end), t);
+                block += select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
+                let inside = all(block >= vec2<i32>(0)) && all(block < vec2<i32>(BLOCKS));
+                phase = select(AT_SQUARE, AT_BLOCK, exit < node_end && inside);
+            }
+            if found || leaves_root || squares >= MAX_TREE_STEPS {
+                break;
+            }
+            t = square_exit;
         }
-        p = clamp(o + d * exit, square.low, square.low + square.size);
-        var out = false;
-        if te.x <= te.y {
-            p.x = edge.x;
-            out = edge.x == ahead.x;
-        } else {
-            p.y = edge.y;
-            out = edge.y == ahead.y;
-        }
-        t = exit;
-        if out {
+        if !found {
             return;
         }
+        column(cell, t, cell_end);
+        if gathered.left <= OPAQUE {
+            return;
+        }
+        phase = AFTER_CELL;
     }
 }
 
@@ -282,7 +378,8 @@ fn descend(p: vec2<f32>, ahead: vec2<f32>) -> Square {
     return square;
 }
 
-fn walk_node(index: u32, dir: vec3<f32>, t_in: f32, t_out: f32) {
+// Makes `ray`; gives where it is between the node's lowest and highest point (the first larger if nowhere).
+fn enter_node(index: u32, dir: vec3<f32>, t_in: f32, t_out: f32) -> vec2<f32> {
     let cell_m = nodes[index].cell_m;
     let scale = vec3<f32>(1.0 / cell_m, 1.0 / cell_m, 1.0 / nodes[index].z_step_m);
     let o = -nodes[index].corner * scale;
@@ -291,75 +388,13 @@ fn walk_node(index: u32, dir: vec3<f32>, t_in: f32, t_out: f32) {
     dz = select(dz, 1e-12, abs(dz) < 1e-12);
     let a = (nodes[index].z_lo - 1.0 - o.z) / dz;
     let b = (nodes[index].z_hi + 1.0 - o.z) / dz;
-    let t_end = min(t_out, max(a, b));
-    var t = max(t_in, min(a, b));
-    if t > t_end {
-        return;
-    }
-    ray = NodeRay(index, dir, o, vec3<f32>(d_xy, dz), 1.0 / d_xy);
-    let ahead = ahead_of(d_xy);
-    let step = vec2<i32>(ahead * 2.0 - 1.0);
-    let slot = nodes[index].slot * SUMMARY_WORDS;
-    var block = clamp(vec2<i32>(floor((o.xy + d_xy * t) / f32(BLOCK_CELLS))), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
-    for (var i = 0; i < 2 * BLOCKS; i++) {
-        let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - o.xy) * ray.inv;
-        let exit = min(te.x, te.y);
-        let t_block = max(min(exit, t_end), t);
-        let summary = summaries[slot + u32(block.y * BLOCKS + block.x)];
-        let za = o.z + dz * t;
-        let zb = o.z + dz * t_block;
-        if min(za, zb) <= f32(summary >> 16u) + 1.0 && max(za, zb) + 1.0 >= f32(summary & 0xffffu) {
-            walk_block(block, t, t_block);
-            if gathered.left <= OPAQUE {
-                return;
-            }
-        }
-        if exit >= t_end {
-            return;
-        }
-        if te.x <= te.y {
-            block.x += step.x;
-        } else {
-            block.y += step.y;
-        }
-        if any(block < vec2<i32>(0)) || any(block >= vec2<i32>(BLOCKS)) {
-            return;
-        }
-        t = t_block;
-    }
-}
-
-fn walk_block(block: vec2<i32>, t_in: f32, t_end: f32) {
-    let o = ray.o.xy;
-    let d = ray.d.xy;
-    let ahead = ahead_of(d);
-    let step = vec2<i32>(ahead * 2.0 - 1.0);
-    let low = block * BLOCK_CELLS;
-    let high = low + (BLOCK_CELLS - 1);
-    var t = t_in;
-    var cell = clamp(vec2<i32>(floor(o + d * t)), low, high);
-    for (var i = 0; i < 2 * BLOCK_CELLS; i++) {
-        let te = (vec2<f32>(cell) + ahead - o) * ray.inv;
-        let exit = min(te.x, te.y);
-        let t_cell = max(min(exit, t_end), t);
-        column(cell, t, t_cell);
-        if gathered.left <= OPAQUE || exit >= t_end {
-            return;
-        }
-        if te.x <= te.y {
-            cell.x += step.x;
-        } else {
-            cell.y += step.y;
-        }
-        if any(cell < low) || any(cell > high) {
-            return;
-        }
-        t = t_cell;
-    }
+    let pages = nodes[index].pages * PAGE_WORDS;
+    ray = NodeRay(index, dir, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, nodes[index].z_shift);
+    return vec2<f32>(max(t_in, min(a, b)), min(t_out, max(a, b)));
 }
 
 fn plane_word(plane: u32, i: u32) -> u32 {
-    return atlas[nodes[ray.index].pages[plane] * PAGE_WORDS + i];
+    return atlas[ray.pages[plane] + i];
 }
 
 fn octahedral(code: u32) -> vec3<f32> {
@@ -373,45 +408,44 @@ fn octahedral(code: u32) -> vec3<f32> {
     return normalize(vec3<f32>(p, z));
 }
 
-fn column(cell: vec2<i32>, ta: f32, te: f32) {
+// The twin's column up to its first return: whether the ray is between bottom and top somewhere in the cell.
+fn may_hit(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let walk = plane_word(0u, i);
-    let flags = walk >> 24u;
-    if (flags & OCCUPIED) == 0u {
-        return;
-    }
     let z_max = f32(walk & 0xfffu);
     let z_min = f32((walk >> 12u) & 0xfffu);
-    let za = ray.o.z + ray.d.z * ta;
-    let zb = ray.o.z + ray.d.z * te;
-    var top_a = z_max;
-    var top_b = z_max;
-    if (flags & INCLINED) != 0u {
+    let z = ray.o.z + ray.d.z * vec2<f32>(ta, te);
+    var top = vec2<f32>(z_max);
+    if ((walk >> 24u) & INCLINED) != 0u {
         let n = octahedral(plane_word(2u, i));
-        let slope = n.xy * (-f32(16u >> nodes[ray.index].z_shift) / max(n.z, 0.1));
+        let slope = n.xy * (-f32(16u >> ray.z_shift) / max(n.z, 0.1));
         let centre = vec2<f32>(cell) + 0.5;
-        top_a += dot(slope, ray.o.xy + ray.d.xy * ta - centre);
-        top_b += dot(slope, ray.o.xy + ray.d.xy * te - centre);
+        top.x += dot(slope, ray.o.xy + ray.d.xy * ta - centre);
+        top.y += dot(slope, ray.o.xy + ray.d.xy * te - centre);
     }
-    if min(za, zb) > max(top_a, top_b) || max(za, zb) < z_min {
-        return;
-    }
-    if (flags & GAP) == 0u {
-        let span = clip_solid(ta, te, vec2<f32>(za - top_a, zb - top_b), vec2<f32>(za - z_min, zb - z_min));
-        hit_solid(cell, i, walk, span, z_min, z_max);
-        return;
-    }
-    let gap = atlas[plane_word(3u, i)];
+    touched = Touched(walk, z - top, z);
+    let apart = min(z.x, z.y) > max(top.x, top.y) || max(z.x, z.y) < z_min;
+    return ((walk >> 24u) & OCCUPIED) != 0u && !apart;
+}
+
+fn column(cell: vec2<i32>, ta: f32, te: f32) {
+    let i = u32(cell.y * NODE_CELLS + cell.x);
+    let walk = touched.walk;
+    let flags = walk >> 24u;
+    let z_max = f32(walk & 0xfffu);
+    let z_min = f32((walk >> 12u) & 0xfffu);
+    let z = touched.z;
+    let over = touched.over;
+    // One solid, or two in the ray's order; hit_solid is long and stands here once.
+    let gap = select(0u, atlas[plane_word(3u, i)], (flags & GAP) != 0u);
+    let solids = select(1u, 2u, (flags & GAP) != 0u);
     let low = f32(gap & 0xffffu);
     let high = f32(gap >> 16u);
-    let lower = clip_solid(ta, te, vec2<f32>(za - low, zb - low), vec2<f32>(za - z_min, zb - z_min));
-    let upper = clip_solid(ta, te, vec2<f32>(za - top_a, zb - top_b), vec2<f32>(za - high, zb - high));
-    if ray.d.z > 0.0 {
-        hit_solid(cell, i, walk, lower, z_min, low);
-        hit_solid(cell, i, walk, upper, high, z_max);
-    } else {
-        hit_solid(cell, i, walk, upper, high, z_max);
-        hit_solid(cell, i, walk, lower, z_min, low);
+    for (var n = 0u; n < solids; n++) {
+        let lower = solids == 2u && (n == 0u) == (ray.d.z > 0.0);
+        let bottom = select(select(z_min, high, solids == 2u), z_min, lower);
+        let span = clip_solid(ta, te, select(over, z - low, lower), z - bottom);
+        hit_solid(cell, i, walk, span, bottom, select(z_max, low, lower));
     }
 }
 
@@ -466,7 +500,7 @@ fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f
         return;
     }
     let strip = plane_word(3u, i) + select(0u, 1u, (flags & GAP) != 0u);
-    let codes = f32(16u >> nodes[ray.index].z_shift);
+    let codes = f32(16u >> ray.z_shift);
     let first = i32(floor(f32((walk >> 12u) & 0xfffu) / codes));
     let row_low = i32(floor(bottom / codes));
     let row_high = i32(floor((top - 1.0) / codes));
