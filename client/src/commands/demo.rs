@@ -3,7 +3,7 @@
 //! In: files inside this program. Out: a window, or a PNG. Next: people.
 
 use super::{
-    embedded::{Recipe, bake, cache_folder, serve},
+    embedded::{Recipe, VERSIONS, bake, cache_folder, serve},
     snapshot::{overlook, start, take},
     view,
 };
@@ -40,7 +40,10 @@ struct About {
 pub fn run(headless: bool, out: &Path, size_px: [u32; 2], global: &Global) -> Result<()> {
     let server = serve(&bake(&recipe()?)?)?;
     if !headless && has_screen() {
-        return view::run(&server.url, global);
+        match view::run(&server.url, global) {
+            Err(ClientError::Graphics(reason)) => eprintln!("note: {reason}; writing a picture instead"),
+            ended => return ended,
+        }
     }
     let mut session = start(&server.url, global, None)?;
     let shot = Shot { camera: overlook(&session, size_px), heading: None, size_px, tau_px: global.tau };
@@ -59,7 +62,7 @@ fn recipe() -> Result<Recipe> {
         return Err(ClientError::Failed("this program was built without its bundled city: use insula open".into()));
     }
     let mut hasher = DefaultHasher::new();
-    (FILES, insula_protocol::tile::VERSION).hash(&mut hasher);
+    (FILES, VERSIONS).hash(&mut hasher);
     let key = hasher.finish();
     let folder = cache_folder("demo")?.join(format!("chiba-{key:016x}"));
     fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;

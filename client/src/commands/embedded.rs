@@ -16,9 +16,6 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-/// Raised when cities that older versions baked are of no use.
-const CACHE_VERSION: u32 = 1;
-
 /// What to bake.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Recipe {
@@ -45,10 +42,14 @@ pub(super) fn cache_folder(name: &str) -> Result<PathBuf> {
     Ok(folder)
 }
 
+/// What a cached city depends on besides its sources: another version of the program may bake another one.
+pub(super) const VERSIONS: (&str, u16, u32) =
+    (env!("CARGO_PKG_VERSION"), insula_protocol::tile::VERSION, insula_bake::ALGORITHM);
+
 /// Differs if a file's path, size or time differs.
 pub(super) fn key_of(inputs: &[PathBuf], cell_m: f64) -> Result<u64> {
     let mut hasher = DefaultHasher::new();
-    (CACHE_VERSION, insula_protocol::tile::VERSION, cell_m.to_bits()).hash(&mut hasher);
+    (VERSIONS, cell_m.to_bits()).hash(&mut hasher);
     for input in inputs {
         hash_path(input, &mut hasher)?;
     }
@@ -76,7 +77,8 @@ pub(super) fn bake(recipe: &Recipe) -> Result<PathBuf> {
     let first = first.split('.').next().unwrap_or_default();
     let stem = to_name(recipe.name.as_deref().unwrap_or(first));
     let out = cache_folder("cities")?.join(format!("{stem}-{:016x}", recipe.key));
-    if out.join(insula_server::store::MANIFEST_FILE).is_file() {
+    // What cannot be opened, an older program left: it is baked again.
+    if Store::open(&[&out]).is_ok() {
         return Ok(out);
     }
     eprintln!("baking {stem} into {} (once)", out.display());

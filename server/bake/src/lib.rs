@@ -16,7 +16,7 @@ pub mod scene;
 pub mod voxels;
 pub mod write;
 
-pub use config::BakeOptions;
+pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
 pub use pipeline::{bake, bake_scene};
 pub use progress::{Progress, Silent};
