@@ -56,8 +56,7 @@ impl Adapter {
     pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> Result<(Self, AdapterInfo, u32)> {
         let pages = pages_for(cache_bytes);
         if choice != AdapterChoice::Cpu {
-            let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-            let gpu = Device::open(&instance, None, cache_bytes).and_then(|device| GpuAdapter::new(device, pages));
+            let gpu = headless_device(cache_bytes).and_then(|device| GpuAdapter::new(device, pages));
             match gpu {
                 Ok(gpu) => {
                     let (info, pages) = (gpu.device.info(), gpu.pages());
@@ -103,4 +102,13 @@ impl Upload for Adapter {
             Self::Cpu(cpu) => cpu.summary(slot, words),
         }
     }
+}
+/// The first device of the modern interfaces, else one of OpenGL, which complains on standard error where there is no
+/// desktop. What the environment asks for (`WGPU_BACKEND`) is obeyed.
+fn headless_device(cache_bytes: u64) -> std::result::Result<Device, String> {
+    let descriptor = || wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+    let mut modern = descriptor();
+    modern.backends &= wgpu::Backends::PRIMARY;
+    Device::open(&wgpu::Instance::new(modern), None, cache_bytes)
+        .or_else(|_| Device::open(&wgpu::Instance::new(descriptor()), None, cache_bytes))
 }
