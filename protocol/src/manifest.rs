@@ -85,7 +85,11 @@ impl Manifest {
             return Err(format!("depth {} is over {}", self.depth, crate::tile_id::MAX_LEVEL));
         }
         let numbers = self.origin.iter().chain(&self.bounds[0]).chain(&self.bounds[1]);
-        let all = numbers.chain(&self.focus[0]).chain(&self.focus[1]).chain([&self.root_side_m, &self.cell_m, &self.ground_z_m]);
+        let all = numbers.chain(&self.focus[0]).chain(&self.focus[1]).chain([
+            &self.root_side_m,
+            &self.cell_m,
+            &self.ground_z_m,
+        ]);
         if !all.clone().all(|v| v.is_finite() && v.abs() < 1e10) || self.cell_m <= 0.0 || self.root_side_m <= 0.0 {
             return Err("a number is not finite, or not positive".into());
         }

@@ -68,7 +68,8 @@ impl TileWriter {
             return Ok(());
         }
         let packed = codec::zstd::compress(raw)?;
-        let (packing, bytes) = if packed.len() < raw.len() { (Packing::Zstd, &packed[..]) } else { (Packing::Raw, raw) };
+        let (packing, bytes) =
+            if packed.len() < raw.len() { (Packing::Zstd, &packed[..]) } else { (Packing::Raw, raw) };
         self.header.sections.push(SectionEntry {
             tag,
             packing,

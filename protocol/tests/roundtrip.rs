@@ -1,5 +1,7 @@
 //! Round trips, truncations and damage of V-BlockMap tiles.
 
+#![allow(clippy::unwrap_used)] // In a test, the panic is the report.
+
 use insula_protocol::{
     BlockMap, DecodeError, Texel, TileId,
     blockmap::{COLUMNS, Column, Strip, strip_rows},

@@ -19,7 +19,7 @@ fn module(source: &str) -> naga::Module {
 fn wgsl_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usize)>) {
     let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).expect(name);
     let naga::TypeInner::Struct { members, span } = &found.1.inner else { panic!("{name} is no struct") };
-    let members = members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
+    let members = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
     (*span as usize, members)
 }
 
@@ -35,10 +35,25 @@ macro_rules! assert_layout {
 #[test]
 fn structs_lie_alike() {
     let module = module(RAYCAST_WGSL);
-    assert_layout!(&module, Frame {
-        forward, width_px, right, height_px, up, root, root_corner, root_side_m, sun, shading, ground_z_m, ground,
-        samples, pad,
-    });
+    assert_layout!(
+        &module,
+        Frame {
+            forward,
+            width_px,
+            right,
+            height_px,
+            up,
+            root,
+            root_corner,
+            root_side_m,
+            sun,
+            shading,
+            ground_z_m,
+            ground,
+            samples,
+            pad,
+        }
+    );
     assert_layout!(&module, Node { corner, cell_m, z_step_m, z_lo, z_hi, z_shift, pages, slot, level, pad });
     assert_layout!(&module, TreeNode { child });
 }

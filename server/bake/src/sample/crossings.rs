@@ -6,8 +6,12 @@ use super::{local::Block, scan::scan};
 use crate::merge::LINES;
 use rayon::slice::ParallelSliceMut;
 
-/// Sightings after which a side counts as seen: one may be the error of a single map texel.
-pub(super) const SIGHTINGS: u8 = 2;
+/// Weight of sightings from which on a side counts as seen: one alone may be the error of a single map texel.
+pub(super) const SIGHTINGS: u8 = 12;
+/// A sighting whose texels show the surface itself.
+pub(super) const SURE: u8 = 6;
+/// A sighting past which the texels show other things, or nothing: at the tip of a corner all may lie beside the building.
+pub(super) const UNSURE: u8 = 1;
 
 /// Not to be tested: its outcome follows from its place.
 const NEVER: u8 = u8::MAX;
@@ -40,9 +44,9 @@ impl Crossing {
         (if above { self.above } else { self.below }) < SIGHTINGS
     }
 
-    pub(super) fn sighted(&mut self, above: bool) {
+    pub(super) fn sighted(&mut self, above: bool, weight: u8) {
         let side = if above { &mut self.above } else { &mut self.below };
-        *side += 1;
+        *side = side.saturating_add(weight).min(SIGHTINGS);
     }
 }
 

@@ -8,7 +8,7 @@ use super::{
     SampleSettings,
     attributes::TOP_Z,
     candidates::{Candidate, TURNS},
-    crossings::{Crossing, Crossings},
+    crossings::{Crossing, Crossings, SURE, UNSURE},
     directions,
     local::{Block, LocalTriangle},
     scan::scan,
@@ -26,7 +26,12 @@ const FIRST_DIRECTIONS: usize = 48;
 const CHUNK: usize = 4096;
 
 /// Looks at the block from everywhere.
-pub(super) fn look(block: &Block, settings: &SampleSettings, crossings: &mut Crossings, candidates: &mut Vec<Candidate>) {
+pub(super) fn look(
+    block: &Block,
+    settings: &SampleSettings,
+    crossings: &mut Crossings,
+    candidates: &mut Vec<Candidate>,
+) {
     let mut pending: Vec<u32> = (0..crossings.list.len() as u32)
         .filter(|i| crossings.list[*i as usize].wants(true) || crossings.list[*i as usize].wants(false))
         .collect();
@@ -58,15 +63,17 @@ fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending:
         let place = |i: usize| (i as f32 + 0.5) * step + offset;
         let p = Vec3::new(place(c.line as usize % lines), place(c.line as usize / lines), c.z);
         let open = c.wants(above) && (above || !through_floor(triangle, p, map.w));
-        (open && map.sees(block, p, if above { up } else { -up }, c.triangle)).then_some(above)
+        let seen = open && map.sees(block, p, if above { up } else { -up }, c.triangle);
+        let sure = above || map.shows(block, p, triangle);
+        seen.then_some((above, if sure { SURE } else { UNSURE }))
     };
     let list = &crossings.list;
-    let sighted: Vec<(u32, bool)> = pending
+    let sighted: Vec<(u32, (bool, u8))> = pending
         .par_chunks(CHUNK)
         .flat_map_iter(|chunk| chunk.iter().filter_map(|i| Some((*i, look(&list[*i as usize])?))).collect::<Vec<_>>())
         .collect();
-    for (i, above) in sighted {
-        crossings.list[i as usize].sighted(above);
+    for (i, (above, weight)) in sighted {
+        crossings.list[i as usize].sighted(above, weight);
     }
     let list = &crossings.list;
     pending.retain(|i| list[*i as usize].wants(true) || list[*i as usize].wants(false));
@@ -208,23 +215,40 @@ impl Map {
         });
     }
 
+    /// The ids of the four texels around a place on the map; `None` outside.
+    fn around(&self, at: Vec2) -> Option<[u32; 4]> {
+        let texel = at * self.texels_per_m - 0.5;
+        if texel.x < 0.0 || texel.y < 0.0 {
+            return None;
+        }
+        let (x, y) = (texel.x as usize, texel.y as usize);
+        if x + 1 >= self.size[0] || y + 1 >= self.size[1] {
+            return None;
+        }
+        let first = y * self.size[0] + x;
+        let second = first + self.size[0];
+        Some([self.ids[first], self.ids[first + 1], self.ids[second], self.ids[second + 1]])
+    }
+
+    /// Whether any texel around `p` shows the surface of `triangle`: itself, or one that goes on from it.
+    fn shows(&self, block: &Block, p: Vec3, triangle: &LocalTriangle) -> bool {
+        let shown = |id: u32| {
+            let other = &block.triangles[id as usize - 1];
+            let near = other.normal.dot(other.corners[0] - p).abs() < block.cell_m;
+            near && other.normal.dot(triangle.normal).abs() > 0.7
+        };
+        let ids = self.around(self.flat(p) - self.corner);
+        ids.is_some_and(|ids| ids.iter().any(|id| *id != 0 && shown(*id)))
+    }
+
     /// Whether the surface at `p` with `normal` (towards the viewer) of `triangle` is seen: the triangles in all four texels
     /// around let it be.
     fn sees(&self, block: &Block, p: Vec3, normal: Vec3, triangle: u32) -> bool {
         let at = self.flat(p) - self.corner;
         let w = p.dot(self.w);
-        let texel = at * self.texels_per_m - 0.5;
-        if texel.x < 0.0 || texel.y < 0.0 {
-            return true;
-        }
-        let (x, y) = (texel.x as usize, texel.y as usize);
-        if x + 1 >= self.size[0] || y + 1 >= self.size[1] {
-            return true;
-        }
-        let first = y * self.size[0] + x;
-        let second = first + self.size[0];
+        let Some(ids) = self.around(at) else { return true };
         let mut last = triangle + 1;
-        for id in [self.ids[first], self.ids[first + 1], self.ids[second], self.ids[second + 1]] {
+        for id in ids {
             if id == 0 || id == triangle + 1 || id == last {
                 continue;
             }
