@@ -276,5 +276,14 @@ fn want(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selecti
             stack.extend(children.clone().map(|c| (c, if replaced { None } else { cover })));
         }
     }
+    // Nothing can be drawn without the root: on a thin link all else would only keep it waiting.
+    let root_pending = tree.root().map(|root| tree.node(root)).filter(|root| {
+        !root.tile.is_resident()
+            && !root.tile.is_bad()
+            && selection.wanted.iter().any(|w| w.key == Key::block_map(root.id))
+    });
+    if let Some(root) = root_pending {
+        selection.wanted.retain(|wanted| wanted.key == Key::block_map(root.id));
+    }
     priority::sort(&mut selection.wanted);
 }

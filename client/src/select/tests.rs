@@ -259,8 +259,16 @@ fn a_small_budget_raises_tau_and_a_larger_one_lets_it_fall() {
 }
 
 #[test]
+fn the_root_is_asked_for_alone() {
+    let view = view([100.0, 100.0, 80.0], [700.0, 900.0, 0.0]);
+    let selection = select(&view, &tree(), &mut Scratch::default());
+    assert_eq!(selection.wanted.iter().map(|w| w.key).collect::<Vec<_>>(), [Key::block_map(TileId::ROOT)]);
+}
+
+#[test]
 fn the_same_view_gives_the_same_selection() {
-    let tree = tree();
+    let mut tree = tree();
+    load(&mut tree, Key::block_map(TileId::ROOT));
     let view = view([100.0, 100.0, 80.0], [700.0, 900.0, 0.0]);
     let mut scratch = Scratch::default();
     let first = select(&view, &tree, &mut scratch);
