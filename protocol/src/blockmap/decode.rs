@@ -1,6 +1,6 @@
 //! A V-BlockMap from bytes that anyone may have made.
 
-use super::{BlockMap, COLUMNS, MAX_TEXELS, Z_SHIFT_MAX, encode::tag, flag, predict, strip_rows};
+use super::{BlockMap, COLUMNS, Clip, MAX_TEXELS, Outer, Z_SHIFT_MAX, encode::tag, flag, predict, strip_rows};
 use crate::{
     codec::varint::Reader,
     error::DecodeError,
@@ -35,6 +35,7 @@ impl BlockMap {
             map.roof[*i] = texel;
         }
         map.strips = texels(&tile, tag::STRIP_RGB, tag::STRIP_AO, strip_texels(&map, &occupied)?)?;
+        map.clips = clips(&tile, count(flag::CLIPPED))?;
         map.check()?;
         Ok(map)
     }
@@ -49,6 +50,16 @@ fn read_meta(tile: &TileReader<'_>) -> Result<BlockMap, DecodeError> {
         return Err(DecodeError::Invalid("cell size or height step out of range"));
     }
     Ok(BlockMap::empty(tile.id, cell_m, z_base_cells, z_shift))
+}
+
+fn clips(tile: &TileReader<'_>, n: usize) -> Result<Vec<Clip>, DecodeError> {
+    let offsets = exact(tile.section(tag::CLIP_OFFSETS, n)?, n)?;
+    let heights = predict::read_planes(&exact(tile.section(tag::OUTER_Z, n * 2)?, n * 2)?);
+    let count = heights.iter().filter(|z| **z != 0).count();
+    let mut roofs = texels(tile, tag::OUTER_RGB, tag::OUTER_AO, count)?.into_iter();
+    let outer = |z: u16| if z == 0 { None } else { Some(Outer { z, roof: roofs.next()? }) };
+    let outers: Vec<Option<Outer>> = heights.into_iter().map(outer).collect();
+    Ok(offsets.into_iter().zip(outers).map(|(offset, outer)| Clip { offset: offset as i8, outer }).collect())
 }
 
 fn exact(bytes: Vec<u8>, wanted: usize) -> Result<Vec<u8>, DecodeError> {

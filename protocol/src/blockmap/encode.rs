@@ -1,6 +1,6 @@
 //! A V-BlockMap's bytes. The sections are described byte by byte in `docs/formats.md`.
 
-use super::{BlockMap, COLUMNS, flag, predict};
+use super::{BlockMap, COLUMNS, Outer, flag, predict};
 use crate::{
     error::DecodeError,
     texel::Texel,
@@ -20,6 +20,10 @@ pub(super) mod tag {
     pub(in super::super) const ROOF_AO: u8 = 9;
     pub(in super::super) const STRIP_RGB: u8 = 10;
     pub(in super::super) const STRIP_AO: u8 = 11;
+    pub(in super::super) const CLIP_OFFSETS: u8 = 12;
+    pub(in super::super) const OUTER_Z: u8 = 13;
+    pub(in super::super) const OUTER_RGB: u8 = 14;
+    pub(in super::super) const OUTER_AO: u8 = 15;
 }
 
 impl BlockMap {
@@ -52,6 +56,16 @@ impl BlockMap {
         writer.section(tag::ROOF_AO, &occlusions(&roof))?;
         writer.section(tag::STRIP_RGB, &colours(&self.strips))?;
         writer.section(tag::STRIP_AO, &occlusions(&self.strips))?;
+        let offsets: Vec<u8> = self.clips.iter().map(|clip| clip.offset as u8).collect();
+        writer.section(tag::CLIP_OFFSETS, &offsets)?;
+        // A height of zero, which nothing beyond a wall has, stands for an empty other side.
+        let outer: Vec<Outer> = self.clips.iter().map(|clip| clip.outer.unwrap_or_default()).collect();
+        bytes.clear();
+        predict::push_planes(&mut bytes, &outer.iter().map(|o| o.z).collect::<Vec<_>>());
+        writer.section(tag::OUTER_Z, &bytes)?;
+        let roof: Vec<Texel> = outer.iter().filter(|o| o.z != 0).map(|o| o.roof).collect();
+        writer.section(tag::OUTER_RGB, &colours(&roof))?;
+        writer.section(tag::OUTER_AO, &occlusions(&roof))?;
         writer.finish()
     }
 

@@ -39,8 +39,10 @@ pub mod flag {
     pub const HOLES: u8 = 16;
     /// Its bottom is in the air (type 2 of Vacca 3.1.1); for debug views only.
     pub const SUSPENDED: u8 = 32;
+    /// A vertical plane cuts it: its solids end there, and what lies beyond is lower ([`super::Clip`]).
+    pub const CLIPPED: u8 = 64;
     /// All that the format knows.
-    pub const ALL: u8 = 63;
+    pub const ALL: u8 = 127;
 }
 
 /// Wall strip of an exposed column: what its sides show.
@@ -50,6 +52,28 @@ pub struct Strip {
     pub texels: Vec<Texel>,
     /// Direction of the wall's horizontal normal, 256 to a full turn, 0 east, 64 north.
     pub azimuth: u8,
+}
+
+/// [`Clip::offset`] of a plane one cell from the cell's centre.
+pub const CLIP_STEPS_PER_CELL: i32 = 128;
+
+/// What lies in a clipped column's cell beyond its wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Outer {
+    /// Code of its top, between the column's `z_min` and `z_max`; its bottom is the column's.
+    pub z: u16,
+    /// What is seen from above.
+    pub roof: Texel,
+}
+
+/// Where a wall stands inside its cell: the column fills the part on the inner side of a vertical plane that is square to
+/// the strip's azimuth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Clip {
+    /// Distance of the plane from the cell's centre along the azimuth, in cells / [`CLIP_STEPS_PER_CELL`].
+    pub offset: i8,
+    /// `None` where the other side is empty.
+    pub outer: Option<Outer>,
 }
 
 /// One column as the bake makes it.
@@ -71,6 +95,8 @@ pub struct Column {
     pub roof_normal: u16,
     /// Present if exposed.
     pub strip: Option<Strip>,
+    /// Only exposed columns are clipped.
+    pub clip: Option<Clip>,
 }
 
 /// First row and number of rows of a strip: the texels that `z_min..z_max` touches.
@@ -107,6 +133,8 @@ pub struct BlockMap {
     pub wall_azimuth: Vec<u8>,
     /// Gaps of the columns that have one, in column order.
     pub gaps: Vec<[u16; 2]>,
+    /// Planes of the columns that are clipped, in column order.
+    pub clips: Vec<Clip>,
     /// Strips of the exposed columns one after the other, in column order.
     pub strips: Vec<Texel>,
 }
@@ -126,6 +154,7 @@ impl BlockMap {
             roof_normal: vec![0; COLUMNS],
             wall_azimuth: vec![0; COLUMNS],
             gaps: Vec::new(),
+            clips: Vec::new(),
             strips: Vec::new(),
         }
     }
@@ -163,6 +192,10 @@ impl BlockMap {
             flags |= flag::GAP;
             self.gaps.push(gap);
         }
+        if let Some(clip) = column.clip {
+            flags |= flag::CLIPPED;
+            self.clips.push(clip);
+        }
         if let Some(strip) = &column.strip {
             flags |= flag::EXPOSED;
             if strip.texels.iter().any(|t| t.alpha() < crate::texel::ALPHA_MAX) {
@@ -196,7 +229,7 @@ impl BlockMap {
 
     /// The columns as the bake made them: the inverse of [`BlockMap::from_columns`].
     pub fn columns(&self) -> Vec<Option<Column>> {
-        let (mut gaps, mut strips) = (self.gaps.iter(), &self.strips[..]);
+        let (mut gaps, mut clips, mut strips) = (self.gaps.iter(), self.clips.iter(), &self.strips[..]);
         (0..COLUMNS)
             .map(|i| {
                 let flags = self.flags[i];
@@ -204,6 +237,7 @@ impl BlockMap {
                     return None;
                 }
                 let gap = if flags & flag::GAP != 0 { gaps.next().copied() } else { None };
+                let clip = if flags & flag::CLIPPED != 0 { clips.next().copied() } else { None };
                 let strip = (flags & flag::EXPOSED != 0).then(|| {
                     let rows = usize::from(strip_rows(self.z_min[i], self.z_max[i], self.z_shift).1);
                     let (head, tail) = strips.split_at(rows.min(strips.len()));
@@ -219,6 +253,7 @@ impl BlockMap {
                     roof: self.roof[i],
                     roof_normal: self.roof_normal[i],
                     strip,
+                    clip,
                 })
             })
             .collect()
@@ -227,7 +262,7 @@ impl BlockMap {
     /// What every decoded map keeps: heights in order and in range, gaps inside, strips as long as the walls.
     pub(crate) fn check(&self) -> Result<(), DecodeError> {
         let mut texels = 0usize;
-        let mut gaps = self.gaps.iter();
+        let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
         for i in 0..COLUMNS {
             let (flags, z_min, z_max) = (self.flags[i], self.z_min[i], self.z_max[i]);
             if flags & !flag::ALL != 0 || (flags & flag::OCCUPIED == 0 && flags != 0) {
@@ -245,14 +280,21 @@ impl BlockMap {
                     return Err(DecodeError::Invalid("a gap does not lie inside its column"));
                 }
             }
+            if flags & flag::CLIPPED != 0 {
+                let clip = clips.next().ok_or(DecodeError::Invalid("a clipping plane is missing"))?;
+                let lower = clip.outer.is_none_or(|outer| z_min < outer.z && outer.z < z_max);
+                if flags & flag::EXPOSED == 0 || !lower {
+                    return Err(DecodeError::Invalid("what lies beyond a wall is not lower than the wall"));
+                }
+            }
             if flags & flag::EXPOSED != 0 {
                 texels += usize::from(strip_rows(z_min, z_max, self.z_shift).1);
             } else if flags & flag::HOLES != 0 {
                 return Err(DecodeError::Invalid("holes without a strip"));
             }
         }
-        if gaps.next().is_some() || texels != self.strips.len() {
-            return Err(DecodeError::Invalid("gaps or strips do not match the columns"));
+        if gaps.next().is_some() || clips.next().is_some() || texels != self.strips.len() {
+            return Err(DecodeError::Invalid("gaps, planes or strips do not match the columns"));
         }
         if texels > MAX_TEXELS {
             let (found, limit) = (texels as u64, MAX_TEXELS as u64);

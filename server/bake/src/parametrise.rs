@@ -87,6 +87,7 @@ fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
         roof: texel(&column.roof, ALPHA_MAX),
         roof_normal: octahedral::encode(column.normal),
         strip: column.exposed.then(|| strip(column, codes, z_min, z_max, gap)),
+        clip: None,
     }
 }
 
