@@ -48,7 +48,7 @@ pub enum Command {
 /// `bake`.
 #[derive(Debug, clap::Args)]
 pub struct BakeArgs {
-    /// CityJSON, CityJSONSeq or OBJ files, or folders of them
+    /// CityJSON, CityJSONSeq, GeoJSON or OBJ files, or folders of them
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// Folder to write the city to

@@ -30,7 +30,7 @@ pub enum ReadError {
     },
     /// The file is of a kind that is not read.
     #[error(
-        "{path}: {what}; readable are CityJSON 1.0 to 2.0 (.city.json, .json), CityJSONSeq (.city.jsonl, .jsonl) and OBJ (.obj), each also as .gz"
+        "{path}: {what}; readable are CityJSON 1.0 to 2.0 (.city.json, .json), CityJSONSeq (.city.jsonl, .jsonl), GeoJSON (.geojson, .json; a feature a line: .geojsonl) and OBJ (.obj), each also as .gz"
     )]
     Unsupported {
         /// The input as it was given.
@@ -69,7 +69,7 @@ pub enum ReadError {
         limit: u64,
     },
     /// There is nothing to read.
-    #[error("{path}: no city file in it; give a .city.json, .city.jsonl or .obj file, or a folder with some")]
+    #[error("{path}: no city file in it; give a .city.json, .city.jsonl, .geojson or .obj file, or a folder with some")]
     NoSource {
         /// The input as it was given.
         path: String,

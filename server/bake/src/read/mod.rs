@@ -5,6 +5,7 @@
 mod builder;
 mod cityjson;
 mod error;
+mod geojson;
 mod obj;
 mod palette;
 mod polygon;
@@ -46,7 +47,8 @@ pub struct ReadOptions {
     pub max_texture_pixels: u64,
     /// A source of more unpacked bytes is refused.
     pub max_source_bytes: u64,
-    /// A line of a CityJSONSeq of more bytes is skipped.
+    /// A line of a CityJSONSeq or of a GeoJSON of more bytes is skipped; a larger feature of a GeoJSON document is
+    /// refused.
     pub max_line_bytes: u64,
     /// Colours where the source has none.
     pub palette: Palette,
@@ -177,7 +179,15 @@ fn read_source(
     tick: Tick<'_>,
 ) -> Result<Option<SourceReport>, ReadError> {
     match named_as(&source.name) {
-        Some(NamedAs::Json | NamedAs::JsonLines) => cityjson::read(reading, source, tick),
+        Some(NamedAs::Json) => {
+            let kind = geojson::kind_of(source, reading.options.max_line_bytes);
+            match kind.as_deref() {
+                Some("FeatureCollection") => geojson::read(reading, source, tick).map(Some),
+                _ => cityjson::read(reading, source, tick),
+            }
+        }
+        Some(NamedAs::JsonLines) => cityjson::read(reading, source, tick),
+        Some(NamedAs::GeoJson | NamedAs::GeoJsonLines) => geojson::read(reading, source, tick).map(Some),
         Some(NamedAs::Obj) => obj::read(reading, source, tick).map(Some),
         None => Err(ReadError::unsupported(&source.label, "not a city file by its name")),
     }

@@ -34,6 +34,8 @@ pub enum Format {
     CityJson,
     /// A header line and a feature on each following line.
     CityJsonSeq,
+    /// Footprints with heights: one JSON document, or a feature on each line.
+    GeoJson,
     /// Wavefront OBJ with MTL.
     Obj,
 }

@@ -1,6 +1,6 @@
 //! Where bytes come from: folders or memory, plain or gzip, counted and limited.
 //!
-//! In: paths as given, or named byte slices. Out: [`Source`]s and readers. Next: `cityjson`, `obj`.
+//! In: paths as given, or named byte slices. Out: [`Source`]s and readers. Next: `cityjson`, `geojson`, `obj`.
 
 use std::cell::Cell;
 use std::collections::HashSet;
@@ -49,6 +49,8 @@ pub(crate) struct Source<'a> {
 pub(crate) enum NamedAs {
     Json,
     JsonLines,
+    GeoJson,
+    GeoJsonLines,
     Obj,
 }
 
@@ -59,6 +61,8 @@ pub(crate) fn named_as(name: &str) -> Option<NamedAs> {
     match name.rsplit_once('.')?.1 {
         "json" => Some(NamedAs::Json),
         "jsonl" => Some(NamedAs::JsonLines),
+        "geojson" => Some(NamedAs::GeoJson),
+        "geojsonl" | "geojsons" => Some(NamedAs::GeoJsonLines),
         "obj" => Some(NamedAs::Obj),
         _ => None,
     }
@@ -285,6 +289,8 @@ mod tests {
         assert_eq!(named_as("a.city.json"), Some(NamedAs::Json));
         assert_eq!(named_as("A.CITY.JSONL.GZ"), Some(NamedAs::JsonLines));
         assert_eq!(named_as("b.obj.gz"), Some(NamedAs::Obj));
+        assert_eq!(named_as("c.geojson.gz"), Some(NamedAs::GeoJson));
+        assert_eq!(named_as("c.geojsonl"), Some(NamedAs::GeoJsonLines));
         assert_eq!(named_as("b.mtl"), None);
         assert_eq!(named_as("json"), None);
     }

@@ -151,11 +151,11 @@ fn an_empty_city_is_an_error() {
 #[test]
 fn a_folder_gives_its_city_files_by_name_and_passes_over_other_json() {
     let city = city("");
-    let geo = r#"{"type": "FeatureCollection", "features": []}"#;
+    let other = r#"{"type": "Topology", "objects": {}}"#;
     let files: [(&str, &[u8]); 5] = [
         ("b.json", city.as_bytes()),
         ("a.obj", OBJ.as_bytes()),
-        ("c.json", geo.as_bytes()),
+        ("c.json", other.as_bytes()),
         ("list.json", b"[1, 2]"),
         ("readme.txt", b"x"),
     ];
@@ -171,7 +171,7 @@ fn a_folder_gives_its_city_files_by_name_and_passes_over_other_json() {
     assert!(seen.iter().all(|progress| progress.bytes_total == seen[0].bytes_total));
     assert_eq!(seen.last().map(|last| last.bytes_done), Some(seen[0].bytes_total));
     let error = read(&[folder.join("c.json")], &ReadOptions::default(), &|_| {}).unwrap_err();
-    assert!(error.to_string().contains("its type is \"FeatureCollection\""), "{error}");
+    assert!(error.to_string().contains("its type is \"Topology\""), "{error}");
     fs::remove_dir_all(folder).unwrap();
 }
 

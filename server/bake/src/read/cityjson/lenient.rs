@@ -1,6 +1,8 @@
 //! Numbers that JSON does not have, as some writers write them.
 //!
-//! In: text that failed to parse. Out: the same text with `null` in their place. Next: `model`.
+//! In: text that failed to parse, or any text as a stream. Out: the same text with `null` in their place. Next: `model`.
+
+use std::io::{self, BufRead, Read};
 
 /// Replaces `NaN`, `Infinity` and numbers beyond f64 outside of strings by `null`, on the same lines; `None` if there
 /// are none, and so something else is wrong with the text.
@@ -51,6 +53,69 @@ fn is_odd(token: &[u8]) -> bool {
     token.parse::<f64>().is_ok_and(|number| !number.is_finite())
 }
 
+/// A text on its way to the parser, with `null` for `NaN` and `Infinity`: outside of strings JSON has no other word
+/// that begins with a capital letter.
+pub(crate) struct Lenient<R> {
+    inner: R,
+    in_string: bool,
+    escaped: bool,
+    /// What is still to be given in place of a word that was taken.
+    pending: &'static [u8],
+}
+
+impl<R: BufRead> Lenient<R> {
+    pub(crate) fn new(inner: R) -> Self {
+        Self { inner, in_string: false, escaped: false, pending: b"" }
+    }
+
+    fn next(&mut self) -> io::Result<Option<u8>> {
+        if let Some((&byte, rest)) = self.pending.split_first() {
+            self.pending = rest;
+            return Ok(Some(byte));
+        }
+        let Some(byte) = self.take()? else { return Ok(None) };
+        if self.in_string {
+            self.in_string = byte != b'"' || self.escaped;
+            self.escaped = byte == b'\\' && !self.escaped;
+            return Ok(Some(byte));
+        }
+        self.in_string = byte == b'"';
+        let odd = |byte: Option<u8>| matches!(byte, Some(b'N' | b'I'));
+        if odd(Some(byte)) || byte == b'-' && odd(self.peek()?) {
+            while self.peek()?.is_some_and(|byte| byte.is_ascii_alphabetic()) {
+                self.inner.consume(1);
+            }
+            self.pending = b"ull";
+            return Ok(Some(b'n'));
+        }
+        Ok(Some(byte))
+    }
+
+    fn peek(&mut self) -> io::Result<Option<u8>> {
+        Ok(self.inner.fill_buf()?.first().copied())
+    }
+
+    fn take(&mut self) -> io::Result<Option<u8>> {
+        let byte = self.peek()?;
+        self.inner.consume(usize::from(byte.is_some()));
+        Ok(byte)
+    }
+}
+
+impl<R: BufRead> Read for Lenient<R> {
+    /// A byte at a time, as the JSON parser asks for them.
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let Some(place) = buffer.first_mut() else { return Ok(0) };
+        match self.next()? {
+            Some(byte) => {
+                *place = byte;
+                Ok(1)
+            }
+            None => Ok(0),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,5 +128,16 @@ mod tests {
         assert_eq!(String::from_utf8(clean).unwrap(), expected);
         assert_eq!(without_odd_numbers(br#"{"a": "NaN", "b": 1"#), None);
         assert_eq!(without_odd_numbers(b"\"open \\"), None);
+    }
+    #[test]
+    fn streams_are_cleaned_wherever_their_buffers_end() {
+        let text = br#"{"NaN \" I": [NaN, -Infinity, Infinity,-NaN, -1.5, true, null, "-I\\"], "N": 1}"#;
+        let expected = r#"{"NaN \" I": [null, null, null,null, -1.5, true, null, "-I\\"], "N": 1}"#;
+        for capacity in 1..9 {
+            let mut clean = String::new();
+            let reader = io::BufReader::with_capacity(capacity, &text[..]);
+            Lenient::new(reader).read_to_string(&mut clean).unwrap();
+            assert_eq!(clean, expected);
+        }
     }
 }

@@ -3,10 +3,10 @@
 //! In: a source. Out: objects in the builder and a [`SourceReport`]. Next: `builder`.
 
 mod geometry;
-mod lenient;
+pub(crate) mod lenient;
 mod levels;
 mod looks;
-mod metadata;
+pub(crate) mod metadata;
 mod model;
 mod nested;
 mod seq;
@@ -26,9 +26,10 @@ use super::{Reading, Tick};
 use geometry::{Frame, ObjectReader};
 use levels::{Choice, choose};
 use looks::Looks;
-use model::{Appearance, CityObject, Document, Outline, Position, Templates, Transform};
+use model::{Appearance, CityObject, Document, Outline, Templates, Transform};
 
 pub(crate) use looks::byte;
+pub(crate) use model::Position;
 
 /// After how many objects progress is told.
 const TICK_OBJECTS: usize = 256;

@@ -1,0 +1,125 @@
+//! A footprint's rings mended, and raised to a closed prism.
+//!
+//! In: a polygon as written, a [`Height`]. Out: faces of roof, walls and floor. Next: `builder`.
+
+use super::height::Height;
+use super::model::Polygon;
+use super::place::Place;
+use crate::read::builder::Face;
+use crate::read::cityjson::Position;
+use crate::read::polygon::{MAX_CORNERS, Triangulator};
+
+/// Corners nearer than this are one.
+const WELD_M: f64 = 1e-3;
+/// A ring of less is a slip of the mouse.
+const MIN_AREA_M2: f64 = 0.01;
+/// If the triangles cover this share more or less than the rings enclose, the rings cross.
+const CROSSING_SHARE: f64 = 1e-3;
+
+/// Rings in metres without repeated corners: the outer one turns counter-clockwise, holes clockwise.
+pub(super) struct Footprint {
+    rings: Vec<Vec<[f64; 2]>>,
+}
+
+impl Footprint {
+    /// Mends what can be mended; `note` hears of it. Without a usable outer ring there is no footprint, and the reason
+    /// is told.
+    pub(super) fn new(polygon: &Polygon, place: &Place, mut note: impl FnMut(&str)) -> Result<Self, &'static str> {
+        if polygon.iter().map(Vec::len).sum::<usize>() > MAX_CORNERS {
+            return Err("polygon too large");
+        }
+        let (outer, holes) = polygon.split_first().ok_or("polygon without rings")?;
+        let mut rings = vec![ring(outer, place, 1.0, &mut note)?];
+        for hole in holes {
+            match ring(hole, place, -1.0, &mut note) {
+                Ok(hole) => rings.push(hole),
+                Err(_) => note("hole filled, its ring is no ring"),
+            }
+        }
+        Ok(Self { rings })
+    }
+
+    /// Appends the prism's faces, coloured by `materials` for roof, walls and floor; whether its rings are clean.
+    pub(super) fn raise(
+        &self,
+        height: &Height,
+        materials: [u32; 3],
+        triangulator: &mut Triangulator,
+        faces: &mut Vec<Face>,
+    ) -> Result<bool, &'static str> {
+        let [roof, wall, floor] = materials;
+        let at = |[x, y]: [f64; 2], z: f64| [x, y, z];
+        let face = |corners, material| Face { corners, uv: [[0.0; 2]; 3], material };
+        let points: Vec<[f64; 3]> = self.rings.iter().flatten().map(|&p| at(p, height.top_m)).collect();
+        let mut starts = Vec::new();
+        for ring in &self.rings[..self.rings.len() - 1] {
+            starts.push(starts.last().copied().unwrap_or(0) + ring.len() as u32);
+        }
+        let triangles = triangulator.triangulate(&points, &starts).ok_or("polygon without area")?;
+        let mut covered_m2 = 0.0;
+        for triangle in triangles {
+            let top = triangle.map(|i| points[i as usize]);
+            covered_m2 += area_m2(&top.map(|[x, y, _]| [x, y]));
+            let [a, b, c] = top.map(|[x, y, _]| [x, y, height.base_m]);
+            faces.extend([face(top, roof), face([a, c, b], floor)]);
+        }
+        for ring in &self.rings {
+            for (i, &from) in ring.iter().enumerate() {
+                let to = ring[(i + 1) % ring.len()];
+                let [a, b] = [at(from, height.base_m), at(to, height.base_m)];
+                let [c, d] = [at(to, height.top_m), at(from, height.top_m)];
+                faces.extend([face([a, b, c], wall), face([a, c, d], wall)]);
+            }
+        }
+        let enclosed_m2: f64 = self.rings.iter().map(|ring| area_m2(ring)).sum();
+        Ok((covered_m2 - enclosed_m2).abs() <= CROSSING_SHARE * enclosed_m2.abs() + MIN_AREA_M2)
+    }
+}
+
+/// A ring in metres, turned so that its area has the sign of `turn`.
+fn ring(
+    positions: &[Position],
+    place: &Place,
+    turn: f64,
+    note: &mut impl FnMut(&str),
+) -> Result<Vec<[f64; 2]>, &'static str> {
+    let mut ring: Vec<[f64; 2]> = Vec::with_capacity(positions.len());
+    for position in positions {
+        let corner = place.to_metres(position).ok_or("coordinate not a number or out of range")?;
+        if ring.last().is_none_or(|last| !near(*last, corner)) {
+            ring.push(corner);
+        }
+    }
+    let closed = ring.len() > 1 && near(ring[0], ring[ring.len() - 1]);
+    if closed {
+        ring.pop();
+    }
+    if ring.len() < 3 {
+        return Err("ring of fewer than three corners");
+    }
+    if !closed {
+        note("ring not closed, closed");
+    }
+    let area_m2 = area_m2(&ring);
+    if area_m2.abs() < MIN_AREA_M2 {
+        return Err("ring without area");
+    }
+    if area_m2 * turn < 0.0 {
+        ring.reverse();
+    }
+    Ok(ring)
+}
+
+fn near(a: [f64; 2], b: [f64; 2]) -> bool {
+    (a[0] - b[0]).abs() < WELD_M && (a[1] - b[1]).abs() < WELD_M
+}
+
+/// Positive if counter-clockwise. Relative to the first corner: products of full map coordinates would cancel badly.
+fn area_m2(ring: &[[f64; 2]]) -> f64 {
+    let from = |p: [f64; 2]| [p[0] - ring[0][0], p[1] - ring[0][1]];
+    let cross = |pair: &[[f64; 2]]| {
+        let [a, b] = [from(pair[0]), from(pair[1])];
+        a[0] * b[1] - a[1] * b[0]
+    };
+    ring.windows(2).map(cross).sum::<f64>() / 2.0
+}

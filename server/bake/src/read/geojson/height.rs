@@ -1,0 +1,141 @@
+//! How high a footprint is raised, from the names that OpenStreetMap, city offices and Overture give to it.
+//!
+//! In: a feature's properties. Out: [`Height`]. Next: `footprint`.
+
+use std::ops::RangeInclusive;
+
+use serde_json::{Map, Value};
+
+/// Names of a top above the ground, best first.
+const TOP: &[&str] = &["height", "building:height", "measuredHeight"];
+const LEVELS: &[&str] = &["building:levels", "levels", "num_floors"];
+const ROOF_LEVELS: &[&str] = &["roof:levels"];
+/// Names of a base above the ground: what floats, such as a gangway.
+const BASE: &[&str] = &["min_height", "building:min_height"];
+const BASE_LEVEL: &[&str] = &["building:min_level", "min_level", "min_floor"];
+
+/// A storey's height where only their number is known.
+const LEVEL_M: f64 = 3.0;
+/// Of what nothing is known: a house of two storeys.
+const UNKNOWN_M: f64 = 6.0;
+/// What a height can be; 0 is how many files write that they do not know.
+const TOP_RANGE_M: RangeInclusive<f64> = 0.01..=2000.0;
+const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
+const LEVELS_RANGE: RangeInclusive<f64> = 0.1..=400.0;
+const BASE_LEVEL_RANGE: RangeInclusive<f64> = -20.0..=400.0;
+const FOOT_M: f64 = 0.3048;
+
+/// From where to where a footprint is raised, in metres above the ground; the top is above the base.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Height {
+    pub(super) base_m: f64,
+    pub(super) top_m: f64,
+}
+
+impl Height {
+    /// A height there always is; `note` hears of what was guessed or not understood.
+    pub(super) fn of(properties: &Map<String, Value>, mut note: impl FnMut(&str, &str)) -> Self {
+        let mut first = |names: &[&str], range| first(properties, names, range, &mut note);
+        let base_m = first(BASE, BASE_RANGE_M)
+            .or_else(|| first(BASE_LEVEL, BASE_LEVEL_RANGE).map(|levels| levels * LEVEL_M))
+            .unwrap_or(0.0);
+        if let Some(top_m) = first(TOP, TOP_RANGE_M) {
+            if base_m < top_m {
+                return Self { base_m, top_m };
+            }
+            note("base not below the top, taken as 0", &format!("{base_m} to {top_m}"));
+            return Self { base_m: 0.0, top_m };
+        }
+        if let Some(levels) = first(LEVELS, LEVELS_RANGE) {
+            let top_m = (levels + first(ROOF_LEVELS, LEVELS_RANGE).unwrap_or(0.0)) * LEVEL_M;
+            if base_m < top_m {
+                note("height guessed from levels", &format!("{top_m} m"));
+                return Self { base_m, top_m };
+            }
+        }
+        note("height guessed", &format!("{UNKNOWN_M} m"));
+        Self { base_m, top_m: base_m + UNKNOWN_M }
+    }
+}
+
+/// The first of the named properties that is a number in the range.
+fn first(
+    properties: &Map<String, Value>,
+    names: &[&str],
+    range: RangeInclusive<f64>,
+    note: &mut impl FnMut(&str, &str),
+) -> Option<f64> {
+    for name in names {
+        let number = match properties.get(*name) {
+            None | Some(Value::Null) => continue,
+            Some(Value::String(text)) if text.trim().is_empty() => continue,
+            Some(Value::String(text)) => length_m(text),
+            Some(value) => value.as_f64(),
+        };
+        match number.filter(|number| range.contains(number)) {
+            Some(number) => return Some(number),
+            None => note("height not understood", &format!("{name} is {}", properties[*name])),
+        }
+    }
+    None
+}
+
+/// `12`, `12.5 m`, `12,5`, `40 ft`, `40'` in metres.
+fn length_m(text: &str) -> Option<f64> {
+    let text = text.trim().replace(',', ".");
+    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    let factor = match unit.trim().to_ascii_lowercase().as_str() {
+        "" | "m" | "metre" | "metres" | "meter" | "meters" => 1.0,
+        "ft" | "foot" | "feet" | "'" => FOOT_M,
+        _ => return None,
+    };
+    number.parse::<f64>().ok().map(|number| number * factor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn height(properties: &str) -> (f64, f64, Vec<String>) {
+        let mut notes = Vec::new();
+        let height = Height::of(&serde_json::from_str(properties).unwrap(), |kind, _| notes.push(kind.to_owned()));
+        (height.base_m, height.top_m, notes)
+    }
+
+    #[test]
+    fn every_spelling_of_a_height() {
+        for (text, metres) in [
+            ("14.5", 14.5),
+            (r#""12""#, 12.0),
+            (r#"" 12.5 m""#, 12.5),
+            (r#""12,5m""#, 12.5),
+            (r#""40 ft""#, 12.192),
+            (r#""10'""#, 3.048),
+        ] {
+            let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}}}"#));
+            assert!(base_m == 0.0 && (top_m - metres).abs() < 1e-9 && notes.is_empty(), "{text}: {top_m} {notes:?}");
+        }
+    }
+
+    #[test]
+    fn a_height_goes_before_levels_and_levels_before_a_guess() {
+        let all = r#"{"building:levels": 9, "height": null, "building:height": "21", "min_height": 3}"#;
+        assert_eq!(height(all), (3.0, 21.0, vec![]));
+        let levels = r#"{"levels": "4", "roof:levels": 1, "building:min_level": 1}"#;
+        assert_eq!(height(levels), (3.0, 15.0, vec!["height guessed from levels".to_owned()]));
+        assert_eq!(height("{}"), (0.0, 6.0, vec!["height guessed".to_owned()]));
+        assert_eq!(height(r#"{"min_height": 10}"#), (10.0, 16.0, vec!["height guessed".to_owned()]));
+    }
+
+    #[test]
+    fn what_cannot_be_a_height_is_noted_and_passed_over() {
+        for text in ["0", "-3", "1e9", "true", "[1]", r#""tall""#, r#""12 km""#, r#""5-7""#, r#""nan""#] {
+            let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}, "levels": 2}}"#));
+            assert_eq!((base_m, top_m), (0.0, 6.0), "{text}");
+            assert_eq!(notes, ["height not understood", "height guessed from levels"], "{text}");
+        }
+        let upside_down = height(r#"{"height": 5, "min_height": 5}"#);
+        assert_eq!(upside_down, (0.0, 5.0, vec!["base not below the top, taken as 0".to_owned()]));
+    }
+}

@@ -1,0 +1,67 @@
+//! GeoJSON's own structure (RFC 7946), as far as it is used.
+//!
+//! In: one feature's text. Out: typed values. Next: `footprint`.
+
+use serde::Deserialize;
+use serde_json::value::RawValue;
+use serde_json::{Map, Value};
+
+use crate::read::cityjson::Position;
+use crate::read::error::json_message;
+
+/// A polygon: its outer ring, then its holes. Positions are as written; what is no number is NaN.
+pub(super) type Polygon = Vec<Vec<Position>>;
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct Feature {
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    id: Value,
+    #[serde(deserialize_with = "or_default")]
+    pub(super) properties: Map<String, Value>,
+    pub(super) geometry: Option<Geometry>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct Geometry {
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    coordinates: Option<Box<RawValue>>,
+    geometries: Vec<Geometry>,
+}
+
+/// `null` is what writers put where a feature has no properties.
+fn or_default<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Map<String, Value>, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or_default())
+}
+
+impl Feature {
+    /// Its identifier: its own, else among its properties.
+    pub(super) fn id(&self) -> Option<String> {
+        let inside = ["id", "@id", "gml_id"].into_iter().filter_map(|name| self.properties.get(name));
+        std::iter::once(&self.id).chain(inside).find_map(|value| match value {
+            Value::String(text) if !text.is_empty() => Some(text.clone()),
+            Value::Number(number) => Some(number.to_string()),
+            _ => None,
+        })
+    }
+}
+
+impl Geometry {
+    /// All polygons, whichever way they are wrapped; none for points and lines.
+    pub(super) fn polygons(&self) -> Result<Vec<Polygon>, String> {
+        let text = self.coordinates.as_ref().map_or("[]", |raw| raw.get());
+        match self.kind.as_str() {
+            "Polygon" => serde_json::from_str(text).map(|polygon| vec![polygon]),
+            "MultiPolygon" => serde_json::from_str(text),
+            "GeometryCollection" => {
+                let parts: Result<Vec<_>, _> = self.geometries.iter().map(Geometry::polygons).collect();
+                return Ok(parts?.concat());
+            }
+            _ => Ok(Vec::new()),
+        }
+        .map_err(|error| json_message(&error))
+    }
+}

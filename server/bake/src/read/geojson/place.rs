@@ -1,0 +1,168 @@
+//! Where a GeoJSON's positions are in metres: degrees go to a UTM zone of WGS84, projected systems stay.
+//!
+//! In: positions as written, a `crs` member. Out: x and y in metres. Next: `footprint`.
+
+use proj4rs::Proj;
+use proj4rs::adaptors::transform_vertex_2d;
+use serde_json::Value;
+
+use super::model::Polygon;
+use crate::read::builder::ABSURD_M;
+use crate::read::cityjson::{Position, metadata};
+
+/// Where UTM ends; the poles have systems of their own.
+const UTM_LATITUDES_DEG: std::ops::RangeInclusive<f64> = -80.0..=84.0;
+/// Web Mercator's "metres" are up to several times too long.
+const WEB_MERCATOR: &[&str] = &["EPSG:3857", "EPSG:3785", "EPSG:900913"];
+
+/// How positions become metres.
+pub(super) enum Place {
+    /// Longitude and latitude; the zone is the first usable position's, unless another source decided it. The
+    /// geographic systems of today differ from WGS84 by a metre or two, which is left as it is.
+    Degrees(Option<Box<Utm>>),
+    /// Already metres.
+    Metres,
+}
+
+impl Place {
+    /// As GeoJSON has it unless it says otherwise; if the city's system is a UTM zone already, that one.
+    pub(super) fn new(city_crs: Option<&str>) -> Self {
+        Self::Degrees(city_crs.and_then(Utm::of_epsg).map(Box::new))
+    }
+
+    /// What a `crs` member asks for, with its code if it is a projected system; `None` for degrees.
+    pub(super) fn named(crs: &Value) -> Result<Option<(Self, String)>, String> {
+        let name = match &crs["properties"] {
+            properties if properties["name"].is_string() => properties["name"].as_str().unwrap_or_default().to_owned(),
+            properties if properties["code"].is_number() => format!("EPSG:{}", properties["code"]),
+            _ if crs.is_null() => return Ok(None),
+            _ => return Err("its \"crs\" has no name; remove it, or export as WGS84".to_owned()),
+        };
+        if name.to_ascii_uppercase().contains("CRS84") {
+            return Ok(None);
+        }
+        match metadata::epsg(&name) {
+            None => Err(format!("its \"crs\" is \"{name}\", not an EPSG code; export it as WGS84")),
+            Some(epsg) if metadata::is_degrees(&epsg) => Ok(None),
+            Some(epsg) if WEB_MERCATOR.contains(&epsg.as_str()) => {
+                Err(format!("its \"crs\" is {epsg}, which stretches metres; export it as WGS84"))
+            }
+            Some(epsg) => Ok(Some((Self::Metres, epsg))),
+        }
+    }
+
+    /// Decides the zone by the first position that has one; its code if this was the moment.
+    pub(super) fn settle(&mut self, polygons: &[Polygon]) -> Option<String> {
+        let Self::Degrees(zone @ None) = self else { return None };
+        *zone = polygons.iter().flatten().flatten().find_map(Utm::containing).map(Box::new);
+        zone.as_ref().map(|utm| utm.epsg.clone())
+    }
+
+    /// Metres, if that is a place; none before the zone is decided.
+    pub(super) fn to_metres(&self, position: &Position) -> Option<[f64; 2]> {
+        let [x, y, _] = position.0;
+        match self {
+            Self::Metres => (x.abs() <= ABSURD_M && y.abs() <= ABSURD_M).then_some([x, y]),
+            Self::Degrees(zone) => zone.as_ref()?.project(position),
+        }
+    }
+}
+
+/// A zone of the universal transverse Mercator projection.
+pub(super) struct Utm {
+    epsg: String,
+    from: Proj,
+    to: Proj,
+}
+
+impl Utm {
+    /// `EPSG:32654` is zone 54 north, `EPSG:32754` south.
+    fn of_epsg(epsg: &str) -> Option<Self> {
+        let code: u32 = epsg.strip_prefix("EPSG:")?.parse().ok()?;
+        let (south, zone) = match code {
+            32_601..=32_660 => ("", code - 32_600),
+            32_701..=32_760 => (" +south", code - 32_700),
+            _ => return None,
+        };
+        let from = Proj::from_proj_string("+proj=longlat +datum=WGS84").ok()?;
+        let to = Proj::from_proj_string(&format!("+proj=utm +zone={zone}{south} +datum=WGS84 +units=m")).ok()?;
+        Some(Self { epsg: epsg.to_owned(), from, to })
+    }
+
+    /// The zone that a position lies in.
+    fn containing(position: &Position) -> Option<Self> {
+        let [longitude, latitude] = degrees(position)?;
+        let zone = ((longitude + 180.0) / 6.0).floor().clamp(0.0, 59.0) as u32 + 1;
+        Self::of_epsg(&format!("EPSG:{}", if latitude < 0.0 { 32_700 } else { 32_600 } + zone))
+    }
+
+    fn project(&self, position: &Position) -> Option<[f64; 2]> {
+        let [longitude, latitude] = degrees(position)?;
+        let radians = (longitude.to_radians(), latitude.to_radians());
+        let (x, y) = transform_vertex_2d(&self.from, &self.to, radians).ok()?;
+        (x.abs() <= ABSURD_M && y.abs() <= ABSURD_M).then_some([x, y])
+    }
+}
+
+/// Longitude and latitude, if UTM reaches there.
+fn degrees(position: &Position) -> Option<[f64; 2]> {
+    let [longitude, latitude, _] = position.0;
+    (longitude.abs() <= 180.0 && UTM_LATITUDES_DEG.contains(&latitude)).then_some([longitude, latitude])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settled(longitude: f64, latitude: f64) -> (String, [f64; 2]) {
+        let position = Position([longitude, latitude, f64::NAN]);
+        let mut place = Place::new(None);
+        let epsg = place.settle(&[vec![vec![position]]]).unwrap();
+        assert_eq!(place.settle(&[vec![vec![Position([0.0, 0.0, 0.0])]]]), None, "a zone is decided once");
+        (epsg, place.to_metres(&position).unwrap())
+    }
+
+    #[test]
+    fn places_around_the_world_lie_where_they_should() {
+        // Zone 33's middle meridian on the equator, and its textbook neighbour: 1 degree of longitude is 111.28 km there.
+        let (epsg, [x, y]) = settled(15.0, 0.0);
+        assert!(epsg == "EPSG:32633" && (x - 500_000.0).abs() < 1e-6 && y.abs() < 1e-6, "{x} {y}");
+        let (_, [x, y]) = settled(16.0, 0.0);
+        assert!((x - 611_280.0).abs() < 10.0 && y.abs() < 1e-3, "{x} {y}");
+        // The meridian's length from the equator to 45 degrees north is 4,984,944.378 m on WGS84, times 0.9996.
+        let (_, [x, y]) = settled(15.0, 45.0);
+        assert!((x - 500_000.0).abs() < 1e-3 && (y - 4_984_944.378 * 0.9996).abs() < 0.002, "{x} {y}");
+        let (epsg, [_, south]) = settled(15.0, -45.0);
+        assert_eq!(epsg, "EPSG:32733");
+        assert!((south + y - 1e7).abs() < 1e-3, "{south}");
+        assert_eq!(settled(180.0, 10.0).0, "EPSG:32660");
+        assert_eq!(settled(-180.0, 10.0).0, "EPSG:32601");
+        assert_eq!(settled(139.75, 35.69).0, "EPSG:32654");
+    }
+
+    #[test]
+    fn what_lies_nowhere_is_refused() {
+        for [longitude, latitude] in [[181.0, 0.0], [0.0, 85.0], [0.0, -80.5], [f64::NAN, 0.0], [0.0, f64::INFINITY]] {
+            let position = Position([longitude, latitude, 0.0]);
+            assert!(Utm::containing(&position).is_none());
+            assert_eq!(Place::new(Some("EPSG:32633")).to_metres(&position), None);
+        }
+        assert_eq!(Place::Metres.to_metres(&Position([1e10, 0.0, 0.0])), None);
+    }
+
+    #[test]
+    fn a_crs_member_in_every_spelling() {
+        let named = |text: &str| Place::named(&serde_json::from_str(text).unwrap());
+        let name = |name: &str| format!(r#"{{"type": "name", "properties": {{"name": "{name}"}}}}"#);
+        for degrees in ["urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326", "urn:ogc:def:crs:EPSG::6668"] {
+            assert!(named(&name(degrees)).unwrap().is_none(), "{degrees}");
+        }
+        assert!(named("null").unwrap().is_none());
+        let (place, epsg) = named(&name("urn:ogc:def:crs:EPSG::28992")).unwrap().unwrap();
+        assert!(matches!(place, Place::Metres) && epsg == "EPSG:28992");
+        assert_eq!(named(r#"{"type": "EPSG", "properties": {"code": 6677}}"#).unwrap().unwrap().1, "EPSG:6677");
+        for wrong in [name("EPSG:3857"), name("Amersfoort"), "{}".to_owned(), "7".to_owned()] {
+            assert!(named(&wrong).is_err(), "{wrong}");
+        }
+    }
+}

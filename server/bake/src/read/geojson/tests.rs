@@ -1,0 +1,243 @@
+//! Whole GeoJSON files: what is read, what is mended, what is skipped and why.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use crate::read::{Format, Palette, ReadError, ReadOptions, ReadReport, read_embedded};
+use crate::scene::Scene;
+
+fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), ReadError> {
+    read_embedded(files, &ReadOptions::default(), &|_| {})
+}
+
+fn read(text: &str) -> (Scene, ReadReport) {
+    try_read(&[("a.geojson", text.as_bytes())]).unwrap()
+}
+
+/// In metres, so that shapes are plain.
+fn collection(features: &str) -> String {
+    let crs = r#"{"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::6677"}}"#;
+    format!(r#"{{"type": "FeatureCollection", "crs": {crs}, "features": [{features}]}}"#)
+}
+
+fn feature(id: &str, properties: &str, geometry: &str) -> String {
+    format!(r#"{{"type": "Feature", "id": "{id}", "properties": {properties}, "geometry": {geometry}}}"#)
+}
+
+fn polygon(rings: &str) -> String {
+    format!(r#"{{"type": "Polygon", "coordinates": [{rings}]}}"#)
+}
+
+/// 10 m wide.
+const SQUARE: &str = "[[0,0],[10,0],[10,10],[0,10],[0,0]]";
+const TEN: &str = r#"{"height": 10}"#;
+
+fn square_feature(id: &str) -> String {
+    feature(id, TEN, &polygon(SQUARE))
+}
+
+/// By the divergence theorem: right only if the surface is closed and every face turns outwards.
+fn volume_m3(scene: &Scene) -> f64 {
+    let volume = |corners: [[f32; 3]; 3]| {
+        let [a, b, c] = corners.map(|corner| DVec3::from_array(corner.map(f64::from)));
+        a.dot(b.cross(c)) / 6.0
+    };
+    scene.triangles.iter().map(|triangle| volume(triangle.corners)).sum()
+}
+
+/// Every edge is met once in each direction.
+fn is_closed(scene: &Scene) -> bool {
+    let mut edges = BTreeMap::new();
+    for triangle in &scene.triangles {
+        let corners = triangle.corners.map(|corner| corner.map(|c| (c * 1000.0).round() as i64));
+        for i in 0..3 {
+            let (from, to) = (corners[i], corners[(i + 1) % 3]);
+            *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
+        }
+    }
+    edges.values().all(|&balance| balance == 0)
+}
+
+#[test]
+fn a_footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
+    let (scene, report) =
+        read(&collection(&feature("h", r#"{"height": "14.5 m", "min_height": 2}"#, &polygon(SQUARE))));
+    assert_eq!((scene.objects.len(), scene.triangles.len()), (1, 12));
+    assert!(is_closed(&scene) && (volume_m3(&scene) - 1250.0).abs() < 1e-3);
+    assert_eq!((scene.origin[2], scene.objects[0].base_z_m), (2.0, 0.0));
+    let palette = Palette::default();
+    let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
+    assert_eq!(colours, ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.by_name[name]));
+    let source = &report.sources[0];
+    assert_eq!((source.format, source.objects, report.crs.as_deref()), (Format::GeoJson, 1, Some("EPSG:6677")));
+    assert!(source.problems.is_empty() && source.skipped.is_empty());
+}
+
+#[test]
+fn holes_and_parts_whichever_way_they_turn() {
+    let hole = "[[2,2],[4,2],[4,4],[2,4],[2,2]]";
+    let turned = "[[2,2],[2,4],[4,4],[4,2],[2,2]]";
+    let clockwise = "[[0,0],[0,10],[10,10],[10,0],[0,0]]";
+    for (outer, hole) in [(SQUARE, hole), (SQUARE, turned), (clockwise, hole), (clockwise, turned)] {
+        let (scene, _) = read(&collection(&feature("h", TEN, &polygon(&format!("{outer}, {hole}")))));
+        assert!(is_closed(&scene) && (volume_m3(&scene) - 960.0).abs() < 1e-3, "{}", volume_m3(&scene));
+    }
+    let far = "[[20,0,7],[30,0,8],[30,10,9],[20,10],[20,0]]";
+    let multi = format!(r#"{{"type": "MultiPolygon", "coordinates": [[{SQUARE}, {hole}], [{far}]]}}"#);
+    let collected = format!(
+        r#"{{"type": "GeometryCollection", "geometries": [{}, {{"type": "Point", "coordinates": [1, 2]}}, {}]}}"#,
+        polygon(&format!("{SQUARE}, {hole}")),
+        polygon(far)
+    );
+    for geometry in [multi, collected] {
+        let (scene, report) = read(&collection(&feature("m", TEN, &geometry)));
+        assert_eq!(report.objects, 1);
+        assert!(is_closed(&scene) && (volume_m3(&scene) - 1960.0).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn bad_rings_are_mended_or_skipped_and_told() {
+    let nan = "[[0,0],[10,0],[NaN,10],[0,10],[0,0]]";
+    let huge = "[[0,0],[10,0],[1e12,10],[0,10],[0,0]]";
+    let cases = [
+        (polygon("[[0,0],[10,0],[10,10],[0,10]]"), Some("ring not closed, closed")),
+        (polygon("[[0,0],[0,0],[10,0],[10,0],[10,10],[0,10],[0,0],[0,0]]"), None),
+        (polygon(&format!("{SQUARE}, [[1,1],[2,2]]")), Some("hole filled, its ring is no ring")),
+        (polygon(&format!("{SQUARE}, {nan}")), Some("hole filled, its ring is no ring")),
+        (
+            format!(r#"{{"type": "MultiPolygon", "coordinates": [[{SQUARE}], [{nan}]]}}"#),
+            Some("coordinate not a number or out of range"),
+        ),
+    ];
+    for (geometry, problem) in cases {
+        let (scene, report) = read(&collection(&feature("a", TEN, &geometry)));
+        assert!(is_closed(&scene) && (volume_m3(&scene) - 1000.0).abs() < 1e-3, "{geometry}");
+        let problems: Vec<_> = report.sources[0].problems.keys().map(String::as_str).collect();
+        assert_eq!(problems, Vec::from_iter(problem), "{geometry}");
+    }
+    let skipped = [
+        (polygon("[[0,0],[10,0],[0,0]]"), "ring of fewer than three corners"),
+        (polygon("[[0,0],[5,0],[10,0],[0,0]]"), "ring without area"),
+        (polygon(nan), "coordinate not a number or out of range"),
+        (polygon(huge), "coordinate not a number or out of range"),
+        (polygon(""), "polygon without rings"),
+        (polygon("7"), "malformed coordinates"),
+        (polygon(r#"[["a", 1]]"#), "malformed coordinates"),
+        (r#"{"type": "Polygon"}"#.to_owned(), "polygon without rings"),
+        (r#"{"type": "LineString", "coordinates": [[0,0],[1,1]]}"#.to_owned(), "no polygon"),
+        ("null".to_owned(), "no geometry"),
+        ("7".to_owned(), "malformed feature"),
+    ];
+    for (geometry, reason) in skipped {
+        let text = collection(&format!("{}, {}", feature("bad", TEN, &geometry), square_feature("good")));
+        let (scene, report) = read(&text);
+        assert_eq!(scene.objects[0].id, "good", "{geometry}");
+        let reasons: Vec<_> =
+            report.sources[0].skipped.iter().map(|(why, tally)| (why.as_str(), tally.count)).collect();
+        assert_eq!(reasons, [(reason, 1)], "{geometry}");
+    }
+}
+
+#[test]
+fn a_ring_that_crosses_itself_is_told() {
+    let crossing = polygon("[[0,0],[10,0],[10,10],[4,-5],[0,10],[0,0]]");
+    let (scene, report) = read(&collection(&feature("x", TEN, &crossing)));
+    assert!(!scene.triangles.is_empty());
+    assert_eq!(report.sources[0].problems["ring crosses itself"].first, ["x"]);
+}
+
+#[test]
+fn degrees_become_metres_of_the_first_positions_zone() {
+    // A hundredth of a second of arc is about 0.3 m.
+    let ring = "[[139.75,35.69],[139.7501,35.69],[139.7501,35.6901],[139.75,35.6901],[139.75,35.69]]";
+    let text = format!(r#"{{"features": [{}], "type": "FeatureCollection"}}"#, feature("t", TEN, &polygon(ring)));
+    let (scene, report) = read(&text);
+    assert_eq!(scene.crs.as_deref(), Some("EPSG:32654"));
+    assert_eq!(report.sources[0].crs, scene.crs);
+    // 9.05 m by 11.09 m there, times the zone's scale of 0.9997.
+    assert!((volume_m3(&scene) - 1003.7).abs() < 2.0, "{}", volume_m3(&scene));
+    // A second file in the neighbouring zone is laid into the first one's.
+    let east = text.replace("139.75", "144.1");
+    let (scene, _) = try_read(&[("a.geojson", text.as_bytes()), ("b.json", east.as_bytes())]).unwrap();
+    assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:32654"), 1), "392 km away: a stray");
+    let metres = collection(&square_feature("a"));
+    let error = try_read(&[("a.geojson", metres.as_bytes()), ("b.geojson", text.as_bytes())]).unwrap_err();
+    assert!(matches!(error, ReadError::CrsMismatch { .. }), "{error}");
+    let late = text.replace(r#""type": "FeatureCollection""#, r#""crs": null, "type": "FeatureCollection""#);
+    let error = try_read(&[("a.geojson", late.as_bytes())]).unwrap_err();
+    assert!(error.to_string().contains("comes after its features"), "{error}");
+}
+
+#[test]
+fn a_feature_a_line() {
+    let (a, b) = (square_feature("a"), square_feature("b").replace("[10,0]", "[10,NaN]"));
+    let degrees = |text: &str| text.replace("10]", "0.0001]").replace("[10", "[0.0001");
+    let text = format!("\u{1e}{}\n\n{{\n\u{1e}{}\r\n[]\n{}", degrees(&a), degrees(&b), degrees(&a));
+    for name in ["a.geojsonl", "a.geojsons"] {
+        let (scene, report) = try_read(&[(name, text.as_bytes())]).unwrap();
+        assert_eq!((scene.objects.len(), scene.crs.as_deref()), (2, Some("EPSG:32631")));
+        let skipped = &report.sources[0].skipped;
+        assert_eq!((skipped["malformed feature"].count, skipped["no feature"].count), (1, 1));
+        assert!(skipped["malformed feature"].first[0].starts_with("feature 2: "));
+        assert_eq!(skipped["coordinate not a number or out of range"].first, ["b"]);
+    }
+}
+
+#[test]
+fn what_a_file_says_of_itself_and_its_features() {
+    let plain = square_feature("x").replace(r#""id": "x", "#, "");
+    let named = plain.replace(r#"{"height""#, r#"{"id": "13101-bldg-7347", "height""#);
+    let numbered = plain.replace(r#""type""#, r#""id": 77, "type""#).replace(TEN, "null");
+    let text = collection(&format!("{plain}, {named}, {numbered}"));
+    let text =
+        text.replacen('{', r#"{"title": "Tokyo", "copyright": "PLATEAU", "bbox": [1, NaN], "license": "CC BY", "#, 1);
+    let (scene, report) = read(&text);
+    let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
+    assert_eq!(ids, ["feature 1", "13101-bldg-7347", "77"]);
+    let source = &report.sources[0];
+    assert_eq!((&source.titles[..], &source.attributions[..]), (&["Tokyo".into()][..], &["PLATEAU".into()][..]));
+    assert_eq!(source.licences, ["CC BY"]);
+    assert_eq!(source.problems["height guessed"].first, ["77: 6 m"]);
+    assert_eq!(source.objects_by_type["Polygon"], 3);
+}
+
+#[test]
+fn damage_of_the_whole_is_an_error_wherever_it_is_cut() {
+    let text = collection(&format!("{}, {}", square_feature("a"), square_feature("b")));
+    for end in 0..text.len() {
+        for name in ["a.geojson", "a.json"] {
+            assert!(try_read(&[(name, &text.as_bytes()[..end])]).is_err(), "cut at {end}");
+        }
+    }
+    for (text, part) in [
+        (r#"{"type": "CityJSON"}"#, r#"its type is "CityJSON" and not "FeatureCollection""#),
+        (r#"{"features": []}"#, "no GeoJSON"),
+        (r#"{"type": "FeatureCollection", "features": 7}"#, "line 1, column 44: invalid type"),
+        (r#"{"type": "FeatureCollection", "features": []}"#, "the city is empty"),
+        (r#"{"type": "FeatureCollection", "features": []} x"#, "trailing characters"),
+        ("[]", "a GeoJSON document"),
+    ] {
+        let error = try_read(&[("a.geojson", text.as_bytes())]).unwrap_err().to_string();
+        assert!(error.starts_with("a.geojson: ") && error.contains(part) && !error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
+fn floods_are_stopped() {
+    let options = ReadOptions { max_source_bytes: 1 << 16, max_line_bytes: 1 << 12, ..ReadOptions::default() };
+    let too_large = |text: &str| {
+        let error = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap_err();
+        let ReadError::TooLarge { limit, .. } = error else { panic!("{error}") };
+        limit
+    };
+    let many = vec![square_feature("a"); 1000].join(",");
+    assert_eq!(too_large(&collection(&many)), 1 << 16);
+    assert_eq!(too_large(&collection(&feature("a", TEN, &polygon(&"[[0,0],[1,0]],".repeat(1000))))), 1 << 12);
+    assert_eq!(too_large(&format!(r#"{{"bbox": {}"#, "[".repeat(1 << 20))), 1 << 12);
+    assert_eq!(too_large(&" ".repeat(1 << 20)), 1 << 12);
+    let lines = format!("{}\n{}", " ".repeat(5000), square_feature("a").replace("10", "0.001"));
+    let (scene, report) = read_embedded(&[("a.geojsonl", lines.as_bytes())], &options, &|_| {}).unwrap();
+    assert_eq!((scene.objects.len(), report.sources[0].skipped["line too long"].count), (1, 1));
+}
