@@ -4,21 +4,30 @@
 
 use insula_protocol::{
     BlockMap, DecodeError, Texel, TileId,
-    blockmap::{COLUMNS, Clip, Column, Outer, Strip, strip_rows},
+    blockmap::{COLUMNS, Clip, Column, Corner, Outer, Strip, strip_rows},
 };
 use proptest::prelude::*;
 
 fn column() -> impl Strategy<Value = Column> {
     let texel = any::<u32>().prop_map(Texel);
-    (0u16..4000, 1u16..95, any::<[bool; 6]>(), texel, any::<u16>(), any::<u32>(), any::<u8>()).prop_map(
-        |(z_min, height, [inclined, suspended, exposed, gap, clipped, outer], roof, roof_normal, seed, azimuth)| {
+    (0u16..4000, 1u16..95, any::<[bool; 8]>(), texel, any::<u16>(), any::<u32>(), any::<u8>()).prop_map(
+        |(
+            z_min,
+            height,
+            [inclined, suspended, exposed, gap, clipped, outer, corner, concave],
+            roof,
+            roof_normal,
+            seed,
+            azimuth,
+        )| {
             let z_max = z_min + height;
             let rows = strip_rows(z_min, z_max, 1).1;
             let texels = (0..u32::from(rows)).map(|i| Texel(seed.wrapping_mul(i * 2 + 1))).collect();
             let gap = (gap && exposed && height > 3).then_some([z_min + 1, z_max - 1]);
             let strip = exposed.then_some(Strip { texels, azimuth });
             let outer = (outer && height > 1).then_some(Outer { z: z_max - 1, roof: Texel(seed) });
-            let clip = (clipped && exposed).then_some(Clip { offset: seed as i8, outer });
+            let corner = corner.then_some(Corner { azimuth, offset: (seed >> 8) as i8, concave });
+            let clip = (clipped && exposed).then_some(Clip { offset: seed as i8, corner, outer });
             Column { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip }
         },
     )
@@ -86,7 +95,7 @@ fn what_a_column_promises_is_checked() {
     assert!(build(Column { z_min: 40, ..good.clone() }).is_err(), "no height");
     assert!(build(Column { z_max: 4096, ..good.clone() }).is_err(), "over 12 bits");
     assert!(build(Column { gap: Some([10, 20]), ..good.clone() }).is_err(), "gap without strip");
-    let clip = |z: u16| Some(Clip { offset: 5, outer: Some(Outer { z, roof: Texel(7) }) });
+    let clip = |z: u16| Some(Clip { offset: 5, corner: None, outer: Some(Outer { z, roof: Texel(7) }) });
     assert!(build(Column { clip: clip(20), ..good.clone() }).is_err(), "clipped without a strip");
     let strip =
         Some(Strip { texels: vec![Texel(1); usize::from(strip_rows(good.z_min, good.z_max, 0).1)], azimuth: 0 });

@@ -1,6 +1,6 @@
 //! A V-BlockMap from bytes that anyone may have made.
 
-use super::{BlockMap, COLUMNS, Clip, MAX_TEXELS, Outer, Z_SHIFT_MAX, encode::tag, flag, predict, strip_rows};
+use super::{BlockMap, COLUMNS, Clip, Corner, MAX_TEXELS, Outer, Z_SHIFT_MAX, encode::tag, flag, predict, strip_rows};
 use crate::{
     codec::varint::Reader,
     error::DecodeError,
@@ -59,7 +59,24 @@ fn clips(tile: &TileReader<'_>, n: usize) -> Result<Vec<Clip>, DecodeError> {
     let mut roofs = texels(tile, tag::OUTER_RGB, tag::OUTER_AO, count)?.into_iter();
     let outer = |z: u16| if z == 0 { None } else { Some(Outer { z, roof: roofs.next()? }) };
     let outers: Vec<Option<Outer>> = heights.into_iter().map(outer).collect();
-    Ok(offsets.into_iter().zip(outers).map(|(offset, outer)| Clip { offset: offset as i8, outer }).collect())
+    let corners = corners(tile.section(tag::CORNERS, n * 3)?, n)?;
+    let clips = offsets.into_iter().zip(corners).zip(outers);
+    Ok(clips.map(|((offset, corner), outer)| Clip { offset: offset as i8, corner, outer }).collect())
+}
+
+fn corners(bytes: Vec<u8>, n: usize) -> Result<Vec<Option<Corner>>, DecodeError> {
+    let Some((kinds, places)) = bytes.split_at_checked(n) else {
+        return Err(DecodeError::Truncated { wanted: n, found: bytes.len() });
+    };
+    if kinds.iter().any(|kind| *kind > 2) || places.len() != kinds.iter().filter(|kind| **kind != 0).count() * 2 {
+        return Err(DecodeError::Invalid("corners do not match the planes"));
+    }
+    let mut places = places.chunks_exact(2);
+    let mut corner = |kind: u8| {
+        let place = if kind == 0 { None } else { places.next() }?;
+        Some(Corner { azimuth: place[0], offset: place[1] as i8, concave: kind == 2 })
+    };
+    Ok(kinds.iter().map(|kind| corner(*kind)).collect())
 }
 
 fn exact(bytes: Vec<u8>, wanted: usize) -> Result<Vec<u8>, DecodeError> {

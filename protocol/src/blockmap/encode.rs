@@ -24,6 +24,7 @@ pub(super) mod tag {
     pub(in super::super) const OUTER_Z: u8 = 13;
     pub(in super::super) const OUTER_RGB: u8 = 14;
     pub(in super::super) const OUTER_AO: u8 = 15;
+    pub(in super::super) const CORNERS: u8 = 16;
 }
 
 impl BlockMap {
@@ -58,6 +59,11 @@ impl BlockMap {
         writer.section(tag::STRIP_AO, &occlusions(&self.strips))?;
         let offsets: Vec<u8> = self.clips.iter().map(|clip| clip.offset as u8).collect();
         writer.section(tag::CLIP_OFFSETS, &offsets)?;
+        // What the corner is, then the azimuths and offsets of those that are one.
+        let mut corners: Vec<u8> =
+            self.clips.iter().map(|clip| clip.corner.map_or(0, |c| 1 + u8::from(c.concave))).collect();
+        corners.extend(self.clips.iter().filter_map(|clip| clip.corner).flat_map(|c| [c.azimuth, c.offset as u8]));
+        writer.section(tag::CORNERS, &corners)?;
         // A height of zero, which nothing beyond a wall has, stands for an empty other side.
         let outer: Vec<Outer> = self.clips.iter().map(|clip| clip.outer.unwrap_or_default()).collect();
         bytes.clear();

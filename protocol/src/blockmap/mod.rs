@@ -66,12 +66,25 @@ pub struct Outer {
     pub roof: Texel,
 }
 
+/// The second wall of a column that stands at a corner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Corner {
+    /// Direction of its horizontal normal, like [`Strip::azimuth`].
+    pub azimuth: u8,
+    /// Distance of its plane from the cell's centre, like [`Clip::offset`].
+    pub offset: i8,
+    /// Whether the column fills the inner side of either plane; else only what is on the inner side of both.
+    pub concave: bool,
+}
+
 /// Where a wall stands inside its cell: the column fills the part on the inner side of a vertical plane that is square to
 /// the strip's azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Clip {
     /// Distance of the plane from the cell's centre along the azimuth, in cells / [`CLIP_STEPS_PER_CELL`].
     pub offset: i8,
+    /// Where another wall meets the first.
+    pub corner: Option<Corner>,
     /// `None` where the other side is empty.
     pub outer: Option<Outer>,
 }
