@@ -15,7 +15,7 @@ use crate::{
     scene::{Scene, Triangle},
 };
 
-const _: () = assert!(BLOCK_LEAVES == 8, "a block's leaves are kept as the bits of a u64");
+const _: () = assert!(BLOCK_LEAVES <= 8, "a block's leaves are kept as the bits of a u64");
 /// Triangles that one task looks at.
 const CHUNK: usize = 1 << 14;
 
@@ -79,7 +79,7 @@ impl Partition {
 
     /// The block's leaves that may hold something, row by row.
     pub fn leaves(&self, block: &Block) -> Vec<TileId> {
-        (0..64u32)
+        (0..BLOCK_LEAVES * BLOCK_LEAVES)
             .filter(|bit| block.leaves >> bit & 1 == 1)
             .filter_map(|bit| {
                 let (x, y) = (block.x * BLOCK_LEAVES + bit % BLOCK_LEAVES, block.y * BLOCK_LEAVES + bit / BLOCK_LEAVES);
@@ -207,11 +207,10 @@ mod tests {
             triangle([[900.0, 10.0, 0.0], [905.0, 10.0, 0.0], [900.0, 15.0, 5.0]]),
         ]);
         let partition = Partition::new(&scene, &grid(5), 64.0);
-        assert_eq!(partition.blocks.len(), 2);
-        assert_eq!(partition.leaves(&partition.blocks[0]), [id(7, 0)]);
-        assert_eq!(partition.leaves(&partition.blocks[1]), [id(9, 0), id(14, 0)]);
-        assert_eq!(partition.triangles(&partition.blocks[0]), [0]);
-        assert_eq!(partition.triangles(&partition.blocks[1]), [0, 1, 2]);
+        let leaves: Vec<_> = partition.blocks.iter().map(|block| partition.leaves(block)).collect();
+        assert_eq!(leaves, [[id(7, 0)], [id(9, 0)], [id(14, 0)]]);
+        let triangles: Vec<_> = partition.blocks.iter().map(|block| partition.triangles(block)).collect();
+        assert_eq!(triangles, [&[0][..], &[0, 1], &[2]]);
         let wider = Partition::new(&scene, &grid(5), 100.0);
         assert_eq!(wider.triangles(&wider.blocks[0]), [0, 1]);
     }
@@ -248,7 +247,11 @@ mod tests {
             for (u, v) in [(0.2, 0.3), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.1, 0.8)] {
                 let [a, b, c] = triangle.corners;
                 let [x, y] = [0, 1].map(|k| ((a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])) / 64.0) as u32);
-                let block = partition.blocks.iter().find(|block| (block.x, block.y) == (x / 8, y / 8)).unwrap();
+                let block = partition
+                    .blocks
+                    .iter()
+                    .find(|block| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES))
+                    .unwrap();
                 assert!(partition.leaves(block).contains(&id(x, y)));
                 assert!(partition.triangles(block).binary_search(&(index as u32)).is_ok());
             }

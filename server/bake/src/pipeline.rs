@@ -133,11 +133,6 @@ fn pool(threads: usize) -> Result<ThreadPool, BakeError> {
     built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
 }
 
-/// A block may take 200 MB while it is sampled, and sampling is parallel in itself: few blocks keep all threads busy.
-fn blocks_in_flight(threads: usize) -> usize {
-    threads.min(2 + threads / 8)
-}
-
 fn tell(start: Start, config: &Config) {
     let out = config.out.display();
     match start {
@@ -168,7 +163,7 @@ fn leaves(
     let total = blocks.iter().map(|block| partition.leaves(block).len() as u64).sum();
     stage.progress.stage("sample", total);
     let leaves = leaves::Leaves { stage, scene, partition };
-    let done = feed::feed(pool, blocks_in_flight(stage.config.threads), &blocks, |block| leaves.block(block))?;
+    let done = feed::feed(pool, stage.config.threads, &blocks, |block| leaves.block(block))?;
     collect(done, stage.grid.depth, tree, counts);
     Ok(())
 }

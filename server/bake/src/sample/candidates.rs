@@ -27,19 +27,30 @@ pub(super) struct Candidate {
     pub(super) sightings: [u16; 2],
 }
 
-/// All candidates that lie over the block's cells.
+/// All candidates that lie over the block's cells, triangle by triangle, each triangle's by their turns.
 pub(super) fn find(block: &Block) -> Vec<Candidate> {
     let mut found = Vec::new();
     let spacing = block.cell_m * 0.5;
     for (index, triangle) in block.triangles.iter().enumerate() {
+        if is_floor(block, triangle) {
+            continue;
+        }
+        let before = found.len();
         let shortest = 2.0 * triangle.area_m2 / longest_edge(triangle).1;
         if shortest < 2.0 * spacing {
             slice(block, triangle, index as u32, spacing, &mut found);
         } else {
             raster(block, triangle, index as u32, spacing, &mut found);
         }
+        found[before..].sort_by_key(|candidate| candidate.turn);
     }
     found
+}
+
+/// Whether nobody can see it: it lies at a closed shell's foot and faces down.
+fn is_floor(block: &Block, triangle: &LocalTriangle) -> bool {
+    let top = triangle.corners.iter().fold(f32::MIN, |m, c| m.max(c.z));
+    triangle.closed && triangle.normal.z < -0.99 && top < triangle.base_z_m + 0.01 * block.cell_m
 }
 
 fn push(block: &Block, found: &mut Vec<Candidate>, p: Vec3, triangle: u32, area_m2: f32, place: [usize; 2]) {
@@ -90,7 +101,8 @@ fn raster(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, fou
     } else {
         1
     };
-    let (u, v) = ((main + 1) % 3, (main + 2) % 3);
+    // Upwards first: so do the maps of `visibility`.
+    let (u, v) = [(2, 1), (2, 0), (0, 1)][main];
     let low = triangle.corners.iter().fold(Vec3::MAX, |m, c| m.min(*c));
     let high = triangle.corners.iter().fold(Vec3::MIN, |m, c| m.max(*c));
     // Only the block's part of what may be a large triangle.

@@ -4,7 +4,7 @@
 
 use super::{BlockInput, SampleSettings};
 use crate::scene::ObjectKind;
-use glam::Vec3;
+use glam::{DMat3, DVec3, Vec3};
 use insula_protocol::NODE_CELLS;
 use std::collections::HashMap;
 
@@ -21,6 +21,8 @@ pub(super) struct LocalTriangle {
     pub(super) base_z_m: f32,
     /// West, south, east and north end of its object.
     pub(super) footprint_m: [f32; 4],
+    /// Whether its object is a closed shell, turned outwards: then backs are never seen, and fronts are in their way.
+    pub(super) closed: bool,
     /// Index into the scene's triangles.
     pub(super) source: u32,
 }
@@ -56,6 +58,7 @@ impl Block {
         let mut triangles: Vec<LocalTriangle> =
             input.triangles.iter().filter_map(|i| local(input, *i, corner)).collect();
         find_footprints(&mut triangles);
+        find_closed(&mut triangles);
         let extent = count.map(|n| (f64::from(n) * side) as f32);
         let z_range = heights(&triangles, extent);
         let cells = count.map(|n| n as usize * NODE_CELLS);
@@ -90,6 +93,7 @@ fn local(input: &BlockInput<'_>, index: u32, corner: [f64; 3]) -> Option<LocalTr
         object: triangle.object,
         base_z_m: (f64::from(object.base_z_m) - corner[2]) as f32,
         footprint_m: [0.0; 4],
+        closed: false,
         source: index,
     })
 }
@@ -109,6 +113,35 @@ fn find_footprints(triangles: &mut [LocalTriangle]) {
     }
 }
 
+/// Marks the triangles of closed shells. An object's triangles follow each other.
+fn find_closed(triangles: &mut [LocalTriangle]) {
+    for object in triangles.chunk_by_mut(|a, b| a.object == b.object) {
+        let closed = !object[0].terrain && is_closed(object);
+        object.iter_mut().for_each(|triangle| triangle.closed = closed);
+    }
+}
+
+/// Divergence theorem: over a closed surface the normals' integral is zero, and that of position times normal is the
+/// volume times the unit matrix. It needs no common vertices, so that a corner on another polygon's edge does no harm.
+fn is_closed(triangles: &[LocalTriangle]) -> bool {
+    /// Share of the surface (of the volume) that may be missing.
+    const TOLERANCE: f64 = 1e-4;
+    let origin = triangles[0].corners[0].as_dvec3();
+    let (mut area, mut surface, mut moment) = (DVec3::ZERO, 0.0, DMat3::ZERO);
+    for triangle in triangles {
+        let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3() - origin);
+        let normal = (b - a).cross(c - a) * 0.5;
+        let middle = (a + b + c) / 3.0;
+        area += normal;
+        surface += normal.length();
+        moment += DMat3::from_cols(middle * normal.x, middle * normal.y, middle * normal.z);
+    }
+    let volume = (moment.x_axis.x + moment.y_axis.y + moment.z_axis.z) / 3.0;
+    let off = (moment - DMat3::from_diagonal(DVec3::splat(volume))).to_cols_array();
+    let size = off.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    volume > 0.0 && area.length() < TOLERANCE * surface && size < TOLERANCE * 10.0 * volume
+}
+
 /// Of what overlaps the block; `[0, 0]` if nothing does.
 fn heights(triangles: &[LocalTriangle], extent: [f32; 2]) -> [f32; 2] {
     let inside = |t: &&LocalTriangle| {
@@ -122,4 +155,49 @@ fn heights(triangles: &[LocalTriangle], extent: [f32; 2]) -> [f32; 2] {
         .flat_map(|t| t.corners)
         .fold([f32::MAX, f32::MIN], |[low, high], c| [low.min(c.z), high.max(c.z)]);
     if range[0] > range[1] { [0.0; 2] } else { range }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box of 4 x 3 x 2 m; the first triangle of the floor is `0`, of the top `2`, of the walls `4`.
+    fn shell() -> Vec<LocalTriangle> {
+        let corner = |i: usize| Vec3::new((i & 1) as f32 * 4.0, (i >> 1 & 1) as f32 * 3.0, (i >> 2) as f32 * 2.0);
+        const FACES: [[usize; 4]; 6] =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
+        FACES.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).map(|t| triangle(t.map(corner))).collect()
+    }
+
+    fn triangle(corners: [Vec3; 3]) -> LocalTriangle {
+        LocalTriangle {
+            corners,
+            normal: Vec3::Z,
+            area_m2: 1.0,
+            terrain: false,
+            object: 0,
+            base_z_m: 0.0,
+            footprint_m: [0.0; 4],
+            closed: false,
+            source: 0,
+        }
+    }
+
+    #[test]
+    fn only_whole_shells_that_face_outwards_are_closed() {
+        assert!(is_closed(&shell()));
+        let inside_out: Vec<_> = shell().iter().map(|t| triangle([t.corners[0], t.corners[2], t.corners[1]])).collect();
+        assert!(!is_closed(&inside_out));
+        for missing in [0..1, 0..2, 0..4, 4..8, 0..12] {
+            let mut open = shell();
+            open.drain(missing);
+            assert!(open.is_empty() || !is_closed(&open));
+        }
+        let mut split = shell();
+        // One half of the top, cut at the middle of an edge that the wall below does not know.
+        let [a, b, c] = split[2].corners;
+        split[2] = triangle([a, (a + b) * 0.5, c]);
+        split.push(triangle([(a + b) * 0.5, b, c]));
+        assert!(is_closed(&split));
+    }
 }

@@ -14,44 +14,95 @@ use super::{
     scan::scan,
 };
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Sky directions that crossings look at: half of the geometry's 64, the other half of which would look from below.
 const CROSSING_DIRECTIONS: usize = 48;
-/// Sky directions after which a candidate's back that was never seen is given up.
+/// Directions, of the sky and of the low ones, after which a candidate's back that was never seen is given up.
 const BACK_DIRECTIONS: usize = 16;
-/// Sky directions after which a candidate that was never seen is dropped: it lies inside.
+/// Sky directions after which a candidate that was never seen, from below neither, is dropped: it lies inside.
 const FIRST_DIRECTIONS: usize = 48;
-/// Samples a task.
-const CHUNK: usize = 4096;
 
-/// Looks at the block from everywhere.
+/// Looks at the block from everywhere: from the sky until all is seen that will be, then from below at the rest, then
+/// from the remaining sky for the occlusion of what was seen.
 pub(super) fn look(
     block: &Block,
     settings: &SampleSettings,
     crossings: &mut Crossings,
     candidates: &mut Vec<Candidate>,
 ) {
+    let sky = directions::sky(settings.sky_directions);
+    let (first, rest) = sky.split_at(FIRST_DIRECTIONS.min(sky.len()));
     let mut pending: Vec<u32> = (0..crossings.list.len() as u32)
         .filter(|i| crossings.list[*i as usize].wants(true) || crossings.list[*i as usize].wants(false))
         .collect();
     let mut map = Map::default();
-    let low = directions::low(settings.low_directions);
-    for (i, direction) in low.iter().enumerate() {
+    let mut sheets = sheets_of(candidates);
+    for (i, direction) in first.iter().enumerate() {
         map.draw(block, *direction);
-        sight_crossings(block, &map, crossings, &mut pending);
-        sight_candidates(block, &map, candidates, i, i < BACK_DIRECTIONS);
-    }
-    for (i, direction) in directions::sky(settings.sky_directions).iter().enumerate() {
-        map.draw(block, *direction);
-        if i == FIRST_DIRECTIONS {
-            candidates.retain(|c| c.sightings != [0; 2]);
-        }
         if i < CROSSING_DIRECTIONS {
             sight_crossings(block, &map, crossings, &mut pending);
         }
-        sight_candidates(block, &map, candidates, i, i < BACK_DIRECTIONS);
+        let look = Look { turn: Some(i % TURNS), unseen: true, backs: i < BACK_DIRECTIONS };
+        sight_candidates(block, &map, candidates, &mut sheets, look);
     }
+    look_from_below(block, settings, (crossings, &mut pending), (candidates, &mut sheets));
+    candidates.retain(|candidate| candidate.sightings != [0; 2]);
+    sheets = sheets_of(candidates);
+    for (i, direction) in rest.iter().enumerate() {
+        map.draw(block, *direction);
+        let look = Look { turn: Some((FIRST_DIRECTIONS + i) % TURNS), unseen: false, backs: false };
+        sight_candidates(block, &map, candidates, &mut sheets, look);
+    }
+}
+
+/// Undersides, and what stands under them. Where all shells are closed and stand on the ground, there are none.
+fn look_from_below(
+    block: &Block,
+    settings: &SampleSettings,
+    (crossings, pending): (&mut Crossings, &mut Vec<u32>),
+    (candidates, sheets): (&mut [Candidate], &mut [Sheet]),
+) {
+    let hangs = block.triangles.iter().any(|triangle| hangs(block, triangle));
+    if !hangs && pending.is_empty() {
+        return;
+    }
+    let mut map = Map::default();
+    for (i, direction) in directions::low(settings.low_directions).iter().enumerate() {
+        map.draw(block, *direction);
+        sight_crossings(block, &map, crossings, pending);
+        if hangs {
+            let look = Look { turn: None, unseen: true, backs: i < BACK_DIRECTIONS };
+            sight_candidates(block, &map, candidates, sheets, look);
+        }
+    }
+}
+
+/// Whether there may be something to see under it.
+fn hangs(block: &Block, triangle: &LocalTriangle) -> bool {
+    let low = triangle.corners.iter().fold(f32::MAX, |m, c| m.min(c.z));
+    let above_foot = low > triangle.base_z_m + 1.5 * block.cell_m;
+    !triangle.terrain && (!triangle.closed || (triangle.normal.z < -0.1 && above_foot))
+}
+
+/// The candidates of one triangle.
+#[derive(Debug)]
+struct Sheet {
+    triangle: u32,
+    /// Where the candidates of each turn begin and the last ones end.
+    starts: [u32; TURNS + 1],
+    /// Whether a candidate's front (back) was not seen yet.
+    unseen: [bool; 2],
+}
+
+fn sheets_of(candidates: &[Candidate]) -> Vec<Sheet> {
+    let mut begin = 0;
+    let sheets = candidates.chunk_by(|a, b| a.triangle == b.triangle).map(|sheet| {
+        let starts = |turn: usize| begin + sheet.partition_point(|c| usize::from(c.turn) < turn) as u32;
+        let starts = std::array::from_fn(starts);
+        begin += sheet.len() as u32;
+        Sheet { triangle: sheet[0].triangle, starts, unseen: [true; 2] }
+    });
+    sheets.collect()
 }
 
 fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending: &mut Vec<u32>) {
@@ -67,16 +118,13 @@ fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending:
         let sure = above || map.shows(block, p, triangle);
         seen.then_some((above, if sure { SURE } else { UNSURE }))
     };
-    let list = &crossings.list;
-    let sighted: Vec<(u32, (bool, u8))> = pending
-        .par_chunks(CHUNK)
-        .flat_map_iter(|chunk| chunk.iter().filter_map(|i| Some((*i, look(&list[*i as usize])?))).collect::<Vec<_>>())
-        .collect();
-    for (i, (above, weight)) in sighted {
-        crossings.list[i as usize].sighted(above, weight);
-    }
-    let list = &crossings.list;
-    pending.retain(|i| list[*i as usize].wants(true) || list[*i as usize].wants(false));
+    pending.retain(|i| {
+        let crossing = &mut crossings.list[*i as usize];
+        if let Some((above, weight)) = look(crossing) {
+            crossing.sighted(above, weight);
+        }
+        crossing.wants(true) || crossing.wants(false)
+    });
 }
 
 /// Whether the look at an underside comes up through the ground that its object stands on: a shell without a floor would
@@ -95,37 +143,57 @@ fn through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
     p.z + out * direction.z < triangle.base_z_m
 }
 
-fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], direction: usize, backs: bool) {
-    let sky = map.w.z > 0.0;
-    candidates.par_chunks_mut(CHUNK).for_each(|chunk| {
-        for candidate in chunk {
-            let turn = sky && direction % TURNS == usize::from(candidate.turn);
-            if !turn && sky && direction >= FIRST_DIRECTIONS {
-                continue;
-            }
-            let triangle = &block.triangles[candidate.triangle as usize];
-            // Tops are seen from the sky; from below, only undersides and walls under roofs need a look.
-            if !sky && (triangle.terrain || triangle.normal.z > TOP_Z) {
-                continue;
-            }
-            let cos = triangle.normal.dot(map.w);
-            let side = usize::from(cos < 0.0);
-            if side == 1 && (triangle.terrain || !(backs || candidate.sightings[1] > 0)) {
-                continue;
-            }
-            let unseen = candidate.sightings[side] == 0;
-            if !(turn || unseen) || (!sky && through_floor(triangle, candidate.p, map.w)) {
-                continue;
-            }
-            let normal = if side == 1 { -triangle.normal } else { triangle.normal };
-            if map.sees(block, candidate.p, normal, candidate.triangle) {
-                candidate.sightings[side] += 1;
-                if turn {
-                    candidate.sky[side] += cos.abs();
+/// What is asked of the candidates from one direction.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    /// Whose occlusion is asked for; `None` for a direction under the horizon.
+    turn: Option<usize>,
+    /// Whether all are asked that were not seen yet.
+    unseen: bool,
+    /// Whether backs are among these.
+    backs: bool,
+}
+
+fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], sheets: &mut [Sheet], look: Look) {
+    for sheet in sheets {
+        let triangle = &block.triangles[sheet.triangle as usize];
+        // Tops are seen from the sky; from below, only undersides and walls under roofs need a look.
+        if look.turn.is_none() && (triangle.terrain || triangle.normal.z > TOP_Z) {
+            continue;
+        }
+        let cos = triangle.normal.dot(map.w);
+        let side = usize::from(cos < 0.0);
+        if side == 1 && (triangle.terrain || triangle.closed) {
+            continue;
+        }
+        let normal = if side == 1 { -triangle.normal } else { triangle.normal };
+        let sees = |candidate: &Candidate| {
+            let inside = look.turn.is_none() && through_floor(triangle, candidate.p, map.w);
+            !inside && map.sees(block, candidate.p, normal, sheet.triangle)
+        };
+        let first_looks = look.unseen && sheet.unseen[side] && (side == 0 || look.backs);
+        if first_looks {
+            let all = &mut candidates[sheet.starts[0] as usize..sheet.starts[TURNS] as usize];
+            let mut unseen = false;
+            for candidate in all.iter_mut().filter(|candidate| candidate.sightings[side] == 0) {
+                let own_turn = look.turn == Some(usize::from(candidate.turn));
+                if !own_turn && sees(candidate) {
+                    candidate.sightings[side] += 1;
                 }
+                unseen |= candidate.sightings[side] == 0;
+            }
+            sheet.unseen[side] = unseen;
+        }
+        let Some(turn) = look.turn else { continue };
+        let own = &mut candidates[sheet.starts[turn] as usize..sheet.starts[turn + 1] as usize];
+        for candidate in own {
+            let given_up = side == 1 && candidate.sightings[1] == 0 && !look.backs;
+            if !given_up && sees(candidate) {
+                candidate.sightings[side] += 1;
+                candidate.sky[side] += cos.abs();
             }
         }
-    });
+    }
 }
 
 /// The nearest triangles as seen from one direction.
@@ -164,7 +232,9 @@ impl Map {
     /// Axes and extent: what the block's box projects to.
     fn aim(&mut self, block: &Block, direction: Vec3) {
         self.w = direction;
-        (self.u, self.v) = direction.any_orthonormal_pair();
+        // Walls are mostly higher than wide: with a map's rows upright they have fewer, longer runs.
+        self.v = direction.cross(Vec3::Z).normalize_or(Vec3::Y);
+        self.u = self.v.cross(direction);
         self.texel_m = block.cell_m * 0.5;
         self.texels_per_m = 1.0 / self.texel_m;
         self.tolerance_m = block.cell_m * 0.02;
@@ -191,7 +261,9 @@ impl Map {
 
     fn draw_triangle(&mut self, triangle: &LocalTriangle, index: usize) {
         let cos = triangle.normal.dot(self.w);
-        if cos.abs() < 1e-3 || (triangle.terrain && cos < 0.0) {
+        // The nearest surface of a closed shell faces the viewer, as terrain does.
+        let one_sided = triangle.terrain || triangle.closed;
+        if cos.abs() < 1e-3 || (one_sided && cos < 0.0) {
             return;
         }
         let corners = triangle.corners.map(|c| self.flat(c) - self.corner);
@@ -205,17 +277,20 @@ impl Map {
         scan(corners.map(|c| [c.x, c.y]), texel, self.size, |row, first, end| {
             let base = plane.y * (row as f32 + 0.5) * texel + plane.z;
             let run = row * width + first..row * width + end;
+            let along = plane.x * texel;
+            let start = (first as f32 + 0.5) * along + base;
+            // Without branches, so that the compiler takes several texels at once.
             for (i, (depth, id)) in depths[run.clone()].iter_mut().zip(&mut ids[run]).enumerate() {
-                let w = plane.x * ((first + i) as f32 + 0.5) * texel + base;
-                if w > *depth {
-                    *depth = w;
-                    *id = index as u32 + 1;
-                }
+                let w = i as i32 as f32 * along + start;
+                let nearer = w > *depth;
+                *depth = if nearer { w } else { *depth };
+                *id = if nearer { index as u32 + 1 } else { *id };
             }
         });
     }
 
     /// The ids of the four texels around a place on the map; `None` outside.
+    #[inline]
     fn around(&self, at: Vec2) -> Option<[u32; 4]> {
         let texel = at * self.texels_per_m - 0.5;
         if texel.x < 0.0 || texel.y < 0.0 {
@@ -243,10 +318,15 @@ impl Map {
 
     /// Whether the surface at `p` with `normal` (towards the viewer) of `triangle` is seen: the triangles in all four texels
     /// around let it be.
+    #[inline]
     fn sees(&self, block: &Block, p: Vec3, normal: Vec3, triangle: u32) -> bool {
         let at = self.flat(p) - self.corner;
-        let w = p.dot(self.w);
         let Some(ids) = self.around(at) else { return true };
+        ids == [triangle + 1; 4] || self.let_through(block, (p, at, normal), triangle, ids)
+    }
+
+    fn let_through(&self, block: &Block, (p, at, normal): (Vec3, Vec2, Vec3), triangle: u32, ids: [u32; 4]) -> bool {
+        let w = p.dot(self.w);
         let mut last = triangle + 1;
         for id in ids {
             if id == 0 || id == triangle + 1 || id == last {
