@@ -7,14 +7,14 @@
 //! |---|---|
 //! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8) |
 //! | 1 roof | texel |
-//! | 2 attributes | roof normal (16), wall azimuth (8) |
+//! | 2 attributes | roof normal (16), wall azimuth (8), offset of the plane that clips the column (8, signed) |
 //! | 3 strips | address of its strip: a word of the atlas (0 if none) |
-//! | 4... | strips; one never crosses a page. With [`flag::GAP`] the first word is the gap, `low \| high << 16` |
+//! | 4... | strips; one never crosses a page. With [`flag::GAP`] a word before the texels is the gap, `low \| high << 16`; with [`flag::CLIPPED`] two words before that are [`clip_word`] and the texel beyond |
 
 use crate::layout::{BLOCK_CELLS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{COLUMNS, Clip, STEPS_PER_CELL, flag, strip_rows},
     octahedral,
 };
 
@@ -62,7 +62,27 @@ fn strip_words(map: &BlockMap, i: usize) -> usize {
     if flags & flag::EXPOSED == 0 {
         return 0;
     }
-    usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1) + usize::from(flags & flag::GAP != 0)
+    usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1) + head_words(flags)
+}
+
+/// What a clipped column has besides its azimuth and offset: top of what is beyond (12 bits, 0 if nothing is), whether it is
+/// a corner (1), a concave one (1), two bits of zero, azimuth (8) and offset (8, signed) of the corner's second plane.
+pub fn clip_word(clip: &Clip) -> u32 {
+    let top = u32::from(clip.outer.map_or(0, |outer| outer.z));
+    let corner = clip.corner.map_or(0, |c| {
+        CORNER | if c.concave { CONCAVE } else { 0 } | u32::from(c.azimuth) << 16 | u32::from(c.offset as u8) << 24
+    });
+    top | corner
+}
+
+/// In a [`clip_word`]: there is a second plane.
+pub const CORNER: u32 = 1 << 12;
+/// In a [`clip_word`]: the column fills the inner side of either plane, not of both.
+pub const CONCAVE: u32 = 1 << 13;
+
+/// Words before a strip's texels: [`clip_word`] and the texel beyond of a clipped column, then the gap.
+pub fn head_words(flags: u8) -> usize {
+    usize::from(flags & flag::CLIPPED != 0) * 2 + usize::from(flags & flag::GAP != 0)
 }
 
 /// Places strips one after the other, none across a page.
@@ -93,12 +113,15 @@ impl PackedNode {
     pub fn new(map: &BlockMap) -> Self {
         let mut pages: Vec<Page> = vec![vec![0; PAGE_WORDS].into(); page_count(map)];
         let mut layout = StripLayout::default();
-        let (mut gaps, mut strips) = (map.gaps.iter(), &map.strips[..]);
+        let (mut gaps, mut clips, mut strips) = (map.gaps.iter(), map.clips.iter(), &map.strips[..]);
         for i in 0..COLUMNS {
             let flags = map.flags[i];
             pages[0][i] = u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << 12 | u32::from(flags) << 24;
             pages[1][i] = map.roof[i].0;
-            pages[2][i] = u32::from(map.roof_normal[i]) | u32::from(map.wall_azimuth[i]) << 16;
+            let clip = (flags & flag::CLIPPED != 0).then(|| clips.next()).flatten();
+            let offset = clip.map_or(0, |clip| clip.offset as u8);
+            pages[2][i] =
+                u32::from(map.roof_normal[i]) | u32::from(map.wall_azimuth[i]) << 16 | u32::from(offset) << 24;
             let words = strip_words(map, i);
             if words == 0 {
                 continue;
@@ -106,14 +129,13 @@ impl PackedNode {
             let at = layout.place(words);
             pages[3][i] = at as u32;
             let page = &mut pages[PLANES + at / PAGE_WORDS][at % PAGE_WORDS..][..words];
+            let (before, texels) = page.split_at_mut(head_words(flags));
+            let outer = clip.map(|clip| [clip_word(clip), clip.outer.map_or(0, |outer| outer.roof.0)]);
             let gap = (flags & flag::GAP != 0).then(|| gaps.next()).flatten();
-            let texels = match gap {
-                Some([low, high]) => {
-                    page[0] = u32::from(*low) | u32::from(*high) << 16;
-                    &mut page[1..]
-                }
-                None => page,
-            };
+            let gap = gap.map(|[low, high]| u32::from(*low) | u32::from(*high) << 16);
+            for (word, value) in before.iter_mut().zip(outer.into_iter().flatten().chain(gap)) {
+                *word = value;
+            }
             let (head, tail) = strips.split_at(texels.len().min(strips.len()));
             strips = tail;
             for (word, texel) in texels.iter_mut().zip(head) {
@@ -168,13 +190,28 @@ mod tests {
     use super::*;
     use insula_protocol::{
         Texel, TileId,
-        blockmap::{Column, Strip},
+        blockmap::{Column, Corner, Outer, Strip},
     };
 
     fn tall(z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> Column {
         let rows = strip_rows(z_min, z_max, 0).1;
         let texels = (0..rows).map(|r| Texel::new([r as u8, 1, 2], 63, 3)).collect();
         Column { z_min, z_max, gap, strip: Some(Strip { texels, azimuth: 7 }), ..Column::default() }
+    }
+
+    #[test]
+    fn planes_lie_beside_azimuths_and_before_gaps() {
+        let mut columns = vec![None; COLUMNS];
+        let corner = Some(Corner { azimuth: 200, offset: -2, concave: true });
+        let outer = Some(Outer { z: 30, roof: Texel(0xc0ffee) });
+        columns[9] = Some(Column { clip: Some(Clip { offset: -3, corner, outer }), ..tall(5, 400, Some([100, 200])) });
+        columns[10] = Some(Column { clip: Some(Clip { offset: 4, ..Clip::default() }), ..tall(5, 400, None) });
+        let packed = PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap());
+        assert_eq!(packed.pages[2][9] >> 16, 0xfd07);
+        let at = |i: usize| &packed.pages[PLANES][packed.pages[3][i] as usize..];
+        assert_eq!(at(9)[..3], [30 | CORNER | CONCAVE | 200 << 16 | 0xfe << 24, 0xc0ffee, 100 | 200 << 16]);
+        assert_eq!(Texel(at(9)[3]).rgb(), [0, 1, 2]);
+        assert_eq!(at(10)[..2], [0, 0]);
     }
 
     #[test]

@@ -62,6 +62,11 @@ const INCLINED: u32 = 4u;
 const GAP: u32 = 8u;
 const HOLES: u32 = 16u;
 const SUSPENDED: u32 = 32u;
+const CLIPPED: u32 = 64u;
+const CLIP_STEPS_PER_CELL: f32 = 128.0;
+// Of a clipped column's first word (src/pack.rs).
+const CORNER: u32 = 0x1000u;
+const CONCAVE: u32 = 0x2000u;
 
 // What the walk is about to do.
 const AT_SQUARE: u32 = 0u;
@@ -73,6 +78,10 @@ const AFTER_BLOCK: u32 = 4u;
 const FACE_SIDE: u32 = 0u;
 const FACE_TOP: u32 = 1u;
 const FACE_BOTTOM: u32 = 2u;
+
+const SOLID_UPPER: u32 = 0u;
+const SOLID_LOWER: u32 = 1u;
+const SOLID_OUTER: u32 = 2u;
 
 // ---- shade (src/cpu/shade.rs)
 
@@ -167,11 +176,17 @@ struct NodeRay {
     z_shift: u32,
 }
 
-// The column that `may_hit` found: its word, and its top less the ray's height at both ends.
+// The column that `may_hit` found: its word, and how its top rises.
 struct Touched {
     walk: u32,
-    over: vec2<f32>,
-    z: vec2<f32>,
+    slope: vec2<f32>,
+}
+
+struct Border {
+    begin: f32,
+    end: f32,
+    within_is_outer: bool,
+    walls: vec3<u32>,
 }
 
 struct Span {
@@ -408,23 +423,32 @@ fn octahedral(code: u32) -> vec3<f32> {
     return normalize(vec3<f32>(p, z));
 }
 
+fn z_at(t: f32) -> f32 {
+    return ray.o.z + ray.d.z * t;
+}
+
+fn top_at(t: f32, z_max: f32, slope: vec2<f32>, centre: vec2<f32>) -> f32 {
+    return z_max + dot(slope, ray.o.xy + ray.d.xy * t - centre);
+}
+
 // The twin's column up to its first return: whether the ray is between bottom and top somewhere in the cell.
 fn may_hit(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let walk = plane_word(0u, i);
     let z_max = f32(walk & 0xfffu);
     let z_min = f32((walk >> 12u) & 0xfffu);
-    let z = ray.o.z + ray.d.z * vec2<f32>(ta, te);
-    var top = vec2<f32>(z_max);
+    var slope = vec2<f32>(0.0);
     if ((walk >> 24u) & INCLINED) != 0u {
         let n = octahedral(plane_word(2u, i));
-        let slope = n.xy * (-f32(16u >> ray.z_shift) / max(n.z, 0.1));
-        let centre = vec2<f32>(cell) + 0.5;
-        top.x += dot(slope, ray.o.xy + ray.d.xy * ta - centre);
-        top.y += dot(slope, ray.o.xy + ray.d.xy * te - centre);
+        slope = n.xy * (-f32(16u >> ray.z_shift) / max(n.z, 0.1));
     }
-    touched = Touched(walk, z - top, z);
-    let apart = min(z.x, z.y) > max(top.x, top.y) || max(z.x, z.y) < z_min;
+    let centre = vec2<f32>(cell) + 0.5;
+    var highest = max(top_at(ta, z_max, slope, centre), top_at(te, z_max, slope, centre));
+    if ((walk >> 24u) & (CLIPPED | GAP)) != 0u {
+        highest = max(highest, z_max);
+    }
+    touched = Touched(walk, slope);
+    let apart = min(z_at(ta), z_at(te)) > highest || max(z_at(ta), z_at(te)) < z_min;
     return ((walk >> 24u) & OCCUPIED) != 0u && !apart;
 }
 
@@ -434,19 +458,73 @@ fn column(cell: vec2<i32>, ta: f32, te: f32) {
     let flags = walk >> 24u;
     let z_max = f32(walk & 0xfffu);
     let z_min = f32((walk >> 12u) & 0xfffu);
-    let z = touched.z;
-    let over = touched.over;
-    // One solid, or two in the ray's order; hit_solid is long and stands here once.
-    let gap = select(0u, atlas[plane_word(3u, i)], (flags & GAP) != 0u);
-    let solids = select(1u, 2u, (flags & GAP) != 0u);
+    let centre = vec2<f32>(cell) + 0.5;
+    let attributes = plane_word(2u, i);
+    let strip = plane_word(3u, i);
+    let clip = select(0u, atlas[strip], (flags & CLIPPED) != 0u);
+    let border = border_of((flags & CLIPPED) != 0u, attributes, clip, centre, ta, te);
+    let outer_top = f32(clip & 0xfffu);
+    let has_gap = (flags & GAP) != 0u;
+    let gap = select(0u, atlas[strip + head_words(flags) - 1u], has_gap);
     let low = f32(gap & 0xffffu);
     let high = f32(gap >> 16u);
-    for (var n = 0u; n < solids; n++) {
-        let lower = solids == 2u && (n == 0u) == (ray.d.z > 0.0);
-        let bottom = select(select(z_min, high, solids == 2u), z_min, lower);
-        let span = clip_solid(ta, te, select(over, z - low, lower), z - bottom);
-        hit_solid(cell, i, walk, span, bottom, select(z_max, low, lower));
+    for (var n = 0u; n < 6u; n++) {
+        let part = n >> 1u;
+        let second = (n & 1u) == 1u;
+        let lower = second != (ray.d.z > 0.0);
+        let outer = (part == 1u) == border.within_is_outer;
+        let solid = select(select(SOLID_UPPER, SOLID_LOWER, lower), SOLID_OUTER, outer);
+        let s = select(select(border.end, border.begin, part == 1u), ta, part == 0u);
+        let e = select(select(te, border.end, part == 1u), border.begin, part == 0u);
+        let missing = (outer && (second || outer_top == 0.0)) || (solid == SOLID_LOWER && !has_gap);
+        if missing || s >= e {
+            continue;
+        }
+        let bottom = select(z_min, high, solid == SOLID_UPPER && has_gap);
+        var over = vec2<f32>(z_at(s) - top_at(s, z_max, touched.slope, centre), z_at(e) - top_at(e, z_max, touched.slope, centre));
+        var top = z_max;
+        if solid != SOLID_UPPER {
+            top = select(low, outer_top, outer);
+            over = vec2<f32>(z_at(s) - top, z_at(e) - top);
+        }
+        let span = clip_solid(s, e, over, vec2<f32>(z_at(s) - bottom, z_at(e) - bottom));
+        hit_solid(cell, i, walk, strip, solid, border.walls[part], span, bottom, top);
     }
+}
+
+fn head_words(flags: u32) -> u32 {
+    return select(0u, 2u, (flags & CLIPPED) != 0u) + select(0u, 1u, (flags & GAP) != 0u);
+}
+
+fn border_of(clipped: bool, attributes: u32, clip: u32, centre: vec2<f32>, ta: f32, te: f32) -> Border {
+    let first = (attributes >> 16u) & 255u;
+    let concave = (clip & CONCAVE) != 0u;
+    let side = select(1.0, -1.0, concave);
+    var border = Border(ta, te, concave, vec3<u32>(first));
+    let planes = select(0u, select(1u, 2u, (clip & CORNER) != 0u), clipped);
+    for (var k = 0u; k < planes; k++) {
+        let word = select(attributes, clip, k == 1u);
+        let turn = (word >> 16u) & 255u;
+        let offset = f32(bitcast<i32>(word) >> 24u) / CLIP_STEPS_PER_CELL;
+        let n = azimuth(turn);
+        let a = side * (dot(n, ray.o.xy + ray.d.xy * ta - centre) - offset);
+        let b = side * (dot(n, ray.o.xy + ray.d.xy * te - centre) - offset);
+        let through = ta + (te - ta) * (a / (a - b));
+        if a > 0.0 && b > 0.0 {
+            border.begin = te;
+        } else if a > 0.0 && through > border.begin {
+            border.begin = through;
+            border.walls.y = turn;
+        } else if b > 0.0 && a <= 0.0 && through < border.end {
+            border.end = through;
+            border.walls.z = turn;
+        }
+    }
+    if border.begin >= border.end {
+        border.begin = te;
+        border.end = te;
+    }
+    return border;
 }
 
 fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
@@ -476,20 +554,37 @@ fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
     return span;
 }
 
-fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f32) {
+fn hit_solid(
+    cell: vec2<i32>,
+    i: u32,
+    walk: u32,
+    strip_at: u32,
+    solid: u32,
+    wall: u32,
+    span: Span,
+    bottom: f32,
+    top: f32,
+) {
     let inside = span.s <= 0.0 && span.face == FACE_SIDE;
     if span.s >= span.e || inside || gathered.left <= OPAQUE {
         return;
     }
     let flags = walk >> 24u;
-    let attributes = plane_word(2u, i);
-    let is_roof = top == f32(walk & 0xfffu);
-    if span.face == FACE_TOP && is_roof {
-        gather(span.s, plane_word(1u, i) | (3u << 24u), octahedral(attributes), flags);
+    let roof_normal = octahedral(plane_word(2u, i));
+    if solid == SOLID_OUTER {
+        var normal = vec3<f32>(0.0, 0.0, select(-1.0, 1.0, span.face == FACE_TOP));
+        if span.face == FACE_SIDE {
+            normal = face_normal(cell);
+        }
+        gather(span.s, atlas[strip_at + 1u] | (3u << 24u), normal, flags);
+        return;
+    }
+    if solid == SOLID_UPPER && span.face == FACE_TOP {
+        gather(span.s, plane_word(1u, i) | (3u << 24u), roof_normal, flags);
         return;
     }
     if (flags & EXPOSED) == 0u {
-        var normal = octahedral(attributes);
+        var normal = roof_normal;
         if span.face == FACE_BOTTOM {
             normal = vec3<f32>(0.0, 0.0, -1.0);
         }
@@ -499,7 +594,7 @@ fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f
         gather(span.s, plane_word(1u, i) | (3u << 24u), normal, flags);
         return;
     }
-    let strip = plane_word(3u, i) + select(0u, 1u, (flags & GAP) != 0u);
+    let strip = strip_at + head_words(flags);
     let codes = f32(16u >> ray.z_shift);
     let first = i32(floor(f32((walk >> 12u) & 0xfffu) / codes));
     let row_low = i32(floor(bottom / codes));
@@ -514,7 +609,7 @@ fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f
             if face == FACE_BOTTOM {
                 normal = vec3<f32>(0.0, 0.0, -1.0);
             } else if face == FACE_SIDE {
-                normal = wall_normal(cell, attributes);
+                normal = wall_normal(cell, wall);
             }
             gather(s, texel, normal, flags);
         }
@@ -531,9 +626,13 @@ fn hit_solid(cell: vec2<i32>, i: u32, walk: u32, span: Span, bottom: f32, top: f
     }
 }
 
-fn wall_normal(cell: vec2<i32>, attributes: u32) -> vec3<f32> {
-    let angle = f32((attributes >> 16u) & 255u) * (6.2831855 / 256.0);
-    let normal = vec3<f32>(cos(angle), sin(angle), 0.0);
+fn azimuth(turn: u32) -> vec2<f32> {
+    let angle = f32(turn) * (6.2831855 / 256.0);
+    return vec2<f32>(cos(angle), sin(angle));
+}
+
+fn wall_normal(cell: vec2<i32>, wall: u32) -> vec3<f32> {
+    let normal = vec3<f32>(azimuth(wall), 0.0);
     if dot(normal, ray.dir) < 0.0 {
         return normal;
     }

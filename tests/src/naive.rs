@@ -5,7 +5,7 @@ use crate::{cut::Place, view::Camera};
 use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel,
-    blockmap::{COLUMNS, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, Clip, Column, STEPS_PER_CELL, flag, strip_rows},
 };
 use insula_shaders::pack::slope_codes;
 
@@ -32,6 +32,19 @@ struct Solid {
     slope: DVec2,
     roof: Option<Texel>,
     wall: Wall,
+    within: Within,
+}
+
+/// A vertical plane: its normal, and metres from the cell's centre.
+type Plane = (DVec2, f64);
+
+/// Which part of its cell a solid fills.
+#[derive(Debug, Clone)]
+enum Within {
+    /// The inner side of every plane.
+    All(Vec<Plane>),
+    /// All but the inner side of every plane.
+    NotAll(Vec<Plane>),
 }
 
 #[derive(Debug, Clone)]
@@ -113,6 +126,21 @@ fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
             None => vec![[column.z_min, column.z_max]],
             Some([a, b]) => vec![[column.z_min, a], [b, column.z_max]],
         };
+        let clip = column.clip.as_ref();
+        let (planes, concave) = clip.map_or((Vec::new(), false), |clip| planes(column, clip, cell_m));
+        let within = |outer: bool| match (concave != outer, outer) {
+            _ if planes.is_empty() => Within::All(Vec::new()),
+            // Beyond a concave corner is beyond both of its planes.
+            (false, true) => Within::All(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
+            (false, false) => Within::All(planes.clone()),
+            (true, true) => Within::NotAll(planes.clone()),
+            (true, false) => Within::NotAll(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
+        };
+        if let Some(outer) = clip.and_then(|clip| clip.outer) {
+            let (bottom_m, top_m) = (z_m(f64::from(column.z_min)), z_m(f64::from(outer.z)));
+            let (slope, roof, wall) = (DVec2::ZERO, Some(outer.roof), Wall::Plain(outer.roof));
+            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, within: within(true) });
+        }
         for [bottom, top] in ranges {
             let is_top = top == column.z_max;
             let wall = match &column.strip {
@@ -132,9 +160,22 @@ fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
                 slope: if is_top { slope } else { DVec2::ZERO },
                 roof: is_top.then_some(column.roof),
                 wall,
+                within: within(false),
             });
         }
     }
+}
+
+/// The planes of a clipped column, and whether it fills the inner side of either.
+fn planes(column: &Column, clip: &Clip, cell_m: f64) -> (Vec<Plane>, bool) {
+    let plane = |azimuth: u8, offset: i8| {
+        let normal = DVec2::from_angle(f64::from(azimuth) / 256.0 * std::f64::consts::TAU);
+        (normal, f64::from(offset) / f64::from(CLIP_STEPS_PER_CELL) * cell_m)
+    };
+    let azimuth = column.strip.as_ref().map_or(0, |strip| strip.azimuth);
+    let mut planes = vec![plane(azimuth, clip.offset)];
+    planes.extend(clip.corner.map(|c| plane(c.azimuth, c.offset)));
+    (planes, clip.corner.is_some_and(|c| c.concave))
 }
 
 impl Solid {
@@ -145,6 +186,23 @@ impl Solid {
             clip(&mut s, &mut e, o[axis] - self.low[axis], d[axis]);
             clip(&mut s, &mut e, self.low[axis] + self.cell_m - o[axis], -d[axis]);
         }
+        let (mut from, mut to) = (s, e);
+        let centre = self.low + self.cell_m / 2.0;
+        let (Within::All(planes) | Within::NotAll(planes)) = &self.within;
+        for (normal, offset) in planes {
+            clip(&mut from, &mut to, offset - normal.dot(o.truncate() - centre), -normal.dot(d.truncate()));
+        }
+        match &self.within {
+            Within::All(_) => self.meet_part(o, d, [from, to], events),
+            Within::NotAll(_) if from < to => {
+                self.meet_part(o, d, [s, from], events);
+                self.meet_part(o, d, [to, e], events);
+            }
+            Within::NotAll(_) => self.meet_part(o, d, [s, e], events),
+        }
+    }
+
+    fn meet_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel, f64)>) {
         clip(&mut s, &mut e, o.z - self.bottom_m, d.z);
         if s >= e {
             return;

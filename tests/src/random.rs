@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, Column, STEPS_PER_CELL, Strip, Z_CODE_MAX, Z_SHIFT_MAX, strip_rows},
+    blockmap::{COLUMNS, Clip, Column, Corner, Outer, STEPS_PER_CELL, Strip, Z_CODE_MAX, Z_SHIFT_MAX, strip_rows},
     octahedral,
 };
 
@@ -100,6 +100,7 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<Column> {
         let low = rng.between(z_min + 1, z_max - 2);
         [low, rng.between(low + 1, z_max - 1)]
     });
+    let clip = (strip.is_some() && rng.chance(0.4)).then(|| clip(rng, z_min, z_max));
     let lean = if rng.chance(0.5) { 0.3 } else { 1.5 };
     let n = Vec3::new(rng.range(-lean, lean) as f32, rng.range(-lean, lean) as f32, 1.0).normalize_or(Vec3::Z);
     Some(Column {
@@ -111,7 +112,19 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<Column> {
         roof: texel(rng, 3),
         roof_normal: octahedral::encode(n.into()),
         strip,
+        clip,
     })
+}
+
+fn clip(rng: &mut Rng, z_min: u16, z_max: u16) -> Clip {
+    let corner = rng.chance(0.5).then(|| Corner {
+        azimuth: rng.below(256) as u8,
+        offset: (i32::from(rng.between(0, 180)) - 90) as i8,
+        concave: rng.chance(0.5),
+    });
+    let outer = (z_max - z_min > 1 && rng.chance(0.5))
+        .then(|| Outer { z: rng.between(z_min + 1, z_max - 1), roof: texel(rng, 3) });
+    Clip { offset: (i32::from(rng.between(0, 180)) - 90) as i8, corner, outer }
 }
 
 fn strip(rng: &mut Rng, rows: u16) -> Strip {

@@ -1,5 +1,6 @@
 //! Insula's bake: city files in, a baked city out. Knows no HTTP.
 
+mod clip;
 pub mod config;
 pub mod error;
 pub mod grid;

@@ -6,15 +6,16 @@
 //! least half of them agree on.
 
 use crate::{
+    clip::{Clip, Plane, Wall, merge_with_walls},
     grid::Grid,
-    merge::{LINES, Lines, Merged, merge},
+    merge::{LINES, Line, Merged, line_at},
     sample::{mend, solids::open_side, texture::linear},
-    voxels::{Look, Solid, VoxelColumn, VoxelNode},
+    voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
 };
 use glam::{Vec2, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, Column},
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, Column},
     octahedral,
     texel::AO_MAX,
 };
@@ -28,6 +29,8 @@ struct Fine {
     grounded: bool,
     normal: Vec3,
     roof: Look,
+    /// Beyond the wall inside its cell.
+    outer: Option<Look>,
     /// Azimuth, row of the first look in the child's cells above height zero, looks.
     wall: Option<(Vec2, i32, Vec<Look>)>,
 }
@@ -77,18 +80,31 @@ fn fine_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> 
     let normal = Vec3::from_array(octahedral::decode(column.roof_normal));
     let slope = if column.inclined { [-normal.x / normal.z.max(0.1), -normal.y / normal.z.max(0.1)] } else { [0.0; 2] };
     let wall = column.strip.as_ref().map(|strip| {
-        let angle = f32::from(strip.azimuth) / 256.0 * std::f32::consts::TAU;
         let first = insula_protocol::blockmap::strip_rows(column.z_min, column.z_max, map.z_shift).0;
         let looks = strip.texels.iter().map(|t| look(*t)).collect();
-        (Vec2::from_angle(angle), map.z_base_cells + i32::from(first), looks)
+        (direction(strip.azimuth), map.z_base_cells + i32::from(first), looks)
+    });
+    let plane = |normal: Vec2, offset: i8| Plane {
+        normal,
+        offset_m: f32::from(offset) / CLIP_STEPS_PER_CELL as f32 * map.cell_m,
+    };
+    let clip = column.clip.zip(wall.as_ref()).map(|(clip, (normal, ..))| Clip {
+        plane: plane(*normal, clip.offset),
+        corner: clip.corner.map(|c| (plane(direction(c.azimuth), c.offset), c.concave)),
+        outer_top_m: clip.outer.map(|outer| metres(outer.z)),
     });
     Fine {
-        merged: Merged { solids, slope, inclined: column.inclined },
+        merged: Merged { solids, slope, inclined: column.inclined, clip },
         grounded: !column.suspended,
         normal,
         roof: look(column.roof),
+        outer: column.clip.and_then(|clip| clip.outer).map(|outer| look(outer.roof)),
         wall,
     }
+}
+
+fn direction(azimuth: u8) -> Vec2 {
+    Vec2::from_angle(f32::from(azimuth) / 256.0 * std::f32::consts::TAU)
 }
 
 fn look(texel: Texel) -> Look {
@@ -104,23 +120,44 @@ fn merge_four(four: &[Option<&Fine>; 4], cell_m: f32) -> Merged {
         .filter(|f| f.grounded)
         .filter_map(|f| Some(f.merged.solids.first()?.bottom_m))
         .fold(f32::INFINITY, f32::min);
-    let lines: Lines = std::array::from_fn(|i| {
-        let (x, y) = (i % LINES, i / LINES);
-        let Some(fine) = four[(x / 2) | ((y / 2) << 1)] else { return Vec::new() };
-        let place = |k: usize| ((k % 2) as f32 - 0.5) * 0.25 * cell_m;
-        let mut solids = fine.merged.solids.clone();
-        if let (true, Some(first)) = (fine.grounded, solids.first_mut()) {
-            first.bottom_m = lowest;
-        }
-        if let Some(last) = solids.last_mut() {
-            last.top_m = fine.merged.top_at(place(x), place(y)).max(last.bottom_m + 1e-3);
-        }
-        solids
-    });
-    merge(&lines, cell_m)
+    let lines: Vec<Line> = (0..LINES * LINES)
+        .map(|i| {
+            let at = line_at(i, cell_m);
+            let q = usize::from(at.x > 0.0) | usize::from(at.y > 0.0) << 1;
+            let Some(fine) = four[q] else { return Line { at, runs: Vec::new() } };
+            let mut runs = fine.merged.runs_at(at - centre(q, cell_m));
+            if let (true, Some(first)) = (fine.grounded, runs.first_mut()) {
+                first.bottom_m = lowest;
+            }
+            Line { at, runs }
+        })
+        .collect();
+    let walls: Vec<Wall> =
+        (0..4).filter_map(|q| Some((four[q]?, q))).flat_map(|(f, q)| walls_of(f, q, cell_m)).collect();
+    merge_with_walls(&lines, Vec::new, &walls, cell_m)
 }
 
-/// Lets grounded columns reach under the lowest top around, on the node's rim a whole cell deeper.
+/// Centre of the child in quadrant `q`, from the parent's.
+fn centre(q: usize, cell_m: f32) -> Vec2 {
+    (Vec2::new((q & 1) as f32, (q >> 1) as f32) - 0.5) * (0.5 * cell_m)
+}
+
+/// Where a child's walls stand: inside its cell, or else on its border.
+fn walls_of(fine: &Fine, q: usize, cell_m: f32) -> Vec<Wall> {
+    let Some((normal, _, looks)) = fine.wall.as_ref() else { return Vec::new() };
+    let border = Plane { normal: *normal, offset_m: 0.25 * cell_m * normal.abs().max_element() };
+    let planes = match fine.merged.clip {
+        None => vec![border],
+        Some(Clip { plane, corner: None, .. }) => vec![plane],
+        Some(Clip { plane, corner: Some((second, _)), .. }) => vec![plane, second],
+    };
+    let area_m2 = looks.len() as f32 * 0.25 * cell_m * cell_m / planes.len() as f32;
+    let wall =
+        |plane: Plane| Wall { normal: plane.normal, at: centre(q, cell_m) + plane.normal * plane.offset_m, area_m2 };
+    planes.into_iter().map(wall).collect()
+}
+
+/// Lets grounded columns that end above the lowest top around reach under it: there would be a gap between the two.
 fn sink(merged: &mut [Merged], grounded: &[bool], cell_m: f32) {
     let lows: Vec<f32> = merged.iter().map(|m| m.solids.first().map_or(f32::INFINITY, |s| s.top_m)).collect();
     let n = NODE_CELLS as i32;
@@ -133,8 +170,8 @@ fn sink(merged: &mut [Merged], grounded: &[bool], cell_m: f32) {
                 lowest = lowest.min(lows[(y * n + x) as usize]);
             }
         }
-        if let Some(first) = merged[i].solids.first_mut() {
-            first.bottom_m = first.bottom_m.min(lowest - SKIRT * cell_m);
+        if let Some(first) = merged[i].solids.first_mut().filter(|first| lowest < first.bottom_m) {
+            first.bottom_m = lowest - SKIRT * cell_m;
         }
     }
 }
@@ -156,17 +193,32 @@ fn column(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: bool
     let first_row = (first.bottom_m / cell_m).floor() as i32;
     let rows = if exposed { ((last.top_m / cell_m).ceil() as i32 - first_row).clamp(1, 4096) } else { 0 };
     let walls = all.iter().filter_map(|f| f.wall.as_ref());
+    let mut clip = own.clip.map(VoxelClip::from);
+    if let Some((top_m, look)) = clip.as_mut().and_then(|clip| clip.outer.as_mut()) {
+        *look = lower(&all, *top_m, cell_m);
+    }
+    let mean_wall = walls.map(|(n, _, looks)| *n * looks.len() as f32).sum::<Vec2>().to_array();
     VoxelColumn {
+        clip,
         solids,
         inclined: own.inclined,
         suspended: !grounded,
         normal: normal.to_array(),
         roof: mean(tops.iter().map(|f| f.roof)),
         exposed,
-        wall_normal: walls.map(|(n, _, looks)| *n * looks.len() as f32).sum::<Vec2>().to_array(),
+        wall_normal: clip.map_or(mean_wall, |clip| clip.plane.normal),
         first_row,
         wall: (first_row..first_row + rows).map(|row| wall_row(&all, row)).collect(),
     }
+}
+
+/// Mean look of the children's tops, and of what lies beyond their walls, that are about as high.
+fn lower(children: &[&Fine], z_m: f32, cell_m: f32) -> Look {
+    let tops = children.iter().flat_map(|f| {
+        let roof = f.merged.solids.last().map(|s| (s.top_m, f.roof));
+        [roof, f.merged.clip.and_then(|clip| clip.outer_top_m).zip(f.outer)].into_iter().flatten()
+    });
+    mean(tops.filter(|(top, _)| (top - z_m).abs() < cell_m).map(|(_, look)| look))
 }
 
 /// As in a leaf; on the node's rim, where the neighbour is not known, as the children had it.
@@ -174,7 +226,7 @@ fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], cell_m: f32) 
     let n = NODE_CELLS as i32;
     let (x, y) = (i as i32 % n, i as i32 / n);
     let rim = x == 0 || y == 0 || x == n - 1 || y == n - 1;
-    if rim && four.iter().flatten().any(|f| f.wall.is_some()) {
+    if merged[i].clip.is_some() || rim && four.iter().flatten().any(|f| f.wall.is_some()) {
         return true;
     }
     [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
@@ -183,7 +235,7 @@ fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], cell_m: f32) 
             return false;
         }
         let other = Some(&merged[(ny * n + nx) as usize]);
-        open_side(&merged[i], other, [dx as f32 * 0.5 * cell_m, dy as f32 * 0.5 * cell_m]) > cell_m
+        open_side(&merged[i], other, Vec2::new(dx as f32, dy as f32) * (0.5 * cell_m)) > cell_m
     })
 }
 

@@ -1,14 +1,13 @@
 //! From lines to columns: what most of a cell's vertical lines say is what its column is (design 5, step 1).
 //!
-//! In: 16 lines with their full runs. Out: [`Merged`]. Next: `sample::solids` (lines through the source's surfaces) and
-//! `lod` (lines through the children's columns) make columns of it.
+//! In: vertical lines with their full runs, and the walls that were seen in the cell. Out: [`Merged`]. Next: `sample::solids`
+//! (lines through the source's surfaces) and `lod` (lines through the children's columns) make columns of it.
 
-use crate::voxels::Solid;
+use crate::{clip::Clip, voxels::Solid};
+use glam::Vec2;
 
 /// Lines along a cell's side.
 pub(crate) const LINES: usize = 4;
-/// Lines that must be full for the cell to be.
-const HALF: i32 = (LINES * LINES / 2) as i32;
 /// Steepest top that is drawn as a slope, rise over run.
 const MAX_SLOPE: f32 = 3.0;
 /// Flattest.
@@ -16,8 +15,23 @@ const MIN_SLOPE: f32 = 0.02;
 /// How far, in cells, lines' tops may lie from a common plane.
 const PLANE_TOLERANCE: f32 = 0.25;
 
-/// The full runs of the lines of one cell, each from the bottom up, row by row from the south-west.
-pub(crate) type Lines = [Vec<Solid>; LINES * LINES];
+/// Fewest points that say how a top slopes.
+const PLANE_POINTS: usize = 4;
+
+/// One vertical line.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Line {
+    /// Metres from the cell's centre.
+    pub(crate) at: Vec2,
+    /// Full runs from the bottom up.
+    pub(crate) runs: Vec<Solid>,
+}
+
+/// Where line `i` of a cell stands, in metres from the cell's centre: row by row from the south-west.
+pub(crate) fn line_at(i: usize, cell_m: f32) -> Vec2 {
+    let place = |k: usize| ((k as f32 + 0.5) / LINES as f32 - 0.5) * cell_m;
+    Vec2::new(place(i % LINES), place(i / LINES))
+}
 
 /// A cell's column.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -28,17 +42,39 @@ pub(crate) struct Merged {
     pub(crate) slope: [f32; 2],
     /// Whether the slope was found.
     pub(crate) inclined: bool,
+    /// Where a wall stands inside the cell.
+    pub(crate) clip: Option<Clip>,
 }
 
 impl Merged {
     /// Height of the top at a place relative to the cell's centre.
-    pub(crate) fn top_at(&self, dx_m: f32, dy_m: f32) -> f32 {
-        self.solids.last().map_or(f32::NEG_INFINITY, |s| s.top_m) + self.slope[0] * dx_m + self.slope[1] * dy_m
+    pub(crate) fn top_at(&self, p_m: Vec2) -> f32 {
+        if let Some(clip) = self.clip.filter(|clip| clip.is_outside(p_m)) {
+            return clip.outer_top_m.unwrap_or(f32::NEG_INFINITY);
+        }
+        self.inner_top_at(p_m)
+    }
+
+    fn inner_top_at(&self, p_m: Vec2) -> f32 {
+        self.solids.last().map_or(f32::NEG_INFINITY, |s| s.top_m) + Vec2::from(self.slope).dot(p_m)
+    }
+
+    /// The runs of a vertical line at a place relative to the cell's centre.
+    pub(crate) fn runs_at(&self, p_m: Vec2) -> Vec<Solid> {
+        let Some(first) = self.solids.first() else { return Vec::new() };
+        if let Some(clip) = self.clip.filter(|clip| clip.is_outside(p_m)) {
+            return clip.outer_top_m.map(|top_m| Solid { bottom_m: first.bottom_m, top_m }).into_iter().collect();
+        }
+        let mut runs = self.solids.clone();
+        if let Some(last) = runs.last_mut() {
+            last.top_m = self.inner_top_at(p_m).max(last.bottom_m + 1e-3);
+        }
+        runs
     }
 }
 
 /// What at least half of the lines agree on; no solids if there is nothing.
-pub(crate) fn merge(lines: &Lines, cell_m: f32) -> Merged {
+pub(crate) fn merge(lines: &[Line], cell_m: f32) -> Merged {
     let mut solids = overlap(lines);
     solids.retain(|s| s.top_m - s.bottom_m > cell_m / 64.0);
     if solids.is_empty() {
@@ -46,15 +82,15 @@ pub(crate) fn merge(lines: &Lines, cell_m: f32) -> Merged {
     }
     close_gaps(&mut solids, cell_m);
     let Some(top) = solids.last().copied() else { return Merged::default() };
-    let mut merged = Merged { solids, slope: [0.0; 2], inclined: false };
-    let tops: Vec<[f32; 3]> = (0..LINES * LINES)
-        .filter_map(|i| {
-            let z = lines[i].last()?.top_m;
-            let place = |k: usize| ((k as f32 + 0.5) / LINES as f32 - 0.5) * cell_m;
-            (z > top.bottom_m).then_some([place(i % LINES), place(i / LINES), z])
+    let mut merged = Merged { solids, ..Merged::default() };
+    let tops: Vec<[f32; 3]> = lines
+        .iter()
+        .filter_map(|line| {
+            let z = line.runs.last()?.top_m;
+            (z > top.bottom_m).then_some([line.at.x, line.at.y, z])
         })
         .collect();
-    if let Some([centre, sx, sy]) = slope(&tops, top.top_m, cell_m) {
+    if let Some([centre, sx, sy]) = slope(&tops, top.top_m, half(lines), cell_m) {
         merged.slope = [sx, sy];
         merged.inclined = sx.hypot(sy) > MIN_SLOPE;
         if !merged.inclined {
@@ -67,18 +103,25 @@ pub(crate) fn merge(lines: &Lines, cell_m: f32) -> Merged {
     merged
 }
 
+/// Lines that must be full for the cell to be.
+fn half(lines: &[Line]) -> usize {
+    lines.len().div_ceil(2)
+}
+
 /// Heights at which at least half of the lines are full.
-fn overlap(lines: &Lines) -> Vec<Solid> {
-    let mut events: Vec<(f32, i32)> = lines.iter().flatten().flat_map(|s| [(s.bottom_m, 1), (s.top_m, -1)]).collect();
+fn overlap(lines: &[Line]) -> Vec<Solid> {
+    let mut events: Vec<(f32, i32)> =
+        lines.iter().flat_map(|l| &l.runs).flat_map(|s| [(s.bottom_m, 1), (s.top_m, -1)]).collect();
     events.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+    let half = half(lines) as i32;
     let mut solids = Vec::new();
     let (mut count, mut bottom_m) = (0, 0.0);
     for (z, change) in events {
         let before = count;
         count += change;
-        if before < HALF && count >= HALF {
+        if before < half && count >= half {
             bottom_m = z;
-        } else if before >= HALF && count < HALF {
+        } else if before >= half && count < half {
             solids.push(Solid { bottom_m, top_m: z });
         }
     }
@@ -86,9 +129,9 @@ fn overlap(lines: &Lines) -> Vec<Solid> {
 }
 
 /// A steep sheet: half of the lines are full, each somewhere else. Their mean stands for them.
-fn steep(lines: &Lines, cell_m: f32) -> Option<Solid> {
-    let runs: Vec<Solid> = lines.iter().filter_map(|l| l.last().copied()).collect();
-    if (runs.len() as i32) < HALF {
+fn steep(lines: &[Line], cell_m: f32) -> Option<Solid> {
+    let runs: Vec<Solid> = lines.iter().filter_map(|l| l.runs.last().copied()).collect();
+    if runs.is_empty() || runs.len() < half(lines) {
         return None;
     }
     let n = runs.len() as f32;
@@ -113,10 +156,10 @@ pub(crate) fn close_gaps(solids: &mut Vec<Solid>, cell_m: f32) {
 }
 
 /// The plane of the tops: all of them, or else those near `top_m`; `None` if they have none in common.
-fn slope(tops: &[[f32; 3]], top_m: f32, cell_m: f32) -> Option<[f32; 3]> {
+fn slope(tops: &[[f32; 3]], top_m: f32, half: usize, cell_m: f32) -> Option<[f32; 3]> {
     let near: Vec<[f32; 3]> = tops.iter().filter(|t| (t[2] - top_m).abs() < 0.75 * cell_m).copied().collect();
     [tops, &near].into_iter().find_map(|points| {
-        let [centre, sx, sy] = plane(points)?;
+        let [centre, sx, sy] = plane(points, half)?;
         let off = |t: &[f32; 3]| (t[2] - centre - sx * t[0] - sy * t[1]).abs();
         let fits = points.iter().all(|t| off(t) <= PLANE_TOLERANCE * cell_m) && sx.hypot(sy) <= MAX_SLOPE;
         fits.then_some([centre, sx, sy])
@@ -124,8 +167,8 @@ fn slope(tops: &[[f32; 3]], top_m: f32, cell_m: f32) -> Option<[f32; 3]> {
 }
 
 /// Least squares: height at the centre and rise along x and y.
-fn plane(points: &[[f32; 3]]) -> Option<[f32; 3]> {
-    if (points.len() as i32) < HALF {
+fn plane(points: &[[f32; 3]], half: usize) -> Option<[f32; 3]> {
+    if points.len() < half.max(PLANE_POINTS) {
         return None;
     }
     let n = points.len() as f32;
@@ -151,11 +194,13 @@ fn plane(points: &[[f32; 3]]) -> Option<[f32; 3]> {
 mod tests {
     use super::*;
 
-    fn lines(run: impl Fn(f32, f32) -> Vec<Solid>) -> Lines {
-        std::array::from_fn(|i| {
-            let place = |k: usize| (k as f32 + 0.5) / LINES as f32 - 0.5;
-            run(place(i % LINES), place(i / LINES))
-        })
+    fn lines(run: impl Fn(f32, f32) -> Vec<Solid>) -> Vec<Line> {
+        (0..LINES * LINES)
+            .map(|i| {
+                let at = line_at(i, 1.0);
+                Line { at, runs: run(at.x, at.y) }
+            })
+            .collect()
     }
 
     #[test]

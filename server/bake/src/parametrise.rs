@@ -5,17 +5,21 @@
 use crate::{
     grid::Grid,
     sample::texture::srgb,
-    voxels::{Look, Solid, VoxelColumn, VoxelNode},
+    voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
 };
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
-    blockmap::{Column, MAX_TEXELS, STEPS_PER_CELL, Strip, Z_CODE_MAX, Z_SHIFT_MAX, strip_rows},
+    blockmap::{
+        CLIP_STEPS_PER_CELL, Clip, Column, Corner, MAX_TEXELS, Outer, STEPS_PER_CELL, Strip, Z_CODE_MAX, Z_SHIFT_MAX,
+        strip_rows,
+    },
     octahedral,
     texel::{ALPHA_MAX, AO_MAX},
 };
 
 /// Turns metres into the codes of one node.
 struct Codes {
+    cell_m: f64,
     base_cells: i32,
     base_m: f64,
     step_m: f64,
@@ -37,7 +41,7 @@ impl Codes {
         let step = |shift: u8| cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u16 << shift);
         let fits = |shift: &u8| (high - base_m) / step(*shift) < f64::from(Z_CODE_MAX);
         let shift = (0..=Z_SHIFT_MAX).find(fits).unwrap_or(Z_SHIFT_MAX);
-        Self { base_cells, base_m, step_m: step(shift), shift }
+        Self { cell_m, base_cells, base_m, step_m: step(shift), shift }
     }
 
     fn code(&self, z_m: f32) -> u16 {
@@ -60,6 +64,7 @@ pub fn parametrise(grid: &Grid, node: &VoxelNode) -> Result<BlockMap, DecodeErro
                 // Towers everywhere at a tiny cell: the rest show their roof colour on their sides.
                 column.strip = None;
                 column.gap = None;
+                column.clip = None;
             }
             Some(column)
         })
@@ -87,8 +92,29 @@ fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
         roof: texel(&column.roof, ALPHA_MAX),
         roof_normal: octahedral::encode(column.normal),
         strip: column.exposed.then(|| strip(column, codes, z_min, z_max, gap)),
-        clip: None,
+        clip: column.clip.filter(|_| column.exposed).map(|c| clip(&c, codes, z_min, z_max)),
     }
+}
+
+fn clip(clip: &VoxelClip, codes: &Codes, z_min: u16, z_max: u16) -> Clip {
+    let offset = |plane: &VoxelPlane| {
+        let steps = (f64::from(plane.offset_m) / codes.cell_m * f64::from(CLIP_STEPS_PER_CELL)).round();
+        steps.clamp(-128.0, 127.0) as i8
+    };
+    let corner = clip.corner.map(|(second, concave)| Corner {
+        azimuth: azimuth(second.normal),
+        offset: offset(&second),
+        concave,
+    });
+    let outer = clip.outer.map(|(top_m, look)| (codes.code(top_m).min(z_max - 1), look));
+    let outer = outer.filter(|(z, _)| *z > z_min).map(|(z, look)| Outer { z, roof: texel(&look, ALPHA_MAX) });
+    Clip { offset: offset(&clip.plane), corner, outer }
+}
+
+/// 256 to a full turn.
+fn azimuth([x, y]: [f32; 2]) -> u8 {
+    let turn = (y.atan2(x) / std::f32::consts::TAU).rem_euclid(1.0);
+    ((turn * 256.0).round() as u32 % 256) as u8
 }
 
 /// The gap that is kept exactly; others become transparent texels.
@@ -121,9 +147,7 @@ fn strip(column: &VoxelColumn, codes: &Codes, z_min: u16, z_max: u16, gap: Optio
             }
         })
         .collect();
-    let [x, y] = column.wall_normal;
-    let turn = (y.atan2(x) / std::f32::consts::TAU).rem_euclid(1.0);
-    Strip { texels, azimuth: ((turn * 256.0).round() as u32 % 256) as u8 }
+    Strip { texels, azimuth: azimuth(column.wall_normal) }
 }
 
 fn texel(look: &Look, alpha: u8) -> Texel {
@@ -154,6 +178,7 @@ mod tests {
             wall_normal: [0.0, -1.0],
             first_row,
             wall: if exposed { wall } else { Vec::new() },
+            clip: None,
         }
     }
 
@@ -185,6 +210,18 @@ mod tests {
         assert_eq!(alphas, [3, 3, 3, 3, 3, 3, 0, 0, 3, 3, 3, 3, 3], "the narrower one is transparent texels");
         let wall = &columns[1].as_ref().unwrap().strip.as_ref().unwrap().texels;
         assert!(wall.windows(2).all(|w| w[0].rgb()[0] < w[1].rgb()[0]), "rows run from the bottom up");
+    }
+
+    #[test]
+    fn a_wall_inside_its_cell() {
+        let clipped = |outer| {
+            let plane = VoxelPlane { normal: [0.0, -1.0], offset_m: -0.25 };
+            let clip = VoxelClip { plane, corner: None, outer };
+            map(vec![VoxelColumn { clip: Some(clip), ..column(&[[7.0, 20.0]], true) }]).clips[0]
+        };
+        assert_eq!(clipped(None), Clip { offset: -32, corner: None, outer: None });
+        assert_eq!(clipped(Some((9.0, Look::default()))).outer.unwrap().z, 32);
+        assert_eq!(clipped(Some((7.0, Look::default()))).outer, None, "no higher than the bottom is nothing");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! In: what `sample` saw, or what `lod` averaged. Out: [`VoxelNode`]. Next: `parametrise` makes a `BlockMap` of it.
 
+use crate::clip::{Clip, Plane};
 use insula_protocol::{TileId, blockmap::COLUMNS};
 
 /// Look of one voxel.
@@ -22,6 +23,38 @@ pub struct Solid {
     pub bottom_m: f32,
     /// Above `bottom_m`; at the cell's centre where the column is inclined.
     pub top_m: f32,
+}
+
+/// A vertical plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VoxelPlane {
+    /// Horizontal unit vector out of the column.
+    pub normal: [f32; 2],
+    /// Metres from the cell's centre along `normal`.
+    pub offset_m: f32,
+}
+
+/// A wall inside its cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VoxelClip {
+    /// At which the column ends.
+    pub plane: VoxelPlane,
+    /// The other wall of a corner, and whether it is concave.
+    pub corner: Option<(VoxelPlane, bool)>,
+    /// Top and look from above of what lies beyond, down to the column's bottom; `None` if nothing does.
+    pub outer: Option<(f32, Look)>,
+}
+
+impl From<Clip> for VoxelClip {
+    /// Without a look of what lies beyond.
+    fn from(clip: Clip) -> Self {
+        let plane = |plane: Plane| VoxelPlane { normal: plane.normal.to_array(), offset_m: plane.offset_m };
+        Self {
+            plane: plane(clip.plane),
+            corner: clip.corner.map(|(second, concave)| (plane(second), concave)),
+            outer: clip.outer_top_m.map(|top_m| (top_m, Look::default())),
+        }
+    }
 }
 
 /// One column.
@@ -45,6 +78,8 @@ pub struct VoxelColumn {
     pub first_row: i32,
     /// Wall looks, a cell each, upwards; empty unless exposed.
     pub wall: Vec<Look>,
+    /// Where the column ends inside its cell; only exposed ones do.
+    pub clip: Option<VoxelClip>,
 }
 
 /// A node's columns, [`COLUMNS`] of them, row-major from the south-west corner.

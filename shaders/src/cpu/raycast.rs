@@ -10,10 +10,14 @@
 use super::shade::{Surface, background, encode_srgb, shade};
 use crate::{
     layout::{BLOCK_CELLS, Frame, NO_NODE, Node, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
-    pack::slope_codes,
+    pack::{CONCAVE, CORNER, head_words, slope_codes},
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
-use insula_protocol::{NODE_CELLS, blockmap::flag, octahedral};
+use insula_protocol::{
+    NODE_CELLS,
+    blockmap::{CLIP_STEPS_PER_CELL, flag},
+    octahedral,
+};
 use rayon::prelude::*;
 
 /// All that a picture is made of: the same arrays that the GPU reads.
@@ -288,6 +292,27 @@ fn word(scene: &SceneRef<'_>, page: u32, i: usize) -> u32 {
     scene.atlas.get(page as usize * crate::layout::PAGE_WORDS + i).copied().unwrap_or(0)
 }
 
+/// What stands in a cell, as `column` reads it from the atlas.
+struct Column {
+    cell: IVec2,
+    i: usize,
+    walk: u32,
+    attributes: u32,
+    /// Words of its strip, the first of which are those of [`head_words`].
+    strip: usize,
+}
+
+/// One of the solids of a column, between these heights.
+#[derive(Clone, Copy, PartialEq)]
+enum Solid {
+    /// The only one, or the upper of two: its top is the roof.
+    Upper,
+    /// Below the gap.
+    Lower,
+    /// Beyond the plane that clips the column.
+    Outer,
+}
+
 fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f32, te: f32, gathered: &mut Gathered) {
     let i = cell.y as usize * NODE_CELLS + cell.x as usize;
     let walk = word(scene, ray.node.pages[0], i);
@@ -296,34 +321,104 @@ fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f32, te: f32
         return;
     }
     let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
-    let (za, zb) = (ray.o.z + ray.d.z * ta, ray.o.z + ray.d.z * te);
-    let mut top_a = z_max;
-    let mut top_b = z_max;
+    let attributes = word(scene, ray.node.pages[2], i);
+    let mut slope = Vec2::ZERO;
     if flags & flag::INCLINED != 0 {
-        let slope = Vec2::from(slope_codes(word(scene, ray.node.pages[2], i) as u16, ray.node.z_shift));
-        let centre = cell.as_vec2() + 0.5;
-        top_a += slope.dot(ray.o.xy() + ray.d.xy() * ta - centre);
-        top_b += slope.dot(ray.o.xy() + ray.d.xy() * te - centre);
+        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
     }
-    if za.min(zb) > top_a.max(top_b) || za.max(zb) < z_min {
+    let centre = cell.as_vec2() + 0.5;
+    let z = |t: f32| ray.o.z + ray.d.z * t;
+    let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
+    let mut highest = top(ta).max(top(te));
+    // A slope may dip under the top of what is beyond a plane or below a gap.
+    if flags & (flag::CLIPPED | flag::GAP) != 0 {
+        highest = highest.max(z_max);
+    }
+    if z(ta).min(z(te)) > highest || z(ta).max(z(te)) < z_min {
         return;
     }
-    if flags & flag::GAP == 0 {
-        let span = clip_solid(ta, te, [za - top_a, zb - top_b], [za - z_min, zb - z_min]);
-        hit_solid(scene, ray, cell, i, walk, span, [z_min, z_max], gathered);
-        return;
-    }
-    let gap = word(scene, 0, word(scene, ray.node.pages[3], i) as usize);
-    let (low, high) = ((gap & 0xffff) as f32, (gap >> 16) as f32);
-    let lower = clip_solid(ta, te, [za - low, zb - low], [za - z_min, zb - z_min]);
-    let upper = clip_solid(ta, te, [za - top_a, zb - top_b], [za - high, zb - high]);
-    if ray.d.z > 0.0 {
-        hit_solid(scene, ray, cell, i, walk, lower, [z_min, low], gathered);
-        hit_solid(scene, ray, cell, i, walk, upper, [high, z_max], gathered);
+    let strip = word(scene, ray.node.pages[3], i) as usize;
+    let border = if flags & flag::CLIPPED != 0 {
+        border(ray, attributes, word(scene, 0, strip), centre, ta, te)
     } else {
-        hit_solid(scene, ray, cell, i, walk, upper, [high, z_max], gathered);
-        hit_solid(scene, ray, cell, i, walk, lower, [z_min, low], gathered);
+        Border { from: ta, to: te, within_is_outer: false, normals: [attributes >> 16 & 255; 3] }
+    };
+    let outer_top = if flags & flag::CLIPPED != 0 { (word(scene, 0, strip) & 0xfff) as f32 } else { 0.0 };
+    let gap = flags & flag::GAP != 0;
+    let gap_word = if gap { word(scene, 0, strip + head_words(flags) - 1) } else { 0 };
+    let (low, high) = ((gap_word & 0xffff) as f32, (gap_word >> 16) as f32);
+    let column = Column { cell, i, walk, attributes, strip };
+    // Before, within and behind the border's part of the ray, and in each the solids in the ray's order.
+    for n in 0..6 {
+        let (part, second) = (n >> 1, n & 1 == 1);
+        let outer = (part == 1) == border.within_is_outer;
+        let lower = second != (ray.d.z > 0.0);
+        let solid = match (outer, lower) {
+            (true, _) => Solid::Outer,
+            (false, true) => Solid::Lower,
+            (false, false) => Solid::Upper,
+        };
+        let (s, e) = [(ta, border.from), (border.from, border.to), (border.to, te)][part];
+        let missing = match solid {
+            Solid::Outer => second || outer_top == 0.0,
+            Solid::Lower => !gap,
+            Solid::Upper => false,
+        };
+        if missing || s >= e {
+            continue;
+        }
+        let bottom = if solid == Solid::Upper && gap { high } else { z_min };
+        let (over, bounds) = match solid {
+            Solid::Upper => ([z(s) - top(s), z(e) - top(e)], [bottom, z_max]),
+            Solid::Lower => ([z(s) - low, z(e) - low], [bottom, low]),
+            Solid::Outer => ([z(s) - outer_top, z(e) - outer_top], [bottom, outer_top]),
+        };
+        let span = clip_solid(s, e, over, [z(s) - bottom, z(e) - bottom]);
+        hit_solid(scene, ray, &column, solid, border.normals[part], span, bounds, gathered);
     }
+}
+
+/// How a clipped column parts a ray: between `from` and `to` it is on one side of the column's border, else on the other.
+struct Border {
+    from: f32,
+    to: f32,
+    /// Whether what is between is beyond the border.
+    within_is_outer: bool,
+    /// Azimuths of the walls through which the ray gets into the part before, within and behind.
+    normals: [u32; 3],
+}
+
+/// Inside one plane or both of a convex corner a ray is for one part of its way, and so it is beyond both of a concave one.
+fn border(ray: &NodeRay<'_>, attributes: u32, clip_word: u32, centre: Vec2, ta: f32, te: f32) -> Border {
+    let first = attributes >> 16 & 255;
+    let concave = clip_word & CONCAVE != 0;
+    let side = if concave { -1.0 } else { 1.0 };
+    let mut border = Border { from: ta, to: te, within_is_outer: concave, normals: [first; 3] };
+    for (k, word) in [attributes, clip_word].into_iter().enumerate() {
+        if k == 1 && clip_word & CORNER == 0 {
+            break;
+        }
+        let turn = word >> 16 & 255;
+        let offset = (word as i32 >> 24) as f32 / CLIP_STEPS_PER_CELL as f32;
+        let n = azimuth(turn);
+        let beyond = |t: f32| side * (n.dot(ray.o.xy() + ray.d.xy() * t - centre) - offset);
+        let (a, b) = (beyond(ta), beyond(te));
+        let through = ta + (te - ta) * (a / (a - b));
+        if a > 0.0 && b > 0.0 {
+            border.from = te;
+        } else if a > 0.0 && through > border.from {
+            border.from = through;
+            border.normals[1] = turn;
+        } else if b > 0.0 && a <= 0.0 && through < border.to {
+            border.to = through;
+            border.normals[2] = turn;
+        }
+    }
+    // Never within: all of the ray is on the other side, and comes in through the cell's face.
+    if border.from >= border.to {
+        (border.from, border.to) = (te, te);
+    }
+    border
 }
 
 /// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0); both are linear along the ray and
@@ -355,14 +450,15 @@ fn clip_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> Span {
     span
 }
 
-/// Gathers what a solid shows at the start of `span`, and behind its transparent texels.
+/// Gathers what a solid shows at the start of `span`, and behind its transparent texels. `wall` is the azimuth of the wall
+/// through which the ray comes in, if it does not come in through the cell's face.
 #[allow(clippy::too_many_arguments)] // One call in WGSL too; a struct for it would only rename them.
 fn hit_solid(
     scene: &SceneRef<'_>,
     ray: &NodeRay<'_>,
-    cell: IVec2,
-    i: usize,
-    walk: u32,
+    column: &Column,
+    solid: Solid,
+    wall: u32,
     span: Span,
     bounds: [f32; 2],
     gathered: &mut Gathered,
@@ -372,24 +468,29 @@ fn hit_solid(
     if span.s >= span.e || inside || gathered.left <= OPAQUE {
         return;
     }
+    let Column { cell, i, walk, attributes, .. } = *column;
     let flags = (walk >> 24) as u8;
-    let attributes = word(scene, ray.node.pages[2], i);
-    let is_roof = bounds[1] == (walk & 0xfff) as f32;
-    if span.face == Face::Top && is_roof {
-        let texel = word(scene, ray.node.pages[1], i) | 3 << 24;
-        let normal = Vec3::from(octahedral::decode(attributes as u16));
+    let roof_normal = Vec3::from(octahedral::decode(attributes as u16));
+    if solid == Solid::Outer {
+        let texel = word(scene, 0, column.strip + 1) | 3 << 24;
+        let normal = match span.face {
+            Face::Top => Vec3::Z,
+            Face::Bottom => Vec3::NEG_Z,
+            Face::Side => face_normal(ray, cell),
+        };
         return gather(scene, ray, span.s, texel, normal, flags, gathered);
+    }
+    if solid == Solid::Upper && span.face == Face::Top {
+        let texel = word(scene, ray.node.pages[1], i) | 3 << 24;
+        return gather(scene, ray, span.s, texel, roof_normal, flags, gathered);
     }
     if flags & flag::EXPOSED == 0 {
         let texel = word(scene, ray.node.pages[1], i) | 3 << 24;
-        let normal = match span.face {
-            Face::Bottom => Vec3::NEG_Z,
-            _ => Vec3::from(octahedral::decode(attributes as u16)),
-        };
+        let normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
         let normal = if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) };
         return gather(scene, ray, span.s, texel, normal, flags, gathered);
     }
-    let strip = word(scene, ray.node.pages[3], i) + u32::from(flags & flag::GAP != 0);
+    let strip = (column.strip + head_words(flags)) as u32;
     let codes = (16 >> ray.node.z_shift) as f32;
     let first = ((walk >> 12 & 0xfff) as f32 / codes).floor() as i32;
     let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
@@ -401,7 +502,7 @@ fn hit_solid(
             let normal = match face {
                 Face::Top => Vec3::Z,
                 Face::Bottom => Vec3::NEG_Z,
-                Face::Side => wall_normal(ray, cell, attributes),
+                Face::Side => wall_normal(ray, cell, wall),
             };
             gather(scene, ray, s, texel, normal, flags, gathered);
         }
@@ -418,9 +519,13 @@ fn hit_solid(
     }
 }
 
-fn wall_normal(ray: &NodeRay<'_>, cell: IVec2, attributes: u32) -> Vec3 {
-    let angle = (attributes >> 16 & 255) as f32 * (std::f32::consts::TAU / 256.0);
-    let normal = Vec3::new(angle.cos(), angle.sin(), 0.0);
+/// Horizontal unit vector, 256 azimuths to a turn.
+fn azimuth(turn: u32) -> Vec2 {
+    Vec2::from_angle(turn as f32 * (std::f32::consts::TAU / 256.0))
+}
+
+fn wall_normal(ray: &NodeRay<'_>, cell: IVec2, wall: u32) -> Vec3 {
+    let normal = azimuth(wall).extend(0.0);
     if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) }
 }
 

@@ -9,7 +9,10 @@ use super::{
     solids::Cells,
     texture,
 };
-use crate::voxels::{Look, Solid, VoxelColumn, VoxelNode};
+use crate::{
+    merge::Merged,
+    voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
+};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
 use rayon::prelude::*;
@@ -58,6 +61,8 @@ struct Seen {
 struct Draft {
     roof: Sum,
     roof_normal: Vec3,
+    /// The top beyond a wall inside the cell.
+    outer: Sum,
     wall_normal: Vec2,
     first_row: i32,
     /// Sides; then tops and undersides of the same rows.
@@ -67,6 +72,7 @@ struct Draft {
 /// Where a sample goes.
 enum Place {
     Roof,
+    Outer,
     Side(i32),
     Flat(i32),
 }
@@ -122,8 +128,7 @@ fn place(block: &Block, cells: &Cells, seen: &Seen) -> Option<(usize, usize, Pla
         let inside = x >= 0 && y >= 0 && (x as usize) < block.cells[0] && (y as usize) < block.cells[1];
         let Some(cell) = cells.at(x, y) else { continue };
         let from_centre = p.xy() - (Vec2::new(x as f32, y as f32) + 0.5) * c;
-        let top = cell.column.top_at(from_centre.x, from_centre.y);
-        if let Some(place) = match_solid(&cell.column.solids, top, seen, c) {
+        if let Some(place) = match_solid(&cell.column, from_centre, seen, c) {
             return inside.then_some((x as usize, y as usize, place));
         }
         if seen.normal.z.abs() > 0.9 {
@@ -133,8 +138,13 @@ fn place(block: &Block, cells: &Cells, seen: &Seen) -> Option<(usize, usize, Pla
     None
 }
 
-fn match_solid(solids: &[Solid], top: f32, seen: &Seen, c: f32) -> Option<Place> {
+fn match_solid(column: &Merged, from_centre: Vec2, seen: &Seen, c: f32) -> Option<Place> {
     let row = |z: f32| (z / c).floor() as i32;
+    let (solids, top) = (&column.solids, column.top_at(from_centre));
+    let beyond = column.clip.is_some_and(|clip| clip.is_outside(from_centre));
+    if beyond && seen.normal.z > TOP_Z {
+        return ((seen.p.z - top).abs() < TOP_REACH * c).then_some(Place::Outer);
+    }
     let last = solids.len().checked_sub(1)?;
     for (i, solid) in solids.iter().enumerate().rev() {
         let high = if i == last { top } else { solid.top_m };
@@ -160,6 +170,7 @@ fn add(draft: &mut Draft, place: Place, seen: &Seen) {
             draft.roof_normal += seen.normal * seen.area_m2;
             return;
         }
+        Place::Outer => return draft.outer.add(seen),
         Place::Side(row) => {
             draft.wall_normal += seen.normal.xy() * seen.area_m2;
             (row, 0)
@@ -201,13 +212,18 @@ fn finish(cells: &Cells, x: i32, y: i32, draft: &Draft) -> Option<VoxelColumn> {
         let (first, second) = if flat_rows.contains(&row) { (flat, side) } else { (side, flat) };
         if first.weight > 0.0 { first.look() } else { second.look() }
     });
+    let mut clip = cell.column.clip.map(VoxelClip::from);
+    if let Some((_, look)) = clip.as_mut().and_then(|clip| clip.outer.as_mut()) {
+        *look = draft.outer.look();
+    }
     Some(VoxelColumn {
+        clip,
         inclined: cell.column.inclined,
         suspended: !cell.grounded,
         normal: normal.to_array(),
         roof: draft.roof.look(),
         exposed,
-        wall_normal: draft.wall_normal.to_array(),
+        wall_normal: clip.map_or(draft.wall_normal.to_array(), |clip| clip.plane.normal),
         first_row: draft.first_row,
         wall: wall.collect(),
         solids,

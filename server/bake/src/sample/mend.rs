@@ -21,10 +21,13 @@ pub(crate) fn fill(node: &mut VoxelNode) {
         if wanting.is_empty() {
             return;
         }
-        let found: Vec<(usize, Look, Vec<Look>)> =
-            wanting.into_iter().map(|i| (i, roof_around(node, i), wall_around(node, i))).collect();
-        for (i, roof, wall) in found {
+        let found: Vec<(usize, [Look; 2], Vec<Look>)> =
+            wanting.into_iter().map(|i| (i, roofs_around(node, i), wall_around(node, i))).collect();
+        for (i, [roof, lower], wall) in found {
             let Some(column) = node.columns[i].as_mut() else { continue };
+            if let Some((_, look)) = outer(column).filter(|(_, look)| look.alpha == 0.0) {
+                *look = lower;
+            }
             if column.roof.alpha == 0.0 {
                 column.roof = roof;
             }
@@ -42,12 +45,24 @@ pub(crate) fn fill(node: &mut VoxelNode) {
             column.roof = wall.unwrap_or(GREY);
         }
         let roof = column.roof;
+        if let Some((_, look)) = outer(column).filter(|(_, look)| look.alpha == 0.0) {
+            *look = roof;
+        }
         column.wall.iter_mut().filter(|l| l.alpha == 0.0).for_each(|l| *l = roof);
     }
 }
 
+/// What lies beyond a wall inside the column's cell.
+fn outer(column: &mut VoxelColumn) -> Option<&mut (f32, Look)> {
+    column.clip.as_mut()?.outer.as_mut()
+}
+
 fn wants(column: Option<&VoxelColumn>) -> bool {
-    column.is_some_and(|c| c.roof.alpha == 0.0 || c.wall.iter().any(|l| l.alpha == 0.0))
+    let empty = |look: &Look| look.alpha == 0.0;
+    column.is_some_and(|c| {
+        let outer = c.clip.and_then(|clip| clip.outer);
+        empty(&c.roof) || outer.is_some_and(|(_, look)| empty(&look)) || c.wall.iter().any(empty)
+    })
 }
 
 /// Each empty row from the nearest filled one, the lower of two as near.
@@ -85,12 +100,20 @@ fn mean(looks: impl Iterator<Item = Look>) -> Look {
     if n == 0.0 { sum } else { Look { rgb: sum.rgb.map(|v| v / n), ao: sum.ao / n, alpha: 1.0 } }
 }
 
-/// Of the neighbours whose tops are about as high; of all if none is.
-fn roof_around(node: &VoxelNode, i: usize) -> Look {
-    let top = |c: &VoxelColumn| c.solids.last().map_or(0.0, |s| s.top_m);
-    let own = node.columns[i].as_ref().map_or(0.0, top);
-    let near = mean(around(node, i).filter(|c| (top(c) - own).abs() < 2.0).map(|c| c.roof));
-    if near.alpha > 0.0 { near } else { mean(around(node, i).map(|c| c.roof)) }
+/// For the column's top, and for what lies beyond its wall: the looks of the tops around that are about as high; of all if
+/// none is.
+fn roofs_around(node: &VoxelNode, i: usize) -> [Look; 2] {
+    let tops = |c: &VoxelColumn| {
+        let own = (c.solids.last().map_or(0.0, |s| s.top_m), c.roof);
+        [Some(own), c.clip.and_then(|clip| clip.outer)].into_iter().flatten()
+    };
+    let at = |z: f32| {
+        let near = mean(around(node, i).flat_map(tops).filter(|(top, _)| (top - z).abs() < 2.0).map(|(_, look)| look));
+        if near.alpha > 0.0 { near } else { mean(around(node, i).map(|c| c.roof)) }
+    };
+    let own = node.columns[i].as_ref();
+    let [roof, lower] = [own.and_then(|c| tops(c).next()), own.and_then(|c| c.clip?.outer)];
+    [roof, lower].map(|top| top.map_or(Look::default(), |(z, _)| at(z)))
 }
 
 fn wall_around(node: &VoxelNode, i: usize) -> Vec<Look> {

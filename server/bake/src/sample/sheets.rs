@@ -9,13 +9,17 @@ use super::{
     local::{Block, LocalTriangle},
     solids::Cells,
 };
-use crate::voxels::Solid;
+use crate::{clip::Plane, voxels::Solid};
+use glam::{Vec2, Vec3Swizzles};
 use std::collections::BTreeMap;
 
 /// Wall area in a cell's row, in squares of the cell's side, from which on the row is full. A wall that crosses a line of
-/// cells has half of one in at least one of each two, so that no ray slips through; masts and wires have less, and do not
-/// swell to a cell.
+/// cells has half of one in at least one of each two; masts and wires have less, and do not swell to a cell.
 const FULL: f32 = 0.45;
+/// The same for a row beside a full one of the same wall, which goes on there.
+const REST: f32 = 0.03;
+/// Cosine of the normals of pieces of the same wall, at least.
+const SAME_COSINE: f32 = 0.95;
 
 /// A row of a cell in which wall was seen that no column shows.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +28,18 @@ struct Row {
     low_m: f32,
     high_m: f32,
     base_z_m: f32,
+    /// Sums over the area: normal out of the wall, place from the cell's centre.
+    normal: Vec2,
+    at: Vec2,
+}
+
+impl Row {
+    /// The wall's plane, if it is one.
+    fn plane(&self) -> Option<Plane> {
+        let normal = self.normal.normalize_or_zero();
+        let even = self.normal.length() > SAME_COSINE * self.area_m2;
+        even.then(|| Plane { normal, offset_m: normal.dot(self.at) / self.area_m2 })
+    }
 }
 
 /// Adds columns for walls that have none.
@@ -38,17 +54,34 @@ pub(super) fn add(block: &Block, candidates: &[Candidate], cells: &mut Cells) {
         }
         let p = candidate.p;
         let key = ((p.x / c).floor() as i32, (p.y / c).floor() as i32, (p.z / c).floor() as i32);
-        let empty = Row { area_m2: 0.0, low_m: p.z, high_m: p.z, base_z_m: triangle.base_z_m };
+        let centre = (Vec2::new(key.0 as f32, key.1 as f32) + 0.5) * c;
+        let (normal, at) = (Vec2::ZERO, Vec2::ZERO);
+        let empty = Row { area_m2: 0.0, low_m: p.z, high_m: p.z, base_z_m: triangle.base_z_m, normal, at };
         let row = rows.entry(key).or_insert(empty);
+        let out = if candidate.sightings[1] > candidate.sightings[0] { -triangle.normal } else { triangle.normal };
         row.area_m2 += candidate.area_m2;
+        row.normal += out.xy().normalize() * candidate.area_m2;
+        row.at += (p.xy() - centre) * candidate.area_m2;
         row.low_m = row.low_m.min(p.z - 0.25 * c).max(triangle.base_z_m);
         row.high_m = row.high_m.max(p.z + 0.25 * c);
     }
-    rows.retain(|_, row| row.area_m2 >= FULL * c * c);
-    for ((x, y, _), row) in rows {
+    for (&(x, y, _), row) in rows.iter().filter(|(key, row)| stands(&rows, **key, row, c)) {
         let solid = Solid { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
-        cells.insert(x, y, solid, row.base_z_m);
+        cells.insert(x, y, solid, row.base_z_m, row.plane());
     }
+}
+
+/// Whether enough of a wall is in a row: of its own, or of one that goes on beside it.
+fn stands(rows: &BTreeMap<(i32, i32, i32), Row>, (x, y, z): (i32, i32, i32), row: &Row, c: f32) -> bool {
+    let full = |row: &Row| row.area_m2 >= FULL * c * c;
+    let goes_on = |plane: Plane, other: &Row| {
+        full(other) && other.plane().is_some_and(|other| other.normal.dot(plane.normal) > SAME_COSINE)
+    };
+    let beside = |plane: Plane| {
+        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy, z)));
+        around.filter_map(|key| rows.get(&key)).any(|other| goes_on(plane, other))
+    };
+    full(row) || (row.area_m2 >= REST * c * c && row.plane().is_some_and(beside))
 }
 
 /// Whether a column at the candidate or next to it, on either side of its wall, is full at its height.

@@ -1,15 +1,19 @@
 //! Columns from crossings: which heights of each cell are full, and how their tops slope.
 //!
-//! In: [`Crossings`] with their sightings. Out: [`Cells`]. Next: `attributes` colours them.
+//! In: [`Crossings`] and candidates with their sightings. Out: [`Cells`]. Next: `attributes` colours them.
 
 use super::{
+    attributes::TOP_Z,
+    candidates::Candidate,
     crossings::{Crossing, Crossings},
     local::Block,
 };
 use crate::{
-    merge::{LINES, Lines, Merged, close_gaps, merge},
+    clip::{Clip, Plane, Wall, merge_with_walls},
+    merge::{LINES, Line, Merged, close_gaps, line_at},
     voxels::Solid,
 };
+use glam::{Vec2, Vec3Swizzles};
 use rayon::prelude::*;
 
 /// Bottom of what goes on into the ground; replaced by a little under the lowest neighbour's ground.
@@ -18,6 +22,12 @@ const DOWN: f32 = f32::MIN;
 const SHEET: f32 = 0.25;
 /// How far, in cells, the ground's columns reach under the lowest ground around.
 const SKIRT: f32 = 0.25;
+
+/// How far, in cells, a wall may be from a cell that it cuts a corner off.
+const NEAR: f32 = 0.3;
+
+/// How far, in cells, walls of one plane may be apart.
+const ALIGNED: f32 = 0.15;
 
 /// One cell.
 #[derive(Debug, Clone, Default)]
@@ -38,14 +48,48 @@ pub(super) struct Cells {
 }
 
 /// Builds all columns.
-pub(super) fn build(block: &Block, crossings: &Crossings) -> Cells {
+pub(super) fn build(block: &Block, crossings: &Crossings, candidates: &[Candidate]) -> Cells {
     let [width, height] = block.cells.map(|n| n + 2);
-    let starts = line_starts(crossings);
-    let list =
-        (0..width * height).into_par_iter().map(|i| cell(block, crossings, &starts, i % width, i / width)).collect();
+    let lines = SourceLines { block, crossings, starts: line_starts(crossings) };
+    let walls = walls(block, candidates);
+    let list = (0..width * height)
+        .into_par_iter()
+        .map(|i| {
+            let first = walls.partition_point(|(cell, _)| *cell < i as u32);
+            let end = first + walls[first..].partition_point(|(cell, _)| *cell == i as u32);
+            let walls: Vec<Wall> = walls[first..end].iter().map(|(_, wall)| *wall).collect();
+            lines.cell(i % width, i / width, &walls)
+        })
+        .collect();
     let mut cells = Cells { list, width, cell_m: block.cell_m };
     cells.ground_bottoms();
     cells
+}
+
+/// The walls that were seen, sorted by the cell that they are in or near.
+fn walls(block: &Block, candidates: &[Candidate]) -> Vec<(u32, Wall)> {
+    let [width, height] = block.cells.map(|n| n as i32 + 2);
+    let mut walls = Vec::new();
+    for candidate in candidates {
+        let triangle = &block.triangles[candidate.triangle as usize];
+        let [front, back] = candidate.sightings;
+        if front.max(back) == 0 || triangle.terrain || triangle.normal.z.abs() > TOP_Z {
+            continue;
+        }
+        let out = if back > front { -triangle.normal } else { triangle.normal };
+        let normal = out.xy().normalize();
+        let p = candidate.p.xy() / block.cell_m;
+        let [low, high] = [-NEAR, NEAR].map(|step| (p + step).floor().as_ivec2());
+        for (y, x) in (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (y, x))) {
+            let at = (p - Vec2::new(x as f32, y as f32) - 0.5) * block.cell_m;
+            let (x, y) = (x + 1, y + 1);
+            if (0..width).contains(&x) && (0..height).contains(&y) {
+                walls.push(((y * width + x) as u32, Wall { normal, at, area_m2: candidate.area_m2 }));
+            }
+        }
+    }
+    walls.sort_by_key(|(cell, _)| *cell);
+    walls
 }
 
 fn line_starts(crossings: &Crossings) -> Vec<u32> {
@@ -59,27 +103,63 @@ fn line_starts(crossings: &Crossings) -> Vec<u32> {
     starts
 }
 
-fn cell(block: &Block, crossings: &Crossings, starts: &[u32], x: usize, y: usize) -> Cell {
-    let mut ground_m: Option<f32> = None;
-    let mut foot_m = f32::INFINITY;
-    let lines: Lines = std::array::from_fn(|i| {
-        let line = (y * LINES + i / LINES) * crossings.lines[0] + x * LINES + i % LINES;
-        let range = starts[line] as usize..starts[line + 1] as usize;
-        let list = &crossings.list[range];
-        for c in list {
-            let triangle = &block.triangles[c.triangle as usize];
-            if triangle.terrain {
-                ground_m = Some(ground_m.map_or(c.z, |g| g.min(c.z)));
-            } else {
-                foot_m = foot_m.min(triangle.base_z_m);
-            }
-        }
-        runs(block, list)
-    });
-    let column = merge(&lines, block.cell_m);
-    let bottom = column.solids.first().map_or(DOWN, |s| s.bottom_m);
-    let grounded = bottom == DOWN || bottom < foot_m + block.cell_m;
-    Cell { column, ground_m, grounded }
+/// The vertical lines through the source's surfaces.
+struct SourceLines<'a> {
+    block: &'a Block,
+    crossings: &'a Crossings,
+    starts: Vec<u32>,
+}
+
+impl SourceLines<'_> {
+    /// The crossings of line (x, y).
+    fn crossings(&self, x: usize, y: usize) -> &[Crossing] {
+        let line = y * self.crossings.lines[0] + x;
+        &self.crossings.list[self.starts[line] as usize..self.starts[line + 1] as usize]
+    }
+
+    fn cell(&self, x: usize, y: usize, walls: &[Wall]) -> Cell {
+        let cell_m = self.block.cell_m;
+        let mut ground_m: Option<f32> = None;
+        let mut foot_m = f32::INFINITY;
+        let lines: Vec<Line> = (0..LINES * LINES)
+            .map(|i| {
+                let list = self.crossings(x * LINES + i % LINES, y * LINES + i / LINES);
+                for c in list {
+                    let triangle = &self.block.triangles[c.triangle as usize];
+                    if triangle.terrain {
+                        ground_m = Some(ground_m.map_or(c.z, |g| g.min(c.z)));
+                    } else {
+                        foot_m = foot_m.min(triangle.base_z_m);
+                    }
+                }
+                Line { at: line_at(i, cell_m), runs: runs(self.block, list) }
+            })
+            .collect();
+        let column = merge_with_walls(&lines, || self.around(x, y), walls, cell_m);
+        let bottom = column.solids.first().map_or(DOWN, |s| s.bottom_m);
+        let grounded = bottom == DOWN || bottom < foot_m + cell_m;
+        Cell { column, ground_m, grounded }
+    }
+
+    /// The lines up to half a cell outside of a cell.
+    fn around(&self, x: usize, y: usize) -> Vec<Line> {
+        const RIM: usize = LINES / 2;
+        let end = 2 * RIM + LINES;
+        let own = RIM..RIM + LINES;
+        let places = (0..end).flat_map(|j| (0..end).map(move |i| (i, j)));
+        places
+            .filter(|(i, j)| !own.contains(i) || !own.contains(j))
+            .filter_map(|(i, j)| {
+                let (column, row) = ((x * LINES + i).checked_sub(RIM)?, (y * LINES + j).checked_sub(RIM)?);
+                if column >= self.crossings.lines[0] || row >= self.crossings.lines[1] {
+                    return None;
+                }
+                let step = Vec2::new(i as f32 - RIM as f32, j as f32 - RIM as f32) * self.crossings.step_m;
+                let at = line_at(0, self.block.cell_m) + step;
+                Some(Line { at, runs: runs(self.block, self.crossings(column, row)) })
+            })
+            .collect()
+    }
 }
 
 /// A line's full runs: a side seen from above opens one, a side seen from below closes it (design 5, step 1).
@@ -125,8 +205,8 @@ impl Cells {
         if x >= self.width { None } else { self.list.get(y * self.width + x) }
     }
 
-    /// Makes a run of a cell full; it joins what it touches.
-    pub(super) fn insert(&mut self, x: i32, y: i32, solid: Solid, base_z_m: f32) {
+    /// Makes a run of a cell full; it joins what it touches. `wall` is the plane of the wall that was seen there.
+    pub(super) fn insert(&mut self, x: i32, y: i32, solid: Solid, base_z_m: f32, wall: Option<Plane>) {
         let (Ok(column), Ok(row)) = (usize::try_from(x + 1), usize::try_from(y + 1)) else { return };
         let cell_m = self.cell_m;
         let Some(cell) = self.list.get_mut(row * self.width + column).filter(|_| column < self.width) else { return };
@@ -134,6 +214,10 @@ impl Cells {
         let top_before = solids.last().map_or(f32::MIN, |s| s.top_m);
         if solids.is_empty() {
             cell.grounded = solid.bottom_m < base_z_m + cell_m;
+            cell.column.clip = wall.map(|plane| Clip { plane, corner: None, outer_top_m: None });
+        } else if !wall.is_some_and(|wall| cell.column.clip.is_some_and(|clip| clip.ends_at(wall, ALIGNED * cell_m))) {
+            // What is seen where nothing was drawn is not cut off by another wall.
+            cell.column.clip = None;
         }
         solids.push(solid);
         solids.sort_unstable_by(|a, b| a.bottom_m.total_cmp(&b.bottom_m));
@@ -163,27 +247,30 @@ impl Cells {
     /// Whether more than one voxel of a side is open: whether the column is a wall (Vacca 2008, 3.1.1).
     pub(super) fn exposed(&self, x: i32, y: i32) -> bool {
         let Some(own) = self.at(x, y) else { return false };
-        [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
-            let other = self.at(x + dx, y + dy).map(|c| &c.column);
-            let half = [dx as f32 * 0.5 * self.cell_m, dy as f32 * 0.5 * self.cell_m];
-            open_side(&own.column, other, half) > self.cell_m
-        })
+        own.column.clip.is_some()
+            || [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
+                let other = self.at(x + dx, y + dy).map(|c| &c.column);
+                let half = Vec2::new(dx as f32, dy as f32) * (0.5 * self.cell_m);
+                open_side(&own.column, other, half) > self.cell_m
+            })
     }
 }
 
-/// Metres of `own`'s side, at `half` a cell from its centre, that `other` does not cover.
-pub(crate) fn open_side(own: &Merged, other: Option<&Merged>, half: [f32; 2]) -> f32 {
-    let top = own.top_at(half[0], half[1]);
-    let other_top = other.map_or(f32::NEG_INFINITY, |o| o.top_at(-half[0], -half[1]));
-    let last = own.solids.len().saturating_sub(1);
+/// Metres of `own`'s side, at `half` a cell from its centre, that `other` does not cover; the most of three places along it
+/// where a wall stands inside `other`.
+pub(crate) fn open_side(own: &Merged, other: Option<&Merged>, half: Vec2) -> f32 {
+    let clipped = other.is_some_and(|other| other.clip.is_some());
+    let along: &[f32] = if clipped { &[-0.9, 0.0, 0.9] } else { &[0.0] };
+    along.iter().map(|share| half.perp() * *share).fold(0.0, |most, along| most.max(open_at(own, other, half, along)))
+}
+
+fn open_at(own: &Merged, other: Option<&Merged>, half: Vec2, along: Vec2) -> f32 {
+    let covers = other.map_or_else(Vec::new, |other| other.runs_at(along - half));
     let mut open = 0.0;
-    for (i, solid) in own.solids.iter().enumerate() {
-        let high = if i == last { top } else { solid.top_m };
-        open += (high - solid.bottom_m).max(0.0);
-        let others = other.map_or(&[][..], |o| &o.solids);
-        for (j, cover) in others.iter().enumerate() {
-            let cover_top = if j + 1 == others.len() { other_top } else { cover.top_m };
-            open -= (high.min(cover_top) - solid.bottom_m.max(cover.bottom_m)).max(0.0);
+    for run in own.runs_at(along + half) {
+        open += run.top_m - run.bottom_m;
+        for cover in &covers {
+            open -= (run.top_m.min(cover.top_m) - run.bottom_m.max(cover.bottom_m)).max(0.0);
         }
     }
     open
