@@ -27,7 +27,7 @@ const MOST: f32 = 4.0;
 /// What a plane must be worth, in cubic cells.
 const PLANE_COST: f32 = 0.002;
 
-/// A piece of a wall in or near a cell.
+/// A piece of a wall in a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Wall {
     /// Horizontal unit vector out of the wall.
@@ -139,7 +139,7 @@ fn clips(lines: &[Line], walls: &[Wall], cell_m: f32) -> Vec<Clip> {
     clips
 }
 
-/// The largest walls near a cell, as planes with their areas.
+/// The largest walls of a cell, as planes with their areas.
 fn planes(walls: &[Wall], cell_m: f32) -> Vec<(Plane, f32)> {
     let mut sums: Vec<(Plane, Vec2, f32)> = Vec::new();
     for wall in walls {

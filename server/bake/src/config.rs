@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::{error::BakeError, grid::BLOCK_LEAVES, read::Up, sample::SampleSettings};
 
 /// Raised whenever the same scene and settings would give other tiles than before.
-pub const ALGORITHM: u32 = 3;
+pub const ALGORITHM: u32 = 4;
 /// Cells outside this range are slips of the keyboard.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// More threads than this help nobody.

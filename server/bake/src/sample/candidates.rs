@@ -21,6 +21,8 @@ pub(super) struct Candidate {
     pub(super) area_m2: f32,
     /// Which of [`TURNS`] shares of the directions it looks at; neighbours differ.
     pub(super) turn: u8,
+    /// Which of the triangle's groups of [`TURNS`] neighbours it is in.
+    group: u32,
     /// Cosines of the sky directions from which the front (the normal's side) and the back are seen.
     pub(super) sky: [f32; 2],
     /// Directions of any kind from which the front and the back are seen.
@@ -47,19 +49,47 @@ pub(super) fn find(block: &Block) -> Vec<Candidate> {
     found
 }
 
+/// Gives the candidates of a group the mean of what they saw of the sky: alone, each has looked at a share of it only.
+pub(super) fn share_sky(candidates: &mut [Candidate]) {
+    let mut order: Vec<u32> = Vec::new();
+    for sheet in candidates.chunk_by_mut(|a, b| a.triangle == b.triangle) {
+        order.clear();
+        order.extend(0..sheet.len() as u32);
+        order.sort_unstable_by_key(|i| (sheet[*i as usize].group, *i));
+        let mut rest = &order[..];
+        while let Some(first) = rest.first() {
+            let group = sheet[*first as usize].group;
+            let end = rest.iter().take_while(|i| sheet[**i as usize].group == group).count();
+            let (members, after) = rest.split_at(end);
+            let mean = [0, 1].map(|k| members.iter().map(|i| sheet[*i as usize].sky[k]).sum::<f32>() / end as f32);
+            members.iter().for_each(|i| sheet[*i as usize].sky = mean);
+            rest = after;
+        }
+    }
+}
+
 /// Whether nobody can see it: it lies at a closed shell's foot and faces down.
 fn is_floor(block: &Block, triangle: &LocalTriangle) -> bool {
     let top = triangle.corners.iter().fold(f32::MIN, |m, c| m.max(c.z));
     triangle.closed && triangle.normal.z < -0.99 && top < triangle.base_z_m + 0.01 * block.cell_m
 }
 
-fn push(block: &Block, found: &mut Vec<Candidate>, p: Vec3, triangle: u32, area_m2: f32, place: [usize; 2]) {
+fn push(
+    block: &Block,
+    found: &mut Vec<Candidate>,
+    p: Vec3,
+    triangle: u32,
+    area_m2: f32,
+    place: [usize; 2],
+    group: [usize; 2],
+) {
     let [width, height] = block.extent_m();
     // A wall on the block's rim may belong to the cell on its other side: half a cell more, dropped later if it does not.
     let rim = block.cell_m * 0.5;
     if p.x >= -rim && p.y >= -rim && p.x < width + rim && p.y < height + rim {
         let turn = ((place[0] & 1) | ((place[1] & 1) << 1)) as u8;
-        found.push(Candidate { p, triangle, area_m2, turn, sky: [0.0; 2], sightings: [0; 2] });
+        let group = (group[0] as u16 as u32) << 16 | group[1] as u16 as u32;
+        found.push(Candidate { p, triangle, area_m2, turn, group, sky: [0.0; 2], sightings: [0; 2] });
     }
 }
 
@@ -86,7 +116,8 @@ fn slice(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, foun
             let along = (i as f32 + 0.5) / pieces as f32;
             let p = a.lerp(b, along).lerp(apex, f);
             let place = [i as usize, level as usize + (i as usize >> 1)];
-            push(block, found, p, index, triangle.area_m2 * share / pieces as f32, place);
+            let group = [i as usize / TURNS, level as usize];
+            push(block, found, p, index, triangle.area_m2 * share / pieces as f32, place, group);
         }
     }
 }
@@ -124,7 +155,7 @@ fn raster(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, fou
             p[v] = start[v] + (row as f32 + 0.5) * spacing;
             let slope = triangle.normal[u] * (p[u] - origin[u]) + triangle.normal[v] * (p[v] - origin[v]);
             p[main] = origin[main] - slope / triangle.normal[main];
-            push(block, found, p, index, area_m2, [column, row]);
+            push(block, found, p, index, area_m2, [column, row], [column / 2, row / 2]);
         }
     });
 }

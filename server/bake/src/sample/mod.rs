@@ -66,6 +66,7 @@ pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<Vo
     let mut crossings = crossings::find(&block);
     let mut candidates = candidates::find(&block);
     visibility::look(&block, settings, &mut crossings, &mut candidates);
+    candidates::share_sky(&mut candidates);
     let mut columns = solids::build(&block, &crossings, &candidates);
     drop(crossings);
     sheets::add(&block, &candidates, &mut columns);

@@ -6,15 +6,16 @@ use super::{
     attributes::TOP_Z,
     candidates::Candidate,
     crossings::{Crossing, Crossings},
-    local::Block,
+    local::{Block, LocalTriangle},
 };
 use crate::{
     clip::{Clip, Plane, Wall, merge_with_walls},
     merge::{LINES, Line, Merged, close_gaps, line_at},
     voxels::Solid,
 };
-use glam::{Vec2, Vec3Swizzles};
+use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 /// Bottom of what goes on into the ground; replaced by a little under the lowest neighbour's ground.
 const DOWN: f32 = f32::MIN;
@@ -23,8 +24,8 @@ const SHEET: f32 = 0.25;
 /// How far, in cells, the ground's columns reach under the lowest ground around.
 const SKIRT: f32 = 0.25;
 
-/// How far, in cells, a wall may be from a cell that it cuts a corner off.
-const NEAR: f32 = 0.3;
+/// Walls whose normals rise or fall less stand upright: where they are does not depend on the height.
+const UPRIGHT_Z: f32 = 0.03;
 
 /// How far, in cells, walls of one plane may be apart.
 const ALIGNED: f32 = 0.15;
@@ -66,30 +67,60 @@ pub(super) fn build(block: &Block, crossings: &Crossings, candidates: &[Candidat
     cells
 }
 
-/// The walls that were seen, sorted by the cell that they are in or near.
+/// The walls that were seen, sorted by the cell that they are in.
 fn walls(block: &Block, candidates: &[Candidate]) -> Vec<(u32, Wall)> {
     let [width, height] = block.cells.map(|n| n as i32 + 2);
+    let c = block.cell_m;
     let mut walls = Vec::new();
-    for candidate in candidates {
-        let triangle = &block.triangles[candidate.triangle as usize];
-        let [front, back] = candidate.sightings;
+    let mut push = |cell: IVec2, normal: Vec2, p: Vec2, area_m2: f32| {
+        let at = p - (cell.as_vec2() + 0.5) * c;
+        let (x, y) = (cell.x + 1, cell.y + 1);
+        if (0..width).contains(&x) && (0..height).contains(&y) {
+            walls.push(((y * width + x) as u32, Wall { normal, at, area_m2 }));
+        }
+    };
+    for sheet in candidates.chunk_by(|a, b| a.triangle == b.triangle) {
+        let triangle = &block.triangles[sheet[0].triangle as usize];
+        let [front, back] = [0, 1].map(|k| sheet.iter().map(|s| u32::from(s.sightings[k])).sum::<u32>());
         if front.max(back) == 0 || triangle.terrain || triangle.normal.z.abs() > TOP_Z {
             continue;
         }
-        let out = if back > front { -triangle.normal } else { triangle.normal };
-        let normal = out.xy().normalize();
-        let p = candidate.p.xy() / block.cell_m;
-        let [low, high] = [-NEAR, NEAR].map(|step| (p + step).floor().as_ivec2());
-        for (y, x) in (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (y, x))) {
-            let at = (p - Vec2::new(x as f32, y as f32) - 0.5) * block.cell_m;
-            let (x, y) = (x + 1, y + 1);
-            if (0..width).contains(&x) && (0..height).contains(&y) {
-                walls.push(((y * width + x) as u32, Wall { normal, at, area_m2: candidate.area_m2 }));
+        let normal = triangle.normal.xy().normalize() * if back > front { -1.0 } else { 1.0 };
+        if triangle.normal.z.abs() < UPRIGHT_Z {
+            each_piece(triangle, c, |cell, p, share| push(cell, normal, p, triangle.area_m2 * share));
+        } else {
+            for candidate in sheet.iter().filter(|s| s.sightings[0].max(s.sightings[1]) > 0) {
+                let p = candidate.p.xy();
+                push((p / c).floor().as_ivec2(), normal, p, candidate.area_m2);
             }
         }
     }
     walls.sort_by_key(|(cell, _)| *cell);
     walls
+}
+
+/// Cuts an upright triangle, seen from above, at the cells' borders: calls `each` with the cell, the middle of the piece and
+/// its share of the length.
+fn each_piece(triangle: &LocalTriangle, cell_m: f32, mut each: impl FnMut(IVec2, Vec2, f32)) {
+    let along = triangle.normal.xy().normalize().perp();
+    let place = |corner: &&Vec3| along.dot(corner.xy());
+    let ends = [Ordering::Less, Ordering::Greater].map(|order| {
+        triangle.corners.iter().reduce(|a, b| if place(&b).total_cmp(&place(&a)) == order { b } else { a })
+    });
+    let [Some(a), Some(b)] = ends.map(|end| end.map(|corner| corner.xy())) else { return };
+    let mut cuts = vec![0.0, 1.0];
+    for axis in 0..2 {
+        let (from, to) = (a[axis] / cell_m, b[axis] / cell_m);
+        let borders = (from.min(to).ceil() as i64)..=(from.max(to).floor() as i64);
+        if from != to {
+            cuts.extend(borders.map(|border| ((border as f32 - from) / (to - from)).clamp(0.0, 1.0)));
+        }
+    }
+    cuts.sort_by(f32::total_cmp);
+    for pair in cuts.windows(2).filter(|pair| pair[1] > pair[0]) {
+        let middle = a.lerp(b, 0.5 * (pair[0] + pair[1]));
+        each((middle / cell_m).floor().as_ivec2(), middle, pair[1] - pair[0]);
+    }
 }
 
 fn line_starts(crossings: &Crossings) -> Vec<u32> {
