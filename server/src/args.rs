@@ -25,7 +25,7 @@ pub struct Args {
 pub enum Command {
     /// Turn city files into a city that can be served
     #[command(
-        after_help = "Example:\n  insula-server bake buildings.city.json terrain.city.json --out cities/delft --cell 0.5 \\\n    --attribution \"3D BAG, tudelft3d\" --licence \"CC BY 4.0\" --source-url https://3dbag.nl\n\nKilled at any moment it leaves no city or a whole one; --resume goes on where it stopped."
+        after_help = "Example:\n  insula-server bake buildings.city.json terrain.city.json --out cities/delft --cell 0.5 \\\n    --attribution \"3D BAG, tudelft3d\" --licence \"CC BY 4.0\" --source-url https://3dbag.nl\n\nKilled at any moment it leaves no city or a whole one; --resume goes on where it stopped.\nAfter a change of the sources, the same command with --update bakes only what changed."
     )]
     Bake(BakeArgs),
     /// Serve cities over HTTP
@@ -60,12 +60,18 @@ pub struct BakeArgs {
     /// Threads to use; all cores unless given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Memory to use, about: 600MiB, 2GB; 512MiB or 192MiB a thread unless given
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    pub memory: Option<u64>,
     /// Write a report of what was read, made and how long it took
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
     /// Go on with a bake that was interrupted
     #[arg(long)]
     pub resume: bool,
+    /// Bake only what changed since CITY was made; the result is that of a whole bake
+    #[arg(long)]
+    pub update: bool,
     /// Name in URLs (a-z, 0-9, _ and -); the folder's name unless given
     #[arg(long, value_parser = name)]
     pub name: Option<String>,
@@ -139,6 +145,24 @@ fn cell(text: &str) -> Result<f64, String> {
     }
 }
 
+/// `600MiB`, `2GB`, `1G`, `1073741824`.
+fn bytes(text: &str) -> Result<u64, String> {
+    let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    let factor: Option<u64> = match unit.to_ascii_lowercase().as_str() {
+        "" | "b" => Some(1),
+        "k" | "kib" => Some(1 << 10),
+        "m" | "mib" => Some(1 << 20),
+        "g" | "gib" => Some(1 << 30),
+        "kb" => Some(1_000),
+        "mb" => Some(1_000_000),
+        "gb" => Some(1_000_000_000),
+        _ => None,
+    };
+    let bytes = number.parse::<u64>().ok().zip(factor).and_then(|(number, factor)| number.checked_mul(factor));
+    bytes.ok_or_else(|| "a size is wanted, as in 600MiB or 2GB".into())
+}
+
 fn name(text: &str) -> Result<String, String> {
     if is_name(text) { Ok(text.into()) } else { Err("1 to 64 of a-z, 0-9, _ and - are wanted".into()) }
 }
@@ -176,6 +200,7 @@ mod tests {
     fn slips_are_usage_errors() {
         let parse = |line: &str| Args::try_parse_from(line.split(' ')).map_err(|error| error.exit_code());
         assert!(parse("insula-server bake a b --out c --cell 0.5 --threads 2 --report r.json --resume").is_ok());
+        assert!(parse("insula-server bake a --out c --update --memory 600MiB").is_ok());
         assert!(parse("insula-server serve a b --listen localhost:0 --config c.json").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
         for wrong in [
@@ -186,6 +211,9 @@ mod tests {
             "insula-server bake a --out c --cell nan",
             "insula-server bake a --out c --threads 0",
             "insula-server bake a --out c --name A",
+            "insula-server bake a --out c --memory much",
+            "insula-server bake a --out c --memory 1.5GiB",
+            "insula-server bake a --out c --memory 99999999999GiB",
             "insula-server bake a --out c --licence L",
             "insula-server serve",
             "insula-server serve a --listen 7700",

@@ -17,6 +17,12 @@ use crate::{error::BakeError, grid::BLOCK_LEAVES, read::Up, sample::SampleSettin
 pub const ALGORITHM: u32 = 4;
 /// Cells outside this range are slips of the keyboard.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+/// What a bake may take unless told otherwise, or [`MEMORY_BYTES_PER_THREAD`] for each thread if that is more.
+pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
+/// Enough for a dense block in each thread.
+const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
+/// Less leaves no room for the program and a single block.
+const MIN_MEMORY_BYTES: u64 = 64 << 20;
 /// More threads than this help nobody.
 const MAX_THREADS: usize = 1024;
 
@@ -31,6 +37,11 @@ pub struct BakeOptions {
     pub cell_m: f64,
     /// Worker threads; `None` for one a core. The result does not depend on it.
     pub threads: Option<usize>,
+    /// About how many bytes of memory the bake may take; `None` for [`DEFAULT_MEMORY_BYTES`], or more where there are many
+    /// threads. The result does not depend on it.
+    pub memory_bytes: Option<u64>,
+    /// Take from the city that is there what did not change.
+    pub update: bool,
     /// Go on where an interrupted bake of the same input with the same settings stopped.
     pub resume: bool,
     /// Name in URLs, of a-z, 0-9, `_` and `-`; `None` for the folder's name.
@@ -52,6 +63,8 @@ impl Default for BakeOptions {
             out: PathBuf::new(),
             cell_m: 1.0,
             threads: None,
+            memory_bytes: None,
+            update: false,
             resume: false,
             name: None,
             title: None,
@@ -68,6 +81,8 @@ pub(crate) struct Config {
     pub(crate) out: PathBuf,
     pub(crate) cell_m: f64,
     pub(crate) threads: usize,
+    memory_bytes: usize,
+    pub(crate) update: bool,
     pub(crate) resume: bool,
     pub(crate) name: String,
     pub(crate) title: Option<String>,
@@ -89,10 +104,13 @@ impl Config {
             let advice = "give the name of a folder to make, for example cities/delft".into();
             return Err(BakeError::Option { option: "--out", value: options.out.display().to_string(), advice });
         };
+        let threads = threads(options.threads)?;
         Ok(Self {
             out: options.out.clone(),
             cell_m,
-            threads: threads(options.threads)?,
+            threads,
+            memory_bytes: memory_bytes(options.memory_bytes, threads)?,
+            update: options.update,
             resume: options.resume,
             name: name(options.name.as_deref(), &folder.to_string_lossy())?,
             title: options.title.clone(),
@@ -101,6 +119,33 @@ impl Config {
             settings: settings_hash(cell_m, &options.sample)?,
         })
     }
+}
+
+impl Config {
+    /// How much is gathered before it goes to the files of blocks.
+    pub(crate) fn bucket_bytes(&self) -> usize {
+        (self.memory_bytes / 8).min(64 << 20)
+    }
+
+    /// How many of pictures are kept loaded.
+    pub(crate) fn picture_bytes(&self) -> usize {
+        self.memory_bytes / 4
+    }
+
+    /// How many blocks in work may take together; the rest is for the program, for pictures that are in use, and for what
+    /// an allocator keeps.
+    pub(crate) fn block_bytes(&self) -> usize {
+        self.memory_bytes / 2
+    }
+}
+
+fn memory_bytes(asked: Option<u64>, threads: usize) -> Result<usize, BakeError> {
+    let bytes = asked.unwrap_or(DEFAULT_MEMORY_BYTES.max(MEMORY_BYTES_PER_THREAD * threads as u64));
+    if bytes < MIN_MEMORY_BYTES {
+        let advice = format!("give at least {} MiB", MIN_MEMORY_BYTES >> 20);
+        return Err(BakeError::Option { option: "--memory", value: bytes.to_string(), advice });
+    }
+    Ok(usize::try_from(bytes).unwrap_or(usize::MAX))
 }
 
 fn threads(asked: Option<usize>) -> Result<usize, BakeError> {
@@ -180,7 +225,17 @@ mod tests {
         let base = hash(&options());
         assert_ne!(hash(&BakeOptions { cell_m: 2.0, ..options() }), base);
         let title = Some("Den Haag".to_owned());
-        assert_eq!(hash(&BakeOptions { threads: Some(7), resume: true, title, ..options() }), base);
+        assert_eq!(
+            hash(&BakeOptions {
+                threads: Some(7),
+                resume: true,
+                update: true,
+                memory_bytes: Some(1 << 30),
+                title,
+                ..options()
+            }),
+            base
+        );
     }
 
     #[test]
@@ -189,6 +244,7 @@ mod tests {
             BakeOptions { cell_m: 0.0, ..options() },
             BakeOptions { cell_m: f64::NAN, ..options() },
             BakeOptions { threads: Some(0), ..options() },
+            BakeOptions { memory_bytes: Some(1 << 20), ..options() },
             BakeOptions { name: Some("Den Haag".into()), ..options() },
             BakeOptions { out: "..".into(), ..options() },
             BakeOptions { out: "".into(), ..options() },

@@ -7,13 +7,14 @@ pub mod grid;
 pub mod lod;
 mod merge;
 pub mod parametrise;
-pub mod partition;
+mod partition;
 pub mod pipeline;
 pub mod progress;
 pub mod read;
 pub mod report;
 pub mod sample;
 pub mod scene;
+mod spool;
 pub mod voxels;
 pub mod write;
 

@@ -1,84 +1,103 @@
-//! Triangles into blocks of leaves.
+//! Triangles into blocks of leaves, each with its own file: a bucket.
 //!
-//! In: the scene and its grid. Out: [`Partition`]: the leaves that may hold something, block by block, and the triangles
-//! that may touch or shade them. Next: `sample`, one block at a time.
+//! In: the city and its grid. Out: [`Partition`]: the leaves that may hold something, block by block, and for each block a
+//! file of the triangles that may touch or shade it. Next: `sample`, one block at a time.
 //!
-//! Linear in the triangles: each is looked at three times (which leaves, how many blocks, which blocks).
+//! The city passes through once. What a bucket gets is gathered in memory up to a number of bytes, then appended to its file.
 
-use std::collections::BTreeMap;
+use std::{
+    collections::BTreeMap,
+    fs::{self, File, OpenOptions},
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
 
 use insula_protocol::TileId;
-use rayon::prelude::*;
 
 use crate::{
+    error::BakeError,
     grid::{BLOCK_LEAVES, Grid},
-    scene::{Scene, Triangle},
+    scene::Triangle,
+    spool::{City, RECORD_BYTES, from_record, to_record},
 };
 
 const _: () = assert!(BLOCK_LEAVES <= 8, "a block's leaves are kept as the bits of a u64");
-/// Triangles that one task looks at.
-const CHUNK: usize = 1 << 14;
 
 /// One block: at most `BLOCK_LEAVES` x `BLOCK_LEAVES` leaves, aligned to multiples of that.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Block {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Block {
     /// Column of blocks.
-    pub x: u32,
+    pub(crate) x: u32,
     /// Row of blocks.
-    pub y: u32,
+    pub(crate) y: u32,
     /// Bit `y * BLOCK_LEAVES + x` is set if that leaf may hold something.
-    leaves: u64,
-    first: usize,
-    end: usize,
+    pub(crate) leaves: u64,
+    /// How many its bucket holds.
+    pub(crate) triangles: u64,
+    /// About how much surface lies in it, for an estimate of the memory that it takes.
+    pub(crate) surface_m2: f64,
 }
 
 /// All blocks that hold something, row by row.
-#[derive(Debug, Clone)]
-pub struct Partition {
+#[derive(Debug)]
+pub(crate) struct Partition {
     /// In order of (y, x).
-    pub blocks: Vec<Block>,
+    pub(crate) blocks: Vec<Block>,
     depth: u8,
-    triangles: Vec<u32>,
+    folder: PathBuf,
 }
 
 impl Partition {
-    /// Sorts the scene's triangles. `margin_m` is how far around a block a triangle still counts for it, because it may
-    /// shade it (design 5). The triangles must be finite.
-    pub fn new(scene: &Scene, grid: &Grid, margin_m: f64) -> Self {
-        let leaves = leaves_by_block(scene, grid);
-        let mut blocks: Vec<Block> =
-            leaves.into_iter().map(|((y, x), leaves)| Block { x, y, leaves, first: 0, end: 0 }).collect();
-        let reach = Reach::new(grid, margin_m);
-        let mut counts = vec![0usize; blocks.len()];
-        for triangle in &scene.triangles {
-            reach.each_block(triangle, &blocks, |i| counts[i] += 1);
+    /// Sorts the city's triangles into files of `folder`, which is made; `advance` is told of every triangle. `margin_m`
+    /// is how far around a block a triangle still counts for it, because it may shade it (design 5).
+    pub(crate) fn new(
+        city: &City,
+        grid: &Grid,
+        margin_m: f64,
+        (folder, buffer_bytes): (&Path, usize),
+        advance: impl Fn(u64),
+    ) -> Result<Self, BakeError> {
+        /// After how many triangles progress is told.
+        const STEP: u64 = 1 << 14;
+        fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "made", cause))?;
+        let mut buckets = Buckets { grid, margin_m, folder, by_block: BTreeMap::new(), buffered: 0 };
+        let mut count = 0;
+        city.each(|triangle| {
+            count += 1;
+            if count % STEP == 0 {
+                advance(STEP);
+            }
+            buckets.add(triangle);
+            if buckets.buffered >= buffer_bytes { buckets.flush() } else { Ok(()) }
+        })?;
+        buckets.flush()?;
+        advance(count % STEP);
+        let mut blocks = Vec::new();
+        for ((y, x), bucket) in buckets.by_block {
+            if bucket.leaves == 0 {
+                let path = path(folder, x, y);
+                fs::remove_file(&path).map_err(|cause| BakeError::io(&path, "removed", cause))?;
+                continue;
+            }
+            let Bucket { leaves, triangles, surface_m2, .. } = bucket;
+            blocks.push(Block { x, y, leaves, triangles, surface_m2 });
         }
-        let mut total = 0;
-        for (block, count) in blocks.iter_mut().zip(&counts) {
-            (block.first, block.end) = (total, total);
-            total += count;
-        }
-        let mut triangles = vec![0u32; total];
-        let mut ends: Vec<usize> = blocks.iter().map(|block| block.end).collect();
-        for (index, triangle) in scene.triangles.iter().enumerate() {
-            reach.each_block(triangle, &blocks, |i| {
-                triangles[ends[i]] = index as u32;
-                ends[i] += 1;
-            });
-        }
-        for (block, end) in blocks.iter_mut().zip(ends) {
-            block.end = end;
-        }
-        Self { blocks, depth: grid.depth, triangles }
+        Ok(Self { blocks, depth: grid.depth, folder: folder.to_owned() })
     }
 
-    /// Indices of the triangles that touch the block and its margin, ascending.
-    pub fn triangles(&self, block: &Block) -> &[u32] {
-        &self.triangles[block.first..block.end]
+    /// The triangles that touch the block and its margin, in the city's order.
+    pub(crate) fn triangles(&self, block: &Block) -> Result<Vec<Triangle>, BakeError> {
+        let path = path(&self.folder, block.x, block.y);
+        let bytes = fs::read(&path).map_err(|cause| BakeError::io(&path, "read", cause))?;
+        let (records, rest) = bytes.as_chunks::<RECORD_BYTES>();
+        if records.len() as u64 != block.triangles || !rest.is_empty() {
+            return Err(BakeError::Scratch { path });
+        }
+        Ok(records.iter().map(from_record).collect())
     }
 
     /// The block's leaves that may hold something, row by row.
-    pub fn leaves(&self, block: &Block) -> Vec<TileId> {
+    pub(crate) fn leaves(&self, block: &Block) -> Vec<TileId> {
         (0..BLOCK_LEAVES * BLOCK_LEAVES)
             .filter(|bit| block.leaves >> bit & 1 == 1)
             .filter_map(|bit| {
@@ -89,37 +108,89 @@ impl Partition {
     }
 }
 
-type Masks = BTreeMap<(u32, u32), u64>;
-
-fn leaves_by_block(scene: &Scene, grid: &Grid) -> Masks {
-    let merge = |mut all: Masks, one: Masks| {
-        for (block, mask) in one {
-            *all.entry(block).or_default() |= mask;
-        }
-        all
-    };
-    scene.triangles.par_chunks(CHUNK).map(|triangles| masks_of(triangles, grid)).reduce(Masks::new, merge)
+fn path(folder: &Path, x: u32, y: u32) -> PathBuf {
+    folder.join(format!("{x}-{y}.bucket"))
 }
 
-fn masks_of(triangles: &[Triangle], grid: &Grid) -> Masks {
-    let side = grid.node_side_m(grid.depth);
-    let last = (1u32 << grid.depth) - 1;
-    let mut masks = Masks::new();
-    for triangle in triangles {
-        let p = corners_in(triangle, grid);
-        let [x, y] = [0, 1].map(|axis| range(span(&p, axis), side, last));
+/// A block being filled.
+#[derive(Debug, Default)]
+struct Bucket {
+    leaves: u64,
+    triangles: u64,
+    surface_m2: f64,
+    /// Records that are not in its file yet.
+    buffer: Vec<u8>,
+}
+
+struct Buckets<'a> {
+    grid: &'a Grid,
+    margin_m: f64,
+    folder: &'a Path,
+    /// By (y, x).
+    by_block: BTreeMap<(u32, u32), Bucket>,
+    /// Bytes in all buffers.
+    buffered: usize,
+}
+
+impl Buckets<'_> {
+    fn add(&mut self, triangle: &Triangle) {
+        let p = corners_in(triangle, self.grid);
+        let side = self.grid.node_side_m(self.grid.depth);
+        let last = (1u32 << self.grid.depth) - 1;
+        self.mark_leaves(&p, side, last);
+        let block_side = side * f64::from(BLOCK_LEAVES);
+        let [x, y] = [0, 1].map(|axis| {
+            let [low, high] = span(&p, axis);
+            range([low - self.margin_m, high + self.margin_m], block_side, last / BLOCK_LEAVES)
+        });
+        let record = to_record(triangle);
+        let surface_m2 = area_m2(triangle).min(4.0 * block_side * block_side);
+        for y in y[0]..=y[1] {
+            for x in x[0]..=x[1] {
+                let bucket = self.by_block.entry((y, x)).or_default();
+                bucket.triangles += 1;
+                bucket.surface_m2 += surface_m2;
+                bucket.buffer.extend_from_slice(&record);
+                self.buffered += record.len();
+            }
+        }
+    }
+
+    /// Which leaves the triangle touches.
+    fn mark_leaves(&mut self, p: &[[f64; 2]; 3], side: f64, last: u32) {
+        let [x, y] = [0, 1].map(|axis| range(span(p, axis), side, last));
         let one = x[0] == x[1] && y[0] == y[1];
         for leaf_y in y[0]..=y[1] {
             for leaf_x in x[0]..=x[1] {
                 let low = [f64::from(leaf_x) * side, f64::from(leaf_y) * side];
-                if one || touches(&p, low, side) {
+                if one || touches(p, low, side) {
                     let bit = leaf_y % BLOCK_LEAVES * BLOCK_LEAVES + leaf_x % BLOCK_LEAVES;
-                    *masks.entry((leaf_y / BLOCK_LEAVES, leaf_x / BLOCK_LEAVES)).or_default() |= 1 << bit;
+                    self.by_block.entry((leaf_y / BLOCK_LEAVES, leaf_x / BLOCK_LEAVES)).or_default().leaves |= 1 << bit;
                 }
             }
         }
     }
-    masks
+
+    /// Appends all buffers to their files.
+    fn flush(&mut self) -> Result<(), BakeError> {
+        for ((y, x), bucket) in &mut self.by_block {
+            let buffer = std::mem::take(&mut bucket.buffer);
+            if buffer.is_empty() {
+                continue;
+            }
+            let path = path(self.folder, *x, *y);
+            let open = || -> io::Result<File> { OpenOptions::new().append(true).create(true).open(&path) };
+            let written = open().and_then(|mut file| file.write_all(&buffer));
+            written.map_err(|cause| BakeError::io(&path, "written", cause))?;
+        }
+        self.buffered = 0;
+        Ok(())
+    }
+}
+
+fn area_m2(triangle: &Triangle) -> f64 {
+    let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
+    f64::from((b - a).cross(c - a).length()) * 0.5
 }
 
 /// Corners in metres from the grid's corner, seen from above.
@@ -150,45 +221,30 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
     !(0..3).any(separates)
 }
 
-/// Which blocks a triangle counts for.
-struct Reach<'a> {
-    grid: &'a Grid,
-    margin_m: f64,
-    side_m: f64,
-    last: u32,
-}
-
-impl<'a> Reach<'a> {
-    fn new(grid: &'a Grid, margin_m: f64) -> Self {
-        let last = ((1u32 << grid.depth) - 1) / BLOCK_LEAVES;
-        Self { grid, margin_m, side_m: grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES), last }
-    }
-
-    /// Calls `each` with the index of every block whose margin the triangle's bounding box touches.
-    fn each_block(&self, triangle: &Triangle, blocks: &[Block], mut each: impl FnMut(usize)) {
-        let p = corners_in(triangle, self.grid);
-        let [x, y] = [0, 1].map(|axis| {
-            let [low, high] = span(&p, axis);
-            range([low - self.margin_m, high + self.margin_m], self.side_m, self.last)
-        });
-        for row in y[0]..=y[1] {
-            let start = blocks.partition_point(|block| (block.y, block.x) < (row, x[0]));
-            let in_row = blocks[start..].iter().take_while(|block| block.y == row && block.x <= x[1]);
-            (start..start + in_row.count()).for_each(&mut each);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        scene::{Material, Object, ObjectKind, Scene},
+        write::scratch::tests::Folder,
+    };
 
     fn triangle(corners: [[f32; 3]; 3]) -> Triangle {
         Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
     }
 
-    fn scene(triangles: Vec<Triangle>) -> Scene {
-        Scene { triangles, ..Scene::default() }
+    /// The partition of these, with its folder; buffers of `buffer_bytes`.
+    fn partition(name: &str, triangles: &[Triangle], margin_m: f64, buffer_bytes: usize) -> (Partition, Folder) {
+        let scene = Scene {
+            triangles: triangles.to_vec(),
+            objects: vec![Object { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
+            materials: vec![Material { rgb: [0; 3], texture: None }],
+            ..Scene::default()
+        };
+        let folder = Folder::new(&format!("partition-{name}"));
+        let place = folder.path.join("buckets");
+        let city = City::from_scene(scene).unwrap();
+        (Partition::new(&city, &grid(5), margin_m, (&place, buffer_bytes), |_| {}).unwrap(), folder)
     }
 
     fn grid(depth: u8) -> Grid {
@@ -201,34 +257,40 @@ mod tests {
 
     #[test]
     fn a_small_triangle_is_in_one_leaf_and_shades_the_next_block() {
-        let scene = scene(vec![
+        let all = [
             triangle([[500.0, 10.0, 0.0], [505.0, 10.0, 0.0], [500.0, 15.0, 5.0]]),
             triangle([[600.0, 10.0, 0.0], [605.0, 10.0, 0.0], [600.0, 15.0, 5.0]]),
             triangle([[900.0, 10.0, 0.0], [905.0, 10.0, 0.0], [900.0, 15.0, 5.0]]),
-        ]);
-        let partition = Partition::new(&scene, &grid(5), 64.0);
-        let leaves: Vec<_> = partition.blocks.iter().map(|block| partition.leaves(block)).collect();
+        ];
+        let held = |partition: &Partition| -> Vec<Vec<usize>> {
+            let number = |t: &Triangle| all.iter().position(|other| other == t).unwrap();
+            let triangles = |block| partition.triangles(block).unwrap().iter().map(number).collect();
+            partition.blocks.iter().map(triangles).collect()
+        };
+        let (narrow, _folder) = partition("small", &all, 64.0, 1 << 20);
+        let leaves: Vec<_> = narrow.blocks.iter().map(|block| narrow.leaves(block)).collect();
         assert_eq!(leaves, [[id(7, 0)], [id(9, 0)], [id(14, 0)]]);
-        let triangles: Vec<_> = partition.blocks.iter().map(|block| partition.triangles(block)).collect();
-        assert_eq!(triangles, [&[0][..], &[0, 1], &[2]]);
-        let wider = Partition::new(&scene, &grid(5), 100.0);
-        assert_eq!(wider.triangles(&wider.blocks[0]), [0, 1]);
+        assert_eq!(held(&narrow), [vec![0], vec![0, 1], vec![2]]);
+        let (wider, _folder) = partition("wider", &all, 100.0, 1 << 20);
+        assert_eq!(held(&wider), [vec![0, 1], vec![0, 1], vec![2]]);
     }
 
     #[test]
     fn a_slanting_triangle_leaves_out_the_leaves_beside_it() {
         let sliver = triangle([[1.0, 1.0, 0.0], [2040.0, 2045.0, 0.0], [2045.0, 2040.0, 0.0]]);
-        let partition = Partition::new(&scene(vec![sliver]), &grid(5), 0.0);
+        let (partition, folder) = partition("sliver", &[sliver], 0.0, 1 << 20);
         let leaves: Vec<_> = partition.blocks.iter().flat_map(|block| partition.leaves(block)).collect();
         assert!((0..32).all(|i| leaves.contains(&id(i, i))));
         assert!(!leaves.contains(&id(0, 31)));
         assert!(leaves.len() < 100, "{}", leaves.len());
+        let files = fs::read_dir(folder.path.join("buckets")).unwrap().count();
+        assert_eq!(files, partition.blocks.len(), "buckets of blocks without leaves are removed");
     }
 
     #[test]
     fn what_lies_on_an_edge_is_in_both_leaves() {
         let wall = triangle([[64.0, 10.0, 0.0], [64.0, 20.0, 0.0], [64.0, 15.0, 9.0]]);
-        let partition = Partition::new(&scene(vec![wall]), &grid(5), 0.0);
+        let (partition, _folder) = partition("edge", &[wall], 0.0, 1 << 20);
         assert_eq!(partition.leaves(&partition.blocks[0]), [id(0, 0), id(1, 0)]);
     }
 
@@ -241,21 +303,34 @@ mod tests {
         };
         let triangles: Vec<_> =
             (0..200).map(|_| triangle(std::array::from_fn(|_| [random(), random(), 0.0]))).collect();
-        let scene = scene(triangles);
-        let partition = Partition::new(&scene, &grid(5), 64.0);
-        for (index, triangle) in scene.triangles.iter().enumerate() {
+        let (partition, _folder) = partition("random", &triangles, 64.0, 1 << 20);
+        let held: Vec<_> = partition.blocks.iter().map(|block| partition.triangles(block).unwrap()).collect();
+        for triangle in &triangles {
             for (u, v) in [(0.2, 0.3), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.1, 0.8)] {
                 let [a, b, c] = triangle.corners;
                 let [x, y] = [0, 1].map(|k| ((a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])) / 64.0) as u32);
-                let block = partition
-                    .blocks
-                    .iter()
-                    .find(|block| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES))
-                    .unwrap();
-                assert!(partition.leaves(block).contains(&id(x, y)));
-                assert!(partition.triangles(block).binary_search(&(index as u32)).is_ok());
+                let of = |block: &Block| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES);
+                let i = partition.blocks.iter().position(of).unwrap();
+                assert!(partition.leaves(&partition.blocks[i]).contains(&id(x, y)));
+                assert!(held[i].contains(triangle));
             }
         }
         assert!(partition.blocks.is_sorted_by_key(|block| (block.y, block.x)));
+    }
+
+    #[test]
+    fn small_buffers_give_the_same_buckets() {
+        let triangles: Vec<_> = (0..300)
+            .map(|i| {
+                let [x, y] = [(i * 37 % 2000) as f32, (i * 91 % 2000) as f32];
+                triangle([[x, y, 0.0], [x + 30.0, y, 0.0], [x, y + 40.0, 1.0]])
+            })
+            .collect();
+        let (large, _folder) = partition("large", &triangles, 64.0, 1 << 20);
+        let (small, _folder) = partition("little", &triangles, 64.0, 200);
+        assert!(large.blocks == small.blocks && large.blocks.len() > 20);
+        for block in &large.blocks {
+            assert_eq!(large.triangles(block).unwrap(), small.triangles(block).unwrap());
+        }
     }
 }

@@ -5,24 +5,26 @@
 //! The same scene and settings give the same bytes whatever the number of threads, and whether or not a bake was
 //! interrupted: tiles depend on their block alone, and the archives are written in the order of tile ids.
 
+mod block;
 mod feed;
 mod leaves;
 mod parents;
-mod scene;
+mod update;
 
 use std::{cell::Cell, cmp::Reverse, path::Path};
 
-use rayon::ThreadPool;
+use rayon::{ThreadPool, prelude::*};
 
 use crate::{
-    config::{BakeOptions, Config},
+    config::{BakeOptions, Config, short_hex},
     error::BakeError,
     grid::Grid,
-    partition::Partition,
+    partition::{Block, Partition},
     progress::Progress,
     read::{self, ReadOptions, ReadProgress, ReadReport},
-    report::{Blocks, Clock, Outcome, Report, Start},
+    report::{Blocks, Clock, Made, Outcome, Report, Start},
     scene::Scene,
+    spool::{City, ShortHash},
     write::{
         city::{self, CityInput, SceneFacts},
         pack::{self, PackId, Stored},
@@ -30,6 +32,9 @@ use crate::{
         tree::Tree,
     },
 };
+use block::LocalCity;
+use feed::Budget;
+use update::Before;
 
 /// Bakes the inputs into `options.out`. Killed at any moment, or failed, it leaves either no city or a whole one; what it
 /// had finished lies in `CITY.partial`, where `options.resume` goes on.
@@ -37,12 +42,17 @@ pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<Report, Ba
     let config = Config::new(options)?;
     let scratch = Scratch::lock(&config.out)?;
     let mut clock = Clock::new();
-    let (scene, report) = clock.time("read", || read(options, progress))?;
-    run(scene, report, &config, scratch, clock, progress)
+    let (city, report) = clock.time("read", || read(options, &config, &scratch, progress))?;
+    run(city, report, &config, scratch, clock, progress)
 }
 
 /// The reader counts bytes from the start; a step is a byte.
-fn read(options: &BakeOptions, progress: &dyn Progress) -> Result<(Scene, ReadReport), BakeError> {
+fn read(
+    options: &BakeOptions,
+    config: &Config,
+    scratch: &Scratch,
+    progress: &dyn Progress,
+) -> Result<(City, ReadReport), BakeError> {
     let read_options = ReadOptions { obj_up: options.obj_up, ..ReadOptions::default() };
     let total = Cell::new(None);
     let done = Cell::new(0);
@@ -52,7 +62,7 @@ fn read(options: &BakeOptions, progress: &dyn Progress) -> Result<(Scene, ReadRe
         }
         progress.advance(now.bytes_done.saturating_sub(done.replace(now.bytes_done)));
     };
-    Ok(read::read(&options.inputs, &read_options, &tick)?)
+    read::read_to_disk(&options.inputs, &read_options, (&scratch.spool()?, config.picture_bytes()), &tick)
 }
 
 /// Bakes a scene that was read already; `options.inputs` and `options.obj_up` are not looked at.
@@ -64,7 +74,7 @@ pub fn bake_scene(
 ) -> Result<Report, BakeError> {
     let config = Config::new(options)?;
     let scratch = Scratch::lock(&config.out)?;
-    run(scene, read_report, &config, scratch, Clock::new(), progress)
+    run(City::from_scene(scene)?, read_report, &config, scratch, Clock::new(), progress)
 }
 
 /// What the stages that make tiles share.
@@ -75,6 +85,8 @@ struct Stage<'a> {
     packs: &'a Path,
     progress: &'a dyn Progress,
     start: Start,
+    /// The city to update.
+    before: Option<&'a Before>,
 }
 
 impl Stage<'_> {
@@ -85,7 +97,7 @@ impl Stage<'_> {
 }
 
 fn run(
-    scene: Scene,
+    city: City,
     read: ReadReport,
     config: &Config,
     mut scratch: Scratch,
@@ -93,39 +105,80 @@ fn run(
     progress: &dyn Progress,
 ) -> Result<Report, BakeError> {
     let pool = pool(config.threads)?;
-    let [min, max] = scene::bounds(&scene, config.cell_m)?;
-    let facts = SceneFacts::new(&scene, min, max);
-    let grid = Grid::covering(min, max, scene.origin, config.cell_m).ok_or_else(|| {
+    let Some([min, max]) = city.bounds else {
+        return Err(BakeError::Empty { triangles: 0, cell_m: config.cell_m });
+    };
+    let facts = SceneFacts::new(&city, min, max);
+    let grid = Grid::covering(min, max, city.origin, config.cell_m).ok_or_else(|| {
         let side_m = (max[0] - min[0]).max(max[1] - min[1]);
         BakeError::Extent { side_m, cell_m: config.cell_m }
     })?;
-    let origin = Origin { settings: config.settings.clone(), scene: scene::hash(&scene) };
+    progress.stage("partition", city.triangles);
+    let (partition, fingerprints) = clock.time("partition", || {
+        let place = (&*scratch.spool()?.join("buckets"), config.bucket_bytes());
+        let partition = Partition::new(&city, &grid, config.sample.margin_m, place, |n| progress.advance(n))?;
+        let fingerprints = pool.install(|| fingerprints(&partition, &city, config, &grid))?;
+        Ok::<_, BakeError>((partition, fingerprints))
+    })?;
+    let before = before(config);
+    let origin = Origin { settings: config.settings.clone(), scene: hash(&partition, &fingerprints) };
     let start = scratch.prepare(&origin, config.resume)?;
     tell(start, config);
-    progress.stage("partition", scene.triangles.len() as u64);
-    let margin_m = config.sample.margin_m;
-    let partition = clock.time("partition", || pool.install(|| Partition::new(&scene, &grid, margin_m)));
     let packs = scratch.packs();
-    let stage = Stage { config, grid: &grid, packs: &packs, progress, start };
+    let stage = Stage { config, grid: &grid, packs: &packs, progress, start, before: before.as_ref() };
     let mut blocks = Blocks::default();
     let mut tree = Tree::new(grid.depth);
-    let triangles = scene.triangles.len();
-    clock.time("sample", || leaves(&stage, &pool, &scene, &partition, &mut tree, &mut blocks))?;
-    drop((scene, partition));
+    let triangles = city.triangles;
+    let leaves = leaves::Leaves { stage: &stage, city: &city, partition: &partition };
+    clock.time("sample", || sample(&leaves, &pool, &fingerprints, &mut tree, &mut blocks))?;
+    drop(city);
     if tree.level(grid.depth).is_empty() {
-        return Err(BakeError::Empty { triangles, cell_m: config.cell_m });
+        return Err(BakeError::Empty { triangles: triangles as usize, cell_m: config.cell_m });
     }
     for level in (0..grid.depth).rev() {
         clock.time(&format!("level {level}"), || parents(&stage, &pool, level, &mut tree, &mut blocks))?;
     }
-    let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree: &tree, packs: &packs };
+    let fingerprints =
+        partition.blocks.iter().zip(fingerprints).map(|(block, hash)| ((block.x, block.y), hash)).collect();
+    let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree: &tree, packs: &packs, fingerprints };
     progress.stage("write", tree.levels().iter().map(|level| level.len() as u64).sum());
     let written = clock.time("write", || {
-        let written = city::write(&input, &scratch.city(), |n| progress.advance(n))?;
+        let written = city::write(input, &scratch.city(), |n| progress.advance(n))?;
+        // Its files are still open, and some systems rename no folder with open files.
+        drop(before);
         scratch.publish().map(|()| written)
     })?;
     let (manifest, city_bytes, threads) = (written.manifest, written.bytes, config.threads);
     Ok(Report::new(Outcome { manifest, city_bytes, read, grid, threads, start, blocks }, clock))
+}
+
+/// Of every block in its order.
+fn fingerprints(partition: &Partition, city: &City, config: &Config, grid: &Grid) -> Result<Vec<ShortHash>, BakeError> {
+    let of = |block: &Block| Ok(LocalCity::load(partition, block)?.fingerprint(city, (config, grid), block));
+    partition.blocks.par_iter().map(of).collect()
+}
+
+/// Of all that decides the tiles.
+fn hash(partition: &Partition, fingerprints: &[ShortHash]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (block, fingerprint) in partition.blocks.iter().zip(fingerprints) {
+        hasher.update(&block.x.to_le_bytes()).update(&block.y.to_le_bytes()).update(fingerprint);
+    }
+    short_hex(&hasher.finalize())
+}
+
+/// The city to update, if that was asked for and can be.
+fn before(config: &Config) -> Option<Before> {
+    if !config.update {
+        return None;
+    }
+    match Before::open(&config.out, config) {
+        Ok(before) => Some(before),
+        Err(why) => {
+            tracing::warn!("{}: {why}: everything is baked", config.out.display());
+            None
+        }
+    }
 }
 
 fn pool(threads: usize) -> Result<ThreadPool, BakeError> {
@@ -149,21 +202,28 @@ fn tell(start: Start, config: &Config) {
 }
 
 /// Every block of leaves: sample, parametrise, encode, store.
-fn leaves(
-    stage: &Stage<'_>,
+fn sample(
+    leaves: &leaves::Leaves<'_>,
     pool: &ThreadPool,
-    scene: &Scene,
-    partition: &Partition,
+    fingerprints: &[ShortHash],
     tree: &mut Tree,
     counts: &mut Blocks,
 ) -> Result<(), BakeError> {
+    let (stage, partition) = (leaves.stage, leaves.partition);
     // The heaviest first, so that none is left over alone at the end.
-    let mut blocks = partition.blocks.clone();
-    blocks.sort_by_key(|block| (Reverse(partition.triangles(block).len()), block.y, block.x));
-    let total = blocks.iter().map(|block| partition.leaves(block).len() as u64).sum();
+    let mut blocks: Vec<(&Block, ShortHash)> = partition.blocks.iter().zip(fingerprints.iter().copied()).collect();
+    blocks.sort_by_key(|(block, _)| (Reverse(block.triangles), block.y, block.x));
+    let total = blocks.iter().map(|(block, _)| u64::from(block.leaves.count_ones())).sum();
     stage.progress.stage("sample", total);
-    let leaves = leaves::Leaves { stage, scene, partition };
-    let done = feed::feed(pool, stage.config.threads, &blocks, |block| leaves.block(block))?;
+    let margin_m = stage.config.sample.margin_m;
+    let budget = Budget::new(stage.config.block_bytes());
+    let work = |(block, fingerprint): &(&Block, ShortHash)| {
+        // What is only copied takes next to nothing.
+        let copied = stage.before.is_some_and(|before| before.holds(block, *fingerprint));
+        let bytes = if copied { 0 } else { block::memory_bytes(block, stage.grid, margin_m) };
+        budget.with(bytes, || pool.install(|| leaves.block(block, *fingerprint)))
+    };
+    let done = feed::feed(stage.config.threads, &blocks, work)?;
     collect(done, stage.grid.depth, tree, counts);
     Ok(())
 }
@@ -178,14 +238,15 @@ fn parents(
 ) -> Result<(), BakeError> {
     let chunks = parents::chunks_above(tree, level + 1);
     stage.progress.stage(&format!("level {level}"), chunks.iter().map(|chunk| chunk.nodes.len() as u64).sum());
-    let done = feed::feed(pool, stage.config.threads, &chunks, |chunk| parents::chunk(stage, tree, chunk))?;
+    let work = |chunk: &parents::Chunk| pool.install(|| parents::chunk(stage, tree, chunk));
+    let done = feed::feed(stage.config.threads, &chunks, work)?;
     collect(done, level, tree, counts);
     Ok(())
 }
 
-fn collect(done: Vec<(Vec<Stored>, bool)>, level: u8, tree: &mut Tree, counts: &mut Blocks) {
-    for (_, resumed) in &done {
-        counts.count(*resumed);
+fn collect(done: Vec<(Vec<Stored>, Made)>, level: u8, tree: &mut Tree, counts: &mut Blocks) {
+    for (_, made) in &done {
+        counts.count(*made);
     }
     tree.set(level, done.into_iter().flat_map(|(stored, _)| stored).collect());
 }

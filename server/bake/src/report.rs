@@ -44,6 +44,8 @@ pub struct Report {
     pub blocks_baked: u64,
     /// Blocks that an interrupted bake had finished.
     pub blocks_resumed: u64,
+    /// Blocks that the city to update had already.
+    pub blocks_unchanged: u64,
     /// In the order in which they ran.
     pub stages: Vec<StageReport>,
     /// From the first to the last.
@@ -103,19 +105,31 @@ impl Clock {
     }
 }
 
+/// Where a block's tiles come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Made {
+    /// Baked now.
+    Baked,
+    /// Finished by an interrupted bake.
+    Resumed,
+    /// In the city to update.
+    Unchanged,
+}
+
 /// Blocks done, by who did them.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Blocks {
-    pub(crate) baked: u64,
-    pub(crate) resumed: u64,
+    baked: u64,
+    resumed: u64,
+    unchanged: u64,
 }
 
 impl Blocks {
-    pub(crate) fn count(&mut self, resumed: bool) {
-        if resumed {
-            self.resumed += 1;
-        } else {
-            self.baked += 1;
+    pub(crate) fn count(&mut self, made: Made) {
+        match made {
+            Made::Baked => self.baked += 1,
+            Made::Resumed => self.resumed += 1,
+            Made::Unchanged => self.unchanged += 1,
         }
     }
 }
@@ -155,6 +169,7 @@ impl Report {
             start,
             blocks_baked: blocks.baked,
             blocks_resumed: blocks.resumed,
+            blocks_unchanged: blocks.unchanged,
             stages: clock.stages,
             seconds,
             peak_memory_bytes: peak_memory_bytes(),

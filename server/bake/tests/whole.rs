@@ -16,7 +16,10 @@ fn one_thread_and_three_give_the_same_bytes() {
     let report = bake(&options(&folder.out("one"), 1), &Silent).unwrap();
     bake(&options(&folder.out("three"), 3), &Silent).unwrap();
     let one = files(&folder.out("one"));
-    assert_eq!(one.keys().collect::<Vec<_>>(), ["blockmaps.pmtiles", "city.json", "subtrees.pmtiles"]);
+    assert_eq!(
+        one.keys().collect::<Vec<_>>(),
+        ["blockmaps.pmtiles", "city.json", "fingerprints.bin", "subtrees.pmtiles"]
+    );
     assert!(one == files(&folder.out("three")));
     assert_eq!(report.city_bytes, one.values().map(|bytes| bytes.len() as u64).sum::<u64>());
     assert!(!partial(&folder.out("one")).exists());

@@ -61,6 +61,8 @@ mod with_bake {
             out: args.out.clone(),
             cell_m: args.cell,
             threads: args.threads.map(usize::from),
+            memory_bytes: args.memory,
+            update: args.update,
             resume: args.resume,
             name: args.name.clone(),
             title: args.title.clone(),
@@ -78,12 +80,22 @@ mod with_bake {
             0 => String::new(),
             n => format!(", {n} objects skipped (--report says why)"),
         };
+        let unchanged = match report.blocks_unchanged {
+            0 => String::new(),
+            n => format!(", {n} of {} blocks unchanged", n + report.blocks_baked + report.blocks_resumed),
+        };
+        let memory = report
+            .peak_memory_bytes
+            .map_or(String::new(), |bytes| format!(", at most {} of memory", human_bytes(bytes)));
         format!(
-            "{}: {} objects, {} triangles in {:.1} s: {} nodes, {}{skipped}\nserve it with: insula-server serve {}\n",
+            "{}: {} objects, {} triangles in {:.1} s ({:.0} objects/s, {:.0} triangles/s{memory}): {} nodes, {}\
+             {unchanged}{skipped}\nserve it with: insula-server serve {}\n",
             report.name,
             report.objects,
             report.triangles,
             report.seconds,
+            report.objects_per_second,
+            report.triangles_per_second,
             report.nodes,
             human_bytes(report.city_bytes),
             args.out.display(),
@@ -144,12 +156,13 @@ mod with_bake {
 
         #[test]
         fn what_was_typed_reaches_the_bake() {
-            let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --name n --title T \
+            let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
                 --attribution A --licence L --source-url U --obj-up y";
             let Command::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
             let options = options(&args);
             assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
             assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
+            assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));
             assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
             assert_eq!(options.obj_up, Up::Y);
             let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };

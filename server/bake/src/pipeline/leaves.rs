@@ -5,13 +5,14 @@
 use insula_protocol::TileId;
 use rayon::prelude::*;
 
-use super::Stage;
+use super::{Stage, block::LocalCity};
 use crate::{
     error::BakeError,
     parametrise::parametrise,
     partition::{Block, Partition},
+    report::Made,
     sample::{BlockInput, sample_block},
-    scene::Scene,
+    spool::{City, ShortHash},
     voxels::VoxelNode,
     write::{
         pack::{self, PackId, Stored, Tile},
@@ -22,28 +23,39 @@ use crate::{
 /// What the leaves are made from.
 pub(super) struct Leaves<'a> {
     pub(super) stage: &'a Stage<'a>,
-    pub(super) scene: &'a Scene,
+    pub(super) city: &'a City,
     pub(super) partition: &'a Partition,
 }
 
 impl Leaves<'_> {
-    /// Bakes one block, or finds that an earlier run did.
-    pub(super) fn block(&self, block: &Block) -> Result<(Vec<Stored>, bool), BakeError> {
-        let Stage { grid, packs, progress, config, .. } = *self.stage;
+    /// Bakes one block, or finds that an earlier run did, or that the city to update has it already.
+    pub(super) fn block(&self, block: &Block, fingerprint: ShortHash) -> Result<(Vec<Stored>, Made), BakeError> {
+        let Stage { grid, packs, progress, before, .. } = *self.stage;
         let pack = PackId { level: grid.depth, y: block.y, x: block.x };
         let leaves = self.partition.leaves(block);
-        if let Some(stored) = self.stage.found(pack) {
-            progress.advance(leaves.len() as u64);
-            return Ok((stored, true));
-        }
-        let triangles = self.partition.triangles(block);
-        let input = BlockInput { scene: self.scene, grid, triangles, leaves: &leaves };
-        let mut nodes = sample_block(&input, &config.sample);
-        nodes.sort_unstable_by_key(|node| node.id);
-        let tiles = nodes.into_par_iter().map(|node| self.tile(node)).collect::<Result<Vec<Tile>, _>>()?;
-        let stored = pack::write(packs, pack, &tiles)?;
+        let held = before.filter(|before| before.holds(block, fingerprint)).and_then(|before| before.tiles(&leaves));
+        let unchanged = held.is_some();
+        let (mut stored, made) = if let Some(stored) = self.stage.found(pack) {
+            (stored, Made::Resumed)
+        } else if let Some(tiles) = held {
+            (pack::write(packs, pack, &tiles)?, Made::Unchanged)
+        } else {
+            (pack::write(packs, pack, &self.bake(block, &leaves)?)?, Made::Baked)
+        };
+        stored.iter_mut().for_each(|tile| tile.unchanged = unchanged);
         progress.advance(leaves.len() as u64);
-        Ok((stored, false))
+        Ok((stored, made))
+    }
+
+    fn bake(&self, block: &Block, leaves: &[TileId]) -> Result<Vec<Tile>, BakeError> {
+        let Stage { grid, config, .. } = *self.stage;
+        let scene = LocalCity::load(self.partition, block)?.into_scene(self.city)?;
+        let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
+        let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
+        let mut nodes = sample_block(&input, &config.sample);
+        drop((scene, triangles));
+        nodes.sort_unstable_by_key(|node| node.id);
+        nodes.into_par_iter().map(|node| self.tile(node)).collect()
     }
 
     /// Takes the node, so that its voxels are let go as soon as they are coded.

@@ -5,11 +5,12 @@
 use insula_protocol::{BlockMap, TileId};
 use rayon::prelude::*;
 
-use super::Stage;
+use super::{Stage, update::Before};
 use crate::{
     error::BakeError,
     lod,
     parametrise::parametrise,
+    report::Made,
     write::{
         pack::{self, PackId, PackReader, Stored, Tile},
         tree::{self, Tree},
@@ -32,14 +33,31 @@ pub(super) fn chunks_above(tree: &Tree, level: u8) -> Vec<Chunk> {
         .collect()
 }
 
-/// Makes one pack's nodes, or finds that an earlier run did.
-pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<(Vec<Stored>, bool), BakeError> {
+/// Makes one pack's nodes, or finds that an earlier run did, or that nothing below them changed.
+pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<(Vec<Stored>, Made), BakeError> {
     if let Some(stored) = stage.found(chunk.pack) {
         stage.progress.advance(chunk.nodes.len() as u64);
-        return Ok((stored, true));
+        return Ok((stored, Made::Resumed));
     }
-    let tiles = chunk.nodes.par_iter().map(|id| parent(stage, tree, *id)).collect::<Result<Vec<Tile>, _>>()?;
-    Ok((pack::write(stage.packs, chunk.pack, &tiles)?, false))
+    let made = chunk.nodes.par_iter().map(|id| {
+        let held = stage.before.filter(|before| unchanged(before, tree, *id)).and_then(|before| before.tile(*id));
+        let unchanged = held.is_some();
+        let tile = held.map_or_else(|| parent(stage, tree, *id), Ok)?;
+        stage.progress.advance(1);
+        Ok::<_, BakeError>((tile, unchanged))
+    });
+    let (tiles, unchanged): (Vec<Tile>, Vec<bool>) = made.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let mut stored = pack::write(stage.packs, chunk.pack, &tiles)?;
+    stored.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
+    Ok((stored, if unchanged.iter().all(|unchanged| *unchanged) { Made::Unchanged } else { Made::Baked }))
+}
+
+/// Whether the node has the children that it had, each as it was.
+fn unchanged(before: &Before, tree: &Tree, id: TileId) -> bool {
+    id.children().all(|child| match tree.get(child) {
+        Some(stored) => stored.unchanged && before.has(child),
+        None => !before.has(child),
+    })
 }
 
 fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError> {
@@ -59,6 +77,5 @@ fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError>
         let [z_min_m, z_max_m] = tree::outward(bounds);
         (low, high) = (low.min(z_min_m), high.max(z_max_m));
     }
-    stage.progress.advance(1);
     Ok(Tile { id, z_min_m: low, z_max_m: high, bytes: map.encode().map_err(BakeError::tile(id, "encoded"))? })
 }

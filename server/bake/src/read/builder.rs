@@ -1,12 +1,12 @@
-//! Objects to a scene: materials shared, the origin chosen, stray objects removed.
+//! Objects to a city: materials shared, the origin chosen, stray objects left out.
 //!
-//! In: faces of one object at a time, in f64. Out: [`Scene`]. Next: `partition`.
+//! In: faces of one object at a time, in f64. Out: [`City`]. Next: `partition`.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use super::report::SourceReport;
-use crate::scene::{Material, Object, ObjectKind, Scene, Texture, Triangle};
+use crate::scene::{ObjectKind, Triangle};
+use crate::spool::{City, ObjectFacts, Paint, Pictures, Placing, Triangles};
 
 /// Coordinates beyond this are no place on Earth in metres of any projected system.
 pub(crate) const ABSURD_M: f64 = 1e9;
@@ -20,7 +20,7 @@ pub(crate) struct Face {
     pub(crate) corners: [[f64; 3]; 3],
     /// v up.
     pub(crate) uv: [[f32; 2]; 3],
-    /// From [`SceneBuilder::material`].
+    /// From [`CityBuilder::material`].
     pub(crate) material: u32,
 }
 
@@ -30,18 +30,29 @@ struct Draft {
     source: usize,
     /// The triangles' corners are kept relative to this, so that f32 is exact enough before the origin is known.
     anchor: [f64; 3],
-    min: [f64; 3],
-    max: [f64; 3],
-    triangles: usize,
+    /// Bounds of the corners, relative to the anchor.
+    min: [f32; 3],
+    max: [f32; 3],
+    triangles: u64,
 }
 
-/// Collects a scene.
-#[derive(Default)]
-pub(crate) struct SceneBuilder {
+impl Draft {
+    /// One end of its bounds along an axis, in world coordinates.
+    fn low(&self, axis: usize) -> f64 {
+        self.anchor[axis] + f64::from(self.min[axis])
+    }
+
+    fn high(&self, axis: usize) -> f64 {
+        self.anchor[axis] + f64::from(self.max[axis])
+    }
+}
+
+/// Collects a city, triangles in memory or in a file.
+pub(crate) struct CityBuilder {
     drafts: Vec<Draft>,
-    triangles: Vec<Triangle>,
-    materials: Vec<Material>,
-    by_look: HashMap<([u8; 3], usize), u32>,
+    triangles: Triangles,
+    paints: Vec<Paint>,
+    by_look: HashMap<Paint, u32>,
 }
 
 /// Whether a position can be one.
@@ -49,15 +60,18 @@ pub(crate) fn is_sane(p: [f64; 3]) -> bool {
     p.iter().all(|c| c.abs() <= ABSURD_M)
 }
 
-impl SceneBuilder {
+impl CityBuilder {
+    pub(crate) fn new(triangles: Triangles) -> Self {
+        Self { drafts: Vec::new(), triangles, paints: Vec::new(), by_look: HashMap::new() }
+    }
+
     /// The index of the material that looks so.
-    pub(crate) fn material(&mut self, rgb: [u8; 3], texture: Option<&Arc<Texture>>) -> u32 {
-        // The scene's materials keep the texture alive, so its address names it.
-        let key = (rgb, texture.map_or(0, |texture| Arc::as_ptr(texture) as usize));
-        let next = self.materials.len() as u32;
-        let index = *self.by_look.entry(key).or_insert(next);
+    pub(crate) fn material(&mut self, rgb: [u8; 3], picture: Option<u32>) -> u32 {
+        let paint = Paint { rgb, picture };
+        let next = self.paints.len() as u32;
+        let index = *self.by_look.entry(paint).or_insert(next);
         if index == next {
-            self.materials.push(Material { rgb, texture: texture.cloned() });
+            self.paints.push(paint);
         }
         index
     }
@@ -66,65 +80,75 @@ impl SceneBuilder {
     pub(crate) fn add(&mut self, source: usize, id: &str, kind: ObjectKind, faces: &[Face], report: &mut SourceReport) {
         let Some(first) = faces.first() else { return };
         let anchor = first.corners[0];
-        let (mut min, mut max) = (anchor, anchor);
-        self.triangles.reserve(faces.len());
+        let object = self.drafts.len() as u32;
+        let (mut min, mut max) = ([0.0f32; 3], [0.0f32; 3]);
         for face in faces {
-            for corner in &face.corners {
+            let face = if kind == ObjectKind::Terrain { upward(face) } else { *face };
+            let corners = face.corners.map(|corner| std::array::from_fn(|axis| (corner[axis] - anchor[axis]) as f32));
+            for corner in &corners {
                 for axis in 0..3 {
                     min[axis] = min[axis].min(corner[axis]);
                     max[axis] = max[axis].max(corner[axis]);
                 }
             }
-            let face = if kind == ObjectKind::Terrain { upward(face) } else { *face };
-            let corners = face.corners.map(|corner| std::array::from_fn(|axis| (corner[axis] - anchor[axis]) as f32));
-            self.triangles.push(Triangle { corners, uv: face.uv, material: face.material, object: 0 });
+            self.triangles.push(Triangle { corners, uv: face.uv, material: face.material, object });
         }
-        self.drafts.push(Draft { id: id.to_owned(), kind, source, anchor, min, max, triangles: faces.len() });
+        let triangles = faces.len() as u64;
+        self.drafts.push(Draft { id: id.to_owned(), kind, source, anchor, min, max, triangles });
         report.objects += 1;
-        report.triangles += faces.len() as u64;
+        report.triangles += triangles;
         if kind == ObjectKind::Terrain {
-            report.terrain_triangles += faces.len() as u64;
+            report.terrain_triangles += triangles;
         }
     }
 
-    /// The scene. Its origin is a whole metre: the middle of the bounds in x and y, their bottom in z. So the corners
-    /// of a city of 16 km are exact to half a millimetre. `sources` are corrected for the strays that are taken out.
-    pub(crate) fn finish(mut self, sources: &mut [SourceReport]) -> Scene {
+    /// The city. Its origin is a whole metre: the middle of the bounds in x and y, their bottom in z. So the corners
+    /// of a city of 16 km are exact to half a millimetre. `sources` are corrected for the strays that are left out.
+    pub(crate) fn finish(self, pictures: Pictures, sources: &mut [SourceReport]) -> City {
         let strays = self.strays();
         let kept = || self.drafts.iter().zip(&strays).filter(|(_, stray)| stray.is_none()).map(|(draft, _)| draft);
-        let low: [f64; 3] = std::array::from_fn(|axis| kept().map(|draft| draft.min[axis]).fold(f64::MAX, f64::min));
-        let high: [f64; 3] = std::array::from_fn(|axis| kept().map(|draft| draft.max[axis]).fold(f64::MIN, f64::max));
-        let mut scene = Scene { materials: self.materials, ..Scene::default() };
-        if low[0] <= high[0] {
-            scene.origin = [((low[0] + high[0]) / 2.0).floor(), ((low[1] + high[1]) / 2.0).floor(), low[2].floor()];
+        let low: [f64; 3] = std::array::from_fn(|axis| kept().map(|draft| draft.low(axis)).fold(f64::MAX, f64::min));
+        let high: [f64; 3] = std::array::from_fn(|axis| kept().map(|draft| draft.high(axis)).fold(f64::MIN, f64::max));
+        let mut city = City {
+            origin: [0.0; 3],
+            crs: None,
+            bounds: None,
+            objects: Vec::with_capacity(self.drafts.len()),
+            paints: self.paints,
+            pictures,
+            triangles: 0,
+            names: Vec::new(),
+            placings: Vec::with_capacity(self.drafts.len()),
+            stored: self.triangles,
+        };
+        if low[0] > high[0] {
+            return city;
         }
-        let (mut read, mut written) = (0, 0);
+        city.origin = [((low[0] + high[0]) / 2.0).floor(), ((low[1] + high[1]) / 2.0).floor(), low[2].floor()];
+        let in_memory = matches!(city.stored, Triangles::Memory(_));
+        let (mut min, mut max) = ([f64::MAX; 3], [f64::MIN; 3]);
         for (draft, stray) in self.drafts.into_iter().zip(strays) {
-            let range = read..read + draft.triangles;
-            read = range.end;
+            let offset_m: [f64; 3] = std::array::from_fn(|axis| draft.anchor[axis] - city.origin[axis]);
             if let Some(distance_m) = stray {
                 take_out(&draft, distance_m, &mut sources[draft.source]);
+                city.placings.push(Placing { offset_m, object: None });
                 continue;
             }
-            let mut base_z_m = f32::INFINITY;
-            for i in range {
-                let mut triangle = self.triangles[i];
-                triangle.object = scene.objects.len() as u32;
-                for corner in &mut triangle.corners {
-                    for axis in 0..3 {
-                        corner[axis] = (f64::from(corner[axis]) + (draft.anchor[axis] - scene.origin[axis])) as f32;
-                    }
-                    base_z_m = base_z_m.min(corner[2]);
-                }
-                // In place: what is written never overtakes what is read.
-                self.triangles[written] = triangle;
-                written += 1;
+            // Rounded as the corners will be: the bounds are exactly theirs.
+            let placed = |v: f32, axis: usize| (f64::from(v) + offset_m[axis]) as f32;
+            for axis in 0..3 {
+                min[axis] = min[axis].min(placed(draft.min[axis], axis).into());
+                max[axis] = max[axis].max(placed(draft.max[axis], axis).into());
             }
-            scene.objects.push(Object { id: draft.id, kind: draft.kind, base_z_m });
+            city.placings.push(Placing { offset_m, object: Some(city.objects.len() as u32) });
+            city.objects.push(ObjectFacts { kind: draft.kind, base_z_m: placed(draft.min[2], 2) });
+            city.triangles += draft.triangles;
+            if in_memory {
+                city.names.push(draft.id);
+            }
         }
-        self.triangles.truncate(written);
-        scene.triangles = self.triangles;
-        scene
+        city.bounds = Some([min, max]);
+        city
     }
 
     /// Per object: how far it lies from the middle object if that is too far.
@@ -135,7 +159,7 @@ impl SceneBuilder {
             if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(half, f64::total_cmp).1 }
         });
         let distance = |draft: &Draft| {
-            (0..3).map(|axis| (draft.max[axis] - middle[axis]).max(middle[axis] - draft.min[axis])).fold(0.0, f64::max)
+            (0..3).map(|axis| (draft.high(axis) - middle[axis]).max(middle[axis] - draft.low(axis))).fold(0.0, f64::max)
         };
         self.drafts.iter().map(|draft| Some(distance(draft)).filter(|&distance_m| distance_m > STRAY_M)).collect()
     }
@@ -153,9 +177,9 @@ fn upward(face: &Face) -> Face {
 
 fn take_out(draft: &Draft, distance_m: f64, report: &mut SourceReport) {
     report.objects -= 1;
-    report.triangles -= draft.triangles as u64;
+    report.triangles -= draft.triangles;
     if draft.kind == ObjectKind::Terrain {
-        report.terrain_triangles -= draft.triangles as u64;
+        report.terrain_triangles -= draft.triangles;
     }
     report.skip("far from the city", || format!("{}: {:.0} km away", draft.id, distance_m / 1000.0));
 }
@@ -164,10 +188,16 @@ fn take_out(draft: &Draft, distance_m: f64, report: &mut SourceReport) {
 mod tests {
     use super::super::report::Format;
     use super::*;
+    use crate::scene::Texture;
+    use std::sync::Arc;
 
     fn face_at(p: [f64; 3]) -> Face {
         let corners = [p, [p[0] + 1.0, p[1], p[2]], [p[0], p[1] + 1.0, p[2] + 2.0]];
         Face { corners, uv: [[0.0; 2]; 3], material: 0 }
+    }
+
+    fn builder() -> CityBuilder {
+        CityBuilder::new(Triangles::Memory(Vec::new()))
     }
 
     fn report() -> Vec<SourceReport> {
@@ -176,12 +206,12 @@ mod tests {
 
     #[test]
     fn corners_survive_large_coordinates_to_less_than_a_millimetre() {
-        let (mut builder, mut sources) = (SceneBuilder::default(), report());
+        let (mut builder, mut sources) = (builder(), report());
         let places = [[6_240_000.123, 457_604.591, 2.463], [6_256_000.789, 457_604.501, 37.481]];
         for place in places {
             builder.add(0, "a", ObjectKind::Building, &[face_at(place)], &mut sources[0]);
         }
-        let scene = builder.finish(&mut sources);
+        let scene = builder.finish(Pictures::in_memory(), &mut sources).into_scene().unwrap();
         assert_eq!(scene.origin, [6_248_000.0, 457_605.0, 2.0]);
         for (triangle, place) in scene.triangles.iter().zip(places) {
             for axis in 0..3 {
@@ -195,11 +225,11 @@ mod tests {
 
     #[test]
     fn strays_are_taken_out_and_reported() {
-        let (mut builder, mut sources) = (SceneBuilder::default(), report());
+        let (mut builder, mut sources) = (builder(), report());
         for (id, x) in [("a", 500_000.0), ("stray", 0.0), ("b", 500_010.0)] {
             builder.add(0, id, ObjectKind::Terrain, &[face_at([x, 0.0, 0.0])], &mut sources[0]);
         }
-        let scene = builder.finish(&mut sources);
+        let scene = builder.finish(Pictures::in_memory(), &mut sources).into_scene().unwrap();
         let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
         assert_eq!(ids, ["a", "b"]);
         assert_eq!(scene.triangles.len(), 2);
@@ -210,15 +240,16 @@ mod tests {
 
     #[test]
     fn equal_looks_share_a_material_and_terrain_faces_up() {
-        let (mut builder, mut sources) = (SceneBuilder::default(), report());
-        let texture = Arc::new(Texture { width: 1, height: 1, rgb: vec![[1, 2, 3]] });
+        let (mut builder, mut sources) = (builder(), report());
+        let mut pictures = Pictures::in_memory();
+        let picture = pictures.add(Arc::new(Texture { width: 1, height: 1, rgb: vec![[1, 2, 3]] }));
         let plain = builder.material([9; 3], None);
-        assert_ne!(plain, builder.material([9; 3], Some(&texture)));
+        assert_ne!(plain, builder.material([9; 3], Some(picture)));
         assert_eq!(plain, builder.material([9; 3], None));
         let mut face = face_at([0.0; 3]);
         face.corners.swap(1, 2);
         builder.add(0, "t", ObjectKind::Terrain, &[face], &mut sources[0]);
-        let scene = builder.finish(&mut sources);
+        let scene = builder.finish(pictures, &mut sources).into_scene().unwrap();
         let [a, b, c] = scene.triangles[0].corners;
         assert!((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0);
         assert_eq!(scene.materials.len(), 2);

@@ -1,6 +1,6 @@
-//! City files of several formats to one scene.
+//! City files of several formats to one city.
 //!
-//! In: files, folders or embedded bytes. Out: [`Scene`] and [`ReadReport`]. Next: `partition`.
+//! In: files, folders or embedded bytes. Out: [`City`], or a whole [`Scene`], and [`ReadReport`]. Next: `partition`.
 
 mod builder;
 mod cityjson;
@@ -15,15 +15,17 @@ mod source;
 mod tests;
 mod texture;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 pub use error::ReadError;
 pub use palette::Palette;
 pub use report::{Format, ReadReport, SourceReport, Tally};
 pub use source::ReadProgress;
 
+use crate::error::BakeError;
 use crate::scene::Scene;
-use builder::SceneBuilder;
+use crate::spool::{City, Pictures, Triangles};
+use builder::CityBuilder;
 use polygon::Triangulator;
 use source::{NamedAs, Source, named_as};
 use texture::TextureStore;
@@ -72,7 +74,7 @@ pub(crate) type Tick<'a> = &'a dyn Fn(u64);
 /// What all sources of one reading share.
 pub(crate) struct Reading<'o> {
     pub(crate) options: &'o ReadOptions,
-    pub(crate) builder: SceneBuilder,
+    pub(crate) builder: CityBuilder,
     pub(crate) textures: TextureStore,
     pub(crate) triangulator: Triangulator,
     /// Number of the source that is being read.
@@ -82,11 +84,11 @@ pub(crate) struct Reading<'o> {
 }
 
 impl<'o> Reading<'o> {
-    fn new(options: &'o ReadOptions) -> Self {
+    fn new(options: &'o ReadOptions, triangles: Triangles, pictures: Pictures) -> Self {
         Self {
             options,
-            builder: SceneBuilder::default(),
-            textures: TextureStore::new(options.max_texture_pixels),
+            builder: CityBuilder::new(triangles),
+            textures: TextureStore::new(options.max_texture_pixels, pictures),
             triangulator: Triangulator::new(),
             source: 0,
             crs: None,
@@ -123,7 +125,7 @@ pub fn read(
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), ReadError> {
-    read_sources(&source::list(inputs)?, options, progress)
+    read_scene(&source::list(inputs)?, options, progress)
 }
 
 /// Reads city files from memory. Each is named as it would be on disk; material libraries and pictures are found
@@ -137,19 +139,48 @@ pub fn read_embedded(
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), ReadError> {
-    read_sources(&source::embedded(files), options, progress)
+    read_scene(&source::embedded(files), options, progress)
+}
+
+/// Reads as [`read`] does, but triangles and pictures go into files of the folder `spool`, which is there; of pictures at
+/// most `picture_bytes` are held later on.
+pub(crate) fn read_to_disk(
+    inputs: &[PathBuf],
+    options: &ReadOptions,
+    (spool, picture_bytes): (&Path, usize),
+    progress: &dyn Fn(ReadProgress),
+) -> Result<(City, ReadReport), BakeError> {
+    let triangles = Triangles::in_file(spool.join("triangles"))?;
+    let pictures = Pictures::in_folder(spool.to_owned(), picture_bytes);
+    let (mut city, report) = read_sources(&source::list(inputs)?, options, (triangles, pictures), progress)?;
+    city.stored.finish()?;
+    city.pictures.finish()?;
+    Ok((city, report))
+}
+
+fn read_scene(
+    sources: &[Source<'_>],
+    options: &ReadOptions,
+    progress: &dyn Fn(ReadProgress),
+) -> Result<(Scene, ReadReport), ReadError> {
+    let kept = (Triangles::Memory(Vec::new()), Pictures::in_memory());
+    let (city, report) = read_sources(sources, options, kept, progress)?;
+    let label = || sources.first().map_or(String::new(), |source| source.label.clone());
+    let scene = city.into_scene().map_err(|error| ReadError::io(&label(), std::io::Error::other(error)))?;
+    Ok((scene, report))
 }
 
 fn read_sources(
     sources: &[Source<'_>],
     options: &ReadOptions,
+    (triangles, pictures): (Triangles, Pictures),
     progress: &dyn Fn(ReadProgress),
-) -> Result<(Scene, ReadReport), ReadError> {
+) -> Result<(City, ReadReport), ReadError> {
     if sources.is_empty() {
         return Err(ReadError::NoSource { path: "the input".to_owned() });
     }
     let bytes_total = sources.iter().map(|source| source.bytes).sum();
-    let mut reading = Reading::new(options);
+    let mut reading = Reading::new(options, triangles, pictures);
     let mut report = ReadReport::default();
     let mut bytes_before = 0;
     for source in sources {
@@ -165,12 +196,12 @@ fn read_sources(
         bytes_before += source.bytes;
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
-    let mut scene = reading.builder.finish(&mut report.sources);
-    scene.crs = reading.crs.map(|(crs, _)| crs);
-    report.objects = scene.objects.len() as u64;
-    report.triangles = scene.triangles.len() as u64;
-    report.crs.clone_from(&scene.crs);
-    if scene.triangles.is_empty() { Err(empty(sources, &report)) } else { Ok((scene, report)) }
+    let mut city = reading.builder.finish(reading.textures.pictures, &mut report.sources);
+    city.crs = reading.crs.map(|(crs, _)| crs);
+    report.objects = city.objects.len() as u64;
+    report.triangles = city.triangles;
+    report.crs.clone_from(&city.crs);
+    if city.triangles == 0 { Err(empty(sources, &report)) } else { Ok((city, report)) }
 }
 
 fn read_source(

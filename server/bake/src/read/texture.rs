@@ -1,6 +1,6 @@
 //! Pictures: found, checked, decoded once, shared.
 //!
-//! In: names from material libraries and appearances. Out: [`Texture`]s. Next: `builder`.
+//! In: names from material libraries and appearances. Out: numbers of [`Pictures`]. Next: `builder`.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -12,6 +12,7 @@ use image::{ImageReader, Limits};
 use super::report::SourceReport;
 use super::source::{Source, read_beside};
 use crate::scene::Texture;
+use crate::spool::Pictures;
 
 /// A picture's file may have this many bytes for each pixel that is allowed: enough for any uncompressed one.
 const FILE_BYTES_PER_PIXEL: u64 = 8;
@@ -20,8 +21,9 @@ const FILE_BYTES_ASIDE: u64 = 1 << 20;
 
 /// All pictures so far, with those that failed, so that each is tried once.
 pub(crate) struct TextureStore {
-    by_name: HashMap<(String, String), Result<Arc<Texture>, Fault>>,
+    by_name: HashMap<(String, String), Result<u32, Fault>>,
     max_pixels: u64,
+    pub(crate) pictures: Pictures,
 }
 
 struct Fault {
@@ -30,23 +32,23 @@ struct Fault {
 }
 
 impl TextureStore {
-    pub(crate) fn new(max_pixels: u64) -> Self {
-        Self { by_name: HashMap::new(), max_pixels }
+    pub(crate) fn new(max_pixels: u64, pictures: Pictures) -> Self {
+        Self { by_name: HashMap::new(), max_pixels, pictures }
     }
 
-    /// The picture, or `None` after noting in the report why there is none.
-    pub(crate) fn load(&mut self, source: &Source<'_>, name: &str, report: &mut SourceReport) -> Option<Arc<Texture>> {
+    /// The picture's number, or `None` after noting in the report why there is none.
+    pub(crate) fn load(&mut self, source: &Source<'_>, name: &str, report: &mut SourceReport) -> Option<u32> {
         let key = (source.files.place(), name.to_owned());
-        let texture = match self.by_name.entry(key) {
+        let picture = match self.by_name.entry(key) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(vacant) => {
                 let found = find(source, name, self.max_pixels);
                 report.textures += u64::from(found.is_ok());
-                vacant.insert(found)
+                vacant.insert(found.map(|texture| self.pictures.add(Arc::new(texture))))
             }
         };
-        match texture {
-            Ok(texture) => Some(Arc::clone(texture)),
+        match picture {
+            Ok(number) => Some(*number),
             Err(fault) => {
                 report.problem(fault.kind, || format!("{name}: {}", fault.detail));
                 None
@@ -56,7 +58,7 @@ impl TextureStore {
 }
 
 /// Reads and decodes a picture beside the source.
-fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<Arc<Texture>, Fault> {
+fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<Texture, Fault> {
     if name.contains("://") {
         return Err(Fault { kind: "texture on the web", detail: "not fetched, put it beside the file".to_owned() });
     }
@@ -72,7 +74,7 @@ fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<Arc<Texture>
         let missing = error.kind() == std::io::ErrorKind::NotFound;
         Fault { kind: if missing { "texture missing" } else { "texture unreadable" }, detail: error.to_string() }
     })?;
-    decode(bytes, max_pixels).map(Arc::new)
+    decode(bytes, max_pixels)
 }
 
 /// Decodes a picture after its header has been found acceptable.
@@ -116,8 +118,9 @@ pub(crate) mod tests {
     fn load(files: &[(&str, &[u8])], name: &str, max_pixels: u64) -> (Option<Arc<Texture>>, SourceReport) {
         let sources = embedded(files);
         let mut report = SourceReport::new("a.obj", Format::Obj, 0);
-        let mut store = TextureStore::new(max_pixels);
-        (store.load(&sources[0], name, &mut report), report)
+        let mut store = TextureStore::new(max_pixels, Pictures::in_memory());
+        let number = store.load(&sources[0], name, &mut report);
+        (number.map(|number| store.pictures.get(number).unwrap()), report)
     }
 
     #[test]

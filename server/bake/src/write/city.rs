@@ -1,7 +1,7 @@
 //! The final files.
 //!
-//! In: the tree of stored tiles, and what is known of the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles` and
-//! `city.json`, synchronised, in the scratch folder. Next: `Scratch::publish` renames them into place.
+//! In: the tree of stored tiles, and what is known of the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`, `city.json`
+//! and `fingerprints.bin`, synchronised, in the scratch folder. Next: `Scratch::publish` renames them into place.
 
 use std::{fs, io, path::Path};
 
@@ -13,6 +13,7 @@ use insula_protocol::{
 
 use super::{
     archive,
+    fingerprints::Fingerprints,
     pack::PackReader,
     tree::{self, Tree},
     write_whole,
@@ -22,7 +23,8 @@ use crate::{
     error::BakeError,
     grid::Grid,
     read::ReadReport,
-    scene::{ObjectKind, Scene},
+    scene::ObjectKind,
+    spool::{City, ShortHash},
 };
 
 /// What the manifest says of the scene, so that the scene itself need not be kept until the end.
@@ -38,31 +40,30 @@ pub(crate) struct SceneFacts {
 }
 
 impl SceneFacts {
-    /// Of a scene with at least one triangle, whose bounds in its own coordinates are `min` and `max`.
-    pub(crate) fn new(scene: &Scene, min: [f64; 3], max: [f64; 3]) -> Self {
-        let terrain_z = lowest_terrain(scene);
-        let world = |p: [f64; 3]| std::array::from_fn(|axis| p[axis] + scene.origin[axis]);
-        let ground = terrain_z.or_else(|| median_base(scene)).map_or(min[2], f64::from);
+    /// Of a city with at least one triangle, whose bounds in its own coordinates are `min` and `max`.
+    pub(crate) fn new(city: &City, min: [f64; 3], max: [f64; 3]) -> Self {
+        let terrain_z = lowest_terrain(city);
+        let world = |p: [f64; 3]| std::array::from_fn(|axis| p[axis] + city.origin[axis]);
+        let ground = terrain_z.or_else(|| median_base(city)).map_or(min[2], f64::from);
         Self {
-            origin: scene.origin,
+            origin: city.origin,
             bounds: [world(min), world(max)],
-            ground_z_m: scene.origin[2] + ground,
+            ground_z_m: city.origin[2] + ground,
             has_terrain: terrain_z.is_some(),
-            objects: scene.objects.len() as u64,
-            triangles: scene.triangles.len() as u64,
-            crs: scene.crs.clone(),
+            objects: city.objects.len() as u64,
+            triangles: city.triangles,
+            crs: city.crs.clone(),
         }
     }
 }
 
-fn lowest_terrain(scene: &Scene) -> Option<f32> {
-    let is_terrain = |object: u32| scene.objects[object as usize].kind == ObjectKind::Terrain;
-    let terrain = scene.triangles.iter().filter(|triangle| is_terrain(triangle.object));
-    terrain.flat_map(|triangle| triangle.corners).map(|corner| corner[2]).reduce(f32::min)
+fn lowest_terrain(city: &City) -> Option<f32> {
+    let terrain = city.objects.iter().filter(|object| object.kind == ObjectKind::Terrain);
+    terrain.map(|object| object.base_z_m).reduce(f32::min)
 }
 
-fn median_base(scene: &Scene) -> Option<f32> {
-    let mut bases: Vec<f32> = scene.objects.iter().map(|object| object.base_z_m).filter(|z| z.is_finite()).collect();
+fn median_base(city: &City) -> Option<f32> {
+    let mut bases: Vec<f32> = city.objects.iter().map(|object| object.base_z_m).filter(|z| z.is_finite()).collect();
     let middle = bases.len() / 2;
     (!bases.is_empty()).then(|| *bases.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
@@ -76,6 +77,8 @@ pub(crate) struct CityInput<'a> {
     pub(crate) tree: &'a Tree,
     /// The folder of the packs.
     pub(crate) packs: &'a Path,
+    /// (x, y) of each block of leaves and its hash.
+    pub(crate) fingerprints: Vec<((u32, u32), ShortHash)>,
 }
 
 /// A written city.
@@ -87,7 +90,7 @@ pub(crate) struct Written {
 }
 
 /// Writes the files into `folder`, which must not exist. `advance` is told of every tile.
-pub(crate) fn write(input: &CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<Written, BakeError> {
+pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<Written, BakeError> {
     fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "made", cause))?;
     let (blockmaps, subtrees) = (folder.join("blockmaps.pmtiles"), folder.join("subtrees.pmtiles"));
     let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
@@ -99,12 +102,14 @@ pub(crate) fn write(input: &CityInput<'_>, folder: &Path, advance: impl Fn(u64))
     })?;
     let nodes = tree::describe(input.tree, input.grid);
     bytes += archive::write(&subtrees, &tree::subtree_roots(&nodes), |root| tree::subtree_tile(&nodes, root))?;
-    let mut manifest = manifest(input);
+    let mut manifest = manifest(&input);
     manifest.version = version(&manifest, &[&blockmaps, &subtrees])?;
     let path = folder.join("city.json");
     let json = to_json(&manifest, &path)?;
     write_whole(&path, &json)?;
-    Ok(Written { manifest, bytes: bytes + json.len() as u64 })
+    bytes += json.len() as u64;
+    bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
+    Ok(Written { manifest, bytes })
 }
 
 fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
@@ -197,10 +202,11 @@ fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Object, Triangle};
+    use crate::scene::{Material, Object, Scene, Triangle};
 
     fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
-        let mut scene = Scene { origin: [1000.0, 2000.0, 50.0], ..Scene::default() };
+        let materials = vec![Material { rgb: [0; 3], texture: None }];
+        let mut scene = Scene { origin: [1000.0, 2000.0, 50.0], materials, ..Scene::default() };
         for (i, (kind, z)) in objects.iter().enumerate() {
             scene.objects.push(Object { id: i.to_string(), kind: *kind, base_z_m: *z });
             let corners = [[0.0, 0.0, *z], [1.0, 0.0, *z + 1.0], [0.0, 1.0, *z]];
@@ -212,7 +218,9 @@ mod tests {
     #[test]
     fn ground_is_the_lowest_terrain_or_the_median_base() {
         use ObjectKind::{Building, Terrain};
-        let facts = |objects: &[_]| SceneFacts::new(&scene(objects), [0.0, 0.0, -9.0], [1.0, 1.0, 9.0]);
+        let facts = |objects: &[_]| {
+            SceneFacts::new(&City::from_scene(scene(objects)).unwrap(), [0.0, 0.0, -9.0], [1.0, 1.0, 9.0])
+        };
         let mixed = facts(&[(Building, -9.0), (Terrain, 2.0), (Terrain, 1.0)]);
         assert_eq!((mixed.ground_z_m, mixed.has_terrain), (51.0, true));
         let houses = facts(&[(Building, -9.0), (Building, 3.0), (Building, 4.0)]);

@@ -1,6 +1,7 @@
 //! From finished tiles to a city on disk, whole or not at all.
 //!
-//! In: encoded tiles, block by block. Out: a city folder with `city.json`, `blockmaps.pmtiles` and `subtrees.pmtiles`.
+//! In: encoded tiles, block by block. Out: a city folder with `city.json`, `blockmaps.pmtiles`, `subtrees.pmtiles` and
+//! `fingerprints.bin`.
 //! Next: the server, or `insula-client` by byte range.
 //!
 //! Until the last rename all lies in `CITY.partial`: `scratch` keeps finished tiles in `pack`s there, so that an
@@ -8,6 +9,7 @@
 
 pub(crate) mod archive;
 pub(crate) mod city;
+pub(crate) mod fingerprints;
 pub(crate) mod pack;
 pub(crate) mod scratch;
 pub(crate) mod tree;

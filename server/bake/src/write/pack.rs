@@ -58,6 +58,8 @@ pub(crate) struct Stored {
     pub(crate) z_max_m: f32,
     offset: u64,
     pub(crate) bytes: u32,
+    /// Whether the city to update has the same tile; not kept in the pack.
+    pub(crate) unchanged: bool,
 }
 
 /// Writes the pack under a temporary name, then renames it.
@@ -71,7 +73,7 @@ pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[Tile]) -> Result<Vec<S
         for word in [tile.id.x(), tile.id.y(), z_min_m.to_bits(), z_max_m.to_bits(), len] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        stored.push(Stored { id: tile.id, z_min_m, z_max_m, offset, bytes: len });
+        stored.push(Stored { id: tile.id, z_min_m, z_max_m, offset, bytes: len, unchanged: false });
         offset += u64::from(len);
     }
     for tile in tiles {
@@ -102,7 +104,7 @@ pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<Stored>> {
         let id = TileId::new(pack.level, word(at)?, word(at + 4)?)?;
         let (z_min_m, z_max_m) = (f32::from_bits(word(at + 8)?), f32::from_bits(word(at + 12)?));
         let bytes = word(at + 16)?;
-        stored.push(Stored { id, z_min_m, z_max_m, offset, bytes });
+        stored.push(Stored { id, z_min_m, z_max_m, offset, bytes, unchanged: false });
         offset += u64::from(bytes);
     }
     (offset == body as u64).then_some(stored)

@@ -7,11 +7,13 @@
 //! CITY.partial/lock        held while a bake runs; the system lets go of it however the bake ends
 //!              state.json  what the packs were made from
 //!              packs/      finished blocks
+//!              spool/      what was read, sorted into blocks; every run makes it anew
 //!              city/       the final files, renamed to CITY when whole
 //!              replaced/   the city that was there before, for the moment between two renames
 //! ```
 
 use std::{
+    cell::Cell,
     ffi::OsString,
     fs, io,
     path::{Path, PathBuf},
@@ -52,6 +54,7 @@ pub(crate) struct Scratch {
     out: PathBuf,
     lock: Option<fs::File>,
     prepared: bool,
+    spooled: Cell<bool>,
 }
 
 fn partial(out: &Path) -> PathBuf {
@@ -78,7 +81,7 @@ impl Scratch {
             // Some file systems have no locks: then two bakes of one city are the user's to avoid.
             Ok(()) | Err(fs::TryLockError::Error(_)) => {}
         }
-        Ok(Self { root, out: out.to_owned(), lock: Some(lock), prepared: false })
+        Ok(Self { root, out: out.to_owned(), lock: Some(lock), prepared: false, spooled: Cell::new(false) })
     }
 
     /// Keeps the packs of an interrupted bake if that is wished and right, removes them otherwise.
@@ -102,6 +105,16 @@ impl Scratch {
         remove_folder(&self.root.join("replaced"))?;
         remove_folder(&self.city())?;
         Ok(start)
+    }
+
+    /// The folder of what is read, empty the first time that it is asked for.
+    pub(crate) fn spool(&self) -> Result<PathBuf, BakeError> {
+        let path = self.root.join("spool");
+        if !self.spooled.replace(true) {
+            remove_folder(&path)?;
+            fs::create_dir(&path).map_err(|cause| BakeError::io(&path, "made", cause))?;
+        }
+        Ok(path)
     }
 
     /// The folder of the packs.
@@ -139,6 +152,7 @@ impl Scratch {
 impl Drop for Scratch {
     /// A bake that failed before it wrote anything leaves nothing behind.
     fn drop(&mut self) {
+        let _ = fs::remove_dir_all(self.root.join("spool"));
         if !self.prepared && !self.root.join("state.json").exists() {
             let _ = fs::remove_file(self.root.join("lock"));
             let _ = fs::remove_dir(&self.root);

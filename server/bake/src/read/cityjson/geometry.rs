@@ -184,7 +184,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             self.report.problem("polygon without area", || format!("{id}: {} corners", self.points.len()));
             return Ok(());
         };
-        let material = self.reading.builder.material(rgb, texture.as_ref());
+        let material = self.reading.builder.material(rgb, texture);
         for triangle in triangles {
             let corners = triangle.map(|i| self.points[i as usize]);
             let uv = if textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };

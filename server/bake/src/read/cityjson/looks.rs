@@ -2,15 +2,12 @@
 //!
 //! In: appearance and semantics. Out: colours, pictures, texture coordinates. Next: `geometry`.
 
-use std::sync::Arc;
-
 use super::model::{Appearance, Semantics};
 use super::nested::Nested;
 use crate::read::Reading;
 use crate::read::palette::Palette;
 use crate::read::report::SourceReport;
 use crate::read::source::Source;
-use crate::scene::Texture;
 
 /// What is said of a surface besides its texture.
 pub(crate) struct Look<'g> {
@@ -22,7 +19,7 @@ pub(crate) struct Look<'g> {
 /// An appearance and the pictures of it that have been asked for.
 pub(crate) struct Looks<'a> {
     appearance: &'a Appearance,
-    pictures: Vec<Option<Option<Arc<Texture>>>>,
+    pictures: Vec<Option<Option<u32>>>,
 }
 
 /// The object and the report that a fault is noted under. A wrong index here costs the look, not the object.
@@ -69,13 +66,13 @@ impl<'a> Looks<'a> {
         palette.colour(look.semantic, look.object_type)
     }
 
-    /// The picture of a surface: its outer ring's.
+    /// The number of a surface's picture: its outer ring's.
     pub(crate) fn texture(
         &mut self,
         rings: &Nested,
         (reading, source): (&mut Reading<'_>, &Source<'_>),
         (id, report): Note<'_>,
-    ) -> Option<Arc<Texture>> {
+    ) -> Option<u32> {
         let index = rings.child(0).list().first()?.index()?;
         let place = usize::try_from(index).ok().filter(|&index| index < self.pictures.len());
         let Some(place) = place else {
@@ -84,7 +81,7 @@ impl<'a> Looks<'a> {
             return None;
         };
         let name = &self.appearance.textures[place].image;
-        self.pictures[place].get_or_insert_with(|| reading.textures.load(source, name, report)).clone()
+        *self.pictures[place].get_or_insert_with(|| reading.textures.load(source, name, report))
     }
 
     /// Appends a ring's texture coordinates (its list starts with the picture); whether they fit.

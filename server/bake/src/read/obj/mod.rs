@@ -9,7 +9,6 @@ mod parse;
 mod tests;
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use super::builder::{Face, is_sane};
 use super::cityjson::byte;
@@ -18,7 +17,7 @@ use super::polygon::MAX_CORNERS;
 use super::report::{Format, SourceReport};
 use super::source::{Source, open, read_beside};
 use super::{Reading, Tick, Up};
-use crate::scene::{ObjectKind, Texture};
+use crate::scene::ObjectKind;
 use mtl::MtlMaterial;
 use objects::{Objects, group, is_terrain};
 use parse::{Model, NONE, Polygon};
@@ -129,13 +128,13 @@ fn paints(
         let picture = material.and_then(|material| material.picture.as_deref());
         let texture = picture.and_then(|name| reading.textures.load(source, name, report));
         paints[i].plain = reading.builder.material(diffuse.unwrap_or(reading.options.palette.fallback), None);
-        paints[i].textured = texture.map(|texture| textured(reading, diffuse, &texture));
+        paints[i].textured = texture.map(|texture| textured(reading, diffuse, texture));
     }
     paints
 }
 
 /// A black Kd under a picture is an exporter's way of saying nothing: multiplied, it would hide the picture.
-fn textured(reading: &mut Reading<'_>, diffuse: Option<[u8; 3]>, texture: &Arc<Texture>) -> u32 {
+fn textured(reading: &mut Reading<'_>, diffuse: Option<[u8; 3]>, texture: u32) -> u32 {
     let rgb = diffuse.filter(|rgb| *rgb != [0; 3]).unwrap_or([255; 3]);
     reading.builder.material(rgb, Some(texture))
 }
