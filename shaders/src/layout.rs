@@ -12,6 +12,8 @@ pub const PLANES: usize = 4;
 pub const BLOCK_CELLS: u32 = 8;
 /// Summary words of a node: 8 x 8 blocks, `lowest | highest << 16` in height codes; `0x0000_ffff` where empty.
 pub const SUMMARY_WORDS: usize = 64;
+/// Most rays along a pixel's side.
+pub const MAX_SAMPLES: u32 = 4;
 /// Threads of a workgroup in x and y.
 pub const WORKGROUP: [u32; 2] = [8, 8];
 
@@ -86,7 +88,7 @@ pub struct Frame {
     pub ground_z_m: f32,
     /// 1 if the plane is drawn.
     pub ground: u32,
-    /// Rays along a pixel's side: 1 or 2. Distance and hit node are those of the centre ray only if 1.
+    /// Rays along a pixel's side, at most [`MAX_SAMPLES`]. Distance and hit node are those of the centre ray if odd.
     pub samples: u32,
     /// Zero.
     pub pad: u32,

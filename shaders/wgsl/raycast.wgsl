@@ -47,6 +47,7 @@ struct Node {
 
 const PAGE_WORDS: u32 = 4096u;
 const SUMMARY_WORDS: u32 = 64u;
+const MAX_SAMPLES: u32 = 4u;
 const BLOCK_CELLS: i32 = 8;
 const BLOCKS: i32 = 8;
 const NODE_CELLS: i32 = 64;
@@ -210,14 +211,14 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= frame.width_px || id.y >= frame.height_px {
         return;
     }
-    let n = clamp(frame.samples, 1u, 2u);
+    let n = clamp(frame.samples, 1u, MAX_SAMPLES);
     var sum = vec3<f32>(0.0);
     let at = id.y * frame.width_px + id.x;
     for (var s = 0u; s < n * n; s++) {
         let offset = (vec2<f32>(f32(s % n), f32(s / n)) + 0.5) / f32(n);
         trace(ray_direction(vec2<f32>(id.xy) + offset));
         sum += gathered.rgb;
-        if s == 0u {
+        if s == n * n / 2u {
             distance_m[at] = gathered.distance;
             hit[at] = gathered.node;
         }

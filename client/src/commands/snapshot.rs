@@ -8,7 +8,7 @@ use crate::{
     camera::CameraFile,
     error::Result,
     picture::{write_pfm, write_png},
-    render::{Adapter, Look},
+    render::{Adapter, Look, STILL_SAMPLES},
     scene::Tree,
     session::{Session, Shot},
     stream::{Stream, fetch::Http},
@@ -55,10 +55,10 @@ pub(crate) fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Se
     Ok(Session::new(Tree::new(city.manifest), stream, adapter, started))
 }
 
-/// Waits until the picture cannot get better, draws it with four rays a pixel and writes it.
+/// Waits until the picture cannot get better, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays a pixel and writes it.
 pub(crate) fn take(session: &mut Session, shot: &Shot, global: &Global, shading: Shading, out: &Path) -> Result<()> {
     settle(session, shot, Duration::from_secs(u64::from(global.timeout)))?;
-    let look = Look { samples: 2, shading, ..Look::default() };
+    let look = Look { samples: STILL_SAMPLES, shading, ..Look::default() };
     let before = Instant::now();
     let pixels = session.draw(shot, &look)?;
     session.timed(before.elapsed());

@@ -12,14 +12,17 @@ use crate::{
 use bytemuck::Zeroable;
 use glam::DVec3;
 use insula_protocol::TileId;
-use insula_shaders::layout::{Frame, Node, Shading, TREE_EMPTY, TREE_NODE_BIT, TreeNode};
+use insula_shaders::layout::{Frame, MAX_SAMPLES, Node, Shading, TREE_EMPTY, TREE_NODE_BIT, TreeNode};
+
+/// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
+pub const STILL_SAMPLES: u32 = 3;
 
 /// What is set by taste, not by place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Look {
     /// What pixels show.
     pub shading: Shading,
-    /// Rays along a pixel's side, 1 or 2.
+    /// Rays along a pixel's side, 1 to [`MAX_SAMPLES`].
     pub samples: u32,
     /// Unit vector towards the sun.
     pub sun: DVec3,
@@ -110,7 +113,7 @@ fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
         shading: look.shading as u32,
         ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
         ground: 1,
-        samples: look.samples.clamp(1, 2),
+        samples: look.samples.clamp(1, MAX_SAMPLES),
         pad: 0,
     }
 }

@@ -14,7 +14,7 @@ use crate::{
     camera::Camera,
     error::{ClientError, Result},
     picture::write_png,
-    render::{Adapter, AdapterChoice, AdapterInfo, Look, cpu::CpuAdapter, gpu::GpuAdapter},
+    render::{Adapter, AdapterChoice, AdapterInfo, Look, STILL_SAMPLES, cpu::CpuAdapter, gpu::GpuAdapter},
     session::{Session, Shot},
 };
 use insula_shaders::layout::Shading;
@@ -279,7 +279,7 @@ impl Open {
 
     fn screenshot(&mut self) {
         let shot = self.shot(1);
-        let look = Look { samples: 2, shading: self.settings.shading, ..Look::default() };
+        let look = Look { samples: STILL_SAMPLES, shading: self.settings.shading, ..Look::default() };
         let folder = std::env::current_dir().unwrap_or_default();
         let free = (1..).map(|n| folder.join(format!("insula-{n:04}.png"))).find(|path| !path.exists());
         let path = free.unwrap_or_else(|| folder.join("insula.png"));

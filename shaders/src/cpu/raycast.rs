@@ -9,7 +9,7 @@
 
 use super::shade::{Surface, background, encode_srgb, shade};
 use crate::{
-    layout::{BLOCK_CELLS, Frame, NO_NODE, Node, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
+    layout::{BLOCK_CELLS, Frame, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
     pack::{CONCAVE, CORNER, head_words, slope_codes},
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
@@ -103,7 +103,7 @@ pub fn render(scene: &SceneRef<'_>) -> Pixels {
 }
 
 fn pixel(scene: &SceneRef<'_>, x: u32, y: u32) -> (u32, f32, u32) {
-    let n = scene.frame.samples.clamp(1, 2);
+    let n = scene.frame.samples.clamp(1, MAX_SAMPLES);
     let mut sum = Vec3::ZERO;
     let (mut distance, mut hit) = (f32::INFINITY, NO_NODE);
     for s in 0..n * n {
@@ -111,7 +111,7 @@ fn pixel(scene: &SceneRef<'_>, x: u32, y: u32) -> (u32, f32, u32) {
         let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + offset);
         let gathered = trace(scene, dir);
         sum += gathered.rgb;
-        if s == 0 {
+        if s == n * n / 2 {
             (distance, hit) = (gathered.distance_m, gathered.node);
         }
     }
