@@ -90,6 +90,18 @@ pub struct BakeArgs {
     /// Which axis of OBJ files points up
     #[arg(long, value_enum, default_value = "z")]
     pub obj_up: Axis,
+    /// Who draws what is seen from where: the processor, or a graphics device (in programs built with feature `gpu`)
+    #[arg(long, value_enum, default_value = "cpu")]
+    pub visibility: Drawer,
+}
+
+/// Who draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Drawer {
+    /// The processor.
+    Cpu,
+    /// A graphics device.
+    Gpu,
 }
 
 /// An axis.

@@ -16,3 +16,5 @@ pub mod pack;
 pub const RAYCAST_WGSL: &str = include_str!("../wgsl/raycast.wgsl");
 /// The WGSL source that puts the ray-caster's pixels on a render target.
 pub const COMPOSE_WGSL: &str = include_str!("../wgsl/compose.wgsl");
+/// The WGSL source that draws which triangle is nearest, for the bake.
+pub const NEAREST_WGSL: &str = include_str!("../wgsl/nearest.wgsl");

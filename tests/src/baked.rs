@@ -72,6 +72,13 @@ impl Baked {
         chosen
     }
 
+    /// Decodes all leaves.
+    pub fn leaves(&self) -> Result<BTreeMap<TileId, BlockMap>> {
+        let depth = self.manifest().depth;
+        let leaves = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == depth);
+        leaves.map(|(id, bytes)| Ok((id, BlockMap::decode(&bytes).with_context(|| format!("tile {id}"))?))).collect()
+    }
+
     /// Decodes these nodes.
     pub fn cut(&self, ids: &[TileId]) -> Result<Cut> {
         let manifest = self.manifest();

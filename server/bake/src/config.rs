@@ -105,6 +105,10 @@ impl Config {
             return Err(BakeError::Option { option: "--out", value: options.out.display().to_string(), advice });
         };
         let threads = threads(options.threads)?;
+        options.sample.visibility.check().map_err(|advice| {
+            let value = format!("{:?}", options.sample.visibility).to_lowercase();
+            BakeError::Option { option: "--visibility", value, advice }
+        })?;
         Ok(Self {
             out: options.out.clone(),
             cell_m,

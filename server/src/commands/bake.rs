@@ -18,11 +18,15 @@ pub(super) use with_bake::run;
 mod with_bake {
     use super::{BakeArgs, CommandError};
     use crate::{
-        args::Axis,
+        args::{Axis, Drawer},
         commands::{human_bytes, print, write},
     };
     use indicatif::{ProgressBar, ProgressStyle};
-    use insula_bake::{BakeError, BakeOptions, Progress, Report, read::Up};
+    use insula_bake::{
+        BakeError, BakeOptions, Progress, Report,
+        read::Up,
+        sample::{SampleSettings, Visibility},
+    };
     use insula_protocol::manifest::Attribution;
     use std::{
         io::IsTerminal,
@@ -71,7 +75,13 @@ mod with_bake {
                 Axis::Z => Up::Z,
                 Axis::Y => Up::Y,
             },
-            ..BakeOptions::default()
+            sample: SampleSettings {
+                visibility: match args.visibility {
+                    Drawer::Cpu => Visibility::Cpu,
+                    Drawer::Gpu => Visibility::Gpu,
+                },
+                ..SampleSettings::default()
+            },
         }
     }
 

@@ -25,6 +25,9 @@ pub struct Capacity {
 /// Why the device gave no pixels.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
+    /// No device works.
+    #[error("no graphics device can be used ({0}): install a driver")]
+    None(String),
     /// More nodes than [`Capacity`] says.
     #[error("the cut has {found} {what}, the ray-caster was made for {limit}: raise tau")]
     Capacity {
@@ -189,7 +192,11 @@ impl Raycaster {
     }
 }
 
-fn read_words(device: &wgpu::Device, queue: &wgpu::Queue, source: &wgpu::Buffer) -> Result<Vec<u32>, GpuError> {
+pub(super) fn read_words(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    source: &wgpu::Buffer,
+) -> Result<Vec<u32>, GpuError> {
     let failed = |e: &dyn std::fmt::Display| GpuError::ReadBack(e.to_string());
     let staging = buffer(device, "read back", source.size(), wgpu::BufferUsages::MAP_READ);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read back") });

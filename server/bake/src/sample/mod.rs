@@ -17,6 +17,7 @@ mod crossings;
 mod directions;
 mod local;
 pub(crate) mod mend;
+mod nearest;
 mod scan;
 mod sheets;
 pub(crate) mod solids;
@@ -28,6 +29,27 @@ use insula_protocol::TileId;
 use local::Block;
 use serde::Serialize;
 
+/// Who draws the maps of the nearest triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Visibility {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// A graphics device. Texels on the edges of triangles may differ, so the tiles are not the same byte for byte.
+    Gpu,
+}
+
+impl Visibility {
+    /// Whether it can be had here. Errors: built without feature `gpu`, or no device works; says what to do.
+    pub fn check(self) -> Result<(), String> {
+        match self {
+            Self::Cpu => Ok(()),
+            Self::Gpu => nearest::check(),
+        }
+    }
+}
+
 /// What decides a bake's result besides its sources; hashed into the manifest.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SampleSettings {
@@ -38,11 +60,13 @@ pub struct SampleSettings {
     pub low_directions: u32,
     /// Width of the rim around a block whose triangles only cast occlusion.
     pub margin_m: f64,
+    /// Who draws what is seen.
+    pub visibility: Visibility,
 }
 
 impl Default for SampleSettings {
     fn default() -> Self {
-        Self { sky_directions: 128, low_directions: 32, margin_m: 64.0 }
+        Self { sky_directions: 128, low_directions: 32, margin_m: 64.0, visibility: Visibility::Cpu }
     }
 }
 

@@ -5,12 +5,13 @@
 //! A map keeps the nearest triangle's id, and a sample asks that triangle's plane: depths compared at texel centres leak.
 
 use super::{
-    SampleSettings,
+    SampleSettings, Visibility,
     attributes::TOP_Z,
     candidates::{Candidate, TURNS},
     crossings::{Crossing, Crossings, SURE, UNSURE},
     directions,
     local::{Block, LocalTriangle},
+    nearest::{self, Facing},
     scan::scan,
 };
 use glam::{Vec2, Vec3};
@@ -35,7 +36,7 @@ pub(super) fn look(
     let mut pending: Vec<u32> = (0..crossings.list.len() as u32)
         .filter(|i| crossings.list[*i as usize].wants(true) || crossings.list[*i as usize].wants(false))
         .collect();
-    let mut map = Map::default();
+    let mut map = Map { drawn_by: settings.visibility, ..Map::default() };
     let mut sheets = sheets_of(candidates);
     for (i, direction) in first.iter().enumerate() {
         map.draw(block, *direction);
@@ -66,7 +67,7 @@ fn look_from_below(
     if !hangs && pending.is_empty() {
         return;
     }
-    let mut map = Map::default();
+    let mut map = Map { drawn_by: settings.visibility, ..Map::default() };
     for (i, direction) in directions::low(settings.low_directions).iter().enumerate() {
         map.draw(block, *direction);
         sight_crossings(block, &map, crossings, pending);
@@ -199,6 +200,7 @@ fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], shee
 /// The nearest triangles as seen from one direction.
 #[derive(Debug, Default)]
 struct Map {
+    drawn_by: Visibility,
     u: Vec3,
     v: Vec3,
     /// Towards the viewer.
@@ -218,15 +220,34 @@ struct Map {
 impl Map {
     fn draw(&mut self, block: &Block, direction: Vec3) {
         self.aim(block, direction);
+        self.planes.clear();
+        self.planes.resize(block.triangles.len(), Vec3::ZERO);
+        if self.drawn_by == Visibility::Gpu
+            && let Some(ids) = self.draw_on_device(block)
+        {
+            self.ids = ids;
+            return;
+        }
         self.ids.clear();
         self.ids.resize(self.size[0] * self.size[1], 0);
         self.depths.clear();
         self.depths.resize(self.size[0] * self.size[1], f32::NEG_INFINITY);
-        self.planes.clear();
-        self.planes.resize(block.triangles.len(), Vec3::ZERO);
         for (index, triangle) in block.triangles.iter().enumerate() {
-            self.draw_triangle(triangle, index);
+            if let Some(corners) = self.face(triangle, index) {
+                self.draw_triangle(corners, index);
+            }
         }
+    }
+
+    fn draw_on_device(&mut self, block: &Block) -> Option<Vec<u32>> {
+        let mut facing: Vec<Facing> = Vec::with_capacity(block.triangles.len());
+        for (index, triangle) in block.triangles.iter().enumerate() {
+            if let Some(corners) = self.face(triangle, index) {
+                let place = |i: usize| (corners[i] / self.texel_m).extend(triangle.corners[i].dot(self.w));
+                facing.push((std::array::from_fn(place), index as u32 + 1));
+            }
+        }
+        nearest::draw(&facing, self.size)
     }
 
     /// Axes and extent: what the block's box projects to.
@@ -259,19 +280,24 @@ impl Map {
         Vec2::new(p.dot(self.u), p.dot(self.v))
     }
 
-    fn draw_triangle(&mut self, triangle: &LocalTriangle, index: usize) {
+    /// Keeps the triangle's plane and gives its corners on the map; `None` if it shows no face.
+    fn face(&mut self, triangle: &LocalTriangle, index: usize) -> Option<[Vec2; 3]> {
         let cos = triangle.normal.dot(self.w);
         // The nearest surface of a closed shell faces the viewer, as terrain does.
         let one_sided = triangle.terrain || triangle.closed;
         if cos.abs() < 1e-3 || (one_sided && cos < 0.0) {
-            return;
+            return None;
         }
         let corners = triangle.corners.map(|c| self.flat(c) - self.corner);
         // On the plane, n.p is constant: w = (n.c - n.u * u - n.v * v) / n.w.
         let (a, b) = (-triangle.normal.dot(self.u) / cos, -triangle.normal.dot(self.v) / cos);
         let first = corners[0];
-        let plane = Vec3::new(a, b, triangle.corners[0].dot(self.w) - a * first.x - b * first.y);
-        self.planes[index] = plane;
+        self.planes[index] = Vec3::new(a, b, triangle.corners[0].dot(self.w) - a * first.x - b * first.y);
+        Some(corners)
+    }
+
+    fn draw_triangle(&mut self, corners: [Vec2; 3], index: usize) {
+        let plane = self.planes[index];
         let width = self.size[0];
         let (texel, ids, depths) = (self.texel_m, &mut self.ids, &mut self.depths);
         scan(corners.map(|c| [c.x, c.y]), texel, self.size, |row, first, end| {

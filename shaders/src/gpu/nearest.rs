@@ -1,0 +1,188 @@
+//! `nearest.wgsl` on a device: maps of the nearest triangle, for the bake's visibility.
+//!
+//! In: triangles in a map's coordinates. Out: a number a texel. Next: the bake asks the map what is seen.
+
+use super::{GpuError, raycast::read_words};
+use bytemuck::{Pod, Zeroable};
+use wgpu::util::DeviceExt;
+
+const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
+const DEPTHS: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// A triangle's corner as the shader takes it.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Corner {
+    /// Texels from the map's corner along its rows and across them; then how near it is, from 0 (far) to 1.
+    pub place: [f32; 3],
+    /// What the map shows where the triangle is nearest; not 0, which stands for nothing.
+    pub number: u32,
+}
+
+/// A device that draws maps.
+#[derive(Debug)]
+pub struct Nearest {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    pipeline: wgpu::RenderPipeline,
+    name: String,
+}
+
+impl Nearest {
+    /// Opens the first device that the environment allows. Errors: there is none that works.
+    pub fn open() -> Result<Self, GpuError> {
+        let none = |e: &dyn std::fmt::Display| GpuError::None(e.to_string());
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| none(&e))?;
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("nearest"),
+            required_limits: adapter.limits(),
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| none(&e))?;
+        let pipeline = pipeline(&device);
+        Ok(Self { device, queue, pipeline, name: format!("{} ({})", info.name, info.backend) })
+    }
+
+    /// Adapter and backend.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Draws triangles, three corners each; of two that are as near the first is shown. Gives `size[0] * size[1]` numbers,
+    /// row by row. Errors: the map is larger than the device's textures, or could not be read back.
+    pub fn draw(&self, corners: &[Corner], size: [u32; 2]) -> Result<Vec<u32>, GpuError> {
+        let limit = self.device.limits().max_texture_dimension_2d;
+        if let Some(found) = size.into_iter().find(|side| *side == 0 || *side > limit) {
+            return Err(GpuError::Capacity { what: "texels along a side of a map", found: found as usize, limit });
+        }
+        let clip = |corner: &Corner| Corner {
+            place: [
+                corner.place[0] * 2.0 / size[0] as f32 - 1.0,
+                1.0 - corner.place[1] * 2.0 / size[1] as f32,
+                corner.place[2],
+            ],
+            ..*corner
+        };
+        let corners: Vec<Corner> = corners.iter().map(clip).collect();
+        let vertices = self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("corners"),
+            contents: bytemuck::cast_slice(&corners),
+            usage: wgpu::BufferUsages::VERTEX,
+        });
+        let ids = self.texture(IDS, size, wgpu::TextureUsages::COPY_SRC);
+        let depths = self.texture(DEPTHS, size, wgpu::TextureUsages::empty());
+        let mut encoder =
+            self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("nearest") });
+        self.encode(&mut encoder, &vertices, [&ids, &depths], corners.len() as u32);
+        // Rows of a copy are padded to 256 bytes.
+        let row_words = size[0].next_multiple_of(64);
+        let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("numbers"),
+            size: u64::from(row_words) * u64::from(size[1]) * 4,
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(row_words * 4),
+            rows_per_image: Some(size[1]),
+        };
+        encoder.copy_texture_to_buffer(
+            ids.as_image_copy(),
+            wgpu::TexelCopyBufferInfo { buffer: &copy, layout },
+            ids.size(),
+        );
+        self.queue.submit([encoder.finish()]);
+        let words = read_words(&self.device, &self.queue, &copy)?;
+        Ok(words.chunks_exact(row_words as usize).flat_map(|row| &row[..size[0] as usize]).copied().collect())
+    }
+
+    fn texture(&self, format: wgpu::TextureFormat, size: [u32; 2], more: wgpu::TextureUsages) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("map"),
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | more,
+            view_formats: &[],
+        })
+    }
+
+    fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        vertices: &wgpu::Buffer,
+        [ids, depths]: [&wgpu::Texture; 2],
+        corners: u32,
+    ) {
+        let [ids, depths] = [ids, depths].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("nearest"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &ids,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &depths,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                stencil_ops: None,
+            }),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_vertex_buffer(0, vertices.slice(..));
+        pass.draw(0..corners, 0..1);
+    }
+}
+
+fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("nearest"),
+        source: wgpu::ShaderSource::Wgsl(crate::NEAREST_WGSL.into()),
+    });
+    let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Uint32];
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("nearest"),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("corner"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: size_of::<Corner>() as u64,
+                step_mode: wgpu::VertexStepMode::Vertex,
+                attributes: &attributes,
+            })],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTHS,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("number"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(IDS.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
