@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// The first bytes of every tile.
 pub const MAGIC: [u8; 4] = *b"INSU";
 /// Version of the container and of all tile kinds; any change of bytes raises it.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 /// Largest section in bytes, packed or raw.
 pub const MAX_SECTION_BYTES: u32 = 16 << 20;
 /// Most sections in one tile.
@@ -68,13 +68,24 @@ impl TileWriter {
             return Ok(());
         }
         let packed = codec::zstd::compress(raw)?;
-        let (packing, bytes) =
-            if packed.len() < raw.len() { (Packing::Zstd, &packed[..]) } else { (Packing::Raw, raw) };
+        if packed.len() < raw.len() {
+            self.push(tag, Packing::Zstd, &packed, raw.len())
+        } else {
+            self.push(tag, Packing::Raw, raw, raw.len())
+        }
+    }
+
+    /// Adds bytes that cannot be packed any further.
+    pub fn coded_section(&mut self, tag: u8, bytes: &[u8]) -> Result<(), DecodeError> {
+        if bytes.is_empty() { Ok(()) } else { self.push(tag, Packing::Raw, bytes, bytes.len()) }
+    }
+
+    fn push(&mut self, tag: u8, packing: Packing, bytes: &[u8], raw_bytes: usize) -> Result<(), DecodeError> {
         self.header.sections.push(SectionEntry {
             tag,
             packing,
             packed_bytes: length(bytes.len())?,
-            raw_bytes: length(raw.len())?,
+            raw_bytes: length(raw_bytes)?,
             crc32: crc32fast::hash(bytes),
         });
         self.body.extend_from_slice(bytes);

@@ -1,4 +1,4 @@
-//! Bytes of format version 1, frozen: what was written once can be read for ever.
+//! Bytes of format version 2, frozen: what was written once can be read for ever.
 //!
 //! The files were made by `write_vectors` (ignored, run by hand when a version is born) and must never change; a new
 //! version gets new files beside them.
@@ -7,20 +7,22 @@
 
 use insula_protocol::{
     BlockMap, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, Column, Strip, strip_rows},
+    blockmap::{COLUMNS, Clip, Column, Corner, Outer, Strip, strip_rows},
     octahedral,
     subtree::NodeInfo,
 };
 
-const BLOCKMAP: &[u8] = include_bytes!("vectors/v1_blockmap.bin");
-const SUBTREE: &[u8] = include_bytes!("vectors/v1_subtree.bin");
+const BLOCKMAP: &[u8] = include_bytes!("vectors/v2_blockmap.bin");
+const SUBTREE: &[u8] = include_bytes!("vectors/v2_subtree.bin");
 
 /// Every kind of column, at the corners of a node.
 fn blockmap() -> BlockMap {
     let strip = |z_min, z_max, holes: bool| {
         let rows = strip_rows(z_min, z_max, 1).1;
         let alpha = |row| if holes && row == 1 { 0 } else { 3 };
-        let texels = (0..rows).map(|row| Texel::new([row as u8, 100, 255 - row as u8], 40, alpha(row))).collect();
+        let mut texels: Vec<Texel> =
+            (0..rows).map(|row| Texel::new([row as u8, 100, 255 - row as u8], 40, alpha(row))).collect();
+        texels.iter_mut().filter(|texel| texel.alpha() == 0).for_each(|texel| *texel = Texel::TRANSPARENT);
         Some(Strip { texels, azimuth: 64 })
     };
     let up = octahedral::encode([0.0, 0.0, 1.0]);
@@ -32,6 +34,9 @@ fn blockmap() -> BlockMap {
     columns[1] = Some(Column { inclined: true, roof_normal: slope, ..plain.clone() });
     columns[63] = Some(Column { strip: strip(5, 90, false), ..plain.clone() });
     columns[COLUMNS - 64] = Some(Column { suspended: true, strip: strip(5, 90, true), ..plain.clone() });
+    let corner = Some(Corner { azimuth: 3, offset: 40, concave: true });
+    let clip = Some(Clip { offset: -20, corner, outer: Some(Outer { z: 12, roof: Texel::new([10, 20, 30], 50, 3) }) });
+    columns[COLUMNS - 63] = Some(Column { clip, strip: strip(5, 90, false), ..plain.clone() });
     columns[COLUMNS - 1] = Some(Column { gap: Some([20, 60]), strip: strip(5, 90, false), ..plain });
     BlockMap::from_columns(TileId::new(3, 5, 2).unwrap(), 0.5, -7, 1, &columns).unwrap()
 }
@@ -52,12 +57,12 @@ fn subtree() -> Subtree {
 }
 
 #[test]
-fn version_1_block_maps_can_be_read() {
+fn version_2_block_maps_can_be_read() {
     assert_eq!(BlockMap::decode(BLOCKMAP).unwrap(), blockmap());
 }
 
 #[test]
-fn version_1_subtrees_can_be_read() {
+fn version_2_subtrees_can_be_read() {
     assert_eq!(Subtree::decode(SUBTREE).unwrap(), subtree());
 }
 
@@ -70,6 +75,6 @@ fn what_the_encoder_writes_today_is_the_same_map() {
 #[ignore = "writes the frozen files: only when a format version is born"]
 fn write_vectors() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vectors");
-    std::fs::write(format!("{folder}/v1_blockmap.bin"), blockmap().encode().unwrap()).unwrap();
-    std::fs::write(format!("{folder}/v1_subtree.bin"), subtree().encode().unwrap()).unwrap();
+    std::fs::write(format!("{folder}/v2_blockmap.bin"), blockmap().encode().unwrap()).unwrap();
+    std::fs::write(format!("{folder}/v2_subtree.bin"), subtree().encode().unwrap()).unwrap();
 }

@@ -1,115 +1,105 @@
-//! A V-BlockMap's bytes. The sections are described byte by byte in `docs/formats.md`.
+//! A V-BlockMap's bytes. They are described in `docs/formats.md`.
 
-use super::{BlockMap, COLUMNS, Outer, flag, predict};
+use super::{
+    BlockMap, COLUMNS, flag, geometry,
+    looks::{self, Loss},
+    walls,
+};
 use crate::{
+    codec::range::{Encoder, Rehearsal},
     error::DecodeError,
-    texel::Texel,
+    texel::{ALPHA_MAX, Texel},
     tile::{Kind, TileWriter},
 };
 
 /// Section tags.
 pub(super) mod tag {
     pub(in super::super) const META: u8 = 1;
-    pub(in super::super) const FLAGS: u8 = 2;
-    pub(in super::super) const Z_MAX: u8 = 3;
-    pub(in super::super) const Z_MIN: u8 = 4;
-    pub(in super::super) const GAPS: u8 = 5;
-    pub(in super::super) const NORMALS: u8 = 6;
-    pub(in super::super) const AZIMUTHS: u8 = 7;
-    pub(in super::super) const ROOF_RGB: u8 = 8;
-    pub(in super::super) const ROOF_AO: u8 = 9;
-    pub(in super::super) const STRIP_RGB: u8 = 10;
-    pub(in super::super) const STRIP_AO: u8 = 11;
-    pub(in super::super) const CLIP_OFFSETS: u8 = 12;
-    pub(in super::super) const OUTER_Z: u8 = 13;
-    pub(in super::super) const OUTER_RGB: u8 = 14;
-    pub(in super::super) const OUTER_AO: u8 = 15;
-    pub(in super::super) const CORNERS: u8 = 16;
+    pub(in super::super) const COLUMNS: u8 = 2;
 }
 
+/// What a map's colours and occlusion may lose; its shapes lose nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Quality {
+    /// Nothing.
+    Lossless,
+    /// Colours as much as keeps the peak signal-to-noise ratio of the node's opaque texels (8-bit sRGB, all three channels)
+    /// at or above so many dB; occlusion at most 2 of 63.
+    Decibels(f32),
+}
+
+/// Step of the occlusion where loss is allowed.
+const AO_STEP: u8 = 4;
+/// Largest step of the colours, in quarters.
+pub(super) const COLOUR_STEP_MAX: u16 = 512;
+
 impl BlockMap {
-    /// The tile's bytes; the same map gives the same bytes.
+    /// [`BlockMap::encode_at`] without loss.
     pub fn encode(&self) -> Result<Vec<u8>, DecodeError> {
+        self.encode_at(Quality::Lossless)
+    }
+
+    /// The tile's bytes; the same map and quality give the same bytes. A roof's coverage is not kept (roofs are opaque), nor
+    /// are colour and occlusion of transparent texels. Errors: a map that [`BlockMap::from_columns`] would refuse.
+    pub fn encode_at(&self, quality: Quality) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
+        let mut map = self.clone();
+        let mut coder = Encoder::default();
+        geometry::columns(&mut coder, &mut map);
+        walls::exposed(&mut coder, &mut map);
+        let steps = walls::facades(&map);
+        walls::walls(&mut coder, &mut map, &steps);
+        let loss = match quality {
+            Quality::Lossless => Loss::NONE,
+            Quality::Decibels(db) => Loss { colour: self.colour_step(&steps, db), ao: AO_STEP },
+        };
+        looks::looks(&mut coder, &mut map, &steps, loss);
         let mut writer = TileWriter::new(Kind::BlockMap, self.id);
-        let mut meta = Vec::with_capacity(9);
+        let mut meta = Vec::with_capacity(12);
         meta.extend_from_slice(&self.cell_m.to_le_bytes());
         meta.extend_from_slice(&self.z_base_cells.to_le_bytes());
         meta.push(self.z_shift);
-        writer.section(tag::META, &meta)?;
-        writer.section(tag::FLAGS, &self.flags)?;
-        let occupied: Vec<usize> = (0..COLUMNS).filter(|i| self.flags[*i] & flag::OCCUPIED != 0).collect();
-        writer.section(tag::Z_MAX, &self.residuals(&self.z_max, &occupied))?;
-        writer.section(tag::Z_MIN, &self.residuals(&self.z_min, &occupied))?;
-        let gaps: Vec<u16> = self.gaps.iter().flatten().copied().collect();
-        let mut bytes = Vec::new();
-        predict::push_planes(&mut bytes, &gaps);
-        writer.section(tag::GAPS, &bytes)?;
-        let normals: Vec<u16> = occupied.iter().map(|i| self.roof_normal[*i]).collect();
-        bytes.clear();
-        predict::push_planes(&mut bytes, &normals);
-        writer.section(tag::NORMALS, &bytes)?;
-        let exposed = occupied.iter().filter(|i| self.flags[**i] & flag::EXPOSED != 0);
-        let azimuths: Vec<u8> = exposed.map(|i| self.wall_azimuth[*i]).collect();
-        writer.section(tag::AZIMUTHS, &azimuths)?;
-        let roof: Vec<Texel> = occupied.iter().map(|i| self.roof[*i]).collect();
-        writer.section(tag::ROOF_RGB, &colours(&roof))?;
-        writer.section(tag::ROOF_AO, &occlusions(&roof))?;
-        writer.section(tag::STRIP_RGB, &colours(&self.strips))?;
-        writer.section(tag::STRIP_AO, &occlusions(&self.strips))?;
-        let offsets: Vec<u8> = self.clips.iter().map(|clip| clip.offset as u8).collect();
-        writer.section(tag::CLIP_OFFSETS, &offsets)?;
-        // What the corner is, then the azimuths and offsets of those that are one.
-        let mut corners: Vec<u8> =
-            self.clips.iter().map(|clip| clip.corner.map_or(0, |c| 1 + u8::from(c.concave))).collect();
-        corners.extend(self.clips.iter().filter_map(|clip| clip.corner).flat_map(|c| [c.azimuth, c.offset as u8]));
-        writer.section(tag::CORNERS, &corners)?;
-        // A height of zero, which nothing beyond a wall has, stands for an empty other side.
-        let outer: Vec<Outer> = self.clips.iter().map(|clip| clip.outer.unwrap_or_default()).collect();
-        bytes.clear();
-        predict::push_planes(&mut bytes, &outer.iter().map(|o| o.z).collect::<Vec<_>>());
-        writer.section(tag::OUTER_Z, &bytes)?;
-        let roof: Vec<Texel> = outer.iter().filter(|o| o.z != 0).map(|o| o.roof).collect();
-        writer.section(tag::OUTER_RGB, &colours(&roof))?;
-        writer.section(tag::OUTER_AO, &occlusions(&roof))?;
+        meta.extend_from_slice(&loss.colour.to_le_bytes());
+        meta.push(loss.ao);
+        writer.coded_section(tag::META, &meta)?;
+        writer.coded_section(tag::COLUMNS, &coder.finish())?;
         writer.finish()
     }
 
-    fn residuals(&self, values: &[u16], occupied: &[usize]) -> Vec<u8> {
-        let known = |j: usize| self.flags[j] & flag::OCCUPIED != 0;
-        let mut last = 0;
-        let mut out = Vec::with_capacity(occupied.len());
-        for &i in occupied {
-            out.push(predict::residual(values[i], predict::guess(values, known, i, last)));
-            last = values[i];
+    /// The largest step that keeps the quality.
+    fn colour_step(&self, steps: &[walls::Step], db: f32) -> u16 {
+        let worst = 255.0 * 255.0 / 10f64.powf(f64::from(db) / 10.0);
+        let keeps = |colour: u16| {
+            let mut map = self.clone();
+            looks::looks(&mut Rehearsal, &mut map, steps, Loss { colour, ao: AO_STEP });
+            self.colour_error(&map) <= worst
+        };
+        let (mut good, mut bad) = (Loss::NONE.colour, COLOUR_STEP_MAX + 1);
+        while good + 1 < bad {
+            let step = (good + bad) / 2;
+            if keeps(step) { good = step } else { bad = step }
         }
-        let mut bytes = Vec::with_capacity(out.len() * 2);
-        predict::push_planes(&mut bytes, &out);
-        bytes
+        good
     }
-}
 
-/// Green, then red and blue as differences from it: three planes of differences from the texel before.
-fn colours(texels: &[Texel]) -> Vec<u8> {
-    let mut planes = [const { Vec::new() }; 3];
-    let mut last = [0u8; 3];
-    for texel in texels {
-        let [r, g, b] = texel.rgb();
-        let now = [g, r.wrapping_sub(g), b.wrapping_sub(g)];
-        for (plane, (now, last)) in planes.iter_mut().zip(now.iter().zip(last)) {
-            plane.push(now.wrapping_sub(last));
+    /// Mean squared difference of the opaque texels' colours, of a channel.
+    pub(super) fn colour_error(&self, other: &Self) -> f64 {
+        let (mut sum, mut count) = (0u64, 0u64);
+        let mut add = |a: Texel, b: Texel| {
+            let squares = a.rgb().into_iter().zip(b.rgb()).map(|(a, b)| u64::from(a.abs_diff(b)).pow(2));
+            sum += squares.sum::<u64>();
+            count += 3;
+        };
+        for i in (0..COLUMNS).filter(|i| self.flags[*i] & flag::OCCUPIED != 0) {
+            add(self.roof[i], other.roof[i]);
         }
-        last = now;
+        let strips = self.strips.iter().zip(&other.strips).filter(|(a, _)| a.alpha() == ALPHA_MAX);
+        strips.for_each(|(a, b)| add(*a, *b));
+        for (a, b) in self.clips.iter().zip(&other.clips) {
+            if let (Some(a), Some(b)) = (a.outer, b.outer) {
+                add(a.roof, b.roof);
+            }
+        }
+        sum as f64 / count.max(1) as f64
     }
-    planes.concat()
-}
-
-/// The fourth bytes as differences from the one before.
-fn occlusions(texels: &[Texel]) -> Vec<u8> {
-    let mut last = 0u8;
-    let mut step = |texel: &Texel| {
-        let now = (texel.0 >> 24) as u8;
-        now.wrapping_sub(std::mem::replace(&mut last, now))
-    };
-    texels.iter().map(&mut step).collect()
 }

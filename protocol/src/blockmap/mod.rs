@@ -8,7 +8,11 @@
 
 mod decode;
 mod encode;
-mod predict;
+mod geometry;
+mod looks;
+mod walls;
+
+pub use encode::Quality;
 
 use crate::{TileId, error::DecodeError, texel::Texel};
 

@@ -1,0 +1,319 @@
+//! The columns' shapes, without loss: which there are, how their tops lie, where they end.
+//!
+//! In: a [`Coder`] and a map, whose shapes it writes or fills in. Out: the map. Next: `walls`.
+
+use super::{BlockMap, COLUMNS, NODE_CELLS, STEPS_PER_CELL, Z_CODE_MAX, flag};
+use crate::codec::range::{Bit, Coder, Number, Share};
+
+/// Normals that came up last are named by their place in a list of so many.
+const RECENT: usize = 16;
+/// Width of the grid with a rim of empty cells, so that every cell has neighbours.
+pub(super) const WIDTH: usize = NODE_CELLS + 2;
+/// The neighbours that are known when a column is coded row by row, as steps back in the grid with its rim and as steps
+/// from the neighbour to the column: west, south, south-west, south-east.
+const KNOWN: [(usize, [i32; 2]); 4] = [(1, [1, 0]), (WIDTH, [0, 1]), (WIDTH + 1, [1, 1]), (WIDTH - 1, [-1, 1])];
+
+/// Writes or reads bits 0, 2 and 5 of the flags, and normals and heights.
+pub(super) fn columns<C: Coder>(coder: &mut C, map: &mut BlockMap) {
+    let tops = tops(coder, map);
+    bottoms(coder, map, &tops);
+}
+
+/// The neighbour's index, if it lies in the node.
+#[inline]
+pub(super) fn neighbour(i: usize, (dx, dy): (i32, i32)) -> Option<usize> {
+    let n = NODE_CELLS as i32;
+    let (x, y) = (i as i32 % n + dx, i as i32 / n + dy);
+    ((0..n).contains(&x) && (0..n).contains(&y)).then_some((y * n + x) as usize)
+}
+
+/// A column as its neighbours see it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Top {
+    z: i32,
+    normal: u16,
+    flags: u8,
+    /// Rise over a cell to the east and to the north, in sixteenths of a code.
+    slope: [i16; 2],
+}
+
+impl Top {
+    fn occupied(&self) -> bool {
+        self.flags & flag::OCCUPIED != 0
+    }
+
+    /// Where its plane goes on to.
+    fn at(&self, [dx, dy]: [i32; 2]) -> i32 {
+        self.z + ((i32::from(self.slope[0]) * dx + i32::from(self.slope[1]) * dy + 8) >> 4)
+    }
+}
+
+/// The slope of a normal; level where it is steeper than any roof.
+fn slope(normal: u16, z_shift: u8) -> [i16; 2] {
+    let [u, v] = normal.to_le_bytes().map(|b| i32::from(b.min(254)) - 127);
+    let up = 127 - u.abs() - v.abs();
+    if up <= 0 {
+        return [0; 2];
+    }
+    let codes = i32::from(STEPS_PER_CELL >> z_shift);
+    [u, v].map(|w| ((-w * codes * 32 + up).div_euclid(2 * up)).clamp(-4096, 4096) as i16)
+}
+
+#[derive(Default)]
+struct Tops {
+    occupied: [Bit; 16],
+    suspended: [Bit; 9],
+    inclined: [Bit; 9],
+    same: [[Bit; 4]; 4],
+    recent: [[Bit; RECENT]; 2],
+    normal: [Number; 2],
+    height: [Number; 10],
+}
+
+fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<Top> {
+    let mut models = Box::<Tops>::default();
+    let mut recent = Recent::default();
+    let mut tops = vec![Top::default(); WIDTH * WIDTH];
+    let mut last = 0;
+    let full = full(coder, map);
+    let mut shared = |bit: u8| {
+        let occupied = map.flags.iter().filter(|f| **f & flag::OCCUPIED != 0);
+        let share = if C::WRITES { Share::of(occupied.map(|f| f & bit != 0)) } else { Share::None };
+        share.code(coder, &mut [Bit::NEW; 2])
+    };
+    let (suspended, inclined) = (shared(flag::SUSPENDED), shared(flag::INCLINED));
+    for i in 0..COLUMNS {
+        let full = full[square(i)];
+        if full == Share::None {
+            continue;
+        }
+        let at = place(i);
+        let known = KNOWN.map(|(back, _)| &tops[at - back]);
+        let around = known.iter().enumerate().map(|(k, t)| usize::from(t.occupied()) << k).sum::<usize>();
+        if !full.bit(coder, &mut models.occupied[around], map.flags[i] & flag::OCCUPIED != 0) {
+            continue;
+        }
+        // Of the western and the southern neighbour: 0 not there, 1 without, 2 with the flag.
+        let state = |top: &Top, bit: u8| usize::from(top.occupied()) + usize::from(top.flags & bit != 0);
+        let context = |bit: u8| state(known[0], bit) * 3 + state(known[1], bit);
+        let mut flags = flag::OCCUPIED;
+        if suspended.bit(coder, &mut models.suspended[context(flag::SUSPENDED)], map.flags[i] & flag::SUSPENDED != 0) {
+            flags |= flag::SUSPENDED;
+        }
+        if inclined.bit(coder, &mut models.inclined[context(flag::INCLINED)], map.flags[i] & flag::INCLINED != 0) {
+            flags |= flag::INCLINED;
+        }
+        let (normal, slope) = normal(coder, &mut models, &mut recent, &known, flags, map.roof_normal[i], map.z_shift);
+        let mut top = Top { z: 0, normal, flags, slope };
+        let (guess, doubt) = guess_top(&top, &known, last);
+        let z = guess + coder.number(&mut models.height[doubt], i32::from(map.z_max[i]) - guess);
+        top.z = z.clamp(0, i32::from(u16::MAX));
+        last = top.z;
+        tops[at] = top;
+        if !C::WRITES {
+            map.flags[i] = flags;
+            map.roof_normal[i] = normal;
+            map.z_max[i] = top.z as u16;
+        }
+    }
+    tops
+}
+
+/// Side of the squares that are said to be full or empty as a whole.
+const SQUARE: usize = 8;
+const SQUARES: usize = NODE_CELLS / SQUARE;
+
+fn square(i: usize) -> usize {
+    i / NODE_CELLS / SQUARE * SQUARES + i % NODE_CELLS / SQUARE
+}
+
+/// How many columns each square has.
+fn full<C: Coder>(coder: &mut C, map: &BlockMap) -> [Share; SQUARES * SQUARES] {
+    let mut models = [[Bit::NEW; 2]; 9];
+    let mut shares = [Share::None; SQUARES * SQUARES];
+    for at in 0..shares.len() {
+        let corner = at / SQUARES * SQUARE * NODE_CELLS + at % SQUARES * SQUARE;
+        let cells = (0..SQUARE * SQUARE).map(|k| corner + k / SQUARE * NODE_CELLS + k % SQUARE);
+        let share = if C::WRITES { Share::of(cells.map(|i| map.flags[i] & flag::OCCUPIED != 0)) } else { Share::None };
+        let west = if at % SQUARES > 0 { shares[at - 1] } else { Share::Some };
+        let south = if at >= SQUARES { shares[at - SQUARES] } else { Share::Some };
+        shares[at] = share.code(coder, &mut models[west as usize * 3 + south as usize]);
+    }
+    shares
+}
+
+pub(super) fn place(i: usize) -> usize {
+    (i / NODE_CELLS + 1) * WIDTH + i % NODE_CELLS + 1
+}
+
+/// Normals, the one that came up last in front.
+#[derive(Default)]
+struct Recent {
+    list: Vec<u16>,
+}
+
+impl Recent {
+    fn push(&mut self, normal: u16) {
+        let place = self.list.iter().position(|n| *n == normal).unwrap_or_else(|| {
+            self.list.truncate(RECENT - 1);
+            self.list.push(normal);
+            self.list.len() - 1
+        });
+        self.list[..=place].rotate_right(1);
+    }
+}
+
+fn normal<C: Coder>(
+    coder: &mut C,
+    models: &mut Tops,
+    recent: &mut Recent,
+    known: &[&Top; 4],
+    flags: u8,
+    value: u16,
+    z_shift: u8,
+) -> (u16, [i16; 2]) {
+    let kind = usize::from(flags & flag::INCLINED != 0);
+    let mut tried = [None; 4];
+    let mut count = 0;
+    for top in known {
+        if !top.occupied() || tried.contains(&Some(top.normal)) || (flags ^ top.flags) & flag::INCLINED != 0 {
+            continue;
+        }
+        let agree = known.iter().filter(|k| k.occupied() && k.normal == top.normal).count();
+        if coder.bit(&mut models.same[if count > 0 { 2 } else { 0 } + kind][agree - 1], value == top.normal) {
+            return (top.normal, top.slope);
+        }
+        tried[count] = Some(top.normal);
+        count += 1;
+    }
+    let place = recent.list.iter().position(|n| *n == value);
+    let slope = |normal: u16| if kind == 0 { [0; 2] } else { slope(normal, z_shift) };
+    for (k, &other) in recent.list.iter().enumerate() {
+        if tried.contains(&Some(other)) {
+            continue;
+        }
+        if coder.bit(&mut models.recent[kind][k], place == Some(k)) {
+            recent.push(other);
+            return (other, slope(other));
+        }
+    }
+    let near = tried[0].unwrap_or(0x7f7f).to_le_bytes();
+    let [u, v] = value.to_le_bytes();
+    let part = |a: u8, b: u8| i32::from(a.wrapping_sub(b) as i8);
+    let u = near[0].wrapping_add(coder.number(&mut models.normal[0], part(u, near[0])) as u8);
+    let v = near[1].wrapping_add(coder.number(&mut models.normal[1], part(v, near[1])) as u8);
+    let value = u16::from_le_bytes([u, v]);
+    recent.push(value);
+    (value, slope(value))
+}
+
+/// What the top should be after its neighbours, and how doubtful that is, 0 to 9.
+fn guess_top(own: &Top, known: &[&Top; 4], last: i32) -> (i32, usize) {
+    let kind = if own.flags & flag::INCLINED != 0 { 5 } else { 0 };
+    let limit = i32::from(Z_CODE_MAX);
+    let (mut sum, mut count, mut low, mut high, mut first) = (0, 0, i32::MAX, i32::MIN, 0);
+    for (top, (_, step)) in known.iter().zip(KNOWN) {
+        if top.occupied() && top.normal == own.normal && (top.flags ^ own.flags) & flag::INCLINED == 0 {
+            let plane = top.at(step);
+            if count == 0 {
+                first = plane;
+            }
+            (sum, count, low, high) = (sum + plane, count + 1, low.min(plane), high.max(plane));
+        }
+    }
+    let [west, south, corner, _] = *known;
+    let (guess, doubt) = match count {
+        0 => {
+            let guess = match (west.occupied(), south.occupied(), corner.occupied()) {
+                (true, true, true) => median(west.z, south.z, corner.z),
+                (true, ..) => west.z,
+                (false, true, _) => south.z,
+                _ => last,
+            };
+            (guess, 0)
+        }
+        1 => (first, 1),
+        _ if high - low > 2 => (first, 2),
+        2 => ((sum + 1) >> 1, if high == low { 4 } else { 3 }),
+        n => ((2 * sum + n).div_euclid(2 * n), if high == low { 4 } else { 3 }),
+    };
+    (guess.clamp(0, limit), kind + doubt)
+}
+
+/// LOCO-I's guess of what goes on from `a` and `b`, with `c` between them (Weinberger et al. 2000).
+#[inline]
+pub(super) fn median(a: i32, b: i32, c: i32) -> i32 {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    if c >= high {
+        low
+    } else if c <= low {
+        high
+    } else {
+        a + b - c
+    }
+}
+
+#[derive(Default)]
+struct Bottoms {
+    /// Whether the guess is the ground around; by what the neighbours did.
+    ground: [Bit; 18],
+    height: [Number; 6],
+}
+
+/// A column on the ground ends a little under the lowest ground around, another where its neighbours end: whichever is
+/// nearer is said.
+fn bottoms<C: Coder>(coder: &mut C, map: &mut BlockMap, tops: &[Top]) {
+    let mut models = Box::<Bottoms>::default();
+    let lowest = lowest(tops);
+    // Per column, what the neighbours need to know: 0 nothing, 1 the other guess, 2 the ground; and the bottom.
+    let mut done = vec![(0u8, 0i32); WIDTH * WIDTH];
+    let under = i32::from(STEPS_PER_CELL >> map.z_shift) / 4;
+    let mut last = 0;
+    for i in 0..COLUMNS {
+        let at = place(i);
+        let top = &tops[at];
+        if !top.occupied() {
+            continue;
+        }
+        let ground = (lowest[at] - under).clamp(0, i32::from(Z_CODE_MAX));
+        let (west, south) = (done[at - 1], done[at - WIDTH]);
+        let other = if west.0 != 0 {
+            west.1
+        } else if south.0 != 0 {
+            south.1
+        } else {
+            last
+        };
+        let suspended = usize::from(top.flags & flag::SUSPENDED != 0);
+        let context = (suspended * 3 + usize::from(west.0)) * 3 + usize::from(south.0);
+        let value = i32::from(map.z_min[i]);
+        let nearer = (value - ground).abs() <= (value - other).abs();
+        let on_ground = coder.bit(&mut models.ground[context], nearer);
+        let guess = if on_ground { ground } else { other };
+        let inclined = usize::from(top.flags & flag::INCLINED != 0);
+        let model = &mut models.height[if on_ground { 2 + inclined } else { suspended }];
+        last = (guess + coder.number(model, value - guess)).clamp(0, i32::from(u16::MAX));
+        done[at] = (if on_ground { 2 } else { 1 }, last);
+        if !C::WRITES {
+            map.z_min[i] = last as u16;
+        }
+    }
+}
+
+/// For each cell the lowest top of the 3 x 3 around, where their slopes reach lowest.
+fn lowest(tops: &[Top]) -> Vec<i32> {
+    let reach = |top: &Top| {
+        let [x, y] = top.slope.map(|s| i32::from(s).abs());
+        if top.occupied() { top.z - (((x + y) * 3) >> 7) } else { i32::MAX }
+    };
+    let own: Vec<i32> = tops.iter().map(reach).collect();
+    let mut rows = own.clone();
+    for at in 1..own.len() - 1 {
+        rows[at] = own[at - 1].min(own[at]).min(own[at + 1]);
+    }
+    let mut all = rows.clone();
+    for at in WIDTH..rows.len() - WIDTH {
+        all[at] = rows[at - WIDTH].min(rows[at]).min(rows[at + WIDTH]);
+    }
+    all
+}

@@ -1,0 +1,320 @@
+//! Which columns are walls, and how they follow each other along a facade.
+//!
+//! In: a [`Coder`] and a map with its columns' shapes. Out: flags, azimuths, gaps and planes; the [`Facade`] order.
+//! Next: `looks`.
+
+use super::{
+    BlockMap, CLIP_STEPS_PER_CELL, COLUMNS, Clip, Corner, NODE_CELLS, Outer, STEPS_PER_CELL, Z_CODE_MAX, flag,
+    geometry::neighbour,
+};
+use crate::codec::range::{Bit, Coder, Number, Share};
+
+/// Neighbours in the order in which a facade is followed: along the grid first.
+const AROUND: [(i32, i32); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
+
+/// One step along a facade.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step {
+    /// An exposed column.
+    pub(super) column: usize,
+    /// The exposed column beside it that came before; `None` where a facade begins.
+    pub(super) before: Option<usize>,
+}
+
+/// Whether columns are exposed: nearly always, those whose sides are open by more than a cell.
+pub(super) fn exposed<C: Coder>(coder: &mut C, map: &mut BlockMap) {
+    let classes: Vec<u8> = (0..COLUMNS).map(|i| openness(map, i)).collect();
+    let mut shares = [Share::None; CLASSES];
+    let mut models = [[Bit::NEW; 2]; CLASSES];
+    for class in 0..CLASSES {
+        let members = (0..COLUMNS).filter(|i| usize::from(classes[*i]) == class);
+        let share = if C::WRITES { Share::of(members.map(|i| map.flags[i] & flag::EXPOSED != 0)) } else { Share::None };
+        shares[class] = share.code(coder, &mut models[class]);
+    }
+    let mut models = [Bit::NEW; CLASSES];
+    for i in (0..COLUMNS).filter(|i| classes[*i] != NOTHING) {
+        let class = usize::from(classes[i]);
+        let exposed = shares[class].bit(coder, &mut models[class], map.flags[i] & flag::EXPOSED != 0);
+        if exposed && !C::WRITES {
+            map.flags[i] |= flag::EXPOSED;
+        }
+    }
+}
+
+/// Classes of [`openness`].
+const CLASSES: usize = 20;
+/// Class of a cell without a column.
+const NOTHING: u8 = CLASSES as u8;
+
+/// How far the side that is most open is open, in ten classes; ten more on the node's rim.
+fn openness(map: &BlockMap, i: usize) -> u8 {
+    if map.flags[i] & flag::OCCUPIED == 0 {
+        return NOTHING;
+    }
+    let (low, high) = (i32::from(map.z_min[i]), i32::from(map.z_max[i]));
+    let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
+    let rim = x == 0 || y == 0 || x == NODE_CELLS - 1 || y == NODE_CELLS - 1;
+    let mut most = 0;
+    let mut look = |j: usize| {
+        let cover = i32::from(map.z_max[j]).min(high) - i32::from(map.z_min[j]).max(low);
+        most = most.max(high - low - cover.max(0));
+    };
+    if rim {
+        AROUND[..4].iter().filter_map(|step| neighbour(i, *step)).for_each(look);
+    } else {
+        [i - 1, i + 1, i - NODE_CELLS, i + NODE_CELLS].into_iter().for_each(&mut look);
+    }
+    let codes = i32::from(STEPS_PER_CELL >> map.z_shift);
+    let steps = match (most - codes) * 16 / codes {
+        ..=-12 => 0,
+        -11..=-6 => 1,
+        -5..=-3 => 2,
+        -2..=-1 => 3,
+        0 => 4,
+        1..=2 => 5,
+        3..=5 => 6,
+        6..=12 => 7,
+        13..=32 => 8,
+        _ => 9,
+    };
+    if rim { steps + 10 } else { steps }
+}
+
+/// The exposed columns, each after one that stands beside it.
+pub(super) fn facades(map: &BlockMap) -> Vec<Step> {
+    let exposed = |i: &usize| map.flags[*i] & flag::EXPOSED != 0;
+    let mut steps = Vec::new();
+    let mut met = [false; COLUMNS];
+    let mut open: Vec<Step> = Vec::new();
+    for start in (0..COLUMNS).filter(exposed) {
+        open.push(Step { column: start, before: None });
+        while let Some(step) = open.pop() {
+            if std::mem::replace(&mut met[step.column], true) {
+                continue;
+            }
+            steps.push(step);
+            for at in AROUND.iter().rev() {
+                if let Some(next) = neighbour(step.column, *at).filter(exposed).filter(|next| !met[*next]) {
+                    open.push(Step { column: next, before: Some(step.column) });
+                }
+            }
+        }
+    }
+    steps
+}
+
+#[derive(Default)]
+struct Models {
+    gap: [Bit; 3],
+    holes: [Bit; 3],
+    clipped: [Bit; 6],
+    azimuth: [Number; 5],
+    gap_height: [Number; 2],
+    offset: [Number; 3],
+    corner: [Bit; 3],
+    concave: Bit,
+    corner_azimuth: [Number; 2],
+    corner_offset: [Number; 3],
+    outer: [Bit; 6],
+    outer_height: [Number; 3],
+}
+
+/// Flags, azimuths, gaps and planes of the exposed columns, along the facades.
+pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step]) {
+    let mut models = Box::<Models>::default();
+    let mut gaps = vec![[0u16; 2]; COLUMNS];
+    let mut clips = vec![Clip::default(); COLUMNS];
+    if C::WRITES {
+        spread(map, flag::GAP, &map.gaps, &mut gaps);
+        spread(map, flag::CLIPPED, &map.clips, &mut clips);
+    }
+    let mut shared = |bit: u8| {
+        let exposed = map.flags.iter().filter(|f| **f & flag::EXPOSED != 0);
+        let share = if C::WRITES { Share::of(exposed.map(|f| f & bit != 0)) } else { Share::None };
+        share.code(coder, &mut [Bit::NEW; 2])
+    };
+    let [with_gaps, with_holes, with_clips] = [flag::GAP, flag::HOLES, flag::CLIPPED].map(&mut shared);
+    // Whether the last azimuth was not as guessed.
+    let mut turned = 1;
+    for &Step { column: i, before } in steps {
+        let with = |map: &BlockMap, bit: u8| before.map_or(0, |j| 1 + usize::from(map.flags[j] & bit != 0));
+        let context = with(map, flag::GAP);
+        let gap = with_gaps.bit(coder, &mut models.gap[context], map.flags[i] & flag::GAP != 0);
+        let context = with(map, flag::HOLES);
+        let holes = with_holes.bit(coder, &mut models.holes[context], map.flags[i] & flag::HOLES != 0);
+        let context = with(map, flag::CLIPPED);
+        let clipped = with_clips.bit(coder, &mut models.clipped[context], map.flags[i] & flag::CLIPPED != 0);
+        if !C::WRITES {
+            let bits = [(gap, flag::GAP), (holes, flag::HOLES), (clipped, flag::CLIPPED)];
+            map.flags[i] |= bits.iter().filter(|(on, _)| *on).map(|(_, bit)| bit).sum::<u8>();
+        }
+        let (faces, faces_before) = (face(map, i), before.map(|j| face(map, j)));
+        let (guess, doubt) = match before {
+            Some(j) if turned == 0 || faces_before == Some(faces) => (map.wall_azimuth[j], turned),
+            Some(j) if faces == 0 => (map.wall_azimuth[j], 2),
+            _ => (DIRECTION[faces], 3 + usize::from(before.is_some())),
+        };
+        let turn = i32::from(map.wall_azimuth[i].wrapping_sub(guess) as i8);
+        let turn = coder.number(&mut models.azimuth[doubt], turn);
+        map.wall_azimuth[i] = guess.wrapping_add(turn as u8);
+        turned = usize::from(turn != 0);
+        if gap {
+            gaps[i] = code_gap(coder, &mut models.gap_height, map, i, before.map(|j| gaps[j]), gaps[i]);
+        }
+        if clipped {
+            clips[i] = code_clip(coder, &mut models, map, i, before, &clips);
+        }
+    }
+    if !C::WRITES {
+        map.gaps = gather(map, flag::GAP, &gaps);
+        map.clips = gather(map, flag::CLIPPED, &clips);
+    }
+}
+
+fn spread<T: Copy>(map: &BlockMap, bit: u8, list: &[T], places: &mut [T]) {
+    let columns = (0..COLUMNS).filter(|i| map.flags[*i] & bit != 0);
+    columns.zip(list).for_each(|(i, value)| places[i] = *value);
+}
+
+fn gather<T: Copy>(map: &BlockMap, bit: u8, places: &[T]) -> Vec<T> {
+    (0..COLUMNS).filter(|i| map.flags[*i] & bit != 0).map(|i| places[i]).collect()
+}
+
+/// Which of the four sides are open, as bits: east, north, west, south.
+fn face(map: &BlockMap, i: usize) -> usize {
+    let codes = i32::from(STEPS_PER_CELL >> map.z_shift);
+    let top = i32::from(map.z_max[i]);
+    let open = |step: (i32, i32)| neighbour(i, step).is_some_and(|j| top - i32::from(map.z_max[j]) > codes);
+    AROUND[..4].iter().enumerate().map(|(k, step)| usize::from(open(*step)) << k).sum()
+}
+
+/// The azimuth that open sides suggest.
+const DIRECTION: [u8; 16] = [0, 0, 64, 32, 128, 0, 96, 64, 192, 224, 0, 0, 160, 192, 128, 0];
+
+fn code_gap<C: Coder>(
+    coder: &mut C,
+    models: &mut [Number; 2],
+    map: &BlockMap,
+    i: usize,
+    before: Option<[u16; 2]>,
+    gap: [u16; 2],
+) -> [u16; 2] {
+    let before = before.filter(|gap| *gap != [0; 2]).unwrap_or([map.z_min[i], map.z_max[i]]);
+    let mut part = |k: usize| {
+        let guess = i32::from(before[k]);
+        (guess + coder.number(&mut models[k], i32::from(gap[k]) - guess)).clamp(0, i32::from(u16::MAX)) as u16
+    };
+    [part(0), part(1)]
+}
+
+/// Cosines of the first quarter of the azimuths, in parts of 16384: a table, so that all machines agree.
+#[rustfmt::skip]
+const COSINE: [i16; 65] = [
+    16384, 16379, 16364, 16340, 16305, 16261, 16207, 16143, 16069, 15986, 15893, 15791, 15679,
+    15557, 15426, 15286, 15137, 14978, 14811, 14635, 14449, 14256, 14053, 13842, 13623, 13395,
+    13160, 12916, 12665, 12406, 12140, 11866, 11585, 11297, 11003, 10702, 10394, 10080, 9760,
+    9434, 9102, 8765, 8423, 8076, 7723, 7366, 7005, 6639, 6270, 5897, 5520, 5139,
+    4756, 4370, 3981, 3590, 3196, 2801, 2404, 2006, 1606, 1205, 804, 402, 0,
+];
+
+/// The unit vector of an azimuth, in parts of 16384.
+fn direction(azimuth: u8) -> [i32; 2] {
+    let cosine = |azimuth: u8| {
+        let from_axis = if azimuth > 128 { 256 - usize::from(azimuth) } else { usize::from(azimuth) };
+        if from_axis > 64 { -i32::from(COSINE[128 - from_axis]) } else { i32::from(COSINE[from_axis]) }
+    };
+    [cosine(azimuth), cosine(azimuth.wrapping_sub(64))]
+}
+
+/// A wall's plane: its azimuth and its offset from the centre of some column.
+type Plane = (u8, i8);
+
+/// The planes of a column that is clipped.
+fn planes(map: &BlockMap, clips: &[Clip], i: usize) -> [Option<Plane>; 2] {
+    if map.flags[i] & flag::CLIPPED == 0 {
+        return [None; 2];
+    }
+    let clip = clips[i];
+    [Some((map.wall_azimuth[i], clip.offset)), clip.corner.map(|corner| (corner.azimuth, corner.offset))]
+}
+
+/// One plane's offset, guessed from a plane of the column before that faces the same way: it is the same wall.
+fn code_offset<C: Coder>(
+    coder: &mut C,
+    models: &mut [Number; 3],
+    (i, azimuth, value): (usize, u8, i8),
+    before: Option<(usize, [Option<Plane>; 2])>,
+) -> i8 {
+    let [nx, ny] = direction(azimuth);
+    let n = NODE_CELLS as i32;
+    let same = before.and_then(|(j, planes)| Some((j, planes.into_iter().flatten().find(|p| p.0 == azimuth)?.1)));
+    let (guess, model) = match same {
+        Some((j, offset)) => {
+            let (i, j) = (i as i32, j as i32);
+            let along = nx * (j % n - i % n) + ny * (j / n - i / n);
+            (i32::from(offset) + ((along * CLIP_STEPS_PER_CELL + 8192) >> 14), 0)
+        }
+        None => (0, 1 + usize::from(before.is_some())),
+    };
+    let offset = guess + coder.number(&mut models[model], i32::from(value) - guess);
+    offset.clamp(i32::from(i8::MIN), i32::from(i8::MAX)) as i8
+}
+
+fn code_clip<C: Coder>(
+    coder: &mut C,
+    models: &mut Models,
+    map: &BlockMap,
+    i: usize,
+    before: Option<usize>,
+    clips: &[Clip],
+) -> Clip {
+    let azimuth = map.wall_azimuth[i];
+    let before = before.filter(|j| map.flags[*j] & flag::CLIPPED != 0);
+    let known = before.map(|j| (j, planes(map, clips, j)));
+    let value = clips[i];
+    let offset = code_offset(coder, &mut models.offset, (i, azimuth, value.offset), known);
+    let corner = code_corner(coder, models, (i, azimuth, value.corner), known);
+    // The outer part most often goes on as the column does that the wall looks at.
+    let towards = |v: i32| if v.abs() > 6270 { v.signum() } else { 0 };
+    let [nx, ny] = direction(azimuth);
+    let beyond = neighbour(i, (towards(nx), towards(ny))).filter(|j| map.flags[*j] & flag::OCCUPIED != 0);
+    let context = before.map_or(0, |j| 1 + usize::from(clips[j].outer.is_some())) * 2 + usize::from(beyond.is_some());
+    if !coder.bit(&mut models.outer[context], value.outer.is_some()) {
+        return Clip { offset, corner, outer: None };
+    }
+    let from = before.and_then(|j| clips[j].outer).map(|outer| outer.z);
+    let (low, high) = (i32::from(map.z_min[i]) + 1, i32::from(map.z_max[i]) - 1);
+    let (guess, model) = match (beyond, from) {
+        (Some(j), _) if map.z_max[j] < map.z_max[i] => (map.z_max[j], 0),
+        (_, Some(z)) => (z, 1),
+        _ => (map.z_min[i], 2),
+    };
+    let guess = i32::from(guess).clamp(low.min(high), high.max(low));
+    let value = value.outer.unwrap_or_default();
+    let z = guess + coder.number(&mut models.outer_height[model], i32::from(value.z) - guess);
+    let z = z.clamp(0, i32::from(Z_CODE_MAX)) as u16;
+    Clip { offset, corner, outer: Some(Outer { z, roof: value.roof }) }
+}
+
+/// Where the wall turns, the other wall is most often that of the column before, or square to this one.
+fn code_corner<C: Coder>(
+    coder: &mut C,
+    models: &mut Models,
+    (i, azimuth, value): (usize, u8, Option<Corner>),
+    before: Option<(usize, [Option<Plane>; 2])>,
+) -> Option<Corner> {
+    let facing = before.and_then(|(_, planes)| Some(planes[0]?.0));
+    let turned = facing.is_some_and(|facing| facing != azimuth);
+    let context = usize::from(before.is_some()) + usize::from(turned);
+    if !coder.bit(&mut models.corner[context], value.is_some()) {
+        return None;
+    }
+    let value = value.unwrap_or_default();
+    let concave = coder.bit(&mut models.concave, value.concave);
+    let guess = facing.filter(|_| turned).unwrap_or(azimuth.wrapping_add(64));
+    let turn = coder
+        .number(&mut models.corner_azimuth[usize::from(turned)], i32::from(value.azimuth.wrapping_sub(guess) as i8));
+    let azimuth = guess.wrapping_add(turn as u8);
+    let offset = code_offset(coder, &mut models.corner_offset, (i, azimuth, value.offset), before);
+    Some(Corner { azimuth, offset, concave })
+}
