@@ -4,7 +4,7 @@
 
 use crate::config::{DEFAULT_LISTEN, check_address};
 use clap::{Parser, Subcommand, ValueEnum};
-use insula_protocol::{TileId, manifest::is_name};
+use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
 use std::path::PathBuf;
 
 /// Bakes cities and serves them.
@@ -57,6 +57,9 @@ pub struct BakeArgs {
     /// Side of a leaf's column in metres
     #[arg(long, value_name = "M", default_value = "1", value_parser = cell)]
     pub cell: f64,
+    /// Least quality of the colours in dB (20 to 60), or lossless
+    #[arg(long, value_name = "DB", default_value = "36", value_parser = quality)]
+    pub quality: Quality,
     /// Threads to use; all cores unless given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -175,6 +178,14 @@ fn bytes(text: &str) -> Result<u64, String> {
     bytes.ok_or_else(|| "a size is wanted, as in 600MiB or 2GB".into())
 }
 
+fn quality(text: &str) -> Result<Quality, String> {
+    match text.parse::<f32>() {
+        _ if text == "lossless" => Ok(Quality::Lossless),
+        Ok(db) if (20.0..=60.0).contains(&db) => Ok(Quality::Decibels(db)),
+        _ => Err("decibels between 20 and 60 or the word lossless are wanted, as in 36".into()),
+    }
+}
+
 fn name(text: &str) -> Result<String, String> {
     if is_name(text) { Ok(text.into()) } else { Err("1 to 64 of a-z, 0-9, _ and - are wanted".into()) }
 }
@@ -211,7 +222,10 @@ mod tests {
     #[test]
     fn slips_are_usage_errors() {
         let parse = |line: &str| Args::try_parse_from(line.split(' ')).map_err(|error| error.exit_code());
-        assert!(parse("insula-server bake a b --out c --cell 0.5 --threads 2 --report r.json --resume").is_ok());
+        assert!(
+            parse("insula-server bake a b --out c --cell 0.5 --quality lossless --threads 2 --report r.json --resume")
+                .is_ok()
+        );
         assert!(parse("insula-server bake a --out c --update --memory 600MiB").is_ok());
         assert!(parse("insula-server serve a b --listen localhost:0 --config c.json").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
@@ -221,6 +235,7 @@ mod tests {
             "insula-server bake --out c",
             "insula-server bake a --out c --cell 0",
             "insula-server bake a --out c --cell nan",
+            "insula-server bake a --out c --quality 0",
             "insula-server bake a --out c --threads 0",
             "insula-server bake a --out c --name A",
             "insula-server bake a --out c --memory much",

@@ -74,7 +74,10 @@ impl BlockMap {
             looks::looks(&mut Rehearsal, &mut map, steps, Loss { colour, ao: AO_STEP });
             self.colour_error(&map) <= worst
         };
-        let (mut good, mut bad) = (Loss::NONE.colour, COLOUR_STEP_MAX + 1);
+        if keeps(COLOUR_STEP_MAX) {
+            return COLOUR_STEP_MAX;
+        }
+        let (mut good, mut bad) = (Loss::NONE.colour, COLOUR_STEP_MAX);
         while good + 1 < bad {
             let step = (good + bad) / 2;
             if keeps(step) { good = step } else { bad = step }

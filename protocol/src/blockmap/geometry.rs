@@ -300,6 +300,30 @@ fn bottoms<C: Coder>(coder: &mut C, map: &mut BlockMap, tops: &[Top]) {
     }
 }
 
+/// How many codes a hidden bottom may be moved: half of what it lies under the ground.
+const SETTLE: i32 = 2;
+
+impl BlockMap {
+    /// Moves bottoms that lie hidden a little under the ground to where a reader expects them, by at most two codes, so that they cost nothing. Only columns without a strip: the others show where they end.
+    pub fn settle_bottoms(&mut self) {
+        let mut tops = vec![Top::default(); WIDTH * WIDTH];
+        for i in (0..COLUMNS).filter(|i| self.flags[*i] & flag::OCCUPIED != 0) {
+            let (flags, normal, z) = (self.flags[i], self.roof_normal[i], i32::from(self.z_max[i]));
+            let slope = if flags & flag::INCLINED == 0 { [0; 2] } else { slope(normal, self.z_shift) };
+            tops[place(i)] = Top { z, normal, flags, slope };
+        }
+        let lowest = lowest(&tops);
+        let row = i32::from(STEPS_PER_CELL >> self.z_shift);
+        let hidden = |flags: u8| flags & (flag::OCCUPIED | flag::SUSPENDED | flag::EXPOSED) == flag::OCCUPIED;
+        for i in (0..COLUMNS).filter(|i| hidden(self.flags[*i])) {
+            let (low, ground) = (i32::from(self.z_min[i]), (lowest[place(i)] - row / 4).max(0));
+            if (low - ground).abs() <= SETTLE && ground < i32::from(self.z_max[i]) {
+                self.z_min[i] = ground as u16;
+            }
+        }
+    }
+}
+
 /// For each cell the lowest top of the 3 x 3 around, where their slopes reach lowest.
 fn lowest(tops: &[Top]) -> Vec<i32> {
     let reach = |top: &Top| {

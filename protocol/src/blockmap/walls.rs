@@ -108,13 +108,12 @@ struct Models {
     gap: [Bit; 3],
     holes: [Bit; 3],
     clipped: [Bit; 6],
-    azimuth: [Number; 5],
+    azimuth: Azimuths,
     gap_height: [Number; 2],
-    offset: [Number; 3],
-    corner: [Bit; 3],
+    offset: [Number; 2],
+    corner: [Bit; 4],
     concave: Bit,
-    corner_azimuth: [Number; 2],
-    corner_offset: [Number; 3],
+    corner_offset: [Number; 2],
     outer: [Bit; 6],
     outer_height: [Number; 3],
 }
@@ -134,8 +133,7 @@ pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step])
         share.code(coder, &mut [Bit::NEW; 2])
     };
     let [with_gaps, with_holes, with_clips] = [flag::GAP, flag::HOLES, flag::CLIPPED].map(&mut shared);
-    // Whether the last azimuth was not as guessed.
-    let mut turned = 1;
+    let mut done = [false; COLUMNS];
     for &Step { column: i, before } in steps {
         let with = |map: &BlockMap, bit: u8| before.map_or(0, |j| 1 + usize::from(map.flags[j] & bit != 0));
         let context = with(map, flag::GAP);
@@ -148,22 +146,15 @@ pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step])
             let bits = [(gap, flag::GAP), (holes, flag::HOLES), (clipped, flag::CLIPPED)];
             map.flags[i] |= bits.iter().filter(|(on, _)| *on).map(|(_, bit)| bit).sum::<u8>();
         }
-        let (faces, faces_before) = (face(map, i), before.map(|j| face(map, j)));
-        let (guess, doubt) = match before {
-            Some(j) if turned == 0 || faces_before == Some(faces) => (map.wall_azimuth[j], turned),
-            Some(j) if faces == 0 => (map.wall_azimuth[j], 2),
-            _ => (DIRECTION[faces], 3 + usize::from(before.is_some())),
-        };
-        let turn = i32::from(map.wall_azimuth[i].wrapping_sub(guess) as i8);
-        let turn = coder.number(&mut models.azimuth[doubt], turn);
-        map.wall_azimuth[i] = guess.wrapping_add(turn as u8);
-        turned = usize::from(turn != 0);
+        let near = near(map, &done, &clips, i, before);
+        map.wall_azimuth[i] = code_azimuth(coder, &mut models.azimuth, &near, None, map.wall_azimuth[i]);
         if gap {
             gaps[i] = code_gap(coder, &mut models.gap_height, map, i, before.map(|j| gaps[j]), gaps[i]);
         }
         if clipped {
-            clips[i] = code_clip(coder, &mut models, map, i, before, &clips);
+            clips[i] = code_clip(coder, &mut models, map, &near, i, before, &clips);
         }
+        done[i] = true;
     }
     if !C::WRITES {
         map.gaps = gather(map, flag::GAP, &gaps);
@@ -180,16 +171,79 @@ fn gather<T: Copy>(map: &BlockMap, bit: u8, places: &[T]) -> Vec<T> {
     (0..COLUMNS).filter(|i| map.flags[*i] & bit != 0).map(|i| places[i]).collect()
 }
 
-/// Which of the four sides are open, as bits: east, north, west, south.
-fn face(map: &BlockMap, i: usize) -> usize {
-    let codes = i32::from(STEPS_PER_CELL >> map.z_shift);
-    let top = i32::from(map.z_max[i]);
-    let open = |step: (i32, i32)| neighbour(i, step).is_some_and(|j| top - i32::from(map.z_max[j]) > codes);
-    AROUND[..4].iter().enumerate().map(|(k, step)| usize::from(open(*step)) << k).sum()
+/// A wall that goes on from a neighbour: its azimuth and where its plane would be here.
+#[derive(Debug, Clone, Copy)]
+struct Wall {
+    azimuth: u8,
+    offset: Option<i32>,
 }
 
-/// The azimuth that open sides suggest.
-const DIRECTION: [u8; 16] = [0, 0, 64, 32, 128, 0, 96, 64, 192, 224, 0, 0, 160, 192, 128, 0];
+/// The walls of the neighbours that are done, first those of the column before.
+fn near(map: &BlockMap, done: &[bool; COLUMNS], clips: &[Clip], i: usize, before: Option<usize>) -> Vec<Wall> {
+    let mut walls: Vec<Wall> = Vec::with_capacity(18);
+    let others = AROUND.iter().filter_map(|step| neighbour(i, *step)).filter(|j| done[*j] && Some(*j) != before);
+    let mut add = |wall: Wall| match walls.iter_mut().find(|w| w.azimuth == wall.azimuth) {
+        Some(known) => known.offset = known.offset.or(wall.offset),
+        None => walls.push(wall),
+    };
+    for j in before.into_iter().chain(others) {
+        let [first, corner] = planes(map, clips, j);
+        let here = |(azimuth, offset): Plane| Wall { azimuth, offset: Some(carried(j, i, azimuth, offset)) };
+        add(first.map_or(Wall { azimuth: map.wall_azimuth[j], offset: None }, here));
+        corner.map(here).into_iter().for_each(&mut add);
+    }
+    walls
+}
+
+/// The offset in column `i` of the plane that has `offset` in column `j`.
+fn carried(j: usize, i: usize, azimuth: u8, offset: i8) -> i32 {
+    let [nx, ny] = direction(azimuth);
+    let (n, i, j) = (NODE_CELLS as i32, i as i32, j as i32);
+    let along = nx * (j % n - i % n) + ny * (j / n - i / n);
+    i32::from(offset) + ((along * CLIP_STEPS_PER_CELL + 8192) >> 14)
+}
+
+/// How many azimuths are remembered.
+const RECENT: usize = 12;
+
+#[derive(Default)]
+struct Azimuths {
+    near: [[Bit; 3]; 2],
+    recent: [[Bit; RECENT]; 2],
+    turn: [Number; 2],
+    /// Azimuths, the one that came up last in front.
+    list: Vec<u8>,
+}
+
+/// An azimuth: that of a wall nearby, else one that came up lately, else by how much it turns. `but` is not looked for.
+fn code_azimuth<C: Coder>(coder: &mut C, models: &mut Azimuths, near: &[Wall], but: Option<u8>, value: u8) -> u8 {
+    let kind = usize::from(but.is_some());
+    let near = near.iter().map(|wall| wall.azimuth).filter(|azimuth| Some(*azimuth) != but);
+    let mut tried = [false; 256];
+    for (k, azimuth) in near.enumerate() {
+        if coder.bit(&mut models.near[kind][k.min(2)], value == azimuth) {
+            return azimuth;
+        }
+        tried[usize::from(azimuth)] = true;
+    }
+    let found = models.list.iter().position(|azimuth| *azimuth == value);
+    for k in 0..models.list.len() {
+        let azimuth = models.list[k];
+        if tried[usize::from(azimuth)] || Some(azimuth) == but {
+            continue;
+        }
+        if coder.bit(&mut models.recent[kind][k], found == Some(k)) {
+            models.list[..=k].rotate_right(1);
+            return azimuth;
+        }
+    }
+    let guess = models.list.first().copied().unwrap_or(0);
+    let turn = coder.number(&mut models.turn[kind], i32::from(value.wrapping_sub(guess) as i8));
+    let azimuth = guess.wrapping_add(turn as u8);
+    models.list.truncate(RECENT - 1);
+    models.list.insert(0, azimuth);
+    azimuth
+}
 
 fn code_gap<C: Coder>(
     coder: &mut C,
@@ -238,25 +292,11 @@ fn planes(map: &BlockMap, clips: &[Clip], i: usize) -> [Option<Plane>; 2] {
     [Some((map.wall_azimuth[i], clip.offset)), clip.corner.map(|corner| (corner.azimuth, corner.offset))]
 }
 
-/// One plane's offset, guessed from a plane of the column before that faces the same way: it is the same wall.
-fn code_offset<C: Coder>(
-    coder: &mut C,
-    models: &mut [Number; 3],
-    (i, azimuth, value): (usize, u8, i8),
-    before: Option<(usize, [Option<Plane>; 2])>,
-) -> i8 {
-    let [nx, ny] = direction(azimuth);
-    let n = NODE_CELLS as i32;
-    let same = before.and_then(|(j, planes)| Some((j, planes.into_iter().flatten().find(|p| p.0 == azimuth)?.1)));
-    let (guess, model) = match same {
-        Some((j, offset)) => {
-            let (i, j) = (i as i32, j as i32);
-            let along = nx * (j % n - i % n) + ny * (j / n - i / n);
-            (i32::from(offset) + ((along * CLIP_STEPS_PER_CELL + 8192) >> 14), 0)
-        }
-        None => (0, 1 + usize::from(before.is_some())),
-    };
-    let offset = guess + coder.number(&mut models[model], i32::from(value) - guess);
+/// One plane's offset, guessed from a neighbour's if that faces the same way: it is the same wall.
+fn code_offset<C: Coder>(coder: &mut C, models: &mut [Number; 2], near: &[Wall], azimuth: u8, value: i8) -> i8 {
+    let known = near.iter().find(|wall| wall.azimuth == azimuth).and_then(|wall| wall.offset);
+    let guess = known.unwrap_or(0);
+    let offset = guess + coder.number(&mut models[usize::from(known.is_none())], i32::from(value) - guess);
     offset.clamp(i32::from(i8::MIN), i32::from(i8::MAX)) as i8
 }
 
@@ -264,16 +304,16 @@ fn code_clip<C: Coder>(
     coder: &mut C,
     models: &mut Models,
     map: &BlockMap,
+    near: &[Wall],
     i: usize,
     before: Option<usize>,
     clips: &[Clip],
 ) -> Clip {
     let azimuth = map.wall_azimuth[i];
     let before = before.filter(|j| map.flags[*j] & flag::CLIPPED != 0);
-    let known = before.map(|j| (j, planes(map, clips, j)));
     let value = clips[i];
-    let offset = code_offset(coder, &mut models.offset, (i, azimuth, value.offset), known);
-    let corner = code_corner(coder, models, (i, azimuth, value.corner), known);
+    let offset = code_offset(coder, &mut models.offset, near, azimuth, value.offset);
+    let corner = code_corner(coder, models, near, azimuth, value.corner);
     // The outer part most often goes on as the column does that the wall looks at.
     let towards = |v: i32| if v.abs() > 6270 { v.signum() } else { 0 };
     let [nx, ny] = direction(azimuth);
@@ -296,25 +336,23 @@ fn code_clip<C: Coder>(
     Clip { offset, corner, outer: Some(Outer { z, roof: value.roof }) }
 }
 
-/// Where the wall turns, the other wall is most often that of the column before, or square to this one.
+/// The other wall of a corner.
 fn code_corner<C: Coder>(
     coder: &mut C,
     models: &mut Models,
-    (i, azimuth, value): (usize, u8, Option<Corner>),
-    before: Option<(usize, [Option<Plane>; 2])>,
+    near: &[Wall],
+    azimuth: u8,
+    value: Option<Corner>,
 ) -> Option<Corner> {
-    let facing = before.and_then(|(_, planes)| Some(planes[0]?.0));
-    let turned = facing.is_some_and(|facing| facing != azimuth);
-    let context = usize::from(before.is_some()) + usize::from(turned);
+    let other = near.iter().any(|wall| wall.azimuth != azimuth);
+    let same = near.iter().any(|wall| wall.azimuth == azimuth);
+    let context = usize::from(other) + 2 * usize::from(same);
     if !coder.bit(&mut models.corner[context], value.is_some()) {
         return None;
     }
     let value = value.unwrap_or_default();
     let concave = coder.bit(&mut models.concave, value.concave);
-    let guess = facing.filter(|_| turned).unwrap_or(azimuth.wrapping_add(64));
-    let turn = coder
-        .number(&mut models.corner_azimuth[usize::from(turned)], i32::from(value.azimuth.wrapping_sub(guess) as i8));
-    let azimuth = guess.wrapping_add(turn as u8);
-    let offset = code_offset(coder, &mut models.corner_offset, (i, azimuth, value.offset), before);
+    let azimuth = code_azimuth(coder, &mut models.azimuth, near, Some(azimuth), value.azimuth);
+    let offset = code_offset(coder, &mut models.corner_offset, near, azimuth, value.offset);
     Some(Corner { azimuth, offset, concave })
 }

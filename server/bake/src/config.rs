@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use insula_protocol::{
     NODE_CELLS,
+    blockmap::Quality,
     manifest::{self, Attribution},
     tile,
 };
@@ -23,6 +24,10 @@ pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
 const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
 /// Less leaves no room for the program and a single block.
 const MIN_MEMORY_BYTES: u64 = 64 << 20;
+/// What is asked for when nothing is.
+pub const QUALITY_DB: f32 = 36.0;
+/// Below, pictures fall apart; above, `lossless` is smaller.
+const QUALITY_RANGE_DB: std::ops::RangeInclusive<f32> = 20.0..=60.0;
 /// More threads than this help nobody.
 const MAX_THREADS: usize = 1024;
 
@@ -54,6 +59,8 @@ pub struct BakeOptions {
     pub obj_up: Up,
     /// How leaves are sampled.
     pub sample: SampleSettings,
+    /// What colours and occlusion may lose in the tiles.
+    pub quality: Quality,
 }
 
 impl Default for BakeOptions {
@@ -71,6 +78,7 @@ impl Default for BakeOptions {
             attribution: Vec::new(),
             obj_up: Up::default(),
             sample: SampleSettings::default(),
+            quality: Quality::Decibels(QUALITY_DB),
         }
     }
 }
@@ -88,6 +96,7 @@ pub(crate) struct Config {
     pub(crate) title: Option<String>,
     pub(crate) attribution: Vec<Attribution>,
     pub(crate) sample: SampleSettings,
+    pub(crate) quality: Quality,
     /// Hash of all that decides the tiles apart from the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
@@ -99,6 +108,13 @@ impl Config {
         if !CELL_RANGE_M.contains(&cell_m) {
             let advice = format!("a cell is {} to {} metres wide", CELL_RANGE_M.start(), CELL_RANGE_M.end());
             return Err(BakeError::Option { option: "--cell", value: cell_m.to_string(), advice });
+        }
+        if let Quality::Decibels(db) = options.quality
+            && !QUALITY_RANGE_DB.contains(&db)
+        {
+            let (low, high) = (QUALITY_RANGE_DB.start(), QUALITY_RANGE_DB.end());
+            let advice = format!("give {low} to {high} dB, or lossless");
+            return Err(BakeError::Option { option: "--quality", value: db.to_string(), advice });
         }
         let Some(folder) = options.out.file_name() else {
             let advice = "give the name of a folder to make, for example cities/delft".into();
@@ -120,7 +136,8 @@ impl Config {
             title: options.title.clone(),
             attribution: options.attribution.clone(),
             sample: options.sample.clone(),
-            settings: settings_hash(cell_m, &options.sample)?,
+            quality: options.quality,
+            settings: settings_hash(options)?,
         })
     }
 }
@@ -183,16 +200,22 @@ struct Settings<'a> {
     block_leaves: u32,
     cell_m: f64,
     sample: &'a SampleSettings,
+    /// None for no loss.
+    quality_db: Option<f32>,
 }
 
-fn settings_hash(cell_m: f64, sample: &SampleSettings) -> Result<String, BakeError> {
+fn settings_hash(options: &BakeOptions) -> Result<String, BakeError> {
     let settings = Settings {
         algorithm: ALGORITHM,
         tile_version: tile::VERSION,
         node_cells: NODE_CELLS,
         block_leaves: BLOCK_LEAVES,
-        cell_m,
-        sample,
+        cell_m: options.cell_m,
+        sample: &options.sample,
+        quality_db: match options.quality {
+            Quality::Lossless => None,
+            Quality::Decibels(db) => Some(db),
+        },
     };
     let json = serde_json::to_vec(&settings).map_err(|cause| BakeError::Option {
         option: "the sampling",
@@ -228,6 +251,7 @@ mod tests {
         let hash = |options: &BakeOptions| Config::new(options).unwrap().settings;
         let base = hash(&options());
         assert_ne!(hash(&BakeOptions { cell_m: 2.0, ..options() }), base);
+        assert_ne!(hash(&BakeOptions { quality: Quality::Lossless, ..options() }), base);
         let title = Some("Den Haag".to_owned());
         assert_eq!(
             hash(&BakeOptions {
@@ -250,6 +274,7 @@ mod tests {
             BakeOptions { threads: Some(0), ..options() },
             BakeOptions { memory_bytes: Some(1 << 20), ..options() },
             BakeOptions { name: Some("Den Haag".into()), ..options() },
+            BakeOptions { quality: Quality::Decibels(f32::NAN), ..options() },
             BakeOptions { out: "..".into(), ..options() },
             BakeOptions { out: "".into(), ..options() },
         ];

@@ -69,7 +69,9 @@ pub fn parametrise(grid: &Grid, node: &VoxelNode) -> Result<BlockMap, DecodeErro
             Some(column)
         })
         .collect();
-    BlockMap::from_columns(node.id, cell_m as f32, codes.base_cells, codes.shift, &columns)
+    let mut map = BlockMap::from_columns(node.id, cell_m as f32, codes.base_cells, codes.shift, &columns)?;
+    map.settle_bottoms();
+    Ok(map)
 }
 
 fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {

@@ -64,6 +64,7 @@ mod with_bake {
             inputs: args.inputs.clone(),
             out: args.out.clone(),
             cell_m: args.cell,
+            quality: args.quality,
             threads: args.threads.map(usize::from),
             memory_bytes: args.memory,
             update: args.update,

@@ -65,6 +65,7 @@ impl Leaves<'_> {
         drop(node);
         let bounds = tree::z_bounds(&map).unwrap_or([map.z_base_m(); 2]);
         let [z_min_m, z_max_m] = tree::outward(bounds);
-        Ok(Tile { id, z_min_m, z_max_m, bytes: map.encode().map_err(BakeError::tile(id, "encoded"))? })
+        let bytes = map.encode_at(self.stage.config.quality).map_err(BakeError::tile(id, "encoded"))?;
+        Ok(Tile { id, z_min_m, z_max_m, bytes })
     }
 }

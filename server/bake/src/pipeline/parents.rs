@@ -77,5 +77,6 @@ fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError>
         let [z_min_m, z_max_m] = tree::outward(bounds);
         (low, high) = (low.min(z_min_m), high.max(z_max_m));
     }
-    Ok(Tile { id, z_min_m: low, z_max_m: high, bytes: map.encode().map_err(BakeError::tile(id, "encoded"))? })
+    let bytes = map.encode_at(stage.config.quality).map_err(BakeError::tile(id, "encoded"))?;
+    Ok(Tile { id, z_min_m: low, z_max_m: high, bytes })
 }
