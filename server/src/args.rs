@@ -93,6 +93,9 @@ pub struct BakeArgs {
     /// Which axis of OBJ files points up
     #[arg(long, value_enum, default_value = "z")]
     pub obj_up: Axis,
+    /// Colours for surfaces, objects and materials that have none
+    #[arg(long, value_name = "FILE.json")]
+    pub palette: Option<PathBuf>,
     /// Who draws what is seen from where: the processor, or a graphics device (in programs built with feature `gpu`)
     #[arg(long, value_enum, default_value = "cpu")]
     pub visibility: Drawer,

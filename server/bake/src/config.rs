@@ -12,7 +12,12 @@ use insula_protocol::{
 };
 use serde::Serialize;
 
-use crate::{error::BakeError, grid::BLOCK_LEAVES, read::Up, sample::SampleSettings};
+use crate::{
+    error::BakeError,
+    grid::BLOCK_LEAVES,
+    read::{Palette, Up},
+    sample::SampleSettings,
+};
 
 /// Raised whenever the same scene and settings would give other tiles than before.
 pub const ALGORITHM: u32 = 4;
@@ -57,6 +62,8 @@ pub struct BakeOptions {
     pub attribution: Vec<Attribution>,
     /// Which axis is up in OBJ files.
     pub obj_up: Up,
+    /// Colours for what has none.
+    pub palette: Palette,
     /// How leaves are sampled.
     pub sample: SampleSettings,
     /// What colours and occlusion may lose in the tiles.
@@ -77,6 +84,7 @@ impl Default for BakeOptions {
             title: None,
             attribution: Vec::new(),
             obj_up: Up::default(),
+            palette: Palette::default(),
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),
         }

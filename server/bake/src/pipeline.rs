@@ -53,7 +53,8 @@ fn read(
     scratch: &Scratch,
     progress: &dyn Progress,
 ) -> Result<(City, ReadReport), BakeError> {
-    let read_options = ReadOptions { obj_up: options.obj_up, ..ReadOptions::default() };
+    let (obj_up, palette) = (options.obj_up, options.palette.clone());
+    let read_options = ReadOptions { obj_up, palette, ..ReadOptions::default() };
     let total = Cell::new(None);
     let done = Cell::new(0);
     let tick = |now: ReadProgress| {
@@ -65,7 +66,7 @@ fn read(
     read::read_to_disk(&options.inputs, &read_options, (&scratch.spool()?, config.picture_bytes()), &tick)
 }
 
-/// Bakes a scene that was read already; `options.inputs` and `options.obj_up` are not looked at.
+/// Bakes a scene that was read already; `options.inputs`, `obj_up` and `palette` are not looked at.
 pub fn bake_scene(
     scene: Scene,
     read_report: ReadReport,

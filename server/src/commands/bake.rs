@@ -24,7 +24,7 @@ mod with_bake {
     use indicatif::{ProgressBar, ProgressStyle};
     use insula_bake::{
         BakeError, BakeOptions, Progress, Report,
-        read::Up,
+        read::{Palette, Up},
         sample::{SampleSettings, Visibility},
     };
     use insula_protocol::manifest::Attribution;
@@ -38,8 +38,12 @@ mod with_bake {
     const ENDING: &str = "{prefix:>10} {wide_bar} {percent:>3}% {elapsed}, {eta} left";
 
     pub(in crate::commands) fn run(args: &BakeArgs) -> Result<(), CommandError> {
+        let palette = match &args.palette {
+            Some(path) => Palette::read(path).map_err(|error| CommandError::Bake(error.to_string()))?,
+            None => Palette::default(),
+        };
         let bars = Bars::default();
-        let result = insula_bake::bake(&options(args), &bars);
+        let result = insula_bake::bake(&options(args, palette), &bars);
         bars.clear();
         let report = result.map_err(|error| match error {
             BakeError::Option { .. } => CommandError::Usage(error.to_string()),
@@ -54,7 +58,7 @@ mod with_bake {
         Ok(())
     }
 
-    fn options(args: &BakeArgs) -> BakeOptions {
+    fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
         let attribution = args.attribution.clone().map(|text| Attribution {
             text,
             licence: args.licence.clone(),
@@ -76,6 +80,7 @@ mod with_bake {
                 Axis::Z => Up::Z,
                 Axis::Y => Up::Y,
             },
+            palette,
             sample: SampleSettings {
                 visibility: match args.visibility {
                     Drawer::Cpu => Visibility::Cpu,
@@ -170,7 +175,7 @@ mod with_bake {
             let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
                 --attribution A --licence L --source-url U --obj-up y";
             let Command::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
-            let options = options(&args);
+            let options = options(&args, Palette::default());
             assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
             assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
             assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));

@@ -68,6 +68,14 @@ pub enum ReadError {
         /// How much is allowed.
         limit: u64,
     },
+    /// A palette's file is none.
+    #[error("{path}: {what}; README.md shows a palette")]
+    Palette {
+        /// The file as it was given.
+        path: String,
+        /// What is wrong, and under which key.
+        what: String,
+    },
     /// There is nothing to read.
     #[error("{path}: no city file in it; give a .city.json, .city.jsonl, .geojson or .obj file, or a folder with some")]
     NoSource {

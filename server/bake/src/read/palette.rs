@@ -1,65 +1,192 @@
 //! Colours and kinds for what the source leaves uncoloured.
 //!
-//! In: a surface's semantics or an object's type. Out: a colour, an [`ObjectKind`]. Next: `builder`.
+//! In: a surface's semantics, an object's type, a material's name; a palette's file. Out: a colour, an [`ObjectKind`].
+//! Next: `builder`.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
+use serde::Deserialize;
+
+use super::error::{ReadError, json_message};
+use super::source::read_file;
 use crate::scene::ObjectKind;
 
-/// Default colours, restrained so that shading and not paint shapes the picture.
-const DEFAULTS: &[(&str, [u8; 3])] = &[
-    // Surfaces of buildings.
+/// A palette's file of more bytes is none.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Surfaces by their semantics in CityJSON. Restrained, so that shading and not paint shapes the picture.
+const SURFACES: &[(&str, [u8; 3])] = &[
     ("RoofSurface", [171, 116, 98]),
     ("OuterFloorSurface", [176, 168, 158]),
     ("WallSurface", [214, 207, 194]),
+    ("InteriorWallSurface", [222, 218, 210]),
     ("GroundSurface", [140, 134, 126]),
+    ("FloorSurface", [176, 168, 158]),
     ("OuterCeilingSurface", [196, 190, 180]),
+    ("CeilingSurface", [222, 218, 210]),
     ("ClosureSurface", [204, 198, 188]),
     ("Window", [128, 148, 163]),
     ("Door", [132, 106, 84]),
-    // Surfaces of water and traffic.
     ("WaterSurface", [124, 154, 174]),
     ("WaterGroundSurface", [110, 124, 128]),
+    ("WaterClosureSurface", [124, 154, 174]),
     ("TrafficArea", [148, 148, 148]),
     ("AuxiliaryTrafficArea", [166, 168, 154]),
-    // Whole objects.
+    ("TransportationMarking", [206, 204, 196]),
+    ("TransportationHole", [120, 116, 110]),
+];
+
+/// Whole objects by their type in CityJSON.
+const OBJECTS: &[(&str, [u8; 3])] = &[
     ("Building", [206, 199, 188]),
     ("BuildingPart", [206, 199, 188]),
+    ("BuildingInstallation", [190, 184, 174]),
+    ("BuildingConstructiveElement", [190, 184, 174]),
+    ("BuildingFurniture", [170, 160, 148]),
+    ("BuildingStorey", [206, 199, 188]),
+    ("BuildingRoom", [222, 218, 210]),
+    ("BuildingUnit", [206, 199, 188]),
     ("Bridge", [178, 174, 168]),
+    ("BridgePart", [178, 174, 168]),
+    ("BridgeInstallation", [168, 164, 158]),
+    ("BridgeConstructiveElement", [168, 164, 158]),
+    ("BridgeConstructionElement", [168, 164, 158]),
+    ("BridgeRoom", [178, 174, 168]),
+    ("BridgeFurniture", [150, 150, 152]),
     ("CityFurniture", [150, 150, 152]),
+    ("CityObjectGroup", [204, 200, 192]),
+    ("GenericCityObject", [196, 192, 184]),
     ("LandUse", [170, 176, 146]),
+    ("OtherConstruction", [190, 186, 178]),
     ("PlantCover", [122, 148, 100]),
     ("Railway", [150, 142, 134]),
     ("Road", [152, 152, 152]),
     ("SolitaryVegetationObject", [112, 142, 92]),
     ("TINRelief", [168, 172, 148]),
     ("TransportSquare", [172, 168, 160]),
+    ("Tunnel", [164, 160, 154]),
+    ("TunnelPart", [164, 160, 154]),
+    ("TunnelInstallation", [156, 152, 146]),
+    ("TunnelConstructiveElement", [156, 152, 146]),
+    ("TunnelHollowSpace", [164, 160, 154]),
+    ("TunnelFurniture", [150, 150, 152]),
     ("WaterBody", [124, 154, 174]),
     ("Waterway", [124, 154, 174]),
 ];
 
-/// Default colours by CityJSON's names of surfaces and objects.
+/// Materials by name, as OpenStreetMap's `building:material` and `roof:material` have them.
+const MATERIALS: &[(&str, [u8; 3])] = &[
+    ("asphalt", [120, 120, 122]),
+    ("brick", [168, 112, 92]),
+    ("concrete", [186, 184, 178]),
+    ("copper", [128, 158, 140]),
+    ("glass", [142, 160, 172]),
+    ("grass", [126, 150, 100]),
+    ("metal", [158, 162, 166]),
+    ("plaster", [216, 209, 196]),
+    ("roof_tiles", [174, 112, 90]),
+    ("sandstone", [206, 186, 152]),
+    ("slate", [112, 116, 122]),
+    ("stone", [176, 170, 160]),
+    ("tar_paper", [104, 104, 106]),
+    ("wood", [160, 130, 100]),
+];
+
+/// Colours for what has none of its own, as 8-bit sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Palette {
-    /// 8-bit sRGB by semantic surface (`RoofSurface`) or object type (`WaterBody`).
-    pub by_name: BTreeMap<String, [u8; 3]>,
-    /// For everything else, and for OBJ faces without a material.
+    /// By semantic surface: `RoofSurface`. They go before those of objects.
+    pub surfaces: BTreeMap<String, [u8; 3]>,
+    /// By object type: `WaterBody`.
+    pub objects: BTreeMap<String, [u8; 3]>,
+    /// By the name of a material without a colour, in lower case: `brick`.
+    pub materials: BTreeMap<String, [u8; 3]>,
+    /// For everything else.
     pub fallback: [u8; 3],
 }
 
 impl Default for Palette {
     fn default() -> Self {
-        let by_name = DEFAULTS.iter().map(|&(name, rgb)| (name.to_owned(), rgb)).collect();
-        Self { by_name, fallback: [204, 200, 192] }
+        let map = |entries: &[(&str, [u8; 3])]| entries.iter().map(|&(name, rgb)| (name.to_owned(), rgb)).collect();
+        let (surfaces, objects, materials) = (map(SURFACES), map(OBJECTS), map(MATERIALS));
+        Self { surfaces, objects, materials, fallback: [204, 200, 192] }
     }
 }
 
+/// A palette's file: what it names goes before the defaults.
+#[derive(Deserialize, Default)]
+#[serde(default, deny_unknown_fields)]
+struct PaletteFile {
+    surfaces: BTreeMap<String, String>,
+    objects: BTreeMap<String, String>,
+    materials: BTreeMap<String, String>,
+    default: Option<String>,
+}
+
 impl Palette {
+    /// Reads a palette's file.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be read or is no JSON, or if a key or a colour is unknown: the message names it.
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let label = path.display().to_string();
+        let bytes = read_file(path, MAX_BYTES)?;
+        Self::from_json(&bytes).map_err(|what| ReadError::Palette { path: label, what })
+    }
+
+    fn from_json(text: &[u8]) -> Result<Self, String> {
+        let file: PaletteFile = serde_json::from_slice(text)
+            .map_err(|error| format!("line {}, column {}: {}", error.line(), error.column(), json_message(&error)))?;
+        let mut palette = Self::default();
+        for (section, colours, into) in
+            [("surfaces", file.surfaces, &mut palette.surfaces), ("objects", file.objects, &mut palette.objects)]
+        {
+            for (name, colour) in colours {
+                // A plus begins the names that CityJSON's extensions add.
+                if !into.contains_key(&name) && !name.starts_with('+') {
+                    return Err(format!("{section}.{name} is unknown; known are {}", join(into.keys())));
+                }
+                let rgb = parsed(&format!("{section}.{name}"), &colour)?;
+                into.insert(name, rgb);
+            }
+        }
+        for (name, colour) in file.materials {
+            let rgb = parsed(&format!("materials.{name}"), &colour)?;
+            palette.materials.insert(name.to_lowercase(), rgb);
+        }
+        if let Some(colour) = file.default {
+            palette.fallback = parsed("default", &colour)?;
+        }
+        Ok(palette)
+    }
+
     /// The surface's colour, else the object's, else the fallback.
     pub(crate) fn colour(&self, semantic: Option<&str>, object_type: &str) -> [u8; 3] {
-        let by_semantic = semantic.and_then(|name| self.by_name.get(name));
-        *by_semantic.or_else(|| self.by_name.get(object_type)).unwrap_or(&self.fallback)
+        let by_semantic = semantic.and_then(|name| self.surfaces.get(name));
+        *by_semantic.or_else(|| self.objects.get(object_type)).unwrap_or(&self.fallback)
     }
+
+    /// The colour that goes with a material's name.
+    pub(crate) fn material(&self, name: &str) -> Option<[u8; 3]> {
+        self.materials.get(&name.trim().to_lowercase()).copied()
+    }
+}
+
+fn join<'n>(names: impl Iterator<Item = &'n String>) -> String {
+    names.map(String::as_str).collect::<Vec<_>>().join(", ")
+}
+
+fn parsed(key: &str, colour: &str) -> Result<[u8; 3], String> {
+    parse_colour(colour)
+        .ok_or_else(|| format!("{key}: \"{colour}\" is no colour; write it as \"#ab7462\" or \"brown\""))
+}
+
+/// A colour as the web writes it: `#ab7462`, `brown`, `rgb(171, 116, 98)`.
+pub(crate) fn parse_colour(text: &str) -> Option<[u8; 3]> {
+    let [r, g, b, _] = csscolorparser::parse(text.trim()).ok()?.to_rgba8();
+    Some([r, g, b])
 }
 
 /// Relief is terrain; so is what lies flat on it, unless it is modelled as a volume.
@@ -83,6 +210,38 @@ mod tests {
         assert_eq!(palette.colour(Some("RoofSurface"), "Building"), [171, 116, 98]);
         assert_eq!(palette.colour(Some("+Odd"), "WaterBody"), [124, 154, 174]);
         assert_eq!(palette.colour(None, "+Odd"), palette.fallback);
+        assert_eq!(palette.material(" Brick"), Some([168, 112, 92]));
+    }
+
+    #[test]
+    fn a_file_changes_what_it_names() {
+        let text = r##"{"surfaces": {"RoofSurface": "#102030", "+Balcony": "white"}, "objects": {"Road": "rgb(1, 2, 3)"},
+            "materials": {"Ziegel": "brown"}, "default": "fff"}"##;
+        let palette = Palette::from_json(text.as_bytes()).unwrap();
+        assert_eq!(palette.colour(Some("RoofSurface"), "Building"), [16, 32, 48]);
+        assert_eq!(palette.colour(Some("+Balcony"), "Building"), [255; 3]);
+        assert_eq!(palette.colour(None, "Road"), [1, 2, 3]);
+        assert_eq!(palette.material("ziegel"), Some([165, 42, 42]));
+        assert_eq!(palette.colour(None, "?"), [255; 3]);
+        assert_eq!(palette.surfaces["WallSurface"], Palette::default().surfaces["WallSurface"]);
+        assert_eq!(Palette::from_json(b"{}").unwrap(), Palette::default());
+    }
+
+    #[test]
+    fn slips_in_a_file_are_named() {
+        for (text, part) in [
+            (r#"{"surfaces": {"Roof": "red"}}"#, "surfaces.Roof is unknown; known are "),
+            (r#"{"objects": {"RoofSurface": "red"}}"#, "objects.RoofSurface is unknown"),
+            (r#"{"objects": {"Road": "greyish"}}"#, "objects.Road: \"greyish\" is no colour"),
+            (r#"{"materials": {"brick": ""}}"#, "materials.brick: "),
+            (r#"{"default": "12"}"#, "default: "),
+            (r#"{"roofs": {}}"#, "unknown field `roofs`"),
+            (r#"{"default": 7}"#, "line 1, column 13: invalid type"),
+            ("", "line 1, column 0: EOF"),
+        ] {
+            let error = Palette::from_json(text.as_bytes()).unwrap_err();
+            assert!(error.contains(part) && !error.contains('\n'), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -230,6 +230,18 @@ pub(crate) fn read_all(source: &Source<'_>, limit: u64) -> Result<Vec<u8>, ReadE
     if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
 }
 
+/// A plain file that is no city, of at most `limit` bytes.
+pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, ReadError> {
+    let label = path.display().to_string();
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|cause| ReadError::io(&label, cause))?;
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(|cause| ReadError::io(&label, cause))?;
+    if bytes.len() as u64 > limit {
+        return Err(ReadError::TooLarge { path: label, what: "its size in bytes".to_owned(), limit });
+    }
+    Ok(bytes)
+}
+
 /// A file beside the source, as named or with `.gz` behind, of at most `limit` unpacked bytes.
 pub(crate) fn read_beside(files: &dyn SourceFiles, name: &str, limit: u64) -> io::Result<Vec<u8>> {
     let packed = format!("{name}.gz");

@@ -129,7 +129,8 @@ fn materials_colour_by_surface_or_whole_and_semantics_the_rest() {
     let appearance = r#", "appearance": {"materials": [{"name": "m", "diffuseColor": [1, 0.5, 0]}, {"name": "none"}]}"#;
     let (scene, report) = read(&document(&object("a", &geometry), appearance));
     let palette = Palette::default();
-    let [building, roof, wall] = ["Building", "RoofSurface", "WallSurface"].map(|name| palette.by_name[name]);
+    let [roof, wall] = ["RoofSurface", "WallSurface"].map(|name| palette.surfaces[name]);
+    let building = palette.objects["Building"];
     assert_eq!(colours(&scene), [[255, 128, 0], roof, wall, wall, wall, building]);
     assert_eq!(report.sources[0].problems["material index out of range"].count, 1);
     assert_eq!(report.sources[0].problems["semantic index out of range"].count, 1);
@@ -137,7 +138,7 @@ fn materials_colour_by_surface_or_whole_and_semantics_the_rest() {
     let whole = geometry.replace(materials, r#""material": {"a": {"value": 0}}"#);
     assert_eq!(colours(&read(&document(&object("a", &whole), appearance)).0), [[255, 128, 0]; 6]);
     let water = document(&object("w", &solid("1")), "").replace("Building", "WaterBody");
-    assert_eq!(colours(&read(&water).0)[0], palette.by_name["WaterBody"]);
+    assert_eq!(colours(&read(&water).0)[0], palette.objects["WaterBody"]);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //!
 //! In: a source. Out: objects in the builder and a [`SourceReport`]. Next: `builder`.
 
+mod colour;
 mod footprint;
 mod height;
 mod model;
@@ -160,10 +161,10 @@ impl<'r, 'o, 's> Features<'r, 'o, 's> {
         let height = Height::of(&feature.properties, |kind, detail| {
             self.report.problem(kind, || format!("{id}: {detail}"));
         });
-        let palette = &self.reading.options.palette;
-        let [roof, wall, ground] = ["RoofSurface", "WallSurface", "GroundSurface"]
-            .map(|semantic| palette.colour(Some(semantic), "Building"))
-            .map(|rgb| self.reading.builder.material(rgb, None));
+        let colours = colour::of(&feature.properties, &self.reading.options.palette, |detail| {
+            self.report.problem("colour not understood", || format!("{id}: {detail}"));
+        });
+        let materials = colours.map(|rgb| self.reading.builder.material(rgb, None));
         self.faces.clear();
         let mut fault = None;
         for polygon in polygons {
@@ -171,7 +172,7 @@ impl<'r, 'o, 's> Features<'r, 'o, 's> {
             match footprint {
                 Ok(footprint) => {
                     let triangulator = &mut self.reading.triangulator;
-                    match footprint.raise(&height, [roof, wall, ground], triangulator, &mut self.faces) {
+                    match footprint.raise(&height, materials, triangulator, &mut self.faces) {
                         Ok(true) => {}
                         Ok(false) => self.report.problem("ring crosses itself", || id.to_owned()),
                         Err(reason) => fault = Some(reason),

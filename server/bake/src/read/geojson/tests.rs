@@ -68,10 +68,29 @@ fn a_footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
     assert_eq!((scene.origin[2], scene.objects[0].base_z_m), (2.0, 0.0));
     let palette = Palette::default();
     let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
-    assert_eq!(colours, ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.by_name[name]));
+    assert_eq!(colours, ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.surfaces[name]));
     let source = &report.sources[0];
     assert_eq!((source.format, source.objects, report.crs.as_deref()), (Format::GeoJson, 1, Some("EPSG:6677")));
     assert!(source.problems.is_empty() && source.skipped.is_empty());
+}
+
+#[test]
+fn colours_and_materials_are_taken_where_they_are_told() {
+    let colours = |properties: &str| {
+        let (scene, report) = read(&collection(&feature("h", properties, &polygon(SQUARE))));
+        let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
+        (colours, report.sources[0].problems.keys().cloned().collect::<Vec<_>>())
+    };
+    let palette = Palette::default();
+    let [roof, wall, ground] = ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.surfaces[name]);
+    let told = r##"{"height": 3, "building:colour": "#102030", "roof:color": "red; white"}"##;
+    assert_eq!(colours(told), (vec![[255, 0, 0], [16, 32, 48], ground], vec![]));
+    let materials = r#"{"height": 3, "building:material": "Brick", "roof:material": "slate"}"#;
+    assert_eq!(colours(materials).0, [palette.materials["slate"], palette.materials["brick"], ground]);
+    let plain = r#"{"height": 3, "colour": "azure", "roof:material": "unheard of"}"#;
+    assert_eq!(colours(plain).0, [roof, [240, 255, 255], ground]);
+    let odd = r#"{"height": 3, "building:colour": "stripy", "roof:colour": 7}"#;
+    assert_eq!(colours(odd), (vec![roof, wall, ground], vec!["colour not understood".to_owned()]));
 }
 
 #[test]

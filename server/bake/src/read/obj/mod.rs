@@ -127,7 +127,9 @@ fn paints(
         let diffuse = material.and_then(|material| material.diffuse).map(|rgb| rgb.map(byte));
         let picture = material.and_then(|material| material.picture.as_deref());
         let texture = picture.and_then(|name| reading.textures.load(source, name, report));
-        paints[i].plain = reading.builder.material(diffuse.unwrap_or(reading.options.palette.fallback), None);
+        let palette = &reading.options.palette;
+        let plain = diffuse.or_else(|| palette.material(name)).unwrap_or(palette.fallback);
+        paints[i].plain = reading.builder.material(plain, None);
         paints[i].textured = texture.map(|texture| textured(reading, diffuse, texture));
     }
     paints
