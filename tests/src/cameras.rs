@@ -9,6 +9,7 @@ use crate::{
 use glam::{DVec2, DVec3};
 use insula_bake::scene::ObjectKind;
 use insula_shaders::layout::Shading;
+use serde::Serialize;
 
 /// Height of an eye above what it stands on.
 const EYE_M: f64 = 2.0;
@@ -20,7 +21,7 @@ const TRIES: usize = 400;
 const JUDGE: Picture = Picture { width_px: 24, height_px: 14, shading: Shading::Albedo, samples: 1 };
 
 /// Where a camera stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum Stand {
     /// Over the city, looking down at an angle.
     Aerial,

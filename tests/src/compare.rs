@@ -5,18 +5,28 @@ use crate::{
     truth::Truth,
     view::{Camera, Picture},
 };
+use anyhow::{Context, Result};
+use blazediff_ssim::{Plane, SsimOptions};
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 use insula_shaders::cpu::raycast::Pixels;
 use rayon::prelude::*;
+use serde::Serialize;
 
 /// Pixels whose distance to the source is measured.
 pub const SAMPLES: usize = 5000;
 /// Deviations beyond this many cells are all alike.
 const MOST_CELLS: f64 = 64.0;
 
+/// Fewer pixels than this say nothing about colours.
+const LEAST_PX: usize = 1000;
+/// PSNR of what is the same.
+const SAME_DB: f64 = 99.0;
+/// How much colour differences are brightened in pictures.
+const BRIGHTER: i32 = 4;
+
 /// How one picture compares.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Score {
     /// Silhouettes: pixels hit in both over pixels hit in either.
     pub iou: f64,
@@ -24,8 +34,22 @@ pub struct Score {
     pub median_cells: f64,
     /// Their 95th percentile.
     pub p95_cells: f64,
-    /// Colours where both were hit, in dB.
+    /// Colours where both were hit.
+    pub colour: Option<Colour>,
+    /// Colours where the source is textured.
+    pub textured: Option<Colour>,
+}
+
+/// How true colours are, over some of a picture's pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Colour {
+    /// How many pixels.
+    pub pixels: usize,
+    /// Peak signal to noise over red, green and blue in sRGB, in dB.
     pub psnr_db: f64,
+    /// Structural similarity of the luma (Wang, Bovik, Sheikh and Simoncelli 2004: Gaussian windows of 11 x 11 pixels):
+    /// of the whole pictures, averaged over the pixels.
+    pub ssim: f64,
 }
 
 /// Intersection over union of what was hit.
@@ -38,17 +62,46 @@ pub fn silhouette_iou(truth: &Pixels, drawn: &Pixels) -> f64 {
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
-/// Peak signal to noise of the colours where both pictures have the city.
-pub fn psnr_db(truth: &Pixels, drawn: &Pixels) -> f64 {
-    let (mut sum, mut count) = (0.0, 0u64);
-    for i in 0..truth.colour.len() {
-        if truth.distance[i].is_finite() && drawn.distance[i].is_finite() {
-            let (a, b) = (truth.colour[i].to_le_bytes(), drawn.colour[i].to_le_bytes());
-            sum += (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)).sum::<f64>();
-            count += 3;
-        }
+/// Colours of the pixels that `counts` says, if they are enough.
+pub fn colour(truth: &Pixels, drawn: &Pixels, counts: impl Fn(usize) -> bool) -> Result<Option<Colour>> {
+    let counted: Vec<usize> = (0..truth.colour.len()).filter(|i| counts(*i)).collect();
+    if counted.len() < LEAST_PX {
+        return Ok(None);
     }
-    if count == 0 || sum == 0.0 { 99.0 } else { 10.0 * (255.0 * 255.0 * count as f64 / sum).log10() }
+    let squares = counted.iter().map(|&i| {
+        let (a, b) = (truth.colour[i].to_le_bytes(), drawn.colour[i].to_le_bytes());
+        (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)).sum::<f64>()
+    });
+    let mean = squares.sum::<f64>() / (3 * counted.len()) as f64;
+    let psnr_db = if mean == 0.0 { SAME_DB } else { 10.0 * (255.0 * 255.0 / mean).log10() };
+    let ssim = ssim(truth, drawn, &counted)?;
+    Ok(Some(Colour { pixels: counted.len(), psnr_db, ssim }))
+}
+
+/// Mean of the similarity at these pixels; a window that would reach over the picture's edge is moved inside.
+fn ssim(truth: &Pixels, drawn: &Pixels, counted: &[usize]) -> Result<f64> {
+    let options = SsimOptions::default();
+    let (width, height) = (truth.width_px as usize, truth.height_px as usize);
+    let similar = blazediff_ssim::ssim(&luma(truth), &luma(drawn), &options).context("SSIM")?;
+    let margin = options.window_size / 2;
+    anyhow::ensure!(
+        similar.map_width + 2 * margin == width && similar.map_height + 2 * margin == height,
+        "SSIM was measured in a smaller picture: {width} x {height} is too large"
+    );
+    let inside = |at: usize, size: usize| at.saturating_sub(margin).min(size - 1);
+    let at =
+        |i: &usize| inside(i / width, similar.map_height) * similar.map_width + inside(i % width, similar.map_width);
+    Ok(counted.iter().map(|i| f64::from(similar.map[at(i)])).sum::<f64>() / counted.len() as f64)
+}
+
+/// Luma of ITU-R BT.601.
+fn luma(pixels: &Pixels) -> Plane {
+    let weigh = |word: &u32| {
+        let [r, g, b, _] = word.to_le_bytes().map(f32::from);
+        0.299 * r + 0.587 * g + 0.114 * b
+    };
+    let (width, height) = (pixels.width_px as usize, pixels.height_px as usize);
+    Plane { samples: pixels.colour.iter().map(weigh).collect(), width, height }
 }
 
 /// Distances in cells from hit points of `drawn` to the source, ascending; [`SAMPLES`] of them, drawn at random.
@@ -75,37 +128,43 @@ pub fn percentile(values: &[f64], p: f64) -> f64 {
     values.get((last as f64 * p).round() as usize).copied().unwrap_or(f64::INFINITY)
 }
 
-/// All figures of one picture, given its [`deviations`].
-pub fn score(meant: &Pixels, drawn: &Pixels, cells: &[f64]) -> Score {
-    Score {
+/// All figures of one picture, given its [`deviations`] and where the source is `textured`.
+pub fn score(meant: &Pixels, drawn: &Pixels, textured: &[bool], cells: &[f64]) -> Result<Score> {
+    let both = |i: usize| meant.distance[i].is_finite() && drawn.distance[i].is_finite();
+    Ok(Score {
         iou: silhouette_iou(meant, drawn),
         median_cells: percentile(cells, 0.5),
         p95_cells: percentile(cells, 0.95),
-        psnr_db: psnr_db(meant, drawn),
-    }
+        colour: colour(meant, drawn, both)?,
+        textured: colour(meant, drawn, |i| textured[i] && both(i))?,
+    })
 }
 
-/// Truth, drawn, and their difference side by side: red is lacking, blue is too much, else bright where distances differ
-/// (white: by four cells).
+/// Truth and drawn side by side; below them how distances differ (red is lacking, blue is too much, else bright: white by
+/// four cells) and how colours do, four times as bright.
 pub fn side_by_side(meant: &Pixels, drawn: &Pixels, cell_m: f64) -> RgbImage {
     let (width, height) = (meant.width_px, meant.height_px);
     let colour = |word: u32| {
         let [r, g, b, _] = word.to_le_bytes();
-        Rgb([r, g, b])
+        [r, g, b]
     };
-    RgbImage::from_fn(width * 3, height, |x, y| {
-        let i = (y * width + x % width) as usize;
+    RgbImage::from_fn(width * 2, height * 2, |x, y| {
+        let i = (y % height * width + x % width) as usize;
         let (a, b) = (meant.distance[i], drawn.distance[i]);
-        match x / width {
-            0 => colour(meant.colour[i]),
-            1 => colour(drawn.colour[i]),
-            _ => Rgb(match (a.is_finite(), b.is_finite()) {
+        let (meant, drawn) = (colour(meant.colour[i]), colour(drawn.colour[i]));
+        Rgb(match (x / width, y / height) {
+            (0, 0) => meant,
+            (_, 0) => drawn,
+            (column, _) => match (a.is_finite(), b.is_finite()) {
                 (true, false) => [255, 40, 40],
                 (false, true) => [60, 90, 255],
                 (false, false) => [0, 0, 30],
-                _ => [(f64::from((a - b).abs()) / (4.0 * cell_m) * 255.0).min(255.0) as u8; 3],
-            }),
-        }
+                _ if column == 0 => [(f64::from((a - b).abs()) / (4.0 * cell_m) * 255.0).min(255.0) as u8; 3],
+                _ => std::array::from_fn(|k| {
+                    ((i32::from(meant[k]) - i32::from(drawn[k])).abs() * BRIGHTER).min(255) as u8
+                }),
+            },
+        })
     })
 }
 
@@ -122,11 +181,38 @@ mod tests {
     #[test]
     fn figures_are_what_they_say() {
         let inf = f32::INFINITY;
-        let (a, b) = (picture(&[1.0, 1.0, inf, inf], 0xff00_0000), picture(&[1.0, inf, 1.0, inf], 0xff0a_0a0a));
+        let (a, b) = (picture(&[1.0, 1.0, inf, inf], 0), picture(&[1.0, inf, 1.0, inf], 0));
         assert!((silhouette_iou(&a, &b) - 1.0 / 3.0).abs() < 1e-12);
-        assert!((psnr_db(&a, &b) - 28.13).abs() < 0.01);
         let values: Vec<f64> = (0..=100).map(f64::from).collect();
         assert_eq!((percentile(&values, 0.5), percentile(&values, 0.95)), (50.0, 95.0));
         assert!(percentile(&[], 0.5).is_infinite());
+    }
+
+    /// 64 x 64 pixels, grey by place.
+    fn grey(level: impl Fn(u32, u32) -> u8) -> Pixels {
+        let colour = (0..64 * 64)
+            .map(|i| u32::from_le_bytes([[level(i % 64, i / 64); 3].as_slice(), &[255]].concat().try_into().unwrap()));
+        let (distance, hit) = (vec![1.0; 64 * 64], vec![0; 64 * 64]);
+        Pixels { width_px: 64, height_px: 64, colour: colour.collect(), distance, hit }
+    }
+
+    #[test]
+    fn colours_are_compared_where_they_count() {
+        let flat = grey(|_, _| 0);
+        let ten = colour(&flat, &grey(|_, _| 10), |_| true).unwrap().unwrap();
+        assert!((ten.psnr_db - 28.13).abs() < 0.01, "{ten:?}");
+        // Two flat pictures: only their means differ, by the formula's first factor.
+        let c1 = (0.01f64 * 255.0).powi(2);
+        assert!((ten.ssim - c1 / (100.0 + c1)).abs() < 1e-4, "{ten:?}");
+
+        // Stripes that the drawn picture has lost in its left half.
+        let stripes = |x: u32| if x % 4 < 2 { 80 } else { 160 };
+        let (meant, drawn) = (grey(|x, _| stripes(x)), grey(|x, _| if x < 32 { 120 } else { stripes(x) }));
+        let part =
+            |range: std::ops::Range<usize>| colour(&meant, &drawn, |i| range.contains(&(i % 64))).unwrap().unwrap();
+        let (left, right) = (part(0..26), part(38..64));
+        assert!((right.psnr_db, right.ssim) == (SAME_DB, 1.0) && right.pixels == 26 * 64, "{right:?}");
+        assert!((left.psnr_db - 16.09).abs() < 0.01 && left.ssim < 0.1, "{left:?}");
+        assert_eq!(colour(&meant, &drawn, |i| i < LEAST_PX - 1).unwrap(), None);
     }
 }

@@ -3,7 +3,7 @@
 use crate::{
     baked::Baked,
     cameras::{self, Stand, Station},
-    compare::{self, Score},
+    compare::{self, Colour, Score},
     cut::Cut,
     fixtures,
     gpu::Gpu,
@@ -11,13 +11,22 @@ use crate::{
     view::Picture,
 };
 use anyhow::{Context, Result};
-use insula_bake::{BakeOptions, Silent, scene::Scene};
+use insula_bake::{
+    BakeOptions, Silent,
+    scene::{ObjectKind, Scene},
+};
+use insula_client::render::STILL_SAMPLES;
 use insula_protocol::TileId;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// The pictures' size; one ray through the middle of each pixel.
 pub const PICTURE: Picture = Picture { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
+/// Rays along a pixel's side for the colours that are meant; those that are drawn are as `insula snapshot` draws them.
+const MEANT_SIDE: u32 = 4;
+// Then distances are those of the rays through the pixels' middles.
+const _: () = assert!(STILL_SAMPLES % 2 == 1);
 
 /// One picture and how it compares.
 #[derive(Debug, Clone)]
@@ -30,9 +39,9 @@ pub struct View {
     pub nodes: usize,
     /// The figures.
     pub score: Score,
-    /// What the source looks like.
+    /// What the source looks like: colours of 16 rays a pixel, distances of the one through its middle.
     pub meant: Pixels,
-    /// What the baked city looks like.
+    /// What the baked city looks like: as `insula snapshot` draws it, distances of the rays through the pixels' middles.
     pub drawn: Pixels,
 }
 
@@ -78,18 +87,19 @@ pub fn measure(
     let mut last: Option<(Vec<TileId>, Cut)> = None;
     for (number, station) in cameras::of(truth).into_iter().enumerate() {
         let camera = station.camera;
-        let meant = truth.render(&camera, &PICTURE);
+        let mut meant = truth.render(&camera, &PICTURE);
+        let textured;
+        (meant.colour, textured) = truth.albedo(&camera, &PICTURE, MEANT_SIDE);
         for summary in &mut summaries {
             let ids = baked.select(&camera, &PICTURE, summary.tau_px);
             if last.as_ref().is_none_or(|(made, _)| *made != ids) {
                 last = Some((ids.clone(), baked.cut(&ids)?));
             }
             let (_, cut) = last.as_ref().context("no cut")?;
-            let scene = cut.scene(&camera, &PICTURE);
+            let scene = cut.scene(&camera, &Picture { samples: STILL_SAMPLES, ..PICTURE });
             let drawn = gpu.map_or_else(|| Ok(scene.render()), |gpu| gpu.render(&scene))?;
-            let cell_m = baked.manifest().cell_m;
-            let cells = compare::deviations(truth, &camera, &PICTURE, &drawn, cell_m);
-            let score = compare::score(&meant, &drawn, &cells);
+            let cells = compare::deviations(truth, &camera, &PICTURE, &drawn, baked.manifest().cell_m);
+            let score = compare::score(&meant, &drawn, &textured, &cells)?;
             summary.views.push((station.stand, score));
             summary.cells.extend(cells);
             let (tau_px, nodes, meant) = (summary.tau_px, ids.len(), meant.clone());
@@ -126,8 +136,54 @@ impl Summary {
         [compare::percentile(&cells, 0.5), compare::percentile(&cells, 0.95)]
     }
 
-    /// Mean of the colours' PSNR.
-    pub fn psnr_db(&self) -> f64 {
-        self.views.iter().map(|v| v.1.psnr_db).sum::<f64>() / self.views.len().max(1) as f64
+    /// Means over the cameras of one kind, or of all: of the colours of `textured` pixels or of all that show the city.
+    pub fn colour(&self, stand: Option<Stand>, textured: bool) -> Option<Colour> {
+        let of: Vec<Colour> = self
+            .views
+            .iter()
+            .filter(|view| stand.is_none_or(|stand| view.0 == stand))
+            .filter_map(|view| if textured { view.1.textured } else { view.1.colour })
+            .collect();
+        let mean = |value: fn(&Colour) -> f64| of.iter().map(value).sum::<f64>() / of.len() as f64;
+        let pixels = of.iter().map(|colour| colour.pixels).sum();
+        (!of.is_empty()).then(|| Colour { pixels, psnr_db: mean(|c| c.psnr_db), ssim: mean(|c| c.ssim) })
+    }
+}
+
+/// What a baked city takes, in bytes of its V-BlockMap tiles.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Size {
+    /// Leaves.
+    pub leaves: usize,
+    /// Nodes of all levels.
+    pub nodes: usize,
+    /// Mean of the leaves.
+    pub bytes_per_leaf: f64,
+    /// Mean of all nodes.
+    pub bytes_per_node: f64,
+    /// All nodes, over the source's buildings.
+    pub bytes_per_building: f64,
+    /// All nodes, over the square kilometres that leaves cover.
+    pub bytes_per_km2: f64,
+}
+
+impl Size {
+    /// Of a city that was baked from `scene`.
+    pub fn of(baked: &Baked, scene: &Scene) -> Self {
+        let levels = baked.levels();
+        let (leaves, leaf_bytes) = levels.last_key_value().map_or((0, 0), |(_, level)| *level);
+        let (nodes, bytes) = levels.values().fold((0, 0), |sum, level| (sum.0 + level.0, sum.1 + level.1));
+        let buildings = scene.objects.iter().filter(|object| object.kind == ObjectKind::Building).count();
+        let manifest = baked.manifest();
+        let km2 = leaves as f64 * (manifest.node_side_m(manifest.depth) / 1000.0).powi(2);
+        let per = |bytes: usize, count: f64| if count == 0.0 { 0.0 } else { bytes as f64 / count };
+        Self {
+            leaves,
+            nodes,
+            bytes_per_leaf: per(leaf_bytes, leaves as f64),
+            bytes_per_node: per(bytes, nodes as f64),
+            bytes_per_building: per(bytes, buildings as f64),
+            bytes_per_km2: per(bytes, km2),
+        }
     }
 }

@@ -1,9 +1,15 @@
 //! The source itself, ray-traced: what a perfect bake would look like.
 
 use crate::view::{Camera, Picture};
-use glam::{DVec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 use insula_bake::scene::{Scene, Texture};
-use insula_shaders::{cpu::raycast::Pixels, layout::NO_NODE};
+use insula_shaders::{
+    cpu::{
+        raycast::Pixels,
+        shade::{background, encode_srgb, linear_of},
+    },
+    layout::NO_NODE,
+};
 use obvhs::{
     BvhBuildParams,
     aabb::Aabb,
@@ -90,11 +96,12 @@ impl Truth {
     /// The source's picture: albedo, distance, and the triangle as `hit`.
     pub fn render(&self, camera: &Camera, picture: &Picture) -> Pixels {
         let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
+        let axes = camera.axes(picture);
         let pixels = picture.width_px * picture.height_px;
         let seen: Vec<(u32, f32, u32)> = (0..pixels)
             .into_par_iter()
             .map(|i| {
-                let d = camera.ray(picture, i % picture.width_px, i / picture.width_px);
+                let d = axes.ray(picture, i % picture.width_px, i / picture.width_px);
                 let Some(hit) = self.cast(o, d) else { return (SKY, f32::INFINITY, NO_NODE) };
                 (self.colour(&hit, o, d), hit.distance_m as f32, hit.triangle)
             })
@@ -106,6 +113,35 @@ impl Truth {
             out.hit.push(hit);
         }
         out
+    }
+
+    /// The source's albedo with `side` x `side` rays a pixel, averaged in linear light and before the same sky as the
+    /// ray-caster does it; and for each pixel whether all rays met a textured surface.
+    pub fn albedo(&self, camera: &Camera, picture: &Picture, side: u32) -> (Vec<u32>, Vec<bool>) {
+        let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
+        let fine = Picture { width_px: picture.width_px * side, height_px: picture.height_px * side, ..*picture };
+        let axes = camera.axes(&fine);
+        let frame = camera.frame(&fine);
+        let pixel = |i: u32| {
+            let (x, y) = (i % picture.width_px * side, i / picture.width_px * side);
+            let (mut sum, mut textured) = (Vec3::ZERO, true);
+            for s in 0..side * side {
+                let d = axes.ray(&fine, x + s % side, y + s / side);
+                let hit = self.cast(o, d);
+                textured &= hit.is_some_and(|hit| self.is_textured(hit.triangle));
+                sum += match hit {
+                    Some(hit) => linear_of(self.colour(&hit, o, d)),
+                    None => background(&frame, d.as_vec3()),
+                };
+            }
+            (encode_srgb(sum / (side * side) as f32), textured)
+        };
+        (0..picture.width_px * picture.height_px).into_par_iter().map(pixel).unzip()
+    }
+
+    fn is_textured(&self, triangle: u32) -> bool {
+        let material = self.scene.triangles[triangle as usize].material;
+        self.scene.materials.get(material as usize).is_some_and(|material| material.texture.is_some())
     }
 
     /// 8-bit sRGB of the surface at a hit.

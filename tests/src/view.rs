@@ -41,6 +41,15 @@ pub struct Axes {
     pub up: DVec3,
 }
 
+impl Axes {
+    /// Unit vector through the middle of pixel `x`, `y`.
+    pub fn ray(&self, picture: &Picture, x: u32, y: u32) -> DVec3 {
+        let ndc_x = (f64::from(x) + 0.5) / f64::from(picture.width_px) * 2.0 - 1.0;
+        let ndc_y = (f64::from(y) + 0.5) / f64::from(picture.height_px) * 2.0 - 1.0;
+        (self.forward + self.right * ndc_x - self.up * ndc_y).normalize_or(DVec3::X)
+    }
+}
+
 impl Camera {
     /// Sixty degrees, z up.
     pub fn looking(position: DVec3, target: DVec3) -> Self {
@@ -63,10 +72,7 @@ impl Camera {
 
     /// Unit vector through the middle of pixel `x`, `y`.
     pub fn ray(&self, picture: &Picture, x: u32, y: u32) -> DVec3 {
-        let axes = self.axes(picture);
-        let ndc_x = (f64::from(x) + 0.5) / f64::from(picture.width_px) * 2.0 - 1.0;
-        let ndc_y = (f64::from(y) + 0.5) / f64::from(picture.height_px) * 2.0 - 1.0;
-        (axes.forward + axes.right * ndc_x - axes.up * ndc_y).normalize_or(DVec3::X)
+        self.axes(picture).ray(picture, x, y)
     }
 
     /// The ray-caster's frame without its city: root and corner are still to be set.

@@ -36,7 +36,7 @@ pub struct Surface {
 }
 
 /// 8-bit sRGB channels of a texel as linear light.
-fn linear_of(texel: u32) -> Vec3 {
+pub fn linear_of(texel: u32) -> Vec3 {
     let channel = |shift: u32| {
         let v = (texel >> shift & 255) as f32 / 255.0;
         if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }

@@ -1,16 +1,18 @@
 //! Bakes a city and shows how true it is to its source, camera by camera.
 //!
-//! `cargo run --release -p insula-tests --bin fidelity -- CITY_INPUTS... --cell 1.0 --out DIR`
+//! `cargo run --release -p insula-tests --bin fidelity -- CITY_INPUTS... --cell 1.0 --out DIR --report DIR/report.json`
 
 use anyhow::Result;
 use clap::Parser;
 use insula_tests::{
     baked::Baked,
-    compare,
-    fidelity::{self, View},
+    cameras::Stand,
+    compare::{self, Colour, Score},
+    fidelity::{self, Size, Summary, View},
     gpu::Gpu,
     truth::Truth,
 };
+use serde::Serialize;
 use std::{fs, path::PathBuf, time::Instant};
 
 /// Bakes a city and compares twelve views of it with its ray-traced source.
@@ -22,7 +24,7 @@ struct Args {
     /// Side of a leaf's column in metres.
     #[arg(long, default_value_t = 1.0)]
     cell: f64,
-    /// Folder for the pictures (truth, baked, difference) and the baked city.
+    /// Folder for the pictures (truth, baked, differences) and the baked city.
     #[arg(long)]
     out: PathBuf,
     /// Tolerated errors in pixels.
@@ -34,50 +36,140 @@ struct Args {
     /// Draw with the GPU.
     #[arg(long)]
     gpu: bool,
+    /// Write all figures as JSON.
+    #[arg(long)]
+    report: Option<PathBuf>,
+}
+
+/// All figures.
+#[derive(Debug, Serialize)]
+struct Report {
+    inputs: Vec<PathBuf>,
+    cell_m: f64,
+    bake_secs: Option<f64>,
+    size: Size,
+    cameras: Vec<CameraReport>,
+    summaries: Vec<SummaryReport>,
+}
+
+#[derive(Debug, Serialize)]
+struct CameraReport {
+    number: usize,
+    stand: Stand,
+    tau_px: f64,
+    nodes: usize,
+    score: Score,
+    picture: String,
+}
+
+#[derive(Debug, Serialize)]
+struct SummaryReport {
+    tau_px: f64,
+    iou_worst: f64,
+    iou_mean: f64,
+    aerial_iou_worst: f64,
+    deviation_median_cells: f64,
+    deviation_p95_cells: f64,
+    /// Means over the cameras.
+    colour: Option<Colour>,
+    textured: Option<Colour>,
+    aerial_textured: Option<Colour>,
+}
+
+impl SummaryReport {
+    fn new(summary: &Summary) -> Self {
+        let ([iou_worst, iou_mean], [median, p95]) = (summary.iou(None), summary.deviation_cells());
+        Self {
+            tau_px: summary.tau_px,
+            iou_worst,
+            iou_mean,
+            aerial_iou_worst: summary.iou(Some(Stand::Aerial))[0],
+            deviation_median_cells: median,
+            deviation_p95_cells: p95,
+            colour: summary.colour(None, false),
+            textured: summary.colour(None, true),
+            aerial_textured: summary.colour(Some(Stand::Aerial), true),
+        }
+    }
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
     fs::create_dir_all(&args.out)?;
-    let started = Instant::now();
     let folder = args.out.join("city");
+    let started = Instant::now();
     if !args.no_bake {
         fidelity::bake(&args.inputs, &folder, args.cell)?;
     }
+    let bake_secs = (!args.no_bake).then(|| started.elapsed().as_secs_f64());
     let baked = Baked::open(&folder)?;
-    println!("baked in {:.1} s", started.elapsed().as_secs_f64());
-    for (level, (nodes, bytes)) in baked.levels() {
-        println!("  level {level}: {nodes} nodes, {bytes} bytes, {} a node", bytes / nodes.max(1));
-    }
     let truth = Truth::new(fidelity::read(&args.inputs)?);
+    let size = Size::of(&baked, &truth.scene);
+    print_size(&size, &baked, bake_secs);
     let gpu = args.gpu.then(Gpu::open).transpose()?;
-    println!("camera       tau  nodes    IoU  median    p95   PSNR   (deviations in leaf cells)");
+    let mut cameras = Vec::new();
+    println!("camera       tau  nodes    IoU  median    p95 | all: PSNR  SSIM | textured:   px  PSNR  SSIM");
     let started = Instant::now();
     let summaries = fidelity::measure(&truth, &baked, &args.tau, gpu.as_ref(), |number, view| {
         print_view(number, view);
-        let name = format!("{number:02}-{:?}-tau{}.png", view.station.stand, view.tau_px).to_lowercase();
-        compare::side_by_side(&view.meant, &view.drawn, args.cell).save(args.out.join(name))?;
+        let (stand, tau_px, nodes, score) = (view.station.stand, view.tau_px, view.nodes, view.score);
+        let picture = format!("{number:02}-{stand:?}-tau{tau_px}.png").to_lowercase();
+        compare::side_by_side(&view.meant, &view.drawn, args.cell).save(args.out.join(&picture))?;
         let camera = serde_json::to_string(&view.station.camera)?;
+        cameras.push(CameraReport { number, stand, tau_px, nodes, score, picture });
         Ok(fs::write(args.out.join(format!("{number:02}-camera.json")), camera)?)
     })?;
     println!("drawn and compared in {:.1} s", started.elapsed().as_secs_f64());
-    for summary in summaries {
-        let ([worst, mean], [median, p95]) = (summary.iou(None), summary.deviation_cells());
-        let [aerial, _] = summary.iou(Some(insula_tests::cameras::Stand::Aerial));
-        println!(
-            "tau {}: IoU worst {worst:.4}, mean {mean:.4}, aerial worst {aerial:.4}; deviation median {median:.3}, \
-             p95 {p95:.3} (all views); PSNR mean {:.2} dB",
-            summary.tau_px,
-            summary.psnr_db()
-        );
+    let summaries: Vec<SummaryReport> = summaries.iter().map(SummaryReport::new).collect();
+    summaries.iter().for_each(print_summary);
+    if let Some(path) = &args.report {
+        let report = Report { inputs: args.inputs, cell_m: args.cell, bake_secs, size, cameras, summaries };
+        fs::write(path, serde_json::to_vec_pretty(&report)?)?;
     }
     Ok(())
+}
+
+fn print_size(size: &Size, baked: &Baked, bake_secs: Option<f64>) {
+    if let Some(secs) = bake_secs {
+        println!("baked in {secs:.1} s");
+    }
+    for (level, (nodes, bytes)) in baked.levels() {
+        println!("  level {level}: {nodes} nodes, {bytes} bytes, {} a node", bytes / nodes.max(1));
+    }
+    println!(
+        "V-BlockMaps: {:.0} bytes a leaf, {:.0} a node, {:.0} a building, {:.0} a square kilometre covered",
+        size.bytes_per_leaf, size.bytes_per_node, size.bytes_per_building, size.bytes_per_km2
+    );
+}
+
+fn colour(colour: Option<Colour>) -> String {
+    colour.map_or_else(|| "    -      -".to_owned(), |c| format!("{:>5.2} {:>6.4}", c.psnr_db, c.ssim))
 }
 
 fn print_view(number: usize, view: &View) {
     let (stand, score) = (format!("{:?}", view.station.stand), view.score);
     println!(
-        "{number:>2} {stand:<8} {:>5}  {:>5}  {:.4}  {:>6.3} {:>6.3} {:>6.2}",
-        view.tau_px, view.nodes, score.iou, score.median_cells, score.p95_cells, score.psnr_db
+        "{number:>2} {stand:<8} {:>5}  {:>5}  {:.4}  {:>6.3} {:>6.3} |    {}  |      {:>6} {}",
+        view.tau_px,
+        view.nodes,
+        score.iou,
+        score.median_cells,
+        score.p95_cells,
+        colour(score.colour),
+        score.textured.map_or(0, |c| c.pixels),
+        colour(score.textured)
+    );
+}
+
+fn print_summary(of: &SummaryReport) {
+    println!(
+        "tau {}: IoU worst {:.4}, mean {:.4}, aerial worst {:.4}; deviation median {:.3}, p95 {:.3} cells (all views)",
+        of.tau_px, of.iou_worst, of.iou_mean, of.aerial_iou_worst, of.deviation_median_cells, of.deviation_p95_cells
+    );
+    println!(
+        "       PSNR and SSIM, means: city {}; textured {}; textured from the air {}",
+        colour(of.colour),
+        colour(of.textured),
+        colour(of.aerial_textured)
     );
 }
