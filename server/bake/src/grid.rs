@@ -5,7 +5,7 @@
 use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
 
 /// Leaves along a block's side: visibility maps are shared by the leaves of one block (design 5, step 2).
-pub const BLOCK_LEAVES: u32 = 4;
+pub const BLOCK_LEAVES: u32 = 2;
 
 /// The city's quadtree in space. Lengths in metres; "scene" coordinates are those of [`crate::scene::Scene`].
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -142,14 +142,14 @@ mod tests {
     use super::*;
     use crate::write::scratch::tests::Folder;
 
-    fn tile(x: u32, byte: u8, len: usize) -> Tile {
-        Tile { id: TileId::new(4, x, 9).unwrap(), z_min_m: -1.5, z_max_m: x as f32, bytes: vec![byte; len] }
+    fn tile([x, y]: [u32; 2], byte: u8, len: usize) -> Tile {
+        Tile { id: TileId::new(4, x, y).unwrap(), z_min_m: -1.5, z_max_m: x as f32, bytes: vec![byte; len] }
     }
 
     #[test]
     fn round_trip_and_damage() {
         let folder = Folder::new("pack");
-        let tiles = [tile(8, 1, 100), tile(9, 2, 7), tile(11, 3, 1000)];
+        let tiles = [tile([8, 8], 1, 100), tile([9, 8], 2, 7), tile([9, 9], 3, 1000)];
         let pack = PackId::of(tiles[0].id);
         assert_eq!(find(&folder.path, pack), None);
         let stored = write(&folder.path, pack, &tiles).unwrap();
