@@ -1,7 +1,7 @@
 //! A V-BlockMap's bytes. They are described in `docs/formats.md`.
 
 use super::{
-    BlockMap, COLUMNS, flag, geometry,
+    BlockMap, COLUMNS, flag,
     looks::{self, Loss},
     walls,
 };
@@ -24,7 +24,7 @@ pub enum Quality {
     /// Nothing.
     Lossless,
     /// Colours as much as keeps the peak signal-to-noise ratio of the node's opaque texels (8-bit sRGB, all three channels)
-    /// at or above so many dB; occlusion at most 2 of 63.
+    /// at or above so many dB; occlusion at most 3 of 63.
     Decibels(f32),
 }
 
@@ -43,17 +43,9 @@ impl BlockMap {
     /// are colour and occlusion of transparent texels. Errors: a map that [`BlockMap::from_columns`] would refuse.
     pub fn encode_at(&self, quality: Quality) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
-        let mut map = self.clone();
+        let loss = self.loss_at(quality);
         let mut coder = Encoder::default();
-        geometry::columns(&mut coder, &mut map);
-        walls::exposed(&mut coder, &mut map);
-        let steps = walls::facades(&map);
-        walls::walls(&mut coder, &mut map, &steps);
-        let loss = match quality {
-            Quality::Lossless => Loss::NONE,
-            Quality::Decibels(db) => Loss { colour: self.colour_step(&steps, db), ao: AO_STEP },
-        };
-        looks::looks(&mut coder, &mut map, &steps, loss);
+        self.clone().walk(&mut coder, loss)?;
         let mut writer = TileWriter::new(Kind::BlockMap, self.id);
         let mut meta = Vec::with_capacity(12);
         meta.extend_from_slice(&self.cell_m.to_le_bytes());
@@ -66,27 +58,31 @@ impl BlockMap {
         writer.finish()
     }
 
-    /// The largest step that keeps the quality.
-    fn colour_step(&self, steps: &[walls::Step], db: f32) -> u16 {
+    /// The largest steps that keep the quality.
+    pub fn loss_at(&self, quality: Quality) -> Loss {
+        let Quality::Decibels(db) = quality else { return Loss::NONE };
         let worst = 255.0 * 255.0 / 10f64.powf(f64::from(db) / 10.0);
+        let steps = walls::facades(self);
+        let loss = |colour| Loss { colour, ao: AO_STEP };
         let keeps = |colour: u16| {
             let mut map = self.clone();
-            looks::looks(&mut Rehearsal, &mut map, steps, Loss { colour, ao: AO_STEP });
+            looks::looks(&mut Rehearsal, &mut map, &steps, loss(colour));
             self.colour_error(&map) <= worst
         };
+        // Where there is a palette, any step does.
         if keeps(COLOUR_STEP_MAX) {
-            return COLOUR_STEP_MAX;
+            return loss(COLOUR_STEP_MAX);
         }
         let (mut good, mut bad) = (Loss::NONE.colour, COLOUR_STEP_MAX);
         while good + 1 < bad {
             let step = (good + bad) / 2;
             if keeps(step) { good = step } else { bad = step }
         }
-        good
+        loss(good)
     }
 
-    /// Mean squared difference of the opaque texels' colours, of a channel.
-    pub(super) fn colour_error(&self, other: &Self) -> f64 {
+    /// Mean squared difference of the opaque texels' colours, of a channel (8-bit sRGB); `other` has the same shapes.
+    pub fn colour_error(&self, other: &Self) -> f64 {
         let (mut sum, mut count) = (0u64, 0u64);
         let mut add = |a: Texel, b: Texel| {
             let squares = a.rgb().into_iter().zip(b.rgb()).map(|(a, b)| u64::from(a.abs_diff(b)).pow(2));

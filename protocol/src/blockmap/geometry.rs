@@ -59,6 +59,13 @@ fn slope(normal: u16, z_shift: u8) -> [i16; 2] {
     [u, v].map(|w| ((-w * codes * 32 + up).div_euclid(2 * up)).clamp(-4096, 4096) as i16)
 }
 
+/// Where a column's top goes on to, `step` cells away; not below zero.
+pub(super) fn plane_at(map: &BlockMap, i: usize, step: [i32; 2]) -> i32 {
+    let (flags, normal, z) = (map.flags[i], map.roof_normal[i], i32::from(map.z_max[i]));
+    let slope = if flags & flag::INCLINED != 0 { slope(normal, map.z_shift) } else { [0; 2] };
+    Top { z, normal, flags, slope }.at(step).clamp(0, i32::from(Z_CODE_MAX))
+}
+
 #[derive(Default)]
 struct Tops {
     occupied: [Bit; 16],

@@ -20,7 +20,7 @@ use crate::{
 
 /// How much may be lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Loss {
+pub struct Loss {
     /// Step of the brightness, in quarters; 4 loses nothing.
     pub(super) colour: u16,
     /// Step of the occlusion; 1 loses nothing.
@@ -32,6 +32,8 @@ impl Loss {
     pub(super) const NONE: Self = Self { colour: QUARTERS as u16, ao: 1 };
 }
 
+/// Most that an occlusion may be off where loss is allowed: a guess this near is taken as it is.
+const AO_ERROR: i32 = 3;
 /// Parts of a colour step of one.
 const QUARTERS: i32 = 4;
 
@@ -137,8 +139,9 @@ impl<'a, C: Coder> Texels<'a, C> {
         let level = |v: i32| (v + step / 2) / step;
         let look = |level: i32| (level * step).clamp(0, i32::from(AO_MAX));
         let guess = level(median(a, b, c));
+        let tolerance = if step == 1 { 0 } else { AO_ERROR };
         let k = match C::WRITES {
-            true if (value - look(guess)).abs() > step / 2 => level(value) - guess,
+            true if (value - look(guess)).abs() > tolerance => level(value) - guess,
             _ => 0,
         };
         look(guess + self.coder.number(&mut self.models.ao[class], k))

@@ -10,9 +10,11 @@ mod decode;
 mod encode;
 mod geometry;
 mod looks;
+mod walk;
 mod walls;
 
 pub use encode::Quality;
+pub use looks::Loss;
 
 use crate::{TileId, error::DecodeError, texel::Texel};
 

@@ -5,7 +5,7 @@
 
 use super::{
     BlockMap, CLIP_STEPS_PER_CELL, COLUMNS, Clip, Corner, NODE_CELLS, Outer, STEPS_PER_CELL, Z_CODE_MAX, flag,
-    geometry::neighbour,
+    geometry::{self, neighbour},
 };
 use crate::codec::range::{Bit, Coder, Number, Share};
 
@@ -324,8 +324,15 @@ fn code_clip<C: Coder>(
     }
     let from = before.and_then(|j| clips[j].outer).map(|outer| outer.z);
     let (low, high) = (i32::from(map.z_min[i]) + 1, i32::from(map.z_max[i]) - 1);
-    let (guess, model) = match (beyond, from) {
-        (Some(j), _) if map.z_max[j] < map.z_max[i] => (map.z_max[j], 0),
+    // One or two cells on, the first that is lower.
+    let lower = (1..=2).find_map(|k| {
+        let (dx, dy) = (towards(nx) * k, towards(ny) * k);
+        let j = neighbour(i, (dx, dy)).filter(|j| map.flags[*j] & flag::OCCUPIED != 0)?;
+        let top = geometry::plane_at(map, j, [-dx, -dy]);
+        (top < i32::from(map.z_max[i]) - i32::from(STEPS_PER_CELL >> map.z_shift) / 2).then_some(top as u16)
+    });
+    let (guess, model) = match (lower, from) {
+        (Some(z), _) => (z, 0),
         (_, Some(z)) => (z, 1),
         _ => (map.z_min[i], 2),
     };

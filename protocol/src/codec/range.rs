@@ -10,7 +10,7 @@ const BITS: u32 = 15;
 /// Below this the range takes another byte.
 const TOP: u32 = 1 << 24;
 /// After so many bits a model's memory stays as short as it is.
-const MEMORY: u8 = 90;
+const MEMORY: u8 = 40;
 
 /// How far a model moves towards its `n`-th bit, in 1/65536.
 const STEP: [u16; MEMORY as usize + 1] = {
