@@ -72,7 +72,8 @@ struct Tops {
     suspended: [Bit; 9],
     inclined: [Bit; 9],
     same: [[Bit; 4]; 4],
-    recent: [[Bit; RECENT]; 2],
+    listed: [Bit; 2],
+    recent: [[Bit; RECENT - 1]; 2],
     normal: [Number; 2],
     height: [Number; 10],
 }
@@ -195,14 +196,11 @@ fn normal<C: Coder>(
     }
     let place = recent.list.iter().position(|n| *n == value);
     let slope = |normal: u16| if kind == 0 { [0; 2] } else { slope(normal, z_shift) };
-    for (k, &other) in recent.list.iter().enumerate() {
-        if tried.contains(&Some(other)) {
-            continue;
-        }
-        if coder.bit(&mut models.recent[kind][k], place == Some(k)) {
-            recent.push(other);
-            return (other, slope(other));
-        }
+    if coder.bit(&mut models.listed[kind], place.is_some()) {
+        let place = coder.choice(&mut models.recent[kind], place.unwrap_or(0) as u32) as usize;
+        let other = recent.list.get(place).copied().unwrap_or_default();
+        recent.push(other);
+        return (other, slope(other));
     }
     let near = tried[0].unwrap_or(0x7f7f).to_le_bytes();
     let [u, v] = value.to_le_bytes();
@@ -262,9 +260,10 @@ pub(super) fn median(a: i32, b: i32, c: i32) -> i32 {
 
 #[derive(Default)]
 struct Bottoms {
-    /// Whether the guess is the ground around; by what the neighbours did.
+    /// Whether it is the ground around, and if not, whether it is nearer to that; by what the neighbours did.
+    just_ground: [Bit; 18],
     ground: [Bit; 18],
-    height: [Number; 6],
+    height: [Number; 4],
 }
 
 /// A column on the ground ends a little under the lowest ground around, another where its neighbours end: whichever is
@@ -294,12 +293,18 @@ fn bottoms<C: Coder>(coder: &mut C, map: &mut BlockMap, tops: &[Top]) {
         let suspended = usize::from(top.flags & flag::SUSPENDED != 0);
         let context = (suspended * 3 + usize::from(west.0)) * 3 + usize::from(south.0);
         let value = i32::from(map.z_min[i]);
-        let nearer = (value - ground).abs() <= (value - other).abs();
-        let on_ground = coder.bit(&mut models.ground[context], nearer);
-        let guess = if on_ground { ground } else { other };
-        let inclined = usize::from(top.flags & flag::INCLINED != 0);
-        let model = &mut models.height[if on_ground { 2 + inclined } else { suspended }];
-        last = (guess + coder.number(model, value - guess)).clamp(0, i32::from(u16::MAX));
+        // Mostly it is just there, so that is one bit.
+        let (on_ground, bottom) = if coder.bit(&mut models.just_ground[context], value == ground) {
+            (true, ground)
+        } else {
+            let nearer = (value - ground).abs() <= (value - other).abs();
+            let on_ground = coder.bit(&mut models.ground[context], nearer);
+            let guess = if on_ground { ground } else { other };
+            let inclined = usize::from(top.flags & flag::INCLINED != 0);
+            let model = &mut models.height[if on_ground { 2 + inclined } else { suspended }];
+            (on_ground, (guess + coder.number(model, value - guess)).clamp(0, i32::from(u16::MAX)))
+        };
+        last = bottom;
         done[at] = (if on_ground { 2 } else { 1 }, last);
         if !C::WRITES {
             map.z_min[i] = last as u16;

@@ -204,12 +204,13 @@ fn carried(j: usize, i: usize, azimuth: u8, offset: i8) -> i32 {
 }
 
 /// How many azimuths are remembered.
-const RECENT: usize = 12;
+const RECENT: usize = 16;
 
 #[derive(Default)]
 struct Azimuths {
     near: [[Bit; 3]; 2],
-    recent: [[Bit; RECENT]; 2],
+    listed: [Bit; 2],
+    recent: [[Bit; RECENT - 1]; 2],
     turn: [Number; 2],
     /// Azimuths, the one that came up last in front.
     list: Vec<u8>,
@@ -219,23 +220,18 @@ struct Azimuths {
 fn code_azimuth<C: Coder>(coder: &mut C, models: &mut Azimuths, near: &[Wall], but: Option<u8>, value: u8) -> u8 {
     let kind = usize::from(but.is_some());
     let near = near.iter().map(|wall| wall.azimuth).filter(|azimuth| Some(*azimuth) != but);
-    let mut tried = [false; 256];
     for (k, azimuth) in near.enumerate() {
         if coder.bit(&mut models.near[kind][k.min(2)], value == azimuth) {
             return azimuth;
         }
-        tried[usize::from(azimuth)] = true;
     }
     let found = models.list.iter().position(|azimuth| *azimuth == value);
-    for k in 0..models.list.len() {
-        let azimuth = models.list[k];
-        if tried[usize::from(azimuth)] || Some(azimuth) == but {
-            continue;
-        }
-        if coder.bit(&mut models.recent[kind][k], found == Some(k)) {
-            models.list[..=k].rotate_right(1);
-            return azimuth;
-        }
+    if coder.bit(&mut models.listed[kind], found.is_some()) {
+        let place = coder.choice(&mut models.recent[kind], found.unwrap_or(0) as u32) as usize;
+        let place = place.min(models.list.len().saturating_sub(1));
+        let azimuth = models.list.get(place).copied().unwrap_or_default();
+        models.list.get_mut(..=place).into_iter().for_each(|front| front.rotate_right(1));
+        return azimuth;
     }
     let guess = models.list.first().copied().unwrap_or(0);
     let turn = coder.number(&mut models.turn[kind], i32::from(value.wrapping_sub(guess) as i8));

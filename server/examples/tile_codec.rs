@@ -1,0 +1,272 @@
+//! Ways to code V-BlockMaps, compared on the tiles of baked cities: the figures of `docs/decisions/0001-tile-codec.md`.
+//!
+//! In: city folders, baked with `--quality lossless`. Out: a table. Next: a person.
+//!
+//! `cargo run --release -p insula-server --example tile_codec -- CITY...`
+
+use anyhow::{Context, ensure};
+use image::{ExtendedColorType, ImageEncoder, codecs};
+use insula_protocol::{
+    BlockMap, DecodeError, Texel,
+    blockmap::{COLUMNS, Quality, flag},
+    codec::{
+        range::{Bit, Coder, Number},
+        zstd,
+    },
+    route::Layer,
+    texel::ALPHA_MAX,
+};
+use insula_server::store::CityStore;
+use std::{collections::HashMap, io::Cursor, path::Path, time::Instant};
+
+/// The quality of the candidates with loss.
+const DB: f32 = 36.0;
+/// Timings are the best of so many.
+const ROUNDS: usize = 5;
+
+fn main() -> anyhow::Result<()> {
+    for city in std::env::args().skip(1) {
+        let store = CityStore::open(Path::new(&city))?;
+        let depth = store.manifest().depth;
+        let (mut leaves, mut parents) = (Vec::new(), Vec::new());
+        for (id, bytes) in store.archive(Layer::BlockMaps).tiles() {
+            let map = BlockMap::decode(&bytes).with_context(|| id.to_string())?;
+            if id.level() == depth { leaves.push(map) } else { parents.push(map) }
+        }
+        ensure!(!leaves.is_empty() && !parents.is_empty(), "{city} has no leaves or no parents");
+        println!("\n{city}: {} leaves, {} parents", leaves.len(), parents.len());
+        println!("{:<44} {:>8} {:>8} {:>7} {:>10}", "", "leaf B", "parent B", "dB", "decode us");
+        for candidate in CANDIDATES {
+            candidate.measure(&leaves, &parents)?;
+        }
+    }
+    Ok(())
+}
+
+/// A tile as some codec makes it.
+struct Coded {
+    bytes: usize,
+    /// What a reader sees; none where only the size is known.
+    back: Option<BlockMap>,
+    decode_us: Option<f64>,
+}
+
+struct Candidate {
+    name: &'static str,
+    code: fn(&BlockMap) -> anyhow::Result<Coded>,
+}
+
+const CANDIDATES: &[Candidate] = &[
+    Candidate { name: "all, lossless: byte planes, zstd 19", code: planes },
+    Candidate { name: "all, lossless: range coder", code: |map| tile(map, Quality::Lossless) },
+    Candidate { name: "all, 36 dB: same guesses, zstd 19", code: residuals },
+    Candidate { name: "all, 36 dB: same guesses, static (bound)", code: statics },
+    Candidate { name: "all, 36 dB: range coder (taken)", code: |map| tile(map, Quality::Decibels(DB)) },
+    Candidate { name: "all, 40 dB: range coder", code: |map| tile(map, Quality::Decibels(40.0)) },
+    Candidate { name: "colours alone, lossless: PNG", code: |map| picture(map, png) },
+    Candidate { name: "colours alone, lossless: WebP", code: |map| picture(map, webp) },
+    Candidate { name: "colours alone, 36 dB: JPEG", code: jpeg },
+    Candidate { name: "colours alone, 36 dB: range coder (taken)", code: colours_alone },
+];
+
+impl Candidate {
+    fn measure(&self, leaves: &[BlockMap], parents: &[BlockMap]) -> anyhow::Result<()> {
+        let mut squares = 0.0;
+        let mut times = Vec::new();
+        let mut mean = |maps: &[BlockMap]| -> anyhow::Result<f64> {
+            let mut sum = 0;
+            for map in maps {
+                let coded = (self.code)(map)?;
+                sum += coded.bytes;
+                times.extend(coded.decode_us);
+                squares += coded.back.map_or(0.0, |back| map.colour_error(&back));
+            }
+            Ok(sum as f64 / maps.len() as f64)
+        };
+        let (leaf, parent) = (mean(leaves)?, mean(parents)?);
+        times.sort_by(f64::total_cmp);
+        let squares = squares / (leaves.len() + parents.len()) as f64;
+        let db = if squares > 0.0 { format!("{:.1}", 10.0 * (255.0 * 255.0 / squares).log10()) } else { "-".into() };
+        let time = times.get(times.len() / 2).map_or("-".into(), |us| format!("{us:.0}"));
+        println!("{:<44} {leaf:>8.0} {parent:>8.0} {db:>7} {time:>10}", self.name);
+        Ok(())
+    }
+}
+
+fn best_us(mut work: impl FnMut() -> anyhow::Result<()>) -> anyhow::Result<f64> {
+    let mut best = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let start = Instant::now();
+        work()?;
+        best = best.min(start.elapsed().as_secs_f64() * 1e6);
+    }
+    Ok(best)
+}
+
+fn tile(map: &BlockMap, quality: Quality) -> anyhow::Result<Coded> {
+    let bytes = map.encode_at(quality)?;
+    let back = BlockMap::decode(&bytes)?;
+    let decode_us = best_us(|| Ok(drop(std::hint::black_box(BlockMap::decode(&bytes)?))))?;
+    Ok(Coded { bytes: bytes.len(), back: Some(back), decode_us: Some(decode_us) })
+}
+
+/// Every field as planes of bytes, colours as differences from the texel before.
+fn planes(map: &BlockMap) -> anyhow::Result<Coded> {
+    let occupied: Vec<usize> = (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0).collect();
+    let mut raw = map.flags.clone();
+    for field in [&map.z_max, &map.z_min, &map.roof_normal] {
+        raw.extend(occupied.iter().map(|i| field[*i] as u8));
+        raw.extend(occupied.iter().map(|i| (field[*i] >> 8) as u8));
+    }
+    raw.extend(occupied.iter().map(|i| map.wall_azimuth[*i]));
+    for clip in &map.clips {
+        let (corner, outer) = (clip.corner.unwrap_or_default(), clip.outer.unwrap_or_default());
+        raw.extend([clip.offset as u8, corner.azimuth, corner.offset as u8, outer.z as u8, (outer.z >> 8) as u8]);
+        raw.extend(outer.roof.0.to_le_bytes());
+    }
+    let texels: Vec<[u8; 4]> = texels(map).map(|texel| texel.0.to_le_bytes()).collect();
+    for part in 0..4 {
+        let mut last = 0u8;
+        for texel in &texels {
+            let now = if part % 2 == 0 { texel[part].wrapping_sub(texel[1]) } else { texel[part] };
+            raw.push(now.wrapping_sub(std::mem::replace(&mut last, now)));
+        }
+    }
+    let packed = zstd::compress(&raw)?;
+    Ok(Coded { bytes: packed.len(), back: None, decode_us: None })
+}
+
+fn texels(map: &BlockMap) -> impl Iterator<Item = Texel> {
+    let occupied = (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0);
+    occupied.map(|i| map.roof[i]).chain(map.strips.iter().copied())
+}
+
+/// Walks over the map as it is written at [`DB`].
+fn walk(map: &BlockMap, coder: &mut impl Coder) -> Result<BlockMap, DecodeError> {
+    let mut back = map.clone();
+    back.walk(coder, map.loss_at(Quality::Decibels(DB)))?;
+    Ok(back)
+}
+
+/// Keeps what is to be coded as bytes: numbers in one run, bits in another.
+#[derive(Default)]
+struct Record {
+    numbers: Vec<u8>,
+    bits: Vec<u8>,
+}
+
+impl Coder for Record {
+    const WRITES: bool = true;
+
+    fn bit(&mut self, _: &mut Bit, bit: bool) -> bool {
+        self.bits.push(u8::from(bit));
+        bit
+    }
+
+    fn number(&mut self, _: &mut Number, value: i32) -> i32 {
+        insula_protocol::codec::varint::push(&mut self.numbers, insula_protocol::codec::varint::zigzag(value));
+        value
+    }
+}
+
+fn residuals(map: &BlockMap) -> anyhow::Result<Coded> {
+    let mut record = Record::default();
+    let back = walk(map, &mut record)?;
+    let bits: Vec<u8> = record.bits.chunks(8).map(|byte| byte.iter().fold(0, |sum, bit| sum << 1 | bit)).collect();
+    let bytes = zstd::compress(&record.numbers)?.len() + zstd::compress(&bits)?.len();
+    Ok(Coded { bytes, back: Some(back), decode_us: None })
+}
+
+/// Counts each model's bits: what fixed tables would need, with a byte a model for the table.
+#[derive(Default)]
+struct Count {
+    models: HashMap<*const Bit, [u32; 2]>,
+}
+
+impl Coder for Count {
+    const WRITES: bool = true;
+
+    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+        self.models.entry(model).or_default()[usize::from(bit)] += 1;
+        bit
+    }
+}
+
+fn statics(map: &BlockMap) -> anyhow::Result<Coded> {
+    let mut count = Count::default();
+    let back = walk(map, &mut count)?;
+    let bits = |[a, b]: [u32; 2]| {
+        let (a, b) = (f64::from(a), f64::from(b));
+        let part = |n: f64| if n > 0.0 { n * ((a + b) / n).log2() } else { 0.0 };
+        8.0 + part(a) + part(b)
+    };
+    let bytes = count.models.into_values().map(bits).sum::<f64>() / 8.0;
+    Ok(Coded { bytes: bytes.ceil() as usize, back: Some(back), decode_us: None })
+}
+
+/// Roofs and strips as a picture 64 texels wide.
+fn atlas(map: &BlockMap) -> (Vec<u8>, u32) {
+    let strips = map.strips.iter().filter(|texel| texel.alpha() == ALPHA_MAX);
+    let mut rgb: Vec<u8> = map.roof.iter().chain(strips).flat_map(|texel| texel.rgb()).collect();
+    let height = rgb.len().div_ceil(64 * 3);
+    rgb.resize(height * 64 * 3, 0);
+    (rgb, height as u32)
+}
+
+fn picture(map: &BlockMap, encode: fn(&[u8], u32) -> anyhow::Result<Vec<u8>>) -> anyhow::Result<Coded> {
+    let (rgb, height) = atlas(map);
+    let bytes = encode(&rgb, height)?;
+    let decode_us = best_us(|| Ok(drop(std::hint::black_box(image::load_from_memory(&bytes)?))))?;
+    Ok(Coded { bytes: bytes.len(), back: None, decode_us: Some(decode_us) })
+}
+
+fn png(rgb: &[u8], height: u32) -> anyhow::Result<Vec<u8>> {
+    let mut out = Vec::new();
+    let (best, filter) = (codecs::png::CompressionType::Best, codecs::png::FilterType::Adaptive);
+    codecs::png::PngEncoder::new_with_quality(&mut out, best, filter).write_image(
+        rgb,
+        64,
+        height,
+        ExtendedColorType::Rgb8,
+    )?;
+    Ok(out)
+}
+
+fn webp(rgb: &[u8], height: u32) -> anyhow::Result<Vec<u8>> {
+    let mut out = Cursor::new(Vec::new());
+    codecs::webp::WebPEncoder::new_lossless(&mut out).encode(rgb, 64, height, ExtendedColorType::Rgb8)?;
+    Ok(out.into_inner())
+}
+
+/// The smallest JPEG that keeps [`DB`]; all of its pixels count.
+fn jpeg(map: &BlockMap) -> anyhow::Result<Coded> {
+    let (rgb, height) = atlas(map);
+    let worst = 255.0 * 255.0 / 10f64.powf(f64::from(DB) / 10.0);
+    for quality in (30..=100).step_by(5) {
+        let mut bytes = Vec::new();
+        codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality).encode(
+            &rgb,
+            64,
+            height,
+            ExtendedColorType::Rgb8,
+        )?;
+        let back = image::load_from_memory(&bytes)?.to_rgb8();
+        let squares: f64 = rgb.iter().zip(back.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
+        if squares / rgb.len() as f64 <= worst || quality == 100 {
+            let decode_us = best_us(|| Ok(drop(std::hint::black_box(image::load_from_memory(&bytes)?))))?;
+            return Ok(Coded { bytes: bytes.len(), back: None, decode_us: Some(decode_us) });
+        }
+    }
+    anyhow::bail!("no quality was tried")
+}
+
+/// How much smaller the tile would be in one colour.
+fn colours_alone(map: &BlockMap) -> anyhow::Result<Coded> {
+    let mut grey = map.clone();
+    let one = |texel: &mut Texel| *texel = if texel.alpha() == 0 { *texel } else { Texel(texel.0 & 0xff00_0000) };
+    grey.roof.iter_mut().chain(&mut grey.strips).for_each(one);
+    grey.clips.iter_mut().filter_map(|clip| clip.outer.as_mut()).for_each(|outer| one(&mut outer.roof));
+    let whole = tile(map, Quality::Decibels(DB))?;
+    let bytes = whole.bytes - grey.encode_at(Quality::Decibels(DB))?.len();
+    Ok(Coded { bytes, back: whole.back, decode_us: None })
+}
