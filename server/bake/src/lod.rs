@@ -226,7 +226,8 @@ fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], cell_m: f32) 
     let n = NODE_CELLS as i32;
     let (x, y) = (i as i32 % n, i as i32 / n);
     let rim = x == 0 || y == 0 || x == n - 1 || y == n - 1;
-    if merged[i].clip.is_some() || rim && four.iter().flatten().any(|f| f.wall.is_some()) {
+    if merged[i].clip.is_some() || merged[i].solids.len() > 1 || rim && four.iter().flatten().any(|f| f.wall.is_some())
+    {
         return true;
     }
     [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {

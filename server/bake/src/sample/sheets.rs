@@ -18,6 +18,8 @@ use std::collections::BTreeMap;
 const FULL: f32 = 0.45;
 /// The same for a row beside a full one of the same wall, which goes on there.
 const REST: f32 = 0.03;
+/// Thickness, in cells, that a wall has at least: on its cell's border it would have none, and rays would slip through.
+const THICKNESS: f32 = 0.125;
 /// Cosine of the normals of pieces of the same wall, at least.
 const SAME_COSINE: f32 = 0.95;
 
@@ -39,6 +41,13 @@ impl Row {
         let normal = self.normal.normalize_or_zero();
         let even = self.normal.length() > SAME_COSINE * self.area_m2;
         even.then(|| Plane { normal, offset_m: normal.dot(self.at) / self.area_m2 })
+    }
+
+    /// The wall's plane, with some of the cell behind it.
+    fn thick_plane(&self, cell_m: f32) -> Option<Plane> {
+        let plane = self.plane()?;
+        let least_m = (THICKNESS - 0.5 * (plane.normal.x.abs() + plane.normal.y.abs())) * cell_m;
+        Some(Plane { offset_m: plane.offset_m.max(least_m), ..plane })
     }
 }
 
@@ -67,7 +76,7 @@ pub(super) fn add(block: &Block, candidates: &[Candidate], cells: &mut Cells) {
     }
     for (&(x, y, _), row) in rows.iter().filter(|(key, row)| stands(&rows, **key, row, c)) {
         let solid = Solid { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
-        cells.insert(x, y, solid, row.base_z_m, row.plane());
+        cells.insert(x, y, solid, row.base_z_m, row.thick_plane(c));
     }
 }
 

@@ -275,10 +275,12 @@ impl Cells {
         }
     }
 
-    /// Whether more than one voxel of a side is open: whether the column is a wall (Vacca 2008, 3.1.1).
+    /// Whether more than one voxel of a side is open: whether the column is a wall (Vacca 2008, 3.1.1). A gap was seen, or it
+    /// would not be there, even where all columns around have the same.
     pub(super) fn exposed(&self, x: i32, y: i32) -> bool {
         let Some(own) = self.at(x, y) else { return false };
         own.column.clip.is_some()
+            || own.column.solids.len() > 1
             || [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
                 let other = self.at(x + dx, y + dy).map(|c| &c.column);
                 let half = Vec2::new(dx as f32, dy as f32) * (0.5 * self.cell_m);
