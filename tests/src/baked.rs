@@ -50,6 +50,12 @@ impl Baked {
         levels
     }
 
+    /// All nodes of a level.
+    pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
+        let tiles = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == level);
+        tiles.map(|(id, bytes)| BlockMap::decode(&bytes).with_context(|| format!("tile {id}"))).collect()
+    }
+
     /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
     pub fn select(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
         let px_per_rad = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());

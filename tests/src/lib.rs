@@ -17,3 +17,4 @@ pub mod truth;
 pub mod twin;
 pub mod view;
 pub mod viewer;
+pub mod zoo;
