@@ -179,7 +179,7 @@ pub struct Thing {
     pub truth: Truth,
     /// The city that came of them.
     pub baked: Baked,
-    /// Where pictures go, without extension.
+    /// Where its picture goes.
     picture: PathBuf,
     _folder: tempfile::TempDir,
 }
@@ -193,7 +193,12 @@ impl Thing {
         insula_bake::bake_scene(scene.clone(), ReadReport::default(), &options, &Silent).context("bake")?;
         let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
         fs::create_dir_all(&pictures)?;
-        Ok(Self { truth: Truth::new(scene), baked: Baked::open(&out)?, picture: pictures.join(name), _folder: folder })
+        Ok(Self {
+            truth: Truth::new(scene),
+            baked: Baked::open(&out)?,
+            picture: pictures.join(format!("{name}.png")),
+            _folder: folder,
+        })
     }
 
     /// Its leaves.
@@ -238,7 +243,7 @@ impl Thing {
                 "the thing is not in the picture"
             );
         }
-        picture.save(self.picture.with_extension("png"))?;
+        picture.save(&self.picture)?;
         Ok(Judged { iou: both / either, near: near / both, coloured: coloured / near })
     }
 }
