@@ -350,7 +350,8 @@ fn occlusion_goes_on_over_node_borders() {
         inside.len()
     );
     assert!(across.len() > 200 && inside.len() > 1600);
-    assert!(across_mean <= 1.3 * inside_mean + 0.25, "{across_mean} over borders, {inside_mean} inside, of 63");
+    // Tiles are coded with a loss, each by itself: half a step of 63 is not seen.
+    assert!(across_mean <= 1.3 * inside_mean + 0.5, "{across_mean} over borders, {inside_mean} inside, of 63");
 }
 
 #[test]
