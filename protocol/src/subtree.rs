@@ -69,7 +69,7 @@ impl Subtree {
             }
             raw.extend_from_slice(&node.blockmap_bytes.to_le_bytes());
         }
-        let mut writer = TileWriter::new(Kind::Subtree, root);
+        let mut writer = TileWriter::new(Kind::Subtree, Some(root));
         writer.section(TAG_NODES, &raw)?;
         writer.finish()
     }
@@ -77,13 +77,14 @@ impl Subtree {
     /// Reads a tile; ids follow from the child masks.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, Kind::Subtree)?;
-        if !Self::is_root(tile.id) {
+        let id = tile.id.ok_or(DecodeError::Invalid("a subtree without a name"))?;
+        if !Self::is_root(id) {
             return Err(DecodeError::Invalid("a subtree whose level is no multiple of five"));
         }
         let raw = tile.section(TAG_NODES, MAX_NODES * NODE_BYTES)?;
         let mut reader = Reader::new(&raw);
-        let end = tile.id.level() + LEVELS;
-        let mut ids = vec![tile.id];
+        let end = id.level() + LEVELS;
+        let mut ids = vec![id];
         let mut nodes = Vec::with_capacity(raw.len() / NODE_BYTES);
         let mut next = 0;
         while let Some(&id) = ids.get(next) {

@@ -44,7 +44,7 @@ struct SectionEntry {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Header {
-    id: TileId,
+    id: Option<TileId>,
     sections: Vec<SectionEntry>,
 }
 
@@ -57,8 +57,8 @@ pub struct TileWriter {
 }
 
 impl TileWriter {
-    /// An empty tile.
-    pub fn new(kind: Kind, id: TileId) -> Self {
+    /// An empty tile. Kinds whose content says nothing of its place have no `id`, so that equal ones are equal bytes.
+    pub fn new(kind: Kind, id: Option<TileId>) -> Self {
         Self { kind, header: Header { id, sections: Vec::new() }, body: Vec::new() }
     }
 
@@ -122,8 +122,8 @@ fn limit(what: &'static str, found: usize, limit: u32) -> DecodeError {
 /// A tile whose frame and checksums are right; its sections are not looked into yet.
 #[derive(Debug)]
 pub struct TileReader<'a> {
-    /// The node that it says it is.
-    pub id: TileId,
+    /// The node that it says it is, in kinds that do.
+    pub id: Option<TileId>,
     sections: Vec<(SectionEntry, &'a [u8])>,
 }
 

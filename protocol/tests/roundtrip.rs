@@ -62,7 +62,7 @@ proptest! {
     #[test]
     fn any_map_round_trips(map in map()) {
         let bytes = map.encode().unwrap();
-        let back = BlockMap::decode(&bytes).unwrap();
+        let back = BlockMap::decode(map.id, &bytes).unwrap();
         prop_assert!(back.flags == map.flags, "flags");
         prop_assert!((&back.z_min, &back.z_max, &back.gaps) == (&map.z_min, &map.z_max, &map.gaps), "heights");
         prop_assert!((&back.roof_normal, &back.wall_azimuth) == (&map.roof_normal, &map.wall_azimuth), "directions");
@@ -78,7 +78,7 @@ proptest! {
     fn loss_is_where_it_may_be_and_no_larger(map in map(), db in 10f32..60.0) {
         let bytes = map.encode_at(Quality::Decibels(db)).unwrap();
         prop_assert_eq!(&map.encode_at(Quality::Decibels(db)).unwrap(), &bytes);
-        let back = BlockMap::decode(&bytes).unwrap();
+        let back = BlockMap::decode(map.id, &bytes).unwrap();
         let texels = |map: &BlockMap| -> Vec<Texel> {
             let outers = map.clips.iter().filter_map(|clip| Some(clip.outer?.roof));
             map.roof.iter().chain(&map.strips).copied().chain(outers).collect()
@@ -107,12 +107,12 @@ proptest! {
 
     #[test]
     fn any_columns_decode_to_a_map_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 1..3000), shift in 0u8..=4) {
-        let mut writer = TileWriter::new(Kind::BlockMap, TileId::ROOT);
+        let mut writer = TileWriter::new(Kind::BlockMap, None);
         let meta = [&1f32.to_le_bytes()[..], &0i32.to_le_bytes(), &[shift], &32u16.to_le_bytes(), &[4]].concat();
         writer.coded_section(1, &meta).unwrap();
         writer.coded_section(2, &bytes).unwrap();
-        if let Ok(map) = BlockMap::decode(&writer.finish().unwrap()) {
-            prop_assert_eq!(BlockMap::decode(&map.encode().unwrap()).unwrap(), map);
+        if let Ok(map) = BlockMap::decode(TileId::ROOT, &writer.finish().unwrap()) {
+            prop_assert_eq!(BlockMap::decode(TileId::ROOT, &map.encode().unwrap()).unwrap(), map);
         }
     }
 
@@ -121,12 +121,12 @@ proptest! {
         let mut bytes = map.encode().unwrap();
         let at = at % bytes.len();
         bytes[at] ^= 1 << bit;
-        prop_assert!(BlockMap::decode(&bytes).is_err());
+        prop_assert!(BlockMap::decode(TileId::ROOT, &bytes).is_err());
     }
 
     #[test]
     fn any_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        prop_assert!(BlockMap::decode(&bytes).is_err());
+        prop_assert!(BlockMap::decode(TileId::ROOT, &bytes).is_err());
     }
 }
 
@@ -136,10 +136,10 @@ fn every_truncation_and_extra_bytes_are_refused() {
     columns[77] = Some(Column { z_min: 3, z_max: 40, ..Column::default() });
     let bytes = BlockMap::from_columns(TileId::ROOT, 1.0, -3, 0, &columns).unwrap().encode().unwrap();
     for len in 0..bytes.len() {
-        assert!(BlockMap::decode(&bytes[..len]).is_err(), "{len} of {}", bytes.len());
+        assert!(BlockMap::decode(TileId::ROOT, &bytes[..len]).is_err(), "{len} of {}", bytes.len());
     }
     let longer = [&bytes[..], &[0]].concat();
-    assert_eq!(BlockMap::decode(&longer), Err(DecodeError::TrailingBytes(1)));
+    assert_eq!(BlockMap::decode(TileId::ROOT, &longer), Err(DecodeError::TrailingBytes(1)));
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn subtree() -> Subtree {
 
 #[test]
 fn version_2_block_maps_can_be_read() {
-    assert_eq!(BlockMap::decode(BLOCKMAP).unwrap(), blockmap());
+    assert_eq!(BlockMap::decode(blockmap().id, BLOCKMAP).unwrap(), blockmap());
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn version_2_subtrees_can_be_read() {
 
 #[test]
 fn what_the_encoder_writes_today_is_the_same_map() {
-    assert_eq!(BlockMap::decode(&blockmap().encode().unwrap()).unwrap(), blockmap());
+    assert_eq!(BlockMap::decode(blockmap().id, &blockmap().encode().unwrap()).unwrap(), blockmap());
 }
 
 #[test]

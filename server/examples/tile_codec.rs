@@ -30,7 +30,7 @@ fn main() -> anyhow::Result<()> {
         let depth = store.manifest().depth;
         let (mut leaves, mut parents) = (Vec::new(), Vec::new());
         for (id, bytes) in store.archive(Layer::BlockMaps).tiles() {
-            let map = BlockMap::decode(&bytes).with_context(|| id.to_string())?;
+            let map = BlockMap::decode(id, &bytes).with_context(|| id.to_string())?;
             if id.level() == depth { leaves.push(map) } else { parents.push(map) }
         }
         ensure!(!leaves.is_empty() && !parents.is_empty(), "{city} has no leaves or no parents");
@@ -105,8 +105,8 @@ fn best_us<T>(mut work: impl FnMut() -> anyhow::Result<T>) -> anyhow::Result<f64
 
 fn tile(map: &BlockMap, quality: Quality) -> anyhow::Result<Coded> {
     let bytes = map.encode_at(quality)?;
-    let back = BlockMap::decode(&bytes)?;
-    let decode_us = best_us(|| Ok(BlockMap::decode(&bytes)?))?;
+    let back = BlockMap::decode(map.id, &bytes)?;
+    let decode_us = best_us(|| Ok(BlockMap::decode(map.id, &bytes)?))?;
     Ok(Coded { bytes: bytes.len(), back: Some(back), decode_us: Some(decode_us) })
 }
 

@@ -53,7 +53,7 @@ impl Baked {
     /// All nodes of a level.
     pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
         let tiles = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == level);
-        tiles.map(|(id, bytes)| BlockMap::decode(&bytes).with_context(|| format!("tile {id}"))).collect()
+        tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))).collect()
     }
 
     /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
@@ -82,7 +82,9 @@ impl Baked {
     pub fn leaves(&self) -> Result<BTreeMap<TileId, BlockMap>> {
         let depth = self.manifest().depth;
         let leaves = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == depth);
-        leaves.map(|(id, bytes)| Ok((id, BlockMap::decode(&bytes).with_context(|| format!("tile {id}"))?))).collect()
+        leaves
+            .map(|(id, bytes)| Ok((id, BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))?)))
+            .collect()
     }
 
     /// Decodes these nodes.
@@ -91,8 +93,7 @@ impl Baked {
         let mut cut = Cut::new(Place { origin: manifest.origin, root_side_m: manifest.root_side_m });
         for id in ids {
             let bytes = self.store.tile(Layer::BlockMaps, *id).with_context(|| format!("no tile {id}"))?;
-            let map = BlockMap::decode(&bytes).with_context(|| format!("tile {id}"))?;
-            anyhow::ensure!(map.id == *id, "tile {id} says that it is {}", map.id);
+            let map = BlockMap::decode(*id, &bytes).with_context(|| format!("tile {id}"))?;
             cut.add(&map);
         }
         Ok(cut)

@@ -44,20 +44,16 @@ pub async fn on_worker(key: Key, bytes: Bytes, decoders: Arc<Semaphore>) -> Resu
     decoded.map_err(FetchError::Damaged)
 }
 
-/// Decodes `bytes`, which must be the tile of `key`.
+/// Decodes `bytes`, fetched as the tile of `key`.
 pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
-    const OTHER: DecodeError = DecodeError::Invalid("the tile of another node");
     match key.layer() {
         Layer::Subtrees => {
             let subtree = Subtree::decode(bytes)?;
             let same = subtree.nodes.first().is_some_and(|root| root.id == key.id);
-            if same { Ok(Decoded::Subtree(subtree)) } else { Err(OTHER) }
+            if same { Ok(Decoded::Subtree(subtree)) } else { Err(DecodeError::Invalid("the subtree of another node")) }
         }
         Layer::BlockMaps => {
-            let map = BlockMap::decode(bytes)?;
-            if map.id != key.id {
-                return Err(OTHER);
-            }
+            let map = BlockMap::decode(key.id, bytes)?;
             Ok(Decoded::Node(Box::new(PackedNode::new(&map))))
         }
     }
@@ -73,7 +69,6 @@ mod tests {
         let id = TileId::new(3, 1, 2).unwrap();
         let bytes = BlockMap::empty(id, 1.0, 0, 0).encode().unwrap();
         assert!(matches!(decode(Key::block_map(id), &bytes), Ok(Decoded::Node(_))));
-        assert!(decode(Key::block_map(TileId::ROOT), &bytes).is_err());
         assert!(decode(Key::subtree(TileId::ROOT), &bytes).is_err());
     }
 }

@@ -6,6 +6,7 @@ use super::{
     looks::Loss,
 };
 use crate::{
+    TileId,
     codec::{range::Decoder, varint::Reader},
     error::DecodeError,
     texel::AO_MAX,
@@ -13,11 +14,14 @@ use crate::{
 };
 
 impl BlockMap {
-    /// Reads a tile. Allocates at most what [`COLUMNS`](super::COLUMNS) and
+    /// Reads the tile of node `id`. The bytes do not say whose they are: equal squares of a city are one tile. Allocates at most what [`COLUMNS`](super::COLUMNS) and
     /// [`MAX_TEXELS`](super::MAX_TEXELS) allow.
-    pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
+    pub fn decode(id: TileId, bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, Kind::BlockMap)?;
-        let (mut map, loss) = read_meta(&tile)?;
+        if tile.id.is_some() {
+            return Err(DecodeError::Invalid("a V-BlockMap with a name"));
+        }
+        let (mut map, loss) = read_meta(id, &tile)?;
         let columns = tile.section(tag::COLUMNS, MAX_SECTION_BYTES as usize)?;
         let mut coder = Decoder::new(&columns);
         map.walk(&mut coder, loss)?;
@@ -29,7 +33,7 @@ impl BlockMap {
     }
 }
 
-fn read_meta(tile: &TileReader<'_>) -> Result<(BlockMap, Loss), DecodeError> {
+fn read_meta(id: TileId, tile: &TileReader<'_>) -> Result<(BlockMap, Loss), DecodeError> {
     let meta = tile.section(tag::META, 12)?;
     let mut reader = Reader::new(&meta);
     let (cell_m, z_base_cells, z_shift) = (reader.f32()?, reader.u32()? as i32, reader.u8()?);
@@ -41,5 +45,5 @@ fn read_meta(tile: &TileReader<'_>) -> Result<(BlockMap, Loss), DecodeError> {
     if !(Loss::NONE.colour..=COLOUR_STEP_MAX).contains(&loss.colour) || !(Loss::NONE.ao..=AO_MAX).contains(&loss.ao) {
         return Err(DecodeError::Invalid("step of colours or occlusion out of range"));
     }
-    Ok((BlockMap::empty(tile.id, cell_m, z_base_cells, z_shift), loss))
+    Ok((BlockMap::empty(id, cell_m, z_base_cells, z_shift), loss))
 }

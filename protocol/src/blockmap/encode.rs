@@ -46,7 +46,7 @@ impl BlockMap {
         let loss = self.loss_at(quality);
         let mut coder = Encoder::default();
         self.clone().walk(&mut coder, loss)?;
-        let mut writer = TileWriter::new(Kind::BlockMap, self.id);
+        let mut writer = TileWriter::new(Kind::BlockMap, None);
         let mut meta = Vec::with_capacity(12);
         meta.extend_from_slice(&self.cell_m.to_le_bytes());
         meta.extend_from_slice(&self.z_base_cells.to_le_bytes());

@@ -6,7 +6,11 @@ mod support;
 
 use std::{fs, path::Path, sync::Mutex};
 
-use insula_bake::{BakeError, BakeOptions, Progress, Silent, bake_scene, read::ReadReport, scene::Scene};
+use insula_bake::{
+    BakeError, BakeOptions, Progress, Silent, bake_scene,
+    read::ReadReport,
+    scene::{Object, ObjectKind, Scene, Triangle},
+};
 use insula_protocol::{BlockMap, Manifest, TileId, manifest::Attribution, subtree::NodeInfo};
 use support::{Archive, Folder, bake, city, files, manifest, nodes, options, partial};
 
@@ -52,7 +56,7 @@ fn every_named_node_has_a_tile_and_spheres_and_errors_nest() {
     for (id, node) in &nodes {
         let bytes = archive.get(*id).unwrap();
         assert_eq!(bytes.len() as u32, node.blockmap_bytes);
-        let map = BlockMap::decode(&bytes).unwrap();
+        let map = BlockMap::decode(*id, &bytes).unwrap();
         assert_eq!((map.id, f64::from(map.cell_m)), (*id, manifest.cell_m_at(id.level())));
         for i in (0..map.flags.len()).filter(|i| map.flags[*i] != 0) {
             let [low, high] = [map.z_min[i], map.z_max[i]]
@@ -67,6 +71,26 @@ fn every_named_node_has_a_tile_and_spheres_and_errors_nest() {
         }
         assert!(id.parent().is_none_or(|parent| nodes.contains_key(&parent)));
     }
+}
+
+#[test]
+fn equal_squares_are_stored_once() {
+    let folder = Folder::new("equal");
+    let mut scene = Scene { materials: city().materials, ..Scene::default() };
+    let corner = |x: f32, y: f32| [x * 1000.0, y * 1000.0, 5.0];
+    for corners in
+        [[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)], [corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]]
+    {
+        scene.triangles.push(Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 });
+    }
+    scene.objects.push(Object { id: "plain".into(), kind: ObjectKind::Terrain, base_z_m: 5.0 });
+    let out = folder.out("plain");
+    bake_scene(scene, ReadReport::default(), &options(&out, 2), &Silent).unwrap();
+    // Of a PMTiles v3 header: tiles that can be asked for, and contents that are stored.
+    let header = fs::read(out.join("blockmaps.pmtiles")).unwrap();
+    let number = |at: usize| u64::from_le_bytes(header[at..at + 8].try_into().unwrap());
+    let (tiles, contents) = (number(72), number(88));
+    assert!(tiles > 40 && contents < tiles / 2, "{contents} contents for {tiles} tiles");
 }
 
 #[test]

@@ -35,9 +35,8 @@ fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64
     for (id, bytes) in city.archive(Layer::BlockMaps).tiles() {
         lengths.insert(id, bytes.len() as u64);
         let mut fault = |what: String| faults.push(format!("blockmaps/{id}: {what}"));
-        match BlockMap::decode(&bytes) {
+        match BlockMap::decode(id, &bytes) {
             Err(error) => fault(error.to_string()),
-            Ok(map) if map.id != id => fault(format!("it says that it is {}", map.id)),
             Ok(map) => {
                 let wanted_m = city.manifest().cell_m_at(id.level());
                 if (f64::from(map.cell_m) / wanted_m - 1.0).abs() > 1e-5 {

@@ -66,7 +66,7 @@ fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError>
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     for stored in id.children().filter_map(|child| tree.get(child)) {
         let bytes = reader.read(stored)?;
-        let child = BlockMap::decode(&bytes).map_err(BakeError::tile(stored.id, "read back"))?;
+        let child = BlockMap::decode(stored.id, &bytes).map_err(BakeError::tile(stored.id, "read back"))?;
         children[stored.id.quadrant()] = Some(child);
         (low, high) = (low.min(stored.z_min_m), high.max(stored.z_max_m));
     }
