@@ -37,6 +37,25 @@ fn tiles_come_back_byte_for_byte() {
 }
 
 #[test]
+fn nodes_that_share_a_tile_are_all_there() {
+    let folder = folder();
+    let id = |i: u32| TileId::new(4, i % 16, i / 16).unwrap();
+    let bytes = |i: u32| if i % 16 < 8 { b"same".to_vec() } else { id(i).to_string().into_bytes() };
+    let tiles: Vec<_> = (0..256).map(|i| (id(i), bytes(i))).collect();
+    common::archive(&folder.path().join("blockmaps.pmtiles"), &tiles);
+    let mut manifest = common::manifest("two");
+    manifest.depth = 4;
+    manifest.root_side_m = 64.0 * 16.0;
+    std::fs::write(folder.path().join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    let city = CityStore::open(folder.path()).unwrap();
+    let archive = city.archive(Layer::BlockMaps);
+    assert_eq!(archive.len(), 256);
+    assert!((0..256).all(|i| archive.tile(id(i)).unwrap() == bytes(i)));
+    assert!(archive.tiles().all(|(id, found)| found == bytes(id.y() * 16 + id.x())));
+    assert_eq!(archive.tile(TileId::new(5, 0, 0).unwrap()), None);
+}
+
+#[test]
 fn a_tile_outlives_its_store() {
     let folder = folder();
     let tile = CityStore::open(folder.path()).unwrap().tile(Layer::Subtrees, TileId::ROOT).unwrap();
@@ -65,7 +84,7 @@ fn archives_with_leaf_directories_are_read_whole() {
     let file = std::fs::read(&path).unwrap();
     assert_ne!(file[48..56], [0; 8], "the archive has no leaf directories: the test tests nothing");
     let city = CityStore::open(folder.path()).unwrap();
-    assert_eq!(city.archive(Layer::BlockMaps).len(), tiles.len());
+    assert_eq!(city.archive(Layer::BlockMaps).len(), tiles.len() as u64);
     for (id, bytes) in tiles {
         assert_eq!(city.tile(Layer::BlockMaps, id).unwrap(), bytes);
     }

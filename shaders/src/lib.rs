@@ -13,7 +13,7 @@ pub mod layout;
 pub mod pack;
 
 /// The WGSL source of the ray-caster: bindings in [`layout::binding`], workgroups of [`layout::WORKGROUP`].
-pub const RAYCAST_WGSL: &str = include_str!("../wgsl/raycast.wgsl");
+pub const RAYCAST_WGSL: &str = concat!(include_str!("../wgsl/raycast.wgsl"), "\n", include_str!("../wgsl/shade.wgsl"));
 /// The WGSL source that puts the ray-caster's pixels on a render target.
 pub const COMPOSE_WGSL: &str = include_str!("../wgsl/compose.wgsl");
 /// The WGSL source that draws which triangle is nearest, for the bake.

@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// Raised whenever the same scene and settings would give other tiles than before.
-pub const ALGORITHM: u32 = 5;
+pub const ALGORITHM: u32 = 6;
 /// Cells outside this range are slips of the keyboard.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// What a bake may take unless told otherwise, or [`MEMORY_BYTES_PER_THREAD`] for each thread if that is more.

@@ -179,7 +179,7 @@ fn sink(merged: &mut [Merged], grounded: &[bool], cell_m: f32) {
 fn column(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: bool, cell_m: f32) -> VoxelColumn {
     let own = &merged[i];
     let top = own.solids.last().map_or(0.0, |s| s.top_m);
-    let exposed = exposed(merged, i, four, cell_m);
+    let exposed = exposed(merged, i, four, grounded, cell_m);
     let (first, last) = (own.solids[0], own.solids[own.solids.len() - 1]);
     let solids = if exposed { own.solids.clone() } else { vec![Solid { bottom_m: first.bottom_m, top_m: last.top_m }] };
     // The roof is what lies at the column's top; a lower terrace beside it does not tint it.
@@ -222,11 +222,15 @@ fn lower(children: &[&Fine], z_m: f32, cell_m: f32) -> Look {
 }
 
 /// As in a leaf; on the node's rim, where the neighbour is not known, as the children had it.
-fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], cell_m: f32) -> bool {
+fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: bool, cell_m: f32) -> bool {
     let n = NODE_CELLS as i32;
     let (x, y) = (i as i32 % n, i as i32 / n);
     let rim = x == 0 || y == 0 || x == n - 1 || y == n - 1;
-    if merged[i].clip.is_some() || merged[i].solids.len() > 1 || rim && four.iter().flatten().any(|f| f.wall.is_some())
+    let hangs = !grounded && merged[i].is_slab(cell_m);
+    if merged[i].clip.is_some()
+        || merged[i].solids.len() > 1
+        || hangs
+        || rim && four.iter().flatten().any(|f| f.wall.is_some())
     {
         return true;
     }

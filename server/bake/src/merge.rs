@@ -15,6 +15,8 @@ const MIN_SLOPE: f32 = 0.02;
 /// How far, in cells, lines' tops may lie from a common plane.
 const PLANE_TOLERANCE: f32 = 0.25;
 
+/// Height of a slab in cells, at most.
+const SLAB: f32 = 4.0;
 /// Fewest points that say how a top slopes.
 const PLANE_POINTS: usize = 4;
 
@@ -57,6 +59,12 @@ impl Merged {
 
     fn inner_top_at(&self, p_m: Vec2) -> f32 {
         self.solids.last().map_or(f32::NEG_INFINITY, |s| s.top_m) + Vec2::from(self.slope).dot(p_m)
+    }
+
+    /// Whether it is so thin that its underside is worth a strip of its own where it hangs in the air.
+    pub(crate) fn is_slab(&self, cell_m: f32) -> bool {
+        let (Some(first), Some(last)) = (self.solids.first(), self.solids.last()) else { return false };
+        last.top_m - first.bottom_m <= SLAB * cell_m
     }
 
     /// The runs of a vertical line at a place relative to the cell's centre.

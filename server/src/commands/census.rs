@@ -12,7 +12,7 @@ pub(super) struct Census<'a> {
     pub(super) manifest: &'a Manifest,
     /// Of all archives.
     pub(super) file_bytes: u64,
-    pub(super) subtree_tiles: usize,
+    pub(super) subtree_tiles: u64,
     /// Subtree tiles that cannot be read; their nodes' errors are missing below.
     pub(super) damaged_subtree_tiles: usize,
     /// Root first.

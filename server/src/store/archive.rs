@@ -41,23 +41,28 @@ impl Archive {
     pub fn tile(&self, id: TileId) -> Option<Bytes> {
         let coord = pmtiles::TileCoord::new(id.level(), id.x(), id.y()).ok()?;
         let place = pmtiles::TileId::from(coord).value();
-        let at = self.entries.binary_search_by_key(&place, |entry| entry.id).ok()?;
-        Some(self.slice(self.entries.get(at)?))
+        let after = self.entries.partition_point(|entry| entry.id <= place);
+        let entry = self.entries.get(after.checked_sub(1)?)?;
+        (place < entry.end()).then(|| self.slice(entry))
     }
 
     /// Every tile, by level and then along the Hilbert curve.
     pub fn tiles(&self) -> impl Iterator<Item = (TileId, Bytes)> {
-        self.entries.iter().filter_map(|entry| Some((tile_id(entry)?, self.slice(entry))))
+        self.places().map(|(id, entry)| (id, self.slice(entry)))
     }
 
     /// Every tile's id and length in bytes, without touching it.
     pub fn lengths(&self) -> impl Iterator<Item = (TileId, u32)> {
-        self.entries.iter().filter_map(|entry| Some((tile_id(entry)?, entry.length)))
+        self.places().map(|(id, entry)| (id, entry.length))
+    }
+
+    fn places(&self) -> impl Iterator<Item = (TileId, &Entry)> {
+        self.entries.iter().flat_map(|entry| (entry.id..entry.end()).filter_map(move |at| Some((tile_id(at)?, entry))))
     }
 
     /// How many tiles there are.
-    pub fn len(&self) -> usize {
-        self.entries.len()
+    pub fn len(&self) -> u64 {
+        self.entries.iter().map(|entry| u64::from(entry.run)).sum()
     }
 
     /// Whether there is none.
@@ -77,7 +82,7 @@ impl Archive {
 }
 
 /// `None` cannot happen: `directory::read` refuses places below the deepest level.
-fn tile_id(entry: &Entry) -> Option<TileId> {
-    let coord = pmtiles::TileCoord::from(pmtiles::TileId::new(entry.id).ok()?);
+fn tile_id(place: u64) -> Option<TileId> {
+    let coord = pmtiles::TileCoord::from(pmtiles::TileId::new(place).ok()?);
     TileId::new(coord.z(), coord.x(), coord.y())
 }

@@ -11,7 +11,7 @@ use insula_protocol::tile_id::MAX_LEVEL;
 use std::{io::Read, ops::Range};
 
 const HEADER_BYTES: usize = 127;
-/// Most tiles in one archive: 24 bytes each, 1.6 GB of index.
+/// Most entries in one archive: 24 bytes each, 1.6 GB of index. Equal tiles in a row are one entry.
 const MAX_ENTRIES: usize = 1 << 26;
 /// Largest unpacked directory.
 const MAX_DIRECTORY_BYTES: u64 = 256 << 20;
@@ -21,12 +21,20 @@ const MAX_DEPTH: u8 = 3;
 const COMPRESSION_NONE: u8 = 1;
 const COMPRESSION_GZIP: u8 = 2;
 
-/// One tile: `id` is its place on the pyramid of Hilbert curves.
+/// One tile: `id` is its place on the pyramid of Hilbert curves, and it stands for the `run - 1` places after it as well.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Entry {
     pub(super) id: u64,
     pub(super) offset: u64,
     pub(super) length: u32,
+    pub(super) run: u32,
+}
+
+impl Entry {
+    /// The place after its last one; `read` has checked that there is one.
+    pub(super) fn end(&self) -> u64 {
+        self.id + u64::from(self.run)
+    }
 }
 
 struct Header {
@@ -41,7 +49,9 @@ pub(super) fn read(file: &[u8]) -> Result<Vec<Entry>, ArchiveError> {
     let header = Header::read(file)?;
     let mut entries = Vec::new();
     flatten(file, &header, header.root.clone(), 0, &mut entries)?;
-    Ok(entries)
+    // A run is a few bytes however long it is: what goes through all tiles must end.
+    let tiles: u64 = entries.iter().map(|entry| u64::from(entry.run)).sum();
+    if tiles > MAX_ENTRIES as u64 { Err(ArchiveError::TooMany(MAX_ENTRIES)) } else { Ok(entries) }
 }
 
 impl Header {
@@ -87,29 +97,26 @@ fn flatten(
 ) -> Result<(), ArchiveError> {
     let packed = &file[place.start as usize..place.end as usize];
     for raw in Directory::unpack(packed, header.gzip)?.entries {
-        let Some(runs) = raw.run_length.checked_sub(1) else {
+        if raw.run_length == 0 {
             if depth >= MAX_DEPTH {
                 return Err(ArchiveError::Directory("leaf directories are nested too deeply"));
             }
             let leaf = inside(&header.leaves, raw.offset, raw.length, "a leaf directory lies outside its section")?;
             flatten(file, header, leaf, depth + 1, out)?;
             continue;
-        };
-        // Every tile carries its own id, so no two can share their bytes.
-        if runs != 0 {
-            return Err(ArchiveError::Directory("several nodes share one tile"));
         }
         let data = inside(&header.data, raw.offset, raw.length, "a tile lies outside the tile data")?;
-        if out.last().is_some_and(|last| last.id >= raw.id) {
+        if out.last().is_some_and(|last| last.end() > raw.id) {
             return Err(ArchiveError::Directory("its tiles are not in order"));
         }
-        if raw.id >= pmtiles::PYRAMID_SIZE_BY_ZOOM[usize::from(MAX_LEVEL) + 1] {
+        let end = raw.id.checked_add(u64::from(raw.run_length));
+        if end.is_none_or(|end| end > pmtiles::PYRAMID_SIZE_BY_ZOOM[usize::from(MAX_LEVEL) + 1]) {
             return Err(ArchiveError::Directory("a tile lies below the deepest level"));
         }
         if out.len() >= MAX_ENTRIES {
             return Err(ArchiveError::TooMany(MAX_ENTRIES));
         }
-        out.push(Entry { id: raw.id, offset: data.start, length: raw.length });
+        out.push(Entry { id: raw.id, offset: data.start, length: raw.length, run: raw.run_length });
     }
     Ok(())
 }

@@ -281,6 +281,7 @@ impl Cells {
         let Some(own) = self.at(x, y) else { return false };
         own.column.clip.is_some()
             || own.column.solids.len() > 1
+            || (!own.grounded && own.column.is_slab(self.cell_m))
             || [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
                 let other = self.at(x + dx, y + dy).map(|c| &c.column);
                 let half = Vec2::new(dx as f32, dy as f32) * (0.5 * self.cell_m);
