@@ -153,7 +153,7 @@ impl Config {
 impl Config {
     /// How much is gathered before it goes to the files of blocks.
     pub(crate) fn bucket_bytes(&self) -> usize {
-        (self.memory_bytes / 8).min(64 << 20)
+        (self.memory_bytes / 8).min(16 << 20)
     }
 
     /// How many of pictures are kept loaded.
