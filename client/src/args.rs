@@ -2,7 +2,7 @@
 //!
 //! In: the command line. Out: [`Cli`]. Next: `commands`.
 
-use crate::render::AdapterChoice;
+use crate::{render::AdapterChoice, sun::SunArgs};
 use clap::{Args, Parser, Subcommand};
 use insula_shaders::layout::Shading;
 use std::path::PathBuf;
@@ -48,6 +48,9 @@ pub enum Command {
     View {
         /// `http://host:port`, or `http://host:port/v1/cities/NAME`.
         url: String,
+        /// Light.
+        #[command(flatten)]
+        sun: SunArgs,
     },
     /// Bake city files (once, into a cache folder), serve them in this process and fly through them.
     #[command(after_help = "Example:\n  insula open delft.city.json")]
@@ -58,6 +61,12 @@ pub enum Command {
         /// Side of the finest column in metres.
         #[arg(long, value_name = "M")]
         cell: Option<f64>,
+        /// Colours of what has none, as `insula-server bake` takes them.
+        #[arg(long, value_name = "FILE.json")]
+        palette: Option<PathBuf>,
+        /// Light.
+        #[command(flatten)]
+        sun: SunArgs,
     },
     /// The same with the bundled city; without a screen, write a picture of it.
     #[command(after_help = "Example:\n  insula demo --headless --out demo.png")]
@@ -71,6 +80,9 @@ pub enum Command {
         /// Its size.
         #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = size)]
         size: [u32; 2],
+        /// Light.
+        #[command(flatten)]
+        sun: SunArgs,
     },
     /// Wait until nothing better can be fetched for a view, then write it as a picture.
     #[command(
@@ -108,6 +120,9 @@ pub struct Snapshot {
     /// What pixels show: lit, albedo, ao, normal, lod or kind.
     #[arg(long, default_value = "lit", value_parser = shading)]
     pub shading: Shading,
+    /// Light.
+    #[command(flatten)]
+    pub sun: SunArgs,
 }
 
 /// `insula fly`.
@@ -131,6 +146,9 @@ pub struct Fly {
     /// Where the report goes; standard output without it.
     #[arg(long, value_name = "JSON")]
     pub report: Option<PathBuf>,
+    /// Light.
+    #[command(flatten)]
+    pub sun: SunArgs,
 }
 
 fn tau(text: &str) -> Result<f64, String> {

@@ -17,4 +17,5 @@ pub mod scene;
 pub mod select;
 pub mod session;
 pub mod stream;
+pub mod sun;
 pub mod ui;

@@ -92,6 +92,41 @@ pub struct Frame {
     pub samples: u32,
     /// Zero.
     pub pad: u32,
+    /// Sun, sky and haze for [`Shading::Lit`].
+    pub light: Light,
+}
+
+/// Sun, sky and haze, made by [`Light::of_sun`]. Linear RGB and 0, exposed: 1 is about what a white surface in the sun sends.
+/// What lights surfaces is divided by pi, so that times an albedo it is what they send.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Light {
+    /// On a surface that faces the sun.
+    pub sun: [f32; 4],
+    /// From the open sky on a surface that looks up.
+    pub sky_up: [f32; 4],
+    /// From the open sky on walls, the mean of all, doubled: a wall sees half the sky.
+    pub sky_wall: [f32; 4],
+    /// What walls towards the sun have more, doubled too.
+    pub sky_side: [f32; 4],
+    /// From ground and walls around.
+    pub bounce: [f32; 4],
+    /// The sky overhead.
+    pub zenith: [f32; 4],
+    /// The horizon below the sun.
+    pub horizon_sun: [f32; 4],
+    /// The horizon opposite the sun.
+    pub horizon_away: [f32; 4],
+    /// What the sky beside the sun has more.
+    pub glow: [f32; 4],
+    /// What air takes of a surface's light, per metre.
+    pub haze: [f32; 4],
+    /// East and north of the horizontal unit vector towards the sun.
+    pub side: [f32; 2],
+    /// 1 if the sun's disc is in the sky, else 0.
+    pub disc: f32,
+    /// Zero.
+    pub pad: f32,
 }
 
 /// A node of the cut, ready to be walked.

@@ -10,6 +10,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod layout;
+pub mod light;
 pub mod pack;
 
 /// The WGSL source of the ray-caster: bindings in [`layout::binding`], workgroups of [`layout::WORKGROUP`].

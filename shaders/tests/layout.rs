@@ -2,7 +2,7 @@
 
 use insula_shaders::{
     COMPOSE_WGSL, RAYCAST_WGSL,
-    layout::{Frame, Node, TreeNode, WORKGROUP},
+    layout::{Frame, Light, Node, TreeNode, WORKGROUP},
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use std::mem::offset_of;
@@ -51,6 +51,25 @@ fn structs_lie_alike() {
             ground_z_m,
             ground,
             samples,
+            pad,
+            light,
+        }
+    );
+    assert_layout!(
+        &module,
+        Light {
+            sun,
+            sky_up,
+            sky_wall,
+            sky_side,
+            bounce,
+            zenith,
+            horizon_sun,
+            horizon_away,
+            glow,
+            haze,
+            side,
+            disc,
             pad,
         }
     );

@@ -17,6 +17,7 @@ struct Frame {
     ground: u32,
     samples: u32,
     pad: u32,
+    light: Light,
 }
 
 struct TreeNode {
@@ -170,7 +171,7 @@ fn trace(dir: vec3<f32>) {
         walk_tree(dir);
     }
     if gathered.left > OPAQUE {
-        gathered.rgb += background(dir) * gathered.left;
+        gathered.rgb += background(dir, 1.0) * gathered.left;
     }
 }
 
@@ -576,7 +577,8 @@ fn face_normal(cell: vec2<i32>) -> vec3<f32> {
 
 fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
     let alpha = f32((texel >> 24u) & 3u) / 3.0;
-    gathered.rgb += shade(texel, normal, flags, nodes[ray.index].level) * (alpha * gathered.left);
+    let lit = shade(texel, normal, flags, nodes[ray.index].level, sun_by_sky(texel));
+    gathered.rgb += through_haze(lit, ray.dir, t) * (alpha * gathered.left);
     let before = gathered.left;
     gathered.left *= 1.0 - alpha;
     if before > 0.5 && gathered.left <= 0.5 {

@@ -1,15 +1,37 @@
 // Light on what a ray meets: the GPU's twin of src/cpu/shade.rs; one module with raycast.wgsl, which has `frame` and the flags.
 //
-// In: texel, normal, flags, level. Out: linear light. Next: raycast.wgsl gathers it.
+// In: texel, normal, flags, level, the frame's light. Out: linear light of the screen. Next: raycast.wgsl gathers it.
 
-const SUN: vec3<f32> = vec3<f32>(1.08, 0.98, 0.84);
-const SKY: vec3<f32> = vec3<f32>(0.46, 0.54, 0.66);
-const BOUNCE: vec3<f32> = vec3<f32>(0.26, 0.24, 0.22);
+struct Light {
+    sun: vec4<f32>,
+    sky_up: vec4<f32>,
+    sky_wall: vec4<f32>,
+    sky_side: vec4<f32>,
+    bounce: vec4<f32>,
+    zenith: vec4<f32>,
+    horizon_sun: vec4<f32>,
+    horizon_away: vec4<f32>,
+    glow: vec4<f32>,
+    haze: vec4<f32>,
+    side: vec2<f32>,
+    disc: f32,
+    pad: f32,
+}
+
+const LIT: u32 = 0u;
 const HORIZON: vec3<f32> = vec3<f32>(0.72, 0.80, 0.88);
 const ZENITH: vec3<f32> = vec3<f32>(0.20, 0.38, 0.68);
 const GROUND: vec3<f32> = vec3<f32>(0.36, 0.37, 0.35);
-const EXPOSURE: f32 = 1.25;
+const GROUND_ALBEDO: vec3<f32> = vec3<f32>(0.24, 0.235, 0.225);
 const GROUND_FADE_M: f32 = 3000.0;
+const SKY_FALL: f32 = 4.5;
+const GLOW: f32 = 0.0576;
+const DISC_INNER: f32 = 1.7e-5;
+const DISC_OUTER: f32 = 3.2e-5;
+const DISC: f32 = 40.0;
+const LUMINANCE: vec3<f32> = vec3<f32>(0.2126, 0.7152, 0.0722);
+// A distance that no ray reaches: infinity is no constant of WGSL.
+const NEVER_M: f32 = 1e30;
 
 fn linear_of(texel: u32) -> vec3<f32> {
     let v = unpack4x8unorm(texel).rgb;
@@ -23,28 +45,47 @@ fn encode_srgb(rgb: vec3<f32>) -> u32 {
     return c.r | (c.g << 8u) | (c.b << 16u) | (255u << 24u);
 }
 
-fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32) -> vec3<f32> {
+fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32, sun_seen: f32) -> vec3<f32> {
     let albedo = linear_of(texel);
     let ao = f32(texel >> 26u) / 63.0;
-    let facing = max(dot(n, frame.sun), 0.0);
-    let debug = (0.35 + 0.65 * ao) * (0.7 + 0.3 * facing);
+    let debug = (0.35 + 0.65 * ao) * (0.7 + 0.3 * max(dot(n, frame.sun), 0.0));
     switch frame.shading {
         case 1u: { return albedo; }
         case 2u: { return vec3<f32>(ao); }
         case 3u: { return n * 0.5 + 0.5; }
         case 4u: { return level_tint(level) * debug; }
         case 5u: { return kind_tint(flags) * debug; }
-        default: {
-            let bounced = (1.0 - ao) * (0.65 - 0.35 * n.z);
-            let sky = SKY * ao + BOUNCE * bounced;
-            let sun = SUN * facing * min(2.0 * ao + 0.25, 1.0);
-            return tone(albedo * (sky + sun));
-        }
+        default: { return albedo * received(n, ao, sun_seen); }
     }
 }
 
+fn received(n: vec3<f32>, ao: f32, sun_seen: f32) -> vec3<f32> {
+    let sun = frame.light.sun.rgb * (max(dot(n, frame.sun), 0.0) * sun_seen);
+    let wall = frame.light.sky_wall.rgb + frame.light.sky_side.rgb * dot(n.xy, frame.light.side);
+    let sky = mix(wall, frame.light.sky_up.rgb, abs(n.z)) * ao;
+    let bounced = frame.light.bounce.rgb * ((1.0 - ao) * (0.65 - 0.35 * n.z));
+    return sun + sky + bounced;
+}
+
+fn sun_by_sky(texel: u32) -> f32 {
+    let ao = f32(texel >> 26u) / 63.0;
+    return min(2.0 * ao + 0.25, 1.0);
+}
+
+fn through_haze(lit: vec3<f32>, dir: vec3<f32>, d: f32) -> vec3<f32> {
+    if frame.shading != LIT {
+        return lit;
+    }
+    let left = exp(frame.light.haze.rgb * -d);
+    let air = horizon(dir) + glow(dir) * (1.0 - left);
+    return tone(air + (lit - air) * left);
+}
+
 fn tone(rgb: vec3<f32>) -> vec3<f32> {
-    return 1.0 - exp(-EXPOSURE * rgb);
+    let bright = dot(rgb, LUMINANCE);
+    let v = max(mix(rgb, vec3<f32>(bright), 0.06 + 0.5 * bright / (bright + 6.0)), vec3<f32>(0.0));
+    let curve = v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14);
+    return min(curve, vec3<f32>(1.0));
 }
 
 fn level_tint(level: u32) -> vec3<f32> {
@@ -64,11 +105,43 @@ fn kind_tint(flags: u32) -> vec3<f32> {
     return select(base, mix(base, vec3<f32>(0.20, 0.75, 0.25), 0.4), (flags & INCLINED) != 0u);
 }
 
-fn background(dir: vec3<f32>) -> vec3<f32> {
-    let sky = mix(HORIZON, ZENITH, sqrt(max(dir.z, 0.0)));
-    if frame.ground == 0u || dir.z > -1e-5 || frame.ground_z_m >= 0.0 {
-        return sky;
+fn background(dir: vec3<f32>, sun_seen: f32) -> vec3<f32> {
+    let ground_m = ground_distance(dir);
+    if frame.shading != LIT {
+        let sky = mix(HORIZON, ZENITH, sqrt(max(dir.z, 0.0)));
+        return mix(sky, GROUND, select(0.0, GROUND_FADE_M / (ground_m + GROUND_FADE_M), ground_m < NEVER_M));
     }
-    let d = frame.ground_z_m / dir.z;
-    return mix(GROUND, HORIZON, d / (d + GROUND_FADE_M));
+    if ground_m < NEVER_M {
+        return through_haze(GROUND_ALBEDO * received(vec3<f32>(0.0, 0.0, 1.0), 1.0, sun_seen), dir, ground_m);
+    }
+    return tone(sky_light(dir));
+}
+
+fn ground_distance(dir: vec3<f32>) -> f32 {
+    if frame.ground == 0u || dir.z > -1e-5 || frame.ground_z_m >= 0.0 {
+        return NEVER_M;
+    }
+    return frame.ground_z_m / dir.z;
+}
+
+fn sky_light(dir: vec3<f32>) -> vec3<f32> {
+    let clear = mix(frame.light.zenith.rgb, horizon(dir), exp(-SKY_FALL * max(dir.z, 0.0)));
+    let edge = clamp((DISC_OUTER - from_sun(dir)) / (DISC_OUTER - DISC_INNER), 0.0, 1.0);
+    return clear + glow(dir) + frame.light.sun.rgb * (DISC * frame.light.disc * edge);
+}
+
+fn horizon(dir: vec3<f32>) -> vec3<f32> {
+    let along = dot(dir.xy, frame.light.side) / max(length(dir.xy), 1e-4);
+    let sunward = 0.5 + 0.5 * along;
+    return mix(frame.light.horizon_away.rgb, frame.light.horizon_sun.rgb, sunward * sunward);
+}
+
+fn glow(dir: vec3<f32>) -> vec3<f32> {
+    let near = GLOW / (GLOW + 0.76 * from_sun(dir));
+    return frame.light.glow.rgb * (near * sqrt(near));
+}
+
+fn from_sun(dir: vec3<f32>) -> f32 {
+    let apart = dir - frame.sun;
+    return dot(apart, apart);
 }

@@ -1,7 +1,7 @@
 //! Cameras, as files have them and as the ray-caster does.
 
 use glam::{DVec3, Vec3};
-use insula_shaders::layout::{Frame, Shading};
+use insula_shaders::layout::{Frame, Light, Shading};
 use serde::{Deserialize, Serialize};
 
 /// A camera in the source's own coordinates: the JSON of `insula snapshot --camera`.
@@ -78,6 +78,7 @@ impl Camera {
     /// The ray-caster's frame without its city: root and corner are still to be set.
     pub fn frame(&self, picture: &Picture) -> Frame {
         let axes = self.axes(picture);
+        let sun = Vec3::new(0.45, -0.55, 0.704).normalize_or(Vec3::Z);
         Frame {
             forward: axes.forward.as_vec3().into(),
             width_px: picture.width_px,
@@ -87,12 +88,13 @@ impl Camera {
             root: 0,
             root_corner: [0.0; 3],
             root_side_m: 1.0,
-            sun: Vec3::new(0.45, -0.55, 0.704).normalize_or(Vec3::Z).into(),
+            sun: sun.into(),
             shading: picture.shading as u32,
             ground_z_m: 0.0,
             ground: 0,
             samples: picture.samples,
             pad: 0,
+            light: Light::of_sun(sun, 4000.0),
         }
     }
 }

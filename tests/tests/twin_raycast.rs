@@ -1,14 +1,16 @@
 //! The ray-caster's twins: WGSL draws what the CPU draws, and the CPU draws what every solid tested by itself would show.
 
 use anyhow::Result;
+use glam::Vec3;
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
         shade::{background, encode_srgb},
     },
-    layout::Shading,
+    layout::{Light, Shading},
 };
 use insula_tests::{
+    cut::Scene,
     gpu::{Gpu, adapter_is_required},
     naive::{Naive, Seen},
     random::{self, Pose, RandomCity},
@@ -46,6 +48,7 @@ fn main() {
     let tests = vec![
         on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws),
         on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading),
+        on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour),
         on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen),
         plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show),
         plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen),
@@ -70,8 +73,18 @@ fn twins_agree(
     let mut scene = city.cut.scene(camera, picture);
     scene.frame.ground = picture.samples % 2;
     scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
-    let (on_cpu, on_gpu) = (scene.render(), gpu.render(&scene)?);
-    let difference = twin::compare_twins(&scene, &on_cpu, &on_gpu);
+    scenes_agree(gpu, &scene, picture, camera, what)
+}
+
+fn scenes_agree(
+    gpu: &Gpu,
+    scene: &Scene<'_>,
+    picture: &Picture,
+    camera: &Camera,
+    what: &str,
+) -> Result<twin::Difference> {
+    let (on_cpu, on_gpu) = (scene.render(), gpu.render(scene)?);
+    let difference = twin::compare_twins(scene, &on_cpu, &on_gpu);
     if let Err(error) = difference.check() {
         let at = difference.off_edge.first().copied().unwrap_or_default();
         let i = (at[1] * picture.width_px + at[0]) as usize;
@@ -107,6 +120,25 @@ fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
                 let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
                 twins_agree(gpu, city, &camera, &picture, &what)?;
             }
+        }
+    }
+    Ok(())
+}
+
+/// Towards the sun and away from it, from noon to night, in clear air and in thick.
+fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
+    let city = &cities()[1];
+    for (i, height) in [1.2f32, 0.2, 0.02, -0.05, -0.6].into_iter().enumerate() {
+        let mut rng = Rng::new(4000 + i as u64);
+        for (pose, half_m) in [(Pose::Grazing, 50.0), (Pose::Above, 5000.0)] {
+            let camera = random::camera(&mut rng, city, pose);
+            let mut scene = city.cut.scene(&camera, &PICTURE);
+            scene.frame.ground = 1;
+            scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
+            let ahead = Vec3::from(scene.frame.forward).with_z(0.0).normalize_or(Vec3::X);
+            let sun = (ahead * if i % 2 == 0 { 1.0 } else { -1.0 } * height.cos()).with_z(height.sin());
+            (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, half_m));
+            scenes_agree(gpu, &scene, &PICTURE, &camera, &format!("sun {height} high, {pose:?}"))?;
         }
     }
     Ok(())
@@ -236,7 +268,7 @@ fn judge(
         }
         let mut rgb = seen.rgb.as_vec3();
         if seen.left > 0.02 {
-            rgb += background(frame, dir.as_vec3()) * seen.left as f32;
+            rgb += background(frame, dir.as_vec3(), 1.0) * seen.left as f32;
         }
         let meant = encode_srgb(rgb).to_le_bytes();
         drawn.colour[i as usize].to_le_bytes().iter().zip(meant).all(|(a, b)| a.abs_diff(b) <= 3)

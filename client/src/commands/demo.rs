@@ -11,6 +11,7 @@ use crate::{
     args::Global,
     error::{ClientError, Result},
     session::Shot,
+    sun::{Daylight, SunArgs},
 };
 use insula_protocol::manifest::Attribution;
 use insula_shaders::layout::Shading;
@@ -37,17 +38,18 @@ struct About {
 }
 
 /// Runs the command.
-pub fn run(headless: bool, out: &Path, size_px: [u32; 2], global: &Global) -> Result<()> {
+pub fn run(headless: bool, out: &Path, size_px: [u32; 2], sun: &SunArgs, global: &Global) -> Result<()> {
     let server = serve(&bake(&recipe()?)?)?;
     if !headless && has_screen() {
-        match view::run(&server.url, global) {
+        match view::run(&server.url, sun, global) {
             Err(ClientError::Graphics(reason)) => eprintln!("note: {reason}; writing a picture instead"),
             ended => return ended,
         }
     }
     let mut session = start(&server.url, global, None)?;
     let shot = Shot { camera: overlook(&session, size_px), heading: None, size_px, tau_px: global.tau };
-    take(&mut session, &shot, global, Shading::Lit, out)?;
+    let daylight = Daylight::new(sun, session.tree().manifest());
+    take(&mut session, &shot, global, Shading::Lit, &daylight, out)?;
     let place = out.canonicalize().unwrap_or_else(|_| out.to_owned());
     println!("wrote {} (drawn by {})", place.display(), session.adapter_info().name);
     for source in &session.tree().manifest().attribution {
@@ -78,7 +80,8 @@ fn recipe() -> Result<Recipe> {
     let inputs: Vec<PathBuf> =
         FILES.iter().filter(|(name, _)| is_city(name)).map(|(name, _)| folder.join(name)).collect();
     let About { title, attribution, cell_m } = about;
-    Ok(Recipe { name: Some("chiba".into()), inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, key })
+    let name = Some("chiba".into());
+    Ok(Recipe { name, inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, key, ..Recipe::default() })
 }
 
 fn is_city(name: &str) -> bool {

@@ -3,7 +3,7 @@
 //! In: city files. Out: a baked folder, a server's URL. Next: `open`, `demo`.
 
 use crate::error::{ClientError, Result};
-use insula_bake::{BakeOptions, Progress};
+use insula_bake::{BakeOptions, Progress, read::Palette};
 use insula_protocol::manifest::{Attribution, to_name};
 use insula_server::{config::Config, http, store::Store};
 use std::{
@@ -29,6 +29,8 @@ pub(super) struct Recipe {
     pub(super) title: Option<String>,
     /// Who must be named; what the sources say if empty.
     pub(super) attribution: Vec<Attribution>,
+    /// Colours of what has none.
+    pub(super) palette: Palette,
     /// Bakes of other recipes have others.
     pub(super) key: u64,
 }
@@ -47,11 +49,11 @@ pub(super) const VERSIONS: (&str, u16, u32) =
     (env!("CARGO_PKG_VERSION"), insula_protocol::tile::VERSION, insula_bake::ALGORITHM);
 
 /// Differs if a file's path, size or time differs.
-pub(super) fn key_of(inputs: &[PathBuf], cell_m: f64) -> Result<u64> {
+pub(super) fn key_of(inputs: &[PathBuf], palette: Option<&Path>, cell_m: f64) -> Result<u64> {
     let mut hasher = DefaultHasher::new();
     (VERSIONS, cell_m.to_bits()).hash(&mut hasher);
-    for input in inputs {
-        hash_path(input, &mut hasher)?;
+    for path in inputs.iter().map(PathBuf::as_path).chain(palette) {
+        hash_path(path, &mut hasher)?;
     }
     Ok(hasher.finish())
 }
@@ -90,6 +92,7 @@ pub(super) fn bake(recipe: &Recipe) -> Result<PathBuf> {
         name: Some(stem),
         title: recipe.title.clone(),
         attribution: recipe.attribution.clone(),
+        palette: recipe.palette.clone(),
         ..BakeOptions::default()
     };
     let bar = Bar::default();

@@ -7,10 +7,11 @@ use crate::{
     args::{Fly, Global},
     camera::CameraPath,
     error::{ClientError, Result},
-    render::Look,
     session::Shot,
     stream::{fetch::Http, throttle::Throttle},
+    sun::Daylight,
 };
+use insula_shaders::layout::Shading;
 use std::time::{Duration, Instant};
 
 /// How far ahead the camera's next place is looked at, in seconds.
@@ -23,6 +24,7 @@ pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let throttle = (args.bandwidth.is_some() || args.rtt.is_some()).then(|| Throttle::new(args.bandwidth, rtt));
     let mut session = start(&args.server, global, Some(Http::new(throttle)?))?;
     let timeout = Duration::from_secs(u64::from(global.timeout));
+    let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, 1);
     let begin = Instant::now();
     let (mut frames, mut unconverged) = (0u32, 0u32);
     loop {
@@ -34,7 +36,7 @@ pub fn run(args: &Fly, global: &Global) -> Result<()> {
         let shot = Shot { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau };
         let before = Instant::now();
         session.step(&shot);
-        session.draw(&shot, &Look::default())?;
+        session.draw(&shot, &look)?;
         session.timed(before.elapsed());
         session.check(timeout)?;
         frames += 1;

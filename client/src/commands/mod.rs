@@ -22,13 +22,13 @@ use crate::{
 pub fn run(cli: Cli) -> Result<()> {
     let Cli { command, global } = cli;
     match command {
-        Command::View { url } => view::run(&url, &global),
+        Command::View { url, sun } => view::run(&url, &sun, &global),
         Command::Snapshot(args) => snapshot::run(&args, &global),
         Command::Fly(args) => fly::run(&args, &global),
         #[cfg(feature = "embedded")]
-        Command::Open { inputs, cell } => open::run(&inputs, cell, &global),
+        Command::Open { inputs, cell, palette, sun } => open::run(&inputs, cell, palette.as_deref(), &sun, &global),
         #[cfg(feature = "embedded")]
-        Command::Demo { headless, out, size } => demo::run(headless, &out, size, &global),
+        Command::Demo { headless, out, size, sun } => demo::run(headless, &out, size, &sun, &global),
         #[cfg(not(feature = "embedded"))]
         Command::Open { .. } | Command::Demo { .. } => Err(crate::error::ClientError::Usage(
             "this program was built without the embedded server: use insula-server, then insula view".into(),

@@ -6,14 +6,30 @@ use super::{
     embedded::{Recipe, bake, key_of, serve},
     view,
 };
-use crate::{args::Global, error::Result};
-use std::path::PathBuf;
+use crate::{
+    args::Global,
+    error::{ClientError, Result},
+    sun::SunArgs,
+};
+use insula_bake::read::Palette;
+use std::path::{Path, PathBuf};
 
 /// Runs the command.
-pub fn run(inputs: &[PathBuf], cell_m: Option<f64>, global: &Global) -> Result<()> {
+pub fn run(
+    inputs: &[PathBuf],
+    cell_m: Option<f64>,
+    palette: Option<&Path>,
+    sun: &SunArgs,
+    global: &Global,
+) -> Result<()> {
     let cell_m = cell_m.unwrap_or(1.0);
-    let key = key_of(inputs, cell_m)?;
-    let folder = bake(&Recipe { inputs: inputs.to_vec(), cell_m, key, ..Recipe::default() })?;
+    let palette_file = palette;
+    let palette = match palette_file {
+        Some(path) => Palette::read(path).map_err(|e| ClientError::Usage(e.to_string()))?,
+        None => Palette::default(),
+    };
+    let key = key_of(inputs, palette_file, cell_m)?;
+    let folder = bake(&Recipe { inputs: inputs.to_vec(), cell_m, palette, key, ..Recipe::default() })?;
     let server = serve(&folder)?;
-    view::run(&server.url, global)
+    view::run(&server.url, sun, global)
 }

@@ -8,10 +8,11 @@ use crate::{
     camera::CameraFile,
     error::Result,
     picture::{write_pfm, write_png},
-    render::{Adapter, Look, STILL_SAMPLES},
+    render::{Adapter, STILL_SAMPLES},
     scene::Tree,
     session::{Session, Shot},
     stream::{Stream, fetch::Http},
+    sun::Daylight,
 };
 use insula_shaders::layout::Shading;
 use std::{
@@ -30,11 +31,11 @@ pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
     let camera = CameraFile::read(&args.camera)?;
     let mut session = start(&args.server, global, None)?;
     let shot = Shot { camera, heading: None, size_px: args.size, tau_px: global.tau };
-    take(&mut session, &shot, global, args.shading, &args.out)?;
+    let daylight = Daylight::new(&args.sun, session.tree().manifest());
+    take(&mut session, &shot, global, args.shading, &daylight, &args.out)?;
     if let Some(path) = &args.distance {
         // One ray a pixel: a distance is that of the pixel's centre.
-        let look = Look { samples: 1, shading: args.shading, ..Look::default() };
-        write_pfm(path, &session.draw(&shot, &look)?)?;
+        write_pfm(path, &session.draw(&shot, &daylight.look(args.shading, 1))?)?;
     }
     match &args.report {
         Some(path) => session.report(global.tau).write(path),
@@ -56,11 +57,17 @@ pub(crate) fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Se
 }
 
 /// Waits until the picture cannot get better, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays a pixel and writes it.
-pub(crate) fn take(session: &mut Session, shot: &Shot, global: &Global, shading: Shading, out: &Path) -> Result<()> {
+pub(crate) fn take(
+    session: &mut Session,
+    shot: &Shot,
+    global: &Global,
+    shading: Shading,
+    daylight: &Daylight,
+    out: &Path,
+) -> Result<()> {
     settle(session, shot, Duration::from_secs(u64::from(global.timeout)))?;
-    let look = Look { samples: STILL_SAMPLES, shading, ..Look::default() };
     let before = Instant::now();
-    let pixels = session.draw(shot, &look)?;
+    let pixels = session.draw(shot, &daylight.look(shading, STILL_SAMPLES))?;
     session.timed(before.elapsed());
     write_png(out, &pixels)
 }

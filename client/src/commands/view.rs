@@ -10,13 +10,14 @@ use crate::{
     scene::Tree,
     session::Session,
     stream::{Stream, Wake, fetch::Http},
+    sun::{Daylight, SunArgs},
     ui::window::{self, Arrived, Start},
 };
 use glam::DVec3;
 use std::{sync::Arc, time::Instant};
 
 /// Runs the command.
-pub fn run(url: &str, global: &Global) -> Result<()> {
+pub fn run(url: &str, sun: &SunArgs, global: &Global) -> Result<()> {
     let started = Instant::now();
     let event_loop = window::event_loop()?;
     let http = Arc::new(Http::new(None)?);
@@ -29,6 +30,7 @@ pub fn run(url: &str, global: &Global) -> Result<()> {
         size_m,
         ground_z_m: manifest.ground_z_m,
         tau_px: global.tau,
+        daylight: Daylight::new(sun, &manifest),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
     };

@@ -12,7 +12,7 @@ use crate::{
 use bytemuck::Zeroable;
 use glam::DVec3;
 use insula_protocol::TileId;
-use insula_shaders::layout::{Frame, MAX_SAMPLES, Node, Shading, TREE_EMPTY, TREE_NODE_BIT, TreeNode};
+use insula_shaders::layout::{Frame, Light, MAX_SAMPLES, Node, Shading, TREE_EMPTY, TREE_NODE_BIT, TreeNode};
 
 /// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
 pub const STILL_SAMPLES: u32 = 3;
@@ -26,13 +26,22 @@ pub struct Look {
     pub samples: u32,
     /// Unit vector towards the sun.
     pub sun: DVec3,
+    /// What it and the sky give.
+    pub light: Light,
+}
+
+impl Look {
+    /// Lit by a sun in direction `sun`, in air that takes half of what is `haze_half_m` away; one ray a pixel.
+    pub fn under(sun: DVec3, haze_half_m: f64) -> Self {
+        let light = Light::of_sun(sun.as_vec3(), haze_half_m as f32);
+        Self { shading: Shading::Lit, samples: 1, sun, light }
+    }
 }
 
 impl Default for Look {
     /// Lit by an afternoon's sun from the south-west, 45 degrees high.
     fn default() -> Self {
-        let sun = DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z);
-        Self { shading: Shading::Lit, samples: 1, sun }
+        Self::under(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), 6000.0)
     }
 }
 
@@ -115,6 +124,7 @@ fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
         ground: 1,
         samples: look.samples.clamp(1, MAX_SAMPLES),
         pad: 0,
+        light: look.light,
     }
 }
 

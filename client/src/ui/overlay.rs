@@ -3,7 +3,8 @@
 //! In: [`Status`]. Out: egui shapes; [`Settings`] that the user changes. Next: `surface` paints them.
 
 use super::control::Mode;
-use crate::session::Session;
+use crate::{session::Session, sun::Daylight};
+use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
 use insula_shaders::layout::Shading;
 use std::time::{Duration, Instant};
@@ -15,6 +16,8 @@ pub struct Settings {
     pub tau_px: f64,
     /// What pixels show.
     pub shading: Shading,
+    /// The sun.
+    pub daylight: Daylight,
     /// Whether help is shown.
     pub help: bool,
     /// A message, until then.
@@ -114,8 +117,35 @@ fn counters(ctx: &Context, status: &Status, settings: &mut Settings) {
         });
         let slider = egui::Slider::new(&mut settings.tau_px, 0.5..=16.0).logarithmic(true).text("tau, px");
         ui.add(slider.fixed_decimals(1));
+        sun(ui, &mut settings.daylight);
         ui.label(RichText::new(format!("{}   F1: help", settings.shading.word())).color(Color32::from_gray(160)));
     });
+}
+
+/// Hour and date; touching either lets a sun that was told where to be go its way.
+fn sun(ui: &mut Ui, daylight: &mut Daylight) {
+    let clock = |hour: f64, _: std::ops::RangeInclusive<usize>| {
+        let minutes = (hour * 60.0).round() as u32;
+        format!("{:02}:{:02}", minutes / 60, minutes % 60)
+    };
+    let hour = egui::Slider::new(&mut daylight.hour, 0.0..=23.99).custom_formatter(clock).text("solar time");
+    let mut moved = ui.add(hour).changed();
+    let (year, mut day) = (daylight.date.year(), daylight.date.ordinal());
+    let named = move |day: f64, _: std::ops::RangeInclusive<usize>| {
+        let date = NaiveDate::from_yo_opt(year, day.round() as u32);
+        date.map(|date| date.format("%-d %b").to_string()).unwrap_or_default()
+    };
+    if ui.add(egui::Slider::new(&mut day, 1..=365).custom_formatter(named).text("date")).changed() {
+        daylight.date = NaiveDate::from_yo_opt(year, day).unwrap_or(daylight.date);
+        moved = true;
+    }
+    if moved {
+        daylight.fixed = None;
+    }
+    if !daylight.place.known {
+        let [north, _] = daylight.place.degrees();
+        ui.label(RichText::new(format!("place unknown, taken as {north:.0}\u{b0} north")).small());
+    }
 }
 
 fn attribution(ctx: &Context, text: &str) {

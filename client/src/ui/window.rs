@@ -16,6 +16,7 @@ use crate::{
     picture::write_png,
     render::{Adapter, AdapterChoice, AdapterInfo, Look, STILL_SAMPLES, cpu::CpuAdapter, gpu::GpuAdapter},
     session::{Session, Shot},
+    sun::Daylight,
 };
 use insula_shaders::layout::Shading;
 use std::{
@@ -59,6 +60,8 @@ pub struct Start {
     pub ground_z_m: f64,
     /// Tolerated error.
     pub tau_px: f64,
+    /// The sun at first.
+    pub daylight: Daylight,
     /// `--adapter`.
     pub adapter: AdapterChoice,
     /// Size of the cache.
@@ -100,6 +103,8 @@ struct Open {
     input: egui_winit::State,
     settings: Settings,
     control: Control,
+    /// Of the settings' daylight.
+    look: Look,
     picture: Option<egui::TextureHandle>,
     dragging: bool,
     pointer: PhysicalPosition<f64>,
@@ -173,7 +178,13 @@ impl Open {
         let side = surface.device().device.limits().max_texture_dimension_2d as usize;
         let scale = Some(window.scale_factor() as f32);
         let input = egui_winit::State::new(egui.clone(), egui::ViewportId::ROOT, &window, scale, None, Some(side));
-        let settings = Settings { tau_px: start.tau_px, shading: Shading::Lit, help: false, message: None };
+        let settings = Settings {
+            tau_px: start.tau_px,
+            shading: Shading::Lit,
+            daylight: start.daylight,
+            help: false,
+            message: None,
+        };
         let now = Instant::now();
         Ok(Self {
             window,
@@ -183,6 +194,7 @@ impl Open {
             input,
             settings,
             control: Control::new(&start.camera, start.size_m, start.ground_z_m),
+            look: start.daylight.look(Shading::Lit, 1),
             picture: None,
             dragging: false,
             pointer: PhysicalPosition::default(),
@@ -279,7 +291,7 @@ impl Open {
 
     fn screenshot(&mut self) {
         let shot = self.shot(1);
-        let look = Look { samples: STILL_SAMPLES, shading: self.settings.shading, ..Look::default() };
+        let look = Look { samples: STILL_SAMPLES, shading: self.settings.shading, ..self.look };
         let folder = std::env::current_dir().unwrap_or_default();
         let free = (1..).map(|n| folder.join(format!("insula-{n:04}.png"))).find(|path| !path.exists());
         let path = free.unwrap_or_else(|| folder.join("insula.png"));
@@ -325,20 +337,23 @@ impl Open {
         self.session.step(&self.shot(1));
         let shot = self.shot(divide);
         let fine = !restless && divide == 1 && self.session.settled();
-        let look = Look { samples: if fine { 2 } else { 1 }, shading: self.settings.shading, ..Look::default() };
+        let look = Look { samples: if fine { 2 } else { 1 }, shading: self.settings.shading, ..self.look };
         let data = self.session.frame_data(&shot, &look);
         if let Adapter::Cpu(cpu) = self.session.adapter_mut() {
             let picture = image(&cpu.draw(&data));
             self.picture = Some(self.egui.load_texture("picture", picture, egui::TextureOptions::NEAREST));
         }
-        let before = (self.settings.tau_px, self.settings.message.is_some());
+        let before = (self.settings.tau_px, self.settings.daylight);
         let (overlay, again) = self.lay_out();
         let shown = self.surface.present(self.session.adapter_mut(), &data, &overlay)?;
         self.frame_time = begin.elapsed();
         self.full_time = if fine { self.frame_time / 4 } else { self.frame_time * (divide * divide) };
         self.session.timed(begin.elapsed());
         self.rested = fine && shown;
-        if before.0 != self.settings.tau_px {
+        if before.1 != self.settings.daylight {
+            self.look = self.settings.daylight.look(Shading::Lit, 1);
+        }
+        if before != (self.settings.tau_px, self.settings.daylight) {
             self.changed();
         }
         Ok(self.next(again, shown))

@@ -7,7 +7,7 @@
 //! crossing is computed from the ray's origin, so that errors do not add up. Functions bear the names that they have in
 //! `raycast.wgsl` and stand in the same order.
 
-use super::shade::{Surface, background, encode_srgb, shade};
+use super::shade::{Surface, background, encode_srgb, shade, sun_by_sky, through_haze};
 use crate::{
     layout::{BLOCK_CELLS, Frame, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
     pack::{CONCAVE, CORNER, head_words, slope_codes},
@@ -140,7 +140,7 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3) -> Gathered {
         walk_tree(scene, dir, &mut gathered);
     }
     if gathered.left > OPAQUE {
-        gathered.rgb += background(scene.frame, dir) * gathered.left;
+        gathered.rgb += background(scene.frame, dir, 1.0) * gathered.left;
     }
     gathered
 }
@@ -547,7 +547,8 @@ fn gather(
 ) {
     let alpha = (texel >> 24 & 3) as f32 / 3.0;
     let surface = Surface { texel, normal, flags: u32::from(flags), level: ray.node.level };
-    gathered.rgb += shade(scene.frame, &surface) * (alpha * gathered.left);
+    let lit = shade(scene.frame, &surface, sun_by_sky(texel));
+    gathered.rgb += through_haze(scene.frame, lit, ray.dir, t) * (alpha * gathered.left);
     let before = gathered.left;
     gathered.left *= 1.0 - alpha;
     if before > 0.5 && gathered.left <= 0.5 {

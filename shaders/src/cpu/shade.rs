@@ -1,26 +1,32 @@
-//! From a texel and a normal to light; twin of the functions of the same names in `raycast.wgsl`.
+//! From a texel and a normal to light; twin of the functions of the same names in `shade.wgsl`.
 //!
-//! In: what a ray hit. Out: linear RGB. Next: averaged over a pixel's rays, then sRGB.
+//! In: what a ray hit, the frame's [`Light`](crate::layout::Light). Out: linear RGB of the screen. Next: averaged over a
+//! pixel's rays, then sRGB.
+//!
+//! Only [`Shading::Lit`] knows light, haze and a film's curve; the others show what is baked.
 
 use crate::layout::{Frame, Shading};
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use insula_protocol::blockmap::flag;
 
-/// Light of the sun, linear RGB.
-const SUN: Vec3 = Vec3::new(1.08, 0.98, 0.84);
-/// Light from straight above, linear RGB.
-const SKY: Vec3 = Vec3::new(0.46, 0.54, 0.66);
-/// Light from below, linear RGB.
-const BOUNCE: Vec3 = Vec3::new(0.26, 0.24, 0.22);
-/// Sky at the horizon and at the zenith, linear RGB.
+/// Sky at the horizon and at the zenith behind baked values, linear RGB.
 const HORIZON: Vec3 = Vec3::new(0.72, 0.80, 0.88);
 const ZENITH: Vec3 = Vec3::new(0.20, 0.38, 0.68);
-/// The plane where there is no column, linear RGB.
+/// The plane where there is no column, linear RGB: behind baked values, and its albedo in light.
 const GROUND: Vec3 = Vec3::new(0.36, 0.37, 0.35);
-/// Brightness of the picture.
-const EXPOSURE: f32 = 1.25;
-/// Metres at which the plane has half become horizon.
+const GROUND_ALBEDO: Vec3 = Vec3::new(0.24, 0.235, 0.225);
+/// Metres at which the plane has half become horizon, behind baked values.
 const GROUND_FADE_M: f32 = 3000.0;
+/// How fast the horizon's brightness is lost upwards.
+const SKY_FALL: f32 = 4.5;
+/// Width of the glow around the sun: squared distance on the unit sphere at which it is a third.
+const GLOW: f32 = 0.0576;
+/// Squared radii on the unit sphere between which the sun's disc ends, and its brightness.
+const DISC_INNER: f32 = 1.7e-5;
+const DISC_OUTER: f32 = 3.2e-5;
+const DISC: f32 = 40.0;
+/// The red, green and blue of brightness (Rec. 709).
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// What a ray met.
 #[derive(Debug, Clone, Copy)]
@@ -54,8 +60,9 @@ pub fn encode_srgb(rgb: Vec3) -> u32 {
     channel(rgb.x) | channel(rgb.y) << 8 | channel(rgb.z) << 16 | 255 << 24
 }
 
-/// Linear light of a surface under the frame's shading.
-pub fn shade(frame: &Frame, surface: &Surface) -> Vec3 {
+/// Light of a surface under the frame's shading; of lit ones not yet through haze. `sun_seen`: how much of the sun's disc
+/// it sees, 0 to 1.
+pub fn shade(frame: &Frame, surface: &Surface, sun_seen: f32) -> Vec3 {
     let albedo = linear_of(surface.texel);
     let ao = (surface.texel >> 26) as f32 / 63.0;
     let n = surface.normal;
@@ -66,20 +73,52 @@ pub fn shade(frame: &Frame, surface: &Surface) -> Vec3 {
         s if s == Shading::Normal as u32 => n * 0.5 + 0.5,
         s if s == Shading::Lod as u32 => debug(level_tint(surface.level)),
         s if s == Shading::Kind as u32 => debug(kind_tint(surface.flags)),
-        _ => {
-            // What of the hemisphere is not sky is lit ground and walls, the less of it the deeper the corner.
-            let bounced = (1.0 - ao) * (0.65 - 0.35 * n.z);
-            let sky = SKY * ao + BOUNCE * bounced;
-            // Without shadows, what sees little sky sees little sun. A wall in the open sees half the sky.
-            let sun = SUN * n.dot(Vec3::from(frame.sun)).max(0.0) * (2.0 * ao + 0.25).min(1.0);
-            tone(albedo * (sky + sun))
-        }
+        _ => albedo * received(frame, n, ao, sun_seen),
     }
 }
 
-/// Bright light bends towards white instead of being cut off: a white wall in the sun keeps its shading.
+/// What a surface receives, divided by pi.
+fn received(frame: &Frame, n: Vec3, ao: f32, sun_seen: f32) -> Vec3 {
+    let light = &frame.light;
+    let sun = rgb(light.sun) * (n.dot(Vec3::from(frame.sun)).max(0.0) * sun_seen);
+    let wall = rgb(light.sky_wall) + rgb(light.sky_side) * (n.x * light.side[0] + n.y * light.side[1]);
+    let sky = wall.lerp(rgb(light.sky_up), n.z.abs()) * ao;
+    // What of the hemisphere is not sky is lit ground and walls, the less of it the deeper the corner.
+    let bounced = rgb(light.bounce) * ((1.0 - ao) * (0.65 - 0.35 * n.z));
+    sun + sky + bounced
+}
+
+/// What the share of the sky that a surface sees tells of its sun, where no ray asks: what sees little sky sees little sun. A
+/// wall in the open sees half the sky.
+pub fn sun_by_sky(texel: u32) -> f32 {
+    let ao = (texel >> 26) as f32 / 63.0;
+    (2.0 * ao + 0.25).min(1.0)
+}
+
+fn rgb(v: [f32; 4]) -> Vec3 {
+    Vec4::from(v).xyz()
+}
+
+/// Light `lit` from `distance_m` away in direction `dir`, as it comes to the eye and onto the screen.
+pub fn through_haze(frame: &Frame, lit: Vec3, dir: Vec3, distance_m: f32) -> Vec3 {
+    if frame.shading != Shading::Lit as u32 {
+        return lit;
+    }
+    let haze = rgb(frame.light.haze) * -distance_m;
+    let left = Vec3::new(haze.x.exp(), haze.y.exp(), haze.z.exp());
+    // Near by there is little air between the eye and the glow.
+    let air = horizon(frame, dir) + glow(frame, dir) * (1.0 - left);
+    tone(air + (lit - air) * left)
+}
+
+/// A film's curve: contrast in the middle, bright light bends towards white instead of being cut off. The curve is
+/// Narkowicz's fit to the Academy's ("ACES Filmic Tone Mapping Curve", 2015); bright colours give up some of their hue first,
+/// as dyes do.
 fn tone(rgb: Vec3) -> Vec3 {
-    Vec3::ONE - Vec3::new((-EXPOSURE * rgb.x).exp(), (-EXPOSURE * rgb.y).exp(), (-EXPOSURE * rgb.z).exp())
+    let bright = rgb.dot(LUMINANCE);
+    let v = rgb.lerp(Vec3::splat(bright), 0.06 + 0.5 * bright / (bright + 6.0)).max(Vec3::ZERO);
+    let curve = v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14);
+    curve.min(Vec3::ONE)
 }
 
 fn level_tint(level: u32) -> Vec3 {
@@ -101,13 +140,48 @@ fn kind_tint(flags: u32) -> Vec3 {
     if has(flag::INCLINED) { base.lerp(Vec3::new(0.20, 0.75, 0.25), 0.4) } else { base }
 }
 
-/// Linear light of sky and ground plane in direction `dir`.
-pub fn background(frame: &Frame, dir: Vec3) -> Vec3 {
-    let up = dir.z.max(0.0);
-    let sky = HORIZON.lerp(ZENITH, up.sqrt());
-    if frame.ground == 0 || dir.z > -1e-5 || frame.ground_z_m >= 0.0 {
-        return sky;
+/// Sky and ground plane in direction `dir`, ready for the screen. `sun_seen`: how much of the sun the plane sees there.
+pub fn background(frame: &Frame, dir: Vec3, sun_seen: f32) -> Vec3 {
+    let ground_m = ground_distance(frame, dir);
+    if frame.shading != Shading::Lit as u32 {
+        let sky = HORIZON.lerp(ZENITH, dir.z.max(0.0).sqrt());
+        let near = if ground_m < f32::INFINITY { GROUND_FADE_M / (ground_m + GROUND_FADE_M) } else { 0.0 };
+        return sky.lerp(GROUND, near);
     }
-    let distance_m = frame.ground_z_m / dir.z;
-    GROUND.lerp(HORIZON, distance_m / (distance_m + GROUND_FADE_M))
+    if ground_m < f32::INFINITY {
+        return through_haze(frame, GROUND_ALBEDO * received(frame, Vec3::Z, 1.0, sun_seen), dir, ground_m);
+    }
+    tone(sky(frame, dir))
+}
+
+/// Metres to the ground plane, infinity if the ray does not meet it.
+pub fn ground_distance(frame: &Frame, dir: Vec3) -> f32 {
+    if frame.ground == 0 || dir.z > -1e-5 || frame.ground_z_m >= 0.0 { f32::INFINITY } else { frame.ground_z_m / dir.z }
+}
+
+/// The sky's light in direction `dir`.
+fn sky(frame: &Frame, dir: Vec3) -> Vec3 {
+    let light = &frame.light;
+    let clear = rgb(light.zenith).lerp(horizon(frame, dir), (-SKY_FALL * dir.z.max(0.0)).exp());
+    let edge = ((DISC_OUTER - from_sun(frame, dir)) / (DISC_OUTER - DISC_INNER)).clamp(0.0, 1.0);
+    clear + glow(frame, dir) + rgb(light.sun) * (DISC * light.disc * edge)
+}
+
+/// The sky low in direction `dir`.
+fn horizon(frame: &Frame, dir: Vec3) -> Vec3 {
+    let flat = Vec2::new(dir.x, dir.y);
+    let along = flat.dot(Vec2::from(frame.light.side)) / flat.length().max(1e-4);
+    let sunward = 0.5 + 0.5 * along;
+    rgb(frame.light.horizon_away).lerp(rgb(frame.light.horizon_sun), sunward * sunward)
+}
+
+/// What the sky around the sun has more (Henyey and Greenstein's shape with g = 0.76).
+fn glow(frame: &Frame, dir: Vec3) -> Vec3 {
+    let near = GLOW / (GLOW + 0.76 * from_sun(frame, dir));
+    rgb(frame.light.glow) * (near * near.sqrt())
+}
+
+/// Squared distance from the sun on the unit sphere: exact where a cosine is not.
+fn from_sun(frame: &Frame, dir: Vec3) -> f32 {
+    (dir - Vec3::from(frame.sun)).length_squared()
 }
