@@ -181,18 +181,24 @@ fn normal<C: Coder>(
     z_shift: u8,
 ) -> (u16, [i16; 2]) {
     let kind = usize::from(flags & flag::INCLINED != 0);
-    let mut tried = [None; 4];
-    let mut count = 0;
-    for top in known {
-        if !top.occupied() || tried.contains(&Some(top.normal)) || (flags ^ top.flags) & flag::INCLINED != 0 {
+    // Beyond sixteen bits where there is no column.
+    let normals = known.map(|top| if top.occupied() { u32::from(top.normal) } else { u32::MAX });
+    let mut first = None;
+    for (k, top) in known.iter().enumerate() {
+        let own = normals[k];
+        let tried = (0..k).any(|j| normals[j] == own && (flags ^ known[j].flags) & flag::INCLINED == 0);
+        if own == u32::MAX || tried || (flags ^ top.flags) & flag::INCLINED != 0 {
             continue;
         }
-        let agree = known.iter().filter(|k| k.occupied() && k.normal == top.normal).count();
-        if coder.bit(&mut models.same[if count > 0 { 2 } else { 0 } + kind][agree - 1], value == top.normal) {
+        let mut agree = 0;
+        for other in normals {
+            agree += usize::from(other == own);
+        }
+        let model = &mut models.same[if first.is_some() { 2 } else { 0 } + kind][agree - 1];
+        if coder.bit(model, value == top.normal) {
             return (top.normal, top.slope);
         }
-        tried[count] = Some(top.normal);
-        count += 1;
+        first = first.or(Some(top.normal));
     }
     let place = recent.list.iter().position(|n| *n == value);
     let slope = |normal: u16| if kind == 0 { [0; 2] } else { slope(normal, z_shift) };
@@ -202,7 +208,7 @@ fn normal<C: Coder>(
         recent.push(other);
         return (other, slope(other));
     }
-    let near = tried[0].unwrap_or(0x7f7f).to_le_bytes();
+    let near = first.unwrap_or(0x7f7f).to_le_bytes();
     let [u, v] = value.to_le_bytes();
     let part = |a: u8, b: u8| i32::from(a.wrapping_sub(b) as i8);
     let u = near[0].wrapping_add(coder.number(&mut models.normal[0], part(u, near[0])) as u8);

@@ -122,9 +122,10 @@ pub struct Column {
 ///
 /// `z_min < z_max <= Z_CODE_MAX` and `z_shift <= Z_SHIFT_MAX`; a row is `16 >> z_shift` codes.
 pub const fn strip_rows(z_min: u16, z_max: u16, z_shift: u8) -> (u16, u16) {
-    let codes = STEPS_PER_CELL >> z_shift;
-    let first = z_min / codes;
-    (first, (z_max - 1) / codes + 1 - first)
+    // Codes a row are a power of two.
+    let digits = STEPS_PER_CELL.trailing_zeros() - z_shift as u32;
+    let first = z_min >> digits;
+    (first, ((z_max - 1) >> digits) + 1 - first)
 }
 
 /// A node's columns, as arrays of [`COLUMNS`] entries; where there is no column, all are zero.

@@ -5,7 +5,7 @@
 
 use super::{
     BlockMap, CLIP_STEPS_PER_CELL, COLUMNS, Clip, Corner, NODE_CELLS, Outer, STEPS_PER_CELL, Z_CODE_MAX, flag,
-    geometry::{self, neighbour},
+    geometry::{self, WIDTH, neighbour},
 };
 use crate::codec::range::{Bit, Coder, Number, Share};
 
@@ -46,6 +46,22 @@ const CLASSES: usize = 20;
 /// Class of a cell without a column.
 const NOTHING: u8 = CLASSES as u8;
 
+/// Class of -12 and less, -11, ..., 32, 33 sixteenths of a row and more.
+const STEPS: [u8; 46] = {
+    // Where each class ends.
+    let ends = [-12, -6, -3, -1, 0, 2, 5, 12, 32, 33];
+    let mut steps = [0; 46];
+    let (mut at, mut class) = (0, 0);
+    while at < steps.len() {
+        if at as i32 - 12 > ends[class] {
+            class += 1;
+        }
+        steps[at] = class as u8;
+        at += 1;
+    }
+    steps
+};
+
 /// How far the side that is most open is open, in ten classes; ten more on the node's rim.
 fn openness(map: &BlockMap, i: usize) -> u8 {
     if map.flags[i] & flag::OCCUPIED == 0 {
@@ -64,38 +80,37 @@ fn openness(map: &BlockMap, i: usize) -> u8 {
     } else {
         [i - 1, i + 1, i - NODE_CELLS, i + NODE_CELLS].into_iter().for_each(&mut look);
     }
-    let codes = i32::from(STEPS_PER_CELL >> map.z_shift);
-    let steps = match (most - codes) * 16 / codes {
-        ..=-12 => 0,
-        -11..=-6 => 1,
-        -5..=-3 => 2,
-        -2..=-1 => 3,
-        0 => 4,
-        1..=2 => 5,
-        3..=5 => 6,
-        6..=12 => 7,
-        13..=32 => 8,
-        _ => 9,
-    };
+    // In sixteenths of a row, towards zero.
+    let over = most - i32::from(STEPS_PER_CELL >> map.z_shift);
+    let sixteenths = if over < 0 { -(-over << map.z_shift) } else { over << map.z_shift };
+    let steps = STEPS[(sixteenths.clamp(-12, 33) + 12) as usize];
     if rim { steps + 10 } else { steps }
 }
 
 /// The exposed columns, each after one that stands beside it.
 pub(super) fn facades(map: &BlockMap) -> Vec<Step> {
-    let exposed = |i: &usize| map.flags[*i] & flag::EXPOSED != 0;
-    let mut steps = Vec::new();
-    let mut met = [false; COLUMNS];
-    let mut open: Vec<Step> = Vec::new();
-    for start in (0..COLUMNS).filter(exposed) {
+    // Exposed and not met yet, on the grid with its rim.
+    let mut left = vec![false; WIDTH * WIDTH];
+    for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::EXPOSED != 0) {
+        left[geometry::place(i)] = true;
+    }
+    let mut steps = Vec::with_capacity(COLUMNS);
+    let mut open: Vec<Step> = Vec::with_capacity(256);
+    for start in 0..COLUMNS {
+        if !left[geometry::place(start)] {
+            continue;
+        }
         open.push(Step { column: start, before: None });
         while let Some(step) = open.pop() {
-            if std::mem::replace(&mut met[step.column], true) {
+            let at = geometry::place(step.column);
+            if !std::mem::replace(&mut left[at], false) {
                 continue;
             }
             steps.push(step);
-            for at in AROUND.iter().rev() {
-                if let Some(next) = neighbour(step.column, *at).filter(exposed).filter(|next| !met[*next]) {
-                    open.push(Step { column: next, before: Some(step.column) });
+            for (dx, dy) in AROUND.iter().rev() {
+                if left[at.wrapping_add_signed((dy * WIDTH as i32 + dx) as isize)] {
+                    let column = step.column.wrapping_add_signed((dy * NODE_CELLS as i32 + dx) as isize);
+                    open.push(Step { column, before: Some(step.column) });
                 }
             }
         }
@@ -133,7 +148,7 @@ pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step])
         share.code(coder, &mut [Bit::NEW; 2])
     };
     let [with_gaps, with_holes, with_clips] = [flag::GAP, flag::HOLES, flag::CLIPPED].map(&mut shared);
-    let mut done = [false; COLUMNS];
+    let mut done = vec![false; WIDTH * WIDTH];
     for &Step { column: i, before } in steps {
         let with = |map: &BlockMap, bit: u8| before.map_or(0, |j| 1 + usize::from(map.flags[j] & bit != 0));
         let context = with(map, flag::GAP);
@@ -146,15 +161,16 @@ pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step])
             let bits = [(gap, flag::GAP), (holes, flag::HOLES), (clipped, flag::CLIPPED)];
             map.flags[i] |= bits.iter().filter(|(on, _)| *on).map(|(_, bit)| bit).sum::<u8>();
         }
-        let near = near(map, &done, &clips, i, before);
-        map.wall_azimuth[i] = code_azimuth(coder, &mut models.azimuth, &near, None, map.wall_azimuth[i]);
+        let near = Near::new(map, &done, &clips, i, before);
+        let near = near.walls();
+        map.wall_azimuth[i] = code_azimuth(coder, &mut models.azimuth, near, None, map.wall_azimuth[i]);
         if gap {
             gaps[i] = code_gap(coder, &mut models.gap_height, map, i, before.map(|j| gaps[j]), gaps[i]);
         }
         if clipped {
-            clips[i] = code_clip(coder, &mut models, map, &near, i, before, &clips);
+            clips[i] = code_clip(coder, &mut models, map, near, i, before, &clips);
         }
-        done[i] = true;
+        done[geometry::place(i)] = true;
     }
     if !C::WRITES {
         map.gaps = gather(map, flag::GAP, &gaps);
@@ -178,21 +194,54 @@ struct Wall {
     offset: Option<i32>,
 }
 
-/// The walls of the neighbours that are done, first those of the column before.
-fn near(map: &BlockMap, done: &[bool; COLUMNS], clips: &[Clip], i: usize, before: Option<usize>) -> Vec<Wall> {
-    let mut walls: Vec<Wall> = Vec::with_capacity(18);
-    let others = AROUND.iter().filter_map(|step| neighbour(i, *step)).filter(|j| done[*j] && Some(*j) != before);
-    let mut add = |wall: Wall| match walls.iter_mut().find(|w| w.azimuth == wall.azimuth) {
-        Some(known) => known.offset = known.offset.or(wall.offset),
-        None => walls.push(wall),
-    };
-    for j in before.into_iter().chain(others) {
+/// Walls nearby, no two of one azimuth.
+struct Near {
+    walls: [Wall; 18],
+    count: usize,
+}
+
+impl Near {
+    /// The walls of the neighbours that are done, first those of the column before.
+    fn new(map: &BlockMap, done: &[bool], clips: &[Clip], i: usize, before: Option<usize>) -> Self {
+        let mut near = Self { walls: [Wall { azimuth: 0, offset: None }; 18], count: 0 };
+        if let Some(j) = before {
+            near.add_column(map, clips, i, j);
+        }
+        let at = geometry::place(i);
+        for (dx, dy) in AROUND {
+            if done[at.wrapping_add_signed((dy * WIDTH as i32 + dx) as isize)] {
+                let j = i.wrapping_add_signed((dy * NODE_CELLS as i32 + dx) as isize);
+                if Some(j) != before {
+                    near.add_column(map, clips, i, j);
+                }
+            }
+        }
+        near
+    }
+
+    fn add_column(&mut self, map: &BlockMap, clips: &[Clip], i: usize, j: usize) {
         let [first, corner] = planes(map, clips, j);
         let here = |(azimuth, offset): Plane| Wall { azimuth, offset: Some(carried(j, i, azimuth, offset)) };
-        add(first.map_or(Wall { azimuth: map.wall_azimuth[j], offset: None }, here));
-        corner.map(here).into_iter().for_each(&mut add);
+        self.add(first.map_or(Wall { azimuth: map.wall_azimuth[j], offset: None }, here));
+        if let Some(corner) = corner {
+            self.add(here(corner));
+        }
     }
-    walls
+
+    fn add(&mut self, wall: Wall) {
+        let count = self.count;
+        match self.walls[..count].iter_mut().find(|w| w.azimuth == wall.azimuth) {
+            Some(known) => known.offset = known.offset.or(wall.offset),
+            None => {
+                self.walls[count] = wall;
+                self.count += 1;
+            }
+        }
+    }
+
+    fn walls(&self) -> &[Wall] {
+        &self.walls[..self.count]
+    }
 }
 
 /// The offset in column `i` of the plane that has `offset` in column `j`.
