@@ -17,10 +17,13 @@ pub const MAX_SAMPLES: u32 = 4;
 /// Threads of a workgroup in x and y.
 pub const WORKGROUP: [u32; 2] = [8, 8];
 
-/// A word of the cut's tree ([`TreeNode::child`], [`Frame::root`]): nothing there.
-pub const TREE_EMPTY: u32 = 0;
-/// Set in a tree word that names a drawn node (its index into the nodes); clear in one that names a [`TreeNode`].
-pub const TREE_NODE_BIT: u32 = 0x8000_0000;
+/// Most levels of a [`crate::grid::Grid`].
+pub const GRID_LEVELS: usize = 21;
+/// First word of a grid entry: finer squares tell. 0 is an empty square.
+pub const GRID_MIXED: u32 = 1;
+/// Set in the first word of a grid entry that a node fills: level of the square that it fills (5 bits from bit 24, finest 0)
+/// and its index into the nodes (24 bits). The second word is lowest | highest point << 16 of the square.
+pub const GRID_NODE_BIT: u32 = 0x8000_0000;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
@@ -74,26 +77,36 @@ pub struct Frame {
     pub height_px: u32,
     /// To the upper edge: unit up times `tan(fov_y / 2)`.
     pub up: [f32; 3],
-    /// Tree word of the city's root.
-    pub root: u32,
-    /// South-west corner of the root square; z is unused.
-    pub root_corner: [f32; 3],
-    /// Side of the root square in metres.
-    pub root_side_m: f32,
+    /// Rays along a pixel's side, at most [`MAX_SAMPLES`]. Distance and hit node are those of the centre ray if odd.
+    pub samples: u32,
     /// Unit vector towards the sun.
     pub sun: [f32; 3],
     /// A [`Shading`].
     pub shading: u32,
+    /// Camera within its finest square of the grid, in squares.
+    pub eye: [f32; 2],
+    /// Which square that is.
+    pub eye_cell: [i32; 2],
+    /// Side of a finest square in metres.
+    pub side_m: f32,
+    /// Levels of the grid; 0 without nodes.
+    pub levels: u32,
+    /// Camera's height in the grid's steps.
+    pub z_eye: f32,
+    /// Steps in a metre.
+    pub z_scale: f32,
+    /// 1 / the distance from which on nodes of the finest level are good enough.
+    pub level_scale: f32,
     /// Height of the plane where there is no column, relative to the camera.
     pub ground_z_m: f32,
     /// 1 if the plane is drawn.
     pub ground: u32,
-    /// Rays along a pixel's side, at most [`MAX_SAMPLES`]. Distance and hit node are those of the centre ray if odd.
-    pub samples: u32,
     /// Zero.
     pub pad: u32,
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
+    /// Per level of the grid, finest first: first entry, log2 of the window's side, its west and south end.
+    pub windows: [[i32; 4]; GRID_LEVELS],
 }
 
 /// Sun, sky and haze, made by [`Light::of_sun`]. Linear RGB and 0, exposed: 1 is about what a white surface in the sun sends.
@@ -155,20 +168,12 @@ pub struct Node {
     pub pad: [u32; 2],
 }
 
-/// An inner node of the cut's tree.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable, Default)]
-#[repr(C)]
-pub struct TreeNode {
-    /// Tree words in quadrant order (bit 0 east, bit 1 north).
-    pub child: [u32; 4],
-}
-
 /// Binding numbers in group 0 of `raycast.wgsl`.
 pub mod binding {
     /// Uniform [`super::Frame`].
     pub const FRAME: u32 = 0;
-    /// Storage, `array<TreeNode>`; entry 0 is never referred to.
-    pub const TREE: u32 = 1;
+    /// Storage, `array<vec2<u32>>`.
+    pub const GRID: u32 = 1;
     /// Storage, `array<Node>`.
     pub const NODES: u32 = 2;
     /// Storage, `array<u32>`.

@@ -9,12 +9,19 @@
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod grid;
 pub mod layout;
 pub mod light;
 pub mod pack;
 
 /// The WGSL source of the ray-caster: bindings in [`layout::binding`], workgroups of [`layout::WORKGROUP`].
-pub const RAYCAST_WGSL: &str = concat!(include_str!("../wgsl/raycast.wgsl"), "\n", include_str!("../wgsl/shade.wgsl"));
+pub const RAYCAST_WGSL: &str = concat!(
+    include_str!("../wgsl/raycast.wgsl"),
+    "\n",
+    include_str!("../wgsl/column.wgsl"),
+    "\n",
+    include_str!("../wgsl/shade.wgsl")
+);
 /// The WGSL source that puts the ray-caster's pixels on a render target.
 pub const COMPOSE_WGSL: &str = include_str!("../wgsl/compose.wgsl");
 /// The WGSL source that draws which triangle is nearest, for the bake.

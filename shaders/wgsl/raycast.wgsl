@@ -1,6 +1,6 @@
-// Ray-casting the cut: the GPU's twin of src/cpu/raycast.rs; one module with shade.wgsl.
+// Ray-casting the cut: the GPU's twin of src/cpu/raycast.rs; one module with column.wgsl and shade.wgsl.
 //
-// In: frame, tree, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, or read-back.
+// In: frame, grid, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, or read-back.
 
 struct Frame {
     forward: vec3<f32>,
@@ -8,20 +8,21 @@ struct Frame {
     right: vec3<f32>,
     height_px: u32,
     up: vec3<f32>,
-    root: u32,
-    root_corner: vec3<f32>,
-    root_side_m: f32,
+    samples: u32,
     sun: vec3<f32>,
     shading: u32,
+    eye: vec2<f32>,
+    eye_cell: vec2<i32>,
+    side_m: f32,
+    levels: u32,
+    z_eye: f32,
+    z_scale: f32,
+    level_scale: f32,
     ground_z_m: f32,
     ground: u32,
-    samples: u32,
     pad: u32,
     light: Light,
-}
-
-struct TreeNode {
-    child: vec4<u32>,
+    windows: array<vec4<i32>, 21>,
 }
 
 struct Node {
@@ -38,7 +39,7 @@ struct Node {
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> tree: array<TreeNode>;
+@group(0) @binding(1) var<storage, read> grid: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> nodes: array<Node>;
 @group(0) @binding(3) var<storage, read> summaries: array<u32>;
 @group(0) @binding(4) var<storage, read> atlas: array<u32>;
@@ -52,10 +53,11 @@ const MAX_SAMPLES: u32 = 4u;
 const BLOCK_CELLS: i32 = 8;
 const BLOCKS: i32 = 8;
 const NODE_CELLS: i32 = 64;
-const TREE_EMPTY: u32 = 0u;
-const TREE_NODE_BIT: u32 = 0x80000000u;
+const GRID_MIXED: u32 = 1u;
+const GRID_NODE_BIT: u32 = 0x80000000u;
+const Z_TOP: f32 = 65535.0;
 const NO_NODE: u32 = 0xffffffffu;
-const MAX_TREE_STEPS: u32 = 4096u;
+const MAX_STEPS: u32 = 4096u;
 const OPAQUE: f32 = 0.02;
 
 const OCCUPIED: u32 = 1u;
@@ -122,15 +124,20 @@ struct Span {
     face: u32,
 }
 
-struct Square {
-    word: u32,
-    low: vec2<f32>,
-    size: f32,
+// An entry of the grid, and the level that it is of.
+struct Entry {
+    words: vec2<u32>,
+    k: u32,
 }
+
+// Set in a build that writes what rays did in place of what they saw: never in the product's.
+override COUNT: bool = false;
 
 var<private> gathered: Gathered;
 var<private> ray: NodeRay;
 var<private> touched: Touched;
+// Nodes, entries of the grid, words of summaries and atlas, cells; only with COUNT.
+var<private> counts: vec4<u32>;
 
 @compute @workgroup_size(8, 8)
 fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -150,6 +157,11 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     colour[at] = encode_srgb(sum / f32(n * n));
+    if COUNT {
+        colour[at] = counts.x | (counts.y << 16u);
+        distance_m[at] = f32(counts.z);
+        hit[at] = counts.w;
+    }
 }
 
 fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {
@@ -167,8 +179,8 @@ fn ahead_of(d: vec2<f32>) -> vec2<f32> {
 
 fn trace(dir: vec3<f32>) {
     gathered = Gathered(vec3<f32>(0.0), 1.0, bitcast<f32>(infinity_bits()), NO_NODE);
-    if frame.root != TREE_EMPTY {
-        walk_tree(dir);
+    if frame.levels != 0u {
+        walk_grid(dir);
     }
     if gathered.left > OPAQUE {
         gathered.rgb += background(dir, 1.0) * gathered.left;
@@ -180,67 +192,93 @@ fn infinity_bits() -> u32 {
     return 0x7f800000u + frame.pad;
 }
 
-// The twin's walk_tree, walk_node and walk_block in one: nested loops that a column which may be hit leaves all at once, and
+// The twin's walk_grid, walk_node and walk_block in one: nested loops that a column which may be hit leaves all at once, and
 // that go on where they were. So the body of the innermost loop is small and the costly rest runs once a column: devices
 // whose lanes run in step (and lavapipe, whose `if`s skip nothing) would otherwise pay for it at every cell.
-fn walk_tree(dir: vec3<f32>) {
-    let side = frame.root_side_m;
-    let o = -frame.root_corner.xy / side;
-    let d = nonzero(dir.xy / side);
+fn walk_grid(dir: vec3<f32>) {
+    let o = frame.eye;
+    let d = nonzero(dir.xy / frame.side_m);
     let inv = 1.0 / d;
+    var dz = dir.z * frame.z_scale;
+    dz = select(dz, 1e-12, abs(dz) < 1e-12);
     let ahead = ahead_of(d);
-    let step = vec2<i32>(ahead * 2.0 - 1.0);
-    let near = (1.0 - ahead - o) * inv;
-    let far = (ahead - o) * inv;
-    var t = max(max(near.x, near.y), 0.0);
-    if t >= min(far.x, far.y) {
+    let forward = vec2<i32>(ahead);
+    let step = forward * 2 - 1;
+    let squares = 1i << (frame.levels - 1u);
+    let low = vec2<f32>(-frame.eye_cell);
+    let near = (low + (1.0 - ahead) * f32(squares) - o) * inv;
+    let far = (low + ahead * f32(squares) - o) * inv;
+    let za = (-1.0 - frame.z_eye) / dz;
+    let zb = (Z_TOP + 1.0 - frame.z_eye) / dz;
+    var t = max(max(max(near.x, near.y), min(za, zb)), 0.0);
+    let t_end = min(min(far.x, far.y), max(za, zb));
+    if t >= t_end {
         return;
     }
-    var p = clamp(o + d * t, vec2<f32>(0.0), vec2<f32>(1.0));
-    if t == near.x {
-        p.x = 1.0 - ahead.x;
-    } else if t == near.y {
-        p.y = 1.0 - ahead.y;
-    }
+    var square = clamp(vec2<i32>(floor(o + d * t)) + frame.eye_cell, vec2<i32>(0), vec2<i32>(squares - 1));
+    var k = level_at(t);
     var phase = AT_SQUARE;
     var square_exit = t;
-    var leaves_root = false;
+    var done = false;
     var node_end = t;
     var slot = 0u;
     var block = vec2<i32>(0);
     var block_end = t;
     var cell = vec2<i32>(0);
     var cell_end = t;
-    var squares = 0u;
-    for (var columns = 0u; columns < MAX_TREE_STEPS; columns++) {
+    var steps = 0u;
+    for (var columns = 0u; columns < MAX_STEPS; columns++) {
         var found = false;
         loop {
-            if phase == AT_SQUARE {
-                let square = descend(p, ahead);
-                let edge = square.low + ahead * square.size;
-                let te = (edge - o) * inv;
-                square_exit = max(min(te.x, te.y), t);
-                p = clamp(o + d * square_exit, square.low, square.low + square.size);
-                if te.x <= te.y {
-                    p.x = edge.x;
-                    leaves_root = edge.x == ahead.x;
-                } else {
-                    p.y = edge.y;
-                    leaves_root = edge.y == ahead.y;
+            loop {
+                if phase != AT_SQUARE || done {
+                    break;
                 }
-                squares++;
-                if (square.word & TREE_NODE_BIT) != 0u {
-                    let index = square.word & ~TREE_NODE_BIT;
-                    let entry = enter_node(index, dir, t, square_exit);
-                    if entry.x <= entry.y {
-                        t = entry.x;
-                        node_end = entry.y;
+                t = square_exit;
+                let entry = look_up(square, k);
+                steps++;
+                let is_node = (entry.words.x & GRID_NODE_BIT) != 0u;
+                k = select(entry.k, (entry.words.x >> 24u) & 31u, is_node);
+                let corner = (square >> vec2<u32>(k)) << vec2<u32>(k);
+                let edge = corner + (forward << vec2<u32>(k));
+                let te = (vec2<f32>(edge - frame.eye_cell) - o) * inv;
+                let exit = max(min(min(te.x, te.y), t_end), t);
+                let z_in = frame.z_eye + dz * t;
+                let z_out = frame.z_eye + dz * exit;
+                let below = min(z_in, z_out) <= f32(entry.words.y >> 16u) + 1.0;
+                let meets = below && max(z_in, z_out) + 1.0 >= f32(entry.words.y & 0xffffu);
+                if meets && entry.words.x == GRID_MIXED && k > 0u {
+                    k--;
+                    done = steps >= MAX_STEPS;
+                    continue;
+                }
+                if meets && is_node {
+                    let index = entry.words.x & 0xffffffu;
+                    let span = enter_node(index, dir, t, exit);
+                    if span.x <= span.y {
+                        if COUNT {
+                            counts.x++;
+                        }
+                        t = span.x;
+                        node_end = span.y;
                         slot = nodes[index].slot * SUMMARY_WORDS;
                         let start = floor((ray.o.xy + ray.d.xy * t) / f32(BLOCK_CELLS));
                         block = clamp(vec2<i32>(start), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
                         phase = AT_BLOCK;
                     }
                 }
+                square_exit = exit;
+                var next = vec2<i32>(floor(o + d * exit)) + frame.eye_cell;
+                next = clamp(next, corner, corner + ((1i << k) - 1i));
+                next = select(vec2<i32>(next.x, edge.y - 1 + forward.y), vec2<i32>(edge.x - 1 + forward.x, next.y), te.x <= te.y);
+                let inside = all(next >= vec2<i32>(0)) && all(next < vec2<i32>(squares));
+                done = exit >= t_end || !inside || steps >= MAX_STEPS;
+                let apart = firstLeadingBit(u32((square.x ^ next.x) | (square.y ^ next.y)));
+                k = min(level_at(exit), apart);
+                square = next;
+            }
+            if phase == AT_SQUARE {
+                break;
             }
             loop {
                 if phase == AT_SQUARE {
@@ -249,6 +287,9 @@ fn walk_tree(dir: vec3<f32>) {
                 if phase == AT_BLOCK {
                     let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - ray.o.xy) * ray.inv;
                     block_end = max(min(min(te.x, te.y), node_end), t);
+                    if COUNT {
+                        counts.z++;
+                    }
                     let summary = summaries[slot + u32(block.y * BLOCKS + block.x)];
                     let za = ray.o.z + ray.d.z * t;
                     let zb = ray.o.z + ray.d.z * block_end;
@@ -266,6 +307,9 @@ fn walk_tree(dir: vec3<f32>) {
                     let te = (vec2<f32>(cell) + ahead - ray.o.xy) * ray.inv;
                     let exit = min(te.x, te.y);
                     cell_end = max(min(exit, block_end), t);
+                    if COUNT && phase == AT_CELL {
+                        counts.w++;
+                    }
                     if phase == AT_CELL && may_hit(cell, t, cell_end) {
                         found = true;
                         break;
@@ -287,10 +331,9 @@ fn walk_tree(dir: vec3<f32>) {
                 let inside = all(block >= vec2<i32>(0)) && all(block < vec2<i32>(BLOCKS));
                 phase = select(AT_SQUARE, AT_BLOCK, exit < node_end && inside);
             }
-            if found || leaves_root || squares >= MAX_TREE_STEPS {
+            if found || done {
                 break;
             }
-            t = square_exit;
         }
         if !found {
             return;
@@ -303,21 +346,24 @@ fn walk_tree(dir: vec3<f32>) {
     }
 }
 
-fn descend(p: vec2<f32>, ahead: vec2<f32>) -> Square {
-    var square = Square(frame.root, vec2<f32>(0.0), 1.0);
-    for (var i = 0u; i < 32u; i++) {
-        if square.word == TREE_EMPTY || (square.word & TREE_NODE_BIT) != 0u {
-            break;
+// The level whose nodes are good enough at a distance.
+fn level_at(t: f32) -> u32 {
+    return min(u32(log2(max(t * frame.level_scale, 1.0))), frame.levels - 1u);
+}
+
+// The entry for a finest square at level `k`, or at the first coarser level whose window holds it.
+fn look_up(square: vec2<i32>, k: u32) -> Entry {
+    for (var level = k; level < frame.levels; level++) {
+        let place = (square >> vec2<u32>(level)) - frame.windows[level].zw;
+        let log2_side = u32(frame.windows[level].y);
+        if all((place >> vec2<u32>(log2_side)) == vec2<i32>(0)) {
+            if COUNT {
+                counts.y++;
+            }
+            return Entry(grid[u32(frame.windows[level].x + (place.y << log2_side) + place.x)], level);
         }
-        square.size *= 0.5;
-        let mid = square.low + square.size;
-        let east = p.x > mid.x || (p.x == mid.x && ahead.x > 0.5);
-        let north = p.y > mid.y || (p.y == mid.y && ahead.y > 0.5);
-        square.low = select(square.low, mid, vec2<bool>(east, north));
-        let quadrant = select(0u, 1u, east) | select(0u, 2u, north);
-        square.word = tree[square.word].child[quadrant];
     }
-    return square;
+    return Entry(vec2<u32>(0u), frame.levels - 1u);
 }
 
 // Makes `ray`; gives where it is between the node's lowest and highest point (the first larger if nowhere).
@@ -335,254 +381,3 @@ fn enter_node(index: u32, dir: vec3<f32>, t_in: f32, t_out: f32) -> vec2<f32> {
     return vec2<f32>(max(t_in, min(a, b)), min(t_out, max(a, b)));
 }
 
-fn plane_word(plane: u32, i: u32) -> u32 {
-    return atlas[ray.pages[plane] + i];
-}
-
-fn octahedral(code: u32) -> vec3<f32> {
-    let c = vec2<f32>(f32(min(code & 255u, 254u)), f32(min((code >> 8u) & 255u, 254u)));
-    var p = (c - 127.0) / 127.0;
-    let z = 1.0 - abs(p.x) - abs(p.y);
-    if z < 0.0 {
-        let s = select(vec2<f32>(1.0), vec2<f32>(-1.0), p < vec2<f32>(0.0));
-        p = (1.0 - abs(p.yx)) * s;
-    }
-    return normalize(vec3<f32>(p, z));
-}
-
-fn z_at(t: f32) -> f32 {
-    return ray.o.z + ray.d.z * t;
-}
-
-fn top_at(t: f32, z_max: f32, slope: vec2<f32>, centre: vec2<f32>) -> f32 {
-    return z_max + dot(slope, ray.o.xy + ray.d.xy * t - centre);
-}
-
-// The twin's column up to its first return: whether the ray is between bottom and top somewhere in the cell.
-fn may_hit(cell: vec2<i32>, ta: f32, te: f32) -> bool {
-    let i = u32(cell.y * NODE_CELLS + cell.x);
-    let walk = plane_word(0u, i);
-    let z_max = f32(walk & 0xfffu);
-    let z_min = f32((walk >> 12u) & 0xfffu);
-    var slope = vec2<f32>(0.0);
-    if ((walk >> 24u) & INCLINED) != 0u {
-        let n = octahedral(plane_word(2u, i));
-        slope = n.xy * (-f32(16u >> ray.z_shift) / max(n.z, 0.1));
-    }
-    let centre = vec2<f32>(cell) + 0.5;
-    var highest = max(top_at(ta, z_max, slope, centre), top_at(te, z_max, slope, centre));
-    if ((walk >> 24u) & (CLIPPED | GAP)) != 0u {
-        highest = max(highest, z_max);
-    }
-    touched = Touched(walk, slope);
-    let apart = min(z_at(ta), z_at(te)) > highest || max(z_at(ta), z_at(te)) < z_min;
-    return ((walk >> 24u) & OCCUPIED) != 0u && !apart;
-}
-
-fn column(cell: vec2<i32>, ta: f32, te: f32) {
-    let i = u32(cell.y * NODE_CELLS + cell.x);
-    let walk = touched.walk;
-    let flags = walk >> 24u;
-    let z_max = f32(walk & 0xfffu);
-    let z_min = f32((walk >> 12u) & 0xfffu);
-    let centre = vec2<f32>(cell) + 0.5;
-    let attributes = plane_word(2u, i);
-    let strip = plane_word(3u, i);
-    let clip = select(0u, atlas[strip], (flags & CLIPPED) != 0u);
-    let border = border_of((flags & CLIPPED) != 0u, attributes, clip, centre, ta, te);
-    let outer_top = f32(clip & 0xfffu);
-    let has_gap = (flags & GAP) != 0u;
-    let gap = select(0u, atlas[strip + head_words(flags) - 1u], has_gap);
-    let low = f32(gap & 0xffffu);
-    let high = f32(gap >> 16u);
-    for (var n = 0u; n < 6u; n++) {
-        let part = n >> 1u;
-        let second = (n & 1u) == 1u;
-        let lower = second != (ray.d.z > 0.0);
-        let outer = (part == 1u) == border.within_is_outer;
-        let solid = select(select(SOLID_UPPER, SOLID_LOWER, lower), SOLID_OUTER, outer);
-        let s = select(select(border.end, border.begin, part == 1u), ta, part == 0u);
-        let e = select(select(te, border.end, part == 1u), border.begin, part == 0u);
-        let missing = (outer && (second || outer_top == 0.0)) || (solid == SOLID_LOWER && !has_gap);
-        if missing || s >= e {
-            continue;
-        }
-        let bottom = select(z_min, high, solid == SOLID_UPPER && has_gap);
-        var over = vec2<f32>(z_at(s) - top_at(s, z_max, touched.slope, centre), z_at(e) - top_at(e, z_max, touched.slope, centre));
-        var top = z_max;
-        if solid != SOLID_UPPER {
-            top = select(low, outer_top, outer);
-            over = vec2<f32>(z_at(s) - top, z_at(e) - top);
-        }
-        let span = clip_solid(s, e, over, vec2<f32>(z_at(s) - bottom, z_at(e) - bottom));
-        hit_solid(cell, i, walk, strip, solid, border.walls[part], span, bottom, top);
-    }
-}
-
-fn head_words(flags: u32) -> u32 {
-    return select(0u, 2u, (flags & CLIPPED) != 0u) + select(0u, 1u, (flags & GAP) != 0u);
-}
-
-fn border_of(clipped: bool, attributes: u32, clip: u32, centre: vec2<f32>, ta: f32, te: f32) -> Border {
-    let first = (attributes >> 16u) & 255u;
-    let concave = (clip & CONCAVE) != 0u;
-    let side = select(1.0, -1.0, concave);
-    var border = Border(ta, te, concave, vec3<u32>(first));
-    let planes = select(0u, select(1u, 2u, (clip & CORNER) != 0u), clipped);
-    for (var k = 0u; k < planes; k++) {
-        let word = select(attributes, clip, k == 1u);
-        let turn = (word >> 16u) & 255u;
-        let offset = f32(bitcast<i32>(word) >> 24u) / CLIP_STEPS_PER_CELL;
-        let n = azimuth(turn);
-        let a = side * (dot(n, ray.o.xy + ray.d.xy * ta - centre) - offset);
-        let b = side * (dot(n, ray.o.xy + ray.d.xy * te - centre) - offset);
-        let through = ta + (te - ta) * (a / (a - b));
-        if a > 0.0 && b > 0.0 {
-            border.begin = te;
-        } else if a > 0.0 && through > border.begin {
-            border.begin = through;
-            border.walls.y = turn;
-        } else if b > 0.0 && a <= 0.0 && through < border.end {
-            border.end = through;
-            border.walls.z = turn;
-        }
-    }
-    if border.begin >= border.end {
-        border.begin = te;
-        border.end = te;
-    }
-    return border;
-}
-
-fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
-    let none = Span(1.0, 0.0, FACE_SIDE);
-    var span = Span(ta, te, FACE_SIDE);
-    if over.x > 0.0 {
-        if over.y > 0.0 {
-            return none;
-        }
-        span.s = ta + (te - ta) * (over.x / (over.x - over.y));
-        span.face = FACE_TOP;
-    } else if over.y > 0.0 {
-        span.e = ta + (te - ta) * (over.x / (over.x - over.y));
-    }
-    if above.x < 0.0 {
-        if above.y < 0.0 {
-            return none;
-        }
-        let s = ta + (te - ta) * (above.x / (above.x - above.y));
-        if s > span.s {
-            span.s = s;
-            span.face = FACE_BOTTOM;
-        }
-    } else if above.y < 0.0 {
-        span.e = min(span.e, ta + (te - ta) * (above.x / (above.x - above.y)));
-    }
-    return span;
-}
-
-fn hit_solid(
-    cell: vec2<i32>,
-    i: u32,
-    walk: u32,
-    strip_at: u32,
-    solid: u32,
-    wall: u32,
-    span: Span,
-    bottom: f32,
-    top: f32,
-) {
-    let inside = span.s <= 0.0 && span.face == FACE_SIDE;
-    if span.s >= span.e || inside || gathered.left <= OPAQUE {
-        return;
-    }
-    let flags = walk >> 24u;
-    let roof_normal = octahedral(plane_word(2u, i));
-    if solid == SOLID_OUTER {
-        var normal = vec3<f32>(0.0, 0.0, select(-1.0, 1.0, span.face == FACE_TOP));
-        if span.face == FACE_SIDE {
-            normal = face_normal(cell);
-        }
-        gather(span.s, atlas[strip_at + 1u] | (3u << 24u), normal, flags);
-        return;
-    }
-    if solid == SOLID_UPPER && span.face == FACE_TOP {
-        gather(span.s, plane_word(1u, i) | (3u << 24u), roof_normal, flags);
-        return;
-    }
-    if (flags & EXPOSED) == 0u {
-        var normal = roof_normal;
-        if span.face == FACE_BOTTOM {
-            normal = vec3<f32>(0.0, 0.0, -1.0);
-        }
-        if dot(normal, ray.dir) >= 0.0 {
-            normal = face_normal(cell);
-        }
-        gather(span.s, plane_word(1u, i) | (3u << 24u), normal, flags);
-        return;
-    }
-    let strip = strip_at + head_words(flags);
-    let codes = f32(16u >> ray.z_shift);
-    let first = i32(floor(f32((walk >> 12u) & 0xfffu) / codes));
-    let row_low = i32(floor(bottom / codes));
-    let row_high = i32(floor((top - 1.0) / codes));
-    var row = clamp(i32(floor((ray.o.z + ray.d.z * span.s) / codes)), row_low, row_high);
-    var s = span.s;
-    var face = span.face;
-    for (var n = 0; n < 256; n++) {
-        let texel = atlas[u32(i32(strip) + row - first)];
-        if ((texel >> 24u) & 3u) != 0u {
-            var normal = vec3<f32>(0.0, 0.0, 1.0);
-            if face == FACE_BOTTOM {
-                normal = vec3<f32>(0.0, 0.0, -1.0);
-            } else if face == FACE_SIDE {
-                normal = wall_normal(cell, wall);
-            }
-            gather(s, texel, normal, flags);
-        }
-        if gathered.left <= OPAQUE || (flags & HOLES) == 0u {
-            return;
-        }
-        let up = ray.d.z > 0.0;
-        s = (f32(row + select(0, 1, up)) * codes - ray.o.z) / ray.d.z;
-        face = select(FACE_TOP, FACE_BOTTOM, up);
-        row += select(-1, 1, up);
-        if s > span.e || row < row_low || row > row_high {
-            return;
-        }
-    }
-}
-
-fn azimuth(turn: u32) -> vec2<f32> {
-    let angle = f32(turn) * (6.2831855 / 256.0);
-    return vec2<f32>(cos(angle), sin(angle));
-}
-
-fn wall_normal(cell: vec2<i32>, wall: u32) -> vec3<f32> {
-    let normal = vec3<f32>(azimuth(wall), 0.0);
-    if dot(normal, ray.dir) < 0.0 {
-        return normal;
-    }
-    return face_normal(cell);
-}
-
-fn face_normal(cell: vec2<i32>) -> vec3<f32> {
-    let ahead = ahead_of(ray.d.xy);
-    let near = (vec2<f32>(cell) + 1.0 - ahead - ray.o.xy) * ray.inv;
-    if near.x >= near.y {
-        return vec3<f32>(1.0 - 2.0 * ahead.x, 0.0, 0.0);
-    }
-    return vec3<f32>(0.0, 1.0 - 2.0 * ahead.y, 0.0);
-}
-
-fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
-    let alpha = f32((texel >> 24u) & 3u) / 3.0;
-    let lit = shade(texel, normal, flags, nodes[ray.index].level, sun_by_sky(texel));
-    gathered.rgb += through_haze(lit, ray.dir, t) * (alpha * gathered.left);
-    let before = gathered.left;
-    gathered.left *= 1.0 - alpha;
-    if before > 0.5 && gathered.left <= 0.5 {
-        gathered.distance = t;
-        gathered.node = ray.index;
-    }
-}

@@ -6,6 +6,10 @@ use crate::{
 };
 use anyhow::{Context, Result};
 use glam::DVec3;
+use insula_client::{
+    camera::{Plane, View},
+    select::cull::in_view,
+};
 use insula_protocol::{BlockMap, Manifest, Subtree, TileId, route::Layer, subtree::NodeInfo};
 use insula_server::store::CityStore;
 use std::{
@@ -15,6 +19,21 @@ use std::{
 
 /// Nearest distance in the projected error.
 const NEAR_M: f64 = 1.0;
+
+/// What bounds a picture's view.
+pub fn planes(camera: &Camera, picture: &Picture) -> [Plane; 5] {
+    let axes = camera.axes(picture);
+    let unit = |v: DVec3| v.normalize_or(DVec3::X);
+    let client = insula_client::camera::Camera {
+        position: camera.position.into(),
+        forward: axes.forward,
+        right: unit(axes.right),
+        up: unit(axes.up),
+        fov_y_rad: camera.fov_y_deg.to_radians(),
+    };
+    let (width_px, height_px) = (picture.width_px, picture.height_px);
+    View { camera: client, width_px, height_px, tau_px: 1.0, budget_pages: 0, budget_nodes: 0 }.planes()
+}
 
 /// A baked city.
 pub struct Baked {
@@ -75,6 +94,21 @@ impl Baked {
             }
         }
         chosen.sort();
+        chosen
+    }
+
+    /// Those of [`Baked::select`] that are in the picture: what a client draws that has fetched everything.
+    pub fn select_in_view(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
+        let planes = planes(camera, picture);
+        let mut chosen = self.select(camera, picture, tau_px);
+        chosen.retain(|id| {
+            let Some(node) = self.nodes.get(id) else { return false };
+            let half_m = self.manifest().node_side_m(id.level()) / 2.0;
+            let [low, high] = [node.z_min_m, node.z_max_m].map(f64::from);
+            let corner = DVec3::from(self.manifest().node_corner(*id));
+            let half = DVec3::new(half_m, half_m, (high - low) / 2.0);
+            in_view(&planes, corner + half + DVec3::Z * low, half)
+        });
         chosen
     }
 

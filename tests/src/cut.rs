@@ -1,14 +1,17 @@
 //! A cut of a city in memory, as the client's cache would lay it out, but without limits.
 
 use crate::view::{Camera, Picture};
-use glam::{Vec2, Vec3};
-use insula_protocol::{BlockMap, TileId};
+use glam::{DVec3, Vec2, Vec3};
+use insula_protocol::{BlockMap, NODE_CELLS, TileId};
 use insula_shaders::{
     cpu::raycast::{self, Pixels, SceneRef},
-    layout::{Frame, Node, PLANES, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
+    grid::{self, Builder},
+    layout::{Frame, Node, PLANES, SUMMARY_WORDS},
     pack::PackedNode,
 };
-use std::collections::HashMap;
+
+/// Half the diagonal of a cube of side 1: a voxel's error.
+const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
 /// Where a city lies.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,9 +39,6 @@ struct Drawn {
 pub struct Cut {
     place: Place,
     drawn: Vec<Drawn>,
-    inner: HashMap<TileId, u32>,
-    root: u32,
-    tree: Vec<TreeNode>,
     summaries: Vec<u32>,
     atlas: Vec<u32>,
 }
@@ -46,9 +46,7 @@ pub struct Cut {
 impl Cut {
     /// Without nodes.
     pub fn new(place: Place) -> Self {
-        let tree = vec![TreeNode::default()];
-        let (drawn, inner) = (Vec::new(), HashMap::new());
-        Self { place, drawn, inner, root: TREE_EMPTY, tree, summaries: Vec::new(), atlas: Vec::new() }
+        Self { place, drawn: Vec::new(), summaries: Vec::new(), atlas: Vec::new() }
     }
 
     /// Adds a node.
@@ -61,7 +59,6 @@ impl Cut {
             self.atlas.extend_from_slice(page);
         }
         self.summaries.extend_from_slice(&packed.summary);
-        let index = self.drawn.len() as u32;
         self.drawn.push(Drawn {
             id: map.id,
             pages: std::array::from_fn(|plane| pages[plane]),
@@ -71,25 +68,6 @@ impl Cut {
             z_range: packed.z_range,
             z_shift: packed.z_shift,
         });
-        self.link(map.id, TREE_NODE_BIT | index);
-    }
-
-    fn link(&mut self, id: TileId, word: u32) {
-        let Some(parent) = id.parent() else {
-            self.root = word;
-            return;
-        };
-        let at = match self.inner.get(&parent) {
-            Some(at) => *at,
-            None => {
-                let at = self.tree.len() as u32;
-                self.tree.push(TreeNode::default());
-                self.inner.insert(parent, at);
-                self.link(parent, at);
-                at
-            }
-        };
-        self.tree[at as usize].child[id.quadrant()] = word;
     }
 
     /// How many nodes are drawn.
@@ -114,10 +92,6 @@ impl Cut {
             let [ox, oy, oz] = self.place.origin;
             [(ox + x - p[0]) as f32, (oy + y - p[1]) as f32, (oz + z - p[2]) as f32]
         };
-        let mut frame = camera.frame(picture);
-        frame.root = self.root;
-        frame.root_corner = relative(0.0, 0.0, 0.0);
-        frame.root_side_m = self.place.root_side_m as f32;
         let nodes = self.drawn.iter().enumerate().map(|(slot, drawn)| {
             let side_m = self.place.root_side_m / f64::from(1u32 << drawn.id.level());
             let (x, y) = (f64::from(drawn.id.x()) * side_m, f64::from(drawn.id.y()) * side_m);
@@ -134,7 +108,20 @@ impl Cut {
                 pad: [0; 2],
             }
         });
-        Scene { frame, nodes: nodes.collect(), cut: self }
+        let nodes: Vec<Node> = nodes.collect();
+        let ids: Vec<TileId> = self.drawn.iter().map(|drawn| drawn.id).collect();
+        let focal_px = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+        let place = grid::Place {
+            root_corner: DVec3::from(self.place.origin) - DVec3::from(p),
+            root_side_m: self.place.root_side_m,
+            // For a tolerance of one pixel; only a hint.
+            root_distance_m: HALF_DIAGONAL * self.place.root_side_m / NODE_CELLS as f64 * focal_px,
+        };
+        let mut builder = Builder::default();
+        let grid = builder.build(&place, &ids, &nodes);
+        let mut frame = camera.frame(picture);
+        grid.head.write(&mut frame);
+        Scene { frame, nodes, grid: grid.entries.clone(), cut: self }
     }
 }
 
@@ -145,6 +132,8 @@ pub struct Scene<'a> {
     pub frame: Frame,
     /// Nodes relative to the camera.
     pub nodes: Vec<Node>,
+    /// Where rays find them.
+    pub grid: Vec<[u32; 2]>,
     cut: &'a Cut,
 }
 
@@ -153,7 +142,7 @@ impl Scene<'_> {
     pub fn as_ref(&self) -> SceneRef<'_> {
         SceneRef {
             frame: &self.frame,
-            tree: &self.cut.tree,
+            grid: &self.grid,
             nodes: &self.nodes,
             summaries: &self.cut.summaries,
             atlas: &self.cut.atlas,

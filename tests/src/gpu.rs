@@ -12,8 +12,10 @@ use std::sync::{Mutex, PoisonError};
 /// A device, its queue and what it calls itself.
 #[derive(Debug)]
 pub struct Gpu {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    /// Makes things.
+    pub device: wgpu::Device,
+    /// Takes work.
+    pub queue: wgpu::Queue,
     /// Made once, and again when a scene is larger: its shader takes longer to compile than a picture to draw.
     /// One picture at a time: error scopes are the device's, not a thread's.
     raycaster: Mutex<Option<Raycaster>>,
@@ -51,12 +53,27 @@ impl Gpu {
 
     fn draw(&self, made: &mut Option<Raycaster>, scene: &Scene<'_>) -> Result<Pixels> {
         let data = scene.as_ref();
-        let (slots, atlas_pages) = scene.slots_and_pages();
-        let wanted = Capacity { atlas_pages, slots, nodes: data.nodes.len() as u32, tree: data.tree.len() as u32 };
+        let wanted = capacity(scene);
         if !made.as_ref().is_some_and(|raycaster| holds(raycaster.capacity(), wanted)) {
             *made = Some(Raycaster::new(&self.device, wanted));
         }
         let raycaster = made.as_mut().context("no ray-caster")?;
+        self.upload(raycaster, scene);
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
+        raycaster.render((&self.device, &self.queue), &mut encoder, data.frame, data.grid, data.nodes)?;
+        self.queue.submit([encoder.finish()]);
+        Ok(raycaster.read_back(&self.device, &self.queue)?)
+    }
+
+    /// A ray-caster that holds all of a scene.
+    pub fn raycaster(&self, scene: &Scene<'_>) -> Raycaster {
+        let mut raycaster = Raycaster::new(&self.device, capacity(scene));
+        self.upload(&mut raycaster, scene);
+        raycaster
+    }
+
+    fn upload(&self, raycaster: &mut Raycaster, scene: &Scene<'_>) {
+        let data = scene.as_ref();
         raycaster.resize(&self.device, [data.frame.width_px, data.frame.height_px]);
         for (page, words) in data.atlas.chunks_exact(PAGE_WORDS).enumerate() {
             raycaster.write_page(&self.queue, page as u32, words);
@@ -64,16 +81,14 @@ impl Gpu {
         for (slot, words) in data.summaries.as_chunks::<SUMMARY_WORDS>().0.iter().enumerate() {
             raycaster.write_summary(&self.queue, slot as u32, words);
         }
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        raycaster.render(&self.queue, &mut encoder, data.frame, data.tree, data.nodes)?;
-        self.queue.submit([encoder.finish()]);
-        Ok(raycaster.read_back(&self.device, &self.queue)?)
     }
 }
 
+fn capacity(scene: &Scene<'_>) -> Capacity {
+    let (slots, atlas_pages) = scene.slots_and_pages();
+    Capacity { atlas_pages, slots, nodes: scene.nodes.len() as u32 }
+}
+
 fn holds(has: Capacity, wanted: Capacity) -> bool {
-    has.atlas_pages >= wanted.atlas_pages
-        && has.slots >= wanted.slots
-        && has.nodes >= wanted.nodes
-        && has.tree >= wanted.tree
+    has.atlas_pages >= wanted.atlas_pages && has.slots >= wanted.slots && has.nodes >= wanted.nodes
 }

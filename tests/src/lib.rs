@@ -13,6 +13,7 @@ pub mod programs;
 pub mod proxy;
 pub mod random;
 pub mod rng;
+pub mod synth;
 pub mod truth;
 pub mod twin;
 pub mod view;

@@ -1,5 +1,6 @@
 //! Cameras, as files have them and as the ray-caster does.
 
+use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use insula_shaders::layout::{Frame, Light, Shading};
 use serde::{Deserialize, Serialize};
@@ -85,16 +86,11 @@ impl Camera {
             right: axes.right.as_vec3().into(),
             height_px: picture.height_px,
             up: axes.up.as_vec3().into(),
-            root: 0,
-            root_corner: [0.0; 3],
-            root_side_m: 1.0,
             sun: sun.into(),
-            shading: picture.shading as u32,
-            ground_z_m: 0.0,
-            ground: 0,
-            samples: picture.samples,
-            pad: 0,
             light: Light::of_sun(sun, 4000.0),
+            shading: picture.shading as u32,
+            samples: picture.samples,
+            ..Frame::zeroed()
         }
     }
 }

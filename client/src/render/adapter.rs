@@ -11,7 +11,10 @@ use crate::{
     cache::{Upload, pages_for},
     error::{ClientError, Result},
 };
-use insula_shaders::{cpu::raycast::Pixels, layout::SUMMARY_WORDS};
+use insula_shaders::{
+    cpu::raycast::{Counts, Pixels},
+    layout::SUMMARY_WORDS,
+};
 
 /// `--adapter`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -84,6 +87,14 @@ impl Adapter {
         match self {
             Self::Gpu(gpu) => gpu.draw(data),
             Self::Cpu(cpu) => Ok(cpu.draw(data)),
+        }
+    }
+
+    /// What the rays of such a picture do, one a pixel. Costs about as much as a picture.
+    pub fn count(&mut self, data: &FrameData) -> Result<Counts> {
+        match self {
+            Self::Gpu(gpu) => gpu.count(data),
+            Self::Cpu(cpu) => Ok(cpu.count(data)),
         }
     }
 }

@@ -5,7 +5,7 @@
 use super::FrameData;
 use crate::cache::{Upload, slots_for};
 use insula_shaders::{
-    cpu::raycast::{Pixels, SceneRef, render},
+    cpu::raycast::{Counts, Pixels, SceneRef, count, render},
     layout::{PAGE_WORDS, SUMMARY_WORDS},
 };
 
@@ -27,8 +27,17 @@ impl CpuAdapter {
 
     /// Draws on all cores.
     pub fn draw(&self, data: &FrameData) -> Pixels {
-        let FrameData { frame, tree, nodes } = data;
-        render(&SceneRef { frame, tree, nodes, summaries: &self.summaries, atlas: &self.atlas })
+        render(&self.scene(data))
+    }
+
+    /// What the rays of such a picture do.
+    pub fn count(&self, data: &FrameData) -> Counts {
+        count(&self.scene(data))
+    }
+
+    fn scene<'a>(&'a self, data: &'a FrameData) -> SceneRef<'a> {
+        let FrameData { frame, grid, nodes } = data;
+        SceneRef { frame, grid, nodes, summaries: &self.summaries, atlas: &self.atlas }
     }
 }
 

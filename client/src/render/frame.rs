@@ -12,10 +12,16 @@ use crate::{
 use bytemuck::Zeroable;
 use glam::DVec3;
 use insula_protocol::TileId;
-use insula_shaders::layout::{Frame, Light, MAX_SAMPLES, Node, Shading, TREE_EMPTY, TREE_NODE_BIT, TreeNode};
+use insula_shaders::{
+    grid::{Builder, Place},
+    layout::{Frame, Light, MAX_SAMPLES, Node, Shading},
+};
 
 /// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
 pub const STILL_SAMPLES: u32 = 3;
+
+/// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
+const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
 /// What is set by taste, not by place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,8 +56,8 @@ impl Default for Look {
 pub struct FrameData {
     /// Camera and light.
     pub frame: Frame,
-    /// Inner nodes of the cut's tree; entry 0 is never referred to.
-    pub tree: Vec<TreeNode>,
+    /// Entries of the cut's grid.
+    pub grid: Vec<[u32; 2]>,
     /// The cut.
     pub nodes: Vec<Node>,
 }
@@ -60,71 +66,44 @@ impl FrameData {
     /// Of a cut whose nodes are all in `cache`; one that is not is left out.
     pub fn new(cut: &[NodeIndex], tree: &Tree, cache: &Cache, view: &View, look: &Look) -> Self {
         let eye = view.camera.position;
-        let mut data = Self {
-            frame: frame(tree, view, look),
-            tree: vec![TreeNode::default()],
-            nodes: Vec::with_capacity(cut.len()),
-        };
+        let mut frame = frame(tree, view, look);
+        let (mut ids, mut nodes) = (Vec::with_capacity(cut.len()), Vec::with_capacity(cut.len()));
         for id in cut.iter().map(|at| tree.node(*at).id) {
             if let Some(placed) = cache.get(id) {
-                let word = TREE_NODE_BIT | data.nodes.len() as u32;
-                data.nodes.push(node(id, placed, tree, eye));
-                data.hang(id, word);
+                ids.push(id);
+                nodes.push(node(id, placed, tree, eye));
             }
         }
-        data
-    }
-
-    /// Makes the way from the root down to `id` and puts `word` there.
-    fn hang(&mut self, id: TileId, word: u32) {
-        if id == TileId::ROOT {
-            self.frame.root = word;
-            return;
-        }
-        if self.frame.root == TREE_EMPTY {
-            self.frame.root = self.inner();
-        }
-        let mut at = self.frame.root;
-        for child in (1..=id.level()).filter_map(|level| id.ancestor(level)) {
-            if at & TREE_NODE_BIT != 0 {
-                return; // An ancestor is drawn: selection never does that.
-            }
-            let (entry, quadrant) = (at as usize, child.quadrant());
-            if child == id {
-                self.tree[entry].child[quadrant] = word;
-            } else if self.tree[entry].child[quadrant] == TREE_EMPTY {
-                self.tree[entry].child[quadrant] = self.inner();
-            }
-            at = self.tree[entry].child[quadrant];
-        }
-    }
-
-    fn inner(&mut self) -> u32 {
-        self.tree.push(TreeNode::default());
-        self.tree.len() as u32 - 1
+        let manifest = tree.manifest();
+        let root_error_m = HALF_DIAGONAL * manifest.cell_m_at(0);
+        let place = Place {
+            root_corner: DVec3::from(manifest.origin) - eye,
+            root_side_m: manifest.root_side_m,
+            root_distance_m: root_error_m * view.focal_px() / view.tau_px.max(1e-3),
+        };
+        let mut builder = Builder::default();
+        let grid = builder.build(&place, &ids, &nodes);
+        grid.head.write(&mut frame);
+        Self { frame, grid: grid.entries.clone(), nodes }
     }
 }
 
 fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
     let (camera, manifest) = (&view.camera, tree.manifest());
     let tan_y = (camera.fov_y_rad * 0.5).tan();
-    let corner = DVec3::from(manifest.origin) - camera.position;
     Frame {
         forward: camera.forward.as_vec3().to_array(),
         width_px: view.width_px,
         right: (camera.right * tan_y * view.aspect()).as_vec3().to_array(),
         height_px: view.height_px,
         up: (camera.up * tan_y).as_vec3().to_array(),
-        root: TREE_EMPTY,
-        root_corner: corner.as_vec3().to_array(),
-        root_side_m: manifest.root_side_m as f32,
+        samples: look.samples.clamp(1, MAX_SAMPLES),
         sun: look.sun.as_vec3().to_array(),
         shading: look.shading as u32,
         ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
         ground: 1,
-        samples: look.samples.clamp(1, MAX_SAMPLES),
-        pad: 0,
         light: look.light,
+        ..Frame::zeroed()
     }
 }
 

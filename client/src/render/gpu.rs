@@ -8,7 +8,7 @@ use crate::{
     error::{ClientError, Result},
 };
 use insula_shaders::{
-    cpu::raycast::Pixels,
+    cpu::raycast::{Counts, Pixels},
     gpu::{Capacity, Raycaster},
     layout::SUMMARY_WORDS,
 };
@@ -77,7 +77,7 @@ impl GpuAdapter {
     pub fn new(device: Device, pages: u32) -> Result<Self, String> {
         let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
         let slots = slots_for(pages);
-        let capacity = Capacity { atlas_pages: pages, slots, nodes: slots, tree: slots + 1 };
+        let capacity = Capacity { atlas_pages: pages, slots, nodes: slots };
         let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let raycaster = Raycaster::new(&device.device, capacity);
@@ -97,7 +97,16 @@ impl GpuAdapter {
     pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<()> {
         let failed = |e: insula_shaders::gpu::GpuError| ClientError::Graphics(e.to_string());
         self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
-        self.raycaster.render(&self.device.queue, encoder, &data.frame, &data.tree, &data.nodes).map_err(failed)
+        let device = (&self.device.device, &self.device.queue);
+        self.raycaster.render(device, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
+    }
+
+    /// What the rays of such a picture do: draws nothing, waits.
+    pub fn count(&mut self, data: &FrameData) -> Result<Counts> {
+        let device = (&self.device.device, &self.device.queue);
+        self.raycaster.resize(device.0, [data.frame.width_px, data.frame.height_px]);
+        let counts = self.raycaster.count(device, &data.frame, &data.grid, &data.nodes);
+        counts.map_err(|e| ClientError::Graphics(e.to_string()))
     }
 
     /// Draws, waits and reads back.

@@ -20,6 +20,6 @@ pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
-pub use pipeline::{bake, bake_scene};
+pub use pipeline::{MadeCity, bake, bake_made, bake_scene};
 pub use progress::{Progress, Silent};
 pub use report::Report;

@@ -8,6 +8,7 @@
 mod block;
 mod feed;
 mod leaves;
+mod made;
 mod parents;
 mod update;
 
@@ -32,6 +33,8 @@ use crate::{
         tree::Tree,
     },
 };
+pub use made::{MadeCity, bake_made};
+
 use block::LocalCity;
 use feed::Budget;
 use update::Before;

@@ -1,4 +1,5 @@
 //! The CPU twins of the WGSL stages: same names, same results.
 
+mod column;
 pub mod raycast;
 pub mod shade;

@@ -2,22 +2,21 @@
 //!
 //! In: [`SceneRef`]. Out: [`Pixels`]. Next: a picture file, or the window.
 //!
-//! A ray descends the cut's tree to the node at its place, clips itself to the node's heights, walks blocks of 8 x 8 cells
-//! (Amanatides and Woo 1987) and, where a block's summary lets it, the cells inside. Integer cells are the only state; every
-//! crossing is computed from the ray's origin, so that errors do not add up. Functions bear the names that they have in
-//! `raycast.wgsl` and stand in the same order.
+//! A ray goes from square to square of the grid (`crate::grid`), beginning at the level that its distance asks for, clips
+//! itself to a node's heights, walks blocks of 8 x 8 cells (Amanatides and Woo 1987) and, where a block's summary lets it,
+//! the cells inside. Integer squares and cells are the only state; every crossing is computed from the ray's origin, so
+//! that errors do not add up. Functions bear the names that they have in `raycast.wgsl` and stand in the same order.
 
-use super::shade::{Surface, background, encode_srgb, shade, sun_by_sky, through_haze};
+use super::{
+    column::column,
+    shade::{background, encode_srgb},
+};
 use crate::{
-    layout::{BLOCK_CELLS, Frame, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS, TREE_EMPTY, TREE_NODE_BIT, TreeNode},
-    pack::{CONCAVE, CORNER, head_words, slope_codes},
+    grid::Z_TOP,
+    layout::{BLOCK_CELLS, Frame, GRID_MIXED, GRID_NODE_BIT, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS},
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
-use insula_protocol::{
-    NODE_CELLS,
-    blockmap::{CLIP_STEPS_PER_CELL, flag},
-    octahedral,
-};
+use insula_protocol::NODE_CELLS;
 use rayon::prelude::*;
 
 /// All that a picture is made of: the same arrays that the GPU reads.
@@ -25,8 +24,8 @@ use rayon::prelude::*;
 pub struct SceneRef<'a> {
     /// Camera and light.
     pub frame: &'a Frame,
-    /// Inner nodes of the cut's tree.
-    pub tree: &'a [TreeNode],
+    /// Entries of the grid.
+    pub grid: &'a [[u32; 2]],
     /// Nodes of the cut.
     pub nodes: &'a [Node],
     /// Block summaries, 64 words a slot.
@@ -50,42 +49,53 @@ pub struct Pixels {
     pub hit: Vec<u32>,
 }
 
-/// Most tree squares that a ray visits: a guard against damaged trees, far above any real walk.
-const MAX_TREE_STEPS: u32 = 4096;
+/// What rays did; per ray or summed up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Rays.
+    pub rays: u64,
+    /// Nodes that were walked: the ray was between their lowest and highest point.
+    pub nodes: u64,
+    /// Entries of the grid that were read.
+    pub steps: u64,
+    /// Words of summaries and atlas that were read.
+    pub fetches: u64,
+    /// Cells that were looked at.
+    pub cells: u64,
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.nodes += other.nodes;
+        self.steps += other.steps;
+        self.fetches += other.fetches;
+        self.cells += other.cells;
+    }
+}
+
+/// Most entries of the grid that a ray reads: a guard against damaged grids, far above any real walk.
+const MAX_STEPS: u32 = 4096;
 /// Light that is left when a ray stops.
-const OPAQUE: f32 = 0.02;
+pub(super) const OPAQUE: f32 = 0.02;
 
 /// What a ray gathered on its way.
-struct Gathered {
-    rgb: Vec3,
-    left: f32,
-    distance_m: f32,
-    node: u32,
+pub(super) struct Gathered {
+    pub(super) rgb: Vec3,
+    pub(super) left: f32,
+    pub(super) distance_m: f32,
+    pub(super) node: u32,
+    pub(super) counts: Counts,
 }
 
 /// A ray inside a node: position and direction in cells (x, y) and height codes (z), `t` still in metres.
-struct NodeRay<'a> {
-    node: &'a Node,
-    index: u32,
-    dir: Vec3,
-    o: Vec3,
-    d: Vec3,
-    inv: Vec2,
-}
-
-/// Where a ray is inside a solid: from `s` to `e`, entered through `face`.
-#[derive(Clone, Copy)]
-struct Span {
-    s: f32,
-    e: f32,
-    face: Face,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Face {
-    Side,
-    Top,
-    Bottom,
+pub(super) struct NodeRay<'a> {
+    pub(super) node: &'a Node,
+    pub(super) index: u32,
+    pub(super) dir: Vec3,
+    pub(super) o: Vec3,
+    pub(super) d: Vec3,
+    pub(super) inv: Vec2,
 }
 
 /// Draws the whole picture on all cores. Words that point outside the arrays read as zero.
@@ -100,6 +110,23 @@ pub fn render(scene: &SceneRef<'_>) -> Pixels {
         out.hit.push(hit);
     }
     out
+}
+
+/// What the picture's centre rays cost.
+pub fn count(scene: &SceneRef<'_>) -> Counts {
+    let (width, height) = (scene.frame.width_px, scene.frame.height_px);
+    let row = |y: u32| {
+        let mut sum = Counts::default();
+        for x in 0..width {
+            sum += trace(scene, ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5)).counts;
+        }
+        sum
+    };
+    let add = |mut a: Counts, b: Counts| {
+        a += b;
+        a
+    };
+    (0..height).into_par_iter().map(row).reduce(Counts::default, add)
 }
 
 fn pixel(scene: &SceneRef<'_>, x: u32, y: u32) -> (u32, f32, u32) {
@@ -130,14 +157,15 @@ fn nonzero(v: Vec2) -> Vec2 {
 }
 
 /// 1 along the axes on which the ray climbs, else 0.
-fn ahead(d: Vec2) -> Vec2 {
+pub(super) fn ahead(d: Vec2) -> Vec2 {
     Vec2::new(f32::from(d.x > 0.0), f32::from(d.y > 0.0))
 }
 
 fn trace(scene: &SceneRef<'_>, dir: Vec3) -> Gathered {
-    let mut gathered = Gathered { rgb: Vec3::ZERO, left: 1.0, distance_m: f32::INFINITY, node: NO_NODE };
-    if scene.frame.root != TREE_EMPTY {
-        walk_tree(scene, dir, &mut gathered);
+    let counts = Counts { rays: 1, ..Counts::default() };
+    let mut gathered = Gathered { rgb: Vec3::ZERO, left: 1.0, distance_m: f32::INFINITY, node: NO_NODE, counts };
+    if scene.frame.levels != 0 {
+        walk_grid(scene, dir, &mut gathered);
     }
     if gathered.left > OPAQUE {
         gathered.rgb += background(scene.frame, dir, 1.0) * gathered.left;
@@ -145,75 +173,87 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3) -> Gathered {
     gathered
 }
 
-/// In the root's own unit square, whose quarters have exact coordinates.
-fn walk_tree(scene: &SceneRef<'_>, dir: Vec3, gathered: &mut Gathered) {
-    let side = scene.frame.root_side_m;
-    let o = -Vec3::from(scene.frame.root_corner).xy() / side;
-    let d = nonzero(dir.xy() / side);
+/// In finest squares around the camera's, whose edges are whole numbers.
+fn walk_grid(scene: &SceneRef<'_>, dir: Vec3, gathered: &mut Gathered) {
+    let frame = scene.frame;
+    let (o, eye_cell) = (Vec2::from(frame.eye), IVec2::from(frame.eye_cell));
+    let d = nonzero(dir.xy() / frame.side_m);
     let inv = 1.0 / d;
+    let dz = dir.z * frame.z_scale;
+    let dz = if dz.abs() < 1e-12 { 1e-12 } else { dz };
     let ahead = ahead(d);
-    let near = (1.0 - ahead - o) * inv;
-    let far = (ahead - o) * inv;
-    let mut t = near.x.max(near.y).max(0.0);
-    if t >= far.x.min(far.y) {
+    let (forward, top) = (ahead.as_ivec2(), frame.levels - 1);
+    let squares = 1i32 << top;
+    let low = (-eye_cell).as_vec2();
+    let near = (low + (1.0 - ahead) * squares as f32 - o) * inv;
+    let far = (low + ahead * squares as f32 - o) * inv;
+    let (za, zb) = ((-1.0 - frame.z_eye) / dz, (Z_TOP + 1.0 - frame.z_eye) / dz);
+    let mut t = near.max_element().max(za.min(zb)).max(0.0);
+    let t_end = far.min_element().min(za.max(zb));
+    if t >= t_end {
         return;
     }
-    let mut p = (o + d * t).clamp(Vec2::ZERO, Vec2::ONE);
-    if t == near.x {
-        p.x = 1.0 - ahead.x;
-    } else if t == near.y {
-        p.y = 1.0 - ahead.y;
-    }
-    for _ in 0..MAX_TREE_STEPS {
-        let (word, low, size) = descend(scene, p, ahead);
-        let edge = low + ahead * size;
-        let te = (edge - o) * inv;
-        let exit = te.x.min(te.y).max(t);
-        if word & TREE_NODE_BIT != 0 {
-            walk_node(scene, word & !TREE_NODE_BIT, dir, t, exit, gathered);
-            if gathered.left <= OPAQUE {
-                return;
-            }
+    let mut cell = ((o + d * t).floor().as_ivec2() + eye_cell).clamp(IVec2::ZERO, IVec2::splat(squares - 1));
+    let mut k = level_at(frame, t);
+    for _ in 0..MAX_STEPS {
+        let (entry, level) = look_up(scene, cell, k);
+        gathered.counts.steps += 1;
+        let is_node = entry[0] & GRID_NODE_BIT != 0;
+        k = if is_node { entry[0] >> 24 & 31 } else { level };
+        let corner = cell >> k << k;
+        let edge = corner + (forward << k);
+        let te = ((edge - eye_cell).as_vec2() - o) * inv;
+        let exit = te.min_element().min(t_end).max(t);
+        let (za, zb) = (frame.z_eye + dz * t, frame.z_eye + dz * exit);
+        let meets = za.min(zb) <= (entry[1] >> 16) as f32 + 1.0 && za.max(zb) + 1.0 >= (entry[1] & 0xffff) as f32;
+        if meets && entry[0] == GRID_MIXED && k > 0 {
+            k -= 1;
+            continue;
         }
-        p = (o + d * exit).clamp(low, low + size);
-        if te.x <= te.y {
-            p.x = edge.x;
-        } else {
-            p.y = edge.y;
+        if meets && is_node {
+            walk_node(scene, entry[0] & 0xff_ffff, dir, t, exit, gathered);
         }
         t = exit;
-        let out = if te.x <= te.y { edge.x == ahead.x } else { edge.y == ahead.y };
-        if out {
+        let mut next = (o + d * t).floor().as_ivec2() + eye_cell;
+        next = next.clamp(corner, corner + ((1 << k) - 1));
+        if te.x <= te.y {
+            next.x = edge.x - 1 + forward.x;
+        } else {
+            next.y = edge.y - 1 + forward.y;
+        }
+        let inside = next.min_element() >= 0 && next.max_element() < squares;
+        if gathered.left <= OPAQUE || t >= t_end || !inside {
             return;
         }
+        // The largest square that holds the new place and not the old one: what is larger was seen to be mixed.
+        let apart = 31 - ((cell.x ^ next.x) | (cell.y ^ next.y)).leading_zeros();
+        k = level_at(frame, t).min(apart);
+        cell = next;
     }
 }
 
-/// The tree word at `p`, and the square that it stands for. On an edge, the square that the ray goes into.
-fn descend(scene: &SceneRef<'_>, p: Vec2, ahead: Vec2) -> (u32, Vec2, f32) {
-    let (mut word, mut low, mut size) = (scene.frame.root, Vec2::ZERO, 1.0f32);
-    for _ in 0..32 {
-        if word == TREE_EMPTY || word & TREE_NODE_BIT != 0 {
-            break;
+/// The level whose nodes are good enough at a distance.
+fn level_at(frame: &Frame, t: f32) -> u32 {
+    let level = (t * frame.level_scale).max(1.0).log2();
+    (level as u32).min(frame.levels - 1)
+}
+
+/// The entry for a finest square at level `k`, or at the first coarser level whose window holds it, and that level.
+fn look_up(scene: &SceneRef<'_>, cell: IVec2, k: u32) -> ([u32; 2], u32) {
+    let windows = &scene.frame.windows;
+    for (level, [base, log2, low_x, low_y]) in windows.iter().enumerate().skip(k as usize) {
+        let place = (cell >> level as i32) - IVec2::new(*low_x, *low_y);
+        if (place >> *log2) == IVec2::ZERO {
+            let at = base + (place.y << log2) + place.x;
+            return (scene.grid.get(at as usize).copied().unwrap_or_default(), level as u32);
         }
-        size *= 0.5;
-        let mid = low + size;
-        let east = p.x > mid.x || (p.x == mid.x && ahead.x > 0.5);
-        let north = p.y > mid.y || (p.y == mid.y && ahead.y > 0.5);
-        if east {
-            low.x = mid.x;
-        }
-        if north {
-            low.y = mid.y;
-        }
-        let quadrant = usize::from(east) | usize::from(north) << 1;
-        word = scene.tree.get(word as usize).map_or(TREE_EMPTY, |inner| inner.child[quadrant]);
     }
-    (word, low, size)
+    ([0; 2], scene.frame.levels - 1)
 }
 
 fn walk_node(scene: &SceneRef<'_>, index: u32, dir: Vec3, t_in: f32, t_out: f32, gathered: &mut Gathered) {
     let Some(node) = scene.nodes.get(index as usize) else { return };
+    gathered.counts.nodes += 1;
     let scale = Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m);
     let o = -Vec3::from(node.corner) * scale;
     let d_xy = nonzero(dir.xy() * scale.xy());
@@ -237,6 +277,7 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, dir: Vec3, t_in: f32, t_out: f32,
         let exit = te.x.min(te.y);
         let t_block = exit.min(t_end).max(t);
         let at = node.slot as usize * SUMMARY_WORDS + (block.y * blocks + block.x) as usize;
+        gathered.counts.fetches += 1;
         let summary = scene.summaries.get(at).copied().unwrap_or(0xffff);
         let (za, zb) = (o.z + dz * t, o.z + dz * t_block);
         if za.min(zb) <= (summary >> 16) as f32 + 1.0 && za.max(zb) + 1.0 >= (summary & 0xffff) as f32 {
@@ -272,6 +313,7 @@ fn walk_block(scene: &SceneRef<'_>, ray: &NodeRay<'_>, block: IVec2, t_in: f32, 
         let te = (cell.as_vec2() + ahead - o) * ray.inv;
         let exit = te.x.min(te.y);
         let t_cell = exit.min(t_end).max(t);
+        gathered.counts.cells += 1;
         column(scene, ray, cell, t, t_cell, gathered);
         if gathered.left <= OPAQUE || exit >= t_end {
             return;
@@ -285,274 +327,5 @@ fn walk_block(scene: &SceneRef<'_>, ray: &NodeRay<'_>, block: IVec2, t_in: f32, 
             return;
         }
         t = t_cell;
-    }
-}
-
-fn word(scene: &SceneRef<'_>, page: u32, i: usize) -> u32 {
-    scene.atlas.get(page as usize * crate::layout::PAGE_WORDS + i).copied().unwrap_or(0)
-}
-
-/// What stands in a cell, as `column` reads it from the atlas.
-struct Column {
-    cell: IVec2,
-    i: usize,
-    walk: u32,
-    attributes: u32,
-    /// Words of its strip, the first of which are those of [`head_words`].
-    strip: usize,
-}
-
-/// One of the solids of a column, between these heights.
-#[derive(Clone, Copy, PartialEq)]
-enum Solid {
-    /// The only one, or the upper of two: its top is the roof.
-    Upper,
-    /// Below the gap.
-    Lower,
-    /// Beyond the plane that clips the column.
-    Outer,
-}
-
-fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f32, te: f32, gathered: &mut Gathered) {
-    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
-    let walk = word(scene, ray.node.pages[0], i);
-    let flags = (walk >> 24) as u8;
-    if flags & flag::OCCUPIED == 0 {
-        return;
-    }
-    let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
-    let attributes = word(scene, ray.node.pages[2], i);
-    let mut slope = Vec2::ZERO;
-    if flags & flag::INCLINED != 0 {
-        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
-    }
-    let centre = cell.as_vec2() + 0.5;
-    let z = |t: f32| ray.o.z + ray.d.z * t;
-    let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
-    let mut highest = top(ta).max(top(te));
-    // A slope may dip under the top of what is beyond a plane or below a gap.
-    if flags & (flag::CLIPPED | flag::GAP) != 0 {
-        highest = highest.max(z_max);
-    }
-    if z(ta).min(z(te)) > highest || z(ta).max(z(te)) < z_min {
-        return;
-    }
-    let strip = word(scene, ray.node.pages[3], i) as usize;
-    let border = if flags & flag::CLIPPED != 0 {
-        border(ray, attributes, word(scene, 0, strip), centre, ta, te)
-    } else {
-        Border { from: ta, to: te, within_is_outer: false, normals: [attributes >> 16 & 255; 3] }
-    };
-    let outer_top = if flags & flag::CLIPPED != 0 { (word(scene, 0, strip) & 0xfff) as f32 } else { 0.0 };
-    let gap = flags & flag::GAP != 0;
-    let gap_word = if gap { word(scene, 0, strip + head_words(flags) - 1) } else { 0 };
-    let (low, high) = ((gap_word & 0xffff) as f32, (gap_word >> 16) as f32);
-    let column = Column { cell, i, walk, attributes, strip };
-    // Before, within and behind the border's part of the ray, and in each the solids in the ray's order.
-    for n in 0..6 {
-        let (part, second) = (n >> 1, n & 1 == 1);
-        let outer = (part == 1) == border.within_is_outer;
-        let lower = second != (ray.d.z > 0.0);
-        let solid = match (outer, lower) {
-            (true, _) => Solid::Outer,
-            (false, true) => Solid::Lower,
-            (false, false) => Solid::Upper,
-        };
-        let (s, e) = [(ta, border.from), (border.from, border.to), (border.to, te)][part];
-        let missing = match solid {
-            Solid::Outer => second || outer_top == 0.0,
-            Solid::Lower => !gap,
-            Solid::Upper => false,
-        };
-        if missing || s >= e {
-            continue;
-        }
-        let bottom = if solid == Solid::Upper && gap { high } else { z_min };
-        let (over, bounds) = match solid {
-            Solid::Upper => ([z(s) - top(s), z(e) - top(e)], [bottom, z_max]),
-            Solid::Lower => ([z(s) - low, z(e) - low], [bottom, low]),
-            Solid::Outer => ([z(s) - outer_top, z(e) - outer_top], [bottom, outer_top]),
-        };
-        let span = clip_solid(s, e, over, [z(s) - bottom, z(e) - bottom]);
-        hit_solid(scene, ray, &column, solid, border.normals[part], span, bounds, gathered);
-    }
-}
-
-/// How a clipped column parts a ray: between `from` and `to` it is on one side of the column's border, else on the other.
-struct Border {
-    from: f32,
-    to: f32,
-    /// Whether what is between is beyond the border.
-    within_is_outer: bool,
-    /// Azimuths of the walls through which the ray gets into the part before, within and behind.
-    normals: [u32; 3],
-}
-
-/// Inside one plane or both of a convex corner a ray is for one part of its way, and so it is beyond both of a concave one.
-fn border(ray: &NodeRay<'_>, attributes: u32, clip_word: u32, centre: Vec2, ta: f32, te: f32) -> Border {
-    let first = attributes >> 16 & 255;
-    let concave = clip_word & CONCAVE != 0;
-    let side = if concave { -1.0 } else { 1.0 };
-    let mut border = Border { from: ta, to: te, within_is_outer: concave, normals: [first; 3] };
-    for (k, word) in [attributes, clip_word].into_iter().enumerate() {
-        if k == 1 && clip_word & CORNER == 0 {
-            break;
-        }
-        let turn = word >> 16 & 255;
-        let offset = (word as i32 >> 24) as f32 / CLIP_STEPS_PER_CELL as f32;
-        let n = azimuth(turn);
-        let beyond = |t: f32| side * (n.dot(ray.o.xy() + ray.d.xy() * t - centre) - offset);
-        let (a, b) = (beyond(ta), beyond(te));
-        let through = ta + (te - ta) * (a / (a - b));
-        if a > 0.0 && b > 0.0 {
-            border.from = te;
-        } else if a > 0.0 && through > border.from {
-            border.from = through;
-            border.normals[1] = turn;
-        } else if b > 0.0 && a <= 0.0 && through < border.to {
-            border.to = through;
-            border.normals[2] = turn;
-        }
-    }
-    // Never within: all of the ray is on the other side, and comes in through the cell's face.
-    if border.from >= border.to {
-        (border.from, border.to) = (te, te);
-    }
-    border
-}
-
-/// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0); both are linear along the ray and
-/// given at its two ends. Empty if `s > e`.
-fn clip_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> Span {
-    const NONE: Span = Span { s: 1.0, e: 0.0, face: Face::Side };
-    let mut span = Span { s: ta, e: te, face: Face::Side };
-    if over[0] > 0.0 {
-        if over[1] > 0.0 {
-            return NONE;
-        }
-        span.s = ta + (te - ta) * (over[0] / (over[0] - over[1]));
-        span.face = Face::Top;
-    } else if over[1] > 0.0 {
-        span.e = ta + (te - ta) * (over[0] / (over[0] - over[1]));
-    }
-    if above[0] < 0.0 {
-        if above[1] < 0.0 {
-            return NONE;
-        }
-        let s = ta + (te - ta) * (above[0] / (above[0] - above[1]));
-        if s > span.s {
-            span.s = s;
-            span.face = Face::Bottom;
-        }
-    } else if above[1] < 0.0 {
-        span.e = span.e.min(ta + (te - ta) * (above[0] / (above[0] - above[1])));
-    }
-    span
-}
-
-/// Gathers what a solid shows at the start of `span`, and behind its transparent texels. `wall` is the azimuth of the wall
-/// through which the ray comes in, if it does not come in through the cell's face.
-#[allow(clippy::too_many_arguments)] // One call in WGSL too; a struct for it would only rename them.
-fn hit_solid(
-    scene: &SceneRef<'_>,
-    ray: &NodeRay<'_>,
-    column: &Column,
-    solid: Solid,
-    wall: u32,
-    span: Span,
-    bounds: [f32; 2],
-    gathered: &mut Gathered,
-) {
-    // Who stands inside a column (a wall nearer than half a cell) looks out of it.
-    let inside = span.s <= 0.0 && span.face == Face::Side;
-    if span.s >= span.e || inside || gathered.left <= OPAQUE {
-        return;
-    }
-    let Column { cell, i, walk, attributes, .. } = *column;
-    let flags = (walk >> 24) as u8;
-    let roof_normal = Vec3::from(octahedral::decode(attributes as u16));
-    if solid == Solid::Outer {
-        let texel = word(scene, 0, column.strip + 1) | 3 << 24;
-        let normal = match span.face {
-            Face::Top => Vec3::Z,
-            Face::Bottom => Vec3::NEG_Z,
-            Face::Side => face_normal(ray, cell),
-        };
-        return gather(scene, ray, span.s, texel, normal, flags, gathered);
-    }
-    if solid == Solid::Upper && span.face == Face::Top {
-        let texel = word(scene, ray.node.pages[1], i) | 3 << 24;
-        return gather(scene, ray, span.s, texel, roof_normal, flags, gathered);
-    }
-    if flags & flag::EXPOSED == 0 {
-        let texel = word(scene, ray.node.pages[1], i) | 3 << 24;
-        let normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
-        let normal = if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) };
-        return gather(scene, ray, span.s, texel, normal, flags, gathered);
-    }
-    let strip = (column.strip + head_words(flags)) as u32;
-    let codes = (16 >> ray.node.z_shift) as f32;
-    let first = ((walk >> 12 & 0xfff) as f32 / codes).floor() as i32;
-    let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
-    let mut row = (((ray.o.z + ray.d.z * span.s) / codes).floor() as i32).clamp(row_low, row_high);
-    let (mut s, mut face) = (span.s, span.face);
-    for _ in 0..256 {
-        let texel = word(scene, 0, (strip as i32 + row - first) as usize);
-        if texel >> 24 & 3 != 0 {
-            let normal = match face {
-                Face::Top => Vec3::Z,
-                Face::Bottom => Vec3::NEG_Z,
-                Face::Side => wall_normal(ray, cell, wall),
-            };
-            gather(scene, ray, s, texel, normal, flags, gathered);
-        }
-        if gathered.left <= OPAQUE || flags & flag::HOLES == 0 {
-            return;
-        }
-        let up = ray.d.z > 0.0;
-        s = ((row + i32::from(up)) as f32 * codes - ray.o.z) / ray.d.z;
-        face = if up { Face::Bottom } else { Face::Top };
-        row += if up { 1 } else { -1 };
-        if s > span.e || row < row_low || row > row_high {
-            return;
-        }
-    }
-}
-
-/// Horizontal unit vector, 256 azimuths to a turn.
-fn azimuth(turn: u32) -> Vec2 {
-    Vec2::from_angle(turn as f32 * (std::f32::consts::TAU / 256.0))
-}
-
-fn wall_normal(ray: &NodeRay<'_>, cell: IVec2, wall: u32) -> Vec3 {
-    let normal = azimuth(wall).extend(0.0);
-    if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) }
-}
-
-/// Normal of the cell's face through which the ray came in.
-fn face_normal(ray: &NodeRay<'_>, cell: IVec2) -> Vec3 {
-    let ahead = ahead(ray.d.xy());
-    let near = (cell.as_vec2() + 1.0 - ahead - ray.o.xy()) * ray.inv;
-    if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
-}
-
-fn gather(
-    scene: &SceneRef<'_>,
-    ray: &NodeRay<'_>,
-    t: f32,
-    texel: u32,
-    normal: Vec3,
-    flags: u8,
-    gathered: &mut Gathered,
-) {
-    let alpha = (texel >> 24 & 3) as f32 / 3.0;
-    let surface = Surface { texel, normal, flags: u32::from(flags), level: ray.node.level };
-    let lit = shade(scene.frame, &surface, sun_by_sky(texel));
-    gathered.rgb += through_haze(scene.frame, lit, ray.dir, t) * (alpha * gathered.left);
-    let before = gathered.left;
-    gathered.left *= 1.0 - alpha;
-    if before > 0.5 && gathered.left <= 0.5 {
-        gathered.distance_m = t;
-        gathered.node = ray.index;
     }
 }

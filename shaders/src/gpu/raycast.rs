@@ -3,8 +3,8 @@
 //! In: pages, summaries, the cut. Out: pixels in device memory. Next: `compose`, or [`Raycaster::read_back`].
 
 use crate::{
-    cpu::raycast::Pixels,
-    layout::{Frame, Node, PAGE_WORDS, SUMMARY_WORDS, TreeNode, WORKGROUP, binding},
+    cpu::raycast::{Counts, Pixels},
+    layout::{Frame, Node, PAGE_WORDS, SUMMARY_WORDS, WORKGROUP, binding},
 };
 use bytemuck::Zeroable;
 use wgpu::util::DeviceExt;
@@ -18,8 +18,6 @@ pub struct Capacity {
     pub slots: u32,
     /// Nodes that may be drawn in one frame.
     pub nodes: u32,
-    /// Inner nodes of the cut's tree.
-    pub tree: u32,
 }
 
 /// Why the device gave no pixels.
@@ -31,7 +29,7 @@ pub enum GpuError {
     /// More nodes than [`Capacity`] says.
     #[error("the cut has {found} {what}, the ray-caster was made for {limit}: raise tau")]
     Capacity {
-        /// Nodes or tree entries.
+        /// Of what there is too much.
         what: &'static str,
         /// In the cut.
         found: usize,
@@ -48,6 +46,8 @@ pub enum GpuError {
 pub struct Raycaster {
     capacity: Capacity,
     pipeline: wgpu::ComputePipeline,
+    /// The build that counts, once it was asked for.
+    counting: Option<wgpu::ComputePipeline>,
     bind_group_layout: wgpu::BindGroupLayout,
     inputs: Inputs,
     target: Target,
@@ -56,7 +56,7 @@ pub struct Raycaster {
 #[derive(Debug)]
 struct Inputs {
     frame: wgpu::Buffer,
-    tree: wgpu::Buffer,
+    grid: wgpu::Buffer,
     nodes: wgpu::Buffer,
     summaries: wgpu::Buffer,
     atlas: wgpu::Buffer,
@@ -72,6 +72,56 @@ struct Target {
     bind_group: wgpu::BindGroup,
 }
 
+/// Entries of the grid at first: more than a view of a million buildings needs at full HD.
+const GRID_ENTRIES: u32 = 1 << 16;
+
+/// Of both builds of the shader.
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let read = wgpu::BufferBindingType::Storage { read_only: true };
+    let write = wgpu::BufferBindingType::Storage { read_only: false };
+    let kinds = [
+        (binding::FRAME, wgpu::BufferBindingType::Uniform),
+        (binding::GRID, read),
+        (binding::NODES, read),
+        (binding::SUMMARIES, read),
+        (binding::ATLAS, read),
+        (binding::COLOUR, write),
+        (binding::DISTANCE, write),
+        (binding::HIT, write),
+    ];
+    let entries = kinds.map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    });
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("raycast"), entries: &entries })
+}
+
+/// The shader, or the build of it that counts.
+fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, count: bool) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("raycast"),
+        source: wgpu::ShaderSource::Wgsl(crate::RAYCAST_WGSL.into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("raycast"),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("raycast"),
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("raycast"),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants: &[("COUNT", f64::from(u8::from(count)))],
+            ..wgpu::PipelineCompilationOptions::default()
+        },
+        cache: None,
+    })
+}
+
 fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     let usage = usage | wgpu::BufferUsages::COPY_DST;
     device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: bytes, usage, mapped_at_creation: false })
@@ -80,19 +130,8 @@ fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsa
 impl Raycaster {
     /// Takes the memory of `capacity` on the device at once: what fits then fits for good.
     pub fn new(device: &wgpu::Device, capacity: Capacity) -> Self {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("raycast"),
-            source: wgpu::ShaderSource::Wgsl(crate::RAYCAST_WGSL.into()),
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("raycast"),
-            layout: None,
-            module: &module,
-            entry_point: Some("raycast"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        let bind_group_layout = pipeline.get_bind_group_layout(0);
+        let bind_group_layout = bind_group_layout(device);
+        let pipeline = pipeline(device, &bind_group_layout, false);
         let storage = wgpu::BufferUsages::STORAGE;
         let sized = |label: &str, count: u32, bytes: usize| {
             buffer(device, label, u64::from(count.max(1)) * bytes as u64, storage)
@@ -103,13 +142,13 @@ impl Raycaster {
                 contents: bytemuck::bytes_of(&Frame::zeroed()),
                 usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             }),
-            tree: sized("tree", capacity.tree, size_of::<TreeNode>()),
+            grid: sized("grid", GRID_ENTRIES, size_of::<[u32; 2]>()),
             nodes: sized("nodes", capacity.nodes, size_of::<Node>()),
             summaries: sized("summaries", capacity.slots, SUMMARY_WORDS * 4),
             atlas: sized("atlas", capacity.atlas_pages, PAGE_WORDS * 4),
         };
         let target = Target::new(device, &bind_group_layout, &inputs, [1, 1]);
-        Self { capacity, pipeline, bind_group_layout, inputs, target }
+        Self { capacity, pipeline, counting: None, bind_group_layout, inputs, target }
     }
 
     /// What it was made for.
@@ -145,31 +184,76 @@ impl Raycaster {
 
     /// Records one picture of `frame.width_px x frame.height_px`, which must be the size of the last [`Raycaster::resize`].
     pub fn render(
-        &self,
-        queue: &wgpu::Queue,
+        &mut self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
         encoder: &mut wgpu::CommandEncoder,
         frame: &Frame,
-        tree: &[TreeNode],
+        grid: &[[u32; 2]],
         nodes: &[Node],
     ) -> Result<(), GpuError> {
-        let fits = |what, found, limit| {
-            if found > limit as usize { Err(GpuError::Capacity { what, found, limit }) } else { Ok(()) }
-        };
-        fits("nodes", nodes.len(), self.capacity.nodes)?;
-        fits("tree entries", tree.len(), self.capacity.tree)?;
+        self.upload((device, queue), frame, grid, nodes)?;
+        self.dispatch(encoder, &self.pipeline);
+        Ok(())
+    }
+
+    /// What the rays of such a picture do, one a pixel: a build of the shader that draws nothing. Waits for the device.
+    pub fn count(
+        &mut self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        frame: &Frame,
+        grid: &[[u32; 2]],
+        nodes: &[Node],
+    ) -> Result<Counts, GpuError> {
+        self.upload((device, queue), &Frame { samples: 1, ..*frame }, grid, nodes)?;
+        let counting = self.counting.take().unwrap_or_else(|| pipeline(device, &self.bind_group_layout, true));
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
+        self.dispatch(&mut encoder, &counting);
+        self.counting = Some(counting);
+        queue.submit([encoder.finish()]);
+        let pixels = self.read_back(device, queue)?;
+        let mut counts = Counts { rays: pixels.colour.len() as u64, ..Counts::default() };
+        for i in 0..pixels.colour.len() {
+            counts.nodes += u64::from(pixels.colour[i] & 0xffff);
+            counts.steps += u64::from(pixels.colour[i] >> 16);
+            counts.fetches += pixels.distance[i] as u64;
+            counts.cells += u64::from(pixels.hit[i]);
+        }
+        Ok(counts)
+    }
+
+    fn upload(
+        &mut self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        frame: &Frame,
+        grid: &[[u32; 2]],
+        nodes: &[Node],
+    ) -> Result<(), GpuError> {
+        let (found, limit) = (nodes.len(), self.capacity.nodes);
+        if found > limit as usize {
+            return Err(GpuError::Capacity { what: "nodes", found, limit });
+        }
+        let bytes = size_of_val(grid) as u64;
+        if bytes > self.inputs.grid.size() {
+            self.inputs.grid = buffer(device, "grid", bytes.next_power_of_two(), wgpu::BufferUsages::STORAGE);
+            let size_px = [self.target.width_px, self.target.height_px];
+            self.target = Target::new(device, &self.bind_group_layout, &self.inputs, size_px);
+        }
         queue.write_buffer(&self.inputs.frame, 0, bytemuck::bytes_of(frame));
-        queue.write_buffer(&self.inputs.tree, 0, bytemuck::cast_slice(tree));
+        queue.write_buffer(&self.inputs.grid, 0, bytemuck::cast_slice(grid));
         queue.write_buffer(&self.inputs.nodes, 0, bytemuck::cast_slice(nodes));
+        Ok(())
+    }
+
+    fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, pipeline: &wgpu::ComputePipeline) {
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
-        pass.set_pipeline(&self.pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.target.bind_group, &[]);
         pass.dispatch_workgroups(
             self.target.width_px.div_ceil(WORKGROUP[0]),
             self.target.height_px.div_ceil(WORKGROUP[1]),
             1,
         );
-        Ok(())
     }
 
     /// Pixels, r, g, b, 255 in sRGB, row by row from the top.
@@ -227,7 +311,7 @@ impl Target {
         let entry = |binding, buffer: &wgpu::Buffer| (binding, buffer.clone());
         let entries = [
             entry(binding::FRAME, &inputs.frame),
-            entry(binding::TREE, &inputs.tree),
+            entry(binding::GRID, &inputs.grid),
             entry(binding::NODES, &inputs.nodes),
             entry(binding::SUMMARIES, &inputs.summaries),
             entry(binding::ATLAS, &inputs.atlas),

@@ -1,0 +1,305 @@
+//! What a ray meets in a column (Vacca 2008, 3.5; design 6): its solids, their strips, their holes.
+//!
+//! In: a cell that a ray crosses, from where to where. Out: what it gathers there. Next: `raycast` goes on, or is done.
+//!
+//! Functions bear the names that they have in `column.wgsl` and stand in the same order.
+
+use super::{
+    raycast::{Gathered, NodeRay, OPAQUE, SceneRef, ahead},
+    shade::{Surface, shade, sun_by_sky, through_haze},
+};
+use crate::{
+    layout::PAGE_WORDS,
+    pack::{CONCAVE, CORNER, head_words, slope_codes},
+};
+use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
+use insula_protocol::{
+    NODE_CELLS,
+    blockmap::{CLIP_STEPS_PER_CELL, flag},
+    octahedral,
+};
+
+/// Where a ray is inside a solid: from `s` to `e`, entered through `face`.
+#[derive(Clone, Copy)]
+struct Span {
+    s: f32,
+    e: f32,
+    face: Face,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Face {
+    Side,
+    Top,
+    Bottom,
+}
+
+fn word(scene: &SceneRef<'_>, gathered: &mut Gathered, page: u32, i: usize) -> u32 {
+    gathered.counts.fetches += 1;
+    scene.atlas.get(page as usize * PAGE_WORDS + i).copied().unwrap_or(0)
+}
+
+/// What stands in a cell, as `column` reads it from the atlas.
+struct Column {
+    cell: IVec2,
+    i: usize,
+    walk: u32,
+    attributes: u32,
+    /// Words of its strip, the first of which are those of [`head_words`].
+    strip: usize,
+}
+
+/// One of the solids of a column, between these heights.
+#[derive(Clone, Copy, PartialEq)]
+enum Solid {
+    /// The only one, or the upper of two: its top is the roof.
+    Upper,
+    /// Below the gap.
+    Lower,
+    /// Beyond the plane that clips the column.
+    Outer,
+}
+
+pub(super) fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f32, te: f32, gathered: &mut Gathered) {
+    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
+    let walk = word(scene, gathered, ray.node.pages[0], i);
+    let flags = (walk >> 24) as u8;
+    if flags & flag::OCCUPIED == 0 {
+        return;
+    }
+    let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
+    let attributes = word(scene, gathered, ray.node.pages[2], i);
+    let mut slope = Vec2::ZERO;
+    if flags & flag::INCLINED != 0 {
+        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
+    }
+    let centre = cell.as_vec2() + 0.5;
+    let z = |t: f32| ray.o.z + ray.d.z * t;
+    let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
+    let mut highest = top(ta).max(top(te));
+    // A slope may dip under the top of what is beyond a plane or below a gap.
+    if flags & (flag::CLIPPED | flag::GAP) != 0 {
+        highest = highest.max(z_max);
+    }
+    if z(ta).min(z(te)) > highest || z(ta).max(z(te)) < z_min {
+        return;
+    }
+    let strip = word(scene, gathered, ray.node.pages[3], i) as usize;
+    let border = if flags & flag::CLIPPED != 0 {
+        border(ray, attributes, word(scene, gathered, 0, strip), centre, ta, te)
+    } else {
+        Border { from: ta, to: te, within_is_outer: false, normals: [attributes >> 16 & 255; 3] }
+    };
+    let outer_top = if flags & flag::CLIPPED != 0 { (word(scene, gathered, 0, strip) & 0xfff) as f32 } else { 0.0 };
+    let gap = flags & flag::GAP != 0;
+    let gap_word = if gap { word(scene, gathered, 0, strip + head_words(flags) - 1) } else { 0 };
+    let (low, high) = ((gap_word & 0xffff) as f32, (gap_word >> 16) as f32);
+    let column = Column { cell, i, walk, attributes, strip };
+    // Before, within and behind the border's part of the ray, and in each the solids in the ray's order.
+    for n in 0..6 {
+        let (part, second) = (n >> 1, n & 1 == 1);
+        let outer = (part == 1) == border.within_is_outer;
+        let lower = second != (ray.d.z > 0.0);
+        let solid = match (outer, lower) {
+            (true, _) => Solid::Outer,
+            (false, true) => Solid::Lower,
+            (false, false) => Solid::Upper,
+        };
+        let (s, e) = [(ta, border.from), (border.from, border.to), (border.to, te)][part];
+        let missing = match solid {
+            Solid::Outer => second || outer_top == 0.0,
+            Solid::Lower => !gap,
+            Solid::Upper => false,
+        };
+        if missing || s >= e {
+            continue;
+        }
+        let bottom = if solid == Solid::Upper && gap { high } else { z_min };
+        let (over, bounds) = match solid {
+            Solid::Upper => ([z(s) - top(s), z(e) - top(e)], [bottom, z_max]),
+            Solid::Lower => ([z(s) - low, z(e) - low], [bottom, low]),
+            Solid::Outer => ([z(s) - outer_top, z(e) - outer_top], [bottom, outer_top]),
+        };
+        let span = clip_solid(s, e, over, [z(s) - bottom, z(e) - bottom]);
+        hit_solid(scene, ray, &column, solid, border.normals[part], span, bounds, gathered);
+    }
+}
+
+/// How a clipped column parts a ray: between `from` and `to` it is on one side of the column's border, else on the other.
+struct Border {
+    from: f32,
+    to: f32,
+    /// Whether what is between is beyond the border.
+    within_is_outer: bool,
+    /// Azimuths of the walls through which the ray gets into the part before, within and behind.
+    normals: [u32; 3],
+}
+
+/// Inside one plane or both of a convex corner a ray is for one part of its way, and so it is beyond both of a concave one.
+fn border(ray: &NodeRay<'_>, attributes: u32, clip_word: u32, centre: Vec2, ta: f32, te: f32) -> Border {
+    let first = attributes >> 16 & 255;
+    let concave = clip_word & CONCAVE != 0;
+    let side = if concave { -1.0 } else { 1.0 };
+    let mut border = Border { from: ta, to: te, within_is_outer: concave, normals: [first; 3] };
+    for (k, word) in [attributes, clip_word].into_iter().enumerate() {
+        if k == 1 && clip_word & CORNER == 0 {
+            break;
+        }
+        let turn = word >> 16 & 255;
+        let offset = (word as i32 >> 24) as f32 / CLIP_STEPS_PER_CELL as f32;
+        let n = azimuth(turn);
+        let beyond = |t: f32| side * (n.dot(ray.o.xy() + ray.d.xy() * t - centre) - offset);
+        let (a, b) = (beyond(ta), beyond(te));
+        let through = ta + (te - ta) * (a / (a - b));
+        if a > 0.0 && b > 0.0 {
+            border.from = te;
+        } else if a > 0.0 && through > border.from {
+            border.from = through;
+            border.normals[1] = turn;
+        } else if b > 0.0 && a <= 0.0 && through < border.to {
+            border.to = through;
+            border.normals[2] = turn;
+        }
+    }
+    // Never within: all of the ray is on the other side, and comes in through the cell's face.
+    if border.from >= border.to {
+        (border.from, border.to) = (te, te);
+    }
+    border
+}
+
+/// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0); both are linear along the ray and
+/// given at its two ends. Empty if `s > e`.
+fn clip_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> Span {
+    const NONE: Span = Span { s: 1.0, e: 0.0, face: Face::Side };
+    let mut span = Span { s: ta, e: te, face: Face::Side };
+    if over[0] > 0.0 {
+        if over[1] > 0.0 {
+            return NONE;
+        }
+        span.s = ta + (te - ta) * (over[0] / (over[0] - over[1]));
+        span.face = Face::Top;
+    } else if over[1] > 0.0 {
+        span.e = ta + (te - ta) * (over[0] / (over[0] - over[1]));
+    }
+    if above[0] < 0.0 {
+        if above[1] < 0.0 {
+            return NONE;
+        }
+        let s = ta + (te - ta) * (above[0] / (above[0] - above[1]));
+        if s > span.s {
+            span.s = s;
+            span.face = Face::Bottom;
+        }
+    } else if above[1] < 0.0 {
+        span.e = span.e.min(ta + (te - ta) * (above[0] / (above[0] - above[1])));
+    }
+    span
+}
+
+/// Gathers what a solid shows at the start of `span`, and behind its transparent texels. `wall` is the azimuth of the wall
+/// through which the ray comes in, if it does not come in through the cell's face.
+#[allow(clippy::too_many_arguments)] // One call in WGSL too; a struct for it would only rename them.
+fn hit_solid(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    column: &Column,
+    solid: Solid,
+    wall: u32,
+    span: Span,
+    bounds: [f32; 2],
+    gathered: &mut Gathered,
+) {
+    // Who stands inside a column (a wall nearer than half a cell) looks out of it.
+    let inside = span.s <= 0.0 && span.face == Face::Side;
+    if span.s >= span.e || inside || gathered.left <= OPAQUE {
+        return;
+    }
+    let Column { cell, i, walk, attributes, .. } = *column;
+    let flags = (walk >> 24) as u8;
+    let roof_normal = Vec3::from(octahedral::decode(attributes as u16));
+    if solid == Solid::Outer {
+        let texel = word(scene, gathered, 0, column.strip + 1) | 3 << 24;
+        let normal = match span.face {
+            Face::Top => Vec3::Z,
+            Face::Bottom => Vec3::NEG_Z,
+            Face::Side => face_normal(ray, cell),
+        };
+        return gather(scene, ray, span.s, texel, normal, flags, gathered);
+    }
+    if solid == Solid::Upper && span.face == Face::Top {
+        let texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
+        return gather(scene, ray, span.s, texel, roof_normal, flags, gathered);
+    }
+    if flags & flag::EXPOSED == 0 {
+        let texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
+        let normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
+        let normal = if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) };
+        return gather(scene, ray, span.s, texel, normal, flags, gathered);
+    }
+    let strip = (column.strip + head_words(flags)) as u32;
+    let codes = (16 >> ray.node.z_shift) as f32;
+    let first = ((walk >> 12 & 0xfff) as f32 / codes).floor() as i32;
+    let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
+    let mut row = (((ray.o.z + ray.d.z * span.s) / codes).floor() as i32).clamp(row_low, row_high);
+    let (mut s, mut face) = (span.s, span.face);
+    for _ in 0..256 {
+        let texel = word(scene, gathered, 0, (strip as i32 + row - first) as usize);
+        if texel >> 24 & 3 != 0 {
+            let normal = match face {
+                Face::Top => Vec3::Z,
+                Face::Bottom => Vec3::NEG_Z,
+                Face::Side => wall_normal(ray, cell, wall),
+            };
+            gather(scene, ray, s, texel, normal, flags, gathered);
+        }
+        if gathered.left <= OPAQUE || flags & flag::HOLES == 0 {
+            return;
+        }
+        let up = ray.d.z > 0.0;
+        s = ((row + i32::from(up)) as f32 * codes - ray.o.z) / ray.d.z;
+        face = if up { Face::Bottom } else { Face::Top };
+        row += if up { 1 } else { -1 };
+        if s > span.e || row < row_low || row > row_high {
+            return;
+        }
+    }
+}
+
+/// Horizontal unit vector, 256 azimuths to a turn.
+fn azimuth(turn: u32) -> Vec2 {
+    Vec2::from_angle(turn as f32 * (std::f32::consts::TAU / 256.0))
+}
+
+fn wall_normal(ray: &NodeRay<'_>, cell: IVec2, wall: u32) -> Vec3 {
+    let normal = azimuth(wall).extend(0.0);
+    if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) }
+}
+
+/// Normal of the cell's face through which the ray came in.
+fn face_normal(ray: &NodeRay<'_>, cell: IVec2) -> Vec3 {
+    let ahead = ahead(ray.d.xy());
+    let near = (cell.as_vec2() + 1.0 - ahead - ray.o.xy()) * ray.inv;
+    if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
+}
+
+fn gather(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    t: f32,
+    texel: u32,
+    normal: Vec3,
+    flags: u8,
+    gathered: &mut Gathered,
+) {
+    let alpha = (texel >> 24 & 3) as f32 / 3.0;
+    let surface = Surface { texel, normal, flags: u32::from(flags), level: ray.node.level };
+    let lit = shade(scene.frame, &surface, sun_by_sky(texel));
+    gathered.rgb += through_haze(scene.frame, lit, ray.dir, t) * (alpha * gathered.left);
+    let before = gathered.left;
+    gathered.left *= 1.0 - alpha;
+    if before > 0.5 && gathered.left <= 0.5 {
+        gathered.distance_m = t;
+        gathered.node = ray.index;
+    }
+}

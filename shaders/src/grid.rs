@@ -1,0 +1,363 @@
+//! Where a ray finds the nodes of a cut: for each level a grid of squares around the camera.
+//!
+//! In: names and nodes of the cut, the camera's place. Out: [`Grid`]. Next: `cpu::raycast` and `raycast.wgsl` walk it.
+//!
+//! A square of a level is empty, or one node fills it (itself, or its part of a coarser one), or it is mixed: then the next
+//! finer level tells. So a ray may begin anywhere at the level that its distance asks for, and what a step costs does not
+//! depend on how deep the city's tree is. The finer levels reach only as far as the cut has mixed squares there.
+//!
+//! A node may lie in the square of another: the finer one is drawn, the coarser one shows in the rest of its square.
+
+use crate::layout::{Frame, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, Node};
+use glam::DVec3;
+use insula_protocol::TileId;
+
+/// Where the city's root square is and what the view tolerates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// From the camera to the south-west corner of the root square, metres.
+    pub root_corner: DVec3,
+    /// Side of the root square in metres.
+    pub root_side_m: f64,
+    /// Distance from which on nodes of the root's level are good enough; only a hint of where to look first.
+    pub root_distance_m: f64,
+}
+
+/// The grids of all levels.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Grid {
+    /// What [`Frame`] says of it.
+    pub head: Head,
+    /// Per entry what the square holds, and its lowest and highest point in steps of height.
+    pub entries: Vec<[u32; 2]>,
+}
+
+/// The grid's part of a [`Frame`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Head {
+    /// Camera within its finest square, in squares.
+    pub eye: [f32; 2],
+    /// Which square that is.
+    pub eye_cell: [i32; 2],
+    /// Side of a finest square in metres.
+    pub side_m: f32,
+    /// Levels, finest first; the last one has one square. 0 without nodes.
+    pub levels: u32,
+    /// Camera's height in steps.
+    pub z_eye: f32,
+    /// Steps in a metre.
+    pub z_scale: f32,
+    /// 1 / the distance from which on nodes of the finest level are good enough.
+    pub level_scale: f32,
+    /// Per level: first entry, log2 of its window's side, west and south end of the window.
+    pub windows: [[i32; 4]; GRID_LEVELS],
+}
+
+impl Head {
+    /// Puts it into a frame.
+    pub fn write(&self, frame: &mut Frame) {
+        (frame.eye, frame.eye_cell, frame.side_m) = (self.eye, self.eye_cell, self.side_m);
+        (frame.levels, frame.z_eye, frame.z_scale) = (self.levels, self.z_eye, self.z_scale);
+        (frame.level_scale, frame.windows) = (self.level_scale, self.windows);
+    }
+}
+
+/// Largest height of an entry.
+pub const Z_TOP: f32 = 65535.0;
+/// No node.
+const NONE: u32 = u32::MAX;
+
+/// A square of the cut's tree while the grid is made.
+#[derive(Debug, Clone, Copy)]
+struct Quad {
+    node: u32,
+    child: [u32; 4],
+}
+
+/// Which square: its level, finest 0, and its place.
+#[derive(Debug, Clone, Copy)]
+struct Square {
+    k: u32,
+    x: i32,
+    y: i32,
+}
+
+impl Square {
+    fn child(self, quadrant: usize) -> Self {
+        let (dx, dy) = ((quadrant & 1) as i32, (quadrant >> 1) as i32);
+        Self { k: self.k - 1, x: self.x * 2 + dx, y: self.y * 2 + dy }
+    }
+}
+
+/// Memory that is used again from frame to frame.
+#[derive(Debug, Clone, Default)]
+pub struct Builder {
+    quads: Vec<Quad>,
+    grid: Grid,
+    z: Vec<[u32; 2]>,
+}
+
+impl Builder {
+    /// The grid of a cut: `ids` and `nodes` are in the same order, nodes relative to the camera.
+    pub fn build(&mut self, place: &Place, ids: &[TileId], nodes: &[Node]) -> &Grid {
+        self.grid.entries.clear();
+        self.grid.head = Head::default();
+        let Some(finest) = ids.iter().map(|id| id.level()).max().filter(|level| usize::from(*level) < GRID_LEVELS)
+        else {
+            return &self.grid;
+        };
+        self.grid.head = head(place, finest);
+        self.heights(nodes);
+        self.plant(ids);
+        self.windows();
+        let root = Square { k: u32::from(finest), x: 0, y: 0 };
+        self.emit(root, 0, NONE);
+        &self.grid
+    }
+
+    /// All heights in whole steps, rounded outwards.
+    fn heights(&mut self, nodes: &[Node]) {
+        let metres = |node: &Node| {
+            [node.z_lo, node.z_hi].map(|code| f64::from(node.corner[2]) + f64::from(code) * f64::from(node.z_step_m))
+        };
+        let (low, high) = nodes
+            .iter()
+            .map(metres)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), [a, b]| (low.min(a), high.max(b)));
+        let scale = f64::from(Z_TOP) / (high - low).max(1e-3);
+        (self.grid.head.z_eye, self.grid.head.z_scale) = ((-low * scale) as f32, scale as f32);
+        self.z.clear();
+        self.z.extend(nodes.iter().map(metres).map(|[a, b]| {
+            let (a, b) = (((a - low) * scale).floor(), ((b - low) * scale).ceil());
+            [a.clamp(0.0, f64::from(Z_TOP)) as u32, b.clamp(0.0, f64::from(Z_TOP)) as u32]
+        }));
+    }
+
+    /// Makes the tree of the cut; the first quad is the root.
+    fn plant(&mut self, ids: &[TileId]) {
+        const BARE: Quad = Quad { node: NONE, child: [NONE; 4] };
+        self.quads.clear();
+        self.quads.push(BARE);
+        for (node, id) in ids.iter().enumerate() {
+            let mut at = 0;
+            for quadrant in (1..=id.level()).filter_map(|level| id.ancestor(level)).map(TileId::quadrant) {
+                if self.quads[at].child[quadrant] == NONE {
+                    self.quads[at].child[quadrant] = self.quads.len() as u32;
+                    self.quads.push(BARE);
+                }
+                at = self.quads[at].child[quadrant] as usize;
+            }
+            self.quads[at].node = node as u32;
+        }
+    }
+
+    /// Makes every level's window as large as its mixed parents ask for, and takes the memory.
+    fn windows(&mut self) {
+        let head = &mut self.grid.head;
+        let root = Square { k: head.levels - 1, x: 0, y: 0 };
+        let mut need = [0i32; GRID_LEVELS];
+        let centre = |k: u32, axis: usize| {
+            let last = (1i32 << (root.k - k)) - 1;
+            (head.eye_cell[axis] >> k).clamp(0, last)
+        };
+        let mut stack = vec![(root, 0u32)];
+        while let Some((square, at)) = stack.pop() {
+            let quad = self.quads[at as usize];
+            if quad.child == [NONE; 4] {
+                continue;
+            }
+            for quadrant in 0..4 {
+                let child = square.child(quadrant);
+                let away = (child.x - centre(child.k, 0)).abs().max((child.y - centre(child.k, 1)).abs());
+                let need = &mut need[child.k as usize];
+                *need = (*need).max(away + 1);
+                if quad.child[quadrant] != NONE {
+                    stack.push((child, quad.child[quadrant]));
+                }
+            }
+        }
+        let mut base = 0i32;
+        let mut windows = [[0; 4]; GRID_LEVELS];
+        for k in 0..=root.k {
+            let whole = root.k - k;
+            let log2 = (2 * need[k as usize] as u32).max(1).next_power_of_two().trailing_zeros().min(whole);
+            let low = |axis: usize| if log2 == whole { 0 } else { centre(k, axis) - (1 << log2) / 2 };
+            windows[k as usize] = [base, log2 as i32, low(0), low(1)];
+            base += 1 << (2 * log2);
+        }
+        head.windows = windows;
+        self.grid.entries.resize(base as usize, [0; 2]);
+    }
+
+    /// Writes a square and all finer ones in it; returns its lowest and highest point (turned around if it is empty).
+    fn emit(&mut self, square: Square, at: u32, inherited: u32) -> [u32; 2] {
+        let quad = if at == NONE { Quad { node: NONE, child: [NONE; 4] } } else { self.quads[at as usize] };
+        let node = if quad.node == NONE { inherited } else { quad.node };
+        if quad.child == [NONE; 4] {
+            if node == NONE {
+                return [u32::MAX, 0];
+            }
+            let z = self.z[node as usize];
+            self.fill(square, [GRID_NODE_BIT | square.k << 24 | node, z[0] | z[1] << 16]);
+            return z;
+        }
+        let mut z = [u32::MAX, 0];
+        for quadrant in 0..4 {
+            let [low, high] = self.emit(square.child(quadrant), quad.child[quadrant], node);
+            z = [z[0].min(low), z[1].max(high)];
+        }
+        let [low, high] = [z[0].min(0xffff), z[1]];
+        self.fill_level(square, square.k, [GRID_MIXED, low | high << 16]);
+        z
+    }
+
+    fn fill(&mut self, square: Square, entry: [u32; 2]) {
+        for k in (0..=square.k).rev() {
+            self.fill_level(square, k, entry);
+        }
+    }
+
+    /// Writes the part of `square` that lies in the window of level `k`.
+    fn fill_level(&mut self, square: Square, k: u32, entry: [u32; 2]) {
+        let [base, log2, low_x, low_y] = self.grid.head.windows[k as usize];
+        let (finer, side) = (square.k - k, 1i64 << log2);
+        let range = |place: i32, low: i32| {
+            let from = (i64::from(place) << finer) - i64::from(low);
+            from.clamp(0, side) as usize..(from + (1 << finer)).clamp(0, side) as usize
+        };
+        let columns = range(square.x, low_x);
+        for y in range(square.y, low_y) {
+            let row = base as usize + (y << log2);
+            self.grid.entries[row + columns.start..row + columns.end].fill(entry);
+        }
+    }
+}
+
+fn head(place: &Place, finest: u8) -> Head {
+    let squares = f64::from(1u32 << finest);
+    let side_m = place.root_side_m / squares;
+    // Far outside, the city is a point: the square need not be right any more, only a number.
+    let eye = [-place.root_corner.x / side_m, -place.root_corner.y / side_m].map(|v| v.clamp(-1e6, 1e6));
+    Head {
+        eye: eye.map(|v| (v - v.floor()) as f32),
+        eye_cell: eye.map(|v| v.floor() as i32),
+        side_m: side_m as f32,
+        levels: u32::from(finest) + 1,
+        level_scale: (squares / place.root_distance_m.max(1e-6)) as f32,
+        ..Head::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn node(low: f32, high: f32) -> Node {
+        Node { z_step_m: 1.0, z_lo: low, z_hi: high, ..Node::zeroed() }
+    }
+
+    fn id(level: u8, x: u32, y: u32) -> TileId {
+        TileId::new(level, x, y).unwrap()
+    }
+
+    fn grid(eye: [f64; 2], ids: &[TileId]) -> Grid {
+        let nodes: Vec<Node> = (0..ids.len()).map(|i| node(i as f32, 10.0 + i as f32)).collect();
+        let root_corner = DVec3::new(-eye[0], -eye[1], 0.0);
+        let place = Place { root_corner, root_side_m: 64.0, root_distance_m: 100.0 };
+        Builder::default().build(&place, ids, &nodes).clone()
+    }
+
+    /// The entry of level `k` at a finest square; `None` outside the window.
+    fn entry(grid: &Grid, k: u32, x: i32, y: i32) -> Option<[u32; 2]> {
+        let [base, log2, low_x, low_y] = grid.head.windows[k as usize];
+        let (x, y) = ((x >> k) - low_x, (y >> k) - low_y);
+        let inside = (0..1 << log2).contains(&x) && (0..1 << log2).contains(&y);
+        inside.then(|| grid.entries[(base + (y << log2) + x) as usize])
+    }
+
+    /// What a walk that begins at level `k` finds: the node there and the level of its square.
+    fn found(grid: &Grid, mut k: u32, x: i32, y: i32) -> Option<(u32, u32)> {
+        while entry(grid, k, x, y).is_none() {
+            k += 1;
+        }
+        loop {
+            let [word, _] = entry(grid, k, x, y).expect("mixed squares have all four quarters in the next window");
+            match word {
+                0 => return None,
+                GRID_MIXED => k -= 1,
+                _ => return Some((word & 0xff_ffff, word >> 24 & 31)),
+            }
+        }
+    }
+
+    #[test]
+    fn every_level_leads_to_the_same_node() {
+        // A quarter is refined once, one of its quarters again; one child does not exist.
+        let ids =
+            [id(1, 1, 0), id(1, 0, 1), id(2, 0, 0), id(2, 1, 0), id(3, 2, 2), id(3, 3, 2), id(3, 3, 3), id(1, 1, 1)];
+        for eye in [[1.0, 1.0], [63.0, 3.0], [-500.0, 900.0], [32.0, 32.0]] {
+            let grid = grid(eye, &ids);
+            assert_eq!(grid.head.levels, 4);
+            for k in 0..4 {
+                for (x, y) in (0..64).map(|i| (i % 8, i / 8)) {
+                    let meant = ids.iter().position(|id| {
+                        let up = 3 - id.level();
+                        (x as u32 >> up, y as u32 >> up) == (id.x(), id.y())
+                    });
+                    let found = found(&grid, k, x, y);
+                    assert_eq!(found.map(|f| f.0), meant.map(|i| i as u32), "from level {k} at {x}, {y}");
+                    if let (Some((_, ext)), Some(i)) = (found, meant) {
+                        assert_eq!(ext, u32::from(3 - ids[i].level()));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_finer_node_in_a_coarser_one_takes_its_place() {
+        let ids = [id(0, 0, 0), id(2, 3, 3)];
+        for eye in [[1.0, 1.0], [63.0, 63.0]] {
+            let grid = grid(eye, &ids);
+            for k in 0..3 {
+                assert_eq!(found(&grid, k, 3, 3), Some((1, 0)));
+                assert_eq!(found(&grid, k, 2, 3), Some((0, 0)), "a quarter beside it");
+                assert_eq!(found(&grid, k, 0, 0), Some((0, 1)), "as large a part as there is");
+            }
+        }
+    }
+
+    #[test]
+    fn heights_are_rounded_outwards_and_hold_the_finer_ones() {
+        let ids = [id(1, 0, 0), id(1, 1, 0), id(1, 1, 1)];
+        let grid = grid([10.0, 10.0], &ids);
+        let metres = |code: u32| (code as f32 - grid.head.z_eye) / grid.head.z_scale;
+        for (i, at) in [(0, [0, 0]), (1, [1, 0]), (2, [1, 1])] {
+            let z = entry(&grid, 0, at[0], at[1]).unwrap()[1];
+            assert!(metres(z & 0xffff) <= i as f32 + 1e-3 && metres(z >> 16) >= 10.0 + i as f32 - 1e-3);
+        }
+        let root = entry(&grid, 1, 0, 0).unwrap();
+        assert_eq!(root, [GRID_MIXED, 0xffff << 16]);
+    }
+
+    #[test]
+    fn far_squares_need_no_fine_grid() {
+        // The corner around the camera in eighty squares of the finest level, the rest coarser and coarser.
+        let mut ids = vec![];
+        for level in 1..=8u8 {
+            ids.extend([id(level, 1, 0), id(level, 0, 1), id(level, 1, 1)]);
+        }
+        ids.push(id(8, 0, 0));
+        let grid = grid([0.1, 0.1], &ids);
+        assert!(grid.entries.len() < 9 * 16, "{}", grid.entries.len());
+        assert_eq!(found(&grid, 0, 255, 255), Some((2, 7)));
+        assert_eq!(
+            Builder::default()
+                .build(&Place { root_corner: DVec3::ZERO, root_side_m: 1.0, root_distance_m: 1.0 }, &[], &[])
+                .head
+                .levels,
+            0
+        );
+    }
+}

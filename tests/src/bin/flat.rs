@@ -1,0 +1,274 @@
+//! What the size of the city costs a frame, and what triangles would cost.
+//!
+//! `cargo run --release -p insula-tests --bin flat -- --cities DIR`: DIR holds the cities that the bin `synth` made, `synth1k`
+//! to `synth1m`; one that is missing is made. Every size is drawn in turn, round by round; the best round counts.
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use insula_bake::Silent;
+use insula_shaders::{
+    cpu::raycast::{Counts, count},
+    gpu::Raycaster,
+    layout::Shading,
+};
+use insula_tests::{
+    baked::Baked,
+    cut::{Cut, Scene},
+    gpu::Gpu,
+    synth::{
+        City, Stand,
+        mesh::{Mesh, Target},
+    },
+    view::Picture,
+};
+use serde::Serialize;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+/// Draws the same views of cities of growing size.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Folder of the cities.
+    #[arg(long)]
+    cities: PathBuf,
+    /// Their buildings.
+    #[arg(long, value_delimiter = ',', default_value = "1000,10000,100000,1000000")]
+    sizes: Vec<u64>,
+    /// Picture sizes.
+    #[arg(long, value_delimiter = ',', default_value = "640x360,1280x720")]
+    pictures: Vec<String>,
+    /// Tolerated error in pixels.
+    #[arg(long, default_value_t = 1.0)]
+    tau: f64,
+    /// Rounds.
+    #[arg(long, default_value_t = 3)]
+    rounds: usize,
+    /// Do not draw triangles.
+    #[arg(long)]
+    no_triangles: bool,
+    /// Do not draw with the CPU's ray-caster.
+    #[arg(long)]
+    no_cpu: bool,
+    /// Folder for one picture of each view.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Write all figures as JSON.
+    #[arg(long)]
+    report: Option<PathBuf>,
+}
+
+/// One city in one view.
+#[derive(Debug, Serialize, Clone)]
+struct Row {
+    stand: &'static str,
+    picture: String,
+    buildings: u64,
+    nodes_in_cut: usize,
+    grid_entries: usize,
+    covered_share: f64,
+    gpu_ms: f64,
+    cpu_ms: Option<f64>,
+    triangles_ms: Option<f64>,
+    triangles: Option<u64>,
+    nodes_per_ray: f64,
+    steps_per_ray: f64,
+    fetches_per_ray: f64,
+    cells_per_ray: f64,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let gpu = Gpu::open()?;
+    println!("{}", gpu.name);
+    let cities = args.sizes.iter().map(|n| open(&args.cities, *n)).collect::<Result<Vec<_>>>()?;
+    let meshes = if args.no_triangles { Vec::new() } else { meshes(&gpu, &args.sizes)? };
+    let mut rows = Vec::new();
+    for picture in &args.pictures {
+        let picture = parse(picture)?;
+        for stand in Stand::ALL {
+            rows.extend(view(&args, &gpu, (&cities, &meshes), stand, &picture)?);
+        }
+    }
+    summary(&rows, &args.sizes);
+    if let Some(report) = &args.report {
+        fs::write(report, serde_json::to_vec_pretty(&rows)?)?;
+    }
+    Ok(())
+}
+
+fn open(folder: &Path, buildings: u64) -> Result<Baked> {
+    let name = match buildings {
+        n if n % 1_000_000 == 0 => format!("synth{}m", n / 1_000_000),
+        n if n % 1000 == 0 => format!("synth{}k", n / 1000),
+        n => format!("synth{n}"),
+    };
+    let path = folder.join(name);
+    if !path.join("city.json").is_file() {
+        eprintln!("making {}", path.display());
+        City::new(buildings, 1.0)?.write(&path, None, &Silent)?;
+    }
+    Baked::open(&path)
+}
+
+fn meshes(gpu: &Gpu, sizes: &[u64]) -> Result<Vec<Mesh>> {
+    sizes.iter().map(|n| Mesh::new(&gpu.device, &gpu.queue, &City::new(*n, 1.0)?)).collect()
+}
+
+fn parse(text: &str) -> Result<Picture> {
+    let (width, height) = text.split_once('x').with_context(|| format!("{text}: write WIDTHxHEIGHT"))?;
+    Ok(Picture { width_px: width.parse()?, height_px: height.parse()?, shading: Shading::Lit, samples: 1 })
+}
+
+fn view(
+    args: &Args,
+    gpu: &Gpu,
+    (cities, meshes): (&[Baked], &[Mesh]),
+    stand: Stand,
+    picture: &Picture,
+) -> Result<Vec<Row>> {
+    let camera = stand.camera();
+    let cuts: Vec<Cut> =
+        cities.iter().map(|city| city.cut(&city.select_in_view(&camera, picture, args.tau))).collect::<Result<_>>()?;
+    let scenes: Vec<Scene<'_>> = cuts.iter().map(|cut| cut.scene(&camera, picture)).collect();
+    let mut casters: Vec<Raycaster> = scenes.iter().map(|scene| gpu.raycaster(scene)).collect();
+    let target = Target::new(&gpu.device, picture);
+    let mut rows = Vec::new();
+    for (i, scene) in scenes.iter().enumerate() {
+        time(args.rounds.min(1), || cast(gpu, &mut casters[i], scene))?;
+        let pixels = casters[i].read_back(&gpu.device, &gpu.queue)?;
+        let counted = count(&scene.as_ref());
+        compare_counts(gpu, &mut casters[i], scene, counted)?;
+        if let Some(out) = &args.out {
+            let name = format!("{}-{}-{}.png", stand.word(), picture.height_px, args.sizes[i]);
+            let bytes: Vec<u8> = pixels.colour.iter().flat_map(|word| word.to_le_bytes()).collect();
+            let image = image::RgbaImage::from_raw(picture.width_px, picture.height_px, bytes).context("size")?;
+            fs::create_dir_all(out)?;
+            image.save(out.join(name))?;
+        }
+        let covered = pixels.distance.iter().filter(|d| d.is_finite()).count();
+        let per_ray = |n: u64| n as f64 / counted.rays as f64;
+        rows.push(Row {
+            stand: stand.word(),
+            picture: format!("{}x{}", picture.width_px, picture.height_px),
+            buildings: args.sizes[i],
+            nodes_in_cut: scene.nodes.len(),
+            grid_entries: scene.grid.len(),
+            covered_share: covered as f64 / pixels.distance.len() as f64,
+            gpu_ms: f64::INFINITY,
+            cpu_ms: None,
+            triangles_ms: None,
+            triangles: None,
+            nodes_per_ray: per_ray(counted.nodes),
+            steps_per_ray: per_ray(counted.steps),
+            fetches_per_ray: per_ray(counted.fetches),
+            cells_per_ray: per_ray(counted.cells),
+        });
+    }
+    for _ in 0..args.rounds {
+        for (i, row) in rows.iter_mut().enumerate() {
+            row.gpu_ms = row.gpu_ms.min(time(5, || cast(gpu, &mut casters[i], &scenes[i]))?);
+            if !args.no_cpu {
+                let ms = time(1, || {
+                    scenes[i].render();
+                    Ok(())
+                })?;
+                row.cpu_ms = Some(row.cpu_ms.map_or(ms, |best: f64| best.min(ms)));
+            }
+            if let Some(mesh) = meshes.get(i) {
+                let ms = time(1, || {
+                    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                    row.triangles = Some(mesh.draw(&gpu.queue, &mut encoder, &target, &camera, picture));
+                    finish(gpu, encoder)
+                })?;
+                row.triangles_ms = Some(row.triangles_ms.map_or(ms, |best: f64| best.min(ms)));
+            }
+        }
+    }
+    rows.iter().for_each(print);
+    Ok(rows)
+}
+
+fn cast(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>) -> Result<()> {
+    let data = scene.as_ref();
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    caster.render((&gpu.device, &gpu.queue), &mut encoder, data.frame, data.grid, data.nodes)?;
+    finish(gpu, encoder)
+}
+
+fn finish(gpu: &Gpu, encoder: wgpu::CommandEncoder) -> Result<()> {
+    gpu.queue.submit([encoder.finish()]);
+    gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+    Ok(())
+}
+
+/// Milliseconds of the best of `times`.
+fn time(times: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    let mut best = Duration::MAX;
+    for _ in 0..times {
+        let begin = Instant::now();
+        work()?;
+        best = best.min(begin.elapsed());
+    }
+    Ok(best.as_secs_f64() * 1e3)
+}
+
+/// The device's counts must be those of the CPU but for rays on edges.
+fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: Counts) -> Result<()> {
+    let data = scene.as_ref();
+    let on_gpu = caster.count((&gpu.device, &gpu.queue), data.frame, data.grid, data.nodes)?;
+    for (what, a, b) in [("nodes", on_cpu.nodes, on_gpu.nodes), ("steps", on_cpu.steps, on_gpu.steps)] {
+        let apart = a.abs_diff(b) as f64 / a.max(1) as f64;
+        anyhow::ensure!(apart < 0.01, "the device counts {b} {what}, the CPU {a}");
+    }
+    Ok(())
+}
+
+fn print(row: &Row) {
+    let ms = |value: Option<f64>| value.map_or("-".into(), |ms| format!("{ms:.1}"));
+    println!(
+        "{:6} {:>9} {:>8}: device {:6.1} ms, cpu {:>6} ms, triangles {:>7} ms ({:>8}); covered {:.3}, cut {:5}; a ray: {:.2} nodes, {:.2} steps, {:.1} fetches, {:.1} cells",
+        row.stand,
+        row.picture,
+        row.buildings,
+        row.gpu_ms,
+        ms(row.cpu_ms),
+        ms(row.triangles_ms),
+        row.triangles.unwrap_or(0),
+        row.covered_share,
+        row.nodes_in_cut,
+        row.nodes_per_ray,
+        row.steps_per_ray,
+        row.fetches_per_ray,
+        row.cells_per_ray,
+    );
+}
+
+/// The largest city against the smallest, and against triangles.
+fn summary(rows: &[Row], sizes: &[u64]) {
+    println!(
+        "\n| view | picture | device, largest / smallest | a covered pixel | cpu | fetches | steps | against triangles, by size |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for rows in rows.chunks(sizes.len()) {
+        let (Some(first), Some(last)) = (rows.first(), rows.last()) else { continue };
+        let covered = first.covered_share / last.covered_share;
+        let against: Vec<String> = rows
+            .iter()
+            .map(|row| row.triangles_ms.map_or("-".into(), |ms| format!("{:.2}", row.gpu_ms / ms)))
+            .collect();
+        let cpu = first.cpu_ms.zip(last.cpu_ms).map_or("-".into(), |(a, b)| format!("{:.2}", b / a));
+        println!(
+            "| {} | {} | {:.2} | {:.2} | {cpu} | {:.2} | {:+.2} | {} |",
+            first.stand,
+            first.picture,
+            last.gpu_ms / first.gpu_ms,
+            last.gpu_ms / first.gpu_ms * covered,
+            last.fetches_per_ray / first.fetches_per_ray,
+            last.steps_per_ray - first.steps_per_ray,
+            against.join(", "),
+        );
+    }
+}
