@@ -1,5 +1,5 @@
 //! One small thing a test: what the bake makes of it, drawn beside its ray-traced truth. `target/zoo/NAME.png` has the
-//! pictures: truth, drawn, drawn in light.
+//! pictures: truth, drawn, drawn in light. Zero lies on the corner of four nodes, so all that stands there lies over their borders.
 
 #![allow(clippy::unwrap_used)]
 
@@ -175,6 +175,15 @@ fn thin_walls_straight_and_slanted() {
     shapes.cuboid([-8.0, -6.1, 0.0], [8.0, -5.9, 3.0]);
     shapes.prism(&turned(&rectangle([-8.0, -0.1], [8.0, 0.1]), 30.0), [0.0, 3.0]);
     judge("thin-walls", &shapes, &two_views([0.0, -2.0, 1.0], 24.0)).at_least(0.9, 0.95, 0.9).unwrap();
+}
+
+#[test]
+fn a_wall_with_a_window_that_one_looks_through() {
+    let mut shapes = Shapes::default();
+    shapes.cuboid([-6.0, -0.4, 0.0], [-1.5, 0.4, 6.0]).cuboid([1.5, -0.4, 0.0], [6.0, 0.4, 6.0]);
+    shapes.cuboid([-1.5, -0.4, 0.0], [1.5, 0.4, 2.0]).cuboid([-1.5, -0.4, 4.0], [1.5, 0.4, 6.0]);
+    let cameras = [around([0.0, 0.0, 3.0], 16.0, -75.0, 8.0), around([0.0, 0.0, 3.0], 16.0, 60.0, 25.0)];
+    judge("window", &shapes, &cameras).at_least(0.95, 0.96, 0.93).unwrap();
 }
 
 #[test]
