@@ -96,24 +96,31 @@ fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<Top> {
             continue;
         }
         let at = place(i);
-        let known = KNOWN.map(|(back, _)| &tops[at - back]);
-        let around = known.iter().enumerate().map(|(k, t)| usize::from(t.occupied()) << k).sum::<usize>();
-        if !full.bit(coder, &mut models.occupied[around], map.flags[i] & flag::OCCUPIED != 0) {
-            continue;
+        // As in `KNOWN`.
+        let [west, south] = [&tops[at - 1], &tops[at - WIDTH]];
+        let known = &[west, south, &tops[at - WIDTH - 1], &tops[at - WIDTH + 1]];
+        if full == Share::Some {
+            let around = known.iter().enumerate().map(|(k, t)| usize::from(t.occupied()) << k).sum::<usize>();
+            if !coder.bit(&mut models.occupied[around], map.flags[i] & flag::OCCUPIED != 0) {
+                continue;
+            }
         }
         // Of the western and the southern neighbour: 0 not there, 1 without, 2 with the flag.
         let state = |top: &Top, bit: u8| usize::from(top.occupied()) + usize::from(top.flags & bit != 0);
-        let context = |bit: u8| state(known[0], bit) * 3 + state(known[1], bit);
+        let context = |bit: u8| state(west, bit) * 3 + state(south, bit);
         let mut flags = flag::OCCUPIED;
-        if suspended.bit(coder, &mut models.suspended[context(flag::SUSPENDED)], map.flags[i] & flag::SUSPENDED != 0) {
-            flags |= flag::SUSPENDED;
+        for (share, models, bit) in
+            [(suspended, &mut models.suspended, flag::SUSPENDED), (inclined, &mut models.inclined, flag::INCLINED)]
+        {
+            let set = match share {
+                Share::Some => coder.bit(&mut models[context(bit)], map.flags[i] & bit != 0),
+                share => share == Share::All,
+            };
+            flags |= if set { bit } else { 0 };
         }
-        if inclined.bit(coder, &mut models.inclined[context(flag::INCLINED)], map.flags[i] & flag::INCLINED != 0) {
-            flags |= flag::INCLINED;
-        }
-        let (normal, slope) = normal(coder, &mut models, &mut recent, &known, flags, map.roof_normal[i], map.z_shift);
+        let (normal, slope) = normal(coder, &mut models, &mut recent, known, flags, map.roof_normal[i], map.z_shift);
         let mut top = Top { z: 0, normal, flags, slope };
-        let (guess, doubt) = guess_top(&top, &known, last);
+        let (guess, doubt) = guess_top(&top, known, last);
         let z = guess + coder.number(&mut models.height[doubt], i32::from(map.z_max[i]) - guess);
         top.z = z.clamp(0, i32::from(u16::MAX));
         last = top.z;
@@ -181,26 +188,25 @@ fn normal<C: Coder>(
     z_shift: u8,
 ) -> (u16, [i16; 2]) {
     let kind = usize::from(flags & flag::INCLINED != 0);
-    // Beyond sixteen bits where there is no column.
-    let normals = known.map(|top| if top.occupied() { u32::from(top.normal) } else { u32::MAX });
+    let bits = flag::OCCUPIED | flag::INCLINED;
     let mut first = None;
-    for (k, top) in known.iter().enumerate() {
-        let own = normals[k];
-        let tried = (0..k).any(|j| normals[j] == own && (flags ^ known[j].flags) & flag::INCLINED == 0);
-        if own == u32::MAX || tried || (flags ^ top.flags) & flag::INCLINED != 0 {
+    for k in 0..4 {
+        let top = known[k];
+        let tried = |j: &&Top| j.normal == top.normal && (flags ^ j.flags) & bits == 0;
+        if (flags ^ top.flags) & bits != 0 || known[..k].iter().any(tried) {
             continue;
         }
         let mut agree = 0;
-        for other in normals {
-            agree += usize::from(other == own);
+        for other in known {
+            agree += usize::from(other.normal == top.normal && other.occupied());
         }
-        let model = &mut models.same[if first.is_some() { 2 } else { 0 } + kind][agree - 1];
-        if coder.bit(model, value == top.normal) {
+        let models = &mut models.same[if first.is_some() { 2 } else { 0 } + kind];
+        if coder.bit(&mut models[(agree - 1) & 3], value == top.normal) {
             return (top.normal, top.slope);
         }
         first = first.or(Some(top.normal));
     }
-    let place = recent.list.iter().position(|n| *n == value);
+    let place = if C::WRITES { recent.list.iter().position(|n| *n == value) } else { None };
     let slope = |normal: u16| if kind == 0 { [0; 2] } else { slope(normal, z_shift) };
     if coder.bit(&mut models.listed[kind], place.is_some()) {
         let place = coder.choice(&mut models.recent[kind], place.unwrap_or(0) as u32) as usize;
@@ -221,18 +227,16 @@ fn normal<C: Coder>(
 /// What the top should be after its neighbours, and how doubtful that is, 0 to 9.
 fn guess_top(own: &Top, known: &[&Top; 4], last: i32) -> (i32, usize) {
     let kind = if own.flags & flag::INCLINED != 0 { 5 } else { 0 };
-    let limit = i32::from(Z_CODE_MAX);
+    let bits = flag::OCCUPIED | flag::INCLINED;
     let (mut sum, mut count, mut low, mut high, mut first) = (0, 0, i32::MAX, i32::MIN, 0);
-    for (top, (_, step)) in known.iter().zip(KNOWN) {
-        if top.occupied() && top.normal == own.normal && (top.flags ^ own.flags) & flag::INCLINED == 0 {
-            let plane = top.at(step);
-            if count == 0 {
-                first = plane;
-            }
-            (sum, count, low, high) = (sum + plane, count + 1, low.min(plane), high.max(plane));
+    for k in (0..4).rev() {
+        let (top, step) = (known[k], KNOWN[k].1);
+        if top.normal == own.normal && (top.flags ^ own.flags) & bits == 0 {
+            first = top.at(step);
+            (sum, count, low, high) = (sum + first, count + 1, low.min(first), high.max(first));
         }
     }
-    let [west, south, corner, _] = *known;
+    let [west, south, corner, _] = known;
     let (guess, doubt) = match count {
         0 => {
             let guess = match (west.occupied(), south.occupied(), corner.occupied()) {
@@ -246,9 +250,10 @@ fn guess_top(own: &Top, known: &[&Top; 4], last: i32) -> (i32, usize) {
         1 => (first, 1),
         _ if high - low > 2 => (first, 2),
         2 => ((sum + 1) >> 1, if high == low { 4 } else { 3 }),
-        n => ((2 * sum + n).div_euclid(2 * n), if high == low { 4 } else { 3 }),
+        3 => ((2 * sum + 3).div_euclid(6), if high == low { 4 } else { 3 }),
+        _ => ((2 * sum + 4) >> 3, if high == low { 4 } else { 3 }),
     };
-    (guess.clamp(0, limit), kind + doubt)
+    (guess.clamp(0, i32::from(Z_CODE_MAX)), kind + doubt)
 }
 
 /// LOCO-I's guess of what goes on from `a` and `b`, with `c` between them (Weinberger et al. 2000).

@@ -37,18 +37,19 @@ const AO_ERROR: i32 = 3;
 /// Parts of a colour step of one.
 const QUARTERS: i32 = 4;
 
-/// Colours as brightness and two differences (YCoCg-R; Malvar and Sullivan 2003).
-type Colour = [i32; 3];
+/// Colours as brightness and two differences (YCoCg-R; Malvar and Sullivan 2003); in few bytes, as they are compared often.
+type Colour = [i16; 3];
 
 fn from_rgb(rgb: [u8; 3]) -> Colour {
     let [r, g, b] = rgb.map(i32::from);
     let orange = r - b;
     let t = b + (orange >> 1);
     let green = g - t;
-    [t + (green >> 1), orange, green]
+    [t + (green >> 1), orange, green].map(|v| v as i16)
 }
 
-fn to_rgb([y, orange, green]: Colour) -> [u8; 3] {
+fn to_rgb(colour: Colour) -> [u8; 3] {
+    let [y, orange, green] = colour.map(i32::from);
     let t = y - (green >> 1);
     let b = t - (orange >> 1);
     [b + orange, green + t, b].map(|v| v.clamp(0, 255) as u8)
@@ -58,7 +59,7 @@ fn to_rgb([y, orange, green]: Colour) -> [u8; 3] {
 #[derive(Debug, Clone, Copy, Default)]
 struct Look {
     colour: Colour,
-    ao: i32,
+    ao: i16,
 }
 
 /// Activity classes of a neighbourhood.
@@ -83,6 +84,7 @@ struct Models {
 struct Texels<'a, C> {
     coder: &'a mut C,
     loss: Loss,
+    ao: AoSteps,
     models: Box<Models>,
     /// Class of a neighbourhood by its activity; empty where there is a palette.
     classes: Vec<u8>,
@@ -98,6 +100,26 @@ const DIFFERENCE_STEPS: i32 = 3;
 fn quantise(v: i32, step: i32) -> i32 {
     let k = if step == QUARTERS { v.abs() } else { (v.abs() * QUARTERS * 256 + step * ROUND_UP) / (step * 256) };
     if v < 0 { -k } else { k }
+}
+
+/// Steps of the occlusion, as tables. Levels are the same in all nodes, so that what is equal on either side of a border stays equal.
+struct AoSteps {
+    /// The level of an occlusion, and the occlusion of a level.
+    levels: [u8; 64],
+    looks: [u8; 64],
+    /// Class of a neighbourhood by its activity, at most twice the largest occlusion.
+    classes: [u8; 128],
+}
+
+impl AoSteps {
+    fn new(step: u8) -> Self {
+        let step = usize::from(step.max(1));
+        Self {
+            levels: std::array::from_fn(|v| ((v + step / 2) / step) as u8),
+            looks: std::array::from_fn(|level| (level * step).min(usize::from(AO_MAX)) as u8),
+            classes: std::array::from_fn(|activity| if activity == 0 { 0 } else { 1 + (activity / step).min(6) as u8 }),
+        }
+    }
 }
 
 impl<'a, C: Coder> Texels<'a, C> {
@@ -120,39 +142,38 @@ impl<'a, C: Coder> Texels<'a, C> {
             let digits = palette.len().next_power_of_two();
             models.index = vec![Bit::default(); digits - 1];
         }
-        Self { coder, loss, models, classes, palette }
+        Self { coder, loss, ao: AoSteps::new(loss.ao), models, classes, palette }
     }
 
     /// One texel from the three that it is guessed from.
     #[inline]
     fn texel(&mut self, value: Texel, known: &[Look; 3]) -> (Texel, Look) {
         let colour = self.colour(value, known);
-        let ao = self.ao(i32::from(value.ao()), known.map(|k| k.ao));
+        let ao = self.ao(i32::from(value.ao()), known.map(|k| i32::from(k.ao)));
         (Texel::new(to_rgb(colour), ao as u8, ALPHA_MAX), Look { colour, ao })
     }
 
-    fn ao(&mut self, value: i32, [a, b, c]: [i32; 3]) -> i32 {
-        let step = i32::from(self.loss.ao);
+    fn ao(&mut self, value: i32, [a, b, c]: [i32; 3]) -> i16 {
         let activity = (a - c).abs() + (b - c).abs();
-        let class = if activity == 0 { 0 } else { 1 + (activity / step).min(6) } as usize;
-        // Levels are the same in all nodes, so that what is equal on either side of a border stays equal.
-        let level = |v: i32| (v + step / 2) / step;
-        let look = |level: i32| (level * step).clamp(0, i32::from(AO_MAX));
+        let class = usize::from(self.ao.classes[activity as usize & 127]);
+        let look = |level: i32| i32::from(self.ao.looks[level.clamp(0, i32::from(AO_MAX)) as usize]);
+        let level = |ao: i32| i32::from(self.ao.levels[ao as usize & 63]);
         let guess = level(median(a, b, c));
-        let tolerance = if step == 1 { 0 } else { AO_ERROR };
+        let tolerance = if self.loss.ao == 1 { 0 } else { AO_ERROR };
         let k = match C::WRITES {
             true if (value - look(guess)).abs() > tolerance => level(value) - guess,
             _ => 0,
         };
-        look(guess + self.coder.number(&mut self.models.ao[class], k))
+        let k = self.coder.number(&mut self.models.ao[class], k);
+        i16::from(self.ao.looks[(guess + k).clamp(0, i32::from(AO_MAX)) as usize])
     }
 
     fn colour(&mut self, value: Texel, known: &[Look; 3]) -> Colour {
         if self.palette.is_some() {
             return self.indexed(value, known);
         }
-        let target = if C::WRITES { from_rgb(value.rgb()) } else { [0; 3] };
-        let [a, b, c] = known.map(|k| k.colour);
+        let target = if C::WRITES { from_rgb(value.rgb()).map(i32::from) } else { [0; 3] };
+        let [a, b, c] = known.map(|k| k.colour.map(i32::from));
         let step = i32::from(self.loss.colour);
         let guess = median(a[0], b[0], c[0]);
         let activity = (a[0] - c[0]).abs() + (b[0] - c[0]).abs();
@@ -171,7 +192,7 @@ impl<'a, C: Coder> Texels<'a, C> {
             context |= usize::from(k != 0);
             out[n] = (guess + ((k * step) / QUARTERS)).clamp(-255, 255);
         }
-        out
+        out.map(|v| v as i16)
     }
 
     fn indexed(&mut self, value: Texel, known: &[Look; 3]) -> Colour {
@@ -250,7 +271,7 @@ fn colours(map: &BlockMap) -> Vec<[u8; 3]> {
 const NOTHING: i32 = i32::MIN / 2;
 
 fn roofs<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap) -> Vec<Look> {
-    let mut looks = vec![Look { colour: [128, 0, 0], ao: i32::from(AO_MAX) }; WIDTH * WIDTH];
+    let mut looks = vec![Look { colour: [128, 0, 0], ao: i16::from(AO_MAX) }; WIDTH * WIDTH];
     let mut heights = vec![NOTHING; WIDTH * WIDTH];
     let mut last = 0;
     let near = i32::from(STEPS_PER_CELL >> map.z_shift);
@@ -261,19 +282,12 @@ fn roofs<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap) -> Vec<Look> 
         let at = place(i);
         let own = i32::from(map.z_max[i]);
         let around = [at - 1, at - WIDTH, at - WIDTH - 1];
-        let mut level = around.map(|j| (heights[j] - own).abs() <= near);
-        if level == [false; 3] {
-            level = around.map(|j| heights[j] != NOTHING);
+        let level = |j: usize| (heights[j] - own).abs() <= near;
+        let mut known = around;
+        if !(level(at - 1) && level(at - WIDTH) && level(at - WIDTH - 1)) {
+            known = standing(&around, &heights, level).unwrap_or([last; 3]);
         }
-        let known = match level {
-            [true, true, true] => around,
-            [true, true, false] => [around[0], around[1], around[0]],
-            [true, false, _] => [around[0]; 3],
-            [false, true, _] => [around[1]; 3],
-            [false, false, true] => [around[2]; 3],
-            [false, false, false] => [last; 3],
-        }
-        .map(|j| looks[j]);
+        let known = known.map(|j| looks[j]);
         let (texel, look) = texels.texel(map.roof[i], &known);
         map.roof[i] = texel;
         looks[at] = look;
@@ -281,6 +295,23 @@ fn roofs<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap) -> Vec<Look> 
         last = at;
     }
     looks
+}
+
+/// Which of the neighbours stand for all three: those on the same level, else all that there are.
+fn standing(around: &[usize; 3], heights: &[i32], level: impl Fn(usize) -> bool) -> Option<[usize; 3]> {
+    let mut stands = around.map(level);
+    if stands == [false; 3] {
+        stands = around.map(|j| heights[j] != NOTHING);
+    }
+    let [a, b, c] = *around;
+    match stands {
+        [true, true, true] => Some([a, b, c]),
+        [true, true, false] => Some([a, b, a]),
+        [true, false, _] => Some([a; 3]),
+        [false, true, _] => Some([b; 3]),
+        [false, false, true] => Some([c; 3]),
+        [false, false, false] => None,
+    }
 }
 
 fn outers<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap, roofs: &[Look]) {
@@ -322,21 +353,25 @@ fn strips<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap, steps: &[Ste
         let place = places[step.column];
         let before = step.before.map(|j| places[j]);
         let holes = map.flags[step.column] & flag::HOLES != 0;
-        let mut below = None;
+        // Of the strip before, what stands beside the row below.
+        let (mut below, mut beside_below) = (None, None);
+        if let Some(before) = before {
+            let at = place.first - 1 - before.first;
+            beside_below = usize::try_from(at).ok().filter(|at| *at < before.rows).map(|at| looks[before.start + at]);
+        }
         let mut alpha = ALPHA_MAX;
         for row in 0..place.rows {
-            let beside = |row: i32| {
-                let before = before?;
-                let at = usize::try_from(row - before.first).ok().filter(|at| *at < before.rows)?;
-                Some(looks[before.start + at])
-            };
-            let at = place.first + row as i32;
-            let known = match (below, beside(at)) {
-                (Some(a), Some(b)) => [a, b, beside(at - 1).unwrap_or(b)],
+            let beside = before.and_then(|before| {
+                let at = (place.first - before.first) as isize + row as isize;
+                ((at as usize) < before.rows).then(|| looks[before.start + at as usize])
+            });
+            let known = match (below, beside) {
+                (Some(a), Some(b)) => [a, b, beside_below.unwrap_or(b)],
                 (Some(a), None) => [a; 3],
                 (None, Some(b)) => [b; 3],
                 (None, None) => [roofs[geometry::place(step.column)]; 3],
             };
+            beside_below = beside;
             let value = map.strips[place.start + row];
             if holes {
                 alpha =

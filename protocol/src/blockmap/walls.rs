@@ -23,7 +23,7 @@ pub(super) struct Step {
 
 /// Whether columns are exposed: nearly always, those whose sides are open by more than a cell.
 pub(super) fn exposed<C: Coder>(coder: &mut C, map: &mut BlockMap) {
-    let classes: Vec<u8> = (0..COLUMNS).map(|i| openness(map, i)).collect();
+    let classes = openness(map);
     let mut shares = [Share::None; CLASSES];
     let mut models = [[Bit::NEW; 2]; CLASSES];
     for class in 0..CLASSES {
@@ -32,8 +32,8 @@ pub(super) fn exposed<C: Coder>(coder: &mut C, map: &mut BlockMap) {
         shares[class] = share.code(coder, &mut models[class]);
     }
     let mut models = [Bit::NEW; CLASSES];
-    for i in (0..COLUMNS).filter(|i| classes[*i] != NOTHING) {
-        let class = usize::from(classes[i]);
+    for (i, class) in classes.into_iter().enumerate().filter(|(_, class)| *class != NOTHING) {
+        let class = usize::from(class);
         let exposed = shares[class].bit(coder, &mut models[class], map.flags[i] & flag::EXPOSED != 0);
         if exposed && !C::WRITES {
             map.flags[i] |= flag::EXPOSED;
@@ -46,45 +46,54 @@ const CLASSES: usize = 20;
 /// Class of a cell without a column.
 const NOTHING: u8 = CLASSES as u8;
 
-/// Class of -12 and less, -11, ..., 32, 33 sixteenths of a row and more.
-const STEPS: [u8; 46] = {
-    // Where each class ends.
-    let ends = [-12, -6, -3, -1, 0, 2, 5, 12, 32, 33];
-    let mut steps = [0; 46];
-    let (mut at, mut class) = (0, 0);
-    while at < steps.len() {
-        if at as i32 - 12 > ends[class] {
-            class += 1;
-        }
-        steps[at] = class as u8;
-        at += 1;
-    }
-    steps
-};
+/// Where the ten classes of [`openness`] end but for the last, in sixteenths of a row more than one row.
+const ENDS: [i16; 9] = [-12, -6, -3, -1, 0, 2, 5, 12, 32];
 
 /// How far the side that is most open is open, in ten classes; ten more on the node's rim.
-fn openness(map: &BlockMap, i: usize) -> u8 {
-    if map.flags[i] & flag::OCCUPIED == 0 {
-        return NOTHING;
+fn openness(map: &BlockMap) -> Vec<u8> {
+    let most = most_open(map);
+    let mut classes = vec![0u8; COLUMNS];
+    // Bound by bound over all columns: loops that a compiler makes wide.
+    for end in ENDS {
+        let bound = (STEPS_PER_CELL >> map.z_shift) as i16 + (end >> map.z_shift);
+        classes.iter_mut().zip(&most).for_each(|(class, most)| *class += u8::from(*most > bound));
     }
-    let (low, high) = (i32::from(map.z_min[i]), i32::from(map.z_max[i]));
-    let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
-    let rim = x == 0 || y == 0 || x == NODE_CELLS - 1 || y == NODE_CELLS - 1;
-    let mut most = 0;
-    let mut look = |j: usize| {
-        let cover = i32::from(map.z_max[j]).min(high) - i32::from(map.z_min[j]).max(low);
-        most = most.max(high - low - cover.max(0));
-    };
-    if rim {
-        AROUND[..4].iter().filter_map(|step| neighbour(i, *step)).for_each(look);
-    } else {
-        [i - 1, i + 1, i - NODE_CELLS, i + NODE_CELLS].into_iter().for_each(&mut look);
+    for k in 0..NODE_CELLS {
+        let last = NODE_CELLS - 1;
+        for (x, y) in [(k, 0), (k, last), (0, k), (last, k)] {
+            let class = &mut classes[y * NODE_CELLS + x];
+            *class = *class % 10 + 10;
+        }
     }
-    // In sixteenths of a row, towards zero.
-    let over = most - i32::from(STEPS_PER_CELL >> map.z_shift);
-    let sixteenths = if over < 0 { -(-over << map.z_shift) } else { over << map.z_shift };
-    let steps = STEPS[(sixteenths.clamp(-12, 33) + 12) as usize];
-    if rim { steps + 10 } else { steps }
+    let empty = |(class, flags): (&mut u8, &u8)| *class = if flags & flag::OCCUPIED == 0 { NOTHING } else { *class };
+    classes.iter_mut().zip(&map.flags).for_each(empty);
+    classes
+}
+
+/// How many codes of each column's height stand free on the side where most do; nothing is beyond the node.
+fn most_open(map: &BlockMap) -> Vec<i16> {
+    // From lowest to highest on the grid with its rim, which hides everything. Codes have twelve bits.
+    let (mut low, mut high) = (vec![0i16; WIDTH * WIDTH], vec![i16::MAX; WIDTH * WIDTH]);
+    let code = |z: &u16| (*z).min(Z_CODE_MAX) as i16;
+    for y in 0..NODE_CELLS {
+        let (row, at) = (y * NODE_CELLS..(y + 1) * NODE_CELLS, geometry::place(y * NODE_CELLS));
+        low[at..].iter_mut().zip(&map.z_min[row.clone()]).for_each(|(low, z)| *low = code(z));
+        high[at..].iter_mut().zip(&map.z_max[row]).for_each(|(high, z)| *high = code(z));
+    }
+    let mut most = vec![0i16; COLUMNS];
+    for (y, most) in most.chunks_exact_mut(NODE_CELLS).enumerate() {
+        let at = geometry::place(y * NODE_CELLS);
+        let part = |from: usize| (&low[from..from + NODE_CELLS], &high[from..from + NODE_CELLS]);
+        let (own_low, own_high) = part(at);
+        for from in [at - 1, at + 1, at - WIDTH, at + WIDTH] {
+            let (low, high) = part(from);
+            for x in 0..NODE_CELLS {
+                let cover = high[x].min(own_high[x]) - low[x].max(own_low[x]);
+                most[x] = most[x].max(own_high[x] - own_low[x] - cover.max(0));
+            }
+        }
+    }
+    most
 }
 
 /// The exposed columns, each after one that stands beside it.
@@ -184,7 +193,7 @@ fn spread<T: Copy>(map: &BlockMap, bit: u8, list: &[T], places: &mut [T]) {
 }
 
 fn gather<T: Copy>(map: &BlockMap, bit: u8, places: &[T]) -> Vec<T> {
-    (0..COLUMNS).filter(|i| map.flags[*i] & bit != 0).map(|i| places[i]).collect()
+    map.flags.iter().zip(places).filter(|(flags, _)| **flags & bit != 0).map(|(_, place)| *place).collect()
 }
 
 /// A wall that goes on from a neighbour: its azimuth and where its plane would be here.

@@ -12,12 +12,13 @@ const TOP: u32 = 1 << 24;
 /// After so many bits a model's memory stays as short as it is.
 const MEMORY: u8 = 40;
 
-/// How far a model moves towards its `n`-th bit, in 1/65536.
-const STEP: [u16; MEMORY as usize + 1] = {
-    let mut steps = [0; MEMORY as usize + 1];
+/// How far a model moves towards its `n`-th bit, in 1/65536; the last goes on for all counts that fit, so that none is out of range.
+const STEP: [u16; 256] = {
+    let mut steps = [0; 256];
     let mut n = 0;
     while n < steps.len() {
-        steps[n] = (65536 * 2 / (2 * n + 3)) as u16;
+        let seen = if n < MEMORY as usize { n } else { MEMORY as usize };
+        steps[n] = (65536 * 2 / (2 * seen + 3)) as u16;
         n += 1;
     }
     steps
