@@ -35,9 +35,14 @@ pub struct Global {
     /// Tolerated projected error in pixels.
     #[arg(long, default_value = "1", value_name = "PX", value_parser = tau, global = true)]
     pub tau: f64,
-    /// Give up when the server has not answered for so many seconds (`view` and `open` only while they start).
+    /// Give up when the server has not answered for so many seconds (a window stays and tries on).
     #[arg(long, default_value = "30", value_name = "SECS", value_parser = clap::value_parser!(u32).range(1..=86_400), global = true)]
     pub timeout: u32,
+}
+
+impl Global {
+    /// `--tau` unless given.
+    pub const TAU_PX: f64 = 1.0;
 }
 
 /// The commands.
@@ -45,13 +50,7 @@ pub struct Global {
 pub enum Command {
     /// Fly through a served city in a window.
     #[command(after_help = "Example:\n  insula view http://127.0.0.1:7700/v1/cities/delft")]
-    View {
-        /// `http://host:port`, or `http://host:port/v1/cities/NAME`.
-        url: String,
-        /// Light.
-        #[command(flatten)]
-        sun: SunArgs,
-    },
+    View(View),
     /// Bake city files (once, into a cache folder), serve them in this process and fly through them.
     #[command(after_help = "Example:\n  insula open delft.city.json")]
     Open {
@@ -94,6 +93,22 @@ pub enum Command {
         after_help = "Example:\n  insula fly --server http://127.0.0.1:7700 --path path.json --bandwidth 50 --rtt 40 --report fly.json"
     )]
     Fly(Fly),
+}
+
+/// `insula view`.
+#[derive(Debug, Default, Args)]
+pub struct View {
+    /// `http://host:port`, `http://host:port/v1/cities/NAME`, or a link copied in a window (`insula://...`).
+    pub url: String,
+    /// Fly along a path, over and over, and print what frames and memory took.
+    #[arg(long, value_name = "PATH.json")]
+    pub path: Option<PathBuf>,
+    /// Fly for so long, then end; once along the path without.
+    #[arg(long, value_name = "SECS", value_parser = positive, requires = "path")]
+    pub seconds: Option<f64>,
+    /// Light.
+    #[command(flatten)]
+    pub sun: SunArgs,
 }
 
 /// `insula snapshot`.

@@ -154,6 +154,17 @@ impl CameraFile {
         Camera::look(self.position.into(), self.target.into(), self.up.into(), self.fov_y_deg.to_radians())
     }
 
+    /// The file of a camera.
+    pub fn of(camera: &Camera) -> Self {
+        let target = camera.position + camera.forward * 100.0;
+        Self {
+            position: camera.position.to_array(),
+            target: target.to_array(),
+            up: default_up(),
+            fov_y_deg: camera.fov_y_rad.to_degrees(),
+        }
+    }
+
     /// Reads a camera file.
     pub fn read(path: &Path) -> Result<Camera> {
         let wrong = |e: &dyn std::fmt::Display| {

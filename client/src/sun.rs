@@ -24,7 +24,7 @@ const UNKNOWN: Location = Location { latitude: 40.0, longitude: 0.0 };
 const JAPAN_WITH_HEIGHT: u16 = 10_162;
 const JAPAN: u16 = 6669;
 /// Diagonals of the city at which haze takes half of what is seen, and its bounds in metres.
-const HAZE_DIAGONALS: f64 = 3.0;
+const HAZE_DIAGONALS: f64 = 5.0;
 const HAZE_M: [f64; 2] = [4000.0, 60_000.0];
 
 /// `--time` or `--sun`.
@@ -158,10 +158,7 @@ impl Daylight {
         let date = NaiveDate::from_ymd_opt(2024, 9, 15).unwrap_or_default();
         let mut daylight = Self { place, date, hour: 16.25, fixed: args.sun, haze_half_m };
         if let Some(time) = args.time {
-            let since_midnight = f64::from(time.at.num_seconds_from_midnight()) / 3600.0;
-            let ahead = if time.universal { place.location.longitude / 15.0 } else { 0.0 };
-            (daylight.date, daylight.hour) = (time.at.date(), 0.0);
-            daylight.later(since_midnight + ahead);
+            daylight.set(&time);
         }
         daylight
     }
@@ -202,6 +199,20 @@ impl Daylight {
         Bearing { azimuth_deg: azimuth_deg + north_deg, altitude_deg }.direction()
     }
 
+    /// Date and hour as `--time` takes them, to the minute.
+    pub fn text(&self) -> String {
+        let minutes = ((self.hour * 60.0).round() as u32).min(24 * 60 - 1);
+        format!("{}T{:02}:{:02}", self.date.format("%Y-%m-%d"), minutes / 60, minutes % 60)
+    }
+
+    /// Goes to a date and hour.
+    pub fn set(&mut self, time: &Time) {
+        let since_midnight = f64::from(time.at.num_seconds_from_midnight()) / 3600.0;
+        let ahead = if time.universal { self.place.location.longitude / 15.0 } else { 0.0 };
+        (self.date, self.hour, self.fixed) = (time.at.date(), 0.0, None);
+        self.later(since_midnight + ahead);
+    }
+
     /// The look that goes with it.
     pub fn look(&self, shading: Shading, samples: u32) -> Look {
         Look { shading, samples, ..Look::under(self.direction(), self.haze_half_m) }
@@ -209,15 +220,20 @@ impl Daylight {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn daylight(crs: Option<&str>, centre: DVec2, args: &SunArgs) -> Daylight {
+    /// Of a city of one node, without a CRS.
+    pub(crate) fn manifest() -> Manifest {
         let text = r#"{"format_version":1,"name":"a","title":"a","version":"a","crs":null,"origin":[0,0,0],"root_side_m":64,
             "depth":0,"node_cells":64,"cell_m":1,"bounds":[[0,0,0],[64,64,9]],"focus":[[0,0],[0,0]],"ground_z_m":0,
             "has_terrain":false,"counts":{"objects":0,"triangles":0,"nodes_per_level":[1],"bytes_per_level":[1]},
             "attribution":[],"tile_version":2,"settings":"a"}"#;
-        let mut manifest: Manifest = serde_json::from_str(text).unwrap();
+        serde_json::from_str(text).unwrap()
+    }
+
+    fn daylight(crs: Option<&str>, centre: DVec2, args: &SunArgs) -> Daylight {
+        let mut manifest = manifest();
         (manifest.crs, manifest.focus) = (crs.map(str::to_owned), [centre.to_array(); 2]);
         Daylight::new(args, &manifest)
     }

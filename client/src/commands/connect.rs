@@ -31,7 +31,7 @@ pub struct City {
 }
 
 /// Splits a URL into the server's part and, if it names one, the city.
-fn split(url: &str) -> Result<(String, Option<String>)> {
+pub(crate) fn split(url: &str) -> Result<(String, Option<String>)> {
     let wrong =
         || ClientError::Usage(format!("{url}: not a server: write http://host:port or http://host:port{CITIES}/NAME"));
     let scheme_end = url.find("://").ok_or_else(wrong)? + 3;

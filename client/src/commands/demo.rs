@@ -8,7 +8,7 @@ use super::{
     view,
 };
 use crate::{
-    args::Global,
+    args::{Global, View},
     error::{ClientError, Result},
     session::Shot,
     sun::{Daylight, SunArgs},
@@ -41,7 +41,7 @@ struct About {
 pub fn run(headless: bool, out: &Path, size_px: [u32; 2], sun: &SunArgs, global: &Global) -> Result<()> {
     let server = serve(&bake(&recipe()?)?)?;
     if !headless && has_screen() {
-        match view::run(&server.url, sun, global) {
+        match view::run(&View { url: server.url.clone(), sun: *sun, ..View::default() }, global) {
             Err(ClientError::Graphics(reason)) => eprintln!("note: {reason}; writing a picture instead"),
             ended => return ended,
         }

@@ -22,7 +22,7 @@ use crate::{
 pub fn run(cli: Cli) -> Result<()> {
     let Cli { command, global } = cli;
     match command {
-        Command::View { url, sun } => view::run(&url, &sun, &global),
+        Command::View(args) => view::run(&args, &global),
         Command::Snapshot(args) => snapshot::run(&args, &global),
         Command::Fly(args) => fly::run(&args, &global),
         #[cfg(feature = "embedded")]

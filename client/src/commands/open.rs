@@ -7,7 +7,7 @@ use super::{
     view,
 };
 use crate::{
-    args::Global,
+    args::{Global, View},
     error::{ClientError, Result},
     sun::SunArgs,
 };
@@ -31,5 +31,5 @@ pub fn run(
     let key = key_of(inputs, palette_file, cell_m)?;
     let folder = bake(&Recipe { inputs: inputs.to_vec(), cell_m, palette, key, ..Recipe::default() })?;
     let server = serve(&folder)?;
-    view::run(&server.url, sun, global)
+    view::run(&View { url: server.url.clone(), sun: *sun, ..View::default() }, global)
 }

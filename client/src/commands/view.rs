@@ -1,47 +1,63 @@
 //! `insula view`: a served city in a window.
 //!
-//! In: a URL. Out: a window. Next: people.
+//! In: a URL, or a link to a view. Out: a window. Next: people.
 
-use super::{connect::connect, snapshot::IN_FLIGHT};
+use super::{
+    connect::{connect, split},
+    snapshot::IN_FLIGHT,
+};
 use crate::{
-    args::Global,
-    camera::Camera,
+    args::{Global, View},
+    camera::CameraPath,
     error::Result,
     scene::Tree,
     session::Session,
     stream::{Stream, Wake, fetch::Http},
-    sun::{Daylight, SunArgs},
-    ui::window::{self, Arrived, Start},
+    sun::SunArgs,
+    ui::{
+        link::Link,
+        tour::Tour,
+        window::{self, Connect, Event, Found, Start},
+    },
 };
-use glam::DVec3;
 use std::{sync::Arc, time::Instant};
 
+/// Seconds that one attempt to connect takes at most; the window tries again and says why.
+const ATTEMPT_SECS: u32 = 3;
+
 /// Runs the command.
-pub fn run(url: &str, sun: &SunArgs, global: &Global) -> Result<()> {
+pub fn run(args: &View, global: &Global) -> Result<()> {
     let started = Instant::now();
+    let link = Link::parse(&args.url)?;
+    split(&link.address)?;
+    let path = args.path.as_deref().map(CameraPath::read).transpose()?;
     let event_loop = window::event_loop()?;
     let http = Arc::new(Http::new(None)?);
-    let city = connect(&http, url, global)?;
-    let manifest = city.manifest.clone();
-    let size_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
+    let sun = if args.sun == SunArgs::default() { SunArgs { time: link.time, sun: None } } else { args.sun };
     let start = Start {
-        title: manifest.title.clone(),
-        camera: Camera::overlook(manifest.focus_bounds(), 16.0 / 9.0),
-        size_m,
-        ground_z_m: manifest.ground_z_m,
-        tau_px: global.tau,
-        daylight: Daylight::new(sun, &manifest),
+        address: link.address.clone(),
+        camera: link.camera,
+        sun,
+        tau_px: (global.tau != Global::TAU_PX).then_some(global.tau),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
+        tour: path.map(|path| Tour::new(path, args.seconds)),
     };
     let proxy = event_loop.create_proxy();
     // A closed loop needs no waking.
     let wake: Wake = Arc::new(move || {
-        let _ = proxy.send_event(Arrived);
+        let _ = proxy.send_event(Event::Arrived);
     });
-    let make = move |adapter| {
-        let stream = Stream::new(http, &city.base, IN_FLIGHT, Some(wake));
-        Session::new(Tree::new(city.manifest), stream, adapter, started)
-    };
-    window::run(event_loop, start, Box::new(make))
+    let global = Global { timeout: global.timeout.min(ATTEMPT_SECS), ..global.clone() };
+    let connect: Connect = Arc::new(move || {
+        let city = connect(&http, &link.address, &global)?;
+        let (manifest, base) = (city.manifest.clone(), city.base.clone());
+        let (http, wake) = (http.clone(), wake.clone());
+        let make = move |adapter| {
+            let stream = Stream::new(http, &city.base, IN_FLIGHT, Some(wake));
+            Session::new(Tree::new(city.manifest), stream, adapter, started)
+        };
+        Ok(Found { manifest, base, make: Box::new(make) })
+    });
+    window::run(event_loop, start, connect)
 }

@@ -194,6 +194,11 @@ impl Stream {
         self.failing_since
     }
 
+    /// What was wrong with the last answer that was not as it should be; empty if none was.
+    pub fn last_error(&self) -> &str {
+        &self.last_error
+    }
+
     /// The transport and its counters.
     pub fn http(&self) -> &Http {
         &self.http

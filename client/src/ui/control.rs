@@ -111,6 +111,26 @@ impl Control {
         if down > 0.02 && height_m > 0.0 { (height_m / down).clamp(5.0, 50_000.0) } else { 200.0 }
     }
 
+    /// Looks as `camera` does.
+    pub fn set(&mut self, camera: &Camera) {
+        (self.yaw_rad, self.pitch_rad) = camera.angles();
+        self.pitch_rad = self.pitch_rad.clamp(-PITCH_MOST_RAD, PITCH_MOST_RAD);
+        (self.position, self.fov_y_rad) = (camera.position, camera.fov_y_rad);
+        self.distance_m = self.distance_to_ground();
+    }
+
+    /// Brings `point` into the middle of the picture without turning; at its height, or looking up, goes there itself.
+    pub fn go(&mut self, point: DVec3) {
+        let forward = self.camera().forward;
+        let above_m = self.position.z - point.z;
+        if forward.z < -0.1 && above_m > 0.0 {
+            self.position = point - forward * (above_m / -forward.z);
+        } else {
+            self.position = point.with_z(self.position.z.max(point.z + 1.7));
+        }
+        self.distance_m = self.distance_to_ground();
+    }
+
     /// A key goes down or up.
     pub fn key(&mut self, motion: Motion, down: bool) {
         self.held[motion as usize] = down;
@@ -199,6 +219,21 @@ mod tests {
         assert!(c.heading().is_some());
         c.release();
         assert!(!c.moving());
+    }
+
+    #[test]
+    fn goes_where_it_is_told() {
+        let mut c = control();
+        let place = DVec3::new(700.0, 300.0, 0.0);
+        c.go(place);
+        let camera = c.camera();
+        assert!((place - camera.position).cross(camera.forward).length() < 1e-6, "{camera:?}");
+        assert!((camera.position.z - 100.0).abs() < 1e-9, "{camera:?}");
+        let other = Camera::from_angles(DVec3::new(1.0, 2.0, 3.0), 0.5, 0.6, 0.7);
+        c.set(&other);
+        assert!((c.camera().forward - other.forward).length() < 1e-12 && c.camera().position == other.position);
+        c.go(place);
+        assert_eq!(c.camera().position, DVec3::new(700.0, 300.0, 3.0));
     }
 
     #[test]

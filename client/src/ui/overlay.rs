@@ -1,23 +1,30 @@
-//! What lies over the picture: counters, the tau slider, help, who must be named.
+//! What lies over the picture: counters, sliders, help, messages, who must be named.
 //!
-//! In: [`Status`]. Out: egui shapes; [`Settings`] that the user changes. Next: `surface` paints them.
+//! In: [`Status`]. Out: egui shapes; [`Shown`] that the user changes. Next: `surface` paints them.
 
-use super::control::Mode;
+use super::{control::Mode, keys::HELP, tour::resident_bytes};
 use crate::{session::Session, sun::Daylight};
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
 use insula_shaders::layout::Shading;
-use std::time::{Duration, Instant};
+use std::{
+    ops::RangeInclusive,
+    time::{Duration, Instant},
+};
 
 /// What the user can change, and what is shown.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct Shown {
     /// Tolerated error.
     pub tau_px: f64,
     /// What pixels show.
     pub shading: Shading,
     /// The sun.
     pub daylight: Daylight,
+    /// Whether the counters are shown.
+    pub overlay: bool,
+    /// Whether the map is shown.
+    pub minimap: bool,
     /// Whether help is shown.
     pub help: bool,
     /// A message, until then.
@@ -34,18 +41,6 @@ pub struct Status {
 
 /// How long a message stays.
 pub const MESSAGE_TIME: Duration = Duration::from_secs(5);
-
-const HELP: [(&str, &str); 9] = [
-    ("drag", "look around, or turn around the point ahead"),
-    ("W A S D", "move; with shift, four times as fast"),
-    ("Q E", "down and up"),
-    ("wheel", "speed (flying), distance (orbiting)"),
-    ("Tab", "fly or orbit"),
-    ("1 to 6", "light, colour, ambient occlusion, normals, levels, column kinds (F2 to F7 too)"),
-    ("P", "write a picture into the current folder"),
-    ("F1", "this help"),
-    ("Esc", "quit"),
-];
 
 impl Status {
     /// Of the last frame.
@@ -65,11 +60,11 @@ impl Status {
             ("steering", steering),
             ("drawn by", session.adapter_info().name.clone()),
         ];
+        if let Some(bytes) = resident_bytes() {
+            lines.push(("memory", mib(bytes)));
+        }
         if counters.tau_px > 1.001 * session.asked_tau_px() {
             lines.push(("cache full", format!("tau rose to {:.1} px", counters.tau_px)));
-        }
-        if session.stream().failing_since().is_some() {
-            lines.push(("server", "does not answer, trying again".into()));
         }
         let manifest = session.tree().manifest();
         let sources = manifest.attribution.iter().map(|a| match &a.licence {
@@ -80,22 +75,25 @@ impl Status {
     }
 }
 
-/// Lays everything out.
-pub fn show(ctx: &Context, status: &Status, settings: &mut Settings) {
-    counters(ctx, status, settings);
+/// Lays out all but the panels of `city`.
+pub fn show(ctx: &Context, status: &Status, shown: &mut Shown) {
+    if shown.overlay {
+        counters(ctx, status, shown);
+    }
     attribution(ctx, &status.attribution);
-    if settings.help {
+    if shown.help {
         help(ctx);
     }
-    settings.message = settings.message.take().filter(|(_, until)| Instant::now() < *until);
-    if let Some((text, _)) = &settings.message {
+    shown.message = shown.message.take().filter(|(_, until)| Instant::now() < *until);
+    if let Some((text, _)) = &shown.message {
         panel(ctx, "message", Align2::CENTER_TOP, [0.0, 12.0], |ui| {
             ui.label(RichText::new(text).color(Color32::WHITE));
         });
     }
 }
 
-fn panel(ctx: &Context, id: &'static str, align: Align2, offset: [f32; 2], add: impl FnOnce(&mut Ui)) {
+/// A dark sheet at an edge of the window.
+pub fn panel(ctx: &Context, id: &'static str, align: Align2, offset: [f32; 2], add: impl FnOnce(&mut Ui)) {
     let frame = Frame::new().fill(Color32::from_black_alpha(165)).inner_margin(8).corner_radius(5);
     egui::Area::new(egui::Id::unique(id)).anchor(align, offset).show(ctx, |ui| {
         frame.show(ui, |ui| {
@@ -105,7 +103,17 @@ fn panel(ctx: &Context, id: &'static str, align: Align2, offset: [f32; 2], add: 
     });
 }
 
-fn counters(ctx: &Context, status: &Status, settings: &mut Settings) {
+/// What is wrong or not there yet, where nobody overlooks it.
+pub fn notice(ctx: &Context, text: &str, bad: bool) {
+    panel(ctx, "notice", Align2::CENTER_TOP, [0.0, 56.0], |ui| {
+        let colour = if bad { Color32::from_rgb(255, 190, 110) } else { Color32::WHITE };
+        ui.set_max_width((ctx.content_rect().width() - 60.0).min(560.0));
+        ui.spinner();
+        ui.add(egui::Label::new(RichText::new(text).size(16.0).color(colour)).wrap());
+    });
+}
+
+fn counters(ctx: &Context, status: &Status, shown: &mut Shown) {
     panel(ctx, "counters", Align2::LEFT_TOP, [10.0, 10.0], |ui| {
         ui.label(RichText::new(&status.title).strong().color(Color32::WHITE));
         egui::Grid::new("numbers").num_columns(2).spacing([10.0, 2.0]).show(ui, |ui| {
@@ -115,23 +123,23 @@ fn counters(ctx: &Context, status: &Status, settings: &mut Settings) {
                 ui.end_row();
             }
         });
-        let slider = egui::Slider::new(&mut settings.tau_px, 0.5..=16.0).logarithmic(true).text("tau, px");
+        let slider = egui::Slider::new(&mut shown.tau_px, 0.5..=16.0).logarithmic(true).text("tau, px");
         ui.add(slider.fixed_decimals(1));
-        sun(ui, &mut settings.daylight);
-        ui.label(RichText::new(format!("{}   F1: help", settings.shading.word())).color(Color32::from_gray(160)));
+        sun(ui, &mut shown.daylight);
+        ui.label(RichText::new(format!("{}   F1: help", shown.shading.word())).color(Color32::from_gray(160)));
     });
 }
 
 /// Hour and date; touching either lets a sun that was told where to be go its way.
 fn sun(ui: &mut Ui, daylight: &mut Daylight) {
-    let clock = |hour: f64, _: std::ops::RangeInclusive<usize>| {
+    let clock = |hour: f64, _: RangeInclusive<usize>| {
         let minutes = (hour * 60.0).round() as u32;
         format!("{:02}:{:02}", minutes / 60, minutes % 60)
     };
     let hour = egui::Slider::new(&mut daylight.hour, 0.0..=23.99).custom_formatter(clock).text("solar time");
     let mut moved = ui.add(hour).changed();
     let (year, mut day) = (daylight.date.year(), daylight.date.ordinal());
-    let named = move |day: f64, _: std::ops::RangeInclusive<usize>| {
+    let named = move |day: f64, _: RangeInclusive<usize>| {
         let date = NaiveDate::from_yo_opt(year, day.round() as u32);
         date.map(|date| date.format("%-d %b").to_string()).unwrap_or_default()
     };

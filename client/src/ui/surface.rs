@@ -6,7 +6,10 @@ use crate::{
     error::{ClientError, Result},
     render::{Adapter, FrameData, gpu::Device},
 };
-use insula_shaders::{cpu::raycast::Pixels, gpu::Compose};
+use insula_shaders::{
+    cpu::raycast::Pixels,
+    gpu::{Compose, Raycaster},
+};
 use std::sync::Arc;
 use winit::window::Window;
 
@@ -73,21 +76,21 @@ impl Surface {
         }
     }
 
-    /// Draws and presents. `Ok(false)`: the surface was not ready, draw again.
-    pub fn present(&mut self, adapter: &mut Adapter, data: &FrameData, overlay: &Overlay) -> Result<bool> {
+    /// Draws the city, if there is one, and the overlay, and presents. `Ok(false)`: the surface was not ready, draw again.
+    pub fn present(&mut self, city: Option<(&mut Adapter, &FrameData)>, overlay: &Overlay) -> Result<bool> {
         for (id, deltas) in &overlay.textures.set {
             for delta in deltas {
                 self.painter.update_texture(&self.device.device, &self.device.queue, *id, delta);
             }
         }
-        let shown = self.draw(adapter, data, overlay);
+        let shown = self.draw(city, overlay);
         for id in &overlay.textures.free {
             self.painter.free_texture(id);
         }
         shown
     }
 
-    fn draw(&mut self, adapter: &mut Adapter, data: &FrameData, overlay: &Overlay) -> Result<bool> {
+    fn draw(&mut self, city: Option<(&mut Adapter, &FrameData)>, overlay: &Overlay) -> Result<bool> {
         use wgpu::CurrentSurfaceTexture as Current;
         let target = match self.surface.get_current_texture() {
             Current::Success(texture) | Current::Suboptimal(texture) => texture,
@@ -100,10 +103,12 @@ impl Surface {
         let view = target.texture.create_view(&wgpu::TextureViewDescriptor::default());
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.device.device.create_command_encoder(&label);
-        if let Adapter::Gpu(gpu) = adapter {
+        let mut drawn = None;
+        if let Some((Adapter::Gpu(gpu), data)) = city {
             gpu.encode(&mut encoder, data)?;
+            drawn = Some(&gpu.raycaster);
         }
-        self.compose(&mut encoder, &view, adapter, overlay);
+        self.compose(&mut encoder, &view, drawn, overlay);
         self.device.queue.submit([encoder.finish()]);
         self.device.queue.present(target);
         Ok(true)
@@ -113,7 +118,7 @@ impl Surface {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         view: &wgpu::TextureView,
-        adapter: &Adapter,
+        drawn: Option<&Raycaster>,
         overlay: &Overlay,
     ) {
         let (device, queue) = (&self.device.device, &self.device.queue);
@@ -133,8 +138,8 @@ impl Surface {
             ..wgpu::RenderPassDescriptor::default()
         };
         let mut pass = encoder.begin_render_pass(&descriptor).forget_lifetime();
-        if let Adapter::Gpu(gpu) = adapter {
-            self.compose.draw(device, queue, &mut pass, &gpu.raycaster, size_in_pixels);
+        if let Some(raycaster) = drawn {
+            self.compose.draw(device, queue, &mut pass, raycaster, size_in_pixels);
         }
         self.painter.render(&mut pass, &overlay.primitives, &screen);
     }

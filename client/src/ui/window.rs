@@ -1,75 +1,90 @@
 //! The window's event loop.
 //!
-//! In: winit's events, a connected city. Out: frames. Next: `surface`.
+//! In: winit's events, a way to connect. Out: frames, settings. Next: `city`, or a page that says what one waits for.
 //!
-//! A frame is drawn when something moves, arrives or is asked for; else the loop sleeps.
+//! The window opens at once and stays: while there is no city it says why and tries again. A frame is drawn when something
+//! moves, arrives or is asked for; else the loop sleeps.
 
 use super::{
-    control::{Control, Motion},
-    overlay::{self, MESSAGE_TIME, Settings, Status},
-    surface::{Overlay, Surface, image},
+    city::{City, Opening},
+    control::Motion,
+    keys::{self, Order},
+    overlay,
+    settings::Settings,
+    shell::Shell,
+    tour::Tour,
 };
 use crate::{
-    cache::pages_for,
     camera::Camera,
     error::{ClientError, Result},
-    picture::write_png,
-    render::{Adapter, AdapterChoice, AdapterInfo, Look, STILL_SAMPLES, cpu::CpuAdapter, gpu::GpuAdapter},
-    session::{Session, Shot},
-    sun::Daylight,
+    render::{Adapter, AdapterChoice, AdapterInfo},
+    session::Session,
+    sun::{Daylight, SunArgs, time},
 };
-use insula_shaders::layout::Shading;
+use insula_protocol::Manifest;
 use std::{
+    path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
 };
 use winit::{
     application::ApplicationHandler,
-    dpi::{LogicalSize, PhysicalPosition},
-    event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent},
-    event_loop::{ActiveEventLoop, ControlFlow, EventLoop},
-    keyboard::{KeyCode, PhysicalKey},
-    window::{Window, WindowId},
+    dpi::PhysicalPosition,
+    event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent},
+    event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
+    keyboard::PhysicalKey,
+    window::WindowId,
 };
 
-/// Something arrived from the network.
-#[derive(Debug, Clone, Copy)]
-pub struct Arrived;
+/// Between two attempts to connect.
+const AGAIN: Duration = Duration::from_secs(2);
+/// A mouse that moved less than this between down and up has clicked, in pixels.
+const CLICK_PX: f64 = 4.0;
 
-/// A standing picture is drawn again with four rays a pixel after so long.
-const REST: Duration = Duration::from_millis(250);
-/// While something moves or arrives, frames slower than this are drawn with fewer pixels: a half or a quarter a side.
-const SLOW: Duration = Duration::from_millis(45);
-/// Coarsest.
-const DIVIDE_MOST: u32 = 4;
-/// A hidden window looks for arrivals so often.
-const RETRY: Duration = Duration::from_millis(100);
+/// What wakes the loop.
+pub enum Event {
+    /// Something arrived from the network.
+    Arrived,
+    /// An attempt to connect has ended.
+    Connected(Box<Result<Found>>),
+}
 
 /// Makes a session once it is known what draws.
-pub type MakeSession = Box<dyn FnOnce((Adapter, AdapterInfo, u32)) -> Session>;
+pub type MakeSession = Box<dyn FnOnce((Adapter, AdapterInfo, u32)) -> Session + Send>;
+
+/// A city that was connected to.
+pub struct Found {
+    /// What it is.
+    pub manifest: Manifest,
+    /// `http://host:port`, for links.
+    pub base: String,
+    /// The rest.
+    pub make: MakeSession,
+}
+
+/// Connects, on a thread of its own.
+pub type Connect = Arc<dyn Fn() -> Result<Found> + Send + Sync>;
 
 /// How the window begins.
 pub struct Start {
-    /// Shown in its frame.
-    pub title: String,
-    /// Where it looks from.
-    pub camera: Camera,
-    /// The city's diagonal.
-    pub size_m: f64,
-    /// Height of the ground.
-    pub ground_z_m: f64,
-    /// Tolerated error.
-    pub tau_px: f64,
-    /// The sun at first.
-    pub daylight: Daylight,
+    /// What is connected to, for people.
+    pub address: String,
+    /// Where it looks from; the whole city unless given.
+    pub camera: Option<Camera>,
+    /// The light, if it was asked for.
+    pub sun: SunArgs,
+    /// Tolerated error, if it was asked for.
+    pub tau_px: Option<f64>,
     /// `--adapter`.
     pub adapter: AdapterChoice,
     /// Size of the cache.
     pub cache_bytes: u64,
+    /// A flight that flies itself.
+    pub tour: Option<Tour>,
 }
 
-/// An event loop, before the city is connected to (it needs the loop to wake it).
-pub fn event_loop() -> Result<EventLoop<Arrived>> {
+/// An event loop, before anything is connected to (that needs the loop to wake it).
+pub fn event_loop() -> Result<EventLoop<Event>> {
     EventLoop::with_user_event().build().map_err(|e| {
         tracing::debug!("no event loop: {e}");
         ClientError::Graphics("no window can be opened, there is no screen: set DISPLAY, or use insula snapshot".into())
@@ -77,10 +92,29 @@ pub fn event_loop() -> Result<EventLoop<Arrived>> {
 }
 
 /// Runs until the window is closed.
-pub fn run(event_loop: EventLoop<Arrived>, start: Start, make: MakeSession) -> Result<()> {
+pub fn run(event_loop: EventLoop<Event>, start: Start, connect: Connect) -> Result<()> {
     event_loop.set_control_flow(ControlFlow::Wait);
-    let mut app = App { start, make: Some(make), open: None, failed: None };
+    let settings_at = Settings::path();
+    let (settings, note) = settings_at.as_deref().map(Settings::load).unwrap_or_default();
+    if let Some(note) = &note {
+        eprintln!("note: {note}");
+    }
+    let mut app = App {
+        start,
+        connect,
+        proxy: event_loop.create_proxy(),
+        settings,
+        settings_at,
+        note,
+        shell: None,
+        waiting: Waiting::default(),
+        city: None,
+        drag: None,
+        pointer: PhysicalPosition::default(),
+        failed: None,
+    };
     let ended = event_loop.run_app(&mut app);
+    app.store();
     match (app.failed, ended) {
         (Some(error), _) => Err(error),
         (None, Err(error)) => Err(ClientError::Graphics(format!("the window system ended the program: {error}"))),
@@ -88,66 +122,78 @@ pub fn run(event_loop: EventLoop<Arrived>, start: Start, make: MakeSession) -> R
     }
 }
 
+/// While there is no city.
+#[derive(Debug, Default)]
+struct Waiting {
+    wrong: Option<String>,
+    again_at: Option<Instant>,
+}
+
 struct App {
     start: Start,
-    make: Option<MakeSession>,
-    open: Option<Open>,
+    connect: Connect,
+    proxy: EventLoopProxy<Event>,
+    settings: Settings,
+    settings_at: Option<PathBuf>,
+    /// What was wrong with the settings, until it was told.
+    note: Option<String>,
+    shell: Option<Shell>,
+    waiting: Waiting,
+    city: Option<Box<City>>,
+    /// A mouse button is down over the picture, and how far it moved.
+    drag: Option<f64>,
+    pointer: PhysicalPosition<f64>,
     failed: Option<ClientError>,
 }
 
-struct Open {
-    window: Arc<Window>,
-    surface: Surface,
-    session: Session,
-    egui: egui::Context,
-    input: egui_winit::State,
-    settings: Settings,
-    control: Control,
-    /// Of the settings' daylight.
-    look: Look,
-    picture: Option<egui::TextureHandle>,
-    dragging: bool,
-    pointer: PhysicalPosition<f64>,
-    last_frame: Instant,
-    last_change: Instant,
-    frame_time: Duration,
-    /// What a frame of all pixels, one ray each, takes.
-    full_time: Duration,
-    rested: bool,
-}
-
-impl ApplicationHandler<Arrived> for App {
+impl ApplicationHandler<Event> for App {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
-        let Some(make) = self.make.take() else { return };
-        match Open::new(event_loop, &self.start, make) {
-            Ok(open) => self.open.insert(open).window.request_redraw(),
+        if self.shell.is_some() {
+            return;
+        }
+        match Shell::new(event_loop, "Insula", self.settings.window, self.start.cache_bytes) {
+            Ok(shell) => {
+                if self.settings.full_screen {
+                    shell.set_full_screen(true);
+                }
+                shell.window.request_redraw();
+                self.shell = Some(shell);
+                self.connect();
+            }
             Err(error) => self.fail(event_loop, error),
         }
     }
 
-    fn user_event(&mut self, _: &ActiveEventLoop, Arrived: Arrived) {
-        if let Some(open) = &mut self.open {
-            open.rested = false;
-            open.window.request_redraw();
+    fn user_event(&mut self, _: &ActiveEventLoop, event: Event) {
+        match event {
+            Event::Arrived => {
+                if let Some(city) = &mut self.city {
+                    city.pace.stir();
+                }
+            }
+            Event::Connected(outcome) => self.connected(*outcome),
+        }
+        if let Some(shell) = &self.shell {
+            shell.window.request_redraw();
         }
     }
 
-    fn new_events(&mut self, _: &ActiveEventLoop, cause: winit::event::StartCause) {
-        if let (winit::event::StartCause::ResumeTimeReached { .. }, Some(open)) = (cause, &self.open) {
-            open.window.request_redraw();
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(shell)) = (cause, &self.shell) {
+            shell.window.request_redraw();
         }
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        let Some(open) = &mut self.open else { return };
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
-            WindowEvent::RedrawRequested => match open.frame() {
-                Ok(flow) => event_loop.set_control_flow(flow),
+            WindowEvent::RedrawRequested => match self.frame() {
+                Ok(Some(flow)) => event_loop.set_control_flow(flow),
+                Ok(None) => event_loop.exit(),
                 Err(error) => self.fail(event_loop, error),
             },
             event => {
-                if open.event(&event) {
+                if self.event(&event) {
                     event_loop.exit();
                 }
             }
@@ -160,276 +206,168 @@ impl App {
         self.failed = Some(error);
         event_loop.exit();
     }
-}
 
-impl Open {
-    fn new(event_loop: &ActiveEventLoop, start: &Start, make: MakeSession) -> Result<Self> {
-        let attributes = Window::default_attributes()
-            .with_title(format!("{} - Insula", start.title))
-            .with_inner_size(LogicalSize::new(1280.0, 720.0));
-        let window = event_loop.create_window(attributes).map_err(|e| {
-            ClientError::Graphics(format!("no window can be opened ({e}): use insula snapshot instead"))
-        })?;
-        let window = Arc::new(window);
-        let surface = Surface::new(&window, start.cache_bytes)?;
-        let session = make(adapter(&surface, start));
-        let egui = egui::Context::default();
-        egui.set_theme(egui::Theme::Dark);
-        let side = surface.device().device.limits().max_texture_dimension_2d as usize;
-        let scale = Some(window.scale_factor() as f32);
-        let input = egui_winit::State::new(egui.clone(), egui::ViewportId::ROOT, &window, scale, None, Some(side));
-        let settings = Settings {
-            tau_px: start.tau_px,
-            shading: Shading::Lit,
-            daylight: start.daylight,
-            help: false,
-            message: None,
+    /// Tries to connect, on a thread of its own.
+    fn connect(&mut self) {
+        tracing::info!("connecting: {}", self.start.address);
+        self.waiting.again_at = None;
+        let (connect, proxy) = (self.connect.clone(), self.proxy.clone());
+        std::thread::spawn(move || {
+            // A closed loop needs no answer.
+            let _ = proxy.send_event(Event::Connected(Box::new(connect())));
+        });
+    }
+
+    fn connected(&mut self, outcome: Result<Found>) {
+        match (outcome, &self.shell) {
+            (Ok(found), Some(shell)) => {
+                let asked = if self.start.sun == SunArgs::default() {
+                    let kept = self.settings.time.as_deref().and_then(|text| time(text).ok());
+                    SunArgs { time: kept, sun: None }
+                } else {
+                    self.start.sun
+                };
+                let [width, height] = shell.surface.size_px().map(f64::from);
+                shell.window.set_title(&format!("{} - Insula", found.manifest.title));
+                let opening = Opening {
+                    daylight: Daylight::new(&asked, &found.manifest),
+                    session: (found.make)(shell.adapter(self.start.adapter, self.start.cache_bytes)),
+                    base: found.base,
+                    camera: self.start.camera,
+                    tau_px: self.start.tau_px.unwrap_or(self.settings.tau_px),
+                    tour: self.start.tour.take(),
+                };
+                let mut city = City::new(opening, &self.settings, width / height.max(1.0));
+                if let Some(note) = self.note.take() {
+                    city.tell(note);
+                }
+                self.city = Some(Box::new(city));
+            }
+            (Err(error), _) => {
+                tracing::info!("not connected: {error}");
+                self.waiting = Waiting { wrong: Some(error.to_string()), again_at: Some(Instant::now() + AGAIN) };
+            }
+            (Ok(_), None) => {}
+        }
+    }
+
+    /// Writes the settings; what stands in the way is told.
+    fn store(&mut self) {
+        if let Some(shell) = &self.shell {
+            self.settings.full_screen = shell.is_full_screen();
+            let size = shell.size();
+            if !self.settings.full_screen && size.iter().all(|side| (100..=16_384).contains(side)) {
+                self.settings.window = size;
+            }
+        }
+        if let Some(path) = &self.settings_at
+            && let Err(error) = self.settings.store(path)
+        {
+            eprintln!("note: the settings are not kept: {error}");
+        }
+    }
+
+    fn frame(&mut self) -> Result<Option<ControlFlow>> {
+        let Some(shell) = &mut self.shell else { return Ok(Some(ControlFlow::Wait)) };
+        if let Some(city) = &mut self.city {
+            let flow = city.frame(shell, &mut self.settings)?;
+            if std::mem::take(&mut city.store) {
+                self.store();
+            }
+            return Ok(flow);
+        }
+        if self.waiting.again_at.is_some_and(|at| at <= Instant::now()) {
+            self.connect();
+        }
+        let text = match &self.waiting.wrong {
+            Some(wrong) => format!("{wrong}\ntrying again"),
+            None => format!("connecting to {}", self.start.address),
         };
-        let now = Instant::now();
-        Ok(Self {
-            window,
-            surface,
-            session,
-            egui,
-            input,
-            settings,
-            control: Control::new(&start.camera, start.size_m, start.ground_z_m),
-            look: start.daylight.look(Shading::Lit, 1),
-            picture: None,
-            dragging: false,
-            pointer: PhysicalPosition::default(),
-            last_frame: now,
-            last_change: now,
-            frame_time: Duration::ZERO,
-            full_time: Duration::ZERO,
-            rested: false,
-        })
+        let bad = self.waiting.wrong.is_some();
+        if let Some(shell) = &mut self.shell {
+            let (overlay, _) = shell.lay_out(|ctx| overlay::notice(ctx, &text, bad));
+            shell.surface.present(None, &overlay)?;
+        }
+        Ok(Some(ControlFlow::WaitUntil(Instant::now() + Duration::from_millis(100))))
     }
 
     /// Handles anything but redrawing; returns whether to quit.
     fn event(&mut self, event: &WindowEvent) -> bool {
-        let for_overlay = match event {
-            // Its keys are ours: the overlay has no text fields.
-            WindowEvent::KeyboardInput { event, .. } => return self.key(event),
-            event => {
-                let response = self.input.on_window_event(&self.window, event);
-                if response.repaint {
-                    self.window.request_redraw();
-                }
-                response.consumed
-            }
-        };
+        let Some(shell) = &mut self.shell else { return false };
+        let typing = shell.egui.egui_wants_keyboard_input();
+        if let WindowEvent::KeyboardInput { event: key, .. } = event
+            && !typing
+        {
+            return self.key(key);
+        }
+        let for_overlay = shell.event(event);
+        let Some(city) = &mut self.city else { return false };
         match event {
-            WindowEvent::Resized(size) => {
-                self.surface.resize(size.width, size.height);
-                self.changed();
+            WindowEvent::KeyboardInput { .. } | WindowEvent::Focused(false) => {
+                city.control.release();
+                self.drag = None;
             }
-            WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => self.changed(),
-            WindowEvent::Focused(false) => {
-                self.control.release();
-                self.dragging = false;
+            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
+                city.changed(shell);
             }
-            WindowEvent::ModifiersChanged(modifiers) => self.control.fast(modifiers.state().shift_key()),
+            WindowEvent::ModifiersChanged(modifiers) => city.control.fast(modifiers.state().shift_key()),
             WindowEvent::MouseInput { state, button: MouseButton::Left | MouseButton::Right, .. } => {
-                self.dragging = *state == ElementState::Pressed && !for_overlay;
+                let moved_px = self.drag.take();
+                if *state == ElementState::Pressed {
+                    self.drag = (!for_overlay).then_some(0.0);
+                } else if moved_px.is_some_and(|px| px < CLICK_PX) {
+                    let [width, height] = shell.surface.size_px().map(f64::from);
+                    city.click(self.pointer.x / width, self.pointer.y / height, shell);
+                }
             }
             WindowEvent::CursorMoved { position, .. } => {
-                if self.dragging && !for_overlay {
-                    self.control.drag(position.x - self.pointer.x, position.y - self.pointer.y);
-                    self.changed();
+                let (dx, dy) = (position.x - self.pointer.x, position.y - self.pointer.y);
+                if let Some(moved_px) = &mut self.drag {
+                    *moved_px += dx.abs() + dy.abs();
+                    city.control.drag(dx, dy);
+                    city.changed(shell);
                 }
                 self.pointer = *position;
             }
             WindowEvent::MouseWheel { delta, .. } if !for_overlay => {
-                self.control.wheel(match delta {
+                city.control.wheel(match delta {
                     MouseScrollDelta::LineDelta(_, y) => f64::from(*y),
                     MouseScrollDelta::PixelDelta(at) => at.y / 40.0,
                 });
-                self.changed();
+                city.changed(shell);
             }
             _ => {}
         }
         false
     }
 
-    /// The picture will differ: draw soon, and finely only after a rest.
-    fn changed(&mut self) {
-        self.last_change = Instant::now();
-        self.rested = false;
-        self.window.request_redraw();
-    }
-
+    /// A key that is not typed into a field; returns whether to quit.
     fn key(&mut self, event: &KeyEvent) -> bool {
+        let Some(shell) = &self.shell else { return false };
         let (PhysicalKey::Code(code), down) = (event.physical_key, event.state.is_pressed()) else { return false };
-        let motion = match code {
-            KeyCode::KeyW | KeyCode::ArrowUp => Some(Motion::Forward),
-            KeyCode::KeyS | KeyCode::ArrowDown => Some(Motion::Back),
-            KeyCode::KeyA | KeyCode::ArrowLeft => Some(Motion::Left),
-            KeyCode::KeyD | KeyCode::ArrowRight => Some(Motion::Right),
-            KeyCode::KeyE | KeyCode::PageUp => Some(Motion::Up),
-            KeyCode::KeyQ | KeyCode::PageDown => Some(Motion::Down),
-            _ => None,
-        };
-        if let Some(motion) = motion {
-            if !event.repeat {
-                // The time that nothing moved does not count.
-                self.last_frame = Instant::now();
-                self.control.key(motion, down);
-            }
-        } else if down && !event.repeat {
-            match code {
-                KeyCode::Escape => return true,
-                KeyCode::Tab => self.control.toggle(),
-                KeyCode::F1 => self.settings.help = !self.settings.help,
-                KeyCode::KeyP => self.screenshot(),
-                code => self.settings.shading = shading(code).unwrap_or(self.settings.shading),
-            }
+        let order = keys::order(code);
+        if let (Some(Order::Move(motion)), Some(city), false) = (order, &mut self.city, event.repeat) {
+            hold(city, motion, down, shell);
         }
-        self.changed();
+        match order {
+            Some(order) if down && !event.repeat => match order {
+                Order::Quit => return true,
+                Order::FullScreen => shell.set_full_screen(!shell.is_full_screen()),
+                order => {
+                    if let Some(city) = &mut self.city {
+                        city.order(order, shell, &mut self.settings);
+                        city.changed(shell);
+                    }
+                }
+            },
+            _ => {}
+        }
         false
     }
-
-    fn screenshot(&mut self) {
-        let shot = self.shot(1);
-        let look = Look { samples: STILL_SAMPLES, shading: self.settings.shading, ..self.look };
-        let folder = std::env::current_dir().unwrap_or_default();
-        let free = (1..).map(|n| folder.join(format!("insula-{n:04}.png"))).find(|path| !path.exists());
-        let path = free.unwrap_or_else(|| folder.join("insula.png"));
-        let written = self.session.draw(&shot, &look).and_then(|pixels| write_png(&path, &pixels));
-        let text = match written {
-            Ok(()) => format!("wrote {}", path.display()),
-            Err(error) => format!("no picture: {error}"),
-        };
-        println!("{text}");
-        self.settings.message = Some((text, Instant::now() + MESSAGE_TIME));
-    }
-
-    fn shot(&self, divide: u32) -> Shot {
-        Shot {
-            camera: self.control.camera(),
-            heading: self.control.heading(),
-            size_px: self.surface.size_px().map(|side| (side / divide).max(1)),
-            tau_px: self.settings.tau_px,
-        }
-    }
-
-    /// How much coarser to draw so that a frame is not slow.
-    fn divide(&self) -> u32 {
-        let mut divide = 1;
-        while divide < DIVIDE_MOST && self.full_time / (divide * divide) > SLOW {
-            divide *= 2;
-        }
-        divide
-    }
-
-    /// One frame: move, stream, draw; returns when to draw the next.
-    fn frame(&mut self) -> Result<ControlFlow> {
-        let begin = Instant::now();
-        let secs = begin.duration_since(self.last_frame).as_secs_f64().min(0.2);
-        self.last_frame = begin;
-        if self.control.advance(secs) {
-            self.last_change = begin;
-            self.rested = false;
-        }
-        let restless = begin.duration_since(self.last_change) < REST;
-        let divide = if restless || !self.session.settled() { self.divide() } else { 1 };
-        // Fewer pixels do not mean that less is fetched: what streams must not depend on how fast pixels come.
-        self.session.step(&self.shot(1));
-        let shot = self.shot(divide);
-        let fine = !restless && divide == 1 && self.session.settled();
-        let look = Look { samples: if fine { 2 } else { 1 }, shading: self.settings.shading, ..self.look };
-        let data = self.session.frame_data(&shot, &look);
-        if let Adapter::Cpu(cpu) = self.session.adapter_mut() {
-            let picture = image(&cpu.draw(&data));
-            self.picture = Some(self.egui.load_texture("picture", picture, egui::TextureOptions::NEAREST));
-        }
-        let before = (self.settings.tau_px, self.settings.daylight);
-        let (overlay, again) = self.lay_out();
-        let shown = self.surface.present(self.session.adapter_mut(), &data, &overlay)?;
-        self.frame_time = begin.elapsed();
-        self.full_time = if fine { self.frame_time / 4 } else { self.frame_time * (divide * divide) };
-        self.session.timed(begin.elapsed());
-        self.rested = fine && shown;
-        if before.1 != self.settings.daylight {
-            self.look = self.settings.daylight.look(Shading::Lit, 1);
-        }
-        if before != (self.settings.tau_px, self.settings.daylight) {
-            self.changed();
-        }
-        Ok(self.next(again, shown))
-    }
-
-    fn lay_out(&mut self) -> (Overlay, Duration) {
-        let raw = self.input.take_egui_input(&self.window);
-        let status = Status::new(&self.session, self.frame_time, self.control.mode(), self.control.speed_m_per_sec());
-        let (settings, picture) = (&mut self.settings, self.picture.as_ref());
-        let output = self.egui.run_ui(raw, |ui| {
-            if let Some(picture) = picture {
-                let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
-                let layer = ui.ctx().layer_painter(egui::LayerId::background());
-                layer.image(picture.id(), ui.ctx().content_rect(), whole, egui::Color32::WHITE);
-            }
-            overlay::show(ui.ctx(), &status, settings);
-        });
-        self.input.handle_platform_output(&self.window, output.platform_output);
-        let again = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
-        let pixels_per_point = output.pixels_per_point;
-        let primitives = self.egui.tessellate(output.shapes, pixels_per_point);
-        (Overlay { primitives, textures: output.textures_delta, pixels_per_point }, again)
-    }
-
-    fn next(&self, again: Duration, shown: bool) -> ControlFlow {
-        let now = Instant::now();
-        if !shown {
-            return ControlFlow::WaitUntil(now + RETRY);
-        }
-        let streaming = self.session.streaming_now();
-        if self.control.moving() || streaming || again.is_zero() {
-            self.window.request_redraw();
-            return ControlFlow::Wait;
-        }
-        let mut wake = now.checked_add(again.min(Duration::from_secs(3600)));
-        let mut sooner = |at: Option<Instant>| wake = wake.into_iter().chain(at).min();
-        if !self.session.settled() {
-            // Arrivals wake the loop; retries have their time.
-            sooner(Some(self.session.stream().retry_at().unwrap_or(now + RETRY).max(now + RETRY)));
-        } else if !self.rested {
-            sooner(Some((self.last_change + REST).max(now)));
-        }
-        sooner(self.settings.message.as_ref().map(|(_, until)| *until));
-        wake.map_or(ControlFlow::Wait, ControlFlow::WaitUntil)
-    }
 }
 
-fn adapter(surface: &Surface, start: &Start) -> (Adapter, AdapterInfo, u32) {
-    let pages = pages_for(start.cache_bytes);
-    let software = surface.device().is_software();
-    if start.adapter == AdapterChoice::Auto && software {
-        eprintln!("note: {} is no graphics hardware, the CPU ray-caster draws instead", surface.device().info().name);
-    } else if start.adapter != AdapterChoice::Cpu {
-        match GpuAdapter::new(surface.device().clone(), pages) {
-            Ok(gpu) => {
-                let (info, pages) = (gpu.device.info(), gpu.pages());
-                return (Adapter::Gpu(Box::new(gpu)), info, pages);
-            }
-            Err(reason) => {
-                tracing::debug!("the graphics device does not draw: {reason}");
-                eprintln!("note: the graphics device cannot run the ray-caster, the CPU draws instead");
-            }
-        }
-    }
-    (Adapter::Cpu(CpuAdapter::new(pages)), AdapterInfo::cpu(), pages)
-}
-
-fn shading(code: KeyCode) -> Option<Shading> {
-    let at = match code {
-        KeyCode::Digit1 | KeyCode::F2 => 0,
-        KeyCode::Digit2 | KeyCode::F3 => 1,
-        KeyCode::Digit3 | KeyCode::F4 => 2,
-        KeyCode::Digit4 | KeyCode::F5 => 3,
-        KeyCode::Digit5 | KeyCode::F6 => 4,
-        KeyCode::Digit6 | KeyCode::F7 => 5,
-        _ => return None,
-    };
-    Some(Shading::ALL[at])
+fn hold(city: &mut City, motion: Motion, down: bool, shell: &Shell) {
+    city.pace.restart(Instant::now());
+    city.control.key(motion, down);
+    city.changed(shell);
 }

@@ -1,0 +1,118 @@
+//! When frames are drawn, and how finely: coarse while something moves, fine after a rest.
+//!
+//! In: changes, how long frames take. Out: [`Detail`]s, times to wake. Next: `city` draws.
+
+use std::time::{Duration, Instant};
+
+/// A standing picture is drawn again with four rays a pixel after so long.
+const REST: Duration = Duration::from_millis(250);
+/// While something moves or arrives, frames slower than this are drawn with fewer pixels: a half or a quarter a side.
+const SLOW: Duration = Duration::from_millis(45);
+/// Coarsest.
+const DIVIDE_MOST: u32 = 4;
+/// Longest step of a camera: a stall must not become a leap.
+const LEAP_SECS: f64 = 0.2;
+
+/// How finely a frame is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Detail {
+    /// Pixels of the window along a side of one that is drawn.
+    pub divide: u32,
+    /// Several rays a pixel.
+    pub fine: bool,
+}
+
+/// The rhythm of frames.
+#[derive(Debug, Clone)]
+pub struct Pace {
+    last_frame: Instant,
+    last_change: Instant,
+    frame_time: Duration,
+    /// What a frame of all pixels, one ray each, takes.
+    full_time: Duration,
+    rested: bool,
+}
+
+impl Pace {
+    /// Nothing drawn yet.
+    pub fn new(now: Instant) -> Self {
+        let (frame_time, full_time) = (Duration::ZERO, Duration::ZERO);
+        Self { last_frame: now, last_change: now, frame_time, full_time, rested: false }
+    }
+
+    /// The picture will differ: draw soon, and finely only after a rest.
+    pub fn changed(&mut self, now: Instant) {
+        self.last_change = now;
+        self.rested = false;
+    }
+
+    /// Something arrived that may make the picture better.
+    pub fn stir(&mut self) {
+        self.rested = false;
+    }
+
+    /// A movement begins: the time that nothing moved does not count.
+    pub fn restart(&mut self, now: Instant) {
+        self.last_frame = now;
+    }
+
+    /// A frame begins; seconds since the last one.
+    pub fn begin(&mut self, now: Instant) -> f64 {
+        let secs = now.duration_since(self.last_frame).as_secs_f64().min(LEAP_SECS);
+        self.last_frame = now;
+        secs
+    }
+
+    /// How finely to draw, so that a frame is not slow while anything changes.
+    pub fn detail(&self, now: Instant, settled: bool) -> Detail {
+        let restless = now.duration_since(self.last_change) < REST;
+        let mut divide = 1;
+        while (restless || !settled) && divide < DIVIDE_MOST && self.full_time / (divide * divide) > SLOW {
+            divide *= 2;
+        }
+        Detail { divide, fine: !restless && settled }
+    }
+
+    /// A frame ends; returns whether a picture that changed is now as good as it gets.
+    pub fn end(&mut self, begin: Instant, detail: Detail, shown: bool) -> bool {
+        self.frame_time = begin.elapsed();
+        let pixels = detail.divide * detail.divide;
+        self.full_time = if detail.fine { self.frame_time / 4 } else { self.frame_time * pixels };
+        let before = self.rested;
+        self.rested = detail.fine && shown;
+        self.rested && !before
+    }
+
+    /// What the last frame took.
+    pub fn frame_time(&self) -> Duration {
+        self.frame_time
+    }
+
+    /// When a finer picture is due.
+    pub fn rest_at(&self) -> Option<Instant> {
+        (!self.rested).then(|| self.last_change + REST)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coarse_while_it_moves_and_fine_after_a_rest() {
+        let begin = Instant::now();
+        let mut pace = Pace::new(begin);
+        pace.full_time = 3 * SLOW;
+        assert_eq!(pace.detail(begin, true), Detail { divide: 2, fine: false });
+        let later = begin + REST;
+        assert_eq!(pace.detail(later, false), Detail { divide: 2, fine: false });
+        assert_eq!(pace.detail(later, true), Detail { divide: 1, fine: true });
+        assert_eq!(pace.rest_at(), Some(later));
+        assert!(pace.end(later, Detail { divide: 1, fine: true }, true));
+        assert!(!pace.end(later, Detail { divide: 1, fine: true }, true), "it rested before");
+        assert_eq!(pace.rest_at(), None);
+        pace.stir();
+        assert!(pace.rest_at().is_some());
+        assert!(pace.begin(begin + Duration::from_secs(9)) <= LEAP_SECS);
+    }
+}
