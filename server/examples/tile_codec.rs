@@ -30,7 +30,7 @@ fn main() -> anyhow::Result<()> {
         let depth = store.manifest().depth;
         let (mut leaves, mut parents) = (Vec::new(), Vec::new());
         for (id, bytes) in store.archive(Layer::BlockMaps).tiles() {
-            let map = BlockMap::decode(id, &bytes).with_context(|| id.to_string())?;
+            let map = BlockMap::decode(id, &bytes?).with_context(|| id.to_string())?;
             if id.level() == depth { leaves.push(map) } else { parents.push(map) }
         }
         ensure!(!leaves.is_empty() && !parents.is_empty(), "{city} has no leaves or no parents");

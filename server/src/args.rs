@@ -30,7 +30,7 @@ pub enum Command {
     Bake(BakeArgs),
     /// Serve cities over HTTP
     #[command(
-        after_help = "Example:\n  insula-server serve cities/delft cities/chiba --listen 0.0.0.0:7700\n\nA config file is JSON: {\"listen\": \"127.0.0.1:7700\", \"max_in_flight\": 1024}. The command line wins over it.\nLogs go to standard error; RUST_LOG=debug shows every request.\nNever overwrite the files of a city that is being served: replace its folder by renaming."
+        after_help = "Example:\n  insula-server serve cities/delft cities/chiba --listen 0.0.0.0:7700\n\nSettings come from a TOML file, over it from the environment (limits.in_flight is INSULA_SERVE_LIMITS_IN_FLIGHT),\nover it from --set. --print-config writes all of them, with what they mean.\nSIGHUP reads cities, certificate and tokens again; replace a city's folder by renaming, as bake does.\nLogs go to standard error; RUST_LOG chooses their level."
     )]
     Serve(ServeArgs),
     /// Show what is in a city
@@ -122,15 +122,21 @@ pub enum Axis {
 /// `serve`.
 #[derive(Debug, clap::Args)]
 pub struct ServeArgs {
-    /// City folders, or folders of city folders
-    #[arg(required = true, value_name = "CITY")]
+    /// City folders, folders of city folders, or URLs of cities (s3://BUCKET/PATH, https://HOST/PATH)
+    #[arg(required_unless_present = "print_config", value_name = "CITY")]
     pub cities: Vec<PathBuf>,
     /// Address to listen on, 127.0.0.1:7700 unless given; port 0 picks a free one
     #[arg(long, value_name = "HOST:PORT", value_parser = address)]
     pub listen: Option<String>,
-    /// JSON file with "listen" and "max_in_flight"
+    /// TOML file of settings
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// One setting, as in limits.in_flight=64
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Print the settings as a TOML file instead of serving
+    #[arg(long)]
+    pub print_config: bool,
 }
 
 /// `inspect`.

@@ -7,13 +7,18 @@ use insula_server::{
 };
 use std::process::ExitCode;
 
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() -> ExitCode {
     let args = match Args::try_parse() {
         Ok(args) => args,
         Err(error) => return usage(&error),
     };
-    // A server tells what happens; what ends soon speaks only of trouble.
-    telemetry::start(if matches!(args.command, Command::Serve(_)) { "info" } else { "warn" });
+    // A server tells what happens, and starts its log when its settings are known; what ends soon speaks only of trouble.
+    if !matches!(args.command, Command::Serve(_)) {
+        telemetry::start("warn", false);
+    }
     match commands::run(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -174,9 +174,9 @@ fn cities_that_cannot_be_opened_are_one_line() {
     common::city(&missing, "two");
     std::fs::write(missing.join("blockmaps.pmtiles"), b"PMTiles\x03 and then nothing").unwrap();
     assert!(failure(&["serve", text(&missing)]).0.contains("blockmaps.pmtiles"));
-    let config = folder.path().join("config.json");
-    std::fs::write(&config, "{\"port\": 1}").unwrap();
-    assert!(failure(&["serve", "x", "--config", text(&config)]).0.contains("config.json"));
+    let config = folder.path().join("config.toml");
+    std::fs::write(&config, "\n[limits]\nport = 1").unwrap();
+    assert!(failure(&["serve", "x", "--config", text(&config)]).0.contains("config.toml, line 3, limits.port"));
 }
 
 #[test]

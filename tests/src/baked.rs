@@ -47,7 +47,7 @@ impl Baked {
         let store = CityStore::open(folder).with_context(|| folder.display().to_string())?;
         let mut nodes = HashMap::new();
         for (id, bytes) in store.archive(Layer::Subtrees).tiles() {
-            let subtree = Subtree::decode(&bytes).with_context(|| format!("subtree {id}"))?;
+            let subtree = Subtree::decode(&bytes?).with_context(|| format!("subtree {id}"))?;
             nodes.extend(subtree.nodes.iter().map(|node| (node.id, *node)));
         }
         Ok(Self { store, nodes })
@@ -61,10 +61,10 @@ impl Baked {
     /// Nodes a level, and bytes of their tiles.
     pub fn levels(&self) -> BTreeMap<u8, (usize, usize)> {
         let mut levels = BTreeMap::new();
-        for (id, bytes) in self.store.archive(Layer::BlockMaps).tiles() {
+        for (id, bytes) in self.store.archive(Layer::BlockMaps).lengths() {
             let level: &mut (usize, usize) = levels.entry(id.level()).or_default();
             level.0 += 1;
-            level.1 += bytes.len();
+            level.1 += bytes as usize;
         }
         levels
     }
@@ -72,7 +72,7 @@ impl Baked {
     /// All nodes of a level.
     pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
         let tiles = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == level);
-        tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))).collect()
+        tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))).collect()
     }
 
     /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
@@ -117,7 +117,7 @@ impl Baked {
         let depth = self.manifest().depth;
         let leaves = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == depth);
         leaves
-            .map(|(id, bytes)| Ok((id, BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))?)))
+            .map(|(id, bytes)| Ok((id, BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))?)))
             .collect()
     }
 
@@ -126,7 +126,7 @@ impl Baked {
         let manifest = self.manifest();
         let mut cut = Cut::new(Place { origin: manifest.origin, root_side_m: manifest.root_side_m });
         for id in ids {
-            let bytes = self.store.tile(Layer::BlockMaps, *id).with_context(|| format!("no tile {id}"))?;
+            let bytes = self.store.tile(Layer::BlockMaps, *id)?.with_context(|| format!("no tile {id}"))?;
             let map = BlockMap::decode(*id, &bytes).with_context(|| format!("tile {id}"))?;
             cut.add(&map);
         }

@@ -48,7 +48,7 @@ impl<'a> Census<'a> {
         }
         let mut damaged = 0;
         for (_, bytes) in city.archive(Layer::Subtrees).tiles() {
-            let Ok(subtree) = Subtree::decode(&bytes) else {
+            let Some(subtree) = bytes.ok().and_then(|bytes| Subtree::decode(&bytes).ok()) else {
                 damaged += 1;
                 continue;
             };

@@ -30,7 +30,8 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
 
 fn picture(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError> {
     let wrong = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
-    let bytes = city.tile(Layer::BlockMaps, id).ok_or_else(|| wrong("the city has no such node".into()))?;
+    let bytes = city.tile(Layer::BlockMaps, id).map_err(|error| wrong(error.to_string()))?;
+    let bytes = bytes.ok_or_else(|| wrong("the city has no such node".into()))?;
     let map = BlockMap::decode(id, &bytes).map_err(|error| wrong(error.to_string()))?;
     let mut out = Cursor::new(Vec::new());
     tile_picture::draw(&map)

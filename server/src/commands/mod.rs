@@ -12,6 +12,7 @@ mod verify;
 use crate::{
     args::{Args, Command},
     config::ConfigError,
+    http::ServeError,
     store::StoreError,
 };
 use std::{io::Write, path::PathBuf};
@@ -25,6 +26,9 @@ pub enum CommandError {
     /// The config file cannot be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A file that the config names cannot be used, or the system refuses.
+    #[error(transparent)]
+    Serve(#[from] ServeError),
     /// No socket.
     #[error("cannot listen on {address}: {source}; give another --listen, port 0 picks a free one")]
     Listen {

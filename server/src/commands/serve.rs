@@ -3,23 +3,43 @@
 //! In: folders, an address. Out: one line on standard output when connections are accepted; then HTTP. Next: clients.
 
 use super::{CommandError, print};
-use crate::{args::ServeArgs, config::Config, http, store::Store};
-use tokio::net::TcpListener;
+use crate::{
+    args::ServeArgs,
+    config::{Config, LogFormat},
+    http::Server,
+    store::Store,
+    telemetry,
+};
+use std::sync::Arc;
+use tokio::{net::TcpListener, sync::Notify};
 
 pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
-    let config = Config::new(args.config.as_deref(), args.listen.as_deref())?;
-    let store = Store::open(&args.cities)?;
+    let listen = args.listen.iter().map(|listen| format!("listen={listen}"));
+    let settings: Vec<String> = args.set.iter().cloned().chain(listen).collect();
+    // What is no text is no setting of ours.
+    let environment = std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?)));
+    let config = Config::new(args.config.as_deref(), environment, &settings)?;
+    if args.print_config {
+        print(&config.to_toml());
+        return Ok(());
+    }
+    telemetry::start("info", config.log.format == LogFormat::Json);
     let system = |what| move |source| CommandError::System { what, source };
-    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(system("start threads"))?;
+    // It accepts connections and looks after cities; `http::worker` has threads of its own.
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system("start threads"))?;
     runtime.block_on(async {
         // Before the line is printed, so that whoever reads it can already stop the server.
         let signals = Signals::new().map_err(system("watch for signals"))?;
+        let store = Store::open_anywhere(&args.cities, &config.cache).await?;
         let refused = |source| CommandError::Listen { address: config.listen.clone(), source };
         let listener = TcpListener::bind(&config.listen).await.map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
-        tracing::info!(cities = store.cities().len(), max_in_flight = config.max_in_flight, "serving");
-        print(&format!("listening on http://{address}\n"));
-        http::serve(listener, store, &config, signals.first()).await.map_err(system("serve"))
+        tracing::info!(cities = store.cities().len(), threads = config.worker_threads(), "serving");
+        let server = Server::new(store, &config)?;
+        print(&format!("listening on {}://{address}\n", server.scheme()));
+        let end = signals.first(server.look());
+        server.run(listener, end).await.map_err(CommandError::from)
     })
 }
 
@@ -27,19 +47,26 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
 struct Signals {
     terminate: tokio::signal::unix::Signal,
     interrupt: tokio::signal::unix::Signal,
+    hang_up: tokio::signal::unix::Signal,
 }
 
 #[cfg(unix)]
 impl Signals {
     fn new() -> std::io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
-        Ok(Self { terminate: signal(SignalKind::terminate())?, interrupt: signal(SignalKind::interrupt())? })
+        let [terminate, interrupt, hang_up] =
+            [SignalKind::terminate(), SignalKind::interrupt(), SignalKind::hangup()].map(signal);
+        Ok(Self { terminate: terminate?, interrupt: interrupt?, hang_up: hang_up? })
     }
 
-    async fn first(mut self) {
-        tokio::select! {
-            _ = self.terminate.recv() => {}
-            _ = self.interrupt.recv() => {}
+    /// Ends at the first that asks for an end; SIGHUP asks for a look.
+    async fn first(mut self, look: Arc<Notify>) {
+        loop {
+            tokio::select! {
+                _ = self.terminate.recv() => return,
+                _ = self.interrupt.recv() => return,
+                _ = self.hang_up.recv() => look.notify_one(),
+            }
         }
     }
 }
@@ -53,7 +80,7 @@ impl Signals {
         Ok(Self)
     }
 
-    async fn first(self) {
+    async fn first(self, _look: Arc<Notify>) {
         if tokio::signal::ctrl_c().await.is_err() {
             std::future::pending::<()>().await;
         }

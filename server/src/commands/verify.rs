@@ -33,8 +33,15 @@ pub(super) fn faults(city: &CityStore) -> Vec<String> {
 fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64> {
     let mut lengths = BTreeMap::new();
     for (id, bytes) in city.archive(Layer::BlockMaps).tiles() {
-        lengths.insert(id, bytes.len() as u64);
         let mut fault = |what: String| faults.push(format!("blockmaps/{id}: {what}"));
+        let bytes = match bytes {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                fault(error.to_string());
+                continue;
+            }
+        };
+        lengths.insert(id, bytes.len() as u64);
         match BlockMap::decode(id, &bytes) {
             Err(error) => fault(error.to_string()),
             Ok(map) => {
@@ -55,7 +62,8 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, Node
     let mut continued = BTreeSet::from([TileId::ROOT]);
     for (id, bytes) in city.archive(Layer::Subtrees).tiles() {
         there.insert(id);
-        let subtree = match Subtree::decode(&bytes) {
+        let decoded = bytes.map_err(|error| error.to_string());
+        let subtree = match decoded.and_then(|bytes| Subtree::decode(&bytes).map_err(|error| error.to_string())) {
             Ok(subtree) => subtree,
             Err(error) => {
                 faults.push(format!("subtrees/{id}: {error}"));

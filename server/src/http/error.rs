@@ -4,10 +4,12 @@
 //!
 //! A problem holds only constants: nothing of the request, of a path or of an inner error can leak into it.
 
+use super::answer::Answer;
 use axum::{
     http::{HeaderName, HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
+use http_body_util::Full;
 use serde::Serialize;
 
 /// What went wrong, for the client.
@@ -54,17 +56,44 @@ impl Problem {
     }
 }
 
-impl IntoResponse for Problem {
-    fn into_response(self) -> Response {
-        let title = self.status.canonical_reason().unwrap_or("Error");
-        let body = Body { r#type: "about:blank", title, status: self.status.as_u16(), detail: self.detail };
-        let mut response = (self.status, serde_json::to_vec(&body).unwrap_or_default()).into_response();
+impl Problem {
+    pub(super) fn answer(self) -> Answer {
+        let body = Full::new(self.body().into());
+        let mut response = Answer::new(body);
+        *response.status_mut() = self.status;
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
         headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
         headers.extend(self.header);
         response
+    }
+
+    fn body(&self) -> Vec<u8> {
+        let title = self.status.canonical_reason().unwrap_or("Error");
+        let body = Body { r#type: "about:blank", title, status: self.status.as_u16(), detail: self.detail };
+        serde_json::to_vec(&body).unwrap_or_default()
+    }
+
+    /// The whole answer as HTTP/1.1 has it, for what never became a request.
+    pub(super) fn raw(&self) -> Vec<u8> {
+        let body = self.body();
+        let title = self.status.canonical_reason().unwrap_or("Error");
+        let mut raw = format!(
+            "HTTP/1.1 {} {title}\r\ncontent-type: application/problem+json\r\ncontent-length: {}\r\n\
+             cache-control: no-store\r\nx-content-type-options: nosniff\r\nconnection: close\r\n\r\n",
+            self.status.as_u16(),
+            body.len(),
+        )
+        .into_bytes();
+        raw.extend_from_slice(&body);
+        raw
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        self.answer().into_response()
     }
 }
 
@@ -75,6 +104,6 @@ pub(super) async fn no_route() -> Problem {
 
 /// A route, but not by this method. The router adds `Allow`.
 pub(super) async fn no_method() -> Problem {
-    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this address answers GET and HEAD only")
-        .with(header::ALLOW, HeaderValue::from_static("GET,HEAD"))
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this address answers GET, HEAD and OPTIONS only")
+        .with(header::ALLOW, HeaderValue::from_static("GET,HEAD,OPTIONS"))
 }

@@ -2,17 +2,16 @@
 //!
 //! In: a representation and the request's method and headers. Out: 200, 206, 304 or 416. Next: the wire.
 
-use super::Problem;
-use axum::{
-    body::Body,
-    http::{HeaderMap, HeaderValue, Method, StatusCode, header},
-    response::{IntoResponse, Response},
-};
+use super::{Problem, answer::Answer};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use bytes::Bytes;
+use http_body_util::Full;
 use std::ops::Range;
 
 /// For what never changes at its address.
 pub(super) const IMMUTABLE: HeaderValue = HeaderValue::from_static("public, max-age=31536000, immutable");
+/// The same where not everybody may have it.
+pub(super) const IMMUTABLE_PRIVATE: HeaderValue = HeaderValue::from_static("private, max-age=31536000, immutable");
 /// For what may change: ask each time, mostly for a 304.
 pub(super) const REVALIDATE: HeaderValue = HeaderValue::from_static("no-cache");
 
@@ -23,6 +22,8 @@ pub(super) struct Representation {
     pub(super) content_type: HeaderValue,
     pub(super) etag: HeaderValue,
     pub(super) cache_control: HeaderValue,
+    /// How `body` is packed, unless it is plain.
+    pub(super) encoding: Option<HeaderValue>,
     /// Request headers that chose it.
     pub(super) vary: Option<HeaderValue>,
 }
@@ -40,49 +41,60 @@ pub(super) fn quoted(tag: &str) -> HeaderValue {
 
 impl Representation {
     /// The answer to `method` (GET or HEAD) with these request headers.
-    pub(super) fn answer(self, method: &Method, request: &HeaderMap) -> Response {
+    pub(super) fn answer(self, method: &Method, request: &HeaderMap) -> Answer {
         if matches_none(request, &self.etag) {
-            return self.with_headers(StatusCode::NOT_MODIFIED, Body::empty());
+            return self.with_body(StatusCode::NOT_MODIFIED, Bytes::new());
         }
         let length = self.body.len() as u64;
-        // RFC 9110, 14.2: a range means nothing but to GET.
-        let range = if *method == Method::GET { wanted_range(request, &self.etag, length) } else { Wanted::Whole };
-        match range {
-            Wanted::Whole => {
-                let body = Body::from(self.body.clone());
-                let mut response = self.with_headers(StatusCode::OK, body);
-                response.headers_mut().insert(header::CONTENT_TYPE, self.content_type);
-                response
-            }
+        if *method == Method::HEAD {
+            // RFC 9110, 14.2: a range means nothing but to GET.
+            let mut response = self.with_body(StatusCode::OK, Bytes::new());
+            response.headers_mut().insert(header::CONTENT_LENGTH, HeaderValue::from(length));
+            return response;
+        }
+        match wanted_range(request, &self.etag, length) {
+            Wanted::Whole => self.with_body(StatusCode::OK, self.body.clone()),
             Wanted::Part(part) => {
+                let body = self.body.slice(part.start as usize..part.end as usize);
+                let mut response = self.with_body(StatusCode::PARTIAL_CONTENT, body);
                 let content_range = format!("bytes {}-{}/{length}", part.start, part.end - 1);
-                let body = Body::from(self.body.slice(part.start as usize..part.end as usize));
-                let mut response = self.with_headers(StatusCode::PARTIAL_CONTENT, body);
-                let headers = response.headers_mut();
-                headers.extend(HeaderValue::try_from(content_range).map(|value| (header::CONTENT_RANGE, value)));
-                headers.insert(header::CONTENT_TYPE, self.content_type);
+                let content_range = HeaderValue::try_from(content_range).map(|value| (header::CONTENT_RANGE, value));
+                response.headers_mut().extend(content_range);
                 response
             }
             Wanted::Outside => {
                 let problem = Problem::new(StatusCode::RANGE_NOT_SATISFIABLE, "the range lies outside of the content");
                 match HeaderValue::try_from(format!("bytes */{length}")) {
-                    Ok(value) => problem.with(header::CONTENT_RANGE, value).into_response(),
-                    Err(_) => problem.into_response(),
+                    Ok(value) => problem.with(header::CONTENT_RANGE, value).answer(),
+                    Err(_) => problem.answer(),
                 }
             }
         }
     }
 
-    fn with_headers(&self, status: StatusCode, body: Body) -> Response {
-        let mut response = (status, body).into_response();
+    fn with_body(&self, status: StatusCode, body: Bytes) -> Answer {
+        let length = body.len();
+        let mut response = Answer::new(Full::new(body));
+        *response.status_mut() = status;
         let headers = response.headers_mut();
+        headers.reserve(12);
         headers.insert(header::ETAG, self.etag.clone());
         headers.insert(header::CACHE_CONTROL, self.cache_control.clone());
         headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
         headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
         headers.extend(self.vary.clone().map(|vary| (header::VARY, vary)));
+        if status != StatusCode::NOT_MODIFIED {
+            headers.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
+            headers.insert(header::CONTENT_TYPE, self.content_type.clone());
+            headers.extend(self.encoding.clone().map(|encoding| (header::CONTENT_ENCODING, encoding)));
+        }
         response
     }
+}
+
+/// Whether nothing in a request asks for less than the whole.
+pub(super) fn is_plain(request: &HeaderMap) -> bool {
+    !request.contains_key(header::IF_NONE_MATCH) && !request.contains_key(header::RANGE)
 }
 
 /// Whether `If-None-Match` names this ETag (by the weak comparison, as RFC 9110 asks) or any.

@@ -1,6 +1,6 @@
 //! What machines ask: is it alive, may requests come, how is it going.
 //!
-//! In: `/healthz`, `/readyz`, `/metrics`. Out: a word, or Prometheus text. Next: orchestrators, Prometheus.
+//! In: `/healthz`, `/readyz`, `/metrics`. Out: a word, or counters as text. Next: orchestrators, Prometheus.
 
 use super::{AppState, Problem};
 use axum::{
@@ -25,8 +25,8 @@ pub(super) async fn ready(State(app): State<AppState>) -> Result<Response, Probl
     }
 }
 
-/// Prometheus text format 0.0.4.
+/// OpenMetrics 1.0, as Prometheus reads it.
 pub(super) async fn metrics(State(app): State<AppState>) -> Response {
-    let text = app.metrics().text(app.store());
-    ([NOT_KEPT, (header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
+    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+    ([NOT_KEPT, (header::CONTENT_TYPE, kind)], app.metrics().text(app.room().requests())).into_response()
 }

@@ -1,95 +1,152 @@
-//! The router on a port, until it is told to stop.
+//! The server on a port, until it is told to stop.
 //!
 //! In: a bound listener, a store, a future that ends when the server shall. Out: nothing once every answer is out, or the
-//! time for that is over. Next: the process ends, or the client that embeds it.
+//! time for that is over. Next: `worker` takes the connections; the process ends, or the client that embeds it.
 
-use super::{AppState, app};
-use crate::{config::Config, store::Store};
-use axum::Router;
-use hyper_util::{
-    rt::{TokioExecutor, TokioIo, TokioTimer},
-    server::{conn::auto, graceful::GracefulShutdown},
-    service::TowerToHyperService,
+use super::{
+    App, AppState,
+    access::Access,
+    app,
+    tls::Tls,
+    watch::Watch,
+    worker::{Arrived, Workers},
 };
+use crate::{config::Config, store::Store};
 use std::{future::Future, io, pin::pin, sync::Arc, time::Duration};
 use tokio::{
     net::{TcpListener, TcpStream},
-    sync::Semaphore,
-    task::JoinSet,
-    time::{sleep, timeout},
+    sync::{Notify, Semaphore},
+    time::sleep,
 };
 
-/// Connections at once; more wait in the system's queue.
-const MAX_CONNECTIONS: usize = 8192;
-/// A connection that has not sent a request's headers for so long is closed.
-const HEADER_READ_SECS: u64 = 60;
-/// HTTP/2 connections are asked so often whether they live.
-const PING_SECS: u64 = 30;
+/// Of the connections that are told that there are too many, for each one that is served: the others wait in the system's
+/// queue.
+const OVER_SHARE: usize = 4;
+
+/// Why a server does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The certificate or its key cannot be used.
+    #[error("cannot use tls.certificate or tls.key: {0}; both are PEM files")]
+    Tls(io::Error),
+    /// The tokens cannot be used.
+    #[error("cannot use access.tokens: {0}")]
+    Tokens(io::Error),
+    /// The system refuses threads or a socket.
+    #[error("cannot start threads: {0}")]
+    System(#[from] io::Error),
+}
+
+/// A server that is ready to run.
+#[derive(Debug)]
+pub struct Server {
+    app: App,
+    tls: Option<Arc<Tls>>,
+    config: Config,
+    look: Arc<Notify>,
+}
 
 /// Serves the cities of `store` on `listener` until `shutdown` ends; then accepts no more, lets requests in flight finish
-/// for at most `config.drain_secs`, and drops the rest. Errors: none that a server does not survive; the type is kept for
-/// what may come.
+/// for at most `config.drain_secs`, and drops the rest. Errors: a file that the config names cannot be used.
 pub async fn serve(
     listener: TcpListener,
     store: Store,
     config: &Config,
     shutdown: impl Future<Output = ()>,
-) -> io::Result<()> {
-    let state = AppState::new(store, config.max_in_flight);
-    let service = app(state.clone());
-    let graceful = GracefulShutdown::new();
-    let slots = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-    let mut connections = JoinSet::new();
-    let mut shutdown = pin!(shutdown);
-    loop {
-        let accepted = tokio::select! {
-            () = &mut shutdown => break,
-            Some(_) = connections.join_next() => continue,
-            accepted = accept(&listener, &slots) => accepted,
-        };
-        let (stream, slot) = match accepted {
-            Ok(accepted) => accepted,
-            Err(error) => {
-                // Mostly a lack of file descriptors, which passes.
-                tracing::warn!(%error, "cannot accept a connection");
-                sleep(Duration::from_millis(100)).await;
-                continue;
-            }
-        };
-        let connection = connection(stream, service.clone(), graceful.watcher());
-        connections.spawn(async move {
-            connection.await;
-            drop(slot);
-        });
-    }
-    drop(listener);
-    state.drain();
-    tracing::info!(connections = connections.len(), "shutting down: finishing what is in flight");
-    if timeout(Duration::from_secs(config.drain_secs), graceful.shutdown()).await.is_err() {
-        tracing::warn!("some requests did not finish in time and were dropped");
-    }
-    connections.shutdown().await;
-    Ok(())
+) -> Result<(), ServeError> {
+    Server::new(store, config)?.run(listener, shutdown).await
 }
 
-async fn accept(
-    listener: &TcpListener,
-    slots: &Arc<Semaphore>,
-) -> io::Result<(TcpStream, tokio::sync::OwnedSemaphorePermit)> {
-    let slot = Arc::clone(slots).acquire_owned().await.map_err(io::Error::other)?;
-    let (stream, _) = listener.accept().await?;
+impl Server {
+    /// Reads what the config names. Errors: it cannot be used.
+    pub fn new(store: Store, config: &Config) -> Result<Self, ServeError> {
+        let tls = Tls::read(&config.tls).map_err(ServeError::Tls)?.map(Arc::new);
+        let access = Access::read(&config.access).map_err(ServeError::Tokens)?;
+        let app = app(AppState::with_access(store, config, access));
+        Ok(Self { app, tls, config: config.clone(), look: Arc::default() })
+    }
+
+    /// What all requests share.
+    pub fn state(&self) -> &AppState {
+        self.app.state()
+    }
+
+    /// `https` or `http`.
+    pub fn scheme(&self) -> &'static str {
+        if self.tls.is_some() { "https" } else { "http" }
+    }
+
+    /// Notified, it makes the server look at once at its cities, certificate and tokens.
+    pub fn look(&self) -> Arc<Notify> {
+        Arc::clone(&self.look)
+    }
+
+    /// See [`serve`].
+    pub async fn run(self, listener: TcpListener, shutdown: impl Future<Output = ()>) -> Result<(), ServeError> {
+        let workers = Workers::start(&self.app, self.tls.as_ref(), &self.config)?;
+        let watch = Watch::new(self.app.state().clone(), self.tls.clone(), self.config.clone(), self.look());
+        let watch = tokio::spawn(watch.run());
+        let door = Door::new(listener, self.config.limits.connections);
+        let mut shutdown = pin!(shutdown);
+        loop {
+            let accepted = tokio::select! {
+                () = &mut shutdown => break,
+                accepted = door.accept() => accepted,
+            };
+            match accepted {
+                Ok(arrived) => {
+                    if !workers.give(arrived).await {
+                        break;
+                    }
+                }
+                Err(error) => {
+                    // Mostly a lack of file descriptors, which passes.
+                    tracing::warn!(%error, "cannot accept a connection");
+                    sleep(Duration::from_millis(100)).await;
+                }
+            }
+        }
+        drop(door);
+        watch.abort();
+        self.app.state().drain();
+        tracing::info!("shutting down: finishing what is in flight");
+        workers.end().await;
+        Ok(())
+    }
+}
+
+/// Where connections come in, so many at once.
+struct Door {
+    listener: TcpListener,
+    served: Arc<Semaphore>,
+    over: Arc<Semaphore>,
+}
+
+impl Door {
+    fn new(listener: TcpListener, connections: usize) -> Self {
+        let served = Arc::new(Semaphore::new(connections));
+        Self { listener, served, over: Arc::new(Semaphore::new((connections / OVER_SHARE).max(1))) }
+    }
+
+    async fn accept(&self) -> io::Result<Arrived> {
+        // If there is a place for neither, whoever leaves first makes one. Nobody else takes places.
+        tokio::select! {
+            place = self.served.acquire() => place.map(drop),
+            place = self.over.acquire() => place.map(drop),
+        }
+        .map_err(io::Error::other)?;
+        let (stream, peer) = self.listener.accept().await?;
+        let (slot, over) = match Arc::clone(&self.served).try_acquire_owned() {
+            Ok(slot) => (slot, false),
+            Err(_) => (Arc::clone(&self.over).try_acquire_owned().map_err(io::Error::other)?, true),
+        };
+        Ok(Arrived { stream: unbound(stream)?, ip: Some(peer.ip()), over, slot })
+    }
+}
+
+/// Off this thread's event loop.
+fn unbound(stream: TcpStream) -> io::Result<std::net::TcpStream> {
     // Tiles are small: waiting for fuller packets would only delay them. A peer that is gone already fails later.
     let _ = stream.set_nodelay(true);
-    Ok((stream, slot))
-}
-
-/// One connection, HTTP/1.1 or HTTP/2 by its first bytes.
-async fn connection(stream: TcpStream, service: Router, watcher: hyper_util::server::graceful::Watcher) {
-    let mut builder = auto::Builder::new(TokioExecutor::new());
-    builder.http1().timer(TokioTimer::new()).header_read_timeout(Duration::from_secs(HEADER_READ_SECS));
-    builder.http2().timer(TokioTimer::new()).keep_alive_interval(Duration::from_secs(PING_SECS));
-    let connection = builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(service));
-    if let Err(error) = watcher.watch(connection.into_owned()).await {
-        tracing::debug!(%error, "a connection ended early");
-    }
+    stream.into_std()
 }

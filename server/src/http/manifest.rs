@@ -1,18 +1,20 @@
 //! Which cities there are, and each one's manifest.
 //!
-//! In: `/v1/cities`, `/v1/cities/{city}`. Out: JSON, or bincode where the client asks for it. Next: the client's scene.
+//! In: `/v1/cities`, `/v1/cities/{city}`. Out: JSON, or bincode where the client asks for it, packed if it likes.
+//! Next: the client's scene.
 
 use super::{
     AppState, Problem,
-    headers::{REVALIDATE, Representation, etag_of},
+    access::{Access, Sight},
+    headers::REVALIDATE,
+    packed::Packed,
 };
 use crate::store::Store;
 use axum::{
     extract::{Path, State, rejection::PathRejection},
     http::{HeaderMap, HeaderValue, Method, header},
-    response::Response,
+    response::{IntoResponse, Response},
 };
-use bytes::Bytes;
 use insula_protocol::{Manifest, codec::bincode, manifest::Attribution, route};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -20,12 +22,17 @@ use std::collections::BTreeMap;
 const JSON: &str = "application/json";
 const BINCODE: &str = "application/x-bincode";
 
-/// All that can be said of the cities, made once: they do not change while they are open.
+/// The contract, which the tests hold the server to.
+const OPENAPI: &str = include_str!("../../openapi.json");
+
+/// All that can be said of the cities, made once each time that one of them changes.
 #[derive(Debug)]
 pub(super) struct Manifests {
-    list: Representation,
-    json: BTreeMap<String, Representation>,
-    bincode: BTreeMap<String, Representation>,
+    /// For everybody, and for who has a token.
+    lists: [Packed; 2],
+    json: BTreeMap<String, Packed>,
+    bincode: BTreeMap<String, Packed>,
+    openapi: Packed,
 }
 
 /// One line of the list.
@@ -41,25 +48,38 @@ struct Listed<'a> {
 }
 
 impl Manifests {
-    pub(super) fn new(store: &Store) -> Self {
-        let mut manifests = Self { list: list(store), json: BTreeMap::new(), bincode: BTreeMap::new() };
+    pub(super) fn new(store: &Store, access: &Access) -> Self {
+        let (mut json, mut bincode) = (BTreeMap::new(), BTreeMap::new());
         for city in store.cities() {
             let (manifest, name) = (city.manifest(), &city.manifest().name);
-            let json = serde_json::to_vec_pretty(manifest).unwrap_or_default();
-            manifests.json.insert(name.clone(), representation(json, JSON, true));
+            let text = serde_json::to_vec_pretty(manifest).unwrap_or_default();
+            let private = access.is_private(name);
+            json.insert(name.clone(), packed(text, JSON, private));
             // A manifest over bincode's limit is served as JSON alone.
             if let Ok(bytes) = bincode::to_bytes(manifest) {
-                manifests.bincode.insert(name.clone(), representation(bytes, BINCODE, true));
+                bincode.insert(name.clone(), packed(bytes, BINCODE, private));
             }
         }
-        manifests
+        let openapi = Packed::new(OPENAPI.as_bytes().to_vec(), "application/vnd.oai.openapi+json", REVALIDATE, "");
+        let lists = [false, true].map(|all| list(store, |name| all || !access.is_private(name), all));
+        Self { lists, json, bincode, openapi }
     }
 }
 
-fn list(store: &Store) -> Representation {
+fn packed(body: Vec<u8>, content_type: &'static str, private: bool) -> Packed {
+    Packed::new(body, content_type, cache_control(private), "accept")
+}
+
+fn cache_control(private: bool) -> HeaderValue {
+    if private { HeaderValue::from_static("private, no-cache") } else { REVALIDATE }
+}
+
+fn list(store: &Store, visible: impl Fn(&str) -> bool, private: bool) -> Packed {
     let listed = |manifest: &Manifest| serde_json::to_value(line(manifest)).unwrap_or_default();
-    let lines: Vec<_> = store.cities().map(|city| listed(city.manifest())).collect();
-    representation(serde_json::to_vec_pretty(&lines).unwrap_or_default(), JSON, false)
+    let cities = store.cities().filter(|city| visible(&city.manifest().name));
+    let lines: Vec<_> = cities.map(|city| listed(city.manifest())).collect();
+    let body = serde_json::to_vec_pretty(&lines).unwrap_or_default();
+    Packed::new(body, JSON, cache_control(private), "")
 }
 
 fn line(manifest: &Manifest) -> Listed<'_> {
@@ -74,19 +94,19 @@ fn line(manifest: &Manifest) -> Listed<'_> {
     }
 }
 
-fn representation(body: Vec<u8>, content_type: &'static str, by_accept: bool) -> Representation {
-    Representation {
-        etag: etag_of(&body),
-        body: Bytes::from(body),
-        content_type: HeaderValue::from_static(content_type),
-        cache_control: REVALIDATE,
-        vary: by_accept.then_some(HeaderValue::from_static("accept")),
-    }
+/// `/v1/cities`: what the request may see.
+pub(super) async fn cities(State(app): State<AppState>, method: Method, headers: HeaderMap) -> Response {
+    let catalog = app.catalog();
+    let all = catalog.access().has_token(&headers);
+    let [public, private] = &catalog.manifests().lists;
+    let list = if all { private } else { public };
+    list.choose(&headers).clone().answer(&method, &headers).into_response()
 }
 
-/// `/v1/cities`
-pub(super) async fn cities(State(app): State<AppState>, method: Method, headers: HeaderMap) -> Response {
-    app.manifests().list.clone().answer(&method, &headers)
+/// `/v1/openapi.json`
+pub(super) async fn openapi(State(app): State<AppState>, method: Method, headers: HeaderMap) -> Response {
+    let catalog = app.catalog();
+    catalog.manifests().openapi.choose(&headers).clone().answer(&method, &headers).into_response()
 }
 
 /// `/v1/cities/{city}`
@@ -97,10 +117,12 @@ pub(super) async fn manifest(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let Path(city) = city.map_err(|_| Problem::bad_request("the address is not UTF-8 text"))?;
-    let manifests = app.manifests();
+    let catalog = app.catalog();
+    let (Sight::Public | Sight::Private) = catalog.access().sight(&city, &headers)?;
+    let manifests = catalog.manifests();
     let bincode = if wants_bincode(&headers) { manifests.bincode.get(&city) } else { None };
     let found = bincode.or_else(|| manifests.json.get(&city)).ok_or(Problem::not_found("there is no such city"))?;
-    Ok(found.clone().answer(&method, &headers))
+    Ok(found.choose(&headers).clone().answer(&method, &headers).into_response())
 }
 
 /// Whether `Accept` likes bincode at least as much as JSON. Wildcards count for JSON: people's browsers send them.

@@ -1,139 +1,213 @@
 //! Counters of what the server does.
 //!
-//! In: one [`Metrics::finished`] per request. Out: Prometheus text. Next: `/metrics`.
+//! In: one [`Metrics::finished`] per request. Out: OpenMetrics text. Next: `/metrics`.
 //!
-//! Routes, codes and buckets are fixed tables of atomics: no lock on the way of a tile, no label that a client can invent,
-//! and no global recorder that two servers in one process would share.
+//! Routes and codes are fixed tables, so that no client can invent a label; each server has a registry of its own.
 
-use crate::store::Store;
-use std::{
-    fmt::Write,
-    sync::atomic::{AtomicI64, AtomicU64, Ordering::Relaxed},
-    time::Duration,
+use crate::store::{Counters, ReadError, Store};
+use prometheus_client::{
+    encoding::{EncodeLabelSet, text::encode},
+    metrics::{counter::Counter, family::Family, gauge::Gauge, histogram::Histogram},
+    registry::Registry,
 };
+use std::{sync::OnceLock, time::Duration};
 
 /// Routes as labels; the last is for everything else.
-const ROUTES: [&str; 10] =
-    ["index", "cities", "manifest", "subtrees", "blockmaps", "meshes", "healthz", "readyz", "metrics", "other"];
+const ROUTES: [&str; 11] = [
+    "subtrees",
+    "blockmaps",
+    "meshes",
+    "manifest",
+    "cities",
+    "index",
+    "openapi",
+    "healthz",
+    "readyz",
+    "metrics",
+    "other",
+];
+/// Those that answer however full the house is.
+const HOUSE_ROUTES: [&str; 3] = ["healthz", "readyz", "metrics"];
 /// Codes as labels; 0 is a request that ended without an answer, the last is for everything else.
-const CODES: [u16; 10] = [0, 200, 206, 304, 400, 404, 405, 416, 503, 999];
-/// Upper ends of the histogram's buckets in microseconds.
-const BUCKETS_MICROS: [u64; 10] = [50, 100, 250, 500, 1000, 5000, 25_000, 100_000, 1_000_000, 10_000_000];
+const CODES: [u16; 15] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 416, 429, 431, 500, 503, 999];
+/// Upper ends of the histogram's buckets in seconds.
+const BUCKETS_SECS: [f64; 13] = [5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1e-2, 2.5e-2, 0.1, 0.5, 2.5, 10.0];
 
 /// Which of [`ROUTES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Route(usize);
 
 impl Route {
-    /// By the router's pattern, never by the address itself.
-    pub(super) fn of_pattern(pattern: Option<&str>) -> Self {
-        let word = match pattern {
-            Some("/") => "index",
-            Some("/v1/cities") => "cities",
-            Some("/v1/cities/{city}") => "manifest",
-            Some(pattern) => pattern.split('/').find(|part| ROUTES.contains(part)).unwrap_or("other"),
-            None => "other",
+    /// By the shape of the address alone.
+    pub(super) fn of_path(path: &str) -> Self {
+        let mut parts = path.strip_prefix('/').unwrap_or(path).split('/');
+        let word = match (parts.next(), parts.next(), parts.next(), parts.next(), parts.next()) {
+            (Some("v1"), Some("cities"), Some(_), Some(_), Some(layer)) if ROUTES[..3].contains(&layer) => layer,
+            (Some("v1"), Some("cities"), Some(_), None, None) => "manifest",
+            (Some("v1"), Some("cities"), None, None, None) => "cities",
+            (Some("v1"), Some("openapi.json"), None, None, None) => "openapi",
+            (Some(""), None, None, None, None) => "index",
+            (Some(word), None, None, None, None) if HOUSE_ROUTES.contains(&word) => word,
+            _ => "other",
         };
-        // `cities` is a part of every tile's pattern.
-        let layer = ["subtrees", "blockmaps", "meshes"]
-            .into_iter()
-            .find(|layer| pattern.is_some_and(|pattern| pattern.split('/').any(|part| part == *layer)));
-        let word = layer.unwrap_or(word);
         Self(ROUTES.iter().position(|route| *route == word).unwrap_or(ROUTES.len() - 1))
+    }
+
+    /// Whether it may be turned away when there is too much to do.
+    pub(super) fn is_of_cities(self) -> bool {
+        !HOUSE_ROUTES.contains(&ROUTES[self.0])
     }
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct OfRequest {
+    route: &'static str,
+    code: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct OfRoute {
-    requests: [AtomicU64; CODES.len()],
-    bytes: AtomicU64,
-    buckets: [AtomicU64; BUCKETS_MICROS.len()],
-    micros: AtomicU64,
+    route: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct OfKind {
+    kind: &'static str,
+}
+
+/// What is counted of one route; made at its first request, so that what never happened is left out.
+#[derive(Debug)]
+struct Cells {
+    codes: [OnceLock<Counter>; CODES.len()],
+    bytes: Counter,
+    seconds: Histogram,
 }
 
 /// All counters of one server.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Metrics {
-    routes: [OfRoute; ROUTES.len()],
-    in_flight: AtomicI64,
+    registry: Registry,
+    requests: Family<OfRequest, Counter>,
+    bytes: Family<OfRoute, Counter>,
+    seconds: Family<OfRoute, Histogram>,
+    routes: [OnceLock<Cells>; ROUTES.len()],
+    in_flight: Gauge,
+    connections: Gauge,
+    connections_over: Counter,
+    timeouts: Family<OfKind, Counter>,
+    read_failures: Family<OfKind, Counter>,
+    reloads: Family<OfKind, Counter>,
+    cities: Gauge,
+    older_versions: Gauge,
 }
 
 impl Metrics {
-    /// A request has come.
-    pub(super) fn started(&self) {
-        self.in_flight.fetch_add(1, Relaxed);
+    /// With what stores count, if there are any.
+    pub(super) fn new(stores: Option<&Counters>) -> Self {
+        let mut metrics = Self {
+            registry: Registry::with_prefix("insula"),
+            requests: Family::default(),
+            bytes: Family::default(),
+            seconds: Family::new_with_constructor(|| Histogram::new(BUCKETS_SECS)),
+            routes: [const { OnceLock::new() }; ROUTES.len()],
+            in_flight: Gauge::default(),
+            connections: Gauge::default(),
+            connections_over: Counter::default(),
+            timeouts: Family::default(),
+            read_failures: Family::default(),
+            reloads: Family::default(),
+            cities: Gauge::default(),
+            older_versions: Gauge::default(),
+        };
+        metrics.register();
+        if let Some(counters) = stores {
+            counters.register(&mut metrics.registry);
+        }
+        metrics
+    }
+
+    fn register(&mut self) {
+        let to = &mut self.registry;
+        to.register("requests", "Requests by route and status code", self.requests.clone());
+        to.register("response_bytes", "Bytes of response bodies by route", self.bytes.clone());
+        let about = "Time from a request to the end of its answer's body";
+        to.register("request_seconds", about, self.seconds.clone());
+        to.register("requests_in_flight", "Requests being answered now", self.in_flight.clone());
+        to.register("connections", "Open connections", self.connections.clone());
+        let about = "Connections over the limit, told 503";
+        to.register("connections_over_limit", about, self.connections_over.clone());
+        let about = "Connections closed because the client was too slow, by what it was slow at";
+        to.register("client_timeouts", about, self.timeouts.clone());
+        let about = "Tiles that could not be served, by kind";
+        to.register("tile_failures", about, self.read_failures.clone());
+        to.register("reloads", "Looks at the cities that found something, by outcome", self.reloads.clone());
+        to.register("cities", "Cities that are open", self.cities.clone());
+        to.register("older_versions", "Replaced versions that are still served", self.older_versions.clone());
     }
 
     /// It has been answered with `bytes` of body, or has gone away (code 0).
     pub(super) fn finished(&self, route: Route, code: u16, bytes: u64, taken: Duration) {
-        self.in_flight.fetch_sub(1, Relaxed);
-        let Some(of_route) = self.routes.get(route.0) else { return };
+        let Some(&name) = ROUTES.get(route.0) else { return };
+        let cells = self.routes[route.0].get_or_init(|| Cells {
+            codes: [const { OnceLock::new() }; CODES.len()],
+            bytes: self.bytes.get_or_create_owned(&OfRoute { route: name }),
+            seconds: self.seconds.get_or_create_owned(&OfRoute { route: name }),
+        });
         let at = CODES.iter().position(|known| *known == code).unwrap_or(CODES.len() - 1);
-        of_route.requests[at].fetch_add(1, Relaxed);
-        of_route.bytes.fetch_add(bytes, Relaxed);
-        let micros = taken.as_micros().min(u128::from(u64::MAX)) as u64;
-        of_route.micros.fetch_add(micros, Relaxed);
-        if let Some(bucket) = BUCKETS_MICROS.iter().position(|end| micros <= *end) {
-            of_route.buckets[bucket].fetch_add(1, Relaxed);
+        let count = cells.codes[at].get_or_init(|| {
+            let code = match CODES[at] {
+                0 => "aborted".to_owned(),
+                999 => "other".to_owned(),
+                code => code.to_string(),
+            };
+            self.requests.get_or_create_owned(&OfRequest { route: name, code })
+        });
+        count.inc();
+        cells.bytes.inc_by(bytes);
+        cells.seconds.observe(taken.as_secs_f64());
+    }
+
+    /// A connection is there.
+    pub(super) fn connected(&self, over: bool) {
+        self.connections.inc();
+        self.connections_over.inc_by(u64::from(over));
+    }
+
+    /// It has gone; `slow` says at what it was too slow, if it was.
+    pub(super) fn disconnected(&self, slow: Option<&'static str>) {
+        self.connections.dec();
+        if let Some(kind) = slow {
+            self.timeouts.get_or_create(&OfKind { kind }).inc();
         }
     }
 
-    /// Everything as Prometheus text; what never happened is left out.
-    pub(super) fn text(&self, store: &Store) -> String {
+    /// A tile could not be served.
+    pub(super) fn read_failed(&self, error: &ReadError) {
+        let kind = match error {
+            ReadError::Damaged(_) => "damaged",
+            ReadError::Failed(_) => "unreadable",
+            ReadError::Replaced => "replaced",
+        };
+        self.read_failures.get_or_create(&OfKind { kind }).inc();
+    }
+
+    /// A look at the cities found a change, or failed.
+    pub(super) fn reloaded(&self, outcome: &'static str) {
+        self.reloads.get_or_create(&OfKind { kind: outcome }).inc();
+    }
+
+    /// These cities are served now.
+    pub(super) fn cities(&self, store: &Store) {
+        self.cities.set(store.cities().len() as i64);
+        self.older_versions.set(store.older_versions() as i64);
+    }
+
+    /// Everything as text.
+    pub(super) fn text(&self, in_flight: usize) -> String {
+        self.in_flight.set(in_flight as i64);
         let mut out = String::new();
-        family(&mut out, "insula_requests_total", "counter", "Requests by route and status code.");
-        for (route, of_route) in self.used() {
-            for (code, count) in CODES.iter().zip(&of_route.requests).filter(|(_, count)| count.load(Relaxed) > 0) {
-                let code = match code {
-                    0 => "aborted".to_owned(),
-                    999 => "other".to_owned(),
-                    code => code.to_string(),
-                };
-                let count = count.load(Relaxed);
-                let _ = writeln!(out, "insula_requests_total{{route=\"{route}\",code=\"{code}\"}} {count}");
-            }
-        }
-        family(&mut out, "insula_response_bytes_total", "counter", "Bytes of response bodies by route.");
-        for (route, of_route) in self.used() {
-            let bytes = of_route.bytes.load(Relaxed);
-            let _ = writeln!(out, "insula_response_bytes_total{{route=\"{route}\"}} {bytes}");
-        }
-        self.histogram(&mut out);
-        family(&mut out, "insula_requests_in_flight", "gauge", "Requests being answered now.");
-        let _ = writeln!(out, "insula_requests_in_flight {}", self.in_flight.load(Relaxed));
-        family(&mut out, "insula_cities", "gauge", "Cities that are open.");
-        let _ = writeln!(out, "insula_cities {}", store.cities().len());
+        // A string takes everything.
+        let _ = encode(&mut out, &self.registry);
         out
     }
-
-    fn histogram(&self, out: &mut String) {
-        let name = "insula_request_seconds";
-        family(out, name, "histogram", "Time from a request to the end of its answer's body.");
-        for (route, of_route) in self.used() {
-            let mut below = 0;
-            for (end, bucket) in BUCKETS_MICROS.iter().zip(&of_route.buckets) {
-                below += bucket.load(Relaxed);
-                let end_secs = *end as f64 / 1e6;
-                let _ = writeln!(out, "{name}_bucket{{route=\"{route}\",le=\"{end_secs}\"}} {below}");
-            }
-            let count = of_route.count();
-            let _ = writeln!(out, "{name}_bucket{{route=\"{route}\",le=\"+Inf\"}} {count}");
-            let _ = writeln!(out, "{name}_sum{{route=\"{route}\"}} {}", of_route.micros.load(Relaxed) as f64 / 1e6);
-            let _ = writeln!(out, "{name}_count{{route=\"{route}\"}} {count}");
-        }
-    }
-
-    fn used(&self) -> impl Iterator<Item = (&'static str, &OfRoute)> {
-        ROUTES.into_iter().zip(&self.routes).filter(|(_, of_route)| of_route.count() > 0)
-    }
-}
-
-impl OfRoute {
-    fn count(&self) -> u64 {
-        self.requests.iter().map(|count| count.load(Relaxed)).sum()
-    }
-}
-
-fn family(out: &mut String, name: &str, kind: &str, help: &str) {
-    let _ = writeln!(out, "# HELP {name} {help}\n# TYPE {name} {kind}");
 }

@@ -10,11 +10,11 @@ use crate::store::CityStore;
 use axum::{
     extract::State,
     http::{HeaderMap, HeaderValue, Method, header},
-    response::Response,
+    response::{IntoResponse, Response},
 };
 use bytes::Bytes;
 use insula_protocol::{manifest::Attribution, route};
-use std::fmt::Write;
+use std::{fmt::Write, sync::Arc};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:46rem;margin:3rem auto;padding:0 1rem;\
     color:#222;background:#fff}h1{font-weight:600}section{border-top:1px solid #ccc;padding:.5rem 0 1rem}\
@@ -24,15 +24,20 @@ const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:46rem;mar
 
 /// `/`
 pub(super) async fn index(State(app): State<AppState>, method: Method, headers: HeaderMap) -> Response {
-    let html = html(&app, host(&headers));
+    let catalog = app.catalog();
+    let access = catalog.access();
+    let all = access.has_token(&headers);
+    let cities = catalog.store().cities().filter(|city| all || !access.is_private(&city.manifest().name));
+    let html = html(cities, host(&headers));
     let representation = Representation {
         etag: etag_of(html.as_bytes()),
         body: Bytes::from(html),
         content_type: HeaderValue::from_static("text/html; charset=utf-8"),
-        cache_control: REVALIDATE,
+        cache_control: if all { HeaderValue::from_static("private, no-cache") } else { REVALIDATE },
+        encoding: None,
         vary: None,
     };
-    let mut response = representation.answer(&method, &headers);
+    let mut response = representation.answer(&method, &headers).into_response();
     let policy = HeaderValue::from_static("default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'");
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
     response
@@ -45,7 +50,7 @@ fn host(headers: &HeaderMap) -> &str {
     if !host.is_empty() && host.bytes().all(plain) { host } else { "HOST" }
 }
 
-fn html(app: &AppState, host: &str) -> String {
+fn html<'a>(cities: impl Iterator<Item = &'a Arc<CityStore>>, host: &str) -> String {
     let mut out = format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Insula</title>\
          <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style></head><body><h1>Insula</h1>\
@@ -55,11 +60,13 @@ fn html(app: &AppState, host: &str) -> String {
         route::CITIES,
         route::CITIES
     );
-    for city in app.store().cities() {
+    let mut any = false;
+    for city in cities {
         section(&mut out, city, host);
+        any = true;
     }
-    if app.store().cities().len() == 0 {
-        out.push_str("<p>There is no city here yet.</p>");
+    if !any {
+        out.push_str("<p>There is no city here that everybody may see.</p>");
     }
     out.push_str("</body></html>\n");
     out

@@ -1,78 +1,107 @@
 //! Tiles, immutable under their city's version.
 //!
-//! In: `/v1/cities/{city}/{version}/{layer}/{level}/{x}/{y}`. Out: the tile's bytes as the archive holds them.
-//! Next: the client's decoder.
+//! In: a [`TileAddress`]. Out: the tile's bytes as the archive holds them, every checksum right. Next: the client's decoder.
 
 use super::{
-    AppState, Problem,
-    headers::{IMMUTABLE, Representation, quoted},
+    App, Problem, TileAddress,
+    access::Sight,
+    answer::Answer,
+    headers::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_plain, quoted},
+    tile_cache::{Key, Ready},
 };
-use crate::store::CityStore;
-use axum::{
-    extract::{Path, State, rejection::PathRejection},
-    http::{HeaderMap, HeaderValue, Method},
-    response::Response,
-};
+use crate::store::{CityStore, ReadError};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
+use bytes::Bytes;
+use http_body_util::Full;
 use insula_protocol::{TileId, route::Layer};
+use std::sync::Arc;
 
-type Parts = (String, String, String, String, String);
-type MeshParts = (String, String, String, String, String, String);
-
-/// A tile of `layer`.
-pub(super) async fn tile(
-    layer: Layer,
-    State(app): State<AppState>,
-    path: Result<Path<Parts>, PathRejection>,
-    method: Method,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let Path((city, version, level, x, y)) = path.map_err(|_| NOT_TEXT)?;
-    let id = tile_id(&level, &x, &y)?;
-    let city = versioned(&app, &city, &version)?;
-    let body = city.tile(layer, id).ok_or(Problem::not_found("this city has no such tile"))?;
-    let representation = Representation {
-        body,
-        content_type: HeaderValue::from_static("application/octet-stream"),
-        // The version is a hash of the city's content, so that version, layer and place name the bytes.
-        etag: quoted(&format!("{version}-{}-{level}-{x}-{y}", layer.word())),
-        cache_control: IMMUTABLE,
-        vary: None,
-    };
-    Ok(representation.answer(&method, &headers))
+/// A tile that exists as far as its address tells.
+pub(super) struct Wanted {
+    city: Arc<CityStore>,
+    key: Key,
+    sight: Sight,
 }
 
-/// Mesh LODs: the addresses are reserved, no city has any yet.
-pub(super) async fn mesh(
-    State(app): State<AppState>,
-    path: Result<Path<MeshParts>, PathRejection>,
-) -> Result<Response, Problem> {
-    let Path((city, version, level, x, y, lod)) = path.map_err(|_| NOT_TEXT)?;
-    tile_id(&level, &x, &y)?;
-    number(&lod).filter(|lod| *lod <= u32::from(u8::MAX)).ok_or(NOT_A_TILE)?;
-    versioned(&app, &city, &version)?;
-    Err(Problem::not_found("this city has no meshes"))
-}
-
-const NOT_TEXT: Problem = Problem::bad_request("the address is not UTF-8 text");
-const NOT_A_TILE: Problem =
-    Problem::bad_request("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level");
-
-fn versioned<'a>(app: &'a AppState, city: &str, version: &str) -> Result<&'a CityStore, Problem> {
-    let city = app.store().city(city).ok_or(Problem::not_found("there is no such city"))?;
-    if city.manifest().version != version {
-        return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
+impl Wanted {
+    /// Errors: 401, 404.
+    pub(super) fn find(app: &App, address: TileAddress<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
+        let catalog = app.state().catalog();
+        let sight = catalog.access().sight(address.city, headers)?;
+        let city = match catalog.store().version(address.city, address.version) {
+            Some(city) => Arc::clone(city),
+            None if catalog.store().city(address.city).is_none() => {
+                return Err(Problem::not_found("there is no such city"));
+            }
+            None => {
+                return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
+            }
+        };
+        // The addresses of mesh levels of detail are reserved, no city has any yet.
+        let layer = address.layer.ok_or(Problem::not_found("this city has no meshes"))?;
+        let key = Key { serial: city.serial(), layer, id: address.id };
+        Ok(Self { city, key, sight })
     }
-    Ok(city)
+
+    /// The answer, if the tile is at hand.
+    pub(super) fn at_hand(&self, app: &App, request: &Parts) -> Option<Answer> {
+        app.tiles().get(&self.key).map(|tile| answer(&tile, &request.method, &request.headers))
+    }
+
+    /// Reads the tile, checks it and keeps it at hand.
+    pub(super) async fn read(self, app: &App, method: &Method, headers: &HeaderMap) -> Result<Answer, Problem> {
+        let body = match self.city.checked_tile(self.key.layer, self.key.id).await {
+            Ok(body) => body.ok_or(Problem::not_found("this city has no such tile"))?,
+            Err(error) => return Err(self.failed(app, &error)),
+        };
+        let tile = Arc::new(self.ready(body));
+        app.tiles().insert(self.key, Arc::clone(&tile));
+        Ok(answer(&tile, method, headers))
+    }
+
+    fn ready(&self, body: Bytes) -> Ready {
+        let representation = Representation {
+            body,
+            content_type: HeaderValue::from_static("application/octet-stream"),
+            // The version is a hash of the city's content, so that version, layer and place name the bytes.
+            etag: etag(&self.city.manifest().version, self.key.layer, self.key.id),
+            cache_control: if self.sight == Sight::Private { IMMUTABLE_PRIVATE } else { IMMUTABLE },
+            encoding: None,
+            vary: None,
+        };
+        let whole = representation.clone().answer(&Method::GET, &HeaderMap::new());
+        Ready { headers: super::app::with_cors(whole.into_parts().0.headers), representation }
+    }
+
+    /// What the host must know is logged and counted; the client learns that it is not its fault.
+    fn failed(&self, app: &App, error: &ReadError) -> Problem {
+        app.state().metrics().read_failed(error);
+        let (place, layer, id) = (self.city.place(), self.key.layer.word(), self.key.id);
+        tracing::error!(place, tile = %format_args!("{layer}/{id}"), %error, "a tile cannot be served");
+        match error {
+            ReadError::Damaged(_) => {
+                let detail = "the server's copy of this tile is damaged";
+                Problem::new(StatusCode::INTERNAL_SERVER_ERROR, detail)
+                    .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+            }
+            ReadError::Failed(_) | ReadError::Replaced => {
+                Problem::unavailable("this tile cannot be read at the moment")
+            }
+        }
+    }
 }
 
-fn tile_id(level: &str, x: &str, y: &str) -> Result<TileId, Problem> {
-    let part = |text| number(text).ok_or(NOT_A_TILE);
-    let level = u8::try_from(part(level)?).map_err(|_| NOT_A_TILE)?;
-    TileId::new(level, part(x)?, part(y)?).ok_or(NOT_A_TILE)
+/// The common question has its answer's headers ready.
+fn answer(tile: &Ready, method: &Method, headers: &HeaderMap) -> Answer {
+    if *method == Method::GET && is_plain(headers) {
+        let mut whole = Answer::new(Full::new(tile.representation.body.clone()));
+        *whole.headers_mut() = tile.headers.clone();
+        whole
+    } else {
+        tile.representation.clone().answer(method, headers)
+    }
 }
 
-/// Decimal digits without sign or leading zeros, so that each tile has one address and caches hold it once.
-fn number(text: &str) -> Option<u32> {
-    let plain = text.bytes().all(|b| b.is_ascii_digit()) && (text == "0" || !text.starts_with('0'));
-    if plain { text.parse().ok() } else { None }
+fn etag(version: &str, layer: Layer, id: TileId) -> HeaderValue {
+    quoted(&format!("{version}-{}-{}-{}-{}", layer.word(), id.level(), id.x(), id.y()))
 }

@@ -1,6 +1,7 @@
 //! A PMTiles v3 header and its directories, flattened into one sorted index.
 //!
-//! In: a whole archive as bytes that anyone may have made. Out: [`Entry`]s, each proven to lie inside those bytes.
+//! In: an archive's first bytes and its directories, which anyone may have made. Out: [`Entry`]s, each proven to lie inside
+//! the file.
 //! Next: `archive` looks tiles up in them.
 //!
 //! The `pmtiles` crate keeps an entry's offset to itself and decodes a leaf directory at each look-up (118 us a tile), so
@@ -10,9 +11,11 @@ use super::ArchiveError;
 use insula_protocol::tile_id::MAX_LEVEL;
 use std::{io::Read, ops::Range};
 
-const HEADER_BYTES: usize = 127;
+pub(super) const HEADER_BYTES: usize = 127;
 /// Most entries in one archive: 24 bytes each, 1.6 GB of index. Equal tiles in a row are one entry.
 const MAX_ENTRIES: usize = 1 << 26;
+/// Most bytes of packed directories: what is read of them into memory.
+const MAX_PACKED_BYTES: u64 = 512 << 20;
 /// Largest unpacked directory.
 const MAX_DIRECTORY_BYTES: u64 = 256 << 20;
 /// Leaf directories below leaf directories; writers make one level.
@@ -35,33 +38,38 @@ impl Entry {
     pub(super) fn end(&self) -> u64 {
         self.id + u64::from(self.run)
     }
+
+    /// Its place in the file.
+    pub(super) fn bytes(&self) -> Range<u64> {
+        self.offset..self.offset + u64::from(self.length)
+    }
 }
 
-struct Header {
-    root: Range<u64>,
-    leaves: Range<u64>,
+/// Where an archive's sections lie; all of them inside the file.
+pub(super) struct Header {
+    pub(super) root: Range<u64>,
+    pub(super) leaves: Range<u64>,
     data: Range<u64>,
     gzip: bool,
 }
 
-/// All tiles of an archive, by ascending id.
-pub(super) fn read(file: &[u8]) -> Result<Vec<Entry>, ArchiveError> {
-    let header = Header::read(file)?;
+/// All tiles of an archive, by ascending id. `root` and `leaves` are the sections that the header names.
+pub(super) fn read(header: &Header, root: &[u8], leaves: &[u8]) -> Result<Vec<Entry>, ArchiveError> {
     let mut entries = Vec::new();
-    flatten(file, &header, header.root.clone(), 0, &mut entries)?;
+    flatten(header, root, leaves, 0, &mut entries)?;
     // A run is a few bytes however long it is: what goes through all tiles must end.
     let tiles: u64 = entries.iter().map(|entry| u64::from(entry.run)).sum();
     if tiles > MAX_ENTRIES as u64 { Err(ArchiveError::TooMany(MAX_ENTRIES)) } else { Ok(entries) }
 }
 
 impl Header {
-    fn read(file: &[u8]) -> Result<Self, ArchiveError> {
+    /// From the first [`HEADER_BYTES`] of a file of `found` bytes, or all of a shorter one.
+    pub(super) fn read(first: &[u8], found: u64) -> Result<Self, ArchiveError> {
         let magic = &b"PMTiles\x03"[..];
-        if !file.starts_with(&magic[..magic.len().min(file.len())]) || file.is_empty() {
+        if !first.starts_with(&magic[..magic.len().min(first.len())]) || first.is_empty() {
             return Err(ArchiveError::Magic);
         }
-        let found = file.len() as u64;
-        let header: &[u8; HEADER_BYTES] = file.first_chunk().ok_or(ArchiveError::Truncated {
+        let header: &[u8; HEADER_BYTES] = first.first_chunk().ok_or(ArchiveError::Truncated {
             what: "the header",
             wanted: HEADER_BYTES as u64,
             found,
@@ -78,31 +86,30 @@ impl Header {
             let wanted = start.saturating_add(length);
             if wanted > found { Err(ArchiveError::Truncated { what, wanted, found }) } else { Ok(start..wanted) }
         };
+        let directory = |at, what| match section(at, what)? {
+            range if range.end - range.start > MAX_PACKED_BYTES => Err(ArchiveError::TooMany(MAX_ENTRIES)),
+            range => Ok(range),
+        };
         Ok(Self {
-            root: section(8, "the root directory")?,
-            leaves: section(40, "the leaf directories")?,
+            root: directory(8, "the root directory")?,
+            leaves: directory(40, "the leaf directories")?,
             data: section(56, "the tile data")?,
             gzip: header[97] == COMPRESSION_GZIP,
         })
     }
 }
 
-/// Appends what the directory at `place` lists; leaf directories in their order, so that ids keep ascending.
-fn flatten(
-    file: &[u8],
-    header: &Header,
-    place: Range<u64>,
-    depth: u8,
-    out: &mut Vec<Entry>,
-) -> Result<(), ArchiveError> {
-    let packed = &file[place.start as usize..place.end as usize];
+/// Appends what a packed directory lists; leaf directories in their order, so that ids keep ascending.
+fn flatten(header: &Header, packed: &[u8], leaves: &[u8], depth: u8, out: &mut Vec<Entry>) -> Result<(), ArchiveError> {
     for raw in Directory::unpack(packed, header.gzip)?.entries {
         if raw.run_length == 0 {
             if depth >= MAX_DEPTH {
                 return Err(ArchiveError::Directory("leaf directories are nested too deeply"));
             }
-            let leaf = inside(&header.leaves, raw.offset, raw.length, "a leaf directory lies outside its section")?;
-            flatten(file, header, leaf, depth + 1, out)?;
+            let outside = "a leaf directory lies outside its section";
+            let section = 0..leaves.len() as u64;
+            let leaf = inside(&section, raw.offset, raw.length, outside)?;
+            flatten(header, &leaves[leaf.start as usize..leaf.end as usize], leaves, depth + 1, out)?;
             continue;
         }
         let data = inside(&header.data, raw.offset, raw.length, "a tile lies outside the tile data")?;

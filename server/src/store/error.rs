@@ -1,5 +1,6 @@
 //! What can be wrong with a city's folder. Each text is one line: what, where, what to do.
 
+use super::ReadError;
 use std::path::PathBuf;
 
 /// Why a city cannot be opened.
@@ -17,30 +18,52 @@ pub enum StoreError {
     #[error("no city in {}: there is no city.json in it or one folder below; make one with `insula-server bake`", .0.display())]
     NoCity(PathBuf),
     /// `city.json` is no manifest that this program serves.
-    #[error("cannot use {}: {reason}; bake the city again", path.display())]
+    #[error("cannot use {place}: {reason}; bake the city again")]
     Manifest {
         /// The manifest.
-        path: PathBuf,
+        place: String,
         /// What is wrong with it.
         reason: String,
     },
     /// A tile archive is damaged.
-    #[error("cannot use {}: {source}; copy or bake the city again", path.display())]
+    #[error("cannot use {place}: {source}; copy or bake the city again")]
     Archive {
         /// The archive.
-        path: PathBuf,
+        place: String,
         /// What is wrong with it.
         source: ArchiveError,
     },
     /// URLs could not tell two cities apart.
-    #[error("two cities are named {name:?}: {} and {}; bake one with another --name", first.display(), second.display())]
+    #[error("two cities are named {name:?}: {first} and {second}; bake one with another --name")]
     SameName {
         /// The name.
         name: String,
-        /// One folder.
-        first: PathBuf,
+        /// One place.
+        first: String,
         /// The other.
-        second: PathBuf,
+        second: String,
+    },
+    /// A store does not give a city.
+    #[error("cannot read {url}: {reason}; is the address right, and may this machine read it?")]
+    Remote {
+        /// What was to be read.
+        url: String,
+        /// Why it could not.
+        reason: String,
+    },
+    /// The folder for blocks cannot be used.
+    #[error("cannot use cache.folder {}: {source}; give another one", path.display())]
+    Cache {
+        /// The folder.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// Something replaces the city at this moment.
+    #[error("cannot open {place}: it keeps being replaced while it is read; try again")]
+    Changing {
+        /// The city.
+        place: String,
     },
 }
 
@@ -66,7 +89,16 @@ pub enum ArchiveError {
     /// Bytes that no writer makes.
     #[error("damaged directory: {0}")]
     Directory(&'static str),
+    /// The system or the store does not give it.
+    #[error("{0}")]
+    Unreadable(String),
     /// More than the program is willing to hold in memory.
     #[error("its directory is over the limit of {0} tiles")]
     TooMany(usize),
+}
+
+impl From<ReadError> for ArchiveError {
+    fn from(error: ReadError) -> Self {
+        Self::Unreadable(error.to_string())
+    }
 }

@@ -1,0 +1,26 @@
+//! Writes every tile of a city as a file at its URL's path, for web servers that serve files (`tests/load/throughput.py`).
+//!
+//! `cargo run --release -p insula-server --example tile_files -- CITY FOLDER`
+
+use anyhow::{Context, bail};
+use insula_protocol::route::{self, Layer};
+use insula_server::store::CityStore;
+use std::{fs, io::Write, path::Path};
+
+fn main() -> anyhow::Result<()> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let [city, folder] = &args[..] else { bail!("usage: tile_files CITY FOLDER") };
+    let (city, folder) = (CityStore::open(Path::new(city))?, Path::new(folder));
+    fs::create_dir_all(folder)?;
+    let mut list = std::io::BufWriter::new(fs::File::create(folder.join("paths.txt"))?);
+    for layer in Layer::ALL {
+        for (id, bytes) in city.archive(layer).tiles() {
+            let path = route::tile(&city.manifest().name, &city.manifest().version, layer, id);
+            let file = folder.join(path.trim_start_matches('/'));
+            fs::create_dir_all(file.parent().context("a tile's path has a folder")?)?;
+            fs::write(&file, bytes?)?;
+            writeln!(list, "{path}")?;
+        }
+    }
+    Ok(list.flush()?)
+}

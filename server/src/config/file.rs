@@ -1,0 +1,207 @@
+//! Where settings come from: defaults, over them a TOML file, over it the environment, over it the command line.
+//!
+//! In: texts. Out: [`Config`], or the one line that names the place and the key of what is wrong. Next: `commands::serve`.
+
+use super::{
+    Config,
+    keys::{self, Given, KEYS},
+};
+use std::{fmt::Write, path::Path};
+use toml::de::{DeTable, DeValue};
+
+/// `limits.in_flight` is `INSULA_SERVE_LIMITS_IN_FLIGHT` there.
+const PREFIX: &str = "INSULA_SERVE_";
+/// Longest config file.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// Why there is no config: where, which key, what is wrong.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("cannot use the settings: {place}: {reason}; `insula-server serve --print-config` shows all keys")]
+pub struct ConfigError {
+    place: String,
+    reason: String,
+}
+
+impl ConfigError {
+    fn new(place: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self { place: place.into(), reason: reason.into() }
+    }
+}
+
+impl Config {
+    /// The defaults, over them the file, the environment (pairs of name and value) and `settings` (`key=value`).
+    pub fn new(
+        file: Option<&Path>,
+        environment: impl IntoIterator<Item = (String, String)>,
+        settings: &[String],
+    ) -> Result<Self, ConfigError> {
+        let mut config = Self::default();
+        if let Some(path) = file {
+            let name = path.display().to_string();
+            let text = read(path).map_err(|reason| ConfigError::new(&name, reason))?;
+            config.set_from_file(&name, &text)?;
+        }
+        config.set_from_environment(environment)?;
+        for setting in settings {
+            let place = || format!("--set {setting}");
+            let (key, value) =
+                setting.split_once('=').ok_or_else(|| ConfigError::new(place(), "KEY=VALUE is wanted"))?;
+            keys::set(&mut config, key, &Given::Plain(value.to_owned()))
+                .map_err(|reason| ConfigError::new(place(), reason))?;
+        }
+        config.check().map_err(|reason| ConfigError::new("all together", reason))?;
+        Ok(config)
+    }
+
+    fn set_from_file(&mut self, name: &str, text: &str) -> Result<(), ConfigError> {
+        let at = |start: usize| text.get(..start).map_or(1, |before| before.matches('\n').count() + 1);
+        let table = DeTable::parse(text).map_err(|error| {
+            let line = error.span().map_or(1, |span| at(span.start));
+            ConfigError::new(format!("{name}, line {line}"), error.message().replace('\n', " "))
+        })?;
+        for (key, value) in table.get_ref().iter() {
+            let place = |start: usize, key: &str| format!("{name}, line {}, {key}", at(start));
+            if let DeValue::Table(inner) = value.get_ref() {
+                for (sub, value) in inner.iter() {
+                    let full = format!("{}.{}", key.get_ref(), sub.get_ref());
+                    keys::set(self, &full, &given(value.get_ref()))
+                        .map_err(|reason| ConfigError::new(place(sub.span().start, &full), reason))?;
+                }
+            } else {
+                keys::set(self, key.get_ref(), &given(value.get_ref()))
+                    .map_err(|reason| ConfigError::new(place(key.span().start, key.get_ref()), reason))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn set_from_environment(
+        &mut self,
+        environment: impl IntoIterator<Item = (String, String)>,
+    ) -> Result<(), ConfigError> {
+        for (name, value) in environment {
+            let Some(wanted) = name.strip_prefix(PREFIX) else { continue };
+            let known = KEYS.iter().find(|(key, _)| key.replace('.', "_").to_uppercase() == wanted);
+            let (key, _) = known.ok_or_else(|| ConfigError::new(&name, "there is no such setting"))?;
+            keys::set(self, key, &Given::Plain(value)).map_err(|reason| ConfigError::new(&name, reason))?;
+        }
+        Ok(())
+    }
+
+    /// All settings as a TOML file that gives this config again, each with what it means.
+    pub fn to_toml(&self) -> String {
+        let mut out = String::new();
+        let mut config = self.clone();
+        let mut table = "";
+        for (key, about) in KEYS {
+            let (of, name) = key.split_once('.').unwrap_or(("", key));
+            if of != table {
+                let _ = write!(out, "\n[{of}]\n");
+                table = of;
+            }
+            let _ = writeln!(out, "# {about}\n{name} = {}", keys::get(&mut config, key));
+        }
+        out
+    }
+}
+
+fn given(value: &DeValue<'_>) -> Given {
+    let text = |value: &DeValue<'_>| match value {
+        DeValue::String(text) => Some(text.to_string()),
+        _ => None,
+    };
+    match value {
+        DeValue::String(text) => Given::Text(text.to_string()),
+        DeValue::Integer(number) if number.radix() == 10 => Given::Number(number.as_str().to_owned()),
+        DeValue::Float(number) => Given::Number(number.as_str().to_owned()),
+        DeValue::Array(list) => {
+            list.iter().map(|value| text(value.get_ref())).collect::<Option<_>>().map_or(Given::Other, Given::List)
+        }
+        _ => Given::Other,
+    }
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    let about = std::fs::metadata(path).map_err(|error| error.to_string())?;
+    if about.len() > MAX_FILE_BYTES {
+        return Err(format!("a config file is at most {MAX_FILE_BYTES} bytes"));
+    }
+    std::fs::read_to_string(path).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(text: &str, environment: &[(&str, &str)], settings: &[&str]) -> Result<Config, String> {
+        let file = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+        let settings: Vec<_> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+        Config::new(Some(file.path()), environment, &settings).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_command_line_wins_over_the_environment_and_that_over_the_file() {
+        let file = "listen = \"0.0.0.0:80\"\n[limits]\nin_flight = 5\nheaders = 9\n";
+        let environment = [("INSULA_SERVE_LIMITS_IN_FLIGHT", "6"), ("INSULA_SERVE_DRAIN_SECS", "1"), ("HOME", "/")];
+        let config = with(file, &environment, &["drain_secs=2"]).unwrap();
+        assert_eq!((config.listen.as_str(), config.limits.headers), ("0.0.0.0:80", 9));
+        assert_eq!((config.limits.in_flight, config.drain_secs), (6, 2));
+        assert_eq!(Config::new(None, [], &[]).unwrap(), Config::default());
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_line_and_key() {
+        for (text, wanted) in [
+            ("\n\nlisten = \"here\"", ["line 3, listen", "HOST:PORT"]),
+            ("[limits]\n# none\nin_flight = 0", ["line 3, limits.in_flight", "from 1 to"]),
+            ("[limits]\nin_flight = \"5\"", ["line 2, limits.in_flight", "without quotes"]),
+            ("[limits]\nin_flight = 0x10", ["line 2, limits.in_flight", "number"]),
+            ("[limits]\nin_fligth = 5", ["line 2, limits.in_fligth", "no such key"]),
+            ("in_flight = 5", ["line 1, in_flight", "did you mean limits.in_flight"]),
+            ("\n[log]\nformat = \"xml\"", ["line 3, log.format", "\"text\", \"json\""]),
+            ("[access]\nprivate = [1]", ["line 2, access.private", "list of names"]),
+            ("[access]\nprivate = [\"Delft\"]", ["line 2, access.private", "Delft"]),
+            ("threads = true", ["line 1, threads", "number"]),
+            ("threads = 1\nthreads = 2", ["line 2", "duplicate"]),
+            ("[limits", ["line 1", ""]),
+            ("{\"listen\": \"127.0.0.1:7700\"}", ["line 1", ""]),
+            ("[tls]\nkey = \"k.pem\"", ["tls.key", "tls.certificate"]),
+            ("[access]\nprivate = [\"delft\"]", ["access.private", "access.tokens"]),
+        ] {
+            let line = with(text, &[], &[]).expect_err(text);
+            assert!(!line.contains('\n') && wanted.iter().all(|part| line.contains(part)), "{text}: {line}");
+        }
+        let line = with("", &[("INSULA_SERVE_LIMIT", "1")], &[]).unwrap_err();
+        assert!(line.contains("INSULA_SERVE_LIMIT"), "{line}");
+        let line = with("", &[("INSULA_SERVE_THREADS", "many")], &[]).unwrap_err();
+        assert!(line.contains("INSULA_SERVE_THREADS") && line.contains("many"), "{line}");
+        for setting in ["threads", "threads=-1", "thread=1"] {
+            assert!(with("", &[], &[setting]).unwrap_err().contains(setting));
+        }
+    }
+
+    #[test]
+    fn what_is_printed_gives_the_same_again() {
+        assert_eq!(with(&Config::default().to_toml(), &[], &[]).unwrap(), Config::default());
+        let odd = [
+            "listen=[::1]:0",
+            "access.tokens=/a \"b\"\\c",
+            "access.private=a,b-c",
+            "limits.client_rate=0.5",
+            "log.format=json",
+            "log.requests=all",
+            "tls.key=k",
+            "tls.certificate=c",
+        ];
+        let config = with("", &[], &odd).unwrap();
+        assert_ne!(config, Config::default());
+        let text = config.to_toml();
+        assert_eq!(with(&text, &[], &[]).unwrap(), config);
+        for (key, about) in KEYS {
+            let name = key.rsplit('.').next().unwrap();
+            assert!(text.contains(&format!("# {about}\n{name} = ")), "{key} is not printed");
+        }
+    }
+}

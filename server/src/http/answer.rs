@@ -1,0 +1,158 @@
+//! An answer on its way out, and what is counted until it is.
+//!
+//! In: a response and the request's [`Guard`]. Out: a body that keeps the guard until it has been handed to the connection.
+//! Next: hyper.
+
+use super::{App, connection::Client, metrics::Route};
+use axum::{
+    body::{Body, Bytes, HttpBody},
+    http::{HeaderValue, Method, Response, Uri},
+};
+use http_body::{Frame, SizeHint};
+use http_body_util::Full;
+use std::{
+    pin::Pin,
+    sync::Arc,
+    task::{Context, Poll, ready},
+    time::Instant,
+};
+
+/// An answer whose bytes are all there: every answer is.
+pub(super) type Answer = Response<Full<Bytes>>;
+
+/// What one request holds; given back when this is dropped, however that comes about.
+pub(super) struct Guard {
+    app: App,
+    client: Option<Arc<Client>>,
+    started: Instant,
+    route: Route,
+    code: u16,
+    sent_bytes: u64,
+    /// Counted as in flight, with so many bytes.
+    held: Option<usize>,
+    line: Option<Box<Line>>,
+}
+
+/// What the log says of a request.
+pub(super) struct Line {
+    pub(super) id: HeaderValue,
+    pub(super) method: Method,
+    pub(super) uri: Uri,
+}
+
+impl Guard {
+    pub(super) fn new(app: &App, client: Option<&Arc<Client>>, route: Route) -> Self {
+        if let Some(client) = client {
+            client.begin();
+        }
+        let (app, client) = (app.clone(), client.cloned());
+        Self { app, client, started: Instant::now(), route, code: 0, sent_bytes: 0, held: None, line: None }
+    }
+
+    /// Whether an answer of this code has a line in the log.
+    pub(super) fn logs(&self, code: u16) -> bool {
+        self.app.state().logs(code)
+    }
+
+    /// Writes a line of the log at the end.
+    pub(super) fn log(&mut self, line: Line) {
+        self.line = Some(Box::new(line));
+    }
+
+    pub(super) fn code(&mut self, code: u16) {
+        self.code = code;
+    }
+
+    /// Whether there is room for one request more.
+    pub(super) fn enter(&mut self) -> bool {
+        let entered = self.app.state().room().enter();
+        self.held = entered.then_some(0);
+        entered
+    }
+
+    /// Whether there is room for so many bytes of answer, if it has entered.
+    pub(super) fn hold(&mut self, bytes: usize) -> bool {
+        let Some(held) = &mut self.held else { return true };
+        let fits = self.app.state().room().hold(bytes);
+        *held += if fits { bytes } else { 0 };
+        fits
+    }
+}
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        if let Some(bytes) = self.held {
+            self.app.state().room().leave(bytes);
+        }
+        if let Some(client) = &self.client {
+            client.end();
+        }
+        let taken = self.started.elapsed();
+        self.app.state().metrics().finished(self.route, self.code, self.sent_bytes, taken);
+        if let Some(line) = &self.line {
+            let id = line.id.to_str().unwrap_or_default();
+            let (code, bytes, micros) = (self.code, self.sent_bytes, taken.as_micros() as u64);
+            tracing::info!(id, method = %line.method, path = line.uri.path(), code, bytes, micros, "request");
+        }
+    }
+}
+
+/// A body that keeps its request's [`Guard`].
+pub(super) struct AnswerBody {
+    inner: Inner,
+    guard: Guard,
+}
+
+pub(super) enum Inner {
+    Whole(Full<Bytes>),
+    Routed(Body),
+}
+
+impl Inner {
+    pub(super) fn len(&self) -> usize {
+        let hint = match self {
+            Self::Whole(body) => body.size_hint(),
+            Self::Routed(body) => body.size_hint(),
+        };
+        hint.lower() as usize
+    }
+}
+
+impl AnswerBody {
+    pub(super) fn new(inner: Inner, guard: Guard) -> Self {
+        Self { inner, guard }
+    }
+}
+
+impl HttpBody for AnswerBody {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let frame = match &mut self.inner {
+            Inner::Whole(body) => ready!(Pin::new(body).poll_frame(context)).map(|frame| frame.map_err(|e| match e {})),
+            Inner::Routed(body) => ready!(Pin::new(body).poll_frame(context)),
+        };
+        if let Some(Ok(frame)) = &frame {
+            self.guard.sent_bytes += frame.data_ref().map_or(0, Bytes::len) as u64;
+        }
+        Poll::Ready(frame)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        match &self.inner {
+            Inner::Whole(body) => body.is_end_stream(),
+            Inner::Routed(body) => body.is_end_stream(),
+        }
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        match &self.inner {
+            Inner::Whole(body) => body.size_hint(),
+            Inner::Routed(body) => body.size_hint(),
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Cities in stores that are well, slow, failing, gone, lying, and replaced.
+
+use crate::{
+    client::{Connection, addresses, is_whole},
+    common,
+    origin::Origin,
+    program::{Served, find, until},
+};
+use axum::{body::Body, http::Request};
+use http_body_util::BodyExt;
+use insula_server::{
+    config::Config,
+    http::{AppState, app},
+    store::Store,
+};
+use std::{
+    fs,
+    net::TcpListener,
+    path::Path,
+    process::{Child, Command, Stdio},
+    sync::atomic::Ordering::Relaxed,
+    time::{Duration, Instant},
+};
+use tower::ServiceExt;
+
+/// So that each tile is read from the store each time.
+const COLD: [&str; 3] = ["cache.memory_bytes=0", "limits.tile_bytes=0", "cache.block_bytes=4096"];
+
+fn origin() -> (tempfile::TempDir, Origin) {
+    let folder = tempfile::tempdir().unwrap();
+    common::city(folder.path(), "two");
+    let origin = Origin::start(folder.path());
+    (folder, origin)
+}
+
+/// Answers by status; a tile that is not whole is a failure at once.
+fn ask(server: &Served, rounds: usize) -> (usize, usize) {
+    let mut connection = Connection::new(server.address);
+    let (mut good, mut bad) = (0, 0);
+    for _ in 0..rounds {
+        for (layer, path) in addresses(common::VERSION) {
+            let answer = connection.get(&path).unwrap();
+            if answer.status == 200 {
+                assert!(is_whole(layer, &answer.body), "wrong bytes at {path}");
+                good += 1;
+            } else {
+                bad += 1;
+            }
+        }
+    }
+    (good, bad)
+}
+
+pub(crate) fn failing() {
+    let (_folder, origin) = origin();
+    origin.faults.failing_percent.store(30, Relaxed);
+    origin.faults.slow_millis.store(2, Relaxed);
+    let server = Served::start(&origin.url(), &COLD);
+    assert_eq!(ask(&server, 150), (450, 0));
+    let failed = server.metric("insula_store_fetches_total{outcome=\"failed\"}");
+    let all = failed + server.metric("insula_store_fetches_total{outcome=\"ok\"}");
+    println!("{failed} of {all} fetches failed, no answer did");
+    assert!((0.15..0.45).contains(&(failed / all)), "{failed} of {all}: the test tests something else");
+}
+
+pub(crate) fn gone() {
+    let (_folder, origin) = origin();
+    let settings = [&COLD[..], &["cache.timeout_secs=1"]].concat();
+    let server = Served::start(&origin.url(), &settings);
+    assert_eq!(ask(&server, 1), (3, 0));
+    origin.faults.gone.store(true, Relaxed);
+    let start = Instant::now();
+    assert_eq!(ask(&server, 1), (0, 3));
+    assert!(start.elapsed() < Duration::from_secs(6), "three answers took {:?}", start.elapsed());
+    assert_eq!(Connection::new(server.address).get("/readyz").unwrap().status, 200, "other cities may be well");
+    origin.faults.gone.store(false, Relaxed);
+    assert_eq!(ask(&server, 5), (15, 0), "it is back at once");
+}
+
+pub(crate) fn lying() {
+    let (_folder, origin) = origin();
+    let server = Served::start(&origin.url(), &COLD);
+    origin.faults.lying_percent.store(30, Relaxed);
+    let (good, bad) = ask(&server, 150);
+    println!("{good} tiles, {bad} refused");
+    assert!(good > 300, "what is wrong is read once more");
+    assert!(bad > 0 || good == 450);
+    origin.faults.lying_percent.store(100, Relaxed);
+    assert!(ask(&server, 5).1 > 0, "nothing but lies: the test tests nothing");
+    assert!(server.metric("insula_tile_failures_total{kind=\"damaged\"}") > 0.0);
+}
+
+pub(crate) fn coalesced() {
+    let (folder, origin) = origin();
+    let (layer, path) = addresses(common::VERSION)[0].clone();
+    let archive = fs::read(folder.path().join("blockmaps.pmtiles")).unwrap();
+    let tile_at = archive.windows(4).position(|window| window == b"INSU").unwrap();
+    assert!(tile_at >= 4096, "its block was read with the directories: the test tests nothing");
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(4).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let mut config = Config::default();
+        (config.cache.block_bytes, config.limits.tile_bytes) = (4096, 0);
+        let store = Store::open_anywhere(&[origin.url().into()], &config.cache).await.unwrap();
+        let app = app(AppState::new(store, &config));
+        origin.faults.slow_millis.store(300, Relaxed);
+        let before = origin.fetches();
+        let mut all = tokio::task::JoinSet::new();
+        for _ in 0..1000 {
+            let request = Request::get(&path).body(Body::empty()).unwrap();
+            all.spawn(app.clone().oneshot(request));
+        }
+        let mut good = 0;
+        while let Some(answer) = all.join_next().await {
+            let body = answer.unwrap().unwrap().into_body().collect().await.unwrap().to_bytes();
+            good += usize::from(is_whole(layer, &body));
+        }
+        println!("{good} tiles of one block, {} fetches", origin.fetches() - before);
+        assert_eq!((good, origin.fetches() - before), (1000, 1));
+    });
+}
+
+pub(crate) fn replaced() {
+    let (folder, origin) = origin();
+    let server = Served::start(&origin.url(), &COLD);
+    assert_eq!(ask(&server, 1), (3, 0));
+    // In place, which is how not to do it: the old version's bytes are gone, so that its tiles are refused.
+    let path = folder.path().join("blockmaps.pmtiles");
+    let bytes = fs::read(&path).unwrap();
+    std::thread::sleep(Duration::from_millis(20));
+    fs::write(&path, &bytes).unwrap();
+    let (good, bad) = ask(&server, 1);
+    assert_eq!((good, bad), (1, 2), "what is another object now is not served as the old one");
+    // As the manual says: archives in a folder of the version's name, the manifest last.
+    let below = folder.path().join("b");
+    fs::create_dir(&below).unwrap();
+    for name in ["blockmaps.pmtiles", "subtrees.pmtiles"] {
+        fs::copy(folder.path().join(name), below.join(name)).unwrap();
+    }
+    let manifest = insula_protocol::Manifest { version: "b".into(), ..common::manifest("two") };
+    fs::write(folder.path().join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    server.signal("-HUP");
+    let mut connection = Connection::new(server.address);
+    until("the new version", || {
+        addresses("b").iter().all(|(layer, path)| {
+            let answer = connection.get(path).unwrap();
+            answer.status == 200 && is_whole(*layer, &answer.body)
+        })
+    });
+}
+
+/// moto's S3, killed when dropped.
+struct Moto(Child, u16);
+
+impl Moto {
+    fn start() -> Self {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let child = Command::new(find("moto_server").unwrap())
+            .args(["-p", &port.to_string()])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let moto = Self(child, port);
+        until("moto answers", || std::net::TcpStream::connect(("127.0.0.1", port)).is_ok());
+        moto
+    }
+
+    /// moto asks for no signature.
+    fn put(&self, path: &str, bytes: &[u8]) {
+        use std::io::{Read, Write};
+        let mut stream = std::net::TcpStream::connect(("127.0.0.1", self.1)).unwrap();
+        write!(
+            stream,
+            "PUT /{path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
+            self.1,
+            bytes.len()
+        )
+        .unwrap();
+        stream.write_all(bytes).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.contains(" 200 "), "{answer}");
+    }
+}
+
+impl Drop for Moto {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn upload(moto: &Moto, folder: &Path, to: &str) {
+    for name in ["blockmaps.pmtiles", "subtrees.pmtiles", "city.json"] {
+        moto.put(&format!("{to}/{name}"), &fs::read(folder.join(name)).unwrap());
+    }
+}
+
+pub(crate) fn s3() {
+    let moto = Moto::start();
+    moto.put("cities", b"");
+    let folder = tempfile::tempdir().unwrap();
+    // A real city, if one is named, else a small one.
+    let city = std::env::var_os("INSULA_FAULTS_CITY").map_or_else(
+        || {
+            common::city(folder.path(), "two");
+            folder.path().to_owned()
+        },
+        Into::into,
+    );
+    upload(&moto, &city, "cities/some/two");
+    let environment = [
+        ("AWS_ENDPOINT", format!("http://127.0.0.1:{}", moto.1)),
+        ("AWS_ACCESS_KEY_ID", "test".to_owned()),
+        ("AWS_SECRET_ACCESS_KEY", "test".into()),
+        ("AWS_REGION", "us-east-1".into()),
+    ];
+    let settings = ["cache.block_bytes=4096", "limits.tile_bytes=0"];
+    let server = Served::start_in(&environment, "s3://cities/some/two", &settings);
+    let local = insula_server::store::CityStore::open(&city).unwrap();
+    let mut connection = Connection::new(server.address);
+    let mut tiles = 0;
+    for layer in insula_protocol::route::Layer::ALL {
+        for (id, bytes) in local.archive(layer).tiles() {
+            let manifest = local.manifest();
+            let path = insula_protocol::route::tile(&manifest.name, &manifest.version, layer, id);
+            let answer = connection.get(&path).unwrap();
+            assert!(answer.status == 200 && answer.body == bytes.unwrap(), "{path}: {}", answer.status);
+            tiles += 1;
+        }
+    }
+    println!("{tiles} tiles through S3");
+}
