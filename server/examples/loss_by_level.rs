@@ -44,6 +44,6 @@ fn main() -> anyhow::Result<()> {
 fn maps(city: &str) -> anyhow::Result<BTreeMap<(u8, u32, u32), BlockMap>> {
     let store = CityStore::open(Path::new(city))?;
     let tiles = store.archive(Layer::BlockMaps).tiles();
-    let decoded = tiles.map(|(id, bytes)| Ok(((id.level(), id.x(), id.y()), BlockMap::decode(id, &bytes)?)));
+    let decoded = tiles.map(|(id, bytes)| Ok(((id.level(), id.x(), id.y()), BlockMap::decode(id, &bytes?)?)));
     decoded.collect()
 }

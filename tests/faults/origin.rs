@@ -4,6 +4,7 @@ use std::{
     fs,
     io::{BufRead, BufReader, Write},
     net::{SocketAddr, TcpListener, TcpStream},
+    os::unix::fs::FileExt,
     path::Path,
     sync::{
         Arc,
@@ -87,26 +88,28 @@ fn answer(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &Faults) -> 
     let file = folder.join(path);
     let out = stream.get_mut();
     let fails = chance % 100 < faults.failing_percent.load(Relaxed);
-    if fails && number % 3 == 0 {
+    if fails && number.is_multiple_of(3) {
         return None;
     }
     if fails && number % 3 == 1 {
         return out.write_all(b"HTTP/1.1 500 Internal Server Error\r\nContent-Length: 0\r\n\r\n").ok();
     }
-    let Ok(bytes) = fs::read(&file) else {
+    let (Ok(opened), Ok(about)) = (fs::File::open(&file), fs::metadata(&file)) else {
         return out.write_all(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n").ok();
     };
-    let modified = fs::metadata(&file).ok()?.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?.as_nanos();
+    let length = about.len();
+    let modified = about.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?.as_nanos();
     let range =
         lines.iter().find_map(|line| line.to_ascii_lowercase().strip_prefix("range: bytes=").map(str::to_owned));
     let (status, first, last) = match range.as_deref().and_then(|range| range.split_once('-')) {
         Some((first, last)) => {
             faults.fetches.fetch_add(1, Relaxed);
-            ("206 Partial Content", first.parse().ok()?, last.parse::<usize>().ok()?.min(bytes.len() - 1))
+            ("206 Partial Content", first.parse().ok()?, last.parse::<u64>().ok()?.min(length - 1))
         }
-        None => ("200 OK", 0, bytes.len() - 1),
+        None => ("200 OK", 0, length - 1),
     };
-    let mut body = bytes[first..=last].to_vec();
+    let mut body = vec![0; (last + 1 - first) as usize];
+    opened.read_exact_at(&mut body, first).ok()?;
     if chance / 100 % 100 < faults.lying_percent.load(Relaxed) && range.is_some() {
         let at = chance as usize % body.len();
         body[at] ^= 4;
@@ -115,7 +118,7 @@ fn answer(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &Faults) -> 
         "HTTP/1.1 {status}\r\nContent-Length: {}\r\nContent-Range: bytes {first}-{last}/{}\r\nETag: \"{modified:x}\"\r\n\
          Last-Modified: Sat, 21 Nov 2026 08:00:00 GMT\r\n\r\n",
         body.len(),
-        bytes.len()
+        length
     );
     out.write_all(head.as_bytes()).ok()?;
     if method != "HEAD" {

@@ -175,12 +175,7 @@ impl Client {
     /// `taken` of `offered` bytes went out; `None`: none can.
     fn wrote(&self, taken: Option<usize>, offered: usize) {
         match taken {
-            Some(taken) if taken == offered => {
-                if self.stalled_since.swap(0, Relaxed) != 0 && self.first_byte.load(Relaxed) != 0 {
-                    // What came meanwhile could not be read: its time begins now.
-                    self.first_byte.store(self.now(), Relaxed);
-                }
-            }
+            Some(taken) if taken == offered => self.flow(),
             Some(taken) => {
                 let taken = taken as u64;
                 if self.taken_bytes.fetch_add(taken, Relaxed) + taken >= LEAST_TAKEN_BYTES {
@@ -189,6 +184,14 @@ impl Client {
             }
             None if self.stalled_since.load(Relaxed) == 0 => self.stall(),
             None => {}
+        }
+    }
+
+    fn flow(&self) {
+        let stalled = self.stalled_since.swap(0, Relaxed) != 0;
+        if stalled && self.first_byte.load(Relaxed) != 0 {
+            // What came meanwhile could not be read: its time begins now.
+            self.first_byte.store(self.now(), Relaxed);
         }
     }
 

@@ -1,0 +1,20 @@
+//! PMTiles directories: every tile that is listed lies inside the file.
+#![no_main]
+#![allow(clippy::unwrap_used, reason = "a finding is a panic")]
+
+use insula_server::store::Archive;
+use libfuzzer_sys::fuzz_target;
+use std::{fs, path::PathBuf};
+
+fuzz_target!(|bytes: &[u8]| {
+    let folder = ["/dev/shm", "/tmp"].map(PathBuf::from).into_iter().find(|path| path.is_dir()).unwrap();
+    let path = folder.join(format!("insula-fuzz-{}.pmtiles", std::process::id()));
+    fs::write(&path, bytes).unwrap();
+    if let Ok(archive) = Archive::open(&path) {
+        // Runs stand for many tiles in a few bytes: a look at some of them is enough.
+        for (id, length) in archive.lengths().take(1000) {
+            assert_eq!(archive.tile(id).unwrap().expect("it is listed").len(), length as usize);
+        }
+    }
+    let _ = fs::remove_file(&path);
+});

@@ -1,0 +1,13 @@
+//! V-BlockMap tiles: whatever decodes, encodes again and decodes to the same.
+#![no_main]
+#![allow(clippy::unwrap_used, reason = "a finding is a panic")]
+
+use insula_protocol::{BlockMap, TileId};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let Ok(map) = BlockMap::decode(TileId::ROOT, bytes) else { return };
+    let again = map.encode().expect("what was decoded can be encoded");
+    let same = BlockMap::decode(TileId::ROOT, &again).expect("what was encoded can be decoded");
+    assert_eq!(map, same);
+});

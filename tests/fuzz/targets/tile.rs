@@ -1,0 +1,29 @@
+//! The container of tiles, with checksums mended so that what lies behind them is reached.
+#![no_main]
+#![allow(clippy::unwrap_used, reason = "a finding is a panic")]
+
+use insula_protocol::{BlockMap, Subtree, TileId, tile::{Kind, TileReader, TileWriter}};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    for kind in [Kind::BlockMap, Kind::Subtree] {
+        if let Ok(reader) = TileReader::new(bytes, kind) {
+            (0..16).for_each(|tag| drop(reader.section(tag, 1 << 16)));
+        }
+    }
+    // Sections as the input says, in a frame that is right: tag, length, bytes.
+    let [kind, has_id, mut rest @ ..] = bytes else { return };
+    let kind = if kind & 1 == 0 { Kind::BlockMap } else { Kind::Subtree };
+    let mut writer = TileWriter::new(kind, (has_id & 1 == 1).then_some(TileId::ROOT));
+    while let [tag, low, high, tail @ ..] = rest {
+        let length = usize::from(u16::from_le_bytes([*low, *high])).min(tail.len());
+        let (section, after) = tail.split_at(length);
+        if writer.coded_section(*tag, section).is_err() {
+            return;
+        }
+        rest = after;
+    }
+    let Ok(tile) = writer.finish() else { return };
+    let _ = BlockMap::decode(TileId::ROOT, &tile);
+    let _ = Subtree::decode(&tile);
+});
