@@ -354,13 +354,13 @@ fn lowest(tops: &[Top]) -> Vec<i32> {
         if top.occupied() { top.z - (((x + y) * 3) >> 7) } else { i32::MAX }
     };
     let own: Vec<i32> = tops.iter().map(reach).collect();
-    let mut rows = own.clone();
-    for at in 1..own.len() - 1 {
-        rows[at] = own[at - 1].min(own[at]).min(own[at + 1]);
-    }
-    let mut all = rows.clone();
-    for at in WIDTH..rows.len() - WIDTH {
-        all[at] = rows[at - WIDTH].min(rows[at]).min(rows[at + WIDTH]);
-    }
-    all
+    let least = |values: &[i32], step: usize| {
+        let mut least = values.to_vec();
+        let (before, after) = (&values[..values.len() - 2 * step], &values[2 * step..]);
+        for (least, (before, after)) in least[step..].iter_mut().zip(before.iter().zip(after)) {
+            *least = (*least).min(*before).min(*after);
+        }
+        least
+    };
+    least(&least(&own, 1), WIDTH)
 }

@@ -283,16 +283,17 @@ impl BlockMap {
     pub(crate) fn check(&self) -> Result<(), DecodeError> {
         let mut texels = 0usize;
         let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
-        for i in 0..COLUMNS {
-            let (flags, z_min, z_max) = (self.flags[i], self.z_min[i], self.z_max[i]);
-            if flags & !flag::ALL != 0 || (flags & flag::OCCUPIED == 0 && flags != 0) {
+        // Most columns are nothing but occupied, with their heights in order.
+        let heights = self.z_min.iter().zip(&self.z_max);
+        for (flags, (&z_min, &z_max)) in self.flags.iter().zip(heights).filter(|(flags, _)| **flags != 0) {
+            if flags & !flag::ALL != 0 || flags & flag::OCCUPIED == 0 {
                 return Err(DecodeError::Invalid("unknown column flags"));
-            }
-            if flags & flag::OCCUPIED == 0 {
-                continue;
             }
             if z_min >= z_max || z_max > Z_CODE_MAX {
                 return Err(DecodeError::Invalid("a column's heights are turned around or out of range"));
+            }
+            if flags & (flag::GAP | flag::CLIPPED | flag::EXPOSED | flag::HOLES) == 0 {
+                continue;
             }
             if flags & flag::GAP != 0 {
                 let gap = gaps.next().ok_or(DecodeError::Invalid("a gap is missing"))?;
