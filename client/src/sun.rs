@@ -156,7 +156,7 @@ impl Daylight {
         let diagonal_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
         let haze_half_m = (diagonal_m * HAZE_DIAGONALS).clamp(HAZE_M[0], HAZE_M[1]);
         let date = NaiveDate::from_ymd_opt(2024, 9, 15).unwrap_or_default();
-        let mut daylight = Self { place, date, hour: 16.25, fixed: args.sun, haze_half_m };
+        let mut daylight = Self { place, date, hour: 16.5, fixed: args.sun, haze_half_m };
         if let Some(time) = args.time {
             daylight.set(&time);
         }

@@ -18,8 +18,9 @@ const EYE_M: f64 = 60.0;
 /// Scattering by molecules at the ground, per metre; it falls by e each 8 km.
 const RAYLEIGH: DVec3 = DVec3::new(5.802e-6, 13.558e-6, 33.1e-6);
 const RAYLEIGH_HEIGHT_M: f64 = 8000.0;
-/// Scattering by particles; over a city there are twice as many as over the sea, for which 4e-6 is given.
-const MIE: f64 = 8.0e-6;
+/// Scattering by particles; over a city there are twice as many as over the sea, for which 4e-6 is given. Small ones scatter
+/// blue more than red (Angstrom's exponent, 1.3).
+const MIE: DVec3 = DVec3::new(6.1e-6, 8.0e-6, 10.7e-6);
 /// What particles scatter of what they take.
 const MIE_ALBEDO: f64 = 0.9;
 const MIE_HEIGHT_M: f64 = 1200.0;
@@ -35,7 +36,7 @@ const NIGHT: DVec3 = DVec3::new(0.45e-6, 0.65e-6, 1.1e-6);
 const AGAIN: f64 = 2.0;
 /// How the sky is shown: brighter beside what it lights, as a picture's frame of it is narrow, and bluer, as three wavelengths
 /// tell less of it than all.
-const SHOWN: DVec3 = DVec3::new(1.35, 1.42, 1.8);
+const SHOWN: DVec3 = DVec3::new(1.25, 1.3, 1.6);
 /// Steps along a ray to the eye, and along one to the sun.
 const STEPS: u32 = 24;
 const SUN_STEPS: u32 = 12;
@@ -43,7 +44,7 @@ const SUN_STEPS: u32 = 12;
 const KEY: f64 = 1.7;
 const ADAPTATION: f64 = 0.86;
 /// How far it follows the light's colour: 1 would make every light white.
-const WHITE_BALANCE: f64 = 0.25;
+const WHITE_BALANCE: f64 = 0.12;
 /// The red, green and blue of brightness (Rec. 709).
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
@@ -90,7 +91,7 @@ impl Light {
             zenith: scaled(zenith * SHOWN),
             horizon_sun: scaled(horizon_sun * SHOWN),
             horizon_away: scaled(horizon_away * SHOWN),
-            glow: scaled(glow / GLOW_BESIDE),
+            glow: scaled(glow * GLOW_SHOWN),
             haze: haze.as_vec3().extend(0.0).to_array(),
             side: flat.as_vec2().to_array(),
             disc: f32::from(u8::from(sun_light.x > 0.0)),
@@ -104,6 +105,8 @@ const HAZE_TINT: DVec3 = DVec3::new(0.85, 1.0, 1.2);
 /// Where the glow is measured, and what is left of it there (`cpu::shade`).
 const BESIDE_RAD: f64 = 0.07;
 const GLOW_BESIDE: f64 = 0.90;
+/// How much of it is shown: less than there is, or it leaves no colour in the sky.
+const GLOW_SHOWN: f64 = 0.5 / GLOW_BESIDE;
 
 /// How a clear sky goes over from the horizon to the zenith; `cpu::shade` does the same.
 fn blend(zenith: DVec3, horizon: DVec3, up: f64) -> DVec3 {
@@ -139,7 +142,7 @@ fn densities(height_m: f64) -> [f64; 3] {
 
 /// What the air takes away per metre.
 fn extinction([molecules, particles, ozone]: [f64; 3]) -> DVec3 {
-    RAYLEIGH * molecules + DVec3::splat(MIE / MIE_ALBEDO * particles) + OZONE * ozone
+    RAYLEIGH * molecules + MIE * (particles / MIE_ALBEDO) + OZONE * ozone
 }
 
 /// Metres to the end of the air from a height, along a ray with the cosine `up` to the vertical.
@@ -240,7 +243,7 @@ impl Sky {
             let taken = extinction(density) * step;
             let seen = (-(depth + taken * 0.5)).exp() * step;
             depth += taken;
-            let (molecules, particles) = (RAYLEIGH * density[0], DVec3::splat(MIE * density[1]));
+            let (molecules, particles) = (RAYLEIGH * density[0], MIE * density[1]);
             let lit = transmittance((r - EARTH_M).max(0.0), p.dot(self.sun) / r);
             once += seen * lit * (molecules * by_molecules + particles * by_particles);
             again += seen * (molecules + particles);

@@ -83,7 +83,7 @@ fn through_haze(lit: vec3<f32>, dir: vec3<f32>, d: f32) -> vec3<f32> {
 
 fn tone(rgb: vec3<f32>) -> vec3<f32> {
     let bright = dot(rgb, LUMINANCE);
-    let v = max(mix(rgb, vec3<f32>(bright), 0.06 + 0.5 * bright / (bright + 6.0)), vec3<f32>(0.0));
+    let v = max(mix(rgb, vec3<f32>(bright), 0.04 + 0.35 * bright / (bright + 6.0)), vec3<f32>(0.0));
     let curve = v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14);
     return min(curve, vec3<f32>(1.0));
 }
@@ -112,7 +112,8 @@ fn background(dir: vec3<f32>, sun_seen: f32) -> vec3<f32> {
         return mix(sky, GROUND, select(0.0, GROUND_FADE_M / (ground_m + GROUND_FADE_M), ground_m < NEVER_M));
     }
     if ground_m < NEVER_M {
-        return through_haze(GROUND_ALBEDO * received(vec3<f32>(0.0, 0.0, 1.0), 1.0, sun_seen), dir, ground_m);
+        let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze.g);
+        return through_haze(GROUND_ALBEDO * received(vec3<f32>(0.0, 0.0, 1.0), 1.0, sun_seen), dir, hazy_m);
     }
     return tone(sky_light(dir));
 }

@@ -18,13 +18,13 @@ use super::{
 use crate::{
     camera::Camera,
     error::Result,
-    render::{Adapter, Look},
+    render::{Adapter, FrameData, Look},
     session::{Session, Shot},
     sun::Daylight,
 };
 use egui::Align2;
 use glam::DVec3;
-use insula_shaders::layout::Shading;
+use insula_shaders::{cpu::raycast::Counts, layout::Shading};
 use std::time::{Duration, Instant};
 use winit::event_loop::ControlFlow;
 
@@ -74,6 +74,9 @@ pub struct City {
     heading: Option<Camera>,
     pub(super) pace: Pace,
     trouble: Trouble,
+    /// Whether rays are counted, and what they did in the last picture that rested.
+    pub(super) counting: bool,
+    pub(super) counts: Option<Counts>,
     /// Settings were changed that should not be lost.
     pub(super) store: bool,
 }
@@ -108,6 +111,8 @@ impl City {
             heading: None,
             pace: Pace::new(Instant::now()),
             trouble: Trouble::Loading,
+            counting: false,
+            counts: None,
             store: false,
         }
     }
@@ -163,6 +168,7 @@ impl City {
         let shown = shell.surface.present(Some((self.session.adapter_mut(), &data)), &overlay)?;
         if self.pace.end(begin, detail, shown) {
             tracing::debug!("at rest");
+            self.count(&data, shell);
         }
         self.session.timed(begin.elapsed());
         if let Some(tour) = &mut self.tour {
@@ -170,6 +176,14 @@ impl City {
         }
         self.moved(before, shell, settings);
         Ok(Some(self.next(again, shown, shell)))
+    }
+
+    /// Counts what the rays of a picture do, if that was asked for: it costs as much as the picture.
+    fn count(&mut self, data: &FrameData, shell: &Shell) {
+        if self.counting {
+            self.counts = self.session.adapter_mut().count(data).ok();
+            shell.window.request_redraw();
+        }
     }
 
     /// Time passes; `false` at the end of a tour.
@@ -238,7 +252,8 @@ impl City {
 
     fn lay_out(&mut self, shell: &mut Shell, settings: &mut Settings) -> (Overlay, Duration) {
         let (control, session) = (&self.control, &self.session);
-        let status = Status::new(session, self.pace.frame_time(), control.mode(), control.speed_m_per_sec());
+        let status =
+            Status::new(session, self.pace.frame_time(), (control.mode(), control.speed_m_per_sec()), self.counts);
         let trouble = self.trouble_text(self.trouble);
         let bad = self.trouble != Trouble::Loading;
         let camera = control.camera();

@@ -35,6 +35,7 @@ impl City {
             Order::Measure => self.measure.toggle(),
             Order::Minimap => self.shown.minimap = !self.shown.minimap,
             Order::Overlay => self.shown.overlay = !self.shown.overlay,
+            Order::Counts => (self.counting, self.counts) = (!self.counting, None),
             Order::Move(_) | Order::Quit | Order::FullScreen => {}
         }
         (settings.overlay, settings.minimap) = (self.shown.overlay, self.shown.minimap);

@@ -6,7 +6,7 @@ use super::{control::Mode, keys::HELP, tour::resident_bytes};
 use crate::{session::Session, sun::Daylight};
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
-use insula_shaders::layout::Shading;
+use insula_shaders::{cpu::raycast::Counts, layout::Shading};
 use std::{
     ops::RangeInclusive,
     time::{Duration, Instant},
@@ -44,7 +44,12 @@ pub const MESSAGE_TIME: Duration = Duration::from_secs(5);
 
 impl Status {
     /// Of the last frame.
-    pub fn new(session: &Session, frame_time: Duration, mode: Mode, speed_m_per_sec: f64) -> Self {
+    pub fn new(
+        session: &Session,
+        frame_time: Duration,
+        (mode, speed_m_per_sec): (Mode, f64),
+        counts: Option<Counts>,
+    ) -> Self {
         let counters = session.selection().counters;
         let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1u32 << 20));
         let steering = match mode {
@@ -62,6 +67,11 @@ impl Status {
         ];
         if let Some(bytes) = resident_bytes() {
             lines.push(("memory", mib(bytes)));
+        }
+        if let Some(counts) = counts {
+            let each = |n: u64| n as f64 / counts.rays.max(1) as f64;
+            let (nodes, steps, fetches) = (each(counts.nodes), each(counts.steps), each(counts.fetches));
+            lines.push(("each ray", format!("{nodes:.2} nodes, {steps:.1} steps, {fetches:.1} fetches")));
         }
         if counters.tau_px > 1.001 * session.asked_tau_px() {
             lines.push(("cache full", format!("tau rose to {:.1} px", counters.tau_px)));

@@ -13,6 +13,9 @@ use insula_shaders::{
 use std::sync::Arc;
 use winit::window::Window;
 
+/// Behind everything, while there is no city.
+const EMPTY: wgpu::Color = wgpu::Color { r: 0.09, g: 0.11, b: 0.14, a: 1.0 };
+
 /// Everything that presenting needs.
 pub struct Surface {
     surface: wgpu::Surface<'static>,
@@ -130,7 +133,7 @@ impl Surface {
             view,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(EMPTY), store: wgpu::StoreOp::Store },
         };
         let descriptor = wgpu::RenderPassDescriptor {
             label: Some("compose"),

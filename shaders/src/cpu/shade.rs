@@ -116,7 +116,7 @@ pub fn through_haze(frame: &Frame, lit: Vec3, dir: Vec3, distance_m: f32) -> Vec
 /// as dyes do.
 fn tone(rgb: Vec3) -> Vec3 {
     let bright = rgb.dot(LUMINANCE);
-    let v = rgb.lerp(Vec3::splat(bright), 0.06 + 0.5 * bright / (bright + 6.0)).max(Vec3::ZERO);
+    let v = rgb.lerp(Vec3::splat(bright), 0.04 + 0.35 * bright / (bright + 6.0)).max(Vec3::ZERO);
     let curve = v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14);
     curve.min(Vec3::ONE)
 }
@@ -149,7 +149,9 @@ pub fn background(frame: &Frame, dir: Vec3, sun_seen: f32) -> Vec3 {
         return sky.lerp(GROUND, near);
     }
     if ground_m < f32::INFINITY {
-        return through_haze(frame, GROUND_ALBEDO * received(frame, Vec3::Z, 1.0, sun_seen), dir, ground_m);
+        // The plane is endless: more haze the farther it is lets it go over into the sky.
+        let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze[1]);
+        return through_haze(frame, GROUND_ALBEDO * received(frame, Vec3::Z, 1.0, sun_seen), dir, hazy_m);
     }
     tone(sky(frame, dir))
 }
