@@ -6,6 +6,7 @@
 mod client;
 #[path = "../../server/tests/common/mod.rs"]
 mod common;
+mod contract;
 mod disk;
 mod origin;
 mod process;
@@ -36,6 +37,8 @@ fn main() {
         trial("a_thousand_requests_for_one_block_are_one_fetch", store::coalesced),
         trial("an_object_replaced_under_the_server_is_never_mixed", store::replaced),
     ];
+    let schemathesis = program::find("schemathesis");
+    trials.push(trial("the_openapi_document_is_kept", contract::kept).with_ignored_flag(schemathesis.is_none()));
     trials.push(trial("s3_by_moto_serves_every_tile", store::s3).with_ignored_flag(moto.is_none()));
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

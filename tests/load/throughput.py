@@ -52,6 +52,13 @@ def wrk(url, paths, seconds, connections, threads):
     return result
 
 
+def cpu_seconds(pid):
+    """Of a process and its children, so far."""
+    pids = [pid] + [int(p) for p in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    ticks = [pathlib.Path(f"/proc/{p}/stat").read_text().rsplit(")", 1)[1].split() for p in pids]
+    return sum(int(fields[11]) + int(fields[12]) for fields in ticks) / os.sysconf("SC_CLK_TCK")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("city")
@@ -60,6 +67,7 @@ def main():
     parser.add_argument("--connections", type=int, default=64)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--tls", action="store_true")
+    parser.add_argument("--server", default=TARGET / "insula-server", help="build it with --profile dist for what is given away")
     parser.add_argument("--report")
     args = parser.parse_args()
     folder = pathlib.Path(tempfile.mkdtemp(prefix="insula-load-"))
@@ -82,7 +90,7 @@ def main():
         (folder / "nginx.conf").write_text(NGINX.format(dir=folder, port=port, tls=" ssl" if args.tls else "", certificate=certificate))
         started.append(subprocess.Popen(["nginx", "-c", folder / "nginx.conf", "-e", folder / "nginx.log"]))
         insula = subprocess.Popen(
-            [TARGET / "insula-server", "serve", args.city, "--listen", "127.0.0.1:0", *settings], stdout=subprocess.PIPE, text=True, stderr=subprocess.DEVNULL
+            [args.server, "serve", args.city, "--listen", "127.0.0.1:0", *settings], stdout=subprocess.PIPE, text=True, stderr=subprocess.DEVNULL
         )
         started.append(insula)
         urls = {"insula": insula.stdout.readline().split()[-1], "nginx": f"{scheme}://127.0.0.1:{port}"}
@@ -93,25 +101,28 @@ def main():
         bodies = {name: urllib.request.urlopen(url + path, context=context).read() for name, url in urls.items()}
         assert bodies["insula"] == bodies["nginx"] != b"", "the servers differ"
         rounds = {"insula": [], "nginx": []}
+        pids = {"insula": insula.pid, "nginx": started[0].pid}
         for url in urls.values():
             wrk(url, paths, 2, args.connections, args.threads)
         for number in range(args.rounds):
             for name in sorted(urls, reverse=number % 2 == 1):
+                before = cpu_seconds(pids[name])
                 result = wrk(urls[name], paths, args.seconds, args.connections, args.threads)
+                result["cpu_us"] = (cpu_seconds(pids[name]) - before) * 1e6 / result["requests"]
                 assert result["errors"] == 0, (name, result)
                 rounds[name].append(result)
-                print(f"round {number + 1} {name}: {result['per_second']:.0f}/s p99 {result['p99_us'] / 1000:.2f} ms", file=sys.stderr)
+                print(f"round {number + 1} {name}: {result['per_second']:.0f}/s p99 {result['p99_us'] / 1000:.2f} ms {result['cpu_us']:.2f} us", file=sys.stderr)
         median = lambda name, key: statistics.median(r[key] for r in rounds[name])
-        summary = {name: {key: median(name, key) for key in ("per_second", "p50_us", "p99_us")} for name in rounds}
-        ratio = {key: summary["insula"][key] / summary["nginx"][key] for key in ("per_second", "p99_us")}
+        summary = {name: {key: median(name, key) for key in ("per_second", "p50_us", "p99_us", "cpu_us")} for name in rounds}
+        ratio = {key: summary["insula"][key] / summary["nginx"][key] for key in ("per_second", "p99_us", "cpu_us")}
         report = {"tls": args.tls, "connections": args.connections, "medians": summary, "ratio": ratio, "rounds": rounds}
         if args.report:
             pathlib.Path(args.report).write_text(json.dumps(report, indent=1) + "\n")
-        print(f"| {scheme}, {args.connections} connections, medians of {args.rounds} | requests/s | p50 ms | p99 ms |\n|---|---|---|---|")
+        print(f"| {scheme}, {args.connections} connections, medians of {args.rounds} | requests/s | p50 ms | p99 ms | processor us a request |\n|---|---|---|---|---|")
         for name, of in summary.items():
-            print(f"| {name} | {of['per_second']:.0f} | {of['p50_us'] / 1000:.2f} | {of['p99_us'] / 1000:.2f} |")
-        print(f"| ratio | {ratio['per_second']:.3f} | | {ratio['p99_us']:.3f} |")
-        print(json.dumps({"per_second_ratio": round(ratio["per_second"], 3), "p99_ratio": round(ratio["p99_us"], 3)}))
+            print(f"| {name} | {of['per_second']:.0f} | {of['p50_us'] / 1000:.2f} | {of['p99_us'] / 1000:.2f} | {of['cpu_us']:.2f} |")
+        print(f"| ratio | {ratio['per_second']:.3f} | | {ratio['p99_us']:.3f} | {ratio['cpu_us']:.3f} |")
+        print(json.dumps({"per_second_ratio": round(ratio["per_second"], 3), "p99_ratio": round(ratio["p99_us"], 3), "cpu_ratio": round(ratio["cpu_us"], 3)}))
     finally:
         for process in started:
             process.send_signal(signal.SIGTERM)

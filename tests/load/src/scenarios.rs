@@ -104,13 +104,22 @@ async fn main() -> anyhow::Result<()> {
     TRACES.get_or_init(|| traces);
     let attack = GooseAttack::initialize()?
         .register_scenario(
-            scenario!("Fly").set_weight(4)?.register_transaction(transaction!(arrive).set_on_start()).register_transaction(transaction!(fly)),
+            scenario!("Fly")
+                .set_weight(4)?
+                .register_transaction(transaction!(arrive).set_on_start())
+                .register_transaction(transaction!(fly)),
         )
         .register_scenario(
-            scenario!("Walk").set_weight(3)?.register_transaction(transaction!(arrive).set_on_start()).register_transaction(transaction!(walk)),
+            scenario!("Walk")
+                .set_weight(3)?
+                .register_transaction(transaction!(arrive).set_on_start())
+                .register_transaction(transaction!(walk)),
         )
         .register_scenario(
-            scenario!("Jump").set_weight(2)?.register_transaction(transaction!(arrive).set_on_start()).register_transaction(transaction!(jump)),
+            scenario!("Jump")
+                .set_weight(2)?
+                .register_transaction(transaction!(arrive).set_on_start())
+                .register_transaction(transaction!(jump)),
         )
         .register_scenario(scenario!("Revisit").set_weight(1)?.register_transaction(transaction!(revisit)));
     let metrics = attack.execute().await?;
