@@ -19,6 +19,16 @@ deny:
 test:
     .ci/run test
 
+# The long run of the fuzz targets: just fuzz 600 [TARGET...]
+fuzz *ARGS:
+    tests/fuzz/run {{ARGS}}
+
+# Insula and nginx with the same tiles, in turn: just throughput CITY [--tls]
+throughput *ARGS:
+    cargo build --profile dist -p insula-server --no-default-features
+    cargo build --release -p insula-server --example tile_files
+    tests/load/throughput.py --server "${CARGO_TARGET_DIR:-target}/dist/insula-server" {{ARGS}}
+
 # How true a bake is to its source: just fidelity FILE... --out DIR
 fidelity *ARGS:
     cargo run --release -p insula-tests --bin fidelity -- {{ARGS}}
