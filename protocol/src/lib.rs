@@ -10,6 +10,7 @@ pub mod blockmap;
 pub mod codec;
 pub mod error;
 pub mod manifest;
+pub mod mesh;
 pub mod octahedral;
 pub mod route;
 pub mod subtree;

@@ -85,6 +85,11 @@ impl<'a> Reader<'a> {
         Err(DecodeError::Invalid("a varint is over 32 bits"))
     }
 
+    /// All that is left.
+    pub fn rest(self) -> &'a [u8] {
+        self.bytes
+    }
+
     /// Whether all was read: what is left over is an error.
     pub fn finish(self) -> Result<(), DecodeError> {
         if self.bytes.is_empty() { Ok(()) } else { Err(DecodeError::TrailingBytes(self.bytes.len())) }

@@ -1,0 +1,358 @@
+//! An adaptive coder of symbols from small alphabets: a mesh has a few of them a vertex, where [`super::range`] would take
+//! twenty bits one by one.
+//!
+//! The coder is a range asymmetric numeral system (Duda 2009) of 32 bits that takes 16 at a time; models are tables of
+//! cumulated counts that move towards what they see, all entries at once, so that a processor's vectors do it.
+//!
+//! Encoder and decoder share one trait, so that a format is written down once: see [`Symbols`].
+
+use crate::error::DecodeError;
+
+/// Bits of a probability.
+const BITS: u32 = 15;
+/// All of it.
+const ONE: u32 = 1 << BITS;
+/// The state never is below this.
+const LOW: u32 = 1 << 16;
+/// Most bits that [`Symbols::raw`] takes at once.
+pub const RAW: u32 = 12;
+
+/// How fast a model moves after so many symbols: by `2^-rate` of what is left.
+const RATE: [u8; 128] = {
+    let mut rates = [7; 128];
+    let mut n = 0;
+    while n < rates.len() {
+        rates[n] = match n {
+            0..=2 => 3,
+            3..=9 => 4,
+            10..=35 => 5,
+            36..=100 => 6,
+            _ => 7,
+        };
+        n += 1;
+    }
+    rates
+};
+
+/// How likely each of `N` symbols is: what is cumulated below it, of 32768.
+#[derive(Debug, Clone)]
+pub struct Model<const N: usize> {
+    below: [i16; N],
+    seen: u8,
+}
+
+impl<const N: usize> Model<N> {
+    /// From how often each symbol is expected; none is impossible.
+    pub fn new(weight: impl Fn(usize) -> u32) -> Self {
+        let sum: u64 = (0..N).map(|symbol| u64::from(weight(symbol))).sum::<u64>().max(1);
+        let free = u64::from(ONE) - 4 * N as u64;
+        let mut before = 0;
+        let below = std::array::from_fn(|symbol| {
+            let here = before * free / sum + 4 * symbol as u64;
+            before += u64::from(weight(symbol));
+            here as i16
+        });
+        Self { below, seen: 0 }
+    }
+
+    /// Where `symbol` begins, and how much it has.
+    #[inline]
+    fn share(&self, symbol: usize) -> (u32, u32) {
+        let start = self.below[symbol] as u32;
+        let end = if symbol + 1 < N { self.below[symbol + 1] as u32 } else { ONE };
+        (start, end - start)
+    }
+
+    #[inline]
+    fn find(&self, slot: u32) -> usize {
+        let slot = slot as i16;
+        let mut reached = 0i16;
+        for below in self.below {
+            reached += i16::from(below <= slot);
+        }
+        // `below[0]` is 0, so at least one is reached.
+        reached as usize - 1
+    }
+
+    /// No share ever falls under 1: targets lie at least 1 apart, and halves of differences are rounded down alike.
+    #[inline]
+    fn learn(&mut self, symbol: usize) {
+        let rate = RATE[usize::from(self.seen & 127)];
+        self.seen += u8::from(self.seen < 127);
+        let symbol = symbol as i16;
+        let rest = (ONE - N as u32) as i16;
+        for (i, below) in self.below.iter_mut().enumerate() {
+            let target = if i as i16 > symbol { rest } else { 0 } + i as i16;
+            *below += (target - *below) >> rate;
+        }
+    }
+
+    /// What both expect, on average.
+    #[inline]
+    fn mean(&self, other: &Self) -> Self {
+        Self { below: std::array::from_fn(|i| ((self.below[i] as u16 + other.below[i] as u16) >> 1) as i16), seen: 0 }
+    }
+}
+
+impl<const N: usize> Default for Model<N> {
+    fn default() -> Self {
+        Self::new(|_| 1)
+    }
+}
+
+/// Writes or reads: each function writes its argument and returns it, or ignores it and returns what was written.
+pub trait Symbols {
+    /// Whether arguments count; a decoder's may be anything.
+    const WRITES: bool;
+
+    /// One of `N`.
+    fn symbol<const N: usize>(&mut self, model: &mut Model<N>, symbol: usize) -> usize;
+
+    /// One of `N`, expected as two models do on average; both learn.
+    fn pair<const N: usize>(&mut self, a: &mut Model<N>, b: &mut Model<N>, symbol: usize) -> usize;
+
+    /// At most [`RAW`] bits, each as likely as not.
+    fn raw(&mut self, bits: u32, value: u32) -> u32;
+
+    /// Whether more than a few bytes that are not there were read.
+    fn overrun(&self) -> bool;
+
+    /// Yes or no.
+    #[inline]
+    fn flag(&mut self, model: &mut Model<2>, flag: bool) -> bool {
+        self.symbol(model, usize::from(flag)) == 1
+    }
+
+    /// A whole number below 2^32 - 1: its length in binary digits by a model, then the digits.
+    #[inline(never)]
+    fn number(&mut self, model: &mut Model<32>, value: u32) -> u32 {
+        let value = value.wrapping_add(1).max(1);
+        let length = self.symbol(model, value.ilog2() as usize) as u32;
+        let mut read = 1u32;
+        let mut left = length;
+        while left > 0 {
+            let bits = left.min(RAW);
+            left -= bits;
+            read = read << bits | self.raw(bits, value >> left & ((1 << bits) - 1));
+        }
+        read - 1
+    }
+}
+
+/// Collects what is to be written: the coder works from the last symbol to the first.
+#[derive(Debug, Clone, Default)]
+pub struct Writer {
+    shares: Vec<(u16, u16)>,
+}
+
+impl Writer {
+    /// About so many symbols will come.
+    pub fn with_capacity(symbols: usize) -> Self {
+        Self { shares: Vec::with_capacity(symbols) }
+    }
+
+    /// All bytes; an even number.
+    pub fn finish(self) -> Vec<u8> {
+        let mut state = LOW;
+        let mut words = Vec::with_capacity(self.shares.len() / 4 + 2);
+        for (start, share) in self.shares.into_iter().rev() {
+            let (start, share) = (u32::from(start), u32::from(share));
+            if u64::from(state) >= u64::from(share) << (32 - BITS) {
+                words.push(state as u16);
+                state >>= 16;
+            }
+            state = ((state / share) << BITS) + state % share + start;
+        }
+        words.push(state as u16);
+        words.push((state >> 16) as u16);
+        words.iter().rev().flat_map(|word| word.to_le_bytes()).collect()
+    }
+
+    /// About how many bits what was collected will take.
+    pub fn bits(&self) -> f64 {
+        self.shares.iter().map(|(_, share)| f64::from(BITS) - f64::from(*share).log2()).sum()
+    }
+
+    #[inline]
+    fn push(&mut self, (start, share): (u32, u32)) {
+        self.shares.push((start as u16, share as u16));
+    }
+}
+
+impl Symbols for Writer {
+    const WRITES: bool = true;
+
+    #[inline]
+    fn symbol<const N: usize>(&mut self, model: &mut Model<N>, symbol: usize) -> usize {
+        self.push(model.share(symbol));
+        model.learn(symbol);
+        symbol
+    }
+
+    #[inline]
+    fn pair<const N: usize>(&mut self, a: &mut Model<N>, b: &mut Model<N>, symbol: usize) -> usize {
+        self.push(a.mean(b).share(symbol));
+        a.learn(symbol);
+        b.learn(symbol);
+        symbol
+    }
+
+    #[inline]
+    fn raw(&mut self, bits: u32, value: u32) -> u32 {
+        if bits > 0 {
+            self.push((value << (BITS - bits), 1 << (BITS - bits)));
+        }
+        value
+    }
+
+    fn overrun(&self) -> bool {
+        false
+    }
+}
+
+/// Reads what [`Writer`] wrote. Any bytes can be read; past their end there are zeros.
+#[derive(Debug)]
+pub struct Reader<'a> {
+    state: u32,
+    bytes: &'a [u8],
+    /// Bytes that were read though they are not there.
+    beyond: u32,
+}
+
+impl<'a> Reader<'a> {
+    /// From the first byte on.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        let mut reader = Self { state: 0, bytes, beyond: 0 };
+        reader.state = reader.word() << 16;
+        reader.state |= reader.word();
+        reader
+    }
+
+    /// Whether all was read, and nothing else.
+    pub fn finish(self) -> Result<(), DecodeError> {
+        match self.bytes.len() {
+            0 if self.beyond == 0 && self.state == LOW => Ok(()),
+            0 => Err(DecodeError::Invalid("coded symbols end in disorder")),
+            left => Err(DecodeError::TrailingBytes(left)),
+        }
+    }
+
+    #[inline]
+    fn word(&mut self) -> u32 {
+        if let Some((word, rest)) = self.bytes.split_first_chunk::<2>() {
+            self.bytes = rest;
+            u32::from(u16::from_le_bytes(*word))
+        } else {
+            self.beyond = self.beyond.saturating_add(2);
+            0
+        }
+    }
+
+    #[inline]
+    fn take(&mut self, (start, share): (u32, u32)) {
+        self.state = share * (self.state >> BITS) + (self.state & (ONE - 1)) - start;
+        if self.state < LOW {
+            self.state = self.state << 16 | self.word();
+        }
+    }
+}
+
+impl Symbols for Reader<'_> {
+    const WRITES: bool = false;
+
+    #[inline]
+    fn symbol<const N: usize>(&mut self, model: &mut Model<N>, _: usize) -> usize {
+        let symbol = model.find(self.state & (ONE - 1));
+        self.take(model.share(symbol));
+        model.learn(symbol);
+        symbol
+    }
+
+    #[inline]
+    fn pair<const N: usize>(&mut self, a: &mut Model<N>, b: &mut Model<N>, _: usize) -> usize {
+        let mean = a.mean(b);
+        let symbol = mean.find(self.state & (ONE - 1));
+        self.take(mean.share(symbol));
+        a.learn(symbol);
+        b.learn(symbol);
+        symbol
+    }
+
+    #[inline]
+    fn raw(&mut self, bits: u32, _: u32) -> u32 {
+        if bits == 0 {
+            return 0;
+        }
+        let value = (self.state & (ONE - 1)) >> (BITS - bits);
+        self.take((value << (BITS - bits), 1 << (BITS - bits)));
+        value
+    }
+
+    fn overrun(&self) -> bool {
+        self.beyond > 64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walk(coder: &mut impl Symbols, values: &mut [u32]) {
+        let (mut few, mut many) = (Model::<4>::default(), Model::<16>::new(|i| i as u32));
+        let (mut other, mut number) = (Model::<16>::default(), Model::default());
+        for value in values {
+            let kind = coder.symbol(&mut few, (*value % 4) as usize) as u32;
+            let small = coder.pair(&mut many, &mut other, (*value / 4 % 16) as usize) as u32;
+            let raw = coder.raw(3, *value / 64 % 8);
+            *value = (coder.number(&mut number, *value / 512) * 8 + raw) * 64 + small * 4 + kind;
+        }
+    }
+
+    #[test]
+    fn what_was_written_is_read() {
+        let mut values: Vec<u32> = (0..5000u32).map(|i| i.wrapping_mul(2_654_435_761) >> (i % 32)).collect();
+        let mut writer = Writer::default();
+        walk(&mut writer, &mut values);
+        let (wanted, bits) = (values.clone(), writer.bits());
+        let bytes = writer.finish();
+        assert!((bytes.len() as f64 * 8.0 - bits).abs() < bits * 0.001 + 64.0, "{} bytes, {bits} bits", bytes.len());
+        values.fill(0);
+        let mut reader = Reader::new(&bytes);
+        walk(&mut reader, &mut values);
+        assert!(values == wanted && !reader.overrun());
+        reader.finish().unwrap();
+    }
+
+    #[test]
+    fn what_is_always_the_same_costs_next_to_nothing() {
+        let (mut writer, mut model) = (Writer::default(), Model::<16>::default());
+        for _ in 0..20_000 {
+            writer.symbol(&mut model, 15);
+        }
+        let bytes = writer.finish();
+        assert!(bytes.len() < 40, "{}", bytes.len());
+    }
+
+    #[test]
+    fn no_symbol_ever_becomes_impossible() {
+        let mut model = Model::<32>::new(|i| u32::from(i == 3));
+        for i in 0..100_000usize {
+            model.learn(if i < 50_000 { 0 } else { i * i % 32 });
+            assert!((0..32).all(|symbol| model.share(symbol).1 > 0));
+        }
+    }
+
+    #[test]
+    fn too_little_is_noticed() {
+        let mut writer = Writer::default();
+        walk(&mut writer, &mut [7; 200]);
+        let bytes = writer.finish();
+        let mut values = [0; 200];
+        let mut reader = Reader::new(&bytes[..bytes.len() - 2]);
+        walk(&mut reader, &mut values);
+        assert!(reader.finish().is_err());
+        let mut reader = Reader::new(&[]);
+        walk(&mut reader, &mut [0; 2000]);
+        assert!(reader.overrun() || reader.finish().is_err());
+    }
+}

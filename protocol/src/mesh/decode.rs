@@ -1,0 +1,104 @@
+//! Bytes to a mesh.
+//!
+//! In: bytes that anyone may have made. Out: a [`Mesh`], or what is wrong. Next: `insula-client`.
+
+use super::{
+    Attribute, BUILT, Grid, Kind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE,
+    attributes, built, conquest,
+    encode::limit,
+    points::Points,
+    smooth::{self, CLASSES, WEIGHTS},
+    weld,
+};
+use crate::{
+    codec::{rans::Reader as Symbols, varint::Reader},
+    error::DecodeError,
+};
+
+impl Mesh {
+    /// Undoes [`Mesh::encode`]; vertices and triangles come in the order of conquest.
+    ///
+    /// # Errors
+    /// Anything that is no coded mesh. Memory is bounded by what the bytes announce, and that by the format's limits.
+    pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
+        let mut reader = Reader::new(bytes);
+        let version = reader.u8()?;
+        if version != VERSION {
+            return Err(DecodeError::Version { found: version.into(), known: VERSION.into() });
+        }
+        let kind = reader.u8()?;
+        if kind & !(BUILT | WIDE) != 0 {
+            return Err(DecodeError::Invalid("a mesh of an unknown kind"));
+        }
+        let bits = reader.u8()?;
+        if !POSITION_BITS.contains(&bits) {
+            return Err(DecodeError::Invalid("a mesh's positions have 8 to 16 bits"));
+        }
+        let attributes = usize::from(reader.u8()?);
+        limit("a mesh's attributes", attributes, MAX_ATTRIBUTES)?;
+        let grid = grid(&mut reader, kind & WIDE != 0, bits)?;
+        let vertices = reader.varint()? as usize;
+        limit("a mesh's vertices", vertices, MAX_VERTICES)?;
+        let triangles = reader.varint()? as usize;
+        limit("a mesh's triangles", triangles, MAX_TRIANGLES)?;
+        let mut attributes = (0..attributes).map(|_| attribute(&mut reader)).collect::<Result<Vec<_>, _>>()?;
+        let mut weights = smooth::PLAIN;
+        if kind & BUILT == 0 {
+            let read = reader.array::<{ CLASSES * WEIGHTS }>()?;
+            weights.as_flattened_mut().iter_mut().zip(read).for_each(|(weight, byte)| *weight = byte as i8);
+        }
+        let mut symbols = Symbols::new(reader.rest());
+        let order = conquest::read(&mut symbols, triangles)?;
+        if order.triangles.len() != triangles || order.degree.len() - order.dummies.len() != vertices {
+            return Err(DecodeError::Invalid("a mesh has not as many triangles and vertices as it announces"));
+        }
+        let mut points = Points::unknown(order.degree.len(), &order.dummies, u32::from(bits));
+        let mut first = Vec::new();
+        weld::code(&mut symbols, &mut first, order.degree.len(), |vertex| points.is_real(vertex))?;
+        if kind & BUILT != 0 {
+            built::code(&mut symbols, &order, &mut points, &first)?;
+        } else {
+            smooth::code(&mut symbols, &order, &mut points, &weights, &first)?;
+        }
+        for attribute in &mut attributes {
+            attributes::code(&mut symbols, &order, &points, attribute)?;
+        }
+        symbols.finish()?;
+        let mut numbers = Vec::with_capacity(first.len());
+        let mut positions = Vec::with_capacity(vertices);
+        for (vertex, &first) in (0..).zip(&first) {
+            numbers.push(if first == vertex { positions.len() as u32 } else { numbers[first as usize] });
+            if first == vertex && points.is_real(vertex) {
+                positions.push(std::array::from_fn(|axis| points.value(vertex, axis) as u32));
+            }
+        }
+        let real = order.triangles.iter().filter(|corners| corners.iter().all(|vertex| points.is_real(*vertex)));
+        let triangles = real.map(|corners| corners.map(|vertex| numbers[vertex as usize])).collect();
+        Ok(Self { grid, positions, triangles, attributes })
+    }
+}
+
+fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<Grid, DecodeError> {
+    let mut numbers = [0f64; 4];
+    for number in &mut numbers {
+        *number = if wide { f64::from_le_bytes(reader.array()?) } else { reader.f32()?.into() };
+        if !number.is_finite() {
+            return Err(DecodeError::Invalid("a number is not finite"));
+        }
+    }
+    let [x, y, z, step] = numbers;
+    if step <= 0.0 {
+        return Err(DecodeError::Invalid("a mesh's grid has no step"));
+    }
+    Ok(Grid { min: [x, y, z], step, bits })
+}
+
+fn attribute(reader: &mut Reader<'_>) -> Result<Attribute, DecodeError> {
+    let [kind, components, bits] = reader.array()?;
+    let kind = *Kind::ALL.get(usize::from(kind)).ok_or(DecodeError::Invalid("an attribute of an unknown kind"))?;
+    if !(1..=4).contains(&components) || !(1..=16).contains(&bits) {
+        return Err(DecodeError::Invalid("a mesh's attribute has 1 to 4 numbers of 1 to 16 bits"));
+    }
+    let range = [reader.f32()?, reader.f32()?];
+    Ok(Attribute { kind, components, bits, range, values: Vec::new(), corners: Vec::new() })
+}

@@ -1,0 +1,265 @@
+//! Positions of meshes that are scans of something: neighbours say where a vertex will be, and how sure they are.
+//!
+//! In: a [`Conquest`] and positions, or symbols. Out: symbols, or positions. Next: a person's eye.
+//!
+//! A vertex is predicted from the mean of its parallelograms and of its neighbours, with weights that the writer fitted to
+//! the mesh (by how many triangles the vertex completes, and by degrees: they tell how wide an angle is). What is left is
+//! taken for a normal distribution in space: its covariance is that of what was left at the neighbours. So the second
+//! coordinate is predicted again once the first is known, and the third once both are: along a smooth surface that is what
+//! a local frame would do, and along a scanner's rays it is better, without any rotation to be undone exactly.
+
+use super::{
+    around::Around,
+    conquest::Conquest,
+    points::{Place, Points, add, cross, nearest, scale, sub},
+};
+use crate::{
+    codec::{
+        rans::{Model, Symbols},
+        varint::{unzigzag, zigzag},
+    },
+    error::DecodeError,
+};
+
+/// Classes of vertices that have weights of their own: 3 with one triangle, 12 with two, 3 with more.
+pub(super) const CLASSES: usize = 18;
+/// Weights of a class: of how far neighbours are from what is beyond them, and of the middle one of them.
+pub(super) const WEIGHTS: usize = 2;
+/// A weight of one.
+pub(super) const UNIT: f32 = 64.0;
+
+/// Weights in 1/64.
+pub(super) type Weights = [[i8; WEIGHTS]; CLASSES];
+
+/// The parallelogram's.
+pub(super) const PLAIN: Weights = [[64, 0]; CLASSES];
+
+/// Half-octaves of what is expected to be left.
+const SCALES: usize = 36;
+/// Least variance that is believed in.
+const LEAST: f32 = 0.1;
+/// How much what is left on average counts against neighbours.
+const PRIOR: f32 = 2.0;
+/// How fast that average follows.
+const FOLLOW: f32 = 0.1;
+
+struct Models {
+    token: [Vec<Model<32>>; 3],
+    far: Model<32>,
+    seed: [Model<32>; 3],
+}
+
+impl Models {
+    fn new() -> Self {
+        // Bell-shaped for the start: what half an octave means in tokens.
+        let make = || {
+            let scale = |scale: usize| {
+                let deviation = [22, 16][scale % 2] >> if scale < 6 { 3 - scale / 2 } else { 0 };
+                Model::new(move |i| {
+                    if i == 31 {
+                        8
+                    } else {
+                        6 + 40_000 / (20 + (i as u32).abs_diff(15).pow(2) * 100 / (1 + deviation * deviation / 8))
+                    }
+                })
+            };
+            (0..SCALES).map(scale).collect::<Vec<_>>()
+        };
+        Self { token: [make(), make(), make()], far: Model::default(), seed: Default::default() }
+    }
+
+    /// One coordinate's difference, expected to be about the root of `variance`.
+    #[inline]
+    fn left<C: Symbols>(&mut self, coder: &mut C, axis: usize, variance: f32, value: i32) -> i32 {
+        // The exponent of the variance counts half-octaves of its root.
+        let scale = ((variance.to_bits() >> 23) as i32 - 123).clamp(0, SCALES as i32 - 1) as usize;
+        let shift = (scale as u32 / 2).saturating_sub(3);
+        let token = value >> shift;
+        let symbol = if (-15..=15).contains(&token) { (token + 15) as usize } else { 31 };
+        let symbol = coder.symbol(&mut self.token[axis][scale], symbol);
+        let token = if symbol == 31 { self.far(coder, token) } else { symbol as i32 - 15 };
+        let low = coder.raw(shift, value as u32 & ((1 << shift) - 1));
+        token.wrapping_shl(shift) | low as i32
+    }
+
+    #[cold]
+    fn far<C: Symbols>(&mut self, coder: &mut C, token: i32) -> i32 {
+        let beyond = token.unsigned_abs().wrapping_sub(16) << 1 | u32::from(token < 0);
+        let beyond = coder.number(&mut self.far, beyond);
+        let distance = (beyond >> 1) as i32 + 16;
+        if beyond & 1 == 1 { -distance } else { distance }
+    }
+}
+
+/// What the triangles around a vertex say.
+struct Guess {
+    class: Option<usize>,
+    /// Mean of the neighbours.
+    mean: Place,
+    /// From what is beyond them to that mean.
+    out: Place,
+    /// From that mean to the neighbour in the middle.
+    middle: Place,
+}
+
+impl Guess {
+    #[inline]
+    fn new(around: &Around, mesh: &Conquest, points: &Points, vertex: u32) -> Self {
+        let wings = around.wings();
+        let (mut near, mut far, mut middle) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        for wing in wings {
+            near = add(near, add(points.at(wing.a), points.at(wing.b)));
+            far = add(far, points.at(wing.x));
+        }
+        for wing in wings.iter().skip(1) {
+            middle = add(middle, points.at(wing.full));
+        }
+        let wide = (mesh.degree[vertex as usize].clamp(5, 7) - 5) as usize;
+        let class = match wings.len() {
+            0 => None,
+            1 => Some(wide),
+            2 => Some(3 + 3 * (mesh.degree[wings[1].full as usize].clamp(4, 7) - 4) as usize + wide),
+            _ => Some(15 + wide),
+        };
+        let share = 1.0 / wings.len().max(1) as f32;
+        let mean = scale(near, 0.5 * share);
+        let middle = match wings.len() {
+            0 | 1 => [0.0; 4],
+            n => sub(scale(middle, 1.0 / (n - 1) as f32), mean),
+        };
+        Self { class, mean, out: sub(mean, scale(far, share)), middle }
+    }
+
+    #[inline]
+    fn place(&self, weights: &[f32; WEIGHTS]) -> Place {
+        add(self.mean, add(scale(self.out, weights[0]), scale(self.middle, weights[1])))
+    }
+}
+
+/// Weights that leave least, by least squares over all vertices; far ones count less.
+pub(super) fn fit(mesh: &Conquest, points: &Points) -> Weights {
+    let mut sums = [[0f64; 5]; CLASSES];
+    let mut around = Around::default();
+    for vertex in points.vertices() {
+        around.look(mesh, vertex, |other| points.is_real(other));
+        let guess = Guess::new(&around, mesh, points, vertex);
+        let Some(class) = guess.class else { continue };
+        let dot = |a: Place, b: Place| (0..3).map(|k| f64::from(a[k]) * f64::from(b[k])).sum::<f64>();
+        let left = sub(points.at(vertex), guess.mean);
+        let off = sub(left, guess.out);
+        let weight = 1.0 / (4.0 + dot(off, off)).sqrt();
+        for (sum, (a, b)) in sums[class].iter_mut().zip([
+            (guess.out, guess.out),
+            (guess.out, guess.middle),
+            (guess.middle, guess.middle),
+            (guess.out, left),
+            (guess.middle, left),
+        ]) {
+            *sum += weight * dot(a, b);
+        }
+    }
+    sums.map(|[aa, ab, bb, al, bl]| {
+        let (aa, bb) = (aa + 1e-3, bb + 1e-3);
+        let determinant = aa * bb - ab * ab;
+        let solved = [(al * bb - bl * ab) / determinant, (bl * aa - al * ab) / determinant];
+        // A cast of what is out of range, or not a number, is a number in range.
+        solved.map(|weight| (weight * f64::from(UNIT)).round().clamp(-127.0, 127.0) as i8)
+    })
+}
+
+/// Writes or reads all positions.
+pub(super) fn code<C: Symbols>(
+    coder: &mut C,
+    mesh: &Conquest,
+    points: &mut Points,
+    weights: &Weights,
+    first: &[u32],
+) -> Result<(), DecodeError> {
+    let mut models = Models::new();
+    let weights = weights.map(|class| class.map(|weight| f32::from(weight) / UNIT));
+    let mut left = vec![[0f32; 4]; points.len()];
+    let (mut flat, mut steep) = (64f32, 16f32);
+    let mut around = Around::default();
+    let mut last = points.middle();
+    for vertex in points.vertices() {
+        let original = first[vertex as usize];
+        if original != vertex {
+            last = std::array::from_fn(|axis| points.value(original, axis));
+            points.put(vertex, last)?;
+            continue;
+        }
+        around.look(mesh, vertex, |other| points.is_real(other));
+        let guess = Guess::new(&around, mesh, points, vertex);
+        let Some(class) = guess.class else {
+            let mut place = [0; 3];
+            for axis in 0..3 {
+                let value = points.value(vertex, axis).wrapping_sub(last[axis]);
+                let value = zigzag(value);
+                let value = coder.number(&mut models.seed[axis], value);
+                place[axis] = unzigzag(value).wrapping_add(last[axis]);
+            }
+            points.put(vertex, place)?;
+            last = place;
+            continue;
+        };
+        let wanted = guess.place(&weights[class]);
+        let mut rows = [[0f32; 4]; 3];
+        let mut count = PRIOR;
+        let mut learn = |other: u32| {
+            let left = left[other as usize];
+            for k in 0..3 {
+                rows[k] = add(rows[k], scale(left, left[k]));
+            }
+            count += 1.0;
+        };
+        for (i, wing) in around.wings().iter().enumerate() {
+            learn(wing.x);
+            learn(if wing.full == wing.a { wing.b } else { wing.a });
+            if i == 0 {
+                learn(wing.full);
+            }
+        }
+        let share = 1.0 / count;
+        let wing = around.wings()[0];
+        let base = points.at(wing.a);
+        let normal = cross(sub(points.at(wing.b), base), sub(points.at(wing.x), base));
+        let area = (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).max(1.0);
+        let inverse = 1.0 / area;
+        let tilt = scale(normal, (steep - flat) * PRIOR * inverse);
+        for k in 0..3 {
+            rows[k] = add(rows[k], scale(normal, tilt[k]));
+        }
+        let prior = flat * PRIOR * share + LEAST;
+        let [xx, xy, xz] = [rows[0][0] * share + prior, rows[0][1] * share, rows[0][2] * share];
+        let [yy, yz, zz] = [rows[1][1] * share + prior, rows[1][2] * share, rows[2][2] * share + prior];
+        // The covariance taken apart: what each coordinate says of those after it.
+        let (y_x, z_x) = (xy / xx, xz / xx);
+        let y_y = (yy - y_x * xy).max(LEAST);
+        let z_y = (yz - z_x * xy) / y_y;
+        let z_z = (zz - z_x * xz - z_y * (yz - z_x * xy)).max(LEAST);
+        let mut coordinate = |axis: usize, wanted: f32, variance: f32| {
+            let wanted = nearest(wanted);
+            let value = points.value(vertex, axis).wrapping_sub(wanted);
+            models.left(coder, axis, variance, value).wrapping_add(wanted)
+        };
+        let x = coordinate(0, wanted[0], xx);
+        let dx = x as f32 - wanted[0];
+        let y = coordinate(1, wanted[1] + y_x * dx, y_y);
+        let dy = y as f32 - wanted[1];
+        let z = coordinate(2, wanted[2] + z_x * dx + z_y * (dy - y_x * dx), z_z);
+        last = [x, y, z];
+        points.put(vertex, last)?;
+        let rest = sub(points.at(vertex), wanted);
+        left[vertex as usize] = rest;
+        let squared = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2];
+        let along = rest[0] * normal[0] + rest[1] * normal[1] + rest[2] * normal[2];
+        let along = along * along * inverse;
+        steep += (along - steep) * FOLLOW;
+        flat += ((squared - along) * 0.5 - flat) * FOLLOW;
+        flat = flat.max(0.0);
+        if vertex % 1024 == 0 && coder.overrun() {
+            return Err(DecodeError::Invalid("a mesh's positions are cut off"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,290 @@
+//! Meshes round trip exactly, whatever they look like; bytes that are no mesh are errors.
+
+#![allow(clippy::unwrap_used)]
+
+use insula_protocol::mesh::{Attribute, Encoded, Grid, Kind, Mesh, pieces::Pieces};
+
+/// A small generator of numbers (xorshift): the same meshes on every machine.
+struct Dice(u64);
+
+impl Dice {
+    fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    fn below(&mut self, limit: u32) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0 >> 33) % u64::from(limit.max(1))) as u32
+    }
+
+    fn one_in(&mut self, chances: u32) -> bool {
+        self.below(chances) == 0
+    }
+}
+
+#[derive(Default)]
+struct Heap {
+    positions: Vec<[u32; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Heap {
+    /// A sheet of quads, open, or closed along one or both ways to a tube or a torus; some are left out.
+    fn sheet(&mut self, dice: &mut Dice, most: u32) {
+        let (w, h) = (3 + dice.below(most), 3 + dice.below(most));
+        let (round, over) = (dice.one_in(2), dice.one_in(2));
+        let first = self.positions.len() as u32;
+        for i in 0..w * h {
+            self.positions.push([
+                200 + i % w * 9 + dice.below(4),
+                200 + i / w * 9 + dice.below(4),
+                300 + dice.below(9),
+            ]);
+        }
+        let holes = dice.below(8);
+        for y in 0..if over { h } else { h - 1 } {
+            for x in 0..if round { w } else { w - 1 } {
+                let at = |x: u32, y: u32| first + y % h * w + x % w;
+                let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+                let pair = if dice.one_in(3) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+                for triangle in pair {
+                    if holes == 0 || !dice.one_in(2 + holes) {
+                        self.triangles.push(triangle);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Boxes on the ground, some with a corner at a vertex of another.
+    fn boxes(&mut self, dice: &mut Dice, most: u32) {
+        const SIDES: [[u32; 3]; 12] = [
+            [0, 1, 5],
+            [0, 5, 4],
+            [1, 3, 7],
+            [1, 7, 5],
+            [3, 2, 6],
+            [3, 6, 7],
+            [2, 0, 4],
+            [2, 4, 6],
+            [4, 5, 7],
+            [4, 7, 6],
+            [0, 3, 1],
+            [0, 2, 3],
+        ];
+        for _ in 0..1 + dice.below(most) {
+            let (x, y, z) = (dice.below(3000), dice.below(3000), 20 + dice.below(600));
+            let (w, d) = (10 + dice.below(300), 10 + dice.below(300));
+            let corners: Vec<u32> = (0..8)
+                .map(|i| {
+                    if !self.positions.is_empty() && dice.one_in(12) {
+                        return dice.below(self.positions.len() as u32);
+                    }
+                    self.positions.push([x + (i & 1) * w, y + (i >> 1 & 1) * d, (i >> 2) * z]);
+                    self.positions.len() as u32 - 1
+                })
+                .collect();
+            let open = dice.one_in(3);
+            self.triangles.extend(SIDES[..if open { 10 } else { 12 }].iter().map(|t| t.map(|i| corners[i as usize])));
+        }
+    }
+
+    /// Triangles between any vertices: many on an edge, many fans at a vertex, some degenerate or there twice.
+    fn any(&mut self, dice: &mut Dice, most: u32) {
+        let first = self.positions.len() as u32;
+        let vertices = 3 + dice.below(most);
+        self.positions.extend((0..vertices).map(|_| [0; 3].map(|_| dice.below(4096))));
+        for _ in 0..1 + dice.below(3 * most) {
+            self.triangles.push([0; 3].map(|_| first + dice.below(vertices)));
+        }
+    }
+
+    /// Some vertices become one, some triangles turn around or come twice.
+    fn disturb(&mut self, dice: &mut Dice) {
+        for _ in 0..dice.below(4) {
+            let vertices = self.positions.len() as u32;
+            let (from, to) = (dice.below(vertices), dice.below(vertices));
+            self.triangles.as_flattened_mut().iter_mut().filter(|v| **v == from).for_each(|v| *v = to);
+        }
+        for _ in 0..dice.below(4) {
+            let t = dice.below(self.triangles.len() as u32) as usize;
+            self.triangles[t].swap(0, 1);
+            let t = dice.below(self.triangles.len() as u32) as usize;
+            self.triangles.push(self.triangles[t]);
+        }
+    }
+}
+
+fn attribute(dice: &mut Dice, kind: Kind, heap: &Heap) -> Attribute {
+    let components = if kind == Kind::Colour { 3 } else { 2 };
+    let bits = 6 + dice.below(11) as u8;
+    let seams = 1 + dice.below(20);
+    let own: Vec<[u32; 4]> = heap
+        .positions
+        .iter()
+        .map(|p| std::array::from_fn(|c| if c < components { p[c] & ((1 << bits) - 1) } else { 0 }))
+        .collect();
+    let mut values = own.clone();
+    let corners = heap.triangles.as_flattened().iter().map(|vertex| {
+        if !dice.one_in(seams) {
+            return *vertex;
+        }
+        values.push(std::array::from_fn(|c| if c < components { dice.below(1 << bits) } else { 0 }));
+        values.len() as u32 - 1
+    });
+    let corners = corners.collect();
+    Attribute { kind, components: components as u8, bits, range: [0.5, 0.25], values, corners }
+}
+
+fn random(seed: u64, most: u32) -> Mesh {
+    let mut dice = Dice::new(seed);
+    let mut heap = Heap::default();
+    for _ in 0..1 + dice.below(5) {
+        match dice.below(3) {
+            0 => heap.sheet(&mut dice, most),
+            1 => heap.boxes(&mut dice, most),
+            _ => heap.any(&mut dice, most),
+        }
+    }
+    heap.disturb(&mut dice);
+    let kinds = [Kind::Normal, Kind::Colour, Kind::TexCoord, Kind::Other];
+    let mut attributes = Vec::new();
+    for kind in kinds {
+        if dice.one_in(4) {
+            attributes.push(attribute(&mut dice, kind, &heap));
+        }
+    }
+    let min = if dice.one_in(2) { [0.0, -5.5, 12.0] } else { [84_123.456, 447_000.1, -1.2] };
+    let bits = 12 + dice.below(5) as u8;
+    Mesh { grid: Grid { min, step: 0.015625, bits }, positions: heap.positions, triangles: heap.triangles, attributes }
+}
+
+/// Everything that was given is there again: vertices as they were shared, triangles as they were turned, all values.
+fn check(mesh: &Mesh) -> Encoded {
+    let encoded = mesh.encode().unwrap();
+    let back = Mesh::decode(&encoded.bytes).unwrap();
+    let (vertices, corners) = (&encoded.vertices, &encoded.corners);
+    assert_eq!(back.grid, mesh.grid);
+    let positions: Vec<_> = vertices.iter().map(|vertex| mesh.positions[*vertex as usize]).collect();
+    assert!(back.positions == positions);
+    let given = mesh.triangles.as_flattened();
+    let expected = corners.iter().map(|corner| given[*corner as usize]);
+    assert!(back.triangles.as_flattened().iter().map(|vertex| vertices[*vertex as usize]).eq(expected));
+    let left_out = (encoded.census.degenerate + encoded.census.duplicate) as usize;
+    assert_eq!(back.triangles.len() + left_out, mesh.triangles.len());
+    // No triangle twice, none but those that were turned in another turn.
+    let mut seen = vec![false; mesh.triangles.len()];
+    let mut turned = 0;
+    for triangle in corners.as_chunks::<3>().0 {
+        let t = triangle[0] / 3;
+        assert!(!std::mem::replace(&mut seen[t as usize], true));
+        let turn = triangle.map(|corner| corner - 3 * t);
+        let forwards = [[0, 1, 2], [1, 2, 0], [2, 0, 1]].contains(&turn);
+        assert!(forwards || [[0, 2, 1], [2, 1, 0], [1, 0, 2]].contains(&turn));
+        turned += u32::from(!forwards);
+    }
+    assert_eq!(turned, encoded.census.turned);
+    for (given, found) in mesh.attributes.iter().zip(&back.attributes) {
+        assert_eq!(
+            (given.kind, given.components, given.bits, given.range),
+            (found.kind, found.components, found.bits, found.range)
+        );
+        let value = |attribute: &Attribute, corner: u32| attribute.values[attribute.corners[corner as usize] as usize];
+        assert!((0..).zip(corners).all(|(new, old)| value(found, new) == value(given, *old)));
+    }
+    assert_eq!(mesh.attributes.len(), back.attributes.len());
+    encoded
+}
+
+/// `INSULA_MESHES=100000` for the whole count.
+#[test]
+fn random_meshes_come_back_exactly() {
+    let count = std::env::var("INSULA_MESHES").ok().and_then(|count| count.parse().ok()).unwrap_or(3000);
+    for seed in 0..count {
+        let mesh = random(seed, if seed % 50 == 0 { 30 } else { 9 });
+        assert!(Pieces::new(&mesh.triangles, mesh.positions.len() as u32).is_sound(), "seed {seed}");
+        check(&mesh);
+    }
+}
+
+#[test]
+fn every_number_of_bits_comes_back() {
+    for bits in 8..=16 {
+        let mut mesh = random(7, 20);
+        mesh.grid.bits = bits;
+        for (i, position) in mesh.positions.iter_mut().enumerate() {
+            *position = position.map(|v| if i % 3 == 0 { (1 << bits) - 1 - v % (1 << bits) } else { v % (1 << bits) });
+        }
+        check(&mesh);
+    }
+}
+
+#[test]
+fn what_is_not_on_the_grid_is_refused() {
+    let mut mesh = random(1, 9);
+    mesh.positions[0][0] = 1 << mesh.grid.bits;
+    mesh.triangles = vec![[0, 1, 2]];
+    mesh.attributes.clear();
+    assert!(mesh.encode().is_err());
+    mesh.grid.bits = 17;
+    assert!(mesh.encode().is_err());
+}
+
+#[test]
+fn an_empty_mesh_comes_back() {
+    let grid = Grid::around(&[], 12);
+    let mesh = Mesh { grid, positions: vec![], triangles: vec![], attributes: vec![] };
+    assert!(check(&mesh).bytes.len() < 40);
+}
+
+#[test]
+fn every_truncation_and_extra_bytes_are_refused() {
+    let bytes = check(&random(3, 9)).bytes;
+    for length in 0..bytes.len() {
+        assert!(Mesh::decode(&bytes[..length]).is_err(), "{length}");
+    }
+    assert!(Mesh::decode(&[&bytes[..], &[0, 0]].concat()).is_err());
+}
+
+/// `INSULA_MUTATIONS=1000000` for longer.
+#[test]
+fn altered_bytes_are_refused_or_another_mesh() {
+    let count: u64 = std::env::var("INSULA_MUTATIONS").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000);
+    let originals: Vec<Vec<u8>> = (0..64).map(|seed| random(seed, 9).encode().unwrap().bytes).collect();
+    let mut dice = Dice::new(99);
+    let mut read = 0;
+    for _ in 0..count {
+        let mut bytes = originals[dice.below(64) as usize].clone();
+        for _ in 0..1 + dice.below(4) {
+            let at = dice.below(bytes.len() as u32) as usize;
+            match dice.below(4) {
+                0 => bytes[at] ^= 1 << dice.below(8),
+                1 => bytes[at] = dice.below(256) as u8,
+                2 => bytes.truncate(at.max(1)),
+                _ => bytes[at..].rotate_left(1),
+            }
+        }
+        if let Ok(mesh) = Mesh::decode(&bytes) {
+            read += 1;
+            assert!(mesh.triangles.as_flattened().iter().all(|vertex| (*vertex as usize) < mesh.positions.len()));
+            assert!(mesh.positions.as_flattened().iter().all(|v| *v < 1 << mesh.grid.bits));
+            for attribute in &mesh.attributes {
+                assert_eq!(attribute.corners.len(), 3 * mesh.triangles.len());
+                assert!(attribute.corners.iter().all(|value| (*value as usize) < attribute.values.len()));
+            }
+        }
+    }
+    assert!(read > 0, "none of the alterations left a mesh: the bytes behind the header were never reached");
+}
+
+#[test]
+fn the_format_does_not_change_by_accident() {
+    let positions = vec![[0, 0, 0], [4095, 0, 0], [0, 4095, 0], [0, 0, 4095]];
+    let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let grid = Grid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
+    let mesh = Mesh { grid, positions, triangles, attributes: vec![] };
+    let hex: String = check(&mesh).bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(hex, "01010c000000803f00000040000040400000003f040406009f4f7d09920e4b6b34f43a9e4f38ecff8fc09f69");
+}
