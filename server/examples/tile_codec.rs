@@ -19,6 +19,10 @@ use insula_protocol::{
 use insula_server::store::CityStore;
 use std::{collections::HashMap, io::Cursor, path::Path, time::Instant};
 
+// As in the programs that decode tiles.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// The quality of the candidates with loss.
 const DB: f32 = 36.0;
 /// Timings are the best of so many.
