@@ -9,13 +9,19 @@ use crate::{
     render::{Adapter, AdapterInfo, FrameData, Look},
     report::{FrameTimes, Report, TileCounts},
     scene::{Key, TileEvent, Tree},
-    select::{Scratch, Selection, priority::Group, select},
+    select::{
+        Scratch, Selection,
+        casters::{Casters, casters},
+        priority::Group,
+        select,
+    },
     stream::{Arrival, Stream},
 };
+use glam::DVec3;
 use insula_protocol::TileId;
 use insula_shaders::{cpu::raycast::Pixels, pack::PackedNode};
 use std::{
-    collections::VecDeque,
+    collections::{HashSet, VecDeque},
     time::{Duration, Instant},
 };
 
@@ -50,6 +56,9 @@ pub struct Session {
     info: AdapterInfo,
     scratch: Scratch,
     selection: Selection,
+    /// Towards the sun, if it casts shadows, and what casts them in the last selection.
+    sun: Option<DVec3>,
+    casters: Casters,
     decoded: VecDeque<(TileId, PackedNode)>,
     tiles: TileCounts,
     times: Vec<Duration>,
@@ -77,6 +86,8 @@ impl Session {
             info,
             scratch: Scratch::default(),
             selection: Selection::default(),
+            sun: None,
+            casters: Casters::default(),
             decoded: VecDeque::new(),
             tiles: TileCounts::default(),
             times: Vec::new(),
@@ -113,6 +124,7 @@ impl Session {
         for at in self.selection.used.iter().rev() {
             self.cache.touch(self.tree.node(*at).id);
         }
+        self.cast(&view);
         if let Some(heading) = shot.heading {
             self.preload(shot, heading);
         }
@@ -126,6 +138,26 @@ impl Session {
         if self.settled() {
             self.converged.get_or_insert(elapsed);
         }
+    }
+
+    /// Towards the sun, if what is out of the picture shall cast shadows into it: a [`Look::casting`].
+    pub fn set_sun(&mut self, sun: Option<DVec3>) {
+        self.sun = sun;
+    }
+
+    /// What casts shadows on the last selection, within the room that this leaves.
+    fn cast(&mut self, view: &View) {
+        let Selection { counters, .. } = &self.selection;
+        let budget_pages =
+            (self.cache.capacity_pages() - self.cache.capacity_pages() / 32).saturating_sub(counters.pages);
+        let budget_nodes = crate::cache::slots_for(self.cache.capacity_pages()).saturating_sub(counters.visited);
+        let view = View { budget_pages, budget_nodes, tau_px: counters.tau_px, ..*view };
+        self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree)).unwrap_or_default();
+        for at in self.casters.nodes.iter().rev() {
+            self.cache.touch(self.tree.node(*at).id);
+        }
+        let wanted: HashSet<Key> = self.selection.wanted.iter().map(|w| w.key).collect();
+        self.selection.wanted.extend(self.casters.wanted.iter().filter(|w| !wanted.contains(&w.key)));
     }
 
     /// What the camera will want in a moment, as long as there is room that nobody uses.
@@ -211,7 +243,8 @@ impl Session {
 
     /// What the ray-caster needs for the last selection.
     pub fn frame_data(&self, shot: &Shot, look: &Look) -> FrameData {
-        FrameData::new(&self.selection.cut, &self.tree, &self.cache, &self.view(shot, shot.camera), look)
+        let nodes = (&self.selection.cut[..], &self.casters.nodes[..]);
+        FrameData::new(nodes, &self.tree, &self.cache, &self.view(shot, shot.camera), look)
     }
 
     /// Draws the last selection and waits for the pixels.

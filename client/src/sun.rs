@@ -5,7 +5,7 @@
 //! Hours are the place's own mean solar time, 12 when the sun is about highest, whatever the clocks there say; a time with an
 //! offset (`Z`, `+09:00`) is turned into it by the place's longitude.
 
-use crate::render::Look;
+use crate::{render::Look, select::casters::SHADOW_M};
 use chrono::{DateTime, Datelike, Days, NaiveDate, NaiveDateTime, Timelike};
 use clap::Args;
 use glam::{DVec2, DVec3};
@@ -27,7 +27,7 @@ const JAPAN: u16 = 6669;
 const HAZE_DIAGONALS: f64 = 5.0;
 const HAZE_M: [f64; 2] = [4000.0, 60_000.0];
 
-/// `--time` or `--sun`.
+/// `--time` or `--sun`, and `--shadows`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub struct SunArgs {
     /// Date and hour of the light: 2024-06-21T17:00 in the place's solar time, or with an offset (Z, +09:00).
@@ -36,6 +36,9 @@ pub struct SunArgs {
     /// The sun where it may never be: degrees from north over east, and above the horizon.
     #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = azimuth_altitude, allow_hyphen_values = true)]
     pub sun: Option<Bearing>,
+    /// Whether the sun casts shadows (on unless given).
+    #[arg(long, value_name = "on|off", value_parser = switch)]
+    pub shadows: Option<bool>,
 }
 
 /// A date and hour as typed.
@@ -76,6 +79,8 @@ pub struct Daylight {
     pub hour: f64,
     /// Overrules date and hour.
     pub fixed: Option<Bearing>,
+    /// Whether the sun casts shadows.
+    pub shadows: bool,
     haze_half_m: f64,
 }
 
@@ -94,6 +99,14 @@ pub fn time(text: &str) -> Result<Time, String> {
         (None, None) => return Err(wrong()),
     };
     if YEARS.contains(&at.year()) { Ok(Time { at, universal }) } else { Err(wrong()) }
+}
+
+fn switch(text: &str) -> Result<bool, String> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("write on or off".to_owned()),
+    }
 }
 
 /// Reads `--sun`.
@@ -156,7 +169,8 @@ impl Daylight {
         let diagonal_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
         let haze_half_m = (diagonal_m * HAZE_DIAGONALS).clamp(HAZE_M[0], HAZE_M[1]);
         let date = NaiveDate::from_ymd_opt(2024, 9, 15).unwrap_or_default();
-        let mut daylight = Self { place, date, hour: 16.5, fixed: args.sun, haze_half_m };
+        let mut daylight =
+            Self { place, date, hour: 16.5, fixed: args.sun, shadows: args.shadows.unwrap_or(true), haze_half_m };
         if let Some(time) = args.time {
             daylight.set(&time);
         }
@@ -215,7 +229,8 @@ impl Daylight {
 
     /// The look that goes with it.
     pub fn look(&self, shading: Shading, samples: u32) -> Look {
-        Look { shading, samples, ..Look::under(self.direction(), self.haze_half_m) }
+        let shadow_m = if self.shadows { SHADOW_M } else { 0.0 };
+        Look { shading, samples, shadow_m, ..Look::under(self.direction(), self.haze_half_m) }
     }
 }
 
@@ -239,7 +254,7 @@ pub(crate) mod tests {
     }
 
     fn at(text: &str) -> SunArgs {
-        SunArgs { time: Some(time(text).unwrap()), sun: None }
+        SunArgs { time: Some(time(text).unwrap()), ..SunArgs::default() }
     }
 
     /// Delft's Nieuwe Kerk: 52.0123 N, 4.3609 E.
@@ -294,7 +309,7 @@ pub(crate) mod tests {
         for wrong in ["1", "1,91", "x,1", "NaN,1", "1,2,3"] {
             assert!(azimuth_altitude(wrong).is_err(), "{wrong}");
         }
-        let fixed = SunArgs { time: None, sun: Some(west) };
+        let fixed = SunArgs { sun: Some(west), ..SunArgs::default() };
         assert!((daylight(Some("EPSG:7415"), DELFT, &fixed).direction() + DVec3::X).length() < 1e-12);
     }
 }

@@ -101,8 +101,8 @@ pub struct Frame {
     pub ground_z_m: f32,
     /// 1 if the plane is drawn.
     pub ground: u32,
-    /// Zero.
-    pub pad: u32,
+    /// How far rays towards the sun go, in metres; 0: none are cast, and [`Shading::Lit`] guesses by the sky that is seen.
+    pub shadow_m: f32,
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
     /// Per level of the grid, finest first: first entry, log2 of the window's side, its west and south end.

@@ -81,12 +81,13 @@ impl Light {
         let glow = (sky.radiance(beside) - blend(zenith, horizon_sun, beside.z)).max(DVec3::ZERO);
         let bounce = GROUND * (sun_light * sun.z.max(0.0) + up);
         let scaled = |v: DVec3| (v * exposure).as_vec3().extend(0.0).to_array();
+        let shade = |v: DVec3| scaled(v.lerp(DVec3::splat(luminance(v)), SHADE_NEUTRAL) * SHADE_SHOWN);
         let haze = HAZE_TINT * (std::f64::consts::LN_2 / f64::from(half_m.max(1.0)));
         Self {
             sun: scaled(sun_light / PI),
-            sky_up: scaled(up / PI),
-            sky_wall: scaled(walls / PI),
-            sky_side: scaled(side / PI),
+            sky_up: shade(up / PI),
+            sky_wall: shade(walls / PI),
+            sky_side: shade(side / PI),
             bounce: scaled(bounce / PI),
             zenith: scaled(zenith * SHOWN),
             horizon_sun: scaled(horizon_sun * SHOWN),
@@ -100,6 +101,10 @@ impl Light {
     }
 }
 
+/// How the sky's light on surfaces is shown: less blue, and brighter, for what reaches shade from lit ground, walls and haze has
+/// the sun's colour.
+const SHADE_NEUTRAL: f64 = 0.5;
+const SHADE_SHOWN: f64 = 1.3;
 /// Haze takes a little more of the blue than of the red, as air does, though less than air alone.
 const HAZE_TINT: DVec3 = DVec3::new(0.85, 1.0, 1.2);
 /// Where the glow is measured, and what is left of it there (`cpu::shade`).

@@ -55,7 +55,7 @@ fn structs_lie_alike() {
             level_scale,
             ground_z_m,
             ground,
-            pad,
+            shadow_m,
             light,
             windows,
         }

@@ -185,11 +185,15 @@ fn hit_solid(
         return;
     }
     if (flags & EXPOSED) == 0u {
+        if span.face == FACE_SIDE && beside(cell, span.s) {
+            gather(span.s, wall_beside.texel, wall_beside.normal, flags);
+            return;
+        }
         var normal = roof_normal;
         if span.face == FACE_BOTTOM {
             normal = vec3<f32>(0.0, 0.0, -1.0);
         }
-        if dot(normal, ray.dir) >= 0.0 {
+        if dot(normal, leg.dir) >= 0.0 {
             normal = face_normal(cell);
         }
         gather(span.s, plane_word(1u, i) | (3u << 24u), normal, flags);
@@ -227,6 +231,26 @@ fn hit_solid(
     }
 }
 
+fn beside(cell: vec2<i32>, t: f32) -> bool {
+    let before = cell + vec2<i32>(face_normal(cell).xy);
+    if any(before < vec2<i32>(0)) || any(before >= vec2<i32>(NODE_CELLS)) {
+        return false;
+    }
+    let i = u32(before.y * NODE_CELLS + before.x);
+    let walk = plane_word(0u, i);
+    let flags = walk >> 24u;
+    let z = z_at(t);
+    let z_min = f32((walk >> 12u) & 0xfffu);
+    if (flags & EXPOSED) == 0u || z < z_min || z >= f32(walk & 0xfffu) {
+        return false;
+    }
+    let codes = f32(16u >> ray.z_shift);
+    let row = u32(floor(z / codes) - floor(z_min / codes));
+    let texel = word(plane_word(3u, i) + head_words(flags) + row);
+    wall_beside = WallBeside(texel | (3u << 24u), wall_normal(cell, (plane_word(2u, i) >> 16u) & 255u));
+    return ((texel >> 24u) & 3u) != 0u;
+}
+
 fn azimuth(turn: u32) -> vec2<f32> {
     let angle = f32(turn) * (6.2831855 / 256.0);
     return vec2<f32>(cos(angle), sin(angle));
@@ -234,7 +258,7 @@ fn azimuth(turn: u32) -> vec2<f32> {
 
 fn wall_normal(cell: vec2<i32>, wall: u32) -> vec3<f32> {
     let normal = vec3<f32>(azimuth(wall), 0.0);
-    if dot(normal, ray.dir) < 0.0 {
+    if dot(normal, leg.dir) < 0.0 {
         return normal;
     }
     return face_normal(cell);
@@ -251,12 +275,17 @@ fn face_normal(cell: vec2<i32>) -> vec3<f32> {
 
 fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
     let alpha = f32((texel >> 24u) & 3u) / 3.0;
-    let lit = shade(texel, normal, flags, nodes[ray.index].level, sun_by_sky(texel));
-    gathered.rgb += through_haze(lit, ray.dir, t) * (alpha * gathered.left);
     let before = gathered.left;
     gathered.left *= 1.0 - alpha;
+    if leg.to_sun {
+        return;
+    }
+    let lit = through_haze(shade(texel, normal, flags, nodes[ray.index].level), leg.dir, t);
+    gathered.sky += lit.sky * (alpha * before);
+    gathered.sun += lit.sun * (alpha * before);
     if before > 0.5 && gathered.left <= 0.5 {
         gathered.distance = t;
         gathered.node = ray.index;
+        gathered.sun_from = leg.dir * t + normal * (nodes[ray.index].cell_m * SUN_LIFT_CELLS);
     }
 }

@@ -20,7 +20,7 @@ struct Frame {
     level_scale: f32,
     ground_z_m: f32,
     ground: u32,
-    pad: u32,
+    shadow_m: f32,
     light: Light,
     windows: array<vec4<i32>, 21>,
 }
@@ -59,6 +59,8 @@ const Z_TOP: f32 = 65535.0;
 const NO_NODE: u32 = 0xffffffffu;
 const MAX_STEPS: u32 = 4096u;
 const OPAQUE: f32 = 0.02;
+const SUN_LIFT_CELLS: f32 = 0.5;
+const SUN_LIFT_M: f32 = 0.05;
 
 const OCCUPIED: u32 = 1u;
 const EXPOSED: u32 = 2u;
@@ -87,16 +89,26 @@ const SOLID_UPPER: u32 = 0u;
 const SOLID_LOWER: u32 = 1u;
 const SOLID_OUTER: u32 = 2u;
 
+// A way that is walked: from the eye to what is seen, or from there towards the sun.
+struct Leg {
+    origin: vec3<f32>,
+    dir: vec3<f32>,
+    reach_m: f32,
+    eye_m: f32,
+    to_sun: bool,
+}
+
 struct Gathered {
-    rgb: vec3<f32>,
+    sky: vec3<f32>,
+    sun: vec3<f32>,
     left: f32,
     distance: f32,
     node: u32,
+    sun_from: vec3<f32>,
 }
 
 struct NodeRay {
     index: u32,
-    dir: vec3<f32>,
     o: vec3<f32>,
     d: vec3<f32>,
     inv: vec2<f32>,
@@ -109,6 +121,12 @@ struct NodeRay {
 struct Touched {
     walk: u32,
     slope: vec2<f32>,
+}
+
+// What `beside` found.
+struct WallBeside {
+    texel: u32,
+    normal: vec3<f32>,
 }
 
 struct Border {
@@ -133,9 +151,11 @@ struct Entry {
 // Set in a build that writes what rays did in place of what they saw: never in the product's.
 override COUNT: bool = false;
 
+var<private> leg: Leg;
 var<private> gathered: Gathered;
 var<private> ray: NodeRay;
 var<private> touched: Touched;
+var<private> wall_beside: WallBeside;
 // Nodes, entries of the grid, words of summaries and atlas, cells; only with COUNT.
 var<private> counts: vec4<u32>;
 
@@ -149,11 +169,11 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = id.y * frame.width_px + id.x;
     for (var s = 0u; s < n * n; s++) {
         let offset = (vec2<f32>(f32(s % n), f32(s / n)) + 0.5) / f32(n);
-        trace(ray_direction(vec2<f32>(id.xy) + offset));
-        sum += gathered.rgb;
+        let traced = trace(ray_direction(vec2<f32>(id.xy) + offset));
+        sum += traced.rgb;
         if s == n * n / 2u {
-            distance_m[at] = gathered.distance;
-            hit[at] = gathered.node;
+            distance_m[at] = traced.distance;
+            hit[at] = traced.node;
         }
     }
     colour[at] = encode_srgb(sum / f32(n * n));
@@ -177,29 +197,60 @@ fn ahead_of(d: vec2<f32>) -> vec2<f32> {
     return select(vec2<f32>(0.0), vec2<f32>(1.0), d > vec2<f32>(0.0));
 }
 
-fn trace(dir: vec3<f32>) {
-    gathered = Gathered(vec3<f32>(0.0), 1.0, bitcast<f32>(infinity_bits()), NO_NODE);
-    if frame.levels != 0u {
-        walk_grid(dir);
+struct Traced {
+    rgb: vec3<f32>,
+    distance: f32,
+    node: u32,
+}
+
+// Both legs in one loop, so that the walk's code is there once.
+fn trace(dir: vec3<f32>) -> Traced {
+    let never = bitcast<f32>(infinity_bits());
+    var seen = Gathered();
+    var sun_seen = 1.0;
+    leg = Leg(vec3<f32>(0.0), dir, never, 0.0, false);
+    loop {
+        gathered = Gathered(vec3<f32>(0.0), vec3<f32>(0.0), 1.0, never, NO_NODE, vec3<f32>(0.0));
+        if frame.levels != 0u {
+            walk_grid();
+        }
+        if leg.to_sun {
+            sun_seen = select(0.0, gathered.left, gathered.left > OPAQUE);
+            break;
+        }
+        seen = gathered;
+        var eye_m = seen.distance;
+        if seen.left > OPAQUE {
+            let behind = background(dir);
+            seen.sky += behind.sky * seen.left;
+            seen.sun += behind.sun * seen.left;
+            if seen.left > 0.5 {
+                eye_m = ground_distance(dir);
+                seen.sun_from = dir * eye_m + vec3<f32>(0.0, 0.0, SUN_LIFT_M);
+            }
+        }
+        if frame.shadow_m <= 0.0 || all(seen.sun <= vec3<f32>(0.0)) || eye_m >= NEVER_M {
+            break;
+        }
+        leg = Leg(seen.sun_from, frame.sun, frame.shadow_m, eye_m, true);
     }
-    if gathered.left > OPAQUE {
-        gathered.rgb += background(dir, 1.0) * gathered.left;
-    }
+    return Traced(develop(seen.sky + seen.sun * sun_seen), seen.distance, seen.node);
 }
 
 // Infinity is no constant of WGSL: made from bits that the compiler cannot fold.
 fn infinity_bits() -> u32 {
-    return 0x7f800000u + frame.pad;
+    return 0x7f800000u + bitcast<u32>(frame.light.pad);
 }
 
 // The twin's walk_grid, walk_node and walk_block in one: nested loops that a column which may be hit leaves all at once, and
 // that go on where they were. So the body of the innermost loop is small and the costly rest runs once a column: devices
 // whose lanes run in step (and lavapipe, whose `if`s skip nothing) would otherwise pay for it at every cell.
-fn walk_grid(dir: vec3<f32>) {
-    let o = frame.eye;
-    let d = nonzero(dir.xy / frame.side_m);
+fn walk_grid() {
+    let o = frame.eye + leg.origin.xy / frame.side_m;
+    let z_from = frame.z_eye + leg.origin.z * frame.z_scale;
+    let d = nonzero(leg.dir.xy / frame.side_m);
     let inv = 1.0 / d;
-    var dz = dir.z * frame.z_scale;
+    var dz = leg.dir.z * frame.z_scale;
     dz = select(dz, 1e-12, abs(dz) < 1e-12);
     let ahead = ahead_of(d);
     let forward = vec2<i32>(ahead);
@@ -208,15 +259,15 @@ fn walk_grid(dir: vec3<f32>) {
     let low = vec2<f32>(-frame.eye_cell);
     let near = (low + (1.0 - ahead) * f32(squares) - o) * inv;
     let far = (low + ahead * f32(squares) - o) * inv;
-    let za = (-1.0 - frame.z_eye) / dz;
-    let zb = (Z_TOP + 1.0 - frame.z_eye) / dz;
+    let za = (-1.0 - z_from) / dz;
+    let zb = (Z_TOP + 1.0 - z_from) / dz;
     var t = max(max(max(near.x, near.y), min(za, zb)), 0.0);
-    let t_end = min(min(far.x, far.y), max(za, zb));
+    let t_end = min(min(min(far.x, far.y), max(za, zb)), leg.reach_m);
     if t >= t_end {
         return;
     }
     var square = clamp(vec2<i32>(floor(o + d * t)) + frame.eye_cell, vec2<i32>(0), vec2<i32>(squares - 1));
-    var k = level_at(t);
+    var k = level_at(leg.eye_m + t);
     var phase = AT_SQUARE;
     var square_exit = t;
     var done = false;
@@ -243,8 +294,8 @@ fn walk_grid(dir: vec3<f32>) {
                 let edge = corner + (forward << vec2<u32>(k));
                 let te = (vec2<f32>(edge - frame.eye_cell) - o) * inv;
                 let exit = max(min(min(te.x, te.y), t_end), t);
-                let z_in = frame.z_eye + dz * t;
-                let z_out = frame.z_eye + dz * exit;
+                let z_in = z_from + dz * t;
+                let z_out = z_from + dz * exit;
                 let below = min(z_in, z_out) <= f32(entry.words.y >> 16u) + 1.0;
                 let meets = below && max(z_in, z_out) + 1.0 >= f32(entry.words.y & 0xffffu);
                 if meets && entry.words.x == GRID_MIXED && k > 0u {
@@ -254,7 +305,7 @@ fn walk_grid(dir: vec3<f32>) {
                 }
                 if meets && is_node {
                     let index = entry.words.x & 0xffffffu;
-                    let span = enter_node(index, dir, t, exit);
+                    let span = enter_node(index, t, exit);
                     if span.x <= span.y {
                         if COUNT {
                             counts.x++;
@@ -274,7 +325,7 @@ fn walk_grid(dir: vec3<f32>) {
                 let inside = all(next >= vec2<i32>(0)) && all(next < vec2<i32>(squares));
                 done = exit >= t_end || !inside || steps >= MAX_STEPS;
                 let apart = firstLeadingBit(u32((square.x ^ next.x) | (square.y ^ next.y)));
-                k = min(level_at(exit), apart);
+                k = min(level_at(leg.eye_m + exit), apart);
                 square = next;
             }
             if phase == AT_SQUARE {
@@ -367,17 +418,17 @@ fn look_up(square: vec2<i32>, k: u32) -> Entry {
 }
 
 // Makes `ray`; gives where it is between the node's lowest and highest point (the first larger if nowhere).
-fn enter_node(index: u32, dir: vec3<f32>, t_in: f32, t_out: f32) -> vec2<f32> {
+fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
     let cell_m = nodes[index].cell_m;
     let scale = vec3<f32>(1.0 / cell_m, 1.0 / cell_m, 1.0 / nodes[index].z_step_m);
-    let o = -nodes[index].corner * scale;
-    let d_xy = nonzero(dir.xy * scale.xy);
-    var dz = dir.z * scale.z;
+    let o = (leg.origin - nodes[index].corner) * scale;
+    let d_xy = nonzero(leg.dir.xy * scale.xy);
+    var dz = leg.dir.z * scale.z;
     dz = select(dz, 1e-12, abs(dz) < 1e-12);
     let a = (nodes[index].z_lo - 1.0 - o.z) / dz;
     let b = (nodes[index].z_hi + 1.0 - o.z) / dz;
     let pages = nodes[index].pages * PAGE_WORDS;
-    ray = NodeRay(index, dir, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, nodes[index].z_shift);
+    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, nodes[index].z_shift);
     return vec2<f32>(max(t_in, min(a, b)), min(t_out, max(a, b)));
 }
 

@@ -1,6 +1,7 @@
 // Light on what a ray meets: the GPU's twin of src/cpu/shade.rs; one module with raycast.wgsl, which has `frame` and the flags.
 //
-// In: texel, normal, flags, level, the frame's light. Out: linear light of the screen. Next: raycast.wgsl gathers it.
+// In: texel, normal, flags, level, the frame's light. Out: light at the eye, then linear light of the screen.
+// Next: raycast.wgsl gathers it.
 
 struct Light {
     sun: vec4<f32>,
@@ -16,6 +17,12 @@ struct Light {
     side: vec2<f32>,
     disc: f32,
     pad: f32,
+}
+
+// Light on its way to the eye: the sun's is apart until it is known whether the sun is seen.
+struct Lit {
+    sky: vec3<f32>,
+    sun: vec3<f32>,
 }
 
 const LIT: u32 = 0u;
@@ -45,40 +52,50 @@ fn encode_srgb(rgb: vec3<f32>) -> u32 {
     return c.r | (c.g << 8u) | (c.b << 16u) | (255u << 24u);
 }
 
-fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32, sun_seen: f32) -> vec3<f32> {
+fn plain(sky: vec3<f32>) -> Lit {
+    return Lit(sky, vec3<f32>(0.0));
+}
+
+fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32) -> Lit {
     let albedo = linear_of(texel);
     let ao = f32(texel >> 26u) / 63.0;
     let debug = (0.35 + 0.65 * ao) * (0.7 + 0.3 * max(dot(n, frame.sun), 0.0));
     switch frame.shading {
-        case 1u: { return albedo; }
-        case 2u: { return vec3<f32>(ao); }
-        case 3u: { return n * 0.5 + 0.5; }
-        case 4u: { return level_tint(level) * debug; }
-        case 5u: { return kind_tint(flags) * debug; }
-        default: { return albedo * received(n, ao, sun_seen); }
+        case 1u: { return plain(albedo); }
+        case 2u: { return plain(vec3<f32>(ao)); }
+        case 3u: { return plain(n * 0.5 + 0.5); }
+        case 4u: { return plain(level_tint(level) * debug); }
+        case 5u: { return plain(kind_tint(flags) * debug); }
+        default: { return received(albedo, n, ao); }
     }
 }
 
-fn received(n: vec3<f32>, ao: f32, sun_seen: f32) -> vec3<f32> {
-    let sun = frame.light.sun.rgb * (max(dot(n, frame.sun), 0.0) * sun_seen);
+fn received(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Lit {
+    let sun = frame.light.sun.rgb * max(dot(n, frame.sun), 0.0);
     let wall = frame.light.sky_wall.rgb + frame.light.sky_side.rgb * dot(n.xy, frame.light.side);
     let sky = mix(wall, frame.light.sky_up.rgb, abs(n.z)) * ao;
     let bounced = frame.light.bounce.rgb * ((1.0 - ao) * (0.65 - 0.35 * n.z));
-    return sun + sky + bounced;
+    return Lit(albedo * (sky + bounced), albedo * sun * sun_by_sky(ao));
 }
 
-fn sun_by_sky(texel: u32) -> f32 {
-    let ao = f32(texel >> 26u) / 63.0;
-    return min(2.0 * ao + 0.25, 1.0);
+fn sun_by_sky(ao: f32) -> f32 {
+    return select(min(2.0 * ao + 0.25, 1.0), 1.0, frame.shadow_m > 0.0);
 }
 
-fn through_haze(lit: vec3<f32>, dir: vec3<f32>, d: f32) -> vec3<f32> {
+fn through_haze(lit: Lit, dir: vec3<f32>, d: f32) -> Lit {
     if frame.shading != LIT {
         return lit;
     }
     let left = exp(frame.light.haze.rgb * -d);
     let air = horizon(dir) + glow(dir) * (1.0 - left);
-    return tone(air + (lit - air) * left);
+    return Lit(air + (lit.sky - air) * left, lit.sun * left);
+}
+
+fn develop(rgb: vec3<f32>) -> vec3<f32> {
+    if frame.shading != LIT {
+        return rgb;
+    }
+    return tone(rgb);
 }
 
 fn tone(rgb: vec3<f32>) -> vec3<f32> {
@@ -105,17 +122,17 @@ fn kind_tint(flags: u32) -> vec3<f32> {
     return select(base, mix(base, vec3<f32>(0.20, 0.75, 0.25), 0.4), (flags & INCLINED) != 0u);
 }
 
-fn background(dir: vec3<f32>, sun_seen: f32) -> vec3<f32> {
+fn background(dir: vec3<f32>) -> Lit {
     let ground_m = ground_distance(dir);
     if frame.shading != LIT {
         let sky = mix(HORIZON, ZENITH, sqrt(max(dir.z, 0.0)));
-        return mix(sky, GROUND, select(0.0, GROUND_FADE_M / (ground_m + GROUND_FADE_M), ground_m < NEVER_M));
+        return plain(mix(sky, GROUND, select(0.0, GROUND_FADE_M / (ground_m + GROUND_FADE_M), ground_m < NEVER_M)));
     }
     if ground_m < NEVER_M {
         let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze.g);
-        return through_haze(GROUND_ALBEDO * received(vec3<f32>(0.0, 0.0, 1.0), 1.0, sun_seen), dir, hazy_m);
+        return through_haze(received(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), dir, hazy_m);
     }
-    return tone(sky_light(dir));
+    return plain(sky_light(dir));
 }
 
 fn ground_distance(dir: vec3<f32>) -> f32 {

@@ -32,7 +32,18 @@ struct Solid {
     slope: DVec2,
     roof: Option<Texel>,
     wall: Wall,
+    /// Of a column without a strip: walls of the columns to the west, east, south and north, which cover its sides.
+    beside: [Option<Facade>; 4],
     within: Within,
+}
+
+/// A wall as a column sees it that stands behind it.
+#[derive(Debug, Clone)]
+struct Facade {
+    texels: Vec<Texel>,
+    base_m: f64,
+    bottom_m: f64,
+    top_m: f64,
 }
 
 /// A vertical plane: its normal, and metres from the cell's centre.
@@ -139,8 +150,18 @@ fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
         if let Some(outer) = clip.and_then(|clip| clip.outer) {
             let (bottom_m, top_m) = (z_m(f64::from(column.z_min)), z_m(f64::from(outer.z)));
             let (slope, roof, wall) = (DVec2::ZERO, Some(outer.roof), Wall::Plain(outer.roof));
-            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, within: within(true) });
+            let (beside, within) = (Default::default(), within(true));
+            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, beside, within });
         }
+        let facade = |dx: i32, dy: i32| {
+            let (x, y) = ((i % NODE_CELLS) as i32 + dx, (i / NODE_CELLS) as i32 + dy);
+            let inside = (0..NODE_CELLS as i32).contains(&x) && (0..NODE_CELLS as i32).contains(&y);
+            let other = inside.then(|| columns[y as usize * NODE_CELLS + x as usize].as_ref()).flatten()?;
+            let base_m = z_m(f64::from(other.z_min / codes * codes));
+            let (bottom_m, top_m) = (z_m(f64::from(other.z_min)), z_m(f64::from(other.z_max)));
+            Some(Facade { texels: other.strip.as_ref()?.texels.clone(), base_m, bottom_m, top_m })
+        };
+        let facades = || [facade(-1, 0), facade(1, 0), facade(0, -1), facade(0, 1)];
         for [bottom, top] in ranges {
             let is_top = top == column.z_max;
             let wall = match &column.strip {
@@ -160,6 +181,7 @@ fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
                 slope: if is_top { slope } else { DVec2::ZERO },
                 roof: is_top.then_some(column.roof),
                 wall,
+                beside: if column.strip.is_none() { facades() } else { Default::default() },
                 within: within(false),
             });
         }
@@ -203,6 +225,7 @@ impl Solid {
     }
 
     fn meet_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel, f64)>) {
+        let aside = s;
         clip(&mut s, &mut e, o.z - self.bottom_m, d.z);
         if s >= e {
             return;
@@ -220,11 +243,28 @@ impl Solid {
         }
         match (&self.wall, self.roof) {
             (_, Some(roof)) if through_top => events.push((s, roof, 1.0)),
-            (Wall::Plain(texel), _) => events.push((s, *texel, 1.0)),
+            (Wall::Plain(texel), _) => {
+                let beside = if s == aside { self.facade(o, d, s) } else { None };
+                events.push((s, beside.unwrap_or(*texel), 1.0));
+            }
             (Wall::Strip { texels, base_m, holes }, _) => {
                 self.meet_rows(o, d, [s, e], (texels, *base_m, *holes), events)
             }
         }
+    }
+
+    /// What covers the side through which the ray comes in.
+    fn facade(&self, o: DVec3, d: DVec3, s: f64) -> Option<Texel> {
+        let near = |axis: usize| {
+            let face = self.low[axis] + if d[axis] > 0.0 { 0.0 } else { self.cell_m };
+            (face - o[axis]) / d[axis]
+        };
+        let axis = if near(0) >= near(1) { 0 } else { 1 };
+        let facade = self.beside[axis * 2 + usize::from(d[axis] <= 0.0)].as_ref()?;
+        let z = o.z + d.z * s;
+        let row = ((z - facade.base_m) / self.cell_m).floor() as usize;
+        let covers = (facade.bottom_m..facade.top_m).contains(&z);
+        facade.texels.get(row).copied().filter(|texel| covers && texel.alpha() > 0)
     }
 
     fn meet_rows(

@@ -131,7 +131,7 @@ impl Truth {
                 textured &= hit.is_some_and(|hit| self.is_textured(hit.triangle));
                 sum += match hit {
                     Some(hit) => linear_of(self.colour(&hit, o, d)),
-                    None => background(&frame, d.as_vec3(), 1.0),
+                    None => background(&frame, d.as_vec3()).sky,
                 };
             }
             (encode_srgb(sum / (side * side) as f32), textured)

@@ -130,7 +130,9 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
     let city = &cities()[1];
     for (i, height) in [1.2f32, 0.2, 0.02, -0.05, -0.6].into_iter().enumerate() {
         let mut rng = Rng::new(4000 + i as u64);
-        for (pose, half_m) in [(Pose::Grazing, 50.0), (Pose::Above, 5000.0)] {
+        for (pose, half_m, shadow_m) in
+            [(Pose::Grazing, 50.0, 0.0), (Pose::Above, 5000.0, 0.0), (Pose::Above, 5000.0, 3e3)]
+        {
             let camera = random::camera(&mut rng, city, pose);
             let mut scene = city.cut.scene(&camera, &PICTURE);
             scene.frame.ground = 1;
@@ -138,6 +140,7 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             let ahead = Vec3::from(scene.frame.forward).with_z(0.0).normalize_or(Vec3::X);
             let sun = (ahead * if i % 2 == 0 { 1.0 } else { -1.0 } * height.cos()).with_z(height.sin());
             (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, half_m));
+            scene.frame.shadow_m = shadow_m;
             scenes_agree(gpu, &scene, &PICTURE, &camera, &format!("sun {height} high, {pose:?}"))?;
         }
     }
@@ -268,7 +271,7 @@ fn judge(
         }
         let mut rgb = seen.rgb.as_vec3();
         if seen.left > 0.02 {
-            rgb += background(frame, dir.as_vec3(), 1.0) * seen.left as f32;
+            rgb += background(frame, dir.as_vec3()).sky * seen.left as f32;
         }
         let meant = encode_srgb(rgb).to_le_bytes();
         drawn.colour[i as usize].to_le_bytes().iter().zip(meant).all(|(a, b)| a.abs_diff(b) <= 3)

@@ -25,6 +25,7 @@ pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let mut session = start(&args.server, global, Some(Http::new(throttle)?))?;
     let timeout = Duration::from_secs(u64::from(global.timeout));
     let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, 1);
+    session.set_sun(look.casting());
     let begin = Instant::now();
     let (mut frames, mut unconverged) = (0u32, 0u32);
     loop {

@@ -65,9 +65,11 @@ pub(crate) fn take(
     daylight: &Daylight,
     out: &Path,
 ) -> Result<()> {
+    let look = daylight.look(shading, STILL_SAMPLES);
+    session.set_sun(look.casting());
     settle(session, shot, Duration::from_secs(u64::from(global.timeout)))?;
     let before = Instant::now();
-    let pixels = session.draw(shot, &daylight.look(shading, STILL_SAMPLES))?;
+    let pixels = session.draw(shot, &look)?;
     session.timed(before.elapsed());
     write_png(out, &pixels)
 }

@@ -33,7 +33,8 @@ pub fn run(args: &View, global: &Global) -> Result<()> {
     let path = args.path.as_deref().map(CameraPath::read).transpose()?;
     let event_loop = window::event_loop()?;
     let http = Arc::new(Http::new(None)?);
-    let sun = if args.sun == SunArgs::default() { SunArgs { time: link.time, sun: None } } else { args.sun };
+    let told = args.sun.time.is_some() || args.sun.sun.is_some();
+    let sun = if told { args.sun } else { SunArgs { time: link.time, ..args.sun } };
     let start = Start {
         address: link.address.clone(),
         camera: link.camera,

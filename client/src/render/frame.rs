@@ -16,6 +16,7 @@ use insula_shaders::{
     grid::{Builder, Place},
     layout::{Frame, Light, MAX_SAMPLES, Node, Shading},
 };
+use std::collections::HashSet;
 
 /// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
 pub const STILL_SAMPLES: u32 = 3;
@@ -34,13 +35,21 @@ pub struct Look {
     pub sun: DVec3,
     /// What it and the sky give.
     pub light: Light,
+    /// How far its shadows reach, in metres; 0 without shadows.
+    pub shadow_m: f64,
 }
 
 impl Look {
-    /// Lit by a sun in direction `sun`, in air that takes half of what is `haze_half_m` away; one ray a pixel.
+    /// Lit by a sun in direction `sun`, in air that takes half of what is `haze_half_m` away; one ray a pixel, no shadows.
     pub fn under(sun: DVec3, haze_half_m: f64) -> Self {
         let light = Light::of_sun(sun.as_vec3(), haze_half_m as f32);
-        Self { shading: Shading::Lit, samples: 1, sun, light }
+        Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0 }
+    }
+
+    /// Where shadows come from; nowhere by night, without them, and where light is not shown.
+    pub fn casting(&self) -> Option<DVec3> {
+        let day = self.sun.z > 0.0 && self.light.sun[0] > 0.0;
+        (day && self.shadow_m > 0.0 && self.shading == Shading::Lit).then_some(self.sun)
     }
 }
 
@@ -63,12 +72,20 @@ pub struct FrameData {
 }
 
 impl FrameData {
-    /// Of a cut whose nodes are all in `cache`; one that is not is left out.
-    pub fn new(cut: &[NodeIndex], tree: &Tree, cache: &Cache, view: &View, look: &Look) -> Self {
+    /// Of a cut and of what casts shadows on it, all in `cache`; what is not there is left out.
+    pub fn new(
+        (cut, casters): (&[NodeIndex], &[NodeIndex]),
+        tree: &Tree,
+        cache: &Cache,
+        view: &View,
+        look: &Look,
+    ) -> Self {
         let eye = view.camera.position;
         let mut frame = frame(tree, view, look);
         let (mut ids, mut nodes) = (Vec::with_capacity(cut.len()), Vec::with_capacity(cut.len()));
-        for id in cut.iter().map(|at| tree.node(*at).id) {
+        let drawn: HashSet<NodeIndex> = cut.iter().copied().collect();
+        let casters = casters.iter().filter(|at| !drawn.contains(at));
+        for id in cut.iter().chain(casters).map(|at| tree.node(*at).id) {
             if let Some(placed) = cache.get(id) {
                 ids.push(id);
                 nodes.push(node(id, placed, tree, eye));
@@ -103,6 +120,7 @@ fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
         ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
         ground: 1,
         light: look.light,
+        shadow_m: if look.casting().is_some() { look.shadow_m as f32 } else { 0.0 },
         ..Frame::zeroed()
     }
 }

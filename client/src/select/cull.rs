@@ -11,10 +11,29 @@ pub fn in_view(planes: &[Plane; 5], centre: DVec3, half: DVec3) -> bool {
     planes.iter().all(|p| p.normal.dot(centre) + p.offset + p.normal.abs().dot(half) >= 0.0)
 }
 
+/// The same for all places that the box passes on its way by `way`.
+pub fn hull_in_view(planes: &[Plane; 5], centre: DVec3, half: DVec3, way: DVec3) -> bool {
+    let reach = |p: &Plane| p.normal.dot(centre) + p.offset + p.normal.abs().dot(half) + p.normal.dot(way).max(0.0);
+    planes.iter().all(|p| reach(p) >= 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::camera::{Camera, View};
+
+    #[test]
+    fn a_box_is_kept_if_its_shadow_is_seen() {
+        let camera = Camera::look(DVec3::new(0.0, 0.0, 10.0), DVec3::new(0.0, 100.0, 0.0), DVec3::Z, 1.0).unwrap();
+        let view = View { camera, width_px: 320, height_px: 180, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
+        let planes = view.planes();
+        let half = DVec3::splat(2.0);
+        let behind = DVec3::new(0.0, -30.0, 30.0);
+        assert!(!in_view(&planes, behind, half));
+        assert!(!hull_in_view(&planes, behind, half, DVec3::new(0.0, -30.0, -30.0)), "away from the picture");
+        assert!(hull_in_view(&planes, behind, half, DVec3::new(0.0, 60.0, -30.0)), "into the picture");
+        assert!(hull_in_view(&planes, DVec3::new(0.0, 50.0, 0.0), half, DVec3::ZERO), "itself");
+    }
 
     #[test]
     fn a_seen_point_is_never_culled() {

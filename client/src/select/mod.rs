@@ -7,6 +7,7 @@
 //! what can be drawn of it, **want** what is missing. A parent stays in the cut until all its children in view are
 //! resident; so the cut covers what the root covers, and never holds a node and its descendant.
 
+pub mod casters;
 pub mod cull;
 pub mod error;
 pub mod priority;

@@ -15,6 +15,8 @@ pub enum Group {
     Urgent,
     /// On screen, something a little too coarse is drawn in its place.
     Normal,
+    /// Out of the picture, its shadow is in it.
+    Shadow,
     /// Where the camera will be in a moment.
     Preload,
 }

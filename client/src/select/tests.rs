@@ -276,3 +276,40 @@ fn the_same_view_gives_the_same_selection() {
     assert_eq!(select(&view, &tree, &mut scratch), first);
     assert!(first.wanted.len() > 20);
 }
+
+/// Whatever stands between a place in the picture and the sun is among the casters, and not the whole city is.
+#[test]
+fn what_casts_into_the_picture_is_there() {
+    let mut tree = tree();
+    let view = view([300.0, 300.0, 25.0], [700.0, 900.0, 0.0]);
+    let sun = DVec3::new(0.7, -0.5, 0.25).normalize_or(DVec3::Z);
+    let mut found = casters::casters(&view, sun, &tree);
+    while !found.wanted.is_empty() {
+        found.wanted.iter().for_each(|wanted| load(&mut tree, wanted.key));
+        found = casters::casters(&view, sun, &tree);
+    }
+    let cast: Vec<TileId> = found.nodes.iter().map(|at| tree.node(*at).id).collect();
+    let (planes, origin) = (view.planes(), DVec3::new(500_000.0, 4_000_000.0, 10.0));
+    let mut asked = 0;
+    for i in 0..40_000u32 {
+        let ground = origin + DVec3::new(f64::from(i % 200) * 10.0 + 5.0, f64::from(i / 200) * 10.0 + 5.0, 0.1);
+        if !planes.iter().all(|plane| plane.normal.dot(ground) + plane.offset >= 0.0) {
+            continue;
+        }
+        for up in 1..30 {
+            let p = ground + sun * (f64::from(up) / sun.z) - origin;
+            if p.x.min(p.y) < 0.0 || p.x.max(p.y) >= SIDE_M {
+                break;
+            }
+            let leaf = TileId::new(DEPTH, (p.x / 64.0) as u32, (p.y / 64.0) as u32).unwrap();
+            assert!((2..=DEPTH).any(|level| cast.contains(&leaf.ancestor(level).unwrap())), "{ground} {leaf}");
+            asked += 1;
+        }
+    }
+    assert!(asked > 10_000, "{asked}");
+    assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.nodes().len());
+    let tight = View { budget_pages: 200, ..view };
+    let fewer = casters::casters(&tight, sun, &tree).nodes.len();
+    assert!(fewer > 0 && fewer < cast.len(), "{fewer} within a budget");
+    assert_eq!(casters::casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree), casters::Casters::default(), "by night");
+}

@@ -152,6 +152,7 @@ impl City {
         let detail = self.pace.detail(begin, self.session.settled());
         // Fewer pixels do not mean that less is fetched: what streams must not depend on how fast pixels come.
         let whole = self.shot(shell, 1);
+        self.session.set_sun(Look { shading: self.shown.shading, ..self.look }.casting());
         self.session.step(&whole);
         let shot = self.shot(shell, detail.divide);
         let detail = Detail { fine: detail.fine && self.session.settled(), ..detail };
@@ -211,6 +212,7 @@ impl City {
     fn moved(&mut self, before: (f64, Daylight), shell: &Shell, settings: &mut Settings) {
         if before.1 != self.shown.daylight {
             self.look = self.shown.daylight.look(Shading::Lit, 1);
+            settings.shadows = self.shown.daylight.shadows;
             settings.time = self.shown.daylight.fixed.is_none().then(|| self.shown.daylight.text());
         }
         if before.0 != self.shown.tau_px {

@@ -39,10 +39,12 @@ pub enum Order {
     Overlay,
     /// Count what rays do, or stop that.
     Counts,
+    /// Sun shadows, or none.
+    Shadows,
 }
 
 /// The help: keys, and what they do.
-pub const HELP: [(&str, &str); 18] = [
+pub const HELP: [(&str, &str); 19] = [
     ("drag", "look around, or turn around the point ahead"),
     ("W A S D, arrows", "move; with shift, four times as fast"),
     ("Q E, page down and up", "down and up"),
@@ -57,6 +59,7 @@ pub const HELP: [(&str, &str); 18] = [
     ("R", "record a path for insula fly; again to end"),
     ("P", "write a picture into the current folder"),
     ("O", "counters and sliders"),
+    ("L", "sun shadows, or none"),
     ("K", "count what rays do when the picture rests"),
     ("F11", "full screen"),
     ("F1", "this help"),
@@ -85,6 +88,7 @@ pub fn order(code: KeyCode) -> Option<Order> {
         KeyCode::KeyN => Order::Minimap,
         KeyCode::KeyO => Order::Overlay,
         KeyCode::KeyK => Order::Counts,
+        KeyCode::KeyL => Order::Shadows,
         KeyCode::Digit1 | KeyCode::F2 => Order::Shading(Shading::ALL[0]),
         KeyCode::Digit2 | KeyCode::F3 => Order::Shading(Shading::ALL[1]),
         KeyCode::Digit3 | KeyCode::F4 => Order::Shading(Shading::ALL[2]),

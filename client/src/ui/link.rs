@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_copied_link_opens_the_same_view() {
-        let light = daylight(&SunArgs { time: Some(time("2024-06-21T17:00").unwrap()), sun: None });
+        let light = daylight(&SunArgs { time: Some(time("2024-06-21T17:00").unwrap()), ..SunArgs::default() });
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
@@ -130,7 +130,8 @@ mod tests {
         }
         let camera = Camera::from_angles(DVec3::ZERO, 0.0, 0.0, 1.0);
         assert_eq!(link("cities/tokyo", "tokyo", &camera, &light), None);
-        let fixed = daylight(&SunArgs { sun: Some(crate::sun::azimuth_altitude("1,2").unwrap()), time: None });
+        let fixed =
+            daylight(&SunArgs { sun: Some(crate::sun::azimuth_altitude("1,2").unwrap()), ..SunArgs::default() });
         assert!(!link("http://h", "a", &camera, &fixed).unwrap().contains("time"));
     }
 

@@ -36,9 +36,17 @@ impl City {
             Order::Minimap => self.shown.minimap = !self.shown.minimap,
             Order::Overlay => self.shown.overlay = !self.shown.overlay,
             Order::Counts => (self.counting, self.counts) = (!self.counting, None),
+            Order::Shadows => self.shadows(settings),
             Order::Move(_) | Order::Quit | Order::FullScreen => {}
         }
         (settings.overlay, settings.minimap) = (self.shown.overlay, self.shown.minimap);
+    }
+
+    fn shadows(&mut self, settings: &mut Settings) {
+        let daylight = &mut self.shown.daylight;
+        daylight.shadows = !daylight.shadows;
+        settings.shadows = daylight.shadows;
+        self.look = daylight.look(self.look.shading, self.look.samples);
     }
 
     pub(super) fn wish(&mut self, wish: Wish, shell: &Shell, settings: &mut Settings) {

@@ -160,6 +160,7 @@ fn sun(ui: &mut Ui, daylight: &mut Daylight) {
     if moved {
         daylight.fixed = None;
     }
+    ui.checkbox(&mut daylight.shadows, "sun shadows");
     if !daylight.place.known {
         let [north, _] = daylight.place.degrees();
         ui.label(RichText::new(format!("place unknown, taken as {north:.0}\u{b0} north")).small());

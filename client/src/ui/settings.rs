@@ -37,6 +37,8 @@ pub struct Settings {
     pub tau_px: f64,
     /// Hour and date of the light, as `--time` has them.
     pub time: Option<String>,
+    /// Whether the sun casts shadows.
+    pub shadows: bool,
     /// Whether the counters are shown.
     pub overlay: bool,
     /// Whether the map is shown.
@@ -52,6 +54,7 @@ impl Default for Settings {
             full_screen: false,
             tau_px: 1.0,
             time: None,
+            shadows: true,
             overlay: true,
             minimap: true,
             bookmarks: BTreeMap::new(),

@@ -221,12 +221,11 @@ impl App {
     fn connected(&mut self, outcome: Result<Found>) {
         match (outcome, &self.shell) {
             (Ok(found), Some(shell)) => {
-                let asked = if self.start.sun == SunArgs::default() {
-                    let kept = self.settings.time.as_deref().and_then(|text| time(text).ok());
-                    SunArgs { time: kept, sun: None }
-                } else {
-                    self.start.sun
-                };
+                let mut asked = self.start.sun;
+                if asked.time.is_none() && asked.sun.is_none() {
+                    asked.time = self.settings.time.as_deref().and_then(|text| time(text).ok());
+                }
+                asked.shadows = asked.shadows.or(Some(self.settings.shadows));
                 let [width, height] = shell.surface.size_px().map(f64::from);
                 shell.window.set_title(&format!("{} - Insula", found.manifest.title));
                 let opening = Opening {

@@ -5,8 +5,8 @@
 //! Functions bear the names that they have in `column.wgsl` and stand in the same order.
 
 use super::{
-    raycast::{Gathered, NodeRay, OPAQUE, SceneRef, ahead},
-    shade::{Surface, shade, sun_by_sky, through_haze},
+    raycast::{Gathered, NodeRay, OPAQUE, SUN_LIFT_CELLS, SceneRef, ahead},
+    shade::{Surface, shade, through_haze},
 };
 use crate::{
     layout::PAGE_WORDS,
@@ -232,9 +232,14 @@ fn hit_solid(
         return gather(scene, ray, span.s, texel, roof_normal, flags, gathered);
     }
     if flags & flag::EXPOSED == 0 {
+        if span.face == Face::Side
+            && let Some((texel, normal)) = beside(scene, ray, cell, span.s, gathered)
+        {
+            return gather(scene, ray, span.s, texel, normal, flags, gathered);
+        }
         let texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
         let normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
-        let normal = if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) };
+        let normal = if normal.dot(ray.leg.dir) < 0.0 { normal } else { face_normal(ray, cell) };
         return gather(scene, ray, span.s, texel, normal, flags, gathered);
     }
     let strip = (column.strip + head_words(flags)) as u32;
@@ -266,6 +271,34 @@ fn hit_solid(
     }
 }
 
+/// What the wall looks like through whose column the ray came into one that has none, if there is such a wall at this height:
+/// between the planes of two clipped columns of a wall, a ray may pass to what stands behind them.
+fn beside(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    cell: IVec2,
+    t: f32,
+    gathered: &mut Gathered,
+) -> Option<(u32, Vec3)> {
+    let before = cell + face_normal(ray, cell).xy().as_ivec2();
+    if before.min_element() < 0 || before.max_element() >= NODE_CELLS as i32 {
+        return None;
+    }
+    let i = before.y as usize * NODE_CELLS + before.x as usize;
+    let walk = word(scene, gathered, ray.node.pages[0], i);
+    let (flags, z) = ((walk >> 24) as u8, ray.o.z + ray.d.z * t);
+    let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
+    if flags & flag::EXPOSED == 0 || z < z_min || z >= z_max {
+        return None;
+    }
+    let codes = (16 >> ray.node.z_shift) as f32;
+    let row = ((z / codes).floor() - (z_min / codes).floor()) as usize;
+    let strip = word(scene, gathered, ray.node.pages[3], i) as usize + head_words(flags);
+    let texel = word(scene, gathered, 0, strip + row);
+    let attributes = word(scene, gathered, ray.node.pages[2], i);
+    (texel >> 24 & 3 != 0).then(|| (texel | 3 << 24, wall_normal(ray, cell, attributes >> 16 & 255)))
+}
+
 /// Horizontal unit vector, 256 azimuths to a turn.
 fn azimuth(turn: u32) -> Vec2 {
     Vec2::from_angle(turn as f32 * (std::f32::consts::TAU / 256.0))
@@ -273,7 +306,7 @@ fn azimuth(turn: u32) -> Vec2 {
 
 fn wall_normal(ray: &NodeRay<'_>, cell: IVec2, wall: u32) -> Vec3 {
     let normal = azimuth(wall).extend(0.0);
-    if normal.dot(ray.dir) < 0.0 { normal } else { face_normal(ray, cell) }
+    if normal.dot(ray.leg.dir) < 0.0 { normal } else { face_normal(ray, cell) }
 }
 
 /// Normal of the cell's face through which the ray came in.
@@ -293,13 +326,18 @@ fn gather(
     gathered: &mut Gathered,
 ) {
     let alpha = (texel >> 24 & 3) as f32 / 3.0;
-    let surface = Surface { texel, normal, flags: u32::from(flags), level: ray.node.level };
-    let lit = shade(scene.frame, &surface, sun_by_sky(texel));
-    gathered.rgb += through_haze(scene.frame, lit, ray.dir, t) * (alpha * gathered.left);
     let before = gathered.left;
     gathered.left *= 1.0 - alpha;
+    if ray.leg.to_sun {
+        return;
+    }
+    let surface = Surface { texel, normal, flags: u32::from(flags), level: ray.node.level };
+    let lit = through_haze(scene.frame, shade(scene.frame, &surface), ray.leg.dir, t);
+    gathered.sky += lit.sky * (alpha * before);
+    gathered.sun += lit.sun * (alpha * before);
     if before > 0.5 && gathered.left <= 0.5 {
         gathered.distance_m = t;
         gathered.node = ray.index;
+        gathered.sun_from = ray.leg.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS);
     }
 }

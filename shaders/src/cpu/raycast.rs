@@ -2,14 +2,14 @@
 //!
 //! In: [`SceneRef`]. Out: [`Pixels`]. Next: a picture file, or the window.
 //!
-//! A ray goes from square to square of the grid (`crate::grid`), beginning at the level that its distance asks for, clips
+//! From what it meets, a second ray asks whether the sun is seen ([`Leg`]). A ray goes from square to square of the grid (`crate::grid`), beginning at the level that its distance asks for, clips
 //! itself to a node's heights, walks blocks of 8 x 8 cells (Amanatides and Woo 1987) and, where a block's summary lets it,
 //! the cells inside. Integer squares and cells are the only state; every crossing is computed from the ray's origin, so
 //! that errors do not add up. Functions bear the names that they have in `raycast.wgsl` and stand in the same order.
 
 use super::{
     column::column,
-    shade::{background, encode_srgb},
+    shade::{background, develop, encode_srgb, ground_distance},
 };
 use crate::{
     grid::Z_TOP,
@@ -79,12 +79,35 @@ const MAX_STEPS: u32 = 4096;
 /// Light that is left when a ray stops.
 pub(super) const OPAQUE: f32 = 0.02;
 
+/// How far above a surface its ray towards the sun begins, in columns: steps between columns of one roof or wall must not
+/// cast shadows.
+pub(super) const SUN_LIFT_CELLS: f32 = 0.5;
+/// The same above the plane where there is no column, in metres.
+const SUN_LIFT_M: f32 = 0.05;
+
+/// A way that is walked: from the eye to what is seen, or from there towards the sun.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leg {
+    pub(super) from: Vec3,
+    pub(super) dir: Vec3,
+    /// How far it goes.
+    reach_m: f32,
+    /// How far from the eye it begins.
+    eye_m: f32,
+    /// It only asks whether anything is in the way.
+    pub(super) to_sun: bool,
+}
+
 /// What a ray gathered on its way.
 pub(super) struct Gathered {
-    pub(super) rgb: Vec3,
+    pub(super) sky: Vec3,
+    /// The sun's light, if nothing is between.
+    pub(super) sun: Vec3,
     pub(super) left: f32,
     pub(super) distance_m: f32,
     pub(super) node: u32,
+    /// Where the ray towards the sun begins.
+    pub(super) sun_from: Vec3,
     pub(super) counts: Counts,
 }
 
@@ -92,7 +115,7 @@ pub(super) struct Gathered {
 pub(super) struct NodeRay<'a> {
     pub(super) node: &'a Node,
     pub(super) index: u32,
-    pub(super) dir: Vec3,
+    pub(super) leg: Leg,
     pub(super) o: Vec3,
     pub(super) d: Vec3,
     pub(super) inv: Vec2,
@@ -118,7 +141,7 @@ pub fn count(scene: &SceneRef<'_>) -> Counts {
     let row = |y: u32| {
         let mut sum = Counts::default();
         for x in 0..width {
-            sum += trace(scene, ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5)).counts;
+            sum += trace(scene, ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5)).1.counts;
         }
         sum
     };
@@ -136,8 +159,8 @@ fn pixel(scene: &SceneRef<'_>, x: u32, y: u32) -> (u32, f32, u32) {
     for s in 0..n * n {
         let offset = (Vec2::new((s % n) as f32, (s / n) as f32) + 0.5) / n as f32;
         let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + offset);
-        let gathered = trace(scene, dir);
-        sum += gathered.rgb;
+        let (rgb, gathered) = trace(scene, dir);
+        sum += rgb;
         if s == n * n / 2 {
             (distance, hit) = (gathered.distance_m, gathered.node);
         }
@@ -161,25 +184,54 @@ pub(super) fn ahead(d: Vec2) -> Vec2 {
     Vec2::new(f32::from(d.x > 0.0), f32::from(d.y > 0.0))
 }
 
-fn trace(scene: &SceneRef<'_>, dir: Vec3) -> Gathered {
+/// The light of a ray from the eye, ready for the screen, and what it met.
+fn trace(scene: &SceneRef<'_>, dir: Vec3) -> (Vec3, Gathered) {
+    let frame = scene.frame;
     let counts = Counts { rays: 1, ..Counts::default() };
-    let mut gathered = Gathered { rgb: Vec3::ZERO, left: 1.0, distance_m: f32::INFINITY, node: NO_NODE, counts };
-    if scene.frame.levels != 0 {
-        walk_grid(scene, dir, &mut gathered);
-    }
+    let nothing = Gathered {
+        sky: Vec3::ZERO,
+        sun: Vec3::ZERO,
+        left: 1.0,
+        distance_m: f32::INFINITY,
+        node: NO_NODE,
+        sun_from: Vec3::ZERO,
+        counts,
+    };
+    let mut gathered = Gathered { ..nothing };
+    walk_grid(scene, &Leg { from: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false }, &mut gathered);
+    let mut eye_m = gathered.distance_m;
     if gathered.left > OPAQUE {
-        gathered.rgb += background(scene.frame, dir, 1.0) * gathered.left;
+        let behind = background(frame, dir);
+        gathered.sky += behind.sky * gathered.left;
+        gathered.sun += behind.sun * gathered.left;
+        if gathered.left > 0.5 {
+            eye_m = ground_distance(frame, dir);
+            gathered.sun_from = dir * eye_m + Vec3::Z * SUN_LIFT_M;
+        }
     }
-    gathered
+    let mut seen = 1.0;
+    // What is thin before the sky has nowhere to ask from.
+    if frame.shadow_m > 0.0 && gathered.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
+        let mut on_the_way = Gathered { counts: gathered.counts, ..nothing };
+        let (from, dir) = (gathered.sun_from, Vec3::from(frame.sun));
+        walk_grid(scene, &Leg { from, dir, reach_m: frame.shadow_m, eye_m, to_sun: true }, &mut on_the_way);
+        gathered.counts = on_the_way.counts;
+        seen = if on_the_way.left > OPAQUE { on_the_way.left } else { 0.0 };
+    }
+    (develop(frame, gathered.sky + gathered.sun * seen), gathered)
 }
 
 /// In finest squares around the camera's, whose edges are whole numbers.
-fn walk_grid(scene: &SceneRef<'_>, dir: Vec3, gathered: &mut Gathered) {
+fn walk_grid(scene: &SceneRef<'_>, leg: &Leg, gathered: &mut Gathered) {
     let frame = scene.frame;
-    let (o, eye_cell) = (Vec2::from(frame.eye), IVec2::from(frame.eye_cell));
-    let d = nonzero(dir.xy() / frame.side_m);
+    if frame.levels == 0 {
+        return;
+    }
+    let o = Vec2::from(frame.eye) + leg.from.xy() / frame.side_m;
+    let (eye_cell, z_from) = (IVec2::from(frame.eye_cell), frame.z_eye + leg.from.z * frame.z_scale);
+    let d = nonzero(leg.dir.xy() / frame.side_m);
     let inv = 1.0 / d;
-    let dz = dir.z * frame.z_scale;
+    let dz = leg.dir.z * frame.z_scale;
     let dz = if dz.abs() < 1e-12 { 1e-12 } else { dz };
     let ahead = ahead(d);
     let (forward, top) = (ahead.as_ivec2(), frame.levels - 1);
@@ -187,14 +239,14 @@ fn walk_grid(scene: &SceneRef<'_>, dir: Vec3, gathered: &mut Gathered) {
     let low = (-eye_cell).as_vec2();
     let near = (low + (1.0 - ahead) * squares as f32 - o) * inv;
     let far = (low + ahead * squares as f32 - o) * inv;
-    let (za, zb) = ((-1.0 - frame.z_eye) / dz, (Z_TOP + 1.0 - frame.z_eye) / dz);
+    let (za, zb) = ((-1.0 - z_from) / dz, (Z_TOP + 1.0 - z_from) / dz);
     let mut t = near.max_element().max(za.min(zb)).max(0.0);
-    let t_end = far.min_element().min(za.max(zb));
+    let t_end = far.min_element().min(za.max(zb)).min(leg.reach_m);
     if t >= t_end {
         return;
     }
     let mut cell = ((o + d * t).floor().as_ivec2() + eye_cell).clamp(IVec2::ZERO, IVec2::splat(squares - 1));
-    let mut k = level_at(frame, t);
+    let mut k = level_at(frame, leg.eye_m + t);
     for _ in 0..MAX_STEPS {
         let (entry, level) = look_up(scene, cell, k);
         gathered.counts.steps += 1;
@@ -204,14 +256,14 @@ fn walk_grid(scene: &SceneRef<'_>, dir: Vec3, gathered: &mut Gathered) {
         let edge = corner + (forward << k);
         let te = ((edge - eye_cell).as_vec2() - o) * inv;
         let exit = te.min_element().min(t_end).max(t);
-        let (za, zb) = (frame.z_eye + dz * t, frame.z_eye + dz * exit);
+        let (za, zb) = (z_from + dz * t, z_from + dz * exit);
         let meets = za.min(zb) <= (entry[1] >> 16) as f32 + 1.0 && za.max(zb) + 1.0 >= (entry[1] & 0xffff) as f32;
         if meets && entry[0] == GRID_MIXED && k > 0 {
             k -= 1;
             continue;
         }
         if meets && is_node {
-            walk_node(scene, entry[0] & 0xff_ffff, dir, t, exit, gathered);
+            walk_node(scene, entry[0] & 0xff_ffff, leg, t, exit, gathered);
         }
         t = exit;
         let mut next = (o + d * t).floor().as_ivec2() + eye_cell;
@@ -227,7 +279,7 @@ fn walk_grid(scene: &SceneRef<'_>, dir: Vec3, gathered: &mut Gathered) {
         }
         // The largest square that holds the new place and not the old one: what is larger was seen to be mixed.
         let apart = 31 - ((cell.x ^ next.x) | (cell.y ^ next.y)).leading_zeros();
-        k = level_at(frame, t).min(apart);
+        k = level_at(frame, leg.eye_m + t).min(apart);
         cell = next;
     }
 }
@@ -251,13 +303,13 @@ fn look_up(scene: &SceneRef<'_>, cell: IVec2, k: u32) -> ([u32; 2], u32) {
     ([0; 2], scene.frame.levels - 1)
 }
 
-fn walk_node(scene: &SceneRef<'_>, index: u32, dir: Vec3, t_in: f32, t_out: f32, gathered: &mut Gathered) {
+fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32, gathered: &mut Gathered) {
     let Some(node) = scene.nodes.get(index as usize) else { return };
     gathered.counts.nodes += 1;
     let scale = Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m);
-    let o = -Vec3::from(node.corner) * scale;
-    let d_xy = nonzero(dir.xy() * scale.xy());
-    let dz = dir.z * scale.z;
+    let o = (leg.from - Vec3::from(node.corner)) * scale;
+    let d_xy = nonzero(leg.dir.xy() * scale.xy());
+    let dz = leg.dir.z * scale.z;
     let dz = if dz.abs() < 1e-12 { 1e-12 } else { dz };
     let a = (node.z_lo - 1.0 - o.z) / dz;
     let b = (node.z_hi + 1.0 - o.z) / dz;
@@ -266,7 +318,7 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, dir: Vec3, t_in: f32, t_out: f32,
     if t > t_end {
         return;
     }
-    let ray = NodeRay { node, index, dir, o, d: d_xy.extend(dz), inv: 1.0 / d_xy };
+    let ray = NodeRay { node, index, leg: *leg, o, d: d_xy.extend(dz), inv: 1.0 / d_xy };
     let ahead = ahead(d_xy);
     let step = (ahead * 2.0 - 1.0).as_ivec2();
     let blocks = NODE_CELLS as i32 / BLOCK_CELLS as i32;

@@ -1,7 +1,7 @@
 //! From a texel and a normal to light; twin of the functions of the same names in `shade.wgsl`.
 //!
-//! In: what a ray hit, the frame's [`Light`](crate::layout::Light). Out: linear RGB of the screen. Next: averaged over a
-//! pixel's rays, then sRGB.
+//! In: what a ray hit, the frame's [`Light`](crate::layout::Light). Out: light at the eye, then linear RGB of the screen.
+//! Next: averaged over a pixel's rays, then sRGB.
 //!
 //! Only [`Shading::Lit`] knows light, haze and a film's curve; the others show what is baked.
 
@@ -60,47 +60,61 @@ pub fn encode_srgb(rgb: Vec3) -> u32 {
     channel(rgb.x) | channel(rgb.y) << 8 | channel(rgb.z) << 16 | 255 << 24
 }
 
-/// Light of a surface under the frame's shading; of lit ones not yet through haze. `sun_seen`: how much of the sun's disc
-/// it sees, 0 to 1.
-pub fn shade(frame: &Frame, surface: &Surface, sun_seen: f32) -> Vec3 {
+/// Light on its way to the eye: the sun's is apart until it is known whether the sun is seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lit {
+    /// From sky, ground and walls, linear RGB.
+    pub sky: Vec3,
+    /// What the sun adds if nothing is in its way.
+    pub sun: Vec3,
+}
+
+impl Lit {
+    /// Without the sun.
+    fn plain(sky: Vec3) -> Self {
+        Self { sky, sun: Vec3::ZERO }
+    }
+}
+
+/// Light of a surface under the frame's shading, not yet through haze.
+pub fn shade(frame: &Frame, surface: &Surface) -> Lit {
     let albedo = linear_of(surface.texel);
     let ao = (surface.texel >> 26) as f32 / 63.0;
     let n = surface.normal;
     let debug = |tint: Vec3| tint * (0.35 + 0.65 * ao) * (0.7 + 0.3 * n.dot(Vec3::from(frame.sun)).max(0.0));
     match frame.shading {
-        s if s == Shading::Albedo as u32 => albedo,
-        s if s == Shading::Ao as u32 => Vec3::splat(ao),
-        s if s == Shading::Normal as u32 => n * 0.5 + 0.5,
-        s if s == Shading::Lod as u32 => debug(level_tint(surface.level)),
-        s if s == Shading::Kind as u32 => debug(kind_tint(surface.flags)),
-        _ => albedo * received(frame, n, ao, sun_seen),
+        s if s == Shading::Albedo as u32 => Lit::plain(albedo),
+        s if s == Shading::Ao as u32 => Lit::plain(Vec3::splat(ao)),
+        s if s == Shading::Normal as u32 => Lit::plain(n * 0.5 + 0.5),
+        s if s == Shading::Lod as u32 => Lit::plain(debug(level_tint(surface.level))),
+        s if s == Shading::Kind as u32 => Lit::plain(debug(kind_tint(surface.flags))),
+        _ => received(frame, albedo, n, ao),
     }
 }
 
-/// What a surface receives, divided by pi.
-fn received(frame: &Frame, n: Vec3, ao: f32, sun_seen: f32) -> Vec3 {
+/// What a surface sends of what it receives.
+fn received(frame: &Frame, albedo: Vec3, n: Vec3, ao: f32) -> Lit {
     let light = &frame.light;
-    let sun = rgb(light.sun) * (n.dot(Vec3::from(frame.sun)).max(0.0) * sun_seen);
+    let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
     let wall = rgb(light.sky_wall) + rgb(light.sky_side) * (n.x * light.side[0] + n.y * light.side[1]);
     let sky = wall.lerp(rgb(light.sky_up), n.z.abs()) * ao;
     // What of the hemisphere is not sky is lit ground and walls, the less of it the deeper the corner.
     let bounced = rgb(light.bounce) * ((1.0 - ao) * (0.65 - 0.35 * n.z));
-    sun + sky + bounced
+    Lit { sky: albedo * (sky + bounced), sun: albedo * sun * sun_by_sky(frame, ao) }
 }
 
 /// What the share of the sky that a surface sees tells of its sun, where no ray asks: what sees little sky sees little sun. A
 /// wall in the open sees half the sky.
-pub fn sun_by_sky(texel: u32) -> f32 {
-    let ao = (texel >> 26) as f32 / 63.0;
-    (2.0 * ao + 0.25).min(1.0)
+fn sun_by_sky(frame: &Frame, ao: f32) -> f32 {
+    if frame.shadow_m > 0.0 { 1.0 } else { (2.0 * ao + 0.25).min(1.0) }
 }
 
 fn rgb(v: [f32; 4]) -> Vec3 {
     Vec4::from(v).xyz()
 }
 
-/// Light `lit` from `distance_m` away in direction `dir`, as it comes to the eye and onto the screen.
-pub fn through_haze(frame: &Frame, lit: Vec3, dir: Vec3, distance_m: f32) -> Vec3 {
+/// Light from `distance_m` away in direction `dir`, as it comes to the eye.
+pub fn through_haze(frame: &Frame, lit: Lit, dir: Vec3, distance_m: f32) -> Lit {
     if frame.shading != Shading::Lit as u32 {
         return lit;
     }
@@ -108,7 +122,12 @@ pub fn through_haze(frame: &Frame, lit: Vec3, dir: Vec3, distance_m: f32) -> Vec
     let left = Vec3::new(haze.x.exp(), haze.y.exp(), haze.z.exp());
     // Near by there is little air between the eye and the glow.
     let air = horizon(frame, dir) + glow(frame, dir) * (1.0 - left);
-    tone(air + (lit - air) * left)
+    Lit { sky: air + (lit.sky - air) * left, sun: lit.sun * left }
+}
+
+/// What came to the eye, as the screen shows it.
+pub fn develop(frame: &Frame, rgb: Vec3) -> Vec3 {
+    if frame.shading == Shading::Lit as u32 { tone(rgb) } else { rgb }
 }
 
 /// A film's curve: contrast in the middle, bright light bends towards white instead of being cut off. The curve is
@@ -140,20 +159,20 @@ fn kind_tint(flags: u32) -> Vec3 {
     if has(flag::INCLINED) { base.lerp(Vec3::new(0.20, 0.75, 0.25), 0.4) } else { base }
 }
 
-/// Sky and ground plane in direction `dir`, ready for the screen. `sun_seen`: how much of the sun the plane sees there.
-pub fn background(frame: &Frame, dir: Vec3, sun_seen: f32) -> Vec3 {
+/// Sky and ground plane in direction `dir`.
+pub fn background(frame: &Frame, dir: Vec3) -> Lit {
     let ground_m = ground_distance(frame, dir);
     if frame.shading != Shading::Lit as u32 {
         let sky = HORIZON.lerp(ZENITH, dir.z.max(0.0).sqrt());
         let near = if ground_m < f32::INFINITY { GROUND_FADE_M / (ground_m + GROUND_FADE_M) } else { 0.0 };
-        return sky.lerp(GROUND, near);
+        return Lit::plain(sky.lerp(GROUND, near));
     }
     if ground_m < f32::INFINITY {
         // The plane is endless: more haze the farther it is lets it go over into the sky.
         let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze[1]);
-        return through_haze(frame, GROUND_ALBEDO * received(frame, Vec3::Z, 1.0, sun_seen), dir, hazy_m);
+        return through_haze(frame, received(frame, GROUND_ALBEDO, Vec3::Z, 1.0), dir, hazy_m);
     }
-    tone(sky(frame, dir))
+    Lit::plain(sky(frame, dir))
 }
 
 /// Metres to the ground plane, infinity if the ray does not meet it.
