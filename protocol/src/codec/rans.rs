@@ -15,7 +15,7 @@ const ONE: u32 = 1 << BITS;
 /// The state never is below this.
 const LOW: u32 = 1 << 16;
 /// Most bits that [`Symbols::raw`] takes at once.
-pub const RAW: u32 = 12;
+pub const RAW: u32 = BITS;
 
 /// How fast a model moves after so many symbols: by `2^-rate` of what is left.
 const RATE: [u8; 128] = {
@@ -63,19 +63,20 @@ impl<const N: usize> Model<N> {
         (start, end - start)
     }
 
-    #[inline]
+    #[inline(always)]
     fn find(&self, slot: u32) -> usize {
         let slot = slot as i16;
-        let mut reached = 0i16;
+        // Differences of numbers below 2^15 keep their sign; sums of signs are what vectors are good at.
+        let mut missed = 0i16;
         for below in self.below {
-            reached += i16::from(below <= slot);
+            missed += (slot - below) >> 15;
         }
-        // `below[0]` is 0, so at least one is reached.
-        reached as usize - 1
+        // `below[0]` is 0, so at least one is not missed.
+        (N as i16 + missed) as usize - 1
     }
 
     /// No share ever falls under 1: targets lie at least 1 apart, and halves of differences are rounded down alike.
-    #[inline]
+    #[inline(always)]
     fn learn(&mut self, symbol: usize) {
         let rate = RATE[usize::from(self.seen & 127)];
         self.seen += u8::from(self.seen < 127);
@@ -88,7 +89,7 @@ impl<const N: usize> Model<N> {
     }
 
     /// What both expect, on average.
-    #[inline]
+    #[inline(always)]
     fn mean(&self, other: &Self) -> Self {
         Self { below: std::array::from_fn(|i| ((self.below[i] as u16 + other.below[i] as u16) >> 1) as i16), seen: 0 }
     }
@@ -215,45 +216,40 @@ impl Symbols for Writer {
 pub struct Reader<'a> {
     state: u32,
     bytes: &'a [u8],
-    /// Bytes that were read though they are not there.
-    beyond: u32,
+    /// The first byte that was not read; may lie beyond the last.
+    at: usize,
 }
 
 impl<'a> Reader<'a> {
     /// From the first byte on.
     pub fn new(bytes: &'a [u8]) -> Self {
-        let mut reader = Self { state: 0, bytes, beyond: 0 };
-        reader.state = reader.word() << 16;
-        reader.state |= reader.word();
+        let mut reader = Self { state: 0, bytes, at: 4 };
+        reader.state = reader.word(0) << 16 | reader.word(2);
         reader
     }
 
     /// Whether all was read, and nothing else.
     pub fn finish(self) -> Result<(), DecodeError> {
-        match self.bytes.len() {
-            0 if self.beyond == 0 && self.state == LOW => Ok(()),
-            0 => Err(DecodeError::Invalid("coded symbols end in disorder")),
-            left => Err(DecodeError::TrailingBytes(left)),
+        match self.bytes.len().checked_sub(self.at) {
+            Some(0) if self.state == LOW => Ok(()),
+            None | Some(0) => Err(DecodeError::Invalid("coded symbols end in disorder")),
+            Some(left) => Err(DecodeError::TrailingBytes(left)),
         }
     }
 
-    #[inline]
-    fn word(&mut self) -> u32 {
-        if let Some((word, rest)) = self.bytes.split_first_chunk::<2>() {
-            self.bytes = rest;
-            u32::from(u16::from_le_bytes(*word))
-        } else {
-            self.beyond = self.beyond.saturating_add(2);
-            0
-        }
+    #[inline(always)]
+    fn word(&self, at: usize) -> u32 {
+        self.bytes.get(at..at + 2).map_or(0, |word| u32::from(word[0]) | u32::from(word[1]) << 8)
     }
 
-    #[inline]
+    /// Without a branch on whether another word is needed: nobody could foretell it.
+    #[inline(always)]
     fn take(&mut self, (start, share): (u32, u32)) {
-        self.state = share * (self.state >> BITS) + (self.state & (ONE - 1)) - start;
-        if self.state < LOW {
-            self.state = self.state << 16 | self.word();
-        }
+        let state = share * (self.state >> BITS) + (self.state & (ONE - 1)) - start;
+        let longer = state << 16 | self.word(self.at);
+        let is_low = state < LOW;
+        self.state = if is_low { longer } else { state };
+        self.at += 2 * usize::from(is_low);
     }
 }
 
@@ -289,7 +285,7 @@ impl Symbols for Reader<'_> {
     }
 
     fn overrun(&self) -> bool {
-        self.beyond > 64
+        self.at > self.bytes.len() + 64
     }
 }
 

@@ -53,7 +53,10 @@ pub(super) fn code<C: Symbols>(
     let mut around = Around::default();
     let mut left = vec![[0u8; 2]; points.len()];
     let mut last = [points.middle(); 2];
-    for vertex in points.vertices() {
+    for vertex in 0..points.len() as u32 {
+        if !points.is_real(vertex) {
+            continue;
+        }
         let original = first[vertex as usize];
         if original != vertex {
             let place = std::array::from_fn(|axis| points.value(original, axis));

@@ -92,8 +92,7 @@ struct Walk<'a> {
     models: Models,
     closed: &'a Closed,
     guide: Guide,
-    /// Nodes whose free edges just changed, and those of them without any.
-    changed: Vec<u32>,
+    /// Nodes without free edges.
     full: Vec<u32>,
     limit: usize,
 }
@@ -114,8 +113,17 @@ pub(super) fn write<C: Symbols>(coder: &mut C, closed: &Closed) -> Result<Conque
 }
 
 /// Reads connectivity of at most `limit` triangles, those of dummies among them.
-pub(super) fn read<C: Symbols>(coder: &mut C, limit: usize) -> Result<Conquest, DecodeError> {
-    Walk::new(&Closed::default(), limit).run(coder)
+///
+/// Room for `likely` of them is made at once.
+pub(super) fn read<C: Symbols>(coder: &mut C, limit: usize, likely: usize) -> Result<Conquest, DecodeError> {
+    let closed = Closed::default();
+    let mut walk = Walk::new(&closed, limit);
+    walk.out.triangles.reserve(likely);
+    walk.out.twins.reserve(likely);
+    walk.out.degree.reserve(likely / 2);
+    walk.out.birth.reserve(likely / 2);
+    walk.front.nodes.reserve(likely / 2);
+    walk.run(coder)
 }
 
 impl<'a> Walk<'a> {
@@ -126,7 +134,6 @@ impl<'a> Walk<'a> {
             models: Models::new(),
             closed,
             guide: Guide::default(),
-            changed: Vec::new(),
             full: Vec::new(),
             limit,
         }
@@ -172,7 +179,6 @@ impl<'a> Walk<'a> {
             let (next, prev, edge) = (first + (k + 2) % 3, first + (k + 1) % 3, edge + (k + 2) % 3);
             let free = self.out.degree[*corner as usize] - 2;
             self.front.add(Node { vertex: *corner, free, next, prev, edge });
-            self.changed.push(first + k);
         }
         self.triangle::<C>(corners, seed)?;
         if C::WRITES {
@@ -181,6 +187,7 @@ impl<'a> Walk<'a> {
                 self.face_out(first + k, self.closed.twin[(seed + (k + 2) % 3) as usize]);
             }
         }
+        self.change(&[first, first + 1, first + 2]);
         self.settle::<C>()
     }
 
@@ -218,7 +225,20 @@ impl<'a> Walk<'a> {
             self.face_out(v, self.closed.twin[next(gate) as usize]);
             self.face_out(p, self.closed.twin[prev(gate) as usize]);
         }
-        self.changed.extend([f, p, v]);
+        if free == 0 {
+            self.full.push(v);
+        } else {
+            self.front.wait(v);
+        }
+        if before.free == 1 {
+            self.full.push(p);
+        } else {
+            self.front.wait(p);
+        }
+        // The focus needs not wait.
+        if focus.free == 1 {
+            self.full.push(f);
+        }
         self.settle::<C>()
     }
 
@@ -256,7 +276,7 @@ impl<'a> Walk<'a> {
             self.face_out(target, self.closed.twin[next(gate) as usize]);
             self.face_out(p, self.closed.twin[prev(gate) as usize]);
         }
-        self.changed.extend([f, p, target, w]);
+        self.change(&[w, target, p, f]);
         self.settle::<C>()
     }
 
@@ -303,16 +323,16 @@ impl<'a> Walk<'a> {
         }
     }
 
+    /// Sorts nodes whose free edges changed: those without any are full, the others wait.
+    fn change(&mut self, nodes: &[u32]) {
+        for &node in nodes {
+            if self.front.node(node).free == 0 { self.full.push(node) } else { self.front.wait(node) }
+        }
+    }
+
     /// Fills in the triangles of vertices that have no free edge left.
     #[inline]
     fn settle<C: Symbols>(&mut self) -> Result<(), DecodeError> {
-        while let Some(node) = self.changed.pop() {
-            match *self.front.node(node) {
-                Node { next: NONE, .. } => {}
-                Node { free: 0, .. } => self.full.push(node),
-                _ => self.front.wait(node),
-            }
-        }
         while let Some(f) = self.full.pop() {
             let node = *self.front.node(f);
             if node.next == NONE || node.free != 0 {

@@ -47,8 +47,11 @@ impl Mesh {
             let read = reader.array::<{ CLASSES * WEIGHTS }>()?;
             weights.as_flattened_mut().iter_mut().zip(read).for_each(|(weight, byte)| *weight = byte as i8);
         }
-        let mut symbols = Symbols::new(reader.rest());
-        let order = conquest::read(&mut symbols, triangles)?;
+        let coded = reader.rest();
+        let mut symbols = Symbols::new(coded);
+        // A triangle rarely takes less than a bit: what is announced is not believed beyond that.
+        let likely = triangles.min(8 * coded.len());
+        let order = conquest::read(&mut symbols, triangles, likely)?;
         if order.triangles.len() != triangles || order.degree.len() - order.dummies.len() != vertices {
             return Err(DecodeError::Invalid("a mesh has not as many triangles and vertices as it announces"));
         }

@@ -27,18 +27,25 @@ pub(super) fn cross(a: Place, b: Place) -> Place {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0], 0.0]
 }
 
-/// The whole number nearest to a coordinate, which is far below 2^20 of either sign; the same on every machine.
+/// The whole number nearest to a coordinate, which is far below 2^22 of either sign; of two the even one.
 #[inline]
 pub(super) fn nearest(v: f32) -> i32 {
-    const HIGH: f32 = (1 << 20) as f32;
-    (v + HIGH + 0.5) as i32 - (1 << 20)
+    // Numbers from 2^23 to 2^24 are whole, and their bits count them.
+    const HIGH: f32 = 12_582_912.0;
+    ((v + HIGH).to_bits() as i32).wrapping_sub(HIGH.to_bits() as i32)
+}
+
+/// A vertex's place, and what was left of it by [`super::smooth`]: side by side, as they are needed together.
+#[derive(Debug, Clone, Copy)]
+struct Spot {
+    place: Place,
+    left: Place,
 }
 
 /// Positions of a mesh's vertices, in the order of conquest.
 #[derive(Debug)]
 pub(super) struct Points {
-    places: Vec<Place>,
-    values: Vec<[i32; 3]>,
+    spots: Vec<Spot>,
     /// Values are below two to this.
     bits: u32,
 }
@@ -46,34 +53,40 @@ pub(super) struct Points {
 impl Points {
     /// All unknown: a reader's.
     pub(super) fn unknown(vertices: usize, dummies: &[u32], bits: u32) -> Self {
-        let mut places = vec![[0.0, 0.0, 0.0, 1.0]; vertices];
-        dummies.iter().for_each(|dummy| places[*dummy as usize] = [0.0; 4]);
-        Self { places, values: vec![[0; 3]; vertices], bits }
+        let mut spots = vec![Spot { place: [0.0, 0.0, 0.0, 1.0], left: [0.0; 4] }; vertices];
+        dummies.iter().for_each(|dummy| spots[*dummy as usize].place = [0.0; 4]);
+        Self { spots, bits }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.places.len()
-    }
-
-    /// All but dummies.
-    pub(super) fn vertices(&self) -> impl Iterator<Item = u32> + use<> {
-        let real: Vec<u32> = (0..self.len() as u32).filter(|vertex| self.is_real(*vertex)).collect();
-        real.into_iter()
+        self.spots.len()
     }
 
     #[inline]
     pub(super) fn is_real(&self, vertex: u32) -> bool {
-        self.places[vertex as usize][3] != 0.0
+        self.spots[vertex as usize].place[3] != 0.0
     }
 
     #[inline]
     pub(super) fn at(&self, vertex: u32) -> Place {
-        self.places[vertex as usize]
+        self.spots[vertex as usize].place
+    }
+
+    /// What was left of a vertex.
+    #[inline]
+    pub(super) fn left(&self, vertex: u32) -> Place {
+        self.spots[vertex as usize].left
+    }
+
+    /// Says what was left.
+    #[inline]
+    pub(super) fn leave(&mut self, vertex: u32, left: Place) {
+        self.spots[vertex as usize].left = left;
     }
 
     #[inline]
     pub(super) fn value(&self, vertex: u32, axis: usize) -> i32 {
-        self.values[vertex as usize][axis]
+        self.spots[vertex as usize].place[axis] as i32
     }
 
     /// The middle of the grid.
@@ -88,8 +101,7 @@ impl Points {
         if (x | y | z) >> self.bits != 0 {
             return Err(DecodeError::Invalid("a mesh's vertex lies off its grid"));
         }
-        self.values[vertex as usize] = place;
-        self.places[vertex as usize] = [x as f32, y as f32, z as f32, 1.0];
+        self.spots[vertex as usize].place = [x, y, z, 1].map(|v| v as f32);
         Ok(())
     }
 }

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     codec::{
-        rans::{Model, Symbols},
+        rans::{Model, RAW, Symbols},
         varint::{unzigzag, zigzag},
     },
     error::DecodeError,
@@ -36,6 +36,9 @@ pub(super) const PLAIN: Weights = [[64, 0]; CLASSES];
 
 /// Half-octaves of what is expected to be left.
 const SCALES: usize = 36;
+/// Tokens -7 to 7 have a symbol each, the last one stands for others.
+const NEAR: i32 = 7;
+const FAR: usize = 15;
 /// Least variance that is believed in.
 const LEAST: f32 = 0.1;
 /// How much what is left on average counts against neighbours.
@@ -44,51 +47,57 @@ const PRIOR: f32 = 2.0;
 const FOLLOW: f32 = 0.1;
 
 struct Models {
-    token: [Vec<Model<32>>; 3],
+    token: [Vec<Model<16>>; 3],
     far: Model<32>,
     seed: [Model<32>; 3],
 }
 
 impl Models {
     fn new() -> Self {
-        // Bell-shaped for the start: what half an octave means in tokens.
-        let make = || {
-            let scale = |scale: usize| {
-                let deviation = [22, 16][scale % 2] >> if scale < 6 { 3 - scale / 2 } else { 0 };
-                Model::new(move |i| {
-                    if i == 31 {
-                        8
-                    } else {
-                        6 + 40_000 / (20 + (i as u32).abs_diff(15).pow(2) * 100 / (1 + deviation * deviation / 8))
-                    }
-                })
-            };
-            (0..SCALES).map(scale).collect::<Vec<_>>()
-        };
+        let make = || (0..SCALES).map(|scale| Model::new(|symbol| expected(scale, symbol))).collect::<Vec<_>>();
         Self { token: [make(), make(), make()], far: Model::default(), seed: Default::default() }
     }
 
-    /// One coordinate's difference, expected to be about the root of `variance`.
+    /// Three coordinates' differences, expected to be about the roots of `variances`: tokens, then what is below them.
     #[inline]
-    fn left<C: Symbols>(&mut self, coder: &mut C, axis: usize, variance: f32, value: i32) -> i32 {
+    fn left<C: Symbols>(&mut self, coder: &mut C, variances: [f32; 3], values: [i32; 3]) -> [i32; 3] {
         // The exponent of the variance counts half-octaves of its root.
-        let scale = ((variance.to_bits() >> 23) as i32 - 123).clamp(0, SCALES as i32 - 1) as usize;
-        let shift = (scale as u32 / 2).saturating_sub(3);
-        let token = value >> shift;
-        let symbol = if (-15..=15).contains(&token) { (token + 15) as usize } else { 31 };
-        let symbol = coder.symbol(&mut self.token[axis][scale], symbol);
-        let token = if symbol == 31 { self.far(coder, token) } else { symbol as i32 - 15 };
-        let low = coder.raw(shift, value as u32 & ((1 << shift) - 1));
-        token.wrapping_shl(shift) | low as i32
+        let scale = |variance: f32| ((variance.to_bits() >> 23) as i32 - 123).clamp(0, SCALES as i32 - 1) as usize;
+        let scales = variances.map(scale);
+        let shifts = scales.map(|scale| (scale as u32 / 2).saturating_sub(3));
+        let mut tokens = [0; 3];
+        for axis in 0..3 {
+            let token = values[axis] >> shifts[axis];
+            let symbol = if (-NEAR..=NEAR).contains(&token) { (token + NEAR) as usize } else { FAR };
+            let symbol = coder.symbol(&mut self.token[axis][scales[axis]], symbol);
+            tokens[axis] = if symbol == FAR { self.far(coder, token) } else { symbol as i32 - NEAR };
+        }
+        let low = |axis: usize| values[axis] as u32 & ((1 << shifts[axis]) - 1);
+        let [a, b, c] = shifts;
+        if a + b + c <= RAW {
+            let all = coder.raw(a + b + c, (low(0) << b | low(1)) << c | low(2));
+            let lows = [all >> (b + c), all >> c & ((1 << b) - 1), all & ((1 << c) - 1)];
+            return std::array::from_fn(|axis| tokens[axis].wrapping_shl(shifts[axis]) | lows[axis] as i32);
+        }
+        std::array::from_fn(|axis| tokens[axis].wrapping_shl(shifts[axis]) | coder.raw(shifts[axis], low(axis)) as i32)
     }
 
     #[cold]
     fn far<C: Symbols>(&mut self, coder: &mut C, token: i32) -> i32 {
-        let beyond = token.unsigned_abs().wrapping_sub(16) << 1 | u32::from(token < 0);
+        let beyond = token.unsigned_abs().wrapping_sub(NEAR as u32 + 1) << 1 | u32::from(token < 0);
         let beyond = coder.number(&mut self.far, beyond);
-        let distance = (beyond >> 1) as i32 + 16;
+        let distance = (beyond >> 1) as i32 + NEAR + 1;
         if beyond & 1 == 1 { -distance } else { distance }
     }
+}
+
+/// How often a token is expected before any was seen: bell-shaped, with long tails.
+fn expected(scale: usize, symbol: usize) -> u32 {
+    // 16 times the variance, in tokens.
+    let variance = if scale < 6 { 1 << scale } else { 64 << (scale % 2) };
+    let away = if symbol == FAR { 12 } else { (symbol as u32).abs_diff(NEAR as u32) };
+    let width = variance + 16 * away * away;
+    30 + 1_000_000 / width * variance / width * variance
 }
 
 /// What the triangles around a vertex say.
@@ -140,7 +149,10 @@ impl Guess {
 pub(super) fn fit(mesh: &Conquest, points: &Points) -> Weights {
     let mut sums = [[0f64; 5]; CLASSES];
     let mut around = Around::default();
-    for vertex in points.vertices() {
+    for vertex in 0..points.len() as u32 {
+        if !points.is_real(vertex) {
+            continue;
+        }
         around.look(mesh, vertex, |other| points.is_real(other));
         let guess = Guess::new(&around, mesh, points, vertex);
         let Some(class) = guess.class else { continue };
@@ -177,11 +189,13 @@ pub(super) fn code<C: Symbols>(
 ) -> Result<(), DecodeError> {
     let mut models = Models::new();
     let weights = weights.map(|class| class.map(|weight| f32::from(weight) / UNIT));
-    let mut left = vec![[0f32; 4]; points.len()];
     let (mut flat, mut steep) = (64f32, 16f32);
     let mut around = Around::default();
     let mut last = points.middle();
-    for vertex in points.vertices() {
+    for vertex in 0..points.len() as u32 {
+        if !points.is_real(vertex) {
+            continue;
+        }
         let original = first[vertex as usize];
         if original != vertex {
             last = std::array::from_fn(|axis| points.value(original, axis));
@@ -206,7 +220,7 @@ pub(super) fn code<C: Symbols>(
         let mut rows = [[0f32; 4]; 3];
         let mut count = PRIOR;
         let mut learn = |other: u32| {
-            let left = left[other as usize];
+            let left = points.left(other);
             for k in 0..3 {
                 rows[k] = add(rows[k], scale(left, left[k]));
             }
@@ -237,20 +251,26 @@ pub(super) fn code<C: Symbols>(
         let y_y = (yy - y_x * xy).max(LEAST);
         let z_y = (yz - z_x * xy) / y_y;
         let z_z = (zz - z_x * xz - z_y * (yz - z_x * xy)).max(LEAST);
-        let mut coordinate = |axis: usize, wanted: f32, variance: f32| {
-            let wanted = nearest(wanted);
-            let value = points.value(vertex, axis).wrapping_sub(wanted);
-            models.left(coder, axis, variance, value).wrapping_add(wanted)
-        };
-        let x = coordinate(0, wanted[0], xx);
+        // What is expected of each coordinate, given what the ones before it turned out to be beyond expectation.
+        let second = |dx: f32| wanted[1] + y_x * dx;
+        let third = |dx: f32, dy: f32| wanted[2] + z_x * dx + z_y * (dy - y_x * dx);
+        let mut values = [0; 3];
+        if C::WRITES {
+            let place = points.at(vertex);
+            let (dx, dy) = (place[0] - wanted[0], place[1] - wanted[1]);
+            let expected = [wanted[0], second(dx), third(dx, dy)];
+            values = std::array::from_fn(|axis| place[axis] as i32 - nearest(expected[axis]));
+        }
+        let values = models.left(coder, [xx, y_y, z_z], values);
+        let x = values[0].wrapping_add(nearest(wanted[0]));
         let dx = x as f32 - wanted[0];
-        let y = coordinate(1, wanted[1] + y_x * dx, y_y);
+        let y = values[1].wrapping_add(nearest(second(dx)));
         let dy = y as f32 - wanted[1];
-        let z = coordinate(2, wanted[2] + z_x * dx + z_y * (dy - y_x * dx), z_z);
+        let z = values[2].wrapping_add(nearest(third(dx, dy)));
         last = [x, y, z];
         points.put(vertex, last)?;
-        let rest = sub(points.at(vertex), wanted);
-        left[vertex as usize] = rest;
+        let rest = sub([x, y, z, 0].map(|v| v as f32), wanted);
+        points.leave(vertex, rest);
         let squared = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2];
         let along = rest[0] * normal[0] + rest[1] * normal[1] + rest[2] * normal[2];
         let along = along * along * inverse;

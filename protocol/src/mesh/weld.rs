@@ -4,7 +4,7 @@
 //! which need no second place for a copy.
 
 use crate::{
-    codec::rans::{Model, Symbols},
+    codec::rans::{Model, RAW, Symbols},
     error::DecodeError,
 };
 
@@ -55,7 +55,7 @@ pub(super) fn code<C: Symbols>(
 /// A number below `limit`, any as likely as another.
 fn any_below<C: Symbols>(coder: &mut C, limit: u32, value: u32) -> u32 {
     let bits = 32 - limit.leading_zeros();
-    let (high, low) = (bits.saturating_sub(12), bits.min(12));
-    let upper = coder.raw(high.min(12), value >> low & 0xfff);
+    let (high, low) = (bits.saturating_sub(RAW), bits.min(RAW));
+    let upper = coder.raw(high.min(RAW), value >> low & ((1 << RAW) - 1));
     upper << low | coder.raw(low, value & ((1 << low) - 1))
 }
