@@ -29,6 +29,9 @@ pub struct Global {
     /// Memory for the city, in MiB; never exceeded.
     #[arg(long, default_value = "256", value_name = "MIB", value_parser = clap::value_parser!(u32).range(8..=65_536), global = true)]
     pub cache_mib: u32,
+    /// Keep what was fetched in the user's cache folder, at most so many MiB: a visited city opens without a network.
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=1_048_576), global = true)]
+    pub disk_cache_mib: Option<u32>,
     /// Which city, when the server has several.
     #[arg(long, value_name = "NAME", global = true)]
     pub city: Option<String>,
@@ -48,8 +51,8 @@ impl Global {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Fly through a served city in a window.
-    #[command(after_help = "Example:\n  insula view http://127.0.0.1:7700/v1/cities/delft")]
+    /// Fly through a city in a window.
+    #[command(after_help = "Example:\n  insula view http://127.0.0.1:7700/v1/cities/delft\n  insula view cities/delft")]
     View(View),
     /// Bake city files (once, into a cache folder), serve them in this process and fly through them.
     #[command(after_help = "Example:\n  insula open delft.city.json")]
@@ -98,7 +101,8 @@ pub enum Command {
 /// `insula view`.
 #[derive(Debug, Default, Args)]
 pub struct View {
-    /// `http://host:port`, `http://host:port/v1/cities/NAME`, or a link copied in a window (`insula://...`).
+    /// `http://host:port`, `http://host:port/v1/cities/NAME`, a link copied in a window (`insula://...`), or a baked city
+    /// without a server: its folder's path, or its address on any host that answers ranges.
     pub url: String,
     /// Fly along a path, over and over, and print what frames and memory took.
     #[arg(long, value_name = "PATH.json")]
@@ -114,8 +118,8 @@ pub struct View {
 /// `insula snapshot`.
 #[derive(Debug, Args)]
 pub struct Snapshot {
-    /// `http://host:port`, or with `/v1/cities/NAME`.
-    #[arg(long, value_name = "URL")]
+    /// `http://host:port`, or with `/v1/cities/NAME`; or a baked city's folder, here or on a plain host.
+    #[arg(long, value_name = "PLACE")]
     pub server: String,
     /// Camera file: {"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}.
     #[arg(long, value_name = "CAM.json")]
@@ -143,8 +147,8 @@ pub struct Snapshot {
 /// `insula fly`.
 #[derive(Debug, Args)]
 pub struct Fly {
-    /// `http://host:port`, or with `/v1/cities/NAME`.
-    #[arg(long, value_name = "URL")]
+    /// `http://host:port`, or with `/v1/cities/NAME`; or a baked city's folder, here or on a plain host.
+    #[arg(long, value_name = "PLACE")]
     pub server: String,
     /// Path file: {"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]},...]}.
     #[arg(long, value_name = "PATH.json")]
@@ -158,6 +162,16 @@ pub struct Fly {
     /// Simulated network: milliseconds before each answer.
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(0..=60_000))]
     pub rtt: Option<u32>,
+    /// Simulated network: how many of a hundred answers break off half-way.
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    pub loss: Option<f64>,
+    /// Frames a second that are drawn; as many as there can be unless given.
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub rate: Option<f64>,
+    /// How often a picture is compared with the one that it is on its way to, in seconds of the path; never unless given.
+    /// The flight stands still meanwhile.
+    #[arg(long, value_name = "SECS", value_parser = positive)]
+    pub compare: Option<f64>,
     /// Where the report goes; standard output without it.
     #[arg(long, value_name = "JSON")]
     pub report: Option<PathBuf>,
@@ -177,6 +191,13 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(v) if v > 0.0 && v < 1e6 => Ok(v),
         _ => Err("write a number over 0".into()),
+    }
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(v) if (0.0..100.0).contains(&v) => Ok(v),
+        _ => Err("write a percentage from 0 to under 100".into()),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::{
     cache::{Cache, PAGE_BYTES, Placement},
     camera::{Camera, View},
     error::{ClientError, Result},
-    render::{Adapter, AdapterInfo, FrameData, Look},
+    render::{Adapter, AdapterInfo, Drawn, FrameData, Look},
     report::{FrameTimes, Report, TileCounts},
     scene::{Key, TileEvent, Tree},
     select::{
@@ -14,12 +14,16 @@ use crate::{
         casters::{Casters, casters},
         priority::Group,
         select,
+        sight::{Asked, Sight},
     },
     stream::{Arrival, Stream},
 };
 use glam::DVec3;
 use insula_protocol::TileId;
-use insula_shaders::{cpu::raycast::Pixels, pack::PackedNode};
+use insula_shaders::{
+    cpu::{raycast::Pixels, tally::tally},
+    pack::PackedNode,
+};
 use std::{
     collections::{HashSet, VecDeque},
     time::{Duration, Instant},
@@ -59,9 +63,17 @@ pub struct Session {
     /// Towards the sun, if it casts shadows, and what casts them in the last selection.
     sun: Option<DVec3>,
     casters: Casters,
+    sight: Sight,
+    /// Counts selections that differ from the one before.
+    generation: u64,
+    last_view: Option<View>,
     decoded: VecDeque<(TileId, PackedNode)>,
     tiles: TileCounts,
     times: Vec<Duration>,
+    evicted: u64,
+    /// Tiles that were evicted once, and how many of them came again.
+    left: HashSet<TileId>,
+    fetched_again: u64,
     started: Instant,
     first_picture: Option<Duration>,
     converged: Option<Duration>,
@@ -88,9 +100,15 @@ impl Session {
             selection: Selection::default(),
             sun: None,
             casters: Casters::default(),
+            sight: Sight::default(),
+            generation: 0,
+            last_view: None,
             decoded: VecDeque::new(),
             tiles: TileCounts::default(),
             times: Vec::new(),
+            evicted: 0,
+            left: HashSet::new(),
+            fetched_again: 0,
             started,
             first_picture: None,
             converged: None,
@@ -119,7 +137,11 @@ impl Session {
         self.cache.begin_frame();
         self.asked_tau_px = shot.tau_px;
         self.fresh = false;
-        self.selection = select(&view, &self.tree, &mut self.scratch);
+        let selection = select(&view, &self.tree, &self.sight, &mut self.scratch);
+        if selection.cut != self.selection.cut || self.last_view != Some(view) {
+            self.generation += 1;
+        }
+        (self.selection, self.last_view) = (selection, Some(view));
         // The coarsest last: of equals, it goes last.
         for at in self.selection.used.iter().rev() {
             self.cache.touch(self.tree.node(*at).id);
@@ -166,7 +188,7 @@ impl Session {
         if self.selection.wanted.iter().any(|w| w.group == Group::Urgent) || free_share < 0.1 {
             return;
         }
-        let ahead = select(&self.view(shot, heading), &self.tree, &mut self.scratch);
+        let ahead = select(&self.view(shot, heading), &self.tree, &self.sight, &mut self.scratch);
         for mut wanted in ahead.wanted {
             if !self.selection.wanted.iter().any(|w| w.key == wanted.key) {
                 wanted.group = Group::Preload;
@@ -206,8 +228,11 @@ impl Session {
             };
             self.fresh = true;
             self.tiles.blockmaps += u64::from(event == TileEvent::Upload);
+            self.fetched_again += u64::from(self.left.contains(&id));
+            self.evicted += evicted.len() as u64;
             self.tree.apply(Key::block_map(id), event);
             for id in evicted {
+                self.left.insert(id);
                 self.tree.apply(Key::block_map(id), TileEvent::Drop);
             }
         }
@@ -215,7 +240,36 @@ impl Session {
 
     /// Whether nothing could make the last selection's picture better.
     pub fn settled(&self) -> bool {
+        self.fetched() && (self.is_sighted([0, 0]) || !self.sight.is_fed())
+    }
+
+    /// Whether all that the last selection asks for is here.
+    pub fn fetched(&self) -> bool {
         self.tree.root().is_some() && self.selection.wanted.is_empty() && self.decoded.is_empty()
+    }
+
+    /// Whether it is known what the rays of the last selection hit, in a picture of at least this size, and they changed
+    /// nothing.
+    pub fn is_sighted(&self, size_px: [u32; 2]) -> bool {
+        self.sight.has_looked(self.generation, size_px)
+    }
+
+    /// Whether anything can be drawn.
+    pub fn has_picture(&self) -> bool {
+        !self.selection.cut.is_empty()
+    }
+
+    /// Takes in what the rays of a picture hit: `pixels` of each of the squares that it was drawn with.
+    pub fn feed(&mut self, asked: &Asked, pixels: &[u32]) {
+        if !self.sight.has_looked(asked.generation, [asked.view.width_px, asked.view.height_px]) {
+            self.sight.feed(asked, pixels, &self.tree);
+            self.fresh = true;
+        }
+    }
+
+    /// What the last pictures' rays hit.
+    pub fn sight(&self) -> &Sight {
+        &self.sight
     }
 
     /// Whether the next frame has something to upload, or to select anew: no need to wait for the network.
@@ -243,14 +297,17 @@ impl Session {
 
     /// What the ray-caster needs for the last selection.
     pub fn frame_data(&self, shot: &Shot, look: &Look) -> FrameData {
-        let nodes = (&self.selection.cut[..], &self.casters.nodes[..]);
-        FrameData::new(nodes, &self.tree, &self.cache, &self.view(shot, shot.camera), look)
+        let (cut, casters) = (&self.selection.cut[..], &self.casters.nodes[..]);
+        let drawn = Drawn { cut, casters, generation: self.generation };
+        FrameData::new(drawn, &self.tree, &self.cache, &self.view(shot, shot.camera), look)
     }
 
-    /// Draws the last selection and waits for the pixels.
+    /// Draws the last selection, waits for the pixels, and takes in what they hit.
     pub fn draw(&mut self, shot: &Shot, look: &Look) -> Result<Pixels> {
         let data = self.frame_data(shot, look);
-        self.adapter.draw(&data)
+        let pixels = self.adapter.draw(&data)?;
+        self.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()));
+        Ok(pixels)
     }
 
     /// Notes how long a frame took.
@@ -260,9 +317,35 @@ impl Session {
         }
     }
 
+    /// Frames that took `times` the median or longer.
+    pub fn stalls(&self, times: f64) -> usize {
+        let limit_ms = FrameTimes::new(&self.times).median_ms * times;
+        self.times.iter().filter(|time| time.as_secs_f64() * 1e3 >= limit_ms).count()
+    }
+
+    /// Tiles that had to leave the cache.
+    pub fn evicted(&self) -> u64 {
+        self.evicted
+    }
+
+    /// Tiles that came again after they had left.
+    pub fn fetched_again(&self) -> u64 {
+        self.fetched_again
+    }
+
+    /// Whether the last selection's picture lacks anything.
+    pub fn lacks(&self) -> bool {
+        self.selection.wanted.iter().any(|wanted| wanted.group != Group::Preload)
+    }
+
     /// The ray-caster, for the window.
     pub fn adapter_mut(&mut self) -> &mut Adapter {
         &mut self.adapter
+    }
+
+    /// The ray-caster.
+    pub fn adapter(&self) -> &Adapter {
+        &self.adapter
     }
 
     /// What draws.

@@ -29,10 +29,16 @@ fn well() -> Box<Policy> {
 
 fn session(server: &Server, cache_mib: u64) -> Session {
     let http = Arc::new(Http::new(None).unwrap());
-    let global =
-        insula_client::args::Global { adapter: AdapterChoice::Cpu, cache_mib: 256, city: None, tau: 1.0, timeout: 5 };
+    let global = insula_client::args::Global {
+        adapter: AdapterChoice::Cpu,
+        cache_mib: 256,
+        disk_cache_mib: None,
+        city: None,
+        tau: 1.0,
+        timeout: 5,
+    };
     let city = connect(&http, &server.url, &global).unwrap();
-    let stream = Stream::new(http, &city.base, 12, None);
+    let stream = Stream::new(http, city.source, 12, None);
     Session::new(
         Tree::new(city.manifest),
         stream,
@@ -137,7 +143,7 @@ fn what_stays_bad_leaves_its_parent_on_screen() {
     );
     let mut session = session(&server, 64);
     settle(&mut session, &street(), |_| {});
-    let cut: Vec<TileId> = session.selection().cut.iter().map(|at| session.tree().node(*at).id).collect();
+    let cut: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
     assert_eq!(session.report(1.0).tiles.bad, 1 + u64::from(!cut.contains(&TileId::new(1, 0, 0).unwrap())));
     assert!(cut.contains(&TileId::new(1, 0, 0).unwrap()) || cut.contains(&TileId::new(2, 0, 0).unwrap()), "{cut:?}");
     // The picture has no hole: below the horizon, every ray hits.
@@ -205,8 +211,14 @@ fn several_cities_must_be_named() {
     files.insert(route::CITIES.into(), br#"[{"name":"one"},{"name":"two"}]"#.to_vec());
     let server = serve(files, well());
     let http = Arc::new(Http::new(None).unwrap());
-    let mut global =
-        insula_client::args::Global { adapter: AdapterChoice::Cpu, cache_mib: 256, city: None, tau: 1.0, timeout: 2 };
+    let mut global = insula_client::args::Global {
+        adapter: AdapterChoice::Cpu,
+        cache_mib: 256,
+        disk_cache_mib: None,
+        city: None,
+        tau: 1.0,
+        timeout: 2,
+    };
     assert_eq!(connect(&http, &server.url, &global).unwrap_err().exit_code(), 2);
     global.city = Some("two".into());
     assert_eq!(connect(&http, &server.url, &global).unwrap().manifest.name, "two");

@@ -1,7 +1,7 @@
 //! The WGSL is valid with the capabilities that the client asks for (none), and its structs lie as Rust's do.
 
 use insula_shaders::{
-    COMPOSE_WGSL, RAYCAST_WGSL,
+    COMPOSE_WGSL, RAYCAST_WGSL, TALLY_WGSL,
     layout::{Frame, Light, Node, WORKGROUP},
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -88,4 +88,5 @@ fn entry_points_are_valid() {
     assert_eq!((entry.name.as_str(), entry.workgroup_size), ("raycast", [WORKGROUP[0], WORKGROUP[1], 1]));
     let names: Vec<_> = module(COMPOSE_WGSL).entry_points.iter().map(|e| e.name.clone()).collect();
     assert_eq!(names, ["corner", "compose_srgb", "compose_linear"]);
+    assert_eq!(module(TALLY_WGSL).entry_points[0].name, "tally");
 }

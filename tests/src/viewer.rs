@@ -6,25 +6,31 @@ use glam::DVec3;
 use insula_client::{
     args::Global,
     camera,
-    commands::connect::connect,
-    render::{Adapter, AdapterChoice, Look},
-    scene::{Tree, tile::TileState},
+    commands::snapshot::start,
+    render::{AdapterChoice, Look},
+    scene::tile::TileState,
     session::{Session, Shot},
-    stream::{Stream, fetch::Http},
 };
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
 use std::{
-    sync::Arc,
+    path::Path,
     time::{Duration, Instant},
 };
 
-/// Requests in flight, as `insula snapshot` has them.
-const IN_FLIGHT: usize = 12;
 /// Picture size.
 const SIZE_PX: [u32; 2] = [640, 360];
 /// Between two frames.
 const FRAME: Duration = Duration::from_millis(5);
+
+/// A session over a city at any place, which draws with the CPU.
+pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
+    Ok(start(&place.display().to_string(), &global(cache_mib), None)?)
+}
+
+fn global(cache_mib: u32) -> Global {
+    Global { adapter: AdapterChoice::Cpu, cache_mib, disk_cache_mib: None, city: None, tau: 1.0, timeout: 20 }
+}
 
 /// A client that draws with the CPU.
 pub struct Viewer {
@@ -37,13 +43,9 @@ pub struct Viewer {
 impl Viewer {
     /// Connects; `camera` is chosen once the city is known.
     pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
-        let http = Arc::new(Http::new(None)?);
-        let global = Global { adapter: AdapterChoice::Cpu, cache_mib: 256, city: None, tau: 1.0, timeout: 20 };
-        let city = connect(&http, url, &global)?;
-        let stream = Stream::new(http, &city.base, IN_FLIGHT, None);
-        let shot = shot(&camera(&city.manifest))?;
-        let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
-        Ok(Self { session: Session::new(Tree::new(city.manifest), stream, adapter, Instant::now()), shot })
+        let session = start(url, &global(256), None)?;
+        let shot = shot(&camera(session.tree().manifest()))?;
+        Ok(Self { session, shot })
     }
 
     /// Turns to another view.
@@ -52,17 +54,21 @@ impl Viewer {
         Ok(())
     }
 
-    /// One frame, then a pause.
-    pub fn step(&mut self) {
+    /// One frame, then a pause. Once a picture was drawn, it is drawn again whenever what is drawn changes.
+    pub fn step(&mut self) -> Result<()> {
         self.session.step(&self.shot);
+        if self.session.sight().is_fed() && !self.session.is_sighted(SIZE_PX) {
+            self.draw()?;
+        }
         std::thread::sleep(FRAME);
+        Ok(())
     }
 
     /// Frames until `done`; an error after `most`.
     pub fn until(&mut self, most: Duration, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
         let begin = Instant::now();
         loop {
-            self.step();
+            self.step()?;
             if done(self)? {
                 return Ok(());
             }

@@ -29,7 +29,7 @@ fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
     server.kill()?;
     let (before, begin) = (viewer.session.selection().counters, Instant::now());
     while begin.elapsed() < Duration::from_secs(2) {
-        viewer.step();
+        viewer.step()?;
         let now = viewer.session.selection().counters;
         ensure!(now.worst_error_px <= before.worst_error_px, "the picture got worse: {now:?} after {before:?}");
     }

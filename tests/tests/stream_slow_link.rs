@@ -67,7 +67,8 @@ fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
         likeness = now;
     }
     ensure!(holes_would_be_seen(&last), "a missing node would go unseen");
-    ensure!(pictures.windows(2).all(|pair| pair[1].0 <= pair[0].0), "the worst error grew on the way");
+    // Not at each step: what was hidden behind coarse buildings may be seen beside fine ones, and is coarse at first.
+    ensure!(pictures.last().is_some_and(|(worst_px, _)| *worst_px < pictures[0].0), "the worst error has not fallen");
     ensure!(like(&pictures[0].1, &last) < likeness, "the first picture was as good as the last");
     Ok(())
 }
@@ -121,7 +122,7 @@ fn a_camera_turned_away_lets_go_of_what_it_wanted() -> Result<()> {
     viewer.until(Duration::from_secs(30), |viewer| Ok(viewer.loading().len() >= 8))?;
     let wanted = viewer.loading();
     viewer.look(&away)?;
-    viewer.step();
+    viewer.step()?;
     let still: Vec<_> = viewer.loading().into_iter().filter(|id| wanted.contains(id)).collect();
     let selected = &viewer.session.selection().wanted;
     let unwanted = still.iter().filter(|id| !selected.iter().any(|w| w.key.id == **id)).count();

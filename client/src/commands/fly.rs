@@ -1,14 +1,16 @@
 //! `insula fly`: a camera path at its own pace, measured.
 //!
-//! In: a server, a path file, a simulated network. Out: a report. Next: scripts.
+//! In: a place that has a city, a path file, a simulated link. Out: a report. Next: scripts.
 
-use super::snapshot::start;
+use super::snapshot::{settle, start};
 use crate::{
     args::{Fly, Global},
     camera::CameraPath,
     error::{ClientError, Result},
-    session::Shot,
-    stream::{fetch::Http, throttle::Throttle},
+    render::Look,
+    report::{FlightMoment, FlightReport, PictureError, pictures_apart},
+    session::{Session, Shot},
+    stream::{fetch::Http, link::Link},
     sun::Daylight,
 };
 use insula_shaders::layout::Shading;
@@ -16,18 +18,46 @@ use std::time::{Duration, Instant};
 
 /// How far ahead the camera's next place is looked at, in seconds.
 const AHEAD_SECS: f64 = 0.5;
+/// Between two moments of the report, in seconds.
+const MOMENT_SECS: f64 = 1.0;
+/// Most moments that are kept: longer flights have longer ones.
+const MOMENTS: f64 = 3600.0;
+/// A frame that takes this many times the median is a stall.
+const STALL: f64 = 4.0;
 
 /// Runs the command.
 pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let path = CameraPath::read(&args.path)?;
-    let rtt = Duration::from_millis(u64::from(args.rtt.unwrap_or(0)));
-    let throttle = (args.bandwidth.is_some() || args.rtt.is_some()).then(|| Throttle::new(args.bandwidth, rtt));
-    let mut session = start(&args.server, global, Some(Http::new(throttle)?))?;
-    let timeout = Duration::from_secs(u64::from(global.timeout));
+    let mut session = start(&args.server, global, Some(Http::new(link(args))?))?;
     let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, 1);
     session.set_sun(look.casting());
-    let begin = Instant::now();
-    let (mut frames, mut unconverged) = (0u32, 0u32);
+    let report = fly(&mut session, &path, args, &look, global)?;
+    match &args.report {
+        Some(path) => report.write(path),
+        None => {
+            let json = serde_json::to_string_pretty(&report).map_err(|e| ClientError::Failed(e.to_string()))?;
+            println!("{json}");
+            Ok(())
+        }
+    }
+}
+
+/// The link that was asked for, if any.
+fn link(args: &Fly) -> Option<Link> {
+    let rtt = Duration::from_millis(u64::from(args.rtt.unwrap_or(0)));
+    let loss = args.loss.unwrap_or(0.0) / 100.0;
+    (args.bandwidth.is_some() || args.rtt.is_some() || loss > 0.0).then(|| Link::new(args.bandwidth, rtt, loss))
+}
+
+/// Flies once along a path.
+fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global: &Global) -> Result<FlightReport> {
+    let timeout = Duration::from_secs(u64::from(global.timeout));
+    let moment_secs = (path.seconds / MOMENTS).max(MOMENT_SECS);
+    let (mut moments, mut errors) = (Vec::new(), Vec::new());
+    let (mut frames, mut unconverged) = (0u64, 0u64);
+    let mut begin = Instant::now();
+    let mut frame_due = begin;
+    let mut compare_at = args.compare.map(|_| 0.0);
     loop {
         let t = begin.elapsed().as_secs_f64();
         if t > path.seconds {
@@ -37,22 +67,59 @@ pub fn run(args: &Fly, global: &Global) -> Result<()> {
         let shot = Shot { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau };
         let before = Instant::now();
         session.step(&shot);
-        session.draw(&shot, &look)?;
+        let pixels = session.draw(&shot, look)?;
         session.timed(before.elapsed());
         session.check(timeout)?;
         frames += 1;
         // What is only preloaded is not missing in this frame's picture.
-        let missing = session.selection().wanted.iter().any(|w| w.group != crate::select::priority::Group::Preload);
-        unconverged += u32::from(missing || session.selection().cut.is_empty());
-    }
-    let mut report = session.report(global.tau);
-    report.unconverged_share = Some(f64::from(unconverged) / f64::from(frames.max(1)));
-    match &args.report {
-        Some(path) => report.write(path),
-        None => {
-            let json = serde_json::to_string_pretty(&report).map_err(|e| ClientError::Failed(e.to_string()))?;
-            println!("{json}");
-            Ok(())
+        unconverged += u64::from(session.lacks() || !session.has_picture());
+        if moments.len() as f64 * moment_secs <= t {
+            moments.push(FlightMoment::of(session, t));
+        }
+        if let (Some(at), Some(every)) = (compare_at, args.compare)
+            && at <= t
+        {
+            let paused = Instant::now();
+            let converged = converged(args, global, &shot, look, timeout)?;
+            errors.push(PictureError { t, ..pictures_apart(&pixels, &converged) });
+            compare_at = Some(at + every);
+            begin += paused.elapsed();
+            frame_due += paused.elapsed();
+        }
+        if let Some(rate) = args.rate {
+            frame_due += Duration::from_secs_f64(1.0 / rate);
+            let now = Instant::now();
+            if frame_due > now {
+                std::thread::sleep(frame_due - now);
+            } else {
+                frame_due = now;
+            }
         }
     }
+    moments.push(FlightMoment::of(session, path.seconds));
+    let mut run = session.report(global.tau);
+    run.unconverged_share = Some(unconverged as f64 / frames.max(1) as f64);
+    let stalls = session.stalls(STALL);
+    Ok(FlightReport {
+        run,
+        stalls,
+        evictions: session.evicted(),
+        fetched_again: session.fetched_again(),
+        moments,
+        errors,
+    })
+}
+
+/// What the frame would show if all were here: by a client of its own, over no slow link, without a limit to speak of.
+fn converged(
+    args: &Fly,
+    global: &Global,
+    shot: &Shot,
+    look: &Look,
+    timeout: Duration,
+) -> Result<insula_shaders::cpu::raycast::Pixels> {
+    let roomy = Global { cache_mib: global.cache_mib.max(512), ..global.clone() };
+    let mut other = start(&args.server, &roomy, None)?;
+    settle(&mut other, &Shot { heading: None, ..*shot }, timeout)?;
+    other.draw(shot, look)
 }

@@ -8,7 +8,7 @@ use crate::{
     camera::CameraFile,
     error::Result,
     picture::{write_pfm, write_png},
-    render::{Adapter, STILL_SAMPLES},
+    render::{Adapter, Look, STILL_SAMPLES},
     scene::Tree,
     session::{Session, Shot},
     stream::{Stream, fetch::Http},
@@ -25,6 +25,8 @@ use std::{
 pub(crate) const IN_FLIGHT: usize = 12;
 /// Between two looks at what has arrived.
 const PAUSE: Duration = Duration::from_millis(2);
+/// While tiles come, what hides what is looked at in a picture so many times smaller.
+const COARSE: u32 = 4;
 
 /// Runs the command.
 pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
@@ -44,14 +46,14 @@ pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
 }
 
 /// Connects and sets up a session without a window.
-pub(crate) fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Session> {
+pub fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Session> {
     let started = Instant::now();
     let http = Arc::new(match http {
         Some(http) => http,
         None => Http::new(None)?,
     });
     let city = connect(&http, url, global)?;
-    let stream = Stream::new(http, &city.base, IN_FLIGHT, None);
+    let stream = Stream::new(http, city.source, IN_FLIGHT, None);
     let adapter = Adapter::headless(global.adapter, u64::from(global.cache_mib) << 20)?;
     Ok(Session::new(Tree::new(city.manifest), stream, adapter, started))
 }
@@ -74,15 +76,25 @@ pub(crate) fn take(
     write_png(out, &pixels)
 }
 
-/// Streams until nothing better can be fetched.
-pub(crate) fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<()> {
+/// Streams until nothing better can be fetched, and no pixel shows what is not as good as it should be.
+pub fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<()> {
+    let coarse = shot.size_px.map(|side| (side / COARSE).max(1));
     loop {
         session.step(shot);
         session.check(timeout)?;
-        if session.settled() {
+        let size_px = if !session.fetched() {
+            // What hides what is seen well enough in few pixels, as long as not all is here.
+            if !session.has_picture() || session.is_sighted(coarse) {
+                std::thread::sleep(PAUSE);
+                continue;
+            }
+            coarse
+        } else if !session.is_sighted(shot.size_px) {
+            shot.size_px
+        } else {
             return Ok(());
-        }
-        std::thread::sleep(PAUSE);
+        };
+        session.draw(&Shot { size_px, ..*shot }, &Look::default())?;
     }
 }
 

@@ -1,9 +1,9 @@
-//! `insula view`: a served city in a window.
+//! `insula view`: a city in a window.
 //!
-//! In: a URL, or a link to a view. Out: a window. Next: people.
+//! In: a place that has a city, or a link to a view. Out: a window. Next: people.
 
 use super::{
-    connect::{connect, split},
+    connect::{Place, connect},
     snapshot::IN_FLIGHT,
 };
 use crate::{
@@ -29,7 +29,7 @@ const ATTEMPT_SECS: u32 = 3;
 pub fn run(args: &View, global: &Global) -> Result<()> {
     let started = Instant::now();
     let link = Link::parse(&args.url)?;
-    split(&link.address)?;
+    Place::parse(&link.address)?;
     let path = args.path.as_deref().map(CameraPath::read).transpose()?;
     let event_loop = window::event_loop()?;
     let http = Arc::new(Http::new(None)?);
@@ -52,13 +52,13 @@ pub fn run(args: &View, global: &Global) -> Result<()> {
     let global = Global { timeout: global.timeout.min(ATTEMPT_SECS), ..global.clone() };
     let connect: Connect = Arc::new(move || {
         let city = connect(&http, &link.address, &global)?;
-        let (manifest, base) = (city.manifest.clone(), city.base.clone());
+        let (manifest, address) = (city.manifest.clone(), city.address.clone());
         let (http, wake) = (http.clone(), wake.clone());
         let make = move |adapter| {
-            let stream = Stream::new(http, &city.base, IN_FLIGHT, Some(wake));
+            let stream = Stream::new(http, city.source, IN_FLIGHT, Some(wake));
             Session::new(Tree::new(city.manifest), stream, adapter, started)
         };
-        Ok(Found { manifest, base, make: Box::new(make) })
+        Ok(Found { manifest, address, make: Box::new(make) })
     });
     window::run(event_loop, start, connect)
 }

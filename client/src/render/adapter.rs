@@ -90,6 +90,11 @@ impl Adapter {
         }
     }
 
+    /// Whether what a picture's rays hit is on its way.
+    pub fn is_asking(&self) -> bool {
+        matches!(self, Self::Gpu(gpu) if gpu.is_asking())
+    }
+
     /// What the rays of such a picture do, one a pixel. Costs about as much as a picture.
     pub fn count(&mut self, data: &FrameData) -> Result<Counts> {
         match self {

@@ -36,7 +36,7 @@ impl CpuAdapter {
     }
 
     fn scene<'a>(&'a self, data: &'a FrameData) -> SceneRef<'a> {
-        let FrameData { frame, grid, nodes } = data;
+        let FrameData { frame, grid, nodes, .. } = data;
         SceneRef { frame, grid, nodes, summaries: &self.summaries, atlas: &self.atlas }
     }
 }

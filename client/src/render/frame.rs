@@ -8,6 +8,7 @@ use crate::{
     cache::{Cache, Placed},
     camera::View,
     scene::{NodeIndex, Tree},
+    select::{Item, sight::Asked},
 };
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -67,27 +68,40 @@ pub struct FrameData {
     pub frame: Frame,
     /// Entries of the cut's grid.
     pub grid: Vec<[u32; 2]>,
-    /// The cut.
+    /// The cut: a node a square, several of which may show parts of one tile.
     pub nodes: Vec<Node>,
+    /// Which squares those are.
+    pub asked: Asked,
+}
+
+/// What a selection draws.
+#[derive(Debug, Clone, Copy)]
+pub struct Drawn<'a> {
+    /// Squares in the picture.
+    pub cut: &'a [Item],
+    /// What casts shadows on them.
+    pub casters: &'a [NodeIndex],
+    /// Which selection it is.
+    pub generation: u64,
 }
 
 impl FrameData {
-    /// Of a cut and of what casts shadows on it, all in `cache`; what is not there is left out.
-    pub fn new(
-        (cut, casters): (&[NodeIndex], &[NodeIndex]),
-        tree: &Tree,
-        cache: &Cache,
-        view: &View,
-        look: &Look,
-    ) -> Self {
+    /// Of a cut and of what casts shadows on it. What has left `cache` since it was selected is drawn from what it lay in.
+    pub fn new(drawn: Drawn<'_>, tree: &Tree, cache: &Cache, view: &View, look: &Look) -> Self {
         let eye = view.camera.position;
         let mut frame = frame(tree, view, look);
-        let (mut ids, mut nodes) = (Vec::with_capacity(cut.len()), Vec::with_capacity(cut.len()));
-        let drawn: HashSet<NodeIndex> = cut.iter().copied().collect();
-        let casters = casters.iter().filter(|at| !drawn.contains(at));
-        for id in cut.iter().chain(casters).map(|at| tree.node(*at).id) {
-            if let Some(placed) = cache.get(id) {
-                ids.push(id);
+        let own: HashSet<NodeIndex> =
+            drawn.cut.iter().filter(|item| item.from == item.square).map(|item| item.square).collect();
+        let casters = drawn.casters.iter().filter(|at| !own.contains(at));
+        let items = drawn.cut.iter().copied().chain(casters.map(|at| Item { square: *at, from: *at }));
+        let most = drawn.cut.len() + drawn.casters.len();
+        let (mut ids, mut nodes) = (Vec::with_capacity(most), Vec::with_capacity(most));
+        let mut squares = Vec::with_capacity(most);
+        for Item { square, from } in items {
+            let mut line = std::iter::successors(Some(from), |at| tree.node(*at).parent).map(|at| tree.node(at).id);
+            if let Some((id, placed)) = line.find_map(|id| Some((id, cache.get(id)?))) {
+                squares.push(square);
+                ids.push(tree.node(square).id);
                 nodes.push(node(id, placed, tree, eye));
             }
         }
@@ -101,7 +115,12 @@ impl FrameData {
         let mut builder = Builder::default();
         let grid = builder.build(&place, &ids, &nodes);
         grid.head.write(&mut frame);
-        Self { frame, grid: grid.entries.clone(), nodes }
+        Self {
+            frame,
+            grid: grid.entries.clone(),
+            nodes,
+            asked: Asked { squares, view: *view, generation: drawn.generation },
+        }
     }
 }
 

@@ -6,10 +6,11 @@ use super::{FrameData, adapter::AdapterInfo};
 use crate::{
     cache::{PAGE_BYTES, Upload, slots_for},
     error::{ClientError, Result},
+    select::sight::Asked,
 };
 use insula_shaders::{
     cpu::raycast::{Counts, Pixels},
-    gpu::{Capacity, Raycaster},
+    gpu::{Capacity, Raycaster, Tally},
     layout::SUMMARY_WORDS,
 };
 
@@ -70,6 +71,10 @@ pub struct GpuAdapter {
     pub device: Device,
     /// Its buffers and its pass.
     pub raycaster: Raycaster,
+    tally: Tally,
+    /// The picture whose hits are on their way, and the last one that was.
+    asked: Option<Asked>,
+    last: Option<(u64, [u32; 2])>,
 }
 
 impl GpuAdapter {
@@ -84,7 +89,10 @@ impl GpuAdapter {
         let errors = [pollster::block_on(memory.pop()), pollster::block_on(scope.pop())];
         match errors.into_iter().flatten().next() {
             Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
-            None => Ok(Self { device, raycaster }),
+            None => {
+                let tally = Tally::new(&device.device, slots);
+                Ok(Self { device, raycaster, tally, asked: None, last: None })
+            }
         }
     }
 
@@ -99,6 +107,31 @@ impl GpuAdapter {
         self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
         let device = (&self.device.device, &self.device.queue);
         self.raycaster.render(device, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
+    }
+
+    /// Records a count of what the pixels hit that [`GpuAdapter::encode`] recorded, unless that is known, or one is on its way.
+    pub fn ask(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
+        let now = (data.asked.generation, [data.frame.width_px, data.frame.height_px]);
+        let device = (&self.device.device, &self.device.queue);
+        if self.last != Some(now) && self.tally.encode(device, encoder, &self.raycaster, data.nodes.len()) {
+            (self.asked, self.last) = (Some(data.asked.clone()), Some(now));
+        }
+    }
+
+    /// To be called once what [`GpuAdapter::ask`] recorded was submitted.
+    pub fn submitted(&mut self) {
+        self.tally.submitted();
+    }
+
+    /// Whether a count is on its way.
+    pub fn is_asking(&self) -> bool {
+        self.asked.is_some()
+    }
+
+    /// The count that was asked for, once it is here; never waits.
+    pub fn answer(&mut self) -> Option<(Asked, Vec<u32>)> {
+        let pixels = self.tally.take(&self.device.device)?;
+        Some((self.asked.take()?, pixels))
     }
 
     /// What the rays of such a picture do: draws nothing, waits.

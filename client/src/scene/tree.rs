@@ -53,6 +53,8 @@ pub struct TreeNode {
     pub error_m: f64,
     /// Radius around `centre`; the sphere holds the children's.
     pub radius_m: f64,
+    /// The node that it is a quarter of.
+    pub parent: Option<NodeIndex>,
     /// Which children exist.
     pub child_mask: u8,
     /// Where they are, once a subtree told of them.
@@ -163,7 +165,7 @@ impl Tree {
                 continue;
             }
             let at = NodeIndex(self.nodes.len() as u32);
-            let node = self.make(info);
+            let node = TreeNode { parent, ..self.make(info) };
             self.nodes.push(node);
             self.index.insert(info.id, at);
             if let Some(parent) = parent {
@@ -184,6 +186,7 @@ impl Tree {
             half,
             error_m: f64::from(info.error_m),
             radius_m: f64::from(info.radius_m),
+            parent: None,
             child_mask: if leaf { 0 } else { info.child_mask },
             children: [None; 4],
             bytes: info.blockmap_bytes,

@@ -17,6 +17,11 @@ pub fn hull_in_view(planes: &[Plane; 5], centre: DVec3, half: DVec3, way: DVec3)
     planes.iter().all(|p| reach(p) >= 0.0)
 }
 
+/// Whether all of the box lies inside all planes.
+pub fn wholly_in_view(planes: &[Plane; 5], centre: DVec3, half: DVec3) -> bool {
+    planes.iter().all(|p| p.normal.dot(centre) + p.offset - p.normal.abs().dot(half) >= 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -52,6 +57,7 @@ mod tests {
             let any = corners.into_iter().any(inside);
             let kept = in_view(&planes, centre, half);
             assert!(kept || !any);
+            assert!(!wholly_in_view(&planes, centre, half) || kept && inside(centre + half) && inside(centre - half));
             seen += u32::from(any);
             culled += u32::from(!kept);
         }

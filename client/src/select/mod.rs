@@ -3,14 +3,18 @@
 //! In: [`View`], [`Tree`]. Out: [`Selection`]. Next: `stream::queue` asks, `render::frame` draws.
 //!
 //! Pure: knows neither wgpu nor HTTP nor the time. Three steps: **visit** from the root by falling error until everything
-//! in view is good enough (or the cache's budget is spent: then tau has risen to the error of what was refused), **cut**
-//! what can be drawn of it, **want** what is missing. A parent stays in the cut until all its children in view are
-//! resident; so the cut covers what the root covers, and never holds a node and its descendant.
+//! that is seen is good enough (or the cache's budget is spent: then tau has risen to the error of what was refused), **cut**
+//! what can be drawn of it, **want** what is missing. What is hidden behind something else ([`sight`]) is good enough
+//! [`HIDDEN_TIMES_TAU`] times earlier.
+//!
+//! The cut is a set of squares that covers what the root covers; each is drawn from its own tile, or from the nearest
+//! resident ancestor's part of it. So there is never a hole, and rays can tell which square they hit before its tile is here.
 
 pub mod casters;
 pub mod cull;
 pub mod error;
 pub mod priority;
+pub mod sight;
 #[cfg(test)]
 mod tests;
 
@@ -21,14 +25,28 @@ use crate::{
 use glam::DVec3;
 use insula_protocol::{Subtree, TileId};
 use priority::Wanted;
+use sight::{Sight, Sighted};
 use std::{cmp::Ordering, collections::BinaryHeap, ops::Range};
+
+/// What nobody sees is refined only while its error is over this many times tau. It costs a share of one over its square, and
+/// what suddenly is seen is no coarser than that.
+pub const HIDDEN_TIMES_TAU: f64 = 16.0;
+
+/// A square that is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Item {
+    /// Which square.
+    pub square: NodeIndex,
+    /// Whose tile is drawn there: its own, or an ancestor's. Resident.
+    pub from: NodeIndex,
+}
 
 /// What a frame draws and lacks.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Selection {
-    /// Nodes to draw, all resident.
-    pub cut: Vec<NodeIndex>,
-    /// Resident nodes that this view needs (the cut and its ancestors), coarsest first: not to be evicted.
+    /// Squares to draw; none lies in another.
+    pub cut: Vec<Item>,
+    /// Resident nodes that this view needs (what is drawn and its ancestors), coarsest first: not to be evicted.
     pub used: Vec<NodeIndex>,
     /// Tiles to fetch, in order.
     pub wanted: Vec<Wanted>,
@@ -43,15 +61,17 @@ pub struct Counters {
     pub visited: u32,
     /// Children outside the frustum.
     pub culled: u32,
-    /// Nodes in the cut.
+    /// Squares in the cut.
     pub drawn: u32,
+    /// Visited nodes that are hidden, or too new to know.
+    pub hidden: u32,
     /// Refinements given up because a child is bad.
     pub blocked: u32,
-    /// Pages of all visited nodes.
+    /// Pages of all nodes that the view asks for.
     pub pages: u32,
     /// The view's tau, or what it rose to because the budget was spent.
     pub tau_px: f64,
-    /// Largest projected error that is drawn.
+    /// Largest projected error that is drawn and not known to be hidden.
     pub worst_error_px: f64,
 }
 
@@ -61,13 +81,24 @@ pub struct Scratch {
     visits: Vec<Visit>,
     heap: BinaryHeap<Candidate>,
     renderable: Vec<bool>,
-    stack: Vec<(u32, Option<f64>)>,
+    stack: Vec<(u32, Cover)>,
+}
+
+/// What is drawn in a square while its own tile is missing, and how wrong that is.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cover {
+    from: Option<(NodeIndex, f64)>,
+    /// Whatever lies in the square is drawn from it.
+    forced: bool,
 }
 
 #[derive(Debug, Clone)]
 struct Visit {
     at: NodeIndex,
     error_px: f64,
+    sighted: Sighted,
+    /// Whether the view asks for its tile; else it is drawn from what there is.
+    asked: bool,
     /// Children in view, as visits; `None` if not refined.
     children: Option<Range<u32>>,
 }
@@ -92,11 +123,11 @@ impl PartialOrd for Candidate {
     }
 }
 
-/// Selects for one frame.
-pub fn select(view: &View, tree: &Tree, scratch: &mut Scratch) -> Selection {
+/// Selects for one frame, by what the last frames saw.
+pub fn select(view: &View, tree: &Tree, sight: &Sight, scratch: &mut Scratch) -> Selection {
     let mut selection = Selection::default();
     selection.counters.tau_px = view.tau_px;
-    Visitor { view, tree, planes: view.planes(), eye: view.camera.position, focal_px: view.focal_px() }
+    Visitor { view, tree, sight, planes: view.planes(), eye: view.camera.position, focal_px: view.focal_px() }
         .visit(scratch, &mut selection);
     cut(tree, scratch, &mut selection);
     want(view, tree, scratch, &mut selection);
@@ -109,13 +140,14 @@ enum Children {
     None,
     /// A subtree is missing, or a child is bad: it stays.
     Stays,
-    /// The ones in view.
-    InView([Option<NodeIndex>; 4]),
+    /// The ones in view, and what is known of them.
+    InView([Option<(NodeIndex, Sighted)>; 4]),
 }
 
 struct Visitor<'a> {
     view: &'a View,
     tree: &'a Tree,
+    sight: &'a Sight,
     planes: [Plane; 5],
     eye: DVec3,
     focal_px: f64,
@@ -138,41 +170,53 @@ impl Visitor<'_> {
             selection.counters.culled += 1;
             return;
         }
-        self.push(root, scratch, selection);
+        self.push(root, (Sighted::Seen, true), scratch, selection);
         while let Some(Candidate { error_px, visit }) = scratch.heap.pop() {
             if error_px <= self.view.tau_px {
                 break;
             }
-            let at = scratch.visits[visit as usize].at;
-            let Children::InView(children) = self.children(at, error_px, selection) else { continue };
-            let (nodes, pages) = self.cost(&children);
+            let Visit { at, sighted, .. } = scratch.visits[visit as usize];
+            // Nearly as wrong as what may never be seen: its children are asked for even if nobody sees them.
+            let coarse = error_px > self.view.tau_px * HIDDEN_TIMES_TAU;
+            if sighted == Sighted::Hidden && !coarse {
+                continue;
+            }
+            let Children::InView(children) = self.children((at, sighted), error_px, selection) else { continue };
+            let here = |child: &NodeIndex| self.tree.node(*child).tile.is_resident();
+            if sighted == Sighted::Unknown && !coarse && !children.iter().flatten().all(|(child, _)| here(child)) {
+                continue;
+            }
+            let asked = |sighted: Sighted| coarse || sighted == Sighted::Seen;
+            let (nodes, pages) = self.cost(&children, asked);
             let counters = &selection.counters;
             if counters.pages + pages > self.view.budget_pages || counters.visited + nodes > self.view.budget_nodes {
                 selection.counters.tau_px = error_px;
                 break;
             }
             let first = scratch.visits.len() as u32;
-            for child in children.into_iter().flatten() {
-                self.push(child, scratch, selection);
+            for (child, sighted) in children.into_iter().flatten() {
+                self.push(child, (sighted, asked(sighted)), scratch, selection);
             }
             scratch.visits[visit as usize].children = Some(first..scratch.visits.len() as u32);
         }
     }
 
-    fn push(&self, at: NodeIndex, scratch: &mut Scratch, selection: &mut Selection) {
+    fn push(&self, at: NodeIndex, (sighted, asked): (Sighted, bool), scratch: &mut Scratch, selection: &mut Selection) {
         let error_px = self.error_px(self.tree.node(at));
         scratch.heap.push(Candidate { error_px, visit: scratch.visits.len() as u32 });
-        scratch.visits.push(Visit { at, error_px, children: None });
+        scratch.visits.push(Visit { at, error_px, sighted, asked, children: None });
         selection.counters.visited += 1;
-        selection.counters.pages += self.tree.pages_of(at);
+        selection.counters.hidden += u32::from(sighted != Sighted::Seen);
+        selection.counters.pages += if asked { self.tree.pages_of(at) } else { 0 };
     }
 
-    fn cost(&self, children: &[Option<NodeIndex>; 4]) -> (u32, u32) {
-        let known = children.iter().flatten();
-        known.fold((0, 0), |(nodes, pages), child| (nodes + 1, pages + self.tree.pages_of(*child)))
+    fn cost(&self, children: &[Option<(NodeIndex, Sighted)>; 4], asked: impl Fn(Sighted) -> bool) -> (u32, u32) {
+        let pages =
+            |(child, sighted): &(NodeIndex, Sighted)| if asked(*sighted) { self.tree.pages_of(*child) } else { 0 };
+        children.iter().flatten().fold((0, 0), |(nodes, sum), child| (nodes + 1, sum + pages(child)))
     }
 
-    fn children(&self, at: NodeIndex, error_px: f64, selection: &mut Selection) -> Children {
+    fn children(&self, (at, sighted): (NodeIndex, Sighted), error_px: f64, selection: &mut Selection) -> Children {
         let node = self.tree.node(at);
         if node.child_mask == 0 {
             return Children::None;
@@ -188,7 +232,7 @@ impl Visitor<'_> {
             if !cull::in_view(&self.planes, known.centre, known.half) {
                 selection.counters.culled += 1;
             } else {
-                in_view[quadrant] = Some(child);
+                in_view[quadrant] = Some((child, self.sight.of(child, self.tree, self.view, sighted)));
                 if known.tile.is_bad() {
                     selection.counters.blocked += 1;
                     stays = true;
@@ -224,57 +268,76 @@ impl Visitor<'_> {
     }
 }
 
-/// Refined nodes whose children in view can all be drawn are replaced by them, from the root down.
+/// The squares that were visited and not refined, each with what can be drawn there. A node's children replace it once all of
+/// them can be drawn; those that nobody asks for can, from the node itself.
 fn cut(tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
     let Scratch { visits, renderable, stack, .. } = scratch;
-    let all = |renderable: &[bool], children: &Range<u32>| children.clone().all(|c| renderable[c as usize]);
     renderable.clear();
     renderable.resize(visits.len(), false);
     // Children stand behind their parents: from the back, each one's children are done.
     for (i, visit) in visits.iter().enumerate().rev() {
         let resident = tree.node(visit.at).tile.is_resident();
-        renderable[i] = resident || visit.children.as_ref().is_some_and(|c| all(renderable, c));
-        if resident {
+        renderable[i] = resident || replaced(visit, resident, visits, renderable);
+        // What is drawn only because it is here may go at any time: what it lies in is drawn then.
+        if resident && visit.asked {
             selection.used.push(visit.at);
         }
     }
     selection.used.reverse();
     stack.clear();
-    stack.extend((!visits.is_empty()).then_some((0, None)));
-    while let Some((i, _)) = stack.pop() {
+    stack.extend((!visits.is_empty()).then_some((0, Cover::default())));
+    while let Some((i, cover)) = stack.pop() {
         let visit = &visits[i as usize];
-        match &visit.children {
-            Some(children) if all(renderable, children) => stack.extend(children.clone().map(|c| (c, None))),
-            _ if tree.node(visit.at).tile.is_resident() => {
-                selection.cut.push(visit.at);
-                let worst = &mut selection.counters.worst_error_px;
-                *worst = worst.max(visit.error_px);
+        let cover = cover.over(visit, tree);
+        let Some(children) = &visit.children else {
+            if let Some((from, error_px)) = cover.from {
+                selection.cut.push(Item { square: visit.at, from });
+                if visit.sighted != Sighted::Hidden {
+                    let worst = &mut selection.counters.worst_error_px;
+                    *worst = worst.max(error_px);
+                }
             }
-            _ => {}
-        }
+            continue;
+        };
+        let resident = tree.node(visit.at).tile.is_resident();
+        let forced = cover.forced || !replaced(visit, resident, visits, renderable);
+        stack.extend(children.clone().map(|c| (c, Cover { forced, ..cover })));
     }
     selection.counters.drawn = selection.cut.len() as u32;
 }
 
-/// Every visited node that is not resident is wanted; how urgently depends on what is drawn in its place.
+impl Cover {
+    /// What is drawn in the square of `visit`, in the square of this.
+    fn over(self, visit: &Visit, tree: &Tree) -> Self {
+        let own = tree.node(visit.at).tile.is_resident() && !self.forced;
+        if own { Self { from: Some((visit.at, visit.error_px)), ..self } } else { self }
+    }
+}
+
+/// Whether the children of a node can be drawn in its place.
+fn replaced(visit: &Visit, resident: bool, visits: &[Visit], renderable: &[bool]) -> bool {
+    let ready = |c: u32| renderable[c as usize] || resident && !visits[c as usize].asked;
+    visit.children.as_ref().is_some_and(|children| children.clone().all(ready))
+}
+
+/// Every visited node that is asked for and not resident is wanted; how urgently depends on what is drawn in its place.
 fn want(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
     let Scratch { visits, renderable, stack, .. } = scratch;
     stack.clear();
-    stack.extend((!visits.is_empty()).then_some((0, None)));
+    stack.extend((!visits.is_empty()).then_some((0, Cover::default())));
     while let Some((i, cover)) = stack.pop() {
         let visit = &visits[i as usize];
         let node = tree.node(visit.at);
         let resident = node.tile.is_resident();
-        if !resident && !node.tile.is_bad() {
-            let group = priority::group(cover, selection.counters.tau_px);
+        let cover = cover.over(visit, tree);
+        if visit.asked && !resident && !node.tile.is_bad() {
+            let group = priority::group(cover.from.map(|(_, error_px)| error_px), selection.counters.tau_px);
             let weight = priority::weight(visit.error_px, node.centre, view);
             selection.wanted.push(Wanted { key: Key::block_map(node.id), group, weight });
         }
-        let cover = if resident { Some(visit.error_px) } else { cover };
         if let Some(children) = &visit.children {
-            // Below a node whose children are drawn, each child is its own cover.
-            let replaced = children.clone().all(|c| renderable[c as usize]);
-            stack.extend(children.clone().map(|c| (c, if replaced { None } else { cover })));
+            let forced = cover.forced || !replaced(visit, resident, visits, renderable);
+            stack.extend(children.clone().map(|c| (c, Cover { forced, ..cover })));
         }
     }
     // Nothing can be drawn without the root: on a thin link all else would only keep it waiting.

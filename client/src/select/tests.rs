@@ -3,6 +3,7 @@
 use super::*;
 use crate::{camera::Camera, scene::TileEvent};
 use insula_protocol::{Manifest, Subtree, manifest::Counts, subtree::NodeInfo};
+use sight::Asked;
 use std::time::Instant;
 
 const DEPTH: u8 = 5;
@@ -90,13 +91,27 @@ fn refuse(tree: &mut Tree, key: Key) {
     }
 }
 
-fn ids(tree: &Tree, selection: &Selection) -> Vec<TileId> {
-    selection.cut.iter().map(|at| tree.node(*at).id).collect()
+/// By the frustum alone.
+fn select(view: &View, tree: &Tree, scratch: &mut Scratch) -> Selection {
+    super::select(view, tree, &Sight::default(), scratch)
 }
 
-/// Every leaf in view has exactly one of its line (itself and its ancestors) in the cut.
+/// Whose tiles are drawn, each once.
+fn ids(tree: &Tree, selection: &Selection) -> Vec<TileId> {
+    let mut ids: Vec<TileId> = selection.cut.iter().map(|item| tree.node(item.from).id).collect();
+    ids.sort();
+    ids.dedup();
+    ids
+}
+
+/// Every leaf in view has exactly one of its line (itself and its ancestors) in the cut, and that is drawn from a resident
+/// tile of its own line.
 fn assert_whole(tree: &Tree, view: &View, selection: &Selection, frame: usize) {
-    let cut = ids(tree, selection);
+    let cut: Vec<TileId> = selection.cut.iter().map(|item| tree.node(item.square).id).collect();
+    for item in &selection.cut {
+        let [square, from] = [item.square, item.from].map(|at| tree.node(at));
+        assert!(from.tile.is_resident() && square.id.ancestor(from.id.level()) == Some(from.id), "frame {frame}");
+    }
     let planes = view.planes();
     for node in tree.nodes() {
         let line: Vec<TileId> = (0..=node.id.level()).filter_map(|l| node.id.ancestor(l)).collect();
@@ -148,7 +163,7 @@ fn what_is_behind_is_neither_drawn_nor_asked_for() {
     let (_, selection) = converge(&mut tree, &view, 12);
     assert!(selection.counters.culled > 0);
     for at in &selection.cut {
-        let node = tree.node(*at);
+        let node = tree.node(at.square);
         assert!(node.centre.y + node.half.y >= 4_000_000.0 + 1024.0 - 1e-6, "{}", node.id);
     }
     let away = super::tests::view([1024.0, -500.0, 50.0], [1024.0, -3000.0, 50.0]);
@@ -188,7 +203,7 @@ fn a_parent_stays_until_all_its_children_in_view_are_there() {
         assert_eq!(ids(&tree, &select(&view, &tree, &mut scratch)), [TileId::ROOT]);
         load(&mut tree, Key::block_map(TileId::ROOT.child(quadrant).unwrap()));
     }
-    assert_eq!(select(&view, &tree, &mut scratch).cut.len(), 4);
+    assert_eq!(ids(&tree, &select(&view, &tree, &mut scratch)).len(), 4);
 }
 
 #[test]
@@ -312,4 +327,149 @@ fn what_casts_into_the_picture_is_there() {
     let fewer = casters::casters(&tight, sun, &tree).nodes.len();
     assert!(fewer > 0 && fewer < cast.len(), "{fewer} within a budget");
     assert_eq!(casters::casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree), casters::Casters::default(), "by night");
+}
+
+/// Tells `sight` that of a cut only those squares were hit.
+fn look(
+    sight: &mut Sight,
+    tree: &Tree,
+    view: &View,
+    selection: &Selection,
+    generation: u64,
+    hit: impl Fn(TileId) -> bool,
+) {
+    let squares: Vec<NodeIndex> = selection.cut.iter().map(|item| item.square).collect();
+    let pixels: Vec<u32> = squares.iter().map(|at| u32::from(hit(tree.node(*at).id))).collect();
+    sight.feed(&Asked { squares, view: *view, generation }, &pixels, tree);
+}
+
+/// Looks and fetches in turn until nothing is wanted.
+fn converge_looking(tree: &mut Tree, sight: &mut Sight, view: &View, hit: impl Fn(TileId) -> bool) -> Selection {
+    let mut scratch = Scratch::default();
+    for frame in 0..1000 {
+        let selection = super::select(view, tree, sight, &mut scratch);
+        if frame > 0 {
+            assert_whole(tree, view, &selection, frame);
+        }
+        selection.wanted.iter().take(3).for_each(|w| load(tree, w.key));
+        look(sight, tree, view, &selection, frame as u64, &hit);
+        if selection.wanted.is_empty() && super::select(view, tree, sight, &mut scratch).cut == selection.cut {
+            return selection;
+        }
+    }
+    panic!("never at rest");
+}
+
+#[test]
+fn what_is_hidden_is_neither_fetched_nor_drawn_finely() {
+    let view = view([1024.0, 10.0, 10.0], [1024.0, 1000.0, 10.0]);
+    let fetched = |tree: &Tree| tree.nodes().iter().filter(|n| n.tile.is_resident()).count();
+    let mut all = tree();
+    converge(&mut all, &view, 5);
+    // A wall: nothing is seen that is farther north than 200 m.
+    let near = |id: TileId| {
+        let side = SIDE_M / f64::from(1u32 << id.level());
+        f64::from(id.y()) * side < 200.0
+    };
+    let (mut few, mut sight) = (tree(), Sight::default());
+    let selection = converge_looking(&mut few, &mut sight, &view, near);
+    assert!(fetched(&few) * 2 < fetched(&all), "{} of {}", fetched(&few), fetched(&all));
+    assert!(selection.counters.hidden > 0 && sight.hits() > 0);
+    for item in &selection.cut {
+        let node = few.node(item.square);
+        let error_px =
+            error::error_px(node.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M);
+        // What is seen is as good as without occlusion; what is not is within its own bound.
+        if near(node.id) {
+            assert!(item.from == item.square && (error_px <= 1.0 || node.id.level() == DEPTH), "{}", node.id);
+        }
+        let from = few.node(item.from);
+        let drawn_px =
+            error::error_px(from.error_m, from.centre, from.radius_m, view.camera.position, view.focal_px(), NEAR_M);
+        assert!(drawn_px <= 2.0 * HIDDEN_TIMES_TAU + 1e-9 || from.id.level() == DEPTH, "{}: {drawn_px}", node.id);
+    }
+    // The wall falls: all of it comes, and the picture is that of the frustum alone.
+    let selection = converge_looking(&mut few, &mut sight, &view, |_| true);
+    let mut whole = ids(&few, &selection);
+    whole.sort();
+    assert_eq!(whole, ids(&all, &select(&view, &all, &mut Scratch::default())));
+}
+
+#[test]
+fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
+    let mut tree = tree();
+    let (north, east) =
+        (view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]), view([1030.0, 1015.0, 20.0], [3000.0, 1015.0, 20.0]));
+    converge(&mut tree, &north, 5);
+    converge(&mut tree, &east, 5);
+    let mut sight = Sight::default();
+    let selection = converge_looking(&mut tree, &mut sight, &north, |id| id.y() % 3 == 0);
+    assert!(selection.counters.hidden > 0);
+    let turned = super::select(&east, &tree, &sight, &mut Scratch::default());
+    assert_whole(&tree, &east, &turned, 0);
+    assert!(turned.wanted.is_empty(), "what nobody has seen yet is not fetched");
+    let frustum = select(&east, &tree, &mut Scratch::default());
+    let new = |selection: &Selection| {
+        let planes = north.planes();
+        let outside = |item: &&Item| {
+            let node = tree.node(item.square);
+            !cull::wholly_in_view(&planes, node.centre, node.half)
+        };
+        let mut ids: Vec<TileId> = selection.cut.iter().filter(outside).map(|item| tree.node(item.from).id).collect();
+        ids.sort();
+        ids
+    };
+    assert!(new(&frustum).len() > 10);
+    assert_eq!(new(&turned), new(&frustum));
+}
+
+/// Any tree, any order of arrivals, failures and evictions, any camera, any hits: what the root covers is covered.
+#[test]
+fn there_is_never_a_hole() {
+    let mut scratch = Scratch::default();
+    for seed in 0..60u64 {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut random = move |n: u64| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) % n
+        };
+        let gaps = random(5) + 2;
+        let mut tree = Tree::new(manifest(DEPTH));
+        subtrees(DEPTH, |id| id.level() > 1 && u64::from(id.x() * 7 + id.y() * 13).is_multiple_of(gaps))
+            .iter()
+            .for_each(|s| tree.merge(s));
+        load(&mut tree, Key::block_map(TileId::ROOT));
+        let mut sight = Sight::default();
+        for frame in 0..60 {
+            let mut place = |most: u64| random(most) as f64;
+            let eye = [place(2400) - 200.0, place(2400) - 200.0, place(300) + 1.0];
+            let mut view = view(eye, [place(2048), place(2048), place(40)]);
+            view.budget_pages = 60 + random(2000) as u32;
+            for step in 0..4 {
+                let selection = super::select(&view, &tree, &sight, &mut scratch);
+                assert_whole(&tree, &view, &selection, frame);
+                for wanted in &selection.wanted {
+                    match random(8) {
+                        0 if random(40) == 0 => refuse(&mut tree, wanted.key),
+                        0..4 => load(&mut tree, wanted.key),
+                        _ => {}
+                    }
+                }
+                let salt = random(1000) as u32;
+                if random(3) > 0 {
+                    let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt) % 3 == 0;
+                    look(&mut sight, &tree, &view, &selection, frame as u64 * 4 + step, hit);
+                }
+                let used: Vec<TileId> = selection.used.iter().map(|at| tree.node(*at).id).collect();
+                let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
+                for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
+                    if random(3) == 0 {
+                        tree.apply(Key::block_map(id), TileEvent::Drop);
+                    }
+                }
+            }
+        }
+    }
 }

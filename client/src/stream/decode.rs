@@ -2,7 +2,7 @@
 //!
 //! In: bytes that anyone may have made. Out: [`Decoded`]. Next: `cache`, `scene::tree`.
 
-use super::fetch::FetchError;
+use super::{fetch::FetchError, source::Source};
 use crate::scene::Key;
 use bytes::Bytes;
 use insula_protocol::{BlockMap, DecodeError, Subtree, route::Layer};
@@ -14,6 +14,9 @@ use tokio::sync::Semaphore;
 const SUBTREE_BYTES: usize = 64 << 10;
 /// Largest V-BlockMap tile: a million texels and all planes, incompressible, and room to spare.
 const BLOCK_MAP_BYTES: usize = 8 << 20;
+
+/// Largest tile of any kind.
+pub const MOST_BYTES: usize = BLOCK_MAP_BYTES;
 
 /// A tile's content.
 #[derive(Debug)]
@@ -32,13 +35,24 @@ pub fn limit_bytes(key: Key) -> usize {
     }
 }
 
-/// Decodes (and packs) on a blocking thread; `decoders` bounds how many do so at once.
-pub async fn on_worker(key: Key, bytes: Bytes, decoders: Arc<Semaphore>) -> Result<Decoded, FetchError> {
+/// Decodes (and packs) on a blocking thread, and tells `source` whether the tile was whole; `decoders` bounds how many do so
+/// at once.
+pub async fn on_worker(
+    key: Key,
+    bytes: Bytes,
+    decoders: Arc<Semaphore>,
+    source: Arc<dyn Source>,
+) -> Result<Decoded, FetchError> {
     let closed = |e: &dyn std::fmt::Display| FetchError::Network(format!("decoding was broken off: {e}"));
     let permit = decoders.acquire_owned().await.map_err(|e| closed(&e))?;
     let work = tokio::task::spawn_blocking(move || {
         let _permit = permit;
-        decode(key, &bytes)
+        let decoded = decode(key, &bytes);
+        match &decoded {
+            Ok(_) => source.keep(key, &bytes),
+            Err(_) => source.forget(key),
+        }
+        decoded
     });
     let decoded = work.await.map_err(|e| closed(&e))?;
     decoded.map_err(FetchError::Damaged)

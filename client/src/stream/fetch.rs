@@ -2,11 +2,14 @@
 //!
 //! In: a URL. Out: bytes, or a [`FetchError`] that says what to make of it. Next: `decode`.
 
-use super::throttle::Throttle;
+use super::link::Link;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
 use insula_protocol::DecodeError;
-use reqwest::{StatusCode, header::RETRY_AFTER};
+use reqwest::{
+    StatusCode,
+    header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, RANGE, RETRY_AFTER},
+};
 use std::{
     future::Future,
     sync::atomic::{AtomicU64, Ordering},
@@ -36,6 +39,12 @@ pub enum FetchError {
     /// An answer that is no tile.
     #[error("{0}")]
     Damaged(DecodeError),
+    /// An archive that tells nothing of its tiles, for now.
+    #[error("the archive cannot be read: {0}")]
+    Archive(String),
+    /// This place will never give the city.
+    #[error("{0}")]
+    Unusable(String),
 }
 
 /// The client's one connection pool, its threads and its counters.
@@ -44,14 +53,14 @@ pub struct Http {
     runtime: Option<tokio::runtime::Runtime>,
     handle: tokio::runtime::Handle,
     client: reqwest::Client,
-    throttle: Option<Throttle>,
+    link: Option<Link>,
     requests: AtomicU64,
     bytes: AtomicU64,
 }
 
 impl Http {
     /// Starts two threads for the network.
-    pub fn new(throttle: Option<Throttle>) -> Result<Self> {
+    pub fn new(link: Option<Link>) -> Result<Self> {
         let failed = |e: &dyn std::fmt::Display| ClientError::Failed(format!("the network cannot be set up: {e}"));
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(2)
@@ -68,7 +77,7 @@ impl Http {
             .map_err(|e| failed(&e))?;
         let (requests, bytes) = (AtomicU64::new(0), AtomicU64::new(0));
         let handle = runtime.handle().clone();
-        Ok(Self { runtime: Some(runtime), handle, client, throttle, requests, bytes })
+        Ok(Self { runtime: Some(runtime), handle, client, link, requests, bytes })
     }
 
     /// Runs `future` on the network's threads.
@@ -83,12 +92,54 @@ impl Http {
 
     /// Gets at most `limit_bytes`.
     pub async fn get(&self, url: &str, limit_bytes: usize) -> Result<Bytes, FetchError> {
-        self.requests.fetch_add(1, Ordering::Relaxed);
-        if let Some(throttle) = &self.throttle {
-            throttle.round_trip().await;
-        }
-        let mut response = self.client.get(url).send().await.map_err(network)?;
+        let response = self.send(self.client.get(url)).await?;
         check_status(&response)?;
+        self.body(response, limit_bytes).await
+    }
+
+    /// Gets `length` bytes from `offset` on, fewer only where the file ends, and its version (ETag or date) if it tells.
+    pub async fn get_range(
+        &self,
+        url: &str,
+        offset: u64,
+        length: usize,
+    ) -> Result<(Bytes, Option<String>), FetchError> {
+        let last = offset.saturating_add(length as u64).saturating_sub(1);
+        let request = self.client.get(url).header(RANGE, format!("bytes={offset}-{last}"));
+        let response = self.send(request.header(ACCEPT_ENCODING, "identity")).await?;
+        if response.status() == StatusCode::OK {
+            return Err(FetchError::Unusable(format!(
+                "{url}: this host does not answer ranges, which streaming from an archive needs: use insula-server"
+            )));
+        }
+        check_status(&response)?;
+        let header = |name| response.headers().get(name).and_then(|v| v.to_str().ok());
+        let version = header(ETAG).or_else(|| header(LAST_MODIFIED)).map(str::to_owned);
+        let range = header(CONTENT_RANGE).and_then(content_range);
+        let packed = header(CONTENT_ENCODING).is_some_and(|encoding| encoding != "identity");
+        let fits = |(first, end, whole): (u64, u64, Option<u64>)| {
+            // Less than was asked for only if there is no more.
+            first == offset && end >= first && (end == last || end < last && whole == end.checked_add(1))
+        };
+        let Some((first, end, _)) = range.filter(|range| fits(*range) && !packed) else {
+            return Err(FetchError::Archive("the host answers another range than was asked for".into()));
+        };
+        let body = self.body(response, length).await?;
+        if body.len() as u64 != end - first + 1 {
+            return Err(FetchError::Network("half an answer".into()));
+        }
+        Ok((body, version))
+    }
+
+    async fn send(&self, request: reqwest::RequestBuilder) -> Result<reqwest::Response, FetchError> {
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        if let Some(link) = &self.link {
+            link.round_trip().await;
+        }
+        request.send().await.map_err(network)
+    }
+
+    async fn body(&self, mut response: reqwest::Response, limit_bytes: usize) -> Result<Bytes, FetchError> {
         let too_long = |found: u64| {
             FetchError::Damaged(DecodeError::Limit { what: "an answer's bytes", found, limit: limit_bytes as u64 })
         };
@@ -96,18 +147,32 @@ impl Http {
         if announced > limit_bytes as u64 {
             return Err(too_long(announced));
         }
+        let breaks_off = self.link.as_ref().is_some_and(Link::loses);
         let mut body = BytesMut::with_capacity(announced as usize);
         while let Some(chunk) = response.chunk().await.map_err(network)? {
             self.bytes.fetch_add(chunk.len() as u64, Ordering::Relaxed);
-            if let Some(throttle) = &self.throttle {
-                throttle.carry(chunk.len()).await;
+            if let Some(link) = &self.link {
+                link.carry(chunk.len()).await;
             }
             if body.len() + chunk.len() > limit_bytes {
                 return Err(too_long((body.len() + chunk.len()) as u64));
             }
             body.extend_from_slice(&chunk);
+            if breaks_off {
+                break;
+            }
         }
-        Ok(body.freeze())
+        if breaks_off { Err(FetchError::Network("the simulated link lost it".into())) } else { Ok(body.freeze()) }
+    }
+
+    /// Counts bytes that came from a file as if they had come over the network, and lets the simulated link carry them.
+    pub async fn carry(&self, bytes: usize) -> Result<(), FetchError> {
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+        let Some(link) = &self.link else { return Ok(()) };
+        link.round_trip().await;
+        link.carry(bytes).await;
+        if link.loses() { Err(FetchError::Network("the simulated link lost it".into())) } else { Ok(()) }
     }
 
     /// Requests sent so far.
@@ -142,11 +207,18 @@ fn network(error: reqwest::Error) -> FetchError {
 fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
     let status = response.status();
     match status {
-        StatusCode::OK => Ok(()),
+        StatusCode::OK | StatusCode::PARTIAL_CONTENT => Ok(()),
         StatusCode::REQUEST_TIMEOUT | StatusCode::TOO_MANY_REQUESTS | StatusCode::TOO_EARLY => Err(busy(response)),
         _ if status.is_client_error() => Err(FetchError::Missing),
         _ => Err(busy(response)),
     }
+}
+
+/// First and last byte, and the whole file's length, of `bytes 0-99/1000`; the length may be `*`.
+fn content_range(text: &str) -> Option<(u64, u64, Option<u64>)> {
+    let (range, whole) = text.trim().strip_prefix("bytes")?.trim_start().split_once('/')?;
+    let (first, last) = range.split_once('-')?;
+    Some((first.trim().parse().ok()?, last.trim().parse().ok()?, whole.trim().parse().ok()))
 }
 
 fn busy(response: &reqwest::Response) -> FetchError {

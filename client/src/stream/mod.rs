@@ -1,4 +1,4 @@
-//! From wanted tiles to decoded nodes, over HTTP.
+//! From wanted tiles to decoded nodes.
 //!
 //! In: the selection's [`Wanted`], in order. Out: [`Arrival`]s. Next: `cache`.
 //!
@@ -7,8 +7,9 @@
 
 pub mod decode;
 pub mod fetch;
+pub mod link;
 pub mod queue;
-pub mod throttle;
+pub mod source;
 
 use crate::{
     error::{ClientError, Result},
@@ -17,9 +18,10 @@ use crate::{
 };
 use decode::Decoded;
 use fetch::{FetchError, Http};
-use insula_protocol::{Subtree, route};
+use insula_protocol::Subtree;
 use insula_shaders::pack::PackedNode;
 use queue::Queue;
+use source::Source;
 use std::{
     collections::HashMap,
     sync::Arc,
@@ -45,6 +47,8 @@ pub enum Arrival {
 struct Message {
     key: Key,
     ticket: u64,
+    /// It came without a network, which tells nothing of it.
+    near: bool,
     outcome: Result<Decoded, FetchError>,
 }
 
@@ -56,7 +60,7 @@ struct Flight {
 /// The frame loop's end of the stream.
 pub struct Stream {
     http: Arc<Http>,
-    prefix: String,
+    source: Arc<dyn Source>,
     queue: Queue,
     flights: HashMap<Key, Flight>,
     decoders: Arc<Semaphore>,
@@ -66,16 +70,18 @@ pub struct Stream {
     tickets: u64,
     failing_since: Option<Instant>,
     last_error: String,
+    /// Why nothing more will ever come.
+    over: Option<String>,
 }
 
 impl Stream {
-    /// For the city of `tree`, on the server at `base` (`http://host:port`).
-    pub fn new(http: Arc<Http>, base: &str, max_in_flight: usize, wake: Option<Wake>) -> Self {
+    /// For the city at `source`.
+    pub fn new(http: Arc<Http>, source: Arc<dyn Source>, max_in_flight: usize, wake: Option<Wake>) -> Self {
         let (sender, receiver) = mpsc::channel(ARRIVALS);
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self {
             http,
-            prefix: base.trim_end_matches('/').to_owned(),
+            source,
             queue: Queue::new(max_in_flight),
             flights: HashMap::new(),
             decoders: Arc::new(Semaphore::new(cores.max(2))),
@@ -85,35 +91,36 @@ impl Stream {
             tickets: 0,
             failing_since: None,
             last_error: String::new(),
+            over: None,
         }
     }
 
     /// Cancels what is no longer wanted and starts what is wanted most.
     pub fn request(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant) {
-        let plan = self.queue.plan(tree, wanted, now);
+        let near = |key| self.source.is_near(key);
+        let plan = self.queue.plan(tree, wanted, now, near);
         for key in plan.cancel {
             if let Some(flight) = self.flights.remove(&key) {
                 flight.task.abort();
             }
         }
         for key in plan.start {
-            self.start(tree, key);
+            self.start(key);
         }
     }
 
-    fn start(&mut self, tree: &Tree, key: Key) {
+    fn start(&mut self, key: Key) {
         self.tickets += 1;
-        let (ticket, http, decoders) = (self.tickets, self.http.clone(), self.decoders.clone());
+        let (ticket, source, decoders) = (self.tickets, self.source.clone(), self.decoders.clone());
         let (sender, wake) = (self.sender.clone(), self.wake.clone());
-        let manifest = tree.manifest();
-        let url = format!("{}{}", self.prefix, route::tile(&manifest.name, &manifest.version, key.layer(), key.id));
         let task = self.http.spawn(async move {
-            let outcome = match http.get(&url, decode::limit_bytes(key)).await {
-                Ok(bytes) => decode::on_worker(key, bytes, decoders).await,
+            let near = source.is_near(key);
+            let outcome = match source.tile(key).await {
+                Ok(bytes) => decode::on_worker(key, bytes, decoders, source).await,
                 Err(error) => Err(error),
             };
             // A closed channel: the session is over, nobody listens.
-            if sender.send(Message { key, ticket, outcome }).await.is_ok()
+            if sender.send(Message { key, ticket, near, outcome }).await.is_ok()
                 && let Some(wake) = wake
             {
                 wake();
@@ -125,7 +132,7 @@ impl Stream {
     /// The next thing that has arrived, if any; failures are dealt with on the way.
     pub fn arrival(&mut self, tree: &mut Tree, now: Instant) -> Option<Arrival> {
         loop {
-            let Message { key, ticket, outcome } = self.receiver.try_recv().ok()?;
+            let Message { key, ticket, near, outcome } = self.receiver.try_recv().ok()?;
             if self.flights.get(&key).is_none_or(|flight| flight.ticket != ticket) {
                 continue; // Cancelled while it was on its way.
             }
@@ -133,7 +140,9 @@ impl Stream {
             self.queue.landed(key);
             match outcome {
                 Ok(decoded) => {
-                    self.succeeded();
+                    if !near {
+                        self.succeeded();
+                    }
                     tree.apply(key, TileEvent::Arrive);
                     return Some(match decoded {
                         Decoded::Node(node) => Arrival::Node(key, node),
@@ -157,15 +166,22 @@ impl Stream {
             FetchError::Missing => TileEvent::Refuse,
             FetchError::Damaged(_) => TileEvent::Damage { now, jitter },
             FetchError::Busy { retry_after, .. } => TileEvent::Fail { now, retry_after: *retry_after, jitter },
-            FetchError::Network(_) => TileEvent::Fail { now, retry_after: None, jitter },
+            FetchError::Network(_) | FetchError::Archive(_) | FetchError::Unusable(_) => {
+                TileEvent::Fail { now, retry_after: None, jitter }
+            }
         };
         match &error {
             FetchError::Missing | FetchError::Damaged(_) => self.succeeded(),
             FetchError::Busy { retry_after, .. } => self.queue.gate.failed(now, *retry_after, jitter),
-            FetchError::Network(_) => self.queue.gate.failed(now, None, jitter),
+            FetchError::Network(_) | FetchError::Archive(_) | FetchError::Unusable(_) => {
+                self.queue.gate.failed(now, None, jitter);
+            }
         }
-        if matches!(error, FetchError::Busy { .. } | FetchError::Network(_)) {
+        if !matches!(error, FetchError::Missing | FetchError::Damaged(_)) {
             self.failing_since.get_or_insert(now);
+        }
+        if let FetchError::Unusable(why) = &error {
+            self.over = Some(why.clone());
         }
         self.last_error = error.to_string();
         tree.apply(key, event);
@@ -178,10 +194,13 @@ impl Stream {
 
     /// An error, once the server has answered nothing for `timeout`.
     pub fn check_reachable(&self, now: Instant, timeout: Duration) -> Result<()> {
+        if let Some(why) = &self.over {
+            return Err(ClientError::Server(why.clone()));
+        }
         match self.failing_since {
             Some(since) if now.duration_since(since) >= timeout => Err(ClientError::Server(format!(
-                "no answer from the server, {}, for {} s ({}): check that it runs, or give --timeout",
-                self.prefix,
+                "no answer from {} for {} s ({}): check that it runs, or give --timeout",
+                self.source.place(),
                 timeout.as_secs(),
                 self.last_error
             ))),

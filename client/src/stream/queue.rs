@@ -40,8 +40,9 @@ impl Queue {
         Self { limit: limit.max(1), queued: HashSet::new(), flying: HashSet::new(), gate: Gate::default() }
     }
 
-    /// Brings the tiles' states in line with `wanted`, and says what follows.
-    pub fn plan(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant) -> Plan {
+    /// Brings the tiles' states in line with `wanted`, and says what follows. `near`: what needs no network may start while
+    /// the server does not answer.
+    pub fn plan(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant, near: impl Fn(Key) -> bool) -> Plan {
         let mut plan = Plan::default();
         let keys: HashSet<Key> = wanted.iter().map(|w| w.key).collect();
         for key in self.queued.extract_if(|key| !keys.contains(key)) {
@@ -57,7 +58,9 @@ impl Queue {
                 self.queued.insert(*key);
             }
             let queued = tree.tile(*key).is_some_and(|tile| tile.state() == TileState::Queued);
-            if queued && self.flying.len() < open && tree.apply(*key, TileEvent::Start) {
+            let room = |limit: usize| self.flying.len() < limit;
+            let may_start = queued && (room(open) || open < self.limit && room(self.limit) && near(*key));
+            if may_start && tree.apply(*key, TileEvent::Start) {
                 self.queued.remove(key);
                 self.flying.insert(*key);
                 plan.start.push(*key);
@@ -167,35 +170,35 @@ mod tests {
     fn starts_in_order_up_to_the_limit_and_cancels_what_is_not_wanted() {
         let (mut tree, mut queue, now) = (tree(), Queue::new(2), Instant::now());
         let all = wanted(&[3, 1, 0, 2]);
-        assert_eq!(queue.plan(&mut tree, &all, now).start, [all[0].key, all[1].key]);
-        assert_eq!(queue.plan(&mut tree, &all, now), Plan::default());
+        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start, [all[0].key, all[1].key]);
+        assert_eq!(queue.plan(&mut tree, &all, now, |_| false), Plan::default());
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Queued);
         let fewer = wanted(&[1, 2]);
-        let plan = queue.plan(&mut tree, &fewer, now);
+        let plan = queue.plan(&mut tree, &fewer, now, |_| false);
         assert_eq!((plan.cancel, plan.start), (vec![all[0].key], vec![fewer[1].key]));
         assert_eq!(tree.tile(all[0].key).unwrap().state(), TileState::Unknown);
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Unknown, "queued and forgotten");
         queue.landed(fewer[0].key);
         tree.apply(fewer[0].key, TileEvent::Refuse);
-        assert_eq!(queue.plan(&mut tree, &fewer, now), Plan::default(), "bad tiles are not asked for again");
+        assert_eq!(queue.plan(&mut tree, &fewer, now, |_| false), Plan::default(), "bad tiles are not asked for again");
     }
 
     #[test]
     fn a_dead_server_is_asked_by_one_request_at_a_time() {
         let (mut tree, mut queue, mut now) = (tree(), Queue::new(4), Instant::now());
         let all = wanted(&[0, 1, 2, 3]);
-        assert_eq!(queue.plan(&mut tree, &all, now).start.len(), 4);
+        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start.len(), 4);
         for want in &all {
             queue.landed(want.key);
             tree.apply(want.key, TileEvent::Fail { now, retry_after: None, jitter: 0.5 });
             queue.gate.failed(now, None, 0.5);
         }
         assert_eq!(queue.gate.failures, 1);
-        assert!(queue.plan(&mut tree, &all, now).start.is_empty());
+        assert!(queue.plan(&mut tree, &all, now, |_| false).start.is_empty());
         now += Duration::from_secs(3);
-        assert_eq!(queue.plan(&mut tree, &all, now).start, [all[0].key]);
+        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start, [all[0].key]);
         queue.gate.succeeded();
-        assert_eq!(queue.plan(&mut tree, &all, now).start.len(), 3);
+        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start.len(), 3);
     }
 
     #[test]

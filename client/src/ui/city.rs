@@ -24,7 +24,10 @@ use crate::{
 };
 use egui::Align2;
 use glam::DVec3;
-use insula_shaders::{cpu::raycast::Counts, layout::Shading};
+use insula_shaders::{
+    cpu::{raycast::Counts, tally::tally},
+    layout::Shading,
+};
 use std::time::{Duration, Instant};
 use winit::event_loop::ControlFlow;
 
@@ -37,8 +40,8 @@ const SILENT: Duration = Duration::from_millis(700);
 pub struct Opening {
     /// What streams and draws.
     pub session: Session,
-    /// `http://host:port`, for links.
-    pub base: String,
+    /// Its address for links; empty if it has none.
+    pub address: String,
     /// Where it looks from; the whole city unless given.
     pub camera: Option<Camera>,
     /// The sun at first.
@@ -61,7 +64,7 @@ enum Trouble {
 /// A city that is looked at.
 pub struct City {
     pub(super) session: Session,
-    pub(super) base: String,
+    pub(super) address: String,
     pub(super) control: Control,
     pub(super) shown: Shown,
     /// Of the shown daylight.
@@ -84,7 +87,7 @@ pub struct City {
 impl City {
     /// A city that was just connected to.
     pub fn new(opening: Opening, settings: &Settings, aspect: f64) -> Self {
-        let Opening { session, base, camera, daylight, tau_px, tour } = opening;
+        let Opening { session, address, camera, daylight, tau_px, tour } = opening;
         let manifest = session.tree().manifest();
         let camera = camera.unwrap_or_else(|| Camera::overlook(manifest.focus_bounds(), aspect));
         let size_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
@@ -92,7 +95,7 @@ impl City {
         tracing::info!("open: {}", manifest.name);
         Self {
             session,
-            base,
+            address,
             control,
             shown: Shown {
                 tau_px,
@@ -150,6 +153,11 @@ impl City {
             return Ok(None);
         }
         let detail = self.pace.detail(begin, self.session.settled());
+        if let Adapter::Gpu(gpu) = self.session.adapter_mut()
+            && let Some((asked, pixels)) = gpu.answer()
+        {
+            self.session.feed(&asked, &pixels);
+        }
         // Fewer pixels do not mean that less is fetched: what streams must not depend on how fast pixels come.
         let whole = self.shot(shell, 1);
         self.session.set_sun(Look { shading: self.shown.shading, ..self.look }.casting());
@@ -162,6 +170,7 @@ impl City {
         if let Adapter::Cpu(cpu) = self.session.adapter_mut() {
             let pixels = cpu.draw(&data);
             shell.set_picture(image(&pixels));
+            self.session.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()));
         }
         self.watch();
         let before = (self.shown.tau_px, self.shown.daylight);
@@ -301,7 +310,11 @@ impl City {
             return ControlFlow::WaitUntil(now + RETRY);
         }
         let flying = self.control.moving() || self.tour.is_some();
-        if flying || self.session.streaming_now() || again.is_zero() && self.trouble == Trouble::None {
+        if flying
+            || self.session.streaming_now()
+            || self.session.adapter().is_asking()
+            || again.is_zero() && self.trouble == Trouble::None
+        {
             shell.window.request_redraw();
             return ControlFlow::Wait;
         }

@@ -4,12 +4,11 @@
 
 use crate::{
     camera::Camera,
-    commands::connect::split,
+    commands::connect::Place,
     error::{ClientError, Result},
     sun::{Daylight, Time, time},
 };
 use glam::DVec3;
-use insula_protocol::route;
 
 /// How links begin; others are plain addresses.
 const SCHEME: &str = "insula://";
@@ -21,7 +20,7 @@ const MOST_M: f64 = 1e10;
 /// What a link or an address asks for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Link {
-    /// `http://host:port` or `https://host:port`, with the city if one is named.
+    /// An address, as `commands::connect` takes it.
     pub address: String,
     /// Where to look from.
     pub camera: Option<Camera>,
@@ -45,12 +44,19 @@ impl Link {
         if text.len() > MOST_BYTES {
             return Err(wrong("too long"));
         }
+        if text[SCHEME.len()..].starts_with('/') {
+            return Err(wrong("no host"));
+        }
         // As http its host is checked by the rules of the web.
         let url = url::Url::parse(&format!("http://{}", &text[SCHEME.len()..])).map_err(|e| wrong(&e.to_string()))?;
         if !url.username().is_empty() || url.password().is_some() {
             return Err(wrong("it names a user"));
         }
         let host = url.host_str().filter(|host| !host.is_empty()).ok_or_else(|| wrong("no host"))?;
+        // Neither steps up nor hidden letters: where a link leads is what one reads.
+        if text.contains("..") || url.path().contains('%') {
+            return Err(wrong("its path is not plain"));
+        }
         let mut link = Self { address: String::new(), camera: None, time: None };
         let mut scheme = "http";
         for (name, value) in url.query_pairs() {
@@ -63,14 +69,18 @@ impl Link {
         }
         let port = url.port().map(|port| format!(":{port}")).unwrap_or_default();
         link.address = format!("{scheme}://{host}{port}{}", url.path());
-        split(&link.address).map_err(|_| wrong("its path names no city"))?;
+        match Place::parse(&link.address) {
+            Ok(Place::Server { .. } | Place::Web(_)) => {}
+            _ => return Err(wrong("its path names no city")),
+        }
         Ok(link)
     }
 }
 
-/// The link that opens a view of a city at `base` (`http://host:port`); none for a city that is on no server.
-pub fn link(base: &str, city: &str, camera: &Camera, daylight: &Daylight) -> Option<String> {
-    let (host, tls) = match (base.strip_prefix("http://"), base.strip_prefix("https://")) {
+/// The link that opens a view of a city at `address` (`http://host:port/v1/cities/NAME`, or of a folder on a plain host); none
+/// for a city of this machine.
+pub fn link(address: &str, camera: &Camera, daylight: &Daylight) -> Option<String> {
+    let (host, tls) = match (address.strip_prefix("http://"), address.strip_prefix("https://")) {
         (Some(host), _) => (host, ""),
         (None, Some(host)) => (host, "&tls=1"),
         _ => return None,
@@ -83,8 +93,7 @@ pub fn link(base: &str, city: &str, camera: &Camera, daylight: &Daylight) -> Opt
         None => format!("&time={}", daylight.text()),
     };
     Some(format!(
-        "{SCHEME}{host}{}?camera={:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}{time}{tls}",
-        route::manifest(city),
+        "{SCHEME}{host}?camera={:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}{time}{tls}",
         p.x,
         p.y,
         p.z,
@@ -119,7 +128,7 @@ mod tests {
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
-                let link = Link::parse(&link(base, "tokyo", &camera, &light).unwrap()).unwrap();
+                let link = Link::parse(&link(&format!("{base}/v1/cities/tokyo"), &camera, &light).unwrap()).unwrap();
                 assert_eq!(link.address, format!("{base}/v1/cities/tokyo"));
                 assert_eq!(link.time, Some(time("2024-06-21T17:00").unwrap()));
                 let back = link.camera.unwrap();
@@ -129,10 +138,10 @@ mod tests {
             }
         }
         let camera = Camera::from_angles(DVec3::ZERO, 0.0, 0.0, 1.0);
-        assert_eq!(link("cities/tokyo", "tokyo", &camera, &light), None);
+        assert_eq!(link("", &camera, &light), None);
         let fixed =
             daylight(&SunArgs { sun: Some(crate::sun::azimuth_altitude("1,2").unwrap()), ..SunArgs::default() });
-        assert!(!link("http://h", "a", &camera, &fixed).unwrap().contains("time"));
+        assert!(!link("http://h/v1/cities/a", &camera, &fixed).unwrap().contains("time"));
     }
 
     #[test]
@@ -169,5 +178,7 @@ mod tests {
         assert_eq!((plain.address.as_str(), plain.camera), ("http://h:1/v1/cities/a", None));
         let bare = Link::parse("INSULA://h:1/v1/cities/a?colour=blue").unwrap();
         assert_eq!((bare.address.as_str(), bare.camera, bare.time), ("http://h:1/v1/cities/a", None, None));
+        let files = Link::parse("insula://h/maps/delft/?tls=1").unwrap();
+        assert_eq!(files.address, "https://h/maps/delft/");
     }
 }

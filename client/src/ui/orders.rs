@@ -77,12 +77,12 @@ impl City {
                 let ground_z_m = self.session.tree().manifest().ground_z_m;
                 self.control.go(DVec3::new(x, y, z.unwrap_or(ground_z_m)));
             }
-            Wish::Link => match link(&self.base, &name, &camera, &self.shown.daylight) {
+            Wish::Link => match link(&self.address, &camera, &self.shown.daylight) {
                 Some(link) => {
                     shell.egui.copy_text(link.clone());
                     self.tell(format!("copied {link}"));
                 }
-                None => self.tell("no link: this city is on no server".to_owned()),
+                None => self.tell("no link: this city is on this machine".to_owned()),
             },
         }
         self.changed(shell);

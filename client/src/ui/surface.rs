@@ -109,10 +109,14 @@ impl Surface {
         let mut drawn = None;
         if let Some((Adapter::Gpu(gpu), data)) = city {
             gpu.encode(&mut encoder, data)?;
-            drawn = Some(&gpu.raycaster);
+            gpu.ask(&mut encoder, data);
+            drawn = Some(gpu);
         }
-        self.compose(&mut encoder, &view, drawn, overlay);
+        self.compose(&mut encoder, &view, drawn.as_deref().map(|gpu| &gpu.raycaster), overlay);
         self.device.queue.submit([encoder.finish()]);
+        if let Some(gpu) = drawn {
+            gpu.submitted();
+        }
         self.device.queue.present(target);
         Ok(true)
     }

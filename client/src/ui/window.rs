@@ -56,8 +56,8 @@ pub type MakeSession = Box<dyn FnOnce((Adapter, AdapterInfo, u32)) -> Session + 
 pub struct Found {
     /// What it is.
     pub manifest: Manifest,
-    /// `http://host:port`, for links.
-    pub base: String,
+    /// Its address for links; empty if it has none.
+    pub address: String,
     /// The rest.
     pub make: MakeSession,
 }
@@ -231,7 +231,7 @@ impl App {
                 let opening = Opening {
                     daylight: Daylight::new(&asked, &found.manifest),
                     session: (found.make)(shell.adapter(self.start.adapter, self.start.cache_bytes)),
-                    base: found.base,
+                    address: found.address,
                     camera: self.start.camera,
                     tau_px: self.start.tau_px.unwrap_or(self.settings.tau_px),
                     tour: self.start.tour.take(),

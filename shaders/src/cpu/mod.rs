@@ -3,3 +3,4 @@
 mod column;
 pub mod raycast;
 pub mod shade;
+pub mod tally;

@@ -3,7 +3,9 @@
 pub mod compose;
 pub mod nearest;
 pub mod raycast;
+pub mod tally;
 
 pub use compose::Compose;
 pub use nearest::Nearest;
 pub use raycast::{Capacity, GpuError, Raycaster};
+pub use tally::Tally;

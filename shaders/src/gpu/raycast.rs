@@ -261,6 +261,11 @@ impl Raycaster {
         &self.target.colour
     }
 
+    /// Which node each pixel hit, row by row from the top.
+    pub fn hit_buffer(&self) -> &wgpu::Buffer {
+        &self.target.hit
+    }
+
     /// Width and height of the last [`Raycaster::resize`].
     pub fn size_px(&self) -> [u32; 2] {
         [self.target.width_px, self.target.height_px]

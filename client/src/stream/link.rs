@@ -1,7 +1,8 @@
 //! A slower network than there is.
 //!
-//! In: megabits a second, a round trip. Out: waits. Next: `fetch` waits.
+//! In: megabits a second, a round trip, a share of losses. Out: waits, and broken answers. Next: `fetch` waits.
 
+use super::queue::jitter;
 use std::time::Duration;
 use tokio::{
     sync::Mutex,
@@ -10,16 +11,23 @@ use tokio::{
 
 /// All requests share one line.
 #[derive(Debug)]
-pub struct Throttle {
+pub struct Link {
     bytes_per_sec: Option<f64>,
     rtt: Duration,
+    /// Share of answers that break off.
+    loss: f64,
     line_free_at: Mutex<Option<Instant>>,
 }
 
-impl Throttle {
-    /// `mbit` a second (none: as fast as it goes) and `rtt` before each answer.
-    pub fn new(mbit: Option<f64>, rtt: Duration) -> Self {
-        Self { bytes_per_sec: mbit.map(|m| m * 125_000.0), rtt, line_free_at: Mutex::new(None) }
+impl Link {
+    /// `mbit` a second (none: as fast as it goes), `rtt` before each answer, and a share of `loss` of answers that break off.
+    pub fn new(mbit: Option<f64>, rtt: Duration, loss: f64) -> Self {
+        Self { bytes_per_sec: mbit.map(|m| m * 125_000.0), rtt, loss, line_free_at: Mutex::new(None) }
+    }
+
+    /// Whether the next answer breaks off.
+    pub fn loses(&self) -> bool {
+        self.loss > 0.0 && jitter() < self.loss
     }
 
     /// Before a request's first byte.
@@ -48,9 +56,9 @@ mod tests {
 
     #[tokio::test]
     async fn two_requests_share_the_line() {
-        let throttle = Throttle::new(Some(8.0), Duration::ZERO);
+        let link = Link::new(Some(8.0), Duration::ZERO, 0.0);
         let start = Instant::now();
-        tokio::join!(throttle.carry(50_000), throttle.carry(50_000));
+        tokio::join!(link.carry(50_000), link.carry(50_000));
         let took = start.elapsed().as_secs_f64();
         assert!((0.095..0.5).contains(&took), "{took}");
     }

@@ -1,0 +1,45 @@
+//! Where a city's tiles come from: the one trait of all places.
+//!
+//! In: a [`Key`]. Out: that tile's bytes, or a [`FetchError`]. Next: `stream` decodes them.
+//!
+//! An Insula server answers with tiles; a folder, or a plain host that answers ranges, holds the archives that they lie in.
+
+pub mod archive;
+pub mod disk;
+pub mod folder;
+pub mod server;
+pub mod web;
+
+use super::fetch::FetchError;
+use crate::scene::Key;
+use bytes::Bytes;
+use std::{future::Future, pin::Pin};
+
+/// A tile that is on its way.
+pub type Pending<'a> = Pin<Box<dyn Future<Output = Result<Bytes, FetchError>> + Send + 'a>>;
+
+/// Somewhere that has a city.
+pub trait Source: Send + Sync {
+    /// A tile's bytes, at most `decode::limit_bytes` of them, as they lie there: nobody has looked into them yet.
+    fn tile(&self, key: Key) -> Pending<'_>;
+
+    /// Whether a tile is at hand without a network, and so worth asking for even while the network is down.
+    fn is_near(&self, _key: Key) -> bool {
+        false
+    }
+
+    /// A tile that this place gave has proven to be whole.
+    fn keep(&self, _key: Key, _bytes: &Bytes) {}
+
+    /// A tile that this place gave is damaged.
+    fn forget(&self, _key: Key) {}
+
+    /// For people: an address, or a folder.
+    fn place(&self) -> &str;
+}
+
+impl std::fmt::Debug for dyn Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.place())
+    }
+}

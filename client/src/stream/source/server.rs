@@ -1,0 +1,39 @@
+//! An Insula server.
+//!
+//! In: a [`Key`]. Out: the server's answer. Next: `decode`.
+
+use super::{Pending, Source};
+use crate::{
+    scene::Key,
+    stream::{decode::limit_bytes, fetch::Http},
+};
+use insula_protocol::{Manifest, route};
+use std::sync::Arc;
+
+/// One city on a server, in one version.
+#[derive(Debug)]
+pub struct Server {
+    http: Arc<Http>,
+    base: String,
+    name: String,
+    version: String,
+}
+
+impl Server {
+    /// On the server at `base` (`http://host:port`).
+    pub fn new(http: Arc<Http>, base: &str, manifest: &Manifest) -> Self {
+        let base = base.trim_end_matches('/').to_owned();
+        Self { http, base, name: manifest.name.clone(), version: manifest.version.clone() }
+    }
+}
+
+impl Source for Server {
+    fn tile(&self, key: Key) -> Pending<'_> {
+        let url = format!("{}{}", self.base, route::tile(&self.name, &self.version, key.layer(), key.id));
+        Box::pin(async move { self.http.get(&url, limit_bytes(key)).await })
+    }
+
+    fn place(&self) -> &str {
+        &self.base
+    }
+}

@@ -1,0 +1,251 @@
+//! What is drawn and fetched that nobody sees, and whether anything is missed when the camera turns.
+//!
+//! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, such as `synth` makes. Against a
+//! client that culls by the frustum alone.
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use glam::{DQuat, DVec3};
+use insula_client::{
+    camera::{Camera, CameraFile},
+    commands::snapshot::settle,
+    render::Look,
+    report::pictures_apart,
+    session::{Session, Shot},
+};
+use insula_protocol::TileId;
+use insula_shaders::cpu::raycast::Pixels;
+use insula_tests::{synth::Stand, viewer::open};
+use serde::Serialize;
+use std::{
+    collections::HashSet,
+    path::PathBuf,
+    time::{Duration, Instant},
+};
+
+/// Compares occlusion with frustum culling alone.
+#[derive(Debug, Parser)]
+struct Args {
+    /// The city.
+    #[arg(long)]
+    city: PathBuf,
+    /// A camera file; the street of the synthetic cities unless given.
+    #[arg(long)]
+    camera: Option<PathBuf>,
+    /// Directions that are looked at, evenly all around.
+    #[arg(long, default_value_t = 4)]
+    directions: u32,
+    /// Picture width.
+    #[arg(long, default_value_t = 1280)]
+    width: u32,
+    /// Picture height.
+    #[arg(long, default_value_t = 720)]
+    height: u32,
+    /// Tolerated error in pixels.
+    #[arg(long, default_value_t = 1.0)]
+    tau: f64,
+    /// Write all figures as JSON.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Write the pictures of the first direction into this folder.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+const TIMEOUT: Duration = Duration::from_secs(60);
+const CACHE_MIB: u32 = 2048;
+
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+struct Cost {
+    drawn: usize,
+    fetched: usize,
+    unhit_share: f64,
+    bytes: u64,
+    requests: u64,
+    secs: f64,
+}
+
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+struct Turn {
+    degrees: f64,
+    /// With all at hand: what the decision alone costs.
+    wrong_share: f64,
+    holes_share: f64,
+    /// With only what the view before had fetched.
+    cold_wrong_share: f64,
+    cold_holes_share: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Row {
+    direction: u32,
+    frustum: Cost,
+    occlusion: Cost,
+    bytes_share: f64,
+    wrong_share: f64,
+    holes_share: f64,
+    turns: Vec<Turn>,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let camera = match &args.camera {
+        Some(path) => CameraFile::read(path)?,
+        None => {
+            let view = Stand::Street.camera();
+            Camera::look(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
+                .context("looks nowhere")?
+        }
+    };
+    let mut rows = Vec::new();
+    for direction in 0..args.directions {
+        let degrees = 360.0 * f64::from(direction) / f64::from(args.directions);
+        let row = look(&args, &turned(&camera, degrees), direction)?;
+        let Row { frustum: f, occlusion: o, .. } = &row;
+        println!(
+            "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), \
+             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, holes {:.4} %",
+            o.drawn,
+            f.drawn,
+            o.fetched,
+            f.fetched,
+            o.unhit_share * 100.0,
+            f.unhit_share * 100.0,
+            o.bytes >> 10,
+            f.bytes >> 10,
+            row.bytes_share * 100.0,
+            o.requests,
+            f.requests,
+            o.secs,
+            row.wrong_share * 100.0,
+            row.holes_share * 100.0,
+        );
+        for t in &row.turns {
+            println!(
+                "      turned by {:4}: wrong {:.4} %, holes {:.4} %; with nothing new fetched: wrong {:.3} %, holes {:.4} %",
+                t.degrees,
+                t.wrong_share * 100.0,
+                t.holes_share * 100.0,
+                t.cold_wrong_share * 100.0,
+                t.cold_holes_share * 100.0
+            );
+        }
+        rows.push(row);
+    }
+    let most = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max) * 100.0;
+    let turn = |i: usize| most(&|row: &Row| row.turns[i].wrong_share);
+    println!(
+        "worst: hit by no ray {:.1} %, bytes {:.1} %, wrong after 3 degrees {:.4} %, after 30 {:.4} %, holes {:.4} %",
+        most(&|row| row.occlusion.unhit_share),
+        most(&|row| row.bytes_share),
+        turn(0),
+        turn(1),
+        most(&|row| row.turns.iter().map(|t| t.holes_share.max(t.cold_holes_share)).fold(row.holes_share, f64::max)),
+    );
+    if let Some(path) = &args.report {
+        std::fs::write(path, serde_json::to_vec_pretty(&rows)?)?;
+    }
+    Ok(())
+}
+
+fn turned(camera: &Camera, degrees: f64) -> Camera {
+    let turn = DQuat::from_rotation_z(degrees.to_radians());
+    Camera { forward: turn * camera.forward, right: turn * camera.right, up: turn * camera.up, ..*camera }
+}
+
+fn shot(args: &Args, camera: &Camera) -> Shot {
+    Shot { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
+}
+
+/// Draws without telling the session what was hit.
+fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, Vec<TileId>)> {
+    let data = session.frame_data(shot, &Look::default());
+    let from: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
+    Ok((session.adapter_mut().draw(&data)?, from))
+}
+
+/// Fetches all that is in the frustum.
+fn fetch(session: &mut Session, shot: &Shot) -> Result<()> {
+    loop {
+        session.step(shot);
+        session.check(TIMEOUT)?;
+        if session.fetched() {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn cost(session: &Session, pixels: &Pixels, from: &[TileId], secs: f64) -> Cost {
+    let fetched: HashSet<TileId> =
+        session.tree().nodes().iter().filter(|node| node.tile.is_resident()).map(|node| node.id).collect();
+    let drawn: HashSet<TileId> = from.iter().copied().collect();
+    let hit: HashSet<TileId> = pixels.hit.iter().filter_map(|at| from.get(*at as usize).copied()).collect();
+    let all: HashSet<TileId> = fetched.union(&drawn).copied().collect();
+    let report = session.report(1.0);
+    Cost {
+        drawn: drawn.len(),
+        fetched: fetched.len(),
+        unhit_share: all.difference(&hit).count() as f64 / all.len().max(1) as f64,
+        bytes: report.bytes_fetched,
+        requests: report.requests,
+        secs,
+    }
+}
+
+fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
+    let (ahead, city) = (shot(args, camera), &args.city);
+    let mut all = open(city, CACHE_MIB)?;
+    let begin = Instant::now();
+    fetch(&mut all, &ahead)?;
+    let secs = begin.elapsed().as_secs_f64();
+    let (truth, from) = picture(&mut all, &ahead)?;
+    let frustum = cost(&all, &truth, &from, secs);
+
+    let mut few = open(city, CACHE_MIB)?;
+    let begin = Instant::now();
+    settle(&mut few, &ahead, TIMEOUT)?;
+    let secs = begin.elapsed().as_secs_f64();
+    let (seen, from) = picture(&mut few, &ahead)?;
+    let occlusion = cost(&few, &seen, &from, secs);
+    let apart = pictures_apart(&seen, &truth);
+    if let (Some(out), 0) = (&args.out, direction) {
+        std::fs::create_dir_all(out)?;
+        insula_client::picture::write_png(&out.join("frustum.png"), &truth)?;
+        insula_client::picture::write_png(&out.join("occlusion.png"), &seen)?;
+    }
+
+    let mut turns = Vec::new();
+    for degrees in [3.0, 30.0] {
+        let beside = shot(args, &turned(camera, degrees));
+        let mut reference = open(city, CACHE_MIB)?;
+        fetch(&mut reference, &beside)?;
+        fetch(&mut reference, &ahead)?;
+        fetch(&mut reference, &beside)?;
+        let (truth, _) = picture(&mut reference, &beside)?;
+        // The same client begins to look, ahead, until that rests; then it turns.
+        settle(&mut reference, &ahead, TIMEOUT)?;
+        reference.step(&beside);
+        let warm = pictures_apart(&picture(&mut reference, &beside)?.0, &truth);
+        let mut cold = open(city, CACHE_MIB)?;
+        settle(&mut cold, &ahead, TIMEOUT)?;
+        cold.step(&beside);
+        let cold = pictures_apart(&picture(&mut cold, &beside)?.0, &truth);
+        turns.push(Turn {
+            degrees,
+            wrong_share: warm.wrong_share,
+            holes_share: warm.holes_share,
+            cold_wrong_share: cold.wrong_share,
+            cold_holes_share: cold.holes_share,
+        });
+    }
+    Ok(Row {
+        direction,
+        frustum,
+        occlusion,
+        bytes_share: occlusion.bytes as f64 / frustum.bytes.max(1) as f64,
+        wrong_share: apart.wrong_share,
+        holes_share: apart.holes_share,
+        turns,
+    })
+}
