@@ -403,8 +403,9 @@ fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
     converge(&mut tree, &north, 5);
     converge(&mut tree, &east, 5);
     let mut sight = Sight::default();
-    let selection = converge_looking(&mut tree, &mut sight, &north, |id| id.y() % 3 == 0);
-    assert!(selection.counters.hidden > 0);
+    converge_looking(&mut tree, &mut sight, &north, |id| id.y().is_multiple_of(8));
+    let selection = super::select(&north, &tree, &sight, &mut Scratch::default());
+    assert!(selection.counters.hidden > 0 && selection.wanted.is_empty());
     let turned = super::select(&east, &tree, &sight, &mut Scratch::default());
     assert_whole(&tree, &east, &turned, 0);
     assert!(turned.wanted.is_empty(), "what nobody has seen yet is not fetched");
@@ -459,7 +460,7 @@ fn there_is_never_a_hole() {
                 }
                 let salt = random(1000) as u32;
                 if random(3) > 0 {
-                    let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt) % 3 == 0;
+                    let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt).is_multiple_of(3);
                     look(&mut sight, &tree, &view, &selection, frame as u64 * 4 + step, hit);
                 }
                 let used: Vec<TileId> = selection.used.iter().map(|at| tree.node(*at).id).collect();

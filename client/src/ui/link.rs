@@ -54,7 +54,8 @@ impl Link {
         }
         let host = url.host_str().filter(|host| !host.is_empty()).ok_or_else(|| wrong("no host"))?;
         // Neither steps up nor hidden letters: where a link leads is what one reads.
-        if text.contains("..") || url.path().contains('%') {
+        let typed = text.split('?').next().unwrap_or_default();
+        if typed.contains("..") || typed.contains('%') {
             return Err(wrong("its path is not plain"));
         }
         let mut link = Self { address: String::new(), camera: None, time: None };
