@@ -10,8 +10,11 @@ pub const PAGE_WORDS: usize = 4096;
 pub const PLANES: usize = 4;
 /// Cells along a side of a summary block.
 pub const BLOCK_CELLS: u32 = 8;
-/// Summary words of a node: 8 x 8 blocks, `lowest | highest << 16` in height codes; `0x0000_ffff` where empty.
-pub const SUMMARY_WORDS: usize = 64;
+/// Blocks of a node, 8 x 8.
+pub const BLOCKS: usize = 64;
+/// Summary words of a node. First one a block, `lowest | highest << 16` in height codes, `0x0000_ffff` where it is empty; then four
+/// a block: the tops of its 4 x 4 quads of 2 x 2 cells, a byte each, in 255ths of the way from lowest to highest, rounded up.
+pub const SUMMARY_WORDS: usize = BLOCKS * 5;
 /// Most rays along a pixel's side.
 pub const MAX_SAMPLES: u32 = 4;
 /// Threads of a workgroup in x and y.

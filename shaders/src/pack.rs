@@ -11,7 +11,7 @@
 //! | 3 strips | address of its strip: a word of the atlas (0 if none) |
 //! | 4... | strips; one never crosses a page. With [`flag::GAP`] a word before the texels is the gap, `low \| high << 16`; with [`flag::CLIPPED`] two words before that are [`clip_word`] and the texel beyond |
 
-use crate::layout::{BLOCK_CELLS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
+use crate::layout::{BLOCK_CELLS, BLOCKS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
     blockmap::{COLUMNS, Clip, STEPS_PER_CELL, flag, strip_rows},
@@ -26,7 +26,7 @@ pub type Page = Box<[u32]>;
 pub struct PackedNode {
     /// [`PLANES`] planes, then strip pages, each of [`PAGE_WORDS`] words.
     pub pages: Vec<Page>,
-    /// Lowest and highest height codes per block.
+    /// Lowest and highest height codes per block, and tops per quad.
     pub summary: [u32; SUMMARY_WORDS],
     /// Side of a column.
     pub cell_m: f32,
@@ -165,9 +165,10 @@ impl PackedNode {
     }
 }
 
-/// Per block the lowest bottom and the highest top (slopes included), and both of the whole node.
+/// Per block the lowest bottom and the highest top (slopes included) and its quads' tops, and bottom and top of the whole node.
 fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2]) {
-    let mut bounds = [[u32::from(u16::MAX), 0]; SUMMARY_WORDS];
+    let mut bounds = [[u32::from(u16::MAX), 0]; BLOCKS];
+    let mut quads = [[0u32; 16]; BLOCKS];
     let block_cells = BLOCK_CELLS as usize;
     for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0) {
         let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
@@ -176,13 +177,25 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2]) {
             let [sx, sy] = slope_codes(map.roof_normal[i], u32::from(map.z_shift));
             top += (0.5 * (sx.abs() + sy.abs())).ceil() as u32;
         }
-        let block = &mut bounds[y / block_cells * (NODE_CELLS / block_cells) + x / block_cells];
+        let top = top.min(u32::from(u16::MAX));
+        let at = y / block_cells * (NODE_CELLS / block_cells) + x / block_cells;
+        let block = &mut bounds[at];
         block[0] = block[0].min(u32::from(map.z_min[i]));
-        block[1] = block[1].max(top.min(u32::from(u16::MAX)));
+        block[1] = block[1].max(top);
+        let quad = &mut quads[at][y / 2 % 4 * 4 + x / 2 % 4];
+        *quad = (*quad).max(top);
     }
     let low = bounds.iter().map(|b| b[0]).min().unwrap_or(0);
     let high = bounds.iter().map(|b| b[1]).max().unwrap_or(0);
-    (bounds.map(|[low, high]| low | high << 16), [low as f32, high as f32])
+    let mut summary = [0; SUMMARY_WORDS];
+    for (block, [low, high]) in bounds.into_iter().enumerate() {
+        summary[block] = low | high << 16;
+        let share = |top: u32| (top.saturating_sub(low) * 255).div_ceil((high.max(low) - low).max(1));
+        for (quad, top) in quads[block].into_iter().enumerate() {
+            summary[BLOCKS + block * 4 + quad / 4] |= share(top).min(255) << (quad % 4 * 8);
+        }
+    }
+    (summary, [low as f32, high as f32])
 }
 
 #[cfg(test)]
@@ -250,5 +263,7 @@ mod tests {
         assert_eq!(packed.summary[1] & 0xffff, 10);
         assert!((25..=26).contains(&(packed.summary[1] >> 16)), "{}", packed.summary[1] >> 16);
         assert_eq!(packed.z_range[0], 10.0);
+        // Column 8 is in the first quad of the second block, and its highest.
+        assert_eq!(packed.summary[BLOCKS + 4..BLOCKS + 8], [255, 0, 0, 0]);
     }
 }

@@ -41,14 +41,16 @@ struct Node {
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> grid: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> nodes: array<Node>;
-@group(0) @binding(3) var<storage, read> summaries: array<u32>;
+@group(0) @binding(3) var<storage, read> summaries: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read> atlas: array<u32>;
 @group(0) @binding(5) var<storage, read_write> colour: array<u32>;
 @group(0) @binding(6) var<storage, read_write> distance_m: array<f32>;
 @group(0) @binding(7) var<storage, read_write> hit: array<u32>;
 
 const PAGE_WORDS: u32 = 4096u;
-const SUMMARY_WORDS: u32 = 64u;
+// In fours: those of blocks, then one of quads for each block.
+const SUMMARY_FOURS: u32 = 80u;
+const BLOCK_FOURS: u32 = 16u;
 const MAX_SAMPLES: u32 = 4u;
 const BLOCK_CELLS: i32 = 8;
 const BLOCKS: i32 = 8;
@@ -121,6 +123,13 @@ struct NodeRay {
 struct Touched {
     walk: u32,
     slope: vec2<f32>,
+}
+
+// Highest points of a block's quads of 2 x 2 cells.
+struct Quads {
+    lowest: f32,
+    step: f32,
+    tops: vec4<u32>,
 }
 
 // What `beside` found.
@@ -275,6 +284,7 @@ fn walk_grid() {
     var slot = 0u;
     var block = vec2<i32>(0);
     var block_end = t;
+    var quads = Quads();
     var cell = vec2<i32>(0);
     var cell_end = t;
     var steps = 0u;
@@ -312,7 +322,7 @@ fn walk_grid() {
                         }
                         t = span.x;
                         node_end = span.y;
-                        slot = nodes[index].slot * SUMMARY_WORDS;
+                        slot = nodes[index].slot * SUMMARY_FOURS;
                         let start = floor((ray.o.xy + ray.d.xy * t) / f32(BLOCK_CELLS));
                         block = clamp(vec2<i32>(start), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
                         phase = AT_BLOCK;
@@ -341,7 +351,8 @@ fn walk_grid() {
                     if COUNT {
                         counts.z++;
                     }
-                    let summary = summaries[slot + u32(block.y * BLOCKS + block.x)];
+                    let at = u32(block.y * BLOCKS + block.x);
+                    let summary = summaries[slot + (at >> 2u)][at & 3u];
                     let za = ray.o.z + ray.d.z * t;
                     let zb = ray.o.z + ray.d.z * block_end;
                     phase = AFTER_BLOCK;
@@ -349,28 +360,44 @@ fn walk_grid() {
                         let low = block * BLOCK_CELLS;
                         cell = clamp(vec2<i32>(floor(ray.o.xy + ray.d.xy * t)), low, low + (BLOCK_CELLS - 1));
                         phase = AT_CELL;
+                        if COUNT {
+                            counts.z++;
+                        }
+                        let lowest = f32(summary & 0xffffu);
+                        let step = (f32(summary >> 16u) - lowest) / 255.0;
+                        quads = Quads(lowest, step, summaries[slot + BLOCK_FOURS + at]);
                     }
                 }
                 loop {
-                    if phase != AT_CELL && phase != AFTER_CELL {
+                    // Over the cells of quads that the ray flies over.
+                    loop {
+                        if phase != AT_CELL && phase != AFTER_CELL {
+                            break;
+                        }
+                        let te = (vec2<f32>(cell) + ahead - ray.o.xy) * ray.inv;
+                        let exit = min(te.x, te.y);
+                        cell_end = max(min(exit, block_end), t);
+                        if phase == AT_CELL && min(z_at(t), z_at(cell_end)) <= quad_top(quads, cell) {
+                            break;
+                        }
+                        let along_x = te.x <= te.y;
+                        let next = cell + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), along_x);
+                        let same = all((next >> vec2<u32>(3u)) == block);
+                        phase = select(AFTER_BLOCK, AT_CELL, exit < block_end && same);
+                        cell = next;
+                        t = cell_end;
+                    }
+                    if phase != AT_CELL {
                         break;
                     }
-                    let te = (vec2<f32>(cell) + ahead - ray.o.xy) * ray.inv;
-                    let exit = min(te.x, te.y);
-                    cell_end = max(min(exit, block_end), t);
-                    if COUNT && phase == AT_CELL {
+                    if COUNT {
                         counts.w++;
                     }
-                    if phase == AT_CELL && may_hit(cell, t, cell_end) {
+                    phase = AFTER_CELL;
+                    if may_hit(cell, t, cell_end) {
                         found = true;
                         break;
                     }
-                    let along_x = te.x <= te.y;
-                    let next = cell + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), along_x);
-                    let same = all((next >> vec2<u32>(3u)) == block);
-                    phase = select(AFTER_BLOCK, AT_CELL, exit < block_end && same);
-                    cell = next;
-                    t = cell_end;
                 }
                 if found {
                     break;
@@ -393,8 +420,13 @@ fn walk_grid() {
         if gathered.left <= OPAQUE {
             return;
         }
-        phase = AFTER_CELL;
     }
+}
+
+// Highest point of the cell's quad, and a little more.
+fn quad_top(quads: Quads, cell: vec2<i32>) -> f32 {
+    let byte = (quads.tops[(cell.y >> 1u) & 3] >> (u32((cell.x >> 1u) & 3) * 8u)) & 255u;
+    return quads.lowest + f32(byte) * quads.step + 1.0;
 }
 
 // The level whose nodes are good enough at a distance.

@@ -68,10 +68,9 @@ pub(super) fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f
         return;
     }
     let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
-    let attributes = word(scene, gathered, ray.node.pages[2], i);
     let mut slope = Vec2::ZERO;
     if flags & flag::INCLINED != 0 {
-        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
+        slope = Vec2::from(slope_codes(word(scene, gathered, ray.node.pages[2], i) as u16, ray.node.z_shift));
     }
     let centre = cell.as_vec2() + 0.5;
     let z = |t: f32| ray.o.z + ray.d.z * t;
@@ -84,6 +83,7 @@ pub(super) fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f
     if z(ta).min(z(te)) > highest || z(ta).max(z(te)) < z_min {
         return;
     }
+    let attributes = word(scene, gathered, ray.node.pages[2], i);
     let strip = word(scene, gathered, ray.node.pages[3], i) as usize;
     let border = if flags & flag::CLIPPED != 0 {
         border(ray, attributes, word(scene, gathered, 0, strip), centre, ta, te)

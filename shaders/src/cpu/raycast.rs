@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     grid::Z_TOP,
-    layout::{BLOCK_CELLS, Frame, GRID_MIXED, GRID_NODE_BIT, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS},
+    layout::{BLOCK_CELLS, BLOCKS, Frame, GRID_MIXED, GRID_NODE_BIT, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS},
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::NODE_CELLS;
@@ -328,12 +328,16 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
         let te = ((block.as_vec2() + ahead) * BLOCK_CELLS as f32 - o.xy()) * ray.inv;
         let exit = te.x.min(te.y);
         let t_block = exit.min(t_end).max(t);
-        let at = node.slot as usize * SUMMARY_WORDS + (block.y * blocks + block.x) as usize;
+        let slot = node.slot as usize * SUMMARY_WORDS;
+        let at = (block.y * blocks + block.x) as usize;
         gathered.counts.fetches += 1;
-        let summary = scene.summaries.get(at).copied().unwrap_or(0xffff);
+        let summary = scene.summaries.get(slot + at).copied().unwrap_or(0xffff);
         let (za, zb) = (o.z + dz * t, o.z + dz * t_block);
         if za.min(zb) <= (summary >> 16) as f32 + 1.0 && za.max(zb) + 1.0 >= (summary & 0xffff) as f32 {
-            walk_block(scene, &ray, block, t, t_block, gathered);
+            gathered.counts.fetches += 1;
+            let tops = scene.summaries.get(slot + BLOCKS + at * 4..).and_then(|tops| tops.first_chunk());
+            let quads = Quads::new(summary, tops.copied().unwrap_or_default());
+            walk_block(scene, &ray, (block, &quads), t, t_block, gathered);
             if gathered.left <= OPAQUE {
                 return;
             }
@@ -353,7 +357,34 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
     }
 }
 
-fn walk_block(scene: &SceneRef<'_>, ray: &NodeRay<'_>, block: IVec2, t_in: f32, t_end: f32, gathered: &mut Gathered) {
+/// Highest points of a block's quads of 2 x 2 cells.
+struct Quads {
+    low: f32,
+    step: f32,
+    tops: [u32; 4],
+}
+
+impl Quads {
+    fn new(summary: u32, tops: [u32; 4]) -> Self {
+        let low = (summary & 0xffff) as f32;
+        Self { low, step: ((summary >> 16) as f32 - low) / 255.0, tops }
+    }
+
+    /// In height codes, and a little more, so that rounding hides nothing.
+    fn top(&self, cell: IVec2) -> f32 {
+        let (row, shift) = (cell.y as usize >> 1 & 3, (cell.x as u32 >> 1 & 3) * 8);
+        self.low + (self.tops[row] >> shift & 255) as f32 * self.step + 1.0
+    }
+}
+
+fn walk_block(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    (block, quads): (IVec2, &Quads),
+    t_in: f32,
+    t_end: f32,
+    gathered: &mut Gathered,
+) {
     let (o, d) = (ray.o.xy(), ray.d.xy());
     let ahead = ahead(d);
     let step = (ahead * 2.0 - 1.0).as_ivec2();
@@ -365,8 +396,10 @@ fn walk_block(scene: &SceneRef<'_>, ray: &NodeRay<'_>, block: IVec2, t_in: f32, 
         let te = (cell.as_vec2() + ahead - o) * ray.inv;
         let exit = te.x.min(te.y);
         let t_cell = exit.min(t_end).max(t);
-        gathered.counts.cells += 1;
-        column(scene, ray, cell, t, t_cell, gathered);
+        if (ray.o.z + ray.d.z * t).min(ray.o.z + ray.d.z * t_cell) <= quads.top(cell) {
+            gathered.counts.cells += 1;
+            column(scene, ray, cell, t, t_cell, gathered);
+        }
         if gathered.left <= OPAQUE || exit >= t_end {
             return;
         }
