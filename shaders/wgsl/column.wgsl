@@ -69,17 +69,31 @@ fn column(cell: vec2<i32>, ta: f32, te: f32) {
     let gap = select(0u, word(strip + head_words(flags) - 1u), has_gap);
     let low = f32(gap & 0xffffu);
     let high = f32(gap >> 16u);
-    for (var n = 0u; n < 6u; n++) {
-        let part = n >> 1u;
-        let second = (n & 1u) == 1u;
-        let lower = second != (ray.d.z > 0.0);
-        let outer = (part == 1u) == border.within_is_outer;
-        let solid = select(select(SOLID_UPPER, SOLID_LOWER, lower), SOLID_OUTER, outer);
-        let s = select(select(border.end, border.begin, part == 1u), ta, part == 0u);
-        let e = select(select(te, border.end, part == 1u), border.begin, part == 0u);
-        let missing = (outer && (second || outer_top == 0.0)) || (solid == SOLID_LOWER && !has_gap);
-        if missing || s >= e {
-            continue;
+    var n = 0u;
+    loop {
+        // On to a solid that is there: what follows is costly even for devices that then throw it away.
+        var part = 0u;
+        var solid = SOLID_UPPER;
+        var outer = false;
+        var s = te;
+        var e = ta;
+        loop {
+            if n >= 6u || s < e {
+                break;
+            }
+            part = n >> 1u;
+            let second = (n & 1u) == 1u;
+            let lower = second != (ray.d.z > 0.0);
+            outer = (part == 1u) == border.within_is_outer;
+            solid = select(select(SOLID_UPPER, SOLID_LOWER, lower), SOLID_OUTER, outer);
+            let missing = (outer && (second || outer_top == 0.0)) || (solid == SOLID_LOWER && !has_gap);
+            s = select(select(border.end, border.begin, part == 1u), ta, part == 0u);
+            e = select(select(te, border.end, part == 1u), border.begin, part == 0u);
+            e = select(e, s, missing);
+            n++;
+        }
+        if s >= e {
+            break;
         }
         let bottom = select(z_min, high, solid == SOLID_UPPER && has_gap);
         var over = vec2<f32>(z_at(s) - top_at(s, z_max, touched.slope, centre), z_at(e) - top_at(e, z_max, touched.slope, centre));
@@ -90,6 +104,9 @@ fn column(cell: vec2<i32>, ta: f32, te: f32) {
         }
         let span = clip_solid(s, e, over, vec2<f32>(z_at(s) - bottom, z_at(e) - bottom));
         hit_solid(cell, i, walk, strip, solid, border.walls[part], span, bottom, top);
+        if gathered.left <= OPAQUE {
+            break;
+        }
     }
 }
 
@@ -172,32 +189,30 @@ fn hit_solid(
     }
     let flags = walk >> 24u;
     let roof_normal = octahedral(plane_word(2u, i));
+    var texel = 0u;
+    var normal = vec3<f32>(0.0, 0.0, select(1.0, -1.0, span.face == FACE_BOTTOM));
+    var rows = false;
     if solid == SOLID_OUTER {
-        var normal = vec3<f32>(0.0, 0.0, select(-1.0, 1.0, span.face == FACE_TOP));
+        texel = word(strip_at + 1u) | (3u << 24u);
         if span.face == FACE_SIDE {
             normal = face_normal(cell);
         }
-        gather(span.s, word(strip_at + 1u) | (3u << 24u), normal, flags);
-        return;
-    }
-    if solid == SOLID_UPPER && span.face == FACE_TOP {
-        gather(span.s, plane_word(1u, i) | (3u << 24u), roof_normal, flags);
-        return;
-    }
-    if (flags & EXPOSED) == 0u {
-        if span.face == FACE_SIDE && beside(cell, span.s) {
-            gather(span.s, wall_beside.texel, wall_beside.normal, flags);
-            return;
-        }
-        var normal = roof_normal;
-        if span.face == FACE_BOTTOM {
-            normal = vec3<f32>(0.0, 0.0, -1.0);
+    } else if solid == SOLID_UPPER && span.face == FACE_TOP {
+        texel = plane_word(1u, i) | (3u << 24u);
+        normal = roof_normal;
+    } else if (flags & EXPOSED) != 0u {
+        rows = true;
+    } else if span.face == FACE_SIDE && beside(cell, span.s) {
+        texel = wall_beside.texel;
+        normal = wall_beside.normal;
+    } else {
+        texel = plane_word(1u, i) | (3u << 24u);
+        if span.face != FACE_BOTTOM {
+            normal = roof_normal;
         }
         if dot(normal, leg.dir) >= 0.0 {
             normal = face_normal(cell);
         }
-        gather(span.s, plane_word(1u, i) | (3u << 24u), normal, flags);
-        return;
     }
     let strip = strip_at + head_words(flags);
     let codes = f32(16u >> ray.z_shift);
@@ -205,25 +220,21 @@ fn hit_solid(
     let row_low = i32(floor(bottom / codes));
     let row_high = i32(floor((top - 1.0) / codes));
     var row = clamp(i32(floor((ray.o.z + ray.d.z * span.s) / codes)), row_low, row_high);
+    let up = ray.d.z > 0.0;
     var s = span.s;
-    var face = span.face;
+    if rows && span.face == FACE_SIDE {
+        normal = wall_normal(cell, wall);
+    }
     for (var n = 0; n < 256; n++) {
-        let texel = word(u32(i32(strip) + row - first));
-        if ((texel >> 24u) & 3u) != 0u {
-            var normal = vec3<f32>(0.0, 0.0, 1.0);
-            if face == FACE_BOTTOM {
-                normal = vec3<f32>(0.0, 0.0, -1.0);
-            } else if face == FACE_SIDE {
-                normal = wall_normal(cell, wall);
-            }
-            gather(s, texel, normal, flags);
+        if rows {
+            texel = word(u32(i32(strip) + row - first));
         }
-        if gathered.left <= OPAQUE || (flags & HOLES) == 0u {
+        gather(s, texel, normal, flags);
+        if !rows || gathered.left <= OPAQUE || (flags & HOLES) == 0u {
             return;
         }
-        let up = ray.d.z > 0.0;
         s = (f32(row + select(0, 1, up)) * codes - ray.o.z) / ray.d.z;
-        face = select(FACE_TOP, FACE_BOTTOM, up);
+        normal = vec3<f32>(0.0, 0.0, select(1.0, -1.0, up));
         row += select(-1, 1, up);
         if s > span.e || row < row_low || row > row_high {
             return;
@@ -276,16 +287,22 @@ fn face_normal(cell: vec2<i32>) -> vec3<f32> {
 fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
     let alpha = f32((texel >> 24u) & 3u) / 3.0;
     let before = gathered.left;
+    let share = before * alpha;
     gathered.left *= 1.0 - alpha;
     if leg.to_sun {
         return;
     }
-    let lit = through_haze(shade(texel, normal, flags, nodes[ray.index].level), leg.dir, t);
-    gathered.sky += lit.sky * (alpha * before);
-    gathered.sun += lit.sun * (alpha * before);
-    if before > 0.5 && gathered.left <= 0.5 {
-        gathered.distance = t;
-        gathered.node = ray.index;
-        gathered.sun_from = leg.dir * t + normal * (nodes[ray.index].cell_m * SUN_LIFT_CELLS);
+    gathered.albedo += linear_of(texel) * share;
+    gathered.ao += f32(texel >> 26u) / 63.0 * share;
+    gathered.normal += normal * share;
+    gathered.mean_m += t * share;
+    if share > 0.0 && before > 0.5 {
+        gathered.flags = flags;
+        gathered.level = nodes[ray.index].level;
+        if gathered.left <= 0.5 {
+            gathered.distance = t;
+            gathered.node = ray.index;
+            gathered.sun_from = leg.dir * t + normal * (nodes[ray.index].cell_m * SUN_LIFT_CELLS);
+        }
     }
 }

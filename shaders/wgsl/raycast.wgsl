@@ -101,8 +101,12 @@ struct Leg {
 }
 
 struct Gathered {
-    sky: vec3<f32>,
-    sun: vec3<f32>,
+    albedo: vec3<f32>,
+    ao: f32,
+    normal: vec3<f32>,
+    mean_m: f32,
+    flags: u32,
+    level: u32,
     left: f32,
     distance: f32,
     node: u32,
@@ -216,10 +220,11 @@ struct Traced {
 fn trace(dir: vec3<f32>) -> Traced {
     let never = bitcast<f32>(infinity_bits());
     var seen = Gathered();
+    var lit = Lit();
     var sun_seen = 1.0;
     leg = Leg(vec3<f32>(0.0), dir, never, 0.0, false);
     loop {
-        gathered = Gathered(vec3<f32>(0.0), vec3<f32>(0.0), 1.0, never, NO_NODE, vec3<f32>(0.0));
+        gathered = Gathered(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0, 0u, 0u, 1.0, never, NO_NODE, vec3<f32>(0.0));
         if frame.levels != 0u {
             walk_grid();
         }
@@ -229,21 +234,33 @@ fn trace(dir: vec3<f32>) -> Traced {
         }
         seen = gathered;
         var eye_m = seen.distance;
+        lit = light_of(seen, dir);
         if seen.left > OPAQUE {
             let behind = background(dir);
-            seen.sky += behind.sky * seen.left;
-            seen.sun += behind.sun * seen.left;
+            lit = Lit(lit.sky + behind.sky * seen.left, lit.sun + behind.sun * seen.left);
             if seen.left > 0.5 {
                 eye_m = ground_distance(dir);
                 seen.sun_from = dir * eye_m + vec3<f32>(0.0, 0.0, SUN_LIFT_M);
             }
         }
-        if frame.shadow_m <= 0.0 || all(seen.sun <= vec3<f32>(0.0)) || eye_m >= NEVER_M {
+        if frame.shadow_m <= 0.0 || all(lit.sun <= vec3<f32>(0.0)) || eye_m >= NEVER_M {
             break;
         }
         leg = Leg(seen.sun_from, frame.sun, frame.shadow_m, eye_m, true);
     }
-    return Traced(develop(seen.sky + seen.sun * sun_seen), seen.distance, seen.node);
+    return Traced(develop(lit.sky + lit.sun * sun_seen), seen.distance, seen.node);
+}
+
+// The twin's Gathered::light.
+fn light_of(seen: Gathered, dir: vec3<f32>) -> Lit {
+    let share = 1.0 - seen.left;
+    if share <= 0.0 {
+        return Lit(vec3<f32>(0.0), vec3<f32>(0.0));
+    }
+    let length_squared = dot(seen.normal, seen.normal);
+    let normal = select(-dir, seen.normal * inverseSqrt(length_squared), length_squared > 1e-12);
+    let lit = through_haze(shade(seen.albedo / share, seen.ao / share, normal, seen.flags, seen.level), dir, seen.mean_m / share);
+    return Lit(lit.sky * share, lit.sun * share);
 }
 
 // Infinity is no constant of WGSL: made from bits that the compiler cannot fold.

@@ -56,9 +56,7 @@ fn plain(sky: vec3<f32>) -> Lit {
     return Lit(sky, vec3<f32>(0.0));
 }
 
-fn shade(texel: u32, n: vec3<f32>, flags: u32, level: u32) -> Lit {
-    let albedo = linear_of(texel);
-    let ao = f32(texel >> 26u) / 63.0;
+fn shade(albedo: vec3<f32>, ao: f32, n: vec3<f32>, flags: u32, level: u32) -> Lit {
     let debug = (0.35 + 0.65 * ao) * (0.7 + 0.3 * max(dot(n, frame.sun), 0.0));
     switch frame.shading {
         case 1u: { return plain(albedo); }

@@ -6,7 +6,7 @@
 
 use super::{
     raycast::{Gathered, NodeRay, OPAQUE, SUN_LIFT_CELLS, SceneRef, ahead},
-    shade::{Surface, shade, through_haze},
+    shade::linear_of,
 };
 use crate::{
     layout::PAGE_WORDS,
@@ -218,52 +218,50 @@ fn hit_solid(
     let Column { cell, i, walk, attributes, .. } = *column;
     let flags = (walk >> 24) as u8;
     let roof_normal = Vec3::from(octahedral::decode(attributes as u16));
+    let flat_normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { Vec3::Z };
+    let (mut texel, mut normal) = (0, flat_normal);
+    let mut rows = false;
     if solid == Solid::Outer {
-        let texel = word(scene, gathered, 0, column.strip + 1) | 3 << 24;
-        let normal = match span.face {
-            Face::Top => Vec3::Z,
-            Face::Bottom => Vec3::NEG_Z,
-            Face::Side => face_normal(ray, cell),
-        };
-        return gather(scene, ray, span.s, texel, normal, flags, gathered);
-    }
-    if solid == Solid::Upper && span.face == Face::Top {
-        let texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
-        return gather(scene, ray, span.s, texel, roof_normal, flags, gathered);
-    }
-    if flags & flag::EXPOSED == 0 {
-        if span.face == Face::Side
-            && let Some((texel, normal)) = beside(scene, ray, cell, span.s, gathered)
-        {
-            return gather(scene, ray, span.s, texel, normal, flags, gathered);
+        texel = word(scene, gathered, 0, column.strip + 1) | 3 << 24;
+        if span.face == Face::Side {
+            normal = face_normal(ray, cell);
         }
-        let texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
-        let normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
-        let normal = if normal.dot(ray.leg.dir) < 0.0 { normal } else { face_normal(ray, cell) };
-        return gather(scene, ray, span.s, texel, normal, flags, gathered);
+    } else if solid == Solid::Upper && span.face == Face::Top {
+        texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
+        normal = roof_normal;
+    } else if flags & flag::EXPOSED != 0 {
+        rows = true;
+    } else if span.face == Face::Side
+        && let Some(wall) = beside(scene, ray, cell, span.s, gathered)
+    {
+        (texel, normal) = wall;
+    } else {
+        texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
+        normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
+        if normal.dot(ray.leg.dir) >= 0.0 {
+            normal = face_normal(ray, cell);
+        }
     }
     let strip = (column.strip + head_words(flags)) as u32;
     let codes = (16 >> ray.node.z_shift) as f32;
     let first = ((walk >> 12 & 0xfff) as f32 / codes).floor() as i32;
     let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
     let mut row = (((ray.o.z + ray.d.z * span.s) / codes).floor() as i32).clamp(row_low, row_high);
-    let (mut s, mut face) = (span.s, span.face);
+    let up = ray.d.z > 0.0;
+    let mut s = span.s;
+    if rows && span.face == Face::Side {
+        normal = wall_normal(ray, cell, wall);
+    }
     for _ in 0..256 {
-        let texel = word(scene, gathered, 0, (strip as i32 + row - first) as usize);
-        if texel >> 24 & 3 != 0 {
-            let normal = match face {
-                Face::Top => Vec3::Z,
-                Face::Bottom => Vec3::NEG_Z,
-                Face::Side => wall_normal(ray, cell, wall),
-            };
-            gather(scene, ray, s, texel, normal, flags, gathered);
+        if rows {
+            texel = word(scene, gathered, 0, (strip as i32 + row - first) as usize);
         }
-        if gathered.left <= OPAQUE || flags & flag::HOLES == 0 {
+        gather(ray, s, texel, normal, flags, gathered);
+        if !rows || gathered.left <= OPAQUE || flags & flag::HOLES == 0 {
             return;
         }
-        let up = ray.d.z > 0.0;
         s = ((row + i32::from(up)) as f32 * codes - ray.o.z) / ray.d.z;
-        face = if up { Face::Bottom } else { Face::Top };
+        normal = if up { Vec3::NEG_Z } else { Vec3::Z };
         row += if up { 1 } else { -1 };
         if s > span.e || row < row_low || row > row_high {
             return;
@@ -316,28 +314,24 @@ fn face_normal(ray: &NodeRay<'_>, cell: IVec2) -> Vec3 {
     if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
 }
 
-fn gather(
-    scene: &SceneRef<'_>,
-    ray: &NodeRay<'_>,
-    t: f32,
-    texel: u32,
-    normal: Vec3,
-    flags: u8,
-    gathered: &mut Gathered,
-) {
+/// Adds what of a texel is seen to what was seen before it. It is lit once, when all is there.
+fn gather(ray: &NodeRay<'_>, t: f32, texel: u32, normal: Vec3, flags: u8, gathered: &mut Gathered) {
     let alpha = (texel >> 24 & 3) as f32 / 3.0;
-    let before = gathered.left;
+    let (before, share) = (gathered.left, gathered.left * alpha);
     gathered.left *= 1.0 - alpha;
     if ray.leg.to_sun {
         return;
     }
-    let surface = Surface { texel, normal, flags: u32::from(flags), level: ray.node.level };
-    let lit = through_haze(scene.frame, shade(scene.frame, &surface), ray.leg.dir, t);
-    gathered.sky += lit.sky * (alpha * before);
-    gathered.sun += lit.sun * (alpha * before);
-    if before > 0.5 && gathered.left <= 0.5 {
-        gathered.distance_m = t;
-        gathered.node = ray.index;
-        gathered.sun_from = ray.leg.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS);
+    gathered.albedo += linear_of(texel) * share;
+    gathered.ao += (texel >> 26) as f32 / 63.0 * share;
+    gathered.normal += normal * share;
+    gathered.mean_m += t * share;
+    if share > 0.0 && before > 0.5 {
+        (gathered.flags, gathered.level) = (u32::from(flags), ray.node.level);
+        if gathered.left <= 0.5 {
+            gathered.distance_m = t;
+            gathered.node = ray.index;
+            gathered.sun_from = ray.leg.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS);
+        }
     }
 }

@@ -9,7 +9,7 @@
 
 use super::{
     column::column,
-    shade::{background, develop, encode_srgb, ground_distance},
+    shade::{Lit, Surface, background, develop, encode_srgb, ground_distance, shade, through_haze},
 };
 use crate::{
     grid::Z_TOP,
@@ -100,9 +100,15 @@ pub(super) struct Leg {
 
 /// What a ray gathered on its way.
 pub(super) struct Gathered {
-    pub(super) sky: Vec3,
-    /// The sun's light, if nothing is between.
-    pub(super) sun: Vec3,
+    /// Sums over what was passed, by the share that is seen of it.
+    pub(super) albedo: Vec3,
+    pub(super) ao: f32,
+    pub(super) normal: Vec3,
+    pub(super) mean_m: f32,
+    /// Of the last that most of the light came to.
+    pub(super) flags: u32,
+    pub(super) level: u32,
+    /// Share that is still to be seen.
     pub(super) left: f32,
     pub(super) distance_m: f32,
     pub(super) node: u32,
@@ -189,8 +195,12 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3) -> (Vec3, Gathered) {
     let frame = scene.frame;
     let counts = Counts { rays: 1, ..Counts::default() };
     let nothing = Gathered {
-        sky: Vec3::ZERO,
-        sun: Vec3::ZERO,
+        albedo: Vec3::ZERO,
+        ao: 0.0,
+        normal: Vec3::ZERO,
+        mean_m: 0.0,
+        flags: 0,
+        level: 0,
         left: 1.0,
         distance_m: f32::INFINITY,
         node: NO_NODE,
@@ -200,10 +210,10 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3) -> (Vec3, Gathered) {
     let mut gathered = Gathered { ..nothing };
     walk_grid(scene, &Leg { from: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false }, &mut gathered);
     let mut eye_m = gathered.distance_m;
+    let mut lit = gathered.light(frame, dir);
     if gathered.left > OPAQUE {
         let behind = background(frame, dir);
-        gathered.sky += behind.sky * gathered.left;
-        gathered.sun += behind.sun * gathered.left;
+        lit = Lit { sky: lit.sky + behind.sky * gathered.left, sun: lit.sun + behind.sun * gathered.left };
         if gathered.left > 0.5 {
             eye_m = ground_distance(frame, dir);
             gathered.sun_from = dir * eye_m + Vec3::Z * SUN_LIFT_M;
@@ -211,14 +221,33 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3) -> (Vec3, Gathered) {
     }
     let mut seen = 1.0;
     // What is thin before the sky has nowhere to ask from.
-    if frame.shadow_m > 0.0 && gathered.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
+    if frame.shadow_m > 0.0 && lit.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
         let mut on_the_way = Gathered { counts: gathered.counts, ..nothing };
         let (from, dir) = (gathered.sun_from, Vec3::from(frame.sun));
         walk_grid(scene, &Leg { from, dir, reach_m: frame.shadow_m, eye_m, to_sun: true }, &mut on_the_way);
         gathered.counts = on_the_way.counts;
         seen = if on_the_way.left > OPAQUE { on_the_way.left } else { 0.0 };
     }
-    (develop(frame, gathered.sky + gathered.sun * seen), gathered)
+    (develop(frame, lit.sky + lit.sun * seen), gathered)
+}
+
+impl Gathered {
+    /// Light of all that was passed, as if it were one surface.
+    fn light(&self, frame: &Frame, dir: Vec3) -> Lit {
+        let share = 1.0 - self.left;
+        if share <= 0.0 {
+            return Lit { sky: Vec3::ZERO, sun: Vec3::ZERO };
+        }
+        let surface = Surface {
+            albedo: self.albedo / share,
+            ao: self.ao / share,
+            normal: self.normal.normalize_or(-dir),
+            flags: self.flags,
+            level: self.level,
+        };
+        let lit = through_haze(frame, shade(frame, &surface), dir, self.mean_m / share);
+        Lit { sky: lit.sky * share, sun: lit.sun * share }
+    }
 }
 
 /// In finest squares around the camera's, whose edges are whole numbers.

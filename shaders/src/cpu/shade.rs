@@ -28,11 +28,13 @@ const DISC: f32 = 40.0;
 /// The red, green and blue of brightness (Rec. 709).
 const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
-/// What a ray met.
+/// What a ray met: a texel, or the mean of those that it passed.
 #[derive(Debug, Clone, Copy)]
 pub struct Surface {
-    /// Bits of a [`insula_protocol::Texel`].
-    pub texel: u32,
+    /// Linear RGB.
+    pub albedo: Vec3,
+    /// Share of the sky that is seen.
+    pub ao: f32,
     /// Unit normal, towards the viewer.
     pub normal: Vec3,
     /// The column's flags.
@@ -78,9 +80,7 @@ impl Lit {
 
 /// Light of a surface under the frame's shading, not yet through haze.
 pub fn shade(frame: &Frame, surface: &Surface) -> Lit {
-    let albedo = linear_of(surface.texel);
-    let ao = (surface.texel >> 26) as f32 / 63.0;
-    let n = surface.normal;
+    let Surface { albedo, ao, normal: n, .. } = *surface;
     let debug = |tint: Vec3| tint * (0.35 + 0.65 * ao) * (0.7 + 0.3 * n.dot(Vec3::from(frame.sun)).max(0.0));
     match frame.shading {
         s if s == Shading::Albedo as u32 => Lit::plain(albedo),
