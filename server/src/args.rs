@@ -43,6 +43,61 @@ pub enum Command {
         after_help = "Example:\n  insula-server verify cities/delft\n\nPrints the bad tiles, one a line, and exits with 1 if there are any."
     )]
     Verify(VerifyArgs),
+    /// Make a mesh file small
+    #[command(
+        after_help = "Example:\n  insula-server compress bunny.ply bunny.insm --bits 12\n\nReads PLY, OFF and OBJ. Vertices at the same place become one, polygons become triangles; what corners carry comes with\nthem. Places are rounded to a grid of 2^BITS points along the longest side; nothing else is lost, and what has to be mended\nis counted."
+    )]
+    Compress(CompressArgs),
+    /// Make a mesh file of what `compress` wrote
+    #[command(
+        after_help = "Example:\n  insula-server decompress bunny.insm bunny.ply\n\nWrites PLY, OFF or OBJ, by the name."
+    )]
+    Decompress(DecompressArgs),
+    /// Make a mesh of fewer triangles
+    #[command(
+        after_help = "Example:\n  insula-server simplify skull.obj skull_small.obj --ratio 0.1\n  insula-server simplify town.obj town_small.obj --error 0.5\n\nReads and writes PLY, OFF and OBJ, by the names. Small parts leave as a whole once that is the cheapest thing to do."
+    )]
+    Simplify(SimplifyArgs),
+}
+
+/// `compress`.
+#[derive(Debug, clap::Args)]
+pub struct CompressArgs {
+    /// PLY, OFF or OBJ file
+    pub input: PathBuf,
+    /// File to write
+    pub output: PathBuf,
+    /// Bits of a coordinate, 8 to 16
+    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
+    pub bits: u8,
+    /// Bits of a texture coordinate, 8 to 16
+    #[arg(long, value_name = "BITS", default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
+    pub texcoord_bits: u8,
+}
+
+/// `decompress`.
+#[derive(Debug, clap::Args)]
+pub struct DecompressArgs {
+    /// File that `compress` wrote
+    pub input: PathBuf,
+    /// PLY, OFF or OBJ file to write
+    pub output: PathBuf,
+}
+
+/// `simplify`.
+#[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("goal").required(true))]
+pub struct SimplifyArgs {
+    /// PLY, OFF or OBJ file
+    pub input: PathBuf,
+    /// PLY, OFF or OBJ file to write
+    pub output: PathBuf,
+    /// Share of the triangles to keep, above 0 and up to 1
+    #[arg(long, value_name = "R", group = "goal", value_parser = ratio)]
+    pub ratio: Option<f64>,
+    /// Largest error, in the file's own units
+    #[arg(long, value_name = "M", group = "goal", value_parser = error)]
+    pub error: Option<f64>,
 }
 
 /// `bake`.
@@ -162,6 +217,20 @@ pub struct VerifyArgs {
     pub city: PathBuf,
 }
 
+fn ratio(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(ratio) if ratio > 0.0 && ratio <= 1.0 => Ok(ratio),
+        _ => Err("a share above 0 and up to 1 is wanted, as in 0.1".into()),
+    }
+}
+
+fn error(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(error) if error >= 0.0 && error.is_finite() => Ok(error),
+        _ => Err("a length of at least 0 is wanted, as in 0.5".into()),
+    }
+}
+
 fn cell(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(cell) if (0.01..=1000.0).contains(&cell) => Ok(cell),
@@ -238,6 +307,8 @@ mod tests {
         assert!(parse("insula-server bake a --out c --update --memory 600MiB").is_ok());
         assert!(parse("insula-server serve a b --listen localhost:0 --config c.json").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
+        assert!(parse("insula-server compress a.ply b --bits 16").is_ok());
+        assert!(parse("insula-server simplify a.ply b.obj --error 0.5").is_ok());
         for wrong in [
             "insula-server",
             "insula-server bake a",
@@ -258,6 +329,13 @@ mod tests {
             "insula-server inspect a --tile 1/1/0",
             "insula-server inspect a --png p",
             "insula-server verify",
+            "insula-server compress a.ply",
+            "insula-server compress a.ply b --bits 17",
+            "insula-server decompress a",
+            "insula-server simplify a.ply b.ply",
+            "insula-server simplify a.ply b.ply --ratio 0",
+            "insula-server simplify a.ply b.ply --ratio 0.5 --error 1",
+            "insula-server simplify a.ply b.ply --error -1",
             "insula-server dance",
         ] {
             assert_eq!(parse(wrong).err(), Some(2), "{wrong}");

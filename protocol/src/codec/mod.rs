@@ -5,3 +5,8 @@ pub mod range;
 pub mod rans;
 pub mod varint;
 pub mod zstd;
+
+/// CRC-32 (of IEEE 802.3), as tiles and mesh files carry it.
+pub fn checksum(bytes: &[u8]) -> u32 {
+    crc32fast::hash(bytes)
+}

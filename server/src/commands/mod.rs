@@ -5,6 +5,7 @@
 mod bake;
 mod census;
 mod inspect;
+mod mesh;
 mod serve;
 mod tile_picture;
 mod verify;
@@ -69,6 +70,14 @@ pub enum CommandError {
         /// How many.
         faults: usize,
     },
+    /// A file is no mesh that can be used.
+    #[error("{}: {reason}", path.display())]
+    Mesh {
+        /// Which.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
     /// The bake failed.
     #[error("{0}")]
     Bake(String),
@@ -91,6 +100,9 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         Command::Serve(args) => serve::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Compress(args) => mesh::compress(&args),
+        Command::Decompress(args) => mesh::decompress(&args),
+        Command::Simplify(args) => mesh::simplify(&args),
     }
 }
 

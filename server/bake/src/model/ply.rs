@@ -1,0 +1,284 @@
+//! PLY: a header that describes elements, then their values as text or in binary.
+//!
+//! In: bytes. Out: a [`Model`], and back. Next: `model`.
+//!
+//! Of vertices x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha) are
+//! read, of faces the list of their corners; what else is described is passed over.
+
+use super::{Layer, Model, ModelError, fan, limit};
+use insula_protocol::mesh::Kind;
+use std::collections::HashMap;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Number {
+    fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// From as many bytes as it has, the low one first.
+    fn value(self, bytes: [u8; 8]) -> f64 {
+        let [a, b, c, d, ..] = bytes;
+        match self {
+            Self::I8 => (a as i8).into(),
+            Self::U8 => a.into(),
+            Self::I16 => i16::from_le_bytes([a, b]).into(),
+            Self::U16 => u16::from_le_bytes([a, b]).into(),
+            Self::I32 => i32::from_le_bytes([a, b, c, d]).into(),
+            Self::U32 => u32::from_le_bytes([a, b, c, d]).into(),
+            Self::F32 => f32::from_le_bytes([a, b, c, d]).into(),
+            Self::F64 => f64::from_le_bytes(bytes),
+        }
+    }
+}
+
+struct Property {
+    name: String,
+    /// Of a list's length.
+    length: Option<Number>,
+    number: Number,
+}
+
+struct Element {
+    name: String,
+    count: usize,
+    properties: Vec<Property>,
+}
+
+enum Encoding {
+    Text,
+    Little,
+    Big,
+}
+
+/// Values one after the other.
+struct Values<'a> {
+    rest: &'a [u8],
+    encoding: Encoding,
+}
+
+impl Values<'_> {
+    fn next(&mut self, number: Number) -> Result<f64, ModelError> {
+        const SHORT: ModelError = ModelError::Whole("a PLY file ends before all that it announces");
+        if let Encoding::Text = self.encoding {
+            let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace()).ok_or(SHORT)?;
+            let word = &self.rest[start..];
+            let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
+            self.rest = &word[end..];
+            let word = std::str::from_utf8(&word[..end]).ok().and_then(|word| word.parse().ok());
+            return word.ok_or(ModelError::Whole("a value of a PLY file is no number"));
+        }
+        let (head, rest) = self.rest.split_at_checked(number.bytes()).ok_or(SHORT)?;
+        self.rest = rest;
+        let mut bytes = [0; 8];
+        bytes[..head.len()].copy_from_slice(head);
+        if let Encoding::Big = self.encoding {
+            bytes[..head.len()].reverse();
+        }
+        Ok(number.value(bytes))
+    }
+}
+
+pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
+    let (elements, mut values) = header(bytes)?;
+    let mut model = Model::default();
+    for element in &elements {
+        limit(element.count)?;
+        match element.name.as_str() {
+            "vertex" => vertices(&mut model, element, &mut values)?,
+            _ => faces(&mut model, element, &mut values)?,
+        }
+    }
+    let corners: Vec<u32> = model.triangles.as_flattened().to_vec();
+    model.layers.iter_mut().for_each(|layer| layer.corners.clone_from(&corners));
+    Ok(model)
+}
+
+fn header(bytes: &[u8]) -> Result<(Vec<Element>, Values<'_>), ModelError> {
+    let mut elements: Vec<Element> = Vec::new();
+    let mut encoding = None;
+    let mut rest = bytes;
+    for at in 1..10_000 {
+        let error = |what| ModelError::Line { what, line: at, format: "PLY" };
+        let end = rest.iter().position(|byte| *byte == b'\n').ok_or(error("no end of the header"))?;
+        let line = std::str::from_utf8(&rest[..end]).map_err(|_| error("no text"))?;
+        rest = &rest[end + 1..];
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let number = |name: &str| Number::named(name).ok_or(error("an unknown type"));
+        match words[..] {
+            ["ply"] if at == 1 => {}
+            _ if at == 1 => return Err(error("no ply")),
+            ["format", "ascii", _] => encoding = Some(Encoding::Text),
+            ["format", "binary_little_endian", _] => encoding = Some(Encoding::Little),
+            ["format", "binary_big_endian", _] => encoding = Some(Encoding::Big),
+            ["element", name, count] => {
+                let count = count.parse().map_err(|_| error("no count"))?;
+                elements.push(Element { name: name.into(), count, properties: Vec::new() });
+            }
+            ["property", "list", length, item, name] => {
+                let property = Property { name: name.into(), length: Some(number(length)?), number: number(item)? };
+                elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
+            }
+            ["property", item, name] => {
+                let property = Property { name: name.into(), length: None, number: number(item)? };
+                elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
+            }
+            ["end_header"] => {
+                let encoding = encoding.ok_or(error("no format"))?;
+                return Ok((elements, Values { rest, encoding }));
+            }
+            _ => {}
+        }
+    }
+    Err(ModelError::Whole("a PLY file's header has no end"))
+}
+
+/// Names of a vertex's numbers that make a layer.
+const LAYERS: [(Kind, &[&str]); 5] = [
+    (Kind::TexCoord, &["u", "v"]),
+    (Kind::TexCoord, &["s", "t"]),
+    (Kind::Normal, &["nx", "ny", "nz"]),
+    (Kind::Colour, &["red", "green", "blue", "alpha"]),
+    (Kind::Colour, &["red", "green", "blue"]),
+];
+
+fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+    let places: HashMap<&str, usize> = element.properties.iter().zip(0..).map(|(p, i)| (p.name.as_str(), i)).collect();
+    let place = |names: &[&str]| names.iter().map(|name| places.get(name).copied()).collect::<Option<Vec<usize>>>();
+    let Some(xyz) = place(&["x", "y", "z"]) else {
+        return Err(ModelError::Whole("a PLY file's vertices have no x, y, z"));
+    };
+    let mut layers: Vec<(Kind, Vec<usize>)> = Vec::new();
+    for (kind, names) in LAYERS {
+        if let Some(place) = place(names)
+            && layers.iter().all(|(other, _)| *other != kind)
+        {
+            layers.push((kind, place));
+        }
+    }
+    for (kind, place) in &layers {
+        model.layers.push(Layer { kind: *kind, width: place.len(), values: Vec::new(), corners: Vec::new() });
+    }
+    let mut row = vec![0.0; element.properties.len()];
+    for _ in 0..element.count {
+        for (property, value) in element.properties.iter().zip(&mut row) {
+            *value = skip_list(property, values)?;
+        }
+        model.positions.push(std::array::from_fn(|k| row[xyz[k]]));
+        for ((kind, place), layer) in layers.iter().zip(&mut model.layers) {
+            // Colours are bytes in nearly all files.
+            let is_byte = element.properties[place[0]].number == Number::U8;
+            let scale = if *kind == Kind::Colour && is_byte { 255.0 } else { 1.0 };
+            layer.values.push(std::array::from_fn(|k| place.get(k).map_or(0.0, |place| (row[*place] / scale) as f32)));
+        }
+    }
+    Ok(())
+}
+
+/// A number, or 0 for a list, which is passed over.
+fn skip_list(property: &Property, values: &mut Values<'_>) -> Result<f64, ModelError> {
+    let Some(length) = property.length else { return values.next(property.number) };
+    for _ in 0..values.next(length)? as usize {
+        values.next(property.number)?;
+    }
+    Ok(0.0)
+}
+
+fn faces(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+    let mut polygon = Vec::new();
+    for _ in 0..element.count {
+        for property in &element.properties {
+            let is_corners = matches!(property.name.as_str(), "vertex_indices" | "vertex_index");
+            match property.length {
+                Some(length) if element.name == "face" && is_corners => {
+                    let count = values.next(length)? as usize;
+                    polygon.clear();
+                    for _ in 0..count {
+                        polygon.push(values.next(property.number)? as u32);
+                    }
+                    fan(&polygon, |triangle| model.triangles.push(triangle));
+                    limit(model.triangles.len())?;
+                }
+                _ => drop(skip_list(property, values)?),
+            }
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn write(model: &Model) -> Vec<u8> {
+    // A vertex has one value of each layer: one with several is written several times.
+    let mut numbers: HashMap<Vec<u32>, u32> = HashMap::new();
+    let mut rows: Vec<Vec<u32>> = Vec::new();
+    let mut row = |row: Vec<u32>| {
+        *numbers.entry(row.clone()).or_insert_with(|| {
+            rows.push(row);
+            rows.len() as u32 - 1
+        })
+    };
+    let own: Vec<u32> = if model.layers.is_empty() {
+        for vertex in 0..model.positions.len() as u32 {
+            row(vec![vertex]);
+        }
+        model.triangles.as_flattened().to_vec()
+    } else {
+        let corner = |(i, vertex): (usize, &u32)| {
+            row([*vertex].into_iter().chain(model.layers.iter().map(|layer| layer.corners[i])).collect())
+        };
+        model.triangles.as_flattened().iter().enumerate().map(corner).collect()
+    };
+    let mut head = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", rows.len());
+    for axis in ["x", "y", "z"] {
+        head += &format!("property double {axis}\n");
+    }
+    for layer in &model.layers {
+        let found = LAYERS.iter().find(|(kind, names)| *kind == layer.kind && names.len() == layer.width);
+        for name in found.iter().flat_map(|(_, names)| *names) {
+            head += &format!("property float {name}\n");
+        }
+    }
+    head += &format!("element face {}\nproperty list uchar uint vertex_indices\nend_header\n", own.len() / 3);
+    let mut out = head.into_bytes();
+    for row in &rows {
+        model.positions[row[0] as usize].iter().for_each(|v| out.extend(v.to_le_bytes()));
+        for (layer, value) in model.layers.iter().zip(&row[1..]) {
+            if LAYERS.iter().any(|(kind, names)| *kind == layer.kind && names.len() == layer.width) {
+                layer.values[*value as usize][..layer.width].iter().for_each(|v| out.extend(v.to_le_bytes()));
+            }
+        }
+    }
+    for triangle in own.chunks(3) {
+        out.push(3);
+        triangle.iter().for_each(|vertex| out.extend(vertex.to_le_bytes()));
+    }
+    out
+}

@@ -1,0 +1,167 @@
+//! What simplification keeps, and that it reaches what is asked for.
+
+use super::*;
+
+/// A sphere of quads cut in two, `n` around.
+fn sphere(n: u32) -> Model {
+    let mut model = Model::default();
+    let at = |i: u32, j: u32| {
+        let (a, b) =
+            (f64::from(i) / f64::from(n) * std::f64::consts::TAU, f64::from(j) / f64::from(n) * std::f64::consts::PI);
+        [10.0 * b.sin() * a.cos(), 10.0 * b.sin() * a.sin(), 10.0 * b.cos()]
+    };
+    model.positions.push([0.0, 0.0, 10.0]);
+    for j in 1..n {
+        model.positions.extend((0..n).map(|i| at(i, j)));
+    }
+    model.positions.push([0.0, 0.0, -10.0]);
+    let last = model.positions.len() as u32 - 1;
+    let number = |i: u32, j: u32| 1 + (j - 1) * n + i % n;
+    for i in 0..n {
+        model.triangles.push([0, number(i, 1), number(i + 1, 1)]);
+        model.triangles.push([last, number(i + 1, n - 1), number(i, n - 1)]);
+        for j in 1..n - 1 {
+            let [a, b, c, d] = [number(i, j), number(i, j + 1), number(i + 1, j + 1), number(i + 1, j)];
+            model.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    model
+}
+
+/// An open sheet of `n` x `n` quads with a hill, and texture coordinates that jump in its middle.
+fn sheet(n: u32) -> Model {
+    let mut model = Model::default();
+    let mut layer = Layer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
+    for i in 0..=n {
+        for j in 0..=n {
+            let (x, y) = (f64::from(i), f64::from(j));
+            let half = f64::from(n) / 2.0;
+            model.positions.push([x, y, (-(x - half).powi(2) / half - (y - half).powi(2) / half).exp() * half]);
+        }
+    }
+    for i in 0..n {
+        for j in 0..n {
+            let at = |i: u32, j: u32| i * (n + 1) + j;
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            for triangle in [[a, b, c], [a, c, d]] {
+                model.triangles.push(triangle);
+                for vertex in triangle {
+                    let [x, y, _] = model.positions[vertex as usize];
+                    let jump = if i >= n / 2 { 100.0 } else { 0.0 };
+                    layer.values.push([x as f32 + jump, y as f32, 0.0, 0.0]);
+                    layer.corners.push(layer.values.len() as u32 - 1);
+                }
+            }
+        }
+    }
+    model.layers.push(layer);
+    model
+}
+
+fn sound(model: &Model) -> Pieces {
+    let pieces = Pieces::new(&model.triangles, model.positions.len() as u32);
+    assert!(pieces.is_sound());
+    let Census { degenerate, duplicate, unused, .. } = pieces.census;
+    assert_eq!([degenerate, duplicate, unused], [0; 3]);
+    pieces
+}
+
+const ANY: f64 = f64::INFINITY;
+
+#[test]
+fn a_sphere_stays_a_sphere() {
+    let model = sphere(64);
+    for share in [2, 10, 50] {
+        let goal = model.triangles.len() / share;
+        let out = simplify(&model, Goal { triangles: goal, error: ANY }, |_| false);
+        let pieces = sound(&out.model);
+        assert!(out.model.triangles.len().abs_diff(goal) <= 1, "{} of {goal}", out.model.triangles.len());
+        assert_eq!((pieces.euler(), pieces.census.borders, pieces.census.pieces), (2, 0, 1));
+        let off = out.model.positions.iter().map(|p| (DVec3::from(*p).length() - 10.0).abs()).fold(0.0, f64::max);
+        assert!(off < 0.3 && out.error > 0.0 && out.error < 0.6, "{share}: {off}, {}", out.error);
+    }
+}
+
+#[test]
+fn an_error_is_kept() {
+    let model = sphere(64);
+    let mut before = model.triangles.len();
+    for error in [0.01, 0.05, 0.2] {
+        let out = simplify(&model, Goal { triangles: 0, error }, |_| false);
+        assert!(out.error <= error && out.model.triangles.len() < before);
+        before = out.model.triangles.len();
+    }
+}
+
+#[test]
+fn borders_and_seams_stay_where_they_are() {
+    let n = 24;
+    let model = sheet(n);
+    let out = simplify(&model, Goal { triangles: model.triangles.len() / 10, error: ANY }, |_| false);
+    let pieces = sound(&out.model);
+    assert_eq!((pieces.euler(), pieces.census.borders), (1, 1));
+    assert!(out.model.triangles.len() <= model.triangles.len() / 10);
+    // The border is a square at height nearly 0, and the seam runs along its middle.
+    let side = f64::from(n);
+    for &h in pieces.borders().iter().flatten() {
+        let [x, y, _] = out.model.positions[pieces.vertex[pieces.origin[h as usize] as usize] as usize];
+        let off = [x, y, side - x, side - y].map(f64::abs).into_iter().fold(ANY, f64::min);
+        assert!(off < 0.05, "{off}");
+    }
+    let layer = &out.model.layers[0];
+    for (corner, vertex) in out.model.triangles.as_flattened().iter().enumerate() {
+        let [x, y, _] = out.model.positions[*vertex as usize];
+        let [u, v, ..] = layer.values[layer.corners[corner] as usize].map(f64::from);
+        let u = if u > 60.0 { u - 100.0 } else { u };
+        assert!((u - x).abs() < 0.8 && (v - y).abs() < 0.8, "{u} {v} at {x} {y}");
+    }
+}
+
+#[test]
+fn locked_vertices_stay() {
+    let model = sheet(16);
+    let rim = |vertex: u32| {
+        let [x, y, _] = model.positions[vertex as usize];
+        [x, y].iter().any(|v| *v == 0.0 || *v == 16.0)
+    };
+    let out = simplify(&model, Goal { triangles: 1, error: ANY }, rim);
+    sound(&out.model);
+    for vertex in (0..model.positions.len() as u32).filter(|vertex| rim(*vertex)) {
+        assert!(out.model.positions.contains(&model.positions[vertex as usize]));
+    }
+}
+
+#[test]
+fn a_town_of_boxes_gets_as_small_as_asked() {
+    const SIDES: [[u32; 3]; 12] = [
+        [0, 1, 5],
+        [0, 5, 4],
+        [1, 3, 7],
+        [1, 7, 5],
+        [3, 2, 6],
+        [3, 6, 7],
+        [2, 0, 4],
+        [2, 4, 6],
+        [4, 5, 7],
+        [4, 7, 6],
+        [0, 3, 1],
+        [0, 2, 3],
+    ];
+    let mut model = Model::default();
+    for i in 0..200u32 {
+        let first = model.positions.len() as u32;
+        let (x, y, side) = (f64::from(i % 20) * 50.0, f64::from(i / 20) * 50.0, 1.0 + f64::from(i * 7 % 40));
+        let corner = |k: u32| [x + f64::from(k & 1) * side, y + f64::from(k >> 1 & 1) * side, f64::from(k >> 2) * side];
+        model.positions.extend((0..8).map(corner));
+        model.triangles.extend(SIDES.map(|t| t.map(|k| first + k)));
+    }
+    for goal in [1200, 240, 24] {
+        let out = simplify(&model, Goal { triangles: goal, error: ANY }, |_| false);
+        sound(&out.model);
+        let found = out.model.triangles.len();
+        assert!(found <= goal && found + 12 > goal, "{found} of {goal}");
+        assert!(out.left > 0);
+    }
+    let out = simplify(&model, Goal { triangles: 0, error: 5.0 }, |_| false);
+    assert!(out.left > 20 && out.left < 100 && out.error <= 5.0, "{}", out.left);
+}
