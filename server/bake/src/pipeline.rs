@@ -101,7 +101,7 @@ impl Stage<'_> {
 }
 
 fn run(
-    city: City,
+    mut city: City,
     read: ReadReport,
     config: &Config,
     mut scratch: Scratch,
@@ -124,6 +124,7 @@ fn run(
         let fingerprints = pool.install(|| fingerprints(&partition, &city, config, &grid))?;
         Ok::<_, BakeError>((partition, fingerprints))
     })?;
+    city.forget_triangles();
     let before = before(config);
     let origin = Origin { settings: config.settings.clone(), scene: hash(&partition, &fingerprints) };
     let start = scratch.prepare(&origin, config.resume)?;
@@ -214,7 +215,7 @@ fn sample(
     counts: &mut Blocks,
 ) -> Result<(), BakeError> {
     let (stage, partition) = (leaves.stage, leaves.partition);
-    // The heaviest first, so that none is left over alone at the end.
+    // Worked on from both ends: few heavy blocks meet in memory, and those left for the end are neither large nor many.
     let mut blocks: Vec<(&Block, ShortHash)> = partition.blocks.iter().zip(fingerprints.iter().copied()).collect();
     blocks.sort_by_key(|(block, _)| (Reverse(block.triangles), block.y, block.x));
     let total = blocks.iter().map(|(block, _)| u64::from(block.leaves.count_ones())).sum();

@@ -296,6 +296,18 @@ impl City {
         })
     }
 
+    /// Once they are in buckets nobody asks for them here: their memory or file, and where each object stands.
+    pub(crate) fn forget_triangles(&mut self) {
+        self.placings = Vec::new();
+        self.names = Vec::new();
+        if let Triangles::File(TriangleFile { path, .. }) =
+            std::mem::replace(&mut self.stored, Triangles::Memory(Vec::new()))
+        {
+            // Left behind it takes room, no more; the scratch folder goes at the end.
+            let _ = fs::remove_file(path);
+        }
+    }
+
     /// All of it in memory.
     pub(crate) fn into_scene(self) -> Result<Scene, BakeError> {
         let mut triangles = Vec::with_capacity(self.triangles as usize);

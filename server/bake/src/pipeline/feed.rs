@@ -7,26 +7,25 @@
 //! goes to the shared pool.
 
 use std::{
+    ops::Range,
     panic::resume_unwind,
-    sync::{
-        Condvar, Mutex, PoisonError,
-        atomic::{AtomicUsize, Ordering},
-    },
+    sync::{Condvar, Mutex, PoisonError},
     thread,
 };
 
-/// Runs `work` on every item, at most `in_flight` at once. After an error or a panic no further item is
-/// begun; the error of the earliest item that failed is returned, a panic goes on.
+/// Runs `work` on every item, at most `in_flight` at once. Every second feeder takes the items from the end: where they are
+/// sorted, few of the heaviest are in flight at once. After an error or a panic no further item is begun; of the errors that
+/// came, that of the first item is returned; a panic goes on.
 pub(super) fn feed<T: Sync, R: Send, E: Send>(
     in_flight: usize,
     items: &[T],
     work: impl Fn(&T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
-    let queue = Queue { next: AtomicUsize::new(0), len: items.len() };
+    let queue = Queue(Mutex::new(0..items.len()));
     let done = Mutex::new(Vec::with_capacity(items.len()));
-    let feeder = || {
+    let feeder = |from_end: bool| {
         let guard = StopOnPanic(&queue);
-        while let Some(i) = queue.take() {
+        while let Some(i) = queue.take(from_end) {
             let result = work(&items[i]);
             if result.is_err() {
                 queue.stop();
@@ -35,8 +34,10 @@ pub(super) fn feed<T: Sync, R: Send, E: Send>(
         }
         drop(guard);
     };
+    let feeder = &feeder;
     thread::scope(|scope| {
-        let feeders: Vec<_> = (0..in_flight.max(1).min(items.len())).map(|_| scope.spawn(feeder)).collect();
+        let count = in_flight.max(1).min(items.len());
+        let feeders: Vec<_> = (0..count).map(|n| scope.spawn(move || feeder(n % 2 == 1))).collect();
         for feeder in feeders {
             if let Err(panic) = feeder.join() {
                 resume_unwind(panic);
@@ -48,18 +49,17 @@ pub(super) fn feed<T: Sync, R: Send, E: Send>(
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-struct Queue {
-    next: AtomicUsize,
-    len: usize,
-}
+/// Items that are not begun.
+struct Queue(Mutex<Range<usize>>);
 
 impl Queue {
-    fn take(&self) -> Option<usize> {
-        Some(self.next.fetch_add(1, Ordering::Relaxed)).filter(|i| *i < self.len)
+    fn take(&self, from_end: bool) -> Option<usize> {
+        let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if from_end { left.next_back() } else { left.next() }
     }
 
     fn stop(&self) {
-        self.next.fetch_add(self.len, Ordering::Relaxed);
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = 0..0;
     }
 }
 
@@ -112,7 +112,10 @@ impl Drop for StopOnPanic<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::{
+        panic::{AssertUnwindSafe, catch_unwind},
+        sync::atomic::{AtomicUsize, Ordering},
+    };
 
     #[test]
     fn results_keep_the_order_and_the_number_in_flight_is_bounded() {
@@ -127,6 +130,25 @@ mod tests {
         assert_eq!(result.unwrap(), (0..400).step_by(2).collect::<Vec<_>>());
         assert!(most.into_inner() <= 3);
         assert_eq!(feed(2, &[] as &[u8], |_| Ok::<(), ()>(())), Ok(vec![]));
+    }
+
+    #[test]
+    fn the_first_and_the_last_are_begun_together() {
+        let both = std::sync::Barrier::new(2);
+        let begun = Mutex::new(Vec::new());
+        let work = |i: &usize| {
+            begun.lock().unwrap().push(*i);
+            if [0, 9].contains(i) {
+                both.wait();
+            }
+            Ok::<usize, ()>(*i)
+        };
+        let items: Vec<usize> = (0..10).collect();
+        assert_eq!(feed(2, &items, work), Ok(items.clone()));
+        let mut first = begun.into_inner().unwrap();
+        first.truncate(2);
+        first.sort_unstable();
+        assert_eq!(first, [0, 9]);
     }
 
     #[test]
