@@ -1,5 +1,6 @@
 //! The built programs, driven from outside.
 
+use crate::bucket;
 use anyhow::{Context, Result, bail};
 use std::{
     io::{BufRead, BufReader},
@@ -52,11 +53,15 @@ pub struct Served {
 }
 
 impl Served {
-    /// Serves a city's folder; `listen` may have port 0.
+    /// Serves a city's folder, or what is in it from a [`bucket`]; `listen` may have port 0.
     pub fn start(city: &Path, listen: &str) -> Result<Self> {
-        let mut child = Command::new(program("insula-server")?)
-            .arg("serve")
-            .arg(city)
+        let mut command = Command::new(program("insula-server")?);
+        command.arg("serve");
+        match bucket::place(city)? {
+            Some(place) => command.arg(place.url).envs(place.environment),
+            None => command.arg(city),
+        };
+        let mut child = command
             .args(["--listen", listen])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
