@@ -152,6 +152,15 @@ fn what_stays_bad_leaves_its_parent_on_screen() {
 }
 
 #[test]
+fn what_the_server_itself_cannot_read_leaves_its_parent_on_screen() {
+    let unread = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(3, 0, 0).unwrap());
+    let policy: Box<Policy> = Box::new(move |path, _| if path == unread { Answer::Status(500) } else { Answer::Well });
+    let mut session = session(&serve(city("test"), policy), 64);
+    settle(&mut session, &street(), |_| {});
+    assert_eq!(session.report(1.0).tiles.bad, 1);
+}
+
+#[test]
 fn goes_on_drawing_while_the_server_is_away_and_resumes_by_itself() {
     let slow: Box<Policy> = Box::new(|_, _| {
         std::thread::sleep(Duration::from_millis(30));

@@ -33,6 +33,9 @@ pub enum FetchError {
         /// How long it wants to be left alone.
         retry_after: Option<Duration>,
     },
+    /// The server is well, but not what it has of this.
+    #[error("the server's copy is damaged")]
+    Broken,
     /// No answer, or half of one.
     #[error("{0}")]
     Network(String),
@@ -210,6 +213,8 @@ fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
         StatusCode::OK | StatusCode::PARTIAL_CONTENT => Ok(()),
         StatusCode::REQUEST_TIMEOUT | StatusCode::TOO_MANY_REQUESTS | StatusCode::TOO_EARLY => Err(busy(response)),
         _ if status.is_client_error() => Err(FetchError::Missing),
+        // Where others are at fault, a host says 502, 503 or 504.
+        StatusCode::INTERNAL_SERVER_ERROR => Err(FetchError::Broken),
         _ => Err(busy(response)),
     }
 }

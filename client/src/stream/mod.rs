@@ -164,20 +164,20 @@ impl Stream {
         let jitter = queue::jitter();
         let event = match &error {
             FetchError::Missing => TileEvent::Refuse,
-            FetchError::Damaged(_) => TileEvent::Damage { now, jitter },
+            FetchError::Damaged(_) | FetchError::Broken => TileEvent::Damage { now, jitter },
             FetchError::Busy { retry_after, .. } => TileEvent::Fail { now, retry_after: *retry_after, jitter },
             FetchError::Network(_) | FetchError::Archive(_) | FetchError::Unusable(_) => {
                 TileEvent::Fail { now, retry_after: None, jitter }
             }
         };
         match &error {
-            FetchError::Missing | FetchError::Damaged(_) => self.succeeded(),
+            FetchError::Missing | FetchError::Damaged(_) | FetchError::Broken => self.succeeded(),
             FetchError::Busy { retry_after, .. } => self.queue.gate.failed(now, *retry_after, jitter),
             FetchError::Network(_) | FetchError::Archive(_) | FetchError::Unusable(_) => {
                 self.queue.gate.failed(now, None, jitter);
             }
         }
-        if !matches!(error, FetchError::Missing | FetchError::Damaged(_)) {
+        if !matches!(error, FetchError::Missing | FetchError::Damaged(_) | FetchError::Broken) {
             self.failing_since.get_or_insert(now);
         }
         if let FetchError::Unusable(why) = &error {
