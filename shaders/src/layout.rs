@@ -12,9 +12,10 @@ pub const PLANES: usize = 4;
 pub const BLOCK_CELLS: u32 = 8;
 /// Blocks of a node, 8 x 8.
 pub const BLOCKS: usize = 64;
-/// Summary words of a node. First one a block, `lowest | highest << 16` in height codes, `0x0000_ffff` where it is empty; then four
-/// a block: the tops of its 4 x 4 quads of 2 x 2 cells, a byte each, in 255ths of the way from lowest to highest, rounded up.
-pub const SUMMARY_WORDS: usize = BLOCKS * 5;
+/// Summary words of a node, four a block, read at once: a row of four quads of 2 x 2 cells each, whose tops take 6 bits each from
+/// bit 0 on, in 63rds of the way from the block's lowest to its highest point, rounded up. Bits 24 to 31 are the low and high
+/// byte of the lowest point in height codes (0xffff where the block is empty), then those of the highest.
+pub const SUMMARY_WORDS: usize = BLOCKS * 4;
 /// Most rays along a pixel's side.
 pub const MAX_SAMPLES: u32 = 4;
 /// Threads of a workgroup in x and y.

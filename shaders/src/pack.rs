@@ -189,10 +189,13 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2]) {
     let high = bounds.iter().map(|b| b[1]).max().unwrap_or(0);
     let mut summary = [0; SUMMARY_WORDS];
     for (block, [low, high]) in bounds.into_iter().enumerate() {
-        summary[block] = low | high << 16;
-        let share = |top: u32| (top.saturating_sub(low) * 255).div_ceil((high.max(low) - low).max(1));
+        let words = &mut summary[block * 4..][..4];
+        for (word, byte) in words.iter_mut().zip([low, low >> 8, high, high >> 8]) {
+            *word = byte << 24;
+        }
+        let share = |top: u32| (top.saturating_sub(low) * 63).div_ceil((high.max(low) - low).max(1));
         for (quad, top) in quads[block].into_iter().enumerate() {
-            summary[BLOCKS + block * 4 + quad / 4] |= share(top).min(255) << (quad % 4 * 8);
+            words[quad / 4] |= share(top).min(63) << (quad % 4 * 6);
         }
     }
     (summary, [low as f32, high as f32])
@@ -259,11 +262,11 @@ mod tests {
         columns[8] = Some(Column { z_min: 10, z_max: 20, inclined: true, roof_normal, ..Column::default() });
         let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap();
         let packed = PackedNode::new(&map);
-        assert_eq!(packed.summary[0], 0xffff);
-        assert_eq!(packed.summary[1] & 0xffff, 10);
-        assert!((25..=26).contains(&(packed.summary[1] >> 16)), "{}", packed.summary[1] >> 16);
+        assert_eq!(packed.summary[..4], [0xff << 24, 0xff << 24, 0, 0], "an empty block");
         assert_eq!(packed.z_range[0], 10.0);
         // Column 8 is in the first quad of the second block, and its highest.
-        assert_eq!(packed.summary[BLOCKS + 4..BLOCKS + 8], [255, 0, 0, 0]);
+        assert_eq!(packed.summary[4], 63 | 10 << 24);
+        assert!((25..=26).contains(&(packed.summary[6] >> 24)), "{}", packed.summary[6] >> 24);
+        assert_eq!([packed.summary[5], packed.summary[6] & 0xff_ffff, packed.summary[7]], [0, 0, 0]);
     }
 }

@@ -61,12 +61,21 @@ fn column(cell: vec2<i32>, ta: f32, te: f32) {
     let z_min = f32((walk >> 12u) & 0xfffu);
     let centre = vec2<f32>(cell) + 0.5;
     let attributes = plane_word(2u, i);
-    let strip = plane_word(3u, i);
-    let clip = select(0u, word(strip), (flags & CLIPPED) != 0u);
+    var strip = 0u;
+    if (flags & EXPOSED) != 0u {
+        strip = plane_word(3u, i);
+    }
+    var clip = 0u;
+    if (flags & CLIPPED) != 0u {
+        clip = word(strip);
+    }
     let border = border_of((flags & CLIPPED) != 0u, attributes, clip, centre, ta, te);
     let outer_top = f32(clip & 0xfffu);
     let has_gap = (flags & GAP) != 0u;
-    let gap = select(0u, word(strip + head_words(flags) - 1u), has_gap);
+    var gap = 0u;
+    if has_gap {
+        gap = word(strip + head_words(flags) - 1u);
+    }
     let low = f32(gap & 0xffffu);
     let high = f32(gap >> 16u);
     var n = 0u;

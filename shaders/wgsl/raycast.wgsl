@@ -48,9 +48,8 @@ struct Node {
 @group(0) @binding(7) var<storage, read_write> hit: array<u32>;
 
 const PAGE_WORDS: u32 = 4096u;
-// In fours: those of blocks, then one of quads for each block.
-const SUMMARY_FOURS: u32 = 80u;
-const BLOCK_FOURS: u32 = 16u;
+// In fours, one a block.
+const SUMMARY_FOURS: u32 = 64u;
 const MAX_SAMPLES: u32 = 4u;
 const BLOCK_CELLS: i32 = 8;
 const BLOCKS: i32 = 8;
@@ -132,8 +131,8 @@ struct Touched {
 // Highest points of a block's quads of 2 x 2 cells.
 struct Quads {
     lowest: f32,
-    step: f32,
-    tops: vec4<u32>,
+    highest: f32,
+    rows: vec4<u32>,
 }
 
 // What `beside` found.
@@ -369,20 +368,16 @@ fn walk_grid() {
                         counts.z++;
                     }
                     let at = u32(block.y * BLOCKS + block.x);
-                    let summary = summaries[slot + (at >> 2u)][at & 3u];
+                    let rows = summaries[slot + at];
+                    let bytes = rows >> vec4<u32>(24u);
+                    quads = Quads(f32(bytes.x | (bytes.y << 8u)), f32(bytes.z | (bytes.w << 8u)), rows);
                     let za = ray.o.z + ray.d.z * t;
                     let zb = ray.o.z + ray.d.z * block_end;
                     phase = AFTER_BLOCK;
-                    if min(za, zb) <= f32(summary >> 16u) + 1.0 && max(za, zb) + 1.0 >= f32(summary & 0xffffu) {
+                    if min(za, zb) <= quads.highest + 1.0 && max(za, zb) + 1.0 >= quads.lowest {
                         let low = block * BLOCK_CELLS;
                         cell = clamp(vec2<i32>(floor(ray.o.xy + ray.d.xy * t)), low, low + (BLOCK_CELLS - 1));
                         phase = AT_CELL;
-                        if COUNT {
-                            counts.z++;
-                        }
-                        let lowest = f32(summary & 0xffffu);
-                        let step = (f32(summary >> 16u) - lowest) / 255.0;
-                        quads = Quads(lowest, step, summaries[slot + BLOCK_FOURS + at]);
                     }
                 }
                 loop {
@@ -442,8 +437,8 @@ fn walk_grid() {
 
 // Highest point of the cell's quad, and a little more.
 fn quad_top(quads: Quads, cell: vec2<i32>) -> f32 {
-    let byte = (quads.tops[(cell.y >> 1u) & 3] >> (u32((cell.x >> 1u) & 3) * 8u)) & 255u;
-    return quads.lowest + f32(byte) * quads.step + 1.0;
+    let share = (quads.rows[(cell.y >> 1u) & 3] >> (u32((cell.x >> 1u) & 3) * 6u)) & 63u;
+    return quads.lowest + f32(share) * ((quads.highest - quads.lowest) / 63.0) + 1.0;
 }
 
 // The level whose nodes are good enough at a distance.

@@ -7,7 +7,7 @@ use crate::{
     args::{Fly, Global},
     camera::CameraPath,
     error::{ClientError, Result},
-    render::Look,
+    render::{Look, MOVING_SAMPLES},
     report::{FlightMoment, FlightReport, PictureError, pictures_apart},
     session::{Session, Shot},
     stream::{fetch::Http, link::Link},
@@ -29,7 +29,7 @@ const STALL: f64 = 4.0;
 pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let path = CameraPath::read(&args.path)?;
     let mut session = start(&args.server, global, Some(Http::new(link(args))?))?;
-    let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, 1);
+    let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(look.casting());
     let report = fly(&mut session, &path, args, &look, global)?;
     match &args.report {

@@ -21,6 +21,8 @@ use std::collections::HashSet;
 
 /// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
 pub const STILL_SAMPLES: u32 = 3;
+/// The same while the camera moves, where a device is fast enough: with one ray a slow pan shimmers (docs/measurements.md).
+pub const MOVING_SAMPLES: u32 = 2;
 
 /// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
 const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;

@@ -9,4 +9,4 @@ pub mod frame;
 pub mod gpu;
 
 pub use adapter::{Adapter, AdapterChoice, AdapterInfo};
-pub use frame::{Drawn, FrameData, Look, STILL_SAMPLES};
+pub use frame::{Drawn, FrameData, Look, MOVING_SAMPLES, STILL_SAMPLES};

@@ -164,8 +164,7 @@ impl City {
         self.session.step(&whole);
         let shot = self.shot(shell, detail.divide);
         let detail = Detail { fine: detail.fine && self.session.settled(), ..detail };
-        let samples = if detail.fine { 2 } else { 1 };
-        let look = Look { samples, shading: self.shown.shading, ..self.look };
+        let look = Look { samples: detail.samples, shading: self.shown.shading, ..self.look };
         let data = self.session.frame_data(&shot, &look);
         if let Adapter::Cpu(cpu) = self.session.adapter_mut() {
             let pixels = cpu.draw(&data);

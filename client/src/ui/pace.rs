@@ -2,12 +2,15 @@
 //!
 //! In: changes, how long frames take. Out: [`Detail`]s, times to wake. Next: `city` draws.
 
+use crate::render::{MOVING_SAMPLES, STILL_SAMPLES};
 use std::time::{Duration, Instant};
 
-/// A standing picture is drawn again with four rays a pixel after so long.
+/// A standing picture is drawn again with more rays a pixel after so long.
 const REST: Duration = Duration::from_millis(250);
 /// While something moves or arrives, frames slower than this are drawn with fewer pixels: a half or a quarter a side.
 const SLOW: Duration = Duration::from_millis(45);
+/// A standing picture may take so long: who moves on must not wait for it.
+const LONG: Duration = Duration::from_millis(400);
 /// Coarsest.
 const DIVIDE_MOST: u32 = 4;
 /// Longest step of a camera: a stall must not become a leap.
@@ -18,7 +21,9 @@ const LEAP_SECS: f64 = 0.2;
 pub struct Detail {
     /// Pixels of the window along a side of one that is drawn.
     pub divide: u32,
-    /// Several rays a pixel.
+    /// Rays along a pixel's side.
+    pub samples: u32,
+    /// As good as it gets.
     pub fine: bool,
 }
 
@@ -70,14 +75,22 @@ impl Pace {
         while (restless || !settled) && divide < DIVIDE_MOST && self.full_time / (divide * divide) > SLOW {
             divide *= 2;
         }
-        Detail { divide, fine: !restless && settled }
+        let fine = !restless && settled;
+        let affordable = self.full_time * (MOVING_SAMPLES * MOVING_SAMPLES) <= SLOW;
+        let stills =
+            if self.full_time * (STILL_SAMPLES * STILL_SAMPLES) <= LONG { STILL_SAMPLES } else { MOVING_SAMPLES };
+        let samples = match (fine, affordable) {
+            (true, _) => stills,
+            (false, true) => MOVING_SAMPLES,
+            (false, false) => 1,
+        };
+        Detail { divide, samples, fine }
     }
 
     /// A frame ends; returns whether a picture that changed is now as good as it gets.
     pub fn end(&mut self, begin: Instant, detail: Detail, shown: bool) -> bool {
         self.frame_time = begin.elapsed();
-        let pixels = detail.divide * detail.divide;
-        self.full_time = if detail.fine { self.frame_time / 4 } else { self.frame_time * pixels };
+        self.full_time = self.frame_time * (detail.divide * detail.divide) / (detail.samples * detail.samples);
         let before = self.rested;
         self.rested = detail.fine && shown;
         self.rested && !before
@@ -103,13 +116,18 @@ mod tests {
         let begin = Instant::now();
         let mut pace = Pace::new(begin);
         pace.full_time = 3 * SLOW;
-        assert_eq!(pace.detail(begin, true), Detail { divide: 2, fine: false });
+        let coarse = Detail { divide: 2, samples: 1, fine: false };
+        assert_eq!(pace.detail(begin, true), coarse);
         let later = begin + REST;
-        assert_eq!(pace.detail(later, false), Detail { divide: 2, fine: false });
-        assert_eq!(pace.detail(later, true), Detail { divide: 1, fine: true });
+        assert_eq!(pace.detail(later, false), coarse);
+        let rested = Detail { divide: 1, samples: MOVING_SAMPLES, fine: true };
+        assert_eq!(pace.detail(later, true), rested, "three rays a side would take too long");
+        let quick = Pace { full_time: SLOW / 4, ..pace.clone() };
+        assert_eq!(quick.detail(begin, true), Detail { divide: 1, samples: MOVING_SAMPLES, fine: false });
+        assert_eq!(quick.detail(later, true), Detail { samples: STILL_SAMPLES, ..rested });
         assert_eq!(pace.rest_at(), Some(later));
-        assert!(pace.end(later, Detail { divide: 1, fine: true }, true));
-        assert!(!pace.end(later, Detail { divide: 1, fine: true }, true), "it rested before");
+        assert!(pace.end(later, rested, true));
+        assert!(!pace.end(later, rested, true), "it rested before");
         assert_eq!(pace.rest_at(), None);
         pace.stir();
         assert!(pace.rest_at().is_some());

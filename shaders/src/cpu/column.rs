@@ -84,13 +84,14 @@ pub(super) fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f
         return;
     }
     let attributes = word(scene, gathered, ray.node.pages[2], i);
-    let strip = word(scene, gathered, ray.node.pages[3], i) as usize;
+    let strip = if flags & flag::EXPOSED != 0 { word(scene, gathered, ray.node.pages[3], i) as usize } else { 0 };
+    let clip = if flags & flag::CLIPPED != 0 { word(scene, gathered, 0, strip) } else { 0 };
     let border = if flags & flag::CLIPPED != 0 {
-        border(ray, attributes, word(scene, gathered, 0, strip), centre, ta, te)
+        border(ray, attributes, clip, centre, ta, te)
     } else {
         Border { from: ta, to: te, within_is_outer: false, normals: [attributes >> 16 & 255; 3] }
     };
-    let outer_top = if flags & flag::CLIPPED != 0 { (word(scene, gathered, 0, strip) & 0xfff) as f32 } else { 0.0 };
+    let outer_top = (clip & 0xfff) as f32;
     let gap = flags & flag::GAP != 0;
     let gap_word = if gap { word(scene, gathered, 0, strip + head_words(flags) - 1) } else { 0 };
     let (low, high) = ((gap_word & 0xffff) as f32, (gap_word >> 16) as f32);

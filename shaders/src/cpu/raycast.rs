@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     grid::Z_TOP,
-    layout::{BLOCK_CELLS, BLOCKS, Frame, GRID_MIXED, GRID_NODE_BIT, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS},
+    layout::{BLOCK_CELLS, Frame, GRID_MIXED, GRID_NODE_BIT, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS},
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::NODE_CELLS;
@@ -360,12 +360,9 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
         let slot = node.slot as usize * SUMMARY_WORDS;
         let at = (block.y * blocks + block.x) as usize;
         gathered.counts.fetches += 1;
-        let summary = scene.summaries.get(slot + at).copied().unwrap_or(0xffff);
+        let quads = Quads::new(scene.summaries.get(slot + at * 4..).and_then(|words| words.first_chunk()));
         let (za, zb) = (o.z + dz * t, o.z + dz * t_block);
-        if za.min(zb) <= (summary >> 16) as f32 + 1.0 && za.max(zb) + 1.0 >= (summary & 0xffff) as f32 {
-            gathered.counts.fetches += 1;
-            let tops = scene.summaries.get(slot + BLOCKS + at * 4..).and_then(|tops| tops.first_chunk());
-            let quads = Quads::new(summary, tops.copied().unwrap_or_default());
+        if za.min(zb) <= quads.high + 1.0 && za.max(zb) + 1.0 >= quads.low {
             walk_block(scene, &ray, (block, &quads), t, t_block, gathered);
             if gathered.left <= OPAQUE {
                 return;
@@ -389,20 +386,21 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
 /// Highest points of a block's quads of 2 x 2 cells.
 struct Quads {
     low: f32,
-    step: f32,
-    tops: [u32; 4],
+    high: f32,
+    rows: [u32; 4],
 }
 
 impl Quads {
-    fn new(summary: u32, tops: [u32; 4]) -> Self {
-        let low = (summary & 0xffff) as f32;
-        Self { low, step: ((summary >> 16) as f32 - low) / 255.0, tops }
+    fn new(words: Option<&[u32; 4]>) -> Self {
+        let rows = *words.unwrap_or(&[0xff << 24, 0xff << 24, 0, 0]);
+        let [a, b, c, d] = rows.map(|word| word >> 24);
+        Self { low: (a | b << 8) as f32, high: (c | d << 8) as f32, rows }
     }
 
     /// In height codes, and a little more, so that rounding hides nothing.
     fn top(&self, cell: IVec2) -> f32 {
-        let (row, shift) = (cell.y as usize >> 1 & 3, (cell.x as u32 >> 1 & 3) * 8);
-        self.low + (self.tops[row] >> shift & 255) as f32 * self.step + 1.0
+        let (row, shift) = (cell.y as usize >> 1 & 3, (cell.x as u32 >> 1 & 3) * 6);
+        self.low + (self.rows[row] >> shift & 63) as f32 * ((self.high - self.low) / 63.0) + 1.0
     }
 }
 
