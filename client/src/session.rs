@@ -19,7 +19,7 @@ use crate::{
     stream::{Arrival, Stream},
 };
 use glam::DVec3;
-use insula_protocol::TileId;
+use insula_protocol::{Subtree, TileId};
 use insula_shaders::{
     cpu::{raycast::Pixels, tally::tally},
     pack::PackedNode,
@@ -33,6 +33,8 @@ use std::{
 const UPLOAD_BYTES: u64 = 8 << 20;
 /// Decoded nodes that may wait for their upload.
 const DECODED_NODES: usize = 64;
+/// Subtrees that may wait for what they hang on.
+const ORPHANS: usize = 16;
 /// Share of the atlas that a view may fill; the rest is for what it needed a moment ago.
 const BUDGET_SHARE: f64 = 0.85;
 /// Frame times that are kept.
@@ -68,6 +70,8 @@ pub struct Session {
     generation: u64,
     last_view: Option<View>,
     decoded: VecDeque<(TileId, PackedNode)>,
+    /// Subtrees that came before what they hang on.
+    orphans: Vec<(Key, Subtree)>,
     tiles: TileCounts,
     times: Vec<Duration>,
     evicted: u64,
@@ -104,6 +108,7 @@ impl Session {
             generation: 0,
             last_view: None,
             decoded: VecDeque::new(),
+            orphans: Vec::new(),
             tiles: TileCounts::default(),
             times: Vec::new(),
             evicted: 0,
@@ -174,7 +179,8 @@ impl Session {
             (self.cache.capacity_pages() - self.cache.capacity_pages() / 32).saturating_sub(counters.pages);
         let budget_nodes = crate::cache::slots_for(self.cache.capacity_pages()).saturating_sub(counters.visited);
         let view = View { budget_pages, budget_nodes, tau_px: counters.tau_px, ..*view };
-        self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree)).unwrap_or_default();
+        let receivers = self.sight.is_fed().then_some(&self.selection.seen[..]);
+        self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, receivers)).unwrap_or_default();
         for at in self.casters.nodes.iter().rev() {
             self.cache.touch(self.tree.node(*at).id);
         }
@@ -204,9 +210,8 @@ impl Session {
             self.fresh = true;
             match arrival {
                 Arrival::Subtree(key, subtree) => {
-                    self.tree.merge(&subtree);
-                    self.tree.apply(key, TileEvent::Upload);
-                    self.tiles.subtrees += 1;
+                    self.orphans.push((key, subtree));
+                    self.adopt();
                 }
                 Arrival::Node(key, node) => {
                     self.tree.set_pages(key.id, node.pages.len() as u32);
@@ -214,6 +219,25 @@ impl Session {
                 }
             }
         }
+    }
+
+    /// Merges the subtrees whose nodes hang on known ones. The others wait for what they hang on: it is under way, or was
+    /// lost and is asked for again; there are few, one a level of subtrees.
+    fn adopt(&mut self) {
+        while let Some(at) = self.orphans.iter().position(|(key, _)| self.hangs(*key)) {
+            let (key, subtree) = self.orphans.swap_remove(at);
+            self.tree.merge(&subtree);
+            self.tree.apply(key, TileEvent::Upload);
+            self.tiles.subtrees += 1;
+        }
+        if self.orphans.len() > ORPHANS {
+            let (key, _) = self.orphans.remove(0);
+            self.tree.apply(key, TileEvent::Drop);
+        }
+    }
+
+    fn hangs(&self, key: Key) -> bool {
+        key.id == TileId::ROOT || self.tree.find(key.id).is_some()
     }
 
     fn upload(&mut self) {
@@ -262,7 +286,8 @@ impl Session {
     /// Takes in what the rays of a picture hit: `pixels` of each of the squares that it was drawn with.
     pub fn feed(&mut self, asked: &Asked, pixels: &[u32]) {
         if !self.sight.has_looked(asked.generation, [asked.view.width_px, asked.view.height_px]) {
-            self.sight.feed(asked, pixels, &self.tree);
+            let whole = self.fetched();
+            self.sight.feed(asked, pixels, whole, &self.tree);
             self.fresh = true;
         }
     }

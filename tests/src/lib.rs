@@ -8,6 +8,7 @@ pub mod cut;
 pub mod fidelity;
 pub mod fixtures;
 pub mod gpu;
+pub mod host;
 pub mod naive;
 pub mod pfm;
 pub mod programs;

@@ -39,17 +39,21 @@ struct Walker<'a> {
     tree: &'a Tree,
     planes: [Plane; 5],
     sun: DVec3,
+    /// What shadows may fall on; everything in the picture if nobody knows.
+    receivers: Option<&'a [NodeIndex]>,
     /// Shadows end here.
     low_m: f64,
     tau_px: f64,
 }
 
-/// Casters of one frame; `sun` is a unit vector. Its budget is `view`'s; tau rises until they fit. None by night.
-pub fn casters(view: &View, sun: DVec3, tree: &Tree) -> Casters {
+/// Casters of one frame; `sun` is a unit vector, `receivers` are the squares that are seen (`None`: all in the frustum). Its
+/// budget is `view`'s; tau rises until they fit. None by night.
+pub fn casters(view: &View, sun: DVec3, tree: &Tree, receivers: Option<&[NodeIndex]>) -> Casters {
     let Some(root) = tree.root().filter(|_| sun.z > 0.0) else { return Casters::default() };
     let node = tree.node(root);
     let low_m = node.centre.z - node.half.z;
-    let mut walker = Walker { view, tree, planes: view.planes(), sun, low_m, tau_px: view.tau_px * CASTERS_TIMES_TAU };
+    let tau_px = view.tau_px * CASTERS_TIMES_TAU;
+    let mut walker = Walker { view, tree, planes: view.planes(), sun, receivers, low_m, tau_px };
     for _ in 0..DOUBLINGS {
         let mut casters = Casters::default();
         if walker.walk(root, &mut casters) {
@@ -68,7 +72,7 @@ impl Walker<'_> {
         while let Some(at) = open.pop() {
             let node = self.tree.node(at);
             let hull = self.hull(node.centre, node.half);
-            if !cull::hull_in_view(&self.planes, node.centre, node.half, hull) {
+            if !cull::hull_in_view(&self.planes, node.centre, node.half, hull) || !self.is_received(node, hull) {
                 continue;
             }
             casters.pages += self.tree.pages_of(at);
@@ -94,6 +98,19 @@ impl Walker<'_> {
             open.extend(known);
         }
         true
+    }
+
+    /// Whether a node's shadow may fall on anything that is seen.
+    fn is_received(&self, node: &TreeNode, hull: DVec3) -> bool {
+        let Some(receivers) = self.receivers else { return true };
+        let (low, high) = (DVec3::ZERO.min(hull), DVec3::ZERO.max(hull));
+        // What lies beside the way of the light.
+        let side = DVec3::new(-hull.y, hull.x, 0.0).normalize_or_zero();
+        receivers.iter().map(|at| self.tree.node(*at)).any(|on| {
+            let (apart, reach) = (on.centre - node.centre, on.half + node.half);
+            let along = apart.cmpge(low - reach).all() && apart.cmple(high + reach).all();
+            along && side.dot(apart).abs() <= side.abs().dot(reach)
+        })
     }
 
     /// From a box along the light as far as its shadow goes.

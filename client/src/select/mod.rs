@@ -23,14 +23,19 @@ use crate::{
     scene::{Key, NodeIndex, Tree, TreeNode},
 };
 use glam::DVec3;
-use insula_protocol::{Subtree, TileId};
+use insula_protocol::{Subtree, TileId, subtree::LEVELS};
 use priority::Wanted;
 use sight::{Sight, Sighted};
 use std::{cmp::Ordering, collections::BinaryHeap, ops::Range};
 
-/// What nobody sees is refined only while its error is over this many times tau. It costs a share of one over its square, and
-/// what suddenly is seen is no coarser than that.
-pub const HIDDEN_TIMES_TAU: f64 = 16.0;
+/// What nobody can know to be seen is refined only while its error is over this many times tau. It costs a share of one over
+/// its square, and what suddenly is seen is no coarser than that.
+pub const UNKNOWN_TIMES_TAU: f64 = 16.0;
+/// The same for what is known to be hidden.
+pub const HIDDEN_TIMES_TAU: f64 = 64.0;
+
+/// A length, for an order by distance.
+const NEAR_FIRST_M: f64 = 64.0;
 
 /// A square that is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +51,8 @@ pub struct Item {
 pub struct Selection {
     /// Squares to draw; none lies in another.
     pub cut: Vec<Item>,
+    /// Squares of the cut that are not known to be hidden.
+    pub seen: Vec<NodeIndex>,
     /// Resident nodes that this view needs (what is drawn and its ancestors), coarsest first: not to be evicted.
     pub used: Vec<NodeIndex>,
     /// Tiles to fetch, in order.
@@ -99,6 +106,8 @@ struct Visit {
     sighted: Sighted,
     /// Whether the view asks for its tile; else it is drawn from what there is.
     asked: bool,
+    /// Whether it would be asked for even if it were hidden.
+    coarse: bool,
     /// Children in view, as visits; `None` if not refined.
     children: Option<Range<u32>>,
 }
@@ -127,11 +136,40 @@ impl PartialOrd for Candidate {
 pub fn select(view: &View, tree: &Tree, sight: &Sight, scratch: &mut Scratch) -> Selection {
     let mut selection = Selection::default();
     selection.counters.tau_px = view.tau_px;
+    jump(view, tree, &mut selection);
     Visitor { view, tree, sight, planes: view.planes(), eye: view.camera.position, focal_px: view.focal_px() }
         .visit(scratch, &mut selection);
     cut(tree, scratch, &mut selection);
     want(view, tree, scratch, &mut selection);
     selection
+}
+
+/// The subtrees of the eye's own place, at all levels at once: far away from all that is known, one round trip brings what
+/// exists there, and a second one the tiles, however deep the city is.
+fn jump(view: &View, tree: &Tree, selection: &mut Selection) {
+    let manifest = tree.manifest();
+    let place = (view.camera.position - DVec3::from(manifest.origin)) / manifest.root_side_m;
+    let inside = |v: f64| (0.0..1.0).contains(&v);
+    if !inside(place.x) || !inside(place.y) {
+        return;
+    }
+    let above_m = (view.camera.position.z - manifest.ground_z_m).max(NEAR_M);
+    for level in (0..manifest.depth).step_by(usize::from(LEVELS)).skip(1) {
+        let squares = f64::from(1u32 << level);
+        let Some(id) = TileId::new(level, (place.x * squares) as u32, (place.y * squares) as u32) else { return };
+        // Half a voxel's diagonal is the least that its nodes are wrong.
+        let needed = 0.866 * manifest.cell_m_at(level) * view.focal_px() / above_m > view.tau_px;
+        let above = id.parent().map(Subtree::root_of).is_some_and(|root| tree.subtree(root).is_resident());
+        let exists = match tree.find(id) {
+            Some(at) => tree.node(at).child_mask != 0,
+            None => !above,
+        };
+        let state = tree.subtree(id);
+        if needed && exists && !state.is_bad() && !state.is_resident() {
+            let key = Key::subtree(id);
+            selection.wanted.push(Wanted { key, group: priority::Group::Urgent, weight: f64::INFINITY });
+        }
+    }
 }
 
 /// What became of a node that should be refined.
@@ -170,20 +208,22 @@ impl Visitor<'_> {
             selection.counters.culled += 1;
             return;
         }
-        self.push(root, (Sighted::Seen, true), scratch, selection);
+        self.push(root, (Sighted::Seen, true, true), scratch, selection);
         while let Some(Candidate { error_px, visit }) = scratch.heap.pop() {
+            let Visit { at, sighted, coarse: was_coarse, .. } = scratch.visits[visit as usize];
             if error_px <= self.view.tau_px {
-                break;
+                self.stand_in(visit, scratch, selection);
+                continue;
             }
-            let Visit { at, sighted, .. } = scratch.visits[visit as usize];
             // Nearly as wrong as what may never be seen: its children are asked for even if nobody sees them.
-            let coarse = error_px > self.view.tau_px * HIDDEN_TIMES_TAU;
+            let times = if sighted == Sighted::Hidden { HIDDEN_TIMES_TAU } else { UNKNOWN_TIMES_TAU };
+            let coarse = error_px > self.view.tau_px * times;
             if sighted == Sighted::Hidden && !coarse {
                 continue;
             }
             let Children::InView(children) = self.children((at, sighted), error_px, selection) else { continue };
-            let here = |child: &NodeIndex| self.tree.node(*child).tile.is_resident();
-            if sighted == Sighted::Unknown && !coarse && !children.iter().flatten().all(|(child, _)| here(child)) {
+            let here = |(child, _): &(NodeIndex, Sighted)| self.is_here(*child);
+            if sighted == Sighted::Unknown && !coarse && !children.iter().flatten().all(here) {
                 continue;
             }
             let asked = |sighted: Sighted| coarse || sighted == Sighted::Seen;
@@ -195,16 +235,60 @@ impl Visitor<'_> {
             }
             let first = scratch.visits.len() as u32;
             for (child, sighted) in children.into_iter().flatten() {
-                self.push(child, (sighted, asked(sighted)), scratch, selection);
+                self.push(child, (sighted, asked(sighted), coarse), scratch, selection);
             }
-            scratch.visits[visit as usize].children = Some(first..scratch.visits.len() as u32);
+            let end = scratch.visits.len() as u32;
+            let refined = &mut scratch.visits[visit as usize];
+            refined.children = Some(first..end);
+            // On the way from four tau to one, the step between shows little for its bytes.
+            let step_between = !was_coarse && error_px <= 2.0 * self.view.tau_px;
+            if step_between && refined.asked && !self.tree.node(at).tile.is_resident() {
+                refined.asked = false;
+                selection.counters.pages -= self.tree.pages_of(at);
+            }
         }
     }
 
-    fn push(&self, at: NodeIndex, (sighted, asked): (Sighted, bool), scratch: &mut Scratch, selection: &mut Selection) {
+    /// Whether a node can be drawn without its parent: from its own tile, or from its children's.
+    fn is_here(&self, at: NodeIndex) -> bool {
+        let resident = |at: NodeIndex| self.tree.node(at).tile.is_resident();
+        let node = self.tree.node(at);
+        let in_view = |at: &NodeIndex| {
+            let node = self.tree.node(*at);
+            cull::in_view(&self.planes, node.centre, node.half)
+        };
+        let known = node.children.iter().flatten().count() as u32 == u32::from(node.child_mask).count_ones();
+        let parts = || node.children.into_iter().flatten().filter(in_view).all(resident);
+        resident(at) || node.child_mask != 0 && known && parts()
+    }
+
+    /// A node that is good enough but not here is drawn from its children, if they are: the camera moves away.
+    fn stand_in(&self, visit: u32, scratch: &mut Scratch, selection: &mut Selection) {
+        let Visit { at, sighted, .. } = scratch.visits[visit as usize];
+        let node = self.tree.node(at);
+        if node.tile.is_resident() || !self.is_here(at) {
+            return;
+        }
+        let first = scratch.visits.len() as u32;
+        for child in node.children.into_iter().flatten() {
+            let known = self.tree.node(child);
+            if cull::in_view(&self.planes, known.centre, known.half) {
+                self.push(child, (sighted, false, false), scratch, selection);
+            }
+        }
+        scratch.visits[visit as usize].children = Some(first..scratch.visits.len() as u32);
+    }
+
+    fn push(
+        &self,
+        at: NodeIndex,
+        (sighted, asked, coarse): (Sighted, bool, bool),
+        scratch: &mut Scratch,
+        selection: &mut Selection,
+    ) {
         let error_px = self.error_px(self.tree.node(at));
         scratch.heap.push(Candidate { error_px, visit: scratch.visits.len() as u32 });
-        scratch.visits.push(Visit { at, error_px, sighted, asked, children: None });
+        scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None });
         selection.counters.visited += 1;
         selection.counters.hidden += u32::from(sighted != Sighted::Seen);
         selection.counters.pages += if asked { self.tree.pages_of(at) } else { 0 };
@@ -263,7 +347,10 @@ impl Visitor<'_> {
             // Nothing below can even be asked for without it: as urgent as its node is wrong.
             let drawn_error_px = weight.is_finite().then_some(weight);
             let group = priority::group(drawn_error_px, self.view.tau_px);
-            selection.wanted.push(Wanted { key: Key::subtree(id), group, weight });
+            let key = Key::subtree(id);
+            if !selection.wanted.iter().any(|wanted| wanted.key == key) {
+                selection.wanted.push(Wanted { key, group, weight });
+            }
         }
     }
 }
@@ -277,7 +364,7 @@ fn cut(tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
     // Children stand behind their parents: from the back, each one's children are done.
     for (i, visit) in visits.iter().enumerate().rev() {
         let resident = tree.node(visit.at).tile.is_resident();
-        renderable[i] = resident || replaced(visit, resident, visits, renderable);
+        renderable[i] = resident || replaced(visit, visits, renderable);
         // What is drawn only because it is here may go at any time: what it lies in is drawn then.
         if resident && visit.asked {
             selection.used.push(visit.at);
@@ -293,14 +380,14 @@ fn cut(tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
             if let Some((from, error_px)) = cover.from {
                 selection.cut.push(Item { square: visit.at, from });
                 if visit.sighted != Sighted::Hidden {
+                    selection.seen.push(visit.at);
                     let worst = &mut selection.counters.worst_error_px;
                     *worst = worst.max(error_px);
                 }
             }
             continue;
         };
-        let resident = tree.node(visit.at).tile.is_resident();
-        let forced = cover.forced || !replaced(visit, resident, visits, renderable);
+        let forced = cover.forced || !replaced(visit, visits, renderable);
         stack.extend(children.clone().map(|c| (c, Cover { forced, ..cover })));
     }
     selection.counters.drawn = selection.cut.len() as u32;
@@ -314,9 +401,10 @@ impl Cover {
     }
 }
 
-/// Whether the children of a node can be drawn in its place.
-fn replaced(visit: &Visit, resident: bool, visits: &[Visit], renderable: &[bool]) -> bool {
-    let ready = |c: u32| renderable[c as usize] || resident && !visits[c as usize].asked;
+/// Whether the children of a node can be drawn in its place. What nobody asks for is drawn from whatever there is.
+fn replaced(visit: &Visit, visits: &[Visit], renderable: &[bool]) -> bool {
+    let left_out = |c: &Visit| !c.asked && c.children.is_none();
+    let ready = |c: u32| renderable[c as usize] || left_out(&visits[c as usize]);
     visit.children.as_ref().is_some_and(|children| children.clone().all(ready))
 }
 
@@ -332,11 +420,17 @@ fn want(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selecti
         let cover = cover.over(visit, tree);
         if visit.asked && !resident && !node.tile.is_bad() {
             let group = priority::group(cover.from.map(|(_, error_px)| error_px), selection.counters.tau_px);
-            let weight = priority::weight(visit.error_px, node.centre, view);
+            let away_m = node.centre.distance(view.camera.position);
+            let (group, error_px) = match visit.coarse {
+                true => (group, visit.error_px),
+                // What stands in front first, whatever its error: it may hide the rest.
+                false => (priority::Group::Normal, view.tau_px / (1.0 + away_m / NEAR_FIRST_M)),
+            };
+            let weight = priority::weight(error_px, node.centre, view);
             selection.wanted.push(Wanted { key: Key::block_map(node.id), group, weight });
         }
         if let Some(children) = &visit.children {
-            let forced = cover.forced || !replaced(visit, resident, visits, renderable);
+            let forced = cover.forced || !replaced(visit, visits, renderable);
             stack.extend(children.clone().map(|c| (c, Cover { forced, ..cover })));
         }
     }
@@ -347,7 +441,8 @@ fn want(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selecti
             && selection.wanted.iter().any(|w| w.key == Key::block_map(root.id))
     });
     if let Some(root) = root_pending {
-        selection.wanted.retain(|wanted| wanted.key == Key::block_map(root.id));
+        let jumps = |wanted: &Wanted| wanted.key == Key::subtree(wanted.key.id) && wanted.weight == f64::INFINITY;
+        selection.wanted.retain(|wanted| wanted.key == Key::block_map(root.id) || jumps(wanted));
     }
     priority::sort(&mut selection.wanted);
 }

@@ -13,9 +13,10 @@ use crate::{
 };
 use insula_protocol::TileId;
 
-/// Pictures that a square stays seen after its last hit, while the camera moves. While it stands, it stays for good: then
-/// the squares that are seen only become more, and the picture comes to rest.
+/// Pictures that a square stays seen after its last hit, while the camera moves.
 const LINGER: u32 = 12;
+/// The same while the camera stands and tiles still come: what coarse buildings let through, finer ones may hide.
+const STREAMING: u32 = 2;
 
 /// What is known of a square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,8 +45,11 @@ pub struct Asked {
 #[derive(Debug, Clone, Default)]
 pub struct Sight {
     picture: u32,
-    /// The first picture since which the camera stands.
-    standing: u32,
+    /// Whether the camera stands.
+    stands: bool,
+    /// The first picture, since the camera stands, to which nothing was missing. From then on what was seen stays seen: the
+    /// squares that are seen only become more, and the picture comes to rest.
+    rest: Option<u32>,
     view: Option<View>,
     planes: Option<[Plane; 5]>,
     /// Per node: the last picture in which it, or something in it, was hit.
@@ -60,13 +64,12 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Takes in a picture: `pixels` are those that hit each square of `asked`.
-    pub fn feed(&mut self, asked: &Asked, pixels: &[u32], tree: &Tree) {
+    /// Takes in a picture: `pixels` are those that hit each square of `asked`; `whole` if no tile was missing.
+    pub fn feed(&mut self, asked: &Asked, pixels: &[u32], whole: bool, tree: &Tree) {
         let same = self.view.is_some_and(|view| same_place(&view, &asked.view));
         self.picture += 1;
-        if !same {
-            self.standing = self.picture;
-        }
+        self.stands = same;
+        self.rest = self.rest.filter(|_| same).or(whole.then_some(self.picture));
         self.view = Some(asked.view);
         self.planes = Some(asked.view.planes());
         let pixels_of = |view: &View| u64::from(view.width_px) * u64::from(view.height_px);
@@ -131,7 +134,8 @@ impl Sight {
 
     /// The picture since which hits count.
     fn since(&self) -> u32 {
-        self.standing.min(self.picture.saturating_sub(LINGER)).max(1)
+        let linger = if self.stands { STREAMING } else { LINGER };
+        self.rest.unwrap_or(u32::MAX).min(self.picture.saturating_sub(linger - 1)).max(1)
     }
 }
 

@@ -224,7 +224,11 @@ fn missing_subtrees_are_asked_for_and_their_node_stays() {
     let mut scratch = Scratch::default();
     let view = view([10.0, 10.0, 40.0], [80.0, 90.0, 0.0]);
     let first = select(&view, &tree, &mut scratch);
-    assert_eq!(first.wanted.iter().map(|w| w.key).collect::<Vec<_>>(), [Key::subtree(TileId::ROOT)]);
+    // The whole line below the eye at once: a jump takes two round trips however deep the city is.
+    let line = [TileId::new(5, 0, 0).unwrap(), TileId::ROOT].map(Key::subtree);
+    let mut keys: Vec<Key> = first.wanted.iter().map(|w| w.key).collect();
+    keys.sort_by(|a, b| b.cmp(a));
+    assert_eq!(keys, line);
     let all = subtrees(7, |_| false);
     tree.merge(&all[0]);
     for _ in 0..100 {
@@ -298,10 +302,10 @@ fn what_casts_into_the_picture_is_there() {
     let mut tree = tree();
     let view = view([300.0, 300.0, 25.0], [700.0, 900.0, 0.0]);
     let sun = DVec3::new(0.7, -0.5, 0.25).normalize_or(DVec3::Z);
-    let mut found = casters::casters(&view, sun, &tree);
+    let mut found = casters::casters(&view, sun, &tree, None);
     while !found.wanted.is_empty() {
         found.wanted.iter().for_each(|wanted| load(&mut tree, wanted.key));
-        found = casters::casters(&view, sun, &tree);
+        found = casters::casters(&view, sun, &tree, None);
     }
     let cast: Vec<TileId> = found.nodes.iter().map(|at| tree.node(*at).id).collect();
     let (planes, origin) = (view.planes(), DVec3::new(500_000.0, 4_000_000.0, 10.0));
@@ -323,10 +327,25 @@ fn what_casts_into_the_picture_is_there() {
     }
     assert!(asked > 10_000, "{asked}");
     assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.nodes().len());
+    // Only what shades the squares that are seen.
+    let one = [tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
+    let shading: Vec<TileId> =
+        casters::casters(&view, sun, &tree, Some(&one)).nodes.iter().map(|at| tree.node(*at).id).collect();
+    assert!(!shading.is_empty() && shading.len() * 4 < cast.len(), "{} of {}", shading.len(), cast.len());
+    let middle = DVec3::new(9.5 * 64.0, 11.5 * 64.0, 0.1);
+    for up in 1..30 {
+        let p = middle + sun * (f64::from(up) / sun.z);
+        let leaf = TileId::new(DEPTH, (p.x / 64.0) as u32, (p.y / 64.0) as u32).unwrap();
+        assert!((2..=DEPTH).any(|level| shading.contains(&leaf.ancestor(level).unwrap())), "{leaf}");
+    }
     let tight = View { budget_pages: 200, ..view };
-    let fewer = casters::casters(&tight, sun, &tree).nodes.len();
+    let fewer = casters::casters(&tight, sun, &tree, None).nodes.len();
     assert!(fewer > 0 && fewer < cast.len(), "{fewer} within a budget");
-    assert_eq!(casters::casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree), casters::Casters::default(), "by night");
+    assert_eq!(
+        casters::casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree, None),
+        casters::Casters::default(),
+        "by night"
+    );
 }
 
 /// Tells `sight` that of a cut only those squares were hit.
@@ -340,7 +359,7 @@ fn look(
 ) {
     let squares: Vec<NodeIndex> = selection.cut.iter().map(|item| item.square).collect();
     let pixels: Vec<u32> = squares.iter().map(|at| u32::from(hit(tree.node(*at).id))).collect();
-    sight.feed(&Asked { squares, view: *view, generation }, &pixels, tree);
+    sight.feed(&Asked { squares, view: *view, generation }, &pixels, selection.wanted.is_empty(), tree);
 }
 
 /// Looks and fetches in turn until nothing is wanted.

@@ -104,7 +104,7 @@ fn main() -> Result<()> {
         let Row { frustum: f, occlusion: o, .. } = &row;
         println!(
             "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), \
-             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, holes {:.4} %",
+             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, city in one picture only {:.4} %",
             o.drawn,
             f.drawn,
             o.fetched,
@@ -122,7 +122,7 @@ fn main() -> Result<()> {
         );
         for t in &row.turns {
             println!(
-                "      turned by {:4}: wrong {:.4} %, holes {:.4} %; with nothing new fetched: wrong {:.3} %, holes {:.4} %",
+                "      turned by {:4}: wrong {:.4} %, city in one only {:.4} %; with nothing new fetched: {:.3} %, {:.4} %",
                 t.degrees,
                 t.wrong_share * 100.0,
                 t.holes_share * 100.0,
@@ -135,12 +135,12 @@ fn main() -> Result<()> {
     let most = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max) * 100.0;
     let turn = |i: usize| most(&|row: &Row| row.turns[i].wrong_share);
     println!(
-        "worst: hit by no ray {:.1} %, bytes {:.1} %, wrong after 3 degrees {:.4} %, after 30 {:.4} %, holes {:.4} %",
+        "worst: hit by no ray {:.1} %, bytes {:.1} %, wrong after 3 degrees {:.4} %, after 30 {:.4} %, city in one only {:.4} %",
         most(&|row| row.occlusion.unhit_share),
         most(&|row| row.bytes_share),
         turn(0),
         turn(1),
-        most(&|row| row.turns.iter().map(|t| t.holes_share.max(t.cold_holes_share)).fold(row.holes_share, f64::max)),
+        most(&|row| row.turns.iter().map(|t| t.holes_share).fold(row.holes_share, f64::max)),
     );
     if let Some(path) = &args.report {
         std::fs::write(path, serde_json::to_vec_pretty(&rows)?)?;
