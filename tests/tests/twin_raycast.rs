@@ -1,7 +1,12 @@
 //! The ray-caster's twins: WGSL draws what the CPU draws, and the CPU draws what every solid tested by itself would show.
 
 use anyhow::Result;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel, TileId,
+    blockmap::{COLUMNS, Column, Strip},
+    octahedral,
+};
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
@@ -10,7 +15,7 @@ use insula_shaders::{
     layout::{Light, Shading},
 };
 use insula_tests::{
-    cut::Scene,
+    cut::{Cut, Place, Scene},
     gpu::{Gpu, adapter_is_required},
     naive::{Naive, Seen},
     random::{self, Pose, RandomCity},
@@ -51,6 +56,7 @@ fn main() {
         on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour),
         on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen),
         plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show),
+        plain("a_wall_casts_a_shadow_as_long_as_it_is_high", a_wall_casts_a_shadow_as_long_as_it_is_high),
         plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen),
         plain("a_missing_or_cut_picture_is_seen", a_missing_or_cut_picture_is_seen),
     ];
@@ -144,6 +150,47 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             scenes_agree(gpu, &scene, &PICTURE, &camera, &format!("sun {height} high, {pose:?}"))?;
         }
     }
+    Ok(())
+}
+
+/// Ten metres of wall across a plain, the sun 45 degrees high behind it, the camera over it.
+fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
+    let texel = Texel::new([128; 3], 63, 3);
+    let up = octahedral::encode([0.0, 0.0, 1.0]);
+    let columns: Vec<_> = (0..COLUMNS)
+        .map(|i| {
+            let plain = Column { z_max: 16, roof: texel, roof_normal: up, ..Column::default() };
+            let strip = Some(Strip { texels: vec![texel; 11], azimuth: 128 });
+            Some(if i % NODE_CELLS == 32 { Column { z_max: 16 * 11, strip, ..plain } } else { plain })
+        })
+        .collect();
+    let mut cut = Cut::new(Place { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
+    cut.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
+    let camera = Camera::looking(DVec3::new(32.0, 32.0, 60.0), DVec3::new(32.0, 32.0, 0.0));
+    let mut scene = cut.scene(&camera, &PICTURE);
+    let sun = Vec3::new(1.0, 0.0, 1.0).normalize_or(Vec3::Z);
+    (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, 1e6));
+    let bare = scene.render();
+    scene.frame.shadow_m = 1000.0;
+    let shaded = scene.render();
+    let (mut dark, mut bright) = (0, 0);
+    for i in 0..PICTURE.width_px * PICTURE.height_px {
+        let at = i as usize;
+        let ray = camera.ray(&PICTURE, i % PICTURE.width_px, i / PICTURE.width_px);
+        let p = DVec3::from(camera.position) + ray * f64::from(shaded.distance[at]);
+        if !p.is_finite() || p.z > 1.5 {
+            continue;
+        }
+        let darker = shaded.colour[at] & 255 < (bare.colour[at] & 255) - 20;
+        if (23.5..31.5).contains(&p.x) {
+            anyhow::ensure!(darker, "no shadow at {p}");
+            dark += 1;
+        } else if p.x < 21.5 || p.x > 33.5 {
+            anyhow::ensure!(shaded.colour[at] == bare.colour[at], "a shadow at {p}");
+            bright += 1;
+        }
+    }
+    anyhow::ensure!(dark > 1000 && bright > 3000, "{dark} pixels in the shade, {bright} in the sun");
     Ok(())
 }
 
