@@ -9,6 +9,7 @@ pub mod fidelity;
 pub mod fixtures;
 pub mod gpu;
 pub mod host;
+pub mod leaves;
 pub mod naive;
 pub mod pfm;
 pub mod programs;

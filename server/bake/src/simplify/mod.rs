@@ -9,6 +9,7 @@
 //! small as one asks for.
 
 mod quadric;
+mod queue;
 mod shape;
 
 use crate::model::{Layer, Model};
@@ -18,11 +19,9 @@ use insula_protocol::mesh::{
     pieces::{Census, NONE, Pieces, next, prev},
 };
 use quadric::Quadric;
+use queue::Queue;
 use shape::{Hold, Shape};
-use std::{
-    cmp::Reverse,
-    collections::{BinaryHeap, HashMap},
-};
+use std::collections::HashMap;
 
 /// How much a square metre of a border's or seam's fence counts against one of surface.
 const FENCE: f64 = 10.0;
@@ -59,15 +58,12 @@ struct Part {
     half_diagonal: f64,
 }
 
-/// An edge in the queue: cost, half-edge, and how often its ends had changed.
-type Entry = Reverse<(u32, u32, u32)>;
-
 struct Work {
     shape: Shape,
     quadric: Vec<Quadric>,
     /// How often each vertex changed.
     changes: Vec<u32>,
-    queue: BinaryHeap<Entry>,
+    queue: Queue,
     /// Values of each wedge, one a layer.
     values: Vec<[f32; 4]>,
     layers: usize,
@@ -76,7 +72,10 @@ struct Work {
 
 /// Simplifies `model` towards `goal`. Vertices that `is_locked` stay where they are.
 pub fn simplify(model: &Model, goal: Goal, is_locked: impl Fn(u32) -> bool) -> Simplified {
-    let pieces = Pieces::new(&model.triangles, model.positions.len() as u32);
+    let order = order(model);
+    let sorted: Vec<[u32; 3]> = order.iter().map(|t| model.triangles[*t as usize]).collect();
+    let mut pieces = Pieces::new(&sorted, model.positions.len() as u32);
+    pieces.corner.iter_mut().for_each(|corner| *corner = 3 * order[*corner as usize / 3] + *corner % 3);
     let center = center(model);
     let mut work = Work::new(model, &pieces, center);
     let mut copies = vec![0u32; model.positions.len()];
@@ -98,6 +97,31 @@ pub fn simplify(model: &Model, goal: Goal, is_locked: impl Fn(u32) -> bool) -> S
 fn center(model: &Model) -> DVec3 {
     let sum: DVec3 = model.positions.iter().map(|p| DVec3::from(*p)).sum();
     sum / model.positions.len().max(1) as f64
+}
+
+/// Triangles in the order of a curve through space (Morton 1966): what lies together is then worked on together.
+fn order(model: &Model) -> Vec<u32> {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for position in &model.positions {
+        (min, max) = (min.min(DVec3::from(*position)), max.max(DVec3::from(*position)));
+    }
+    let scale = 1023.0 / (max - min).max_element().max(f64::MIN_POSITIVE);
+    // Ten bits, two zeros before each.
+    let spread = |v: f64| {
+        let mut v = v as u32;
+        for (shift, mask) in [(16, 0x0300_00ff), (8, 0x0300_f00f), (4, 0x030c_30c3), (2, 0x0924_9249)] {
+            v = (v | v << shift) & mask;
+        }
+        v
+    };
+    let key = |triangle: &[u32; 3]| {
+        let position = model.positions.get(triangle[0] as usize).copied().unwrap_or_default();
+        let at = (DVec3::from(position) - min) * scale;
+        spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
+    };
+    let mut keys: Vec<(u32, u32)> = model.triangles.iter().map(key).zip(0..).collect();
+    keys.sort_unstable();
+    keys.into_iter().map(|(_, triangle)| triangle).collect()
 }
 
 /// Parts that may leave, the cheapest last; the one with most surface is not among them.
@@ -163,7 +187,7 @@ impl Work {
             }
         }
         let changes = vec![0; pieces.vertex.len()];
-        Self { shape, quadric, changes, queue: BinaryHeap::new(), values, layers: model.layers.len(), error: 0.0 }
+        Self { shape, quadric, changes, queue: Queue::new(), values, layers: model.layers.len(), error: 0.0 }
     }
 
     /// Collapses and lets parts leave until the goal is reached, or nothing more can be done. How many left.
@@ -174,14 +198,20 @@ impl Work {
             progress = false;
             self.fill();
             while self.shape.triangles > goal.triangles {
-                let next = self.queue.peek().map_or(f64::INFINITY, |Reverse((cost, ..))| f32::from_bits(*cost).into());
+                let next = self.queue.cost();
                 if let Some(part) = parts.pop_if(|part| part.cost <= next && part.half_diagonal <= goal.error) {
                     self.let_go(&part);
                     continue;
                 }
-                let Some(Reverse((_, h, changes))) = self.queue.pop() else { break };
-                if self.shape.alive[h as usize / 3] && changes == self.changes_of(h) {
+                let Some((h, changes)) = self.queue.pop() else { break };
+                if !self.shape.alive[h as usize / 3] {
+                    continue;
+                }
+                // Edges only get dearer: one whose ends changed is looked at again when its turn comes, not before.
+                if changes == self.changes_of(h) {
                     progress |= self.try_collapse(h, goal.error);
+                } else {
+                    self.enqueue(h);
                 }
             }
         }
@@ -198,16 +228,19 @@ impl Work {
         self.error = self.error.max(part.half_diagonal);
     }
 
-    /// Queues all edges.
+    /// Queues all edges, the dearest first: so the cheap ones lie in the order in which they are taken out.
     fn fill(&mut self) {
         let mut entries = Vec::with_capacity(3 * self.shape.triangles / 2);
         for h in 0..self.shape.origin.len() as u32 {
             let twin = self.shape.twin[h as usize];
             if self.shape.alive[h as usize / 3] && (twin == NONE || h < twin) {
-                entries.extend(self.entry(h));
+                entries.extend(self.aim(h).map(|(_, cost)| ((cost as f32).to_bits(), h)));
             }
         }
-        self.queue = BinaryHeap::from(entries);
+        entries.sort_unstable();
+        for (cost, h) in entries.into_iter().rev() {
+            self.queue.push(f32::from_bits(cost).into(), h, self.changes_of(h));
+        }
     }
 
     fn changes_of(&self, h: u32) -> u32 {
@@ -215,9 +248,10 @@ impl Work {
         self.changes[u as usize].wrapping_add(self.changes[v as usize])
     }
 
-    fn entry(&self, h: u32) -> Option<Entry> {
-        let (_, cost) = self.aim(h)?;
-        Some(Reverse(((cost as f32).to_bits(), h, self.changes_of(h))))
+    fn enqueue(&mut self, h: u32) {
+        if let Some((_, cost)) = self.aim(h) {
+            self.queue.push(cost, h, self.changes_of(h));
+        }
     }
 
     fn sum(&self, h: u32) -> Quadric {
@@ -269,18 +303,21 @@ impl Work {
         };
         self.error = self.error.max(error(to));
         self.blend(h, p, q, to);
+        // On either side two edges become one, and both may have been queued by the half-edge that goes.
+        let twin = self.shape.twin[h as usize];
+        let sides = [h, twin].map(|side| match side {
+            NONE => NONE,
+            side => {
+                [next(side), prev(side)].map(|inner| self.shape.twin[inner as usize]).into_iter().min().unwrap_or(NONE)
+            }
+        });
         self.shape.collapse(h, to);
         self.quadric[u as usize] = sum;
         self.changes[u as usize] = self.changes[u as usize].max(self.changes[v as usize]) + 1;
-        let mut last = NONE;
-        for out in self.shape.around(u) {
-            let entry = self.entry(out);
-            self.queue.extend(entry);
-            last = out;
-        }
-        if last != NONE && self.shape.twin[prev(last) as usize] == NONE {
-            let entry = self.entry(prev(last));
-            self.queue.extend(entry);
+        for side in sides {
+            if side != NONE {
+                self.enqueue(side);
+            }
         }
         true
     }

@@ -1,0 +1,13 @@
+//! Coded meshes: any bytes decode to a mesh that holds together, or to an error.
+#![no_main]
+
+use insula_protocol::mesh::Mesh;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let Ok(mesh) = Mesh::decode(bytes) else { return };
+    assert!(mesh.triangles.as_flattened().iter().all(|vertex| (*vertex as usize) < mesh.positions.len()));
+    // What was read can be written again; the order may be another one.
+    let again = mesh.encode().map(|encoded| Mesh::decode(&encoded.bytes));
+    assert!(again.is_ok_and(|mesh| mesh.is_ok()));
+});
