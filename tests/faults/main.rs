@@ -3,6 +3,9 @@
 //! `cargo test --release -p insula-server --test faults`. What wants a program that is not there is reported as ignored.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+#[allow(dead_code, unreachable_pub, reason = "the tests of the whole use more of it")]
+#[path = "../src/bucket.rs"]
+mod bucket;
 mod client;
 #[path = "../../server/tests/common/mod.rs"]
 mod common;

@@ -1,10 +1,11 @@
 //! Cities in stores that are well, slow, failing, gone, lying, and replaced.
 
 use crate::{
+    bucket,
     client::{Connection, addresses, is_whole},
     common,
     origin::Origin,
-    program::{Served, find, until},
+    program::{Served, until},
 };
 use axum::{body::Body, http::Request};
 use http_body_util::BodyExt;
@@ -15,9 +16,6 @@ use insula_server::{
 };
 use std::{
     fs,
-    net::TcpListener,
-    path::Path,
-    process::{Child, Command, Stdio},
     sync::atomic::Ordering::Relaxed,
     time::{Duration, Instant},
 };
@@ -148,75 +146,21 @@ pub(crate) fn replaced() {
     });
 }
 
-/// moto's S3, killed when dropped.
-struct Moto(Child, u16);
-
-impl Moto {
-    fn start() -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let child = Command::new(find("moto_server").unwrap())
-            .args(["-p", &port.to_string()])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let moto = Self(child, port);
-        until("moto answers", || std::net::TcpStream::connect(("127.0.0.1", port)).is_ok());
-        moto
-    }
-
-    /// moto asks for no signature.
-    fn put(&self, path: &str, bytes: &[u8]) {
-        use std::io::{Read, Write};
-        let mut stream = std::net::TcpStream::connect(("127.0.0.1", self.1)).unwrap();
-        write!(
-            stream,
-            "PUT /{path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
-            self.1,
-            bytes.len()
-        )
-        .unwrap();
-        stream.write_all(bytes).unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        assert!(answer.contains(" 200 "), "{answer}");
-    }
-}
-
-impl Drop for Moto {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn upload(moto: &Moto, folder: &Path, to: &str) {
-    for name in ["blockmaps.pmtiles", "subtrees.pmtiles", "city.json"] {
-        moto.put(&format!("{to}/{name}"), &fs::read(folder.join(name)).unwrap());
-    }
-}
-
 pub(crate) fn s3() {
-    let moto = Moto::start();
-    moto.put("cities", b"");
     let folder = tempfile::tempdir().unwrap();
     // A real city, if one is named, else a small one.
     let city = std::env::var_os("INSULA_FAULTS_CITY").map_or_else(
         || {
-            common::city(folder.path(), "two");
-            folder.path().to_owned()
+            let city = folder.path().join("two");
+            fs::create_dir(&city).unwrap();
+            common::city(&city, "two");
+            city
         },
         Into::into,
     );
-    upload(&moto, &city, "cities/some/two");
-    let environment = [
-        ("AWS_ENDPOINT", format!("http://127.0.0.1:{}", moto.1)),
-        ("AWS_ACCESS_KEY_ID", "test".to_owned()),
-        ("AWS_SECRET_ACCESS_KEY", "test".into()),
-        ("AWS_REGION", "us-east-1".into()),
-    ];
+    let place = bucket::put(&city).unwrap();
     let settings = ["cache.block_bytes=4096", "limits.tile_bytes=0"];
-    let server = Served::start_in(&environment, "s3://cities/some/two", &settings);
+    let server = Served::start_in(&place.environment, &place.url, &settings);
     let local = insula_server::store::CityStore::open(&city).unwrap();
     let mut connection = Connection::new(server.address);
     let mut tiles = 0;

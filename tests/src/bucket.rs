@@ -1,5 +1,5 @@
-//! A bucket that tests serve their cities from, where `INSULA_TEST_STORE=s3` says so: `cargo test --release -p insula-tests`
-//! then asks the same of a server whose store is S3. It is moto's (`pip install 'moto[server]'`).
+//! A bucket for cities: moto's (`pip install 'moto[server]'`). Where `INSULA_TEST_STORE=s3` says so, tests that start a server
+//! have it serve from there.
 
 use anyhow::{Context, Result, ensure};
 use std::{
@@ -26,13 +26,18 @@ pub struct Place {
 
 /// Puts a city into the bucket, if tests are to be served from one.
 pub fn place(city: &Path) -> Result<Option<Place>> {
-    /// Cities so far: each has a path of its own.
-    static CITIES: AtomicU32 = AtomicU32::new(0);
-    static MOTO: OnceLock<std::result::Result<Moto, String>> = OnceLock::new();
     match std::env::var("INSULA_TEST_STORE") {
         Err(_) => return Ok(None),
         Ok(store) => ensure!(store == "s3", "INSULA_TEST_STORE is {store:?}, only \"s3\" is known"),
     }
+    put(city).map(Some)
+}
+
+/// Puts a city into the bucket, beside those before it. Starts moto, once.
+pub fn put(city: &Path) -> Result<Place> {
+    /// Cities so far: each has a path of its own.
+    static CITIES: AtomicU32 = AtomicU32::new(0);
+    static MOTO: OnceLock<std::result::Result<Moto, String>> = OnceLock::new();
     let moto = MOTO.get_or_init(|| Moto::start().map_err(|error| format!("{error:#}")));
     let moto = moto.as_ref().map_err(|error| anyhow::anyhow!("{error}"))?;
     let name = city.file_name().and_then(|name| name.to_str()).context("a city's folder has no name")?;
@@ -43,7 +48,7 @@ pub fn place(city: &Path) -> Result<Option<Place>> {
         moto.put(&format!("insula/{path}/{name}"), &fs::read(&file)?)?;
     }
     let access = |name, value: &str| (name, value.to_owned());
-    Ok(Some(Place {
+    Ok(Place {
         url: format!("s3://insula/{path}"),
         environment: [
             ("AWS_ENDPOINT", format!("http://127.0.0.1:{}", moto.port)),
@@ -52,7 +57,7 @@ pub fn place(city: &Path) -> Result<Option<Place>> {
             access("AWS_REGION", "us-east-1"),
             access("AWS_EC2_METADATA_DISABLED", "true"),
         ],
-    }))
+    })
 }
 
 struct Moto {
