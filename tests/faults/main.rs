@@ -40,6 +40,11 @@ fn main() {
         trial("a_thousand_requests_for_one_block_are_one_fetch", store::coalesced),
         trial("an_object_replaced_under_the_server_is_never_mixed", store::replaced),
     ];
+    let (prlimit, clock) = (program::find("prlimit"), process::libfaketime());
+    trials.push(
+        trial("at_its_limit_of_memory_it_gives_no_wrong_byte", process::no_memory).with_ignored_flag(prlimit.is_none()),
+    );
+    trials.push(trial("a_clock_that_jumps_troubles_nobody", process::clock_jumps).with_ignored_flag(clock.is_none()));
     let schemathesis = program::find("schemathesis");
     trials.push(trial("the_openapi_document_is_kept", contract::kept).with_ignored_flag(schemathesis.is_none()));
     trials.push(trial("s3_by_moto_serves_every_tile", store::s3).with_ignored_flag(moto.is_none()));

@@ -12,7 +12,8 @@ fuzz_target!(|bytes: &[u8]| {
         }
     }
     // Sections as the input says, in a frame that is right: tag, length, bytes.
-    let [kind, has_id, mut rest @ ..] = bytes else { return };
+    let [kind, has_id, sections @ ..] = bytes else { return };
+    let mut rest = sections;
     let kind = if kind & 1 == 0 { Kind::BlockMap } else { Kind::Subtree };
     let mut writer = TileWriter::new(kind, (has_id & 1 == 1).then_some(TileId::ROOT));
     while let [tag, low, high, tail @ ..] = rest {
