@@ -29,6 +29,13 @@ throughput *ARGS:
     cargo build --release -p insula-server --example tile_files
     tests/load/throughput.py --server "${CARGO_TARGET_DIR:-target}/dist/insula-server" {{ARGS}}
 
+# Viewers, nginx, overload: all that is measured of a server under load: just load CITY --out DIR
+load *ARGS:
+    cargo build --release --bin insula --bin insula-server
+    cargo build --release -p insula-server --example tile_files
+    cd tests/load && cargo build --release --features scenarios
+    tests/load/run.py {{ARGS}}
+
 # How true a bake is to its source: just fidelity FILE... --out DIR
 fidelity *ARGS:
     cargo run --release -p insula-tests --bin fidelity -- {{ARGS}}

@@ -47,7 +47,7 @@ def main():
             url = server.stdout.readline().split()[-1]
             path = pathlib.Path(folder, "path.json")
             path.write_text(json.dumps({"seconds": keys[-1]["t"], "keys": keys}))
-            subprocess.run([args.insula, "fly", "--server", url, "--path", path, "--size", "640x360", "--adapter", "cpu", "--report", f"{folder}/r.json"], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run([args.insula, "fly", "--server", url, "--path", path, "--size", "320x180", "--tau", "0.5", "--adapter", "cpu", "--report", f"{folder}/r.json"], check=True, stdout=subprocess.DEVNULL)
             server.terminate()
             server.wait()
             log.seek(0)
