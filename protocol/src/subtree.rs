@@ -8,8 +8,9 @@
 
 use crate::{
     TileId,
-    codec::varint::Reader,
+    codec::varint::{self, Reader},
     error::DecodeError,
+    mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES},
     tile::{Kind, TileReader, TileWriter},
 };
 
@@ -19,7 +20,10 @@ pub const LEVELS: u8 = 5;
 pub const MAX_NODES: usize = 1365;
 
 const TAG_NODES: u8 = 1;
+const TAG_MESHES: u8 = 2;
 const NODE_BYTES: usize = 21;
+/// A node's count, and at most four bytes, five, five and five for each of its levels of detail.
+const MESH_BYTES: usize = 1 + 19 * MAX_LODS as usize;
 
 /// What is known of a node without its tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,11 +44,35 @@ pub struct NodeInfo {
     pub blockmap_bytes: u32,
 }
 
-/// The nodes of up to five levels, breadth first, children in quadrant order.
+/// What is known of one level of detail of a leaf's mesh without its tile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshLod {
+    /// How far what is drawn can be from the source, in metres; never above the next coarser one's.
+    pub error_m: f32,
+    /// Bytes of its tile.
+    pub bytes: u32,
+    /// Triangles, at least one.
+    pub triangles: u32,
+    /// Pixels of its picture, 0 if it has none.
+    pub texture_px: u32,
+}
+
+/// The mesh of a leaf: at least one level of detail, the finest first.
 #[derive(Debug, Clone, PartialEq)]
+pub struct NodeMesh {
+    /// Which leaf.
+    pub id: TileId,
+    /// 1 to [`MAX_LODS`] of them.
+    pub lods: Vec<MeshLod>,
+}
+
+/// The nodes of up to five levels, breadth first, children in quadrant order.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Subtree {
     /// At least the root.
     pub nodes: Vec<NodeInfo>,
+    /// Of those nodes without children that have meshes, in the order of the nodes.
+    pub meshes: Vec<NodeMesh>,
 }
 
 impl Subtree {
@@ -71,7 +99,33 @@ impl Subtree {
         }
         let mut writer = TileWriter::new(Kind::Subtree, Some(root));
         writer.section(TAG_NODES, &raw)?;
+        writer.section(TAG_MESHES, &self.encode_meshes()?)?;
         writer.finish()
+    }
+
+    /// Counts of all nodes, then errors, bytes, triangles and pixels of all levels of detail. Nothing if there are none.
+    fn encode_meshes(&self) -> Result<Vec<u8>, DecodeError> {
+        if self.meshes.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut meshes = self.meshes.iter().peekable();
+        let mut raw = Vec::new();
+        for node in &self.nodes {
+            let mesh = meshes.next_if(|mesh| mesh.id == node.id);
+            if let Some(mesh) = mesh {
+                check_mesh(mesh, node)?;
+            }
+            raw.push(mesh.map_or(0, |mesh| mesh.lods.len() as u8));
+        }
+        if meshes.next().is_some() {
+            return Err(DecodeError::Invalid("a mesh of no node, or not in the nodes' order"));
+        }
+        let lods = || self.meshes.iter().flat_map(|mesh| &mesh.lods);
+        lods().for_each(|lod| raw.extend_from_slice(&lod.error_m.to_le_bytes()));
+        for number in [|lod: &MeshLod| lod.bytes, |lod: &MeshLod| lod.triangles, |lod: &MeshLod| lod.texture_px] {
+            lods().for_each(|lod| varint::push(&mut raw, number(lod)));
+        }
+        Ok(raw)
     }
 
     /// Reads a tile; ids follow from the child masks.
@@ -96,7 +150,59 @@ impl Subtree {
             nodes.push(node);
         }
         reader.finish()?;
-        Ok(Self { nodes })
+        let meshes = read_meshes(&tile.section(TAG_MESHES, nodes.len() * MESH_BYTES)?, &nodes)?;
+        Ok(Self { nodes, meshes })
+    }
+}
+
+fn read_meshes(raw: &[u8], nodes: &[NodeInfo]) -> Result<Vec<NodeMesh>, DecodeError> {
+    if raw.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut reader = Reader::new(raw);
+    let counts = reader.take(nodes.len())?;
+    if counts.iter().any(|count| *count > MAX_LODS) {
+        return Err(DecodeError::Invalid("a mesh of more than four levels of detail"));
+    }
+    let mut lods = Vec::new();
+    for _ in 0..counts.iter().map(|count| u32::from(*count)).sum() {
+        lods.push(MeshLod { error_m: reader.f32()?, bytes: 0, triangles: 0, texture_px: 0 });
+    }
+    let numbers: [fn(&mut MeshLod) -> &mut u32; 3] =
+        [|lod| &mut lod.bytes, |lod| &mut lod.triangles, |lod| &mut lod.texture_px];
+    for number in numbers {
+        for lod in &mut lods {
+            *number(lod) = reader.varint()?;
+        }
+    }
+    reader.finish()?;
+    let mut lods = lods.into_iter();
+    let mut meshes = Vec::new();
+    for (node, &count) in nodes.iter().zip(counts).filter(|(_, count)| **count > 0) {
+        let mesh = NodeMesh { id: node.id, lods: lods.by_ref().take(usize::from(count)).collect() };
+        check_mesh(&mesh, node)?;
+        meshes.push(mesh);
+    }
+    Ok(meshes)
+}
+
+fn check_mesh(mesh: &NodeMesh, node: &NodeInfo) -> Result<(), DecodeError> {
+    if node.child_mask != 0 {
+        return Err(DecodeError::Invalid("a mesh of a node that has children"));
+    }
+    let count = 1..=usize::from(MAX_LODS);
+    let rises = mesh.lods.is_sorted_by(|finer, coarser| finer.error_m <= coarser.error_m);
+    let sensible = mesh.lods.iter().all(|lod| (0.0..f32::INFINITY).contains(&lod.error_m));
+    if !count.contains(&mesh.lods.len()) || !rises || !sensible {
+        return Err(DecodeError::Invalid("a mesh's levels of detail are one to four, their errors rise"));
+    }
+    let limits = |lod: &MeshLod| {
+        (1..=MAX_TRIANGLES).contains(&(lod.triangles as usize)) && lod.texture_px <= MAX_TEXTURE_PX && lod.bytes > 0
+    };
+    if mesh.lods.iter().all(limits) {
+        Ok(())
+    } else {
+        Err(DecodeError::Invalid("a mesh's triangles or pixels are over the limits"))
     }
 }
 
@@ -137,7 +243,12 @@ mod tests {
         let a = root.child(1).unwrap();
         let b = root.child(2).unwrap();
         let c = a.child(3).unwrap();
-        Subtree { nodes: vec![node(root, 0b0110), node(a, 0b1000), node(b, 0), node(c, 0)] }
+        let lod = |error_m, bytes| MeshLod { error_m, bytes, triangles: 12, texture_px: 64 * 32 };
+        let meshes = vec![
+            NodeMesh { id: b, lods: vec![lod(0.01, 4000), lod(0.25, 700)] },
+            NodeMesh { id: c, lods: vec![lod(0.5, 100_000)] },
+        ];
+        Subtree { nodes: vec![node(root, 0b0110), node(a, 0b1000), node(b, 0), node(c, 0)], meshes }
     }
 
     #[test]
@@ -159,6 +270,35 @@ mod tests {
             let mut wrong = bytes.clone();
             wrong[at] ^= 0x10;
             assert!(Subtree::decode(&wrong).is_err(), "{at}");
+        }
+    }
+
+    #[test]
+    fn without_meshes_the_bytes_have_no_section_for_them() {
+        let plain = Subtree { meshes: Vec::new(), ..sample() };
+        let bytes = plain.encode().unwrap();
+        assert_eq!(Subtree::decode(&bytes).unwrap(), plain);
+        assert!(TileReader::new(&bytes, Kind::Subtree).unwrap().section(TAG_MESHES, 1 << 20).unwrap().is_empty());
+    }
+
+    #[test]
+    fn meshes_that_cannot_be_are_refused() {
+        let wrong = |change: fn(&mut Subtree)| {
+            let mut subtree = sample();
+            change(&mut subtree);
+            assert!(subtree.encode().is_err());
+        };
+        wrong(|s| s.meshes[0].lods.clear());
+        wrong(|s| s.meshes[0].lods = vec![s.meshes[1].lods[0]; 5]);
+        wrong(|s| s.meshes[0].lods[1].error_m = 0.001);
+        wrong(|s| s.meshes[0].lods[0].error_m = f32::NAN);
+        wrong(|s| s.meshes[0].lods[0].triangles = 0);
+        wrong(|s| s.meshes[0].lods[0].texture_px = MAX_TEXTURE_PX + 1);
+        wrong(|s| s.meshes[0].id = TileId::ROOT);
+        wrong(|s| s.meshes.swap(0, 1));
+        for counts in [vec![0, 0, 0, 5], vec![0, 0, 1], vec![0, 1, 0, 0], vec![0; 4]] {
+            let raw = [counts, vec![0; 7]].concat();
+            assert!(read_meshes(&raw, &sample().nodes).is_err());
         }
     }
 

@@ -1,6 +1,6 @@
 //! The container that every tile travels in: magic, version, kind, a section table, sections with checksums.
 //!
-//! In: sections of bytes. Out: one run of bytes (or back). Next: `blockmap` and `subtree` say what the sections hold.
+//! In: sections of bytes. Out: one run of bytes (or back). Next: `blockmap`, `subtree` and `mesh_tile` say what the sections hold.
 
 use crate::{TileId, codec, codec::varint::Reader, error::DecodeError};
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,8 @@ pub enum Kind {
     BlockMap = 1,
     /// Which nodes exist below one.
     Subtree = 2,
+    /// A leaf's triangles at one level of detail.
+    Mesh = 3,
 }
 
 /// How a section's bytes are packed.

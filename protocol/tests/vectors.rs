@@ -53,7 +53,7 @@ fn subtree() -> Subtree {
     };
     let root = TileId::new(5, 17, 30).unwrap();
     let child = root.child(2).unwrap();
-    Subtree { nodes: vec![node(root, 0b0100), node(child, 0)] }
+    Subtree { nodes: vec![node(root, 0b0100), node(child, 0)], meshes: vec![] }
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! `cargo run --release -p insula-server --example loss_by_level -- LOSSLESS CITY`
 
 use anyhow::{Context, ensure};
-use insula_protocol::{BlockMap, route::Layer};
+use insula_protocol::BlockMap;
 use insula_server::store::CityStore;
 use std::{collections::BTreeMap, path::Path};
 
@@ -43,7 +43,7 @@ fn main() -> anyhow::Result<()> {
 
 fn maps(city: &str) -> anyhow::Result<BTreeMap<(u8, u32, u32), BlockMap>> {
     let store = CityStore::open(Path::new(city))?;
-    let tiles = store.archive(Layer::BlockMaps).tiles();
+    let tiles = store.blockmaps().tiles();
     let decoded = tiles.map(|(id, bytes)| Ok(((id.level(), id.x(), id.y()), BlockMap::decode(id, &bytes?)?)));
     decoded.collect()
 }

@@ -13,7 +13,6 @@ use insula_protocol::{
         range::{Bit, Coder, Number},
         zstd,
     },
-    route::Layer,
     texel::ALPHA_MAX,
 };
 use insula_server::store::CityStore;
@@ -33,7 +32,7 @@ fn main() -> anyhow::Result<()> {
         let store = CityStore::open(Path::new(&city))?;
         let depth = store.manifest().depth;
         let (mut leaves, mut parents) = (Vec::new(), Vec::new());
-        for (id, bytes) in store.archive(Layer::BlockMaps).tiles() {
+        for (id, bytes) in store.blockmaps().tiles() {
             let map = BlockMap::decode(id, &bytes?).with_context(|| id.to_string())?;
             if id.level() == depth { leaves.push(map) } else { parents.push(map) }
         }

@@ -3,7 +3,7 @@
 //! `cargo run --release -p insula-server --example tile_files -- CITY FOLDER`
 
 use anyhow::{Context, bail};
-use insula_protocol::route::{self, Layer};
+use insula_protocol::route;
 use insula_server::store::CityStore;
 use std::{fs, io::Write, path::Path};
 
@@ -13,9 +13,11 @@ fn main() -> anyhow::Result<()> {
     let (city, folder) = (CityStore::open(Path::new(city))?, Path::new(folder));
     fs::create_dir_all(folder)?;
     let mut list = std::io::BufWriter::new(fs::File::create(folder.join("paths.txt"))?);
-    for layer in Layer::ALL {
-        for (id, bytes) in city.archive(layer).tiles() {
-            let path = route::tile(&city.manifest().name, &city.manifest().version, layer, id);
+    let manifest = city.manifest();
+    for (layer, archive) in city.archives() {
+        for (id, bytes) in archive.tiles() {
+            let path = route::at_place(&manifest.name, &manifest.version, layer, id, manifest.depth);
+            let path = path.context("a tile at a place of none")?;
             let file = folder.join(path.trim_start_matches('/'));
             fs::create_dir_all(file.parent().context("a tile's path has a folder")?)?;
             fs::write(&file, bytes?)?;

@@ -149,7 +149,56 @@ async fn what_cannot_be_is_400() {
     }
     get("/v1/cities/two/0123456789abcdef/meshes/1/0/0/x").await.is_problem(400);
     get("/v1/cities/two/0123456789abcdef/meshes/1/7/0/0").await.is_problem(400);
+    get("/v1/cities/two/0123456789abcdef/meshes/1/1/1/4").await.is_problem(400);
+    get("/v1/cities/two/0123456789abcdef/meshes/1/1/1/00").await.is_problem(400);
     get("/v1/cities/%ff").await.is_problem(400);
+}
+
+#[tokio::test]
+async fn meshes_are_served_by_level_of_detail_where_there_are_any() {
+    let folder = tempfile::tempdir().unwrap();
+    common::city_with_meshes(folder.path(), "two");
+    let app = insula_server::http::app(AppState::new(Store::open(&[folder.path()]).unwrap(), &config(8)));
+    let get = async |path: &str| ask_of(app.clone(), Method::GET, path, &[]).await;
+    let mut tags = Vec::new();
+    for (lod, bytes) in common::meshes() {
+        let path = route::mesh("two", common::VERSION, common::child(), lod);
+        let answer = get(&path).await;
+        assert_eq!((answer.status, &answer.body), (StatusCode::OK, &bytes), "{path}");
+        assert_eq!(answer.header("cache-control"), "public, max-age=31536000, immutable");
+        tags.push(answer.header("etag").to_owned());
+        let again = ask_of(app.clone(), Method::GET, &path, &[("if-none-match", &tags[usize::from(lod)])]).await;
+        assert_eq!(again.status, StatusCode::NOT_MODIFIED);
+        let part = ask_of(app.clone(), Method::GET, &path, &[("range", "bytes=4-9")]).await;
+        assert_eq!((part.status, &part.body[..]), (StatusCode::PARTIAL_CONTENT, &bytes[4..10]));
+    }
+    assert_ne!(tags[0], tags[1]);
+    // Of a leaf without a mesh, a level that it has not, a node that is no leaf, and what would be its place as a leaf's.
+    for place in ["1/0/1/0", "1/1/1/2", "0/0/0/0", "2/2/2/0", "20/0/0/3"] {
+        get(&format!("/v1/cities/two/0123456789abcdef/meshes/{place}")).await.is_problem(404);
+    }
+    get("/v1/cities/two/0123456789abcdef/meshes/1/1/1").await.is_problem(404);
+}
+
+#[tokio::test]
+async fn a_mesh_that_is_damaged_on_disk_is_never_served() {
+    use std::os::unix::fs::FileExt;
+    let folder = tempfile::tempdir().unwrap();
+    common::city_with_meshes(folder.path(), "two");
+    let mut config = config(8);
+    config.limits.tile_bytes = 0;
+    let app = insula_server::http::app(AppState::new(Store::open(&[folder.path()]).unwrap(), &config));
+    let path = folder.path().join("meshes.pmtiles");
+    let (whole, (lod, bytes)) = (std::fs::read(&path).unwrap(), common::meshes().remove(1));
+    let at = whole.windows(bytes.len()).position(|window| window == bytes).unwrap() as u64;
+    let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    let address = route::mesh("two", common::VERSION, common::child(), lod);
+    for offset in 0..bytes.len() {
+        file.write_all_at(&[bytes[offset] ^ 0x10], at + offset as u64).unwrap();
+        ask_of(app.clone(), Method::GET, &address, &[]).await.is_problem(500);
+        file.write_all_at(&[bytes[offset]], at + offset as u64).unwrap();
+    }
+    assert_eq!(ask_of(app, Method::GET, &address, &[]).await.body, bytes, "mended, it is served again");
 }
 
 #[tokio::test]

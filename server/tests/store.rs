@@ -32,8 +32,7 @@ fn tiles_come_back_byte_for_byte() {
     assert_eq!(city.tile(Layer::Subtrees, common::child()).unwrap(), None);
     assert_eq!(city.tile(Layer::BlockMaps, TileId::new(1, 0, 0).unwrap()).unwrap(), None);
     assert_eq!(city.tile(Layer::BlockMaps, TileId::new(20, 1, 1).unwrap()).unwrap(), None);
-    let listed: Vec<_> =
-        city.archive(Layer::BlockMaps).tiles().map(|(id, bytes)| (id, bytes.unwrap().to_vec())).collect();
+    let listed: Vec<_> = city.blockmaps().tiles().map(|(id, bytes)| (id, bytes.unwrap().to_vec())).collect();
     assert_eq!(listed, common::blockmaps());
 }
 
@@ -49,7 +48,7 @@ fn nodes_that_share_a_tile_are_all_there() {
     manifest.root_side_m = 64.0 * 16.0;
     std::fs::write(folder.path().join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     let city = CityStore::open(folder.path()).unwrap();
-    let archive = city.archive(Layer::BlockMaps);
+    let archive = city.blockmaps();
     assert_eq!(archive.len(), 256);
     assert!((0..256).all(|i| archive.tile(id(i)).unwrap().unwrap() == bytes(i)));
     assert!(archive.tiles().all(|(id, found)| found.unwrap() == bytes(id.y() * 16 + id.x())));
@@ -85,7 +84,7 @@ fn archives_with_leaf_directories_are_read_whole() {
     let file = std::fs::read(&path).unwrap();
     assert_ne!(file[48..56], [0; 8], "the archive has no leaf directories: the test tests nothing");
     let city = CityStore::open(folder.path()).unwrap();
-    assert_eq!(city.archive(Layer::BlockMaps).len(), tiles.len() as u64);
+    assert_eq!(city.blockmaps().len(), tiles.len() as u64);
     for (id, bytes) in tiles {
         assert_eq!(city.tile(Layer::BlockMaps, id).unwrap().unwrap(), bytes);
     }
@@ -122,7 +121,7 @@ fn flipped_bits_never_panic_and_never_leave_the_file() {
                     assert!(!error.to_string().contains('\n'));
                 }
                 Ok(city) => {
-                    assert!(city.archive(Layer::BlockMaps).tiles().all(|(_, bytes)| !bytes.unwrap().is_empty()))
+                    assert!(city.blockmaps().tiles().all(|(_, bytes)| !bytes.unwrap().is_empty()))
                 }
             }
         }
@@ -174,4 +173,21 @@ fn a_folder_of_cities_gives_them_all() {
     let twice = Store::open(&[root.path().join("a"), root.path().to_owned()]);
     assert!(matches!(twice, Err(StoreError::SameName { .. })));
     assert!(matches!(Store::open(&[root.path().join("missing")]), Err(StoreError::Io { .. })));
+}
+
+#[test]
+fn a_city_with_meshes_opens_and_one_whose_meshes_lie_too_deep_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    common::city_with_meshes(folder.path(), "two");
+    let city = CityStore::open(folder.path()).unwrap();
+    assert_eq!(city.archive(Layer::Meshes).unwrap().len(), 2);
+    let place = insula_protocol::mesh_tile::place(common::child(), 1).unwrap();
+    assert_eq!(city.tile(Layer::Meshes, place).unwrap().unwrap(), common::meshes()[1].1);
+    let deep = [(TileId::new(5, 0, 0).unwrap(), vec![1])];
+    common::archive(&folder.path().join(Layer::Meshes.file_name()), &deep);
+    assert!(CityStore::open(folder.path()).is_err());
+    std::fs::remove_file(folder.path().join(Layer::Meshes.file_name())).unwrap();
+    let city = CityStore::open(folder.path()).unwrap();
+    assert!(city.archive(Layer::Meshes).is_none());
+    assert_eq!(city.tile(Layer::Meshes, place).unwrap(), None);
 }

@@ -164,10 +164,11 @@ pub(crate) fn s3() {
     let local = insula_server::store::CityStore::open(&city).unwrap();
     let mut connection = Connection::new(server.address);
     let mut tiles = 0;
-    for layer in insula_protocol::route::Layer::ALL {
-        for (id, bytes) in local.archive(layer).tiles() {
+    for (layer, archive) in local.archives() {
+        for (id, bytes) in archive.tiles() {
             let manifest = local.manifest();
-            let path = insula_protocol::route::tile(&manifest.name, &manifest.version, layer, id);
+            let (name, version) = (&manifest.name, &manifest.version);
+            let path = insula_protocol::route::at_place(name, version, layer, id, manifest.depth).unwrap();
             let answer = connection.get(&path).unwrap();
             assert!(answer.status == 200 && answer.body == bytes.unwrap(), "{path}: {}", answer.status);
             tiles += 1;

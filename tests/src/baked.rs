@@ -46,7 +46,7 @@ impl Baked {
     pub fn open(folder: &Path) -> Result<Self> {
         let store = CityStore::open(folder).with_context(|| folder.display().to_string())?;
         let mut nodes = HashMap::new();
-        for (id, bytes) in store.archive(Layer::Subtrees).tiles() {
+        for (id, bytes) in store.subtrees().tiles() {
             let subtree = Subtree::decode(&bytes?).with_context(|| format!("subtree {id}"))?;
             nodes.extend(subtree.nodes.iter().map(|node| (node.id, *node)));
         }
@@ -61,7 +61,7 @@ impl Baked {
     /// Nodes a level, and bytes of their tiles.
     pub fn levels(&self) -> BTreeMap<u8, (usize, usize)> {
         let mut levels = BTreeMap::new();
-        for (id, bytes) in self.store.archive(Layer::BlockMaps).lengths() {
+        for (id, bytes) in self.store.blockmaps().lengths() {
             let level: &mut (usize, usize) = levels.entry(id.level()).or_default();
             level.0 += 1;
             level.1 += bytes as usize;
@@ -71,7 +71,7 @@ impl Baked {
 
     /// All nodes of a level.
     pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
-        let tiles = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == level);
+        let tiles = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == level);
         tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))).collect()
     }
 
@@ -115,7 +115,7 @@ impl Baked {
     /// Decodes all leaves.
     pub fn leaves(&self) -> Result<BTreeMap<TileId, BlockMap>> {
         let depth = self.manifest().depth;
-        let leaves = self.store.archive(Layer::BlockMaps).tiles().filter(|(id, _)| id.level() == depth);
+        let leaves = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == depth);
         leaves
             .map(|(id, bytes)| Ok((id, BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))?)))
             .collect()

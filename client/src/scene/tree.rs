@@ -135,6 +135,7 @@ impl Tree {
         match key.layer() {
             Layer::Subtrees => Some(self.subtree(key.id)),
             Layer::BlockMaps => self.find(key.id).map(|at| self.node(at).tile),
+            Layer::Meshes => None,
         }
     }
 
@@ -146,6 +147,7 @@ impl Tree {
                 Some(at) => self.nodes[at.0 as usize].tile.apply(event),
                 None => false,
             },
+            Layer::Meshes => false,
         }
     }
 

@@ -61,7 +61,7 @@ fn subtrees(to: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
                 roots.push(id);
             }
         }
-        all.push(Subtree { nodes });
+        all.push(Subtree { nodes, meshes: Vec::new() });
     }
     all
 }

@@ -5,13 +5,13 @@
 use super::{fetch::FetchError, source::Source};
 use crate::scene::Key;
 use bytes::Bytes;
-use insula_protocol::{BlockMap, DecodeError, Subtree, route::Layer};
+use insula_protocol::{BlockMap, DecodeError, Subtree, mesh_tile, route::Layer};
 use insula_shaders::pack::PackedNode;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
 
-/// Largest subtree tile: 1,365 nodes of 21 bytes and a header.
-const SUBTREE_BYTES: usize = 64 << 10;
+/// Largest subtree tile: 1,365 nodes of 21 bytes, up to 1,024 leaves' meshes of 77, and a header.
+const SUBTREE_BYTES: usize = 128 << 10;
 /// Largest V-BlockMap tile: a million texels and all planes, incompressible, and room to spare.
 const BLOCK_MAP_BYTES: usize = 8 << 20;
 
@@ -32,6 +32,7 @@ pub fn limit_bytes(key: Key) -> usize {
     match key.layer() {
         Layer::Subtrees => SUBTREE_BYTES,
         Layer::BlockMaps => BLOCK_MAP_BYTES,
+        Layer::Meshes => mesh_tile::MAX_BYTES,
     }
 }
 
@@ -70,6 +71,7 @@ pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
             let map = BlockMap::decode(key.id, bytes)?;
             Ok(Decoded::Node(Box::new(PackedNode::new(&map))))
         }
+        Layer::Meshes => Err(DecodeError::Invalid("meshes are not drawn yet")),
     }
 }
 

@@ -157,7 +157,7 @@ mod tests {
         };
         let mut nodes = vec![node(TileId::ROOT, 15)];
         nodes.extend(TileId::ROOT.children().map(|id| node(id, 0)));
-        tree.merge(&Subtree { nodes });
+        tree.merge(&Subtree { nodes, meshes: Vec::new() });
         tree
     }
 

@@ -102,7 +102,7 @@ pub fn city(name: &str) -> HashMap<String, Vec<u8>> {
             ids.extend(id.children());
         }
     }
-    let subtree = Subtree { nodes }.encode().unwrap();
+    let subtree = Subtree { nodes, meshes: Vec::new() }.encode().unwrap();
     files.insert(route::tile(name, &manifest.version, Layer::Subtrees, TileId::ROOT), subtree);
     files.insert(route::manifest(name), serde_json::to_vec(&manifest).unwrap());
     files.insert(route::CITIES.into(), serde_json::to_vec(&serde_json::json!([{ "name": name }])).unwrap());

@@ -21,6 +21,11 @@ impl Mesh {
     /// # Errors
     /// Anything that is no coded mesh. Memory is bounded by what the bytes announce, and that by the format's limits.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
+        Self::decode_within(bytes, MAX_TRIANGLES)
+    }
+
+    /// The same, and refuses what announces more than `most` triangles (or as many vertices) before it takes memory for them.
+    pub fn decode_within(bytes: &[u8], most: usize) -> Result<Self, DecodeError> {
         let mut reader = Reader::new(bytes);
         let version = reader.u8()?;
         if version != VERSION {
@@ -38,9 +43,9 @@ impl Mesh {
         limit("a mesh's attributes", attributes, MAX_ATTRIBUTES)?;
         let grid = grid(&mut reader, kind & WIDE != 0, bits)?;
         let vertices = reader.varint()? as usize;
-        limit("a mesh's vertices", vertices, MAX_VERTICES)?;
+        limit("a mesh's vertices", vertices, most.min(MAX_VERTICES))?;
         let triangles = reader.varint()? as usize;
-        limit("a mesh's triangles", triangles, MAX_TRIANGLES)?;
+        limit("a mesh's triangles", triangles, most.min(MAX_TRIANGLES))?;
         let mut attributes = (0..attributes).map(|_| attribute(&mut reader)).collect::<Result<Vec<_>, _>>()?;
         let mut weights = smooth::PLAIN;
         if kind & BUILT == 0 {

@@ -3,7 +3,7 @@
 //! In: an opened city. Out: [`Census`]. Next: `inspect` shows it.
 
 use crate::store::CityStore;
-use insula_protocol::{Manifest, Subtree, route::Layer};
+use insula_protocol::{Manifest, Subtree};
 use serde::Serialize;
 
 /// A city's manifest and what its archives hold.
@@ -41,13 +41,13 @@ impl<'a> Census<'a> {
         let manifest = city.manifest();
         let level = |level| Level { level, cell_m: manifest.cell_m_at(level), bytes_min: u64::MAX, ..Level::default() };
         let mut levels: Vec<Level> = (0..=manifest.depth).map(level).collect();
-        for (id, length) in city.archive(Layer::BlockMaps).lengths() {
+        for (id, length) in city.blockmaps().lengths() {
             if let Some(level) = levels.get_mut(usize::from(id.level())) {
                 level.add_bytes(u64::from(length));
             }
         }
         let mut damaged = 0;
-        for (_, bytes) in city.archive(Layer::Subtrees).tiles() {
+        for (_, bytes) in city.subtrees().tiles() {
             let Some(subtree) = bytes.ok().and_then(|bytes| Subtree::decode(&bytes).ok()) else {
                 damaged += 1;
                 continue;
@@ -61,7 +61,7 @@ impl<'a> Census<'a> {
         for level in &mut levels {
             level.finish();
         }
-        let subtree_tiles = city.archive(Layer::Subtrees).len();
+        let subtree_tiles = city.subtrees().len();
         Self { manifest, file_bytes: city.file_bytes(), subtree_tiles, damaged_subtree_tiles: damaged, levels }
     }
 }

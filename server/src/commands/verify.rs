@@ -4,14 +4,14 @@
 
 use super::{CommandError, print};
 use crate::{args::VerifyArgs, store::CityStore};
-use insula_protocol::{BlockMap, Subtree, TileId, route::Layer, subtree::NodeInfo, tile};
+use insula_protocol::{BlockMap, Subtree, TileId, subtree::NodeInfo, tile};
 use std::collections::{BTreeMap, BTreeSet};
 
 pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     let faults = faults(&city);
     if faults.is_empty() {
-        let tiles = city.archive(Layer::BlockMaps).len() + city.archive(Layer::Subtrees).len();
+        let tiles = city.blockmaps().len() + city.subtrees().len();
         print(&format!("{}: {tiles} tiles, all good\n", city.manifest().name));
         return Ok(());
     }
@@ -32,7 +32,7 @@ pub(super) fn faults(city: &CityStore) -> Vec<String> {
 /// Every V-BlockMap's length, by its place.
 fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64> {
     let mut lengths = BTreeMap::new();
-    for (id, bytes) in city.archive(Layer::BlockMaps).tiles() {
+    for (id, bytes) in city.blockmaps().tiles() {
         let mut fault = |what: String| faults.push(format!("blockmaps/{id}: {what}"));
         let bytes = match bytes {
             Ok(bytes) => bytes,
@@ -60,7 +60,7 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, Node
     let mut nodes = BTreeMap::new();
     let mut there = BTreeSet::new();
     let mut continued = BTreeSet::from([TileId::ROOT]);
-    for (id, bytes) in city.archive(Layer::Subtrees).tiles() {
+    for (id, bytes) in city.subtrees().tiles() {
         there.insert(id);
         let decoded = bytes.map_err(|error| error.to_string());
         let subtree = match decoded.and_then(|bytes| Subtree::decode(&bytes).map_err(|error| error.to_string())) {

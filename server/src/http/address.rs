@@ -5,6 +5,7 @@
 use super::Problem;
 use insula_protocol::{
     TileId,
+    mesh_tile::MAX_LODS,
     route::{CITIES, Layer},
 };
 
@@ -18,15 +19,18 @@ pub struct TileAddress<'a> {
     pub city: &'a str,
     /// As it stands in the address; it need not exist.
     pub version: &'a str,
-    /// `None`: a mesh.
-    pub layer: Option<Layer>,
+    /// Which archive.
+    pub layer: Layer,
     /// Whose tile.
     pub id: TileId,
+    /// Which level of detail, below [`MAX_LODS`]; 0 but of meshes.
+    pub lod: u8,
 }
 
 /// What is said of an address that looks like a tile's and cannot be one.
-pub const NOT_A_TILE: Problem =
-    Problem::bad_request("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level");
+pub const NOT_A_TILE: Problem = Problem::bad_request(
+    "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
+);
 
 impl<'a> TileAddress<'a> {
     /// `None`: another address. An error: a tile that cannot be.
@@ -34,18 +38,19 @@ impl<'a> TileAddress<'a> {
         let mut parts = path.strip_prefix(CITIES)?.strip_prefix('/')?.split('/');
         let mut part = || parts.next();
         let (city, version, word) = (part()?, part()?, part()?);
-        let layer = Layer::from_word(word);
-        if layer.is_none() && word != "meshes" {
-            return None;
-        }
+        let layer = Layer::from_word(word)?;
         let (level, x, y) = (part()?, part()?, part()?);
-        let lod = if layer.is_none() { Some(part()?) } else { None };
+        let lod = if layer == Layer::Meshes { part()? } else { "0" };
         if part().is_some() {
             return None;
         }
-        let id = tile_id(level, x, y).filter(|_| lod.is_none_or(|lod| number(lod).is_some_and(|lod| lod < 256)));
-        Some(id.map(|id| Self { city, version, layer, id }).ok_or(NOT_A_TILE))
+        let named = tile_id(level, x, y).zip(lod_of(lod));
+        Some(named.map(|(id, lod)| Self { city, version, layer, id, lod }).ok_or(NOT_A_TILE))
     }
+}
+
+fn lod_of(text: &str) -> Option<u8> {
+    u8::try_from(number(text)?).ok().filter(|lod| *lod < MAX_LODS)
 }
 
 fn tile_id(level: &str, x: &str, y: &str) -> Option<TileId> {

@@ -13,8 +13,10 @@ use crate::store::{CityStore, ReadError};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
 use bytes::Bytes;
 use http_body_util::Full;
-use insula_protocol::{TileId, route::Layer};
+use insula_protocol::{TileId, mesh_tile, route::Layer};
 use std::sync::Arc;
+
+const NO_TILE: Problem = Problem::not_found("this city has no such tile");
 
 /// A tile that exists as far as its address tells.
 pub(super) struct Wanted {
@@ -37,9 +39,15 @@ impl Wanted {
                 return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
             }
         };
-        // The addresses of mesh levels of detail are reserved, no city has any yet.
-        let layer = address.layer.ok_or(Problem::not_found("this city has no meshes"))?;
-        let key = Key { serial: city.serial(), layer, id: address.id };
+        // Only leaves have meshes, so that none has a second address.
+        let id = match address.layer {
+            Layer::Subtrees | Layer::BlockMaps => address.id,
+            Layer::Meshes => Some(address.id)
+                .filter(|id| id.level() == city.manifest().depth)
+                .and_then(|id| mesh_tile::place(id, address.lod))
+                .ok_or(NO_TILE)?,
+        };
+        let key = Key { serial: city.serial(), layer: address.layer, id };
         Ok(Self { city, key, sight })
     }
 
@@ -51,7 +59,7 @@ impl Wanted {
     /// Reads the tile, checks it and keeps it at hand.
     pub(super) async fn read(self, app: &App, method: &Method, headers: &HeaderMap) -> Result<Answer, Problem> {
         let body = match self.city.checked_tile(self.key.layer, self.key.id).await {
-            Ok(body) => body.ok_or(Problem::not_found("this city has no such tile"))?,
+            Ok(body) => body.ok_or(NO_TILE)?,
             Err(error) => return Err(self.failed(app, &error)),
         };
         let tile = Arc::new(self.ready(body));

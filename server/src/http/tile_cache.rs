@@ -14,7 +14,7 @@ use std::{
 /// What an entry takes besides its bytes, about.
 const ENTRY_BYTES: usize = 1024;
 
-/// Of one opened city: another version has another serial.
+/// Of one opened city: another version has another serial. Meshes are named by their place in the archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Key {
     pub(super) serial: u64,

@@ -10,6 +10,7 @@ use bytes::Bytes;
 use insula_protocol::{
     Manifest, TileId,
     codec::bincode,
+    mesh_tile::MAX_LODS,
     route::Layer,
     tile::{self, Kind, TileReader},
 };
@@ -36,30 +37,43 @@ pub struct CityStore {
     manifest: Manifest,
     subtrees: Archive,
     blockmaps: Archive,
+    meshes: Option<Archive>,
+}
+
+/// A city's archives, read.
+pub(super) struct Archives {
+    pub(super) subtrees: Archive,
+    pub(super) blockmaps: Archive,
+    pub(super) meshes: Option<Archive>,
 }
 
 /// What tells a city's files from those that replace them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Stamp {
-    /// Of each file: device, inode, length, time of change.
-    Files([(u64, u64, u64, Option<SystemTime>); 3]),
+    /// Of the manifest and each archive that is there.
+    Files([Option<FileStamp>; 4]),
     /// Of the manifest's text.
     Remote(blake3::Hash),
 }
 
+/// Device, inode, length, time of change.
+type FileStamp = (u64, u64, u64, Option<SystemTime>);
+
 impl CityStore {
-    /// Opens a folder with `city.json` and an archive for each [`Layer`]: all of one version, even if it is being replaced.
+    /// Opens a folder with `city.json` and an archive for each [`Layer`] that it has: all of one version, even if it is being replaced.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let place = folder.display().to_string();
         for _ in 0..ATTEMPTS {
             let stamp = Stamp::of(folder)?;
             let manifest = read_manifest(&folder.join(MANIFEST_FILE))?;
-            let archives = Layer::ALL.map(|layer| Archive::open(&folder.join(layer.file_name())));
+            let open = |layer: Layer| Archive::open(&folder.join(layer.file_name()));
+            let (subtrees, blockmaps) = (open(Layer::Subtrees), open(Layer::BlockMaps));
+            let meshes = stamp.has_meshes().then(|| open(Layer::Meshes));
             if Stamp::of(folder)? != stamp {
                 continue;
             }
-            let [subtrees, blockmaps] = archives;
-            return Self::new(place, stamp, manifest, subtrees?, blockmaps?);
+            let archives = Archives { subtrees: subtrees?, blockmaps: blockmaps?, meshes: meshes.transpose()? };
+            return Self::new(place, stamp, manifest, archives);
         }
         Err(StoreError::Changing { place })
     }
@@ -68,13 +82,13 @@ impl CityStore {
         place: String,
         stamp: Stamp,
         manifest: Manifest,
-        subtrees: Archive,
-        blockmaps: Archive,
+        Archives { subtrees, blockmaps, meshes }: Archives,
     ) -> Result<Self, StoreError> {
         let serial = SERIALS.fetch_add(1, Ordering::Relaxed);
-        let city = Self { serial, place, stamp, manifest, subtrees, blockmaps };
-        for layer in Layer::ALL {
-            if city.archive(layer).deepest() > city.manifest.depth {
+        let city = Self { serial, place, stamp, manifest, subtrees, blockmaps, meshes };
+        for (layer, archive) in city.archives() {
+            let below = if layer == Layer::Meshes { MAX_LODS - 1 } else { 0 };
+            if archive.deepest() > city.manifest.depth + below {
                 let source = ArchiveError::Directory("it has levels that city.json does not know");
                 return Err(StoreError::Archive { place: city.path_of(layer.file_name()), source });
             }
@@ -110,24 +124,40 @@ impl CityStore {
         &self.stamp
     }
 
-    /// The archive of a layer.
-    pub fn archive(&self, layer: Layer) -> &Archive {
+    /// The archive of a layer, if the city has it: all have V-BlockMaps and subtrees.
+    pub fn archive(&self, layer: Layer) -> Option<&Archive> {
         match layer {
-            Layer::Subtrees => &self.subtrees,
-            Layer::BlockMaps => &self.blockmaps,
+            Layer::Subtrees => Some(&self.subtrees),
+            Layer::BlockMaps => Some(&self.blockmaps),
+            Layer::Meshes => self.meshes.as_ref(),
         }
     }
 
-    /// A tile's bytes from a file, unchecked.
+    /// The archives that it has.
+    pub fn archives(&self) -> impl Iterator<Item = (Layer, &Archive)> {
+        Layer::ALL.into_iter().filter_map(|layer| Some((layer, self.archive(layer)?)))
+    }
+
+    /// Which nodes exist.
+    pub fn subtrees(&self) -> &Archive {
+        &self.subtrees
+    }
+
+    /// Their V-BlockMaps.
+    pub fn blockmaps(&self) -> &Archive {
+        &self.blockmaps
+    }
+
+    /// A tile's bytes from a file, unchecked. A mesh is named by its place ([`insula_protocol::mesh_tile::place`]).
     pub fn tile(&self, layer: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        self.archive(layer).tile(id)
+        self.archive(layer).map_or(Ok(None), |archive| archive.tile(id))
     }
 
     /// A tile's bytes, wherever they are, every checksum in them right. `None` if there is no such tile.
     ///
     /// What is wrong is read once more, past all caches, before it is called damaged.
     pub async fn checked_tile(&self, layer: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        let archive = self.archive(layer);
+        let Some(archive) = self.archive(layer) else { return Ok(None) };
         let Some(place) = archive.find(id) else { return Ok(None) };
         match check(layer, read(archive, &place).await?) {
             Ok(bytes) => Ok(Some(bytes)),
@@ -140,7 +170,7 @@ impl CityStore {
 
     /// Size of all archives.
     pub fn file_bytes(&self) -> u64 {
-        Layer::ALL.into_iter().map(|layer| self.archive(layer).file_bytes()).sum()
+        self.archives().map(|(_, archive)| archive.file_bytes()).sum()
     }
 }
 
@@ -156,6 +186,7 @@ fn check(layer: Layer, bytes: Bytes) -> Result<Bytes, ReadError> {
     let kind = match layer {
         Layer::Subtrees => Kind::Subtree,
         Layer::BlockMaps => Kind::BlockMap,
+        Layer::Meshes => Kind::Mesh,
     };
     match TileReader::new(&bytes, kind) {
         Ok(_) => Ok(bytes),
@@ -170,9 +201,18 @@ impl Stamp {
             let path = folder.join(name);
             let about = fs::metadata(&path).map_err(|source| StoreError::Io { path, source })?;
             let (device, inode) = identity(&about);
-            Ok((device, inode, about.len(), about.modified().ok()))
+            Ok(Some((device, inode, about.len(), about.modified().ok())))
         };
-        Ok(Self::Files([look(MANIFEST_FILE)?, look(Layer::Subtrees.file_name())?, look(Layer::BlockMaps.file_name())?]))
+        let meshes = match look(Layer::Meshes.file_name()) {
+            Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => None,
+            found => found?,
+        };
+        let [subtrees, blockmaps] = [Layer::Subtrees, Layer::BlockMaps].map(|layer| look(layer.file_name()));
+        Ok(Self::Files([look(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
+    }
+
+    fn has_meshes(&self) -> bool {
+        matches!(self, Self::Files([.., Some(_)]))
     }
 }
 

@@ -8,7 +8,7 @@
 use super::{
     Archive, CityStore, MANIFEST_FILE, StoreError,
     blocks::{Blocks, Object},
-    city::{Stamp, parse_manifest},
+    city::{Archives, Stamp, parse_manifest},
     source::{Read, ReadError, Source},
 };
 use insula_protocol::{codec::bincode, route::Layer};
@@ -75,12 +75,21 @@ impl Remote {
             return Ok(None);
         }
         let manifest = parse_manifest(&text).map_err(wrong)?;
-        let subtrees = self.archive(&manifest.version, Layer::Subtrees).await?;
-        let blockmaps = self.archive(&manifest.version, Layer::BlockMaps).await?;
-        CityStore::new(self.url.clone(), stamp, manifest, subtrees, blockmaps).map(Some)
+        let archive = |layer| self.archive(&manifest.version, layer);
+        let missing = |layer: Layer| StoreError::Remote {
+            url: format!("{}/{}", self.url, layer.file_name()),
+            reason: "there is no such file".into(),
+        };
+        let archives = Archives {
+            subtrees: archive(Layer::Subtrees).await?.ok_or_else(|| missing(Layer::Subtrees))?,
+            blockmaps: archive(Layer::BlockMaps).await?.ok_or_else(|| missing(Layer::BlockMaps))?,
+            meshes: archive(Layer::Meshes).await?,
+        };
+        CityStore::new(self.url.clone(), stamp, manifest, archives).map(Some)
     }
 
-    async fn archive(&self, version: &str, layer: Layer) -> Result<Archive, StoreError> {
+    /// `None`: there is no such file.
+    async fn archive(&self, version: &str, layer: Layer) -> Result<Option<Archive>, StoreError> {
         let place = format!("{}/{}", self.url, layer.file_name());
         let mut path = self.folder.clone().join(version).join(layer.file_name());
         let mut meta = self.blocks.patiently(|| self.store.head(&path)).await;
@@ -88,13 +97,17 @@ impl Remote {
             path = self.folder.clone().join(layer.file_name());
             meta = self.blocks.patiently(|| self.store.head(&path)).await;
         }
+        if matches!(meta, Err(object_store::Error::NotFound { .. })) {
+            return Ok(None);
+        }
         let meta = meta.map_err(|error| StoreError::Remote { url: place.clone(), reason: error.to_string() })?;
         let about = format!("{}/{path} {:?} {} {}", self.url, meta.e_tag, meta.size, meta.last_modified);
         let hash = blake3::hash(about.as_bytes());
         let hash = hash.as_bytes()[..16].iter().fold(0, |hash, byte| hash << 8 | u128::from(*byte));
         let object = Object { store: self.store.clone(), path, tag: meta.e_tag, file_bytes: meta.size, hash };
         let source = RemoteSource { object: Arc::new(object), blocks: self.blocks.clone() };
-        Archive::load(Arc::new(source)).await.map_err(|source| StoreError::Archive { place, source })
+        let archive = Archive::load(Arc::new(source)).await;
+        archive.map(Some).map_err(|source| StoreError::Archive { place, source })
     }
 }
 

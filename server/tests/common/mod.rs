@@ -5,8 +5,9 @@ use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId,
     blockmap::{COLUMNS, Column, Strip},
     manifest::{Attribution, Counts, FORMAT_VERSION},
+    mesh_tile,
     route::Layer,
-    subtree::NodeInfo,
+    subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
 use std::{fs::File, path::Path};
@@ -61,7 +62,7 @@ pub(crate) fn subtree() -> Vec<u8> {
         radius_m: 100.0,
         blockmap_bytes: blockmap(id).len() as u32,
     };
-    Subtree { nodes: vec![node(TileId::ROOT, 0b1000), node(child(), 0)] }.encode().unwrap()
+    Subtree { nodes: vec![node(TileId::ROOT, 0b1000), node(child(), 0)], meshes: vec![] }.encode().unwrap()
 }
 
 /// The manifest that [`city`] writes.
@@ -95,6 +96,25 @@ pub(crate) fn manifest(name: &str) -> Manifest {
         tile_version: insula_protocol::tile::VERSION,
         settings: "none".into(),
     }
+}
+
+/// The meshes that [`city_with_meshes`] adds, with their levels of detail: those of [`child`].
+pub(crate) fn meshes() -> Vec<(u8, Vec<u8>)> {
+    let tile = |lod: u8| mesh_tile::cuboid([2.0, 3.0, 0.0], [9.0, 9.0, 6.0], [200 + lod, 90, 60], None);
+    (0..2).map(|lod| (lod, tile(lod).encode(child(), lod).unwrap())).collect()
+}
+
+/// Writes a whole city with meshes into `folder`.
+pub(crate) fn city_with_meshes(folder: &Path, name: &str) {
+    city(folder, name);
+    let place = |lod| mesh_tile::place(child(), lod).unwrap();
+    let tiles: Vec<_> = meshes().into_iter().map(|(lod, bytes)| (place(lod), bytes)).collect();
+    archive(&folder.join(Layer::Meshes.file_name()), &tiles);
+    let lod = |error_m, bytes: &[u8]| MeshLod { error_m, bytes: bytes.len() as u32, triangles: 12, texture_px: 0 };
+    let lods = meshes().iter().zip([0.01, 0.2]).map(|((_, bytes), error_m)| lod(error_m, bytes)).collect();
+    let mut subtree = Subtree::decode(&subtree()).unwrap();
+    subtree.meshes.push(NodeMesh { id: child(), lods });
+    archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree.encode().unwrap())]);
 }
 
 /// Writes a whole city into `folder`.

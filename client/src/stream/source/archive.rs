@@ -73,6 +73,7 @@ impl<R: Ranges> Source for Archives<R> {
         let archive = match key.layer() {
             Layer::BlockMaps => &self.block_maps,
             Layer::Subtrees => &self.subtrees,
+            Layer::Meshes => return Box::pin(std::future::ready(Err(FetchError::Missing))),
         };
         Box::pin(archive.tile(key))
     }

@@ -146,7 +146,7 @@ pub(crate) fn subtree_tile(nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<
         };
         row = found[start..].iter().flat_map(children).collect();
     }
-    Subtree { nodes: found }.encode().map_err(BakeError::tile(root, "encoded"))
+    Subtree { nodes: found, meshes: Vec::new() }.encode().map_err(BakeError::tile(root, "encoded"))
 }
 
 /// The roots of all subtree tiles: the city's, and the nodes of levels 5, 10, ... that have children.

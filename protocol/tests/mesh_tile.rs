@@ -1,0 +1,143 @@
+//! Round trips, truncations and damage of mesh tiles.
+
+#![allow(clippy::unwrap_used)] // In a test, the panic is the report.
+
+use insula_protocol::{
+    DecodeError, MeshTile, TileId,
+    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, Texture},
+    tile::{Kind, TileReader, TileWriter},
+};
+use proptest::prelude::*;
+
+fn leaf() -> TileId {
+    TileId::new(7, 100, 3).unwrap()
+}
+
+fn picture() -> Texture {
+    Texture { size_px: [640, 20], bytes: [&b"RIFF\x10\0\0\0WEBPVP8L"[..], &[7; 200]].concat() }
+}
+
+fn plain() -> MeshTile {
+    mesh_tile::cuboid([1.0, 2.0, -3.0], [9.0, 14.5, 21.0], [200, 90, 60], None)
+}
+
+fn textured() -> MeshTile {
+    mesh_tile::cuboid([1.0, 2.0, -3.0], [9.0, 14.5, 21.0], [0; 3], Some(picture()))
+}
+
+#[test]
+fn what_is_written_is_read() {
+    let tile = MeshTile::decode(leaf(), 2, &plain().encode(leaf(), 2).unwrap()).unwrap();
+    assert_eq!((tile.mesh.triangles.len(), tile.mesh.positions.len()), (12, 8));
+    assert_eq!((tile.mesh.grid, &tile.texture), (plain().mesh.grid, &None));
+    assert!((0..36).all(|corner| tile.rgb(corner) == [200, 90, 60]));
+    let tile = MeshTile::decode(leaf(), 0, &textured().encode(leaf(), 0).unwrap()).unwrap();
+    assert_eq!(tile.texture, Some(picture()));
+    let mut places: Vec<[u8; 2]> = (0..36).map(|corner| tile.uv(corner).map(|v| v as u8)).collect();
+    places.sort();
+    places.dedup();
+    assert_eq!(places, [[0, 0], [0, 1], [1, 0], [1, 1]]);
+}
+
+#[test]
+fn only_the_tile_that_was_asked_for() {
+    let bytes = plain().encode(leaf(), 1).unwrap();
+    assert!(MeshTile::decode(leaf(), 1, &bytes).is_ok());
+    assert!(MeshTile::decode(leaf(), 0, &bytes).is_err());
+    assert!(MeshTile::decode(leaf().parent().unwrap(), 1, &bytes).is_err());
+    assert!(plain().encode(leaf(), MAX_LODS).is_err());
+    assert!(plain().encode(TileId::new(20, 0, 0).unwrap(), 1).is_err());
+}
+
+#[test]
+fn every_truncation_flipped_byte_and_extra_byte_is_refused() {
+    for tile in [plain(), textured()] {
+        let bytes = tile.encode(leaf(), 0).unwrap();
+        for len in 0..bytes.len() {
+            assert!(MeshTile::decode(leaf(), 0, &bytes[..len]).is_err(), "{len} of {}", bytes.len());
+        }
+        for at in 0..bytes.len() {
+            let mut wrong = bytes.clone();
+            wrong[at] ^= 0x10;
+            assert!(MeshTile::decode(leaf(), 0, &wrong).is_err(), "{at}");
+        }
+        let longer = [&bytes[..], &[0]].concat();
+        assert_eq!(MeshTile::decode(leaf(), 0, &longer), Err(DecodeError::TrailingBytes(1)));
+    }
+}
+
+#[test]
+fn what_a_tile_promises_is_checked() {
+    let refused = |tile: MeshTile| assert!(tile.encode(leaf(), 0).is_err());
+    let with = |texture: Texture| MeshTile { texture: Some(texture), ..textured() };
+    refused(MeshTile { texture: None, ..textured() });
+    refused(MeshTile { texture: Some(picture()), ..plain() });
+    refused(with(Texture { size_px: [0, 4], ..picture() }));
+    refused(with(Texture { size_px: [MAX_TEXTURE_SIDE_PX + 1, 1], ..picture() }));
+    refused(with(Texture { size_px: [4096, 1025], ..picture() }));
+    refused(with(Texture { bytes: b"GIF89a".to_vec(), ..picture() }));
+    let mut empty = plain();
+    empty.mesh.triangles.clear();
+    empty.mesh.attributes[0].corners.clear();
+    refused(empty);
+    let mut twice = plain();
+    twice.mesh.attributes.push(twice.mesh.attributes[0].clone());
+    refused(twice);
+    let mut outside = textured();
+    outside.mesh.attributes[0].range = [0.0, 0.1];
+    refused(outside);
+}
+
+#[test]
+fn what_announces_too_much_is_refused_before_memory_is_taken() {
+    let mut mesh = vec![1, 1, 12, 0];
+    [0f32, 0.0, 0.0, 1.0].iter().for_each(|v| mesh.extend(v.to_le_bytes()));
+    mesh.extend([0xff, 0xff, 0x7f, 0xff, 0xff, 0x7f]);
+    assert!(matches!(decode_parts(0, &mesh), Err(DecodeError::Limit { .. })));
+}
+
+fn decode_parts(lod: u8, mesh: &[u8]) -> Result<MeshTile, DecodeError> {
+    let mut writer = TileWriter::new(Kind::Mesh, Some(leaf()));
+    writer.coded_section(1, &[lod]).unwrap();
+    writer.coded_section(2, mesh).unwrap();
+    MeshTile::decode(leaf(), lod, &writer.finish().unwrap())
+}
+
+#[test]
+fn every_leaf_and_level_of_detail_has_its_own_place() {
+    let mut places = std::collections::HashSet::new();
+    for leaf in TileId::ROOT.children().flat_map(TileId::children) {
+        for lod in 0..MAX_LODS {
+            let place = mesh_tile::place(leaf, lod).unwrap();
+            assert!(places.insert(place));
+            assert_eq!(mesh_tile::at_place(place, 2), Some((leaf, lod)));
+        }
+    }
+    assert_eq!(mesh_tile::place(TileId::ROOT, MAX_LODS), None);
+    assert_eq!(mesh_tile::place(TileId::new(18, 0, 0).unwrap(), 3), None);
+    assert_eq!(mesh_tile::at_place(TileId::new(3, 1, 0).unwrap(), 2), None, "no leaf's corner");
+    assert_eq!(mesh_tile::at_place(TileId::new(1, 0, 0).unwrap(), 2), None, "above the leaves");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn altered_meshes_decode_or_are_refused(changes in proptest::collection::vec((any::<usize>(), any::<u8>()), 1..6)) {
+        let bytes = plain().encode(leaf(), 0).unwrap();
+        let mut mesh = TileReader::new(&bytes, Kind::Mesh).unwrap().section(2, 1 << 20).unwrap();
+        for (at, value) in changes {
+            let at = at % mesh.len();
+            mesh[at] = value;
+        }
+        if let Ok(tile) = decode_parts(0, &mesh) {
+            let corners = 3 * tile.mesh.triangles.len();
+            prop_assert!((0..corners).all(|corner| tile.rgb(corner).len() == 3));
+        }
+    }
+
+    #[test]
+    fn any_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        prop_assert!(MeshTile::decode(leaf(), 0, &bytes).is_err());
+    }
+}
