@@ -100,7 +100,8 @@ pub trait Coder {
             }
             known += 1;
         }
-        let rest = distance.wrapping_sub(known) + 1;
+        // Of a decoder the distance may be anything.
+        let rest = distance.wrapping_sub(known).wrapping_add(1);
         let mut digits = 0usize;
         while digits < 15 && self.bit(&mut model.digits[digits], rest >> (digits + 1) != 0) {
             digits += 1;
