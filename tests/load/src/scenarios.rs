@@ -30,6 +30,7 @@ fn layer(path: &str) -> &'static str {
     match path {
         _ if path.contains("/blockmaps/") => "blockmaps",
         _ if path.contains("/subtrees/") => "subtrees",
+        _ if path.contains("/meshes/") => "meshes",
         _ => "manifest",
     }
 }
@@ -53,6 +54,7 @@ async fn ask(user: &mut GooseUser, path: &str, tag: Option<&str>) -> Result<Opti
     let kind = match name {
         "blockmaps" => Kind::BlockMap,
         "subtrees" => Kind::Subtree,
+        "meshes" => Kind::Mesh,
         _ => return Ok(etag),
     };
     let whole = response.bytes().await.is_ok_and(|body| TileReader::new(&body, kind).is_ok());
