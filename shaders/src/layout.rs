@@ -28,6 +28,8 @@ pub const GRID_MIXED: u32 = 1;
 /// Set in the first word of a grid entry that a node fills: level of the square that it fills (5 bits from bit 24, finest 0)
 /// and its index into the nodes (24 bits). The second word is lowest | highest point << 16 of the square.
 pub const GRID_NODE_BIT: u32 = 0x8000_0000;
+/// In the flags of what a ray gathered: it is a mesh. No column has this bit.
+pub const MESH_FLAG: u32 = 128;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
@@ -46,7 +48,7 @@ pub enum Shading {
     Normal = 3,
     /// One colour a level.
     Lod = 4,
-    /// Column kinds: roof grey, exposed orange, suspended blue, with gaps red; inclined tinted green.
+    /// Column kinds: roof grey, exposed orange, suspended blue, with gaps red; inclined tinted green. Meshes violet.
     Kind = 5,
 }
 
@@ -168,8 +170,10 @@ pub struct Node {
     pub slot: u32,
     /// Level of the node in the city, for [`Shading::Lod`].
     pub level: u32,
-    /// Zero.
-    pub pad: [u32; 2],
+    /// 1 + where the head of its mesh is in the atlas, in fours of words; 0: its columns are drawn.
+    pub mesh: u32,
+    /// The city's height zero relative to the camera, which the mesh's heights are above.
+    pub mesh_z_m: f32,
 }
 
 /// Binding numbers in group 0 of `raycast.wgsl`.
@@ -190,4 +194,6 @@ pub mod binding {
     pub const DISTANCE: u32 = 6;
     /// Storage, written: `array<u32>`, index of the node that was hit or [`super::NO_NODE`].
     pub const HIT: u32 = 7;
+    /// Storage, `array<vec4<u32>>`: the atlas again, for what is read in fours.
+    pub const FOURS: u32 = 8;
 }

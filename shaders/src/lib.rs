@@ -12,6 +12,7 @@ pub mod gpu;
 pub mod grid;
 pub mod layout;
 pub mod light;
+pub mod mesh;
 pub mod pack;
 
 /// The WGSL source of the ray-caster: bindings in [`layout::binding`], workgroups of [`layout::WORKGROUP`].
@@ -19,6 +20,8 @@ pub const RAYCAST_WGSL: &str = concat!(
     include_str!("../wgsl/raycast.wgsl"),
     "\n",
     include_str!("../wgsl/column.wgsl"),
+    "\n",
+    include_str!("../wgsl/mesh.wgsl"),
     "\n",
     include_str!("../wgsl/shade.wgsl")
 );

@@ -78,7 +78,7 @@ fn structs_lie_alike() {
             pad,
         }
     );
-    assert_layout!(&module, Node { corner, cell_m, z_step_m, z_lo, z_hi, z_shift, pages, slot, level, pad });
+    assert_layout!(&module, Node { corner, cell_m, z_step_m, z_lo, z_hi, z_shift, pages, slot, level, mesh, mesh_z_m });
 }
 
 #[test]

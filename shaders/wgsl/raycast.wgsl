@@ -1,4 +1,4 @@
-// Ray-casting the cut: the GPU's twin of src/cpu/raycast.rs; one module with column.wgsl and shade.wgsl.
+// Ray-casting the cut: the GPU's twin of src/cpu/raycast.rs; one module with column.wgsl, mesh.wgsl and shade.wgsl.
 //
 // In: frame, grid, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, or read-back.
 
@@ -35,7 +35,8 @@ struct Node {
     pages: vec4<u32>,
     slot: u32,
     level: u32,
-    pad: vec2<u32>,
+    mesh: u32,
+    mesh_z_m: f32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -46,6 +47,7 @@ struct Node {
 @group(0) @binding(5) var<storage, read_write> colour: array<u32>;
 @group(0) @binding(6) var<storage, read_write> distance_m: array<f32>;
 @group(0) @binding(7) var<storage, read_write> hit: array<u32>;
+@group(0) @binding(8) var<storage, read> fours: array<vec4<u32>>;
 
 const PAGE_WORDS: u32 = 4096u;
 // In fours, one a block.
@@ -75,12 +77,16 @@ const CLIP_STEPS_PER_CELL: f32 = 128.0;
 const CORNER: u32 = 0x1000u;
 const CONCAVE: u32 = 0x2000u;
 
+// Of what a ray gathered.
+const MESH_FLAG: u32 = 128u;
+
 // What the walk is about to do.
 const AT_SQUARE: u32 = 0u;
 const AT_BLOCK: u32 = 1u;
 const AT_CELL: u32 = 2u;
 const AFTER_CELL: u32 = 3u;
 const AFTER_BLOCK: u32 = 4u;
+const AT_MESH: u32 = 5u;
 
 const FACE_SIDE: u32 = 0u;
 const FACE_TOP: u32 = 1u;
@@ -162,6 +168,8 @@ struct Entry {
 
 // Set in a build that writes what rays did in place of what they saw: never in the product's.
 override COUNT: bool = false;
+// Cleared in a build for cuts without meshes.
+override MESHES: bool = true;
 
 var<private> leg: Leg;
 var<private> gathered: Gathered;
@@ -303,6 +311,7 @@ fn walk_grid() {
     var quads = Quads();
     var cell = vec2<i32>(0);
     var cell_end = t;
+    var mesh_node = 0u;
     var steps = 0u;
     for (var columns = 0u; columns < MAX_STEPS; columns++) {
         var found = false;
@@ -332,7 +341,10 @@ fn walk_grid() {
                 if meets && is_node {
                     let index = entry.words.x & 0xffffffu;
                     let span = enter_node(index, t, exit);
-                    if span.x <= span.y {
+                    if MESHES && nodes[index].mesh != 0u {
+                        mesh_node = index;
+                        phase = AT_MESH;
+                    } else if span.x <= span.y {
                         if COUNT {
                             counts.x++;
                         }
@@ -353,6 +365,10 @@ fn walk_grid() {
                 let apart = firstLeadingBit(u32((square.x ^ next.x) | (square.y ^ next.y)));
                 k = min(level_at(leg.eye_m + exit), apart);
                 square = next;
+            }
+            if MESHES && phase == AT_MESH {
+                found = true;
+                break;
             }
             if phase == AT_SQUARE {
                 break;
@@ -428,7 +444,12 @@ fn walk_grid() {
         if !found {
             return;
         }
-        column(cell, t, cell_end);
+        if MESHES && phase == AT_MESH {
+            walk_mesh(mesh_node);
+            phase = AT_SQUARE;
+        } else {
+            column(cell, t, cell_end);
+        }
         if gathered.left <= OPAQUE {
             return;
         }

@@ -110,7 +110,9 @@ fn level_tint(level: u32) -> vec3<f32> {
 
 fn kind_tint(flags: u32) -> vec3<f32> {
     var base = vec3<f32>(0.55);
-    if (flags & (GAP | HOLES)) != 0u {
+    if (flags & MESH_FLAG) != 0u {
+        base = vec3<f32>(0.50, 0.30, 0.80);
+    } else if (flags & (GAP | HOLES)) != 0u {
         base = vec3<f32>(0.85, 0.15, 0.12);
     } else if (flags & SUSPENDED) != 0u {
         base = vec3<f32>(0.15, 0.35, 0.90);

@@ -6,7 +6,8 @@ use insula_protocol::{BlockMap, NODE_CELLS, TileId};
 use insula_shaders::{
     cpu::raycast::{self, Pixels, SceneRef},
     grid::{self, Builder},
-    layout::{Frame, Node, PLANES, SUMMARY_WORDS},
+    layout::{Frame, Node, PAGE_WORDS, PLANES, SUMMARY_WORDS},
+    mesh::PackedMesh,
     pack::PackedNode,
 };
 
@@ -32,6 +33,8 @@ struct Drawn {
     z_base_m: f64,
     z_range: [f32; 2],
     z_shift: u32,
+    /// 1 + place of its mesh, in fours.
+    mesh: u32,
 }
 
 /// Nodes of one cut; none may contain another.
@@ -52,7 +55,7 @@ impl Cut {
     /// Adds a node.
     pub fn add(&mut self, map: &BlockMap) {
         let mut packed = PackedNode::new(map);
-        let first = (self.atlas.len() / insula_shaders::layout::PAGE_WORDS) as u32;
+        let first = (self.atlas.len() / PAGE_WORDS) as u32;
         let pages: Vec<u32> = (first..first + packed.pages.len() as u32).collect();
         packed.relocate(&pages);
         for page in &packed.pages {
@@ -67,7 +70,22 @@ impl Cut {
             z_base_m: packed.z_base_m,
             z_range: packed.z_range,
             z_shift: packed.z_shift,
+            mesh: 0,
         });
+    }
+
+    /// Draws a node that was added as a mesh.
+    pub fn add_mesh(&mut self, id: TileId, mut mesh: PackedMesh) {
+        let Some(drawn) = self.drawn.iter_mut().find(|drawn| drawn.id == id) else { return };
+        let first = (self.atlas.len() / PAGE_WORDS) as u32;
+        let pages: Vec<u32> = (first..first + mesh.pages.len() as u32).collect();
+        mesh.relocate(&pages);
+        drawn.mesh = 1 + first * PAGE_WORDS as u32 / 4;
+        let codes = mesh.z_m.map(|z| ((f64::from(z) - drawn.z_base_m) / f64::from(drawn.z_step_m)) as f32);
+        drawn.z_range = [drawn.z_range[0].min(codes[0]), drawn.z_range[1].max(codes[1])];
+        for page in &mesh.pages {
+            self.atlas.extend_from_slice(page);
+        }
     }
 
     /// How many nodes are drawn.
@@ -105,7 +123,8 @@ impl Cut {
                 pages: drawn.pages,
                 slot: slot as u32,
                 level: u32::from(drawn.id.level()),
-                pad: [0; 2],
+                mesh: drawn.mesh,
+                mesh_z_m: relative(x, y, 0.0)[2],
             }
         });
         let nodes: Vec<Node> = nodes.collect();
@@ -170,7 +189,7 @@ impl Scene<'_> {
 
     /// Resident nodes and pages, for the GPU's capacity.
     pub fn slots_and_pages(&self) -> (u32, u32) {
-        let pages = self.cut.atlas.len() / insula_shaders::layout::PAGE_WORDS;
+        let pages = self.cut.atlas.len() / PAGE_WORDS;
         ((self.cut.summaries.len() / SUMMARY_WORDS) as u32, pages as u32)
     }
 }

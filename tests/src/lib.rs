@@ -15,6 +15,7 @@ pub mod pfm;
 pub mod programs;
 pub mod proxy;
 pub mod random;
+pub mod random_mesh;
 pub mod rng;
 pub mod synth;
 pub mod truth;

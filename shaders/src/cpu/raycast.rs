@@ -9,6 +9,7 @@
 
 use super::{
     column::column,
+    mesh::walk_mesh,
     shade::{Lit, Surface, background, develop, encode_srgb, ground_distance, shade, through_haze},
 };
 use crate::{
@@ -91,7 +92,7 @@ pub(super) struct Leg {
     pub(super) from: Vec3,
     pub(super) dir: Vec3,
     /// How far it goes.
-    reach_m: f32,
+    pub(super) reach_m: f32,
     /// How far from the eye it begins.
     eye_m: f32,
     /// It only asks whether anything is in the way.
@@ -334,6 +335,10 @@ fn look_up(scene: &SceneRef<'_>, cell: IVec2, k: u32) -> ([u32; 2], u32) {
 
 fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32, gathered: &mut Gathered) {
     let Some(node) = scene.nodes.get(index as usize) else { return };
+    if node.mesh != 0 {
+        walk_mesh(scene, node, index, leg, gathered);
+        return;
+    }
     gathered.counts.nodes += 1;
     let scale = Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m);
     let o = (leg.from - Vec3::from(node.corner)) * scale;

@@ -5,7 +5,7 @@
 //!
 //! Only [`Shading::Lit`] knows light, haze and a film's curve; the others show what is baked.
 
-use crate::layout::{Frame, Shading};
+use crate::layout::{Frame, MESH_FLAG, Shading};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use insula_protocol::blockmap::flag;
 
@@ -147,7 +147,9 @@ fn level_tint(level: u32) -> Vec3 {
 
 fn kind_tint(flags: u32) -> Vec3 {
     let has = |bit: u8| flags & u32::from(bit) != 0;
-    let base = if has(flag::GAP) || has(flag::HOLES) {
+    let base = if flags & MESH_FLAG != 0 {
+        Vec3::new(0.50, 0.30, 0.80)
+    } else if has(flag::GAP) || has(flag::HOLES) {
         Vec3::new(0.85, 0.15, 0.12)
     } else if has(flag::SUSPENDED) {
         Vec3::new(0.15, 0.35, 0.90)

@@ -88,6 +88,7 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         (binding::COLOUR, write),
         (binding::DISTANCE, write),
         (binding::HIT, write),
+        (binding::FOURS, read),
     ];
     let entries = kinds.map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
         binding,
@@ -323,6 +324,7 @@ impl Target {
             entry(binding::COLOUR, &colour),
             entry(binding::DISTANCE, &distance),
             entry(binding::HIT, &hit),
+            entry(binding::FOURS, &inputs.atlas),
         ];
         let entries: Vec<wgpu::BindGroupEntry<'_>> = entries
             .iter()
