@@ -25,8 +25,8 @@ pub use texture::Picture;
 
 /// Most triangles of a leaf's mesh.
 pub const MAX_TRIANGLES: usize = 1 << 18;
-/// Most texels along a texture's side: what is larger is halved until it fits.
-pub const MAX_TEXTURE_PX: u32 = 2048;
+/// Most texels along a texture's side, and half of its square in all: what is larger is halved until it fits.
+pub const MAX_TEXTURE_PX: u32 = 4096;
 /// Places in a stack of halves that are still to be looked at.
 pub const STACK: usize = 32;
 /// Texels along a side of a square of a texture, which fills a page.

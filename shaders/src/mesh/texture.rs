@@ -17,14 +17,16 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The picture and ever coarser ones, down to one texel; the first has no side longer than `most_px`.
+    /// The picture and ever coarser ones, down to one texel; the first has no side longer than `most_px`, and at most as many
+    /// texels as half of the square of that has.
     pub(super) fn levels(&self, most_px: u32) -> Vec<Self> {
         let mut levels = Vec::new();
         let mut level = self.clone();
         loop {
             let longest = level.width_px.max(level.height_px);
             let next = (longest > 1).then(|| level.halved());
-            if longest <= most_px {
+            let texels = u64::from(level.width_px) * u64::from(level.height_px);
+            if longest <= most_px && texels <= u64::from(most_px).pow(2) / 2 {
                 levels.push(level);
             }
             match next {
