@@ -51,12 +51,13 @@ class Server:
         self.process.wait()
 
 
-def goose(server, trace, out, name, users, seconds):
-    """One phase; gives a row of the table."""
+def goose(server, trace, out, name, users, seconds, rate=0):
+    """One phase, as fast as it goes or at a rate of requests a second; gives a row of the table."""
     report = out / f"goose-{name}.json"
     first = len(server.resident)
-    command = [LOAD / "scenarios", "--host", server.url, "--users", str(users), "--hatch-rate", str(max(users, 1)),
+    command = [LOAD / "scenarios", "--host", server.url, "--users", str(users), "--increase-rate", str(max(users, 1)),
                "--run-time", f"{seconds}s", "--report-file", report, "--no-print-metrics", "-q", "--no-reset-metrics"]
+    command += ["--throttle-requests", str(rate)] if rate else []
     code = subprocess.run(command, env=dict(os.environ, TRACE=str(trace)), stdout=subprocess.DEVNULL).returncode
     data = json.loads(report.read_text())
     whole = lambda rows: next(row for row in rows if row["name"] == "Aggregated")
@@ -97,6 +98,7 @@ def main():
     parser.add_argument("city", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--minutes", type=int, default=10, help="of the soak")
+    parser.add_argument("--rate", type=int, default=1000, help="requests a second of the soak; 0: as many as there can be")
     parser.add_argument("--skip", default="", help="of throughput, tls, overload; with commas")
     parser.add_argument("--server", type=pathlib.Path, default=TARGET / "insula-server")
     args = parser.parse_args()
@@ -114,7 +116,7 @@ def main():
         for name, users in (("before-the-spike", 5), ("spike", 200), ("after-the-spike", 5)):
             rows.append(goose(server, trace, args.out, name, users, 20))
     with Server(args.server, args.city, []) as server:
-        rows.append(goose(server, trace, args.out, "soak", 20, args.minutes * 60))
+        rows.append(goose(server, trace, args.out, "soak", 20, args.minutes * 60, args.rate))
         minutes = minutes_of(server.resident)
     report["soak_resident_mib"] = minutes
     report["soak_last_over_second_minute"] = minutes[-1] / minutes[1] if len(minutes) > 2 else None
