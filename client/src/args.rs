@@ -35,6 +35,9 @@ pub struct Global {
     /// Which city, when the server has several.
     #[arg(long, value_name = "NAME", global = true)]
     pub city: Option<String>,
+    /// Draw columns where triangles could be drawn, too.
+    #[arg(long, global = true)]
+    pub no_meshes: bool,
     /// Tolerated projected error in pixels.
     #[arg(long, default_value = "1", value_name = "PX", value_parser = tau, global = true)]
     pub tau: f64,

@@ -18,6 +18,8 @@ pub struct TileCounts {
     pub blockmaps: u64,
     /// Subtrees.
     pub subtrees: u64,
+    /// Leaves' meshes, each level of detail by itself.
+    pub meshes: u64,
     /// Given up: missing on the server, or damaged again and again.
     pub bad: u64,
 }
@@ -80,6 +82,10 @@ pub struct Report {
     pub worst_error_px: f64,
     /// Nodes in the last frame's cut.
     pub nodes_drawn: u32,
+    /// Those of them that were drawn as meshes.
+    pub meshes_drawn: u32,
+    /// Triangles of those.
+    pub triangles_drawn: u64,
     /// Share of a path's frames whose picture was not converged, 0 to 1 (`fly` only).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unconverged_share: Option<f64>,

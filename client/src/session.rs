@@ -3,12 +3,12 @@
 //! In: a camera each frame. Out: the cut, pictures, counters. Next: `ui::window`, `commands::snapshot`, `commands::fly`.
 
 use crate::{
-    cache::{Cache, PAGE_BYTES, Placement},
+    cache::{Cache, PAGE_BYTES, Packed, Placement},
     camera::{Camera, View},
     error::{ClientError, Result},
     render::{Adapter, AdapterInfo, Drawn, FrameData, Look},
     report::{FrameTimes, Report, TileCounts},
-    scene::{Key, TileEvent, Tree},
+    scene::{Key, TileEvent, Tree, TreeNode},
     select::{
         Scratch, Selection,
         casters::{Casters, casters},
@@ -20,10 +20,7 @@ use crate::{
 };
 use glam::DVec3;
 use insula_protocol::{Subtree, TileId};
-use insula_shaders::{
-    cpu::{raycast::Pixels, tally::tally},
-    pack::PackedNode,
-};
+use insula_shaders::cpu::{raycast::Pixels, tally::tally};
 use std::{
     collections::{HashSet, VecDeque},
     time::{Duration, Instant},
@@ -69,14 +66,14 @@ pub struct Session {
     /// Counts selections that differ from the one before.
     generation: u64,
     last_view: Option<View>,
-    decoded: VecDeque<(TileId, PackedNode)>,
+    decoded: VecDeque<(Key, Packed)>,
     /// Subtrees that came before what they hang on.
     orphans: Vec<(Key, Subtree)>,
     tiles: TileCounts,
     times: Vec<Duration>,
     evicted: u64,
     /// Tiles that were evicted once, and how many of them came again.
-    left: HashSet<TileId>,
+    left: HashSet<Key>,
     fetched_again: u64,
     started: Instant,
     first_picture: Option<Duration>,
@@ -149,7 +146,10 @@ impl Session {
         (self.selection, self.last_view) = (selection, Some(view));
         // The coarsest last: of equals, it goes last.
         for at in self.selection.used.iter().rev() {
-            self.cache.touch(self.tree.node(*at).id);
+            self.cache.touch(Key::block_map(self.tree.node(*at).id));
+        }
+        for key in &self.selection.used_meshes {
+            self.cache.touch(*key);
         }
         self.cast(&view);
         if let Some(heading) = shot.heading {
@@ -182,7 +182,7 @@ impl Session {
         let receivers = self.sight.is_fed().then_some(&self.selection.seen[..]);
         self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, receivers)).unwrap_or_default();
         for at in self.casters.nodes.iter().rev() {
-            self.cache.touch(self.tree.node(*at).id);
+            self.cache.touch(Key::block_map(self.tree.node(*at).id));
         }
         let wanted: HashSet<Key> = self.selection.wanted.iter().map(|w| w.key).collect();
         self.selection.wanted.extend(self.casters.wanted.iter().filter(|w| !wanted.contains(&w.key)));
@@ -215,7 +215,11 @@ impl Session {
                 }
                 Arrival::Node(key, node) => {
                     self.tree.set_pages(key.id, node.pages.len() as u32);
-                    self.decoded.push_back((key.id, *node));
+                    self.decoded.push_back((key, Packed::Node(node)));
+                }
+                Arrival::Mesh(key, mesh) => {
+                    self.tree.set_mesh_pages(key, mesh.pages.len() as u32);
+                    self.decoded.push_back((key, Packed::Mesh(mesh)));
                 }
             }
         }
@@ -243,21 +247,23 @@ impl Session {
     fn upload(&mut self) {
         let mut bytes = 0;
         while bytes < UPLOAD_BYTES
-            && let Some((id, node)) = self.decoded.pop_front()
+            && let Some((key, packed)) = self.decoded.pop_front()
         {
-            bytes += node.pages.len() as u64 * PAGE_BYTES;
-            let (event, evicted) = match self.cache.place(id, node, &mut self.adapter) {
+            bytes += packed.pages().len() as u64 * PAGE_BYTES;
+            let is_mesh = matches!(packed, Packed::Mesh(_));
+            let (event, evicted) = match self.cache.place(key, packed, &mut self.adapter) {
                 Placement::Placed { evicted } => (TileEvent::Upload, evicted),
                 Placement::Full { evicted } => (TileEvent::Drop, evicted),
             };
             self.fresh = true;
-            self.tiles.blockmaps += u64::from(event == TileEvent::Upload);
-            self.fetched_again += u64::from(self.left.contains(&id));
+            let arrived = if is_mesh { &mut self.tiles.meshes } else { &mut self.tiles.blockmaps };
+            *arrived += u64::from(event == TileEvent::Upload);
+            self.fetched_again += u64::from(self.left.contains(&key));
             self.evicted += evicted.len() as u64;
-            self.tree.apply(Key::block_map(id), event);
-            for id in evicted {
-                self.left.insert(id);
-                self.tree.apply(Key::block_map(id), TileEvent::Drop);
+            self.tree.apply(key, event);
+            for key in evicted {
+                self.left.insert(key);
+                self.tree.apply(key, TileEvent::Drop);
             }
         }
     }
@@ -401,7 +407,9 @@ impl Session {
     /// What it all cost so far.
     pub fn report(&self, tau_px: f64) -> Report {
         let manifest = self.tree.manifest();
-        let bad = self.tree.nodes().iter().filter(|n| n.tile.is_bad()).count() as u64;
+        let bad_meshes = |n: &TreeNode| n.lods.iter().filter(|lod| lod.tile.is_bad()).count();
+        let bad = |n: &TreeNode| usize::from(n.tile.is_bad()) + bad_meshes(n);
+        let bad = self.tree.nodes().iter().map(bad).sum::<usize>() as u64;
         let counters = self.selection.counters;
         Report {
             city: manifest.name.clone(),
@@ -419,6 +427,8 @@ impl Session {
             tau_reached_px: counters.tau_px,
             worst_error_px: counters.worst_error_px,
             nodes_drawn: counters.drawn,
+            meshes_drawn: counters.meshes,
+            triangles_drawn: counters.triangles,
             unconverged_share: None,
         }
     }

@@ -32,6 +32,7 @@ fn session(server: &Server, cache_mib: u64) -> Session {
     let global = insula_client::args::Global {
         adapter: AdapterChoice::Cpu,
         cache_mib: 256,
+        no_meshes: false,
         disk_cache_mib: None,
         city: None,
         tau: 1.0,
@@ -223,6 +224,7 @@ fn several_cities_must_be_named() {
     let mut global = insula_client::args::Global {
         adapter: AdapterChoice::Cpu,
         cache_mib: 256,
+        no_meshes: false,
         disk_cache_mib: None,
         city: None,
         tau: 1.0,

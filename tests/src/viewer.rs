@@ -29,7 +29,15 @@ pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
 }
 
 fn global(cache_mib: u32) -> Global {
-    Global { adapter: AdapterChoice::Cpu, cache_mib, disk_cache_mib: None, city: None, tau: 1.0, timeout: 20 }
+    Global {
+        adapter: AdapterChoice::Cpu,
+        no_meshes: false,
+        cache_mib,
+        disk_cache_mib: None,
+        city: None,
+        tau: 1.0,
+        timeout: 20,
+    }
 }
 
 /// A client that draws with the CPU.

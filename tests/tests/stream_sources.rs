@@ -52,7 +52,15 @@ fn settle(session: &mut Session) -> Result<Pixels> {
 }
 
 fn global(timeout: u32) -> Global {
-    Global { adapter: AdapterChoice::Cpu, cache_mib: 256, disk_cache_mib: None, city: None, tau: 1.0, timeout }
+    Global {
+        adapter: AdapterChoice::Cpu,
+        no_meshes: false,
+        cache_mib: 256,
+        disk_cache_mib: None,
+        city: None,
+        tau: 1.0,
+        timeout,
+    }
 }
 
 fn web(host: &Host) -> Result<Session> {

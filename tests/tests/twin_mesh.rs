@@ -51,7 +51,8 @@ fn cities() -> &'static [City] {
     MADE.get_or_init(|| {
         let make = |seed: u64| -> Result<City> {
             let mut city = random::city(seed)?;
-            let meshes = random_mesh::add(&mut city, &mut Rng::new(seed + 500), if seed.is_multiple_of(2) { 1.0 } else { 0.5 })?;
+            let meshes =
+                random_mesh::add(&mut city, &mut Rng::new(seed + 500), if seed.is_multiple_of(2) { 1.0 } else { 0.5 })?;
             Ok((city, meshes))
         };
         (0..CITIES).map(|seed| make(seed).expect("random cities are valid")).collect()

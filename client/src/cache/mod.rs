@@ -1,17 +1,19 @@
 //! The atlas: decoded nodes in a fixed number of bytes.
 //!
-//! In: [`PackedNode`]s, which nodes each frame uses. Out: [`Placed`] nodes, words handed to an [`Upload`]. Next:
-//! `render::frame` points the ray-caster at them.
+//! In: [`PackedNode`]s and [`PackedMesh`]es, which of them each frame uses. Out: [`Placed`] nodes and [`PlacedMesh`]es, words
+//! handed to an [`Upload`]. Next: `render::frame` points the ray-caster at them.
 //!
 //! The memory is taken once and never exceeded. Least recently used goes first; what the current frame uses (the cut and
 //! its ancestors) is pinned. Knows no wgpu: tests use a fake, the CPU ray-caster a vector.
 
 mod pages;
 
+use crate::scene::Key;
 use insula_protocol::TileId;
 use insula_shaders::{
     layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
-    pack::PackedNode,
+    mesh::PackedMesh,
+    pack::{PackedNode, Page},
 };
 use lru::LruCache;
 use pages::Pool;
@@ -44,28 +46,72 @@ pub struct Placed {
     pub z_range: [f32; 2],
     /// The map's `z_shift`.
     pub z_shift: u32,
+}
+
+/// A resident mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlacedMesh {
+    /// Page that its head is in.
+    pub head_page: u32,
+    /// Triangles.
+    pub triangles: u32,
+    /// Lowest and highest point, metres above the city's height zero.
+    pub z_m: [f32; 2],
+}
+
+/// What is resident under a key.
+#[derive(Debug)]
+struct Entry {
+    what: What,
+    pages: Vec<u32>,
+    slot: Option<u32>,
     last_frame: u64,
 }
 
-/// What became of a node that was to be placed.
+#[derive(Debug)]
+enum What {
+    Node(Placed),
+    Mesh(PlacedMesh),
+}
+
+/// Something decoded that is to be placed.
+#[derive(Debug)]
+pub enum Packed {
+    /// A node's V-BlockMap.
+    Node(Box<PackedNode>),
+    /// A leaf's mesh.
+    Mesh(Box<PackedMesh>),
+}
+
+impl Packed {
+    /// Pages that it takes.
+    pub fn pages(&self) -> &[Page] {
+        match self {
+            Self::Node(node) => &node.pages,
+            Self::Mesh(mesh) => &mesh.pages,
+        }
+    }
+}
+
+/// What became of something that was to be placed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Placement {
     /// It is in; these had to go.
     Placed {
         /// Least recently used first.
-        evicted: Vec<TileId>,
+        evicted: Vec<Key>,
     },
     /// Everything that could go is in use: it is not in. What had gone before that was known is gone.
     Full {
         /// Least recently used first.
-        evicted: Vec<TileId>,
+        evicted: Vec<Key>,
     },
 }
 
 /// The atlas's owner.
 #[derive(Debug)]
 pub struct Cache {
-    nodes: LruCache<TileId, Placed>,
+    entries: LruCache<Key, Entry>,
     pages: Pool,
     slots: Pool,
     frame: u64,
@@ -89,7 +135,7 @@ impl Cache {
     /// Empty, with room for `pages` pages.
     pub fn new(pages: u32) -> Self {
         Self {
-            nodes: LruCache::unbounded(),
+            entries: LruCache::unbounded(),
             pages: Pool::new(pages),
             slots: Pool::new(slots_for(pages)),
             frame: 1,
@@ -102,70 +148,80 @@ impl Cache {
         self.frame += 1;
     }
 
-    /// Pins `id` for this frame. Touch what may go first among equals first.
-    pub fn touch(&mut self, id: TileId) {
-        if let Some(node) = self.nodes.get_mut(&id) {
-            node.last_frame = self.frame;
+    /// Pins `key` for this frame. Touch what may go first among equals first.
+    pub fn touch(&mut self, key: Key) {
+        if let Some(entry) = self.entries.get_mut(&key) {
+            entry.last_frame = self.frame;
         }
     }
 
     /// A resident node.
     pub fn get(&self, id: TileId) -> Option<&Placed> {
-        self.nodes.peek(&id)
+        match &self.entries.peek(&Key::block_map(id))?.what {
+            What::Node(placed) => Some(placed),
+            What::Mesh(_) => None,
+        }
     }
 
-    /// Puts `node` in, evicting what is least recently used and not pinned. A node that is in already is placed anew.
-    pub fn place(&mut self, id: TileId, mut node: PackedNode, upload: &mut impl Upload) -> Placement {
-        self.remove(id);
-        let wanted = node.pages.len() as u32;
+    /// A resident mesh.
+    pub fn mesh(&self, id: TileId, lod: u8) -> Option<&PlacedMesh> {
+        match &self.entries.peek(&Key::mesh(id, lod))?.what {
+            What::Mesh(placed) => Some(placed),
+            What::Node(_) => None,
+        }
+    }
+
+    /// Puts something in, evicting what is least recently used and not pinned. What is in already is placed anew.
+    pub fn place(&mut self, key: Key, packed: Packed, upload: &mut impl Upload) -> Placement {
+        self.remove(key);
+        let wanted = packed.pages().len() as u32;
+        let slots = u32::from(matches!(packed, Packed::Node(_)));
         let mut evicted = Vec::new();
-        while self.pages.free() < wanted || self.slots.free() == 0 {
+        while self.pages.free() < wanted || self.slots.free() < slots {
             match self.evict() {
-                Some(id) => evicted.push(id),
+                Some(key) => evicted.push(key),
                 None => return Placement::Full { evicted },
             }
         }
-        let (Some(pages), Some(slot)) = (self.pages.take(wanted), self.slots.take(1)) else {
+        let (Some(pages), Some(slot)) = (self.pages.take(wanted), self.slots.take(slots)) else {
             return Placement::Full { evicted };
         };
-        node.relocate(&pages);
-        for (page, words) in pages.iter().zip(&node.pages) {
-            upload.page(*page, words);
-        }
-        upload.summary(slot[0], &node.summary);
-        let PackedNode { cell_m, z_step_m, z_base_m, z_range, z_shift, .. } = node;
-        let (slot, last_frame) = (slot[0], self.frame);
-        self.nodes.put(id, Placed { pages, slot, cell_m, z_step_m, z_base_m, z_range, z_shift, last_frame });
+        let slot = slot.first().copied();
+        let what = match packed {
+            Packed::Node(node) => What::Node(place_node(*node, &pages, slot.unwrap_or(0), upload)),
+            Packed::Mesh(mesh) => What::Mesh(place_mesh(*mesh, &pages, upload)),
+        };
+        self.entries.put(key, Entry { what, pages, slot, last_frame: self.frame });
         self.peak_pages = self.peak_pages.max(self.pages.used());
         Placement::Placed { evicted }
     }
 
-    fn evict(&mut self) -> Option<TileId> {
-        let (id, node) = self.nodes.peek_lru()?;
-        let id = *id;
-        if node.last_frame >= self.frame {
+    fn evict(&mut self) -> Option<Key> {
+        let (key, entry) = self.entries.peek_lru()?;
+        let key = *key;
+        if entry.last_frame >= self.frame {
             return None;
         }
-        self.remove(id);
-        Some(id)
+        self.remove(key);
+        Some(key)
     }
 
-    /// Takes a node out.
-    pub fn remove(&mut self, id: TileId) {
-        if let Some(node) = self.nodes.pop(&id) {
-            self.pages.give(node.pages);
-            self.slots.give([node.slot]);
+    /// Takes something out.
+    pub fn remove(&mut self, key: Key) {
+        if let Some(entry) = self.entries.pop(&key) {
+            self.pages.give(entry.pages);
+            self.slots.give(entry.slot);
         }
     }
 
-    /// Resident nodes.
+    /// Resident nodes and meshes.
     pub fn len(&self) -> usize {
-        self.nodes.len()
+        self.entries.len()
     }
 
     /// Whether nothing is resident.
     pub fn is_empty(&self) -> bool {
-        self.nodes.is_empty()
+        self.entries.is_empty()
     }
 
     /// Pages in all.
@@ -189,12 +245,34 @@ impl Cache {
     }
 }
 
+fn place_node(mut node: PackedNode, pages: &[u32], slot: u32, upload: &mut impl Upload) -> Placed {
+    node.relocate(pages);
+    write(&node.pages, pages, upload);
+    upload.summary(slot, &node.summary);
+    let PackedNode { cell_m, z_step_m, z_base_m, z_range, z_shift, .. } = node;
+    Placed { pages: pages.to_vec(), slot, cell_m, z_step_m, z_base_m, z_range, z_shift }
+}
+
+fn place_mesh(mut mesh: PackedMesh, pages: &[u32], upload: &mut impl Upload) -> PlacedMesh {
+    mesh.relocate(pages);
+    write(&mesh.pages, pages, upload);
+    let head_page = pages.first().copied().unwrap_or(0);
+    PlacedMesh { head_page, triangles: mesh.triangles, z_m: mesh.z_m }
+}
+
+fn write(words: &[Page], pages: &[u32], upload: &mut impl Upload) {
+    for (page, words) in pages.iter().zip(words) {
+        upload.page(*page, words);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use insula_protocol::{
         BlockMap, Texel,
         blockmap::{COLUMNS, Column, Strip, strip_rows},
+        mesh::{Attribute, Grid, Kind, Mesh},
     };
     use std::collections::HashMap;
 
@@ -217,8 +295,8 @@ mod tests {
 
     /// No page or slot has two owners, none is lost, none lies outside.
     fn assert_no_leak(cache: &Cache) {
-        let mut pages: Vec<u32> = cache.nodes.iter().flat_map(|(_, n)| n.pages.clone()).collect();
-        let mut slots: Vec<u32> = cache.nodes.iter().map(|(_, n)| n.slot).collect();
+        let mut pages: Vec<u32> = cache.entries.iter().flat_map(|(_, n)| n.pages.clone()).collect();
+        let mut slots: Vec<u32> = cache.entries.iter().filter_map(|(_, n)| n.slot).collect();
         assert_eq!(pages.len() as u32, cache.pages.used());
         assert_eq!(slots.len() as u32, cache.slots.used());
         for numbers in [&mut pages, &mut slots] {
@@ -230,12 +308,34 @@ mod tests {
         assert!(pages.last().is_none_or(|p| *p < cache.capacity_pages()));
     }
 
-    fn id(x: u32) -> TileId {
-        TileId::new(10, x, 0).unwrap()
+    fn id(x: u32) -> Key {
+        Key::block_map(TileId::new(10, x, 0).unwrap())
+    }
+
+    /// A mesh that takes `pages` pages.
+    fn mesh(pages: u32) -> Packed {
+        let colour = Attribute {
+            kind: Kind::Colour,
+            components: 3,
+            bits: 8,
+            range: [0.0, 1.0],
+            values: vec![[1, 2, 3, 0]],
+            corners: vec![0; 3],
+        };
+        let grid = Grid { min: [0.0; 3], step: 1.0, bits: 8 };
+        let triangle = Mesh {
+            grid,
+            positions: vec![[0; 3], [9, 0, 0], [0, 9, 0]],
+            triangles: vec![[0, 1, 2]],
+            attributes: vec![colour],
+        };
+        let mut packed = PackedMesh::new(&triangle, None).unwrap();
+        packed.pages.resize(pages as usize, vec![0; PAGE_WORDS].into());
+        Packed::Mesh(Box::new(packed))
     }
 
     /// A node of `PLANES + strip_pages` pages whose roofs say `mark`.
-    fn node(mark: u8, strip_pages: usize) -> PackedNode {
+    fn node(mark: u8, strip_pages: usize) -> Packed {
         let mut columns = vec![None; COLUMNS];
         for i in 0..strip_pages {
             let rows = strip_rows(0, 4095, 4).1;
@@ -244,11 +344,12 @@ mod tests {
             columns[i] = Some(Column { z_max: 4095, strip, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
         }
         columns[100] = Some(Column { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
-        PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap())
+        let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap();
+        Packed::Node(Box::new(PackedNode::new(&map)))
     }
 
-    fn mark_of(cache: &Cache, fake: &Fake, id: TileId) -> Option<u8> {
-        let placed = cache.get(id)?;
+    fn mark_of(cache: &Cache, fake: &Fake, key: Key) -> Option<u8> {
+        let placed = cache.get(key.id)?;
         Some(Texel(fake.pages[&placed.pages[1]][100]).rgb()[0])
     }
 
@@ -270,9 +371,26 @@ mod tests {
     }
 
     #[test]
+    fn meshes_and_nodes_share_the_pages() {
+        let (mut cache, mut fake) = (Cache::new(16), Fake::default());
+        let of = |x: u32, lod: u8| Key::mesh(id(x).id, lod);
+        cache.place(id(0), node(7, 0), &mut fake);
+        assert_eq!(cache.place(of(0, 1), mesh(5), &mut fake), Placement::Placed { evicted: vec![] });
+        assert_eq!(cache.place(of(0, 0), mesh(7), &mut fake), Placement::Placed { evicted: vec![] });
+        assert!(cache.mesh(id(0).id, 0).is_some() && cache.mesh(id(0).id, 2).is_none());
+        assert_eq!(mark_of(&cache, &fake, id(0)), Some(7));
+        cache.begin_frame();
+        cache.touch(of(0, 1));
+        assert_eq!(cache.place(of(1, 0), mesh(3), &mut fake), Placement::Placed { evicted: vec![id(0)] });
+        assert_eq!(cache.place(of(1, 1), mesh(9), &mut fake), Placement::Full { evicted: vec![of(0, 0)] });
+        assert_no_leak(&cache);
+        assert_eq!(cache.free_pages(), 8);
+    }
+
+    #[test]
     fn a_thousand_frames_leak_nothing_and_never_exceed() {
         let (mut cache, mut fake) = (Cache::new(37), Fake::default());
-        let mut marks: HashMap<TileId, u8> = HashMap::new();
+        let mut marks: HashMap<Key, u8> = HashMap::new();
         for frame in 0..1000u32 {
             cache.begin_frame();
             let r = |k: u32| frame.wrapping_mul(2_654_435_761).rotate_left(k) >> 7;
@@ -280,7 +398,7 @@ mod tests {
             let (at, mark) = (id(r(5) % 20), (frame % 251) as u8);
             match cache.place(at, node(mark, (r(9) % 3) as usize), &mut fake) {
                 Placement::Placed { evicted } => {
-                    evicted.iter().for_each(|id| assert!(marks.remove(id).is_some() && cache.get(*id).is_none()));
+                    evicted.iter().for_each(|id| assert!(marks.remove(id).is_some() && cache.get(id.id).is_none()));
                     marks.insert(at, mark);
                 }
                 Placement::Full { .. } => panic!("three of at most five pages are pinned"),

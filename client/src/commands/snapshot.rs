@@ -55,7 +55,7 @@ pub fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Session> 
     let city = connect(&http, url, global)?;
     let stream = Stream::new(http, city.source, IN_FLIGHT, None);
     let adapter = Adapter::headless(global.adapter, u64::from(global.cache_mib) << 20)?;
-    Ok(Session::new(Tree::new(city.manifest), stream, adapter, started))
+    Ok(Session::new(Tree::new(city.manifest).with_meshes(!global.no_meshes), stream, adapter, started))
 }
 
 /// Waits until the picture cannot get better, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays a pixel and writes it.

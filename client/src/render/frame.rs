@@ -5,7 +5,7 @@
 //! Places are taken relative to the camera in f64 and only then rounded to f32.
 
 use crate::{
-    cache::{Cache, Placed},
+    cache::{Cache, Placed, PlacedMesh},
     camera::View,
     scene::{NodeIndex, Tree},
     select::{Item, sight::Asked},
@@ -15,7 +15,7 @@ use glam::DVec3;
 use insula_protocol::TileId;
 use insula_shaders::{
     grid::{Builder, Place},
-    layout::{Frame, Light, MAX_SAMPLES, Node, Shading},
+    layout::{Frame, Light, MAX_SAMPLES, Node, PAGE_WORDS, Shading},
 };
 use std::collections::HashSet;
 
@@ -95,16 +95,17 @@ impl FrameData {
         let own: HashSet<NodeIndex> =
             drawn.cut.iter().filter(|item| item.from == item.square).map(|item| item.square).collect();
         let casters = drawn.casters.iter().filter(|at| !own.contains(at));
-        let items = drawn.cut.iter().copied().chain(casters.map(|at| Item { square: *at, from: *at }));
+        let items = drawn.cut.iter().copied().chain(casters.map(|at| Item { square: *at, from: *at, mesh: None }));
         let most = drawn.cut.len() + drawn.casters.len();
         let (mut ids, mut nodes) = (Vec::with_capacity(most), Vec::with_capacity(most));
         let mut squares = Vec::with_capacity(most);
-        for Item { square, from } in items {
+        for Item { square, from, mesh } in items {
             let mut line = std::iter::successors(Some(from), |at| tree.node(*at).parent).map(|at| tree.node(at).id);
             if let Some((id, placed)) = line.find_map(|id| Some((id, cache.get(id)?))) {
                 squares.push(square);
                 ids.push(tree.node(square).id);
-                nodes.push(node(id, placed, tree, eye));
+                let mesh = mesh.filter(|_| id == tree.node(square).id).and_then(|lod| cache.mesh(id, lod));
+                nodes.push(node(id, placed, mesh, tree, eye));
             }
         }
         let manifest = tree.manifest();
@@ -146,7 +147,7 @@ fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
     }
 }
 
-fn node(id: TileId, placed: &Placed, tree: &Tree, eye: DVec3) -> Node {
+fn node(id: TileId, placed: &Placed, mesh: Option<&PlacedMesh>, tree: &Tree, eye: DVec3) -> Node {
     let corner = DVec3::from(tree.manifest().node_corner(id)) + DVec3::Z * placed.z_base_m - eye;
     let mut node = Node {
         corner: corner.as_vec3().to_array(),
@@ -162,6 +163,12 @@ fn node(id: TileId, placed: &Placed, tree: &Tree, eye: DVec3) -> Node {
     };
     for (plane, page) in node.pages.iter_mut().zip(&placed.pages) {
         *plane = *page;
+    }
+    if let Some(mesh) = mesh {
+        node.mesh = 1 + mesh.head_page * (PAGE_WORDS / 4) as u32;
+        node.mesh_z_m = (tree.manifest().origin[2] - eye.z) as f32;
+        let [low, high] = mesh.z_m.map(|z_m| ((f64::from(z_m) - placed.z_base_m) / f64::from(placed.z_step_m)) as f32);
+        (node.z_lo, node.z_hi) = (node.z_lo.min(low), node.z_hi.max(high));
     }
     node
 }

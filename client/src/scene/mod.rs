@@ -6,4 +6,4 @@ pub mod tile;
 pub mod tree;
 
 pub use tile::{Tile, TileEvent, TileState};
-pub use tree::{Key, NodeIndex, Tree, TreeNode};
+pub use tree::{Key, Lod, NodeIndex, Tree, TreeNode};

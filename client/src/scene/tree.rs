@@ -4,7 +4,12 @@
 
 use super::tile::{Tile, TileEvent};
 use glam::DVec3;
-use insula_protocol::{Manifest, Subtree, TileId, route::Layer, subtree::NodeInfo};
+use insula_protocol::{
+    Manifest, Subtree, TileId,
+    route::Layer,
+    subtree::{MeshLod, NodeInfo},
+};
+use insula_shaders::mesh::pages_guess;
 use std::collections::HashMap;
 
 /// Pages that a node is thought to take until it has been decoded once.
@@ -17,26 +22,37 @@ pub struct NodeIndex(pub u32);
 /// Names anything that can be fetched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Key {
-    /// V-BlockMap or subtree, as 0 or 1 (so that keys have an order).
-    subtree: bool,
+    /// V-BlockMap, subtree or mesh, as 0, 1 or 2 (so that keys have an order).
+    kind: u8,
     /// Which node.
     pub id: TileId,
+    /// Which of a mesh's levels of detail, 0 the finest; else 0.
+    pub lod: u8,
 }
 
 impl Key {
     /// A node's V-BlockMap.
     pub const fn block_map(id: TileId) -> Self {
-        Self { subtree: false, id }
+        Self { kind: 0, id, lod: 0 }
     }
 
     /// The subtree below a node.
     pub const fn subtree(id: TileId) -> Self {
-        Self { subtree: true, id }
+        Self { kind: 1, id, lod: 0 }
+    }
+
+    /// A level of detail of a leaf's mesh.
+    pub const fn mesh(id: TileId, lod: u8) -> Self {
+        Self { kind: 2, id, lod }
     }
 
     /// The archive it comes from.
     pub const fn layer(self) -> Layer {
-        if self.subtree { Layer::Subtrees } else { Layer::BlockMaps }
+        match self.kind {
+            0 => Layer::BlockMaps,
+            1 => Layer::Subtrees,
+            _ => Layer::Meshes,
+        }
     }
 }
 
@@ -65,6 +81,31 @@ pub struct TreeNode {
     pub pages: Option<u32>,
     /// Its V-BlockMap.
     pub tile: Tile,
+    /// Its mesh, the finest level of detail first; only leaves have one.
+    pub lods: Vec<Lod>,
+}
+
+/// One level of detail of a leaf's mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lod {
+    /// World error.
+    pub error_m: f64,
+    /// Bytes on the wire.
+    pub bytes: u32,
+    /// Triangles.
+    pub triangles: u32,
+    /// Pages it takes, or is thought to.
+    pub pages: u32,
+    /// Its tile.
+    pub tile: Tile,
+}
+
+impl Lod {
+    fn new(lod: &MeshLod) -> Self {
+        let MeshLod { error_m, bytes, triangles, texture_px } = *lod;
+        let pages = pages_guess(triangles, texture_px);
+        Self { error_m: f64::from(error_m), bytes, triangles, pages, tile: Tile::default() }
+    }
 }
 
 /// Everything known of one city's nodes.
@@ -75,12 +116,26 @@ pub struct Tree {
     index: HashMap<TileId, NodeIndex>,
     subtrees: HashMap<TileId, Tile>,
     pages_seen: (u64, u64),
+    /// Whether leaves' meshes count.
+    meshes: bool,
 }
 
 impl Tree {
     /// Knows nothing but the manifest (which [`Manifest::check`] has passed).
     pub fn new(manifest: Manifest) -> Self {
-        Self { manifest, nodes: Vec::new(), index: HashMap::new(), subtrees: HashMap::new(), pages_seen: (0, 0) }
+        Self {
+            manifest,
+            nodes: Vec::new(),
+            index: HashMap::new(),
+            subtrees: HashMap::new(),
+            pages_seen: (0, 0),
+            meshes: true,
+        }
+    }
+
+    /// The same, which knows of meshes or does not.
+    pub fn with_meshes(self, meshes: bool) -> Self {
+        Self { meshes, ..self }
     }
 
     /// The city.
@@ -130,12 +185,27 @@ impl Tree {
         }
     }
 
+    /// Remembers how many pages a mesh takes.
+    pub fn set_mesh_pages(&mut self, key: Key, pages: u32) {
+        if let Some(lod) = self.lod_mut(key) {
+            lod.pages = pages;
+        }
+    }
+
+    fn lod_mut(&mut self, key: Key) -> Option<&mut Lod> {
+        let at = self.find(key.id)?;
+        self.nodes[at.0 as usize].lods.get_mut(usize::from(key.lod))
+    }
+
     /// State of anything.
     pub fn tile(&self, key: Key) -> Option<Tile> {
         match key.layer() {
             Layer::Subtrees => Some(self.subtree(key.id)),
             Layer::BlockMaps => self.find(key.id).map(|at| self.node(at).tile),
-            Layer::Meshes => None,
+            Layer::Meshes => {
+                let node = self.node(self.find(key.id)?);
+                node.lods.get(usize::from(key.lod)).map(|lod| lod.tile)
+            }
         }
     }
 
@@ -147,7 +217,7 @@ impl Tree {
                 Some(at) => self.nodes[at.0 as usize].tile.apply(event),
                 None => false,
             },
-            Layer::Meshes => false,
+            Layer::Meshes => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
         }
     }
 
@@ -174,6 +244,13 @@ impl Tree {
                 self.nodes[parent.0 as usize].children[info.id.quadrant()] = Some(at);
             }
         }
+        for mesh in subtree.meshes.iter().filter(|_| self.meshes) {
+            let Some(at) = self.find(mesh.id) else { continue };
+            let node = &mut self.nodes[at.0 as usize];
+            if node.child_mask == 0 && node.lods.is_empty() {
+                node.lods = mesh.lods.iter().map(Lod::new).collect();
+            }
+        }
     }
 
     fn make(&self, info: &NodeInfo) -> TreeNode {
@@ -194,6 +271,7 @@ impl Tree {
             bytes: info.blockmap_bytes,
             pages: None,
             tile: Tile::default(),
+            lods: Vec::new(),
         }
     }
 }

@@ -13,6 +13,7 @@
 pub mod casters;
 pub mod cull;
 pub mod error;
+mod meshes;
 pub mod priority;
 pub mod sight;
 #[cfg(test)]
@@ -44,6 +45,8 @@ pub struct Item {
     pub square: NodeIndex,
     /// Whose tile is drawn there: its own, or an ancestor's. Resident.
     pub from: NodeIndex,
+    /// Which level of detail of its mesh is drawn in place of its own tile. Resident, too.
+    pub mesh: Option<u8>,
 }
 
 /// What a frame draws and lacks.
@@ -55,6 +58,8 @@ pub struct Selection {
     pub seen: Vec<NodeIndex>,
     /// Resident nodes that this view needs (what is drawn and its ancestors), coarsest first: not to be evicted.
     pub used: Vec<NodeIndex>,
+    /// Resident meshes that this view needs: not to be evicted.
+    pub used_meshes: Vec<Key>,
     /// Tiles to fetch, in order.
     pub wanted: Vec<Wanted>,
     /// The counts.
@@ -74,8 +79,12 @@ pub struct Counters {
     pub hidden: u32,
     /// Refinements given up because a child is bad.
     pub blocked: u32,
-    /// Pages of all nodes that the view asks for.
+    /// Pages of all nodes and meshes that the view asks for.
     pub pages: u32,
+    /// Squares of the cut that are drawn as meshes.
+    pub meshes: u32,
+    /// Triangles of those.
+    pub triangles: u64,
     /// The view's tau, or what it rose to because the budget was spent.
     pub tau_px: f64,
     /// Largest projected error that is drawn and not known to be hidden.
@@ -110,6 +119,8 @@ struct Visit {
     coarse: bool,
     /// Children in view, as visits; `None` if not refined.
     children: Option<Range<u32>>,
+    /// The level of detail of its mesh that the view asks for.
+    mesh: Option<u8>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -139,7 +150,7 @@ pub fn select(view: &View, tree: &Tree, sight: &Sight, scratch: &mut Scratch) ->
     jump(view, tree, &mut selection);
     Visitor { view, tree, sight, planes: view.planes(), eye: view.camera.position, focal_px: view.focal_px() }
         .visit(scratch, &mut selection);
-    cut(tree, scratch, &mut selection);
+    cut(view, tree, scratch, &mut selection);
     want(view, tree, scratch, &mut selection);
     selection
 }
@@ -215,6 +226,13 @@ impl Visitor<'_> {
                 self.stand_in(visit, scratch, selection);
                 continue;
             }
+            if !self.tree.node(at).lods.is_empty() {
+                if sighted == Sighted::Seen && !self.ask_mesh(visit, scratch, selection) {
+                    selection.counters.tau_px = error_px;
+                    break;
+                }
+                continue;
+            }
             // Nearly as wrong as what may never be seen: its children are asked for even if nobody sees them.
             let times = if sighted == Sighted::Hidden { HIDDEN_TIMES_TAU } else { UNKNOWN_TIMES_TAU };
             let coarse = error_px > self.view.tau_px * times;
@@ -288,7 +306,7 @@ impl Visitor<'_> {
     ) {
         let error_px = self.error_px(self.tree.node(at));
         scratch.heap.push(Candidate { error_px, visit: scratch.visits.len() as u32 });
-        scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None });
+        scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None, mesh: None });
         selection.counters.visited += 1;
         selection.counters.hidden += u32::from(sighted != Sighted::Seen);
         selection.counters.pages += if asked { self.tree.pages_of(at) } else { 0 };
@@ -357,7 +375,7 @@ impl Visitor<'_> {
 
 /// The squares that were visited and not refined, each with what can be drawn there. A node's children replace it once all of
 /// them can be drawn; those that nobody asks for can, from the node itself.
-fn cut(tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
+fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
     let Scratch { visits, renderable, stack, .. } = scratch;
     renderable.clear();
     renderable.resize(visits.len(), false);
@@ -378,7 +396,11 @@ fn cut(tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
         let cover = cover.over(visit, tree);
         let Some(children) = &visit.children else {
             if let Some((from, error_px)) = cover.from {
-                selection.cut.push(Item { square: visit.at, from });
+                let mesh = meshes::drawn(visit, from, view, tree);
+                let error_px = mesh.map_or(error_px, |(_, error_px)| error_px);
+                let mesh = mesh.map(|(lod, _)| lod);
+                selection.cut.push(Item { square: visit.at, from, mesh });
+                meshes::count(visit, mesh, tree, selection);
                 if visit.sighted != Sighted::Hidden {
                     selection.seen.push(visit.at);
                     let worst = &mut selection.counters.worst_error_px;
@@ -429,6 +451,7 @@ fn want(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selecti
             let weight = priority::weight(error_px, node.centre, view);
             selection.wanted.push(Wanted { key: Key::block_map(node.id), group, weight });
         }
+        selection.wanted.extend(meshes::wanted(visit, cover.from, view, tree, selection.counters.tau_px));
         if let Some(children) = &visit.children {
             let forced = cover.forced || !replaced(visit, visits, renderable);
             stack.extend(children.clone().map(|c| (c, Cover { forced, ..cover })));

@@ -2,7 +2,11 @@
 
 use super::*;
 use crate::{camera::Camera, scene::TileEvent};
-use insula_protocol::{Manifest, Subtree, manifest::Counts, subtree::NodeInfo};
+use insula_protocol::{
+    Manifest, Subtree,
+    manifest::Counts,
+    subtree::{MeshLod, NodeInfo, NodeMesh},
+};
 use sight::Asked;
 use std::time::Instant;
 
@@ -72,6 +76,15 @@ fn tree() -> Tree {
     tree
 }
 
+/// Every leaf has a mesh of three levels of detail.
+fn with_meshes(mut subtree: Subtree) -> Subtree {
+    let lod = |error_m: f32| MeshLod { error_m, bytes: 1, triangles: 900, texture_px: 0 };
+    let leaves = subtree.nodes.iter().filter(|node| node.child_mask == 0);
+    let lods = || [0.02, 0.1, 0.4].map(lod).to_vec();
+    subtree.meshes = leaves.map(|leaf| NodeMesh { id: leaf.id, lods: lods() }).collect();
+    subtree
+}
+
 fn view(position: [f64; 3], target: [f64; 3]) -> View {
     let world = DVec3::new(500_000.0, 4_000_000.0, 10.0);
     let (position, target) = (DVec3::from(position) + world, DVec3::from(target) + world);
@@ -110,6 +123,10 @@ fn assert_whole(tree: &Tree, view: &View, selection: &Selection, frame: usize) {
     let cut: Vec<TileId> = selection.cut.iter().map(|item| tree.node(item.square).id).collect();
     for item in &selection.cut {
         let [square, from] = [item.square, item.from].map(|at| tree.node(at));
+        if let Some(lod) = item.mesh {
+            let here = square.lods[usize::from(lod)].tile.is_resident();
+            assert!(here && item.from == item.square, "frame {frame}: {} has no such mesh", square.id);
+        }
         assert!(from.tile.is_resident() && square.id.ancestor(from.id.level()) == Some(from.id), "frame {frame}");
     }
     let planes = view.planes();
@@ -443,6 +460,43 @@ fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
     assert_eq!(new(&turned), new(&frustum));
 }
 
+#[test]
+fn near_leaves_are_drawn_as_meshes_as_fine_as_they_must_be() {
+    let mut tree = Tree::new(manifest(DEPTH));
+    subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
+    let view = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
+    let (_, selection) = converge(&mut tree, &view, 3);
+    let px = |node: &TreeNode, error_m: f64| {
+        error::error_px(error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
+    };
+    let mut drawn = [0; 4];
+    for item in selection.cut.iter().filter(|item| tree.node(item.square).id.level() == DEPTH) {
+        let node = tree.node(item.square);
+        let wanted = match px(node, node.error_m) > 1.0 {
+            true => Some(node.lods.iter().rposition(|lod| px(node, lod.error_m) <= 1.0).unwrap_or(0) as u8),
+            false => None,
+        };
+        assert_eq!(item.mesh, wanted, "{}", node.id);
+        drawn[item.mesh.map_or(3, usize::from)] += 1;
+    }
+    assert!(drawn.iter().all(|n| *n > 0), "{drawn:?}");
+    assert_eq!(selection.counters.meshes, drawn[..3].iter().sum::<u32>());
+    assert_eq!(selection.used_meshes.len() as u32, selection.counters.meshes);
+    // A finer one that is here serves as well: nothing is fetched on the way back.
+    let back = super::tests::view([1030.0, 950.0, 25.0], [1030.0, 3000.0, 20.0]);
+    let behind = select(&back, &tree, &mut Scratch::default());
+    assert!(behind.wanted.iter().all(|w| {
+        tree.find(w.key.id).is_none_or(|at| tree.node(at).lods.iter().all(|lod| !lod.tile.is_resident()))
+    }));
+    // Less memory: never over the budget, and tau says so.
+    let tight = View { budget_pages: 500, ..view };
+    let selection = select(&tight, &tree, &mut Scratch::default());
+    assert!(selection.counters.pages <= 500 && selection.counters.tau_px > 1.0, "{:?}", selection.counters);
+    let mut plain = Tree::new(manifest(DEPTH)).with_meshes(false);
+    subtrees(DEPTH, |_| false).into_iter().for_each(|s| plain.merge(&with_meshes(s)));
+    assert!(plain.nodes().iter().all(|node| node.lods.is_empty()));
+}
+
 /// Any tree, any order of arrivals, failures and evictions, any camera, any hits: what the root covers is covered.
 #[test]
 fn there_is_never_a_hole() {
@@ -459,7 +513,8 @@ fn there_is_never_a_hole() {
         let mut tree = Tree::new(manifest(DEPTH));
         subtrees(DEPTH, |id| id.level() > 1 && u64::from(id.x() * 7 + id.y() * 13).is_multiple_of(gaps))
             .iter()
-            .for_each(|s| tree.merge(s));
+            .cloned()
+            .for_each(|s| tree.merge(&if seed % 2 == 0 { s } else { with_meshes(s) }));
         load(&mut tree, Key::block_map(TileId::ROOT));
         let mut sight = Sight::default();
         for frame in 0..60 {
@@ -487,6 +542,13 @@ fn there_is_never_a_hole() {
                 for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
                     if random(3) == 0 {
                         tree.apply(Key::block_map(id), TileEvent::Drop);
+                    }
+                }
+                let leaves: Vec<TileId> = tree.nodes().iter().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
+                let meshes = leaves.into_iter().flat_map(|id| (0..3).map(move |lod| Key::mesh(id, lod)));
+                for key in meshes.filter(|key| !selection.used_meshes.contains(key)) {
+                    if random(5) == 0 && tree.tile(key).is_some_and(|tile| tile.is_resident()) {
+                        tree.apply(key, TileEvent::Drop);
                     }
                 }
             }

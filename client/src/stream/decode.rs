@@ -5,9 +5,16 @@
 use super::{fetch::FetchError, source::Source};
 use crate::scene::Key;
 use bytes::Bytes;
-use insula_protocol::{BlockMap, DecodeError, Subtree, mesh_tile, route::Layer};
-use insula_shaders::pack::PackedNode;
-use std::sync::Arc;
+use insula_protocol::{
+    BlockMap, DecodeError, MeshTile, Subtree,
+    mesh_tile::{self, Texture},
+    route::Layer,
+};
+use insula_shaders::{
+    mesh::{PackedMesh, Picture},
+    pack::PackedNode,
+};
+use std::{io::Cursor, sync::Arc};
 use tokio::sync::Semaphore;
 
 /// Largest subtree tile: 1,365 nodes of 21 bytes, up to 1,024 leaves' meshes of 77, and a header.
@@ -16,13 +23,16 @@ const SUBTREE_BYTES: usize = 128 << 10;
 const BLOCK_MAP_BYTES: usize = 8 << 20;
 
 /// Largest tile of any kind.
-pub const MOST_BYTES: usize = BLOCK_MAP_BYTES;
+pub const MOST_BYTES: usize = mesh_tile::MAX_BYTES;
+const _: () = assert!(MOST_BYTES >= BLOCK_MAP_BYTES && MOST_BYTES >= SUBTREE_BYTES);
 
 /// A tile's content.
 #[derive(Debug)]
 pub enum Decoded {
     /// Ready for the atlas.
     Node(Box<PackedNode>),
+    /// Ready for the atlas, as a leaf's mesh.
+    Mesh(Box<PackedMesh>),
     /// Ready for the tree.
     Subtree(Subtree),
 }
@@ -71,8 +81,34 @@ pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
             let map = BlockMap::decode(key.id, bytes)?;
             Ok(Decoded::Node(Box::new(PackedNode::new(&map))))
         }
-        Layer::Meshes => Err(DecodeError::Invalid("meshes are not drawn yet")),
+        Layer::Meshes => {
+            let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
+            let texture = texture.as_ref().map(picture).transpose()?;
+            let packed = PackedMesh::new(&mesh, texture.as_ref());
+            let refused = |_| DecodeError::Invalid("a mesh that cannot be drawn");
+            packed.map(|mesh| Decoded::Mesh(Box::new(mesh))).map_err(refused)
+        }
     }
+}
+
+/// Unpacks a texture, if it is of the size that it says: that is within the format's limits.
+fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
+    let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
+    let [width_px, height_px] = texture.size_px.map(u32::from);
+    let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes))
+        .with_guessed_format()
+        .map_err(|_| DecodeError::Invalid("a mesh's texture is no picture"))?;
+    let mut limits = image::Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(width_px), Some(height_px));
+    // What the picture takes as bytes, and as much again for decoding it.
+    limits.max_alloc = Some(u64::from(texture.pixels()) * 16 + (1 << 20));
+    reader.limits(limits);
+    let rgb = reader.decode().map_err(failed)?.into_rgb8();
+    if rgb.dimensions() != (width_px, height_px) {
+        return Err(DecodeError::Invalid("a mesh's texture is not of its size"));
+    }
+    let texels = rgb.pixels().map(|p| u32::from_le_bytes([p.0[0], p.0[1], p.0[2], 255])).collect();
+    Ok(Picture { width_px, height_px, texels })
 }
 
 #[cfg(test)]

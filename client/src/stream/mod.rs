@@ -19,7 +19,7 @@ use crate::{
 use decode::Decoded;
 use fetch::{FetchError, Http};
 use insula_protocol::Subtree;
-use insula_shaders::pack::PackedNode;
+use insula_shaders::{mesh::PackedMesh, pack::PackedNode};
 use queue::Queue;
 use source::Source;
 use std::{
@@ -40,6 +40,8 @@ pub type Wake = Arc<dyn Fn() + Send + Sync>;
 pub enum Arrival {
     /// A node, to be put into the cache: the tile is decoded.
     Node(Key, Box<PackedNode>),
+    /// A leaf's mesh, to be put into the cache: the tile is decoded.
+    Mesh(Key, Box<PackedMesh>),
     /// A subtree, to be merged into the tree: the tile is decoded.
     Subtree(Key, Subtree),
 }
@@ -146,6 +148,7 @@ impl Stream {
                     tree.apply(key, TileEvent::Arrive);
                     return Some(match decoded {
                         Decoded::Node(node) => Arrival::Node(key, node),
+                        Decoded::Mesh(mesh) => Arrival::Mesh(key, mesh),
                         Decoded::Subtree(subtree) => Arrival::Subtree(key, subtree),
                     });
                 }

@@ -59,7 +59,8 @@ impl Status {
         let mut lines = vec![
             ("frame", format!("{:.1} ms", frame_time.as_secs_f64() * 1e3)),
             ("drawn", format!("{} nodes, error {:.1} px", counters.drawn, counters.worst_error_px)),
-            ("resident", format!("{} nodes, {}", session.cache().len(), mib(session.cache().used_bytes()))),
+            ("meshes", format!("{}, {} triangles", counters.meshes, counters.triangles)),
+            ("resident", format!("{} tiles, {}", session.cache().len(), mib(session.cache().used_bytes()))),
             ("wanted", format!("{}, {} in flight", session.selection().wanted.len(), session.stream().in_flight())),
             ("fetched", mib(session.stream().http().bytes())),
             ("steering", steering),

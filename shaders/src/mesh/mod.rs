@@ -38,6 +38,13 @@ const PAGE_FOURS: usize = PAGE_WORDS / 4;
 /// Fours of the head.
 const HEAD: usize = 3;
 
+/// Pages that a mesh of so many triangles and texels takes, about.
+pub fn pages_guess(triangles: u32, texture_px: u32) -> u32 {
+    // Two fours a triangle, two a pair of boxes, two triangles in a leaf; a texture's coarser levels are a third of it.
+    let words = u64::from(triangles) * 12 + u64::from(texture_px) * 3 / 2;
+    1 + words.div_ceil(PAGE_WORDS as u64).min(1 << 20) as u32
+}
+
 /// Why a mesh cannot be drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PackError {

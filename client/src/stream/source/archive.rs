@@ -11,7 +11,7 @@ use crate::{
     stream::{decode::limit_bytes, fetch::FetchError},
 };
 use bytes::Bytes;
-use insula_protocol::route::Layer;
+use insula_protocol::{mesh_tile, route::Layer};
 use pmtiles::{
     AsyncBackend, AsyncPmTilesReader, BackendResponse, Compression, MokaCache, PmtError, PmtResult, TileCoord,
 };
@@ -41,11 +41,12 @@ pub trait Ranges: Clone + Send + Sync + 'static {
     ) -> impl Future<Output = Result<(Bytes, Option<String>), FetchError>> + Send;
 }
 
-/// A city of two archives.
+/// A city's archives. That of meshes is opened only if there are any.
 pub struct Archives<R: Ranges> {
     place: String,
     block_maps: Archive<R>,
     subtrees: Archive<R>,
+    meshes: Archive<R>,
 }
 
 struct Archive<R: Ranges> {
@@ -64,7 +65,8 @@ impl<R: Ranges> Archives<R> {
     /// `open` says how each archive is read; `place` is for people.
     pub fn new(place: String, open: impl Fn(Layer) -> R) -> Self {
         let archive = |layer| Archive { ranges: open(layer), reader: OnceCell::new() };
-        Self { place, block_maps: archive(Layer::BlockMaps), subtrees: archive(Layer::Subtrees) }
+        let [block_maps, subtrees, meshes] = [Layer::BlockMaps, Layer::Subtrees, Layer::Meshes].map(archive);
+        Self { place, block_maps, subtrees, meshes }
     }
 }
 
@@ -73,7 +75,7 @@ impl<R: Ranges> Source for Archives<R> {
         let archive = match key.layer() {
             Layer::BlockMaps => &self.block_maps,
             Layer::Subtrees => &self.subtrees,
-            Layer::Meshes => return Box::pin(std::future::ready(Err(FetchError::Missing))),
+            Layer::Meshes => &self.meshes,
         };
         Box::pin(archive.tile(key))
     }
@@ -93,7 +95,11 @@ impl<R: Ranges> Archive<R> {
         if reader.get_header().tile_compression != Compression::None {
             return Err(FetchError::Archive("its tiles are packed".into()));
         }
-        let coord = TileCoord::new(key.id.level(), key.id.x(), key.id.y()).map_err(failed)?;
+        let place = match key.layer() {
+            Layer::Meshes => mesh_tile::place(key.id, key.lod).ok_or(FetchError::Missing)?,
+            Layer::BlockMaps | Layer::Subtrees => key.id,
+        };
+        let coord = TileCoord::new(place.level(), place.x(), place.y()).map_err(failed)?;
         let bytes = reader.get_tile(coord).await.map_err(failed)?.ok_or(FetchError::Missing)?;
         if bytes.len() > limit_bytes(key) { Err(FetchError::Missing) } else { Ok(bytes) }
     }

@@ -13,7 +13,7 @@ use crate::{
     stream::decode::MOST_BYTES,
 };
 use bytes::Bytes;
-use insula_protocol::Manifest;
+use insula_protocol::{Manifest, route::Layer};
 use lru::LruCache;
 use std::{
     fs, io,
@@ -179,7 +179,8 @@ impl Disk {
 
     fn name(&self, key: Key) -> String {
         let id = key.id;
-        format!("{}-{}-{}-{}-{}", self.prefix, key.layer().word(), id.level(), id.x(), id.y())
+        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().word(), id.level(), id.x(), id.y());
+        if key.layer() == Layer::Meshes { format!("{tile}-{}", key.lod) } else { tile }
     }
 }
 

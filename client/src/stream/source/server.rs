@@ -7,7 +7,10 @@ use crate::{
     scene::Key,
     stream::{decode::limit_bytes, fetch::Http},
 };
-use insula_protocol::{Manifest, route};
+use insula_protocol::{
+    Manifest,
+    route::{self, Layer},
+};
 use std::sync::Arc;
 
 /// One city on a server, in one version.
@@ -29,7 +32,11 @@ impl Server {
 
 impl Source for Server {
     fn tile(&self, key: Key) -> Pending<'_> {
-        let url = format!("{}{}", self.base, route::tile(&self.name, &self.version, key.layer(), key.id));
+        let path = match key.layer() {
+            Layer::Meshes => route::mesh(&self.name, &self.version, key.id, key.lod),
+            layer => route::tile(&self.name, &self.version, layer, key.id),
+        };
+        let url = format!("{}{path}", self.base);
         Box::pin(async move { self.http.get(&url, limit_bytes(key)).await })
     }
 
