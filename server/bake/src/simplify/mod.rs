@@ -9,7 +9,6 @@
 //! small as one asks for.
 
 mod quadric;
-mod queue;
 mod shape;
 
 use crate::model::{Layer, Model};
@@ -19,7 +18,6 @@ use insula_protocol::mesh::{
     pieces::{Census, NONE, Pieces, next, prev},
 };
 use quadric::Quadric;
-use queue::Queue;
 use shape::{Hold, Shape};
 use std::collections::HashMap;
 
@@ -27,6 +25,10 @@ use std::collections::HashMap;
 const FENCE: f64 = 10.0;
 /// A vertex goes no further from its edge's middle than this many of its lengths.
 const REACH: f64 = 1.5;
+/// The cheapest edges, those that a round looks to collapse, are one of so many.
+const SHARE: usize = 2;
+/// No fewer edges than this.
+const ROUND: usize = 64;
 
 /// How far to go: until one of both is reached.
 #[derive(Debug, Clone, Copy)]
@@ -58,12 +60,26 @@ struct Part {
     half_diagonal: f64,
 }
 
+/// What an edge cost when it was last looked at; infinity where it cannot be collapsed.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    cost: f32,
+    /// How often its ends had changed.
+    changes: u32,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { cost: f32::INFINITY, changes: NONE }
+    }
+}
+
 struct Work {
     shape: Shape,
-    quadric: Vec<Quadric>,
     /// How often each vertex changed.
     changes: Vec<u32>,
-    queue: Queue,
+    /// For each half-edge that stands for its edge: the lower of two.
+    looks: Vec<Look>,
     /// Values of each wedge, one a layer.
     values: Vec<[f32; 4]>,
     layers: usize,
@@ -85,7 +101,7 @@ pub fn simplify(model: &Model, goal: Goal, is_locked: impl Fn(u32) -> bool) -> S
         is_kept[vertex] = is_locked(source);
         // Where surfaces were cut apart they stay together.
         if is_kept[vertex] || copies[source as usize] > 1 {
-            work.shape.hold[vertex] = Hold::Fixed;
+            work.shape.vertex[vertex].hold = Hold::Fixed;
         }
     }
     let mut parts = parts(&pieces, &work.shape, &is_kept);
@@ -166,52 +182,71 @@ fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
 
 impl Work {
     fn new(model: &Model, pieces: &Pieces, center: DVec3) -> Self {
-        let place =
-            pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - center).collect();
+        let place = pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - center);
         let (wedge, values) = wedges(model, pieces);
-        let shape = Shape::new(pieces, place, wedge);
-        let mut quadric = vec![Quadric::default(); pieces.vertex.len()];
+        let mut shape = Shape::new(pieces, place, wedge);
         for t in 0..pieces.triangles() as u32 {
             let corners = shape.corners(t);
             let plane = Quadric::triangle(corners);
             for k in 0..3 {
-                quadric[shape.origin[(3 * t + k) as usize] as usize] += plane;
+                let vertex = shape.origin[(3 * t + k) as usize];
+                shape.vertex[vertex as usize].quadric += plane;
             }
             for h in 3 * t..3 * t + 3 {
                 if shape.is_line(h) {
-                    let place = |h: u32| shape.place[shape.origin[h as usize] as usize];
-                    let fence = Quadric::fence([place(h), place(next(h)), place(prev(h))], FENCE);
-                    quadric[shape.origin[h as usize] as usize] += fence;
-                    quadric[shape.target(h) as usize] += fence;
+                    let fence =
+                        Quadric::fence([h, next(h), prev(h)].map(|h| shape.place(shape.origin[h as usize])), FENCE);
+                    for vertex in [shape.origin[h as usize], shape.target(h)] {
+                        shape.vertex[vertex as usize].quadric += fence;
+                    }
                 }
             }
         }
-        let changes = vec![0; pieces.vertex.len()];
-        Self { shape, quadric, changes, queue: Queue::new(), values, layers: model.layers.len(), error: 0.0 }
+        let looks = vec![Look::default(); pieces.origin.len()];
+        let changes = vec![0; shape.vertex.len()];
+        Self { shape, changes, looks, values, layers: model.layers.len(), error: 0.0 }
     }
 
     /// Collapses and lets parts leave until the goal is reached, or nothing more can be done. How many left.
+    ///
+    /// In rounds: the edges whose ends changed are looked at again, in the order in which they lie in memory, and the
+    /// cheapest of all are collapsed, the cheapest first. One whose ends changed within the round waits for the next, and
+    /// one that was too dear before is not looked at: edges only get dearer.
     fn run(&mut self, goal: Goal, parts: &mut Vec<Part>) -> usize {
         let parts_before = parts.len();
-        let mut progress = true;
-        while progress && self.shape.triangles > goal.triangles {
-            progress = false;
-            self.fill();
-            while self.shape.triangles > goal.triangles {
-                let next = self.queue.cost();
-                if let Some(part) = parts.pop_if(|part| part.cost <= next && part.half_diagonal <= goal.error) {
+        let mut triangles: Vec<u32> = (0..self.shape.alive.len() as u32).collect();
+        let mut edges = Vec::new();
+        // Whether some edge was given up that could do now, since something around it changed.
+        let mut progress = false;
+        let mut limit = f32::INFINITY;
+        while self.shape.triangles > goal.triangles {
+            triangles.retain(|t| self.shape.alive[*t as usize]);
+            self.look(&triangles, limit, &mut edges);
+            if edges.is_empty() {
+                if !std::mem::take(&mut progress) {
+                    break;
+                }
+                self.looks.fill(Look::default());
+                continue;
+            }
+            let round = (edges.len() / SHARE).max(ROUND).min(edges.len());
+            edges.select_nth_unstable(round - 1);
+            edges.truncate(round);
+            limit = f32::from_bits((edges[round - 1] >> 32) as u32);
+            edges.sort_unstable();
+            for edge in &edges {
+                let (cost, h) = (f32::from_bits((edge >> 32) as u32), *edge as u32);
+                while let Some(part) =
+                    parts.pop_if(|part| part.cost <= f64::from(cost) && part.half_diagonal <= goal.error)
+                {
                     self.let_go(&part);
-                    continue;
                 }
-                let Some((h, changes)) = self.queue.pop() else { break };
-                if !self.shape.alive[h as usize / 3] {
-                    continue;
+                if self.shape.triangles <= goal.triangles {
+                    break;
                 }
-                // Edges only get dearer: one whose ends changed is looked at again when its turn comes, not before.
-                if changes == self.changes_of(h) {
+                if self.shape.alive[h as usize / 3] && self.looks[h as usize].changes == self.changes_of(h) {
                     progress |= self.try_collapse(h, goal.error);
-                } else {
-                    self.enqueue(h);
+                    self.looks[h as usize].cost = f32::INFINITY;
                 }
             }
         }
@@ -223,24 +258,30 @@ impl Work {
         parts_before - parts.len()
     }
 
+    /// All edges that can be collapsed, as the bits of what they cost and a half-edge.
+    fn look(&mut self, triangles: &[u32], limit: f32, edges: &mut Vec<u64>) {
+        edges.clear();
+        for h in triangles.iter().flat_map(|t| 3 * t..3 * t + 3) {
+            let twin = self.shape.twin[h as usize];
+            if twin != NONE && twin < h {
+                continue;
+            }
+            let changes = self.changes_of(h);
+            let Look { cost, changes: before } = self.looks[h as usize];
+            if before != changes && (before == NONE || cost <= limit || cost == f32::INFINITY) {
+                let cost = self.aim(h).map_or(f32::INFINITY, |(_, cost)| cost as f32);
+                self.looks[h as usize] = Look { cost, changes };
+            }
+            let cost = self.looks[h as usize].cost;
+            if cost < f32::INFINITY {
+                edges.push(u64::from(cost.to_bits()) << 32 | u64::from(h));
+            }
+        }
+    }
+
     fn let_go(&mut self, part: &Part) {
         part.triangles.iter().for_each(|t| self.shape.remove(*t));
         self.error = self.error.max(part.half_diagonal);
-    }
-
-    /// Queues all edges, the dearest first: so the cheap ones lie in the order in which they are taken out.
-    fn fill(&mut self) {
-        let mut entries = Vec::with_capacity(3 * self.shape.triangles / 2);
-        for h in 0..self.shape.origin.len() as u32 {
-            let twin = self.shape.twin[h as usize];
-            if self.shape.alive[h as usize / 3] && (twin == NONE || h < twin) {
-                entries.extend(self.aim(h).map(|(_, cost)| ((cost as f32).to_bits(), h)));
-            }
-        }
-        entries.sort_unstable();
-        for (cost, h) in entries.into_iter().rev() {
-            self.queue.push(f32::from_bits(cost).into(), h, self.changes_of(h));
-        }
     }
 
     fn changes_of(&self, h: u32) -> u32 {
@@ -248,31 +289,27 @@ impl Work {
         self.changes[u as usize].wrapping_add(self.changes[v as usize])
     }
 
-    fn enqueue(&mut self, h: u32) {
-        if let Some((_, cost)) = self.aim(h) {
-            self.queue.push(cost, h, self.changes_of(h));
-        }
-    }
-
     fn sum(&self, h: u32) -> Quadric {
-        let mut sum = self.quadric[self.shape.origin[h as usize] as usize];
-        sum += self.quadric[self.shape.target(h) as usize];
+        let mut sum = self.shape.vertex[self.shape.origin[h as usize] as usize].quadric;
+        sum += self.shape.vertex[self.shape.target(h) as usize].quadric;
         sum
     }
 
     /// Where the two ends of an edge would best become one, and what that costs.
     #[inline]
     fn aim(&self, h: u32) -> Option<(DVec3, f64)> {
-        let (u, v) = (self.shape.origin[h as usize], self.shape.target(h));
-        let [p, q] = [u, v].map(|vertex| self.shape.place[vertex as usize]);
+        let ends = [self.shape.origin[h as usize], self.shape.target(h)];
+        let [u, v] = ends.map(|vertex| &self.shape.vertex[vertex as usize]);
+        let (p, q) = (u.place, v.place);
         let sum = self.sum(h);
-        let fixed = match (self.shape.hold[u as usize], self.shape.hold[v as usize]) {
+        let fixed = match (u.hold, v.hold) {
+            (Hold::Free, Hold::Free) => None,
             (Hold::Fixed, Hold::Fixed) => return None,
             (Hold::Line, Hold::Line) if !self.shape.is_line(h) => return None,
             (Hold::Fixed, Hold::Line) | (Hold::Line, Hold::Fixed) if !self.shape.is_line(h) => return None,
             (Hold::Fixed, _) | (Hold::Line, Hold::Free) => Some(p),
             (_, Hold::Fixed) | (Hold::Free, Hold::Line) => Some(q),
-            _ => None,
+            (Hold::Line, Hold::Line) => None,
         };
         if let Some(at) = fixed {
             return Some((at, sum.cost(at)));
@@ -289,13 +326,13 @@ impl Work {
     fn try_collapse(&mut self, h: u32, most: f64) -> bool {
         let Some((aim, _)) = self.aim(h) else { return false };
         let (u, v) = (self.shape.origin[h as usize], self.shape.target(h));
-        let holds = [self.shape.hold[u as usize], self.shape.hold[v as usize]];
+        let [from, gone] = [u, v].map(|vertex| &self.shape.vertex[vertex as usize]);
+        let (holds, [p, q]) = ([from.hold, gone.hold], [from.place, gone.place]);
         let sum = self.sum(h);
         let error = |at: DVec3| (sum.cost(at) / sum.area.max(f64::MIN_POSITIVE)).sqrt();
         if error(aim) > most || !self.shape.may_collapse(h) {
             return false;
         }
-        let [p, q] = [u, v].map(|vertex| self.shape.place[vertex as usize]);
         // Where the best place turns something over, one of the ends may not.
         let others: &[DVec3] = if holds[0] == holds[1] { &[aim, p, q] } else { &[aim] };
         let Some(&to) = others.iter().find(|at| error(**at) <= most && !self.shape.turns_over(u, v, **at)) else {
@@ -303,22 +340,9 @@ impl Work {
         };
         self.error = self.error.max(error(to));
         self.blend(h, p, q, to);
-        // On either side two edges become one, and both may have been queued by the half-edge that goes.
-        let twin = self.shape.twin[h as usize];
-        let sides = [h, twin].map(|side| match side {
-            NONE => NONE,
-            side => {
-                [next(side), prev(side)].map(|inner| self.shape.twin[inner as usize]).into_iter().min().unwrap_or(NONE)
-            }
-        });
         self.shape.collapse(h, to);
-        self.quadric[u as usize] = sum;
+        self.shape.vertex[u as usize].quadric = sum;
         self.changes[u as usize] = self.changes[u as usize].max(self.changes[v as usize]) + 1;
-        for side in sides {
-            if side != NONE {
-                self.enqueue(side);
-            }
-        }
         true
     }
 
@@ -344,7 +368,7 @@ impl Work {
     /// What is left, with vertices that were cut apart together again.
     fn finish(&self, model: &Model, center: DVec3) -> Model {
         let mut out = Model::default();
-        let mut number = vec![NONE; self.shape.place.len()];
+        let mut number = vec![NONE; self.shape.vertex.len()];
         let mut fixed: HashMap<u32, u32> = HashMap::new();
         let mut wedges = vec![NONE; self.values.len() / self.layers.max(1)];
         out.layers = model
@@ -357,9 +381,9 @@ impl Work {
                 let vertex = self.shape.origin[3 * t + k];
                 if number[vertex as usize] == NONE {
                     let source = self.shape.source[vertex as usize];
-                    let is_fixed = self.shape.hold[vertex as usize] == Hold::Fixed;
+                    let is_fixed = self.shape.vertex[vertex as usize].hold == Hold::Fixed;
                     let own = out.positions.len() as u32;
-                    let place = self.shape.place[vertex as usize] + center;
+                    let place = self.shape.place(vertex) + center;
                     let place = if is_fixed { model.positions[source as usize] } else { place.into() };
                     let shared = if is_fixed { *fixed.entry(source).or_insert(own) } else { own };
                     if shared == own {

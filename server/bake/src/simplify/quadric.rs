@@ -20,10 +20,10 @@ impl Quadric {
     /// Of a plane through `point` with unit `normal`.
     fn plane(normal: DVec3, point: DVec3, weight: f64) -> Self {
         let d = -normal.dot(point);
-        let n = normal;
+        let (n, w) = (normal, normal * weight);
         Self {
-            a: [n.x * n.x, n.y * n.y, n.z * n.z, n.x * n.y, n.x * n.z, n.y * n.z].map(|v| v * weight),
-            b: n * (d * weight),
+            a: [n.x * w.x, n.y * w.y, n.z * w.z, n.x * w.y, n.x * w.z, n.y * w.z],
+            b: w * d,
             c: d * d * weight,
             area: 0.0,
         }
@@ -79,8 +79,11 @@ impl Quadric {
 }
 
 impl AddAssign for Quadric {
+    #[inline]
     fn add_assign(&mut self, other: Self) {
-        self.a.iter_mut().zip(other.a).for_each(|(a, b)| *a += b);
+        for k in 0..self.a.len() {
+            self.a[k] += other.a[k];
+        }
         self.b += other.b;
         self.c += other.c;
         self.area += other.area;

@@ -2,6 +2,7 @@
 //!
 //! In: [`Pieces`]. Out: fewer triangles. Next: `simplify`.
 
+use super::quadric::Quadric;
 use glam::DVec3;
 use insula_protocol::mesh::pieces::{NONE, Pieces, next, prev};
 
@@ -16,6 +17,17 @@ pub(super) enum Hold {
     Fixed,
 }
 
+/// What a collapse weighs of a vertex, in two lines of a processor's cache.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub(super) struct Vertex {
+    pub(super) quadric: Quadric,
+    pub(super) place: DVec3,
+    pub(super) hold: Hold,
+}
+
+const _: () = assert!(size_of::<Vertex>() == 128);
+
 /// A mesh in work.
 #[derive(Debug)]
 pub(super) struct Shape {
@@ -24,10 +36,9 @@ pub(super) struct Shape {
     /// For each triangle.
     pub(super) alive: Vec<bool>,
     pub(super) triangles: usize,
+    pub(super) vertex: Vec<Vertex>,
     /// For each vertex a half-edge that leaves it, the border's if there is one; [`NONE`] for what is gone.
-    pub(super) leaving: Vec<u32>,
-    pub(super) place: Vec<DVec3>,
-    pub(super) hold: Vec<Hold>,
+    leaving: Vec<u32>,
     /// For each half-edge, what the corner that it leaves carries: numbers that no two vertices share.
     pub(super) wedge: Vec<u32>,
     /// For each vertex the one of the input whose place it has, if it is fixed.
@@ -37,11 +48,12 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    pub(super) fn new(pieces: &Pieces, place: Vec<DVec3>, wedge: Vec<u32>) -> Self {
-        let vertices = place.len();
-        let mut leaving = vec![NONE; vertices];
-        for (h, vertex) in (0..).zip(&pieces.origin) {
-            let known = &mut leaving[*vertex as usize];
+    pub(super) fn new(pieces: &Pieces, place: impl Iterator<Item = DVec3>, wedge: Vec<u32>) -> Self {
+        let quadric = Quadric::default();
+        let vertex: Vec<Vertex> = place.map(|place| Vertex { quadric, place, hold: Hold::Free }).collect();
+        let mut leaving = vec![NONE; vertex.len()];
+        for (h, origin) in (0..).zip(&pieces.origin) {
+            let known = &mut leaving[*origin as usize];
             if *known == NONE || pieces.twin[h as usize] == NONE {
                 *known = h;
             }
@@ -52,15 +64,14 @@ impl Shape {
             twin: pieces.twin.clone(),
             alive: vec![true; triangles],
             triangles,
+            marks: vec![0; vertex.len()],
+            vertex,
             leaving,
-            place,
-            hold: vec![Hold::Free; vertices],
             wedge,
             source: pieces.vertex.clone(),
-            marks: vec![0; vertices],
             mark: 0,
         };
-        let mut lines = vec![0u32; vertices];
+        let mut lines = vec![0u32; shape.vertex.len()];
         for h in 0..shape.origin.len() as u32 {
             if shape.is_line(h) {
                 lines[shape.origin[h as usize] as usize] += 1;
@@ -69,14 +80,19 @@ impl Shape {
                 }
             }
         }
-        for (hold, lines) in shape.hold.iter_mut().zip(lines) {
-            *hold = match lines {
+        for (vertex, lines) in shape.vertex.iter_mut().zip(lines) {
+            vertex.hold = match lines {
                 0 => Hold::Free,
                 2 => Hold::Line,
                 _ => Hold::Fixed,
             };
         }
         shape
+    }
+
+    #[inline]
+    pub(super) fn place(&self, vertex: u32) -> DVec3 {
+        self.vertex[vertex as usize].place
     }
 
     #[inline]
@@ -109,7 +125,7 @@ impl Shape {
     }
 
     pub(super) fn corners(&self, t: u32) -> [DVec3; 3] {
-        [0, 1, 2].map(|k| self.place[self.origin[(3 * t + k) as usize] as usize])
+        [0, 1, 2].map(|k| self.place(self.origin[(3 * t + k) as usize]))
     }
 
     /// Whether the mesh stays a mesh of the same kind without this edge (the link condition, Dey et al. 1999).
@@ -126,27 +142,33 @@ impl Shape {
             if side != NONE {
                 wings += 1;
                 let apex = self.origin[prev(side) as usize];
-                let triangles = self.around(apex).count();
-                if triangles < if self.is_border(apex) { 2 } else { 4 } {
+                let enough = if self.is_border(apex) { 2 } else { 4 };
+                if self.around(apex).take(enough).count() < enough {
                     return false;
                 }
             }
         }
-        let neighbours = |shape: &Self, vertex: u32, seen: &mut dyn FnMut(u32)| {
-            let mut last = NONE;
-            for h in shape.around(vertex) {
-                seen(shape.target(h));
-                last = h;
+        let mut h = self.leaving[u as usize];
+        let first = h;
+        while h != NONE {
+            let [other, before] = [self.target(h), self.origin[prev(h) as usize]];
+            self.marks[other as usize] = mark;
+            self.marks[before as usize] = mark;
+            h = self.twin[prev(h) as usize];
+            if h == first {
+                break;
             }
-            if last != NONE && shape.twin[prev(last) as usize] == NONE {
-                seen(shape.origin[prev(last) as usize]);
-            }
-        };
-        let mut marks = std::mem::take(&mut self.marks);
-        neighbours(self, u, &mut |other| marks[other as usize] = mark);
+        }
         let mut common = 0;
-        neighbours(self, v, &mut |other| common += u32::from(marks[other as usize] == mark));
-        self.marks = marks;
+        let mut last = NONE;
+        for h in self.around(v) {
+            common += u32::from(self.marks[self.target(h) as usize] == mark);
+            last = h;
+        }
+        if last != NONE && self.twin[prev(last) as usize] == NONE {
+            let other = self.origin[prev(last) as usize];
+            common += u32::from(self.marks[other as usize] == mark);
+        }
         common == wings
     }
 
@@ -158,7 +180,7 @@ impl Shape {
                 if a == other || b == other {
                     return false;
                 }
-                let (a, b, c) = (self.place[a as usize], self.place[b as usize], self.place[center as usize]);
+                let (a, b, c) = (self.place(a), self.place(b), self.place(center));
                 let (before, after) = ((a - c).cross(b - c), (a - to).cross(b - to));
                 // Turned by more than 75 degrees, or flattened to a line.
                 let (was, is) = (before.length_squared(), after.length_squared());
@@ -173,21 +195,25 @@ impl Shape {
     pub(super) fn collapse(&mut self, h: u32, to: DVec3) {
         let (u, v) = (self.origin[h as usize], self.target(h));
         let twin = self.twin[h as usize];
-        let leaving_v: Vec<u32> = self.around(v).collect();
         // On either side the target's wedge becomes the origin's.
-        let mut renamed = [(NONE, NONE); 2];
-        renamed[0] = (self.wedge[next(h) as usize], self.wedge[h as usize]);
+        let mut renamed = [(self.wedge[next(h) as usize], self.wedge[h as usize]), (NONE, NONE)];
         if twin != NONE {
             renamed[1] = (self.wedge[twin as usize], self.wedge[next(twin) as usize]);
         }
-        for &out in &leaving_v {
+        let first = self.leaving[v as usize];
+        let mut out = first;
+        while out != NONE {
             self.origin[out as usize] = u;
             let wedge = &mut self.wedge[out as usize];
             if let Some((_, new)) = renamed.iter().find(|(old, _)| old == wedge) {
                 *wedge = *new;
             }
+            out = self.twin[prev(out) as usize];
+            if out == first {
+                break;
+            }
         }
-        let mut mended = [(u, NONE); 4];
+        let mut mended = [(u, NONE); 3];
         for (i, side) in [h, twin].into_iter().enumerate() {
             if side == NONE {
                 continue;
@@ -203,22 +229,26 @@ impl Shape {
                 self.twin[other as usize] = one;
             }
             // `one` leaves the apex, `other` comes to it, and after that leaves it.
-            mended[2 * i] = (apex, if one != NONE { one } else { next(other) });
-            mended[2 * i + 1] = (u, if other != NONE { other } else { next(one) });
+            mended[1 + i] = (apex, if one != NONE { one } else { next(other) });
+            mended[0] = (u, if other != NONE { other } else { next(one) });
         }
         // The second side's edges run the other way: what leaves is known by its origin.
         for (vertex, out) in mended {
-            if out != NONE {
+            // What left it before and is still there is still the border's, if there is one.
+            let known = vertex != u && self.alive[self.leaving[vertex as usize] as usize / 3];
+            if out != NONE && !known {
                 self.leave_by(vertex, out);
             }
         }
-        self.place[u as usize] = to;
+        self.vertex[u as usize].place = to;
         self.leaving[v as usize] = NONE;
-        if self.hold[v as usize] == Hold::Fixed {
+        let hold = self.vertex[v as usize].hold;
+        if hold == Hold::Fixed {
             self.source[u as usize] = self.source[v as usize];
         }
+        let kept = &mut self.vertex[u as usize];
         // A line's end on a free vertex makes that one part of the line; a fixed vertex stays one.
-        self.hold[u as usize] = match (self.hold[u as usize], self.hold[v as usize]) {
+        kept.hold = match (kept.hold, hold) {
             (Hold::Fixed, _) | (_, Hold::Fixed) => Hold::Fixed,
             (Hold::Line, _) | (_, Hold::Line) => Hold::Line,
             _ => Hold::Free,
