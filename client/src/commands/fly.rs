@@ -2,7 +2,7 @@
 //!
 //! In: a place that has a city, a path file, a simulated link. Out: a report. Next: scripts.
 
-use super::snapshot::{settle, start};
+use super::snapshot::{PAUSE, settle, start};
 use crate::{
     args::{Fly, Global},
     camera::CameraPath,
@@ -28,7 +28,8 @@ const STALL: f64 = 4.0;
 /// Runs the command.
 pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let path = CameraPath::read(&args.path)?;
-    let mut session = start(&args.server, global, Some(Http::new(link(args))?))?;
+    let first = shot(&path, args, global, 0.0)?;
+    let mut session = start(&args.server, global, Some(Http::new(link(args))?), Some(&first))?;
     let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(look.casting());
     let report = fly(&mut session, &path, args, &look, global)?;
@@ -49,6 +50,12 @@ fn link(args: &Fly) -> Option<Link> {
     (args.bandwidth.is_some() || args.rtt.is_some() || loss > 0.0).then(|| Link::new(args.bandwidth, rtt, loss))
 }
 
+/// What is seen at `t` seconds.
+fn shot(path: &CameraPath, args: &Fly, global: &Global, t: f64) -> Result<Shot> {
+    let camera = path.at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
+    Ok(Shot { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau })
+}
+
 /// Flies once along a path.
 fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global: &Global) -> Result<FlightReport> {
     let timeout = Duration::from_secs(u64::from(global.timeout));
@@ -63,16 +70,23 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
         if t > path.seconds {
             break;
         }
-        let camera = path.at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
-        let shot = Shot { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau };
+        let shot = shot(path, args, global, t)?;
         let before = Instant::now();
         session.step(&shot);
-        let pixels = session.draw(&shot, look)?;
-        session.timed(before.elapsed());
         session.check(timeout)?;
         frames += 1;
+        if moments.is_empty() {
+            moments.push(FlightMoment::of(session, t));
+        }
+        if !session.has_picture() {
+            unconverged += 1;
+            session.wait(PAUSE);
+            continue;
+        }
         // What is only preloaded is not missing in this frame's picture.
-        unconverged += u64::from(session.lacks() || !session.has_picture());
+        unconverged += u64::from(session.lacks());
+        let pixels = session.draw(&shot, look)?;
+        session.timed(before.elapsed());
         if moments.len() as f64 * moment_secs <= t {
             moments.push(FlightMoment::of(session, t));
         }
@@ -119,7 +133,7 @@ fn converged(
     timeout: Duration,
 ) -> Result<insula_shaders::cpu::raycast::Pixels> {
     let roomy = Global { cache_mib: global.cache_mib.max(512), ..global.clone() };
-    let mut other = start(&args.server, &roomy, None)?;
+    let mut other = start(&args.server, &roomy, None, Some(shot))?;
     settle(&mut other, &Shot { heading: None, ..*shot }, timeout)?;
     other.draw(shot, look)
 }
