@@ -11,11 +11,11 @@ use crate::{
     error::{ClientError, Result},
     render::{Drawn, FrameData, Look},
     report::TileCounts,
-    scene::{Key, TileEvent, Tree},
+    scene::{Key, TileEvent, TileState, Tree},
     select::{
         Scratch, Selection,
         casters::{Casters, casters},
-        priority::Group,
+        priority::{Group, Wanted},
         select,
         sight::{Asked, Sight},
     },
@@ -38,6 +38,8 @@ const DECODED_BYTES: u64 = 32 << 20;
 const ORPHANS: usize = 16;
 /// Share of the atlas that a view may fill; the rest is for what it needed a moment ago.
 const BUDGET_SHARE: f64 = 0.85;
+/// While the first picture is drawn, only what is over so many times tau is asked for.
+const UNSEEN_TIMES_TAU: f64 = 4.0;
 /// While nothing arrives, retries are looked after so often.
 const PATIENCE: Duration = Duration::from_millis(10);
 
@@ -178,10 +180,19 @@ impl Flow {
             // Nothing is uploaded meanwhile: only what a subtree tells of can change what is wanted.
             if self.collect(now) {
                 self.turn(&shot, now);
-            } else {
+            } else if self.sight.is_fed() {
                 self.stream.request(&mut self.tree, &self.selection.wanted, now);
+            } else {
+                // What is being drawn will tell what is hidden: what is finer waits for that.
+                let coarse = |w: &&Wanted| w.weight > UNSEEN_TIMES_TAU * shot.tau_px || self.is_loading(w.key);
+                let wanted: Vec<Wanted> = self.selection.wanted.iter().filter(coarse).copied().collect();
+                self.stream.request(&mut self.tree, &wanted, now);
             }
         }
+    }
+
+    fn is_loading(&self, key: Key) -> bool {
+        self.tree.tile(key).is_some_and(|tile| tile.state() == TileState::Loading)
     }
 
     /// Whether nothing is wanted and nothing is under way.
