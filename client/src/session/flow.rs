@@ -5,6 +5,7 @@
 //! The network does not wait for frames: while one is drawn, what arrives is taken in and the next requests start
 //! ([`Flow::go_on`]). Only uploads wait, as the atlas is being read.
 
+use super::tau::Raised;
 use crate::{
     cache::{Cache, PAGE_BYTES, Packed, Placement, Upload},
     camera::{Camera, View},
@@ -13,7 +14,7 @@ use crate::{
     report::TileCounts,
     scene::{Key, TileEvent, TileState, Tree},
     select::{
-        Scratch, Selection,
+        Counters, Scratch, Selection,
         casters::{Casters, casters},
         priority::{Group, Wanted},
         select,
@@ -73,8 +74,10 @@ pub(super) struct Flow {
     /// Counts selections that differ from the one before.
     generation: u64,
     last_view: Option<View>,
-    /// What the last selection was for.
+    /// What the last selection was for, and when.
     shot: Option<Shot>,
+    selected_at: Instant,
+    raised: Raised,
     decoded: VecDeque<(Key, Packed)>,
     decoded_bytes: u64,
     uploaded_at: Instant,
@@ -104,6 +107,8 @@ impl Flow {
             generation: 0,
             last_view: None,
             shot: None,
+            selected_at: Instant::now(),
+            raised: Raised::default(),
             decoded: VecDeque::new(),
             decoded_bytes: 0,
             uploaded_at: Instant::now(),
@@ -120,7 +125,7 @@ impl Flow {
             camera,
             width_px: shot.size_px[0],
             height_px: shot.size_px[1],
-            tau_px: shot.tau_px,
+            tau_px: shot.tau_px * self.raised.times(),
             budget_pages: pages as u32,
             budget_nodes: crate::cache::slots_for(pages as u32),
         }
@@ -140,7 +145,7 @@ impl Flow {
     /// Selects, and asks for what is missing.
     fn turn(&mut self, shot: &Shot, now: Instant) {
         let view = self.view(shot, shot.camera);
-        self.shot = Some(*shot);
+        let moved = self.shot.replace(*shot) != Some(*shot);
         self.cache.begin_frame();
         self.fresh = false;
         let selection = select(&view, &self.tree, &self.sight, &mut self.scratch);
@@ -148,6 +153,11 @@ impl Flow {
             self.generation += 1;
         }
         (self.selection, self.last_view) = (selection, Some(view));
+        let Counters { tau_px, pages, .. } = self.selection.counters;
+        let share = f64::from(pages) / f64::from(view.budget_pages.max(1));
+        let secs = now.duration_since(self.selected_at).as_secs_f64();
+        self.raised.learn(tau_px / shot.tau_px, share, secs, moved);
+        self.selected_at = now;
         // The coarsest last: of equals, it goes last.
         for at in self.selection.used.iter().rev() {
             self.cache.touch(Key::block_map(self.tree.node(*at).id));
@@ -316,7 +326,7 @@ impl Flow {
 
     /// Whether nothing could make the last selection's picture better.
     pub(super) fn settled(&self) -> bool {
-        self.fetched() && (self.is_sighted([0, 0]) || !self.sight.is_fed())
+        self.fetched() && !self.raised.moves() && (self.is_sighted([0, 0]) || !self.sight.is_fed())
     }
 
     /// Whether all that the last selection asks for is here.
@@ -341,7 +351,7 @@ impl Flow {
 
     /// Whether the next frame has something to upload, or to select anew: no need to wait for the network.
     pub(super) fn streaming_now(&self) -> bool {
-        !self.decoded.is_empty() || self.fresh
+        !self.decoded.is_empty() || self.fresh || self.raised.moves()
     }
 
     /// An error if the city has no root to begin with, or the server does not answer for `timeout`.

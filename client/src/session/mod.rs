@@ -3,6 +3,7 @@
 //! In: a camera each frame. Out: the cut, pictures, counters. Next: `ui::window`, `commands::snapshot`, `commands::fly`.
 
 mod flow;
+mod tau;
 
 use crate::{
     cache::{Cache, PAGE_BYTES},
