@@ -39,8 +39,10 @@ const DECODED_BYTES: u64 = 32 << 20;
 const ORPHANS: usize = 16;
 /// Share of the atlas that a view may fill; the rest is for what it needed a moment ago.
 const BUDGET_SHARE: f64 = 0.85;
-/// While the first picture is drawn, only what is over so many times tau is asked for.
+/// What is over so many times tau is asked for whether it is seen or not.
 const UNSEEN_TIMES_TAU: f64 = 4.0;
+/// Requests that start while a picture is drawn, for what only the last one saw: so many times those that may be in flight.
+const FINE_TIMES_WINDOW: usize = 2;
 /// While nothing arrives, retries are looked after so often.
 const PATIENCE: Duration = Duration::from_millis(10);
 
@@ -144,6 +146,11 @@ impl Flow {
 
     /// Selects, and asks for what is missing.
     fn turn(&mut self, shot: &Shot, now: Instant) {
+        self.select(shot, now);
+        self.stream.request(&mut self.tree, &self.selection.wanted, now);
+    }
+
+    fn select(&mut self, shot: &Shot, now: Instant) {
         let view = self.view(shot, shot.camera);
         let moved = self.shot.replace(*shot) != Some(*shot);
         self.cache.begin_frame();
@@ -169,7 +176,6 @@ impl Flow {
         if let Some(heading) = shot.heading {
             self.preload(shot, heading);
         }
-        self.stream.request(&mut self.tree, &self.selection.wanted, now);
     }
 
     /// Begins for a shot before there is an adapter, until there is one.
@@ -182,6 +188,9 @@ impl Flow {
     /// rings the stream's bell, or it takes a moment.
     pub(super) fn go_on(&mut self, is_over: impl Fn() -> bool) {
         let bell = self.stream.bell();
+        // What is being drawn will tell what is hidden: before the first picture, only what is coarse is asked for whether it
+        // is seen or not, and then no more of the rest than lately was seen, nearest first.
+        let mut fine = if self.sight.is_fed() { FINE_TIMES_WINDOW * self.stream.window() } else { 0 };
         while let Some(shot) = self.shot
             && !is_over()
         {
@@ -189,15 +198,19 @@ impl Flow {
             let now = Instant::now();
             // Nothing is uploaded meanwhile: only what a subtree tells of can change what is wanted.
             if self.collect(now) {
-                self.turn(&shot, now);
-            } else if self.sight.is_fed() {
-                self.stream.request(&mut self.tree, &self.selection.wanted, now);
-            } else {
-                // What is being drawn will tell what is hidden: what is finer waits for that.
-                let coarse = |w: &&Wanted| w.weight > UNSEEN_TIMES_TAU * shot.tau_px || self.is_loading(w.key);
-                let wanted: Vec<Wanted> = self.selection.wanted.iter().filter(coarse).copied().collect();
-                self.stream.request(&mut self.tree, &wanted, now);
+                self.select(&shot, now);
             }
+            let coarse = |w: &Wanted| w.weight > UNSEEN_TIMES_TAU * shot.tau_px || self.is_loading(w.key);
+            let mut left = fine;
+            let mut wanted = Vec::new();
+            for want in &self.selection.wanted {
+                let counts = !coarse(want);
+                if !counts || left > 0 {
+                    left -= usize::from(counts);
+                    wanted.push(*want);
+                }
+            }
+            fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
         }
     }
 

@@ -103,8 +103,8 @@ impl Stream {
         }
     }
 
-    /// Cancels what is no longer wanted and starts what is wanted most.
-    pub fn request(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant) {
+    /// Cancels what is no longer wanted and starts what is wanted most; how many it started.
+    pub fn request(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant) -> usize {
         let near = |key| self.source.is_near(key);
         let plan = self.queue.plan(tree, wanted, now, near);
         for key in plan.cancel {
@@ -112,9 +112,11 @@ impl Stream {
                 flight.task.abort();
             }
         }
+        let started = plan.start.len();
         for key in plan.start {
             self.start(key);
         }
+        started
     }
 
     fn start(&mut self, key: Key) {
@@ -204,6 +206,11 @@ impl Stream {
     /// Rings when something has arrived.
     pub fn bell(&self) -> Arc<Bell> {
         self.bell.clone()
+    }
+
+    /// Requests that may be under way.
+    pub fn window(&self) -> usize {
+        self.queue.window.limit()
     }
 
     /// Requests under way.

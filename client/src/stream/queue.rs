@@ -17,6 +17,8 @@ use std::{
 
 /// Most requests in flight, of those at the beginning.
 const WINDOW_TIMES: usize = 4;
+/// A line that is as short as this is full with few requests.
+const NEAR: Duration = Duration::from_millis(10);
 /// Answers may take so much longer by chance.
 const NOISE: Duration = Duration::from_millis(5);
 
@@ -108,7 +110,7 @@ impl Window {
     pub fn answered(&mut self, took: Duration) {
         // Forgotten in time: the way may have become longer.
         self.fastest = self.fastest.saturating_add(self.fastest / 256).min(took);
-        if took < self.fastest + self.fastest / 2 + NOISE {
+        if self.fastest > NEAR && took < self.fastest + self.fastest / 2 + NOISE {
             self.limit = (self.limit + 1).min(self.least * WINDOW_TIMES);
         } else if took > self.fastest * 3 + NOISE {
             self.limit = (self.limit - 1).max(self.least);
@@ -259,6 +261,8 @@ mod tests {
         assert_eq!(window.limit(), 38);
         (0..3).for_each(|_| window.failed());
         assert_eq!(window.limit(), 12);
+        (0..1000).for_each(|_| window.answered(ms(1)));
+        assert_eq!(window.limit(), 12, "what is near is quick with few");
     }
 
     #[test]
