@@ -115,6 +115,9 @@ pub struct BakeArgs {
     /// Least quality of the colours in dB (20 to 60), or lossless
     #[arg(long, value_name = "DB", default_value = "36", value_parser = quality)]
     pub quality: Quality,
+    /// Leave out the meshes: views from near then show columns
+    #[arg(long)]
+    pub no_meshes: bool,
     /// Threads to use; all cores unless given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,

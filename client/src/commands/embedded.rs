@@ -45,8 +45,8 @@ pub(super) fn cache_folder(name: &str) -> Result<PathBuf> {
 }
 
 /// What a cached city depends on besides its sources: another version of the program may bake another one.
-pub(super) const VERSIONS: (&str, u16, u32) =
-    (env!("CARGO_PKG_VERSION"), insula_protocol::tile::VERSION, insula_bake::ALGORITHM);
+pub(super) const VERSIONS: (&str, u16, u32, u32) =
+    (env!("CARGO_PKG_VERSION"), insula_protocol::tile::VERSION, insula_bake::ALGORITHM, insula_bake::MESH_ALGORITHM);
 
 /// Differs if a file's path, size or time differs.
 pub(super) fn key_of(inputs: &[PathBuf], palette: Option<&Path>, cell_m: f64) -> Result<u64> {

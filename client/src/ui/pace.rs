@@ -41,8 +41,7 @@ pub struct Pace {
 impl Pace {
     /// Nothing drawn yet.
     pub fn new(now: Instant) -> Self {
-        // As slow as can be, until it is known: the first picture must not be late.
-        let (frame_time, full_time) = (Duration::ZERO, SLOW * (DIVIDE_MOST * DIVIDE_MOST));
+        let (frame_time, full_time) = (Duration::ZERO, Duration::ZERO);
         Self { last_frame: now, last_change: now, frame_time, full_time, rested: false }
     }
 

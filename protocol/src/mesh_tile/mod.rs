@@ -81,6 +81,10 @@ impl MeshTile {
         place(id, lod).ok_or(DecodeError::Invalid("a mesh tile of a leaf or a level of detail that cannot be"))?;
         let mesh = self.mesh.encode()?.bytes;
         limit("a mesh tile's bytes", mesh.len(), MAX_PART_BYTES)?;
+        // At most three dummies a triangle: only where they could be too many are they counted.
+        if 4 * self.mesh.triangles.len() > MAX_TRIANGLES {
+            Mesh::decode_within(&mesh, MAX_TRIANGLES)?;
+        }
         let mut meta = vec![lod];
         let mut writer = TileWriter::new(Kind::Mesh, Some(id));
         if let Some(texture) = &self.texture {

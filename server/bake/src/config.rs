@@ -15,6 +15,7 @@ use serde::Serialize;
 use crate::{
     error::BakeError,
     grid::BLOCK_LEAVES,
+    mesh,
     read::{Palette, Up},
     sample::SampleSettings,
 };
@@ -68,6 +69,8 @@ pub struct BakeOptions {
     pub sample: SampleSettings,
     /// What colours and occlusion may lose in the tiles.
     pub quality: Quality,
+    /// Whether leaves get meshes, for views from near.
+    pub meshes: bool,
 }
 
 impl Default for BakeOptions {
@@ -87,6 +90,7 @@ impl Default for BakeOptions {
             palette: Palette::default(),
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),
+            meshes: true,
         }
     }
 }
@@ -105,6 +109,7 @@ pub(crate) struct Config {
     pub(crate) attribution: Vec<Attribution>,
     pub(crate) sample: SampleSettings,
     pub(crate) quality: Quality,
+    pub(crate) meshes: bool,
     /// Hash of all that decides the tiles apart from the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
@@ -145,6 +150,7 @@ impl Config {
             attribution: options.attribution.clone(),
             sample: options.sample.clone(),
             quality: options.quality,
+            meshes: options.meshes,
             settings: settings_hash(options)?,
         })
     }
@@ -210,6 +216,9 @@ struct Settings<'a> {
     sample: &'a SampleSettings,
     /// None for no loss.
     quality_db: Option<f32>,
+    /// How meshes are made; none for no meshes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    meshes: Option<u32>,
 }
 
 fn settings_hash(options: &BakeOptions) -> Result<String, BakeError> {
@@ -224,6 +233,7 @@ fn settings_hash(options: &BakeOptions) -> Result<String, BakeError> {
             Quality::Lossless => None,
             Quality::Decibels(db) => Some(db),
         },
+        meshes: options.meshes.then_some(mesh::ALGORITHM),
     };
     let json = serde_json::to_vec(&settings).map_err(|cause| BakeError::Option {
         option: "the sampling",
@@ -260,6 +270,7 @@ mod tests {
         let base = hash(&options());
         assert_ne!(hash(&BakeOptions { cell_m: 2.0, ..options() }), base);
         assert_ne!(hash(&BakeOptions { quality: Quality::Lossless, ..options() }), base);
+        assert_ne!(hash(&BakeOptions { meshes: false, ..options() }), base);
         let title = Some("Den Haag".to_owned());
         assert_eq!(
             hash(&BakeOptions {

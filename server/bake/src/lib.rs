@@ -6,6 +6,7 @@ pub mod error;
 pub mod grid;
 pub mod lod;
 mod merge;
+mod mesh;
 pub mod model;
 pub mod parametrise;
 mod partition;
@@ -22,6 +23,7 @@ pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
+pub use mesh::ALGORITHM as MESH_ALGORITHM;
 pub use pipeline::{MadeCity, bake, bake_made, bake_scene};
 pub use progress::{Progress, Silent};
 pub use report::Report;

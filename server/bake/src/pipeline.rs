@@ -23,11 +23,12 @@ use crate::{
     partition::{Block, Partition},
     progress::Progress,
     read::{self, ReadOptions, ReadProgress, ReadReport},
-    report::{Blocks, Clock, Made, Outcome, Report, Start},
+    report::{Blocks, Clock, Made, MeshReport, Outcome, Report, Start},
     scene::Scene,
     spool::{City, ShortHash},
     write::{
         city::{self, CityInput, SceneFacts},
+        mesh_pack::StoredMesh,
         pack::{self, PackId, Stored},
         scratch::{Origin, Scratch},
         tree::Tree,
@@ -154,7 +155,9 @@ fn run(
         scratch.publish().map(|()| written)
     })?;
     let (manifest, city_bytes, threads) = (written.manifest, written.bytes, config.threads);
-    Ok(Report::new(Outcome { manifest, city_bytes, read, grid, threads, start, blocks }, clock))
+    let meshes = tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info));
+    let meshes = MeshReport::count(meshes);
+    Ok(Report::new(Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
 }
 
 /// Of every block in its order.
@@ -206,7 +209,7 @@ fn tell(start: Start, config: &Config) {
     }
 }
 
-/// Every block of leaves: sample, parametrise, encode, store.
+/// Every block of leaves: sample, cut into meshes, parametrise, encode, store.
 fn sample(
     leaves: &leaves::Leaves<'_>,
     pool: &ThreadPool,
@@ -249,9 +252,23 @@ fn parents(
     Ok(())
 }
 
-fn collect(done: Vec<(Vec<Stored>, Made)>, level: u8, tree: &mut Tree, counts: &mut Blocks) {
-    for (_, made) in &done {
-        counts.count(*made);
+/// A finished piece of work.
+struct Done {
+    tiles: Vec<Stored>,
+    /// Of leaves.
+    meshes: Vec<StoredMesh>,
+    made: Made,
+}
+
+fn collect(done: Vec<Done>, level: u8, tree: &mut Tree, counts: &mut Blocks) {
+    let (mut tiles, mut meshes) = (Vec::new(), Vec::new());
+    for piece in done {
+        counts.count(piece.made);
+        tiles.extend(piece.tiles);
+        meshes.extend(piece.meshes);
     }
-    tree.set(level, done.into_iter().flat_map(|(stored, _)| stored).collect());
+    tree.set(level, tiles);
+    if !meshes.is_empty() {
+        tree.set_meshes(meshes);
+    }
 }

@@ -3,9 +3,9 @@
 //! In: counts and times from `pipeline`. Out: [`Report`], serialisable. Next: `--report FILE.json` and the last lines that
 //! the command prints.
 
-use std::time::Instant;
+use std::{collections::BTreeMap, time::Instant};
 
-use insula_protocol::{Manifest, manifest::Counts};
+use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
 use serde::Serialize;
 
 pub use crate::write::scratch::Start;
@@ -34,6 +34,8 @@ pub struct Report {
     pub nodes: u64,
     /// Bytes of all nodes' V-BlockMaps.
     pub blockmap_bytes: u64,
+    /// Leaves' meshes by level of detail, the finest first; empty without meshes.
+    pub meshes: Vec<MeshReport>,
     /// Bytes of the whole city on disk.
     pub city_bytes: u64,
     /// Worker threads.
@@ -69,6 +71,39 @@ pub struct LevelReport {
     pub nodes: u64,
     /// Of all V-BlockMaps.
     pub bytes: u64,
+}
+
+/// All meshes of one level of detail.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct MeshReport {
+    /// 0 for the finest.
+    pub lod: u8,
+    /// Leaves that have it.
+    pub leaves: u64,
+    /// Of all tiles.
+    pub bytes: u64,
+    /// Of all.
+    pub triangles: u64,
+    /// Of all pictures.
+    pub texture_px: u64,
+    /// Largest error in metres.
+    pub error_m: f32,
+}
+
+impl MeshReport {
+    /// By level of detail, the finest first.
+    pub fn count(meshes: impl Iterator<Item = (u8, MeshLod)>) -> Vec<Self> {
+        let mut all: BTreeMap<u8, Self> = BTreeMap::new();
+        for (lod, info) in meshes {
+            let one = all.entry(lod).or_insert(Self { lod, ..Self::default() });
+            one.leaves += 1;
+            one.bytes += u64::from(info.bytes);
+            one.triangles += u64::from(info.triangles);
+            one.texture_px += u64::from(info.texture_px);
+            one.error_m = one.error_m.max(info.error_m);
+        }
+        all.into_values().collect()
+    }
 }
 
 /// One stage of the pipeline.
@@ -143,11 +178,12 @@ pub(crate) struct Outcome {
     pub(crate) threads: usize,
     pub(crate) start: Start,
     pub(crate) blocks: Blocks,
+    pub(crate) meshes: Vec<MeshReport>,
 }
 
 impl Report {
     pub(crate) fn new(outcome: Outcome, clock: Clock) -> Self {
-        let Outcome { manifest, city_bytes, read, grid, threads, start, blocks } = outcome;
+        let Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = outcome;
         let seconds = clock.seconds();
         let per_second = |n: u64| n as f64 / seconds.max(1e-9);
         let counts = &manifest.counts;
@@ -164,6 +200,7 @@ impl Report {
             read,
             cell_m: grid.cell_m,
             depth: grid.depth,
+            meshes,
             city_bytes,
             threads,
             start,

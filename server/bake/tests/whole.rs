@@ -22,7 +22,7 @@ fn one_thread_and_three_give_the_same_bytes() {
     let one = files(&folder.out("one"));
     assert_eq!(
         one.keys().collect::<Vec<_>>(),
-        ["blockmaps.pmtiles", "city.json", "fingerprints.bin", "subtrees.pmtiles"]
+        ["blockmaps.pmtiles", "city.json", "fingerprints.bin", "meshes.pmtiles", "subtrees.pmtiles"]
     );
     assert!(one == files(&folder.out("three")));
     assert_eq!(report.city_bytes, one.values().map(|bytes| bytes.len() as u64).sum::<u64>());

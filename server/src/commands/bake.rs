@@ -69,6 +69,7 @@ mod with_bake {
             out: args.out.clone(),
             cell_m: args.cell,
             quality: args.quality,
+            meshes: !args.no_meshes,
             threads: args.threads.map(usize::from),
             memory_bytes: args.memory,
             update: args.update,
@@ -103,8 +104,15 @@ mod with_bake {
         let memory = report
             .peak_memory_bytes
             .map_or(String::new(), |bytes| format!(", at most {} of memory", human_bytes(bytes)));
+        let meshes = match report.meshes.first() {
+            None => String::new(),
+            Some(finest) => {
+                let bytes = report.meshes.iter().map(|lod| lod.bytes).sum();
+                format!(", meshes of {} leaves ({})", finest.leaves, human_bytes(bytes))
+            }
+        };
         format!(
-            "{}: {} objects, {} triangles in {:.1} s ({:.0} objects/s, {:.0} triangles/s{memory}): {} nodes, {}\
+            "{}: {} objects, {} triangles in {:.1} s ({:.0} objects/s, {:.0} triangles/s{memory}): {} nodes, {}{meshes}\
              {unchanged}{skipped}\nserve it with: insula-server serve {}\n",
             report.name,
             report.objects,
@@ -173,11 +181,12 @@ mod with_bake {
         #[test]
         fn what_was_typed_reaches_the_bake() {
             let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
-                --attribution A --licence L --source-url U --obj-up y";
+                --attribution A --licence L --source-url U --obj-up y --no-meshes";
             let Command::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
             let options = options(&args, Palette::default());
             assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
             assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
+            assert!(!options.meshes);
             assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));
             assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
             assert_eq!(options.obj_up, Up::Y);

@@ -3,7 +3,7 @@
 //! In: an opened city. Out: [`Census`]. Next: `inspect` shows it.
 
 use crate::store::CityStore;
-use insula_protocol::{Manifest, Subtree};
+use insula_protocol::{Manifest, Subtree, subtree::MeshLod};
 use serde::Serialize;
 
 /// A city's manifest and what its archives hold.
@@ -17,6 +17,21 @@ pub(super) struct Census<'a> {
     pub(super) damaged_subtree_tiles: usize,
     /// Root first.
     pub(super) levels: Vec<Level>,
+    /// Leaves' meshes, the finest level of detail first; empty without any.
+    pub(super) meshes: Vec<Lods>,
+}
+
+/// All meshes of one level of detail.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Lods {
+    /// 0 for the finest.
+    pub(super) lod: usize,
+    pub(super) leaves: u64,
+    pub(super) bytes: u64,
+    pub(super) triangles: u64,
+    pub(super) texture_px: u64,
+    /// Largest error.
+    pub(super) error_m: f32,
 }
 
 /// One level of the quadtree.
@@ -47,11 +62,18 @@ impl<'a> Census<'a> {
             }
         }
         let mut damaged = 0;
+        let mut meshes: Vec<Lods> = Vec::new();
         for (_, bytes) in city.subtrees().tiles() {
             let Some(subtree) = bytes.ok().and_then(|bytes| Subtree::decode(&bytes).ok()) else {
                 damaged += 1;
                 continue;
             };
+            for (lod, info) in subtree.meshes.iter().flat_map(|mesh| mesh.lods.iter().enumerate()) {
+                if meshes.len() <= lod {
+                    meshes.push(Lods { lod: meshes.len(), ..Lods::default() });
+                }
+                meshes[lod].add(info);
+            }
             for node in &subtree.nodes {
                 if let Some(level) = levels.get_mut(usize::from(node.id.level())) {
                     level.add_error(f64::from(node.error_m));
@@ -62,7 +84,17 @@ impl<'a> Census<'a> {
             level.finish();
         }
         let subtree_tiles = city.subtrees().len();
-        Self { manifest, file_bytes: city.file_bytes(), subtree_tiles, damaged_subtree_tiles: damaged, levels }
+        Self { manifest, file_bytes: city.file_bytes(), subtree_tiles, damaged_subtree_tiles: damaged, levels, meshes }
+    }
+}
+
+impl Lods {
+    fn add(&mut self, info: &MeshLod) {
+        self.leaves += 1;
+        self.bytes += u64::from(info.bytes);
+        self.triangles += u64::from(info.triangles);
+        self.texture_px += u64::from(info.texture_px);
+        self.error_m = self.error_m.max(info.error_m);
     }
 }
 

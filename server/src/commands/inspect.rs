@@ -4,7 +4,7 @@
 
 use super::{
     CommandError,
-    census::{Census, Level},
+    census::{Census, Level, Lods},
     human_bytes, print, tile_picture, write,
 };
 use crate::{args::InspectArgs, store::CityStore};
@@ -78,6 +78,14 @@ fn table(census: &Census<'_>) -> String {
     );
     for level in &census.levels {
         out.push_str(&row(level));
+    }
+    if !census.meshes.is_empty() {
+        out.push_str("\n mesh    leaves      bytes triangles    pixels   error m up to\n");
+    }
+    for lods in &census.meshes {
+        let Lods { lod, leaves, triangles, texture_px, error_m, .. } = lods;
+        let bytes = human_bytes(lods.bytes);
+        let _ = writeln!(out, "{lod:>5} {leaves:>9} {bytes:>10} {triangles:>9} {texture_px:>9}   {error_m:.3}");
     }
     out
 }

@@ -4,14 +4,22 @@
 
 use super::{CommandError, print};
 use crate::{args::VerifyArgs, store::CityStore};
-use insula_protocol::{BlockMap, Subtree, TileId, subtree::NodeInfo, tile};
-use std::collections::{BTreeMap, BTreeSet};
+use insula_protocol::{
+    BlockMap, MeshTile, Subtree, TileId, mesh_tile,
+    route::Layer,
+    subtree::{MeshLod, NodeInfo},
+    tile,
+};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    io::Cursor,
+};
 
 pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     let faults = faults(&city);
     if faults.is_empty() {
-        let tiles = city.blockmaps().len() + city.subtrees().len();
+        let tiles: u64 = city.archives().map(|(_, archive)| archive.len()).sum();
         print(&format!("{}: {tiles} tiles, all good\n", city.manifest().name));
         return Ok(());
     }
@@ -23,8 +31,9 @@ pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
 pub(super) fn faults(city: &CityStore) -> Vec<String> {
     let mut faults = Vec::new();
     let lengths = blockmaps(city, &mut faults);
-    let nodes = subtrees(city, &mut faults);
+    let (nodes, lods) = subtrees(city, &mut faults);
     agreement(&lengths, &nodes, &mut faults);
+    meshes(city, lods, &nodes, &mut faults);
     manifest(city, &lengths, &mut faults);
     faults
 }
@@ -55,9 +64,13 @@ fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64
     lengths
 }
 
-/// Every node that the subtrees list.
-fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, NodeInfo> {
-    let mut nodes = BTreeMap::new();
+type Nodes = BTreeMap<TileId, NodeInfo>;
+/// Levels of detail by leaf and number.
+type Lods = BTreeMap<(TileId, u8), MeshLod>;
+
+/// Every node and every mesh that the subtrees list.
+fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> (Nodes, Lods) {
+    let (mut nodes, mut lods) = (BTreeMap::new(), BTreeMap::new());
     let mut there = BTreeSet::new();
     let mut continued = BTreeSet::from([TileId::ROOT]);
     for (id, bytes) in city.subtrees().tiles() {
@@ -74,6 +87,9 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, Node
             faults.push(format!("subtrees/{id}: it says that it is {}", root.id));
             continue;
         }
+        for mesh in &subtree.meshes {
+            lods.extend((0..).zip(&mesh.lods).map(|(number, lod)| ((mesh.id, number), *lod)));
+        }
         for node in subtree.nodes {
             if node.child_mask != 0 && Subtree::is_root(node.id) {
                 continued.insert(node.id);
@@ -87,7 +103,47 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, Node
     for id in there.difference(&continued) {
         faults.push(format!("subtrees/{id}: its node has no children, so nobody will ask for it"));
     }
-    nodes
+    (nodes, lods)
+}
+
+/// Every mesh decodes, its picture has the size that it says, and meshes are those that the subtrees list.
+fn meshes(city: &CityStore, mut lods: Lods, nodes: &Nodes, faults: &mut Vec<String>) {
+    for (place, bytes) in city.archive(Layer::Meshes).into_iter().flat_map(|archive| archive.tiles()) {
+        let Some((id, number)) = mesh_tile::at_place(place, city.manifest().depth) else {
+            faults.push(format!("meshes/{place}: no leaf's mesh has its place there"));
+            continue;
+        };
+        let mut fault = |what: String| faults.push(format!("meshes/{id}/{number}: {what}"));
+        let Some(lod) = lods.remove(&(id, number)) else {
+            fault("no subtree lists it, so nobody will ask for it".into());
+            continue;
+        };
+        match bytes {
+            Ok(bytes) => mesh((id, number), &bytes, &lod).unwrap_or_else(&mut fault),
+            Err(error) => fault(error.to_string()),
+        }
+        if number == 0 && nodes.get(&id).is_some_and(|node| lod.error_m > node.error_m) {
+            fault(format!("its error of {} m is larger than that of the leaf's V-BlockMap", lod.error_m));
+        }
+    }
+    faults.extend(lods.keys().map(|(id, number)| format!("meshes/{id}/{number}: missing, though a subtree lists it")));
+}
+
+fn mesh((id, number): (TileId, u8), bytes: &[u8], lod: &MeshLod) -> Result<(), String> {
+    let tile = MeshTile::decode(id, number, bytes).map_err(|error| error.to_string())?;
+    let pixels = tile.texture.as_ref().map_or(0, |texture| texture.pixels());
+    let found = (bytes.len() as u64, tile.mesh.triangles.len() as u64, pixels);
+    let said = (u64::from(lod.bytes), u64::from(lod.triangles), lod.texture_px);
+    if found != said {
+        return Err(format!("{found:?} bytes, triangles and pixels, its subtree says {said:?}"));
+    }
+    let Some(texture) = tile.texture else { return Ok(()) };
+    let reader = image::ImageReader::new(Cursor::new(&texture.bytes)).with_guessed_format();
+    let size = reader.map_err(|error| error.to_string())?.into_dimensions().map_err(|error| error.to_string())?;
+    if size != (texture.size_px[0].into(), texture.size_px[1].into()) {
+        return Err(format!("its picture has {size:?} pixels, it says {:?}", texture.size_px));
+    }
+    image::load_from_memory(&texture.bytes).map(drop).map_err(|error| error.to_string())
 }
 
 /// Nodes and V-BlockMaps are the same set, of the lengths that the nodes say; errors shrink downwards.

@@ -97,7 +97,9 @@ impl Remote {
             path = self.folder.clone().join(layer.file_name());
             meta = self.blocks.patiently(|| self.store.head(&path)).await;
         }
-        if matches!(meta, Err(object_store::Error::NotFound { .. })) {
+        // Stores that may not be listed call what is not there forbidden.
+        let forbidden = matches!(meta, Err(object_store::Error::PermissionDenied { .. })) && !layer.is_always_there();
+        if forbidden || matches!(meta, Err(object_store::Error::NotFound { .. })) {
             return Ok(None);
         }
         let meta = meta.map_err(|error| StoreError::Remote { url: place.clone(), reason: error.to_string() })?;

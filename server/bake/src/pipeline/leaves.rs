@@ -5,9 +5,10 @@
 use insula_protocol::TileId;
 use rayon::prelude::*;
 
-use super::{Stage, block::LocalCity};
+use super::{Done, Stage, block::LocalCity};
 use crate::{
     error::BakeError,
+    mesh,
     parametrise::parametrise,
     partition::{Block, Partition},
     report::Made,
@@ -15,6 +16,7 @@ use crate::{
     spool::{City, ShortHash},
     voxels::VoxelNode,
     write::{
+        mesh_pack::{self, LeafMesh, StoredMesh},
         pack::{self, PackId, Stored, Tile},
         tree,
     },
@@ -29,33 +31,49 @@ pub(super) struct Leaves<'a> {
 
 impl Leaves<'_> {
     /// Bakes one block, or finds that an earlier run did, or that the city to update has it already.
-    pub(super) fn block(&self, block: &Block, fingerprint: ShortHash) -> Result<(Vec<Stored>, Made), BakeError> {
-        let Stage { grid, packs, progress, before, .. } = *self.stage;
+    pub(super) fn block(&self, block: &Block, fingerprint: ShortHash) -> Result<Done, BakeError> {
+        let Stage { grid, packs, progress, before, config, .. } = *self.stage;
         let pack = PackId { level: grid.depth, y: block.y, x: block.x };
         let leaves = self.partition.leaves(block);
-        let held = before.filter(|before| before.holds(block, fingerprint)).and_then(|before| before.tiles(&leaves));
+        let held = before.filter(|before| before.holds(block, fingerprint));
+        let held = held.and_then(|before| Some((before.tiles(&leaves)?, before.meshes(&leaves)?)));
         let unchanged = held.is_some();
-        let (mut stored, made) = if let Some(stored) = self.stage.found(pack) {
-            (stored, Made::Resumed)
-        } else if let Some(tiles) = held {
-            (pack::write(packs, pack, &tiles)?, Made::Unchanged)
+        let mut done = if let Some((tiles, meshes)) = self.found(pack) {
+            Done { tiles, meshes, made: Made::Resumed }
         } else {
-            (pack::write(packs, pack, &self.bake(block, &leaves)?)?, Made::Baked)
+            let (made, (tiles, leaf_meshes)) = match held {
+                Some(held) => (Made::Unchanged, held),
+                None => (Made::Baked, self.bake(block, &leaves)?),
+            };
+            // Whoever finds the tiles finds their meshes too.
+            let meshes = if config.meshes { mesh_pack::write(packs, pack, &leaf_meshes)? } else { Vec::new() };
+            Done { tiles: pack::write(packs, pack, &tiles)?, meshes, made }
         };
-        stored.iter_mut().for_each(|tile| tile.unchanged = unchanged);
+        done.tiles.iter_mut().for_each(|tile| tile.unchanged = unchanged);
         progress.advance(leaves.len() as u64);
-        Ok((stored, made))
+        Ok(done)
     }
 
-    fn bake(&self, block: &Block, leaves: &[TileId]) -> Result<Vec<Tile>, BakeError> {
+    /// What an interrupted bake finished.
+    fn found(&self, pack: PackId) -> Option<(Vec<Stored>, Vec<StoredMesh>)> {
+        let tiles = self.stage.found(pack)?;
+        let meshes = if self.stage.config.meshes { mesh_pack::find(self.stage.packs, pack)? } else { Vec::new() };
+        Some((tiles, meshes))
+    }
+
+    fn bake(&self, block: &Block, leaves: &[TileId]) -> Result<(Vec<Tile>, Vec<LeafMesh>), BakeError> {
         let Stage { grid, config, .. } = *self.stage;
         let scene = LocalCity::load(self.partition, block)?.into_scene(self.city)?;
         let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
         let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
         let mut nodes = sample_block(&input, &config.sample);
-        drop((scene, triangles));
         nodes.sort_unstable_by_key(|node| node.id);
-        nodes.into_par_iter().map(|node| self.tile(node)).collect()
+        let mesh = |node: &VoxelNode| Ok((node.id, mesh::leaf(&scene, grid, node.id, config.quality)?));
+        let meshes =
+            if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
+        drop((scene, triangles));
+        let tiles = nodes.into_par_iter().map(|node| self.tile(node)).collect::<Result<_, _>>()?;
+        Ok((tiles, meshes))
     }
 
     /// Takes the node, so that its voxels are let go as soon as they are coded.

@@ -5,14 +5,14 @@
 use insula_protocol::{BlockMap, TileId};
 use rayon::prelude::*;
 
-use super::{Stage, update::Before};
+use super::{Done, Stage, update::Before};
 use crate::{
     error::BakeError,
     lod,
     parametrise::parametrise,
     report::Made,
     write::{
-        pack::{self, PackId, PackReader, Stored, Tile},
+        pack::{self, PackId, PackReader, Tile},
         tree::{self, Tree},
     },
 };
@@ -34,10 +34,10 @@ pub(super) fn chunks_above(tree: &Tree, level: u8) -> Vec<Chunk> {
 }
 
 /// Makes one pack's nodes, or finds that an earlier run did, or that nothing below them changed.
-pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<(Vec<Stored>, Made), BakeError> {
-    if let Some(stored) = stage.found(chunk.pack) {
+pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<Done, BakeError> {
+    if let Some(tiles) = stage.found(chunk.pack) {
         stage.progress.advance(chunk.nodes.len() as u64);
-        return Ok((stored, Made::Resumed));
+        return Ok(Done { tiles, meshes: Vec::new(), made: Made::Resumed });
     }
     let made = chunk.nodes.par_iter().map(|id| {
         let held = stage.before.filter(|before| unchanged(before, tree, *id)).and_then(|before| before.tile(*id));
@@ -47,9 +47,10 @@ pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<(Ve
         Ok::<_, BakeError>((tile, unchanged))
     });
     let (tiles, unchanged): (Vec<Tile>, Vec<bool>) = made.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-    let mut stored = pack::write(stage.packs, chunk.pack, &tiles)?;
-    stored.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
-    Ok((stored, if unchanged.iter().all(|unchanged| *unchanged) { Made::Unchanged } else { Made::Baked }))
+    let mut tiles = pack::write(stage.packs, chunk.pack, &tiles)?;
+    tiles.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
+    let made = if unchanged.iter().all(|unchanged| *unchanged) { Made::Unchanged } else { Made::Baked };
+    Ok(Done { tiles, meshes: Vec::new(), made })
 }
 
 /// Whether the node has the children that it had, each as it was.

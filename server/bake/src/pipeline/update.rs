@@ -15,16 +15,18 @@ use std::{
 };
 
 use insula_protocol::{
-    Manifest, Subtree, TileId,
+    Manifest, Subtree, TileId, mesh_tile,
+    subtree::MeshLod,
     tile::{Kind, TileReader},
 };
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, PmtError, PmtResult, TileCoord};
 
 use crate::{
     config::Config,
+    mesh::Lod,
     partition::Block,
     spool::ShortHash,
-    write::{fingerprints::Fingerprints, pack::Tile},
+    write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, pack::Tile},
 };
 
 /// A city made before.
@@ -32,7 +34,11 @@ pub(super) struct Before {
     fingerprints: HashMap<(u32, u32), ShortHash>,
     /// Lowest and highest point of every node.
     heights: BTreeMap<TileId, [f32; 2]>,
+    /// Leaves' levels of detail.
+    lods: BTreeMap<TileId, Vec<MeshLod>>,
     tiles: Archive,
+    /// Missing where no leaf has a mesh.
+    meshes: Option<Archive>,
 }
 
 impl Before {
@@ -52,8 +58,10 @@ impl Before {
         let failed = |cause: PmtError| format!("its archives cannot be read ({cause})");
         let tiles = Archive::open(&folder.join("blockmaps.pmtiles")).map_err(failed)?;
         let subtrees = Archive::open(&folder.join("subtrees.pmtiles")).map_err(failed)?;
-        let heights = heights(&subtrees).ok_or("its subtrees are damaged")?;
-        Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), heights, tiles })
+        let (heights, lods) = nodes(&subtrees).ok_or("its subtrees are damaged")?;
+        let path = folder.join("meshes.pmtiles");
+        let meshes = if lods.is_empty() { None } else { Some(Archive::open(&path).map_err(failed)?) };
+        Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), heights, lods, tiles, meshes })
     }
 
     /// Whether the block is as it was.
@@ -78,20 +86,38 @@ impl Before {
     pub(super) fn tiles(&self, ids: &[TileId]) -> Option<Vec<Tile>> {
         ids.iter().filter(|id| self.has(**id)).map(|id| self.tile(*id)).collect()
     }
+
+    /// The meshes of those nodes that existed; `None` if one is damaged.
+    pub(super) fn meshes(&self, ids: &[TileId]) -> Option<Vec<LeafMesh>> {
+        let lod = |id: TileId, (lod, info): (u8, &MeshLod)| {
+            let bytes = self.meshes.as_ref()?.get(mesh_tile::place(id, lod)?)?;
+            let sound = TileReader::new(&bytes, Kind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
+            sound.then_some(Lod { info: *info, bytes })
+        };
+        let leaf = |id: &TileId| {
+            let lods = self.lods.get(id).into_iter().flatten();
+            Some((*id, (0..).zip(lods).map(|numbered| lod(*id, numbered)).collect::<Option<Vec<_>>>()?))
+        };
+        ids.iter().filter(|id| self.has(**id)).map(leaf).collect()
+    }
 }
 
-/// Every node, found from the root's subtree on.
-fn heights(archive: &Archive) -> Option<BTreeMap<TileId, [f32; 2]>> {
-    let (mut heights, mut roots) = (BTreeMap::new(), vec![TileId::ROOT]);
+type Nodes = (BTreeMap<TileId, [f32; 2]>, BTreeMap<TileId, Vec<MeshLod>>);
+
+/// Every node, found from the root's subtree on: heights and meshes.
+fn nodes(archive: &Archive) -> Option<Nodes> {
+    let (mut heights, mut lods, mut roots) = (BTreeMap::new(), BTreeMap::new(), vec![TileId::ROOT]);
     while let Some(root) = roots.pop() {
-        for node in Subtree::decode(&archive.get(root)?).ok()?.nodes {
+        let subtree = Subtree::decode(&archive.get(root)?).ok()?;
+        lods.extend(subtree.meshes.into_iter().map(|mesh| (mesh.id, mesh.lods)));
+        for node in subtree.nodes {
             heights.insert(node.id, [node.z_min_m, node.z_max_m]);
             if node.id != root && node.child_mask != 0 && Subtree::is_root(node.id) {
                 roots.push(node.id);
             }
         }
     }
-    Some(heights)
+    Some((heights, lods))
 }
 
 /// A PMTiles archive in a file.

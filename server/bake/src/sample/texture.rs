@@ -80,7 +80,7 @@ fn barycentric(e1: Vec3, e2: Vec3, q: Vec3, slack: f32) -> Option<Vec3> {
 }
 
 /// Bilinear, repeating; v grows upwards, rows downwards.
-fn read(texture: &Texture, uv: Vec2) -> Vec3 {
+pub(crate) fn read(texture: &Texture, uv: Vec2) -> Vec3 {
     let (width, height) = (texture.width.max(1), texture.height.max(1));
     let x = uv.x * width as f32 - 0.5;
     let y = (1.0 - uv.y) * height as f32 - 0.5;

@@ -148,28 +148,43 @@ impl Shape {
                 }
             }
         }
+        // Where surfaces were cut apart along an edge, two edges may join the same vertices: without the one, the other would
+        // begin where it ends.
+        let mut edges = 0;
         let mut h = self.leaving[u as usize];
         let first = h;
         while h != NONE {
             let [other, before] = [self.target(h), self.origin[prev(h) as usize]];
             self.marks[other as usize] = mark;
             self.marks[before as usize] = mark;
+            edges += u32::from(other == v);
             h = self.twin[prev(h) as usize];
+            if h == NONE {
+                edges += u32::from(before == v);
+            }
             if h == first {
                 break;
             }
         }
         let mut common = 0;
         let mut last = NONE;
-        for h in self.around(v) {
-            common += u32::from(self.marks[self.target(h) as usize] == mark);
+        let mut h = self.leaving[v as usize];
+        let first = h;
+        while h != NONE {
+            // Each counts once, by however many edges it is joined.
+            let other = self.target(h);
+            common += u32::from(std::mem::replace(&mut self.marks[other as usize], 0) == mark);
             last = h;
+            h = self.twin[prev(h) as usize];
+            if h == first {
+                break;
+            }
         }
         if last != NONE && self.twin[prev(last) as usize] == NONE {
             let other = self.origin[prev(last) as usize];
-            common += u32::from(self.marks[other as usize] == mark);
+            common += u32::from(std::mem::replace(&mut self.marks[other as usize], 0) == mark);
         }
-        common == wings
+        common == wings && edges == 1
     }
 
     /// Whether a triangle around `u` or `v` that stays would turn over if both were at `to`.

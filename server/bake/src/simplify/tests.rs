@@ -165,3 +165,27 @@ fn a_town_of_boxes_gets_as_small_as_asked() {
     let out = simplify(&model, Goal { triangles: 0, error: 5.0 }, |_| false);
     assert!(out.left > 20 && out.left < 100 && out.error <= 5.0, "{}", out.left);
 }
+
+#[test]
+fn two_edges_between_the_same_vertices_do_not_hold_it_up() {
+    // Four triangles at one edge, joined around one of its ends.
+    let triangles = vec![[0, 1, 2], [1, 0, 3], [0, 1, 4], [1, 0, 5], [5, 0, 2], [3, 0, 4], [2, 1, 6], [6, 1, 3]];
+    let positions = vec![
+        [0.0, 0.0, 1.0],
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.5],
+        [0.0, 1.0, 0.5],
+        [-1.0, 0.0, 0.5],
+        [0.0, -1.0, 0.5],
+        [1.0, 1.0, 0.0],
+    ];
+    for turn in 0..triangles.len() {
+        let mut triangles: Vec<[u32; 3]> = triangles.clone();
+        triangles.rotate_left(turn);
+        let model = Model { positions: positions.clone(), triangles, layers: vec![] };
+        for locked in 0..8 {
+            let out = simplify(&model, Goal { triangles: 0, error: f64::INFINITY }, |vertex| vertex == locked);
+            assert!(out.model.triangles.len() <= 8);
+        }
+    }
+}

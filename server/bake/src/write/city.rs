@@ -1,19 +1,24 @@
 //! The final files.
 //!
-//! In: the tree of stored tiles, and what is known of the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`, `city.json`
-//! and `fingerprints.bin`, synchronised, in the scratch folder. Next: `Scratch::publish` renames them into place.
+//! In: the tree of stored tiles, and what is known of the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
+//! `meshes.pmtiles` if there are any, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder. Next: `Scratch::publish` renames them into place.
 
-use std::{fs, io, path::Path};
+use std::{
+    collections::HashMap,
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 use insula_protocol::{
     NODE_CELLS, TileId,
     manifest::{Attribution, Counts, FORMAT_VERSION, Manifest},
-    tile,
+    mesh_tile, tile,
 };
 
 use super::{
     archive,
     fingerprints::Fingerprints,
+    mesh_pack,
     pack::PackReader,
     tree::{self, Tree},
     write_whole,
@@ -101,15 +106,33 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
         reader.read(stored)
     })?;
     let nodes = tree::describe(input.tree, input.grid);
-    bytes += archive::write(&subtrees, &tree::subtree_roots(&nodes), |root| tree::subtree_tile(&nodes, root))?;
+    bytes +=
+        archive::write(&subtrees, &tree::subtree_roots(&nodes), |root| tree::subtree_tile(input.tree, &nodes, root))?;
+    let mut archives = vec![blockmaps, subtrees];
+    if !input.tree.meshes().is_empty() {
+        let path = folder.join("meshes.pmtiles");
+        bytes += meshes(&input, &path)?;
+        archives.push(path);
+    }
     let mut manifest = manifest(&input);
-    manifest.version = version(&manifest, &[&blockmaps, &subtrees])?;
+    manifest.version = version(&manifest, &archives)?;
     let path = folder.join("city.json");
     let json = to_json(&manifest, &path)?;
     write_whole(&path, &json)?;
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
     Ok(Written { manifest, bytes })
+}
+
+/// All levels of detail, each at its own place.
+fn meshes(input: &CityInput<'_>, path: &Path) -> Result<u64, BakeError> {
+    let lost = || BakeError::Scratch { path: input.packs.to_owned() };
+    let mut places = HashMap::with_capacity(input.tree.meshes().len());
+    for mesh in input.tree.meshes() {
+        places.insert(mesh_tile::place(mesh.id, mesh.lod).ok_or_else(lost)?, mesh);
+    }
+    let ids: Vec<TileId> = places.keys().copied().collect();
+    archive::write(path, &ids, |id| mesh_pack::read(input.packs, places.get(&id).ok_or_else(lost)?))
 }
 
 fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
@@ -119,7 +142,7 @@ fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
 }
 
 /// Hash of the archives and of the manifest but for its version.
-fn version(manifest: &Manifest, archives: &[&Path]) -> Result<String, BakeError> {
+fn version(manifest: &Manifest, archives: &[PathBuf]) -> Result<String, BakeError> {
     let mut hasher = blake3::Hasher::new();
     for path in archives {
         let hashed = fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));

@@ -1,15 +1,16 @@
 //! From finished tiles to a city on disk, whole or not at all.
 //!
-//! In: encoded tiles, block by block. Out: a city folder with `city.json`, `blockmaps.pmtiles`, `subtrees.pmtiles` and
-//! `fingerprints.bin`.
+//! In: encoded tiles, block by block. Out: a city folder with `city.json`, `blockmaps.pmtiles`, `subtrees.pmtiles`,
+//! `meshes.pmtiles` (if it has meshes) and `fingerprints.bin`.
 //! Next: the server, or `insula-client` by byte range.
 //!
-//! Until the last rename all lies in `CITY.partial`: `scratch` keeps finished tiles in `pack`s there, so that an
+//! Until the last rename all lies in `CITY.partial`: `scratch` keeps finished tiles in `pack`s and `mesh_pack`s there, so that an
 //! interrupted bake can go on; `tree` bounds the nodes; `archive` and `city` lay out the final files.
 
 pub(crate) mod archive;
 pub(crate) mod city;
 pub(crate) mod fingerprints;
+pub(crate) mod mesh_pack;
 pub(crate) mod pack;
 pub(crate) mod scratch;
 pub(crate) mod tree;

@@ -79,22 +79,32 @@ pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[Tile]) -> Result<Vec<S
     for tile in tiles {
         bytes.extend_from_slice(&tile.bytes);
     }
+    put(&pack.path(folder), bytes)?;
+    Ok(stored)
+}
+
+/// Writes bytes and their hash under a temporary name, then renames the file.
+pub(super) fn put(path: &Path, mut bytes: Vec<u8>) -> Result<(), BakeError> {
     bytes.extend_from_slice(blake3::hash(&bytes).as_bytes());
-    let path = pack.path(folder);
     let temporary = path.with_extension("tmp");
     let written = fs::File::create(&temporary).and_then(|mut file| file.write_all(&bytes));
     written.map_err(|cause| BakeError::io(&temporary, "written", cause))?;
-    fs::rename(&temporary, &path).map_err(|cause| BakeError::io(&path, "written", cause))?;
-    Ok(stored)
+    fs::rename(&temporary, path).map_err(|cause| BakeError::io(path, "written", cause))
+}
+
+/// What [`put`] wrote there, if it is whole and begins with `magic`.
+pub(super) fn whole(path: &Path, magic: [u8; 4]) -> Option<Vec<u8>> {
+    let mut bytes = fs::read(path).ok()?;
+    let body = bytes.len().checked_sub(HASH_BYTES)?;
+    let sound = blake3::hash(&bytes[..body]).as_bytes()[..] == bytes[body..] && bytes.starts_with(&magic);
+    bytes.truncate(body);
+    sound.then_some(bytes)
 }
 
 /// What a pack from an earlier, interrupted run holds; `None` if there is none or it is not whole.
 pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<Stored>> {
-    let bytes = fs::read(pack.path(folder)).ok()?;
-    let body = bytes.len().checked_sub(HASH_BYTES)?;
-    if blake3::hash(&bytes[..body]).as_bytes()[..] != bytes[body..] || bytes.get(..4)? != MAGIC {
-        return None;
-    }
+    let bytes = whole(&pack.path(folder), MAGIC)?;
+    let body = bytes.len();
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
     let count = word(4)? as usize;
     let mut offset = HEAD_BYTES.checked_add(count.checked_mul(ENTRY_BYTES)?)? as u64;

@@ -5,14 +5,17 @@
 //! Spheres and errors nest (design 4): a node's sphere holds its children's, its error is no less than theirs.
 
 use insula_protocol::{
-    BlockMap, Subtree, TileId, blockmap, blockmap::flag, octahedral, subtree::LEVELS, subtree::NodeInfo,
+    BlockMap, Subtree, TileId, blockmap,
+    blockmap::flag,
+    octahedral,
+    subtree::{LEVELS, NodeInfo, NodeMesh},
 };
 
-use super::pack::Stored;
+use super::{mesh_pack::StoredMesh, pack::Stored};
 use crate::{error::BakeError, grid::Grid};
 
 /// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
+pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 /// A top that leans further is drawn as if it leaned so far: least z of the normal.
 const MIN_NORMAL_Z: f32 = 0.1;
 
@@ -20,18 +23,38 @@ const MIN_NORMAL_Z: f32 = 0.1;
 #[derive(Debug, Default)]
 pub(crate) struct Tree {
     levels: Vec<Vec<Stored>>,
+    /// By leaf and level of detail.
+    meshes: Vec<StoredMesh>,
 }
 
 impl Tree {
     /// For levels `0..=depth`.
     pub(crate) fn new(depth: u8) -> Self {
-        Self { levels: vec![Vec::new(); usize::from(depth) + 1] }
+        Self { levels: vec![Vec::new(); usize::from(depth) + 1], meshes: Vec::new() }
     }
 
     /// Sets a level's tiles.
     pub(crate) fn set(&mut self, level: u8, mut tiles: Vec<Stored>) {
         tiles.sort_unstable_by_key(|tile| tile.id);
         self.levels[usize::from(level)] = tiles;
+    }
+
+    /// Sets the leaves' meshes.
+    pub(crate) fn set_meshes(&mut self, mut meshes: Vec<StoredMesh>) {
+        meshes.sort_unstable_by_key(|mesh| (mesh.id, mesh.lod));
+        self.meshes = meshes;
+    }
+
+    /// All meshes, by leaf and level of detail.
+    pub(crate) fn meshes(&self) -> &[StoredMesh] {
+        &self.meshes
+    }
+
+    /// The levels of detail of a leaf, the finest first; none if it has no mesh.
+    pub(crate) fn mesh(&self, leaf: TileId) -> &[StoredMesh] {
+        let from = self.meshes.partition_point(|mesh| mesh.id < leaf);
+        let count = self.meshes[from..].iter().take_while(|mesh| mesh.id == leaf).count();
+        &self.meshes[from..from + count]
     }
 
     /// A level's tiles.
@@ -134,7 +157,7 @@ fn centre_m(grid: &Grid, node: &NodeInfo) -> [f64; 3] {
 }
 
 /// The subtree tile rooted at `root`, of `nodes` as [`describe`] gives them.
-pub(crate) fn subtree_tile(nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
+pub(crate) fn subtree_tile(tree: &Tree, nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
     let mut found: Vec<NodeInfo> = Vec::new();
     let mut row = vec![root];
     for level in usize::from(root.level())..nodes.len().min(usize::from(root.level() + LEVELS) + 1) {
@@ -146,7 +169,12 @@ pub(crate) fn subtree_tile(nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<
         };
         row = found[start..].iter().flat_map(children).collect();
     }
-    Subtree { nodes: found, meshes: Vec::new() }.encode().map_err(BakeError::tile(root, "encoded"))
+    let meshes = found.iter().filter_map(|node| {
+        let lods: Vec<_> = tree.mesh(node.id).iter().map(|mesh| mesh.info).collect();
+        (!lods.is_empty()).then_some(NodeMesh { id: node.id, lods })
+    });
+    let meshes = meshes.collect();
+    Subtree { nodes: found, meshes }.encode().map_err(BakeError::tile(root, "encoded"))
 }
 
 /// The roots of all subtree tiles: the city's, and the nodes of levels 5, 10, ... that have children.
