@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Answer, GROUND_M, ORIGIN, Policy, ROOF_M, Server, city, serve};
+use common::{Answer, GROUND_M, MESH_M, ORIGIN, Policy, ROOF_M, Server, city, city_with_meshes, serve};
 use glam::DVec3;
 use insula_client::{
     camera::Camera,
@@ -18,6 +18,7 @@ use insula_protocol::{
     TileId,
     route::{self, Layer},
 };
+use insula_shaders::layout::Shading;
 use std::{
     sync::{Arc, atomic::Ordering},
     time::{Duration, Instant},
@@ -211,6 +212,45 @@ fn a_cache_that_is_too_small_is_never_exceeded_and_never_thrashes() {
         settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
             assert!(session.cache().used_bytes() <= 2 << 20 && !session.selection().cut.is_empty());
         });
+    }
+}
+
+#[test]
+fn near_leaves_come_as_meshes_and_columns_stay_where_a_mesh_is_bad() {
+    let down = shot([92.0, 92.0, MESH_M + 60.0], [92.0, 92.0, 0.0]);
+    let centre = |session: &mut Session| {
+        let look = Look { shading: Shading::Albedo, ..Look::default() };
+        let pixels = session.draw(&down, &look).unwrap();
+        (pixels.distance[45 * 160 + 80], pixels.colour[45 * 160 + 80])
+    };
+    let server = serve(city_with_meshes("test"), well());
+    let mut drawn = session(&server, 64);
+    settle(&mut drawn, &down, |_| {});
+    let (distance_m, colour) = centre(&mut drawn);
+    assert!((distance_m - 60.0).abs() < 0.05, "{distance_m}");
+    let off = colour.to_le_bytes().iter().zip([200u8, 10, 20]).map(|(a, b)| a.abs_diff(b)).max().unwrap();
+    assert!(off <= 4, "{colour:08x}");
+    let report = drawn.report(1.0);
+    assert!(report.meshes_drawn > 0 && report.tiles.meshes >= u64::from(report.meshes_drawn), "{report:?}");
+    assert_eq!(report.triangles_drawn, 12 * u64::from(report.meshes_drawn));
+    // A cache for little more than the columns: never exceeded, and it comes to rest.
+    let mut small = session(&server, 2);
+    for turn in 0..6 {
+        let x = 60.0 * f64::from(turn);
+        settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
+            assert!(session.cache().used_bytes() <= 2 << 20);
+            assert!(turn == 0 || !session.selection().cut.is_empty());
+        });
+    }
+    // Meshes that are damaged, or not there.
+    for answer in [Answer::Damaged, Answer::Status(404)] {
+        let ill = move |path: &str, _: u32| if path.contains("/meshes/") { answer } else { Answer::Well };
+        let server = serve(city_with_meshes("test"), Box::new(ill));
+        let mut columns = session(&server, 64);
+        settle(&mut columns, &down, |_| {});
+        let (distance_m, _) = centre(&mut columns);
+        assert!((f64::from(distance_m) - (60.0 + MESH_M - ROOF_M)).abs() < 0.6, "{distance_m}");
+        assert!(columns.report(1.0).tiles.bad > 0 && columns.selection().counters.meshes == 0);
     }
 }
 

@@ -10,7 +10,11 @@ use insula_client::{
     camera::{Plane, View},
     select::cull::in_view,
 };
-use insula_protocol::{BlockMap, Manifest, Subtree, TileId, route::Layer, subtree::NodeInfo};
+use insula_protocol::{
+    BlockMap, Manifest, Subtree, TileId,
+    route::Layer,
+    subtree::{MeshLod, NodeInfo},
+};
 use insula_server::store::CityStore;
 use std::{
     collections::{BTreeMap, HashMap},
@@ -37,20 +41,23 @@ pub fn planes(camera: &Camera, picture: &Picture) -> [Plane; 5] {
 
 /// A baked city.
 pub struct Baked {
-    store: CityStore,
-    nodes: HashMap<TileId, NodeInfo>,
+    pub(crate) store: CityStore,
+    pub(crate) nodes: HashMap<TileId, NodeInfo>,
+    /// Leaves' levels of detail, the finest first.
+    pub(crate) meshes: HashMap<TileId, Vec<MeshLod>>,
 }
 
 impl Baked {
     /// Reads the manifest and every subtree.
     pub fn open(folder: &Path) -> Result<Self> {
         let store = CityStore::open(folder).with_context(|| folder.display().to_string())?;
-        let mut nodes = HashMap::new();
+        let (mut nodes, mut meshes) = (HashMap::new(), HashMap::new());
         for (id, bytes) in store.subtrees().tiles() {
             let subtree = Subtree::decode(&bytes?).with_context(|| format!("subtree {id}"))?;
             nodes.extend(subtree.nodes.iter().map(|node| (node.id, *node)));
+            meshes.extend(subtree.meshes.into_iter().map(|mesh| (mesh.id, mesh.lods)));
         }
-        Ok(Self { store, nodes })
+        Ok(Self { store, nodes, meshes })
     }
 
     /// The manifest.

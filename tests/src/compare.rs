@@ -12,12 +12,15 @@ use image::{Rgb, RgbImage};
 use insula_shaders::cpu::raycast::Pixels;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::ops::Range;
 
 /// Pixels whose distance to the source is measured.
 pub const SAMPLES: usize = 5000;
 /// Deviations beyond this many cells are all alike.
 const MOST_CELLS: f64 = 64.0;
 
+/// Shorter side from which on SSIM would be measured in a smaller picture.
+const LARGE_PX: usize = 384;
 /// Fewer pixels than this say nothing about colours.
 const LEAST_PX: usize = 1000;
 /// PSNR of what is the same.
@@ -79,9 +82,23 @@ pub fn colour(truth: &Pixels, drawn: &Pixels, counts: impl Fn(usize) -> bool) ->
 }
 
 /// Mean of the similarity at these pixels; a window that would reach over the picture's edge is moved inside.
+/// Large pictures are measured in quarters: as wholes they would be measured coarser.
 fn ssim(truth: &Pixels, drawn: &Pixels, counted: &[usize]) -> Result<f64> {
     let options = SsimOptions::default();
     let (width, height) = (truth.width_px as usize, truth.height_px as usize);
+    if width.min(height) >= LARGE_PX {
+        let (columns, rows) = ([0, width / 2, width], [0, height / 2, height]);
+        let mut sum = 0.0;
+        for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let (x, y) = (columns[x]..columns[x + 1], rows[y]..rows[y + 1]);
+            let inside = counted.iter().filter(|i| x.contains(&(**i % width)) && y.contains(&(**i / width)));
+            let counted: Vec<usize> = inside.map(|i| (i / width - y.start) * x.len() + i % width - x.start).collect();
+            if !counted.is_empty() {
+                sum += ssim(&part(truth, &x, &y), &part(drawn, &x, &y), &counted)? * counted.len() as f64;
+            }
+        }
+        return Ok(sum / counted.len() as f64);
+    }
     let similar = blazediff_ssim::ssim(&luma(truth), &luma(drawn), &options).context("SSIM")?;
     let margin = options.window_size / 2;
     anyhow::ensure!(
@@ -92,6 +109,13 @@ fn ssim(truth: &Pixels, drawn: &Pixels, counted: &[usize]) -> Result<f64> {
     let at =
         |i: &usize| inside(i / width, similar.map_height) * similar.map_width + inside(i % width, similar.map_width);
     Ok(counted.iter().map(|i| f64::from(similar.map[at(i)])).sum::<f64>() / counted.len() as f64)
+}
+
+/// A part's colours.
+fn part(of: &Pixels, x: &Range<usize>, y: &Range<usize>) -> Pixels {
+    let row = |y: usize| of.colour[y * of.width_px as usize..][x.clone()].iter().copied();
+    let (width_px, height_px) = (x.len() as u32, y.len() as u32);
+    Pixels { width_px, height_px, colour: y.clone().flat_map(row).collect(), ..Pixels::default() }
 }
 
 /// Luma of ITU-R BT.601.

@@ -21,7 +21,27 @@ use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// The pictures' size; one ray through the middle of each pixel.
+/// What is drawn, and how.
+#[derive(Debug, Clone, Copy)]
+pub struct Manner<'a> {
+    /// Tolerated errors.
+    pub taus_px: &'a [f64],
+    /// Whether leaves' meshes are drawn.
+    pub meshes: bool,
+    /// Of these cameras only.
+    pub stand: Option<Stand>,
+    /// The pictures' size; one ray through the middle of each pixel.
+    pub picture: Picture,
+}
+
+impl<'a> Manner<'a> {
+    /// All cameras, without meshes.
+    pub fn plain(taus_px: &'a [f64]) -> Self {
+        Self { taus_px, meshes: false, stand: None, picture: PICTURE }
+    }
+}
+
+/// The pictures' size unless another is given; one ray through the middle of each pixel.
 pub const PICTURE: Picture = Picture { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
 /// Rays along a pixel's side for the colours that are meant; those that are drawn are as `insula snapshot` draws them.
 const MEANT_SIDE: u32 = 4;
@@ -74,31 +94,40 @@ pub fn real_cities() -> Vec<(&'static str, Vec<PathBuf>)> {
     all.into_iter().flatten().collect()
 }
 
+/// Nodes of a cut, and at which levels of detail their meshes are drawn.
+type Leaves = Vec<(TileId, Option<u8>)>;
+
 /// Draws all cameras at all taus; `with` is told each as soon as it is there.
 pub fn measure(
     truth: &Truth,
     baked: &Baked,
-    taus_px: &[f64],
+    manner: &Manner<'_>,
     gpu: Option<&Gpu>,
     mut with: impl FnMut(usize, &View) -> Result<()>,
 ) -> Result<Vec<Summary>> {
     let mut summaries: Vec<Summary> =
-        taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![], cells: vec![] }).collect();
-    let mut last: Option<(Vec<TileId>, Cut)> = None;
+        manner.taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![], cells: vec![] }).collect();
+    let picture = manner.picture;
+    let mut last: Option<(Leaves, Cut)> = None;
     for (number, station) in cameras::of(truth).into_iter().enumerate() {
+        if manner.stand.is_some_and(|stand| stand != station.stand) {
+            continue;
+        }
         let camera = station.camera;
-        let mut meant = truth.render(&camera, &PICTURE);
+        let mut meant = truth.render(&camera, &picture);
         let textured;
-        (meant.colour, textured) = truth.albedo(&camera, &PICTURE, MEANT_SIDE);
+        (meant.colour, textured) = truth.albedo(&camera, &picture, MEANT_SIDE);
         for summary in &mut summaries {
-            let ids = baked.select(&camera, &PICTURE, summary.tau_px);
-            if last.as_ref().is_none_or(|(made, _)| *made != ids) {
-                last = Some((ids.clone(), baked.cut(&ids)?));
+            let lod = |id| if manner.meshes { baked.drawn_lod(id, &camera, &picture, summary.tau_px) } else { None };
+            let ids = baked.select(&camera, &picture, summary.tau_px);
+            let key: Leaves = ids.iter().map(|id| (*id, lod(*id))).collect();
+            if last.as_ref().is_none_or(|(made, _)| *made != key) {
+                last = Some((key, baked.cut_with_meshes(&ids, lod)?));
             }
             let (_, cut) = last.as_ref().context("no cut")?;
-            let scene = cut.scene(&camera, &Picture { samples: STILL_SAMPLES, ..PICTURE });
+            let scene = cut.scene(&camera, &Picture { samples: STILL_SAMPLES, ..picture });
             let drawn = gpu.map_or_else(|| Ok(scene.render()), |gpu| gpu.render(&scene))?;
-            let cells = compare::deviations(truth, &camera, &PICTURE, &drawn, baked.manifest().cell_m);
+            let cells = compare::deviations(truth, &camera, &picture, &drawn, baked.manifest().cell_m);
             let score = compare::score(&meant, &drawn, &textured, &cells)?;
             summary.views.push((station.stand, score));
             summary.cells.extend(cells);

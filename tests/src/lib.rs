@@ -1,6 +1,7 @@
 //! What the tests share: random cities, cameras, a GPU, ray-traced truth, comparisons.
 
 pub mod baked;
+mod baked_meshes;
 pub mod bucket;
 pub mod cameras;
 pub mod compare;

@@ -117,6 +117,27 @@ mod tests {
     use insula_protocol::TileId;
 
     #[test]
+    fn a_mesh_s_picture_is_unpacked_if_it_is_what_it_says() {
+        let id = TileId::new(9, 5, 6).unwrap();
+        let mut webp = Cursor::new(Vec::new());
+        let picture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
+        picture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
+        let tile = |size_px, bytes: Vec<u8>| {
+            let texture = Some(Texture { size_px, bytes });
+            mesh_tile::cuboid([0.0; 3], [9.0; 3], [0; 3], texture).encode(id, 1).unwrap()
+        };
+        let webp = webp.into_inner();
+        let Ok(Decoded::Mesh(mesh)) = decode(Key::mesh(id, 1), &tile([70, 30], webp.clone())) else {
+            panic!("it is whole")
+        };
+        assert_eq!(mesh.triangles, 12);
+        assert!(decode(Key::mesh(id, 0), &tile([70, 30], webp.clone())).is_err(), "another level of detail");
+        for (size_px, bytes) in [([70, 31], webp.clone()), ([35, 15], webp.clone()), ([70, 30], webp[..60].to_vec())] {
+            assert!(decode(Key::mesh(id, 1), &tile(size_px, bytes)).is_err());
+        }
+    }
+
+    #[test]
     fn only_the_tile_that_was_asked_for() {
         let id = TileId::new(3, 1, 2).unwrap();
         let bytes = BlockMap::empty(id, 1.0, 0, 0).encode().unwrap();

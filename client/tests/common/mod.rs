@@ -6,9 +6,10 @@ use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId,
     blockmap::{COLUMNS, Column, NODE_CELLS, Strip, strip_rows},
     manifest::{Attribution, Counts},
+    mesh_tile::{self, Texture},
     octahedral,
     route::{self, Layer},
-    subtree::NodeInfo,
+    subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use std::{
     collections::HashMap,
@@ -106,6 +107,35 @@ pub fn city(name: &str) -> HashMap<String, Vec<u8>> {
     files.insert(route::tile(name, &manifest.version, Layer::Subtrees, TileId::ROOT), subtree);
     files.insert(route::manifest(name), serde_json::to_vec(&manifest).unwrap());
     files.insert(route::CITIES.into(), serde_json::to_vec(&serde_json::json!([{ "name": name }])).unwrap());
+    files
+}
+
+/// Top of the block that is each leaf's mesh.
+pub const MESH_M: f64 = 20.25;
+
+/// The same, where each leaf has a mesh of two levels of detail: one block, textured in the finer one.
+pub fn city_with_meshes(name: &str) -> HashMap<String, Vec<u8>> {
+    let (mut files, manifest) = (city(name), manifest(name));
+    let path = route::tile(name, &manifest.version, Layer::Subtrees, TileId::ROOT);
+    let mut subtree = Subtree::decode(&files[&path]).unwrap();
+    let texture = || {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let red = image::RgbImage::from_pixel(48, 32, image::Rgb([200, 10, 20]));
+        red.write_to(&mut bytes, image::ImageFormat::WebP).unwrap();
+        Texture { size_px: [48, 32], bytes: bytes.into_inner() }
+    };
+    for leaf in subtree.nodes.iter().filter(|node| node.id.level() == DEPTH).map(|node| node.id) {
+        let mut lods = Vec::new();
+        for (lod, texture) in [(0, Some(texture())), (1, None)] {
+            let tile = mesh_tile::cuboid([2.0, 2.0, 0.0], [62.0, 62.0, MESH_M], [200, 10, 20], texture);
+            let bytes = tile.encode(leaf, lod).unwrap();
+            let (error_m, texture_px) = ([0.01, 0.2][usize::from(lod)], [48 * 32, 0][usize::from(lod)]);
+            lods.push(MeshLod { error_m, bytes: bytes.len() as u32, triangles: 12, texture_px });
+            files.insert(route::mesh(name, &manifest.version, leaf, lod), bytes);
+        }
+        subtree.meshes.push(NodeMesh { id: leaf, lods });
+    }
+    files.insert(path, subtree.encode().unwrap());
     files
 }
 

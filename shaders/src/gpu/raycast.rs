@@ -46,6 +46,8 @@ pub enum GpuError {
 pub struct Raycaster {
     capacity: Capacity,
     pipeline: wgpu::ComputePipeline,
+    /// The build for cuts with meshes, once there was one.
+    meshes: Option<wgpu::ComputePipeline>,
     /// The build that counts, once it was asked for.
     counting: Option<wgpu::ComputePipeline>,
     bind_group_layout: wgpu::BindGroupLayout,
@@ -99,8 +101,8 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("raycast"), entries: &entries })
 }
 
-/// The shader, or the build of it that counts.
-fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, count: bool) -> wgpu::ComputePipeline {
+/// A build of the shader: one that counts, one that knows of meshes.
+fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, count: bool, meshes: bool) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("raycast"),
         source: wgpu::ShaderSource::Wgsl(crate::RAYCAST_WGSL.into()),
@@ -116,7 +118,7 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, count: bool) 
         module: &module,
         entry_point: Some("raycast"),
         compilation_options: wgpu::PipelineCompilationOptions {
-            constants: &[("COUNT", f64::from(u8::from(count)))],
+            constants: &[("COUNT", f64::from(u8::from(count))), ("MESHES", f64::from(u8::from(meshes)))],
             ..wgpu::PipelineCompilationOptions::default()
         },
         cache: None,
@@ -132,7 +134,7 @@ impl Raycaster {
     /// Takes the memory of `capacity` on the device at once: what fits then fits for good.
     pub fn new(device: &wgpu::Device, capacity: Capacity) -> Self {
         let bind_group_layout = bind_group_layout(device);
-        let pipeline = pipeline(device, &bind_group_layout, false);
+        let pipeline = pipeline(device, &bind_group_layout, false, false);
         let storage = wgpu::BufferUsages::STORAGE;
         let sized = |label: &str, count: u32, bytes: usize| {
             buffer(device, label, u64::from(count.max(1)) * bytes as u64, storage)
@@ -149,7 +151,7 @@ impl Raycaster {
             atlas: sized("atlas", capacity.atlas_pages, PAGE_WORDS * 4),
         };
         let target = Target::new(device, &bind_group_layout, &inputs, [1, 1]);
-        Self { capacity, pipeline, counting: None, bind_group_layout, inputs, target }
+        Self { capacity, pipeline, meshes: None, counting: None, bind_group_layout, inputs, target }
     }
 
     /// What it was made for.
@@ -193,7 +195,13 @@ impl Raycaster {
         nodes: &[Node],
     ) -> Result<(), GpuError> {
         self.upload((device, queue), frame, grid, nodes)?;
-        self.dispatch(encoder, &self.pipeline);
+        let layout = &self.bind_group_layout;
+        let has_meshes = nodes.iter().any(|node| node.mesh != 0);
+        let pipeline = match has_meshes {
+            true => &*self.meshes.get_or_insert_with(|| pipeline(device, layout, false, true)),
+            false => &self.pipeline,
+        };
+        dispatch(encoder, pipeline, &self.target);
         Ok(())
     }
 
@@ -206,9 +214,9 @@ impl Raycaster {
         nodes: &[Node],
     ) -> Result<Counts, GpuError> {
         self.upload((device, queue), &Frame { samples: 1, ..*frame }, grid, nodes)?;
-        let counting = self.counting.take().unwrap_or_else(|| pipeline(device, &self.bind_group_layout, true));
+        let counting = self.counting.take().unwrap_or_else(|| pipeline(device, &self.bind_group_layout, true, true));
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
-        self.dispatch(&mut encoder, &counting);
+        dispatch(&mut encoder, &counting, &self.target);
         self.counting = Some(counting);
         queue.submit([encoder.finish()]);
         let pixels = self.read_back(device, queue)?;
@@ -245,18 +253,6 @@ impl Raycaster {
         Ok(())
     }
 
-    fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, pipeline: &wgpu::ComputePipeline) {
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &self.target.bind_group, &[]);
-        pass.dispatch_workgroups(
-            self.target.width_px.div_ceil(WORKGROUP[0]),
-            self.target.height_px.div_ceil(WORKGROUP[1]),
-            1,
-        );
-    }
-
     /// Pixels, r, g, b, 255 in sRGB, row by row from the top.
     pub fn colour_buffer(&self) -> &wgpu::Buffer {
         &self.target.colour
@@ -280,6 +276,14 @@ impl Raycaster {
         let hit = read(&self.target.hit)?;
         Ok(Pixels { width_px: self.target.width_px, height_px: self.target.height_px, colour, distance, hit })
     }
+}
+
+fn dispatch(encoder: &mut wgpu::CommandEncoder, pipeline: &wgpu::ComputePipeline, target: &Target) {
+    let mut pass =
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, &target.bind_group, &[]);
+    pass.dispatch_workgroups(target.width_px.div_ceil(WORKGROUP[0]), target.height_px.div_ceil(WORKGROUP[1]), 1);
 }
 
 pub(super) fn read_words(

@@ -8,9 +8,10 @@ use insula_tests::{
     baked::Baked,
     cameras::Stand,
     compare::{self, Colour, Score},
-    fidelity::{self, Size, Summary, View},
+    fidelity::{self, Manner, Size, Summary, View},
     gpu::Gpu,
     truth::Truth,
+    view::Picture,
 };
 use serde::Serialize;
 use std::{fs, path::PathBuf, time::Instant};
@@ -36,6 +37,15 @@ struct Args {
     /// Draw with the GPU.
     #[arg(long)]
     gpu: bool,
+    /// Draw leaves' meshes where the client would.
+    #[arg(long)]
+    meshes: bool,
+    /// Only the cameras in the street.
+    #[arg(long)]
+    street: bool,
+    /// The pictures' width and height.
+    #[arg(long, num_args = 2, default_values_t = [fidelity::PICTURE.width_px, fidelity::PICTURE.height_px])]
+    size: Vec<u32>,
     /// Write all figures as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -110,7 +120,10 @@ fn main() -> Result<()> {
     let mut cameras = Vec::new();
     println!("camera       tau  nodes    IoU  median    p95 | all: PSNR  SSIM | textured:   px  PSNR  SSIM");
     let started = Instant::now();
-    let summaries = fidelity::measure(&truth, &baked, &args.tau, gpu.as_ref(), |number, view| {
+    let picture = Picture { width_px: args.size[0], height_px: args.size[1], ..fidelity::PICTURE };
+    let stand = args.street.then_some(Stand::Street);
+    let manner = Manner { taus_px: &args.tau, meshes: args.meshes, stand, picture };
+    let summaries = fidelity::measure(&truth, &baked, &manner, gpu.as_ref(), |number, view| {
         print_view(number, view);
         let (stand, tau_px, nodes, score) = (view.station.stand, view.tau_px, view.nodes, view.score);
         let picture = format!("{number:02}-{stand:?}-tau{tau_px}.png").to_lowercase();
