@@ -36,8 +36,10 @@ const PAD: u32 = 1;
 const MOST_TAPS: u32 = 4;
 /// Finer than a texel: places in the picture have so many bits more than its side.
 const SUB_BITS: u32 = 3;
-/// Tried from the first on until the loss is small enough.
-const JPEG_QUALITIES: [u8; 6] = [50, 62, 72, 81, 89, 95];
+/// Of JPEGs: what is searched for the least that loses little enough.
+const JPEG_QUALITIES: [u8; 2] = [25, 95];
+/// Pictures may lose so many decibels more than columns: their texels are finer, and what they lose is averaged on the screen.
+const LESS_DB: f64 = 1.5;
 
 /// What a surface wears.
 pub(super) struct Dress {
@@ -251,10 +253,10 @@ impl Canvas {
     }
 }
 
-/// The coarsest that is good enough.
+/// The smallest that is good enough, `None` if none is.
 fn jpeg(rgb: &[u8], [width, height]: [u32; 2], db: f64) -> Option<Vec<u8>> {
-    let most = 255.0 * 255.0 / 10f64.powf(db / 10.0);
-    JPEG_QUALITIES.into_iter().find_map(|quality| {
+    let most = 255.0 * 255.0 / 10f64.powf((db - LESS_DB) / 10.0);
+    let attempt = |quality: u8| {
         let mut file = Vec::new();
         let encoder = JpegEncoder::new_with_quality(&mut file, quality);
         encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).ok()?;
@@ -263,7 +265,17 @@ fn jpeg(rgb: &[u8], [width, height]: [u32; 2], db: f64) -> Option<Vec<u8>> {
         let back = reader.decode().ok()?.into_rgb8();
         let squares = rgb.iter().zip(back.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum::<u64>();
         (squares as f64 <= most * rgb.len() as f64).then_some(file)
-    })
+    };
+    let [mut low, mut high] = JPEG_QUALITIES;
+    let mut best = None;
+    while low <= high {
+        let middle = low.midpoint(high);
+        match attempt(middle) {
+            Some(file) => (best, high) = (Some(file), middle - 1),
+            None => low = middle + 1,
+        }
+    }
+    best
 }
 
 /// The same as `srgb` but for a rounding now and then, from a table.
