@@ -134,7 +134,9 @@ impl Maker<'_> {
         let texture_px = texture.as_ref().map_or(0, |texture| texture.pixels());
         match (MeshTile { mesh, texture }).encode(self.id, number) {
             Ok(bytes) => {
-                let triangles = model.triangles.len() as u32;
+                // What was there twice is there once.
+                let tile = MeshTile::decode(self.id, number, &bytes).map_err(BakeError::tile(self.id, "read back"))?;
+                let triangles = tile.mesh.triangles.len() as u32;
                 let info = MeshLod { error_m: rounded_up(error_m), bytes: bytes.len() as u32, triangles, texture_px };
                 Ok(Some(Lod { info, bytes }))
             }
