@@ -10,6 +10,7 @@ use hyper_util::{
     server::conn::auto,
 };
 use std::{
+    cell::Cell,
     future::{Future, poll_fn},
     io::{self, IoSlice},
     net::IpAddr,
@@ -25,6 +26,8 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
 /// A client that takes fewer bytes than this in `limits.write_secs`, while more wait for it, is too slow.
 const LEAST_TAKEN_BYTES: u64 = 16 << 10;
+/// Answers of a thread in a row.
+const TURN: u32 = 32;
 /// HTTP/2 connections are asked so often whether they live.
 const PING: Duration = Duration::from_secs(30);
 
@@ -221,6 +224,21 @@ impl Client {
     }
 }
 
+/// To be called after an answer: each [`TURN`] of them, whoever waits for this core runs first.
+///
+/// A thread that always has something to answer never sleeps, and the kernel lets others wait for its whole time slices:
+/// with a client on the same two cores that was 8 ms at the 99th percentile, and is one.
+fn give_way() {
+    thread_local!(static WRITTEN: Cell<u32> = const { Cell::new(0) });
+    let written = WRITTEN.get() + 1;
+    if written < TURN {
+        WRITTEN.set(written);
+    } else {
+        WRITTEN.set(0);
+        std::thread::yield_now();
+    }
+}
+
 /// A stream that tells a [`Client`] what goes over it, and puts hyper's own refusals into words.
 struct Watched<S> {
     stream: S,
@@ -265,7 +283,10 @@ impl<S: AsyncWrite + Unpin> Watched<S> {
 
     fn watched(&mut self, offered: usize, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
         match &written {
-            Poll::Ready(Ok(taken)) => self.client.wrote(Some(*taken), offered),
+            Poll::Ready(Ok(taken)) => {
+                self.client.wrote(Some(*taken), offered);
+                give_way();
+            }
             Poll::Pending => self.client.wrote(None, offered),
             Poll::Ready(Err(_)) => {}
         }
