@@ -86,8 +86,9 @@ impl Models {
     fn far<C: Symbols>(&mut self, coder: &mut C, token: i32) -> i32 {
         let beyond = token.unsigned_abs().wrapping_sub(NEAR as u32 + 1) << 1 | u32::from(token < 0);
         let beyond = coder.number(&mut self.far, beyond);
-        let distance = (beyond >> 1) as i32 + NEAR + 1;
-        if beyond & 1 == 1 { -distance } else { distance }
+        // What was read may be anything; it is checked against the grid with all else.
+        let distance = ((beyond >> 1) as i32).wrapping_add(NEAR + 1);
+        if beyond & 1 == 1 { distance.wrapping_neg() } else { distance }
     }
 }
 
