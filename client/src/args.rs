@@ -168,6 +168,9 @@ pub struct Fly {
     /// Simulated network: how many of a hundred answers break off half-way.
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     pub loss: Option<f64>,
+    /// Draw like a window: in fewer pixels while frames are slow, and one ray each.
+    #[arg(long)]
+    pub paced: bool,
     /// Frames a second that are drawn; as many as there can be unless given.
     #[arg(long, value_name = "N", value_parser = positive)]
     pub rate: Option<f64>,

@@ -64,8 +64,11 @@ pub struct Report {
     pub tiles: TileCounts,
     /// Selection, upload and drawing of each frame.
     pub frame_times: FrameTimes,
-    /// From the start (connecting included) to the first frame that shows anything of the city.
+    /// From the start (connecting included) until the first picture was drawn that shows anything of the city: all of it
+    /// that is in view, as there is never a hole.
     pub time_to_first_picture_secs: Option<f64>,
+    /// From the start until a picture was drawn whose errors, where a ray hit, are at most four times tau.
+    pub time_to_near_picture_secs: Option<f64>,
     /// From the start to the first frame that nothing could make better.
     pub time_to_converged_picture_secs: Option<f64>,
     /// Most bytes in the cache.
@@ -122,6 +125,8 @@ pub struct FlightMoment {
     pub tau_px: f64,
     /// Largest projected error of what is drawn and not hidden.
     pub worst_error_px: f64,
+    /// Largest projected error of what is drawn and seen.
+    pub seen_error_px: f64,
 }
 
 impl FlightMoment {
@@ -138,6 +143,7 @@ impl FlightMoment {
             drawn: counters.drawn,
             tau_px: counters.tau_px,
             worst_error_px: counters.worst_error_px,
+            seen_error_px: counters.seen_error_px,
         }
     }
 }

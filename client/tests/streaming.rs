@@ -83,13 +83,18 @@ fn converges_and_measures_distances_in_metres() {
     let down = shot([92.0, 92.0, ROOF_M + 100.0], [92.0, 92.0, 0.0]);
     settle(&mut session, &down, |_| {});
     let pixels = session.draw(&down, &Look::default()).unwrap();
+    settle(&mut session, &down, |_| {});
     let centre = pixels.distance[45 * 160 + 80];
     assert!((centre - 100.0).abs() < 0.6, "{centre}");
     // A ray at the picture's edge, between two houses, ends on the ground.
     let far = pixels.distance.iter().filter(|d| d.is_finite()).copied().fold(0.0f32, f32::max);
     assert!(f64::from(far) > 100.0 + ROOF_M - GROUND_M - 1.0, "{far}");
     let report = session.report(1.0);
-    assert!(report.time_to_converged_picture_secs >= report.time_to_first_picture_secs);
+    let times = [report.time_to_first_picture_secs, report.time_to_near_picture_secs];
+    assert!(
+        times[0].is_some() && times[0] == times[1] && report.time_to_converged_picture_secs.is_some(),
+        "{report:?}"
+    );
     assert_eq!(report.requests, u64::from(server.requests.load(Ordering::Relaxed)));
     assert_eq!((report.tiles.subtrees, report.tiles.bad), (1, 0));
 }
@@ -129,6 +134,95 @@ fn an_ill_server_costs_time_but_no_tile() {
     let draw = |session: &mut Session| session.draw(&street(), &Look::default()).unwrap();
     assert_eq!(draw(&mut ill).colour, draw(&mut fine).colour);
     assert!(ill.report(1.0).requests > fine.report(1.0).requests);
+}
+
+/// Draws each frame; every pixel of the ground is covered from the first picture on. Returns the last picture's colours.
+fn fly_whole(session: &mut Session, most: Duration) -> Vec<u32> {
+    let (shot, begin) = (street(), Instant::now());
+    loop {
+        session.step(&shot);
+        if session.has_picture() {
+            let pixels = session.draw(&shot, &Look::default()).unwrap();
+            for row in 60..90 {
+                let ground = &pixels.distance[row * 160 + 20..row * 160 + 140];
+                assert!(ground.iter().all(|d| d.is_finite()), "a hole in row {row}");
+            }
+        }
+        session.step(&shot);
+        if session.settled() && session.has_picture() {
+            return session.draw(&shot, &Look::default()).unwrap().colour;
+        }
+        assert!(begin.elapsed() < most, "{:?}", session.selection().counters);
+        session.wait(Duration::from_millis(5));
+    }
+}
+
+/// What a client sees that nothing stands in the way of, and how many requests it takes.
+fn undisturbed() -> (Vec<u32>, u32) {
+    let server = serve(city("test"), well());
+    let picture = fly_whole(&mut session(&server, 64), Duration::from_secs(60));
+    (picture, server.requests.load(Ordering::Relaxed))
+}
+
+/// A number that looks random, the same for the same words.
+fn chance(path: &str, times: u32) -> u32 {
+    let hash = path.bytes().fold(2_166_136_261u32, |h, b| (h ^ u32::from(b)).wrapping_mul(16_777_619));
+    (hash ^ times.wrapping_mul(0x9e37_79b9)).wrapping_mul(0x85eb_ca6b) >> 16
+}
+
+#[test]
+fn a_tenth_lost_and_a_twentieth_damaged_costs_no_pixel() {
+    let lossy: Box<Policy> = Box::new(|path, times| match chance(path, times) % 20 {
+        _ if !path.contains("/0123456789abcdef/") => Answer::Well,
+        0 | 1 => Answer::Cut,
+        2 => Answer::Damaged,
+        _ => Answer::Well,
+    });
+    let server = serve(city("test"), lossy);
+    let mut ill = session(&server, 64);
+    let (picture, requests) = undisturbed();
+    assert_eq!(fly_whole(&mut ill, Duration::from_secs(60)), picture);
+    assert_eq!(ill.report(1.0).tiles.bad, 0);
+    let asked = server.requests.load(Ordering::Relaxed);
+    assert!(asked > requests && asked < requests * 3 / 2 + 10, "{asked} requests, {requests} undisturbed");
+}
+
+#[test]
+fn a_server_that_asks_for_patience_gets_it() {
+    for status in [429, 503] {
+        let begin = Instant::now();
+        let busy = Duration::from_millis(1500);
+        let policy: Box<Policy> = Box::new(move |path, _| match path.contains("blockmaps") && begin.elapsed() < busy {
+            true => Answer::Later(status, 1),
+            false => Answer::Well,
+        });
+        let server = serve(city("test"), policy);
+        let mut session = session(&server, 64);
+        while begin.elapsed() < busy - Duration::from_millis(100) {
+            session.step(&street());
+            session.wait(Duration::from_millis(5));
+        }
+        let asked = server.requests.load(Ordering::Relaxed);
+        // The list, the manifest, the subtree; the root's tile, and again after a second.
+        assert!(asked <= 6, "{status}: {asked} requests while it was busy");
+        let (picture, requests) = undisturbed();
+        assert_eq!(fly_whole(&mut session, Duration::from_secs(60)), picture);
+        assert!(server.requests.load(Ordering::Relaxed) <= requests + 8);
+    }
+}
+
+#[test]
+fn answers_that_trickle_hold_up_nobody_for_long() {
+    let policy: Box<Policy> = Box::new(|path, times| {
+        let first = times == 0 && path.contains("blockmaps");
+        if first && chance(path, 0).is_multiple_of(4) { Answer::Trickle } else { Answer::Well }
+    });
+    let server = serve(city("test"), policy);
+    let mut slow = session(&server, 64);
+    let (picture, requests) = undisturbed();
+    assert_eq!(fly_whole(&mut slow, Duration::from_secs(120)), picture);
+    let asked = server.requests.load(Ordering::Relaxed);
+    assert!(asked > requests && asked <= requests * 2, "{asked} requests, {requests} undisturbed");
 }
 
 #[test]
@@ -187,7 +281,7 @@ fn goes_on_drawing_while_the_server_is_away_and_resumes_by_itself() {
     }
     assert!(!session.settled() && session.stream().failing_since().is_some());
     assert!(session.check(Duration::from_millis(500)).is_err() && session.check(Duration::from_secs(60)).is_ok());
-    assert!(server.requests.load(Ordering::Relaxed) - before <= 12);
+    assert!(server.requests.load(Ordering::Relaxed) - before <= 12 * 4, "a hot loop");
     server.down.store(false, Ordering::Relaxed);
     settle(&mut session, &street(), |_| {});
     assert!(session.stream().failing_since().is_none());

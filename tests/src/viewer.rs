@@ -25,7 +25,7 @@ const FRAME: Duration = Duration::from_millis(5);
 
 /// A session over a city at any place, which draws with the CPU.
 pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
-    Ok(start(&place.display().to_string(), &global(cache_mib), None)?)
+    Ok(start(&place.display().to_string(), &global(cache_mib), None, None)?)
 }
 
 fn global(cache_mib: u32) -> Global {
@@ -51,7 +51,7 @@ pub struct Viewer {
 impl Viewer {
     /// Connects; `camera` is chosen once the city is known.
     pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
-        let session = start(url, &global(256), None)?;
+        let session = start(url, &global(256), None, None)?;
         let shot = shot(&camera(session.tree().manifest()))?;
         Ok(Self { session, shot })
     }

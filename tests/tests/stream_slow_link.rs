@@ -1,4 +1,4 @@
-//! Streaming over 2 Mbit/s and 80 ms: something whole at once, then better and better; what is out of sight is let go.
+//! Streaming over 0.6 Mbit/s and 80 ms: something whole at once, then better and better; what is out of sight is let go.
 
 #![allow(clippy::unwrap_used)]
 
@@ -13,7 +13,7 @@ use insula_tests::{
 use std::{path::PathBuf, sync::OnceLock, time::Duration};
 use tempfile::TempDir;
 
-const LINK: Link = Link { bits_per_sec: 2e6, round_trip: Duration::from_millis(80) };
+const LINK: Link = Link { bits_per_sec: 6e5, round_trip: Duration::from_millis(80) };
 /// Pixels a picture may lack though the city is all around them in the last one: a pole or two that coarse levels do not
 /// keep. A single node that is not there is thousands.
 const MOST_HOLES: usize = 640 * 360 / 5000;

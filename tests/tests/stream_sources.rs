@@ -64,7 +64,7 @@ fn global(timeout: u32) -> Global {
 }
 
 fn web(host: &Host) -> Result<Session> {
-    Ok(snapshot::start(&format!("{}/town/", host.url), &global(3), None)?)
+    Ok(snapshot::start(&format!("{}/town/", host.url), &global(3), None, None)?)
 }
 
 fn host(manner: Manner) -> Result<Host> {
@@ -96,7 +96,7 @@ fn hosts_that_cannot_are_errors_in_words() -> Result<()> {
         ensure!(error.contains(word) && !error.contains('\n'), "{manner:?}: {error}");
         ensure!(host.requests() < 60, "{manner:?}: {} requests in {:?}", host.requests(), begin.elapsed());
     }
-    let nothing = snapshot::start(&format!("{}/nowhere/", host(Manner::Well)?.url), &global(3), None);
+    let nothing = snapshot::start(&format!("{}/nowhere/", host(Manner::Well)?.url), &global(3), None, None);
     ensure!(nothing.err().is_some_and(|e| e.to_string().contains("no such city")));
     Ok(())
 }

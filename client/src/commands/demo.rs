@@ -46,7 +46,7 @@ pub fn run(headless: bool, out: &Path, size_px: [u32; 2], sun: &SunArgs, global:
             ended => return ended,
         }
     }
-    let mut session = start(&server.url, global, None)?;
+    let mut session = start(&server.url, global, None, None)?;
     let shot = Shot { camera: overlook(&session, size_px), heading: None, size_px, tau_px: global.tau };
     let daylight = Daylight::new(sun, session.tree().manifest());
     take(&mut session, &shot, global, Shading::Lit, &daylight, out)?;

@@ -2,7 +2,7 @@
 //!
 //! In: a place that has a city, a path file, a simulated link. Out: a report. Next: scripts.
 
-use super::snapshot::{settle, start};
+use super::snapshot::{PAUSE, settle, start};
 use crate::{
     args::{Fly, Global},
     camera::CameraPath,
@@ -12,8 +12,9 @@ use crate::{
     session::{Session, Shot},
     stream::{fetch::Http, link::Link},
     sun::Daylight,
+    ui::pace::Pace,
 };
-use insula_shaders::layout::Shading;
+use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use std::time::{Duration, Instant};
 
 /// How far ahead the camera's next place is looked at, in seconds.
@@ -28,7 +29,8 @@ const STALL: f64 = 4.0;
 /// Runs the command.
 pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let path = CameraPath::read(&args.path)?;
-    let mut session = start(&args.server, global, Some(Http::new(link(args))?))?;
+    let first = shot(&path, args, global, 0.0)?;
+    let mut session = start(&args.server, global, Some(Http::new(link(args))?), Some(&first))?;
     let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(look.casting());
     let report = fly(&mut session, &path, args, &look, global)?;
@@ -49,6 +51,23 @@ fn link(args: &Fly) -> Option<Link> {
     (args.bandwidth.is_some() || args.rtt.is_some() || loss > 0.0).then(|| Link::new(args.bandwidth, rtt, loss))
 }
 
+/// A frame as a window draws it.
+fn paced(session: &mut Session, shot: &Shot, look: &Look, pace: &mut Pace) -> Result<Pixels> {
+    let begin = Instant::now();
+    pace.changed(begin);
+    let detail = pace.detail(begin, session.settled());
+    let size_px = shot.size_px.map(|side| (side / detail.divide).max(1));
+    let pixels = session.draw(&Shot { size_px, ..*shot }, &Look { samples: detail.samples, ..*look })?;
+    pace.end(begin, detail, true);
+    Ok(pixels)
+}
+
+/// What is seen at `t` seconds.
+fn shot(path: &CameraPath, args: &Fly, global: &Global, t: f64) -> Result<Shot> {
+    let camera = path.at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
+    Ok(Shot { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau })
+}
+
 /// Flies once along a path.
 fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global: &Global) -> Result<FlightReport> {
     let timeout = Duration::from_secs(u64::from(global.timeout));
@@ -57,22 +76,33 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
     let (mut frames, mut unconverged) = (0u64, 0u64);
     let mut begin = Instant::now();
     let mut frame_due = begin;
+    let mut pace = Pace::new(begin);
     let mut compare_at = args.compare.map(|_| 0.0);
     loop {
         let t = begin.elapsed().as_secs_f64();
         if t > path.seconds {
             break;
         }
-        let camera = path.at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
-        let shot = Shot { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau };
+        let shot = shot(path, args, global, t)?;
         let before = Instant::now();
         session.step(&shot);
-        let pixels = session.draw(&shot, look)?;
-        session.timed(before.elapsed());
         session.check(timeout)?;
         frames += 1;
+        if moments.is_empty() {
+            moments.push(FlightMoment::of(session, t));
+        }
+        if !session.has_picture() {
+            unconverged += 1;
+            session.wait(PAUSE);
+            continue;
+        }
         // What is only preloaded is not missing in this frame's picture.
-        unconverged += u64::from(session.lacks() || !session.has_picture());
+        unconverged += u64::from(session.lacks());
+        let pixels = match args.paced {
+            true => paced(session, &shot, look, &mut pace)?,
+            false => session.draw(&shot, look)?,
+        };
+        session.timed(before.elapsed());
         if moments.len() as f64 * moment_secs <= t {
             moments.push(FlightMoment::of(session, t));
         }
@@ -111,15 +141,9 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
 }
 
 /// What the frame would show if all were here: by a client of its own, over no slow link, without a limit to speak of.
-fn converged(
-    args: &Fly,
-    global: &Global,
-    shot: &Shot,
-    look: &Look,
-    timeout: Duration,
-) -> Result<insula_shaders::cpu::raycast::Pixels> {
+fn converged(args: &Fly, global: &Global, shot: &Shot, look: &Look, timeout: Duration) -> Result<Pixels> {
     let roomy = Global { cache_mib: global.cache_mib.max(512), ..global.clone() };
-    let mut other = start(&args.server, &roomy, None)?;
+    let mut other = start(&args.server, &roomy, None, Some(shot))?;
     settle(&mut other, &Shot { heading: None, ..*shot }, timeout)?;
     other.draw(shot, look)
 }

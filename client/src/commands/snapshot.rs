@@ -5,6 +5,7 @@
 use super::connect::connect;
 use crate::{
     args::{Global, Snapshot},
+    cache::pages_for,
     camera::CameraFile,
     error::Result,
     picture::{write_pfm, write_png},
@@ -23,16 +24,16 @@ use std::{
 
 /// Requests in flight.
 pub(crate) const IN_FLIGHT: usize = 12;
-/// Between two looks at what has arrived.
-const PAUSE: Duration = Duration::from_millis(2);
+/// Longest time between two looks at what has arrived, and at what has to be asked for again.
+pub(crate) const PAUSE: Duration = Duration::from_millis(10);
 /// While tiles come, what hides what is looked at in a picture so many times smaller.
 const COARSE: u32 = 4;
 
 /// Runs the command.
 pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
     let camera = CameraFile::read(&args.camera)?;
-    let mut session = start(&args.server, global, None)?;
     let shot = Shot { camera, heading: None, size_px: args.size, tau_px: global.tau };
+    let mut session = start(&args.server, global, None, Some(&shot))?;
     let daylight = Daylight::new(&args.sun, session.tree().manifest());
     take(&mut session, &shot, global, args.shading, &daylight, &args.out)?;
     if let Some(path) = &args.distance {
@@ -45,17 +46,20 @@ pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
     }
 }
 
-/// Connects and sets up a session without a window.
-pub fn start(url: &str, global: &Global, http: Option<Http>) -> Result<Session> {
+/// Connects and sets up a session without a window, which begins with `first`.
+pub fn start(url: &str, global: &Global, http: Option<Http>, first: Option<&Shot>) -> Result<Session> {
     let started = Instant::now();
+    let (choice, cache_bytes) = (global.adapter, u64::from(global.cache_mib) << 20);
+    // Drivers take their time, and so do networks.
+    let opening = std::thread::spawn(move || Adapter::headless(choice, cache_bytes));
     let http = Arc::new(match http {
         Some(http) => http,
         None => Http::new(None)?,
     });
     let city = connect(&http, url, global)?;
     let stream = Stream::new(http, city.source, IN_FLIGHT, None);
-    let adapter = Adapter::headless(global.adapter, u64::from(global.cache_mib) << 20)?;
-    Ok(Session::new(Tree::new(city.manifest).with_meshes(!global.no_meshes), stream, adapter, started))
+    let tree = Tree::new(city.manifest).with_meshes(!global.no_meshes);
+    Session::open((tree, stream), opening, pages_for(cache_bytes), first, started)
 }
 
 /// Waits until the picture cannot get better, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays a pixel and writes it.
@@ -85,7 +89,7 @@ pub fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<(
         let size_px = if !session.fetched() {
             // What hides what is seen well enough in few pixels, as long as not all is here.
             if !session.has_picture() || session.is_sighted(coarse) {
-                std::thread::sleep(PAUSE);
+                session.wait(PAUSE);
                 continue;
             }
             coarse

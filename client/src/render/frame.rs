@@ -74,6 +74,8 @@ pub struct FrameData {
     pub nodes: Vec<Node>,
     /// Which squares those are.
     pub asked: Asked,
+    /// Largest projected error of what is seen.
+    pub error_px: f64,
 }
 
 /// What a selection draws.
@@ -85,6 +87,8 @@ pub struct Drawn<'a> {
     pub casters: &'a [NodeIndex],
     /// Which selection it is.
     pub generation: u64,
+    /// Its largest projected error of what is seen.
+    pub error_px: f64,
 }
 
 impl FrameData {
@@ -123,6 +127,7 @@ impl FrameData {
             grid: grid.entries.clone(),
             nodes,
             asked: Asked { squares, view: *view, generation: drawn.generation },
+            error_px: drawn.error_px,
         }
     }
 }

@@ -113,6 +113,8 @@ impl Lod {
 pub struct Tree {
     manifest: Manifest,
     nodes: Vec<TreeNode>,
+    /// The root's V-BlockMap until the root is known: it may come before its subtree.
+    root_tile: Tile,
     index: HashMap<TileId, NodeIndex>,
     subtrees: HashMap<TileId, Tile>,
     pages_seen: (u64, u64),
@@ -126,6 +128,7 @@ impl Tree {
         Self {
             manifest,
             nodes: Vec::new(),
+            root_tile: Tile::default(),
             index: HashMap::new(),
             subtrees: HashMap::new(),
             pages_seen: (0, 0),
@@ -201,7 +204,10 @@ impl Tree {
     pub fn tile(&self, key: Key) -> Option<Tile> {
         match key.layer() {
             Layer::Subtrees => Some(self.subtree(key.id)),
-            Layer::BlockMaps => self.find(key.id).map(|at| self.node(at).tile),
+            Layer::BlockMaps => match self.find(key.id) {
+                Some(at) => Some(self.node(at).tile),
+                None => (key.id == TileId::ROOT).then_some(self.root_tile),
+            },
             Layer::Meshes => {
                 let node = self.node(self.find(key.id)?);
                 node.lods.get(usize::from(key.lod)).map(|lod| lod.tile)
@@ -215,7 +221,7 @@ impl Tree {
             Layer::Subtrees => self.subtrees.entry(key.id).or_default().apply(event),
             Layer::BlockMaps => match self.find(key.id) {
                 Some(at) => self.nodes[at.0 as usize].tile.apply(event),
-                None => false,
+                None => key.id == TileId::ROOT && self.root_tile.apply(event),
             },
             Layer::Meshes => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
         }
@@ -270,7 +276,7 @@ impl Tree {
             children: [None; 4],
             bytes: info.blockmap_bytes,
             pages: None,
-            tile: Tile::default(),
+            tile: if info.id == TileId::ROOT { self.root_tile } else { Tile::default() },
             lods: Vec::new(),
         }
     }

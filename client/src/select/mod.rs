@@ -89,6 +89,8 @@ pub struct Counters {
     pub tau_px: f64,
     /// Largest projected error that is drawn and not known to be hidden.
     pub worst_error_px: f64,
+    /// Largest projected error that is drawn and known to be seen.
+    pub seen_error_px: f64,
 }
 
 /// Memory that is used again from frame to frame.
@@ -211,6 +213,11 @@ impl Visitor<'_> {
         scratch.visits.clear();
         scratch.heap.clear();
         let Some(root) = self.tree.root() else {
+            // There is always a root: no need to be told of it first.
+            let key = Key::block_map(TileId::ROOT);
+            if self.tree.tile(key).is_some_and(|tile| !tile.is_resident() && !tile.is_bad()) {
+                selection.wanted.push(Wanted { key, group: priority::Group::Urgent, weight: f64::INFINITY });
+            }
             self.want_subtree(TileId::ROOT, f64::INFINITY, selection);
             return;
         };
@@ -234,7 +241,12 @@ impl Visitor<'_> {
                 continue;
             }
             // Nearly as wrong as what may never be seen: its children are asked for even if nobody sees them.
-            let times = if sighted == Sighted::Hidden { HIDDEN_TIMES_TAU } else { UNKNOWN_TIMES_TAU };
+            let times = match sighted {
+                // Nothing will come into view.
+                Sighted::Hidden if self.sight.stands() => f64::INFINITY,
+                Sighted::Hidden => HIDDEN_TIMES_TAU,
+                _ => UNKNOWN_TIMES_TAU,
+            };
             let coarse = error_px > self.view.tau_px * times;
             if sighted == Sighted::Hidden && !coarse {
                 continue;
@@ -403,8 +415,11 @@ fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selectio
                 meshes::count(visit, mesh, tree, selection);
                 if visit.sighted != Sighted::Hidden {
                     selection.seen.push(visit.at);
-                    let worst = &mut selection.counters.worst_error_px;
-                    *worst = worst.max(error_px);
+                    let counters = &mut selection.counters;
+                    counters.worst_error_px = counters.worst_error_px.max(error_px);
+                    if visit.sighted == Sighted::Seen {
+                        counters.seen_error_px = counters.seen_error_px.max(error_px);
+                    }
                 }
             }
             continue;

@@ -18,6 +18,9 @@ const LINGER: u32 = 12;
 /// The same while the camera stands and tiles still come: what coarse buildings let through, finer ones may hide.
 const STREAMING: u32 = 2;
 
+/// A square that takes a smaller share of the picture's pixels contributes nothing. At least one pixel counts.
+const CONTRIBUTES: f64 = 1.0 / 300_000.0;
+
 /// What is known of a square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sighted {
@@ -79,9 +82,10 @@ impl Sight {
         self.beside.resize(tree.nodes().len(), 0);
         self.drawn.resize(tree.nodes().len(), 0);
         self.hits = 0;
+        let least = ((pixels_of(&asked.view) as f64 * CONTRIBUTES) as u32).max(1);
         for (at, pixels) in asked.squares.iter().zip(pixels) {
             stamp(&mut self.drawn, tree, Some(*at), self.picture);
-            if *pixels > 0 {
+            if *pixels >= least {
                 self.hits += 1;
                 stamp(&mut self.hit, tree, Some(*at), self.picture);
                 for beside in around(tree.node(*at).id) {
@@ -112,6 +116,11 @@ impl Sight {
         self.hits
     }
 
+    /// Whether a picture was told of that was no other view's than the one before.
+    pub(super) fn stands(&self) -> bool {
+        self.stands
+    }
+
     /// What is known of the square of `at` in `view`; `parent` is what is known of its parent.
     pub(super) fn of(&self, at: NodeIndex, tree: &Tree, view: &View, parent: Sighted) -> Sighted {
         let Some((planes, tested)) = self.planes.as_ref().zip(self.view.as_ref()) else { return Sighted::Seen };
@@ -121,7 +130,10 @@ impl Sight {
             return Sighted::Seen;
         }
         let node = tree.node(at);
-        if lately(&self.beside) || !same_place(tested, view) && !cull::wholly_in_view(planes, node.centre, node.half) {
+        let moved = !same_place(tested, view);
+        // A camera that stands sees nothing new beside what it sees.
+        let beside = lately(&self.beside) && (moved || !self.stands);
+        if beside || moved && !cull::wholly_in_view(planes, node.centre, node.half) {
             return Sighted::Unknown;
         }
         match self.drawn.get(place) {

@@ -15,9 +15,13 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
     time::Duration,
 };
+use tokio::time::{Instant, timeout_at};
 
 const CONNECT: Duration = Duration::from_secs(5);
 const READ: Duration = Duration::from_secs(15);
+/// An answer's body may take so long, and a second more for so many bytes: who trickles holds a place that others need.
+const BODY: Duration = Duration::from_secs(8);
+const BODY_BYTES_PER_SEC: f64 = 256.0;
 
 /// Why a request gave nothing.
 #[derive(Debug, thiserror::Error)]
@@ -152,7 +156,12 @@ impl Http {
         }
         let breaks_off = self.link.as_ref().is_some_and(Link::loses);
         let mut body = BytesMut::with_capacity(announced as usize);
-        while let Some(chunk) = response.chunk().await.map_err(network)? {
+        let begin = Instant::now();
+        loop {
+            let most = BODY + Duration::from_secs_f64(body.len() as f64 / BODY_BYTES_PER_SEC);
+            let chunk = timeout_at(begin + most, response.chunk()).await;
+            let chunk = chunk.map_err(|_| FetchError::Network("the answer trickles".into()))?;
+            let Some(chunk) = chunk.map_err(network)? else { break };
             self.bytes.fetch_add(chunk.len() as u64, Ordering::Relaxed);
             if let Some(link) = &self.link {
                 link.carry(chunk.len()).await;

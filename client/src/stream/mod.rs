@@ -5,6 +5,7 @@
 //! The requests run on tokio's threads, decoding on its blocking threads; the frame loop only starts, cancels and
 //! collects. Everything is bounded: requests in flight, decoders at work, arrivals waiting.
 
+pub mod bell;
 pub mod decode;
 pub mod fetch;
 pub mod link;
@@ -16,6 +17,7 @@ use crate::{
     scene::{Key, TileEvent, Tree},
     select::priority::Wanted,
 };
+use bell::Bell;
 use decode::Decoded;
 use fetch::{FetchError, Http};
 use insula_protocol::Subtree;
@@ -51,6 +53,8 @@ struct Message {
     ticket: u64,
     /// It came without a network, which tells nothing of it.
     near: bool,
+    /// From the request to the last byte.
+    took: Duration,
     outcome: Result<Decoded, FetchError>,
 }
 
@@ -69,6 +73,7 @@ pub struct Stream {
     sender: mpsc::Sender<Message>,
     receiver: mpsc::Receiver<Message>,
     wake: Option<Wake>,
+    bell: Arc<Bell>,
     tickets: u64,
     failing_since: Option<Instant>,
     last_error: String,
@@ -77,19 +82,20 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// For the city at `source`.
-    pub fn new(http: Arc<Http>, source: Arc<dyn Source>, max_in_flight: usize, wake: Option<Wake>) -> Self {
+    /// For the city at `source`, with `in_flight` requests at once to begin with.
+    pub fn new(http: Arc<Http>, source: Arc<dyn Source>, in_flight: usize, wake: Option<Wake>) -> Self {
         let (sender, receiver) = mpsc::channel(ARRIVALS);
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self {
             http,
             source,
-            queue: Queue::new(max_in_flight),
+            queue: Queue::new(in_flight),
             flights: HashMap::new(),
             decoders: Arc::new(Semaphore::new(cores.max(2))),
             sender,
             receiver,
             wake,
+            bell: Arc::default(),
             tickets: 0,
             failing_since: None,
             last_error: String::new(),
@@ -97,8 +103,8 @@ impl Stream {
         }
     }
 
-    /// Cancels what is no longer wanted and starts what is wanted most.
-    pub fn request(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant) {
+    /// Cancels what is no longer wanted and starts what is wanted most; how many it started.
+    pub fn request(&mut self, tree: &mut Tree, wanted: &[Wanted], now: Instant) -> usize {
         let near = |key| self.source.is_near(key);
         let plan = self.queue.plan(tree, wanted, now, near);
         for key in plan.cancel {
@@ -106,26 +112,31 @@ impl Stream {
                 flight.task.abort();
             }
         }
+        let started = plan.start.len();
         for key in plan.start {
             self.start(key);
         }
+        started
     }
 
     fn start(&mut self, key: Key) {
         self.tickets += 1;
         let (ticket, source, decoders) = (self.tickets, self.source.clone(), self.decoders.clone());
-        let (sender, wake) = (self.sender.clone(), self.wake.clone());
+        let (sender, wake, bell) = (self.sender.clone(), self.wake.clone(), self.bell.clone());
         let task = self.http.spawn(async move {
-            let near = source.is_near(key);
-            let outcome = match source.tile(key).await {
+            let (near, begin) = (source.is_near(key), Instant::now());
+            let answer = source.tile(key).await;
+            let took = begin.elapsed();
+            let outcome = match answer {
                 Ok(bytes) => decode::on_worker(key, bytes, decoders, source).await,
                 Err(error) => Err(error),
             };
             // A closed channel: the session is over, nobody listens.
-            if sender.send(Message { key, ticket, near, outcome }).await.is_ok()
-                && let Some(wake) = wake
-            {
-                wake();
+            if sender.send(Message { key, ticket, near, took, outcome }).await.is_ok() {
+                bell.ring();
+                if let Some(wake) = wake {
+                    wake();
+                }
             }
         });
         self.flights.insert(key, Flight { ticket, task });
@@ -134,7 +145,7 @@ impl Stream {
     /// The next thing that has arrived, if any; failures are dealt with on the way.
     pub fn arrival(&mut self, tree: &mut Tree, now: Instant) -> Option<Arrival> {
         loop {
-            let Message { key, ticket, near, outcome } = self.receiver.try_recv().ok()?;
+            let Message { key, ticket, near, took, outcome } = self.receiver.try_recv().ok()?;
             if self.flights.get(&key).is_none_or(|flight| flight.ticket != ticket) {
                 continue; // Cancelled while it was on its way.
             }
@@ -144,6 +155,7 @@ impl Stream {
                 Ok(decoded) => {
                     if !near {
                         self.succeeded();
+                        self.queue.window.answered(took);
                     }
                     tree.apply(key, TileEvent::Arrive);
                     return Some(match decoded {
@@ -181,6 +193,7 @@ impl Stream {
             }
         }
         if !matches!(error, FetchError::Missing | FetchError::Damaged(_) | FetchError::Broken) {
+            self.queue.window.failed();
             self.failing_since.get_or_insert(now);
         }
         if let FetchError::Unusable(why) = &error {
@@ -188,6 +201,16 @@ impl Stream {
         }
         self.last_error = error.to_string();
         tree.apply(key, event);
+    }
+
+    /// Rings when something has arrived.
+    pub fn bell(&self) -> Arc<Bell> {
+        self.bell.clone()
+    }
+
+    /// Requests that may be under way.
+    pub fn window(&self) -> usize {
+        self.queue.window.limit()
     }
 
     /// Requests under way.

@@ -15,6 +15,13 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// Most requests in flight, of those at the beginning.
+const WINDOW_TIMES: usize = 4;
+/// A line that is as short as this is full with few requests.
+const NEAR: Duration = Duration::from_millis(10);
+/// Answers may take so much longer by chance.
+const NOISE: Duration = Duration::from_millis(5);
+
 /// What to do in this frame.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Plan {
@@ -27,7 +34,8 @@ pub struct Plan {
 /// What is queued and what is under way.
 #[derive(Debug)]
 pub struct Queue {
-    limit: usize,
+    /// How many requests may be in flight.
+    pub window: Window,
     queued: HashSet<Key>,
     flying: HashSet<Key>,
     /// Closed while the server does not answer.
@@ -35,9 +43,10 @@ pub struct Queue {
 }
 
 impl Queue {
-    /// With `limit` requests in flight at most.
-    pub fn new(limit: usize) -> Self {
-        Self { limit: limit.max(1), queued: HashSet::new(), flying: HashSet::new(), gate: Gate::default() }
+    /// With `least` requests in flight to begin with.
+    pub fn new(least: usize) -> Self {
+        let window = Window::new(least);
+        Self { window, queued: HashSet::new(), flying: HashSet::new(), gate: Gate::default() }
     }
 
     /// Brings the tiles' states in line with `wanted`, and says what follows. `near`: what needs no network may start while
@@ -52,14 +61,15 @@ impl Queue {
             tree.apply(key, TileEvent::Drop);
             plan.cancel.push(key);
         }
-        let open = self.gate.limit(now, self.limit);
+        let limit = self.window.limit();
+        let open = self.gate.limit(now, limit);
         for Wanted { key, .. } in wanted {
             if tree.apply(*key, TileEvent::Want { now }) {
                 self.queued.insert(*key);
             }
             let queued = tree.tile(*key).is_some_and(|tile| tile.state() == TileState::Queued);
             let room = |limit: usize| self.flying.len() < limit;
-            let may_start = queued && (room(open) || open < self.limit && room(self.limit) && near(*key));
+            let may_start = queued && (room(open) || open < limit && room(limit) && near(*key));
             if may_start && tree.apply(*key, TileEvent::Start) {
                 self.queued.remove(key);
                 self.flying.insert(*key);
@@ -72,6 +82,44 @@ impl Queue {
     /// A request is over, well or not.
     pub fn landed(&mut self, key: Key) {
         self.flying.remove(&key);
+    }
+}
+
+/// As many requests in flight as keep the line full: more while answers take no longer for it, fewer when they do. Every
+/// answer that is queued on the line delays what is wanted more by the time that it comes.
+#[derive(Debug)]
+pub struct Window {
+    least: usize,
+    limit: usize,
+    /// What an answer takes that waits for no other.
+    fastest: Duration,
+}
+
+impl Window {
+    fn new(least: usize) -> Self {
+        let least = least.max(1);
+        Self { least, limit: least, fastest: Duration::MAX }
+    }
+
+    /// How many may be in flight.
+    pub fn limit(&self) -> usize {
+        self.limit
+    }
+
+    /// An answer came `took` after it was asked for.
+    pub fn answered(&mut self, took: Duration) {
+        // Forgotten in time: the way may have become longer.
+        self.fastest = self.fastest.saturating_add(self.fastest / 256).min(took);
+        if self.fastest > NEAR && took < self.fastest + self.fastest / 2 + NOISE {
+            self.limit = (self.limit + 1).min(self.least * WINDOW_TIMES);
+        } else if took > self.fastest * 3 + NOISE {
+            self.limit = (self.limit - 1).max(self.least);
+        }
+    }
+
+    /// A request failed for no fault of its own.
+    pub fn failed(&mut self) {
+        self.limit = (self.limit / 2).max(self.least);
     }
 }
 
@@ -199,6 +247,22 @@ mod tests {
         assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start, [all[0].key]);
         queue.gate.succeeded();
         assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start.len(), 3);
+    }
+
+    #[test]
+    fn more_requests_fly_while_that_delays_none() {
+        let ms = Duration::from_millis;
+        let mut window = Window::new(12);
+        (0..1000).for_each(|_| window.answered(ms(52)));
+        assert_eq!(window.limit(), 48);
+        (0..10).for_each(|_| window.answered(ms(400)));
+        assert_eq!(window.limit(), 38, "the line is full");
+        (0..10).for_each(|_| window.answered(ms(120)));
+        assert_eq!(window.limit(), 38);
+        (0..3).for_each(|_| window.failed());
+        assert_eq!(window.limit(), 12);
+        (0..1000).for_each(|_| window.answered(ms(1)));
+        assert_eq!(window.limit(), 12, "what is near is quick with few");
     }
 
     #[test]

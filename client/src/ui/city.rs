@@ -24,10 +24,7 @@ use crate::{
 };
 use egui::Align2;
 use glam::DVec3;
-use insula_shaders::{
-    cpu::{raycast::Counts, tally::tally},
-    layout::Shading,
-};
+use insula_shaders::{cpu::raycast::Counts, layout::Shading};
 use std::time::{Duration, Instant};
 use winit::event_loop::ControlFlow;
 
@@ -166,15 +163,14 @@ impl City {
         let detail = Detail { fine: detail.fine && self.session.settled(), ..detail };
         let look = Look { samples: detail.samples, shading: self.shown.shading, ..self.look };
         let data = self.session.frame_data(&shot, &look);
-        if let Adapter::Cpu(cpu) = self.session.adapter_mut() {
-            let pixels = cpu.draw(&data);
-            shell.set_picture(image(&pixels));
-            self.session.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()));
+        if matches!(self.session.adapter(), Adapter::Cpu(_)) {
+            shell.set_picture(image(&self.session.render(&data)?));
         }
         self.watch();
         let before = (self.shown.tau_px, self.shown.daylight);
         let (overlay, again) = self.lay_out(shell, settings);
-        let shown = shell.surface.present(Some((self.session.adapter_mut(), &data)), &overlay)?;
+        let shown = self.session.during(|adapter| shell.surface.present(Some((adapter, &data)), &overlay))?;
+        self.session.drawn(&data);
         if self.pace.end(begin, detail, shown) {
             tracing::debug!("at rest");
             self.count(&data, shell);

@@ -41,7 +41,8 @@ pub struct Pace {
 impl Pace {
     /// Nothing drawn yet.
     pub fn new(now: Instant) -> Self {
-        let (frame_time, full_time) = (Duration::ZERO, Duration::ZERO);
+        // As slow as can be, until it is known: the first picture must not be late.
+        let (frame_time, full_time) = (Duration::ZERO, SLOW * (DIVIDE_MOST * DIVIDE_MOST));
         Self { last_frame: now, last_change: now, frame_time, full_time, rested: false }
     }
 

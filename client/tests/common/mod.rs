@@ -147,6 +147,10 @@ pub enum Answer {
     Status(u16),
     /// Closes the connection in the middle.
     Cut,
+    /// That status, and not to ask again for so many seconds.
+    Later(u16, u32),
+    /// A byte a second, for as long as anybody listens.
+    Trickle,
 }
 
 pub type Policy = dyn Fn(&str, u32) -> Answer + Send + Sync;
@@ -213,12 +217,29 @@ fn connection(
             None => (404, Vec::new()),
         };
         let answer = policy(&path, times);
-        let status = if let Answer::Status(status) = answer { status } else { status };
+        let (status, more) = match answer {
+            Answer::Status(status) => (status, String::new()),
+            Answer::Later(status, secs) => (status, format!("retry-after: {secs}\r\n")),
+            _ => (status, String::new()),
+        };
         if answer == Answer::Damaged {
             let at = body.len() / 2;
             body[at] ^= 0x40;
         }
-        let head = format!("HTTP/1.1 {status} x\r\ncontent-length: {}\r\n\r\n", body.len());
+        let head = format!("HTTP/1.1 {status} x\r\n{more}content-length: {}\r\n\r\n", body.len());
+        if answer == Answer::Trickle {
+            let mut bytes = head.bytes().chain(body.iter().copied());
+            let head: Vec<u8> = bytes.by_ref().take(head.len()).collect();
+            let begun = stream.write_all(&head);
+            let rest = bytes.try_for_each(|byte| {
+                std::thread::sleep(Duration::from_secs(1));
+                stream.write_all(&[byte])
+            });
+            if begun.and(rest).is_err() {
+                return;
+            }
+            continue;
+        }
         let body = if answer == Answer::Cut { &body[..body.len() / 2] } else { &body[..] };
         if stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body)).is_err() || answer == Answer::Cut {
             return;

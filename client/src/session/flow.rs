@@ -1,18 +1,22 @@
-//! The loop that every command shares: select, request, decode, upload, draw.
+//! What streams: select, request, decode, upload.
 //!
-//! In: a camera each frame. Out: the cut, pictures, counters. Next: `ui::window`, `commands::snapshot`, `commands::fly`.
+//! In: a camera each frame. Out: the cut, what it lacks, counters. Next: `session` draws.
+//!
+//! The network does not wait for frames: while one is drawn, what arrives is taken in and the next requests start
+//! ([`Flow::go_on`]). Only uploads wait, as the atlas is being read.
 
+use super::tau::Raised;
 use crate::{
-    cache::{Cache, PAGE_BYTES, Packed, Placement},
+    cache::{Cache, PAGE_BYTES, Packed, Placement, Upload},
     camera::{Camera, View},
     error::{ClientError, Result},
-    render::{Adapter, AdapterInfo, Drawn, FrameData, Look},
-    report::{FrameTimes, Report, TileCounts},
-    scene::{Key, TileEvent, Tree, TreeNode},
+    render::{Drawn, FrameData, Look},
+    report::TileCounts,
+    scene::{Key, TileEvent, TileState, Tree},
     select::{
-        Scratch, Selection,
+        Counters, Scratch, Selection,
         casters::{Casters, casters},
-        priority::Group,
+        priority::{Group, Wanted},
         select,
         sight::{Asked, Sight},
     },
@@ -20,22 +24,27 @@ use crate::{
 };
 use glam::DVec3;
 use insula_protocol::{Subtree, TileId};
-use insula_shaders::cpu::{raycast::Pixels, tally::tally};
 use std::{
     collections::{HashSet, VecDeque},
+    ops::Range,
     time::{Duration, Instant},
 };
 
-/// Most bytes that one frame uploads; one node may exceed it.
-const UPLOAD_BYTES: u64 = 8 << 20;
+/// Bytes that a second's frames upload, and least and most bytes that one does; a single node may exceed them.
+const UPLOAD_BYTES_PER_SEC: f64 = 512e6;
+const UPLOAD_BYTES: Range<f64> = 8e6..64e6;
 /// Decoded nodes that may wait for their upload.
-const DECODED_NODES: usize = 64;
+const DECODED_BYTES: u64 = 32 << 20;
 /// Subtrees that may wait for what they hang on.
 const ORPHANS: usize = 16;
 /// Share of the atlas that a view may fill; the rest is for what it needed a moment ago.
 const BUDGET_SHARE: f64 = 0.85;
-/// Frame times that are kept.
-const TIMES: usize = 100_000;
+/// What is over so many times tau is asked for whether it is seen or not.
+const UNSEEN_TIMES_TAU: f64 = 4.0;
+/// Requests that start while a picture is drawn, for what only the last one saw: so many times those that may be in flight.
+const FINE_TIMES_WINDOW: usize = 2;
+/// While nothing arrives, retries are looked after so often.
+const PATIENCE: Duration = Duration::from_millis(10);
 
 /// What one frame is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,100 +59,112 @@ pub struct Shot {
     pub tau_px: f64,
 }
 
-/// A city that is being looked at.
-pub struct Session {
-    tree: Tree,
-    cache: Cache,
-    stream: Stream,
-    adapter: Adapter,
-    info: AdapterInfo,
+/// All of a session but what draws.
+pub(super) struct Flow {
+    pub(super) tree: Tree,
+    pub(super) cache: Cache,
+    pub(super) stream: Stream,
+    pub(super) selection: Selection,
+    pub(super) sight: Sight,
+    pub(super) tiles: TileCounts,
+    pub(super) evicted: u64,
+    pub(super) fetched_again: u64,
     scratch: Scratch,
-    selection: Selection,
     /// Towards the sun, if it casts shadows, and what casts them in the last selection.
     sun: Option<DVec3>,
     casters: Casters,
-    sight: Sight,
     /// Counts selections that differ from the one before.
     generation: u64,
     last_view: Option<View>,
+    /// What the last selection was for, and when.
+    shot: Option<Shot>,
+    selected_at: Instant,
+    raised: Raised,
     decoded: VecDeque<(Key, Packed)>,
+    decoded_bytes: u64,
+    uploaded_at: Instant,
     /// Subtrees that came before what they hang on.
     orphans: Vec<(Key, Subtree)>,
-    tiles: TileCounts,
-    times: Vec<Duration>,
-    evicted: u64,
-    /// Tiles that were evicted once, and how many of them came again.
+    /// Tiles that were evicted once.
     left: HashSet<Key>,
-    fetched_again: u64,
-    started: Instant,
-    first_picture: Option<Duration>,
-    converged: Option<Duration>,
-    asked_tau_px: f64,
     /// Something came in after the last selection.
     fresh: bool,
 }
 
-impl Session {
-    /// Nothing fetched yet. `pages` is what `adapter` has room for; `started` is when the command began.
-    pub fn new(
-        tree: Tree,
-        stream: Stream,
-        (adapter, info, pages): (Adapter, AdapterInfo, u32),
-        started: Instant,
-    ) -> Self {
+impl Flow {
+    /// Nothing fetched yet, with room for `pages` pages.
+    pub(super) fn new(tree: Tree, stream: Stream, pages: u32) -> Self {
         Self {
             tree,
             cache: Cache::new(pages),
             stream,
-            adapter,
-            info,
-            scratch: Scratch::default(),
             selection: Selection::default(),
+            sight: Sight::default(),
+            tiles: TileCounts::default(),
+            evicted: 0,
+            fetched_again: 0,
+            scratch: Scratch::default(),
             sun: None,
             casters: Casters::default(),
-            sight: Sight::default(),
             generation: 0,
             last_view: None,
+            shot: None,
+            selected_at: Instant::now(),
+            raised: Raised::default(),
             decoded: VecDeque::new(),
+            decoded_bytes: 0,
+            uploaded_at: Instant::now(),
             orphans: Vec::new(),
-            tiles: TileCounts::default(),
-            times: Vec::new(),
-            evicted: 0,
             left: HashSet::new(),
-            fetched_again: 0,
-            started,
-            first_picture: None,
-            converged: None,
-            asked_tau_px: 1.0,
             fresh: false,
         }
     }
 
     /// The view of a shot, with this cache's budget.
-    pub fn view(&self, shot: &Shot, camera: Camera) -> View {
+    pub(super) fn view(&self, shot: &Shot, camera: Camera) -> View {
         let pages = f64::from(self.cache.capacity_pages()) * BUDGET_SHARE;
         View {
             camera,
             width_px: shot.size_px[0],
             height_px: shot.size_px[1],
-            tau_px: shot.tau_px,
+            tau_px: shot.tau_px * self.raised.times(),
             budget_pages: pages as u32,
             budget_nodes: crate::cache::slots_for(pages as u32),
         }
     }
 
     /// One turn of the loop but for drawing.
-    pub fn step(&mut self, shot: &Shot) {
+    pub(super) fn step(&mut self, shot: &Shot, upload: &mut impl Upload) {
         let now = Instant::now();
+        self.collect(now);
+        self.turn(shot, now);
+        // What came in is drawn in this frame.
+        if self.upload(upload, now) {
+            self.turn(shot, now);
+        }
+    }
+
+    /// Selects, and asks for what is missing.
+    fn turn(&mut self, shot: &Shot, now: Instant) {
+        self.select(shot, now);
+        self.stream.request(&mut self.tree, &self.selection.wanted, now);
+    }
+
+    fn select(&mut self, shot: &Shot, now: Instant) {
         let view = self.view(shot, shot.camera);
+        let moved = self.shot.replace(*shot) != Some(*shot);
         self.cache.begin_frame();
-        self.asked_tau_px = shot.tau_px;
         self.fresh = false;
         let selection = select(&view, &self.tree, &self.sight, &mut self.scratch);
         if selection.cut != self.selection.cut || self.last_view != Some(view) {
             self.generation += 1;
         }
         (self.selection, self.last_view) = (selection, Some(view));
+        let Counters { tau_px, pages, .. } = self.selection.counters;
+        let share = f64::from(pages) / f64::from(view.budget_pages.max(1));
+        let secs = now.duration_since(self.selected_at).as_secs_f64();
+        self.raised.learn(tau_px / shot.tau_px, share, secs, moved);
+        self.selected_at = now;
         // The coarsest last: of equals, it goes last.
         for at in self.selection.used.iter().rev() {
             self.cache.touch(Key::block_map(self.tree.node(*at).id));
@@ -155,20 +176,55 @@ impl Session {
         if let Some(heading) = shot.heading {
             self.preload(shot, heading);
         }
-        self.stream.request(&mut self.tree, &self.selection.wanted, now);
-        self.collect(now);
-        self.upload();
-        let elapsed = self.started.elapsed();
-        if !self.selection.cut.is_empty() {
-            self.first_picture.get_or_insert(elapsed);
-        }
-        if self.settled() {
-            self.converged.get_or_insert(elapsed);
+    }
+
+    /// Begins for a shot before there is an adapter, until there is one.
+    pub(super) fn begin(&mut self, shot: &Shot, is_ready: impl Fn() -> bool) {
+        self.turn(shot, Instant::now());
+        self.go_on(is_ready);
+    }
+
+    /// Keeps the network busy for the last shot until `is_over`: takes in what arrives, asks for the next. Whoever ends it
+    /// rings the stream's bell, or it takes a moment.
+    pub(super) fn go_on(&mut self, is_over: impl Fn() -> bool) {
+        let bell = self.stream.bell();
+        // What is being drawn will tell what is hidden: before the first picture, only what is coarse is asked for whether it
+        // is seen or not, and then no more of the rest than lately was seen, nearest first.
+        let mut fine = if self.sight.is_fed() { FINE_TIMES_WINDOW * self.stream.window() } else { 0 };
+        while let Some(shot) = self.shot
+            && !is_over()
+        {
+            bell.wait(PATIENCE);
+            let now = Instant::now();
+            // Nothing is uploaded meanwhile: only what a subtree tells of can change what is wanted.
+            if self.collect(now) {
+                self.select(&shot, now);
+            }
+            let coarse = |w: &Wanted| w.weight > UNSEEN_TIMES_TAU * shot.tau_px || self.is_loading(w.key);
+            let mut left = fine;
+            let mut wanted = Vec::new();
+            for want in &self.selection.wanted {
+                let counts = !coarse(want);
+                if !counts || left > 0 {
+                    left -= usize::from(counts);
+                    wanted.push(*want);
+                }
+            }
+            fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
         }
     }
 
+    fn is_loading(&self, key: Key) -> bool {
+        self.tree.tile(key).is_some_and(|tile| tile.state() == TileState::Loading)
+    }
+
+    /// Whether nothing is wanted and nothing is under way.
+    pub(super) fn is_still(&self) -> bool {
+        self.selection.wanted.is_empty() && self.stream.in_flight() == 0
+    }
+
     /// Towards the sun, if what is out of the picture shall cast shadows into it: a [`Look::casting`].
-    pub fn set_sun(&mut self, sun: Option<DVec3>) {
+    pub(super) fn set_sun(&mut self, sun: Option<DVec3>) {
         self.sun = sun;
     }
 
@@ -203,8 +259,10 @@ impl Session {
         }
     }
 
-    fn collect(&mut self, now: Instant) {
-        while self.decoded.len() < DECODED_NODES
+    /// Takes in what has arrived; whether nodes became known.
+    fn collect(&mut self, now: Instant) -> bool {
+        let known = self.tree.nodes().len();
+        while self.decoded_bytes < DECODED_BYTES
             && let Some(arrival) = self.stream.arrival(&mut self.tree, now)
         {
             self.fresh = true;
@@ -215,14 +273,20 @@ impl Session {
                 }
                 Arrival::Node(key, node) => {
                     self.tree.set_pages(key.id, node.pages.len() as u32);
-                    self.decoded.push_back((key, Packed::Node(node)));
+                    self.hold(key, Packed::Node(node));
                 }
                 Arrival::Mesh(key, mesh) => {
                     self.tree.set_mesh_pages(key, mesh.pages.len() as u32);
-                    self.decoded.push_back((key, Packed::Mesh(mesh)));
+                    self.hold(key, Packed::Mesh(mesh));
                 }
             }
         }
+        self.tree.nodes().len() > known
+    }
+
+    fn hold(&mut self, key: Key, packed: Packed) {
+        self.decoded_bytes += bytes_of(&packed);
+        self.decoded.push_back((key, packed));
     }
 
     /// Merges the subtrees whose nodes hang on known ones. The others wait for what they hang on: it is under way, or was
@@ -244,18 +308,22 @@ impl Session {
         key.id == TileId::ROOT || self.tree.find(key.id).is_some()
     }
 
-    fn upload(&mut self) {
+    /// Puts what is decoded into the cache, as far as a frame has time; whether there was anything.
+    fn upload(&mut self, upload: &mut impl Upload, now: Instant) -> bool {
+        let secs = now.duration_since(self.uploaded_at).as_secs_f64();
+        let most = (secs * UPLOAD_BYTES_PER_SEC).clamp(UPLOAD_BYTES.start, UPLOAD_BYTES.end) as u64;
+        self.uploaded_at = now;
         let mut bytes = 0;
-        while bytes < UPLOAD_BYTES
+        while bytes < most
             && let Some((key, packed)) = self.decoded.pop_front()
         {
-            bytes += packed.pages().len() as u64 * PAGE_BYTES;
+            self.decoded_bytes -= bytes_of(&packed);
+            bytes += bytes_of(&packed);
             let is_mesh = matches!(packed, Packed::Mesh(_));
-            let (event, evicted) = match self.cache.place(key, packed, &mut self.adapter) {
+            let (event, evicted) = match self.cache.place(key, packed, upload) {
                 Placement::Placed { evicted } => (TileEvent::Upload, evicted),
                 Placement::Full { evicted } => (TileEvent::Drop, evicted),
             };
-            self.fresh = true;
             let arrived = if is_mesh { &mut self.tiles.meshes } else { &mut self.tiles.blockmaps };
             *arrived += u64::from(event == TileEvent::Upload);
             self.fetched_again += u64::from(self.left.contains(&key));
@@ -266,31 +334,27 @@ impl Session {
                 self.tree.apply(key, TileEvent::Drop);
             }
         }
+        bytes > 0
     }
 
     /// Whether nothing could make the last selection's picture better.
-    pub fn settled(&self) -> bool {
-        self.fetched() && (self.is_sighted([0, 0]) || !self.sight.is_fed())
+    pub(super) fn settled(&self) -> bool {
+        self.fetched() && !self.raised.moves() && (self.is_sighted([0, 0]) || !self.sight.is_fed())
     }
 
     /// Whether all that the last selection asks for is here.
-    pub fn fetched(&self) -> bool {
+    pub(super) fn fetched(&self) -> bool {
         self.tree.root().is_some() && self.selection.wanted.is_empty() && self.decoded.is_empty()
     }
 
     /// Whether it is known what the rays of the last selection hit, in a picture of at least this size, and they changed
     /// nothing.
-    pub fn is_sighted(&self, size_px: [u32; 2]) -> bool {
+    pub(super) fn is_sighted(&self, size_px: [u32; 2]) -> bool {
         self.sight.has_looked(self.generation, size_px)
     }
 
-    /// Whether anything can be drawn.
-    pub fn has_picture(&self) -> bool {
-        !self.selection.cut.is_empty()
-    }
-
     /// Takes in what the rays of a picture hit: `pixels` of each of the squares that it was drawn with.
-    pub fn feed(&mut self, asked: &Asked, pixels: &[u32]) {
+    pub(super) fn feed(&mut self, asked: &Asked, pixels: &[u32]) {
         if !self.sight.has_looked(asked.generation, [asked.view.width_px, asked.view.height_px]) {
             let whole = self.fetched();
             self.sight.feed(asked, pixels, whole, &self.tree);
@@ -298,26 +362,15 @@ impl Session {
         }
     }
 
-    /// What the last pictures' rays hit.
-    pub fn sight(&self) -> &Sight {
-        &self.sight
-    }
-
     /// Whether the next frame has something to upload, or to select anew: no need to wait for the network.
-    pub fn streaming_now(&self) -> bool {
-        !self.decoded.is_empty() || self.fresh
-    }
-
-    /// What the last shot asked for.
-    pub fn asked_tau_px(&self) -> f64 {
-        self.asked_tau_px
+    pub(super) fn streaming_now(&self) -> bool {
+        !self.decoded.is_empty() || self.fresh || self.raised.moves()
     }
 
     /// An error if the city has no root to begin with, or the server does not answer for `timeout`.
-    pub fn check(&self, timeout: Duration) -> Result<()> {
-        let root_bad = self.tree.subtree(TileId::ROOT).is_bad()
-            || self.tree.root().is_some_and(|root| self.tree.node(root).tile.is_bad());
-        if root_bad {
+    pub(super) fn check(&self, timeout: Duration) -> Result<()> {
+        let root = [Key::subtree(TileId::ROOT), Key::block_map(TileId::ROOT)];
+        if root.iter().any(|key| self.tree.tile(*key).is_some_and(|tile| tile.is_bad())) {
             let name = &self.tree.manifest().name;
             return Err(ClientError::Server(format!(
                 "the root tile of city {name} is missing or damaged: run insula-server verify on the city"
@@ -327,109 +380,19 @@ impl Session {
     }
 
     /// What the ray-caster needs for the last selection.
-    pub fn frame_data(&self, shot: &Shot, look: &Look) -> FrameData {
+    pub(super) fn frame_data(&self, shot: &Shot, look: &Look) -> FrameData {
         let (cut, casters) = (&self.selection.cut[..], &self.casters.nodes[..]);
-        let drawn = Drawn { cut, casters, generation: self.generation };
+        let error_px = self.selection.counters.seen_error_px;
+        let drawn = Drawn { cut, casters, generation: self.generation, error_px };
         FrameData::new(drawn, &self.tree, &self.cache, &self.view(shot, shot.camera), look)
     }
 
-    /// Draws the last selection, waits for the pixels, and takes in what they hit.
-    pub fn draw(&mut self, shot: &Shot, look: &Look) -> Result<Pixels> {
-        let data = self.frame_data(shot, look);
-        let pixels = self.adapter.draw(&data)?;
-        self.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()));
-        Ok(pixels)
-    }
-
-    /// Notes how long a frame took.
-    pub fn timed(&mut self, time: Duration) {
-        if self.times.len() < TIMES {
-            self.times.push(time);
-        }
-    }
-
-    /// Frames that took `times` the median or longer.
-    pub fn stalls(&self, times: f64) -> usize {
-        let limit_ms = FrameTimes::new(&self.times).median_ms * times;
-        self.times.iter().filter(|time| time.as_secs_f64() * 1e3 >= limit_ms).count()
-    }
-
-    /// Tiles that had to leave the cache.
-    pub fn evicted(&self) -> u64 {
-        self.evicted
-    }
-
-    /// Tiles that came again after they had left.
-    pub fn fetched_again(&self) -> u64 {
-        self.fetched_again
-    }
-
     /// Whether the last selection's picture lacks anything.
-    pub fn lacks(&self) -> bool {
+    pub(super) fn lacks(&self) -> bool {
         self.selection.wanted.iter().any(|wanted| wanted.group != Group::Preload)
     }
+}
 
-    /// The ray-caster, for the window.
-    pub fn adapter_mut(&mut self) -> &mut Adapter {
-        &mut self.adapter
-    }
-
-    /// The ray-caster.
-    pub fn adapter(&self) -> &Adapter {
-        &self.adapter
-    }
-
-    /// What draws.
-    pub fn adapter_info(&self) -> &AdapterInfo {
-        &self.info
-    }
-
-    /// What is known of the city.
-    pub fn tree(&self) -> &Tree {
-        &self.tree
-    }
-
-    /// The last selection.
-    pub fn selection(&self) -> &Selection {
-        &self.selection
-    }
-
-    /// The atlas.
-    pub fn cache(&self) -> &Cache {
-        &self.cache
-    }
-
-    /// The network.
-    pub fn stream(&self) -> &Stream {
-        &self.stream
-    }
-
-    /// What it all cost so far.
-    pub fn report(&self, tau_px: f64) -> Report {
-        let manifest = self.tree.manifest();
-        let bad_meshes = |n: &TreeNode| n.lods.iter().filter(|lod| lod.tile.is_bad()).count();
-        let bad = |n: &TreeNode| usize::from(n.tile.is_bad()) + bad_meshes(n);
-        let bad = self.tree.nodes().iter().map(bad).sum::<usize>() as u64;
-        let counters = self.selection.counters;
-        Report {
-            city: manifest.name.clone(),
-            version: manifest.version.clone(),
-            bytes_fetched: self.stream.http().bytes(),
-            requests: self.stream.http().requests(),
-            tiles: TileCounts { bad, ..self.tiles },
-            frame_times: FrameTimes::new(&self.times),
-            time_to_first_picture_secs: self.first_picture.map(|t| t.as_secs_f64()),
-            time_to_converged_picture_secs: self.converged.map(|t| t.as_secs_f64()),
-            peak_cache_bytes: self.cache.peak_bytes(),
-            cache_bytes: u64::from(self.cache.capacity_pages()) * PAGE_BYTES,
-            adapter: self.info.clone(),
-            tau_px,
-            tau_reached_px: counters.tau_px,
-            worst_error_px: counters.worst_error_px,
-            nodes_drawn: counters.drawn,
-            meshes_drawn: counters.meshes,
-            triangles_drawn: counters.triangles,
-            unconverged_share: None,
-        }
-    }
+fn bytes_of(packed: &Packed) -> u64 {
+    packed.pages().len() as u64 * PAGE_BYTES
 }
