@@ -65,6 +65,45 @@ fn sort_by_vertex(
     (from, sorted)
 }
 
+/// Half-edges by the edge that they lie on, whichever way they go.
+struct Edges {
+    /// Where those of each vertex begin that is the lower end, with the end of all at last.
+    from: Vec<u32>,
+    /// The upper end, then the half-edge; ascending for each lower end.
+    keys: Vec<u64>,
+}
+
+impl Edges {
+    fn new(origin: &[u32], vertices: u32) -> Self {
+        let mut from = vec![0u32; vertices as usize + 1];
+        let corners = origin.as_chunks::<3>().0;
+        let ends = |[a, b, c]: [u32; 3]| [(a.min(b), a.max(b)), (b.min(c), b.max(c)), (c.min(a), c.max(a))];
+        for corners in corners {
+            ends(*corners).iter().for_each(|(lower, _)| from[*lower as usize + 1] += 1);
+        }
+        for i in 1..from.len() {
+            from[i] += from[i - 1];
+        }
+        let mut to = from.clone();
+        let mut keys = vec![0; origin.len()];
+        for (t, corners) in (0u32..).zip(corners) {
+            for (h, (lower, upper)) in (3 * t..).zip(ends(*corners)) {
+                let place = &mut to[lower as usize];
+                keys[*place as usize] = u64::from(upper) << 32 | u64::from(h);
+                *place += 1;
+            }
+        }
+        from.windows(2).for_each(|part| keys[part[0] as usize..part[1] as usize].sort_unstable());
+        Self { from, keys }
+    }
+
+    /// Those of each edge.
+    fn groups(&self) -> impl Iterator<Item = &[u64]> {
+        let parts = self.from.windows(2).map(|part| &self.keys[part[0] as usize..part[1] as usize]);
+        parts.flat_map(|part| part.chunk_by(|a, b| a >> 32 == b >> 32))
+    }
+}
+
 /// A half-edge mesh.
 #[derive(Debug, Clone, Default)]
 pub struct Pieces {
@@ -85,10 +124,14 @@ impl Pieces {
     pub fn new(triangles: &[[u32; 3]], vertices: u32) -> Self {
         let mut pieces = Self::default();
         pieces.gather(triangles, vertices);
-        let edges = pieces.edges(vertices);
-        if pieces.turn(&edges) {
-            pieces.pair(&pieces.edges(vertices));
-        } else {
+        let mut edges = Edges::new(&pieces.origin, vertices);
+        if pieces.pair(&edges) {
+            if pieces.leave_out_duplicates(vertices) {
+                edges = Edges::new(&pieces.origin, vertices);
+            }
+            if pieces.turn(&edges) {
+                edges = Edges::new(&pieces.origin, vertices);
+            }
             pieces.pair(&edges);
         }
         pieces.split(vertices);
@@ -107,9 +150,22 @@ impl Pieces {
         self.origin[next(half_edge) as usize]
     }
 
-    /// Leaves out what is no triangle, or was there before.
+    /// Leaves out what is no triangle.
     fn gather(&mut self, triangles: &[[u32; 3]], vertices: u32) {
-        let is_triangle = |[a, b, c]: [u32; 3]| a != b && b != c && c != a && a.max(b).max(c) < vertices;
+        self.origin.reserve(3 * triangles.len());
+        self.corner.reserve(3 * triangles.len());
+        for (t, &[a, b, c]) in (0u32..).zip(triangles) {
+            if a == b || b == c || c == a || a.max(b).max(c) >= vertices {
+                self.census.degenerate += 1;
+                continue;
+            }
+            self.origin.extend([a, b, c]);
+            self.corner.extend([3 * t, 3 * t + 1, 3 * t + 2]);
+        }
+    }
+
+    /// Leaves out triangles that were there before. Whether there are any.
+    fn leave_out_duplicates(&mut self, vertices: u32) -> bool {
         // By their lowest corner, turned so that it is the first.
         let lowest_first = |[a, b, c]: [u32; 3]| {
             if a < b && a < c {
@@ -120,10 +176,9 @@ impl Pieces {
                 [c, a, b]
             }
         };
+        let triangles = self.origin.as_chunks::<3>().0;
         let lowest = |t: u32| lowest_first(triangles[t as usize])[0];
-        let whole = (0..triangles.len() as u32).filter(|t| is_triangle(triangles[*t as usize]));
-        let (from, sorted) = sort_by_vertex(whole.clone(), lowest, vertices);
-        self.census.degenerate = (triangles.len() - sorted.len()) as u32;
+        let (from, sorted) = sort_by_vertex(0..triangles.len() as u32, lowest, vertices);
         let mut again = vec![false; triangles.len()];
         for group in from.windows(2) {
             let group = &sorted[group[0] as usize..group[1] as usize];
@@ -137,35 +192,25 @@ impl Pieces {
                 again[t as usize] = group[..i].iter().any(|other| lowest_first(triangles[*other as usize]) == turned);
             }
         }
-        self.origin.reserve(3 * sorted.len());
-        self.corner.reserve(3 * sorted.len());
-        for t in whole {
-            if again[t as usize] {
-                self.census.duplicate += 1;
-                continue;
-            }
-            self.origin.extend(triangles[t as usize]);
-            self.corner.extend([3 * t, 3 * t + 1, 3 * t + 2]);
+        self.census.duplicate = again.iter().filter(|again| **again).count() as u32;
+        for list in [&mut self.origin, &mut self.corner] {
+            let mut h = 0;
+            list.retain(|_| {
+                h += 1;
+                !again[(h - 1) / 3]
+            });
         }
-    }
-
-    /// Half-edges by the edge that they lie on, whichever way they go: its ends and the half-edge, equal edges side by side.
-    fn edges(&self, vertices: u32) -> Vec<(u32, u32, u32)> {
-        let ends = |h: u32| (self.origin[h as usize], self.target(h));
-        let lower = |h: u32| ends(h).0.min(ends(h).1);
-        let (from, sorted) = sort_by_vertex(0..self.origin.len() as u32, lower, vertices);
-        let mut edges: Vec<_> = sorted.iter().map(|&h| (lower(h), ends(h).0.max(ends(h).1), h)).collect();
-        from.windows(2).for_each(|group| edges[group[0] as usize..group[1] as usize].sort_unstable());
-        edges
+        self.census.duplicate > 0
     }
 
     /// Turns triangles around where an edge of two goes the same way in both; the fewer of a connected part are turned.
     /// Whether any was.
-    fn turn(&mut self, edges: &[(u32, u32, u32)]) -> bool {
+    fn turn(&mut self, edges: &Edges) -> bool {
         let mut beside = vec![NONE; self.origin.len()];
         let mut against = false;
-        for group in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            if let [(_, _, h), (_, _, g)] = *group {
+        for group in edges.groups() {
+            if let [h, g] = *group {
+                let [h, g] = [h as u32, g as u32];
                 beside[h as usize] = g;
                 beside[g as usize] = h;
                 against |= self.origin[h as usize] == self.origin[g as usize];
@@ -209,13 +254,28 @@ impl Pieces {
         true
     }
 
-    /// Twins: on an edge of several triangles those that go opposite ways and stand nearest in the input.
-    fn pair(&mut self, edges: &[(u32, u32, u32)]) {
-        self.twin = vec![NONE; self.origin.len()];
+    /// Twins: on an edge of several triangles those that go opposite ways and stand nearest in the input. Whether some edge has
+    /// two that go the same way.
+    fn pair(&mut self, edges: &Edges) -> bool {
+        self.twin.clear();
+        self.twin.resize(self.origin.len(), NONE);
+        self.census.cut_edges = 0;
+        let mut same_way = false;
         let mut waiting: Vec<u32> = Vec::new();
-        for group in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        for group in edges.groups() {
+            if let [h, g] = *group {
+                let [h, g] = [h as u32, g as u32];
+                if self.origin[h as usize] != self.origin[g as usize] {
+                    self.twin[h as usize] = g;
+                    self.twin[g as usize] = h;
+                } else {
+                    same_way = true;
+                    self.census.cut_edges += 1;
+                }
+                continue;
+            }
             waiting.clear();
-            for &(_, _, h) in group {
+            for h in group.iter().map(|key| *key as u32) {
                 match waiting.last() {
                     Some(&g) if self.origin[g as usize] != self.origin[h as usize] => {
                         waiting.pop();
@@ -225,10 +285,10 @@ impl Pieces {
                     _ => waiting.push(h),
                 }
             }
-            if group.len() > 2 || waiting.len() == 2 {
-                self.census.cut_edges += 1;
-            }
+            self.census.cut_edges += u32::from(group.len() > 2);
+            same_way |= group.len() > 2;
         }
+        same_way
     }
 
     /// Gives each fan its own vertex; vertices are numbered as triangles first use them.

@@ -9,16 +9,18 @@
 //! small as one asks for.
 
 mod quadric;
+mod queue;
 mod shape;
 
 use crate::model::{Layer, Model};
 use glam::DVec3;
 use insula_protocol::mesh::{
     Kind,
-    pieces::{Census, NONE, Pieces, next, prev},
+    pieces::{Census, NONE, Pieces},
 };
 use quadric::Quadric;
-use shape::{Hold, Shape};
+use queue::Queue;
+use shape::{Hold, Shape, next, prev, sides};
 use std::collections::HashMap;
 
 /// How much a square metre of a border's or seam's fence counts against one of surface.
@@ -27,6 +29,8 @@ const FENCE: f64 = 10.0;
 const REACH: f64 = 1.5;
 /// The cheapest edges, those that a round looks to collapse, are one of so many.
 const SHARE: usize = 2;
+/// The same once one of so many triangles is left.
+const LATE: (usize, usize) = (6, 4);
 /// No fewer edges than this.
 const ROUND: usize = 64;
 
@@ -64,20 +68,29 @@ struct Part {
 #[derive(Debug, Clone, Copy)]
 struct Look {
     cost: f32,
-    /// How often its ends had changed.
-    changes: u32,
+    /// In which round that was; 0 for never.
+    round: u32,
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { cost: f32::INFINITY, changes: NONE }
+        Self { cost: f32::INFINITY, round: 0 }
     }
+}
+
+/// Where an edge's ends become one.
+struct Aim {
+    /// Of both ends.
+    sum: Quadric,
+    at: DVec3,
+    cost: f64,
 }
 
 struct Work {
     shape: Shape,
-    /// How often each vertex changed.
-    changes: Vec<u32>,
+    /// The round in which each vertex last changed.
+    changed: Vec<u32>,
+    round: u32,
     /// For each half-edge that stands for its edge: the lower of two.
     looks: Vec<Look>,
     /// Values of each wedge, one a layer.
@@ -136,14 +149,31 @@ fn order(model: &Model) -> Vec<u32> {
         spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
     };
     let mut keys: Vec<(u32, u32)> = model.triangles.iter().map(key).zip(0..).collect();
-    keys.sort_unstable();
+    let mut sorted = keys.clone();
+    // Ten bits of thirty after ten.
+    for shift in [0, 10, 20] {
+        let digit = |key: u32| (key >> shift & 1023) as usize;
+        let mut places = [0u32; 1024];
+        keys.iter().for_each(|(key, _)| places[digit(*key)] += 1);
+        let mut before = 0;
+        places.iter_mut().for_each(|place| before += std::mem::replace(place, before));
+        for item in &keys {
+            let place = &mut places[digit(item.0)];
+            sorted[*place as usize] = *item;
+            *place += 1;
+        }
+        std::mem::swap(&mut keys, &mut sorted);
+    }
     keys.into_iter().map(|(_, triangle)| triangle).collect()
 }
 
 /// Parts that may leave, the cheapest last; the one with most surface is not among them.
 fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
-    let mut seen = vec![false; pieces.triangles()];
     let mut parts = Vec::new();
+    if pieces.census.pieces < 2 {
+        return parts;
+    }
+    let mut seen = vec![false; pieces.triangles()];
     let mut largest = (0.0, None);
     for seed in 0..pieces.triangles() as u32 {
         if std::mem::replace(&mut seen[seed as usize], true) {
@@ -184,27 +214,26 @@ impl Work {
     fn new(model: &Model, pieces: &Pieces, center: DVec3) -> Self {
         let place = pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - center);
         let (wedge, values) = wedges(model, pieces);
-        let mut shape = Shape::new(pieces, place, wedge);
+        let mut shape = Shape::new(pieces, place, &wedge);
         for t in 0..pieces.triangles() as u32 {
             let corners = shape.corners(t);
             let plane = Quadric::triangle(corners);
             for k in 0..3 {
-                let vertex = shape.origin[(3 * t + k) as usize];
+                let vertex = shape.origin(4 * t + k);
                 shape.vertex[vertex as usize].quadric += plane;
             }
-            for h in 3 * t..3 * t + 3 {
+            for h in sides(t) {
                 if shape.is_line(h) {
-                    let fence =
-                        Quadric::fence([h, next(h), prev(h)].map(|h| shape.place(shape.origin[h as usize])), FENCE);
-                    for vertex in [shape.origin[h as usize], shape.target(h)] {
+                    let fence = Quadric::fence([h, next(h), prev(h)].map(|h| shape.place(shape.origin(h))), FENCE);
+                    for vertex in [shape.origin(h), shape.target(h)] {
                         shape.vertex[vertex as usize].quadric += fence;
                     }
                 }
             }
         }
-        let looks = vec![Look::default(); pieces.origin.len()];
-        let changes = vec![0; shape.vertex.len()];
-        Self { shape, changes, looks, values, layers: model.layers.len(), error: 0.0 }
+        let looks = vec![Look::default(); 4 * pieces.triangles()];
+        let changed = vec![0; shape.vertex.len()];
+        Self { shape, changed, round: 0, looks, values, layers: model.layers.len(), error: 0.0 }
     }
 
     /// Collapses and lets parts leave until the goal is reached, or nothing more can be done. How many left.
@@ -215,13 +244,18 @@ impl Work {
     fn run(&mut self, goal: Goal, parts: &mut Vec<Part>) -> usize {
         let parts_before = parts.len();
         let mut triangles: Vec<u32> = (0..self.shape.alive.len() as u32).collect();
-        let mut edges = Vec::new();
+        let mut queue = Queue::new();
         // Whether some edge was given up that could do now, since something around it changed.
         let mut progress = false;
         let mut limit = f32::INFINITY;
         while self.shape.triangles > goal.triangles {
             triangles.retain(|t| self.shape.alive[*t as usize]);
-            self.look(&triangles, limit, &mut edges);
+            self.round += 1;
+            self.look(&triangles, limit, &mut queue);
+            let is_late = triangles.len() * LATE.0 < self.shape.alive.len();
+            let round = (queue.len() / if is_late { LATE.1 } else { SHARE }).max(ROUND);
+            let edges;
+            (edges, limit) = queue.cheapest(round);
             if edges.is_empty() {
                 if !std::mem::take(&mut progress) {
                     break;
@@ -229,13 +263,7 @@ impl Work {
                 self.looks.fill(Look::default());
                 continue;
             }
-            let round = (edges.len() / SHARE).max(ROUND).min(edges.len());
-            edges.select_nth_unstable(round - 1);
-            edges.truncate(round);
-            limit = f32::from_bits((edges[round - 1] >> 32) as u32);
-            edges.sort_unstable();
-            for edge in &edges {
-                let (cost, h) = (f32::from_bits((edge >> 32) as u32), *edge as u32);
+            for &(cost, h) in edges {
                 while let Some(part) =
                     parts.pop_if(|part| part.cost <= f64::from(cost) && part.half_diagonal <= goal.error)
                 {
@@ -244,9 +272,8 @@ impl Work {
                 if self.shape.triangles <= goal.triangles {
                     break;
                 }
-                if self.shape.alive[h as usize / 3] && self.looks[h as usize].changes == self.changes_of(h) {
-                    progress |= self.try_collapse(h, goal.error);
-                    self.looks[h as usize].cost = f32::INFINITY;
+                if self.last_change(h) < self.round {
+                    progress |= self.try_collapse(h, goal.error, limit);
                 }
             }
         }
@@ -258,50 +285,47 @@ impl Work {
         parts_before - parts.len()
     }
 
-    /// All edges that can be collapsed, as the bits of what they cost and a half-edge.
-    fn look(&mut self, triangles: &[u32], limit: f32, edges: &mut Vec<u64>) {
-        edges.clear();
-        for h in triangles.iter().flat_map(|t| 3 * t..3 * t + 3) {
-            let twin = self.shape.twin[h as usize];
+    /// All edges that can be collapsed wait in the queue.
+    fn look(&mut self, triangles: &[u32], limit: f32, queue: &mut Queue) {
+        for h in triangles.iter().flat_map(|t| sides(*t)) {
+            let twin = self.shape.twin(h);
             if twin != NONE && twin < h {
                 continue;
             }
-            let changes = self.changes_of(h);
-            let Look { cost, changes: before } = self.looks[h as usize];
-            if before != changes && (before == NONE || cost <= limit || cost == f32::INFINITY) {
-                let cost = self.aim(h).map_or(f32::INFINITY, |(_, cost)| cost as f32);
-                self.looks[h as usize] = Look { cost, changes };
+            let Look { mut cost, round } = self.looks[h as usize];
+            if round <= self.last_change(h) && (round == 0 || cost <= limit || cost == f32::INFINITY) {
+                cost = self.aim(h).map_or(f32::INFINITY, |aim| aim.cost as f32);
+                self.looks[h as usize] = Look { cost, round: self.round };
             }
-            let cost = self.looks[h as usize].cost;
             if cost < f32::INFINITY {
-                edges.push(u64::from(cost.to_bits()) << 32 | u64::from(h));
+                queue.push(cost, h);
             }
         }
     }
 
     fn let_go(&mut self, part: &Part) {
-        part.triangles.iter().for_each(|t| self.shape.remove(*t));
+        for &t in &part.triangles {
+            sides(t).for_each(|h| self.changed[self.shape.origin(h) as usize] = self.round);
+            self.shape.remove(t);
+        }
         self.error = self.error.max(part.half_diagonal);
     }
 
-    fn changes_of(&self, h: u32) -> u32 {
-        let (u, v) = (self.shape.origin[h as usize], self.shape.target(h));
-        self.changes[u as usize].wrapping_add(self.changes[v as usize])
-    }
-
-    fn sum(&self, h: u32) -> Quadric {
-        let mut sum = self.shape.vertex[self.shape.origin[h as usize] as usize].quadric;
-        sum += self.shape.vertex[self.shape.target(h) as usize].quadric;
-        sum
+    /// The round in which an end of an edge last changed.
+    #[inline]
+    fn last_change(&self, h: u32) -> u32 {
+        let (u, v) = (self.shape.origin(h), self.shape.target(h));
+        self.changed[u as usize].max(self.changed[v as usize])
     }
 
     /// Where the two ends of an edge would best become one, and what that costs.
     #[inline]
-    fn aim(&self, h: u32) -> Option<(DVec3, f64)> {
-        let ends = [self.shape.origin[h as usize], self.shape.target(h)];
+    fn aim(&self, h: u32) -> Option<Aim> {
+        let ends = [self.shape.origin(h), self.shape.target(h)];
         let [u, v] = ends.map(|vertex| &self.shape.vertex[vertex as usize]);
         let (p, q) = (u.place, v.place);
-        let sum = self.sum(h);
+        let mut sum = u.quadric;
+        sum += v.quadric;
         let fixed = match (u.hold, v.hold) {
             (Hold::Free, Hold::Free) => None,
             (Hold::Fixed, Hold::Fixed) => return None,
@@ -312,46 +336,60 @@ impl Work {
             (Hold::Line, Hold::Line) => None,
         };
         if let Some(at) = fixed {
-            return Some((at, sum.cost(at)));
+            return Some(Aim { sum, at, cost: sum.cost(at) });
         }
         let middle = (p + q) * 0.5;
         let near = |at: &DVec3| at.distance_squared(middle) <= REACH * REACH * p.distance_squared(q);
-        if let Some(best) = sum.best(middle).filter(near) {
-            return Some((best, sum.cost(best)));
+        if let Some(at) = sum.best(middle).filter(near) {
+            return Some(Aim { sum, at, cost: sum.cost(at) });
         }
-        [p, q, middle].map(|at| (at, sum.cost(at))).into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
+        let aims = [p, q, middle].map(|at| Aim { sum, at, cost: sum.cost(at) });
+        aims.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     /// Collapses an edge if the surface stays one, nothing turns over and the error stays small enough.
-    fn try_collapse(&mut self, h: u32, most: f64) -> bool {
-        let Some((aim, _)) = self.aim(h) else { return false };
-        let (u, v) = (self.shape.origin[h as usize], self.shape.target(h));
-        let [from, gone] = [u, v].map(|vertex| &self.shape.vertex[vertex as usize]);
-        let (holds, [p, q]) = ([from.hold, gone.hold], [from.place, gone.place]);
-        let sum = self.sum(h);
-        let error = |at: DVec3| (sum.cost(at) / sum.area.max(f64::MIN_POSITIVE)).sqrt();
-        if error(aim) > most || !self.shape.may_collapse(h) {
+    fn try_collapse(&mut self, h: u32, most: f64, limit: f32) -> bool {
+        let (u, v) = (self.shape.origin(h), self.shape.target(h));
+        let look = self.looks[h as usize];
+        self.looks[h as usize] = Look { cost: f32::INFINITY, round: self.round };
+        let Some(Aim { sum, at: aim, cost }) = self.aim(h) else { return false };
+        if look.round <= self.last_change(h) && cost as f32 > limit {
+            // It was too dear to be looked at again, and now costs even more.
+            self.looks[h as usize].cost = cost as f32;
             return false;
         }
-        // Where the best place turns something over, one of the ends may not.
-        let others: &[DVec3] = if holds[0] == holds[1] { &[aim, p, q] } else { &[aim] };
-        let Some(&to) = others.iter().find(|at| error(**at) <= most && !self.shape.turns_over(u, v, **at)) else {
+        let error = |cost: f64| (cost / sum.area.max(f64::MIN_POSITIVE)).sqrt();
+        let mut found = error(cost);
+        if found > most || !self.shape.may_collapse(h) {
             return false;
-        };
-        self.error = self.error.max(error(to));
+        }
+        let [from, gone] = [u, v].map(|vertex| &self.shape.vertex[vertex as usize]);
+        let (is_open, [p, q]) = (from.hold == gone.hold, [from.place, gone.place]);
+        let mut to = aim;
+        if self.shape.turns_over(u, v, aim) {
+            // One of the ends may not.
+            let fits = |at: &&DVec3| error(sum.cost(**at)) <= most && !self.shape.turns_over(u, v, **at);
+            let Some(end) = [p, q].iter().find(fits).filter(|_| is_open).copied() else { return false };
+            (to, found) = (end, error(sum.cost(end)));
+        }
+        self.error = self.error.max(found);
         self.blend(h, p, q, to);
         self.shape.collapse(h, to);
         self.shape.vertex[u as usize].quadric = sum;
-        self.changes[u as usize] = self.changes[u as usize].max(self.changes[v as usize]) + 1;
+        self.changed[u as usize] = self.round;
+        self.changed[v as usize] = self.round;
         true
     }
 
     /// What the new vertex carries, on either side of the edge: what its ends carry there, by where it lies between them.
     fn blend(&mut self, h: u32, p: DVec3, q: DVec3, to: DVec3) {
+        if self.layers == 0 {
+            return;
+        }
         let edge = q - p;
         let share = ((to - p).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0) as f32;
-        let twin = self.shape.twin[h as usize];
-        let wedge = |h: u32| self.shape.wedge[h as usize] as usize;
+        let twin = self.shape.twin(h);
+        let wedge = |h: u32| self.shape.wedge(h);
         let mut sides = [Some((wedge(h), wedge(next(h)))), None];
         if twin != NONE {
             sides[1] = Some((wedge(next(twin)), wedge(twin))).filter(|side| Some(*side) != sides[0]);
@@ -376,9 +414,9 @@ impl Work {
             .iter()
             .map(|layer| Layer { values: Vec::new(), corners: Vec::new(), kind: layer.kind, width: layer.width })
             .collect();
-        for t in (0..self.shape.alive.len()).filter(|t| self.shape.alive[*t]) {
+        for t in (0..self.shape.alive.len() as u32).filter(|t| self.shape.alive[*t as usize]) {
             let corners = [0, 1, 2].map(|k| {
-                let vertex = self.shape.origin[3 * t + k];
+                let vertex = self.shape.origin(4 * t + k);
                 if number[vertex as usize] == NONE {
                     let source = self.shape.source[vertex as usize];
                     let is_fixed = self.shape.vertex[vertex as usize].hold == Hold::Fixed;
@@ -394,8 +432,8 @@ impl Work {
                 number[vertex as usize]
             });
             out.triangles.push(corners);
-            for k in 0..3 {
-                let wedge = self.shape.wedge[3 * t + k] as usize;
+            for k in 0..if self.layers > 0 { 3 } else { 0 } {
+                let wedge = self.shape.wedge(4 * t + k);
                 for (i, layer) in out.layers.iter_mut().enumerate() {
                     if i == 0 && wedges[wedge] == NONE {
                         wedges[wedge] = layer.values.len() as u32;
@@ -414,10 +452,11 @@ impl Work {
     }
 }
 
-/// For each half-edge a number for what its corner carries, and the values of each number, one a layer.
+/// For each half-edge of the pieces a number for what its corner carries, and the values of each number, one a layer; empty
+/// where corners carry nothing.
 fn wedges(model: &Model, pieces: &Pieces) -> (Vec<u32>, Vec<[f32; 4]>) {
     if model.layers.is_empty() {
-        return (pieces.origin.clone(), Vec::new());
+        return (Vec::new(), Vec::new());
     }
     let mut numbers: HashMap<(u32, Vec<[u32; 4]>), u32> = HashMap::new();
     let mut values = Vec::new();

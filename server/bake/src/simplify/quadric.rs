@@ -17,7 +17,8 @@ pub(super) struct Quadric {
 }
 
 impl Quadric {
-    /// Of a plane through `point` with unit `normal`.
+    /// Of a plane through `point`; `weight` is over the square of the length of `normal`.
+    #[inline]
     fn plane(normal: DVec3, point: DVec3, weight: f64) -> Self {
         let d = -normal.dot(point);
         let (n, w) = (normal, normal * weight);
@@ -30,13 +31,14 @@ impl Quadric {
     }
 
     /// Of a triangle, weighted by its area.
+    #[inline]
     pub(super) fn triangle(p: [DVec3; 3]) -> Self {
         let cross = (p[1] - p[0]).cross(p[2] - p[0]);
-        let area = cross.length() * 0.5;
-        if area <= 0.0 {
+        let length = cross.length();
+        if length <= 0.0 {
             return Self::default();
         }
-        Self { area, ..Self::plane(cross / (2.0 * area), p[0], area) }
+        Self { area: 0.5 * length, ..Self::plane(cross, p[0], 0.5 / length) }
     }
 
     /// Of a plane that stands upright on a triangle along its edge from `p[0]` to `p[1]`, weighted by the edge's length
