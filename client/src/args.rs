@@ -113,6 +113,9 @@ pub struct View {
     /// Fly for so long, then end; once along the path without.
     #[arg(long, value_name = "SECS", value_parser = positive, requires = "path")]
     pub seconds: Option<f64>,
+    /// Levels of detail change at once, without a fade.
+    #[arg(long)]
+    pub no_fades: bool,
     /// Light.
     #[command(flatten)]
     pub sun: SunArgs,
@@ -171,6 +174,9 @@ pub struct Fly {
     /// Draw like a window: in fewer pixels while frames are slow, and one ray each.
     #[arg(long)]
     pub paced: bool,
+    /// Levels of detail change at once, without a fade.
+    #[arg(long)]
+    pub no_fades: bool,
     /// Frames a second that are drawn; as many as there can be unless given.
     #[arg(long, value_name = "N", value_parser = positive)]
     pub rate: Option<f64>,

@@ -121,6 +121,8 @@ pub struct FlightMoment {
     pub cache_bytes: u64,
     /// Squares in the cut.
     pub drawn: u32,
+    /// Squares that fade from one level of detail to another.
+    pub fading: usize,
     /// What tau rose to.
     pub tau_px: f64,
     /// Largest projected error of what is drawn and not hidden.
@@ -141,6 +143,7 @@ impl FlightMoment {
             in_flight: session.stream().in_flight(),
             cache_bytes: session.cache().used_bytes(),
             drawn: counters.drawn,
+            fading: session.fades().passing(),
             tau_px: counters.tau_px,
             worst_error_px: counters.worst_error_px,
             seen_error_px: counters.seen_error_px,

@@ -138,10 +138,16 @@ fn an_ill_server_costs_time_but_no_tile() {
 
 /// Draws each frame; every pixel of the ground is covered from the first picture on. Returns the last picture's colours.
 fn fly_whole(session: &mut Session, most: Duration) -> Vec<u32> {
+    fly_watched(session, most, |_| {})
+}
+
+/// The same; `each` sees every frame that is drawn.
+fn fly_watched(session: &mut Session, most: Duration, mut each: impl FnMut(&Session)) -> Vec<u32> {
     let (shot, begin) = (street(), Instant::now());
     loop {
         session.step(&shot);
         if session.has_picture() {
+            each(session);
             let pixels = session.draw(&shot, &Look::default()).unwrap();
             for row in 60..90 {
                 let ground = &pixels.distance[row * 160 + 20..row * 160 + 140];
@@ -185,6 +191,36 @@ fn a_tenth_lost_and_a_twentieth_damaged_costs_no_pixel() {
     assert_eq!(ill.report(1.0).tiles.bad, 0);
     let asked = server.requests.load(Ordering::Relaxed);
     assert!(asked > requests && asked < requests * 3 / 2 + 10, "{asked} requests, {requests} undisturbed");
+}
+
+#[test]
+fn levels_fade_into_each_other_and_end_in_the_same_picture() {
+    let server = serve(city("test"), well());
+    let mut fading = session(&server, 64);
+    fading.set_fades(true);
+    let mut shared = 0;
+    let picture = fly_watched(&mut fading, Duration::from_secs(60), |session| {
+        let both = session.fades().shown().iter().filter(|shown| shown.faces().1.is_some()).count();
+        let nodes = session.frame_data(&street(), &Look::default()).nodes.len();
+        assert!(nodes >= session.fades().shown().len() + both, "{nodes} nodes, {both} squares with two of them");
+        shared += usize::from(both > 0);
+    });
+    assert!(shared > 0, "no frame showed two levels in a square");
+    assert_eq!(fading.fades().passing(), 0);
+    let (meant, requests) = undisturbed();
+    assert_eq!(picture, meant);
+    let asked = server.requests.load(Ordering::Relaxed);
+    assert!(asked < requests * 5 / 4 + 4, "{asked} requests, {requests} without");
+    // Turned away and back, all is there at once; a small cache is never exceeded for what fades.
+    let mut small = session(&server, 2);
+    small.set_fades(true);
+    for turn in 0..12 {
+        let x = 40.0 * f64::from(turn);
+        settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
+            assert!(session.cache().used_bytes() <= 2 << 20);
+            assert!(turn == 0 || !session.selection().cut.is_empty());
+        });
+    }
 }
 
 #[test]

@@ -7,8 +7,13 @@
 //! depend on how deep the city's tree is. The finer levels reach only as far as the cut has mixed squares there.
 //!
 //! A node may lie in the square of another: the finer one is drawn, the coarser one shows in the rest of its square.
+//!
+//! A square that passes from one node to another has both, and a share. Each ray sees one of them whole: which one its
+//! threshold tells, so that there is neither a hole nor a picture through another.
 
-use crate::layout::{Frame, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, Node};
+use crate::layout::{
+    FADE_RAYS, Frame, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODES, GRID_SHARE_SHIFT, Node,
+};
 use glam::DVec3;
 use insula_protocol::TileId;
 
@@ -93,15 +98,27 @@ impl Square {
 #[derive(Debug, Clone, Default)]
 pub struct Builder {
     quads: Vec<Quad>,
+    shares: Vec<u8>,
     grid: Grid,
     z: Vec<[u32; 2]>,
 }
 
 impl Builder {
-    /// The grid of a cut: `ids` and `nodes` are in the same order, nodes relative to the camera.
+    /// The grid of a cut: `ids` and `nodes` are in the same order, nodes relative to the camera. No more than [`GRID_NODES`].
     pub fn build(&mut self, place: &Place, ids: &[TileId], nodes: &[Node]) -> &Grid {
+        self.build_fading(place, ids, &[], nodes)
+    }
+
+    /// The same, in which squares pass from one node to another: where `shares` has a number of rays under [`FADE_RAYS`] that is
+    /// not 0, so many see the next node of the list, which has the same square.
+    pub fn build_fading(&mut self, place: &Place, ids: &[TileId], shares: &[u8], nodes: &[Node]) -> &Grid {
+        let ids = &ids[..ids.len().min(nodes.len()).min(GRID_NODES)];
         self.grid.entries.clear();
         self.grid.head = Head::default();
+        self.shares.clear();
+        self.shares
+            .extend(shares.iter().take(ids.len().saturating_sub(1)).map(|rays| (*rays).min(FADE_RAYS as u8 - 1)));
+        self.shares.resize(ids.len(), 0);
         let Some(finest) = ids.iter().map(|id| id.level()).max().filter(|level| usize::from(*level) < GRID_LEVELS)
         else {
             return &self.grid;
@@ -131,6 +148,10 @@ impl Builder {
             let (a, b) = (((a - low) * scale).floor(), ((b - low) * scale).ceil());
             [a.clamp(0.0, f64::from(Z_TOP)) as u32, b.clamp(0.0, f64::from(Z_TOP)) as u32]
         }));
+        for i in (0..self.shares.len()).filter(|i| self.shares[*i] > 0) {
+            let (z, other) = (self.z[i], self.z[i + 1]);
+            self.z[i] = [z[0].min(other[0]), z[1].max(other[1])];
+        }
     }
 
     /// Makes the tree of the cut; the first quad is the root.
@@ -139,6 +160,9 @@ impl Builder {
         self.quads.clear();
         self.quads.push(BARE);
         for (node, id) in ids.iter().enumerate() {
+            if node > 0 && self.shares[node - 1] > 0 {
+                continue;
+            }
             let mut at = 0;
             for quadrant in (1..=id.level()).filter_map(|level| id.ancestor(level)).map(TileId::quadrant) {
                 if self.quads[at].child[quadrant] == NONE {
@@ -198,7 +222,8 @@ impl Builder {
                 return [u32::MAX, 0];
             }
             let z = self.z[node as usize];
-            self.fill(square, [GRID_NODE_BIT | square.k << 24 | node, z[0] | z[1] << 16]);
+            let share = u32::from(self.shares[node as usize]) << GRID_SHARE_SHIFT;
+            self.fill(square, [GRID_NODE_BIT | square.k << GRID_LEVEL_SHIFT | share | node, z[0] | z[1] << 16]);
             return z;
         }
         let mut z = [u32::MAX, 0];
@@ -286,7 +311,7 @@ mod tests {
             match word {
                 0 => return None,
                 GRID_MIXED => k -= 1,
-                _ => return Some((word & 0xff_ffff, word >> 24 & 31)),
+                _ => return Some((word & (GRID_NODES as u32 - 1), word >> GRID_LEVEL_SHIFT & 31)),
             }
         }
     }
@@ -326,6 +351,26 @@ mod tests {
                 assert_eq!(found(&grid, k, 0, 0), Some((0, 1)), "as large a part as there is");
             }
         }
+    }
+
+    #[test]
+    fn a_square_that_fades_has_both_nodes_heights_and_a_share() {
+        let ids = [id(1, 0, 0), id(1, 0, 0), id(1, 1, 0)];
+        let nodes = [node(5.0, 10.0), node(0.0, 8.0), node(2.0, 30.0)];
+        let place = Place { root_corner: DVec3::ZERO, root_side_m: 64.0, root_distance_m: 100.0 };
+        let mut builder = Builder::default();
+        for (rays, meant) in [(0, 0), (1, 1), (63, 63), (200, 63)] {
+            let grid = builder.build_fading(&place, &ids, &[rays], &nodes);
+            let [word, z] = entry(grid, 0, 0, 0).unwrap();
+            let high_m = if rays > 0 { 10 } else { 8 };
+            assert_eq!((word >> GRID_SHARE_SHIFT & 63, z), (meant, (high_m * 65535u32).div_ceil(30) << 16));
+            // Without a share, the second node of a square is drawn in place of the first.
+            assert_eq!(found(grid, 0, 0, 0).map(|f| f.0), Some(u32::from(rays == 0)));
+            assert_eq!(found(grid, 0, 1, 0), Some((2, 0)));
+        }
+        // The last one has none behind it.
+        let grid = builder.build_fading(&place, &ids, &[0, 0, 9], &nodes);
+        assert_eq!(entry(grid, 0, 1, 0).unwrap()[0] >> GRID_SHARE_SHIFT & 63, 0);
     }
 
     #[test]

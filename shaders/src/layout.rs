@@ -25,9 +25,18 @@ pub const WORKGROUP: [u32; 2] = [8, 8];
 pub const GRID_LEVELS: usize = 21;
 /// First word of a grid entry: finer squares tell. 0 is an empty square.
 pub const GRID_MIXED: u32 = 1;
-/// Set in the first word of a grid entry that a node fills: level of the square that it fills (5 bits from bit 24, finest 0)
-/// and its index into the nodes (24 bits). The second word is lowest | highest point << 16 of the square.
+/// Set in the first word of a grid entry that a node fills: level of the square that it fills (5 bits from bit 26, finest 0),
+/// how many of [`FADE_RAYS`] rays see the node behind it in its place (6 bits from bit 20), and its index into the nodes (20
+/// bits). The second word is lowest | highest point << 16 of the square.
 pub const GRID_NODE_BIT: u32 = 0x8000_0000;
+/// Where the level begins.
+pub const GRID_LEVEL_SHIFT: u32 = 26;
+/// Where the share of rays begins.
+pub const GRID_SHARE_SHIFT: u32 = 20;
+/// Most nodes of a grid.
+pub const GRID_NODES: usize = 1 << GRID_SHARE_SHIFT;
+/// Where a square passes from one node to another, each of so many rays side by side passes at a share of its own.
+pub const FADE_RAYS: u32 = 64;
 /// In the flags of what a ray gathered: it is a mesh. No column has this bit.
 pub const MESH_FLAG: u32 = 128;
 /// In the hit buffer: no node was hit.

@@ -58,6 +58,9 @@ const BLOCKS: i32 = 8;
 const NODE_CELLS: i32 = 64;
 const GRID_MIXED: u32 = 1u;
 const GRID_NODE_BIT: u32 = 0x80000000u;
+const GRID_LEVEL_SHIFT: u32 = 26u;
+const GRID_SHARE_SHIFT: u32 = 20u;
+const GRID_NODES: u32 = 0x100000u;
 const Z_TOP: f32 = 65535.0;
 const NO_NODE: u32 = 0xffffffffu;
 const MAX_STEPS: u32 = 4096u;
@@ -172,6 +175,8 @@ override COUNT: bool = false;
 override MESHES: bool = true;
 
 var<private> leg: Leg;
+// Which of two nodes the ray sees where a square passes from one to the other.
+var<private> threshold: u32;
 var<private> gathered: Gathered;
 var<private> ray: NodeRay;
 var<private> touched: Touched;
@@ -189,6 +194,7 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = id.y * frame.width_px + id.x;
     for (var s = 0u; s < n * n; s++) {
         let offset = (vec2<f32>(f32(s % n), f32(s / n)) + 0.5) / f32(n);
+        threshold = threshold_of(id.xy, n, s);
         let traced = trace(ray_direction(vec2<f32>(id.xy) + offset));
         sum += traced.rgb;
         if s == n * n / 2u {
@@ -202,6 +208,13 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
         distance_m[at] = f32(counts.z);
         hit[at] = counts.w;
     }
+}
+
+fn threshold_of(pixel: vec2<u32>, samples: u32, sample: u32) -> u32 {
+    let p = pixel * samples + vec2<u32>(sample % samples, sample / samples + samples / 2u);
+    let a = p.x ^ p.y;
+    let low = ((a & 4u) >> 1u) | ((p.y & 4u) >> 2u);
+    return ((a & 1u) << 5u) | ((p.y & 1u) << 4u) | ((a & 2u) << 2u) | ((p.y & 2u) << 1u) | low;
 }
 
 fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {
@@ -324,7 +337,7 @@ fn walk_grid() {
                 let entry = look_up(square, k);
                 steps++;
                 let is_node = (entry.words.x & GRID_NODE_BIT) != 0u;
-                k = select(entry.k, (entry.words.x >> 24u) & 31u, is_node);
+                k = select(entry.k, (entry.words.x >> GRID_LEVEL_SHIFT) & 31u, is_node);
                 let corner = (square >> vec2<u32>(k)) << vec2<u32>(k);
                 let edge = corner + (forward << vec2<u32>(k));
                 let te = (vec2<f32>(edge - frame.eye_cell) - o) * inv;
@@ -339,7 +352,7 @@ fn walk_grid() {
                     continue;
                 }
                 if meets && is_node {
-                    let index = entry.words.x & 0xffffffu;
+                    let index = seen_by(entry.words.x);
                     let span = enter_node(index, t, exit);
                     if MESHES && nodes[index].mesh != 0u {
                         mesh_node = index;
@@ -460,6 +473,11 @@ fn walk_grid() {
 fn quad_top(quads: Quads, cell: vec2<i32>) -> f32 {
     let share = (quads.rows[(cell.y >> 1u) & 3] >> (u32((cell.x >> 1u) & 3) * 6u)) & 63u;
     return quads.lowest + f32(share) * ((quads.highest - quads.lowest) / 63.0) + 1.0;
+}
+
+// The node that the ray sees in a square: the one that the entry names, or the one behind it.
+fn seen_by(entry: u32) -> u32 {
+    return (entry & (GRID_NODES - 1u)) + select(0u, 1u, threshold < ((entry >> GRID_SHARE_SHIFT) & 63u));
 }
 
 // The level whose nodes are good enough at a distance.

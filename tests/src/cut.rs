@@ -35,6 +35,10 @@ struct Drawn {
     z_shift: u32,
     /// 1 + place of its mesh, in fours.
     mesh: u32,
+    /// Which square shows it.
+    square: TileId,
+    /// How many of 64 rays see the next one in its place.
+    share: u8,
 }
 
 /// Nodes of one cut; none may contain another.
@@ -54,6 +58,11 @@ impl Cut {
 
     /// Adds a node.
     pub fn add(&mut self, map: &BlockMap) {
+        self.add_in(map.id, map);
+    }
+
+    /// Adds the part of a node that lies in `square`.
+    pub fn add_in(&mut self, square: TileId, map: &BlockMap) {
         let mut packed = PackedNode::new(map);
         let first = (self.atlas.len() / PAGE_WORDS) as u32;
         let pages: Vec<u32> = (first..first + packed.pages.len() as u32).collect();
@@ -71,7 +80,17 @@ impl Cut {
             z_range: packed.z_range,
             z_shift: packed.z_shift,
             mesh: 0,
+            square,
+            share: 0,
         });
+    }
+
+    /// Of 64 rays, `share` see this node (of the same square, or of one that holds it) in place of the one added last.
+    pub fn add_behind(&mut self, map: &BlockMap, share: u8) {
+        let Some(front) = self.drawn.last_mut() else { return };
+        front.share = share;
+        let square = front.square;
+        self.add_in(square, map);
     }
 
     /// Draws a node that was added as a mesh.
@@ -128,7 +147,7 @@ impl Cut {
             }
         });
         let nodes: Vec<Node> = nodes.collect();
-        let ids: Vec<TileId> = self.drawn.iter().map(|drawn| drawn.id).collect();
+        let (ids, shares): (Vec<TileId>, Vec<u8>) = self.drawn.iter().map(|drawn| (drawn.square, drawn.share)).unzip();
         let focal_px = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
         let place = grid::Place {
             root_corner: DVec3::from(self.place.origin) - DVec3::from(p),
@@ -137,7 +156,7 @@ impl Cut {
             root_distance_m: HALF_DIAGONAL * self.place.root_side_m / NODE_CELLS as f64 * focal_px,
         };
         let mut builder = Builder::default();
-        let grid = builder.build(&place, &ids, &nodes);
+        let grid = builder.build_fading(&place, &ids, &shares, &nodes);
         let mut frame = camera.frame(picture);
         grid.head.write(&mut frame);
         Scene { frame, nodes, grid: grid.entries.clone(), cut: self }

@@ -54,6 +54,23 @@ pub fn city(seed: u64) -> Result<RandomCity> {
     Ok(RandomCity { place, maps, cut })
 }
 
+/// The same city, each square of which passes from one map to another: of 64 rays, `share` see the other one. Every third of
+/// those is a part of a coarser map. With cuts of the one maps alone and of the other.
+pub fn fading(city: &RandomCity, seed: u64, share: u8) -> Result<[Cut; 3]> {
+    let mut rng = Rng::new(seed);
+    let [mut both, mut new, mut old] = [(); 3].map(|()| Cut::new(city.place));
+    for map in &city.maps {
+        let id = map.id.parent().filter(|_| rng.chance(0.3)).unwrap_or(map.id);
+        let times = f64::from(1u32 << (map.id.level() - id.level()));
+        let other = node(&mut rng, id, f64::from(map.cell_m) * times)?;
+        both.add(map);
+        both.add_behind(&other, share);
+        new.add(map);
+        old.add_in(map.id, &other);
+    }
+    Ok([both, new, old])
+}
+
 fn grow(rng: &mut Rng, id: TileId, depth: u8, leaf_cell_m: f64, maps: &mut Vec<BlockMap>) -> Result<()> {
     if id.level() < depth && (id.level() == 0 || (rng.chance(0.35) && maps.len() < 12)) {
         return id.children().try_for_each(|child| grow(rng, child, depth, leaf_cell_m, maps));

@@ -161,8 +161,12 @@ fn selection_and_cache_know_neither_wgpu_nor_http() {
     for folder in ["select", "cache"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/src").join(folder);
         let mut files = 0;
-        for entry in std::fs::read_dir(path).unwrap() {
-            let path = entry.unwrap().path();
+        let mut paths: Vec<_> = std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()).collect();
+        while let Some(path) = paths.pop() {
+            if path.is_dir() {
+                paths.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+                continue;
+            }
             let text = std::fs::read_to_string(&path).unwrap();
             let code = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
             for banned in ["wgpu", "reqwest", "http", "tokio", "winit"] {

@@ -54,7 +54,9 @@ fn main() {
         on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws),
         on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading),
         on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour),
+        on_gpu("gpu_and_cpu_agree_while_squares_fade", gpu_and_cpu_agree_while_squares_fade),
         on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen),
+        plain("each_ray_sees_one_of_two_worlds", each_ray_sees_one_of_two_worlds),
         plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show),
         plain("a_wall_casts_a_shadow_as_long_as_it_is_high", a_wall_casts_a_shadow_as_long_as_it_is_high),
         plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen),
@@ -150,6 +152,93 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             scenes_agree(gpu, &scene, &PICTURE, &camera, &format!("sun {height} high, {pose:?}"))?;
         }
     }
+    Ok(())
+}
+
+fn gpu_and_cpu_agree_while_squares_fade(gpu: &Gpu) -> Result<()> {
+    for (seed, city) in cities().iter().enumerate().take(6) {
+        let mut rng = Rng::new(5000 + seed as u64);
+        let share = [1, 20, 32, 63][rng.below(4)];
+        let [both, ..] = random::fading(city, 6000 + seed as u64, share)?;
+        for (pose, samples) in [(Pose::Above, 1), (Pose::Grazing, 1), (Pose::Outside, 2), (Pose::Inside, 3)] {
+            let camera = random::camera(&mut rng, city, pose);
+            let picture = Picture { samples, ..PICTURE };
+            let mut scene = both.scene(&camera, &picture);
+            scene.frame.shadow_m = if pose == Pose::Above { 1e3 } else { 0.0 };
+            let what = format!("city {seed}, {pose:?}, {share} of 64");
+            if samples == 1 {
+                scenes_agree(gpu, &scene, &picture, &camera, &what)?;
+            } else {
+                // Edges between the rays of one pixel are not looked for.
+                let differing = twin::compare(&scene.render(), &gpu.render(&scene)?).differing;
+                anyhow::ensure!(differing * 500 < scene.render().hit.len(), "{what}: {differing} pixels differ");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A picture of squares that fade is made of rays of the new picture and of the old one, as many as the share says, in every
+/// place; rays towards the sun stay in their own world.
+fn each_ray_sees_one_of_two_worlds() -> Result<()> {
+    let mut seen = [0usize; 4];
+    for (seed, city) in cities().iter().enumerate() {
+        let mut rng = Rng::new(7000 + seed as u64);
+        for share in [1u8, 16, 40, 63] {
+            let cuts = random::fading(city, 8000 + seed as u64, share)?;
+            let pose = Pose::ALL[rng.below(Pose::ALL.len())];
+            let camera = random::camera(&mut rng, city, pose);
+            let draw = |cut: &Cut| {
+                let mut scene = cut.scene(&camera, &PICTURE);
+                scene.frame.shadow_m = 1e3;
+                scene.render()
+            };
+            let [both, new, old] = [draw(&cuts[0]), draw(&cuts[1]), draw(&cuts[2])];
+            let near = |a: u32, b: u32| a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= 1);
+            let same = |a: &Pixels, i: usize| {
+                let (a_m, b_m) = (a.distance[i], both.distance[i]);
+                near(a.colour[i], both.colour[i]) && (a_m == b_m || (a_m - b_m).abs() < 1e-6 * b_m)
+            };
+            for i in 0..both.colour.len() {
+                match (same(&new, i), same(&old, i)) {
+                    (true, true) => seen[0] += 1,
+                    (true, false) => seen[1] += 1,
+                    (false, true) => seen[2] += usize::from(share == 16),
+                    (false, false) => {
+                        seen[3] += 1;
+                        if seen[3] % 100 == 1 {
+                            println!(
+                                "{seed} {share} {pose:?} {i} both {:08x} {} {} new {:08x} {} {} old {:08x} {} {}",
+                                both.colour[i],
+                                both.distance[i],
+                                both.hit[i],
+                                new.colour[i],
+                                new.distance[i],
+                                new.hit[i],
+                                old.colour[i],
+                                old.distance[i],
+                                old.hit[i]
+                            );
+                        }
+                    }
+                }
+            }
+        }
+        // In every block of 8 x 8 pixels, sixteen rays see the old world.
+        let cuts = random::fading(city, 9000 + seed as u64, 16)?;
+        let camera = random::camera(&mut rng, city, Pose::Above);
+        let hit = cuts[0].scene(&camera, &PICTURE).render().hit;
+        for (x, y) in (0..PICTURE.width_px / 8).flat_map(|x| (0..PICTURE.height_px / 8).map(move |y| (x * 8, y * 8))) {
+            let block = (0..64).map(|i| hit[((y + i / 8) * PICTURE.width_px + x + i % 8) as usize]);
+            let block: Vec<u32> = block.filter(|node| *node != insula_shaders::layout::NO_NODE).collect();
+            // Nodes of both worlds stand in turn.
+            let behind = block.iter().filter(|node| *node % 2 == 1).count();
+            anyhow::ensure!(block.len() < 64 || behind == 16, "{behind} of {} at {x}, {y}, city {seed}", block.len());
+        }
+    }
+    println!("{seen:?} pixels: of both, new, old, neither");
+    anyhow::ensure!(seen[1] > 10_000 && seen[2] > 1000, "{seen:?}");
+    anyhow::ensure!(seen[3] * 1000 < seen[0] + seen[1], "{seen:?}: a pixel shows what neither world does");
     Ok(())
 }
 

@@ -155,6 +155,11 @@ impl Cache {
         }
     }
 
+    /// `key` goes last of what is not pinned. To be called before this frame's [`Cache::touch`]es.
+    pub fn keep(&mut self, key: Key) {
+        self.entries.promote(&key);
+    }
+
     /// A resident node.
     pub fn get(&self, id: TileId) -> Option<&Placed> {
         match &self.entries.peek(&Key::block_map(id))?.what {
@@ -367,6 +372,23 @@ mod tests {
         assert_eq!(mark_of(&cache, &fake, id(9)), Some(9));
         [id(2), id(3)].into_iter().for_each(|id| cache.touch(id));
         assert_eq!(cache.place(id(5), node(5, 0), &mut fake), Placement::Full { evicted: vec![] });
+        assert_no_leak(&cache);
+    }
+
+    #[test]
+    fn what_is_kept_goes_last_but_goes() {
+        let (mut cache, mut fake) = (Cache::new(16), Fake::default());
+        (0..4).for_each(|x| assert!(matches!(cache.place(id(x), node(1, 0), &mut fake), Placement::Placed { .. })));
+        cache.begin_frame();
+        cache.keep(id(0));
+        cache.touch(id(3));
+        for gone in [1, 2, 0] {
+            assert_eq!(
+                cache.place(id(10 + gone), node(1, 0), &mut fake),
+                Placement::Placed { evicted: vec![id(gone)] }
+            );
+        }
+        assert_eq!(cache.place(id(20), node(1, 0), &mut fake), Placement::Full { evicted: vec![] });
         assert_no_leak(&cache);
     }
 

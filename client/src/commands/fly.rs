@@ -33,6 +33,7 @@ pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let mut session = start(&args.server, global, Some(Http::new(link(args))?), Some(&first))?;
     let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(look.casting());
+    session.set_fades(!args.no_fades);
     let report = fly(&mut session, &path, args, &look, global)?;
     match &args.report {
         Some(path) => report.write(path),
@@ -84,6 +85,11 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
             break;
         }
         let shot = shot(path, args, global, t)?;
+        let compared = compare_at.is_some_and(|at| at <= t);
+        if compared {
+            // What is compared is what has come, not how it is shown.
+            session.end_fades();
+        }
         let before = Instant::now();
         session.step(&shot);
         session.check(timeout)?;
@@ -107,7 +113,7 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
             moments.push(FlightMoment::of(session, t));
         }
         if let (Some(at), Some(every)) = (compare_at, args.compare)
-            && at <= t
+            && compared
         {
             let paused = Instant::now();
             let converged = converged(args, global, &shot, look, timeout)?;

@@ -50,14 +50,16 @@ pub fn run(args: &View, global: &Global) -> Result<()> {
         let _ = proxy.send_event(Event::Arrived);
     });
     let global = Global { timeout: global.timeout.min(ATTEMPT_SECS), ..global.clone() };
-    let meshes = !global.no_meshes;
+    let (meshes, fades) = (!global.no_meshes, !args.no_fades);
     let connect: Connect = Arc::new(move || {
         let city = connect(&http, &link.address, &global)?;
         let (manifest, address) = (city.manifest.clone(), city.address.clone());
         let (http, wake) = (http.clone(), wake.clone());
         let make = move |adapter| {
             let stream = Stream::new(http, city.source, IN_FLIGHT, Some(wake));
-            Session::new(Tree::new(city.manifest).with_meshes(meshes), stream, adapter, started)
+            let mut session = Session::new(Tree::new(city.manifest).with_meshes(meshes), stream, adapter, started);
+            session.set_fades(fades);
+            session
         };
         Ok(Found { manifest, address, make: Box::new(make) })
     });

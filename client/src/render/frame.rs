@@ -8,7 +8,10 @@ use crate::{
     cache::{Cache, Placed, PlacedMesh},
     camera::View,
     scene::{NodeIndex, Tree},
-    select::{Item, sight::Asked},
+    select::{
+        fade::{Face, Fades},
+        sight::Asked,
+    },
 };
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -17,7 +20,6 @@ use insula_shaders::{
     grid::{Builder, Place},
     layout::{Frame, Light, MAX_SAMPLES, Node, PAGE_WORDS, Shading},
 };
-use std::collections::HashSet;
 
 /// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
 pub const STILL_SAMPLES: u32 = 3;
@@ -70,7 +72,7 @@ pub struct FrameData {
     pub frame: Frame,
     /// Entries of the cut's grid.
     pub grid: Vec<[u32; 2]>,
-    /// The cut: a node a square, several of which may show parts of one tile.
+    /// The cut: a node a square (and the one behind it, while it fades), several of which may show parts of one tile.
     pub nodes: Vec<Node>,
     /// Which squares those are.
     pub asked: Asked,
@@ -82,7 +84,7 @@ pub struct FrameData {
 #[derive(Debug, Clone, Copy)]
 pub struct Drawn<'a> {
     /// Squares in the picture.
-    pub cut: &'a [Item],
+    pub fades: &'a Fades,
     /// What casts shadows on them.
     pub casters: &'a [NodeIndex],
     /// Which selection it is.
@@ -94,42 +96,103 @@ pub struct Drawn<'a> {
 impl FrameData {
     /// Of a cut and of what casts shadows on it. What has left `cache` since it was selected is drawn from what it lay in.
     pub fn new(drawn: Drawn<'_>, tree: &Tree, cache: &Cache, view: &View, look: &Look) -> Self {
-        let eye = view.camera.position;
         let mut frame = frame(tree, view, look);
-        let own: HashSet<NodeIndex> =
-            drawn.cut.iter().filter(|item| item.from == item.square).map(|item| item.square).collect();
-        let casters = drawn.casters.iter().filter(|at| !own.contains(at));
-        let items = drawn.cut.iter().copied().chain(casters.map(|at| Item { square: *at, from: *at, mesh: None }));
-        let most = drawn.cut.len() + drawn.casters.len();
-        let (mut ids, mut nodes) = (Vec::with_capacity(most), Vec::with_capacity(most));
-        let mut squares = Vec::with_capacity(most);
-        for Item { square, from, mesh } in items {
-            let mut line = std::iter::successors(Some(from), |at| tree.node(*at).parent).map(|at| tree.node(at).id);
-            if let Some((id, placed)) = line.find_map(|id| Some((id, cache.get(id)?))) {
-                squares.push(square);
-                ids.push(tree.node(square).id);
-                let mesh = mesh.filter(|_| id == tree.node(square).id).and_then(|lod| cache.mesh(id, lod));
-                nodes.push(node(id, placed, mesh, tree, eye));
-            }
-        }
+        let list = List::new(&drawn, tree, cache, view);
         let manifest = tree.manifest();
         let root_error_m = HALF_DIAGONAL * manifest.cell_m_at(0);
         let place = Place {
-            root_corner: DVec3::from(manifest.origin) - eye,
+            root_corner: DVec3::from(manifest.origin) - view.camera.position,
             root_side_m: manifest.root_side_m,
             root_distance_m: root_error_m * view.focal_px() / view.tau_px.max(1e-3),
         };
         let mut builder = Builder::default();
-        let grid = builder.build(&place, &ids, &nodes);
+        let grid = builder.build_fading(&place, &list.ids, &list.shares, &list.nodes);
         grid.head.write(&mut frame);
         Self {
             frame,
             grid: grid.entries.clone(),
-            nodes,
-            asked: Asked { squares, view: *view, generation: drawn.generation },
-            error_px: drawn.error_px,
+            nodes: list.nodes,
+            asked: Asked { squares: list.squares, view: *view, generation: drawn.generation },
+            error_px: drawn.error_px.max(list.error_px),
         }
     }
+}
+
+/// Nodes as they are listed, and what is known of each.
+struct List<'a> {
+    tree: &'a Tree,
+    cache: &'a Cache,
+    eye: DVec3,
+    nodes: Vec<Node>,
+    /// Which square shows it.
+    ids: Vec<TileId>,
+    /// How many rays see the next one in its place.
+    shares: Vec<u8>,
+    /// Which square of the cut its hits count for.
+    squares: Vec<NodeIndex>,
+    /// Largest projected error of what is seen and on its way out.
+    error_px: f64,
+}
+
+impl<'a> List<'a> {
+    fn new(drawn: &Drawn<'_>, tree: &'a Tree, cache: &'a Cache, view: &View) -> Self {
+        let Drawn { fades, casters, .. } = *drawn;
+        let most = fades.shown().len() + fades.passing() + casters.len();
+        let mut list = Self {
+            tree,
+            cache,
+            eye: view.camera.position,
+            nodes: Vec::with_capacity(most),
+            ids: Vec::with_capacity(most),
+            shares: Vec::with_capacity(most),
+            squares: Vec::with_capacity(most),
+            error_px: 0.0,
+        };
+        for shown in fades.shown() {
+            let (face, old) = shown.faces();
+            if !list.push(shown.square, shown.of, face, true) {
+                continue;
+            }
+            if let Some((old, rays)) = old
+                && list.push(shown.square, shown.of, old, false)
+            {
+                let front = list.shares.len() - 2;
+                list.shares[front] = rays;
+                list.error_px = list.error_px.max(old.error_px(tree, view));
+            }
+        }
+        for at in casters.iter().filter(|at| !replaces(**at, fades, tree, view)) {
+            list.push(*at, *at, Face { from: *at, mesh: None }, true);
+        }
+        list
+    }
+
+    /// Adds what `face` shows of a square, or if that has left the cache and `or_more` is set, what it lay in.
+    fn push(&mut self, square: NodeIndex, of: NodeIndex, face: Face, or_more: bool) -> bool {
+        let Self { tree, cache, .. } = *self;
+        let steps = if or_more { usize::MAX } else { 1 };
+        let line = std::iter::successors(Some(face.from), |at| tree.node(*at).parent).take(steps);
+        let mut line = line.map(|at| tree.node(at).id);
+        let Some((id, placed)) = line.find_map(|id| Some((id, cache.get(id)?))) else { return false };
+        let name = tree.node(square).id;
+        let mesh = face.mesh.filter(|_| id == name).and_then(|lod| cache.mesh(id, lod));
+        self.nodes.push(node(id, placed, mesh, tree, self.eye));
+        self.ids.push(name);
+        self.shares.push(0);
+        self.squares.push(of);
+        true
+    }
+}
+
+/// Whether what casts shadows would be drawn where a square of the picture shows, or is about to show, something else: that
+/// shall not change at once.
+fn replaces(caster: NodeIndex, fades: &Fades, tree: &Tree, view: &View) -> bool {
+    let Some(shown) = fades.over(caster, tree) else { return false };
+    let (face, _) = shown.faces();
+    if shown.square == caster && face.from == caster {
+        return true;
+    }
+    fades.is_on() && shown.seen && (shown.passes() || face.error_px(tree, view) > view.tau_px)
 }
 
 fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {

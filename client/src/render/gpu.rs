@@ -6,7 +6,7 @@ use super::{FrameData, adapter::AdapterInfo};
 use crate::{
     cache::{PAGE_BYTES, Upload, slots_for},
     error::{ClientError, Result},
-    select::sight::Asked,
+    select::{fade::FADES, sight::Asked},
 };
 use insula_shaders::{
     cpu::raycast::{Counts, Pixels},
@@ -82,7 +82,8 @@ impl GpuAdapter {
     pub fn new(device: Device, pages: u32) -> Result<Self, String> {
         let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
         let slots = slots_for(pages);
-        let capacity = Capacity { atlas_pages: pages, slots, nodes: slots };
+        let nodes = slots + 2 * FADES as u32;
+        let capacity = Capacity { atlas_pages: pages, slots, nodes };
         let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let raycaster = Raycaster::new(&device.device, capacity);
@@ -90,7 +91,7 @@ impl GpuAdapter {
         match errors.into_iter().flatten().next() {
             Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
             None => {
-                let tally = Tally::new(&device.device, slots);
+                let tally = Tally::new(&device.device, nodes);
                 Ok(Self { device, raycaster, tally, asked: None, last: None })
             }
         }

@@ -13,6 +13,7 @@
 pub mod casters;
 pub mod cull;
 pub mod error;
+pub mod fade;
 mod meshes;
 pub mod priority;
 pub mod sight;

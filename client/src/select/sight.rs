@@ -36,7 +36,7 @@ pub enum Sighted {
 /// The squares that a picture was drawn with, to be told of with the pixels that hit each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked {
-    /// In the order of the ray-caster's nodes.
+    /// In the order of the ray-caster's nodes; one that is drawn in parts or by two nodes is named for each.
     pub squares: Vec<NodeIndex>,
     /// What was looked at.
     pub view: View,
@@ -61,6 +61,8 @@ pub struct Sight {
     beside: Vec<u32>,
     /// Per node: the last picture in which it, or something in it, was drawn.
     drawn: Vec<u32>,
+    /// Per node: pixels of the picture that is taken in.
+    pixels: Vec<u32>,
     /// The selection that the last picture was of, and its finest picture's pixels.
     looked: Option<(u64, u64)>,
     hits: usize,
@@ -81,11 +83,15 @@ impl Sight {
         self.hit.resize(tree.nodes().len(), 0);
         self.beside.resize(tree.nodes().len(), 0);
         self.drawn.resize(tree.nodes().len(), 0);
+        self.pixels.resize(tree.nodes().len(), 0);
         self.hits = 0;
-        let least = ((pixels_of(&asked.view) as f64 * CONTRIBUTES) as u32).max(1);
         for (at, pixels) in asked.squares.iter().zip(pixels) {
+            self.pixels[at.0 as usize] += *pixels;
+        }
+        let least = ((pixels_of(&asked.view) as f64 * CONTRIBUTES) as u32).max(1);
+        for at in &asked.squares {
             stamp(&mut self.drawn, tree, Some(*at), self.picture);
-            if *pixels >= least {
+            if std::mem::take(&mut self.pixels[at.0 as usize]) >= least {
                 self.hits += 1;
                 stamp(&mut self.hit, tree, Some(*at), self.picture);
                 for beside in around(tree.node(*at).id) {

@@ -16,6 +16,7 @@ use crate::{
     select::{
         Counters, Scratch, Selection,
         casters::{Casters, casters},
+        fade::Fades,
         priority::{Group, Wanted},
         select,
         sight::{Asked, Sight},
@@ -66,6 +67,7 @@ pub(super) struct Flow {
     pub(super) stream: Stream,
     pub(super) selection: Selection,
     pub(super) sight: Sight,
+    pub(super) fades: Fades,
     pub(super) tiles: TileCounts,
     pub(super) evicted: u64,
     pub(super) fetched_again: u64,
@@ -79,6 +81,7 @@ pub(super) struct Flow {
     /// What the last selection was for, and when.
     shot: Option<Shot>,
     selected_at: Instant,
+    stepped_at: Instant,
     raised: Raised,
     decoded: VecDeque<(Key, Packed)>,
     decoded_bytes: u64,
@@ -100,6 +103,7 @@ impl Flow {
             stream,
             selection: Selection::default(),
             sight: Sight::default(),
+            fades: Fades::default(),
             tiles: TileCounts::default(),
             evicted: 0,
             fetched_again: 0,
@@ -110,6 +114,7 @@ impl Flow {
             last_view: None,
             shot: None,
             selected_at: Instant::now(),
+            stepped_at: Instant::now(),
             raised: Raised::default(),
             decoded: VecDeque::new(),
             decoded_bytes: 0,
@@ -142,6 +147,10 @@ impl Flow {
         if self.upload(upload, now) {
             self.turn(shot, now);
         }
+        let secs = now.duration_since(self.stepped_at).as_secs_f64();
+        self.stepped_at = now;
+        // A picture of other squares than the last one: what it hits shall be told.
+        self.generation += u64::from(self.fades.step(&self.selection, &self.tree, secs));
     }
 
     /// Selects, and asks for what is missing.
@@ -165,6 +174,11 @@ impl Flow {
         let secs = now.duration_since(self.selected_at).as_secs_f64();
         self.raised.learn(tau_px / shot.tau_px, share, secs, moved);
         self.selected_at = now;
+        for face in self.fades.kept() {
+            let id = self.tree.node(face.from).id;
+            self.cache.keep(Key::block_map(id));
+            face.mesh.iter().for_each(|lod| self.cache.keep(Key::mesh(id, *lod)));
+        }
         // The coarsest last: of equals, it goes last.
         for at in self.selection.used.iter().rev() {
             self.cache.touch(Key::block_map(self.tree.node(*at).id));
@@ -339,7 +353,10 @@ impl Flow {
 
     /// Whether nothing could make the last selection's picture better.
     pub(super) fn settled(&self) -> bool {
-        self.fetched() && !self.raised.moves() && (self.is_sighted([0, 0]) || !self.sight.is_fed())
+        self.fetched()
+            && !self.raised.moves()
+            && self.fades.passing() == 0
+            && (self.is_sighted([0, 0]) || !self.sight.is_fed())
     }
 
     /// Whether all that the last selection asks for is here.
@@ -364,7 +381,7 @@ impl Flow {
 
     /// Whether the next frame has something to upload, or to select anew: no need to wait for the network.
     pub(super) fn streaming_now(&self) -> bool {
-        !self.decoded.is_empty() || self.fresh || self.raised.moves()
+        !self.decoded.is_empty() || self.fresh || self.raised.moves() || self.fades.passing() > 0
     }
 
     /// An error if the city has no root to begin with, or the server does not answer for `timeout`.
@@ -381,9 +398,9 @@ impl Flow {
 
     /// What the ray-caster needs for the last selection.
     pub(super) fn frame_data(&self, shot: &Shot, look: &Look) -> FrameData {
-        let (cut, casters) = (&self.selection.cut[..], &self.casters.nodes[..]);
+        let (fades, casters) = (&self.fades, &self.casters.nodes[..]);
         let error_px = self.selection.counters.seen_error_px;
-        let drawn = Drawn { cut, casters, generation: self.generation, error_px };
+        let drawn = Drawn { fades, casters, generation: self.generation, error_px };
         FrameData::new(drawn, &self.tree, &self.cache, &self.view(shot, shot.camera), look)
     }
 

@@ -14,6 +14,7 @@ use crate::{
     scene::{Tree, TreeNode},
     select::{
         Selection,
+        fade::Fades,
         sight::{Asked, Sight},
     },
     stream::Stream,
@@ -157,7 +158,22 @@ impl Session {
         self.flow.set_sun(sun);
     }
 
-    /// Whether nothing could make the last selection's picture better.
+    /// Whether squares pass from one level of detail to another in a while ([`crate::select::fade`]); at once unless set.
+    pub fn set_fades(&mut self, on: bool) {
+        self.flow.fades.set(on);
+    }
+
+    /// The next picture shows all as it shall be, at once.
+    pub fn end_fades(&mut self) {
+        self.flow.fades.forget();
+    }
+
+    /// What passes from one level of detail to another.
+    pub fn fades(&self) -> &Fades {
+        &self.flow.fades
+    }
+
+    /// Whether nothing could make the last selection's picture better, and nothing passes.
     pub fn settled(&self) -> bool {
         self.flow.settled()
     }

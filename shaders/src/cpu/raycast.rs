@@ -14,7 +14,10 @@ use super::{
 };
 use crate::{
     grid::Z_TOP,
-    layout::{BLOCK_CELLS, Frame, GRID_MIXED, GRID_NODE_BIT, MAX_SAMPLES, NO_NODE, Node, SUMMARY_WORDS},
+    layout::{
+        BLOCK_CELLS, Frame, GRID_LEVEL_SHIFT, GRID_MIXED, GRID_NODE_BIT, GRID_NODES, GRID_SHARE_SHIFT, MAX_SAMPLES,
+        NO_NODE, Node, SUMMARY_WORDS,
+    },
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::NODE_CELLS;
@@ -97,6 +100,8 @@ pub(super) struct Leg {
     eye_m: f32,
     /// It only asks whether anything is in the way.
     pub(super) to_sun: bool,
+    /// Which of two nodes it sees where a square passes from one to the other.
+    threshold: u32,
 }
 
 /// What a ray gathered on its way.
@@ -148,7 +153,8 @@ pub fn count(scene: &SceneRef<'_>) -> Counts {
     let row = |y: u32| {
         let mut sum = Counts::default();
         for x in 0..width {
-            sum += trace(scene, ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5)).1.counts;
+            let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5);
+            sum += trace(scene, dir, threshold_of([x, y], 1, 0)).1.counts;
         }
         sum
     };
@@ -166,13 +172,21 @@ fn pixel(scene: &SceneRef<'_>, x: u32, y: u32) -> (u32, f32, u32) {
     for s in 0..n * n {
         let offset = (Vec2::new((s % n) as f32, (s / n) as f32) + 0.5) / n as f32;
         let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + offset);
-        let (rgb, gathered) = trace(scene, dir);
+        let (rgb, gathered) = trace(scene, dir, threshold_of([x, y], n, s));
         sum += rgb;
         if s == n * n / 2 {
             (distance, hit) = (gathered.distance_m, gathered.node);
         }
     }
     (encode_srgb(sum / (n * n) as f32), distance, hit)
+}
+
+/// From 0 to 63, as even as can be: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays a pixel, the one whose hit
+/// is told has the least: it is the first to see what is new.
+fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
+    let (x, y) = (x * samples + sample % samples, y * samples + sample / samples + samples / 2);
+    let a = x ^ y;
+    (a & 1) << 5 | (y & 1) << 4 | (a & 2) << 2 | (y & 2) << 1 | (a & 4) >> 1 | (y & 4) >> 2
 }
 
 fn ray_direction(frame: &Frame, p_px: Vec2) -> Vec3 {
@@ -192,7 +206,7 @@ pub(super) fn ahead(d: Vec2) -> Vec2 {
 }
 
 /// The light of a ray from the eye, ready for the screen, and what it met.
-fn trace(scene: &SceneRef<'_>, dir: Vec3) -> (Vec3, Gathered) {
+fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> (Vec3, Gathered) {
     let frame = scene.frame;
     let counts = Counts { rays: 1, ..Counts::default() };
     let nothing = Gathered {
@@ -209,7 +223,8 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3) -> (Vec3, Gathered) {
         counts,
     };
     let mut gathered = Gathered { ..nothing };
-    walk_grid(scene, &Leg { from: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false }, &mut gathered);
+    let leg = Leg { from: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false, threshold };
+    walk_grid(scene, &leg, &mut gathered);
     let mut eye_m = gathered.distance_m;
     let mut lit = gathered.light(frame, dir);
     if gathered.left > OPAQUE {
@@ -225,7 +240,8 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3) -> (Vec3, Gathered) {
     if frame.shadow_m > 0.0 && lit.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
         let mut on_the_way = Gathered { counts: gathered.counts, ..nothing };
         let (from, dir) = (gathered.sun_from, Vec3::from(frame.sun));
-        walk_grid(scene, &Leg { from, dir, reach_m: frame.shadow_m, eye_m, to_sun: true }, &mut on_the_way);
+        let leg = Leg { from, dir, reach_m: frame.shadow_m, eye_m, to_sun: true, threshold };
+        walk_grid(scene, &leg, &mut on_the_way);
         gathered.counts = on_the_way.counts;
         seen = if on_the_way.left > OPAQUE { on_the_way.left } else { 0.0 };
     }
@@ -281,7 +297,7 @@ fn walk_grid(scene: &SceneRef<'_>, leg: &Leg, gathered: &mut Gathered) {
         let (entry, level) = look_up(scene, cell, k);
         gathered.counts.steps += 1;
         let is_node = entry[0] & GRID_NODE_BIT != 0;
-        k = if is_node { entry[0] >> 24 & 31 } else { level };
+        k = if is_node { entry[0] >> GRID_LEVEL_SHIFT & 31 } else { level };
         let corner = cell >> k << k;
         let edge = corner + (forward << k);
         let te = ((edge - eye_cell).as_vec2() - o) * inv;
@@ -293,7 +309,7 @@ fn walk_grid(scene: &SceneRef<'_>, leg: &Leg, gathered: &mut Gathered) {
             continue;
         }
         if meets && is_node {
-            walk_node(scene, entry[0] & 0xff_ffff, leg, t, exit, gathered);
+            walk_node(scene, seen_by(leg, entry[0]), leg, t, exit, gathered);
         }
         t = exit;
         let mut next = (o + d * t).floor().as_ivec2() + eye_cell;
@@ -312,6 +328,11 @@ fn walk_grid(scene: &SceneRef<'_>, leg: &Leg, gathered: &mut Gathered) {
         k = level_at(frame, leg.eye_m + t).min(apart);
         cell = next;
     }
+}
+
+/// The node that a ray sees in a square: the one that the entry names, or the one behind it.
+fn seen_by(leg: &Leg, entry: u32) -> u32 {
+    (entry & (GRID_NODES as u32 - 1)) + u32::from(leg.threshold < entry >> GRID_SHARE_SHIFT & 63)
 }
 
 /// The level whose nodes are good enough at a distance.
