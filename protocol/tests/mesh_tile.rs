@@ -75,7 +75,9 @@ fn what_a_tile_promises_is_checked() {
     refused(with(Texture { size_px: [0, 4], ..picture() }));
     refused(with(Texture { size_px: [MAX_TEXTURE_SIDE_PX + 1, 1], ..picture() }));
     refused(with(Texture { size_px: [4096, 1025], ..picture() }));
-    refused(with(Texture { bytes: b"GIF89a".to_vec(), ..picture() }));
+    for bytes in [&b"GIF89a"[..], &[0xff, 0xd8, 0xff, 0xe0], b"RIFF", b"RIFF\x10\0\0\0WEBPVP8X"] {
+        refused(with(Texture { bytes: bytes.to_vec(), ..picture() }));
+    }
     let mut empty = plain();
     empty.mesh.triangles.clear();
     empty.mesh.attributes[0].corners.clear();

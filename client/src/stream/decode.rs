@@ -95,9 +95,8 @@ pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
 fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
     let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
     let [width_px, height_px] = texture.size_px.map(u32::from);
-    let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes))
-        .with_guessed_format()
-        .map_err(|_| DecodeError::Invalid("a mesh's texture is no picture"))?;
+    let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes));
+    reader.set_format(image::ImageFormat::WebP);
     let mut limits = image::Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(width_px), Some(height_px));
     // What the picture takes as bytes, and as much again for decoding it.

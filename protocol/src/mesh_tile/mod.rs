@@ -51,7 +51,7 @@ pub struct MeshTile {
 pub struct Texture {
     /// Width and height, 1 to [`MAX_TEXTURE_SIDE_PX`].
     pub size_px: [u16; 2],
-    /// A WebP or JPEG file; sRGB.
+    /// A WebP file of one chunk, `VP8 ` or `VP8L`; sRGB.
     pub bytes: Vec<u8>,
 }
 
@@ -177,11 +177,12 @@ impl Texture {
         if self.size_px.iter().any(|side| !(1..=MAX_TEXTURE_SIDE_PX).contains(side)) {
             return Err(DecodeError::Invalid("a texture's sides are 1 to 4096 pixels"));
         }
-        let is_webp = self.bytes.starts_with(b"RIFF") && self.bytes.get(8..12) == Some(b"WEBP");
-        if is_webp || self.bytes.starts_with(&[0xff, 0xd8, 0xff]) {
+        // Nothing else has its size at its beginning alone.
+        let is_plain = matches!(self.bytes.get(8..16), Some(b"WEBPVP8 " | b"WEBPVP8L"));
+        if is_plain && self.bytes.starts_with(b"RIFF") {
             Ok(())
         } else {
-            Err(DecodeError::Invalid("a texture is neither WebP nor JPEG"))
+            Err(DecodeError::Invalid("a texture is no WebP file of one chunk"))
         }
     }
 }

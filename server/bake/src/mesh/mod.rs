@@ -3,7 +3,7 @@
 //! In: a block's scene and one of its leaves. Out: [`Lod`]s: mesh tiles with what a client must know of them. Next: `write`.
 //!
 //! `cut` clips triangles to the leaf's square, `lattice` puts them on the grid that all leaves share, `chain` makes fewer of
-//! them, `distance` measures how far that went; `charts`, `atlas` and `picture` make what they wear.
+//! them, `distance` measures how far that went; `charts`, `atlas`, `picture` and `wire` make what they wear.
 //!
 //! What lies on the leaf's border is cut in the same way by both neighbours, lies on points that both have, and never moves:
 //! so any two levels of detail of neighbours meet.
@@ -15,13 +15,14 @@ mod cut;
 mod distance;
 mod lattice;
 mod picture;
+mod wire;
 
 use insula_protocol::{TileId, blockmap::Quality, subtree::MeshLod};
 
 use crate::{error::BakeError, grid::Grid, scene::Scene};
 
 /// Raised whenever the same scene and settings would give other meshes than before.
-pub const ALGORITHM: u32 = 1;
+pub const ALGORITHM: u32 = 2;
 
 /// A finished level of detail.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,25 +4,22 @@
 //! it. Next: `chain`.
 //!
 //! Texels are means, in linear light, over what of the source's picture the triangles show: what lies beside a chart in the
-//! source's own atlas never gets in. What no triangle shows is filled from beside it, so that nothing bleeds.
+//! source's own atlas never gets in. Around it lies what it shows at its rim, so that nothing bleeds.
 
-use std::{io::Cursor, sync::LazyLock};
+use std::sync::LazyLock;
 
-use glam::{Vec2, Vec3};
-use image::{
-    ExtendedColorType, ImageEncoder, ImageFormat,
-    codecs::{jpeg::JpegEncoder, webp::WebPEncoder},
-};
+use glam::{Vec2, Vec2Swizzles, Vec3};
 use insula_protocol::{
     blockmap::Quality,
     mesh::{Attribute, Kind},
-    mesh_tile::{MAX_PART_BYTES, Texture},
+    mesh_tile::Texture,
 };
 
 use super::{
     atlas::{self, Atlas},
     charts::{self, Chart},
     lattice,
+    wire::{self, Shown},
 };
 use crate::{
     model::Model,
@@ -32,14 +29,12 @@ use crate::{
 
 /// Texels around each chart that show what it shows at its rim.
 const PAD: u32 = 1;
+/// Side of what has one colour: wide enough for a whole block of the file, wherever it lies.
+const PLAIN: u32 = 30;
 /// Most reads along a texel's side.
 const MOST_TAPS: u32 = 4;
 /// Finer than a texel: places in the picture have so many bits more than its side.
 const SUB_BITS: u32 = 3;
-/// Of JPEGs: what is searched for the least that loses little enough.
-const JPEG_QUALITIES: [u8; 2] = [25, 95];
-/// Pictures may lose so many decibels more than columns: their texels are finer, and what they lose is averaged on the screen.
-const LESS_DB: f64 = 1.5;
 
 /// What a surface wears.
 pub(super) struct Dress {
@@ -59,7 +54,7 @@ pub(super) fn dress(scene: &Scene, model: &Model, (step_m, texel_m): (f64, f64),
     for _ in 0..60 {
         let scales: Vec<f64> = charts.iter().map(|chart| (1.0 / (texel_m * chart.px_per_m)).min(1.0)).collect();
         let sizes: Vec<[u32; 2]> = charts.iter().zip(&scales).map(|(chart, s)| size(scene, chart, *s)).collect();
-        let padded: Vec<[u32; 2]> = sizes.iter().map(|size| size.map(|side| side.saturating_add(2 * PAD))).collect();
+        let padded: Vec<[u32; 2]> = sizes.iter().copied().map(padded).collect();
         let packed = atlas::pack(&padded).and_then(|atlas| {
             let canvas = paint(scene, model, (&charts, &sizes), &atlas);
             let texture = Texture { size_px: atlas.size.map(|side| side as u16), bytes: canvas.pack(quality)? };
@@ -77,10 +72,15 @@ pub(super) fn dress(scene: &Scene, model: &Model, (step_m, texel_m): (f64, f64),
 
 /// Texels of a chart, without those around it.
 fn size(scene: &Scene, chart: &Chart, scale: f64) -> [u32; 2] {
-    let Some(picture) = charts::picture(scene, chart.material) else { return [2, 2] };
+    let Some(picture) = charts::picture(scene, chart.material) else { return [PLAIN; 2] };
     let extent = chart.high - chart.low;
     let side = |extent: f32, texels: u32| (f64::from(extent) * f64::from(texels) * scale).ceil().max(1.0) as u32;
     [side(extent.x, picture.width), side(extent.y, picture.height)]
+}
+
+/// What a chart takes of the atlas: it lies on its longer side.
+fn padded([width, height]: [u32; 2]) -> [u32; 2] {
+    [width.max(height), width.min(height)].map(|side| side.saturating_add(2 * PAD))
 }
 
 /// Where texture coordinates of a chart lie in the picture, in texels.
@@ -90,6 +90,8 @@ struct Map {
     scale: Vec2,
     corner: Vec2,
     size: Vec2,
+    /// Whether it lies with its columns as rows.
+    turned: bool,
 }
 
 impl Map {
@@ -99,13 +101,20 @@ impl Map {
         let scale = Vec2::select(extent.cmpgt(Vec2::ZERO), size / extent.max(Vec2::splat(1e-30)), Vec2::ZERO);
         let corner = Vec2::new(place[0] as f32, place[1] as f32) + PAD as f32;
         // v grows upwards, rows downwards.
-        Self { low: Vec2::new(chart.low.x, chart.high.y), scale: scale * Vec2::new(1.0, -1.0), corner, size }
+        let turned = size.y > size.x;
+        Self { low: Vec2::new(chart.low.x, chart.high.y), scale: scale * Vec2::new(1.0, -1.0), corner, size, turned }
     }
 
     /// Relative to the chart's left upper corner.
     fn inside(&self, uv: Vec2) -> Vec2 {
         let p = (uv - self.low) * self.scale;
-        Vec2::select(self.scale.cmpeq(Vec2::ZERO), self.size / 2.0, p).clamp(Vec2::ZERO, self.size)
+        let p = Vec2::select(self.scale.cmpeq(Vec2::ZERO), self.size / 2.0, p).clamp(Vec2::ZERO, self.size);
+        if self.turned { p.yx() } else { p }
+    }
+
+    fn middle(&self) -> Vec2 {
+        let middle = self.size / 2.0;
+        if self.turned { middle.yx() } else { middle }
     }
 }
 
@@ -121,7 +130,7 @@ fn places(model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas
         for corner in chart.triangles.iter().flat_map(|t| 3 * t..3 * t + 3) {
             let value = layer.corners[corner as usize];
             let [u, v, ..] = layer.values[value as usize];
-            let inside = if is_plain { map.size / 2.0 } else { map.inside(Vec2::new(u, v)) };
+            let inside = if is_plain { map.middle() } else { map.inside(Vec2::new(u, v)) };
             let at = ((map.corner + inside) / whole * most + 0.5).floor().clamp(Vec2::ZERO, Vec2::splat(most));
             values[value as usize] = [at.x as u32, at.y as u32, 0, 0];
         }
@@ -140,11 +149,13 @@ fn places(model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas
 struct Canvas {
     size: [u32; 2],
     sums: Vec<(Vec3, f32)>,
+    /// Where triangles show it.
+    shown: Vec<bool>,
 }
 
 fn paint(scene: &Scene, model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas) -> Canvas {
-    let mut canvas =
-        Canvas { size: atlas.size, sums: vec![(Vec3::ZERO, 0.0); (atlas.size[0] * atlas.size[1]) as usize] };
+    let texels = (atlas.size[0] * atlas.size[1]) as usize;
+    let mut canvas = Canvas { size: atlas.size, sums: vec![(Vec3::ZERO, 0.0); texels], shown: vec![false; texels] };
     for ((chart, size), place) in charts.iter().zip(sizes).zip(&atlas.places) {
         let base = linear(lattice::colour(scene, chart.material));
         if let Some(picture) = charts::picture(scene, chart.material) {
@@ -158,9 +169,12 @@ fn paint(scene: &Scene, model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]),
                 });
             }
         } else {
-            canvas.sums[(place[1] * atlas.size[0] + place[0]) as usize] = (base, 1.0);
+            let [width, height] = padded(*size);
+            for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+                canvas.add(Vec2::new((place[0] + x) as f32, (place[1] + y) as f32), base);
+            }
         }
-        canvas.fill(*place, size.map(|side| side + 2 * PAD));
+        canvas.rim(*place, padded(*size));
     }
     canvas
 }
@@ -193,89 +207,46 @@ impl Canvas {
         let (x, y) = ((at.x as u32).min(self.size[0] - 1), (at.y as u32).min(self.size[1] - 1));
         let sum = &mut self.sums[(y * self.size[0] + x) as usize];
         *sum = (sum.0 + light, sum.1 + 1.0);
+        self.shown[(y * self.size[0] + x) as usize] = true;
     }
 
-    /// What no triangle showed in a rectangle takes the mean of what lies beside it, ring after ring.
-    fn fill(&mut self, [x0, y0]: [u32; 2], [w, h]: [u32; 2]) {
+    /// What no triangle showed in a rectangle, but beside what one did, takes the mean of that.
+    fn rim(&mut self, [x0, y0]: [u32; 2], [w, h]: [u32; 2]) {
         let width = self.size[0];
         let at = |x: u32, y: u32| ((y0 + y) * width + x0 + x) as usize;
-        let mut empty: Vec<[u32; 2]> =
-            (0..h).flat_map(|y| (0..w).map(move |x| [x, y])).filter(|[x, y]| self.sums[at(*x, *y)].1 == 0.0).collect();
-        if empty.len() == (w * h) as usize {
-            return;
-        }
-        while !empty.is_empty() {
-            let ring: Vec<([u32; 2], Vec3)> = empty
-                .iter()
-                .filter_map(|&[x, y]| {
-                    let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-                    for [i, k] in [[0i32, -1], [-1, 0], [1, 0], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]] {
-                        let (i, k) = (x.wrapping_add_signed(i), y.wrapping_add_signed(k));
-                        if i < w && k < h && self.sums[at(i, k)].1 > 0.0 {
-                            let (light, weight) = self.sums[at(i, k)];
-                            sum += light / weight;
-                            count += 1.0;
-                        }
-                    }
-                    (count > 0.0).then(|| ([x, y], sum / count))
-                })
-                .collect();
-            for ([x, y], light) in &ring {
-                self.sums[at(*x, *y)] = (*light, 1.0);
+        for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+            let here = at(x, y);
+            if self.shown[here] {
+                continue;
             }
-            empty.retain(|[x, y]| self.sums[at(*x, *y)].1 == 0.0);
+            let (mut sum, mut count) = (Vec3::ZERO, 0.0);
+            for [i, k] in [[0i32, -1], [-1, 0], [1, 0], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]] {
+                let (i, k) = (x.wrapping_add_signed(i), y.wrapping_add_signed(k));
+                if i < w && k < h && self.shown[at(i, k)] {
+                    let (light, weight) = self.sums[at(i, k)];
+                    sum += light / weight;
+                    count += 1.0;
+                }
+            }
+            if count > 0.0 {
+                self.sums[here] = (sum / count, 1.0);
+            }
         }
     }
 
-    fn rgb(&self) -> Vec<u8> {
-        let (all, count) = self
-            .sums
-            .iter()
-            .filter(|sum| sum.1 > 0.0)
-            .fold((Vec3::ZERO, 0.0), |(all, count), sum| (all + sum.0 / sum.1, count + 1.0));
-        let mean = all / f32::max(count, 1.0);
-        let texel = |(light, weight): &(Vec3, f32)| if *weight > 0.0 { *light / *weight } else { mean };
-        self.sums.iter().flat_map(|sum| quick_srgb(texel(sum))).collect()
+    /// Mean light of each texel as sRGB, and whether it is known.
+    fn rgb(&self) -> (Vec<u8>, Vec<bool>) {
+        let texel = |(light, weight): &(Vec3, f32)| quick_srgb(*light / weight.max(1.0));
+        let known = self.sums.iter().map(|sum| sum.1 > 0.0).collect();
+        (self.sums.iter().flat_map(texel).collect(), known)
     }
 
-    /// As a file: whichever is smaller of a JPEG that loses no more than `quality` allows and a WebP without loss.
+    /// As a file.
     fn pack(&self, quality: Quality) -> Option<Vec<u8>> {
-        let rgb = self.rgb();
-        let [width, height] = self.size;
-        let mut webp = Vec::new();
-        WebPEncoder::new_lossless(&mut webp).encode(&rgb, width, height, ExtendedColorType::Rgb8).ok()?;
-        let jpeg = match quality {
-            Quality::Lossless => None,
-            Quality::Decibels(db) => jpeg(&rgb, self.size, f64::from(db)),
-        };
-        let best = jpeg.filter(|jpeg| jpeg.len() < webp.len()).unwrap_or(webp);
-        (best.len() <= MAX_PART_BYTES).then_some(best)
+        let (mut rgb, known) = self.rgb();
+        wire::fill(&mut rgb, self.size, &known);
+        Shown { size: self.size, rgb: &rgb, shown: &self.shown }.pack(quality)
     }
-}
-
-/// The smallest that is good enough, `None` if none is.
-fn jpeg(rgb: &[u8], [width, height]: [u32; 2], db: f64) -> Option<Vec<u8>> {
-    let most = 255.0 * 255.0 / 10f64.powf((db - LESS_DB) / 10.0);
-    let attempt = |quality: u8| {
-        let mut file = Vec::new();
-        let encoder = JpegEncoder::new_with_quality(&mut file, quality);
-        encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).ok()?;
-        let mut reader = image::ImageReader::new(Cursor::new(&file));
-        reader.set_format(ImageFormat::Jpeg);
-        let back = reader.decode().ok()?.into_rgb8();
-        let squares = rgb.iter().zip(back.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum::<u64>();
-        (squares as f64 <= most * rgb.len() as f64).then_some(file)
-    };
-    let [mut low, mut high] = JPEG_QUALITIES;
-    let mut best = None;
-    while low <= high {
-        let middle = low.midpoint(high);
-        match attempt(middle) {
-            Some(file) => (best, high) = (Some(file), middle - 1),
-            None => low = middle + 1,
-        }
-    }
-    best
 }
 
 /// The same as `srgb` but for a rounding now and then, from a table.
