@@ -78,7 +78,20 @@ fn structs_lie_alike() {
             pad,
         }
     );
-    assert_layout!(&module, Node { corner, cell_m, z_step_m, z_lo, z_hi, z_shift, pages, slot, level, mesh, mesh_z_m });
+    // Rows of four: `place` is corner and cell_m, `z` is z_step_m to z_shift.
+    let (span, members) = wgsl_layout(&module, "Node");
+    let rust = [
+        ("place", offset_of!(Node, corner)),
+        ("z", offset_of!(Node, z_step_m)),
+        ("pages", offset_of!(Node, pages)),
+        ("slot", offset_of!(Node, slot)),
+        ("level", offset_of!(Node, level)),
+        ("mesh", offset_of!(Node, mesh)),
+        ("mesh_z_m", offset_of!(Node, mesh_z_m)),
+    ];
+    assert_eq!(members, rust.map(|(name, at)| (name.to_owned(), at)));
+    assert_eq!((span, offset_of!(Node, cell_m), offset_of!(Node, z_shift)), (size_of::<Node>(), 12, 28));
+    assert_eq!((offset_of!(Node, z_lo), offset_of!(Node, z_hi)), (20, 24));
 }
 
 #[test]

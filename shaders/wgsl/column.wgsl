@@ -32,28 +32,31 @@ fn top_at(t: f32, z_max: f32, slope: vec2<f32>, centre: vec2<f32>) -> f32 {
     return z_max + dot(slope, ray.o.xy + ray.d.xy * t - centre);
 }
 
-// The twin's column up to its first return: whether the ray is between bottom and top somewhere in the cell.
-fn may_hit(cell: vec2<i32>, ta: f32, te: f32) -> bool {
+// Whether the ray may be in a solid somewhere in the cell, by what is read with one look, or two where there is a gap.
+fn may_hit(cell: vec2<i32>, ta: f32, te: f32, quad_top: f32) -> bool {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let walk = plane_word(0u, i);
-    let z_max = f32(walk & 0xfffu);
-    let z_min = f32((walk >> 12u) & 0xfffu);
-    var slope = vec2<f32>(0.0);
-    if ((walk >> 24u) & INCLINED) != 0u {
-        let n = octahedral(plane_word(2u, i));
-        slope = n.xy * (-f32(16u >> ray.z_shift) / max(n.z, 0.1));
+    let flags = walk >> 24u;
+    touched = Touched(walk, vec2<f32>(0.0));
+    let highest = select(f32(walk & 0xfffu), quad_top, (flags & INCLINED) != 0u);
+    let rises = ray.d.z > 0.0;
+    let lower = z_at(select(te, ta, rises));
+    let upper = z_at(select(ta, te, rises));
+    var apart = lower > highest || upper < f32((walk >> 12u) & 0xfffu);
+    if (flags & (GAP | EXPOSED)) == (GAP | EXPOSED) && !apart {
+        let strip = plane_word(3u, i);
+        let gap = word(strip + head_words(flags) - 1u);
+        var low = f32(gap & 0xffffu);
+        if (flags & CLIPPED) != 0u {
+            low = max(low, f32(word(strip) & 0xfffu));
+        }
+        apart = lower > low && upper < f32(gap >> 16u);
     }
-    let centre = vec2<f32>(cell) + 0.5;
-    var highest = max(top_at(ta, z_max, slope, centre), top_at(te, z_max, slope, centre));
-    if ((walk >> 24u) & (CLIPPED | GAP)) != 0u {
-        highest = max(highest, z_max);
-    }
-    touched = Touched(walk, slope);
-    let apart = min(z_at(ta), z_at(te)) > highest || max(z_at(ta), z_at(te)) < z_min;
-    return ((walk >> 24u) & OCCUPIED) != 0u && !apart;
+    return (flags & OCCUPIED) != 0u && !apart;
 }
 
-fn column(cell: vec2<i32>, ta: f32, te: f32) {
+// The next solid of the column that the ray meets, from `next_solid` on; false if there is none.
+fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let walk = touched.walk;
     let flags = walk >> 24u;
@@ -69,6 +72,10 @@ fn column(cell: vec2<i32>, ta: f32, te: f32) {
     if (flags & CLIPPED) != 0u {
         clip = word(strip);
     }
+    if (flags & INCLINED) != 0u {
+        let n = octahedral(attributes);
+        touched.slope = n.xy * (-f32(16u >> ray.z_shift) / max(n.z, 0.1));
+    }
     let border = border_of((flags & CLIPPED) != 0u, attributes, clip, centre, ta, te);
     let outer_top = f32(clip & 0xfffu);
     let has_gap = (flags & GAP) != 0u;
@@ -78,45 +85,36 @@ fn column(cell: vec2<i32>, ta: f32, te: f32) {
     }
     let low = f32(gap & 0xffffu);
     let high = f32(gap >> 16u);
-    var n = 0u;
+    let last = select(6u, 4u, border.end >= te);
+    var n = max(next_solid, select(2u, 0u, border.begin > ta));
+    var found = false;
     loop {
-        // On to a solid that is there: what follows is costly even for devices that then throw it away.
-        var part = 0u;
-        var solid = SOLID_UPPER;
-        var outer = false;
-        var s = te;
-        var e = ta;
-        loop {
-            if n >= 6u || s < e {
-                break;
-            }
-            part = n >> 1u;
-            let second = (n & 1u) == 1u;
-            let lower = second != (ray.d.z > 0.0);
-            outer = (part == 1u) == border.within_is_outer;
-            solid = select(select(SOLID_UPPER, SOLID_LOWER, lower), SOLID_OUTER, outer);
-            let missing = (outer && (second || outer_top == 0.0)) || (solid == SOLID_LOWER && !has_gap);
-            s = select(select(border.end, border.begin, part == 1u), ta, part == 0u);
-            e = select(select(te, border.end, part == 1u), border.begin, part == 0u);
-            e = select(e, s, missing);
-            n++;
-        }
-        if s >= e {
+        if found || n >= last {
             break;
         }
+        let part = n >> 1u;
+        let second = (n & 1u) == 1u;
+        let lower = second != (ray.d.z > 0.0);
+        let outer = (part == 1u) == border.within_is_outer;
+        let solid = select(select(SOLID_UPPER, SOLID_LOWER, lower), SOLID_OUTER, outer);
+        let missing = (outer && (second || outer_top == 0.0)) || (solid == SOLID_LOWER && !has_gap);
+        let s = select(select(border.end, border.begin, part == 1u), ta, part == 0u);
+        let e = select(select(te, border.end, part == 1u), border.begin, part == 0u);
         let bottom = select(z_min, high, solid == SOLID_UPPER && has_gap);
-        var over = vec2<f32>(z_at(s) - top_at(s, z_max, touched.slope, centre), z_at(e) - top_at(e, z_max, touched.slope, centre));
-        var top = z_max;
-        if solid != SOLID_UPPER {
-            top = select(low, outer_top, outer);
-            over = vec2<f32>(z_at(s) - top, z_at(e) - top);
-        }
-        let span = clip_solid(s, e, over, vec2<f32>(z_at(s) - bottom, z_at(e) - bottom));
-        hit_solid(cell, i, walk, strip, solid, border.walls[part], span, bottom, top);
-        if gathered.left <= OPAQUE {
-            break;
-        }
+        let flat_top = select(low, outer_top, outer);
+        let top = select(flat_top, z_max, solid == SOLID_UPPER);
+        let slope = select(vec2<f32>(0.0), touched.slope, solid == SOLID_UPPER);
+        let zs = z_at(s);
+        let ze = z_at(e);
+        let over = vec2<f32>(zs - top_at(s, top, slope, centre), ze - top_at(e, top, slope, centre));
+        let span = clip_solid(s, e, over, vec2<f32>(zs - bottom, ze - bottom));
+        let inside = span.s <= 0.0 && span.face == FACE_SIDE;
+        found = !missing && s < e && span.s < span.e && !inside;
+        met = Met(span, attributes, strip, solid, border.walls[part], bottom, top);
+        n++;
     }
+    next_solid = n;
+    return found;
 }
 
 fn head_words(flags: u32) -> u32 {
@@ -181,63 +179,48 @@ fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
     return span;
 }
 
-fn hit_solid(
-    cell: vec2<i32>,
-    i: u32,
-    walk: u32,
-    strip_at: u32,
-    solid: u32,
-    wall: u32,
-    span: Span,
-    bottom: f32,
-    top: f32,
-) {
-    let inside = span.s <= 0.0 && span.face == FACE_SIDE;
-    if span.s >= span.e || inside || gathered.left <= OPAQUE {
-        return;
-    }
+// Gathers what the ray sees of the solid that `meets` found.
+fn hit_solid(cell: vec2<i32>) {
+    let i = u32(cell.y * NODE_CELLS + cell.x);
+    let walk = touched.walk;
+    let span = met.span;
+    let strip_at = met.strip;
+    let solid = met.solid;
+    let bottom = met.bottom;
+    let top = met.top;
     let flags = walk >> 24u;
-    let roof_normal = octahedral(plane_word(2u, i));
-    var texel = 0u;
+    let side = span.face == FACE_SIDE;
+    let face = face_normal(cell);
+    let outer = solid == SOLID_OUTER;
+    let roof = solid == SOLID_UPPER && span.face == FACE_TOP;
+    let rows = !outer && !roof && (flags & EXPOSED) != 0u;
+    var place = select(ray.pages.y + i, strip_at + 1u, outer);
+    var wall = select(NO_WALL, met.wall, rows && side);
+    if !outer && !rows && side {
+        let found = beside(cell + vec2<i32>(face.xy), span.s);
+        place = select(place, found.place, found.turn != NO_WALL);
+        wall = found.turn;
+    }
     var normal = vec3<f32>(0.0, 0.0, select(1.0, -1.0, span.face == FACE_BOTTOM));
-    var rows = false;
-    if solid == SOLID_OUTER {
-        texel = word(strip_at + 1u) | (3u << 24u);
-        if span.face == FACE_SIDE {
-            normal = face_normal(cell);
-        }
-    } else if solid == SOLID_UPPER && span.face == FACE_TOP {
-        texel = plane_word(1u, i) | (3u << 24u);
-        normal = roof_normal;
-    } else if (flags & EXPOSED) != 0u {
-        rows = true;
-    } else if span.face == FACE_SIDE && beside(cell, span.s) {
-        texel = wall_beside.texel;
-        normal = wall_beside.normal;
-    } else {
-        texel = plane_word(1u, i) | (3u << 24u);
-        if span.face != FACE_BOTTOM {
-            normal = roof_normal;
-        }
-        if dot(normal, leg.dir) >= 0.0 {
-            normal = face_normal(cell);
+    if wall != NO_WALL {
+        normal = wall_normal(face, wall);
+    } else if outer {
+        normal = select(normal, face, side);
+    } else if !rows {
+        normal = select(normal, octahedral(met.attributes), span.face != FACE_BOTTOM);
+        if !roof && dot(normal, leg.dir) >= 0.0 {
+            normal = face;
         }
     }
-    let strip = strip_at + head_words(flags);
     let codes = f32(16u >> ray.z_shift);
-    let first = i32(floor(f32((walk >> 12u) & 0xfffu) / codes));
+    let first = i32(strip_at + head_words(flags)) - i32(floor(f32((walk >> 12u) & 0xfffu) / codes));
     let row_low = i32(floor(bottom / codes));
     let row_high = i32(floor((top - 1.0) / codes));
-    var row = clamp(i32(floor((ray.o.z + ray.d.z * span.s) / codes)), row_low, row_high);
+    var row = clamp(i32(floor(z_at(span.s) / codes)), row_low, row_high);
     let up = ray.d.z > 0.0;
     var s = span.s;
-    if rows && span.face == FACE_SIDE {
-        normal = wall_normal(cell, wall);
-    }
     for (var n = 0; n < 256; n++) {
-        if rows {
-            texel = word(u32(i32(strip) + row - first));
-        }
+        let texel = word(select(place, u32(first + row), rows)) | select(3u << 24u, 0u, rows);
         gather(s, texel, normal, flags);
         if !rows || gathered.left <= OPAQUE || (flags & HOLES) == 0u {
             return;
@@ -251,10 +234,11 @@ fn hit_solid(
     }
 }
 
-fn beside(cell: vec2<i32>, t: f32) -> bool {
-    let before = cell + vec2<i32>(face_normal(cell).xy);
+// The wall of the column `before` at `t`, if it has one there.
+fn beside(before: vec2<i32>, t: f32) -> WallBeside {
+    let none = WallBeside(0u, NO_WALL);
     if any(before < vec2<i32>(0)) || any(before >= vec2<i32>(NODE_CELLS)) {
-        return false;
+        return none;
     }
     let i = u32(before.y * NODE_CELLS + before.x);
     let walk = plane_word(0u, i);
@@ -262,13 +246,14 @@ fn beside(cell: vec2<i32>, t: f32) -> bool {
     let z = z_at(t);
     let z_min = f32((walk >> 12u) & 0xfffu);
     if (flags & EXPOSED) == 0u || z < z_min || z >= f32(walk & 0xfffu) {
-        return false;
+        return none;
     }
     let codes = f32(16u >> ray.z_shift);
-    let row = u32(floor(z / codes) - floor(z_min / codes));
-    let texel = word(plane_word(3u, i) + head_words(flags) + row);
-    wall_beside = WallBeside(texel | (3u << 24u), wall_normal(cell, (plane_word(2u, i) >> 16u) & 255u));
-    return ((texel >> 24u) & 3u) != 0u;
+    let place = plane_word(3u, i) + head_words(flags) + u32(floor(z / codes) - floor(z_min / codes));
+    if ((word(place) >> 24u) & 3u) == 0u {
+        return none;
+    }
+    return WallBeside(place, (plane_word(2u, i) >> 16u) & 255u);
 }
 
 fn azimuth(turn: u32) -> vec2<f32> {
@@ -276,12 +261,9 @@ fn azimuth(turn: u32) -> vec2<f32> {
     return vec2<f32>(cos(angle), sin(angle));
 }
 
-fn wall_normal(cell: vec2<i32>, wall: u32) -> vec3<f32> {
+fn wall_normal(face: vec3<f32>, wall: u32) -> vec3<f32> {
     let normal = vec3<f32>(azimuth(wall), 0.0);
-    if dot(normal, leg.dir) < 0.0 {
-        return normal;
-    }
-    return face_normal(cell);
+    return select(face, normal, dot(normal, leg.dir) < 0.0);
 }
 
 fn face_normal(cell: vec2<i32>) -> vec3<f32> {
@@ -307,11 +289,13 @@ fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
     gathered.mean_m += t * share;
     if share > 0.0 && before > 0.5 {
         gathered.flags = flags;
-        gathered.level = nodes[ray.index].level;
+        if FOR_STUDY {
+            gathered.level = nodes[ray.index].level;
+        }
         if gathered.left <= 0.5 {
             gathered.distance = t;
             gathered.node = ray.index;
-            gathered.sun_from = leg.dir * t + normal * (nodes[ray.index].cell_m * SUN_LIFT_CELLS);
+            gathered.sun_from = leg.dir * t + normal * (ray.cell_m * SUN_LIFT_CELLS);
         }
     }
 }

@@ -67,7 +67,7 @@ fn walk_mesh(index: u32) {
     let about = four(head + 1u);
     let whole = four(head + 2u);
     let step_m = place.w;
-    let zero = vec3<f32>(nodes[index].corner.xy, nodes[index].mesh_z_m) + place.xyz;
+    let zero = vec3<f32>(nodes[index].place.xy, nodes[index].mesh_z_m) + place.xyz;
     let o = (leg.origin - zero) / step_m;
     var d = leg.dir / step_m;
     d = select(d, vec3<f32>(1e-12), abs(d) < vec3<f32>(1e-12));
@@ -264,10 +264,10 @@ fn decode(srgb: vec3<f32>) -> vec3<f32> {
 }
 
 fn open_sky(index: u32, p: vec3<f32>, normal: vec3<f32>) -> f32 {
-    let cell_m = nodes[index].cell_m;
-    let below = p - nodes[index].corner - normal * (0.5 * cell_m);
+    let cell_m = nodes[index].place.w;
+    let below = p - nodes[index].place.xyz - normal * (0.5 * cell_m);
     let at = below.xy / cell_m - 0.5;
-    let z = below.z / nodes[index].z_step_m;
+    let z = below.z / bitcast<f32>(nodes[index].z.x);
     let corner = floor(at);
     let part = at - corner;
     var sum = 0.0;
@@ -291,7 +291,7 @@ fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
     let flags = walk >> 24u;
     let z_max = f32(walk & 0xfffu);
     let z_min = f32((walk >> 12u) & 0xfffu);
-    let codes = f32(16u >> nodes[index].z_shift);
+    let codes = f32(16u >> nodes[index].z.w);
     if (flags & OCCUPIED) == 0u || z > z_max + 1.5 * codes || z < z_min - 1.5 * codes {
         return vec2<f32>(0.0);
     }

@@ -26,12 +26,10 @@ struct Frame {
 }
 
 struct Node {
-    corner: vec3<f32>,
-    cell_m: f32,
-    z_step_m: f32,
-    z_lo: f32,
-    z_hi: f32,
-    z_shift: u32,
+    // In rows of four, each of which is read at once. South-west corner at height code 0, side of a column.
+    place: vec4<f32>,
+    // Bits of metres of a height code, lowest, highest; z_shift.
+    z: vec4<u32>,
     pages: vec4<u32>,
     slot: u32,
     level: u32,
@@ -90,10 +88,14 @@ const AT_CELL: u32 = 2u;
 const AFTER_CELL: u32 = 3u;
 const AFTER_BLOCK: u32 = 4u;
 const AT_MESH: u32 = 5u;
+const AT_COLUMN: u32 = 6u;
+const AT_NODE: u32 = 7u;
 
 const FACE_SIDE: u32 = 0u;
 const FACE_TOP: u32 = 1u;
 const FACE_BOTTOM: u32 = 2u;
+
+const NO_WALL: u32 = 256u;
 
 const SOLID_UPPER: u32 = 0u;
 const SOLID_LOWER: u32 = 1u;
@@ -129,9 +131,10 @@ struct NodeRay {
     // First words of the node's planes.
     pages: vec4<u32>,
     z_shift: u32,
+    cell_m: f32,
 }
 
-// The column that `may_hit` found: its word, and how its top rises.
+// The column that `may_hit` found: its word, and how its top rises (`meets`).
 struct Touched {
     walk: u32,
     slope: vec2<f32>,
@@ -139,15 +142,29 @@ struct Touched {
 
 // Highest points of a block's quads of 2 x 2 cells.
 struct Quads {
+    // Of the block, a little beyond what is there.
     lowest: f32,
     highest: f32,
+    // Of the tops' six bits.
+    step: f32,
     rows: vec4<u32>,
+}
+
+// The solid that `meets` found.
+struct Met {
+    span: Span,
+    attributes: u32,
+    strip: u32,
+    solid: u32,
+    wall: u32,
+    bottom: f32,
+    top: f32,
 }
 
 // What `beside` found.
 struct WallBeside {
-    texel: u32,
-    normal: vec3<f32>,
+    place: u32,
+    turn: u32,
 }
 
 struct Border {
@@ -173,6 +190,8 @@ struct Entry {
 override COUNT: bool = false;
 // Cleared in a build for cuts without meshes.
 override MESHES: bool = true;
+// Set in a build for shadings other than LIT.
+override FOR_STUDY: bool = false;
 
 var<private> leg: Leg;
 // Which of two nodes the ray sees where a square passes from one to the other.
@@ -180,12 +199,18 @@ var<private> threshold: u32;
 var<private> gathered: Gathered;
 var<private> ray: NodeRay;
 var<private> touched: Touched;
-var<private> wall_beside: WallBeside;
+var<private> met: Met;
+var<private> next_solid: u32;
 // Nodes, entries of the grid, words of summaries and atlas, cells; only with COUNT.
 var<private> counts: vec4<u32>;
 
 @compute @workgroup_size(8, 8)
-fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
+fn raycast(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let id = pixel_of(group.xy, groups.y, lane);
     if id.x >= frame.width_px || id.y >= frame.height_px {
         return;
     }
@@ -194,8 +219,8 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = id.y * frame.width_px + id.x;
     for (var s = 0u; s < n * n; s++) {
         let offset = (vec2<f32>(f32(s % n), f32(s / n)) + 0.5) / f32(n);
-        threshold = threshold_of(id.xy, n, s);
-        let traced = trace(ray_direction(vec2<f32>(id.xy) + offset));
+        threshold = threshold_of(id, n, s);
+        let traced = trace(ray_direction(vec2<f32>(id) + offset));
         sum += traced.rgb;
         if s == n * n / 2u {
             distance_m[at] = traced.distance;
@@ -210,6 +235,16 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
+// Lanes that run in step are neighbours two pixels wide and four high (of 8 lanes; 8 wide and 4 high of 32): rays that do much the
+// same, as what a city shows is more alike upwards than sideways. Every second row of workgroups comes in the second half of
+// the dispatch, so that a device that parts it in two (lavapipe on two cores) gets as much sky in one half as in the other.
+fn pixel_of(group: vec2<u32>, rows: u32, lane: u32) -> vec2<u32> {
+    let half = (rows + 1u) / 2u;
+    let row = select(group.y * 2u, (group.y - half) * 2u + 1u, group.y >= half);
+    let within = vec2<u32>((lane & 1u) + ((lane >> 3u) & 3u) * 2u, ((lane >> 1u) & 3u) + (lane >> 5u) * 4u);
+    return vec2<u32>(group.x, row) * 8u + within;
+}
+
 fn threshold_of(pixel: vec2<u32>, samples: u32, sample: u32) -> u32 {
     let p = pixel * samples + vec2<u32>(sample % samples, sample / samples + samples / 2u);
     let a = p.x ^ p.y;
@@ -220,6 +255,15 @@ fn threshold_of(pixel: vec2<u32>, samples: u32, sample: u32) -> u32 {
 fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {
     let ndc = p_px / vec2<f32>(f32(frame.width_px), f32(frame.height_px)) * 2.0 - 1.0;
     return normalize(frame.forward + frame.right * ndc.x - frame.up * ndc.y);
+}
+
+// `min` and `max` of numbers: WGSL's own say what a NaN gives, which costs two more instructions where devices do not know it.
+fn least(a: f32, b: f32) -> f32 {
+    return select(b, a, a < b);
+}
+
+fn most(a: f32, b: f32) -> f32 {
+    return select(b, a, a > b);
 }
 
 fn nonzero(v: vec2<f32>) -> vec2<f32> {
@@ -288,9 +332,10 @@ fn infinity_bits() -> u32 {
     return 0x7f800000u + bitcast<u32>(frame.light.pad);
 }
 
-// The twin's walk_grid, walk_node and walk_block in one: nested loops that a column which may be hit leaves all at once, and
-// that go on where they were. So the body of the innermost loop is small and the costly rest runs once a column: devices
-// whose lanes run in step (and lavapipe, whose `if`s skip nothing) would otherwise pay for it at every cell.
+// The twin's walk_grid, walk_node and walk_block in one: nested loops that go on where they were (`phase`), each of which runs
+// until all lanes need what is behind it: a node, a block, a cell, a column that may be hit (`may_hit`), a solid that is
+// (`meets`), its texel (`hit_solid`). Devices whose lanes run in step (and lavapipe, whose `if`s skip nothing) pay for whatever
+// stands in a loop at each of its rounds, so what is costly stands outside of what is often run.
 fn walk_grid() {
     let o = frame.eye + leg.origin.xy / frame.side_m;
     let z_from = frame.z_eye + leg.origin.z * frame.z_scale;
@@ -314,9 +359,11 @@ fn walk_grid() {
     }
     var square = clamp(vec2<i32>(floor(o + d * t)) + frame.eye_cell, vec2<i32>(0), vec2<i32>(squares - 1));
     var k = level_at(leg.eye_m + t);
+    let rises = dz > 0.0;
     var phase = AT_SQUARE;
     var square_exit = t;
     var done = false;
+    var index = 0u;
     var node_end = t;
     var slot = 0u;
     var block = vec2<i32>(0);
@@ -324,144 +371,166 @@ fn walk_grid() {
     var quads = Quads();
     var cell = vec2<i32>(0);
     var cell_end = t;
-    var mesh_node = 0u;
     var steps = 0u;
-    for (var columns = 0u; columns < MAX_STEPS; columns++) {
-        var found = false;
+    for (var hits = 0u; hits < MAX_STEPS; hits++) {
+        var met_one = false;
         loop {
+            var candidate = phase == AT_COLUMN;
             loop {
-                if phase != AT_SQUARE || done {
-                    break;
-                }
-                t = square_exit;
-                let entry = look_up(square, k);
-                steps++;
-                let is_node = (entry.words.x & GRID_NODE_BIT) != 0u;
-                k = select(entry.k, (entry.words.x >> GRID_LEVEL_SHIFT) & 31u, is_node);
-                let corner = (square >> vec2<u32>(k)) << vec2<u32>(k);
-                let edge = corner + (forward << vec2<u32>(k));
-                let te = (vec2<f32>(edge - frame.eye_cell) - o) * inv;
-                let exit = max(min(min(te.x, te.y), t_end), t);
-                let z_in = z_from + dz * t;
-                let z_out = z_from + dz * exit;
-                let below = min(z_in, z_out) <= f32(entry.words.y >> 16u) + 1.0;
-                let meets = below && max(z_in, z_out) + 1.0 >= f32(entry.words.y & 0xffffu);
-                if meets && entry.words.x == GRID_MIXED && k > 0u {
-                    k--;
-                    done = steps >= MAX_STEPS;
-                    continue;
-                }
-                if meets && is_node {
-                    let index = seen_by(entry.words.x);
-                    let span = enter_node(index, t, exit);
-                    if MESHES && nodes[index].mesh != 0u {
-                        mesh_node = index;
-                        phase = AT_MESH;
-                    } else if span.x <= span.y {
-                        if COUNT {
-                            counts.x++;
+                // To a node whose heights the ray comes to.
+                loop {
+                    loop {
+                        if phase != AT_SQUARE || done {
+                            break;
                         }
-                        t = span.x;
-                        node_end = span.y;
-                        slot = nodes[index].slot * SUMMARY_FOURS;
-                        let start = floor((ray.o.xy + ray.d.xy * t) / f32(BLOCK_CELLS));
-                        block = clamp(vec2<i32>(start), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
-                        phase = AT_BLOCK;
+                        t = square_exit;
+                        let entry = look_up(square, k);
+                        steps++;
+                        let is_node = (entry.words.x & GRID_NODE_BIT) != 0u;
+                        k = select(entry.k, (entry.words.x >> GRID_LEVEL_SHIFT) & 31u, is_node);
+                        let corner = (square >> vec2<u32>(k)) << vec2<u32>(k);
+                        let edge = corner + (forward << vec2<u32>(k));
+                        let te = (vec2<f32>(edge - frame.eye_cell) - o) * inv;
+                        let exit = most(least(least(te.x, te.y), t_end), t);
+                        let z_in = z_from + dz * t;
+                        let z_out = z_from + dz * exit;
+                        let below = min(z_in, z_out) <= f32(entry.words.y >> 16u) + 1.0;
+                        let meets = below && max(z_in, z_out) + 1.0 >= f32(entry.words.y & 0xffffu);
+                        if meets && entry.words.x == GRID_MIXED && k > 0u {
+                            k--;
+                            done = steps >= MAX_STEPS;
+                            continue;
+                        }
+                        if meets && is_node {
+                            index = seen_by(entry.words.x);
+                            phase = AT_NODE;
+                        }
+                        square_exit = exit;
+                        var next = vec2<i32>(floor(o + d * exit)) + frame.eye_cell;
+                        next = clamp(next, corner, corner + ((1i << k) - 1i));
+                        let beyond = edge - 1 + forward;
+                        next = select(vec2<i32>(next.x, beyond.y), vec2<i32>(beyond.x, next.y), te.x <= te.y);
+                        let inside = all(next >= vec2<i32>(0)) && all(next < vec2<i32>(squares));
+                        done = exit >= t_end || !inside || steps >= MAX_STEPS;
+                        let apart = firstLeadingBit(u32((square.x ^ next.x) | (square.y ^ next.y)));
+                        k = min(level_at(leg.eye_m + exit), apart);
+                        square = next;
+                    }
+                    if phase == AT_NODE {
+                        let span = enter_node(index, t, square_exit);
+                        phase = AT_SQUARE;
+                        if MESHES && nodes[index].mesh != 0u {
+                            phase = AT_MESH;
+                        } else if span.x <= span.y {
+                            if COUNT {
+                                counts.x++;
+                            }
+                            t = span.x;
+                            node_end = span.y;
+                            slot = nodes[index].slot * SUMMARY_FOURS;
+                            let start = floor((ray.o.xy + ray.d.xy * t) / f32(BLOCK_CELLS));
+                            block = clamp(vec2<i32>(start), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
+                            phase = AT_BLOCK;
+                        }
+                    }
+                    if phase != AT_SQUARE || done {
+                        break;
                     }
                 }
-                square_exit = exit;
-                var next = vec2<i32>(floor(o + d * exit)) + frame.eye_cell;
-                next = clamp(next, corner, corner + ((1i << k) - 1i));
-                next = select(vec2<i32>(next.x, edge.y - 1 + forward.y), vec2<i32>(edge.x - 1 + forward.x, next.y), te.x <= te.y);
-                let inside = all(next >= vec2<i32>(0)) && all(next < vec2<i32>(squares));
-                done = exit >= t_end || !inside || steps >= MAX_STEPS;
-                let apart = firstLeadingBit(u32((square.x ^ next.x) | (square.y ^ next.y)));
-                k = min(level_at(leg.eye_m + exit), apart);
-                square = next;
-            }
-            if MESHES && phase == AT_MESH {
-                found = true;
-                break;
-            }
-            if phase == AT_SQUARE {
-                break;
-            }
-            loop {
+                if MESHES && phase == AT_MESH {
+                    candidate = true;
+                    break;
+                }
                 if phase == AT_SQUARE {
                     break;
                 }
-                if phase == AT_BLOCK {
-                    let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - ray.o.xy) * ray.inv;
-                    block_end = max(min(min(te.x, te.y), node_end), t);
-                    if COUNT {
-                        counts.z++;
-                    }
-                    let at = u32(block.y * BLOCKS + block.x);
-                    let rows = summaries[slot + at];
-                    let bytes = rows >> vec4<u32>(24u);
-                    quads = Quads(f32(bytes.x | (bytes.y << 8u)), f32(bytes.z | (bytes.w << 8u)), rows);
-                    let za = ray.o.z + ray.d.z * t;
-                    let zb = ray.o.z + ray.d.z * block_end;
-                    phase = AFTER_BLOCK;
-                    if min(za, zb) <= quads.highest + 1.0 && max(za, zb) + 1.0 >= quads.lowest {
-                        let low = block * BLOCK_CELLS;
-                        cell = clamp(vec2<i32>(floor(ray.o.xy + ray.d.xy * t)), low, low + (BLOCK_CELLS - 1));
-                        phase = AT_CELL;
-                    }
-                }
+                // To a column that may be hit.
                 loop {
-                    // Over the cells of quads that the ray flies over.
+                    if phase == AT_SQUARE || candidate {
+                        break;
+                    }
+                    // Over the blocks that the ray flies over.
                     loop {
-                        if phase != AT_CELL && phase != AFTER_CELL {
+                        if phase != AT_BLOCK && phase != AFTER_BLOCK {
                             break;
                         }
-                        let te = (vec2<f32>(cell) + ahead - ray.o.xy) * ray.inv;
-                        let exit = min(te.x, te.y);
-                        cell_end = max(min(exit, block_end), t);
-                        if phase == AT_CELL && min(z_at(t), z_at(cell_end)) <= quad_top(quads, cell) {
+                        let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - ray.o.xy) * ray.inv;
+                        let exit = least(te.x, te.y);
+                        block_end = most(least(exit, node_end), t);
+                        if phase == AT_BLOCK {
+                            if COUNT {
+                                counts.z++;
+                            }
+                            quads = quads_of(summaries[slot + u32(block.y * BLOCKS + block.x)]);
+                            let lower = z_at(select(block_end, t, rises));
+                            let upper = z_at(select(t, block_end, rises));
+                            if lower <= quads.highest && upper >= quads.lowest {
+                                let low = block * BLOCK_CELLS;
+                                let start = vec2<i32>(floor(ray.o.xy + ray.d.xy * t));
+                                cell = clamp(start, low, low + (BLOCK_CELLS - 1));
+                                phase = AT_CELL;
+                                break;
+                            }
+                        }
+                        block += select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
+                        let inside = all(block >= vec2<i32>(0)) && all(block < vec2<i32>(BLOCKS));
+                        phase = select(AT_SQUARE, AT_BLOCK, exit < node_end && inside);
+                        t = block_end;
+                    }
+                    loop {
+                        // Over the cells of quads that the ray flies over.
+                        loop {
+                            if phase != AT_CELL && phase != AFTER_CELL {
+                                break;
+                            }
+                            let te = (vec2<f32>(cell) + ahead - ray.o.xy) * ray.inv;
+                            let exit = least(te.x, te.y);
+                            cell_end = most(least(exit, block_end), t);
+                            if phase == AT_CELL && z_at(select(cell_end, t, rises)) <= quad_top(quads, cell) {
+                                break;
+                            }
+                            let next = cell + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
+                            let same = all((next >> vec2<u32>(3u)) == block);
+                            phase = select(AFTER_BLOCK, AT_CELL, exit < block_end && same);
+                            cell = next;
+                            t = cell_end;
+                        }
+                        if phase != AT_CELL {
                             break;
                         }
-                        let along_x = te.x <= te.y;
-                        let next = cell + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), along_x);
-                        let same = all((next >> vec2<u32>(3u)) == block);
-                        phase = select(AFTER_BLOCK, AT_CELL, exit < block_end && same);
-                        cell = next;
-                        t = cell_end;
-                    }
-                    if phase != AT_CELL {
-                        break;
-                    }
-                    if COUNT {
-                        counts.w++;
-                    }
-                    phase = AFTER_CELL;
-                    if may_hit(cell, t, cell_end) {
-                        found = true;
-                        break;
+                        if COUNT {
+                            counts.w++;
+                        }
+                        phase = AFTER_CELL;
+                        if may_hit(cell, t, cell_end, quad_top(quads, cell)) {
+                            next_solid = 0u;
+                            candidate = true;
+                            break;
+                        }
                     }
                 }
-                if found {
+                if candidate || done {
                     break;
                 }
-                let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - ray.o.xy) * ray.inv;
-                let exit = min(te.x, te.y);
-                t = max(min(exit, node_end), t);
-                block += select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
-                let inside = all(block >= vec2<i32>(0)) && all(block < vec2<i32>(BLOCKS));
-                phase = select(AT_SQUARE, AT_BLOCK, exit < node_end && inside);
             }
-            if found || done {
+            if !candidate {
                 break;
             }
+            met_one = (MESHES && phase == AT_MESH) || meets(cell, t, cell_end);
+            if met_one {
+                break;
+            }
+            phase = AFTER_CELL;
         }
-        if !found {
+        if !met_one {
             return;
         }
         if MESHES && phase == AT_MESH {
-            walk_mesh(mesh_node);
+            walk_mesh(index);
             phase = AT_SQUARE;
         } else {
-            column(cell, t, cell_end);
+            hit_solid(cell);
+            phase = AT_COLUMN;
         }
         if gathered.left <= OPAQUE {
             return;
@@ -469,10 +538,17 @@ fn walk_grid() {
     }
 }
 
+fn quads_of(rows: vec4<u32>) -> Quads {
+    let bytes = rows >> vec4<u32>(24u);
+    let lowest = f32(bytes.x | (bytes.y << 8u));
+    let highest = f32(bytes.z | (bytes.w << 8u));
+    return Quads(lowest - 1.0, highest + 1.0, (highest - lowest) * (1.0 / 63.0), rows);
+}
+
 // Highest point of the cell's quad, and a little more.
 fn quad_top(quads: Quads, cell: vec2<i32>) -> f32 {
     let share = (quads.rows[(cell.y >> 1u) & 3] >> (u32((cell.x >> 1u) & 3) * 6u)) & 63u;
-    return quads.lowest + f32(share) * ((quads.highest - quads.lowest) / 63.0) + 1.0;
+    return quads.lowest + 2.0 + f32(share) * quads.step;
 }
 
 // The node that the ray sees in a square: the one that the entry names, or the one behind it.
@@ -482,7 +558,7 @@ fn seen_by(entry: u32) -> u32 {
 
 // The level whose nodes are good enough at a distance.
 fn level_at(t: f32) -> u32 {
-    return min(u32(log2(max(t * frame.level_scale, 1.0))), frame.levels - 1u);
+    return min((bitcast<u32>(max(t * frame.level_scale, 1.0)) >> 23u) - 127u, frame.levels - 1u);
 }
 
 // The entry for a finest square at level `k`, or at the first coarser level whose window holds it.
@@ -502,16 +578,17 @@ fn look_up(square: vec2<i32>, k: u32) -> Entry {
 
 // Makes `ray`; gives where it is between the node's lowest and highest point (the first larger if nowhere).
 fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
-    let cell_m = nodes[index].cell_m;
-    let scale = vec3<f32>(1.0 / cell_m, 1.0 / cell_m, 1.0 / nodes[index].z_step_m);
-    let o = (leg.origin - nodes[index].corner) * scale;
+    let place = nodes[index].place;
+    let z = nodes[index].z;
+    let scale = vec3<f32>(1.0 / place.w, 1.0 / place.w, 1.0 / bitcast<f32>(z.x));
+    let o = (leg.origin - place.xyz) * scale;
     let d_xy = nonzero(leg.dir.xy * scale.xy);
     var dz = leg.dir.z * scale.z;
     dz = select(dz, 1e-12, abs(dz) < 1e-12);
-    let a = (nodes[index].z_lo - 1.0 - o.z) / dz;
-    let b = (nodes[index].z_hi + 1.0 - o.z) / dz;
+    let a = (bitcast<f32>(z.y) - 1.0 - o.z) / dz;
+    let b = (bitcast<f32>(z.z) + 1.0 - o.z) / dz;
     let pages = nodes[index].pages * PAGE_WORDS;
-    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, nodes[index].z_shift);
+    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, z.w, place.w);
     return vec2<f32>(max(t_in, min(a, b)), min(t_out, max(a, b)));
 }
 

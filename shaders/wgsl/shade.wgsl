@@ -57,6 +57,9 @@ fn plain(sky: vec3<f32>) -> Lit {
 }
 
 fn shade(albedo: vec3<f32>, ao: f32, n: vec3<f32>, flags: u32, level: u32) -> Lit {
+    if !FOR_STUDY {
+        return received(albedo, n, ao);
+    }
     let debug = (0.35 + 0.65 * ao) * (0.7 + 0.3 * max(dot(n, frame.sun), 0.0));
     switch frame.shading {
         case 1u: { return plain(albedo); }
@@ -81,7 +84,7 @@ fn sun_by_sky(ao: f32) -> f32 {
 }
 
 fn through_haze(lit: Lit, dir: vec3<f32>, d: f32) -> Lit {
-    if frame.shading != LIT {
+    if FOR_STUDY && frame.shading != LIT {
         return lit;
     }
     let left = exp(frame.light.haze.rgb * -d);
@@ -90,7 +93,7 @@ fn through_haze(lit: Lit, dir: vec3<f32>, d: f32) -> Lit {
 }
 
 fn develop(rgb: vec3<f32>) -> vec3<f32> {
-    if frame.shading != LIT {
+    if FOR_STUDY && frame.shading != LIT {
         return rgb;
     }
     return tone(rgb);
@@ -124,7 +127,7 @@ fn kind_tint(flags: u32) -> vec3<f32> {
 
 fn background(dir: vec3<f32>) -> Lit {
     let ground_m = ground_distance(dir);
-    if frame.shading != LIT {
+    if FOR_STUDY && frame.shading != LIT {
         let sky = mix(HORIZON, ZENITH, sqrt(max(dir.z, 0.0)));
         return plain(mix(sky, GROUND, select(0.0, GROUND_FADE_M / (ground_m + GROUND_FADE_M), ground_m < NEVER_M)));
     }

@@ -60,30 +60,57 @@ enum Solid {
     Outer,
 }
 
-pub(super) fn column(scene: &SceneRef<'_>, ray: &NodeRay<'_>, cell: IVec2, ta: f32, te: f32, gathered: &mut Gathered) {
+/// Whether the ray may be in a solid somewhere in the cell, by what is read with one look, or two where there is a gap.
+/// `quad_top` is at least as high as whatever inclined column is here.
+fn may_hit(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    (i, walk): (usize, u32),
+    [lower, upper]: [f32; 2],
+    quad_top: f32,
+    gathered: &mut Gathered,
+) -> bool {
+    let flags = (walk >> 24) as u8;
+    let highest = if flags & flag::INCLINED != 0 { quad_top } else { (walk & 0xfff) as f32 };
+    if flags & flag::OCCUPIED == 0 || lower > highest || upper < (walk >> 12 & 0xfff) as f32 {
+        return false;
+    }
+    if flags & (flag::GAP | flag::EXPOSED) != flag::GAP | flag::EXPOSED {
+        return true;
+    }
+    let strip = word(scene, gathered, ray.node.pages[3], i) as usize;
+    let gap = word(scene, gathered, 0, strip + head_words(flags) - 1);
+    let mut low = (gap & 0xffff) as f32;
+    if flags & flag::CLIPPED != 0 {
+        low = low.max((word(scene, gathered, 0, strip) & 0xfff) as f32);
+    }
+    lower <= low || upper >= (gap >> 16) as f32
+}
+
+/// Gathers what the ray meets in a cell between `ta` and `te`.
+pub(super) fn column(
+    scene: &SceneRef<'_>,
+    ray: &NodeRay<'_>,
+    cell: IVec2,
+    [ta, te]: [f32; 2],
+    quad_top: f32,
+    gathered: &mut Gathered,
+) {
     let i = cell.y as usize * NODE_CELLS + cell.x as usize;
     let walk = word(scene, gathered, ray.node.pages[0], i);
     let flags = (walk >> 24) as u8;
-    if flags & flag::OCCUPIED == 0 {
+    let z = |t: f32| ray.o.z + ray.d.z * t;
+    if !may_hit(scene, ray, (i, walk), [z(ta).min(z(te)), z(ta).max(z(te))], quad_top, gathered) {
         return;
     }
     let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
+    let centre = cell.as_vec2() + 0.5;
+    let attributes = word(scene, gathered, ray.node.pages[2], i);
     let mut slope = Vec2::ZERO;
     if flags & flag::INCLINED != 0 {
-        slope = Vec2::from(slope_codes(word(scene, gathered, ray.node.pages[2], i) as u16, ray.node.z_shift));
+        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
     }
-    let centre = cell.as_vec2() + 0.5;
-    let z = |t: f32| ray.o.z + ray.d.z * t;
     let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
-    let mut highest = top(ta).max(top(te));
-    // A slope may dip under the top of what is beyond a plane or below a gap.
-    if flags & (flag::CLIPPED | flag::GAP) != 0 {
-        highest = highest.max(z_max);
-    }
-    if z(ta).min(z(te)) > highest || z(ta).max(z(te)) < z_min {
-        return;
-    }
-    let attributes = word(scene, gathered, ray.node.pages[2], i);
     let strip = if flags & flag::EXPOSED != 0 { word(scene, gathered, ray.node.pages[3], i) as usize } else { 0 };
     let clip = if flags & flag::CLIPPED != 0 { word(scene, gathered, 0, strip) } else { 0 };
     let border = if flags & flag::CLIPPED != 0 {

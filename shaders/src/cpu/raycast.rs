@@ -337,8 +337,9 @@ fn seen_by(leg: &Leg, entry: u32) -> u32 {
 
 /// The level whose nodes are good enough at a distance.
 fn level_at(frame: &Frame, t: f32) -> u32 {
-    let level = (t * frame.level_scale).max(1.0).log2();
-    (level as u32).min(frame.levels - 1)
+    // The exponent is the logarithm, rounded down.
+    let level = ((t * frame.level_scale).max(1.0).to_bits() >> 23) - 127;
+    level.min(frame.levels - 1)
 }
 
 /// The entry for a finest square at level `k`, or at the first coarser level whose window holds it, and that level.
@@ -388,7 +389,7 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
         gathered.counts.fetches += 1;
         let quads = Quads::new(scene.summaries.get(slot + at * 4..).and_then(|words| words.first_chunk()));
         let (za, zb) = (o.z + dz * t, o.z + dz * t_block);
-        if za.min(zb) <= quads.high + 1.0 && za.max(zb) + 1.0 >= quads.low {
+        if za.min(zb) <= quads.high && za.max(zb) >= quads.low {
             walk_block(scene, &ray, (block, &quads), t, t_block, gathered);
             if gathered.left <= OPAQUE {
                 return;
@@ -409,10 +410,13 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
     }
 }
 
-/// Highest points of a block's quads of 2 x 2 cells.
+/// Highest points of a block's quads of 2 x 2 cells, in height codes.
 struct Quads {
+    /// Of the block, a little beyond what is there, so that rounding hides nothing.
     low: f32,
     high: f32,
+    /// Of the tops' six bits.
+    step: f32,
     rows: [u32; 4],
 }
 
@@ -420,13 +424,14 @@ impl Quads {
     fn new(words: Option<&[u32; 4]>) -> Self {
         let rows = *words.unwrap_or(&[0xff << 24, 0xff << 24, 0, 0]);
         let [a, b, c, d] = rows.map(|word| word >> 24);
-        Self { low: (a | b << 8) as f32, high: (c | d << 8) as f32, rows }
+        let (low, high) = ((a | b << 8) as f32, (c | d << 8) as f32);
+        Self { low: low - 1.0, high: high + 1.0, step: (high - low) * (1.0 / 63.0), rows }
     }
 
-    /// In height codes, and a little more, so that rounding hides nothing.
+    /// A little above it too.
     fn top(&self, cell: IVec2) -> f32 {
         let (row, shift) = (cell.y as usize >> 1 & 3, (cell.x as u32 >> 1 & 3) * 6);
-        self.low + (self.rows[row] >> shift & 63) as f32 * ((self.high - self.low) / 63.0) + 1.0
+        self.low + 2.0 + (self.rows[row] >> shift & 63) as f32 * self.step
     }
 }
 
@@ -449,9 +454,10 @@ fn walk_block(
         let te = (cell.as_vec2() + ahead - o) * ray.inv;
         let exit = te.x.min(te.y);
         let t_cell = exit.min(t_end).max(t);
-        if (ray.o.z + ray.d.z * t).min(ray.o.z + ray.d.z * t_cell) <= quads.top(cell) {
+        let top = quads.top(cell);
+        if (ray.o.z + ray.d.z * t).min(ray.o.z + ray.d.z * t_cell) <= top {
             gathered.counts.cells += 1;
-            column(scene, ray, cell, t, t_cell, gathered);
+            column(scene, ray, cell, [t, t_cell], top, gathered);
         }
         if gathered.left <= OPAQUE || exit >= t_end {
             return;

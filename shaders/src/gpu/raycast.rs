@@ -4,9 +4,10 @@
 
 use crate::{
     cpu::raycast::{Counts, Pixels},
-    layout::{Frame, Node, PAGE_WORDS, SUMMARY_WORDS, WORKGROUP, binding},
+    layout::{Frame, Node, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding},
 };
 use bytemuck::Zeroable;
+use std::collections::HashMap;
 use wgpu::util::DeviceExt;
 
 /// How much the device holds; fixed when the ray-caster is made.
@@ -45,14 +46,22 @@ pub enum GpuError {
 #[derive(Debug)]
 pub struct Raycaster {
     capacity: Capacity,
-    pipeline: wgpu::ComputePipeline,
-    /// The build for cuts with meshes, once there was one.
-    meshes: Option<wgpu::ComputePipeline>,
-    /// The build that counts, once it was asked for.
-    counting: Option<wgpu::ComputePipeline>,
+    /// The builds of the shader that were needed so far.
+    pipelines: HashMap<Build, wgpu::ComputePipeline>,
     bind_group_layout: wgpu::BindGroupLayout,
     inputs: Inputs,
     target: Target,
+}
+
+/// A build of the shader: what it need not do costs nothing, even on devices that execute both sides of an `if`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+struct Build {
+    /// Counts what rays do, and draws nothing.
+    count: bool,
+    /// Knows of meshes.
+    meshes: bool,
+    /// Knows of shadings other than [`Shading::Lit`].
+    for_study: bool,
 }
 
 #[derive(Debug)]
@@ -77,7 +86,7 @@ struct Target {
 /// Entries of the grid at first: more than a view of a million buildings needs at full HD.
 const GRID_ENTRIES: u32 = 1 << 16;
 
-/// Of both builds of the shader.
+/// Of all builds of the shader.
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let read = wgpu::BufferBindingType::Storage { read_only: true };
     let write = wgpu::BufferBindingType::Storage { read_only: false };
@@ -101,12 +110,19 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("raycast"), entries: &entries })
 }
 
-/// A build of the shader: one that counts, one that knows of meshes.
-fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, count: bool, meshes: bool) -> wgpu::ComputePipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("raycast"),
-        source: wgpu::ShaderSource::Wgsl(crate::RAYCAST_WGSL.into()),
-    });
+/// Without naga's counters in every loop, which cost 8% on lavapipe, where no mesh can be in the way.
+fn module(device: &wgpu::Device, meshes: bool) -> wgpu::ShaderModule {
+    let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: meshes, ..wgpu::ShaderRuntimeChecks::checked() };
+    let label = Some("raycast");
+    let source = wgpu::ShaderSource::Wgsl(crate::RAYCAST_WGSL.into());
+    // SAFETY: all that is not checked is that loops end, and without meshes all do, whatever the buffers hold: over squares after
+    // MAX_STEPS, over blocks and cells after one step of a whole number each, over hits after MAX_STEPS, over a column's
+    // six solids and 256 rows, over levels and planes by their count. (A damaged tree of a mesh's boxes could lead around.)
+    unsafe { device.create_shader_module_trusted(wgpu::ShaderModuleDescriptor { label, source }, checks) }
+}
+
+fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, build: Build) -> wgpu::ComputePipeline {
+    let module = module(device, build.meshes);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("raycast"),
         bind_group_layouts: &[Some(layout)],
@@ -118,7 +134,8 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, count: bool, 
         module: &module,
         entry_point: Some("raycast"),
         compilation_options: wgpu::PipelineCompilationOptions {
-            constants: &[("COUNT", f64::from(u8::from(count))), ("MESHES", f64::from(u8::from(meshes)))],
+            constants: &[("COUNT", build.count), ("MESHES", build.meshes), ("FOR_STUDY", build.for_study)]
+                .map(|(name, on)| (name, f64::from(u8::from(on)))),
             ..wgpu::PipelineCompilationOptions::default()
         },
         cache: None,
@@ -134,7 +151,8 @@ impl Raycaster {
     /// Takes the memory of `capacity` on the device at once: what fits then fits for good.
     pub fn new(device: &wgpu::Device, capacity: Capacity) -> Self {
         let bind_group_layout = bind_group_layout(device);
-        let pipeline = pipeline(device, &bind_group_layout, false, false);
+        let pipelines =
+            HashMap::from([Build::default()].map(|build| (build, pipeline(device, &bind_group_layout, build))));
         let storage = wgpu::BufferUsages::STORAGE;
         let sized = |label: &str, count: u32, bytes: usize| {
             buffer(device, label, u64::from(count.max(1)) * bytes as u64, storage)
@@ -151,7 +169,7 @@ impl Raycaster {
             atlas: sized("atlas", capacity.atlas_pages, PAGE_WORDS * 4),
         };
         let target = Target::new(device, &bind_group_layout, &inputs, [1, 1]);
-        Self { capacity, pipeline, meshes: None, counting: None, bind_group_layout, inputs, target }
+        Self { capacity, pipelines, bind_group_layout, inputs, target }
     }
 
     /// What it was made for.
@@ -195,13 +213,8 @@ impl Raycaster {
         nodes: &[Node],
     ) -> Result<(), GpuError> {
         self.upload((device, queue), frame, grid, nodes)?;
-        let layout = &self.bind_group_layout;
-        let has_meshes = nodes.iter().any(|node| node.mesh != 0);
-        let pipeline = match has_meshes {
-            true => &*self.meshes.get_or_insert_with(|| pipeline(device, layout, false, true)),
-            false => &self.pipeline,
-        };
-        dispatch(encoder, pipeline, &self.target);
+        let meshes = nodes.iter().any(|node| node.mesh != 0);
+        self.dispatch(device, encoder, Build { count: false, meshes, for_study: frame.shading != Shading::Lit as u32 });
         Ok(())
     }
 
@@ -214,10 +227,8 @@ impl Raycaster {
         nodes: &[Node],
     ) -> Result<Counts, GpuError> {
         self.upload((device, queue), &Frame { samples: 1, ..*frame }, grid, nodes)?;
-        let counting = self.counting.take().unwrap_or_else(|| pipeline(device, &self.bind_group_layout, true, true));
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
-        dispatch(&mut encoder, &counting, &self.target);
-        self.counting = Some(counting);
+        self.dispatch(device, &mut encoder, Build { count: true, meshes: true, for_study: true });
         queue.submit([encoder.finish()]);
         let pixels = self.read_back(device, queue)?;
         let mut counts = Counts { rays: pixels.colour.len() as u64, ..Counts::default() };
@@ -228,6 +239,15 @@ impl Raycaster {
             counts.cells += u64::from(pixels.hit[i]);
         }
         Ok(counts)
+    }
+
+    fn dispatch(&mut self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, build: Build) {
+        let (layout, target) = (&self.bind_group_layout, &self.target);
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
+        pass.set_pipeline(self.pipelines.entry(build).or_insert_with(|| pipeline(device, layout, build)));
+        pass.set_bind_group(0, &target.bind_group, &[]);
+        pass.dispatch_workgroups(target.width_px.div_ceil(WORKGROUP[0]), target.height_px.div_ceil(WORKGROUP[1]), 1);
     }
 
     fn upload(
@@ -276,14 +296,6 @@ impl Raycaster {
         let hit = read(&self.target.hit)?;
         Ok(Pixels { width_px: self.target.width_px, height_px: self.target.height_px, colour, distance, hit })
     }
-}
-
-fn dispatch(encoder: &mut wgpu::CommandEncoder, pipeline: &wgpu::ComputePipeline, target: &Target) {
-    let mut pass =
-        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, &target.bind_group, &[]);
-    pass.dispatch_workgroups(target.width_px.div_ceil(WORKGROUP[0]), target.height_px.div_ceil(WORKGROUP[1]), 1);
 }
 
 pub(super) fn read_words(
