@@ -286,5 +286,5 @@ fn the_format_does_not_change_by_accident() {
     let grid = Grid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
     let mesh = Mesh { grid, positions, triangles, attributes: vec![] };
     let hex: String = check(&mesh).bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    assert_eq!(hex, "01010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");
+    assert_eq!(hex, "02010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");
 }

@@ -92,7 +92,7 @@ fn what_a_tile_promises_is_checked() {
 
 #[test]
 fn what_announces_too_much_is_refused_before_memory_is_taken() {
-    let mut mesh = vec![1, 1, 12, 0];
+    let mut mesh = vec![insula_protocol::mesh::VERSION, 1, 12, 0];
     [0f32, 0.0, 0.0, 1.0].iter().for_each(|v| mesh.extend(v.to_le_bytes()));
     mesh.extend([0xff, 0xff, 0x7f, 0xff, 0xff, 0x7f]);
     assert!(matches!(decode_parts(0, &mesh), Err(DecodeError::Limit { .. })));

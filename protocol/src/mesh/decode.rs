@@ -4,14 +4,19 @@
 
 use super::{
     Attribute, BUILT, Grid, Kind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE,
-    attributes, built, conquest,
+    attributes, built,
+    conquest::{self, Conquest},
     encode::limit,
+    pieces::NONE,
     points::Points,
     smooth::{self, CLASSES, WEIGHTS},
     weld,
 };
 use crate::{
-    codec::{rans::Reader as Symbols, varint::Reader},
+    codec::{
+        rans::{LANES, Reader as Symbols},
+        varint::Reader,
+    },
     error::DecodeError,
 };
 
@@ -53,7 +58,7 @@ impl Mesh {
             weights.as_flattened_mut().iter_mut().zip(read).for_each(|(weight, byte)| *weight = byte as i8);
         }
         let coded = reader.rest();
-        let mut symbols = Symbols::new(coded);
+        let mut symbols = Symbols::new(coded, if kind & BUILT == 0 { LANES } else { 1 });
         // A triangle rarely takes less than a bit: what is announced is not believed beyond that.
         let likely = triangles.min(8 * coded.len());
         let order = conquest::read(&mut symbols, triangles, likely)?;
@@ -72,18 +77,35 @@ impl Mesh {
             attributes::code(&mut symbols, &order, &points, attribute)?;
         }
         symbols.finish()?;
-        let mut numbers = Vec::with_capacity(first.len());
-        let mut positions = Vec::with_capacity(vertices);
-        for (vertex, &first) in (0..).zip(&first) {
-            numbers.push(if first == vertex { positions.len() as u32 } else { numbers[first as usize] });
-            if first == vertex && points.is_real(vertex) {
-                positions.push(std::array::from_fn(|axis| points.value(vertex, axis) as u32));
-            }
-        }
-        let real = order.triangles.iter().filter(|corners| corners.iter().all(|vertex| points.is_real(*vertex)));
-        let triangles = real.map(|corners| corners.map(|vertex| numbers[vertex as usize])).collect();
+        let (positions, triangles) = finish(order, &points, &first);
         Ok(Self { grid, positions, triangles, attributes })
     }
+}
+
+/// Positions of real vertices that are no copies, and triangles of real vertices.
+fn finish(order: Conquest, points: &Points, first: &[u32]) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
+    let place = |vertex: u32| std::array::from_fn(|axis| points.value(vertex, axis) as u32);
+    if points.all_real() && first.iter().copied().eq(0..first.len() as u32) {
+        return ((0..first.len() as u32).map(place).collect(), order.triangles);
+    }
+    let mut numbers = Vec::with_capacity(first.len());
+    let mut positions = Vec::with_capacity(first.len());
+    for (vertex, &first) in (0..).zip(first) {
+        numbers.push(match first == vertex {
+            _ if !points.is_real(vertex) => NONE,
+            true => positions.len() as u32,
+            false => numbers[first as usize],
+        });
+        if first == vertex && points.is_real(vertex) {
+            positions.push(place(vertex));
+        }
+    }
+    let mut triangles = order.triangles;
+    triangles.retain_mut(|corners| {
+        *corners = corners.map(|vertex| numbers[vertex as usize]);
+        !corners.contains(&NONE)
+    });
+    (positions, triangles)
 }
 
 fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<Grid, DecodeError> {

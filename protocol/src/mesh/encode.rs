@@ -13,7 +13,10 @@ use super::{
     weld,
 };
 use crate::{
-    codec::{rans::Writer, varint},
+    codec::{
+        rans::{LANES, Writer},
+        varint,
+    },
     error::DecodeError,
 };
 
@@ -76,10 +79,11 @@ impl Mesh {
             attributes::code(&mut writer, &order, &points, &mut attribute)?;
         }
         let mut bytes = self.header(weights.is_none(), pieces.vertex.len(), closed.triangles());
+        let lanes = if weights.is_some() { LANES } else { 1 };
         if let Some(weights) = weights {
             bytes.extend(weights.as_flattened().iter().map(|weight| *weight as u8));
         }
-        bytes.extend(writer.finish());
+        bytes.extend(writer.finish(lanes));
         Ok(Encoded { bytes, census: pieces.census, vertices, corners, connectivity_bits })
     }
 

@@ -23,7 +23,7 @@ pub use encode::Encoded;
 pub use grid::Grid;
 
 /// Of the coded bytes.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Most triangles of a mesh, with those of dummy vertices.
 pub const MAX_TRIANGLES: usize = 1 << 24;
 /// Most vertices of a mesh.

@@ -11,7 +11,8 @@
 use super::{
     around::Around,
     conquest::Conquest,
-    points::{Place, Points, add, cross, nearest, scale, sub},
+    pieces::NONE,
+    points::{Place, Points, add, cross, larger, nearest, products, scale, sub},
 };
 use crate::{
     codec::{
@@ -47,14 +48,14 @@ const PRIOR: f32 = 2.0;
 const FOLLOW: f32 = 0.1;
 
 struct Models {
-    token: [Vec<Model<16>>; 3],
+    token: [[Model<16>; SCALES]; 3],
     far: Model<32>,
     seed: [Model<32>; 3],
 }
 
 impl Models {
     fn new() -> Self {
-        let make = || (0..SCALES).map(|scale| Model::new(|symbol| expected(scale, symbol))).collect::<Vec<_>>();
+        let make = || std::array::from_fn(|scale| Model::new(|symbol| expected(scale, symbol)));
         Self { token: [make(), make(), make()], far: Model::default(), seed: Default::default() }
     }
 
@@ -65,12 +66,15 @@ impl Models {
         let scale = |variance: f32| ((variance.to_bits() >> 23) as i32 - 123).clamp(0, SCALES as i32 - 1) as usize;
         let scales = variances.map(scale);
         let shifts = scales.map(|scale| (scale as u32 / 2).saturating_sub(3));
-        let mut tokens = [0; 3];
-        for axis in 0..3 {
-            let token = values[axis] >> shifts[axis];
-            let symbol = if (-NEAR..=NEAR).contains(&token) { (token + NEAR) as usize } else { FAR };
-            let symbol = coder.symbol(&mut self.token[axis][scales[axis]], symbol);
-            tokens[axis] = if symbol == FAR { self.far(coder, token) } else { symbol as i32 - NEAR };
+        let tokens: [i32; 3] = std::array::from_fn(|axis| values[axis] >> shifts[axis]);
+        let near = |token: i32| if (-NEAR..=NEAR).contains(&token) { (token + NEAR) as usize } else { FAR };
+        let [x, y, z] = &mut self.token;
+        let models = [&mut x[scales[0]], &mut y[scales[1]], &mut z[scales[2]]];
+        let symbols = coder.three(models, tokens.map(near));
+        let read = symbols.map(|symbol| symbol as i32 - NEAR);
+        let tokens = if symbols.contains(&FAR) { self.far(coder, symbols, tokens) } else { read };
+        if shifts == [0; 3] {
+            return tokens;
         }
         let low = |axis: usize| values[axis] as u32 & ((1 << shifts[axis]) - 1);
         let [a, b, c] = shifts;
@@ -83,12 +87,18 @@ impl Models {
     }
 
     #[cold]
-    fn far<C: Symbols>(&mut self, coder: &mut C, token: i32) -> i32 {
-        let beyond = token.unsigned_abs().wrapping_sub(NEAR as u32 + 1) << 1 | u32::from(token < 0);
-        let beyond = coder.number(&mut self.far, beyond);
-        // What was read may be anything; it is checked against the grid with all else.
-        let distance = ((beyond >> 1) as i32).wrapping_add(NEAR + 1);
-        if beyond & 1 == 1 { distance.wrapping_neg() } else { distance }
+    fn far<C: Symbols>(&mut self, coder: &mut C, symbols: [usize; 3], tokens: [i32; 3]) -> [i32; 3] {
+        std::array::from_fn(|axis| {
+            if symbols[axis] != FAR {
+                return symbols[axis] as i32 - NEAR;
+            }
+            let token = tokens[axis];
+            let beyond = token.unsigned_abs().wrapping_sub(NEAR as u32 + 1) << 1 | u32::from(token < 0);
+            let beyond = coder.number(&mut self.far, beyond);
+            // What was read may be anything; it is checked against the grid with all else.
+            let distance = ((beyond >> 1) as i32).wrapping_add(NEAR + 1);
+            if beyond & 1 == 1 { distance.wrapping_neg() } else { distance }
+        })
     }
 }
 
@@ -113,7 +123,7 @@ struct Guess {
 }
 
 impl Guess {
-    #[inline]
+    #[inline(always)]
     fn new(around: &Around, mesh: &Conquest, points: &Points, vertex: u32) -> Self {
         let wings = around.wings();
         let (mut near, mut far, mut middle) = ([0.0; 4], [0.0; 4], [0.0; 4]);
@@ -192,39 +202,39 @@ pub(super) fn code<C: Symbols>(
     let weights = weights.map(|class| class.map(|weight| f32::from(weight) / UNIT));
     let (mut flat, mut steep) = (64f32, 16f32);
     let mut around = Around::default();
-    let mut last = points.middle();
+    let mut last = NONE;
     for vertex in 0..points.len() as u32 {
         if !points.is_real(vertex) {
             continue;
         }
         let original = first[vertex as usize];
         if original != vertex {
-            last = std::array::from_fn(|axis| points.value(original, axis));
-            points.put(vertex, last)?;
+            points.put(vertex, std::array::from_fn(|axis| points.value(original, axis)))?;
+            last = vertex;
             continue;
         }
         around.look(mesh, vertex, |other| points.is_real(other));
         let guess = Guess::new(&around, mesh, points, vertex);
         let Some(class) = guess.class else {
+            let last_place =
+                if last == NONE { points.middle() } else { std::array::from_fn(|axis| points.value(last, axis)) };
             let mut place = [0; 3];
             for axis in 0..3 {
-                let value = points.value(vertex, axis).wrapping_sub(last[axis]);
+                let value = points.value(vertex, axis).wrapping_sub(last_place[axis]);
                 let value = zigzag(value);
                 let value = coder.number(&mut models.seed[axis], value);
-                place[axis] = unzigzag(value).wrapping_add(last[axis]);
+                place[axis] = unzigzag(value).wrapping_add(last_place[axis]);
             }
             points.put(vertex, place)?;
-            last = place;
+            last = vertex;
             continue;
         };
         let wanted = guess.place(&weights[class]);
-        let mut rows = [[0f32; 4]; 3];
+        let mut sums = [[0f32; 4]; 2];
         let mut count = PRIOR;
         let mut learn = |other: u32| {
-            let left = points.left(other);
-            for k in 0..3 {
-                rows[k] = add(rows[k], scale(left, left[k]));
-            }
+            let [x, y] = points.left(other);
+            sums = [add(sums[0], x), add(sums[1], y)];
             count += 1.0;
         };
         for (i, wing) in around.wings().iter().enumerate() {
@@ -238,46 +248,51 @@ pub(super) fn code<C: Symbols>(
         let wing = around.wings()[0];
         let base = points.at(wing.a);
         let normal = cross(sub(points.at(wing.b), base), sub(points.at(wing.x), base));
-        let area = (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).max(1.0);
-        let inverse = 1.0 / area;
-        let tilt = scale(normal, (steep - flat) * PRIOR * inverse);
-        for k in 0..3 {
-            rows[k] = add(rows[k], scale(normal, tilt[k]));
-        }
+        let area = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
+        let area = larger(area, 1.0);
+        let tilt = (steep - flat) * (PRIOR * share) / area;
         let prior = flat * PRIOR * share + LEAST;
-        let [xx, xy, xz] = [rows[0][0] * share + prior, rows[0][1] * share, rows[0][2] * share];
-        let [yy, yz, zz] = [rows[1][1] * share + prior, rows[1][2] * share, rows[2][2] * share + prior];
-        // The covariance taken apart: what each coordinate says of those after it.
-        let (y_x, z_x) = (xy / xx, xz / xx);
-        let y_y = (yy - y_x * xy).max(LEAST);
-        let z_y = (yz - z_x * xy) / y_y;
-        let z_z = (zz - z_x * xz - z_y * (yz - z_x * xy)).max(LEAST);
-        // What is expected of each coordinate, given what the ones before it turned out to be beyond expectation.
-        let second = |dx: f32| wanted[1] + y_x * dx;
-        let third = |dx: f32, dy: f32| wanted[2] + z_x * dx + z_y * (dy - y_x * dx);
+        let [x, y] = products(normal);
+        let [even_x, even_y] = [[prior, 0.0, 0.0, 0.0], [prior, 0.0, prior, 0.0]];
+        let [xx, xy, xz, _] = add(add(scale(sums[0], share), even_x), scale(x, tilt));
+        let [yy, yz, zz, _] = add(add(scale(sums[1], share), even_y), scale(y, tilt));
+        // The covariance taken apart: what each coordinate says of those after it. As few divisions as can be after another.
+        let inverse = 1.0 / xx;
+        let (y_x, z_x) = (xy * inverse, xz * inverse);
+        let below = xx * yy - xy * xy;
+        let below = larger(below, LEAST * xx);
+        let beside = xx * yz - xy * xz;
+        let z_y = beside / below;
+        let y_y = below * inverse;
+        let z_z = larger((xx * zz - xz * xz - beside * z_y) * inverse, LEAST);
+        // What is expected of each coordinate, given what the ones before it turned out to be beyond the first expectation.
+        let expected_x = nearest(wanted[0]);
+        let off = expected_x - wanted[0];
+        let z_x = z_x - z_y * y_x;
+        let (start_y, start_z) = (wanted[1] + y_x * off, wanted[2] - z_y * wanted[1] + z_x * off);
+        let second = |x: f32| nearest(start_y + y_x * x);
+        let third = |x: f32, y: f32| nearest(start_z + z_x * x + z_y * y);
         let mut values = [0; 3];
         if C::WRITES {
-            let place = points.at(vertex);
-            let (dx, dy) = (place[0] - wanted[0], place[1] - wanted[1]);
-            let expected = [wanted[0], second(dx), third(dx, dy)];
-            values = std::array::from_fn(|axis| place[axis] as i32 - nearest(expected[axis]));
+            let [x, y, z, _] = points.at(vertex);
+            let beyond = x - expected_x;
+            values = [beyond, y - second(beyond), z - third(beyond, y)].map(|v| v as i32);
         }
-        let values = models.left(coder, [xx, y_y, z_z], values);
-        let x = values[0].wrapping_add(nearest(wanted[0]));
-        let dx = x as f32 - wanted[0];
-        let y = values[1].wrapping_add(nearest(second(dx)));
-        let dy = y as f32 - wanted[1];
-        let z = values[2].wrapping_add(nearest(third(dx, dy)));
-        last = [x, y, z];
-        points.put(vertex, last)?;
-        let rest = sub([x, y, z, 0].map(|v| v as f32), wanted);
-        points.leave(vertex, rest);
+        let values = models.left(coder, [xx, y_y, z_z], values).map(|v| v as f32);
+        let x = values[0] + expected_x;
+        let y = values[1] + second(values[0]);
+        let z = values[2] + third(values[0], y);
+        let place = [x, y, z, 1.0];
+        points.put_exact(vertex, place)?;
+        last = vertex;
+        let rest = sub(place, wanted);
+        points.leave(vertex, products(rest));
         let squared = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2];
         let along = rest[0] * normal[0] + rest[1] * normal[1] + rest[2] * normal[2];
-        let along = along * along * inverse;
+        let along = along * along / area;
         steep += (along - steep) * FOLLOW;
         flat += ((squared - along) * 0.5 - flat) * FOLLOW;
-        flat = flat.max(0.0);
+        flat = larger(flat, 0.0);
         if vertex % 1024 == 0 && coder.overrun() {
             return Err(DecodeError::Invalid("a mesh's positions are cut off"));
         }

@@ -22,7 +22,7 @@ use insula_protocol::{TileId, blockmap::Quality, subtree::MeshLod};
 use crate::{error::BakeError, grid::Grid, scene::Scene};
 
 /// Raised whenever the same scene and settings would give other meshes than before.
-pub const ALGORITHM: u32 = 2;
+pub const ALGORITHM: u32 = 3;
 
 /// A finished level of detail.
 #[derive(Debug, Clone, PartialEq)]
