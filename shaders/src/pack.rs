@@ -5,11 +5,11 @@
 //!
 //! | page | word of column i |
 //! |---|---|
-//! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8) |
+//! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8). With [`flag::GAP`] the first two are the gap, so that a ray below an overhang reads no more: where what is above it begins, and where what is below it ends (or what is beyond the plane that clips the column, if that is higher) |
 //! | 1 roof | texel |
 //! | 2 attributes | roof normal (16), wall azimuth (8), offset of the plane that clips the column (8, signed) |
 //! | 3 strips | address of its strip: a word of the atlas (0 if none) |
-//! | 4... | strips; one never crosses a page. With [`flag::GAP`] a word before the texels is the gap, `low \| high << 16`; with [`flag::CLIPPED`] two words before that are [`clip_word`] and the texel beyond |
+//! | 4... | strips; one never crosses a page. With [`flag::GAP`] two words before the texels are the gap, `low \| high << 16`, and `z_max \| z_min << 12`; with [`flag::CLIPPED`] two words before that are [`clip_word`] and the texel beyond |
 
 use crate::layout::{BLOCK_CELLS, BLOCKS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
 use insula_protocol::{
@@ -80,9 +80,9 @@ pub const CORNER: u32 = 1 << 12;
 /// In a [`clip_word`]: the column fills the inner side of either plane, not of both.
 pub const CONCAVE: u32 = 1 << 13;
 
-/// Words before a strip's texels: [`clip_word`] and the texel beyond of a clipped column, then the gap.
+/// Words before a strip's texels: [`clip_word`] and the texel beyond of a clipped column, then the gap and the column's bounds.
 pub fn head_words(flags: u8) -> usize {
-    usize::from(flags & flag::CLIPPED != 0) * 2 + usize::from(flags & flag::GAP != 0)
+    (usize::from(flags & flag::CLIPPED != 0) + usize::from(flags & flag::GAP != 0)) * 2
 }
 
 /// Places strips one after the other, none across a page.
@@ -116,7 +116,8 @@ impl PackedNode {
         let (mut gaps, mut clips, mut strips) = (map.gaps.iter(), map.clips.iter(), &map.strips[..]);
         for i in 0..COLUMNS {
             let flags = map.flags[i];
-            pages[0][i] = u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << 12 | u32::from(flags) << 24;
+            let bounds = u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << 12;
+            pages[0][i] = bounds | u32::from(flags) << 24;
             pages[1][i] = map.roof[i].0;
             let clip = (flags & flag::CLIPPED != 0).then(|| clips.next()).flatten();
             let offset = clip.map_or(0, |clip| clip.offset as u8);
@@ -128,12 +129,16 @@ impl PackedNode {
             }
             let at = layout.place(words);
             pages[3][i] = at as u32;
-            let page = &mut pages[PLANES + at / PAGE_WORDS][at % PAGE_WORDS..][..words];
-            let (before, texels) = page.split_at_mut(head_words(flags));
             let outer = clip.map(|clip| [clip_word(clip), clip.outer.map_or(0, |outer| outer.roof.0)]);
             let gap = (flags & flag::GAP != 0).then(|| gaps.next()).flatten();
-            let gap = gap.map(|[low, high]| u32::from(*low) | u32::from(*high) << 16);
-            for (word, value) in before.iter_mut().zip(outer.into_iter().flatten().chain(gap)) {
+            let gap = gap.map(|[low, high]| {
+                let solid = u32::from(*low).max(clip.and_then(|clip| clip.outer).map_or(0, |outer| u32::from(outer.z)));
+                pages[0][i] = u32::from(*high) | solid << 12 | u32::from(flags) << 24;
+                [u32::from(*low) | u32::from(*high) << 16, bounds]
+            });
+            let page = &mut pages[PLANES + at / PAGE_WORDS][at % PAGE_WORDS..][..words];
+            let (before, texels) = page.split_at_mut(head_words(flags));
+            for (word, value) in before.iter_mut().zip(outer.into_iter().chain(gap).flatten()) {
                 *word = value;
             }
             let (head, tail) = strips.split_at(texels.len().min(strips.len()));
@@ -225,9 +230,12 @@ mod tests {
         let packed = PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap());
         assert_eq!(packed.pages[2][9] >> 16, 0xfd07);
         let at = |i: usize| &packed.pages[PLANES][packed.pages[3][i] as usize..];
-        assert_eq!(at(9)[..3], [30 | CORNER | CONCAVE | 200 << 16 | 0xfe << 24, 0xc0ffee, 100 | 200 << 16]);
-        assert_eq!(Texel(at(9)[3]).rgb(), [0, 1, 2]);
+        let clip = [30 | CORNER | CONCAVE | 200 << 16 | 0xfe << 24, 0xc0ffee];
+        assert_eq!((&at(9)[..2], &at(9)[2..4]), (&clip[..], &[100 | 200 << 16, 400 | 5 << 12][..]));
+        assert_eq!(Texel(at(9)[4]).rgb(), [0, 1, 2]);
         assert_eq!(at(10)[..2], [0, 0]);
+        let heights = |i: usize| packed.pages[0][i] & 0xff_ffff;
+        assert_eq!([heights(9), heights(10)], [200 | 100 << 12, 400 | 5 << 12]);
     }
 
     #[test]
@@ -247,7 +255,7 @@ mod tests {
             let words = &packed.pages[page][address as usize % PAGE_WORDS..];
             let texels = if i % 2 == 0 {
                 assert_eq!(words[0], 100 | 200 << 16);
-                &words[1..]
+                &words[2..]
             } else {
                 words
             };

@@ -32,27 +32,19 @@ fn top_at(t: f32, z_max: f32, slope: vec2<f32>, centre: vec2<f32>) -> f32 {
     return z_max + dot(slope, ray.o.xy + ray.d.xy * t - centre);
 }
 
-// Whether the ray may be in a solid somewhere in the cell, by what is read with one look, or two where there is a gap.
+// Whether the ray may be in a solid somewhere in the cell, by one word alone.
 fn may_hit(cell: vec2<i32>, ta: f32, te: f32, quad_top: f32) -> bool {
-    let i = u32(cell.y * NODE_CELLS + cell.x);
-    let walk = plane_word(0u, i);
+    let walk = plane_word(0u, u32(cell.y * NODE_CELLS + cell.x));
     let flags = walk >> 24u;
     touched = Touched(walk, vec2<f32>(0.0));
-    let highest = select(f32(walk & 0xfffu), quad_top, (flags & INCLINED) != 0u);
+    let high = f32(walk & 0xfffu);
+    let low = f32((walk >> 12u) & 0xfffu);
     let rises = ray.d.z > 0.0;
     let lower = z_at(select(te, ta, rises));
     let upper = z_at(select(ta, te, rises));
-    var apart = lower > highest || upper < f32((walk >> 12u) & 0xfffu);
-    if (flags & (GAP | EXPOSED)) == (GAP | EXPOSED) && !apart {
-        let strip = plane_word(3u, i);
-        let gap = word(strip + head_words(flags) - 1u);
-        var low = f32(gap & 0xffffu);
-        if (flags & CLIPPED) != 0u {
-            low = max(low, f32(word(strip) & 0xfffu));
-        }
-        apart = lower > low && upper < f32(gap >> 16u);
-    }
-    return (flags & OCCUPIED) != 0u && !apart;
+    let meets_one = lower <= select(high, quad_top, (flags & INCLINED) != 0u) && upper >= low;
+    let leaves_gap = lower <= low || upper >= high;
+    return (flags & OCCUPIED) != 0u && select(meets_one, leaves_gap, (flags & GAP) != 0u);
 }
 
 // The next solid of the column that the ray meets, from `next_solid` on; false if there is none.
@@ -60,8 +52,6 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let walk = touched.walk;
     let flags = walk >> 24u;
-    let z_max = f32(walk & 0xfffu);
-    let z_min = f32((walk >> 12u) & 0xfffu);
     let centre = vec2<f32>(cell) + 0.5;
     let attributes = plane_word(2u, i);
     var strip = 0u;
@@ -80,9 +70,13 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let outer_top = f32(clip & 0xfffu);
     let has_gap = (flags & GAP) != 0u;
     var gap = 0u;
+    var bounds = walk;
     if has_gap {
-        gap = word(strip + head_words(flags) - 1u);
+        gap = word(strip + head_words(flags) - 2u);
+        bounds = word(strip + head_words(flags) - 1u);
     }
+    let z_max = f32(bounds & 0xfffu);
+    let z_min = f32((bounds >> 12u) & 0xfffu);
     let low = f32(gap & 0xffffu);
     let high = f32(gap >> 16u);
     let last = select(6u, 4u, border.end >= te);
@@ -110,7 +104,7 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
         let span = clip_solid(s, e, over, vec2<f32>(zs - bottom, ze - bottom));
         let inside = span.s <= 0.0 && span.face == FACE_SIDE;
         found = !missing && s < e && span.s < span.e && !inside;
-        met = Met(span, attributes, strip, solid, border.walls[part], bottom, top);
+        met = Met(span, attributes, strip, solid, border.walls[part], bottom, top, z_min);
         n++;
     }
     next_solid = n;
@@ -118,7 +112,7 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
 }
 
 fn head_words(flags: u32) -> u32 {
-    return select(0u, 2u, (flags & CLIPPED) != 0u) + select(0u, 1u, (flags & GAP) != 0u);
+    return select(0u, 2u, (flags & CLIPPED) != 0u) + select(0u, 2u, (flags & GAP) != 0u);
 }
 
 fn border_of(clipped: bool, attributes: u32, clip: u32, centre: vec2<f32>, ta: f32, te: f32) -> Border {
@@ -213,7 +207,7 @@ fn hit_solid(cell: vec2<i32>) {
         }
     }
     let codes = f32(16u >> ray.z_shift);
-    let first = i32(strip_at + head_words(flags)) - i32(floor(f32((walk >> 12u) & 0xfffu) / codes));
+    let first = i32(strip_at + head_words(flags)) - i32(floor(met.z_min / codes));
     let row_low = i32(floor(bottom / codes));
     let row_high = i32(floor((top - 1.0) / codes));
     var row = clamp(i32(floor(z_at(span.s) / codes)), row_low, row_high);
@@ -243,13 +237,21 @@ fn beside(before: vec2<i32>, t: f32) -> WallBeside {
     let i = u32(before.y * NODE_CELLS + before.x);
     let walk = plane_word(0u, i);
     let flags = walk >> 24u;
+    if (flags & EXPOSED) == 0u {
+        return none;
+    }
+    let strip = plane_word(3u, i) + head_words(flags);
+    var bounds = walk;
+    if (flags & GAP) != 0u {
+        bounds = word(strip - 1u);
+    }
     let z = z_at(t);
-    let z_min = f32((walk >> 12u) & 0xfffu);
-    if (flags & EXPOSED) == 0u || z < z_min || z >= f32(walk & 0xfffu) {
+    let z_min = f32((bounds >> 12u) & 0xfffu);
+    if z < z_min || z >= f32(bounds & 0xfffu) {
         return none;
     }
     let codes = f32(16u >> ray.z_shift);
-    let place = plane_word(3u, i) + head_words(flags) + u32(floor(z / codes) - floor(z_min / codes));
+    let place = strip + u32(floor(z / codes) - floor(z_min / codes));
     if ((word(place) >> 24u) & 3u) == 0u {
         return none;
     }

@@ -289,20 +289,28 @@ fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
     let pages = nodes[index].pages * PAGE_WORDS;
     let walk = word(pages.x + i);
     let flags = walk >> 24u;
-    let z_max = f32(walk & 0xfffu);
-    let z_min = f32((walk >> 12u) & 0xfffu);
+    let exposed = (flags & EXPOSED) != 0u;
+    var strip = 0u;
+    if exposed {
+        strip = word(pages.w + i) + head_words(flags);
+    }
+    var bounds = walk;
+    if (flags & GAP) != 0u {
+        bounds = word(strip - 1u);
+    }
+    let z_max = f32(bounds & 0xfffu);
+    let z_min = f32((bounds >> 12u) & 0xfffu);
     let codes = f32(16u >> nodes[index].z.w);
     if (flags & OCCUPIED) == 0u || z > z_max + 1.5 * codes || z < z_min - 1.5 * codes {
         return vec2<f32>(0.0);
     }
     let near = z > z_max - 1.5 * codes;
-    if (flags & EXPOSED) == 0u || (upwards > 0.7 && near) {
+    if !exposed || (upwards > 0.7 && near) {
         if !near {
             return vec2<f32>(0.0);
         }
         return vec2<f32>(f32(word(pages.y + i) >> 26u) / 63.0, 1.0);
     }
-    let strip = word(pages.w + i) + head_words(flags);
     let first = floor(z_min / codes);
     let rows = floor((z_max - 1.0) / codes) - first;
     let row = clamp(z / codes - 0.5 - first, 0.0, rows);

@@ -159,6 +159,7 @@ struct Met {
     wall: u32,
     bottom: f32,
     top: f32,
+    z_min: f32,
 }
 
 // What `beside` found.

@@ -43,7 +43,8 @@ fn word(scene: &SceneRef<'_>, gathered: &mut Gathered, page: u32, i: usize) -> u
 struct Column {
     cell: IVec2,
     i: usize,
-    walk: u32,
+    flags: u8,
+    z_min: f32,
     attributes: u32,
     /// Words of its strip, the first of which are those of [`head_words`].
     strip: usize,
@@ -60,31 +61,27 @@ enum Solid {
     Outer,
 }
 
-/// Whether the ray may be in a solid somewhere in the cell, by what is read with one look, or two where there is a gap.
-/// `quad_top` is at least as high as whatever inclined column is here.
-fn may_hit(
-    scene: &SceneRef<'_>,
-    ray: &NodeRay<'_>,
-    (i, walk): (usize, u32),
-    [lower, upper]: [f32; 2],
-    quad_top: f32,
-    gathered: &mut Gathered,
-) -> bool {
+/// Whether the ray may be in a solid somewhere in the cell, by one word alone. `quad_top` is at least as high as whatever
+/// inclined column is here.
+fn may_hit(walk: u32, [lower, upper]: [f32; 2], quad_top: f32) -> bool {
     let flags = (walk >> 24) as u8;
-    let highest = if flags & flag::INCLINED != 0 { quad_top } else { (walk & 0xfff) as f32 };
-    if flags & flag::OCCUPIED == 0 || lower > highest || upper < (walk >> 12 & 0xfff) as f32 {
+    let (high, low) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
+    if flags & flag::OCCUPIED == 0 {
         return false;
     }
-    if flags & (flag::GAP | flag::EXPOSED) != flag::GAP | flag::EXPOSED {
-        return true;
+    if flags & flag::GAP != 0 {
+        return lower <= low || upper >= high;
     }
-    let strip = word(scene, gathered, ray.node.pages[3], i) as usize;
-    let gap = word(scene, gathered, 0, strip + head_words(flags) - 1);
-    let mut low = (gap & 0xffff) as f32;
-    if flags & flag::CLIPPED != 0 {
-        low = low.max((word(scene, gathered, 0, strip) & 0xfff) as f32);
-    }
-    lower <= low || upper >= (gap >> 16) as f32
+    let highest = if flags & flag::INCLINED != 0 { quad_top } else { high };
+    lower <= highest && upper >= low
+}
+
+/// A column's highest and lowest point.
+fn bounds_of(scene: &SceneRef<'_>, walk: u32, strip: usize, gathered: &mut Gathered) -> [f32; 2] {
+    let flags = (walk >> 24) as u8;
+    let has_gap = flags & flag::GAP != 0;
+    let bounds = if has_gap { word(scene, gathered, 0, strip + head_words(flags) - 1) } else { walk };
+    [(bounds & 0xfff) as f32, (bounds >> 12 & 0xfff) as f32]
 }
 
 /// Gathers what the ray meets in a cell between `ta` and `te`.
@@ -100,18 +97,19 @@ pub(super) fn column(
     let walk = word(scene, gathered, ray.node.pages[0], i);
     let flags = (walk >> 24) as u8;
     let z = |t: f32| ray.o.z + ray.d.z * t;
-    if !may_hit(scene, ray, (i, walk), [z(ta).min(z(te)), z(ta).max(z(te))], quad_top, gathered) {
+    if !may_hit(walk, [z(ta).min(z(te)), z(ta).max(z(te))], quad_top) {
         return;
     }
-    let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
     let centre = cell.as_vec2() + 0.5;
     let attributes = word(scene, gathered, ray.node.pages[2], i);
     let mut slope = Vec2::ZERO;
     if flags & flag::INCLINED != 0 {
         slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
     }
-    let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
     let strip = if flags & flag::EXPOSED != 0 { word(scene, gathered, ray.node.pages[3], i) as usize } else { 0 };
+    let bounds = bounds_of(scene, walk, strip, gathered);
+    let [z_max, z_min] = bounds;
+    let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
     let clip = if flags & flag::CLIPPED != 0 { word(scene, gathered, 0, strip) } else { 0 };
     let border = if flags & flag::CLIPPED != 0 {
         border(ray, attributes, clip, centre, ta, te)
@@ -120,9 +118,9 @@ pub(super) fn column(
     };
     let outer_top = (clip & 0xfff) as f32;
     let gap = flags & flag::GAP != 0;
-    let gap_word = if gap { word(scene, gathered, 0, strip + head_words(flags) - 1) } else { 0 };
+    let gap_word = if gap { word(scene, gathered, 0, strip + head_words(flags) - 2) } else { 0 };
     let (low, high) = ((gap_word & 0xffff) as f32, (gap_word >> 16) as f32);
-    let column = Column { cell, i, walk, attributes, strip };
+    let column = Column { cell, i, flags, z_min, attributes, strip };
     // Before, within and behind the border's part of the ray, and in each the solids in the ray's order.
     for n in 0..6 {
         let (part, second) = (n >> 1, n & 1 == 1);
@@ -243,8 +241,7 @@ fn hit_solid(
     if span.s >= span.e || inside || gathered.left <= OPAQUE {
         return;
     }
-    let Column { cell, i, walk, attributes, .. } = *column;
-    let flags = (walk >> 24) as u8;
+    let Column { cell, i, flags, z_min, attributes, .. } = *column;
     let roof_normal = Vec3::from(octahedral::decode(attributes as u16));
     let flat_normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { Vec3::Z };
     let (mut texel, mut normal) = (0, flat_normal);
@@ -272,7 +269,7 @@ fn hit_solid(
     }
     let strip = (column.strip + head_words(flags)) as u32;
     let codes = (16 >> ray.node.z_shift) as f32;
-    let first = ((walk >> 12 & 0xfff) as f32 / codes).floor() as i32;
+    let first = (z_min / codes).floor() as i32;
     let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
     let mut row = (((ray.o.z + ray.d.z * span.s) / codes).floor() as i32).clamp(row_low, row_high);
     let up = ray.d.z > 0.0;
@@ -313,13 +310,17 @@ fn beside(
     let i = before.y as usize * NODE_CELLS + before.x as usize;
     let walk = word(scene, gathered, ray.node.pages[0], i);
     let (flags, z) = ((walk >> 24) as u8, ray.o.z + ray.d.z * t);
-    let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
-    if flags & flag::EXPOSED == 0 || z < z_min || z >= z_max {
+    if flags & flag::EXPOSED == 0 {
+        return None;
+    }
+    let strip = word(scene, gathered, ray.node.pages[3], i) as usize;
+    let [z_max, z_min] = bounds_of(scene, walk, strip, gathered);
+    if z < z_min || z >= z_max {
         return None;
     }
     let codes = (16 >> ray.node.z_shift) as f32;
     let row = ((z / codes).floor() - (z_min / codes).floor()) as usize;
-    let strip = word(scene, gathered, ray.node.pages[3], i) as usize + head_words(flags);
+    let strip = strip + head_words(flags);
     let texel = word(scene, gathered, 0, strip + row);
     let attributes = word(scene, gathered, ray.node.pages[2], i);
     (texel >> 24 & 3 != 0).then(|| (texel | 3 << 24, wall_normal(ray, cell, attributes >> 16 & 255)))

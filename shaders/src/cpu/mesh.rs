@@ -306,18 +306,20 @@ fn column_sky(scene: &SceneRef<'_>, node: &Node, cell: IVec2, z: f32, upwards: f
     let page = |plane: usize| node.pages[plane] * crate::layout::PAGE_WORDS as u32;
     let walk = mesh_word(scene, gathered, page(0) + i);
     let flags = (walk >> 24) as u8;
-    let (z_max, z_min) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
+    let exposed = flags & flag::EXPOSED != 0;
+    let strip = if exposed { mesh_word(scene, gathered, page(3) + i) + head_words(flags) as u32 } else { 0 };
+    let bounds = if flags & flag::GAP != 0 { mesh_word(scene, gathered, strip.wrapping_sub(1)) } else { walk };
+    let (z_max, z_min) = ((bounds & 0xfff) as f32, (bounds >> 12 & 0xfff) as f32);
     let codes = (16 >> node.z_shift) as f32;
     if flags & flag::OCCUPIED == 0 || z > z_max + 1.5 * codes || z < z_min - 1.5 * codes {
         return Vec2::ZERO;
     }
     let sky = |texel: u32| (texel >> 26) as f32 / 63.0;
-    if flags & flag::EXPOSED == 0 || upwards > 0.7 && z > z_max - 1.5 * codes {
+    if !exposed || upwards > 0.7 && z > z_max - 1.5 * codes {
         // Walls tell nothing of a roof, nor it of them.
         let near = z > z_max - 1.5 * codes;
         return if near { Vec2::new(sky(mesh_word(scene, gathered, page(1) + i)), 1.0) } else { Vec2::ZERO };
     }
-    let strip = mesh_word(scene, gathered, page(3) + i) + head_words(flags) as u32;
     let first = (z_min / codes).floor();
     let rows = ((z_max - 1.0) / codes).floor() - first;
     let row = (z / codes - 0.5 - first).clamp(0.0, rows);
