@@ -12,19 +12,16 @@ use std::{
 /// Longest that any program of a test may run.
 const MOST: Duration = Duration::from_secs(120);
 
-/// A program of the workspace, beside the folder of the running test.
+/// A program of the workspace, beside the running one or the folder of the running test.
 ///
 /// # Errors
 ///
 /// If it was not built: `cargo test --workspace` does.
 pub fn program(name: &str) -> Result<PathBuf> {
-    let test = std::env::current_exe()?;
-    let folder = test.parent().and_then(Path::parent).context("a test runs in target/PROFILE/deps")?;
-    let path = folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
-    if !path.is_file() {
-        bail!("{} is missing: run cargo build --workspace first, or cargo test --workspace", path.display());
-    }
-    Ok(path)
+    let running = std::env::current_exe()?;
+    let name = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    let found = running.ancestors().skip(1).take(2).map(|folder| folder.join(&name)).find(|path| path.is_file());
+    found.with_context(|| format!("{name} is missing: run cargo build --workspace first, or cargo test --workspace"))
 }
 
 /// Runs a program to its end; one that does not end is killed, and that is an error.

@@ -4,43 +4,25 @@ use anyhow::Result;
 use glam::{DVec3, Vec3};
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_tests::{
-    gpu::{Gpu, adapter_is_required},
+    gpu::Gpu,
     random::{self, Pose, RandomCity},
     random_mesh::{self, RandomMesh},
     rng::Rng,
+    trials::Trials,
     twin,
     view::{Camera, Picture},
 };
-use libtest_mimic::{Arguments, Failed, Trial};
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 const PICTURE: Picture = Picture { width_px: 161, height_px: 91, shading: Shading::Lit, samples: 1 };
 const CITIES: u64 = 12;
 
 fn main() {
-    let arguments = Arguments::from_args();
-    let gpu = Arc::new(Gpu::open());
-    if let Err(error) = gpu.as_ref() {
-        eprintln!("no GPU test can run: {error:#}");
-    }
-    let ignored = gpu.is_err() && !adapter_is_required();
-    let on_gpu = |name: &str, test: fn(&Gpu) -> Result<()>| {
-        let gpu = gpu.clone();
-        let run = move || match gpu.as_ref() {
-            Ok(gpu) => test(gpu).map_err(|e| Failed::from(format!("{}: {e:#}", gpu.name))),
-            Err(error) => Err(Failed::from(format!("an adapter is required: {error:#}"))),
-        };
-        Trial::test(name, run).with_ignored_flag(ignored)
-    };
-    let plain = |name: &str, test: fn() -> Result<()>| {
-        Trial::test(name, move || test().map_err(|e| Failed::from(format!("{e:#}"))))
-    };
-    let tests = vec![
-        on_gpu("gpu_draws_meshes_as_the_cpu_does", gpu_draws_meshes_as_the_cpu_does),
-        on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading),
-        plain("cpu_hits_what_every_triangle_by_itself_would_show", cpu_hits_what_every_triangle_by_itself_would_show),
-    ];
-    libtest_mimic::run(&arguments, tests).exit();
+    Trials::open()
+        .on_gpu("gpu_draws_meshes_as_the_cpu_does", gpu_draws_meshes_as_the_cpu_does)
+        .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
+        .plain("cpu_hits_what_every_triangle_by_itself_would_show", cpu_hits_what_every_triangle_by_itself_would_show)
+        .run()
 }
 
 type City = (RandomCity, Vec<RandomMesh>);

@@ -16,53 +16,34 @@ use insula_shaders::{
 };
 use insula_tests::{
     cut::{Cut, Place, Scene},
-    gpu::{Gpu, adapter_is_required},
+    gpu::Gpu,
     naive::{Naive, Seen},
     random::{self, Pose, RandomCity},
     rng::Rng,
+    trials::Trials,
     twin,
     view::{Camera, Picture},
 };
-use libtest_mimic::{Arguments, Failed, Trial};
 use rayon::prelude::*;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 /// Odd, so that one ray goes exactly where the camera looks.
 const PICTURE: Picture = Picture { width_px: 241, height_px: 135, shading: Shading::Lit, samples: 1 };
 const CITIES: u64 = 16;
 
 fn main() {
-    let arguments = Arguments::from_args();
-    // Asked for once, before any test: that is what decides whether they count as ignored.
-    let gpu = Arc::new(Gpu::open());
-    if let Err(error) = gpu.as_ref() {
-        eprintln!("no GPU test can run: {error:#}");
-    }
-    let ignored = gpu.is_err() && !adapter_is_required();
-    let on_gpu = |name: &str, test: fn(&Gpu) -> Result<()>| {
-        let gpu = gpu.clone();
-        let run = move || match gpu.as_ref() {
-            Ok(gpu) => test(gpu).map_err(|e| Failed::from(format!("{}: {e:#}", gpu.name))),
-            Err(error) => Err(Failed::from(format!("an adapter is required: {error:#}"))),
-        };
-        Trial::test(name, run).with_ignored_flag(ignored)
-    };
-    let plain = |name: &str, test: fn() -> Result<()>| {
-        Trial::test(name, move || test().map_err(|e| Failed::from(format!("{e:#}"))))
-    };
-    let tests = vec![
-        on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws),
-        on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading),
-        on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour),
-        on_gpu("gpu_and_cpu_agree_while_squares_fade", gpu_and_cpu_agree_while_squares_fade),
-        on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen),
-        plain("each_ray_sees_one_of_two_worlds", each_ray_sees_one_of_two_worlds),
-        plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show),
-        plain("a_wall_casts_a_shadow_as_long_as_it_is_high", a_wall_casts_a_shadow_as_long_as_it_is_high),
-        plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen),
-        plain("a_missing_or_cut_picture_is_seen", a_missing_or_cut_picture_is_seen),
-    ];
-    libtest_mimic::run(&arguments, tests).exit();
+    Trials::open()
+        .on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws)
+        .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
+        .on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour)
+        .on_gpu("gpu_and_cpu_agree_while_squares_fade", gpu_and_cpu_agree_while_squares_fade)
+        .on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen)
+        .plain("each_ray_sees_one_of_two_worlds", each_ray_sees_one_of_two_worlds)
+        .plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show)
+        .plain("a_wall_casts_a_shadow_as_long_as_it_is_high", a_wall_casts_a_shadow_as_long_as_it_is_high)
+        .plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen)
+        .plain("a_missing_or_cut_picture_is_seen", a_missing_or_cut_picture_is_seen)
+        .run()
 }
 
 fn cities() -> &'static [RandomCity] {

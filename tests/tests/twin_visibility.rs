@@ -8,12 +8,7 @@ use insula_bake::{
     sample::{SampleSettings, Visibility},
 };
 use insula_protocol::{BlockMap, TileId, blockmap::flag};
-use insula_tests::{
-    baked::Baked,
-    fixtures,
-    gpu::{Gpu, adapter_is_required},
-};
-use libtest_mimic::{Arguments, Failed, Trial};
+use insula_tests::{baked::Baked, fixtures, gpu::Gpu, trials::Trials};
 
 /// Share of columns whose heights or kind may differ.
 const COLUMNS_OFF: f64 = 0.002;
@@ -21,18 +16,10 @@ const COLUMNS_OFF: f64 = 0.002;
 const OCCLUSION_OFF: f64 = 0.5;
 
 fn main() {
-    let arguments = Arguments::from_args();
-    let missing = Gpu::open().err();
-    if let Some(error) = &missing {
-        eprintln!("no GPU test can run: {error:#}");
-    }
-    let ignored = missing.is_some() && !adapter_is_required();
-    let run = || device_and_processor_see_the_same().map_err(|e| Failed::from(format!("{e:#}")));
-    let test = Trial::test("device_and_processor_see_the_same", run).with_ignored_flag(ignored);
-    libtest_mimic::run(&arguments, vec![test]).exit();
+    Trials::open().on_gpu("device_and_processor_see_the_same", device_and_processor_see_the_same).run()
 }
 
-fn device_and_processor_see_the_same() -> Result<()> {
+fn device_and_processor_see_the_same(_: &Gpu) -> Result<()> {
     let folder = tempfile::tempdir().context("a folder")?;
     let maps = |visibility: Visibility| -> Result<BTreeMap<TileId, BlockMap>> {
         let sample = SampleSettings { visibility, ..SampleSettings::default() };

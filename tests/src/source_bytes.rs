@@ -1,0 +1,307 @@
+//! What of a city's own files belongs to some of its leaves.
+//!
+//! In: city files, where leaves lie. Out: [`SourceBytes`] of any set of leaves. Next: what compares them with what was fetched.
+//!
+//! A face belongs to a leaf if any of it lies in the leaf's square, borders included.
+//!
+//! - **OBJ**: a leaf's faces, each with all of its line, and the lines of the vertices, texture coordinates and normals that
+//!   they use, each once. Comments, groups and materials count for nothing.
+//! - **Pictures**: a file's bytes times the share of its texels that the leaves' faces show, as far as they lie in the leaves;
+//!   a texel counts once. [`SourceBytes::pictures_used`] divides by the texels that any face of the city shows instead: what
+//!   no face shows costs a file little, but not nothing.
+//! - **CityJSON** and all else: a file's bytes times the leaves' share of the city's triangles.
+
+use anyhow::{Context, Result, bail};
+use glam::DVec2;
+use insula_bake::scene::Scene;
+use insula_protocol::{Manifest, TileId};
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Texels of a source's picture are looked at in squares of so many a side.
+const GRAIN_PX: u32 = 2;
+
+/// Bytes of the source.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SourceBytes {
+    /// Of text.
+    pub text: f64,
+    /// Of pictures, by their whole area.
+    pub pictures: f64,
+    /// Of pictures, by what is used of their area.
+    pub pictures_used: f64,
+}
+
+/// Where leaves lie.
+#[derive(Debug, Clone, Copy)]
+struct Squares {
+    corner: DVec2,
+    side_m: f64,
+    depth: u8,
+}
+
+impl Squares {
+    fn new(manifest: &Manifest) -> Self {
+        let [x, y, _] = manifest.node_corner(TileId::ROOT);
+        Self { corner: DVec2::new(x, y), side_m: manifest.node_side_m(manifest.depth), depth: manifest.depth }
+    }
+
+    /// The leaves that a triangle lies in.
+    fn of(&self, corners: [DVec2; 3]) -> Vec<TileId> {
+        let p = corners.map(|p| (p - self.corner) / self.side_m);
+        let (low, high) = (p[0].min(p[1]).min(p[2]), p[0].max(p[1]).max(p[2]));
+        let along = |low: f64, high: f64| (low.ceil() as i64 - 1).max(0)..=(high.floor() as i64).max(0);
+        let mut leaves = Vec::new();
+        for (x, y) in along(low.y, high.y).flat_map(|y| along(low.x, high.x).map(move |x| (x, y))) {
+            let square = DVec2::new(x as f64, y as f64);
+            if meets(p, square) {
+                leaves.extend(TileId::new(self.depth, x as u32, y as u32));
+            }
+        }
+        leaves
+    }
+
+    fn at(&self, p: DVec2) -> Option<TileId> {
+        let at = ((p - self.corner) / self.side_m).max(DVec2::ZERO).floor();
+        TileId::new(self.depth, at.x as u32, at.y as u32)
+    }
+}
+
+/// Whether a triangle meets the square of side 1 at `low`: no line along a side of either parts them.
+fn meets(p: [DVec2; 3], low: DVec2) -> bool {
+    let corners = [low, low + DVec2::X, low + DVec2::Y, low + DVec2::ONE];
+    let range = |of: &[DVec2], axis: DVec2| {
+        of.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], p| {
+            [least.min(p.dot(axis)), most.max(p.dot(axis))]
+        })
+    };
+    let sides = [p[1] - p[0], p[2] - p[1], p[0] - p[2]].map(DVec2::perp);
+    [DVec2::X, DVec2::Y].into_iter().chain(sides).all(|axis| {
+        let ([a, b], [c, d]) = (range(&p, axis), range(&corners, axis));
+        a <= d && c <= b
+    })
+}
+
+/// Places, and the lines that they are from.
+type Numbered = Vec<(DVec2, usize)>;
+
+/// A line of text that is needed by some leaves.
+#[derive(Debug, Default)]
+struct Line {
+    bytes: usize,
+    leaves: BTreeSet<TileId>,
+}
+
+#[derive(Debug)]
+struct Picture {
+    bytes: u64,
+    size: [u32; 2],
+    /// Of each square of texels, the leaves that show it.
+    shown: HashMap<u32, BTreeSet<TileId>>,
+}
+
+/// All of a source, by leaf.
+#[derive(Debug)]
+pub struct Source {
+    lines: Vec<Line>,
+    pictures: Vec<Picture>,
+    /// Of files that are not taken apart: bytes, and of each triangle its leaves.
+    rest_bytes: u64,
+    triangles: Vec<BTreeSet<TileId>>,
+    /// All of the files.
+    pub whole_bytes: u64,
+}
+
+impl Source {
+    /// Reads `inputs`: OBJ files with what they refer to, or others, whose triangles are `scene`'s.
+    pub fn read(inputs: &[PathBuf], scene: &Scene, manifest: &Manifest) -> Result<Self> {
+        let squares = Squares::new(manifest);
+        let mut source = Self { lines: vec![], pictures: vec![], rest_bytes: 0, triangles: vec![], whole_bytes: 0 };
+        for path in inputs {
+            source.whole_bytes += fs::metadata(path)?.len();
+            if path.extension().is_some_and(|ext| ext == "obj") {
+                source.obj(path, squares).with_context(|| path.display().to_string())?;
+            } else {
+                source.rest_bytes += fs::metadata(path)?.len();
+            }
+        }
+        if source.rest_bytes > 0 {
+            let origin = DVec2::new(scene.origin[0], scene.origin[1]);
+            let place = |c: [f32; 3]| origin + DVec2::new(f64::from(c[0]), f64::from(c[1]));
+            source.triangles =
+                scene.triangles.iter().map(|t| squares.of(t.corners.map(place)).into_iter().collect()).collect();
+        }
+        Ok(source)
+    }
+
+    /// What belongs to these leaves.
+    pub fn of(&self, leaves: &BTreeSet<TileId>) -> SourceBytes {
+        let is_of = |of: &BTreeSet<TileId>| !of.is_disjoint(leaves);
+        let lines: usize = self.lines.iter().filter(|line| is_of(&line.leaves)).map(|line| line.bytes).sum();
+        let count = self.triangles.iter().filter(|of| is_of(of)).count() as f64;
+        let share = count / self.triangles.len().max(1) as f64;
+        let mut bytes = SourceBytes { text: lines as f64 + self.rest_bytes as f64 * share, ..SourceBytes::default() };
+        for picture in &self.pictures {
+            let shown = picture.shown.values().filter(|of| is_of(of)).count() as f64;
+            let [across, up] = picture.size.map(|side| side.div_ceil(GRAIN_PX));
+            bytes.pictures += picture.bytes as f64 * shown / f64::from(across * up);
+            bytes.pictures_used += picture.bytes as f64 * shown / picture.shown.len().max(1) as f64;
+        }
+        bytes
+    }
+
+    fn obj(&mut self, path: &Path, squares: Squares) -> Result<()> {
+        let text = fs::read_to_string(path)?;
+        let mut pictures = BTreeMap::new();
+        let mut material = None;
+        let (mut points, mut places, mut normals) = (Numbered::new(), Numbered::new(), Vec::new());
+        for text in text.split_inclusive('\n') {
+            let mut words = text.split_whitespace();
+            let line = self.lines.len();
+            let pair = |mut words: std::str::SplitWhitespace<'_>| -> Result<DVec2> {
+                let mut number = || anyhow::Ok(words.next().context("a number is missing")?.parse::<f64>()?);
+                Ok(DVec2::new(number()?, number()?))
+            };
+            match words.next() {
+                Some("v") => points.push((pair(words)?, line)),
+                Some("vt") => places.push((pair(words)?, line)),
+                Some("vn") => normals.push(line),
+                Some("f") => {
+                    let corners = words.map(corner).collect::<Result<Vec<_>>>()?;
+                    let of = face(&corners, &points, squares)?;
+                    let used = corners.iter().flat_map(|[p, t, n]| {
+                        let place = |i: &usize, of: &Numbered| of.get(i.wrapping_sub(1)).map(|of| of.1);
+                        [place(p, &points), place(t, &places), normals.get(n.wrapping_sub(1)).copied()]
+                    });
+                    used.flatten().for_each(|line| self.lines[line].leaves.extend(&of));
+                    if let Some(picture) = material.and_then(|name: &str| pictures.get(name)) {
+                        let picture: &mut Picture = &mut self.pictures[*picture];
+                        for k in 2..corners.len() {
+                            let at = [0, k - 1, k].map(|k| {
+                                Some((points.get(corners[k][0] - 1)?.0, places.get(corners[k][1].wrapping_sub(1))?.0))
+                            });
+                            if let [Some(a), Some(b), Some(c)] = at {
+                                picture.show([a, b, c], squares);
+                            }
+                        }
+                    }
+                    self.lines.push(Line { bytes: text.len(), leaves: of });
+                    continue;
+                }
+                Some("usemtl") => material = words.next(),
+                Some("mtllib") => {
+                    let library = path.with_file_name(words.next().unwrap_or_default());
+                    self.whole_bytes += fs::metadata(&library)?.len();
+                    self.library(&library, &mut pictures)?;
+                    continue;
+                }
+                _ => continue,
+            }
+            self.lines.push(Line { bytes: text.len(), leaves: BTreeSet::new() });
+        }
+        Ok(())
+    }
+
+    fn library(&mut self, path: &Path, pictures: &mut BTreeMap<String, usize>) -> Result<()> {
+        let mut name = String::new();
+        for line in fs::read_to_string(path)?.lines() {
+            match line.trim().split_once(char::is_whitespace) {
+                Some(("newmtl", of)) => name = of.trim().to_owned(),
+                Some(("map_Kd", file)) => {
+                    let file = path.with_file_name(file.trim());
+                    let bytes = fs::metadata(&file)?.len();
+                    let (width, height) = image::image_dimensions(&file)?;
+                    self.whole_bytes += bytes;
+                    pictures.insert(name.clone(), self.pictures.len());
+                    self.pictures.push(Picture { bytes, size: [width, height], shown: HashMap::new() });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Numbers of a corner's vertex, texture coordinate and normal; 0: none.
+fn corner(word: &str) -> Result<[usize; 3]> {
+    let mut numbers = [0; 3];
+    for (number, digits) in numbers.iter_mut().zip(word.split('/')) {
+        *number =
+            if digits.is_empty() { 0 } else { digits.parse().context("only numbers from the file's start on")? };
+    }
+    if numbers[0] == 0 {
+        bail!("a corner without a vertex")
+    }
+    Ok(numbers)
+}
+
+fn face(corners: &[[usize; 3]], points: &Numbered, squares: Squares) -> Result<BTreeSet<TileId>> {
+    let place = |k: usize| points.get(corners[k][0] - 1).map(|point| point.0).context("a vertex that is not there");
+    let mut leaves = BTreeSet::new();
+    for k in 2..corners.len() {
+        leaves.extend(squares.of([place(0)?, place(k - 1)?, place(k)?]));
+    }
+    Ok(leaves)
+}
+
+impl Picture {
+    /// Notes which leaves show which texels; each corner is a place on the ground and one in the picture.
+    fn show(&mut self, corners: [(DVec2, DVec2); 3], squares: Squares) {
+        let [across, up] = self.size.map(|side| side.div_ceil(GRAIN_PX));
+        let size = DVec2::new(f64::from(across), f64::from(up));
+        let p = corners.map(|(_, uv)| DVec2::new(uv.x, 1.0 - uv.y) * size);
+        let double = (p[1] - p[0]).perp_dot(p[2] - p[0]);
+        let low = (p[0].min(p[1]).min(p[2]) - 0.5).ceil().as_i64vec2();
+        let high = (p[0].max(p[1]).max(p[2]) - 0.5).floor().as_i64vec2();
+        for (x, y) in (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (x, y))) {
+            let at = DVec2::new(x as f64, y as f64) + 0.5;
+            let weight = |i: usize, k: usize| (p[i] - at).perp_dot(p[k] - at) / double;
+            let weights = [weight(1, 2), weight(2, 0), weight(0, 1)];
+            if weights.iter().all(|weight| *weight >= 0.0) {
+                let ground = (0..3).fold(DVec2::ZERO, |sum, k| sum + corners[k].0 * weights[k]);
+                let [x, y] = [(x, across), (y, up)].map(|(v, side)| v.rem_euclid(side.into()) as u32);
+                self.shown.entry(y * across + x).or_default().extend(squares.at(ground));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_triangle_is_in_the_squares_that_it_meets() {
+        let squares = Squares { corner: DVec2::new(10.0, 20.0), side_m: 2.0, depth: 3 };
+        let of = |p: [[f64; 2]; 3]| squares.of(p.map(DVec2::from)).len();
+        assert_eq!(of([[10.5, 20.5], [11.0, 20.5], [10.5, 21.0]]), 1);
+        assert_eq!(of([[10.5, 20.5], [13.4, 20.5], [10.5, 23.4]]), 3, "not the one across the slope");
+        assert_eq!(of([[11.0, 21.0], [13.0, 21.0], [11.0, 21.0]]), 2, "a wall");
+        assert_eq!(of([[12.0, 20.5], [12.0, 21.0], [12.0, 21.5]]), 2, "on a border");
+    }
+
+    #[test]
+    fn a_sheet_over_two_leaves_is_half_of_each() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        write(
+            "a.obj",
+            "mtllib a.mtl\nv 0 0 0\nv 4 0 0\nv 4 2 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 1 .5\nvt 0 .5\nusemtl m\nf 1/1 2/2 3/3 4/4\n",
+        );
+        write("a.mtl", "newmtl m\nmap_Kd a.png\n");
+        image::RgbImage::new(64, 64).save(folder.path().join("a.png")).unwrap();
+        let squares = Squares { corner: DVec2::ZERO, side_m: 2.0, depth: 1 };
+        let mut source = Source { lines: vec![], pictures: vec![], rest_bytes: 0, triangles: vec![], whole_bytes: 0 };
+        source.obj(&folder.path().join("a.obj"), squares).unwrap();
+        let picture = source.pictures[0].bytes as f64;
+        let [west, east] = [0, 1].map(|x| source.of(&BTreeSet::from([TileId::new(1, x, 0).unwrap()])));
+        assert_eq!(west, east);
+        assert_eq!(west.text, 80.0);
+        assert!((west.pictures / picture - 0.25).abs() < 0.01 && (west.pictures_used / picture - 0.5).abs() < 0.02);
+        let none = source.of(&BTreeSet::from([TileId::new(1, 1, 1).unwrap()]));
+        assert_eq!(none.pictures, 0.0);
+    }
+}
