@@ -4,6 +4,7 @@ pub mod baked;
 mod baked_meshes;
 pub mod bucket;
 pub mod cameras;
+pub mod cold;
 pub mod compare;
 pub mod cut;
 pub mod fidelity;

@@ -5,7 +5,8 @@
 //!
 //! Pure: the time is handed in. A square that is drawn otherwise than in the last frame passes in [`FADE_SECS`] from what it
 //! showed to what it shall show; if that changes meanwhile, it passes on from there when it has arrived. Squares that a coarser
-//! one replaces stay, in it, until they have passed. What was not drawn before, or not seen, is right at once.
+//! one replaces stay, in it, until they have passed. What was not drawn before, or hidden until now, is right
+//! at once.
 
 use super::{Selection, error};
 use crate::{
@@ -17,7 +18,7 @@ use insula_shaders::layout::FADE_RAYS;
 /// How long a square takes to pass, in seconds.
 pub const FADE_SECS: f64 = 0.25;
 /// Most squares that pass at a time; what is over that passes at once.
-pub const FADES: usize = 512;
+pub const FADES: usize = 4096;
 /// Share from which on enough rays see what is new to tell what that hides.
 const TOLD: f64 = 0.25;
 
@@ -70,6 +71,12 @@ impl Shown {
             }
             _ => (self.face, None),
         }
+    }
+
+    /// Whether what comes now, which is seen or not, comes by and by. What was hidden until now has nothing to come from. What
+    /// stays hidden has: at once, it might show over what hides it and is still to come.
+    fn fades_into(&self, seen: bool) -> bool {
+        self.seen || !seen || self.passes()
     }
 
     /// Whether it shows, or is about to show, something else.
@@ -173,7 +180,7 @@ impl Fades {
             let seen = seen.next_if_eq(&&item.square).is_some();
             let mut square = Shown { square: item.square, of: item.square, seen, face, to: None };
             let was = self.places.over(item.square, tree).map(|place| before[place]);
-            if let Some(was) = was.filter(|was| was.seen && seen) {
+            if let Some(was) = was.filter(|was| was.fades_into(seen)) {
                 (square.face, square.to) = (was.face, was.to);
                 step.go_on(&mut square, face);
             }
@@ -181,10 +188,11 @@ impl Fades {
             after.push(square);
         }
         // Finer squares, where the cut has become coarser.
-        for was in before.iter().filter(|was| was.seen && owners.get(was.square).is_none()) {
-            let owner = owners.over(was.square, tree).map(|place| after[place]).filter(|owner| owner.seen);
+        for was in before.iter().filter(|was| owners.get(was.square).is_none()) {
+            let owner =
+                owners.over(was.square, tree).map(|place| after[place]).filter(|owner| was.fades_into(owner.seen));
             let Some(owner) = owner else { continue };
-            let mut square = Shown { of: owner.square, ..*was };
+            let mut square = Shown { of: owner.square, seen: owner.seen, ..*was };
             step.go_on(&mut square, owner.to.map_or(owner.face, |(to, _)| to));
             if square.passes() || owner.passes() && step.passing < FADES {
                 step.passing += usize::from(!square.passes());
