@@ -70,13 +70,12 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let outer_top = f32(clip & 0xfffu);
     let has_gap = (flags & GAP) != 0u;
     var gap = 0u;
-    var bounds = walk;
     if has_gap {
         gap = word(strip + head_words(flags) - 2u);
-        bounds = word(strip + head_words(flags) - 1u);
     }
-    let z_max = f32(bounds & 0xfffu);
-    let z_min = f32((bounds >> 12u) & 0xfffu);
+    let bounds = bounds_of(walk, strip + head_words(flags));
+    let z_max = bounds.x;
+    let z_min = bounds.y;
     let low = f32(gap & 0xffffu);
     let high = f32(gap >> 16u);
     let last = select(6u, 4u, border.end >= te);
@@ -109,6 +108,15 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     }
     next_solid = n;
     return found;
+}
+
+// Highest and lowest point of a column whose strip's texels begin at `texels`.
+fn bounds_of(walk: u32, texels: u32) -> vec2<f32> {
+    var bounds = walk;
+    if ((walk >> 24u) & GAP) != 0u {
+        bounds = word(texels - 1u);
+    }
+    return vec2<f32>(f32(bounds & 0xfffu), f32((bounds >> 12u) & 0xfffu));
 }
 
 fn head_words(flags: u32) -> u32 {
@@ -241,13 +249,10 @@ fn beside(before: vec2<i32>, t: f32) -> WallBeside {
         return none;
     }
     let strip = plane_word(3u, i) + head_words(flags);
-    var bounds = walk;
-    if (flags & GAP) != 0u {
-        bounds = word(strip - 1u);
-    }
+    let bounds = bounds_of(walk, strip);
     let z = z_at(t);
-    let z_min = f32((bounds >> 12u) & 0xfffu);
-    if z < z_min || z >= f32(bounds & 0xfffu) {
+    let z_min = bounds.y;
+    if z < z_min || z >= bounds.x {
         return none;
     }
     let codes = f32(16u >> ray.z_shift);

@@ -294,12 +294,9 @@ fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
     if exposed {
         strip = word(pages.w + i) + head_words(flags);
     }
-    var bounds = walk;
-    if (flags & GAP) != 0u {
-        bounds = word(strip - 1u);
-    }
-    let z_max = f32(bounds & 0xfffu);
-    let z_min = f32((bounds >> 12u) & 0xfffu);
+    let bounds = bounds_of(walk, strip);
+    let z_max = bounds.x;
+    let z_min = bounds.y;
     let codes = f32(16u >> nodes[index].z.w);
     if (flags & OCCUPIED) == 0u || z > z_max + 1.5 * codes || z < z_min - 1.5 * codes {
         return vec2<f32>(0.0);

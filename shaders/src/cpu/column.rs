@@ -2,7 +2,8 @@
 //!
 //! In: a cell that a ray crosses, from where to where. Out: what it gathers there. Next: `raycast` goes on, or is done.
 //!
-//! Functions bear the names that they have in `column.wgsl` and stand in the same order.
+//! Functions bear the names that they have in `column.wgsl` and stand in the same order, but that `column` is there in two:
+//! `meets` finds a solid, `hit_solid` gathers it, and the loop around them is the walk's.
 
 use super::{
     raycast::{Gathered, NodeRay, OPAQUE, SUN_LIFT_CELLS, SceneRef, ahead},
