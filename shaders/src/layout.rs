@@ -171,18 +171,39 @@ pub struct Node {
     pub z_lo: f32,
     /// Highest point above code 0, in codes; inclined columns' slopes included.
     pub z_hi: f32,
-    /// The map's `z_shift`: a strip row is `16 >> z_shift` codes.
-    pub z_shift: u32,
+    /// [`Node::slot_and_shift`].
+    pub slot_and_shift: u32,
     /// Atlas pages of the [`PLANES`]: walk, roof, attributes, strip addresses.
     pub pages: [u32; 4],
-    /// Where the summary lies: word index / [`SUMMARY_WORDS`].
-    pub slot: u32,
     /// Level of the node in the city, for [`Shading::Lod`].
     pub level: u32,
     /// 1 + where the head of its mesh is in the atlas, in fours of words; 0: its columns are drawn.
     pub mesh: u32,
     /// The city's height zero relative to the camera, which the mesh's heights are above.
     pub mesh_z_m: f32,
+    /// Zero.
+    pub pad: u32,
+}
+
+/// Where the slot begins in [`Node::slot_and_shift`].
+const SLOT_SHIFT: u32 = 3;
+
+impl Node {
+    /// Where the summary lies (word index / [`SUMMARY_WORDS`], below 2^29) and the map's `z_shift` (at most 4: a strip row is
+    /// `16 >> z_shift` codes) in one word, so that rays read a node without a mesh in three rows.
+    pub const fn slot_and_shift(slot: u32, z_shift: u32) -> u32 {
+        slot << SLOT_SHIFT | z_shift
+    }
+
+    /// Where the summary lies.
+    pub(crate) const fn slot(&self) -> usize {
+        (self.slot_and_shift >> SLOT_SHIFT) as usize
+    }
+
+    /// The map's `z_shift`.
+    pub(crate) const fn z_shift(&self) -> u32 {
+        self.slot_and_shift & ((1 << SLOT_SHIFT) - 1)
+    }
 }
 
 /// Binding numbers in group 0 of `raycast.wgsl`.

@@ -78,19 +78,19 @@ fn structs_lie_alike() {
             pad,
         }
     );
-    // Rows of four: `place` is corner and cell_m, `z` is z_step_m to z_shift.
+    // Rows of four: `place` is corner and cell_m, `z` is z_step_m to slot_and_shift.
     let (span, members) = wgsl_layout(&module, "Node");
     let rust = [
         ("place", offset_of!(Node, corner)),
         ("z", offset_of!(Node, z_step_m)),
         ("pages", offset_of!(Node, pages)),
-        ("slot", offset_of!(Node, slot)),
         ("level", offset_of!(Node, level)),
         ("mesh", offset_of!(Node, mesh)),
         ("mesh_z_m", offset_of!(Node, mesh_z_m)),
+        ("pad", offset_of!(Node, pad)),
     ];
     assert_eq!(members, rust.map(|(name, at)| (name.to_owned(), at)));
-    assert_eq!((span, offset_of!(Node, cell_m), offset_of!(Node, z_shift)), (size_of::<Node>(), 12, 28));
+    assert_eq!((span, offset_of!(Node, cell_m), offset_of!(Node, slot_and_shift)), (size_of::<Node>(), 12, 28));
     assert_eq!((offset_of!(Node, z_lo), offset_of!(Node, z_hi)), (20, 24));
 }
 

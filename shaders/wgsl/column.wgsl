@@ -2,6 +2,25 @@
 //
 // In: a cell that a ray crosses, from where to where. Out: `gathered`. Next: raycast.wgsl goes on, or is done.
 
+// What `beside` found.
+struct WallBeside {
+    place: u32,
+    turn: u32,
+}
+
+struct Border {
+    begin: f32,
+    end: f32,
+    within_is_outer: bool,
+    walls: vec3<u32>,
+}
+
+struct Span {
+    s: f32,
+    e: f32,
+    face: u32,
+}
+
 fn word(at: u32) -> u32 {
     if COUNT {
         counts.z++;

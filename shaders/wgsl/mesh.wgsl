@@ -297,7 +297,7 @@ fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
     let bounds = bounds_of(walk, strip);
     let z_max = bounds.x;
     let z_min = bounds.y;
-    let codes = f32(16u >> nodes[index].z.w);
+    let codes = f32(16u >> shift_of(nodes[index].z.w));
     if (flags & OCCUPIED) == 0u || z > z_max + 1.5 * codes || z < z_min - 1.5 * codes {
         return vec2<f32>(0.0);
     }

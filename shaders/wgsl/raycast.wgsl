@@ -28,13 +28,13 @@ struct Frame {
 struct Node {
     // In rows of four, each of which is read at once. South-west corner at height code 0, side of a column.
     place: vec4<f32>,
-    // Bits of metres of a height code, lowest, highest; z_shift.
+    // Bits of metres of a height code, lowest, highest; slot and z_shift.
     z: vec4<u32>,
     pages: vec4<u32>,
-    slot: u32,
     level: u32,
     mesh: u32,
     mesh_z_m: f32,
+    pad: u32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -50,6 +50,7 @@ struct Node {
 const PAGE_WORDS: u32 = 4096u;
 // In fours, one a block.
 const SUMMARY_FOURS: u32 = 64u;
+const SLOT_SHIFT: u32 = 3u;
 const MAX_SAMPLES: u32 = 4u;
 const BLOCK_CELLS: i32 = 8;
 const BLOCKS: i32 = 8;
@@ -86,10 +87,9 @@ const AT_SQUARE: u32 = 0u;
 const AT_BLOCK: u32 = 1u;
 const AT_CELL: u32 = 2u;
 const AFTER_CELL: u32 = 3u;
-const AFTER_BLOCK: u32 = 4u;
-const AT_MESH: u32 = 5u;
-const AT_COLUMN: u32 = 6u;
-const AT_NODE: u32 = 7u;
+const AT_MESH: u32 = 4u;
+const AT_COLUMN: u32 = 5u;
+const AT_NODE: u32 = 6u;
 
 const FACE_SIDE: u32 = 0u;
 const FACE_TOP: u32 = 1u;
@@ -131,6 +131,8 @@ struct NodeRay {
     // First words of the node's planes.
     pages: vec4<u32>,
     z_shift: u32,
+    // First of its summary.
+    summary: u32,
     cell_m: f32,
 }
 
@@ -160,25 +162,6 @@ struct Met {
     bottom: f32,
     top: f32,
     z_min: f32,
-}
-
-// What `beside` found.
-struct WallBeside {
-    place: u32,
-    turn: u32,
-}
-
-struct Border {
-    begin: f32,
-    end: f32,
-    within_is_outer: bool,
-    walls: vec3<u32>,
-}
-
-struct Span {
-    s: f32,
-    e: f32,
-    face: u32,
 }
 
 // An entry of the grid, and the level that it is of.
@@ -218,15 +201,18 @@ fn raycast(
     let n = clamp(frame.samples, 1u, MAX_SAMPLES);
     var sum = vec3<f32>(0.0);
     let at = id.y * frame.width_px + id.x;
+    var sample = vec2<u32>(0u);
     for (var s = 0u; s < n * n; s++) {
-        let offset = (vec2<f32>(f32(s % n), f32(s / n)) + 0.5) / f32(n);
-        threshold = threshold_of(id, n, s);
+        let offset = (vec2<f32>(sample) + 0.5) / f32(n);
+        threshold = threshold_of(id, n, sample);
         let traced = trace(ray_direction(vec2<f32>(id) + offset));
         sum += traced.rgb;
         if s == n * n / 2u {
             distance_m[at] = traced.distance;
             hit[at] = traced.node;
         }
+        // Without a division, which lavapipe does lane by lane.
+        sample = select(vec2<u32>(sample.x + 1u, sample.y), vec2<u32>(0u, sample.y + 1u), sample.x + 1u == n);
     }
     colour[at] = encode_srgb(sum / f32(n * n));
     if COUNT {
@@ -246,8 +232,8 @@ fn pixel_of(group: vec2<u32>, rows: u32, lane: u32) -> vec2<u32> {
     return vec2<u32>(group.x, row) * 8u + within;
 }
 
-fn threshold_of(pixel: vec2<u32>, samples: u32, sample: u32) -> u32 {
-    let p = pixel * samples + vec2<u32>(sample % samples, sample / samples + samples / 2u);
+fn threshold_of(pixel: vec2<u32>, samples: u32, sample: vec2<u32>) -> u32 {
+    let p = pixel * samples + sample + vec2<u32>(0u, samples / 2u);
     let a = p.x ^ p.y;
     let low = ((a & 4u) >> 1u) | ((p.y & 4u) >> 2u);
     return ((a & 1u) << 5u) | ((p.y & 1u) << 4u) | ((a & 2u) << 2u) | ((p.y & 2u) << 1u) | low;
@@ -366,12 +352,16 @@ fn walk_grid() {
     var done = false;
     var index = 0u;
     var node_end = t;
-    var slot = 0u;
     var block = vec2<i32>(0);
     var block_end = t;
     var quads = Quads();
     var cell = vec2<i32>(0);
     var cell_end = t;
+    // Where the ray goes on behind the block and behind the cell.
+    var next_block = vec2<i32>(0);
+    var after_block = AT_SQUARE;
+    var next_cell = vec2<i32>(0);
+    var leaves = false;
     var steps = 0u;
     for (var hits = 0u; hits < MAX_STEPS; hits++) {
         var met_one = false;
@@ -428,7 +418,6 @@ fn walk_grid() {
                             }
                             t = span.x;
                             node_end = span.y;
-                            slot = nodes[index].slot * SUMMARY_FOURS;
                             let start = floor((ray.o.xy + ray.d.xy * t) / f32(BLOCK_CELLS));
                             block = clamp(vec2<i32>(start), vec2<i32>(0), vec2<i32>(BLOCKS - 1));
                             phase = AT_BLOCK;
@@ -452,49 +441,53 @@ fn walk_grid() {
                     }
                     // Over the blocks that the ray flies over.
                     loop {
-                        if phase != AT_BLOCK && phase != AFTER_BLOCK {
+                        if phase != AT_BLOCK {
                             break;
                         }
                         let te = ((vec2<f32>(block) + ahead) * f32(BLOCK_CELLS) - ray.o.xy) * ray.inv;
                         let exit = least(te.x, te.y);
                         block_end = most(least(exit, node_end), t);
-                        if phase == AT_BLOCK {
-                            if COUNT {
-                                counts.z++;
-                            }
-                            quads = quads_of(summaries[slot + u32(block.y * BLOCKS + block.x)]);
-                            let lower = z_at(select(block_end, t, rises));
-                            let upper = z_at(select(t, block_end, rises));
-                            if lower <= quads.highest && upper >= quads.lowest {
-                                let low = block * BLOCK_CELLS;
-                                let start = vec2<i32>(floor(ray.o.xy + ray.d.xy * t));
-                                cell = clamp(start, low, low + (BLOCK_CELLS - 1));
-                                phase = AT_CELL;
-                                break;
-                            }
+                        if COUNT {
+                            counts.z++;
                         }
-                        block += select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
-                        let inside = all(block >= vec2<i32>(0)) && all(block < vec2<i32>(BLOCKS));
-                        phase = select(AT_SQUARE, AT_BLOCK, exit < node_end && inside);
+                        quads = quads_of(summaries[ray.summary + u32(block.y * BLOCKS + block.x)]);
+                        let lower = z_at(select(block_end, t, rises));
+                        let upper = z_at(select(t, block_end, rises));
+                        let low = block * BLOCK_CELLS;
+                        let start = vec2<i32>(floor(ray.o.xy + ray.d.xy * t));
+                        cell = clamp(start, low, low + (BLOCK_CELLS - 1));
+                        next_block = block + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
+                        let inside = all(next_block >= vec2<i32>(0)) && all(next_block < vec2<i32>(BLOCKS));
+                        after_block = select(AT_SQUARE, AT_BLOCK, exit < node_end && inside);
+                        if lower <= quads.highest && upper >= quads.lowest {
+                            phase = AT_CELL;
+                            break;
+                        }
+                        block = next_block;
+                        phase = after_block;
                         t = block_end;
                     }
                     loop {
                         // Over the cells of quads that the ray flies over.
                         loop {
-                            if phase != AT_CELL && phase != AFTER_CELL {
+                            if phase == AFTER_CELL {
+                                phase = select(AT_CELL, after_block, leaves);
+                                block = select(block, next_block, leaves);
+                                t = select(cell_end, block_end, leaves);
+                                cell = next_cell;
+                            }
+                            if phase != AT_CELL {
                                 break;
                             }
                             let te = (vec2<f32>(cell) + ahead - ray.o.xy) * ray.inv;
                             let exit = least(te.x, te.y);
                             cell_end = most(least(exit, block_end), t);
-                            if phase == AT_CELL && z_at(select(cell_end, t, rises)) <= quad_top(quads, cell) {
+                            next_cell = cell + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
+                            leaves = exit >= block_end || any((next_cell >> vec2<u32>(3u)) != block);
+                            if z_at(select(cell_end, t, rises)) <= quad_top(quads, cell) {
                                 break;
                             }
-                            let next = cell + select(vec2<i32>(0, step.y), vec2<i32>(step.x, 0), te.x <= te.y);
-                            let same = all((next >> vec2<u32>(3u)) == block);
-                            phase = select(AFTER_BLOCK, AT_CELL, exit < block_end && same);
-                            cell = next;
-                            t = cell_end;
+                            phase = AFTER_CELL;
                         }
                         if phase != AT_CELL {
                             break;
@@ -577,6 +570,10 @@ fn look_up(square: vec2<i32>, k: u32) -> Entry {
     return Entry(vec2<u32>(0u), frame.levels - 1u);
 }
 
+fn shift_of(slot_and_shift: u32) -> u32 {
+    return slot_and_shift & ((1u << SLOT_SHIFT) - 1u);
+}
+
 // Makes `ray`; gives where it is between the node's lowest and highest point (the first larger if nowhere).
 fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
     let place = nodes[index].place;
@@ -589,7 +586,7 @@ fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
     let a = (bitcast<f32>(z.y) - 1.0 - o.z) / dz;
     let b = (bitcast<f32>(z.z) + 1.0 - o.z) / dz;
     let pages = nodes[index].pages * PAGE_WORDS;
-    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, z.w, place.w);
+    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, shift_of(z.w), (z.w >> SLOT_SHIFT) * SUMMARY_FOURS, place.w);
     return vec2<f32>(max(t_in, min(a, b)), min(t_out, max(a, b)));
 }
 

@@ -138,12 +138,12 @@ impl Cut {
                 z_step_m: drawn.z_step_m,
                 z_lo: drawn.z_range[0],
                 z_hi: drawn.z_range[1],
-                z_shift: drawn.z_shift,
+                slot_and_shift: Node::slot_and_shift(slot as u32, drawn.z_shift),
                 pages: drawn.pages,
-                slot: slot as u32,
                 level: u32::from(drawn.id.level()),
                 mesh: drawn.mesh,
                 mesh_z_m: relative(x, y, 0.0)[2],
+                pad: 0,
             }
         });
         let nodes: Vec<Node> = nodes.collect();

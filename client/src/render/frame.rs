@@ -224,8 +224,7 @@ fn node(id: TileId, placed: &Placed, mesh: Option<&PlacedMesh>, tree: &Tree, eye
         z_step_m: placed.z_step_m,
         z_lo: placed.z_range[0],
         z_hi: placed.z_range[1],
-        z_shift: placed.z_shift,
-        slot: placed.slot,
+        slot_and_shift: Node::slot_and_shift(placed.slot, placed.z_shift),
         level: u32::from(id.level()),
         ..Node::zeroed()
     };

@@ -105,7 +105,7 @@ pub(super) fn column(
     let attributes = word(scene, gathered, ray.node.pages[2], i);
     let mut slope = Vec2::ZERO;
     if flags & flag::INCLINED != 0 {
-        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
+        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift()));
     }
     let strip = if flags & flag::EXPOSED != 0 { word(scene, gathered, ray.node.pages[3], i) as usize } else { 0 };
     let bounds = bounds_of(scene, walk, strip, gathered);
@@ -269,7 +269,7 @@ fn hit_solid(
         }
     }
     let strip = (column.strip + head_words(flags)) as u32;
-    let codes = (16 >> ray.node.z_shift) as f32;
+    let codes = (16 >> ray.node.z_shift()) as f32;
     let first = (z_min / codes).floor() as i32;
     let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
     let mut row = (((ray.o.z + ray.d.z * span.s) / codes).floor() as i32).clamp(row_low, row_high);
@@ -319,7 +319,7 @@ fn beside(
     if z < z_min || z >= z_max {
         return None;
     }
-    let codes = (16 >> ray.node.z_shift) as f32;
+    let codes = (16 >> ray.node.z_shift()) as f32;
     let row = ((z / codes).floor() - (z_min / codes).floor()) as usize;
     let strip = strip + head_words(flags);
     let texel = word(scene, gathered, 0, strip + row);

@@ -310,7 +310,7 @@ fn column_sky(scene: &SceneRef<'_>, node: &Node, cell: IVec2, z: f32, upwards: f
     let strip = if exposed { mesh_word(scene, gathered, page(3) + i) + head_words(flags) as u32 } else { 0 };
     let bounds = if flags & flag::GAP != 0 { mesh_word(scene, gathered, strip.wrapping_sub(1)) } else { walk };
     let (z_max, z_min) = ((bounds & 0xfff) as f32, (bounds >> 12 & 0xfff) as f32);
-    let codes = (16 >> node.z_shift) as f32;
+    let codes = (16 >> node.z_shift()) as f32;
     if flags & flag::OCCUPIED == 0 || z > z_max + 1.5 * codes || z < z_min - 1.5 * codes {
         return Vec2::ZERO;
     }

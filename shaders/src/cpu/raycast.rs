@@ -384,7 +384,7 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
         let te = ((block.as_vec2() + ahead) * BLOCK_CELLS as f32 - o.xy()) * ray.inv;
         let exit = te.x.min(te.y);
         let t_block = exit.min(t_end).max(t);
-        let slot = node.slot as usize * SUMMARY_WORDS;
+        let slot = node.slot() * SUMMARY_WORDS;
         let at = (block.y * blocks + block.x) as usize;
         gathered.counts.fetches += 1;
         let quads = Quads::new(scene.summaries.get(slot + at * 4..).and_then(|words| words.first_chunk()));

@@ -40,6 +40,9 @@ struct Args {
     /// Picture sizes.
     #[arg(long, value_delimiter = ',', default_value = "640x360,1280x720")]
     pictures: Vec<String>,
+    /// Views: street, roof, aerial.
+    #[arg(long, value_delimiter = ',', default_value = "street,roof,aerial")]
+    views: Vec<String>,
     /// Tolerated error in pixels.
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
@@ -95,7 +98,7 @@ fn main() -> Result<()> {
     let mut rows = Vec::new();
     for picture in &args.pictures {
         let picture = parse(picture)?;
-        for stand in Stand::ALL {
+        for stand in Stand::ALL.into_iter().filter(|stand| args.views.iter().any(|word| word == stand.word())) {
             rows.extend(view(&args, &gpu, (&cities, &meshes), stand, &picture)?);
         }
     }
