@@ -273,6 +273,7 @@ fn trace(dir: vec3<f32>) -> Traced {
     var seen = Gathered();
     var lit = Lit();
     var sun_seen = 1.0;
+    air = Air(horizon(dir), glow(dir));
     leg = Leg(vec3<f32>(0.0), dir, never, 0.0, false);
     loop {
         gathered = Gathered(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0, 0u, 0u, 1.0, never, NO_NODE, vec3<f32>(0.0));
@@ -310,7 +311,7 @@ fn light_of(seen: Gathered, dir: vec3<f32>) -> Lit {
     }
     let length_squared = dot(seen.normal, seen.normal);
     let normal = select(-dir, seen.normal * inverseSqrt(length_squared), length_squared > 1e-12);
-    let lit = through_haze(shade(seen.albedo / share, seen.ao / share, normal, seen.flags, seen.level), dir, seen.mean_m / share);
+    let lit = through_haze(shade(seen.albedo / share, seen.ao / share, normal, seen.flags, seen.level), seen.mean_m / share);
     return Lit(lit.sky * share, lit.sun * share);
 }
 

@@ -25,6 +25,15 @@ struct Lit {
     sun: vec3<f32>,
 }
 
+// What the air adds in the ray's direction.
+struct Air {
+    horizon: vec3<f32>,
+    glow: vec3<f32>,
+}
+
+// Made once a ray: to read the light costs more than to work with it where every lane reads for itself.
+var<private> air: Air;
+
 const LIT: u32 = 0u;
 const HORIZON: vec3<f32> = vec3<f32>(0.72, 0.80, 0.88);
 const ZENITH: vec3<f32> = vec3<f32>(0.20, 0.38, 0.68);
@@ -83,13 +92,13 @@ fn sun_by_sky(ao: f32) -> f32 {
     return select(min(2.0 * ao + 0.25, 1.0), 1.0, frame.shadow_m > 0.0);
 }
 
-fn through_haze(lit: Lit, dir: vec3<f32>, d: f32) -> Lit {
+fn through_haze(lit: Lit, d: f32) -> Lit {
     if FOR_STUDY && frame.shading != LIT {
         return lit;
     }
     let left = exp(frame.light.haze.rgb * -d);
-    let air = horizon(dir) + glow(dir) * (1.0 - left);
-    return Lit(air + (lit.sky - air) * left, lit.sun * left);
+    let far = air.horizon + air.glow * (1.0 - left);
+    return Lit(far + (lit.sky - far) * left, lit.sun * left);
 }
 
 fn develop(rgb: vec3<f32>) -> vec3<f32> {
@@ -133,7 +142,7 @@ fn background(dir: vec3<f32>) -> Lit {
     }
     if ground_m < NEVER_M {
         let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze.g);
-        return through_haze(received(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), dir, hazy_m);
+        return through_haze(received(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), hazy_m);
     }
     return plain(sky_light(dir));
 }
@@ -146,9 +155,9 @@ fn ground_distance(dir: vec3<f32>) -> f32 {
 }
 
 fn sky_light(dir: vec3<f32>) -> vec3<f32> {
-    let clear = mix(frame.light.zenith.rgb, horizon(dir), exp(-SKY_FALL * max(dir.z, 0.0)));
+    let clear = mix(frame.light.zenith.rgb, air.horizon, exp(-SKY_FALL * max(dir.z, 0.0)));
     let edge = clamp((DISC_OUTER - from_sun(dir)) / (DISC_OUTER - DISC_INNER), 0.0, 1.0);
-    return clear + glow(dir) + frame.light.sun.rgb * (DISC * frame.light.disc * edge);
+    return clear + air.glow + frame.light.sun.rgb * (DISC * frame.light.disc * edge);
 }
 
 fn horizon(dir: vec3<f32>) -> vec3<f32> {

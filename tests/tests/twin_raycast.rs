@@ -10,7 +10,7 @@ use insula_protocol::{
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
-        shade::{background, encode_srgb},
+        shade::{Air, background, encode_srgb},
     },
     layout::{Light, Shading},
 };
@@ -388,7 +388,7 @@ fn judge(
         }
         let mut rgb = seen.rgb.as_vec3();
         if seen.left > 0.02 {
-            rgb += background(frame, dir.as_vec3()).sky * seen.left as f32;
+            rgb += background(frame, dir.as_vec3(), &Air::new(frame, dir.as_vec3())).sky * seen.left as f32;
         }
         let meant = encode_srgb(rgb).to_le_bytes();
         drawn.colour[i as usize].to_le_bytes().iter().zip(meant).all(|(a, b)| a.abs_diff(b) <= 3)

@@ -10,7 +10,7 @@
 use super::{
     column::column,
     mesh::walk_mesh,
-    shade::{Lit, Surface, background, develop, encode_srgb, ground_distance, shade, through_haze},
+    shade::{Air, Lit, Surface, background, develop, encode_srgb, ground_distance, shade, through_haze},
 };
 use crate::{
     grid::Z_TOP,
@@ -226,9 +226,10 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> (Vec3, Gathered) {
     let leg = Leg { from: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false, threshold };
     walk_grid(scene, &leg, &mut gathered);
     let mut eye_m = gathered.distance_m;
-    let mut lit = gathered.light(frame, dir);
+    let air = Air::new(frame, dir);
+    let mut lit = gathered.light(frame, dir, &air);
     if gathered.left > OPAQUE {
-        let behind = background(frame, dir);
+        let behind = background(frame, dir, &air);
         lit = Lit { sky: lit.sky + behind.sky * gathered.left, sun: lit.sun + behind.sun * gathered.left };
         if gathered.left > 0.5 {
             eye_m = ground_distance(frame, dir);
@@ -250,7 +251,7 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> (Vec3, Gathered) {
 
 impl Gathered {
     /// Light of all that was passed, as if it were one surface.
-    fn light(&self, frame: &Frame, dir: Vec3) -> Lit {
+    fn light(&self, frame: &Frame, dir: Vec3, air: &Air) -> Lit {
         let share = 1.0 - self.left;
         if share <= 0.0 {
             return Lit { sky: Vec3::ZERO, sun: Vec3::ZERO };
@@ -262,7 +263,7 @@ impl Gathered {
             flags: self.flags,
             level: self.level,
         };
-        let lit = through_haze(frame, shade(frame, &surface), dir, self.mean_m / share);
+        let lit = through_haze(frame, shade(frame, &surface), air, self.mean_m / share);
         Lit { sky: lit.sky * share, sun: lit.sun * share }
     }
 }

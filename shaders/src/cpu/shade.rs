@@ -113,16 +113,30 @@ fn rgb(v: [f32; 4]) -> Vec3 {
     Vec4::from(v).xyz()
 }
 
-/// Light from `distance_m` away in direction `dir`, as it comes to the eye.
-pub fn through_haze(frame: &Frame, lit: Lit, dir: Vec3, distance_m: f32) -> Lit {
+/// What the air adds in a ray's direction.
+#[derive(Debug, Clone, Copy)]
+pub struct Air {
+    horizon: Vec3,
+    glow: Vec3,
+}
+
+impl Air {
+    /// In direction `dir`.
+    pub fn new(frame: &Frame, dir: Vec3) -> Self {
+        Self { horizon: horizon(frame, dir), glow: glow(frame, dir) }
+    }
+}
+
+/// Light from `distance_m` away in the direction of `air`, as it comes to the eye.
+pub fn through_haze(frame: &Frame, lit: Lit, air: &Air, distance_m: f32) -> Lit {
     if frame.shading != Shading::Lit as u32 {
         return lit;
     }
     let haze = rgb(frame.light.haze) * -distance_m;
     let left = Vec3::new(haze.x.exp(), haze.y.exp(), haze.z.exp());
     // Near by there is little air between the eye and the glow.
-    let air = horizon(frame, dir) + glow(frame, dir) * (1.0 - left);
-    Lit { sky: air + (lit.sky - air) * left, sun: lit.sun * left }
+    let far = air.horizon + air.glow * (1.0 - left);
+    Lit { sky: far + (lit.sky - far) * left, sun: lit.sun * left }
 }
 
 /// What came to the eye, as the screen shows it.
@@ -161,8 +175,8 @@ fn kind_tint(flags: u32) -> Vec3 {
     if has(flag::INCLINED) { base.lerp(Vec3::new(0.20, 0.75, 0.25), 0.4) } else { base }
 }
 
-/// Sky and ground plane in direction `dir`.
-pub fn background(frame: &Frame, dir: Vec3) -> Lit {
+/// Sky and ground plane in direction `dir`, which is that of `air`.
+pub fn background(frame: &Frame, dir: Vec3, air: &Air) -> Lit {
     let ground_m = ground_distance(frame, dir);
     if frame.shading != Shading::Lit as u32 {
         let sky = HORIZON.lerp(ZENITH, dir.z.max(0.0).sqrt());
@@ -172,9 +186,9 @@ pub fn background(frame: &Frame, dir: Vec3) -> Lit {
     if ground_m < f32::INFINITY {
         // The plane is endless: more haze the farther it is lets it go over into the sky.
         let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze[1]);
-        return through_haze(frame, received(frame, GROUND_ALBEDO, Vec3::Z, 1.0), dir, hazy_m);
+        return through_haze(frame, received(frame, GROUND_ALBEDO, Vec3::Z, 1.0), air, hazy_m);
     }
-    Lit::plain(sky(frame, dir))
+    Lit::plain(sky(frame, dir, air))
 }
 
 /// Metres to the ground plane, infinity if the ray does not meet it.
@@ -182,12 +196,12 @@ pub fn ground_distance(frame: &Frame, dir: Vec3) -> f32 {
     if frame.ground == 0 || dir.z > -1e-5 || frame.ground_z_m >= 0.0 { f32::INFINITY } else { frame.ground_z_m / dir.z }
 }
 
-/// The sky's light in direction `dir`.
-fn sky(frame: &Frame, dir: Vec3) -> Vec3 {
+/// The sky's light in direction `dir`, which is that of `air`.
+fn sky(frame: &Frame, dir: Vec3, air: &Air) -> Vec3 {
     let light = &frame.light;
-    let clear = rgb(light.zenith).lerp(horizon(frame, dir), (-SKY_FALL * dir.z.max(0.0)).exp());
+    let clear = rgb(light.zenith).lerp(air.horizon, (-SKY_FALL * dir.z.max(0.0)).exp());
     let edge = ((DISC_OUTER - from_sun(frame, dir)) / (DISC_OUTER - DISC_INNER)).clamp(0.0, 1.0);
-    clear + glow(frame, dir) + rgb(light.sun) * (DISC * light.disc * edge)
+    clear + air.glow + rgb(light.sun) * (DISC * light.disc * edge)
 }
 
 /// The sky low in direction `dir`.
