@@ -161,7 +161,7 @@ pub struct Light {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Node {
-    /// South-west corner of the node at height code 0, relative to the camera.
+    /// South-west corner of the node (of a mesh: of its leaf) at height code 0, relative to the camera.
     pub corner: [f32; 3],
     /// Side of a column.
     pub cell_m: f32,
@@ -181,8 +181,8 @@ pub struct Node {
     pub mesh: u32,
     /// The city's height zero relative to the camera, which the mesh's heights are above.
     pub mesh_z_m: f32,
-    /// Zero.
-    pub pad: u32,
+    /// Of a mesh: where its leaf lies among the columns ([`crate::mesh::place_in`]); else 0.
+    pub place_in: u32,
 }
 
 /// Where the slot begins in [`Node::slot_and_shift`].

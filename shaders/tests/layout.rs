@@ -87,7 +87,7 @@ fn structs_lie_alike() {
         ("level", offset_of!(Node, level)),
         ("mesh", offset_of!(Node, mesh)),
         ("mesh_z_m", offset_of!(Node, mesh_z_m)),
-        ("pad", offset_of!(Node, pad)),
+        ("place_in", offset_of!(Node, place_in)),
     ];
     assert_eq!(members, rust.map(|(name, at)| (name.to_owned(), at)));
     assert_eq!((span, offset_of!(Node, cell_m), offset_of!(Node, slot_and_shift)), (size_of::<Node>(), 12, 28));

@@ -34,7 +34,7 @@ struct Node {
     level: u32,
     mesh: u32,
     mesh_z_m: f32,
-    pad: u32,
+    place_in: u32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -7,7 +7,7 @@ use insula_shaders::{
     cpu::raycast::{self, Pixels, SceneRef},
     grid::{self, Builder},
     layout::{Frame, Node, PAGE_WORDS, PLANES, SUMMARY_WORDS},
-    mesh::PackedMesh,
+    mesh::{PackedMesh, place_in},
     pack::PackedNode,
 };
 
@@ -93,9 +93,9 @@ impl Cut {
         self.add_in(square, map);
     }
 
-    /// Draws a node that was added as a mesh.
-    pub fn add_mesh(&mut self, id: TileId, mut mesh: PackedMesh) {
-        let Some(drawn) = self.drawn.iter_mut().find(|drawn| drawn.id == id) else { return };
+    /// Draws the mesh of `leaf`, which was added by itself or as a part of another node.
+    pub fn add_mesh(&mut self, leaf: TileId, mut mesh: PackedMesh) {
+        let Some(drawn) = self.drawn.iter_mut().find(|drawn| drawn.square == leaf) else { return };
         let first = (self.atlas.len() / PAGE_WORDS) as u32;
         let pages: Vec<u32> = (first..first + mesh.pages.len() as u32).collect();
         mesh.relocate(&pages);
@@ -130,8 +130,10 @@ impl Cut {
             [(ox + x - p[0]) as f32, (oy + y - p[1]) as f32, (oz + z - p[2]) as f32]
         };
         let nodes = self.drawn.iter().enumerate().map(|(slot, drawn)| {
-            let side_m = self.place.root_side_m / f64::from(1u32 << drawn.id.level());
-            let (x, y) = (f64::from(drawn.id.x()) * side_m, f64::from(drawn.id.y()) * side_m);
+            // A mesh lies in its leaf, whosever columns tell of the sky.
+            let id = if drawn.mesh == 0 { drawn.id } else { drawn.square };
+            let side_m = self.place.root_side_m / f64::from(1u32 << id.level());
+            let (x, y) = (f64::from(id.x()) * side_m, f64::from(id.y()) * side_m);
             Node {
                 corner: relative(x, y, drawn.z_base_m),
                 cell_m: drawn.cell_m,
@@ -140,10 +142,10 @@ impl Cut {
                 z_hi: drawn.z_range[1],
                 slot_and_shift: Node::slot_and_shift(slot as u32, drawn.z_shift),
                 pages: drawn.pages,
-                level: u32::from(drawn.id.level()),
+                level: u32::from(id.level()),
                 mesh: drawn.mesh,
                 mesh_z_m: relative(x, y, 0.0)[2],
-                pad: 0,
+                place_in: if drawn.mesh == 0 { 0 } else { place_in(drawn.square, drawn.id) },
             }
         });
         let nodes: Vec<Node> = nodes.collect();

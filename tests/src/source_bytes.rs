@@ -10,6 +10,9 @@
 //!   a texel counts once. [`SourceBytes::pictures_used`] divides by the texels that any face of the city shows instead: what
 //!   no face shows costs a file little, but not nothing.
 //! - **CityJSON** and all else: a file's bytes times the leaves' share of the city's triangles.
+//!
+//! [`SourceBytes::files`] is what a viewer of the source fetches, who cannot ask for a part of a file: every OBJ file with a face
+//! in the leaves and its library of materials, every picture that those faces show there, all other files if any triangle lies there.
 
 use anyhow::{Context, Result, bail};
 use glam::DVec2;
@@ -33,6 +36,8 @@ pub struct SourceBytes {
     pub pictures: f64,
     /// Of pictures, by what is used of their area.
     pub pictures_used: f64,
+    /// Of whole files.
+    pub files: f64,
 }
 
 /// Where leaves lie.
@@ -93,6 +98,8 @@ type Numbered = Vec<(DVec2, usize)>;
 struct Line {
     bytes: usize,
     leaves: BTreeSet<TileId>,
+    /// Which of the files of text.
+    file: usize,
 }
 
 #[derive(Debug)]
@@ -104,9 +111,11 @@ struct Picture {
 }
 
 /// All of a source, by leaf.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Source {
     lines: Vec<Line>,
+    /// Bytes of each OBJ file and its library.
+    files: Vec<u64>,
     pictures: Vec<Picture>,
     /// Of files that are not taken apart: bytes, and of each triangle its leaves.
     rest_bytes: u64,
@@ -119,7 +128,7 @@ impl Source {
     /// Reads `inputs`: OBJ files with what they refer to, or others, whose triangles are `scene`'s.
     pub fn read(inputs: &[PathBuf], scene: &Scene, manifest: &Manifest) -> Result<Self> {
         let squares = Squares::new(manifest);
-        let mut source = Self { lines: vec![], pictures: vec![], rest_bytes: 0, triangles: vec![], whole_bytes: 0 };
+        let mut source = Self::default();
         for path in inputs {
             source.whole_bytes += fs::metadata(path)?.len();
             if path.extension().is_some_and(|ext| ext == "obj") {
@@ -144,8 +153,13 @@ impl Source {
         let count = self.triangles.iter().filter(|of| is_of(of)).count() as f64;
         let share = count / self.triangles.len().max(1) as f64;
         let mut bytes = SourceBytes { text: lines as f64 + self.rest_bytes as f64 * share, ..SourceBytes::default() };
+        let files: BTreeSet<usize> =
+            self.lines.iter().filter(|line| is_of(&line.leaves)).map(|line| line.file).collect();
+        let rest_bytes = if count > 0.0 { self.rest_bytes } else { 0 };
+        bytes.files = (files.iter().map(|file| self.files[*file]).sum::<u64>() + rest_bytes) as f64;
         for picture in &self.pictures {
             let shown = picture.shown.values().filter(|of| is_of(of)).count() as f64;
+            bytes.files += if shown > 0.0 { picture.bytes as f64 } else { 0.0 };
             let [across, up] = picture.size.map(|side| side.div_ceil(GRAIN_PX));
             bytes.pictures += picture.bytes as f64 * shown / f64::from(across * up);
             bytes.pictures_used += picture.bytes as f64 * shown / picture.shown.len().max(1) as f64;
@@ -155,6 +169,8 @@ impl Source {
 
     fn obj(&mut self, path: &Path, squares: Squares) -> Result<()> {
         let text = fs::read_to_string(path)?;
+        let file = self.files.len();
+        self.files.push(text.len() as u64);
         let mut pictures = BTreeMap::new();
         let mut material = None;
         let (mut points, mut places, mut normals) = (Numbered::new(), Numbered::new(), Vec::new());
@@ -188,19 +204,21 @@ impl Source {
                             }
                         }
                     }
-                    self.lines.push(Line { bytes: text.len(), leaves: of });
+                    self.lines.push(Line { bytes: text.len(), leaves: of, file });
                     continue;
                 }
                 Some("usemtl") => material = words.next(),
                 Some("mtllib") => {
                     let library = path.with_file_name(words.next().unwrap_or_default());
-                    self.whole_bytes += fs::metadata(&library)?.len();
+                    let bytes = fs::metadata(&library)?.len();
+                    self.whole_bytes += bytes;
+                    self.files[file] += bytes;
                     self.library(&library, &mut pictures)?;
                     continue;
                 }
                 _ => continue,
             }
-            self.lines.push(Line { bytes: text.len(), leaves: BTreeSet::new() });
+            self.lines.push(Line { bytes: text.len(), leaves: BTreeSet::new(), file });
         }
         Ok(())
     }
@@ -294,7 +312,7 @@ mod tests {
         write("a.mtl", "newmtl m\nmap_Kd a.png\n");
         image::RgbImage::new(64, 64).save(folder.path().join("a.png")).unwrap();
         let squares = Squares { corner: DVec2::ZERO, side_m: 2.0, depth: 1 };
-        let mut source = Source { lines: vec![], pictures: vec![], rest_bytes: 0, triangles: vec![], whole_bytes: 0 };
+        let mut source = Source::default();
         source.obj(&folder.path().join("a.obj"), squares).unwrap();
         let picture = source.pictures[0].bytes as f64;
         let [west, east] = [0, 1].map(|x| source.of(&BTreeSet::from([TileId::new(1, x, 0).unwrap()])));
@@ -303,5 +321,8 @@ mod tests {
         assert!((west.pictures / picture - 0.25).abs() < 0.01 && (west.pictures_used / picture - 0.5).abs() < 0.02);
         let none = source.of(&BTreeSet::from([TileId::new(1, 1, 1).unwrap()]));
         assert_eq!(none.pictures, 0.0);
+        let bytes = |name: &str| fs::metadata(folder.path().join(name)).unwrap().len();
+        let whole = ["a.obj", "a.mtl", "a.png"].map(bytes).iter().sum::<u64>();
+        assert_eq!([west.files, none.files], [whole as f64, whole as f64 - picture]);
     }
 }

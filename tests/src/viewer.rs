@@ -28,6 +28,18 @@ pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
     Ok(start(&place.display().to_string(), &global(cache_mib), None, None)?)
 }
 
+/// Fetches all that is in the frustum, seen or not: nothing is drawn.
+pub fn fetch_all(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<()> {
+    loop {
+        session.step(shot);
+        session.check(timeout)?;
+        if session.fetched() {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
 fn global(cache_mib: u32) -> Global {
     Global {
         adapter: AdapterChoice::Cpu,

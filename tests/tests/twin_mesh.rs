@@ -1,9 +1,16 @@
 //! Meshes: WGSL draws what the CPU draws, and the CPU hits the triangle that all of them tested one by one would give.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
-use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel, TileId,
+    blockmap::{COLUMNS, Column},
+    mesh::{Attribute, Grid, Kind, Mesh},
+    octahedral,
+};
+use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
 use insula_tests::{
+    cut::{Cut, Place},
     gpu::Gpu,
     random::{self, Pose, RandomCity},
     random_mesh::{self, RandomMesh},
@@ -22,17 +29,21 @@ fn main() {
         .on_gpu("gpu_draws_meshes_as_the_cpu_does", gpu_draws_meshes_as_the_cpu_does)
         .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
         .plain("cpu_hits_what_every_triangle_by_itself_would_show", cpu_hits_what_every_triangle_by_itself_would_show)
+        .plain("a_mesh_sees_the_sky_of_the_columns_that_it_lies_in", a_mesh_sees_the_sky_of_the_columns_that_it_lies_in)
         .run()
 }
 
 type City = (RandomCity, Vec<RandomMesh>);
 
-/// Cities of meshes alone, and of meshes beside columns.
+/// Cities of meshes alone, and of meshes beside columns; in some, coarser columns tell a third of the meshes of the sky.
 fn cities() -> &'static [City] {
     static MADE: OnceLock<Vec<City>> = OnceLock::new();
     MADE.get_or_init(|| {
         let make = |seed: u64| -> Result<City> {
             let mut city = random::city(seed)?;
+            if seed % 4 > 1 {
+                [_, _, city.cut] = random::fading(&city, seed + 700, 1)?;
+            }
             let meshes =
                 random_mesh::add(&mut city, &mut Rng::new(seed + 500), if seed.is_multiple_of(2) { 1.0 } else { 0.5 })?;
             Ok((city, meshes))
@@ -140,6 +151,63 @@ fn cpu_hits_what_every_triangle_by_itself_would_show() -> Result<()> {
     }
     println!("{rays} rays, {hits} hits, {turned} on edges");
     anyhow::ensure!(turned * 100 < rays && hits * 6 > rays, "{rays} rays, {hits} hits, {turned} agree only with slack");
+    Ok(())
+}
+
+/// A flat roof over a part of a coarser tile is as light as that part of the tile's columns.
+fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
+    let place = Place { origin: [0.0; 3], root_side_m: 512.0 };
+    let column = |i: usize| {
+        let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
+        let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8, 3);
+        let flat = octahedral::encode([0.0, 0.0, 1.0]);
+        let (z_min, z_max) = (0, 32);
+        let no = Column {
+            z_min,
+            z_max,
+            inclined: false,
+            suspended: false,
+            gap: None,
+            roof: texel,
+            roof_normal: flat,
+            strip: None,
+            clip: None,
+        };
+        Some(no)
+    };
+    let columns: Vec<Option<Column>> = (0..COLUMNS).map(column).collect();
+    let map = BlockMap::from_columns(TileId::ROOT, 8.0, 0, 0, &columns).context("a flat node")?;
+    let height_m = map.z_base_m() + 32.0 * f64::from(map.z_step_m());
+    for leaf in [[1, 0, 0], [1, 1, 0], [2, 1, 3], [3, 5, 2]].map(|[level, x, y]| TileId::new(level as u8, x, y)) {
+        let leaf = leaf.context("a leaf")?;
+        let side_m = place.root_side_m / f64::from(1u32 << leaf.level());
+        let values = vec![[255, 255, 255, 0]];
+        let attributes = vec![Attribute {
+            kind: Kind::Colour,
+            components: 3,
+            bits: 8,
+            range: [0.0, 1.0],
+            values,
+            corners: vec![0; 6],
+        }];
+        let grid = Grid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
+        let positions = vec![[0, 0, 0], [1023, 0, 0], [1023, 1023, 0], [0, 1023, 0]];
+        let mesh = Mesh { grid, positions, triangles: vec![[0, 1, 2], [0, 2, 3]], attributes };
+        let mut alone = Cut::new(place);
+        alone.add_in(leaf, &map);
+        let mut meshed = alone.clone();
+        meshed.add_mesh(leaf, PackedMesh::new(&mesh, None)?);
+        let middle = |of: u32| (f64::from(of) + 0.5) * side_m;
+        let (x, y) = (middle(leaf.x()), middle(leaf.y()));
+        let camera =
+            Camera { position: [x, y, 3.0 * side_m], target: [x, y, 0.0], up: [0.0, 1.0, 0.0], fov_y_deg: 15.0 };
+        let picture = Picture { shading: Shading::Ao, width_px: 64, height_px: 64, samples: 3 };
+        let [columns, mesh] = [alone, meshed].map(|cut| cut.scene(&camera, &picture).render());
+        let light = |p: &Pixels| p.colour.iter().map(|rgb| f64::from(rgb & 255)).sum::<f64>() / 4096.0;
+        let apart = columns.colour.iter().zip(&mesh.colour).map(|(a, b)| (a & 255).abs_diff(b & 255)).max();
+        anyhow::ensure!(mesh.hit.iter().all(|hit| *hit == 0) && light(&mesh) > 20.0);
+        anyhow::ensure!(apart < Some(16), "{leaf}: {apart:?}, {} and {}", light(&columns), light(&mesh));
+    }
     Ok(())
 }
 

@@ -19,6 +19,7 @@ use insula_protocol::TileId;
 use insula_shaders::{
     grid::{Builder, Place},
     layout::{Frame, Light, MAX_SAMPLES, Node, PAGE_WORDS, Shading},
+    mesh::place_in,
 };
 
 /// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
@@ -158,7 +159,7 @@ impl<'a> List<'a> {
             {
                 let front = list.shares.len() - 2;
                 list.shares[front] = rays;
-                list.error_px = list.error_px.max(old.error_px(tree, view));
+                list.error_px = list.error_px.max(old.error_px(shown.square, tree, view));
             }
         }
         for at in casters.iter().filter(|at| !replaces(**at, fades, tree, view)) {
@@ -175,8 +176,11 @@ impl<'a> List<'a> {
         let mut line = line.map(|at| tree.node(at).id);
         let Some((id, placed)) = line.find_map(|id| Some((id, cache.get(id)?))) else { return false };
         let name = tree.node(square).id;
-        let mesh = face.mesh.filter(|_| id == name).and_then(|lod| cache.mesh(id, lod));
-        self.nodes.push(node(id, placed, mesh, tree, self.eye));
+        let mut shown = node(id, placed, tree, self.eye);
+        if let Some(mesh) = face.mesh.and_then(|lod| cache.mesh(name, lod)) {
+            put_mesh(&mut shown, name, mesh, (id, placed), tree, self.eye);
+        }
+        self.nodes.push(shown);
         self.ids.push(name);
         self.shares.push(0);
         self.squares.push(of);
@@ -189,10 +193,10 @@ impl<'a> List<'a> {
 fn replaces(caster: NodeIndex, fades: &Fades, tree: &Tree, view: &View) -> bool {
     let Some(shown) = fades.over(caster, tree) else { return false };
     let (face, _) = shown.faces();
-    if shown.square == caster && face.from == caster {
+    if shown.square == caster && (face.from == caster || face.mesh.is_some()) {
         return true;
     }
-    fades.is_on() && shown.seen && (shown.passes() || face.error_px(tree, view) > view.tau_px)
+    fades.is_on() && shown.seen && (shown.passes() || face.error_px(shown.square, tree, view) > view.tau_px)
 }
 
 fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
@@ -215,10 +219,9 @@ fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
     }
 }
 
-fn node(id: TileId, placed: &Placed, mesh: Option<&PlacedMesh>, tree: &Tree, eye: DVec3) -> Node {
-    let corner = DVec3::from(tree.manifest().node_corner(id)) + DVec3::Z * placed.z_base_m - eye;
+fn node(id: TileId, placed: &Placed, tree: &Tree, eye: DVec3) -> Node {
     let mut node = Node {
-        corner: corner.as_vec3().to_array(),
+        corner: corner(id, placed, tree, eye),
         // The manifest's side, so that neighbours meet to the last bit.
         cell_m: tree.manifest().cell_m_at(id.level()) as f32,
         z_step_m: placed.z_step_m,
@@ -231,11 +234,27 @@ fn node(id: TileId, placed: &Placed, mesh: Option<&PlacedMesh>, tree: &Tree, eye
     for (plane, page) in node.pages.iter_mut().zip(&placed.pages) {
         *plane = *page;
     }
-    if let Some(mesh) = mesh {
-        node.mesh = 1 + mesh.head_page * (PAGE_WORDS / 4) as u32;
-        node.mesh_z_m = (tree.manifest().origin[2] - eye.z) as f32;
-        let [low, high] = mesh.z_m.map(|z_m| ((f64::from(z_m) - placed.z_base_m) / f64::from(placed.z_step_m)) as f32);
-        (node.z_lo, node.z_hi) = (node.z_lo.min(low), node.z_hi.max(high));
-    }
     node
+}
+
+/// South-west corner of a square at height code 0 of a tile, from `eye`.
+fn corner(square: TileId, placed: &Placed, tree: &Tree, eye: DVec3) -> [f32; 3] {
+    (DVec3::from(tree.manifest().node_corner(square)) + DVec3::Z * placed.z_base_m - eye).as_vec3().to_array()
+}
+
+/// Puts the mesh of `leaf` in place of the columns of `node`, which is of the tile that the leaf is or lies in.
+fn put_mesh(
+    node: &mut Node,
+    leaf: TileId,
+    mesh: &PlacedMesh,
+    (tile, placed): (TileId, &Placed),
+    tree: &Tree,
+    eye: DVec3,
+) {
+    node.mesh = 1 + mesh.head_page * (PAGE_WORDS / 4) as u32;
+    node.mesh_z_m = (tree.manifest().origin[2] - eye.z) as f32;
+    let [low, high] = mesh.z_m.map(|z_m| ((f64::from(z_m) - placed.z_base_m) / f64::from(placed.z_step_m)) as f32);
+    (node.z_lo, node.z_hi) = (low, high);
+    node.corner = corner(leaf, placed, tree, eye);
+    (node.place_in, node.level) = (place_in(leaf, tile), u32::from(leaf.level()));
 }

@@ -7,13 +7,14 @@
 //! frustum, wherever the box itself is. What is in the picture as well is drawn as finely as the picture asks for: this cut
 //! only fills what that one leaves out, and is coarser.
 
-use super::{cull, error, priority, priority::Wanted};
+use super::{Selection, cull, error, priority, priority::Wanted};
 use crate::{
     camera::{NEAR_M, Plane, View},
     scene::{Key, NodeIndex, Tree, TreeNode},
 };
 use glam::DVec3;
 use insula_protocol::Subtree;
+use std::collections::HashSet;
 
 /// A shadow's edge may be wrong by so many times tau.
 pub const CASTERS_TIMES_TAU: f64 = 3.0;
@@ -41,19 +42,23 @@ struct Walker<'a> {
     sun: DVec3,
     /// What shadows may fall on; everything in the picture if nobody knows.
     receivers: Option<&'a [NodeIndex]>,
+    /// Leaves that cast as the picture shows them.
+    meshed: HashSet<NodeIndex>,
     /// Shadows end here.
     low_m: f64,
     tau_px: f64,
 }
 
-/// Casters of one frame; `sun` is a unit vector, `receivers` are the squares that are seen (`None`: all in the frustum). Its
-/// budget is `view`'s; tau rises until they fit. None by night.
-pub fn casters(view: &View, sun: DVec3, tree: &Tree, receivers: Option<&[NodeIndex]>) -> Casters {
+/// Casters of one frame; `sun` is a unit vector. Shadows fall on the squares of `picture` that are seen (`None`: all in the
+/// frustum); its meshes cast their own. The budget is `view`'s; tau rises until they fit. None by night.
+pub fn casters(view: &View, sun: DVec3, tree: &Tree, picture: Option<&Selection>) -> Casters {
     let Some(root) = tree.root().filter(|_| sun.z > 0.0) else { return Casters::default() };
     let node = tree.node(root);
     let low_m = node.centre.z - node.half.z;
     let tau_px = view.tau_px * CASTERS_TIMES_TAU;
-    let mut walker = Walker { view, tree, planes: view.planes(), sun, receivers, low_m, tau_px };
+    let receivers = picture.map(|picture| &picture.seen[..]);
+    let meshed = picture.into_iter().flat_map(|picture| picture.meshed.iter().copied()).collect();
+    let mut walker = Walker { view, tree, planes: view.planes(), sun, receivers, meshed, low_m, tau_px };
     for _ in 0..DOUBLINGS {
         let mut casters = Casters::default();
         if walker.walk(root, &mut casters) {
@@ -72,7 +77,8 @@ impl Walker<'_> {
         while let Some(at) = open.pop() {
             let node = self.tree.node(at);
             let hull = self.hull(node.centre, node.half);
-            if !cull::hull_in_view(&self.planes, node.centre, node.half, hull) || !self.is_received(node, hull) {
+            let in_view = cull::hull_in_view(&self.planes, node.centre, node.half, hull);
+            if self.meshed.contains(&at) || !in_view || !self.is_received(node, hull) {
                 continue;
             }
             casters.pages += self.tree.pages_of(at);

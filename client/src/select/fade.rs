@@ -27,20 +27,20 @@ const TOLD: f64 = 0.25;
 pub struct Face {
     /// Whose tile: the square's own or an ancestor's.
     pub from: NodeIndex,
-    /// Which level of detail of its mesh in place of that.
+    /// Which level of detail of the square's mesh in place of that.
     pub mesh: Option<u8>,
 }
 
 impl Face {
-    fn is_here(self, tree: &Tree) -> bool {
-        let node = tree.node(self.from);
-        let mesh_is_here = |lod: u8| node.lods.get(usize::from(lod)).is_some_and(|lod| lod.tile.is_resident());
-        node.tile.is_resident() && self.mesh.is_none_or(mesh_is_here)
+    fn is_here(self, square: NodeIndex, tree: &Tree) -> bool {
+        let lods = &tree.node(square).lods;
+        let mesh_is_here = |lod: u8| lods.get(usize::from(lod)).is_some_and(|lod| lod.tile.is_resident());
+        tree.node(self.from).tile.is_resident() && self.mesh.is_none_or(mesh_is_here)
     }
 
-    /// Its projected error.
-    pub fn error_px(self, tree: &Tree, view: &View) -> f64 {
-        let node = tree.node(self.from);
+    /// Its projected error in `square`.
+    pub fn error_px(self, square: NodeIndex, tree: &Tree, view: &View) -> f64 {
+        let node = tree.node(if self.mesh.is_some() { square } else { self.from });
         let lod = self.mesh.and_then(|lod| node.lods.get(usize::from(lod)));
         let error_m = lod.map_or(node.error_m, |lod| lod.error_m);
         error::error_px(error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
@@ -151,10 +151,10 @@ impl Fades {
         self.passing
     }
 
-    /// What squares that pass show: worth keeping, but not for any price.
-    pub fn kept(&self) -> impl Iterator<Item = Face> {
+    /// What squares that pass show, and which those are: worth keeping, but not for any price.
+    pub fn kept(&self) -> impl Iterator<Item = (NodeIndex, Face)> {
         let passing = self.shown.iter().filter(|_| self.passing > 0);
-        passing.filter_map(|s| s.to.map(|(to, _)| [s.face, to])).flatten()
+        passing.filter_map(|s| s.to.map(|(to, _)| [(s.square, s.face), (s.square, to)])).flatten()
     }
 
     /// The next step shows everything as it shall be.
@@ -231,7 +231,7 @@ impl Step<'_> {
         if square.to.is_none() && square.face != shall {
             square.to = Some((shall, 0.0));
         }
-        let is_here = |face: Face| face.is_here(self.tree);
+        let is_here = |face: Face| face.is_here(square.square, self.tree);
         let both_here = square.to.is_none_or(|(to, _)| is_here(to) && is_here(square.face));
         if !both_here || square.passes() && self.passing >= FADES {
             (square.face, square.to) = (shall, None);

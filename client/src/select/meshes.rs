@@ -9,7 +9,7 @@
 use super::{Scratch, Selection, Visit, Visitor, error, priority, priority::Wanted};
 use crate::{
     camera::{NEAR_M, View},
-    scene::{Key, Lod, NodeIndex, Tree, TreeNode},
+    scene::{Key, Lod, NodeIndex, TileState, Tree, TreeNode},
 };
 
 /// Projected error of a level of detail, by its leaf's sphere.
@@ -17,19 +17,37 @@ fn error_px(node: &TreeNode, lod: &Lod, view: &View) -> f64 {
     error::error_px(lod.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
 }
 
+/// Whether a node can be drawn by itself, from its columns or its mesh.
+pub(super) fn is_here(node: &TreeNode) -> bool {
+    node.tile.is_resident() || node.lods.iter().any(|lod| lod.tile.is_resident())
+}
+
 impl Visitor<'_> {
+    /// Whether a leaf passes from what it lies in to its mesh: where rays tell which squares are seen, its own columns would be
+    /// drawn only until its mesh is here. Those that are here or under way are drawn.
+    pub(super) fn goes_without_columns(&self, node: &TreeNode) -> bool {
+        let state = node.tile.state();
+        let under_way = matches!(state, TileState::Loading | TileState::Decoded | TileState::Resident);
+        let usable = |lod: &Lod| !lod.tile.is_bad();
+        self.sight.is_fed() && !under_way && node.lods.iter().any(usable) && self.error_px(node) > self.view.tau_px
+    }
+
     /// Notes which level of detail a visited leaf needs; `false` if the budget has no room for any.
     pub(super) fn ask_mesh(&self, visit: u32, scratch: &mut Scratch, selection: &mut Selection) -> bool {
-        let node = self.tree.node(scratch.visits[visit as usize].at);
+        let visit = &mut scratch.visits[visit as usize];
+        let node = self.tree.node(visit.at);
         let best = best(node, self.view);
-        let room = self.view.budget_pages.saturating_sub(selection.counters.pages);
+        let without = visit.asked && self.goes_without_columns(node);
+        let pages = selection.counters.pages - if without { self.tree.pages_of(visit.at) } else { 0 };
+        let room = self.view.budget_pages.saturating_sub(pages);
         let mut there = (best..node.lods.len()).filter(|lod| !node.lods[*lod].tile.is_bad()).peekable();
         if there.peek().is_none() {
             return true;
         }
         let Some(lod) = there.find(|lod| node.lods[*lod].pages <= room) else { return false };
-        selection.counters.pages += node.lods[lod].pages;
-        scratch.visits[visit as usize].mesh = Some(lod as u8);
+        selection.counters.pages = pages + node.lods[lod].pages;
+        visit.mesh = Some(lod as u8);
+        visit.asked &= !without;
         true
     }
 }
@@ -41,10 +59,10 @@ fn best(node: &TreeNode, view: &View) -> usize {
     here.or_else(|| node.lods.iter().rposition(good)).unwrap_or(0)
 }
 
-/// The level of detail that is drawn in the square of `visit`, whose tile is that of `from`, and how wrong it is.
-pub(super) fn drawn(visit: &Visit, from: NodeIndex, view: &View, tree: &Tree) -> Option<(u8, f64)> {
+/// The level of detail that is drawn in the square of `visit`, and how wrong it is.
+pub(super) fn drawn(visit: &Visit, view: &View, tree: &Tree) -> Option<(u8, f64)> {
     let node = tree.node(visit.at);
-    if from != visit.at || visit.error_px <= view.tau_px {
+    if node.tile.is_resident() && visit.error_px <= view.tau_px {
         return None;
     }
     let here = |lod: &usize| node.lods[*lod].tile.is_resident();
@@ -66,7 +84,7 @@ pub(super) fn count(visit: &Visit, drawn: Option<u8>, tree: &Tree, selection: &m
     }
 }
 
-/// The mesh that `visit` asks for, if it is missing. Its V-BlockMap comes first: it tells whether the leaf is seen at all.
+/// The mesh that `visit` asks for, if it is missing. Its V-BlockMap comes first if that is asked for, too.
 pub(super) fn wanted(
     visit: &Visit,
     cover: Option<(NodeIndex, f64)>,
@@ -77,10 +95,10 @@ pub(super) fn wanted(
     let node = tree.node(visit.at);
     let lod = visit.mesh?;
     let tile = node.lods.get(usize::from(lod))?.tile;
-    if !node.tile.is_resident() || tile.is_resident() || tile.is_bad() {
+    if visit.asked && !node.tile.is_resident() || tile.is_resident() || tile.is_bad() {
         return None;
     }
-    let drawn_px = match drawn(visit, visit.at, view, tree) {
+    let drawn_px = match drawn(visit, view, tree) {
         Some((_, error_px)) => Some(error_px),
         None => cover.map(|(_, error_px)| error_px),
     };

@@ -46,7 +46,8 @@ pub struct Item {
     pub square: NodeIndex,
     /// Whose tile is drawn there: its own, or an ancestor's. Resident.
     pub from: NodeIndex,
-    /// Which level of detail of its mesh is drawn in place of its own tile. Resident, too.
+    /// Which level of detail of the square's mesh is drawn in place of that tile, which tells how much sky is seen. Resident,
+    /// too.
     pub mesh: Option<u8>,
 }
 
@@ -57,6 +58,8 @@ pub struct Selection {
     pub cut: Vec<Item>,
     /// Squares of the cut that are not known to be hidden.
     pub seen: Vec<NodeIndex>,
+    /// Leaves that are seen and shown by their meshes, or will be once those are here.
+    pub meshed: Vec<NodeIndex>,
     /// Resident nodes that this view needs (what is drawn and its ancestors), coarsest first: not to be evicted.
     pub used: Vec<NodeIndex>,
     /// Resident meshes that this view needs: not to be evicted.
@@ -257,7 +260,9 @@ impl Visitor<'_> {
             if sighted == Sighted::Unknown && !coarse && !children.iter().flatten().all(here) {
                 continue;
             }
-            let asked = |sighted: Sighted| coarse || sighted == Sighted::Seen;
+            let asked = |at: NodeIndex, sighted: Sighted| {
+                sighted == Sighted::Seen || coarse && !self.goes_without_columns(self.tree.node(at))
+            };
             let (nodes, pages) = self.cost(&children, asked);
             let counters = &selection.counters;
             if counters.pages + pages > self.view.budget_pages || counters.visited + nodes > self.view.budget_nodes {
@@ -266,7 +271,7 @@ impl Visitor<'_> {
             }
             let first = scratch.visits.len() as u32;
             for (child, sighted) in children.into_iter().flatten() {
-                self.push(child, (sighted, asked(sighted), coarse), scratch, selection);
+                self.push(child, (sighted, asked(child, sighted), coarse), scratch, selection);
             }
             let end = scratch.visits.len() as u32;
             let refined = &mut scratch.visits[visit as usize];
@@ -280,9 +285,9 @@ impl Visitor<'_> {
         }
     }
 
-    /// Whether a node can be drawn without its parent: from its own tile, or from its children's.
+    /// Whether a node can be drawn without its parent: from its own tile, or from its mesh or its children's.
     fn is_here(&self, at: NodeIndex) -> bool {
-        let resident = |at: NodeIndex| self.tree.node(at).tile.is_resident();
+        let resident = |at: NodeIndex| meshes::is_here(self.tree.node(at));
         let node = self.tree.node(at);
         let in_view = |at: &NodeIndex| {
             let node = self.tree.node(*at);
@@ -297,7 +302,7 @@ impl Visitor<'_> {
     fn stand_in(&self, visit: u32, scratch: &mut Scratch, selection: &mut Selection) {
         let Visit { at, sighted, .. } = scratch.visits[visit as usize];
         let node = self.tree.node(at);
-        if node.tile.is_resident() || !self.is_here(at) {
+        if meshes::is_here(node) || !self.is_here(at) {
             return;
         }
         let first = scratch.visits.len() as u32;
@@ -325,9 +330,13 @@ impl Visitor<'_> {
         selection.counters.pages += if asked { self.tree.pages_of(at) } else { 0 };
     }
 
-    fn cost(&self, children: &[Option<(NodeIndex, Sighted)>; 4], asked: impl Fn(Sighted) -> bool) -> (u32, u32) {
+    fn cost(
+        &self,
+        children: &[Option<(NodeIndex, Sighted)>; 4],
+        asked: impl Fn(NodeIndex, Sighted) -> bool,
+    ) -> (u32, u32) {
         let pages =
-            |(child, sighted): &(NodeIndex, Sighted)| if asked(*sighted) { self.tree.pages_of(*child) } else { 0 };
+            |(child, seen): &(NodeIndex, Sighted)| if asked(*child, *seen) { self.tree.pages_of(*child) } else { 0 };
         children.iter().flatten().fold((0, 0), |(nodes, sum), child| (nodes + 1, sum + pages(child)))
     }
 
@@ -395,7 +404,7 @@ fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selectio
     // Children stand behind their parents: from the back, each one's children are done.
     for (i, visit) in visits.iter().enumerate().rev() {
         let resident = tree.node(visit.at).tile.is_resident();
-        renderable[i] = resident || replaced(visit, visits, renderable);
+        renderable[i] = meshes::is_here(tree.node(visit.at)) || replaced(visit, visits, renderable);
         // What is drawn only because it is here may go at any time: what it lies in is drawn then.
         if resident && visit.asked {
             selection.used.push(visit.at);
@@ -409,11 +418,14 @@ fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selectio
         let cover = cover.over(visit, tree);
         let Some(children) = &visit.children else {
             if let Some((from, error_px)) = cover.from {
-                let mesh = meshes::drawn(visit, from, view, tree);
+                let mesh = meshes::drawn(visit, view, tree);
                 let error_px = mesh.map_or(error_px, |(_, error_px)| error_px);
                 let mesh = mesh.map(|(lod, _)| lod);
+                let own = mesh.is_some() && tree.node(visit.at).tile.is_resident();
+                let from = if own { visit.at } else { from };
                 selection.cut.push(Item { square: visit.at, from, mesh });
                 meshes::count(visit, mesh, tree, selection);
+                selection.meshed.extend(visit.mesh.map(|_| visit.at));
                 if visit.sighted != Sighted::Hidden {
                     selection.seen.push(visit.at);
                     let counters = &mut selection.counters;

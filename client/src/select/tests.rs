@@ -1,6 +1,7 @@
 //! Frame by frame, with trees built by hand.
 
 mod fade;
+mod meshes;
 
 use super::*;
 use crate::{
@@ -134,7 +135,8 @@ fn assert_whole(tree: &Tree, view: &View, selection: &Selection, frame: usize) {
         let [square, from] = [item.square, item.from].map(|at| tree.node(at));
         if let Some(lod) = item.mesh {
             let here = square.lods[usize::from(lod)].tile.is_resident();
-            assert!(here && item.from == item.square, "frame {frame}: {} has no such mesh", square.id);
+            let own = item.from == item.square || !square.tile.is_resident();
+            assert!(here && own, "frame {frame}: {} has no such mesh", square.id);
         }
         assert!(from.tile.is_resident() && square.id.ancestor(from.id.level()) == Some(from.id), "frame {frame}");
     }
@@ -359,7 +361,8 @@ fn what_casts_into_the_picture_is_there() {
     assert!(asked > 10_000, "{asked}");
     assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.nodes().len());
     // Only what shades the squares that are seen.
-    let one = [tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
+    let seen = vec![tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
+    let one = Selection { seen, ..Selection::default() };
     let shading: Vec<TileId> =
         casters::casters(&view, sun, &tree, Some(&one)).nodes.iter().map(|at| tree.node(*at).id).collect();
     assert!(!shading.is_empty() && shading.len() * 4 < cast.len(), "{} of {}", shading.len(), cast.len());
@@ -468,43 +471,6 @@ fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
     };
     assert!(new(&frustum).len() > 10);
     assert_eq!(new(&turned), new(&frustum));
-}
-
-#[test]
-fn near_leaves_are_drawn_as_meshes_as_fine_as_they_must_be() {
-    let mut tree = Tree::new(manifest(DEPTH));
-    subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
-    let view = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
-    let (_, selection) = converge(&mut tree, &view, 3);
-    let px = |node: &TreeNode, error_m: f64| {
-        error::error_px(error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
-    };
-    let mut drawn = [0; 4];
-    for item in selection.cut.iter().filter(|item| tree.node(item.square).id.level() == DEPTH) {
-        let node = tree.node(item.square);
-        let wanted = match px(node, node.error_m) > 1.0 {
-            true => Some(node.lods.iter().rposition(|lod| px(node, lod.error_m) <= 1.0).unwrap_or(0) as u8),
-            false => None,
-        };
-        assert_eq!(item.mesh, wanted, "{}", node.id);
-        drawn[item.mesh.map_or(3, usize::from)] += 1;
-    }
-    assert!(drawn.iter().all(|n| *n > 0), "{drawn:?}");
-    assert_eq!(selection.counters.meshes, drawn[..3].iter().sum::<u32>());
-    assert_eq!(selection.used_meshes.len() as u32, selection.counters.meshes);
-    // A finer one that is here serves as well: nothing is fetched on the way back.
-    let back = super::tests::view([1030.0, 950.0, 25.0], [1030.0, 3000.0, 20.0]);
-    let behind = select(&back, &tree, &mut Scratch::default());
-    assert!(behind.wanted.iter().all(|w| {
-        tree.find(w.key.id).is_none_or(|at| tree.node(at).lods.iter().all(|lod| !lod.tile.is_resident()))
-    }));
-    // Less memory: never over the budget, and tau says so.
-    let tight = View { budget_pages: 500, ..view };
-    let selection = select(&tight, &tree, &mut Scratch::default());
-    assert!(selection.counters.pages <= 500 && selection.counters.tau_px > 1.0, "{:?}", selection.counters);
-    let mut plain = Tree::new(manifest(DEPTH)).with_meshes(false);
-    subtrees(DEPTH, |_| false).into_iter().for_each(|s| plain.merge(&with_meshes(s)));
-    assert!(plain.nodes().iter().all(|node| node.lods.is_empty()));
 }
 
 /// Any tree, any order of arrivals (subtrees before and after what they hang on), failures that pass and that stay,

@@ -14,7 +14,7 @@ use crate::{
     report::TileCounts,
     scene::{Key, TileEvent, TileState, Tree},
     select::{
-        Counters, Scratch, Selection,
+        Counters, Scratch, Selection, UNKNOWN_TIMES_TAU,
         casters::{Casters, casters},
         fade::Fades,
         priority::{Group, Wanted},
@@ -42,6 +42,9 @@ const ORPHANS: usize = 16;
 const BUDGET_SHARE: f64 = 0.85;
 /// What is over so many times tau is asked for whether it is seen or not.
 const UNSEEN_TIMES_TAU: f64 = 4.0;
+/// The same until the first picture has told what is seen; after so many turns nobody will.
+const BLIND_TIMES_TAU: f64 = UNKNOWN_TIMES_TAU;
+const BLIND_TURNS: u32 = 8;
 /// Requests that start while a picture is drawn, for what only the last one saw: so many times those that may be in flight.
 const FINE_TIMES_WINDOW: usize = 2;
 /// While nothing arrives, retries are looked after so often.
@@ -92,6 +95,8 @@ pub(super) struct Flow {
     left: HashSet<Key>,
     /// Something came in after the last selection.
     fresh: bool,
+    /// Turns since there is something to draw whose picture has told nothing yet.
+    blind_turns: u32,
 }
 
 impl Flow {
@@ -122,6 +127,7 @@ impl Flow {
             orphans: Vec::new(),
             left: HashSet::new(),
             fresh: false,
+            blind_turns: 0,
         }
     }
 
@@ -156,7 +162,29 @@ impl Flow {
     /// Selects, and asks for what is missing.
     fn turn(&mut self, shot: &Shot, now: Instant) {
         self.select(shot, now);
-        self.stream.request(&mut self.tree, &self.selection.wanted, now);
+        if self.is_blind() && self.blind_turns < BLIND_TURNS {
+            self.blind_turns += u32::from(!self.selection.cut.is_empty());
+            let wanted = self.coarse(BLIND_TIMES_TAU * shot.tau_px, 0);
+            self.stream.request(&mut self.tree, &wanted, now);
+        } else {
+            self.stream.request(&mut self.tree, &self.selection.wanted, now);
+        }
+    }
+
+    /// Whether no picture has told yet what is seen.
+    fn is_blind(&self) -> bool {
+        !self.sight.is_fed()
+    }
+
+    /// What is wanted and wrong by more than `most_px`, or under way, and `more` of the rest.
+    fn coarse(&self, most_px: f64, mut more: usize) -> Vec<Wanted> {
+        let counts = |w: &&Wanted| {
+            let free = w.weight > most_px || self.is_loading(w.key);
+            let counts = free || more > 0;
+            more -= usize::from(!free && counts);
+            counts
+        };
+        self.selection.wanted.iter().filter(counts).copied().collect()
     }
 
     fn select(&mut self, shot: &Shot, now: Instant) {
@@ -174,10 +202,10 @@ impl Flow {
         let secs = now.duration_since(self.selected_at).as_secs_f64();
         self.raised.learn(tau_px / shot.tau_px, share, secs, moved);
         self.selected_at = now;
-        for face in self.fades.kept() {
-            let id = self.tree.node(face.from).id;
-            self.cache.keep(Key::block_map(id));
-            face.mesh.iter().for_each(|lod| self.cache.keep(Key::mesh(id, *lod)));
+        for (square, face) in self.fades.kept() {
+            self.cache.keep(Key::block_map(self.tree.node(face.from).id));
+            let leaf = self.tree.node(square).id;
+            face.mesh.iter().for_each(|lod| self.cache.keep(Key::mesh(leaf, *lod)));
         }
         // The coarsest last: of equals, it goes last.
         for at in self.selection.used.iter().rev() {
@@ -204,7 +232,7 @@ impl Flow {
         let bell = self.stream.bell();
         // What is being drawn will tell what is hidden: before the first picture, only what is coarse is asked for whether it
         // is seen or not, and then no more of the rest than lately was seen, nearest first.
-        let mut fine = if self.sight.is_fed() { FINE_TIMES_WINDOW * self.stream.window() } else { 0 };
+        let mut fine = if self.is_blind() { 0 } else { FINE_TIMES_WINDOW * self.stream.window() };
         while let Some(shot) = self.shot
             && !is_over()
         {
@@ -214,16 +242,8 @@ impl Flow {
             if self.collect(now) {
                 self.select(&shot, now);
             }
-            let coarse = |w: &Wanted| w.weight > UNSEEN_TIMES_TAU * shot.tau_px || self.is_loading(w.key);
-            let mut left = fine;
-            let mut wanted = Vec::new();
-            for want in &self.selection.wanted {
-                let counts = !coarse(want);
-                if !counts || left > 0 {
-                    left -= usize::from(counts);
-                    wanted.push(*want);
-                }
-            }
+            let times = if self.is_blind() { BLIND_TIMES_TAU } else { UNSEEN_TIMES_TAU };
+            let wanted = self.coarse(times * shot.tau_px, fine);
             fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
         }
     }
@@ -249,8 +269,8 @@ impl Flow {
             (self.cache.capacity_pages() - self.cache.capacity_pages() / 32).saturating_sub(counters.pages);
         let budget_nodes = crate::cache::slots_for(self.cache.capacity_pages()).saturating_sub(counters.visited);
         let view = View { budget_pages, budget_nodes, tau_px: counters.tau_px, ..*view };
-        let receivers = self.sight.is_fed().then_some(&self.selection.seen[..]);
-        self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, receivers)).unwrap_or_default();
+        let picture = self.sight.is_fed().then_some(&self.selection);
+        self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, picture)).unwrap_or_default();
         for at in self.casters.nodes.iter().rev() {
             self.cache.touch(Key::block_map(self.tree.node(*at).id));
         }

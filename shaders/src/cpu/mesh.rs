@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     layout::{MESH_FLAG, Node},
-    mesh::{COUNT_SHIFT, STACK, TILE_PX},
+    mesh::{COUNT_SHIFT, PLACES, STACK, TILE_PX},
     pack::head_words,
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
@@ -282,7 +282,7 @@ fn decode(srgb: Vec3) -> Vec3 {
 /// Share of the sky at `p`, as the columns just below the surface say it; between their middles, a mean.
 fn open_sky(scene: &SceneRef<'_>, node: &Node, p: Vec3, normal: Vec3, gathered: &mut Gathered) -> f32 {
     let below = p - Vec3::from(node.corner) - normal * (0.5 * node.cell_m);
-    let at = below.xy() / node.cell_m - 0.5;
+    let at = below.xy() / node.cell_m + halves(node.place_in) / PLACES - 0.5;
     let z = below.z / node.z_step_m;
     let corner = at.floor();
     let part = at - corner;

@@ -20,7 +20,10 @@ mod texture;
 
 use crate::{layout::PAGE_WORDS, pack::Page};
 use bvh::{Child, Tree};
-use insula_protocol::mesh::{Kind, Mesh};
+use insula_protocol::{
+    TileId,
+    mesh::{Kind, Mesh},
+};
 pub use texture::Picture;
 
 /// Most triangles of a leaf's mesh.
@@ -31,6 +34,8 @@ pub const MAX_TEXTURE_PX: u32 = 4096;
 pub const STACK: usize = 32;
 /// Texels along a side of a square of a texture, which fills a page.
 pub const TILE_PX: u32 = 64;
+/// Places of a leaf along the side of a column of the tile that it lies in.
+pub const PLACES: f32 = 1024.0;
 /// Where in a reference the number of triangles is.
 pub const COUNT_SHIFT: u32 = 30;
 /// Fours of a page.
@@ -43,6 +48,14 @@ pub fn pages_guess(triangles: u32, texture_px: u32) -> u32 {
     // Two fours a triangle, two a pair of boxes, two triangles in a leaf; a texture's coarser levels are a third of it.
     let words = u64::from(triangles) * 12 + u64::from(texture_px) * 3 / 2;
     1 + words.div_ceil(PAGE_WORDS as u64).min(1 << 20) as u32
+}
+
+/// Where `leaf` lies in `tile`, itself or an ancestor, whose columns tell its mesh how much sky is seen: [`PLACES`] a column,
+/// `x | y << 16`.
+pub fn place_in(leaf: TileId, tile: TileId) -> u32 {
+    let finer = leaf.level().saturating_sub(tile.level()).min(31);
+    let place = |at: u32| ((u64::from(at & ((1 << finer) - 1)) << 16) >> finer) as u32;
+    place(leaf.x()) | place(leaf.y()) << 16
 }
 
 /// Why a mesh cannot be drawn.

@@ -15,7 +15,10 @@ use insula_client::{
 };
 use insula_protocol::TileId;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_tests::{synth::Stand, viewer::open};
+use insula_tests::{
+    synth::Stand,
+    viewer::{fetch_all, open},
+};
 use serde::Serialize;
 use std::{
     collections::HashSet,
@@ -164,18 +167,6 @@ fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, Vec<TileId>)> 
     Ok((session.adapter_mut().draw(&data)?, from))
 }
 
-/// Fetches all that is in the frustum.
-fn fetch(session: &mut Session, shot: &Shot) -> Result<()> {
-    loop {
-        session.step(shot);
-        session.check(TIMEOUT)?;
-        if session.fetched() {
-            return Ok(());
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
-
 fn cost(session: &Session, pixels: &Pixels, from: &[TileId], secs: f64) -> Cost {
     let fetched: HashSet<TileId> =
         session.tree().nodes().iter().filter(|node| node.tile.is_resident()).map(|node| node.id).collect();
@@ -197,7 +188,7 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
     let (ahead, city) = (shot(args, camera), &args.city);
     let mut all = open(city, CACHE_MIB)?;
     let begin = Instant::now();
-    fetch(&mut all, &ahead)?;
+    fetch_all(&mut all, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
     let (truth, from) = picture(&mut all, &ahead)?;
     let frustum = cost(&all, &truth, &from, secs);
@@ -219,9 +210,9 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
     for degrees in [3.0, 30.0] {
         let beside = shot(args, &turned(camera, degrees));
         let mut reference = open(city, CACHE_MIB)?;
-        fetch(&mut reference, &beside)?;
-        fetch(&mut reference, &ahead)?;
-        fetch(&mut reference, &beside)?;
+        fetch_all(&mut reference, &beside, TIMEOUT)?;
+        fetch_all(&mut reference, &ahead, TIMEOUT)?;
+        fetch_all(&mut reference, &beside, TIMEOUT)?;
         let (truth, _) = picture(&mut reference, &beside)?;
         // The same client begins to look, ahead, until that rests; then it turns.
         settle(&mut reference, &ahead, TIMEOUT)?;

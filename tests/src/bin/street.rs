@@ -2,9 +2,9 @@
 //!
 //! `cargo run --release -p insula-tests --bin street -- CITY_INPUTS... --city CITY`: of each camera that the bench of fidelity
 //! has in the street, what a client that begins with nothing fetches until its picture cannot get better (manifest, subtrees,
-//! columns of all levels, meshes), against what of the source's files belongs to the leaves that this picture shows: those
-//! that a ray hits, and of a coarser node those below it. Which bytes belong to a leaf: `insula_tests::source_bytes`. Beside
-//! it, plainly: all of the source's bytes times the share of its leaves.
+//! columns of all levels, meshes), against what of the source's files belongs to the leaves that the picture shows: those
+//! that a ray hits once all in the frustum is here, and of a coarser node those below it. Which bytes belong to a leaf: `insula_tests::source_bytes`. Beside
+//! it, plainly: all of the source's bytes times the share of its leaves; and those of the source's whole files that have any of it.
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -12,11 +12,14 @@ use glam::DVec3;
 use insula_client::{
     camera::Camera,
     commands::snapshot::settle,
+    picture::write_png,
     render::Look,
+    report::pictures_apart,
     session::{Session, Shot},
 };
 use insula_protocol::{TileId, mesh_tile, route::Layer};
 use insula_server::store::CityStore;
+use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
     cameras::{self, Stand},
     fidelity,
@@ -24,7 +27,7 @@ use insula_tests::{
     source_bytes::Source,
     truth::Truth,
     view,
-    viewer::open,
+    viewer::{fetch_all, open},
 };
 use std::{
     collections::{BTreeSet, HashMap},
@@ -47,6 +50,12 @@ struct Args {
     /// Tolerated error in pixels.
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
+    /// Write the pictures, and those of all that is in the frustum, into this folder.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Says how many columns of each level were fetched, too.
+    #[arg(long)]
+    levels: bool,
 }
 
 const TIMEOUT: Duration = Duration::from_secs(300);
@@ -63,6 +72,8 @@ struct Fetched {
     /// Leaves that the picture shows, and leaves drawn as meshes.
     leaves: usize,
     drawn_meshes: u32,
+    /// Pixels that differ from those of a client that fetched all in the frustum.
+    wrong_share: f64,
 }
 
 fn main() -> Result<()> {
@@ -83,16 +94,16 @@ fn main() -> Result<()> {
         all.pictures / 1e3
     );
     println!(
-        "| camera | fetched kB | columns | no leaves' | meshes | rest | leaves | as meshes | text kB | pictures kB | times | by used area | by leaves |"
+        "| camera | fetched kB | columns | no leaves' | meshes | rest | leaves | as meshes | text kB | pictures kB | times | by used area | by leaves | by files | wrong % |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (number, station) in cameras::of(&truth).into_iter().enumerate().filter(|s| s.1.stand == Stand::Street) {
-        let (fetched, shown) = look(&args, &station.camera, (&store, &served.address), &leaves)?;
+        let (fetched, shown, levels) = look(&args, (number, &station.camera), (&store, &served.address), &leaves)?;
         let of = source.of(&shown);
         let kb = |bytes: u64| bytes as f64 / 1e3;
         let times = |bytes: f64| bytes / fetched.all as f64;
         println!(
-            "| {number} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {} | {} | {:.0} | {:.0} | {:.2} | {:.2} | {:.2} |",
+            "| {number} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {} | {} | {:.0} | {:.0} | {:.2} | {:.2} | {:.2} | {:.1} | {:.4} |",
             kb(fetched.all),
             kb(fetched.columns),
             kb(fetched.coarser),
@@ -105,24 +116,55 @@ fn main() -> Result<()> {
             times(of.text + of.pictures),
             times(of.text + of.pictures_used),
             times(source.whole_bytes as f64 * shown.len() as f64 / leaves.len().max(1) as f64),
+            times(of.files),
+            fetched.wrong_share * 100.0,
         );
+        for (level, [all, hit, drawn]) in levels.iter().enumerate().filter(|_| args.levels) {
+            println!("  level {level}: {all}; hit, or above what is hit: {hit}; drawn: {drawn}");
+        }
     }
     Ok(())
 }
 
+/// Some columns.
+#[derive(Debug, Clone, Copy, Default)]
+struct Pile {
+    tiles: usize,
+    bytes: u64,
+}
+
+impl std::fmt::Display for Pile {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} of {:.1} kB", self.tiles, self.bytes as f64 / 1e3)
+    }
+}
+
+/// Of each level the columns that were fetched, those of them that are hit or above what is, and those that are drawn.
+type Levels = Vec<[Pile; 3]>;
+
 /// A cold client's view, and the leaves that it shows.
 fn look(
     args: &Args,
-    camera: &view::Camera,
+    (number, camera): (usize, &view::Camera),
     (store, address): (&CityStore, &str),
     leaves: &BTreeSet<TileId>,
-) -> Result<(Fetched, BTreeSet<TileId>)> {
+) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
     let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
     let camera = Camera::look(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
     let shot = Shot { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
-    let mut session = open(Path::new(&format!("http://{address}")), CACHE_MIB)?;
+    let server = format!("http://{address}");
+    let mut all = open(Path::new(&server), CACHE_MIB)?;
+    fetch_all(&mut all, &shot, TIMEOUT)?;
+    let (truth, hit) = picture(&mut all, &shot)?;
+    let mut session = open(Path::new(&server), CACHE_MIB)?;
     settle(&mut session, &shot, TIMEOUT)?;
-    let hit = hit(&mut session, &shot)?;
+    let (seen, _) = picture(&mut session, &shot)?;
+    let apart = pictures_apart(&seen, &truth);
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out)?;
+        write_png(&out.join(format!("{number}.png")), &seen)?;
+        write_png(&out.join(format!("{number}-all.png")), &truth)?;
+    }
     let depth = store.manifest().depth;
     let shown: BTreeSet<TileId> = leaves
         .iter()
@@ -138,8 +180,13 @@ fn look(
         all: report.bytes_fetched,
         leaves: shown.len(),
         drawn_meshes: report.meshes_drawn,
+        wrong_share: apart.wrong_share,
         ..Fetched::default()
     };
+    let drawn: BTreeSet<TileId> =
+        session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
+    let mut levels = Levels::new();
+    levels.resize(usize::from(depth) + 1, Default::default());
     for node in session.tree().nodes() {
         let of = |lengths: &HashMap<TileId, u32>, id: Option<TileId>| {
             u64::from(id.and_then(|id| lengths.get(&id)).copied().unwrap_or(0))
@@ -148,18 +195,25 @@ fn look(
             let bytes = of(&columns, Some(node.id));
             fetched.columns += bytes;
             fetched.coarser += if node.id.level() < depth { bytes } else { 0 };
+            let of_hit = hit.iter().any(|id| id.ancestor(node.id.level()) == Some(node.id));
+            let piles = &mut levels[usize::from(node.id.level())];
+            for pile in piles.iter_mut().zip([true, of_hit, drawn.contains(&node.id)]).filter(|of| of.1).map(|of| of.0)
+            {
+                (pile.tiles, pile.bytes) = (pile.tiles + 1, pile.bytes + bytes);
+            }
         }
         for (lod, _) in (0..).zip(&node.lods).filter(|(_, lod)| lod.tile.is_resident()) {
             fetched.meshes += of(&meshes, mesh_tile::place(node.id, lod));
         }
     }
-    Ok((fetched, shown))
+    Ok((fetched, shown, levels))
 }
 
-/// Nodes that a ray hits.
-fn hit(session: &mut Session, shot: &Shot) -> Result<BTreeSet<TileId>> {
+/// The picture, and nodes that a ray hits.
+fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, BTreeSet<TileId>)> {
     let data = session.frame_data(shot, &Look::default());
     let squares: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.square).id).collect();
     let pixels = session.adapter_mut().draw(&data)?;
-    Ok(pixels.hit.iter().filter_map(|at| squares.get(*at as usize).copied()).collect())
+    let hit = pixels.hit.iter().filter_map(|at| squares.get(*at as usize).copied()).collect();
+    Ok((pixels, hit))
 }

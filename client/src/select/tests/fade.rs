@@ -29,7 +29,8 @@ pub(super) fn step(fades: &mut Fades, tree: &Tree, selection: &Selection, secs: 
         for Face { from, mesh } in [Some(face), old.map(|(old, _)| old)].into_iter().flatten() {
             let node = tree.node(from);
             assert!(node.tile.is_resident() && line(id).any(|id| id == node.id), "{id} shows {}", node.id);
-            assert!(mesh.is_none_or(|lod| from == shown.square && node.lods[usize::from(lod)].tile.is_resident()));
+            let lods = &tree.node(shown.square).lods;
+            assert!(mesh.is_none_or(|lod| lods[usize::from(lod)].tile.is_resident()));
         }
         assert!(old.is_none_or(|(old, rays)| old != face && (1..FADE_RAYS as u8).contains(&rays)));
         assert_eq!(fades.over(shown.square, tree).map(|s| s.square), Some(shown.square));
