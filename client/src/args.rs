@@ -127,7 +127,7 @@ pub struct Snapshot {
     /// `http://host:port`, or with `/v1/cities/NAME`; or a baked city's folder, here or on a plain host.
     #[arg(long, value_name = "PLACE")]
     pub server: String,
-    /// Camera file: {"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}.
+    /// Camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}`.
     #[arg(long, value_name = "CAM.json")]
     pub camera: PathBuf,
     /// Picture size.
@@ -156,7 +156,7 @@ pub struct Fly {
     /// `http://host:port`, or with `/v1/cities/NAME`; or a baked city's folder, here or on a plain host.
     #[arg(long, value_name = "PLACE")]
     pub server: String,
-    /// Path file: {"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]},...]}.
+    /// Path file: `{"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]},...]}`.
     #[arg(long, value_name = "PATH.json")]
     pub path: PathBuf,
     /// Picture size.

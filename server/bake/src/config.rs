@@ -24,7 +24,7 @@ use crate::{
 pub const ALGORITHM: u32 = 6;
 /// Cells outside this range are slips of the keyboard.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
-/// What a bake may take unless told otherwise, or [`MEMORY_BYTES_PER_THREAD`] for each thread if that is more.
+/// What a bake may take unless told otherwise, or 192 MiB for each thread if that is more.
 pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
 /// Enough for a dense block in each thread.
 const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;

@@ -1,6 +1,6 @@
 //! City files of several formats to one city.
 //!
-//! In: files, folders or embedded bytes. Out: [`City`], or a whole [`Scene`], and [`ReadReport`]. Next: `partition`.
+//! In: files, folders or embedded bytes. Out: `City`, or a whole [`Scene`], and [`ReadReport`]. Next: `partition`.
 
 mod builder;
 mod cityjson;
