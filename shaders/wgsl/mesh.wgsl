@@ -9,6 +9,7 @@ const TIE_M: f32 = 1e-4;
 const MESH_LIFT_M: f32 = 0.02;
 const MESH_LIFT_SHARE: f32 = 1e-4;
 const FLATTEST: f32 = 0.15;
+const ROOF_OF_WALL: f32 = 0.02;
 const UNKNOWN_AO: f32 = 0.7;
 // src/mesh/mod.rs
 const COUNT_SHIFT: u32 = 30u;
@@ -307,7 +308,8 @@ fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
         if !near {
             return vec2<f32>(0.0);
         }
-        return vec2<f32>(f32(word(pages.y + i) >> 26u) / 63.0, 1.0);
+        let told = select(vec2<f32>(0.5, ROOF_OF_WALL), vec2<f32>(1.0), upwards > 0.7);
+        return vec2<f32>(f32(word(pages.y + i) >> 26u) / 63.0, 1.0) * told;
     }
     let first = floor(z_min / codes);
     let rows = floor((z_max - 1.0) / codes) - first;

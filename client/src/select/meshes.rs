@@ -9,7 +9,7 @@
 use super::{Scratch, Selection, Visit, Visitor, error, priority, priority::Wanted};
 use crate::{
     camera::{NEAR_M, View},
-    scene::{Key, Lod, NodeIndex, TileState, Tree, TreeNode},
+    scene::{Key, Lod, NodeIndex, Tile, TileState, Tree, TreeNode},
 };
 
 /// Projected error of a level of detail, by its leaf's sphere.
@@ -22,14 +22,20 @@ pub(super) fn is_here(node: &TreeNode) -> bool {
     node.tile.is_resident() || node.lods.iter().any(|lod| lod.tile.is_resident())
 }
 
+/// Whether a tile is here, or will be in a moment.
+pub(super) fn is_under_way(tile: Tile) -> bool {
+    matches!(tile.state(), TileState::Loading | TileState::Decoded | TileState::Resident)
+}
+
 impl Visitor<'_> {
     /// Whether a leaf passes from what it lies in to its mesh: where rays tell which squares are seen, its own columns would be
     /// drawn only until its mesh is here. Those that are here or under way are drawn.
     pub(super) fn goes_without_columns(&self, node: &TreeNode) -> bool {
-        let state = node.tile.state();
-        let under_way = matches!(state, TileState::Loading | TileState::Decoded | TileState::Resident);
         let usable = |lod: &Lod| !lod.tile.is_bad();
-        self.sight.is_fed() && !under_way && node.lods.iter().any(usable) && self.error_px(node) > self.view.tau_px
+        self.sight.is_fed()
+            && !is_under_way(node.tile)
+            && node.lods.iter().any(usable)
+            && self.error_px(node) > self.view.tau_px
     }
 
     /// Notes which level of detail a visited leaf needs; `false` if the budget has no room for any.

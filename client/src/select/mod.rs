@@ -125,6 +125,8 @@ struct Visit {
     coarse: bool,
     /// Children in view, as visits; `None` if not refined.
     children: Option<Range<u32>>,
+    /// Whether it is only a step on the way to them.
+    passed_over: bool,
     /// The level of detail of its mesh that the view asks for.
     mesh: Option<u8>,
 }
@@ -257,7 +259,8 @@ impl Visitor<'_> {
             }
             let Children::InView(children) = self.children((at, sighted), error_px, selection) else { continue };
             let here = |(child, _): &(NodeIndex, Sighted)| self.is_here(*child);
-            if sighted == Sighted::Unknown && !coarse && !children.iter().flatten().all(here) {
+            let passed_over = self.is_passed_over(self.tree.node(at));
+            if sighted == Sighted::Unknown && !coarse && !passed_over && !children.iter().flatten().all(here) {
                 continue;
             }
             let asked = |at: NodeIndex, sighted: Sighted| {
@@ -276,13 +279,21 @@ impl Visitor<'_> {
             let end = scratch.visits.len() as u32;
             let refined = &mut scratch.visits[visit as usize];
             refined.children = Some(first..end);
+            refined.passed_over = passed_over;
             // On the way from four tau to one, the step between shows little for its bytes.
-            let step_between = !was_coarse && error_px <= 2.0 * self.view.tau_px;
-            if step_between && refined.asked && !self.tree.node(at).tile.is_resident() {
+            let last_step = !was_coarse && error_px <= 2.0 * self.view.tau_px;
+            if (last_step || passed_over) && refined.asked && !self.tree.node(at).tile.is_resident() {
                 refined.asked = false;
                 selection.counters.pages -= self.tree.pages_of(at);
             }
         }
+    }
+
+    /// Whether a node that is refined is not fetched for its own sake: those of every second level, from the leaves' parents up,
+    /// are only steps on the way. From its parent's part, rays tell which of its children are seen. Not while nobody tells.
+    fn is_passed_over(&self, node: &TreeNode) -> bool {
+        let second = (self.tree.manifest().depth ^ node.id.level()) & 1 == 1;
+        second && node.parent.is_some() && self.sight.is_fed() && !meshes::is_under_way(node.tile)
     }
 
     /// Whether a node can be drawn without its parent: from its own tile, or from its mesh or its children's.
@@ -324,7 +335,16 @@ impl Visitor<'_> {
     ) {
         let error_px = self.error_px(self.tree.node(at));
         scratch.heap.push(Candidate { error_px, visit: scratch.visits.len() as u32 });
-        scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None, mesh: None });
+        scratch.visits.push(Visit {
+            at,
+            error_px,
+            sighted,
+            asked,
+            coarse,
+            children: None,
+            passed_over: false,
+            mesh: None,
+        });
         selection.counters.visited += 1;
         selection.counters.hidden += u32::from(sighted != Sighted::Seen);
         selection.counters.pages += if asked { self.tree.pages_of(at) } else { 0 };
@@ -451,9 +471,10 @@ impl Cover {
     }
 }
 
-/// Whether the children of a node can be drawn in its place. What nobody asks for is drawn from whatever there is.
+/// Whether the children of a node can be drawn in its place. What nobody asks for is drawn from whatever there is; what is
+/// passed over, from its own children once they are here.
 fn replaced(visit: &Visit, visits: &[Visit], renderable: &[bool]) -> bool {
-    let left_out = |c: &Visit| !c.asked && c.children.is_none();
+    let left_out = |c: &Visit| !c.asked && (c.children.is_none() || c.passed_over);
     let ready = |c: u32| renderable[c as usize] || left_out(&visits[c as usize]);
     visit.children.as_ref().is_some_and(|children| children.clone().all(ready))
 }

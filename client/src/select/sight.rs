@@ -71,7 +71,8 @@ pub struct Sight {
 impl Sight {
     /// Takes in a picture: `pixels` are those that hit each square of `asked`; `whole` if no tile was missing.
     pub fn feed(&mut self, asked: &Asked, pixels: &[u32], whole: bool, tree: &Tree) {
-        let same = self.view.is_some_and(|view| same_place(&view, &asked.view));
+        // Of the first picture nobody knows that the camera moves.
+        let same = self.view.is_none_or(|view| same_place(&view, &asked.view));
         self.picture += 1;
         self.stands = same;
         self.rest = self.rest.filter(|_| same).or(whole.then_some(self.picture));

@@ -14,7 +14,7 @@ use crate::{
     report::TileCounts,
     scene::{Key, TileEvent, TileState, Tree},
     select::{
-        Counters, Scratch, Selection, UNKNOWN_TIMES_TAU,
+        Counters, HIDDEN_TIMES_TAU, Scratch, Selection,
         casters::{Casters, casters},
         fade::Fades,
         priority::{Group, Wanted},
@@ -24,7 +24,7 @@ use crate::{
     stream::{Arrival, Stream},
 };
 use glam::DVec3;
-use insula_protocol::{Subtree, TileId};
+use insula_protocol::{Subtree, TileId, route::Layer};
 use std::{
     collections::{HashSet, VecDeque},
     ops::Range,
@@ -43,8 +43,11 @@ const BUDGET_SHARE: f64 = 0.85;
 /// What is over so many times tau is asked for whether it is seen or not.
 const UNSEEN_TIMES_TAU: f64 = 4.0;
 /// The same until the first picture has told what is seen; after so many turns nobody will.
-const BLIND_TIMES_TAU: f64 = UNKNOWN_TIMES_TAU;
+const BLIND_TIMES_TAU: f64 = HIDDEN_TIMES_TAU;
 const BLIND_TURNS: u32 = 8;
+/// Where tiles come faster than pictures, what weighs less than so much of what weighs most waits: rays may tell that it is
+/// hidden.
+const WAVE_SHARE: f64 = 0.5;
 /// Requests that start while a picture is drawn, for what only the last one saw: so many times those that may be in flight.
 const FINE_TIMES_WINDOW: usize = 2;
 /// While nothing arrives, retries are looked after so often.
@@ -167,8 +170,23 @@ impl Flow {
             let wanted = self.coarse(BLIND_TIMES_TAU * shot.tau_px, 0);
             self.stream.request(&mut self.tree, &wanted, now);
         } else {
-            self.stream.request(&mut self.tree, &self.selection.wanted, now);
+            let wanted = self.wave(self.selection.wanted.clone());
+            self.stream.request(&mut self.tree, &wanted, now);
         }
+    }
+
+    /// What is wanted now, where a round trip costs nothing: the tiles that weigh most, and what is under way.
+    fn wave(&self, mut wanted: Vec<Wanted>) -> Vec<Wanted> {
+        let waits = |w: &Wanted| {
+            let of_picture = w.group <= Group::Normal && w.key.layer() != Layer::Subtrees;
+            of_picture && self.stream.is_near(w.key) && !self.is_blind()
+        };
+        // One that failed may come any time, or never.
+        let failed = |key| matches!(self.tree.tile(key).map(|tile| tile.state()), Some(TileState::Failed { .. }));
+        let weights = wanted.iter().filter(|w| waits(w) && !failed(w.key)).map(|w| w.weight);
+        let least = WAVE_SHARE * weights.fold(0.0, f64::max);
+        wanted.retain(|w| w.weight >= least || !waits(w) || self.is_loading(w.key));
+        wanted
     }
 
     /// Whether no picture has told yet what is seen.
@@ -243,7 +261,7 @@ impl Flow {
                 self.select(&shot, now);
             }
             let times = if self.is_blind() { BLIND_TIMES_TAU } else { UNSEEN_TIMES_TAU };
-            let wanted = self.coarse(times * shot.tau_px, fine);
+            let wanted = self.wave(self.coarse(times * shot.tau_px, fine));
             fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
         }
     }

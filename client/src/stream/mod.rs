@@ -213,6 +213,11 @@ impl Stream {
         self.queue.window.limit()
     }
 
+    /// Whether a tile is here, or at the end of a short way: it is here before the next picture.
+    pub fn is_near(&self, key: Key) -> bool {
+        self.source.is_near(key) || self.queue.window.is_near()
+    }
+
     /// Requests under way.
     pub fn in_flight(&self) -> usize {
         self.flights.len()

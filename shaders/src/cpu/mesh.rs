@@ -30,6 +30,8 @@ const MESH_LIFT_M: f32 = 0.02;
 const MESH_LIFT_SHARE: f32 = 1e-4;
 /// Least cosine that a texture's level is chosen for.
 const FLATTEST: f32 = 0.15;
+/// How much a roof tells of a wall below its edge, where the wall's own columns do not.
+const ROOF_OF_WALL: f32 = 0.02;
 /// Share of the sky where no column tells.
 const UNKNOWN_AO: f32 = 0.7;
 
@@ -316,9 +318,10 @@ fn column_sky(scene: &SceneRef<'_>, node: &Node, cell: IVec2, z: f32, upwards: f
     }
     let sky = |texel: u32| (texel >> 26) as f32 / 63.0;
     if !exposed || upwards > 0.7 && z > z_max - 1.5 * codes {
-        // Walls tell nothing of a roof, nor it of them.
+        // Walls tell nothing of a roof, and it tells little of them: they see half of what it does.
         let near = z > z_max - 1.5 * codes;
-        return if near { Vec2::new(sky(mesh_word(scene, gathered, page(1) + i)), 1.0) } else { Vec2::ZERO };
+        let told = if upwards > 0.7 { Vec2::ONE } else { Vec2::new(0.5, ROOF_OF_WALL) };
+        return if near { Vec2::new(sky(mesh_word(scene, gathered, page(1) + i)), 1.0) * told } else { Vec2::ZERO };
     }
     let first = (z_min / codes).floor();
     let rows = ((z_max - 1.0) / codes).floor() - first;

@@ -50,7 +50,7 @@ struct Args {
     /// Write all figures as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Write the pictures of the first direction into this folder.
+    /// Write the pictures into this folder.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -63,6 +63,8 @@ struct Cost {
     drawn: usize,
     fetched: usize,
     unhit_share: f64,
+    /// Of what is drawn alone.
+    drawn_unhit_share: f64,
     bytes: u64,
     requests: u64,
     secs: f64,
@@ -106,7 +108,7 @@ fn main() -> Result<()> {
         let row = look(&args, &turned(&camera, degrees), direction)?;
         let Row { frustum: f, occlusion: o, .. } = &row;
         println!(
-            "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), \
+            "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), of those drawn {:.1} % ({:.1} %), \
              {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, city in one picture only {:.4} %",
             o.drawn,
             f.drawn,
@@ -114,6 +116,8 @@ fn main() -> Result<()> {
             f.fetched,
             o.unhit_share * 100.0,
             f.unhit_share * 100.0,
+            o.drawn_unhit_share * 100.0,
+            f.drawn_unhit_share * 100.0,
             o.bytes >> 10,
             f.bytes >> 10,
             row.bytes_share * 100.0,
@@ -178,6 +182,7 @@ fn cost(session: &Session, pixels: &Pixels, from: &[TileId], secs: f64) -> Cost 
         drawn: drawn.len(),
         fetched: fetched.len(),
         unhit_share: all.difference(&hit).count() as f64 / all.len().max(1) as f64,
+        drawn_unhit_share: drawn.difference(&hit).count() as f64 / drawn.len().max(1) as f64,
         bytes: report.bytes_fetched,
         requests: report.requests,
         secs,
@@ -200,10 +205,10 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
     let (seen, from) = picture(&mut few, &ahead)?;
     let occlusion = cost(&few, &seen, &from, secs);
     let apart = pictures_apart(&seen, &truth);
-    if let (Some(out), 0) = (&args.out, direction) {
+    if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
-        insula_client::picture::write_png(&out.join("frustum.png"), &truth)?;
-        insula_client::picture::write_png(&out.join("occlusion.png"), &seen)?;
+        insula_client::picture::write_png(&out.join(format!("{direction}-frustum.png")), &truth)?;
+        insula_client::picture::write_png(&out.join(format!("{direction}-occlusion.png")), &seen)?;
     }
 
     let mut turns = Vec::new();
