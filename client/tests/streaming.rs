@@ -20,7 +20,10 @@ use insula_protocol::{
 };
 use insula_shaders::layout::Shading;
 use std::{
-    sync::{Arc, atomic::Ordering},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU32, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -259,6 +262,29 @@ fn answers_that_trickle_hold_up_nobody_for_long() {
     assert_eq!(fly_whole(&mut slow, Duration::from_secs(120)), picture);
     let asked = server.requests.load(Ordering::Relaxed);
     assert!(asked > requests && asked <= requests * 2, "{asked} requests, {requests} undisturbed");
+}
+
+#[test]
+fn one_slow_answer_holds_up_no_other() {
+    let (picture, requests) = undisturbed();
+    // Whichever is held back until two more are asked for, they are: it may be the one that weighs most.
+    for held in 5..requests.saturating_sub(8) {
+        let (asked, in_vain) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicBool::new(false)));
+        let (counter, flag) = (asked.clone(), in_vain.clone());
+        let policy: Box<Policy> = Box::new(move |_, _| {
+            if counter.fetch_add(1, Ordering::Relaxed) == held {
+                let begin = Instant::now();
+                while counter.load(Ordering::Relaxed) < held + 3 && !flag.load(Ordering::Relaxed) {
+                    flag.store(begin.elapsed() > Duration::from_secs(4), Ordering::Relaxed);
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            }
+            Answer::Well
+        });
+        let server = serve(city("test"), policy);
+        assert_eq!(fly_whole(&mut session(&server, 64), Duration::from_secs(60)), picture);
+        assert!(!in_vain.load(Ordering::Relaxed), "request {held} of {requests} held up the others");
+    }
 }
 
 #[test]

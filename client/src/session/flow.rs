@@ -48,6 +48,8 @@ const BLIND_TURNS: u32 = 8;
 /// Where tiles come faster than pictures, what weighs less than so much of what weighs most waits: rays may tell that it is
 /// hidden.
 const WAVE_SHARE: f64 = 0.5;
+/// It waits no longer than this for an arrival: one slow answer must not hold up the others.
+const WAVE_PATIENCE: Duration = Duration::from_millis(250);
 /// Requests that start while a picture is drawn, for what only the last one saw: so many times those that may be in flight.
 const FINE_TIMES_WINDOW: usize = 2;
 /// While nothing arrives, retries are looked after so often.
@@ -92,6 +94,7 @@ pub(super) struct Flow {
     decoded: VecDeque<(Key, Packed)>,
     decoded_bytes: u64,
     uploaded_at: Instant,
+    arrived_at: Instant,
     /// Subtrees that came before what they hang on.
     orphans: Vec<(Key, Subtree)>,
     /// Tiles that were evicted once.
@@ -127,6 +130,7 @@ impl Flow {
             decoded: VecDeque::new(),
             decoded_bytes: 0,
             uploaded_at: Instant::now(),
+            arrived_at: Instant::now(),
             orphans: Vec::new(),
             left: HashSet::new(),
             fresh: false,
@@ -170,13 +174,16 @@ impl Flow {
             let wanted = self.coarse(BLIND_TIMES_TAU * shot.tau_px, 0);
             self.stream.request(&mut self.tree, &wanted, now);
         } else {
-            let wanted = self.wave(self.selection.wanted.clone());
+            let wanted = self.wave(self.selection.wanted.clone(), now);
             self.stream.request(&mut self.tree, &wanted, now);
         }
     }
 
     /// What is wanted now, where a round trip costs nothing: the tiles that weigh most, and what is under way.
-    fn wave(&self, mut wanted: Vec<Wanted>) -> Vec<Wanted> {
+    fn wave(&self, mut wanted: Vec<Wanted>, now: Instant) -> Vec<Wanted> {
+        if now.duration_since(self.arrived_at) > WAVE_PATIENCE {
+            return wanted;
+        }
         let waits = |w: &Wanted| {
             let of_picture = w.group <= Group::Normal && w.key.layer() != Layer::Subtrees;
             of_picture && self.stream.is_near(w.key) && !self.is_blind()
@@ -261,7 +268,7 @@ impl Flow {
                 self.select(&shot, now);
             }
             let times = if self.is_blind() { BLIND_TIMES_TAU } else { UNSEEN_TIMES_TAU };
-            let wanted = self.wave(self.coarse(times * shot.tau_px, fine));
+            let wanted = self.wave(self.coarse(times * shot.tau_px, fine), now);
             fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
         }
     }
@@ -317,7 +324,7 @@ impl Flow {
         while self.decoded_bytes < DECODED_BYTES
             && let Some(arrival) = self.stream.arrival(&mut self.tree, now)
         {
-            self.fresh = true;
+            (self.fresh, self.arrived_at) = (true, now);
             match arrival {
                 Arrival::Subtree(key, subtree) => {
                     self.orphans.push((key, subtree));
