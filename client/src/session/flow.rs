@@ -203,13 +203,13 @@ impl Flow {
 
     /// What is wanted and wrong by more than `most_px`, or under way, and `more` of the rest.
     fn coarse(&self, most_px: f64, mut more: usize) -> Vec<Wanted> {
-        let counts = |w: &&Wanted| {
-            let free = w.weight > most_px || self.is_loading(w.key);
-            let counts = free || more > 0;
-            more -= usize::from(!free && counts);
-            counts
+        let is_taken = |w: &&Wanted| {
+            let is_free = w.weight > most_px || self.is_loading(w.key);
+            let is_taken = is_free || more > 0;
+            more -= usize::from(is_taken && !is_free);
+            is_taken
         };
-        self.selection.wanted.iter().filter(counts).copied().collect()
+        self.selection.wanted.iter().filter(is_taken).copied().collect()
     }
 
     fn select(&mut self, shot: &Shot, now: Instant) {

@@ -4,8 +4,9 @@
 //!
 //! From what it meets, a second ray asks whether the sun is seen (`Leg`). A ray goes from square to square of the grid
 //! (`crate::grid`), beginning at the level that its distance asks for, clips itself to a node's heights, walks blocks of 8 x 8
-//! cells (Amanatides and Woo 1987) and, where a block's summary lets it, the cells inside. Integer squares and cells are the only state; every crossing is computed from the ray's origin, so
-//! that errors do not add up. Functions bear the names that they have in `raycast.wgsl` and stand in the same order.
+//! cells (Amanatides and Woo 1987) and, where a block's summary lets it, the cells inside. Integer squares and cells are the
+//! only state; every crossing is computed from the ray's origin, so that errors do not add up. Functions bear the names that
+//! they have in `raycast.wgsl` and stand in the same order.
 
 use super::{
     column::column,

@@ -40,8 +40,8 @@ struct Args {
     /// Picture sizes.
     #[arg(long, value_delimiter = ',', default_value = "640x360,1280x720")]
     pictures: Vec<String>,
-    /// Views: street, roof, aerial.
-    #[arg(long, value_delimiter = ',', default_value = "street,roof,aerial")]
+    /// Views.
+    #[arg(long, value_delimiter = ',', default_value = "street,roof,aerial", value_parser = Stand::ALL.map(Stand::word))]
     views: Vec<String>,
     /// Tolerated error in pixels.
     #[arg(long, default_value_t = 1.0)]

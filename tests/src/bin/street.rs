@@ -3,8 +3,9 @@
 //! `cargo run --release -p insula-tests --bin street -- CITY_INPUTS... --city CITY`: of each camera that the bench of fidelity
 //! has in the street, what a client that begins with nothing fetches until its picture cannot get better (manifest, subtrees,
 //! columns of all levels, meshes), against what of the source's files belongs to the leaves that the picture shows: those
-//! that a ray hits once all in the frustum is here, and of a coarser node those below it. Which bytes belong to a leaf: `insula_tests::source_bytes`. Beside
-//! it, plainly: all of the source's bytes times the share of its leaves; and those of the source's whole files that have any of it.
+//! that a ray hits once all in the frustum is here, and of a coarser node those below it. Which bytes belong to a leaf:
+//! `insula_tests::source_bytes`. Beside it, plainly: all of the source's bytes times the share of its leaves; and those of the
+//! source's whole files that have any of it.
 
 use anyhow::{Context, Result};
 use clap::Parser;
