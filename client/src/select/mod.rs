@@ -102,17 +102,11 @@ pub struct Counters {
 pub struct Scratch {
     visits: Vec<Visit>,
     heap: BinaryHeap<Candidate>,
-    renderable: Vec<bool>,
     stack: Vec<(u32, Cover)>,
 }
 
-/// What is drawn in a square while its own tile is missing, and how wrong that is.
-#[derive(Debug, Clone, Copy, Default)]
-struct Cover {
-    from: Option<(NodeIndex, f64)>,
-    /// Whatever lies in the square is drawn from it.
-    forced: bool,
-}
+/// Whose tile is drawn in a square, and how wrong that is.
+type Cover = Option<(NodeIndex, f64)>;
 
 #[derive(Debug, Clone)]
 struct Visit {
@@ -125,8 +119,6 @@ struct Visit {
     coarse: bool,
     /// Children in view, as visits; `None` if not refined.
     children: Option<Range<u32>>,
-    /// Whether it is only a step on the way to them.
-    passed_over: bool,
     /// The level of detail of its mesh that the view asks for.
     mesh: Option<u8>,
 }
@@ -260,7 +252,7 @@ impl Visitor<'_> {
             let Children::InView(children) = self.children((at, sighted), error_px, selection) else { continue };
             let here = |(child, _): &(NodeIndex, Sighted)| self.is_here(*child);
             let passed_over = self.is_passed_over(self.tree.node(at));
-            if sighted == Sighted::Unknown && !coarse && !passed_over && !children.iter().flatten().all(here) {
+            if sighted == Sighted::Unknown && !coarse && !passed_over && !children.iter().flatten().any(here) {
                 continue;
             }
             let asked = |at: NodeIndex, sighted: Sighted| {
@@ -279,7 +271,6 @@ impl Visitor<'_> {
             let end = scratch.visits.len() as u32;
             let refined = &mut scratch.visits[visit as usize];
             refined.children = Some(first..end);
-            refined.passed_over = passed_over;
             // On the way from four tau to one, the step between shows little for its bytes.
             let last_step = !was_coarse && error_px <= 2.0 * self.view.tau_px;
             if (last_step || passed_over) && refined.asked && !self.tree.node(at).tile.is_resident() {
@@ -335,16 +326,7 @@ impl Visitor<'_> {
     ) {
         let error_px = self.error_px(self.tree.node(at));
         scratch.heap.push(Candidate { error_px, visit: scratch.visits.len() as u32 });
-        scratch.visits.push(Visit {
-            at,
-            error_px,
-            sighted,
-            asked,
-            coarse,
-            children: None,
-            passed_over: false,
-            mesh: None,
-        });
+        scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None, mesh: None });
         selection.counters.visited += 1;
         selection.counters.hidden += u32::from(sighted != Sighted::Seen);
         selection.counters.pages += if asked { self.tree.pages_of(at) } else { 0 };
@@ -415,34 +397,23 @@ impl Visitor<'_> {
     }
 }
 
-/// The squares that were visited and not refined, each with what can be drawn there. A node's children replace it once all of
-/// them can be drawn; those that nobody asks for can, from the node itself.
+/// The squares that were visited and not refined, each with what can be drawn there: its own tile, or its part of what it lies
+/// in. No square waits for those beside it: what is here stays when, as the camera turns, something comes in that is not.
 fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
-    let Scratch { visits, renderable, stack, .. } = scratch;
-    renderable.clear();
-    renderable.resize(visits.len(), false);
-    // Children stand behind their parents: from the back, each one's children are done.
-    for (i, visit) in visits.iter().enumerate().rev() {
-        let resident = tree.node(visit.at).tile.is_resident();
-        renderable[i] = meshes::is_here(tree.node(visit.at)) || replaced(visit, visits, renderable);
-        // What is drawn only because it is here may go at any time: what it lies in is drawn then.
-        if resident && visit.asked {
-            selection.used.push(visit.at);
-        }
-    }
-    selection.used.reverse();
+    let Scratch { visits, stack, .. } = scratch;
+    // What is drawn only because it is here may go at any time: what it lies in is drawn then.
+    let needed = |visit: &&Visit| visit.asked && tree.node(visit.at).tile.is_resident();
+    selection.used.extend(visits.iter().filter(needed).map(|visit| visit.at));
     stack.clear();
-    stack.extend((!visits.is_empty()).then_some((0, Cover::default())));
+    stack.extend((!visits.is_empty()).then_some((0, None)));
     while let Some((i, cover)) = stack.pop() {
         let visit = &visits[i as usize];
-        let cover = cover.over(visit, tree);
+        let cover = own(visit, tree).or(cover);
         let Some(children) = &visit.children else {
-            if let Some((from, error_px)) = cover.from {
+            if let Some((from, error_px)) = cover {
                 let mesh = meshes::drawn(visit, view, tree);
                 let error_px = mesh.map_or(error_px, |(_, error_px)| error_px);
                 let mesh = mesh.map(|(lod, _)| lod);
-                let own = mesh.is_some() && tree.node(visit.at).tile.is_resident();
-                let from = if own { visit.at } else { from };
                 selection.cut.push(Item { square: visit.at, from, mesh });
                 meshes::count(visit, mesh, tree, selection);
                 selection.meshed.extend(visit.mesh.map(|_| visit.at));
@@ -457,40 +428,28 @@ fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selectio
             }
             continue;
         };
-        let forced = cover.forced || !replaced(visit, visits, renderable);
-        stack.extend(children.clone().map(|c| (c, Cover { forced, ..cover })));
+        stack.extend(children.clone().map(|c| (c, cover)));
     }
     selection.counters.drawn = selection.cut.len() as u32;
 }
 
-impl Cover {
-    /// What is drawn in the square of `visit`, in the square of this.
-    fn over(self, visit: &Visit, tree: &Tree) -> Self {
-        let own = tree.node(visit.at).tile.is_resident() && !self.forced;
-        if own { Self { from: Some((visit.at, visit.error_px)), ..self } } else { self }
-    }
-}
-
-/// Whether the children of a node can be drawn in its place. What nobody asks for is drawn from whatever there is; what is
-/// passed over, from its own children once they are here.
-fn replaced(visit: &Visit, visits: &[Visit], renderable: &[bool]) -> bool {
-    let left_out = |c: &Visit| !c.asked && (c.children.is_none() || c.passed_over);
-    let ready = |c: u32| renderable[c as usize] || left_out(&visits[c as usize]);
-    visit.children.as_ref().is_some_and(|children| children.clone().all(ready))
+/// What a node's own tile covers its square with.
+fn own(visit: &Visit, tree: &Tree) -> Cover {
+    tree.node(visit.at).tile.is_resident().then_some((visit.at, visit.error_px))
 }
 
 /// Every visited node that is asked for and not resident is wanted; how urgently depends on what is drawn in its place.
 fn want(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selection) {
-    let Scratch { visits, renderable, stack, .. } = scratch;
+    let Scratch { visits, stack, .. } = scratch;
     stack.clear();
-    stack.extend((!visits.is_empty()).then_some((0, Cover::default())));
+    stack.extend((!visits.is_empty()).then_some((0, None)));
     while let Some((i, cover)) = stack.pop() {
         let visit = &visits[i as usize];
         let node = tree.node(visit.at);
         let resident = node.tile.is_resident();
-        let cover = cover.over(visit, tree);
+        let cover = own(visit, tree).or(cover);
         if visit.asked && !resident && !node.tile.is_bad() {
-            let group = priority::group(cover.from.map(|(_, error_px)| error_px), selection.counters.tau_px);
+            let group = priority::group(cover.map(|(_, error_px)| error_px), selection.counters.tau_px);
             let away_m = node.centre.distance(view.camera.position);
             let (group, error_px) = match visit.coarse {
                 true => (group, visit.error_px),
@@ -500,10 +459,9 @@ fn want(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selecti
             let weight = priority::weight(error_px, node.centre, view);
             selection.wanted.push(Wanted { key: Key::block_map(node.id), group, weight });
         }
-        selection.wanted.extend(meshes::wanted(visit, cover.from, view, tree, selection.counters.tau_px));
+        selection.wanted.extend(meshes::wanted(visit, cover, view, tree, selection.counters.tau_px));
         if let Some(children) = &visit.children {
-            let forced = cover.forced || !replaced(visit, visits, renderable);
-            stack.extend(children.clone().map(|c| (c, Cover { forced, ..cover })));
+            stack.extend(children.clone().map(|c| (c, cover)));
         }
     }
     // Nothing can be drawn without the root: on a thin link all else would only keep it waiting.

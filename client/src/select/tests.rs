@@ -225,16 +225,22 @@ fn turning_and_moving_never_makes_a_hole() {
 }
 
 #[test]
-fn a_parent_stays_until_all_its_children_in_view_are_there() {
+fn a_square_waits_for_its_own_tile_alone() {
     let mut tree = tree();
     let view = view([1024.0, 1024.0, 2200.0], [1024.0, 1024.1, 0.0]);
     let mut scratch = Scratch::default();
     load(&mut tree, Key::block_map(TileId::ROOT));
-    for quadrant in 0..4 {
-        assert_eq!(ids(&tree, &select(&view, &tree, &mut scratch)), [TileId::ROOT]);
-        load(&mut tree, Key::block_map(TileId::ROOT.child(quadrant).unwrap()));
+    let children: Vec<TileId> = TileId::ROOT.children().collect();
+    for here in 0..=4 {
+        let selection = select(&view, &tree, &mut scratch);
+        for item in &selection.cut {
+            let [square, from] = [item.square, item.from].map(|at| tree.node(at).id);
+            let child = square.ancestor(1).unwrap();
+            let is_here = children.iter().position(|id| *id == child).unwrap() < here;
+            assert_eq!(from, if is_here { child } else { TileId::ROOT }, "{square}");
+        }
+        children.get(here).into_iter().for_each(|child| load(&mut tree, Key::block_map(*child)));
     }
-    assert_eq!(ids(&tree, &select(&view, &tree, &mut scratch)).len(), 4);
 }
 
 #[test]
@@ -471,6 +477,39 @@ fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
     };
     assert!(new(&frustum).len() > 10);
     assert_eq!(new(&turned), new(&frustum));
+}
+
+/// Who turns a little sees what was seen as it was, though much of what comes into view is not here.
+#[test]
+fn what_was_seen_stays_as_fine_in_a_turn() {
+    let mut tree = tree();
+    let eye = [1030.0, 1015.0, 20.0];
+    let north = view(eye, [1030.0, 3000.0, 20.0]);
+    let mut sight = Sight::default();
+    let near = |id: TileId| {
+        let side = SIDE_M / f64::from(1u32 << id.level());
+        let (x, y) = (f64::from(id.x()) * side, f64::from(id.y()) * side);
+        x < 1060.0 && x + side > 1000.0 && y < 1300.0 && y + side > 1015.0
+    };
+    let before = converge_looking(&mut tree, &mut sight, &north, near);
+    let seen = before.cut.iter().filter(|item| near(tree.node(item.square).id)).map(|item| tree.node(item.from).id);
+    let seen: Vec<TileId> = seen.collect();
+    assert!(seen.iter().filter(|id| id.level() == DEPTH).count() >= 4, "{seen:?}");
+    let mut missing = 0;
+    for degrees in [-30.0, -10.0, -3.0, 3.0, 10.0, 30.0f64] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let turned = view(eye, [eye[0] + 1000.0 * sin, eye[1] + 1000.0 * cos, 20.0]);
+        let after = super::select(&turned, &tree, &sight, &mut Scratch::default());
+        assert_whole(&tree, &turned, &after, 0);
+        missing += after.wanted.len();
+        let planes = turned.planes();
+        for id in &seen {
+            let node = tree.node(tree.find(*id).unwrap());
+            let drawn = after.cut.iter().any(|item| tree.node(item.from).id == *id);
+            assert!(drawn || !cull::in_view(&planes, node.centre, node.half), "{id} after {degrees} degrees");
+        }
+    }
+    assert!(missing > 0, "something that is not here comes into view");
 }
 
 /// Any tree, any order of arrivals (subtrees before and after what they hang on), failures that pass and that stay,

@@ -226,7 +226,12 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         let mut cold = open(city, CACHE_MIB)?;
         settle(&mut cold, &ahead, TIMEOUT)?;
         cold.step(&beside);
-        let cold = pictures_apart(&picture(&mut cold, &beside)?.0, &truth);
+        let cold_px = picture(&mut cold, &beside)?.0;
+        if let Some(out) = &args.out {
+            insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-cold.png")), &cold_px)?;
+            insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
+        }
+        let cold = pictures_apart(&cold_px, &truth);
         turns.push(Turn {
             degrees,
             wrong_share: warm.wrong_share,
