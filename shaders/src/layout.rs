@@ -173,7 +173,8 @@ pub struct Node {
     pub z_hi: f32,
     /// [`Node::slot_and_shift`].
     pub slot_and_shift: u32,
-    /// Atlas pages of the [`PLANES`]: walk, roof, attributes, strip addresses.
+    /// Atlas pages of the [`PLANES`] (walk, roof, attributes, strip addresses) in 24 bits, and above them how far quarters
+    /// lie below the node ([`Node::pages_and_quarters`]).
     pub pages: [u32; 4],
     /// Level of the node in the city, for [`Shading::Lod`].
     pub level: u32,
@@ -187,12 +188,30 @@ pub struct Node {
 
 /// Where the slot begins in [`Node::slot_and_shift`].
 const SLOT_SHIFT: u32 = 3;
+/// Where the quarter's byte begins in [`Node::pages`].
+const QUARTER_SHIFT: u32 = 24;
 
 impl Node {
     /// Where the summary lies (word index / [`SUMMARY_WORDS`], below 2^29) and the map's `z_shift` (at most 4: a strip row is
     /// `16 >> z_shift` codes) in one word, so that rays read a node without a mesh in three rows.
     pub const fn slot_and_shift(slot: u32, z_shift: u32) -> u32 {
         slot << SLOT_SHIFT | z_shift
+    }
+
+    /// Pages, below 2^24, and per quarter (south-west, south-east, north-west, north-east) how far below the node's highest
+    /// point its own is, in 255ths of the node's height: so rays pass over low quarters without a look at their blocks.
+    pub fn pages_and_quarters(pages: [u32; 4], below: [u8; 4]) -> [u32; 4] {
+        std::array::from_fn(|i| pages[i] | u32::from(below[i]) << QUARTER_SHIFT)
+    }
+
+    /// The page of a plane.
+    pub(crate) const fn page(&self, plane: usize) -> u32 {
+        self.pages[plane] & ((1 << QUARTER_SHIFT) - 1)
+    }
+
+    /// How far below the node's highest point a quarter's is, in 255ths of the node's height.
+    pub(crate) const fn quarter_below(&self, quarter: usize) -> u32 {
+        self.pages[quarter] >> QUARTER_SHIFT
     }
 
     /// Where the summary lies.

@@ -36,6 +36,8 @@ pub struct PackedNode {
     pub z_base_m: f64,
     /// Lowest and highest point in codes, slopes included.
     pub z_range: [f32; 2],
+    /// How far quarters lie below it, as [`Node::pages_and_quarters`](crate::layout::Node::pages_and_quarters) wants it.
+    pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,
 }
@@ -147,9 +149,9 @@ impl PackedNode {
                 *word = texel.0;
             }
         }
-        let (summary, z_range) = summarise(map);
+        let (summary, z_range, below) = summarise(map);
         let (cell_m, z_step_m, z_base_m) = (map.cell_m, map.z_step_m(), map.z_base_m());
-        Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, z_shift: u32::from(map.z_shift) }
+        Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, below, z_shift: u32::from(map.z_shift) }
     }
 
     /// Makes strip addresses absolute, once the cache has said which atlas pages the node gets (one per entry of
@@ -170,8 +172,9 @@ impl PackedNode {
     }
 }
 
-/// Per block the lowest bottom and the highest top (slopes included) and its quads' tops, and bottom and top of the whole node.
-fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2]) {
+/// Per block the lowest bottom and the highest top (slopes included) and its quads' tops, bottom and top of the whole node, and
+/// how far its quarters lie below that.
+fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2], [u8; 4]) {
     let mut bounds = [[u32::from(u16::MAX), 0]; BLOCKS];
     let mut quads = [[0u32; 16]; BLOCKS];
     let block_cells = BLOCK_CELLS as usize;
@@ -192,6 +195,13 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2]) {
     }
     let low = bounds.iter().map(|b| b[0]).min().unwrap_or(0);
     let high = bounds.iter().map(|b| b[1]).max().unwrap_or(0);
+    let below = std::array::from_fn(|quarter| {
+        let blocks = NODE_CELLS / block_cells;
+        let is_in = |at: usize| at % blocks / (blocks / 2) + at / blocks / (blocks / 2) * 2 == quarter;
+        let top = (0..BLOCKS).filter(|at| is_in(*at)).map(|at| bounds[at][1]).max().unwrap_or(high).max(low);
+        // Rounded down: a quarter is never higher than its byte says.
+        ((high.max(low) - top) * 255 / (high.max(low) - low).max(1)) as u8
+    });
     let mut summary = [0; SUMMARY_WORDS];
     for (block, [low, high]) in bounds.into_iter().enumerate() {
         let words = &mut summary[block * 4..][..4];
@@ -203,7 +213,7 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2]) {
             words[quad / 4] |= share(top).min(63) << (quad % 4 * 6);
         }
     }
-    (summary, [low as f32, high as f32])
+    (summary, [low as f32, high as f32], below)
 }
 
 #[cfg(test)]
@@ -272,6 +282,7 @@ mod tests {
         let packed = PackedNode::new(&map);
         assert_eq!(packed.summary[..4], [0xff << 24, 0xff << 24, 0, 0], "an empty block");
         assert_eq!(packed.z_range[0], 10.0);
+        assert_eq!(packed.below, [0, 255, 255, 255], "all but the south-west quarter are empty");
         // Column 8 is in the first quad of the second block, and its highest.
         assert_eq!(packed.summary[4], 63 | 10 << 24);
         assert!((25..=26).contains(&(packed.summary[6] >> 24)), "{}", packed.summary[6] >> 24);

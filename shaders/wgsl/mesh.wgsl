@@ -288,7 +288,7 @@ fn open_sky(index: u32, p: vec3<f32>, normal: vec3<f32>) -> f32 {
 
 fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
     let i = u32(cell.y * NODE_CELLS + cell.x);
-    let pages = nodes[index].pages * PAGE_WORDS;
+    let pages = pages_of(nodes[index].pages);
     let walk = word(pages.x + i);
     let flags = walk >> 24u;
     let exposed = (flags & EXPOSED) != 0u;

@@ -30,6 +30,7 @@ struct Node {
     place: vec4<f32>,
     // Bits of metres of a height code, lowest, highest; slot and z_shift.
     z: vec4<u32>,
+    // Pages of its planes; in the upper bytes, how far its quarters lie below it.
     pages: vec4<u32>,
     level: u32,
     mesh: u32,
@@ -51,6 +52,7 @@ const PAGE_WORDS: u32 = 4096u;
 // In fours, one a block.
 const SUMMARY_FOURS: u32 = 64u;
 const SLOT_SHIFT: u32 = 3u;
+const QUARTER_SHIFT: u32 = 24u;
 const MAX_SAMPLES: u32 = 4u;
 const BLOCK_CELLS: i32 = 8;
 const BLOCKS: i32 = 8;
@@ -386,8 +388,8 @@ fn walk_grid() {
                         let exit = most(least(least(te.x, te.y), t_end), t);
                         let z_in = z_from + dz * t;
                         let z_out = z_from + dz * exit;
-                        let below = min(z_in, z_out) <= f32(entry.words.y >> 16u) + 1.0;
-                        let meets = below && max(z_in, z_out) + 1.0 >= f32(entry.words.y & 0xffffu);
+                        let below = least(z_in, z_out) <= f32(entry.words.y >> 16u) + 1.0;
+                        let meets = below && most(z_in, z_out) + 1.0 >= f32(entry.words.y & 0xffffu);
                         if meets && entry.words.x == GRID_MIXED && k > 0u {
                             k--;
                             done = steps >= MAX_STEPS;
@@ -553,7 +555,7 @@ fn seen_by(entry: u32) -> u32 {
 
 // The level whose nodes are good enough at a distance.
 fn level_at(t: f32) -> u32 {
-    return min((bitcast<u32>(max(t * frame.level_scale, 1.0)) >> 23u) - 127u, frame.levels - 1u);
+    return min((bitcast<u32>(most(t * frame.level_scale, 1.0)) >> 23u) - 127u, frame.levels - 1u);
 }
 
 // The entry for a finest square at level `k`, or at the first coarser level whose window holds it.
@@ -586,8 +588,30 @@ fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
     dz = select(dz, 1e-12, abs(dz) < 1e-12);
     let a = (bitcast<f32>(z.y) - 1.0 - o.z) / dz;
     let b = (bitcast<f32>(z.z) + 1.0 - o.z) / dz;
-    let pages = nodes[index].pages * PAGE_WORDS;
-    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages, shift_of(z.w), (z.w >> SLOT_SHIFT) * SUMMARY_FOURS, place.w);
-    return vec2<f32>(max(t_in, min(a, b)), min(t_out, max(a, b)));
+    let pages = nodes[index].pages;
+    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages_of(pages), shift_of(z.w), (z.w >> SLOT_SHIFT) * SUMMARY_FOURS, place.w);
+    let span = vec2<f32>(most(t_in, least(a, b)), least(t_out, most(a, b)));
+    let heights = vec2<f32>(bitcast<f32>(z.y), bitcast<f32>(z.z));
+    let highest = highest_on(pages, heights, o.xy + d_xy * span.x, o.xy + d_xy * span.y);
+    return select(span, vec2<f32>(1.0, 0.0), least(z_at(span.x), z_at(span.y)) > highest);
+}
+
+// First words of a node's planes.
+fn pages_of(pages: vec4<u32>) -> vec4<u32> {
+    return (pages & vec4<u32>((1u << QUARTER_SHIFT) - 1u)) * PAGE_WORDS;
+}
+
+// The highest point, and a little more, of the quarters of a node that a ray crosses between two places in it.
+fn highest_on(pages: vec4<u32>, z: vec2<f32>, a: vec2<f32>, b: vec2<f32>) -> f32 {
+    let half = vec2<f32>(f32(NODE_CELLS) / 2.0);
+    let apart = (a >= half) != (b >= half);
+    let below = min(quarter_below(pages, a >= half), quarter_below(pages, b >= half));
+    // From a quarter to the opposite one the ray crosses a third.
+    return z.y + 1.0 - select(f32(below), 0.0, all(apart)) * (z.y - z.x) * (1.0 / 255.0);
+}
+
+fn quarter_below(pages: vec4<u32>, far: vec2<bool>) -> u32 {
+    let row = select(pages.xy, pages.zw, far.y);
+    return select(row.x, row.y, far.x) >> QUARTER_SHIFT;
 }
 

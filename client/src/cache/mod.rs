@@ -44,6 +44,8 @@ pub struct Placed {
     pub z_base_m: f64,
     /// Lowest and highest point in codes.
     pub z_range: [f32; 2],
+    /// How far quarters lie below that ([`Node::pages_and_quarters`](insula_shaders::layout::Node::pages_and_quarters)).
+    pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,
 }
@@ -254,8 +256,8 @@ fn place_node(mut node: PackedNode, pages: &[u32], slot: u32, upload: &mut impl 
     node.relocate(pages);
     write(&node.pages, pages, upload);
     upload.summary(slot, &node.summary);
-    let PackedNode { cell_m, z_step_m, z_base_m, z_range, z_shift, .. } = node;
-    Placed { pages: pages.to_vec(), slot, cell_m, z_step_m, z_base_m, z_range, z_shift }
+    let PackedNode { cell_m, z_step_m, z_base_m, z_range, below, z_shift, .. } = node;
+    Placed { pages: pages.to_vec(), slot, cell_m, z_step_m, z_base_m, z_range, below, z_shift }
 }
 
 fn place_mesh(mut mesh: PackedMesh, pages: &[u32], upload: &mut impl Upload) -> PlacedMesh {

@@ -220,7 +220,8 @@ fn frame(tree: &Tree, view: &View, look: &Look) -> Frame {
 }
 
 fn node(id: TileId, placed: &Placed, tree: &Tree, eye: DVec3) -> Node {
-    let mut node = Node {
+    let planes = std::array::from_fn(|plane| placed.pages.get(plane).copied().unwrap_or_default());
+    Node {
         corner: corner(id, placed, tree, eye),
         // The manifest's side, so that neighbours meet to the last bit.
         cell_m: tree.manifest().cell_m_at(id.level()) as f32,
@@ -228,13 +229,10 @@ fn node(id: TileId, placed: &Placed, tree: &Tree, eye: DVec3) -> Node {
         z_lo: placed.z_range[0],
         z_hi: placed.z_range[1],
         slot_and_shift: Node::slot_and_shift(placed.slot, placed.z_shift),
+        pages: Node::pages_and_quarters(planes, placed.below),
         level: u32::from(id.level()),
         ..Node::zeroed()
-    };
-    for (plane, page) in node.pages.iter_mut().zip(&placed.pages) {
-        *plane = *page;
     }
-    node
 }
 
 /// South-west corner of a square at height code 0 of a tile, from `eye`.

@@ -95,19 +95,19 @@ pub(super) fn column(
     gathered: &mut Gathered,
 ) {
     let i = cell.y as usize * NODE_CELLS + cell.x as usize;
-    let walk = word(scene, gathered, ray.node.pages[0], i);
+    let walk = word(scene, gathered, ray.node.page(0), i);
     let flags = (walk >> 24) as u8;
     let z = |t: f32| ray.o.z + ray.d.z * t;
     if !may_hit(walk, [z(ta).min(z(te)), z(ta).max(z(te))], quad_top) {
         return;
     }
     let centre = cell.as_vec2() + 0.5;
-    let attributes = word(scene, gathered, ray.node.pages[2], i);
+    let attributes = word(scene, gathered, ray.node.page(2), i);
     let mut slope = Vec2::ZERO;
     if flags & flag::INCLINED != 0 {
         slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift()));
     }
-    let strip = if flags & flag::EXPOSED != 0 { word(scene, gathered, ray.node.pages[3], i) as usize } else { 0 };
+    let strip = if flags & flag::EXPOSED != 0 { word(scene, gathered, ray.node.page(3), i) as usize } else { 0 };
     let bounds = bounds_of(scene, walk, strip, gathered);
     let [z_max, z_min] = bounds;
     let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
@@ -253,7 +253,7 @@ fn hit_solid(
             normal = face_normal(ray, cell);
         }
     } else if solid == Solid::Upper && span.face == Face::Top {
-        texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
+        texel = word(scene, gathered, ray.node.page(1), i) | 3 << 24;
         normal = roof_normal;
     } else if flags & flag::EXPOSED != 0 {
         rows = true;
@@ -262,7 +262,7 @@ fn hit_solid(
     {
         (texel, normal) = wall;
     } else {
-        texel = word(scene, gathered, ray.node.pages[1], i) | 3 << 24;
+        texel = word(scene, gathered, ray.node.page(1), i) | 3 << 24;
         normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
         if normal.dot(ray.leg.dir) >= 0.0 {
             normal = face_normal(ray, cell);
@@ -309,12 +309,12 @@ fn beside(
         return None;
     }
     let i = before.y as usize * NODE_CELLS + before.x as usize;
-    let walk = word(scene, gathered, ray.node.pages[0], i);
+    let walk = word(scene, gathered, ray.node.page(0), i);
     let (flags, z) = ((walk >> 24) as u8, ray.o.z + ray.d.z * t);
     if flags & flag::EXPOSED == 0 {
         return None;
     }
-    let strip = word(scene, gathered, ray.node.pages[3], i) as usize;
+    let strip = word(scene, gathered, ray.node.page(3), i) as usize;
     let [z_max, z_min] = bounds_of(scene, walk, strip, gathered);
     if z < z_min || z >= z_max {
         return None;
@@ -323,7 +323,7 @@ fn beside(
     let row = ((z / codes).floor() - (z_min / codes).floor()) as usize;
     let strip = strip + head_words(flags);
     let texel = word(scene, gathered, 0, strip + row);
-    let attributes = word(scene, gathered, ray.node.pages[2], i);
+    let attributes = word(scene, gathered, ray.node.page(2), i);
     (texel >> 24 & 3 != 0).then(|| (texel | 3 << 24, wall_normal(ray, cell, attributes >> 16 & 255)))
 }
 

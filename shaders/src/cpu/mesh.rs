@@ -305,7 +305,7 @@ fn open_sky(scene: &SceneRef<'_>, node: &Node, p: Vec3, normal: Vec3, gathered: 
 /// Share of the sky that a column sees at height `z`, and how much it tells: nothing of what is far above or below.
 fn column_sky(scene: &SceneRef<'_>, node: &Node, cell: IVec2, z: f32, upwards: f32, gathered: &mut Gathered) -> Vec2 {
     let i = cell.y as u32 * NODE_CELLS as u32 + cell.x as u32;
-    let page = |plane: usize| node.pages[plane] * crate::layout::PAGE_WORDS as u32;
+    let page = |plane: usize| node.page(plane) * crate::layout::PAGE_WORDS as u32;
     let walk = mesh_word(scene, gathered, page(0) + i);
     let flags = (walk >> 24) as u8;
     let exposed = flags & flag::EXPOSED != 0;

@@ -363,7 +363,6 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
         walk_mesh(scene, node, index, leg, gathered);
         return;
     }
-    gathered.counts.nodes += 1;
     let scale = Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m);
     let o = (leg.from - Vec3::from(node.corner)) * scale;
     let d_xy = nonzero(leg.dir.xy() * scale.xy());
@@ -373,9 +372,12 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
     let b = (node.z_hi + 1.0 - o.z) / dz;
     let t_end = t_out.min(a.max(b));
     let mut t = t_in.max(a.min(b));
-    if t > t_end {
+    let z = |t: f32| o.z + dz * t;
+    let highest = highest_on(node, o.xy() + d_xy * t, o.xy() + d_xy * t_end);
+    if t > t_end || z(t).min(z(t_end)) > highest {
         return;
     }
+    gathered.counts.nodes += 1;
     let ray = NodeRay { node, index, leg: *leg, o, d: d_xy.extend(dz), inv: 1.0 / d_xy };
     let ahead = ahead(d_xy);
     let step = (ahead * 2.0 - 1.0).as_ivec2();
@@ -410,6 +412,16 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
         }
         t = t_block;
     }
+}
+
+/// The highest point, and a little more, of the quarters of a node that a ray crosses between two places in it.
+fn highest_on(node: &Node, from: Vec2, to: Vec2) -> f32 {
+    let half = NODE_CELLS as f32 / 2.0;
+    let quarter = |p: Vec2| usize::from(p.x >= half) + 2 * usize::from(p.y >= half);
+    let (a, b) = (quarter(from), quarter(to));
+    // From a quarter to the opposite one the ray crosses a third.
+    let below = if a ^ b == 3 { 0 } else { node.quarter_below(a).min(node.quarter_below(b)) };
+    node.z_hi + 1.0 - below as f32 * (node.z_hi - node.z_lo) * (1.0 / 255.0)
 }
 
 /// Highest points of a block's quads of 2 x 2 cells, in height codes.

@@ -1,0 +1,96 @@
+//! What rays do not hit, and what comes into view.
+
+use super::*;
+
+#[test]
+fn what_is_hidden_is_neither_fetched_nor_drawn_finely() {
+    let view = view([1024.0, 10.0, 10.0], [1024.0, 1000.0, 10.0]);
+    let fetched = |tree: &Tree| tree.nodes().iter().filter(|n| n.tile.is_resident()).count();
+    let mut all = tree();
+    converge(&mut all, &view, 5);
+    // A wall: nothing is seen that is farther north than 200 m.
+    let near = |id: TileId| {
+        let side = SIDE_M / f64::from(1u32 << id.level());
+        f64::from(id.y()) * side < 200.0
+    };
+    let (mut few, mut sight) = (tree(), Sight::default());
+    let selection = converge_looking(&mut few, &mut sight, &view, near);
+    assert!(fetched(&few) * 2 < fetched(&all), "{} of {}", fetched(&few), fetched(&all));
+    assert!(selection.counters.hidden > 0 && sight.hits() > 0);
+    for item in &selection.cut {
+        let node = few.node(item.square);
+        let error_px =
+            error::error_px(node.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M);
+        // What is seen is as good as without occlusion; what is not is within its own bound.
+        if near(node.id) {
+            assert!(item.from == item.square && (error_px <= 1.0 || node.id.level() == DEPTH), "{}", node.id);
+        }
+    }
+    // The wall falls: all of it comes, and the picture is that of the frustum alone.
+    let selection = converge_looking(&mut few, &mut sight, &view, |_| true);
+    let mut whole = ids(&few, &selection);
+    whole.sort();
+    assert_eq!(whole, ids(&all, &select(&view, &all, &mut Scratch::default())));
+}
+
+#[test]
+fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
+    let mut tree = tree();
+    let (north, east) =
+        (view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]), view([1030.0, 1015.0, 20.0], [3000.0, 1015.0, 20.0]));
+    converge(&mut tree, &north, 5);
+    converge(&mut tree, &east, 5);
+    let mut sight = Sight::default();
+    converge_looking(&mut tree, &mut sight, &north, |id| id.y().is_multiple_of(8));
+    let selection = super::super::select(&north, &tree, &sight, &mut Scratch::default());
+    assert!(selection.counters.hidden > 0 && selection.wanted.is_empty());
+    let turned = super::super::select(&east, &tree, &sight, &mut Scratch::default());
+    assert_whole(&tree, &east, &turned, 0);
+    assert!(turned.wanted.is_empty(), "what nobody has seen yet is not fetched");
+    let frustum = select(&east, &tree, &mut Scratch::default());
+    let new = |selection: &Selection| {
+        let planes = north.planes();
+        let outside = |item: &&Item| {
+            let node = tree.node(item.square);
+            !cull::wholly_in_view(&planes, node.centre, node.half)
+        };
+        let mut ids: Vec<TileId> = selection.cut.iter().filter(outside).map(|item| tree.node(item.from).id).collect();
+        ids.sort();
+        ids
+    };
+    assert!(new(&frustum).len() > 10);
+    assert_eq!(new(&turned), new(&frustum));
+}
+
+/// Who turns a little sees what was seen as it was, though much of what comes into view is not here.
+#[test]
+fn what_was_seen_stays_as_fine_in_a_turn() {
+    let mut tree = tree();
+    let eye = [1030.0, 1015.0, 20.0];
+    let north = view(eye, [1030.0, 3000.0, 20.0]);
+    let mut sight = Sight::default();
+    let near = |id: TileId| {
+        let side = SIDE_M / f64::from(1u32 << id.level());
+        let (x, y) = (f64::from(id.x()) * side, f64::from(id.y()) * side);
+        x < 1060.0 && x + side > 1000.0 && y < 1300.0 && y + side > 1015.0
+    };
+    let before = converge_looking(&mut tree, &mut sight, &north, near);
+    let seen = before.cut.iter().filter(|item| near(tree.node(item.square).id)).map(|item| tree.node(item.from).id);
+    let seen: Vec<TileId> = seen.collect();
+    assert!(seen.iter().filter(|id| id.level() == DEPTH).count() >= 4, "{seen:?}");
+    let mut missing = 0;
+    for degrees in [-30.0, -10.0, -3.0, 3.0, 10.0, 30.0f64] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let turned = view(eye, [eye[0] + 1000.0 * sin, eye[1] + 1000.0 * cos, 20.0]);
+        let after = super::super::select(&turned, &tree, &sight, &mut Scratch::default());
+        assert_whole(&tree, &turned, &after, 0);
+        missing += after.wanted.len();
+        let planes = turned.planes();
+        for id in &seen {
+            let node = tree.node(tree.find(*id).unwrap());
+            let drawn = after.cut.iter().any(|item| tree.node(item.from).id == *id);
+            assert!(drawn || !cull::in_view(&planes, node.centre, node.half), "{id} after {degrees} degrees");
+        }
+    }
+    assert!(missing > 0, "something that is not here comes into view");
+}
