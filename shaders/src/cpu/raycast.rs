@@ -150,10 +150,15 @@ pub fn render(scene: &SceneRef<'_>) -> Pixels {
 
 /// What the picture's centre rays cost.
 pub fn count(scene: &SceneRef<'_>) -> Counts {
+    count_where(scene, |_| true)
+}
+
+/// The same of some pixels only, which are numbered row by row from the top.
+pub fn count_where(scene: &SceneRef<'_>, counts: impl Fn(usize) -> bool + Sync) -> Counts {
     let (width, height) = (scene.frame.width_px, scene.frame.height_px);
     let row = |y: u32| {
         let mut sum = Counts::default();
-        for x in 0..width {
+        for x in (0..width).filter(|x| counts((y * width + x) as usize)) {
             let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5);
             sum += trace(scene, dir, threshold_of([x, y], 1, 0)).1.counts;
         }

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use insula_bake::Silent;
 use insula_shaders::{
-    cpu::raycast::{Counts, count},
+    cpu::raycast::{Counts, count, count_where},
     gpu::Raycaster,
     layout::Shading,
 };
@@ -84,6 +84,9 @@ struct Row {
     steps_per_ray: f64,
     fetches_per_ray: f64,
     cells_per_ray: f64,
+    /// Over the pixels that the smallest city covers, which the larger ones cover with the same buildings.
+    common_steps_per_ray: f64,
+    common_fetches_per_ray: f64,
 }
 
 /// Every picture is drawn so often in a round, by whatever draws it.
@@ -146,6 +149,7 @@ fn view(
     let mut casters: Vec<Raycaster> = scenes.iter().map(|scene| gpu.raycaster(scene)).collect();
     let target = Target::new(&gpu.device, picture);
     let mut rows = Vec::new();
+    let mut common = Vec::new();
     for (i, scene) in scenes.iter().enumerate() {
         cast(gpu, &mut casters[i], scene)?;
         let pixels = casters[i].read_back(&gpu.device, &gpu.queue)?;
@@ -159,6 +163,11 @@ fn view(
             image.save(out.join(name))?;
         }
         let covered = pixels.distance.iter().filter(|d| d.is_finite()).count();
+        if i == 0 {
+            common = pixels.distance.iter().map(|d| d.is_finite()).collect();
+        }
+        let of_common = count_where(&scene.as_ref(), |pixel| common.get(pixel).copied().unwrap_or_default());
+        let per_common = |n: u64| n as f64 / of_common.rays as f64;
         let per_ray = |n: u64| n as f64 / counted.rays as f64;
         rows.push(Row {
             stand: stand.word(),
@@ -175,6 +184,8 @@ fn view(
             steps_per_ray: per_ray(counted.steps),
             fetches_per_ray: per_ray(counted.fetches),
             cells_per_ray: per_ray(counted.cells),
+            common_steps_per_ray: per_common(of_common.steps),
+            common_fetches_per_ray: per_common(of_common.fetches),
         });
     }
     for _ in 0..args.rounds {
@@ -272,9 +283,9 @@ fn print(row: &Row) {
 /// The largest city against the smallest, and against triangles.
 fn summary(rows: &[Row], sizes: &[u64]) {
     println!(
-        "\n| view | picture | device, largest / smallest | a covered pixel | cpu | fetches | steps | against triangles, by size |"
+        "\n| view | picture | device, largest / smallest | a covered pixel | cpu | fetches | steps | where the smallest covers: fetches | steps | against triangles, by size |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for rows in rows.chunks(sizes.len()) {
         let (Some(first), Some(last)) = (rows.first(), rows.last()) else { continue };
         let covered = first.covered_share / last.covered_share;
@@ -284,13 +295,15 @@ fn summary(rows: &[Row], sizes: &[u64]) {
             .collect();
         let cpu = first.cpu_ms.zip(last.cpu_ms).map_or("-".into(), |(a, b)| format!("{:.2}", b / a));
         println!(
-            "| {} | {} | {:.2} | {:.2} | {cpu} | {:.2} | {:+.2} | {} |",
+            "| {} | {} | {:.2} | {:.2} | {cpu} | {:.2} | {:+.2} | {:.2} | {:+.2} | {} |",
             first.stand,
             first.picture,
             last.gpu_ms / first.gpu_ms,
             last.gpu_ms / first.gpu_ms * covered,
             last.fetches_per_ray / first.fetches_per_ray,
             last.steps_per_ray - first.steps_per_ray,
+            last.common_fetches_per_ray / first.common_fetches_per_ray,
+            last.common_steps_per_ray - first.common_steps_per_ray,
             against.join(", "),
         );
     }
