@@ -133,10 +133,14 @@ impl Baked {
         let manifest = self.manifest();
         let mut cut = Cut::new(Place { origin: manifest.origin, root_side_m: manifest.root_side_m });
         for id in ids {
-            let bytes = self.store.tile(Layer::BlockMaps, *id)?.with_context(|| format!("no tile {id}"))?;
-            let map = BlockMap::decode(*id, &bytes).with_context(|| format!("tile {id}"))?;
-            cut.add(&map);
+            cut.add(&self.map(*id)?);
         }
         Ok(cut)
+    }
+
+    /// A node's tile.
+    pub fn map(&self, id: TileId) -> Result<BlockMap> {
+        let bytes = self.store.tile(Layer::BlockMaps, id)?.with_context(|| format!("no tile {id}"))?;
+        BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))
     }
 }

@@ -16,7 +16,10 @@ use insula_client::{
 };
 use insula_protocol::{TileId, mesh_tile, route::Layer};
 use insula_shaders::mesh::PackedMesh;
-use std::ops::Range;
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    ops::Range,
+};
 
 impl Baked {
     /// Levels of detail of a leaf's mesh; 0 if it has none.
@@ -59,13 +62,22 @@ impl Baked {
         }
     }
 
-    /// These nodes; `lod` says which of them are drawn as meshes.
+    /// These nodes; `lod` says which of them are drawn as meshes, whose sky the columns tell that the client lets tell.
     pub fn cut_with_meshes(&self, ids: &[TileId], lod: impl Fn(TileId) -> Option<u8>) -> Result<Cut> {
-        let mut cut = self.cut(ids)?;
+        let mut cut = self.cut(&[])?;
+        let mut told = HashMap::new();
         for id in ids {
-            if let Some(lod) = lod(*id).filter(|_| self.lods(*id) > 0) {
-                cut.add_mesh(*id, self.mesh(*id, lod.min(self.lods(*id) - 1))?);
-            }
+            let Some(lod) = lod(*id).filter(|_| self.lods(*id) > 0) else {
+                cut.add(&self.map(*id)?);
+                continue;
+            };
+            let by = id.ancestor(id.level().saturating_sub(2)).context("no such level")?;
+            let map = match told.entry(by) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(new) => new.insert(self.map(by)?),
+            };
+            cut.add_in(*id, map);
+            cut.add_mesh(*id, self.mesh(*id, lod.min(self.lods(*id) - 1))?);
         }
         Ok(cut)
     }

@@ -77,6 +77,13 @@ pub(super) fn drawn(visit: &Visit, view: &View, tree: &Tree) -> Option<(u8, f64)
     Some((lod as u8, error_px(node, &node.lods[lod], view)))
 }
 
+/// Whose columns tell how much sky the mesh of a leaf sees: those of the nearest node above it that no way to it passes over,
+/// be the leaf's own here or not, so that a picture does not depend on how it was come to. None if that is not here.
+pub(super) fn told_by(leaf: NodeIndex, tree: &Tree) -> Option<NodeIndex> {
+    let mut above = std::iter::successors(tree.node(leaf).parent, |at| tree.node(*at).parent);
+    above.find(|at| !super::is_step(tree.node(*at), tree)).filter(|at| tree.node(*at).tile.is_resident())
+}
+
 /// Counts what is drawn, and keeps what was asked for.
 pub(super) fn count(visit: &Visit, drawn: Option<u8>, tree: &Tree, selection: &mut Selection) {
     let node = tree.node(visit.at);

@@ -46,8 +46,8 @@ pub struct Item {
     pub square: NodeIndex,
     /// Whose tile is drawn there: its own, or an ancestor's. Resident.
     pub from: NodeIndex,
-    /// Which level of detail of the square's mesh is drawn in place of that tile, which tells how much sky is seen. Resident,
-    /// too.
+    /// Which level of detail of the square's mesh is drawn in place of that tile, which tells how much sky is seen
+    /// ([`meshes::told_by`]). Resident, too.
     pub mesh: Option<u8>,
 }
 
@@ -283,8 +283,7 @@ impl Visitor<'_> {
     /// Whether a node that is refined is not fetched for its own sake: those of every second level, from the leaves' parents up,
     /// are only steps on the way. From its parent's part, rays tell which of its children are seen. Not while nobody tells.
     fn is_passed_over(&self, node: &TreeNode) -> bool {
-        let second = (self.tree.manifest().depth ^ node.id.level()) & 1 == 1;
-        second && node.parent.is_some() && self.sight.is_fed() && !meshes::is_under_way(node.tile)
+        is_step(node, self.tree) && self.sight.is_fed() && !meshes::is_under_way(node.tile)
     }
 
     /// Whether a node can be drawn without its parent: from its own tile, or from its mesh or its children's.
@@ -414,6 +413,7 @@ fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selectio
                 let mesh = meshes::drawn(visit, view, tree);
                 let error_px = mesh.map_or(error_px, |(_, error_px)| error_px);
                 let mesh = mesh.map(|(lod, _)| lod);
+                let from = mesh.and_then(|_| meshes::told_by(visit.at, tree)).unwrap_or(from);
                 selection.cut.push(Item { square: visit.at, from, mesh });
                 meshes::count(visit, mesh, tree, selection);
                 selection.meshed.extend(visit.mesh.map(|_| visit.at));
@@ -431,6 +431,11 @@ fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selectio
         stack.extend(children.clone().map(|c| (c, cover)));
     }
     selection.counters.drawn = selection.cut.len() as u32;
+}
+
+/// Whether a node is of a level that may be passed over.
+fn is_step(node: &TreeNode, tree: &Tree) -> bool {
+    node.parent.is_some() && (tree.manifest().depth ^ node.id.level()) & 1 == 1
 }
 
 /// What a node's own tile covers its square with.

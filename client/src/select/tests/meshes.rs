@@ -66,6 +66,19 @@ fn seen_leaves_go_without_columns() {
         meshes += u32::from(mesh);
     }
     assert!(meshes > 5 && selection.counters.meshes == meshes, "{meshes}");
+    // The same columns tell of their sky, whatever else comes.
+    let mut full = tree.clone();
+    let missing: Vec<Key> =
+        full.nodes().iter().filter(|n| !n.tile.is_resident()).map(|n| Key::block_map(n.id)).collect();
+    missing.into_iter().for_each(|key| load(&mut full, key));
+    let of_meshes = |tree: &Tree, selection: &Selection| {
+        let meshes = selection.cut.iter().filter(|item| item.mesh.is_some());
+        meshes.map(|item| [item.square, item.from].map(|at| tree.node(at).id)).collect::<HashSet<_>>()
+    };
+    let told = of_meshes(&tree, &selection);
+    assert!(told.iter().all(|[leaf, by]| leaf.ancestor(DEPTH - 2) == Some(*by)), "{told:?}");
+    let after = crate::select::select(&near, &full, &sight, &mut Scratch::default());
+    assert!(told.is_subset(&of_meshes(&full, &after)));
     // Their parents are passed over, but for those that were wanted before anybody saw what is in them.
     let meshed = selection.meshed.iter().filter_map(|at| tree.node(*at).parent);
     let passed_over = meshed.filter(|at| !tree.node(*at).tile.is_resident()).count() as u32;
