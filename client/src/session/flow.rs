@@ -42,8 +42,7 @@ const ORPHANS: usize = 16;
 const BUDGET_SHARE: f64 = 0.85;
 /// What is over so many times tau is asked for whether it is seen or not.
 const UNSEEN_TIMES_TAU: f64 = 4.0;
-/// The same until the first picture has told what is seen; after so many turns nobody will.
-const BLIND_TIMES_TAU: f64 = HIDDEN_TIMES_TAU;
+/// Turns in which the first picture may tell what is seen; after them nobody will.
 const BLIND_TURNS: u32 = 8;
 /// Where tiles come faster than pictures, what weighs less than so much of what weighs most waits: rays may tell that it is
 /// hidden.
@@ -171,7 +170,7 @@ impl Flow {
         self.select(shot, now);
         if self.is_blind() && self.blind_turns < BLIND_TURNS {
             self.blind_turns += u32::from(!self.selection.cut.is_empty());
-            let wanted = self.coarse(BLIND_TIMES_TAU * shot.tau_px, 0);
+            let wanted = self.first(shot.tau_px);
             self.stream.request(&mut self.tree, &wanted, now);
         } else {
             let wanted = self.wave(self.selection.wanted.clone(), now);
@@ -199,6 +198,14 @@ impl Flow {
     /// Whether no picture has told yet what is seen.
     fn is_blind(&self) -> bool {
         !self.sight.is_fed()
+    }
+
+    /// What is wanted before a picture has told what is seen: the root, which shows where that is, what tells of near squares, so
+    /// that rays tell them apart, and what is under way.
+    fn first(&self, tau_px: f64) -> Vec<Wanted> {
+        let tells = |w: &Wanted| w.key.layer() == Layer::Subtrees && w.weight > HIDDEN_TIMES_TAU * tau_px;
+        let is_first = |w: &&Wanted| w.key == Key::block_map(TileId::ROOT) || tells(w) || self.is_loading(w.key);
+        self.selection.wanted.iter().filter(is_first).copied().collect()
     }
 
     /// What is wanted and wrong by more than `most_px`, or under way, and `more` of the rest.
@@ -255,9 +262,9 @@ impl Flow {
     /// rings the stream's bell, or it takes a moment.
     pub(super) fn go_on(&mut self, is_over: impl Fn() -> bool) {
         let bell = self.stream.bell();
-        // What is being drawn will tell what is hidden: before the first picture, only what is coarse is asked for whether it
-        // is seen or not, and then no more of the rest than lately was seen, nearest first.
-        let mut fine = if self.is_blind() { 0 } else { FINE_TIMES_WINDOW * self.stream.window() };
+        // What is being drawn will tell what is hidden: only what is coarse is asked for whether it is seen or not, and no more
+        // of the rest than lately was seen, nearest first.
+        let mut fine = FINE_TIMES_WINDOW * self.stream.window();
         while let Some(shot) = self.shot
             && !is_over()
         {
@@ -267,8 +274,10 @@ impl Flow {
             if self.collect(now) {
                 self.select(&shot, now);
             }
-            let times = if self.is_blind() { BLIND_TIMES_TAU } else { UNSEEN_TIMES_TAU };
-            let wanted = self.wave(self.coarse(times * shot.tau_px, fine), now);
+            let wanted = match self.is_blind() {
+                true => self.first(shot.tau_px),
+                false => self.wave(self.coarse(UNSEEN_TIMES_TAU * shot.tau_px, fine), now),
+            };
             fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
         }
     }

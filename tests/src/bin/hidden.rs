@@ -11,6 +11,8 @@ use insula_client::{
     commands::snapshot::settle,
     render::Look,
     report::pictures_apart,
+    scene::Key,
+    select::Item,
     session::{Session, Shot},
 };
 use insula_protocol::TileId;
@@ -68,6 +70,10 @@ struct Cost {
     bytes: u64,
     requests: u64,
     secs: f64,
+    /// Bytes of the tiles that rays hit, of those above them, and of the others.
+    seen_bytes: u64,
+    above_bytes: u64,
+    occluded_bytes: u64,
 }
 
 #[derive(Debug, Clone, Copy, Default, Serialize)]
@@ -127,6 +133,16 @@ fn main() -> Result<()> {
             row.wrong_share * 100.0,
             row.holes_share * 100.0,
         );
+        println!(
+            "      of the tiles: {} KiB are seen, {} lie above those, {} are occluded = {:.1} % of what is seen (frustum alone: {}, {}, {})",
+            o.seen_bytes >> 10,
+            o.above_bytes >> 10,
+            o.occluded_bytes >> 10,
+            o.occluded_bytes as f64 / o.seen_bytes.max(1) as f64 * 100.0,
+            f.seen_bytes >> 10,
+            f.above_bytes >> 10,
+            f.occluded_bytes >> 10,
+        );
         for t in &row.turns {
             println!(
                 "      turned by {:4}: wrong {:.4} %, city in one only {:.4} %; with nothing new fetched: {:.3} %, {:.4} %",
@@ -165,13 +181,41 @@ fn shot(args: &Args, camera: &Camera) -> Shot {
 }
 
 /// Draws without telling the session what was hit.
-fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, Vec<TileId>)> {
+fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, Vec<Item>)> {
     let data = session.frame_data(shot, &Look::default());
-    let from: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
-    Ok((session.adapter_mut().draw(&data)?, from))
+    let cut = session.selection().cut.clone();
+    Ok((session.adapter_mut().draw(&data)?, cut))
 }
 
-fn cost(session: &Session, pixels: &Pixels, from: &[TileId], secs: f64) -> Cost {
+/// Bytes of the tiles that the rays of a picture of `cut` hit, of those above them, and of the others that are here.
+fn bytes(session: &Session, pixels: &Pixels, cut: &[Item]) -> [u64; 3] {
+    let tree = session.tree();
+    let hit: HashSet<u32> = pixels.hit.iter().copied().collect();
+    let (mut seen, mut above) = (HashSet::new(), HashSet::new());
+    for item in cut.iter().enumerate().filter(|(i, _)| hit.contains(&(*i as u32))).map(|(_, item)| item) {
+        let id = tree.node(item.square).id;
+        seen.insert(item.mesh.map_or(Key::block_map(tree.node(item.from).id), |lod| Key::mesh(id, lod)));
+        above.extend((0..id.level()).filter_map(|level| id.ancestor(level)).map(Key::block_map));
+    }
+    let mut sums = [0; 3];
+    let mut add = |key: Key, bytes: u32| {
+        let of = if seen.contains(&key) { 0 } else { 2 - usize::from(above.contains(&key)) };
+        sums[of] += u64::from(bytes);
+    };
+    for node in tree.nodes() {
+        if node.tile.is_resident() {
+            add(Key::block_map(node.id), node.bytes);
+        }
+        for (lod, mesh) in (0..).zip(&node.lods).filter(|(_, mesh)| mesh.tile.is_resident()) {
+            add(Key::mesh(node.id, lod), mesh.bytes);
+        }
+    }
+    sums
+}
+
+fn cost(session: &Session, pixels: &Pixels, cut: &[Item], secs: f64) -> Cost {
+    let from: Vec<TileId> = cut.iter().map(|item| session.tree().node(item.from).id).collect();
+    let [seen_bytes, above_bytes, occluded_bytes] = bytes(session, pixels, cut);
     let fetched: HashSet<TileId> =
         session.tree().nodes().iter().filter(|node| node.tile.is_resident()).map(|node| node.id).collect();
     let drawn: HashSet<TileId> = from.iter().copied().collect();
@@ -186,6 +230,9 @@ fn cost(session: &Session, pixels: &Pixels, from: &[TileId], secs: f64) -> Cost 
         bytes: report.bytes_fetched,
         requests: report.requests,
         secs,
+        seen_bytes,
+        above_bytes,
+        occluded_bytes,
     }
 }
 
@@ -195,15 +242,15 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
     let begin = Instant::now();
     fetch_all(&mut all, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
-    let (truth, from) = picture(&mut all, &ahead)?;
-    let frustum = cost(&all, &truth, &from, secs);
+    let (truth, cut) = picture(&mut all, &ahead)?;
+    let frustum = cost(&all, &truth, &cut, secs);
 
     let mut few = open(city, CACHE_MIB)?;
     let begin = Instant::now();
     settle(&mut few, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
-    let (seen, from) = picture(&mut few, &ahead)?;
-    let occlusion = cost(&few, &seen, &from, secs);
+    let (seen, cut) = picture(&mut few, &ahead)?;
+    let occlusion = cost(&few, &seen, &cut, secs);
     let apart = pictures_apart(&seen, &truth);
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
