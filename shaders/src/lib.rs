@@ -19,6 +19,8 @@ pub mod pack;
 pub const RAYCAST_WGSL: &str = concat!(
     include_str!("../wgsl/raycast.wgsl"),
     "\n",
+    include_str!("../wgsl/node.wgsl"),
+    "\n",
     include_str!("../wgsl/column.wgsl"),
     "\n",
     include_str!("../wgsl/mesh.wgsl"),
