@@ -195,13 +195,14 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2], [u8; 4]) {
     }
     let low = bounds.iter().map(|b| b[0]).min().unwrap_or(0);
     let high = bounds.iter().map(|b| b[1]).max().unwrap_or(0);
-    let below = std::array::from_fn(|quarter| {
-        let blocks = NODE_CELLS / block_cells;
-        let is_in = |at: usize| at % blocks / (blocks / 2) + at / blocks / (blocks / 2) * 2 == quarter;
-        let top = (0..BLOCKS).filter(|at| is_in(*at)).map(|at| bounds[at][1]).max().unwrap_or(high).max(low);
-        // Rounded down: a quarter is never higher than its byte says.
-        ((high.max(low) - top) * 255 / (high.max(low) - low).max(1)) as u8
-    });
+    let mut tops = [low; 4];
+    for (at, [_, top]) in bounds.iter().enumerate() {
+        let half = NODE_CELLS / block_cells / 2;
+        let quarter = at / half % 2 + at / (BLOCKS / 2) * 2;
+        tops[quarter] = tops[quarter].max(*top);
+    }
+    // Rounded down: a quarter is never higher than its byte says.
+    let below = tops.map(|top| ((high.max(low) - top) * 255 / (high.max(low) - low).max(1)) as u8);
     let mut summary = [0; SUMMARY_WORDS];
     for (block, [low, high]) in bounds.into_iter().enumerate() {
         let words = &mut summary[block * 4..][..4];

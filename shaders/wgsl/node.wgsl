@@ -44,4 +44,3 @@ fn quarter_below(pages: vec4<u32>, far: vec2<bool>) -> u32 {
     let row = select(pages.xy, pages.zw, far.y);
     return select(row.x, row.y, far.x) >> QUARTER_SHIFT;
 }
-

@@ -286,7 +286,7 @@ impl Visitor<'_> {
         is_step(node, self.tree) && self.sight.is_fed() && !meshes::is_under_way(node.tile)
     }
 
-    /// Whether a node can be drawn without its parent: from its own tile, or from its mesh or its children's.
+    /// Whether anything of a node can be drawn without its parent: from its own tile, or from its mesh or its children's.
     fn is_here(&self, at: NodeIndex) -> bool {
         let resident = |at: NodeIndex| meshes::is_here(self.tree.node(at));
         let node = self.tree.node(at);
@@ -295,11 +295,11 @@ impl Visitor<'_> {
             cull::in_view(&self.planes, node.centre, node.half)
         };
         let known = node.children.iter().flatten().count() as u32 == u32::from(node.child_mask).count_ones();
-        let parts = || node.children.into_iter().flatten().filter(in_view).all(resident);
+        let parts = || node.children.into_iter().flatten().filter(in_view).any(resident);
         resident(at) || node.child_mask != 0 && known && parts()
     }
 
-    /// A node that is good enough but not here is drawn from its children, if they are: the camera moves away.
+    /// A node that is good enough but not here is drawn from those of its children that are: the camera moves away.
     fn stand_in(&self, visit: u32, scratch: &mut Scratch, selection: &mut Selection) {
         let Visit { at, sighted, .. } = scratch.visits[visit as usize];
         let node = self.tree.node(at);

@@ -187,52 +187,42 @@ fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, Vec<Item>)> {
     Ok((session.adapter_mut().draw(&data)?, cut))
 }
 
-/// Bytes of the tiles that the rays of a picture of `cut` hit, of those above them, and of the others that are here.
-fn bytes(session: &Session, pixels: &Pixels, cut: &[Item]) -> [u64; 3] {
-    let tree = session.tree();
-    let hit: HashSet<u32> = pixels.hit.iter().copied().collect();
-    let (mut seen, mut above) = (HashSet::new(), HashSet::new());
-    for item in cut.iter().enumerate().filter(|(i, _)| hit.contains(&(*i as u32))).map(|(_, item)| item) {
-        let id = tree.node(item.square).id;
-        seen.insert(item.mesh.map_or(Key::block_map(tree.node(item.from).id), |lod| Key::mesh(id, lod)));
-        above.extend((0..id.level()).filter_map(|level| id.ancestor(level)).map(Key::block_map));
-    }
-    let mut sums = [0; 3];
-    let mut add = |key: Key, bytes: u32| {
-        let of = if seen.contains(&key) { 0 } else { 2 - usize::from(above.contains(&key)) };
-        sums[of] += u64::from(bytes);
-    };
-    for node in tree.nodes() {
-        if node.tile.is_resident() {
-            add(Key::block_map(node.id), node.bytes);
-        }
-        for (lod, mesh) in (0..).zip(&node.lods).filter(|(_, mesh)| mesh.tile.is_resident()) {
-            add(Key::mesh(node.id, lod), mesh.bytes);
-        }
-    }
-    sums
-}
-
 fn cost(session: &Session, pixels: &Pixels, cut: &[Item], secs: f64) -> Cost {
-    let from: Vec<TileId> = cut.iter().map(|item| session.tree().node(item.from).id).collect();
-    let [seen_bytes, above_bytes, occluded_bytes] = bytes(session, pixels, cut);
-    let fetched: HashSet<TileId> =
-        session.tree().nodes().iter().filter(|node| node.tile.is_resident()).map(|node| node.id).collect();
-    let drawn: HashSet<TileId> = from.iter().copied().collect();
-    let hit: HashSet<TileId> = pixels.hit.iter().filter_map(|at| from.get(*at as usize).copied()).collect();
-    let all: HashSet<TileId> = fetched.union(&drawn).copied().collect();
+    let tree = session.tree();
+    let key = |item: &Item| match item.mesh {
+        Some(lod) => Key::mesh(tree.node(item.square).id, lod),
+        None => Key::block_map(tree.node(item.from).id),
+    };
+    let hits: HashSet<u32> = pixels.hit.iter().copied().collect();
+    let hit: Vec<&Item> = (0..).zip(cut).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
+    let seen: HashSet<Key> = hit.iter().map(|item| key(item)).collect();
+    let ids = hit.iter().map(|item| tree.node(item.square).id);
+    let above: HashSet<TileId> =
+        ids.flat_map(|id| (0..id.level()).filter_map(move |level| id.ancestor(level))).collect();
+    let drawn: HashSet<Key> = cut.iter().map(key).collect();
+    let mut fetched = Vec::new();
+    for node in tree.nodes() {
+        fetched.extend(node.tile.is_resident().then_some((Key::block_map(node.id), node.bytes)));
+        let meshes = (0..).zip(&node.lods).filter(|(_, mesh)| mesh.tile.is_resident());
+        fetched.extend(meshes.map(|(lod, mesh)| (Key::mesh(node.id, lod), mesh.bytes)));
+    }
+    let bytes = |is: &dyn Fn(&Key) -> bool| {
+        fetched.iter().filter(|(key, _)| is(key)).map(|(_, bytes)| u64::from(*bytes)).sum::<u64>()
+    };
+    let is_above = |key: &Key| !seen.contains(key) && *key == Key::block_map(key.id) && above.contains(&key.id);
+    let share = |unhit: usize, all: usize| unhit as f64 / all.max(1) as f64;
     let report = session.report(1.0);
     Cost {
         drawn: drawn.len(),
         fetched: fetched.len(),
-        unhit_share: all.difference(&hit).count() as f64 / all.len().max(1) as f64,
-        drawn_unhit_share: drawn.difference(&hit).count() as f64 / drawn.len().max(1) as f64,
+        unhit_share: share(fetched.iter().filter(|(key, _)| !seen.contains(key)).count(), fetched.len()),
+        drawn_unhit_share: share(drawn.difference(&seen).count(), drawn.len()),
         bytes: report.bytes_fetched,
         requests: report.requests,
         secs,
-        seen_bytes,
-        above_bytes,
-        occluded_bytes,
+        seen_bytes: bytes(&|key| seen.contains(key)),
+        above_bytes: bytes(&is_above),
+        occluded_bytes: bytes(&|key| !seen.contains(key) && !is_above(key)),
     }
 }
 

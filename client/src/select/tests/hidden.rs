@@ -86,11 +86,47 @@ fn what_was_seen_stays_as_fine_in_a_turn() {
         assert_whole(&tree, &turned, &after, 0);
         missing += after.wanted.len();
         let planes = turned.planes();
-        for id in &seen {
-            let node = tree.node(tree.find(*id).unwrap());
-            let drawn = after.cut.iter().any(|item| tree.node(item.from).id == *id);
-            assert!(drawn || !cull::in_view(&planes, node.centre, node.half), "{id} after {degrees} degrees");
+        for node in seen.iter().filter_map(|id| tree.find(*id)).map(|at| tree.node(at)) {
+            let drawn = after.cut.iter().any(|item| tree.node(item.from).id == node.id);
+            assert!(drawn || !cull::in_view(&planes, node.centre, node.half), "{} after {degrees} degrees", node.id);
         }
     }
     assert!(missing > 0, "something that is not here comes into view");
+}
+
+/// Who steps back until a coarser level would do sees what is here of the finer one until that is: a part of it, too.
+#[test]
+fn what_was_seen_stays_as_fine_until_the_coarser_is_here() {
+    let mut tree = tree();
+    let near = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
+    let mut sight = Sight::default();
+    // Of each four, one.
+    let hit = |id: TileId| id.level() < DEPTH || id.quadrant() == 0;
+    load(&mut tree, Key::block_map(TileId::ROOT));
+    look(&mut sight, &tree, &near, &select(&near, &tree, &mut Scratch::default()), 0, hit);
+    let before = converge_looking(&mut tree, &mut sight, &near, hit);
+    let leaves: Vec<Item> =
+        before.cut.iter().filter(|item| tree.node(item.from).id.level() == DEPTH).copied().collect();
+    assert!(leaves.len() > 5, "{}", leaves.len());
+    let px = |node: &TreeNode| {
+        error::error_px(node.error_m, node.centre, node.radius_m, near.camera.position, near.focal_px(), NEAR_M)
+    };
+    let mut waited = 0;
+    for tau_px in [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0] {
+        let back = View { tau_px, ..near };
+        let after = super::super::select(&back, &tree, &sight, &mut Scratch::default());
+        assert_whole(&tree, &back, &after, 0);
+        // Their parents would do and are not here; what is above those would not do.
+        let waits = |item: &&Item| {
+            let mut above = std::iter::successors(tree.node(item.square).parent, |at| tree.node(*at).parent);
+            let parent = above.next().map(|at| tree.node(at));
+            parent.is_some_and(|parent| px(parent) <= tau_px && !parent.tile.is_resident())
+                && above.next().is_some_and(|at| px(tree.node(at)) > tau_px)
+        };
+        for item in leaves.iter().filter(waits) {
+            assert!(after.cut.contains(item), "{} at {tau_px}", tree.node(item.square).id);
+            waited += 1;
+        }
+    }
+    assert!(waited > 5, "{waited}");
 }
