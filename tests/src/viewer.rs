@@ -10,6 +10,7 @@ use insula_client::{
     render::{AdapterChoice, Look},
     scene::tile::TileState,
     session::{Session, Shot},
+    stream::{fetch::Http, link::Link},
 };
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
@@ -25,7 +26,12 @@ const FRAME: Duration = Duration::from_millis(5);
 
 /// A session over a city at any place, which draws with the CPU.
 pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
-    Ok(start(&place.display().to_string(), &global(cache_mib), None, None)?)
+    open_over(None, place, cache_mib)
+}
+
+/// The same over a simulated link.
+pub fn open_over(link: Option<Link>, place: &Path, cache_mib: u32) -> Result<Session> {
+    Ok(start(&place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
 }
 
 /// Fetches all that is in the frustum, seen or not: nothing is drawn.

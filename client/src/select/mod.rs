@@ -239,13 +239,16 @@ impl Visitor<'_> {
                 continue;
             }
             // Nearly as wrong as what may never be seen: its children are asked for even if nobody sees them.
-            let times = match sighted {
-                // Nothing will come into view.
-                Sighted::Hidden if self.sight.stands() => f64::INFINITY,
-                Sighted::Hidden => HIDDEN_TIMES_TAU,
-                _ => UNKNOWN_TIMES_TAU,
+            let is_coarse = |sighted: Sighted| {
+                let times = match sighted {
+                    // Nothing will come into view.
+                    Sighted::Hidden if self.sight.stands() => f64::INFINITY,
+                    Sighted::Hidden => HIDDEN_TIMES_TAU,
+                    _ => UNKNOWN_TIMES_TAU,
+                };
+                error_px > self.view.tau_px * times
             };
-            let coarse = error_px > self.view.tau_px * times;
+            let coarse = is_coarse(sighted);
             if sighted == Sighted::Hidden && !coarse {
                 continue;
             }
@@ -256,7 +259,7 @@ impl Visitor<'_> {
                 continue;
             }
             let asked = |at: NodeIndex, sighted: Sighted| {
-                sighted == Sighted::Seen || coarse && !self.goes_without_columns(self.tree.node(at))
+                sighted == Sighted::Seen || is_coarse(sighted) && !self.goes_without_columns(self.tree.node(at))
             };
             let (nodes, pages) = self.cost(&children, asked);
             let counters = &selection.counters;
@@ -266,7 +269,7 @@ impl Visitor<'_> {
             }
             let first = scratch.visits.len() as u32;
             for (child, sighted) in children.into_iter().flatten() {
-                self.push(child, (sighted, asked(child, sighted), coarse), scratch, selection);
+                self.push(child, (sighted, asked(child, sighted), is_coarse(sighted)), scratch, selection);
             }
             let end = scratch.visits.len() as u32;
             let refined = &mut scratch.visits[visit as usize];

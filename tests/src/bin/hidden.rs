@@ -14,12 +14,13 @@ use insula_client::{
     scene::Key,
     select::Item,
     session::{Session, Shot},
+    stream::link::Link,
 };
 use insula_protocol::TileId;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
     synth::Stand,
-    viewer::{fetch_all, open},
+    viewer::{fetch_all, open, open_over},
 };
 use serde::Serialize;
 use std::{
@@ -49,6 +50,12 @@ struct Args {
     /// Tolerated error in pixels.
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
+    /// Simulated network of the client that looks: megabits a second.
+    #[arg(long)]
+    bandwidth: Option<f64>,
+    /// Milliseconds before each answer.
+    #[arg(long, requires = "bandwidth")]
+    rtt: Option<u64>,
     /// Write all figures as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -235,7 +242,8 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
     let (truth, cut) = picture(&mut all, &ahead)?;
     let frustum = cost(&all, &truth, &cut, secs);
 
-    let mut few = open(city, CACHE_MIB)?;
+    let link = |mbit| Link::new(Some(mbit), Duration::from_millis(args.rtt.unwrap_or(0)), 0.0);
+    let mut few = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
     let begin = Instant::now();
     settle(&mut few, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();

@@ -33,6 +33,26 @@ fn what_is_hidden_is_neither_fetched_nor_drawn_finely() {
     assert_eq!(whole, ids(&all, &select(&view, &all, &mut Scratch::default())));
 }
 
+/// Not even what is very coarse: who stands will never see it.
+#[test]
+fn what_is_hidden_beside_what_is_seen_is_not_fetched_while_the_camera_stands() {
+    let view = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
+    // A wall at 1100 m: of what is in view, rays hit what reaches this side of it.
+    let near = |id: TileId| {
+        let side = SIDE_M / f64::from(1u32 << id.level());
+        let y = f64::from(id.y()) * side;
+        y < 1100.0 && y + side > 1015.0
+    };
+    let (mut tree, mut sight) = (tree(), Sight::default());
+    load(&mut tree, Key::block_map(TileId::ROOT));
+    look(&mut sight, &tree, &view, &select(&view, &tree, &mut Scratch::default()), 0, near);
+    converge_looking(&mut tree, &mut sight, &view, near);
+    let here: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
+    assert!(here.iter().filter(|id| id.level() == DEPTH).count() > 4, "{here:?}");
+    let unseen: Vec<&TileId> = here.iter().filter(|id| !near(**id)).collect();
+    assert!(unseen.is_empty(), "{unseen:?}");
+}
+
 #[test]
 fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
     let mut tree = tree();
