@@ -14,6 +14,7 @@ pub mod casters;
 pub mod cull;
 pub mod error;
 pub mod fade;
+pub mod front;
 mod meshes;
 pub mod priority;
 pub mod sight;
@@ -225,6 +226,7 @@ impl Visitor<'_> {
             return;
         }
         self.push(root, (Sighted::Seen, true, true), scratch, selection);
+        let stands = self.sight.stands(self.view);
         while let Some(Candidate { error_px, visit }) = scratch.heap.pop() {
             let Visit { at, sighted, coarse: was_coarse, .. } = scratch.visits[visit as usize];
             if error_px <= self.view.tau_px {
@@ -240,16 +242,11 @@ impl Visitor<'_> {
             }
             // Nearly as wrong as what may never be seen: its children are asked for even if nobody sees them.
             let is_coarse = |sighted: Sighted| {
-                let times = match sighted {
-                    // Nothing will come into view.
-                    Sighted::Hidden if self.sight.stands() => f64::INFINITY,
-                    Sighted::Hidden => HIDDEN_TIMES_TAU,
-                    _ => UNKNOWN_TIMES_TAU,
-                };
+                let times = if sighted == Sighted::Hidden { HIDDEN_TIMES_TAU } else { UNKNOWN_TIMES_TAU };
                 error_px > self.view.tau_px * times
             };
             let coarse = is_coarse(sighted);
-            if sighted == Sighted::Hidden && !coarse {
+            if sighted == Sighted::Hidden && (stands || !coarse) {
                 continue;
             }
             let Children::InView(children) = self.children((at, sighted), error_px, selection) else { continue };
@@ -259,7 +256,8 @@ impl Visitor<'_> {
                 continue;
             }
             let asked = |at: NodeIndex, sighted: Sighted| {
-                sighted == Sighted::Seen || is_coarse(sighted) && !self.goes_without_columns(self.tree.node(at))
+                sighted == Sighted::Seen
+                    || !stands && is_coarse(sighted) && !self.goes_without_columns(self.tree.node(at))
             };
             let (nodes, pages) = self.cost(&children, asked);
             let counters = &selection.counters;

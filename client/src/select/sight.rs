@@ -16,7 +16,7 @@ use insula_protocol::TileId;
 /// Pictures that a square stays seen after its last hit, while the camera moves.
 const LINGER: u32 = 12;
 /// The same while the camera stands and tiles still come: what coarse buildings let through, finer ones may hide.
-const STREAMING: u32 = 2;
+const STREAMING: u32 = 1;
 
 /// A square that takes a smaller share of the picture's pixels contributes nothing. At least one pixel counts.
 const CONTRIBUTES: f64 = 1.0 / 300_000.0;
@@ -123,9 +123,9 @@ impl Sight {
         self.hits
     }
 
-    /// Whether a picture was told of that was no other view's than the one before.
-    pub(super) fn stands(&self) -> bool {
-        self.stands
+    /// Whether the last two pictures were of this view (or there was but one): nothing will come into view.
+    pub(super) fn stands(&self, view: &View) -> bool {
+        self.stands && self.view.is_some_and(|last| same_place(&last, view))
     }
 
     /// What is known of the square of `at` in `view`; `parent` is what is known of its parent.
@@ -139,7 +139,7 @@ impl Sight {
         let node = tree.node(at);
         let moved = !same_place(tested, view);
         // A camera that stands sees nothing new beside what it sees.
-        let beside = lately(&self.beside) && (moved || !self.stands);
+        let beside = lately(&self.beside) && !self.stands(view);
         if beside || moved && !cull::wholly_in_view(planes, node.centre, node.half) {
             return Sighted::Unknown;
         }

@@ -17,6 +17,7 @@ use crate::{
         Counters, HIDDEN_TIMES_TAU, Scratch, Selection,
         casters::{Casters, casters},
         fade::Fades,
+        front::{Solid, may_be_hidden},
         priority::{Group, Wanted},
         select,
         sight::{Asked, Sight},
@@ -44,11 +45,8 @@ const BUDGET_SHARE: f64 = 0.85;
 const UNSEEN_TIMES_TAU: f64 = 4.0;
 /// Turns in which the first picture may tell what is seen; after them nobody will.
 const BLIND_TURNS: u32 = 8;
-/// Where tiles come faster than pictures, what weighs less than so much of what weighs most waits: rays may tell that it is
-/// hidden.
-const WAVE_SHARE: f64 = 0.5;
-/// It waits no longer than this for an arrival: one slow answer must not hold up the others.
-const WAVE_PATIENCE: Duration = Duration::from_millis(250);
+/// What may be hidden waits no longer than this for an answer, nor for the picture after it: a slow one must not hold up others.
+const PATIENCE_IN_FRONT: Duration = Duration::from_millis(250);
 /// Requests that start while a picture is drawn, for what only the last one saw: so many times those that may be in flight.
 const FINE_TIMES_WINDOW: usize = 2;
 /// While nothing arrives, retries are looked after so often.
@@ -65,6 +63,14 @@ pub struct Shot {
     pub size_px: [u32; 2],
     /// Tolerated error.
     pub tau_px: f64,
+}
+
+/// A tile that came, and the first selection that can draw it: no picture has told yet what it hides.
+#[derive(Debug)]
+struct Unseen {
+    key: Key,
+    generation: u64,
+    since: Instant,
 }
 
 /// All of a session but what draws.
@@ -93,13 +99,13 @@ pub(super) struct Flow {
     decoded: VecDeque<(Key, Packed)>,
     decoded_bytes: u64,
     uploaded_at: Instant,
-    arrived_at: Instant,
     /// Subtrees that came before what they hang on.
     orphans: Vec<(Key, Subtree)>,
     /// Tiles that were evicted once.
     left: HashSet<Key>,
     /// Something came in after the last selection.
     fresh: bool,
+    unseen: Vec<Unseen>,
     /// Turns since there is something to draw whose picture has told nothing yet.
     blind_turns: u32,
 }
@@ -129,10 +135,10 @@ impl Flow {
             decoded: VecDeque::new(),
             decoded_bytes: 0,
             uploaded_at: Instant::now(),
-            arrived_at: Instant::now(),
             orphans: Vec::new(),
             left: HashSet::new(),
             fresh: false,
+            unseen: Vec::new(),
             blind_turns: 0,
         }
     }
@@ -178,20 +184,32 @@ impl Flow {
         }
     }
 
-    /// What is wanted now, where a round trip costs nothing: the tiles that weigh most, and what is under way.
+    /// What is wanted now: nothing that may be hidden by what is on its way, or came and no picture has told yet what it hides.
+    /// Rays may tell that nobody sees it.
     fn wave(&self, mut wanted: Vec<Wanted>, now: Instant) -> Vec<Wanted> {
-        if now.duration_since(self.arrived_at) > WAVE_PATIENCE {
+        if self.is_blind() {
             return wanted;
         }
-        let waits = |w: &Wanted| {
-            let of_picture = w.group <= Group::Normal && w.key.layer() != Layer::Subtrees;
-            of_picture && self.stream.is_near(w.key) && !self.is_blind()
-        };
+        let is_late = |since: Instant| now.duration_since(since) > PATIENCE_IN_FRONT;
         // One that failed may come any time, or never.
-        let failed = |key| matches!(self.tree.tile(key).map(|tile| tile.state()), Some(TileState::Failed { .. }));
-        let weights = wanted.iter().filter(|w| waits(w) && !failed(w.key)).map(|w| w.weight);
-        let least = WAVE_SHARE * weights.fold(0.0, f64::max);
-        wanted.retain(|w| w.weight >= least || !waits(w) || self.is_loading(w.key));
+        let stands = |w: &&Wanted| {
+            let of_picture = w.group <= Group::Normal && w.key.layer() != Layer::Subtrees;
+            let failed = matches!(self.tree.tile(w.key).map(|tile| tile.state()), Some(TileState::Failed { .. }));
+            of_picture && !failed && !self.stream.begun(w.key).is_some_and(is_late)
+        };
+        let coming = self.selection.wanted.iter().filter(stands).map(|w| w.key);
+        let came = self.unseen.iter().map(|unseen| unseen.key);
+        let place = |key: Key| self.tree.find(key.id).map(|at| (key, self.tree.node(at)));
+        let (keys, solids): (Vec<Key>, Vec<Solid>) = coming
+            .chain(came)
+            .filter_map(place)
+            .map(|(key, node)| (key, Solid { centre: node.centre, half: node.half }))
+            .unzip();
+        let eye = self.last_view.map_or(DVec3::ZERO, |view| view.camera.position);
+        let hidden = may_be_hidden(eye, &solids);
+        let waits: HashSet<Key> =
+            keys.into_iter().zip(hidden).filter(|(_, hidden)| *hidden).map(|(key, _)| key).collect();
+        wanted.retain(|w| !waits.contains(&w.key) || self.is_loading(w.key));
         wanted
     }
 
@@ -333,7 +351,7 @@ impl Flow {
         while self.decoded_bytes < DECODED_BYTES
             && let Some(arrival) = self.stream.arrival(&mut self.tree, now)
         {
-            (self.fresh, self.arrived_at) = (true, now);
+            self.fresh = true;
             match arrival {
                 Arrival::Subtree(key, subtree) => {
                     self.orphans.push((key, subtree));
@@ -381,6 +399,7 @@ impl Flow {
         let secs = now.duration_since(self.uploaded_at).as_secs_f64();
         let most = (secs * UPLOAD_BYTES_PER_SEC).clamp(UPLOAD_BYTES.start, UPLOAD_BYTES.end) as u64;
         self.uploaded_at = now;
+        self.unseen.retain(|unseen| now.duration_since(unseen.since) <= PATIENCE_IN_FRONT);
         let mut bytes = 0;
         while bytes < most
             && let Some((key, packed)) = self.decoded.pop_front()
@@ -397,6 +416,7 @@ impl Flow {
             self.fetched_again += u64::from(self.left.contains(&key));
             self.evicted += evicted.len() as u64;
             self.tree.apply(key, event);
+            self.unseen.push(Unseen { key, generation: self.generation + 1, since: now });
             for key in evicted {
                 self.left.insert(key);
                 self.tree.apply(key, TileEvent::Drop);
@@ -429,6 +449,7 @@ impl Flow {
         if !self.sight.has_looked(asked.generation, [asked.view.width_px, asked.view.height_px]) {
             let whole = self.fetched();
             self.sight.feed(asked, pixels, whole, &self.tree);
+            self.unseen.retain(|unseen| unseen.generation > asked.generation);
             self.fresh = true;
         }
     }

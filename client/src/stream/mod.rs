@@ -60,6 +60,7 @@ struct Message {
 
 struct Flight {
     ticket: u64,
+    begun: Instant,
     task: tokio::task::AbortHandle,
 }
 
@@ -114,12 +115,12 @@ impl Stream {
         }
         let started = plan.start.len();
         for key in plan.start {
-            self.start(key);
+            self.start(key, now);
         }
         started
     }
 
-    fn start(&mut self, key: Key) {
+    fn start(&mut self, key: Key, begun: Instant) {
         self.tickets += 1;
         let (ticket, source, decoders) = (self.tickets, self.source.clone(), self.decoders.clone());
         let (sender, wake, bell) = (self.sender.clone(), self.wake.clone(), self.bell.clone());
@@ -139,7 +140,7 @@ impl Stream {
                 }
             }
         });
-        self.flights.insert(key, Flight { ticket, task });
+        self.flights.insert(key, Flight { ticket, begun, task });
     }
 
     /// The next thing that has arrived, if any; failures are dealt with on the way.
@@ -213,9 +214,9 @@ impl Stream {
         self.queue.window.limit()
     }
 
-    /// Whether a tile is here, or at the end of a short way: it is here before the next picture.
-    pub fn is_near(&self, key: Key) -> bool {
-        self.source.is_near(key) || self.queue.window.is_near()
+    /// Since when a tile is under way, if it is.
+    pub fn begun(&self, key: Key) -> Option<Instant> {
+        self.flights.get(&key).map(|flight| flight.begun)
     }
 
     /// Requests under way.

@@ -106,11 +106,6 @@ impl Window {
         self.limit
     }
 
-    /// Whether answers take no time to speak of.
-    pub fn is_near(&self) -> bool {
-        self.fastest <= NEAR
-    }
-
     /// An answer came `took` after it was asked for.
     pub fn answered(&mut self, took: Duration) {
         // Forgotten in time: the way may have become longer.
