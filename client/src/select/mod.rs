@@ -246,15 +246,18 @@ impl Visitor<'_> {
                 error_px > self.view.tau_px * times
             };
             let coarse = is_coarse(sighted);
-            if sighted == Sighted::Hidden && (stands || !coarse) {
+            let passed_over = self.is_passed_over(self.tree.node(at));
+            let is_split = match sighted {
+                Sighted::Seen => true,
+                Sighted::Unknown => coarse || passed_over || self.any_child_is_here(at),
+                // Else it would become coarser, look over what hides it, be seen, become finer, be hidden again.
+                Sighted::Hidden if stands => self.sight.was_seen(at) && knows_children(self.tree.node(at)),
+                Sighted::Hidden => coarse,
+            };
+            if !is_split {
                 continue;
             }
             let Children::InView(children) = self.children((at, sighted), error_px, selection) else { continue };
-            let here = |(child, _): &(NodeIndex, Sighted)| self.is_here(*child);
-            let passed_over = self.is_passed_over(self.tree.node(at));
-            if sighted == Sighted::Unknown && !coarse && !passed_over && !children.iter().flatten().any(here) {
-                continue;
-            }
             let asked = |at: NodeIndex, sighted: Sighted| {
                 sighted == Sighted::Seen
                     || !stands && is_coarse(sighted) && !self.goes_without_columns(self.tree.node(at))
@@ -295,9 +298,13 @@ impl Visitor<'_> {
             let node = self.tree.node(*at);
             cull::in_view(&self.planes, node.centre, node.half)
         };
-        let known = node.children.iter().flatten().count() as u32 == u32::from(node.child_mask).count_ones();
         let parts = || node.children.into_iter().flatten().filter(in_view).any(resident);
-        resident(at) || node.child_mask != 0 && known && parts()
+        resident(at) || knows_children(node) && parts()
+    }
+
+    fn any_child_is_here(&self, at: NodeIndex) -> bool {
+        let mut children = self.tree.node(at).children.into_iter().flatten();
+        children.any(|child| self.is_here(child))
     }
 
     /// A node that is good enough but not here is drawn from those of its children that are: the camera moves away.
@@ -432,6 +439,11 @@ fn cut(view: &View, tree: &Tree, scratch: &mut Scratch, selection: &mut Selectio
         stack.extend(children.clone().map(|c| (c, cover)));
     }
     selection.counters.drawn = selection.cut.len() as u32;
+}
+
+/// Whether a node has children, and the subtree that tells of them is here.
+fn knows_children(node: &TreeNode) -> bool {
+    node.child_mask != 0 && node.children.iter().flatten().count() as u32 == u32::from(node.child_mask).count_ones()
 }
 
 /// Whether a node is of a level that may be passed over.

@@ -48,8 +48,9 @@ pub struct Asked {
 #[derive(Debug, Clone, Default)]
 pub struct Sight {
     picture: u32,
-    /// Whether the camera stands.
+    /// Whether the camera stands, and the first picture since.
     stands: bool,
+    stood: u32,
     /// The first picture, since the camera stands, to which nothing was missing. From then on what was seen stays seen: the
     /// squares that are seen only become more, and the picture comes to rest.
     rest: Option<u32>,
@@ -75,6 +76,7 @@ impl Sight {
         let same = self.view.is_none_or(|view| same_place(&view, &asked.view));
         self.picture += 1;
         self.stands = same;
+        self.stood = if same { self.stood.max(1) } else { self.picture };
         self.rest = self.rest.filter(|_| same).or(whole.then_some(self.picture));
         self.view = Some(asked.view);
         self.planes = Some(asked.view.planes());
@@ -126,6 +128,11 @@ impl Sight {
     /// Whether the last two pictures were of this view (or there was but one): nothing will come into view.
     pub(super) fn stands(&self, view: &View) -> bool {
         self.stands && self.view.is_some_and(|last| same_place(&last, view))
+    }
+
+    /// Whether a ray hit a square, or something in it, in any picture since the camera stands.
+    pub(super) fn was_seen(&self, at: NodeIndex) -> bool {
+        self.hit.get(at.0 as usize).is_some_and(|mark| *mark >= self.stood.max(1))
     }
 
     /// What is known of the square of `at` in `view`; `parent` is what is known of its parent.

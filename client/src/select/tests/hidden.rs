@@ -53,6 +53,41 @@ fn what_is_hidden_beside_what_is_seen_is_not_fetched_while_the_camera_stands() {
     assert!(unseen.is_empty(), "{unseen:?}");
 }
 
+/// What is seen, becomes finer, is hidden by something, becomes coarser, looks over that and is seen again would flicker: whatever
+/// rays hit, nothing that they hit once becomes coarser for who stands.
+#[test]
+fn nothing_that_was_seen_becomes_coarser_while_the_camera_stands() {
+    for seed in 1..40u64 {
+        let mut tree = tree();
+        let view = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
+        let mut sight = Sight::default();
+        let mut seen: Vec<[TileId; 2]> = Vec::new();
+        load(&mut tree, Key::block_map(TileId::ROOT));
+        for frame in 0..60u64 {
+            let selection = super::super::select(&view, &tree, &sight, &mut Scratch::default());
+            assert_whole(&tree, &view, &selection, frame as usize);
+            let id = |at: NodeIndex| tree.node(at).id;
+            let cut: Vec<[TileId; 2]> = selection.cut.iter().map(|item| [id(item.square), id(item.from)]).collect();
+            let lies_in = |a: TileId, b: TileId| a.ancestor(b.level()) == Some(b);
+            for [square, from] in &cut {
+                let coarser = |[other, fine]: &&[TileId; 2]| {
+                    (lies_in(*square, *other) || lies_in(*other, *square)) && fine.level() > from.level()
+                };
+                let finer = seen.iter().find(coarser);
+                assert_eq!(finer, None, "of {seed} in frame {frame}: {square} is drawn from {from}");
+            }
+            selection.wanted.iter().take(2).for_each(|w| load(&mut tree, w.key));
+            let hit = |id: TileId| {
+                let name = u64::from(id.x()) * 31 + u64::from(id.y()) * 17 + u64::from(id.level()) * 7;
+                (name ^ frame).wrapping_mul(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15)) >> 62 == 0
+            };
+            seen.extend(cut.into_iter().filter(|[square, _]| hit(*square)));
+            look(&mut sight, &tree, &view, &selection, frame, hit);
+        }
+        assert!(seen.iter().any(|[_, from]| from.level() == DEPTH), "{seed}");
+    }
+}
+
 #[test]
 fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
     let mut tree = tree();
