@@ -13,10 +13,9 @@ use crate::{
 };
 use insula_protocol::TileId;
 
-/// Pictures that a square stays seen after its last hit, while the camera moves.
+/// Pictures that a square stays seen after its last hit, while the camera moves. While it stands and tiles still come, only the
+/// last picture counts: what coarse buildings let through, finer ones may hide.
 const LINGER: u32 = 12;
-/// The same while the camera stands and tiles still come: what coarse buildings let through, finer ones may hide.
-const STREAMING: u32 = 1;
 
 /// A square that takes a smaller share of the picture's pixels contributes nothing. At least one pixel counts.
 const CONTRIBUTES: f64 = 1.0 / 300_000.0;
@@ -160,8 +159,8 @@ impl Sight {
 
     /// The picture since which hits count.
     fn since(&self) -> u32 {
-        let linger = if self.stands { STREAMING } else { LINGER };
-        self.rest.unwrap_or(u32::MAX).min(self.picture.saturating_sub(linger - 1)).max(1)
+        let lately = if self.stands { self.picture } else { self.picture.saturating_sub(LINGER - 1) };
+        self.rest.unwrap_or(u32::MAX).min(lately).max(1)
     }
 }
 

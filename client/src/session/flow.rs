@@ -209,7 +209,9 @@ impl Flow {
         let hidden = may_be_hidden(eye, &solids);
         let waits: HashSet<Key> =
             keys.into_iter().zip(hidden).filter(|(_, hidden)| *hidden).map(|(key, _)| key).collect();
-        wanted.retain(|w| !waits.contains(&w.key) || self.is_loading(w.key));
+        // What is so wrong is all that there is to be seen yet.
+        let most_px = HIDDEN_TIMES_TAU * self.last_view.map_or(1.0, |view| view.tau_px);
+        wanted.retain(|w| !waits.contains(&w.key) || w.weight > most_px || self.is_loading(w.key));
         wanted
     }
 
