@@ -3,7 +3,7 @@
 //! In: the boxes of tiles that are on their way. Out: which of them those before may hide. Next: `session::flow` asks for the
 //! others first.
 //!
-//! Pure. The horizon around the eye is cut into [`SECTORS`] like a cake; boxes are taken from the nearest to the farthest, and
+//! Pure. The horizon around the eye is cut into 64 sectors like a cake; boxes are taken from the nearest to the farthest, and
 //! each raises the horizon of the sectors that it reaches into. A box below the horizon of all its sectors may be hidden.
 
 use glam::{DVec2, DVec3};

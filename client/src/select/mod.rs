@@ -48,7 +48,7 @@ pub struct Item {
     /// Whose tile is drawn there: its own, or an ancestor's. Resident.
     pub from: NodeIndex,
     /// Which level of detail of the square's mesh is drawn in place of that tile, which tells how much sky is seen
-    /// ([`meshes::told_by`]). Resident, too.
+    /// (`meshes::told_by`). Resident, too.
     pub mesh: Option<u8>,
 }
 
