@@ -67,7 +67,7 @@ pub struct Shot {
 
 /// A tile that came, and the first selection that can draw it: no picture has told yet what it hides.
 #[derive(Debug)]
-struct Unseen {
+struct Newcomer {
     key: Key,
     generation: u64,
     since: Instant,
@@ -105,7 +105,7 @@ pub(super) struct Flow {
     left: HashSet<Key>,
     /// Something came in after the last selection.
     fresh: bool,
-    unseen: Vec<Unseen>,
+    newcomers: Vec<Newcomer>,
     /// Turns since there is something to draw whose picture has told nothing yet.
     blind_turns: u32,
 }
@@ -138,7 +138,7 @@ impl Flow {
             orphans: Vec::new(),
             left: HashSet::new(),
             fresh: false,
-            unseen: Vec::new(),
+            newcomers: Vec::new(),
             blind_turns: 0,
         }
     }
@@ -187,7 +187,8 @@ impl Flow {
     /// What is wanted now: nothing that may be hidden by what is on its way, or came and no picture has told yet what it hides.
     /// Rays may tell that nobody sees it.
     fn wave(&self, mut wanted: Vec<Wanted>, now: Instant) -> Vec<Wanted> {
-        if self.is_blind() {
+        // While nothing comes from the server, what needs none must not wait for what does.
+        if self.is_blind() || self.stream.failing_since().is_some() {
             return wanted;
         }
         let is_late = |since: Instant| now.duration_since(since) > PATIENCE_IN_FRONT;
@@ -198,7 +199,7 @@ impl Flow {
             of_picture && !failed && !self.stream.begun(w.key).is_some_and(is_late)
         };
         let coming = self.selection.wanted.iter().filter(stands).map(|w| w.key);
-        let came = self.unseen.iter().map(|unseen| unseen.key);
+        let came = self.newcomers.iter().map(|newcomer| newcomer.key);
         let place = |key: Key| self.tree.find(key.id).map(|at| (key, self.tree.node(at)));
         let (keys, solids): (Vec<Key>, Vec<Solid>) = coming
             .chain(came)
@@ -401,7 +402,7 @@ impl Flow {
         let secs = now.duration_since(self.uploaded_at).as_secs_f64();
         let most = (secs * UPLOAD_BYTES_PER_SEC).clamp(UPLOAD_BYTES.start, UPLOAD_BYTES.end) as u64;
         self.uploaded_at = now;
-        self.unseen.retain(|unseen| now.duration_since(unseen.since) <= PATIENCE_IN_FRONT);
+        self.newcomers.retain(|newcomer| now.duration_since(newcomer.since) <= PATIENCE_IN_FRONT);
         let mut bytes = 0;
         while bytes < most
             && let Some((key, packed)) = self.decoded.pop_front()
@@ -418,7 +419,7 @@ impl Flow {
             self.fetched_again += u64::from(self.left.contains(&key));
             self.evicted += evicted.len() as u64;
             self.tree.apply(key, event);
-            self.unseen.push(Unseen { key, generation: self.generation + 1, since: now });
+            self.newcomers.push(Newcomer { key, generation: self.generation + 1, since: now });
             for key in evicted {
                 self.left.insert(key);
                 self.tree.apply(key, TileEvent::Drop);
@@ -451,7 +452,7 @@ impl Flow {
         if !self.sight.has_looked(asked.generation, [asked.view.width_px, asked.view.height_px]) {
             let whole = self.fetched();
             self.sight.feed(asked, pixels, whole, &self.tree);
-            self.unseen.retain(|unseen| unseen.generation > asked.generation);
+            self.newcomers.retain(|newcomer| newcomer.generation > asked.generation);
             self.fresh = true;
         }
     }
