@@ -47,8 +47,7 @@ pub struct Asked {
 #[derive(Debug, Clone, Default)]
 pub struct Sight {
     picture: u32,
-    /// Whether the camera stands, and the first picture since.
-    stands: bool,
+    /// The first picture of this view; 0 if there was no other view yet.
     stood: u32,
     /// The first picture, since the camera stands, to which nothing was missing. From then on what was seen stays seen: the
     /// squares that are seen only become more, and the picture comes to rest.
@@ -74,8 +73,7 @@ impl Sight {
         // Of the first picture nobody knows that the camera moves.
         let same = self.view.is_none_or(|view| same_place(&view, &asked.view));
         self.picture += 1;
-        self.stands = same;
-        self.stood = if same { self.stood.max(1) } else { self.picture };
+        self.stood = if same { self.stood } else { self.picture };
         self.rest = self.rest.filter(|_| same).or(whole.then_some(self.picture));
         self.view = Some(asked.view);
         self.planes = Some(asked.view.planes());
@@ -126,7 +124,7 @@ impl Sight {
 
     /// Whether the last two pictures were of this view (or there was but one): nothing will come into view.
     pub(super) fn stands(&self, view: &View) -> bool {
-        self.stands && self.view.is_some_and(|last| same_place(&last, view))
+        self.stood < self.picture && self.view.is_some_and(|last| same_place(&last, view))
     }
 
     /// Whether a ray hit a square, or something in it, in any picture since the camera stands.
@@ -159,7 +157,7 @@ impl Sight {
 
     /// The picture since which hits count.
     fn since(&self) -> u32 {
-        let lately = if self.stands { self.picture } else { self.picture.saturating_sub(LINGER - 1) };
+        let lately = if self.stood < self.picture { self.picture } else { self.picture.saturating_sub(LINGER - 1) };
         self.rest.unwrap_or(u32::MAX).min(lately).max(1)
     }
 }
