@@ -11,7 +11,7 @@ use std::{
     process::{Command, Stdio},
     sync::{
         Mutex,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread,
     time::Duration,
@@ -115,17 +115,36 @@ fn without_resume_or_with_other_settings_it_starts_anew() {
     assert_eq!(report.start, Start::Fresh);
 }
 
-/// Slow enough to be killed in between.
-struct Slow;
+/// Finishes a few blocks of leaves, says so by a file, and waits to be killed.
+struct WaitAt {
+    block: u64,
+    reached: PathBuf,
+    seen: AtomicU64,
+    in_leaves: AtomicBool,
+}
 
-impl Progress for Slow {
-    fn stage(&self, _name: &str, _total: u64) {}
+impl Progress for WaitAt {
+    fn stage(&self, name: &str, _total: u64) {
+        self.in_leaves.store(name == "sample", Ordering::SeqCst);
+    }
     fn advance(&self, _n: u64) {
-        thread::sleep(Duration::from_millis(40));
+        // Told once a block, after its packs are written.
+        if self.in_leaves.load(Ordering::SeqCst) && self.seen.fetch_add(1, Ordering::SeqCst) + 1 >= self.block {
+            fs::write(&self.reached, "").unwrap();
+            loop {
+                thread::park();
+            }
+        }
     }
 }
 
 const CHILD_OUT: &str = "INSULA_BAKE_TEST_OUT";
+const CHILD_BLOCK: &str = "INSULA_BAKE_TEST_BLOCK";
+
+/// The file by which a child says that it waits.
+fn reached(out: &Path) -> PathBuf {
+    out.with_file_name("reached")
+}
 
 fn child(shell: Option<&str>, test: &str, out: &Path) -> Command {
     let own = std::env::current_exe().unwrap();
@@ -148,7 +167,9 @@ fn child_out() -> PathBuf {
 #[test]
 #[ignore = "started and killed by `killed_it_goes_on`"]
 fn child_that_is_killed() {
-    let _ = bake(&resume(&child_out()), &Slow);
+    let (out, block) = (child_out(), std::env::var(CHILD_BLOCK).unwrap().parse().unwrap());
+    let wait = WaitAt { block, reached: reached(&out), seen: AtomicU64::new(0), in_leaves: AtomicBool::new(false) };
+    let _ = bake(&resume(&out), &wait);
 }
 
 #[test]
@@ -157,20 +178,21 @@ fn killed_it_goes_on() {
     bake(&options(&folder.out("whole"), 2), &Silent).unwrap();
     let whole = files(&folder.out("whole"));
     let out = folder.out("killed");
-    let packs = partial(&out).join("packs");
-    let finished = || fs::read_dir(&packs).map_or(0, |packs| packs.count());
-    for wanted in [2, 4] {
-        let mut child = child(None, "child_that_is_killed", &out).spawn().unwrap();
-        while finished() < wanted && child.try_wait().unwrap().is_none() {
+    // The first leaves two or three of five blocks, for there are two threads; the second finds those.
+    for block in ["2", "4"] {
+        let mut child = child(None, "child_that_is_killed", &out).env(CHILD_BLOCK, block).spawn().unwrap();
+        while !reached(&out).exists() {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
             thread::sleep(Duration::from_millis(2));
         }
         child.kill().unwrap();
         child.wait().unwrap();
+        fs::remove_file(reached(&out)).unwrap();
         assert!(!out.exists());
     }
     let report = bake(&resume(&out), &Silent).unwrap();
     assert_eq!(report.start, Start::Resumed);
-    assert!(report.blocks_resumed >= 2 && report.blocks_baked > 0);
+    assert!(report.blocks_resumed >= 4 && report.blocks_baked > 0, "{report:?}");
     assert!(files(&out) == whole);
 }
 
