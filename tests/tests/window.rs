@@ -179,6 +179,17 @@ impl Person {
         self.look(name)
     }
 
+    /// Does something and looks until the picture is another one than `before`.
+    fn changes(&mut self, name: &str, before: &RgbImage, action: impl FnOnce(&Self) -> Result<()>) -> Result<RgbImage> {
+        action(self)?;
+        let mut after = before.clone();
+        self.until(name, |person| {
+            after = person.look(name)?;
+            Ok(difference(before, &after) > 0.05)
+        })?;
+        Ok(after)
+    }
+
     /// Escape; the exit code.
     fn quit(&mut self) -> Result<i32> {
         self.key("Escape")?;
@@ -249,10 +260,8 @@ fn a_person_drives_the_window() -> Result<()> {
     person.key("n")?;
     let before = person.look_after("3-open", |p| p.key("o"))?;
     ensure!(colours(&before) > 30, "the window is empty: {} colours", colours(&before));
-    let moved = person.look_after("4-moved", |p| p.hold("w", Duration::from_millis(700)))?;
-    ensure!(difference(&before, &moved) > 0.05, "W moves nothing: {}", difference(&before, &moved));
-    let higher = person.look_after("5-higher", |p| p.hold("Page_Up", Duration::from_millis(500)))?;
-    ensure!(difference(&moved, &higher) > 0.05, "Page Up moves nothing: {}", difference(&moved, &higher));
+    let moved = person.changes("4-moved-by-w", &before, |p| p.hold("w", Duration::from_millis(700)))?;
+    person.changes("5-higher-by-page-up", &moved, |p| p.hold("Page_Up", Duration::from_millis(500)))?;
 
     fill_the_screen_and_keep(&mut person)?;
     measure_and_record(&mut person)?;

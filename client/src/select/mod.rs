@@ -19,7 +19,7 @@ mod meshes;
 pub mod priority;
 pub mod sight;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use crate::{
     camera::{NEAR_M, Plane, View},

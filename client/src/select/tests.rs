@@ -80,7 +80,7 @@ fn subtrees(to: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
     all
 }
 
-fn tree() -> Tree {
+pub(crate) fn tree() -> Tree {
     let mut tree = Tree::new(manifest(DEPTH));
     subtrees(DEPTH, |_| false).iter().for_each(|s| tree.merge(s));
     tree
@@ -95,14 +95,14 @@ fn with_meshes(mut subtree: Subtree) -> Subtree {
     subtree
 }
 
-fn view(position: [f64; 3], target: [f64; 3]) -> View {
+pub(crate) fn view(position: [f64; 3], target: [f64; 3]) -> View {
     let world = DVec3::new(500_000.0, 4_000_000.0, 10.0);
     let (position, target) = (DVec3::from(position) + world, DVec3::from(target) + world);
     let camera = Camera::look(position, target, DVec3::Z, 1.0).unwrap();
     View { camera, width_px: 640, height_px: 360, tau_px: 1.0, budget_pages: 1_000_000, budget_nodes: 100_000 }
 }
 
-fn load(tree: &mut Tree, key: Key) {
+pub(crate) fn load(tree: &mut Tree, key: Key) {
     for event in [TileEvent::Want { now: Instant::now() }, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload] {
         assert!(tree.apply(key, event), "{key:?} {event:?}");
     }

@@ -5,7 +5,11 @@
 //! The network does not wait for frames: while one is drawn, what arrives is taken in and the next requests start
 //! ([`Flow::go_on`]). Only uploads wait, as the atlas is being read.
 
-use super::tau::Raised;
+use super::{
+    around::{Around, SMALLER},
+    tau::Raised,
+    wave::Wave,
+};
 use crate::{
     cache::{Cache, PAGE_BYTES, Packed, Placement, Upload},
     camera::{Camera, View},
@@ -17,7 +21,6 @@ use crate::{
         Counters, HIDDEN_TIMES_TAU, Scratch, Selection,
         casters::{Casters, casters},
         fade::Fades,
-        front::{Solid, may_be_hidden},
         priority::{Group, Wanted},
         select,
         sight::{Asked, Sight},
@@ -41,12 +44,12 @@ const DECODED_BYTES: u64 = 32 << 20;
 const ORPHANS: usize = 16;
 /// Share of the atlas that a view may fill; the rest is for what it needed a moment ago.
 const BUDGET_SHARE: f64 = 0.85;
+/// Share of the atlas that must be free to fetch what only may be wanted.
+const SPARE_SHARE: f64 = 0.1;
 /// What is over so many times tau is asked for whether it is seen or not.
 const UNSEEN_TIMES_TAU: f64 = 4.0;
 /// Turns in which the first picture may tell what is seen; after them nobody will.
 const BLIND_TURNS: u32 = 8;
-/// What may be hidden waits no longer than this for an answer, nor for the picture after it: a slow one must not hold up others.
-const PATIENCE_IN_FRONT: Duration = Duration::from_millis(250);
 /// Requests that start while a picture is drawn, for what only the last one saw: so many times those that may be in flight.
 const FINE_TIMES_WINDOW: usize = 2;
 /// While nothing arrives, retries are looked after so often.
@@ -65,12 +68,14 @@ pub struct Shot {
     pub tau_px: f64,
 }
 
-/// A tile that came, and the first selection that can draw it: no picture has told yet what it hides.
-#[derive(Debug)]
-struct Newcomer {
-    key: Key,
-    generation: u64,
-    since: Instant,
+/// What is beside a picture.
+pub(super) enum Beside {
+    /// A small picture has to be drawn to tell what is seen there.
+    Unseen(Box<FrameData>),
+    /// Tiles that are to come.
+    Lacking,
+    /// Nothing that is not known and here.
+    Nothing,
 }
 
 /// All of a session but what draws.
@@ -84,6 +89,7 @@ pub(super) struct Flow {
     pub(super) tiles: TileCounts,
     pub(super) evicted: u64,
     pub(super) fetched_again: u64,
+    pub(super) around: Around,
     scratch: Scratch,
     /// Towards the sun, if it casts shadows, and what casts them in the last selection.
     sun: Option<DVec3>,
@@ -105,7 +111,7 @@ pub(super) struct Flow {
     left: HashSet<Key>,
     /// Something came in after the last selection.
     fresh: bool,
-    newcomers: Vec<Newcomer>,
+    wave: Wave,
     /// Turns since there is something to draw whose picture has told nothing yet.
     blind_turns: u32,
 }
@@ -123,6 +129,7 @@ impl Flow {
             tiles: TileCounts::default(),
             evicted: 0,
             fetched_again: 0,
+            around: Around::default(),
             scratch: Scratch::default(),
             sun: None,
             casters: Casters::default(),
@@ -138,7 +145,7 @@ impl Flow {
             orphans: Vec::new(),
             left: HashSet::new(),
             fresh: false,
-            newcomers: Vec::new(),
+            wave: Wave::default(),
             blind_turns: 0,
         }
     }
@@ -172,48 +179,40 @@ impl Flow {
     }
 
     /// Selects, and asks for what is missing.
-    fn turn(&mut self, shot: &Shot, now: Instant) {
+    pub(super) fn turn(&mut self, shot: &Shot, now: Instant) {
         self.select(shot, now);
-        if self.is_blind() && self.blind_turns < BLIND_TURNS {
+        let wanted = if self.is_blind() && self.blind_turns < BLIND_TURNS {
             self.blind_turns += u32::from(!self.selection.cut.is_empty());
-            let wanted = self.first(shot.tau_px);
-            self.stream.request(&mut self.tree, &wanted, now);
+            self.first(shot.tau_px)
         } else {
-            let wanted = self.wave(self.selection.wanted.clone(), now);
-            self.stream.request(&mut self.tree, &wanted, now);
+            self.wave(&self.selection.wanted, self.selection.wanted.clone(), now)
+        };
+        match self.selection.wanted.is_empty() && self.around.is_on(shot) {
+            true => self.select_around(shot),
+            false if !self.around.is_done(shot) => self.around.forget(),
+            false => {}
         }
+        self.ask(wanted, now);
     }
 
-    /// What is wanted now: nothing that may be hidden by what is on its way, or came and no picture has told yet what it hides.
-    /// Rays may tell that nobody sees it.
-    fn wave(&self, mut wanted: Vec<Wanted>, now: Instant) -> Vec<Wanted> {
-        // While nothing comes from the server, what needs none must not wait for what does.
-        if self.is_blind() || self.stream.failing_since().is_some() {
-            return wanted;
+    /// Asks for `wanted`; if the picture lacks nothing, for what a turn would show. How many requests started.
+    fn ask(&mut self, mut wanted: Vec<Wanted>, now: Instant) -> usize {
+        if self.selection.wanted.is_empty() {
+            let beside = &self.around.selection().wanted;
+            wanted = self.wave(beside, beside.clone(), now);
         }
-        let is_late = |since: Instant| now.duration_since(since) > PATIENCE_IN_FRONT;
-        // One that failed may come any time, or never.
-        let stands = |w: &&Wanted| {
-            let of_picture = w.group <= Group::Normal && w.key.layer() != Layer::Subtrees;
-            let failed = matches!(self.tree.tile(w.key).map(|tile| tile.state()), Some(TileState::Failed { .. }));
-            of_picture && !failed && !self.stream.begun(w.key).is_some_and(is_late)
-        };
-        let coming = self.selection.wanted.iter().filter(stands).map(|w| w.key);
-        let came = self.newcomers.iter().map(|newcomer| newcomer.key);
-        let place = |key: Key| self.tree.find(key.id).map(|at| (key, self.tree.node(at)));
-        let (keys, solids): (Vec<Key>, Vec<Solid>) = coming
-            .chain(came)
-            .filter_map(place)
-            .map(|(key, node)| (key, Solid { centre: node.centre, half: node.half }))
-            .unzip();
-        let eye = self.last_view.map_or(DVec3::ZERO, |view| view.camera.position);
-        let hidden = may_be_hidden(eye, &solids);
-        let waits: HashSet<Key> =
-            keys.into_iter().zip(hidden).filter(|(_, hidden)| *hidden).map(|(key, _)| key).collect();
-        // What is so wrong is all that there is to be seen yet.
-        let most_px = HIDDEN_TIMES_TAU * self.last_view.map_or(1.0, |view| view.tau_px);
-        wanted.retain(|w| !waits.contains(&w.key) || w.weight > most_px || self.is_loading(w.key));
-        wanted
+        self.stream.request(&mut self.tree, &wanted, now)
+    }
+
+    /// Which of `wanted` are to be asked for now, as `all` are wanted.
+    fn wave(&self, all: &[Wanted], wanted: Vec<Wanted>, now: Instant) -> Vec<Wanted> {
+        // While nothing comes from the server, what needs none must not wait for what does.
+        match self.last_view {
+            Some(view) if !self.is_blind() && self.stream.failing_since().is_none() => {
+                self.wave.front(all, wanted, (&self.tree, &view), |key| self.stream.begun(key), now)
+            }
+            _ => wanted,
+        }
     }
 
     /// Whether no picture has told yet what is seen.
@@ -297,9 +296,9 @@ impl Flow {
             }
             let wanted = match self.is_blind() {
                 true => self.first(shot.tau_px),
-                false => self.wave(self.coarse(UNSEEN_TIMES_TAU * shot.tau_px, fine), now),
+                false => self.wave(&self.selection.wanted, self.coarse(UNSEEN_TIMES_TAU * shot.tau_px, fine), now),
             };
-            fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
+            fine = fine.saturating_sub(self.ask(wanted, now));
         }
     }
 
@@ -335,8 +334,7 @@ impl Flow {
 
     /// What the camera will want in a moment, as long as there is room that nobody uses.
     fn preload(&mut self, shot: &Shot, heading: Camera) {
-        let free_share = f64::from(self.cache.free_pages()) / f64::from(self.cache.capacity_pages().max(1));
-        if self.selection.wanted.iter().any(|w| w.group == Group::Urgent) || free_share < 0.1 {
+        if self.selection.wanted.iter().any(|w| w.group == Group::Urgent) || !self.has_room_to_spare() {
             return;
         }
         let ahead = select(&self.view(shot, heading), &self.tree, &self.sight, &mut self.scratch);
@@ -346,6 +344,53 @@ impl Flow {
                 self.selection.wanted.push(wanted);
             }
         }
+    }
+
+    /// Whether there is room that nobody uses.
+    fn has_room_to_spare(&self) -> bool {
+        f64::from(self.cache.free_pages()) >= SPARE_SHARE * f64::from(self.cache.capacity_pages())
+    }
+
+    /// Selects what is beside a shot.
+    fn select_around(&mut self, shot: &Shot) {
+        if let Some(camera) = self.around.camera() {
+            self.around.select(&self.view(shot, camera), &self.tree, &mut self.scratch);
+        }
+    }
+
+    /// What is beside a shot; nothing while the shot's own picture changes, or if there is no room for more.
+    pub(super) fn beside(&mut self, shot: &Shot) -> Beside {
+        if !self.settled() || self.is_blind() || !self.has_room_to_spare() {
+            return Beside::Nothing;
+        }
+        if !self.around.is_on(shot) && !self.around.is_done(shot) {
+            self.around.begin(shot, &self.sight);
+            self.select_around(shot);
+        }
+        let small = Shot { size_px: shot.size_px.map(|side| (side / SMALLER).max(1)), ..*shot };
+        while let Some(camera) = self.around.camera() {
+            if !self.around.has_looked(small.size_px) {
+                let around = &self.around;
+                let drawn =
+                    Drawn { fades: around.shown(), casters: &[], generation: around.generation(), error_px: 0.0 };
+                let view = self.view(&small, camera);
+                return Beside::Unseen(FrameData::new(drawn, &self.tree, &self.cache, &view, &Look::default()).into());
+            }
+            if !self.around.selection().wanted.is_empty() || !self.decoded.is_empty() {
+                return Beside::Lacking;
+            }
+            self.around.next(&self.sight);
+            self.select_around(shot);
+        }
+        Beside::Nothing
+    }
+
+    /// Takes in what the rays of such a picture hit.
+    pub(super) fn feed_beside(&mut self, shot: &Shot, asked: &Asked, pixels: &[u32]) {
+        let whole = self.around.selection().wanted.is_empty() && self.decoded.is_empty();
+        self.around.feed(asked, pixels, whole, &self.tree);
+        self.wave.told_all();
+        self.select_around(shot);
     }
 
     /// Takes in what has arrived; whether nodes became known.
@@ -402,7 +447,7 @@ impl Flow {
         let secs = now.duration_since(self.uploaded_at).as_secs_f64();
         let most = (secs * UPLOAD_BYTES_PER_SEC).clamp(UPLOAD_BYTES.start, UPLOAD_BYTES.end) as u64;
         self.uploaded_at = now;
-        self.newcomers.retain(|newcomer| now.duration_since(newcomer.since) <= PATIENCE_IN_FRONT);
+        self.wave.pass(now);
         let mut bytes = 0;
         while bytes < most
             && let Some((key, packed)) = self.decoded.pop_front()
@@ -419,7 +464,7 @@ impl Flow {
             self.fetched_again += u64::from(self.left.contains(&key));
             self.evicted += evicted.len() as u64;
             self.tree.apply(key, event);
-            self.newcomers.push(Newcomer { key, generation: self.generation + 1, since: now });
+            self.wave.came(key, self.generation + 1, now);
             for key in evicted {
                 self.left.insert(key);
                 self.tree.apply(key, TileEvent::Drop);
@@ -438,7 +483,8 @@ impl Flow {
 
     /// Whether all that the last selection asks for is here.
     pub(super) fn fetched(&self) -> bool {
-        self.tree.root().is_some() && self.selection.wanted.is_empty() && self.decoded.is_empty()
+        let waits = !self.decoded.is_empty() && self.shot.is_none_or(|shot| !self.around.is_on(&shot));
+        self.tree.root().is_some() && self.selection.wanted.is_empty() && !waits
     }
 
     /// Whether it is known what the rays of the last selection hit, in a picture of at least this size, and they changed
@@ -452,7 +498,7 @@ impl Flow {
         if !self.sight.has_looked(asked.generation, [asked.view.width_px, asked.view.height_px]) {
             let whole = self.fetched();
             self.sight.feed(asked, pixels, whole, &self.tree);
-            self.newcomers.retain(|newcomer| newcomer.generation > asked.generation);
+            self.wave.told(asked.generation);
             self.fresh = true;
         }
     }

@@ -2,8 +2,12 @@
 //!
 //! In: a camera each frame. Out: the cut, pictures, counters. Next: `ui::window`, `commands::snapshot`, `commands::fly`.
 
+mod around;
 mod flow;
 mod tau;
+#[cfg(test)]
+mod tests;
+mod wave;
 
 use crate::{
     cache::{Cache, PAGE_BYTES},
@@ -19,8 +23,8 @@ use crate::{
     },
     stream::Stream,
 };
-use flow::Flow;
 pub use flow::Shot;
+use flow::{Beside, Flow};
 use glam::DVec3;
 use insula_shaders::cpu::{raycast::Pixels, tally::tally};
 use std::{
@@ -36,6 +40,17 @@ const NEAR_TIMES_TAU: f64 = 4.0;
 
 /// A ray-caster, what it is called, and how many pages it has room for.
 pub type Opened = (Adapter, AdapterInfo, u32);
+
+/// How far a look around has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LookAround {
+    /// A picture was drawn: go on.
+    Looked,
+    /// Tiles are to come.
+    Waits,
+    /// All is here that is seen there; or the picture is not settled; or there is no room for more.
+    Done,
+}
 
 /// A city that is being looked at.
 pub struct Session {
@@ -130,6 +145,20 @@ impl Session {
     /// Draws the last selection, waits for the pixels, and takes in what they hit.
     pub fn draw(&mut self, shot: &Shot, look: &Look) -> Result<Pixels> {
         self.render(&self.frame_data(shot, look))
+    }
+
+    /// Looks at what a turn would show, if the picture of a shot is settled, and has it fetched. To be called after steps with the
+    /// same shot until it is done.
+    pub fn look_around(&mut self, shot: &Shot) -> Result<LookAround> {
+        match self.flow.beside(shot) {
+            Beside::Nothing => Ok(LookAround::Done),
+            Beside::Lacking => Ok(LookAround::Waits),
+            Beside::Unseen(data) => {
+                let pixels = self.during(|adapter| adapter.draw(&data))?;
+                self.flow.feed_beside(shot, &data.asked, &tally(&pixels.hit, data.nodes.len()));
+                Ok(LookAround::Looked)
+            }
+        }
     }
 
     /// Notes that a picture was drawn.

@@ -19,7 +19,7 @@ use crate::{
     camera::Camera,
     error::Result,
     render::{Adapter, FrameData, Look},
-    session::{Session, Shot},
+    session::{LookAround, Session, Shot},
     sun::Daylight,
 };
 use egui::Align2;
@@ -74,6 +74,8 @@ pub struct City {
     heading: Option<Camera>,
     pub(super) pace: Pace,
     trouble: Trouble,
+    /// There may be something to look at beside the picture.
+    around: bool,
     /// Whether rays are counted, and what they did in the last picture that rested.
     pub(super) counting: bool,
     pub(super) counts: Option<Counts>,
@@ -111,6 +113,7 @@ impl City {
             heading: None,
             pace: Pace::new(Instant::now()),
             trouble: Trouble::Loading,
+            around: true,
             counting: false,
             counts: None,
             store: false,
@@ -145,6 +148,7 @@ impl City {
     /// One frame: move, stream, draw; when to draw the next, or `None` when a tour has ended.
     pub fn frame(&mut self, shell: &mut Shell, settings: &mut Settings) -> Result<Option<ControlFlow>> {
         let begin = Instant::now();
+        self.around = true;
         let secs = self.pace.begin(begin);
         if !self.advance(begin, secs) {
             return Ok(None);
@@ -181,6 +185,33 @@ impl City {
         }
         self.moved(before, shell, settings);
         Ok(Some(self.next(again, shown, shell)))
+    }
+
+    /// Whether the picture on the screen stays, so that there is time to look around.
+    pub fn may_look_around(&self) -> bool {
+        let flies = self.control.moving() || self.tour.is_some() || self.recorder.is_some();
+        let asks = self.session.adapter().is_asking();
+        self.around && self.pace.is_rested() && self.trouble == Trouble::None && !flies && !asks
+    }
+
+    /// Looks at what a turn would show; nothing on the screen changes. When to go on, or `None` if a frame is due instead.
+    pub fn look_around(&mut self, shell: &Shell) -> Result<Option<ControlFlow>> {
+        let shot = self.shot(shell, 1);
+        self.session.step(&shot);
+        if !self.session.settled() {
+            self.pace.stir();
+            return Ok(None);
+        }
+        let now = Instant::now();
+        Ok(match self.session.look_around(&shot)? {
+            LookAround::Looked => Some(ControlFlow::WaitUntil(now)),
+            LookAround::Waits => Some(ControlFlow::WaitUntil(now + RETRY)),
+            LookAround::Done => {
+                self.around = false;
+                let until = self.shown.message.as_ref().map(|(_, until)| ControlFlow::WaitUntil(*until));
+                Some(until.unwrap_or(ControlFlow::Wait))
+            }
+        })
     }
 
     /// Counts what the rays of a picture do, if that was asked for: it costs as much as the picture.
@@ -322,6 +353,7 @@ impl City {
             sooner(Some(self.session.stream().retry_at().unwrap_or(now + RETRY).max(now + RETRY)));
         } else {
             sooner(self.pace.rest_at().map(|at| at.max(now)));
+            sooner(self.may_look_around().then_some(now));
         }
         if self.recorder.is_some() {
             sooner(Some(now + RETRY));

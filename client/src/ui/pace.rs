@@ -102,6 +102,11 @@ impl Pace {
         self.frame_time
     }
 
+    /// Whether the last picture was as good as it gets, and nothing has happened since.
+    pub fn is_rested(&self) -> bool {
+        self.rested
+    }
+
     /// When a finer picture is due.
     pub fn rest_at(&self) -> Option<Instant> {
         (!self.rested).then(|| self.last_change + REST)

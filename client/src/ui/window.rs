@@ -164,9 +164,12 @@ impl ApplicationHandler<Event> for App {
         }
     }
 
-    fn user_event(&mut self, _: &ActiveEventLoop, event: Event) {
+    fn user_event(&mut self, event_loop: &ActiveEventLoop, event: Event) {
         match event {
             Event::Arrived => {
+                if self.look_around(event_loop) {
+                    return;
+                }
                 if let Some(city) = &mut self.city {
                     city.pace.stir();
                 }
@@ -178,8 +181,11 @@ impl ApplicationHandler<Event> for App {
         }
     }
 
-    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(shell)) = (cause, &self.shell) {
+    fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
+        if matches!(cause, StartCause::ResumeTimeReached { .. })
+            && !self.look_around(event_loop)
+            && let Some(shell) = &self.shell
+        {
             shell.window.request_redraw();
         }
     }
@@ -205,6 +211,20 @@ impl App {
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: ClientError) {
         self.failed = Some(error);
         event_loop.exit();
+    }
+
+    /// Looks beside the picture, if there is time for that; whether no frame is due.
+    fn look_around(&mut self, event_loop: &ActiveEventLoop) -> bool {
+        let (Some(shell), Some(city)) = (&self.shell, &mut self.city) else { return false };
+        if !city.may_look_around() {
+            return false;
+        }
+        match city.look_around(shell) {
+            Ok(Some(flow)) => event_loop.set_control_flow(flow),
+            Ok(None) => return false,
+            Err(error) => self.fail(event_loop, error),
+        }
+        true
     }
 
     /// Tries to connect, on a thread of its own.

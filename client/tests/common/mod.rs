@@ -2,6 +2,16 @@
 
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used)]
 
+use glam::DVec3;
+use insula_client::{
+    args::Global,
+    camera::Camera,
+    commands::connect::connect,
+    render::{Adapter, AdapterChoice},
+    scene::Tree,
+    session::{Session, Shot},
+    stream::{Stream, fetch::Http},
+};
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId,
     blockmap::{COLUMNS, Column, NODE_CELLS, Strip, strip_rows},
@@ -19,7 +29,7 @@ use std::{
         Arc, Mutex,
         atomic::{AtomicBool, AtomicU32, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 pub const DEPTH: u8 = 3;
@@ -245,4 +255,38 @@ fn connection(
             return;
         }
     }
+}
+
+/// A server that answers well.
+pub fn well() -> Box<Policy> {
+    Box::new(|_, _| Answer::Well)
+}
+
+/// Over a server, drawn by the CPU.
+pub fn session(server: &Server, cache_mib: u64) -> Session {
+    let http = Arc::new(Http::new(None).unwrap());
+    let global = Global {
+        adapter: AdapterChoice::Cpu,
+        cache_mib: 256,
+        no_meshes: false,
+        disk_cache_mib: None,
+        city: None,
+        tau: 1.0,
+        timeout: 5,
+    };
+    let city = connect(&http, &server.url, &global).unwrap();
+    let stream = Stream::new(http, city.source, 12, None);
+    Session::new(
+        Tree::new(city.manifest),
+        stream,
+        Adapter::headless(AdapterChoice::Cpu, cache_mib << 20).unwrap(),
+        Instant::now(),
+    )
+}
+
+/// From the city's corner, in metres; 160 x 90 pixels.
+pub fn shot(position: [f64; 3], target: [f64; 3]) -> Shot {
+    let world = DVec3::from(ORIGIN);
+    let camera = Camera::look(world + DVec3::from(position), world + DVec3::from(target), DVec3::Z, 1.0).unwrap();
+    Shot { camera, heading: None, size_px: [160, 90], tau_px: 1.0 }
 }

@@ -13,7 +13,7 @@ use insula_client::{
     report::pictures_apart,
     scene::Key,
     select::Item,
-    session::{Session, Shot},
+    session::{LookAround, Session, Shot},
     stream::link::Link,
 };
 use insula_protocol::TileId;
@@ -92,6 +92,10 @@ struct Turn {
     /// With only what the view before had fetched.
     cold_wrong_share: f64,
     cold_holes_share: f64,
+    /// With what the view before had fetched and, while it rested, what lies beside it.
+    rested_wrong_share: f64,
+    rested_holes_share: f64,
+    rested_bytes: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -152,12 +156,15 @@ fn main() -> Result<()> {
         );
         for t in &row.turns {
             println!(
-                "      turned by {:4}: wrong {:.4} %, city in one only {:.4} %; with nothing new fetched: {:.3} %, {:.4} %",
+                "      turned by {:4}: wrong {:.4} %, city in one only {:.4} %; with nothing new fetched: {:.3} %, {:.4} %; after a rest ({} KiB): {:.3} %, {:.4} %",
                 t.degrees,
                 t.wrong_share * 100.0,
                 t.holes_share * 100.0,
                 t.cold_wrong_share * 100.0,
-                t.cold_holes_share * 100.0
+                t.cold_holes_share * 100.0,
+                t.rested_bytes >> 10,
+                t.rested_wrong_share * 100.0,
+                t.rested_holes_share * 100.0
             );
         }
         rows.push(row);
@@ -277,12 +284,24 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
             insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
         }
         let cold = pictures_apart(&cold_px, &truth);
+        let mut rested = open(city, CACHE_MIB)?;
+        settle(&mut rested, &ahead, TIMEOUT)?;
+        while rested.look_around(&ahead)? != LookAround::Done {
+            rested.wait(Duration::from_millis(5));
+            settle(&mut rested, &ahead, TIMEOUT)?;
+        }
+        rested.step(&beside);
+        let rested_bytes = rested.report(1.0).bytes_fetched;
+        let rested = pictures_apart(&picture(&mut rested, &beside)?.0, &truth);
         turns.push(Turn {
             degrees,
             wrong_share: warm.wrong_share,
             holes_share: warm.holes_share,
             cold_wrong_share: cold.wrong_share,
             cold_holes_share: cold.holes_share,
+            rested_wrong_share: rested.wrong_share,
+            rested_holes_share: rested.holes_share,
+            rested_bytes,
         });
     }
     Ok(Row {
