@@ -40,14 +40,9 @@ pub(super) struct Around {
 }
 
 impl Around {
-    /// Whether there is something to look at or to fetch beside `shot`.
-    pub(super) fn is_on(&self, shot: &Shot) -> bool {
-        self.of.as_ref() == Some(shot) && self.done < TURNS_DEG.len()
-    }
-
-    /// Whether all beside `shot` was looked at.
-    pub(super) fn is_done(&self, shot: &Shot) -> bool {
-        self.of.as_ref() == Some(shot) && self.done == TURNS_DEG.len()
+    /// Whether it is `shot` that is looked beside of, or was.
+    pub(super) fn is_of(&self, shot: &Shot) -> bool {
+        self.of.as_ref() == Some(shot)
     }
 
     /// Begins to look beside a shot; `sight` is what its rays told.
@@ -58,6 +53,12 @@ impl Around {
     /// The picture became another.
     pub(super) fn forget(&mut self) {
         self.of = None;
+        self.end();
+    }
+
+    /// Nothing more shall be looked at.
+    pub(super) fn end(&mut self) {
+        self.done = TURNS_DEG.len();
         self.selection = Selection::default();
     }
 

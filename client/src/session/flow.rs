@@ -181,27 +181,21 @@ impl Flow {
     /// Selects, and asks for what is missing.
     pub(super) fn turn(&mut self, shot: &Shot, now: Instant) {
         self.select(shot, now);
-        let wanted = if self.is_blind() && self.blind_turns < BLIND_TURNS {
+        let wanted = if self.around.is_of(shot) {
+            self.beside_it(now)
+        } else if self.is_blind() && self.blind_turns < BLIND_TURNS {
             self.blind_turns += u32::from(!self.selection.cut.is_empty());
             self.first(shot.tau_px)
         } else {
             self.wave(&self.selection.wanted, self.selection.wanted.clone(), now)
         };
-        match self.selection.wanted.is_empty() && self.around.is_on(shot) {
-            true => self.select_around(shot),
-            false if !self.around.is_done(shot) => self.around.forget(),
-            false => {}
-        }
-        self.ask(wanted, now);
+        self.stream.request(&mut self.tree, &wanted, now);
     }
 
-    /// Asks for `wanted`; if the picture lacks nothing, for what a turn would show. How many requests started.
-    fn ask(&mut self, mut wanted: Vec<Wanted>, now: Instant) -> usize {
-        if self.selection.wanted.is_empty() {
-            let beside = &self.around.selection().wanted;
-            wanted = self.wave(beside, beside.clone(), now);
-        }
-        self.stream.request(&mut self.tree, &wanted, now)
+    /// What is to be asked for now of what lies beside the picture.
+    fn beside_it(&self, now: Instant) -> Vec<Wanted> {
+        let wanted = &self.around.selection().wanted;
+        self.wave(wanted, wanted.clone(), now)
     }
 
     /// Which of `wanted` are to be asked for now, as `all` are wanted.
@@ -240,10 +234,17 @@ impl Flow {
     }
 
     fn select(&mut self, shot: &Shot, now: Instant) {
-        let view = self.view(shot, shot.camera);
-        let moved = self.shot.replace(*shot) != Some(*shot);
         self.cache.begin_frame();
         self.fresh = false;
+        if self.around.is_of(shot) {
+            // The picture rests: what comes now shall not make it another one.
+            self.touch();
+            self.select_around(shot);
+            return;
+        }
+        self.around.forget();
+        let view = self.view(shot, shot.camera);
+        let moved = self.shot.replace(*shot) != Some(*shot);
         let selection = select(&view, &self.tree, &self.sight, &mut self.scratch);
         if selection.cut != self.selection.cut || self.last_view != Some(view) {
             self.generation += 1;
@@ -254,6 +255,15 @@ impl Flow {
         let secs = now.duration_since(self.selected_at).as_secs_f64();
         self.raised.learn(tau_px / shot.tau_px, share, secs, moved);
         self.selected_at = now;
+        self.cast(&view);
+        self.touch();
+        if let Some(heading) = shot.heading {
+            self.preload(shot, heading);
+        }
+    }
+
+    /// Tells the cache what the selection needs.
+    fn touch(&mut self) {
         for (square, face) in self.fades.kept() {
             self.cache.keep(Key::block_map(self.tree.node(face.from).id));
             let leaf = self.tree.node(square).id;
@@ -266,9 +276,8 @@ impl Flow {
         for key in &self.selection.used_meshes {
             self.cache.touch(*key);
         }
-        self.cast(&view);
-        if let Some(heading) = shot.heading {
-            self.preload(shot, heading);
+        for at in self.casters.nodes.iter().rev() {
+            self.cache.touch(Key::block_map(self.tree.node(*at).id));
         }
     }
 
@@ -294,11 +303,14 @@ impl Flow {
             if self.collect(now) {
                 self.select(&shot, now);
             }
-            let wanted = match self.is_blind() {
-                true => self.first(shot.tau_px),
-                false => self.wave(&self.selection.wanted, self.coarse(UNSEEN_TIMES_TAU * shot.tau_px, fine), now),
+            let wanted = if self.around.is_of(&shot) {
+                self.beside_it(now)
+            } else if self.is_blind() {
+                self.first(shot.tau_px)
+            } else {
+                self.wave(&self.selection.wanted, self.coarse(UNSEEN_TIMES_TAU * shot.tau_px, fine), now)
             };
-            fine = fine.saturating_sub(self.ask(wanted, now));
+            fine = fine.saturating_sub(self.stream.request(&mut self.tree, &wanted, now));
         }
     }
 
@@ -313,7 +325,10 @@ impl Flow {
 
     /// Towards the sun, if what is out of the picture shall cast shadows into it: a [`Look::casting`].
     pub(super) fn set_sun(&mut self, sun: Option<DVec3>) {
-        self.sun = sun;
+        if self.sun != sun {
+            self.sun = sun;
+            self.around.forget();
+        }
     }
 
     /// What casts shadows on the last selection, within the room that this leaves.
@@ -325,9 +340,6 @@ impl Flow {
         let view = View { budget_pages, budget_nodes, tau_px: counters.tau_px, ..*view };
         let picture = self.sight.is_fed().then_some(&self.selection);
         self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, picture)).unwrap_or_default();
-        for at in self.casters.nodes.iter().rev() {
-            self.cache.touch(Key::block_map(self.tree.node(*at).id));
-        }
         let wanted: HashSet<Key> = self.selection.wanted.iter().map(|w| w.key).collect();
         self.selection.wanted.extend(self.casters.wanted.iter().filter(|w| !wanted.contains(&w.key)));
     }
@@ -351,8 +363,11 @@ impl Flow {
         f64::from(self.cache.free_pages()) >= SPARE_SHARE * f64::from(self.cache.capacity_pages())
     }
 
-    /// Selects what is beside a shot.
+    /// Selects what is beside a shot, as long as there is room that nobody uses.
     fn select_around(&mut self, shot: &Shot) {
+        if !self.has_room_to_spare() {
+            self.around.end();
+        }
         if let Some(camera) = self.around.camera() {
             self.around.select(&self.view(shot, camera), &self.tree, &mut self.scratch);
         }
@@ -360,10 +375,10 @@ impl Flow {
 
     /// What is beside a shot; nothing while the shot's own picture changes, or if there is no room for more.
     pub(super) fn beside(&mut self, shot: &Shot) -> Beside {
-        if !self.settled() || self.is_blind() || !self.has_room_to_spare() {
+        if !self.settled() || self.is_blind() {
             return Beside::Nothing;
         }
-        if !self.around.is_on(shot) && !self.around.is_done(shot) {
+        if !self.around.is_of(shot) {
             self.around.begin(shot, &self.sight);
             self.select_around(shot);
         }
@@ -483,7 +498,7 @@ impl Flow {
 
     /// Whether all that the last selection asks for is here.
     pub(super) fn fetched(&self) -> bool {
-        let waits = !self.decoded.is_empty() && self.shot.is_none_or(|shot| !self.around.is_on(&shot));
+        let waits = !self.decoded.is_empty() && self.shot.is_none_or(|shot| !self.around.is_of(&shot));
         self.tree.root().is_some() && self.selection.wanted.is_empty() && !waits
     }
 
@@ -499,6 +514,7 @@ impl Flow {
             let whole = self.fetched();
             self.sight.feed(asked, pixels, whole, &self.tree);
             self.wave.told(asked.generation);
+            self.around.forget();
             self.fresh = true;
         }
     }

@@ -187,14 +187,20 @@ impl City {
         Ok(Some(self.next(again, shown, shell)))
     }
 
-    /// Whether the picture on the screen stays, so that there is time to look around.
-    pub fn may_look_around(&self) -> bool {
+    /// Whether the picture on the screen stays, unless something came that makes it better.
+    pub fn rests(&self) -> bool {
         let flies = self.control.moving() || self.tour.is_some() || self.recorder.is_some();
         let asks = self.session.adapter().is_asking();
-        self.around && self.pace.is_rested() && self.trouble == Trouble::None && !flies && !asks
+        self.pace.is_rested() && self.trouble == Trouble::None && !flies && !asks
     }
 
-    /// Looks at what a turn would show; nothing on the screen changes. When to go on, or `None` if a frame is due instead.
+    /// Whether there is time to look at what a turn would show.
+    pub fn may_look_around(&self) -> bool {
+        self.around && self.rests()
+    }
+
+    /// Takes in what came, and looks at what a turn would show; nothing on the screen changes. When to go on, or `None` if a
+    /// frame is due instead.
     pub fn look_around(&mut self, shell: &Shell) -> Result<Option<ControlFlow>> {
         let shot = self.shot(shell, 1);
         self.session.step(&shot);
@@ -202,16 +208,17 @@ impl City {
             self.pace.stir();
             return Ok(None);
         }
+        let state = if self.around { self.session.look_around(&shot)? } else { LookAround::Done };
+        self.around = state != LookAround::Done;
         let now = Instant::now();
-        Ok(match self.session.look_around(&shot)? {
-            LookAround::Looked => Some(ControlFlow::WaitUntil(now)),
-            LookAround::Waits => Some(ControlFlow::WaitUntil(now + RETRY)),
+        Ok(Some(match state {
+            LookAround::Looked => ControlFlow::WaitUntil(now),
+            LookAround::Waits => ControlFlow::WaitUntil(now + RETRY),
             LookAround::Done => {
-                self.around = false;
                 let until = self.shown.message.as_ref().map(|(_, until)| ControlFlow::WaitUntil(*until));
-                Some(until.unwrap_or(ControlFlow::Wait))
+                until.unwrap_or(ControlFlow::Wait)
             }
-        })
+        }))
     }
 
     /// Counts what the rays of a picture do, if that was asked for: it costs as much as the picture.

@@ -167,7 +167,7 @@ impl ApplicationHandler<Event> for App {
     fn user_event(&mut self, event_loop: &ActiveEventLoop, event: Event) {
         match event {
             Event::Arrived => {
-                if self.look_around(event_loop) {
+                if self.look_around(event_loop, City::rests) {
                     return;
                 }
                 if let Some(city) = &mut self.city {
@@ -183,7 +183,7 @@ impl ApplicationHandler<Event> for App {
 
     fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
         if matches!(cause, StartCause::ResumeTimeReached { .. })
-            && !self.look_around(event_loop)
+            && !self.look_around(event_loop, City::may_look_around)
             && let Some(shell) = &self.shell
         {
             shell.window.request_redraw();
@@ -214,9 +214,9 @@ impl App {
     }
 
     /// Looks beside the picture, if there is time for that; whether no frame is due.
-    fn look_around(&mut self, event_loop: &ActiveEventLoop) -> bool {
+    fn look_around(&mut self, event_loop: &ActiveEventLoop, has_time: impl Fn(&City) -> bool) -> bool {
         let (Some(shell), Some(city)) = (&self.shell, &mut self.city) else { return false };
-        if !city.may_look_around() {
+        if !has_time(city) {
             return false;
         }
         match city.look_around(shell) {
