@@ -96,6 +96,7 @@ struct Turn {
     rested_wrong_share: f64,
     rested_holes_share: f64,
     rested_bytes: u64,
+    rested_secs: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -156,13 +157,14 @@ fn main() -> Result<()> {
         );
         for t in &row.turns {
             println!(
-                "      turned by {:4}: wrong {:.4} %, city in one only {:.4} %; with nothing new fetched: {:.3} %, {:.4} %; after a rest ({} KiB): {:.3} %, {:.4} %",
+                "      turned by {:4}: wrong {:.4} %, city in one only {:.4} %; with nothing new fetched: {:.3} %, {:.4} %; after a rest ({} KiB, {:.1} s): {:.3} %, {:.4} %",
                 t.degrees,
                 t.wrong_share * 100.0,
                 t.holes_share * 100.0,
                 t.cold_wrong_share * 100.0,
                 t.cold_holes_share * 100.0,
                 t.rested_bytes >> 10,
+                t.rested_secs,
                 t.rested_wrong_share * 100.0,
                 t.rested_holes_share * 100.0
             );
@@ -284,12 +286,14 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
             insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
         }
         let cold = pictures_apart(&cold_px, &truth);
-        let mut rested = open(city, CACHE_MIB)?;
+        let mut rested = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
         settle(&mut rested, &ahead, TIMEOUT)?;
+        let begin = Instant::now();
         while rested.look_around(&ahead)? != LookAround::Done {
             rested.wait(Duration::from_millis(5));
             settle(&mut rested, &ahead, TIMEOUT)?;
         }
+        let rested_secs = begin.elapsed().as_secs_f64();
         rested.step(&beside);
         let rested_bytes = rested.report(1.0).bytes_fetched;
         let rested = pictures_apart(&picture(&mut rested, &beside)?.0, &truth);
@@ -302,6 +306,7 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
             rested_wrong_share: rested.wrong_share,
             rested_holes_share: rested.holes_share,
             rested_bytes,
+            rested_secs,
         });
     }
     Ok(Row {
