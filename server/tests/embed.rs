@@ -38,7 +38,7 @@ async fn it_serves_until_told_and_drains_no_longer_than_told() {
     tokio::time::sleep(Duration::from_millis(100)).await;
     let start = Instant::now();
     stop.send(()).unwrap();
-    timeout(Duration::from_secs(5), server).await.unwrap().unwrap().unwrap();
-    assert!((0.9..3.0).contains(&start.elapsed().as_secs_f64()), "{:?}", start.elapsed());
+    timeout(Duration::from_secs(8), server).await.unwrap().unwrap().unwrap();
+    assert!((0.9..6.0).contains(&start.elapsed().as_secs_f64()), "{:?}", start.elapsed());
     assert_eq!(stuck.read(&mut [0; 1]).await.unwrap_or(0), 0, "it was dropped");
 }

@@ -60,6 +60,19 @@ impl Running {
         exchange(&mut stream, &format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n{headers}\r\n")).await
     }
 
+    /// Asks until an answer is as it is `meant`; a loaded machine takes its time.
+    async fn until(&self, path: &str, meant: impl Fn(&str) -> bool) -> String {
+        let deadline = Instant::now() + Duration::from_secs(5);
+        loop {
+            let answer = self.get(path, "").await;
+            if meant(&answer) {
+                return answer;
+            }
+            assert!(Instant::now() < deadline, "{path}: {answer}");
+            sleep(Duration::from_millis(20)).await;
+        }
+    }
+
     async fn stop(mut self) {
         self.stop.take().unwrap().send(()).unwrap();
         timeout(Duration::from_secs(5), self.task).await.unwrap().unwrap().unwrap();
@@ -162,20 +175,19 @@ async fn slow_clients_are_closed_and_others_are_not() {
         until_closed(idle, false),
         until_closed(second, true)
     );
-    assert!((0.9..2.5).contains(&silent), "a connection without a request: {silent}");
-    assert!((0.9..2.5).contains(&half), "headers that drip: {half}");
-    assert!((1.8..4.0).contains(&idle), "between requests: {idle}");
-    assert!((0.9..2.5).contains(&second), "a second request that drips: {second}");
+    assert!((0.9..4.0).contains(&silent), "a connection without a request: {silent}");
+    assert!((0.9..4.0).contains(&half), "headers that drip: {half}");
+    assert!((1.8..6.0).contains(&idle), "between requests: {idle}");
+    assert!((0.9..4.0).contains(&second), "a second request that drips: {second}");
     // One that never reads what it asked for, again and again.
     let mut deaf = server.connect().await;
     let request = format!("GET {TILE} HTTP/1.1\r\nHost: x\r\n\r\n").repeat(1000);
     let start = Instant::now();
     while start.elapsed() < Duration::from_secs(8) && deaf.write_all(request.as_bytes()).await.is_ok() {}
     assert!((0.5..6.0).contains(&start.elapsed().as_secs_f64()), "a client that does not read: {:?}", start.elapsed());
-    sleep(Duration::from_millis(300)).await;
-    let metrics = server.get("/metrics", "").await;
     for kind in ["headers", "idle", "reading"] {
-        assert!(metrics.contains(&format!("insula_client_timeouts_total{{kind=\"{kind}\"}}")), "{kind}: {metrics}");
+        let counted = format!("insula_client_timeouts_total{{kind=\"{kind}\"}}");
+        server.until("/metrics", |metrics| metrics.contains(&counted)).await;
     }
     server.stop().await;
 }
@@ -195,8 +207,7 @@ async fn connections_over_the_limit_are_told_so() {
     is_problem(&answer, 503);
     assert!(answer.contains("retry-after: 1\r\n") && answer.contains("connection: close\r\n"), "{answer}");
     held.pop();
-    sleep(Duration::from_millis(200)).await;
-    assert!(server.get(TILE, "").await.starts_with("HTTP/1.1 200"));
+    server.until(TILE, |answer| answer.starts_with("HTTP/1.1 200")).await;
     server.stop().await;
 }
 
@@ -241,7 +252,10 @@ async fn private_cities_want_a_token() {
     // Another file, read again: the old token is worth nothing.
     std::fs::write(tokens.path(), "fedcba9876543210-office\n").unwrap();
     server.look.notify_one();
-    sleep(Duration::from_millis(300)).await;
+    let deadline = Instant::now() + Duration::from_secs(5);
+    while server.get(TILE, token).await.starts_with("HTTP/1.1 200") && Instant::now() < deadline {
+        sleep(Duration::from_millis(20)).await;
+    }
     is_problem(&server.get(TILE, token).await, 401);
     server.stop().await;
 }
@@ -266,11 +280,7 @@ async fn a_new_version_takes_over_and_the_old_one_is_served_for_a_while() {
     for version in &versions[1..] {
         publish(server.folder.path(), version);
         server.look.notify_one();
-        let deadline = Instant::now() + Duration::from_secs(5);
-        while !server.get("/v1/cities/two", "").await.contains(&format!("\"{version}\"")) {
-            assert!(Instant::now() < deadline, "{version} is not served");
-            sleep(Duration::from_millis(20)).await;
-        }
+        server.until("/v1/cities/two", |manifest| manifest.contains(&format!("\"{version}\""))).await;
         assert!(server.get(&tile(version), "").await.starts_with("HTTP/1.1 200"));
     }
     for (version, status) in [("d", 200), ("c", 200), ("b", 200), ("0123456789abcdef", 404)] {
@@ -284,13 +294,18 @@ async fn a_new_version_takes_over_and_the_old_one_is_served_for_a_while() {
     assert!(server.get(&tile("d"), "").await.starts_with("HTTP/1.1 200"));
     std::fs::remove_dir_all(server.folder.path().join("two")).unwrap();
     common::city(&server.folder.path().join("three"), "three");
-    for looks in 1..=4 {
+    for looks in 1..=2 {
         server.look.notify_one();
         sleep(Duration::from_millis(200)).await;
-        let there = server.get(&tile("d"), "").await.starts_with("HTTP/1.1 200");
-        assert_eq!(there, looks < 3, "after {looks} looks");
+        assert!(server.get(&tile("d"), "").await.starts_with("HTTP/1.1 200"), "gone after {looks} looks");
     }
-    assert!(server.get("/v1/cities/three", "").await.starts_with("HTTP/1.1 200"), "a new city");
+    // The third look, unless the first two were one.
+    let look = |answer: &str| {
+        server.look.notify_one();
+        answer.starts_with("HTTP/1.1 404")
+    };
+    server.until(&tile("d"), look).await;
+    server.until("/v1/cities/three", |answer| answer.starts_with("HTTP/1.1 200")).await;
     server.stop().await;
 }
 
@@ -360,8 +375,11 @@ mod tls {
         }
         let second = certify(folder.path());
         server.look.notify_one();
-        sleep(Duration::from_millis(300)).await;
-        assert!(ask(&server, &first, &[]).await.is_err(), "the old one is gone");
+        let deadline = Instant::now() + Duration::from_secs(5);
+        while ask(&server, &first, &[]).await.is_ok() {
+            assert!(Instant::now() < deadline, "the old one stays");
+            sleep(Duration::from_millis(20)).await;
+        }
         assert!(ask(&server, &second, &[]).await.unwrap().0.starts_with("HTTP/1.1 200"));
         // What cannot be used changes nothing.
         std::fs::write(folder.path().join("key.pem"), "no key").unwrap();

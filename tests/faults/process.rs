@@ -31,7 +31,7 @@ pub(crate) fn killed() {
     });
     assert_eq!(seen.wrong.load(Relaxed), 0, "wrong bytes were served");
     assert!(seen.broken.load(Relaxed) > 0, "nobody noticed: the test tests nothing");
-    assert!(seen.whole.load(Relaxed) > 1000);
+    assert!(seen.whole.load(Relaxed) > 100);
 }
 
 pub(crate) fn no_descriptors() {
