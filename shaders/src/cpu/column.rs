@@ -6,6 +6,7 @@
 //! `meets` finds a solid, `hit_solid` gathers it, and the loop around them is the walk's.
 
 use super::{
+    machine::{floor, least, most},
     raycast::{Gathered, NodeRay, OPAQUE, SUN_LIFT_CELLS, SceneRef, ahead},
     shade::linear_of,
 };
@@ -98,7 +99,7 @@ pub(super) fn column(
     let walk = word(scene, gathered, ray.node.page(0), i);
     let flags = (walk >> 24) as u8;
     let z = |t: f32| ray.o.z + ray.d.z * t;
-    if !may_hit(walk, [z(ta).min(z(te)), z(ta).max(z(te))], quad_top) {
+    if !may_hit(walk, [least(z(ta), z(te)), most(z(ta), z(te))], quad_top) {
         return;
     }
     let centre = cell.as_vec2() + 0.5;
@@ -219,7 +220,7 @@ fn clip_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> Span {
             span.face = Face::Bottom;
         }
     } else if above[1] < 0.0 {
-        span.e = span.e.min(ta + (te - ta) * (above[0] / (above[0] - above[1])));
+        span.e = least(span.e, ta + (te - ta) * (above[0] / (above[0] - above[1])));
     }
     span
 }
@@ -270,9 +271,9 @@ fn hit_solid(
     }
     let strip = (column.strip + head_words(flags)) as u32;
     let codes = (16 >> ray.node.z_shift()) as f32;
-    let first = (z_min / codes).floor() as i32;
-    let (row_low, row_high) = ((bounds[0] / codes).floor() as i32, ((bounds[1] - 1.0) / codes).floor() as i32);
-    let mut row = (((ray.o.z + ray.d.z * span.s) / codes).floor() as i32).clamp(row_low, row_high);
+    let first = floor(z_min / codes);
+    let (row_low, row_high) = (floor(bounds[0] / codes), floor((bounds[1] - 1.0) / codes));
+    let mut row = floor((ray.o.z + ray.d.z * span.s) / codes).clamp(row_low, row_high);
     let up = ray.d.z > 0.0;
     let mut s = span.s;
     if rows && span.face == Face::Side {
@@ -320,7 +321,7 @@ fn beside(
         return None;
     }
     let codes = (16 >> ray.node.z_shift()) as f32;
-    let row = ((z / codes).floor() - (z_min / codes).floor()) as usize;
+    let row = (floor(z / codes) - floor(z_min / codes)) as usize;
     let strip = strip + head_words(flags);
     let texel = word(scene, gathered, 0, strip + row);
     let attributes = word(scene, gathered, ray.node.page(2), i);

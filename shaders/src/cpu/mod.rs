@@ -1,6 +1,7 @@
 //! The CPU twins of the WGSL stages: same names, same results.
 
 mod column;
+mod machine;
 mod mesh;
 pub mod raycast;
 pub mod shade;

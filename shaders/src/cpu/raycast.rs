@@ -10,6 +10,7 @@
 
 use super::{
     column::column,
+    machine::{floor2, least, most},
     mesh::walk_mesh,
     shade::{Air, Lit, Surface, background, develop, encode_srgb, ground_distance, shade, through_haze},
 };
@@ -293,12 +294,12 @@ fn walk_grid(scene: &SceneRef<'_>, leg: &Leg, gathered: &mut Gathered) {
     let near = (low + (1.0 - ahead) * squares as f32 - o) * inv;
     let far = (low + ahead * squares as f32 - o) * inv;
     let (za, zb) = ((-1.0 - z_from) / dz, (Z_TOP + 1.0 - z_from) / dz);
-    let mut t = near.max_element().max(za.min(zb)).max(0.0);
-    let t_end = far.min_element().min(za.max(zb)).min(leg.reach_m);
+    let mut t = most(most(most(near.x, near.y), least(za, zb)), 0.0);
+    let t_end = least(least(least(far.x, far.y), most(za, zb)), leg.reach_m);
     if t >= t_end {
         return;
     }
-    let mut cell = ((o + d * t).floor().as_ivec2() + eye_cell).clamp(IVec2::ZERO, IVec2::splat(squares - 1));
+    let mut cell = (floor2(o + d * t) + eye_cell).clamp(IVec2::ZERO, IVec2::splat(squares - 1));
     let mut k = level_at(frame, leg.eye_m + t);
     for _ in 0..MAX_STEPS {
         let (entry, level) = look_up(scene, cell, k);
@@ -308,9 +309,9 @@ fn walk_grid(scene: &SceneRef<'_>, leg: &Leg, gathered: &mut Gathered) {
         let corner = cell >> k << k;
         let edge = corner + (forward << k);
         let te = ((edge - eye_cell).as_vec2() - o) * inv;
-        let exit = te.min_element().min(t_end).max(t);
+        let exit = most(least(least(te.x, te.y), t_end), t);
         let (za, zb) = (z_from + dz * t, z_from + dz * exit);
-        let meets = za.min(zb) <= (entry[1] >> 16) as f32 + 1.0 && za.max(zb) + 1.0 >= (entry[1] & 0xffff) as f32;
+        let meets = least(za, zb) <= (entry[1] >> 16) as f32 + 1.0 && most(za, zb) + 1.0 >= (entry[1] & 0xffff) as f32;
         if meets && entry[0] == GRID_MIXED && k > 0 {
             k -= 1;
             continue;
@@ -319,7 +320,7 @@ fn walk_grid(scene: &SceneRef<'_>, leg: &Leg, gathered: &mut Gathered) {
             walk_node(scene, seen_by(leg, entry[0]), leg, t, exit, gathered);
         }
         t = exit;
-        let mut next = (o + d * t).floor().as_ivec2() + eye_cell;
+        let mut next = floor2(o + d * t) + eye_cell;
         next = next.clamp(corner, corner + ((1 << k) - 1));
         if te.x <= te.y {
             next.x = edge.x - 1 + forward.x;
@@ -345,7 +346,7 @@ fn seen_by(leg: &Leg, entry: u32) -> u32 {
 /// The level whose nodes are good enough at a distance.
 fn level_at(frame: &Frame, t: f32) -> u32 {
     // The exponent is the logarithm, rounded down.
-    let level = ((t * frame.level_scale).max(1.0).to_bits() >> 23) - 127;
+    let level = (most(t * frame.level_scale, 1.0).to_bits() >> 23) - 127;
     level.min(frame.levels - 1)
 }
 
@@ -375,11 +376,11 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
     let dz = if dz.abs() < 1e-12 { 1e-12 } else { dz };
     let a = (node.z_lo - 1.0 - o.z) / dz;
     let b = (node.z_hi + 1.0 - o.z) / dz;
-    let t_end = t_out.min(a.max(b));
-    let mut t = t_in.max(a.min(b));
+    let t_end = least(t_out, most(a, b));
+    let mut t = most(t_in, least(a, b));
     let z = |t: f32| o.z + dz * t;
     let highest = highest_on(node, o.xy() + d_xy * t, o.xy() + d_xy * t_end);
-    if t > t_end || z(t).min(z(t_end)) > highest {
+    if t > t_end || least(z(t), z(t_end)) > highest {
         return;
     }
     gathered.counts.nodes += 1;
@@ -388,17 +389,17 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
     let step = (ahead * 2.0 - 1.0).as_ivec2();
     let blocks = NODE_CELLS as i32 / BLOCK_CELLS as i32;
     let p = (o.xy() + d_xy * t) / BLOCK_CELLS as f32;
-    let mut block = p.floor().as_ivec2().clamp(IVec2::ZERO, IVec2::splat(blocks - 1));
+    let mut block = floor2(p).clamp(IVec2::ZERO, IVec2::splat(blocks - 1));
     for _ in 0..2 * blocks {
         let te = ((block.as_vec2() + ahead) * BLOCK_CELLS as f32 - o.xy()) * ray.inv;
-        let exit = te.x.min(te.y);
-        let t_block = exit.min(t_end).max(t);
+        let exit = least(te.x, te.y);
+        let t_block = most(least(exit, t_end), t);
         let slot = node.slot() * SUMMARY_WORDS;
         let at = (block.y * blocks + block.x) as usize;
         gathered.counts.fetches += 1;
         let quads = Quads::new(scene.summaries.get(slot + at * 4..).and_then(|words| words.first_chunk()));
         let (za, zb) = (o.z + dz * t, o.z + dz * t_block);
-        if za.min(zb) <= quads.high && za.max(zb) >= quads.low {
+        if least(za, zb) <= quads.high && most(za, zb) >= quads.low {
             walk_block(scene, &ray, (block, &quads), t, t_block, gathered);
             if gathered.left <= OPAQUE {
                 return;
@@ -468,13 +469,13 @@ fn walk_block(
     let low = block * BLOCK_CELLS as i32;
     let high = low + BLOCK_CELLS as i32 - 1;
     let mut t = t_in;
-    let mut cell = (o + d * t).floor().as_ivec2().clamp(low, high);
+    let mut cell = floor2(o + d * t).clamp(low, high);
     for _ in 0..2 * BLOCK_CELLS {
         let te = (cell.as_vec2() + ahead - o) * ray.inv;
-        let exit = te.x.min(te.y);
-        let t_cell = exit.min(t_end).max(t);
+        let exit = least(te.x, te.y);
+        let t_cell = most(least(exit, t_end), t);
         let top = quads.top(cell);
-        if (ray.o.z + ray.d.z * t).min(ray.o.z + ray.d.z * t_cell) <= top {
+        if least(ray.o.z + ray.d.z * t, ray.o.z + ray.d.z * t_cell) <= top {
             gathered.counts.cells += 1;
             column(scene, ray, cell, [t, t_cell], top, gathered);
         }
