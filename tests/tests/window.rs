@@ -280,6 +280,12 @@ fn a_person_drives_the_window() -> Result<()> {
     let mut other = Person::start(&screen, folder.path(), &link)?;
     other.says("at rest", 0)?;
     let same = other.look("10-link")?;
+    // What a turn would show comes while the picture rests, which is not drawn again for that.
+    other.says("looked around", 0)?;
+    let rests = other.all_said().iter().filter(|line| line.contains("at rest")).count();
+    std::thread::sleep(Duration::from_secs(1));
+    let later = other.all_said().iter().filter(|line| line.contains("at rest")).count();
+    ensure!(later == rests && difference(&same, &other.look("11-looked-around")?) < 0.02, "it is drawn again: {later}");
     ensure!(difference(&view, &same) < 0.02, "the link opens another view: {}", difference(&view, &same));
     ensure!(other.quit()? == 0, "Escape ends it with an error");
     Ok(())

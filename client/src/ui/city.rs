@@ -209,6 +209,9 @@ impl City {
             return Ok(None);
         }
         let state = if self.around { self.session.look_around(&shot)? } else { LookAround::Done };
+        if self.around && state == LookAround::Done {
+            tracing::debug!("looked around");
+        }
         self.around = state != LookAround::Done;
         let now = Instant::now();
         Ok(Some(match state {
