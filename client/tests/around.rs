@@ -12,7 +12,10 @@ use insula_client::{
     render::Look,
     session::{LookAround, Session, Shot},
 };
-use std::{sync::atomic::Ordering, time::Duration};
+use std::{
+    sync::atomic::Ordering,
+    time::{Duration, Instant},
+};
 
 const MOST: Duration = Duration::from_secs(60);
 
@@ -28,8 +31,10 @@ fn turned(shot: &Shot, degrees: f64) -> Shot {
 }
 
 fn look_around(session: &mut Session, shot: &Shot) {
+    let begin = Instant::now();
     settle(session, shot, MOST).unwrap();
     while session.look_around(shot).unwrap() != LookAround::Done {
+        assert!(begin.elapsed() < MOST, "it does not end");
         session.wait(Duration::from_millis(5));
         settle(session, shot, MOST).unwrap();
     }

@@ -54,7 +54,8 @@ struct Screen {
 impl Screen {
     fn start() -> Result<Self> {
         let mut xvfb = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp"])
+            // Without its reset, which who connects meanwhile does not survive, whenever the last client goes.
+            .args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp", "-noreset"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

@@ -178,6 +178,16 @@ impl Tree {
         self.node(at).pages.unwrap_or(guess)
     }
 
+    /// Pages that a tile takes, or is thought to.
+    pub fn pages_of_tile(&self, key: Key) -> u32 {
+        let Some(at) = self.find(key.id) else { return PAGES_GUESS };
+        match key.layer() {
+            Layer::Subtrees => 0,
+            Layer::BlockMaps => self.pages_of(at),
+            Layer::Meshes => self.node(at).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
+        }
+    }
+
     /// Remembers how many pages a node takes.
     pub fn set_pages(&mut self, id: TileId, pages: u32) {
         if let Some(at) = self.find(id)

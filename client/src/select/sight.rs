@@ -101,6 +101,11 @@ impl Sight {
         }
     }
 
+    /// What is known, for another view of which there is no picture yet.
+    pub fn for_another(&self) -> Self {
+        Self { looked: None, ..self.clone() }
+    }
+
     /// Forgets everything: a new place altogether.
     pub fn clear(&mut self) {
         *self = Self::default();

@@ -47,7 +47,8 @@ impl Around {
 
     /// Begins to look beside a shot; `sight` is what its rays told.
     pub(super) fn begin(&mut self, shot: &Shot, sight: &Sight) {
-        *self = Self { of: Some(*shot), sight: sight.clone(), generation: self.generation + 1, ..Self::default() };
+        *self =
+            Self { of: Some(*shot), sight: sight.for_another(), generation: self.generation + 1, ..Self::default() };
     }
 
     /// The picture became another.
@@ -66,7 +67,7 @@ impl Around {
     pub(super) fn next(&mut self, sight: &Sight) {
         self.done += 1;
         self.generation += 1;
-        self.sight = sight.clone();
+        self.sight = sight.for_another();
         self.selection = Selection::default();
     }
 

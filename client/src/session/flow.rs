@@ -192,10 +192,18 @@ impl Flow {
         self.stream.request(&mut self.tree, &wanted, now);
     }
 
-    /// What is to be asked for now of what lies beside the picture.
+    /// What is to be asked for now of what lies beside the picture: no more than there is room for that nobody uses.
     fn beside_it(&self, now: Instant) -> Vec<Wanted> {
         let wanted = &self.around.selection().wanted;
-        self.wave(wanted, wanted.clone(), now)
+        let mut room = self.spare_pages();
+        let mut fits = |w: &Wanted| {
+            let pages = self.tree.pages_of_tile(w.key);
+            let fits = pages <= room;
+            room = room.saturating_sub(pages);
+            fits
+        };
+        let asked = wanted.iter().copied().take_while(|w| fits(w)).collect();
+        self.wave(wanted, asked, now)
     }
 
     /// Which of `wanted` are to be asked for now, as `all` are wanted.
@@ -236,7 +244,7 @@ impl Flow {
     fn select(&mut self, shot: &Shot, now: Instant) {
         self.cache.begin_frame();
         self.fresh = false;
-        if self.around.is_of(shot) {
+        if self.shot == Some(*shot) && self.around.is_of(shot) {
             // The picture rests: what comes now shall not make it another one.
             self.touch();
             self.select_around(shot);
@@ -363,19 +371,27 @@ impl Flow {
         f64::from(self.cache.free_pages()) >= SPARE_SHARE * f64::from(self.cache.capacity_pages())
     }
 
+    /// Pages that may be filled and still leave such room.
+    fn spare_pages(&self) -> u32 {
+        let kept = (SPARE_SHARE * f64::from(self.cache.capacity_pages())) as u32;
+        let decoded = (self.decoded_bytes / PAGE_BYTES) as u32;
+        self.cache.free_pages().saturating_sub(kept).saturating_sub(decoded)
+    }
+
     /// Selects what is beside a shot, as long as there is room that nobody uses.
     fn select_around(&mut self, shot: &Shot) {
-        if !self.has_room_to_spare() {
-            self.around.end();
-        }
         if let Some(camera) = self.around.camera() {
             self.around.select(&self.view(shot, camera), &self.tree, &mut self.scratch);
+        }
+        let first = self.around.selection().wanted.first();
+        if self.decoded.is_empty() && first.is_some_and(|w| self.tree.pages_of_tile(w.key) > self.spare_pages()) {
+            self.around.end();
         }
     }
 
     /// What is beside a shot; nothing while the shot's own picture changes, or if there is no room for more.
     pub(super) fn beside(&mut self, shot: &Shot) -> Beside {
-        if !self.settled() || self.is_blind() {
+        if self.shot != Some(*shot) || !self.settled() || self.is_blind() {
             return Beside::Nothing;
         }
         if !self.around.is_of(shot) {
@@ -496,10 +512,14 @@ impl Flow {
             && (self.is_sighted([0, 0]) || !self.sight.is_fed())
     }
 
+    /// Whether what comes is for what lies beside the picture.
+    fn rests(&self) -> bool {
+        self.shot.is_some_and(|shot| self.around.is_of(&shot))
+    }
+
     /// Whether all that the last selection asks for is here.
     pub(super) fn fetched(&self) -> bool {
-        let waits = !self.decoded.is_empty() && self.shot.is_none_or(|shot| !self.around.is_of(&shot));
-        self.tree.root().is_some() && self.selection.wanted.is_empty() && !waits
+        self.tree.root().is_some() && self.selection.wanted.is_empty() && (self.decoded.is_empty() || self.rests())
     }
 
     /// Whether it is known what the rays of the last selection hit, in a picture of at least this size, and they changed
@@ -521,7 +541,8 @@ impl Flow {
 
     /// Whether the next frame has something to upload, or to select anew: no need to wait for the network.
     pub(super) fn streaming_now(&self) -> bool {
-        !self.decoded.is_empty() || self.fresh || self.raised.moves() || self.fades.passing() > 0
+        let came = !self.decoded.is_empty() || self.fresh;
+        came && !self.rests() || self.raised.moves() || self.fades.passing() > 0
     }
 
     /// An error if the city has no root to begin with, or the server does not answer for `timeout`.

@@ -76,6 +76,10 @@ pub struct City {
     trouble: Trouble,
     /// There may be something to look at beside the picture.
     around: bool,
+    /// Something arrived while the picture rested.
+    pub(super) news: bool,
+    /// When a frame is due although nothing happens.
+    wake: Option<Instant>,
     /// Whether rays are counted, and what they did in the last picture that rested.
     pub(super) counting: bool,
     pub(super) counts: Option<Counts>,
@@ -114,6 +118,8 @@ impl City {
             pace: Pace::new(Instant::now()),
             trouble: Trouble::Loading,
             around: true,
+            news: false,
+            wake: None,
             counting: false,
             counts: None,
             store: false,
@@ -148,7 +154,7 @@ impl City {
     /// One frame: move, stream, draw; when to draw the next, or `None` when a tour has ended.
     pub fn frame(&mut self, shell: &mut Shell, settings: &mut Settings) -> Result<Option<ControlFlow>> {
         let begin = Instant::now();
-        self.around = true;
+        (self.around, self.news) = (true, false);
         let secs = self.pace.begin(begin);
         if !self.advance(begin, secs) {
             return Ok(None);
@@ -194,17 +200,20 @@ impl City {
         self.pace.is_rested() && self.trouble == Trouble::None && !flies && !asks
     }
 
-    /// Whether there is time to look at what a turn would show.
+    /// Whether there is time to take in what came, or to look at what a turn would show.
     pub fn may_look_around(&self) -> bool {
-        self.around && self.rests()
+        let is_due = self.wake.is_some_and(|at| at <= Instant::now());
+        (self.around || self.news) && self.rests() && !is_due
     }
 
     /// Takes in what came, and looks at what a turn would show; nothing on the screen changes. When to go on, or `None` if a
     /// frame is due instead.
     pub fn look_around(&mut self, shell: &Shell) -> Result<Option<ControlFlow>> {
         let shot = self.shot(shell, 1);
+        self.news = false;
         self.session.step(&shot);
-        if !self.session.settled() {
+        self.watch();
+        if !self.session.settled() || self.trouble != Trouble::None {
             self.pace.stir();
             return Ok(None);
         }
@@ -213,15 +222,18 @@ impl City {
             tracing::debug!("looked around");
         }
         self.around = state != LookAround::Done;
-        let now = Instant::now();
-        Ok(Some(match state {
-            LookAround::Looked => ControlFlow::WaitUntil(now),
-            LookAround::Waits => ControlFlow::WaitUntil(now + RETRY),
-            LookAround::Done => {
-                let until = self.shown.message.as_ref().map(|(_, until)| ControlFlow::WaitUntil(*until));
-                until.unwrap_or(ControlFlow::Wait)
-            }
-        }))
+        let again = match state {
+            LookAround::Looked => Some(Instant::now()),
+            LookAround::Waits => Some(self.retry_at()),
+            LookAround::Done => None,
+        };
+        Ok(Some(wait_until(self.wake.into_iter().chain(again).min())))
+    }
+
+    /// When to look after what did not come. Arrivals wake the loop; retries have their time.
+    fn retry_at(&self) -> Instant {
+        let soon = Instant::now() + RETRY;
+        self.session.stream().retry_at().map_or(soon, |at| at.max(soon))
     }
 
     /// Counts what the rays of a picture do, if that was asked for: it costs as much as the picture.
@@ -270,7 +282,9 @@ impl City {
 
     /// Notices what stands in the way of a whole picture, and logs when that changes.
     fn watch(&mut self) {
-        let silent = self.session.stream().failing_since().is_some_and(|since| since.elapsed() > SILENT);
+        // A picture that lacks nothing needs no server.
+        let failing = self.session.stream().failing_since().filter(|_| self.session.lacks());
+        let silent = failing.is_some_and(|since| since.elapsed() > SILENT);
         let trouble = match self.session.check(Duration::MAX) {
             Err(_) => Trouble::Broken,
             Ok(()) if silent => Trouble::Reconnecting,
@@ -340,8 +354,9 @@ impl City {
         laid_out
     }
 
-    fn next(&self, again: Duration, shown: bool, shell: &Shell) -> ControlFlow {
+    fn next(&mut self, again: Duration, shown: bool, shell: &Shell) -> ControlFlow {
         let now = Instant::now();
+        self.wake = None;
         if !shown {
             return ControlFlow::WaitUntil(now + RETRY);
         }
@@ -359,16 +374,19 @@ impl City {
         let mut wake = now.checked_add(again.min(Duration::from_secs(3600)));
         let mut sooner = |at: Option<Instant>| wake = wake.into_iter().chain(at).min();
         if !self.session.settled() {
-            // Arrivals wake the loop; retries have their time.
-            sooner(Some(self.session.stream().retry_at().unwrap_or(now + RETRY).max(now + RETRY)));
+            sooner(Some(self.retry_at()));
         } else {
             sooner(self.pace.rest_at().map(|at| at.max(now)));
-            sooner(self.may_look_around().then_some(now));
         }
         if self.recorder.is_some() {
             sooner(Some(now + RETRY));
         }
         sooner(self.shown.message.as_ref().map(|(_, until)| *until));
-        wake.map_or(ControlFlow::Wait, ControlFlow::WaitUntil)
+        self.wake = wake;
+        if self.may_look_around() { ControlFlow::WaitUntil(now) } else { wait_until(wake) }
     }
+}
+
+fn wait_until(at: Option<Instant>) -> ControlFlow {
+    at.map_or(ControlFlow::Wait, ControlFlow::WaitUntil)
 }

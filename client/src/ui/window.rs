@@ -167,10 +167,13 @@ impl ApplicationHandler<Event> for App {
     fn user_event(&mut self, event_loop: &ActiveEventLoop, event: Event) {
         match event {
             Event::Arrived => {
-                if self.look_around(event_loop, City::rests) {
-                    return;
-                }
                 if let Some(city) = &mut self.city {
+                    if city.rests() {
+                        // It may be for what lies beside the picture: first things that people do.
+                        city.news = true;
+                        event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now()));
+                        return;
+                    }
                     city.pace.stir();
                 }
             }
@@ -183,7 +186,7 @@ impl ApplicationHandler<Event> for App {
 
     fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
         if matches!(cause, StartCause::ResumeTimeReached { .. })
-            && !self.look_around(event_loop, City::may_look_around)
+            && !self.look_around(event_loop)
             && let Some(shell) = &self.shell
         {
             shell.window.request_redraw();
@@ -214,9 +217,9 @@ impl App {
     }
 
     /// Looks beside the picture, if there is time for that; whether no frame is due.
-    fn look_around(&mut self, event_loop: &ActiveEventLoop, has_time: impl Fn(&City) -> bool) -> bool {
+    fn look_around(&mut self, event_loop: &ActiveEventLoop) -> bool {
         let (Some(shell), Some(city)) = (&self.shell, &mut self.city) else { return false };
-        if !has_time(city) {
+        if !city.may_look_around() {
             return false;
         }
         match city.look_around(shell) {
