@@ -4,10 +4,10 @@
 
 mod common;
 
-use common::{Answer, GROUND_M, MESH_M, Policy, ROOF_M, city, city_with_meshes, serve, session, shot, well};
+use common::{Answer, GROUND_M, MESH_M, Policy, ROOF_M, city, city_with_meshes, global, serve, session, shot, well};
 use insula_client::{
     commands::connect::connect,
-    render::{AdapterChoice, Look},
+    render::Look,
     session::{Session, Shot},
     stream::fetch::Http,
 };
@@ -383,15 +383,7 @@ fn several_cities_must_be_named() {
     files.insert(route::CITIES.into(), br#"[{"name":"one"},{"name":"two"}]"#.to_vec());
     let server = serve(files, well());
     let http = Arc::new(Http::new(None).unwrap());
-    let mut global = insula_client::args::Global {
-        adapter: AdapterChoice::Cpu,
-        cache_mib: 256,
-        no_meshes: false,
-        disk_cache_mib: None,
-        city: None,
-        tau: 1.0,
-        timeout: 2,
-    };
+    let mut global = global();
     assert_eq!(connect(&http, &server.url, &global).unwrap_err().exit_code(), 2);
     global.city = Some("two".into());
     assert_eq!(connect(&http, &server.url, &global).unwrap().manifest.name, "two");

@@ -244,7 +244,7 @@ impl Flow {
     fn select(&mut self, shot: &Shot, now: Instant) {
         self.cache.begin_frame();
         self.fresh = false;
-        if self.shot == Some(*shot) && self.around.is_of(shot) {
+        if self.around.is_of(shot) {
             // The picture rests: what comes now shall not make it another one.
             self.touch();
             self.select_around(shot);
@@ -354,7 +354,7 @@ impl Flow {
 
     /// What the camera will want in a moment, as long as there is room that nobody uses.
     fn preload(&mut self, shot: &Shot, heading: Camera) {
-        if self.selection.wanted.iter().any(|w| w.group == Group::Urgent) || !self.has_room_to_spare() {
+        if self.selection.wanted.iter().any(|w| w.group == Group::Urgent) || self.spare_pages() == 0 {
             return;
         }
         let ahead = select(&self.view(shot, heading), &self.tree, &self.sight, &mut self.scratch);
@@ -366,12 +366,7 @@ impl Flow {
         }
     }
 
-    /// Whether there is room that nobody uses.
-    fn has_room_to_spare(&self) -> bool {
-        f64::from(self.cache.free_pages()) >= SPARE_SHARE * f64::from(self.cache.capacity_pages())
-    }
-
-    /// Pages that may be filled and still leave such room.
+    /// Pages that may be filled and still leave [`SPARE_SHARE`] free.
     fn spare_pages(&self) -> u32 {
         let kept = (SPARE_SHARE * f64::from(self.cache.capacity_pages())) as u32;
         let decoded = (self.decoded_bytes / PAGE_BYTES) as u32;

@@ -262,10 +262,9 @@ pub fn well() -> Box<Policy> {
     Box::new(|_, _| Answer::Well)
 }
 
-/// Over a server, drawn by the CPU.
-pub fn session(server: &Server, cache_mib: u64) -> Session {
-    let http = Arc::new(Http::new(None).unwrap());
-    let global = Global {
+/// What commands share: drawn by the CPU, 5 s of patience.
+pub fn global() -> Global {
+    Global {
         adapter: AdapterChoice::Cpu,
         cache_mib: 256,
         no_meshes: false,
@@ -273,8 +272,13 @@ pub fn session(server: &Server, cache_mib: u64) -> Session {
         city: None,
         tau: 1.0,
         timeout: 5,
-    };
-    let city = connect(&http, &server.url, &global).unwrap();
+    }
+}
+
+/// Over a server, drawn by the CPU.
+pub fn session(server: &Server, cache_mib: u64) -> Session {
+    let http = Arc::new(Http::new(None).unwrap());
+    let city = connect(&http, &server.url, &global()).unwrap();
     let stream = Stream::new(http, city.source, 12, None);
     Session::new(
         Tree::new(city.manifest),
