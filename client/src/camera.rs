@@ -3,7 +3,7 @@
 //! In: a camera file, or keys and the mouse (`ui`). Out: [`View`]. Next: `select`, `render::frame`.
 
 use crate::error::{ClientError, Result};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -42,6 +42,12 @@ impl Camera {
         let forward = DVec3::new(cos_yaw * cos_pitch, sin_yaw * cos_pitch, sin_pitch);
         let right = DVec3::new(sin_yaw, -cos_yaw, 0.0);
         Self { position, forward, right, up: right.cross(forward), fov_y_rad }
+    }
+
+    /// The same from the same place, turned about the vertical: to the left, for positive angles.
+    pub fn turned(&self, degrees: f64) -> Self {
+        let turn = DQuat::from_rotation_z(degrees.to_radians());
+        Self { forward: turn * self.forward, right: turn * self.right, up: turn * self.up, ..*self }
     }
 
     /// The angles of [`Camera::from_angles`].

@@ -11,7 +11,7 @@ use crate::{
     picture::{write_pfm, write_png},
     render::{Adapter, Look, STILL_SAMPLES},
     scene::Tree,
-    session::{Session, Shot},
+    session::{SMALLER, Session, Shot},
     stream::{Stream, fetch::Http},
     sun::Daylight,
 };
@@ -26,8 +26,6 @@ use std::{
 pub(crate) const IN_FLIGHT: usize = 12;
 /// Longest time between two looks at what has arrived, and at what has to be asked for again.
 pub(crate) const PAUSE: Duration = Duration::from_millis(10);
-/// While tiles come, what hides what is looked at in a picture so many times smaller.
-const COARSE: u32 = 4;
 
 /// Runs the command.
 pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
@@ -82,7 +80,7 @@ pub(crate) fn take(
 
 /// Streams until nothing better can be fetched, and no pixel shows what is not as good as it should be.
 pub fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<()> {
-    let coarse = shot.size_px.map(|side| (side / COARSE).max(1));
+    let coarse = shot.size_px.map(|side| (side / SMALLER).max(1));
     loop {
         session.step(shot);
         session.check(timeout)?;

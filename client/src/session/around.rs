@@ -17,12 +17,11 @@ use crate::{
         sight::{Asked, Sight},
     },
 };
-use glam::DQuat;
 
 /// How far one may turn and find all as it should be.
 const TURNS_DEG: [f64; 2] = [30.0, -30.0];
-/// Its pictures are so many times smaller: enough to tell what hides what.
-pub(super) const SMALLER: u32 = 4;
+/// A picture so many times smaller is enough to tell what hides what, as long as not all is here.
+pub const SMALLER: u32 = 4;
 
 /// Looks beside a picture that rests.
 #[derive(Debug, Default)]
@@ -73,9 +72,7 @@ impl Around {
 
     /// The camera of the present view.
     pub(super) fn camera(&self) -> Option<Camera> {
-        let camera = self.of?.camera;
-        let turn = DQuat::from_rotation_z(TURNS_DEG.get(self.done)?.to_radians());
-        Some(Camera { forward: turn * camera.forward, right: turn * camera.right, up: turn * camera.up, ..camera })
+        Some(self.of?.camera.turned(*TURNS_DEG.get(self.done)?))
     }
 
     /// Selects for the present view.

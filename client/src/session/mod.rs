@@ -23,6 +23,7 @@ use crate::{
     },
     stream::Stream,
 };
+pub use around::SMALLER;
 pub use flow::Shot;
 use flow::{Beside, Flow};
 use glam::DVec3;

@@ -5,7 +5,7 @@
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use insula_client::{
     camera::{Camera, CameraFile},
     commands::snapshot::settle,
@@ -123,7 +123,7 @@ fn main() -> Result<()> {
     let mut rows = Vec::new();
     for direction in 0..args.directions {
         let degrees = 360.0 * f64::from(direction) / f64::from(args.directions);
-        let row = look(&args, &turned(&camera, degrees), direction)?;
+        let row = look(&args, &camera.turned(degrees), direction)?;
         let Row { frustum: f, occlusion: o, .. } = &row;
         println!(
             "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), of those drawn {:.1} % ({:.1} %), \
@@ -185,11 +185,6 @@ fn main() -> Result<()> {
         std::fs::write(path, serde_json::to_vec_pretty(&rows)?)?;
     }
     Ok(())
-}
-
-fn turned(camera: &Camera, degrees: f64) -> Camera {
-    let turn = DQuat::from_rotation_z(degrees.to_radians());
-    Camera { forward: turn * camera.forward, right: turn * camera.right, up: turn * camera.up, ..*camera }
 }
 
 fn shot(args: &Args, camera: &Camera) -> Shot {
@@ -267,7 +262,7 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
 
     let mut turns = Vec::new();
     for degrees in [3.0, 30.0] {
-        let beside = shot(args, &turned(camera, degrees));
+        let beside = shot(args, &camera.turned(degrees));
         let mut reference = open(city, CACHE_MIB)?;
         fetch_all(&mut reference, &beside, TIMEOUT)?;
         fetch_all(&mut reference, &ahead, TIMEOUT)?;
