@@ -14,10 +14,10 @@ use serde::Serialize;
 
 use crate::{
     error::BakeError,
-    grid::BLOCK_LEAVES,
     mesh,
     read::{Palette, Up},
     sample::SampleSettings,
+    scene::grid::BLOCK_LEAVES,
 };
 
 /// Raised whenever the same scene and settings would give other tiles than before.

@@ -1,15 +1,10 @@
 //! Insula's bake: city files in, a baked city out. Knows no HTTP.
 
-mod clip;
+pub mod columns;
 pub mod config;
 pub mod error;
-pub mod grid;
-pub mod lod;
-mod merge;
 mod mesh;
 pub mod model;
-pub mod parametrise;
-mod partition;
 pub mod pipeline;
 pub mod progress;
 pub mod read;
@@ -17,8 +12,6 @@ pub mod report;
 pub mod sample;
 pub mod scene;
 pub mod simplify;
-mod spool;
-pub mod voxels;
 pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};

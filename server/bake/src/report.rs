@@ -9,7 +9,7 @@ use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
 use serde::Serialize;
 
 pub use crate::write::scratch::Start;
-use crate::{grid::Grid, read::ReadReport};
+use crate::{read::ReadReport, scene::grid::Grid};
 
 /// A finished bake.
 #[derive(Debug, Clone, Serialize)]

@@ -6,7 +6,7 @@ use super::{
     raster::{GROUND, OUTSIDE, Raster, SUB, Sample},
 };
 use glam::{DVec2, Vec2};
-use insula_bake::voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane};
+use insula_bake::columns::voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane};
 use insula_protocol::{NODE_CELLS, TileId, blockmap::COLUMNS};
 use std::sync::OnceLock;
 

@@ -13,7 +13,7 @@ pub mod triangles;
 
 use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
-use insula_bake::{BakeOptions, MadeCity, Progress, bake_made, grid::Grid};
+use insula_bake::{BakeOptions, MadeCity, Progress, bake_made, scene::grid::Grid};
 use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::Quality, tile_id::MAX_LEVEL};
 use plan::Plan;
 use std::path::Path;
@@ -73,7 +73,7 @@ impl City {
     }
 
     /// A node's columns; `None` where the city is not.
-    pub fn node(&self, id: TileId) -> Option<insula_bake::voxels::VoxelNode> {
+    pub fn node(&self, id: TileId) -> Option<insula_bake::columns::voxels::VoxelNode> {
         let corner = DVec2::from(self.grid.node_corner(id));
         let raster = raster::Raster::new(&self.plan, corner, self.grid.cell_m_at(id.level()))?;
         columns::node(id, &raster)

@@ -24,9 +24,8 @@ use super::{
 };
 use crate::{
     error::BakeError,
-    grid::Grid,
     model::{Layer, Model},
-    scene::Scene,
+    scene::{Scene, grid::Grid},
     simplify::{Goal, simplify},
     write::tree::HALF_DIAGONAL,
 };

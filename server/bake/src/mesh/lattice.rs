@@ -15,9 +15,8 @@ use insula_protocol::{
 
 use super::cut::{self, Corner};
 use crate::{
-    grid::Grid,
     model::{Layer, Model},
-    scene::Scene,
+    scene::{Scene, grid::Grid},
 };
 
 /// Steps along a leaf's side.

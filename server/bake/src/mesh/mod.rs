@@ -19,7 +19,10 @@ mod wire;
 
 use insula_protocol::{TileId, blockmap::Quality, subtree::MeshLod};
 
-use crate::{error::BakeError, grid::Grid, scene::Scene};
+use crate::{
+    error::BakeError,
+    scene::{Scene, grid::Grid},
+};
 
 /// Raised whenever the same scene and settings would give other meshes than before.
 pub const ALGORITHM: u32 = 3;

@@ -11,10 +11,12 @@ use std::collections::HashMap;
 use crate::{
     config::Config,
     error::BakeError,
-    grid::Grid,
-    partition::{Block, Partition},
-    scene::{Material, Object, ObjectKind, Scene, Triangle},
-    spool::{City, RECORD_BYTES, ShortHash, short, to_record},
+    scene::{
+        Material, Object, ObjectKind, Scene, Triangle,
+        grid::Grid,
+        partition::{Block, Partition},
+        scratch_scene::{City, RECORD_BYTES, ShortHash, short, to_record},
+    },
 };
 
 /// A block's triangles with numbers of their own.
@@ -99,7 +101,7 @@ impl Numbers {
 /// About how much memory it takes to bake the block.
 pub(super) fn memory_bytes(block: &Block, grid: &Grid, margin_m: f64) -> usize {
     let cell_m = grid.cell_m;
-    let side_m = grid.node_side_m(grid.depth) * f64::from(crate::grid::BLOCK_LEAVES);
+    let side_m = grid.node_side_m(grid.depth) * f64::from(crate::scene::grid::BLOCK_LEAVES);
     // Half of a bucket's surface lies in the margin, or less where that is narrow; samples lie half a cell apart.
     let share = side_m * side_m / ((side_m + 2.0 * margin_m) * (side_m + 2.0 * margin_m));
     let samples = block.surface_m2 * share * 4.0 / (cell_m * cell_m);

@@ -7,14 +7,15 @@ use rayon::prelude::*;
 
 use super::{Done, Stage, block::LocalCity};
 use crate::{
+    columns::{parametrise::parametrise, voxels::VoxelNode},
     error::BakeError,
     mesh,
-    parametrise::parametrise,
-    partition::{Block, Partition},
     report::Made,
     sample::{BlockInput, sample_block},
-    spool::{City, ShortHash},
-    voxels::VoxelNode,
+    scene::{
+        partition::{Block, Partition},
+        scratch_scene::{City, ShortHash},
+    },
     write::{
         mesh_pack::{self, LeafMesh, StoredMesh},
         pack::{self, PackId, Stored, Tile},

@@ -11,13 +11,12 @@ use insula_protocol::{Manifest, TileId};
 
 use super::feed::feed;
 use crate::{
+    columns::{parametrise::parametrise, voxels::VoxelNode},
     config::{BakeOptions, Config},
     error::BakeError,
-    grid::{BLOCK_LEAVES, Grid},
-    parametrise::parametrise,
     progress::Progress,
     read::ReadReport,
-    voxels::VoxelNode,
+    scene::grid::{BLOCK_LEAVES, Grid},
     write::{
         city::{self, CityInput, SceneFacts},
         pack::{self, PackId, Stored, Tile},

@@ -7,9 +7,8 @@ use rayon::prelude::*;
 
 use super::{Done, Stage, update::Before};
 use crate::{
+    columns::{lod, parametrise::parametrise},
     error::BakeError,
-    lod,
-    parametrise::parametrise,
     report::Made,
     write::{
         pack::{self, PackId, PackReader, Tile},

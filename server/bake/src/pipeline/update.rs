@@ -24,8 +24,7 @@ use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, P
 use crate::{
     config::Config,
     mesh::Lod,
-    partition::Block,
-    spool::ShortHash,
+    scene::{partition::Block, scratch_scene::ShortHash},
     write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, pack::Tile},
 };
 

@@ -5,8 +5,8 @@
 use std::collections::HashMap;
 
 use super::report::SourceReport;
+use crate::scene::scratch_scene::{City, ObjectFacts, Paint, Pictures, Placing, Triangles};
 use crate::scene::{ObjectKind, Triangle};
-use crate::spool::{City, ObjectFacts, Paint, Pictures, Placing, Triangles};
 
 /// Coordinates beyond this are no place on Earth in metres of any projected system.
 pub(crate) const ABSURD_M: f64 = 1e9;

@@ -24,7 +24,7 @@ pub use source::ReadProgress;
 
 use crate::error::BakeError;
 use crate::scene::Scene;
-use crate::spool::{City, Pictures, Triangles};
+use crate::scene::scratch_scene::{City, Pictures, Triangles};
 use builder::CityBuilder;
 use polygon::Triangulator;
 use source::{NamedAs, Source, named_as};

@@ -12,7 +12,7 @@ use image::{ImageReader, Limits};
 use super::report::SourceReport;
 use super::source::{Source, read_beside};
 use crate::scene::Texture;
-use crate::spool::Pictures;
+use crate::scene::scratch_scene::Pictures;
 
 /// A picture's file may have this many bytes for each pixel that is allowed: enough for any uncompressed one.
 const FILE_BYTES_PER_PIXEL: u64 = 8;

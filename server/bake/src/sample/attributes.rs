@@ -9,7 +9,7 @@ use super::{
     solids::Cells,
     texture,
 };
-use crate::{
+use crate::columns::{
     merge::Merged,
     voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
 };

@@ -3,7 +3,7 @@
 //! In: [`Block`]. Out: [`Crossings`]. Next: `visibility` says from which side each is seen, `solids` makes runs of them.
 
 use super::{local::Block, scan::scan};
-use crate::merge::LINES;
+use crate::columns::merge::LINES;
 use rayon::slice::ParallelSliceMut;
 
 /// Weight of sightings from which on a side counts as seen: one alone may be the error of a single map texel.

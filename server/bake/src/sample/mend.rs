@@ -2,7 +2,7 @@
 //!
 //! In: a [`VoxelNode`] whose unseen looks have no coverage. Out: the same with all of them filled. Next: `parametrise`.
 
-use crate::voxels::{Look, VoxelColumn, VoxelNode};
+use crate::columns::voxels::{Look, VoxelColumn, VoxelNode};
 use insula_protocol::NODE_CELLS;
 
 /// What nothing around has a colour for.

@@ -24,7 +24,10 @@ pub(crate) mod solids;
 pub(crate) mod texture;
 mod visibility;
 
-use crate::{grid::Grid, scene::Scene, voxels::VoxelNode};
+use crate::{
+    columns::voxels::VoxelNode,
+    scene::{Scene, grid::Grid},
+};
 use insula_protocol::TileId;
 use local::Block;
 use serde::Serialize;

@@ -9,7 +9,7 @@ use super::{
     local::{Block, LocalTriangle},
     solids::Cells,
 };
-use crate::{clip::Plane, voxels::Solid};
+use crate::columns::{clip::Plane, voxels::Solid};
 use glam::{Vec2, Vec3Swizzles};
 use std::collections::BTreeMap;
 

@@ -8,7 +8,7 @@ use super::{
     crossings::{Crossing, Crossings},
     local::{Block, LocalTriangle},
 };
-use crate::{
+use crate::columns::{
     clip::{Clip, Plane, Wall, merge_with_walls},
     merge::{LINES, Line, Merged, close_gaps, line_at},
     voxels::Solid,

@@ -26,10 +26,12 @@ use super::{
 use crate::{
     config::{Config, short_hex},
     error::BakeError,
-    grid::Grid,
     read::ReadReport,
-    scene::ObjectKind,
-    spool::{City, ShortHash},
+    scene::{
+        ObjectKind,
+        grid::Grid,
+        scratch_scene::{City, ShortHash},
+    },
 };
 
 /// What the manifest says of the scene, so that the scene itself need not be kept until the end.

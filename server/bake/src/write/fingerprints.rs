@@ -12,7 +12,7 @@ use std::{
 };
 
 use super::write_whole;
-use crate::{error::BakeError, spool::ShortHash};
+use crate::{error::BakeError, scene::scratch_scene::ShortHash};
 
 const MAGIC: [u8; 4] = *b"INSF";
 const HEAD_BYTES: usize = 24;

@@ -13,7 +13,7 @@ use std::{
 
 use insula_protocol::TileId;
 
-use crate::{error::BakeError, grid::BLOCK_LEAVES};
+use crate::{error::BakeError, scene::grid::BLOCK_LEAVES};
 
 const MAGIC: [u8; 4] = *b"INSP";
 const HEAD_BYTES: usize = 8;

@@ -3,9 +3,9 @@
 //! In: [`VoxelNode`]. Out: [`BlockMap`]. Next: `protocol` encodes it, `write` keeps it.
 
 use crate::{
-    grid::Grid,
+    columns::voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
     sample::texture::srgb,
-    voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
+    scene::grid::Grid,
 };
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
@@ -158,7 +158,7 @@ fn texel(look: &Look, alpha: u8) -> Texel {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::columns::parametrise::*;
     use insula_protocol::{TileId, blockmap::flag};
 
     fn grid() -> Grid {

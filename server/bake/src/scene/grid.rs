@@ -60,7 +60,7 @@ impl Grid {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::scene::grid::*;
 
     #[test]
     fn covers_and_snaps() {

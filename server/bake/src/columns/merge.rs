@@ -3,7 +3,7 @@
 //! In: vertical lines with their full runs, and the walls that were seen in the cell. Out: [`Merged`]. Next: `sample::solids`
 //! (lines through the source's surfaces) and `lod` (lines through the children's columns) make columns of it.
 
-use crate::{clip::Clip, voxels::Solid};
+use crate::columns::{clip::Clip, voxels::Solid};
 use glam::Vec2;
 
 /// Lines along a cell's side.
@@ -200,7 +200,7 @@ fn plane(points: &[[f32; 3]], half: usize) -> Option<[f32; 3]> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::columns::merge::*;
 
     fn lines(run: impl Fn(f32, f32) -> Vec<Solid>) -> Vec<Line> {
         (0..LINES * LINES)

@@ -19,13 +19,15 @@ use rayon::{ThreadPool, prelude::*};
 use crate::{
     config::{BakeOptions, Config, short_hex},
     error::BakeError,
-    grid::Grid,
-    partition::{Block, Partition},
     progress::Progress,
     read::{self, ReadOptions, ReadProgress, ReadReport},
     report::{Blocks, Clock, Made, MeshReport, Outcome, Report, Start},
-    scene::Scene,
-    spool::{City, ShortHash},
+    scene::{
+        Scene,
+        grid::Grid,
+        partition::{Block, Partition},
+        scratch_scene::{City, ShortHash},
+    },
     write::{
         city::{self, CityInput, SceneFacts},
         mesh_pack::StoredMesh,

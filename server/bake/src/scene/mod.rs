@@ -2,6 +2,10 @@
 //!
 //! In: what a reader of `read/` found in a file. Out: one [`Scene`]. Next: `partition`.
 
+pub mod grid;
+pub(crate) mod partition;
+pub(crate) mod scratch_scene;
+
 use std::sync::Arc;
 
 /// What an object is: decides its colour where the source gives none, and how its columns are closed.

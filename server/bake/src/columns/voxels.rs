@@ -2,7 +2,7 @@
 //!
 //! In: what `sample` saw, or what `lod` averaged. Out: [`VoxelNode`]. Next: `parametrise` makes a `BlockMap` of it.
 
-use crate::clip::{Clip, Plane};
+use crate::columns::clip::{Clip, Plane};
 use insula_protocol::{TileId, blockmap::COLUMNS};
 
 /// Look of one voxel.

@@ -380,7 +380,7 @@ fn bounds(scene: &Scene) -> Result<Option<[[f64; 3]; 2]>, BakeError> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::scene::scratch_scene::*;
     use crate::write::scratch::tests::Folder;
 
     fn triangle(i: u32) -> Triangle {

@@ -6,11 +6,13 @@
 //! least half of them agree on.
 
 use crate::{
-    clip::{Clip, Plane, Wall, merge_with_walls},
-    grid::Grid,
-    merge::{LINES, Line, Merged, line_at},
+    columns::{
+        clip::{Clip, Plane, Wall, merge_with_walls},
+        merge::{LINES, Line, Merged, line_at},
+        voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
+    },
     sample::{mend, solids::open_side, texture::linear},
-    voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
+    scene::grid::Grid,
 };
 use glam::{Vec2, Vec3};
 use insula_protocol::{

@@ -16,9 +16,11 @@ use insula_protocol::TileId;
 
 use crate::{
     error::BakeError,
-    grid::{BLOCK_LEAVES, Grid},
-    scene::Triangle,
-    spool::{City, RECORD_BYTES, from_record, to_record},
+    scene::{
+        Triangle,
+        grid::{BLOCK_LEAVES, Grid},
+        scratch_scene::{City, RECORD_BYTES, from_record, to_record},
+    },
 };
 
 const _: () = assert!(BLOCK_LEAVES <= 8, "a block's leaves are kept as the bits of a u64");
@@ -223,7 +225,7 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::scene::partition::*;
     use crate::{
         scene::{Material, Object, ObjectKind, Scene},
         write::scratch::tests::Folder,

@@ -4,7 +4,7 @@
 //! In: a cell's lines and the planes of the walls that were seen in it. Out: [`Merged`], clipped where that is nearer to the
 //! lines than a whole cell. Next: `sample::solids`, `lod`.
 
-use crate::{
+use crate::columns::{
     merge::{Line, Merged, merge},
     voxels::Solid,
 };
@@ -238,8 +238,8 @@ fn wrong_m3(lines: &[Line], walls: &[Wall], column: &Merged, cell_m: f32) -> f32
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::merge::{LINES, line_at};
+    use crate::columns::clip::*;
+    use crate::columns::merge::{LINES, line_at};
     use std::f32::consts::FRAC_PI_2;
 
     fn cell(around: bool, top: impl Fn(Vec2) -> f32) -> Vec<Line> {
