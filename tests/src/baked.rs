@@ -6,16 +6,16 @@ use crate::{
 };
 use anyhow::{Context, Result};
 use glam::DVec3;
-use insula_client::{
-    camera::{Plane, View},
-    select::cull::in_view,
-};
 use insula_protocol::{
     BlockMap, Manifest, Subtree, TileId,
     route::Layer,
     subtree::{MeshLod, NodeInfo},
 };
 use insula_server::store::CityStore;
+use insula_viewer::{
+    camera::{FrustumPlane, View},
+    select::cull::in_view,
+};
 use std::{
     collections::{BTreeMap, HashMap},
     path::Path,
@@ -25,10 +25,10 @@ use std::{
 const NEAR_M: f64 = 1.0;
 
 /// What bounds a picture's view.
-pub fn planes(camera: &Camera, picture: &Picture) -> [Plane; 5] {
+pub fn planes(camera: &Camera, picture: &Picture) -> [FrustumPlane; 5] {
     let axes = camera.axes(picture);
     let unit = |v: DVec3| v.normalize_or(DVec3::X);
-    let client = insula_client::camera::Camera {
+    let client = insula_viewer::camera::Camera {
         position: camera.position.into(),
         forward: axes.forward,
         right: unit(axes.right),

@@ -9,13 +9,13 @@ use crate::{
 };
 use anyhow::{Context, Result};
 use glam::DVec3;
-use insula_client::{
-    scene::Key,
-    select::error,
-    stream::decode::{Decoded, decode},
-};
 use insula_protocol::{TileId, mesh_tile, route::Layer};
 use insula_shaders::mesh::PackedMesh;
+use insula_viewer::{
+    decode::{DecodedTile, decode},
+    scene::TileKey,
+    select::error,
+};
 use std::{
     collections::{HashMap, hash_map::Entry},
     ops::Range,
@@ -56,8 +56,8 @@ impl Baked {
     pub fn mesh(&self, id: TileId, lod: u8) -> Result<PackedMesh> {
         let place = mesh_tile::place(id, lod).context("no such mesh")?;
         let bytes = self.store.tile(Layer::Meshes, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
-        match decode(Key::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
-            Decoded::Mesh(mesh) => Ok(*mesh),
+        match decode(TileKey::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
+            DecodedTile::Mesh(mesh) => Ok(*mesh),
             other => anyhow::bail!("{other:?} is no mesh"),
         }
     }

@@ -4,17 +4,21 @@
 
 use crate::baked::Baked;
 use anyhow::{Context, Result};
-use insula_client::{
-    cache::{Cache, Packed, Placement, pages_for},
-    camera::View,
-    render::{Drawn, FrameData, Look, cpu::CpuAdapter},
-    scene::{Key, TileEvent, Tree},
-    select::{Scratch, Selection, casters::casters, fade::Fades, select, sight::Sight},
-    stream::decode::{Decoded, decode},
-};
+use insula_client::render::CpuAdapter;
 use insula_protocol::{Subtree, mesh_tile, route::Layer};
 use insula_shaders::cpu::{raycast::Pixels, tally::tally};
-use std::time::Instant;
+use insula_viewer::{
+    cache::{AtlasCache, InsertResult, PackedTile, pages_for},
+    camera::View,
+    decode::{DecodedTile, decode},
+    frame::{FrameData, FrameInputs, RenderSettings},
+    scene::{SceneTree, TileEvent, TileKey},
+    select::{
+        Selection, SelectionScratch, occlusion_feedback::OcclusionFeedback, select, shadow_casters::casters,
+        transitions::Transitions,
+    },
+};
+use std::time::Duration;
 
 /// Memory for tiles.
 const CACHE_BYTES: u64 = 512 << 20;
@@ -22,37 +26,37 @@ const CACHE_BYTES: u64 = 512 << 20;
 /// A client that knows a city's subtrees and has none of its tiles.
 pub struct Cold<'a> {
     city: &'a Baked,
-    tree: Tree,
-    cache: Cache,
+    tree: SceneTree,
+    cache: AtlasCache,
     adapter: CpuAdapter,
-    sight: Sight,
+    sight: OcclusionFeedback,
     /// What passes from one level of detail to another.
-    pub fades: Fades,
-    scratch: Scratch,
+    pub fades: Transitions,
+    scratch: SelectionScratch,
     /// The last frame's.
     pub selection: Selection,
     generation: u64,
-    now: Instant,
+    now: Duration,
 }
 
 impl<'a> Cold<'a> {
     /// Without a tile. `fades`: whether levels of detail fade into each other.
     pub fn new(city: &'a Baked, fades: bool) -> Result<Self> {
-        let mut tree = Tree::new(city.manifest().clone());
-        let now = Instant::now();
+        let mut tree = SceneTree::new(city.manifest().clone());
+        let now = Duration::ZERO;
         for (id, bytes) in city.store.subtrees().tiles() {
             tree.merge(&Subtree::decode(&bytes?).with_context(|| format!("subtree {id}"))?);
-            come(&mut tree, Key::subtree(id), now);
+            come(&mut tree, TileKey::subtree(id), now);
         }
         let pages = pages_for(CACHE_BYTES);
         let mut made = Self {
             city,
             tree,
-            cache: Cache::new(pages),
+            cache: AtlasCache::new(pages),
             adapter: CpuAdapter::new(pages),
-            sight: Sight::default(),
-            fades: Fades::default(),
-            scratch: Scratch::default(),
+            sight: OcclusionFeedback::default(),
+            fades: Transitions::default(),
+            scratch: SelectionScratch::default(),
             selection: Selection::default(),
             generation: 0,
             now,
@@ -63,16 +67,17 @@ impl<'a> Cold<'a> {
 
     /// Selects, lets at most `tiles` of what is missing come, and gives the frame `secs` after the last one; whether it may
     /// differ from that.
-    pub fn frame(&mut self, view: &View, look: &Look, tiles: usize, secs: f64) -> Result<(FrameData, bool)> {
+    pub fn frame(&mut self, view: &View, look: &RenderSettings, tiles: usize, secs: f64) -> Result<(FrameData, bool)> {
         self.turn(view);
-        let wanted: Vec<Key> = self.selection.wanted.iter().map(|wanted| wanted.key).take(tiles).collect();
+        let wanted: Vec<TileKey> = self.selection.wanted.iter().map(|wanted| wanted.key).take(tiles).collect();
         for key in wanted {
             self.fetch(key)?;
         }
         let changed = self.turn(view) || self.fades.passing() > 0;
         self.generation += u64::from(self.fades.step(&self.selection, &self.tree, secs));
         let casters = look.casting().map(|sun| casters(view, sun, &self.tree, None)).unwrap_or_default();
-        let drawn = Drawn { fades: &self.fades, casters: &casters.nodes, generation: self.generation, error_px: 0.0 };
+        let drawn =
+            FrameInputs { fades: &self.fades, casters: &casters.nodes, generation: self.generation, error_px: 0.0 };
         let data = FrameData::new(drawn, &self.tree, &self.cache, view, look);
         Ok((data, changed || self.fades.passing() > 0))
     }
@@ -85,17 +90,17 @@ impl<'a> Cold<'a> {
         changed
     }
 
-    fn fetch(&mut self, key: Key) -> Result<()> {
+    fn fetch(&mut self, key: TileKey) -> Result<()> {
         let place = if key.layer() == Layer::Meshes { mesh_tile::place(key.id, key.lod) } else { Some(key.id) };
         let place = place.with_context(|| format!("{key:?}"))?;
         let bytes = self.city.store.tile(key.layer(), place)?.with_context(|| format!("no {key:?}"))?;
         let packed = match decode(key, &bytes).with_context(|| format!("{key:?}"))? {
-            Decoded::Node(node) => Packed::Node(node),
-            Decoded::Mesh(mesh) => Packed::Mesh(mesh),
-            Decoded::Subtree(_) => return Ok(()),
+            DecodedTile::Node(node) => PackedTile::Node(node),
+            DecodedTile::Mesh(mesh) => PackedTile::Mesh(mesh),
+            DecodedTile::Subtree(_) => return Ok(()),
         };
         match self.cache.place(key, packed, &mut self.adapter) {
-            Placement::Placed { evicted } if evicted.is_empty() => come(&mut self.tree, key, self.now),
+            InsertResult::Inserted { evicted } if evicted.is_empty() => come(&mut self.tree, key, self.now),
             _ => anyhow::bail!("the view needs more memory than there is"),
         }
         Ok(())
@@ -120,7 +125,7 @@ impl<'a> Cold<'a> {
 }
 
 /// All that happens to a tile until it is there.
-fn come(tree: &mut Tree, key: Key, now: Instant) {
+fn come(tree: &mut SceneTree, key: TileKey, now: Duration) {
     for event in [TileEvent::Want { now }, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload] {
         tree.apply(key, event);
     }

@@ -15,9 +15,9 @@ use insula_bake::{
     BakeOptions, Silent,
     scene::{ObjectKind, Scene},
 };
-use insula_client::render::STILL_SAMPLES;
 use insula_protocol::TileId;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_viewer::frame::STILL_SAMPLES;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -5,15 +5,14 @@ use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use insula_client::{
     args::Global,
-    camera,
     commands::snapshot::start,
-    render::{AdapterChoice, Look},
-    scene::tile::TileState,
-    session::{Session, Shot},
+    render::AdapterChoice,
+    session::Session,
     stream::{fetch::Http, link::Link},
 };
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
+use insula_viewer::{camera, frame::RenderSettings, scene::tile::TileState, streamer::FrameRequest};
 use std::{
     path::Path,
     time::{Duration, Instant},
@@ -35,11 +34,11 @@ pub fn open_over(link: Option<Link>, place: &Path, cache_mib: u32) -> Result<Ses
 }
 
 /// Fetches all that is in the frustum, seen or not: nothing is drawn.
-pub fn fetch_all(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<()> {
+pub fn fetch_all(session: &mut Session, shot: &FrameRequest, timeout: Duration) -> Result<()> {
     loop {
-        session.step(shot);
+        session.update(shot);
         session.check(timeout)?;
-        if session.fetched() {
+        if session.is_fetched() {
             return Ok(());
         }
         std::thread::sleep(Duration::from_millis(1));
@@ -63,7 +62,7 @@ pub struct Viewer {
     /// The client.
     pub session: Session,
     /// What it looks at.
-    pub shot: Shot,
+    pub shot: FrameRequest,
 }
 
 impl Viewer {
@@ -82,8 +81,8 @@ impl Viewer {
 
     /// One frame, then a pause. Once a picture was drawn, it is drawn again whenever what is drawn changes.
     pub fn step(&mut self) -> Result<()> {
-        self.session.step(&self.shot);
-        if self.session.sight().is_fed() && !self.session.is_sighted(SIZE_PX) {
+        self.session.update(&self.shot);
+        if self.session.feedback().is_fed() && !self.session.has_feedback(SIZE_PX) {
             self.draw()?;
         }
         std::thread::sleep(FRAME);
@@ -105,7 +104,7 @@ impl Viewer {
 
     /// The picture of the last frame's cut.
     pub fn draw(&mut self) -> Result<Pixels> {
-        let look = Look { samples: 1, ..Look::default() };
+        let look = RenderSettings { samples: 1, ..RenderSettings::default() };
         Ok(self.session.draw(&self.shot, &look)?)
     }
 
@@ -116,10 +115,10 @@ impl Viewer {
     }
 }
 
-fn shot(view: &Camera) -> Result<Shot> {
+fn shot(view: &Camera) -> Result<FrameRequest> {
     let [position, target, up] = [view.position, view.target, view.up].map(DVec3::from);
     let camera = camera::Camera::look(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
-    Ok(Shot { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
+    Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
 }
 
 /// The city from above, from the south; `turned_away`: from the same place, the other way.

@@ -33,16 +33,16 @@ fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
         let now = viewer.session.selection().counters;
         ensure!(now.worst_error_px <= before.worst_error_px, "the picture got worse: {now:?} after {before:?}");
     }
-    ensure!(!viewer.session.settled(), "nothing was in flight when the server was killed");
+    ensure!(!viewer.session.is_settled(), "nothing was in flight when the server was killed");
     let picture = viewer.draw()?;
     ensure!(picture.distance.iter().any(|d| d.is_finite()), "nothing is drawn while the server is away");
     let _server = Served::start(&city, &address)?;
-    viewer.until(Duration::from_secs(60), |viewer| Ok(viewer.session.settled()))?;
+    viewer.until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))?;
     ensure!(viewer.session.report(1.0).tiles.bad == 0, "tiles were given up");
     // As good as if nothing had happened.
     let undisturbed = Served::start(&city, "127.0.0.1:0")?;
     let mut other = Viewer::connect(&format!("http://{}", undisturbed.address), |manifest| overlook(manifest, false))?;
-    other.until(Duration::from_secs(60), |viewer| Ok(viewer.session.settled()))?;
+    other.until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))?;
     let difference = twin::compare(&other.draw()?, &viewer.draw()?);
     ensure!(difference.differing == 0, "{} pixels differ", difference.differing);
     Ok(())

@@ -48,7 +48,7 @@ fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
                 pictures.push((counters.worst_error_px, viewer.draw()?));
             }
         }
-        Ok(viewer.session.settled())
+        Ok(viewer.session.is_settled())
     })?;
     let last = viewer.draw()?;
     let (first_bytes, all_bytes) = (first_bytes.unwrap_or(u64::MAX), proxy.bytes());
@@ -129,12 +129,12 @@ fn a_camera_turned_away_lets_go_of_what_it_wanted() -> Result<()> {
     let unwanted = still.iter().filter(|id| !selected.iter().any(|w| w.key.id == **id)).count();
     ensure!(unwanted == 0, "{unwanted} of {} requests go on for tiles that nobody wants", wanted.len());
     ensure!(still.len() < wanted.len(), "the other view wants the same {} tiles", wanted.len());
-    viewer.until(Duration::from_secs(30), |viewer| Ok(viewer.session.settled()))?;
+    viewer.until(Duration::from_secs(30), |viewer| Ok(viewer.session.is_settled()))?;
     let begun = proxy.bytes();
     std::thread::sleep(Duration::from_millis(500));
     ensure!(proxy.bytes() - begun < 64 << 10, "bytes for the old view still arrive");
     // And back again: nothing was lost for good.
     let back = overlook(viewer.session.tree().manifest(), false);
     viewer.look(&back)?;
-    viewer.until(Duration::from_secs(60), |viewer| Ok(viewer.session.settled()))
+    viewer.until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))
 }

@@ -5,13 +5,11 @@
 use anyhow::{Result, ensure};
 use insula_client::{
     args::Global,
-    camera::Camera,
     commands::{connect::connect, snapshot},
-    render::{Adapter, AdapterChoice, Look},
-    scene::Tree,
-    session::{Session, Shot},
+    render::{Adapter, AdapterChoice},
+    session::Session,
     stream::{
-        Stream,
+        BackgroundFetcher,
         fetch::Http,
         source::disk::{Disk, Folder},
     },
@@ -22,6 +20,7 @@ use insula_tests::{
     synth::{City, Stand},
     viewer::{fetch_all, open},
 };
+use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
 use std::{
     path::PathBuf,
     sync::{Arc, OnceLock},
@@ -40,15 +39,15 @@ fn city() -> PathBuf {
     folder.path().join("town")
 }
 
-fn shot() -> Shot {
+fn shot() -> FrameRequest {
     let view = Stand::Roof.camera();
     let camera = Camera::look(view.position.into(), view.target.into(), glam::DVec3::Z, 1.0).unwrap();
-    Shot { camera, heading: None, size_px: [320, 180], tau_px: 1.0 }
+    FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0 }
 }
 
 fn settle(session: &mut Session) -> Result<Pixels> {
     snapshot::settle(session, &shot(), Duration::from_secs(3))?;
-    Ok(session.draw(&shot(), &Look::default())?)
+    Ok(session.draw(&shot(), &RenderSettings::default())?)
 }
 
 fn global(timeout: u32) -> Global {
@@ -111,7 +110,12 @@ fn a_visited_city_needs_no_network() -> Result<()> {
         let folder = Arc::new(Folder::open(kept.path(), 64 << 20)?);
         let source = Arc::new(Disk::new(found.source, folder, &found.manifest));
         let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
-        Ok(Session::new(Tree::new(found.manifest), Stream::new(http, source, 12, None), adapter, Instant::now()))
+        Ok(Session::new(
+            SceneTree::new(found.manifest),
+            BackgroundFetcher::downloads(http, source, 12, None),
+            adapter,
+            Instant::now(),
+        ))
     };
     let good = host(Manner::Well)?;
     let town = format!("{}/town/", good.url);

@@ -1,7 +1,5 @@
 //! What the bake sees on a graphics device is what it sees on the processor: the same columns, within texels on edges.
 
-use std::collections::BTreeMap;
-
 use anyhow::{Context, Result};
 use insula_bake::{
     BakeOptions, Silent,
@@ -9,6 +7,7 @@ use insula_bake::{
 };
 use insula_protocol::{BlockMap, TileId, blockmap::flag};
 use insula_tests::{baked::Baked, fixtures, gpu::Gpu, trials::Trials};
+use std::collections::BTreeMap;
 
 /// Share of columns whose heights or kind may differ.
 const COLUMNS_OFF: f64 = 0.002;

@@ -5,10 +5,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use image::RgbImage;
-use insula_client::{
-    camera::CameraPath,
-    ui::{link::Link, settings::Settings},
-};
+use insula_client::ui::{link::Link, settings::Settings};
 use insula_tests::{
     fixtures,
     gpu::{Gpu, adapter_is_required},
@@ -317,7 +314,7 @@ fn measure_and_record(person: &mut Person) -> Result<()> {
     person.hold("d", Duration::from_millis(600))?;
     person.key("r")?;
     let wrote = person.says("insula-path-0001.json", 0)?;
-    let path = CameraPath::read(Path::new(wrote.trim_start_matches("wrote ")))?;
+    let path = insula_client::camera_files::read_path(Path::new(wrote.trim_start_matches("wrote ")))?;
     ensure!(path.seconds > 0.5 && path.keys.len() >= 3, "{path:?}");
     Ok(())
 }

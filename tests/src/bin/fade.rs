@@ -7,13 +7,13 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::{DQuat, DVec2, DVec3};
-use insula_client::{
-    camera::{Camera, View},
-    picture::write_png,
-    render::{Look, MOVING_SAMPLES},
-};
+use insula_client::picture::write_png;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{baked::Baked, cold::Cold};
+use insula_viewer::{
+    camera::{Camera, View},
+    frame::{MOVING_SAMPLES, RenderSettings},
+};
 use serde::Serialize;
 use std::{fs, path::PathBuf};
 
@@ -165,7 +165,7 @@ fn refine(
             budget_nodes: 6000,
         })
     };
-    let look = Look { samples: args.rays, shadow_m: args.shadows, ..Look::default() };
+    let look = RenderSettings { samples: args.rays, shadow_m: args.shadows, ..RenderSettings::default() };
     let mut leaps = Leaps::default();
     let mut last: Option<Pixels> = None;
     for frame in 0..FRAMES {

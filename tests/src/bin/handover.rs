@@ -5,7 +5,6 @@
 use anyhow::Result;
 use clap::Parser;
 use glam::DVec3;
-use insula_client::render::STILL_SAMPLES;
 use insula_protocol::TileId;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_tests::{
@@ -16,6 +15,7 @@ use insula_tests::{
     truth::Truth,
     view::{Camera, Picture},
 };
+use insula_viewer::frame::STILL_SAMPLES;
 use std::{collections::HashSet, path::PathBuf};
 
 /// Sweeps the distance at which leaves pass from columns to meshes.

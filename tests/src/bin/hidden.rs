@@ -7,13 +7,9 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
 use insula_client::{
-    camera::{Camera, CameraFile},
     commands::snapshot::settle,
-    render::Look,
     report::pictures_apart,
-    scene::Key,
-    select::Item,
-    session::{LookAround, Session, Shot},
+    session::{PrefetchStep, Session},
     stream::link::Link,
 };
 use insula_protocol::TileId;
@@ -22,6 +18,7 @@ use insula_tests::{
     synth::Stand,
     viewer::{fetch_all, open, open_over},
 };
+use insula_viewer::{camera::Camera, frame::RenderSettings, scene::TileKey, select::DrawTile, streamer::FrameRequest};
 use serde::Serialize;
 use std::{
     collections::HashSet,
@@ -113,7 +110,7 @@ struct Row {
 fn main() -> Result<()> {
     let args = Args::parse();
     let camera = match &args.camera {
-        Some(path) => CameraFile::read(path)?,
+        Some(path) => insula_client::camera_files::read_camera(path)?,
         None => {
             let view = Stand::Street.camera();
             Camera::look(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
@@ -187,40 +184,40 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-fn shot(args: &Args, camera: &Camera) -> Shot {
-    Shot { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
+fn shot(args: &Args, camera: &Camera) -> FrameRequest {
+    FrameRequest { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
 }
 
 /// Draws without telling the session what was hit.
-fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, Vec<Item>)> {
-    let data = session.frame_data(shot, &Look::default());
+fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
+    let data = session.frame_data(shot, &RenderSettings::default());
     let cut = session.selection().cut.clone();
     Ok((session.adapter_mut().draw(&data)?, cut))
 }
 
-fn cost(session: &Session, pixels: &Pixels, cut: &[Item], secs: f64) -> Cost {
+fn cost(session: &Session, pixels: &Pixels, cut: &[DrawTile], secs: f64) -> Cost {
     let tree = session.tree();
-    let key = |item: &Item| match item.mesh {
-        Some(lod) => Key::mesh(tree.node(item.square).id, lod),
-        None => Key::block_map(tree.node(item.from).id),
+    let key = |item: &DrawTile| match item.mesh {
+        Some(lod) => TileKey::mesh(tree.node(item.square).id, lod),
+        None => TileKey::block_map(tree.node(item.from).id),
     };
     let hits: HashSet<u32> = pixels.hit.iter().copied().collect();
-    let hit: Vec<&Item> = (0..).zip(cut).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
-    let seen: HashSet<Key> = hit.iter().map(|item| key(item)).collect();
+    let hit: Vec<&DrawTile> = (0..).zip(cut).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
+    let seen: HashSet<TileKey> = hit.iter().map(|item| key(item)).collect();
     let ids = hit.iter().map(|item| tree.node(item.square).id);
     let above: HashSet<TileId> =
         ids.flat_map(|id| (0..id.level()).filter_map(move |level| id.ancestor(level))).collect();
-    let drawn: HashSet<Key> = cut.iter().map(key).collect();
+    let drawn: HashSet<TileKey> = cut.iter().map(key).collect();
     let mut fetched = Vec::new();
     for node in tree.nodes() {
-        fetched.extend(node.tile.is_resident().then_some((Key::block_map(node.id), node.bytes)));
+        fetched.extend(node.tile.is_resident().then_some((TileKey::block_map(node.id), node.bytes)));
         let meshes = (0..).zip(&node.lods).filter(|(_, mesh)| mesh.tile.is_resident());
-        fetched.extend(meshes.map(|(lod, mesh)| (Key::mesh(node.id, lod), mesh.bytes)));
+        fetched.extend(meshes.map(|(lod, mesh)| (TileKey::mesh(node.id, lod), mesh.bytes)));
     }
-    let bytes = |is: &dyn Fn(&Key) -> bool| {
+    let bytes = |is: &dyn Fn(&TileKey) -> bool| {
         fetched.iter().filter(|(key, _)| is(key)).map(|(_, bytes)| u64::from(*bytes)).sum::<u64>()
     };
-    let is_above = |key: &Key| !seen.contains(key) && *key == Key::block_map(key.id) && above.contains(&key.id);
+    let is_above = |key: &TileKey| !seen.contains(key) && *key == TileKey::block_map(key.id) && above.contains(&key.id);
     let share = |unhit: usize, all: usize| unhit as f64 / all.max(1) as f64;
     let report = session.report(1.0);
     Cost {
@@ -270,11 +267,11 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         let (truth, _) = picture(&mut reference, &beside)?;
         // The same client begins to look, ahead, until that rests; then it turns.
         settle(&mut reference, &ahead, TIMEOUT)?;
-        reference.step(&beside);
+        reference.update(&beside);
         let warm = pictures_apart(&picture(&mut reference, &beside)?.0, &truth);
         let mut cold = open(city, CACHE_MIB)?;
         settle(&mut cold, &ahead, TIMEOUT)?;
-        cold.step(&beside);
+        cold.update(&beside);
         let cold_px = picture(&mut cold, &beside)?.0;
         if let Some(out) = &args.out {
             insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-cold.png")), &cold_px)?;
@@ -284,12 +281,12 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         let mut rested = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
         settle(&mut rested, &ahead, TIMEOUT)?;
         let begin = Instant::now();
-        while rested.look_around(&ahead)? != LookAround::Done {
+        while rested.prefetch(&ahead)? != PrefetchStep::Done {
             rested.wait(Duration::from_millis(5));
             settle(&mut rested, &ahead, TIMEOUT)?;
         }
         let rested_secs = begin.elapsed().as_secs_f64();
-        rested.step(&beside);
+        rested.update(&beside);
         let rested_bytes = rested.report(1.0).bytes_fetched;
         let rested = pictures_apart(&picture(&mut rested, &beside)?.0, &truth);
         turns.push(Turn {

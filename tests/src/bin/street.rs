@@ -10,14 +10,7 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
-use insula_client::{
-    camera::Camera,
-    commands::snapshot::settle,
-    picture::write_png,
-    render::Look,
-    report::pictures_apart,
-    session::{Session, Shot},
-};
+use insula_client::{commands::snapshot::settle, picture::write_png, report::pictures_apart, session::Session};
 use insula_protocol::{TileId, mesh_tile, route::Layer};
 use insula_server::store::CityStore;
 use insula_shaders::cpu::raycast::Pixels;
@@ -30,6 +23,7 @@ use insula_tests::{
     view,
     viewer::{fetch_all, open},
 };
+use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest};
 use std::{
     collections::{BTreeSet, HashMap},
     path::{Path, PathBuf},
@@ -152,7 +146,7 @@ fn look(
 ) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
     let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
     let camera = Camera::look(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
-    let shot = Shot { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
+    let shot = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
     let server = format!("http://{address}");
     let mut all = open(Path::new(&server), CACHE_MIB)?;
     fetch_all(&mut all, &shot, TIMEOUT)?;
@@ -211,8 +205,8 @@ fn look(
 }
 
 /// The picture, and nodes that a ray hits.
-fn picture(session: &mut Session, shot: &Shot) -> Result<(Pixels, BTreeSet<TileId>)> {
-    let data = session.frame_data(shot, &Look::default());
+fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, BTreeSet<TileId>)> {
+    let data = session.frame_data(shot, &RenderSettings::default());
     let squares: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.square).id).collect();
     let pixels = session.adapter_mut().draw(&data)?;
     let hit = pixels.hit.iter().filter_map(|at| squares.get(*at as usize).copied()).collect();

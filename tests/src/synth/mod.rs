@@ -11,14 +11,13 @@ pub mod plan;
 pub mod raster;
 pub mod triangles;
 
+use crate::view::Camera;
 use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
 use insula_bake::{BakeOptions, MadeCity, Progress, bake_made, scene::grid::Grid};
 use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::Quality, tile_id::MAX_LEVEL};
 use plan::Plan;
 use std::path::Path;
-
-use crate::view::Camera;
 
 /// Raised whenever the same number of buildings would give another city.
 const RULE: &str = "synth 1";
