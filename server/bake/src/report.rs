@@ -9,7 +9,7 @@ use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
 use serde::Serialize;
 
 pub use crate::write::scratch::Start;
-use crate::{read::ReadReport, scene::grid::Grid};
+use crate::{read::ReadReport, scene::grid::CityGrid};
 
 /// A finished bake.
 #[derive(Debug, Clone, Serialize)]
@@ -174,7 +174,7 @@ pub(crate) struct Outcome {
     pub(crate) manifest: Manifest,
     pub(crate) city_bytes: u64,
     pub(crate) read: ReadReport,
-    pub(crate) grid: Grid,
+    pub(crate) grid: CityGrid,
     pub(crate) threads: usize,
     pub(crate) start: Start,
     pub(crate) blocks: Blocks,
@@ -214,7 +214,7 @@ impl Report {
     }
 }
 
-fn levels(grid: &Grid, counts: &Counts) -> Vec<LevelReport> {
+fn levels(grid: &CityGrid, counts: &Counts) -> Vec<LevelReport> {
     let each = (0..=grid.depth).zip(counts.nodes_per_level.iter().zip(&counts.bytes_per_level));
     each.map(|(level, (nodes, bytes))| LevelReport {
         level,

@@ -9,7 +9,7 @@ use std::{fs, path::Path, sync::Mutex};
 use insula_bake::{
     BakeError, BakeOptions, Progress, Silent, bake_scene,
     read::ReadReport,
-    scene::{Object, ObjectKind, Scene, Triangle},
+    scene::{SceneObject, ObjectKind, Scene, SceneTriangle},
 };
 use insula_protocol::{BlockMap, Manifest, TileId, manifest::Attribution, subtree::NodeInfo};
 use support::{Archive, Folder, bake, city, files, manifest, nodes, options, partial};
@@ -81,9 +81,9 @@ fn equal_squares_are_stored_once() {
     for corners in
         [[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)], [corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]]
     {
-        scene.triangles.push(Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 });
+        scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 });
     }
-    scene.objects.push(Object { id: "plain".into(), kind: ObjectKind::Terrain, base_z_m: 5.0 });
+    scene.objects.push(SceneObject { id: "plain".into(), kind: ObjectKind::Terrain, base_z_m: 5.0 });
     let out = folder.out("plain");
     bake_scene(scene, ReadReport::default(), &options(&out, 2), &Silent).unwrap();
     // Of a PMTiles v3 header: tiles that can be asked for, and contents that are stored.

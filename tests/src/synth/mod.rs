@@ -13,7 +13,7 @@ pub mod triangles;
 
 use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
-use insula_bake::{BakeOptions, MadeCity, Progress, bake_made, scene::grid::Grid};
+use insula_bake::{BakeOptions, MadeCity, Progress, bake_made, scene::grid::CityGrid};
 use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::Quality, tile_id::MAX_LEVEL};
 use plan::Plan;
 use std::path::Path;
@@ -31,7 +31,7 @@ pub struct City {
     /// What stands where.
     pub plan: Plan,
     /// Where nodes lie; the middle of the root square is the middle of the city.
-    pub grid: Grid,
+    pub grid: CityGrid,
 }
 
 impl City {
@@ -44,7 +44,7 @@ impl City {
         let depth =
             (1..=MAX_LEVEL).find(|d| leaf_m * f64::from(1u32 << (d - 1)) >= reach).context("too many levels")?;
         let half = leaf_m * f64::from(1u32 << (depth - 1));
-        Ok(Self { plan, grid: Grid { corner: [-half, -half, 0.0], depth, cell_m } })
+        Ok(Self { plan, grid: CityGrid { corner: [-half, -half, 0.0], depth, cell_m } })
     }
 
     /// Writes the city's folder.

@@ -25,7 +25,7 @@ use super::{
 use crate::{
     error::BakeError,
     model::{Layer, Model},
-    scene::{Scene, grid::Grid},
+    scene::{Scene, grid::CityGrid},
     simplify::{Goal, simplify},
     write::tree::HALF_DIAGONAL,
 };
@@ -44,7 +44,7 @@ const HALF_CUBE: f64 = 0.866_025_403_784_438_6;
 /// All levels of detail that are worth their bytes.
 pub(super) fn chain(
     scene: &Scene,
-    grid: &Grid,
+    grid: &CityGrid,
     id: TileId,
     surface: &Surface,
     quality: Quality,

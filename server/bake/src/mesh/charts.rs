@@ -9,7 +9,7 @@ use glam::{DVec3, Vec2};
 use super::lattice;
 use crate::{
     model::Model,
-    scene::{Scene, Texture},
+    scene::{Scene, SceneTexture},
 };
 
 /// Charts of one material beyond this many are not looked at for others that they could be merged with.
@@ -30,7 +30,7 @@ pub(super) struct Chart {
 }
 
 /// The picture of a material.
-pub(super) fn picture(scene: &Scene, material: u32) -> Option<&Texture> {
+pub(super) fn picture(scene: &Scene, material: u32) -> Option<&SceneTexture> {
     scene.materials.get(material as usize)?.texture.as_deref()
 }
 

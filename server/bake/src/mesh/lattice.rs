@@ -16,7 +16,7 @@ use insula_protocol::{
 use super::cut::{self, Corner};
 use crate::{
     model::{Layer, Model},
-    scene::{Scene, grid::Grid},
+    scene::{Scene, grid::CityGrid},
 };
 
 /// Steps along a leaf's side.
@@ -41,7 +41,7 @@ impl Surface {
     }
 
     /// Clips the scene's triangles to the leaf's square. `None` if nothing with any area is left.
-    pub(super) fn gather(scene: &Scene, grid: &Grid, id: TileId) -> Option<Self> {
+    pub(super) fn gather(scene: &Scene, grid: &CityGrid, id: TileId) -> Option<Self> {
         let pieces = pieces(scene, grid, id);
         let textured = pieces.iter().any(|piece| picture_of(scene, piece.material));
         let side_m = grid.node_side_m(id.level());
@@ -99,7 +99,7 @@ struct Piece {
     material: u32,
 }
 
-fn pieces(scene: &Scene, grid: &Grid, id: TileId) -> Vec<Piece> {
+fn pieces(scene: &Scene, grid: &CityGrid, id: TileId) -> Vec<Piece> {
     let side_m = grid.node_side_m(id.level());
     let low = [id.x(), id.y()].map(|v| f64::from(v) * side_m);
     let high = [id.x() + 1, id.y() + 1].map(|v| f64::from(v) * side_m);

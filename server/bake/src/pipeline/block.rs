@@ -12,8 +12,8 @@ use crate::{
     config::Config,
     error::BakeError,
     scene::{
-        Material, Object, ObjectKind, Scene, Triangle,
-        grid::Grid,
+        Material, SceneObject, ObjectKind, Scene, SceneTriangle,
+        grid::CityGrid,
         partition::{Block, Partition},
         scratch_scene::{City, RECORD_BYTES, ShortHash, short, to_record},
     },
@@ -21,7 +21,7 @@ use crate::{
 
 /// A block's triangles with numbers of their own.
 pub(super) struct LocalCity {
-    triangles: Vec<Triangle>,
+    triangles: Vec<SceneTriangle>,
     /// The city's numbers of the objects and of the materials.
     objects: Vec<u32>,
     materials: Vec<u32>,
@@ -39,7 +39,7 @@ impl LocalCity {
     }
 
     /// Of settings, place, triangles in their order, objects, materials and pictures.
-    pub(super) fn fingerprint(&self, city: &City, (config, grid): (&Config, &Grid), block: &Block) -> ShortHash {
+    pub(super) fn fingerprint(&self, city: &City, (config, grid): (&Config, &CityGrid), block: &Block) -> ShortHash {
         let mut bytes = Vec::with_capacity(self.triangles.len() * RECORD_BYTES + 256);
         bytes.extend_from_slice(config.settings.as_bytes());
         for number in grid.corner.into_iter().chain([grid.cell_m]) {
@@ -66,7 +66,7 @@ impl LocalCity {
     /// With the pictures that it needs.
     pub(super) fn into_scene(self, city: &City) -> Result<Scene, BakeError> {
         let objects = self.objects.iter().map(|number| city.objects[*number as usize]);
-        let objects = objects.map(|o| Object { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
+        let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
         let material = |number: &u32| {
             let paint = city.paints[*number as usize];
             let texture = paint.picture.map(|number| city.pictures.get(number)).transpose()?;
@@ -99,7 +99,7 @@ impl Numbers {
 }
 
 /// About how much memory it takes to bake the block.
-pub(super) fn memory_bytes(block: &Block, grid: &Grid, margin_m: f64) -> usize {
+pub(super) fn memory_bytes(block: &Block, grid: &CityGrid, margin_m: f64) -> usize {
     let cell_m = grid.cell_m;
     let side_m = grid.node_side_m(grid.depth) * f64::from(crate::scene::grid::BLOCK_LEAVES);
     // Half of a bucket's surface lies in the margin, or less where that is narrow; samples lie half a cell apart.

@@ -16,7 +16,7 @@ use crate::{
     error::BakeError,
     progress::Progress,
     read::ReadReport,
-    scene::grid::{BLOCK_LEAVES, Grid},
+    scene::grid::{BLOCK_LEAVES, CityGrid},
     write::{
         city::{self, CityInput, SceneFacts},
         pack::{self, PackId, Stored, Tile},
@@ -29,7 +29,7 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct MadeCity {
     /// Where its nodes lie; scene and world coordinates are the same.
-    pub grid: Grid,
+    pub grid: CityGrid,
     /// What it is made from, for [`Manifest::settings`].
     pub rule: String,
     /// World bounds, `[min, max]`.
@@ -128,7 +128,7 @@ fn chunk(
     if tiles.is_empty() { Ok(Vec::new()) } else { pack::write(packs, pack, &tiles) }
 }
 
-fn tile(grid: &Grid, config: &Config, tree: &Tree, voxels: &VoxelNode) -> Result<Tile, BakeError> {
+fn tile(grid: &CityGrid, config: &Config, tree: &Tree, voxels: &VoxelNode) -> Result<Tile, BakeError> {
     let id = voxels.id;
     let map = parametrise(grid, voxels).map_err(BakeError::tile(id, "made from its voxels"))?;
     let [mut z_min_m, mut z_max_m] = tree::outward(tree::z_bounds(&map).unwrap_or([map.z_base_m(); 2]));

@@ -24,7 +24,7 @@ use crate::{
     report::{Blocks, Clock, Made, MeshReport, Outcome, Report, Start},
     scene::{
         Scene,
-        grid::Grid,
+        grid::CityGrid,
         partition::{Block, Partition},
         scratch_scene::{City, ShortHash},
     },
@@ -88,7 +88,7 @@ pub fn bake_scene(
 #[derive(Clone, Copy)]
 struct Stage<'a> {
     config: &'a Config,
-    grid: &'a Grid,
+    grid: &'a CityGrid,
     packs: &'a Path,
     progress: &'a dyn Progress,
     start: Start,
@@ -116,7 +116,7 @@ fn run(
         return Err(BakeError::Empty { triangles: 0, cell_m: config.cell_m });
     };
     let facts = SceneFacts::new(&city, min, max);
-    let grid = Grid::covering(min, max, city.origin, config.cell_m).ok_or_else(|| {
+    let grid = CityGrid::covering(min, max, city.origin, config.cell_m).ok_or_else(|| {
         let side_m = (max[0] - min[0]).max(max[1] - min[1]);
         BakeError::Extent { side_m, cell_m: config.cell_m }
     })?;
@@ -163,7 +163,7 @@ fn run(
 }
 
 /// Of every block in its order.
-fn fingerprints(partition: &Partition, city: &City, config: &Config, grid: &Grid) -> Result<Vec<ShortHash>, BakeError> {
+fn fingerprints(partition: &Partition, city: &City, config: &Config, grid: &CityGrid) -> Result<Vec<ShortHash>, BakeError> {
     let of = |block: &Block| Ok(LocalCity::load(partition, block)?.fingerprint(city, (config, grid), block));
     partition.blocks.par_iter().map(of).collect()
 }

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use super::report::SourceReport;
 use crate::scene::scratch_scene::{City, ObjectFacts, Paint, Pictures, Placing, Triangles};
-use crate::scene::{ObjectKind, Triangle};
+use crate::scene::{ObjectKind, SceneTriangle};
 
 /// Coordinates beyond this are no place on Earth in metres of any projected system.
 pub(crate) const ABSURD_M: f64 = 1e9;
@@ -91,7 +91,7 @@ impl CityBuilder {
                     max[axis] = max[axis].max(corner[axis]);
                 }
             }
-            self.triangles.push(Triangle { corners, uv: face.uv, material: face.material, object });
+            self.triangles.push(SceneTriangle { corners, uv: face.uv, material: face.material, object });
         }
         let triangles = faces.len() as u64;
         self.drafts.push(Draft { id: id.to_owned(), kind, source, anchor, min, max, triangles });
@@ -188,7 +188,7 @@ fn take_out(draft: &Draft, distance_m: f64, report: &mut SourceReport) {
 mod tests {
     use super::super::report::Format;
     use super::*;
-    use crate::scene::Texture;
+    use crate::scene::SceneTexture;
     use std::sync::Arc;
 
     fn face_at(p: [f64; 3]) -> Face {
@@ -242,7 +242,7 @@ mod tests {
     fn equal_looks_share_a_material_and_terrain_faces_up() {
         let (mut builder, mut sources) = (builder(), report());
         let mut pictures = Pictures::in_memory();
-        let picture = pictures.add(Arc::new(Texture { width: 1, height: 1, rgb: vec![[1, 2, 3]] }));
+        let picture = pictures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[1, 2, 3]] }));
         let plain = builder.material([9; 3], None);
         assert_ne!(plain, builder.material([9; 3], Some(picture)));
         assert_eq!(plain, builder.material([9; 3], None));

@@ -11,7 +11,7 @@ use image::{ImageReader, Limits};
 
 use super::report::SourceReport;
 use super::source::{Source, read_beside};
-use crate::scene::Texture;
+use crate::scene::SceneTexture;
 use crate::scene::scratch_scene::Pictures;
 
 /// A picture's file may have this many bytes for each pixel that is allowed: enough for any uncompressed one.
@@ -58,7 +58,7 @@ impl TextureStore {
 }
 
 /// Reads and decodes a picture beside the source.
-fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<Texture, Fault> {
+fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<SceneTexture, Fault> {
     if name.contains("://") {
         return Err(Fault { kind: "texture on the web", detail: "not fetched, put it beside the file".to_owned() });
     }
@@ -78,7 +78,7 @@ fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<Texture, Fau
 }
 
 /// Decodes a picture after its header has been found acceptable.
-fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<Texture, Fault> {
+fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<SceneTexture, Fault> {
     let broken = |error: &dyn std::fmt::Display| Fault { kind: "texture broken", detail: one_line(error) };
     let bytes = Cursor::new(bytes);
     let header = ImageReader::new(bytes.clone()).with_guessed_format().map_err(|error| broken(&error))?;
@@ -94,7 +94,7 @@ fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<Texture, Fault> {
     reader.limits(limits);
     let rgb = reader.decode().map_err(|error| broken(&error))?.into_rgb8();
     let rgb = rgb.into_raw().chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
-    Ok(Texture { width, height, rgb })
+    Ok(SceneTexture { width, height, rgb })
 }
 
 fn one_line(error: &dyn std::fmt::Display) -> String {
@@ -115,7 +115,7 @@ pub(crate) mod tests {
         bytes.into_inner()
     }
 
-    fn load(files: &[(&str, &[u8])], name: &str, max_pixels: u64) -> (Option<Arc<Texture>>, SourceReport) {
+    fn load(files: &[(&str, &[u8])], name: &str, max_pixels: u64) -> (Option<Arc<SceneTexture>>, SourceReport) {
         let sources = embedded(files);
         let mut report = SourceReport::new("a.obj", Format::Obj, 0);
         let mut store = TextureStore::new(max_pixels, Pictures::in_memory());

@@ -1,6 +1,6 @@
 //! Where nodes, columns and blocks of leaves lie.
 //!
-//! In: the scene's bounds and the cell size. Out: [`Grid`]. Next: `partition` sorts triangles into blocks of leaves.
+//! In: the scene's bounds and the cell size. Out: [`CityGrid`]. Next: `partition` sorts triangles into blocks of leaves.
 
 use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
 
@@ -9,7 +9,7 @@ pub const BLOCK_LEAVES: u32 = 2;
 
 /// The city's quadtree in space. Lengths in metres; "scene" coordinates are those of [`crate::scene::Scene`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
+pub struct CityGrid {
     /// South-west corner of the root and height zero of all nodes, in scene coordinates.
     pub corner: [f64; 3],
     /// Level of the leaves.
@@ -18,7 +18,7 @@ pub struct Grid {
     pub cell_m: f64,
 }
 
-impl Grid {
+impl CityGrid {
     /// The smallest root square of side `leaf_side * 2^depth` that covers `[min, max]` (scene coordinates, x and y),
     /// its corner on the world grid of whole leaves, so that the same place always falls into the same cell.
     ///
@@ -64,14 +64,14 @@ mod tests {
 
     #[test]
     fn covers_and_snaps() {
-        let grid = Grid::covering([0.5, -3.0, 7.3], [200.0, 61.0, 50.0], [1000.0, 64.0, 0.0], 1.0).unwrap();
+        let grid = CityGrid::covering([0.5, -3.0, 7.3], [200.0, 61.0, 50.0], [1000.0, 64.0, 0.0], 1.0).unwrap();
         assert_eq!(grid.corner, [-40.0, -64.0, 6.0]);
         assert_eq!(grid.depth, 2);
         assert_eq!(grid.node_side_m(0), 256.0);
         assert_eq!(grid.node_corner(TileId::new(2, 1, 1).unwrap()), [24.0, 0.0]);
-        let on_edge = Grid::covering([0.0; 3], [64.0, 1.0, 1.0], [0.0; 3], 1.0).unwrap();
+        let on_edge = CityGrid::covering([0.0; 3], [64.0, 1.0, 1.0], [0.0; 3], 1.0).unwrap();
         assert_eq!(on_edge.depth, 1);
-        assert!(Grid::covering([0.0; 3], [f64::INFINITY; 3], [0.0; 3], 1.0).is_none());
-        assert!(Grid::covering([0.0; 3], [1e12; 3], [0.0; 3], 1.0).is_none());
+        assert!(CityGrid::covering([0.0; 3], [f64::INFINITY; 3], [0.0; 3], 1.0).is_none());
+        assert!(CityGrid::covering([0.0; 3], [1e12; 3], [0.0; 3], 1.0).is_none());
     }
 }

@@ -20,7 +20,7 @@ pub enum ObjectKind {
 
 /// One city object: the unit that is counted, coloured and, later, updated.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Object {
+pub struct SceneObject {
     /// The source's own identifier, for reports.
     pub id: String,
     /// What it is.
@@ -31,7 +31,7 @@ pub struct Object {
 
 /// A picture that colours triangles. Rows from the top, 8-bit sRGB.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Texture {
+pub struct SceneTexture {
     /// Width in texels.
     pub width: u32,
     /// Height in texels.
@@ -46,12 +46,12 @@ pub struct Material {
     /// 8-bit sRGB, multiplied with the texture where there is one.
     pub rgb: [u8; 3],
     /// Shared, because many materials may use one picture.
-    pub texture: Option<Arc<Texture>>,
+    pub texture: Option<Arc<SceneTexture>>,
 }
 
 /// One triangle, counter-clockwise seen from outside where the source knows outside.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Triangle {
+pub struct SceneTriangle {
     /// Corners in metres relative to [`Scene::origin`].
     pub corners: [[f32; 3]; 3],
     /// Texture coordinates, v up (OBJ's convention); zero where the material has no texture.
@@ -68,9 +68,9 @@ pub struct Scene {
     /// World position (source CRS, metres, f64) that corners are relative to.
     pub origin: [f64; 3],
     /// All triangles.
-    pub triangles: Vec<Triangle>,
+    pub triangles: Vec<SceneTriangle>,
     /// All objects.
-    pub objects: Vec<Object>,
+    pub objects: Vec<SceneObject>,
     /// All materials.
     pub materials: Vec<Material>,
     /// For example `EPSG:7415`; `None` where the source does not say.

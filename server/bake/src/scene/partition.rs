@@ -17,8 +17,8 @@ use insula_protocol::TileId;
 use crate::{
     error::BakeError,
     scene::{
-        Triangle,
-        grid::{BLOCK_LEAVES, Grid},
+        SceneTriangle,
+        grid::{BLOCK_LEAVES, CityGrid},
         scratch_scene::{City, RECORD_BYTES, from_record, to_record},
     },
 };
@@ -54,7 +54,7 @@ impl Partition {
     /// is how far around a block a triangle still counts for it, because it may shade it (design 5).
     pub(crate) fn new(
         city: &City,
-        grid: &Grid,
+        grid: &CityGrid,
         margin_m: f64,
         (folder, buffer_bytes): (&Path, usize),
         advance: impl Fn(u64),
@@ -88,7 +88,7 @@ impl Partition {
     }
 
     /// The triangles that touch the block and its margin, in the city's order.
-    pub(crate) fn triangles(&self, block: &Block) -> Result<Vec<Triangle>, BakeError> {
+    pub(crate) fn triangles(&self, block: &Block) -> Result<Vec<SceneTriangle>, BakeError> {
         let path = path(&self.folder, block.x, block.y);
         let bytes = fs::read(&path).map_err(|cause| BakeError::io(&path, "read", cause))?;
         let (records, rest) = bytes.as_chunks::<RECORD_BYTES>();
@@ -125,7 +125,7 @@ struct Bucket {
 }
 
 struct Buckets<'a> {
-    grid: &'a Grid,
+    grid: &'a CityGrid,
     margin_m: f64,
     folder: &'a Path,
     /// By (y, x).
@@ -135,7 +135,7 @@ struct Buckets<'a> {
 }
 
 impl Buckets<'_> {
-    fn add(&mut self, triangle: &Triangle) {
+    fn add(&mut self, triangle: &SceneTriangle) {
         let p = corners_in(triangle, self.grid);
         let side = self.grid.node_side_m(self.grid.depth);
         let last = (1u32 << self.grid.depth) - 1;
@@ -190,13 +190,13 @@ impl Buckets<'_> {
     }
 }
 
-fn area_m2(triangle: &Triangle) -> f64 {
+fn area_m2(triangle: &SceneTriangle) -> f64 {
     let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
     f64::from((b - a).cross(c - a).length()) * 0.5
 }
 
 /// Corners in metres from the grid's corner, seen from above.
-fn corners_in(triangle: &Triangle, grid: &Grid) -> [[f64; 2]; 3] {
+fn corners_in(triangle: &SceneTriangle, grid: &CityGrid) -> [[f64; 2]; 3] {
     triangle.corners.map(|c| [f64::from(c[0]) - grid.corner[0], f64::from(c[1]) - grid.corner[1]])
 }
 
@@ -227,19 +227,19 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 mod tests {
     use crate::scene::partition::*;
     use crate::{
-        scene::{Material, Object, ObjectKind, Scene},
+        scene::{Material, SceneObject, ObjectKind, Scene},
         write::scratch::tests::Folder,
     };
 
-    fn triangle(corners: [[f32; 3]; 3]) -> Triangle {
-        Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
+    fn triangle(corners: [[f32; 3]; 3]) -> SceneTriangle {
+        SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
     }
 
     /// The partition of these, with its folder; buffers of `buffer_bytes`.
-    fn partition(name: &str, triangles: &[Triangle], margin_m: f64, buffer_bytes: usize) -> (Partition, Folder) {
+    fn partition(name: &str, triangles: &[SceneTriangle], margin_m: f64, buffer_bytes: usize) -> (Partition, Folder) {
         let scene = Scene {
             triangles: triangles.to_vec(),
-            objects: vec![Object { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
+            objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
             materials: vec![Material { rgb: [0; 3], texture: None }],
             ..Scene::default()
         };
@@ -249,8 +249,8 @@ mod tests {
         (Partition::new(&city, &grid(5), margin_m, (&place, buffer_bytes), |_| {}).unwrap(), folder)
     }
 
-    fn grid(depth: u8) -> Grid {
-        Grid { corner: [0.0; 3], depth, cell_m: 1.0 }
+    fn grid(depth: u8) -> CityGrid {
+        CityGrid { corner: [0.0; 3], depth, cell_m: 1.0 }
     }
 
     fn id(x: u32, y: u32) -> TileId {
@@ -265,7 +265,7 @@ mod tests {
             triangle([[900.0, 10.0, 0.0], [905.0, 10.0, 0.0], [900.0, 15.0, 5.0]]),
         ];
         let held = |partition: &Partition| -> Vec<Vec<usize>> {
-            let number = |t: &Triangle| all.iter().position(|other| other == t).unwrap();
+            let number = |t: &SceneTriangle| all.iter().position(|other| other == t).unwrap();
             let triangles = |block| partition.triangles(block).unwrap().iter().map(number).collect();
             partition.blocks.iter().map(triangles).collect()
         };

@@ -16,7 +16,7 @@ use lru::LruCache;
 
 use crate::{
     error::BakeError,
-    scene::{Material, Object, ObjectKind, Scene, Texture, Triangle},
+    scene::{Material, SceneObject, ObjectKind, Scene, SceneTexture, SceneTriangle},
 };
 
 /// Bytes of a triangle in a file: corners, texture coordinates, material, object; 4 bytes each, little-endian.
@@ -25,7 +25,7 @@ pub(crate) const RECORD_BYTES: usize = 17 * 4;
 const BUFFER_BYTES: usize = RECORD_BYTES << 12;
 
 /// A triangle as it lies in scratch files.
-pub(crate) fn to_record(triangle: &Triangle) -> [u8; RECORD_BYTES] {
+pub(crate) fn to_record(triangle: &SceneTriangle) -> [u8; RECORD_BYTES] {
     let mut record = [0; RECORD_BYTES];
     let floats = triangle.corners.as_flattened().iter().chain(triangle.uv.as_flattened()).map(|v| v.to_bits());
     let words = floats.chain([triangle.material, triangle.object]);
@@ -36,10 +36,10 @@ pub(crate) fn to_record(triangle: &Triangle) -> [u8; RECORD_BYTES] {
 }
 
 /// The inverse of [`to_record`].
-pub(crate) fn from_record(record: &[u8; RECORD_BYTES]) -> Triangle {
+pub(crate) fn from_record(record: &[u8; RECORD_BYTES]) -> SceneTriangle {
     let word = |i: usize| u32::from_le_bytes([record[4 * i], record[4 * i + 1], record[4 * i + 2], record[4 * i + 3]]);
     let float = |i: usize| f32::from_bits(word(i));
-    Triangle {
+    SceneTriangle {
         corners: std::array::from_fn(|i| std::array::from_fn(|axis| float(3 * i + axis))),
         uv: std::array::from_fn(|i| [float(9 + 2 * i), float(10 + 2 * i)]),
         material: word(15),
@@ -51,7 +51,7 @@ pub(crate) fn from_record(record: &[u8; RECORD_BYTES]) -> Triangle {
 #[derive(Debug)]
 pub(crate) enum Triangles {
     /// All of them at hand.
-    Memory(Vec<Triangle>),
+    Memory(Vec<SceneTriangle>),
     /// In a scratch file.
     File(TriangleFile),
 }
@@ -72,7 +72,7 @@ impl Triangles {
         Ok(Self::File(TriangleFile { path, writer, failed: None }))
     }
 
-    pub(crate) fn push(&mut self, triangle: Triangle) {
+    pub(crate) fn push(&mut self, triangle: SceneTriangle) {
         match self {
             Self::Memory(all) => all.push(triangle),
             Self::File(file) => {
@@ -95,7 +95,7 @@ impl Triangles {
     }
 
     /// Every triangle, in order.
-    fn each(&self, mut then: impl FnMut(Triangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
+    fn each(&self, mut then: impl FnMut(SceneTriangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
         match self {
             Self::Memory(all) => all.iter().try_for_each(|triangle| then(*triangle)),
             Self::File(file) => {
@@ -137,14 +137,14 @@ pub(crate) struct Pictures {
 
 #[derive(Debug)]
 enum Kept {
-    Memory(Vec<Arc<Texture>>),
+    Memory(Vec<Arc<SceneTexture>>),
     Folder { path: PathBuf, cache: Mutex<Cache> },
 }
 
 /// Loaded pictures, the one used longest ago first to go. What a block in work holds stays alive beside it.
 #[derive(Debug)]
 struct Cache {
-    loaded: LruCache<u32, Arc<Texture>>,
+    loaded: LruCache<u32, Arc<SceneTexture>>,
     bytes: usize,
     limit: usize,
 }
@@ -162,7 +162,7 @@ impl Pictures {
     }
 
     /// Keeps a picture and gives it its number.
-    pub(crate) fn add(&mut self, texture: Arc<Texture>) -> u32 {
+    pub(crate) fn add(&mut self, texture: Arc<SceneTexture>) -> u32 {
         let number = self.facts.len() as u32;
         let mut hasher = blake3::Hasher::new();
         hasher.update(&texture.width.to_le_bytes()).update(&texture.height.to_le_bytes());
@@ -191,7 +191,7 @@ impl Pictures {
     }
 
     /// The picture itself.
-    pub(crate) fn get(&self, number: u32) -> Result<Arc<Texture>, BakeError> {
+    pub(crate) fn get(&self, number: u32) -> Result<Arc<SceneTexture>, BakeError> {
         match &self.kept {
             Kept::Memory(all) => Ok(Arc::clone(&all[number as usize])),
             Kept::Folder { path, cache } => {
@@ -209,7 +209,7 @@ impl Pictures {
 }
 
 impl Cache {
-    fn add(&mut self, number: u32, texture: &Arc<Texture>) {
+    fn add(&mut self, number: u32, texture: &Arc<SceneTexture>) {
         self.bytes += texture.rgb.as_flattened().len();
         self.loaded.put(number, Arc::clone(texture));
         while self.bytes > self.limit
@@ -224,13 +224,13 @@ fn picture_path(folder: &Path, number: u32) -> PathBuf {
     folder.join(format!("{number}.rgb"))
 }
 
-fn load(path: &Path, facts: PictureFacts) -> Result<Texture, BakeError> {
+fn load(path: &Path, facts: PictureFacts) -> Result<SceneTexture, BakeError> {
     let bytes = fs::read(path).map_err(|cause| BakeError::io(path, "read", cause))?;
     let (texels, rest) = bytes.as_chunks::<3>();
     if !rest.is_empty() || texels.len() as u64 != u64::from(facts.width) * u64::from(facts.height) {
         return Err(BakeError::Scratch { path: path.to_owned() });
     }
-    Ok(Texture { width: facts.width, height: facts.height, rgb: texels.to_vec() })
+    Ok(SceneTexture { width: facts.width, height: facts.height, rgb: texels.to_vec() })
 }
 
 /// How triangles are coloured.
@@ -246,7 +246,7 @@ pub(crate) struct Paint {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ObjectFacts {
     pub(crate) kind: ObjectKind,
-    /// As in [`Object`].
+    /// As in [`SceneObject`].
     pub(crate) base_z_m: f32,
 }
 
@@ -282,7 +282,7 @@ pub(crate) struct City {
 
 impl City {
     /// Every triangle in its order: corners relative to the origin, material an index into `paints`.
-    pub(crate) fn each(&self, mut then: impl FnMut(&Triangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
+    pub(crate) fn each(&self, mut then: impl FnMut(&SceneTriangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
         self.stored.each(|mut triangle| {
             if !self.placings.is_empty() {
                 let Placing { offset_m, object } = self.placings[triangle.object as usize];
@@ -316,7 +316,7 @@ impl City {
             Ok(())
         })?;
         let objects = self.objects.iter().zip(&self.names);
-        let objects = objects.map(|(facts, id)| Object { id: id.clone(), kind: facts.kind, base_z_m: facts.base_z_m });
+        let objects = objects.map(|(facts, id)| SceneObject { id: id.clone(), kind: facts.kind, base_z_m: facts.base_z_m });
         let material = |paint: &Paint| {
             let texture = paint.picture.map(|number| self.pictures.get(number)).transpose()?;
             Ok(Material { rgb: paint.rgb, texture })
@@ -329,8 +329,8 @@ impl City {
     pub(crate) fn from_scene(scene: Scene) -> Result<Self, BakeError> {
         let bounds = bounds(&scene)?;
         let mut pictures = Pictures::in_memory();
-        let mut known: Vec<Arc<Texture>> = Vec::new();
-        let mut number = |texture: Arc<Texture>| {
+        let mut known: Vec<Arc<SceneTexture>> = Vec::new();
+        let mut number = |texture: Arc<SceneTexture>| {
             let place = known.iter().position(|other| Arc::ptr_eq(other, &texture));
             place.map_or_else(
                 || {
@@ -383,16 +383,16 @@ mod tests {
     use crate::scene::scratch_scene::*;
     use crate::write::scratch::tests::Folder;
 
-    fn triangle(i: u32) -> Triangle {
+    fn triangle(i: u32) -> SceneTriangle {
         let corners = [[i as f32, 0.5, -1.0], [5.0, 0.0, 1.0], [0.0, -3.0, f32::MIN_POSITIVE]];
-        Triangle { corners, uv: [[0.25, i as f32], [1.0, 0.0], [-7.5, 2.0]], material: i, object: 3 * i }
+        SceneTriangle { corners, uv: [[0.25, i as f32], [1.0, 0.0], [-7.5, 2.0]], material: i, object: 3 * i }
     }
 
     #[test]
     fn triangles_come_back_from_a_file_in_order() {
         let folder = Folder::new("spool");
         let mut stored = Triangles::in_file(folder.path.join("triangles")).unwrap();
-        let all: Vec<Triangle> = (0..10_000).map(triangle).collect();
+        let all: Vec<SceneTriangle> = (0..10_000).map(triangle).collect();
         all.iter().for_each(|triangle| stored.push(*triangle));
         stored.finish().unwrap();
         let mut back = Vec::new();
@@ -414,7 +414,7 @@ mod tests {
         let folder = Folder::new("pictures");
         let mut pictures = Pictures::in_folder(folder.path.clone(), 100);
         for i in 0..4u8 {
-            pictures.add(Arc::new(Texture { width: 5, height: 2, rgb: vec![[i; 3]; 10] }));
+            pictures.add(Arc::new(SceneTexture { width: 5, height: 2, rgb: vec![[i; 3]; 10] }));
         }
         pictures.finish().unwrap();
         for i in [0u8, 1, 2, 0, 3, 1] {
@@ -430,15 +430,15 @@ mod tests {
     #[test]
     fn a_sound_scene_has_bounds_and_an_unsound_one_an_error() {
         let scene = || Scene {
-            triangles: vec![Triangle { material: 0, object: 0, ..triangle(2) }],
-            objects: vec![Object { id: "a".into(), kind: ObjectKind::Building, base_z_m: -1.0 }],
+            triangles: vec![SceneTriangle { material: 0, object: 0, ..triangle(2) }],
+            objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: -1.0 }],
             materials: vec![Material { rgb: [9, 8, 7], texture: None }],
             ..Scene::default()
         };
         let bounds = City::from_scene(scene()).unwrap().bounds.unwrap();
         assert_eq!(bounds, [[0.0, -3.0, -1.0], [5.0, 0.5, 1.0]]);
         assert_eq!(City::from_scene(Scene::default()).unwrap().bounds, None);
-        let wrong: [fn(&mut Triangle); 4] =
+        let wrong: [fn(&mut SceneTriangle); 4] =
             [|t| t.material = 1, |t| t.object = 1, |t| t.corners[1][2] = f32::NAN, |t| t.uv[2][0] = f32::INFINITY];
         for spoil in wrong {
             let mut scene = scene();

@@ -29,7 +29,7 @@ use crate::{
     read::ReadReport,
     scene::{
         ObjectKind,
-        grid::Grid,
+        grid::CityGrid,
         scratch_scene::{City, ShortHash},
     },
 };
@@ -78,7 +78,7 @@ fn median_base(city: &City) -> Option<f32> {
 /// What the final files are made of.
 pub(crate) struct CityInput<'a> {
     pub(crate) config: &'a Config,
-    pub(crate) grid: &'a Grid,
+    pub(crate) grid: &'a CityGrid,
     pub(crate) facts: &'a SceneFacts,
     pub(crate) read: &'a ReadReport,
     pub(crate) tree: &'a Tree,
@@ -227,15 +227,15 @@ fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Material, Object, Scene, Triangle};
+    use crate::scene::{Material, SceneObject, Scene, SceneTriangle};
 
     fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
         let materials = vec![Material { rgb: [0; 3], texture: None }];
         let mut scene = Scene { origin: [1000.0, 2000.0, 50.0], materials, ..Scene::default() };
         for (i, (kind, z)) in objects.iter().enumerate() {
-            scene.objects.push(Object { id: i.to_string(), kind: *kind, base_z_m: *z });
+            scene.objects.push(SceneObject { id: i.to_string(), kind: *kind, base_z_m: *z });
             let corners = [[0.0, 0.0, *z], [1.0, 0.0, *z + 1.0], [0.0, 1.0, *z]];
-            scene.triangles.push(Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: i as u32 });
+            scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: i as u32 });
         }
         scene
     }

@@ -12,7 +12,7 @@ use insula_protocol::{
 };
 
 use super::{mesh_pack::StoredMesh, pack::Stored};
-use crate::{error::BakeError, scene::grid::Grid};
+use crate::{error::BakeError, scene::grid::CityGrid};
 
 /// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
 pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
@@ -113,7 +113,7 @@ pub(crate) fn outward([low, high]: [f64; 2]) -> [f32; 2] {
 }
 
 /// Every node's description, per level as in `tree`.
-pub(crate) fn describe(tree: &Tree, grid: &Grid) -> Vec<Vec<NodeInfo>> {
+pub(crate) fn describe(tree: &Tree, grid: &CityGrid) -> Vec<Vec<NodeInfo>> {
     let mut described: Vec<Vec<NodeInfo>> = vec![Vec::new(); tree.levels().len()];
     for level in (0..tree.levels().len()).rev() {
         let below: &[NodeInfo] = described.get(level + 1).map_or(&[], Vec::as_slice);
@@ -123,7 +123,7 @@ pub(crate) fn describe(tree: &Tree, grid: &Grid) -> Vec<Vec<NodeInfo>> {
     described
 }
 
-fn describe_node(grid: &Grid, tile: &Stored, below: &[NodeInfo]) -> NodeInfo {
+fn describe_node(grid: &CityGrid, tile: &Stored, below: &[NodeInfo]) -> NodeInfo {
     let side = grid.node_side_m(tile.id.level());
     let half_height = (f64::from(tile.z_max_m) - f64::from(tile.z_min_m)) / 2.0;
     let mut node = NodeInfo {
@@ -150,7 +150,7 @@ fn describe_node(grid: &Grid, tile: &Stored, below: &[NodeInfo]) -> NodeInfo {
 }
 
 /// Centre of a node's box, in metres from the grid's corner.
-fn centre_m(grid: &Grid, node: &NodeInfo) -> [f64; 3] {
+fn centre_m(grid: &CityGrid, node: &NodeInfo) -> [f64; 3] {
     let side = grid.node_side_m(node.id.level());
     let [x, y] = [node.id.x(), node.id.y()].map(|v| (f64::from(v) + 0.5) * side);
     [x, y, (f64::from(node.z_min_m) + f64::from(node.z_max_m)) / 2.0]

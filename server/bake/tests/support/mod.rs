@@ -14,7 +14,7 @@ use std::{
 use insula_bake::{
     BakeError, BakeOptions, Progress, Report, bake_scene,
     read::ReadReport,
-    scene::{Material, Object, ObjectKind, Scene, Triangle},
+    scene::{Material, SceneObject, ObjectKind, Scene, SceneTriangle},
 };
 use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, PmtResult, TileCoord};
@@ -40,7 +40,7 @@ pub(crate) fn city() -> Scene {
     for (i, [x, y, width, depth, height]) in BOXES.into_iter().enumerate() {
         let base_z_m = 1.0 + i as f32 * 0.25;
         add_box(&mut scene, [x, y, base_z_m], [x + width, y + depth, base_z_m + height]);
-        scene.objects.push(Object { id: format!("box-{i}"), kind: ObjectKind::Building, base_z_m });
+        scene.objects.push(SceneObject { id: format!("box-{i}"), kind: ObjectKind::Building, base_z_m });
     }
     scene
 }
@@ -53,7 +53,7 @@ fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
     for (face, [a, b, c, d]) in FACES.into_iter().enumerate() {
         for corners in [[a, b, c], [a, c, d]] {
             let material = u32::from(face != 1);
-            scene.triangles.push(Triangle { corners: corners.map(corner), uv: [[0.0; 2]; 3], material, object });
+            scene.triangles.push(SceneTriangle { corners: corners.map(corner), uv: [[0.0; 2]; 3], material, object });
         }
     }
 }
