@@ -15,7 +15,7 @@ use insula_protocol::{
 
 use super::cut::{self, Corner};
 use crate::{
-    model::{Layer, Model},
+    model::{CornerLayer, TriangleModel},
     scene::{Scene, grid::CityGrid},
 };
 
@@ -31,7 +31,7 @@ pub(super) struct Surface {
     pub(super) steps: u32,
     /// With one layer: `Other` (u, v and material) if any material has a picture, else `Colour`. Two corners have the same value
     /// only if they are at the same vertex.
-    pub(super) model: Model,
+    pub(super) model: TriangleModel,
 }
 
 impl Surface {
@@ -60,7 +60,7 @@ impl Surface {
         let mut surface = Self {
             points: Points { min: [0.0, 0.0, first[2] as f64 * step], step, bits },
             steps,
-            model: Model::default(),
+            model: TriangleModel::default(),
         };
         let mut builder = Builder::default();
         for piece in &pieces {
@@ -135,7 +135,7 @@ pub(super) fn colour(scene: &Scene, material: u32) -> [u8; 3] {
 /// Vertices at one point become one, triangles without area are left out.
 #[derive(Default)]
 struct Builder {
-    model: Model,
+    model: TriangleModel,
     vertices: HashMap<[i64; 3], u32>,
     wedges: HashMap<(u32, [u32; 3]), u32>,
     values: Vec<[f32; 4]>,
@@ -164,8 +164,8 @@ impl Builder {
         }
     }
 
-    fn finish(self, kind: Kind) -> Model {
-        let layer = Layer { kind, width: 3, values: self.values, corners: self.corners };
-        Model { layers: vec![layer], ..self.model }
+    fn finish(self, kind: Kind) -> TriangleModel {
+        let layer = CornerLayer { kind, width: 3, values: self.values, corners: self.corners };
+        TriangleModel { layers: vec![layer], ..self.model }
     }
 }

@@ -1,6 +1,6 @@
 //! Models: triangles of a single file (PLY, OFF, OBJ), for the tools that compress and simplify.
 //!
-//! In: a file's bytes. Out: a [`Model`], and back. Next: `simplify`, or the codec of `insula_protocol::mesh`.
+//! In: a file's bytes. Out: a [`TriangleModel`], and back. Next: `simplify`, or the codec of `insula_protocol::mesh`.
 
 mod obj;
 mod off;
@@ -15,7 +15,7 @@ pub const MAX_COUNT: usize = 1 << 24;
 
 /// Values that corners carry.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layer {
+pub struct CornerLayer {
     /// What they mean: texture coordinates have 2 numbers, normals 3, colours 3 or 4 from 0 to 1.
     pub kind: Kind,
     /// How many numbers of a value count.
@@ -28,13 +28,13 @@ pub struct Layer {
 
 /// Triangles with what their corners carry.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Model {
+pub struct TriangleModel {
     /// Vertices, in the file's own units.
     pub positions: Vec<[f64; 3]>,
     /// Triples of vertices.
     pub triangles: Vec<[u32; 3]>,
     /// What corners carry.
-    pub layers: Vec<Layer>,
+    pub layers: Vec<CornerLayer>,
 }
 
 /// Why a file is no model.
@@ -57,7 +57,7 @@ pub enum ModelError {
 
 /// Formats of models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub enum ModelFormat {
     /// Stanford's polygon files: text, or binary of either byte order; written in binary.
     Ply,
     /// Geomview's object files, as text.
@@ -66,7 +66,7 @@ pub enum Format {
     Obj,
 }
 
-impl Format {
+impl ModelFormat {
     /// By a file's name.
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
@@ -78,16 +78,16 @@ impl Format {
     }
 }
 
-impl Model {
+impl TriangleModel {
     /// From a file's bytes. Polygons become fans of triangles.
     ///
     /// # Errors
     /// What is not of the format, not finite, or over [`MAX_COUNT`].
-    pub fn read(bytes: &[u8], format: Format) -> Result<Self, ModelError> {
+    pub fn read(bytes: &[u8], format: ModelFormat) -> Result<Self, ModelError> {
         let model = match format {
-            Format::Ply => ply::read(bytes)?,
-            Format::Off => off::read(bytes)?,
-            Format::Obj => obj::read(bytes)?,
+            ModelFormat::Ply => ply::read(bytes)?,
+            ModelFormat::Off => off::read(bytes)?,
+            ModelFormat::Obj => obj::read(bytes)?,
         };
         if model.triangles.as_flattened().iter().any(|vertex| *vertex as usize >= model.positions.len()) {
             return Err(ModelError::Whole("a face names a vertex that is not there"));
@@ -102,11 +102,11 @@ impl Model {
     }
 
     /// As a file's bytes.
-    pub fn write(&self, format: Format) -> Vec<u8> {
+    pub fn write(&self, format: ModelFormat) -> Vec<u8> {
         match format {
-            Format::Ply => ply::write(self),
-            Format::Off => off::write(self),
-            Format::Obj => obj::write(self),
+            ModelFormat::Ply => ply::write(self),
+            ModelFormat::Off => off::write(self),
+            ModelFormat::Obj => obj::write(self),
         }
     }
 
@@ -152,16 +152,16 @@ fn limit(count: usize) -> Result<(), ModelError> {
 mod tests {
     use super::*;
 
-    fn model() -> Model {
+    fn model() -> TriangleModel {
         let positions = vec![[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.25, 0.0], [0.0, 0.0, -3.0]];
         let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
-        Model { positions, triangles, layers: vec![] }
+        TriangleModel { positions, triangles, layers: vec![] }
     }
 
     #[test]
     fn every_format_comes_back() {
-        for format in [Format::Ply, Format::Off, Format::Obj] {
-            assert_eq!(Model::read(&model().write(format), format).unwrap(), model(), "{format:?}");
+        for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
+            assert_eq!(TriangleModel::read(&model().write(format), format).unwrap(), model(), "{format:?}");
         }
     }
 
@@ -169,7 +169,7 @@ mod tests {
     fn layers_come_back_in_obj_and_ply() {
         let mut model = model();
         let corners: Vec<u32> = model.triangles.as_flattened().to_vec();
-        let layer = |kind, width, values: [[f32; 4]; 4]| Layer {
+        let layer = |kind, width, values: [[f32; 4]; 4]| CornerLayer {
             kind,
             width,
             values: values.to_vec(),
@@ -179,9 +179,9 @@ mod tests {
         model.layers.push(layer(Kind::TexCoord, 2, [0.0, 0.25, 0.5, 1.0].map(value)));
         let normal = |k: usize| std::array::from_fn(|i| f32::from(i == k));
         model.layers.push(layer(Kind::Normal, 3, [0, 1, 2, 0].map(normal)));
-        assert_eq!(Model::read(&model.write(Format::Obj), Format::Obj).unwrap(), model);
-        let read = Model::read(&model.write(Format::Ply), Format::Ply).unwrap();
-        let values = |model: &Model, layer: usize| -> Vec<[f32; 4]> {
+        assert_eq!(TriangleModel::read(&model.write(ModelFormat::Obj), ModelFormat::Obj).unwrap(), model);
+        let read = TriangleModel::read(&model.write(ModelFormat::Ply), ModelFormat::Ply).unwrap();
+        let values = |model: &TriangleModel, layer: usize| -> Vec<[f32; 4]> {
             let layer = &model.layers[layer];
             layer.corners.iter().map(|value| layer.values[*value as usize]).collect()
         };
@@ -193,33 +193,33 @@ mod tests {
     fn text_as_others_write_it_is_read() {
         let off =
             "OFF # a comment\n# another\n\n5 2 0\n0 0 0\n1 0 0 \n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4 255 0 0\n";
-        let model = Model::read(off.as_bytes(), Format::Off).unwrap();
+        let model = TriangleModel::read(off.as_bytes(), ModelFormat::Off).unwrap();
         assert_eq!(model.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
         let obj = "mtllib a.mtl\nv 0 0 0 1\nv 1 0 0\n\nv 1 1 0\nusemtl x\nf -3//1 -2 3\ng\nf 1/1/1 2/1/1 3/1/1\nvt 0 0\nvn 0 0 1\n";
-        let model = Model::read(obj.as_bytes(), Format::Obj).unwrap();
+        let model = TriangleModel::read(obj.as_bytes(), ModelFormat::Obj).unwrap();
         assert_eq!(model.triangles, [[0, 1, 2], [0, 1, 2]]);
         let ply = "ply\r\nformat ascii 1.0\r\ncomment c\r\nelement vertex 3\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\nproperty float confidence\r\nelement face 1\r\nproperty list uchar int vertex_indices\r\nend_header\r\n0 0 0 1\r\n1 0 0 1\r\n0 1 0 1\r\n3 0 1 2\r\n";
-        assert_eq!(Model::read(ply.as_bytes(), Format::Ply).unwrap().triangles, [[0, 1, 2]]);
+        assert_eq!(TriangleModel::read(ply.as_bytes(), ModelFormat::Ply).unwrap().triangles, [[0, 1, 2]]);
     }
 
     #[test]
     fn any_damage_is_an_error_or_a_model() {
-        for format in [Format::Ply, Format::Off, Format::Obj] {
+        for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
             let whole = model().write(format);
             for length in 0..whole.len() {
-                let _ = Model::read(&whole[..length], format);
+                let _ = TriangleModel::read(&whole[..length], format);
                 for byte in [0, b'9', b' ', b'\n', 0xff] {
                     let mut bytes = whole.clone();
                     bytes[length] = byte;
-                    if let Ok(model) = Model::read(&bytes, format) {
+                    if let Ok(model) = TriangleModel::read(&bytes, format) {
                         assert!(model.triangles.as_flattened().iter().all(|v| (*v as usize) < model.positions.len()));
                     }
                 }
             }
         }
         let huge = b"ply\nformat binary_little_endian 1.0\nelement vertex 9999999999\nproperty float x\nend_header\n";
-        assert!(Model::read(huge, Format::Ply).is_err());
-        assert!(Model::read(b"OFF\n4000000000 1 1\n", Format::Off).is_err());
+        assert!(TriangleModel::read(huge, ModelFormat::Ply).is_err());
+        assert!(TriangleModel::read(b"OFF\n4000000000 1 1\n", ModelFormat::Off).is_err());
     }
 
     #[test]

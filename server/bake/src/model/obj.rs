@@ -1,16 +1,16 @@
 //! OBJ: vertices, normals, texture coordinates and faces; materials are not looked at.
 //!
-//! In: bytes. Out: a [`Model`], and back. Next: `model`. (`read::obj` reads cities, with materials and pictures.)
+//! In: bytes. Out: a [`TriangleModel`], and back. Next: `model`. (`read::obj` reads cities, with materials and pictures.)
 
-use super::{Layer, Model, ModelError, fan, limit};
+use super::{CornerLayer, TriangleModel, ModelError, fan, limit};
 use insula_protocol::mesh::Kind;
 use std::fmt::Write;
 
 const FORMAT: &str = "OBJ";
 
-pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
+pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     let text = String::from_utf8_lossy(bytes);
-    let mut model = Model::default();
+    let mut model = TriangleModel::default();
     // Numbers of texture coordinates and normals: read before they are known to be there.
     let (mut texcoords, mut normals) = (Vec::new(), Vec::new());
     let mut corners: [Vec<Option<u32>>; 2] = Default::default();
@@ -59,10 +59,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
 }
 
 /// A layer if all corners have a value; what some lack, none is given.
-fn layer(kind: Kind, width: usize, values: Vec<[f32; 4]>, corners: Vec<Option<u32>>) -> Option<Layer> {
+fn layer(kind: Kind, width: usize, values: Vec<[f32; 4]>, corners: Vec<Option<u32>>) -> Option<CornerLayer> {
     let corners: Vec<u32> = corners.into_iter().collect::<Option<_>>()?;
     let all_there = !corners.is_empty() && corners.iter().all(|value| (*value as usize) < values.len());
-    all_there.then_some(Layer { kind, width, values, corners })
+    all_there.then_some(CornerLayer { kind, width, values, corners })
 }
 
 fn numbers<'a, const N: usize>(mut words: impl Iterator<Item = &'a str>) -> Option<[f64; N]> {
@@ -88,7 +88,7 @@ fn corner(word: &str, counts: [usize; 3]) -> Option<[Option<u32>; 3]> {
     Some(out)
 }
 
-pub(super) fn write(model: &Model) -> Vec<u8> {
+pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
     let mut out = String::new();
     for [x, y, z] in &model.positions {
         let _ = writeln!(out, "v {x} {y} {z}");
@@ -104,7 +104,7 @@ pub(super) fn write(model: &Model) -> Vec<u8> {
     for (t, triangle) in model.triangles.iter().enumerate() {
         out.push('f');
         for (k, vertex) in triangle.iter().enumerate() {
-            let value = |layer: Option<&Layer>| layer.map(|layer| layer.corners[3 * t + k] + 1);
+            let value = |layer: Option<&CornerLayer>| layer.map(|layer| layer.corners[3 * t + k] + 1);
             let vertex = vertex + 1;
             let _ = match (value(uv), value(normal)) {
                 (None, None) => write!(out, " {vertex}"),

@@ -1,13 +1,13 @@
 //! OFF: a header, counts, vertices, faces, as words.
 //!
-//! In: bytes. Out: a [`Model`], and back. Next: `model`.
+//! In: bytes. Out: a [`TriangleModel`], and back. Next: `model`.
 
-use super::{Model, ModelError, fan, limit};
+use super::{TriangleModel, ModelError, fan, limit};
 use std::fmt::Write;
 
 const FORMAT: &str = "OFF";
 
-pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
+pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     let text = std::str::from_utf8(bytes).map_err(|_| ModelError::Whole("an OFF file is text"))?;
     let lines =
         text.lines().enumerate().map(|(number, line)| (number + 1, line.split('#').next().unwrap_or_default().trim()));
@@ -20,7 +20,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let [vertices, faces, ..] = counts[..] else { return Err(error("no counts", at)) };
     limit(vertices)?;
     limit(faces)?;
-    let mut model = Model::default();
+    let mut model = TriangleModel::default();
     let mut polygon = Vec::new();
     for (at, line) in lines {
         let mut words = line.split_whitespace();
@@ -47,7 +47,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     Ok(model)
 }
 
-pub(super) fn write(model: &Model) -> Vec<u8> {
+pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
     let mut out = format!("OFF\n{} {} 0\n", model.positions.len(), model.triangles.len());
     for [x, y, z] in &model.positions {
         let _ = writeln!(out, "{x} {y} {z}");

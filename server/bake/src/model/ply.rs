@@ -1,11 +1,11 @@
 //! PLY: a header that describes elements, then their values as text or in binary.
 //!
-//! In: bytes. Out: a [`Model`], and back. Next: `model`.
+//! In: bytes. Out: a [`TriangleModel`], and back. Next: `model`.
 //!
 //! Of vertices x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha) are
 //! read, of faces the list of their corners; what else is described is passed over.
 
-use super::{Layer, Model, ModelError, fan, limit};
+use super::{CornerLayer, TriangleModel, ModelError, fan, limit};
 use insula_protocol::mesh::Kind;
 use std::collections::HashMap;
 
@@ -108,9 +108,9 @@ impl Values<'_> {
     }
 }
 
-pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
+pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     let (elements, mut values) = header(bytes)?;
-    let mut model = Model::default();
+    let mut model = TriangleModel::default();
     for element in &elements {
         limit(element.count)?;
         match element.name.as_str() {
@@ -171,7 +171,7 @@ const LAYERS: [(Kind, &[&str]); 5] = [
     (Kind::Colour, &["red", "green", "blue"]),
 ];
 
-fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+fn vertices(model: &mut TriangleModel, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
     let places: HashMap<&str, usize> = element.properties.iter().zip(0..).map(|(p, i)| (p.name.as_str(), i)).collect();
     let place = |names: &[&str]| names.iter().map(|name| places.get(name).copied()).collect::<Option<Vec<usize>>>();
     let Some(xyz) = place(&["x", "y", "z"]) else {
@@ -186,7 +186,7 @@ fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Re
         }
     }
     for (kind, place) in &layers {
-        model.layers.push(Layer { kind: *kind, width: place.len(), values: Vec::new(), corners: Vec::new() });
+        model.layers.push(CornerLayer { kind: *kind, width: place.len(), values: Vec::new(), corners: Vec::new() });
     }
     let mut row = vec![0.0; element.properties.len()];
     for _ in 0..element.count {
@@ -213,7 +213,7 @@ fn skip_list(property: &Property, values: &mut Values<'_>) -> Result<f64, ModelE
     Ok(0.0)
 }
 
-fn faces(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+fn faces(model: &mut TriangleModel, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
     let mut polygon = Vec::new();
     for _ in 0..element.count {
         for property in &element.properties {
@@ -235,7 +235,7 @@ fn faces(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Resul
     Ok(())
 }
 
-pub(super) fn write(model: &Model) -> Vec<u8> {
+pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
     // A vertex has one value of each layer: one with several is written several times.
     let mut numbers: HashMap<Vec<u32>, u32> = HashMap::new();
     let mut rows: Vec<Vec<u32>> = Vec::new();
