@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::{
     error::BakeError,
     mesh,
-    read::{Palette, Up},
+    read::{Palette, UpAxis},
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
@@ -62,7 +62,7 @@ pub struct BakeOptions {
     /// Who must be named; empty for what the sources say.
     pub attribution: Vec<Attribution>,
     /// Which axis is up in OBJ files.
-    pub obj_up: Up,
+    pub obj_up: UpAxis,
     /// Colours for what has none.
     pub palette: Palette,
     /// How leaves are sampled.
@@ -86,7 +86,7 @@ impl Default for BakeOptions {
             name: None,
             title: None,
             attribution: Vec::new(),
-            obj_up: Up::default(),
+            obj_up: UpAxis::default(),
             palette: Palette::default(),
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),

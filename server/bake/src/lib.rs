@@ -17,6 +17,6 @@ pub mod write;
 pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
 pub use mesh::ALGORITHM as MESH_ALGORITHM;
-pub use pipeline::{MadeCity, bake, bake_made, bake_scene};
+pub use pipeline::{GeneratedCity, bake, bake_generated, bake_scene};
 pub use progress::{Progress, Silent};
-pub use report::Report;
+pub use report::BakeReport;

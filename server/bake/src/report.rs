@@ -1,6 +1,6 @@
 //! What a bake did and what it took.
 //!
-//! In: counts and times from `pipeline`. Out: [`Report`], serialisable. Next: `--report FILE.json` and the last lines that
+//! In: counts and times from `pipeline`. Out: [`BakeReport`], serialisable. Next: `--report FILE.json` and the last lines that
 //! the command prints.
 
 use std::{collections::BTreeMap, time::Instant};
@@ -8,12 +8,12 @@ use std::{collections::BTreeMap, time::Instant};
 use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
 use serde::Serialize;
 
-pub use crate::write::scratch::Start;
+pub use crate::write::scratch::ResumeStatus;
 use crate::{read::ReadReport, scene::grid::CityGrid};
 
 /// A finished bake.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct BakeReport {
     /// The city's name in URLs.
     pub name: String,
     /// Hash of its content.
@@ -41,7 +41,7 @@ pub struct Report {
     /// Worker threads.
     pub threads: usize,
     /// Whether an interrupted bake was found, and what became of it.
-    pub start: Start,
+    pub start: ResumeStatus,
     /// Blocks of leaves and of parents that were baked now.
     pub blocks_baked: u64,
     /// Blocks that an interrupted bake had finished.
@@ -176,12 +176,12 @@ pub(crate) struct Outcome {
     pub(crate) read: ReadReport,
     pub(crate) grid: CityGrid,
     pub(crate) threads: usize,
-    pub(crate) start: Start,
+    pub(crate) start: ResumeStatus,
     pub(crate) blocks: Blocks,
     pub(crate) meshes: Vec<MeshReport>,
 }
 
-impl Report {
+impl BakeReport {
     pub(crate) fn new(outcome: Outcome, clock: Clock) -> Self {
         let Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = outcome;
         let seconds = clock.seconds();

@@ -17,7 +17,7 @@ use std::{
     time::Duration,
 };
 
-use insula_bake::{BakeError, BakeOptions, Progress, Silent, report::Start};
+use insula_bake::{BakeError, BakeOptions, Progress, Silent, report::ResumeStatus};
 use support::{Folder, bake, files, options, partial};
 
 /// Panics at the n-th step of a stage.
@@ -67,7 +67,7 @@ fn stopped_anywhere_it_goes_on_to_the_same_bytes() {
         let out = folder.out(&format!("{stage}-{step}"));
         interrupted(&out, stage, step);
         let report = bake(&resume(&out), &Silent).unwrap();
-        assert_eq!(report.start, Start::Resumed);
+        assert_eq!(report.start, ResumeStatus::Resumed);
         assert!(report.blocks_resumed > 0, "stopped in {stage} at {step}, and nothing was kept");
         assert!(stage == "write" || report.blocks_baked > 0);
         assert!(files(&out) == whole, "other bytes after a stop in {stage} at {step}");
@@ -102,17 +102,17 @@ fn without_resume_or_with_other_settings_it_starts_anew() {
     interrupted(&out, "sample", 8);
     fs::write(partial(&out).join("packs/foreign"), "x").unwrap();
     let report = bake(&options(&out, 2), &Silent).unwrap();
-    assert_eq!((report.start, report.blocks_resumed), (Start::Discarded, 0));
+    assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Discarded, 0));
 
     let out = folder.out("mismatch");
     interrupted(&out, "sample", 8);
     let report = bake(&BakeOptions { cell_m: 2.0, ..resume(&out) }, &Silent).unwrap();
-    assert_eq!((report.start, report.blocks_resumed), (Start::Mismatch, 0));
+    assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Mismatch, 0));
     bake(&BakeOptions { cell_m: 2.0, ..options(&folder.out("two"), 2) }, &Silent).unwrap();
     assert!(files(&out) == files(&folder.out("two")));
 
     let report = bake(&resume(&folder.out("fresh")), &Silent).unwrap();
-    assert_eq!(report.start, Start::Fresh);
+    assert_eq!(report.start, ResumeStatus::Fresh);
 }
 
 /// Finishes a few blocks of leaves, says so by a file, and waits to be killed.
@@ -191,7 +191,7 @@ fn killed_it_goes_on() {
         assert!(!out.exists());
     }
     let report = bake(&resume(&out), &Silent).unwrap();
-    assert_eq!(report.start, Start::Resumed);
+    assert_eq!(report.start, ResumeStatus::Resumed);
     assert!(report.blocks_resumed >= 4 && report.blocks_baked > 0, "{report:?}");
     assert!(files(&out) == whole);
 }
@@ -216,5 +216,5 @@ fn a_full_disk_leaves_no_city() {
     let status = child(Some(script), "child_on_a_full_disk", &out).status().unwrap();
     assert!(status.success());
     let report = bake(&resume(&out), &Silent).unwrap();
-    assert!(report.start == Start::Resumed && out.join("city.json").exists());
+    assert!(report.start == ResumeStatus::Resumed && out.join("city.json").exists());
 }

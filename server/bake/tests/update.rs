@@ -6,11 +6,11 @@ mod support;
 
 use std::fs;
 
-use insula_bake::{BakeOptions, Report, Silent, bake_scene, read::ReadReport, scene::Scene};
+use insula_bake::{BakeOptions, BakeReport, Silent, bake_scene, read::ReadReport, scene::Scene};
 use support::{Folder, city, files, options, partial};
 
 /// Bakes `after` over a city of `before`, and anew; the bytes must be the same.
-fn update(name: &str, before: Scene, after: Scene) -> Report {
+fn update(name: &str, before: Scene, after: Scene) -> BakeReport {
     let folder = Folder::new(name);
     let (out, whole) = (folder.out("updated"), folder.out("whole"));
     bake_scene(before, ReadReport::default(), &options(&out, 2), &Silent).unwrap();

@@ -13,7 +13,7 @@ pub mod triangles;
 
 use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
-use insula_bake::{BakeOptions, MadeCity, Progress, bake_made, scene::grid::CityGrid};
+use insula_bake::{BakeOptions, GeneratedCity, Progress, bake_generated, scene::grid::CityGrid};
 use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::Quality, tile_id::MAX_LEVEL};
 use plan::Plan;
 use std::path::Path;
@@ -51,7 +51,7 @@ impl City {
     pub fn write(&self, out: &Path, threads: Option<usize>, progress: &dyn Progress) -> Result<Manifest> {
         let [low, high] = self.plan.bounds();
         let totals = self.plan.totals();
-        let made = MadeCity {
+        let made = GeneratedCity {
             grid: self.grid,
             rule: format!("{RULE}, {} buildings", totals.buildings),
             bounds: [low.extend(0.0).into(), high.extend(HIGHEST_M).into()],
@@ -69,7 +69,7 @@ impl City {
             quality,
             ..BakeOptions::default()
         };
-        Ok(bake_made(&made, &|id| self.node(id), &options, progress)?)
+        Ok(bake_generated(&made, &|id| self.node(id), &options, progress)?)
     }
 
     /// A node's columns; `None` where the city is not.

@@ -1,6 +1,6 @@
 //! The stages of a bake, in their order. Nothing else decides order.
 //!
-//! In: [`BakeOptions`], and a scene or the inputs to read it from. Out: a city folder and a [`Report`]. Next: the server.
+//! In: [`BakeOptions`], and a scene or the inputs to read it from. Out: a city folder and a [`BakeReport`]. Next: the server.
 //!
 //! The same scene and settings give the same bytes whatever the number of threads, and whether or not a bake was
 //! interrupted: tiles depend on their block alone, and the archives are written in the order of tile ids.
@@ -8,7 +8,7 @@
 mod block;
 mod feed;
 mod leaves;
-mod made;
+mod generated;
 mod parents;
 mod update;
 
@@ -21,7 +21,7 @@ use crate::{
     error::BakeError,
     progress::Progress,
     read::{self, ReadOptions, ReadProgress, ReadReport},
-    report::{Blocks, Clock, Made, MeshReport, Outcome, Report, Start},
+    report::{Blocks, Clock, Made, MeshReport, Outcome, BakeReport, ResumeStatus},
     scene::{
         Scene,
         grid::CityGrid,
@@ -36,7 +36,7 @@ use crate::{
         tree::Tree,
     },
 };
-pub use made::{MadeCity, bake_made};
+pub use generated::{GeneratedCity, bake_generated};
 
 use block::LocalCity;
 use feed::Budget;
@@ -44,7 +44,7 @@ use update::Before;
 
 /// Bakes the inputs into `options.out`. Killed at any moment, or failed, it leaves either no city or a whole one; what it
 /// had finished lies in `CITY.partial`, where `options.resume` goes on.
-pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<Report, BakeError> {
+pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     let config = Config::new(options)?;
     let scratch = Scratch::lock(&config.out)?;
     let mut clock = Clock::new();
@@ -78,7 +78,7 @@ pub fn bake_scene(
     read_report: ReadReport,
     options: &BakeOptions,
     progress: &dyn Progress,
-) -> Result<Report, BakeError> {
+) -> Result<BakeReport, BakeError> {
     let config = Config::new(options)?;
     let scratch = Scratch::lock(&config.out)?;
     run(City::from_scene(scene)?, read_report, &config, scratch, Clock::new(), progress)
@@ -91,7 +91,7 @@ struct Stage<'a> {
     grid: &'a CityGrid,
     packs: &'a Path,
     progress: &'a dyn Progress,
-    start: Start,
+    start: ResumeStatus,
     /// The city to update.
     before: Option<&'a Before>,
 }
@@ -99,7 +99,7 @@ struct Stage<'a> {
 impl Stage<'_> {
     /// The pack, if an interrupted bake finished it.
     fn found(&self, pack: PackId) -> Option<Vec<Stored>> {
-        if self.start == Start::Resumed { pack::find(self.packs, pack) } else { None }
+        if self.start == ResumeStatus::Resumed { pack::find(self.packs, pack) } else { None }
     }
 }
 
@@ -110,7 +110,7 @@ fn run(
     mut scratch: Scratch,
     mut clock: Clock,
     progress: &dyn Progress,
-) -> Result<Report, BakeError> {
+) -> Result<BakeReport, BakeError> {
     let pool = pool(config.threads)?;
     let Some([min, max]) = city.bounds else {
         return Err(BakeError::Empty { triangles: 0, cell_m: config.cell_m });
@@ -159,7 +159,7 @@ fn run(
     let (manifest, city_bytes, threads) = (written.manifest, written.bytes, config.threads);
     let meshes = tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info));
     let meshes = MeshReport::count(meshes);
-    Ok(Report::new(Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
+    Ok(BakeReport::new(Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
 }
 
 /// Of every block in its order.
@@ -196,16 +196,16 @@ fn pool(threads: usize) -> Result<ThreadPool, BakeError> {
     built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
 }
 
-fn tell(start: Start, config: &Config) {
+fn tell(start: ResumeStatus, config: &Config) {
     let out = config.out.display();
     match start {
-        Start::Fresh if config.resume => tracing::info!("{out}: there is nothing to resume, the bake starts anew"),
-        Start::Fresh => {}
-        Start::Resumed => tracing::info!("{out}: an interrupted bake goes on"),
-        Start::Mismatch => {
+        ResumeStatus::Fresh if config.resume => tracing::info!("{out}: there is nothing to resume, the bake starts anew"),
+        ResumeStatus::Fresh => {}
+        ResumeStatus::Resumed => tracing::info!("{out}: an interrupted bake goes on"),
+        ResumeStatus::Mismatch => {
             tracing::warn!("{out}: the interrupted bake was of other input or settings, the bake starts anew");
         }
-        Start::Discarded => {
+        ResumeStatus::Discarded => {
             tracing::info!("{out}: an interrupted bake was removed; --resume would have gone on with it")
         }
     }

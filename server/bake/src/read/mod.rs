@@ -32,7 +32,7 @@ use texture::TextureStore;
 
 /// Which axis of an OBJ points up; CityJSON's is always z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Up {
+pub enum UpAxis {
     /// x east, y north.
     #[default]
     Z,
@@ -44,7 +44,7 @@ pub enum Up {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReadOptions {
     /// Which axis of an OBJ points up.
-    pub obj_up: Up,
+    pub obj_up: UpAxis,
     /// A picture of more pixels is not decoded.
     pub max_texture_pixels: u64,
     /// A source of more unpacked bytes is refused.
@@ -59,7 +59,7 @@ pub struct ReadOptions {
 impl Default for ReadOptions {
     fn default() -> Self {
         Self {
-            obj_up: Up::Z,
+            obj_up: UpAxis::Z,
             max_texture_pixels: 64 << 20,
             max_source_bytes: 8 << 30,
             max_line_bytes: 256 << 20,

@@ -36,7 +36,7 @@ pub(crate) struct Origin {
 /// How a scratch folder was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Start {
+pub enum ResumeStatus {
     /// Nothing was there.
     Fresh,
     /// An interrupted bake's work was removed, because to resume was not asked for.
@@ -85,17 +85,17 @@ impl Scratch {
     }
 
     /// Keeps the packs of an interrupted bake if that is wished and right, removes them otherwise.
-    pub(crate) fn prepare(&mut self, origin: &Origin, resume: bool) -> Result<Start, BakeError> {
+    pub(crate) fn prepare(&mut self, origin: &Origin, resume: bool) -> Result<ResumeStatus, BakeError> {
         self.prepared = true;
         let state = self.root.join("state.json");
         let found: Option<Origin> = fs::read(&state).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
         let start = match found {
-            Some(found) if resume && found == *origin => Start::Resumed,
-            Some(_) if resume => Start::Mismatch,
-            Some(_) => Start::Discarded,
-            None => Start::Fresh,
+            Some(found) if resume && found == *origin => ResumeStatus::Resumed,
+            Some(_) if resume => ResumeStatus::Mismatch,
+            Some(_) => ResumeStatus::Discarded,
+            None => ResumeStatus::Fresh,
         };
-        if start != Start::Resumed {
+        if start != ResumeStatus::Resumed {
             remove_file(&state)?;
             remove_folder(&self.packs())?;
             let json = serde_json::to_vec(origin).map_err(|cause| BakeError::io(&state, "written", cause.into()))?;
@@ -218,7 +218,7 @@ pub(crate) mod tests {
         Origin { settings: "s".into(), scene: scene.into() }
     }
 
-    fn start(out: &Path, scene: &str, resume: bool) -> Start {
+    fn start(out: &Path, scene: &str, resume: bool) -> ResumeStatus {
         let mut scratch = Scratch::lock(out).unwrap();
         let start = scratch.prepare(&origin(scene), resume).unwrap();
         fs::write(scratch.packs().join("1-0-0.pack"), scene).unwrap();
@@ -230,15 +230,15 @@ pub(crate) mod tests {
         let folder = Folder::new("scratch");
         let out = folder.path.join("city");
         let packs = folder.path.join("city.partial/packs");
-        assert_eq!(start(&out, "a", true), Start::Fresh);
-        assert_eq!(start(&out, "a", true), Start::Resumed);
+        assert_eq!(start(&out, "a", true), ResumeStatus::Fresh);
+        assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
         let mut scratch = Scratch::lock(&out).unwrap();
-        assert_eq!(scratch.prepare(&origin("b"), true).unwrap(), Start::Mismatch);
+        assert_eq!(scratch.prepare(&origin("b"), true).unwrap(), ResumeStatus::Mismatch);
         assert_eq!(fs::read_dir(&packs).unwrap().count(), 0);
         drop(scratch);
-        assert_eq!(start(&out, "b", false), Start::Discarded);
+        assert_eq!(start(&out, "b", false), ResumeStatus::Discarded);
         fs::write(folder.path.join("city.partial/state.json"), "{").unwrap();
-        assert_eq!(start(&out, "b", true), Start::Fresh);
+        assert_eq!(start(&out, "b", true), ResumeStatus::Fresh);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use std::{
 };
 
 use insula_bake::{
-    BakeError, BakeOptions, Progress, Report, bake_scene,
+    BakeError, BakeOptions, Progress, BakeReport, bake_scene,
     read::ReadReport,
     scene::{Material, SceneObject, ObjectKind, Scene, SceneTriangle},
 };
@@ -87,7 +87,7 @@ pub(crate) fn options(out: &Path, threads: usize) -> BakeOptions {
     BakeOptions { out: out.to_owned(), threads: Some(threads), ..BakeOptions::default() }
 }
 
-pub(crate) fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<Report, BakeError> {
+pub(crate) fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     bake_scene(city(), ReadReport::default(), options, progress)
 }
 

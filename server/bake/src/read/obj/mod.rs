@@ -16,7 +16,7 @@ use super::error::ReadError;
 use super::polygon::MAX_CORNERS;
 use super::report::{Format, SourceReport};
 use super::source::{Source, open, read_beside};
-use super::{Reading, Tick, Up};
+use super::{Reading, Tick, UpAxis};
 use crate::scene::ObjectKind;
 use mtl::MtlMaterial;
 use objects::{Objects, group, is_terrain};
@@ -32,7 +32,7 @@ pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_
     let taken = opened.taken;
     let limit = reading.options.max_source_bytes;
     let mut model = parse::parse(&mut opened.reader, limit, &mut report, &|| tick(taken.get()))?;
-    if reading.options.obj_up == Up::Y {
+    if reading.options.obj_up == UpAxis::Y {
         model.positions.iter_mut().for_each(|p| *p = [p[0], -p[2], p[1]]);
     }
     let polygons = usable(&model, &mut report);

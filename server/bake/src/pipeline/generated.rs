@@ -1,6 +1,6 @@
 //! A city whose nodes are made by rule: nothing is read, nothing sampled, no parent made from its children.
 //!
-//! In: [`MadeCity`] and a function from a node's name to its columns. Out: a city folder. Next: the server.
+//! In: [`GeneratedCity`] and a function from a node's name to its columns. Out: a city folder. Next: the server.
 //!
 //! Everything after the sampler is the bake's own: coding, packs, bounds, archives, the manifest. Cities of a million
 //! buildings are made so for measurements, in minutes.
@@ -27,7 +27,7 @@ use crate::{
 
 /// What is known of such a city before its nodes.
 #[derive(Debug, Clone)]
-pub struct MadeCity {
+pub struct GeneratedCity {
     /// Where its nodes lie; scene and world coordinates are the same.
     pub grid: CityGrid,
     /// What it is made from, for [`Manifest::settings`].
@@ -44,8 +44,8 @@ pub struct MadeCity {
 
 /// Writes the city into `options.out`, of which only the output, the names, the threads and the quality are looked at.
 /// `node` is asked for every leaf of the grid's square, and for every parent of a leaf that it gave; it must give those.
-pub fn bake_made(
-    made: &MadeCity,
+pub fn bake_generated(
+    made: &GeneratedCity,
     node: &(dyn Fn(TileId) -> Option<VoxelNode> + Sync),
     options: &BakeOptions,
     progress: &dyn Progress,
@@ -111,7 +111,7 @@ fn parent_packs(tree: &Tree, level: u8) -> Vec<(PackId, Vec<TileId>)> {
 }
 
 fn chunk(
-    made: &MadeCity,
+    made: &GeneratedCity,
     node: &(dyn Fn(TileId) -> Option<VoxelNode> + Sync),
     config: &Config,
     (tree, packs): (&Tree, &Path),
