@@ -9,7 +9,7 @@ use std::{
 
 use insula_protocol::{DecodeError, TileId};
 
-use crate::read::ReadError;
+use crate::read::InputError;
 
 /// A fault that ends the bake. The output folder is then as it was before; finished work lies in its `.partial` folder.
 #[derive(Debug, thiserror::Error)]
@@ -17,7 +17,7 @@ use crate::read::ReadError;
 pub enum BakeError {
     /// The inputs could not be read.
     #[error(transparent)]
-    Read(#[from] ReadError),
+    Read(#[from] InputError),
     /// An option makes no sense.
     #[error("{option} {value}: {advice}")]
     Option {

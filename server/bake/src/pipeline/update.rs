@@ -141,7 +141,7 @@ struct Positioned(Mutex<File>);
 impl AsyncBackend for Positioned {
     async fn read(&self, offset: u64, length: usize) -> PmtResult<BackendResponse> {
         let mut file = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        file.seek(SeekFrom::ResumeStatus(offset))?;
+        file.seek(SeekFrom::Start(offset))?;
         // The first read asks for more than a small archive has; what is missing elsewhere is found out by its user.
         let mut bytes = Vec::new();
         (&mut *file).take(length as u64).read_to_end(&mut bytes)?;

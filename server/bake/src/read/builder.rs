@@ -186,7 +186,7 @@ fn take_out(draft: &Draft, distance_m: f64, report: &mut SourceReport) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::report::Format;
+    use super::super::report::SourceFormat;
     use super::*;
     use crate::scene::SceneTexture;
     use std::sync::Arc;
@@ -201,7 +201,7 @@ mod tests {
     }
 
     fn report() -> Vec<SourceReport> {
-        vec![SourceReport::new("a", Format::Obj, 0)]
+        vec![SourceReport::new("a", SourceFormat::Obj, 0)]
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! Why a whole reading failed; what is merely skipped goes into the report instead.
 //!
-//! In: the place and the cause. Out: [`ReadError`], one line each: what, where, what to do. Next: the command line.
+//! In: the place and the cause. Out: [`InputError`], one line each: what, where, what to do. Next: the command line.
 
 use std::path::Path;
 
 /// A fault that ends the reading. Faults of single objects never do (see [`super::SourceReport::skipped`]).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum ReadError {
+pub enum InputError {
     /// A file or folder could not be opened or read, or its compressed stream is broken.
     #[error("{path}: cannot be read: {cause}; check that it exists, is readable and complete")]
     Io {
@@ -92,7 +92,7 @@ pub enum ReadError {
     },
 }
 
-impl ReadError {
+impl InputError {
     pub(crate) fn io(path: &str, cause: std::io::Error) -> Self {
         Self::Io { path: path.to_owned(), cause }
     }

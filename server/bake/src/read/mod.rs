@@ -17,9 +17,9 @@ mod texture;
 
 use std::path::{Path, PathBuf};
 
-pub use error::ReadError;
+pub use error::InputError;
 pub use palette::Palette;
-pub use report::{Format, ReadReport, SourceReport, Tally};
+pub use report::{SourceFormat, ReadReport, SourceReport, FaultCount};
 pub use source::ReadProgress;
 
 use crate::error::BakeError;
@@ -96,13 +96,13 @@ impl<'o> Reading<'o> {
     }
 
     /// A source without a system is taken to lie in that of the others.
-    pub(crate) fn agree_on_crs(&mut self, path: &str, crs: Option<&str>) -> Result<(), ReadError> {
+    pub(crate) fn agree_on_crs(&mut self, path: &str, crs: Option<&str>) -> Result<(), InputError> {
         let Some(crs) = crs else { return Ok(()) };
         match &self.crs {
             None => self.crs = Some((crs.to_owned(), path.to_owned())),
             Some((first, _)) if first == crs => {}
             Some((first_crs, first_path)) => {
-                return Err(ReadError::CrsMismatch {
+                return Err(InputError::CrsMismatch {
                     path: path.to_owned(),
                     crs: crs.to_owned(),
                     first_path: first_path.clone(),
@@ -124,7 +124,7 @@ pub fn read(
     inputs: &[PathBuf],
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
-) -> Result<(Scene, ReadReport), ReadError> {
+) -> Result<(Scene, ReadReport), InputError> {
     read_scene(&source::list(inputs)?, options, progress)
 }
 
@@ -138,7 +138,7 @@ pub fn read_embedded(
     files: &[(&str, &[u8])],
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
-) -> Result<(Scene, ReadReport), ReadError> {
+) -> Result<(Scene, ReadReport), InputError> {
     read_scene(&source::embedded(files), options, progress)
 }
 
@@ -162,11 +162,11 @@ fn read_scene(
     sources: &[Source<'_>],
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
-) -> Result<(Scene, ReadReport), ReadError> {
+) -> Result<(Scene, ReadReport), InputError> {
     let kept = (Triangles::Memory(Vec::new()), Pictures::in_memory());
     let (city, report) = read_sources(sources, options, kept, progress)?;
     let label = || sources.first().map_or(String::new(), |source| source.label.clone());
-    let scene = city.into_scene().map_err(|error| ReadError::io(&label(), std::io::Error::other(error)))?;
+    let scene = city.into_scene().map_err(|error| InputError::io(&label(), std::io::Error::other(error)))?;
     Ok((scene, report))
 }
 
@@ -175,9 +175,9 @@ fn read_sources(
     options: &ReadOptions,
     (triangles, pictures): (Triangles, Pictures),
     progress: &dyn Fn(ReadProgress),
-) -> Result<(City, ReadReport), ReadError> {
+) -> Result<(City, ReadReport), InputError> {
     if sources.is_empty() {
-        return Err(ReadError::NoSource { path: "the input".to_owned() });
+        return Err(InputError::NoSource { path: "the input".to_owned() });
     }
     let bytes_total = sources.iter().map(|source| source.bytes).sum();
     let mut reading = Reading::new(options, triangles, pictures);
@@ -208,7 +208,7 @@ fn read_source(
     reading: &mut Reading<'_>,
     source: &Source<'_>,
     tick: Tick<'_>,
-) -> Result<Option<SourceReport>, ReadError> {
+) -> Result<Option<SourceReport>, InputError> {
     match named_as(&source.name) {
         Some(NamedAs::Json) => {
             let kind = geojson::kind_of(source, reading.options.max_line_bytes);
@@ -220,13 +220,13 @@ fn read_source(
         Some(NamedAs::JsonLines) => cityjson::read(reading, source, tick),
         Some(NamedAs::GeoJson | NamedAs::GeoJsonLines) => geojson::read(reading, source, tick).map(Some),
         Some(NamedAs::Obj) => obj::read(reading, source, tick).map(Some),
-        None => Err(ReadError::unsupported(&source.label, "not a city file by its name")),
+        None => Err(InputError::unsupported(&source.label, "not a city file by its name")),
     }
 }
 
-fn empty(sources: &[Source<'_>], report: &ReadReport) -> ReadError {
+fn empty(sources: &[Source<'_>], report: &ReadReport) -> InputError {
     let first = sources.first().map_or("", |source| &source.label);
     let more = if sources.len() > 1 { format!(" and {} more", sources.len() - 1) } else { String::new() };
     let hint = report.main_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();
-    ReadError::Empty { sources: format!("{first}{more}"), hint }
+    InputError::Empty { sources: format!("{first}{more}"), hint }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::error::{ReadError, json_message};
+use super::error::{InputError, json_message};
 use super::source::read_file;
 use crate::scene::ObjectKind;
 
@@ -130,10 +130,10 @@ impl Palette {
     /// # Errors
     ///
     /// If it cannot be read or is no JSON, or if a key or a colour is unknown: the message names it.
-    pub fn read(path: &Path) -> Result<Self, ReadError> {
+    pub fn read(path: &Path) -> Result<Self, InputError> {
         let label = path.display().to_string();
         let bytes = read_file(path, MAX_BYTES)?;
-        Self::from_json(&bytes).map_err(|what| ReadError::Palette { path: label, what })
+        Self::from_json(&bytes).map_err(|what| InputError::Palette { path: label, what })
     }
 
     fn from_json(text: &[u8]) -> Result<Self, String> {

@@ -11,14 +11,14 @@ const EXAMPLES: usize = 5;
 
 /// How often something happened, with the first few places.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Tally {
+pub struct FaultCount {
     /// How often.
     pub count: u64,
     /// The first few: an object's identifier or a line, with the detail.
     pub first: Vec<String>,
 }
 
-impl Tally {
+impl FaultCount {
     pub(crate) fn add(&mut self, example: impl FnOnce() -> String) {
         self.count += 1;
         if self.first.len() < EXAMPLES {
@@ -29,7 +29,7 @@ impl Tally {
 
 /// A source's format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub enum Format {
+pub enum SourceFormat {
     /// One JSON document.
     CityJson,
     /// A header line and a feature on each following line.
@@ -46,7 +46,7 @@ pub struct SourceReport {
     /// The path as it was given or found.
     pub path: String,
     /// What it was read as.
-    pub format: Format,
+    pub format: SourceFormat,
     /// Size of the file, compressed if it is.
     pub bytes: u64,
     /// Objects with at least one triangle.
@@ -56,9 +56,9 @@ pub struct SourceReport {
     /// Objects whose geometry was left out because a part or the whole has a better level of detail.
     pub coarser_left_out: u64,
     /// Objects that were skipped, by reason.
-    pub skipped: BTreeMap<String, Tally>,
+    pub skipped: BTreeMap<String, FaultCount>,
     /// Lesser faults, by kind: the object was kept without the polygon or the texture concerned.
-    pub problems: BTreeMap<String, Tally>,
+    pub problems: BTreeMap<String, FaultCount>,
     /// Triangles read.
     pub triangles: u64,
     /// Those of them that are terrain.
@@ -76,7 +76,7 @@ pub struct SourceReport {
 }
 
 impl SourceReport {
-    pub(crate) fn new(path: &str, format: Format, bytes: u64) -> Self {
+    pub(crate) fn new(path: &str, format: SourceFormat, bytes: u64) -> Self {
         Self {
             path: path.to_owned(),
             format,
@@ -114,7 +114,7 @@ impl SourceReport {
     }
 }
 
-fn tally(map: &mut BTreeMap<String, Tally>, key: &str, example: impl FnOnce() -> String) {
+fn tally(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl FnOnce() -> String) {
     match map.get_mut(key) {
         Some(tally) => tally.add(example),
         None => map.entry(key.to_owned()).or_default().add(example),
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_tally_counts_all_and_shows_the_first_few() {
-        let mut report = SourceReport::new("a", Format::Obj, 1);
+        let mut report = SourceReport::new("a", SourceFormat::Obj, 1);
         for i in 0..9 {
             report.skip("broken", || format!("object {i}"));
         }

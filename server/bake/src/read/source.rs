@@ -11,7 +11,7 @@ use std::rc::Rc;
 
 use flate2::read::MultiGzDecoder;
 
-use super::error::ReadError;
+use super::error::InputError;
 
 /// How far the reading is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,12 +69,12 @@ pub(crate) fn named_as(name: &str) -> Option<NamedAs> {
 }
 
 /// The sources behind the inputs, in order; a file that is named twice is read once.
-pub(crate) fn list(inputs: &[PathBuf]) -> Result<Vec<Source<'static>>, ReadError> {
+pub(crate) fn list(inputs: &[PathBuf]) -> Result<Vec<Source<'static>>, InputError> {
     let mut sources = Vec::new();
     let mut seen = HashSet::new();
     for input in inputs {
         let label = input.display().to_string();
-        let meta = fs::metadata(input).map_err(|cause| ReadError::io(&label, cause))?;
+        let meta = fs::metadata(input).map_err(|cause| InputError::io(&label, cause))?;
         let files = if meta.is_dir() { in_folder(input)? } else { vec![input.clone()] };
         for path in files {
             let identity = fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
@@ -86,28 +86,28 @@ pub(crate) fn list(inputs: &[PathBuf]) -> Result<Vec<Source<'static>>, ReadError
     Ok(sources)
 }
 
-fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ReadError> {
+fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     let label = folder.display().to_string();
     let mut paths = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|cause| ReadError::io(&label, cause))? {
-        let path = entry.map_err(|cause| ReadError::io(&label, cause))?.path();
+    for entry in fs::read_dir(folder).map_err(|cause| InputError::io(&label, cause))? {
+        let path = entry.map_err(|cause| InputError::io(&label, cause))?.path();
         let is_city = path.file_name().and_then(|name| name.to_str()).is_some_and(|name| named_as(name).is_some());
         if is_city && path.is_file() {
             paths.push(path);
         }
     }
     paths.sort();
-    if paths.is_empty() { Err(ReadError::no_source(folder)) } else { Ok(paths) }
+    if paths.is_empty() { Err(InputError::no_source(folder)) } else { Ok(paths) }
 }
 
-fn file_source(path: &Path, found: bool) -> Result<Source<'static>, ReadError> {
+fn file_source(path: &Path, found: bool) -> Result<Source<'static>, InputError> {
     let label = path.display().to_string();
     let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-        return Err(ReadError::unsupported(&label, "its name is not text"));
+        return Err(InputError::unsupported(&label, "its name is not text"));
     };
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     let files = Folder { path: folder };
-    let bytes = files.len(name).map_err(|cause| ReadError::io(&label, cause))?;
+    let bytes = files.len(name).map_err(|cause| InputError::io(&label, cause))?;
     Ok(Source { name: name.to_owned(), label, files: Rc::new(files), bytes, found })
 }
 
@@ -205,8 +205,8 @@ pub(crate) struct Opened<'a> {
 }
 
 /// Opens a source, unpacking `.gz`.
-pub(crate) fn open<'a>(source: &'a Source<'_>) -> Result<Opened<'a>, ReadError> {
-    let inner = source.files.open(&source.name).map_err(|cause| ReadError::io(&source.label, cause))?;
+pub(crate) fn open<'a>(source: &'a Source<'_>) -> Result<Opened<'a>, InputError> {
+    let inner = source.files.open(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
     let taken = Rc::new(Cell::new(0));
     let counted = Counted { inner, count: Rc::clone(&taken) };
     let reader: Box<dyn BufRead> = if is_gz(&source.name) {
@@ -218,26 +218,26 @@ pub(crate) fn open<'a>(source: &'a Source<'_>) -> Result<Opened<'a>, ReadError> 
 }
 
 /// The whole source; more than `limit` unpacked bytes are an error, found before they are held.
-pub(crate) fn read_all(source: &Source<'_>, limit: u64) -> Result<Vec<u8>, ReadError> {
-    let too_large = || ReadError::TooLarge { path: source.label.clone(), what: "its size in bytes".to_owned(), limit };
+pub(crate) fn read_all(source: &Source<'_>, limit: u64) -> Result<Vec<u8>, InputError> {
+    let too_large = || InputError::TooLarge { path: source.label.clone(), what: "its size in bytes".to_owned(), limit };
     if source.bytes > limit {
         return Err(too_large());
     }
     let mut bytes = Vec::new();
     let opened = open(source)?;
     let mut reader = opened.reader.take(limit.saturating_add(1));
-    reader.read_to_end(&mut bytes).map_err(|cause| ReadError::io(&source.label, cause))?;
+    reader.read_to_end(&mut bytes).map_err(|cause| InputError::io(&source.label, cause))?;
     if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
 }
 
 /// A plain file that is no city, of at most `limit` bytes.
-pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, ReadError> {
+pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
     let label = path.display().to_string();
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|cause| ReadError::io(&label, cause))?;
-    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(|cause| ReadError::io(&label, cause))?;
+    let file = File::open(path).map_err(|cause| InputError::io(&label, cause))?;
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(|cause| InputError::io(&label, cause))?;
     if bytes.len() as u64 > limit {
-        return Err(ReadError::TooLarge { path: label, what: "its size in bytes".to_owned(), limit });
+        return Err(InputError::TooLarge { path: label, what: "its size in bytes".to_owned(), limit });
     }
     Ok(bytes)
 }
@@ -326,7 +326,7 @@ mod tests {
         assert_eq!(sources.iter().map(|source| source.name.as_str()).collect::<Vec<_>>(), ["a.obj", "b.obj"]);
         assert_eq!(read_beside(&*sources[0].files, "a.mtl", 10).unwrap(), b"m");
         assert!(read_beside(&*sources[0].files, "a.mtl", 0).is_err());
-        assert!(matches!(read_all(&sources[0], 0), Err(ReadError::TooLarge { .. })));
+        assert!(matches!(read_all(&sources[0], 0), Err(InputError::TooLarge { .. })));
         assert_eq!(read_all(&sources[0], 1).unwrap(), b"1");
     }
 }

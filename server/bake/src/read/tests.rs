@@ -22,7 +22,7 @@ fn city(epsg: &str) -> String {
 
 const OBJ: &str = "v 5 0 0\nv 6 0 0\nv 6 1 0\nf 1 2 3\n";
 
-fn embedded(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), ReadError> {
+fn embedded(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     read_embedded(files, &ReadOptions::default(), &|_| {})
 }
 
@@ -52,7 +52,7 @@ fn several_sources_make_one_scene() {
     assert_eq!(scene.origin, [3.0, 0.0, 0.0]);
     assert_eq!(scene.objects[0].base_z_m, 3.0);
     let formats: Vec<_> = report.sources.iter().map(|source| (source.format, source.objects)).collect();
-    assert_eq!(formats, [(Format::CityJson, 1), (Format::Obj, 1)]);
+    assert_eq!(formats, [(SourceFormat::CityJson, 1), (SourceFormat::Obj, 1)]);
     assert_eq!(report.skipped(), 0);
 }
 
@@ -75,7 +75,7 @@ fn packed_and_plain_files_read_the_same() {
     let packed: Vec<(&str, &[u8])> = packed.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
     let ((plain, _), (packed, report)) = (embedded(&plain).unwrap(), embedded(&packed).unwrap());
     assert_eq!(plain.triangles, packed.triangles);
-    assert_eq!(report.sources[2].format, Format::CityJsonSeq);
+    assert_eq!(report.sources[2].format, SourceFormat::CityJsonSeq);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn a_cut_packed_file_is_an_error_and_a_flood_is_stopped() {
     let options = ReadOptions { max_source_bytes: 1 << 16, ..ReadOptions::default() };
     for name in ["a.json.gz", "a.obj.gz"] {
         let error = read_embedded(&[(name, &flood)], &options, &|_| {}).unwrap_err();
-        assert!(matches!(error, ReadError::TooLarge { limit: 65536, .. }), "{error}");
+        assert!(matches!(error, InputError::TooLarge { limit: 65536, .. }), "{error}");
     }
 }
 
@@ -102,7 +102,7 @@ fn sequence() -> String {
 #[test]
 fn a_sequence_is_known_by_its_content_too() {
     let (scene, report) = embedded(&[("a.json", sequence().as_bytes())]).unwrap();
-    assert_eq!((report.sources[0].format, scene.triangles.len()), (Format::CityJsonSeq, 1));
+    assert_eq!((report.sources[0].format, scene.triangles.len()), (SourceFormat::CityJsonSeq, 1));
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn systems_must_agree_and_count_in_metres() {
     let expected = "b.json: is in EPSG:32734, but a.json is in EPSG:7415; reproject one of them, or bake two cities";
     assert_eq!(error.to_string(), expected);
     let error = embedded(&[("a.json", city("EPSG:4326").as_bytes())]).unwrap_err();
-    assert!(matches!(error, ReadError::Degrees { .. }), "{error}");
+    assert!(matches!(error, InputError::Degrees { .. }), "{error}");
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn what_is_cut_short_tells_line_and_column() {
     let city = city("");
     let cut = city.find("MultiSurface").unwrap();
     let error = embedded(&[("a.json", &city.as_bytes()[..cut])]).unwrap_err();
-    let ReadError::Json { line, column, .. } = &error else { panic!("{error}") };
+    let InputError::Json { line, column, .. } = &error else { panic!("{error}") };
     assert_eq!(*line, 2);
     assert!(*column > 10, "{column}");
     assert!(!error.to_string().contains('\n'), "{error}");
@@ -140,12 +140,12 @@ fn an_empty_city_is_an_error() {
     let nothing = r#"{"type": "CityJSON", "version": "2.0", "CityObjects": {}, "vertices": []}"#;
     for (name, text) in [("a.json", nothing), ("a.obj", "v 0 0 0\n"), ("a.obj", "")] {
         let error = embedded(&[(name, text.as_bytes())]).unwrap_err();
-        assert!(matches!(error, ReadError::Empty { .. }), "{error}");
+        assert!(matches!(error, InputError::Empty { .. }), "{error}");
     }
     let bad = city("").replace("[0, 1, 2, 3]", "[0, 1, 2, 99]");
     let error = embedded(&[("a.json", bad.as_bytes())]).unwrap_err().to_string();
     assert!(error.contains("vertex index 99 out of range of 4"), "{error}");
-    assert!(matches!(embedded(&[]), Err(ReadError::NoSource { .. })));
+    assert!(matches!(embedded(&[]), Err(InputError::NoSource { .. })));
 }
 
 #[test]
@@ -164,7 +164,7 @@ fn a_folder_gives_its_city_files_by_name_and_passes_over_other_json() {
     let seen = RefCell::new(Vec::new());
     let (_, report) = read(&inputs, &ReadOptions::default(), &|progress| seen.borrow_mut().push(progress)).unwrap();
     let formats: Vec<_> = report.sources.iter().map(|source| source.format).collect();
-    assert_eq!(formats, [Format::Obj, Format::CityJson]);
+    assert_eq!(formats, [SourceFormat::Obj, SourceFormat::CityJson]);
     assert_eq!(report.ignored.len(), 2);
     let seen = seen.into_inner();
     assert!(seen.windows(2).all(|pair| pair[0].bytes_done <= pair[1].bytes_done));
@@ -179,10 +179,10 @@ fn a_folder_gives_its_city_files_by_name_and_passes_over_other_json() {
 fn missing_empty_and_foreign_inputs_are_errors() {
     let folder = folder("foreign", &[("a.txt", b"x"), ("b.json", b"[1]")]);
     let fails = |name: &str| read(&[folder.join(name)], &ReadOptions::default(), &|_| {}).unwrap_err();
-    assert!(matches!(fails("none.json"), ReadError::Io { .. }));
-    assert!(matches!(fails("a.txt"), ReadError::Unsupported { .. }));
-    assert!(matches!(fails("b.json"), ReadError::Unsupported { .. }));
+    assert!(matches!(fails("none.json"), InputError::Io { .. }));
+    assert!(matches!(fails("a.txt"), InputError::Unsupported { .. }));
+    assert!(matches!(fails("b.json"), InputError::Unsupported { .. }));
     fs::remove_file(folder.join("b.json")).unwrap();
-    assert!(matches!(fails(""), ReadError::NoSource { .. }));
+    assert!(matches!(fails(""), InputError::NoSource { .. }));
     fs::remove_dir_all(folder).unwrap();
 }

@@ -103,7 +103,7 @@ fn one_line(error: &dyn std::fmt::Display) -> String {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::super::report::Format;
+    use super::super::report::SourceFormat;
     use super::super::source::embedded;
     use super::*;
 
@@ -117,7 +117,7 @@ pub(crate) mod tests {
 
     fn load(files: &[(&str, &[u8])], name: &str, max_pixels: u64) -> (Option<Arc<SceneTexture>>, SourceReport) {
         let sources = embedded(files);
-        let mut report = SourceReport::new("a.obj", Format::Obj, 0);
+        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
         let mut store = TextureStore::new(max_pixels, Pictures::in_memory());
         let number = store.load(&sources[0], name, &mut report);
         (number.map(|number| store.pictures.get(number).unwrap()), report)

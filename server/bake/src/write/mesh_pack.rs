@@ -81,7 +81,7 @@ pub(crate) fn read(folder: &Path, stored: &StoredMesh) -> Result<Vec<u8>, BakeEr
     let failed = |cause| BakeError::io(&path, "read", cause);
     let mut file = fs::File::open(&path).map_err(failed)?;
     let mut bytes = vec![0; stored.info.bytes as usize];
-    file.seek(SeekFrom::ResumeStatus(stored.offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
+    file.seek(SeekFrom::Start(stored.offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
     Ok(bytes)
 }
 

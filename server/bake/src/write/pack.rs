@@ -141,7 +141,7 @@ impl<'a> PackReader<'a> {
             _ => fs::File::open(&path).map_err(failed)?,
         };
         let mut bytes = vec![0; stored.bytes as usize];
-        file.seek(SeekFrom::ResumeStatus(stored.offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
+        file.seek(SeekFrom::Start(stored.offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
         self.open = Some((pack, file));
         Ok(bytes)
     }

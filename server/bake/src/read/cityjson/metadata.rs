@@ -68,7 +68,7 @@ pub(crate) fn is_degrees(crs: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::report::Format;
+    use crate::read::report::SourceFormat;
 
     #[test]
     fn every_spelling_of_a_reference_system() {
@@ -96,7 +96,7 @@ mod tests {
                 {"description": "OpenStreetMap contributors", "sourceReferenceSystem": "EPSG:4326"}]}],
                 "license": "CC BY 4.0", "description": "not an origin"}
         }]);
-        let mut report = SourceReport::new("a", Format::CityJson, 0);
+        let mut report = SourceReport::new("a", SourceFormat::CityJson, 0);
         describe(&metadata, &mut report);
         assert_eq!(report.crs.as_deref(), Some("EPSG:32734"));
         assert_eq!(report.titles, ["Cape Town"]);

@@ -18,9 +18,9 @@ use serde::de::DeserializeOwned;
 use serde_json::error::Category;
 use serde_json::value::RawValue;
 
-use super::error::{ReadError, json_message};
+use super::error::{InputError, json_message};
 use super::palette::object_kind;
-use super::report::{Format, SourceReport};
+use super::report::{SourceFormat, SourceReport};
 use super::source::{NamedAs, Source, named_as, open, read_all};
 use super::{Reading, Tick};
 use geometry::{Frame, ObjectReader};
@@ -39,7 +39,7 @@ pub(crate) fn read(
     reading: &mut Reading<'_>,
     source: &Source<'_>,
     tick: Tick<'_>,
-) -> Result<Option<SourceReport>, ReadError> {
+) -> Result<Option<SourceReport>, InputError> {
     if named_as(&source.name) == Some(NamedAs::JsonLines) {
         let mut opened = open(source)?;
         let taken = opened.taken;
@@ -85,19 +85,19 @@ fn kind_of(text: &[u8]) -> Option<String> {
 }
 
 /// Damage is an error; JSON of another shape is one only if it was asked for.
-fn not_parsed(source: &Source<'_>, text: &[u8], error: &serde_json::Error) -> Result<Option<SourceReport>, ReadError> {
+fn not_parsed(source: &Source<'_>, text: &[u8], error: &serde_json::Error) -> Result<Option<SourceReport>, InputError> {
     if error.classify() == Category::Data && kind_of(text).as_deref() != Some("CityJSON") {
         return other_kind(source, kind_of(text));
     }
-    Err(ReadError::json(&source.label, error))
+    Err(InputError::json(&source.label, error))
 }
 
-fn other_kind(source: &Source<'_>, kind: Option<String>) -> Result<Option<SourceReport>, ReadError> {
+fn other_kind(source: &Source<'_>, kind: Option<String>) -> Result<Option<SourceReport>, InputError> {
     if source.found {
         return Ok(None);
     }
     let what = kind.map_or("no CityJSON".to_owned(), |kind| format!("its type is \"{kind}\" and not \"CityJSON\""));
-    Err(ReadError::unsupported(&source.label, what))
+    Err(InputError::unsupported(&source.label, what))
 }
 
 fn read_document(
@@ -105,11 +105,11 @@ fn read_document(
     source: &Source<'_>,
     document: Document<'_>,
     tick: Tick<'_>,
-) -> Result<Option<SourceReport>, ReadError> {
+) -> Result<Option<SourceReport>, InputError> {
     if document.kind.as_deref() != Some("CityJSON") {
         return other_kind(source, document.kind);
     }
-    let mut report = begin(reading, source, &document, Format::CityJson)?;
+    let mut report = begin(reading, source, &document, SourceFormat::CityJson)?;
     let appearance: Appearance = member(document.appearance, "appearance", &mut report);
     let templates: Templates = member(document.templates, "geometry-templates", &mut report);
     let shared = Shared { transform: document.transform, templates: &templates, appearance: &appearance };
@@ -126,11 +126,11 @@ fn begin(
     reading: &mut Reading<'_>,
     source: &Source<'_>,
     header: &Document<'_>,
-    format: Format,
-) -> Result<SourceReport, ReadError> {
+    format: SourceFormat,
+) -> Result<SourceReport, InputError> {
     let version = header.version.as_deref().unwrap_or("");
     if !(version.starts_with("1.") || version.starts_with("2.") || version.is_empty()) {
-        return Err(ReadError::unsupported(&source.label, format!("its version is CityJSON {version}")));
+        return Err(InputError::unsupported(&source.label, format!("its version is CityJSON {version}")));
     }
     let mut report = SourceReport::new(&source.label, format, source.bytes);
     if let Some(raw) = header.metadata
@@ -139,7 +139,7 @@ fn begin(
         metadata::describe(&value, &mut report);
     }
     if let Some(crs) = report.crs.clone().filter(|crs| metadata::is_degrees(crs)) {
-        return Err(ReadError::Degrees { path: source.label.clone(), crs });
+        return Err(InputError::Degrees { path: source.label.clone(), crs });
     }
     reading.agree_on_crs(&source.label, report.crs.as_deref())?;
     Ok(report)

@@ -8,8 +8,8 @@ use super::geometry::ObjectReader;
 use super::model::{Appearance, Document, Templates};
 use super::{Batch, Shared, begin, lenient, member, read_objects, without_mark};
 use crate::read::Reading;
-use crate::read::error::{ReadError, json_message};
-use crate::read::report::{Format, SourceReport};
+use crate::read::error::{InputError, json_message};
+use crate::read::report::{SourceFormat, SourceReport};
 use crate::read::source::{Source, next_line};
 
 /// After how many lines progress is told.
@@ -21,23 +21,23 @@ pub(super) fn read(
     source: &Source<'_>,
     lines: &mut dyn BufRead,
     tick: &dyn Fn(),
-) -> Result<SourceReport, ReadError> {
+) -> Result<SourceReport, InputError> {
     let limit = usize::try_from(reading.options.max_line_bytes).unwrap_or(usize::MAX);
     let mut line = Vec::new();
     let mut next =
-        |line: &mut Vec<u8>| next_line(lines, line, limit).map_err(|cause| ReadError::io(&source.label, cause));
+        |line: &mut Vec<u8>| next_line(lines, line, limit).map_err(|cause| InputError::io(&source.label, cause));
     if next(&mut line)? == Some(false) {
         let what = "the header line's length in bytes".to_owned();
-        return Err(ReadError::TooLarge { path: source.label.clone(), what, limit: limit as u64 });
+        return Err(InputError::TooLarge { path: source.label.clone(), what, limit: limit as u64 });
     }
     let first = without_mark(&line).to_vec();
     let mut header: Document<'_> =
-        serde_json::from_slice(&first).map_err(|error| ReadError::json(&source.label, &error))?;
+        serde_json::from_slice(&first).map_err(|error| InputError::json(&source.label, &error))?;
     if header.kind.as_deref() != Some("CityJSON") {
         let what = "its first line is no CityJSON header";
-        return Err(ReadError::unsupported(&source.label, what));
+        return Err(InputError::unsupported(&source.label, what));
     }
-    let mut report = begin(reading, source, &header, Format::CityJsonSeq)?;
+    let mut report = begin(reading, source, &header, SourceFormat::CityJsonSeq)?;
     let appearance: Appearance = member(header.appearance.take(), "appearance", &mut report);
     let templates: Templates = member(header.templates.take(), "geometry-templates", &mut report);
     let shared = Shared { transform: header.transform, templates: &templates, appearance: &appearance };

@@ -1,7 +1,7 @@
 //! Whole CityJSON documents, small ones.
 
 use crate::read::texture::tests::png;
-use crate::read::{Palette, ReadError, ReadOptions, ReadReport, read_embedded};
+use crate::read::{Palette, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
@@ -220,7 +220,7 @@ fn versions_and_metadata_of_1_0_are_understood() {
     assert_eq!(read(&odd).1.sources[0].titles, ["T"]);
     let next = odd.replace("2.0", "3.0");
     let error = read_embedded(&[("a.json", next.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
-    assert!(matches!(&error, ReadError::Unsupported { what, .. } if what.contains("3.0")), "{error}");
+    assert!(matches!(&error, InputError::Unsupported { what, .. } if what.contains("3.0")), "{error}");
 }
 
 const HEADER: &str = r#"{"type":"CityJSON","version":"2.0","transform":{"scale":[0.5,0.5,0.5],"translate":[100,0,0]},"CityObjects":{},"vertices":[]}"#;
@@ -255,9 +255,9 @@ fn a_sequence_skips_broken_lines_and_reads_on() {
 fn a_sequence_needs_its_header_and_keeps_to_the_line_limit() {
     let fails =
         |text: &str| read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
-    assert!(matches!(fails(&feature("a")), ReadError::Unsupported { .. }));
-    assert!(matches!(fails(&HEADER[..40]), ReadError::Json { line: 1, .. }));
-    assert!(matches!(fails(HEADER), ReadError::Empty { .. }));
+    assert!(matches!(fails(&feature("a")), InputError::Unsupported { .. }));
+    assert!(matches!(fails(&HEADER[..40]), InputError::Json { line: 1, .. }));
+    assert!(matches!(fails(HEADER), InputError::Empty { .. }));
     let long = feature("long").replace("\"id\"", &format!("\"pad\": \"{}\", \"id\"", "x".repeat(1000)));
     let text = [HEADER, &long, &feature("a")].join("\n");
     let options = ReadOptions { max_line_bytes: 1000, ..ReadOptions::default() };

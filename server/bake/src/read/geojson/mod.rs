@@ -17,8 +17,8 @@ use serde_json::Value;
 
 use super::builder::Face;
 use super::cityjson::{lenient, metadata};
-use super::error::{ReadError, json_message};
-use super::report::{Format, SourceReport};
+use super::error::{InputError, json_message};
+use super::report::{SourceFormat, SourceReport};
 use super::source::{NamedAs, Source, named_as, next_line, open};
 use super::{Reading, Tick};
 use crate::scene::ObjectKind;
@@ -35,7 +35,7 @@ const TICK_FEATURES: u64 = 64;
 const RECORD_SEPARATOR: u8 = 0x1e;
 
 /// Reads a source.
-pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, ReadError> {
+pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, InputError> {
     let opened = open(source)?;
     let taken = opened.taken;
     let mut features = Features::new(reading, source);
@@ -62,16 +62,16 @@ struct Features<'r, 'o, 's> {
 impl<'r, 'o, 's> Features<'r, 'o, 's> {
     fn new(reading: &'r mut Reading<'o>, source: &'s Source<'s>) -> Self {
         let place = Place::new(reading.crs.as_ref().map(|(crs, _)| crs.as_str()));
-        let report = SourceReport::new(&source.label, Format::GeoJson, source.bytes);
+        let report = SourceReport::new(&source.label, SourceFormat::GeoJson, source.bytes);
         Self { reading, source, report, place, count: 0, faces: Vec::new() }
     }
 
     /// Features line by line; a broken line costs itself.
-    fn lines(&mut self, mut lines: Box<dyn BufRead + '_>, tick: &dyn Fn()) -> Result<(), ReadError> {
+    fn lines(&mut self, mut lines: Box<dyn BufRead + '_>, tick: &dyn Fn()) -> Result<(), InputError> {
         let limit = usize::try_from(self.reading.options.max_line_bytes).unwrap_or(usize::MAX);
         let mut line = Vec::new();
         let next = |lines: &mut dyn BufRead, line: &mut Vec<u8>| {
-            next_line(lines, line, limit).map_err(|cause| ReadError::io(&self.source.label, cause))
+            next_line(lines, line, limit).map_err(|cause| InputError::io(&self.source.label, cause))
         };
         while let Some(whole) = next(&mut *lines, &mut line)? {
             let text = line.strip_prefix(&[RECORD_SEPARATOR]).unwrap_or(&line).trim_ascii();
@@ -94,12 +94,12 @@ impl<'r, 'o, 's> Features<'r, 'o, 's> {
     }
 
     /// The document's own coordinate system, if it names one.
-    fn system(&mut self, crs: &Value) -> Result<(), ReadError> {
+    fn system(&mut self, crs: &Value) -> Result<(), InputError> {
         if self.count > 0 {
             let what = "its \"crs\" comes after its features; move it to the front";
-            return Err(ReadError::unsupported(&self.source.label, what));
+            return Err(InputError::unsupported(&self.source.label, what));
         }
-        match Place::named(crs).map_err(|what| ReadError::unsupported(&self.source.label, what))? {
+        match Place::named(crs).map_err(|what| InputError::unsupported(&self.source.label, what))? {
             None => Ok(()),
             Some((place, epsg)) => {
                 self.place = place;
@@ -115,7 +115,7 @@ impl<'r, 'o, 's> Features<'r, 'o, 's> {
     }
 
     /// One feature's text. Only what concerns all of them is an error.
-    fn feature(&mut self, text: &[u8]) -> Result<(), ReadError> {
+    fn feature(&mut self, text: &[u8]) -> Result<(), InputError> {
         self.count += 1;
         let number = self.count;
         let parsed =

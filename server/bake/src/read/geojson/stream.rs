@@ -12,7 +12,7 @@ use serde_json::value::RawValue;
 
 use super::Features;
 use crate::read::cityjson::lenient::Lenient;
-use crate::read::error::ReadError;
+use crate::read::error::InputError;
 use crate::read::source::{Source, open};
 
 const COLLECTION: &str = "FeatureCollection";
@@ -22,7 +22,7 @@ pub(super) fn read(
     reader: Box<dyn BufRead + '_>,
     features: &mut Features<'_, '_, '_>,
     tick: &dyn Fn(),
-) -> Result<(), ReadError> {
+) -> Result<(), InputError> {
     let options = features.reading.options;
     let limits = Limits::new(options.max_source_bytes, options.max_line_bytes);
     let label = features.source.label.clone();
@@ -38,7 +38,7 @@ pub(super) fn read(
         (Some(error), _) => Err(error),
         (None, Ok(())) => Ok(()),
         (None, Err(error)) => Err(limits.exceeded(&label).unwrap_or_else(|| {
-            if error.is_io() { ReadError::io(&label, error.into()) } else { ReadError::json(&label, &error) }
+            if error.is_io() { InputError::io(&label, error.into()) } else { InputError::json(&label, &error) }
         })),
     }
 }
@@ -114,9 +114,9 @@ impl Limits {
     }
 
     /// The error, if one of the limits was what ended the reading.
-    fn exceeded(&self, path: &str) -> Option<ReadError> {
+    fn exceeded(&self, path: &str) -> Option<InputError> {
         let limit = [&self.all, &self.member].into_iter().find(|limit| limit.exceeded.get())?;
-        Some(ReadError::TooLarge { path: path.to_owned(), what: limit.what.to_owned(), limit: limit.bytes })
+        Some(InputError::TooLarge { path: path.to_owned(), what: limit.what.to_owned(), limit: limit.bytes })
     }
 }
 
@@ -139,21 +139,21 @@ struct Document<'d, 'r, 'o, 's> {
     features: &'d mut Features<'r, 'o, 's>,
     limits: &'d Limits,
     /// Why the reading was ended from this side; serde has only texts for it.
-    stopped: &'d RefCell<Option<ReadError>>,
+    stopped: &'d RefCell<Option<InputError>>,
     tick: &'d dyn Fn(),
 }
 
 impl Document<'_, '_, '_, '_> {
-    fn check<E: Error>(&self, result: Result<(), ReadError>) -> Result<(), E> {
+    fn check<E: Error>(&self, result: Result<(), InputError>) -> Result<(), E> {
         result.map_err(|error| {
             self.stopped.replace(Some(error));
             E::custom("stopped")
         })
     }
 
-    fn other_kind(&self, kind: Option<String>) -> ReadError {
+    fn other_kind(&self, kind: Option<String>) -> InputError {
         let what = kind.map_or("no GeoJSON".to_owned(), |kind| format!("its type is {kind} and not \"{COLLECTION}\""));
-        ReadError::unsupported(&self.features.source.label, what)
+        InputError::unsupported(&self.features.source.label, what)
     }
 }
 

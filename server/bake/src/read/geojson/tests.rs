@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use crate::read::{Format, Palette, ReadError, ReadOptions, ReadReport, read_embedded};
+use crate::read::{SourceFormat, Palette, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::Scene;
 
-fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), ReadError> {
+fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     read_embedded(files, &ReadOptions::default(), &|_| {})
 }
 
@@ -70,7 +70,7 @@ fn a_footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
     let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
     assert_eq!(colours, ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.surfaces[name]));
     let source = &report.sources[0];
-    assert_eq!((source.format, source.objects, report.crs.as_deref()), (Format::GeoJson, 1, Some("EPSG:6677")));
+    assert_eq!((source.format, source.objects, report.crs.as_deref()), (SourceFormat::GeoJson, 1, Some("EPSG:6677")));
     assert!(source.problems.is_empty() && source.skipped.is_empty());
 }
 
@@ -183,7 +183,7 @@ fn degrees_become_metres_of_the_first_positions_zone() {
     assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:32654"), 1), "392 km away: a stray");
     let metres = collection(&square_feature("a"));
     let error = try_read(&[("a.geojson", metres.as_bytes()), ("b.geojson", text.as_bytes())]).unwrap_err();
-    assert!(matches!(error, ReadError::CrsMismatch { .. }), "{error}");
+    assert!(matches!(error, InputError::CrsMismatch { .. }), "{error}");
     let late = text.replace(r#""type": "FeatureCollection""#, r#""crs": null, "type": "FeatureCollection""#);
     let error = try_read(&[("a.geojson", late.as_bytes())]).unwrap_err();
     assert!(error.to_string().contains("comes after its features"), "{error}");
@@ -248,7 +248,7 @@ fn floods_are_stopped() {
     let options = ReadOptions { max_source_bytes: 1 << 16, max_line_bytes: 1 << 12, ..ReadOptions::default() };
     let too_large = |text: &str| {
         let error = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap_err();
-        let ReadError::TooLarge { limit, .. } = error else { panic!("{error}") };
+        let InputError::TooLarge { limit, .. } = error else { panic!("{error}") };
         limit
     };
     let many = vec![square_feature("a"); 1000].join(",");

@@ -12,9 +12,9 @@ use std::collections::HashMap;
 
 use super::builder::{Face, is_sane};
 use super::cityjson::byte;
-use super::error::ReadError;
+use super::error::InputError;
 use super::polygon::MAX_CORNERS;
-use super::report::{Format, SourceReport};
+use super::report::{SourceFormat, SourceReport};
 use super::source::{Source, open, read_beside};
 use super::{Reading, Tick, UpAxis};
 use crate::scene::ObjectKind;
@@ -26,8 +26,8 @@ use parse::{Model, NONE, Polygon};
 const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 
 /// Reads a source.
-pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, ReadError> {
-    let mut report = SourceReport::new(&source.label, Format::Obj, source.bytes);
+pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, InputError> {
+    let mut report = SourceReport::new(&source.label, SourceFormat::Obj, source.bytes);
     let mut opened = open(source)?;
     let taken = opened.taken;
     let limit = reading.options.max_source_bytes;

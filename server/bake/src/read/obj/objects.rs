@@ -110,10 +110,10 @@ fn root(above: &mut [u32], mut at: u32) -> u32 {
 mod tests {
     use super::super::parse::parse;
     use super::*;
-    use crate::read::report::{Format, SourceReport};
+    use crate::read::report::{SourceFormat, SourceReport};
 
     fn grouped(text: &str) -> (Vec<String>, Vec<u32>) {
-        let mut report = SourceReport::new("a.obj", Format::Obj, 0);
+        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
         let model = parse(&mut text.as_bytes(), 1 << 20, &mut report, &|| {}).unwrap();
         let objects = group(&model, &model.polygons, "tile");
         (objects.ids, objects.of_polygon)

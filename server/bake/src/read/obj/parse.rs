@@ -5,7 +5,7 @@
 use std::collections::HashMap;
 use std::io::BufRead;
 
-use crate::read::error::ReadError;
+use crate::read::error::InputError;
 use crate::read::report::SourceReport;
 use crate::read::source::next_line;
 
@@ -62,19 +62,19 @@ pub(super) fn parse(
     limit: u64,
     report: &mut SourceReport,
     tick: &dyn Fn(),
-) -> Result<Model, ReadError> {
+) -> Result<Model, InputError> {
     let mut model = Model { materials: vec![String::new()], names: vec![String::new()], ..Model::default() };
     let mut state = State::default();
     state.material_indices.insert(String::new(), 0);
     state.name_indices.insert(String::new(), 0);
     let (mut line, mut joined, mut bytes) = (Vec::new(), Vec::new(), 0);
     loop {
-        let next = next_line(lines, &mut line, MAX_LINE_BYTES).map_err(|cause| ReadError::io(&report.path, cause))?;
+        let next = next_line(lines, &mut line, MAX_LINE_BYTES).map_err(|cause| InputError::io(&report.path, cause))?;
         state.line += u64::from(next.is_some());
         bytes += line.len() as u64 + 1;
         if bytes > limit {
             let what = "its unpacked size in bytes".to_owned();
-            return Err(ReadError::TooLarge { path: report.path.clone(), what, limit });
+            return Err(InputError::TooLarge { path: report.path.clone(), what, limit });
         }
         let goes_on = line.last() == Some(&b'\\') && joined.len() + line.len() < MAX_LINE_BYTES;
         joined.extend_from_slice(&line);
@@ -175,10 +175,10 @@ fn short(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::report::Format;
+    use crate::read::report::SourceFormat;
 
     fn parsed(text: &str) -> (Model, SourceReport) {
-        let mut report = SourceReport::new("a.obj", Format::Obj, 0);
+        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
         let model = parse(&mut text.as_bytes(), 1 << 20, &mut report, &|| {}).unwrap();
         (model, report)
     }
@@ -212,8 +212,8 @@ mod tests {
 
     #[test]
     fn an_unpacked_flood_is_an_error() {
-        let mut report = SourceReport::new("a.obj", Format::Obj, 0);
+        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
         let result = parse(&mut "v 0 0 0\n".repeat(100).as_bytes(), 99, &mut report, &|| {});
-        assert!(matches!(result, Err(ReadError::TooLarge { limit: 99, .. })));
+        assert!(matches!(result, Err(InputError::TooLarge { limit: 99, .. })));
     }
 }

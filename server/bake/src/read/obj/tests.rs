@@ -1,7 +1,7 @@
 //! Whole OBJ files with their libraries and pictures.
 
 use crate::read::texture::tests::png;
-use crate::read::{ReadError, ReadOptions, ReadReport, UpAxis, read_embedded};
+use crate::read::{InputError, ReadOptions, ReadReport, UpAxis, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 
 fn read(files: &[(&str, &[u8])]) -> (Scene, ReadReport) {
@@ -116,6 +116,6 @@ fn no_bytes_make_it_panic() {
             })
             .collect();
         let result = read_embedded(&[("a.obj", &text)], &ReadOptions::default(), &|_| {});
-        assert!(matches!(result, Ok(_) | Err(ReadError::Empty { .. })));
+        assert!(matches!(result, Ok(_) | Err(InputError::Empty { .. })));
     }
 }
