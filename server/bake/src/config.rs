@@ -1,6 +1,6 @@
 //! What was asked for, and what it means.
 //!
-//! In: [`BakeOptions`]. Out: the checked `Config` that the pipeline obeys. Next: `pipeline`.
+//! In: [`BakeOptions`]. Out: the checked `BakeConfig` that the pipeline obeys. Next: `pipeline`.
 
 use std::path::PathBuf;
 
@@ -97,7 +97,7 @@ impl Default for BakeOptions {
 
 /// Options that make sense.
 #[derive(Debug, Clone)]
-pub(crate) struct Config {
+pub(crate) struct BakeConfig {
     pub(crate) out: PathBuf,
     pub(crate) cell_m: f64,
     pub(crate) threads: usize,
@@ -114,7 +114,7 @@ pub(crate) struct Config {
     pub(crate) settings: String,
 }
 
-impl Config {
+impl BakeConfig {
     /// Checks the options.
     pub(crate) fn new(options: &BakeOptions) -> Result<Self, BakeError> {
         let cell_m = options.cell_m;
@@ -156,7 +156,7 @@ impl Config {
     }
 }
 
-impl Config {
+impl BakeConfig {
     /// How much is gathered before it goes to the files of blocks.
     pub(crate) fn bucket_bytes(&self) -> usize {
         (self.memory_bytes / 8).min(16 << 20)
@@ -207,7 +207,7 @@ fn name(asked: Option<&str>, folder: &str) -> Result<String, BakeError> {
 }
 
 #[derive(Serialize)]
-struct Settings<'a> {
+struct HashedSettings<'a> {
     algorithm: u32,
     tile_version: u16,
     node_cells: usize,
@@ -222,7 +222,7 @@ struct Settings<'a> {
 }
 
 fn settings_hash(options: &BakeOptions) -> Result<String, BakeError> {
-    let settings = Settings {
+    let settings = HashedSettings {
         algorithm: ALGORITHM,
         tile_version: tile::VERSION,
         node_cells: NODE_CELLS,
@@ -258,7 +258,7 @@ mod tests {
 
     #[test]
     fn defaults_make_sense() {
-        let config = Config::new(&options()).unwrap();
+        let config = BakeConfig::new(&options()).unwrap();
         assert_eq!(config.name, "den-haag-2024");
         assert!(config.threads >= 1);
         assert_eq!(config.settings.len(), 16);
@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn what_changes_tiles_changes_the_hash_and_nothing_else_does() {
-        let hash = |options: &BakeOptions| Config::new(options).unwrap().settings;
+        let hash = |options: &BakeOptions| BakeConfig::new(options).unwrap().settings;
         let base = hash(&options());
         assert_ne!(hash(&BakeOptions { cell_m: 2.0, ..options() }), base);
         assert_ne!(hash(&BakeOptions { quality: Quality::Lossless, ..options() }), base);
@@ -298,9 +298,9 @@ mod tests {
             BakeOptions { out: "".into(), ..options() },
         ];
         for options in wrong {
-            assert!(matches!(Config::new(&options), Err(BakeError::Option { .. })), "{options:?}");
+            assert!(matches!(BakeConfig::new(&options), Err(BakeError::Option { .. })), "{options:?}");
         }
-        let error = Config::new(&BakeOptions { name: Some("Den Haag".into()), ..options() }).unwrap_err();
+        let error = BakeConfig::new(&BakeOptions { name: Some("Den Haag".into()), ..options() }).unwrap_err();
         assert!(error.to_string().ends_with("den-haag"), "{error}");
     }
 }

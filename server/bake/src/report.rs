@@ -117,12 +117,12 @@ pub struct StageReport {
 
 /// Measures stages.
 #[derive(Debug)]
-pub(crate) struct Clock {
+pub(crate) struct StageClock {
     start: Instant,
     pub(crate) stages: Vec<StageReport>,
 }
 
-impl Clock {
+impl StageClock {
     pub(crate) fn new() -> Self {
         Self { start: Instant::now(), stages: Vec::new() }
     }
@@ -142,7 +142,7 @@ impl Clock {
 
 /// Where a block's tiles come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Made {
+pub(crate) enum PackOutcome {
     /// Baked now.
     Baked,
     /// Finished by an interrupted bake.
@@ -153,37 +153,37 @@ pub(crate) enum Made {
 
 /// Blocks done, by who did them.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Blocks {
+pub(crate) struct PackCounts {
     baked: u64,
     resumed: u64,
     unchanged: u64,
 }
 
-impl Blocks {
-    pub(crate) fn count(&mut self, made: Made) {
+impl PackCounts {
+    pub(crate) fn count(&mut self, made: PackOutcome) {
         match made {
-            Made::Baked => self.baked += 1,
-            Made::Resumed => self.resumed += 1,
-            Made::Unchanged => self.unchanged += 1,
+            PackOutcome::Baked => self.baked += 1,
+            PackOutcome::Resumed => self.resumed += 1,
+            PackOutcome::Unchanged => self.unchanged += 1,
         }
     }
 }
 
 /// What a report is made of besides times.
-pub(crate) struct Outcome {
+pub(crate) struct ReportInput {
     pub(crate) manifest: Manifest,
     pub(crate) city_bytes: u64,
     pub(crate) read: ReadReport,
     pub(crate) grid: CityGrid,
     pub(crate) threads: usize,
     pub(crate) start: ResumeStatus,
-    pub(crate) blocks: Blocks,
+    pub(crate) blocks: PackCounts,
     pub(crate) meshes: Vec<MeshReport>,
 }
 
 impl BakeReport {
-    pub(crate) fn new(outcome: Outcome, clock: Clock) -> Self {
-        let Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = outcome;
+    pub(crate) fn new(outcome: ReportInput, clock: StageClock) -> Self {
+        let ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = outcome;
         let seconds = clock.seconds();
         let per_second = |n: u64| n as f64 / seconds.max(1e-9);
         let counts = &manifest.counts;
@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_clock_keeps_the_order_of_stages() {
-        let mut clock = Clock::new();
+        let mut clock = StageClock::new();
         assert_eq!(clock.time("read", || 7), 7);
         clock.time("write", || std::thread::sleep(std::time::Duration::from_millis(5)));
         assert_eq!(clock.stages.iter().map(|stage| stage.name.as_str()).collect::<Vec<_>>(), ["read", "write"]);

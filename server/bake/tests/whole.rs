@@ -9,7 +9,7 @@ use std::{fs, path::Path, sync::Mutex};
 use insula_bake::{
     BakeError, BakeOptions, Progress, Silent, bake_scene,
     read::ReadReport,
-    scene::{SceneObject, ObjectKind, Scene, SceneTriangle},
+    scene::{ObjectKind, Scene, SceneObject, SceneTriangle},
 };
 use insula_protocol::{BlockMap, Manifest, TileId, manifest::Attribution, subtree::NodeInfo};
 use support::{Archive, Folder, bake, city, files, manifest, nodes, options, partial};

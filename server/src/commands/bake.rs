@@ -23,7 +23,7 @@ mod with_bake {
     };
     use indicatif::{ProgressBar, ProgressStyle};
     use insula_bake::{
-        BakeError, BakeOptions, Progress, BakeReport,
+        BakeError, BakeOptions, BakeReport, Progress,
         read::{Palette, UpAxis},
         sample::{SampleSettings, Visibility},
     };

@@ -47,7 +47,12 @@ pub(super) struct Dress {
 
 /// Paints the surface's pictures anew, with texels of `texel_m` or longer, none shorter than the source's. `step_m` is the
 /// length of the model's unit. `None` if it cannot be packed.
-pub(super) fn dress(scene: &Scene, model: &TriangleModel, (step_m, texel_m): (f64, f64), quality: Quality) -> Option<Dress> {
+pub(super) fn dress(
+    scene: &Scene,
+    model: &TriangleModel,
+    (step_m, texel_m): (f64, f64),
+    quality: Quality,
+) -> Option<Dress> {
     let charts = charts::charts(scene, model, step_m);
     let mut texel_m = texel_m;
     // Longer texels until all of it fits.

@@ -2,7 +2,7 @@
 //!
 //! In: bytes. Out: a [`TriangleModel`], and back. Next: `model`. (`read::obj` reads cities, with materials and pictures.)
 
-use super::{CornerLayer, TriangleModel, ModelError, fan, limit};
+use super::{CornerLayer, ModelError, TriangleModel, fan, limit};
 use insula_protocol::mesh::Kind;
 use std::fmt::Write;
 

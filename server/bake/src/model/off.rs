@@ -2,7 +2,7 @@
 //!
 //! In: bytes. Out: a [`TriangleModel`], and back. Next: `model`.
 
-use super::{TriangleModel, ModelError, fan, limit};
+use super::{ModelError, TriangleModel, fan, limit};
 use std::fmt::Write;
 
 const FORMAT: &str = "OFF";

@@ -5,12 +5,12 @@
 //! Of vertices x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha) are
 //! read, of faces the list of their corners; what else is described is passed over.
 
-use super::{CornerLayer, TriangleModel, ModelError, fan, limit};
+use super::{CornerLayer, ModelError, TriangleModel, fan, limit};
 use insula_protocol::mesh::Kind;
 use std::collections::HashMap;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Number {
+enum PlyNumber {
     I8,
     U8,
     I16,
@@ -21,7 +21,7 @@ enum Number {
     F64,
 }
 
-impl Number {
+impl PlyNumber {
     fn named(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
@@ -61,35 +61,35 @@ impl Number {
     }
 }
 
-struct Property {
+struct PlyProperty {
     name: String,
     /// Of a list's length.
-    length: Option<Number>,
-    number: Number,
+    length: Option<PlyNumber>,
+    number: PlyNumber,
 }
 
-struct Element {
+struct PlyElement {
     name: String,
     count: usize,
-    properties: Vec<Property>,
+    properties: Vec<PlyProperty>,
 }
 
-enum Encoding {
+enum PlyEncoding {
     Text,
     Little,
     Big,
 }
 
 /// Values one after the other.
-struct Values<'a> {
+struct PlyValues<'a> {
     rest: &'a [u8],
-    encoding: Encoding,
+    encoding: PlyEncoding,
 }
 
-impl Values<'_> {
-    fn next(&mut self, number: Number) -> Result<f64, ModelError> {
+impl PlyValues<'_> {
+    fn next(&mut self, number: PlyNumber) -> Result<f64, ModelError> {
         const SHORT: ModelError = ModelError::Whole("a PLY file ends before all that it announces");
-        if let Encoding::Text = self.encoding {
+        if let PlyEncoding::Text = self.encoding {
             let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace()).ok_or(SHORT)?;
             let word = &self.rest[start..];
             let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
@@ -101,7 +101,7 @@ impl Values<'_> {
         self.rest = rest;
         let mut bytes = [0; 8];
         bytes[..head.len()].copy_from_slice(head);
-        if let Encoding::Big = self.encoding {
+        if let PlyEncoding::Big = self.encoding {
             bytes[..head.len()].reverse();
         }
         Ok(number.value(bytes))
@@ -123,8 +123,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     Ok(model)
 }
 
-fn header(bytes: &[u8]) -> Result<(Vec<Element>, Values<'_>), ModelError> {
-    let mut elements: Vec<Element> = Vec::new();
+fn header(bytes: &[u8]) -> Result<(Vec<PlyElement>, PlyValues<'_>), ModelError> {
+    let mut elements: Vec<PlyElement> = Vec::new();
     let mut encoding = None;
     let mut rest = bytes;
     for at in 1..10_000 {
@@ -133,28 +133,28 @@ fn header(bytes: &[u8]) -> Result<(Vec<Element>, Values<'_>), ModelError> {
         let line = std::str::from_utf8(&rest[..end]).map_err(|_| error("no text"))?;
         rest = &rest[end + 1..];
         let words: Vec<&str> = line.split_whitespace().collect();
-        let number = |name: &str| Number::named(name).ok_or(error("an unknown type"));
+        let number = |name: &str| PlyNumber::named(name).ok_or(error("an unknown type"));
         match words[..] {
             ["ply"] if at == 1 => {}
             _ if at == 1 => return Err(error("no ply")),
-            ["format", "ascii", _] => encoding = Some(Encoding::Text),
-            ["format", "binary_little_endian", _] => encoding = Some(Encoding::Little),
-            ["format", "binary_big_endian", _] => encoding = Some(Encoding::Big),
+            ["format", "ascii", _] => encoding = Some(PlyEncoding::Text),
+            ["format", "binary_little_endian", _] => encoding = Some(PlyEncoding::Little),
+            ["format", "binary_big_endian", _] => encoding = Some(PlyEncoding::Big),
             ["element", name, count] => {
                 let count = count.parse().map_err(|_| error("no count"))?;
-                elements.push(Element { name: name.into(), count, properties: Vec::new() });
+                elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
             }
             ["property", "list", length, item, name] => {
-                let property = Property { name: name.into(), length: Some(number(length)?), number: number(item)? };
+                let property = PlyProperty { name: name.into(), length: Some(number(length)?), number: number(item)? };
                 elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
             }
             ["property", item, name] => {
-                let property = Property { name: name.into(), length: None, number: number(item)? };
+                let property = PlyProperty { name: name.into(), length: None, number: number(item)? };
                 elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
             }
             ["end_header"] => {
                 let encoding = encoding.ok_or(error("no format"))?;
-                return Ok((elements, Values { rest, encoding }));
+                return Ok((elements, PlyValues { rest, encoding }));
             }
             _ => {}
         }
@@ -171,7 +171,7 @@ const LAYERS: [(Kind, &[&str]); 5] = [
     (Kind::Colour, &["red", "green", "blue"]),
 ];
 
-fn vertices(model: &mut TriangleModel, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+fn vertices(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<(), ModelError> {
     let places: HashMap<&str, usize> = element.properties.iter().zip(0..).map(|(p, i)| (p.name.as_str(), i)).collect();
     let place = |names: &[&str]| names.iter().map(|name| places.get(name).copied()).collect::<Option<Vec<usize>>>();
     let Some(xyz) = place(&["x", "y", "z"]) else {
@@ -196,7 +196,7 @@ fn vertices(model: &mut TriangleModel, element: &Element, values: &mut Values<'_
         model.positions.push(std::array::from_fn(|k| row[xyz[k]]));
         for ((kind, place), layer) in layers.iter().zip(&mut model.layers) {
             // Colours are bytes in nearly all files.
-            let is_byte = element.properties[place[0]].number == Number::U8;
+            let is_byte = element.properties[place[0]].number == PlyNumber::U8;
             let scale = if *kind == Kind::Colour && is_byte { 255.0 } else { 1.0 };
             layer.values.push(std::array::from_fn(|k| place.get(k).map_or(0.0, |place| (row[*place] / scale) as f32)));
         }
@@ -205,7 +205,7 @@ fn vertices(model: &mut TriangleModel, element: &Element, values: &mut Values<'_
 }
 
 /// A number, or 0 for a list, which is passed over.
-fn skip_list(property: &Property, values: &mut Values<'_>) -> Result<f64, ModelError> {
+fn skip_list(property: &PlyProperty, values: &mut PlyValues<'_>) -> Result<f64, ModelError> {
     let Some(length) = property.length else { return values.next(property.number) };
     for _ in 0..values.next(length)? as usize {
         values.next(property.number)?;
@@ -213,7 +213,7 @@ fn skip_list(property: &Property, values: &mut Values<'_>) -> Result<f64, ModelE
     Ok(0.0)
 }
 
-fn faces(model: &mut TriangleModel, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+fn faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<(), ModelError> {
     let mut polygon = Vec::new();
     for _ in 0..element.count {
         for property in &element.properties {

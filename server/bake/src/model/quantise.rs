@@ -71,5 +71,9 @@ pub fn to_model(mesh: &Mesh) -> TriangleModel {
         let values = attribute.values.iter().map(value).collect();
         CornerLayer { kind: attribute.kind, width, values, corners: attribute.corners.clone() }
     });
-    TriangleModel { positions: mesh.positions_m().collect(), triangles: mesh.triangles.clone(), layers: layers.collect() }
+    TriangleModel {
+        positions: mesh.positions_m().collect(),
+        triangles: mesh.triangles.clone(),
+        layers: layers.collect(),
+    }
 }

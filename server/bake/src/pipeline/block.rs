@@ -9,28 +9,28 @@
 use std::collections::HashMap;
 
 use crate::{
-    config::Config,
+    config::BakeConfig,
     error::BakeError,
     scene::{
-        Material, SceneObject, ObjectKind, Scene, SceneTriangle,
+        Material, ObjectKind, Scene, SceneObject, SceneTriangle,
         grid::CityGrid,
-        partition::{Block, Partition},
-        scratch_scene::{City, RECORD_BYTES, ShortHash, short, to_record},
+        partition::{LeafBlock, Partition},
+        scratch_scene::{RECORD_BYTES, ScratchScene, ShortHash, short, to_record},
     },
 };
 
 /// A block's triangles with numbers of their own.
-pub(super) struct LocalCity {
+pub(super) struct BlockScene {
     triangles: Vec<SceneTriangle>,
     /// The city's numbers of the objects and of the materials.
     objects: Vec<u32>,
     materials: Vec<u32>,
 }
 
-impl LocalCity {
-    pub(super) fn load(partition: &Partition, block: &Block) -> Result<Self, BakeError> {
+impl BlockScene {
+    pub(super) fn load(partition: &Partition, block: &LeafBlock) -> Result<Self, BakeError> {
         let mut triangles = partition.triangles(block)?;
-        let (mut objects, mut materials) = (Numbers::default(), Numbers::default());
+        let (mut objects, mut materials) = (Renumbering::default(), Renumbering::default());
         for triangle in &mut triangles {
             triangle.object = objects.number(triangle.object);
             triangle.material = materials.number(triangle.material);
@@ -39,7 +39,12 @@ impl LocalCity {
     }
 
     /// Of settings, place, triangles in their order, objects, materials and pictures.
-    pub(super) fn fingerprint(&self, city: &City, (config, grid): (&Config, &CityGrid), block: &Block) -> ShortHash {
+    pub(super) fn fingerprint(
+        &self,
+        city: &ScratchScene,
+        (config, grid): (&BakeConfig, &CityGrid),
+        block: &LeafBlock,
+    ) -> ShortHash {
         let mut bytes = Vec::with_capacity(self.triangles.len() * RECORD_BYTES + 256);
         bytes.extend_from_slice(config.settings.as_bytes());
         for number in grid.corner.into_iter().chain([grid.cell_m]) {
@@ -64,7 +69,7 @@ impl LocalCity {
     }
 
     /// With the pictures that it needs.
-    pub(super) fn into_scene(self, city: &City) -> Result<Scene, BakeError> {
+    pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
         let objects = self.objects.iter().map(|number| city.objects[*number as usize]);
         let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
         let material = |number: &u32| {
@@ -84,12 +89,12 @@ impl LocalCity {
 
 /// Numbers in the order of their first use.
 #[derive(Default)]
-struct Numbers {
+struct Renumbering {
     known: HashMap<u32, u32>,
     order: Vec<u32>,
 }
 
-impl Numbers {
+impl Renumbering {
     fn number(&mut self, of: u32) -> u32 {
         *self.known.entry(of).or_insert_with(|| {
             self.order.push(of);
@@ -99,7 +104,7 @@ impl Numbers {
 }
 
 /// About how much memory it takes to bake the block.
-pub(super) fn memory_bytes(block: &Block, grid: &CityGrid, margin_m: f64) -> usize {
+pub(super) fn memory_bytes(block: &LeafBlock, grid: &CityGrid, margin_m: f64) -> usize {
     let cell_m = grid.cell_m;
     let side_m = grid.node_side_m(grid.depth) * f64::from(crate::scene::grid::BLOCK_LEAVES);
     // Half of a bucket's surface lies in the margin, or less where that is narrow; samples lie half a cell apart.

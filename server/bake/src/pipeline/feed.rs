@@ -3,7 +3,7 @@
 //! In: pieces and what to do with one. Out: the results in the pieces' order. Next: `leaves` and `parents` store tiles.
 //!
 //! Rayon alone would not bound memory: a worker that waits inside one block steals another, and holds both. So feeders
-//! take the pieces one after the other, as far as their bytes find room in a [`Budget`], and each piece's own parallelism
+//! take the pieces one after the other, as far as their bytes find room in a [`MemoryBudget`], and each piece's own parallelism
 //! goes to the shared pool.
 
 use std::{
@@ -21,7 +21,7 @@ pub(super) fn feed<T: Sync, R: Send, E: Send>(
     items: &[T],
     work: impl Fn(&T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
-    let queue = Queue(Mutex::new(0..items.len()));
+    let queue = WorkQueue(Mutex::new(0..items.len()));
     let done = Mutex::new(Vec::with_capacity(items.len()));
     let feeder = |from_end: bool| {
         let guard = StopOnPanic(&queue);
@@ -50,9 +50,9 @@ pub(super) fn feed<T: Sync, R: Send, E: Send>(
 }
 
 /// Items that are not begun.
-struct Queue(Mutex<Range<usize>>);
+struct WorkQueue(Mutex<Range<usize>>);
 
-impl Queue {
+impl WorkQueue {
     fn take(&self, from_end: bool) -> Option<usize> {
         let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if from_end { left.next_back() } else { left.next() }
@@ -64,13 +64,13 @@ impl Queue {
 }
 
 /// A number of bytes that pieces of work share. A piece that wants more than all of it is done alone.
-pub(super) struct Budget {
+pub(super) struct MemoryBudget {
     limit: usize,
     used: Mutex<usize>,
     freed: Condvar,
 }
 
-impl Budget {
+impl MemoryBudget {
     pub(super) fn new(limit: usize) -> Self {
         Self { limit, used: Mutex::new(0), freed: Condvar::new() }
     }
@@ -81,25 +81,25 @@ impl Budget {
         let used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
         let full = |used: &mut usize| *used + bytes > self.limit;
         *self.freed.wait_while(used, full).unwrap_or_else(PoisonError::into_inner) += bytes;
-        let _share = Share { budget: self, bytes };
+        let _share = MemoryReservation { budget: self, bytes };
         work()
     }
 }
 
 /// Given back when dropped, after a panic as well.
-struct Share<'a> {
-    budget: &'a Budget,
+struct MemoryReservation<'a> {
+    budget: &'a MemoryBudget,
     bytes: usize,
 }
 
-impl Drop for Share<'_> {
+impl Drop for MemoryReservation<'_> {
     fn drop(&mut self) {
         *self.budget.used.lock().unwrap_or_else(PoisonError::into_inner) -= self.bytes;
         self.budget.freed.notify_all();
     }
 }
 
-struct StopOnPanic<'a>(&'a Queue);
+struct StopOnPanic<'a>(&'a WorkQueue);
 
 impl Drop for StopOnPanic<'_> {
     fn drop(&mut self) {
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn a_budget_is_never_exceeded_and_what_is_larger_is_done_alone() {
         let items: Vec<usize> = (0..300).map(|i| [10, 40, 250, 1][i % 4]).collect();
-        let budget = Budget::new(100);
+        let budget = MemoryBudget::new(100);
         let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let work = |bytes: &usize| {
             budget.with(*bytes, || {

@@ -12,16 +12,16 @@ use insula_protocol::{Manifest, TileId};
 use super::feed::feed;
 use crate::{
     columns::{parametrise::parametrise, voxels::VoxelNode},
-    config::{BakeOptions, Config},
+    config::{BakeConfig, BakeOptions},
     error::BakeError,
     progress::Progress,
     read::ReadReport,
     scene::grid::{BLOCK_LEAVES, CityGrid},
     write::{
         city::{self, CityInput, SceneFacts},
-        pack::{self, PackId, Stored, Tile},
-        scratch::{Origin, Scratch},
-        tree::{self, Tree},
+        pack::{self, EncodedTile, PackId, StoredTile},
+        scratch::{InputHashes, ScratchFolder},
+        tree::{self, TileTree},
     },
 };
 
@@ -50,12 +50,12 @@ pub fn bake_generated(
     options: &BakeOptions,
     progress: &dyn Progress,
 ) -> Result<Manifest, BakeError> {
-    let config = Config::new(options)?;
-    let mut scratch = Scratch::lock(&config.out)?;
-    scratch.prepare(&Origin { settings: config.settings.clone(), scene: made.rule.clone() }, false)?;
+    let config = BakeConfig::new(options)?;
+    let mut scratch = ScratchFolder::lock(&config.out)?;
+    scratch.prepare(&InputHashes { settings: config.settings.clone(), scene: made.rule.clone() }, false)?;
     let packs = scratch.packs();
     let depth = made.grid.depth;
-    let mut tree = Tree::new(depth);
+    let mut tree = TileTree::new(depth);
     for level in (0..=depth).rev() {
         let chunks = if level == depth { leaf_packs(depth) } else { parent_packs(&tree, level) };
         progress.stage(&format!("level {level}"), chunks.len() as u64);
@@ -103,7 +103,7 @@ fn leaf_packs(depth: u8) -> Vec<(PackId, Vec<TileId>)> {
     all.collect()
 }
 
-fn parent_packs(tree: &Tree, level: u8) -> Vec<(PackId, Vec<TileId>)> {
+fn parent_packs(tree: &TileTree, level: u8) -> Vec<(PackId, Vec<TileId>)> {
     let mut nodes = tree.parents_of(level + 1);
     nodes.sort_by_key(|id| PackId::of(*id));
     let chunks = nodes.chunk_by(|a, b| PackId::of(*a) == PackId::of(*b));
@@ -113,10 +113,10 @@ fn parent_packs(tree: &Tree, level: u8) -> Vec<(PackId, Vec<TileId>)> {
 fn chunk(
     made: &GeneratedCity,
     node: &(dyn Fn(TileId) -> Option<VoxelNode> + Sync),
-    config: &Config,
-    (tree, packs): (&Tree, &Path),
+    config: &BakeConfig,
+    (tree, packs): (&TileTree, &Path),
     (pack, ids): (PackId, &[TileId]),
-) -> Result<Vec<Stored>, BakeError> {
+) -> Result<Vec<StoredTile>, BakeError> {
     let mut tiles = Vec::with_capacity(ids.len());
     for id in ids {
         match node(*id) {
@@ -128,7 +128,7 @@ fn chunk(
     if tiles.is_empty() { Ok(Vec::new()) } else { pack::write(packs, pack, &tiles) }
 }
 
-fn tile(grid: &CityGrid, config: &Config, tree: &Tree, voxels: &VoxelNode) -> Result<Tile, BakeError> {
+fn tile(grid: &CityGrid, config: &BakeConfig, tree: &TileTree, voxels: &VoxelNode) -> Result<EncodedTile, BakeError> {
     let id = voxels.id;
     let map = parametrise(grid, voxels).map_err(BakeError::tile(id, "made from its voxels"))?;
     let [mut z_min_m, mut z_max_m] = tree::outward(tree::z_bounds(&map).unwrap_or([map.z_base_m(); 2]));
@@ -138,5 +138,5 @@ fn tile(grid: &CityGrid, config: &Config, tree: &Tree, voxels: &VoxelNode) -> Re
         }
     }
     let bytes = map.encode_at(config.quality).map_err(BakeError::tile(id, "encoded"))?;
-    Ok(Tile { id, z_min_m, z_max_m, bytes })
+    Ok(EncodedTile { id, z_min_m, z_max_m, bytes })
 }

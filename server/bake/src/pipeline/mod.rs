@@ -7,8 +7,8 @@
 
 mod block;
 mod feed;
-mod leaves;
 mod generated;
+mod leaves;
 mod parents;
 mod update;
 
@@ -17,37 +17,37 @@ use std::{cell::Cell, cmp::Reverse, path::Path};
 use rayon::{ThreadPool, prelude::*};
 
 use crate::{
-    config::{BakeOptions, Config, short_hex},
+    config::{BakeConfig, BakeOptions, short_hex},
     error::BakeError,
     progress::Progress,
     read::{self, ReadOptions, ReadProgress, ReadReport},
-    report::{Blocks, Clock, Made, MeshReport, Outcome, BakeReport, ResumeStatus},
+    report::{BakeReport, MeshReport, PackCounts, PackOutcome, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
         grid::CityGrid,
-        partition::{Block, Partition},
-        scratch_scene::{City, ShortHash},
+        partition::{LeafBlock, Partition},
+        scratch_scene::{ScratchScene, ShortHash},
     },
     write::{
         city::{self, CityInput, SceneFacts},
         mesh_pack::StoredMesh,
-        pack::{self, PackId, Stored},
-        scratch::{Origin, Scratch},
-        tree::Tree,
+        pack::{self, PackId, StoredTile},
+        scratch::{InputHashes, ScratchFolder},
+        tree::TileTree,
     },
 };
 pub use generated::{GeneratedCity, bake_generated};
 
-use block::LocalCity;
-use feed::Budget;
-use update::Before;
+use block::BlockScene;
+use feed::MemoryBudget;
+use update::PreviousCity;
 
 /// Bakes the inputs into `options.out`. Killed at any moment, or failed, it leaves either no city or a whole one; what it
 /// had finished lies in `CITY.partial`, where `options.resume` goes on.
 pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
-    let config = Config::new(options)?;
-    let scratch = Scratch::lock(&config.out)?;
-    let mut clock = Clock::new();
+    let config = BakeConfig::new(options)?;
+    let scratch = ScratchFolder::lock(&config.out)?;
+    let mut clock = StageClock::new();
     let (city, report) = clock.time("read", || read(options, &config, &scratch, progress))?;
     run(city, report, &config, scratch, clock, progress)
 }
@@ -55,10 +55,10 @@ pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport
 /// The reader counts bytes from the start; a step is a byte.
 fn read(
     options: &BakeOptions,
-    config: &Config,
-    scratch: &Scratch,
+    config: &BakeConfig,
+    scratch: &ScratchFolder,
     progress: &dyn Progress,
-) -> Result<(City, ReadReport), BakeError> {
+) -> Result<(ScratchScene, ReadReport), BakeError> {
     let (obj_up, palette) = (options.obj_up, options.palette.clone());
     let read_options = ReadOptions { obj_up, palette, ..ReadOptions::default() };
     let total = Cell::new(None);
@@ -79,36 +79,36 @@ pub fn bake_scene(
     options: &BakeOptions,
     progress: &dyn Progress,
 ) -> Result<BakeReport, BakeError> {
-    let config = Config::new(options)?;
-    let scratch = Scratch::lock(&config.out)?;
-    run(City::from_scene(scene)?, read_report, &config, scratch, Clock::new(), progress)
+    let config = BakeConfig::new(options)?;
+    let scratch = ScratchFolder::lock(&config.out)?;
+    run(ScratchScene::from_scene(scene)?, read_report, &config, scratch, StageClock::new(), progress)
 }
 
 /// What the stages that make tiles share.
 #[derive(Clone, Copy)]
-struct Stage<'a> {
-    config: &'a Config,
+struct TileContext<'a> {
+    config: &'a BakeConfig,
     grid: &'a CityGrid,
     packs: &'a Path,
     progress: &'a dyn Progress,
     start: ResumeStatus,
     /// The city to update.
-    before: Option<&'a Before>,
+    before: Option<&'a PreviousCity>,
 }
 
-impl Stage<'_> {
+impl TileContext<'_> {
     /// The pack, if an interrupted bake finished it.
-    fn found(&self, pack: PackId) -> Option<Vec<Stored>> {
+    fn found(&self, pack: PackId) -> Option<Vec<StoredTile>> {
         if self.start == ResumeStatus::Resumed { pack::find(self.packs, pack) } else { None }
     }
 }
 
 fn run(
-    mut city: City,
+    mut city: ScratchScene,
     read: ReadReport,
-    config: &Config,
-    mut scratch: Scratch,
-    mut clock: Clock,
+    config: &BakeConfig,
+    mut scratch: ScratchFolder,
+    mut clock: StageClock,
     progress: &dyn Progress,
 ) -> Result<BakeReport, BakeError> {
     let pool = pool(config.threads)?;
@@ -129,15 +129,15 @@ fn run(
     })?;
     city.forget_triangles();
     let before = before(config);
-    let origin = Origin { settings: config.settings.clone(), scene: hash(&partition, &fingerprints) };
+    let origin = InputHashes { settings: config.settings.clone(), scene: hash(&partition, &fingerprints) };
     let start = scratch.prepare(&origin, config.resume)?;
     tell(start, config);
     let packs = scratch.packs();
-    let stage = Stage { config, grid: &grid, packs: &packs, progress, start, before: before.as_ref() };
-    let mut blocks = Blocks::default();
-    let mut tree = Tree::new(grid.depth);
+    let stage = TileContext { config, grid: &grid, packs: &packs, progress, start, before: before.as_ref() };
+    let mut blocks = PackCounts::default();
+    let mut tree = TileTree::new(grid.depth);
     let triangles = city.triangles;
-    let leaves = leaves::Leaves { stage: &stage, city: &city, partition: &partition };
+    let leaves = leaves::LeafBaker { stage: &stage, city: &city, partition: &partition };
     clock.time("sample", || sample(&leaves, &pool, &fingerprints, &mut tree, &mut blocks))?;
     drop(city);
     if tree.level(grid.depth).is_empty() {
@@ -159,12 +159,17 @@ fn run(
     let (manifest, city_bytes, threads) = (written.manifest, written.bytes, config.threads);
     let meshes = tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info));
     let meshes = MeshReport::count(meshes);
-    Ok(BakeReport::new(Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
+    Ok(BakeReport::new(ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
 }
 
 /// Of every block in its order.
-fn fingerprints(partition: &Partition, city: &City, config: &Config, grid: &CityGrid) -> Result<Vec<ShortHash>, BakeError> {
-    let of = |block: &Block| Ok(LocalCity::load(partition, block)?.fingerprint(city, (config, grid), block));
+fn fingerprints(
+    partition: &Partition,
+    city: &ScratchScene,
+    config: &BakeConfig,
+    grid: &CityGrid,
+) -> Result<Vec<ShortHash>, BakeError> {
+    let of = |block: &LeafBlock| Ok(BlockScene::load(partition, block)?.fingerprint(city, (config, grid), block));
     partition.blocks.par_iter().map(of).collect()
 }
 
@@ -178,11 +183,11 @@ fn hash(partition: &Partition, fingerprints: &[ShortHash]) -> String {
 }
 
 /// The city to update, if that was asked for and can be.
-fn before(config: &Config) -> Option<Before> {
+fn before(config: &BakeConfig) -> Option<PreviousCity> {
     if !config.update {
         return None;
     }
-    match Before::open(&config.out, config) {
+    match PreviousCity::open(&config.out, config) {
         Ok(before) => Some(before),
         Err(why) => {
             tracing::warn!("{}: {why}: everything is baked", config.out.display());
@@ -196,10 +201,12 @@ fn pool(threads: usize) -> Result<ThreadPool, BakeError> {
     built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
 }
 
-fn tell(start: ResumeStatus, config: &Config) {
+fn tell(start: ResumeStatus, config: &BakeConfig) {
     let out = config.out.display();
     match start {
-        ResumeStatus::Fresh if config.resume => tracing::info!("{out}: there is nothing to resume, the bake starts anew"),
+        ResumeStatus::Fresh if config.resume => {
+            tracing::info!("{out}: there is nothing to resume, the bake starts anew")
+        }
         ResumeStatus::Fresh => {}
         ResumeStatus::Resumed => tracing::info!("{out}: an interrupted bake goes on"),
         ResumeStatus::Mismatch => {
@@ -213,21 +220,21 @@ fn tell(start: ResumeStatus, config: &Config) {
 
 /// Every block of leaves: sample, cut into meshes, parametrise, encode, store.
 fn sample(
-    leaves: &leaves::Leaves<'_>,
+    leaves: &leaves::LeafBaker<'_>,
     pool: &ThreadPool,
     fingerprints: &[ShortHash],
-    tree: &mut Tree,
-    counts: &mut Blocks,
+    tree: &mut TileTree,
+    counts: &mut PackCounts,
 ) -> Result<(), BakeError> {
     let (stage, partition) = (leaves.stage, leaves.partition);
     // Worked on from both ends: few heavy blocks meet in memory, and those left for the end are neither large nor many.
-    let mut blocks: Vec<(&Block, ShortHash)> = partition.blocks.iter().zip(fingerprints.iter().copied()).collect();
+    let mut blocks: Vec<(&LeafBlock, ShortHash)> = partition.blocks.iter().zip(fingerprints.iter().copied()).collect();
     blocks.sort_by_key(|(block, _)| (Reverse(block.triangles), block.y, block.x));
     let total = blocks.iter().map(|(block, _)| u64::from(block.leaves.count_ones())).sum();
     stage.progress.stage("sample", total);
     let margin_m = stage.config.sample.margin_m;
-    let budget = Budget::new(stage.config.block_bytes());
-    let work = |(block, fingerprint): &(&Block, ShortHash)| {
+    let budget = MemoryBudget::new(stage.config.block_bytes());
+    let work = |(block, fingerprint): &(&LeafBlock, ShortHash)| {
         // What is only copied takes next to nothing.
         let copied = stage.before.is_some_and(|before| before.holds(block, *fingerprint));
         let bytes = if copied { 0 } else { block::memory_bytes(block, stage.grid, margin_m) };
@@ -240,29 +247,29 @@ fn sample(
 
 /// Every node of a level from its children: average, parametrise, encode, store.
 fn parents(
-    stage: &Stage<'_>,
+    stage: &TileContext<'_>,
     pool: &ThreadPool,
     level: u8,
-    tree: &mut Tree,
-    counts: &mut Blocks,
+    tree: &mut TileTree,
+    counts: &mut PackCounts,
 ) -> Result<(), BakeError> {
     let chunks = parents::chunks_above(tree, level + 1);
     stage.progress.stage(&format!("level {level}"), chunks.iter().map(|chunk| chunk.nodes.len() as u64).sum());
-    let work = |chunk: &parents::Chunk| pool.install(|| parents::chunk(stage, tree, chunk));
+    let work = |chunk: &parents::ParentPack| pool.install(|| parents::chunk(stage, tree, chunk));
     let done = feed::feed(stage.config.threads, &chunks, work)?;
     collect(done, level, tree, counts);
     Ok(())
 }
 
 /// A finished piece of work.
-struct Done {
-    tiles: Vec<Stored>,
+struct FinishedPack {
+    tiles: Vec<StoredTile>,
     /// Of leaves.
     meshes: Vec<StoredMesh>,
-    made: Made,
+    made: PackOutcome,
 }
 
-fn collect(done: Vec<Done>, level: u8, tree: &mut Tree, counts: &mut Blocks) {
+fn collect(done: Vec<FinishedPack>, level: u8, tree: &mut TileTree, counts: &mut PackCounts) {
     let (mut tiles, mut meshes) = (Vec::new(), Vec::new());
     for piece in done {
         counts.count(piece.made);

@@ -5,38 +5,38 @@
 use insula_protocol::{BlockMap, TileId};
 use rayon::prelude::*;
 
-use super::{Done, Stage, update::Before};
+use super::{FinishedPack, TileContext, update::PreviousCity};
 use crate::{
     columns::{lod, parametrise::parametrise},
     error::BakeError,
-    report::Made,
+    report::PackOutcome,
     write::{
-        pack::{self, PackId, PackReader, Tile},
-        tree::{self, Tree},
+        pack::{self, EncodedTile, PackId, PackReader},
+        tree::{self, TileTree},
     },
 };
 
 /// Nodes of one pack that are to be made.
-pub(super) struct Chunk {
+pub(super) struct ParentPack {
     pub(super) pack: PackId,
     pub(super) nodes: Vec<TileId>,
 }
 
 /// The nodes one level up from `level`, pack by pack.
-pub(super) fn chunks_above(tree: &Tree, level: u8) -> Vec<Chunk> {
+pub(super) fn chunks_above(tree: &TileTree, level: u8) -> Vec<ParentPack> {
     let mut nodes = tree.parents_of(level);
     nodes.sort_by_key(|id| PackId::of(*id));
     nodes
         .chunk_by(|a, b| PackId::of(*a) == PackId::of(*b))
-        .map(|nodes| Chunk { pack: PackId::of(nodes[0]), nodes: nodes.to_vec() })
+        .map(|nodes| ParentPack { pack: PackId::of(nodes[0]), nodes: nodes.to_vec() })
         .collect()
 }
 
 /// Makes one pack's nodes, or finds that an earlier run did, or that nothing below them changed.
-pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<Done, BakeError> {
+pub(super) fn chunk(stage: &TileContext<'_>, tree: &TileTree, chunk: &ParentPack) -> Result<FinishedPack, BakeError> {
     if let Some(tiles) = stage.found(chunk.pack) {
         stage.progress.advance(chunk.nodes.len() as u64);
-        return Ok(Done { tiles, meshes: Vec::new(), made: Made::Resumed });
+        return Ok(FinishedPack { tiles, meshes: Vec::new(), made: PackOutcome::Resumed });
     }
     let made = chunk.nodes.par_iter().map(|id| {
         let held = stage.before.filter(|before| unchanged(before, tree, *id)).and_then(|before| before.tile(*id));
@@ -45,22 +45,22 @@ pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<Don
         stage.progress.advance(1);
         Ok::<_, BakeError>((tile, unchanged))
     });
-    let (tiles, unchanged): (Vec<Tile>, Vec<bool>) = made.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = made.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
     let mut tiles = pack::write(stage.packs, chunk.pack, &tiles)?;
     tiles.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
-    let made = if unchanged.iter().all(|unchanged| *unchanged) { Made::Unchanged } else { Made::Baked };
-    Ok(Done { tiles, meshes: Vec::new(), made })
+    let made = if unchanged.iter().all(|unchanged| *unchanged) { PackOutcome::Unchanged } else { PackOutcome::Baked };
+    Ok(FinishedPack { tiles, meshes: Vec::new(), made })
 }
 
 /// Whether the node has the children that it had, each as it was.
-fn unchanged(before: &Before, tree: &Tree, id: TileId) -> bool {
+fn unchanged(before: &PreviousCity, tree: &TileTree, id: TileId) -> bool {
     id.children().all(|child| match tree.get(child) {
         Some(stored) => stored.unchanged && before.has(child),
         None => !before.has(child),
     })
 }
 
-fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError> {
+fn parent(stage: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<EncodedTile, BakeError> {
     let mut reader = PackReader::new(stage.packs);
     let mut children: [Option<BlockMap>; 4] = [const { None }; 4];
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -78,5 +78,5 @@ fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError>
         (low, high) = (low.min(z_min_m), high.max(z_max_m));
     }
     let bytes = map.encode_at(stage.config.quality).map_err(BakeError::tile(id, "encoded"))?;
-    Ok(Tile { id, z_min_m: low, z_max_m: high, bytes })
+    Ok(EncodedTile { id, z_min_m: low, z_max_m: high, bytes })
 }

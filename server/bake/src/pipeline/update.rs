@@ -1,6 +1,6 @@
 //! The city that is there already: what of it still holds.
 //!
-//! In: a city folder that a bake made. Out: [`Before`], which hands out its tiles. Next: `leaves` and `parents` take from it
+//! In: a city folder that a bake made. Out: [`PreviousCity`], which hands out its tiles. Next: `leaves` and `parents` take from it
 //! what did not change.
 
 use std::{
@@ -22,14 +22,14 @@ use insula_protocol::{
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, PmtError, PmtResult, TileCoord};
 
 use crate::{
-    config::Config,
+    config::BakeConfig,
     mesh::Lod,
-    scene::{partition::Block, scratch_scene::ShortHash},
-    write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, pack::Tile},
+    scene::{partition::LeafBlock, scratch_scene::ShortHash},
+    write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, pack::EncodedTile},
 };
 
 /// A city made before.
-pub(super) struct Before {
+pub(super) struct PreviousCity {
     fingerprints: HashMap<(u32, u32), ShortHash>,
     /// Lowest and highest point of every node.
     heights: BTreeMap<TileId, [f32; 2]>,
@@ -40,9 +40,9 @@ pub(super) struct Before {
     meshes: Option<Archive>,
 }
 
-impl Before {
+impl PreviousCity {
     /// Opens the city, or says why nothing of it can be used.
-    pub(super) fn open(folder: &Path, config: &Config) -> Result<Self, String> {
+    pub(super) fn open(folder: &Path, config: &BakeConfig) -> Result<Self, String> {
         let json = std::fs::read(folder.join("city.json")).map_err(|_| "there is no city to update".to_owned())?;
         let manifest: Manifest =
             serde_json::from_slice(&json).map_err(|cause| format!("its city.json is damaged ({cause})"))?;
@@ -64,7 +64,7 @@ impl Before {
     }
 
     /// Whether the block is as it was.
-    pub(super) fn holds(&self, block: &Block, fingerprint: ShortHash) -> bool {
+    pub(super) fn holds(&self, block: &LeafBlock, fingerprint: ShortHash) -> bool {
         self.fingerprints.get(&(block.x, block.y)) == Some(&fingerprint)
     }
 
@@ -74,15 +74,15 @@ impl Before {
     }
 
     /// The node's tile if it is sound.
-    pub(super) fn tile(&self, id: TileId) -> Option<Tile> {
+    pub(super) fn tile(&self, id: TileId) -> Option<EncodedTile> {
         let [z_min_m, z_max_m] = *self.heights.get(&id)?;
         let bytes = self.tiles.get(id)?;
         let sound = TileReader::new(&bytes, Kind::BlockMap).is_ok();
-        sound.then_some(Tile { id, z_min_m, z_max_m, bytes })
+        sound.then_some(EncodedTile { id, z_min_m, z_max_m, bytes })
     }
 
     /// The tiles of those nodes that existed; `None` if one is damaged.
-    pub(super) fn tiles(&self, ids: &[TileId]) -> Option<Vec<Tile>> {
+    pub(super) fn tiles(&self, ids: &[TileId]) -> Option<Vec<EncodedTile>> {
         ids.iter().filter(|id| self.has(**id)).map(|id| self.tile(*id)).collect()
     }
 

@@ -1,6 +1,6 @@
 //! City files of several formats to one city.
 //!
-//! In: files, folders or embedded bytes. Out: `City`, or a whole [`Scene`], and [`ReadReport`]. Next: `partition`.
+//! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`]. Next: `partition`.
 
 mod builder;
 mod cityjson;
@@ -19,16 +19,16 @@ use std::path::{Path, PathBuf};
 
 pub use error::InputError;
 pub use palette::Palette;
-pub use report::{SourceFormat, ReadReport, SourceReport, FaultCount};
+pub use report::{FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;
 
 use crate::error::BakeError;
 use crate::scene::Scene;
-use crate::scene::scratch_scene::{City, Pictures, Triangles};
-use builder::CityBuilder;
+use crate::scene::scratch_scene::{ScratchScene, TextureStore, TriangleStore};
+use builder::SceneBuilder;
 use polygon::Triangulator;
-use source::{NamedAs, Source, named_as};
-use texture::TextureStore;
+use source::{CitySource, SourceKind, named_as};
+use texture::TextureLoader;
 
 /// Which axis of an OBJ points up; CityJSON's is always z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -69,13 +69,13 @@ impl Default for ReadOptions {
 }
 
 /// Tells how many bytes of the current source are done.
-pub(crate) type Tick<'a> = &'a dyn Fn(u64);
+pub(crate) type ByteProgress<'a> = &'a dyn Fn(u64);
 
 /// What all sources of one reading share.
-pub(crate) struct Reading<'o> {
+pub(crate) struct ReadContext<'o> {
     pub(crate) options: &'o ReadOptions,
-    pub(crate) builder: CityBuilder,
-    pub(crate) textures: TextureStore,
+    pub(crate) builder: SceneBuilder,
+    pub(crate) textures: TextureLoader,
     pub(crate) triangulator: Triangulator,
     /// Number of the source that is being read.
     pub(crate) source: usize,
@@ -83,12 +83,12 @@ pub(crate) struct Reading<'o> {
     crs: Option<(String, String)>,
 }
 
-impl<'o> Reading<'o> {
-    fn new(options: &'o ReadOptions, triangles: Triangles, pictures: Pictures) -> Self {
+impl<'o> ReadContext<'o> {
+    fn new(options: &'o ReadOptions, triangles: TriangleStore, pictures: TextureStore) -> Self {
         Self {
             options,
-            builder: CityBuilder::new(triangles),
-            textures: TextureStore::new(options.max_texture_pixels, pictures),
+            builder: SceneBuilder::new(triangles),
+            textures: TextureLoader::new(options.max_texture_pixels, pictures),
             triangulator: Triangulator::new(),
             source: 0,
             crs: None,
@@ -149,9 +149,9 @@ pub(crate) fn read_to_disk(
     options: &ReadOptions,
     (spool, picture_bytes): (&Path, usize),
     progress: &dyn Fn(ReadProgress),
-) -> Result<(City, ReadReport), BakeError> {
-    let triangles = Triangles::in_file(spool.join("triangles"))?;
-    let pictures = Pictures::in_folder(spool.to_owned(), picture_bytes);
+) -> Result<(ScratchScene, ReadReport), BakeError> {
+    let triangles = TriangleStore::in_file(spool.join("triangles"))?;
+    let pictures = TextureStore::in_folder(spool.to_owned(), picture_bytes);
     let (mut city, report) = read_sources(&source::list(inputs)?, options, (triangles, pictures), progress)?;
     city.stored.finish()?;
     city.pictures.finish()?;
@@ -159,11 +159,11 @@ pub(crate) fn read_to_disk(
 }
 
 fn read_scene(
-    sources: &[Source<'_>],
+    sources: &[CitySource<'_>],
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
-    let kept = (Triangles::Memory(Vec::new()), Pictures::in_memory());
+    let kept = (TriangleStore::Memory(Vec::new()), TextureStore::in_memory());
     let (city, report) = read_sources(sources, options, kept, progress)?;
     let label = || sources.first().map_or(String::new(), |source| source.label.clone());
     let scene = city.into_scene().map_err(|error| InputError::io(&label(), std::io::Error::other(error)))?;
@@ -171,16 +171,16 @@ fn read_scene(
 }
 
 fn read_sources(
-    sources: &[Source<'_>],
+    sources: &[CitySource<'_>],
     options: &ReadOptions,
-    (triangles, pictures): (Triangles, Pictures),
+    (triangles, pictures): (TriangleStore, TextureStore),
     progress: &dyn Fn(ReadProgress),
-) -> Result<(City, ReadReport), InputError> {
+) -> Result<(ScratchScene, ReadReport), InputError> {
     if sources.is_empty() {
         return Err(InputError::NoSource { path: "the input".to_owned() });
     }
     let bytes_total = sources.iter().map(|source| source.bytes).sum();
-    let mut reading = Reading::new(options, triangles, pictures);
+    let mut reading = ReadContext::new(options, triangles, pictures);
     let mut report = ReadReport::default();
     let mut bytes_before = 0;
     for source in sources {
@@ -205,26 +205,26 @@ fn read_sources(
 }
 
 fn read_source(
-    reading: &mut Reading<'_>,
-    source: &Source<'_>,
-    tick: Tick<'_>,
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
     match named_as(&source.name) {
-        Some(NamedAs::Json) => {
+        Some(SourceKind::Json) => {
             let kind = geojson::kind_of(source, reading.options.max_line_bytes);
             match kind.as_deref() {
                 Some("FeatureCollection") => geojson::read(reading, source, tick).map(Some),
                 _ => cityjson::read(reading, source, tick),
             }
         }
-        Some(NamedAs::JsonLines) => cityjson::read(reading, source, tick),
-        Some(NamedAs::GeoJson | NamedAs::GeoJsonLines) => geojson::read(reading, source, tick).map(Some),
-        Some(NamedAs::Obj) => obj::read(reading, source, tick).map(Some),
+        Some(SourceKind::JsonLines) => cityjson::read(reading, source, tick),
+        Some(SourceKind::GeoJson | SourceKind::GeoJsonLines) => geojson::read(reading, source, tick).map(Some),
+        Some(SourceKind::Obj) => obj::read(reading, source, tick).map(Some),
         None => Err(InputError::unsupported(&source.label, "not a city file by its name")),
     }
 }
 
-fn empty(sources: &[Source<'_>], report: &ReadReport) -> InputError {
+fn empty(sources: &[CitySource<'_>], report: &ReadReport) -> InputError {
     let first = sources.first().map_or("", |source| &source.label);
     let more = if sources.len() > 1 { format!(" and {} more", sources.len() - 1) } else { String::new() };
     let hint = report.main_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();

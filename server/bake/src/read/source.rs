@@ -1,6 +1,6 @@
 //! Where bytes come from: folders or memory, plain or gzip, counted and limited.
 //!
-//! In: paths as given, or named byte slices. Out: [`Source`]s and readers. Next: `cityjson`, `geojson`, `obj`.
+//! In: paths as given, or named byte slices. Out: [`CitySource`]s and readers. Next: `cityjson`, `geojson`, `obj`.
 
 use std::cell::Cell;
 use std::collections::HashSet;
@@ -33,7 +33,7 @@ pub(crate) trait SourceFiles {
 }
 
 /// One city file.
-pub(crate) struct Source<'a> {
+pub(crate) struct CitySource<'a> {
     /// For messages and the report.
     pub(crate) label: String,
     /// Its name within `files`.
@@ -46,7 +46,7 @@ pub(crate) struct Source<'a> {
 
 /// What the name says about the content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum NamedAs {
+pub(crate) enum SourceKind {
     Json,
     JsonLines,
     GeoJson,
@@ -55,21 +55,21 @@ pub(crate) enum NamedAs {
 }
 
 /// By extension, `.gz` apart.
-pub(crate) fn named_as(name: &str) -> Option<NamedAs> {
+pub(crate) fn named_as(name: &str) -> Option<SourceKind> {
     let name = name.to_ascii_lowercase();
     let name = name.strip_suffix(".gz").unwrap_or(&name);
     match name.rsplit_once('.')?.1 {
-        "json" => Some(NamedAs::Json),
-        "jsonl" => Some(NamedAs::JsonLines),
-        "geojson" => Some(NamedAs::GeoJson),
-        "geojsonl" | "geojsons" => Some(NamedAs::GeoJsonLines),
-        "obj" => Some(NamedAs::Obj),
+        "json" => Some(SourceKind::Json),
+        "jsonl" => Some(SourceKind::JsonLines),
+        "geojson" => Some(SourceKind::GeoJson),
+        "geojsonl" | "geojsons" => Some(SourceKind::GeoJsonLines),
+        "obj" => Some(SourceKind::Obj),
         _ => None,
     }
 }
 
 /// The sources behind the inputs, in order; a file that is named twice is read once.
-pub(crate) fn list(inputs: &[PathBuf]) -> Result<Vec<Source<'static>>, InputError> {
+pub(crate) fn list(inputs: &[PathBuf]) -> Result<Vec<CitySource<'static>>, InputError> {
     let mut sources = Vec::new();
     let mut seen = HashSet::new();
     for input in inputs {
@@ -100,23 +100,23 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     if paths.is_empty() { Err(InputError::no_source(folder)) } else { Ok(paths) }
 }
 
-fn file_source(path: &Path, found: bool) -> Result<Source<'static>, InputError> {
+fn file_source(path: &Path, found: bool) -> Result<CitySource<'static>, InputError> {
     let label = path.display().to_string();
     let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
         return Err(InputError::unsupported(&label, "its name is not text"));
     };
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-    let files = Folder { path: folder };
+    let files = FolderFiles { path: folder };
     let bytes = files.len(name).map_err(|cause| InputError::io(&label, cause))?;
-    Ok(Source { name: name.to_owned(), label, files: Rc::new(files), bytes, found })
+    Ok(CitySource { name: name.to_owned(), label, files: Rc::new(files), bytes, found })
 }
 
 /// The city files among the given ones, sorted by name; all of them are at hand as pictures and materials.
-pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<Source<'a>> {
-    let store: Rc<dyn SourceFiles + 'a> = Rc::new(Memory { files });
+pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<CitySource<'a>> {
+    let store: Rc<dyn SourceFiles + 'a> = Rc::new(EmbeddedFiles { files });
     let mut cities: Vec<_> = files.iter().filter(|(name, _)| named_as(name).is_some()).collect();
     cities.sort_by_key(|(name, _)| *name);
-    let source = |(name, bytes): &(&str, &[u8])| Source {
+    let source = |(name, bytes): &(&str, &[u8])| CitySource {
         label: (*name).to_owned(),
         name: (*name).to_owned(),
         files: Rc::clone(&store),
@@ -126,11 +126,11 @@ pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<Source<'a>> 
     cities.into_iter().map(source).collect()
 }
 
-struct Folder {
+struct FolderFiles {
     path: PathBuf,
 }
 
-impl Folder {
+impl FolderFiles {
     /// Only plain files: a name in a city file must not make us read a device or wait for a pipe.
     fn path_of(&self, name: &str) -> io::Result<PathBuf> {
         if Path::new(name).is_absolute() {
@@ -145,7 +145,7 @@ impl Folder {
     }
 }
 
-impl SourceFiles for Folder {
+impl SourceFiles for FolderFiles {
     fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
         Ok(Box::new(File::open(self.path_of(name)?)?))
     }
@@ -159,18 +159,18 @@ impl SourceFiles for Folder {
     }
 }
 
-struct Memory<'a> {
+struct EmbeddedFiles<'a> {
     files: &'a [(&'a str, &'a [u8])],
 }
 
-impl Memory<'_> {
+impl EmbeddedFiles<'_> {
     fn find(&self, name: &str) -> io::Result<&[u8]> {
         let found = self.files.iter().find(|(own, _)| *own == name).map(|(_, bytes)| *bytes);
         found.ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "not among the given files"))
     }
 }
 
-impl SourceFiles for Memory<'_> {
+impl SourceFiles for EmbeddedFiles<'_> {
     fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
         Ok(Box::new(self.find(name)?))
     }
@@ -185,12 +185,12 @@ impl SourceFiles for Memory<'_> {
 }
 
 /// Counts what passes, so that progress is told in bytes of the file and not of what is unpacked from it.
-struct Counted<'a> {
+struct CountingReader<'a> {
     inner: Box<dyn Read + 'a>,
     count: Rc<Cell<u64>>,
 }
 
-impl Read for Counted<'_> {
+impl Read for CountingReader<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.inner.read(buffer)?;
         self.count.set(self.count.get() + read as u64);
@@ -199,26 +199,26 @@ impl Read for Counted<'_> {
 }
 
 /// A source's unpacked bytes, and how many of the packed ones have been taken.
-pub(crate) struct Opened<'a> {
+pub(crate) struct OpenSource<'a> {
     pub(crate) reader: Box<dyn BufRead + 'a>,
     pub(crate) taken: Rc<Cell<u64>>,
 }
 
 /// Opens a source, unpacking `.gz`.
-pub(crate) fn open<'a>(source: &'a Source<'_>) -> Result<Opened<'a>, InputError> {
+pub(crate) fn open<'a>(source: &'a CitySource<'_>) -> Result<OpenSource<'a>, InputError> {
     let inner = source.files.open(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
     let taken = Rc::new(Cell::new(0));
-    let counted = Counted { inner, count: Rc::clone(&taken) };
+    let counted = CountingReader { inner, count: Rc::clone(&taken) };
     let reader: Box<dyn BufRead> = if is_gz(&source.name) {
         Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(BufReader::new(counted))))
     } else {
         Box::new(BufReader::with_capacity(1 << 16, counted))
     };
-    Ok(Opened { reader, taken })
+    Ok(OpenSource { reader, taken })
 }
 
 /// The whole source; more than `limit` unpacked bytes are an error, found before they are held.
-pub(crate) fn read_all(source: &Source<'_>, limit: u64) -> Result<Vec<u8>, InputError> {
+pub(crate) fn read_all(source: &CitySource<'_>, limit: u64) -> Result<Vec<u8>, InputError> {
     let too_large = || InputError::TooLarge { path: source.label.clone(), what: "its size in bytes".to_owned(), limit };
     if source.bytes > limit {
         return Err(too_large());
@@ -298,11 +298,11 @@ mod tests {
 
     #[test]
     fn names_tell_formats() {
-        assert_eq!(named_as("a.city.json"), Some(NamedAs::Json));
-        assert_eq!(named_as("A.CITY.JSONL.GZ"), Some(NamedAs::JsonLines));
-        assert_eq!(named_as("b.obj.gz"), Some(NamedAs::Obj));
-        assert_eq!(named_as("c.geojson.gz"), Some(NamedAs::GeoJson));
-        assert_eq!(named_as("c.geojsonl"), Some(NamedAs::GeoJsonLines));
+        assert_eq!(named_as("a.city.json"), Some(SourceKind::Json));
+        assert_eq!(named_as("A.CITY.JSONL.GZ"), Some(SourceKind::JsonLines));
+        assert_eq!(named_as("b.obj.gz"), Some(SourceKind::Obj));
+        assert_eq!(named_as("c.geojson.gz"), Some(SourceKind::GeoJson));
+        assert_eq!(named_as("c.geojsonl"), Some(SourceKind::GeoJsonLines));
         assert_eq!(named_as("b.mtl"), None);
         assert_eq!(named_as("json"), None);
     }

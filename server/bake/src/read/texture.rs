@@ -1,6 +1,6 @@
 //! Pictures: found, checked, decoded once, shared.
 //!
-//! In: names from material libraries and appearances. Out: numbers of [`Pictures`]. Next: `builder`.
+//! In: names from material libraries and appearances. Out: numbers of [`TextureStore`]. Next: `builder`.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -10,9 +10,9 @@ use std::sync::Arc;
 use image::{ImageReader, Limits};
 
 use super::report::SourceReport;
-use super::source::{Source, read_beside};
+use super::source::{CitySource, read_beside};
 use crate::scene::SceneTexture;
-use crate::scene::scratch_scene::Pictures;
+use crate::scene::scratch_scene::TextureStore;
 
 /// A picture's file may have this many bytes for each pixel that is allowed: enough for any uncompressed one.
 const FILE_BYTES_PER_PIXEL: u64 = 8;
@@ -20,24 +20,24 @@ const FILE_BYTES_PER_PIXEL: u64 = 8;
 const FILE_BYTES_ASIDE: u64 = 1 << 20;
 
 /// All pictures so far, with those that failed, so that each is tried once.
-pub(crate) struct TextureStore {
-    by_name: HashMap<(String, String), Result<u32, Fault>>,
+pub(crate) struct TextureLoader {
+    by_name: HashMap<(String, String), Result<u32, TextureFault>>,
     max_pixels: u64,
-    pub(crate) pictures: Pictures,
+    pub(crate) pictures: TextureStore,
 }
 
-struct Fault {
+struct TextureFault {
     kind: &'static str,
     detail: String,
 }
 
-impl TextureStore {
-    pub(crate) fn new(max_pixels: u64, pictures: Pictures) -> Self {
+impl TextureLoader {
+    pub(crate) fn new(max_pixels: u64, pictures: TextureStore) -> Self {
         Self { by_name: HashMap::new(), max_pixels, pictures }
     }
 
     /// The picture's number, or `None` after noting in the report why there is none.
-    pub(crate) fn load(&mut self, source: &Source<'_>, name: &str, report: &mut SourceReport) -> Option<u32> {
+    pub(crate) fn load(&mut self, source: &CitySource<'_>, name: &str, report: &mut SourceReport) -> Option<u32> {
         let key = (source.files.place(), name.to_owned());
         let picture = match self.by_name.entry(key) {
             Entry::Occupied(known) => known.into_mut(),
@@ -58,9 +58,12 @@ impl TextureStore {
 }
 
 /// Reads and decodes a picture beside the source.
-fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<SceneTexture, Fault> {
+fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<SceneTexture, TextureFault> {
     if name.contains("://") {
-        return Err(Fault { kind: "texture on the web", detail: "not fetched, put it beside the file".to_owned() });
+        return Err(TextureFault {
+            kind: "texture on the web",
+            detail: "not fetched, put it beside the file".to_owned(),
+        });
     }
     let name = name.replace('\\', "/");
     let limit = max_pixels.saturating_mul(FILE_BYTES_PER_PIXEL).saturating_add(FILE_BYTES_ASIDE);
@@ -72,21 +75,21 @@ fn find(source: &Source<'_>, name: &str, max_pixels: u64) -> Result<SceneTexture
     let bytes = read(&name).or_else(|error| if bare == name { Err(error) } else { read(bare).map_err(|_| error) });
     let bytes = bytes.map_err(|error| {
         let missing = error.kind() == std::io::ErrorKind::NotFound;
-        Fault { kind: if missing { "texture missing" } else { "texture unreadable" }, detail: error.to_string() }
+        TextureFault { kind: if missing { "texture missing" } else { "texture unreadable" }, detail: error.to_string() }
     })?;
     decode(bytes, max_pixels)
 }
 
 /// Decodes a picture after its header has been found acceptable.
-fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<SceneTexture, Fault> {
-    let broken = |error: &dyn std::fmt::Display| Fault { kind: "texture broken", detail: one_line(error) };
+fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<SceneTexture, TextureFault> {
+    let broken = |error: &dyn std::fmt::Display| TextureFault { kind: "texture broken", detail: one_line(error) };
     let bytes = Cursor::new(bytes);
     let header = ImageReader::new(bytes.clone()).with_guessed_format().map_err(|error| broken(&error))?;
     let (width, height) = header.into_dimensions().map_err(|error| broken(&error))?;
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > max_pixels {
         let detail = format!("{width} x {height} pixels, allowed are {max_pixels} in all");
-        return Err(Fault { kind: "texture too large", detail });
+        return Err(TextureFault { kind: "texture too large", detail });
     }
     let mut reader = ImageReader::new(bytes).with_guessed_format().map_err(|error| broken(&error))?;
     let mut limits = Limits::default();
@@ -118,7 +121,7 @@ pub(crate) mod tests {
     fn load(files: &[(&str, &[u8])], name: &str, max_pixels: u64) -> (Option<Arc<SceneTexture>>, SourceReport) {
         let sources = embedded(files);
         let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
-        let mut store = TextureStore::new(max_pixels, Pictures::in_memory());
+        let mut store = TextureLoader::new(max_pixels, TextureStore::in_memory());
         let number = store.load(&sources[0], name, &mut report);
         (number.map(|number| store.pictures.get(number).unwrap()), report)
     }

@@ -19,7 +19,7 @@ use crate::{
     scene::{
         SceneTriangle,
         grid::{BLOCK_LEAVES, CityGrid},
-        scratch_scene::{City, RECORD_BYTES, from_record, to_record},
+        scratch_scene::{RECORD_BYTES, ScratchScene, from_record, to_record},
     },
 };
 
@@ -27,7 +27,7 @@ const _: () = assert!(BLOCK_LEAVES <= 8, "a block's leaves are kept as the bits 
 
 /// One block: at most `BLOCK_LEAVES` x `BLOCK_LEAVES` leaves, aligned to multiples of that.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Block {
+pub(crate) struct LeafBlock {
     /// Column of blocks.
     pub(crate) x: u32,
     /// Row of blocks.
@@ -44,7 +44,7 @@ pub(crate) struct Block {
 #[derive(Debug)]
 pub(crate) struct Partition {
     /// In order of (y, x).
-    pub(crate) blocks: Vec<Block>,
+    pub(crate) blocks: Vec<LeafBlock>,
     depth: u8,
     folder: PathBuf,
 }
@@ -53,7 +53,7 @@ impl Partition {
     /// Sorts the city's triangles into files of `folder`, which is made; `advance` is told of every triangle. `margin_m`
     /// is how far around a block a triangle still counts for it, because it may shade it (design 5).
     pub(crate) fn new(
-        city: &City,
+        city: &ScratchScene,
         grid: &CityGrid,
         margin_m: f64,
         (folder, buffer_bytes): (&Path, usize),
@@ -62,7 +62,7 @@ impl Partition {
         /// After how many triangles progress is told.
         const STEP: u64 = 1 << 14;
         fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "made", cause))?;
-        let mut buckets = Buckets { grid, margin_m, folder, by_block: BTreeMap::new(), buffered: 0 };
+        let mut buckets = BucketWriter { grid, margin_m, folder, by_block: BTreeMap::new(), buffered: 0 };
         let mut count = 0;
         city.each(|triangle| {
             count += 1;
@@ -81,14 +81,14 @@ impl Partition {
                 fs::remove_file(&path).map_err(|cause| BakeError::io(&path, "removed", cause))?;
                 continue;
             }
-            let Bucket { leaves, triangles, surface_m2, .. } = bucket;
-            blocks.push(Block { x, y, leaves, triangles, surface_m2 });
+            let BlockBucket { leaves, triangles, surface_m2, .. } = bucket;
+            blocks.push(LeafBlock { x, y, leaves, triangles, surface_m2 });
         }
         Ok(Self { blocks, depth: grid.depth, folder: folder.to_owned() })
     }
 
     /// The triangles that touch the block and its margin, in the city's order.
-    pub(crate) fn triangles(&self, block: &Block) -> Result<Vec<SceneTriangle>, BakeError> {
+    pub(crate) fn triangles(&self, block: &LeafBlock) -> Result<Vec<SceneTriangle>, BakeError> {
         let path = path(&self.folder, block.x, block.y);
         let bytes = fs::read(&path).map_err(|cause| BakeError::io(&path, "read", cause))?;
         let (records, rest) = bytes.as_chunks::<RECORD_BYTES>();
@@ -99,7 +99,7 @@ impl Partition {
     }
 
     /// The block's leaves that may hold something, row by row.
-    pub(crate) fn leaves(&self, block: &Block) -> Vec<TileId> {
+    pub(crate) fn leaves(&self, block: &LeafBlock) -> Vec<TileId> {
         (0..BLOCK_LEAVES * BLOCK_LEAVES)
             .filter(|bit| block.leaves >> bit & 1 == 1)
             .filter_map(|bit| {
@@ -116,7 +116,7 @@ fn path(folder: &Path, x: u32, y: u32) -> PathBuf {
 
 /// A block being filled.
 #[derive(Debug, Default)]
-struct Bucket {
+struct BlockBucket {
     leaves: u64,
     triangles: u64,
     surface_m2: f64,
@@ -124,17 +124,17 @@ struct Bucket {
     buffer: Vec<u8>,
 }
 
-struct Buckets<'a> {
+struct BucketWriter<'a> {
     grid: &'a CityGrid,
     margin_m: f64,
     folder: &'a Path,
     /// By (y, x).
-    by_block: BTreeMap<(u32, u32), Bucket>,
+    by_block: BTreeMap<(u32, u32), BlockBucket>,
     /// Bytes in all buffers.
     buffered: usize,
 }
 
-impl Buckets<'_> {
+impl BucketWriter<'_> {
     fn add(&mut self, triangle: &SceneTriangle) {
         let p = corners_in(triangle, self.grid);
         let side = self.grid.node_side_m(self.grid.depth);
@@ -227,7 +227,7 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 mod tests {
     use crate::scene::partition::*;
     use crate::{
-        scene::{Material, SceneObject, ObjectKind, Scene},
+        scene::{Material, ObjectKind, Scene, SceneObject},
         write::scratch::tests::Folder,
     };
 
@@ -245,7 +245,7 @@ mod tests {
         };
         let folder = Folder::new(&format!("partition-{name}"));
         let place = folder.path.join("buckets");
-        let city = City::from_scene(scene).unwrap();
+        let city = ScratchScene::from_scene(scene).unwrap();
         (Partition::new(&city, &grid(5), margin_m, (&place, buffer_bytes), |_| {}).unwrap(), folder)
     }
 
@@ -311,7 +311,7 @@ mod tests {
             for (u, v) in [(0.2, 0.3), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.1, 0.8)] {
                 let [a, b, c] = triangle.corners;
                 let [x, y] = [0, 1].map(|k| ((a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])) / 64.0) as u32);
-                let of = |block: &Block| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES);
+                let of = |block: &LeafBlock| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES);
                 let i = partition.blocks.iter().position(of).unwrap();
                 assert!(partition.leaves(&partition.blocks[i]).contains(&id(x, y)));
                 assert!(held[i].contains(triangle));

@@ -1,6 +1,6 @@
 //! A city between reading and partition: what is small in memory, its triangles and pictures in scratch files.
 //!
-//! In: triangles and pictures as `read` finds them. Out: [`City`], which hands them out again, triangles in their order.
+//! In: triangles and pictures as `read` finds them. Out: [`ScratchScene`], which hands them out again, triangles in their order.
 //! Next: `partition`.
 //!
 //! A city that was read for its own sake ([`crate::read::read`]) or handed over as a [`Scene`] keeps both in memory.
@@ -16,7 +16,7 @@ use lru::LruCache;
 
 use crate::{
     error::BakeError,
-    scene::{Material, SceneObject, ObjectKind, Scene, SceneTexture, SceneTriangle},
+    scene::{Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle},
 };
 
 /// Bytes of a triangle in a file: corners, texture coordinates, material, object; 4 bytes each, little-endian.
@@ -49,14 +49,14 @@ pub(crate) fn from_record(record: &[u8; RECORD_BYTES]) -> SceneTriangle {
 
 /// Triangles in the order in which they came.
 #[derive(Debug)]
-pub(crate) enum Triangles {
+pub(crate) enum TriangleStore {
     /// All of them at hand.
     Memory(Vec<SceneTriangle>),
     /// In a scratch file.
     File(TriangleFile),
 }
 
-/// A file of triangles. The first fault is kept until [`Triangles::finish`]: readers go on without looking.
+/// A file of triangles. The first fault is kept until [`TriangleStore::finish`]: readers go on without looking.
 #[derive(Debug)]
 pub(crate) struct TriangleFile {
     path: PathBuf,
@@ -64,7 +64,7 @@ pub(crate) struct TriangleFile {
     failed: Option<io::Error>,
 }
 
-impl Triangles {
+impl TriangleStore {
     /// To be written to `path`.
     pub(crate) fn in_file(path: PathBuf) -> Result<Self, BakeError> {
         let file = File::create(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
@@ -121,7 +121,7 @@ pub(crate) fn short(hash: &blake3::Hash) -> ShortHash {
 
 /// What is known of a picture without its texels.
 #[derive(Debug, Clone, Copy)]
-struct PictureFacts {
+struct TextureFacts {
     width: u32,
     height: u32,
     hash: ShortHash,
@@ -129,36 +129,36 @@ struct PictureFacts {
 
 /// The city's pictures, by number. Those in files are loaded when asked for, and kept as far as a number of bytes allows.
 #[derive(Debug)]
-pub(crate) struct Pictures {
-    facts: Vec<PictureFacts>,
-    kept: Kept,
+pub(crate) struct TextureStore {
+    facts: Vec<TextureFacts>,
+    kept: TextureStorage,
     failed: Option<BakeError>,
 }
 
 #[derive(Debug)]
-enum Kept {
+enum TextureStorage {
     Memory(Vec<Arc<SceneTexture>>),
-    Folder { path: PathBuf, cache: Mutex<Cache> },
+    Folder { path: PathBuf, cache: Mutex<TextureCache> },
 }
 
 /// Loaded pictures, the one used longest ago first to go. What a block in work holds stays alive beside it.
 #[derive(Debug)]
-struct Cache {
+struct TextureCache {
     loaded: LruCache<u32, Arc<SceneTexture>>,
     bytes: usize,
     limit: usize,
 }
 
-impl Pictures {
+impl TextureStore {
     /// In memory.
     pub(crate) fn in_memory() -> Self {
-        Self { facts: Vec::new(), kept: Kept::Memory(Vec::new()), failed: None }
+        Self { facts: Vec::new(), kept: TextureStorage::Memory(Vec::new()), failed: None }
     }
 
     /// In files of the folder `path`, which is there; at most `limit` bytes of them are kept loaded.
     pub(crate) fn in_folder(path: PathBuf, limit: usize) -> Self {
-        let cache = Mutex::new(Cache { loaded: LruCache::unbounded(), bytes: 0, limit });
-        Self { facts: Vec::new(), kept: Kept::Folder { path, cache }, failed: None }
+        let cache = Mutex::new(TextureCache { loaded: LruCache::unbounded(), bytes: 0, limit });
+        Self { facts: Vec::new(), kept: TextureStorage::Folder { path, cache }, failed: None }
     }
 
     /// Keeps a picture and gives it its number.
@@ -167,10 +167,10 @@ impl Pictures {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&texture.width.to_le_bytes()).update(&texture.height.to_le_bytes());
         let hash = short(&hasher.update(texture.rgb.as_flattened()).finalize());
-        self.facts.push(PictureFacts { width: texture.width, height: texture.height, hash });
+        self.facts.push(TextureFacts { width: texture.width, height: texture.height, hash });
         match &mut self.kept {
-            Kept::Memory(all) => all.push(texture),
-            Kept::Folder { path, .. } => {
+            TextureStorage::Memory(all) => all.push(texture),
+            TextureStorage::Folder { path, .. } => {
                 let path = picture_path(path, number);
                 if let Err(cause) = fs::write(&path, texture.rgb.as_flattened()) {
                     self.failed.get_or_insert(BakeError::io(&path, "written", cause));
@@ -193,8 +193,8 @@ impl Pictures {
     /// The picture itself.
     pub(crate) fn get(&self, number: u32) -> Result<Arc<SceneTexture>, BakeError> {
         match &self.kept {
-            Kept::Memory(all) => Ok(Arc::clone(&all[number as usize])),
-            Kept::Folder { path, cache } => {
+            TextureStorage::Memory(all) => Ok(Arc::clone(&all[number as usize])),
+            TextureStorage::Folder { path, cache } => {
                 // Loaded under the lock: two blocks that want the same picture load it once.
                 let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some(texture) = cache.loaded.get(&number) {
@@ -208,7 +208,7 @@ impl Pictures {
     }
 }
 
-impl Cache {
+impl TextureCache {
     fn add(&mut self, number: u32, texture: &Arc<SceneTexture>) {
         self.bytes += texture.rgb.as_flattened().len();
         self.loaded.put(number, Arc::clone(texture));
@@ -224,7 +224,7 @@ fn picture_path(folder: &Path, number: u32) -> PathBuf {
     folder.join(format!("{number}.rgb"))
 }
 
-fn load(path: &Path, facts: PictureFacts) -> Result<SceneTexture, BakeError> {
+fn load(path: &Path, facts: TextureFacts) -> Result<SceneTexture, BakeError> {
     let bytes = fs::read(path).map_err(|cause| BakeError::io(path, "read", cause))?;
     let (texels, rest) = bytes.as_chunks::<3>();
     if !rest.is_empty() || texels.len() as u64 != u64::from(facts.width) * u64::from(facts.height) {
@@ -235,7 +235,7 @@ fn load(path: &Path, facts: PictureFacts) -> Result<SceneTexture, BakeError> {
 
 /// How triangles are coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct Paint {
+pub(crate) struct StoredMaterial {
     /// 8-bit sRGB.
     pub(crate) rgb: [u8; 3],
     /// Number of a picture.
@@ -244,7 +244,7 @@ pub(crate) struct Paint {
 
 /// What is known of an object without its triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ObjectFacts {
+pub(crate) struct StoredObject {
     pub(crate) kind: ObjectKind,
     /// As in [`SceneObject`].
     pub(crate) base_z_m: f32,
@@ -252,7 +252,7 @@ pub(crate) struct ObjectFacts {
 
 /// Where an object's triangles belong, which were kept relative to a point of their own.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Placing {
+pub(crate) struct ObjectPlacement {
     /// From the city's origin to that point.
     pub(crate) offset_m: [f64; 3],
     /// The object's number in the city; `None` for one that is left out.
@@ -261,31 +261,31 @@ pub(crate) struct Placing {
 
 /// A city that was read.
 #[derive(Debug)]
-pub(crate) struct City {
+pub(crate) struct ScratchScene {
     /// As in [`Scene`].
     pub(crate) origin: [f64; 3],
     /// As in [`Scene`].
     pub(crate) crs: Option<String>,
     /// Of all corners, relative to the origin; `None` without triangles.
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
-    pub(crate) objects: Vec<ObjectFacts>,
-    pub(crate) paints: Vec<Paint>,
-    pub(crate) pictures: Pictures,
+    pub(crate) objects: Vec<StoredObject>,
+    pub(crate) paints: Vec<StoredMaterial>,
+    pub(crate) pictures: TextureStore,
     /// How many.
     pub(crate) triangles: u64,
     /// Their objects' names; only where the city is in memory.
     pub(crate) names: Vec<String>,
     /// By the object number that the stored triangles have; empty if they are placed.
-    pub(crate) placings: Vec<Placing>,
-    pub(crate) stored: Triangles,
+    pub(crate) placings: Vec<ObjectPlacement>,
+    pub(crate) stored: TriangleStore,
 }
 
-impl City {
+impl ScratchScene {
     /// Every triangle in its order: corners relative to the origin, material an index into `paints`.
     pub(crate) fn each(&self, mut then: impl FnMut(&SceneTriangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
         self.stored.each(|mut triangle| {
             if !self.placings.is_empty() {
-                let Placing { offset_m, object } = self.placings[triangle.object as usize];
+                let ObjectPlacement { offset_m, object } = self.placings[triangle.object as usize];
                 let Some(object) = object else { return Ok(()) };
                 triangle.object = object;
                 for corner in &mut triangle.corners {
@@ -300,8 +300,8 @@ impl City {
     pub(crate) fn forget_triangles(&mut self) {
         self.placings = Vec::new();
         self.names = Vec::new();
-        if let Triangles::File(TriangleFile { path, .. }) =
-            std::mem::replace(&mut self.stored, Triangles::Memory(Vec::new()))
+        if let TriangleStore::File(TriangleFile { path, .. }) =
+            std::mem::replace(&mut self.stored, TriangleStore::Memory(Vec::new()))
         {
             // Left behind it takes room, no more; the scratch folder goes at the end.
             let _ = fs::remove_file(path);
@@ -316,8 +316,9 @@ impl City {
             Ok(())
         })?;
         let objects = self.objects.iter().zip(&self.names);
-        let objects = objects.map(|(facts, id)| SceneObject { id: id.clone(), kind: facts.kind, base_z_m: facts.base_z_m });
-        let material = |paint: &Paint| {
+        let objects =
+            objects.map(|(facts, id)| SceneObject { id: id.clone(), kind: facts.kind, base_z_m: facts.base_z_m });
+        let material = |paint: &StoredMaterial| {
             let texture = paint.picture.map(|number| self.pictures.get(number)).transpose()?;
             Ok(Material { rgb: paint.rgb, texture })
         };
@@ -328,7 +329,7 @@ impl City {
     /// A scene that came from elsewhere: checked for what readers promise.
     pub(crate) fn from_scene(scene: Scene) -> Result<Self, BakeError> {
         let bounds = bounds(&scene)?;
-        let mut pictures = Pictures::in_memory();
+        let mut pictures = TextureStore::in_memory();
         let mut known: Vec<Arc<SceneTexture>> = Vec::new();
         let mut number = |texture: Arc<SceneTexture>| {
             let place = known.iter().position(|other| Arc::ptr_eq(other, &texture));
@@ -341,8 +342,8 @@ impl City {
             )
         };
         let paints = scene.materials.into_iter();
-        let paints = paints.map(|m| Paint { rgb: m.rgb, picture: m.texture.map(&mut number) }).collect();
-        let objects = scene.objects.iter().map(|o| ObjectFacts { kind: o.kind, base_z_m: o.base_z_m });
+        let paints = paints.map(|m| StoredMaterial { rgb: m.rgb, picture: m.texture.map(&mut number) }).collect();
+        let objects = scene.objects.iter().map(|o| StoredObject { kind: o.kind, base_z_m: o.base_z_m });
         Ok(Self {
             origin: scene.origin,
             crs: scene.crs,
@@ -353,7 +354,7 @@ impl City {
             triangles: scene.triangles.len() as u64,
             names: Vec::new(),
             placings: Vec::new(),
-            stored: Triangles::Memory(scene.triangles),
+            stored: TriangleStore::Memory(scene.triangles),
         })
     }
 }
@@ -391,7 +392,7 @@ mod tests {
     #[test]
     fn triangles_come_back_from_a_file_in_order() {
         let folder = Folder::new("spool");
-        let mut stored = Triangles::in_file(folder.path.join("triangles")).unwrap();
+        let mut stored = TriangleStore::in_file(folder.path.join("triangles")).unwrap();
         let all: Vec<SceneTriangle> = (0..10_000).map(triangle).collect();
         all.iter().for_each(|triangle| stored.push(*triangle));
         stored.finish().unwrap();
@@ -412,14 +413,14 @@ mod tests {
     #[test]
     fn pictures_are_loaded_when_asked_for_and_kept_as_far_as_allowed() {
         let folder = Folder::new("pictures");
-        let mut pictures = Pictures::in_folder(folder.path.clone(), 100);
+        let mut pictures = TextureStore::in_folder(folder.path.clone(), 100);
         for i in 0..4u8 {
             pictures.add(Arc::new(SceneTexture { width: 5, height: 2, rgb: vec![[i; 3]; 10] }));
         }
         pictures.finish().unwrap();
         for i in [0u8, 1, 2, 0, 3, 1] {
             assert_eq!(pictures.get(i.into()).unwrap().rgb, [[i; 3]; 10]);
-            let Kept::Folder { cache, .. } = &pictures.kept else { panic!("not in a folder") };
+            let TextureStorage::Folder { cache, .. } = &pictures.kept else { panic!("not in a folder") };
             assert!(cache.lock().unwrap().bytes <= 100);
         }
         assert_ne!(pictures.hash(0), pictures.hash(1));
@@ -435,15 +436,15 @@ mod tests {
             materials: vec![Material { rgb: [9, 8, 7], texture: None }],
             ..Scene::default()
         };
-        let bounds = City::from_scene(scene()).unwrap().bounds.unwrap();
+        let bounds = ScratchScene::from_scene(scene()).unwrap().bounds.unwrap();
         assert_eq!(bounds, [[0.0, -3.0, -1.0], [5.0, 0.5, 1.0]]);
-        assert_eq!(City::from_scene(Scene::default()).unwrap().bounds, None);
+        assert_eq!(ScratchScene::from_scene(Scene::default()).unwrap().bounds, None);
         let wrong: [fn(&mut SceneTriangle); 4] =
             [|t| t.material = 1, |t| t.object = 1, |t| t.corners[1][2] = f32::NAN, |t| t.uv[2][0] = f32::INFINITY];
         for spoil in wrong {
             let mut scene = scene();
             spoil(&mut scene.triangles[0]);
-            assert!(matches!(City::from_scene(scene), Err(BakeError::Scene { triangle: 0, .. })));
+            assert!(matches!(ScratchScene::from_scene(scene), Err(BakeError::Scene { triangle: 0, .. })));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The final files.
 //!
 //! In: the tree of stored tiles, and what is known of the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are any, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder. Next: `Scratch::publish` renames them into place.
+//! `meshes.pmtiles` if there are any, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder. Next: `ScratchFolder::publish` renames them into place.
 
 use std::{
     collections::HashMap,
@@ -20,17 +20,17 @@ use super::{
     fingerprints::Fingerprints,
     mesh_pack,
     pack::PackReader,
-    tree::{self, Tree},
+    tree::{self, TileTree},
     write_whole,
 };
 use crate::{
-    config::{Config, short_hex},
+    config::{BakeConfig, short_hex},
     error::BakeError,
     read::ReadReport,
     scene::{
         ObjectKind,
         grid::CityGrid,
-        scratch_scene::{City, ShortHash},
+        scratch_scene::{ScratchScene, ShortHash},
     },
 };
 
@@ -48,7 +48,7 @@ pub(crate) struct SceneFacts {
 
 impl SceneFacts {
     /// Of a city with at least one triangle, whose bounds in its own coordinates are `min` and `max`.
-    pub(crate) fn new(city: &City, min: [f64; 3], max: [f64; 3]) -> Self {
+    pub(crate) fn new(city: &ScratchScene, min: [f64; 3], max: [f64; 3]) -> Self {
         let terrain_z = lowest_terrain(city);
         let world = |p: [f64; 3]| std::array::from_fn(|axis| p[axis] + city.origin[axis]);
         let ground = terrain_z.or_else(|| median_base(city)).map_or(min[2], f64::from);
@@ -64,12 +64,12 @@ impl SceneFacts {
     }
 }
 
-fn lowest_terrain(city: &City) -> Option<f32> {
+fn lowest_terrain(city: &ScratchScene) -> Option<f32> {
     let terrain = city.objects.iter().filter(|object| object.kind == ObjectKind::Terrain);
     terrain.map(|object| object.base_z_m).reduce(f32::min)
 }
 
-fn median_base(city: &City) -> Option<f32> {
+fn median_base(city: &ScratchScene) -> Option<f32> {
     let mut bases: Vec<f32> = city.objects.iter().map(|object| object.base_z_m).filter(|z| z.is_finite()).collect();
     let middle = bases.len() / 2;
     (!bases.is_empty()).then(|| *bases.select_nth_unstable_by(middle, f32::total_cmp).1)
@@ -77,11 +77,11 @@ fn median_base(city: &City) -> Option<f32> {
 
 /// What the final files are made of.
 pub(crate) struct CityInput<'a> {
-    pub(crate) config: &'a Config,
+    pub(crate) config: &'a BakeConfig,
     pub(crate) grid: &'a CityGrid,
     pub(crate) facts: &'a SceneFacts,
     pub(crate) read: &'a ReadReport,
-    pub(crate) tree: &'a Tree,
+    pub(crate) tree: &'a TileTree,
     /// The folder of the packs.
     pub(crate) packs: &'a Path,
     /// (x, y) of each block of leaves and its hash.
@@ -90,14 +90,14 @@ pub(crate) struct CityInput<'a> {
 
 /// A written city.
 #[derive(Debug)]
-pub(crate) struct Written {
+pub(crate) struct WrittenCity {
     pub(crate) manifest: Manifest,
     /// Bytes of all files.
     pub(crate) bytes: u64,
 }
 
 /// Writes the files into `folder`, which must not exist. `advance` is told of every tile.
-pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<Written, BakeError> {
+pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<WrittenCity, BakeError> {
     fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "made", cause))?;
     let (blockmaps, subtrees) = (folder.join("blockmaps.pmtiles"), folder.join("subtrees.pmtiles"));
     let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
@@ -123,7 +123,7 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
     write_whole(&path, &json)?;
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
-    Ok(Written { manifest, bytes })
+    Ok(WrittenCity { manifest, bytes })
 }
 
 /// All levels of detail, each at its own place.
@@ -157,7 +157,7 @@ fn version(manifest: &Manifest, archives: &[PathBuf]) -> Result<String, BakeErro
 fn manifest(input: &CityInput<'_>) -> Manifest {
     let CityInput { config, grid, facts, read, tree, .. } = input;
     let of_sources = || read.sources.iter().flat_map(|source| &source.titles).next().cloned();
-    let per_level = |f: fn(&[super::pack::Stored]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
+    let per_level = |f: fn(&[super::pack::StoredTile]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
     Manifest {
         format_version: FORMAT_VERSION,
         name: config.name.clone(),
@@ -227,7 +227,7 @@ fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Material, SceneObject, Scene, SceneTriangle};
+    use crate::scene::{Material, Scene, SceneObject, SceneTriangle};
 
     fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
         let materials = vec![Material { rgb: [0; 3], texture: None }];
@@ -244,7 +244,7 @@ mod tests {
     fn ground_is_the_lowest_terrain_or_the_median_base() {
         use ObjectKind::{Building, Terrain};
         let facts = |objects: &[_]| {
-            SceneFacts::new(&City::from_scene(scene(objects)).unwrap(), [0.0, 0.0, -9.0], [1.0, 1.0, 9.0])
+            SceneFacts::new(&ScratchScene::from_scene(scene(objects)).unwrap(), [0.0, 0.0, -9.0], [1.0, 1.0, 9.0])
         };
         let mixed = facts(&[(Building, -9.0), (Terrain, 2.0), (Terrain, 1.0)]);
         assert_eq!((mixed.ground_z_m, mixed.has_terrain), (51.0, true));

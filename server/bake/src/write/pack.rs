@@ -41,7 +41,7 @@ impl PackId {
 
 /// An encoded tile.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Tile {
+pub(crate) struct EncodedTile {
     pub(crate) id: TileId,
     /// Lowest point of it and its descendants, metres above the city's origin.
     pub(crate) z_min_m: f32,
@@ -52,7 +52,7 @@ pub(crate) struct Tile {
 
 /// A tile that lies in its pack.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Stored {
+pub(crate) struct StoredTile {
     pub(crate) id: TileId,
     pub(crate) z_min_m: f32,
     pub(crate) z_max_m: f32,
@@ -63,7 +63,7 @@ pub(crate) struct Stored {
 }
 
 /// Writes the pack under a temporary name, then renames it.
-pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[Tile]) -> Result<Vec<Stored>, BakeError> {
+pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[EncodedTile]) -> Result<Vec<StoredTile>, BakeError> {
     let (mut bytes, mut stored) = (Vec::new(), Vec::with_capacity(tiles.len()));
     bytes.extend_from_slice(&MAGIC);
     bytes.extend_from_slice(&(tiles.len() as u32).to_le_bytes());
@@ -73,7 +73,7 @@ pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[Tile]) -> Result<Vec<S
         for word in [tile.id.x(), tile.id.y(), z_min_m.to_bits(), z_max_m.to_bits(), len] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        stored.push(Stored { id: tile.id, z_min_m, z_max_m, offset, bytes: len, unchanged: false });
+        stored.push(StoredTile { id: tile.id, z_min_m, z_max_m, offset, bytes: len, unchanged: false });
         offset += u64::from(len);
     }
     for tile in tiles {
@@ -102,7 +102,7 @@ pub(super) fn whole(path: &Path, magic: [u8; 4]) -> Option<Vec<u8>> {
 }
 
 /// What a pack from an earlier, interrupted run holds; `None` if there is none or it is not whole.
-pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<Stored>> {
+pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredTile>> {
     let bytes = whole(&pack.path(folder), MAGIC)?;
     let body = bytes.len();
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
@@ -114,7 +114,7 @@ pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<Stored>> {
         let id = TileId::new(pack.level, word(at)?, word(at + 4)?)?;
         let (z_min_m, z_max_m) = (f32::from_bits(word(at + 8)?), f32::from_bits(word(at + 12)?));
         let bytes = word(at + 16)?;
-        stored.push(Stored { id, z_min_m, z_max_m, offset, bytes, unchanged: false });
+        stored.push(StoredTile { id, z_min_m, z_max_m, offset, bytes, unchanged: false });
         offset += u64::from(bytes);
     }
     (offset == body as u64).then_some(stored)
@@ -132,7 +132,7 @@ impl<'a> PackReader<'a> {
     }
 
     /// The tile's bytes.
-    pub(crate) fn read(&mut self, stored: &Stored) -> Result<Vec<u8>, BakeError> {
+    pub(crate) fn read(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
         let pack = PackId::of(stored.id);
         let path = pack.path(self.folder);
         let failed = |cause| BakeError::io(&path, "read", cause);
@@ -152,8 +152,8 @@ mod tests {
     use super::*;
     use crate::write::scratch::tests::Folder;
 
-    fn tile([x, y]: [u32; 2], byte: u8, len: usize) -> Tile {
-        Tile { id: TileId::new(4, x, y).unwrap(), z_min_m: -1.5, z_max_m: x as f32, bytes: vec![byte; len] }
+    fn tile([x, y]: [u32; 2], byte: u8, len: usize) -> EncodedTile {
+        EncodedTile { id: TileId::new(4, x, y).unwrap(), z_min_m: -1.5, z_max_m: x as f32, bytes: vec![byte; len] }
     }
 
     #[test]

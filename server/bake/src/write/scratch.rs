@@ -26,7 +26,7 @@ use crate::error::BakeError;
 
 /// What packs are made from: they are used again only if it is the same.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Origin {
+pub(crate) struct InputHashes {
     /// Hash of the settings.
     pub(crate) settings: String,
     /// Hash of the scene.
@@ -49,7 +49,7 @@ pub enum ResumeStatus {
 
 /// `CITY.partial`, locked.
 #[derive(Debug)]
-pub(crate) struct Scratch {
+pub(crate) struct ScratchFolder {
     root: PathBuf,
     out: PathBuf,
     lock: Option<fs::File>,
@@ -63,7 +63,7 @@ fn partial(out: &Path) -> PathBuf {
     out.with_file_name(name)
 }
 
-impl Scratch {
+impl ScratchFolder {
     /// Looks at the output, makes the scratch folder and takes its lock. Nothing that is there is touched yet.
     pub(crate) fn lock(out: &Path) -> Result<Self, BakeError> {
         let root = partial(out);
@@ -85,10 +85,10 @@ impl Scratch {
     }
 
     /// Keeps the packs of an interrupted bake if that is wished and right, removes them otherwise.
-    pub(crate) fn prepare(&mut self, origin: &Origin, resume: bool) -> Result<ResumeStatus, BakeError> {
+    pub(crate) fn prepare(&mut self, origin: &InputHashes, resume: bool) -> Result<ResumeStatus, BakeError> {
         self.prepared = true;
         let state = self.root.join("state.json");
-        let found: Option<Origin> = fs::read(&state).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        let found: Option<InputHashes> = fs::read(&state).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
         let start = match found {
             Some(found) if resume && found == *origin => ResumeStatus::Resumed,
             Some(_) if resume => ResumeStatus::Mismatch,
@@ -149,7 +149,7 @@ impl Scratch {
     }
 }
 
-impl Drop for Scratch {
+impl Drop for ScratchFolder {
     /// A bake that failed before it wrote anything leaves nothing behind.
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(self.root.join("spool"));
@@ -214,12 +214,12 @@ pub(crate) mod tests {
         }
     }
 
-    fn origin(scene: &str) -> Origin {
-        Origin { settings: "s".into(), scene: scene.into() }
+    fn origin(scene: &str) -> InputHashes {
+        InputHashes { settings: "s".into(), scene: scene.into() }
     }
 
     fn start(out: &Path, scene: &str, resume: bool) -> ResumeStatus {
-        let mut scratch = Scratch::lock(out).unwrap();
+        let mut scratch = ScratchFolder::lock(out).unwrap();
         let start = scratch.prepare(&origin(scene), resume).unwrap();
         fs::write(scratch.packs().join("1-0-0.pack"), scene).unwrap();
         start
@@ -232,7 +232,7 @@ pub(crate) mod tests {
         let packs = folder.path.join("city.partial/packs");
         assert_eq!(start(&out, "a", true), ResumeStatus::Fresh);
         assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
-        let mut scratch = Scratch::lock(&out).unwrap();
+        let mut scratch = ScratchFolder::lock(&out).unwrap();
         assert_eq!(scratch.prepare(&origin("b"), true).unwrap(), ResumeStatus::Mismatch);
         assert_eq!(fs::read_dir(&packs).unwrap().count(), 0);
         drop(scratch);
@@ -245,11 +245,11 @@ pub(crate) mod tests {
     fn two_bakes_of_one_city_do_not_meet() {
         let folder = Folder::new("busy");
         let out = folder.path.join("city");
-        let first = Scratch::lock(&out).unwrap();
-        assert!(matches!(Scratch::lock(&out), Err(BakeError::Busy { .. })));
+        let first = ScratchFolder::lock(&out).unwrap();
+        assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Busy { .. })));
         drop(first);
         assert!(!folder.path.join("city.partial").exists());
-        assert!(Scratch::lock(&out).is_ok());
+        assert!(ScratchFolder::lock(&out).is_ok());
     }
 
     #[test]
@@ -257,14 +257,14 @@ pub(crate) mod tests {
         let folder = Folder::new("foreign");
         let out = folder.path.join("city");
         fs::write(&out, "a file").unwrap();
-        assert!(matches!(Scratch::lock(&out), Err(BakeError::Out { .. })));
+        assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Out { .. })));
         fs::remove_file(&out).unwrap();
         fs::create_dir(&out).unwrap();
-        assert!(Scratch::lock(&out).is_ok());
+        assert!(ScratchFolder::lock(&out).is_ok());
         fs::write(out.join("letters.txt"), "dear").unwrap();
-        assert!(matches!(Scratch::lock(&out), Err(BakeError::Out { .. })));
+        assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Out { .. })));
         fs::write(out.join("city.json"), "{}").unwrap();
-        assert!(Scratch::lock(&out).is_ok());
+        assert!(ScratchFolder::lock(&out).is_ok());
     }
 
     #[test]
@@ -274,7 +274,7 @@ pub(crate) mod tests {
         let replaced = folder.path.join("city.partial/replaced");
         fs::create_dir_all(&replaced).unwrap();
         fs::write(replaced.join("city.json"), "old").unwrap();
-        let mut scratch = Scratch::lock(&out).unwrap();
+        let mut scratch = ScratchFolder::lock(&out).unwrap();
         assert_eq!(fs::read_to_string(out.join("city.json")).unwrap(), "old");
         scratch.prepare(&origin("a"), false).unwrap();
         fs::create_dir(scratch.city()).unwrap();

@@ -1,6 +1,6 @@
 //! Every node's bounds and errors, and the subtree tiles that tell clients of them.
 //!
-//! In: where the tiles of each level lie. Out: [`Tree`], [`NodeInfo`]s and subtree tiles. Next: `archive`.
+//! In: where the tiles of each level lie. Out: [`TileTree`], [`NodeInfo`]s and subtree tiles. Next: `archive`.
 //!
 //! Spheres and errors nest (design 4): a node's sphere holds its children's, its error is no less than theirs.
 
@@ -11,7 +11,7 @@ use insula_protocol::{
     subtree::{LEVELS, NodeInfo, NodeMesh},
 };
 
-use super::{mesh_pack::StoredMesh, pack::Stored};
+use super::{mesh_pack::StoredMesh, pack::StoredTile};
 use crate::{error::BakeError, scene::grid::CityGrid};
 
 /// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
@@ -21,20 +21,20 @@ const MIN_NORMAL_Z: f32 = 0.1;
 
 /// Where all tiles lie, root first; each level in the order of its ids.
 #[derive(Debug, Default)]
-pub(crate) struct Tree {
-    levels: Vec<Vec<Stored>>,
+pub(crate) struct TileTree {
+    levels: Vec<Vec<StoredTile>>,
     /// By leaf and level of detail.
     meshes: Vec<StoredMesh>,
 }
 
-impl Tree {
+impl TileTree {
     /// For levels `0..=depth`.
     pub(crate) fn new(depth: u8) -> Self {
         Self { levels: vec![Vec::new(); usize::from(depth) + 1], meshes: Vec::new() }
     }
 
     /// Sets a level's tiles.
-    pub(crate) fn set(&mut self, level: u8, mut tiles: Vec<Stored>) {
+    pub(crate) fn set(&mut self, level: u8, mut tiles: Vec<StoredTile>) {
         tiles.sort_unstable_by_key(|tile| tile.id);
         self.levels[usize::from(level)] = tiles;
     }
@@ -58,17 +58,17 @@ impl Tree {
     }
 
     /// A level's tiles.
-    pub(crate) fn level(&self, level: u8) -> &[Stored] {
+    pub(crate) fn level(&self, level: u8) -> &[StoredTile] {
         self.levels.get(usize::from(level)).map_or(&[], Vec::as_slice)
     }
 
     /// Root first.
-    pub(crate) fn levels(&self) -> &[Vec<Stored>] {
+    pub(crate) fn levels(&self) -> &[Vec<StoredTile>] {
         &self.levels
     }
 
     /// The tile of a node, if it exists.
-    pub(crate) fn get(&self, id: TileId) -> Option<&Stored> {
+    pub(crate) fn get(&self, id: TileId) -> Option<&StoredTile> {
         find(self.level(id.level()), id, |tile| tile.id)
     }
 
@@ -113,7 +113,7 @@ pub(crate) fn outward([low, high]: [f64; 2]) -> [f32; 2] {
 }
 
 /// Every node's description, per level as in `tree`.
-pub(crate) fn describe(tree: &Tree, grid: &CityGrid) -> Vec<Vec<NodeInfo>> {
+pub(crate) fn describe(tree: &TileTree, grid: &CityGrid) -> Vec<Vec<NodeInfo>> {
     let mut described: Vec<Vec<NodeInfo>> = vec![Vec::new(); tree.levels().len()];
     for level in (0..tree.levels().len()).rev() {
         let below: &[NodeInfo] = described.get(level + 1).map_or(&[], Vec::as_slice);
@@ -123,7 +123,7 @@ pub(crate) fn describe(tree: &Tree, grid: &CityGrid) -> Vec<Vec<NodeInfo>> {
     described
 }
 
-fn describe_node(grid: &CityGrid, tile: &Stored, below: &[NodeInfo]) -> NodeInfo {
+fn describe_node(grid: &CityGrid, tile: &StoredTile, below: &[NodeInfo]) -> NodeInfo {
     let side = grid.node_side_m(tile.id.level());
     let half_height = (f64::from(tile.z_max_m) - f64::from(tile.z_min_m)) / 2.0;
     let mut node = NodeInfo {
@@ -157,7 +157,7 @@ fn centre_m(grid: &CityGrid, node: &NodeInfo) -> [f64; 3] {
 }
 
 /// The subtree tile rooted at `root`, of `nodes` as [`describe`] gives them.
-pub(crate) fn subtree_tile(tree: &Tree, nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
+pub(crate) fn subtree_tile(tree: &TileTree, nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
     let mut found: Vec<NodeInfo> = Vec::new();
     let mut row = vec![root];
     for level in usize::from(root.level())..nodes.len().min(usize::from(root.level() + LEVELS) + 1) {

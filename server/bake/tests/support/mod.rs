@@ -12,9 +12,9 @@ use std::{
 };
 
 use insula_bake::{
-    BakeError, BakeOptions, Progress, BakeReport, bake_scene,
+    BakeError, BakeOptions, BakeReport, Progress, bake_scene,
     read::ReadReport,
-    scene::{Material, SceneObject, ObjectKind, Scene, SceneTriangle},
+    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
 };
 use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, PmtResult, TileCoord};

@@ -1,51 +1,53 @@
 //! One city object's geometries to faces.
 //!
-//! In: an object, the vertices and appearance that its indices mean. Out: [`Face`]s. Next: `builder`.
+//! In: an object, the vertices and appearance that its indices mean. Out: [`WorldTriangle`]s. Next: `builder`.
 
 use std::collections::BTreeMap;
 
 use super::levels::level_of;
-use super::looks::{Look, Looks};
-use super::model::{CityObject, Geometry, Lod, Position, Templates, Transform, Values};
+use super::looks::{AppearanceReader, SurfaceProperties};
+use super::model::{
+    CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, JsonPosition, ThemeValues, VertexTransform,
+};
 use super::nested::{NULL, Nested};
-use crate::read::Reading;
-use crate::read::builder::{Face, is_sane};
+use crate::read::ReadContext;
+use crate::read::builder::{WorldTriangle, is_sane};
 use crate::read::polygon::MAX_CORNERS;
 use crate::read::report::SourceReport;
-use crate::read::source::Source;
+use crate::read::source::CitySource;
 
 /// Why an object is skipped.
 #[derive(Debug)]
-pub(crate) struct Fault {
+pub(crate) struct ObjectFault {
     pub(crate) reason: &'static str,
     pub(crate) detail: String,
 }
 
 /// What a geometry's vertex indices mean.
-pub(crate) struct Frame<'a> {
-    pub(crate) vertices: &'a [Position],
-    pub(crate) transform: Option<Transform>,
-    placement: Option<Placement>,
+pub(crate) struct VertexFrame<'a> {
+    pub(crate) vertices: &'a [JsonPosition],
+    pub(crate) transform: Option<VertexTransform>,
+    placement: Option<TemplatePlacement>,
 }
 
 /// Where a template stands: row-major matrix, then the reference point is added.
-struct Placement {
+struct TemplatePlacement {
     matrix: [f64; 16],
     anchor: [f64; 3],
 }
 
-impl<'a> Frame<'a> {
-    pub(crate) fn new(vertices: &'a [Position], transform: Option<Transform>) -> Self {
+impl<'a> VertexFrame<'a> {
+    pub(crate) fn new(vertices: &'a [JsonPosition], transform: Option<VertexTransform>) -> Self {
         Self { vertices, transform, placement: None }
     }
 
-    fn point(&self, index: i64) -> Result<[f64; 3], Fault> {
+    fn point(&self, index: i64) -> Result<[f64; 3], ObjectFault> {
         let Some(position) = usize::try_from(index).ok().and_then(|index| self.vertices.get(index)) else {
             let detail = format!("vertex index {index} out of range of {}", self.vertices.len());
-            return Err(Fault { reason: "vertex index out of range", detail });
+            return Err(ObjectFault { reason: "vertex index out of range", detail });
         };
         let mut p = self.transform.map_or(position.0, |transform| transform.apply(position.0));
-        if let Some(Placement { matrix: m, anchor }) = &self.placement {
+        if let Some(TemplatePlacement { matrix: m, anchor }) = &self.placement {
             let w = m[12] * p[0] + m[13] * p[1] + m[14] * p[2] + m[15];
             let w = if w == 0.0 { 1.0 } else { w };
             p = std::array::from_fn(|row| {
@@ -57,12 +59,12 @@ impl<'a> Frame<'a> {
             return Ok(p);
         }
         let detail = format!("vertex {index} lies at {:e}, {:e}, {:e}", p[0], p[1], p[2]);
-        Err(Fault { reason: "coordinate not a number or beyond 1e9 m", detail })
+        Err(ObjectFault { reason: "coordinate not a number or beyond 1e9 m", detail })
     }
 }
 
 /// A polygon with what is said about it.
-struct Surface<'g> {
+struct NestedSurface<'g> {
     rings: &'g [Nested],
     semantic: &'g Nested,
     material: &'g Nested,
@@ -71,17 +73,21 @@ struct Surface<'g> {
 
 /// Everything that reading an object needs besides the object.
 pub(crate) struct ObjectReader<'r, 'o, 's> {
-    pub(crate) reading: &'r mut Reading<'o>,
-    pub(crate) source: &'r Source<'s>,
+    pub(crate) reading: &'r mut ReadContext<'o>,
+    pub(crate) source: &'r CitySource<'s>,
     pub(crate) report: &'r mut SourceReport,
-    pub(crate) faces: Vec<Face>,
+    pub(crate) faces: Vec<WorldTriangle>,
     points: Vec<[f64; 3]>,
     uvs: Vec<[f32; 2]>,
     hole_starts: Vec<u32>,
 }
 
 impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
-    pub(crate) fn new(reading: &'r mut Reading<'o>, source: &'r Source<'s>, report: &'r mut SourceReport) -> Self {
+    pub(crate) fn new(
+        reading: &'r mut ReadContext<'o>,
+        source: &'r CitySource<'s>,
+        report: &'r mut SourceReport,
+    ) -> Self {
         Self { reading, source, report, faces: vec![], points: vec![], uvs: vec![], hole_starts: vec![] }
     }
 
@@ -89,10 +95,10 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
     pub(crate) fn read(
         &mut self,
         (id, object): (&str, &CityObject),
-        level: Lod,
-        (frame, looks): (&Frame<'_>, &mut Looks<'_>),
-        (templates, template_looks): (&Templates, &mut Looks<'_>),
-    ) -> Result<bool, Fault> {
+        level: CityJsonLod,
+        (frame, looks): (&VertexFrame<'_>, &mut AppearanceReader<'_>),
+        (templates, template_looks): (&GeometryTemplates, &mut AppearanceReader<'_>),
+    ) -> Result<bool, ObjectFault> {
         self.faces.clear();
         let mut has_volume = false;
         for geometry in object.geometry.iter().flatten() {
@@ -113,10 +119,10 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
     fn geometry(
         &mut self,
         (id, object_type): (&str, &str),
-        geometry: &Geometry,
-        frame: &Frame<'_>,
-        looks: &mut Looks<'_>,
-    ) -> Result<bool, Fault> {
+        geometry: &CityJsonGeometry,
+        frame: &VertexFrame<'_>,
+        looks: &mut AppearanceReader<'_>,
+    ) -> Result<bool, ObjectFault> {
         let depth = match geometry.kind.as_str() {
             "MultiSurface" | "CompositeSurface" => 0,
             "Solid" => 1,
@@ -126,7 +132,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
                 return Ok(false);
             }
         };
-        let whole = Surface {
+        let whole = NestedSurface {
             rings: std::slice::from_ref(&geometry.boundaries),
             semantic: geometry.semantics.as_ref().map_or(&NULL, |semantics| &semantics.values),
             material: first_values(&geometry.material).unwrap_or(&NULL),
@@ -136,7 +142,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         collect(&geometry.boundaries, &whole, depth, &mut surfaces);
         for surface in &surfaces {
             let semantic = looks.semantic(geometry.semantics.as_ref(), surface.semantic, (id, self.report));
-            let look = Look { semantic, object_type, material: surface.material };
+            let look = SurfaceProperties { semantic, object_type, material: surface.material };
             self.surface(id, surface, look, frame, looks)?;
         }
         Ok(depth > 0)
@@ -145,11 +151,11 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
     fn surface(
         &mut self,
         id: &str,
-        surface: &Surface<'_>,
-        look: Look<'_>,
-        frame: &Frame<'_>,
-        looks: &mut Looks<'_>,
-    ) -> Result<(), Fault> {
+        surface: &NestedSurface<'_>,
+        look: SurfaceProperties<'_>,
+        frame: &VertexFrame<'_>,
+        looks: &mut AppearanceReader<'_>,
+    ) -> Result<(), ObjectFault> {
         let texture = looks.texture(surface.texture, (self.reading, self.source), (id, self.report));
         self.points.clear();
         self.uvs.clear();
@@ -161,7 +167,10 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
                 continue;
             }
             if ring.len() + self.points.len() > MAX_CORNERS {
-                return Err(Fault { reason: "polygon too large", detail: format!("more than {MAX_CORNERS} corners") });
+                return Err(ObjectFault {
+                    reason: "polygon too large",
+                    detail: format!("more than {MAX_CORNERS} corners"),
+                });
             }
             if i > 0 {
                 self.hole_starts.push(self.points.len() as u32);
@@ -188,21 +197,21 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         for triangle in triangles {
             let corners = triangle.map(|i| self.points[i as usize]);
             let uv = if textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };
-            self.faces.push(Face { corners, uv, material });
+            self.faces.push(WorldTriangle { corners, uv, material });
         }
         Ok(())
     }
 }
 
 /// The values of the alphabetically first theme.
-fn first_values(themes: &Option<BTreeMap<String, Values>>) -> Option<&Nested> {
+fn first_values(themes: &Option<BTreeMap<String, ThemeValues>>) -> Option<&Nested> {
     Some(themes.as_ref()?.values().next()?.get())
 }
 
 /// Descends to the surfaces, the values alongside.
-fn collect<'g>(boundaries: &'g Nested, values: &Surface<'g>, depth: u32, surfaces: &mut Vec<Surface<'g>>) {
+fn collect<'g>(boundaries: &'g Nested, values: &NestedSurface<'g>, depth: u32, surfaces: &mut Vec<NestedSurface<'g>>) {
     for (i, below) in boundaries.list().iter().enumerate() {
-        let surface = Surface {
+        let surface = NestedSurface {
             rings: below.list(),
             semantic: values.semantic.child(i),
             material: values.material.child(i),
@@ -218,23 +227,23 @@ fn collect<'g>(boundaries: &'g Nested, values: &Surface<'g>, depth: u32, surface
 
 /// The template that an instance places, and the frame that puts it there.
 fn place<'t>(
-    instance: &Geometry,
-    frame: &Frame<'_>,
-    templates: &'t Templates,
-) -> Result<(&'t Geometry, Frame<'t>), Fault> {
+    instance: &CityJsonGeometry,
+    frame: &VertexFrame<'_>,
+    templates: &'t GeometryTemplates,
+) -> Result<(&'t CityJsonGeometry, VertexFrame<'t>), ObjectFault> {
     let index = instance.template.unwrap_or(-1);
     let Some(template) = usize::try_from(index).ok().and_then(|index| templates.templates.get(index)) else {
         let detail = format!("template {index} out of range of {}", templates.templates.len());
-        return Err(Fault { reason: "template out of range", detail });
+        return Err(ObjectFault { reason: "template out of range", detail });
     };
     let matrix = match instance.matrix.as_deref() {
         None => [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.],
-        Some(numbers) => numbers.try_into().map_err(|_| Fault {
+        Some(numbers) => numbers.try_into().map_err(|_| ObjectFault {
             reason: "transformationMatrix malformed",
             detail: format!("{} numbers instead of 16", numbers.len()),
         })?,
     };
     let anchor = frame.point(instance.boundaries.child(0).index().unwrap_or(-1))?;
-    let placement = Some(Placement { matrix, anchor });
-    Ok((template, Frame { vertices: &templates.vertices, transform: None, placement }))
+    let placement = Some(TemplatePlacement { matrix, anchor });
+    Ok((template, VertexFrame { vertices: &templates.vertices, transform: None, placement }))
 }

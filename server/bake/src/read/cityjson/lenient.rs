@@ -55,7 +55,7 @@ fn is_odd(token: &[u8]) -> bool {
 
 /// A text on its way to the parser, with `null` for `NaN` and `Infinity`: outside of strings JSON has no other word
 /// that begins with a capital letter.
-pub(crate) struct Lenient<R> {
+pub(crate) struct LenientReader<R> {
     inner: R,
     in_string: bool,
     escaped: bool,
@@ -63,7 +63,7 @@ pub(crate) struct Lenient<R> {
     pending: &'static [u8],
 }
 
-impl<R: BufRead> Lenient<R> {
+impl<R: BufRead> LenientReader<R> {
     pub(crate) fn new(inner: R) -> Self {
         Self { inner, in_string: false, escaped: false, pending: b"" }
     }
@@ -102,7 +102,7 @@ impl<R: BufRead> Lenient<R> {
     }
 }
 
-impl<R: BufRead> Read for Lenient<R> {
+impl<R: BufRead> Read for LenientReader<R> {
     /// A byte at a time, as the JSON parser asks for them.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let Some(place) = buffer.first_mut() else { return Ok(0) };
@@ -136,7 +136,7 @@ mod tests {
         for capacity in 1..9 {
             let mut clean = String::new();
             let reader = io::BufReader::with_capacity(capacity, &text[..]);
-            Lenient::new(reader).read_to_string(&mut clean).unwrap();
+            LenientReader::new(reader).read_to_string(&mut clean).unwrap();
             assert_eq!(clean, expected);
         }
     }

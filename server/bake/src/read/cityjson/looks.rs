@@ -2,38 +2,38 @@
 //!
 //! In: appearance and semantics. Out: colours, pictures, texture coordinates. Next: `geometry`.
 
-use super::model::{Appearance, Semantics};
+use super::model::{CityJsonAppearance, SurfaceSemantics};
 use super::nested::Nested;
-use crate::read::Reading;
+use crate::read::ReadContext;
 use crate::read::palette::Palette;
 use crate::read::report::SourceReport;
-use crate::read::source::Source;
+use crate::read::source::CitySource;
 
 /// What is said of a surface besides its texture.
-pub(crate) struct Look<'g> {
+pub(crate) struct SurfaceProperties<'g> {
     pub(crate) semantic: Option<&'g str>,
     pub(crate) object_type: &'g str,
     pub(crate) material: &'g Nested,
 }
 
 /// An appearance and the pictures of it that have been asked for.
-pub(crate) struct Looks<'a> {
-    appearance: &'a Appearance,
+pub(crate) struct AppearanceReader<'a> {
+    appearance: &'a CityJsonAppearance,
     pictures: Vec<Option<Option<u32>>>,
 }
 
 /// The object and the report that a fault is noted under. A wrong index here costs the look, not the object.
 type Note<'n> = (&'n str, &'n mut SourceReport);
 
-impl<'a> Looks<'a> {
-    pub(crate) fn new(appearance: &'a Appearance) -> Self {
+impl<'a> AppearanceReader<'a> {
+    pub(crate) fn new(appearance: &'a CityJsonAppearance) -> Self {
         Self { appearance, pictures: vec![None; appearance.textures.len()] }
     }
 
     /// The name of a surface's semantic.
     pub(crate) fn semantic<'g>(
         &self,
-        semantics: Option<&'g Semantics>,
+        semantics: Option<&'g SurfaceSemantics>,
         value: &Nested,
         (id, report): Note<'_>,
     ) -> Option<&'g str> {
@@ -48,7 +48,7 @@ impl<'a> Looks<'a> {
     }
 
     /// The material's colour, else one by meaning.
-    pub(crate) fn colour(&self, look: &Look<'_>, palette: &Palette, (id, report): Note<'_>) -> [u8; 3] {
+    pub(crate) fn colour(&self, look: &SurfaceProperties<'_>, palette: &Palette, (id, report): Note<'_>) -> [u8; 3] {
         if let Some(index) = look.material.index() {
             let materials = &self.appearance.materials;
             match usize::try_from(index).ok().and_then(|index| materials.get(index)) {
@@ -70,7 +70,7 @@ impl<'a> Looks<'a> {
     pub(crate) fn texture(
         &mut self,
         rings: &Nested,
-        (reading, source): (&mut Reading<'_>, &Source<'_>),
+        (reading, source): (&mut ReadContext<'_>, &CitySource<'_>),
         (id, report): Note<'_>,
     ) -> Option<u32> {
         let index = rings.child(0).list().first()?.index()?;

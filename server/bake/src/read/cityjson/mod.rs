@@ -21,26 +21,26 @@ use serde_json::value::RawValue;
 use super::error::{InputError, json_message};
 use super::palette::object_kind;
 use super::report::{SourceFormat, SourceReport};
-use super::source::{NamedAs, Source, named_as, open, read_all};
-use super::{Reading, Tick};
-use geometry::{Frame, ObjectReader};
-use levels::{Choice, choose};
-use looks::Looks;
-use model::{Appearance, CityObject, Document, Outline, Templates, Transform};
+use super::source::{CitySource, SourceKind, named_as, open, read_all};
+use super::{ByteProgress, ReadContext};
+use geometry::{ObjectReader, VertexFrame};
+use levels::{LevelChoice, choose};
+use looks::AppearanceReader;
+use model::{CityJsonAppearance, CityJsonDocument, CityObject, GeometryTemplates, ObjectOutline, VertexTransform};
 
 pub(crate) use looks::byte;
-pub(crate) use model::Position;
+pub(crate) use model::JsonPosition;
 
 /// After how many objects progress is told.
 const TICK_OBJECTS: usize = 256;
 
 /// Reads a source; `None` if it was only found in a folder and is some other kind of JSON.
 pub(crate) fn read(
-    reading: &mut Reading<'_>,
-    source: &Source<'_>,
-    tick: Tick<'_>,
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
-    if named_as(&source.name) == Some(NamedAs::JsonLines) {
+    if named_as(&source.name) == Some(SourceKind::JsonLines) {
         let mut opened = open(source)?;
         let taken = opened.taken;
         return seq::read(reading, source, &mut opened.reader, &|| tick(taken.get())).map(Some);
@@ -50,12 +50,12 @@ pub(crate) fn read(
     if is_sequence(text) {
         return seq::read(reading, source, &mut &*text, &|| {}).map(Some);
     }
-    match serde_json::from_slice::<Document<'_>>(text) {
+    match serde_json::from_slice::<CityJsonDocument<'_>>(text) {
         Ok(document) => read_document(reading, source, document, tick),
         Err(error) => {
             let clean = lenient::without_odd_numbers(text);
             let Some(clean) = &clean else { return not_parsed(source, text, &error) };
-            match serde_json::from_slice::<Document<'_>>(clean) {
+            match serde_json::from_slice::<CityJsonDocument<'_>>(clean) {
                 Ok(document) => read_document(reading, source, document, tick),
                 Err(error) => not_parsed(source, clean, &error),
             }
@@ -77,22 +77,26 @@ fn is_sequence(text: &[u8]) -> bool {
 /// The `type` member of a document that may be of any kind.
 fn kind_of(text: &[u8]) -> Option<String> {
     #[derive(Deserialize)]
-    struct Kind {
+    struct TypeMember {
         #[serde(rename = "type")]
         kind: String,
     }
-    serde_json::from_slice::<Kind>(text).ok().map(|kind| kind.kind)
+    serde_json::from_slice::<TypeMember>(text).ok().map(|kind| kind.kind)
 }
 
 /// Damage is an error; JSON of another shape is one only if it was asked for.
-fn not_parsed(source: &Source<'_>, text: &[u8], error: &serde_json::Error) -> Result<Option<SourceReport>, InputError> {
+fn not_parsed(
+    source: &CitySource<'_>,
+    text: &[u8],
+    error: &serde_json::Error,
+) -> Result<Option<SourceReport>, InputError> {
     if error.classify() == Category::Data && kind_of(text).as_deref() != Some("CityJSON") {
         return other_kind(source, kind_of(text));
     }
     Err(InputError::json(&source.label, error))
 }
 
-fn other_kind(source: &Source<'_>, kind: Option<String>) -> Result<Option<SourceReport>, InputError> {
+fn other_kind(source: &CitySource<'_>, kind: Option<String>) -> Result<Option<SourceReport>, InputError> {
     if source.found {
         return Ok(None);
     }
@@ -101,31 +105,31 @@ fn other_kind(source: &Source<'_>, kind: Option<String>) -> Result<Option<Source
 }
 
 fn read_document(
-    reading: &mut Reading<'_>,
-    source: &Source<'_>,
-    document: Document<'_>,
-    tick: Tick<'_>,
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    document: CityJsonDocument<'_>,
+    tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
     if document.kind.as_deref() != Some("CityJSON") {
         return other_kind(source, document.kind);
     }
     let mut report = begin(reading, source, &document, SourceFormat::CityJson)?;
-    let appearance: Appearance = member(document.appearance, "appearance", &mut report);
-    let templates: Templates = member(document.templates, "geometry-templates", &mut report);
-    let shared = Shared { transform: document.transform, templates: &templates, appearance: &appearance };
+    let appearance: CityJsonAppearance = member(document.appearance, "appearance", &mut report);
+    let templates: GeometryTemplates = member(document.templates, "geometry-templates", &mut report);
+    let shared = SharedMembers { transform: document.transform, templates: &templates, appearance: &appearance };
     let objects: Vec<(&str, &str)> = document.city_objects.0.iter().map(|(id, raw)| (&**id, raw.get())).collect();
     let count = objects.len().max(1) as u64;
     let part = |done: usize| tick((u128::from(source.bytes) * done as u128 / u128::from(count)) as u64);
-    let batch = Batch { objects: &objects, vertices: &document.vertices, appearance: &appearance };
+    let batch = ObjectBatch { objects: &objects, vertices: &document.vertices, appearance: &appearance };
     read_objects(ObjectReader::new(reading, source, &mut report), &shared, &batch, &part);
     Ok(Some(report))
 }
 
 /// Checks a header and starts the report.
 fn begin(
-    reading: &mut Reading<'_>,
-    source: &Source<'_>,
-    header: &Document<'_>,
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    header: &CityJsonDocument<'_>,
     format: SourceFormat,
 ) -> Result<SourceReport, InputError> {
     let version = header.version.as_deref().unwrap_or("");
@@ -155,27 +159,32 @@ fn member<T: DeserializeOwned + Default>(raw: Option<&RawValue>, name: &str, rep
 }
 
 /// What a whole file shares.
-struct Shared<'a> {
-    transform: Option<Transform>,
-    templates: &'a Templates,
+struct SharedMembers<'a> {
+    transform: Option<VertexTransform>,
+    templates: &'a GeometryTemplates,
     /// The templates' own indices mean this one.
-    appearance: &'a Appearance,
+    appearance: &'a CityJsonAppearance,
 }
 
 /// Objects that may be related, with the vertices that they share.
-struct Batch<'a> {
+struct ObjectBatch<'a> {
     objects: &'a [(&'a str, &'a str)],
-    vertices: &'a [Position],
-    appearance: &'a Appearance,
+    vertices: &'a [JsonPosition],
+    appearance: &'a CityJsonAppearance,
 }
 
-fn read_objects(mut reader: ObjectReader<'_, '_, '_>, shared: &Shared<'_>, batch: &Batch<'_>, tick: &dyn Fn(usize)) {
-    let outlines: Vec<(&str, Option<Outline>)> =
+fn read_objects(
+    mut reader: ObjectReader<'_, '_, '_>,
+    shared: &SharedMembers<'_>,
+    batch: &ObjectBatch<'_>,
+    tick: &dyn Fn(usize),
+) {
+    let outlines: Vec<(&str, Option<ObjectOutline>)> =
         batch.objects.iter().map(|(id, text)| (*id, serde_json::from_str(text).ok())).collect();
     let choices = choose(&outlines, &shared.templates.templates);
     drop(outlines);
-    let frame = Frame::new(batch.vertices, shared.transform);
-    let mut looks = (Looks::new(batch.appearance), Looks::new(shared.appearance));
+    let frame = VertexFrame::new(batch.vertices, shared.transform);
+    let mut looks = (AppearanceReader::new(batch.appearance), AppearanceReader::new(shared.appearance));
     for (i, (&(id, text), choice)) in batch.objects.iter().zip(choices).enumerate() {
         read_object(&mut reader, (id, text), choice, shared, (&frame, &mut looks));
         if (i + 1) % TICK_OBJECTS == 0 {
@@ -187,9 +196,9 @@ fn read_objects(mut reader: ObjectReader<'_, '_, '_>, shared: &Shared<'_>, batch
 fn read_object(
     reader: &mut ObjectReader<'_, '_, '_>,
     (id, text): (&str, &str),
-    choice: Choice,
-    shared: &Shared<'_>,
-    (frame, looks): (&Frame<'_>, &mut (Looks<'_>, Looks<'_>)),
+    choice: LevelChoice,
+    shared: &SharedMembers<'_>,
+    (frame, looks): (&VertexFrame<'_>, &mut (AppearanceReader<'_>, AppearanceReader<'_>)),
 ) {
     let object: CityObject = match serde_json::from_str(text) {
         Ok(object) => object,
@@ -200,12 +209,12 @@ fn read_object(
     };
     reader.report.count_type(&object.kind);
     let level = match choice {
-        Choice::Level(level) => level,
-        Choice::Coarser => {
+        LevelChoice::Level(level) => level,
+        LevelChoice::Coarser => {
             reader.report.coarser_left_out += 1;
             return;
         }
-        Choice::NoGeometry => return,
+        LevelChoice::NoGeometry => return,
     };
     let result = reader.read((id, &object), level, (frame, &mut looks.0), (shared.templates, &mut looks.1));
     match result {

@@ -5,20 +5,20 @@
 use std::io::BufRead;
 
 use super::geometry::ObjectReader;
-use super::model::{Appearance, Document, Templates};
-use super::{Batch, Shared, begin, lenient, member, read_objects, without_mark};
-use crate::read::Reading;
+use super::model::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
+use super::{ObjectBatch, SharedMembers, begin, lenient, member, read_objects, without_mark};
+use crate::read::ReadContext;
 use crate::read::error::{InputError, json_message};
 use crate::read::report::{SourceFormat, SourceReport};
-use crate::read::source::{Source, next_line};
+use crate::read::source::{CitySource, next_line};
 
 /// After how many lines progress is told.
 const TICK_LINES: usize = 64;
 
 /// Reads a sequence. A broken header is an error, a broken line a reported skip.
 pub(super) fn read(
-    reading: &mut Reading<'_>,
-    source: &Source<'_>,
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
     lines: &mut dyn BufRead,
     tick: &dyn Fn(),
 ) -> Result<SourceReport, InputError> {
@@ -31,16 +31,16 @@ pub(super) fn read(
         return Err(InputError::TooLarge { path: source.label.clone(), what, limit: limit as u64 });
     }
     let first = without_mark(&line).to_vec();
-    let mut header: Document<'_> =
+    let mut header: CityJsonDocument<'_> =
         serde_json::from_slice(&first).map_err(|error| InputError::json(&source.label, &error))?;
     if header.kind.as_deref() != Some("CityJSON") {
         let what = "its first line is no CityJSON header";
         return Err(InputError::unsupported(&source.label, what));
     }
     let mut report = begin(reading, source, &header, SourceFormat::CityJsonSeq)?;
-    let appearance: Appearance = member(header.appearance.take(), "appearance", &mut report);
-    let templates: Templates = member(header.templates.take(), "geometry-templates", &mut report);
-    let shared = Shared { transform: header.transform, templates: &templates, appearance: &appearance };
+    let appearance: CityJsonAppearance = member(header.appearance.take(), "appearance", &mut report);
+    let templates: GeometryTemplates = member(header.templates.take(), "geometry-templates", &mut report);
+    let shared = SharedMembers { transform: header.transform, templates: &templates, appearance: &appearance };
     // A header may hold objects too.
     feature(reading, source, &shared, &header, &mut report);
     let mut number = 1;
@@ -65,10 +65,10 @@ fn parse(
     line: &[u8],
     number: usize,
     report: &mut SourceReport,
-    mut then: impl FnMut(&Document<'_>, &mut SourceReport),
+    mut then: impl FnMut(&CityJsonDocument<'_>, &mut SourceReport),
 ) {
     let clean;
-    let document = match serde_json::from_slice::<Document<'_>>(line) {
+    let document = match serde_json::from_slice::<CityJsonDocument<'_>>(line) {
         Ok(document) => Ok(document),
         Err(error) => match lenient::without_odd_numbers(line) {
             None => Err(error),
@@ -92,15 +92,15 @@ fn parse(
 }
 
 fn feature(
-    reading: &mut Reading<'_>,
-    source: &Source<'_>,
-    shared: &Shared<'_>,
-    document: &Document<'_>,
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    shared: &SharedMembers<'_>,
+    document: &CityJsonDocument<'_>,
     report: &mut SourceReport,
 ) {
     let objects: Vec<(&str, &str)> = document.city_objects.0.iter().map(|(id, raw)| (&**id, raw.get())).collect();
-    let own: Option<Appearance> = document.appearance.map(|raw| member(Some(raw), "appearance", report));
+    let own: Option<CityJsonAppearance> = document.appearance.map(|raw| member(Some(raw), "appearance", report));
     let appearance = own.as_ref().unwrap_or(shared.appearance);
-    let batch = Batch { objects: &objects, vertices: &document.vertices, appearance };
+    let batch = ObjectBatch { objects: &objects, vertices: &document.vertices, appearance };
     read_objects(ObjectReader::new(reading, source, report), shared, &batch, &|_| {});
 }

@@ -1,12 +1,12 @@
 //! A footprint's rings mended, and raised to a closed prism.
 //!
-//! In: a polygon as written, a [`Height`]. Out: faces of roof, walls and floor. Next: `builder`.
+//! In: a polygon as written, a [`PrismHeight`]. Out: faces of roof, walls and floor. Next: `builder`.
 
-use super::height::Height;
-use super::model::Polygon;
-use super::place::Place;
-use crate::read::builder::Face;
-use crate::read::cityjson::Position;
+use super::height::PrismHeight;
+use super::model::GeoJsonPolygon;
+use super::place::InputProjection;
+use crate::read::builder::WorldTriangle;
+use crate::read::cityjson::JsonPosition;
 use crate::read::polygon::{MAX_CORNERS, Triangulator};
 
 /// Corners nearer than this are one.
@@ -24,7 +24,11 @@ pub(super) struct Footprint {
 impl Footprint {
     /// Mends what can be mended; `note` hears of it. Without a usable outer ring there is no footprint, and the reason
     /// is told.
-    pub(super) fn new(polygon: &Polygon, place: &Place, mut note: impl FnMut(&str)) -> Result<Self, &'static str> {
+    pub(super) fn new(
+        polygon: &GeoJsonPolygon,
+        place: &InputProjection,
+        mut note: impl FnMut(&str),
+    ) -> Result<Self, &'static str> {
         if polygon.iter().map(Vec::len).sum::<usize>() > MAX_CORNERS {
             return Err("polygon too large");
         }
@@ -42,14 +46,14 @@ impl Footprint {
     /// Appends the prism's faces, coloured by `materials` for roof, walls and floor; whether its rings are clean.
     pub(super) fn raise(
         &self,
-        height: &Height,
+        height: &PrismHeight,
         materials: [u32; 3],
         triangulator: &mut Triangulator,
-        faces: &mut Vec<Face>,
+        faces: &mut Vec<WorldTriangle>,
     ) -> Result<bool, &'static str> {
         let [roof, wall, floor] = materials;
         let at = |[x, y]: [f64; 2], z: f64| [x, y, z];
-        let face = |corners, material| Face { corners, uv: [[0.0; 2]; 3], material };
+        let face = |corners, material| WorldTriangle { corners, uv: [[0.0; 2]; 3], material };
         let points: Vec<[f64; 3]> = self.rings.iter().flatten().map(|&p| at(p, height.top_m)).collect();
         let mut starts = Vec::new();
         for ring in &self.rings[..self.rings.len() - 1] {
@@ -78,8 +82,8 @@ impl Footprint {
 
 /// A ring in metres, turned so that its area has the sign of `turn`.
 fn ring(
-    positions: &[Position],
-    place: &Place,
+    positions: &[JsonPosition],
+    place: &InputProjection,
     turn: f64,
     note: &mut impl FnMut(&str),
 ) -> Result<Vec<[f64; 2]>, &'static str> {

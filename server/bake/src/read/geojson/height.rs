@@ -1,6 +1,6 @@
 //! How high a footprint is raised, from the names that OpenStreetMap, city offices and Overture give to it.
 //!
-//! In: a feature's properties. Out: [`Height`]. Next: `footprint`.
+//! In: a feature's properties. Out: [`PrismHeight`]. Next: `footprint`.
 
 use std::ops::RangeInclusive;
 
@@ -27,12 +27,12 @@ const FOOT_M: f64 = 0.3048;
 
 /// From where to where a footprint is raised, in metres above the ground; the top is above the base.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Height {
+pub(super) struct PrismHeight {
     pub(super) base_m: f64,
     pub(super) top_m: f64,
 }
 
-impl Height {
+impl PrismHeight {
     /// A height there always is; `note` hears of what was guessed or not understood.
     pub(super) fn of(properties: &Map<String, Value>, mut note: impl FnMut(&str, &str)) -> Self {
         let mut first = |names: &[&str], range| first(properties, names, range, &mut note);
@@ -99,7 +99,7 @@ mod tests {
 
     fn height(properties: &str) -> (f64, f64, Vec<String>) {
         let mut notes = Vec::new();
-        let height = Height::of(&serde_json::from_str(properties).unwrap(), |kind, _| notes.push(kind.to_owned()));
+        let height = PrismHeight::of(&serde_json::from_str(properties).unwrap(), |kind, _| notes.push(kind.to_owned()));
         (height.base_m, height.top_m, notes)
     }
 

@@ -15,17 +15,17 @@ use std::io::BufRead;
 
 use serde_json::Value;
 
-use super::builder::Face;
+use super::builder::WorldTriangle;
 use super::cityjson::{lenient, metadata};
 use super::error::{InputError, json_message};
 use super::report::{SourceFormat, SourceReport};
-use super::source::{NamedAs, Source, named_as, next_line, open};
-use super::{Reading, Tick};
+use super::source::{CitySource, SourceKind, named_as, next_line, open};
+use super::{ByteProgress, ReadContext};
 use crate::scene::ObjectKind;
 use footprint::Footprint;
-use height::Height;
-use model::Feature;
-use place::Place;
+use height::PrismHeight;
+use model::GeoJsonFeature;
+use place::InputProjection;
 
 pub(super) use stream::kind_of;
 
@@ -35,12 +35,16 @@ const TICK_FEATURES: u64 = 64;
 const RECORD_SEPARATOR: u8 = 0x1e;
 
 /// Reads a source.
-pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, InputError> {
+pub(crate) fn read(
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    tick: ByteProgress<'_>,
+) -> Result<SourceReport, InputError> {
     let opened = open(source)?;
     let taken = opened.taken;
-    let mut features = Features::new(reading, source);
+    let mut features = FeatureReader::new(reading, source);
     let tick = || tick(taken.get());
-    if named_as(&source.name) == Some(NamedAs::GeoJsonLines) {
+    if named_as(&source.name) == Some(SourceKind::GeoJsonLines) {
         features.lines(opened.reader, &tick)?;
     } else {
         stream::read(opened.reader, &mut features, &tick)?;
@@ -49,19 +53,19 @@ pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_
 }
 
 /// What all features of a source share.
-struct Features<'r, 'o, 's> {
-    reading: &'r mut Reading<'o>,
-    source: &'s Source<'s>,
+struct FeatureReader<'r, 'o, 's> {
+    reading: &'r mut ReadContext<'o>,
+    source: &'s CitySource<'s>,
     report: SourceReport,
-    place: Place,
+    place: InputProjection,
     /// Features met.
     count: u64,
-    faces: Vec<Face>,
+    faces: Vec<WorldTriangle>,
 }
 
-impl<'r, 'o, 's> Features<'r, 'o, 's> {
-    fn new(reading: &'r mut Reading<'o>, source: &'s Source<'s>) -> Self {
-        let place = Place::new(reading.crs.as_ref().map(|(crs, _)| crs.as_str()));
+impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
+    fn new(reading: &'r mut ReadContext<'o>, source: &'s CitySource<'s>) -> Self {
+        let place = InputProjection::new(reading.crs.as_ref().map(|(crs, _)| crs.as_str()));
         let report = SourceReport::new(&source.label, SourceFormat::GeoJson, source.bytes);
         Self { reading, source, report, place, count: 0, faces: Vec::new() }
     }
@@ -99,7 +103,7 @@ impl<'r, 'o, 's> Features<'r, 'o, 's> {
             let what = "its \"crs\" comes after its features; move it to the front";
             return Err(InputError::unsupported(&self.source.label, what));
         }
-        match Place::named(crs).map_err(|what| InputError::unsupported(&self.source.label, what))? {
+        match InputProjection::named(crs).map_err(|what| InputError::unsupported(&self.source.label, what))? {
             None => Ok(()),
             Some((place, epsg)) => {
                 self.place = place;
@@ -119,7 +123,7 @@ impl<'r, 'o, 's> Features<'r, 'o, 's> {
         self.count += 1;
         let number = self.count;
         let parsed =
-            serde_json::from_slice::<Feature>(text).or_else(|error| match lenient::without_odd_numbers(text) {
+            serde_json::from_slice::<GeoJsonFeature>(text).or_else(|error| match lenient::without_odd_numbers(text) {
                 Some(clean) => serde_json::from_slice(&clean),
                 None => Err(error),
             });
@@ -157,8 +161,8 @@ impl<'r, 'o, 's> Features<'r, 'o, 's> {
     }
 
     /// Polygons to one object.
-    fn raise(&mut self, id: &str, feature: &Feature, polygons: &[model::Polygon]) {
-        let height = Height::of(&feature.properties, |kind, detail| {
+    fn raise(&mut self, id: &str, feature: &GeoJsonFeature, polygons: &[model::GeoJsonPolygon]) {
+        let height = PrismHeight::of(&feature.properties, |kind, detail| {
             self.report.problem(kind, || format!("{id}: {detail}"));
         });
         let colours = colour::of(&feature.properties, &self.reading.options.palette, |detail| {

@@ -6,9 +6,9 @@ use proj4rs::Proj;
 use proj4rs::adaptors::transform_vertex_2d;
 use serde_json::Value;
 
-use super::model::Polygon;
+use super::model::GeoJsonPolygon;
 use crate::read::builder::ABSURD_M;
-use crate::read::cityjson::{Position, metadata};
+use crate::read::cityjson::{JsonPosition, metadata};
 
 /// Where UTM ends; the poles have systems of their own.
 const UTM_LATITUDES_DEG: std::ops::RangeInclusive<f64> = -80.0..=84.0;
@@ -16,18 +16,18 @@ const UTM_LATITUDES_DEG: std::ops::RangeInclusive<f64> = -80.0..=84.0;
 const WEB_MERCATOR: &[&str] = &["EPSG:3857", "EPSG:3785", "EPSG:900913"];
 
 /// How positions become metres.
-pub(super) enum Place {
+pub(super) enum InputProjection {
     /// Longitude and latitude; the zone is the first usable position's, unless another source decided it. The
     /// geographic systems of today differ from WGS84 by a metre or two, which is left as it is.
-    Degrees(Option<Box<Utm>>),
+    Degrees(Option<Box<UtmZone>>),
     /// Already metres.
     Metres,
 }
 
-impl Place {
+impl InputProjection {
     /// As GeoJSON has it unless it says otherwise; if the city's system is a UTM zone already, that one.
     pub(super) fn new(city_crs: Option<&str>) -> Self {
-        Self::Degrees(city_crs.and_then(Utm::of_epsg).map(Box::new))
+        Self::Degrees(city_crs.and_then(UtmZone::of_epsg).map(Box::new))
     }
 
     /// What a `crs` member asks for, with its code if it is a projected system; `None` for degrees.
@@ -52,14 +52,14 @@ impl Place {
     }
 
     /// Decides the zone by the first position that has one; its code if this was the moment.
-    pub(super) fn settle(&mut self, polygons: &[Polygon]) -> Option<String> {
+    pub(super) fn settle(&mut self, polygons: &[GeoJsonPolygon]) -> Option<String> {
         let Self::Degrees(zone @ None) = self else { return None };
-        *zone = polygons.iter().flatten().flatten().find_map(Utm::containing).map(Box::new);
+        *zone = polygons.iter().flatten().flatten().find_map(UtmZone::containing).map(Box::new);
         zone.as_ref().map(|utm| utm.epsg.clone())
     }
 
     /// Metres, if that is a place; none before the zone is decided.
-    pub(super) fn to_metres(&self, position: &Position) -> Option<[f64; 2]> {
+    pub(super) fn to_metres(&self, position: &JsonPosition) -> Option<[f64; 2]> {
         let [x, y, _] = position.0;
         match self {
             Self::Metres => (x.abs() <= ABSURD_M && y.abs() <= ABSURD_M).then_some([x, y]),
@@ -69,13 +69,13 @@ impl Place {
 }
 
 /// A zone of the universal transverse Mercator projection.
-pub(super) struct Utm {
+pub(super) struct UtmZone {
     epsg: String,
     from: Proj,
     to: Proj,
 }
 
-impl Utm {
+impl UtmZone {
     /// `EPSG:32654` is zone 54 north, `EPSG:32754` south.
     fn of_epsg(epsg: &str) -> Option<Self> {
         let code: u32 = epsg.strip_prefix("EPSG:")?.parse().ok()?;
@@ -90,13 +90,13 @@ impl Utm {
     }
 
     /// The zone that a position lies in.
-    fn containing(position: &Position) -> Option<Self> {
+    fn containing(position: &JsonPosition) -> Option<Self> {
         let [longitude, latitude] = degrees(position)?;
         let zone = ((longitude + 180.0) / 6.0).floor().clamp(0.0, 59.0) as u32 + 1;
         Self::of_epsg(&format!("EPSG:{}", if latitude < 0.0 { 32_700 } else { 32_600 } + zone))
     }
 
-    fn project(&self, position: &Position) -> Option<[f64; 2]> {
+    fn project(&self, position: &JsonPosition) -> Option<[f64; 2]> {
         let [longitude, latitude] = degrees(position)?;
         let radians = (longitude.to_radians(), latitude.to_radians());
         let (x, y) = transform_vertex_2d(&self.from, &self.to, radians).ok()?;
@@ -105,7 +105,7 @@ impl Utm {
 }
 
 /// Longitude and latitude, if UTM reaches there.
-fn degrees(position: &Position) -> Option<[f64; 2]> {
+fn degrees(position: &JsonPosition) -> Option<[f64; 2]> {
     let [longitude, latitude, _] = position.0;
     (longitude.abs() <= 180.0 && UTM_LATITUDES_DEG.contains(&latitude)).then_some([longitude, latitude])
 }
@@ -115,10 +115,10 @@ mod tests {
     use super::*;
 
     fn settled(longitude: f64, latitude: f64) -> (String, [f64; 2]) {
-        let position = Position([longitude, latitude, f64::NAN]);
-        let mut place = Place::new(None);
+        let position = JsonPosition([longitude, latitude, f64::NAN]);
+        let mut place = InputProjection::new(None);
         let epsg = place.settle(&[vec![vec![position]]]).unwrap();
-        assert_eq!(place.settle(&[vec![vec![Position([0.0, 0.0, 0.0])]]]), None, "a zone is decided once");
+        assert_eq!(place.settle(&[vec![vec![JsonPosition([0.0, 0.0, 0.0])]]]), None, "a zone is decided once");
         (epsg, place.to_metres(&position).unwrap())
     }
 
@@ -143,23 +143,23 @@ mod tests {
     #[test]
     fn what_lies_nowhere_is_refused() {
         for [longitude, latitude] in [[181.0, 0.0], [0.0, 85.0], [0.0, -80.5], [f64::NAN, 0.0], [0.0, f64::INFINITY]] {
-            let position = Position([longitude, latitude, 0.0]);
-            assert!(Utm::containing(&position).is_none());
-            assert_eq!(Place::new(Some("EPSG:32633")).to_metres(&position), None);
+            let position = JsonPosition([longitude, latitude, 0.0]);
+            assert!(UtmZone::containing(&position).is_none());
+            assert_eq!(InputProjection::new(Some("EPSG:32633")).to_metres(&position), None);
         }
-        assert_eq!(Place::Metres.to_metres(&Position([1e10, 0.0, 0.0])), None);
+        assert_eq!(InputProjection::Metres.to_metres(&JsonPosition([1e10, 0.0, 0.0])), None);
     }
 
     #[test]
     fn a_crs_member_in_every_spelling() {
-        let named = |text: &str| Place::named(&serde_json::from_str(text).unwrap());
+        let named = |text: &str| InputProjection::named(&serde_json::from_str(text).unwrap());
         let name = |name: &str| format!(r#"{{"type": "name", "properties": {{"name": "{name}"}}}}"#);
         for degrees in ["urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326", "urn:ogc:def:crs:EPSG::6668"] {
             assert!(named(&name(degrees)).unwrap().is_none(), "{degrees}");
         }
         assert!(named("null").unwrap().is_none());
         let (place, epsg) = named(&name("urn:ogc:def:crs:EPSG::28992")).unwrap().unwrap();
-        assert!(matches!(place, Place::Metres) && epsg == "EPSG:28992");
+        assert!(matches!(place, InputProjection::Metres) && epsg == "EPSG:28992");
         assert_eq!(named(r#"{"type": "EPSG", "properties": {"code": 6677}}"#).unwrap().unwrap().1, "EPSG:6677");
         for wrong in [name("EPSG:3857"), name("Amersfoort"), "{}".to_owned(), "7".to_owned()] {
             assert!(named(&wrong).is_err(), "{wrong}");

@@ -1,6 +1,6 @@
 //! A GeoJSON document as a stream: its features come one by one, and no more than one is ever held.
 //!
-//! In: bytes. Out: the text of each feature, the other members. Next: `Features`.
+//! In: bytes. Out: the text of each feature, the other members. Next: `FeatureReader`.
 
 use std::cell::{Cell, RefCell};
 use std::fmt;
@@ -10,26 +10,28 @@ use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Seq
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::Features;
-use crate::read::cityjson::lenient::Lenient;
+use super::FeatureReader;
+use crate::read::cityjson::lenient::LenientReader;
 use crate::read::error::InputError;
-use crate::read::source::{Source, open};
+use crate::read::source::{CitySource, open};
 
 const COLLECTION: &str = "FeatureCollection";
 
 /// Reads a document, feature by feature.
 pub(super) fn read(
     reader: Box<dyn BufRead + '_>,
-    features: &mut Features<'_, '_, '_>,
+    features: &mut FeatureReader<'_, '_, '_>,
     tick: &dyn Fn(),
 ) -> Result<(), InputError> {
     let options = features.reading.options;
-    let limits = Limits::new(options.max_source_bytes, options.max_line_bytes);
+    let limits = ByteLimits::new(options.max_source_bytes, options.max_line_bytes);
     let label = features.source.label.clone();
-    let mut json =
-        serde_json::Deserializer::from_reader(Limited { inner: Lenient::new(without_mark(reader)), limits: &limits });
+    let mut json = serde_json::Deserializer::from_reader(LimitedReader {
+        inner: LenientReader::new(without_mark(reader)),
+        limits: &limits,
+    });
     let stopped = RefCell::new(None);
-    let visitor = Document { features, limits: &limits, stopped: &stopped, tick };
+    let visitor = DocumentVisitor { features, limits: &limits, stopped: &stopped, tick };
     let result = json.deserialize_map(visitor).and_then(|()| {
         limits.next_member();
         json.end()
@@ -44,11 +46,11 @@ pub(super) fn read(
 }
 
 /// The `type` of a JSON document of whatever kind, found without holding it; `None` if that fails.
-pub(in crate::read) fn kind_of(source: &Source<'_>, limit: u64) -> Option<String> {
+pub(in crate::read) fn kind_of(source: &CitySource<'_>, limit: u64) -> Option<String> {
     let reader = open(source).ok()?.reader.take(limit);
     let kind = RefCell::new(None);
     // Always an error: the visitor stops as soon as it knows.
-    let _ = serde_json::Deserializer::from_reader(without_mark(reader)).deserialize_map(Kind(&kind));
+    let _ = serde_json::Deserializer::from_reader(without_mark(reader)).deserialize_map(TypeVisitor(&kind));
     kind.into_inner()
 }
 
@@ -60,9 +62,9 @@ fn without_mark<R: BufRead>(mut reader: R) -> R {
     reader
 }
 
-struct Kind<'k>(&'k RefCell<Option<String>>);
+struct TypeVisitor<'k>(&'k RefCell<Option<String>>);
 
-impl<'de> Visitor<'de> for Kind<'_> {
+impl<'de> Visitor<'de> for TypeVisitor<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -82,21 +84,21 @@ impl<'de> Visitor<'de> for Kind<'_> {
 }
 
 /// How much may still be read: of all, and of the present member or feature, which is held in memory.
-struct Limits {
-    all: Limit,
-    member: Limit,
+struct ByteLimits {
+    all: ByteLimit,
+    member: ByteLimit,
 }
 
-struct Limit {
+struct ByteLimit {
     what: &'static str,
     bytes: u64,
     left: Cell<u64>,
     exceeded: Cell<bool>,
 }
 
-impl Limits {
+impl ByteLimits {
     fn new(all: u64, member: u64) -> Self {
-        let limit = |what, bytes| Limit { what, bytes, left: Cell::new(bytes), exceeded: Cell::new(false) };
+        let limit = |what, bytes| ByteLimit { what, bytes, left: Cell::new(bytes), exceeded: Cell::new(false) };
         Self { all: limit("its size in bytes", all), member: limit("the size of one feature in bytes", member) }
     }
 
@@ -121,12 +123,12 @@ impl Limits {
 }
 
 /// Bytes within limits. The parser takes single bytes, so nothing is counted that it has not seen.
-struct Limited<'l, R> {
+struct LimitedReader<'l, R> {
     inner: R,
-    limits: &'l Limits,
+    limits: &'l ByteLimits,
 }
 
-impl<R: Read> Read for Limited<'_, R> {
+impl<R: Read> Read for LimitedReader<'_, R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.inner.read(buffer)?;
         self.limits.take(read as u64)?;
@@ -135,15 +137,15 @@ impl<R: Read> Read for Limited<'_, R> {
 }
 
 /// The document's members in their order.
-struct Document<'d, 'r, 'o, 's> {
-    features: &'d mut Features<'r, 'o, 's>,
-    limits: &'d Limits,
+struct DocumentVisitor<'d, 'r, 'o, 's> {
+    features: &'d mut FeatureReader<'r, 'o, 's>,
+    limits: &'d ByteLimits,
     /// Why the reading was ended from this side; serde has only texts for it.
     stopped: &'d RefCell<Option<InputError>>,
     tick: &'d dyn Fn(),
 }
 
-impl Document<'_, '_, '_, '_> {
+impl DocumentVisitor<'_, '_, '_, '_> {
     fn check<E: Error>(&self, result: Result<(), InputError>) -> Result<(), E> {
         result.map_err(|error| {
             self.stopped.replace(Some(error));
@@ -157,7 +159,7 @@ impl Document<'_, '_, '_, '_> {
     }
 }
 
-impl<'de> Visitor<'de> for Document<'_, '_, '_, '_> {
+impl<'de> Visitor<'de> for DocumentVisitor<'_, '_, '_, '_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -170,7 +172,7 @@ impl<'de> Visitor<'de> for Document<'_, '_, '_, '_> {
             self.limits.next_member();
             let Some(name) = map.next_key::<String>()? else { break };
             if name == "features" {
-                map.next_value_seed(Collection(&mut self))?;
+                map.next_value_seed(FeaturesVisitor(&mut self))?;
                 continue;
             }
             let raw: Box<RawValue> = map.next_value()?;
@@ -194,9 +196,9 @@ impl<'de> Visitor<'de> for Document<'_, '_, '_, '_> {
 }
 
 /// The features, of which only one is held at a time.
-struct Collection<'c, 'd, 'r, 'o, 's>(&'c mut Document<'d, 'r, 'o, 's>);
+struct FeaturesVisitor<'c, 'd, 'r, 'o, 's>(&'c mut DocumentVisitor<'d, 'r, 'o, 's>);
 
-impl<'de> DeserializeSeed<'de> for Collection<'_, '_, '_, '_, '_> {
+impl<'de> DeserializeSeed<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
@@ -204,7 +206,7 @@ impl<'de> DeserializeSeed<'de> for Collection<'_, '_, '_, '_, '_> {
     }
 }
 
-impl<'de> Visitor<'de> for Collection<'_, '_, '_, '_, '_> {
+impl<'de> Visitor<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use crate::read::{SourceFormat, Palette, InputError, ReadOptions, ReadReport, read_embedded};
+use crate::read::{InputError, Palette, ReadOptions, ReadReport, SourceFormat, read_embedded};
 use crate::scene::Scene;
 
 fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {

@@ -10,23 +10,27 @@ mod tests;
 
 use std::collections::HashMap;
 
-use super::builder::{Face, is_sane};
+use super::builder::{WorldTriangle, is_sane};
 use super::cityjson::byte;
 use super::error::InputError;
 use super::polygon::MAX_CORNERS;
 use super::report::{SourceFormat, SourceReport};
-use super::source::{Source, open, read_beside};
-use super::{Reading, Tick, UpAxis};
+use super::source::{CitySource, open, read_beside};
+use super::{ByteProgress, ReadContext, UpAxis};
 use crate::scene::ObjectKind;
 use mtl::MtlMaterial;
-use objects::{Objects, group, is_terrain};
-use parse::{Model, NONE, Polygon};
+use objects::{FaceGroups, group, is_terrain};
+use parse::{NONE, ObjFace, ObjFile};
 
 /// A material library of more bytes is not read.
 const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 
 /// Reads a source.
-pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, InputError> {
+pub(crate) fn read(
+    reading: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    tick: ByteProgress<'_>,
+) -> Result<SourceReport, InputError> {
     let mut report = SourceReport::new(&source.label, SourceFormat::Obj, source.bytes);
     let mut opened = open(source)?;
     let taken = opened.taken;
@@ -51,7 +55,7 @@ fn stem(name: &str) -> &str {
 }
 
 /// The polygons whose corners all exist and lie somewhere.
-fn usable(model: &Model, report: &mut SourceReport) -> Vec<Polygon> {
+fn usable(model: &ObjFile, report: &mut SourceReport) -> Vec<ObjFace> {
     let count = model.positions.len();
     let mut usable = Vec::with_capacity(model.polygons.len());
     for polygon in &model.polygons {
@@ -74,7 +78,7 @@ fn usable(model: &Model, report: &mut SourceReport) -> Vec<Polygon> {
 }
 
 /// All materials of all libraries named.
-fn library(model: &Model, source: &Source<'_>, report: &mut SourceReport) -> HashMap<String, MtlMaterial> {
+fn library(model: &ObjFile, source: &CitySource<'_>, report: &mut SourceReport) -> HashMap<String, MtlMaterial> {
     let mut materials = HashMap::new();
     let folder = source.name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
     for argument in &model.libraries {
@@ -103,22 +107,22 @@ fn library(model: &Model, source: &Source<'_>, report: &mut SourceReport) -> Has
 
 /// How a material's faces are coloured: without the picture where they have no texture coordinates.
 #[derive(Clone, Copy, Default)]
-struct Paint {
+struct FaceMaterials {
     plain: u32,
     textured: Option<u32>,
 }
 
 /// The paint of each of the model's materials that is used; pictures are decoded here.
 fn paints(
-    model: &Model,
-    polygons: &[Polygon],
+    model: &ObjFile,
+    polygons: &[ObjFace],
     library: &HashMap<String, MtlMaterial>,
-    (reading, source): (&mut Reading<'_>, &Source<'_>),
+    (reading, source): (&mut ReadContext<'_>, &CitySource<'_>),
     report: &mut SourceReport,
-) -> Vec<Paint> {
+) -> Vec<FaceMaterials> {
     let mut used = vec![false; model.materials.len()];
     polygons.iter().for_each(|polygon| used[polygon.material as usize] = true);
-    let mut paints = vec![Paint::default(); used.len()];
+    let mut paints = vec![FaceMaterials::default(); used.len()];
     for (i, name) in model.materials.iter().enumerate().filter(|(i, _)| used[*i]) {
         let material = library.get(name);
         if material.is_none() && !name.is_empty() {
@@ -136,17 +140,17 @@ fn paints(
 }
 
 /// A black Kd under a picture is an exporter's way of saying nothing: multiplied, it would hide the picture.
-fn textured(reading: &mut Reading<'_>, diffuse: Option<[u8; 3]>, texture: u32) -> u32 {
+fn textured(reading: &mut ReadContext<'_>, diffuse: Option<[u8; 3]>, texture: u32) -> u32 {
     let rgb = diffuse.filter(|rgb| *rgb != [0; 3]).unwrap_or([255; 3]);
     reading.builder.material(rgb, Some(texture))
 }
 
 /// Triangulates object by object.
 fn add_objects(
-    reading: &mut Reading<'_>,
-    model: &Model,
-    polygons: &[Polygon],
-    (objects, paints): (&Objects, &[Paint]),
+    reading: &mut ReadContext<'_>,
+    model: &ObjFile,
+    polygons: &[ObjFace],
+    (objects, paints): (&FaceGroups, &[FaceMaterials]),
     report: &mut SourceReport,
 ) {
     let mut order: Vec<usize> = (0..polygons.len()).collect();
@@ -171,11 +175,11 @@ fn add_objects(
 }
 
 fn add_faces(
-    reading: &mut Reading<'_>,
-    model: &Model,
-    polygon: &Polygon,
-    paint: Paint,
-    faces: &mut Vec<Face>,
+    reading: &mut ReadContext<'_>,
+    model: &ObjFile,
+    polygon: &ObjFace,
+    paint: FaceMaterials,
+    faces: &mut Vec<WorldTriangle>,
     report: &mut SourceReport,
 ) {
     let corners = &model.corners[polygon.first..polygon.first + polygon.len as usize];
@@ -196,6 +200,6 @@ fn add_faces(
     for triangle in triangles {
         let corners = triangle.map(|i| points[i as usize]);
         let uv = triangle.map(|i| uvs.get(i as usize).copied().unwrap_or_default());
-        faces.push(Face { corners, uv, material });
+        faces.push(WorldTriangle { corners, uv, material });
     }
 }

@@ -1,16 +1,16 @@
 //! Which faces of an OBJ make one object: its own groups, else what hangs together.
 //!
-//! In: a [`Model`]. Out: [`Objects`]. Next: `builder`.
+//! In: a [`ObjFile`]. Out: [`FaceGroups`]. Next: `builder`.
 
 use std::collections::HashMap;
 
-use super::parse::{Model, Polygon};
+use super::parse::{ObjFace, ObjFile};
 
 /// Positions that round to the same millimetre are one: tiles come with every triangle's corners for itself.
 const WELD_PER_M: f64 = 1000.0;
 
 /// Objects of a model.
-pub(super) struct Objects {
+pub(super) struct FaceGroups {
     /// Identifiers.
     pub(super) ids: Vec<String>,
     /// For each of the given polygons its object; those in order of their first polygon.
@@ -19,8 +19,8 @@ pub(super) struct Objects {
 
 /// Groups polygons. `o` goes before `g`; a name that all faces share groups nothing, nor does one that exporters give
 /// to everything, and then each connected component is an object.
-pub(super) fn group(model: &Model, polygons: &[Polygon], stem: &str) -> Objects {
-    type Key = fn(&Polygon) -> u32;
+pub(super) fn group(model: &ObjFile, polygons: &[ObjFace], stem: &str) -> FaceGroups {
+    type Key = fn(&ObjFace) -> u32;
     let keys: [Key; 2] = [|polygon| polygon.object, |polygon| polygon.group];
     for key in keys {
         let first = polygons.first().map(key);
@@ -31,7 +31,7 @@ pub(super) fn group(model: &Model, polygons: &[Polygon], stem: &str) -> Objects 
                 "" => stem.to_owned(),
                 name => name.to_owned(),
             };
-            return Objects { ids: names.iter().map(name).collect(), of_polygon };
+            return FaceGroups { ids: names.iter().map(name).collect(), of_polygon };
         }
     }
     let shared_name = polygons.first().map_or("", |polygon| {
@@ -40,11 +40,11 @@ pub(super) fn group(model: &Model, polygons: &[Polygon], stem: &str) -> Objects 
     });
     let prefix = if shared_name.is_empty() { stem } else { shared_name };
     if is_terrain(prefix) {
-        return Objects { ids: vec![prefix.to_owned()], of_polygon: vec![0; polygons.len()] };
+        return FaceGroups { ids: vec![prefix.to_owned()], of_polygon: vec![0; polygons.len()] };
     }
     let (components, of_polygon) = in_order(&components(model, polygons));
     let id = |i: usize| if components.len() == 1 { prefix.to_owned() } else { format!("{prefix}#{i}") };
-    Objects { ids: (0..components.len()).map(id).collect(), of_polygon }
+    FaceGroups { ids: (0..components.len()).map(id).collect(), of_polygon }
 }
 
 /// OBJ has no types, so the name must do: the ground is one-sided and everything else is not.
@@ -69,7 +69,7 @@ fn in_order(labels: &[u32]) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// For each polygon a label that it shares with all that it hangs together with by welded corners.
-fn components(model: &Model, polygons: &[Polygon]) -> Vec<u32> {
+fn components(model: &ObjFile, polygons: &[ObjFace]) -> Vec<u32> {
     let mut welded = HashMap::new();
     let mut weld = |position: u32| {
         let cell = model.positions[position as usize].map(|c| (c * WELD_PER_M).round() as i64);

@@ -1,6 +1,6 @@
 //! An OBJ's lines to arrays. Nothing is looked up yet: libraries and vertices may come after their use.
 //!
-//! In: lines. Out: [`Model`]. Next: `objects`.
+//! In: lines. Out: [`ObjFile`]. Next: `objects`.
 
 use std::collections::HashMap;
 use std::io::BufRead;
@@ -18,13 +18,13 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// A face as written.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Polygon {
+pub(super) struct ObjFace {
     /// Its corners are `corners[first..first + len]`.
     pub(super) first: usize,
     pub(super) len: u32,
-    /// Index into `Model::materials`.
+    /// Index into `ObjFile::materials`.
     pub(super) material: u32,
-    /// Index into `Model::names`, of the last `o` and the last `g`.
+    /// Index into `ObjFile::names`, of the last `o` and the last `g`.
     pub(super) object: u32,
     pub(super) group: u32,
     pub(super) line: u64,
@@ -32,12 +32,12 @@ pub(super) struct Polygon {
 
 /// What an OBJ says.
 #[derive(Default)]
-pub(super) struct Model {
+pub(super) struct ObjFile {
     pub(super) positions: Vec<[f64; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
     /// Position and texture coordinate, each from 0 or [`NONE`]; not checked against the counts.
     pub(super) corners: Vec<[u32; 2]>,
-    pub(super) polygons: Vec<Polygon>,
+    pub(super) polygons: Vec<ObjFace>,
     /// Names after `usemtl`; the first is that of faces without one.
     pub(super) materials: Vec<String>,
     /// Names after `o` and `g`; the first is that of faces without one.
@@ -47,7 +47,7 @@ pub(super) struct Model {
 }
 
 #[derive(Default)]
-struct State {
+struct ObjParser {
     line: u64,
     material: u32,
     object: u32,
@@ -62,9 +62,9 @@ pub(super) fn parse(
     limit: u64,
     report: &mut SourceReport,
     tick: &dyn Fn(),
-) -> Result<Model, InputError> {
-    let mut model = Model { materials: vec![String::new()], names: vec![String::new()], ..Model::default() };
-    let mut state = State::default();
+) -> Result<ObjFile, InputError> {
+    let mut model = ObjFile { materials: vec![String::new()], names: vec![String::new()], ..ObjFile::default() };
+    let mut state = ObjParser::default();
     state.material_indices.insert(String::new(), 0);
     state.name_indices.insert(String::new(), 0);
     let (mut line, mut joined, mut bytes) = (Vec::new(), Vec::new(), 0);
@@ -96,7 +96,7 @@ pub(super) fn parse(
     }
 }
 
-fn statement(line: &str, model: &mut Model, state: &mut State, report: &mut SourceReport) {
+fn statement(line: &str, model: &mut ObjFile, state: &mut ObjParser, report: &mut SourceReport) {
     let line = line.trim();
     let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     let rest = rest.trim();
@@ -127,7 +127,7 @@ fn numbers(text: &str) -> [f64; 3] {
     std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN))
 }
 
-fn face(text: &str, model: &mut Model, state: &State, report: &mut SourceReport) {
+fn face(text: &str, model: &mut ObjFile, state: &ObjParser, report: &mut SourceReport) {
     let first = model.corners.len();
     for word in text.split_ascii_whitespace() {
         let mut indices = word.split('/');
@@ -141,7 +141,7 @@ fn face(text: &str, model: &mut Model, state: &State, report: &mut SourceReport)
         model.corners.truncate(first);
         return;
     }
-    model.polygons.push(Polygon {
+    model.polygons.push(ObjFace {
         first,
         len: len as u32,
         material: state.material,
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
     use crate::read::report::SourceFormat;
 
-    fn parsed(text: &str) -> (Model, SourceReport) {
+    fn parsed(text: &str) -> (ObjFile, SourceReport) {
         let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
         let model = parse(&mut text.as_bytes(), 1 << 20, &mut report, &|| {}).unwrap();
         (model, report)
@@ -200,7 +200,7 @@ mod tests {
             "mtllib a b.mtl\no house 1\ng walls\nusemtl brick\nf 1 2 3\no tree\nusemtl\nf 1 2 3\nf 1 2\nv 1 x 2\nq";
         let (model, report) = parsed(text);
         assert_eq!(model.libraries, ["a b.mtl"]);
-        let named = |polygon: &Polygon| {
+        let named = |polygon: &ObjFace| {
             let names = [polygon.object, polygon.group].map(|i| model.names[i as usize].as_str());
             (names, model.materials[polygon.material as usize].as_str())
         };
