@@ -1,14 +1,11 @@
-//! What a bake did and what it took.
-//!
-//! In: counts and times from `pipeline`. Out: [`BakeReport`], serialisable. Next: `--report FILE.json` and the last lines that
-//! the command prints.
+//! The report of a bake: counts, sizes and times. Written by `bake --report FILE.json` and summarised by the command.
 
 use std::{collections::BTreeMap, time::Instant};
 
 use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
 use serde::Serialize;
 
-pub use crate::write::scratch::ResumeStatus;
+pub use crate::write::scratch_folder::ResumeStatus;
 use crate::{read::ReadReport, scene::grid::CityGrid};
 
 /// A finished bake.
@@ -16,47 +13,42 @@ use crate::{read::ReadReport, scene::grid::CityGrid};
 pub struct BakeReport {
     /// The city's name in URLs.
     pub name: String,
-    /// Hash of its content.
+    /// Hash of the city's content.
     pub version: String,
-    /// What was read from each source, what was skipped and why.
+    /// What was read from each source, and what was skipped and why.
     pub read: ReadReport,
-    /// Side of a leaf's column.
+    /// Side of a leaf's column in metres.
     pub cell_m: f64,
     /// Level of the leaves.
     pub depth: u8,
-    /// Objects baked.
     pub objects: u64,
-    /// Triangles baked.
     pub triangles: u64,
-    /// Root first.
+    /// One entry per level, the root first.
     pub levels: Vec<LevelReport>,
-    /// Nodes of all levels.
+    /// Number of nodes of all levels.
     pub nodes: u64,
-    /// Bytes of all nodes' V-BlockMaps.
+    /// Size of all V-BlockMaps.
     pub blockmap_bytes: u64,
-    /// Leaves' meshes by level of detail, the finest first; empty without meshes.
+    /// Meshes by level of detail, the finest first; empty without meshes.
     pub meshes: Vec<MeshReport>,
-    /// Bytes of the whole city on disk.
+    /// Size of all files of the city.
     pub city_bytes: u64,
-    /// Worker threads.
     pub threads: usize,
-    /// Whether an interrupted bake was found, and what became of it.
+    /// What became of an interrupted bake's work.
     pub start: ResumeStatus,
-    /// Blocks of leaves and of parents that were baked now.
+    /// Blocks of leaves and packs of parents that this run baked.
     pub blocks_baked: u64,
-    /// Blocks that an interrupted bake had finished.
+    /// Blocks taken from an interrupted bake.
     pub blocks_resumed: u64,
-    /// Blocks that the city to update had already.
+    /// Blocks taken from the city that is updated.
     pub blocks_unchanged: u64,
-    /// In the order in which they ran.
+    /// In execution order.
     pub stages: Vec<StageReport>,
-    /// From the first to the last.
+    /// Duration of all stages.
     pub seconds: f64,
-    /// Over the whole time.
     pub triangles_per_second: f64,
-    /// Over the whole time.
     pub objects_per_second: f64,
-    /// Most memory that the process ever held; `None` where the system does not tell.
+    /// Peak resident memory of the process; `None` where the system does not report it.
     pub peak_memory_bytes: Option<u64>,
 }
 
@@ -65,34 +57,32 @@ pub struct BakeReport {
 pub struct LevelReport {
     /// 0 for the root.
     pub level: u8,
-    /// Side of a column.
+    /// Side of a column in metres.
     pub cell_m: f64,
-    /// How many.
     pub nodes: u64,
-    /// Of all V-BlockMaps.
+    /// Size of the level's V-BlockMaps.
     pub bytes: u64,
 }
 
-/// All meshes of one level of detail.
+/// The meshes of one level of detail.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct MeshReport {
     /// 0 for the finest.
     pub lod: u8,
-    /// Leaves that have it.
+    /// Number of leaves with this level of detail.
     pub leaves: u64,
-    /// Of all tiles.
+    /// Size of the mesh tiles.
     pub bytes: u64,
-    /// Of all.
     pub triangles: u64,
-    /// Of all pictures.
+    /// Pixels of all textures.
     pub texture_px: u64,
-    /// Largest error in metres.
+    /// Largest geometric error in metres.
     pub error_m: f32,
 }
 
 impl MeshReport {
-    /// By level of detail, the finest first.
-    pub fn count(meshes: impl Iterator<Item = (u8, MeshLod)>) -> Vec<Self> {
+    /// Sums meshes, given with their level of detail, by level; the finest first.
+    pub(crate) fn by_lod(meshes: impl Iterator<Item = (u8, MeshLod)>) -> Vec<Self> {
         let mut all: BTreeMap<u8, Self> = BTreeMap::new();
         for (lod, info) in meshes {
             let one = all.entry(lod).or_insert(Self { lod, ..Self::default() });
@@ -109,13 +99,12 @@ impl MeshReport {
 /// One stage of the pipeline.
 #[derive(Debug, Clone, Serialize)]
 pub struct StageReport {
-    /// As [`crate::Progress::stage`] names it.
+    /// The name given to [`crate::Progress::stage`].
     pub name: String,
-    /// How long it took.
     pub seconds: f64,
 }
 
-/// Measures stages.
+/// Measures the duration of stages.
 #[derive(Debug)]
 pub(crate) struct StageClock {
     start: Instant,
@@ -127,7 +116,7 @@ impl StageClock {
         Self { start: Instant::now(), stages: Vec::new() }
     }
 
-    /// Runs a stage.
+    /// Runs a stage and records its duration.
     pub(crate) fn time<R>(&mut self, name: &str, stage: impl FnOnce() -> R) -> R {
         let start = Instant::now();
         let result = stage();
@@ -140,18 +129,18 @@ impl StageClock {
     }
 }
 
-/// Where a block's tiles come from.
+/// Where the tiles of a pack come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PackOutcome {
-    /// Baked now.
+    /// Baked by this run.
     Baked,
-    /// Finished by an interrupted bake.
+    /// Taken from an interrupted bake.
     Resumed,
-    /// In the city to update.
+    /// Taken from the city that is updated.
     Unchanged,
 }
 
-/// Blocks done, by who did them.
+/// Finished packs by [`PackOutcome`].
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct PackCounts {
     baked: u64,
@@ -160,8 +149,8 @@ pub(crate) struct PackCounts {
 }
 
 impl PackCounts {
-    pub(crate) fn count(&mut self, made: PackOutcome) {
-        match made {
+    pub(crate) fn add(&mut self, outcome: PackOutcome) {
+        match outcome {
             PackOutcome::Baked => self.baked += 1,
             PackOutcome::Resumed => self.resumed += 1,
             PackOutcome::Unchanged => self.unchanged += 1,
@@ -169,7 +158,7 @@ impl PackCounts {
     }
 }
 
-/// What a report is made of besides times.
+/// The contents of a report besides times.
 pub(crate) struct ReportInput {
     pub(crate) manifest: Manifest,
     pub(crate) city_bytes: u64,
@@ -182,8 +171,8 @@ pub(crate) struct ReportInput {
 }
 
 impl BakeReport {
-    pub(crate) fn new(outcome: ReportInput, clock: StageClock) -> Self {
-        let ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = outcome;
+    pub(crate) fn new(input: ReportInput, clock: StageClock) -> Self {
+        let ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = input;
         let seconds = clock.seconds();
         let per_second = |n: u64| n as f64 / seconds.max(1e-9);
         let counts = &manifest.counts;
@@ -225,8 +214,8 @@ fn levels(grid: &CityGrid, counts: &Counts) -> Vec<LevelReport> {
     .collect()
 }
 
-/// `VmHWM` of `/proc/self/status`.
-pub fn peak_memory_bytes() -> Option<u64> {
+/// Reads `VmHWM` of `/proc/self/status`; `None` where that does not exist.
+fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
@@ -239,13 +228,13 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn linux_tells_the_peak() {
+    fn peak_memory_is_known_on_linux() {
         let peak = peak_memory_bytes().unwrap();
         assert!((1 << 20..1 << 40).contains(&peak), "{peak}");
     }
 
     #[test]
-    fn a_clock_keeps_the_order_of_stages() {
+    fn clock_records_stages_in_order() {
         let mut clock = StageClock::new();
         assert_eq!(clock.time("read", || 7), 7);
         clock.time("write", || std::thread::sleep(std::time::Duration::from_millis(5)));

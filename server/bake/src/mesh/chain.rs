@@ -25,9 +25,11 @@ use super::{
 use crate::{
     error::BakeError,
     model::{CornerLayer, TriangleModel},
-    scene::{Scene, grid::CityGrid},
+    scene::{
+        Scene,
+        grid::{CityGrid, HALF_DIAGONAL},
+    },
     simplify::{Goal, simplify},
-    write::tree::HALF_DIAGONAL,
 };
 
 /// Share of the V-BlockMap's error that the coarsest level of detail may have.

@@ -1,107 +1,27 @@
-//! Models: triangles of a single file (PLY, OFF, OBJ), for the tools that compress and simplify.
-//!
-//! In: a file's bytes. Out: a [`TriangleModel`], and back. Next: `simplify`, or the codec of `insula_protocol::mesh`.
+//! Models of single files (PLY, OFF, OBJ), for the tools that compress and simplify meshes.
 
 mod obj;
 mod off;
 mod ply;
 pub mod quantise;
+mod triangle_model;
 
-use insula_protocol::mesh::Kind;
-use std::{collections::HashMap, path::Path};
-
-/// Most vertices or triangles that are read.
-pub const MAX_COUNT: usize = 1 << 24;
-
-/// Values that corners carry.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CornerLayer {
-    /// What they mean: texture coordinates have 2 numbers, normals 3, colours 3 or 4 from 0 to 1.
-    pub kind: Kind,
-    /// How many numbers of a value count.
-    pub width: usize,
-    /// Values; what does not count is 0.
-    pub values: Vec<[f32; 4]>,
-    /// For each corner `3 t + k` its value.
-    pub corners: Vec<u32>,
-}
-
-/// Triangles with what their corners carry.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct TriangleModel {
-    /// Vertices, in the file's own units.
-    pub positions: Vec<[f64; 3]>,
-    /// Triples of vertices.
-    pub triangles: Vec<[u32; 3]>,
-    /// What corners carry.
-    pub layers: Vec<CornerLayer>,
-}
-
-/// Why a file is no model.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ModelError {
-    /// What cannot be read, and where.
-    #[error("{what} in line {line}: is it a {format} file?")]
-    Line {
-        /// What is wrong.
-        what: &'static str,
-        /// Where, from 1.
-        line: usize,
-        /// What it was read as.
-        format: &'static str,
-    },
-    /// What is wrong as a whole.
-    #[error("{0}")]
-    Whole(&'static str),
-}
-
-/// Formats of models.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ModelFormat {
-    /// Stanford's polygon files: text, or binary of either byte order; written in binary.
-    Ply,
-    /// Geomview's object files, as text.
-    Off,
-    /// Wavefront's, without materials.
-    Obj,
-}
-
-impl ModelFormat {
-    /// By a file's name.
-    pub fn of(path: &Path) -> Option<Self> {
-        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-            "ply" => Some(Self::Ply),
-            "off" => Some(Self::Off),
-            "obj" => Some(Self::Obj),
-            _ => None,
-        }
-    }
-}
+pub use triangle_model::{CornerLayer, MAX_COUNT, ModelError, ModelFormat, TriangleModel};
 
 impl TriangleModel {
-    /// From a file's bytes. Polygons become fans of triangles.
-    ///
-    /// # Errors
-    /// What is not of the format, not finite, or over [`MAX_COUNT`].
+    /// Parses a file. Polygons become fans of triangles. Fails if it is not of the format, has a value that is not finite, or
+    /// exceeds [`MAX_COUNT`].
     pub fn read(bytes: &[u8], format: ModelFormat) -> Result<Self, ModelError> {
         let model = match format {
             ModelFormat::Ply => ply::read(bytes)?,
             ModelFormat::Off => off::read(bytes)?,
             ModelFormat::Obj => obj::read(bytes)?,
         };
-        if model.triangles.as_flattened().iter().any(|vertex| *vertex as usize >= model.positions.len()) {
-            return Err(ModelError::Whole("a face names a vertex that is not there"));
-        }
-        if model.positions.as_flattened().iter().any(|v| !v.is_finite() || v.abs() > 1e12) {
-            return Err(ModelError::Whole("a coordinate is not finite, or over 10^12"));
-        }
-        if model.layers.iter().any(|layer| layer.values.as_flattened().iter().any(|v| !v.is_finite())) {
-            return Err(ModelError::Whole("a normal, colour or texture coordinate is not finite"));
-        }
+        model.check()?;
         Ok(model)
     }
 
-    /// As a file's bytes.
+    /// The bytes of a file.
     pub fn write(&self, format: ModelFormat) -> Vec<u8> {
         match format {
             ModelFormat::Ply => ply::write(self),
@@ -109,48 +29,12 @@ impl TriangleModel {
             ModelFormat::Obj => obj::write(self),
         }
     }
-
-    /// Vertices at the same place become one; how many were left out.
-    pub fn weld(&mut self) -> usize {
-        let mut first = HashMap::with_capacity(self.positions.len());
-        let mut positions = Vec::with_capacity(self.positions.len());
-        let number = |position: &[f64; 3]| {
-            // Zero has two signs.
-            *first.entry(position.map(|v| (v + 0.0).to_bits())).or_insert_with(|| {
-                positions.push(*position);
-                positions.len() as u32 - 1
-            })
-        };
-        let numbers: Vec<u32> = self.positions.iter().map(number).collect();
-        self.triangles.as_flattened_mut().iter_mut().for_each(|vertex| *vertex = numbers[*vertex as usize]);
-        let before = std::mem::replace(&mut self.positions, positions).len();
-        before - self.positions.len()
-    }
-
-    /// Diagonal of the box around all vertices.
-    pub fn diagonal(&self) -> f64 {
-        let side = |k: usize| {
-            let values = self.positions.iter().map(|p| p[k]);
-            values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
-        };
-        (0..3).map(side).map(|side| side.max(0.0).powi(2)).sum::<f64>().sqrt()
-    }
-}
-
-/// Appends a polygon as a fan of triangles, by its corners' numbers.
-fn fan(polygon: &[u32], mut push: impl FnMut([u32; 3])) {
-    for pair in polygon.windows(2).skip(1) {
-        push([polygon[0], pair[0], pair[1]]);
-    }
-}
-
-fn limit(count: usize) -> Result<(), ModelError> {
-    if count > MAX_COUNT { Err(ModelError::Whole("more than 16 million vertices or triangles")) } else { Ok(()) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_protocol::mesh::Kind;
 
     fn model() -> TriangleModel {
         let positions = vec![[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.25, 0.0], [0.0, 0.0, -3.0]];
@@ -159,14 +43,14 @@ mod tests {
     }
 
     #[test]
-    fn every_format_comes_back() {
+    fn every_format_round_trips() {
         for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
             assert_eq!(TriangleModel::read(&model().write(format), format).unwrap(), model(), "{format:?}");
         }
     }
 
     #[test]
-    fn layers_come_back_in_obj_and_ply() {
+    fn layers_round_trip_in_obj_and_ply() {
         let mut model = model();
         let corners: Vec<u32> = model.triangles.as_flattened().to_vec();
         let layer = |kind, width, values: [[f32; 4]; 4]| CornerLayer {
@@ -190,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn text_as_others_write_it_is_read() {
+    fn text_variants_of_other_programs_are_read() {
         let off =
             "OFF # a comment\n# another\n\n5 2 0\n0 0 0\n1 0 0 \n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4 255 0 0\n";
         let model = TriangleModel::read(off.as_bytes(), ModelFormat::Off).unwrap();
@@ -203,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn any_damage_is_an_error_or_a_model() {
+    fn damaged_files_are_an_error_or_a_valid_model() {
         for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
             let whole = model().write(format);
             for length in 0..whole.len() {
@@ -220,14 +104,5 @@ mod tests {
         let huge = b"ply\nformat binary_little_endian 1.0\nelement vertex 9999999999\nproperty float x\nend_header\n";
         assert!(TriangleModel::read(huge, ModelFormat::Ply).is_err());
         assert!(TriangleModel::read(b"OFF\n4000000000 1 1\n", ModelFormat::Off).is_err());
-    }
-
-    #[test]
-    fn vertices_at_one_place_are_welded() {
-        let mut model = model();
-        model.positions.push([-0.0, 0.0, 0.0]);
-        model.triangles.push([4, 1, 2]);
-        assert_eq!(model.weld(), 1);
-        assert_eq!(model.triangles[4], [0, 1, 2]);
     }
 }

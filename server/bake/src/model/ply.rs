@@ -1,11 +1,9 @@
-//! PLY: a header that describes elements, then their values as text or in binary.
+//! PLY: a header that describes elements, then their values as text or binary.
 //!
-//! In: bytes. Out: a [`TriangleModel`], and back. Next: `model`.
-//!
-//! Of vertices x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha) are
-//! read, of faces the list of their corners; what else is described is passed over.
+//! Of vertices, x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha)
+//! are read; of faces the list of corners. Everything else is skipped.
 
-use super::{CornerLayer, ModelError, TriangleModel, fan, limit};
+use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
 use insula_protocol::mesh::Kind;
 use std::collections::HashMap;
 
@@ -22,7 +20,7 @@ enum PlyNumber {
 }
 
 impl PlyNumber {
-    fn named(name: &str) -> Option<Self> {
+    fn by_name(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
             "uchar" | "uint8" => Self::U8,
@@ -45,7 +43,7 @@ impl PlyNumber {
         }
     }
 
-    /// From as many bytes as it has, the low one first.
+    /// Converts the first [`Self::bytes`] of `bytes`, little-endian.
     fn value(self, bytes: [u8; 8]) -> f64 {
         let [a, b, c, d, ..] = bytes;
         match self {
@@ -63,7 +61,7 @@ impl PlyNumber {
 
 struct PlyProperty {
     name: String,
-    /// Of a list's length.
+    /// Type of a list's length; `None` for a single value.
     length: Option<PlyNumber>,
     number: PlyNumber,
 }
@@ -80,7 +78,7 @@ enum PlyEncoding {
     Big,
 }
 
-/// Values one after the other.
+/// The values after the header.
 struct PlyValues<'a> {
     rest: &'a [u8],
     encoding: PlyEncoding,
@@ -88,14 +86,14 @@ struct PlyValues<'a> {
 
 impl PlyValues<'_> {
     fn next(&mut self, number: PlyNumber) -> Result<f64, ModelError> {
-        const SHORT: ModelError = ModelError::Whole("a PLY file ends before all that it announces");
+        const SHORT: ModelError = ModelError::Whole("a PLY file ends before its declared content");
         if let PlyEncoding::Text = self.encoding {
             let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace()).ok_or(SHORT)?;
             let word = &self.rest[start..];
             let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
             self.rest = &word[end..];
             let word = std::str::from_utf8(&word[..end]).ok().and_then(|word| word.parse().ok());
-            return word.ok_or(ModelError::Whole("a value of a PLY file is no number"));
+            return word.ok_or(ModelError::Whole("a value of a PLY file is not a number"));
         }
         let (head, rest) = self.rest.split_at_checked(number.bytes()).ok_or(SHORT)?;
         self.rest = rest;
@@ -109,13 +107,13 @@ impl PlyValues<'_> {
 }
 
 pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
-    let (elements, mut values) = header(bytes)?;
+    let (elements, mut values) = read_header(bytes)?;
     let mut model = TriangleModel::default();
     for element in &elements {
-        limit(element.count)?;
+        check_count(element.count)?;
         match element.name.as_str() {
-            "vertex" => vertices(&mut model, element, &mut values)?,
-            _ => faces(&mut model, element, &mut values)?,
+            "vertex" => read_vertices(&mut model, element, &mut values)?,
+            _ => read_faces(&mut model, element, &mut values)?,
         }
     }
     let corners: Vec<u32> = model.triangles.as_flattened().to_vec();
@@ -123,34 +121,34 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     Ok(model)
 }
 
-fn header(bytes: &[u8]) -> Result<(Vec<PlyElement>, PlyValues<'_>), ModelError> {
+fn read_header(bytes: &[u8]) -> Result<(Vec<PlyElement>, PlyValues<'_>), ModelError> {
     let mut elements: Vec<PlyElement> = Vec::new();
     let mut encoding = None;
     let mut rest = bytes;
     for at in 1..10_000 {
         let error = |what| ModelError::Line { what, line: at, format: "PLY" };
-        let end = rest.iter().position(|byte| *byte == b'\n').ok_or(error("no end of the header"))?;
-        let line = std::str::from_utf8(&rest[..end]).map_err(|_| error("no text"))?;
+        let end = rest.iter().position(|byte| *byte == b'\n').ok_or(error("an incomplete header"))?;
+        let line = std::str::from_utf8(&rest[..end]).map_err(|_| error("invalid text"))?;
         rest = &rest[end + 1..];
         let words: Vec<&str> = line.split_whitespace().collect();
-        let number = |name: &str| PlyNumber::named(name).ok_or(error("an unknown type"));
+        let number = |name: &str| PlyNumber::by_name(name).ok_or(error("an unknown type"));
         match words[..] {
             ["ply"] if at == 1 => {}
-            _ if at == 1 => return Err(error("no ply")),
+            _ if at == 1 => return Err(error("no `ply` header")),
             ["format", "ascii", _] => encoding = Some(PlyEncoding::Text),
             ["format", "binary_little_endian", _] => encoding = Some(PlyEncoding::Little),
             ["format", "binary_big_endian", _] => encoding = Some(PlyEncoding::Big),
             ["element", name, count] => {
-                let count = count.parse().map_err(|_| error("no count"))?;
+                let count = count.parse().map_err(|_| error("an invalid count"))?;
                 elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
             }
             ["property", "list", length, item, name] => {
                 let property = PlyProperty { name: name.into(), length: Some(number(length)?), number: number(item)? };
-                elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
+                elements.last_mut().ok_or(error("a property before any element"))?.properties.push(property);
             }
             ["property", item, name] => {
                 let property = PlyProperty { name: name.into(), length: None, number: number(item)? };
-                elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
+                elements.last_mut().ok_or(error("a property before any element"))?.properties.push(property);
             }
             ["end_header"] => {
                 let encoding = encoding.ok_or(error("no format"))?;
@@ -159,10 +157,10 @@ fn header(bytes: &[u8]) -> Result<(Vec<PlyElement>, PlyValues<'_>), ModelError> 
             _ => {}
         }
     }
-    Err(ModelError::Whole("a PLY file's header has no end"))
+    Err(ModelError::Whole("a PLY file's header has no end_header"))
 }
 
-/// Names of a vertex's numbers that make a layer.
+/// Names of the vertex properties that form a layer.
 const LAYERS: [(Kind, &[&str]); 5] = [
     (Kind::TexCoord, &["u", "v"]),
     (Kind::TexCoord, &["s", "t"]),
@@ -171,7 +169,11 @@ const LAYERS: [(Kind, &[&str]); 5] = [
     (Kind::Colour, &["red", "green", "blue"]),
 ];
 
-fn vertices(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<(), ModelError> {
+fn read_vertices(
+    model: &mut TriangleModel,
+    element: &PlyElement,
+    values: &mut PlyValues<'_>,
+) -> Result<(), ModelError> {
     let places: HashMap<&str, usize> = element.properties.iter().zip(0..).map(|(p, i)| (p.name.as_str(), i)).collect();
     let place = |names: &[&str]| names.iter().map(|name| places.get(name).copied()).collect::<Option<Vec<usize>>>();
     let Some(xyz) = place(&["x", "y", "z"]) else {
@@ -195,7 +197,7 @@ fn vertices(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyVal
         }
         model.positions.push(std::array::from_fn(|k| row[xyz[k]]));
         for ((kind, place), layer) in layers.iter().zip(&mut model.layers) {
-            // Colours are bytes in nearly all files.
+            // In nearly all files colours are bytes.
             let is_byte = element.properties[place[0]].number == PlyNumber::U8;
             let scale = if *kind == Kind::Colour && is_byte { 255.0 } else { 1.0 };
             layer.values.push(std::array::from_fn(|k| place.get(k).map_or(0.0, |place| (row[*place] / scale) as f32)));
@@ -204,7 +206,7 @@ fn vertices(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyVal
     Ok(())
 }
 
-/// A number, or 0 for a list, which is passed over.
+/// Reads a value, or skips a list and returns 0.
 fn skip_list(property: &PlyProperty, values: &mut PlyValues<'_>) -> Result<f64, ModelError> {
     let Some(length) = property.length else { return values.next(property.number) };
     for _ in 0..values.next(length)? as usize {
@@ -213,7 +215,7 @@ fn skip_list(property: &PlyProperty, values: &mut PlyValues<'_>) -> Result<f64, 
     Ok(0.0)
 }
 
-fn faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<(), ModelError> {
+fn read_faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<(), ModelError> {
     let mut polygon = Vec::new();
     for _ in 0..element.count {
         for property in &element.properties {
@@ -225,8 +227,8 @@ fn faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues
                     for _ in 0..count {
                         polygon.push(values.next(property.number)? as u32);
                     }
-                    fan(&polygon, |triangle| model.triangles.push(triangle));
-                    limit(model.triangles.len())?;
+                    push_fan(&polygon, |triangle| model.triangles.push(triangle));
+                    check_count(model.triangles.len())?;
                 }
                 _ => drop(skip_list(property, values)?),
             }
@@ -236,7 +238,7 @@ fn faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues
 }
 
 pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
-    // A vertex has one value of each layer: one with several is written several times.
+    // In PLY a vertex has one value of each layer. A vertex with several is written several times.
     let mut numbers: HashMap<Vec<u32>, u32> = HashMap::new();
     let mut rows: Vec<Vec<u32>> = Vec::new();
     let mut row = |row: Vec<u32>| {

@@ -1,17 +1,16 @@
-//! Models on a grid, and off it again.
-//!
-//! In: a [`TriangleModel`] and how many bits its numbers shall have. Out: a [`Mesh`]; or the other way. Next: the mesh codec.
+//! Converts models to meshes with quantised values, and back.
 
-use super::{CornerLayer, TriangleModel};
+use super::triangle_model::{CornerLayer, TriangleModel};
 use insula_protocol::{
     mesh::{Attribute, Grid, Kind, Mesh},
     octahedral,
 };
 
-/// Bits of colours, and of each half of a normal.
+/// Bits of a colour component, and of each half of a normal.
 const BYTE: u8 = 8;
 
-/// A mesh with `bits` (8 to 16) for each coordinate, and `texcoord_bits` (8 to 16) for those in textures.
+/// Quantises a model with `bits` (8 to 16) for each coordinate, and `texcoord_bits` (8 to 16) for each texture
+/// coordinate.
 pub fn to_mesh(model: &TriangleModel, bits: u8, texcoord_bits: u8) -> Mesh {
     let grid = Grid::around(&model.positions, bits);
     let attributes = model.layers.iter().map(|layer| attribute(layer, texcoord_bits)).collect();
@@ -54,7 +53,7 @@ fn attribute(layer: &CornerLayer, texcoord_bits: u8) -> Attribute {
     Attribute { kind: layer.kind, components, bits, range, values, corners: layer.corners.clone() }
 }
 
-/// The model that a mesh stands for.
+/// The model of a mesh.
 pub fn to_model(mesh: &Mesh) -> TriangleModel {
     let layers = mesh.attributes.iter().map(|attribute| {
         let value = |value: &[u32; 4]| {

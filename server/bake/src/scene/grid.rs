@@ -1,28 +1,30 @@
-//! Where nodes, columns and blocks of leaves lie.
-//!
-//! In: the scene's bounds and the cell size. Out: [`CityGrid`]. Next: `partition` sorts triangles into blocks of leaves.
+//! Position of nodes, columns and blocks of leaves.
 
 use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
 
-/// Leaves along a block's side: visibility maps are shared by the leaves of one block (design 5, step 2).
+/// Leaves along a block's side. The leaves of a block share their visibility maps.
 pub const BLOCK_LEAVES: u32 = 2;
 
-/// The city's quadtree in space. Lengths in metres; "scene" coordinates are those of [`crate::scene::Scene`].
+/// Half the diagonal of a cube of side 1: the geometric error of a voxel of side 1 (Vacca 2008, section 3.6.2).
+pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
+
+/// The city's quadtree in space. Scene coordinates are those of [`crate::scene::Scene`], in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CityGrid {
-    /// South-west corner of the root and height zero of all nodes, in scene coordinates.
+    /// South-west corner of the root, and height zero of all nodes, in scene coordinates.
     pub corner: [f64; 3],
     /// Level of the leaves.
     pub depth: u8,
-    /// Side of a leaf's column.
+    /// Side of a leaf's column in metres.
     pub cell_m: f64,
 }
 
 impl CityGrid {
-    /// The smallest root square of side `leaf_side * 2^depth` that covers `[min, max]` (scene coordinates, x and y),
-    /// its corner on the world grid of whole leaves, so that the same place always falls into the same cell.
+    /// The smallest root square of side `leaf_side * 2^depth` that covers `[min, max]` (scene coordinates, x and y).
+    /// Its corner lies on the world grid of whole leaves, so that a world position always falls into the same cell.
     ///
-    /// `world_origin` is the scene's. `None` if the city would need more than [`MAX_LEVEL`] levels or is not finite.
+    /// `world_origin` is the scene's origin. `None` if the city would need more than [`MAX_LEVEL`] levels, or if a
+    /// coordinate is not finite.
     pub fn covering(min: [f64; 3], max: [f64; 3], world_origin: [f64; 3], cell_m: f64) -> Option<Self> {
         let leaf_side = cell_m * NODE_CELLS as f64;
         let snap = |v: f64, origin: f64, step: f64| ((v + origin) / step).floor() * step - origin;
@@ -35,23 +37,23 @@ impl CityGrid {
         if !side.is_finite() || !corner[2].is_finite() || leaf_side <= 0.0 {
             return None;
         }
-        // A point on the far edge belongs to the next leaf: hence `floor + 1`.
+        // `floor + 1` because a point on the far edge belongs to the next leaf.
         let leaves = (side / leaf_side).floor() + 1.0;
         let depth = (0..=MAX_LEVEL).find(|d| f64::from(1u32 << d) >= leaves)?;
         Some(Self { corner, depth, cell_m })
     }
 
-    /// Side of a node.
+    /// Side of a node of a level, in metres.
     pub fn node_side_m(&self, level: u8) -> f64 {
         self.cell_m_at(level) * NODE_CELLS as f64
     }
 
-    /// Side of a column.
+    /// Side of a column of a level, in metres.
     pub fn cell_m_at(&self, level: u8) -> f64 {
         self.cell_m * f64::from(1u32 << (self.depth - level))
     }
 
-    /// South-west corner of a node in scene coordinates, x and y.
+    /// South-west corner of a node in scene coordinates.
     pub fn node_corner(&self, id: TileId) -> [f64; 2] {
         let side = self.node_side_m(id.level());
         [self.corner[0] + f64::from(id.x()) * side, self.corner[1] + f64::from(id.y()) * side]
@@ -60,10 +62,10 @@ impl CityGrid {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::grid::*;
+    use super::*;
 
     #[test]
-    fn covers_and_snaps() {
+    fn grid_covers_the_bounds_and_snaps_to_whole_leaves() {
         let grid = CityGrid::covering([0.5, -3.0, 7.3], [200.0, 61.0, 50.0], [1000.0, 64.0, 0.0], 1.0).unwrap();
         assert_eq!(grid.corner, [-40.0, -64.0, 6.0]);
         assert_eq!(grid.depth, 2);

@@ -1,27 +1,28 @@
-//! Which of an object's geometries are used: the best level of detail, and never a footprint under a building.
-//!
-//! In: outlines of all objects that may be related. Out: a [`LevelChoice`] for each. Next: `geometry`.
+//! Chooses the geometries of each object: the best level of detail, and never a footprint under a building.
 
 use std::collections::HashMap;
 
-use super::model::{CityJsonGeometry, CityJsonLod, ObjectOutline};
+use super::schema::{CityJsonGeometry, CityJsonLod, ObjectOutline};
 
-/// Parents of parents are followed this far: more is a loop.
+/// More generations than this are treated as a loop.
 const MAX_ANCESTORS: usize = 8;
 
-/// What is read of an object.
+/// Which geometries of an object are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum LevelChoice {
     /// The geometries of this level.
     Level(CityJsonLod),
-    /// None: a part, or the whole that it is part of, has better ones.
+    /// None, because a part or a parent has better ones.
     Coarser,
-    /// It has none.
+    /// The object has no geometry.
     NoGeometry,
 }
 
-/// Decides for all objects at once; `None` stands for an object that could not be parsed.
-pub(crate) fn choose(objects: &[(&str, Option<ObjectOutline>)], templates: &[CityJsonGeometry]) -> Vec<LevelChoice> {
+/// Chooses for objects that may be related. `None` stands for an object that could not be parsed.
+pub(crate) fn choose_levels(
+    objects: &[(&str, Option<ObjectOutline>)],
+    templates: &[CityJsonGeometry],
+) -> Vec<LevelChoice> {
     let best: Vec<Option<CityJsonLod>> =
         objects.iter().map(|(_, outline)| best_level(outline.as_ref(), templates)).collect();
     let level = |i: usize| best[i].map_or(LevelChoice::NoGeometry, LevelChoice::Level);
@@ -32,7 +33,7 @@ pub(crate) fn choose(objects: &[(&str, Option<ObjectOutline>)], templates: &[Cit
         let is_part = objects[part].1.as_ref().is_some_and(|outline| outline.kind.ends_with("Part"));
         for whole in ancestors(part, &parents) {
             let Some(whole_lod) = best[whole] else { continue };
-            // Any child outdoes a footprint; but only parts, and no chimney, replace a whole building.
+            // Any child replaces a footprint, but only a part replaces a whole building: a chimney does not.
             if whole_lod < part_lod && (is_footprint(whole_lod) || is_part) {
                 choices[whole] = LevelChoice::Coarser;
             } else if part_lod < whole_lod && is_footprint(part_lod) {
@@ -43,7 +44,7 @@ pub(crate) fn choose(objects: &[(&str, Option<ObjectOutline>)], templates: &[Cit
     choices
 }
 
-/// Level 0 and its refinements: a footprint or a roof's edge.
+/// Whether a level is 0 or a refinement of it: a footprint or a roof outline.
 fn is_footprint(lod: CityJsonLod) -> bool {
     (0.0..1.0).contains(&lod.0)
 }
@@ -54,13 +55,13 @@ fn best_level(outline: Option<&ObjectOutline>, templates: &[CityJsonGeometry]) -
     levels.max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// A placed template has the template's level.
+/// The level of a geometry. An instance has its template's level.
 pub(crate) fn level_of(own: CityJsonLod, template: Option<i64>, templates: &[CityJsonGeometry]) -> CityJsonLod {
     let template = template.and_then(|index| templates.get(usize::try_from(index).ok()?));
     template.map_or(own, |template| template.lod)
 }
 
-/// For each object those above it, as told by either side.
+/// The parents of each object, as either side names them.
 fn parents(objects: &[(&str, Option<ObjectOutline>)]) -> Vec<Vec<usize>> {
     let by_id: HashMap<&str, usize> = objects.iter().enumerate().map(|(i, (id, _))| (*id, i)).collect();
     let mut parents = vec![Vec::new(); objects.len()];
@@ -84,11 +85,11 @@ fn parents(objects: &[(&str, Option<ObjectOutline>)]) -> Vec<Vec<usize>> {
 
 fn ancestors(object: usize, parents: &[Vec<usize>]) -> Vec<usize> {
     let mut found = Vec::new();
-    let mut front = vec![object];
+    let mut generation = vec![object];
     for _ in 0..MAX_ANCESTORS {
-        let next: Vec<usize> = front.iter().flat_map(|&below| &parents[below]).copied().collect();
-        front = next.into_iter().filter(|&above| above != object && !found.contains(&above)).collect();
-        found.extend_from_slice(&front);
+        let next: Vec<usize> = generation.iter().flat_map(|&below| &parents[below]).copied().collect();
+        generation = next.into_iter().filter(|&above| above != object && !found.contains(&above)).collect();
+        found.extend_from_slice(&generation);
     }
     found
 }
@@ -102,7 +103,7 @@ mod tests {
         let objects: Vec<_> = outlines.into_iter().map(|(id, outline)| (id, Some(outline))).collect();
         let borrowed: Vec<(&str, Option<ObjectOutline>)> =
             objects.into_iter().map(|(id, o)| (&*id.leak(), o)).collect();
-        let chosen = choose(&borrowed, &[]);
+        let chosen = choose_levels(&borrowed, &[]);
         borrowed.iter().map(|(id, _)| (*id).to_owned()).zip(chosen).collect()
     }
 
@@ -111,13 +112,13 @@ mod tests {
     }
 
     #[test]
-    fn the_best_level_wins_numerically() {
+    fn highest_level_is_chosen_numerically() {
         let text = r#"[["a", {"geometry": [{"lod": "1.3"}, {"lod": "2.2"}, {"lod": "0"}, {"lod": 2}]}], ["b", {}]]"#;
         assert_eq!(choice(text), [LevelChoice::Level(CityJsonLod(2.2)), LevelChoice::NoGeometry]);
     }
 
     #[test]
-    fn a_footprint_goes_where_a_part_has_a_body_whoever_names_whom() {
+    fn footprint_is_left_out_if_a_part_has_a_body() {
         for link in [r#""children": ["p"]"#, r#""x": 0"#] {
             let parents = if link.contains("children") { "[]" } else { r#"["b"]"# };
             let text = format!(
@@ -129,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_replace_a_coarser_whole_and_installations_do_not() {
+    fn parts_replace_a_coarser_parent_and_installations_do_not() {
         let with = |kind: &str| {
             format!(
                 r#"[["b", {{"type": "Building", "geometry": [{{"lod": "1"}}]}}],
@@ -144,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lone_footprint_stays_and_loops_end() {
+    fn footprint_without_body_stays_and_loops_end() {
         let text = r#"[["a", {"geometry": [{"lod": 0}], "parents": ["b"]}], ["b", {"parents": ["a"]}]]"#;
         assert_eq!(choice(text), [LevelChoice::Level(CityJsonLod(0.0)), LevelChoice::NoGeometry]);
     }

@@ -1,41 +1,38 @@
-//! A footprint's rings mended, and raised to a closed prism.
-//!
-//! In: a polygon as written, a [`PrismHeight`]. Out: faces of roof, walls and floor. Next: `builder`.
+//! Repairs the rings of a footprint and extrudes them to a closed prism.
 
 use super::height::PrismHeight;
-use super::model::GeoJsonPolygon;
-use super::place::InputProjection;
-use crate::read::builder::WorldTriangle;
-use crate::read::cityjson::JsonPosition;
+use super::projection::InputProjection;
+use super::schema::GeoJsonPolygon;
+use crate::read::json::position::JsonPosition;
 use crate::read::polygon::{MAX_CORNERS, Triangulator};
+use crate::read::scene_builder::WorldTriangle;
 
-/// Corners nearer than this are one.
+/// Corners nearer than this are welded.
 const WELD_M: f64 = 1e-3;
-/// A ring of less is a slip of the mouse.
+/// Smaller rings are treated as drawing errors.
 const MIN_AREA_M2: f64 = 0.01;
-/// If the triangles cover this share more or less than the rings enclose, the rings cross.
+/// If the area of the triangles differs from that of the rings by more than this share, the rings cross.
 const CROSSING_SHARE: f64 = 1e-3;
 
-/// Rings in metres without repeated corners: the outer one turns counter-clockwise, holes clockwise.
+/// Rings in metres without repeated corners. The outer ring turns counter-clockwise, holes clockwise.
 pub(super) struct Footprint {
     rings: Vec<Vec<[f64; 2]>>,
 }
 
 impl Footprint {
-    /// Mends what can be mended; `note` hears of it. Without a usable outer ring there is no footprint, and the reason
-    /// is told.
+    /// Repairs the rings, and passes every repair to `note`. Fails with the reason if the outer ring is unusable.
     pub(super) fn new(
         polygon: &GeoJsonPolygon,
-        place: &InputProjection,
+        projection: &InputProjection,
         mut note: impl FnMut(&str),
     ) -> Result<Self, &'static str> {
         if polygon.iter().map(Vec::len).sum::<usize>() > MAX_CORNERS {
             return Err("polygon too large");
         }
         let (outer, holes) = polygon.split_first().ok_or("polygon without rings")?;
-        let mut rings = vec![ring(outer, place, 1.0, &mut note)?];
+        let mut rings = vec![repair_ring(outer, projection, 1.0, &mut note)?];
         for hole in holes {
-            match ring(hole, place, -1.0, &mut note) {
+            match repair_ring(hole, projection, -1.0, &mut note) {
                 Ok(hole) => rings.push(hole),
                 Err(_) => note("hole filled, its ring is no ring"),
             }
@@ -43,8 +40,9 @@ impl Footprint {
         Ok(Self { rings })
     }
 
-    /// Appends the prism's faces, coloured by `materials` for roof, walls and floor; whether its rings are clean.
-    pub(super) fn raise(
+    /// Appends the prism's triangles, with `materials` for roof, walls and floor. Returns whether its rings do not
+    /// cross. Fails with the reason if there is nothing to extrude.
+    pub(super) fn extrude(
         &self,
         height: &PrismHeight,
         materials: [u32; 3],
@@ -80,21 +78,22 @@ impl Footprint {
     }
 }
 
-/// A ring in metres, turned so that its area has the sign of `turn`.
-fn ring(
+/// Converts a ring to metres and turns it so that its area has the sign of `turn`. Fails with the reason if it is
+/// unusable.
+fn repair_ring(
     positions: &[JsonPosition],
-    place: &InputProjection,
+    projection: &InputProjection,
     turn: f64,
     note: &mut impl FnMut(&str),
 ) -> Result<Vec<[f64; 2]>, &'static str> {
     let mut ring: Vec<[f64; 2]> = Vec::with_capacity(positions.len());
     for position in positions {
-        let corner = place.to_metres(position).ok_or("coordinate not a number or out of range")?;
-        if ring.last().is_none_or(|last| !near(*last, corner)) {
+        let corner = projection.to_metres(position).ok_or("coordinate not a number or out of range")?;
+        if ring.last().is_none_or(|last| !is_near(*last, corner)) {
             ring.push(corner);
         }
     }
-    let closed = ring.len() > 1 && near(ring[0], ring[ring.len() - 1]);
+    let closed = ring.len() > 1 && is_near(ring[0], ring[ring.len() - 1]);
     if closed {
         ring.pop();
     }
@@ -114,11 +113,12 @@ fn ring(
     Ok(ring)
 }
 
-fn near(a: [f64; 2], b: [f64; 2]) -> bool {
+fn is_near(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).abs() < WELD_M && (a[1] - b[1]).abs() < WELD_M
 }
 
-/// Positive if counter-clockwise. Relative to the first corner: products of full map coordinates would cancel badly.
+/// Signed area, positive if counter-clockwise. Relative to the first corner: products of full map coordinates would
+/// lose their digits by cancellation.
 fn area_m2(ring: &[[f64; 2]]) -> f64 {
     let from = |p: [f64; 2]| [p[0] - ring[0][0], p[1] - ring[0][1]];
     let cross = |pair: &[[f64; 2]]| {

@@ -1,6 +1,4 @@
-//! A GeoJSON document as a stream: its features come one by one, and no more than one is ever held.
-//!
-//! In: bytes. Out: the text of each feature, the other members. Next: `FeatureReader`.
+//! Parses a GeoJSON document as a stream. Only one feature is in memory at a time.
 
 use std::cell::{Cell, RefCell};
 use std::fmt;
@@ -10,24 +8,24 @@ use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Seq
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::FeatureReader;
-use crate::read::cityjson::lenient::LenientReader;
-use crate::read::error::InputError;
+use super::features::FeatureReader;
+use crate::error::InputError;
+use crate::read::json::lenient::LenientReader;
 use crate::read::source::{CitySource, open};
 
 const COLLECTION: &str = "FeatureCollection";
 
-/// Reads a document, feature by feature.
+/// Reads a document feature by feature. Fails if it is damaged, exceeds a limit or is not a FeatureCollection.
 pub(super) fn read(
     reader: Box<dyn BufRead + '_>,
     features: &mut FeatureReader<'_, '_, '_>,
     tick: &dyn Fn(),
 ) -> Result<(), InputError> {
-    let options = features.reading.options;
+    let options = features.context.options;
     let limits = ByteLimits::new(options.max_source_bytes, options.max_line_bytes);
     let label = features.source.label.clone();
     let mut json = serde_json::Deserializer::from_reader(LimitedReader {
-        inner: LenientReader::new(without_mark(reader)),
+        inner: LenientReader::new(skip_bom(reader)),
         limits: &limits,
     });
     let stopped = RefCell::new(None);
@@ -45,17 +43,17 @@ pub(super) fn read(
     }
 }
 
-/// The `type` of a JSON document of whatever kind, found without holding it; `None` if that fails.
-pub(in crate::read) fn kind_of(source: &CitySource<'_>, limit: u64) -> Option<String> {
+/// The `type` member of any JSON document, found without reading all of it; `None` if there is none.
+pub(crate) fn read_type(source: &CitySource<'_>, limit: u64) -> Option<String> {
     let reader = open(source).ok()?.reader.take(limit);
     let kind = RefCell::new(None);
-    // Always an error: the visitor stops as soon as it knows.
-    let _ = serde_json::Deserializer::from_reader(without_mark(reader)).deserialize_map(TypeVisitor(&kind));
+    // The result is always an error, because the visitor stops as soon as it has found the type.
+    let _ = serde_json::Deserializer::from_reader(skip_bom(reader)).deserialize_map(TypeVisitor(&kind));
     kind.into_inner()
 }
 
-/// Past a byte order mark.
-fn without_mark<R: BufRead>(mut reader: R) -> R {
+/// Skips a byte order mark.
+fn skip_bom<R: BufRead>(mut reader: R) -> R {
     if reader.fill_buf().is_ok_and(|buffer| buffer.starts_with(b"\xef\xbb\xbf")) {
         reader.consume(3);
     }
@@ -83,7 +81,7 @@ impl<'de> Visitor<'de> for TypeVisitor<'_> {
     }
 }
 
-/// How much may still be read: of all, and of the present member or feature, which is held in memory.
+/// Limits on the bytes of the whole document and of the current member or feature, which is held in memory.
 struct ByteLimits {
     all: ByteLimit,
     member: ByteLimit,
@@ -92,37 +90,37 @@ struct ByteLimits {
 struct ByteLimit {
     what: &'static str,
     bytes: u64,
-    left: Cell<u64>,
+    remaining: Cell<u64>,
     exceeded: Cell<bool>,
 }
 
 impl ByteLimits {
     fn new(all: u64, member: u64) -> Self {
-        let limit = |what, bytes| ByteLimit { what, bytes, left: Cell::new(bytes), exceeded: Cell::new(false) };
+        let limit = |what, bytes| ByteLimit { what, bytes, remaining: Cell::new(bytes), exceeded: Cell::new(false) };
         Self { all: limit("its size in bytes", all), member: limit("the size of one feature in bytes", member) }
     }
 
     fn next_member(&self) {
-        self.member.left.set(self.member.bytes);
+        self.member.remaining.set(self.member.bytes);
     }
 
     fn take(&self, bytes: u64) -> io::Result<()> {
         for limit in [&self.all, &self.member] {
-            let left = limit.left.get().checked_sub(bytes);
-            limit.exceeded.set(left.is_none());
-            limit.left.set(left.ok_or_else(|| io::Error::other("too large"))?);
+            let remaining = limit.remaining.get().checked_sub(bytes);
+            limit.exceeded.set(remaining.is_none());
+            limit.remaining.set(remaining.ok_or_else(|| io::Error::other("too large"))?);
         }
         Ok(())
     }
 
-    /// The error, if one of the limits was what ended the reading.
+    /// The error, if a limit was exceeded.
     fn exceeded(&self, path: &str) -> Option<InputError> {
         let limit = [&self.all, &self.member].into_iter().find(|limit| limit.exceeded.get())?;
         Some(InputError::TooLarge { path: path.to_owned(), what: limit.what.to_owned(), limit: limit.bytes })
     }
 }
 
-/// Bytes within limits. The parser takes single bytes, so nothing is counted that it has not seen.
+/// Counts bytes against limits. The parser reads single bytes, so only bytes that it has seen are counted.
 struct LimitedReader<'l, R> {
     inner: R,
     limits: &'l ByteLimits,
@@ -136,11 +134,11 @@ impl<R: Read> Read for LimitedReader<'_, R> {
     }
 }
 
-/// The document's members in their order.
+/// Visits the members of the document in order.
 struct DocumentVisitor<'d, 'r, 'o, 's> {
     features: &'d mut FeatureReader<'r, 'o, 's>,
     limits: &'d ByteLimits,
-    /// Why the reading was ended from this side; serde has only texts for it.
+    /// The error that ended the parsing, because serde can only pass on a text.
     stopped: &'d RefCell<Option<InputError>>,
     tick: &'d dyn Fn(),
 }
@@ -153,8 +151,8 @@ impl DocumentVisitor<'_, '_, '_, '_> {
         })
     }
 
-    fn other_kind(&self, kind: Option<String>) -> InputError {
-        let what = kind.map_or("no GeoJSON".to_owned(), |kind| format!("its type is {kind} and not \"{COLLECTION}\""));
+    fn wrong_type(&self, kind: Option<String>) -> InputError {
+        let what = kind.map_or("not GeoJSON".to_owned(), |kind| format!("its type is {kind}, not \"{COLLECTION}\""));
         InputError::unsupported(&self.features.source.label, what)
     }
 }
@@ -178,24 +176,24 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_, '_, '_> {
             let raw: Box<RawValue> = map.next_value()?;
             match name.as_str() {
                 "type" if raw.get() == format!("\"{COLLECTION}\"") => is_collection = true,
-                "type" => self.check(Err(self.other_kind(Some(raw.get().chars().take(64).collect()))))?,
+                "type" => self.check(Err(self.wrong_type(Some(raw.get().chars().take(64).collect()))))?,
                 "crs" => {
                     let crs: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
-                    let agreed = self.features.system(&crs);
+                    let agreed = self.features.set_crs(&crs);
                     self.check(agreed)?;
                 }
                 name => {
                     if let Ok(text @ Value::String(_)) = serde_json::from_str(raw.get()) {
-                        self.features.about(name, text);
+                        self.features.describe(name, text);
                     }
                 }
             }
         }
-        if is_collection { Ok(()) } else { self.check(Err(self.other_kind(None))) }
+        if is_collection { Ok(()) } else { self.check(Err(self.wrong_type(None))) }
     }
 }
 
-/// The features, of which only one is held at a time.
+/// Visits the features one at a time.
 struct FeaturesVisitor<'c, 'd, 'r, 'o, 's>(&'c mut DocumentVisitor<'d, 'r, 'o, 's>);
 
 impl<'de> DeserializeSeed<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
@@ -218,7 +216,7 @@ impl<'de> Visitor<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
         loop {
             document.limits.next_member();
             let Some(raw) = seq.next_element::<Box<RawValue>>()? else { return Ok(()) };
-            let read = document.features.feature(raw.get().as_bytes());
+            let read = document.features.read_feature(raw.get().as_bytes());
             document.check(read)?;
             document.features.tick(document.tick);
         }

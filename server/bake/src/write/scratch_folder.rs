@@ -1,15 +1,12 @@
-//! The folder `CITY.partial`, where a city is made.
-//!
-//! In: the output's path and the hashes of what is baked. Out: a folder for packs and one for the final files, and the
-//! rename that makes the city appear. Next: `archive` and `city` fill it.
+//! The folder `CITY.partial`, in which a city is baked.
 //!
 //! ```text
-//! CITY.partial/lock        held while a bake runs; the system lets go of it however the bake ends
-//!              state.json  what the packs were made from
+//! CITY.partial/lock        locked while a bake runs; the system releases it however the bake ends
+//!              state.json  hashes of the input of the packs
 //!              packs/      finished blocks
-//!              spool/      what was read, sorted into blocks; every run makes it anew
-//!              city/       the final files, renamed to CITY when whole
-//!              replaced/   the city that was there before, for the moment between two renames
+//!              spool/      the scratch scene and the partition's buckets; written anew by every run
+//!              city/       the final files, renamed to CITY when complete
+//!              replaced/   the previous city, between the two renames
 //! ```
 
 use std::{
@@ -21,29 +18,27 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{sync_folder, write_whole};
+use super::files::{remove_file, remove_folder, sync_folder, write_synced};
 use crate::error::BakeError;
 
-/// What packs are made from: they are used again only if it is the same.
+/// Hashes of the input of the packs. Packs are reused only if both are equal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct InputHashes {
-    /// Hash of the settings.
     pub(crate) settings: String,
-    /// Hash of the scene.
     pub(crate) scene: String,
 }
 
-/// How a scratch folder was found.
+/// What became of an interrupted bake's work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ResumeStatus {
-    /// Nothing was there.
+    /// There was none.
     Fresh,
-    /// An interrupted bake's work was removed, because to resume was not asked for.
+    /// It was removed, because `--resume` was not given.
     Discarded,
-    /// An interrupted bake's work was of other input or settings, and was removed.
+    /// It was removed, because its input or settings were different.
     Mismatch,
-    /// An interrupted bake goes on.
+    /// It is continued.
     Resumed,
 }
 
@@ -54,7 +49,7 @@ pub(crate) struct ScratchFolder {
     out: PathBuf,
     lock: Option<fs::File>,
     prepared: bool,
-    spooled: Cell<bool>,
+    scene_folder_created: Cell<bool>,
 }
 
 fn partial(out: &Path) -> PathBuf {
@@ -64,55 +59,58 @@ fn partial(out: &Path) -> PathBuf {
 }
 
 impl ScratchFolder {
-    /// Looks at the output, makes the scratch folder and takes its lock. Nothing that is there is touched yet.
+    /// Creates and locks the scratch folder without changing its content. Fails if `out` must not be replaced or another
+    /// bake holds the lock.
     pub(crate) fn lock(out: &Path) -> Result<Self, BakeError> {
         let root = partial(out);
-        // Killed between two renames (see `publish`): the old city goes back first.
+        // A bake that was killed between the two renames of `publish` left the previous city here.
         let replaced = root.join("replaced");
         if replaced.is_dir() && !out.exists() {
             fs::rename(&replaced, out).map_err(|cause| BakeError::io(out, "restored", cause))?;
         }
         check_out(out)?;
-        fs::create_dir_all(&root).map_err(|cause| BakeError::io(&root, "made", cause))?;
+        fs::create_dir_all(&root).map_err(|cause| BakeError::io(&root, "created", cause))?;
         let path = root.join("lock");
         let lock = fs::File::create(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
         match lock.try_lock() {
             Err(fs::TryLockError::WouldBlock) => return Err(BakeError::Busy { path: root }),
-            // Some file systems have no locks: then two bakes of one city are the user's to avoid.
+            // Some file systems have no locks. The user must then avoid two bakes of one city.
             Ok(()) | Err(fs::TryLockError::Error(_)) => {}
         }
-        Ok(Self { root, out: out.to_owned(), lock: Some(lock), prepared: false, spooled: Cell::new(false) })
+        let scene_folder_created = Cell::new(false);
+        Ok(Self { root, out: out.to_owned(), lock: Some(lock), prepared: false, scene_folder_created })
     }
 
-    /// Keeps the packs of an interrupted bake if that is wished and right, removes them otherwise.
-    pub(crate) fn prepare(&mut self, origin: &InputHashes, resume: bool) -> Result<ResumeStatus, BakeError> {
+    /// Keeps the packs of an interrupted bake if `resume` is set and its input was the same, else removes them. Fails if
+    /// the folder cannot be read or written.
+    pub(crate) fn prepare(&mut self, input: &InputHashes, resume: bool) -> Result<ResumeStatus, BakeError> {
         self.prepared = true;
         let state = self.root.join("state.json");
         let found: Option<InputHashes> = fs::read(&state).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
-        let start = match found {
-            Some(found) if resume && found == *origin => ResumeStatus::Resumed,
+        let status = match found {
+            Some(found) if resume && found == *input => ResumeStatus::Resumed,
             Some(_) if resume => ResumeStatus::Mismatch,
             Some(_) => ResumeStatus::Discarded,
             None => ResumeStatus::Fresh,
         };
-        if start != ResumeStatus::Resumed {
+        if status != ResumeStatus::Resumed {
             remove_file(&state)?;
             remove_folder(&self.packs())?;
-            let json = serde_json::to_vec(origin).map_err(|cause| BakeError::io(&state, "written", cause.into()))?;
-            fs::create_dir_all(self.packs()).map_err(|cause| BakeError::io(&self.packs(), "made", cause))?;
-            write_whole(&state, &json)?;
+            let json = serde_json::to_vec(input).map_err(|cause| BakeError::io(&state, "written", cause.into()))?;
+            fs::create_dir_all(self.packs()).map_err(|cause| BakeError::io(&self.packs(), "created", cause))?;
+            write_synced(&state, &json)?;
         }
         remove_folder(&self.root.join("replaced"))?;
         remove_folder(&self.city())?;
-        Ok(start)
+        Ok(status)
     }
 
-    /// The folder of what is read, empty the first time that it is asked for.
-    pub(crate) fn spool(&self) -> Result<PathBuf, BakeError> {
+    /// The folder of the scratch scene. The first call empties it. Fails if it cannot be removed or created.
+    pub(crate) fn scene_folder(&self) -> Result<PathBuf, BakeError> {
         let path = self.root.join("spool");
-        if !self.spooled.replace(true) {
+        if !self.scene_folder_created.replace(true) {
             remove_folder(&path)?;
-            fs::create_dir(&path).map_err(|cause| BakeError::io(&path, "made", cause))?;
+            fs::create_dir(&path).map_err(|cause| BakeError::io(&path, "created", cause))?;
         }
         Ok(path)
     }
@@ -127,7 +125,8 @@ impl ScratchFolder {
         self.root.join("city")
     }
 
-    /// Makes the city appear and removes the scratch folder. The final files must be synchronised.
+    /// Renames the final files, which must be synchronised, to the output and removes the scratch folder. Fails if the
+    /// output cannot be replaced; the previous city is then restored.
     pub(crate) fn publish(mut self) -> Result<(), BakeError> {
         let (city, replaced) = (self.city(), self.root.join("replaced"));
         sync_folder(&city)?;
@@ -137,7 +136,7 @@ impl ScratchFolder {
             fs::rename(&self.out, &replaced).map_err(failed)?;
         }
         if let Err(cause) = fs::rename(&city, &self.out) {
-            // Best effort: the rename's own fault is the one to tell.
+            // The error of the first rename is the one to report.
             let _ = fs::rename(&replaced, &self.out);
             return Err(failed(cause));
         }
@@ -150,7 +149,7 @@ impl ScratchFolder {
 }
 
 impl Drop for ScratchFolder {
-    /// A bake that failed before it wrote anything leaves nothing behind.
+    /// Removes the scratch scene, and the whole folder if the bake failed before it wrote any packs.
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(self.root.join("spool"));
         if !self.prepared && !self.root.join("state.json").exists() {
@@ -160,80 +159,47 @@ impl Drop for ScratchFolder {
     }
 }
 
-/// A folder that holds other things than a city is never replaced.
+/// Fails unless `out` does not exist, is empty or contains a city: nothing else is ever replaced.
 fn check_out(out: &Path) -> Result<(), BakeError> {
     let refuse = |what| Err(BakeError::Out { path: out.to_owned(), what });
     match fs::metadata(out) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(()),
         Err(cause) => Err(BakeError::io(out, "read", cause)),
-        Ok(found) if !found.is_dir() => refuse("there is a file of that name"),
+        Ok(found) if !found.is_dir() => refuse("a file with this name exists"),
         Ok(_) if out.join("city.json").is_file() => Ok(()),
         Ok(_) => match fs::read_dir(out).map(|mut entries| entries.next().is_some()) {
             Ok(false) => Ok(()),
-            Ok(true) => refuse("the folder is not empty and holds no city"),
+            Ok(true) => refuse("the folder is not empty and contains no city"),
             Err(cause) => Err(BakeError::io(out, "read", cause)),
         },
     }
 }
 
-fn remove_folder(path: &Path) -> Result<(), BakeError> {
-    match fs::remove_dir_all(path) {
-        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(BakeError::io(path, "removed", cause)),
-        _ => Ok(()),
-    }
-}
-
-fn remove_file(path: &Path) -> Result<(), BakeError> {
-    match fs::remove_file(path) {
-        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(BakeError::io(path, "removed", cause)),
-        _ => Ok(()),
-    }
-}
-
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
+    use crate::test_folder::TestFolder;
 
-    /// A folder for one test, removed at its end.
-    pub(crate) struct Folder {
-        pub(crate) path: PathBuf,
-    }
-
-    impl Folder {
-        pub(crate) fn new(name: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("insula-bake-{name}-{}", std::process::id()));
-            let _ = fs::remove_dir_all(&path);
-            fs::create_dir_all(&path).unwrap();
-            Self { path }
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.path);
-        }
-    }
-
-    fn origin(scene: &str) -> InputHashes {
+    fn input(scene: &str) -> InputHashes {
         InputHashes { settings: "s".into(), scene: scene.into() }
     }
 
     fn start(out: &Path, scene: &str, resume: bool) -> ResumeStatus {
         let mut scratch = ScratchFolder::lock(out).unwrap();
-        let start = scratch.prepare(&origin(scene), resume).unwrap();
+        let start = scratch.prepare(&input(scene), resume).unwrap();
         fs::write(scratch.packs().join("1-0-0.pack"), scene).unwrap();
         start
     }
 
     #[test]
-    fn work_is_kept_only_if_wished_and_right() {
-        let folder = Folder::new("scratch");
+    fn packs_are_kept_only_with_resume_and_equal_input() {
+        let folder = TestFolder::new("scratch");
         let out = folder.path.join("city");
         let packs = folder.path.join("city.partial/packs");
         assert_eq!(start(&out, "a", true), ResumeStatus::Fresh);
         assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
         let mut scratch = ScratchFolder::lock(&out).unwrap();
-        assert_eq!(scratch.prepare(&origin("b"), true).unwrap(), ResumeStatus::Mismatch);
+        assert_eq!(scratch.prepare(&input("b"), true).unwrap(), ResumeStatus::Mismatch);
         assert_eq!(fs::read_dir(&packs).unwrap().count(), 0);
         drop(scratch);
         assert_eq!(start(&out, "b", false), ResumeStatus::Discarded);
@@ -242,8 +208,8 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn two_bakes_of_one_city_do_not_meet() {
-        let folder = Folder::new("busy");
+    fn second_bake_of_the_same_city_is_refused() {
+        let folder = TestFolder::new("busy");
         let out = folder.path.join("city");
         let first = ScratchFolder::lock(&out).unwrap();
         assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Busy { .. })));
@@ -254,7 +220,7 @@ pub(crate) mod tests {
 
     #[test]
     fn only_a_city_or_an_empty_folder_is_replaced() {
-        let folder = Folder::new("foreign");
+        let folder = TestFolder::new("foreign");
         let out = folder.path.join("city");
         fs::write(&out, "a file").unwrap();
         assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Out { .. })));
@@ -268,15 +234,15 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn killed_between_the_renames_the_old_city_comes_back() {
-        let folder = Folder::new("between");
+    fn previous_city_is_restored_after_a_kill_between_the_renames() {
+        let folder = TestFolder::new("between");
         let out = folder.path.join("city");
         let replaced = folder.path.join("city.partial/replaced");
         fs::create_dir_all(&replaced).unwrap();
         fs::write(replaced.join("city.json"), "old").unwrap();
         let mut scratch = ScratchFolder::lock(&out).unwrap();
         assert_eq!(fs::read_to_string(out.join("city.json")).unwrap(), "old");
-        scratch.prepare(&origin("a"), false).unwrap();
+        scratch.prepare(&input("a"), false).unwrap();
         fs::create_dir(scratch.city()).unwrap();
         fs::write(scratch.city().join("city.json"), "new").unwrap();
         scratch.publish().unwrap();

@@ -1,19 +1,18 @@
-//! CityJSON's own structure, as far as it is used.
-//!
-//! In: JSON text. Out: typed values, city objects still as text so that one broken object costs only itself.
-//! Next: `geometry`.
+//! The part of CityJSON's structure that is used. City objects stay text at first, so that a malformed one costs only
+//! itself.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
 use serde::Deserialize;
-use serde::de::{Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::nested::Nested;
+use crate::read::json::position::JsonPosition;
 
-/// A whole file, the header line of a sequence, or one of its features: they share their members.
+/// A whole file, the header line of a sequence, or a feature of one: they have the same members.
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct CityJsonDocument<'a> {
@@ -27,7 +26,8 @@ pub(crate) struct CityJsonDocument<'a> {
     #[serde(rename = "CityObjects", borrow)]
     pub(crate) city_objects: RawObjects<'a>,
     pub(crate) vertices: Vec<JsonPosition>,
-    /// An [`CityJsonAppearance`]. Unparsed, as are the templates: a fault in them costs looks and instances, not the file.
+    /// A [`CityJsonAppearance`]. Unparsed like the templates, so that a fault in it costs only the appearance, not the
+    /// file.
     #[serde(borrow)]
     pub(crate) appearance: Option<&'a RawValue>,
     /// [`GeometryTemplates`].
@@ -35,9 +35,21 @@ pub(crate) struct CityJsonDocument<'a> {
     pub(crate) templates: Option<&'a RawValue>,
 }
 
-/// Objects in the order of the file, unparsed.
+/// An object as JSON text.
+pub(crate) struct ObjectText<'a> {
+    pub(crate) id: &'a str,
+    pub(crate) json: &'a str,
+}
+
+/// Unparsed objects in the order of the file.
 #[derive(Default)]
-pub(crate) struct RawObjects<'a>(pub(crate) Vec<(String, &'a RawValue)>);
+pub(crate) struct RawObjects<'a>(Vec<(String, &'a RawValue)>);
+
+impl RawObjects<'_> {
+    pub(crate) fn texts(&self) -> Vec<ObjectText<'_>> {
+        self.0.iter().map(|(id, raw)| ObjectText { id, json: raw.get() }).collect()
+    }
+}
 
 impl<'de: 'a, 'a> Deserialize<'de> for RawObjects<'a> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -63,7 +75,7 @@ impl<'de: 'a, 'a> Visitor<'de> for RawObjectsVisitor<'a> {
     }
 }
 
-/// From integer vertices to world positions.
+/// Converts integer vertices to world positions.
 #[derive(Deserialize, Clone, Copy, Debug)]
 pub(crate) struct VertexTransform {
     pub(crate) scale: [f64; 3],
@@ -73,38 +85,6 @@ pub(crate) struct VertexTransform {
 impl VertexTransform {
     pub(crate) fn apply(&self, p: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| p[axis] * self.scale[axis] + self.translate[axis])
-    }
-}
-
-/// A position; whatever is no number in it is NaN and costs only the objects that use it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct JsonPosition(pub(crate) [f64; 3]);
-
-impl<'de> Deserialize<'de> for JsonPosition {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_seq(PositionVisitor)
-    }
-}
-
-struct PositionVisitor;
-
-impl<'de> Visitor<'de> for PositionVisitor {
-    type Value = JsonPosition;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a vertex of three numbers")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<JsonPosition, A::Error> {
-        let mut position = [f64::NAN; 3];
-        for value in &mut position {
-            match seq.next_element::<Option<f64>>()? {
-                Some(number) => *value = number.unwrap_or(f64::NAN),
-                None => return Ok(JsonPosition(position)),
-            }
-        }
-        while seq.next_element::<IgnoredAny>()?.is_some() {}
-        Ok(JsonPosition(position))
     }
 }
 
@@ -131,7 +111,7 @@ pub(crate) struct CityJsonTexture {
     pub(crate) image: String,
 }
 
-/// Geometries that objects place several times.
+/// Geometries that objects place, possibly several times.
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct GeometryTemplates {
@@ -181,7 +161,7 @@ pub(crate) struct SemanticSurface {
     pub(crate) kind: String,
 }
 
-/// A material for the whole (`value`) or per surface (`values`).
+/// A value for the whole geometry (`value`) or per surface (`values`).
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct ThemeValues {
@@ -195,7 +175,7 @@ impl ThemeValues {
     }
 }
 
-/// What of an object decides which of its geometries are used, read ahead of everything else.
+/// The part of an object that decides which of its geometries are used. It is read before everything else.
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct ObjectOutline {
@@ -213,7 +193,7 @@ pub(crate) struct GeometryOutline {
     pub(crate) template: Option<i64>,
 }
 
-/// A level of detail: a number, written as text since CityJSON 1.1. Unknown is below 0.
+/// A level of detail: a number, written as text since CityJSON 1.1. Negative if unknown.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(crate) struct CityJsonLod(pub(crate) f64);
 
@@ -254,10 +234,10 @@ mod tests {
     }
 
     #[test]
-    fn objects_keep_their_order_and_positions_their_faults() {
+    fn objects_keep_their_order_and_missing_coordinates_are_nan() {
         let text = r#"{"CityObjects": {"z": {"a": 1}, "a": 7}, "vertices": [[1, 2.5, 3, 4], [1, null, 3], [9]]}"#;
         let document: CityJsonDocument<'_> = serde_json::from_str(text).unwrap();
-        let ids: Vec<_> = document.city_objects.0.iter().map(|(id, raw)| (id.as_str(), raw.get())).collect();
+        let ids: Vec<_> = document.city_objects.texts().iter().map(|object| (object.id, object.json)).collect();
         assert_eq!(ids, [("z", r#"{"a": 1}"#), ("a", "7")]);
         assert_eq!(document.vertices[0], JsonPosition([1.0, 2.5, 3.0]));
         assert!(document.vertices[1].0[1].is_nan() && document.vertices[2].0[1].is_nan());

@@ -1,37 +1,36 @@
-//! Where a GeoJSON's positions are in metres: degrees go to a UTM zone of WGS84, projected systems stay.
-//!
-//! In: positions as written, a `crs` member. Out: x and y in metres. Next: `footprint`.
+//! Converts positions to metres: degrees to a UTM zone of WGS84. Positions in projected systems stay as they are.
 
 use proj4rs::Proj;
 use proj4rs::adaptors::transform_vertex_2d;
 use serde_json::Value;
 
-use super::model::GeoJsonPolygon;
-use crate::read::builder::ABSURD_M;
-use crate::read::cityjson::{JsonPosition, metadata};
+use super::schema::GeoJsonPolygon;
+use crate::read::json::{metadata, position::JsonPosition};
+use crate::read::scene_builder::MAX_COORDINATE_M;
 
-/// Where UTM ends; the poles have systems of their own.
+/// Latitudes for which UTM is defined.
 const UTM_LATITUDES_DEG: std::ops::RangeInclusive<f64> = -80.0..=84.0;
-/// Web Mercator's "metres" are up to several times too long.
+/// Codes of Web Mercator, whose unit can be several times shorter than a metre.
 const WEB_MERCATOR: &[&str] = &["EPSG:3857", "EPSG:3785", "EPSG:900913"];
 
 /// How positions become metres.
 pub(super) enum InputProjection {
-    /// Longitude and latitude; the zone is the first usable position's, unless another source decided it. The
-    /// geographic systems of today differ from WGS84 by a metre or two, which is left as it is.
+    /// From longitude and latitude. The zone is that of the first valid position, unless another source chose it. Modern
+    /// geographic systems differ from WGS84 by a metre or two, which is ignored.
     Degrees(Option<Box<UtmZone>>),
-    /// Already metres.
+    /// Positions are in metres already.
     Metres,
 }
 
 impl InputProjection {
-    /// As GeoJSON has it unless it says otherwise; if the city's system is a UTM zone already, that one.
+    /// Degrees, the default of GeoJSON. If the city's system is a UTM zone, positions go to that zone.
     pub(super) fn new(city_crs: Option<&str>) -> Self {
-        Self::Degrees(city_crs.and_then(UtmZone::of_epsg).map(Box::new))
+        Self::Degrees(city_crs.and_then(UtmZone::from_epsg).map(Box::new))
     }
 
-    /// What a `crs` member asks for, with its code if it is a projected system; `None` for degrees.
-    pub(super) fn named(crs: &Value) -> Result<Option<(Self, String)>, String> {
+    /// The EPSG code of the projected system that a `crs` member names; `None` for degrees. Fails with the reason if the
+    /// system is not supported.
+    pub(super) fn from_crs(crs: &Value) -> Result<Option<String>, String> {
         let name = match &crs["properties"] {
             properties if properties["name"].is_string() => properties["name"].as_str().unwrap_or_default().to_owned(),
             properties if properties["code"].is_number() => format!("EPSG:{}", properties["code"]),
@@ -45,30 +44,30 @@ impl InputProjection {
             None => Err(format!("its \"crs\" is \"{name}\", not an EPSG code; export it as WGS84")),
             Some(epsg) if metadata::is_degrees(&epsg) => Ok(None),
             Some(epsg) if WEB_MERCATOR.contains(&epsg.as_str()) => {
-                Err(format!("its \"crs\" is {epsg}, which stretches metres; export it as WGS84"))
+                Err(format!("its \"crs\" is {epsg}, which distorts lengths; export it as WGS84"))
             }
-            Some(epsg) => Ok(Some((Self::Metres, epsg))),
+            Some(epsg) => Ok(Some(epsg)),
         }
     }
 
-    /// Decides the zone by the first position that has one; its code if this was the moment.
-    pub(super) fn settle(&mut self, polygons: &[GeoJsonPolygon]) -> Option<String> {
+    /// Chooses the zone by the first position that has one. Returns its EPSG code if this call chose it.
+    pub(super) fn choose_zone(&mut self, polygons: &[GeoJsonPolygon]) -> Option<String> {
         let Self::Degrees(zone @ None) = self else { return None };
         *zone = polygons.iter().flatten().flatten().find_map(UtmZone::containing).map(Box::new);
         zone.as_ref().map(|utm| utm.epsg.clone())
     }
 
-    /// Metres, if that is a place; none before the zone is decided.
+    /// Position in metres; `None` if it is invalid or no zone is chosen yet.
     pub(super) fn to_metres(&self, position: &JsonPosition) -> Option<[f64; 2]> {
         let [x, y, _] = position.0;
         match self {
-            Self::Metres => (x.abs() <= ABSURD_M && y.abs() <= ABSURD_M).then_some([x, y]),
+            Self::Metres => (x.abs() <= MAX_COORDINATE_M && y.abs() <= MAX_COORDINATE_M).then_some([x, y]),
             Self::Degrees(zone) => zone.as_ref()?.project(position),
         }
     }
 }
 
-/// A zone of the universal transverse Mercator projection.
+/// A zone of the universal transverse Mercator projection on WGS84.
 pub(super) struct UtmZone {
     epsg: String,
     from: Proj,
@@ -76,8 +75,8 @@ pub(super) struct UtmZone {
 }
 
 impl UtmZone {
-    /// `EPSG:32654` is zone 54 north, `EPSG:32754` south.
-    fn of_epsg(epsg: &str) -> Option<Self> {
+    /// The zone of an EPSG code: `EPSG:32654` is zone 54 north, `EPSG:32754` is zone 54 south.
+    fn from_epsg(epsg: &str) -> Option<Self> {
         let code: u32 = epsg.strip_prefix("EPSG:")?.parse().ok()?;
         let (south, zone) = match code {
             32_601..=32_660 => ("", code - 32_600),
@@ -89,22 +88,22 @@ impl UtmZone {
         Some(Self { epsg: epsg.to_owned(), from, to })
     }
 
-    /// The zone that a position lies in.
+    /// The zone of a position; `None` if it is invalid.
     fn containing(position: &JsonPosition) -> Option<Self> {
         let [longitude, latitude] = degrees(position)?;
         let zone = ((longitude + 180.0) / 6.0).floor().clamp(0.0, 59.0) as u32 + 1;
-        Self::of_epsg(&format!("EPSG:{}", if latitude < 0.0 { 32_700 } else { 32_600 } + zone))
+        Self::from_epsg(&format!("EPSG:{}", if latitude < 0.0 { 32_700 } else { 32_600 } + zone))
     }
 
     fn project(&self, position: &JsonPosition) -> Option<[f64; 2]> {
         let [longitude, latitude] = degrees(position)?;
         let radians = (longitude.to_radians(), latitude.to_radians());
         let (x, y) = transform_vertex_2d(&self.from, &self.to, radians).ok()?;
-        (x.abs() <= ABSURD_M && y.abs() <= ABSURD_M).then_some([x, y])
+        (x.abs() <= MAX_COORDINATE_M && y.abs() <= MAX_COORDINATE_M).then_some([x, y])
     }
 }
 
-/// Longitude and latitude, if UTM reaches there.
+/// Longitude and latitude, if UTM is defined there.
 fn degrees(position: &JsonPosition) -> Option<[f64; 2]> {
     let [longitude, latitude, _] = position.0;
     (longitude.abs() <= 180.0 && UTM_LATITUDES_DEG.contains(&latitude)).then_some([longitude, latitude])
@@ -114,34 +113,38 @@ fn degrees(position: &JsonPosition) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
 
-    fn settled(longitude: f64, latitude: f64) -> (String, [f64; 2]) {
+    fn project_first(longitude: f64, latitude: f64) -> (String, [f64; 2]) {
         let position = JsonPosition([longitude, latitude, f64::NAN]);
-        let mut place = InputProjection::new(None);
-        let epsg = place.settle(&[vec![vec![position]]]).unwrap();
-        assert_eq!(place.settle(&[vec![vec![JsonPosition([0.0, 0.0, 0.0])]]]), None, "a zone is decided once");
-        (epsg, place.to_metres(&position).unwrap())
+        let mut projection = InputProjection::new(None);
+        let epsg = projection.choose_zone(&[vec![vec![position]]]).unwrap();
+        assert_eq!(
+            projection.choose_zone(&[vec![vec![JsonPosition([0.0, 0.0, 0.0])]]]),
+            None,
+            "the zone is chosen once"
+        );
+        (epsg, projection.to_metres(&position).unwrap())
     }
 
     #[test]
-    fn places_around_the_world_lie_where_they_should() {
-        // Zone 33's middle meridian on the equator, and its textbook neighbour: 1 degree of longitude is 111.28 km there.
-        let (epsg, [x, y]) = settled(15.0, 0.0);
+    fn positions_around_the_world_are_projected_to_their_zone() {
+        // The central meridian of zone 33 on the equator, where 1 degree of longitude is 111.28 km.
+        let (epsg, [x, y]) = project_first(15.0, 0.0);
         assert!(epsg == "EPSG:32633" && (x - 500_000.0).abs() < 1e-6 && y.abs() < 1e-6, "{x} {y}");
-        let (_, [x, y]) = settled(16.0, 0.0);
+        let (_, [x, y]) = project_first(16.0, 0.0);
         assert!((x - 611_280.0).abs() < 10.0 && y.abs() < 1e-3, "{x} {y}");
         // The meridian's length from the equator to 45 degrees north is 4,984,944.378 m on WGS84, times 0.9996.
-        let (_, [x, y]) = settled(15.0, 45.0);
+        let (_, [x, y]) = project_first(15.0, 45.0);
         assert!((x - 500_000.0).abs() < 1e-3 && (y - 4_984_944.378 * 0.9996).abs() < 0.002, "{x} {y}");
-        let (epsg, [_, south]) = settled(15.0, -45.0);
+        let (epsg, [_, south]) = project_first(15.0, -45.0);
         assert_eq!(epsg, "EPSG:32733");
         assert!((south + y - 1e7).abs() < 1e-3, "{south}");
-        assert_eq!(settled(180.0, 10.0).0, "EPSG:32660");
-        assert_eq!(settled(-180.0, 10.0).0, "EPSG:32601");
-        assert_eq!(settled(139.75, 35.69).0, "EPSG:32654");
+        assert_eq!(project_first(180.0, 10.0).0, "EPSG:32660");
+        assert_eq!(project_first(-180.0, 10.0).0, "EPSG:32601");
+        assert_eq!(project_first(139.75, 35.69).0, "EPSG:32654");
     }
 
     #[test]
-    fn what_lies_nowhere_is_refused() {
+    fn invalid_positions_have_no_projection() {
         for [longitude, latitude] in [[181.0, 0.0], [0.0, 85.0], [0.0, -80.5], [f64::NAN, 0.0], [0.0, f64::INFINITY]] {
             let position = JsonPosition([longitude, latitude, 0.0]);
             assert!(UtmZone::containing(&position).is_none());
@@ -151,16 +154,15 @@ mod tests {
     }
 
     #[test]
-    fn a_crs_member_in_every_spelling() {
-        let named = |text: &str| InputProjection::named(&serde_json::from_str(text).unwrap());
+    fn crs_member_is_understood_in_every_spelling() {
+        let named = |text: &str| InputProjection::from_crs(&serde_json::from_str(text).unwrap());
         let name = |name: &str| format!(r#"{{"type": "name", "properties": {{"name": "{name}"}}}}"#);
         for degrees in ["urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326", "urn:ogc:def:crs:EPSG::6668"] {
             assert!(named(&name(degrees)).unwrap().is_none(), "{degrees}");
         }
         assert!(named("null").unwrap().is_none());
-        let (place, epsg) = named(&name("urn:ogc:def:crs:EPSG::28992")).unwrap().unwrap();
-        assert!(matches!(place, InputProjection::Metres) && epsg == "EPSG:28992");
-        assert_eq!(named(r#"{"type": "EPSG", "properties": {"code": 6677}}"#).unwrap().unwrap().1, "EPSG:6677");
+        assert_eq!(named(&name("urn:ogc:def:crs:EPSG::28992")).unwrap().unwrap(), "EPSG:28992");
+        assert_eq!(named(r#"{"type": "EPSG", "properties": {"code": 6677}}"#).unwrap().unwrap(), "EPSG:6677");
         for wrong in [name("EPSG:3857"), name("Amersfoort"), "{}".to_owned(), "7".to_owned()] {
             assert!(named(&wrong).is_err(), "{wrong}");
         }

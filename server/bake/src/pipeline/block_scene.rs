@@ -1,33 +1,34 @@
-//! One block's own small scene, and the hash of all that decides its tiles.
+//! The scene of one block, and the fingerprint of everything that determines its tiles.
 //!
-//! In: a block's bucket. Out: a [`Scene`] for `sample`; a fingerprint that says whether tiles made before still hold.
-//! Next: `leaves`.
-//!
-//! Objects and materials are renumbered by their first occurrence in the block, so that what comes and goes elsewhere in
-//! the city changes no fingerprint here.
+//! Objects and materials are renumbered by their first occurrence in the block, so that changes elsewhere in the city
+//! do not change its fingerprint.
 
 use std::collections::HashMap;
 
 use crate::{
     config::BakeConfig,
     error::BakeError,
+    hash::{ShortHash, short_hash},
     scene::{
-        Material, ObjectKind, Scene, SceneObject, SceneTriangle,
-        grid::CityGrid,
+        ObjectKind, Scene, SceneObject, SceneTriangle,
+        grid::{BLOCK_LEAVES, CityGrid},
         partition::{LeafBlock, Partition},
-        scratch_scene::{RECORD_BYTES, ScratchScene, ShortHash, short, to_record},
+        scratch_scene::ScratchScene,
+        triangle_store::{RECORD_BYTES, to_record},
     },
 };
 
-/// A block's triangles with numbers of their own.
+/// The triangles of a block, with object and material numbers of the block.
 pub(super) struct BlockScene {
     triangles: Vec<SceneTriangle>,
-    /// The city's numbers of the objects and of the materials.
+    /// Numbers of the block's objects in the city.
     objects: Vec<u32>,
+    /// Numbers of the block's materials in the city.
     materials: Vec<u32>,
 }
 
 impl BlockScene {
+    /// Reads the block's bucket. Fails if it cannot be read or has changed.
     pub(super) fn load(partition: &Partition, block: &LeafBlock) -> Result<Self, BakeError> {
         let mut triangles = partition.triangles(block)?;
         let (mut objects, mut materials) = (Renumbering::default(), Renumbering::default());
@@ -38,11 +39,12 @@ impl BlockScene {
         Ok(Self { triangles, objects: objects.order, materials: materials.order })
     }
 
-    /// Of settings, place, triangles in their order, objects, materials and pictures.
+    /// Hash of settings, position, triangles in order, objects, materials and textures.
     pub(super) fn fingerprint(
         &self,
         city: &ScratchScene,
-        (config, grid): (&BakeConfig, &CityGrid),
+        config: &BakeConfig,
+        grid: &CityGrid,
         block: &LeafBlock,
     ) -> ShortHash {
         let mut bytes = Vec::with_capacity(self.triangles.len() * RECORD_BYTES + 256);
@@ -60,34 +62,30 @@ impl BlockScene {
             bytes.push((object.kind == ObjectKind::Terrain).into());
             bytes.extend_from_slice(&object.base_z_m.to_bits().to_le_bytes());
         }
-        for paint in self.materials.iter().map(|number| city.paints[*number as usize]) {
-            bytes.extend_from_slice(&paint.rgb);
-            bytes.push(paint.picture.is_some().into());
-            bytes.extend(paint.picture.iter().flat_map(|number| city.pictures.hash(*number)));
+        for material in self.materials.iter().map(|number| city.materials[*number as usize]) {
+            bytes.extend_from_slice(&material.rgb);
+            bytes.push(material.texture.is_some().into());
+            bytes.extend(material.texture.iter().flat_map(|number| city.textures.hash(*number)));
         }
-        short(&blake3::hash(&bytes))
+        short_hash(&blake3::hash(&bytes))
     }
 
-    /// With the pictures that it needs.
+    /// The block as a scene with its textures. Fails if a texture cannot be read.
     pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
         let objects = self.objects.iter().map(|number| city.objects[*number as usize]);
         let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
-        let material = |number: &u32| {
-            let paint = city.paints[*number as usize];
-            let texture = paint.picture.map(|number| city.pictures.get(number)).transpose()?;
-            Ok(Material { rgb: paint.rgb, texture })
-        };
+        let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));
         Ok(Scene {
             origin: city.origin,
             triangles: self.triangles,
             objects: objects.collect(),
-            materials: self.materials.iter().map(material).collect::<Result<_, BakeError>>()?,
+            materials: materials.collect::<Result<_, _>>()?,
             crs: None,
         })
     }
 }
 
-/// Numbers in the order of their first use.
+/// Assigns new numbers in the order of first use.
 #[derive(Default)]
 struct Renumbering {
     known: HashMap<u32, u32>,
@@ -103,11 +101,11 @@ impl Renumbering {
     }
 }
 
-/// About how much memory it takes to bake the block.
-pub(super) fn memory_bytes(block: &LeafBlock, grid: &CityGrid, margin_m: f64) -> usize {
+/// Estimates the memory needed to bake the block.
+pub(super) fn estimate_memory_bytes(block: &LeafBlock, grid: &CityGrid, margin_m: f64) -> usize {
     let cell_m = grid.cell_m;
-    let side_m = grid.node_side_m(grid.depth) * f64::from(crate::scene::grid::BLOCK_LEAVES);
-    // Half of a bucket's surface lies in the margin, or less where that is narrow; samples lie half a cell apart.
+    let side_m = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
+    // About half of a bucket's surface is in the margin, less if the margin is narrow. Samples are half a cell apart.
     let share = side_m * side_m / ((side_m + 2.0 * margin_m) * (side_m + 2.0 * margin_m));
     let samples = block.surface_m2 * share * 4.0 / (cell_m * cell_m);
     let cells = (side_m / cell_m) * (side_m / cell_m);
