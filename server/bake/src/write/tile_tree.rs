@@ -15,7 +15,7 @@ use crate::{
     scene::grid::{CityGrid, HALF_DIAGONAL},
 };
 
-/// A steeper roof is treated as if it had this slope: least z of the normal.
+/// Least z of an inclined top's normal. Steeper tops are treated as if they had this slope.
 const MIN_NORMAL_Z: f32 = 0.1;
 
 /// The packed tiles of all nodes, the root's level first, each level in the order of its ids.
