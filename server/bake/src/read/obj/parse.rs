@@ -87,7 +87,7 @@ pub(super) fn parse(
         if status == NextLine::EndOfFile {
             return Ok(parser.file);
         }
-        if parser.line % TICK_LINES == 0 {
+        if parser.line.is_multiple_of(TICK_LINES) {
             tick();
         }
     }
