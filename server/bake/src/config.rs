@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::{
     error::BakeError,
     hash, mesh,
-    read::{Palette, UpAxis},
+    read::{ObjUpAxis, Palette},
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
@@ -59,7 +59,7 @@ pub struct BakeOptions {
     /// Attributions; empty for those of the sources.
     pub attribution: Vec<Attribution>,
     /// The vertical axis of OBJ files.
-    pub obj_up: UpAxis,
+    pub obj_up: ObjUpAxis,
     /// Colours of surfaces that have none in the source.
     pub palette: Palette,
     /// Sampling of leaves.
@@ -83,7 +83,7 @@ impl Default for BakeOptions {
             name: None,
             title: None,
             attribution: Vec::new(),
-            obj_up: UpAxis::default(),
+            obj_up: ObjUpAxis::default(),
             palette: Palette::default(),
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),

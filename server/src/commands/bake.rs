@@ -24,7 +24,7 @@ mod with_bake {
     use indicatif::{ProgressBar, ProgressStyle};
     use insula_bake::{
         BakeError, BakeOptions, BakeReport, Progress,
-        read::{Palette, UpAxis},
+        read::{ObjUpAxis, Palette},
         sample::{SampleSettings, Visibility},
     };
     use insula_protocol::manifest::Attribution;
@@ -78,8 +78,8 @@ mod with_bake {
             title: args.title.clone(),
             attribution: attribution.into_iter().collect(),
             obj_up: match args.obj_up {
-                Axis::Z => UpAxis::Z,
-                Axis::Y => UpAxis::Y,
+                Axis::Z => ObjUpAxis::Z,
+                Axis::Y => ObjUpAxis::Y,
             },
             palette,
             sample: SampleSettings {
@@ -189,7 +189,7 @@ mod with_bake {
             assert!(!options.meshes);
             assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));
             assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
-            assert_eq!(options.obj_up, UpAxis::Y);
+            assert_eq!(options.obj_up, ObjUpAxis::Y);
             let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };
             assert_eq!((&*source.text, source.licence.as_deref(), source.url.as_deref()), ("A", Some("L"), Some("U")));
         }

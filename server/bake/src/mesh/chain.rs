@@ -23,12 +23,10 @@ use super::{
     picture,
 };
 use crate::{
+    columns::voxels::HALF_DIAGONAL,
     error::BakeError,
     model::{CornerLayer, TriangleModel},
-    scene::{
-        Scene,
-        grid::{CityGrid, HALF_DIAGONAL},
-    },
+    scene::{Scene, grid::CityGrid},
     simplify::{Goal, simplify},
 };
 

@@ -12,7 +12,7 @@ use crate::scene::triangle_store::TriangleStore;
 
 /// The vertical axis of an OBJ file. In the other formats it is always z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum UpAxis {
+pub enum ObjUpAxis {
     /// x is east, y is north.
     #[default]
     Z,
@@ -23,7 +23,7 @@ pub enum UpAxis {
 /// How to read, and the limits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReadOptions {
-    pub obj_up: UpAxis,
+    pub obj_up: ObjUpAxis,
     /// Images with more pixels are not decoded.
     pub max_texture_pixels: u64,
     /// Sources with more unpacked bytes are refused.
@@ -37,7 +37,7 @@ pub struct ReadOptions {
 impl Default for ReadOptions {
     fn default() -> Self {
         Self {
-            obj_up: UpAxis::Z,
+            obj_up: ObjUpAxis::Z,
             max_texture_pixels: 64 << 20,
             max_source_bytes: 8 << 30,
             max_line_bytes: 256 << 20,

@@ -19,7 +19,7 @@ mod texture;
 use std::path::{Path, PathBuf};
 
 pub use crate::error::InputError;
-pub use context::{ReadOptions, UpAxis};
+pub use context::{ObjUpAxis, ReadOptions};
 pub use palette::Palette;
 pub use report::{FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;

@@ -5,9 +5,6 @@ use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
 /// Leaves along a block's side. The leaves of a block share their visibility maps.
 pub const BLOCK_LEAVES: u32 = 2;
 
-/// Half the diagonal of a cube of side 1: the geometric error of a voxel of side 1 (Vacca 2008, section 3.6.2).
-pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
-
 /// The city's quadtree in space. Scene coordinates are those of [`crate::scene::Scene`], in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CityGrid {

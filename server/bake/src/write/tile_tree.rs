@@ -10,10 +10,7 @@ use insula_protocol::{
 };
 
 use super::{mesh_pack::StoredMesh, tile_pack::StoredTile};
-use crate::{
-    error::BakeError,
-    scene::grid::{CityGrid, HALF_DIAGONAL},
-};
+use crate::{columns::voxels::HALF_DIAGONAL, error::BakeError, scene::grid::CityGrid};
 
 /// Least z of an inclined top's normal. Steeper tops are treated as if they had this slope.
 const MIN_NORMAL_Z: f32 = 0.1;

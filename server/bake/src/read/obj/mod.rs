@@ -8,7 +8,7 @@ mod tests;
 
 use std::collections::HashMap;
 
-use super::context::{ByteProgress, ReadContext, UpAxis};
+use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::palette::unit_to_byte;
 use super::polygon::MAX_CORNERS;
 use super::report::{SourceFormat, SourceReport};
@@ -34,7 +34,7 @@ pub(crate) fn read(
     let bytes_read = opened.bytes_read;
     let limit = context.options.max_source_bytes;
     let mut file = parse::parse(&mut opened.reader, limit, &mut report, &|| tick(bytes_read.get()))?;
-    if context.options.obj_up == UpAxis::Y {
+    if context.options.obj_up == ObjUpAxis::Y {
         file.positions.iter_mut().for_each(|p| *p = [p[0], -p[2], p[1]]);
     }
     let mut reader = ObjReader { context, source, file: &file, report: &mut report };

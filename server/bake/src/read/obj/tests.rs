@@ -1,7 +1,7 @@
 //! Whole OBJ files with libraries and textures.
 
 use crate::read::texture::tests::png;
-use crate::read::{InputError, ReadOptions, ReadReport, UpAxis, read_embedded};
+use crate::read::{InputError, ObjUpAxis, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 
 fn read(files: &[(&str, &[u8])]) -> (Scene, ReadReport) {
@@ -93,7 +93,7 @@ fn objects_have_their_own_base_and_terrain_faces_up() {
 fn y_up_is_converted_and_orientation_is_kept() {
     // A concave vertical wall. With y up it lies in the plane z = 0 and faces south, towards positive z.
     let text = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 1 2 3 4 5\n";
-    let options = ReadOptions { obj_up: UpAxis::Y, ..ReadOptions::default() };
+    let options = ReadOptions { obj_up: ObjUpAxis::Y, ..ReadOptions::default() };
     let (scene, _) = read_embedded(&[("a.obj", text.as_bytes())], &options, &|_| {}).unwrap();
     assert_eq!(scene.triangles.len(), 3);
     let mut facing = glam::Vec3::ZERO;
