@@ -56,7 +56,7 @@ fn every_node_has_a_tile_and_bounds_and_errors_nest() {
         for i in (0..map.flags.len()).filter(|i| map.flags[*i] != 0) {
             let [low, high] = [map.z_min[i], map.z_max[i]]
                 .map(|code| (map.z_base_m() + f64::from(code) * f64::from(map.z_step_m())) as f32);
-            assert!(low >= node.z_min_m && high <= node.z_max_m, "a column of {id} lies outside its node");
+            assert!(low >= node.z_min_m && high <= node.z_max_m, "a column of {id} is outside its node");
         }
         assert!(f64::from(node.error_m) > 0.8660 * manifest.cell_m_at(id.level()));
         assert_eq!(node.child_mask == 0, id.level() == manifest.depth);

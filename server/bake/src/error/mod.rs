@@ -75,7 +75,7 @@ pub enum BakeError {
         action: &'static str,
         cause: DecodeError,
     },
-    /// An archive could not be laid out.
+    /// An archive could not be written.
     #[error("{path}: {what}; report this with the input")]
     Archive { path: PathBuf, what: String },
     /// The system could not start the worker threads.

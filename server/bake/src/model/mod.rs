@@ -9,8 +9,8 @@ mod triangle_model;
 pub use triangle_model::{CornerLayer, MAX_COUNT, ModelError, ModelFormat, TriangleModel};
 
 impl TriangleModel {
-    /// Parses a file. Polygons become fans of triangles. Fails if it is not of the format, has a value that is not finite, or
-    /// exceeds [`MAX_COUNT`].
+    /// Parses a file. Polygons become fans of triangles. Fails if it is not of the format, has a value that is not
+    /// finite, or exceeds [`MAX_COUNT`].
     pub fn read(bytes: &[u8], format: ModelFormat) -> Result<Self, ModelError> {
         let model = match format {
             ModelFormat::Ply => ply::read(bytes)?,

@@ -73,8 +73,8 @@ impl FinishedTiles {
     }
 }
 
-/// Encodes a node, whose bounds are to contain those of its `children`. Takes the node to free its voxels early. Fails if it
-/// exceeds the format's limits; `source` then says what the node is made from.
+/// Encodes a node, whose bounds are to contain those of its `children`. Takes the node to free its voxels early. Fails
+/// if it exceeds the format's limits; `source` then says what the node is made from.
 pub(super) fn encode_node<'a>(
     grid: &CityGrid,
     config: &BakeConfig,

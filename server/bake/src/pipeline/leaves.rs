@@ -49,8 +49,8 @@ impl LeafBaker<'_> {
         fingerprints: &[ShortHash],
     ) -> Result<Vec<FinishedPack>, BakeError> {
         let TileContext { config, grid, progress, previous, .. } = *self.context;
-        // The queue is processed from both ends: few heavy blocks are in memory together, and the last blocks are neither
-        // large nor many.
+        // The queue is processed from both ends: few heavy blocks are in memory together, and the last blocks are
+        // neither large nor many.
         let mut blocks: Vec<(&LeafBlock, ShortHash)> =
             self.partition.blocks.iter().zip(fingerprints.iter().copied()).collect();
         blocks.sort_by_key(|(block, _)| (Reverse(block.triangles), block.y, block.x));

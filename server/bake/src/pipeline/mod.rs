@@ -40,8 +40,8 @@ use context::{FinishedTiles, TileContext};
 use leaves::LeafBaker;
 use update::PreviousCity;
 
-/// Bakes the inputs into `options.out`. A bake that fails or is killed leaves either no city or a complete one; its finished
-/// work stays in `CITY.partial`, where a bake with `options.resume` continues.
+/// Bakes the inputs into `options.out`. A bake that fails or is killed leaves either no city or a complete one; its
+/// finished work stays in `CITY.partial`, where a bake with `options.resume` continues.
 pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
     let mut run = BakeRun::new(&config, progress)?;

@@ -18,8 +18,8 @@ use crate::{
     },
 };
 
-/// Bakes all nodes of a level from the tiles of the level below in `tree`: averages, parametrises, encodes and stores. Fails
-/// with the first error of a node.
+/// Bakes all nodes of a level from the tiles of the level below in `tree`: averages, parametrises, encodes and stores.
+/// Fails with the first error of a node.
 pub(super) fn bake_level(
     context: &TileContext<'_>,
     pool: &ThreadPool,
@@ -31,8 +31,8 @@ pub(super) fn bake_level(
     run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, tree, pack)))
 }
 
-/// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes without changes below them are taken from the
-/// city to update.
+/// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes without changes below them are taken from
+/// the city to update.
 fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Result<FinishedPack, BakeError> {
     if let Some(tiles) = context.find_resumed(pack.pack) {
         context.progress.advance(pack.nodes.len() as u64);

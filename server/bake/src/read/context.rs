@@ -83,8 +83,8 @@ impl<'o> ReadContext<'o> {
         self.crs.as_ref().map(|named| named.crs.as_str())
     }
 
-    /// Sets the city's coordinate system. Fails if another source uses a different one. A source that names none is assumed
-    /// to use that of the others.
+    /// Sets the city's coordinate system. Fails if another source uses a different one. A source that names none is
+    /// assumed to use that of the others.
     pub(crate) fn agree_on_crs(&mut self, path: &str, crs: Option<&str>) -> Result<(), InputError> {
         let Some(crs) = crs else { return Ok(()) };
         match &self.crs {

@@ -1,7 +1,7 @@
 //! Sorts triangles into blocks of leaves. Each block has a file of its own, its bucket.
 //!
-//! In: the city and its grid. Out: [`Partition`], which lists the leaves that may have content, block by block, and has for
-//! each block a file of the triangles that may touch or shade it. Next: `sample`, one block at a time.
+//! In: the city and its grid. Out: [`Partition`], which lists the leaves that may have content, block by block, and has
+//! for each block a file of the triangles that may touch or shade it. Next: `sample`, one block at a time.
 //!
 //! The city is read once. Records for a bucket are buffered in memory up to a limit, then appended to its file.
 
@@ -99,8 +99,8 @@ impl Partition {
         Ok(Self { blocks, depth: grid.depth, folder: folder.to_owned() })
     }
 
-    /// The triangles that touch the block and its margin, in the city's order. Fails if the bucket cannot be read or has
-    /// changed.
+    /// The triangles that touch the block and its margin, in the city's order. Fails if the bucket cannot be read or
+    /// has changed.
     pub(crate) fn triangles(&self, block: &LeafBlock) -> Result<Vec<SceneTriangle>, BakeError> {
         let path = bucket_path(&self.folder, block.x, block.y);
         let bytes = fs::read(&path).map_err(|cause| BakeError::io(&path, "read", cause))?;
@@ -224,8 +224,8 @@ fn touched_range(span: [f64; 2], side: f64, last: u32) -> [u32; 2] {
     [((span[0] / side).ceil() as i64 - 1).clamp(0, i64::from(last)) as u32, ((span[1] / side) as u32).min(last)]
 }
 
-/// Whether the triangle touches the square at `low`, given that its bounding box does: no edge of the triangle separates
-/// them.
+/// Whether the triangle touches the square at `low`, given that its bounding box does: no edge of the triangle
+/// separates them.
 fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
     let q = [low, [low[0] + side, low[1]], [low[0], low[1] + side], [low[0] + side, low[1] + side]];
     let separates = |i: usize| {

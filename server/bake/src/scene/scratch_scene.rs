@@ -108,7 +108,8 @@ impl ScratchScene {
         Ok(Material { rgb: material.rgb, texture })
     }
 
-    /// Fails if a triangle has an index out of range or a coordinate that is not finite. Readers never make such triangles.
+    /// Fails if a triangle has an index out of range or a coordinate that is not finite. Readers never make such
+    /// triangles.
     pub(crate) fn from_scene(scene: Scene) -> Result<Self, BakeError> {
         let bounds = checked_bounds(&scene)?;
         let mut textures = TextureStore::in_memory();

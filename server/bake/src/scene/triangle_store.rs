@@ -89,7 +89,8 @@ impl TriangleStore {
         failed.map_err(|cause| BakeError::io(&file.path, "written", cause))
     }
 
-    /// Calls `visit` for every triangle, in order. Fails if the file cannot be read, or with the first error of `visit`.
+    /// Calls `visit` for every triangle, in order. Fails if the file cannot be read, or with the first error of
+    /// `visit`.
     pub(crate) fn try_for_each(
         &self,
         mut visit: impl FnMut(SceneTriangle) -> Result<(), BakeError>,

@@ -8,7 +8,8 @@ use pmtiles::{Compression, PmTilesWriter, PmtError, TileCoord, TileType};
 use crate::error::BakeError;
 
 /// Writes the tiles of `ids` in the archive's own order (along a Hilbert curve, root first), synchronises the file and
-/// returns its length. Equal tiles are stored once. Fails if the file cannot be written, or with the first error of `tile`.
+/// returns its length. Equal tiles are stored once. Fails if the file cannot be written, or with the first error of
+/// `tile`.
 pub(crate) fn write(
     path: &Path,
     ids: &[TileId],

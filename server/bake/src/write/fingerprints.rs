@@ -1,7 +1,7 @@
 //! The city's file `fingerprints.bin`: a hash of the input of each block of leaves, for a later `bake --update`.
 //!
-//! Layout, little-endian: magic, number of blocks (4 bytes each), the manifest's version (16 characters), per block x, y
-//! (4 bytes each) and 16 bytes of hash, a BLAKE3 hash of everything before.
+//! Layout, little-endian: magic, number of blocks (4 bytes each), the manifest's version (16 characters), per block x,
+//! y (4 bytes each) and 16 bytes of hash, a BLAKE3 hash of everything before.
 
 use std::{
     fs,

@@ -1,7 +1,7 @@
 //! The finished meshes of a block's leaves in one scratch file.
 //!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, level of detail, error, triangles, pixels, bytes (4 bytes
-//! each), the tiles, a BLAKE3 hash of everything before.
+//! Layout, little-endian: magic, number of tiles, per tile x, y, level of detail, error, triangles, pixels, bytes (4
+//! bytes each), the tiles, a BLAKE3 hash of everything before.
 
 use std::{
     fs,

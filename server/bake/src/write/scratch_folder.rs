@@ -4,7 +4,7 @@
 //! CITY.partial/lock        locked while a bake runs; the system releases it however the bake ends
 //!              state.json  hashes of the input of the packs
 //!              packs/      finished blocks
-//!              spool/      the scratch scene and the partition's buckets; written anew by every run
+//!              spool/      the scratch scene and the partition's buckets; rewritten by every run
 //!              city/       the final files, renamed to CITY when complete
 //!              replaced/   the previous city, between the two renames
 //! ```
@@ -59,8 +59,8 @@ fn partial(out: &Path) -> PathBuf {
 }
 
 impl ScratchFolder {
-    /// Creates and locks the scratch folder without changing its content. Fails if `out` must not be replaced or another
-    /// bake holds the lock.
+    /// Creates and locks the scratch folder without changing its content. Fails if `out` must not be replaced or
+    /// another bake holds the lock.
     pub(crate) fn lock(out: &Path) -> Result<Self, BakeError> {
         let root = partial(out);
         // A bake that was killed between the two renames of `publish` left the previous city here.
@@ -81,8 +81,8 @@ impl ScratchFolder {
         Ok(Self { root, out: out.to_owned(), lock: Some(lock), prepared: false, scene_folder_created })
     }
 
-    /// Keeps the packs of an interrupted bake if `resume` is set and its input was the same, else removes them. Fails if
-    /// the folder cannot be read or written.
+    /// Keeps the packs of an interrupted bake if `resume` is set and its input was the same, else removes them. Fails
+    /// if the folder cannot be read or written.
     pub(crate) fn prepare(&mut self, input: &InputHashes, resume: bool) -> Result<ResumeStatus, BakeError> {
         self.prepared = true;
         let state = self.root.join("state.json");

@@ -1,7 +1,7 @@
 //! The finished tiles of a block of one level in one scratch file.
 //!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, bytes (4 bytes each), the tiles, a BLAKE3 hash
-//! of everything before. Only the version of the program that wrote a pack reads it.
+//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, bytes (4 bytes each), the tiles, a
+//! BLAKE3 hash of everything before. Only the version of the program that wrote a pack reads it.
 
 use std::{
     fs,

@@ -23,8 +23,8 @@ use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, PmtResult, Tile
 /// Cells so coarse that the whole city is two blocks, for tests that do not need more.
 pub(crate) const COARSE_CELL_M: f64 = 8.0;
 
-/// South-west corner, width, depth and height of the boxes. Most are within four areas of 512 m; one is so far away that the
-/// quadtree has seven levels.
+/// South-west corner, width, depth and height of the boxes. Most are within four areas of 512 m; one is so far away
+/// that the quadtree has seven levels.
 const BOXES: [[f32; 5]; 9] = [
     [20.0, 30.0, 25.0, 12.0, 9.0],
     [55.0, 40.0, 20.0, 20.0, 31.5],

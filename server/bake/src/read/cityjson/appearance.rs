@@ -99,7 +99,8 @@ impl<'a> AppearanceReader<'a> {
         *self.textures[slot].get_or_insert_with(|| context.textures.load(source, name, report.report))
     }
 
-    /// Appends a ring's texture coordinates; `false` if they do not fit the ring. The first entry of a ring is its texture.
+    /// Appends a ring's texture coordinates; `false` if they do not fit the ring. The first entry of a ring is its
+    /// texture.
     pub(super) fn append_uvs(&self, ring: &Nested, corners: usize, uvs: &mut Vec<[f32; 2]>) -> bool {
         let entries = ring.list();
         if entries.len() != corners + 1 {

@@ -56,7 +56,7 @@ impl<'a> VertexFrame<'a> {
         if is_valid_position(p) {
             return Ok(p);
         }
-        let detail = format!("vertex {index} lies at {:e}, {:e}, {:e}", p[0], p[1], p[2]);
+        let detail = format!("vertex {index} is at {:e}, {:e}, {:e}", p[0], p[1], p[2]);
         Err(ObjectFault { reason: "coordinate not a number or beyond 1e9 m", detail })
     }
 }
@@ -105,8 +105,8 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         Self { context, source, report, faces: vec![], points: vec![], uvs: vec![], hole_starts: vec![] }
     }
 
-    /// Reads an object's geometries of one level into `faces`. Returns whether one of them is a volume. Fails if the object
-    /// must be skipped.
+    /// Reads an object's geometries of one level into `faces`. Returns whether one of them is a volume. Fails if the
+    /// object must be skipped.
     pub(super) fn read(
         &mut self,
         id: &str,
@@ -201,8 +201,8 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         Ok(())
     }
 
-    /// Collects the positions and, if `has_texture`, the texture coordinates of all rings. Returns whether all corners have
-    /// texture coordinates.
+    /// Collects the positions and, if `has_texture`, the texture coordinates of all rings. Returns whether all corners
+    /// have texture coordinates.
     fn collect_rings(
         &mut self,
         surface: &NestedSurface<'_>,

@@ -67,7 +67,8 @@ fn json_type(text: &[u8]) -> Option<String> {
     serde_json::from_slice::<TypeMember>(text).ok().map(|member| member.name)
 }
 
-/// Handles a text that is not a [`CityJsonDocument`]: invalid JSON is an error, other JSON only if the user named the file.
+/// Handles a text that is not a [`CityJsonDocument`]: invalid JSON is an error, other JSON only if the user named the
+/// file.
 fn refuse_unparsed(
     source: &CitySource<'_>,
     text: &[u8],

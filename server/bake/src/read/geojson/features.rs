@@ -89,7 +89,8 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         metadata::describe(&Value::Object([(name.to_owned(), value)].into_iter().collect()), &mut self.report);
     }
 
-    /// Reads one feature; a malformed one is skipped and reported. Fails if its coordinate system differs from the city's.
+    /// Reads one feature; a malformed one is skipped and reported. Fails if its coordinate system differs from the
+    /// city's.
     pub(super) fn read_feature(&mut self, text: &[u8]) -> Result<(), InputError> {
         self.count += 1;
         let number = self.count;

@@ -15,8 +15,8 @@ const WEB_MERCATOR: &[&str] = &["EPSG:3857", "EPSG:3785", "EPSG:900913"];
 
 /// How positions become metres.
 pub(super) enum InputProjection {
-    /// From longitude and latitude. The zone is that of the first valid position, unless another source chose it. Modern
-    /// geographic systems differ from WGS84 by a metre or two, which is ignored.
+    /// From longitude and latitude. The zone is that of the first valid position, unless another source chose it.
+    /// Modern geographic systems differ from WGS84 by a metre or two, which is ignored.
     Degrees(Option<Box<UtmZone>>),
     /// Positions are in metres already.
     Metres,
@@ -28,8 +28,8 @@ impl InputProjection {
         Self::Degrees(city_crs.and_then(UtmZone::from_epsg).map(Box::new))
     }
 
-    /// The EPSG code of the projected system that a `crs` member names; `None` for degrees. Fails with the reason if the
-    /// system is not supported.
+    /// The EPSG code of the projected system that a `crs` member names; `None` for degrees. Fails with the reason if
+    /// the system is not supported.
     pub(super) fn from_crs(crs: &Value) -> Result<Option<String>, String> {
         let name = match &crs["properties"] {
             properties if properties["name"].is_string() => properties["name"].as_str().unwrap_or_default().to_owned(),

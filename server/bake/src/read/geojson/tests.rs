@@ -177,7 +177,7 @@ fn degrees_become_metres_in_the_zone_of_the_first_position() {
     assert_eq!(report.sources[0].crs, scene.crs);
     // 9.05 m by 11.09 m there, times the zone's scale of 0.9997.
     assert!((volume_m3(&scene) - 1003.7).abs() < 2.0, "{}", volume_m3(&scene));
-    // A second file in the neighbouring zone is laid into the first one's.
+    // A second file in the neighbouring zone is projected to the zone of the first.
     let east = text.replace("139.75", "144.1");
     let (scene, _) = try_read(&[("a.geojson", text.as_bytes()), ("b.json", east.as_bytes())]).unwrap();
     assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:32654"), 1), "392 km away");

@@ -4,8 +4,8 @@ use std::io::{self, BufRead, Read};
 
 use serde::Deserialize;
 
-/// Parses JSON. If that fails, replaces numbers that JSON does not allow by `null` and tries again; `repaired` then holds
-/// the text. Fails if the text is still invalid.
+/// Parses JSON. If that fails, replaces numbers that JSON does not allow by `null` and tries again; `repaired` then
+/// holds the text. Fails if the text is still invalid.
 pub(crate) fn parse<'t, T: Deserialize<'t>>(text: &'t [u8], repaired: &'t mut Vec<u8>) -> serde_json::Result<T> {
     serde_json::from_slice(text).or_else(|error| match replace_invalid_numbers(text) {
         None => Err(error),
@@ -16,8 +16,8 @@ pub(crate) fn parse<'t, T: Deserialize<'t>>(text: &'t [u8], repaired: &'t mut Ve
     })
 }
 
-/// Replaces `NaN`, `Infinity` and numbers beyond f64 outside of strings by `null`, and keeps the line numbers. `None` if
-/// there are no such numbers.
+/// Replaces `NaN`, `Infinity` and numbers beyond f64 outside of strings by `null`, and keeps the line numbers. `None`
+/// if there are no such numbers.
 pub(crate) fn replace_invalid_numbers(text: &[u8]) -> Option<Vec<u8>> {
     let mut clean = Vec::with_capacity(text.len());
     let (mut i, mut changed) = (0, false);
@@ -65,8 +65,8 @@ fn is_invalid_number(token: &[u8]) -> bool {
     token.parse::<f64>().is_ok_and(|number| !number.is_finite())
 }
 
-/// Replaces `NaN` and `Infinity` by `null` while reading. Outside of strings, JSON has no word that begins with a capital
-/// letter.
+/// Replaces `NaN` and `Infinity` by `null` while reading. Outside of strings, JSON has no word that begins with a
+/// capital letter.
 pub(crate) struct LenientReader<R> {
     inner: R,
     in_string: bool,

@@ -148,8 +148,8 @@ impl ObjReader<'_, '_, '_> {
         materials
     }
 
-    /// The number of a textured material. Exporters write a black `Kd` for textured materials, which would hide the texture,
-    /// so it is ignored.
+    /// The number of a textured material. Exporters write a black `Kd` for textured materials, which would hide the
+    /// texture, so it is ignored.
     fn textured_material(&mut self, diffuse: Option<[u8; 3]>, texture: u32) -> u32 {
         let rgb = diffuse.filter(|rgb| *rgb != [0; 3]).unwrap_or([255; 3]);
         self.context.builder.material(rgb, Some(texture))

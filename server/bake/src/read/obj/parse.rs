@@ -1,5 +1,5 @@
-//! Parses the lines of an OBJ into arrays. Names and indices are not resolved yet, because libraries and vertices may come
-//! after their use.
+//! Parses the lines of an OBJ into arrays. Names and indices are not resolved yet, because libraries and vertices may
+//! come after their use.
 
 use std::collections::HashMap;
 use std::io::BufRead;
@@ -54,8 +54,8 @@ impl ObjFile {
     }
 }
 
-/// Parses all lines. Malformed lines are noted in the report and ignored. Fails if the source cannot be read or has more than
-/// `limit` bytes.
+/// Parses all lines. Malformed lines are noted in the report and ignored. Fails if the source cannot be read or has
+/// more than `limit` bytes.
 pub(super) fn parse(
     lines: &mut dyn BufRead,
     limit: u64,
