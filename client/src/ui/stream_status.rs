@@ -1,9 +1,9 @@
-//! What the user is told of streaming.
+//! The state of streaming as the user sees it.
 
 use crate::session::Session;
 use std::time::Duration;
 
-/// A server may fail to respond for this time before the user is told.
+/// The user is informed after the server has not responded for this time.
 const SILENCE: Duration = Duration::from_millis(700);
 
 /// State of streaming.
