@@ -7,11 +7,13 @@
 
 use crate::{
     columns::{
-        clip::{Clip, Plane, Wall, merge_with_walls},
+        clip::{Clip, Plane},
+        fill,
         merge::{LINES, Line, Merged, line_at},
+        srgb::linear,
         voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
+        wall_fit::{Wall, merge_with_walls},
     },
-    sample::{mend, solids::open_side, texture::linear},
     scene::grid::Grid,
 };
 use glam::{Vec2, Vec3};
@@ -50,7 +52,7 @@ pub fn parent(grid: &Grid, id: TileId, children: [Option<&BlockMap>; 4]) -> Voxe
             node.columns[i] = Some(column(&merged, i, &four(&fine, i), grounded[i], cell_m));
         }
     }
-    mend::fill(&mut node);
+    fill::fill(&mut node);
     node
 }
 
@@ -242,7 +244,7 @@ fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: boo
             return false;
         }
         let other = Some(&merged[(ny * n + nx) as usize]);
-        open_side(&merged[i], other, Vec2::new(dx as f32, dy as f32) * (0.5 * cell_m)) > cell_m
+        merged[i].open_side_m(other, Vec2::new(dx as f32, dy as f32) * (0.5 * cell_m)) > cell_m
     })
 }
 

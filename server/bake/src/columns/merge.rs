@@ -79,6 +79,29 @@ impl Merged {
         }
         runs
     }
+
+    /// Metres of `own`'s side, at `half` a cell from its centre, that `other` does not cover; the most of three places along it
+    /// where a wall stands inside `other`.
+    pub(crate) fn open_side_m(&self, other: Option<&Self>, half: Vec2) -> f32 {
+        let clipped = other.is_some_and(|other| other.clip.is_some());
+        let along: &[f32] = if clipped { &[-0.9, 0.0, 0.9] } else { &[0.0] };
+        along
+            .iter()
+            .map(|share| half.perp() * *share)
+            .fold(0.0, |most, along| most.max(self.open_at_m(other, half, along)))
+    }
+
+    fn open_at_m(&self, other: Option<&Self>, half: Vec2, along: Vec2) -> f32 {
+        let covers = other.map_or_else(Vec::new, |other| other.runs_at(along - half));
+        let mut open = 0.0;
+        for run in self.runs_at(along + half) {
+            open += run.top_m - run.bottom_m;
+            for cover in &covers {
+                open -= (run.top_m.min(cover.top_m) - run.bottom_m.max(cover.bottom_m)).max(0.0);
+            }
+        }
+        open
+    }
 }
 
 /// What at least half of the lines agree on; no solids if there is nothing.

@@ -3,8 +3,10 @@
 //! In: [`VoxelNode`]. Out: [`BlockMap`]. Next: `protocol` encodes it, `write` keeps it.
 
 use crate::{
-    columns::voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
-    sample::texture::srgb,
+    columns::{
+        srgb::srgb,
+        voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
+    },
     scene::grid::Grid,
 };
 use insula_protocol::{

@@ -2,8 +2,10 @@
 //!
 //! In: what `sample` saw, or what `lod` averaged. Out: [`VoxelNode`]. Next: `parametrise` makes a `BlockMap` of it.
 
-use crate::columns::clip::{Clip, Plane};
 use insula_protocol::{TileId, blockmap::COLUMNS};
+
+/// Half the diagonal of a cube of side 1: the error of a voxel, in cells (Vacca 2008, 3.6.2).
+pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
 /// Look of one voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -43,18 +45,6 @@ pub struct VoxelClip {
     pub corner: Option<(VoxelPlane, bool)>,
     /// Top and look from above of what lies beyond, down to the column's bottom; `None` if nothing does.
     pub outer: Option<(f32, Look)>,
-}
-
-impl From<Clip> for VoxelClip {
-    /// Without a look of what lies beyond.
-    fn from(clip: Clip) -> Self {
-        let plane = |plane: Plane| VoxelPlane { normal: plane.normal.to_array(), offset_m: plane.offset_m };
-        Self {
-            plane: plane(clip.plane),
-            corner: clip.corner.map(|(second, concave)| (plane(second), concave)),
-            outer: clip.outer_top_m.map(|top_m| (top_m, Look::default())),
-        }
-    }
 }
 
 /// One column.

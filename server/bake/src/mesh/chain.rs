@@ -17,17 +17,16 @@ use insula_protocol::{
 };
 
 use super::{
-    Lod,
     distance::{Near, half_diagonals},
     lattice::Surface,
     picture,
 };
 use crate::{
+    columns::voxels::HALF_DIAGONAL,
     error::BakeError,
     model::{Layer, Model},
     scene::{Scene, grid::Grid},
     simplify::{Goal, simplify},
-    write::tree::HALF_DIAGONAL,
 };
 
 /// Share of the V-BlockMap's error that the coarsest level of detail may have.
@@ -38,8 +37,13 @@ const RATIO: f64 = 4.0;
 const GAIN: f64 = 0.7;
 /// A plain one has at most this share of the triangles of the one before: else it is not even coded.
 const FEWER: f64 = 0.8;
-/// Half the diagonal of a cube of side 1: what a grid loses of its step.
-const HALF_CUBE: f64 = 0.866_025_403_784_438_6;
+
+/// A finished level of detail.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Lod {
+    pub(crate) info: MeshLod,
+    pub(crate) bytes: Vec<u8>,
+}
 
 /// All levels of detail that are worth their bytes.
 pub(super) fn chain(
@@ -59,7 +63,7 @@ pub(super) fn chain(
     for k in 1..MAX_LODS {
         let target_m = COARSEST * coarse_m / RATIO.powi(i32::from(MAX_LODS - 1 - k));
         let number = lods.len() as u8;
-        if target_m < 2.0 * HALF_CUBE * step_m || place(id, number).is_none() {
+        if target_m < 2.0 * HALF_DIAGONAL * step_m || place(id, number).is_none() {
             continue;
         }
         let few = FEWER * before as f64;
@@ -117,7 +121,7 @@ impl Maker<'_> {
     /// `None` if there is too much of it for a tile.
     fn lod(&self, model: &Model, number: u8, (moved_m, texel_m): (f64, f64)) -> Result<Option<Lod>, BakeError> {
         let step_m = self.surface.points.step;
-        let mut error_m = HALF_CUBE * step_m + moved_m;
+        let mut error_m = HALF_DIAGONAL * step_m + moved_m;
         let (attribute, texture) = if self.surface.is_textured() {
             let Some(dress) = picture::dress(self.scene, model, (step_m, texel_m), self.quality) else {
                 return Ok(None);

@@ -17,22 +17,17 @@ mod lattice;
 mod picture;
 mod wire;
 
-use insula_protocol::{TileId, blockmap::Quality, subtree::MeshLod};
+use insula_protocol::{TileId, blockmap::Quality};
 
 use crate::{
     error::BakeError,
     scene::{Scene, grid::Grid},
 };
 
+pub(crate) use chain::Lod;
+
 /// Raised whenever the same scene and settings would give other meshes than before.
 pub const ALGORITHM: u32 = 3;
-
-/// A finished level of detail.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Lod {
-    pub(crate) info: MeshLod,
-    pub(crate) bytes: Vec<u8>,
-}
 
 /// The leaf's levels of detail, the finest first; none where it has no surface, or only what is too small for its grid.
 pub(crate) fn leaf(scene: &Scene, grid: &Grid, id: TileId, quality: Quality) -> Result<Vec<Lod>, BakeError> {

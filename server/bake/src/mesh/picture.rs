@@ -22,8 +22,9 @@ use super::{
     wire::{self, Shown},
 };
 use crate::{
+    columns::srgb::{linear, srgb},
     model::Model,
-    sample::texture::{linear, read, srgb},
+    sample::texture::read,
     scene::Scene,
 };
 

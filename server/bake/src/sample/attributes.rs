@@ -3,9 +3,9 @@
 //! In: [`Cells`] and the candidates that were seen. Out: a [`VoxelNode`] a leaf. Next: `mend`.
 
 use super::{
-    BlockInput,
     candidates::{Candidate, TURNS},
-    local::Block,
+    local::{Block, TOP_Z},
+    settings::BlockInput,
     solids::Cells,
     texture,
 };
@@ -17,8 +17,6 @@ use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
 use rayon::prelude::*;
 
-/// Normals that rise more than this belong to a top, those that fall more to an underside, the others to walls.
-pub(super) const TOP_Z: f32 = 0.35;
 /// How far, in cells, a sample may lie from the top that it colours.
 const TOP_REACH: f32 = 1.0;
 

@@ -2,12 +2,14 @@
 //!
 //! In: [`BlockInput`]. Out: [`Block`]. Next: every other step of `sample`.
 
-use super::{BlockInput, SampleSettings};
+use super::settings::{BlockInput, SampleSettings};
 use crate::scene::ObjectKind;
 use glam::{DMat3, DVec3, Vec3};
 use insula_protocol::NODE_CELLS;
 use std::collections::HashMap;
 
+/// Normals that rise more than this belong to a top, those that fall more to an underside, the others to walls.
+pub(super) const TOP_Z: f32 = 0.35;
 /// A triangle, metres from the block's south-west corner at the grid's height zero.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LocalTriangle {

@@ -4,9 +4,8 @@
 //! stood. Next: `attributes`.
 
 use super::{
-    attributes::TOP_Z,
     candidates::Candidate,
-    local::{Block, LocalTriangle},
+    local::{Block, LocalTriangle, TOP_Z},
     solids::Cells,
 };
 use crate::columns::{clip::Plane, voxels::Solid};

@@ -3,15 +3,15 @@
 //! In: [`Crossings`] and candidates with their sightings. Out: [`Cells`]. Next: `attributes` colours them.
 
 use super::{
-    attributes::TOP_Z,
     candidates::Candidate,
     crossings::{Crossing, Crossings},
-    local::{Block, LocalTriangle},
+    local::{Block, LocalTriangle, TOP_Z},
 };
 use crate::columns::{
-    clip::{Clip, Plane, Wall, merge_with_walls},
+    clip::{Clip, Plane},
     merge::{LINES, Line, Merged, close_gaps, line_at},
     voxels::Solid,
+    wall_fit::{Wall, merge_with_walls},
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
@@ -285,27 +285,7 @@ impl Cells {
             || [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
                 let other = self.at(x + dx, y + dy).map(|c| &c.column);
                 let half = Vec2::new(dx as f32, dy as f32) * (0.5 * self.cell_m);
-                open_side(&own.column, other, half) > self.cell_m
+                own.column.open_side_m(other, half) > self.cell_m
             })
     }
-}
-
-/// Metres of `own`'s side, at `half` a cell from its centre, that `other` does not cover; the most of three places along it
-/// where a wall stands inside `other`.
-pub(crate) fn open_side(own: &Merged, other: Option<&Merged>, half: Vec2) -> f32 {
-    let clipped = other.is_some_and(|other| other.clip.is_some());
-    let along: &[f32] = if clipped { &[-0.9, 0.0, 0.9] } else { &[0.0] };
-    along.iter().map(|share| half.perp() * *share).fold(0.0, |most, along| most.max(open_at(own, other, half, along)))
-}
-
-fn open_at(own: &Merged, other: Option<&Merged>, half: Vec2, along: Vec2) -> f32 {
-    let covers = other.map_or_else(Vec::new, |other| other.runs_at(along - half));
-    let mut open = 0.0;
-    for run in own.runs_at(along + half) {
-        open += run.top_m - run.bottom_m;
-        for cover in &covers {
-            open -= (run.top_m.min(cover.top_m) - run.bottom_m.max(cover.bottom_m)).max(0.0);
-        }
-    }
-    open
 }

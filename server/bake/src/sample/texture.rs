@@ -2,33 +2,14 @@
 //!
 //! In: a triangle and a point on it. Out: linear RGB, averaged over the piece. Next: `attributes` sums it up per voxel.
 
-use crate::scene::{Scene, Texture};
+use crate::{
+    columns::srgb::linear,
+    scene::{Scene, Texture},
+};
 use glam::{Vec2, Vec3};
-use std::sync::LazyLock;
 
 /// Most texture reads along a piece's side: 8 x 8 are enough where a texture has 16 texels to the half cell.
 const MAX_TAPS: u32 = 8;
-
-static LINEAR_OF_SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|i| {
-        let v = i as f32 / 255.0;
-        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-    })
-});
-
-/// An 8-bit sRGB colour as linear light.
-pub(crate) fn linear(rgb: [u8; 3]) -> Vec3 {
-    Vec3::from_array(rgb.map(|v| LINEAR_OF_SRGB[usize::from(v)]))
-}
-
-/// Linear light, 0 to 1, as 8-bit sRGB.
-pub(crate) fn srgb(rgb: [f32; 3]) -> [u8; 3] {
-    rgb.map(|v| {
-        let v = v.clamp(0.0, 1.0);
-        let s = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (s * 255.0 + 0.5) as u8
-    })
-}
 
 /// Colour of the square of side `size_m` around `p` on the scene's triangle `source`, whose corners in the caller's
 /// coordinates are `corners`. Texels beyond the triangle's rim are not read: in an atlas they belong to something else.
@@ -95,13 +76,6 @@ pub(crate) fn read(texture: &Texture, uv: Vec2) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn srgb_round_trips() {
-        for v in 0..=255 {
-            assert_eq!(srgb(linear([v; 3]).to_array()), [v; 3]);
-        }
-    }
 
     #[test]
     fn v_grows_upwards() {

@@ -5,14 +5,13 @@
 //! A map keeps the nearest triangle's id, and a sample asks that triangle's plane: depths compared at texel centres leak.
 
 use super::{
-    SampleSettings, Visibility,
-    attributes::TOP_Z,
     candidates::{Candidate, TURNS},
     crossings::{Crossing, Crossings, SURE, UNSURE},
     directions,
-    local::{Block, LocalTriangle},
+    local::{Block, LocalTriangle, TOP_Z},
     nearest::{self, Facing},
     scan::scan,
+    settings::{SampleSettings, Visibility},
 };
 use glam::{Vec2, Vec3};
 

@@ -12,10 +12,8 @@ use insula_protocol::{
 };
 
 use super::{mesh_pack::StoredMesh, pack::Stored};
-use crate::{error::BakeError, scene::grid::Grid};
+use crate::{columns::voxels::HALF_DIAGONAL, error::BakeError, scene::grid::Grid};
 
-/// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
-pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 /// A top that leans further is drawn as if it leaned so far: least z of the normal.
 const MIN_NORMAL_Z: f32 = 0.1;
 
