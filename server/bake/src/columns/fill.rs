@@ -2,11 +2,11 @@
 //!
 //! In: a [`VoxelNode`] whose unseen looks have no coverage. Out: the same with all of them filled. Next: `parametrise`.
 
-use crate::columns::voxels::{Look, VoxelColumn, VoxelNode};
+use crate::columns::voxels::{VoxelAppearance, VoxelColumn, VoxelNode};
 use insula_protocol::NODE_CELLS;
 
 /// What nothing around has a colour for.
-const GREY: Look = Look { rgb: [0.4; 3], ao: 0.5, alpha: 1.0 };
+const GREY: VoxelAppearance = VoxelAppearance { rgb: [0.4; 3], ao: 0.5, alpha: 1.0 };
 /// Passes over the node: colours come from at most so many cells away, then [`GREY`].
 const PASSES: usize = 8;
 
@@ -21,7 +21,7 @@ pub(crate) fn fill(node: &mut VoxelNode) {
         if wanting.is_empty() {
             return;
         }
-        let found: Vec<(usize, [Look; 2], Vec<Look>)> =
+        let found: Vec<(usize, [VoxelAppearance; 2], Vec<VoxelAppearance>)> =
             wanting.into_iter().map(|i| (i, roofs_around(node, i), wall_around(node, i))).collect();
         for (i, [roof, lower], wall) in found {
             let Some(column) = node.columns[i].as_mut() else { continue };
@@ -53,12 +53,12 @@ pub(crate) fn fill(node: &mut VoxelNode) {
 }
 
 /// What lies beyond a wall inside the column's cell.
-fn outer(column: &mut VoxelColumn) -> Option<&mut (f32, Look)> {
+fn outer(column: &mut VoxelColumn) -> Option<&mut (f32, VoxelAppearance)> {
     column.clip.as_mut()?.outer.as_mut()
 }
 
 fn wants(column: Option<&VoxelColumn>) -> bool {
-    let empty = |look: &Look| look.alpha == 0.0;
+    let empty = |look: &VoxelAppearance| look.alpha == 0.0;
     column.is_some_and(|c| {
         let outer = c.clip.and_then(|clip| clip.outer);
         empty(&c.roof) || outer.is_some_and(|(_, look)| empty(&look)) || c.wall.iter().any(empty)
@@ -66,7 +66,7 @@ fn wants(column: Option<&VoxelColumn>) -> bool {
 }
 
 /// Each empty row from the nearest filled one, the lower of two as near.
-fn fill_rows(rows: &mut [Look]) {
+fn fill_rows(rows: &mut [VoxelAppearance]) {
     let filled: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].alpha > 0.0).collect();
     if filled.is_empty() || filled.len() == rows.len() {
         return;
@@ -90,19 +90,19 @@ fn around(node: &VoxelNode, i: usize) -> impl Iterator<Item = &VoxelColumn> {
     })
 }
 
-fn mean(looks: impl Iterator<Item = Look>) -> Look {
-    let (mut sum, mut n) = (Look::default(), 0.0);
+fn mean(looks: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
+    let (mut sum, mut n) = (VoxelAppearance::default(), 0.0);
     for look in looks.filter(|l| l.alpha > 0.0) {
         sum.rgb = [0, 1, 2].map(|k| sum.rgb[k] + look.rgb[k]);
         sum.ao += look.ao;
         n += 1.0;
     }
-    if n == 0.0 { sum } else { Look { rgb: sum.rgb.map(|v| v / n), ao: sum.ao / n, alpha: 1.0 } }
+    if n == 0.0 { sum } else { VoxelAppearance { rgb: sum.rgb.map(|v| v / n), ao: sum.ao / n, alpha: 1.0 } }
 }
 
 /// For the column's top, and for what lies beyond its wall: the looks of the tops around that are about as high; of all if
 /// none is.
-fn roofs_around(node: &VoxelNode, i: usize) -> [Look; 2] {
+fn roofs_around(node: &VoxelNode, i: usize) -> [VoxelAppearance; 2] {
     let tops = |c: &VoxelColumn| {
         let own = (c.solids.last().map_or(0.0, |s| s.top_m), c.roof);
         [Some(own), c.clip.and_then(|clip| clip.outer)].into_iter().flatten()
@@ -113,10 +113,10 @@ fn roofs_around(node: &VoxelNode, i: usize) -> [Look; 2] {
     };
     let own = node.columns[i].as_ref();
     let [roof, lower] = [own.and_then(|c| tops(c).next()), own.and_then(|c| c.clip?.outer)];
-    [roof, lower].map(|top| top.map_or(Look::default(), |(z, _)| at(z)))
+    [roof, lower].map(|top| top.map_or(VoxelAppearance::default(), |(z, _)| at(z)))
 }
 
-fn wall_around(node: &VoxelNode, i: usize) -> Vec<Look> {
+fn wall_around(node: &VoxelNode, i: usize) -> Vec<VoxelAppearance> {
     let Some(own) = node.columns[i].as_ref() else { return Vec::new() };
     let row_of = |c: &VoxelColumn, row: i32| c.wall.get(usize::try_from(row - c.first_row).ok()?).copied();
     (0..own.wall.len())

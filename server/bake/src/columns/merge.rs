@@ -1,9 +1,9 @@
 //! From lines to columns: what most of a cell's vertical lines say is what its column is (design 5, step 1).
 //!
-//! In: vertical lines with their full runs, and the walls that were seen in the cell. Out: [`Merged`]. Next: `sample::solids`
+//! In: vertical lines with their full runs, and the walls that were seen in the cell. Out: [`MergedColumn`]. Next: `sample::solids`
 //! (lines through the source's surfaces) and `lod` (lines through the children's columns) make columns of it.
 
-use crate::columns::{clip::Clip, voxels::Solid};
+use crate::columns::{clip::CellClip, voxels::SolidRun};
 use glam::Vec2;
 
 /// Lines along a cell's side.
@@ -22,11 +22,11 @@ const PLANE_POINTS: usize = 4;
 
 /// One vertical line.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Line {
+pub(crate) struct VerticalLine {
     /// Metres from the cell's centre.
     pub(crate) at: Vec2,
     /// Full runs from the bottom up.
-    pub(crate) runs: Vec<Solid>,
+    pub(crate) runs: Vec<SolidRun>,
 }
 
 /// Where line `i` of a cell stands, in metres from the cell's centre: row by row from the south-west.
@@ -37,18 +37,18 @@ pub(crate) fn line_at(i: usize, cell_m: f32) -> Vec2 {
 
 /// A cell's column.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Merged {
+pub(crate) struct MergedColumn {
     /// From the bottom up; the last one's top is that at the cell's centre.
-    pub(crate) solids: Vec<Solid>,
+    pub(crate) solids: Vec<SolidRun>,
     /// Rise of the last top along x and y.
     pub(crate) slope: [f32; 2],
     /// Whether the slope was found.
     pub(crate) inclined: bool,
     /// Where a wall stands inside the cell.
-    pub(crate) clip: Option<Clip>,
+    pub(crate) clip: Option<CellClip>,
 }
 
-impl Merged {
+impl MergedColumn {
     /// Height of the top at a place relative to the cell's centre.
     pub(crate) fn top_at(&self, p_m: Vec2) -> f32 {
         if let Some(clip) = self.clip.filter(|clip| clip.is_outside(p_m)) {
@@ -68,10 +68,10 @@ impl Merged {
     }
 
     /// The runs of a vertical line at a place relative to the cell's centre.
-    pub(crate) fn runs_at(&self, p_m: Vec2) -> Vec<Solid> {
+    pub(crate) fn runs_at(&self, p_m: Vec2) -> Vec<SolidRun> {
         let Some(first) = self.solids.first() else { return Vec::new() };
         if let Some(clip) = self.clip.filter(|clip| clip.is_outside(p_m)) {
-            return clip.outer_top_m.map(|top_m| Solid { bottom_m: first.bottom_m, top_m }).into_iter().collect();
+            return clip.outer_top_m.map(|top_m| SolidRun { bottom_m: first.bottom_m, top_m }).into_iter().collect();
         }
         let mut runs = self.solids.clone();
         if let Some(last) = runs.last_mut() {
@@ -105,15 +105,15 @@ impl Merged {
 }
 
 /// What at least half of the lines agree on; no solids if there is nothing.
-pub(crate) fn merge(lines: &[Line], cell_m: f32) -> Merged {
+pub(crate) fn merge(lines: &[VerticalLine], cell_m: f32) -> MergedColumn {
     let mut solids = overlap(lines);
     solids.retain(|s| s.top_m - s.bottom_m > cell_m / 64.0);
     if solids.is_empty() {
         solids.extend(steep(lines, cell_m));
     }
     close_gaps(&mut solids, cell_m);
-    let Some(top) = solids.last().copied() else { return Merged::default() };
-    let mut merged = Merged { solids, ..Merged::default() };
+    let Some(top) = solids.last().copied() else { return MergedColumn::default() };
+    let mut merged = MergedColumn { solids, ..MergedColumn::default() };
     let tops: Vec<[f32; 3]> = lines
         .iter()
         .filter_map(|line| {
@@ -135,12 +135,12 @@ pub(crate) fn merge(lines: &[Line], cell_m: f32) -> Merged {
 }
 
 /// Lines that must be full for the cell to be.
-fn half(lines: &[Line]) -> usize {
+fn half(lines: &[VerticalLine]) -> usize {
     lines.len().div_ceil(2)
 }
 
 /// Heights at which at least half of the lines are full.
-fn overlap(lines: &[Line]) -> Vec<Solid> {
+fn overlap(lines: &[VerticalLine]) -> Vec<SolidRun> {
     let mut events: Vec<(f32, i32)> =
         lines.iter().flat_map(|l| &l.runs).flat_map(|s| [(s.bottom_m, 1), (s.top_m, -1)]).collect();
     events.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
@@ -153,15 +153,15 @@ fn overlap(lines: &[Line]) -> Vec<Solid> {
         if before < half && count >= half {
             bottom_m = z;
         } else if before >= half && count < half {
-            solids.push(Solid { bottom_m, top_m: z });
+            solids.push(SolidRun { bottom_m, top_m: z });
         }
     }
     solids
 }
 
 /// A steep sheet: half of the lines are full, each somewhere else. Their mean stands for them.
-fn steep(lines: &[Line], cell_m: f32) -> Option<Solid> {
-    let runs: Vec<Solid> = lines.iter().filter_map(|l| l.runs.last().copied()).collect();
+fn steep(lines: &[VerticalLine], cell_m: f32) -> Option<SolidRun> {
+    let runs: Vec<SolidRun> = lines.iter().filter_map(|l| l.runs.last().copied()).collect();
     if runs.is_empty() || runs.len() < half(lines) {
         return None;
     }
@@ -169,11 +169,11 @@ fn steep(lines: &[Line], cell_m: f32) -> Option<Solid> {
     let top_m = runs.iter().map(|s| s.top_m).sum::<f32>() / n;
     let bottom_m = runs.iter().map(|s| s.bottom_m.max(top_m - cell_m * 4.0)).sum::<f32>() / n;
     let low = runs.iter().map(|s| s.bottom_m).fold(f32::INFINITY, f32::min);
-    Some(Solid { bottom_m: if low == f32::MIN { low } else { bottom_m.min(top_m - cell_m * 0.25) }, top_m })
+    Some(SolidRun { bottom_m: if low == f32::MIN { low } else { bottom_m.min(top_m - cell_m * 0.25) }, top_m })
 }
 
 /// Gaps that the grid cannot show: under half a cell anywhere, under a whole one above the ground (Vacca's figure 4.3).
-pub(crate) fn close_gaps(solids: &mut Vec<Solid>, cell_m: f32) {
+pub(crate) fn close_gaps(solids: &mut Vec<SolidRun>, cell_m: f32) {
     let mut i = 1;
     while i < solids.len() {
         let limit = if i == 1 { cell_m } else { cell_m * 0.5 };
@@ -225,18 +225,18 @@ fn plane(points: &[[f32; 3]], half: usize) -> Option<[f32; 3]> {
 mod tests {
     use crate::columns::merge::*;
 
-    fn lines(run: impl Fn(f32, f32) -> Vec<Solid>) -> Vec<Line> {
+    fn lines(run: impl Fn(f32, f32) -> Vec<SolidRun>) -> Vec<VerticalLine> {
         (0..LINES * LINES)
             .map(|i| {
                 let at = line_at(i, 1.0);
-                Line { at, runs: run(at.x, at.y) }
+                VerticalLine { at, runs: run(at.x, at.y) }
             })
             .collect()
     }
 
     #[test]
     fn a_slope_is_found_exactly() {
-        let merged = merge(&lines(|x, y| vec![Solid { bottom_m: 0.0, top_m: 10.0 + x - 0.5 * y }]), 1.0);
+        let merged = merge(&lines(|x, y| vec![SolidRun { bottom_m: 0.0, top_m: 10.0 + x - 0.5 * y }]), 1.0);
         assert!(merged.inclined);
         assert!((merged.slope[0] - 1.0).abs() < 1e-4 && (merged.slope[1] + 0.5).abs() < 1e-4);
         assert!((merged.solids[0].top_m - 10.0).abs() < 1e-4);
@@ -244,8 +244,9 @@ mod tests {
 
     #[test]
     fn a_wall_through_the_cell_follows_the_larger_half() {
-        let wall =
-            |at: f32| merge(&lines(|x, _| vec![Solid { bottom_m: 0.0, top_m: if x < at { 20.0 } else { 1.0 } }]), 1.0);
+        let wall = |at: f32| {
+            merge(&lines(|x, _| vec![SolidRun { bottom_m: 0.0, top_m: if x < at { 20.0 } else { 1.0 } }]), 1.0)
+        };
         assert!((wall(0.3).solids[0].top_m - 20.0).abs() < 1e-4);
         assert!((wall(-0.2).solids[0].top_m - 1.0).abs() < 1e-4);
         assert!(!wall(0.3).inclined);
@@ -253,10 +254,10 @@ mod tests {
 
     #[test]
     fn a_bridge_keeps_its_gap_and_a_crack_does_not() {
-        let ground = Solid { bottom_m: f32::MIN, top_m: 2.0 };
-        let bridge = merge(&lines(|_, _| vec![ground, Solid { bottom_m: 7.0, top_m: 8.0 }]), 1.0);
+        let ground = SolidRun { bottom_m: f32::MIN, top_m: 2.0 };
+        let bridge = merge(&lines(|_, _| vec![ground, SolidRun { bottom_m: 7.0, top_m: 8.0 }]), 1.0);
         assert_eq!(bridge.solids.len(), 2);
-        let crack = merge(&lines(|_, _| vec![ground, Solid { bottom_m: 2.5, top_m: 8.0 }]), 1.0);
-        assert_eq!(crack.solids, [Solid { bottom_m: f32::MIN, top_m: 8.0 }]);
+        let crack = merge(&lines(|_, _| vec![ground, SolidRun { bottom_m: 2.5, top_m: 8.0 }]), 1.0);
+        assert_eq!(crack.solids, [SolidRun { bottom_m: f32::MIN, top_m: 8.0 }]);
     }
 }

@@ -1,8 +1,8 @@
 //! Columns: voxels in metres, merged from vertical lines, clipped by walls, and encoded as V-BlockMaps.
 
 pub(crate) mod clip;
+pub mod downsample;
 pub(crate) mod fill;
-pub mod lod;
 pub(crate) mod merge;
 pub mod parametrise;
 pub(crate) mod srgb;

@@ -5,7 +5,7 @@
 use crate::{
     columns::{
         srgb::srgb,
-        voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
+        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
     },
     scene::grid::Grid,
 };
@@ -20,7 +20,7 @@ use insula_protocol::{
 };
 
 /// Turns metres into the codes of one node.
-struct Codes {
+struct HeightCodes {
     cell_m: f64,
     base_cells: i32,
     base_m: f64,
@@ -28,7 +28,7 @@ struct Codes {
     shift: u8,
 }
 
-impl Codes {
+impl HeightCodes {
     /// The finest step at which the node's heights fit 12 bits; taller still is cut off at the top.
     fn new(node: &VoxelNode, cell_m: f64) -> Self {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -54,7 +54,7 @@ impl Codes {
 /// The node's V-BlockMap. Errors: only if more strips are wanted than [`MAX_TEXELS`] even after the rest went without.
 pub fn parametrise(grid: &Grid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
     let cell_m = grid.cell_m_at(node.id.level());
-    let codes = Codes::new(node, cell_m);
+    let codes = HeightCodes::new(node, cell_m);
     let mut texels = 0;
     let columns: Vec<Option<Column>> = node
         .columns
@@ -76,7 +76,7 @@ pub fn parametrise(grid: &Grid, node: &VoxelNode) -> Result<BlockMap, DecodeErro
     Ok(map)
 }
 
-fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
+fn code_column(column: &VoxelColumn, codes: &HeightCodes) -> Column {
     let bottom = column.solids.first().map_or(0.0, |s| s.bottom_m);
     let top = column.solids.last().map_or(0.0, |s| s.top_m);
     let z_max = codes.code(top).max(1);
@@ -100,7 +100,7 @@ fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
     }
 }
 
-fn clip(clip: &VoxelClip, codes: &Codes, z_min: u16, z_max: u16) -> Clip {
+fn clip(clip: &VoxelClip, codes: &HeightCodes, z_min: u16, z_max: u16) -> Clip {
     let offset = |plane: &VoxelPlane| {
         let steps = (f64::from(plane.offset_m) / codes.cell_m * f64::from(CLIP_STEPS_PER_CELL)).round();
         steps.clamp(-128.0, 127.0) as i8
@@ -122,14 +122,14 @@ fn azimuth([x, y]: [f32; 2]) -> u8 {
 }
 
 /// The gap that is kept exactly; others become transparent texels.
-fn widest_gap(solids: &[Solid]) -> Option<[f32; 2]> {
+fn widest_gap(solids: &[SolidRun]) -> Option<[f32; 2]> {
     solids
         .windows(2)
         .map(|pair| [pair[0].top_m, pair[1].bottom_m])
         .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
 }
 
-fn strip(column: &VoxelColumn, codes: &Codes, z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> Strip {
+fn strip(column: &VoxelColumn, codes: &HeightCodes, z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> Strip {
     let (first, rows) = strip_rows(z_min, z_max, codes.shift);
     let codes_per_row = STEPS_PER_CELL >> codes.shift;
     let full: Vec<[u16; 2]> = column.solids.iter().map(|s| [codes.code(s.bottom_m), codes.code(s.top_m)]).collect();
@@ -154,7 +154,7 @@ fn strip(column: &VoxelColumn, codes: &Codes, z_min: u16, z_max: u16, gap: Optio
     Strip { texels, azimuth: azimuth(column.wall_normal) }
 }
 
-fn texel(look: &Look, alpha: u8) -> Texel {
+fn texel(look: &VoxelAppearance, alpha: u8) -> Texel {
     Texel::new(srgb(look.rgb), (look.ao.clamp(0.0, 1.0) * f32::from(AO_MAX)).round() as u8, alpha)
 }
 
@@ -168,16 +168,16 @@ mod tests {
     }
 
     fn column(solids: &[[f32; 2]], exposed: bool) -> VoxelColumn {
-        let solids: Vec<Solid> = solids.iter().map(|s| Solid { bottom_m: s[0], top_m: s[1] }).collect();
+        let solids: Vec<SolidRun> = solids.iter().map(|s| SolidRun { bottom_m: s[0], top_m: s[1] }).collect();
         let first_row = solids[0].bottom_m.floor() as i32;
         let rows = solids.last().unwrap().top_m.ceil() as i32 - first_row;
-        let wall = (0..rows).map(|r| Look { rgb: [r as f32 / 64.0; 3], ao: 1.0, alpha: 1.0 }).collect();
+        let wall = (0..rows).map(|r| VoxelAppearance { rgb: [r as f32 / 64.0; 3], ao: 1.0, alpha: 1.0 }).collect();
         VoxelColumn {
             solids,
             inclined: false,
             suspended: false,
             normal: [0.0, 0.0, 1.0],
-            roof: Look { rgb: [1.0; 3], ao: 0.5, alpha: 1.0 },
+            roof: VoxelAppearance { rgb: [1.0; 3], ao: 0.5, alpha: 1.0 },
             exposed,
             wall_normal: [0.0, -1.0],
             first_row,
@@ -224,8 +224,12 @@ mod tests {
             map(vec![VoxelColumn { clip: Some(clip), ..column(&[[7.0, 20.0]], true) }]).clips[0]
         };
         assert_eq!(clipped(None), Clip { offset: -32, corner: None, outer: None });
-        assert_eq!(clipped(Some((9.0, Look::default()))).outer.unwrap().z, 32);
-        assert_eq!(clipped(Some((7.0, Look::default()))).outer, None, "no higher than the bottom is nothing");
+        assert_eq!(clipped(Some((9.0, VoxelAppearance::default()))).outer.unwrap().z, 32);
+        assert_eq!(
+            clipped(Some((7.0, VoxelAppearance::default()))).outer,
+            None,
+            "no higher than the bottom is nothing"
+        );
     }
 
     #[test]

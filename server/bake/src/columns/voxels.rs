@@ -7,9 +7,9 @@ use insula_protocol::{TileId, blockmap::COLUMNS};
 /// Half the diagonal of a cube of side 1: the error of a voxel, in cells (Vacca 2008, 3.6.2).
 pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
-/// Look of one voxel.
+/// VoxelAppearance of one voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Look {
+pub struct VoxelAppearance {
     /// Linear RGB, 0 to 1.
     pub rgb: [f32; 3],
     /// Ambient occlusion: 0 closed in, 1 open.
@@ -20,7 +20,7 @@ pub struct Look {
 
 /// A run of full voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Solid {
+pub struct SolidRun {
     /// Metres above the grid's height zero.
     pub bottom_m: f32,
     /// Above `bottom_m`; at the cell's centre where the column is inclined.
@@ -44,14 +44,14 @@ pub struct VoxelClip {
     /// The other wall of a corner, and whether it is concave.
     pub corner: Option<(VoxelPlane, bool)>,
     /// Top and look from above of what lies beyond, down to the column's bottom; `None` if nothing does.
-    pub outer: Option<(f32, Look)>,
+    pub outer: Option<(f32, VoxelAppearance)>,
 }
 
 /// One column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoxelColumn {
     /// Bottom to top, disjoint, at least one.
-    pub solids: Vec<Solid>,
+    pub solids: Vec<SolidRun>,
     /// Whether the top is the plane square to `normal`.
     pub inclined: bool,
     /// Whether the lowest solid's bottom is in the air.
@@ -59,15 +59,15 @@ pub struct VoxelColumn {
     /// Unit normal of the top.
     pub normal: [f32; 3],
     /// Seen from above.
-    pub roof: Look,
+    pub roof: VoxelAppearance,
     /// Whether a wall strip is to be kept.
     pub exposed: bool,
     /// Sum of the wall's horizontal normals, weighted by area; may be zero.
     pub wall_normal: [f32; 2],
     /// Row of the first wall look: whole cells above the grid's height zero.
     pub first_row: i32,
-    /// Wall looks, a cell each, upwards; empty unless exposed.
-    pub wall: Vec<Look>,
+    /// WallPiece looks, a cell each, upwards; empty unless exposed.
+    pub wall: Vec<VoxelAppearance>,
     /// Where the column ends inside its cell; only exposed ones do.
     pub clip: Option<VoxelClip>,
 }

@@ -1,13 +1,13 @@
 //! Walls inside their cells: a column ends at a vertical plane where one was seen (the thesis's walls stand on cell borders,
 //! which is what its figure 4.3 shows).
 //!
-//! In: a cell's lines and the planes of the walls that were seen in it. Out: [`Merged`], clipped where that is nearer to the
+//! In: a cell's lines and the planes of the walls that were seen in it. Out: [`MergedColumn`], clipped where that is nearer to the
 //! lines than a whole cell. Next: `sample::solids`, `lod`.
 
 use crate::columns::{
-    clip::{Clip, Plane, SAME_COSINE},
-    merge::{Line, Merged, merge},
-    voxels::Solid,
+    clip::{CellClip, SAME_COSINE, WallPlane},
+    merge::{MergedColumn, VerticalLine, merge},
+    voxels::SolidRun,
 };
 use glam::Vec2;
 
@@ -28,7 +28,7 @@ const PLANE_COST: f32 = 0.002;
 
 /// A piece of a wall in a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Wall {
+pub(crate) struct WallPiece {
     /// Horizontal unit vector out of the wall.
     pub(crate) normal: Vec2,
     /// Where it is, in metres from the cell's centre.
@@ -41,11 +41,11 @@ pub(crate) struct Wall {
 ///
 /// `around` gives lines up to half a cell outside, for what the cell's own lines are too few to say.
 pub(crate) fn merge_with_walls(
-    lines: &[Line],
-    around: impl FnOnce() -> Vec<Line>,
-    walls: &[Wall],
+    lines: &[VerticalLine],
+    around: impl FnOnce() -> Vec<VerticalLine>,
+    walls: &[WallPiece],
     cell_m: f32,
-) -> Merged {
+) -> MergedColumn {
     let whole = merge(lines, cell_m);
     let clips = clips(lines, walls, cell_m);
     if clips.is_empty() {
@@ -65,15 +65,15 @@ pub(crate) fn merge_with_walls(
 }
 
 /// Clips worth a try: the largest walls, each two of them as a corner, and a plane across the corner of the largest two.
-fn clips(lines: &[Line], walls: &[Wall], cell_m: f32) -> Vec<Clip> {
+fn clips(lines: &[VerticalLine], walls: &[WallPiece], cell_m: f32) -> Vec<CellClip> {
     let planes = planes(walls, cell_m);
-    let alone = |plane: Plane| Clip { plane, corner: None, outer_top_m: None };
-    let mut clips: Vec<Clip> = planes.iter().map(|(plane, _)| alone(*plane)).collect();
+    let alone = |plane: WallPlane| CellClip { plane, corner: None, outer_top_m: None };
+    let mut clips: Vec<CellClip> = planes.iter().map(|(plane, _)| alone(*plane)).collect();
     for (i, (a, _)) in planes.iter().enumerate() {
         for (b, _) in &planes[i + 1..] {
             // Planes that are nearly the same or back to back make no corner.
             if a.normal.dot(b.normal).abs() < SAME_COSINE {
-                clips.extend([false, true].map(|concave| Clip { corner: Some((*b, concave)), ..alone(*a) }));
+                clips.extend([false, true].map(|concave| CellClip { corner: Some((*b, concave)), ..alone(*a) }));
             }
         }
     }
@@ -86,11 +86,11 @@ fn clips(lines: &[Line], walls: &[Wall], cell_m: f32) -> Vec<Clip> {
 }
 
 /// The largest walls of a cell, as planes with their areas.
-fn planes(walls: &[Wall], cell_m: f32) -> Vec<(Plane, f32)> {
-    let mut sums: Vec<(Plane, Vec2, f32)> = Vec::new();
+fn planes(walls: &[WallPiece], cell_m: f32) -> Vec<(WallPlane, f32)> {
+    let mut sums: Vec<(WallPlane, Vec2, f32)> = Vec::new();
     for wall in walls {
         let offset_m = wall.normal.dot(wall.at);
-        let same = |(sum, ..): &&mut (Plane, Vec2, f32)| {
+        let same = |(sum, ..): &&mut (WallPlane, Vec2, f32)| {
             sum.normal.dot(wall.normal) > SAME_COSINE && (sum.offset_m - offset_m).abs() < SAME_OFFSET * cell_m
         };
         match sums.iter_mut().find(same) {
@@ -100,7 +100,7 @@ fn planes(walls: &[Wall], cell_m: f32) -> Vec<(Plane, f32)> {
                 plane.normal = normals.normalize_or(plane.normal);
                 plane.offset_m += (offset_m - plane.offset_m) * wall.area_m2 / *area_m2;
             }
-            None => sums.push((Plane { normal: wall.normal, offset_m }, wall.normal * wall.area_m2, wall.area_m2)),
+            None => sums.push((WallPlane { normal: wall.normal, offset_m }, wall.normal * wall.area_m2, wall.area_m2)),
         }
     }
     sums.retain(|(plane, ..)| {
@@ -113,9 +113,9 @@ fn planes(walls: &[Wall], cell_m: f32) -> Vec<(Plane, f32)> {
 }
 
 /// A plane across the corner of two walls, as far out as the lines that reach higher than half of the cell's heights.
-fn across(lines: &[Line], a: (Plane, f32), b: (Plane, f32)) -> Option<Plane> {
+fn across(lines: &[VerticalLine], a: (WallPlane, f32), b: (WallPlane, f32)) -> Option<WallPlane> {
     let normal = (a.0.normal * a.1 + b.0.normal * b.1).try_normalize()?;
-    let top = |line: &Line| line.runs.last().map(|s| s.top_m);
+    let top = |line: &VerticalLine| line.runs.last().map(|s| s.top_m);
     let high = lines.iter().filter_map(top).fold(f32::MIN, f32::max);
     let empty = lines.iter().any(|line| line.runs.is_empty());
     let low = lines.iter().map(|line| top(line).unwrap_or(f32::MIN)).fold(high, f32::min);
@@ -124,10 +124,10 @@ fn across(lines: &[Line], a: (Plane, f32), b: (Plane, f32)) -> Option<Plane> {
     let mut places: Vec<f32> = lines.iter().map(|line| normal.dot(line.at)).collect();
     places.sort_by(f32::total_cmp);
     let (before, after) = (places.get(inside.checked_sub(1)?)?, places.get(inside)?);
-    Some(Plane { normal, offset_m: 0.5 * (before + after) })
+    Some(WallPlane { normal, offset_m: 0.5 * (before + after) })
 }
 
-fn clipped(lines: &[Line], around: &[Line], mut clip: Clip, cell_m: f32) -> Option<Merged> {
+fn clipped(lines: &[VerticalLine], around: &[VerticalLine], mut clip: CellClip, cell_m: f32) -> Option<MergedColumn> {
     let mut column = merge(&side(lines, around, &clip, false), cell_m);
     let outer = merge(&side(lines, around, &clip, true), cell_m);
     let last = column.solids.last()?.top_m;
@@ -144,8 +144,8 @@ fn clipped(lines: &[Line], around: &[Line], mut clip: Clip, cell_m: f32) -> Opti
 }
 
 /// The lines of one side of the plane.
-fn side(lines: &[Line], around: &[Line], clip: &Clip, outside: bool) -> Vec<Line> {
-    let of = |lines: &[Line]| -> Vec<Line> {
+fn side(lines: &[VerticalLine], around: &[VerticalLine], clip: &CellClip, outside: bool) -> Vec<VerticalLine> {
+    let of = |lines: &[VerticalLine]| -> Vec<VerticalLine> {
         lines.iter().filter(|line| clip.is_outside(line.at) == outside).cloned().collect()
     };
     let mut own = of(lines);
@@ -156,10 +156,10 @@ fn side(lines: &[Line], around: &[Line], clip: &Clip, outside: bool) -> Vec<Line
 }
 
 /// Volume between the column and what its lines and the walls in its cell say.
-fn wrong_m3(lines: &[Line], walls: &[Wall], column: &Merged, cell_m: f32) -> f32 {
+fn wrong_m3(lines: &[VerticalLine], walls: &[WallPiece], column: &MergedColumn, cell_m: f32) -> f32 {
     let floor = lines.iter().flat_map(|line| &line.runs).map(|s| s.top_m).fold(f32::MAX, f32::min) - cell_m;
-    let above = |s: &Solid| (s.top_m - s.bottom_m.max(floor)).max(0.0);
-    let line_m = |line: &Line| {
+    let above = |s: &SolidRun| (s.top_m - s.bottom_m.max(floor)).max(0.0);
+    let line_m = |line: &VerticalLine| {
         let drawn = column.runs_at(line.at);
         let both: f32 = drawn
             .iter()
@@ -169,7 +169,7 @@ fn wrong_m3(lines: &[Line], walls: &[Wall], column: &Merged, cell_m: f32) -> f32
         let all: f32 = drawn.iter().chain(&line.runs).map(above).sum();
         (all - 2.0 * both).min(MOST * cell_m)
     };
-    let wall_m = |wall: &Wall| {
+    let wall_m = |wall: &WallPiece| {
         let to_border = 0.5 * cell_m - wall.at.abs().max_element();
         match column.clip {
             _ if to_border < 0.0 => 0.0,
@@ -188,26 +188,26 @@ mod tests {
     use crate::columns::wall_fit::*;
     use std::f32::consts::FRAC_PI_2;
 
-    fn cell(around: bool, top: impl Fn(Vec2) -> f32) -> Vec<Line> {
+    fn cell(around: bool, top: impl Fn(Vec2) -> f32) -> Vec<VerticalLine> {
         let ring = if around { -2..LINES as i32 + 2 } else { 0..LINES as i32 };
         let places = ring.clone().flat_map(|y| ring.clone().map(move |x| (x, y)));
         places
             .map(|(x, y)| {
                 let at = line_at(0, 1.0) + Vec2::new(x as f32, y as f32) / LINES as f32;
-                Line { at, runs: vec![Solid { bottom_m: -1.0, top_m: top(at) }] }
+                VerticalLine { at, runs: vec![SolidRun { bottom_m: -1.0, top_m: top(at) }] }
             })
             .collect()
     }
 
     /// Pieces of a wall all over the cell.
-    fn wall(angle: f32, offset_m: f32, clipped_by: impl Fn(Vec2) -> bool) -> Vec<Wall> {
+    fn wall(angle: f32, offset_m: f32, clipped_by: impl Fn(Vec2) -> bool) -> Vec<WallPiece> {
         let normal = Vec2::from_angle(angle);
         let at = |i: i32| normal * offset_m + normal.perp() * (i as f32 * 0.1);
         let inside = |p: &Vec2| p.abs().max_element() < 0.5 && !clipped_by(*p);
-        (-8..=8).map(at).filter(inside).map(|at| Wall { normal, at, area_m2: 0.8 }).collect()
+        (-8..=8).map(at).filter(inside).map(|at| WallPiece { normal, at, area_m2: 0.8 }).collect()
     }
 
-    fn build(walls: &[Wall], top: impl Fn(Vec2) -> f32) -> Merged {
+    fn build(walls: &[WallPiece], top: impl Fn(Vec2) -> f32) -> MergedColumn {
         merge_with_walls(&cell(false, &top), || cell(true, &top), walls, 1.0)
     }
 

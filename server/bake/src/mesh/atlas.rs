@@ -9,14 +9,14 @@ use insula_protocol::mesh_tile::{MAX_TEXTURE_PX, MAX_TEXTURE_SIDE_PX};
 
 /// Where rectangles lie, and how large the picture is.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Atlas {
+pub(super) struct ChartAtlas {
     pub(super) size: [u32; 2],
     /// Left upper corner of each, in the order of the sizes.
     pub(super) places: Vec<[u32; 2]>,
 }
 
 /// `None` if they do not fit into the largest picture that a tile may have.
-pub(super) fn pack(sizes: &[[u32; 2]]) -> Option<Atlas> {
+pub(super) fn pack(sizes: &[[u32; 2]]) -> Option<ChartAtlas> {
     let most = u32::from(MAX_TEXTURE_SIDE_PX);
     let area: u64 = sizes.iter().map(|[w, h]| u64::from(*w) * u64::from(*h)).sum();
     let widest = sizes.iter().map(|size| size[0]).max().unwrap_or(1);
@@ -34,7 +34,7 @@ pub(super) fn pack(sizes: &[[u32; 2]]) -> Option<Atlas> {
     fits.then_some(packed)
 }
 
-fn shelves(sizes: &[[u32; 2]], order: &[usize], width: u32) -> Option<Atlas> {
+fn shelves(sizes: &[[u32; 2]], order: &[usize], width: u32) -> Option<ChartAtlas> {
     let mut places = vec![[0; 2]; sizes.len()];
     let (mut x, mut y, mut height, mut used) = (0u32, 0u32, 0, 1);
     for &i in order {
@@ -47,7 +47,7 @@ fn shelves(sizes: &[[u32; 2]], order: &[usize], width: u32) -> Option<Atlas> {
         height = height.max(h);
         used = used.max(x);
     }
-    Some(Atlas { size: [used, y.checked_add(height)?.max(1)], places })
+    Some(ChartAtlas { size: [used, y.checked_add(height)?.max(1)], places })
 }
 
 #[cfg(test)]
@@ -83,6 +83,6 @@ mod tests {
         assert_eq!(pack(&[[1, 4097]]), None);
         assert_eq!(pack(&[[2048, 2048], [1, 1]]), None);
         assert!(pack(&[[2048, 2048]]).is_some());
-        assert_eq!(pack(&[]), Some(Atlas { size: [1, 1], places: vec![] }));
+        assert_eq!(pack(&[]), Some(ChartAtlas { size: [1, 1], places: vec![] }));
     }
 }

@@ -1,12 +1,12 @@
 //! Parts of a textured surface that stay together in their picture.
 //!
-//! In: a surface whose corners carry u, v and material. Out: [`Chart`]s. Next: `atlas`, `picture`.
+//! In: a surface whose corners carry u, v and material. Out: [`TextureChart`]s. Next: `atlas`, `picture`.
 
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec2};
 
-use super::lattice;
+use crate::mesh::leaf_surface;
 use crate::{
     model::Model,
     scene::{Scene, Texture},
@@ -19,7 +19,7 @@ const LIKE: f64 = 1.5;
 
 /// Triangles that share one rectangle of a picture.
 #[derive(Debug, Clone)]
-pub(super) struct Chart {
+pub(super) struct TextureChart {
     pub(super) material: u32,
     pub(super) triangles: Vec<u32>,
     /// Box of the texture coordinates.
@@ -44,7 +44,7 @@ pub(super) fn uv(model: &Model, t: u32) -> [Vec2; 3] {
 }
 
 /// All charts, by material. What has no picture is one chart a material. `step_m` is the length of the model's unit.
-pub(super) fn charts(scene: &Scene, model: &Model, step_m: f64) -> Vec<Chart> {
+pub(super) fn charts(scene: &Scene, model: &Model, step_m: f64) -> Vec<TextureChart> {
     let layer = &model.layers[0];
     let material = |t: usize| layer.values[layer.corners[3 * t] as usize][2] as u32;
     let mut parent: Vec<u32> = (0..layer.values.len() as u32).collect();
@@ -57,10 +57,10 @@ pub(super) fn charts(scene: &Scene, model: &Model, step_m: f64) -> Vec<Chart> {
     let mut found: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     for t in 0..model.triangles.len() {
         let material = material(t);
-        let part = if lattice::picture_of(scene, material) { root(&mut parent, layer.corners[3 * t]) } else { 0 };
+        let part = if leaf_surface::picture_of(scene, material) { root(&mut parent, layer.corners[3 * t]) } else { 0 };
         found.entry((material, part)).or_default().push(t as u32);
     }
-    let mut by_material: BTreeMap<u32, Vec<Chart>> = BTreeMap::new();
+    let mut by_material: BTreeMap<u32, Vec<TextureChart>> = BTreeMap::new();
     for ((material, _), triangles) in found {
         let chart = chart(scene, model, (material, triangles), step_m);
         by_material.entry(material).or_default().push(chart);
@@ -76,7 +76,7 @@ fn root(parent: &mut [u32], mut v: u32) -> u32 {
     v
 }
 
-fn chart(scene: &Scene, model: &Model, (material, triangles): (u32, Vec<u32>), step_m: f64) -> Chart {
+fn chart(scene: &Scene, model: &Model, (material, triangles): (u32, Vec<u32>), step_m: f64) -> TextureChart {
     let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
     let (mut texels, mut area_m2) = (0.0, 0.0);
     let picture = picture(scene, material);
@@ -89,19 +89,19 @@ fn chart(scene: &Scene, model: &Model, (material, triangles): (u32, Vec<u32>), s
         area_m2 += (b - a).cross(c - a).length() / 2.0 * step_m * step_m;
     }
     let px_per_m = if texels > 0.0 && area_m2 > 0.0 { (texels / area_m2).sqrt() } else { 0.0 };
-    Chart { material, triangles, low, high, px_per_m }
+    TextureChart { material, triangles, low, high, px_per_m }
 }
 
 /// Charts of one material that lie over each other become one: a picture that is used again and again is there once.
-fn merged(mut charts: Vec<Chart>) -> Vec<Chart> {
+fn merged(mut charts: Vec<TextureChart>) -> Vec<TextureChart> {
     let area = |low: Vec2, high: Vec2| (high - low).element_product();
     charts.sort_by(|a, b| {
         let by_area = area(b.low, b.high).total_cmp(&area(a.low, a.high));
         by_area.then(a.triangles[0].cmp(&b.triangles[0]))
     });
-    let mut out: Vec<Chart> = Vec::new();
+    let mut out: Vec<TextureChart> = Vec::new();
     for chart in charts {
-        let is_like = |other: &&mut Chart| {
+        let is_like = |other: &&mut TextureChart| {
             let (low, high) = (other.low.min(chart.low), other.high.max(chart.high));
             let alone = area(other.low, other.high) + area(chart.low, chart.high);
             let (less, more) = (other.px_per_m.min(chart.px_per_m), other.px_per_m.max(chart.px_per_m));

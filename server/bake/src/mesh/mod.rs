@@ -1,6 +1,6 @@
 //! Leaves' triangles in levels of detail.
 //!
-//! In: a block's scene and one of its leaves. Out: [`Lod`]s: mesh tiles with what a client must know of them. Next: `write`.
+//! In: a block's scene and one of its leaves. Out: [`EncodedLod`]s: mesh tiles with what a client must know of them. Next: `write`.
 //!
 //! `cut` clips triangles to the leaf's square, `lattice` puts them on the grid that all leaves share, `chain` makes fewer of
 //! them, `distance` measures how far that went; `charts`, `atlas`, `picture` and `wire` make what they wear.
@@ -9,13 +9,13 @@
 //! so any two levels of detail of neighbours meet.
 
 mod atlas;
-mod chain;
 mod charts;
-mod cut;
-mod distance;
-mod lattice;
-mod picture;
-mod wire;
+mod leaf_surface;
+mod lod_chain;
+mod square_clip;
+mod surface_distance;
+mod texture_bake;
+mod texture_encode;
 
 use insula_protocol::{TileId, blockmap::Quality};
 
@@ -24,15 +24,15 @@ use crate::{
     scene::{Scene, grid::Grid},
 };
 
-pub(crate) use chain::Lod;
+pub(crate) use lod_chain::EncodedLod;
 
 /// Raised whenever the same scene and settings would give other meshes than before.
 pub const ALGORITHM: u32 = 3;
 
 /// The leaf's levels of detail, the finest first; none where it has no surface, or only what is too small for its grid.
-pub(crate) fn leaf(scene: &Scene, grid: &Grid, id: TileId, quality: Quality) -> Result<Vec<Lod>, BakeError> {
-    match lattice::Surface::gather(scene, grid, id) {
-        Some(surface) => chain::chain(scene, grid, id, &surface, quality),
+pub(crate) fn leaf(scene: &Scene, grid: &Grid, id: TileId, quality: Quality) -> Result<Vec<EncodedLod>, BakeError> {
+    match leaf_surface::LeafSurface::gather(scene, grid, id) {
+        Some(surface) => lod_chain::chain(scene, grid, id, &surface, quality),
         None => Ok(Vec::new()),
     }
 }

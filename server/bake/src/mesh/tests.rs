@@ -63,7 +63,7 @@ fn leaves(scene: &Scene, grid: &Grid) -> Vec<(TileId, Scene)> {
     found.into_iter().collect()
 }
 
-type Leaves = BTreeMap<TileId, Vec<(Lod, MeshTile)>>;
+type Leaves = BTreeMap<TileId, Vec<(EncodedLod, MeshTile)>>;
 
 fn baked(scene: &Scene, grid: &Grid) -> Leaves {
     let leaf = |(id, part): (TileId, Scene)| {
@@ -88,7 +88,7 @@ fn area(tile: &MeshTile) -> f64 {
 fn border(tile: &MeshTile, axis: usize, upper: bool) -> BTreeMap<[[i64; 2]; 2], bool> {
     let grid = tile.mesh.grid;
     let upwards = (grid.min[2] / grid.step).round() as i64;
-    let at = if upper { lattice::STEPS } else { 0 };
+    let at = if upper { leaf_surface::STEPS } else { 0 };
     let mut count: HashMap<[u32; 2], u32> = HashMap::new();
     for [a, b, c] in &tile.mesh.triangles {
         for [p, q] in [[a, b], [b, c], [c, a]] {
@@ -120,7 +120,7 @@ fn all_of_the_surface_is_there_and_levels_of_detail_are_in_order() {
             .sum();
         let (mut gathered, mut once) = (0.0, 0.0);
         for (id, part) in self::leaves(scene, grid) {
-            let Some(surface) = lattice::Surface::gather(&part, grid, id) else { continue };
+            let Some(surface) = leaf_surface::LeafSurface::gather(&part, grid, id) else { continue };
             let model = &surface.model;
             let mut seen = BTreeSet::new();
             for triangle in &model.triangles {

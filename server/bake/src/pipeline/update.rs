@@ -23,7 +23,7 @@ use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, P
 
 use crate::{
     config::Config,
-    mesh::Lod,
+    mesh::EncodedLod,
     scene::{partition::Block, scratch_scene::ShortHash},
     write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, pack::Tile},
 };
@@ -91,7 +91,7 @@ impl Before {
         let lod = |id: TileId, (lod, info): (u8, &MeshLod)| {
             let bytes = self.meshes.as_ref()?.get(mesh_tile::place(id, lod)?)?;
             let sound = TileReader::new(&bytes, Kind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
-            sound.then_some(Lod { info: *info, bytes })
+            sound.then_some(EncodedLod { info: *info, bytes })
         };
         let leaf = |id: &TileId| {
             let lods = self.lods.get(id).into_iter().flatten();

@@ -1,9 +1,9 @@
 //! Where vertical lines, 4 x 4 in each cell, cross the surfaces: the geometry samples (design 5, step 1).
 //!
-//! In: [`Block`]. Out: [`Crossings`]. Next: `visibility` says from which side each is seen, `solids` makes runs of them.
+//! In: [`LocalBlock`]. Out: [`Crossings`]. Next: `visibility` says from which side each is seen, `solids` makes runs of them.
 
-use super::{local::Block, scan::scan};
 use crate::columns::merge::LINES;
+use crate::sample::{local_block::LocalBlock, rasterise::scan};
 use rayon::slice::ParallelSliceMut;
 
 /// Weight of sightings from which on a side counts as seen: one alone may be the error of a single map texel.
@@ -63,7 +63,7 @@ pub(super) struct Crossings {
 }
 
 /// Finds all crossings and settles those that need no look.
-pub(super) fn find(block: &Block) -> Crossings {
+pub(super) fn find(block: &LocalBlock) -> Crossings {
     let lines = block.cells.map(|n| (n + 2) * LINES);
     let step_m = block.cell_m / LINES as f32;
     let offset_m = -block.cell_m;
@@ -96,7 +96,7 @@ pub(super) fn find(block: &Block) -> Crossings {
 
 /// What follows without a look: the highest crossing is seen from above; a floor at its object's foot with nothing under it
 /// from below; terrain never from below; the inside of a closed solid never.
-fn settle(block: &Block, line: &mut [Crossing]) {
+fn settle(block: &LocalBlock, line: &mut [Crossing]) {
     let of = |c: &Crossing| &block.triangles[c.triangle as usize];
     if let Some(top) = line.first_mut() {
         top.above = SIGHTINGS;

@@ -12,34 +12,34 @@
 //! | holes closed, every voxel coloured | `mend` |
 
 mod attributes;
-mod candidates;
 mod crossings;
 mod directions;
-mod local;
+mod local_block;
 mod nearest;
-mod scan;
+mod rasterise;
 mod settings;
-mod sheets;
 mod solids;
+mod surface_samples;
 pub(crate) mod texture;
+mod thin_surfaces;
 mod visibility;
 
 use crate::columns::{fill, voxels::VoxelNode};
-use local::Block;
+use local_block::LocalBlock;
 
-pub use settings::{BlockInput, SampleSettings, Visibility};
+pub use settings::{BlockInput, SampleSettings, VisibilityBackend};
 
 /// Samples the leaves of a block; those in which nothing stands are left out. The same input gives the same result on any
 /// number of threads.
 pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<VoxelNode> {
-    let Some(block) = Block::new(input, settings) else { return Vec::new() };
+    let Some(block) = LocalBlock::new(input, settings) else { return Vec::new() };
     let mut crossings = crossings::find(&block);
-    let mut candidates = candidates::find(&block);
+    let mut candidates = surface_samples::find(&block);
     visibility::look(&block, settings, &mut crossings, &mut candidates);
-    candidates::share_sky(&mut candidates);
+    surface_samples::share_sky(&mut candidates);
     let mut columns = solids::build(&block, &crossings, &candidates);
     drop(crossings);
-    sheets::add(&block, &candidates, &mut columns);
+    thin_surfaces::add(&block, &candidates, &mut columns);
     let mut nodes = attributes::build(&block, input, &columns, &candidates);
     for node in &mut nodes {
         fill::fill(node);

@@ -5,11 +5,11 @@
 use glam::Vec3;
 
 /// One triangle that faces the viewer: x and y in texels of the map, z in metres towards the viewer; its number.
-pub(super) type Facing = ([Vec3; 3], u32);
+pub(super) type FacingTriangle = ([Vec3; 3], u32);
 
 #[cfg(feature = "gpu")]
 mod device {
-    use super::Facing;
+    use super::FacingTriangle;
     use insula_shaders::gpu::{
         GpuError,
         nearest::{Corner, Nearest},
@@ -26,7 +26,7 @@ mod device {
         device().map(|device| tracing::info!("visibility on {}", device.name())).map_err(ToString::to_string)
     }
 
-    pub(in super::super) fn draw(triangles: &[Facing], size: [usize; 2]) -> Option<Vec<u32>> {
+    pub(in super::super) fn draw(triangles: &[FacingTriangle], size: [usize; 2]) -> Option<Vec<u32>> {
         let heights = || triangles.iter().flat_map(|(corners, _)| corners).map(|c| c.z);
         let (low, high) = (heights().fold(f32::MAX, f32::min), heights().fold(f32::MIN, f32::max));
         // Away from 0, which is what nothing has, and from 1, beyond which rounding would clip.
@@ -41,13 +41,13 @@ mod device {
 
 #[cfg(not(feature = "gpu"))]
 mod device {
-    use super::Facing;
+    use super::FacingTriangle;
 
     pub(in super::super) fn check() -> Result<(), String> {
         Err("this program was built without feature `gpu`".into())
     }
 
-    pub(in super::super) fn draw(_: &[Facing], _: [usize; 2]) -> Option<Vec<u32>> {
+    pub(in super::super) fn draw(_: &[FacingTriangle], _: [usize; 2]) -> Option<Vec<u32>> {
         None
     }
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Who draws the maps of the nearest triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Visibility {
+pub enum VisibilityBackend {
     /// The processor.
     #[default]
     Cpu,
@@ -16,7 +16,7 @@ pub enum Visibility {
     Gpu,
 }
 
-impl Visibility {
+impl VisibilityBackend {
     /// Whether it can be had here. Errors: built without feature `gpu`, or no device works; says what to do.
     pub fn check(self) -> Result<(), String> {
         match self {
@@ -37,12 +37,12 @@ pub struct SampleSettings {
     /// Width of the rim around a block whose triangles only cast occlusion.
     pub margin_m: f64,
     /// Who draws what is seen.
-    pub visibility: Visibility,
+    pub visibility: VisibilityBackend,
 }
 
 impl Default for SampleSettings {
     fn default() -> Self {
-        Self { sky_directions: 128, low_directions: 32, margin_m: 64.0, visibility: Visibility::Cpu }
+        Self { sky_directions: 128, low_directions: 32, margin_m: 64.0, visibility: VisibilityBackend::Cpu }
     }
 }
 

@@ -1,17 +1,17 @@
 //! Columns from crossings: which heights of each cell are full, and how their tops slope.
 //!
-//! In: [`Crossings`] and candidates with their sightings. Out: [`Cells`]. Next: `attributes` colours them.
+//! In: [`Crossings`] and candidates with their sightings. Out: [`CellGrid`]. Next: `attributes` colours them.
 
-use super::{
-    candidates::Candidate,
-    crossings::{Crossing, Crossings},
-    local::{Block, LocalTriangle, TOP_Z},
-};
+use super::crossings::{Crossing, Crossings};
 use crate::columns::{
-    clip::{Clip, Plane},
-    merge::{LINES, Line, Merged, close_gaps, line_at},
-    voxels::Solid,
-    wall_fit::{Wall, merge_with_walls},
+    clip::{CellClip, WallPlane},
+    merge::{LINES, MergedColumn, VerticalLine, close_gaps, line_at},
+    voxels::SolidRun,
+    wall_fit::{WallPiece, merge_with_walls},
+};
+use crate::sample::{
+    local_block::{LocalBlock, LocalTriangle, TOP_Z},
+    surface_samples::SurfaceSample,
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
@@ -32,8 +32,8 @@ const ALIGNED: f32 = 0.15;
 
 /// One cell.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Cell {
-    pub(super) column: Merged,
+pub(super) struct GridCell {
+    pub(super) column: MergedColumn,
     /// Lowest terrain under it, seen or not.
     pub(super) ground_m: Option<f32>,
     /// Whether the lowest solid stands on the terrain or on its object's foot.
@@ -42,14 +42,14 @@ pub(super) struct Cell {
 
 /// The block's cells and one more on either side.
 #[derive(Debug)]
-pub(super) struct Cells {
-    list: Vec<Cell>,
+pub(super) struct CellGrid {
+    list: Vec<GridCell>,
     width: usize,
     cell_m: f32,
 }
 
 /// Builds all columns.
-pub(super) fn build(block: &Block, crossings: &Crossings, candidates: &[Candidate]) -> Cells {
+pub(super) fn build(block: &LocalBlock, crossings: &Crossings, candidates: &[SurfaceSample]) -> CellGrid {
     let [width, height] = block.cells.map(|n| n + 2);
     let lines = SourceLines { block, crossings, starts: line_starts(crossings) };
     let walls = walls(block, candidates);
@@ -58,17 +58,17 @@ pub(super) fn build(block: &Block, crossings: &Crossings, candidates: &[Candidat
         .map(|i| {
             let first = walls.partition_point(|(cell, _)| *cell < i as u32);
             let end = first + walls[first..].partition_point(|(cell, _)| *cell == i as u32);
-            let walls: Vec<Wall> = walls[first..end].iter().map(|(_, wall)| *wall).collect();
+            let walls: Vec<WallPiece> = walls[first..end].iter().map(|(_, wall)| *wall).collect();
             lines.cell(i % width, i / width, &walls)
         })
         .collect();
-    let mut cells = Cells { list, width, cell_m: block.cell_m };
+    let mut cells = CellGrid { list, width, cell_m: block.cell_m };
     cells.ground_bottoms();
     cells
 }
 
 /// The walls that were seen, sorted by the cell that they are in.
-fn walls(block: &Block, candidates: &[Candidate]) -> Vec<(u32, Wall)> {
+fn walls(block: &LocalBlock, candidates: &[SurfaceSample]) -> Vec<(u32, WallPiece)> {
     let [width, height] = block.cells.map(|n| n as i32 + 2);
     let c = block.cell_m;
     let mut walls = Vec::new();
@@ -76,7 +76,7 @@ fn walls(block: &Block, candidates: &[Candidate]) -> Vec<(u32, Wall)> {
         let at = p - (cell.as_vec2() + 0.5) * c;
         let (x, y) = (cell.x + 1, cell.y + 1);
         if (0..width).contains(&x) && (0..height).contains(&y) {
-            walls.push(((y * width + x) as u32, Wall { normal, at, area_m2 }));
+            walls.push(((y * width + x) as u32, WallPiece { normal, at, area_m2 }));
         }
     };
     for sheet in candidates.chunk_by(|a, b| a.triangle == b.triangle) {
@@ -136,7 +136,7 @@ fn line_starts(crossings: &Crossings) -> Vec<u32> {
 
 /// The vertical lines through the source's surfaces.
 struct SourceLines<'a> {
-    block: &'a Block,
+    block: &'a LocalBlock,
     crossings: &'a Crossings,
     starts: Vec<u32>,
 }
@@ -148,11 +148,11 @@ impl SourceLines<'_> {
         &self.crossings.list[self.starts[line] as usize..self.starts[line + 1] as usize]
     }
 
-    fn cell(&self, x: usize, y: usize, walls: &[Wall]) -> Cell {
+    fn cell(&self, x: usize, y: usize, walls: &[WallPiece]) -> GridCell {
         let cell_m = self.block.cell_m;
         let mut ground_m: Option<f32> = None;
         let mut foot_m = f32::INFINITY;
-        let lines: Vec<Line> = (0..LINES * LINES)
+        let lines: Vec<VerticalLine> = (0..LINES * LINES)
             .map(|i| {
                 let list = self.crossings(x * LINES + i % LINES, y * LINES + i / LINES);
                 for c in list {
@@ -163,17 +163,17 @@ impl SourceLines<'_> {
                         foot_m = foot_m.min(triangle.base_z_m);
                     }
                 }
-                Line { at: line_at(i, cell_m), runs: runs(self.block, list) }
+                VerticalLine { at: line_at(i, cell_m), runs: runs(self.block, list) }
             })
             .collect();
         let column = merge_with_walls(&lines, || self.around(x, y), walls, cell_m);
         let bottom = column.solids.first().map_or(DOWN, |s| s.bottom_m);
         let grounded = bottom == DOWN || bottom < foot_m + cell_m;
-        Cell { column, ground_m, grounded }
+        GridCell { column, ground_m, grounded }
     }
 
     /// The lines up to half a cell outside of a cell.
-    fn around(&self, x: usize, y: usize) -> Vec<Line> {
+    fn around(&self, x: usize, y: usize) -> Vec<VerticalLine> {
         const RIM: usize = LINES / 2;
         let end = 2 * RIM + LINES;
         let own = RIM..RIM + LINES;
@@ -187,15 +187,15 @@ impl SourceLines<'_> {
                 }
                 let step = Vec2::new(i as f32 - RIM as f32, j as f32 - RIM as f32) * self.crossings.step_m;
                 let at = line_at(0, self.block.cell_m) + step;
-                Some(Line { at, runs: runs(self.block, self.crossings(column, row)) })
+                Some(VerticalLine { at, runs: runs(self.block, self.crossings(column, row)) })
             })
             .collect()
     }
 }
 
 /// A line's full runs: a side seen from above opens one, a side seen from below closes it (design 5, step 1).
-fn runs(block: &Block, line: &[Crossing]) -> Vec<Solid> {
-    let mut found: Vec<Solid> = Vec::new();
+fn runs(block: &LocalBlock, line: &[Crossing]) -> Vec<SolidRun> {
+    let mut found: Vec<SolidRun> = Vec::new();
     let mut open: Option<&Crossing> = None;
     for crossing in line {
         let terrain = block.triangles[crossing.triangle as usize].terrain;
@@ -205,7 +205,7 @@ fn runs(block: &Block, line: &[Crossing]) -> Vec<Solid> {
         if terrain {
             // Terrain ends the line: seen, it is the top of the ground; unseen, what stands on it goes into it.
             if let Some(top) = open.take() {
-                found.push(Solid { bottom_m: DOWN, top_m: top.z });
+                found.push(SolidRun { bottom_m: DOWN, top_m: top.z });
             } else if let Some(last) = found.last_mut().filter(|l| l.bottom_m - crossing.z < block.cell_m) {
                 last.bottom_m = DOWN;
             }
@@ -214,30 +214,30 @@ fn runs(block: &Block, line: &[Crossing]) -> Vec<Solid> {
         if crossing.seen_below()
             && let Some(top) = open.take()
         {
-            found.push(Solid { bottom_m: crossing.z.min(top.z - SHEET * block.cell_m), top_m: top.z });
+            found.push(SolidRun { bottom_m: crossing.z.min(top.z - SHEET * block.cell_m), top_m: top.z });
         }
     }
     if let Some(top) = open {
         let foot = block.triangles[top.triangle as usize].base_z_m;
-        found.push(Solid { bottom_m: foot.min(top.z - SHEET * block.cell_m), top_m: top.z });
+        found.push(SolidRun { bottom_m: foot.min(top.z - SHEET * block.cell_m), top_m: top.z });
     }
     found.reverse();
     found
 }
 
-impl Cells {
+impl CellGrid {
     pub(super) fn cell_m(&self) -> f32 {
         self.cell_m
     }
 
     /// The cell at `x`, `y` of the block; -1 and one past the end are there too.
-    pub(super) fn at(&self, x: i32, y: i32) -> Option<&Cell> {
+    pub(super) fn at(&self, x: i32, y: i32) -> Option<&GridCell> {
         let (x, y) = (usize::try_from(x + 1).ok()?, usize::try_from(y + 1).ok()?);
         if x >= self.width { None } else { self.list.get(y * self.width + x) }
     }
 
     /// Makes a run of a cell full; it joins what it touches. `wall` is the plane of the wall that was seen there.
-    pub(super) fn insert(&mut self, x: i32, y: i32, solid: Solid, base_z_m: f32, wall: Option<Plane>) {
+    pub(super) fn insert(&mut self, x: i32, y: i32, solid: SolidRun, base_z_m: f32, wall: Option<WallPlane>) {
         let (Ok(column), Ok(row)) = (usize::try_from(x + 1), usize::try_from(y + 1)) else { return };
         let cell_m = self.cell_m;
         let Some(cell) = self.list.get_mut(row * self.width + column).filter(|_| column < self.width) else { return };
@@ -245,7 +245,7 @@ impl Cells {
         let top_before = solids.last().map_or(f32::MIN, |s| s.top_m);
         if solids.is_empty() {
             cell.grounded = solid.bottom_m < base_z_m + cell_m;
-            cell.column.clip = wall.map(|plane| Clip { plane, corner: None, outer_top_m: None });
+            cell.column.clip = wall.map(|plane| CellClip { plane, corner: None, outer_top_m: None });
         } else if !wall.is_some_and(|wall| cell.column.clip.is_some_and(|clip| clip.ends_at(wall, ALIGNED * cell_m))) {
             // What is seen where nothing was drawn is not cut off by another wall.
             cell.column.clip = None;

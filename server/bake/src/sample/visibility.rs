@@ -1,17 +1,19 @@
 //! From where the samples are seen: space carving by maps of the nearest triangle (Vacca 2008, 3.4.1; design 5, step 2).
 //!
-//! In: [`Block`], crossings and candidates. Out: their sightings. Next: `solids`, `attributes`.
+//! In: [`LocalBlock`], crossings and candidates. Out: their sightings. Next: `solids`, `attributes`.
 //!
 //! A map keeps the nearest triangle's id, and a sample asks that triangle's plane: depths compared at texel centres leak.
 
 use super::{
-    candidates::{Candidate, TURNS},
     crossings::{Crossing, Crossings, SURE, UNSURE},
     directions,
-    local::{Block, LocalTriangle, TOP_Z},
-    nearest::{self, Facing},
-    scan::scan,
-    settings::{SampleSettings, Visibility},
+    nearest::{self, FacingTriangle},
+    settings::{SampleSettings, VisibilityBackend},
+};
+use crate::sample::{
+    local_block::{LocalBlock, LocalTriangle, TOP_Z},
+    rasterise::scan,
+    surface_samples::{SurfaceSample, TURNS},
 };
 use glam::{Vec2, Vec3};
 
@@ -25,24 +27,24 @@ const FIRST_DIRECTIONS: usize = 48;
 /// Looks at the block from everywhere: from the sky until all is seen that will be, then from below at the rest, then
 /// from the remaining sky for the occlusion of what was seen.
 pub(super) fn look(
-    block: &Block,
+    block: &LocalBlock,
     settings: &SampleSettings,
     crossings: &mut Crossings,
-    candidates: &mut Vec<Candidate>,
+    candidates: &mut Vec<SurfaceSample>,
 ) {
     let sky = directions::sky(settings.sky_directions);
     let (first, rest) = sky.split_at(FIRST_DIRECTIONS.min(sky.len()));
     let mut pending: Vec<u32> = (0..crossings.list.len() as u32)
         .filter(|i| crossings.list[*i as usize].wants(true) || crossings.list[*i as usize].wants(false))
         .collect();
-    let mut map = Map { drawn_by: settings.visibility, ..Map::default() };
+    let mut map = VisibilityMap { drawn_by: settings.visibility, ..VisibilityMap::default() };
     let mut sheets = sheets_of(candidates);
     for (i, direction) in first.iter().enumerate() {
         map.draw(block, *direction);
         if i < CROSSING_DIRECTIONS {
             sight_crossings(block, &map, crossings, &mut pending);
         }
-        let look = Look { turn: Some(i % TURNS), unseen: true, backs: i < BACK_DIRECTIONS };
+        let look = DirectionPass { turn: Some(i % TURNS), unseen: true, backs: i < BACK_DIRECTIONS };
         sight_candidates(block, &map, candidates, &mut sheets, look);
     }
     look_from_below(block, settings, (crossings, &mut pending), (candidates, &mut sheets));
@@ -50,35 +52,35 @@ pub(super) fn look(
     sheets = sheets_of(candidates);
     for (i, direction) in rest.iter().enumerate() {
         map.draw(block, *direction);
-        let look = Look { turn: Some((FIRST_DIRECTIONS + i) % TURNS), unseen: false, backs: false };
+        let look = DirectionPass { turn: Some((FIRST_DIRECTIONS + i) % TURNS), unseen: false, backs: false };
         sight_candidates(block, &map, candidates, &mut sheets, look);
     }
 }
 
 /// Undersides, and what stands under them. Where all shells are closed and stand on the ground, there are none.
 fn look_from_below(
-    block: &Block,
+    block: &LocalBlock,
     settings: &SampleSettings,
     (crossings, pending): (&mut Crossings, &mut Vec<u32>),
-    (candidates, sheets): (&mut [Candidate], &mut [Sheet]),
+    (candidates, sheets): (&mut [SurfaceSample], &mut [TriangleSamples]),
 ) {
     let hangs = block.triangles.iter().any(|triangle| hangs(block, triangle));
     if !hangs && pending.is_empty() {
         return;
     }
-    let mut map = Map { drawn_by: settings.visibility, ..Map::default() };
+    let mut map = VisibilityMap { drawn_by: settings.visibility, ..VisibilityMap::default() };
     for (i, direction) in directions::low(settings.low_directions).iter().enumerate() {
         map.draw(block, *direction);
         sight_crossings(block, &map, crossings, pending);
         if hangs {
-            let look = Look { turn: None, unseen: true, backs: i < BACK_DIRECTIONS };
+            let look = DirectionPass { turn: None, unseen: true, backs: i < BACK_DIRECTIONS };
             sight_candidates(block, &map, candidates, sheets, look);
         }
     }
 }
 
 /// Whether there may be something to see under it.
-fn hangs(block: &Block, triangle: &LocalTriangle) -> bool {
+fn hangs(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
     let low = triangle.corners.iter().fold(f32::MAX, |m, c| m.min(c.z));
     let above_foot = low > triangle.base_z_m + 1.5 * block.cell_m;
     !triangle.terrain && (!triangle.closed || (triangle.normal.z < -0.1 && above_foot))
@@ -86,7 +88,7 @@ fn hangs(block: &Block, triangle: &LocalTriangle) -> bool {
 
 /// The candidates of one triangle.
 #[derive(Debug)]
-struct Sheet {
+struct TriangleSamples {
     triangle: u32,
     /// Where the candidates of each turn begin and the last ones end.
     starts: [u32; TURNS + 1],
@@ -94,18 +96,18 @@ struct Sheet {
     unseen: [bool; 2],
 }
 
-fn sheets_of(candidates: &[Candidate]) -> Vec<Sheet> {
+fn sheets_of(candidates: &[SurfaceSample]) -> Vec<TriangleSamples> {
     let mut begin = 0;
     let sheets = candidates.chunk_by(|a, b| a.triangle == b.triangle).map(|sheet| {
         let starts = |turn: usize| begin + sheet.partition_point(|c| usize::from(c.turn) < turn) as u32;
         let starts = std::array::from_fn(starts);
         begin += sheet.len() as u32;
-        Sheet { triangle: sheet[0].triangle, starts, unseen: [true; 2] }
+        TriangleSamples { triangle: sheet[0].triangle, starts, unseen: [true; 2] }
     });
     sheets.collect()
 }
 
-fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending: &mut Vec<u32>) {
+fn sight_crossings(block: &LocalBlock, map: &VisibilityMap, crossings: &mut Crossings, pending: &mut Vec<u32>) {
     let (lines, step, offset) = (crossings.lines[0], crossings.step_m, crossings.offset_m);
     let look = |c: &Crossing| {
         let triangle = &block.triangles[c.triangle as usize];
@@ -145,7 +147,7 @@ fn through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
 
 /// What is asked of the candidates from one direction.
 #[derive(Debug, Clone, Copy)]
-struct Look {
+struct DirectionPass {
     /// Whose occlusion is asked for; `None` for a direction under the horizon.
     turn: Option<usize>,
     /// Whether all are asked that were not seen yet.
@@ -154,7 +156,13 @@ struct Look {
     backs: bool,
 }
 
-fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], sheets: &mut [Sheet], look: Look) {
+fn sight_candidates(
+    block: &LocalBlock,
+    map: &VisibilityMap,
+    candidates: &mut [SurfaceSample],
+    sheets: &mut [TriangleSamples],
+    look: DirectionPass,
+) {
     for sheet in sheets {
         let triangle = &block.triangles[sheet.triangle as usize];
         // Tops are seen from the sky; from below, only undersides and walls under roofs need a look.
@@ -167,7 +175,7 @@ fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], shee
             continue;
         }
         let normal = if side == 1 { -triangle.normal } else { triangle.normal };
-        let sees = |candidate: &Candidate| {
+        let sees = |candidate: &SurfaceSample| {
             let inside = look.turn.is_none() && through_floor(triangle, candidate.p, map.w);
             !inside && map.sees(block, candidate.p, normal, sheet.triangle)
         };
@@ -198,8 +206,8 @@ fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], shee
 
 /// The nearest triangles as seen from one direction.
 #[derive(Debug, Default)]
-struct Map {
-    drawn_by: Visibility,
+struct VisibilityMap {
+    drawn_by: VisibilityBackend,
     u: Vec3,
     v: Vec3,
     /// Towards the viewer.
@@ -216,12 +224,12 @@ struct Map {
     tolerance_m: f32,
 }
 
-impl Map {
-    fn draw(&mut self, block: &Block, direction: Vec3) {
+impl VisibilityMap {
+    fn draw(&mut self, block: &LocalBlock, direction: Vec3) {
         self.aim(block, direction);
         self.planes.clear();
         self.planes.resize(block.triangles.len(), Vec3::ZERO);
-        if self.drawn_by == Visibility::Gpu
+        if self.drawn_by == VisibilityBackend::Gpu
             && let Some(ids) = self.draw_on_device(block)
         {
             self.ids = ids;
@@ -238,8 +246,8 @@ impl Map {
         }
     }
 
-    fn draw_on_device(&mut self, block: &Block) -> Option<Vec<u32>> {
-        let mut facing: Vec<Facing> = Vec::with_capacity(block.triangles.len());
+    fn draw_on_device(&mut self, block: &LocalBlock) -> Option<Vec<u32>> {
+        let mut facing: Vec<FacingTriangle> = Vec::with_capacity(block.triangles.len());
         for (index, triangle) in block.triangles.iter().enumerate() {
             if let Some(corners) = self.face(triangle, index) {
                 let place = |i: usize| (corners[i] / self.texel_m).extend(triangle.corners[i].dot(self.w));
@@ -250,7 +258,7 @@ impl Map {
     }
 
     /// Axes and extent: what the block's box projects to.
-    fn aim(&mut self, block: &Block, direction: Vec3) {
+    fn aim(&mut self, block: &LocalBlock, direction: Vec3) {
         self.w = direction;
         // Walls are mostly higher than wide: with a map's rows upright they have fewer, longer runs.
         self.v = direction.cross(Vec3::Z).normalize_or(Vec3::Y);
@@ -331,7 +339,7 @@ impl Map {
     }
 
     /// Whether any texel around `p` shows the surface of `triangle`: itself, or one that goes on from it.
-    fn shows(&self, block: &Block, p: Vec3, triangle: &LocalTriangle) -> bool {
+    fn shows(&self, block: &LocalBlock, p: Vec3, triangle: &LocalTriangle) -> bool {
         let shown = |id: u32| {
             let other = &block.triangles[id as usize - 1];
             let near = other.normal.dot(other.corners[0] - p).abs() < block.cell_m;
@@ -344,13 +352,19 @@ impl Map {
     /// Whether the surface at `p` with `normal` (towards the viewer) of `triangle` is seen: the triangles in all four texels
     /// around let it be.
     #[inline]
-    fn sees(&self, block: &Block, p: Vec3, normal: Vec3, triangle: u32) -> bool {
+    fn sees(&self, block: &LocalBlock, p: Vec3, normal: Vec3, triangle: u32) -> bool {
         let at = self.flat(p) - self.corner;
         let Some(ids) = self.around(at) else { return true };
         ids == [triangle + 1; 4] || self.let_through(block, (p, at, normal), triangle, ids)
     }
 
-    fn let_through(&self, block: &Block, (p, at, normal): (Vec3, Vec2, Vec3), triangle: u32, ids: [u32; 4]) -> bool {
+    fn let_through(
+        &self,
+        block: &LocalBlock,
+        (p, at, normal): (Vec3, Vec2, Vec3),
+        triangle: u32,
+        ids: [u32; 4],
+    ) -> bool {
         let w = p.dot(self.w);
         let mut last = triangle + 1;
         for id in ids {

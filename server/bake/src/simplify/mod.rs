@@ -8,19 +8,19 @@
 //! it. A part whose area times squared half diagonal costs less than the next collapse leaves: so towns of boxes get as
 //! small as one asks for.
 
+mod edge_queue;
+mod half_edge_mesh;
 mod quadric;
-mod queue;
-mod shape;
 
 use crate::model::{Layer, Model};
+use edge_queue::EdgeQueue;
 use glam::DVec3;
+use half_edge_mesh::{HalfEdgeMesh, VertexConstraint, next, prev, sides};
 use insula_protocol::mesh::{
     Kind,
     pieces::{Census, NONE, Pieces},
 };
 use quadric::Quadric;
-use queue::Queue;
-use shape::{Hold, Shape, next, prev, sides};
 use std::collections::HashMap;
 
 /// How much a square metre of a border's or seam's fence counts against one of surface.
@@ -58,7 +58,7 @@ pub struct Simplified {
 }
 
 /// A piece of the surface that may leave.
-struct Part {
+struct DetachablePart {
     triangles: Vec<u32>,
     cost: f64,
     half_diagonal: f64,
@@ -66,33 +66,33 @@ struct Part {
 
 /// What an edge cost when it was last looked at; infinity where it cannot be collapsed.
 #[derive(Debug, Clone, Copy)]
-struct Look {
+struct EdgeCost {
     cost: f32,
     /// In which round that was; 0 for never.
     round: u32,
 }
 
-impl Default for Look {
+impl Default for EdgeCost {
     fn default() -> Self {
         Self { cost: f32::INFINITY, round: 0 }
     }
 }
 
 /// Where an edge's ends become one.
-struct Aim {
+struct CollapseTarget {
     /// Of both ends.
     sum: Quadric,
     at: DVec3,
     cost: f64,
 }
 
-struct Work {
-    shape: Shape,
+struct Simplifier {
+    shape: HalfEdgeMesh,
     /// The round in which each vertex last changed.
     changed: Vec<u32>,
     round: u32,
     /// For each half-edge that stands for its edge: the lower of two.
-    looks: Vec<Look>,
+    looks: Vec<EdgeCost>,
     /// Values of each wedge, one a layer.
     values: Vec<[f32; 4]>,
     layers: usize,
@@ -106,7 +106,7 @@ pub fn simplify(model: &Model, goal: Goal, is_locked: impl Fn(u32) -> bool) -> S
     let mut pieces = Pieces::new(&sorted, model.positions.len() as u32);
     pieces.corner.iter_mut().for_each(|corner| *corner = 3 * order[*corner as usize / 3] + *corner % 3);
     let center = center(model);
-    let mut work = Work::new(model, &pieces, center);
+    let mut work = Simplifier::new(model, &pieces, center);
     let mut copies = vec![0u32; model.positions.len()];
     pieces.vertex.iter().for_each(|vertex| copies[*vertex as usize] += 1);
     let mut is_kept = vec![false; pieces.vertex.len()];
@@ -114,7 +114,7 @@ pub fn simplify(model: &Model, goal: Goal, is_locked: impl Fn(u32) -> bool) -> S
         is_kept[vertex] = is_locked(source);
         // Where surfaces were cut apart they stay together.
         if is_kept[vertex] || copies[source as usize] > 1 {
-            work.shape.vertex[vertex].hold = Hold::Fixed;
+            work.shape.vertex[vertex].hold = VertexConstraint::Fixed;
         }
     }
     let mut parts = parts(&pieces, &work.shape, &is_kept);
@@ -168,7 +168,7 @@ fn order(model: &Model) -> Vec<u32> {
 }
 
 /// Parts that may leave, the cheapest last; the one with most surface is not among them.
-fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
+fn parts(pieces: &Pieces, shape: &HalfEdgeMesh, is_kept: &[bool]) -> Vec<DetachablePart> {
     let mut parts = Vec::new();
     if pieces.census.pieces < 2 {
         return parts;
@@ -200,7 +200,7 @@ fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
             if area > largest.0 {
                 largest = (area, Some(parts.len()));
             }
-            parts.push(Part { triangles, cost: area * half_diagonal * half_diagonal, half_diagonal });
+            parts.push(DetachablePart { triangles, cost: area * half_diagonal * half_diagonal, half_diagonal });
         }
     }
     if let Some(largest) = largest.1 {
@@ -210,11 +210,11 @@ fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
     parts
 }
 
-impl Work {
+impl Simplifier {
     fn new(model: &Model, pieces: &Pieces, center: DVec3) -> Self {
         let place = pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - center);
         let (wedge, values) = wedges(model, pieces);
-        let mut shape = Shape::new(pieces, place, &wedge);
+        let mut shape = HalfEdgeMesh::new(pieces, place, &wedge);
         for t in 0..pieces.triangles() as u32 {
             let corners = shape.corners(t);
             let plane = Quadric::triangle(corners);
@@ -231,7 +231,7 @@ impl Work {
                 }
             }
         }
-        let looks = vec![Look::default(); 4 * pieces.triangles()];
+        let looks = vec![EdgeCost::default(); 4 * pieces.triangles()];
         let changed = vec![0; shape.vertex.len()];
         Self { shape, changed, round: 0, looks, values, layers: model.layers.len(), error: 0.0 }
     }
@@ -241,10 +241,10 @@ impl Work {
     /// In rounds: the edges whose ends changed are looked at again, in the order in which they lie in memory, and the
     /// cheapest of all are collapsed, the cheapest first. One whose ends changed within the round waits for the next, and
     /// one that was too dear before is not looked at: edges only get dearer.
-    fn run(&mut self, goal: Goal, parts: &mut Vec<Part>) -> usize {
+    fn run(&mut self, goal: Goal, parts: &mut Vec<DetachablePart>) -> usize {
         let parts_before = parts.len();
         let mut triangles: Vec<u32> = (0..self.shape.alive.len() as u32).collect();
-        let mut queue = Queue::new();
+        let mut queue = EdgeQueue::new();
         // Whether some edge was given up that could do now, since something around it changed.
         let mut progress = false;
         let mut limit = f32::INFINITY;
@@ -260,7 +260,7 @@ impl Work {
                 if !std::mem::take(&mut progress) {
                     break;
                 }
-                self.looks.fill(Look::default());
+                self.looks.fill(EdgeCost::default());
                 continue;
             }
             for &(cost, h) in edges {
@@ -286,16 +286,16 @@ impl Work {
     }
 
     /// All edges that can be collapsed wait in the queue.
-    fn look(&mut self, triangles: &[u32], limit: f32, queue: &mut Queue) {
+    fn look(&mut self, triangles: &[u32], limit: f32, queue: &mut EdgeQueue) {
         for h in triangles.iter().flat_map(|t| sides(*t)) {
             let twin = self.shape.twin(h);
             if twin != NONE && twin < h {
                 continue;
             }
-            let Look { mut cost, round } = self.looks[h as usize];
+            let EdgeCost { mut cost, round } = self.looks[h as usize];
             if round <= self.last_change(h) && (round == 0 || cost <= limit || cost == f32::INFINITY) {
                 cost = self.aim(h).map_or(f32::INFINITY, |aim| aim.cost as f32);
-                self.looks[h as usize] = Look { cost, round: self.round };
+                self.looks[h as usize] = EdgeCost { cost, round: self.round };
             }
             if cost < f32::INFINITY {
                 queue.push(cost, h);
@@ -303,7 +303,7 @@ impl Work {
         }
     }
 
-    fn let_go(&mut self, part: &Part) {
+    fn let_go(&mut self, part: &DetachablePart) {
         for &t in &part.triangles {
             sides(t).for_each(|h| self.changed[self.shape.origin(h) as usize] = self.round);
             self.shape.remove(t);
@@ -320,30 +320,34 @@ impl Work {
 
     /// Where the two ends of an edge would best become one, and what that costs.
     #[inline]
-    fn aim(&self, h: u32) -> Option<Aim> {
+    fn aim(&self, h: u32) -> Option<CollapseTarget> {
         let ends = [self.shape.origin(h), self.shape.target(h)];
         let [u, v] = ends.map(|vertex| &self.shape.vertex[vertex as usize]);
         let (p, q) = (u.place, v.place);
         let mut sum = u.quadric;
         sum += v.quadric;
         let fixed = match (u.hold, v.hold) {
-            (Hold::Free, Hold::Free) => None,
-            (Hold::Fixed, Hold::Fixed) => return None,
-            (Hold::Line, Hold::Line) if !self.shape.is_line(h) => return None,
-            (Hold::Fixed, Hold::Line) | (Hold::Line, Hold::Fixed) if !self.shape.is_line(h) => return None,
-            (Hold::Fixed, _) | (Hold::Line, Hold::Free) => Some(p),
-            (_, Hold::Fixed) | (Hold::Free, Hold::Line) => Some(q),
-            (Hold::Line, Hold::Line) => None,
+            (VertexConstraint::Free, VertexConstraint::Free) => None,
+            (VertexConstraint::Fixed, VertexConstraint::Fixed) => return None,
+            (VertexConstraint::Line, VertexConstraint::Line) if !self.shape.is_line(h) => return None,
+            (VertexConstraint::Fixed, VertexConstraint::Line) | (VertexConstraint::Line, VertexConstraint::Fixed)
+                if !self.shape.is_line(h) =>
+            {
+                return None;
+            }
+            (VertexConstraint::Fixed, _) | (VertexConstraint::Line, VertexConstraint::Free) => Some(p),
+            (_, VertexConstraint::Fixed) | (VertexConstraint::Free, VertexConstraint::Line) => Some(q),
+            (VertexConstraint::Line, VertexConstraint::Line) => None,
         };
         if let Some(at) = fixed {
-            return Some(Aim { sum, at, cost: sum.cost(at) });
+            return Some(CollapseTarget { sum, at, cost: sum.cost(at) });
         }
         let middle = (p + q) * 0.5;
         let near = |at: &DVec3| at.distance_squared(middle) <= REACH * REACH * p.distance_squared(q);
         if let Some(at) = sum.best(middle).filter(near) {
-            return Some(Aim { sum, at, cost: sum.cost(at) });
+            return Some(CollapseTarget { sum, at, cost: sum.cost(at) });
         }
-        let aims = [p, q, middle].map(|at| Aim { sum, at, cost: sum.cost(at) });
+        let aims = [p, q, middle].map(|at| CollapseTarget { sum, at, cost: sum.cost(at) });
         aims.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
@@ -351,8 +355,8 @@ impl Work {
     fn try_collapse(&mut self, h: u32, most: f64, limit: f32) -> bool {
         let (u, v) = (self.shape.origin(h), self.shape.target(h));
         let look = self.looks[h as usize];
-        self.looks[h as usize] = Look { cost: f32::INFINITY, round: self.round };
-        let Some(Aim { sum, at: aim, cost }) = self.aim(h) else { return false };
+        self.looks[h as usize] = EdgeCost { cost: f32::INFINITY, round: self.round };
+        let Some(CollapseTarget { sum, at: aim, cost }) = self.aim(h) else { return false };
         if look.round <= self.last_change(h) && cost as f32 > limit {
             // It was too dear to be looked at again, and now costs even more.
             self.looks[h as usize].cost = cost as f32;
@@ -419,7 +423,7 @@ impl Work {
                 let vertex = self.shape.origin(4 * t + k);
                 if number[vertex as usize] == NONE {
                     let source = self.shape.source[vertex as usize];
-                    let is_fixed = self.shape.vertex[vertex as usize].hold == Hold::Fixed;
+                    let is_fixed = self.shape.vertex[vertex as usize].hold == VertexConstraint::Fixed;
                     let own = out.positions.len() as u32;
                     let place = self.shape.place(vertex) + center;
                     let place = if is_fixed { model.positions[source as usize] } else { place.into() };

@@ -14,7 +14,7 @@ use std::{
 use insula_protocol::{TileId, subtree::MeshLod};
 
 use super::pack::{self, PackId};
-use crate::{error::BakeError, mesh::Lod};
+use crate::{error::BakeError, mesh::EncodedLod};
 
 const MAGIC: [u8; 4] = *b"INSQ";
 const HEAD_BYTES: usize = 8;
@@ -30,7 +30,7 @@ pub(crate) struct StoredMesh {
 }
 
 /// A leaf's levels of detail, the finest first.
-pub(crate) type LeafMesh = (TileId, Vec<Lod>);
+pub(crate) type LeafMesh = (TileId, Vec<EncodedLod>);
 
 fn path(folder: &Path, pack: PackId) -> PathBuf {
     folder.join(format!("m-{}-{}-{}.pack", pack.level, pack.x, pack.y))
@@ -44,7 +44,7 @@ pub(crate) fn write(folder: &Path, pack: PackId, leaves: &[LeafMesh]) -> Result<
     bytes.extend_from_slice(&(count as u32).to_le_bytes());
     let mut offset = (HEAD_BYTES + ENTRY_BYTES * count) as u64;
     let mut stored = Vec::with_capacity(count);
-    for (id, lod, Lod { info, .. }) in all() {
+    for (id, lod, EncodedLod { info, .. }) in all() {
         let MeshLod { error_m, bytes: length, triangles, texture_px } = *info;
         for word in [id.x(), id.y(), lod.into(), error_m.to_bits(), triangles, texture_px, length] {
             bytes.extend_from_slice(&word.to_le_bytes());
@@ -95,7 +95,7 @@ mod tests {
         let folder = Folder::new("mesh-pack");
         let lod = |error_m: f32, length: usize| {
             let info = MeshLod { error_m, bytes: length as u32, triangles: 12, texture_px: 7 };
-            Lod { info, bytes: vec![length as u8; length] }
+            EncodedLod { info, bytes: vec![length as u8; length] }
         };
         let id = |x, y| TileId::new(4, x, y).unwrap();
         let leaves = [(id(8, 8), vec![lod(0.1, 40), lod(0.2, 20)]), (id(9, 8), vec![]), (id(9, 9), vec![lod(0.5, 9)])];

@@ -1,6 +1,6 @@
 //! The picture that a leaf's triangles wear.
 //!
-//! In: a textured surface and how long its texels may be. Out: a [`Dress`]: a packed picture, and where each corner lies in
+//! In: a textured surface and how long its texels may be. Out: a [`BakedTexture`]: a packed picture, and where each corner lies in
 //! it. Next: `chain`.
 //!
 //! Texels are means, in linear light, over what of the source's picture the triangles show: what lies beside a chart in the
@@ -15,11 +15,11 @@ use insula_protocol::{
     mesh_tile::Texture,
 };
 
-use super::{
-    atlas::{self, Atlas},
-    charts::{self, Chart},
-    lattice,
-    wire::{self, Shown},
+use crate::mesh::{
+    atlas::{self, ChartAtlas},
+    charts::{self, TextureChart},
+    leaf_surface,
+    texture_encode::{self, MaskedTexture},
 };
 use crate::{
     columns::srgb::{linear, srgb},
@@ -30,7 +30,7 @@ use crate::{
 
 /// Texels around each chart that show what it shows at its rim.
 const PAD: u32 = 1;
-/// Side of what has one colour: wide enough for a whole block of the file, wherever it lies.
+/// PolygonEdge of what has one colour: wide enough for a whole block of the file, wherever it lies.
 const PLAIN: u32 = 30;
 /// Most reads along a texel's side.
 const MOST_TAPS: u32 = 4;
@@ -38,7 +38,7 @@ const MOST_TAPS: u32 = 4;
 const SUB_BITS: u32 = 3;
 
 /// What a surface wears.
-pub(super) struct Dress {
+pub(super) struct BakedTexture {
     pub(super) texture: Texture,
     /// Texture coordinates of all corners.
     pub(super) attribute: Attribute,
@@ -48,7 +48,12 @@ pub(super) struct Dress {
 
 /// Paints the surface's pictures anew, with texels of `texel_m` or longer, none shorter than the source's. `step_m` is the
 /// length of the model's unit. `None` if it cannot be packed.
-pub(super) fn dress(scene: &Scene, model: &Model, (step_m, texel_m): (f64, f64), quality: Quality) -> Option<Dress> {
+pub(super) fn dress(
+    scene: &Scene,
+    model: &Model,
+    (step_m, texel_m): (f64, f64),
+    quality: Quality,
+) -> Option<BakedTexture> {
     let charts = charts::charts(scene, model, step_m);
     let mut texel_m = texel_m;
     // Longer texels until all of it fits.
@@ -61,7 +66,7 @@ pub(super) fn dress(scene: &Scene, model: &Model, (step_m, texel_m): (f64, f64),
             let texture = Texture { size_px: atlas.size.map(|side| side as u16), bytes: canvas.pack(quality)? };
             let limited = scales.iter().any(|scale| *scale < 1.0);
             let attribute = places(model, (&charts, &sizes), &atlas);
-            Some(Dress { texture, attribute, texel_m: if limited { texel_m } else { 0.0 } })
+            Some(BakedTexture { texture, attribute, texel_m: if limited { texel_m } else { 0.0 } })
         });
         if packed.is_some() {
             return packed;
@@ -72,7 +77,7 @@ pub(super) fn dress(scene: &Scene, model: &Model, (step_m, texel_m): (f64, f64),
 }
 
 /// Texels of a chart, without those around it.
-fn size(scene: &Scene, chart: &Chart, scale: f64) -> [u32; 2] {
+fn size(scene: &Scene, chart: &TextureChart, scale: f64) -> [u32; 2] {
     let Some(picture) = charts::picture(scene, chart.material) else { return [PLAIN; 2] };
     let extent = chart.high - chart.low;
     let side = |extent: f32, texels: u32| (f64::from(extent) * f64::from(texels) * scale).ceil().max(1.0) as u32;
@@ -86,7 +91,7 @@ fn padded([width, height]: [u32; 2]) -> [u32; 2] {
 
 /// Where texture coordinates of a chart lie in the picture, in texels.
 #[derive(Clone, Copy)]
-struct Map {
+struct ChartTransform {
     low: Vec2,
     scale: Vec2,
     corner: Vec2,
@@ -95,8 +100,8 @@ struct Map {
     turned: bool,
 }
 
-impl Map {
-    fn new(chart: &Chart, size: [u32; 2], place: [u32; 2]) -> Self {
+impl ChartTransform {
+    fn new(chart: &TextureChart, size: [u32; 2], place: [u32; 2]) -> Self {
         let size = Vec2::new(size[0] as f32, size[1] as f32);
         let extent = chart.high - chart.low;
         let scale = Vec2::select(extent.cmpgt(Vec2::ZERO), size / extent.max(Vec2::splat(1e-30)), Vec2::ZERO);
@@ -119,14 +124,14 @@ impl Map {
     }
 }
 
-fn places(model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas) -> Attribute {
+fn places(model: &Model, (charts, sizes): (&[TextureChart], &[[u32; 2]]), atlas: &ChartAtlas) -> Attribute {
     let layer = &model.layers[0];
     let bits = (atlas.size[0].max(atlas.size[1]).ilog2() + 1 + SUB_BITS).clamp(8, 16);
     let most = ((1u32 << bits) - 1) as f32;
     let whole = Vec2::new(atlas.size[0] as f32, atlas.size[1] as f32);
     let mut values = vec![[0; 4]; layer.values.len()];
     for ((chart, size), place) in charts.iter().zip(sizes).zip(&atlas.places) {
-        let map = Map::new(chart, *size, *place);
+        let map = ChartTransform::new(chart, *size, *place);
         let is_plain = chart.px_per_m <= 0.0;
         for corner in chart.triangles.iter().flat_map(|t| 3 * t..3 * t + 3) {
             let value = layer.corners[corner as usize];
@@ -147,20 +152,26 @@ fn places(model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas
 }
 
 /// Sums of linear light, and how much went into each.
-struct Canvas {
+struct TextureCanvas {
     size: [u32; 2],
     sums: Vec<(Vec3, f32)>,
     /// Where triangles show it.
     shown: Vec<bool>,
 }
 
-fn paint(scene: &Scene, model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas) -> Canvas {
+fn paint(
+    scene: &Scene,
+    model: &Model,
+    (charts, sizes): (&[TextureChart], &[[u32; 2]]),
+    atlas: &ChartAtlas,
+) -> TextureCanvas {
     let texels = (atlas.size[0] * atlas.size[1]) as usize;
-    let mut canvas = Canvas { size: atlas.size, sums: vec![(Vec3::ZERO, 0.0); texels], shown: vec![false; texels] };
+    let mut canvas =
+        TextureCanvas { size: atlas.size, sums: vec![(Vec3::ZERO, 0.0); texels], shown: vec![false; texels] };
     for ((chart, size), place) in charts.iter().zip(sizes).zip(&atlas.places) {
-        let base = linear(lattice::colour(scene, chart.material));
+        let base = linear(leaf_surface::colour(scene, chart.material));
         if let Some(picture) = charts::picture(scene, chart.material) {
-            let map = Map::new(chart, *size, *place);
+            let map = ChartTransform::new(chart, *size, *place);
             let texels = (chart.high - chart.low) * Vec2::new(picture.width as f32, picture.height as f32);
             let taps = (texels / map.size).max_element().ceil().clamp(1.0, MOST_TAPS as f32) as u32;
             for &t in &chart.triangles {
@@ -180,7 +191,7 @@ fn paint(scene: &Scene, model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]),
     canvas
 }
 
-impl Canvas {
+impl TextureCanvas {
     /// Adds what a triangle shows, with `taps` x `taps` reads a texel; one at its middle if it meets none of them.
     fn triangle(&mut self, p: [Vec2; 3], corner: Vec2, taps: u32, show: impl Fn(Vec3) -> Vec3) {
         let double = (p[1] - p[0]).perp_dot(p[2] - p[0]);
@@ -245,8 +256,8 @@ impl Canvas {
     /// As a file.
     fn pack(&self, quality: Quality) -> Option<Vec<u8>> {
         let (mut rgb, known) = self.rgb();
-        wire::fill(&mut rgb, self.size, &known);
-        Shown { size: self.size, rgb: &rgb, shown: &self.shown }.pack(quality)
+        texture_encode::fill(&mut rgb, self.size, &known);
+        MaskedTexture { size: self.size, rgb: &rgb, shown: &self.shown }.pack(quality)
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! In: [`Pieces`]. Out: fewer triangles. Next: `simplify`.
 
-use super::quadric::Quadric;
+use crate::simplify::quadric::Quadric;
 use glam::DVec3;
 use insula_protocol::mesh::pieces::{NONE, Pieces};
 use std::ops::Range;
@@ -27,7 +27,7 @@ pub(super) fn sides(t: u32) -> Range<u32> {
 
 /// How a vertex may move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Hold {
+pub(super) enum VertexConstraint {
     /// Anywhere.
     Free,
     /// Along the border or seam that it is on.
@@ -39,18 +39,18 @@ pub(super) enum Hold {
 /// What a collapse weighs of a vertex, in two lines of a processor's cache.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-pub(super) struct Vertex {
+pub(super) struct MeshVertex {
     pub(super) quadric: Quadric,
     pub(super) place: DVec3,
-    pub(super) hold: Hold,
+    pub(super) hold: VertexConstraint,
 }
 
-const _: () = assert!(size_of::<Vertex>() == 128);
+const _: () = assert!(size_of::<MeshVertex>() == 128);
 
 /// A triangle, in half a line of the cache; the fourth of each is not used.
 #[derive(Debug, Clone)]
 #[repr(align(32))]
-struct Triangle {
+struct HalfEdgeTriangle {
     /// Where its half-edges begin.
     origin: [u32; 4],
     /// What lies beside them.
@@ -59,13 +59,13 @@ struct Triangle {
 
 /// A mesh in work.
 #[derive(Debug)]
-pub(super) struct Shape {
-    triangle: Vec<Triangle>,
+pub(super) struct HalfEdgeMesh {
+    triangle: Vec<HalfEdgeTriangle>,
     /// For each triangle.
     pub(super) alive: Vec<bool>,
     /// How many are alive.
     pub(super) triangles: usize,
-    pub(super) vertex: Vec<Vertex>,
+    pub(super) vertex: Vec<MeshVertex>,
     /// For each vertex a half-edge that leaves it, the border's if there is one; [`NONE`] for what is gone.
     leaving: Vec<u32>,
     /// For each half-edge, what the corner that it leaves carries: numbers that no two vertices share. Empty where corners
@@ -76,12 +76,12 @@ pub(super) struct Shape {
     marks: Vec<u32>,
     mark: u32,
     /// What lies around the two ends of the edge that was last asked about.
-    rings: [Ring; 2],
+    rings: [VertexRing; 2],
 }
 
 /// What lies around a vertex.
 #[derive(Debug, Default)]
-struct Ring {
+struct VertexRing {
     /// The half-edges that leave it, in turn; at a border from one side to the other.
     spokes: Vec<u32>,
     /// Where they go to; at a border then the last vertex of all, otherwise the first again.
@@ -89,19 +89,20 @@ struct Ring {
     is_open: bool,
 }
 
-impl Shape {
+impl HalfEdgeMesh {
     /// `wedge` is that of the pieces' half-edges, or empty.
     pub(super) fn new(pieces: &Pieces, place: impl Iterator<Item = DVec3>, wedge: &[u32]) -> Self {
         let quadric = Quadric::default();
-        let vertex: Vec<Vertex> = place.map(|place| Vertex { quadric, place, hold: Hold::Free }).collect();
+        let vertex: Vec<MeshVertex> =
+            place.map(|place| MeshVertex { quadric, place, hold: VertexConstraint::Free }).collect();
         let fourth = |h: u32| if h == NONE { NONE } else { h + h / 3 };
         let (origin, twin) = (pieces.origin.as_chunks::<3>().0, pieces.twin.as_chunks::<3>().0);
-        let triangle: Vec<Triangle> = origin
+        let triangle: Vec<HalfEdgeTriangle> = origin
             .iter()
             .zip(twin)
             .map(|([a, b, c], twin)| {
                 let [x, y, z] = *twin;
-                Triangle { origin: [*a, *b, *c, NONE], twin: [fourth(x), fourth(y), fourth(z), NONE] }
+                HalfEdgeTriangle { origin: [*a, *b, *c, NONE], twin: [fourth(x), fourth(y), fourth(z), NONE] }
             })
             .collect();
         let mut leaving = vec![NONE; vertex.len()];
@@ -136,9 +137,9 @@ impl Shape {
         }
         for (vertex, lines) in shape.vertex.iter_mut().zip(lines) {
             vertex.hold = match lines {
-                0 => Hold::Free,
-                2 => Hold::Line,
-                _ => Hold::Fixed,
+                0 => VertexConstraint::Free,
+                2 => VertexConstraint::Line,
+                _ => VertexConstraint::Fixed,
             };
         }
         shape
@@ -196,7 +197,7 @@ impl Shape {
 
     /// Walks around a vertex.
     #[inline]
-    fn gather(&self, vertex: u32, ring: &mut Ring) {
+    fn gather(&self, vertex: u32, ring: &mut VertexRing) {
         ring.spokes.clear();
         ring.rim.clear();
         ring.is_open = false;
@@ -317,15 +318,15 @@ impl Shape {
         self.vertex[u as usize].place = to;
         self.leaving[v as usize] = NONE;
         let hold = self.vertex[v as usize].hold;
-        if hold == Hold::Fixed {
+        if hold == VertexConstraint::Fixed {
             self.source[u as usize] = self.source[v as usize];
         }
         let kept = &mut self.vertex[u as usize];
         // A line's end on a free vertex makes that one part of the line; a fixed vertex stays one.
         kept.hold = match (kept.hold, hold) {
-            (Hold::Fixed, _) | (_, Hold::Fixed) => Hold::Fixed,
-            (Hold::Line, _) | (_, Hold::Line) => Hold::Line,
-            _ => Hold::Free,
+            (VertexConstraint::Fixed, _) | (_, VertexConstraint::Fixed) => VertexConstraint::Fixed,
+            (VertexConstraint::Line, _) | (_, VertexConstraint::Line) => VertexConstraint::Line,
+            _ => VertexConstraint::Free,
         };
     }
 
@@ -377,7 +378,7 @@ impl Shape {
     }
 }
 
-impl Ring {
+impl VertexRing {
     /// Where each edge goes.
     #[inline]
     fn others(&self) -> &[u32] {

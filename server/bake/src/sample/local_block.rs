@@ -1,8 +1,8 @@
 //! A block's triangles in its own coordinates.
 //!
-//! In: [`BlockInput`]. Out: [`Block`]. Next: every other step of `sample`.
+//! In: [`BlockInput`]. Out: [`LocalBlock`]. Next: every other step of `sample`.
 
-use super::settings::{BlockInput, SampleSettings};
+use crate::sample::settings::{BlockInput, SampleSettings};
 use crate::scene::ObjectKind;
 use glam::{DMat3, DVec3, Vec3};
 use insula_protocol::NODE_CELLS;
@@ -31,7 +31,7 @@ pub(super) struct LocalTriangle {
 
 /// A rectangle of whole leaves, and all triangles around it.
 #[derive(Debug)]
-pub(super) struct Block {
+pub(super) struct LocalBlock {
     pub(super) triangles: Vec<LocalTriangle>,
     pub(super) cell_m: f32,
     /// Width and height in cells.
@@ -44,7 +44,7 @@ pub(super) struct Block {
     pub(super) sky_directions: u32,
 }
 
-impl Block {
+impl LocalBlock {
     /// `None` without leaves.
     pub(super) fn new(input: &BlockInput<'_>, settings: &SampleSettings) -> Option<Self> {
         let xs = input.leaves.iter().map(|l| l.x());
@@ -161,7 +161,7 @@ fn heights(triangles: &[LocalTriangle], extent: [f32; 2]) -> [f32; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::sample::local_block::*;
 
     /// A box of 4 x 3 x 2 m; the first triangle of the floor is `0`, of the top `2`, of the walls `4`.
     fn shell() -> Vec<LocalTriangle> {

@@ -1,10 +1,10 @@
 //! Points on the surfaces, half a cell apart, where colour, normal and occlusion are taken (design 5, step 1).
 //!
-//! In: [`Block`]. Out: [`Candidate`]s. Next: `visibility` counts from where they are seen, `attributes` gives them to voxels.
+//! In: [`LocalBlock`]. Out: [`SurfaceSample`]s. Next: `visibility` counts from where they are seen, `attributes` gives them to voxels.
 
-use super::{
-    local::{Block, LocalTriangle},
-    scan::scan,
+use crate::sample::{
+    local_block::{LocalBlock, LocalTriangle},
+    rasterise::scan,
 };
 use glam::Vec3;
 
@@ -13,7 +13,7 @@ pub(super) const TURNS: usize = 4;
 
 /// One point of a surface.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Candidate {
+pub(super) struct SurfaceSample {
     pub(super) p: Vec3,
     /// Into the block's triangles.
     pub(super) triangle: u32,
@@ -30,7 +30,7 @@ pub(super) struct Candidate {
 }
 
 /// All candidates that lie over the block's cells, triangle by triangle, each triangle's by their turns.
-pub(super) fn find(block: &Block) -> Vec<Candidate> {
+pub(super) fn find(block: &LocalBlock) -> Vec<SurfaceSample> {
     let mut found = Vec::new();
     let spacing = block.cell_m * 0.5;
     for (index, triangle) in block.triangles.iter().enumerate() {
@@ -50,7 +50,7 @@ pub(super) fn find(block: &Block) -> Vec<Candidate> {
 }
 
 /// Gives the candidates of a group the mean of what they saw of the sky: alone, each has looked at a share of it only.
-pub(super) fn share_sky(candidates: &mut [Candidate]) {
+pub(super) fn share_sky(candidates: &mut [SurfaceSample]) {
     let mut order: Vec<u32> = Vec::new();
     for sheet in candidates.chunk_by_mut(|a, b| a.triangle == b.triangle) {
         order.clear();
@@ -69,14 +69,14 @@ pub(super) fn share_sky(candidates: &mut [Candidate]) {
 }
 
 /// Whether nobody can see it: it lies at a closed shell's foot and faces down.
-fn is_floor(block: &Block, triangle: &LocalTriangle) -> bool {
+fn is_floor(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
     let top = triangle.corners.iter().fold(f32::MIN, |m, c| m.max(c.z));
     triangle.closed && triangle.normal.z < -0.99 && top < triangle.base_z_m + 0.01 * block.cell_m
 }
 
 fn push(
-    block: &Block,
-    found: &mut Vec<Candidate>,
+    block: &LocalBlock,
+    found: &mut Vec<SurfaceSample>,
     p: Vec3,
     triangle: u32,
     area_m2: f32,
@@ -89,7 +89,7 @@ fn push(
     if p.x >= -rim && p.y >= -rim && p.x < width + rim && p.y < height + rim {
         let turn = ((place[0] & 1) | ((place[1] & 1) << 1)) as u8;
         let group = (group[0] as u16 as u32) << 16 | group[1] as u16 as u32;
-        found.push(Candidate { p, triangle, area_m2, turn, group, sky: [0.0; 2], sightings: [0; 2] });
+        found.push(SurfaceSample { p, triangle, area_m2, turn, group, sky: [0.0; 2], sightings: [0; 2] });
     }
 }
 
@@ -99,7 +99,7 @@ fn longest_edge(triangle: &LocalTriangle) -> (usize, f32) {
 }
 
 /// A sliver: cut across its longest edge into pieces of equal length, and those along their height.
-fn slice(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<Candidate>) {
+fn slice(block: &LocalBlock, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<SurfaceSample>) {
     let (edge, length) = longest_edge(triangle);
     let (a, b) = (triangle.corners[edge], triangle.corners[(edge + 1) % 3]);
     let apex = triangle.corners[(edge + 2) % 3];
@@ -123,7 +123,7 @@ fn slice(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, foun
 }
 
 /// A broad triangle: the points of the world's grid on the plane of its two smaller axes.
-fn raster(block: &Block, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<Candidate>) {
+fn raster(block: &LocalBlock, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<SurfaceSample>) {
     let n = triangle.normal.abs();
     let main = if n.z >= n.x && n.z >= n.y {
         2

@@ -1,6 +1,6 @@
 //! A leaf's triangles on the grid that all leaves of a city share.
 //!
-//! In: a block's scene, a leaf. Out: [`Surface`]. Next: `chain`.
+//! In: a block's scene, a leaf. Out: [`LeafSurface`]. Next: `chain`.
 //!
 //! The grid's step is a 4,096th of a leaf's side; its points are counted from the leaf's corner and from the city's height
 //! zero, so that both neighbours of a border have the same points there. Only a leaf that is more than sixteen times as high
@@ -13,7 +13,7 @@ use insula_protocol::{
     mesh::{Grid as Points, Kind, POSITION_BITS},
 };
 
-use super::cut::{self, Corner};
+use crate::mesh::square_clip::{self, PolygonVertex};
 use crate::{
     model::{Layer, Model},
     scene::{Scene, grid::Grid},
@@ -24,7 +24,7 @@ pub(super) const STEPS: u32 = 4096;
 
 /// A leaf's triangles; positions are counted in steps from `points.min`.
 #[derive(Debug, Clone)]
-pub(super) struct Surface {
+pub(super) struct LeafSurface {
     /// Where the steps lie.
     pub(super) points: Points,
     /// Steps along the leaf's side: [`STEPS`] but in very high leaves.
@@ -34,7 +34,7 @@ pub(super) struct Surface {
     pub(super) model: Model,
 }
 
-impl Surface {
+impl LeafSurface {
     /// Whether it wears pictures.
     pub(super) fn is_textured(&self) -> bool {
         self.model.layers[0].kind == Kind::Other
@@ -62,7 +62,7 @@ impl Surface {
             steps,
             model: Model::default(),
         };
-        let mut builder = Builder::default();
+        let mut builder = SurfaceBuilder::default();
         for piece in &pieces {
             let places: Vec<[i64; 3]> = piece
                 .polygon
@@ -72,7 +72,7 @@ impl Surface {
                     [at[0].clamp(0, steps.into()), at[1].clamp(0, steps.into()), at[2].max(0)]
                 })
                 .collect();
-            let value = |corner: &Corner| match (textured, picture_of(scene, piece.material)) {
+            let value = |corner: &PolygonVertex| match (textured, picture_of(scene, piece.material)) {
                 (true, true) => [corner.uv[0], corner.uv[1], piece.material as f32],
                 (true, false) => [0.0, 0.0, piece.material as f32],
                 (false, _) => colour(scene, piece.material).map(|v| f32::from(v) / 255.0),
@@ -94,18 +94,18 @@ impl Surface {
 }
 
 /// What of a source triangle lies in the leaf.
-struct Piece {
-    polygon: Vec<Corner>,
+struct ClippedTriangle {
+    polygon: Vec<PolygonVertex>,
     material: u32,
 }
 
-fn pieces(scene: &Scene, grid: &Grid, id: TileId) -> Vec<Piece> {
+fn pieces(scene: &Scene, grid: &Grid, id: TileId) -> Vec<ClippedTriangle> {
     let side_m = grid.node_side_m(id.level());
     let low = [id.x(), id.y()].map(|v| f64::from(v) * side_m);
     let high = [id.x() + 1, id.y() + 1].map(|v| f64::from(v) * side_m);
     let mut pieces = Vec::new();
     for triangle in &scene.triangles {
-        let corner = |k: usize| Corner {
+        let corner = |k: usize| PolygonVertex {
             p: std::array::from_fn(|axis| f64::from(triangle.corners[k][axis]) - grid.corner[axis]),
             uv: triangle.uv[k],
         };
@@ -116,9 +116,9 @@ fn pieces(scene: &Scene, grid: &Grid, id: TileId) -> Vec<Piece> {
         if outside(0) || outside(1) {
             continue;
         }
-        let polygon = cut::to_square(corners, low, high);
+        let polygon = square_clip::to_square(corners, low, high);
         if polygon.len() >= 3 {
-            pieces.push(Piece { polygon, material: triangle.material });
+            pieces.push(ClippedTriangle { polygon, material: triangle.material });
         }
     }
     pieces
@@ -134,7 +134,7 @@ pub(super) fn colour(scene: &Scene, material: u32) -> [u8; 3] {
 
 /// Vertices at one point become one, triangles without area are left out.
 #[derive(Default)]
-struct Builder {
+struct SurfaceBuilder {
     model: Model,
     vertices: HashMap<[i64; 3], u32>,
     wedges: HashMap<(u32, [u32; 3]), u32>,
@@ -142,7 +142,7 @@ struct Builder {
     corners: Vec<u32>,
 }
 
-impl Builder {
+impl SurfaceBuilder {
     fn add(&mut self, corners: [([i64; 3], [f32; 3]); 3]) {
         let [a, b, c] = corners.map(|(place, _)| place);
         if a == b || b == c || c == a {

@@ -7,12 +7,12 @@
 
 use crate::{
     columns::{
-        clip::{Clip, Plane},
+        clip::{CellClip, WallPlane},
         fill,
-        merge::{LINES, Line, Merged, line_at},
+        merge::{LINES, MergedColumn, VerticalLine, line_at},
         srgb::linear,
-        voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
-        wall_fit::{Wall, merge_with_walls},
+        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode},
+        wall_fit::{WallPiece, merge_with_walls},
     },
     scene::grid::Grid,
 };
@@ -28,22 +28,22 @@ use insula_protocol::{
 const SKIRT: f32 = 0.25;
 
 /// A child's column in metres.
-struct Fine {
-    merged: Merged,
+struct ChildColumn {
+    merged: MergedColumn,
     grounded: bool,
     normal: Vec3,
-    roof: Look,
+    roof: VoxelAppearance,
     /// Beyond the wall inside its cell.
-    outer: Option<Look>,
+    outer: Option<VoxelAppearance>,
     /// Azimuth, row of the first look in the child's cells above height zero, looks.
-    wall: Option<(Vec2, i32, Vec<Look>)>,
+    wall: Option<(Vec2, i32, Vec<VoxelAppearance>)>,
 }
 
 /// The parent's columns from its children's, given in quadrant order.
 pub fn parent(grid: &Grid, id: TileId, children: [Option<&BlockMap>; 4]) -> VoxelNode {
     let cell_m = grid.cell_m_at(id.level()) as f32;
-    let fine: [Vec<Option<Fine>>; 4] = children.map(|map| map.map_or_else(Vec::new, fine_columns));
-    let mut merged: Vec<Merged> = (0..COLUMNS).map(|i| merge_four(&four(&fine, i), cell_m)).collect();
+    let fine: [Vec<Option<ChildColumn>>; 4] = children.map(|map| map.map_or_else(Vec::new, fine_columns));
+    let mut merged: Vec<MergedColumn> = (0..COLUMNS).map(|i| merge_four(&four(&fine, i), cell_m)).collect();
     let grounded: Vec<bool> = (0..COLUMNS).map(|i| four(&fine, i).into_iter().flatten().any(|f| f.grounded)).collect();
     sink(&mut merged, &grounded, cell_m);
     let mut node = VoxelNode::empty(id);
@@ -57,7 +57,7 @@ pub fn parent(grid: &Grid, id: TileId, children: [Option<&BlockMap>; 4]) -> Voxe
 }
 
 /// The four child columns under the parent's column `i`, in quadrant order.
-fn four(fine: &[Vec<Option<Fine>>; 4], i: usize) -> [Option<&Fine>; 4] {
+fn four(fine: &[Vec<Option<ChildColumn>>; 4], i: usize) -> [Option<&ChildColumn>; 4] {
     let (x, y) = (i % NODE_CELLS * 2, i / NODE_CELLS * 2);
     std::array::from_fn(|q| {
         let (x, y) = (x + (q & 1), y + (q >> 1));
@@ -66,20 +66,20 @@ fn four(fine: &[Vec<Option<Fine>>; 4], i: usize) -> [Option<&Fine>; 4] {
     })
 }
 
-fn fine_columns(map: &BlockMap) -> Vec<Option<Fine>> {
+fn fine_columns(map: &BlockMap) -> Vec<Option<ChildColumn>> {
     let step_m = map.z_step_m();
     let base_m = map.z_base_m() as f32;
     let metres = |code: u16| base_m + f32::from(code) * step_m;
     map.columns().iter().map(|column| Some(fine_column(column.as_ref()?, map, metres))).collect()
 }
 
-fn fine_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> Fine {
+fn fine_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> ChildColumn {
     let solids = match column.gap {
         Some([low, high]) => vec![
-            Solid { bottom_m: metres(column.z_min), top_m: metres(low) },
-            Solid { bottom_m: metres(high), top_m: metres(column.z_max) },
+            SolidRun { bottom_m: metres(column.z_min), top_m: metres(low) },
+            SolidRun { bottom_m: metres(high), top_m: metres(column.z_max) },
         ],
-        None => vec![Solid { bottom_m: metres(column.z_min), top_m: metres(column.z_max) }],
+        None => vec![SolidRun { bottom_m: metres(column.z_min), top_m: metres(column.z_max) }],
     };
     let normal = Vec3::from_array(octahedral::decode(column.roof_normal));
     let slope = if column.inclined { [-normal.x / normal.z.max(0.1), -normal.y / normal.z.max(0.1)] } else { [0.0; 2] };
@@ -88,17 +88,17 @@ fn fine_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> 
         let looks = strip.texels.iter().map(|t| look(*t)).collect();
         (direction(strip.azimuth), map.z_base_cells + i32::from(first), looks)
     });
-    let plane = |normal: Vec2, offset: i8| Plane {
+    let plane = |normal: Vec2, offset: i8| WallPlane {
         normal,
         offset_m: f32::from(offset) / CLIP_STEPS_PER_CELL as f32 * map.cell_m,
     };
-    let clip = column.clip.zip(wall.as_ref()).map(|(clip, (normal, ..))| Clip {
+    let clip = column.clip.zip(wall.as_ref()).map(|(clip, (normal, ..))| CellClip {
         plane: plane(*normal, clip.offset),
         corner: clip.corner.map(|c| (plane(direction(c.azimuth), c.offset), c.concave)),
         outer_top_m: clip.outer.map(|outer| metres(outer.z)),
     });
-    Fine {
-        merged: Merged { solids, slope, inclined: column.inclined, clip },
+    ChildColumn {
+        merged: MergedColumn { solids, slope, inclined: column.inclined, clip },
         grounded: !column.suspended,
         normal,
         roof: look(column.roof),
@@ -111,12 +111,12 @@ fn direction(azimuth: u8) -> Vec2 {
     Vec2::from_angle(f32::from(azimuth) / 256.0 * std::f32::consts::TAU)
 }
 
-fn look(texel: Texel) -> Look {
+fn look(texel: Texel) -> VoxelAppearance {
     let alpha = f32::from(texel.alpha()) / f32::from(insula_protocol::texel::ALPHA_MAX);
-    Look { rgb: linear(texel.rgb()).to_array(), ao: f32::from(texel.ao()) / f32::from(AO_MAX), alpha }
+    VoxelAppearance { rgb: linear(texel.rgb()).to_array(), ao: f32::from(texel.ao()) / f32::from(AO_MAX), alpha }
 }
 
-fn merge_four(four: &[Option<&Fine>; 4], cell_m: f32) -> Merged {
+fn merge_four(four: &[Option<&ChildColumn>; 4], cell_m: f32) -> MergedColumn {
     // Thin ground columns at four heights have nothing in common: all that stand on the ground reach equally deep.
     let lowest = four
         .iter()
@@ -124,19 +124,19 @@ fn merge_four(four: &[Option<&Fine>; 4], cell_m: f32) -> Merged {
         .filter(|f| f.grounded)
         .filter_map(|f| Some(f.merged.solids.first()?.bottom_m))
         .fold(f32::INFINITY, f32::min);
-    let lines: Vec<Line> = (0..LINES * LINES)
+    let lines: Vec<VerticalLine> = (0..LINES * LINES)
         .map(|i| {
             let at = line_at(i, cell_m);
             let q = usize::from(at.x > 0.0) | usize::from(at.y > 0.0) << 1;
-            let Some(fine) = four[q] else { return Line { at, runs: Vec::new() } };
+            let Some(fine) = four[q] else { return VerticalLine { at, runs: Vec::new() } };
             let mut runs = fine.merged.runs_at(at - centre(q, cell_m));
             if let (true, Some(first)) = (fine.grounded, runs.first_mut()) {
                 first.bottom_m = lowest;
             }
-            Line { at, runs }
+            VerticalLine { at, runs }
         })
         .collect();
-    let walls: Vec<Wall> =
+    let walls: Vec<WallPiece> =
         (0..4).filter_map(|q| Some((four[q]?, q))).flat_map(|(f, q)| walls_of(f, q, cell_m)).collect();
     merge_with_walls(&lines, Vec::new, &walls, cell_m)
 }
@@ -147,22 +147,25 @@ fn centre(q: usize, cell_m: f32) -> Vec2 {
 }
 
 /// Where a child's walls stand: inside its cell, or else on its border.
-fn walls_of(fine: &Fine, q: usize, cell_m: f32) -> Vec<Wall> {
+fn walls_of(fine: &ChildColumn, q: usize, cell_m: f32) -> Vec<WallPiece> {
     let Some((normal, _, looks)) = fine.wall.as_ref() else { return Vec::new() };
-    let border = Plane { normal: *normal, offset_m: 0.25 * cell_m * normal.abs().max_element() };
+    let border = WallPlane { normal: *normal, offset_m: 0.25 * cell_m * normal.abs().max_element() };
     let planes = match fine.merged.clip {
         None => vec![border],
-        Some(Clip { plane, corner: None, .. }) => vec![plane],
-        Some(Clip { plane, corner: Some((second, _)), .. }) => vec![plane, second],
+        Some(CellClip { plane, corner: None, .. }) => vec![plane],
+        Some(CellClip { plane, corner: Some((second, _)), .. }) => vec![plane, second],
     };
     let area_m2 = looks.len() as f32 * 0.25 * cell_m * cell_m / planes.len() as f32;
-    let wall =
-        |plane: Plane| Wall { normal: plane.normal, at: centre(q, cell_m) + plane.normal * plane.offset_m, area_m2 };
+    let wall = |plane: WallPlane| WallPiece {
+        normal: plane.normal,
+        at: centre(q, cell_m) + plane.normal * plane.offset_m,
+        area_m2,
+    };
     planes.into_iter().map(wall).collect()
 }
 
 /// Lets grounded columns that end above the lowest top around reach under it: there would be a gap between the two.
-fn sink(merged: &mut [Merged], grounded: &[bool], cell_m: f32) {
+fn sink(merged: &mut [MergedColumn], grounded: &[bool], cell_m: f32) {
     let lows: Vec<f32> = merged.iter().map(|m| m.solids.first().map_or(f32::INFINITY, |s| s.top_m)).collect();
     let n = NODE_CELLS as i32;
     for i in (0..COLUMNS).filter(|i| grounded[*i]) {
@@ -180,16 +183,23 @@ fn sink(merged: &mut [Merged], grounded: &[bool], cell_m: f32) {
     }
 }
 
-fn column(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: bool, cell_m: f32) -> VoxelColumn {
+fn column(
+    merged: &[MergedColumn],
+    i: usize,
+    four: &[Option<&ChildColumn>; 4],
+    grounded: bool,
+    cell_m: f32,
+) -> VoxelColumn {
     let own = &merged[i];
     let top = own.solids.last().map_or(0.0, |s| s.top_m);
     let exposed = exposed(merged, i, four, grounded, cell_m);
     let (first, last) = (own.solids[0], own.solids[own.solids.len() - 1]);
-    let solids = if exposed { own.solids.clone() } else { vec![Solid { bottom_m: first.bottom_m, top_m: last.top_m }] };
+    let solids =
+        if exposed { own.solids.clone() } else { vec![SolidRun { bottom_m: first.bottom_m, top_m: last.top_m }] };
     // The roof is what lies at the column's top; a lower terrace beside it does not tint it.
-    let at_top = |f: &&Fine| f.merged.solids.last().is_some_and(|s| (s.top_m - top).abs() < cell_m);
-    let near: Vec<&Fine> = four.iter().flatten().copied().filter(at_top).collect();
-    let all: Vec<&Fine> = four.iter().flatten().copied().collect();
+    let at_top = |f: &&ChildColumn| f.merged.solids.last().is_some_and(|s| (s.top_m - top).abs() < cell_m);
+    let near: Vec<&ChildColumn> = four.iter().flatten().copied().filter(at_top).collect();
+    let all: Vec<&ChildColumn> = four.iter().flatten().copied().collect();
     let tops = if near.is_empty() { &all } else { &near };
     let [sx, sy] = own.slope;
     let mean_normal = tops.iter().map(|f| f.normal).sum::<Vec3>().normalize_or(Vec3::Z);
@@ -217,7 +227,7 @@ fn column(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: bool
 }
 
 /// Mean look of the children's tops, and of what lies beyond their walls, that are about as high.
-fn lower(children: &[&Fine], z_m: f32, cell_m: f32) -> Look {
+fn lower(children: &[&ChildColumn], z_m: f32, cell_m: f32) -> VoxelAppearance {
     let tops = children.iter().flat_map(|f| {
         let roof = f.merged.solids.last().map(|s| (s.top_m, f.roof));
         [roof, f.merged.clip.and_then(|clip| clip.outer_top_m).zip(f.outer)].into_iter().flatten()
@@ -226,7 +236,7 @@ fn lower(children: &[&Fine], z_m: f32, cell_m: f32) -> Look {
 }
 
 /// As in a leaf; on the node's rim, where the neighbour is not known, as the children had it.
-fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: bool, cell_m: f32) -> bool {
+fn exposed(merged: &[MergedColumn], i: usize, four: &[Option<&ChildColumn>; 4], grounded: bool, cell_m: f32) -> bool {
     let n = NODE_CELLS as i32;
     let (x, y) = (i as i32 % n, i as i32 / n);
     let rim = x == 0 || y == 0 || x == n - 1 || y == n - 1;
@@ -249,18 +259,22 @@ fn exposed(merged: &[Merged], i: usize, four: &[Option<&Fine>; 4], grounded: boo
 }
 
 /// Two rows of each child that has a wall there.
-fn wall_row(children: &[&Fine], row: i32) -> Look {
+fn wall_row(children: &[&ChildColumn], row: i32) -> VoxelAppearance {
     mean(children.iter().filter_map(|f| f.wall.as_ref()).flat_map(|(_, first, looks)| {
         [row * 2, row * 2 + 1].into_iter().filter_map(move |r| looks.get(usize::try_from(r - first).ok()?).copied())
     }))
 }
 
-fn mean(looks: impl Iterator<Item = Look>) -> Look {
+fn mean(looks: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
     let (mut rgb, mut ao, mut weight) = ([0.0; 3], 0.0, 0.0);
     for look in looks {
         rgb = [0, 1, 2].map(|k| rgb[k] + look.rgb[k] * look.alpha);
         ao += look.ao * look.alpha;
         weight += look.alpha;
     }
-    if weight <= 0.0 { Look::default() } else { Look { rgb: rgb.map(|v| v / weight), ao: ao / weight, alpha: 1.0 } }
+    if weight <= 0.0 {
+        VoxelAppearance::default()
+    } else {
+        VoxelAppearance { rgb: rgb.map(|v| v / weight), ao: ao / weight, alpha: 1.0 }
+    }
 }

@@ -11,18 +11,18 @@ use crate::model::Model;
 /// Along a triangle's side, most places where it is measured.
 const MOST_SAMPLES: u32 = 6;
 
-/// Side of a cube at least: many triangles are walls of hundreds of steps.
+/// PolygonEdge of a cube at least: many triangles are walls of hundreds of steps.
 const SMALLEST_CUBE: f64 = 128.0;
 
 /// Triangles of a surface, in cubes.
-pub(super) struct Near {
+pub(super) struct TriangleCubes {
     triangles: Vec<[DVec3; 3]>,
     cubes: HashMap<[i32; 3], Vec<u32>>,
     side: f64,
     reach: f64,
 }
 
-impl Near {
+impl TriangleCubes {
     /// Distances up to `reach` can be asked for.
     pub(super) fn new(model: &Model, reach: f64) -> Self {
         let side = (4.0 * reach).max(SMALLEST_CUBE);
@@ -147,7 +147,7 @@ pub(super) fn half_diagonals(model: &Model) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::mesh::surface_distance::*;
 
     fn sheet(z: f64) -> Model {
         let positions = vec![[0.0, 0.0, z], [10.0, 0.0, z], [10.0, 10.0, z], [0.0, 10.0, z]];
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn two_sheets_are_as_far_apart_as_they_are() {
-        let near = Near::new(&sheet(0.0), 5.0);
+        let near = TriangleCubes::new(&sheet(0.0), 5.0);
         let far = |z: f64| near.farthest(&sheet(z), 1.0, |_| f64::INFINITY);
         assert!(far(0.0) < 1e-9 && far(1.5) == 1.5 && far(9.0) == 5.0);
         assert_eq!(near.farthest(&sheet(3.0), 1.0, |_| 0.25), 0.25);

@@ -1,6 +1,6 @@
 //! A leaf's levels of detail.
 //!
-//! In: a leaf's [`Surface`]. Out: [`Lod`]s, the finest first. Next: `write`.
+//! In: a leaf's [`LeafSurface`]. Out: [`EncodedLod`]s, the finest first. Next: `write`.
 //!
 //! The finest is the surface itself. Each coarser one may be four times as wrong as the one before it, the coarsest nearly as
 //! wrong as the leaf's V-BlockMap; one that is hardly smaller than the one before is left out. Errors are measured, not
@@ -16,10 +16,10 @@ use insula_protocol::{
     subtree::MeshLod,
 };
 
-use super::{
-    distance::{Near, half_diagonals},
-    lattice::Surface,
-    picture,
+use crate::mesh::{
+    leaf_surface::LeafSurface,
+    surface_distance::{TriangleCubes, half_diagonals},
+    texture_bake,
 };
 use crate::{
     columns::voxels::HALF_DIAGONAL,
@@ -40,7 +40,7 @@ const FEWER: f64 = 0.8;
 
 /// A finished level of detail.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Lod {
+pub(crate) struct EncodedLod {
     pub(crate) info: MeshLod,
     pub(crate) bytes: Vec<u8>,
 }
@@ -50,12 +50,12 @@ pub(super) fn chain(
     scene: &Scene,
     grid: &Grid,
     id: TileId,
-    surface: &Surface,
+    surface: &LeafSurface,
     quality: Quality,
-) -> Result<Vec<Lod>, BakeError> {
+) -> Result<Vec<EncodedLod>, BakeError> {
     let step_m = surface.points.step;
     let coarse_m = HALF_DIAGONAL * grid.cell_m;
-    let maker = Maker { scene, id, surface, quality };
+    let maker = LodEncoder { scene, id, surface, quality };
     let Some((finest, model)) = maker.finest(coarse_m)? else { return Ok(Vec::new()) };
     let mut lods = vec![finest];
     let mut before = model.triangles.len();
@@ -77,23 +77,23 @@ pub(super) fn chain(
         if f64::from(lod.info.error_m) < coarse_m && lod.bytes.len() as f64 <= GAIN * finer.bytes.len() as f64 {
             before = coarser.triangles.len();
             let error_m = lod.info.error_m.max(finer.info.error_m);
-            lods.push(Lod { info: MeshLod { error_m, ..lod.info }, ..lod });
+            lods.push(EncodedLod { info: MeshLod { error_m, ..lod.info }, ..lod });
         }
     }
     Ok(lods)
 }
 
-struct Maker<'a> {
+struct LodEncoder<'a> {
     scene: &'a Scene,
     id: TileId,
-    surface: &'a Surface,
+    surface: &'a LeafSurface,
     quality: Quality,
 }
 
-impl Maker<'_> {
+impl LodEncoder<'_> {
     /// The surface itself, or as many of its triangles as a tile may have. `None` if that would be no better than the leaf's
     /// V-BlockMap, whose error is `coarse_m`.
-    fn finest(&self, coarse_m: f64) -> Result<Option<(Lod, Model)>, BakeError> {
+    fn finest(&self, coarse_m: f64) -> Result<Option<(EncodedLod, Model)>, BakeError> {
         let surface = self.surface;
         let step_m = surface.points.step;
         let mut most = MAX_TRIANGLES;
@@ -108,7 +108,7 @@ impl Maker<'_> {
                 0.0
             } else {
                 let reach = coarse_m / step_m;
-                Near::new(&surface.model, reach).farthest(&model, reach, |_| f64::INFINITY) * step_m
+                TriangleCubes::new(&surface.model, reach).farthest(&model, reach, |_| f64::INFINITY) * step_m
             };
             if let Some(lod) = self.lod(&model, 0, (moved_m, 2.0 * step_m))? {
                 return Ok((f64::from(lod.info.error_m) < coarse_m).then_some((lod, model)));
@@ -119,11 +119,11 @@ impl Maker<'_> {
     }
 
     /// `None` if there is too much of it for a tile.
-    fn lod(&self, model: &Model, number: u8, (moved_m, texel_m): (f64, f64)) -> Result<Option<Lod>, BakeError> {
+    fn lod(&self, model: &Model, number: u8, (moved_m, texel_m): (f64, f64)) -> Result<Option<EncodedLod>, BakeError> {
         let step_m = self.surface.points.step;
         let mut error_m = HALF_DIAGONAL * step_m + moved_m;
         let (attribute, texture) = if self.surface.is_textured() {
-            let Some(dress) = picture::dress(self.scene, model, (step_m, texel_m), self.quality) else {
+            let Some(dress) = texture_bake::dress(self.scene, model, (step_m, texel_m), self.quality) else {
                 return Ok(None);
             };
             error_m = error_m.max(dress.texel_m);
@@ -141,7 +141,7 @@ impl Maker<'_> {
                 let tile = MeshTile::decode(self.id, number, &bytes).map_err(BakeError::tile(self.id, "read back"))?;
                 let triangles = tile.mesh.triangles.len() as u32;
                 let info = MeshLod { error_m: rounded_up(error_m), bytes: bytes.len() as u32, triangles, texture_px };
-                Ok(Some(Lod { info, bytes }))
+                Ok(Some(EncodedLod { info, bytes }))
             }
             Err(DecodeError::Limit { .. }) => Ok(None),
             Err(other) => Err(BakeError::tile(self.id, "encoded as a mesh")(other)),
@@ -149,7 +149,7 @@ impl Maker<'_> {
     }
 }
 
-impl Surface {
+impl LeafSurface {
     /// At most so many triangles, no further away than `target_m`, and how far; `None` if that cannot be.
     fn coarser(&self, target_m: f64, triangles: usize, half: &mut Vec<f64>) -> Option<(Model, f64)> {
         let target = target_m / self.points.step;
@@ -163,11 +163,11 @@ impl Surface {
                 *half = half_diagonals(&self.model);
             }
             let reach = 1.01 * target;
-            let there = Near::new(&self.model, reach).farthest(&coarser, reach, |_| f64::INFINITY);
+            let there = TriangleCubes::new(&self.model, reach).farthest(&coarser, reach, |_| f64::INFINITY);
             if there > target {
                 continue;
             }
-            let back = Near::new(&coarser, reach).farthest(&self.model, reach, |t| half[t]);
+            let back = TriangleCubes::new(&coarser, reach).farthest(&self.model, reach, |t| half[t]);
             if back <= target {
                 return Some((coarser, there.max(back) * self.points.step));
             }

@@ -9,22 +9,22 @@ use std::array;
 
 /// A corner: metres from the grid's corner, and where it lies in its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Corner {
+pub(super) struct PolygonVertex {
     pub(super) p: [f64; 3],
     pub(super) uv: [f32; 2],
 }
 
 /// A corner of a polygon, and the points that the edge from here to the next one lies on.
 #[derive(Debug, Clone, Copy)]
-struct Side {
-    start: Corner,
-    line: [Corner; 2],
+struct PolygonEdge {
+    start: PolygonVertex,
+    line: [PolygonVertex; 2],
 }
 
 /// What of `triangle` lies between `low` and `high` in x and y, borders included; fewer than three corners if nothing.
-pub(super) fn to_square(triangle: [Corner; 3], low: [f64; 2], high: [f64; 2]) -> Vec<Corner> {
-    let mut sides: Vec<Side> =
-        (0..3).map(|k| Side { start: triangle[k], line: [triangle[k], triangle[(k + 1) % 3]] }).collect();
+pub(super) fn to_square(triangle: [PolygonVertex; 3], low: [f64; 2], high: [f64; 2]) -> Vec<PolygonVertex> {
+    let mut sides: Vec<PolygonEdge> =
+        (0..3).map(|k| PolygonEdge { start: triangle[k], line: [triangle[k], triangle[(k + 1) % 3]] }).collect();
     for axis in 0..2 {
         sides = clip(&sides, axis, low[axis], |v, at| v >= at);
         sides = clip(&sides, axis, high[axis], |v, at| v <= at);
@@ -32,12 +32,12 @@ pub(super) fn to_square(triangle: [Corner; 3], low: [f64; 2], high: [f64; 2]) ->
     sides.into_iter().map(|side| side.start).collect()
 }
 
-fn clip(sides: &[Side], axis: usize, at: f64, keeps: impl Fn(f64, f64) -> bool) -> Vec<Side> {
-    let is_in = |corner: &Corner| keeps(corner.p[axis], at);
+fn clip(sides: &[PolygonEdge], axis: usize, at: f64, keeps: impl Fn(f64, f64) -> bool) -> Vec<PolygonEdge> {
+    let is_in = |corner: &PolygonVertex| keeps(corner.p[axis], at);
     if sides.iter().all(|side| is_in(&side.start)) {
         return sides.to_vec();
     }
-    let mut out: Vec<Side> = Vec::with_capacity(sides.len() + 1);
+    let mut out: Vec<PolygonEdge> = Vec::with_capacity(sides.len() + 1);
     // Where the polygon leaves, the next edge runs along the border to where it comes back.
     let (mut left, mut back) = (None, None);
     for (i, side) in sides.iter().enumerate() {
@@ -48,7 +48,7 @@ fn clip(sides: &[Side], axis: usize, at: f64, keeps: impl Fn(f64, f64) -> bool) 
         }
         if here && !there {
             if side.start.p[axis] != at {
-                out.push(Side { start: cross(side.line, axis, at), line: side.line });
+                out.push(PolygonEdge { start: cross(side.line, axis, at), line: side.line });
             }
             left = out.len().checked_sub(1);
         } else if there && !here {
@@ -56,7 +56,7 @@ fn clip(sides: &[Side], axis: usize, at: f64, keeps: impl Fn(f64, f64) -> bool) 
                 back = Some(*next);
             } else {
                 let start = cross(side.line, axis, at);
-                out.push(Side { start, line: side.line });
+                out.push(PolygonEdge { start, line: side.line });
                 back = Some(start);
             }
         }
@@ -68,24 +68,24 @@ fn clip(sides: &[Side], axis: usize, at: f64, keeps: impl Fn(f64, f64) -> bool) 
 }
 
 /// Where the line between two points crosses a plane; the same whichever comes first.
-fn cross([a, b]: [Corner; 2], axis: usize, at: f64) -> Corner {
+fn cross([a, b]: [PolygonVertex; 2], axis: usize, at: f64) -> PolygonVertex {
     let (low, high) = if a.p <= b.p { (a, b) } else { (b, a) };
     let share = (at - low.p[axis]) / (high.p[axis] - low.p[axis]);
     let mut p: [f64; 3] = array::from_fn(|k| low.p[k] + (high.p[k] - low.p[k]) * share);
     p[axis] = at;
     let uv = array::from_fn(|k| low.uv[k] + (high.uv[k] - low.uv[k]) * share as f32);
-    Corner { p, uv }
+    PolygonVertex { p, uv }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::mesh::square_clip::*;
 
-    fn corner(x: f64, y: f64, z: f64) -> Corner {
-        Corner { p: [x, y, z], uv: [x as f32, y as f32] }
+    fn corner(x: f64, y: f64, z: f64) -> PolygonVertex {
+        PolygonVertex { p: [x, y, z], uv: [x as f32, y as f32] }
     }
 
-    fn area(polygon: &[Corner]) -> f64 {
+    fn area(polygon: &[PolygonVertex]) -> f64 {
         let at = |i: usize| glam::DVec3::from(polygon[i % polygon.len()].p);
         (1..polygon.len().saturating_sub(1)).map(|i| (at(i) - at(0)).cross(at(i + 1) - at(0)).length() / 2.0).sum()
     }
@@ -98,7 +98,7 @@ mod tests {
             f64::from((seed >> 8) as f32 / (1 << 24) as f32) * 4.0
         };
         for _ in 0..500 {
-            let triangle: [Corner; 3] = array::from_fn(|_| corner(random(), random(), random()));
+            let triangle: [PolygonVertex; 3] = array::from_fn(|_| corner(random(), random(), random()));
             let mut sum = 0.0;
             let mut on_borders: Vec<Vec<[u64; 3]>> = Vec::new();
             for i in 0..16 {

@@ -4,14 +4,14 @@
 
 /// An edge, taken from its lower end whichever triangle it is of: two triangles that share it find the same places on it.
 #[derive(Clone, Copy)]
-struct Edge {
+struct RasterEdge {
     from: [f32; 2],
     to_x: f32,
     /// Change of x with y; not finite for an edge along a row, which no row's line crosses.
     run: f32,
 }
 
-impl Edge {
+impl RasterEdge {
     fn new(a: [f32; 2], b: [f32; 2]) -> Self {
         let (from, to) = if (a[1], a[0]) <= (b[1], b[0]) { (a, b) } else { (b, a) };
         Self { from, to_x: to[0], run: (to[0] - from[0]) / (to[1] - from[1]) }
@@ -63,8 +63,9 @@ pub(super) fn scan(corners: [[f32; 2]; 3], step: f32, size: [usize; 2], mut run:
         return;
     }
     let turn = index(middle[1], size[1]);
-    let long = Edge::new(low, high);
-    for (edge, rows) in [(Edge::new(low, middle), rows[0]..turn), (Edge::new(middle, high), turn..rows[1])] {
+    let long = RasterEdge::new(low, high);
+    for (edge, rows) in [(RasterEdge::new(low, middle), rows[0]..turn), (RasterEdge::new(middle, high), turn..rows[1])]
+    {
         for row in rows {
             let y = (row as f32 + 0.5) * step;
             let (a, b) = (long.x_at(y), edge.x_at(y));
@@ -78,7 +79,7 @@ pub(super) fn scan(corners: [[f32; 2]; 3], step: f32, size: [usize; 2], mut run:
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::sample::rasterise::*;
 
     #[test]
     fn a_square_of_two_triangles_is_covered_once() {

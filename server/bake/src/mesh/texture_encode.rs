@@ -26,13 +26,13 @@ const STEP_DB: f64 = 0.1;
 const FEW_COLOURS: usize = 256;
 
 /// Texels, row by row, and which of them triangles show.
-pub(super) struct Shown<'a> {
+pub(super) struct MaskedTexture<'a> {
     pub(super) size: [u32; 2],
     pub(super) rgb: &'a [u8],
     pub(super) shown: &'a [bool],
 }
 
-impl Shown<'_> {
+impl MaskedTexture<'_> {
     /// The smallest file found that loses no more than `quality` allows; `None` if it is too large for a tile.
     pub(super) fn pack(&self, quality: Quality) -> Option<Vec<u8>> {
         let lossy = match quality {
@@ -124,7 +124,7 @@ fn quality_of(steps: i32) -> f32 {
 /// Gives texels that are not `known` colours between those of the nearest that are: means of means of four, and from the
 /// coarsest back again (Gortler and others 1996, "The lumigraph", 3.3.2).
 pub(super) fn fill(rgb: &mut [u8], [width, height]: [u32; 2], known: &[bool]) {
-    let first = Level {
+    let first = PyramidLevel {
         size: [width as usize, height as usize],
         texels: rgb
             .as_chunks::<3>()
@@ -149,12 +149,12 @@ pub(super) fn fill(rgb: &mut [u8], [width, height]: [u32; 2], known: &[bool]) {
     }
 }
 
-struct Level {
+struct PyramidLevel {
     size: [usize; 2],
     texels: Vec<Option<[f32; 3]>>,
 }
 
-impl Level {
+impl PyramidLevel {
     fn at(&self, x: usize, y: usize) -> Option<[f32; 3]> {
         self.texels[y.min(self.size[1] - 1) * self.size[0] + x.min(self.size[0] - 1)]
     }
@@ -195,7 +195,7 @@ impl Level {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::mesh::texture_encode::*;
 
     /// Waves, with a little that no wave has.
     fn waves(width: u32, height: u32) -> Vec<u8> {
@@ -213,7 +213,7 @@ mod tests {
     fn files_are_as_good_as_asked_for_and_hardly_better() {
         let size = [150, 90];
         let (rgb, shown) = (waves(150, 90), vec![true; 150 * 90]);
-        let picture = Shown { size, rgb: &rgb, shown: &shown };
+        let picture = MaskedTexture { size, rgb: &rgb, shown: &shown };
         let mut last = usize::MAX;
         for db in [42.0, 36.0, 30.0] {
             let file = picture.pack(Quality::Decibels(db)).unwrap();
@@ -225,7 +225,7 @@ mod tests {
         let whole = picture.pack(Quality::Lossless).unwrap();
         assert!(picture.decibels(&whole).unwrap() > 100.0 && whole.len() > last);
         let plain = vec![77; 3 * 150 * 90];
-        let flat = Shown { size, rgb: &plain, shown: &shown }.pack(Quality::Decibels(36.0)).unwrap();
+        let flat = MaskedTexture { size, rgb: &plain, shown: &shown }.pack(Quality::Decibels(36.0)).unwrap();
         assert!(flat.len() < 100, "{}", flat.len());
     }
 
@@ -239,7 +239,8 @@ mod tests {
         for (i, shown) in shown.iter().enumerate().filter(|(_, shown)| **shown) {
             assert!(*shown && filled[3 * i..3 * i + 3] == whole[3 * i..3 * i + 3]);
         }
-        let bytes = |rgb: &[u8]| Shown { size, rgb, shown: &shown }.pack(Quality::Decibels(36.0)).unwrap().len();
+        let bytes =
+            |rgb: &[u8]| MaskedTexture { size, rgb, shown: &shown }.pack(Quality::Decibels(36.0)).unwrap().len();
         assert!(bytes(&filled) * 4 < bytes(&whole) * 3, "{} {}", bytes(&filled), bytes(&whole));
         // From one texel, all; from none, black.
         let one: Vec<bool> = (0..35).map(|i| i == 12).collect();

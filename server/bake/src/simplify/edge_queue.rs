@@ -11,14 +11,14 @@ const CLASSES: usize = 1 << (31 - BELOW);
 
 /// Edges that wait.
 #[derive(Debug)]
-pub(super) struct Queue {
+pub(super) struct EdgeQueue {
     waiting: Vec<(f32, u32)>,
     /// Edges of each class.
     counts: Vec<u32>,
     sorted: Vec<(f32, u32)>,
 }
 
-impl Queue {
+impl EdgeQueue {
     pub(super) fn new() -> Self {
         Self { waiting: Vec::new(), counts: vec![0; CLASSES], sorted: Vec::new() }
     }
