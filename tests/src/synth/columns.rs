@@ -6,7 +6,9 @@ use super::{
     raster::{GROUND, OUTSIDE, Raster, SUB, Sample},
 };
 use glam::{DVec2, Vec2};
-use insula_bake::columns::voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane};
+use insula_bake::columns::voxels::{
+    SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelCorner, VoxelNode, VoxelOuterTop, VoxelPlane,
+};
 use insula_protocol::{NODE_CELLS, TileId, blockmap::COLUMNS};
 use std::sync::OnceLock;
 
@@ -173,8 +175,8 @@ fn column(raster: &Raster, own: &Cell, centre: DVec2, around: &[Option<&Cell>; 9
     let normal = own.slope.extend(-1.0).normalize_or(glam::Vec3::NEG_Z) * -1.0;
     let roof_ao = if own.part.is_some() { 1.0 } else { 0.8 };
     let clip = own.clip.map(|(plane, second, outer_m)| {
-        let corner = second.map(|second| (second, false));
-        VoxelClip { plane, corner, outer: Some((outer_m, look(own.outer, 0.7))) }
+        let corner = second.map(|plane| VoxelCorner { plane, concave: false });
+        VoxelClip { plane, corner, outer: Some(VoxelOuterTop { top_m: outer_m, appearance: look(own.outer, 0.7) }) }
     });
     VoxelColumn {
         solids,

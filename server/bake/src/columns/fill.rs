@@ -1,87 +1,128 @@
-//! Every voxel that can be seen gets a colour (design 5, steps 3 and 5).
+//! Appearance for voxels that no sample reached: it spreads from the nearest voxels that have some.
 //!
-//! In: a [`VoxelNode`] whose unseen looks have no coverage. Out: the same with all of them filled. Next: `parametrise`.
+//! Rows of a wall take the nearest row of the same wall. Then up to [`PASSES`] passes over the node copy means of the eight
+//! neighbouring columns, so that appearance travels one cell per pass. What is still unknown takes the column's own wall or
+//! roof, or else [`GREY`]. Afterwards every appearance of the node has coverage.
 
-use crate::columns::voxels::{VoxelAppearance, VoxelColumn, VoxelNode};
+use crate::columns::voxels::{VoxelAppearance, VoxelColumn, VoxelNode, VoxelOuterTop};
 use insula_protocol::NODE_CELLS;
 
-/// What nothing around has a colour for.
+/// Used where no neighbour within [`PASSES`] cells is known.
 const GREY: VoxelAppearance = VoxelAppearance { rgb: [0.4; 3], ao: 0.5, alpha: 1.0 };
-/// Passes over the node: colours come from at most so many cells away, then [`GREY`].
+/// Largest distance, in cells, that appearance spreads from other columns.
 const PASSES: usize = 8;
+/// Tops of neighbours count as equally high if they differ by less, in metres.
+const SIMILAR_TOP_M: f32 = 2.0;
 
-/// Fills looks without coverage from the nearest that have some: a wall from its own rows, then from its neighbours' rows
-/// of the same height; a roof from its neighbours, then from its wall. Used by `lod` as well.
-pub(crate) fn fill(node: &mut VoxelNode) {
+/// Appearances found around one column.
+struct Found {
+    column: usize,
+    roof: VoxelAppearance,
+    outer: VoxelAppearance,
+    wall: Vec<VoxelAppearance>,
+}
+
+/// Gives every appearance of the node coverage.
+pub(crate) fn fill_unknown(node: &mut VoxelNode) {
     for column in node.columns.iter_mut().flatten() {
         fill_rows(&mut column.wall);
     }
     for _ in 0..PASSES {
-        let wanting: Vec<usize> = (0..node.columns.len()).filter(|i| wants(node.columns[*i].as_ref())).collect();
-        if wanting.is_empty() {
+        let incomplete: Vec<usize> =
+            (0..node.columns.len()).filter(|i| is_incomplete(node.columns[*i].as_ref())).collect();
+        if incomplete.is_empty() {
             return;
         }
-        let found: Vec<(usize, [VoxelAppearance; 2], Vec<VoxelAppearance>)> =
-            wanting.into_iter().map(|i| (i, roofs_around(node, i), wall_around(node, i))).collect();
-        for (i, [roof, lower], wall) in found {
-            let Some(column) = node.columns[i].as_mut() else { continue };
-            if let Some((_, look)) = outer(column).filter(|(_, look)| look.alpha == 0.0) {
-                *look = lower;
+        // All columns are read before any is changed, so that the order of columns does not matter.
+        let found: Vec<Found> = incomplete.into_iter().map(|i| find_around(node, i)).collect();
+        for found in found {
+            if let Some(column) = node.columns[found.column].as_mut() {
+                apply(column, &found);
             }
-            if column.roof.alpha == 0.0 {
-                column.roof = roof;
-            }
-            for (own, look) in column.wall.iter_mut().zip(wall) {
-                if own.alpha == 0.0 {
-                    *own = look;
-                }
-            }
-            fill_rows(&mut column.wall);
         }
     }
-    for column in node.columns.iter_mut().flatten() {
-        let wall = column.wall.last().copied().filter(|l| l.alpha > 0.0);
-        if column.roof.alpha == 0.0 {
-            column.roof = wall.unwrap_or(GREY);
-        }
-        let roof = column.roof;
-        if let Some((_, look)) = outer(column).filter(|(_, look)| look.alpha == 0.0) {
-            *look = roof;
-        }
-        column.wall.iter_mut().filter(|l| l.alpha == 0.0).for_each(|l| *l = roof);
-    }
+    node.columns.iter_mut().flatten().for_each(fill_from_self);
 }
 
-/// What lies beyond a wall inside the column's cell.
-fn outer(column: &mut VoxelColumn) -> Option<&mut (f32, VoxelAppearance)> {
-    column.clip.as_mut()?.outer.as_mut()
+fn is_unknown(appearance: &VoxelAppearance) -> bool {
+    appearance.alpha == 0.0
 }
 
-fn wants(column: Option<&VoxelColumn>) -> bool {
-    let empty = |look: &VoxelAppearance| look.alpha == 0.0;
-    column.is_some_and(|c| {
-        let outer = c.clip.and_then(|clip| clip.outer);
-        empty(&c.roof) || outer.is_some_and(|(_, look)| empty(&look)) || c.wall.iter().any(empty)
+/// The appearance beyond the column's clip, if it is unknown.
+fn unknown_outer(column: &mut VoxelColumn) -> Option<&mut VoxelAppearance> {
+    let outer = column.clip.as_mut()?.outer.as_mut()?;
+    Some(&mut outer.appearance).filter(|appearance| is_unknown(appearance))
+}
+
+fn is_incomplete(column: Option<&VoxelColumn>) -> bool {
+    column.is_some_and(|column| {
+        let outer = column.clip.and_then(|clip| clip.outer);
+        is_unknown(&column.roof)
+            || outer.is_some_and(|outer| is_unknown(&outer.appearance))
+            || column.wall.iter().any(is_unknown)
     })
 }
 
-/// Each empty row from the nearest filled one, the lower of two as near.
+/// Sets the unknown appearances of a column to what was found around it.
+fn apply(column: &mut VoxelColumn, found: &Found) {
+    if let Some(outer) = unknown_outer(column) {
+        *outer = found.outer;
+    }
+    if is_unknown(&column.roof) {
+        column.roof = found.roof;
+    }
+    for (own, appearance) in column.wall.iter_mut().zip(&found.wall) {
+        if is_unknown(own) {
+            *own = *appearance;
+        }
+    }
+    fill_rows(&mut column.wall);
+}
+
+/// Sets the unknown appearances of a column to those of its own wall or roof, or else to [`GREY`].
+fn fill_from_self(column: &mut VoxelColumn) {
+    if is_unknown(&column.roof) {
+        let wall = column.wall.last().copied().filter(|wall| wall.alpha > 0.0);
+        column.roof = wall.unwrap_or(GREY);
+    }
+    let roof = column.roof;
+    if let Some(outer) = unknown_outer(column) {
+        *outer = roof;
+    }
+    column.wall.iter_mut().filter(|wall| is_unknown(wall)).for_each(|wall| *wall = roof);
+}
+
+/// Sets each unknown row to the nearest known one; the lower of two that are equally near.
 fn fill_rows(rows: &mut [VoxelAppearance]) {
-    let filled: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].alpha > 0.0).collect();
-    if filled.is_empty() || filled.len() == rows.len() {
+    let known: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].alpha > 0.0).collect();
+    if known.is_empty() || known.len() == rows.len() {
         return;
     }
-    for i in (0..rows.len()).filter(|i| filled.binary_search(i).is_err()).collect::<Vec<_>>() {
-        let after = filled.partition_point(|f| *f < i);
-        let candidates = [after.checked_sub(1), (after < filled.len()).then_some(after)];
-        let nearest = candidates.into_iter().flatten().map(|k| filled[k]).min_by_key(|f| f.abs_diff(i));
+    for i in (0..rows.len()).filter(|i| known.binary_search(i).is_err()).collect::<Vec<_>>() {
+        let after = known.partition_point(|row| *row < i);
+        let neighbours = [after.checked_sub(1), (after < known.len()).then_some(after)];
+        let nearest = neighbours.into_iter().flatten().map(|k| known[k]).min_by_key(|row| row.abs_diff(i));
         if let Some(nearest) = nearest {
             rows[i] = rows[nearest];
         }
     }
 }
 
-fn around(node: &VoxelNode, i: usize) -> impl Iterator<Item = &VoxelColumn> {
+fn find_around(node: &VoxelNode, i: usize) -> Found {
+    let own = node.columns[i].as_ref();
+    let mean_at_height = |top: Option<VoxelOuterTop>| {
+        top.map_or(VoxelAppearance::default(), |top| mean_of_tops_around(node, i, top.top_m))
+    };
+    Found {
+        column: i,
+        roof: mean_at_height(own.and_then(|column| tops(column).next())),
+        outer: mean_at_height(own.and_then(|column| column.clip?.outer)),
+        wall: wall_around(node, i),
+    }
+}
+
+/// The up to eight columns around column `i`.
+fn neighbours(node: &VoxelNode, i: usize) -> impl Iterator<Item = &VoxelColumn> {
     let (x, y) = ((i % NODE_CELLS) as i32, (i / NODE_CELLS) as i32);
     let steps = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
     steps.into_iter().filter_map(move |(dx, dy)| {
@@ -90,39 +131,43 @@ fn around(node: &VoxelNode, i: usize) -> impl Iterator<Item = &VoxelColumn> {
     })
 }
 
-fn mean(looks: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
-    let (mut sum, mut n) = (VoxelAppearance::default(), 0.0);
-    for look in looks.filter(|l| l.alpha > 0.0) {
-        sum.rgb = [0, 1, 2].map(|k| sum.rgb[k] + look.rgb[k]);
-        sum.ao += look.ao;
-        n += 1.0;
-    }
-    if n == 0.0 { sum } else { VoxelAppearance { rgb: sum.rgb.map(|v| v / n), ao: sum.ao / n, alpha: 1.0 } }
+/// The column's roof, and the top beyond its clip.
+fn tops(column: &VoxelColumn) -> impl Iterator<Item = VoxelOuterTop> {
+    let roof = VoxelOuterTop { top_m: column.solids.last().map_or(0.0, |run| run.top_m), appearance: column.roof };
+    [Some(roof), column.clip.and_then(|clip| clip.outer)].into_iter().flatten()
 }
 
-/// For the column's top, and for what lies beyond its wall: the looks of the tops around that are about as high; of all if
-/// none is.
-fn roofs_around(node: &VoxelNode, i: usize) -> [VoxelAppearance; 2] {
-    let tops = |c: &VoxelColumn| {
-        let own = (c.solids.last().map_or(0.0, |s| s.top_m), c.roof);
-        [Some(own), c.clip.and_then(|clip| clip.outer)].into_iter().flatten()
-    };
-    let at = |z: f32| {
-        let near = mean(around(node, i).flat_map(tops).filter(|(top, _)| (top - z).abs() < 2.0).map(|(_, look)| look));
-        if near.alpha > 0.0 { near } else { mean(around(node, i).map(|c| c.roof)) }
-    };
-    let own = node.columns[i].as_ref();
-    let [roof, lower] = [own.and_then(|c| tops(c).next()), own.and_then(|c| c.clip?.outer)];
-    [roof, lower].map(|top| top.map_or(VoxelAppearance::default(), |(z, _)| at(z)))
+/// Mean of the neighbours' tops at about the height `z_m`; of all their roofs if none is known there.
+fn mean_of_tops_around(node: &VoxelNode, i: usize, z_m: f32) -> VoxelAppearance {
+    let similar = neighbours(node, i).flat_map(tops).filter(|top| (top.top_m - z_m).abs() < SIMILAR_TOP_M);
+    let mean = mean_of_known(similar.map(|top| top.appearance));
+    if mean.alpha > 0.0 { mean } else { mean_of_known(neighbours(node, i).map(|column| column.roof)) }
 }
 
+/// The column's wall, its unknown rows as means of the neighbours' rows at the same height.
 fn wall_around(node: &VoxelNode, i: usize) -> Vec<VoxelAppearance> {
     let Some(own) = node.columns[i].as_ref() else { return Vec::new() };
-    let row_of = |c: &VoxelColumn, row: i32| c.wall.get(usize::try_from(row - c.first_row).ok()?).copied();
+    let row_of =
+        |column: &VoxelColumn, row: i32| column.wall.get(usize::try_from(row - column.first_row).ok()?).copied();
     (0..own.wall.len())
         .map(|k| {
             let row = own.first_row + k as i32;
-            if own.wall[k].alpha > 0.0 { own.wall[k] } else { mean(around(node, i).filter_map(|c| row_of(c, row))) }
+            if own.wall[k].alpha > 0.0 {
+                own.wall[k]
+            } else {
+                mean_of_known(neighbours(node, i).filter_map(|column| row_of(column, row)))
+            }
         })
         .collect()
+}
+
+/// Unweighted mean of the appearances with coverage; unknown if there is none.
+fn mean_of_known(appearances: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
+    let (mut sum, mut n) = (VoxelAppearance::default(), 0.0);
+    for appearance in appearances.filter(|appearance| appearance.alpha > 0.0) {
+        sum.rgb = [0, 1, 2].map(|k| sum.rgb[k] + appearance.rgb[k]);
+        sum.ao += appearance.ao;
+        n += 1.0;
+    }
+    if n == 0.0 { sum } else { VoxelAppearance { rgb: sum.rgb.map(|v| v / n), ao: sum.ao / n, alpha: 1.0 } }
 }

@@ -22,9 +22,9 @@ use crate::mesh::{
     texture_encode::{self, MaskedTexture},
 };
 use crate::{
-    columns::srgb::{linear, srgb},
+    columns::srgb::{linear_from_srgb, srgb_from_linear},
     model::Model,
-    sample::texture::read,
+    sample::texture::read_bilinear,
     scene::Scene,
 };
 
@@ -169,7 +169,7 @@ fn paint(
     let mut canvas =
         TextureCanvas { size: atlas.size, sums: vec![(Vec3::ZERO, 0.0); texels], shown: vec![false; texels] };
     for ((chart, size), place) in charts.iter().zip(sizes).zip(&atlas.places) {
-        let base = linear(leaf_surface::colour(scene, chart.material));
+        let base = linear_from_srgb(leaf_surface::colour(scene, chart.material));
         if let Some(picture) = charts::picture(scene, chart.material) {
             let map = ChartTransform::new(chart, *size, *place);
             let texels = (chart.high - chart.low) * Vec2::new(picture.width as f32, picture.height as f32);
@@ -177,7 +177,7 @@ fn paint(
             for &t in &chart.triangles {
                 let uv = charts::uv(model, t);
                 canvas.triangle(uv.map(|uv| map.inside(uv)), map.corner, taps, |weights| {
-                    base * read(picture, uv[0] * weights.x + uv[1] * weights.y + uv[2] * weights.z)
+                    base * read_bilinear(picture, uv[0] * weights.x + uv[1] * weights.y + uv[2] * weights.z)
                 });
             }
         } else {
@@ -265,6 +265,6 @@ impl TextureCanvas {
 fn quick_srgb(light: Vec3) -> [u8; 3] {
     const FINE: usize = 1 << 14;
     static TABLE: LazyLock<Vec<u8>> =
-        LazyLock::new(|| (0..=FINE).map(|i| srgb([i as f32 / FINE as f32; 3])[0]).collect());
+        LazyLock::new(|| (0..=FINE).map(|i| srgb_from_linear([i as f32 / FINE as f32; 3])[0]).collect());
     light.to_array().map(|v| TABLE[(v.clamp(0.0, 1.0) * FINE as f32 + 0.5) as usize])
 }

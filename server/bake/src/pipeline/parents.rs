@@ -70,7 +70,7 @@ fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError>
         children[stored.id.quadrant()] = Some(child);
         (low, high) = (low.min(stored.z_min_m), high.max(stored.z_max_m));
     }
-    let node = downsample::parent(stage.grid, id, children.each_ref().map(Option::as_ref));
+    let node = downsample::parent_node(stage.grid, id, children.each_ref().map(Option::as_ref));
     drop(children);
     let map = parametrise(stage.grid, &node).map_err(BakeError::tile(id, "made from its children"))?;
     if let Some(bounds) = tree::z_bounds(&map) {

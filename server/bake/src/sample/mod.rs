@@ -1,17 +1,25 @@
-//! Which voxels exist and what they look like (Vacca 2008, 3.4; design 5), for one block of leaves.
+//! Samples one block of leaves: which voxels exist and what they look like (Vacca 2008, 3.4).
 //!
-//! In: the triangles around a block ([`BlockInput`]). Out: a [`VoxelNode`] a leaf. Next: `parametrise`.
+//! In: the triangles around a block ([`BlockInput`]). Out: a [`VoxelNode`] per leaf. Next: `parametrise`.
 //!
-//! | step | file |
+//! The thesis carves space with shadow maps from many directions. Here the same maps decide which surface points are
+//! visible from outside, and only visible points become geometry:
+//!
+//! | step | module |
 //! |---|---|
-//! | triangles in the block's own coordinates | `local` |
-//! | points on the surfaces: where vertical lines cross them, and where colours are taken | `crossings`, `candidates` |
-//! | which of them are seen from outside, and from how much of the sky | `directions`, `visibility` |
-//! | full runs of each column, slopes of their tops | `solids`, `sheets` |
-//! | colours, normals and occlusion of what is seen | `attributes`, `texture` |
-//! | holes closed, every voxel coloured | `mend` |
+//! | triangles in coordinates of the block | `local_block` |
+//! | points where vertical lines cross surfaces, for geometry | `crossings` |
+//! | points spread over the surfaces, for appearance and walls | `surface_samples` |
+//! | from which directions the points are visible | `directions`, `visibility`, `visibility_map` |
+//! | full runs and slopes of each column, walls inside cells | `solids`, `wall_pieces`, `cell_grid` |
+//! | columns for walls that no vertical line meets | `thin_surfaces` |
+//! | colour, normal and occlusion of the visible voxels | `attributes`, `texture` |
+//! | appearance of the voxels that no sample reached | `columns::fill` |
+//!
+//! `rasterise` finds grid points in triangles for several of these steps; `nearest` draws maps on a GPU.
 
 mod attributes;
+mod cell_grid;
 mod crossings;
 mod directions;
 mod local_block;
@@ -23,26 +31,27 @@ mod surface_samples;
 pub(crate) mod texture;
 mod thin_surfaces;
 mod visibility;
+mod visibility_map;
+mod wall_pieces;
 
-use crate::columns::{fill, voxels::VoxelNode};
+use crate::columns::{fill::fill_unknown, voxels::VoxelNode};
 use local_block::LocalBlock;
 
 pub use settings::{BlockInput, SampleSettings, VisibilityBackend};
 
-/// Samples the leaves of a block; those in which nothing stands are left out. The same input gives the same result on any
-/// number of threads.
+/// Samples the leaves of a block. Leaves without columns are left out. The result does not depend on the number of threads.
 pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<VoxelNode> {
     let Some(block) = LocalBlock::new(input, settings) else { return Vec::new() };
     let mut crossings = crossings::find(&block);
-    let mut candidates = surface_samples::find(&block);
-    visibility::look(&block, settings, &mut crossings, &mut candidates);
-    surface_samples::share_sky(&mut candidates);
-    let mut columns = solids::build(&block, &crossings, &candidates);
+    let mut samples = surface_samples::place(&block);
+    visibility::find_sightings(&block, settings, &mut crossings, &mut samples);
+    surface_samples::share_sky(&mut samples);
+    let mut cells = solids::build_columns(&block, &crossings, &samples);
     drop(crossings);
-    thin_surfaces::add(&block, &candidates, &mut columns);
-    let mut nodes = attributes::build(&block, input, &columns, &candidates);
+    thin_surfaces::add_columns(&block, &samples, &mut cells);
+    let mut nodes = attributes::build_nodes(&block, input, &cells, &samples);
     for node in &mut nodes {
-        fill::fill(node);
+        fill_unknown(node);
     }
     nodes.retain(|node| !node.is_empty());
     nodes

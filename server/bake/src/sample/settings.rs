@@ -1,23 +1,27 @@
-//! What a block is sampled from, and with what settings.
+//! Input and settings of the sampling of a block.
 
 use super::nearest;
 use crate::scene::{Scene, grid::Grid};
 use insula_protocol::TileId;
 use serde::Serialize;
 
-/// Who draws the maps of the nearest triangles.
+/// What draws the visibility maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum VisibilityBackend {
-    /// The processor.
+    /// The CPU.
     #[default]
     Cpu,
-    /// A graphics device. Texels on the edges of triangles may differ, so the tiles are not the same byte for byte.
+    /// A GPU. Texels on the edges of triangles may differ from the CPU's, so the tiles are not identical byte for byte.
     Gpu,
 }
 
 impl VisibilityBackend {
-    /// Whether it can be had here. Errors: built without feature `gpu`, or no device works; says what to do.
+    /// Checks that the backend can be used on this machine.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the program was built without feature `gpu`, or if no device works. The message says which.
     pub fn check(self) -> Result<(), String> {
         match self {
             Self::Cpu => Ok(()),
@@ -26,17 +30,17 @@ impl VisibilityBackend {
     }
 }
 
-/// What decides a bake's result besides its sources; hashed into the manifest.
+/// What decides the result of a bake besides its sources. The manifest contains a hash of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SampleSettings {
-    /// Directions over the upper half of the sphere: ambient occlusion, and sightings from above.
+    /// Number of directions over the upper half of the sphere. They give ambient occlusion and what is visible from above.
     pub sky_directions: u32,
-    /// Directions from a little under the horizon: sightings of undersides. Steeper ones would look into shells without a
-    /// floor, which no viewer above the ground can.
+    /// Number of directions from a little below the horizon. They give what is visible of undersides. Steeper directions
+    /// would look into shells without a floor, which no viewer above the ground can do.
     pub low_directions: u32,
-    /// Width of the rim around a block whose triangles only cast occlusion.
+    /// Width of the margin around a block. Its triangles only occlude.
     pub margin_m: f64,
-    /// Who draws what is seen.
+    /// What draws the visibility maps.
     pub visibility: VisibilityBackend,
 }
 
@@ -46,15 +50,15 @@ impl Default for SampleSettings {
     }
 }
 
-/// The work of one call.
+/// One block of leaves to sample.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockInput<'a> {
-    /// The city.
+    /// The city, or the part of it around the block.
     pub scene: &'a Scene,
-    /// Its nodes.
+    /// Grid of the whole city.
     pub grid: &'a Grid,
     /// Indices of the triangles that touch the block or its margin, ascending.
     pub triangles: &'a [u32],
-    /// The leaves of the block that may hold something.
+    /// The leaves of the block that are not known to be empty.
     pub leaves: &'a [TileId],
 }

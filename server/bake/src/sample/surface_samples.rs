@@ -1,161 +1,214 @@
-//! Points on the surfaces, half a cell apart, where colour, normal and occlusion are taken (design 5, step 1).
+//! Points spread over the surfaces, about half a cell apart. They carry colour, normal and occlusion to the voxels.
 //!
-//! In: [`LocalBlock`]. Out: [`SurfaceSample`]s. Next: `visibility` counts from where they are seen, `attributes` gives them to voxels.
+//! Testing every point against every sky direction would be slow. The directions are therefore split into [`SKY_SUBSETS`]
+//! subsets. A point is tested against one of them only, its neighbours on the triangle against the others, and the points
+//! of such a group share the mean of their results ([`share_sky`]).
 
-use crate::sample::{
+use super::{
     local_block::{LocalBlock, LocalTriangle},
-    rasterise::scan,
+    rasterise::rasterise,
 };
 use glam::Vec3;
 
-/// A candidate looks at every so many-th sky direction for its occlusion; its neighbours look at the others.
-pub(super) const TURNS: usize = 4;
+/// Number of subsets of the sky directions, and of points in a group.
+pub(super) const SKY_SUBSETS: usize = 4;
+/// Most pieces along the longest edge of a sliver, and most points along an axis of a broad triangle.
+const MAX_POINTS: f32 = 65536.0;
+/// Most rows of points over the longest edge of a sliver.
+const MAX_SLIVER_ROWS: f32 = 4.0;
 
 /// One point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfaceSample {
-    pub(super) p: Vec3,
-    /// Into the block's triangles.
+    /// Metres in the block's coordinates.
+    pub(super) position: Vec3,
+    /// Index into the block's triangles.
     pub(super) triangle: u32,
-    /// Area that it stands for.
+    /// Area of the surface that the point stands for.
     pub(super) area_m2: f32,
-    /// Which of [`TURNS`] shares of the directions it looks at; neighbours differ.
-    pub(super) turn: u8,
-    /// Which of the triangle's groups of [`TURNS`] neighbours it is in.
+    /// Subset of the sky directions that it is tested against.
+    pub(super) sky_subset: u8,
+    /// Number of its group within the triangle.
     group: u32,
-    /// Cosines of the sky directions from which the front (the normal's side) and the back are seen.
-    pub(super) sky: [f32; 2],
-    /// Directions of any kind from which the front and the back are seen.
+    /// Sum of the cosines of the sky directions from which the front (the normal's side) and the back are visible.
+    pub(super) sky_cosines: [f32; 2],
+    /// Number of directions, of any kind, from which the front and the back are visible.
     pub(super) sightings: [u16; 2],
 }
 
-/// All candidates that lie over the block's cells, triangle by triangle, each triangle's by their turns.
-pub(super) fn find(block: &LocalBlock) -> Vec<SurfaceSample> {
-    let mut found = Vec::new();
-    let spacing = block.cell_m * 0.5;
-    for (index, triangle) in block.triangles.iter().enumerate() {
-        if is_floor(block, triangle) {
-            continue;
-        }
-        let before = found.len();
-        let shortest = 2.0 * triangle.area_m2 / longest_edge(triangle).1;
-        if shortest < 2.0 * spacing {
-            slice(block, triangle, index as u32, spacing, &mut found);
-        } else {
-            raster(block, triangle, index as u32, spacing, &mut found);
-        }
-        found[before..].sort_by_key(|candidate| candidate.turn);
+impl SurfaceSample {
+    pub(super) fn is_visible(&self) -> bool {
+        self.sightings != [0; 2]
     }
-    found
+
+    /// The side that is visible from more directions: 0 is the front, 1 the back.
+    pub(super) fn visible_side(&self) -> usize {
+        usize::from(self.sightings[1] > self.sightings[0])
+    }
 }
 
-/// Gives the candidates of a group the mean of what they saw of the sky: alone, each has looked at a share of it only.
-pub(super) fn share_sky(candidates: &mut [SurfaceSample]) {
+/// The points over the block's cells, triangle by triangle. Those of a triangle are sorted by their sky subset.
+pub(super) fn place(block: &LocalBlock) -> Vec<SurfaceSample> {
+    let mut samples = Vec::new();
+    let spacing_m = block.cell_m * 0.5;
+    for (index, triangle) in (0..).zip(&block.triangles) {
+        if is_hidden_floor(block, triangle) {
+            continue;
+        }
+        let first = samples.len();
+        let shortest_height_m = 2.0 * triangle.area_m2 / longest_edge(triangle).length_m;
+        let mut placer = SamplePlacer { block, triangle, index, spacing_m, samples: &mut samples };
+        if shortest_height_m < 2.0 * spacing_m {
+            placer.place_on_sliver();
+        } else {
+            placer.place_on_grid();
+        }
+        samples[first..].sort_by_key(|sample| sample.sky_subset);
+    }
+    samples
+}
+
+/// Gives all points of a group the mean of their sky cosines.
+pub(super) fn share_sky(samples: &mut [SurfaceSample]) {
     let mut order: Vec<u32> = Vec::new();
-    for sheet in candidates.chunk_by_mut(|a, b| a.triangle == b.triangle) {
+    for of_triangle in samples.chunk_by_mut(|a, b| a.triangle == b.triangle) {
         order.clear();
-        order.extend(0..sheet.len() as u32);
-        order.sort_unstable_by_key(|i| (sheet[*i as usize].group, *i));
+        order.extend(0..of_triangle.len() as u32);
+        order.sort_unstable_by_key(|i| (of_triangle[*i as usize].group, *i));
         let mut rest = &order[..];
         while let Some(first) = rest.first() {
-            let group = sheet[*first as usize].group;
-            let end = rest.iter().take_while(|i| sheet[**i as usize].group == group).count();
+            let group = of_triangle[*first as usize].group;
+            let end = rest.iter().take_while(|i| of_triangle[**i as usize].group == group).count();
             let (members, after) = rest.split_at(end);
-            let mean = [0, 1].map(|k| members.iter().map(|i| sheet[*i as usize].sky[k]).sum::<f32>() / end as f32);
-            members.iter().for_each(|i| sheet[*i as usize].sky = mean);
+            let mean = [0, 1].map(|side| {
+                members.iter().map(|i| of_triangle[*i as usize].sky_cosines[side]).sum::<f32>() / end as f32
+            });
+            members.iter().for_each(|i| of_triangle[*i as usize].sky_cosines = mean);
             rest = after;
         }
     }
 }
 
-/// Whether nobody can see it: it lies at a closed shell's foot and faces down.
-fn is_floor(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
-    let top = triangle.corners.iter().fold(f32::MIN, |m, c| m.max(c.z));
-    triangle.closed && triangle.normal.z < -0.99 && top < triangle.base_z_m + 0.01 * block.cell_m
+/// Whether the triangle is the floor of a closed shell, which no viewer can see.
+fn is_hidden_floor(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
+    triangle.is_closed
+        && triangle.normal.z < -0.99
+        && triangle.highest_m() < triangle.object_bottom_m + 0.01 * block.cell_m
 }
 
-fn push(
-    block: &LocalBlock,
-    found: &mut Vec<SurfaceSample>,
-    p: Vec3,
-    triangle: u32,
-    area_m2: f32,
-    place: [usize; 2],
-    group: [usize; 2],
-) {
-    let [width, height] = block.extent_m();
-    // A wall on the block's rim may belong to the cell on its other side: half a cell more, dropped later if it does not.
-    let rim = block.cell_m * 0.5;
-    if p.x >= -rim && p.y >= -rim && p.x < width + rim && p.y < height + rim {
-        let turn = ((place[0] & 1) | ((place[1] & 1) << 1)) as u8;
-        let group = (group[0] as u16 as u32) << 16 | group[1] as u16 as u32;
-        found.push(SurfaceSample { p, triangle, area_m2, turn, group, sky: [0.0; 2], sightings: [0; 2] });
-    }
+struct LongestEdge {
+    /// Corner that the edge starts from.
+    start: usize,
+    length_m: f32,
 }
 
-fn longest_edge(triangle: &LocalTriangle) -> (usize, f32) {
-    let length = |i: usize| triangle.corners[i].distance(triangle.corners[(i + 1) % 3]);
-    (0..3).map(|i| (i, length(i))).fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a })
-}
-
-/// A sliver: cut across its longest edge into pieces of equal length, and those along their height.
-fn slice(block: &LocalBlock, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<SurfaceSample>) {
-    let (edge, length) = longest_edge(triangle);
-    let (a, b) = (triangle.corners[edge], triangle.corners[(edge + 1) % 3]);
-    let apex = triangle.corners[(edge + 2) % 3];
-    let n = (length / spacing).ceil().clamp(1.0, 65536.0) as u32;
-    let height = 2.0 * triangle.area_m2 / length;
-    let levels = (height / spacing).ceil().clamp(1.0, 4.0) as u32;
-    for level in 0..levels {
-        // Trapezoid between two lines parallel to the edge; f is the share of the way to the apex.
-        let (f0, f1) = (level as f32 / levels as f32, (level + 1) as f32 / levels as f32);
-        let share = (1.0 - f0) * (1.0 - f0) - (1.0 - f1) * (1.0 - f1);
-        let f = f0 + (f1 - f0) * if level + 1 == levels { 1.0 / 3.0 } else { 0.5 };
-        let pieces = ((n as f32 * (1.0 - f0)).ceil() as u32).max(1);
-        for i in 0..pieces {
-            let along = (i as f32 + 0.5) / pieces as f32;
-            let p = a.lerp(b, along).lerp(apex, f);
-            let place = [i as usize, level as usize + (i as usize >> 1)];
-            let group = [i as usize / TURNS, level as usize];
-            push(block, found, p, index, triangle.area_m2 * share / pieces as f32, place, group);
-        }
-    }
-}
-
-/// A broad triangle: the points of the world's grid on the plane of its two smaller axes.
-fn raster(block: &LocalBlock, triangle: &LocalTriangle, index: u32, spacing: f32, found: &mut Vec<SurfaceSample>) {
-    let n = triangle.normal.abs();
-    let main = if n.z >= n.x && n.z >= n.y {
-        2
-    } else if n.x >= n.y {
-        0
-    } else {
-        1
+fn longest_edge(triangle: &LocalTriangle) -> LongestEdge {
+    let edge = |start: usize| LongestEdge {
+        start,
+        length_m: triangle.corners[start].distance(triangle.corners[(start + 1) % 3]),
     };
-    // Upwards first: so do the maps of `visibility`.
-    let (u, v) = [(2, 1), (2, 0), (0, 1)][main];
-    let low = triangle.corners.iter().fold(Vec3::MAX, |m, c| m.min(*c));
-    let high = triangle.corners.iter().fold(Vec3::MIN, |m, c| m.max(*c));
-    // Only the block's part of what may be a large triangle.
-    let [width, height] = block.extent_m();
-    let floor = Vec3::new(-block.cell_m, -block.cell_m, f32::MIN).max(low);
-    let ceiling = Vec3::new(width + block.cell_m, height + block.cell_m, f32::MAX).min(high);
-    if floor.cmpgt(ceiling).any() {
-        return;
-    }
-    let start = (floor / spacing).floor() * spacing;
-    let size = [u, v].map(|axis| ((ceiling[axis] - start[axis]) / spacing).ceil().clamp(0.0, 65536.0) as usize + 1);
-    let corners = triangle.corners.map(|c| [c[u] - start[u], c[v] - start[v]]);
-    let origin = triangle.corners[0];
-    let area_m2 = spacing * spacing / n[main];
-    scan(corners, spacing, size, |row, first, end| {
-        for column in first..end {
-            let mut p = Vec3::ZERO;
-            p[u] = start[u] + (column as f32 + 0.5) * spacing;
-            p[v] = start[v] + (row as f32 + 0.5) * spacing;
-            let slope = triangle.normal[u] * (p[u] - origin[u]) + triangle.normal[v] * (p[v] - origin[v]);
-            p[main] = origin[main] - slope / triangle.normal[main];
-            push(block, found, p, index, area_m2, [column, row], [column / 2, row / 2]);
+    (0..3).map(edge).fold(LongestEdge { start: 0, length_m: 0.0 }, |a, b| if b.length_m > a.length_m { b } else { a })
+}
+
+/// Places the points of one triangle.
+struct SamplePlacer<'a> {
+    block: &'a LocalBlock,
+    triangle: &'a LocalTriangle,
+    /// Index of the triangle in the block.
+    index: u32,
+    spacing_m: f32,
+    samples: &'a mut Vec<SurfaceSample>,
+}
+
+impl SamplePlacer<'_> {
+    /// Adds a point unless it lies outside of the block. `step` is its column and row on the triangle, `group` those of its
+    /// group.
+    fn add(&mut self, position: Vec3, area_m2: f32, step: [usize; 2], group: [usize; 2]) {
+        let [width_m, height_m] = self.block.extent_m();
+        // A wall on the block's border may belong to the cell on its other side. Points up to half a cell outside are kept
+        // here and dropped later if they belong to no cell of the block.
+        let margin_m = self.block.cell_m * 0.5;
+        if position.x >= -margin_m
+            && position.y >= -margin_m
+            && position.x < width_m + margin_m
+            && position.y < height_m + margin_m
+        {
+            let sky_subset = ((step[0] & 1) | ((step[1] & 1) << 1)) as u8;
+            let group = (group[0] as u16 as u32) << 16 | group[1] as u16 as u32;
+            self.samples.push(SurfaceSample {
+                position,
+                triangle: self.index,
+                area_m2,
+                sky_subset,
+                group,
+                sky_cosines: [0.0; 2],
+                sightings: [0; 2],
+            });
         }
-    });
+    }
+
+    /// Places rows of points parallel to the longest edge of a narrow triangle.
+    fn place_on_sliver(&mut self) {
+        let triangle = self.triangle;
+        let LongestEdge { start, length_m } = longest_edge(triangle);
+        let (a, b) = (triangle.corners[start], triangle.corners[(start + 1) % 3]);
+        let apex = triangle.corners[(start + 2) % 3];
+        let pieces_at_edge = (length_m / self.spacing_m).ceil().clamp(1.0, MAX_POINTS) as u32;
+        let height_m = 2.0 * triangle.area_m2 / length_m;
+        let rows = (height_m / self.spacing_m).ceil().clamp(1.0, MAX_SLIVER_ROWS) as u32;
+        for row in 0..rows {
+            // A row is the trapezoid from f0 to f1 of the way to the apex; the last one is a triangle.
+            let (f0, f1) = (row as f32 / rows as f32, (row + 1) as f32 / rows as f32);
+            let area_share = (1.0 - f0) * (1.0 - f0) - (1.0 - f1) * (1.0 - f1);
+            let f = f0 + (f1 - f0) * if row + 1 == rows { 1.0 / 3.0 } else { 0.5 };
+            let pieces = ((pieces_at_edge as f32 * (1.0 - f0)).ceil() as u32).max(1);
+            for i in 0..pieces {
+                let along = (i as f32 + 0.5) / pieces as f32;
+                let position = a.lerp(b, along).lerp(apex, f);
+                let step = [i as usize, row as usize + (i as usize >> 1)];
+                let group = [i as usize / SKY_SUBSETS, row as usize];
+                self.add(position, triangle.area_m2 * area_share / pieces as f32, step, group);
+            }
+        }
+    }
+
+    /// Projects the points of a world-aligned grid onto a broad triangle, along the axis nearest to its normal.
+    fn place_on_grid(&mut self) {
+        let (triangle, spacing) = (self.triangle, self.spacing_m);
+        let n = triangle.normal.abs();
+        let main = if n.z >= n.x && n.z >= n.y {
+            2
+        } else if n.x >= n.y {
+            0
+        } else {
+            1
+        };
+        // Columns run upwards, as they do in visibility maps.
+        let (u, v) = [(2, 1), (2, 0), (0, 1)][main];
+        let [low, high] = triangle.bounds();
+        // A large triangle is restricted to the block's surroundings.
+        let [width_m, height_m] = self.block.extent_m();
+        let cell_m = self.block.cell_m;
+        let floor = Vec3::new(-cell_m, -cell_m, f32::MIN).max(low);
+        let ceiling = Vec3::new(width_m + cell_m, height_m + cell_m, f32::MAX).min(high);
+        if floor.cmpgt(ceiling).any() {
+            return;
+        }
+        let start = (floor / spacing).floor() * spacing;
+        let size =
+            [u, v].map(|axis| ((ceiling[axis] - start[axis]) / spacing).ceil().clamp(0.0, MAX_POINTS) as usize + 1);
+        let corners = triangle.corners.map(|c| [c[u] - start[u], c[v] - start[v]]);
+        let origin = triangle.corners[0];
+        let area_m2 = spacing * spacing / n[main];
+        rasterise(corners, spacing, size, |row, first, end| {
+            for column in first..end {
+                let mut p = Vec3::ZERO;
+                p[u] = start[u] + (column as f32 + 0.5) * spacing;
+                p[v] = start[v] + (row as f32 + 0.5) * spacing;
+                let rise = triangle.normal[u] * (p[u] - origin[u]) + triangle.normal[v] * (p[v] - origin[v]);
+                p[main] = origin[main] - rise / triangle.normal[main];
+                self.add(p, area_m2, [column, row], [column / 2, row / 2]);
+            }
+        });
+    }
 }

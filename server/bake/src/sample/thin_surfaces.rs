@@ -1,103 +1,132 @@
-//! Walls too thin for vertical lines to meet: fences, parapets, the shells of houses without a floor.
+//! Columns for walls too thin for vertical lines to meet: fences, parapets, the shells of houses without a floor.
 //!
-//! In: [`CellGrid`] and the candidates that were seen. Out: the same cells, with a column where a wall was seen and nothing
-//! stood. Next: `attributes`.
+//! Visible wall samples that no column covers are summed per cell and row. A row with enough wall area becomes full, clipped
+//! at the wall's plane.
 
+use super::{cell_grid::CellGrid, local_block::LocalBlock, surface_samples::SurfaceSample};
 use crate::columns::{clip::WallPlane, voxels::SolidRun};
-use crate::sample::{
-    local_block::{LocalBlock, LocalTriangle, TOP_Z},
-    solids::CellGrid,
-    surface_samples::SurfaceSample,
-};
-use glam::{Vec2, Vec3Swizzles};
+use glam::{Vec2, Vec3, Vec3Swizzles};
 use std::collections::BTreeMap;
 
-/// WallPiece area in a cell's row, in squares of the cell's side, from which on the row is full. A wall that crosses a line of
-/// cells has half of one in at least one of each two; masts and wires have less, and do not swell to a cell.
-const FULL: f32 = 0.45;
-/// The same for a row beside a full one of the same wall, which goes on there.
-const REST: f32 = 0.03;
-/// Thickness, in cells, that a wall has at least: on its cell's border it would have none, and rays would slip through.
-const THICKNESS: f32 = 0.125;
-/// Cosine of the normals of pieces of the same wall, at least.
-const SAME_COSINE: f32 = 0.95;
+/// Wall area in a row of a cell, in squares of the cell's side, from which on the row is full. Where a wall crosses the
+/// border of two cells, at least one of them has half of its area. Masts and wires have less, and must not swell to a cell.
+const FULL_AREA: f32 = 0.45;
+/// The same for a row that continues a full row of the same wall.
+const CONTINUED_AREA: f32 = 0.03;
+/// Least thickness of a wall, in cells. A wall on its cell's border would have none, and rays would slip through.
+const MIN_THICKNESS: f32 = 0.125;
+/// Least cosine between normals of pieces of the same wall.
+const SAME_WALL_COSINE: f32 = 0.95;
 
-/// A row of a cell in which wall was seen that no column shows.
+/// A voxel: cell and row in the block's coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct VoxelPosition {
+    x: i32,
+    y: i32,
+    row: i32,
+}
+
+impl VoxelPosition {
+    fn containing(p: Vec3, cell_m: f32) -> Self {
+        let index = |v: f32| (v / cell_m).floor() as i32;
+        Self { x: index(p.x), y: index(p.y), row: index(p.z) }
+    }
+}
+
+/// The uncovered wall in one row of a cell.
 #[derive(Debug, Clone, Copy)]
 struct WallRow {
     area_m2: f32,
     low_m: f32,
     high_m: f32,
-    base_z_m: f32,
-    /// Sums over the area: normal out of the wall, place from the cell's centre.
-    normal: Vec2,
-    at: Vec2,
+    object_bottom_m: f32,
+    /// Sum of the horizontal normals, weighted by area.
+    normal_sum: Vec2,
+    /// Sum of the positions relative to the cell's centre, weighted by area.
+    position_sum: Vec2,
 }
 
 impl WallRow {
-    /// The wall's plane, if it is one.
-    fn plane(&self) -> Option<WallPlane> {
-        let normal = self.normal.normalize_or_zero();
-        let even = self.normal.length() > SAME_COSINE * self.area_m2;
-        even.then(|| WallPlane { normal, offset_m: normal.dot(self.at) / self.area_m2 })
+    fn new(p: Vec3, object_bottom_m: f32) -> Self {
+        Self {
+            area_m2: 0.0,
+            low_m: p.z,
+            high_m: p.z,
+            object_bottom_m,
+            normal_sum: Vec2::ZERO,
+            position_sum: Vec2::ZERO,
+        }
     }
 
-    /// The wall's plane, with some of the cell behind it.
-    fn thick_plane(&self, cell_m: f32) -> Option<WallPlane> {
+    /// The mean plane of the wall; `None` if its normals differ too much.
+    fn plane(&self) -> Option<WallPlane> {
+        let normal = self.normal_sum.normalize_or_zero();
+        let is_plane = self.normal_sum.length() > SAME_WALL_COSINE * self.area_m2;
+        is_plane.then(|| WallPlane { normal, offset_m: normal.dot(self.position_sum) / self.area_m2 })
+    }
+
+    /// The mean plane, moved outwards where less than [`MIN_THICKNESS`] of the cell would be left behind it.
+    fn thickened_plane(&self, cell_m: f32) -> Option<WallPlane> {
         let plane = self.plane()?;
-        let least_m = (THICKNESS - 0.5 * (plane.normal.x.abs() + plane.normal.y.abs())) * cell_m;
-        Some(WallPlane { offset_m: plane.offset_m.max(least_m), ..plane })
+        let min_offset_m = (MIN_THICKNESS - 0.5 * (plane.normal.x.abs() + plane.normal.y.abs())) * cell_m;
+        Some(WallPlane { offset_m: plane.offset_m.max(min_offset_m), ..plane })
     }
 }
 
-/// Adds columns for walls that have none.
-pub(super) fn add(block: &LocalBlock, candidates: &[SurfaceSample], cells: &mut CellGrid) {
+/// Adds columns for visible walls that no column covers.
+pub(super) fn add_columns(block: &LocalBlock, samples: &[SurfaceSample], cells: &mut CellGrid) {
+    let rows = uncovered_rows(block, samples, cells);
     let c = block.cell_m;
-    let mut rows: BTreeMap<(i32, i32, i32), WallRow> = BTreeMap::new();
-    for candidate in candidates {
-        let triangle = &block.triangles[candidate.triangle as usize];
-        let seen = candidate.sightings[0].max(candidate.sightings[1]) > 0;
-        if !seen || triangle.terrain || triangle.normal.z.abs() > TOP_Z || is_shown(cells, candidate, triangle, c) {
+    for (at, row) in rows.iter().filter(|(at, row)| is_full(&rows, **at, row, c)) {
+        let run = SolidRun { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
+        cells.insert(at.x, at.y, run, row.object_bottom_m, row.thickened_plane(c));
+    }
+}
+
+/// Sums up the wall samples that no column covers.
+fn uncovered_rows(block: &LocalBlock, samples: &[SurfaceSample], cells: &CellGrid) -> BTreeMap<VoxelPosition, WallRow> {
+    let c = block.cell_m;
+    let mut rows: BTreeMap<VoxelPosition, WallRow> = BTreeMap::new();
+    for sample in samples {
+        let triangle = &block.triangles[sample.triangle as usize];
+        let p = sample.position;
+        if !sample.is_visible() || !triangle.is_wall() || is_covered(cells, p, triangle.normal, c) {
             continue;
         }
-        let p = candidate.p;
-        let key = ((p.x / c).floor() as i32, (p.y / c).floor() as i32, (p.z / c).floor() as i32);
-        let centre = (Vec2::new(key.0 as f32, key.1 as f32) + 0.5) * c;
-        let (normal, at) = (Vec2::ZERO, Vec2::ZERO);
-        let empty = WallRow { area_m2: 0.0, low_m: p.z, high_m: p.z, base_z_m: triangle.base_z_m, normal, at };
-        let row = rows.entry(key).or_insert(empty);
-        let out = if candidate.sightings[1] > candidate.sightings[0] { -triangle.normal } else { triangle.normal };
-        row.area_m2 += candidate.area_m2;
-        row.normal += out.xy().normalize() * candidate.area_m2;
-        row.at += (p.xy() - centre) * candidate.area_m2;
-        row.low_m = row.low_m.min(p.z - 0.25 * c).max(triangle.base_z_m);
+        let at = VoxelPosition::containing(p, c);
+        let centre = (Vec2::new(at.x as f32, at.y as f32) + 0.5) * c;
+        let row = rows.entry(at).or_insert(WallRow::new(p, triangle.object_bottom_m));
+        let outward = if sample.visible_side() == 1 { -triangle.normal } else { triangle.normal };
+        row.area_m2 += sample.area_m2;
+        row.normal_sum += outward.xy().normalize() * sample.area_m2;
+        row.position_sum += (p.xy() - centre) * sample.area_m2;
+        row.low_m = row.low_m.min(p.z - 0.25 * c).max(triangle.object_bottom_m);
         row.high_m = row.high_m.max(p.z + 0.25 * c);
     }
-    for (&(x, y, _), row) in rows.iter().filter(|(key, row)| stands(&rows, **key, row, c)) {
-        let solid = SolidRun { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
-        cells.insert(x, y, solid, row.base_z_m, row.thick_plane(c));
-    }
+    rows
 }
 
-/// Whether enough of a wall is in a row: of its own, or of one that goes on beside it.
-fn stands(rows: &BTreeMap<(i32, i32, i32), WallRow>, (x, y, z): (i32, i32, i32), row: &WallRow, c: f32) -> bool {
-    let full = |row: &WallRow| row.area_m2 >= FULL * c * c;
-    let goes_on = |plane: WallPlane, other: &WallRow| {
-        full(other) && other.plane().is_some_and(|other| other.normal.dot(plane.normal) > SAME_COSINE)
+/// Whether a row has enough wall of its own, or continues a full row of the same wall.
+fn is_full(rows: &BTreeMap<VoxelPosition, WallRow>, at: VoxelPosition, row: &WallRow, cell_m: f32) -> bool {
+    let has_full_area = |row: &WallRow| row.area_m2 >= FULL_AREA * cell_m * cell_m;
+    let continues = |plane: WallPlane, other: &WallRow| {
+        has_full_area(other) && other.plane().is_some_and(|other| other.normal.dot(plane.normal) > SAME_WALL_COSINE)
     };
-    let beside = |plane: WallPlane| {
-        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy, z)));
-        around.filter_map(|key| rows.get(&key)).any(|other| goes_on(plane, other))
+    let continues_any = |plane: WallPlane| {
+        let around =
+            (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| VoxelPosition { x: at.x + dx, y: at.y + dy, row: at.row }));
+        around.filter_map(|key| rows.get(&key)).any(|other| continues(plane, other))
     };
-    full(row) || (row.area_m2 >= REST * c * c && row.plane().is_some_and(beside))
+    has_full_area(row) || (row.area_m2 >= CONTINUED_AREA * cell_m * cell_m && row.plane().is_some_and(continues_any))
 }
 
-/// Whether a column at the candidate or next to it, on either side of its wall, is full at its height.
-fn is_shown(cells: &CellGrid, candidate: &SurfaceSample, triangle: &LocalTriangle, c: f32) -> bool {
-    [0.02, 0.47, 0.92, 1.37, -0.43, -0.88].into_iter().any(|inwards: f32| {
-        let p = candidate.p - triangle.normal * (inwards * c);
-        let cell = cells.at((p.x / c).floor() as i32, (p.y / c).floor() as i32);
+/// Whether a column at the point, or next to it on either side of its wall, is full at its height.
+fn is_covered(cells: &CellGrid, p: Vec3, normal: Vec3, cell_m: f32) -> bool {
+    // Distances behind the wall, in cells; negative ones are in front.
+    [0.02, 0.47, 0.92, 1.37, -0.43, -0.88].into_iter().any(|depth: f32| {
+        let q = p - normal * (depth * cell_m);
+        let cell = cells.at((q.x / cell_m).floor() as i32, (q.y / cell_m).floor() as i32);
         let solids = cell.map_or(&[][..], |cell| &cell.column.solids);
-        solids.iter().any(|s| candidate.p.z > s.bottom_m - 0.5 * c && candidate.p.z < s.top_m + 0.5 * c)
+        solids.iter().any(|run| p.z > run.bottom_m - 0.5 * cell_m && p.z < run.top_m + 0.5 * cell_m)
     })
 }
