@@ -235,7 +235,7 @@ fn fit_plane(points: &[[f32; 3]], min_points: usize) -> Option<TopPlane> {
 
 #[cfg(test)]
 mod tests {
-    use crate::columns::merge::*;
+    use super::*;
 
     fn lines(runs: impl Fn(f32, f32) -> Vec<SolidRun>) -> Vec<VerticalLine> {
         (0..LINES_PER_SIDE * LINES_PER_SIDE)

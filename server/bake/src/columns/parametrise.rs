@@ -184,7 +184,8 @@ fn encode_texel(appearance: &VoxelAppearance, alpha: u8) -> Texel {
 
 #[cfg(test)]
 mod tests {
-    use crate::columns::{parametrise::*, voxels::VoxelOuterTop};
+    use super::*;
+    use crate::columns::voxels::VoxelOuterTop;
     use insula_protocol::{TileId, blockmap::flag};
 
     fn grid() -> Grid {

@@ -210,8 +210,8 @@ impl CellObservations<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::columns::merge::{LINES_PER_SIDE, line_position_m};
-    use crate::columns::wall_fit::*;
     use std::f32::consts::FRAC_PI_2;
 
     /// The lines of a cell of side 1, or with `around` those up to half a cell further out as well.

@@ -1,10 +1,8 @@
-//! A leaf's levels of detail.
+//! The levels of detail of a leaf.
 //!
-//! In: a leaf's [`LeafSurface`]. Out: [`EncodedLod`]s, the finest first. Next: `write`.
-//!
-//! The finest is the surface itself. Each coarser one may be four times as wrong as the one before it, the coarsest nearly as
-//! wrong as the leaf's V-BlockMap; one that is hardly smaller than the one before is left out. Errors are measured, not
-//! believed.
+//! Level 0 is the surface itself. The error allowed grows by [`ERROR_RATIO`] from level to level; that of the last one is
+//! just below the error of the leaf's V-BlockMap, which replaces it further away. Errors are measured between the surfaces,
+//! because the costs of edge collapses are only means. A level that is hardly smaller than the one before is left out.
 
 use std::collections::HashMap;
 
@@ -16,10 +14,10 @@ use insula_protocol::{
     subtree::MeshLod,
 };
 
-use crate::mesh::{
+use super::{
     leaf_surface::LeafSurface,
-    surface_distance::{TriangleCubes, half_diagonals},
-    texture_bake,
+    surface_distance::{TriangleHash, part_half_diagonals},
+    texture_bake::{TextureScale, bake_texture},
 };
 use crate::{
     columns::voxels::HALF_DIAGONAL,
@@ -29,24 +27,27 @@ use crate::{
     simplify::{Goal, simplify},
 };
 
-/// Share of the V-BlockMap's error that the coarsest level of detail may have.
-const COARSEST: f64 = 0.8;
-/// Between one level of detail's error and the next one's.
-const RATIO: f64 = 4.0;
-/// A level of detail has at most this share of the bytes of the one before.
-const GAIN: f64 = 0.7;
-/// A plain one has at most this share of the triangles of the one before: else it is not even coded.
-const FEWER: f64 = 0.8;
+/// Error allowed in the coarsest level, as a share of the V-BlockMap's error.
+const COARSEST_SHARE: f64 = 0.8;
+/// Ratio of the errors allowed in successive levels.
+const ERROR_RATIO: f64 = 4.0;
+/// A level has at most this share of the bytes of the one before.
+const MAX_BYTES_SHARE: f64 = 0.7;
+/// A simplified surface has at most this share of the triangles of the level before; otherwise it is not encoded.
+const MAX_TRIANGLES_SHARE: f64 = 0.8;
+/// A surface that does not fit into a tile is simplified to fewer triangles, down to this number.
+const MIN_TRIANGLES: usize = 1000;
 
 /// A finished level of detail.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct EncodedLod {
     pub(crate) info: MeshLod,
+    /// A mesh tile.
     pub(crate) bytes: Vec<u8>,
 }
 
-/// All levels of detail that are worth their bytes.
-pub(super) fn chain(
+/// Encodes all levels of detail that are worth their bytes, the finest first.
+pub(super) fn encode_lods(
     scene: &Scene,
     grid: &Grid,
     id: TileId,
@@ -54,28 +55,31 @@ pub(super) fn chain(
     quality: Quality,
 ) -> Result<Vec<EncodedLod>, BakeError> {
     let step_m = surface.points.step;
-    let coarse_m = HALF_DIAGONAL * grid.cell_m;
-    let maker = LodEncoder { scene, id, surface, quality };
-    let Some((finest, model)) = maker.finest(coarse_m)? else { return Ok(Vec::new()) };
+    let blockmap_error_m = HALF_DIAGONAL * grid.cell_m;
+    let encoder = LodEncoder { scene, id, surface, quality };
+    let Some((finest, model)) = encoder.encode_finest(blockmap_error_m)? else { return Ok(Vec::new()) };
     let mut lods = vec![finest];
-    let mut before = model.triangles.len();
-    let mut half = Vec::new();
+    let mut triangles_before = model.triangles.len();
+    let mut simplifier = SurfaceSimplifier { surface, part_half_diagonals: Vec::new() };
     for k in 1..MAX_LODS {
-        let target_m = COARSEST * coarse_m / RATIO.powi(i32::from(MAX_LODS - 1 - k));
+        let target_m = COARSEST_SHARE * blockmap_error_m / ERROR_RATIO.powi(i32::from(MAX_LODS - 1 - k));
         let number = lods.len() as u8;
         if target_m < 2.0 * HALF_DIAGONAL * step_m || place(id, number).is_none() {
             continue;
         }
-        let few = FEWER * before as f64;
-        let (coarser, moved_m) = match surface.coarser(target_m, few as usize, &mut half) {
+        let max_triangles = (MAX_TRIANGLES_SHARE * triangles_before as f64) as usize;
+        let (coarser, moved_m) = match simplifier.simplify_within(target_m, max_triangles) {
             Some(found) => found,
+            // Even with the same triangles, a coarser texture may make the tile much smaller.
             None if surface.is_textured() => (model.clone(), 0.0),
             None => continue,
         };
-        let Some(lod) = maker.lod(&coarser, number, (moved_m, target_m))? else { continue };
+        let Some(lod) = encoder.encode(&coarser, LodSpec { number, moved_m, texel_m: target_m })? else { continue };
         let finer = &lods[lods.len() - 1];
-        if f64::from(lod.info.error_m) < coarse_m && lod.bytes.len() as f64 <= GAIN * finer.bytes.len() as f64 {
-            before = coarser.triangles.len();
+        if f64::from(lod.info.error_m) < blockmap_error_m
+            && lod.bytes.len() as f64 <= MAX_BYTES_SHARE * finer.bytes.len() as f64
+        {
+            triangles_before = coarser.triangles.len();
             let error_m = lod.info.error_m.max(finer.info.error_m);
             lods.push(EncodedLod { info: MeshLod { error_m, ..lod.info }, ..lod });
         }
@@ -83,6 +87,17 @@ pub(super) fn chain(
     Ok(lods)
 }
 
+/// What distinguishes a level of detail besides its triangles.
+#[derive(Debug, Clone, Copy)]
+struct LodSpec {
+    number: u8,
+    /// Largest distance from the leaf's surface.
+    moved_m: f64,
+    /// Side of the texture's texels.
+    texel_m: f64,
+}
+
+/// Encodes the levels of detail of one leaf.
 struct LodEncoder<'a> {
     scene: &'a Scene,
     id: TileId,
@@ -91,56 +106,54 @@ struct LodEncoder<'a> {
 }
 
 impl LodEncoder<'_> {
-    /// The surface itself, or as many of its triangles as a tile may have. `None` if that would be no better than the leaf's
-    /// V-BlockMap, whose error is `coarse_m`.
-    fn finest(&self, coarse_m: f64) -> Result<Option<(EncodedLod, Model)>, BakeError> {
+    /// Level 0 with its triangles: the surface itself, or simplified until it fits into a tile. `None` if that is not better
+    /// than the leaf's V-BlockMap, whose error is `blockmap_error_m`.
+    fn encode_finest(&self, blockmap_error_m: f64) -> Result<Option<(EncodedLod, Model)>, BakeError> {
         let surface = self.surface;
         let step_m = surface.points.step;
-        let mut most = MAX_TRIANGLES;
-        while most > 1000 {
-            let is_whole = surface.model.triangles.len() <= most;
-            let model = if is_whole {
-                surface.model.clone()
+        let mut max_triangles = MAX_TRIANGLES;
+        while max_triangles > MIN_TRIANGLES {
+            let (model, moved_m) = if surface.model.triangles.len() <= max_triangles {
+                (surface.model.clone(), 0.0)
             } else {
-                surface.simplified(Goal { triangles: most, error: f64::INFINITY })
+                let model = simplify_on_grid(surface, Goal { triangles: max_triangles, error: f64::INFINITY });
+                let reach = blockmap_error_m / step_m;
+                let moved = TriangleHash::new(&surface.model, reach).max_distance(&model, reach, |_| f64::INFINITY);
+                (model, moved * step_m)
             };
-            let moved_m = if is_whole {
-                0.0
-            } else {
-                let reach = coarse_m / step_m;
-                TriangleCubes::new(&surface.model, reach).farthest(&model, reach, |_| f64::INFINITY) * step_m
-            };
-            if let Some(lod) = self.lod(&model, 0, (moved_m, 2.0 * step_m))? {
-                return Ok((f64::from(lod.info.error_m) < coarse_m).then_some((lod, model)));
+            if let Some(lod) = self.encode(&model, LodSpec { number: 0, moved_m, texel_m: 2.0 * step_m })? {
+                return Ok((f64::from(lod.info.error_m) < blockmap_error_m).then_some((lod, model)));
             }
-            most /= 2;
+            max_triangles /= 2;
         }
         Ok(None)
     }
 
-    /// `None` if there is too much of it for a tile.
-    fn lod(&self, model: &Model, number: u8, (moved_m, texel_m): (f64, f64)) -> Result<Option<EncodedLod>, BakeError> {
+    /// Encodes a level of detail; `None` if it exceeds the limits of a tile.
+    fn encode(&self, model: &Model, spec: LodSpec) -> Result<Option<EncodedLod>, BakeError> {
         let step_m = self.surface.points.step;
-        let mut error_m = HALF_DIAGONAL * step_m + moved_m;
+        // Rounding to the grid moves a vertex by up to half the diagonal of a grid cube.
+        let mut error_m = HALF_DIAGONAL * step_m + spec.moved_m;
         let (attribute, texture) = if self.surface.is_textured() {
-            let Some(dress) = texture_bake::dress(self.scene, model, (step_m, texel_m), self.quality) else {
-                return Ok(None);
-            };
-            error_m = error_m.max(dress.texel_m);
-            (dress.attribute, Some(dress.texture))
+            let scale = TextureScale { step_m, texel_m: spec.texel_m };
+            let Some(baked) = bake_texture(self.scene, model, scale, self.quality) else { return Ok(None) };
+            error_m = error_m.max(baked.texel_m);
+            (baked.coordinates, Some(baked.texture))
         } else {
-            (colours(&model.layers[0]), None)
+            (colour_attribute(&model.layers[0]), None)
         };
         let positions = model.positions.iter().map(|p| p.map(|v| v as u32)).collect();
         let triangles = model.triangles.clone();
         let mesh = Mesh { grid: self.surface.points, positions, triangles, attributes: vec![attribute] };
         let texture_px = texture.as_ref().map_or(0, |texture| texture.pixels());
-        match (MeshTile { mesh, texture }).encode(self.id, number) {
+        match (MeshTile { mesh, texture }).encode(self.id, spec.number) {
             Ok(bytes) => {
-                // What was there twice is there once.
-                let tile = MeshTile::decode(self.id, number, &bytes).map_err(BakeError::tile(self.id, "read back"))?;
+                // The codec drops duplicate triangles, so they are counted in the decoded tile.
+                let tile =
+                    MeshTile::decode(self.id, spec.number, &bytes).map_err(BakeError::tile(self.id, "read back"))?;
                 let triangles = tile.mesh.triangles.len() as u32;
-                let info = MeshLod { error_m: rounded_up(error_m), bytes: bytes.len() as u32, triangles, texture_px };
+                let error_m = rounded_up_to_8_bits(error_m);
+                let info = MeshLod { error_m, bytes: bytes.len() as u32, triangles, texture_px };
                 Ok(Some(EncodedLod { info, bytes }))
             }
             Err(DecodeError::Limit { .. }) => Ok(None),
@@ -149,66 +162,77 @@ impl LodEncoder<'_> {
     }
 }
 
-impl LeafSurface {
-    /// At most so many triangles, no further away than `target_m`, and how far; `None` if that cannot be.
-    fn coarser(&self, target_m: f64, triangles: usize, half: &mut Vec<f64>) -> Option<(Model, f64)> {
-        let target = target_m / self.points.step;
-        // What a collapse is thought to cost is a mean: the largest distance is more.
+/// Simplifies a leaf's surface within measured errors.
+struct SurfaceSimplifier<'a> {
+    surface: &'a LeafSurface,
+    /// Of each triangle of the surface; empty until they are needed.
+    part_half_diagonals: Vec<f64>,
+}
+
+impl SurfaceSimplifier<'_> {
+    /// A simplified surface no further than `target_m` from the original, and its distance in metres. `None` if it would have
+    /// no triangles, or more than `max_triangles`.
+    fn simplify_within(&mut self, target_m: f64, max_triangles: usize) -> Option<(Model, f64)> {
+        let original = &self.surface.model;
+        let step_m = self.surface.points.step;
+        let target = target_m / step_m;
+        // The error of a collapse is a mean. The largest distance is more, so smaller goals are tried as well.
         for share in [1.0, 0.5, 0.25] {
-            let coarser = self.simplified(Goal { triangles: 0, error: share * target });
-            if coarser.triangles.is_empty() || coarser.triangles.len() > triangles {
+            let coarser = simplify_on_grid(self.surface, Goal { triangles: 0, error: share * target });
+            if coarser.triangles.is_empty() || coarser.triangles.len() > max_triangles {
                 return None;
             }
-            if half.is_empty() {
-                *half = half_diagonals(&self.model);
+            if self.part_half_diagonals.is_empty() {
+                self.part_half_diagonals = part_half_diagonals(original);
             }
             let reach = 1.01 * target;
-            let there = TriangleCubes::new(&self.model, reach).farthest(&coarser, reach, |_| f64::INFINITY);
-            if there > target {
+            let from_coarser = TriangleHash::new(original, reach).max_distance(&coarser, reach, |_| f64::INFINITY);
+            if from_coarser > target {
                 continue;
             }
-            let back = TriangleCubes::new(&coarser, reach).farthest(&self.model, reach, |t| half[t]);
-            if back <= target {
-                return Some((coarser, there.max(back) * self.points.step));
+            let bound = |t: usize| self.part_half_diagonals[t];
+            let from_original = TriangleHash::new(&coarser, reach).max_distance(original, reach, bound);
+            if from_original <= target {
+                return Some((coarser, from_coarser.max(from_original) * step_m));
             }
         }
         None
     }
-
-    /// Fewer triangles, on the grid again; what is on the leaf's border stays.
-    fn simplified(&self, goal: Goal) -> Model {
-        let positions = &self.model.positions;
-        let simplified = simplify(&self.model, goal, |vertex| self.is_on_border(positions[vertex as usize])).model;
-        let last = f64::from((1u32 << self.points.bits) - 1);
-        let mut numbers = HashMap::new();
-        let mut settled = Model::default();
-        let number = |position: &[f64; 3]| {
-            let [x, y, z] = position.map(f64::round);
-            let most = f64::from(self.steps);
-            let place = [x.clamp(0.0, most), y.clamp(0.0, most), z.clamp(0.0, last)];
-            *numbers.entry(place.map(|v| v as u32)).or_insert_with(|| {
-                settled.positions.push(place);
-                settled.positions.len() as u32 - 1
-            })
-        };
-        let vertices: Vec<u32> = simplified.positions.iter().map(number).collect();
-        let layers = simplified.layers.iter();
-        settled.layers = layers.map(|layer| Layer { corners: Vec::new(), ..layer.clone() }).collect();
-        for (t, triangle) in simplified.triangles.iter().enumerate() {
-            let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
-            if a != b && b != c && c != a {
-                settled.triangles.push([a, b, c]);
-                for (to, from) in settled.layers.iter_mut().zip(&simplified.layers) {
-                    to.corners.extend_from_slice(&from.corners[3 * t..3 * t + 3]);
-                }
-            }
-        }
-        settled
-    }
 }
 
-/// As three bytes a colour, each once.
-fn colours(layer: &Layer) -> Attribute {
+/// The surface simplified towards `goal`, rounded to the grid again. Vertices on the leaf's border stay.
+fn simplify_on_grid(surface: &LeafSurface, goal: Goal) -> Model {
+    let positions = &surface.model.positions;
+    let is_locked = |vertex: u32| surface.is_on_border(positions[vertex as usize]);
+    let simplified = simplify(&surface.model, goal, is_locked).model;
+    let max_z = f64::from((1u32 << surface.points.bits) - 1);
+    let max_xy = f64::from(surface.steps);
+    let mut numbers = HashMap::new();
+    let mut rounded = Model::default();
+    let number = |position: &[f64; 3]| {
+        let [x, y, z] = position.map(f64::round);
+        let point = [x.clamp(0.0, max_xy), y.clamp(0.0, max_xy), z.clamp(0.0, max_z)];
+        *numbers.entry(point.map(|v| v as u32)).or_insert_with(|| {
+            rounded.positions.push(point);
+            rounded.positions.len() as u32 - 1
+        })
+    };
+    let vertices: Vec<u32> = simplified.positions.iter().map(number).collect();
+    rounded.layers = simplified.layers.iter().map(|layer| Layer { corners: Vec::new(), ..layer.clone() }).collect();
+    for (t, triangle) in simplified.triangles.iter().enumerate() {
+        let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
+        if a != b && b != c && c != a {
+            rounded.triangles.push([a, b, c]);
+            for (to, from) in rounded.layers.iter_mut().zip(&simplified.layers) {
+                to.corners.extend_from_slice(&from.corners[3 * t..3 * t + 3]);
+            }
+        }
+    }
+    rounded
+}
+
+/// Corner colours with three bytes per colour; equal colours are stored once.
+fn colour_attribute(layer: &Layer) -> Attribute {
     let mut numbers = HashMap::new();
     let mut values = Vec::new();
     let number = |value: &u32| {
@@ -222,8 +246,8 @@ fn colours(layer: &Layer) -> Attribute {
     Attribute { kind: Kind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
 }
 
-/// To eight bits of precision, so that many leaves' errors take few bytes.
-fn rounded_up(error_m: f64) -> f32 {
+/// An error with eight bits of precision, so that the errors of many leaves compress well.
+fn rounded_up_to_8_bits(error_m: f64) -> f32 {
     let next = if f64::from(error_m as f32) < error_m { (error_m as f32).next_up() } else { error_m as f32 };
     f32::from_bits((next.to_bits() + 0xffff) & 0xffff_0000)
 }

@@ -1,74 +1,101 @@
-//! A triangle cut to a square.
+//! Clips triangles to the square of a leaf (Sutherland and Hodgman 1974).
 //!
-//! In: a triangle. Out: what of it lies in the square, as a convex polygon. Next: `lattice`.
-//!
-//! A cut is computed from the two points that its line was made from, in the order of their coordinates, never from what an
-//! earlier cut left: so both squares beside a border, and both triangles beside an edge, get the same numbers.
+//! An intersection point is always computed from the two original points of its line, in the order of their coordinates,
+//! and never from a point that an earlier clip created. So both squares beside a border, and both triangles beside an edge,
+//! get exactly the same points.
 
 use std::array;
 
-/// A corner: metres from the grid's corner, and where it lies in its picture.
+/// A corner of a triangle or polygon.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PolygonVertex {
+    /// Metres from the grid's corner.
     pub(super) p: [f64; 3],
+    /// Texture coordinates.
     pub(super) uv: [f32; 2],
 }
 
-/// A corner of a polygon, and the points that the edge from here to the next one lies on.
+/// An edge of a polygon, to the start of the next one.
 #[derive(Debug, Clone, Copy)]
 struct PolygonEdge {
     start: PolygonVertex,
+    /// Two points of the line that the edge lies on.
     line: [PolygonVertex; 2],
 }
 
-/// What of `triangle` lies between `low` and `high` in x and y, borders included; fewer than three corners if nothing.
-pub(super) fn to_square(triangle: [PolygonVertex; 3], low: [f64; 2], high: [f64; 2]) -> Vec<PolygonVertex> {
-    let mut sides: Vec<PolygonEdge> =
+/// A bound of one coordinate.
+#[derive(Debug, Clone, Copy)]
+enum ClipBound {
+    Lower(f64),
+    Upper(f64),
+}
+
+impl ClipBound {
+    fn value(self) -> f64 {
+        match self {
+            Self::Lower(at) | Self::Upper(at) => at,
+        }
+    }
+
+    fn contains(self, v: f64) -> bool {
+        match self {
+            Self::Lower(at) => v >= at,
+            Self::Upper(at) => v <= at,
+        }
+    }
+}
+
+/// The part of `triangle` between `low` and `high` in x and y, borders included. It has fewer than three vertices if the
+/// triangle lies outside.
+pub(super) fn clip_to_square(triangle: [PolygonVertex; 3], low: [f64; 2], high: [f64; 2]) -> Vec<PolygonVertex> {
+    let mut edges: Vec<PolygonEdge> =
         (0..3).map(|k| PolygonEdge { start: triangle[k], line: [triangle[k], triangle[(k + 1) % 3]] }).collect();
     for axis in 0..2 {
-        sides = clip(&sides, axis, low[axis], |v, at| v >= at);
-        sides = clip(&sides, axis, high[axis], |v, at| v <= at);
+        edges = clip(&edges, axis, ClipBound::Lower(low[axis]));
+        edges = clip(&edges, axis, ClipBound::Upper(high[axis]));
     }
-    sides.into_iter().map(|side| side.start).collect()
+    edges.into_iter().map(|edge| edge.start).collect()
 }
 
-fn clip(sides: &[PolygonEdge], axis: usize, at: f64, keeps: impl Fn(f64, f64) -> bool) -> Vec<PolygonEdge> {
-    let is_in = |corner: &PolygonVertex| keeps(corner.p[axis], at);
-    if sides.iter().all(|side| is_in(&side.start)) {
-        return sides.to_vec();
+/// Clips a convex polygon at one bound of a coordinate.
+fn clip(edges: &[PolygonEdge], axis: usize, bound: ClipBound) -> Vec<PolygonEdge> {
+    let at = bound.value();
+    let is_inside = |vertex: &PolygonVertex| bound.contains(vertex.p[axis]);
+    if edges.iter().all(|edge| is_inside(&edge.start)) {
+        return edges.to_vec();
     }
-    let mut out: Vec<PolygonEdge> = Vec::with_capacity(sides.len() + 1);
-    // Where the polygon leaves, the next edge runs along the border to where it comes back.
-    let (mut left, mut back) = (None, None);
-    for (i, side) in sides.iter().enumerate() {
-        let next = &sides[(i + 1) % sides.len()].start;
-        let (here, there) = (is_in(&side.start), is_in(next));
-        if here {
-            out.push(*side);
+    let mut clipped: Vec<PolygonEdge> = Vec::with_capacity(edges.len() + 1);
+    // Where the polygon leaves, a new edge runs along the bound to where it enters again.
+    let (mut exit_edge, mut entry) = (None, None);
+    for (i, edge) in edges.iter().enumerate() {
+        let end = &edges[(i + 1) % edges.len()].start;
+        let (starts_inside, ends_inside) = (is_inside(&edge.start), is_inside(end));
+        if starts_inside {
+            clipped.push(*edge);
         }
-        if here && !there {
-            if side.start.p[axis] != at {
-                out.push(PolygonEdge { start: cross(side.line, axis, at), line: side.line });
+        if starts_inside && !ends_inside {
+            if edge.start.p[axis] != at {
+                clipped.push(PolygonEdge { start: intersect(edge.line, axis, at), line: edge.line });
             }
-            left = out.len().checked_sub(1);
-        } else if there && !here {
-            if next.p[axis] == at {
-                back = Some(*next);
+            exit_edge = clipped.len().checked_sub(1);
+        } else if ends_inside && !starts_inside {
+            if end.p[axis] == at {
+                entry = Some(*end);
             } else {
-                let start = cross(side.line, axis, at);
-                out.push(PolygonEdge { start, line: side.line });
-                back = Some(start);
+                let start = intersect(edge.line, axis, at);
+                clipped.push(PolygonEdge { start, line: edge.line });
+                entry = Some(start);
             }
         }
     }
-    if let (Some(left), Some(back)) = (left, back) {
-        out[left].line = [out[left].start, back];
+    if let (Some(exit_edge), Some(entry)) = (exit_edge, entry) {
+        clipped[exit_edge].line = [clipped[exit_edge].start, entry];
     }
-    out
+    clipped
 }
 
-/// Where the line between two points crosses a plane; the same whichever comes first.
-fn cross([a, b]: [PolygonVertex; 2], axis: usize, at: f64) -> PolygonVertex {
+/// The point of a line where coordinate `axis` is `at`. The order of the line's points does not affect the result.
+fn intersect([a, b]: [PolygonVertex; 2], axis: usize, at: f64) -> PolygonVertex {
     let (low, high) = if a.p <= b.p { (a, b) } else { (b, a) };
     let share = (at - low.p[axis]) / (high.p[axis] - low.p[axis]);
     let mut p: [f64; 3] = array::from_fn(|k| low.p[k] + (high.p[k] - low.p[k]) * share);
@@ -79,7 +106,7 @@ fn cross([a, b]: [PolygonVertex; 2], axis: usize, at: f64) -> PolygonVertex {
 
 #[cfg(test)]
 mod tests {
-    use crate::mesh::square_clip::*;
+    use super::*;
 
     fn corner(x: f64, y: f64, z: f64) -> PolygonVertex {
         PolygonVertex { p: [x, y, z], uv: [x as f32, y as f32] }
@@ -91,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_make_up_the_whole_and_share_their_borders() {
+    fn pieces_add_up_to_the_triangle_and_share_border_points() {
         let mut seed = 5u32;
         let mut random = || {
             seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -103,7 +130,7 @@ mod tests {
             let mut on_borders: Vec<Vec<[u64; 3]>> = Vec::new();
             for i in 0..16 {
                 let low = [f64::from(i % 4), f64::from(i / 4)];
-                let piece = to_square(triangle, low, [low[0] + 1.0, low[1] + 1.0]);
+                let piece = clip_to_square(triangle, low, [low[0] + 1.0, low[1] + 1.0]);
                 sum += area(&piece);
                 for axis in 0..2 {
                     for side in 0..2 {
@@ -119,7 +146,7 @@ mod tests {
                 }
             }
             assert!((sum - area(&triangle)).abs() < 1e-9 * area(&triangle).max(1.0));
-            // Inside the whole square, each border is there from both sides with the very same points.
+            // Each border between two squares has exactly the same points on both sides.
             for points in &on_borders {
                 assert_eq!(on_borders.iter().filter(|other| *other == points).count(), 2, "{points:?}");
             }
@@ -127,10 +154,10 @@ mod tests {
     }
 
     #[test]
-    fn what_touches_the_border_stays_whole() {
+    fn triangle_that_only_touches_the_border_is_unchanged() {
         let triangle = [corner(0.0, 0.0, 0.0), corner(1.0, 0.0, 2.0), corner(1.0, 1.0, 3.0)];
-        assert_eq!(to_square(triangle, [0.0, 0.0], [1.0, 1.0]), triangle);
-        assert!(area(&to_square(triangle, [1.0, 0.0], [2.0, 1.0])) == 0.0);
-        assert!(to_square(triangle, [2.0, 0.0], [3.0, 1.0]).len() < 3);
+        assert_eq!(clip_to_square(triangle, [0.0, 0.0], [1.0, 1.0]), triangle);
+        assert!(area(&clip_to_square(triangle, [1.0, 0.0], [2.0, 1.0])) == 0.0);
+        assert!(clip_to_square(triangle, [2.0, 0.0], [3.0, 1.0]).len() < 3);
     }
 }

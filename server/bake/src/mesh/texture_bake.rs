@@ -1,143 +1,181 @@
-//! The picture that a leaf's triangles wear.
+//! One texture for a level of detail, resampled from the source's textures.
 //!
-//! In: a textured surface and how long its texels may be. Out: a [`BakedTexture`]: a packed picture, and where each corner lies in
-//! it. Next: `chain`.
-//!
-//! Texels are means, in linear light, over what of the source's picture the triangles show: what lies beside a chart in the
-//! source's own atlas never gets in. Around it lies what it shows at its rim, so that nothing bleeds.
+//! Each chart gets a rectangle of the texture. A texel is the mean, in linear light, of what the chart's triangles show in
+//! it; nothing else of the source's texture can bleed in. The texels around a chart continue its colours, so that filtering
+//! in the client does not mix neighbouring charts.
 
-use std::sync::LazyLock;
-
-use glam::{Vec2, Vec2Swizzles, Vec3};
+use glam::{Vec2, Vec2Swizzles};
 use insula_protocol::{
     blockmap::Quality,
     mesh::{Attribute, Kind},
     mesh_tile::Texture,
 };
 
-use crate::mesh::{
-    atlas::{self, ChartAtlas},
-    charts::{self, TextureChart},
-    leaf_surface,
-    texture_encode::{self, MaskedTexture},
+use super::{
+    atlas,
+    charts::{TextureChart, find_charts, triangle_uv},
+    materials::{base_colour, texture_of},
+    texture_canvas::TextureCanvas,
 };
-use crate::{
-    columns::srgb::{linear_from_srgb, srgb_from_linear},
-    model::Model,
-    sample::texture::read_bilinear,
-    scene::Scene,
-};
+use crate::{columns::srgb::linear_from_srgb, model::Model, sample::texture::read_bilinear, scene::Scene};
 
-/// Texels around each chart that show what it shows at its rim.
-const PAD: u32 = 1;
-/// PolygonEdge of what has one colour: wide enough for a whole block of the file, wherever it lies.
-const PLAIN: u32 = 30;
-/// Most reads along a texel's side.
-const MOST_TAPS: u32 = 4;
-/// Finer than a texel: places in the picture have so many bits more than its side.
-const SUB_BITS: u32 = 3;
+/// Texels around each chart that continue its colours.
+const PADDING: u32 = 1;
+/// Side of the chart of a material without a texture: with its padding it contains a whole 16 x 16 block of the WebP file,
+/// wherever it lies.
+const PLAIN_SIDE: u32 = 30;
+/// Most reads of the source's texture along a texel's side.
+const MAX_TAPS: f32 = 4.0;
+/// Bits of a texture coordinate below one texel.
+const SUBTEXEL_BITS: u32 = 3;
+/// How often the texels are enlarged until everything fits, and by how much each time.
+const MAX_ENLARGEMENTS: u32 = 60;
+const ENLARGEMENT: f64 = 1.25;
 
-/// What a surface wears.
-pub(super) struct BakedTexture {
-    pub(super) texture: Texture,
-    /// Texture coordinates of all corners.
-    pub(super) attribute: Attribute,
-    /// Length of the texels that are longer than the source's, 0 if none is.
+/// Lengths that decide the size of a texture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TextureScale {
+    /// Unit of the model's positions.
+    pub(super) step_m: f64,
+    /// Least side of a texel.
     pub(super) texel_m: f64,
 }
 
-/// Paints the surface's pictures anew, with texels of `texel_m` or longer, none shorter than the source's. `step_m` is the
-/// length of the model's unit. `None` if it cannot be packed.
-pub(super) fn dress(
+/// The texture of a level of detail.
+pub(super) struct BakedTexture {
+    pub(super) texture: Texture,
+    /// Texture coordinates of all corners.
+    pub(super) coordinates: Attribute,
+    /// Side of the texels that are larger than the source's; 0 if none is.
+    pub(super) texel_m: f64,
+}
+
+/// Resamples the surface's textures. Texels are no smaller than `scale.texel_m`, and no smaller than the source's. They are
+/// enlarged until everything fits; `None` if nothing helps.
+pub(super) fn bake_texture(
     scene: &Scene,
     model: &Model,
-    (step_m, texel_m): (f64, f64),
+    scale: TextureScale,
     quality: Quality,
 ) -> Option<BakedTexture> {
-    let charts = charts::charts(scene, model, step_m);
-    let mut texel_m = texel_m;
-    // Longer texels until all of it fits.
-    for _ in 0..60 {
-        let scales: Vec<f64> = charts.iter().map(|chart| (1.0 / (texel_m * chart.px_per_m)).min(1.0)).collect();
-        let sizes: Vec<[u32; 2]> = charts.iter().zip(&scales).map(|(chart, s)| size(scene, chart, *s)).collect();
-        let padded: Vec<[u32; 2]> = sizes.iter().copied().map(padded).collect();
-        let packed = atlas::pack(&padded).and_then(|atlas| {
-            let canvas = paint(scene, model, (&charts, &sizes), &atlas);
-            let texture = Texture { size_px: atlas.size.map(|side| side as u16), bytes: canvas.pack(quality)? };
-            let limited = scales.iter().any(|scale| *scale < 1.0);
-            let attribute = places(model, (&charts, &sizes), &atlas);
-            Some(BakedTexture { texture, attribute, texel_m: if limited { texel_m } else { 0.0 } })
-        });
-        if packed.is_some() {
-            return packed;
+    let charts = find_charts(scene, model, scale.step_m);
+    let mut texel_m = scale.texel_m;
+    for _ in 0..MAX_ENLARGEMENTS {
+        let baked = bake_at(scene, model, &charts, texel_m, quality);
+        if baked.is_some() {
+            return baked;
         }
-        texel_m *= 1.25;
+        texel_m *= ENLARGEMENT;
     }
     None
 }
 
-/// Texels of a chart, without those around it.
-fn size(scene: &Scene, chart: &TextureChart, scale: f64) -> [u32; 2] {
-    let Some(picture) = charts::picture(scene, chart.material) else { return [PLAIN; 2] };
+/// `None` if the charts or the file are too large.
+fn bake_at(
+    scene: &Scene,
+    model: &Model,
+    charts: &[TextureChart],
+    texel_m: f64,
+    quality: Quality,
+) -> Option<BakedTexture> {
+    let scales: Vec<f64> = charts.iter().map(|chart| (1.0 / (texel_m * chart.texels_per_m)).min(1.0)).collect();
+    let sizes: Vec<[u32; 2]> = charts.iter().zip(&scales).map(|(chart, s)| chart_size(scene, chart, *s)).collect();
+    let padded: Vec<[u32; 2]> = sizes.iter().copied().map(padded_size).collect();
+    let atlas = atlas::pack(&padded)?;
+    let placed: Vec<PlacedChart<'_>> = charts
+        .iter()
+        .zip(&sizes)
+        .zip(&atlas.positions)
+        .map(|((chart, size), position)| PlacedChart::new(chart, *size, *position))
+        .collect();
+    let bytes = paint(scene, model, &placed, atlas.size).encode(quality)?;
+    let is_resampled = scales.iter().any(|scale| *scale < 1.0);
+    Some(BakedTexture {
+        texture: Texture { size_px: atlas.size.map(|side| side as u16), bytes },
+        coordinates: texture_coordinates(model, &placed, atlas.size),
+        texel_m: if is_resampled { texel_m } else { 0.0 },
+    })
+}
+
+/// Width and height of a chart in texels, without padding.
+fn chart_size(scene: &Scene, chart: &TextureChart, scale: f64) -> [u32; 2] {
+    let Some(texture) = texture_of(scene, chart.material) else { return [PLAIN_SIDE; 2] };
     let extent = chart.high - chart.low;
     let side = |extent: f32, texels: u32| (f64::from(extent) * f64::from(texels) * scale).ceil().max(1.0) as u32;
-    [side(extent.x, picture.width), side(extent.y, picture.height)]
+    [side(extent.x, texture.width), side(extent.y, texture.height)]
 }
 
-/// What a chart takes of the atlas: it lies on its longer side.
-fn padded([width, height]: [u32; 2]) -> [u32; 2] {
-    [width.max(height), width.min(height)].map(|side| side.saturating_add(2 * PAD))
+/// The rectangle that a chart takes of the atlas. It is never taller than wide.
+fn padded_size([width, height]: [u32; 2]) -> [u32; 2] {
+    [width.max(height), width.min(height)].map(|side| side.saturating_add(2 * PADDING))
 }
 
-/// Where texture coordinates of a chart lie in the picture, in texels.
-#[derive(Clone, Copy)]
-struct ChartTransform {
-    low: Vec2,
+/// A chart in its rectangle of the texture, which maps texture coordinates of the source to texels.
+struct PlacedChart<'a> {
+    chart: &'a TextureChart,
+    /// Upper left texel of the rectangle.
+    position: [u32; 2],
+    /// Width and height of the rectangle.
+    padded: [u32; 2],
+    /// Source coordinates of the chart's upper left corner.
+    origin: Vec2,
+    /// Texels per unit of the source's coordinates; 0 along an axis in which the chart has no extent.
     scale: Vec2,
+    /// Upper left corner inside the padding, in texels.
     corner: Vec2,
+    /// Size in texels, without padding, before turning.
     size: Vec2,
-    /// Whether it lies with its columns as rows.
-    turned: bool,
+    /// Whether the chart's columns are rows of the texture.
+    is_turned: bool,
 }
 
-impl ChartTransform {
-    fn new(chart: &TextureChart, size: [u32; 2], place: [u32; 2]) -> Self {
+impl<'a> PlacedChart<'a> {
+    fn new(chart: &'a TextureChart, size: [u32; 2], position: [u32; 2]) -> Self {
+        let padded = padded_size(size);
         let size = Vec2::new(size[0] as f32, size[1] as f32);
         let extent = chart.high - chart.low;
         let scale = Vec2::select(extent.cmpgt(Vec2::ZERO), size / extent.max(Vec2::splat(1e-30)), Vec2::ZERO);
-        let corner = Vec2::new(place[0] as f32, place[1] as f32) + PAD as f32;
-        // v grows upwards, rows downwards.
-        let turned = size.y > size.x;
-        Self { low: Vec2::new(chart.low.x, chart.high.y), scale: scale * Vec2::new(1.0, -1.0), corner, size, turned }
+        Self {
+            chart,
+            position,
+            padded,
+            // v points upwards, rows run downwards.
+            origin: Vec2::new(chart.low.x, chart.high.y),
+            scale: scale * Vec2::new(1.0, -1.0),
+            corner: Vec2::new(position[0] as f32, position[1] as f32) + PADDING as f32,
+            size,
+            is_turned: size.y > size.x,
+        }
     }
 
-    /// Relative to the chart's left upper corner.
-    fn inside(&self, uv: Vec2) -> Vec2 {
-        let p = (uv - self.low) * self.scale;
+    /// Texel coordinates of `uv` relative to `corner`.
+    fn texel_at(&self, uv: Vec2) -> Vec2 {
+        let p = (uv - self.origin) * self.scale;
         let p = Vec2::select(self.scale.cmpeq(Vec2::ZERO), self.size / 2.0, p).clamp(Vec2::ZERO, self.size);
-        if self.turned { p.yx() } else { p }
+        if self.is_turned { p.yx() } else { p }
     }
 
+    /// The middle relative to `corner`.
     fn middle(&self) -> Vec2 {
         let middle = self.size / 2.0;
-        if self.turned { middle.yx() } else { middle }
+        if self.is_turned { middle.yx() } else { middle }
     }
 }
 
-fn places(model: &Model, (charts, sizes): (&[TextureChart], &[[u32; 2]]), atlas: &ChartAtlas) -> Attribute {
+/// The texture coordinates of all corners in the packed texture.
+fn texture_coordinates(model: &Model, placed: &[PlacedChart<'_>], size: [u32; 2]) -> Attribute {
     let layer = &model.layers[0];
-    let bits = (atlas.size[0].max(atlas.size[1]).ilog2() + 1 + SUB_BITS).clamp(8, 16);
-    let most = ((1u32 << bits) - 1) as f32;
-    let whole = Vec2::new(atlas.size[0] as f32, atlas.size[1] as f32);
+    let bits = (size[0].max(size[1]).ilog2() + 1 + SUBTEXEL_BITS).clamp(8, 16);
+    let max = ((1u32 << bits) - 1) as f32;
+    let whole = Vec2::new(size[0] as f32, size[1] as f32);
     let mut values = vec![[0; 4]; layer.values.len()];
-    for ((chart, size), place) in charts.iter().zip(sizes).zip(&atlas.places) {
-        let map = ChartTransform::new(chart, *size, *place);
-        let is_plain = chart.px_per_m <= 0.0;
-        for corner in chart.triangles.iter().flat_map(|t| 3 * t..3 * t + 3) {
+    for placed in placed {
+        let is_plain = placed.chart.texels_per_m <= 0.0;
+        for corner in placed.chart.triangles.iter().flat_map(|t| 3 * t..3 * t + 3) {
             let value = layer.corners[corner as usize];
             let [u, v, ..] = layer.values[value as usize];
-            let inside = if is_plain { map.middle() } else { map.inside(Vec2::new(u, v)) };
-            let at = ((map.corner + inside) / whole * most + 0.5).floor().clamp(Vec2::ZERO, Vec2::splat(most));
+            let texel = if is_plain { placed.middle() } else { placed.texel_at(Vec2::new(u, v)) };
+            let at = ((placed.corner + texel) / whole * max + 0.5).floor().clamp(Vec2::ZERO, Vec2::splat(max));
             values[value as usize] = [at.x as u32, at.y as u32, 0, 0];
         }
     }
@@ -145,126 +183,32 @@ fn places(model: &Model, (charts, sizes): (&[TextureChart], &[[u32; 2]]), atlas:
         kind: Kind::TexCoord,
         components: 2,
         bits: bits as u8,
-        range: [0.0, 1.0 / most],
+        range: [0.0, 1.0 / max],
         values,
         corners: layer.corners.clone(),
     }
 }
 
-/// Sums of linear light, and how much went into each.
-struct TextureCanvas {
-    size: [u32; 2],
-    sums: Vec<(Vec3, f32)>,
-    /// Where triangles show it.
-    shown: Vec<bool>,
-}
-
-fn paint(
-    scene: &Scene,
-    model: &Model,
-    (charts, sizes): (&[TextureChart], &[[u32; 2]]),
-    atlas: &ChartAtlas,
-) -> TextureCanvas {
-    let texels = (atlas.size[0] * atlas.size[1]) as usize;
-    let mut canvas =
-        TextureCanvas { size: atlas.size, sums: vec![(Vec3::ZERO, 0.0); texels], shown: vec![false; texels] };
-    for ((chart, size), place) in charts.iter().zip(sizes).zip(&atlas.places) {
-        let base = linear_from_srgb(leaf_surface::colour(scene, chart.material));
-        if let Some(picture) = charts::picture(scene, chart.material) {
-            let map = ChartTransform::new(chart, *size, *place);
-            let texels = (chart.high - chart.low) * Vec2::new(picture.width as f32, picture.height as f32);
-            let taps = (texels / map.size).max_element().ceil().clamp(1.0, MOST_TAPS as f32) as u32;
+/// Draws all charts.
+fn paint(scene: &Scene, model: &Model, placed: &[PlacedChart<'_>], size: [u32; 2]) -> TextureCanvas {
+    let mut canvas = TextureCanvas::new(size);
+    for placed in placed {
+        let chart = placed.chart;
+        let base = linear_from_srgb(base_colour(scene, chart.material));
+        if let Some(texture) = texture_of(scene, chart.material) {
+            let texels = (chart.high - chart.low) * Vec2::new(texture.width as f32, texture.height as f32);
+            let taps = (texels / placed.size).max_element().ceil().clamp(1.0, MAX_TAPS) as u32;
             for &t in &chart.triangles {
-                let uv = charts::uv(model, t);
-                canvas.triangle(uv.map(|uv| map.inside(uv)), map.corner, taps, |weights| {
-                    base * read_bilinear(picture, uv[0] * weights.x + uv[1] * weights.y + uv[2] * weights.z)
+                let uv = triangle_uv(model, t);
+                let corners = uv.map(|uv| placed.texel_at(uv));
+                canvas.draw_triangle(corners, placed.corner, taps, |weights| {
+                    base * read_bilinear(texture, uv[0] * weights.x + uv[1] * weights.y + uv[2] * weights.z)
                 });
             }
         } else {
-            let [width, height] = padded(*size);
-            for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-                canvas.add(Vec2::new((place[0] + x) as f32, (place[1] + y) as f32), base);
-            }
+            canvas.fill_rectangle(placed.position, placed.padded, base);
         }
-        canvas.rim(*place, padded(*size));
+        canvas.extend_into_padding(placed.position, placed.padded);
     }
     canvas
-}
-
-impl TextureCanvas {
-    /// Adds what a triangle shows, with `taps` x `taps` reads a texel; one at its middle if it meets none of them.
-    fn triangle(&mut self, p: [Vec2; 3], corner: Vec2, taps: u32, show: impl Fn(Vec3) -> Vec3) {
-        let double = (p[1] - p[0]).perp_dot(p[2] - p[0]);
-        let low = (p[0].min(p[1]).min(p[2]) * taps as f32 - 0.5).ceil().as_ivec2();
-        let high = (p[0].max(p[1]).max(p[2]) * taps as f32 - 0.5).floor().as_ivec2();
-        let mut met = false;
-        for row in low.y..=high.y {
-            for column in low.x..=high.x {
-                let at = (Vec2::new(column as f32, row as f32) + 0.5) / taps as f32;
-                let side = |i: usize, k: usize| (p[i] - at).perp_dot(p[k] - at) / double;
-                let weights = Vec3::new(side(1, 2), side(2, 0), side(0, 1));
-                if double != 0.0 && weights.min_element() >= -1e-4 {
-                    self.add(corner + at, show(weights));
-                    met = true;
-                }
-            }
-        }
-        if !met {
-            let middle = (p[0] + p[1] + p[2]) / 3.0;
-            self.add(corner + middle, show(Vec3::splat(1.0 / 3.0)));
-        }
-    }
-
-    fn add(&mut self, at: Vec2, light: Vec3) {
-        let (x, y) = ((at.x as u32).min(self.size[0] - 1), (at.y as u32).min(self.size[1] - 1));
-        let sum = &mut self.sums[(y * self.size[0] + x) as usize];
-        *sum = (sum.0 + light, sum.1 + 1.0);
-        self.shown[(y * self.size[0] + x) as usize] = true;
-    }
-
-    /// What no triangle showed in a rectangle, but beside what one did, takes the mean of that.
-    fn rim(&mut self, [x0, y0]: [u32; 2], [w, h]: [u32; 2]) {
-        let width = self.size[0];
-        let at = |x: u32, y: u32| ((y0 + y) * width + x0 + x) as usize;
-        for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
-            let here = at(x, y);
-            if self.shown[here] {
-                continue;
-            }
-            let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-            for [i, k] in [[0i32, -1], [-1, 0], [1, 0], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]] {
-                let (i, k) = (x.wrapping_add_signed(i), y.wrapping_add_signed(k));
-                if i < w && k < h && self.shown[at(i, k)] {
-                    let (light, weight) = self.sums[at(i, k)];
-                    sum += light / weight;
-                    count += 1.0;
-                }
-            }
-            if count > 0.0 {
-                self.sums[here] = (sum / count, 1.0);
-            }
-        }
-    }
-
-    /// Mean light of each texel as sRGB, and whether it is known.
-    fn rgb(&self) -> (Vec<u8>, Vec<bool>) {
-        let texel = |(light, weight): &(Vec3, f32)| quick_srgb(*light / weight.max(1.0));
-        let known = self.sums.iter().map(|sum| sum.1 > 0.0).collect();
-        (self.sums.iter().flat_map(texel).collect(), known)
-    }
-
-    /// As a file.
-    fn pack(&self, quality: Quality) -> Option<Vec<u8>> {
-        let (mut rgb, known) = self.rgb();
-        texture_encode::fill(&mut rgb, self.size, &known);
-        MaskedTexture { size: self.size, rgb: &rgb, shown: &self.shown }.pack(quality)
-    }
-}
-
-/// The same as `srgb` but for a rounding now and then, from a table.
-fn quick_srgb(light: Vec3) -> [u8; 3] {
-    const FINE: usize = 1 << 14;
-    static TABLE: LazyLock<Vec<u8>> =
-        LazyLock::new(|| (0..=FINE).map(|i| srgb_from_linear([i as f32 / FINE as f32; 3])[0]).collect());
-    light.to_array().map(|v| TABLE[(v.clamp(0.0, 1.0) * FINE as f32 + 0.5) as usize])
 }

@@ -1,9 +1,7 @@
-//! A picture as a file.
+//! A texture as a WebP file.
 //!
-//! In: texels, and which of them triangles show. Out: a WebP file. Next: `picture` has it in its dress.
-//!
-//! What no triangle shows goes on smoothly from what lies beside it, so that it takes next to nothing, and what is lost is
-//! counted only where a triangle shows it. Lossy files are searched for the coarsest steps that lose little enough.
+//! Lossy files are searched for the coarsest quantiser that reaches the quality asked for. The quality is the peak
+//! signal-to-noise ratio (PSNR) over the texels that triangles show. Textures with few colours are also tried without loss.
 
 use std::{collections::HashSet, io::Cursor};
 
@@ -11,39 +9,50 @@ use image::ImageFormat;
 use insula_protocol::{blockmap::Quality, mesh_tile::MAX_PART_BYTES};
 use webp::{Encoder, WebPConfig};
 
-/// Pictures may lose so many decibels more than columns: their texels are finer, and what they lose is averaged on the screen.
-const LESS_DB: f64 = 1.5;
-/// So much better than needed is good enough.
+/// Decibels that textures may lose more than columns. Their texels are finer, and their errors are averaged on the screen.
+const TEXTURE_ALLOWANCE_DB: f64 = 1.5;
+/// The search ends at a file that exceeds the quality by no more than this.
 const SLACK_DB: f64 = 0.1;
 /// Most files that are tried.
-const TRIES: usize = 6;
-/// The coarsest steps.
-const COARSEST: i32 = 127;
-/// Where the search begins, and what it thinks that the next coarser steps lose.
-const FIRST: i32 = 42;
-const STEP_DB: f64 = 0.1;
-/// Pictures of so few colours may be smaller without loss.
+const MAX_TRIALS: usize = 6;
+/// Index of libwebp's coarsest quantiser.
+const MAX_QUANTISER: i32 = 127;
+/// Index of the quantiser at which the search begins.
+const FIRST_QUANTISER: i32 = 42;
+/// Loss that the search expects from the next coarser quantiser.
+const DB_PER_QUANTISER: f64 = 0.1;
+/// Textures with at most this many colours may be smaller without loss.
 const FEW_COLOURS: usize = 256;
 
-/// Texels, row by row, and which of them triangles show.
+/// A texture, and which of its texels matter.
 pub(super) struct MaskedTexture<'a> {
+    /// Width and height.
     pub(super) size: [u32; 2],
+    /// 8-bit sRGB, three bytes per texel, row by row.
     pub(super) rgb: &'a [u8],
-    pub(super) shown: &'a [bool],
+    /// Whether a triangle shows the texel.
+    pub(super) is_shown: &'a [bool],
+}
+
+/// The result of one quantiser.
+#[derive(Debug, Clone, Copy)]
+struct Trial {
+    quantiser: i32,
+    psnr_db: f64,
 }
 
 impl MaskedTexture<'_> {
-    /// The smallest file found that loses no more than `quality` allows; `None` if it is too large for a tile.
-    pub(super) fn pack(&self, quality: Quality) -> Option<Vec<u8>> {
+    /// The smallest file found that reaches `quality`; `None` if it is too large for a tile.
+    pub(super) fn encode(&self, quality: Quality) -> Option<Vec<u8>> {
         let lossy = match quality {
             Quality::Lossless => None,
-            Quality::Decibels(db) => self.search(f64::from(db) - LESS_DB),
+            Quality::Decibels(db) => self.search_lossy(f64::from(db) - TEXTURE_ALLOWANCE_DB),
         };
         let best = match lossy {
             Some(lossy) if !self.has_few_colours() => lossy,
             lossy => {
-                let whole = self.file(|config| config.lossless = 1)?;
-                lossy.filter(|lossy| lossy.len() <= whole.len()).unwrap_or(whole)
+                let lossless = self.encode_with(|config| config.lossless = 1)?;
+                lossy.filter(|lossy| lossy.len() <= lossless.len()).unwrap_or(lossless)
             }
         };
         (best.len() <= MAX_PART_BYTES).then_some(best)
@@ -57,57 +66,54 @@ impl MaskedTexture<'_> {
         })
     }
 
-    /// The smallest of a few files that are at least so good, `None` if none is.
-    fn search(&self, db: f64) -> Option<Vec<u8>> {
+    /// The smallest of at most [`MAX_TRIALS`] files with a PSNR of at least `min_db`; `None` if none reaches it.
+    fn search_lossy(&self, min_db: f64) -> Option<Vec<u8>> {
         let mut best: Option<Vec<u8>> = None;
-        // Steps and decibels: the coarsest that are good enough, the finest that are not.
-        let mut good: Option<(i32, f64)> = None;
-        let mut bad: Option<(i32, f64)> = None;
-        let mut steps = FIRST;
-        for _ in 0..TRIES {
-            let file = self.file(|config| config.quality = quality_of(steps))?;
-            let reached = self.decibels(&file)?;
-            let is_good = reached >= db;
+        // The coarsest quantiser that is good enough, and the finest one that is not.
+        let mut good: Option<Trial> = None;
+        let mut bad: Option<Trial> = None;
+        let mut quantiser = FIRST_QUANTISER;
+        for _ in 0..MAX_TRIALS {
+            let file = self.encode_with(|config| config.quality = quality_of_quantiser(quantiser))?;
+            let trial = Trial { quantiser, psnr_db: self.psnr_db(&file)? };
+            let is_good = trial.psnr_db >= min_db;
             if is_good && best.as_ref().is_none_or(|best| file.len() < best.len()) {
                 best = Some(file);
             }
-            if is_good && (reached <= db + SLACK_DB || steps == COARSEST) || !is_good && steps == 0 {
+            let is_close = trial.psnr_db <= min_db + SLACK_DB;
+            if is_good && (is_close || quantiser == MAX_QUANTISER) || !is_good && quantiser == 0 {
                 break;
             }
-            *(if is_good { &mut good } else { &mut bad }) = Some((steps, reached));
-            let aim = db + SLACK_DB / 2.0;
-            steps = match (good, bad) {
-                (Some((low, above)), Some((high, below))) if low + 1 < high => {
-                    let share = (above - aim) / (above - below);
-                    (low + (f64::from(high - low) * share).round() as i32).clamp(low + 1, high - 1)
-                }
-                (Some(_), Some(_)) => break,
-                _ => {
-                    let by = ((reached - aim) / STEP_DB).round() as i32;
-                    (steps + if is_good { by.max(1) } else { by.min(-1) }).clamp(0, COARSEST)
-                }
+            *(if is_good { &mut good } else { &mut bad }) = Some(trial);
+            let aim_db = min_db + SLACK_DB / 2.0;
+            quantiser = match (good, bad) {
+                (Some(good), Some(bad)) => match interpolate_quantiser(good, bad, aim_db) {
+                    Some(between) => between,
+                    None => break,
+                },
+                _ => extrapolate_quantiser(trial, is_good, aim_db),
             };
         }
         best
     }
 
-    fn file(&self, set: impl Fn(&mut WebPConfig)) -> Option<Vec<u8>> {
+    fn encode_with(&self, set: impl Fn(&mut WebPConfig)) -> Option<Vec<u8>> {
         let mut config = WebPConfig::new().ok()?;
-        // The same steps everywhere lose least for their bytes, if it is squares that are counted.
+        // One quantiser for the whole texture gives the best PSNR for its bytes.
         (config.segments, config.sns_strength, config.filter_strength) = (1, 0, 20);
         set(&mut config);
         let [width, height] = self.size;
         Some(Encoder::from_rgb(self.rgb, width, height).encode_advanced(&config).ok()?.to_vec())
     }
 
-    /// Of what is shown, as the client will see it.
-    fn decibels(&self, file: &[u8]) -> Option<f64> {
+    /// PSNR of the shown texels, decoded as the client will decode them.
+    fn psnr_db(&self, file: &[u8]) -> Option<f64> {
         let mut reader = image::ImageReader::new(Cursor::new(file));
         reader.set_format(ImageFormat::WebP);
-        let back = reader.decode().ok()?.into_rgb8();
+        let decoded = reader.decode().ok()?.into_rgb8();
         let (mut squares, mut count) = (0u64, 0u64);
-        let texels = self.rgb.as_chunks::<3>().0.iter().zip(back.as_chunks::<3>().0);
-        for ((a, b), _) in texels.zip(self.shown).filter(|(_, shown)| **shown) {
+        let texels = self.rgb.as_chunks::<3>().0.iter().zip(decoded.as_chunks::<3>().0);
+        for ((a, b), _) in texels.zip(self.is_shown).filter(|(_, is_shown)| **is_shown) {
             squares += (0..3).map(|k| u64::from(a[k].abs_diff(b[k])).pow(2)).sum::<u64>();
             count += 3;
         }
@@ -115,89 +121,34 @@ impl MaskedTexture<'_> {
     }
 }
 
-/// The quality that libwebp makes these steps of, 0 to [`COARSEST`]; undoes its `QualityToCompression`.
-fn quality_of(steps: i32) -> f32 {
-    let part = (1.0 - (f64::from(steps) + 0.5) / f64::from(COARSEST)).clamp(0.0, 1.0).powi(3);
+/// A quantiser between two tried ones, by linear interpolation; `None` if there is none between them.
+fn interpolate_quantiser(good: Trial, bad: Trial, aim_db: f64) -> Option<i32> {
+    let (low, high) = (good.quantiser, bad.quantiser);
+    if low + 1 >= high {
+        return None;
+    }
+    let share = (good.psnr_db - aim_db) / (good.psnr_db - bad.psnr_db);
+    Some((low + (f64::from(high - low) * share).round() as i32).clamp(low + 1, high - 1))
+}
+
+/// The quantiser to try as long as all trials were on one side of the quality.
+fn extrapolate_quantiser(trial: Trial, is_good: bool, aim_db: f64) -> i32 {
+    let by = ((trial.psnr_db - aim_db) / DB_PER_QUANTISER).round() as i32;
+    (trial.quantiser + if is_good { by.max(1) } else { by.min(-1) }).clamp(0, MAX_QUANTISER)
+}
+
+/// The quality setting from which libwebp computes this quantiser: the inverse of its `QualityToCompression`.
+fn quality_of_quantiser(quantiser: i32) -> f32 {
+    let part = (1.0 - (f64::from(quantiser) + 0.5) / f64::from(MAX_QUANTISER)).clamp(0.0, 1.0).powi(3);
     (100.0 * if part < 0.5 { part * 1.5 } else { part.midpoint(1.0) }) as f32
-}
-
-/// Gives texels that are not `known` colours between those of the nearest that are: means of means of four, and from the
-/// coarsest back again (Gortler and others 1996, "The lumigraph", 3.3.2).
-pub(super) fn fill(rgb: &mut [u8], [width, height]: [u32; 2], known: &[bool]) {
-    let first = PyramidLevel {
-        size: [width as usize, height as usize],
-        texels: rgb
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .zip(known)
-            .map(|(rgb, known)| known.then(|| rgb.map(f32::from)))
-            .collect(),
-    };
-    let mut levels = vec![first];
-    while let Some(last) = levels.last().filter(|last| last.size != [1, 1]) {
-        let next = last.halved();
-        levels.push(next);
-    }
-    let Some(mut coarse) = levels.pop() else { return };
-    while let Some(mut level) = levels.pop() {
-        level.fill(&coarse);
-        coarse = level;
-    }
-    for (rgb, texel) in rgb.as_chunks_mut::<3>().0.iter_mut().zip(&coarse.texels) {
-        *rgb = texel.unwrap_or_default().map(|v| (v + 0.5) as u8);
-    }
-}
-
-struct PyramidLevel {
-    size: [usize; 2],
-    texels: Vec<Option<[f32; 3]>>,
-}
-
-impl PyramidLevel {
-    fn at(&self, x: usize, y: usize) -> Option<[f32; 3]> {
-        self.texels[y.min(self.size[1] - 1) * self.size[0] + x.min(self.size[0] - 1)]
-    }
-
-    /// Means of those of four that are known.
-    fn halved(&self) -> Self {
-        let size = self.size.map(|side| side.div_ceil(2));
-        let mean = |x: usize, y: usize| {
-            let places = [0, 1, 2, 3].map(|k| [2 * x + k % 2, 2 * y + k / 2]);
-            let inside = places.into_iter().filter(|[x, y]| *x < self.size[0] && *y < self.size[1]);
-            let (mut sum, mut count) = ([0.0; 3], 0.0);
-            for texel in inside.filter_map(|[x, y]| self.at(x, y)) {
-                sum = [0, 1, 2].map(|k| sum[k] + texel[k]);
-                count += 1.0;
-            }
-            (count > 0.0).then(|| sum.map(|v: f32| v / count))
-        };
-        Self { size, texels: (0..size[0] * size[1]).map(|i| mean(i % size[0], i / size[0])).collect() }
-    }
-
-    /// From a level half as fine, all of which is known, between its nearest four.
-    fn fill(&mut self, coarse: &Self) {
-        let width = self.size[0];
-        for (i, texel) in self.texels.iter_mut().enumerate().filter(|(_, texel)| texel.is_none()) {
-            let (x, y) = (i % width, i / width);
-            let near = |v: usize| [v / 2, (v / 2 + v % 2 * 2).saturating_sub(1)];
-            let mut sum = [0.0; 3];
-            for (column, u) in near(x).into_iter().zip([0.75, 0.25]) {
-                for (row, v) in near(y).into_iter().zip([0.75, 0.25]) {
-                    let there = coarse.at(column, row).unwrap_or_default();
-                    sum = [0, 1, 2].map(|k| sum[k] + there[k] * u * v);
-                }
-            }
-            *texel = Some(sum);
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::mesh::texture_encode::*;
+    use super::*;
+    use crate::mesh::texture_fill::fill_unknown_texels;
 
-    /// Waves, with a little that no wave has.
+    /// Waves with some noise.
     fn waves(width: u32, height: u32) -> Vec<u8> {
         let mut seed = 1u32;
         let mut texel = |i: u32| {
@@ -210,54 +161,47 @@ mod tests {
     }
 
     #[test]
-    fn files_are_as_good_as_asked_for_and_hardly_better() {
+    fn lossy_files_reach_the_quality_and_hardly_exceed_it() {
         let size = [150, 90];
         let (rgb, shown) = (waves(150, 90), vec![true; 150 * 90]);
-        let picture = MaskedTexture { size, rgb: &rgb, shown: &shown };
+        let texture = MaskedTexture { size, rgb: &rgb, is_shown: &shown };
         let mut last = usize::MAX;
         for db in [42.0, 36.0, 30.0] {
-            let file = picture.pack(Quality::Decibels(db)).unwrap();
-            let reached = picture.decibels(&file).unwrap();
-            assert!((0.0..2.0).contains(&(reached - (f64::from(db) - LESS_DB))), "{db}: {reached}");
+            let file = texture.encode(Quality::Decibels(db)).unwrap();
+            let reached = texture.psnr_db(&file).unwrap();
+            assert!((0.0..2.0).contains(&(reached - (f64::from(db) - TEXTURE_ALLOWANCE_DB))), "{db}: {reached}");
             assert!(file.len() < last);
             last = file.len();
         }
-        let whole = picture.pack(Quality::Lossless).unwrap();
-        assert!(picture.decibels(&whole).unwrap() > 100.0 && whole.len() > last);
+        let whole = texture.encode(Quality::Lossless).unwrap();
+        assert!(texture.psnr_db(&whole).unwrap() > 100.0 && whole.len() > last);
         let plain = vec![77; 3 * 150 * 90];
-        let flat = MaskedTexture { size, rgb: &plain, shown: &shown }.pack(Quality::Decibels(36.0)).unwrap();
+        let flat = MaskedTexture { size, rgb: &plain, is_shown: &shown }.encode(Quality::Decibels(36.0)).unwrap();
         assert!(flat.len() < 100, "{}", flat.len());
     }
 
     #[test]
-    fn what_is_not_shown_goes_on_and_costs_little() {
+    fn filled_texels_that_are_not_shown_cost_few_bytes() {
         let size = [128, 128];
         let shown: Vec<bool> = (0..128 * 128).map(|i| (i % 128 < 64) != (i / 128 < 64)).collect();
         let whole = waves(128, 128);
         let mut filled = whole.clone();
-        fill(&mut filled, size, &shown);
+        fill_unknown_texels(&mut filled, size, &shown);
         for (i, shown) in shown.iter().enumerate().filter(|(_, shown)| **shown) {
             assert!(*shown && filled[3 * i..3 * i + 3] == whole[3 * i..3 * i + 3]);
         }
         let bytes =
-            |rgb: &[u8]| MaskedTexture { size, rgb, shown: &shown }.pack(Quality::Decibels(36.0)).unwrap().len();
+            |rgb: &[u8]| MaskedTexture { size, rgb, is_shown: &shown }.encode(Quality::Decibels(36.0)).unwrap().len();
         assert!(bytes(&filled) * 4 < bytes(&whole) * 3, "{} {}", bytes(&filled), bytes(&whole));
-        // From one texel, all; from none, black.
-        let one: Vec<bool> = (0..35).map(|i| i == 12).collect();
-        let mut rgb: Vec<u8> = (0..105).collect();
-        fill(&mut rgb, [7, 5], &one);
-        assert!(rgb.as_chunks::<3>().0.iter().all(|texel| *texel == [36, 37, 38]));
-        fill(&mut rgb, [7, 5], &[false; 35]);
-        assert!(rgb.iter().all(|v| *v == 0));
     }
 
     #[test]
-    fn steps_are_those_of_libwebp() {
-        for steps in 0..=COARSEST {
-            let c = f64::from(quality_of(steps)) / 100.0;
+    fn quality_selects_the_quantiser_that_libwebp_computes_from_it() {
+        for quantiser in 0..=MAX_QUANTISER {
+            let c = f64::from(quality_of_quantiser(quantiser)) / 100.0;
             let part = if c < 0.75 { c * (2.0 / 3.0) } else { 2.0 * c - 1.0 };
             let found = (127.0 * (1.0 - part.cbrt())) as i32;
-            assert!(found == steps, "{steps} {found}");
+            assert!(found == quantiser, "{quantiser} {found}");
         }
     }
 }

@@ -69,7 +69,7 @@ impl Leaves<'_> {
         let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
         let mut nodes = sample_block(&input, &config.sample);
         nodes.sort_unstable_by_key(|node| node.id);
-        let mesh = |node: &VoxelNode| Ok((node.id, mesh::leaf(&scene, grid, node.id, config.quality)?));
+        let mesh = |node: &VoxelNode| Ok((node.id, mesh::leaf_lods(&scene, grid, node.id, config.quality)?));
         let meshes =
             if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
         drop((scene, triangles));
