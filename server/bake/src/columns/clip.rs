@@ -1,7 +1,7 @@
 //! Vertical planes that end a column inside its cell.
 //!
-//! In Vacca's thesis every wall stands on a cell border (figure 4.3). Here a column may also end at one wall plane, or at
-//! the corner of two. Beyond the clip the cell is empty, or filled up to a lower top.
+//! In Vacca's thesis every wall stands on a cell border (figure 4.3). Here a column may also end at one wall plane, or
+//! at the corner of two. Beyond the clip the cell is empty, or filled up to a lower top.
 
 use crate::columns::voxels::{VoxelAppearance, VoxelClip, VoxelCorner, VoxelOuterTop, VoxelPlane};
 use glam::Vec2;

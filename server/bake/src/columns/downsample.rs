@@ -2,9 +2,9 @@
 //!
 //! In: up to four children's maps. Out: the parent's [`VoxelNode`]. Next: `parametrise`.
 //!
-//! Vacca 2008 (3.6.1) samples every level from the source's triangles. Here a parent needs only its children: 4 x 4 vertical
-//! lines run through each of its cells, that is, through the children's columns, and are merged as in a leaf. The children's
-//! walls propose the clip planes.
+//! Vacca 2008 (3.6.1) samples every level from the source's triangles. Here a parent needs only its children: 4 x 4
+//! vertical lines run through each of its cells, that is, through the children's columns, and are merged as in a leaf.
+//! The children's walls propose the clip planes.
 
 use crate::{
     columns::{
@@ -260,8 +260,8 @@ impl ParentColumns {
         })
     }
 
-    /// Whether column `i` gets a wall strip, by the same rules as in a leaf. The node's border has no known neighbours; there
-    /// a column is exposed if one of its children is.
+    /// Whether column `i` gets a wall strip, by the same rules as in a leaf. The node's border has no known neighbours;
+    /// there a column is exposed if one of its children is.
     fn is_exposed(&self, i: usize, children: &[&ChildColumn]) -> bool {
         let n = NODE_CELLS as i32;
         let (x, y) = (i as i32 % n, i as i32 / n);

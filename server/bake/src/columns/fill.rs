@@ -1,8 +1,8 @@
-//! Appearance for voxels that no sample reached: it spreads from the nearest voxels that have some.
+//! Appearance for voxels that no surfel reached: it spreads from the nearest voxels that have some.
 //!
-//! Rows of a wall take the nearest row of the same wall. Then up to [`PASSES`] passes over the node copy means of the eight
-//! neighbouring columns, so that appearance travels one cell per pass. What is still unknown takes the column's own wall or
-//! roof, or else [`GREY`]. Afterwards every appearance of the node has coverage.
+//! Rows of a wall take the nearest row of the same wall. Then up to [`PASSES`] passes over the node copy means of the
+//! eight neighbouring columns, so that appearance travels one cell per pass. What is still unknown takes the column's
+//! own wall or roof, or else [`GREY`]. Afterwards every appearance of the node has coverage.
 
 use crate::columns::voxels::{VoxelAppearance, VoxelColumn, VoxelNode, VoxelOuterTop};
 use insula_protocol::NODE_CELLS;
@@ -15,7 +15,7 @@ const PASSES: usize = 8;
 const SIMILAR_TOP_M: f32 = 2.0;
 
 /// Appearances found around one column.
-struct Found {
+struct FoundAppearance {
     column: usize,
     roof: VoxelAppearance,
     outer: VoxelAppearance,
@@ -34,7 +34,7 @@ pub(crate) fn fill_unknown(node: &mut VoxelNode) {
             return;
         }
         // All columns are read before any is changed, so that the order of columns does not matter.
-        let found: Vec<Found> = incomplete.into_iter().map(|i| find_around(node, i)).collect();
+        let found: Vec<FoundAppearance> = incomplete.into_iter().map(|i| find_around(node, i)).collect();
         for found in found {
             if let Some(column) = node.columns[found.column].as_mut() {
                 apply(column, &found);
@@ -64,7 +64,7 @@ fn is_incomplete(column: Option<&VoxelColumn>) -> bool {
 }
 
 /// Sets the unknown appearances of a column to what was found around it.
-fn apply(column: &mut VoxelColumn, found: &Found) {
+fn apply(column: &mut VoxelColumn, found: &FoundAppearance) {
     if let Some(outer) = unknown_outer(column) {
         *outer = found.outer;
     }
@@ -108,12 +108,12 @@ fn fill_rows(rows: &mut [VoxelAppearance]) {
     }
 }
 
-fn find_around(node: &VoxelNode, i: usize) -> Found {
+fn find_around(node: &VoxelNode, i: usize) -> FoundAppearance {
     let own = node.columns[i].as_ref();
     let mean_at_height = |top: Option<VoxelOuterTop>| {
         top.map_or(VoxelAppearance::default(), |top| mean_of_tops_around(node, i, top.top_m))
     };
-    Found {
+    FoundAppearance {
         column: i,
         roof: mean_at_height(own.and_then(|column| tops(column).next())),
         outer: mean_at_height(own.and_then(|column| column.clip?.outer)),

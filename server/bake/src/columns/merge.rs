@@ -1,8 +1,9 @@
 //! One column from the vertical lines of a cell.
 //!
-//! This is the supersampling of Vacca 2008, 3.4.2, with a vote instead of partial coverage: a height is full where at least
-//! half of the lines are full. The top becomes a slope where the lines' tops lie in one plane. For leaves the lines run
-//! through the source's surfaces (`sample::solids`), for parents through the children's columns (`downsample`).
+//! This is the supersampling of Vacca 2008, 3.4.2, with a vote instead of partial coverage: a height is full where at
+//! least half of the lines are full. The top becomes a slope where the lines' tops lie in one plane. For leaves the
+//! lines run through the source's surfaces (`sample::solids`), for parents through the children's columns
+//! (`downsample`).
 
 use crate::columns::{clip::CellClip, voxels::SolidRun};
 use glam::Vec2;
@@ -88,8 +89,9 @@ impl MergedColumn {
         runs
     }
 
-    /// Height of the column's side that its neighbour does not cover, in metres. `half_step` leads from the cell's centre to
-    /// the middle of the shared border. Where the neighbour is clipped, the largest of three points along the border counts.
+    /// Height of the column's side that its neighbour does not cover, in metres. `half_step` leads from the cell's
+    /// centre to the middle of the shared border. Where the neighbour is clipped, the largest of three points along the
+    /// border counts.
     pub(crate) fn open_side_m(&self, neighbour: Option<&Self>, half_step: Vec2) -> f32 {
         let is_clipped = neighbour.is_some_and(|neighbour| neighbour.clip.is_some());
         let along: &[f32] = if is_clipped { &[-0.9, 0.0, 0.9] } else { &[0.0] };

@@ -7,7 +7,7 @@
 //! | `merge` | one column from the vertical lines of a cell |
 //! | `wall_fit` | the clip that fits a cell's lines and walls best |
 //! | `downsample` | a parent's columns from its children's |
-//! | `fill` | appearance for voxels that no sample reached |
+//! | `fill` | appearance for voxels that no surfel reached |
 //! | `parametrise` | height codes and texels of a `BlockMap` |
 //! | `srgb` | 8-bit sRGB and linear light |
 

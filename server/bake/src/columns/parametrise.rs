@@ -2,8 +2,9 @@
 //!
 //! In: [`VoxelNode`]. Out: [`BlockMap`]. Next: `protocol` encodes it, `write` stores it.
 //!
-//! Heights are counted in steps from a base of whole cells. A column stores its bottom and top, at most one exact gap (the
-//! widest), and an exposed column a strip of wall texels, one per cell of height. Other gaps become transparent texels.
+//! Heights are counted in steps from a base of whole cells. A column stores its bottom and top, at most one exact gap
+//! (the widest), and an exposed column a strip of wall texels, one per cell of height. Other gaps become transparent
+//! texels.
 
 use crate::{
     columns::{
@@ -41,8 +42,8 @@ struct CodeRange {
 }
 
 impl HeightCodes {
-    /// The finest step at which the node's heights fit into 12 bits. Columns that are too tall even for the coarsest step are
-    /// cut off at the top.
+    /// The finest step at which the node's heights fit into 12 bits. Columns that are too tall even for the coarsest
+    /// step are cut off at the top.
     fn new(node: &VoxelNode, cell_m: f64) -> Self {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         for solid in node.columns.iter().flatten().flat_map(|column| &column.solids) {
@@ -70,7 +71,7 @@ impl HeightCodes {
 ///
 /// # Errors
 ///
-/// Fails if the columns break a limit of the format all the same.
+/// Fails if the result exceeds a limit of the format all the same.
 pub fn parametrise(grid: &Grid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
     let cell_m = grid.cell_m_at(node.id.level());
     let codes = HeightCodes::new(node, cell_m);

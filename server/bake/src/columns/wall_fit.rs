@@ -1,9 +1,9 @@
 //! The clip of a cell's column that fits the observations best.
 //!
-//! Each wall that was seen inside a cell proposes vertical planes. For every proposal the lines on either side of the plane
-//! are merged separately. The error of a column is the volume between it and the lines, plus the area of the walls times
-//! their distance from the column's border. The column with the smallest error wins; each plane adds a small cost, so a
-//! clip that improves nothing loses to the whole cell.
+//! Each wall that was seen inside a cell proposes vertical planes. For every proposal the lines on either side of the
+//! plane are merged separately. The error of a column is the volume between it and the lines, plus the area of the
+//! walls times their distance from the column's border. The column with the smallest error wins; each plane adds a
+//! small cost, so a clip that improves nothing loses to the whole cell.
 
 use crate::columns::{
     clip::{CellClip, CornerPlane, PARALLEL_COSINE, WallPlane},
@@ -56,7 +56,8 @@ struct MeasuredPlane {
 impl CellObservations<'_> {
     /// The column with the smallest error: whole, or clipped at one or two of the walls.
     ///
-    /// `lines_around` returns the lines up to half a cell outside of the cell; it is called only if there is a wall to try.
+    /// `lines_around` returns the lines up to half a cell outside of the cell; it is called only if there is a wall to
+    /// try.
     pub(crate) fn fit_column(&self, lines_around: impl FnOnce() -> Vec<VerticalLine>) -> MergedColumn {
         let whole = merge(self.lines, self.cell_m);
         let clips = self.proposed_clips();

@@ -1,7 +1,7 @@
 //! Packing of rectangles into one texture.
 //!
-//! Rectangles are put on shelves, the tallest first. Charts of walls have few different heights, so this wastes hardly more
-//! space than a packer of free rectangles. The order of the input does not affect the size of the atlas.
+//! Rectangles are put on shelves, the tallest first. Charts of walls have few different heights, so this wastes hardly
+//! more space than a packer of free rectangles. The order of the input does not affect the size of the atlas.
 
 use insula_protocol::mesh_tile::{MAX_TEXTURE_PX, MAX_TEXTURE_SIDE_PX};
 

@@ -1,7 +1,7 @@
 //! Charts: parts of a textured surface that get one rectangle of the level's texture each.
 //!
-//! Triangles that share texture coordinates at a vertex belong to one chart. Charts of one material whose rectangles in the
-//! source's texture overlap are merged, so that a texture that repeats over many surfaces is stored once.
+//! Triangles that share texture coordinates at a vertex belong to one chart. Charts of one material whose rectangles in
+//! the source's texture overlap are merged, so that a texture that repeats over many surfaces is stored once.
 
 use std::collections::BTreeMap;
 
@@ -71,8 +71,8 @@ pub(super) fn triangle_uv(model: &Model, t: u32) -> [Vec2; 3] {
     })
 }
 
-/// The charts of a surface, sorted by material. A material without a texture has one chart. `step_m` is the length of the
-/// model's unit.
+/// The charts of a surface, sorted by material. A material without a texture has one chart. `step_m` is the length of
+/// the model's unit.
 pub(super) fn find_charts(scene: &Scene, model: &Model, step_m: f64) -> Vec<TextureChart> {
     let layer = &model.layers[0];
     let material_of = |t: usize| layer.values[layer.corners[3 * t] as usize][2] as u32;

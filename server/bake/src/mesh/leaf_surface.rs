@@ -1,8 +1,8 @@
 //! A leaf's triangles on the grid of points that all leaves of a city share.
 //!
-//! The step of the grid is 1/4096 of a leaf's side. Points are counted from the leaf's corner and from the city's height
-//! zero, so both neighbours of a border have the same points on it. Only a leaf that is more than sixteen times as tall as
-//! wide gets a coarser step, because a coordinate has at most 16 bits.
+//! The step of the grid is 1/4096 of a leaf's side. Points are counted from the leaf's corner and from the city's
+//! height zero, so both neighbours of a border have the same points on it. Only a leaf that is more than sixteen times
+//! as tall as wide gets a coarser step, because a coordinate has at most 16 bits.
 
 use std::collections::HashMap;
 
@@ -31,14 +31,14 @@ pub(super) struct LeafSurface {
     pub(super) points: PointGrid,
     /// Steps along the leaf's side: [`STEPS`] except in very tall leaves.
     pub(super) steps: u32,
-    /// Has one layer: `Other` (u, v and material) if any material has a texture, else `Colour`. Two corners share a value
-    /// only if they are at the same vertex.
+    /// Has one layer: `Other` (u, v and material) if any material has a texture, else `Colour`. Two corners share a
+    /// value only if they are at the same vertex.
     pub(super) model: Model,
 }
 
 impl LeafSurface {
-    /// Clips the scene's triangles to the leaf's square and rounds them to the grid. `None` if no triangle with any area is
-    /// left, or if the leaf is too tall for any grid.
+    /// Clips the scene's triangles to the leaf's square and rounds them to the grid. `None` if no triangle with any
+    /// area is left, or if the leaf is too tall for any grid.
     pub(super) fn gather(scene: &Scene, grid: &Grid, id: TileId) -> Option<Self> {
         let polygons = clip_triangles(scene, grid, id);
         if polygons.is_empty() {

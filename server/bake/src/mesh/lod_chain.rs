@@ -1,8 +1,9 @@
 //! The levels of detail of a leaf.
 //!
-//! Level 0 is the surface itself. The error allowed grows by [`ERROR_RATIO`] from level to level; that of the last one is
-//! just below the error of the leaf's V-BlockMap, which replaces it further away. Errors are measured between the surfaces,
-//! because the costs of edge collapses are only means. A level that is hardly smaller than the one before is left out.
+//! Level 0 is the surface itself. The error allowed grows by [`ERROR_RATIO`] from level to level; that of the last one
+//! is just below the error of the leaf's V-BlockMap, which replaces it further away. Errors are measured between the
+//! surfaces, because the costs of edge collapses are only means. A level that is hardly smaller than the one before is
+//! left out.
 
 use std::collections::HashMap;
 
@@ -106,8 +107,8 @@ struct LodEncoder<'a> {
 }
 
 impl LodEncoder<'_> {
-    /// Level 0 with its triangles: the surface itself, or simplified until it fits into a tile. `None` if that is not better
-    /// than the leaf's V-BlockMap, whose error is `blockmap_error_m`.
+    /// Level 0 with its triangles: the surface itself, or simplified until it fits into a tile. `None` if that is not
+    /// better than the leaf's V-BlockMap, whose error is `blockmap_error_m`.
     fn encode_finest(&self, blockmap_error_m: f64) -> Result<Option<(EncodedLod, Model)>, BakeError> {
         let surface = self.surface;
         let step_m = surface.points.step;
@@ -170,8 +171,8 @@ struct SurfaceSimplifier<'a> {
 }
 
 impl SurfaceSimplifier<'_> {
-    /// A simplified surface no further than `target_m` from the original, and its distance in metres. `None` if it would have
-    /// no triangles, or more than `max_triangles`.
+    /// A simplified surface no further than `target_m` from the original, and its distance in metres. `None` if it
+    /// would have no triangles, or more than `max_triangles`.
     fn simplify_within(&mut self, target_m: f64, max_triangles: usize) -> Option<(Model, f64)> {
         let original = &self.surface.model;
         let step_m = self.surface.points.step;

@@ -1,7 +1,7 @@
 //! The triangles of a leaf as levels of detail (LODs) for near views.
 //!
-//! In: a block's scene and one of its leaves. Out: [`EncodedLod`]s, which are mesh tiles with what a client must know to
-//! select them. Next: `write`.
+//! In: a block's scene and one of its leaves. Out: [`EncodedLod`]s, which are mesh tiles with what a client must know
+//! to select them. Next: `write`.
 //!
 //! | step | module |
 //! |---|---|
@@ -12,8 +12,8 @@
 //! | resample the source's textures into one per level | `texture_bake`, `texture_canvas`, `texture_fill` |
 //! | encode the texture as WebP | `texture_encode` |
 //!
-//! Neighbouring leaves meet at any two levels of detail: both clip a triangle at their border in the same way, both have the
-//! same grid points there, and vertices on the border never move.
+//! Neighbouring leaves meet at any two levels of detail: both clip a triangle at their border in the same way, both
+//! have the same grid points there, and vertices on the border never move.
 
 mod atlas;
 mod charts;

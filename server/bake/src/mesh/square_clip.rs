@@ -1,8 +1,8 @@
 //! Clips triangles to the square of a leaf (Sutherland and Hodgman 1974).
 //!
-//! An intersection point is always computed from the two original points of its line, in the order of their coordinates,
-//! and never from a point that an earlier clip created. So both squares beside a border, and both triangles beside an edge,
-//! get exactly the same points.
+//! An intersection point is always computed from the two original points of its line, in the order of their
+//! coordinates, and never from a point that an earlier clip created. So both squares beside a border, and both
+//! triangles beside an edge, get exactly the same points.
 
 use std::array;
 
@@ -45,8 +45,8 @@ impl ClipBound {
     }
 }
 
-/// The part of `triangle` between `low` and `high` in x and y, borders included. It has fewer than three vertices if the
-/// triangle lies outside.
+/// The part of `triangle` between `low` and `high` in x and y, borders included. It has fewer than three vertices if
+/// the triangle lies outside.
 pub(super) fn clip_to_square(triangle: [PolygonVertex; 3], low: [f64; 2], high: [f64; 2]) -> Vec<PolygonVertex> {
     let mut edges: Vec<PolygonEdge> =
         (0..3).map(|k| PolygonEdge { start: triangle[k], line: [triangle[k], triangle[(k + 1) % 3]] }).collect();

@@ -57,7 +57,8 @@ impl TriangleHash {
         squared.fold(self.reach * self.reach, f64::min).sqrt()
     }
 
-    /// The largest distance of points of `model`, about `spacing` apart. Points of triangle `t` count for at most `bound(t)`.
+    /// The largest distance of points of `model`, about `spacing` apart. Points of triangle `t` count for at most
+    /// `bound(t)`.
     pub(super) fn max_distance(&self, model: &Model, spacing: f64, bound: impl Fn(usize) -> f64) -> f64 {
         let mut max = 0f64;
         for t in 0..model.triangles.len() {
@@ -115,8 +116,8 @@ fn squared_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     if sum <= 0.0 { to(a).min(to(b)).min(to(c)) } else { to(a + ab * (vb / sum) + ac * (vc / sum)) }
 }
 
-/// For each triangle, half the diagonal of the bounding box of its connected part: if the part is removed, no point of it is
-/// further than this from where the part was.
+/// For each triangle, half the diagonal of the bounding box of its connected part: if the part is removed, no point of
+/// it is further than this from where the part was.
 pub(super) fn part_half_diagonals(model: &Model) -> Vec<f64> {
     let mut parts = DisjointSets::new(model.positions.len());
     for [a, b, c] in &model.triangles {

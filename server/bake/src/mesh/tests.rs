@@ -42,7 +42,7 @@ fn open(path: PathBuf) -> (Scene, Grid) {
     (scene, grid)
 }
 
-/// For each leaf that has any, the scene's triangles in or beside it.
+/// For each leaf that has any, the scene's triangles in or next to it.
 fn leaves(scene: &Scene, grid: &Grid) -> Vec<(TileId, Scene)> {
     let side_m = grid.node_side_m(grid.depth);
     let mut found: BTreeMap<TileId, Scene> = BTreeMap::new();
@@ -83,8 +83,9 @@ fn area(tile: &MeshTile) -> f64 {
     tile.mesh.triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum()
 }
 
-/// The edges on one side of a leaf: on axis 0 or 1, at its lower or upper end. Their ends are in steps along the border and
-/// upwards. The value says whether an odd number of triangles meets at the edge, so that the surface goes on next door.
+/// The edges on one side of a leaf: on axis 0 or 1, at its lower or upper end. Their ends are in steps along the border
+/// and upwards. The value says whether an odd number of triangles meets at the edge, so that the surface goes on next
+/// door.
 fn border(tile: &MeshTile, axis: usize, upper: bool) -> BTreeMap<[[i64; 2]; 2], bool> {
     let grid = tile.mesh.grid;
     let z_offset = (grid.min[2] / grid.step).round() as i64;
@@ -157,10 +158,10 @@ fn neighbouring_leaves_meet_at_any_two_levels_of_detail() {
         let (mut edges, mut missing) = (0, Vec::new());
         for (id, lods) in leaves {
             for (axis, [x, y]) in [[1, 0], [0, 1]].into_iter().enumerate() {
-                let beside = TileId::new(id.level(), id.x() + x, id.y() + y).and_then(|id| leaves.get(&id));
-                let Some(beside) = beside else { continue };
+                let neighbour = TileId::new(id.level(), id.x() + x, id.y() + y).and_then(|id| leaves.get(&id));
+                let Some(neighbour) = neighbour else { continue };
                 for (_, here) in lods {
-                    for (_, there) in beside {
+                    for (_, there) in neighbour {
                         let (one, other) = (border(here, axis, true), border(there, axis, false));
                         for (this, that) in [(&one, &other), (&other, &one)] {
                             let open = this.iter().filter(|(_, is_border)| **is_border).map(|(edge, _)| *edge);

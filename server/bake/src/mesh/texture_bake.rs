@@ -1,8 +1,8 @@
 //! One texture for a level of detail, resampled from the source's textures.
 //!
-//! Each chart gets a rectangle of the texture. A texel is the mean, in linear light, of what the chart's triangles show in
-//! it; nothing else of the source's texture can bleed in. The texels around a chart continue its colours, so that filtering
-//! in the client does not mix neighbouring charts.
+//! Each chart gets a rectangle of the texture. A texel is the mean, in linear light, of what the chart's triangles show
+//! in it; nothing else of the source's texture can bleed in. The texels around a chart continue its colours, so that
+//! filtering in the client does not mix neighbouring charts.
 
 use glam::{Vec2, Vec2Swizzles};
 use insula_protocol::{
@@ -21,8 +21,8 @@ use crate::{columns::srgb::linear_from_srgb, model::Model, sample::texture::read
 
 /// Texels around each chart that continue its colours.
 const PADDING: u32 = 1;
-/// Side of the chart of a material without a texture: with its padding it contains a whole 16 x 16 block of the WebP file,
-/// wherever it lies.
+/// Side of the chart of a material without a texture: with its padding it contains a whole 16 x 16 block of the WebP
+/// file, wherever it lies.
 const PLAIN_SIDE: u32 = 30;
 /// Most reads of the source's texture along a texel's side.
 const MAX_TAPS: f32 = 4.0;
@@ -50,8 +50,8 @@ pub(super) struct BakedTexture {
     pub(super) texel_m: f64,
 }
 
-/// Resamples the surface's textures. Texels are no smaller than `scale.texel_m`, and no smaller than the source's. They are
-/// enlarged until everything fits; `None` if nothing helps.
+/// Resamples the surface's textures. Texels are no smaller than `scale.texel_m`, and no smaller than the source's. They
+/// are enlarged until everything fits; `None` if nothing helps.
 pub(super) fn bake_texture(
     scene: &Scene,
     model: &Model,

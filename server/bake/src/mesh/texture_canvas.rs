@@ -32,9 +32,11 @@ impl TextureCanvas {
         Self { size, sums: vec![TexelSum::default(); texels], is_shown: vec![false; texels] }
     }
 
-    /// Adds what a triangle shows. `corners` are in texels relative to `origin`, and `light_at` takes barycentric weights.
+    /// Adds what a triangle shows. `corners` are in texels relative to `origin`, and `light_at` takes barycentric
+    /// weights.
     ///
-    /// Each texel is sampled `taps` x `taps` times. A triangle that misses all sample points is sampled once in its middle.
+    /// Each texel is sampled `taps` x `taps` times. A triangle that misses all sample points is sampled once in its
+    /// middle.
     pub(super) fn draw_triangle(
         &mut self,
         corners: [Vec2; 3],

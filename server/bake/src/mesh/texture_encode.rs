@@ -1,7 +1,8 @@
 //! A texture as a WebP file.
 //!
 //! Lossy files are searched for the coarsest quantiser that reaches the quality asked for. The quality is the peak
-//! signal-to-noise ratio (PSNR) over the texels that triangles show. Textures with few colours are also tried without loss.
+//! signal-to-noise ratio (PSNR) over the texels that triangles show. Textures with few colours are also tried without
+//! loss.
 
 use std::{collections::HashSet, io::Cursor};
 
@@ -9,7 +10,8 @@ use image::ImageFormat;
 use insula_protocol::{blockmap::Quality, mesh_tile::MAX_PART_BYTES};
 use webp::{Encoder, WebPConfig};
 
-/// Decibels that textures may lose more than columns. Their texels are finer, and their errors are averaged on the screen.
+/// Decibels that textures may lose more than columns. Their texels are finer, and their errors are averaged on the
+/// screen.
 const TEXTURE_ALLOWANCE_DB: f64 = 1.5;
 /// The search ends at a file that exceeds the quality by no more than this.
 const SLACK_DB: f64 = 0.1;

@@ -1,13 +1,13 @@
-//! Colour, normal and occlusion of the voxels, from the visible surface samples.
+//! Colour, normal and occlusion of the voxels, from the visible surfels.
 //!
-//! Every visible sample is assigned to one voxel: the roof of a column, the top beyond its clip, or a row of its wall. A
-//! voxel's appearance is the mean of its samples, weighted by area.
+//! Every visible surfel is assigned to one voxel: the roof of a column, the top beyond its clip, or a row of its wall.
+//! A voxel's appearance is the mean of its surfels, weighted by area.
 
 use super::{
     cell_grid::CellGrid,
     local_block::{LocalBlock, MIN_TOP_NORMAL_Z},
     settings::BlockInput,
-    surface_samples::{SKY_SUBSETS, SurfaceSample},
+    surfels::{SKY_SUBSETS, Surfel},
     texture::{self, SurfacePatch},
 };
 use crate::columns::{
@@ -18,15 +18,15 @@ use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
 use rayon::prelude::*;
 
-/// Largest vertical distance, in cells, of a sample from the top (or underside) that it colours.
+/// Largest vertical distance, in cells, of a surfel from the top (or underside) that it colours.
 const TOP_REACH: f32 = 1.0;
-/// Distances behind a sample, in cells, at which a full voxel is looked for. The last one is a little in front of it: a wall
-/// on a cell's border that is visible from inside has its column behind it.
+/// Distances behind a surfel, in cells, at which a full voxel is looked for. The last one is a little in front of it: a
+/// wall on a cell's border that is visible from inside has its column behind it.
 const INWARD_STEPS: [f32; 5] = [0.02, 0.47, 0.92, 1.37, -0.02];
 /// Most rows of a wall.
 const MAX_ROWS: i32 = 4096;
 
-/// Area-weighted sum of samples.
+/// Area-weighted sum of surfels.
 #[derive(Debug, Clone, Copy, Default)]
 struct AppearanceSum {
     rgb: Vec3,
@@ -35,10 +35,10 @@ struct AppearanceSum {
 }
 
 impl AppearanceSum {
-    fn add(&mut self, sample: &VisibleSample) {
-        self.rgb += sample.rgb * sample.area_m2;
-        self.ao += sample.ao * sample.area_m2;
-        self.weight += sample.area_m2;
+    fn add(&mut self, surfel: &VisibleSurfel) {
+        self.rgb += surfel.rgb * surfel.area_m2;
+        self.ao += surfel.ao * surfel.area_m2;
+        self.weight += surfel.area_m2;
     }
 
     /// Unknown if nothing was added.
@@ -50,9 +50,9 @@ impl AppearanceSum {
     }
 }
 
-/// A visible surface sample with its colour.
+/// A visible surfel with its colour.
 #[derive(Debug, Clone, Copy)]
-struct VisibleSample {
+struct VisibleSurfel {
     position: Vec3,
     /// Unit normal of the visible side.
     normal: Vec3,
@@ -70,7 +70,7 @@ struct RowSums {
     flat: AppearanceSum,
 }
 
-/// The samples of one column.
+/// The surfels of one column.
 #[derive(Debug, Default)]
 struct ColumnAccumulator {
     roof: AppearanceSum,
@@ -84,8 +84,8 @@ struct ColumnAccumulator {
     rows: Vec<RowSums>,
 }
 
-/// The part of a column that a sample belongs to.
-enum SampleTarget {
+/// The part of a column that a surfel belongs to.
+enum SurfelTarget {
     Roof,
     /// The top beyond the clip.
     Outer,
@@ -100,74 +100,74 @@ pub(super) fn build_nodes(
     block: &LocalBlock,
     input: &BlockInput<'_>,
     cells: &CellGrid,
-    samples: &[SurfaceSample],
+    surfels: &[Surfel],
 ) -> Vec<VoxelNode> {
     let [width, height] = block.cells;
     let mut accumulators: Vec<ColumnAccumulator> = (0..width * height)
         .into_par_iter()
         .map(|i| ColumnAccumulator::new(cells, (i % width) as i32, (i / width) as i32))
         .collect();
-    let visible: Vec<Option<VisibleSample>> =
-        samples.par_iter().map(|sample| visible_sample(block, input, sample)).collect();
-    // In the order of the samples, so that the sums do not depend on the number of threads.
-    for sample in visible.iter().flatten() {
-        if let Some((column, target)) = find_target(block, cells, sample) {
-            accumulators[column].add(target, sample);
+    let visible: Vec<Option<VisibleSurfel>> =
+        surfels.par_iter().map(|surfel| visible_surfel(block, input, surfel)).collect();
+    // In the order of the surfels, so that the sums do not depend on the number of threads.
+    for surfel in visible.iter().flatten() {
+        if let Some((column, target)) = find_target(block, cells, surfel) {
+            accumulators[column].add(target, surfel);
         }
     }
     input.leaves.par_iter().map(|leaf| leaf_node(block, *leaf, cells, &accumulators)).collect()
 }
 
-/// `None` if the sample is not visible.
-fn visible_sample(block: &LocalBlock, input: &BlockInput<'_>, sample: &SurfaceSample) -> Option<VisibleSample> {
-    let side = sample.visible_side();
-    if sample.sightings[side] == 0 {
+/// `None` if the surfel is not visible.
+fn visible_surfel(block: &LocalBlock, input: &BlockInput<'_>, surfel: &Surfel) -> Option<VisibleSurfel> {
+    let side = surfel.visible_side();
+    if surfel.sightings[side] == 0 {
         return None;
     }
-    let triangle = &block.triangles[sample.triangle as usize];
+    let triangle = &block.triangles[surfel.triangle as usize];
     let patch = SurfacePatch {
         triangle: triangle.source,
         corners: &triangle.corners,
-        centre: sample.position,
+        centre: surfel.position,
         side_m: block.cell_m * 0.5,
     };
     let rgb = texture::mean_colour(input.scene, patch);
-    // An unoccluded surface has the mean cosine 1/4 over all directions of the sphere, which is 1/2 over those of the upper
-    // half. The sample was tested against one of the subsets.
-    let ao = sample.sky_cosines[side] * (2 * SKY_SUBSETS) as f32 / block.sky_directions as f32;
+    // An unoccluded surface has the mean cosine 1/4 over all directions of the sphere, which is 1/2 over those of the
+    // upper half. The surfel was tested against one of the subsets.
+    let ao = surfel.sky_cosines[side] * (2 * SKY_SUBSETS) as f32 / block.sky_directions as f32;
     let normal = if side == 0 { triangle.normal } else { -triangle.normal };
-    Some(VisibleSample { position: sample.position, normal, rgb, ao, area_m2: sample.area_m2 })
+    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2 })
 }
 
-/// The column and the part of it that a sample belongs to: in its own cell if that is full there, else in the nearest full
-/// cell behind it. `None` if there is none, or if the column lies outside of the block.
-fn find_target(block: &LocalBlock, cells: &CellGrid, sample: &VisibleSample) -> Option<(usize, SampleTarget)> {
+/// The column and the part of it that a surfel belongs to: in its own cell if that is full there, else in the nearest
+/// full cell behind it. `None` if there is none, or if the column lies outside of the block.
+fn find_target(block: &LocalBlock, cells: &CellGrid, surfel: &VisibleSurfel) -> Option<(usize, SurfelTarget)> {
     let c = block.cell_m;
     for depth in INWARD_STEPS {
-        let p = sample.position - sample.normal * (depth * c);
+        let p = surfel.position - surfel.normal * (depth * c);
         let (x, y) = ((p.x / c).floor() as i32, (p.y / c).floor() as i32);
         let is_in_block = x >= 0 && y >= 0 && (x as usize) < block.cells[0] && (y as usize) < block.cells[1];
         let Some(cell) = cells.at(x, y) else { continue };
         let from_centre = p.xy() - (Vec2::new(x as f32, y as f32) + 0.5) * c;
-        if let Some(target) = match_column(&cell.column, from_centre, sample, c) {
+        if let Some(target) = match_column(&cell.column, from_centre, surfel, c) {
             return is_in_block.then_some((y as usize * block.cells[0] + x as usize, target));
         }
         // Stepping along a vertical normal would stay in the same cell.
-        if sample.normal.z.abs() > 0.9 {
+        if surfel.normal.z.abs() > 0.9 {
             return None;
         }
     }
     None
 }
 
-/// The part of a column that the sample lies on; `None` if it lies on none.
-fn match_column(column: &MergedColumn, from_centre: Vec2, sample: &VisibleSample, c: f32) -> Option<SampleTarget> {
+/// The part of a column that the surfel lies on; `None` if it lies on none.
+fn match_column(column: &MergedColumn, from_centre: Vec2, surfel: &VisibleSurfel, c: f32) -> Option<SurfelTarget> {
     let row_at = |z: f32| (z / c).floor() as i32;
-    let (z, normal_z) = (sample.position.z, sample.normal.z);
+    let (z, normal_z) = (surfel.position.z, surfel.normal.z);
     let (solids, top_m) = (&column.solids, column.top_at(from_centre));
     let is_beyond_clip = column.clip.is_some_and(|clip| clip.is_outside(from_centre));
     if is_beyond_clip && normal_z > MIN_TOP_NORMAL_Z {
-        return ((z - top_m).abs() < TOP_REACH * c).then_some(SampleTarget::Outer);
+        return ((z - top_m).abs() < TOP_REACH * c).then_some(SurfelTarget::Outer);
     }
     let last = solids.len().checked_sub(1)?;
     for (i, run) in solids.iter().enumerate().rev() {
@@ -176,17 +176,17 @@ fn match_column(column: &MergedColumn, from_centre: Vec2, sample: &VisibleSample
             if (z - run_top_m).abs() < TOP_REACH * c {
                 let is_roof = i == last;
                 return Some(if is_roof {
-                    SampleTarget::Roof
+                    SurfelTarget::Roof
                 } else {
-                    SampleTarget::Flat(row_at(run_top_m - 1e-3 * c))
+                    SurfelTarget::Flat(row_at(run_top_m - 1e-3 * c))
                 });
             }
         } else if normal_z < -MIN_TOP_NORMAL_Z {
             if (z - run.bottom_m).abs() < TOP_REACH * c {
-                return Some(SampleTarget::Flat(row_at(run.bottom_m + 1e-3 * c)));
+                return Some(SurfelTarget::Flat(row_at(run.bottom_m + 1e-3 * c)));
             }
         } else if z > run.bottom_m - 0.5 * c && z < run_top_m + 0.5 * c {
-            return Some(SampleTarget::Side(row_at(z.min(run_top_m - 1e-3 * c).max(run.bottom_m))));
+            return Some(SurfelTarget::Side(row_at(z.min(run_top_m - 1e-3 * c).max(run.bottom_m))));
         }
     }
     None
@@ -206,22 +206,22 @@ impl ColumnAccumulator {
         accumulator
     }
 
-    fn add(&mut self, target: SampleTarget, sample: &VisibleSample) {
+    fn add(&mut self, target: SurfelTarget, surfel: &VisibleSurfel) {
         match target {
-            SampleTarget::Roof => {
-                self.roof.add(sample);
-                self.roof_normal += sample.normal * sample.area_m2;
+            SurfelTarget::Roof => {
+                self.roof.add(surfel);
+                self.roof_normal += surfel.normal * surfel.area_m2;
             }
-            SampleTarget::Outer => self.outer.add(sample),
-            SampleTarget::Side(row) => {
-                self.wall_normal += sample.normal.xy() * sample.area_m2;
+            SurfelTarget::Outer => self.outer.add(surfel),
+            SurfelTarget::Side(row) => {
+                self.wall_normal += surfel.normal.xy() * surfel.area_m2;
                 if let Some(sums) = self.row(row) {
-                    sums.side.add(sample);
+                    sums.side.add(surfel);
                 }
             }
-            SampleTarget::Flat(row) => {
+            SurfelTarget::Flat(row) => {
                 if let Some(sums) = self.row(row) {
-                    sums.flat.add(sample);
+                    sums.flat.add(surfel);
                 }
             }
         }
@@ -233,7 +233,7 @@ impl ColumnAccumulator {
         if last < 0 { None } else { self.rows.get_mut((row - self.first_row).clamp(0, last) as usize) }
     }
 
-    /// The column of a cell with the appearance of its samples; `None` if the cell is empty.
+    /// The column of a cell with the appearance of its surfels; `None` if the cell is empty.
     fn finish(&self, cells: &CellGrid, x: i32, y: i32) -> Option<VoxelColumn> {
         let cell = cells.at(x, y)?;
         let (first, last) = (cell.column.solids.first()?, cell.column.solids.last()?);

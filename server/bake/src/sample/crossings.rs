@@ -1,8 +1,8 @@
 //! Points where vertical lines, 4 x 4 in each cell, cross the surfaces.
 //!
-//! These are the geometry samples. A crossing whose upper side is visible starts a full run downwards, one whose lower side
-//! is visible ends it (`solids`). Some sides need no visibility test, because their result follows from the order of the
-//! crossings on their line.
+//! They are the samples of the geometry. A crossing whose upper side is visible starts a full run downwards, one whose
+//! lower side is visible ends it (`solids`). Some sides need no visibility test, because their result follows from the
+//! order of the crossings on their line.
 
 use super::{
     local_block::{LocalBlock, LocalTriangle},
@@ -16,8 +16,8 @@ use rayon::slice::ParallelSliceMut;
 const VISIBLE_WEIGHT: u8 = 12;
 /// Weight of a sighting whose map texels show the surface itself.
 pub(super) const SURE_WEIGHT: u8 = 6;
-/// Weight of a sighting whose map texels show other surfaces or nothing. At the tip of a corner, all texels around the point
-/// may lie beside the building.
+/// Weight of a sighting whose map texels show other surfaces or nothing. At the tip of a corner, all texels around the
+/// point may lie beside the building.
 pub(super) const UNSURE_WEIGHT: u8 = 1;
 
 /// Marks a side that is known to be invisible.
@@ -115,8 +115,8 @@ pub(super) fn find(block: &LocalBlock) -> Crossings {
     Crossings { list, lines, step_m, offset_m }
 }
 
-/// Decides what needs no test: the highest crossing of a line is visible from above, terrain is never visible from below,
-/// the inside of a closed solid is invisible, and a floor at its object's foot with nothing below it ends a run.
+/// Decides what needs no test: the highest crossing of a line is visible from above, terrain is never visible from
+/// below, the inside of a closed solid is invisible, and a floor at its object's foot with nothing below it ends a run.
 fn decide_known_sides(block: &LocalBlock, line: &mut [Crossing]) {
     let triangle_of = |c: &Crossing| -> &LocalTriangle { &block.triangles[c.triangle as usize] };
     if let Some(top) = line.first_mut() {

@@ -1,7 +1,7 @@
 //! The directions from which a block's visibility is tested.
 //!
-//! They are spherical Fibonacci sets (Keinert et al. 2015, "Spherical Fibonacci mapping"), ordered so that the first few of
-//! a set are spread as evenly as all of them.
+//! They are spherical Fibonacci sets (Keinert et al. 2015, "Spherical Fibonacci mapping"), ordered so that the first
+//! few of a set are spread as evenly as all of them.
 
 use glam::Vec3;
 

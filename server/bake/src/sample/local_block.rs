@@ -6,7 +6,8 @@ use glam::{DMat3, DVec3, Vec3};
 use insula_protocol::NODE_CELLS;
 use std::collections::HashMap;
 
-/// Surfaces whose normal has a larger z are tops, those with a smaller z than its negative undersides, all others walls.
+/// Surfaces whose normal has a larger z are tops, those with a smaller z than its negative undersides, all others
+/// walls.
 pub(super) const MIN_TOP_NORMAL_Z: f32 = 0.35;
 
 /// A triangle in metres from the block's south-west corner and the grid's height zero.
@@ -153,9 +154,9 @@ fn mark_closed_shells(triangles: &mut [LocalTriangle]) {
 
 /// Whether an object's triangles form a closed surface with outward normals.
 ///
-/// By the divergence theorem, over a closed surface the integral of the normal is zero, and the integral of position times
-/// normal is the volume times the unit matrix. This needs no shared vertices, so a corner in the middle of another
-/// polygon's edge does no harm.
+/// By the divergence theorem, over a closed surface the integral of the normal is zero, and the integral of position
+/// times normal is the volume times the unit matrix. This needs no shared vertices, so a corner in the middle of
+/// another polygon's edge does no harm.
 fn is_closed_shell(triangles: &[LocalTriangle]) -> bool {
     /// Share of the surface that may be missing; ten times as much of the volume.
     const TOLERANCE: f64 = 1e-4;

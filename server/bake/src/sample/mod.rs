@@ -9,12 +9,12 @@
 //! |---|---|
 //! | triangles in coordinates of the block | `local_block` |
 //! | points where vertical lines cross surfaces, for geometry | `crossings` |
-//! | points spread over the surfaces, for appearance and walls | `surface_samples` |
-//! | from which directions the points are visible | `directions`, `visibility`, `visibility_map` |
+//! | surfels: points spread over the surfaces, for appearance and walls | `surfels` |
+//! | from which directions crossings and surfels are visible | `directions`, `visibility`, `visibility_map` |
 //! | full runs and slopes of each column, walls inside cells | `solids`, `wall_pieces`, `cell_grid` |
 //! | columns for walls that no vertical line meets | `thin_surfaces` |
 //! | colour, normal and occlusion of the visible voxels | `attributes`, `texture` |
-//! | appearance of the voxels that no sample reached | `columns::fill` |
+//! | appearance of the voxels without surfels | `columns::fill` |
 //!
 //! `rasterise` finds grid points in triangles for several of these steps; `nearest` draws maps on a GPU.
 
@@ -27,7 +27,7 @@ mod nearest;
 mod rasterise;
 mod settings;
 mod solids;
-mod surface_samples;
+mod surfels;
 pub(crate) mod texture;
 mod thin_surfaces;
 mod visibility;
@@ -39,17 +39,18 @@ use local_block::LocalBlock;
 
 pub use settings::{BlockInput, SampleSettings, VisibilityBackend};
 
-/// Samples the leaves of a block. Leaves without columns are left out. The result does not depend on the number of threads.
+/// Samples the leaves of a block. Leaves without columns are left out. The result does not depend on the number of
+/// threads.
 pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<VoxelNode> {
     let Some(block) = LocalBlock::new(input, settings) else { return Vec::new() };
     let mut crossings = crossings::find(&block);
-    let mut samples = surface_samples::place(&block);
-    visibility::find_sightings(&block, settings, &mut crossings, &mut samples);
-    surface_samples::share_sky(&mut samples);
-    let mut cells = solids::build_columns(&block, &crossings, &samples);
+    let mut surfels = surfels::place(&block);
+    visibility::find_sightings(&block, settings, &mut crossings, &mut surfels);
+    surfels::share_sky(&mut surfels);
+    let mut cells = solids::build_columns(&block, &crossings, &surfels);
     drop(crossings);
-    thin_surfaces::add_columns(&block, &samples, &mut cells);
-    let mut nodes = attributes::build_nodes(&block, input, &cells, &samples);
+    thin_surfaces::add_columns(&block, &surfels, &mut cells);
+    let mut nodes = attributes::build_nodes(&block, input, &cells, &surfels);
     for node in &mut nodes {
         fill_unknown(node);
     }

@@ -32,7 +32,8 @@ mod device {
         device().map(|device| tracing::info!("visibility on {}", device.name())).map_err(ToString::to_string)
     }
 
-    /// The number of the nearest triangle for each texel, row by row, 0 where there is none; `None` if the device failed.
+    /// The number of the nearest triangle for each texel, row by row, 0 where there is none; `None` if the device
+    /// failed.
     pub(in crate::sample) fn draw(triangles: &[FacingTriangle], size: [usize; 2]) -> Option<Vec<u32>> {
         let heights = || triangles.iter().flat_map(|triangle| triangle.corners).map(|c| c.z);
         let (low, high) = (heights().fold(f32::MAX, f32::min), heights().fold(f32::MIN, f32::max));

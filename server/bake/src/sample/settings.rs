@@ -33,10 +33,11 @@ impl VisibilityBackend {
 /// What decides the result of a bake besides its sources. The manifest contains a hash of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SampleSettings {
-    /// Number of directions over the upper half of the sphere. They give ambient occlusion and what is visible from above.
+    /// Number of directions over the upper half of the sphere. They give ambient occlusion and what is visible from
+    /// above.
     pub sky_directions: u32,
-    /// Number of directions from a little below the horizon. They give what is visible of undersides. Steeper directions
-    /// would look into shells without a floor, which no viewer above the ground can do.
+    /// Number of directions from a little below the horizon. They give what is visible of undersides. Steeper
+    /// directions would look into shells without a floor, which no viewer above the ground can do.
     pub low_directions: u32,
     /// Width of the margin around a block. Its triangles only occlude.
     pub margin_m: f64,

@@ -1,14 +1,14 @@
 //! Columns from crossings: which heights of each cell are full, and how the tops slope.
 //!
-//! Going down a line, the first crossing that is visible from above opens a run, and the next one that is visible from below
-//! closes it. The lines of a cell are then merged into one column, which may be clipped at the walls that were seen in the
-//! cell (`columns::wall_fit`).
+//! Going down a line, the first crossing that is visible from above opens a run, and the next one that is visible from
+//! below closes it. The lines of a cell are then merged into one column, which may be clipped at the walls that were
+//! seen in the cell (`columns::wall_fit`).
 
 use super::{
     cell_grid::{CellGrid, GridCell, INTO_GROUND},
     crossings::{Crossing, Crossings},
     local_block::LocalBlock,
-    surface_samples::SurfaceSample,
+    surfels::Surfel,
     wall_pieces::CellWalls,
 };
 use crate::columns::{
@@ -23,10 +23,10 @@ use rayon::prelude::*;
 const MIN_THICKNESS: f32 = 0.25;
 
 /// Builds the columns of all cells in and around the block.
-pub(super) fn build_columns(block: &LocalBlock, crossings: &Crossings, samples: &[SurfaceSample]) -> CellGrid {
+pub(super) fn build_columns(block: &LocalBlock, crossings: &Crossings, surfels: &[Surfel]) -> CellGrid {
     let [width, height] = block.cells.map(|n| n + 2);
     let lines = BlockLines { block, crossings, starts: line_starts(crossings) };
-    let walls = CellWalls::new(block, samples);
+    let walls = CellWalls::new(block, surfels);
     let list = (0..width * height)
         .into_par_iter()
         .map(|i| lines.cell(i % width, i / width, &walls.of_cell(i as u32)))
@@ -117,7 +117,8 @@ fn full_runs(block: &LocalBlock, line: &[Crossing]) -> Vec<SolidRun> {
             open = Some(crossing);
         }
         if block.triangles[crossing.triangle as usize].is_terrain {
-            // Terrain ends the line. If it is visible it is the top of the ground; if not, what stands on it reaches into it.
+            // Terrain ends the line. If it is visible it is the top of the ground; if not, what stands on it reaches
+            // into it.
             if let Some(top) = open.take() {
                 runs.push(SolidRun { bottom_m: INTO_GROUND, top_m: top.z });
             } else if let Some(last) = runs.last_mut().filter(|run| run.bottom_m - crossing.z < block.cell_m) {

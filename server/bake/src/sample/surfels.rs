@@ -1,8 +1,9 @@
-//! Points spread over the surfaces, about half a cell apart. They carry colour, normal and occlusion to the voxels.
+//! Surfels: points spread over the surfaces, about half a cell apart, each of which stands for an area of its triangle.
+//! They carry colour, normal and occlusion to the voxels.
 //!
-//! Testing every point against every sky direction would be slow. The directions are therefore split into [`SKY_SUBSETS`]
-//! subsets. A point is tested against one of them only, its neighbours on the triangle against the others, and the points
-//! of such a group share the mean of their results ([`share_sky`]).
+//! Testing every surfel against every sky direction would be slow. The directions are therefore split into
+//! [`SKY_SUBSETS`] subsets. A surfel is tested against one of them only, its neighbours on the triangle against the
+//! others, and the surfels of such a group share the mean of their results ([`share_sky`]).
 
 use super::{
     local_block::{LocalBlock, LocalTriangle},
@@ -10,21 +11,21 @@ use super::{
 };
 use glam::Vec3;
 
-/// Number of subsets of the sky directions, and of points in a group.
+/// Number of subsets of the sky directions, and of surfels in a group.
 pub(super) const SKY_SUBSETS: usize = 4;
-/// Most pieces along the longest edge of a sliver, and most points along an axis of a broad triangle.
-const MAX_POINTS: f32 = 65536.0;
-/// Most rows of points over the longest edge of a sliver.
+/// Most surfels along the longest edge of a sliver, or along an axis of a broad triangle.
+const MAX_SURFELS: f32 = 65536.0;
+/// Most rows of surfels over the longest edge of a sliver.
 const MAX_SLIVER_ROWS: f32 = 4.0;
 
 /// One point of a surface.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SurfaceSample {
+pub(super) struct Surfel {
     /// Metres in the block's coordinates.
     pub(super) position: Vec3,
     /// Index into the block's triangles.
     pub(super) triangle: u32,
-    /// Area of the surface that the point stands for.
+    /// Area of the triangle that it stands for.
     pub(super) area_m2: f32,
     /// Subset of the sky directions that it is tested against.
     pub(super) sky_subset: u8,
@@ -36,7 +37,7 @@ pub(super) struct SurfaceSample {
     pub(super) sightings: [u16; 2],
 }
 
-impl SurfaceSample {
+impl Surfel {
     pub(super) fn is_visible(&self) -> bool {
         self.sightings != [0; 2]
     }
@@ -47,31 +48,32 @@ impl SurfaceSample {
     }
 }
 
-/// The points over the block's cells, triangle by triangle. Those of a triangle are sorted by their sky subset.
-pub(super) fn place(block: &LocalBlock) -> Vec<SurfaceSample> {
-    let mut samples = Vec::new();
+/// Places surfels on all triangles over the block's cells, triangle by triangle. Those of a triangle are sorted by
+/// their sky subset.
+pub(super) fn place(block: &LocalBlock) -> Vec<Surfel> {
+    let mut surfels = Vec::new();
     let spacing_m = block.cell_m * 0.5;
     for (index, triangle) in (0..).zip(&block.triangles) {
         if is_hidden_floor(block, triangle) {
             continue;
         }
-        let first = samples.len();
+        let first = surfels.len();
         let shortest_height_m = 2.0 * triangle.area_m2 / longest_edge(triangle).length_m;
-        let mut placer = SamplePlacer { block, triangle, index, spacing_m, samples: &mut samples };
+        let mut placer = SurfelPlacer { block, triangle, index, spacing_m, surfels: &mut surfels };
         if shortest_height_m < 2.0 * spacing_m {
             placer.place_on_sliver();
         } else {
             placer.place_on_grid();
         }
-        samples[first..].sort_by_key(|sample| sample.sky_subset);
+        surfels[first..].sort_by_key(|surfel| surfel.sky_subset);
     }
-    samples
+    surfels
 }
 
-/// Gives all points of a group the mean of their sky cosines.
-pub(super) fn share_sky(samples: &mut [SurfaceSample]) {
+/// Gives all surfels of a group the mean of their sky cosines.
+pub(super) fn share_sky(surfels: &mut [Surfel]) {
     let mut order: Vec<u32> = Vec::new();
-    for of_triangle in samples.chunk_by_mut(|a, b| a.triangle == b.triangle) {
+    for of_triangle in surfels.chunk_by_mut(|a, b| a.triangle == b.triangle) {
         order.clear();
         order.extend(0..of_triangle.len() as u32);
         order.sort_unstable_by_key(|i| (of_triangle[*i as usize].group, *i));
@@ -110,23 +112,23 @@ fn longest_edge(triangle: &LocalTriangle) -> LongestEdge {
     (0..3).map(edge).fold(LongestEdge { start: 0, length_m: 0.0 }, |a, b| if b.length_m > a.length_m { b } else { a })
 }
 
-/// Places the points of one triangle.
-struct SamplePlacer<'a> {
+/// Places the surfels of one triangle.
+struct SurfelPlacer<'a> {
     block: &'a LocalBlock,
     triangle: &'a LocalTriangle,
     /// Index of the triangle in the block.
     index: u32,
     spacing_m: f32,
-    samples: &'a mut Vec<SurfaceSample>,
+    surfels: &'a mut Vec<Surfel>,
 }
 
-impl SamplePlacer<'_> {
-    /// Adds a point unless it lies outside of the block. `step` is its column and row on the triangle, `group` those of its
-    /// group.
+impl SurfelPlacer<'_> {
+    /// Adds a surfel unless it lies outside of the block. `step` is its column and row on the triangle, `group` those
+    /// of its group.
     fn add(&mut self, position: Vec3, area_m2: f32, step: [usize; 2], group: [usize; 2]) {
         let [width_m, height_m] = self.block.extent_m();
-        // A wall on the block's border may belong to the cell on its other side. Points up to half a cell outside are kept
-        // here and dropped later if they belong to no cell of the block.
+        // A wall on the block's border may belong to the cell on its other side. Surfels up to half a cell outside are
+        // kept here and dropped later if they belong to no cell of the block.
         let margin_m = self.block.cell_m * 0.5;
         if position.x >= -margin_m
             && position.y >= -margin_m
@@ -135,7 +137,7 @@ impl SamplePlacer<'_> {
         {
             let sky_subset = ((step[0] & 1) | ((step[1] & 1) << 1)) as u8;
             let group = (group[0] as u16 as u32) << 16 | group[1] as u16 as u32;
-            self.samples.push(SurfaceSample {
+            self.surfels.push(Surfel {
                 position,
                 triangle: self.index,
                 area_m2,
@@ -147,13 +149,13 @@ impl SamplePlacer<'_> {
         }
     }
 
-    /// Places rows of points parallel to the longest edge of a narrow triangle.
+    /// Places rows of surfels parallel to the longest edge of a narrow triangle.
     fn place_on_sliver(&mut self) {
         let triangle = self.triangle;
         let LongestEdge { start, length_m } = longest_edge(triangle);
         let (a, b) = (triangle.corners[start], triangle.corners[(start + 1) % 3]);
         let apex = triangle.corners[(start + 2) % 3];
-        let pieces_at_edge = (length_m / self.spacing_m).ceil().clamp(1.0, MAX_POINTS) as u32;
+        let pieces_at_edge = (length_m / self.spacing_m).ceil().clamp(1.0, MAX_SURFELS) as u32;
         let height_m = 2.0 * triangle.area_m2 / length_m;
         let rows = (height_m / self.spacing_m).ceil().clamp(1.0, MAX_SLIVER_ROWS) as u32;
         for row in 0..rows {
@@ -196,7 +198,7 @@ impl SamplePlacer<'_> {
         }
         let start = (floor / spacing).floor() * spacing;
         let size =
-            [u, v].map(|axis| ((ceiling[axis] - start[axis]) / spacing).ceil().clamp(0.0, MAX_POINTS) as usize + 1);
+            [u, v].map(|axis| ((ceiling[axis] - start[axis]) / spacing).ceil().clamp(0.0, MAX_SURFELS) as usize + 1);
         let corners = triangle.corners.map(|c| [c[u] - start[u], c[v] - start[v]]);
         let origin = triangle.corners[0];
         let area_m2 = spacing * spacing / n[main];

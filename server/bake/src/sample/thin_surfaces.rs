@@ -1,15 +1,16 @@
 //! Columns for walls too thin for vertical lines to meet: fences, parapets, the shells of houses without a floor.
 //!
-//! Visible wall samples that no column covers are summed per cell and row. A row with enough wall area becomes full, clipped
-//! at the wall's plane.
+//! Visible wall surfels that no column covers are summed per cell and row. A row with enough wall area becomes full,
+//! clipped at the wall's plane.
 
-use super::{cell_grid::CellGrid, local_block::LocalBlock, surface_samples::SurfaceSample};
+use super::{cell_grid::CellGrid, local_block::LocalBlock, surfels::Surfel};
 use crate::columns::{clip::WallPlane, voxels::SolidRun};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use std::collections::BTreeMap;
 
 /// Wall area in a row of a cell, in squares of the cell's side, from which on the row is full. Where a wall crosses the
-/// border of two cells, at least one of them has half of its area. Masts and wires have less, and must not swell to a cell.
+/// border of two cells, at least one of them has half of its area. Masts and wires have less, and must not swell to a
+/// cell.
 const FULL_AREA: f32 = 0.45;
 /// The same for a row that continues a full row of the same wall.
 const CONTINUED_AREA: f32 = 0.03;
@@ -74,8 +75,8 @@ impl WallRow {
 }
 
 /// Adds columns for visible walls that no column covers.
-pub(super) fn add_columns(block: &LocalBlock, samples: &[SurfaceSample], cells: &mut CellGrid) {
-    let rows = uncovered_rows(block, samples, cells);
+pub(super) fn add_columns(block: &LocalBlock, surfels: &[Surfel], cells: &mut CellGrid) {
+    let rows = uncovered_rows(block, surfels, cells);
     let c = block.cell_m;
     for (at, row) in rows.iter().filter(|(at, row)| is_full(&rows, **at, row, c)) {
         let run = SolidRun { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
@@ -83,23 +84,23 @@ pub(super) fn add_columns(block: &LocalBlock, samples: &[SurfaceSample], cells: 
     }
 }
 
-/// Sums up the wall samples that no column covers.
-fn uncovered_rows(block: &LocalBlock, samples: &[SurfaceSample], cells: &CellGrid) -> BTreeMap<VoxelPosition, WallRow> {
+/// Sums up the wall surfels that no column covers.
+fn uncovered_rows(block: &LocalBlock, surfels: &[Surfel], cells: &CellGrid) -> BTreeMap<VoxelPosition, WallRow> {
     let c = block.cell_m;
     let mut rows: BTreeMap<VoxelPosition, WallRow> = BTreeMap::new();
-    for sample in samples {
-        let triangle = &block.triangles[sample.triangle as usize];
-        let p = sample.position;
-        if !sample.is_visible() || !triangle.is_wall() || is_covered(cells, p, triangle.normal, c) {
+    for surfel in surfels {
+        let triangle = &block.triangles[surfel.triangle as usize];
+        let p = surfel.position;
+        if !surfel.is_visible() || !triangle.is_wall() || is_covered(cells, p, triangle.normal, c) {
             continue;
         }
         let at = VoxelPosition::containing(p, c);
         let centre = (Vec2::new(at.x as f32, at.y as f32) + 0.5) * c;
         let row = rows.entry(at).or_insert(WallRow::new(p, triangle.object_bottom_m));
-        let outward = if sample.visible_side() == 1 { -triangle.normal } else { triangle.normal };
-        row.area_m2 += sample.area_m2;
-        row.normal_sum += outward.xy().normalize() * sample.area_m2;
-        row.position_sum += (p.xy() - centre) * sample.area_m2;
+        let outward = if surfel.visible_side() == 1 { -triangle.normal } else { triangle.normal };
+        row.area_m2 += surfel.area_m2;
+        row.normal_sum += outward.xy().normalize() * surfel.area_m2;
+        row.position_sum += (p.xy() - centre) * surfel.area_m2;
         row.low_m = row.low_m.min(p.z - 0.25 * c).max(triangle.object_bottom_m);
         row.high_m = row.high_m.max(p.z + 0.25 * c);
     }

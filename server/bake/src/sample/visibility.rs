@@ -1,49 +1,50 @@
-//! Which samples are visible from outside: space carving with visibility maps (Vacca 2008, 3.4.1).
+//! Which crossings and surfels are visible from outside: space carving with visibility maps (Vacca 2008, 3.4.1).
 //!
-//! A map is drawn for each direction, and every sample that still needs a result is tested against it. The directions come
-//! in three passes:
+//! A map is drawn for each direction, and every crossing and surfel that still needs a result is tested against it. The
+//! directions come in three passes:
 //!
-//! 1. The first sky directions. All crossings and all surface samples are tested until they have been visible.
+//! 1. The first sky directions. All crossings and all surfels are tested until they have been visible.
 //! 2. Directions below the horizon, for undersides and what stands under them. They are skipped if the block has none.
-//! 3. The remaining sky directions, only for the occlusion of samples that have been visible. The others lie inside of
+//! 3. The remaining sky directions, only for the occlusion of surfels that have been visible. The others lie inside of
 //!    something and are dropped before.
 //!
-//! The share of the sky from which a sample is visible is its ambient occlusion.
+//! The share of the sky from which a surfel is visible is its ambient occlusion.
 
 use super::{
     crossings::{Crossing, Crossings, SURE_WEIGHT, UNSURE_WEIGHT},
     directions,
     local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
     settings::SampleSettings,
-    surface_samples::{SKY_SUBSETS, SurfaceSample},
-    visibility_map::{SurfacePoint, VisibilityMap},
+    surfels::{SKY_SUBSETS, Surfel},
+    visibility_map::VisibilityMap,
 };
 use glam::Vec3;
 
 /// Number of sky directions of the first pass.
 const FIRST_SKY_DIRECTIONS: usize = 48;
-/// Number of directions, in either of the first two passes, after which a back that was never visible is not tested further.
+/// Number of directions, in either of the first two passes, after which a back that was never visible is not tested
+/// further.
 const BACK_DIRECTIONS: usize = 16;
 
-/// Counts from where the block's crossings and surface samples are visible, and drops surface samples that never are.
+/// Counts from where the block's crossings and surfels are visible, and drops surfels that never are.
 pub(super) fn find_sightings(
     block: &LocalBlock,
     settings: &SampleSettings,
     crossings: &mut Crossings,
-    samples: &mut Vec<SurfaceSample>,
+    surfels: &mut Vec<Surfel>,
 ) {
     let sky = directions::sky(settings.sky_directions);
     let (first, rest) = sky.split_at(FIRST_SKY_DIRECTIONS.min(sky.len()));
     let mut tests =
-        VisibilityTests { block, map: VisibilityMap::new(settings.visibility), groups: group_by_triangle(samples) };
+        VisibilityTests { block, map: VisibilityMap::new(settings.visibility), groups: group_by_triangle(surfels) };
     let mut pending: Vec<u32> =
         (0..crossings.list.len() as u32).filter(|i| crossings.list[*i as usize].is_pending()).collect();
     for (i, direction) in first.iter().enumerate() {
         tests.map.draw(block, *direction);
         tests.test_crossings(crossings, &mut pending);
         let pass =
-            SampleTest { sky_subset: Some(i % SKY_SUBSETS), tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
-        tests.test_samples(samples, pass);
+            SurfelTest { sky_subset: Some(i % SKY_SUBSETS), tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
+        tests.test_surfels(surfels, pass);
     }
     let has_undersides = block.triangles.iter().any(|triangle| may_have_space_below(block, triangle));
     if has_undersides || !pending.is_empty() {
@@ -51,17 +52,17 @@ pub(super) fn find_sightings(
             tests.map.draw(block, *direction);
             tests.test_crossings(crossings, &mut pending);
             if has_undersides {
-                let pass = SampleTest { sky_subset: None, tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
-                tests.test_samples(samples, pass);
+                let pass = SurfelTest { sky_subset: None, tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
+                tests.test_surfels(surfels, pass);
             }
         }
     }
-    samples.retain(SurfaceSample::is_visible);
-    tests.groups = group_by_triangle(samples);
+    surfels.retain(Surfel::is_visible);
+    tests.groups = group_by_triangle(surfels);
     for (i, direction) in rest.iter().enumerate() {
         tests.map.draw(block, *direction);
         let sky_subset = Some((FIRST_SKY_DIRECTIONS + i) % SKY_SUBSETS);
-        tests.test_samples(samples, SampleTest { sky_subset, tests_unseen: false, tests_backs: false });
+        tests.test_surfels(surfels, SurfelTest { sky_subset, tests_unseen: false, tests_backs: false });
     }
 }
 
@@ -71,44 +72,44 @@ fn may_have_space_below(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
     !triangle.is_terrain && (!triangle.is_closed || (triangle.normal.z < -0.1 && is_above_foot))
 }
 
-/// The surface samples of one triangle.
+/// The surfels of one triangle.
 #[derive(Debug)]
-struct TriangleSamples {
+struct TriangleSurfels {
     /// Index into the block's triangles.
     triangle: u32,
-    /// Index of the first sample of each sky subset, and the end of the last.
+    /// Index of the first surfel of each sky subset, and the end of the last.
     starts: [u32; SKY_SUBSETS + 1],
-    /// Whether there are samples whose front (or back) has not been visible yet.
+    /// Whether there are surfels whose front (or back) has not been visible yet.
     has_unseen: [bool; 2],
 }
 
-fn group_by_triangle(samples: &[SurfaceSample]) -> Vec<TriangleSamples> {
+fn group_by_triangle(surfels: &[Surfel]) -> Vec<TriangleSurfels> {
     let mut begin = 0;
-    let groups = samples.chunk_by(|a, b| a.triangle == b.triangle).map(|group| {
+    let groups = surfels.chunk_by(|a, b| a.triangle == b.triangle).map(|group| {
         let start = |subset: usize| begin + group.partition_point(|s| usize::from(s.sky_subset) < subset) as u32;
         let starts = std::array::from_fn(start);
         begin += group.len() as u32;
-        TriangleSamples { triangle: group[0].triangle, starts, has_unseen: [true; 2] }
+        TriangleSurfels { triangle: group[0].triangle, starts, has_unseen: [true; 2] }
     });
     groups.collect()
 }
 
-/// Which surface samples are tested against a direction.
+/// Which surfels are tested against a direction.
 #[derive(Debug, Clone, Copy)]
-struct SampleTest {
+struct SurfelTest {
     /// The subset of the sky that the direction belongs to; `None` for a direction below the horizon.
     sky_subset: Option<usize>,
-    /// Whether samples of other subsets are tested as long as they have not been visible.
+    /// Whether surfels of other subsets are tested as long as they have not been visible.
     tests_unseen: bool,
     /// Whether this includes backs.
     tests_backs: bool,
 }
 
-/// The map of the current direction, and the samples that it is tested against.
+/// The map of the current direction, and the surfels that it is tested against.
 struct VisibilityTests<'a> {
     block: &'a LocalBlock,
     map: VisibilityMap,
-    groups: Vec<TriangleSamples>,
+    groups: Vec<TriangleSurfels>,
 }
 
 impl VisibilityTests<'_> {
@@ -134,71 +135,73 @@ impl VisibilityTests<'_> {
         let is_tested = crossing.needs_sightings(from_above)
             && (from_above || !passes_through_floor(triangle, position, direction));
         let normal = if from_above { up } else { -up };
-        let point = SurfacePoint { position, normal, triangle: crossing.triangle };
-        if !is_tested || !self.map.is_visible(self.block, point) {
+        if !is_tested || !self.map.is_visible(self.block, position, normal, crossing.triangle) {
             return None;
         }
         let is_sure = from_above || self.map.shows_surface(self.block, position, triangle);
         Some((from_above, if is_sure { SURE_WEIGHT } else { UNSURE_WEIGHT }))
     }
 
-    fn test_samples(&mut self, samples: &mut [SurfaceSample], test: SampleTest) {
+    fn test_surfels(&mut self, surfels: &mut [Surfel], test: SurfelTest) {
+        let (block, map) = (self.block, &self.map);
         for group in &mut self.groups {
-            let triangle = &self.block.triangles[group.triangle as usize];
+            let triangle = &block.triangles[group.triangle as usize];
             // Tops are visible from the sky. Directions below the horizon are for undersides, and walls under roofs.
             if test.sky_subset.is_none() && (triangle.is_terrain || triangle.normal.z > MIN_TOP_NORMAL_Z) {
                 continue;
             }
-            let cos = triangle.normal.dot(self.map.direction());
+            let cos = triangle.normal.dot(map.direction());
             let side = usize::from(cos < 0.0);
             if side == 1 && (triangle.is_terrain || triangle.is_closed) {
                 continue;
             }
             let normal = if side == 1 { -triangle.normal } else { triangle.normal };
-            let is_visible = |sample: &SurfaceSample| {
-                let is_through_floor =
-                    test.sky_subset.is_none() && passes_through_floor(triangle, sample.position, self.map.direction());
-                let point = SurfacePoint { position: sample.position, normal, triangle: group.triangle };
-                !is_through_floor && self.map.is_visible(self.block, point)
+            let (is_below_horizon, index) = (test.sky_subset.is_none(), group.triangle);
+            let is_visible = |surfel: &Surfel| {
+                if is_below_horizon && passes_through_floor(triangle, surfel.position, map.direction()) {
+                    return false;
+                }
+                map.is_visible(block, surfel.position, normal, index)
             };
             if test.tests_unseen && group.has_unseen[side] && (side == 0 || test.tests_backs) {
-                let all = &mut samples[group.starts[0] as usize..group.starts[SKY_SUBSETS] as usize];
+                let all = &mut surfels[group.starts[0] as usize..group.starts[SKY_SUBSETS] as usize];
                 group.has_unseen[side] = test_unseen(all, side, test.sky_subset, is_visible);
             }
             let Some(subset) = test.sky_subset else { continue };
-            let of_subset = &mut samples[group.starts[subset] as usize..group.starts[subset + 1] as usize];
-            for sample in of_subset {
-                let is_given_up = side == 1 && sample.sightings[1] == 0 && !test.tests_backs;
-                if !is_given_up && is_visible(sample) {
-                    sample.sightings[side] += 1;
-                    sample.sky_cosines[side] += cos.abs();
+            let of_subset = &mut surfels[group.starts[subset] as usize..group.starts[subset + 1] as usize];
+            for surfel in of_subset {
+                let is_given_up = side == 1 && surfel.sightings[1] == 0 && !test.tests_backs;
+                if !is_given_up && is_visible(surfel) {
+                    surfel.sightings[side] += 1;
+                    surfel.sky_cosines[side] += cos.abs();
                 }
             }
         }
     }
 }
 
-/// Tests the samples of a triangle that have not been visible yet, except those of `own_subset`, which are tested anyway.
-/// Returns whether there are still some that have not been visible.
+/// Tests the surfels of a triangle that have not been visible yet, except those of `own_subset`, which are tested
+/// anyway. Returns whether there are still some that have not been visible.
 fn test_unseen(
-    samples: &mut [SurfaceSample],
+    surfels: &mut [Surfel],
     side: usize,
     own_subset: Option<usize>,
-    is_visible: impl Fn(&SurfaceSample) -> bool,
+    is_visible: impl Fn(&Surfel) -> bool,
 ) -> bool {
     let mut has_unseen = false;
-    for sample in samples.iter_mut().filter(|sample| sample.sightings[side] == 0) {
-        let is_tested_anyway = own_subset == Some(usize::from(sample.sky_subset));
-        if !is_tested_anyway && is_visible(sample) {
-            sample.sightings[side] += 1;
+    for surfel in surfels.iter_mut().filter(|surfel| surfel.sightings[side] == 0) {
+        let is_tested_anyway = own_subset == Some(usize::from(surfel.sky_subset));
+        if !is_tested_anyway && is_visible(surfel) {
+            surfel.sightings[side] += 1;
         }
-        has_unseen |= sample.sightings[side] == 0;
+        has_unseen |= surfel.sightings[side] == 0;
     }
     has_unseen
 }
 
-/// Whether the line from `p` in the direction of a viewer below leaves the object's footprint only under its foot, that is,
-/// through the ground it stands on. Such a viewer, who cannot exist, would see the inside of a shell without a floor.
+/// Whether the line from `p` in the direction of a viewer below leaves the object's footprint only under its foot, that
+/// is, through the ground it stands on. Such a viewer, who cannot exist, would see the inside of a shell without a
+/// floor.
 fn passes_through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
     if direction.z >= 0.0 {
         return false;

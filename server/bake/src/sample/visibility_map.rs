@@ -1,8 +1,8 @@
 //! A map of the nearest triangle of a block, seen from one direction.
 //!
-//! The map is an orthographic projection with texels of half a cell. It stores the number of the nearest triangle per texel.
-//! A point is visible unless the planes of the triangles in the four texels around it pass in front of it. Comparing depths
-//! at texel centres instead, as shadow maps do, would let light leak along slanted surfaces.
+//! The map is an orthographic projection with texels of half a cell. It stores the number of the nearest triangle per
+//! texel. A point is visible unless the planes of the triangles in the four texels around it pass in front of it.
+//! Comparing depths at texel centres instead, as shadow maps do, would let light leak along slanted surfaces.
 
 use super::{
     local_block::{LocalBlock, LocalTriangle},
@@ -19,12 +19,12 @@ const TOLERANCE_CELLS: f32 = 0.02;
 
 /// A point of a triangle whose visibility is tested.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SurfacePoint {
-    pub(super) position: Vec3,
+struct SurfacePoint {
+    position: Vec3,
     /// Unit normal of the side that faces the viewer.
-    pub(super) normal: Vec3,
+    normal: Vec3,
     /// Index into the block's triangles.
-    pub(super) triangle: u32,
+    triangle: u32,
 }
 
 /// The nearest triangles as seen from one direction.
@@ -124,8 +124,8 @@ impl VisibilityMap {
         Vec2::new(p.dot(self.u), p.dot(self.v))
     }
 
-    /// Stores the triangle's plane and returns its corners in metres from the map's corner; `None` for triangles that are
-    /// seen edge-on, and for backs that can never be nearest.
+    /// Stores the triangle's plane and returns its corners in metres from the map's corner; `None` for triangles that
+    /// are seen edge-on, and for backs that can never be nearest.
     fn project(&mut self, triangle: &LocalTriangle, index: usize) -> Option<[Vec2; 3]> {
         let cos = triangle.normal.dot(self.w);
         // The nearest surface of a closed shell always faces the viewer, and so does terrain.
@@ -187,12 +187,14 @@ impl VisibilityMap {
         ids.is_some_and(|ids| ids.iter().any(|id| *id != 0 && continues(*id)))
     }
 
-    /// Whether the viewer sees the point: none of the triangles in the four texels around it occludes it.
+    /// Whether the viewer sees a point of `triangle`: none of the triangles in the four texels around it occludes it.
+    /// `normal` is the unit normal of the side that faces the viewer.
     #[inline]
-    pub(super) fn is_visible(&self, block: &LocalBlock, point: SurfacePoint) -> bool {
-        let at = self.flatten(point.position) - self.corner;
+    pub(super) fn is_visible(&self, block: &LocalBlock, position: Vec3, normal: Vec3, triangle: u32) -> bool {
+        let at = self.flatten(position) - self.corner;
         let Some(ids) = self.ids_around(at) else { return true };
-        ids == [point.triangle + 1; 4] || !self.is_occluded_by(block, point, at, ids)
+        // The struct is built only here: passed to this function, it costs every call a stalled load.
+        ids == [triangle + 1; 4] || !self.is_occluded_by(block, SurfacePoint { position, normal, triangle }, at, ids)
     }
 
     fn is_occluded_by(&self, block: &LocalBlock, point: SurfacePoint, at: Vec2, ids: [u32; 4]) -> bool {
@@ -207,8 +209,8 @@ impl VisibilityMap {
             if plane.x * at.x + plane.y * at.y + plane.z <= w + self.tolerance_m {
                 continue;
             }
-            // The plane is evaluated past the triangle's edges. A triangle wholly behind the surface of the point cannot
-            // occlude it.
+            // The plane is evaluated past the triangle's edges. A triangle wholly behind the surface of the point
+            // cannot occlude it.
             let other = &block.triangles[id as usize - 1];
             if other.corners.iter().any(|c| point.normal.dot(*c - point.position) > self.tolerance_m) {
                 return true;

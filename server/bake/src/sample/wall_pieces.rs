@@ -2,7 +2,7 @@
 
 use super::{
     local_block::{LocalBlock, LocalTriangle},
-    surface_samples::SurfaceSample,
+    surfels::Surfel,
 };
 use crate::columns::wall_fit::WallPiece;
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
@@ -21,11 +21,11 @@ pub(super) struct CellWalls {
 }
 
 impl CellWalls {
-    /// Collects the walls that are visible in at least one sample. Vertical triangles are cut exactly at the cells'
-    /// borders, others are represented by their visible samples.
-    pub(super) fn new(block: &LocalBlock, samples: &[SurfaceSample]) -> Self {
+    /// Collects the walls that are visible in at least one surfel. Vertical triangles are cut exactly at the cells'
+    /// borders, others are represented by their visible surfels.
+    pub(super) fn new(block: &LocalBlock, surfels: &[Surfel]) -> Self {
         let mut walls = Self { list: Vec::new(), size: block.cells.map(|n| n as i32 + 2), cell_m: block.cell_m };
-        for of_triangle in samples.chunk_by(|a, b| a.triangle == b.triangle) {
+        for of_triangle in surfels.chunk_by(|a, b| a.triangle == b.triangle) {
             let triangle = &block.triangles[of_triangle[0].triangle as usize];
             let [front, back] =
                 [0, 1].map(|side| of_triangle.iter().map(|s| u32::from(s.sightings[side])).sum::<u32>());
@@ -38,9 +38,9 @@ impl CellWalls {
                     walls.push(cell, normal, centre, triangle.area_m2 * share);
                 });
             } else {
-                for sample in of_triangle.iter().filter(|sample| sample.is_visible()) {
-                    let p = sample.position.xy();
-                    walls.push((p / block.cell_m).floor().as_ivec2(), normal, p, sample.area_m2);
+                for surfel in of_triangle.iter().filter(|surfel| surfel.is_visible()) {
+                    let p = surfel.position.xy();
+                    walls.push((p / block.cell_m).floor().as_ivec2(), normal, p, surfel.area_m2);
                 }
             }
         }
@@ -65,8 +65,8 @@ impl CellWalls {
     }
 }
 
-/// Cuts a vertical triangle, seen from above, at the cells' borders. Calls `each` with the cell, the centre of the piece and
-/// its share of the triangle's length.
+/// Cuts a vertical triangle, seen from above, at the cells' borders. Calls `each` with the cell, the centre of the
+/// piece and its share of the triangle's length.
 fn cut_at_cell_borders(triangle: &LocalTriangle, cell_m: f32, mut each: impl FnMut(IVec2, Vec2, f32)) {
     let along = triangle.normal.xy().normalize().perp();
     let distance = |corner: &&Vec3| along.dot(corner.xy());
