@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use insula_bake::{
     BakeOptions, Silent,
-    sample::{SampleSettings, Visibility},
+    sample::{SampleSettings, VisibilityBackend},
 };
 use insula_protocol::{BlockMap, TileId, blockmap::flag};
 use insula_tests::{baked::Baked, fixtures, gpu::Gpu, trials::Trials};
@@ -20,14 +20,14 @@ fn main() {
 
 fn device_and_processor_see_the_same(_: &Gpu) -> Result<()> {
     let folder = tempfile::tempdir().context("a folder")?;
-    let maps = |visibility: Visibility| -> Result<BTreeMap<TileId, BlockMap>> {
+    let maps = |visibility: VisibilityBackend| -> Result<BTreeMap<TileId, BlockMap>> {
         let sample = SampleSettings { visibility, ..SampleSettings::default() };
         let out = folder.path().join(format!("{visibility:?}").to_lowercase());
         let inputs = vec![fixtures::chiba_quarter()?];
         insula_bake::bake(&BakeOptions { inputs, out: out.clone(), sample, ..BakeOptions::default() }, &Silent)?;
         Baked::open(&out)?.leaves()
     };
-    let (cpu, gpu) = (maps(Visibility::Cpu)?, maps(Visibility::Gpu)?);
+    let (cpu, gpu) = (maps(VisibilityBackend::Cpu)?, maps(VisibilityBackend::Gpu)?);
     anyhow::ensure!(cpu.keys().eq(gpu.keys()), "other leaves");
     let (mut columns, mut off, mut occlusion) = (0u32, 0u32, 0u32);
     for (a, b) in cpu.values().zip(gpu.values()) {

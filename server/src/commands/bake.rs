@@ -25,7 +25,7 @@ mod with_bake {
     use insula_bake::{
         BakeError, BakeOptions, BakeReport, Progress,
         read::{ObjUpAxis, Palette},
-        sample::{SampleSettings, Visibility},
+        sample::{SampleSettings, VisibilityBackend},
     };
     use insula_protocol::manifest::Attribution;
     use std::{
@@ -84,8 +84,8 @@ mod with_bake {
             palette,
             sample: SampleSettings {
                 visibility: match args.visibility {
-                    Drawer::Cpu => Visibility::Cpu,
-                    Drawer::Gpu => Visibility::Gpu,
+                    Drawer::Cpu => VisibilityBackend::Cpu,
+                    Drawer::Gpu => VisibilityBackend::Gpu,
                 },
                 ..SampleSettings::default()
             },

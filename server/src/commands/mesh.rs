@@ -149,8 +149,8 @@ mod with_bake {
             out.model.triangles.len(),
             out.error,
             out.error / model.diagonal().max(f64::MIN_POSITIVE) * 100.0,
-            out.left,
-            mended(&out.census)
+            out.removed_parts,
+            mended(&out.repairs)
         ));
         Ok(())
     }

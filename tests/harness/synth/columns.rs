@@ -6,7 +6,9 @@ use super::{
     raster::{GROUND, OUTSIDE, Raster, SUB, Sample},
 };
 use glam::{DVec2, Vec2};
-use insula_bake::columns::voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane};
+use insula_bake::columns::voxels::{
+    SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelCorner, VoxelNode, VoxelOuterTop, VoxelPlane,
+};
 use insula_protocol::{NODE_CELLS, TileId, blockmap::COLUMNS};
 use std::sync::OnceLock;
 
@@ -146,8 +148,8 @@ fn column(raster: &Raster, own: &Cell, centre: DVec2, around: &[Option<&Cell>; 9
     let under = own.gap.map_or(lowest, |[under_m, _]| under_m.min(lowest));
     let bottom_m = under.min(own.top_m) - 0.25 * cell_m;
     let solids = match own.gap {
-        Some([low, high]) => vec![Solid { bottom_m, top_m: low }, Solid { bottom_m: high, top_m: own.top_m }],
-        None => vec![Solid { bottom_m, top_m: own.top_m }],
+        Some([low, high]) => vec![SolidRun { bottom_m, top_m: low }, SolidRun { bottom_m: high, top_m: own.top_m }],
+        None => vec![SolidRun { bottom_m, top_m: own.top_m }],
     };
     let mut open = Vec2::ZERO;
     let mut deepest = 0.0f32;
@@ -173,8 +175,8 @@ fn column(raster: &Raster, own: &Cell, centre: DVec2, around: &[Option<&Cell>; 9
     let normal = own.slope.extend(-1.0).normalize_or(glam::Vec3::NEG_Z) * -1.0;
     let roof_ao = if own.part.is_some() { 1.0 } else { 0.8 };
     let clip = own.clip.map(|(plane, second, outer_m)| {
-        let corner = second.map(|second| (second, false));
-        VoxelClip { plane, corner, outer: Some((outer_m, look(own.outer, 0.7))) }
+        let corner = second.map(|plane| VoxelCorner { plane, concave: false });
+        VoxelClip { plane, corner, outer: Some(VoxelOuterTop { top_m: outer_m, appearance: look(own.outer, 0.7) }) }
     });
     VoxelColumn {
         solids,
@@ -213,7 +215,7 @@ fn wall_ao(z_m: f64) -> f32 {
     (0.45 + z_m * 0.02).clamp(0.45, 0.85) as f32
 }
 
-fn look(rgb: [u8; 3], ao: f32) -> Look {
+fn look(rgb: [u8; 3], ao: f32) -> VoxelAppearance {
     static LINEAR: OnceLock<[f32; 256]> = OnceLock::new();
     let linear = LINEAR.get_or_init(|| {
         std::array::from_fn(|v| {
@@ -221,5 +223,5 @@ fn look(rgb: [u8; 3], ao: f32) -> Look {
             if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
         })
     });
-    Look { rgb: rgb.map(|c| linear[usize::from(c)]), ao, alpha: 1.0 }
+    VoxelAppearance { rgb: rgb.map(|c| linear[usize::from(c)]), ao, alpha: 1.0 }
 }

@@ -1,55 +1,64 @@
-//! From lines to columns: what most of a cell's vertical lines say is what its column is (design 5, step 1).
+//! One column from the vertical lines of a cell.
 //!
-//! In: vertical lines with their full runs, and the walls that were seen in the cell. Out: [`Merged`]. Next: `sample::solids`
-//! (lines through the source's surfaces) and `lod` (lines through the children's columns) make columns of it.
+//! This is the supersampling of Vacca 2008, 3.4.2, with a vote instead of partial coverage: a height is full where at
+//! least half of the lines are full. The top becomes a slope where the lines' tops lie in one plane. For leaves the
+//! lines run through the source's surfaces (`sample::solids`), for parents through the children's columns
+//! (`downsample`).
 
-use crate::columns::{clip::Clip, voxels::Solid};
+use crate::columns::{clip::CellClip, voxels::SolidRun};
 use glam::Vec2;
 
-/// Lines along a cell's side.
-pub(crate) const LINES: usize = 4;
-/// Steepest top that is drawn as a slope, rise over run.
+/// Number of vertical lines along a cell's side.
+pub(crate) const LINES_PER_SIDE: usize = 4;
+/// Steepest top that becomes a slope, rise over run.
 const MAX_SLOPE: f32 = 3.0;
-/// Flattest.
+/// Tops that are flatter than this become horizontal, rise over run.
 const MIN_SLOPE: f32 = 0.02;
-/// How far, in cells, lines' tops may lie from a common plane.
-const PLANE_TOLERANCE: f32 = 0.25;
-
-/// Height of a slab in cells, at most.
-const SLAB: f32 = 4.0;
-/// Fewest points that say how a top slopes.
-const PLANE_POINTS: usize = 4;
+/// Largest distance, in cells, of a line's top from the plane of a slope.
+const SLOPE_TOLERANCE: f32 = 0.25;
+/// Fewest tops that define a slope.
+const MIN_SLOPE_POINTS: usize = 4;
+/// Largest height of a slab, in cells.
+const MAX_SLAB_HEIGHT: f32 = 4.0;
 
 /// One vertical line.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Line {
+pub(crate) struct VerticalLine {
     /// Metres from the cell's centre.
-    pub(crate) at: Vec2,
+    pub(crate) position_m: Vec2,
     /// Full runs from the bottom up.
-    pub(crate) runs: Vec<Solid>,
+    pub(crate) runs: Vec<SolidRun>,
 }
 
-/// Where line `i` of a cell stands, in metres from the cell's centre: row by row from the south-west.
-pub(crate) fn line_at(i: usize, cell_m: f32) -> Vec2 {
-    let place = |k: usize| ((k as f32 + 0.5) / LINES as f32 - 0.5) * cell_m;
-    Vec2::new(place(i % LINES), place(i / LINES))
+/// Position of line `i` of a cell in metres from the cell's centre. Lines are row-major from the south-west.
+pub(crate) fn line_position_m(i: usize, cell_m: f32) -> Vec2 {
+    let along = |k: usize| ((k as f32 + 0.5) / LINES_PER_SIDE as f32 - 0.5) * cell_m;
+    Vec2::new(along(i % LINES_PER_SIDE), along(i / LINES_PER_SIDE))
 }
 
-/// A cell's column.
+/// The column of one cell.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Merged {
-    /// From the bottom up; the last one's top is that at the cell's centre.
-    pub(crate) solids: Vec<Solid>,
-    /// Rise of the last top along x and y.
+pub(crate) struct MergedColumn {
+    /// From the bottom up. The last run's top is the height at the cell's centre.
+    pub(crate) solids: Vec<SolidRun>,
+    /// Rise of the last top along x and y; zero unless `is_inclined`.
     pub(crate) slope: [f32; 2],
-    /// Whether the slope was found.
-    pub(crate) inclined: bool,
-    /// Where a wall stands inside the cell.
-    pub(crate) clip: Option<Clip>,
+    pub(crate) is_inclined: bool,
+    /// Where the column ends inside the cell.
+    pub(crate) clip: Option<CellClip>,
 }
 
-impl Merged {
-    /// Height of the top at a place relative to the cell's centre.
+/// A plane through the tops of lines.
+#[derive(Debug, Clone, Copy)]
+struct TopPlane {
+    /// Height at the cell's centre.
+    centre_m: f32,
+    /// Rise along x and y.
+    slope: [f32; 2],
+}
+
+impl MergedColumn {
+    /// Height of the top at a point relative to the cell's centre; negative infinity where nothing stands.
     pub(crate) fn top_at(&self, p_m: Vec2) -> f32 {
         if let Some(clip) = self.clip.filter(|clip| clip.is_outside(p_m)) {
             return clip.outer_top_m.unwrap_or(f32::NEG_INFINITY);
@@ -58,20 +67,20 @@ impl Merged {
     }
 
     fn inner_top_at(&self, p_m: Vec2) -> f32 {
-        self.solids.last().map_or(f32::NEG_INFINITY, |s| s.top_m) + Vec2::from(self.slope).dot(p_m)
+        self.solids.last().map_or(f32::NEG_INFINITY, |run| run.top_m) + Vec2::from(self.slope).dot(p_m)
     }
 
-    /// Whether it is so thin that its underside is worth a strip of its own where it hangs in the air.
+    /// Whether the column is so thin that it gets a wall strip for its underside where it hangs in the air.
     pub(crate) fn is_slab(&self, cell_m: f32) -> bool {
         let (Some(first), Some(last)) = (self.solids.first(), self.solids.last()) else { return false };
-        last.top_m - first.bottom_m <= SLAB * cell_m
+        last.top_m - first.bottom_m <= MAX_SLAB_HEIGHT * cell_m
     }
 
-    /// The runs of a vertical line at a place relative to the cell's centre.
-    pub(crate) fn runs_at(&self, p_m: Vec2) -> Vec<Solid> {
+    /// The full runs of a vertical line at a point relative to the cell's centre.
+    pub(crate) fn runs_at(&self, p_m: Vec2) -> Vec<SolidRun> {
         let Some(first) = self.solids.first() else { return Vec::new() };
         if let Some(clip) = self.clip.filter(|clip| clip.is_outside(p_m)) {
-            return clip.outer_top_m.map(|top_m| Solid { bottom_m: first.bottom_m, top_m }).into_iter().collect();
+            return clip.outer_top_m.map(|top_m| SolidRun { bottom_m: first.bottom_m, top_m }).into_iter().collect();
         }
         let mut runs = self.solids.clone();
         if let Some(last) = runs.last_mut() {
@@ -79,82 +88,109 @@ impl Merged {
         }
         runs
     }
+
+    /// Height of the column's side that its neighbour does not cover, in metres. `half_step` leads from the cell's
+    /// centre to the middle of the shared border. Where the neighbour is clipped, the largest of three points along the
+    /// border counts.
+    pub(crate) fn open_side_m(&self, neighbour: Option<&Self>, half_step: Vec2) -> f32 {
+        let is_clipped = neighbour.is_some_and(|neighbour| neighbour.clip.is_some());
+        let along: &[f32] = if is_clipped { &[-0.9, 0.0, 0.9] } else { &[0.0] };
+        along
+            .iter()
+            .map(|share| half_step.perp() * *share)
+            .fold(0.0, |most, along| most.max(self.open_height_at(neighbour, half_step, along)))
+    }
+
+    fn open_height_at(&self, neighbour: Option<&Self>, half_step: Vec2, along: Vec2) -> f32 {
+        let covers = neighbour.map_or_else(Vec::new, |neighbour| neighbour.runs_at(along - half_step));
+        let mut open_m = 0.0;
+        for run in self.runs_at(along + half_step) {
+            open_m += run.top_m - run.bottom_m;
+            for cover in &covers {
+                open_m -= (run.top_m.min(cover.top_m) - run.bottom_m.max(cover.bottom_m)).max(0.0);
+            }
+        }
+        open_m
+    }
 }
 
-/// What at least half of the lines agree on; no solids if there is nothing.
-pub(crate) fn merge(lines: &[Line], cell_m: f32) -> Merged {
-    let mut solids = overlap(lines);
-    solids.retain(|s| s.top_m - s.bottom_m > cell_m / 64.0);
+/// The column that at least half of the lines agree on. It has no solids if the cell is empty.
+pub(crate) fn merge(lines: &[VerticalLine], cell_m: f32) -> MergedColumn {
+    let mut solids = majority_runs(lines);
+    solids.retain(|run| run.top_m - run.bottom_m > cell_m / 64.0);
     if solids.is_empty() {
-        solids.extend(steep(lines, cell_m));
+        solids.extend(mean_top_run(lines, cell_m));
     }
     close_gaps(&mut solids, cell_m);
-    let Some(top) = solids.last().copied() else { return Merged::default() };
-    let mut merged = Merged { solids, ..Merged::default() };
+    let Some(top) = solids.last().copied() else { return MergedColumn::default() };
+    let mut merged = MergedColumn { solids, ..MergedColumn::default() };
     let tops: Vec<[f32; 3]> = lines
         .iter()
         .filter_map(|line| {
             let z = line.runs.last()?.top_m;
-            (z > top.bottom_m).then_some([line.at.x, line.at.y, z])
+            (z > top.bottom_m).then_some([line.position_m.x, line.position_m.y, z])
         })
         .collect();
-    if let Some([centre, sx, sy]) = slope(&tops, top.top_m, half(lines), cell_m) {
-        merged.slope = [sx, sy];
-        merged.inclined = sx.hypot(sy) > MIN_SLOPE;
-        if !merged.inclined {
-            merged.slope = [0.0; 2];
-        }
+    if let Some(TopPlane { centre_m, slope }) = fit_slope(&tops, top.top_m, majority(lines), cell_m) {
+        merged.is_inclined = slope[0].hypot(slope[1]) > MIN_SLOPE;
+        merged.slope = if merged.is_inclined { slope } else { [0.0; 2] };
         if let Some(last) = merged.solids.last_mut() {
-            last.top_m = centre.max(last.bottom_m + cell_m / 16.0);
+            last.top_m = centre_m.max(last.bottom_m + cell_m / 16.0);
         }
     }
     merged
 }
 
-/// Lines that must be full for the cell to be.
-fn half(lines: &[Line]) -> usize {
+/// Number of lines that must be full for the cell to be full.
+fn majority(lines: &[VerticalLine]) -> usize {
     lines.len().div_ceil(2)
 }
 
 /// Heights at which at least half of the lines are full.
-fn overlap(lines: &[Line]) -> Vec<Solid> {
+fn majority_runs(lines: &[VerticalLine]) -> Vec<SolidRun> {
     let mut events: Vec<(f32, i32)> =
-        lines.iter().flat_map(|l| &l.runs).flat_map(|s| [(s.bottom_m, 1), (s.top_m, -1)]).collect();
+        lines.iter().flat_map(|line| &line.runs).flat_map(|run| [(run.bottom_m, 1), (run.top_m, -1)]).collect();
+    // At equal heights, runs begin before others end: runs that touch leave no gap.
     events.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-    let half = half(lines) as i32;
+    let majority = majority(lines) as i32;
     let mut solids = Vec::new();
     let (mut count, mut bottom_m) = (0, 0.0);
     for (z, change) in events {
         let before = count;
         count += change;
-        if before < half && count >= half {
+        if before < majority && count >= majority {
             bottom_m = z;
-        } else if before >= half && count < half {
-            solids.push(Solid { bottom_m, top_m: z });
+        } else if before >= majority && count < majority {
+            solids.push(SolidRun { bottom_m, top_m: z });
         }
     }
     solids
 }
 
-/// A steep sheet: half of the lines are full, each somewhere else. Their mean stands for them.
-fn steep(lines: &[Line], cell_m: f32) -> Option<Solid> {
-    let runs: Vec<Solid> = lines.iter().filter_map(|l| l.runs.last().copied()).collect();
-    if runs.is_empty() || runs.len() < half(lines) {
+/// The mean of the lines' highest runs, for a steep thin surface: half of the lines are full, each at another height.
+fn mean_top_run(lines: &[VerticalLine], cell_m: f32) -> Option<SolidRun> {
+    let runs: Vec<SolidRun> = lines.iter().filter_map(|line| line.runs.last().copied()).collect();
+    if runs.is_empty() || runs.len() < majority(lines) {
         return None;
     }
     let n = runs.len() as f32;
-    let top_m = runs.iter().map(|s| s.top_m).sum::<f32>() / n;
-    let bottom_m = runs.iter().map(|s| s.bottom_m.max(top_m - cell_m * 4.0)).sum::<f32>() / n;
-    let low = runs.iter().map(|s| s.bottom_m).fold(f32::INFINITY, f32::min);
-    Some(Solid { bottom_m: if low == f32::MIN { low } else { bottom_m.min(top_m - cell_m * 0.25) }, top_m })
+    let top_m = runs.iter().map(|run| run.top_m).sum::<f32>() / n;
+    let bottom_m = runs.iter().map(|run| run.bottom_m.max(top_m - cell_m * 4.0)).sum::<f32>() / n;
+    let lowest_m = runs.iter().map(|run| run.bottom_m).fold(f32::INFINITY, f32::min);
+    // `f32::MIN` marks a run that reaches into the ground; the mark must survive.
+    Some(SolidRun {
+        bottom_m: if lowest_m == f32::MIN { lowest_m } else { bottom_m.min(top_m - cell_m * 0.25) },
+        top_m,
+    })
 }
 
-/// Gaps that the grid cannot show: under half a cell anywhere, under a whole one above the ground (Vacca's figure 4.3).
-pub(crate) fn close_gaps(solids: &mut Vec<Solid>, cell_m: f32) {
+/// Closes gaps that the grid cannot show: under one cell above the lowest run, under half a cell elsewhere (Vacca 2008,
+/// figure 4.3).
+pub(crate) fn close_gaps(solids: &mut Vec<SolidRun>, cell_m: f32) {
     let mut i = 1;
     while i < solids.len() {
-        let limit = if i == 1 { cell_m } else { cell_m * 0.5 };
-        if solids[i].bottom_m - solids[i - 1].top_m < limit {
+        let limit_m = if i == 1 { cell_m } else { cell_m * 0.5 };
+        if solids[i].bottom_m - solids[i - 1].top_m < limit_m {
             solids[i - 1].top_m = solids[i - 1].top_m.max(solids[i].top_m);
             solids.remove(i);
         } else {
@@ -163,20 +199,21 @@ pub(crate) fn close_gaps(solids: &mut Vec<Solid>, cell_m: f32) {
     }
 }
 
-/// The plane of the tops: all of them, or else those near `top_m`; `None` if they have none in common.
-fn slope(tops: &[[f32; 3]], top_m: f32, half: usize, cell_m: f32) -> Option<[f32; 3]> {
+/// The plane of all tops, or else that of the tops near `top_m`; `None` if neither set lies in one plane.
+fn fit_slope(tops: &[[f32; 3]], top_m: f32, min_points: usize, cell_m: f32) -> Option<TopPlane> {
     let near: Vec<[f32; 3]> = tops.iter().filter(|t| (t[2] - top_m).abs() < 0.75 * cell_m).copied().collect();
     [tops, &near].into_iter().find_map(|points| {
-        let [centre, sx, sy] = plane(points, half)?;
-        let off = |t: &[f32; 3]| (t[2] - centre - sx * t[0] - sy * t[1]).abs();
-        let fits = points.iter().all(|t| off(t) <= PLANE_TOLERANCE * cell_m) && sx.hypot(sy) <= MAX_SLOPE;
-        fits.then_some([centre, sx, sy])
+        let plane = fit_plane(points, min_points)?;
+        let [sx, sy] = plane.slope;
+        let distance_m = |t: &[f32; 3]| (t[2] - plane.centre_m - sx * t[0] - sy * t[1]).abs();
+        let fits = points.iter().all(|t| distance_m(t) <= SLOPE_TOLERANCE * cell_m) && sx.hypot(sy) <= MAX_SLOPE;
+        fits.then_some(plane)
     })
 }
 
-/// Least squares: height at the centre and rise along x and y.
-fn plane(points: &[[f32; 3]], half: usize) -> Option<[f32; 3]> {
-    if points.len() < half.max(PLANE_POINTS) {
+/// Least-squares plane through points relative to the cell's centre; `None` if they are too few or nearly on one line.
+fn fit_plane(points: &[[f32; 3]], min_points: usize) -> Option<TopPlane> {
+    if points.len() < min_points.max(MIN_SLOPE_POINTS) {
         return None;
     }
     let n = points.len() as f32;
@@ -195,45 +232,46 @@ fn plane(points: &[[f32; 3]], half: usize) -> Option<[f32; 3]> {
         return None;
     }
     let (sx, sy) = ((xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det);
-    Some([mean[2] - sx * mean[0] - sy * mean[1], sx, sy])
+    Some(TopPlane { centre_m: mean[2] - sx * mean[0] - sy * mean[1], slope: [sx, sy] })
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::columns::merge::*;
+    use super::*;
 
-    fn lines(run: impl Fn(f32, f32) -> Vec<Solid>) -> Vec<Line> {
-        (0..LINES * LINES)
+    fn lines(runs: impl Fn(f32, f32) -> Vec<SolidRun>) -> Vec<VerticalLine> {
+        (0..LINES_PER_SIDE * LINES_PER_SIDE)
             .map(|i| {
-                let at = line_at(i, 1.0);
-                Line { at, runs: run(at.x, at.y) }
+                let position_m = line_position_m(i, 1.0);
+                VerticalLine { position_m, runs: runs(position_m.x, position_m.y) }
             })
             .collect()
     }
 
     #[test]
-    fn a_slope_is_found_exactly() {
-        let merged = merge(&lines(|x, y| vec![Solid { bottom_m: 0.0, top_m: 10.0 + x - 0.5 * y }]), 1.0);
-        assert!(merged.inclined);
+    fn plane_of_tops_becomes_a_slope() {
+        let merged = merge(&lines(|x, y| vec![SolidRun { bottom_m: 0.0, top_m: 10.0 + x - 0.5 * y }]), 1.0);
+        assert!(merged.is_inclined);
         assert!((merged.slope[0] - 1.0).abs() < 1e-4 && (merged.slope[1] + 0.5).abs() < 1e-4);
         assert!((merged.solids[0].top_m - 10.0).abs() < 1e-4);
     }
 
     #[test]
-    fn a_wall_through_the_cell_follows_the_larger_half() {
-        let wall =
-            |at: f32| merge(&lines(|x, _| vec![Solid { bottom_m: 0.0, top_m: if x < at { 20.0 } else { 1.0 } }]), 1.0);
-        assert!((wall(0.3).solids[0].top_m - 20.0).abs() < 1e-4);
-        assert!((wall(-0.2).solids[0].top_m - 1.0).abs() < 1e-4);
-        assert!(!wall(0.3).inclined);
+    fn step_in_the_cell_takes_the_height_of_the_larger_half() {
+        let step = |at: f32| {
+            merge(&lines(|x, _| vec![SolidRun { bottom_m: 0.0, top_m: if x < at { 20.0 } else { 1.0 } }]), 1.0)
+        };
+        assert!((step(0.3).solids[0].top_m - 20.0).abs() < 1e-4);
+        assert!((step(-0.2).solids[0].top_m - 1.0).abs() < 1e-4);
+        assert!(!step(0.3).is_inclined);
     }
 
     #[test]
-    fn a_bridge_keeps_its_gap_and_a_crack_does_not() {
-        let ground = Solid { bottom_m: f32::MIN, top_m: 2.0 };
-        let bridge = merge(&lines(|_, _| vec![ground, Solid { bottom_m: 7.0, top_m: 8.0 }]), 1.0);
+    fn wide_gap_stays_and_narrow_gap_is_closed() {
+        let ground = SolidRun { bottom_m: f32::MIN, top_m: 2.0 };
+        let bridge = merge(&lines(|_, _| vec![ground, SolidRun { bottom_m: 7.0, top_m: 8.0 }]), 1.0);
         assert_eq!(bridge.solids.len(), 2);
-        let crack = merge(&lines(|_, _| vec![ground, Solid { bottom_m: 2.5, top_m: 8.0 }]), 1.0);
-        assert_eq!(crack.solids, [Solid { bottom_m: f32::MIN, top_m: 8.0 }]);
+        let crack = merge(&lines(|_, _| vec![ground, SolidRun { bottom_m: 2.5, top_m: 8.0 }]), 1.0);
+        assert_eq!(crack.solids, [SolidRun { bottom_m: f32::MIN, top_m: 8.0 }]);
     }
 }

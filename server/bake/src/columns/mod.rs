@@ -1,7 +1,21 @@
-//! Columns: voxels in metres, merged from vertical lines, clipped by walls, and encoded as V-BlockMaps.
+//! A node's columns: how they are merged from vertical lines, and how they become a V-BlockMap.
+//!
+//! | module | contents |
+//! |---|---|
+//! | `voxels` | the columns of a node in metres and linear light |
+//! | `clip` | vertical planes that end a column inside its cell |
+//! | `merge` | one column from the vertical lines of a cell |
+//! | `wall_fit` | the clip that fits a cell's lines and walls best |
+//! | `downsample` | a parent's columns from its children's |
+//! | `fill` | appearance for voxels that no surfel reached |
+//! | `parametrise` | height codes and texels of a `BlockMap` |
+//! | `srgb` | 8-bit sRGB and linear light |
 
 pub(crate) mod clip;
-pub mod lod;
+pub mod downsample;
+pub(crate) mod fill;
 pub(crate) mod merge;
 pub mod parametrise;
+pub(crate) mod srgb;
 pub mod voxels;
+pub(crate) mod wall_fit;

@@ -1,10 +1,16 @@
-//! From voxels to a V-BlockMap (Vacca 2008, 3.3; design 6): heights become codes, light becomes sRGB bytes.
+//! A V-BlockMap from a node's columns: heights become codes, linear light becomes sRGB texels (Vacca 2008, 3.3).
 //!
-//! In: [`VoxelNode`]. Out: [`BlockMap`]. Next: `protocol` encodes it, `write` keeps it.
+//! In: [`VoxelNode`]. Out: [`BlockMap`]. Next: `protocol` encodes it, `write` stores it.
+//!
+//! Heights are counted in steps from a base of whole cells. A column stores its bottom and top, at most one exact gap
+//! (the widest), and an exposed column a strip of wall texels, one per cell of height. Other gaps become transparent
+//! texels.
 
 use crate::{
-    columns::voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
-    sample::texture::srgb,
+    columns::{
+        srgb::srgb_from_linear,
+        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
+    },
     scene::grid::CityGrid,
 };
 use insula_protocol::{
@@ -17,8 +23,8 @@ use insula_protocol::{
     texel::{ALPHA_MAX, AO_MAX},
 };
 
-/// Turns metres into the codes of one node.
-struct Codes {
+/// Conversion of metres to the height codes of one node.
+struct HeightCodes {
     cell_m: f64,
     base_cells: i32,
     base_m: f64,
@@ -26,11 +32,21 @@ struct Codes {
     shift: u8,
 }
 
-impl Codes {
-    /// The finest step at which the node's heights fit 12 bits; taller still is cut off at the top.
+/// The height codes that a column occupies.
+#[derive(Clone, Copy)]
+struct CodeRange {
+    z_min: u16,
+    z_max: u16,
+    /// The gap that is stored exactly.
+    gap: Option<[u16; 2]>,
+}
+
+impl HeightCodes {
+    /// The finest step at which the node's heights fit into 12 bits. Columns that are too tall even for the coarsest
+    /// step are cut off at the top.
     fn new(node: &VoxelNode, cell_m: f64) -> Self {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for solid in node.columns.iter().flatten().flat_map(|c| &c.solids) {
+        for solid in node.columns.iter().flatten().flat_map(|column| &column.solids) {
             low = low.min(solid.bottom_m);
             high = high.max(solid.top_m);
         }
@@ -38,30 +54,36 @@ impl Codes {
         // The cast saturates: heights beyond 2^31 cells do not exist on Earth.
         let base_cells = (low / cell_m).floor() as i32;
         let base_m = f64::from(base_cells) * cell_m;
-        let step = |shift: u8| cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u16 << shift);
-        let fits = |shift: &u8| (high - base_m) / step(*shift) < f64::from(Z_CODE_MAX);
+        let step_m = |shift: u8| cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u16 << shift);
+        let fits = |shift: &u8| (high - base_m) / step_m(*shift) < f64::from(Z_CODE_MAX);
         let shift = (0..=Z_SHIFT_MAX).find(fits).unwrap_or(Z_SHIFT_MAX);
-        Self { cell_m, base_cells, base_m, step_m: step(shift), shift }
+        Self { cell_m, base_cells, base_m, step_m: step_m(shift), shift }
     }
 
-    fn code(&self, z_m: f32) -> u16 {
+    fn encode(&self, z_m: f32) -> u16 {
         ((f64::from(z_m) - self.base_m) / self.step_m).round().clamp(0.0, f64::from(Z_CODE_MAX)) as u16
     }
 }
 
-/// The node's V-BlockMap. Errors: only if more strips are wanted than [`MAX_TEXELS`] even after the rest went without.
+/// The node's V-BlockMap.
+///
+/// Columns past the limit of [`MAX_TEXELS`] strip texels lose their strips, gaps and clips.
+///
+/// # Errors
+///
+/// Fails if the result exceeds a limit of the format all the same.
 pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
     let cell_m = grid.cell_m_at(node.id.level());
-    let codes = Codes::new(node, cell_m);
+    let codes = HeightCodes::new(node, cell_m);
     let mut texels = 0;
     let columns: Vec<Option<Column>> = node
         .columns
         .iter()
         .map(|column| {
-            let mut column = code_column(column.as_ref()?, &codes);
-            texels += column.strip.as_ref().map_or(0, |s| s.texels.len());
+            let mut column = encode_column(column.as_ref()?, &codes);
+            texels += column.strip.as_ref().map_or(0, |strip| strip.texels.len());
             if texels > MAX_TEXELS {
-                // Towers everywhere at a tiny cell: the rest show their roof colour on their sides.
+                // Happens with towers everywhere at a tiny cell. Without a strip the sides show the roof's colour.
                 column.strip = None;
                 column.gap = None;
                 column.clip = None;
@@ -74,91 +96,97 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
     Ok(map)
 }
 
-fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
-    let bottom = column.solids.first().map_or(0.0, |s| s.bottom_m);
-    let top = column.solids.last().map_or(0.0, |s| s.top_m);
-    let z_max = codes.code(top).max(1);
-    let z_min = codes.code(bottom).min(z_max - 1);
+fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> Column {
+    let bottom_m = column.solids.first().map_or(0.0, |run| run.bottom_m);
+    let top_m = column.solids.last().map_or(0.0, |run| run.top_m);
+    let z_max = codes.encode(top_m).max(1);
+    let z_min = codes.encode(bottom_m).min(z_max - 1);
     let gap = column
         .exposed
-        .then(|| widest_gap(&column.solids))
+        .then(|| widest_gap_m(&column.solids))
         .flatten()
-        .map(|[low, high]| [codes.code(low).max(z_min + 1), codes.code(high).min(z_max.saturating_sub(1))]);
+        .map(|[low, high]| [codes.encode(low).max(z_min + 1), codes.encode(high).min(z_max.saturating_sub(1))]);
     let gap = gap.filter(|[low, high]| low < high);
+    let range = CodeRange { z_min, z_max, gap };
     Column {
         z_min,
         z_max,
         inclined: column.inclined,
         suspended: column.suspended,
         gap,
-        roof: texel(&column.roof, ALPHA_MAX),
+        roof: encode_texel(&column.roof, ALPHA_MAX),
         roof_normal: octahedral::encode(column.normal),
-        strip: column.exposed.then(|| strip(column, codes, z_min, z_max, gap)),
-        clip: column.clip.filter(|_| column.exposed).map(|c| clip(&c, codes, z_min, z_max)),
+        strip: column.exposed.then(|| encode_strip(column, codes, range)),
+        clip: column.clip.filter(|_| column.exposed).map(|clip| encode_clip(&clip, codes, range)),
     }
 }
 
-fn clip(clip: &VoxelClip, codes: &Codes, z_min: u16, z_max: u16) -> Clip {
+fn encode_clip(clip: &VoxelClip, codes: &HeightCodes, range: CodeRange) -> Clip {
     let offset = |plane: &VoxelPlane| {
         let steps = (f64::from(plane.offset_m) / codes.cell_m * f64::from(CLIP_STEPS_PER_CELL)).round();
         steps.clamp(-128.0, 127.0) as i8
     };
-    let corner = clip.corner.map(|(second, concave)| Corner {
-        azimuth: azimuth(second.normal),
-        offset: offset(&second),
-        concave,
+    let corner = clip.corner.map(|corner| Corner {
+        azimuth: encode_azimuth(corner.plane.normal),
+        offset: offset(&corner.plane),
+        concave: corner.concave,
     });
-    let outer = clip.outer.map(|(top_m, look)| (codes.code(top_m).min(z_max - 1), look));
-    let outer = outer.filter(|(z, _)| *z > z_min).map(|(z, look)| Outer { z, roof: texel(&look, ALPHA_MAX) });
+    let outer = clip.outer.and_then(|outer| {
+        let z = codes.encode(outer.top_m).min(range.z_max - 1);
+        (z > range.z_min).then(|| Outer { z, roof: encode_texel(&outer.appearance, ALPHA_MAX) })
+    });
     Clip { offset: offset(&clip.plane), corner, outer }
 }
 
-/// 256 to a full turn.
-fn azimuth([x, y]: [f32; 2]) -> u8 {
+/// Direction in 256ths of a turn, counter-clockwise from east.
+fn encode_azimuth([x, y]: [f32; 2]) -> u8 {
     let turn = (y.atan2(x) / std::f32::consts::TAU).rem_euclid(1.0);
     ((turn * 256.0).round() as u32 % 256) as u8
 }
 
-/// The gap that is kept exactly; others become transparent texels.
-fn widest_gap(solids: &[Solid]) -> Option<[f32; 2]> {
+/// Bottom and top of the widest gap between two runs.
+fn widest_gap_m(solids: &[SolidRun]) -> Option<[f32; 2]> {
     solids
         .windows(2)
         .map(|pair| [pair[0].top_m, pair[1].bottom_m])
         .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
 }
 
-fn strip(column: &VoxelColumn, codes: &Codes, z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> Strip {
-    let (first, rows) = strip_rows(z_min, z_max, codes.shift);
+fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: CodeRange) -> Strip {
+    let (first, rows) = strip_rows(range.z_min, range.z_max, codes.shift);
     let codes_per_row = STEPS_PER_CELL >> codes.shift;
-    let full: Vec<[u16; 2]> = column.solids.iter().map(|s| [codes.code(s.bottom_m), codes.code(s.top_m)]).collect();
+    let full: Vec<[u16; 2]> =
+        column.solids.iter().map(|run| [codes.encode(run.bottom_m), codes.encode(run.top_m)]).collect();
     let texels = (first..first + rows)
         .map(|row| {
             let (low, high) = (row * codes_per_row, (row + 1) * codes_per_row);
-            let touched = |[a, b]: &[u16; 2]| *a < high && *b > low;
-            // Rows of the exact gap are never read; opaque, they pack with their neighbours.
-            let in_gap = gap.is_some_and(|g| g[0] <= low && g[1] >= high);
-            let alpha = if in_gap || full.iter().any(touched) { ALPHA_MAX } else { 0 };
+            let touches_row = |[a, b]: &[u16; 2]| *a < high && *b > low;
+            // Rows inside the exact gap are never read. Opaque, they compress together with their neighbours.
+            let is_in_gap = range.gap.is_some_and(|gap| gap[0] <= low && gap[1] >= high);
+            let alpha = if is_in_gap || full.iter().any(touches_row) { ALPHA_MAX } else { 0 };
             let at = codes.base_cells + i32::from(row) - column.first_row;
             let last = column.wall.len() as i32 - 1;
             if alpha == 0 {
                 Texel::TRANSPARENT
             } else if last < 0 {
-                texel(&column.roof, alpha)
+                encode_texel(&column.roof, alpha)
             } else {
-                texel(&column.wall[at.clamp(0, last) as usize], alpha)
+                encode_texel(&column.wall[at.clamp(0, last) as usize], alpha)
             }
         })
         .collect();
-    Strip { texels, azimuth: azimuth(column.wall_normal) }
+    Strip { texels, azimuth: encode_azimuth(column.wall_normal) }
 }
 
-fn texel(look: &Look, alpha: u8) -> Texel {
-    Texel::new(srgb(look.rgb), (look.ao.clamp(0.0, 1.0) * f32::from(AO_MAX)).round() as u8, alpha)
+fn encode_texel(appearance: &VoxelAppearance, alpha: u8) -> Texel {
+    let ao = (appearance.ao.clamp(0.0, 1.0) * f32::from(AO_MAX)).round() as u8;
+    Texel::new(srgb_from_linear(appearance.rgb), ao, alpha)
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::columns::parametrise::*;
+    use super::*;
+    use crate::columns::voxels::VoxelOuterTop;
     use insula_protocol::{TileId, blockmap::flag};
 
     fn grid() -> CityGrid {
@@ -166,16 +194,16 @@ mod tests {
     }
 
     fn column(solids: &[[f32; 2]], exposed: bool) -> VoxelColumn {
-        let solids: Vec<Solid> = solids.iter().map(|s| Solid { bottom_m: s[0], top_m: s[1] }).collect();
+        let solids: Vec<SolidRun> = solids.iter().map(|s| SolidRun { bottom_m: s[0], top_m: s[1] }).collect();
         let first_row = solids[0].bottom_m.floor() as i32;
         let rows = solids.last().unwrap().top_m.ceil() as i32 - first_row;
-        let wall = (0..rows).map(|r| Look { rgb: [r as f32 / 64.0; 3], ao: 1.0, alpha: 1.0 }).collect();
+        let wall = (0..rows).map(|r| VoxelAppearance { rgb: [r as f32 / 64.0; 3], ao: 1.0, alpha: 1.0 }).collect();
         VoxelColumn {
             solids,
             inclined: false,
             suspended: false,
             normal: [0.0, 0.0, 1.0],
-            roof: Look { rgb: [1.0; 3], ao: 0.5, alpha: 1.0 },
+            roof: VoxelAppearance { rgb: [1.0; 3], ao: 0.5, alpha: 1.0 },
             exposed,
             wall_normal: [0.0, -1.0],
             first_row,
@@ -193,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn the_four_kinds_of_columns() {
+    fn encodes_the_four_kinds_of_columns() {
         let map = map(vec![
             column(&[[7.5, 9.25]], false),
             column(&[[7.5, 20.0]], true),
@@ -209,25 +237,26 @@ mod tests {
         let columns = map.columns();
         let texels = &columns[3].as_ref().unwrap().strip.as_ref().unwrap().texels;
         let alphas: Vec<u8> = texels.iter().map(|t| t.alpha()).collect();
-        assert_eq!(alphas, [3, 3, 3, 3, 3, 3, 0, 0, 3, 3, 3, 3, 3], "the narrower one is transparent texels");
+        assert_eq!(alphas, [3, 3, 3, 3, 3, 3, 0, 0, 3, 3, 3, 3, 3], "the narrower gap becomes transparent texels");
         let wall = &columns[1].as_ref().unwrap().strip.as_ref().unwrap().texels;
         assert!(wall.windows(2).all(|w| w[0].rgb()[0] < w[1].rgb()[0]), "rows run from the bottom up");
     }
 
     #[test]
-    fn a_wall_inside_its_cell() {
+    fn encodes_a_wall_inside_its_cell() {
         let clipped = |outer| {
             let plane = VoxelPlane { normal: [0.0, -1.0], offset_m: -0.25 };
             let clip = VoxelClip { plane, corner: None, outer };
             map(vec![VoxelColumn { clip: Some(clip), ..column(&[[7.0, 20.0]], true) }]).clips[0]
         };
+        let outer_at = |top_m| Some(VoxelOuterTop { top_m, appearance: VoxelAppearance::default() });
         assert_eq!(clipped(None), Clip { offset: -32, corner: None, outer: None });
-        assert_eq!(clipped(Some((9.0, Look::default()))).outer.unwrap().z, 32);
-        assert_eq!(clipped(Some((7.0, Look::default()))).outer, None, "no higher than the bottom is nothing");
+        assert_eq!(clipped(outer_at(9.0)).outer.unwrap().z, 32);
+        assert_eq!(clipped(outer_at(7.0)).outer, None, "a top that is not above the bottom is dropped");
     }
 
     #[test]
-    fn tall_nodes_take_coarser_steps() {
+    fn tall_nodes_use_coarser_height_steps() {
         let map = map(vec![column(&[[0.0, 800.0]], true)]);
         assert_eq!(map.z_shift, 2);
         assert_eq!(map.z_max[0], 3200);

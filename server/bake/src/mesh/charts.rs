@@ -1,41 +1,69 @@
-//! Parts of a textured surface that stay together in their picture.
+//! Charts: parts of a textured surface that get one rectangle of the level's texture each.
 //!
-//! In: a surface whose corners carry u, v and material. Out: [`Chart`]s. Next: `atlas`, `picture`.
+//! Triangles that share texture coordinates at a vertex belong to one chart. Charts of one material whose rectangles in
+//! the source's texture overlap are merged, so that a texture that repeats over many surfaces is stored once.
 
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec2};
 
-use super::lattice;
-use crate::{
-    model::TriangleModel,
-    scene::{Scene, SceneTexture},
-};
+use super::{materials::texture_of, union_find::DisjointSets};
+use crate::{model::TriangleModel, scene::Scene};
 
-/// Charts of one material beyond this many are not looked at for others that they could be merged with.
-const MOST_MERGED: usize = 512;
-/// Charts are merged if none of both has more texels on a metre than the other by more than this.
-const LIKE: f64 = 1.5;
+/// A chart is compared with at most this many earlier charts of its material.
+const MAX_MERGE_CANDIDATES: usize = 512;
+/// Charts are merged only if their resolutions, in texels per metre, differ by no more than this factor.
+const MAX_RESOLUTION_RATIO: f64 = 1.5;
 
-/// Triangles that share one rectangle of a picture.
+/// Triangles that share one rectangle of a texture.
 #[derive(Debug, Clone)]
-pub(super) struct Chart {
+pub(super) struct TextureChart {
+    /// Index into the scene's materials.
     pub(super) material: u32,
     pub(super) triangles: Vec<u32>,
-    /// Box of the texture coordinates.
+    /// Lower corner of the box of the texture coordinates.
     pub(super) low: Vec2,
+    /// Upper corner of the box of the texture coordinates.
     pub(super) high: Vec2,
-    /// Texels of the source's picture along a metre, 0 if unknown.
-    pub(super) px_per_m: f64,
+    /// Texels of the source's texture per metre; 0 if the material has no texture or the chart has no area.
+    pub(super) texels_per_m: f64,
 }
 
-/// The picture of a material.
-pub(super) fn picture(scene: &Scene, material: u32) -> Option<&SceneTexture> {
-    scene.materials.get(material as usize)?.texture.as_deref()
+impl TextureChart {
+    fn new(scene: &Scene, model: &TriangleModel, material: u32, triangles: Vec<u32>, step_m: f64) -> Self {
+        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        let (mut texels, mut area_m2) = (0.0, 0.0);
+        let texture = texture_of(scene, material);
+        let size = texture.map_or(Vec2::ZERO, |texture| Vec2::new(texture.width as f32, texture.height as f32));
+        for &t in &triangles {
+            let uv = triangle_uv(model, t);
+            uv.iter().for_each(|uv| (low, high) = (low.min(*uv), high.max(*uv)));
+            texels += f64::from(((uv[1] - uv[0]) * size).perp_dot((uv[2] - uv[0]) * size).abs()) / 2.0;
+            let [a, b, c] = model.triangles[t as usize].map(|vertex| DVec3::from(model.positions[vertex as usize]));
+            area_m2 += (b - a).cross(c - a).length() / 2.0 * step_m * step_m;
+        }
+        let texels_per_m = if texels > 0.0 && area_m2 > 0.0 { (texels / area_m2).sqrt() } else { 0.0 };
+        Self { material, triangles, low, high, texels_per_m }
+    }
+
+    /// Whether one rectangle for both charts takes no more texels than two, and their resolutions are similar.
+    fn can_merge(&self, other: &Self) -> bool {
+        let area = |low: Vec2, high: Vec2| (high - low).element_product();
+        let (low, high) = (self.low.min(other.low), self.high.max(other.high));
+        let separate = area(self.low, self.high) + area(other.low, other.high);
+        let (less, more) = (self.texels_per_m.min(other.texels_per_m), self.texels_per_m.max(other.texels_per_m));
+        area(low, high) <= separate && more <= MAX_RESOLUTION_RATIO * less
+    }
+
+    fn merge(&mut self, other: Self) {
+        (self.low, self.high) = (self.low.min(other.low), self.high.max(other.high));
+        self.texels_per_m = self.texels_per_m.max(other.texels_per_m);
+        self.triangles.extend(other.triangles);
+    }
 }
 
-/// The texture coordinates of a triangle.
-pub(super) fn uv(model: &TriangleModel, t: u32) -> [Vec2; 3] {
+/// The texture coordinates of a triangle's corners.
+pub(super) fn triangle_uv(model: &TriangleModel, t: u32) -> [Vec2; 3] {
     let layer = &model.layers[0];
     [0, 1, 2].map(|k| {
         let [u, v, ..] = layer.values[layer.corners[3 * t as usize + k] as usize];
@@ -43,77 +71,42 @@ pub(super) fn uv(model: &TriangleModel, t: u32) -> [Vec2; 3] {
     })
 }
 
-/// All charts, by material. What has no picture is one chart a material. `step_m` is the length of the model's unit.
-pub(super) fn charts(scene: &Scene, model: &TriangleModel, step_m: f64) -> Vec<Chart> {
+/// The charts of a surface, sorted by material. A material without a texture has one chart. `step_m` is the length of
+/// the model's unit.
+pub(super) fn find_charts(scene: &Scene, model: &TriangleModel, step_m: f64) -> Vec<TextureChart> {
     let layer = &model.layers[0];
-    let material = |t: usize| layer.values[layer.corners[3 * t] as usize][2] as u32;
-    let mut parent: Vec<u32> = (0..layer.values.len() as u32).collect();
+    let material_of = |t: usize| layer.values[layer.corners[3 * t] as usize][2] as u32;
+    let mut sets = DisjointSets::new(layer.values.len());
     for corners in layer.corners.as_chunks::<3>().0 {
-        for other in [corners[1], corners[2]] {
-            let (a, b) = (root(&mut parent, corners[0]), root(&mut parent, other));
-            parent[a.max(b) as usize] = a.min(b);
-        }
+        sets.union(corners[0], corners[1]);
+        sets.union(corners[0], corners[2]);
     }
-    let mut found: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
+    let mut triangles_of: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     for t in 0..model.triangles.len() {
-        let material = material(t);
-        let part = if lattice::picture_of(scene, material) { root(&mut parent, layer.corners[3 * t]) } else { 0 };
-        found.entry((material, part)).or_default().push(t as u32);
+        let material = material_of(t);
+        let is_textured = texture_of(scene, material).is_some();
+        let set = if is_textured { sets.find(layer.corners[3 * t]) } else { 0 };
+        triangles_of.entry((material, set)).or_default().push(t as u32);
     }
-    let mut by_material: BTreeMap<u32, Vec<Chart>> = BTreeMap::new();
-    for ((material, _), triangles) in found {
-        let chart = chart(scene, model, (material, triangles), step_m);
+    let mut by_material: BTreeMap<u32, Vec<TextureChart>> = BTreeMap::new();
+    for ((material, _), triangles) in triangles_of {
+        let chart = TextureChart::new(scene, model, material, triangles, step_m);
         by_material.entry(material).or_default().push(chart);
     }
-    by_material.into_values().flat_map(merged).collect()
+    by_material.into_values().flat_map(merge_overlapping).collect()
 }
 
-fn root(parent: &mut [u32], mut v: u32) -> u32 {
-    while parent[v as usize] != v {
-        parent[v as usize] = parent[parent[v as usize] as usize];
-        v = parent[v as usize];
-    }
-    v
-}
-
-fn chart(scene: &Scene, model: &TriangleModel, (material, triangles): (u32, Vec<u32>), step_m: f64) -> Chart {
-    let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-    let (mut texels, mut area_m2) = (0.0, 0.0);
-    let picture = picture(scene, material);
-    let size = picture.map_or(Vec2::ZERO, |texture| Vec2::new(texture.width as f32, texture.height as f32));
-    for &t in &triangles {
-        let uv = uv(model, t);
-        uv.iter().for_each(|uv| (low, high) = (low.min(*uv), high.max(*uv)));
-        texels += f64::from(((uv[1] - uv[0]) * size).perp_dot((uv[2] - uv[0]) * size).abs()) / 2.0;
-        let [a, b, c] = model.triangles[t as usize].map(|vertex| DVec3::from(model.positions[vertex as usize]));
-        area_m2 += (b - a).cross(c - a).length() / 2.0 * step_m * step_m;
-    }
-    let px_per_m = if texels > 0.0 && area_m2 > 0.0 { (texels / area_m2).sqrt() } else { 0.0 };
-    Chart { material, triangles, low, high, px_per_m }
-}
-
-/// Charts of one material that lie over each other become one: a picture that is used again and again is there once.
-fn merged(mut charts: Vec<Chart>) -> Vec<Chart> {
-    let area = |low: Vec2, high: Vec2| (high - low).element_product();
-    charts.sort_by(|a, b| {
-        let by_area = area(b.low, b.high).total_cmp(&area(a.low, a.high));
-        by_area.then(a.triangles[0].cmp(&b.triangles[0]))
-    });
-    let mut out: Vec<Chart> = Vec::new();
+/// Merges charts of one material, the largest first.
+fn merge_overlapping(mut charts: Vec<TextureChart>) -> Vec<TextureChart> {
+    let area = |chart: &TextureChart| (chart.high - chart.low).element_product();
+    charts.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.triangles[0].cmp(&b.triangles[0])));
+    let mut merged: Vec<TextureChart> = Vec::new();
     for chart in charts {
-        let is_like = |other: &&mut Chart| {
-            let (low, high) = (other.low.min(chart.low), other.high.max(chart.high));
-            let alone = area(other.low, other.high) + area(chart.low, chart.high);
-            let (less, more) = (other.px_per_m.min(chart.px_per_m), other.px_per_m.max(chart.px_per_m));
-            area(low, high) <= alone && more <= LIKE * less
-        };
-        if let Some(other) = out.iter_mut().take(MOST_MERGED).find(is_like) {
-            (other.low, other.high) = (other.low.min(chart.low), other.high.max(chart.high));
-            other.px_per_m = other.px_per_m.max(chart.px_per_m);
-            other.triangles.extend(chart.triangles);
+        if let Some(other) = merged.iter_mut().take(MAX_MERGE_CANDIDATES).find(|other| other.can_merge(&chart)) {
+            other.merge(chart);
         } else {
-            out.push(chart);
+            merged.push(chart);
         }
     }
-    out
+    merged
 }

@@ -1,43 +1,56 @@
-//! Leaves' triangles in levels of detail.
+//! The triangles of a leaf as levels of detail (LODs) for near views.
 //!
-//! In: a block's scene and one of its leaves. Out: [`Lod`]s: mesh tiles with what a client must know of them. Next: `write`.
+//! In: a block's scene and one of its leaves. Out: [`EncodedLod`]s, which are mesh tiles with what a client must know
+//! to select them. Next: `write`.
 //!
-//! `cut` clips triangles to the leaf's square, `lattice` puts them on the grid that all leaves share, `chain` makes fewer of
-//! them, `distance` measures how far that went; `charts`, `atlas`, `picture` and `wire` make what they wear.
+//! | step | module |
+//! |---|---|
+//! | clip triangles to the leaf's square | `square_clip` |
+//! | put them on the grid of points that all leaves share | `leaf_surface` |
+//! | simplify them, level by level, within measured errors | `lod_chain`, `surface_distance` |
+//! | cut textured surfaces into charts, and pack these | `charts`, `atlas` |
+//! | resample the source's textures into one per level | `texture_bake`, `texture_canvas`, `texture_fill` |
+//! | encode the texture as WebP | `texture_encode` |
 //!
-//! What lies on the leaf's border is cut in the same way by both neighbours, lies on points that both have, and never moves:
-//! so any two levels of detail of neighbours meet.
+//! Neighbouring leaves meet at any two levels of detail: both clip a triangle at their border in the same way, both
+//! have the same grid points there, and vertices on the border never move.
 
 mod atlas;
-mod chain;
 mod charts;
-mod cut;
-mod distance;
-mod lattice;
-mod picture;
-mod wire;
+mod leaf_surface;
+mod lod_chain;
+mod materials;
+mod square_clip;
+mod surface_distance;
+mod texture_bake;
+mod texture_canvas;
+mod texture_encode;
+mod texture_fill;
+mod union_find;
 
-use insula_protocol::{TileId, blockmap::Quality, subtree::MeshLod};
+use insula_protocol::{TileId, blockmap::Quality};
 
 use crate::{
     error::BakeError,
     scene::{Scene, grid::CityGrid},
 };
 
-/// Raised whenever the same scene and settings would give other meshes than before.
+pub(crate) use lod_chain::EncodedLod;
+
+/// Version of the algorithm. Raised whenever the same scene and settings would give other meshes than before.
 pub const ALGORITHM: u32 = 3;
 
-/// A finished level of detail.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Lod {
-    pub(crate) info: MeshLod,
-    pub(crate) bytes: Vec<u8>,
-}
-
-/// The leaf's levels of detail, the finest first; none where it has no surface, or only what is too small for its grid.
-pub(crate) fn leaf(scene: &Scene, grid: &CityGrid, id: TileId, quality: Quality) -> Result<Vec<Lod>, BakeError> {
-    match lattice::Surface::gather(scene, grid, id) {
-        Some(surface) => chain::chain(scene, grid, id, &surface, quality),
+/// The leaf's levels of detail, the finest first. Empty if the leaf has no surface, or only one too small for its grid.
+///
+/// Fails if a level cannot be encoded.
+pub(crate) fn leaf_lods(
+    scene: &Scene,
+    grid: &CityGrid,
+    id: TileId,
+    quality: Quality,
+) -> Result<Vec<EncodedLod>, BakeError> {
+    match leaf_surface::LeafSurface::gather(scene, grid, id) {
+        Some(surface) => lod_chain::encode_lods(scene, grid, id, &surface, quality),
         None => Ok(Vec::new()),
     }
 }

@@ -1,4 +1,4 @@
-//! Whole leaves: of the bundled city, or of those that `INSULA_MESH_CITIES` names.
+//! Tests with whole leaves of the bundled city, or of the cities that `INSULA_MESH_CITIES` lists.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::*;
 use crate::read::{ReadOptions, read};
 
-/// Each city and its leaves' meshes, made once for all tests.
+/// The cities with the meshes of their leaves, baked once for all tests.
 fn cities() -> &'static [(Scene, CityGrid, Leaves)] {
     static CITIES: OnceLock<Vec<(Scene, CityGrid, Leaves)>> = OnceLock::new();
     CITIES.get_or_init(|| {
@@ -42,7 +42,7 @@ fn open(path: PathBuf) -> (Scene, CityGrid) {
     (scene, grid)
 }
 
-/// The scene's triangles that lie in or beside a leaf, for each leaf that has some.
+/// For each leaf that has any, the scene's triangles in or next to it.
 fn leaves(scene: &Scene, grid: &CityGrid) -> Vec<(TileId, Scene)> {
     let side_m = grid.node_side_m(grid.depth);
     let mut found: BTreeMap<TileId, Scene> = BTreeMap::new();
@@ -63,11 +63,11 @@ fn leaves(scene: &Scene, grid: &CityGrid) -> Vec<(TileId, Scene)> {
     found.into_iter().collect()
 }
 
-type Leaves = BTreeMap<TileId, Vec<(Lod, MeshTile)>>;
+type Leaves = BTreeMap<TileId, Vec<(EncodedLod, MeshTile)>>;
 
 fn baked(scene: &Scene, grid: &CityGrid) -> Leaves {
     let leaf = |(id, part): (TileId, Scene)| {
-        let lods = leaf(&part, grid, id, Quality::Decibels(36.0)).unwrap();
+        let lods = leaf_lods(&part, grid, id, Quality::Decibels(36.0)).unwrap();
         let decoded = (0..).zip(lods).map(|(number, lod)| {
             let tile = MeshTile::decode(id, number, &lod.bytes).unwrap();
             (lod, tile)
@@ -83,12 +83,13 @@ fn area(tile: &MeshTile) -> f64 {
     tile.mesh.triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum()
 }
 
-/// Edges on one of a leaf's sides: on axis 0 or 1, at its lower or upper end; in steps along the border and upwards. Whether
-/// each is a border's.
+/// The edges on one side of a leaf: on axis 0 or 1, at its lower or upper end. Their ends are in steps along the border
+/// and upwards. The value says whether an odd number of triangles meets at the edge, so that the surface goes on next
+/// door.
 fn border(tile: &MeshTile, axis: usize, upper: bool) -> BTreeMap<[[i64; 2]; 2], bool> {
     let grid = tile.mesh.grid;
-    let upwards = (grid.min[2] / grid.step).round() as i64;
-    let at = if upper { lattice::STEPS } else { 0 };
+    let z_offset = (grid.min[2] / grid.step).round() as i64;
+    let at = if upper { leaf_surface::STEPS } else { 0 };
     let mut count: HashMap<[u32; 2], u32> = HashMap::new();
     for [a, b, c] in &tile.mesh.triangles {
         for [p, q] in [[a, b], [b, c], [c, a]] {
@@ -97,7 +98,7 @@ fn border(tile: &MeshTile, axis: usize, upper: bool) -> BTreeMap<[[i64; 2]; 2], 
     }
     let place = |vertex: u32| {
         let p = tile.mesh.positions[vertex as usize];
-        (p[axis] == at).then(|| [i64::from(p[1 - axis]), i64::from(p[2]) + upwards])
+        (p[axis] == at).then(|| [i64::from(p[1 - axis]), i64::from(p[2]) + z_offset])
     };
     let edge = |([p, q], count): ([u32; 2], u32)| {
         let mut edge = [place(p)?, place(q)?];
@@ -108,7 +109,7 @@ fn border(tile: &MeshTile, axis: usize, upper: bool) -> BTreeMap<[[i64; 2]; 2], 
 }
 
 #[test]
-fn all_of_the_surface_is_there_and_levels_of_detail_are_in_order() {
+fn finest_level_has_the_whole_surface_and_levels_get_smaller() {
     for (scene, grid, leaves) in cities() {
         let source: f64 = scene
             .triangles
@@ -118,9 +119,9 @@ fn all_of_the_surface_is_there_and_levels_of_detail_are_in_order() {
                 (b - a).cross(c - a).length() / 2.0
             })
             .sum();
-        let (mut gathered, mut once) = (0.0, 0.0);
+        let (mut gathered, mut distinct) = (0.0, 0.0);
         for (id, part) in self::leaves(scene, grid) {
-            let Some(surface) = lattice::Surface::gather(&part, grid, id) else { continue };
+            let Some(surface) = leaf_surface::LeafSurface::gather(&part, grid, id) else { continue };
             let model = &surface.model;
             let mut seen = BTreeSet::new();
             for triangle in &model.triangles {
@@ -128,13 +129,13 @@ fn all_of_the_surface_is_there_and_levels_of_detail_are_in_order() {
                 let area = (b - a).cross(c - a).length() / 2.0 * surface.points.step.powi(2);
                 gathered += area;
                 let first = (0..3).min_by_key(|k| triangle[*k]).unwrap();
-                once += if seen.insert([0, 1, 2].map(|k| triangle[(first + k) % 3])) { area } else { 0.0 };
+                distinct += if seen.insert([0, 1, 2].map(|k| triangle[(first + k) % 3])) { area } else { 0.0 };
             }
         }
         assert!((0.995..1.005).contains(&(gathered / source)), "{gathered} of {source} square metres");
-        // Triangles that are there twice are there once.
+        // The codec stores duplicate triangles once.
         let finest: f64 = leaves.values().filter_map(|lods| lods.first()).map(|(_, tile)| area(tile)).sum();
-        assert!((0.999..1.001).contains(&(finest / once)), "{finest} of {once} square metres");
+        assert!((0.999..1.001).contains(&(finest / distinct)), "{finest} of {distinct} square metres");
         for (id, lods) in leaves {
             assert!(lods.len() <= usize::from(MAX_LODS));
             for [(finer, _), (coarser, _)] in lods.array_windows() {
@@ -152,15 +153,15 @@ fn all_of_the_surface_is_there_and_levels_of_detail_are_in_order() {
 }
 
 #[test]
-fn neighbours_meet_at_any_two_levels_of_detail() {
+fn neighbouring_leaves_meet_at_any_two_levels_of_detail() {
     for (_, _, leaves) in cities() {
         let (mut edges, mut missing) = (0, Vec::new());
         for (id, lods) in leaves {
             for (axis, [x, y]) in [[1, 0], [0, 1]].into_iter().enumerate() {
-                let beside = TileId::new(id.level(), id.x() + x, id.y() + y).and_then(|id| leaves.get(&id));
-                let Some(beside) = beside else { continue };
+                let neighbour = TileId::new(id.level(), id.x() + x, id.y() + y).and_then(|id| leaves.get(&id));
+                let Some(neighbour) = neighbour else { continue };
                 for (_, here) in lods {
-                    for (_, there) in beside {
+                    for (_, there) in neighbour {
                         let (one, other) = (border(here, axis, true), border(there, axis, false));
                         for (this, that) in [(&one, &other), (&other, &one)] {
                             let open = this.iter().filter(|(_, is_border)| **is_border).map(|(edge, _)| *edge);

@@ -105,8 +105,9 @@ impl LeafBaker<'_> {
         let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
         let mut nodes = sample_block(&input, &config.sample);
         nodes.sort_unstable_by_key(|node| node.id);
-        let mesh =
-            |node: &VoxelNode| Ok(LeafMesh { id: node.id, lods: mesh::leaf(&scene, grid, node.id, config.quality)? });
+        let mesh = |node: &VoxelNode| {
+            Ok(LeafMesh { id: node.id, lods: mesh::leaf_lods(&scene, grid, node.id, config.quality)? })
+        };
         let meshes =
             if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
         drop((scene, triangles));

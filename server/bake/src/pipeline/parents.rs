@@ -9,7 +9,7 @@ use super::{
     work_queue::run_bounded,
 };
 use crate::{
-    columns::lod,
+    columns::downsample,
     error::BakeError,
     report::PackOutcome,
     write::{
@@ -70,7 +70,7 @@ fn bake_node(context: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<E
         let child = BlockMap::decode(stored.id, &bytes).map_err(BakeError::tile(stored.id, "read back"))?;
         children[stored.id.quadrant()] = Some(child);
     }
-    let node = lod::parent(context.grid, id, children.each_ref().map(Option::as_ref));
+    let node = downsample::parent_node(context.grid, id, children.each_ref().map(Option::as_ref));
     drop(children);
     let stored = id.children().filter_map(|child| tree.get(child));
     encode_node(context.grid, context.config, node, "made from its children", stored)

@@ -21,7 +21,7 @@ use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, P
 use crate::{
     config::BakeConfig,
     hash::ShortHash,
-    mesh::Lod,
+    mesh::EncodedLod,
     scene::partition::LeafBlock,
     write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, tile_pack::EncodedTile},
 };
@@ -89,7 +89,7 @@ impl PreviousCity {
         let load_lod = |id: TileId, lod: u8, info: &MeshLod| {
             let bytes = self.meshes.as_ref()?.get(mesh_tile::place(id, lod)?)?;
             let is_valid = TileReader::new(&bytes, Kind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
-            is_valid.then_some(Lod { info: *info, bytes })
+            is_valid.then_some(EncodedLod { info: *info, bytes })
         };
         let load_leaf = |id: &TileId| {
             let lods = (0..).zip(self.lods.get(id).into_iter().flatten());

@@ -1,231 +1,293 @@
-//! Colours, normals and occlusion for the columns (design 5, step 3).
+//! Colour, normal and occlusion of the voxels, from the visible surfels.
 //!
-//! In: [`Cells`] and the candidates that were seen. Out: a [`VoxelNode`] a leaf. Next: `mend`.
+//! Every visible surfel is assigned to one voxel: the roof of a column, the top beyond its clip, or a row of its wall.
+//! A voxel's appearance is the mean of its surfels, weighted by area.
 
 use super::{
-    BlockInput,
-    candidates::{Candidate, TURNS},
-    local::Block,
-    solids::Cells,
-    texture,
+    cell_grid::CellGrid,
+    local_block::{LocalBlock, MIN_TOP_NORMAL_Z},
+    settings::BlockInput,
+    surfels::{SKY_SUBSETS, Surfel},
+    texture::{self, SurfacePatch},
 };
 use crate::columns::{
-    merge::Merged,
-    voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
+    merge::MergedColumn,
+    voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode},
 };
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
 use rayon::prelude::*;
 
-/// Normals that rise more than this belong to a top, those that fall more to an underside, the others to walls.
-pub(super) const TOP_Z: f32 = 0.35;
-/// How far, in cells, a sample may lie from the top that it colours.
+/// Largest vertical distance, in cells, of a surfel from the top (or underside) that it colours.
 const TOP_REACH: f32 = 1.0;
+/// Distances behind a surfel, in cells, at which a full voxel is looked for. The last one is a little in front of it: a
+/// wall on a cell's border that is visible from inside has its column behind it.
+const INWARD_STEPS: [f32; 5] = [0.02, 0.47, 0.92, 1.37, -0.02];
+/// Most rows of a wall.
+const MAX_ROWS: i32 = 4096;
 
-/// Sums over the samples of one voxel.
+/// Area-weighted sum of surfels.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sum {
+struct AppearanceSum {
     rgb: Vec3,
     ao: f32,
     weight: f32,
 }
 
-impl Sum {
-    fn add(&mut self, seen: &Seen) {
-        self.rgb += seen.rgb * seen.area_m2;
-        self.ao += seen.ao * seen.area_m2;
-        self.weight += seen.area_m2;
+impl AppearanceSum {
+    fn add(&mut self, surfel: &VisibleSurfel) {
+        self.rgb += surfel.rgb * surfel.area_m2;
+        self.ao += surfel.ao * surfel.area_m2;
+        self.weight += surfel.area_m2;
     }
 
-    fn look(&self) -> Look {
+    /// Unknown if nothing was added.
+    fn mean(&self) -> VoxelAppearance {
         if self.weight <= 0.0 {
-            return Look::default();
+            return VoxelAppearance::default();
         }
-        Look { rgb: (self.rgb / self.weight).to_array(), ao: (self.ao / self.weight).min(1.0), alpha: 1.0 }
+        VoxelAppearance { rgb: (self.rgb / self.weight).to_array(), ao: (self.ao / self.weight).min(1.0), alpha: 1.0 }
     }
 }
 
-/// A candidate that was seen, with its colour.
+/// A visible surfel with its colour.
 #[derive(Debug, Clone, Copy)]
-struct Seen {
-    p: Vec3,
-    /// Towards where it was seen from.
+struct VisibleSurfel {
+    position: Vec3,
+    /// Unit normal of the visible side.
     normal: Vec3,
+    /// Linear RGB.
     rgb: Vec3,
     ao: f32,
     area_m2: f32,
 }
 
-/// A column being filled.
-#[derive(Debug, Default)]
-struct Draft {
-    roof: Sum,
-    roof_normal: Vec3,
-    /// The top beyond a wall inside the cell.
-    outer: Sum,
-    wall_normal: Vec2,
-    first_row: i32,
-    /// Sides; then tops and undersides of the same rows.
-    rows: Vec<[Sum; 2]>,
+/// Samples of one row of a wall.
+#[derive(Debug, Clone, Copy, Default)]
+struct RowSums {
+    side: AppearanceSum,
+    /// Tops of lower runs, and undersides.
+    flat: AppearanceSum,
 }
 
-/// Where a sample goes.
-enum Place {
+/// The surfels of one column.
+#[derive(Debug, Default)]
+struct ColumnAccumulator {
+    roof: AppearanceSum,
+    roof_normal: Vec3,
+    /// The top beyond the clip.
+    outer: AppearanceSum,
+    wall_normal: Vec2,
+    /// Row of `rows[0]`, in cells above height zero.
+    first_row: i32,
+    /// Empty if the column is not exposed.
+    rows: Vec<RowSums>,
+}
+
+/// The part of a column that a surfel belongs to.
+enum SurfelTarget {
     Roof,
+    /// The top beyond the clip.
     Outer,
+    /// A row of the wall.
     Side(i32),
+    /// A top or underside in a row of the wall.
     Flat(i32),
 }
 
-/// Colours the block's columns and cuts them into leaves.
-pub(super) fn build(block: &Block, input: &BlockInput<'_>, cells: &Cells, candidates: &[Candidate]) -> Vec<VoxelNode> {
+/// Adds appearance to the block's columns and cuts them into leaves.
+pub(super) fn build_nodes(
+    block: &LocalBlock,
+    input: &BlockInput<'_>,
+    cells: &CellGrid,
+    surfels: &[Surfel],
+) -> Vec<VoxelNode> {
     let [width, height] = block.cells;
-    let mut drafts: Vec<Draft> = (0..width * height)
+    let mut accumulators: Vec<ColumnAccumulator> = (0..width * height)
         .into_par_iter()
-        .map(|i| draft(cells, (i % width) as i32, (i / width) as i32, block.cell_m))
+        .map(|i| ColumnAccumulator::new(cells, (i % width) as i32, (i / width) as i32))
         .collect();
-    let seen: Vec<Option<Seen>> = candidates.par_iter().map(|c| seen(block, input, c)).collect();
-    for seen in seen.iter().flatten() {
-        if let Some((x, y, place)) = place(block, cells, seen) {
-            add(&mut drafts[y * width + x], place, seen);
+    let visible: Vec<Option<VisibleSurfel>> =
+        surfels.par_iter().map(|surfel| visible_surfel(block, input, surfel)).collect();
+    // In the order of the surfels, so that the sums do not depend on the number of threads.
+    for surfel in visible.iter().flatten() {
+        if let Some((column, target)) = find_target(block, cells, surfel) {
+            accumulators[column].add(target, surfel);
         }
     }
-    input.leaves.par_iter().map(|leaf| node(block, *leaf, cells, &drafts)).collect()
+    input.leaves.par_iter().map(|leaf| leaf_node(block, *leaf, cells, &accumulators)).collect()
 }
 
-fn draft(cells: &Cells, x: i32, y: i32, cell_m: f32) -> Draft {
-    let mut draft = Draft::default();
-    let Some(cell) = cells.at(x, y) else { return draft };
-    if let (Some(first), true) = (cell.column.solids.first(), cells.exposed(x, y)) {
-        let highest = cell.column.solids.last().map_or(first.top_m, |s| s.top_m);
-        draft.first_row = (first.bottom_m / cell_m).floor() as i32;
-        let end = (highest / cell_m).ceil() as i32;
-        draft.rows = vec![[Sum::default(); 2]; (end - draft.first_row).clamp(1, 4096) as usize];
-    }
-    draft
-}
-
-fn seen(block: &Block, input: &BlockInput<'_>, candidate: &Candidate) -> Option<Seen> {
-    let side = usize::from(candidate.sightings[1] > candidate.sightings[0]);
-    if candidate.sightings[side] == 0 {
+/// `None` if the surfel is not visible.
+fn visible_surfel(block: &LocalBlock, input: &BlockInput<'_>, surfel: &Surfel) -> Option<VisibleSurfel> {
+    let side = surfel.visible_side();
+    if surfel.sightings[side] == 0 {
         return None;
     }
-    let triangle = &block.triangles[candidate.triangle as usize];
-    let rgb = texture::colour(input.scene, triangle.source, &triangle.corners, candidate.p, block.cell_m * 0.5);
-    // Over all directions of the sphere the mean of a positive cosine is a quarter: half of that of the upper ones alone.
-    let ao = candidate.sky[side] * (2 * TURNS) as f32 / block.sky_directions as f32;
+    let triangle = &block.triangles[surfel.triangle as usize];
+    let patch = SurfacePatch {
+        triangle: triangle.source,
+        corners: &triangle.corners,
+        centre: surfel.position,
+        side_m: block.cell_m * 0.5,
+    };
+    let rgb = texture::mean_colour(input.scene, patch);
+    // An unoccluded surface has the mean cosine 1/4 over all directions of the sphere, which is 1/2 over those of the
+    // upper half. The surfel was tested against one of the subsets.
+    let ao = surfel.sky_cosines[side] * (2 * SKY_SUBSETS) as f32 / block.sky_directions as f32;
     let normal = if side == 0 { triangle.normal } else { -triangle.normal };
-    Some(Seen { p: candidate.p, normal, rgb, ao, area_m2: candidate.area_m2 })
+    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2 })
 }
 
-/// The voxel that a sample belongs to: its own cell if that is full there, else the next one inwards.
-fn place(block: &Block, cells: &Cells, seen: &Seen) -> Option<(usize, usize, Place)> {
+/// The column and the part of it that a surfel belongs to: in its own cell if that is full there, else in the nearest
+/// full cell behind it. `None` if there is none, or if the column lies outside of the block.
+fn find_target(block: &LocalBlock, cells: &CellGrid, surfel: &VisibleSurfel) -> Option<(usize, SurfelTarget)> {
     let c = block.cell_m;
-    // At last a little outwards: a wall that is seen from inside, on a cell's border, has its column behind it.
-    for inwards in [0.02, 0.47, 0.92, 1.37, -0.02] {
-        let p = seen.p - seen.normal * (inwards * c);
+    for depth in INWARD_STEPS {
+        let p = surfel.position - surfel.normal * (depth * c);
         let (x, y) = ((p.x / c).floor() as i32, (p.y / c).floor() as i32);
-        let inside = x >= 0 && y >= 0 && (x as usize) < block.cells[0] && (y as usize) < block.cells[1];
+        let is_in_block = x >= 0 && y >= 0 && (x as usize) < block.cells[0] && (y as usize) < block.cells[1];
         let Some(cell) = cells.at(x, y) else { continue };
         let from_centre = p.xy() - (Vec2::new(x as f32, y as f32) + 0.5) * c;
-        if let Some(place) = match_solid(&cell.column, from_centre, seen, c) {
-            return inside.then_some((x as usize, y as usize, place));
+        if let Some(target) = match_column(&cell.column, from_centre, surfel, c) {
+            return is_in_block.then_some((y as usize * block.cells[0] + x as usize, target));
         }
-        if seen.normal.z.abs() > 0.9 {
+        // Stepping along a vertical normal would stay in the same cell.
+        if surfel.normal.z.abs() > 0.9 {
             return None;
         }
     }
     None
 }
 
-fn match_solid(column: &Merged, from_centre: Vec2, seen: &Seen, c: f32) -> Option<Place> {
-    let row = |z: f32| (z / c).floor() as i32;
-    let (solids, top) = (&column.solids, column.top_at(from_centre));
-    let beyond = column.clip.is_some_and(|clip| clip.is_outside(from_centre));
-    if beyond && seen.normal.z > TOP_Z {
-        return ((seen.p.z - top).abs() < TOP_REACH * c).then_some(Place::Outer);
+/// The part of a column that the surfel lies on; `None` if it lies on none.
+fn match_column(column: &MergedColumn, from_centre: Vec2, surfel: &VisibleSurfel, c: f32) -> Option<SurfelTarget> {
+    let row_at = |z: f32| (z / c).floor() as i32;
+    let (z, normal_z) = (surfel.position.z, surfel.normal.z);
+    let (solids, top_m) = (&column.solids, column.top_at(from_centre));
+    let is_beyond_clip = column.clip.is_some_and(|clip| clip.is_outside(from_centre));
+    if is_beyond_clip && normal_z > MIN_TOP_NORMAL_Z {
+        return ((z - top_m).abs() < TOP_REACH * c).then_some(SurfelTarget::Outer);
     }
     let last = solids.len().checked_sub(1)?;
-    for (i, solid) in solids.iter().enumerate().rev() {
-        let high = if i == last { top } else { solid.top_m };
-        if seen.normal.z > TOP_Z {
-            if (seen.p.z - high).abs() < TOP_REACH * c {
-                return Some(if i == last { Place::Roof } else { Place::Flat(row(high - 1e-3 * c)) });
+    for (i, run) in solids.iter().enumerate().rev() {
+        let run_top_m = if i == last { top_m } else { run.top_m };
+        if normal_z > MIN_TOP_NORMAL_Z {
+            if (z - run_top_m).abs() < TOP_REACH * c {
+                let is_roof = i == last;
+                return Some(if is_roof {
+                    SurfelTarget::Roof
+                } else {
+                    SurfelTarget::Flat(row_at(run_top_m - 1e-3 * c))
+                });
             }
-        } else if seen.normal.z < -TOP_Z {
-            if (seen.p.z - solid.bottom_m).abs() < TOP_REACH * c {
-                return Some(Place::Flat(row(solid.bottom_m + 1e-3 * c)));
+        } else if normal_z < -MIN_TOP_NORMAL_Z {
+            if (z - run.bottom_m).abs() < TOP_REACH * c {
+                return Some(SurfelTarget::Flat(row_at(run.bottom_m + 1e-3 * c)));
             }
-        } else if seen.p.z > solid.bottom_m - 0.5 * c && seen.p.z < high + 0.5 * c {
-            return Some(Place::Side(row(seen.p.z.min(high - 1e-3 * c).max(solid.bottom_m))));
+        } else if z > run.bottom_m - 0.5 * c && z < run_top_m + 0.5 * c {
+            return Some(SurfelTarget::Side(row_at(z.min(run_top_m - 1e-3 * c).max(run.bottom_m))));
         }
     }
     None
 }
 
-fn add(draft: &mut Draft, place: Place, seen: &Seen) {
-    let (row, kind) = match place {
-        Place::Roof => {
-            draft.roof.add(seen);
-            draft.roof_normal += seen.normal * seen.area_m2;
-            return;
+impl ColumnAccumulator {
+    fn new(cells: &CellGrid, x: i32, y: i32) -> Self {
+        let mut accumulator = Self::default();
+        let Some(cell) = cells.at(x, y) else { return accumulator };
+        if let (Some(first), true) = (cell.column.solids.first(), cells.is_exposed(x, y)) {
+            let top_m = cell.column.solids.last().map_or(first.top_m, |run| run.top_m);
+            accumulator.first_row = (first.bottom_m / cells.cell_m()).floor() as i32;
+            let end = (top_m / cells.cell_m()).ceil() as i32;
+            let rows = (end - accumulator.first_row).clamp(1, MAX_ROWS);
+            accumulator.rows = vec![RowSums::default(); rows as usize];
         }
-        Place::Outer => return draft.outer.add(seen),
-        Place::Side(row) => {
-            draft.wall_normal += seen.normal.xy() * seen.area_m2;
-            (row, 0)
+        accumulator
+    }
+
+    fn add(&mut self, target: SurfelTarget, surfel: &VisibleSurfel) {
+        match target {
+            SurfelTarget::Roof => {
+                self.roof.add(surfel);
+                self.roof_normal += surfel.normal * surfel.area_m2;
+            }
+            SurfelTarget::Outer => self.outer.add(surfel),
+            SurfelTarget::Side(row) => {
+                self.wall_normal += surfel.normal.xy() * surfel.area_m2;
+                if let Some(sums) = self.row(row) {
+                    sums.side.add(surfel);
+                }
+            }
+            SurfelTarget::Flat(row) => {
+                if let Some(sums) = self.row(row) {
+                    sums.flat.add(surfel);
+                }
+            }
         }
-        Place::Flat(row) => (row, 1),
-    };
-    let last = draft.rows.len() as i32 - 1;
-    if last >= 0 {
-        draft.rows[(row - draft.first_row).clamp(0, last) as usize][kind].add(seen);
+    }
+
+    /// The sums of a row, or of the nearest row that the wall has; `None` if it has none.
+    fn row(&mut self, row: i32) -> Option<&mut RowSums> {
+        let last = self.rows.len() as i32 - 1;
+        if last < 0 { None } else { self.rows.get_mut((row - self.first_row).clamp(0, last) as usize) }
+    }
+
+    /// The column of a cell with the appearance of its surfels; `None` if the cell is empty.
+    fn finish(&self, cells: &CellGrid, x: i32, y: i32) -> Option<VoxelColumn> {
+        let cell = cells.at(x, y)?;
+        let (first, last) = (cell.column.solids.first()?, cell.column.solids.last()?);
+        let exposed = !self.rows.is_empty();
+        // Without a strip the column cannot show a gap.
+        let solids = if exposed {
+            cell.column.solids.clone()
+        } else {
+            vec![SolidRun { bottom_m: first.bottom_m, top_m: last.top_m }]
+        };
+        let [sx, sy] = cell.column.slope;
+        let normal = if cell.column.is_inclined {
+            Vec3::new(-sx, -sy, 1.0).normalize_or(Vec3::Z)
+        } else {
+            self.roof_normal.normalize_or(Vec3::Z)
+        };
+        let mut clip = cell.column.clip.map(VoxelClip::from);
+        if let Some(outer) = clip.as_mut().and_then(|clip| clip.outer.as_mut()) {
+            outer.appearance = self.outer.mean();
+        }
+        Some(VoxelColumn {
+            clip,
+            inclined: cell.column.is_inclined,
+            suspended: !cell.is_grounded,
+            normal: normal.to_array(),
+            roof: self.roof.mean(),
+            exposed,
+            wall_normal: clip.map_or(self.wall_normal.to_array(), |clip| clip.plane.normal),
+            first_row: self.first_row,
+            wall: self.wall(&solids, cells.cell_m()),
+            solids,
+        })
+    }
+
+    /// The appearance of each row: its side's, or at the top of a lower run that of the top.
+    fn wall(&self, solids: &[SolidRun], cell_m: f32) -> Vec<VoxelAppearance> {
+        let top_rows: Vec<i32> =
+            solids[..solids.len() - 1].iter().map(|run| ((run.top_m - 1e-3) / cell_m).floor() as i32).collect();
+        let row_appearance = |(row, sums): (i32, &RowSums)| {
+            let (first, second) =
+                if top_rows.contains(&row) { (&sums.flat, &sums.side) } else { (&sums.side, &sums.flat) };
+            if first.weight > 0.0 { first.mean() } else { second.mean() }
+        };
+        (self.first_row..).zip(&self.rows).map(row_appearance).collect()
     }
 }
 
-fn node(block: &Block, leaf: TileId, cells: &Cells, drafts: &[Draft]) -> VoxelNode {
+fn leaf_node(block: &LocalBlock, leaf: TileId, cells: &CellGrid, accumulators: &[ColumnAccumulator]) -> VoxelNode {
     let mut node = VoxelNode::empty(leaf);
     let x0 = (leaf.x() - block.first_leaf[0]) as usize * NODE_CELLS;
     let y0 = (leaf.y() - block.first_leaf[1]) as usize * NODE_CELLS;
     for (i, column) in node.columns.iter_mut().enumerate() {
         let (x, y) = (x0 + i % NODE_CELLS, y0 + i / NODE_CELLS);
-        *column = finish(cells, x as i32, y as i32, &drafts[y * block.cells[0] + x]);
+        *column = accumulators[y * block.cells[0] + x].finish(cells, x as i32, y as i32);
     }
     node
-}
-
-fn finish(cells: &Cells, x: i32, y: i32, draft: &Draft) -> Option<VoxelColumn> {
-    let cell = cells.at(x, y)?;
-    let (first, last) = (cell.column.solids.first()?, cell.column.solids.last()?);
-    let exposed = !draft.rows.is_empty();
-    // A gap that no side shows is none.
-    let solids =
-        if exposed { cell.column.solids.clone() } else { vec![Solid { bottom_m: first.bottom_m, top_m: last.top_m }] };
-    let [sx, sy] = cell.column.slope;
-    let mean = draft.roof_normal.normalize_or(Vec3::Z);
-    let normal = if cell.column.inclined { Vec3::new(-sx, -sy, 1.0).normalize_or(Vec3::Z) } else { mean };
-    // The top of a lower solid shows its own colour, not its side's; elsewhere the side is what is seen.
-    let flat_rows: Vec<i32> =
-        solids[..solids.len() - 1].iter().map(|s| ((s.top_m - 1e-3) / cells.cell_m()).floor() as i32).collect();
-    let wall = draft.rows.iter().enumerate().map(|(i, [side, flat])| {
-        let row = draft.first_row + i as i32;
-        let (first, second) = if flat_rows.contains(&row) { (flat, side) } else { (side, flat) };
-        if first.weight > 0.0 { first.look() } else { second.look() }
-    });
-    let mut clip = cell.column.clip.map(VoxelClip::from);
-    if let Some((_, look)) = clip.as_mut().and_then(|clip| clip.outer.as_mut()) {
-        *look = draft.outer.look();
-    }
-    Some(VoxelColumn {
-        clip,
-        inclined: cell.column.inclined,
-        suspended: !cell.grounded,
-        normal: normal.to_array(),
-        roof: draft.roof.look(),
-        exposed,
-        wall_normal: clip.map_or(draft.wall_normal.to_array(), |clip| clip.plane.normal),
-        first_row: draft.first_row,
-        wall: wall.collect(),
-        solids,
-    })
 }

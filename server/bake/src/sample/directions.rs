@@ -1,26 +1,27 @@
-//! Where the block is looked at from.
+//! The directions from which a block's visibility is tested.
 //!
-//! In: how many. Out: unit vectors towards the viewer. Next: `visibility` makes a map for each.
+//! They are spherical Fibonacci sets (Keinert et al. 2015, "Spherical Fibonacci mapping"), ordered so that the first
+//! few of a set are spread as evenly as all of them.
 
 use glam::Vec3;
 
-/// Golden angle: successive points of a spherical Fibonacci set (Keinert et al. 2015).
 const GOLDEN_ANGLE_RAD: f32 = 2.399_963_2;
-/// Sine of the steepest look from below.
+/// z of the steepest direction from below the horizon (27 degrees).
 const LOWEST_Z: f32 = -0.45;
 
-/// `n` directions spread evenly over the upper half of the sphere, in an order in which every beginning is spread as well.
+/// `n` unit vectors towards the viewer, spread evenly over the upper half of the sphere.
 pub(super) fn sky(n: u32) -> Vec<Vec3> {
     spread(n, 0.0, 1.0)
 }
 
-/// `n` directions from under the horizon, none steeper than 27 degrees.
-pub(super) fn low(n: u32) -> Vec<Vec3> {
+/// `n` unit vectors towards a viewer up to 27 degrees below the horizon.
+pub(super) fn below_horizon(n: u32) -> Vec<Vec3> {
     spread(n, LOWEST_Z, 0.0)
 }
 
+/// Directions whose z is spread evenly between the two limits.
 fn spread(n: u32, z_low: f32, z_high: f32) -> Vec<Vec3> {
-    // A stride near the golden section visits all indices of any n that it shares no factor with.
+    // A stride near the golden section that shares no factor with n visits every index once.
     let mut stride = (n as f32 * 0.618) as u32 | 1;
     while gcd(stride, n.max(1)) != 1 {
         stride += 1;
@@ -45,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn even_and_distinct() {
+    fn directions_are_spread_evenly_and_distinct() {
         for n in [1, 7, 64, 128, 160] {
             let all = sky(n);
             let mean = all.iter().sum::<Vec3>() / n as f32;
@@ -55,6 +56,6 @@ mod tests {
             zs.dedup();
             assert_eq!(zs.len(), n as usize);
         }
-        assert!(low(32).iter().all(|d| d.z < 0.0 && d.z > -0.46));
+        assert!(below_horizon(32).iter().all(|d| d.z < 0.0 && d.z > -0.46));
     }
 }

@@ -1,105 +1,58 @@
-//! Which voxels exist and what they look like (Vacca 2008, 3.4; design 5), for one block of leaves.
+//! Samples one block of leaves: which voxels exist and what they look like (Vacca 2008, 3.4).
 //!
-//! In: the triangles around a block ([`BlockInput`]). Out: a [`VoxelNode`] a leaf. Next: `parametrise`.
+//! In: the triangles around a block ([`BlockInput`]). Out: a [`VoxelNode`] per leaf. Next: `parametrise`.
 //!
-//! | step | file |
+//! The thesis carves space with shadow maps from many directions. Here the same maps decide which surface points are
+//! visible from outside, and only visible points become geometry:
+//!
+//! | step | module |
 //! |---|---|
-//! | triangles in the block's own coordinates | `local` |
-//! | points on the surfaces: where vertical lines cross them, and where colours are taken | `crossings`, `candidates` |
-//! | which of them are seen from outside, and from how much of the sky | `directions`, `visibility` |
-//! | full runs of each column, slopes of their tops | `solids`, `sheets` |
-//! | colours, normals and occlusion of what is seen | `attributes`, `texture` |
-//! | holes closed, every voxel coloured | `mend` |
+//! | triangles in coordinates of the block | `local_block` |
+//! | points where vertical lines cross surfaces, for geometry | `crossings` |
+//! | surfels: points spread over the surfaces, for appearance and walls | `surfels` |
+//! | from which directions crossings and surfels are visible | `directions`, `visibility`, `visibility_map` |
+//! | full runs and slopes of each column, walls inside cells | `solids`, `wall_pieces`, `cell_grid` |
+//! | columns for walls that no vertical line meets | `thin_surfaces` |
+//! | colour, normal and occlusion of the visible voxels | `attributes`, `texture` |
+//! | appearance of the voxels without surfels | `columns::fill` |
+//!
+//! `rasterise` finds grid points in triangles for several of these steps; `nearest` draws maps on a GPU.
 
 mod attributes;
-mod candidates;
+mod cell_grid;
 mod crossings;
 mod directions;
-mod local;
-pub(crate) mod mend;
+mod local_block;
 mod nearest;
-mod scan;
-mod sheets;
-pub(crate) mod solids;
+mod rasterise;
+mod settings;
+mod solids;
+mod surfels;
 pub(crate) mod texture;
+mod thin_surfaces;
 mod visibility;
+mod visibility_map;
+mod wall_pieces;
 
-use crate::{
-    columns::voxels::VoxelNode,
-    scene::{Scene, grid::CityGrid},
-};
-use insula_protocol::TileId;
-use local::Block;
-use serde::Serialize;
+use crate::columns::{fill::fill_unknown, voxels::VoxelNode};
+use local_block::LocalBlock;
 
-/// Who draws the maps of the nearest triangles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Visibility {
-    /// The processor.
-    #[default]
-    Cpu,
-    /// A graphics device. Texels on the edges of triangles may differ, so the tiles are not the same byte for byte.
-    Gpu,
-}
+pub use settings::{BlockInput, SampleSettings, VisibilityBackend};
 
-impl Visibility {
-    /// Whether it can be had here. Errors: built without feature `gpu`, or no device works; says what to do.
-    pub fn check(self) -> Result<(), String> {
-        match self {
-            Self::Cpu => Ok(()),
-            Self::Gpu => nearest::check(),
-        }
-    }
-}
-
-/// What decides a bake's result besides its sources; hashed into the manifest.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SampleSettings {
-    /// Directions over the upper half of the sphere: ambient occlusion, and sightings from above.
-    pub sky_directions: u32,
-    /// Directions from a little under the horizon: sightings of undersides. Steeper ones would look into shells without a
-    /// floor, which no viewer above the ground can.
-    pub low_directions: u32,
-    /// Width of the rim around a block whose triangles only cast occlusion.
-    pub margin_m: f64,
-    /// Who draws what is seen.
-    pub visibility: Visibility,
-}
-
-impl Default for SampleSettings {
-    fn default() -> Self {
-        Self { sky_directions: 128, low_directions: 32, margin_m: 64.0, visibility: Visibility::Cpu }
-    }
-}
-
-/// The work of one call.
-#[derive(Debug, Clone, Copy)]
-pub struct BlockInput<'a> {
-    /// The city.
-    pub scene: &'a Scene,
-    /// Its nodes.
-    pub grid: &'a CityGrid,
-    /// Indices of the triangles that touch the block or its margin, ascending.
-    pub triangles: &'a [u32],
-    /// The leaves of the block that may hold something.
-    pub leaves: &'a [TileId],
-}
-
-/// Samples the leaves of a block; those in which nothing stands are left out. The same input gives the same result on any
-/// number of threads.
+/// Samples the leaves of a block. Leaves without columns are left out. The result does not depend on the number of
+/// threads.
 pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<VoxelNode> {
-    let Some(block) = Block::new(input, settings) else { return Vec::new() };
+    let Some(block) = LocalBlock::new(input, settings) else { return Vec::new() };
     let mut crossings = crossings::find(&block);
-    let mut candidates = candidates::find(&block);
-    visibility::look(&block, settings, &mut crossings, &mut candidates);
-    candidates::share_sky(&mut candidates);
-    let mut columns = solids::build(&block, &crossings, &candidates);
+    let mut surfels = surfels::place(&block);
+    visibility::find_sightings(&block, settings, &mut crossings, &mut surfels);
+    surfels::share_sky(&mut surfels);
+    let mut cells = solids::build_columns(&block, &crossings, &surfels);
     drop(crossings);
-    sheets::add(&block, &candidates, &mut columns);
-    let mut nodes = attributes::build(&block, input, &columns, &candidates);
+    thin_surfaces::add_columns(&block, &surfels, &mut cells);
+    let mut nodes = attributes::build_nodes(&block, input, &cells, &surfels);
     for node in &mut nodes {
-        mend::fill(node);
+        fill_unknown(node);
     }
     nodes.retain(|node| !node.is_empty());
     nodes

@@ -1,128 +1,40 @@
-//! Columns from crossings: which heights of each cell are full, and how their tops slope.
+//! Columns from crossings: which heights of each cell are full, and how the tops slope.
 //!
-//! In: [`Crossings`] and candidates with their sightings. Out: [`Cells`]. Next: `attributes` colours them.
+//! Going down a line, the first crossing that is visible from above opens a run, and the next one that is visible from
+//! below closes it. The lines of a cell are then merged into one column, which may be clipped at the walls that were
+//! seen in the cell (`columns::wall_fit`).
 
 use super::{
-    attributes::TOP_Z,
-    candidates::Candidate,
+    cell_grid::{CellGrid, GridCell, INTO_GROUND},
     crossings::{Crossing, Crossings},
-    local::{Block, LocalTriangle},
+    local_block::LocalBlock,
+    surfels::Surfel,
+    wall_pieces::CellWalls,
 };
 use crate::columns::{
-    clip::{Clip, Plane, Wall, merge_with_walls},
-    merge::{LINES, Line, Merged, close_gaps, line_at},
-    voxels::Solid,
+    merge::{LINES_PER_SIDE, VerticalLine, line_position_m},
+    voxels::SolidRun,
+    wall_fit::{CellObservations, WallPiece},
 };
-use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
+use glam::Vec2;
 use rayon::prelude::*;
-use std::cmp::Ordering;
 
-/// Bottom of what goes on into the ground; replaced by a little under the lowest neighbour's ground.
-const DOWN: f32 = f32::MIN;
-/// Thickness, in cells, of a sheet that is seen from both sides.
-const SHEET: f32 = 0.25;
-/// How far, in cells, the ground's columns reach under the lowest ground around.
-const SKIRT: f32 = 0.25;
+/// Least thickness of a run, in cells. A thin surface that is visible from both sides gets this thickness.
+const MIN_THICKNESS: f32 = 0.25;
 
-/// Walls whose normals rise or fall less stand upright: where they are does not depend on the height.
-const UPRIGHT_Z: f32 = 0.03;
-
-/// How far, in cells, walls of one plane may be apart.
-const ALIGNED: f32 = 0.15;
-
-/// One cell.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Cell {
-    pub(super) column: Merged,
-    /// Lowest terrain under it, seen or not.
-    pub(super) ground_m: Option<f32>,
-    /// Whether the lowest solid stands on the terrain or on its object's foot.
-    pub(super) grounded: bool,
-}
-
-/// The block's cells and one more on either side.
-#[derive(Debug)]
-pub(super) struct Cells {
-    list: Vec<Cell>,
-    width: usize,
-    cell_m: f32,
-}
-
-/// Builds all columns.
-pub(super) fn build(block: &Block, crossings: &Crossings, candidates: &[Candidate]) -> Cells {
+/// Builds the columns of all cells in and around the block.
+pub(super) fn build_columns(block: &LocalBlock, crossings: &Crossings, surfels: &[Surfel]) -> CellGrid {
     let [width, height] = block.cells.map(|n| n + 2);
-    let lines = SourceLines { block, crossings, starts: line_starts(crossings) };
-    let walls = walls(block, candidates);
+    let lines = BlockLines { block, crossings, starts: line_starts(crossings) };
+    let walls = CellWalls::new(block, surfels);
     let list = (0..width * height)
         .into_par_iter()
-        .map(|i| {
-            let first = walls.partition_point(|(cell, _)| *cell < i as u32);
-            let end = first + walls[first..].partition_point(|(cell, _)| *cell == i as u32);
-            let walls: Vec<Wall> = walls[first..end].iter().map(|(_, wall)| *wall).collect();
-            lines.cell(i % width, i / width, &walls)
-        })
+        .map(|i| lines.cell(i % width, i / width, &walls.of_cell(i as u32)))
         .collect();
-    let mut cells = Cells { list, width, cell_m: block.cell_m };
-    cells.ground_bottoms();
-    cells
+    CellGrid::new(list, width, block.cell_m)
 }
 
-/// The walls that were seen, sorted by the cell that they are in.
-fn walls(block: &Block, candidates: &[Candidate]) -> Vec<(u32, Wall)> {
-    let [width, height] = block.cells.map(|n| n as i32 + 2);
-    let c = block.cell_m;
-    let mut walls = Vec::new();
-    let mut push = |cell: IVec2, normal: Vec2, p: Vec2, area_m2: f32| {
-        let at = p - (cell.as_vec2() + 0.5) * c;
-        let (x, y) = (cell.x + 1, cell.y + 1);
-        if (0..width).contains(&x) && (0..height).contains(&y) {
-            walls.push(((y * width + x) as u32, Wall { normal, at, area_m2 }));
-        }
-    };
-    for sheet in candidates.chunk_by(|a, b| a.triangle == b.triangle) {
-        let triangle = &block.triangles[sheet[0].triangle as usize];
-        let [front, back] = [0, 1].map(|k| sheet.iter().map(|s| u32::from(s.sightings[k])).sum::<u32>());
-        if front.max(back) == 0 || triangle.terrain || triangle.normal.z.abs() > TOP_Z {
-            continue;
-        }
-        let normal = triangle.normal.xy().normalize() * if back > front { -1.0 } else { 1.0 };
-        if triangle.normal.z.abs() < UPRIGHT_Z {
-            each_piece(triangle, c, |cell, p, share| push(cell, normal, p, triangle.area_m2 * share));
-        } else {
-            for candidate in sheet.iter().filter(|s| s.sightings[0].max(s.sightings[1]) > 0) {
-                let p = candidate.p.xy();
-                push((p / c).floor().as_ivec2(), normal, p, candidate.area_m2);
-            }
-        }
-    }
-    walls.sort_by_key(|(cell, _)| *cell);
-    walls
-}
-
-/// Cuts an upright triangle, seen from above, at the cells' borders: calls `each` with the cell, the middle of the piece and
-/// its share of the length.
-fn each_piece(triangle: &LocalTriangle, cell_m: f32, mut each: impl FnMut(IVec2, Vec2, f32)) {
-    let along = triangle.normal.xy().normalize().perp();
-    let place = |corner: &&Vec3| along.dot(corner.xy());
-    let ends = [Ordering::Less, Ordering::Greater].map(|order| {
-        triangle.corners.iter().reduce(|a, b| if place(&b).total_cmp(&place(&a)) == order { b } else { a })
-    });
-    let [Some(a), Some(b)] = ends.map(|end| end.map(|corner| corner.xy())) else { return };
-    let mut cuts = vec![0.0, 1.0];
-    for axis in 0..2 {
-        let (from, to) = (a[axis] / cell_m, b[axis] / cell_m);
-        let borders = (from.min(to).ceil() as i64)..=(from.max(to).floor() as i64);
-        if from != to {
-            cuts.extend(borders.map(|border| ((border as f32 - from) / (to - from)).clamp(0.0, 1.0)));
-        }
-    }
-    cuts.sort_by(f32::total_cmp);
-    for pair in cuts.windows(2).filter(|pair| pair[1] > pair[0]) {
-        let middle = a.lerp(b, 0.5 * (pair[0] + pair[1]));
-        each((middle / cell_m).floor().as_ivec2(), middle, pair[1] - pair[0]);
-    }
-}
-
+/// Index of the first crossing of each line, and the number of all.
 fn line_starts(crossings: &Crossings) -> Vec<u32> {
     let mut starts = vec![0u32; crossings.lines[0] * crossings.lines[1] + 1];
     for crossing in &crossings.list {
@@ -134,178 +46,97 @@ fn line_starts(crossings: &Crossings) -> Vec<u32> {
     starts
 }
 
-/// The vertical lines through the source's surfaces.
-struct SourceLines<'a> {
-    block: &'a Block,
+/// The vertical lines through a block's surfaces.
+struct BlockLines<'a> {
+    block: &'a LocalBlock,
     crossings: &'a Crossings,
     starts: Vec<u32>,
 }
 
-impl SourceLines<'_> {
-    /// The crossings of line (x, y).
-    fn crossings(&self, x: usize, y: usize) -> &[Crossing] {
+impl BlockLines<'_> {
+    /// The crossings of line (x, y) from the top down.
+    fn crossings_of(&self, x: usize, y: usize) -> &[Crossing] {
         let line = y * self.crossings.lines[0] + x;
         &self.crossings.list[self.starts[line] as usize..self.starts[line + 1] as usize]
     }
 
-    fn cell(&self, x: usize, y: usize, walls: &[Wall]) -> Cell {
+    fn cell(&self, x: usize, y: usize, walls: &[WallPiece]) -> GridCell {
         let cell_m = self.block.cell_m;
         let mut ground_m: Option<f32> = None;
         let mut foot_m = f32::INFINITY;
-        let lines: Vec<Line> = (0..LINES * LINES)
+        let lines: Vec<VerticalLine> = (0..LINES_PER_SIDE * LINES_PER_SIDE)
             .map(|i| {
-                let list = self.crossings(x * LINES + i % LINES, y * LINES + i / LINES);
-                for c in list {
-                    let triangle = &self.block.triangles[c.triangle as usize];
-                    if triangle.terrain {
-                        ground_m = Some(ground_m.map_or(c.z, |g| g.min(c.z)));
+                let crossings =
+                    self.crossings_of(x * LINES_PER_SIDE + i % LINES_PER_SIDE, y * LINES_PER_SIDE + i / LINES_PER_SIDE);
+                for crossing in crossings {
+                    let triangle = &self.block.triangles[crossing.triangle as usize];
+                    if triangle.is_terrain {
+                        ground_m = Some(ground_m.map_or(crossing.z, |ground_m| ground_m.min(crossing.z)));
                     } else {
-                        foot_m = foot_m.min(triangle.base_z_m);
+                        foot_m = foot_m.min(triangle.object_bottom_m);
                     }
                 }
-                Line { at: line_at(i, cell_m), runs: runs(self.block, list) }
+                VerticalLine { position_m: line_position_m(i, cell_m), runs: full_runs(self.block, crossings) }
             })
             .collect();
-        let column = merge_with_walls(&lines, || self.around(x, y), walls, cell_m);
-        let bottom = column.solids.first().map_or(DOWN, |s| s.bottom_m);
-        let grounded = bottom == DOWN || bottom < foot_m + cell_m;
-        Cell { column, ground_m, grounded }
+        let observations = CellObservations { lines: &lines, walls, cell_m };
+        let column = observations.fit_column(|| self.lines_around(x, y));
+        let bottom_m = column.solids.first().map_or(INTO_GROUND, |run| run.bottom_m);
+        let is_grounded = bottom_m == INTO_GROUND || bottom_m < foot_m + cell_m;
+        GridCell { column, ground_m, is_grounded }
     }
 
     /// The lines up to half a cell outside of a cell.
-    fn around(&self, x: usize, y: usize) -> Vec<Line> {
-        const RIM: usize = LINES / 2;
-        let end = 2 * RIM + LINES;
-        let own = RIM..RIM + LINES;
-        let places = (0..end).flat_map(|j| (0..end).map(move |i| (i, j)));
-        places
+    fn lines_around(&self, x: usize, y: usize) -> Vec<VerticalLine> {
+        const MARGIN: usize = LINES_PER_SIDE / 2;
+        let end = 2 * MARGIN + LINES_PER_SIDE;
+        let own = MARGIN..MARGIN + LINES_PER_SIDE;
+        let steps = (0..end).flat_map(|j| (0..end).map(move |i| (i, j)));
+        steps
             .filter(|(i, j)| !own.contains(i) || !own.contains(j))
             .filter_map(|(i, j)| {
-                let (column, row) = ((x * LINES + i).checked_sub(RIM)?, (y * LINES + j).checked_sub(RIM)?);
+                let column = (x * LINES_PER_SIDE + i).checked_sub(MARGIN)?;
+                let row = (y * LINES_PER_SIDE + j).checked_sub(MARGIN)?;
                 if column >= self.crossings.lines[0] || row >= self.crossings.lines[1] {
                     return None;
                 }
-                let step = Vec2::new(i as f32 - RIM as f32, j as f32 - RIM as f32) * self.crossings.step_m;
-                let at = line_at(0, self.block.cell_m) + step;
-                Some(Line { at, runs: runs(self.block, self.crossings(column, row)) })
+                let step = Vec2::new(i as f32 - MARGIN as f32, j as f32 - MARGIN as f32) * self.crossings.step_m;
+                let position_m = line_position_m(0, self.block.cell_m) + step;
+                Some(VerticalLine { position_m, runs: full_runs(self.block, self.crossings_of(column, row)) })
             })
             .collect()
     }
 }
 
-/// A line's full runs: a side seen from above opens one, a side seen from below closes it (design 5, step 1).
-fn runs(block: &Block, line: &[Crossing]) -> Vec<Solid> {
-    let mut found: Vec<Solid> = Vec::new();
+/// The full runs of a line from the bottom up. Its crossings are given from the top down.
+fn full_runs(block: &LocalBlock, line: &[Crossing]) -> Vec<SolidRun> {
+    let mut runs: Vec<SolidRun> = Vec::new();
     let mut open: Option<&Crossing> = None;
     for crossing in line {
-        let terrain = block.triangles[crossing.triangle as usize].terrain;
-        if crossing.seen_above() && open.is_none() {
+        if crossing.is_visible_from_above() && open.is_none() {
             open = Some(crossing);
         }
-        if terrain {
-            // Terrain ends the line: seen, it is the top of the ground; unseen, what stands on it goes into it.
+        if block.triangles[crossing.triangle as usize].is_terrain {
+            // Terrain ends the line. If it is visible it is the top of the ground; if not, what stands on it reaches
+            // into it.
             if let Some(top) = open.take() {
-                found.push(Solid { bottom_m: DOWN, top_m: top.z });
-            } else if let Some(last) = found.last_mut().filter(|l| l.bottom_m - crossing.z < block.cell_m) {
-                last.bottom_m = DOWN;
+                runs.push(SolidRun { bottom_m: INTO_GROUND, top_m: top.z });
+            } else if let Some(last) = runs.last_mut().filter(|run| run.bottom_m - crossing.z < block.cell_m) {
+                last.bottom_m = INTO_GROUND;
             }
             break;
         }
-        if crossing.seen_below()
+        if crossing.is_visible_from_below()
             && let Some(top) = open.take()
         {
-            found.push(Solid { bottom_m: crossing.z.min(top.z - SHEET * block.cell_m), top_m: top.z });
+            runs.push(SolidRun { bottom_m: crossing.z.min(top.z - MIN_THICKNESS * block.cell_m), top_m: top.z });
         }
     }
+    // A run that nothing closes ends at its object's foot.
     if let Some(top) = open {
-        let foot = block.triangles[top.triangle as usize].base_z_m;
-        found.push(Solid { bottom_m: foot.min(top.z - SHEET * block.cell_m), top_m: top.z });
+        let foot_m = block.triangles[top.triangle as usize].object_bottom_m;
+        runs.push(SolidRun { bottom_m: foot_m.min(top.z - MIN_THICKNESS * block.cell_m), top_m: top.z });
     }
-    found.reverse();
-    found
-}
-
-impl Cells {
-    pub(super) fn cell_m(&self) -> f32 {
-        self.cell_m
-    }
-
-    /// The cell at `x`, `y` of the block; -1 and one past the end are there too.
-    pub(super) fn at(&self, x: i32, y: i32) -> Option<&Cell> {
-        let (x, y) = (usize::try_from(x + 1).ok()?, usize::try_from(y + 1).ok()?);
-        if x >= self.width { None } else { self.list.get(y * self.width + x) }
-    }
-
-    /// Makes a run of a cell full; it joins what it touches. `wall` is the plane of the wall that was seen there.
-    pub(super) fn insert(&mut self, x: i32, y: i32, solid: Solid, base_z_m: f32, wall: Option<Plane>) {
-        let (Ok(column), Ok(row)) = (usize::try_from(x + 1), usize::try_from(y + 1)) else { return };
-        let cell_m = self.cell_m;
-        let Some(cell) = self.list.get_mut(row * self.width + column).filter(|_| column < self.width) else { return };
-        let solids = &mut cell.column.solids;
-        let top_before = solids.last().map_or(f32::MIN, |s| s.top_m);
-        if solids.is_empty() {
-            cell.grounded = solid.bottom_m < base_z_m + cell_m;
-            cell.column.clip = wall.map(|plane| Clip { plane, corner: None, outer_top_m: None });
-        } else if !wall.is_some_and(|wall| cell.column.clip.is_some_and(|clip| clip.ends_at(wall, ALIGNED * cell_m))) {
-            // What is seen where nothing was drawn is not cut off by another wall.
-            cell.column.clip = None;
-        }
-        solids.push(solid);
-        solids.sort_unstable_by(|a, b| a.bottom_m.total_cmp(&b.bottom_m));
-        close_gaps(solids, cell_m);
-        if solids.last().is_some_and(|s| s.top_m > top_before) {
-            cell.column.slope = [0.0; 2];
-            cell.column.inclined = false;
-        }
-    }
-
-    /// Ends what goes down into the ground a little under the lowest ground around (design 5, step 2).
-    fn ground_bottoms(&mut self) {
-        let width = self.width as isize;
-        let grounds: Vec<Option<f32>> = self.list.iter().map(|c| c.ground_m).collect();
-        for i in 0..self.list.len() {
-            let column = &mut self.list[i].column;
-            let Some(first) = column.solids.first_mut().filter(|s| s.bottom_m == DOWN) else { continue };
-            let around = [-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1];
-            let lowest = around
-                .iter()
-                .filter_map(|step| *grounds.get(i.checked_add_signed(*step)?)?)
-                .fold(first.top_m, f32::min);
-            first.bottom_m = lowest - SKIRT * self.cell_m;
-        }
-    }
-
-    /// Whether more than one voxel of a side is open: whether the column is a wall (Vacca 2008, 3.1.1). A gap was seen, or it
-    /// would not be there, even where all columns around have the same.
-    pub(super) fn exposed(&self, x: i32, y: i32) -> bool {
-        let Some(own) = self.at(x, y) else { return false };
-        own.column.clip.is_some()
-            || own.column.solids.len() > 1
-            || (!own.grounded && own.column.is_slab(self.cell_m))
-            || [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
-                let other = self.at(x + dx, y + dy).map(|c| &c.column);
-                let half = Vec2::new(dx as f32, dy as f32) * (0.5 * self.cell_m);
-                open_side(&own.column, other, half) > self.cell_m
-            })
-    }
-}
-
-/// Metres of `own`'s side, at `half` a cell from its centre, that `other` does not cover; the most of three places along it
-/// where a wall stands inside `other`.
-pub(crate) fn open_side(own: &Merged, other: Option<&Merged>, half: Vec2) -> f32 {
-    let clipped = other.is_some_and(|other| other.clip.is_some());
-    let along: &[f32] = if clipped { &[-0.9, 0.0, 0.9] } else { &[0.0] };
-    along.iter().map(|share| half.perp() * *share).fold(0.0, |most, along| most.max(open_at(own, other, half, along)))
-}
-
-fn open_at(own: &Merged, other: Option<&Merged>, half: Vec2, along: Vec2) -> f32 {
-    let covers = other.map_or_else(Vec::new, |other| other.runs_at(along - half));
-    let mut open = 0.0;
-    for run in own.runs_at(along + half) {
-        open += run.top_m - run.bottom_m;
-        for cover in &covers {
-            open -= (run.top_m.min(cover.top_m) - run.bottom_m.max(cover.bottom_m)).max(0.0);
-        }
-    }
-    open
+    runs.reverse();
+    runs
 }

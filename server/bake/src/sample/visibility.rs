@@ -1,374 +1,217 @@
-//! From where the samples are seen: space carving by maps of the nearest triangle (Vacca 2008, 3.4.1; design 5, step 2).
+//! Which crossings and surfels are visible from outside: space carving with visibility maps (Vacca 2008, 3.4.1).
 //!
-//! In: [`Block`], crossings and candidates. Out: their sightings. Next: `solids`, `attributes`.
+//! A map is drawn for each direction, and every crossing and surfel that still needs a result is tested against it. The
+//! directions come in three passes:
 //!
-//! A map keeps the nearest triangle's id, and a sample asks that triangle's plane: depths compared at texel centres leak.
+//! 1. The first sky directions. All crossings and all surfels are tested until they have been visible.
+//! 2. Directions below the horizon, for undersides and what stands under them. They are skipped if the block has none.
+//! 3. The remaining sky directions, only for the occlusion of surfels that have been visible. The others lie inside of
+//!    something and are dropped before.
+//!
+//! The share of the sky from which a surfel is visible is its ambient occlusion.
 
 use super::{
-    SampleSettings, Visibility,
-    attributes::TOP_Z,
-    candidates::{Candidate, TURNS},
-    crossings::{Crossing, Crossings, SURE, UNSURE},
+    crossings::{Crossing, Crossings, SURE_WEIGHT, UNSURE_WEIGHT},
     directions,
-    local::{Block, LocalTriangle},
-    nearest::{self, Facing},
-    scan::scan,
+    local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
+    settings::SampleSettings,
+    surfels::{SKY_SUBSETS, Surfel},
+    visibility_map::VisibilityMap,
 };
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
-/// Sky directions that crossings look at: half of the geometry's 64, the other half of which would look from below.
-const CROSSING_DIRECTIONS: usize = 48;
-/// Directions, of the sky and of the low ones, after which a candidate's back that was never seen is given up.
+/// Number of sky directions of the first pass.
+const FIRST_SKY_DIRECTIONS: usize = 48;
+/// Number of directions, in either of the first two passes, after which a back that was never visible is not tested
+/// further.
 const BACK_DIRECTIONS: usize = 16;
-/// Sky directions after which a candidate that was never seen, from below neither, is dropped: it lies inside.
-const FIRST_DIRECTIONS: usize = 48;
 
-/// Looks at the block from everywhere: from the sky until all is seen that will be, then from below at the rest, then
-/// from the remaining sky for the occlusion of what was seen.
-pub(super) fn look(
-    block: &Block,
+/// Counts from where the block's crossings and surfels are visible, and drops surfels that never are.
+pub(super) fn find_sightings(
+    block: &LocalBlock,
     settings: &SampleSettings,
     crossings: &mut Crossings,
-    candidates: &mut Vec<Candidate>,
+    surfels: &mut Vec<Surfel>,
 ) {
     let sky = directions::sky(settings.sky_directions);
-    let (first, rest) = sky.split_at(FIRST_DIRECTIONS.min(sky.len()));
-    let mut pending: Vec<u32> = (0..crossings.list.len() as u32)
-        .filter(|i| crossings.list[*i as usize].wants(true) || crossings.list[*i as usize].wants(false))
-        .collect();
-    let mut map = Map { drawn_by: settings.visibility, ..Map::default() };
-    let mut sheets = sheets_of(candidates);
+    let (first, rest) = sky.split_at(FIRST_SKY_DIRECTIONS.min(sky.len()));
+    let mut tests =
+        VisibilityTests { block, map: VisibilityMap::new(settings.visibility), groups: group_by_triangle(surfels) };
+    let mut pending: Vec<u32> =
+        (0..crossings.list.len() as u32).filter(|i| crossings.list[*i as usize].is_pending()).collect();
     for (i, direction) in first.iter().enumerate() {
-        map.draw(block, *direction);
-        if i < CROSSING_DIRECTIONS {
-            sight_crossings(block, &map, crossings, &mut pending);
-        }
-        let look = Look { turn: Some(i % TURNS), unseen: true, backs: i < BACK_DIRECTIONS };
-        sight_candidates(block, &map, candidates, &mut sheets, look);
+        tests.map.draw(block, *direction);
+        tests.test_crossings(crossings, &mut pending);
+        let pass =
+            SurfelTest { sky_subset: Some(i % SKY_SUBSETS), tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
+        tests.test_surfels(surfels, pass);
     }
-    look_from_below(block, settings, (crossings, &mut pending), (candidates, &mut sheets));
-    candidates.retain(|candidate| candidate.sightings != [0; 2]);
-    sheets = sheets_of(candidates);
+    let has_undersides = block.triangles.iter().any(|triangle| may_have_space_below(block, triangle));
+    if has_undersides || !pending.is_empty() {
+        for (i, direction) in directions::below_horizon(settings.low_directions).iter().enumerate() {
+            tests.map.draw(block, *direction);
+            tests.test_crossings(crossings, &mut pending);
+            if has_undersides {
+                let pass = SurfelTest { sky_subset: None, tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
+                tests.test_surfels(surfels, pass);
+            }
+        }
+    }
+    surfels.retain(Surfel::is_visible);
+    tests.groups = group_by_triangle(surfels);
     for (i, direction) in rest.iter().enumerate() {
-        map.draw(block, *direction);
-        let look = Look { turn: Some((FIRST_DIRECTIONS + i) % TURNS), unseen: false, backs: false };
-        sight_candidates(block, &map, candidates, &mut sheets, look);
+        tests.map.draw(block, *direction);
+        let sky_subset = Some((FIRST_SKY_DIRECTIONS + i) % SKY_SUBSETS);
+        tests.test_surfels(surfels, SurfelTest { sky_subset, tests_unseen: false, tests_backs: false });
     }
 }
 
-/// Undersides, and what stands under them. Where all shells are closed and stand on the ground, there are none.
-fn look_from_below(
-    block: &Block,
-    settings: &SampleSettings,
-    (crossings, pending): (&mut Crossings, &mut Vec<u32>),
-    (candidates, sheets): (&mut [Candidate], &mut [Sheet]),
-) {
-    let hangs = block.triangles.iter().any(|triangle| hangs(block, triangle));
-    if !hangs && pending.is_empty() {
-        return;
-    }
-    let mut map = Map { drawn_by: settings.visibility, ..Map::default() };
-    for (i, direction) in directions::low(settings.low_directions).iter().enumerate() {
-        map.draw(block, *direction);
-        sight_crossings(block, &map, crossings, pending);
-        if hangs {
-            let look = Look { turn: None, unseen: true, backs: i < BACK_DIRECTIONS };
-            sight_candidates(block, &map, candidates, sheets, look);
-        }
-    }
+/// Whether a viewer may see the triangle from below, or something under it.
+fn may_have_space_below(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
+    let is_above_foot = triangle.lowest_m() > triangle.object_bottom_m + 1.5 * block.cell_m;
+    !triangle.is_terrain && (!triangle.is_closed || (triangle.normal.z < -0.1 && is_above_foot))
 }
 
-/// Whether there may be something to see under it.
-fn hangs(block: &Block, triangle: &LocalTriangle) -> bool {
-    let low = triangle.corners.iter().fold(f32::MAX, |m, c| m.min(c.z));
-    let above_foot = low > triangle.base_z_m + 1.5 * block.cell_m;
-    !triangle.terrain && (!triangle.closed || (triangle.normal.z < -0.1 && above_foot))
-}
-
-/// The candidates of one triangle.
+/// The surfels of one triangle.
 #[derive(Debug)]
-struct Sheet {
+struct TriangleSurfels {
+    /// Index into the block's triangles.
     triangle: u32,
-    /// Where the candidates of each turn begin and the last ones end.
-    starts: [u32; TURNS + 1],
-    /// Whether a candidate's front (back) was not seen yet.
-    unseen: [bool; 2],
+    /// Index of the first surfel of each sky subset, and the end of the last.
+    starts: [u32; SKY_SUBSETS + 1],
+    /// Whether there are surfels whose front (or back) has not been visible yet.
+    has_unseen: [bool; 2],
 }
 
-fn sheets_of(candidates: &[Candidate]) -> Vec<Sheet> {
+fn group_by_triangle(surfels: &[Surfel]) -> Vec<TriangleSurfels> {
     let mut begin = 0;
-    let sheets = candidates.chunk_by(|a, b| a.triangle == b.triangle).map(|sheet| {
-        let starts = |turn: usize| begin + sheet.partition_point(|c| usize::from(c.turn) < turn) as u32;
-        let starts = std::array::from_fn(starts);
-        begin += sheet.len() as u32;
-        Sheet { triangle: sheet[0].triangle, starts, unseen: [true; 2] }
+    let groups = surfels.chunk_by(|a, b| a.triangle == b.triangle).map(|group| {
+        let start = |subset: usize| begin + group.partition_point(|s| usize::from(s.sky_subset) < subset) as u32;
+        let starts = std::array::from_fn(start);
+        begin += group.len() as u32;
+        TriangleSurfels { triangle: group[0].triangle, starts, has_unseen: [true; 2] }
     });
-    sheets.collect()
+    groups.collect()
 }
 
-fn sight_crossings(block: &Block, map: &Map, crossings: &mut Crossings, pending: &mut Vec<u32>) {
-    let (lines, step, offset) = (crossings.lines[0], crossings.step_m, crossings.offset_m);
-    let look = |c: &Crossing| {
-        let triangle = &block.triangles[c.triangle as usize];
+/// Which surfels are tested against a direction.
+#[derive(Debug, Clone, Copy)]
+struct SurfelTest {
+    /// The subset of the sky that the direction belongs to; `None` for a direction below the horizon.
+    sky_subset: Option<usize>,
+    /// Whether surfels of other subsets are tested as long as they have not been visible.
+    tests_unseen: bool,
+    /// Whether this includes backs.
+    tests_backs: bool,
+}
+
+/// The map of the current direction, and the surfels that it is tested against.
+struct VisibilityTests<'a> {
+    block: &'a LocalBlock,
+    map: VisibilityMap,
+    groups: Vec<TriangleSurfels>,
+}
+
+impl VisibilityTests<'_> {
+    /// Tests the `pending` crossings and removes those that need no more sightings.
+    fn test_crossings(&self, crossings: &mut Crossings, pending: &mut Vec<u32>) {
+        pending.retain(|i| {
+            let crossing = crossings.list[*i as usize];
+            let sighting = self.crossing_sighting(&crossing, crossings.position(&crossing));
+            let crossing = &mut crossings.list[*i as usize];
+            if let Some((from_above, weight)) = sighting {
+                crossing.add_sighting(from_above, weight);
+            }
+            crossing.is_pending()
+        });
+    }
+
+    /// Whether the crossing is seen from above, and the weight of the sighting; `None` if it is not visible.
+    fn crossing_sighting(&self, crossing: &Crossing, position: Vec3) -> Option<(bool, u8)> {
+        let triangle = &self.block.triangles[crossing.triangle as usize];
+        let direction = self.map.direction();
         let up = if triangle.normal.z > 0.0 { triangle.normal } else { -triangle.normal };
-        let above = up.dot(map.w) > 0.0;
-        let place = |i: usize| (i as f32 + 0.5) * step + offset;
-        let p = Vec3::new(place(c.line as usize % lines), place(c.line as usize / lines), c.z);
-        let open = c.wants(above) && (above || !through_floor(triangle, p, map.w));
-        let seen = open && map.sees(block, p, if above { up } else { -up }, c.triangle);
-        let sure = above || map.shows(block, p, triangle);
-        seen.then_some((above, if sure { SURE } else { UNSURE }))
-    };
-    pending.retain(|i| {
-        let crossing = &mut crossings.list[*i as usize];
-        if let Some((above, weight)) = look(crossing) {
-            crossing.sighted(above, weight);
+        let from_above = up.dot(direction) > 0.0;
+        let is_tested = crossing.needs_sightings(from_above)
+            && (from_above || !passes_through_floor(triangle, position, direction));
+        let normal = if from_above { up } else { -up };
+        if !is_tested || !self.map.is_visible(self.block, position, normal, crossing.triangle) {
+            return None;
         }
-        crossing.wants(true) || crossing.wants(false)
-    });
+        let is_sure = from_above || self.map.shows_surface(self.block, position, triangle);
+        Some((from_above, if is_sure { SURE_WEIGHT } else { UNSURE_WEIGHT }))
+    }
+
+    fn test_surfels(&mut self, surfels: &mut [Surfel], test: SurfelTest) {
+        let (block, map) = (self.block, &self.map);
+        for group in &mut self.groups {
+            let triangle = &block.triangles[group.triangle as usize];
+            // Tops are visible from the sky. Directions below the horizon are for undersides, and walls under roofs.
+            if test.sky_subset.is_none() && (triangle.is_terrain || triangle.normal.z > MIN_TOP_NORMAL_Z) {
+                continue;
+            }
+            let cos = triangle.normal.dot(map.direction());
+            let side = usize::from(cos < 0.0);
+            if side == 1 && (triangle.is_terrain || triangle.is_closed) {
+                continue;
+            }
+            let normal = if side == 1 { -triangle.normal } else { triangle.normal };
+            let (is_below_horizon, index) = (test.sky_subset.is_none(), group.triangle);
+            let is_visible = |surfel: &Surfel| {
+                if is_below_horizon && passes_through_floor(triangle, surfel.position, map.direction()) {
+                    return false;
+                }
+                map.is_visible(block, surfel.position, normal, index)
+            };
+            if test.tests_unseen && group.has_unseen[side] && (side == 0 || test.tests_backs) {
+                let all = &mut surfels[group.starts[0] as usize..group.starts[SKY_SUBSETS] as usize];
+                group.has_unseen[side] = test_unseen(all, side, test.sky_subset, is_visible);
+            }
+            let Some(subset) = test.sky_subset else { continue };
+            let of_subset = &mut surfels[group.starts[subset] as usize..group.starts[subset + 1] as usize];
+            for surfel in of_subset {
+                let is_given_up = side == 1 && surfel.sightings[1] == 0 && !test.tests_backs;
+                if !is_given_up && is_visible(surfel) {
+                    surfel.sightings[side] += 1;
+                    surfel.sky_cosines[side] += cos.abs();
+                }
+            }
+        }
+    }
 }
 
-/// Whether the look at an underside comes up through the ground that its object stands on: a shell without a floor would
-/// show its inside to a viewer who cannot be there.
-fn through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
+/// Tests the surfels of a triangle that have not been visible yet, except those of `own_subset`, which are tested
+/// anyway. Returns whether there are still some that have not been visible.
+fn test_unseen(
+    surfels: &mut [Surfel],
+    side: usize,
+    own_subset: Option<usize>,
+    is_visible: impl Fn(&Surfel) -> bool,
+) -> bool {
+    let mut has_unseen = false;
+    for surfel in surfels.iter_mut().filter(|surfel| surfel.sightings[side] == 0) {
+        let is_tested_anyway = own_subset == Some(usize::from(surfel.sky_subset));
+        if !is_tested_anyway && is_visible(surfel) {
+            surfel.sightings[side] += 1;
+        }
+        has_unseen |= surfel.sightings[side] == 0;
+    }
+    has_unseen
+}
+
+/// Whether the line from `p` in the direction of a viewer below leaves the object's footprint only under its foot, that
+/// is, through the ground it stands on. Such a viewer, who cannot exist, would see the inside of a shell without a
+/// floor.
+fn passes_through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
     if direction.z >= 0.0 {
         return false;
     }
     let [west, south, east, north] = triangle.footprint_m;
-    let exit = |d: f32, at: f32, low: f32, high: f32| match d {
+    let exit_distance = |d: f32, at: f32, low: f32, high: f32| match d {
         d if d > 1e-6 => (high - at) / d,
         d if d < -1e-6 => (low - at) / d,
         _ => f32::INFINITY,
     };
-    let out = exit(direction.x, p.x, west, east).min(exit(direction.y, p.y, south, north));
-    p.z + out * direction.z < triangle.base_z_m
-}
-
-/// What is asked of the candidates from one direction.
-#[derive(Debug, Clone, Copy)]
-struct Look {
-    /// Whose occlusion is asked for; `None` for a direction under the horizon.
-    turn: Option<usize>,
-    /// Whether all are asked that were not seen yet.
-    unseen: bool,
-    /// Whether backs are among these.
-    backs: bool,
-}
-
-fn sight_candidates(block: &Block, map: &Map, candidates: &mut [Candidate], sheets: &mut [Sheet], look: Look) {
-    for sheet in sheets {
-        let triangle = &block.triangles[sheet.triangle as usize];
-        // Tops are seen from the sky; from below, only undersides and walls under roofs need a look.
-        if look.turn.is_none() && (triangle.terrain || triangle.normal.z > TOP_Z) {
-            continue;
-        }
-        let cos = triangle.normal.dot(map.w);
-        let side = usize::from(cos < 0.0);
-        if side == 1 && (triangle.terrain || triangle.closed) {
-            continue;
-        }
-        let normal = if side == 1 { -triangle.normal } else { triangle.normal };
-        let sees = |candidate: &Candidate| {
-            let inside = look.turn.is_none() && through_floor(triangle, candidate.p, map.w);
-            !inside && map.sees(block, candidate.p, normal, sheet.triangle)
-        };
-        let first_looks = look.unseen && sheet.unseen[side] && (side == 0 || look.backs);
-        if first_looks {
-            let all = &mut candidates[sheet.starts[0] as usize..sheet.starts[TURNS] as usize];
-            let mut unseen = false;
-            for candidate in all.iter_mut().filter(|candidate| candidate.sightings[side] == 0) {
-                let own_turn = look.turn == Some(usize::from(candidate.turn));
-                if !own_turn && sees(candidate) {
-                    candidate.sightings[side] += 1;
-                }
-                unseen |= candidate.sightings[side] == 0;
-            }
-            sheet.unseen[side] = unseen;
-        }
-        let Some(turn) = look.turn else { continue };
-        let own = &mut candidates[sheet.starts[turn] as usize..sheet.starts[turn + 1] as usize];
-        for candidate in own {
-            let given_up = side == 1 && candidate.sightings[1] == 0 && !look.backs;
-            if !given_up && sees(candidate) {
-                candidate.sightings[side] += 1;
-                candidate.sky[side] += cos.abs();
-            }
-        }
-    }
-}
-
-/// The nearest triangles as seen from one direction.
-#[derive(Debug, Default)]
-struct Map {
-    drawn_by: Visibility,
-    u: Vec3,
-    v: Vec3,
-    /// Towards the viewer.
-    w: Vec3,
-    corner: Vec2,
-    texel_m: f32,
-    texels_per_m: f32,
-    size: [usize; 2],
-    /// Triangle + 1, 0 where there is none.
-    ids: Vec<u32>,
-    depths: Vec<f32>,
-    /// Per triangle: `w = x * u + y * v + z` in map coordinates.
-    planes: Vec<Vec3>,
-    tolerance_m: f32,
-}
-
-impl Map {
-    fn draw(&mut self, block: &Block, direction: Vec3) {
-        self.aim(block, direction);
-        self.planes.clear();
-        self.planes.resize(block.triangles.len(), Vec3::ZERO);
-        if self.drawn_by == Visibility::Gpu
-            && let Some(ids) = self.draw_on_device(block)
-        {
-            self.ids = ids;
-            return;
-        }
-        self.ids.clear();
-        self.ids.resize(self.size[0] * self.size[1], 0);
-        self.depths.clear();
-        self.depths.resize(self.size[0] * self.size[1], f32::NEG_INFINITY);
-        for (index, triangle) in block.triangles.iter().enumerate() {
-            if let Some(corners) = self.face(triangle, index) {
-                self.draw_triangle(corners, index);
-            }
-        }
-    }
-
-    fn draw_on_device(&mut self, block: &Block) -> Option<Vec<u32>> {
-        let mut facing: Vec<Facing> = Vec::with_capacity(block.triangles.len());
-        for (index, triangle) in block.triangles.iter().enumerate() {
-            if let Some(corners) = self.face(triangle, index) {
-                let place = |i: usize| (corners[i] / self.texel_m).extend(triangle.corners[i].dot(self.w));
-                facing.push((std::array::from_fn(place), index as u32 + 1));
-            }
-        }
-        nearest::draw(&facing, self.size)
-    }
-
-    /// Axes and extent: what the block's box projects to.
-    fn aim(&mut self, block: &Block, direction: Vec3) {
-        self.w = direction;
-        // Walls are mostly higher than wide: with a map's rows upright they have fewer, longer runs.
-        self.v = direction.cross(Vec3::Z).normalize_or(Vec3::Y);
-        self.u = self.v.cross(direction);
-        self.texel_m = block.cell_m * 0.5;
-        self.texels_per_m = 1.0 / self.texel_m;
-        self.tolerance_m = block.cell_m * 0.02;
-        let [width, height] = block.extent_m();
-        let rim = block.cell_m;
-        let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
-        for i in 0..8 {
-            let corner = Vec3::new(
-                if i & 1 == 0 { -rim } else { width + rim },
-                if i & 2 == 0 { -rim } else { height + rim },
-                block.z_range[i >> 2] + if i & 4 == 0 { -rim } else { rim },
-            );
-            let p = self.flat(corner);
-            (low, high) = (low.min(p), high.max(p));
-        }
-        self.corner = low - self.texel_m;
-        let size = ((high - self.corner) / self.texel_m).ceil() + 2.0;
-        self.size = [size.x as usize, size.y as usize];
-    }
-
-    fn flat(&self, p: Vec3) -> Vec2 {
-        Vec2::new(p.dot(self.u), p.dot(self.v))
-    }
-
-    /// Keeps the triangle's plane and gives its corners on the map; `None` if it shows no face.
-    fn face(&mut self, triangle: &LocalTriangle, index: usize) -> Option<[Vec2; 3]> {
-        let cos = triangle.normal.dot(self.w);
-        // The nearest surface of a closed shell faces the viewer, as terrain does.
-        let one_sided = triangle.terrain || triangle.closed;
-        if cos.abs() < 1e-3 || (one_sided && cos < 0.0) {
-            return None;
-        }
-        let corners = triangle.corners.map(|c| self.flat(c) - self.corner);
-        // On the plane, n.p is constant: w = (n.c - n.u * u - n.v * v) / n.w.
-        let (a, b) = (-triangle.normal.dot(self.u) / cos, -triangle.normal.dot(self.v) / cos);
-        let first = corners[0];
-        self.planes[index] = Vec3::new(a, b, triangle.corners[0].dot(self.w) - a * first.x - b * first.y);
-        Some(corners)
-    }
-
-    fn draw_triangle(&mut self, corners: [Vec2; 3], index: usize) {
-        let plane = self.planes[index];
-        let width = self.size[0];
-        let (texel, ids, depths) = (self.texel_m, &mut self.ids, &mut self.depths);
-        scan(corners.map(|c| [c.x, c.y]), texel, self.size, |row, first, end| {
-            let base = plane.y * (row as f32 + 0.5) * texel + plane.z;
-            let run = row * width + first..row * width + end;
-            let along = plane.x * texel;
-            let start = (first as f32 + 0.5) * along + base;
-            // Without branches, so that the compiler takes several texels at once.
-            for (i, (depth, id)) in depths[run.clone()].iter_mut().zip(&mut ids[run]).enumerate() {
-                let w = i as i32 as f32 * along + start;
-                let nearer = w > *depth;
-                *depth = if nearer { w } else { *depth };
-                *id = if nearer { index as u32 + 1 } else { *id };
-            }
-        });
-    }
-
-    /// The ids of the four texels around a place on the map; `None` outside.
-    #[inline]
-    fn around(&self, at: Vec2) -> Option<[u32; 4]> {
-        let texel = at * self.texels_per_m - 0.5;
-        if texel.x < 0.0 || texel.y < 0.0 {
-            return None;
-        }
-        let (x, y) = (texel.x as usize, texel.y as usize);
-        if x + 1 >= self.size[0] || y + 1 >= self.size[1] {
-            return None;
-        }
-        let first = y * self.size[0] + x;
-        let second = first + self.size[0];
-        Some([self.ids[first], self.ids[first + 1], self.ids[second], self.ids[second + 1]])
-    }
-
-    /// Whether any texel around `p` shows the surface of `triangle`: itself, or one that goes on from it.
-    fn shows(&self, block: &Block, p: Vec3, triangle: &LocalTriangle) -> bool {
-        let shown = |id: u32| {
-            let other = &block.triangles[id as usize - 1];
-            let near = other.normal.dot(other.corners[0] - p).abs() < block.cell_m;
-            near && other.normal.dot(triangle.normal).abs() > 0.7
-        };
-        let ids = self.around(self.flat(p) - self.corner);
-        ids.is_some_and(|ids| ids.iter().any(|id| *id != 0 && shown(*id)))
-    }
-
-    /// Whether the surface at `p` with `normal` (towards the viewer) of `triangle` is seen: the triangles in all four texels
-    /// around let it be.
-    #[inline]
-    fn sees(&self, block: &Block, p: Vec3, normal: Vec3, triangle: u32) -> bool {
-        let at = self.flat(p) - self.corner;
-        let Some(ids) = self.around(at) else { return true };
-        ids == [triangle + 1; 4] || self.let_through(block, (p, at, normal), triangle, ids)
-    }
-
-    fn let_through(&self, block: &Block, (p, at, normal): (Vec3, Vec2, Vec3), triangle: u32, ids: [u32; 4]) -> bool {
-        let w = p.dot(self.w);
-        let mut last = triangle + 1;
-        for id in ids {
-            if id == 0 || id == triangle + 1 || id == last {
-                continue;
-            }
-            last = id;
-            let plane = self.planes[id as usize - 1];
-            if plane.x * at.x + plane.y * at.y + plane.z <= w + self.tolerance_m {
-                continue;
-            }
-            // A triangle wholly behind the sample's own plane hides nothing of it: its plane was asked beyond its rim.
-            let other = &block.triangles[id as usize - 1];
-            if other.corners.iter().any(|c| normal.dot(*c - p) > self.tolerance_m) {
-                return false;
-            }
-        }
-        true
-    }
+    let exit = exit_distance(direction.x, p.x, west, east).min(exit_distance(direction.y, p.y, south, north));
+    p.z + exit * direction.z < triangle.object_bottom_m
 }

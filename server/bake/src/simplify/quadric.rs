@@ -1,23 +1,24 @@
-//! Squared distances to planes, summed up (Garland and Heckbert 1997).
-//!
-//! In: triangles. Out: where a vertex is best, and what that costs. Next: `simplify`.
+//! Quadrics: sums of squared distances to planes (Garland and Heckbert 1997, 4).
 
 use glam::DVec3;
 use std::ops::AddAssign;
 
-/// A sum of weighted squared distances to planes, as a function of a point.
+/// Weight of the term that pulls the best point towards the middle of its edge, as a share of the matrix's trace.
+const REGULARISATION: f64 = 1e-4;
+
+/// A sum of weighted squared distances to planes, as a function `p.Ap + 2b.p + c` of a point.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Quadric {
-    // xx, yy, zz, xy, xz, yz of the matrix, then the vector, then the constant.
+    /// xx, yy, zz, xy, xz, yz of the symmetric matrix.
     a: [f64; 6],
     b: DVec3,
     c: f64,
-    /// Sum of the weights of surfaces, without those that only hold borders and seams.
+    /// Sum of the weights of triangles, without those of border and seam planes.
     pub(super) area: f64,
 }
 
 impl Quadric {
-    /// Of a plane through `point`; `weight` is over the square of the length of `normal`.
+    /// Of the plane through `point`. `weight` is divided by the squared length of `normal`.
     #[inline]
     fn plane(normal: DVec3, point: DVec3, weight: f64) -> Self {
         let d = -normal.dot(point);
@@ -30,7 +31,7 @@ impl Quadric {
         }
     }
 
-    /// Of a triangle, weighted by its area.
+    /// Of the plane of a triangle, weighted by its area.
     #[inline]
     pub(super) fn triangle(p: [DVec3; 3]) -> Self {
         let cross = (p[1] - p[0]).cross(p[2] - p[0]);
@@ -41,9 +42,9 @@ impl Quadric {
         Self { area: 0.5 * length, ..Self::plane(cross, p[0], 0.5 / length) }
     }
 
-    /// Of a plane that stands upright on a triangle along its edge from `p[0]` to `p[1]`, weighted by the edge's length
-    /// squared.
-    pub(super) fn fence(p: [DVec3; 3], weight: f64) -> Self {
+    /// Of the plane perpendicular to a triangle along its edge from `p[0]` to `p[1]`. Its weight is `weight` times the
+    /// squared length of the edge.
+    pub(super) fn perpendicular(p: [DVec3; 3], weight: f64) -> Self {
         let edge = p[1] - p[0];
         let outward = edge.cross((p[1] - p[0]).cross(p[2] - p[0]));
         let length = outward.length();
@@ -53,7 +54,7 @@ impl Quadric {
         Self::plane(outward / length, p[0], weight * edge.length_squared())
     }
 
-    /// What a point costs: area times squared distance.
+    /// The value at a point: area times squared distance.
     pub(super) fn cost(&self, p: DVec3) -> f64 {
         let [xx, yy, zz, xy, xz, yz] = self.a;
         let squares = xx * p.x * p.x + yy * p.y * p.y + zz * p.z * p.z;
@@ -61,13 +62,14 @@ impl Quadric {
         (squares + 2.0 * (mixed + self.b.dot(p)) + self.c).max(0.0)
     }
 
-    /// The point that costs least; where planes leave it open, as near to `near` as they let it.
-    pub(super) fn best(&self, near: DVec3) -> Option<DVec3> {
+    /// The point with the least cost; among points of equal cost, the one nearest to `near`. `None` if there is no such
+    /// point or it is not finite.
+    pub(super) fn best_point(&self, near: DVec3) -> Option<DVec3> {
         let [xx, yy, zz, xy, xz, yz] = self.a;
-        // Held a little to `near`: that is what makes it one point, and what keeps it from flying away.
-        let hold = (xx + yy + zz) * 1e-4;
-        let (xx, yy, zz) = (xx + hold, yy + hold, zz + hold);
-        let b = near * hold - self.b;
+        // The term that pulls towards `near` makes the matrix invertible.
+        let pull = (xx + yy + zz) * REGULARISATION;
+        let (xx, yy, zz) = (xx + pull, yy + pull, zz + pull);
+        let b = near * pull - self.b;
         let (i, j, k) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
         let determinant = xx * i + xy * j + xz * k;
         if determinant <= 0.0 || !determinant.is_finite() {
@@ -97,21 +99,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn three_planes_meet_in_a_point() {
+    fn best_point_of_three_planes_is_their_intersection() {
         let at = DVec3::new(3.0, -2.0, 7.0);
         let mut sum = Quadric::default();
         for normal in [DVec3::X, DVec3::Y, DVec3::new(0.6, 0.0, 0.8)] {
             sum += Quadric::plane(normal, at, 2.0);
         }
-        let best = sum.best(DVec3::new(3.5, -2.0, 7.0)).unwrap();
+        let best = sum.best_point(DVec3::new(3.5, -2.0, 7.0)).unwrap();
         assert!((best - at).length() < 0.01, "{best}");
         assert!(sum.cost(at) < 1e-9 && (sum.cost(at + DVec3::Y) - 2.0).abs() < 1e-9);
     }
 
     #[test]
-    fn on_one_plane_it_stays_near() {
+    fn best_point_of_one_plane_is_the_projection() {
         let sum = Quadric::triangle([DVec3::ZERO, DVec3::X, DVec3::Y]);
-        let best = sum.best(DVec3::new(0.3, 0.4, 1.0)).unwrap();
+        let best = sum.best_point(DVec3::new(0.3, 0.4, 1.0)).unwrap();
         assert!((best - DVec3::new(0.3, 0.4, 0.0)).length() < 1e-3, "{best}");
         assert_eq!(sum.area, 0.5);
     }

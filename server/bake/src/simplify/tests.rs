@@ -1,8 +1,10 @@
-//! What simplification keeps, and that it reaches what is asked for.
+//! Tests of whole simplifications: goals are reached, and topology, borders and seams are kept.
 
 use super::*;
+use crate::model::CornerLayer;
+use insula_protocol::mesh::Kind;
 
-/// A sphere of quads cut in two, `n` around.
+/// A sphere of radius 10 with `n` quads around, each split into two triangles.
 fn sphere(n: u32) -> TriangleModel {
     let mut model = TriangleModel::default();
     let at = |i: u32, j: u32| {
@@ -28,8 +30,8 @@ fn sphere(n: u32) -> TriangleModel {
     model
 }
 
-/// An open sheet of `n` x `n` quads with a hill, and texture coordinates that jump in its middle.
-fn sheet(n: u32) -> TriangleModel {
+/// A square of `n` x `n` quads with a hill, and texture coordinates with a seam in its middle.
+fn hill(n: u32) -> TriangleModel {
     let mut model = TriangleModel::default();
     let mut layer = CornerLayer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
     for i in 0..=n {
@@ -47,8 +49,8 @@ fn sheet(n: u32) -> TriangleModel {
                 model.triangles.push(triangle);
                 for vertex in triangle {
                     let [x, y, _] = model.positions[vertex as usize];
-                    let jump = if i >= n / 2 { 100.0 } else { 0.0 };
-                    layer.values.push([x as f32 + jump, y as f32, 0.0, 0.0]);
+                    let seam_offset = if i >= n / 2 { 100.0 } else { 0.0 };
+                    layer.values.push([x as f32 + seam_offset, y as f32, 0.0, 0.0]);
                     layer.corners.push(layer.values.len() as u32 - 1);
                 }
             }
@@ -58,7 +60,8 @@ fn sheet(n: u32) -> TriangleModel {
     model
 }
 
-fn sound(model: &TriangleModel) -> Pieces {
+/// The model's pieces, which must need no repair.
+fn sound_pieces(model: &TriangleModel) -> Pieces {
     let pieces = Pieces::new(&model.triangles, model.positions.len() as u32);
     assert!(pieces.is_sound());
     let Census { degenerate, duplicate, unused, .. } = pieces.census;
@@ -66,15 +69,15 @@ fn sound(model: &TriangleModel) -> Pieces {
     pieces
 }
 
-const ANY: f64 = f64::INFINITY;
+const UNLIMITED: f64 = f64::INFINITY;
 
 #[test]
-fn a_sphere_stays_a_sphere() {
+fn sphere_keeps_its_topology_and_shape() {
     let model = sphere(64);
     for share in [2, 10, 50] {
         let goal = model.triangles.len() / share;
-        let out = simplify(&model, Goal { triangles: goal, error: ANY }, |_| false);
-        let pieces = sound(&out.model);
+        let out = simplify(&model, Goal { triangles: goal, error: UNLIMITED }, |_| false);
+        let pieces = sound_pieces(&out.model);
         assert!(out.model.triangles.len().abs_diff(goal) <= 1, "{} of {goal}", out.model.triangles.len());
         assert_eq!((pieces.euler(), pieces.census.borders, pieces.census.pieces), (2, 0, 1));
         let off = out.model.positions.iter().map(|p| (DVec3::from(*p).length() - 10.0).abs()).fold(0.0, f64::max);
@@ -83,7 +86,7 @@ fn a_sphere_stays_a_sphere() {
 }
 
 #[test]
-fn an_error_is_kept() {
+fn error_stays_within_the_goal() {
     let model = sphere(64);
     let mut before = model.triangles.len();
     for error in [0.01, 0.05, 0.2] {
@@ -94,18 +97,18 @@ fn an_error_is_kept() {
 }
 
 #[test]
-fn borders_and_seams_stay_where_they_are() {
+fn borders_and_seams_keep_their_places() {
     let n = 24;
-    let model = sheet(n);
-    let out = simplify(&model, Goal { triangles: model.triangles.len() / 10, error: ANY }, |_| false);
-    let pieces = sound(&out.model);
+    let model = hill(n);
+    let out = simplify(&model, Goal { triangles: model.triangles.len() / 10, error: UNLIMITED }, |_| false);
+    let pieces = sound_pieces(&out.model);
     assert_eq!((pieces.euler(), pieces.census.borders), (1, 1));
     assert!(out.model.triangles.len() <= model.triangles.len() / 10);
-    // The border is a square at height nearly 0, and the seam runs along its middle.
+    // The border is a square at a height of nearly 0, and the seam runs through its middle.
     let side = f64::from(n);
     for &h in pieces.borders().iter().flatten() {
         let [x, y, _] = out.model.positions[pieces.vertex[pieces.origin[h as usize] as usize] as usize];
-        let off = [x, y, side - x, side - y].map(f64::abs).into_iter().fold(ANY, f64::min);
+        let off = [x, y, side - x, side - y].map(f64::abs).into_iter().fold(UNLIMITED, f64::min);
         assert!(off < 0.05, "{off}");
     }
     let layer = &out.model.layers[0];
@@ -118,21 +121,21 @@ fn borders_and_seams_stay_where_they_are() {
 }
 
 #[test]
-fn locked_vertices_stay() {
-    let model = sheet(16);
+fn locked_vertices_keep_their_places() {
+    let model = hill(16);
     let rim = |vertex: u32| {
         let [x, y, _] = model.positions[vertex as usize];
         [x, y].iter().any(|v| *v == 0.0 || *v == 16.0)
     };
-    let out = simplify(&model, Goal { triangles: 1, error: ANY }, rim);
-    sound(&out.model);
+    let out = simplify(&model, Goal { triangles: 1, error: UNLIMITED }, rim);
+    sound_pieces(&out.model);
     for vertex in (0..model.positions.len() as u32).filter(|vertex| rim(*vertex)) {
         assert!(out.model.positions.contains(&model.positions[vertex as usize]));
     }
 }
 
 #[test]
-fn a_town_of_boxes_gets_as_small_as_asked() {
+fn small_boxes_are_removed_until_the_goal_is_reached() {
     const SIDES: [[u32; 3]; 12] = [
         [0, 1, 5],
         [0, 5, 4],
@@ -156,19 +159,19 @@ fn a_town_of_boxes_gets_as_small_as_asked() {
         model.triangles.extend(SIDES.map(|t| t.map(|k| first + k)));
     }
     for goal in [1200, 240, 24] {
-        let out = simplify(&model, Goal { triangles: goal, error: ANY }, |_| false);
-        sound(&out.model);
+        let out = simplify(&model, Goal { triangles: goal, error: UNLIMITED }, |_| false);
+        sound_pieces(&out.model);
         let found = out.model.triangles.len();
         assert!(found <= goal && found + 12 > goal, "{found} of {goal}");
-        assert!(out.left > 0);
+        assert!(out.removed_parts > 0);
     }
     let out = simplify(&model, Goal { triangles: 0, error: 5.0 }, |_| false);
-    assert!(out.left > 20 && out.left < 100 && out.error <= 5.0, "{}", out.left);
+    assert!(out.removed_parts > 20 && out.removed_parts < 100 && out.error <= 5.0, "{}", out.removed_parts);
 }
 
 #[test]
-fn two_edges_between_the_same_vertices_do_not_hold_it_up() {
-    // Four triangles at one edge, joined around one of its ends.
+fn two_edges_between_the_same_vertices_are_no_endless_loop() {
+    // Four triangles at one edge, connected around one of its ends.
     let triangles = vec![[0, 1, 2], [1, 0, 3], [0, 1, 4], [1, 0, 5], [5, 0, 2], [3, 0, 4], [2, 1, 6], [6, 1, 3]];
     let positions = vec![
         [0.0, 0.0, 1.0],

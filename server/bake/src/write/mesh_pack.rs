@@ -15,7 +15,7 @@ use super::{
     files::{read_hashed, write_hashed},
     tile_pack::PackId,
 };
-use crate::{error::BakeError, mesh::Lod};
+use crate::{error::BakeError, mesh::EncodedLod};
 
 const MAGIC: [u8; 4] = *b"INSQ";
 const HEAD_BYTES: usize = 8;
@@ -36,7 +36,7 @@ pub(crate) struct StoredMesh {
 pub(crate) struct LeafMesh {
     pub(crate) id: TileId,
     /// Levels of detail, the finest first.
-    pub(crate) lods: Vec<Lod>,
+    pub(crate) lods: Vec<EncodedLod>,
 }
 
 fn pack_path(folder: &Path, pack: PackId) -> PathBuf {
@@ -51,7 +51,7 @@ pub(crate) fn write(folder: &Path, pack: PackId, leaves: &[LeafMesh]) -> Result<
     bytes.extend_from_slice(&(count as u32).to_le_bytes());
     let mut offset = (HEAD_BYTES + ENTRY_BYTES * count) as u64;
     let mut stored = Vec::with_capacity(count);
-    for (id, lod, Lod { info, .. }) in all() {
+    for (id, lod, EncodedLod { info, .. }) in all() {
         let MeshLod { error_m, bytes: length, triangles, texture_px } = *info;
         for word in [id.x(), id.y(), lod.into(), error_m.to_bits(), triangles, texture_px, length] {
             bytes.extend_from_slice(&word.to_le_bytes());
@@ -102,7 +102,7 @@ mod tests {
         let folder = TestFolder::new("mesh-pack");
         let lod = |error_m: f32, length: usize| {
             let info = MeshLod { error_m, bytes: length as u32, triangles: 12, texture_px: 7 };
-            Lod { info, bytes: vec![length as u8; length] }
+            EncodedLod { info, bytes: vec![length as u8; length] }
         };
         let id = |x, y| TileId::new(4, x, y).unwrap();
         let leaf = |id, lods| LeafMesh { id, lods };

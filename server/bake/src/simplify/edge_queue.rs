@@ -1,24 +1,24 @@
-//! Edges by what they cost, as closely as matters.
+//! The cheapest edges, sorted into classes of similar cost.
 //!
-//! In: edges in the order in which they lie in memory. Out: the cheapest of them, class by class. Next: `simplify`.
-//!
-//! Within a class, costs differ by an eighth at most, and edges keep their order: what is worked on after one another then
-//! lies together.
+//! Costs of a class differ by at most an eighth. Within a class, edges keep the order in which they were pushed, so
+//! that edges that are collapsed one after the other are near each other in memory. A full sort would be slower and no
+//! better.
 
-/// Bits of a cost that are not looked at: its sign is 0, then 8 bits are its octave.
-const BELOW: u32 = 20;
-const CLASSES: usize = 1 << (31 - BELOW);
+/// Low bits of a cost that do not decide its class. Above them are the 8 bits of the exponent and 3 of the mantissa.
+const IGNORED_BITS: u32 = 20;
+const CLASSES: usize = 1 << (31 - IGNORED_BITS);
 
-/// Edges that wait.
+/// Edges with their costs.
 #[derive(Debug)]
-pub(super) struct Queue {
+pub(super) struct EdgeQueue {
+    /// Cost and half-edge.
     waiting: Vec<(f32, u32)>,
-    /// Edges of each class.
+    /// Number of waiting edges of each class.
     counts: Vec<u32>,
     sorted: Vec<(f32, u32)>,
 }
 
-impl Queue {
+impl EdgeQueue {
     pub(super) fn new() -> Self {
         Self { waiting: Vec::new(), counts: vec![0; CLASSES], sorted: Vec::new() }
     }
@@ -27,24 +27,26 @@ impl Queue {
         self.waiting.len()
     }
 
-    /// Adds an edge that costs no less than 0 and less than infinity.
+    /// Adds an edge. Its cost must be at least 0 and finite.
     #[inline]
     pub(super) fn push(&mut self, cost: f32, h: u32) {
         self.counts[class(cost)] += 1;
         self.waiting.push((cost, h));
     }
 
-    /// At least `least` of the cheapest edges, if there are so many, and what they cost at most; all others are forgotten.
-    pub(super) fn cheapest(&mut self, least: usize) -> (&[(f32, u32)], f32) {
+    /// The cheapest classes with together at least `least` edges, or all edges, and an upper bound of their
+    /// costs. Empties the queue.
+    pub(super) fn take_cheapest(&mut self, least: usize) -> (&[(f32, u32)], f32) {
+        // Counts become the place of each class's next edge in the sorted list.
         let mut before = 0;
         let mut end = 0;
         for (class, count) in self.counts.iter_mut().enumerate() {
             if (before as usize) < least {
                 end = class + 1;
             }
-            let here = *count;
+            let own = *count;
             *count = before;
-            before += here;
+            before += own;
         }
         let chosen = self.counts.get(end).copied().unwrap_or(before);
         self.sorted.clear();
@@ -59,11 +61,11 @@ impl Queue {
         }
         self.counts.fill(0);
         self.waiting.clear();
-        (&self.sorted, f32::from_bits((end as u32) << BELOW))
+        (&self.sorted, f32::from_bits((end as u32) << IGNORED_BITS))
     }
 }
 
 #[inline]
 fn class(cost: f32) -> usize {
-    (cost.to_bits() >> BELOW) as usize & (CLASSES - 1)
+    (cost.to_bits() >> IGNORED_BITS) as usize & (CLASSES - 1)
 }

@@ -1,0 +1,321 @@
+//! A parent's columns from its children's: four columns become one.
+//!
+//! In: up to four children's maps. Out: the parent's [`VoxelNode`]. Next: `parametrise`.
+//!
+//! Vacca 2008 (3.6.1) samples every level from the source's triangles. Here a parent needs only its children: 4 x 4
+//! vertical lines run through each of its cells, that is, through the children's columns, and are merged as in a leaf.
+//! The children's walls propose the clip planes.
+
+use crate::{
+    columns::{
+        clip::{CellClip, CornerPlane, WallPlane},
+        fill::fill_unknown,
+        merge::{LINES_PER_SIDE, MergedColumn, VerticalLine, line_position_m},
+        srgb::linear_from_srgb,
+        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode},
+        wall_fit::{CellObservations, WallPiece},
+    },
+    scene::grid::CityGrid,
+};
+use glam::{Vec2, Vec3};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel, TileId,
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, Column, strip_rows},
+    octahedral,
+    texel::{ALPHA_MAX, AO_MAX},
+};
+
+/// How far, in cells, a grounded column reaches below the lowest top around it.
+const SKIRT: f32 = 0.25;
+
+/// A child's column in metres.
+struct ChildColumn {
+    merged: MergedColumn,
+    is_grounded: bool,
+    roof_normal: Vec3,
+    roof: VoxelAppearance,
+    /// The top beyond the column's clip.
+    outer: Option<VoxelAppearance>,
+    wall: Option<ChildWall>,
+}
+
+/// The wall strip of a child's column.
+struct ChildWall {
+    /// Horizontal unit vector out of the wall.
+    normal: Vec2,
+    /// Row of `rows[0]`, in the child's cells above height zero.
+    first_row: i32,
+    rows: Vec<VoxelAppearance>,
+}
+
+/// The columns of up to four children in quadrant order; no columns for a missing child.
+type ChildColumns = [Vec<Option<ChildColumn>>; 4];
+
+/// The columns of a parent while they are made.
+struct ParentColumns {
+    children: ChildColumns,
+    merged: Vec<MergedColumn>,
+    is_grounded: Vec<bool>,
+    /// Side of a parent's cell.
+    cell_m: f32,
+}
+
+/// The parent `id` of `children`, which are given in quadrant order.
+pub fn parent_node(grid: &CityGrid, id: TileId, children: [Option<&BlockMap>; 4]) -> VoxelNode {
+    let cell_m = grid.cell_m_at(id.level()) as f32;
+    let columns = ParentColumns::new(children.map(|map| map.map_or_else(Vec::new, child_columns)), cell_m);
+    let mut node = VoxelNode::empty(id);
+    for i in 0..COLUMNS {
+        node.columns[i] = columns.column(i);
+    }
+    fill_unknown(&mut node);
+    node
+}
+
+/// The four child columns under the parent's column `i`, in quadrant order.
+fn four_children(children: &ChildColumns, i: usize) -> [Option<&ChildColumn>; 4] {
+    let (x, y) = (i % NODE_CELLS * 2, i / NODE_CELLS * 2);
+    std::array::from_fn(|q| {
+        let (x, y) = (x + (q & 1), y + (q >> 1));
+        let child = (x / NODE_CELLS) | ((y / NODE_CELLS) << 1);
+        children[child].get(y % NODE_CELLS * NODE_CELLS + x % NODE_CELLS)?.as_ref()
+    })
+}
+
+fn child_columns(map: &BlockMap) -> Vec<Option<ChildColumn>> {
+    let step_m = map.z_step_m();
+    let base_m = map.z_base_m() as f32;
+    let metres = |code: u16| base_m + f32::from(code) * step_m;
+    map.columns().iter().map(|column| Some(child_column(column.as_ref()?, map, metres))).collect()
+}
+
+fn child_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> ChildColumn {
+    let solids = match column.gap {
+        Some([low, high]) => vec![
+            SolidRun { bottom_m: metres(column.z_min), top_m: metres(low) },
+            SolidRun { bottom_m: metres(high), top_m: metres(column.z_max) },
+        ],
+        None => vec![SolidRun { bottom_m: metres(column.z_min), top_m: metres(column.z_max) }],
+    };
+    let normal = Vec3::from_array(octahedral::decode(column.roof_normal));
+    let slope = if column.inclined { [-normal.x / normal.z.max(0.1), -normal.y / normal.z.max(0.1)] } else { [0.0; 2] };
+    let wall = column.strip.as_ref().map(|strip| ChildWall {
+        normal: azimuth_vector(strip.azimuth),
+        first_row: map.z_base_cells + i32::from(strip_rows(column.z_min, column.z_max, map.z_shift).0),
+        rows: strip.texels.iter().map(|texel| appearance(*texel)).collect(),
+    });
+    let plane = |normal: Vec2, offset: i8| WallPlane {
+        normal,
+        offset_m: f32::from(offset) / CLIP_STEPS_PER_CELL as f32 * map.cell_m,
+    };
+    let clip = column.clip.zip(wall.as_ref()).map(|(clip, wall)| CellClip {
+        plane: plane(wall.normal, clip.offset),
+        corner: clip.corner.map(|corner| CornerPlane {
+            plane: plane(azimuth_vector(corner.azimuth), corner.offset),
+            is_concave: corner.concave,
+        }),
+        outer_top_m: clip.outer.map(|outer| metres(outer.z)),
+    });
+    ChildColumn {
+        merged: MergedColumn { solids, slope, is_inclined: column.inclined, clip },
+        is_grounded: !column.suspended,
+        roof_normal: normal,
+        roof: appearance(column.roof),
+        outer: column.clip.and_then(|clip| clip.outer).map(|outer| appearance(outer.roof)),
+        wall,
+    }
+}
+
+/// Unit vector of an azimuth in 256ths of a turn.
+fn azimuth_vector(azimuth: u8) -> Vec2 {
+    Vec2::from_angle(f32::from(azimuth) / 256.0 * std::f32::consts::TAU)
+}
+
+fn appearance(texel: Texel) -> VoxelAppearance {
+    VoxelAppearance {
+        rgb: linear_from_srgb(texel.rgb()).to_array(),
+        ao: f32::from(texel.ao()) / f32::from(AO_MAX),
+        alpha: f32::from(texel.alpha()) / f32::from(ALPHA_MAX),
+    }
+}
+
+/// The parent's column over four child columns.
+fn merge_four(four: &[Option<&ChildColumn>; 4], cell_m: f32) -> MergedColumn {
+    // Thin ground columns at four heights would have nothing in common, so all grounded columns get the lowest bottom.
+    let lowest_m = four
+        .iter()
+        .flatten()
+        .filter(|child| child.is_grounded)
+        .filter_map(|child| Some(child.merged.solids.first()?.bottom_m))
+        .fold(f32::INFINITY, f32::min);
+    let lines: Vec<VerticalLine> = (0..LINES_PER_SIDE * LINES_PER_SIDE)
+        .map(|i| {
+            let position_m = line_position_m(i, cell_m);
+            let q = usize::from(position_m.x > 0.0) | usize::from(position_m.y > 0.0) << 1;
+            let Some(child) = four[q] else { return VerticalLine { position_m, runs: Vec::new() } };
+            let mut runs = child.merged.runs_at(position_m - quadrant_centre_m(q, cell_m));
+            if let (true, Some(first)) = (child.is_grounded, runs.first_mut()) {
+                first.bottom_m = lowest_m;
+            }
+            VerticalLine { position_m, runs }
+        })
+        .collect();
+    let walls: Vec<WallPiece> =
+        (0..4).filter_map(|q| Some((four[q]?, q))).flat_map(|(child, q)| wall_pieces(child, q, cell_m)).collect();
+    CellObservations { lines: &lines, walls: &walls, cell_m }.fit_column(Vec::new)
+}
+
+/// Centre of the child cell in quadrant `q`, in metres from the parent cell's centre.
+fn quadrant_centre_m(q: usize, cell_m: f32) -> Vec2 {
+    (Vec2::new((q & 1) as f32, (q >> 1) as f32) - 0.5) * (0.5 * cell_m)
+}
+
+/// The walls of a child's column: at its clip, or else on its cell's border.
+fn wall_pieces(child: &ChildColumn, q: usize, cell_m: f32) -> Vec<WallPiece> {
+    let Some(wall) = child.wall.as_ref() else { return Vec::new() };
+    let planes = match child.merged.clip {
+        None => vec![WallPlane { normal: wall.normal, offset_m: 0.25 * cell_m * wall.normal.abs().max_element() }],
+        Some(CellClip { plane, corner: None, .. }) => vec![plane],
+        Some(CellClip { plane, corner: Some(corner), .. }) => vec![plane, corner.plane],
+    };
+    let area_m2 = wall.rows.len() as f32 * 0.25 * cell_m * cell_m / planes.len() as f32;
+    let piece = |plane: WallPlane| WallPiece {
+        normal: plane.normal,
+        position_m: quadrant_centre_m(q, cell_m) + plane.normal * plane.offset_m,
+        area_m2,
+    };
+    planes.into_iter().map(piece).collect()
+}
+
+impl ParentColumns {
+    fn new(children: ChildColumns, cell_m: f32) -> Self {
+        let merged = (0..COLUMNS).map(|i| merge_four(&four_children(&children, i), cell_m)).collect();
+        let is_grounded = (0..COLUMNS)
+            .map(|i| four_children(&children, i).into_iter().flatten().any(|child| child.is_grounded))
+            .collect();
+        let mut columns = Self { children, merged, is_grounded, cell_m };
+        columns.lower_bottoms();
+        columns
+    }
+
+    /// Lowers grounded columns whose bottom is above the lowest top around them: there would be a gap between the two.
+    fn lower_bottoms(&mut self) {
+        let tops_m: Vec<f32> =
+            self.merged.iter().map(|merged| merged.solids.first().map_or(f32::INFINITY, |run| run.top_m)).collect();
+        let n = NODE_CELLS as i32;
+        for i in (0..COLUMNS).filter(|i| self.is_grounded[*i]) {
+            let (x, y) = (i as i32 % n, i as i32 / n);
+            let mut lowest_m = tops_m[i];
+            for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+                let (x, y) = (x + dx, y + dy);
+                if (0..n).contains(&x) && (0..n).contains(&y) {
+                    lowest_m = lowest_m.min(tops_m[(y * n + x) as usize]);
+                }
+            }
+            if let Some(first) = self.merged[i].solids.first_mut().filter(|first| lowest_m < first.bottom_m) {
+                first.bottom_m = lowest_m - SKIRT * self.cell_m;
+            }
+        }
+    }
+
+    /// Column `i` with the mean appearance of its children; `None` if it is empty.
+    fn column(&self, i: usize) -> Option<VoxelColumn> {
+        let (own, cell_m) = (&self.merged[i], self.cell_m);
+        let (first, last) = (*own.solids.first()?, *own.solids.last()?);
+        let children: Vec<&ChildColumn> = four_children(&self.children, i).into_iter().flatten().collect();
+        let exposed = self.is_exposed(i, &children);
+        let solids =
+            if exposed { own.solids.clone() } else { vec![SolidRun { bottom_m: first.bottom_m, top_m: last.top_m }] };
+        // Only children at the column's top colour its roof; a lower terrace must not tint it.
+        let is_at_top = |child: &&ChildColumn| {
+            child.merged.solids.last().is_some_and(|run| (run.top_m - last.top_m).abs() < cell_m)
+        };
+        let at_top: Vec<&ChildColumn> = children.iter().copied().filter(is_at_top).collect();
+        let tops = if at_top.is_empty() { &children } else { &at_top };
+        let [sx, sy] = own.slope;
+        let normal = if own.is_inclined {
+            Vec3::new(-sx, -sy, 1.0).normalize_or(Vec3::Z)
+        } else {
+            tops.iter().map(|child| child.roof_normal).sum::<Vec3>().normalize_or(Vec3::Z)
+        };
+        let first_row = (first.bottom_m / cell_m).floor() as i32;
+        let rows = if exposed { ((last.top_m / cell_m).ceil() as i32 - first_row).clamp(1, 4096) } else { 0 };
+        let mut clip = own.clip.map(VoxelClip::from);
+        if let Some(outer) = clip.as_mut().and_then(|clip| clip.outer.as_mut()) {
+            outer.appearance = mean_top_at(&children, outer.top_m, cell_m);
+        }
+        let walls = children.iter().filter_map(|child| child.wall.as_ref());
+        let mean_wall_normal = walls.map(|wall| wall.normal * wall.rows.len() as f32).sum::<Vec2>().to_array();
+        Some(VoxelColumn {
+            clip,
+            solids,
+            inclined: own.is_inclined,
+            suspended: !self.is_grounded[i],
+            normal: normal.to_array(),
+            roof: mean_appearance(tops.iter().map(|child| child.roof)),
+            exposed,
+            wall_normal: clip.map_or(mean_wall_normal, |clip| clip.plane.normal),
+            first_row,
+            wall: (first_row..first_row + rows).map(|row| wall_row(&children, row)).collect(),
+        })
+    }
+
+    /// Whether column `i` gets a wall strip, by the same rules as in a leaf. The node's border has no known neighbours;
+    /// there a column is exposed if one of its children is.
+    fn is_exposed(&self, i: usize, children: &[&ChildColumn]) -> bool {
+        let n = NODE_CELLS as i32;
+        let (x, y) = (i as i32 % n, i as i32 / n);
+        let own = &self.merged[i];
+        let is_on_border = x == 0 || y == 0 || x == n - 1 || y == n - 1;
+        let is_hanging_slab = !self.is_grounded[i] && own.is_slab(self.cell_m);
+        if own.clip.is_some()
+            || own.solids.len() > 1
+            || is_hanging_slab
+            || is_on_border && children.iter().any(|child| child.wall.is_some())
+        {
+            return true;
+        }
+        [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {
+            let (nx, ny) = (x + dx, y + dy);
+            if !(0..n).contains(&nx) || !(0..n).contains(&ny) {
+                return false;
+            }
+            let neighbour = &self.merged[(ny * n + nx) as usize];
+            own.open_side_m(Some(neighbour), Vec2::new(dx as f32, dy as f32) * (0.5 * self.cell_m)) > self.cell_m
+        })
+    }
+}
+
+/// Mean of the children's roofs, and of the tops beyond their clips, at about the height `z_m`.
+fn mean_top_at(children: &[&ChildColumn], z_m: f32, cell_m: f32) -> VoxelAppearance {
+    let tops = children.iter().flat_map(|child| {
+        let roof = child.merged.solids.last().map(|run| (run.top_m, child.roof));
+        let outer = child.merged.clip.and_then(|clip| clip.outer_top_m).zip(child.outer);
+        [roof, outer].into_iter().flatten()
+    });
+    mean_appearance(tops.filter(|(top_m, _)| (top_m - z_m).abs() < cell_m).map(|(_, appearance)| appearance))
+}
+
+/// Mean of the children's walls in a row of the parent, which is two rows of a child.
+fn wall_row(children: &[&ChildColumn], row: i32) -> VoxelAppearance {
+    mean_appearance(children.iter().filter_map(|child| child.wall.as_ref()).flat_map(|wall| {
+        [row * 2, row * 2 + 1]
+            .into_iter()
+            .filter_map(move |r| wall.rows.get(usize::try_from(r - wall.first_row).ok()?).copied())
+    }))
+}
+
+/// Mean weighted by coverage; unknown if nothing has any.
+fn mean_appearance(appearances: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
+    let (mut rgb, mut ao, mut weight) = ([0.0; 3], 0.0, 0.0);
+    for appearance in appearances {
+        rgb = [0, 1, 2].map(|k| rgb[k] + appearance.rgb[k] * appearance.alpha);
+        ao += appearance.ao * appearance.alpha;
+        weight += appearance.alpha;
+    }
+    if weight <= 0.0 {
+        VoxelAppearance::default()
+    } else {
+        VoxelAppearance { rgb: rgb.map(|v| v / weight), ao: ao / weight, alpha: 1.0 }
+    }
+}

@@ -1,0 +1,214 @@
+//! One texture for a level of detail, resampled from the source's textures.
+//!
+//! Each chart gets a rectangle of the texture. A texel is the mean, in linear light, of what the chart's triangles show
+//! in it; nothing else of the source's texture can bleed in. The texels around a chart continue its colours, so that
+//! filtering in the client does not mix neighbouring charts.
+
+use glam::{Vec2, Vec2Swizzles};
+use insula_protocol::{
+    blockmap::Quality,
+    mesh::{Attribute, Kind},
+    mesh_tile::Texture,
+};
+
+use super::{
+    atlas,
+    charts::{TextureChart, find_charts, triangle_uv},
+    materials::{base_colour, texture_of},
+    texture_canvas::TextureCanvas,
+};
+use crate::{columns::srgb::linear_from_srgb, model::TriangleModel, sample::texture::read_bilinear, scene::Scene};
+
+/// Texels around each chart that continue its colours.
+const PADDING: u32 = 1;
+/// Side of the chart of a material without a texture: with its padding it contains a whole 16 x 16 block of the WebP
+/// file, wherever it lies.
+const PLAIN_SIDE: u32 = 30;
+/// Most reads of the source's texture along a texel's side.
+const MAX_TAPS: f32 = 4.0;
+/// Bits of a texture coordinate below one texel.
+const SUBTEXEL_BITS: u32 = 3;
+/// How often the texels are enlarged until everything fits, and by how much each time.
+const MAX_ENLARGEMENTS: u32 = 60;
+const ENLARGEMENT: f64 = 1.25;
+
+/// Lengths that decide the size of a texture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TextureScale {
+    /// Unit of the model's positions.
+    pub(super) step_m: f64,
+    /// Least side of a texel.
+    pub(super) texel_m: f64,
+}
+
+/// The texture of a level of detail.
+pub(super) struct BakedTexture {
+    pub(super) texture: Texture,
+    /// Texture coordinates of all corners.
+    pub(super) coordinates: Attribute,
+    /// Side of the texels that are larger than the source's; 0 if none is.
+    pub(super) texel_m: f64,
+}
+
+/// Resamples the surface's textures. Texels are no smaller than `scale.texel_m`, and no smaller than the source's. They
+/// are enlarged until everything fits; `None` if nothing helps.
+pub(super) fn bake_texture(
+    scene: &Scene,
+    model: &TriangleModel,
+    scale: TextureScale,
+    quality: Quality,
+) -> Option<BakedTexture> {
+    let charts = find_charts(scene, model, scale.step_m);
+    let mut texel_m = scale.texel_m;
+    for _ in 0..MAX_ENLARGEMENTS {
+        let baked = bake_at(scene, model, &charts, texel_m, quality);
+        if baked.is_some() {
+            return baked;
+        }
+        texel_m *= ENLARGEMENT;
+    }
+    None
+}
+
+/// `None` if the charts or the file are too large.
+fn bake_at(
+    scene: &Scene,
+    model: &TriangleModel,
+    charts: &[TextureChart],
+    texel_m: f64,
+    quality: Quality,
+) -> Option<BakedTexture> {
+    let scales: Vec<f64> = charts.iter().map(|chart| (1.0 / (texel_m * chart.texels_per_m)).min(1.0)).collect();
+    let sizes: Vec<[u32; 2]> = charts.iter().zip(&scales).map(|(chart, s)| chart_size(scene, chart, *s)).collect();
+    let padded: Vec<[u32; 2]> = sizes.iter().copied().map(padded_size).collect();
+    let atlas = atlas::pack(&padded)?;
+    let placed: Vec<PlacedChart<'_>> = charts
+        .iter()
+        .zip(&sizes)
+        .zip(&atlas.positions)
+        .map(|((chart, size), position)| PlacedChart::new(chart, *size, *position))
+        .collect();
+    let bytes = paint(scene, model, &placed, atlas.size).encode(quality)?;
+    let is_resampled = scales.iter().any(|scale| *scale < 1.0);
+    Some(BakedTexture {
+        texture: Texture { size_px: atlas.size.map(|side| side as u16), bytes },
+        coordinates: texture_coordinates(model, &placed, atlas.size),
+        texel_m: if is_resampled { texel_m } else { 0.0 },
+    })
+}
+
+/// Width and height of a chart in texels, without padding.
+fn chart_size(scene: &Scene, chart: &TextureChart, scale: f64) -> [u32; 2] {
+    let Some(texture) = texture_of(scene, chart.material) else { return [PLAIN_SIDE; 2] };
+    let extent = chart.high - chart.low;
+    let side = |extent: f32, texels: u32| (f64::from(extent) * f64::from(texels) * scale).ceil().max(1.0) as u32;
+    [side(extent.x, texture.width), side(extent.y, texture.height)]
+}
+
+/// The rectangle that a chart takes of the atlas. It is never taller than wide.
+fn padded_size([width, height]: [u32; 2]) -> [u32; 2] {
+    [width.max(height), width.min(height)].map(|side| side.saturating_add(2 * PADDING))
+}
+
+/// A chart in its rectangle of the texture, which maps texture coordinates of the source to texels.
+struct PlacedChart<'a> {
+    chart: &'a TextureChart,
+    /// Upper left texel of the rectangle.
+    position: [u32; 2],
+    /// Width and height of the rectangle.
+    padded: [u32; 2],
+    /// Source coordinates of the chart's upper left corner.
+    origin: Vec2,
+    /// Texels per unit of the source's coordinates; 0 along an axis in which the chart has no extent.
+    scale: Vec2,
+    /// Upper left corner inside the padding, in texels.
+    corner: Vec2,
+    /// Size in texels, without padding, before turning.
+    size: Vec2,
+    /// Whether the chart's columns are rows of the texture.
+    is_turned: bool,
+}
+
+impl<'a> PlacedChart<'a> {
+    fn new(chart: &'a TextureChart, size: [u32; 2], position: [u32; 2]) -> Self {
+        let padded = padded_size(size);
+        let size = Vec2::new(size[0] as f32, size[1] as f32);
+        let extent = chart.high - chart.low;
+        let scale = Vec2::select(extent.cmpgt(Vec2::ZERO), size / extent.max(Vec2::splat(1e-30)), Vec2::ZERO);
+        Self {
+            chart,
+            position,
+            padded,
+            // v points upwards, rows run downwards.
+            origin: Vec2::new(chart.low.x, chart.high.y),
+            scale: scale * Vec2::new(1.0, -1.0),
+            corner: Vec2::new(position[0] as f32, position[1] as f32) + PADDING as f32,
+            size,
+            is_turned: size.y > size.x,
+        }
+    }
+
+    /// Texel coordinates of `uv` relative to `corner`.
+    fn texel_at(&self, uv: Vec2) -> Vec2 {
+        let p = (uv - self.origin) * self.scale;
+        let p = Vec2::select(self.scale.cmpeq(Vec2::ZERO), self.size / 2.0, p).clamp(Vec2::ZERO, self.size);
+        if self.is_turned { p.yx() } else { p }
+    }
+
+    /// The middle relative to `corner`.
+    fn middle(&self) -> Vec2 {
+        let middle = self.size / 2.0;
+        if self.is_turned { middle.yx() } else { middle }
+    }
+}
+
+/// The texture coordinates of all corners in the packed texture.
+fn texture_coordinates(model: &TriangleModel, placed: &[PlacedChart<'_>], size: [u32; 2]) -> Attribute {
+    let layer = &model.layers[0];
+    let bits = (size[0].max(size[1]).ilog2() + 1 + SUBTEXEL_BITS).clamp(8, 16);
+    let max = ((1u32 << bits) - 1) as f32;
+    let whole = Vec2::new(size[0] as f32, size[1] as f32);
+    let mut values = vec![[0; 4]; layer.values.len()];
+    for placed in placed {
+        let is_plain = placed.chart.texels_per_m <= 0.0;
+        for corner in placed.chart.triangles.iter().flat_map(|t| 3 * t..3 * t + 3) {
+            let value = layer.corners[corner as usize];
+            let [u, v, ..] = layer.values[value as usize];
+            let texel = if is_plain { placed.middle() } else { placed.texel_at(Vec2::new(u, v)) };
+            let at = ((placed.corner + texel) / whole * max + 0.5).floor().clamp(Vec2::ZERO, Vec2::splat(max));
+            values[value as usize] = [at.x as u32, at.y as u32, 0, 0];
+        }
+    }
+    Attribute {
+        kind: Kind::TexCoord,
+        components: 2,
+        bits: bits as u8,
+        range: [0.0, 1.0 / max],
+        values,
+        corners: layer.corners.clone(),
+    }
+}
+
+/// Draws all charts.
+fn paint(scene: &Scene, model: &TriangleModel, placed: &[PlacedChart<'_>], size: [u32; 2]) -> TextureCanvas {
+    let mut canvas = TextureCanvas::new(size);
+    for placed in placed {
+        let chart = placed.chart;
+        let base = linear_from_srgb(base_colour(scene, chart.material));
+        if let Some(texture) = texture_of(scene, chart.material) {
+            let texels = (chart.high - chart.low) * Vec2::new(texture.width as f32, texture.height as f32);
+            let taps = (texels / placed.size).max_element().ceil().clamp(1.0, MAX_TAPS) as u32;
+            for &t in &chart.triangles {
+                let uv = triangle_uv(model, t);
+                let corners = uv.map(|uv| placed.texel_at(uv));
+                canvas.draw_triangle(corners, placed.corner, taps, |weights| {
+                    base * read_bilinear(texture, uv[0] * weights.x + uv[1] * weights.y + uv[2] * weights.z)
+                });
+            }
+        } else {
+            canvas.fill_rectangle(placed.position, placed.padded, base);
+        }
+        canvas.extend_into_padding(placed.position, placed.padded);
+    }
+    canvas
+}

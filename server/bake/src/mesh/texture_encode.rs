@@ -1,0 +1,209 @@
+//! A texture as a WebP file.
+//!
+//! Lossy files are searched for the coarsest quantiser that reaches the quality asked for. The quality is the peak
+//! signal-to-noise ratio (PSNR) over the texels that triangles show. Textures with few colours are also tried without
+//! loss.
+
+use std::{collections::HashSet, io::Cursor};
+
+use image::ImageFormat;
+use insula_protocol::{blockmap::Quality, mesh_tile::MAX_PART_BYTES};
+use webp::{Encoder, WebPConfig};
+
+/// Decibels that textures may lose more than columns. Their texels are finer, and their errors are averaged on the
+/// screen.
+const TEXTURE_ALLOWANCE_DB: f64 = 1.5;
+/// The search ends at a file that exceeds the quality by no more than this.
+const SLACK_DB: f64 = 0.1;
+/// Most files that are tried.
+const MAX_TRIALS: usize = 6;
+/// Index of libwebp's coarsest quantiser.
+const MAX_QUANTISER: i32 = 127;
+/// Index of the quantiser at which the search begins.
+const FIRST_QUANTISER: i32 = 42;
+/// Loss that the search expects from the next coarser quantiser.
+const DB_PER_QUANTISER: f64 = 0.1;
+/// Textures with at most this many colours may be smaller without loss.
+const FEW_COLOURS: usize = 256;
+
+/// A texture, and which of its texels matter.
+pub(super) struct MaskedTexture<'a> {
+    /// Width and height.
+    pub(super) size: [u32; 2],
+    /// 8-bit sRGB, three bytes per texel, row by row.
+    pub(super) rgb: &'a [u8],
+    /// Whether a triangle shows the texel.
+    pub(super) is_shown: &'a [bool],
+}
+
+/// The result of one quantiser.
+#[derive(Debug, Clone, Copy)]
+struct Trial {
+    quantiser: i32,
+    psnr_db: f64,
+}
+
+impl MaskedTexture<'_> {
+    /// The smallest file found that reaches `quality`; `None` if it is too large for a tile.
+    pub(super) fn encode(&self, quality: Quality) -> Option<Vec<u8>> {
+        let lossy = match quality {
+            Quality::Lossless => None,
+            Quality::Decibels(db) => self.search_lossy(f64::from(db) - TEXTURE_ALLOWANCE_DB),
+        };
+        let best = match lossy {
+            Some(lossy) if !self.has_few_colours() => lossy,
+            lossy => {
+                let lossless = self.encode_with(|config| config.lossless = 1)?;
+                lossy.filter(|lossy| lossy.len() <= lossless.len()).unwrap_or(lossless)
+            }
+        };
+        (best.len() <= MAX_PART_BYTES).then_some(best)
+    }
+
+    fn has_few_colours(&self) -> bool {
+        let mut colours = HashSet::new();
+        self.rgb.as_chunks::<3>().0.iter().all(|rgb| {
+            colours.insert(*rgb);
+            colours.len() <= FEW_COLOURS
+        })
+    }
+
+    /// The smallest of at most [`MAX_TRIALS`] files with a PSNR of at least `min_db`; `None` if none reaches it.
+    fn search_lossy(&self, min_db: f64) -> Option<Vec<u8>> {
+        let mut best: Option<Vec<u8>> = None;
+        // The coarsest quantiser that is good enough, and the finest one that is not.
+        let mut good: Option<Trial> = None;
+        let mut bad: Option<Trial> = None;
+        let mut quantiser = FIRST_QUANTISER;
+        for _ in 0..MAX_TRIALS {
+            let file = self.encode_with(|config| config.quality = quality_of_quantiser(quantiser))?;
+            let trial = Trial { quantiser, psnr_db: self.psnr_db(&file)? };
+            let is_good = trial.psnr_db >= min_db;
+            if is_good && best.as_ref().is_none_or(|best| file.len() < best.len()) {
+                best = Some(file);
+            }
+            let is_close = trial.psnr_db <= min_db + SLACK_DB;
+            if is_good && (is_close || quantiser == MAX_QUANTISER) || !is_good && quantiser == 0 {
+                break;
+            }
+            *(if is_good { &mut good } else { &mut bad }) = Some(trial);
+            let aim_db = min_db + SLACK_DB / 2.0;
+            quantiser = match (good, bad) {
+                (Some(good), Some(bad)) => match interpolate_quantiser(good, bad, aim_db) {
+                    Some(between) => between,
+                    None => break,
+                },
+                _ => extrapolate_quantiser(trial, is_good, aim_db),
+            };
+        }
+        best
+    }
+
+    fn encode_with(&self, set: impl Fn(&mut WebPConfig)) -> Option<Vec<u8>> {
+        let mut config = WebPConfig::new().ok()?;
+        // One quantiser for the whole texture gives the best PSNR for its bytes.
+        (config.segments, config.sns_strength, config.filter_strength) = (1, 0, 20);
+        set(&mut config);
+        let [width, height] = self.size;
+        Some(Encoder::from_rgb(self.rgb, width, height).encode_advanced(&config).ok()?.to_vec())
+    }
+
+    /// PSNR of the shown texels, decoded as the client will decode them.
+    fn psnr_db(&self, file: &[u8]) -> Option<f64> {
+        let mut reader = image::ImageReader::new(Cursor::new(file));
+        reader.set_format(ImageFormat::WebP);
+        let decoded = reader.decode().ok()?.into_rgb8();
+        let (mut squares, mut count) = (0u64, 0u64);
+        let texels = self.rgb.as_chunks::<3>().0.iter().zip(decoded.as_chunks::<3>().0);
+        for ((a, b), _) in texels.zip(self.is_shown).filter(|(_, is_shown)| **is_shown) {
+            squares += (0..3).map(|k| u64::from(a[k].abs_diff(b[k])).pow(2)).sum::<u64>();
+            count += 3;
+        }
+        Some(10.0 * (255.0 * 255.0 * count as f64 / (squares as f64).max(1e-9)).log10())
+    }
+}
+
+/// A quantiser between two tried ones, by linear interpolation; `None` if there is none between them.
+fn interpolate_quantiser(good: Trial, bad: Trial, aim_db: f64) -> Option<i32> {
+    let (low, high) = (good.quantiser, bad.quantiser);
+    if low + 1 >= high {
+        return None;
+    }
+    let share = (good.psnr_db - aim_db) / (good.psnr_db - bad.psnr_db);
+    Some((low + (f64::from(high - low) * share).round() as i32).clamp(low + 1, high - 1))
+}
+
+/// The quantiser to try as long as all trials were on one side of the quality.
+fn extrapolate_quantiser(trial: Trial, is_good: bool, aim_db: f64) -> i32 {
+    let by = ((trial.psnr_db - aim_db) / DB_PER_QUANTISER).round() as i32;
+    (trial.quantiser + if is_good { by.max(1) } else { by.min(-1) }).clamp(0, MAX_QUANTISER)
+}
+
+/// The quality setting from which libwebp computes this quantiser: the inverse of its `QualityToCompression`.
+fn quality_of_quantiser(quantiser: i32) -> f32 {
+    let part = (1.0 - (f64::from(quantiser) + 0.5) / f64::from(MAX_QUANTISER)).clamp(0.0, 1.0).powi(3);
+    (100.0 * if part < 0.5 { part * 1.5 } else { part.midpoint(1.0) }) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::texture_fill::fill_unknown_texels;
+
+    /// Waves with some noise.
+    fn waves(width: u32, height: u32) -> Vec<u8> {
+        let mut seed = 1u32;
+        let mut texel = |i: u32| {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let (x, y) = ((i % width) as f32, (i / width) as f32);
+            let light = 120.0 + 70.0 * (x / 2.0).sin() * (y / 3.0).cos() + (seed >> 30) as f32;
+            [light as u8, (light * 0.9) as u8, (light * 0.7) as u8]
+        };
+        (0..width * height).flat_map(&mut texel).collect()
+    }
+
+    #[test]
+    fn lossy_files_reach_the_quality_and_hardly_exceed_it() {
+        let size = [150, 90];
+        let (rgb, shown) = (waves(150, 90), vec![true; 150 * 90]);
+        let texture = MaskedTexture { size, rgb: &rgb, is_shown: &shown };
+        let mut last = usize::MAX;
+        for db in [42.0, 36.0, 30.0] {
+            let file = texture.encode(Quality::Decibels(db)).unwrap();
+            let reached = texture.psnr_db(&file).unwrap();
+            assert!((0.0..2.0).contains(&(reached - (f64::from(db) - TEXTURE_ALLOWANCE_DB))), "{db}: {reached}");
+            assert!(file.len() < last);
+            last = file.len();
+        }
+        let whole = texture.encode(Quality::Lossless).unwrap();
+        assert!(texture.psnr_db(&whole).unwrap() > 100.0 && whole.len() > last);
+        let plain = vec![77; 3 * 150 * 90];
+        let flat = MaskedTexture { size, rgb: &plain, is_shown: &shown }.encode(Quality::Decibels(36.0)).unwrap();
+        assert!(flat.len() < 100, "{}", flat.len());
+    }
+
+    #[test]
+    fn filled_texels_that_are_not_shown_cost_few_bytes() {
+        let size = [128, 128];
+        let shown: Vec<bool> = (0..128 * 128).map(|i| (i % 128 < 64) != (i / 128 < 64)).collect();
+        let whole = waves(128, 128);
+        let mut filled = whole.clone();
+        fill_unknown_texels(&mut filled, size, &shown);
+        for (i, shown) in shown.iter().enumerate().filter(|(_, shown)| **shown) {
+            assert!(*shown && filled[3 * i..3 * i + 3] == whole[3 * i..3 * i + 3]);
+        }
+        let bytes =
+            |rgb: &[u8]| MaskedTexture { size, rgb, is_shown: &shown }.encode(Quality::Decibels(36.0)).unwrap().len();
+        assert!(bytes(&filled) * 4 < bytes(&whole) * 3, "{} {}", bytes(&filled), bytes(&whole));
+    }
+
+    #[test]
+    fn quality_selects_the_quantiser_that_libwebp_computes_from_it() {
+        for quantiser in 0..=MAX_QUANTISER {
+            let c = f64::from(quality_of_quantiser(quantiser)) / 100.0;
+            let part = if c < 0.75 { c * (2.0 / 3.0) } else { 2.0 * c - 1.0 };
+            let found = (127.0 * (1.0 - part.cbrt())) as i32;
+            assert!(found == quantiser, "{quantiser} {found}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Columns for walls too thin for vertical lines to meet: fences, parapets, the shells of houses without a floor.
+//!
+//! Visible wall surfels that no column covers are summed per cell and row. A row with enough wall area becomes full,
+//! clipped at the wall's plane.
+
+use super::{cell_grid::CellGrid, local_block::LocalBlock, surfels::Surfel};
+use crate::columns::{clip::WallPlane, voxels::SolidRun};
+use glam::{Vec2, Vec3, Vec3Swizzles};
+use std::collections::BTreeMap;
+
+/// Wall area in a row of a cell, in squares of the cell's side, from which on the row is full. Where a wall crosses the
+/// border of two cells, at least one of them has half of its area. Masts and wires have less, and must not swell to a
+/// cell.
+const FULL_AREA: f32 = 0.45;
+/// The same for a row that continues a full row of the same wall.
+const CONTINUED_AREA: f32 = 0.03;
+/// Least thickness of a wall, in cells. A wall on its cell's border would have none, and rays would slip through.
+const MIN_THICKNESS: f32 = 0.125;
+/// Least cosine between normals of pieces of the same wall.
+const SAME_WALL_COSINE: f32 = 0.95;
+
+/// A voxel: cell and row in the block's coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct VoxelPosition {
+    x: i32,
+    y: i32,
+    row: i32,
+}
+
+impl VoxelPosition {
+    fn containing(p: Vec3, cell_m: f32) -> Self {
+        let index = |v: f32| (v / cell_m).floor() as i32;
+        Self { x: index(p.x), y: index(p.y), row: index(p.z) }
+    }
+}
+
+/// The uncovered wall in one row of a cell.
+#[derive(Debug, Clone, Copy)]
+struct WallRow {
+    area_m2: f32,
+    low_m: f32,
+    high_m: f32,
+    object_bottom_m: f32,
+    /// Sum of the horizontal normals, weighted by area.
+    normal_sum: Vec2,
+    /// Sum of the positions relative to the cell's centre, weighted by area.
+    position_sum: Vec2,
+}
+
+impl WallRow {
+    fn new(p: Vec3, object_bottom_m: f32) -> Self {
+        Self {
+            area_m2: 0.0,
+            low_m: p.z,
+            high_m: p.z,
+            object_bottom_m,
+            normal_sum: Vec2::ZERO,
+            position_sum: Vec2::ZERO,
+        }
+    }
+
+    /// The mean plane of the wall; `None` if its normals differ too much.
+    fn plane(&self) -> Option<WallPlane> {
+        let normal = self.normal_sum.normalize_or_zero();
+        let is_plane = self.normal_sum.length() > SAME_WALL_COSINE * self.area_m2;
+        is_plane.then(|| WallPlane { normal, offset_m: normal.dot(self.position_sum) / self.area_m2 })
+    }
+
+    /// The mean plane, moved outwards where less than [`MIN_THICKNESS`] of the cell would be left behind it.
+    fn thickened_plane(&self, cell_m: f32) -> Option<WallPlane> {
+        let plane = self.plane()?;
+        let min_offset_m = (MIN_THICKNESS - 0.5 * (plane.normal.x.abs() + plane.normal.y.abs())) * cell_m;
+        Some(WallPlane { offset_m: plane.offset_m.max(min_offset_m), ..plane })
+    }
+}
+
+/// Adds columns for visible walls that no column covers.
+pub(super) fn add_columns(block: &LocalBlock, surfels: &[Surfel], cells: &mut CellGrid) {
+    let rows = uncovered_rows(block, surfels, cells);
+    let c = block.cell_m;
+    for (at, row) in rows.iter().filter(|(at, row)| is_full(&rows, **at, row, c)) {
+        let run = SolidRun { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
+        cells.insert(at.x, at.y, run, row.object_bottom_m, row.thickened_plane(c));
+    }
+}
+
+/// Sums up the wall surfels that no column covers.
+fn uncovered_rows(block: &LocalBlock, surfels: &[Surfel], cells: &CellGrid) -> BTreeMap<VoxelPosition, WallRow> {
+    let c = block.cell_m;
+    let mut rows: BTreeMap<VoxelPosition, WallRow> = BTreeMap::new();
+    for surfel in surfels {
+        let triangle = &block.triangles[surfel.triangle as usize];
+        let p = surfel.position;
+        if !surfel.is_visible() || !triangle.is_wall() || is_covered(cells, p, triangle.normal, c) {
+            continue;
+        }
+        let at = VoxelPosition::containing(p, c);
+        let centre = (Vec2::new(at.x as f32, at.y as f32) + 0.5) * c;
+        let row = rows.entry(at).or_insert(WallRow::new(p, triangle.object_bottom_m));
+        let outward = if surfel.visible_side() == 1 { -triangle.normal } else { triangle.normal };
+        row.area_m2 += surfel.area_m2;
+        row.normal_sum += outward.xy().normalize() * surfel.area_m2;
+        row.position_sum += (p.xy() - centre) * surfel.area_m2;
+        row.low_m = row.low_m.min(p.z - 0.25 * c).max(triangle.object_bottom_m);
+        row.high_m = row.high_m.max(p.z + 0.25 * c);
+    }
+    rows
+}
+
+/// Whether a row has enough wall of its own, or continues a full row of the same wall.
+fn is_full(rows: &BTreeMap<VoxelPosition, WallRow>, at: VoxelPosition, row: &WallRow, cell_m: f32) -> bool {
+    let has_full_area = |row: &WallRow| row.area_m2 >= FULL_AREA * cell_m * cell_m;
+    let continues = |plane: WallPlane, other: &WallRow| {
+        has_full_area(other) && other.plane().is_some_and(|other| other.normal.dot(plane.normal) > SAME_WALL_COSINE)
+    };
+    let continues_any = |plane: WallPlane| {
+        let around =
+            (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| VoxelPosition { x: at.x + dx, y: at.y + dy, row: at.row }));
+        around.filter_map(|key| rows.get(&key)).any(|other| continues(plane, other))
+    };
+    has_full_area(row) || (row.area_m2 >= CONTINUED_AREA * cell_m * cell_m && row.plane().is_some_and(continues_any))
+}
+
+/// Whether a column at the point, or next to it on either side of its wall, is full at its height.
+fn is_covered(cells: &CellGrid, p: Vec3, normal: Vec3, cell_m: f32) -> bool {
+    // Distances behind the wall, in cells; negative ones are in front.
+    [0.02, 0.47, 0.92, 1.37, -0.43, -0.88].into_iter().any(|depth: f32| {
+        let q = p - normal * (depth * cell_m);
+        let cell = cells.at((q.x / cell_m).floor() as i32, (q.y / cell_m).floor() as i32);
+        let solids = cell.map_or(&[][..], |cell| &cell.column.solids);
+        solids.iter().any(|run| p.z > run.bottom_m - 0.5 * cell_m && p.z < run.top_m + 0.5 * cell_m)
+    })
+}
