@@ -28,7 +28,7 @@ pub enum Kind {
 
 /// How a section's bytes are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Packing {
+pub enum SectionPacking {
     /// As they are.
     Raw,
     /// One zstd frame.
@@ -38,14 +38,14 @@ pub enum Packing {
 #[derive(Debug, Serialize, Deserialize)]
 struct SectionEntry {
     tag: u8,
-    packing: Packing,
+    packing: SectionPacking,
     packed_bytes: u32,
     raw_bytes: u32,
     crc32: u32,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
-struct Header {
+struct TileHeader {
     id: Option<TileId>,
     sections: Vec<SectionEntry>,
 }
@@ -54,14 +54,14 @@ struct Header {
 #[derive(Debug)]
 pub struct TileWriter {
     kind: Kind,
-    header: Header,
+    header: TileHeader,
     body: Vec<u8>,
 }
 
 impl TileWriter {
     /// An empty tile. Kinds whose content says nothing of its place have no `id`, so that equal ones are equal bytes.
     pub fn new(kind: Kind, id: Option<TileId>) -> Self {
-        Self { kind, header: Header { id, sections: Vec::new() }, body: Vec::new() }
+        Self { kind, header: TileHeader { id, sections: Vec::new() }, body: Vec::new() }
     }
 
     /// Adds `raw` under `tag`, with zstd where that makes it smaller. Empty sections are left out.
@@ -71,18 +71,18 @@ impl TileWriter {
         }
         let packed = codec::zstd::compress(raw)?;
         if packed.len() < raw.len() {
-            self.push(tag, Packing::Zstd, &packed, raw.len())
+            self.push(tag, SectionPacking::Zstd, &packed, raw.len())
         } else {
-            self.push(tag, Packing::Raw, raw, raw.len())
+            self.push(tag, SectionPacking::Raw, raw, raw.len())
         }
     }
 
     /// Adds bytes that cannot be packed any further.
     pub fn coded_section(&mut self, tag: u8, bytes: &[u8]) -> Result<(), DecodeError> {
-        if bytes.is_empty() { Ok(()) } else { self.push(tag, Packing::Raw, bytes, bytes.len()) }
+        if bytes.is_empty() { Ok(()) } else { self.push(tag, SectionPacking::Raw, bytes, bytes.len()) }
     }
 
-    fn push(&mut self, tag: u8, packing: Packing, bytes: &[u8], raw_bytes: usize) -> Result<(), DecodeError> {
+    fn push(&mut self, tag: u8, packing: SectionPacking, bytes: &[u8], raw_bytes: usize) -> Result<(), DecodeError> {
         self.header.sections.push(SectionEntry {
             tag,
             packing,
@@ -152,7 +152,7 @@ impl<'a> TileReader<'a> {
         if crc32fast::hash(header) != crc32 {
             return Err(DecodeError::Checksum("the tile header"));
         }
-        let header: Header = codec::bincode::from_bytes(header)?;
+        let header: TileHeader = codec::bincode::from_bytes(header)?;
         let sections = Self::sections(header.sections, &mut reader)?;
         reader.finish()?;
         Ok(Self { id: header.id, sections })
@@ -192,9 +192,9 @@ impl<'a> TileReader<'a> {
             return Err(limit("a section's bytes", raw_bytes, limit_bytes as u32));
         }
         match entry.packing {
-            Packing::Raw if packed.len() == raw_bytes => Ok(packed.to_vec()),
-            Packing::Raw => Err(DecodeError::Truncated { wanted: raw_bytes, found: packed.len() }),
-            Packing::Zstd => codec::zstd::decompress(packed, raw_bytes),
+            SectionPacking::Raw if packed.len() == raw_bytes => Ok(packed.to_vec()),
+            SectionPacking::Raw => Err(DecodeError::Truncated { wanted: raw_bytes, found: packed.len() }),
+            SectionPacking::Zstd => codec::zstd::decompress(packed, raw_bytes),
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{
     BlockMap, Z_SHIFT_MAX,
+    appearance::Loss,
     encode::{COLOUR_STEP_MAX, tag},
-    looks::Loss,
 };
 use crate::{
     TileId,

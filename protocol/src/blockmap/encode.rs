@@ -1,9 +1,9 @@
 //! A V-BlockMap's bytes. They are described in `docs/formats.md`.
 
 use super::{
-    BlockMap, COLUMNS, flag,
-    looks::{self, Loss},
-    walls,
+    BlockMap, COLUMNS,
+    appearance::{self, Loss},
+    flag, walls,
 };
 use crate::{
     codec::range::{Encoder, Rehearsal},
@@ -66,7 +66,7 @@ impl BlockMap {
         let loss = |colour| Loss { colour, ao: AO_STEP };
         let keeps = |colour: u16| {
             let mut map = self.clone();
-            looks::looks(&mut Rehearsal, &mut map, &steps, loss(colour));
+            appearance::code(&mut Rehearsal, &mut map, &steps, loss(colour));
             self.colour_error(&map) <= worst
         };
         // Where there is a palette, any step does.

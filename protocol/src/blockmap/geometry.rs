@@ -29,7 +29,7 @@ pub(super) fn neighbour(i: usize, (dx, dy): (i32, i32)) -> Option<usize> {
 
 /// A column as its neighbours see it.
 #[derive(Debug, Clone, Copy, Default)]
-struct Top {
+struct ColumnTop {
     z: i32,
     normal: u16,
     flags: u8,
@@ -37,7 +37,7 @@ struct Top {
     slope: [i16; 2],
 }
 
-impl Top {
+impl ColumnTop {
     fn occupied(&self) -> bool {
         self.flags & flag::OCCUPIED != 0
     }
@@ -63,11 +63,11 @@ fn slope(normal: u16, z_shift: u8) -> [i16; 2] {
 pub(super) fn plane_at(map: &BlockMap, i: usize, step: [i32; 2]) -> i32 {
     let (flags, normal, z) = (map.flags[i], map.roof_normal[i], i32::from(map.z_max[i]));
     let slope = if flags & flag::INCLINED != 0 { slope(normal, map.z_shift) } else { [0; 2] };
-    Top { z, normal, flags, slope }.at(step).clamp(0, i32::from(Z_CODE_MAX))
+    ColumnTop { z, normal, flags, slope }.at(step).clamp(0, i32::from(Z_CODE_MAX))
 }
 
 #[derive(Default)]
-struct Tops {
+struct TopModels {
     occupied: [Bit; 16],
     suspended: [Bit; 9],
     inclined: [Bit; 9],
@@ -78,10 +78,10 @@ struct Tops {
     height: [Number; 10],
 }
 
-fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<Top> {
-    let mut models = Box::<Tops>::default();
-    let mut recent = Recent::default();
-    let mut tops = vec![Top::default(); WIDTH * WIDTH];
+fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<ColumnTop> {
+    let mut models = Box::<TopModels>::default();
+    let mut recent = RecentNormals::default();
+    let mut tops = vec![ColumnTop::default(); WIDTH * WIDTH];
     let mut last = 0;
     let full = full(coder, map);
     let mut shared = |bit: u8| {
@@ -106,7 +106,7 @@ fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<Top> {
             }
         }
         // Of the western and the southern neighbour: 0 not there, 1 without, 2 with the flag.
-        let state = |top: &Top, bit: u8| usize::from(top.occupied()) + usize::from(top.flags & bit != 0);
+        let state = |top: &ColumnTop, bit: u8| usize::from(top.occupied()) + usize::from(top.flags & bit != 0);
         let context = |bit: u8| state(west, bit) * 3 + state(south, bit);
         let mut flags = flag::OCCUPIED;
         for (share, models, bit) in
@@ -119,7 +119,7 @@ fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<Top> {
             flags |= if set { bit } else { 0 };
         }
         let (normal, slope) = normal(coder, &mut models, &mut recent, known, flags, map.roof_normal[i], map.z_shift);
-        let mut top = Top { z: 0, normal, flags, slope };
+        let mut top = ColumnTop { z: 0, normal, flags, slope };
         let (guess, doubt) = guess_top(&top, known, last);
         let z = guess + coder.number(&mut models.height[doubt], i32::from(map.z_max[i]) - guess);
         top.z = z.clamp(0, i32::from(u16::MAX));
@@ -163,11 +163,11 @@ pub(super) fn place(i: usize) -> usize {
 
 /// Normals, the one that came up last in front.
 #[derive(Default)]
-struct Recent {
+struct RecentNormals {
     list: Vec<u16>,
 }
 
-impl Recent {
+impl RecentNormals {
     fn push(&mut self, normal: u16) {
         let place = self.list.iter().position(|n| *n == normal).unwrap_or_else(|| {
             self.list.truncate(RECENT - 1);
@@ -180,9 +180,9 @@ impl Recent {
 
 fn normal<C: Coder>(
     coder: &mut C,
-    models: &mut Tops,
-    recent: &mut Recent,
-    known: &[&Top; 4],
+    models: &mut TopModels,
+    recent: &mut RecentNormals,
+    known: &[&ColumnTop; 4],
     flags: u8,
     value: u16,
     z_shift: u8,
@@ -192,7 +192,7 @@ fn normal<C: Coder>(
     let mut first = None;
     for k in 0..4 {
         let top = known[k];
-        let tried = |j: &&Top| j.normal == top.normal && (flags ^ j.flags) & bits == 0;
+        let tried = |j: &&ColumnTop| j.normal == top.normal && (flags ^ j.flags) & bits == 0;
         if (flags ^ top.flags) & bits != 0 || known[..k].iter().any(tried) {
             continue;
         }
@@ -225,7 +225,7 @@ fn normal<C: Coder>(
 }
 
 /// What the top should be after its neighbours, and how doubtful that is, 0 to 9.
-fn guess_top(own: &Top, known: &[&Top; 4], last: i32) -> (i32, usize) {
+fn guess_top(own: &ColumnTop, known: &[&ColumnTop; 4], last: i32) -> (i32, usize) {
     let kind = if own.flags & flag::INCLINED != 0 { 5 } else { 0 };
     let bits = flag::OCCUPIED | flag::INCLINED;
     let (mut sum, mut count, mut low, mut high, mut first) = (0, 0, i32::MAX, i32::MIN, 0);
@@ -270,7 +270,7 @@ pub(super) fn median(a: i32, b: i32, c: i32) -> i32 {
 }
 
 #[derive(Default)]
-struct Bottoms {
+struct BottomModels {
     /// Whether it is the ground around, and if not, whether it is nearer to that; by what the neighbours did.
     just_ground: [Bit; 18],
     ground: [Bit; 18],
@@ -279,8 +279,8 @@ struct Bottoms {
 
 /// A column on the ground ends a little under the lowest ground around, another where its neighbours end: whichever is
 /// nearer is said.
-fn bottoms<C: Coder>(coder: &mut C, map: &mut BlockMap, tops: &[Top]) {
-    let mut models = Box::<Bottoms>::default();
+fn bottoms<C: Coder>(coder: &mut C, map: &mut BlockMap, tops: &[ColumnTop]) {
+    let mut models = Box::<BottomModels>::default();
     let lowest = lowest(tops);
     // Per column, what the neighbours need to know: 0 nothing, 1 the other guess, 2 the ground; and the bottom.
     let mut done = vec![(0u8, 0i32); WIDTH * WIDTH];
@@ -329,11 +329,11 @@ const SETTLE: i32 = 2;
 impl BlockMap {
     /// Moves bottoms that lie hidden a little under the ground to where a reader expects them, by at most two codes, so that they cost nothing. Only columns without a strip: the others show where they end.
     pub fn settle_bottoms(&mut self) {
-        let mut tops = vec![Top::default(); WIDTH * WIDTH];
+        let mut tops = vec![ColumnTop::default(); WIDTH * WIDTH];
         for i in (0..COLUMNS).filter(|i| self.flags[*i] & flag::OCCUPIED != 0) {
             let (flags, normal, z) = (self.flags[i], self.roof_normal[i], i32::from(self.z_max[i]));
             let slope = if flags & flag::INCLINED == 0 { [0; 2] } else { slope(normal, self.z_shift) };
-            tops[place(i)] = Top { z, normal, flags, slope };
+            tops[place(i)] = ColumnTop { z, normal, flags, slope };
         }
         let lowest = lowest(&tops);
         let row = i32::from(STEPS_PER_CELL >> self.z_shift);
@@ -348,8 +348,8 @@ impl BlockMap {
 }
 
 /// For each cell the lowest top of the 3 x 3 around, where their slopes reach lowest.
-fn lowest(tops: &[Top]) -> Vec<i32> {
-    let reach = |top: &Top| {
+fn lowest(tops: &[ColumnTop]) -> Vec<i32> {
+    let reach = |top: &ColumnTop| {
         let [x, y] = top.slope.map(|s| i32::from(s).abs());
         if top.occupied() { top.z - (((x + y) * 3) >> 7) } else { i32::MAX }
     };

@@ -6,15 +6,15 @@
 //! Heights are whole codes of `cell / 16 * 2^z_shift` above `z_base_cells`. A wall strip's texels lie on the grid of whole
 //! cells above that base, so that the rows of neighbouring columns, and of neighbouring nodes, are level.
 
+mod appearance;
 mod decode;
 mod encode;
 mod geometry;
-mod looks;
 mod walk;
 mod walls;
 
+pub use appearance::Loss;
 pub use encode::Quality;
-pub use looks::Loss;
 
 use crate::{TileId, error::DecodeError, texel::Texel};
 

@@ -4,9 +4,9 @@
 //! put a tile around it.
 
 use super::{
-    BlockMap, COLUMNS, MAX_TEXELS, Z_CODE_MAX, flag, geometry,
-    looks::{self, Loss},
-    strip_rows, walls,
+    BlockMap, COLUMNS, MAX_TEXELS, Z_CODE_MAX,
+    appearance::{self, Loss},
+    flag, geometry, strip_rows, walls,
 };
 use crate::{codec::range::Coder, error::DecodeError};
 
@@ -19,7 +19,7 @@ impl BlockMap {
         check_strips(self)?;
         let steps = walls::facades(self);
         walls::walls(coder, self, &steps);
-        looks::looks(coder, self, &steps, loss);
+        appearance::code(coder, self, &steps, loss);
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ const AROUND: [(i32, i32); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 
 
 /// One step along a facade.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Step {
+pub(super) struct FacadeStep {
     /// An exposed column.
     pub(super) column: usize,
     /// The exposed column beside it that came before; `None` where a facade begins.
@@ -97,19 +97,19 @@ fn most_open(map: &BlockMap) -> Vec<i16> {
 }
 
 /// The exposed columns, each after one that stands beside it.
-pub(super) fn facades(map: &BlockMap) -> Vec<Step> {
+pub(super) fn facades(map: &BlockMap) -> Vec<FacadeStep> {
     // Exposed and not met yet, on the grid with its rim.
     let mut left = vec![false; WIDTH * WIDTH];
     for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::EXPOSED != 0) {
         left[geometry::place(i)] = true;
     }
     let mut steps = Vec::with_capacity(COLUMNS);
-    let mut open: Vec<Step> = Vec::with_capacity(256);
+    let mut open: Vec<FacadeStep> = Vec::with_capacity(256);
     for start in 0..COLUMNS {
         if !left[geometry::place(start)] {
             continue;
         }
-        open.push(Step { column: start, before: None });
+        open.push(FacadeStep { column: start, before: None });
         while let Some(step) = open.pop() {
             let at = geometry::place(step.column);
             if !std::mem::replace(&mut left[at], false) {
@@ -119,7 +119,7 @@ pub(super) fn facades(map: &BlockMap) -> Vec<Step> {
             for (dx, dy) in AROUND.iter().rev() {
                 if left[at.wrapping_add_signed((dy * WIDTH as i32 + dx) as isize)] {
                     let column = step.column.wrapping_add_signed((dy * NODE_CELLS as i32 + dx) as isize);
-                    open.push(Step { column, before: Some(step.column) });
+                    open.push(FacadeStep { column, before: Some(step.column) });
                 }
             }
         }
@@ -128,11 +128,11 @@ pub(super) fn facades(map: &BlockMap) -> Vec<Step> {
 }
 
 #[derive(Default)]
-struct Models {
+struct WallModels {
     gap: [Bit; 3],
     holes: [Bit; 3],
     clipped: [Bit; 6],
-    azimuth: Azimuths,
+    azimuth: AzimuthModels,
     gap_height: [Number; 2],
     offset: [Number; 2],
     corner: [Bit; 4],
@@ -143,8 +143,8 @@ struct Models {
 }
 
 /// Flags, azimuths, gaps and planes of the exposed columns, along the facades.
-pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step]) {
-    let mut models = Box::<Models>::default();
+pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeStep]) {
+    let mut models = Box::<WallModels>::default();
     let mut gaps = vec![[0u16; 2]; COLUMNS];
     let mut clips = vec![Clip::default(); COLUMNS];
     if C::WRITES {
@@ -158,7 +158,7 @@ pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step])
     };
     let [with_gaps, with_holes, with_clips] = [flag::GAP, flag::HOLES, flag::CLIPPED].map(&mut shared);
     let mut done = vec![false; WIDTH * WIDTH];
-    for &Step { column: i, before } in steps {
+    for &FacadeStep { column: i, before } in steps {
         let with = |map: &BlockMap, bit: u8| before.map_or(0, |j| 1 + usize::from(map.flags[j] & bit != 0));
         let context = with(map, flag::GAP);
         let gap = with_gaps.bit(coder, &mut models.gap[context], map.flags[i] & flag::GAP != 0);
@@ -170,7 +170,7 @@ pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step])
             let bits = [(gap, flag::GAP), (holes, flag::HOLES), (clipped, flag::CLIPPED)];
             map.flags[i] |= bits.iter().filter(|(on, _)| *on).map(|(_, bit)| bit).sum::<u8>();
         }
-        let near = Near::new(map, &done, &clips, i, before);
+        let near = NearbyWalls::new(map, &done, &clips, i, before);
         let near = near.walls();
         map.wall_azimuth[i] = code_azimuth(coder, &mut models.azimuth, near, None, map.wall_azimuth[i]);
         if gap {
@@ -198,21 +198,21 @@ fn gather<T: Copy>(map: &BlockMap, bit: u8, places: &[T]) -> Vec<T> {
 
 /// A wall that goes on from a neighbour: its azimuth and where its plane would be here.
 #[derive(Debug, Clone, Copy)]
-struct Wall {
+struct NearbyWall {
     azimuth: u8,
     offset: Option<i32>,
 }
 
 /// Walls nearby, no two of one azimuth.
-struct Near {
-    walls: [Wall; 18],
+struct NearbyWalls {
+    walls: [NearbyWall; 18],
     count: usize,
 }
 
-impl Near {
+impl NearbyWalls {
     /// The walls of the neighbours that are done, first those of the column before.
     fn new(map: &BlockMap, done: &[bool], clips: &[Clip], i: usize, before: Option<usize>) -> Self {
-        let mut near = Self { walls: [Wall { azimuth: 0, offset: None }; 18], count: 0 };
+        let mut near = Self { walls: [NearbyWall { azimuth: 0, offset: None }; 18], count: 0 };
         if let Some(j) = before {
             near.add_column(map, clips, i, j);
         }
@@ -230,14 +230,14 @@ impl Near {
 
     fn add_column(&mut self, map: &BlockMap, clips: &[Clip], i: usize, j: usize) {
         let [first, corner] = planes(map, clips, j);
-        let here = |(azimuth, offset): Plane| Wall { azimuth, offset: Some(carried(j, i, azimuth, offset)) };
-        self.add(first.map_or(Wall { azimuth: map.wall_azimuth[j], offset: None }, here));
+        let here = |(azimuth, offset): WallPlane| NearbyWall { azimuth, offset: Some(carried(j, i, azimuth, offset)) };
+        self.add(first.map_or(NearbyWall { azimuth: map.wall_azimuth[j], offset: None }, here));
         if let Some(corner) = corner {
             self.add(here(corner));
         }
     }
 
-    fn add(&mut self, wall: Wall) {
+    fn add(&mut self, wall: NearbyWall) {
         let count = self.count;
         match self.walls[..count].iter_mut().find(|w| w.azimuth == wall.azimuth) {
             Some(known) => known.offset = known.offset.or(wall.offset),
@@ -248,7 +248,7 @@ impl Near {
         }
     }
 
-    fn walls(&self) -> &[Wall] {
+    fn walls(&self) -> &[NearbyWall] {
         &self.walls[..self.count]
     }
 }
@@ -265,17 +265,23 @@ fn carried(j: usize, i: usize, azimuth: u8, offset: i8) -> i32 {
 const RECENT: usize = 16;
 
 #[derive(Default)]
-struct Azimuths {
+struct AzimuthModels {
     near: [[Bit; 3]; 2],
     listed: [Bit; 2],
     recent: [[Bit; RECENT - 1]; 2],
     turn: [Number; 2],
-    /// Azimuths, the one that came up last in front.
+    /// AzimuthModels, the one that came up last in front.
     list: Vec<u8>,
 }
 
 /// An azimuth: that of a wall nearby, else one that came up lately, else by how much it turns. `but` is not looked for.
-fn code_azimuth<C: Coder>(coder: &mut C, models: &mut Azimuths, near: &[Wall], but: Option<u8>, value: u8) -> u8 {
+fn code_azimuth<C: Coder>(
+    coder: &mut C,
+    models: &mut AzimuthModels,
+    near: &[NearbyWall],
+    but: Option<u8>,
+    value: u8,
+) -> u8 {
     let kind = usize::from(but.is_some());
     let near = near.iter().map(|wall| wall.azimuth).filter(|azimuth| Some(*azimuth) != but);
     for (k, azimuth) in near.enumerate() {
@@ -335,10 +341,10 @@ fn direction(azimuth: u8) -> [i32; 2] {
 }
 
 /// A wall's plane: its azimuth and its offset from the centre of some column.
-type Plane = (u8, i8);
+type WallPlane = (u8, i8);
 
 /// The planes of a column that is clipped.
-fn planes(map: &BlockMap, clips: &[Clip], i: usize) -> [Option<Plane>; 2] {
+fn planes(map: &BlockMap, clips: &[Clip], i: usize) -> [Option<WallPlane>; 2] {
     if map.flags[i] & flag::CLIPPED == 0 {
         return [None; 2];
     }
@@ -347,7 +353,7 @@ fn planes(map: &BlockMap, clips: &[Clip], i: usize) -> [Option<Plane>; 2] {
 }
 
 /// One plane's offset, guessed from a neighbour's if that faces the same way: it is the same wall.
-fn code_offset<C: Coder>(coder: &mut C, models: &mut [Number; 2], near: &[Wall], azimuth: u8, value: i8) -> i8 {
+fn code_offset<C: Coder>(coder: &mut C, models: &mut [Number; 2], near: &[NearbyWall], azimuth: u8, value: i8) -> i8 {
     let known = near.iter().find(|wall| wall.azimuth == azimuth).and_then(|wall| wall.offset);
     let guess = known.unwrap_or(0);
     let offset = guess + coder.number(&mut models[usize::from(known.is_none())], i32::from(value) - guess);
@@ -356,9 +362,9 @@ fn code_offset<C: Coder>(coder: &mut C, models: &mut [Number; 2], near: &[Wall],
 
 fn code_clip<C: Coder>(
     coder: &mut C,
-    models: &mut Models,
+    models: &mut WallModels,
     map: &BlockMap,
-    near: &[Wall],
+    near: &[NearbyWall],
     i: usize,
     before: Option<usize>,
     clips: &[Clip],
@@ -400,8 +406,8 @@ fn code_clip<C: Coder>(
 /// The other wall of a corner.
 fn code_corner<C: Coder>(
     coder: &mut C,
-    models: &mut Models,
-    near: &[Wall],
+    models: &mut WallModels,
+    near: &[NearbyWall],
     azimuth: u8,
     value: Option<Corner>,
 ) -> Option<Corner> {

@@ -4,12 +4,12 @@
 
 use super::{
     Attribute, BUILT, Grid, Kind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE,
-    attributes, built,
-    conquest::{self, Conquest},
+    architectural_positions, attribute_values,
+    connectivity::{self, Connectivity},
     encode::limit,
     pieces::NONE,
     points::Points,
-    smooth::{self, CLASSES, WEIGHTS},
+    scan_positions::{self, CLASSES, WEIGHTS},
     weld,
 };
 use crate::{
@@ -52,7 +52,7 @@ impl Mesh {
         let triangles = reader.varint()? as usize;
         limit("a mesh's triangles", triangles, most.min(MAX_TRIANGLES))?;
         let mut attributes = (0..attributes).map(|_| attribute(&mut reader)).collect::<Result<Vec<_>, _>>()?;
-        let mut weights = smooth::PLAIN;
+        let mut weights = scan_positions::PLAIN;
         if kind & BUILT == 0 {
             let read = reader.array::<{ CLASSES * WEIGHTS }>()?;
             weights.as_flattened_mut().iter_mut().zip(read).for_each(|(weight, byte)| *weight = byte as i8);
@@ -61,7 +61,7 @@ impl Mesh {
         let mut symbols = Symbols::new(coded, if kind & BUILT == 0 { LANES } else { 1 });
         // A triangle rarely takes less than a bit: what is announced is not believed beyond that.
         let likely = triangles.min(8 * coded.len());
-        let order = conquest::read(&mut symbols, triangles, likely)?;
+        let order = connectivity::read(&mut symbols, triangles, likely)?;
         if order.triangles.len() != triangles || order.degree.len() - order.dummies.len() != vertices {
             return Err(DecodeError::Invalid("a mesh has not as many triangles and vertices as it announces"));
         }
@@ -69,12 +69,12 @@ impl Mesh {
         let mut first = Vec::new();
         weld::code(&mut symbols, &mut first, order.degree.len(), |vertex| points.is_real(vertex))?;
         if kind & BUILT != 0 {
-            built::code(&mut symbols, &order, &mut points, &first)?;
+            architectural_positions::code(&mut symbols, &order, &mut points, &first)?;
         } else {
-            smooth::code(&mut symbols, &order, &mut points, &weights, &first)?;
+            scan_positions::code(&mut symbols, &order, &mut points, &weights, &first)?;
         }
         for attribute in &mut attributes {
-            attributes::code(&mut symbols, &order, &points, attribute)?;
+            attribute_values::code(&mut symbols, &order, &points, attribute)?;
         }
         symbols.finish()?;
         let (positions, triangles) = finish(order, &points, &first);
@@ -83,7 +83,7 @@ impl Mesh {
 }
 
 /// Positions of real vertices that are no copies, and triangles of real vertices.
-fn finish(order: Conquest, points: &Points, first: &[u32]) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
+fn finish(order: Connectivity, points: &Points, first: &[u32]) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
     let place = |vertex: u32| std::array::from_fn(|axis| points.value(vertex, axis) as u32);
     if points.all_real() && first.iter().copied().eq(0..first.len() as u32) {
         return ((0..first.len() as u32).map(place).collect(), order.triangles);

@@ -1,4 +1,4 @@
-//! Differences of numbers of at most 16 bits, when all that is known of them is about how large they are.
+//! DifferenceCoder of numbers of at most 16 bits, when all that is known of them is about how large they are.
 //!
 //! In: a difference. Out: symbols: its sign and how many binary digits it has, then the digits. Next: `built`, `attributes`.
 
@@ -6,14 +6,14 @@ use crate::codec::rans::{Model, RAW, Symbols};
 
 /// What is likely: by two contexts, each with its own models.
 #[derive(Debug)]
-pub(super) struct Differences {
+pub(super) struct DifferenceCoder {
     /// Sign and number of digits: 0 for none, else twice the digits, less 1 if positive.
     digits: [Vec<Model<32>>; 2],
     /// The digit after the highest.
     second: [Model<2>; 17],
 }
 
-impl Differences {
+impl DifferenceCoder {
     pub(super) fn new(contexts: [usize; 2]) -> Self {
         let model = || Model::new(|symbol| if symbol < 26 { 4 } else { 1 });
         Self { digits: contexts.map(|count| vec![model(); count]), second: [(); 17].map(|()| Model::default()) }

@@ -3,13 +3,13 @@
 //! In: a [`Mesh`]. Out: [`Encoded`]. Next: `decode`.
 
 use super::{
-    Attribute, BUILT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE, attributes,
-    built,
-    close::Closed,
-    conquest::{self, Conquest},
+    Attribute, BUILT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE,
+    architectural_positions, attribute_values,
+    closed_mesh::ClosedMesh,
+    connectivity::{self, Connectivity},
     pieces::{Census, NONE, Pieces},
     points::Points,
-    smooth::{self, PLAIN, Weights},
+    scan_positions::{self, PLAIN, Weights},
     weld,
 };
 use crate::{
@@ -48,11 +48,11 @@ impl Mesh {
     pub fn encode(&self) -> Result<Encoded, DecodeError> {
         self.check()?;
         let pieces = Pieces::new(&self.triangles, self.positions.len() as u32);
-        let closed = Closed::new(&pieces);
+        let closed = ClosedMesh::new(&pieces);
         limit("a mesh's triangles", closed.triangles(), MAX_TRIANGLES)?;
         limit("a mesh's vertices", closed.vertices(), MAX_VERTICES)?;
         let mut writer = Writer::with_capacity(10 * closed.vertices());
-        let order = conquest::write(&mut writer, &closed)?;
+        let order = connectivity::write(&mut writer, &closed)?;
         let source = sources(&order, &closed, &pieces);
         let mut points = Points::unknown(order.degree.len(), &order.dummies, u32::from(self.grid.bits));
         let mut earliest = vec![NONE; self.positions.len()];
@@ -76,7 +76,7 @@ impl Mesh {
         for attribute in &self.attributes {
             let along = corners.iter().map(|corner| attribute.corners[*corner as usize]).collect();
             let mut attribute = Attribute { corners: along, ..attribute.clone() };
-            attributes::code(&mut writer, &order, &points, &mut attribute)?;
+            attribute_values::code(&mut writer, &order, &points, &mut attribute)?;
         }
         let mut bytes = self.header(weights.is_none(), pieces.vertex.len(), closed.triangles());
         let lanes = if weights.is_some() { LANES } else { 1 };
@@ -136,20 +136,20 @@ pub(super) fn limit(what: &'static str, found: usize, limit: usize) -> Result<()
 /// Codes positions the shorter way; no weights where that is the way of what is built.
 fn geometry(
     writer: Writer,
-    order: &Conquest,
+    order: &Connectivity,
     points: &mut Points,
     first: &[u32],
 ) -> Result<(Writer, Option<Weights>), DecodeError> {
     let both = points.len() < TRY_BOTH;
     if both || is_built(order, points) {
         let mut as_built = writer.clone();
-        built::code(&mut as_built, order, points, first)?;
+        architectural_positions::code(&mut as_built, order, points, first)?;
         let mut as_smooth = writer;
         if !both {
             return Ok((as_built, None));
         }
-        let weights = smooth::fit(order, points);
-        smooth::code(&mut as_smooth, order, points, &weights, first)?;
+        let weights = scan_positions::fit(order, points);
+        scan_positions::code(&mut as_smooth, order, points, &weights, first)?;
         let weights_bits = 8.0 * size_of::<Weights>() as f64;
         return Ok(if as_built.bits() <= as_smooth.bits() + weights_bits {
             (as_built, None)
@@ -158,13 +158,13 @@ fn geometry(
         });
     }
     let mut writer = writer;
-    let weights = if points.len() < 64 { PLAIN } else { smooth::fit(order, points) };
-    smooth::code(&mut writer, order, points, &weights, first)?;
+    let weights = if points.len() < 64 { PLAIN } else { scan_positions::fit(order, points) };
+    scan_positions::code(&mut writer, order, points, &weights, first)?;
     Ok((writer, Some(weights)))
 }
 
 /// Whether enough edges stand upright.
-fn is_built(order: &Conquest, points: &Points) -> bool {
+fn is_built(order: &Connectivity, points: &Points) -> bool {
     let mut upright = 0;
     for triangle in &order.triangles {
         let column = |k: usize| [points.value(triangle[k], 0), points.value(triangle[k], 1)];
@@ -175,7 +175,7 @@ fn is_built(order: &Conquest, points: &Points) -> bool {
 }
 
 /// For each vertex of the conquest the one that was given; none for dummies.
-fn sources(order: &Conquest, closed: &Closed, pieces: &Pieces) -> Vec<u32> {
+fn sources(order: &Connectivity, closed: &ClosedMesh, pieces: &Pieces) -> Vec<u32> {
     let mut sources = vec![NONE; order.degree.len()];
     for (triangle, &half_edge) in order.triangles.iter().zip(&order.source) {
         for (k, &vertex) in triangle.iter().enumerate() {
@@ -189,7 +189,7 @@ fn sources(order: &Conquest, closed: &Closed, pieces: &Pieces) -> Vec<u32> {
 }
 
 /// For each corner that will be decoded the one that was given.
-fn corners(order: &Conquest, pieces: &Pieces) -> Vec<u32> {
+fn corners(order: &Connectivity, pieces: &Pieces) -> Vec<u32> {
     let real = order.source.iter().filter(|half_edge| (**half_edge as usize) < pieces.corner.len());
     real.flat_map(|&half_edge| (0..3).map(move |k| pieces.corner[turn(half_edge, k) as usize])).collect()
 }

@@ -2,20 +2,20 @@
 //!
 //! In: a [`Mesh`] on a grid. Out: its bytes, and back. Next: `insula-bake` writes them, `insula-client` reads them.
 
-mod around;
+mod active_lists;
+mod architectural_positions;
 mod attribute;
-mod attributes;
-mod built;
-mod close;
-mod conquest;
+mod attribute_values;
+mod closed_mesh;
+mod completed;
+mod connectivity;
 mod decode;
 mod difference;
 mod encode;
-mod front;
 mod grid;
 pub mod pieces;
 mod points;
-mod smooth;
+mod scan_positions;
 mod weld;
 
 pub use attribute::{Attribute, Kind};

@@ -32,7 +32,7 @@ pub struct Census {
     pub duplicate: u32,
     /// Triangles that were turned around so that they agree with their neighbours.
     pub turned: u32,
-    /// Edges where more than two triangles meet, or two that cannot agree: cut apart, as far as no two of them fit.
+    /// EdgeTable where more than two triangles meet, or two that cannot agree: cut apart, as far as no two of them fit.
     pub cut_edges: u32,
     /// Vertices added because one had several fans of triangles.
     pub cut_vertices: u32,
@@ -66,14 +66,14 @@ fn sort_by_vertex(
 }
 
 /// Half-edges by the edge that they lie on, whichever way they go.
-struct Edges {
+struct EdgeTable {
     /// Where those of each vertex begin that is the lower end, with the end of all at last.
     from: Vec<u32>,
     /// The upper end, then the half-edge; ascending for each lower end.
     keys: Vec<u64>,
 }
 
-impl Edges {
+impl EdgeTable {
     fn new(origin: &[u32], vertices: u32) -> Self {
         let mut from = vec![0u32; vertices as usize + 1];
         let corners = origin.as_chunks::<3>().0;
@@ -124,13 +124,13 @@ impl Pieces {
     pub fn new(triangles: &[[u32; 3]], vertices: u32) -> Self {
         let mut pieces = Self::default();
         pieces.gather(triangles, vertices);
-        let mut edges = Edges::new(&pieces.origin, vertices);
+        let mut edges = EdgeTable::new(&pieces.origin, vertices);
         if pieces.pair(&edges) {
             if pieces.leave_out_duplicates(vertices) {
-                edges = Edges::new(&pieces.origin, vertices);
+                edges = EdgeTable::new(&pieces.origin, vertices);
             }
             if pieces.turn(&edges) {
-                edges = Edges::new(&pieces.origin, vertices);
+                edges = EdgeTable::new(&pieces.origin, vertices);
             }
             pieces.pair(&edges);
         }
@@ -205,7 +205,7 @@ impl Pieces {
 
     /// Turns triangles around where an edge of two goes the same way in both; the fewer of a connected part are turned.
     /// Whether any was.
-    fn turn(&mut self, edges: &Edges) -> bool {
+    fn turn(&mut self, edges: &EdgeTable) -> bool {
         let mut beside = vec![NONE; self.origin.len()];
         let mut against = false;
         for group in edges.groups() {
@@ -256,7 +256,7 @@ impl Pieces {
 
     /// Twins: on an edge of several triangles those that go opposite ways and stand nearest in the input. Whether some edge has
     /// two that go the same way.
-    fn pair(&mut self, edges: &Edges) -> bool {
+    fn pair(&mut self, edges: &EdgeTable) -> bool {
         self.twin.clear();
         self.twin.resize(self.origin.len(), NONE);
         self.census.cut_edges = 0;

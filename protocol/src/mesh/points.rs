@@ -5,30 +5,30 @@
 use crate::error::DecodeError;
 
 /// x, y, z, and 1 for what has a place, 0 for a dummy.
-pub(super) type Place = [f32; 4];
+pub(super) type Vector4 = [f32; 4];
 
 #[inline]
-pub(super) fn add(a: Place, b: Place) -> Place {
+pub(super) fn add(a: Vector4, b: Vector4) -> Vector4 {
     std::array::from_fn(|k| a[k] + b[k])
 }
 
 #[inline]
-pub(super) fn sub(a: Place, b: Place) -> Place {
+pub(super) fn sub(a: Vector4, b: Vector4) -> Vector4 {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
 #[inline]
-pub(super) fn scale(a: Place, by: f32) -> Place {
+pub(super) fn scale(a: Vector4, by: f32) -> Vector4 {
     a.map(|v| v * by)
 }
 
 #[inline]
-pub(super) fn cross(a: Place, b: Place) -> Place {
+pub(super) fn cross(a: Vector4, b: Vector4) -> Vector4 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0], 0.0]
 }
 
 #[inline]
-pub(super) fn products([x, y, z, _]: Place) -> Products {
+pub(super) fn products([x, y, z, _]: Vector4) -> OuterProduct {
     [[x * x, x * y, x * z, 0.0], [y * y, y * z, z * z, 0.0]]
 }
 
@@ -50,21 +50,21 @@ pub(super) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Products of a difference's coordinates: x by x, y and z; then y by y, y by z, z by z.
-pub(super) type Products = [Place; 2];
+/// OuterProduct of a difference's coordinates: x by x, y and z; then y by y, y by z, z by z.
+pub(super) type OuterProduct = [Vector4; 2];
 
 /// A vertex's place, and products of what was left of it by [`super::smooth`]: side by side, as they are needed together.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(16))]
-struct Spot {
-    place: Place,
-    left: Products,
+struct PointState {
+    place: Vector4,
+    left: OuterProduct,
 }
 
 /// Positions of a mesh's vertices, in the order of conquest.
 #[derive(Debug)]
 pub(super) struct Points {
-    spots: Vec<Spot>,
+    spots: Vec<PointState>,
     /// Whether there are no dummies.
     all_real: bool,
     /// Values are below two to this.
@@ -74,7 +74,7 @@ pub(super) struct Points {
 impl Points {
     /// All unknown: a reader's.
     pub(super) fn unknown(vertices: usize, dummies: &[u32], bits: u32) -> Self {
-        let mut spots = vec![Spot { place: [0.0, 0.0, 0.0, 1.0], left: [[0.0; 4]; 2] }; vertices];
+        let mut spots = vec![PointState { place: [0.0, 0.0, 0.0, 1.0], left: [[0.0; 4]; 2] }; vertices];
         dummies.iter().for_each(|dummy| spots[*dummy as usize].place = [0.0; 4]);
         Self { spots, all_real: dummies.is_empty(), bits }
     }
@@ -94,19 +94,19 @@ impl Points {
     }
 
     #[inline]
-    pub(super) fn at(&self, vertex: u32) -> Place {
+    pub(super) fn at(&self, vertex: u32) -> Vector4 {
         self.spots[vertex as usize].place
     }
 
-    /// Products of what was left of a vertex.
+    /// OuterProduct of what was left of a vertex.
     #[inline]
-    pub(super) fn left(&self, vertex: u32) -> Products {
+    pub(super) fn left(&self, vertex: u32) -> OuterProduct {
         self.spots[vertex as usize].left
     }
 
     /// Says what was left.
     #[inline]
-    pub(super) fn leave(&mut self, vertex: u32, left: Products) {
+    pub(super) fn leave(&mut self, vertex: u32, left: OuterProduct) {
         self.spots[vertex as usize].left = left;
     }
 
@@ -124,7 +124,7 @@ impl Points {
 
     /// Gives a vertex its place in whole numbers, which must be on the grid.
     #[inline]
-    pub(super) fn put_exact(&mut self, vertex: u32, place: Place) -> Result<(), DecodeError> {
+    pub(super) fn put_exact(&mut self, vertex: u32, place: Vector4) -> Result<(), DecodeError> {
         let end = (1u32 << self.bits) as f32;
         let [x, y, z, _] = place;
         let is_inside = |v: f32| v >= 0.0 && v < end;

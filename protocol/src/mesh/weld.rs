@@ -8,7 +8,7 @@ use crate::{
     error::DecodeError,
 };
 
-/// Differences to the copy before that have a symbol each: -7 to 7; the last symbol stands for others.
+/// DifferenceCoder to the copy before that have a symbol each: -7 to 7; the last symbol stands for others.
 const NEAR: i64 = 7;
 
 /// Writes or reads, for all vertices, which earlier vertex they are copies of: themselves if of none.

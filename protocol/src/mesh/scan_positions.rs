@@ -1,6 +1,6 @@
 //! Positions of meshes that are scans of something: neighbours say where a vertex will be, and how sure they are.
 //!
-//! In: a [`Conquest`] and positions, or symbols. Out: symbols, or positions. Next: a person's eye.
+//! In: a [`Connectivity`] and positions, or symbols. Out: symbols, or positions. Next: a person's eye.
 //!
 //! A vertex is predicted from the mean of its parallelograms and of its neighbours, with weights that the writer fitted to
 //! the mesh (by how many triangles the vertex completes, and by degrees: they tell how wide an angle is). What is left is
@@ -9,10 +9,10 @@
 //! a local frame would do, and along a scanner's rays it is better, without any rotation to be undone exactly.
 
 use super::{
-    around::Around,
-    conquest::Conquest,
+    completed::CompletedTriangles,
+    connectivity::Connectivity,
     pieces::NONE,
-    points::{Place, Points, add, cross, larger, nearest, products, scale, sub},
+    points::{Points, Vector4, add, cross, larger, nearest, products, scale, sub},
 };
 use crate::{
     codec::{
@@ -47,13 +47,13 @@ const PRIOR: f32 = 2.0;
 /// How fast that average follows.
 const FOLLOW: f32 = 0.1;
 
-struct Models {
+struct ScanModels {
     token: [[Model<16>; SCALES]; 3],
     far: Model<32>,
     seed: [Model<32>; 3],
 }
 
-impl Models {
+impl ScanModels {
     fn new() -> Self {
         let make = || std::array::from_fn(|scale| Model::new(|symbol| expected(scale, symbol)));
         Self { token: [make(), make(), make()], far: Model::default(), seed: Default::default() }
@@ -112,19 +112,19 @@ fn expected(scale: usize, symbol: usize) -> u32 {
 }
 
 /// What the triangles around a vertex say.
-struct Guess {
+struct Prediction {
     class: Option<usize>,
     /// Mean of the neighbours.
-    mean: Place,
+    mean: Vector4,
     /// From what is beyond them to that mean.
-    out: Place,
+    out: Vector4,
     /// From that mean to the neighbour in the middle.
-    middle: Place,
+    middle: Vector4,
 }
 
-impl Guess {
+impl Prediction {
     #[inline(always)]
-    fn new(around: &Around, mesh: &Conquest, points: &Points, vertex: u32) -> Self {
+    fn new(around: &CompletedTriangles, mesh: &Connectivity, points: &Points, vertex: u32) -> Self {
         let wings = around.wings();
         let (mut near, mut far, mut middle) = ([0.0; 4], [0.0; 4], [0.0; 4]);
         for wing in wings {
@@ -151,23 +151,23 @@ impl Guess {
     }
 
     #[inline]
-    fn place(&self, weights: &[f32; WEIGHTS]) -> Place {
+    fn place(&self, weights: &[f32; WEIGHTS]) -> Vector4 {
         add(self.mean, add(scale(self.out, weights[0]), scale(self.middle, weights[1])))
     }
 }
 
 /// Weights that leave least, by least squares over all vertices; far ones count less.
-pub(super) fn fit(mesh: &Conquest, points: &Points) -> Weights {
+pub(super) fn fit(mesh: &Connectivity, points: &Points) -> Weights {
     let mut sums = [[0f64; 5]; CLASSES];
-    let mut around = Around::default();
+    let mut around = CompletedTriangles::default();
     for vertex in 0..points.len() as u32 {
         if !points.is_real(vertex) {
             continue;
         }
         around.look(mesh, vertex, |other| points.is_real(other));
-        let guess = Guess::new(&around, mesh, points, vertex);
+        let guess = Prediction::new(&around, mesh, points, vertex);
         let Some(class) = guess.class else { continue };
-        let dot = |a: Place, b: Place| (0..3).map(|k| f64::from(a[k]) * f64::from(b[k])).sum::<f64>();
+        let dot = |a: Vector4, b: Vector4| (0..3).map(|k| f64::from(a[k]) * f64::from(b[k])).sum::<f64>();
         let left = sub(points.at(vertex), guess.mean);
         let off = sub(left, guess.out);
         let weight = 1.0 / (4.0 + dot(off, off)).sqrt();
@@ -193,15 +193,15 @@ pub(super) fn fit(mesh: &Conquest, points: &Points) -> Weights {
 /// Writes or reads all positions.
 pub(super) fn code<C: Symbols>(
     coder: &mut C,
-    mesh: &Conquest,
+    mesh: &Connectivity,
     points: &mut Points,
     weights: &Weights,
     first: &[u32],
 ) -> Result<(), DecodeError> {
-    let mut models = Models::new();
+    let mut models = ScanModels::new();
     let weights = weights.map(|class| class.map(|weight| f32::from(weight) / UNIT));
     let (mut flat, mut steep) = (64f32, 16f32);
-    let mut around = Around::default();
+    let mut around = CompletedTriangles::default();
     let mut last = NONE;
     for vertex in 0..points.len() as u32 {
         if !points.is_real(vertex) {
@@ -214,7 +214,7 @@ pub(super) fn code<C: Symbols>(
             continue;
         }
         around.look(mesh, vertex, |other| points.is_real(other));
-        let guess = Guess::new(&around, mesh, points, vertex);
+        let guess = Prediction::new(&around, mesh, points, vertex);
         let Some(class) = guess.class else {
             let last_place =
                 if last == NONE { points.middle() } else { std::array::from_fn(|axis| points.value(last, axis)) };

@@ -1,18 +1,18 @@
 //! What is known around a vertex when it is its turn: the triangles that it completes.
 //!
-//! In: a [`Conquest`]. Out: [`Around`], vertex by vertex. Next: `smooth`, `built`.
+//! In: a [`Connectivity`]. Out: [`CompletedTriangles`], vertex by vertex. Next: `smooth`, `built`.
 //!
 //! A triangle is completed by the last of its vertices. But for joins, those that a vertex completes came with it and before
 //! the next vertex, so they are read off the order of triangles, without walking around the vertex.
 
-use super::conquest::Conquest;
+use super::connectivity::Connectivity;
 
 /// Most triangles that are looked at around one vertex.
 const MOST: usize = 6;
 
 /// A triangle that a vertex completes: the other two corners, and what lies beyond the edge between them.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Wing {
+pub(super) struct CompletedTriangle {
     /// The corner after the vertex.
     pub(super) a: u32,
     /// The corner before the vertex.
@@ -25,21 +25,21 @@ pub(super) struct Wing {
 
 /// All of them, the one that the vertex came with first.
 #[derive(Debug, Default)]
-pub(super) struct Around {
-    wings: [Wing; MOST],
+pub(super) struct CompletedTriangles {
+    wings: [CompletedTriangle; MOST],
     count: usize,
 }
 
-impl Around {
+impl CompletedTriangles {
     /// The completed triangles, at most [`MOST`].
     #[inline]
-    pub(super) fn wings(&self) -> &[Wing] {
+    pub(super) fn wings(&self) -> &[CompletedTriangle] {
         &self.wings[..self.count]
     }
 
     /// Looks at the triangles that came with `vertex`. Only vertices below it that `is_known` are known.
     #[inline]
-    pub(super) fn look(&mut self, mesh: &Conquest, vertex: u32, is_known: impl Fn(u32) -> bool) {
+    pub(super) fn look(&mut self, mesh: &Connectivity, vertex: u32, is_known: impl Fn(u32) -> bool) {
         self.count = 0;
         let from = mesh.birth[vertex as usize] as usize;
         let to = mesh.birth.get(vertex as usize + 1).map_or(mesh.triangles.len(), |birth| *birth as usize);
@@ -60,7 +60,7 @@ impl Around {
             let known = |other: u32| other < vertex && is_known(other);
             if known(a) && known(b) && known(x) {
                 let full = if k == 1 || t == from { a } else { corners[1] };
-                self.wings[self.count] = Wing { a, b, x, full };
+                self.wings[self.count] = CompletedTriangle { a, b, x, full };
                 self.count += 1;
                 if self.count == MOST {
                     return;

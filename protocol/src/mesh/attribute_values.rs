@@ -1,6 +1,6 @@
 //! What corners carry, along the conquest.
 //!
-//! In: a [`Conquest`] with positions, and values of corners, or symbols. Out: symbols, or values. Next: a mesh's caller.
+//! In: a [`Connectivity`] with positions, and values of corners, or symbols. Out: symbols, or values. Next: a mesh's caller.
 //!
 //! A corner first says whether it has the value that a neighbouring triangle has at the same vertex: where all do, that is
 //! next to nothing; a seam is where they do not. A new value is a difference to what its triangle says: on a plane, texture
@@ -8,8 +8,8 @@
 
 use super::{
     attribute::{Attribute, Kind},
-    conquest::Conquest,
-    difference::Differences,
+    connectivity::Connectivity,
+    difference::DifferenceCoder,
     pieces::{next, prev},
     points::Points,
 };
@@ -28,12 +28,12 @@ type Value = [i32; 4];
 /// Writes or reads one attribute. A writer's `attribute.corners` lie in the order of conquest; a reader fills them in.
 pub(super) fn code<C: Symbols>(
     coder: &mut C,
-    mesh: &Conquest,
+    mesh: &Connectivity,
     points: &Points,
     attribute: &mut Attribute,
 ) -> Result<(), DecodeError> {
     let mut shares = [(); 6].map(|()| Model::<4>::new(|i| [12, 2, 1, 2][i]));
-    let mut differences = Differences::new([4 * 4, 4]);
+    let mut differences = DifferenceCoder::new([4 * 4, 4]);
     let width = usize::from(attribute.components);
     let (wanted_values, wanted_corners) = if C::WRITES {
         (std::mem::take(&mut attribute.values), std::mem::take(&mut attribute.corners))
@@ -113,7 +113,7 @@ pub(super) fn code<C: Symbols>(
 /// What a new value is likely to be, and how that was guessed: by nothing, by another corner, by the triangle's shape, by
 /// the triangle beside it.
 fn guess(
-    mesh: &Conquest,
+    mesh: &Connectivity,
     points: &Points,
     attribute: &Attribute,
     ids: &[u32],

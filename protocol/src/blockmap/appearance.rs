@@ -1,6 +1,6 @@
 //! What columns look like: colours with a chosen loss, occlusion, coverage.
 //!
-//! In: a [`Coder`], a map with its shapes and the [`Step`]s along its facades. Out: roofs, outer roofs and strips; in the
+//! In: a [`Coder`], a map with its shapes and the [`FacadeStep`]s along its facades. Out: roofs, outer roofs and strips; in the
 //! writer's map too they become what a reader will see.
 //!
 //! Roofs are coded row by row, strips along the facades. A texel is guessed from three that are known: for roofs the western,
@@ -11,7 +11,7 @@ use super::{
     BlockMap, COLUMNS, STEPS_PER_CELL, flag,
     geometry::{self, WIDTH, median, neighbour, place},
     strip_rows,
-    walls::Step,
+    walls::FacadeStep,
 };
 use crate::{
     codec::range::{Bit, Coder, Number},
@@ -21,9 +21,9 @@ use crate::{
 /// How much may be lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Loss {
-    /// Step of the brightness, in quarters; 4 loses nothing.
+    /// FacadeStep of the brightness, in quarters; 4 loses nothing.
     pub(super) colour: u16,
-    /// Step of the occlusion; 1 loses nothing.
+    /// FacadeStep of the occlusion; 1 loses nothing.
     pub(super) ao: u8,
 }
 
@@ -57,7 +57,7 @@ fn to_rgb(colour: Colour) -> [u8; 3] {
 
 /// What a texel is guessed from; where only some are known, they stand for the others.
 #[derive(Debug, Clone, Copy, Default)]
-struct Look {
+struct ReconstructedTexel {
     colour: Colour,
     ao: i16,
 }
@@ -69,7 +69,7 @@ const CLASSES: usize = 8;
 const ACTIVITY_MAX: i32 = 1023;
 
 #[derive(Default)]
-struct Models {
+struct AppearanceModels {
     brightness: [Number; CLASSES],
     /// By activity and by whether anything else of the texel was not as guessed.
     differences: [[Number; 6]; 2],
@@ -81,11 +81,11 @@ struct Models {
     index: Vec<Bit>,
 }
 
-struct Texels<'a, C> {
+struct TexelCoder<'a, C> {
     coder: &'a mut C,
     loss: Loss,
-    ao: AoSteps,
-    models: Box<Models>,
+    ao: AoTables,
+    models: Box<AppearanceModels>,
     /// Class of a neighbourhood by its activity; empty where there is a palette.
     classes: Vec<u8>,
     palette: Option<Vec<Colour>>,
@@ -103,7 +103,7 @@ fn quantise(v: i32, step: i32) -> i32 {
 }
 
 /// Steps of the occlusion, as tables. Levels are the same in all nodes, so that what is equal on either side of a border stays equal.
-struct AoSteps {
+struct AoTables {
     /// The level of an occlusion, and the occlusion of a level.
     levels: [u8; 64],
     looks: [u8; 64],
@@ -111,7 +111,7 @@ struct AoSteps {
     classes: [u8; 128],
 }
 
-impl AoSteps {
+impl AoTables {
     fn new(step: u8) -> Self {
         let step = usize::from(step.max(1));
         Self {
@@ -122,7 +122,7 @@ impl AoSteps {
     }
 }
 
-impl<'a, C: Coder> Texels<'a, C> {
+impl<'a, C: Coder> TexelCoder<'a, C> {
     fn new(coder: &'a mut C, loss: Loss, palette: Option<Vec<Colour>>) -> Self {
         let step = u32::from(loss.colour);
         let class = |v: u32| match v * 8 / step {
@@ -137,20 +137,20 @@ impl<'a, C: Coder> Texels<'a, C> {
         };
         let classes =
             if palette.is_none() { (0..=ACTIVITY_MAX as u32).map(|v| class(v) as u8).collect() } else { Vec::new() };
-        let mut models = Box::<Models>::default();
+        let mut models = Box::<AppearanceModels>::default();
         if let Some(palette) = &palette {
             let digits = palette.len().next_power_of_two();
             models.index = vec![Bit::default(); digits - 1];
         }
-        Self { coder, loss, ao: AoSteps::new(loss.ao), models, classes, palette }
+        Self { coder, loss, ao: AoTables::new(loss.ao), models, classes, palette }
     }
 
     /// One texel from the three that it is guessed from.
     #[inline]
-    fn texel(&mut self, value: Texel, known: &[Look; 3]) -> (Texel, Look) {
+    fn texel(&mut self, value: Texel, known: &[ReconstructedTexel; 3]) -> (Texel, ReconstructedTexel) {
         let colour = self.colour(value, known);
         let ao = self.ao(i32::from(value.ao()), known.map(|k| i32::from(k.ao)));
-        (Texel::new(to_rgb(colour), ao as u8, ALPHA_MAX), Look { colour, ao })
+        (Texel::new(to_rgb(colour), ao as u8, ALPHA_MAX), ReconstructedTexel { colour, ao })
     }
 
     fn ao(&mut self, value: i32, [a, b, c]: [i32; 3]) -> i16 {
@@ -168,7 +168,7 @@ impl<'a, C: Coder> Texels<'a, C> {
         i16::from(self.ao.looks[(guess + k).clamp(0, i32::from(AO_MAX)) as usize])
     }
 
-    fn colour(&mut self, value: Texel, known: &[Look; 3]) -> Colour {
+    fn colour(&mut self, value: Texel, known: &[ReconstructedTexel; 3]) -> Colour {
         if self.palette.is_some() {
             return self.indexed(value, known);
         }
@@ -195,7 +195,7 @@ impl<'a, C: Coder> Texels<'a, C> {
         out.map(|v| v as i16)
     }
 
-    fn indexed(&mut self, value: Texel, known: &[Look; 3]) -> Colour {
+    fn indexed(&mut self, value: Texel, known: &[ReconstructedTexel; 3]) -> Colour {
         let palette = self.palette.as_deref().unwrap_or_default();
         if let [one] = palette {
             return *one;
@@ -219,9 +219,9 @@ impl<'a, C: Coder> Texels<'a, C> {
 const PALETTE: usize = 64;
 
 /// Writes or reads all looks.
-pub(super) fn looks<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Step], loss: Loss) {
+pub(super) fn code<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeStep], loss: Loss) {
     let palette = palette(coder, map);
-    let mut texels = Texels::new(coder, loss, palette);
+    let mut texels = TexelCoder::new(coder, loss, palette);
     let roofs = roofs(&mut texels, map);
     outers(&mut texels, map, &roofs);
     strips(&mut texels, map, steps, &roofs);
@@ -270,8 +270,8 @@ fn colours(map: &BlockMap) -> Vec<[u8; 3]> {
 /// Height of a cell without a column.
 const NOTHING: i32 = i32::MIN / 2;
 
-fn roofs<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap) -> Vec<Look> {
-    let mut looks = vec![Look { colour: [128, 0, 0], ao: i16::from(AO_MAX) }; WIDTH * WIDTH];
+fn roofs<C: Coder>(texels: &mut TexelCoder<'_, C>, map: &mut BlockMap) -> Vec<ReconstructedTexel> {
+    let mut looks = vec![ReconstructedTexel { colour: [128, 0, 0], ao: i16::from(AO_MAX) }; WIDTH * WIDTH];
     let mut heights = vec![NOTHING; WIDTH * WIDTH];
     let mut last = 0;
     let near = i32::from(STEPS_PER_CELL >> map.z_shift);
@@ -314,7 +314,7 @@ fn standing(around: &[usize; 3], heights: &[i32], level: impl Fn(usize) -> bool)
     }
 }
 
-fn outers<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap, roofs: &[Look]) {
+fn outers<C: Coder>(texels: &mut TexelCoder<'_, C>, map: &mut BlockMap, roofs: &[ReconstructedTexel]) {
     let columns: Vec<usize> = (0..COLUMNS).filter(|i| map.flags[*i] & flag::CLIPPED != 0).collect();
     let mut clips = std::mem::take(&mut map.clips);
     for (&i, clip) in columns.iter().zip(&mut clips) {
@@ -333,22 +333,27 @@ fn outers<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap, roofs: &[Loo
 
 /// Where a column's strip lies, and its first row.
 #[derive(Debug, Clone, Copy, Default)]
-struct Place {
+struct StripPlacement {
     start: usize,
     first: i32,
     rows: usize,
 }
 
-fn strips<C: Coder>(texels: &mut Texels<'_, C>, map: &mut BlockMap, steps: &[Step], roofs: &[Look]) {
-    let mut places = vec![Place::default(); COLUMNS];
+fn strips<C: Coder>(
+    texels: &mut TexelCoder<'_, C>,
+    map: &mut BlockMap,
+    steps: &[FacadeStep],
+    roofs: &[ReconstructedTexel],
+) {
+    let mut places = vec![StripPlacement::default(); COLUMNS];
     let mut start = 0;
     for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::EXPOSED != 0) {
         let (first, rows) = strip_rows(map.z_min[i], map.z_max[i], map.z_shift);
-        places[i] = Place { start, first: i32::from(first), rows: usize::from(rows) };
+        places[i] = StripPlacement { start, first: i32::from(first), rows: usize::from(rows) };
         start += usize::from(rows);
     }
     map.strips.resize(start, Texel::TRANSPARENT);
-    let mut looks = vec![Look::default(); start];
+    let mut looks = vec![ReconstructedTexel::default(); start];
     for step in steps {
         let place = places[step.column];
         let before = step.before.map(|j| places[j]);

@@ -12,7 +12,7 @@ const BUCKETS: usize = 64;
 
 /// A stay of a vertex on an active list.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Node {
+pub(super) struct ActiveNode {
     /// Which vertex.
     pub(super) vertex: u32,
     /// Edges between its two border edges, on the side that is not conquered.
@@ -27,33 +27,33 @@ pub(super) struct Node {
 
 /// All active lists.
 #[derive(Debug)]
-pub(super) struct Front {
+pub(super) struct ActiveLists {
     /// Those that have left too: a node keeps its number.
-    pub(super) nodes: Vec<Node>,
+    pub(super) nodes: Vec<ActiveNode>,
     /// By free edges, the latest last. A node stands there once for each time its free edges changed.
     buckets: [Vec<u32>; BUCKETS],
     lowest: usize,
 }
 
-impl Front {
+impl ActiveLists {
     pub(super) fn new() -> Self {
         Self { nodes: Vec::new(), buckets: std::array::from_fn(|_| Vec::new()), lowest: BUCKETS }
     }
 
     /// Appends a node.
     #[inline]
-    pub(super) fn add(&mut self, node: Node) -> u32 {
+    pub(super) fn add(&mut self, node: ActiveNode) -> u32 {
         self.nodes.push(node);
         self.nodes.len() as u32 - 1
     }
 
     #[inline]
-    pub(super) fn node(&self, node: u32) -> &Node {
+    pub(super) fn node(&self, node: u32) -> &ActiveNode {
         &self.nodes[node as usize]
     }
 
     #[inline]
-    pub(super) fn node_mut(&mut self, node: u32) -> &mut Node {
+    pub(super) fn node_mut(&mut self, node: u32) -> &mut ActiveNode {
         &mut self.nodes[node as usize]
     }
 
@@ -70,7 +70,7 @@ impl Front {
     pub(super) fn focus(&mut self) -> Option<u32> {
         while self.lowest < BUCKETS {
             while let Some(node) = self.buckets[self.lowest].pop() {
-                let Node { next, free, .. } = *self.node(node);
+                let ActiveNode { next, free, .. } = *self.node(node);
                 if next != NONE && (free as usize).min(BUCKETS - 1) == self.lowest {
                     return Some(node);
                 }

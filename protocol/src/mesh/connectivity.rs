@@ -1,7 +1,7 @@
 //! Connectivity by valences (Touma and Gotsman 1998; Alliez and Desbrun 2001; Gasparello, chapter 3): the conquered region
 //! grows triangle by triangle, and each new vertex says only how many edges it has.
 //!
-//! In: [`Closed`] pieces, or coded symbols. Out: [`Conquest`]: the same triangles in the order in which they were conquered.
+//! In: [`ClosedMesh`] pieces, or coded symbols. Out: [`Connectivity`]: the same triangles in the order in which they were conquered.
 //! Next: `geometry` and `attributes`, which know all of the connectivity by then.
 //!
 //! One walk both writes and reads. It differs from the papers in three ways. The focus is the vertex of fewest free edges of
@@ -9,8 +9,8 @@
 //! met again, whichever list it is on. And a join says how the free edges of that vertex are shared out.
 
 use super::{
-    close::Closed,
-    front::{Front, Node},
+    active_lists::{ActiveLists, ActiveNode},
+    closed_mesh::ClosedMesh,
     pieces::{NONE, next, prev},
 };
 use crate::{
@@ -29,7 +29,7 @@ const CONTEXTS: usize = 64;
 
 /// Triangles in the order of conquest.
 #[derive(Debug, Default)]
-pub(super) struct Conquest {
+pub(super) struct Connectivity {
     /// Vertices of each triangle, those of dummies too; numbered as they were conquered.
     pub(super) triangles: Vec<[u32; 3]>,
     /// For each half-edge, the one beside it: the surface is closed.
@@ -46,7 +46,7 @@ pub(super) struct Conquest {
 
 /// What a writer knows beyond a reader.
 #[derive(Debug, Default)]
-struct Guide {
+struct EncoderState {
     degree: Vec<u32>,
     /// Whether a vertex was conquered.
     met: Vec<bool>,
@@ -59,7 +59,7 @@ struct Guide {
 }
 
 #[derive(Debug)]
-struct Models {
+struct ConnectivityModels {
     degree: [Vec<Model<16>>; 2],
     seed: Model<16>,
     large: Model<32>,
@@ -70,7 +70,7 @@ struct Models {
     more: Model<2>,
 }
 
-impl Models {
+impl ConnectivityModels {
     fn new() -> Self {
         const USUAL: [u32; 16] = [30, 10, 5, 30, 120, 300, 400, 300, 100, 40, 20, 10, 6, 4, 3, 3];
         let usual = || vec![Model::new(|i| USUAL[i]); CONTEXTS];
@@ -86,12 +86,12 @@ impl Models {
     }
 }
 
-struct Walk<'a> {
-    front: Front,
-    out: Conquest,
-    models: Models,
-    closed: &'a Closed,
-    guide: Guide,
+struct Traversal<'a> {
+    active: ActiveLists,
+    out: Connectivity,
+    models: ConnectivityModels,
+    closed: &'a ClosedMesh,
+    guide: EncoderState,
     /// Nodes without free edges.
     full: Vec<u32>,
     limit: usize,
@@ -100,9 +100,9 @@ struct Walk<'a> {
 const DISORDER: DecodeError = DecodeError::Invalid("a mesh's connectivity contradicts itself");
 
 /// Writes the connectivity of `closed`.
-pub(super) fn write<C: Symbols>(coder: &mut C, closed: &Closed) -> Result<Conquest, DecodeError> {
-    let mut walk = Walk::new(closed, closed.triangles());
-    walk.guide = Guide {
+pub(super) fn write<C: Symbols>(coder: &mut C, closed: &ClosedMesh) -> Result<Connectivity, DecodeError> {
+    let mut walk = Traversal::new(closed, closed.triangles());
+    walk.guide = EncoderState {
         degree: closed.degrees(),
         met: vec![false; closed.vertices()],
         done: vec![false; closed.triangles()],
@@ -115,31 +115,31 @@ pub(super) fn write<C: Symbols>(coder: &mut C, closed: &Closed) -> Result<Conque
 /// Reads connectivity of at most `limit` triangles, those of dummies among them.
 ///
 /// Room for `likely` of them is made at once.
-pub(super) fn read<C: Symbols>(coder: &mut C, limit: usize, likely: usize) -> Result<Conquest, DecodeError> {
-    let closed = Closed::default();
-    let mut walk = Walk::new(&closed, limit);
+pub(super) fn read<C: Symbols>(coder: &mut C, limit: usize, likely: usize) -> Result<Connectivity, DecodeError> {
+    let closed = ClosedMesh::default();
+    let mut walk = Traversal::new(&closed, limit);
     walk.out.triangles.reserve(likely);
     walk.out.twins.reserve(likely);
     walk.out.degree.reserve(likely / 2);
     walk.out.birth.reserve(likely / 2);
-    walk.front.nodes.reserve(likely / 2);
+    walk.active.nodes.reserve(likely / 2);
     walk.run(coder)
 }
 
-impl<'a> Walk<'a> {
-    fn new(closed: &'a Closed, limit: usize) -> Self {
+impl<'a> Traversal<'a> {
+    fn new(closed: &'a ClosedMesh, limit: usize) -> Self {
         Self {
-            front: Front::new(),
-            out: Conquest::default(),
-            models: Models::new(),
+            active: ActiveLists::new(),
+            out: Connectivity::default(),
+            models: ConnectivityModels::new(),
             closed,
-            guide: Guide::default(),
+            guide: EncoderState::default(),
             full: Vec::new(),
             limit,
         }
     }
 
-    fn run<C: Symbols>(mut self, coder: &mut C) -> Result<Conquest, DecodeError> {
+    fn run<C: Symbols>(mut self, coder: &mut C) -> Result<Connectivity, DecodeError> {
         let mut seed = 0;
         loop {
             if C::WRITES {
@@ -151,8 +151,8 @@ impl<'a> Walk<'a> {
                 return Ok(self.out);
             }
             self.begin(coder, 3 * seed as u32)?;
-            while let Some(focus) = self.front.focus() {
-                while self.front.node(focus).next != NONE {
+            while let Some(focus) = self.active.focus() {
+                while self.active.node(focus).next != NONE {
                     self.step(coder, focus)?;
                     if coder.overrun() {
                         return Err(DecodeError::Invalid("a mesh's connectivity is cut off"));
@@ -164,7 +164,7 @@ impl<'a> Walk<'a> {
 
     /// The first triangle of a piece; `seed` is its first half-edge.
     fn begin<C: Symbols>(&mut self, coder: &mut C, seed: u32) -> Result<(), DecodeError> {
-        let first = self.front.nodes.len() as u32;
+        let first = self.active.nodes.len() as u32;
         let edge = 3 * self.out.triangles.len() as u32;
         let mut corners = [0; 3];
         for (k, corner) in corners.iter_mut().enumerate() {
@@ -178,7 +178,7 @@ impl<'a> Walk<'a> {
             // What is left of the edge to the node before is free: lists go the other way round than the triangle.
             let (next, prev, edge) = (first + (k + 2) % 3, first + (k + 1) % 3, edge + (k + 2) % 3);
             let free = self.out.degree[*corner as usize] - 2;
-            self.front.add(Node { vertex: *corner, free, next, prev, edge });
+            self.active.add(ActiveNode { vertex: *corner, free, next, prev, edge });
         }
         self.triangle::<C>(corners, seed)?;
         if C::WRITES {
@@ -194,9 +194,9 @@ impl<'a> Walk<'a> {
     /// The triangle on the edge from the node before the focus to the focus.
     #[inline]
     fn step<C: Symbols>(&mut self, coder: &mut C, f: u32) -> Result<(), DecodeError> {
-        let focus = *self.front.node(f);
+        let focus = *self.active.node(f);
         let p = focus.prev;
-        let before = *self.front.node(p);
+        let before = *self.active.node(p);
         let (mut symbol, mut degree, mut gate) = (JOIN, 0, NONE);
         if C::WRITES {
             gate = self.guide.beyond[p as usize];
@@ -215,10 +215,10 @@ impl<'a> Walk<'a> {
         let edge = self.triangle::<C>([before.vertex, focus.vertex, vertex], gate)?;
         self.link(edge, before.edge);
         let free = self.out.degree[vertex as usize] - 2;
-        let v = self.front.add(Node { vertex, free, next: f, prev: p, edge: edge + 1 });
-        let node = self.front.node_mut(p);
+        let v = self.active.add(ActiveNode { vertex, free, next: f, prev: p, edge: edge + 1 });
+        let node = self.active.node_mut(p);
         (node.next, node.edge, node.free) = (v, edge + 2, node.free - 1);
-        let node = self.front.node_mut(f);
+        let node = self.active.node_mut(f);
         (node.prev, node.free) = (v, node.free - 1);
         if C::WRITES {
             self.guide.beyond.push(0);
@@ -228,12 +228,12 @@ impl<'a> Walk<'a> {
         if free == 0 {
             self.full.push(v);
         } else {
-            self.front.wait(v);
+            self.active.wait(v);
         }
         if before.free == 1 {
             self.full.push(p);
         } else {
-            self.front.wait(p);
+            self.active.wait(p);
         }
         // The focus needs not wait.
         if focus.free == 1 {
@@ -245,15 +245,15 @@ impl<'a> Walk<'a> {
     /// A triangle whose third vertex is on a list already.
     #[cold]
     fn join<C: Symbols>(&mut self, coder: &mut C, f: u32, gate: u32) -> Result<(), DecodeError> {
-        let focus = *self.front.node(f);
+        let focus = *self.active.node(f);
         let p = focus.prev;
-        let before = *self.front.node(p);
+        let before = *self.active.node(p);
         let (mut target, mut part) = (0, 0);
         if C::WRITES {
             (target, part) = self.stay(gate);
         }
         let target = self.point(coder, focus.next, before.prev, target)?;
-        let met = *self.front.nodes.get(target as usize).ok_or(DISORDER)?;
+        let met = *self.active.nodes.get(target as usize).ok_or(DISORDER)?;
         if met.next == NONE || met.free < 2 || met.vertex == before.vertex || met.vertex == focus.vertex {
             return Err(DISORDER);
         }
@@ -262,13 +262,13 @@ impl<'a> Walk<'a> {
         let edge = self.triangle::<C>([before.vertex, focus.vertex, met.vertex], gate)?;
         self.link(edge, before.edge);
         // What came after the vertex goes on from the node before the focus, what came before it leads to the focus.
-        let w = self.front.add(Node { vertex: met.vertex, free: part, next: met.next, prev: p, edge: met.edge });
-        self.front.node_mut(met.next).prev = w;
-        let node = self.front.node_mut(target);
+        let w = self.active.add(ActiveNode { vertex: met.vertex, free: part, next: met.next, prev: p, edge: met.edge });
+        self.active.node_mut(met.next).prev = w;
+        let node = self.active.node_mut(target);
         (node.next, node.edge, node.free) = (f, edge + 1, rest);
-        let node = self.front.node_mut(p);
+        let node = self.active.node_mut(p);
         (node.next, node.edge, node.free) = (w, edge + 2, node.free - 1);
-        let node = self.front.node_mut(f);
+        let node = self.active.node_mut(f);
         (node.prev, node.free) = (target, node.free - 1);
         if C::WRITES {
             self.guide.beyond.push(0);
@@ -290,7 +290,7 @@ impl<'a> Walk<'a> {
                     (way, steps) = (usize::from(a != node), step);
                     break;
                 }
-                (a, b) = (self.front.node(a).next, self.front.node(b).prev);
+                (a, b) = (self.active.node(a).next, self.active.node(b).prev);
             }
         }
         let way = coder.symbol(&mut self.models.way, way);
@@ -299,7 +299,7 @@ impl<'a> Walk<'a> {
             0 | 1 if steps < REACH => {
                 let mut at = [after, before][way];
                 for _ in 0..steps {
-                    at = if way == 0 { self.front.node(at).next } else { self.front.node(at).prev };
+                    at = if way == 0 { self.active.node(at).next } else { self.active.node(at).prev };
                 }
                 Ok(at)
             }
@@ -326,7 +326,7 @@ impl<'a> Walk<'a> {
     /// Sorts nodes whose free edges changed: those without any are full, the others wait.
     fn change(&mut self, nodes: &[u32]) {
         for &node in nodes {
-            if self.front.node(node).free == 0 { self.full.push(node) } else { self.front.wait(node) }
+            if self.active.node(node).free == 0 { self.full.push(node) } else { self.active.wait(node) }
         }
     }
 
@@ -334,37 +334,37 @@ impl<'a> Walk<'a> {
     #[inline]
     fn settle<C: Symbols>(&mut self) -> Result<(), DecodeError> {
         while let Some(f) = self.full.pop() {
-            let node = *self.front.node(f);
+            let node = *self.active.node(f);
             if node.next == NONE || node.free != 0 {
                 continue;
             }
             let (p, n) = (node.prev, node.next);
-            let (before, after) = (*self.front.node(p), *self.front.node(n));
+            let (before, after) = (*self.active.node(p), *self.active.node(n));
             let gate = if C::WRITES { self.guide.beyond[p as usize] } else { 0 };
             let edge = self.triangle::<C>([before.vertex, node.vertex, after.vertex], gate)?;
             self.link(edge, before.edge);
             self.link(edge + 1, node.edge);
-            self.front.node_mut(f).next = NONE;
+            self.active.node_mut(f).next = NONE;
             match (before.free, after.free) {
                 (0, 0) if after.next == p => {
                     self.link(edge + 2, after.edge);
-                    self.front.node_mut(p).next = NONE;
-                    self.front.node_mut(n).next = NONE;
+                    self.active.node_mut(p).next = NONE;
+                    self.active.node_mut(n).next = NONE;
                     continue;
                 }
                 (0, _) | (_, 0) => return Err(DISORDER),
                 _ if p == n => return Err(DISORDER),
                 _ => {}
             }
-            let node = self.front.node_mut(p);
+            let node = self.active.node_mut(p);
             (node.next, node.edge, node.free) = (n, edge + 2, node.free - 1);
-            let node = self.front.node_mut(n);
+            let node = self.active.node_mut(n);
             (node.prev, node.free) = (p, node.free - 1);
             if C::WRITES {
                 self.face_out(p, self.closed.twin[prev(gate) as usize]);
             }
             for (node, free) in [(p, before.free), (n, after.free)] {
-                if free == 1 { self.full.push(node) } else { self.front.wait(node) }
+                if free == 1 { self.full.push(node) } else { self.active.wait(node) }
             }
         }
         Ok(())
@@ -418,10 +418,10 @@ impl<'a> Walk<'a> {
     /// What a new vertex's degree depends on: the degrees at the edge it comes to; that of the vertex after the focus, with
     /// the free edges at that edge.
     #[inline]
-    fn contexts(&self, before: &Node, focus: &Node) -> [usize; 2] {
+    fn contexts(&self, before: &ActiveNode, focus: &ActiveNode) -> [usize; 2] {
         let degree = |vertex: u32| self.out.degree[vertex as usize].clamp(3, 9) as usize - 3;
-        let free = |node: &Node| node.free.min(3) as usize - 1;
-        let after = self.front.node(focus.next).vertex;
+        let free = |node: &ActiveNode| node.free.min(3) as usize - 1;
+        let after = self.active.node(focus.next).vertex;
         [degree(before.vertex) * 7 + degree(focus.vertex), degree(after) * 9 + free(before) * 3 + free(focus)]
     }
 

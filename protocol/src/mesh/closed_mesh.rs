@@ -1,12 +1,12 @@
 //! Borders closed with dummy vertices, so that the conquest meets closed surfaces only (Gasparello, 3.3.2).
 //!
-//! In: [`Pieces`]. Out: [`Closed`]. Next: `conquest`.
+//! In: [`Pieces`]. Out: [`ClosedMesh`]. Next: `conquest`.
 
 use super::pieces::{NONE, Pieces};
 
 /// Pieces with a dummy vertex for each loop of border edges, and a triangle from it to each edge.
 #[derive(Debug, Default)]
-pub(super) struct Closed {
+pub(super) struct ClosedMesh {
     /// As of [`Pieces`]; triangles of dummies come last.
     pub(super) origin: Vec<u32>,
     /// As of [`Pieces`], without borders.
@@ -16,7 +16,7 @@ pub(super) struct Closed {
     vertices: usize,
 }
 
-impl Closed {
+impl ClosedMesh {
     /// Closes all borders.
     pub(super) fn new(pieces: &Pieces) -> Self {
         let (mut origin, mut twin) = (pieces.origin.clone(), pieces.twin.clone());

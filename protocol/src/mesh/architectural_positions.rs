@@ -1,6 +1,6 @@
 //! Positions of what was built: walls stand upright, eaves are level, corners lie over corners.
 //!
-//! In: a [`Conquest`] and positions, or symbols. Out: symbols, or positions. Next: a person's eye.
+//! In: a [`Connectivity`] and positions, or symbols. Out: symbols, or positions. Next: a person's eye.
 //!
 //! Each vertex first says whether it stands exactly over or under a neighbour, then whether it is exactly as high as one.
 //! Both depend on how the neighbours lie to each other: beyond the diagonal of an upright wall there is nearly always another
@@ -8,9 +8,9 @@
 //! the size of the triangles around and by what was left at neighbours, and then those digits.
 
 use super::{
-    around::Around,
-    conquest::Conquest,
-    difference::{Differences, digits},
+    completed::CompletedTriangles,
+    connectivity::Connectivity,
+    difference::{DifferenceCoder, digits},
     points::Points,
 };
 use crate::{
@@ -23,21 +23,21 @@ const NEIGHBOURS: usize = 4;
 /// Binary digits of a triangle's size, or of what was left.
 const SIZES: usize = 18; // as many as `digits` has values
 
-struct Models {
+struct ArchitecturalModels {
     /// Which neighbour stands over or under it; 0 for none.
     column: Vec<Model<8>>,
     /// Which one is as high.
     level: Vec<Model<8>>,
     /// What neither says: by axis and size, by axis and what was left nearby.
-    differences: Differences,
+    differences: DifferenceCoder,
 }
 
-impl Models {
+impl ArchitecturalModels {
     fn new() -> Self {
         Self {
             column: vec![Model::new(|i| [8, 8, 3, 3, 3, 1, 1, 1][i]); 64],
             level: vec![Model::new(|i| [8, 4, 4, 3, 3, 1, 1, 1][i]); 320],
-            differences: Differences::new([4 * SIZES; 2]),
+            differences: DifferenceCoder::new([4 * SIZES; 2]),
         }
     }
 }
@@ -45,12 +45,12 @@ impl Models {
 /// Writes or reads all positions; those of copies are their originals'.
 pub(super) fn code<C: Symbols>(
     coder: &mut C,
-    mesh: &Conquest,
+    mesh: &Connectivity,
     points: &mut Points,
     first: &[u32],
 ) -> Result<(), DecodeError> {
-    let mut models = Models::new();
-    let mut around = Around::default();
+    let mut models = ArchitecturalModels::new();
+    let mut around = CompletedTriangles::default();
     let mut left = vec![[0u8; 2]; points.len()];
     let mut last = [points.middle(); 2];
     for vertex in 0..points.len() as u32 {
