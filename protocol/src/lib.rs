@@ -25,4 +25,5 @@ pub use manifest::Manifest;
 pub use mesh_tile::MeshTile;
 pub use subtree::Subtree;
 pub use texel::Texel;
+pub use tile::TileKind;
 pub use tile_id::TileId;

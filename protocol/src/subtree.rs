@@ -7,11 +7,11 @@
 //! other, so that a leaf needs none of its own.
 
 use crate::{
-    TileId,
+    TileId, TileKind,
     codec::varint::{self, Reader},
     error::DecodeError,
     mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES},
-    tile::{Kind, TileReader, TileWriter},
+    tile::{TileReader, TileWriter},
 };
 
 /// Levels below a subtree's root that it lists.
@@ -97,7 +97,7 @@ impl Subtree {
             }
             raw.extend_from_slice(&node.blockmap_bytes.to_le_bytes());
         }
-        let mut writer = TileWriter::new(Kind::Subtree, Some(root));
+        let mut writer = TileWriter::new(TileKind::Subtree, Some(root));
         writer.section(TAG_NODES, &raw)?;
         writer.section(TAG_MESHES, &self.encode_meshes()?)?;
         writer.finish()
@@ -130,7 +130,7 @@ impl Subtree {
 
     /// Reads a tile; ids follow from the child masks.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
-        let tile = TileReader::new(bytes, Kind::Subtree)?;
+        let tile = TileReader::new(bytes, TileKind::Subtree)?;
         let id = tile.id.ok_or(DecodeError::Invalid("a subtree without a name"))?;
         if !Self::is_root(id) {
             return Err(DecodeError::Invalid("a subtree whose level is no multiple of five"));
@@ -278,7 +278,7 @@ mod tests {
         let plain = Subtree { meshes: Vec::new(), ..sample() };
         let bytes = plain.encode().unwrap();
         assert_eq!(Subtree::decode(&bytes).unwrap(), plain);
-        assert!(TileReader::new(&bytes, Kind::Subtree).unwrap().section(TAG_MESHES, 1 << 20).unwrap().is_empty());
+        assert!(TileReader::new(&bytes, TileKind::Subtree).unwrap().section(TAG_MESHES, 1 << 20).unwrap().is_empty());
     }
 
     #[test]

@@ -14,16 +14,49 @@ pub const MAX_SECTION_BYTES: u32 = 16 << 20;
 /// Most sections in one tile.
 pub const MAX_SECTIONS: usize = 16;
 
-/// What a tile holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What a tile holds. A city has one archive per kind; the discriminant is the kind's byte in a tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
-pub enum Kind {
-    /// A V-BlockMap.
+pub enum TileKind {
+    /// The columns of one node.
     BlockMap = 1,
-    /// Which nodes exist below one.
+    /// The nodes that exist below one node.
     Subtree = 2,
     /// A leaf's triangles at one level of detail.
     Mesh = 3,
+}
+
+impl TileKind {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Subtree, Self::BlockMap, Self::Mesh];
+
+    /// Whether every city has an archive of this kind. Meshes are optional.
+    pub const fn is_required(self) -> bool {
+        !matches!(self, Self::Mesh)
+    }
+
+    /// The kind's segment in URLs.
+    pub const fn path_segment(self) -> &'static str {
+        match self {
+            Self::Subtree => "subtrees",
+            Self::BlockMap => "blockmaps",
+            Self::Mesh => "meshes",
+        }
+    }
+
+    /// The inverse of [`TileKind::path_segment`].
+    pub fn from_path_segment(segment: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.path_segment() == segment)
+    }
+
+    /// The archive's file name in a city's folder.
+    pub const fn file_name(self) -> &'static str {
+        match self {
+            Self::Subtree => "subtrees.pmtiles",
+            Self::BlockMap => "blockmaps.pmtiles",
+            Self::Mesh => "meshes.pmtiles",
+        }
+    }
 }
 
 /// How a section's bytes are packed.
@@ -53,14 +86,14 @@ struct TileHeader {
 /// Collects sections and writes a tile.
 #[derive(Debug)]
 pub struct TileWriter {
-    kind: Kind,
+    kind: TileKind,
     header: TileHeader,
     body: Vec<u8>,
 }
 
 impl TileWriter {
     /// An empty tile. Kinds whose content says nothing of its place have no `id`, so that equal ones are equal bytes.
-    pub fn new(kind: Kind, id: Option<TileId>) -> Self {
+    pub fn new(kind: TileKind, id: Option<TileId>) -> Self {
         Self { kind, header: TileHeader { id, sections: Vec::new() }, body: Vec::new() }
     }
 
@@ -131,7 +164,7 @@ pub struct TileReader<'a> {
 
 impl<'a> TileReader<'a> {
     /// Checks magic, version, kind, lengths and every checksum. The bytes must end where the last section does.
-    pub fn new(bytes: &'a [u8], kind: Kind) -> Result<Self, DecodeError> {
+    pub fn new(bytes: &'a [u8], kind: TileKind) -> Result<Self, DecodeError> {
         let mut reader = Reader::new(bytes);
         if reader.array()? != MAGIC {
             return Err(DecodeError::Magic);

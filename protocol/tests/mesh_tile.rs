@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used)] // In a test, the panic is the report.
 
 use insula_protocol::{
-    DecodeError, MeshTile, TileId,
+    DecodeError, MeshTile, TileId, TileKind,
     mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, Texture},
-    tile::{Kind, TileReader, TileWriter},
+    tile::{TileReader, TileWriter},
 };
 use proptest::prelude::*;
 
@@ -99,7 +99,7 @@ fn what_announces_too_much_is_refused_before_memory_is_taken() {
 }
 
 fn decode_parts(lod: u8, mesh: &[u8]) -> Result<MeshTile, DecodeError> {
-    let mut writer = TileWriter::new(Kind::Mesh, Some(leaf()));
+    let mut writer = TileWriter::new(TileKind::Mesh, Some(leaf()));
     writer.coded_section(1, &[lod]).unwrap();
     writer.coded_section(2, mesh).unwrap();
     MeshTile::decode(leaf(), lod, &writer.finish().unwrap())
@@ -127,7 +127,7 @@ proptest! {
     #[test]
     fn altered_meshes_decode_or_are_refused(changes in proptest::collection::vec((any::<usize>(), any::<u8>()), 1..6)) {
         let bytes = plain().encode(leaf(), 0).unwrap();
-        let mut mesh = TileReader::new(&bytes, Kind::Mesh).unwrap().section(2, 1 << 20).unwrap();
+        let mut mesh = TileReader::new(&bytes, TileKind::Mesh).unwrap().section(2, 1 << 20).unwrap();
         for (at, value) in changes {
             let at = at % mesh.len();
             mesh[at] = value;

@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used)] // In a test, the panic is the report.
 
 use insula_protocol::{
-    BlockMap, DecodeError, Texel, TileId,
+    BlockMap, DecodeError, Texel, TileId, TileKind,
     blockmap::{COLUMNS, Clip, Column, Corner, Outer, Quality, Strip, strip_rows},
     texel::ALPHA_MAX,
-    tile::{Kind, TileWriter},
+    tile::TileWriter,
 };
 use proptest::prelude::*;
 
@@ -107,7 +107,7 @@ proptest! {
 
     #[test]
     fn any_columns_decode_to_a_map_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 1..3000), shift in 0u8..=4) {
-        let mut writer = TileWriter::new(Kind::BlockMap, None);
+        let mut writer = TileWriter::new(TileKind::BlockMap, None);
         let meta = [&1f32.to_le_bytes()[..], &0i32.to_le_bytes(), &[shift], &32u16.to_le_bytes(), &[4]].concat();
         writer.coded_section(1, &meta).unwrap();
         writer.coded_section(2, &bytes).unwrap();

@@ -5,7 +5,7 @@ use crate::{
     common,
     program::{Served, text, until},
 };
-use insula_protocol::{BlockMap, Manifest, Texel, TileId, blockmap::COLUMNS, blockmap::Column, route, route::Layer};
+use insula_protocol::{BlockMap, Manifest, Texel, TileId, TileKind, blockmap::COLUMNS, blockmap::Column, route};
 use std::{
     fs,
     path::Path,
@@ -65,7 +65,7 @@ pub(crate) fn two_hundred() {
                     let manifest: Manifest = serde_json::from_slice(&answer.body).unwrap();
                     let version: u32 = manifest.version[1..].parse().unwrap();
                     for id in [TileId::ROOT, common::child(), TileId::ROOT] {
-                        let path = route::tile("two", &manifest.version, Layer::BlockMaps, id);
+                        let path = route::tile("two", &manifest.version, TileKind::BlockMap, id);
                         let answer = connection.get(&path).unwrap();
                         assert_eq!(answer.status, 200, "{path}");
                         assert_eq!(answer.body, tile(id, version), "a tile of another version at {path}");

@@ -14,7 +14,7 @@ use insula_client::{
     select::error,
     stream::decode::{Decoded, decode},
 };
-use insula_protocol::{TileId, mesh_tile, route::Layer};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 use insula_shaders::mesh::PackedMesh;
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -55,7 +55,7 @@ impl Baked {
     /// A leaf's mesh, as the client decodes it.
     pub fn mesh(&self, id: TileId, lod: u8) -> Result<PackedMesh> {
         let place = mesh_tile::place(id, lod).context("no such mesh")?;
-        let bytes = self.store.tile(Layer::Meshes, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
+        let bytes = self.store.tile(TileKind::Mesh, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
         match decode(Key::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
             Decoded::Mesh(mesh) => Ok(*mesh),
             other => anyhow::bail!("{other:?} is no mesh"),

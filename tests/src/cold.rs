@@ -12,7 +12,7 @@ use insula_client::{
     select::{Scratch, Selection, casters::casters, fade::Fades, select, sight::Sight},
     stream::decode::{Decoded, decode},
 };
-use insula_protocol::{Subtree, mesh_tile, route::Layer};
+use insula_protocol::{Subtree, TileKind, mesh_tile};
 use insula_shaders::cpu::{raycast::Pixels, tally::tally};
 use std::time::Instant;
 
@@ -86,7 +86,7 @@ impl<'a> Cold<'a> {
     }
 
     fn fetch(&mut self, key: Key) -> Result<()> {
-        let place = if key.layer() == Layer::Meshes { mesh_tile::place(key.id, key.lod) } else { Some(key.id) };
+        let place = if key.layer() == TileKind::Mesh { mesh_tile::place(key.id, key.lod) } else { Some(key.id) };
         let place = place.with_context(|| format!("{key:?}"))?;
         let bytes = self.city.store.tile(key.layer(), place)?.with_context(|| format!("no {key:?}"))?;
         let packed = match decode(key, &bytes).with_context(|| format!("{key:?}"))? {

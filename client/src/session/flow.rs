@@ -28,7 +28,7 @@ use crate::{
     stream::{Arrival, Stream},
 };
 use glam::DVec3;
-use insula_protocol::{Subtree, TileId, route::Layer};
+use insula_protocol::{Subtree, TileId, TileKind};
 use std::{
     collections::{HashSet, VecDeque},
     ops::Range,
@@ -225,7 +225,7 @@ impl Flow {
     /// What is wanted before a picture has told what is seen: the root, which shows where that is, what tells of near squares, so
     /// that rays tell them apart, and what is under way.
     fn first(&self, tau_px: f64) -> Vec<Wanted> {
-        let tells = |w: &Wanted| w.key.layer() == Layer::Subtrees && w.weight > HIDDEN_TIMES_TAU * tau_px;
+        let tells = |w: &Wanted| w.key.layer() == TileKind::Subtree && w.weight > HIDDEN_TIMES_TAU * tau_px;
         let is_first = |w: &&Wanted| w.key == Key::block_map(TileId::ROOT) || tells(w) || self.is_loading(w.key);
         self.selection.wanted.iter().filter(is_first).copied().collect()
     }

@@ -15,7 +15,7 @@ use crate::{
         priority::{Group, Wanted},
     },
 };
-use insula_protocol::route::Layer;
+use insula_protocol::TileKind;
 use std::{
     collections::HashSet,
     time::{Duration, Instant},
@@ -71,7 +71,7 @@ impl Wave {
     ) -> Vec<Wanted> {
         let state = |key: Key| tree.tile(key).map(|tile| tile.state());
         let stands = |w: &&Wanted| {
-            let of_picture = w.group <= Group::Normal && w.key.layer() != Layer::Subtrees;
+            let of_picture = w.group <= Group::Normal && w.key.layer() != TileKind::Subtree;
             // One that failed may come any time, or never.
             let failed = matches!(state(w.key), Some(TileState::Failed { .. }));
             of_picture && !failed && !begun(w.key).is_some_and(|since| is_late(since, now))

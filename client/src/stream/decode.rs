@@ -6,9 +6,8 @@ use super::{fetch::FetchError, source::Source};
 use crate::scene::Key;
 use bytes::Bytes;
 use insula_protocol::{
-    BlockMap, DecodeError, MeshTile, Subtree,
+    BlockMap, DecodeError, MeshTile, Subtree, TileKind,
     mesh_tile::{self, Texture},
-    route::Layer,
 };
 use insula_shaders::{
     mesh::{PackedMesh, Picture},
@@ -40,9 +39,9 @@ pub enum Decoded {
 /// Most bytes that an answer may have.
 pub fn limit_bytes(key: Key) -> usize {
     match key.layer() {
-        Layer::Subtrees => SUBTREE_BYTES,
-        Layer::BlockMaps => BLOCK_MAP_BYTES,
-        Layer::Meshes => mesh_tile::MAX_BYTES,
+        TileKind::Subtree => SUBTREE_BYTES,
+        TileKind::BlockMap => BLOCK_MAP_BYTES,
+        TileKind::Mesh => mesh_tile::MAX_BYTES,
     }
 }
 
@@ -72,16 +71,16 @@ pub async fn on_worker(
 /// Decodes `bytes`, fetched as the tile of `key`.
 pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
     match key.layer() {
-        Layer::Subtrees => {
+        TileKind::Subtree => {
             let subtree = Subtree::decode(bytes)?;
             let same = subtree.nodes.first().is_some_and(|root| root.id == key.id);
             if same { Ok(Decoded::Subtree(subtree)) } else { Err(DecodeError::Invalid("the subtree of another node")) }
         }
-        Layer::BlockMaps => {
+        TileKind::BlockMap => {
             let map = BlockMap::decode(key.id, bytes)?;
             Ok(Decoded::Node(Box::new(PackedNode::new(&map))))
         }
-        Layer::Meshes => {
+        TileKind::Mesh => {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
             let texture = texture.as_ref().map(picture).transpose()?;
             let packed = PackedMesh::new(&mesh, texture.as_ref());

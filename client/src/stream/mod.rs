@@ -176,7 +176,7 @@ impl Stream {
     }
 
     fn failed(&mut self, tree: &mut Tree, key: Key, error: FetchError, now: Instant) {
-        tracing::debug!("{} {}: {error}", key.layer().word(), key.id);
+        tracing::debug!("{} {}: {error}", key.layer().path_segment(), key.id);
         let jitter = queue::jitter();
         let event = match &error {
             FetchError::Missing => TileEvent::Refuse,

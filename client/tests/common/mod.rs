@@ -13,12 +13,11 @@ use insula_client::{
     stream::{Stream, fetch::Http},
 };
 use insula_protocol::{
-    BlockMap, Manifest, Subtree, Texel, TileId,
+    BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
     blockmap::{COLUMNS, Column, NODE_CELLS, Strip, strip_rows},
     manifest::{Attribution, Counts},
     mesh_tile::{self, Texture},
-    octahedral,
-    route::{self, Layer},
+    octahedral, route,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use std::{
@@ -108,13 +107,13 @@ pub fn city(name: &str) -> HashMap<String, Vec<u8>> {
             radius_m: ((side * side * 0.5).sqrt() + 10.0) as f32,
             blockmap_bytes: bytes.len() as u32,
         });
-        files.insert(route::tile(name, &manifest.version, Layer::BlockMaps, id), bytes);
+        files.insert(route::tile(name, &manifest.version, TileKind::BlockMap, id), bytes);
         if !leaf {
             ids.extend(id.children());
         }
     }
     let subtree = Subtree { nodes, meshes: Vec::new() }.encode().unwrap();
-    files.insert(route::tile(name, &manifest.version, Layer::Subtrees, TileId::ROOT), subtree);
+    files.insert(route::tile(name, &manifest.version, TileKind::Subtree, TileId::ROOT), subtree);
     files.insert(route::manifest(name), serde_json::to_vec(&manifest).unwrap());
     files.insert(route::CITIES.into(), serde_json::to_vec(&serde_json::json!([{ "name": name }])).unwrap());
     files
@@ -126,7 +125,7 @@ pub const MESH_M: f64 = 20.25;
 /// The same, where each leaf has a mesh of two levels of detail: one block, textured in the finer one.
 pub fn city_with_meshes(name: &str) -> HashMap<String, Vec<u8>> {
     let (mut files, manifest) = (city(name), manifest(name));
-    let path = route::tile(name, &manifest.version, Layer::Subtrees, TileId::ROOT);
+    let path = route::tile(name, &manifest.version, TileKind::Subtree, TileId::ROOT);
     let mut subtree = Subtree::decode(&files[&path]).unwrap();
     let texture = || {
         let mut bytes = std::io::Cursor::new(Vec::new());

@@ -6,18 +6,18 @@ use super::{
     encode::{COLOUR_STEP_MAX, tag},
 };
 use crate::{
-    TileId,
+    TileId, TileKind,
     codec::{range::Decoder, varint::Reader},
     error::DecodeError,
     texel::AO_MAX,
-    tile::{Kind, MAX_SECTION_BYTES, TileReader},
+    tile::{MAX_SECTION_BYTES, TileReader},
 };
 
 impl BlockMap {
     /// Reads the tile of node `id`. The bytes do not say whose they are: equal squares of a city are one tile. Allocates at most what [`COLUMNS`](super::COLUMNS) and
     /// [`MAX_TEXELS`](super::MAX_TEXELS) allow.
     pub fn decode(id: TileId, bytes: &[u8]) -> Result<Self, DecodeError> {
-        let tile = TileReader::new(bytes, Kind::BlockMap)?;
+        let tile = TileReader::new(bytes, TileKind::BlockMap)?;
         if tile.id.is_some() {
             return Err(DecodeError::Invalid("a V-BlockMap with a name"));
         }

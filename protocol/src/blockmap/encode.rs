@@ -6,10 +6,11 @@ use super::{
     flag, walls,
 };
 use crate::{
+    TileKind,
     codec::range::{Encoder, Rehearsal},
     error::DecodeError,
     texel::{ALPHA_MAX, Texel},
-    tile::{Kind, TileWriter},
+    tile::TileWriter,
 };
 
 /// Section tags.
@@ -46,7 +47,7 @@ impl BlockMap {
         let loss = self.loss_at(quality);
         let mut coder = Encoder::default();
         self.clone().walk(&mut coder, loss)?;
-        let mut writer = TileWriter::new(Kind::BlockMap, None);
+        let mut writer = TileWriter::new(TileKind::BlockMap, None);
         let mut meta = Vec::with_capacity(12);
         meta.extend_from_slice(&self.cell_m.to_le_bytes());
         meta.extend_from_slice(&self.z_base_cells.to_le_bytes());

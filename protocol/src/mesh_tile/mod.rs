@@ -11,11 +11,11 @@ mod sample;
 pub use sample::cuboid;
 
 use crate::{
-    TileId,
+    TileId, TileKind,
     codec::varint::Reader,
     error::DecodeError,
-    mesh::{Attribute, Kind as Carried, Mesh},
-    tile::{Kind, TileReader, TileWriter},
+    mesh::{Attribute, Kind, Mesh},
+    tile::{TileReader, TileWriter},
 };
 
 /// Most levels of detail of a leaf; 0 is the finest.
@@ -86,7 +86,7 @@ impl MeshTile {
             Mesh::decode_within(&mesh, MAX_TRIANGLES)?;
         }
         let mut meta = vec![lod];
-        let mut writer = TileWriter::new(Kind::Mesh, Some(id));
+        let mut writer = TileWriter::new(TileKind::Mesh, Some(id));
         if let Some(texture) = &self.texture {
             texture.size_px.iter().for_each(|side| meta.extend(side.to_le_bytes()));
         }
@@ -103,7 +103,7 @@ impl MeshTile {
     /// # Errors
     /// Anything that is no such tile.
     pub fn decode(id: TileId, lod: u8, bytes: &[u8]) -> Result<Self, DecodeError> {
-        let tile = TileReader::new(bytes, Kind::Mesh)?;
+        let tile = TileReader::new(bytes, TileKind::Mesh)?;
         let meta = tile.section(TAG_META, 5)?;
         let mut reader = Reader::new(&meta);
         if tile.id != Some(id) || reader.u8()? != lod {
@@ -132,13 +132,13 @@ impl MeshTile {
                 texture.check()?;
                 let most = attribute.range[0] + attribute.range[1] * ((1u32 << attribute.bits) - 1) as f32;
                 let inside = [attribute.range[0], most].iter().all(|v| (-0.001..=1.001).contains(v));
-                if attribute.kind != Carried::TexCoord || attribute.components != 2 || !inside {
+                if attribute.kind != Kind::TexCoord || attribute.components != 2 || !inside {
                     return Err(DecodeError::Invalid("a textured mesh's corners carry places in its picture"));
                 }
             }
             None => {
                 let is_rgb = (attribute.components, attribute.bits) == (3, 8);
-                if attribute.kind != Carried::Colour || !is_rgb {
+                if attribute.kind != Kind::Colour || !is_rgb {
                     return Err(DecodeError::Invalid("a plain mesh's corners carry colours of three bytes"));
                 }
             }

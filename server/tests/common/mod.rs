@@ -2,11 +2,10 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use insula_protocol::{
-    BlockMap, Manifest, Subtree, Texel, TileId,
+    BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
     blockmap::{COLUMNS, Column, Strip},
     manifest::{Attribution, Counts, FORMAT_VERSION},
     mesh_tile,
-    route::Layer,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
@@ -109,18 +108,18 @@ pub(crate) fn city_with_meshes(folder: &Path, name: &str) {
     city(folder, name);
     let place = |lod| mesh_tile::place(child(), lod).unwrap();
     let tiles: Vec<_> = meshes().into_iter().map(|(lod, bytes)| (place(lod), bytes)).collect();
-    archive(&folder.join(Layer::Meshes.file_name()), &tiles);
+    archive(&folder.join(TileKind::Mesh.file_name()), &tiles);
     let lod = |error_m, bytes: &[u8]| MeshLod { error_m, bytes: bytes.len() as u32, triangles: 12, texture_px: 0 };
     let lods = meshes().iter().zip([0.01, 0.2]).map(|((_, bytes), error_m)| lod(error_m, bytes)).collect();
     let mut subtree = Subtree::decode(&subtree()).unwrap();
     subtree.meshes.push(NodeMesh { id: child(), lods });
-    archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree.encode().unwrap())]);
+    archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree.encode().unwrap())]);
 }
 
 /// Writes a whole city into `folder`.
 pub(crate) fn city(folder: &Path, name: &str) {
     std::fs::create_dir_all(folder).unwrap();
     std::fs::write(folder.join("city.json"), serde_json::to_vec_pretty(&manifest(name)).unwrap()).unwrap();
-    archive(&folder.join(Layer::BlockMaps.file_name()), &blockmaps());
-    archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree())]);
+    archive(&folder.join(TileKind::BlockMap.file_name()), &blockmaps());
+    archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree())]);
 }

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
 use insula_protocol::{
-    MeshTile, TileId,
-    tile::{Kind, TileReader, TileWriter},
+    MeshTile, TileId, TileKind,
+    tile::{TileReader, TileWriter},
 };
 use libfuzzer_sys::fuzz_target;
 
@@ -24,12 +24,12 @@ fn check(id: TileId, lod: u8, bytes: &[u8]) {
 }
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Ok(tile) = TileReader::new(bytes, Kind::Mesh) {
+    if let Ok(tile) = TileReader::new(bytes, TileKind::Mesh) {
         (0..4).for_each(|lod| check(tile.id.unwrap_or(TileId::ROOT), lod, bytes));
     }
     // No fuzzer finds a checksum: the first byte says whether there is a picture, the rest is the mesh.
     let Some((first, mesh)) = bytes.split_first() else { return };
-    let mut writer = TileWriter::new(Kind::Mesh, Some(TileId::ROOT));
+    let mut writer = TileWriter::new(TileKind::Mesh, Some(TileId::ROOT));
     let textured = first & 1 == 1;
     let meta = if textured { vec![0, 8, 0, 8, 0] } else { vec![0] };
     writer.coded_section(1, &meta).unwrap();

@@ -18,7 +18,7 @@ use insula_client::{
     report::pictures_apart,
     session::{Session, Shot},
 };
-use insula_protocol::{TileId, mesh_tile, route::Layer};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 use insula_server::store::CityStore;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
@@ -172,10 +172,10 @@ fn look(
         .copied()
         .filter(|leaf| (0..=depth).any(|level| leaf.ancestor(level).is_some_and(|id| hit.contains(&id))))
         .collect();
-    let lengths = |layer: Layer| -> HashMap<TileId, u32> {
+    let lengths = |layer: TileKind| -> HashMap<TileId, u32> {
         store.archive(layer).map(|archive| archive.lengths().collect()).unwrap_or_default()
     };
-    let (columns, meshes) = (lengths(Layer::BlockMaps), lengths(Layer::Meshes));
+    let (columns, meshes) = (lengths(TileKind::BlockMap), lengths(TileKind::Mesh));
     let report = session.report(args.tau);
     let mut fetched = Fetched {
         all: report.bytes_fetched,

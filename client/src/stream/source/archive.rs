@@ -11,7 +11,7 @@ use crate::{
     stream::{decode::limit_bytes, fetch::FetchError},
 };
 use bytes::Bytes;
-use insula_protocol::{mesh_tile, route::Layer};
+use insula_protocol::{TileKind, mesh_tile};
 use pmtiles::{
     AsyncBackend, AsyncPmTilesReader, BackendResponse, Compression, MokaCache, PmtError, PmtResult, TileCoord,
 };
@@ -63,9 +63,9 @@ struct Guarded<R> {
 
 impl<R: Ranges> Archives<R> {
     /// `open` says how each archive is read; `place` is for people.
-    pub fn new(place: String, open: impl Fn(Layer) -> R) -> Self {
+    pub fn new(place: String, open: impl Fn(TileKind) -> R) -> Self {
         let archive = |layer| Archive { ranges: open(layer), reader: OnceCell::new() };
-        let [block_maps, subtrees, meshes] = [Layer::BlockMaps, Layer::Subtrees, Layer::Meshes].map(archive);
+        let [block_maps, subtrees, meshes] = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh].map(archive);
         Self { place, block_maps, subtrees, meshes }
     }
 }
@@ -73,9 +73,9 @@ impl<R: Ranges> Archives<R> {
 impl<R: Ranges> Source for Archives<R> {
     fn tile(&self, key: Key) -> Pending<'_> {
         let archive = match key.layer() {
-            Layer::BlockMaps => &self.block_maps,
-            Layer::Subtrees => &self.subtrees,
-            Layer::Meshes => &self.meshes,
+            TileKind::BlockMap => &self.block_maps,
+            TileKind::Subtree => &self.subtrees,
+            TileKind::Mesh => &self.meshes,
         };
         Box::pin(archive.tile(key))
     }
@@ -96,8 +96,8 @@ impl<R: Ranges> Archive<R> {
             return Err(FetchError::Archive("its tiles are packed".into()));
         }
         let place = match key.layer() {
-            Layer::Meshes => mesh_tile::place(key.id, key.lod).ok_or(FetchError::Missing)?,
-            Layer::BlockMaps | Layer::Subtrees => key.id,
+            TileKind::Mesh => mesh_tile::place(key.id, key.lod).ok_or(FetchError::Missing)?,
+            TileKind::BlockMap | TileKind::Subtree => key.id,
         };
         let coord = TileCoord::new(place.level(), place.x(), place.y()).map_err(failed)?;
         let bytes = reader.get_tile(coord).await.map_err(failed)?.ok_or(FetchError::Missing)?;

@@ -13,7 +13,7 @@ use crate::{
     stream::decode::MOST_BYTES,
 };
 use bytes::Bytes;
-use insula_protocol::{Manifest, route::Layer};
+use insula_protocol::{Manifest, TileKind};
 use lru::LruCache;
 use std::{
     fs, io,
@@ -179,8 +179,8 @@ impl Disk {
 
     fn name(&self, key: Key) -> String {
         let id = key.id;
-        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().word(), id.level(), id.x(), id.y());
-        if key.layer() == Layer::Meshes { format!("{tile}-{}", key.lod) } else { tile }
+        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().path_segment(), id.level(), id.x(), id.y());
+        if key.layer() == TileKind::Mesh { format!("{tile}-{}", key.lod) } else { tile }
     }
 }
 

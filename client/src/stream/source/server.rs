@@ -7,10 +7,7 @@ use crate::{
     scene::Key,
     stream::{decode::limit_bytes, fetch::Http},
 };
-use insula_protocol::{
-    Manifest,
-    route::{self, Layer},
-};
+use insula_protocol::{Manifest, TileKind, route};
 use std::sync::Arc;
 
 /// One city on a server, in one version.
@@ -33,7 +30,7 @@ impl Server {
 impl Source for Server {
     fn tile(&self, key: Key) -> Pending<'_> {
         let path = match key.layer() {
-            Layer::Meshes => route::mesh(&self.name, &self.version, key.id, key.lod),
+            TileKind::Mesh => route::mesh(&self.name, &self.version, key.id, key.lod),
             layer => route::tile(&self.name, &self.version, layer, key.id),
         };
         let url = format!("{}{path}", self.base);

@@ -14,11 +14,7 @@ use std::{
     task::{Context, Poll, Waker},
 };
 
-use insula_protocol::{
-    Manifest, Subtree, TileId, mesh_tile,
-    subtree::MeshLod,
-    tile::{Kind, TileReader},
-};
+use insula_protocol::{Manifest, Subtree, TileId, TileKind, mesh_tile, subtree::MeshLod, tile::TileReader};
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, PmtError, PmtResult, TileCoord};
 
 use crate::{
@@ -77,7 +73,7 @@ impl Before {
     pub(super) fn tile(&self, id: TileId) -> Option<Tile> {
         let [z_min_m, z_max_m] = *self.heights.get(&id)?;
         let bytes = self.tiles.get(id)?;
-        let sound = TileReader::new(&bytes, Kind::BlockMap).is_ok();
+        let sound = TileReader::new(&bytes, TileKind::BlockMap).is_ok();
         sound.then_some(Tile { id, z_min_m, z_max_m, bytes })
     }
 
@@ -90,7 +86,7 @@ impl Before {
     pub(super) fn meshes(&self, ids: &[TileId]) -> Option<Vec<LeafMesh>> {
         let lod = |id: TileId, (lod, info): (u8, &MeshLod)| {
             let bytes = self.meshes.as_ref()?.get(mesh_tile::place(id, lod)?)?;
-            let sound = TileReader::new(&bytes, Kind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
+            let sound = TileReader::new(&bytes, TileKind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
             sound.then_some(Lod { info: *info, bytes })
         };
         let leaf = |id: &TileId| {
