@@ -16,7 +16,7 @@ pub enum DecodeError {
     },
     /// A tile of another kind than was asked for.
     #[error("tile of kind {found} where {wanted} was expected")]
-    Kind {
+    TileKind {
         /// In the bytes.
         found: u8,
         /// By the caller.

@@ -175,7 +175,7 @@ impl<'a> TileReader<'a> {
         }
         let found = reader.u8()?;
         if found != kind as u8 {
-            return Err(DecodeError::Kind { found, wanted: kind as u8 });
+            return Err(DecodeError::TileKind { found, wanted: kind as u8 });
         }
         if reader.u8()? != 0 {
             return Err(DecodeError::Invalid("a reserved byte is not zero"));

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use insula_protocol::mesh::{Attribute, Encoded, Grid, Kind, Mesh, pieces::Pieces};
+use insula_protocol::mesh::{Attribute, AttributeKind, Encoded, Grid, Mesh, pieces::Pieces};
 
 /// A small generator of numbers (xorshift): the same meshes on every machine.
 struct Dice(u64);
@@ -117,8 +117,8 @@ impl Heap {
     }
 }
 
-fn attribute(dice: &mut Dice, kind: Kind, heap: &Heap) -> Attribute {
-    let components = if kind == Kind::Colour { 3 } else { 2 };
+fn attribute(dice: &mut Dice, kind: AttributeKind, heap: &Heap) -> Attribute {
+    let components = if kind == AttributeKind::Colour { 3 } else { 2 };
     let bits = 6 + dice.below(11) as u8;
     let seams = 1 + dice.below(20);
     let own: Vec<[u32; 4]> = heap
@@ -149,7 +149,7 @@ fn random(seed: u64, most: u32) -> Mesh {
         }
     }
     heap.disturb(&mut dice);
-    let kinds = [Kind::Normal, Kind::Colour, Kind::TexCoord, Kind::Other];
+    let kinds = [AttributeKind::Normal, AttributeKind::Colour, AttributeKind::TexCoord, AttributeKind::Other];
     let mut attributes = Vec::new();
     for kind in kinds {
         if dice.one_in(4) {

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     TileId,
-    mesh::{Attribute, Grid, Kind, Mesh},
+    mesh::{Attribute, AttributeKind, Grid, Mesh},
 };
 use insula_shaders::mesh::{PackedMesh, Picture};
 
@@ -65,7 +65,8 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
         triangles.push([first, first + 1, first + 2]);
     }
     let texture = rng.chance(0.6).then(|| picture(rng));
-    let (kind, components, bits) = if texture.is_some() { (Kind::TexCoord, 2, 12) } else { (Kind::Colour, 3, 8) };
+    let (kind, components, bits) =
+        if texture.is_some() { (AttributeKind::TexCoord, 2, 12) } else { (AttributeKind::Colour, 3, 8) };
     let value = |rng: &mut Rng| {
         let mut value = [0; 4];
         value[..components as usize].fill_with(|| rng.below(1 << bits) as u32);

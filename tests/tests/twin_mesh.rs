@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{COLUMNS, Column},
-    mesh::{Attribute, Grid, Kind, Mesh},
+    mesh::{Attribute, AttributeKind, Grid, Mesh},
     octahedral,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
@@ -183,7 +183,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         let side_m = place.root_side_m / f64::from(1u32 << leaf.level());
         let values = vec![[255, 255, 255, 0]];
         let attributes = vec![Attribute {
-            kind: Kind::Colour,
+            kind: AttributeKind::Colour,
             components: 3,
             bits: 8,
             range: [0.0, 1.0],

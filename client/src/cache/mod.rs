@@ -279,7 +279,7 @@ mod tests {
     use insula_protocol::{
         BlockMap, Texel,
         blockmap::{COLUMNS, Column, Strip, strip_rows},
-        mesh::{Attribute, Grid, Kind, Mesh},
+        mesh::{Attribute, AttributeKind, Grid, Mesh},
     };
     use std::collections::HashMap;
 
@@ -322,7 +322,7 @@ mod tests {
     /// A mesh that takes `pages` pages.
     fn mesh(pages: u32) -> Packed {
         let colour = Attribute {
-            kind: Kind::Colour,
+            kind: AttributeKind::Colour,
             components: 3,
             bits: 8,
             range: [0.0, 1.0],

@@ -4,7 +4,7 @@
 
 /// What an attribute means; the codec guesses accordingly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum AttributeKind {
     /// Unit vectors, two octahedral components ([`crate::octahedral`]).
     Normal,
     /// Components of a colour.
@@ -15,7 +15,7 @@ pub enum Kind {
     Other,
 }
 
-impl Kind {
+impl AttributeKind {
     pub(super) const ALL: [Self; 4] = [Self::Normal, Self::Colour, Self::TexCoord, Self::Other];
 }
 
@@ -23,7 +23,7 @@ impl Kind {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attribute {
     /// What they mean.
-    pub kind: Kind,
+    pub kind: AttributeKind,
     /// Numbers of a value that count, 1 to 4.
     pub components: u8,
     /// Bits of each number, 1 to 16.

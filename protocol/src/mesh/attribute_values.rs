@@ -7,7 +7,7 @@
 //! coordinates go on as they began.
 
 use super::{
-    attribute::{Attribute, Kind},
+    attribute::{Attribute, AttributeKind},
     connectivity::Connectivity,
     difference::DifferenceCoder,
     pieces::{next, prev},
@@ -141,8 +141,8 @@ fn guess(
     let clamp = |v: f64| ((v + 0.5).floor() as i32).clamp(0, (1 << attribute.bits) - 1);
     if goes_on {
         let x = value(far);
-        let affine =
-            plane(p, q, place(mesh.triangles.as_flattened()[far]), r).filter(|_| attribute.kind == Kind::TexCoord);
+        let affine = plane(p, q, place(mesh.triangles.as_flattened()[far]), r)
+            .filter(|_| attribute.kind == AttributeKind::TexCoord);
         let (s, u) = affine.unwrap_or((1.0, -1.0));
         let along = |c: usize| {
             let [a, b, x] = [a[c], b[c], x[c]].map(f64::from);
@@ -151,7 +151,7 @@ fn guess(
         };
         return (std::array::from_fn(|c| clamp(along(c))), 3);
     }
-    if attribute.kind == Kind::TexCoord && attribute.components == 2 {
+    if attribute.kind == AttributeKind::TexCoord && attribute.components == 2 {
         let edge = sub(q, p);
         let side = sub(r, p);
         let (ee, es, ss) = (dot(edge, edge) as f64, dot(edge, side) as f64, dot(side, side) as f64);

@@ -3,8 +3,8 @@
 //! In: bytes that anyone may have made. Out: a [`Mesh`], or what is wrong. Next: `insula-client`.
 
 use super::{
-    Attribute, BUILT, Grid, Kind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE,
-    architectural_positions, attribute_values,
+    Attribute, AttributeKind, BUILT, Grid, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION,
+    WIDE, architectural_positions, attribute_values,
     connectivity::{self, Connectivity},
     encode::limit,
     pieces::NONE,
@@ -125,7 +125,8 @@ fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<Grid, DecodeErr
 
 fn attribute(reader: &mut Reader<'_>) -> Result<Attribute, DecodeError> {
     let [kind, components, bits] = reader.array()?;
-    let kind = *Kind::ALL.get(usize::from(kind)).ok_or(DecodeError::Invalid("an attribute of an unknown kind"))?;
+    let kind =
+        *AttributeKind::ALL.get(usize::from(kind)).ok_or(DecodeError::Invalid("an attribute of an unknown kind"))?;
     if !(1..=4).contains(&components) || !(1..=16).contains(&bits) {
         return Err(DecodeError::Invalid("a mesh's attribute has 1 to 4 numbers of 1 to 16 bits"));
     }

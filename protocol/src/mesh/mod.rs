@@ -18,7 +18,7 @@ mod points;
 mod scan_positions;
 mod weld;
 
-pub use attribute::{Attribute, Kind};
+pub use attribute::{Attribute, AttributeKind};
 pub use encode::Encoded;
 pub use grid::Grid;
 

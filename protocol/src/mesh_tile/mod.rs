@@ -14,7 +14,7 @@ use crate::{
     TileId, TileKind,
     codec::varint::Reader,
     error::DecodeError,
-    mesh::{Attribute, Kind, Mesh},
+    mesh::{Attribute, AttributeKind, Mesh},
     tile::{TileReader, TileWriter},
 };
 
@@ -132,13 +132,13 @@ impl MeshTile {
                 texture.check()?;
                 let most = attribute.range[0] + attribute.range[1] * ((1u32 << attribute.bits) - 1) as f32;
                 let inside = [attribute.range[0], most].iter().all(|v| (-0.001..=1.001).contains(v));
-                if attribute.kind != Kind::TexCoord || attribute.components != 2 || !inside {
+                if attribute.kind != AttributeKind::TexCoord || attribute.components != 2 || !inside {
                     return Err(DecodeError::Invalid("a textured mesh's corners carry places in its picture"));
                 }
             }
             None => {
                 let is_rgb = (attribute.components, attribute.bits) == (3, 8);
-                if attribute.kind != Kind::Colour || !is_rgb {
+                if attribute.kind != AttributeKind::Colour || !is_rgb {
                     return Err(DecodeError::Invalid("a plain mesh's corners carry colours of three bytes"));
                 }
             }

@@ -3,7 +3,7 @@
 //! In: a box, its colour or picture. Out: a [`MeshTile`]. Next: tests.
 
 use super::{MeshTile, Texture};
-use crate::mesh::{Attribute, Grid, Kind, Mesh};
+use crate::mesh::{Attribute, AttributeKind, Grid, Mesh};
 
 /// Corners of a box, bit 0 to the east, bit 1 to the north, bit 2 up: two triangles for each side, seen from outside.
 const SIDES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6]];
@@ -20,7 +20,7 @@ pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<Textur
     let places = (0..36).map(|corner| [0, 1, 2, 0, 2, 3][corner % 6]);
     let attribute = if texture.is_some() {
         Attribute {
-            kind: Kind::TexCoord,
+            kind: AttributeKind::TexCoord,
             components: 2,
             bits: 12,
             range: [0.0, 1.0 / 4095.0],
@@ -29,7 +29,7 @@ pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<Textur
         }
     } else {
         Attribute {
-            kind: Kind::Colour,
+            kind: AttributeKind::Colour,
             components: 3,
             bits: 8,
             range: [0.0, 1.0 / 255.0],

@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use insula_protocol::{
     DecodeError, MeshTile, TileId,
     blockmap::Quality,
-    mesh::{Attribute, Kind, Mesh},
+    mesh::{Attribute, AttributeKind, Mesh},
     mesh_tile::{MAX_LODS, MAX_TRIANGLES, place},
     subtree::MeshLod,
 };
@@ -215,7 +215,7 @@ fn colours(layer: &Layer) -> Attribute {
         })
     };
     let corners = layer.corners.iter().map(number).collect();
-    Attribute { kind: Kind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
+    Attribute { kind: AttributeKind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
 }
 
 /// To eight bits of precision, so that many leaves' errors take few bytes.

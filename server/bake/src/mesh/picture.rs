@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 use glam::{Vec2, Vec2Swizzles, Vec3};
 use insula_protocol::{
     blockmap::Quality,
-    mesh::{Attribute, Kind},
+    mesh::{Attribute, AttributeKind},
     mesh_tile::Texture,
 };
 
@@ -136,7 +136,7 @@ fn places(model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas
         }
     }
     Attribute {
-        kind: Kind::TexCoord,
+        kind: AttributeKind::TexCoord,
         components: 2,
         bits: bits as u8,
         range: [0.0, 1.0 / most],

@@ -7,7 +7,7 @@ mod off;
 mod ply;
 pub mod quantise;
 
-use insula_protocol::mesh::Kind;
+use insula_protocol::mesh::AttributeKind;
 use std::{collections::HashMap, path::Path};
 
 /// Most vertices or triangles that are read.
@@ -17,7 +17,7 @@ pub const MAX_COUNT: usize = 1 << 24;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     /// What they mean: texture coordinates have 2 numbers, normals 3, colours 3 or 4 from 0 to 1.
-    pub kind: Kind,
+    pub kind: AttributeKind,
     /// How many numbers of a value count.
     pub width: usize,
     /// Values; what does not count is 0.
@@ -176,9 +176,9 @@ mod tests {
             corners: corners.clone(),
         };
         let value = |v: f32| [v, 1.0 - v, 0.0, 0.0];
-        model.layers.push(layer(Kind::TexCoord, 2, [0.0, 0.25, 0.5, 1.0].map(value)));
+        model.layers.push(layer(AttributeKind::TexCoord, 2, [0.0, 0.25, 0.5, 1.0].map(value)));
         let normal = |k: usize| std::array::from_fn(|i| f32::from(i == k));
-        model.layers.push(layer(Kind::Normal, 3, [0, 1, 2, 0].map(normal)));
+        model.layers.push(layer(AttributeKind::Normal, 3, [0, 1, 2, 0].map(normal)));
         assert_eq!(Model::read(&model.write(Format::Obj), Format::Obj).unwrap(), model);
         let read = Model::read(&model.write(Format::Ply), Format::Ply).unwrap();
         let values = |model: &Model, layer: usize| -> Vec<[f32; 4]> {

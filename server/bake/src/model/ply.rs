@@ -6,7 +6,7 @@
 //! read, of faces the list of their corners; what else is described is passed over.
 
 use super::{Layer, Model, ModelError, fan, limit};
-use insula_protocol::mesh::Kind;
+use insula_protocol::mesh::AttributeKind;
 use std::collections::HashMap;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,12 +163,12 @@ fn header(bytes: &[u8]) -> Result<(Vec<Element>, Values<'_>), ModelError> {
 }
 
 /// Names of a vertex's numbers that make a layer.
-const LAYERS: [(Kind, &[&str]); 5] = [
-    (Kind::TexCoord, &["u", "v"]),
-    (Kind::TexCoord, &["s", "t"]),
-    (Kind::Normal, &["nx", "ny", "nz"]),
-    (Kind::Colour, &["red", "green", "blue", "alpha"]),
-    (Kind::Colour, &["red", "green", "blue"]),
+const LAYERS: [(AttributeKind, &[&str]); 5] = [
+    (AttributeKind::TexCoord, &["u", "v"]),
+    (AttributeKind::TexCoord, &["s", "t"]),
+    (AttributeKind::Normal, &["nx", "ny", "nz"]),
+    (AttributeKind::Colour, &["red", "green", "blue", "alpha"]),
+    (AttributeKind::Colour, &["red", "green", "blue"]),
 ];
 
 fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
@@ -177,7 +177,7 @@ fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Re
     let Some(xyz) = place(&["x", "y", "z"]) else {
         return Err(ModelError::Whole("a PLY file's vertices have no x, y, z"));
     };
-    let mut layers: Vec<(Kind, Vec<usize>)> = Vec::new();
+    let mut layers: Vec<(AttributeKind, Vec<usize>)> = Vec::new();
     for (kind, names) in LAYERS {
         if let Some(place) = place(names)
             && layers.iter().all(|(other, _)| *other != kind)
@@ -197,7 +197,7 @@ fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Re
         for ((kind, place), layer) in layers.iter().zip(&mut model.layers) {
             // Colours are bytes in nearly all files.
             let is_byte = element.properties[place[0]].number == Number::U8;
-            let scale = if *kind == Kind::Colour && is_byte { 255.0 } else { 1.0 };
+            let scale = if *kind == AttributeKind::Colour && is_byte { 255.0 } else { 1.0 };
             layer.values.push(std::array::from_fn(|k| place.get(k).map_or(0.0, |place| (row[*place] / scale) as f32)));
         }
     }

@@ -4,7 +4,7 @@
 
 use super::{Layer, Model};
 use insula_protocol::{
-    mesh::{Attribute, Grid, Kind, Mesh},
+    mesh::{Attribute, AttributeKind, Grid, Mesh},
     octahedral,
 };
 
@@ -26,9 +26,9 @@ pub fn to_mesh(model: &Model, bits: u8, texcoord_bits: u8) -> Mesh {
 fn attribute(layer: &Layer, texcoord_bits: u8) -> Attribute {
     let counting = || layer.values.iter().flat_map(|value| &value[..layer.width]);
     let (bits, components, range) = match layer.kind {
-        Kind::Normal => (BYTE, 2, [0.0, 1.0]),
-        Kind::Colour => (BYTE, layer.width as u8, [0.0, 1.0 / 255.0]),
-        Kind::TexCoord | Kind::Other => {
+        AttributeKind::Normal => (BYTE, 2, [0.0, 1.0]),
+        AttributeKind::Colour => (BYTE, layer.width as u8, [0.0, 1.0 / 255.0]),
+        AttributeKind::TexCoord | AttributeKind::Other => {
             let min = counting().copied().fold(f32::INFINITY, f32::min);
             let max = counting().copied().fold(f32::NEG_INFINITY, f32::max);
             let step = (max - min) / ((1u32 << texcoord_bits) - 1) as f32;
@@ -42,7 +42,7 @@ fn attribute(layer: &Layer, texcoord_bits: u8) -> Attribute {
     };
     let most = ((1u32 << bits) - 1) as f32;
     let value = |value: &[f32; 4]| {
-        if layer.kind == Kind::Normal {
+        if layer.kind == AttributeKind::Normal {
             let code = octahedral::encode([value[0], value[1], value[2]]);
             return [u32::from(code & 0xff), u32::from(code >> 8), 0, 0];
         }
@@ -58,7 +58,7 @@ fn attribute(layer: &Layer, texcoord_bits: u8) -> Attribute {
 pub fn to_model(mesh: &Mesh) -> Model {
     let layers = mesh.attributes.iter().map(|attribute| {
         let value = |value: &[u32; 4]| {
-            if attribute.kind == Kind::Normal {
+            if attribute.kind == AttributeKind::Normal {
                 let [x, y, z] = octahedral::decode((value[0] | value[1] << 8) as u16);
                 return [x, y, z, 0.0];
             }
@@ -67,7 +67,7 @@ pub fn to_model(mesh: &Mesh) -> Model {
                 if k < usize::from(attribute.components) { min + value[k] as f32 * step } else { 0.0 }
             })
         };
-        let width = if attribute.kind == Kind::Normal { 3 } else { usize::from(attribute.components) };
+        let width = if attribute.kind == AttributeKind::Normal { 3 } else { usize::from(attribute.components) };
         let values = attribute.values.iter().map(value).collect();
         Layer { kind: attribute.kind, width, values, corners: attribute.corners.clone() }
     });

@@ -15,7 +15,7 @@ mod shape;
 use crate::model::{Layer, Model};
 use glam::DVec3;
 use insula_protocol::mesh::{
-    Kind,
+    AttributeKind,
     pieces::{Census, NONE, Pieces},
 };
 use quadric::Quadric;
@@ -440,7 +440,8 @@ impl Work {
                     }
                     if layer.values.len() as u32 == wedges[wedge] {
                         let [x, y, z, w] = self.values[wedge * self.layers + i];
-                        let length = if layer.kind == Kind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
+                        let length =
+                            if layer.kind == AttributeKind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
                         let scale = if length > 0.0 { 1.0 / length } else { 1.0 };
                         layer.values.push([x, y, z, w].map(|v| v * scale));
                     }

@@ -31,7 +31,7 @@ fn sphere(n: u32) -> Model {
 /// An open sheet of `n` x `n` quads with a hill, and texture coordinates that jump in its middle.
 fn sheet(n: u32) -> Model {
     let mut model = Model::default();
-    let mut layer = Layer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
+    let mut layer = Layer { kind: AttributeKind::TexCoord, width: 2, values: vec![], corners: vec![] };
     for i in 0..=n {
         for j in 0..=n {
             let (x, y) = (f64::from(i), f64::from(j));
