@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use insula_protocol::mesh::{Attribute, AttributeKind, Encoded, Grid, Mesh, pieces::Pieces};
+use insula_protocol::mesh::{Attribute, AttributeKind, Encoded, Mesh, PositionGrid, pieces::Pieces};
 
 /// A small generator of numbers (xorshift): the same meshes on every machine.
 struct Dice(u64);
@@ -158,7 +158,12 @@ fn random(seed: u64, most: u32) -> Mesh {
     }
     let min = if dice.one_in(2) { [0.0, -5.5, 12.0] } else { [84_123.456, 447_000.1, -1.2] };
     let bits = 12 + dice.below(5) as u8;
-    Mesh { grid: Grid { min, step: 0.015625, bits }, positions: heap.positions, triangles: heap.triangles, attributes }
+    Mesh {
+        grid: PositionGrid { min, step: 0.015625, bits },
+        positions: heap.positions,
+        triangles: heap.triangles,
+        attributes,
+    }
 }
 
 /// Everything that was given is there again: vertices as they were shared, triangles as they were turned, all values.
@@ -234,7 +239,7 @@ fn what_is_not_on_the_grid_is_refused() {
 
 #[test]
 fn an_empty_mesh_comes_back() {
-    let grid = Grid::around(&[], 12);
+    let grid = PositionGrid::around(&[], 12);
     let mesh = Mesh { grid, positions: vec![], triangles: vec![], attributes: vec![] };
     assert!(check(&mesh).bytes.len() < 40);
 }
@@ -283,7 +288,7 @@ fn altered_bytes_are_refused_or_another_mesh() {
 fn the_format_does_not_change_by_accident() {
     let positions = vec![[0, 0, 0], [4095, 0, 0], [0, 4095, 0], [0, 0, 4095]];
     let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
-    let grid = Grid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
+    let grid = PositionGrid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
     let mesh = Mesh { grid, positions, triangles, attributes: vec![] };
     let hex: String = check(&mesh).bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     assert_eq!(hex, "02010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     TileId,
-    mesh::{Attribute, AttributeKind, Grid, Mesh},
+    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
 };
 use insula_shaders::mesh::{PackedMesh, Picture};
 
@@ -38,7 +38,7 @@ pub fn add(city: &mut RandomCity, rng: &mut Rng, share: f64) -> Result<Vec<Rando
 fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
     let bits = rng.between(14, 16) as u8; // So fine that hardly two faces lie in one plane.
     let step = side_m / f64::from((1u32 << bits) - 1);
-    let grid = Grid { min: [0.0, 0.0, z_m], step, bits };
+    let grid = PositionGrid { min: [0.0, 0.0, z_m], step, bits };
     let most = (1u32 << bits) - 1;
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     let boxes = [0, 1, 8, 60][rng.below(4)];

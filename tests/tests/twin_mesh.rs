@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{COLUMNS, Column},
-    mesh::{Attribute, AttributeKind, Grid, Mesh},
+    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     octahedral,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
@@ -190,7 +190,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
             values,
             corners: vec![0; 6],
         }];
-        let grid = Grid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
+        let grid = PositionGrid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
         let positions = vec![[0, 0, 0], [1023, 0, 0], [1023, 1023, 0], [0, 1023, 0]];
         let mesh = Mesh { grid, positions, triangles: vec![[0, 1, 2], [0, 2, 3]], attributes };
         let mut alone = Cut::new(place);

@@ -279,7 +279,7 @@ mod tests {
     use insula_protocol::{
         BlockMap, Texel,
         blockmap::{COLUMNS, Column, Strip, strip_rows},
-        mesh::{Attribute, AttributeKind, Grid, Mesh},
+        mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     };
     use std::collections::HashMap;
 
@@ -329,7 +329,7 @@ mod tests {
             values: vec![[1, 2, 3, 0]],
             corners: vec![0; 3],
         };
-        let grid = Grid { min: [0.0; 3], step: 1.0, bits: 8 };
+        let grid = PositionGrid { min: [0.0; 3], step: 1.0, bits: 8 };
         let triangle = Mesh {
             grid,
             positions: vec![[0; 3], [9, 0, 0], [0, 9, 0]],

@@ -3,8 +3,8 @@
 //! In: bytes that anyone may have made. Out: a [`Mesh`], or what is wrong. Next: `insula-client`.
 
 use super::{
-    Attribute, AttributeKind, BUILT, Grid, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION,
-    WIDE, architectural_positions, attribute_values,
+    Attribute, AttributeKind, BUILT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, PositionGrid,
+    VERSION, WIDE, architectural_positions, attribute_values,
     connectivity::{self, Connectivity},
     encode::limit,
     pieces::NONE,
@@ -108,7 +108,7 @@ fn finish(order: Connectivity, points: &Points, first: &[u32]) -> (Vec<[u32; 3]>
     (positions, triangles)
 }
 
-fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<Grid, DecodeError> {
+fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<PositionGrid, DecodeError> {
     let mut numbers = [0f64; 4];
     for number in &mut numbers {
         *number = if wide { f64::from_le_bytes(reader.array()?) } else { reader.f32()?.into() };
@@ -120,7 +120,7 @@ fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<Grid, DecodeErr
     if step <= 0.0 {
         return Err(DecodeError::Invalid("a mesh's grid has no step"));
     }
-    Ok(Grid { min: [x, y, z], step, bits })
+    Ok(PositionGrid { min: [x, y, z], step, bits })
 }
 
 fn attribute(reader: &mut Reader<'_>) -> Result<Attribute, DecodeError> {

@@ -1,10 +1,10 @@
 //! Positions as whole numbers.
 //!
-//! In: positions in metres. Out: a [`Grid`] and numbers on it. Next: the codec.
+//! In: positions in metres. Out: a [`PositionGrid`] and numbers on it. Next: the codec.
 
 /// A cube of `2^bits` points a side.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
+pub struct PositionGrid {
     /// Its lowest corner, in metres.
     pub min: [f64; 3],
     /// Between two points, in metres.
@@ -13,7 +13,7 @@ pub struct Grid {
     pub bits: u8,
 }
 
-impl Grid {
+impl PositionGrid {
     /// The smallest cube with all `positions`, which must be finite; the longest side of their box is its side.
     pub fn around(positions: &[[f64; 3]], bits: u8) -> Self {
         let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);

@@ -20,7 +20,7 @@ mod weld;
 
 pub use attribute::{Attribute, AttributeKind};
 pub use encode::Encoded;
-pub use grid::Grid;
+pub use grid::PositionGrid;
 
 /// Of the coded bytes.
 pub const VERSION: u8 = 2;
@@ -42,7 +42,7 @@ const WIDE: u8 = 2;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     /// What positions mean.
-    pub grid: Grid,
+    pub grid: PositionGrid,
     /// Vertices, below `2^grid.bits`.
     pub positions: Vec<[u32; 3]>,
     /// Triples of vertices, counter-clockwise seen from outside.

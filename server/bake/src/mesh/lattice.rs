@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use insula_protocol::{
     TileId,
-    mesh::{AttributeKind, Grid as Points, POSITION_BITS},
+    mesh::{AttributeKind, POSITION_BITS, PositionGrid as Points},
 };
 
 use super::cut::{self, Corner};
