@@ -4,7 +4,7 @@
 
 use insula_protocol::{
     BlockMap, DecodeError, Texel, TileId, TileKind,
-    blockmap::{COLUMNS, Clip, Column, Corner, Outer, Quality, Strip, strip_rows},
+    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, WallStrip, strip_rows},
     texel::ALPHA_MAX,
     tile::TileWriter,
 };
@@ -19,7 +19,7 @@ fn kept(texel: Texel) -> Texel {
     if texel.alpha() == 0 { Texel::TRANSPARENT } else { texel }
 }
 
-fn column() -> impl Strategy<Value = Column> {
+fn column() -> impl Strategy<Value = MapColumn> {
     let texel = any::<u32>().prop_map(opaque);
     (0u16..4000, 1u16..95, any::<[bool; 8]>(), texel, any::<u16>(), any::<u32>(), any::<u8>()).prop_map(
         |(
@@ -35,11 +35,11 @@ fn column() -> impl Strategy<Value = Column> {
             let rows = strip_rows(z_min, z_max, 1).1;
             let texels = (0..u32::from(rows)).map(|i| kept(Texel(seed.wrapping_mul(i * 2 + 1)))).collect();
             let gap = (gap && exposed && height > 3).then_some([z_min + 1, z_max - 1]);
-            let strip = exposed.then_some(Strip { texels, azimuth });
-            let outer = (outer && height > 1).then_some(Outer { z: z_max - 1, roof: opaque(seed) });
-            let corner = corner.then_some(Corner { azimuth, offset: (seed >> 8) as i8, concave });
-            let clip = (clipped && exposed).then_some(Clip { offset: seed as i8, corner, outer });
-            Column { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip }
+            let strip = exposed.then_some(WallStrip { texels, azimuth });
+            let outer = (outer && height > 1).then_some(OuterTop { z: z_max - 1, roof: opaque(seed) });
+            let corner = corner.then_some(CornerWall { azimuth, offset: (seed >> 8) as i8, concave });
+            let clip = (clipped && exposed).then_some(ColumnClip { offset: seed as i8, corner, outer });
+            MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip }
         },
     )
 }
@@ -133,7 +133,7 @@ proptest! {
 #[test]
 fn every_truncation_and_extra_bytes_are_refused() {
     let mut columns = vec![None; COLUMNS];
-    columns[77] = Some(Column { z_min: 3, z_max: 40, ..Column::default() });
+    columns[77] = Some(MapColumn { z_min: 3, z_max: 40, ..MapColumn::default() });
     let bytes = BlockMap::from_columns(TileId::ROOT, 1.0, -3, 0, &columns).unwrap().encode().unwrap();
     for len in 0..bytes.len() {
         assert!(BlockMap::decode(TileId::ROOT, &bytes[..len]).is_err(), "{len} of {}", bytes.len());
@@ -144,22 +144,22 @@ fn every_truncation_and_extra_bytes_are_refused() {
 
 #[test]
 fn what_a_column_promises_is_checked() {
-    let build = |column: Column| {
+    let build = |column: MapColumn| {
         let mut columns = vec![None; COLUMNS];
         columns[0] = Some(column);
         BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)
     };
-    let good = Column { z_min: 0, z_max: 40, ..Column::default() };
+    let good = MapColumn { z_min: 0, z_max: 40, ..MapColumn::default() };
     assert!(build(good.clone()).is_ok());
-    assert!(build(Column { z_min: 40, ..good.clone() }).is_err(), "no height");
-    assert!(build(Column { z_max: 4096, ..good.clone() }).is_err(), "over 12 bits");
-    assert!(build(Column { gap: Some([10, 20]), ..good.clone() }).is_err(), "gap without strip");
-    let clip = |z: u16| Some(Clip { offset: 5, corner: None, outer: Some(Outer { z, roof: Texel(7) }) });
-    assert!(build(Column { clip: clip(20), ..good.clone() }).is_err(), "clipped without a strip");
+    assert!(build(MapColumn { z_min: 40, ..good.clone() }).is_err(), "no height");
+    assert!(build(MapColumn { z_max: 4096, ..good.clone() }).is_err(), "over 12 bits");
+    assert!(build(MapColumn { gap: Some([10, 20]), ..good.clone() }).is_err(), "gap without strip");
+    let clip = |z: u16| Some(ColumnClip { offset: 5, corner: None, outer: Some(OuterTop { z, roof: Texel(7) }) });
+    assert!(build(MapColumn { clip: clip(20), ..good.clone() }).is_err(), "clipped without a strip");
     let strip =
-        Some(Strip { texels: vec![Texel(1); usize::from(strip_rows(good.z_min, good.z_max, 0).1)], azimuth: 0 });
-    assert!(build(Column { clip: clip(good.z_min + 1), strip: strip.clone(), ..good.clone() }).is_ok());
-    assert!(build(Column { clip: clip(good.z_max), strip: strip.clone(), ..good.clone() }).is_err(), "no lower");
-    assert!(build(Column { clip: clip(good.z_min), strip, ..good.clone() }).is_err(), "nothing above the bottom");
-    assert!(build(Column { strip: Some(Strip::default()), ..good }).is_err(), "short strip");
+        Some(WallStrip { texels: vec![Texel(1); usize::from(strip_rows(good.z_min, good.z_max, 0).1)], azimuth: 0 });
+    assert!(build(MapColumn { clip: clip(good.z_min + 1), strip: strip.clone(), ..good.clone() }).is_ok());
+    assert!(build(MapColumn { clip: clip(good.z_max), strip: strip.clone(), ..good.clone() }).is_err(), "no lower");
+    assert!(build(MapColumn { clip: clip(good.z_min), strip, ..good.clone() }).is_err(), "nothing above the bottom");
+    assert!(build(MapColumn { strip: Some(WallStrip::default()), ..good }).is_err(), "short strip");
 }

@@ -7,7 +7,7 @@
 
 use insula_protocol::{
     BlockMap, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, Clip, Column, Corner, Outer, Strip, strip_rows},
+    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, WallStrip, strip_rows},
     octahedral,
     subtree::NodeInfo,
 };
@@ -23,21 +23,25 @@ fn blockmap() -> BlockMap {
         let mut texels: Vec<Texel> =
             (0..rows).map(|row| Texel::new([row as u8, 100, 255 - row as u8], 40, alpha(row))).collect();
         texels.iter_mut().filter(|texel| texel.alpha() == 0).for_each(|texel| *texel = Texel::TRANSPARENT);
-        Some(Strip { texels, azimuth: 64 })
+        Some(WallStrip { texels, azimuth: 64 })
     };
     let up = octahedral::encode([0.0, 0.0, 1.0]);
     let slope = octahedral::encode([0.6, 0.0, 0.8]);
     let roof = Texel::new([200, 90, 60], 63, 3);
-    let plain = Column { z_min: 5, z_max: 90, roof, roof_normal: up, ..Column::default() };
+    let plain = MapColumn { z_min: 5, z_max: 90, roof, roof_normal: up, ..MapColumn::default() };
     let mut columns = vec![None; COLUMNS];
     columns[0] = Some(plain.clone());
-    columns[1] = Some(Column { inclined: true, roof_normal: slope, ..plain.clone() });
-    columns[63] = Some(Column { strip: strip(5, 90, false), ..plain.clone() });
-    columns[COLUMNS - 64] = Some(Column { suspended: true, strip: strip(5, 90, true), ..plain.clone() });
-    let corner = Some(Corner { azimuth: 3, offset: 40, concave: true });
-    let clip = Some(Clip { offset: -20, corner, outer: Some(Outer { z: 12, roof: Texel::new([10, 20, 30], 50, 3) }) });
-    columns[COLUMNS - 63] = Some(Column { clip, strip: strip(5, 90, false), ..plain.clone() });
-    columns[COLUMNS - 1] = Some(Column { gap: Some([20, 60]), strip: strip(5, 90, false), ..plain });
+    columns[1] = Some(MapColumn { inclined: true, roof_normal: slope, ..plain.clone() });
+    columns[63] = Some(MapColumn { strip: strip(5, 90, false), ..plain.clone() });
+    columns[COLUMNS - 64] = Some(MapColumn { suspended: true, strip: strip(5, 90, true), ..plain.clone() });
+    let corner = Some(CornerWall { azimuth: 3, offset: 40, concave: true });
+    let clip = Some(ColumnClip {
+        offset: -20,
+        corner,
+        outer: Some(OuterTop { z: 12, roof: Texel::new([10, 20, 30], 50, 3) }),
+    });
+    columns[COLUMNS - 63] = Some(MapColumn { clip, strip: strip(5, 90, false), ..plain.clone() });
+    columns[COLUMNS - 1] = Some(MapColumn { gap: Some([20, 60]), strip: strip(5, 90, false), ..plain });
     BlockMap::from_columns(TileId::new(3, 5, 2).unwrap(), 0.5, -7, 1, &columns).unwrap()
 }
 

@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, Column},
+    blockmap::{COLUMNS, MapColumn},
     mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     octahedral,
 };
@@ -162,7 +162,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8, 3);
         let flat = octahedral::encode([0.0, 0.0, 1.0]);
         let (z_min, z_max) = (0, 32);
-        let no = Column {
+        let no = MapColumn {
             z_min,
             z_max,
             inclined: false,
@@ -175,7 +175,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         };
         Some(no)
     };
-    let columns: Vec<Option<Column>> = (0..COLUMNS).map(column).collect();
+    let columns: Vec<Option<MapColumn>> = (0..COLUMNS).map(column).collect();
     let map = BlockMap::from_columns(TileId::ROOT, 8.0, 0, 0, &columns).context("a flat node")?;
     let height_m = map.z_base_m() + 32.0 * f64::from(map.z_step_m());
     for leaf in [[1, 0, 0], [1, 1, 0], [2, 1, 3], [3, 5, 2]].map(|[level, x, y]| TileId::new(level as u8, x, y)) {

@@ -278,7 +278,7 @@ mod tests {
     use super::*;
     use insula_protocol::{
         BlockMap, Texel,
-        blockmap::{COLUMNS, Column, Strip, strip_rows},
+        blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows},
         mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     };
     use std::collections::HashMap;
@@ -347,10 +347,11 @@ mod tests {
         for i in 0..strip_pages {
             let rows = strip_rows(0, 4095, 4).1;
             let texels = vec![Texel::new([mark; 3], 63, 3); usize::from(rows)];
-            let strip = Some(Strip { texels, azimuth: 0 });
-            columns[i] = Some(Column { z_max: 4095, strip, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
+            let strip = Some(WallStrip { texels, azimuth: 0 });
+            columns[i] =
+                Some(MapColumn { z_max: 4095, strip, roof: Texel::new([mark; 3], 0, 3), ..MapColumn::default() });
         }
-        columns[100] = Some(Column { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
+        columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..MapColumn::default() });
         let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap();
         Packed::Node(Box::new(PackedNode::new(&map)))
     }

@@ -14,7 +14,7 @@ use insula_client::{
 };
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
-    blockmap::{COLUMNS, Column, NODE_CELLS, Strip, strip_rows},
+    blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows},
     manifest::{Attribution, Counts},
     mesh_tile::{self, Texture},
     octahedral, route,
@@ -69,7 +69,7 @@ fn block_map(manifest: &Manifest, id: TileId) -> BlockMap {
     let (cell, corner) = (manifest.cell_m_at(id.level()), manifest.node_corner(id));
     // Heights in whole cells would be too coarse at the root: codes of cell / 16.
     let code = |z_m: f64| (z_m / cell * 16.0).round() as u16;
-    let columns: Vec<Option<Column>> = (0..COLUMNS)
+    let columns: Vec<Option<MapColumn>> = (0..COLUMNS)
         .map(|i| {
             let x = corner[0] - ORIGIN[0] + ((i % NODE_CELLS) as f64 + 0.5) * cell;
             let y = corner[1] - ORIGIN[1] + ((i / NODE_CELLS) as f64 + 0.5) * cell;
@@ -78,9 +78,9 @@ fn block_map(manifest: &Manifest, id: TileId) -> BlockMap {
             let rows = usize::from(strip_rows(0, z_max, 0).1);
             let texels = (0..rows).map(|r| Texel::new([200, 120 + (r * 8 % 100) as u8, 90], 50, 3)).collect();
             let roof = if house { Texel::new([170, 60, 40], 63, 3) } else { Texel::new([90, 130, 80], 45, 3) };
-            let strip = house.then_some(Strip { texels, azimuth: 0 });
+            let strip = house.then_some(WallStrip { texels, azimuth: 0 });
             let roof_normal = octahedral::encode([0.0, 0.0, 1.0]);
-            Some(Column { z_min: 0, z_max, roof, roof_normal, strip, ..Column::default() })
+            Some(MapColumn { z_min: 0, z_max, roof, roof_normal, strip, ..MapColumn::default() })
         })
         .collect();
     BlockMap::from_columns(id, cell as f32, 0, 0, &columns).unwrap()

@@ -45,7 +45,7 @@ pub mod flag {
     pub const HOLES: u8 = 16;
     /// Its bottom is in the air (type 2 of Vacca 3.1.1); for debug views only.
     pub const SUSPENDED: u8 = 32;
-    /// A vertical plane cuts it: its solids end there, and what lies beyond is lower ([`super::Clip`]).
+    /// A vertical plane cuts it: its solids end there, and what lies beyond is lower ([`super::ColumnClip`]).
     pub const CLIPPED: u8 = 64;
     /// All that the format knows.
     pub const ALL: u8 = 127;
@@ -53,19 +53,19 @@ pub mod flag {
 
 /// Wall strip of an exposed column: what its sides show.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Strip {
+pub struct WallStrip {
     /// Bottom to top, [`strip_rows`] of them.
     pub texels: Vec<Texel>,
     /// Direction of the wall's horizontal normal, 256 to a full turn, 0 east, 64 north.
     pub azimuth: u8,
 }
 
-/// [`Clip::offset`] of a plane one cell from the cell's centre.
+/// [`ColumnClip::offset`] of a plane one cell from the cell's centre.
 pub const CLIP_STEPS_PER_CELL: i32 = 128;
 
 /// What lies in a clipped column's cell beyond its wall.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Outer {
+pub struct OuterTop {
     /// Code of its top, between the column's `z_min` and `z_max`; its bottom is the column's.
     pub z: u16,
     /// What is seen from above.
@@ -74,10 +74,10 @@ pub struct Outer {
 
 /// The second wall of a column that stands at a corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Corner {
-    /// Direction of its horizontal normal, like [`Strip::azimuth`].
+pub struct CornerWall {
+    /// Direction of its horizontal normal, like [`WallStrip::azimuth`].
     pub azimuth: u8,
-    /// Distance of its plane from the cell's centre, like [`Clip::offset`].
+    /// Distance of its plane from the cell's centre, like [`ColumnClip::offset`].
     pub offset: i8,
     /// Whether the column fills the inner side of either plane; else only what is on the inner side of both.
     pub concave: bool,
@@ -86,18 +86,18 @@ pub struct Corner {
 /// Where a wall stands inside its cell: the column fills the part on the inner side of a vertical plane that is square to
 /// the strip's azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Clip {
+pub struct ColumnClip {
     /// Distance of the plane from the cell's centre along the azimuth, in cells / [`CLIP_STEPS_PER_CELL`].
     pub offset: i8,
     /// Where another wall meets the first.
-    pub corner: Option<Corner>,
+    pub corner: Option<CornerWall>,
     /// `None` where the other side is empty.
-    pub outer: Option<Outer>,
+    pub outer: Option<OuterTop>,
 }
 
 /// One column as the bake makes it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Column {
+pub struct MapColumn {
     /// Code of the bottom, below `z_max`.
     pub z_min: u16,
     /// Code of the top (at the cell's centre if inclined), at most [`Z_CODE_MAX`].
@@ -113,9 +113,9 @@ pub struct Column {
     /// [`crate::octahedral`] code of the top's normal.
     pub roof_normal: u16,
     /// Present if exposed.
-    pub strip: Option<Strip>,
+    pub strip: Option<WallStrip>,
     /// Only exposed columns are clipped.
-    pub clip: Option<Clip>,
+    pub clip: Option<ColumnClip>,
 }
 
 /// First row and number of rows of a strip: the texels that `z_min..z_max` touches.
@@ -154,7 +154,7 @@ pub struct BlockMap {
     /// Gaps of the columns that have one, in column order.
     pub gaps: Vec<[u16; 2]>,
     /// Planes of the columns that are clipped, in column order.
-    pub clips: Vec<Clip>,
+    pub clips: Vec<ColumnClip>,
     /// Strips of the exposed columns one after the other, in column order.
     pub strips: Vec<Texel>,
 }
@@ -179,13 +179,13 @@ impl BlockMap {
         }
     }
 
-    /// Adds the columns in order. Errors: a column that breaks what [`Column`] promises, or too many texels.
+    /// Adds the columns in order. Errors: a column that breaks what [`MapColumn`] promises, or too many texels.
     pub fn from_columns(
         id: TileId,
         cell_m: f32,
         z_base_cells: i32,
         z_shift: u8,
-        columns: &[Option<Column>],
+        columns: &[Option<MapColumn>],
     ) -> Result<Self, DecodeError> {
         let mut map = Self::empty(id, cell_m, z_base_cells, z_shift);
         if columns.len() != COLUMNS || z_shift > Z_SHIFT_MAX || !(cell_m.is_finite() && cell_m > 0.0) {
@@ -200,7 +200,7 @@ impl BlockMap {
         Ok(map)
     }
 
-    fn put(&mut self, i: usize, column: &Column) -> Result<(), DecodeError> {
+    fn put(&mut self, i: usize, column: &MapColumn) -> Result<(), DecodeError> {
         let mut flags = flag::OCCUPIED;
         if column.inclined {
             flags |= flag::INCLINED;
@@ -248,7 +248,7 @@ impl BlockMap {
     }
 
     /// The columns as the bake made them: the inverse of [`BlockMap::from_columns`].
-    pub fn columns(&self) -> Vec<Option<Column>> {
+    pub fn columns(&self) -> Vec<Option<MapColumn>> {
         let (mut gaps, mut clips, mut strips) = (self.gaps.iter(), self.clips.iter(), &self.strips[..]);
         (0..COLUMNS)
             .map(|i| {
@@ -262,9 +262,9 @@ impl BlockMap {
                     let rows = usize::from(strip_rows(self.z_min[i], self.z_max[i], self.z_shift).1);
                     let (head, tail) = strips.split_at(rows.min(strips.len()));
                     strips = tail;
-                    Strip { texels: head.to_vec(), azimuth: self.wall_azimuth[i] }
+                    WallStrip { texels: head.to_vec(), azimuth: self.wall_azimuth[i] }
                 });
-                Some(Column {
+                Some(MapColumn {
                     z_min: self.z_min[i],
                     z_max: self.z_max[i],
                     inclined: flags & flag::INCLINED != 0,

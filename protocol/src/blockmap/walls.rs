@@ -4,7 +4,8 @@
 //! Next: `looks`.
 
 use super::{
-    BlockMap, CLIP_STEPS_PER_CELL, COLUMNS, Clip, Corner, NODE_CELLS, Outer, STEPS_PER_CELL, Z_CODE_MAX, flag,
+    BlockMap, CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, CornerWall, NODE_CELLS, OuterTop, STEPS_PER_CELL, Z_CODE_MAX,
+    flag,
     geometry::{self, WIDTH, neighbour},
 };
 use crate::codec::range::{Bit, Coder, Number, Share};
@@ -146,7 +147,7 @@ struct WallModels {
 pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeStep]) {
     let mut models = Box::<WallModels>::default();
     let mut gaps = vec![[0u16; 2]; COLUMNS];
-    let mut clips = vec![Clip::default(); COLUMNS];
+    let mut clips = vec![ColumnClip::default(); COLUMNS];
     if C::WRITES {
         spread(map, flag::GAP, &map.gaps, &mut gaps);
         spread(map, flag::CLIPPED, &map.clips, &mut clips);
@@ -211,7 +212,7 @@ struct NearbyWalls {
 
 impl NearbyWalls {
     /// The walls of the neighbours that are done, first those of the column before.
-    fn new(map: &BlockMap, done: &[bool], clips: &[Clip], i: usize, before: Option<usize>) -> Self {
+    fn new(map: &BlockMap, done: &[bool], clips: &[ColumnClip], i: usize, before: Option<usize>) -> Self {
         let mut near = Self { walls: [NearbyWall { azimuth: 0, offset: None }; 18], count: 0 };
         if let Some(j) = before {
             near.add_column(map, clips, i, j);
@@ -228,7 +229,7 @@ impl NearbyWalls {
         near
     }
 
-    fn add_column(&mut self, map: &BlockMap, clips: &[Clip], i: usize, j: usize) {
+    fn add_column(&mut self, map: &BlockMap, clips: &[ColumnClip], i: usize, j: usize) {
         let [first, corner] = planes(map, clips, j);
         let here = |(azimuth, offset): WallPlane| NearbyWall { azimuth, offset: Some(carried(j, i, azimuth, offset)) };
         self.add(first.map_or(NearbyWall { azimuth: map.wall_azimuth[j], offset: None }, here));
@@ -344,7 +345,7 @@ fn direction(azimuth: u8) -> [i32; 2] {
 type WallPlane = (u8, i8);
 
 /// The planes of a column that is clipped.
-fn planes(map: &BlockMap, clips: &[Clip], i: usize) -> [Option<WallPlane>; 2] {
+fn planes(map: &BlockMap, clips: &[ColumnClip], i: usize) -> [Option<WallPlane>; 2] {
     if map.flags[i] & flag::CLIPPED == 0 {
         return [None; 2];
     }
@@ -367,8 +368,8 @@ fn code_clip<C: Coder>(
     near: &[NearbyWall],
     i: usize,
     before: Option<usize>,
-    clips: &[Clip],
-) -> Clip {
+    clips: &[ColumnClip],
+) -> ColumnClip {
     let azimuth = map.wall_azimuth[i];
     let before = before.filter(|j| map.flags[*j] & flag::CLIPPED != 0);
     let value = clips[i];
@@ -380,7 +381,7 @@ fn code_clip<C: Coder>(
     let beyond = neighbour(i, (towards(nx), towards(ny))).filter(|j| map.flags[*j] & flag::OCCUPIED != 0);
     let context = before.map_or(0, |j| 1 + usize::from(clips[j].outer.is_some())) * 2 + usize::from(beyond.is_some());
     if !coder.bit(&mut models.outer[context], value.outer.is_some()) {
-        return Clip { offset, corner, outer: None };
+        return ColumnClip { offset, corner, outer: None };
     }
     let from = before.and_then(|j| clips[j].outer).map(|outer| outer.z);
     let (low, high) = (i32::from(map.z_min[i]) + 1, i32::from(map.z_max[i]) - 1);
@@ -400,7 +401,7 @@ fn code_clip<C: Coder>(
     let value = value.outer.unwrap_or_default();
     let z = guess + coder.number(&mut models.outer_height[model], i32::from(value.z) - guess);
     let z = z.clamp(0, i32::from(Z_CODE_MAX)) as u16;
-    Clip { offset, corner, outer: Some(Outer { z, roof: value.roof }) }
+    ColumnClip { offset, corner, outer: Some(OuterTop { z, roof: value.roof }) }
 }
 
 /// The other wall of a corner.
@@ -409,8 +410,8 @@ fn code_corner<C: Coder>(
     models: &mut WallModels,
     near: &[NearbyWall],
     azimuth: u8,
-    value: Option<Corner>,
-) -> Option<Corner> {
+    value: Option<CornerWall>,
+) -> Option<CornerWall> {
     let other = near.iter().any(|wall| wall.azimuth != azimuth);
     let same = near.iter().any(|wall| wall.azimuth == azimuth);
     let context = usize::from(other) + 2 * usize::from(same);
@@ -421,5 +422,5 @@ fn code_corner<C: Coder>(
     let concave = coder.bit(&mut models.concave, value.concave);
     let azimuth = code_azimuth(coder, &mut models.azimuth, near, Some(azimuth), value.azimuth);
     let offset = code_offset(coder, &mut models.corner_offset, near, azimuth, value.offset);
-    Some(Corner { azimuth, offset, concave })
+    Some(CornerWall { azimuth, offset, concave })
 }
