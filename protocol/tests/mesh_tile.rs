@@ -4,7 +4,7 @@
 
 use insula_protocol::{
     DecodeError, MeshTile, TileId, TileKind,
-    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, Texture},
+    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, TileTexture},
     tile::{TileReader, TileWriter},
 };
 use proptest::prelude::*;
@@ -13,8 +13,8 @@ fn leaf() -> TileId {
     TileId::new(7, 100, 3).unwrap()
 }
 
-fn picture() -> Texture {
-    Texture { size_px: [640, 20], bytes: [&b"RIFF\x10\0\0\0WEBPVP8L"[..], &[7; 200]].concat() }
+fn picture() -> TileTexture {
+    TileTexture { size_px: [640, 20], bytes: [&b"RIFF\x10\0\0\0WEBPVP8L"[..], &[7; 200]].concat() }
 }
 
 fn plain() -> MeshTile {
@@ -69,14 +69,14 @@ fn every_truncation_flipped_byte_and_extra_byte_is_refused() {
 #[test]
 fn what_a_tile_promises_is_checked() {
     let refused = |tile: MeshTile| assert!(tile.encode(leaf(), 0).is_err());
-    let with = |texture: Texture| MeshTile { texture: Some(texture), ..textured() };
+    let with = |texture: TileTexture| MeshTile { texture: Some(texture), ..textured() };
     refused(MeshTile { texture: None, ..textured() });
     refused(MeshTile { texture: Some(picture()), ..plain() });
-    refused(with(Texture { size_px: [0, 4], ..picture() }));
-    refused(with(Texture { size_px: [MAX_TEXTURE_SIDE_PX + 1, 1], ..picture() }));
-    refused(with(Texture { size_px: [4096, 1025], ..picture() }));
+    refused(with(TileTexture { size_px: [0, 4], ..picture() }));
+    refused(with(TileTexture { size_px: [MAX_TEXTURE_SIDE_PX + 1, 1], ..picture() }));
+    refused(with(TileTexture { size_px: [4096, 1025], ..picture() }));
     for bytes in [&b"GIF89a"[..], &[0xff, 0xd8, 0xff, 0xe0], b"RIFF", b"RIFF\x10\0\0\0WEBPVP8X"] {
-        refused(with(Texture { bytes: bytes.to_vec(), ..picture() }));
+        refused(with(TileTexture { bytes: bytes.to_vec(), ..picture() }));
     }
     let mut empty = plain();
     empty.mesh.triangles.clear();

@@ -7,7 +7,7 @@ use crate::scene::Key;
 use bytes::Bytes;
 use insula_protocol::{
     BlockMap, DecodeError, MeshTile, Subtree, TileKind,
-    mesh_tile::{self, Texture},
+    mesh_tile::{self, TileTexture},
 };
 use insula_shaders::{
     mesh::{PackedMesh, Picture},
@@ -91,7 +91,7 @@ pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
 }
 
 /// Unpacks a texture, if it is of the size that it says: that is within the format's limits.
-fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
+fn picture(texture: &TileTexture) -> Result<Picture, DecodeError> {
     let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
     let [width_px, height_px] = texture.size_px.map(u32::from);
     let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes));
@@ -121,7 +121,7 @@ mod tests {
         let picture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
         picture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
         let tile = |size_px, bytes: Vec<u8>| {
-            let texture = Some(Texture { size_px, bytes });
+            let texture = Some(TileTexture { size_px, bytes });
             mesh_tile::cuboid([0.0; 3], [9.0; 3], [0; 3], texture).encode(id, 1).unwrap()
         };
         let webp = webp.into_inner();

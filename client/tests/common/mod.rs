@@ -16,7 +16,7 @@ use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
     blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows},
     manifest::{Attribution, Counts},
-    mesh_tile::{self, Texture},
+    mesh_tile::{self, TileTexture},
     octahedral, route,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
@@ -131,7 +131,7 @@ pub fn city_with_meshes(name: &str) -> HashMap<String, Vec<u8>> {
         let mut bytes = std::io::Cursor::new(Vec::new());
         let red = image::RgbImage::from_pixel(48, 32, image::Rgb([200, 10, 20]));
         red.write_to(&mut bytes, image::ImageFormat::WebP).unwrap();
-        Texture { size_px: [48, 32], bytes: bytes.into_inner() }
+        TileTexture { size_px: [48, 32], bytes: bytes.into_inner() }
     };
     for leaf in subtree.nodes.iter().filter(|node| node.id.level() == DEPTH).map(|node| node.id) {
         let mut lods = Vec::new();

@@ -43,12 +43,12 @@ pub struct MeshTile {
     /// At least one triangle.
     pub mesh: Mesh,
     /// What texture coordinates point into.
-    pub texture: Option<Texture>,
+    pub texture: Option<TileTexture>,
 }
 
 /// A picture, still packed: it is for the reader to unpack, once it has checked that it is of this size.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Texture {
+pub struct TileTexture {
     /// Width and height, 1 to [`MAX_TEXTURE_SIDE_PX`].
     pub size_px: [u16; 2],
     /// A WebP file of one chunk, `VP8 ` or `VP8L`; sRGB.
@@ -111,7 +111,7 @@ impl MeshTile {
         }
         let bytes = tile.section(TAG_TEXTURE, MAX_PART_BYTES)?;
         let texture =
-            if bytes.is_empty() { None } else { Some(Texture { size_px: [reader.u16()?, reader.u16()?], bytes }) };
+            if bytes.is_empty() { None } else { Some(TileTexture { size_px: [reader.u16()?, reader.u16()?], bytes }) };
         reader.finish()?;
         let mesh = Mesh::decode_within(&tile.section(TAG_MESH, MAX_PART_BYTES)?, MAX_TRIANGLES)?;
         let tile = Self { mesh, texture };
@@ -165,7 +165,7 @@ impl MeshTile {
     }
 }
 
-impl Texture {
+impl TileTexture {
     /// Pixels.
     pub fn pixels(&self) -> u32 {
         u32::from(self.size_px[0]) * u32::from(self.size_px[1])

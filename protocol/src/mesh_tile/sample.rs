@@ -2,7 +2,7 @@
 //!
 //! In: a box, its colour or picture. Out: a [`MeshTile`]. Next: tests.
 
-use super::{MeshTile, Texture};
+use super::{MeshTile, TileTexture};
 use crate::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
 
 /// Corners of a box, bit 0 to the east, bit 1 to the north, bit 2 up: two triangles for each side, seen from outside.
@@ -10,7 +10,7 @@ const SIDES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [1, 3,
 
 /// A box from `min` to `max` (metres from the leaf's corner), on a grid of 12 bits: of one colour, or with the whole picture on
 /// each of its six sides.
-pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<Texture>) -> MeshTile {
+pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<TileTexture>) -> MeshTile {
     let corners: [[f64; 3]; 8] =
         std::array::from_fn(|i| std::array::from_fn(|axis| if i >> axis & 1 == 0 { min[axis] } else { max[axis] }));
     let grid = PositionGrid::around(&corners, 12);

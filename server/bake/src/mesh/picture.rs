@@ -12,7 +12,7 @@ use glam::{Vec2, Vec2Swizzles, Vec3};
 use insula_protocol::{
     blockmap::Quality,
     mesh::{Attribute, AttributeKind},
-    mesh_tile::Texture,
+    mesh_tile::TileTexture,
 };
 
 use super::{
@@ -38,7 +38,7 @@ const SUB_BITS: u32 = 3;
 
 /// What a surface wears.
 pub(super) struct Dress {
-    pub(super) texture: Texture,
+    pub(super) texture: TileTexture,
     /// Texture coordinates of all corners.
     pub(super) attribute: Attribute,
     /// Length of the texels that are longer than the source's, 0 if none is.
@@ -57,7 +57,7 @@ pub(super) fn dress(scene: &Scene, model: &Model, (step_m, texel_m): (f64, f64),
         let padded: Vec<[u32; 2]> = sizes.iter().copied().map(padded).collect();
         let packed = atlas::pack(&padded).and_then(|atlas| {
             let canvas = paint(scene, model, (&charts, &sizes), &atlas);
-            let texture = Texture { size_px: atlas.size.map(|side| side as u16), bytes: canvas.pack(quality)? };
+            let texture = TileTexture { size_px: atlas.size.map(|side| side as u16), bytes: canvas.pack(quality)? };
             let limited = scales.iter().any(|scale| *scale < 1.0);
             let attribute = places(model, (&charts, &sizes), &atlas);
             Some(Dress { texture, attribute, texel_m: if limited { texel_m } else { 0.0 } })
