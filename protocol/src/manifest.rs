@@ -38,7 +38,7 @@ pub struct Manifest {
     /// Whether the source has terrain (then the plane is hardly needed).
     pub has_terrain: bool,
     /// How much there is.
-    pub counts: Counts,
+    pub counts: CityCounts,
     /// Who must be named wherever the city is shown.
     pub attribution: Vec<Attribution>,
     /// Version of the tile format.
@@ -49,7 +49,7 @@ pub struct Manifest {
 
 /// How much a city holds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Counts {
+pub struct CityCounts {
     /// Objects of the sources.
     pub objects: u64,
     /// Triangles of the sources.

@@ -11,7 +11,7 @@ use crate::{
 };
 use insula_protocol::{
     Manifest, Subtree,
-    manifest::Counts,
+    manifest::CityCounts,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use sight::Asked;
@@ -39,7 +39,7 @@ fn manifest(depth: u8) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
-        counts: Counts::default(),
+        counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,
         settings: String::new(),

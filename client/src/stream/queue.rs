@@ -170,7 +170,7 @@ pub fn jitter() -> f64 {
 mod tests {
     use super::*;
     use crate::select::priority::Group;
-    use insula_protocol::{Manifest, Subtree, TileId, manifest::Counts, subtree::NodeInfo};
+    use insula_protocol::{Manifest, Subtree, TileId, manifest::CityCounts, subtree::NodeInfo};
 
     fn tree() -> Tree {
         let manifest = Manifest {
@@ -188,7 +188,7 @@ mod tests {
             ground_z_m: 0.0,
             focus: [[0.0; 2], [1.0; 2]],
             has_terrain: false,
-            counts: Counts::default(),
+            counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,
             settings: String::new(),

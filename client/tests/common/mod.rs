@@ -15,7 +15,7 @@ use insula_client::{
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
     blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows},
-    manifest::{Attribution, Counts},
+    manifest::{Attribution, CityCounts},
     mesh_tile::{self, TileTexture},
     octahedral, route,
     subtree::{MeshLod, NodeInfo, NodeMesh},
@@ -58,7 +58,7 @@ pub fn manifest(name: &str) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: true,
-        counts: Counts::default(),
+        counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
         tile_version: 1,
         settings: "0".into(),

@@ -5,7 +5,7 @@
 
 use std::{collections::BTreeMap, time::Instant};
 
-use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
+use insula_protocol::{Manifest, manifest::CityCounts, subtree::MeshLod};
 use serde::Serialize;
 
 pub use crate::write::scratch::Start;
@@ -214,7 +214,7 @@ impl Report {
     }
 }
 
-fn levels(grid: &Grid, counts: &Counts) -> Vec<LevelReport> {
+fn levels(grid: &Grid, counts: &CityCounts) -> Vec<LevelReport> {
     let each = (0..=grid.depth).zip(counts.nodes_per_level.iter().zip(&counts.bytes_per_level));
     each.map(|(level, (nodes, bytes))| LevelReport {
         level,

@@ -4,7 +4,7 @@
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
     blockmap::{COLUMNS, MapColumn, WallStrip},
-    manifest::{Attribution, Counts, FORMAT_VERSION},
+    manifest::{Attribution, CityCounts, FORMAT_VERSION},
     mesh_tile,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
@@ -82,7 +82,7 @@ pub(crate) fn manifest(name: &str) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
-        counts: Counts {
+        counts: CityCounts {
             objects: 2,
             triangles: 24,
             nodes_per_level: vec![1, 1],

@@ -11,7 +11,7 @@ use std::{
 
 use insula_protocol::{
     NODE_CELLS, TileId,
-    manifest::{Attribution, Counts, FORMAT_VERSION, Manifest},
+    manifest::{Attribution, CityCounts, FORMAT_VERSION, Manifest},
     mesh_tile, tile,
 };
 
@@ -173,7 +173,7 @@ fn manifest(input: &CityInput<'_>) -> Manifest {
         focus: focus(input),
         ground_z_m: facts.ground_z_m,
         has_terrain: facts.has_terrain,
-        counts: Counts {
+        counts: CityCounts {
             objects: facts.objects,
             triangles: facts.triangles,
             nodes_per_level: per_level(|level| level.len() as u64),
