@@ -103,7 +103,7 @@ impl Subtree {
         writer.finish()
     }
 
-    /// CityCounts of all nodes, then errors, bytes, triangles and pixels of all levels of detail. Nothing if there are none.
+    /// Counts of all nodes, then errors, bytes, triangles and pixels of all levels of detail. Nothing if there are none.
     fn encode_meshes(&self) -> Result<Vec<u8>, DecodeError> {
         if self.meshes.is_empty() {
             return Ok(Vec::new());

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use insula_protocol::mesh::{Attribute, AttributeKind, Encoded, Mesh, PositionGrid, pieces::Pieces};
+use insula_protocol::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh, PositionGrid, half_edge::HalfEdgeMesh};
 
 /// A small generator of numbers (xorshift): the same meshes on every machine.
 struct Dice(u64);
@@ -167,7 +167,7 @@ fn random(seed: u64, most: u32) -> Mesh {
 }
 
 /// Everything that was given is there again: vertices as they were shared, triangles as they were turned, all values.
-fn check(mesh: &Mesh) -> Encoded {
+fn check(mesh: &Mesh) -> EncodedMesh {
     let encoded = mesh.encode().unwrap();
     let back = Mesh::decode(&encoded.bytes).unwrap();
     let (vertices, corners) = (&encoded.vertices, &encoded.corners);
@@ -177,7 +177,7 @@ fn check(mesh: &Mesh) -> Encoded {
     let given = mesh.triangles.as_flattened();
     let expected = corners.iter().map(|corner| given[*corner as usize]);
     assert!(back.triangles.as_flattened().iter().map(|vertex| vertices[*vertex as usize]).eq(expected));
-    let left_out = (encoded.census.degenerate + encoded.census.duplicate) as usize;
+    let left_out = (encoded.report.degenerate + encoded.report.duplicate) as usize;
     assert_eq!(back.triangles.len() + left_out, mesh.triangles.len());
     // No triangle twice, none but those that were turned in another turn.
     let mut seen = vec![false; mesh.triangles.len()];
@@ -190,7 +190,7 @@ fn check(mesh: &Mesh) -> Encoded {
         assert!(forwards || [[0, 2, 1], [2, 1, 0], [1, 0, 2]].contains(&turn));
         turned += u32::from(!forwards);
     }
-    assert_eq!(turned, encoded.census.turned);
+    assert_eq!(turned, encoded.report.turned);
     for (given, found) in mesh.attributes.iter().zip(&back.attributes) {
         assert_eq!(
             (given.kind, given.components, given.bits, given.range),
@@ -209,7 +209,7 @@ fn random_meshes_come_back_exactly() {
     let count = std::env::var("INSULA_MESHES").ok().and_then(|count| count.parse().ok()).unwrap_or(3000);
     for seed in 0..count {
         let mesh = random(seed, if seed % 50 == 0 { 30 } else { 9 });
-        assert!(Pieces::new(&mesh.triangles, mesh.positions.len() as u32).is_sound(), "seed {seed}");
+        assert!(HalfEdgeMesh::new(&mesh.triangles, mesh.positions.len() as u32).is_sound(), "seed {seed}");
         check(&mesh);
     }
 }

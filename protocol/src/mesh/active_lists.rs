@@ -5,7 +5,7 @@
 //! A node is one stay of a vertex on a list: after a list was split at a vertex, two nodes stand for it. Lists go round so
 //! that what is not conquered lies to the left of the edge from a node to its next.
 
-use super::pieces::NONE;
+use super::half_edge::NONE;
 
 /// Free edges from which on nodes wait in one bucket.
 const BUCKETS: usize = 64;

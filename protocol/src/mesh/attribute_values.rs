@@ -10,7 +10,7 @@ use super::{
     attribute::{Attribute, AttributeKind},
     connectivity::Connectivity,
     difference::DifferenceCoder,
-    pieces::{next, prev},
+    half_edge::{next, prev},
     points::Points,
 };
 use crate::{

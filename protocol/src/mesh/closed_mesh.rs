@@ -1,15 +1,15 @@
 //! Borders closed with dummy vertices, so that the conquest meets closed surfaces only (Gasparello, 3.3.2).
 //!
-//! In: [`Pieces`]. Out: [`ClosedMesh`]. Next: `conquest`.
+//! In: [`HalfEdgeMesh`]. Out: [`ClosedMesh`]. Next: `conquest`.
 
-use super::pieces::{NONE, Pieces};
+use super::half_edge::{HalfEdgeMesh, NONE};
 
-/// Pieces with a dummy vertex for each loop of border edges, and a triangle from it to each edge.
+/// HalfEdgeMesh with a dummy vertex for each loop of border edges, and a triangle from it to each edge.
 #[derive(Debug, Default)]
 pub(super) struct ClosedMesh {
-    /// As of [`Pieces`]; triangles of dummies come last.
+    /// As of [`HalfEdgeMesh`]; triangles of dummies come last.
     pub(super) origin: Vec<u32>,
-    /// As of [`Pieces`], without borders.
+    /// As of [`HalfEdgeMesh`], without borders.
     pub(super) twin: Vec<u32>,
     /// The first dummy vertex.
     pub(super) dummies_from: u32,
@@ -18,7 +18,7 @@ pub(super) struct ClosedMesh {
 
 impl ClosedMesh {
     /// Closes all borders.
-    pub(super) fn new(pieces: &Pieces) -> Self {
+    pub(super) fn new(pieces: &HalfEdgeMesh) -> Self {
         let (mut origin, mut twin) = (pieces.origin.clone(), pieces.twin.clone());
         let dummies_from = pieces.vertex.len() as u32;
         let borders = pieces.borders();

@@ -11,7 +11,7 @@
 use super::{
     active_lists::{ActiveLists, ActiveNode},
     closed_mesh::ClosedMesh,
-    pieces::{NONE, next, prev},
+    half_edge::{NONE, next, prev},
 };
 use crate::{
     codec::rans::{Model, Symbols},

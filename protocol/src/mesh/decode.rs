@@ -7,7 +7,7 @@ use super::{
     VERSION, WIDE, architectural_positions, attribute_values,
     connectivity::{self, Connectivity},
     encode::limit,
-    pieces::NONE,
+    half_edge::NONE,
     points::Points,
     scan_positions::{self, CLASSES, WEIGHTS},
     weld,

@@ -1,13 +1,13 @@
 //! A mesh to bytes.
 //!
-//! In: a [`Mesh`]. Out: [`Encoded`]. Next: `decode`.
+//! In: a [`Mesh`]. Out: [`EncodedMesh`]. Next: `decode`.
 
 use super::{
     Attribute, BUILT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE,
     architectural_positions, attribute_values,
     closed_mesh::ClosedMesh,
     connectivity::{self, Connectivity},
-    pieces::{Census, NONE, Pieces},
+    half_edge::{HalfEdgeMesh, NONE, RepairReport},
     points::Points,
     scan_positions::{self, PLAIN, Weights},
     weld,
@@ -27,11 +27,11 @@ const UPRIGHT: usize = 50;
 
 /// A coded mesh.
 #[derive(Debug, Clone)]
-pub struct Encoded {
+pub struct EncodedMesh {
     /// The bytes.
     pub bytes: Vec<u8>,
     /// What was mended.
-    pub census: Census,
+    pub report: RepairReport,
     /// For each vertex that [`Mesh::decode`] gives, the one that was given.
     pub vertices: Vec<u32>,
     /// For each corner `3 t + k` that it gives, the one that was given.
@@ -45,9 +45,9 @@ impl Mesh {
     ///
     /// # Errors
     /// What is over the format's limits, or off its own grid.
-    pub fn encode(&self) -> Result<Encoded, DecodeError> {
+    pub fn encode(&self) -> Result<EncodedMesh, DecodeError> {
         self.check()?;
-        let pieces = Pieces::new(&self.triangles, self.positions.len() as u32);
+        let pieces = HalfEdgeMesh::new(&self.triangles, self.positions.len() as u32);
         let closed = ClosedMesh::new(&pieces);
         limit("a mesh's triangles", closed.triangles(), MAX_TRIANGLES)?;
         limit("a mesh's vertices", closed.vertices(), MAX_VERTICES)?;
@@ -84,7 +84,7 @@ impl Mesh {
             bytes.extend(weights.as_flattened().iter().map(|weight| *weight as u8));
         }
         bytes.extend(writer.finish(lanes));
-        Ok(Encoded { bytes, census: pieces.census, vertices, corners, connectivity_bits })
+        Ok(EncodedMesh { bytes, report: pieces.report, vertices, corners, connectivity_bits })
     }
 
     fn check(&self) -> Result<(), DecodeError> {
@@ -175,7 +175,7 @@ fn is_built(order: &Connectivity, points: &Points) -> bool {
 }
 
 /// For each vertex of the conquest the one that was given; none for dummies.
-fn sources(order: &Connectivity, closed: &ClosedMesh, pieces: &Pieces) -> Vec<u32> {
+fn sources(order: &Connectivity, closed: &ClosedMesh, pieces: &HalfEdgeMesh) -> Vec<u32> {
     let mut sources = vec![NONE; order.degree.len()];
     for (triangle, &half_edge) in order.triangles.iter().zip(&order.source) {
         for (k, &vertex) in triangle.iter().enumerate() {
@@ -189,7 +189,7 @@ fn sources(order: &Connectivity, closed: &ClosedMesh, pieces: &Pieces) -> Vec<u3
 }
 
 /// For each corner that will be decoded the one that was given.
-fn corners(order: &Connectivity, pieces: &Pieces) -> Vec<u32> {
+fn corners(order: &Connectivity, pieces: &HalfEdgeMesh) -> Vec<u32> {
     let real = order.source.iter().filter(|half_edge| (**half_edge as usize) < pieces.corner.len());
     real.flat_map(|&half_edge| (0..3).map(move |k| pieces.corner[turn(half_edge, k) as usize])).collect()
 }

@@ -13,13 +13,13 @@ mod decode;
 mod difference;
 mod encode;
 mod grid;
-pub mod pieces;
+pub mod half_edge;
 mod points;
 mod scan_positions;
 mod weld;
 
 pub use attribute::{Attribute, AttributeKind};
-pub use encode::Encoded;
+pub use encode::EncodedMesh;
 pub use grid::PositionGrid;
 
 /// Of the coded bytes.

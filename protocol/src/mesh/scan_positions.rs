@@ -11,7 +11,7 @@
 use super::{
     completed::CompletedTriangles,
     connectivity::Connectivity,
-    pieces::NONE,
+    half_edge::NONE,
     points::{Points, Vector4, add, cross, larger, nearest, products, scale, sub},
 };
 use crate::{

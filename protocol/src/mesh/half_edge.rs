@@ -1,6 +1,6 @@
 //! Triangles of any kind as a half-edge mesh of manifold pieces.
 //!
-//! In: triangles as triples of vertices. Out: [`Pieces`], and a [`Census`] of what was mended. Next: `conquest`, or
+//! In: triangles as triples of vertices. Out: [`HalfEdgeMesh`], and a [`RepairReport`] of what was mended. Next: `conquest`, or
 //! simplification.
 //!
 //! Half-edge `3 t + k` goes from corner `k` of triangle `t` to its next corner; its twin goes the other way in the triangle
@@ -25,7 +25,7 @@ pub const fn prev(half_edge: u32) -> u32 {
 
 /// What was found and mended on the way to manifold pieces.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Census {
+pub struct RepairReport {
     /// Triangles with two corners at one vertex: left out.
     pub degenerate: u32,
     /// Triangles that were there before with the same corners in the same turn: left out.
@@ -106,7 +106,7 @@ impl EdgeTable {
 
 /// A half-edge mesh.
 #[derive(Debug, Clone, Default)]
-pub struct Pieces {
+pub struct HalfEdgeMesh {
     /// Vertex that each half-edge starts from.
     pub origin: Vec<u32>,
     /// The half-edge beside each, [`NONE`] at a border.
@@ -116,10 +116,10 @@ pub struct Pieces {
     /// For each half-edge, the corner `3 t + k` of the input that it starts from.
     pub corner: Vec<u32>,
     /// What was mended.
-    pub census: Census,
+    pub report: RepairReport,
 }
 
-impl Pieces {
+impl HalfEdgeMesh {
     /// From triangles whose corners are below `vertices`. Corners that are not count as degenerate triangles.
     pub fn new(triangles: &[[u32; 3]], vertices: u32) -> Self {
         let mut pieces = Self::default();
@@ -156,7 +156,7 @@ impl Pieces {
         self.corner.reserve(3 * triangles.len());
         for (t, &[a, b, c]) in (0u32..).zip(triangles) {
             if a == b || b == c || c == a || a.max(b).max(c) >= vertices {
-                self.census.degenerate += 1;
+                self.report.degenerate += 1;
                 continue;
             }
             self.origin.extend([a, b, c]);
@@ -192,7 +192,7 @@ impl Pieces {
                 again[t as usize] = group[..i].iter().any(|other| lowest_first(triangles[*other as usize]) == turned);
             }
         }
-        self.census.duplicate = again.iter().filter(|again| **again).count() as u32;
+        self.report.duplicate = again.iter().filter(|again| **again).count() as u32;
         for list in [&mut self.origin, &mut self.corner] {
             let mut h = 0;
             list.retain(|_| {
@@ -200,7 +200,7 @@ impl Pieces {
                 !again[(h - 1) / 3]
             });
         }
-        self.census.duplicate > 0
+        self.report.duplicate > 0
     }
 
     /// Turns triangles around where an edge of two goes the same way in both; the fewer of a connected part are turned.
@@ -247,7 +247,7 @@ impl Pieces {
                 if (turned[t] == Some(true)) != all_but {
                     self.origin.swap(3 * t + 1, 3 * t + 2);
                     self.corner.swap(3 * t + 1, 3 * t + 2);
-                    self.census.turned += 1;
+                    self.report.turned += 1;
                 }
             }
         }
@@ -259,7 +259,7 @@ impl Pieces {
     fn pair(&mut self, edges: &EdgeTable) -> bool {
         self.twin.clear();
         self.twin.resize(self.origin.len(), NONE);
-        self.census.cut_edges = 0;
+        self.report.cut_edges = 0;
         let mut same_way = false;
         let mut waiting: Vec<u32> = Vec::new();
         for group in edges.groups() {
@@ -270,7 +270,7 @@ impl Pieces {
                     self.twin[g as usize] = h;
                 } else {
                     same_way = true;
-                    self.census.cut_edges += 1;
+                    self.report.cut_edges += 1;
                 }
                 continue;
             }
@@ -285,7 +285,7 @@ impl Pieces {
                     _ => waiting.push(h),
                 }
             }
-            self.census.cut_edges += u32::from(group.len() > 2);
+            self.report.cut_edges += u32::from(group.len() > 2);
             same_way |= group.len() > 2;
         }
         same_way
@@ -302,7 +302,7 @@ impl Pieces {
             let id = self.vertex.len() as u32;
             let vertex = self.origin[start as usize];
             self.vertex.push(vertex);
-            self.census.cut_vertices += u32::from(fans[vertex as usize] > 0);
+            self.report.cut_vertices += u32::from(fans[vertex as usize] > 0);
             fans[vertex as usize] += 1;
             // To one side until the border or back at the start, then to the other.
             let mut h = start;
@@ -319,7 +319,7 @@ impl Pieces {
                 beyond = self.twin[next(beyond) as usize];
             }
         }
-        self.census.unused = fans.iter().filter(|fans| **fans == 0).count() as u32;
+        self.report.unused = fans.iter().filter(|fans| **fans == 0).count() as u32;
         self.origin = own;
     }
 
@@ -354,14 +354,14 @@ impl Pieces {
     }
 
     fn count(&mut self) {
-        self.census.borders = self.borders().len() as u32;
+        self.report.borders = self.borders().len() as u32;
         let mut seen = vec![false; self.triangles()];
         let mut stack = Vec::new();
         for seed in 0..self.triangles() {
             if seen[seed] {
                 continue;
             }
-            self.census.pieces += 1;
+            self.report.pieces += 1;
             seen[seed] = true;
             stack.push(seed);
             while let Some(t) = stack.pop() {
@@ -422,49 +422,50 @@ impl Pieces {
 mod tests {
     use super::*;
 
-    fn census(triangles: &[[u32; 3]], vertices: u32) -> Census {
-        let pieces = Pieces::new(triangles, vertices);
+    fn report(triangles: &[[u32; 3]], vertices: u32) -> RepairReport {
+        let pieces = HalfEdgeMesh::new(triangles, vertices);
         assert!(pieces.is_sound());
-        pieces.census
+        pieces.report
     }
 
     #[test]
     fn a_tetrahedron_is_closed() {
-        let pieces = Pieces::new(&[[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], 4);
+        let pieces = HalfEdgeMesh::new(&[[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], 4);
         assert!(pieces.is_sound());
-        assert_eq!(pieces.census, Census { pieces: 1, ..Census::default() });
+        assert_eq!(pieces.report, RepairReport { pieces: 1, ..RepairReport::default() });
         assert_eq!(pieces.euler(), 2);
     }
 
     #[test]
     fn what_is_wrong_is_counted() {
-        let found = census(&[[0, 1, 2], [1, 2, 0], [2, 2, 3], [0, 9, 1]], 5);
-        let wanted = Census { duplicate: 1, degenerate: 2, unused: 2, pieces: 1, borders: 1, ..Census::default() };
+        let found = report(&[[0, 1, 2], [1, 2, 0], [2, 2, 3], [0, 9, 1]], 5);
+        let wanted =
+            RepairReport { duplicate: 1, degenerate: 2, unused: 2, pieces: 1, borders: 1, ..RepairReport::default() };
         assert_eq!(found, wanted);
     }
 
     #[test]
     fn three_triangles_on_an_edge_are_cut() {
-        let found = census(&[[0, 1, 2], [1, 0, 3], [0, 1, 4]], 5);
+        let found = report(&[[0, 1, 2], [1, 0, 3], [0, 1, 4]], 5);
         assert_eq!((found.cut_edges, found.pieces, found.cut_vertices), (1, 2, 2));
     }
 
     #[test]
     fn an_hourglass_is_cut_at_its_waist() {
-        let found = census(&[[0, 1, 2], [0, 3, 4]], 5);
+        let found = report(&[[0, 1, 2], [0, 3, 4]], 5);
         assert_eq!((found.cut_vertices, found.pieces, found.borders), (1, 2, 2));
     }
 
     #[test]
     fn one_that_is_turned_around_is_turned_back() {
-        let found = census(&[[0, 1, 2], [1, 3, 2], [1, 4, 3], [5, 3, 4], [6, 5, 4], [2, 7, 3]], 8);
+        let found = report(&[[0, 1, 2], [1, 3, 2], [1, 4, 3], [5, 3, 4], [6, 5, 4], [2, 7, 3]], 8);
         assert_eq!((found.turned, found.pieces, found.borders), (1, 1, 1));
     }
 
     #[test]
     fn a_moebius_band_is_cut_once() {
         let band: Vec<[u32; 3]> = (0..5).map(|i| [i, (i + 1) % 5, (i + 2) % 5]).collect();
-        let found = census(&band, 5);
+        let found = report(&band, 5);
         assert_eq!(found.pieces, 1);
         assert_eq!(found.cut_edges, 1);
     }
