@@ -1,6 +1,6 @@
 //! What columns look like: colours with a chosen loss, occlusion, coverage.
 //!
-//! In: a [`Coder`], a map with its shapes and the [`FacadeStep`]s along its facades. Out: roofs, outer roofs and strips; in the
+//! In: a [`BitCoder`], a map with its shapes and the [`FacadeStep`]s along its facades. Out: roofs, outer roofs and strips; in the
 //! writer's map too they become what a reader will see.
 //!
 //! Roofs are coded row by row, strips along the facades. A texel is guessed from three that are known: for roofs the western,
@@ -14,7 +14,7 @@ use super::{
     walls::FacadeStep,
 };
 use crate::{
-    codec::range::{Bit, Coder, Number},
+    codec::range::{BitCoder, BitModel, NumberModel},
     texel::{ALPHA_MAX, AO_MAX, Texel},
 };
 
@@ -70,15 +70,15 @@ const ACTIVITY_MAX: i32 = 1023;
 
 #[derive(Default)]
 struct AppearanceModels {
-    brightness: [Number; CLASSES],
+    brightness: [NumberModel; CLASSES],
     /// By activity and by whether anything else of the texel was not as guessed.
-    differences: [[Number; 6]; 2],
-    ao: [Number; 8],
-    alpha: [[Bit; 3]; 4],
+    differences: [[NumberModel; 6]; 2],
+    ao: [NumberModel; 8],
+    alpha: [[BitModel; 3]; 4],
     /// Whether a colour is that of the first and of the second of its three neighbours.
-    first: [Bit; 3],
-    second: Bit,
-    index: Vec<Bit>,
+    first: [BitModel; 3],
+    second: BitModel,
+    index: Vec<BitModel>,
 }
 
 struct TexelCoder<'a, C> {
@@ -122,7 +122,7 @@ impl AoTables {
     }
 }
 
-impl<'a, C: Coder> TexelCoder<'a, C> {
+impl<'a, C: BitCoder> TexelCoder<'a, C> {
     fn new(coder: &'a mut C, loss: Loss, palette: Option<Vec<Colour>>) -> Self {
         let step = u32::from(loss.colour);
         let class = |v: u32| match v * 8 / step {
@@ -140,7 +140,7 @@ impl<'a, C: Coder> TexelCoder<'a, C> {
         let mut models = Box::<AppearanceModels>::default();
         if let Some(palette) = &palette {
             let digits = palette.len().next_power_of_two();
-            models.index = vec![Bit::default(); digits - 1];
+            models.index = vec![BitModel::default(); digits - 1];
         }
         Self { coder, loss, ao: AoTables::new(loss.ao), models, classes, palette }
     }
@@ -219,7 +219,7 @@ impl<'a, C: Coder> TexelCoder<'a, C> {
 const PALETTE: usize = 64;
 
 /// Writes or reads all looks.
-pub(super) fn code<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeStep], loss: Loss) {
+pub(super) fn code<C: BitCoder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeStep], loss: Loss) {
     let palette = palette(coder, map);
     let mut texels = TexelCoder::new(coder, loss, palette);
     let roofs = roofs(&mut texels, map);
@@ -228,14 +228,14 @@ pub(super) fn code<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeS
 }
 
 /// The node's colours, if they are few.
-fn palette<C: Coder>(coder: &mut C, map: &BlockMap) -> Option<Vec<Colour>> {
+fn palette<C: BitCoder>(coder: &mut C, map: &BlockMap) -> Option<Vec<Colour>> {
     let mut list = if C::WRITES { colours(map) } else { Vec::new() };
-    let count = coder.choice(&mut [Bit::NEW; 127], list.len() as u32) as usize;
+    let count = coder.choice(&mut [BitModel::NEW; 127], list.len() as u32) as usize;
     if count > PALETTE {
         return None;
     }
     list.resize(count, [0; 3]);
-    let mut models = [[Bit::NEW; 255]; 3];
+    let mut models = [[BitModel::NEW; 255]; 3];
     let mut last = [0u8; 3];
     for rgb in &mut list {
         for k in 0..3 {
@@ -270,7 +270,7 @@ fn colours(map: &BlockMap) -> Vec<[u8; 3]> {
 /// Height of a cell without a column.
 const NOTHING: i32 = i32::MIN / 2;
 
-fn roofs<C: Coder>(texels: &mut TexelCoder<'_, C>, map: &mut BlockMap) -> Vec<ReconstructedTexel> {
+fn roofs<C: BitCoder>(texels: &mut TexelCoder<'_, C>, map: &mut BlockMap) -> Vec<ReconstructedTexel> {
     let mut looks = vec![ReconstructedTexel { colour: [128, 0, 0], ao: i16::from(AO_MAX) }; WIDTH * WIDTH];
     let mut heights = vec![NOTHING; WIDTH * WIDTH];
     let mut last = 0;
@@ -314,7 +314,7 @@ fn standing(around: &[usize; 3], heights: &[i32], level: impl Fn(usize) -> bool)
     }
 }
 
-fn outers<C: Coder>(texels: &mut TexelCoder<'_, C>, map: &mut BlockMap, roofs: &[ReconstructedTexel]) {
+fn outers<C: BitCoder>(texels: &mut TexelCoder<'_, C>, map: &mut BlockMap, roofs: &[ReconstructedTexel]) {
     let columns: Vec<usize> = (0..COLUMNS).filter(|i| map.flags[*i] & flag::CLIPPED != 0).collect();
     let mut clips = std::mem::take(&mut map.clips);
     for (&i, clip) in columns.iter().zip(&mut clips) {
@@ -339,7 +339,7 @@ struct StripPlacement {
     rows: usize,
 }
 
-fn strips<C: Coder>(
+fn strips<C: BitCoder>(
     texels: &mut TexelCoder<'_, C>,
     map: &mut BlockMap,
     steps: &[FacadeStep],

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     TileId, TileKind,
-    codec::{range::Decoder, varint::Reader},
+    codec::{range::RangeDecoder, varint::Reader},
     error::DecodeError,
     texel::AO_MAX,
     tile::{MAX_SECTION_BYTES, TileReader},
@@ -23,7 +23,7 @@ impl BlockMap {
         }
         let (mut map, loss) = read_meta(id, &tile)?;
         let columns = tile.section(tag::COLUMNS, MAX_SECTION_BYTES as usize)?;
-        let mut coder = Decoder::new(&columns);
+        let mut coder = RangeDecoder::new(&columns);
         map.walk(&mut coder, loss)?;
         if coder.left() > 0 {
             return Err(DecodeError::TrailingBytes(coder.left()));

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     TileKind,
-    codec::range::{Encoder, Rehearsal},
+    codec::range::{NullEncoder, RangeEncoder},
     error::DecodeError,
     texel::{ALPHA_MAX, Texel},
     tile::TileWriter,
@@ -45,7 +45,7 @@ impl BlockMap {
     pub fn encode_at(&self, quality: Quality) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
         let loss = self.loss_at(quality);
-        let mut coder = Encoder::default();
+        let mut coder = RangeEncoder::default();
         self.clone().walk(&mut coder, loss)?;
         let mut writer = TileWriter::new(TileKind::BlockMap, None);
         let mut meta = Vec::with_capacity(12);
@@ -67,7 +67,7 @@ impl BlockMap {
         let loss = |colour| Loss { colour, ao: AO_STEP };
         let keeps = |colour: u16| {
             let mut map = self.clone();
-            appearance::code(&mut Rehearsal, &mut map, &steps, loss(colour));
+            appearance::code(&mut NullEncoder, &mut map, &steps, loss(colour));
             self.colour_error(&map) <= worst
         };
         // Where there is a palette, any step does.

@@ -1,9 +1,9 @@
 //! The columns' shapes, without loss: which there are, how their tops lie, where they end.
 //!
-//! In: a [`Coder`] and a map, whose shapes it writes or fills in. Out: the map. Next: `walls`.
+//! In: a [`BitCoder`] and a map, whose shapes it writes or fills in. Out: the map. Next: `walls`.
 
 use super::{BlockMap, COLUMNS, NODE_CELLS, STEPS_PER_CELL, Z_CODE_MAX, flag};
-use crate::codec::range::{Bit, Coder, Number, Share};
+use crate::codec::range::{BitCoder, BitModel, GroupFlag, NumberModel};
 
 /// Normals that came up last are named by their place in a list of so many.
 const RECENT: usize = 16;
@@ -14,7 +14,7 @@ pub(super) const WIDTH: usize = NODE_CELLS + 2;
 const KNOWN: [(usize, [i32; 2]); 4] = [(1, [1, 0]), (WIDTH, [0, 1]), (WIDTH + 1, [1, 1]), (WIDTH - 1, [-1, 1])];
 
 /// Writes or reads bits 0, 2 and 5 of the flags, and normals and heights.
-pub(super) fn columns<C: Coder>(coder: &mut C, map: &mut BlockMap) {
+pub(super) fn columns<C: BitCoder>(coder: &mut C, map: &mut BlockMap) {
     let tops = tops(coder, map);
     bottoms(coder, map, &tops);
 }
@@ -68,17 +68,17 @@ pub(super) fn plane_at(map: &BlockMap, i: usize, step: [i32; 2]) -> i32 {
 
 #[derive(Default)]
 struct TopModels {
-    occupied: [Bit; 16],
-    suspended: [Bit; 9],
-    inclined: [Bit; 9],
-    same: [[Bit; 4]; 4],
-    listed: [Bit; 2],
-    recent: [[Bit; RECENT - 1]; 2],
-    normal: [Number; 2],
-    height: [Number; 10],
+    occupied: [BitModel; 16],
+    suspended: [BitModel; 9],
+    inclined: [BitModel; 9],
+    same: [[BitModel; 4]; 4],
+    listed: [BitModel; 2],
+    recent: [[BitModel; RECENT - 1]; 2],
+    normal: [NumberModel; 2],
+    height: [NumberModel; 10],
 }
 
-fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<ColumnTop> {
+fn tops<C: BitCoder>(coder: &mut C, map: &mut BlockMap) -> Vec<ColumnTop> {
     let mut models = Box::<TopModels>::default();
     let mut recent = RecentNormals::default();
     let mut tops = vec![ColumnTop::default(); WIDTH * WIDTH];
@@ -86,20 +86,20 @@ fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<ColumnTop> {
     let full = full(coder, map);
     let mut shared = |bit: u8| {
         let occupied = map.flags.iter().filter(|f| **f & flag::OCCUPIED != 0);
-        let share = if C::WRITES { Share::of(occupied.map(|f| f & bit != 0)) } else { Share::None };
-        share.code(coder, &mut [Bit::NEW; 2])
+        let share = if C::WRITES { GroupFlag::of(occupied.map(|f| f & bit != 0)) } else { GroupFlag::Unset };
+        share.code(coder, &mut [BitModel::NEW; 2])
     };
     let (suspended, inclined) = (shared(flag::SUSPENDED), shared(flag::INCLINED));
     for i in 0..COLUMNS {
         let full = full[square(i)];
-        if full == Share::None {
+        if full == GroupFlag::Unset {
             continue;
         }
         let at = place(i);
         // As in `KNOWN`.
         let [west, south] = [&tops[at - 1], &tops[at - WIDTH]];
         let known = &[west, south, &tops[at - WIDTH - 1], &tops[at - WIDTH + 1]];
-        if full == Share::Some {
+        if full == GroupFlag::Mixed {
             let around = known.iter().enumerate().map(|(k, t)| usize::from(t.occupied()) << k).sum::<usize>();
             if !coder.bit(&mut models.occupied[around], map.flags[i] & flag::OCCUPIED != 0) {
                 continue;
@@ -113,8 +113,8 @@ fn tops<C: Coder>(coder: &mut C, map: &mut BlockMap) -> Vec<ColumnTop> {
             [(suspended, &mut models.suspended, flag::SUSPENDED), (inclined, &mut models.inclined, flag::INCLINED)]
         {
             let set = match share {
-                Share::Some => coder.bit(&mut models[context(bit)], map.flags[i] & bit != 0),
-                share => share == Share::All,
+                GroupFlag::Mixed => coder.bit(&mut models[context(bit)], map.flags[i] & bit != 0),
+                share => share == GroupFlag::Set,
             };
             flags |= if set { bit } else { 0 };
         }
@@ -143,15 +143,16 @@ fn square(i: usize) -> usize {
 }
 
 /// How many columns each square has.
-fn full<C: Coder>(coder: &mut C, map: &BlockMap) -> [Share; SQUARES * SQUARES] {
-    let mut models = [[Bit::NEW; 2]; 9];
-    let mut shares = [Share::None; SQUARES * SQUARES];
+fn full<C: BitCoder>(coder: &mut C, map: &BlockMap) -> [GroupFlag; SQUARES * SQUARES] {
+    let mut models = [[BitModel::NEW; 2]; 9];
+    let mut shares = [GroupFlag::Unset; SQUARES * SQUARES];
     for at in 0..shares.len() {
         let corner = at / SQUARES * SQUARE * NODE_CELLS + at % SQUARES * SQUARE;
         let cells = (0..SQUARE * SQUARE).map(|k| corner + k / SQUARE * NODE_CELLS + k % SQUARE);
-        let share = if C::WRITES { Share::of(cells.map(|i| map.flags[i] & flag::OCCUPIED != 0)) } else { Share::None };
-        let west = if at % SQUARES > 0 { shares[at - 1] } else { Share::Some };
-        let south = if at >= SQUARES { shares[at - SQUARES] } else { Share::Some };
+        let share =
+            if C::WRITES { GroupFlag::of(cells.map(|i| map.flags[i] & flag::OCCUPIED != 0)) } else { GroupFlag::Unset };
+        let west = if at % SQUARES > 0 { shares[at - 1] } else { GroupFlag::Mixed };
+        let south = if at >= SQUARES { shares[at - SQUARES] } else { GroupFlag::Mixed };
         shares[at] = share.code(coder, &mut models[west as usize * 3 + south as usize]);
     }
     shares
@@ -178,7 +179,7 @@ impl RecentNormals {
     }
 }
 
-fn normal<C: Coder>(
+fn normal<C: BitCoder>(
     coder: &mut C,
     models: &mut TopModels,
     recent: &mut RecentNormals,
@@ -272,14 +273,14 @@ pub(super) fn median(a: i32, b: i32, c: i32) -> i32 {
 #[derive(Default)]
 struct BottomModels {
     /// Whether it is the ground around, and if not, whether it is nearer to that; by what the neighbours did.
-    just_ground: [Bit; 18],
-    ground: [Bit; 18],
-    height: [Number; 4],
+    just_ground: [BitModel; 18],
+    ground: [BitModel; 18],
+    height: [NumberModel; 4],
 }
 
 /// A column on the ground ends a little under the lowest ground around, another where its neighbours end: whichever is
 /// nearer is said.
-fn bottoms<C: Coder>(coder: &mut C, map: &mut BlockMap, tops: &[ColumnTop]) {
+fn bottoms<C: BitCoder>(coder: &mut C, map: &mut BlockMap, tops: &[ColumnTop]) {
     let mut models = Box::<BottomModels>::default();
     let lowest = lowest(tops);
     // Per column, what the neighbours need to know: 0 nothing, 1 the other guess, 2 the ground; and the bottom.

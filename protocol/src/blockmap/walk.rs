@@ -1,6 +1,6 @@
 //! The way over a map's values that writing and reading share.
 //!
-//! In: a [`Coder`] and a map. Out: what the coder made of it, and the map as a reader sees it. Next: `encode` and `decode`
+//! In: a [`BitCoder`] and a map. Out: what the coder made of it, and the map as a reader sees it. Next: `encode` and `decode`
 //! put a tile around it.
 
 use super::{
@@ -8,12 +8,12 @@ use super::{
     appearance::{self, Loss},
     flag, geometry, strip_rows, walls,
 };
-use crate::{codec::range::Coder, error::DecodeError};
+use crate::{codec::range::BitCoder, error::DecodeError};
 
 impl BlockMap {
     /// Hands all columns to `coder`, in the order of the format. A coder that writes finds them in the map and leaves there
     /// what a reader will see; for one that reads the map is [`BlockMap::empty`]. Errors: heights or strips that no map has.
-    pub fn walk<C: Coder>(&mut self, coder: &mut C, loss: Loss) -> Result<(), DecodeError> {
+    pub fn walk<C: BitCoder>(&mut self, coder: &mut C, loss: Loss) -> Result<(), DecodeError> {
         geometry::columns(coder, self);
         walls::exposed(coder, self);
         check_strips(self)?;

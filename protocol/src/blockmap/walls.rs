@@ -1,6 +1,6 @@
 //! Which columns are walls, and how they follow each other along a facade.
 //!
-//! In: a [`Coder`] and a map with its columns' shapes. Out: flags, azimuths, gaps and planes; the [`Facade`] order.
+//! In: a [`BitCoder`] and a map with its columns' shapes. Out: flags, azimuths, gaps and planes; the [`Facade`] order.
 //! Next: `looks`.
 
 use super::{
@@ -8,7 +8,7 @@ use super::{
     flag,
     geometry::{self, WIDTH, neighbour},
 };
-use crate::codec::range::{Bit, Coder, Number, Share};
+use crate::codec::range::{BitCoder, BitModel, GroupFlag, NumberModel};
 
 /// Neighbours in the order in which a facade is followed: along the grid first.
 const AROUND: [(i32, i32); 8] = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
@@ -23,16 +23,20 @@ pub(super) struct FacadeStep {
 }
 
 /// Whether columns are exposed: nearly always, those whose sides are open by more than a cell.
-pub(super) fn exposed<C: Coder>(coder: &mut C, map: &mut BlockMap) {
+pub(super) fn exposed<C: BitCoder>(coder: &mut C, map: &mut BlockMap) {
     let classes = openness(map);
-    let mut shares = [Share::None; CLASSES];
-    let mut models = [[Bit::NEW; 2]; CLASSES];
+    let mut shares = [GroupFlag::Unset; CLASSES];
+    let mut models = [[BitModel::NEW; 2]; CLASSES];
     for class in 0..CLASSES {
         let members = (0..COLUMNS).filter(|i| usize::from(classes[*i]) == class);
-        let share = if C::WRITES { Share::of(members.map(|i| map.flags[i] & flag::EXPOSED != 0)) } else { Share::None };
+        let share = if C::WRITES {
+            GroupFlag::of(members.map(|i| map.flags[i] & flag::EXPOSED != 0))
+        } else {
+            GroupFlag::Unset
+        };
         shares[class] = share.code(coder, &mut models[class]);
     }
-    let mut models = [Bit::NEW; CLASSES];
+    let mut models = [BitModel::NEW; CLASSES];
     for (i, class) in classes.into_iter().enumerate().filter(|(_, class)| *class != NOTHING) {
         let class = usize::from(class);
         let exposed = shares[class].bit(coder, &mut models[class], map.flags[i] & flag::EXPOSED != 0);
@@ -130,21 +134,21 @@ pub(super) fn facades(map: &BlockMap) -> Vec<FacadeStep> {
 
 #[derive(Default)]
 struct WallModels {
-    gap: [Bit; 3],
-    holes: [Bit; 3],
-    clipped: [Bit; 6],
+    gap: [BitModel; 3],
+    holes: [BitModel; 3],
+    clipped: [BitModel; 6],
     azimuth: AzimuthModels,
-    gap_height: [Number; 2],
-    offset: [Number; 2],
-    corner: [Bit; 4],
-    concave: Bit,
-    corner_offset: [Number; 2],
-    outer: [Bit; 6],
-    outer_height: [Number; 3],
+    gap_height: [NumberModel; 2],
+    offset: [NumberModel; 2],
+    corner: [BitModel; 4],
+    concave: BitModel,
+    corner_offset: [NumberModel; 2],
+    outer: [BitModel; 6],
+    outer_height: [NumberModel; 3],
 }
 
 /// Flags, azimuths, gaps and planes of the exposed columns, along the facades.
-pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeStep]) {
+pub(super) fn walls<C: BitCoder>(coder: &mut C, map: &mut BlockMap, steps: &[FacadeStep]) {
     let mut models = Box::<WallModels>::default();
     let mut gaps = vec![[0u16; 2]; COLUMNS];
     let mut clips = vec![ColumnClip::default(); COLUMNS];
@@ -154,8 +158,8 @@ pub(super) fn walls<C: Coder>(coder: &mut C, map: &mut BlockMap, steps: &[Facade
     }
     let mut shared = |bit: u8| {
         let exposed = map.flags.iter().filter(|f| **f & flag::EXPOSED != 0);
-        let share = if C::WRITES { Share::of(exposed.map(|f| f & bit != 0)) } else { Share::None };
-        share.code(coder, &mut [Bit::NEW; 2])
+        let share = if C::WRITES { GroupFlag::of(exposed.map(|f| f & bit != 0)) } else { GroupFlag::Unset };
+        share.code(coder, &mut [BitModel::NEW; 2])
     };
     let [with_gaps, with_holes, with_clips] = [flag::GAP, flag::HOLES, flag::CLIPPED].map(&mut shared);
     let mut done = vec![false; WIDTH * WIDTH];
@@ -267,16 +271,16 @@ const RECENT: usize = 16;
 
 #[derive(Default)]
 struct AzimuthModels {
-    near: [[Bit; 3]; 2],
-    listed: [Bit; 2],
-    recent: [[Bit; RECENT - 1]; 2],
-    turn: [Number; 2],
+    near: [[BitModel; 3]; 2],
+    listed: [BitModel; 2],
+    recent: [[BitModel; RECENT - 1]; 2],
+    turn: [NumberModel; 2],
     /// AzimuthModels, the one that came up last in front.
     list: Vec<u8>,
 }
 
 /// An azimuth: that of a wall nearby, else one that came up lately, else by how much it turns. `but` is not looked for.
-fn code_azimuth<C: Coder>(
+fn code_azimuth<C: BitCoder>(
     coder: &mut C,
     models: &mut AzimuthModels,
     near: &[NearbyWall],
@@ -306,9 +310,9 @@ fn code_azimuth<C: Coder>(
     azimuth
 }
 
-fn code_gap<C: Coder>(
+fn code_gap<C: BitCoder>(
     coder: &mut C,
-    models: &mut [Number; 2],
+    models: &mut [NumberModel; 2],
     map: &BlockMap,
     i: usize,
     before: Option<[u16; 2]>,
@@ -354,14 +358,20 @@ fn planes(map: &BlockMap, clips: &[ColumnClip], i: usize) -> [Option<WallPlane>;
 }
 
 /// One plane's offset, guessed from a neighbour's if that faces the same way: it is the same wall.
-fn code_offset<C: Coder>(coder: &mut C, models: &mut [Number; 2], near: &[NearbyWall], azimuth: u8, value: i8) -> i8 {
+fn code_offset<C: BitCoder>(
+    coder: &mut C,
+    models: &mut [NumberModel; 2],
+    near: &[NearbyWall],
+    azimuth: u8,
+    value: i8,
+) -> i8 {
     let known = near.iter().find(|wall| wall.azimuth == azimuth).and_then(|wall| wall.offset);
     let guess = known.unwrap_or(0);
     let offset = guess + coder.number(&mut models[usize::from(known.is_none())], i32::from(value) - guess);
     offset.clamp(i32::from(i8::MIN), i32::from(i8::MAX)) as i8
 }
 
-fn code_clip<C: Coder>(
+fn code_clip<C: BitCoder>(
     coder: &mut C,
     models: &mut WallModels,
     map: &BlockMap,
@@ -405,7 +415,7 @@ fn code_clip<C: Coder>(
 }
 
 /// The other wall of a corner.
-fn code_corner<C: Coder>(
+fn code_corner<C: BitCoder>(
     coder: &mut C,
     models: &mut WallModels,
     near: &[NearbyWall],

@@ -3,7 +3,7 @@
 //! The coder is the carry-propagating one of LZMA (Martin 1979, byte-wise normalised); the models count what they saw and
 //! learn fast at first, as a tile has only some thousand symbols.
 //!
-//! Encoder and decoder share one trait, so that a format is written down once, as a walk over its values: see [`Coder`].
+//! RangeEncoder and decoder share one trait, so that a format is written down once, as a walk over its values: see [`BitCoder`].
 
 /// Bits of a probability.
 const BITS: u32 = 15;
@@ -26,23 +26,23 @@ const STEP: [u16; 256] = {
 
 /// The model of one kind of bit: how likely it is set.
 #[derive(Debug, Clone, Copy)]
-pub struct Bit {
+pub struct BitModel {
     /// Of 65536.
     set: u16,
     seen: u8,
 }
 
-impl Default for Bit {
+impl Default for BitModel {
     fn default() -> Self {
         Self::NEW
     }
 }
 
-impl Bit {
+impl BitModel {
     /// Nothing seen yet.
     pub const NEW: Self = Self { set: 1 << 15, seen: 0 };
 
-    /// Of `1 << BITS`; never none or all, as [`Bit::learn`] moves by less than what is left.
+    /// Of `1 << BITS`; never none or all, as [`BitModel::learn`] moves by less than what is left.
     #[inline]
     fn likely(self) -> u32 {
         u32::from(self.set) >> (16 - BITS)
@@ -59,14 +59,14 @@ impl Bit {
 
 /// Model of a whole number near zero.
 #[derive(Debug, Clone, Default)]
-pub struct Number {
-    zero: Bit,
-    negative: Bit,
+pub struct NumberModel {
+    zero: BitModel,
+    negative: BitModel,
     /// Whether it is further from zero than 1, 2, ...
-    further: [Bit; UNARY],
+    further: [BitModel; UNARY],
     /// Beyond [`UNARY`]: whether the rest has another binary digit, and its highest digits.
-    digits: [Bit; 16],
-    high: [Bit; 16],
+    digits: [BitModel; 16],
+    high: [BitModel; 16],
 }
 
 /// Distances from zero that have a bit each.
@@ -74,23 +74,23 @@ const UNARY: usize = 12;
 
 /// Writes or reads: `bit` writes its argument and returns it, or ignores it and returns what was written.
 ///
-/// A format is one function over a `Coder` and the values: each value is replaced by what the coder returns for it.
-pub trait Coder {
+/// A format is one function over a `BitCoder` and the values: each value is replaced by what the coder returns for it.
+pub trait BitCoder {
     /// Whether arguments count; a decoder's may be anything.
     const WRITES: bool;
 
     /// One bit.
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool;
 
     /// A number, best one near zero, of at most 16 binary digits.
     #[inline]
-    fn number(&mut self, model: &mut Number, value: i32) -> i32 {
+    fn number(&mut self, model: &mut NumberModel, value: i32) -> i32 {
         if self.bit(&mut model.zero, value == 0) { 0 } else { self.other_number(model, value) }
     }
 
-    /// [`Coder::number`] of what is not zero.
+    /// [`BitCoder::number`] of what is not zero.
     #[inline(never)]
-    fn other_number(&mut self, model: &mut Number, value: i32) -> i32 {
+    fn other_number(&mut self, model: &mut NumberModel, value: i32) -> i32 {
         let negative = self.bit(&mut model.negative, value < 0);
         let distance = value.unsigned_abs();
         let mut known = 1u32;
@@ -108,7 +108,7 @@ pub trait Coder {
         }
         let mut value = 1;
         for digit in (0..digits).rev() {
-            let mut even = Bit::default();
+            let mut even = BitModel::default();
             let model = if digit + 1 == digits { &mut model.high[digits] } else { &mut even };
             value = value << 1 | u32::from(self.bit(model, rest >> digit & 1 != 0));
         }
@@ -117,7 +117,7 @@ pub trait Coder {
     }
 
     /// One of `models.len() + 1` values, a power of two: a bit a model, from the highest.
-    fn choice(&mut self, models: &mut [Bit], value: u32) -> u32 {
+    fn choice(&mut self, models: &mut [BitModel], value: u32) -> u32 {
         let digits = (models.len() + 1).ilog2();
         let mut node = 1;
         for digit in (0..digits).rev() {
@@ -130,17 +130,17 @@ pub trait Coder {
 
 /// How many of a group's members have a bit set: said once, it spares the members their bits where all are alike.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Share {
+pub enum GroupFlag {
     /// None has.
     #[default]
-    None,
+    Unset,
     /// All have.
-    All,
+    Set,
     /// Each says for itself.
-    Some,
+    Mixed,
 }
 
-impl Share {
+impl GroupFlag {
     /// Of these members.
     pub fn of(members: impl Iterator<Item = bool>) -> Self {
         let (mut set, mut unset) = (false, false);
@@ -149,37 +149,37 @@ impl Share {
             unset |= !member;
         }
         match (set, unset) {
-            (false, _) => Self::None,
-            (true, false) => Self::All,
-            (true, true) => Self::Some,
+            (false, _) => Self::Unset,
+            (true, false) => Self::Set,
+            (true, true) => Self::Mixed,
         }
     }
 
     /// Writes or reads the share.
-    pub fn code(self, coder: &mut impl Coder, models: &mut [Bit; 2]) -> Self {
-        if coder.bit(&mut models[0], self == Self::None) {
-            Self::None
-        } else if coder.bit(&mut models[1], self == Self::All) {
-            Self::All
+    pub fn code(self, coder: &mut impl BitCoder, models: &mut [BitModel; 2]) -> Self {
+        if coder.bit(&mut models[0], self == Self::Unset) {
+            Self::Unset
+        } else if coder.bit(&mut models[1], self == Self::Set) {
+            Self::Set
         } else {
-            Self::Some
+            Self::Mixed
         }
     }
 
     /// One member's bit.
     #[inline]
-    pub fn bit(self, coder: &mut impl Coder, model: &mut Bit, bit: bool) -> bool {
+    pub fn bit(self, coder: &mut impl BitCoder, model: &mut BitModel, bit: bool) -> bool {
         match self {
-            Self::None => false,
-            Self::All => true,
-            Self::Some => coder.bit(model, bit),
+            Self::Unset => false,
+            Self::Set => true,
+            Self::Mixed => coder.bit(model, bit),
         }
     }
 }
 
 /// Collects bytes.
 #[derive(Debug, Clone)]
-pub struct Encoder {
+pub struct RangeEncoder {
     low: u64,
     range: u32,
     /// The last byte that a carry may still change, and how many 0xff follow it.
@@ -188,13 +188,13 @@ pub struct Encoder {
     bytes: Vec<u8>,
 }
 
-impl Default for Encoder {
+impl Default for RangeEncoder {
     fn default() -> Self {
         Self { low: 0, range: u32::MAX, held: None, full: 0, bytes: Vec::new() }
     }
 }
 
-impl Encoder {
+impl RangeEncoder {
     /// All bytes; zeros at the end are left out, a decoder reads them anyway.
     pub fn finish(mut self) -> Vec<u8> {
         // Any number of the range will do: the one with most zeros.
@@ -230,11 +230,11 @@ impl Encoder {
     }
 }
 
-impl Coder for Encoder {
+impl BitCoder for RangeEncoder {
     const WRITES: bool = true;
 
     #[inline]
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
         let bound = (self.range >> BITS) * model.likely();
         if bit {
             self.range = bound;
@@ -253,25 +253,25 @@ impl Coder for Encoder {
 
 /// Writes nothing: for a walk that is only to show what a reader would see.
 #[derive(Debug)]
-pub struct Rehearsal;
+pub struct NullEncoder;
 
-impl Coder for Rehearsal {
+impl BitCoder for NullEncoder {
     const WRITES: bool = true;
 
-    fn bit(&mut self, _: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, _: &mut BitModel, bit: bool) -> bool {
         bit
     }
 }
 
-/// Reads what [`Encoder`] wrote. Any bytes can be read; past their end there are zeros.
+/// Reads what [`RangeEncoder`] wrote. Any bytes can be read; past their end there are zeros.
 #[derive(Debug)]
-pub struct Decoder<'a> {
+pub struct RangeDecoder<'a> {
     code: u32,
     range: u32,
     bytes: std::slice::Iter<'a, u8>,
 }
 
-impl<'a> Decoder<'a> {
+impl<'a> RangeDecoder<'a> {
     /// From the first byte on.
     pub fn new(bytes: &'a [u8]) -> Self {
         let mut decoder = Self { code: 0, range: u32::MAX, bytes: bytes.iter() };
@@ -291,11 +291,11 @@ impl<'a> Decoder<'a> {
     }
 }
 
-impl Coder for Decoder<'_> {
+impl BitCoder for RangeDecoder<'_> {
     const WRITES: bool = false;
 
     #[inline]
-    fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
+    fn bit(&mut self, model: &mut BitModel, _: bool) -> bool {
         let bound = (self.range >> BITS) * model.likely();
         let bit = self.code < bound;
         if bit {
@@ -317,8 +317,8 @@ impl Coder for Decoder<'_> {
 mod tests {
     use super::*;
 
-    fn walk(coder: &mut impl Coder, numbers: &mut [i32], choices: &mut [u32]) {
-        let (mut number, mut choice) = (Number::default(), [Bit::default(); 15]);
+    fn walk(coder: &mut impl BitCoder, numbers: &mut [i32], choices: &mut [u32]) {
+        let (mut number, mut choice) = (NumberModel::default(), [BitModel::default(); 15]);
         for (value, chosen) in numbers.iter_mut().zip(choices) {
             *value = coder.number(&mut number, *value);
             *chosen = coder.choice(&mut choice, *chosen);
@@ -331,13 +331,13 @@ mod tests {
         let mut numbers: Vec<i32> = (0..3000).map(number).collect();
         numbers.extend([0, 1, -1, 12, 13, -13, 14, 65535, -65535, 65547]);
         let mut choices: Vec<u32> = (0..numbers.len() as u32).map(|i| i * i % 16).collect();
-        let mut encoder = Encoder::default();
+        let mut encoder = RangeEncoder::default();
         walk(&mut encoder, &mut numbers.clone(), &mut choices.clone());
         let bytes = encoder.finish();
         let (wanted, wanted_choices) = (numbers.clone(), choices.clone());
         numbers.fill(0);
         choices.fill(0);
-        let mut decoder = Decoder::new(&bytes);
+        let mut decoder = RangeDecoder::new(&bytes);
         walk(&mut decoder, &mut numbers, &mut choices);
         assert!(numbers == wanted && choices == wanted_choices);
         assert_eq!(decoder.left(), 0);
@@ -345,8 +345,8 @@ mod tests {
 
     #[test]
     fn what_is_always_the_same_costs_next_to_nothing() {
-        let mut encoder = Encoder::default();
-        let mut model = Bit::default();
+        let mut encoder = RangeEncoder::default();
+        let mut model = BitModel::default();
         for _ in 0..20_000 {
             encoder.bit(&mut model, false);
         }
@@ -359,11 +359,11 @@ mod tests {
         for full in 0..60 {
             // Bits as likely as not: a byte a number, the first ones full.
             let bits: Vec<bool> = (0..100u32).map(|i| i > full && i.wrapping_mul(2_654_435_761) >> 31 == 0).collect();
-            let mut encoder = Encoder::default();
-            bits.iter().for_each(|bit| _ = encoder.bit(&mut Bit::default(), *bit));
+            let mut encoder = RangeEncoder::default();
+            bits.iter().for_each(|bit| _ = encoder.bit(&mut BitModel::default(), *bit));
             let bytes = encoder.finish();
-            let mut decoder = Decoder::new(&bytes);
-            assert!(bits.iter().all(|bit| decoder.bit(&mut Bit::default(), false) == *bit), "{full}");
+            let mut decoder = RangeDecoder::new(&bytes);
+            assert!(bits.iter().all(|bit| decoder.bit(&mut BitModel::default(), false) == *bit), "{full}");
         }
     }
 }
