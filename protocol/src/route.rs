@@ -16,9 +16,9 @@ pub fn mesh(city: &str, version: &str, leaf: TileId, lod: u8) -> String {
 }
 
 /// Path of one tile by its place in the archive; of a mesh in a city of `depth` levels. `None` if it cannot lie there.
-pub fn at_place(city: &str, version: &str, kind: TileKind, place: TileId, depth: u8) -> Option<String> {
+pub fn archive_tile(city: &str, version: &str, kind: TileKind, place: TileId, depth: u8) -> Option<String> {
     match kind {
-        TileKind::Mesh => mesh_tile::at_place(place, depth).map(|(leaf, lod)| mesh(city, version, leaf, lod)),
+        TileKind::Mesh => mesh_tile::from_archive_id(place, depth).map(|(leaf, lod)| mesh(city, version, leaf, lod)),
         TileKind::Subtree | TileKind::BlockMap => Some(tile(city, version, kind, place)),
     }
 }

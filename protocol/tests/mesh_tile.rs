@@ -110,15 +110,15 @@ fn every_leaf_and_level_of_detail_has_its_own_place() {
     let mut places = std::collections::HashSet::new();
     for leaf in TileId::ROOT.children().flat_map(TileId::children) {
         for lod in 0..MAX_LODS {
-            let place = mesh_tile::place(leaf, lod).unwrap();
+            let place = mesh_tile::archive_id(leaf, lod).unwrap();
             assert!(places.insert(place));
-            assert_eq!(mesh_tile::at_place(place, 2), Some((leaf, lod)));
+            assert_eq!(mesh_tile::from_archive_id(place, 2), Some((leaf, lod)));
         }
     }
-    assert_eq!(mesh_tile::place(TileId::ROOT, MAX_LODS), None);
-    assert_eq!(mesh_tile::place(TileId::new(18, 0, 0).unwrap(), 3), None);
-    assert_eq!(mesh_tile::at_place(TileId::new(3, 1, 0).unwrap(), 2), None, "no leaf's corner");
-    assert_eq!(mesh_tile::at_place(TileId::new(1, 0, 0).unwrap(), 2), None, "above the leaves");
+    assert_eq!(mesh_tile::archive_id(TileId::ROOT, MAX_LODS), None);
+    assert_eq!(mesh_tile::archive_id(TileId::new(18, 0, 0).unwrap(), 3), None);
+    assert_eq!(mesh_tile::from_archive_id(TileId::new(3, 1, 0).unwrap(), 2), None, "no leaf's corner");
+    assert_eq!(mesh_tile::from_archive_id(TileId::new(1, 0, 0).unwrap(), 2), None, "above the leaves");
 }
 
 proptest! {

@@ -181,7 +181,7 @@ fn a_city_with_meshes_opens_and_one_whose_meshes_lie_too_deep_does_not() {
     common::city_with_meshes(folder.path(), "two");
     let city = CityStore::open(folder.path()).unwrap();
     assert_eq!(city.archive(TileKind::Mesh).unwrap().len(), 2);
-    let place = insula_protocol::mesh_tile::place(common::child(), 1).unwrap();
+    let place = insula_protocol::mesh_tile::archive_id(common::child(), 1).unwrap();
     assert_eq!(city.tile(TileKind::Mesh, place).unwrap().unwrap(), common::meshes()[1].1);
     let deep = [(TileId::new(5, 0, 0).unwrap(), vec![1])];
     common::archive(&folder.path().join(TileKind::Mesh.file_name()), &deep);

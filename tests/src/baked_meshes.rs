@@ -54,7 +54,7 @@ impl Baked {
 
     /// A leaf's mesh, as the client decodes it.
     pub fn mesh(&self, id: TileId, lod: u8) -> Result<PackedMesh> {
-        let place = mesh_tile::place(id, lod).context("no such mesh")?;
+        let place = mesh_tile::archive_id(id, lod).context("no such mesh")?;
         let bytes = self.store.tile(TileKind::Mesh, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
         match decode(Key::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
             Decoded::Mesh(mesh) => Ok(*mesh),

@@ -86,7 +86,7 @@ impl<'a> Cold<'a> {
     }
 
     fn fetch(&mut self, key: Key) -> Result<()> {
-        let place = if key.layer() == TileKind::Mesh { mesh_tile::place(key.id, key.lod) } else { Some(key.id) };
+        let place = if key.layer() == TileKind::Mesh { mesh_tile::archive_id(key.id, key.lod) } else { Some(key.id) };
         let place = place.with_context(|| format!("{key:?}"))?;
         let bytes = self.city.store.tile(key.layer(), place)?.with_context(|| format!("no {key:?}"))?;
         let packed = match decode(key, &bytes).with_context(|| format!("{key:?}"))? {

@@ -329,7 +329,7 @@ const SETTLE: i32 = 2;
 
 impl BlockMap {
     /// Moves bottoms that lie hidden a little under the ground to where a reader expects them, by at most two codes, so that they cost nothing. Only columns without a strip: the others show where they end.
-    pub fn settle_bottoms(&mut self) {
+    pub fn snap_hidden_bottoms(&mut self) {
         let mut tops = vec![ColumnTop::default(); WIDTH * WIDTH];
         for i in (0..COLUMNS).filter(|i| self.flags[*i] & flag::OCCUPIED != 0) {
             let (flags, normal, z) = (self.flags[i], self.roof_normal[i], i32::from(self.z_max[i]));

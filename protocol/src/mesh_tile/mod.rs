@@ -57,18 +57,18 @@ pub struct TileTexture {
 
 /// Where level of detail `lod` of a leaf lies in the archive: `lod` levels below it, at its south-west corner. `None` if it
 /// cannot be: a city with meshes is at most [`crate::tile_id::MAX_LEVEL`] + 1 - [`MAX_LODS`] levels deep.
-pub fn place(leaf: TileId, lod: u8) -> Option<TileId> {
+pub fn archive_id(leaf: TileId, lod: u8) -> Option<TileId> {
     if lod >= MAX_LODS {
         return None;
     }
     TileId::new(leaf.level() + lod, leaf.x() << lod, leaf.y() << lod)
 }
 
-/// Undoes [`place`] in a city whose leaves are at level `depth`.
-pub fn at_place(place: TileId, depth: u8) -> Option<(TileId, u8)> {
-    let lod = place.level().checked_sub(depth)?;
-    let leaf = place.ancestor(depth)?;
-    (self::place(leaf, lod) == Some(place)).then_some((leaf, lod))
+/// Undoes [`archive_id`] in a city whose leaves are at level `depth`.
+pub fn from_archive_id(id: TileId, depth: u8) -> Option<(TileId, u8)> {
+    let lod = id.level().checked_sub(depth)?;
+    let leaf = id.ancestor(depth)?;
+    (archive_id(leaf, lod) == Some(id)).then_some((leaf, lod))
 }
 
 impl MeshTile {
@@ -78,7 +78,7 @@ impl MeshTile {
     /// What is over the format's limits or not as [`MeshTile`] says.
     pub fn encode(&self, id: TileId, lod: u8) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
-        place(id, lod).ok_or(DecodeError::Invalid("a mesh tile of a leaf or a level of detail that cannot be"))?;
+        archive_id(id, lod).ok_or(DecodeError::Invalid("a mesh tile of a leaf or a level of detail that cannot be"))?;
         let mesh = self.mesh.encode()?.bytes;
         limit("a mesh tile's bytes", mesh.len(), MAX_PART_BYTES)?;
         // At most three dummies a triangle: only where they could be too many are they counted.

@@ -108,7 +108,7 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> (Nodes, Lods) {
 /// Every mesh decodes, its picture has the size that it says, and meshes are those that the subtrees list.
 fn meshes(city: &CityStore, mut lods: Lods, nodes: &Nodes, faults: &mut Vec<String>) {
     for (place, bytes) in city.archive(TileKind::Mesh).into_iter().flat_map(|archive| archive.tiles()) {
-        let Some((id, number)) = mesh_tile::at_place(place, city.manifest().depth) else {
+        let Some((id, number)) = mesh_tile::from_archive_id(place, city.manifest().depth) else {
             faults.push(format!("meshes/{place}: no leaf's mesh has its place there"));
             continue;
         };

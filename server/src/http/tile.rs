@@ -44,7 +44,7 @@ impl Wanted {
             TileKind::Subtree | TileKind::BlockMap => address.id,
             TileKind::Mesh => Some(address.id)
                 .filter(|id| id.level() == city.manifest().depth)
-                .and_then(|id| mesh_tile::place(id, address.lod))
+                .and_then(|id| mesh_tile::archive_id(id, address.lod))
                 .ok_or(NO_TILE)?,
         };
         let key = Key { serial: city.serial(), layer: address.layer, id };

@@ -147,7 +147,7 @@ impl CityStore {
         &self.blockmaps
     }
 
-    /// A tile's bytes from a file, unchecked. A mesh is named by its place ([`insula_protocol::mesh_tile::place`]).
+    /// A tile's bytes from a file, unchecked. A mesh is named by its place ([`insula_protocol::mesh_tile::archive_id`]).
     pub fn tile(&self, layer: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
         self.archive(layer).map_or(Ok(None), |archive| archive.tile(id))
     }

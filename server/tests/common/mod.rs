@@ -107,7 +107,7 @@ pub(crate) fn meshes() -> Vec<(u8, Vec<u8>)> {
 /// Writes a whole city with meshes into `folder`.
 pub(crate) fn city_with_meshes(folder: &Path, name: &str) {
     city(folder, name);
-    let place = |lod| mesh_tile::place(child(), lod).unwrap();
+    let place = |lod| mesh_tile::archive_id(child(), lod).unwrap();
     let tiles: Vec<_> = meshes().into_iter().map(|(lod, bytes)| (place(lod), bytes)).collect();
     archive(&folder.join(TileKind::Mesh.file_name()), &tiles);
     let lod = |error_m, bytes: &[u8]| MeshLod { error_m, bytes: bytes.len() as u32, triangles: 12, texture_px: 0 };

@@ -204,7 +204,7 @@ fn look(
             }
         }
         for (lod, _) in (0..).zip(&node.lods).filter(|(_, lod)| lod.tile.is_resident()) {
-            fetched.meshes += of(&meshes, mesh_tile::place(node.id, lod));
+            fetched.meshes += of(&meshes, mesh_tile::archive_id(node.id, lod));
         }
     }
     Ok((fetched, shown, levels))

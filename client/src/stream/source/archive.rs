@@ -96,7 +96,7 @@ impl<R: Ranges> Archive<R> {
             return Err(FetchError::Archive("its tiles are packed".into()));
         }
         let place = match key.layer() {
-            TileKind::Mesh => mesh_tile::place(key.id, key.lod).ok_or(FetchError::Missing)?,
+            TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
             TileKind::BlockMap | TileKind::Subtree => key.id,
         };
         let coord = TileCoord::new(place.level(), place.x(), place.y()).map_err(failed)?;

@@ -70,7 +70,7 @@ pub fn parametrise(grid: &Grid, node: &VoxelNode) -> Result<BlockMap, DecodeErro
         })
         .collect();
     let mut map = BlockMap::from_columns(node.id, cell_m as f32, codes.base_cells, codes.shift, &columns)?;
-    map.settle_bottoms();
+    map.snap_hidden_bottoms();
     Ok(map)
 }
 

@@ -12,7 +12,7 @@ use insula_protocol::{
     DecodeError, MeshTile, TileId,
     blockmap::Quality,
     mesh::{Attribute, AttributeKind, Mesh},
-    mesh_tile::{MAX_LODS, MAX_TRIANGLES, place},
+    mesh_tile::{MAX_LODS, MAX_TRIANGLES, archive_id},
     subtree::MeshLod,
 };
 
@@ -59,7 +59,7 @@ pub(super) fn chain(
     for k in 1..MAX_LODS {
         let target_m = COARSEST * coarse_m / RATIO.powi(i32::from(MAX_LODS - 1 - k));
         let number = lods.len() as u8;
-        if target_m < 2.0 * HALF_CUBE * step_m || place(id, number).is_none() {
+        if target_m < 2.0 * HALF_CUBE * step_m || archive_id(id, number).is_none() {
             continue;
         }
         let few = FEWER * before as f64;

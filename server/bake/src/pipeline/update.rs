@@ -85,7 +85,7 @@ impl Before {
     /// The meshes of those nodes that existed; `None` if one is damaged.
     pub(super) fn meshes(&self, ids: &[TileId]) -> Option<Vec<LeafMesh>> {
         let lod = |id: TileId, (lod, info): (u8, &MeshLod)| {
-            let bytes = self.meshes.as_ref()?.get(mesh_tile::place(id, lod)?)?;
+            let bytes = self.meshes.as_ref()?.get(mesh_tile::archive_id(id, lod)?)?;
             let sound = TileReader::new(&bytes, TileKind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
             sound.then_some(Lod { info: *info, bytes })
         };

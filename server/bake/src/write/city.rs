@@ -131,7 +131,7 @@ fn meshes(input: &CityInput<'_>, path: &Path) -> Result<u64, BakeError> {
     let lost = || BakeError::Scratch { path: input.packs.to_owned() };
     let mut places = HashMap::with_capacity(input.tree.meshes().len());
     for mesh in input.tree.meshes() {
-        places.insert(mesh_tile::place(mesh.id, mesh.lod).ok_or_else(lost)?, mesh);
+        places.insert(mesh_tile::archive_id(mesh.id, mesh.lod).ok_or_else(lost)?, mesh);
     }
     let ids: Vec<TileId> = places.keys().copied().collect();
     archive::write(path, &ids, |id| mesh_pack::read(input.packs, places.get(&id).ok_or_else(lost)?))
