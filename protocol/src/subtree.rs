@@ -8,7 +8,7 @@
 
 use crate::{
     TileId, TileKind,
-    codec::varint::{self, Reader},
+    codec::{byte_reader::ByteReader, varint},
     error::DecodeError,
     mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES},
     tile::{TileReader, TileWriter},
@@ -136,7 +136,7 @@ impl Subtree {
             return Err(DecodeError::Invalid("a subtree whose level is no multiple of five"));
         }
         let raw = tile.section(TAG_NODES, MAX_NODES * NODE_BYTES)?;
-        let mut reader = Reader::new(&raw);
+        let mut reader = ByteReader::new(&raw);
         let end = id.level() + LEVELS;
         let mut ids = vec![id];
         let mut nodes = Vec::with_capacity(raw.len() / NODE_BYTES);
@@ -159,7 +159,7 @@ fn read_meshes(raw: &[u8], nodes: &[NodeInfo]) -> Result<Vec<NodeMesh>, DecodeEr
     if raw.is_empty() {
         return Ok(Vec::new());
     }
-    let mut reader = Reader::new(raw);
+    let mut reader = ByteReader::new(raw);
     let counts = reader.take(nodes.len())?;
     if counts.iter().any(|count| *count > MAX_LODS) {
         return Err(DecodeError::Invalid("a mesh of more than four levels of detail"));
@@ -206,7 +206,7 @@ fn check_mesh(mesh: &NodeMesh, node: &NodeInfo) -> Result<(), DecodeError> {
     }
 }
 
-fn read_node(reader: &mut Reader<'_>, id: TileId) -> Result<NodeInfo, DecodeError> {
+fn read_node(reader: &mut ByteReader<'_>, id: TileId) -> Result<NodeInfo, DecodeError> {
     let node = NodeInfo {
         id,
         child_mask: reader.u8()?,

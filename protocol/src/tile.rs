@@ -2,7 +2,7 @@
 //!
 //! In: sections of bytes. Out: one run of bytes (or back). Next: `blockmap`, `subtree` and `mesh_tile` say what the sections hold.
 
-use crate::{TileId, codec, codec::varint::Reader, error::DecodeError};
+use crate::{TileId, codec, codec::byte_reader::ByteReader, error::DecodeError};
 use serde::{Deserialize, Serialize};
 
 /// The first bytes of every tile.
@@ -165,7 +165,7 @@ pub struct TileReader<'a> {
 impl<'a> TileReader<'a> {
     /// Checks magic, version, kind, lengths and every checksum. The bytes must end where the last section does.
     pub fn new(bytes: &'a [u8], kind: TileKind) -> Result<Self, DecodeError> {
-        let mut reader = Reader::new(bytes);
+        let mut reader = ByteReader::new(bytes);
         if reader.array()? != MAGIC {
             return Err(DecodeError::Magic);
         }
@@ -193,7 +193,7 @@ impl<'a> TileReader<'a> {
 
     fn sections(
         entries: Vec<SectionEntry>,
-        reader: &mut Reader<'a>,
+        reader: &mut ByteReader<'a>,
     ) -> Result<Vec<(SectionEntry, &'a [u8])>, DecodeError> {
         if entries.len() > MAX_SECTIONS {
             return Err(limit("the number of sections", entries.len(), MAX_SECTIONS as u32));

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     TileId, TileKind,
-    codec::{range::RangeDecoder, varint::Reader},
+    codec::{byte_reader::ByteReader, range::RangeDecoder},
     error::DecodeError,
     texel::AO_MAX,
     tile::{MAX_SECTION_BYTES, TileReader},
@@ -35,7 +35,7 @@ impl BlockMap {
 
 fn read_meta(id: TileId, tile: &TileReader<'_>) -> Result<(BlockMap, Loss), DecodeError> {
     let meta = tile.section(tag::META, 12)?;
-    let mut reader = Reader::new(&meta);
+    let mut reader = ByteReader::new(&meta);
     let (cell_m, z_base_cells, z_shift) = (reader.f32()?, reader.u32()? as i32, reader.u8()?);
     let loss = Loss { colour: reader.u16()?, ao: reader.u8()? };
     reader.finish()?;

@@ -14,7 +14,7 @@ use super::{
     points::Points,
 };
 use crate::{
-    codec::rans::{Model, Symbols},
+    codec::rans::{SymbolCoder, SymbolModel},
     error::DecodeError,
 };
 
@@ -25,9 +25,9 @@ const SIZES: usize = 18; // as many as `digits` has values
 
 struct ArchitecturalModels {
     /// Which neighbour stands over or under it; 0 for none.
-    column: Vec<Model<8>>,
+    column: Vec<SymbolModel<8>>,
     /// Which one is as high.
-    level: Vec<Model<8>>,
+    level: Vec<SymbolModel<8>>,
     /// What neither says: by axis and size, by axis and what was left nearby.
     differences: DifferenceCoder,
 }
@@ -35,15 +35,15 @@ struct ArchitecturalModels {
 impl ArchitecturalModels {
     fn new() -> Self {
         Self {
-            column: vec![Model::new(|i| [8, 8, 3, 3, 3, 1, 1, 1][i]); 64],
-            level: vec![Model::new(|i| [8, 4, 4, 3, 3, 1, 1, 1][i]); 320],
+            column: vec![SymbolModel::new(|i| [8, 8, 3, 3, 3, 1, 1, 1][i]); 64],
+            level: vec![SymbolModel::new(|i| [8, 4, 4, 3, 3, 1, 1, 1][i]); 320],
             differences: DifferenceCoder::new([4 * SIZES; 2]),
         }
     }
 }
 
 /// Writes or reads all positions; those of copies are their originals'.
-pub(super) fn code<C: Symbols>(
+pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     mesh: &Connectivity,
     points: &mut Points,

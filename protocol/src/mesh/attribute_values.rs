@@ -14,7 +14,7 @@ use super::{
     points::Points,
 };
 use crate::{
-    codec::rans::{Model, Symbols},
+    codec::rans::{SymbolCoder, SymbolModel},
     error::DecodeError,
 };
 
@@ -26,13 +26,13 @@ const UNKNOWN: u32 = u32::MAX;
 type Value = [i32; 4];
 
 /// Writes or reads one attribute. A writer's `attribute.corners` lie in the order of conquest; a reader fills them in.
-pub(super) fn code<C: Symbols>(
+pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     mesh: &Connectivity,
     points: &Points,
     attribute: &mut Attribute,
 ) -> Result<(), DecodeError> {
-    let mut shares = [(); 6].map(|()| Model::<4>::new(|i| [12, 2, 1, 2][i]));
+    let mut shares = [(); 6].map(|()| SymbolModel::<4>::new(|i| [12, 2, 1, 2][i]));
     let mut differences = DifferenceCoder::new([4 * 4, 4]);
     let width = usize::from(attribute.components);
     let (wanted_values, wanted_corners) = if C::WRITES {

@@ -14,11 +14,11 @@ use super::{
     half_edge::{NONE, next, prev},
 };
 use crate::{
-    codec::rans::{Model, Symbols},
+    codec::rans::{SymbolCoder, SymbolModel},
     error::DecodeError,
 };
 
-/// Symbols of a step: the vertex is on a list already, is a border's dummy, or has so many edges; the last stands for more.
+/// SymbolCoder of a step: the vertex is on a list already, is a border's dummy, or has so many edges; the last stands for more.
 const JOIN: usize = 0;
 const DUMMY: usize = 1;
 const MORE: usize = 15;
@@ -60,28 +60,28 @@ struct EncoderState {
 
 #[derive(Debug)]
 struct ConnectivityModels {
-    degree: [Vec<Model<16>>; 2],
-    seed: Model<16>,
-    large: Model<32>,
+    degree: [Vec<SymbolModel<16>>; 2],
+    seed: SymbolModel<16>,
+    large: SymbolModel<32>,
     /// Forwards, backwards, by number.
-    way: Model<4>,
-    steps: Model<32>,
-    part: Model<32>,
-    more: Model<2>,
+    way: SymbolModel<4>,
+    steps: SymbolModel<32>,
+    part: SymbolModel<32>,
+    more: SymbolModel<2>,
 }
 
 impl ConnectivityModels {
     fn new() -> Self {
         const USUAL: [u32; 16] = [30, 10, 5, 30, 120, 300, 400, 300, 100, 40, 20, 10, 6, 4, 3, 3];
-        let usual = || vec![Model::new(|i| USUAL[i]); CONTEXTS];
+        let usual = || vec![SymbolModel::new(|i| USUAL[i]); CONTEXTS];
         Self {
             degree: [usual(), usual()],
-            seed: Model::new(|i| if i == JOIN { 0 } else { USUAL[i] }),
-            large: Model::default(),
-            way: Model::default(),
-            steps: Model::default(),
-            part: Model::default(),
-            more: Model::new(|i| [1, 4][i]),
+            seed: SymbolModel::new(|i| if i == JOIN { 0 } else { USUAL[i] }),
+            large: SymbolModel::default(),
+            way: SymbolModel::default(),
+            steps: SymbolModel::default(),
+            part: SymbolModel::default(),
+            more: SymbolModel::new(|i| [1, 4][i]),
         }
     }
 }
@@ -100,7 +100,7 @@ struct Traversal<'a> {
 const DISORDER: DecodeError = DecodeError::Invalid("a mesh's connectivity contradicts itself");
 
 /// Writes the connectivity of `closed`.
-pub(super) fn write<C: Symbols>(coder: &mut C, closed: &ClosedMesh) -> Result<Connectivity, DecodeError> {
+pub(super) fn write<C: SymbolCoder>(coder: &mut C, closed: &ClosedMesh) -> Result<Connectivity, DecodeError> {
     let mut walk = Traversal::new(closed, closed.triangles());
     walk.guide = EncoderState {
         degree: closed.degrees(),
@@ -115,7 +115,7 @@ pub(super) fn write<C: Symbols>(coder: &mut C, closed: &ClosedMesh) -> Result<Co
 /// Reads connectivity of at most `limit` triangles, those of dummies among them.
 ///
 /// Room for `likely` of them is made at once.
-pub(super) fn read<C: Symbols>(coder: &mut C, limit: usize, likely: usize) -> Result<Connectivity, DecodeError> {
+pub(super) fn read<C: SymbolCoder>(coder: &mut C, limit: usize, likely: usize) -> Result<Connectivity, DecodeError> {
     let closed = ClosedMesh::default();
     let mut walk = Traversal::new(&closed, limit);
     walk.out.triangles.reserve(likely);
@@ -139,7 +139,7 @@ impl<'a> Traversal<'a> {
         }
     }
 
-    fn run<C: Symbols>(mut self, coder: &mut C) -> Result<Connectivity, DecodeError> {
+    fn run<C: SymbolCoder>(mut self, coder: &mut C) -> Result<Connectivity, DecodeError> {
         let mut seed = 0;
         loop {
             if C::WRITES {
@@ -163,7 +163,7 @@ impl<'a> Traversal<'a> {
     }
 
     /// The first triangle of a piece; `seed` is its first half-edge.
-    fn begin<C: Symbols>(&mut self, coder: &mut C, seed: u32) -> Result<(), DecodeError> {
+    fn begin<C: SymbolCoder>(&mut self, coder: &mut C, seed: u32) -> Result<(), DecodeError> {
         let first = self.active.nodes.len() as u32;
         let edge = 3 * self.out.triangles.len() as u32;
         let mut corners = [0; 3];
@@ -193,7 +193,7 @@ impl<'a> Traversal<'a> {
 
     /// The triangle on the edge from the node before the focus to the focus.
     #[inline]
-    fn step<C: Symbols>(&mut self, coder: &mut C, f: u32) -> Result<(), DecodeError> {
+    fn step<C: SymbolCoder>(&mut self, coder: &mut C, f: u32) -> Result<(), DecodeError> {
         let focus = *self.active.node(f);
         let p = focus.prev;
         let before = *self.active.node(p);
@@ -244,7 +244,7 @@ impl<'a> Traversal<'a> {
 
     /// A triangle whose third vertex is on a list already.
     #[cold]
-    fn join<C: Symbols>(&mut self, coder: &mut C, f: u32, gate: u32) -> Result<(), DecodeError> {
+    fn join<C: SymbolCoder>(&mut self, coder: &mut C, f: u32, gate: u32) -> Result<(), DecodeError> {
         let focus = *self.active.node(f);
         let p = focus.prev;
         let before = *self.active.node(p);
@@ -281,7 +281,7 @@ impl<'a> Traversal<'a> {
     }
 
     /// Which node a join is about: so many steps after the focus or before the gate, or by its number.
-    fn point<C: Symbols>(&mut self, coder: &mut C, after: u32, before: u32, node: u32) -> Result<u32, DecodeError> {
+    fn point<C: SymbolCoder>(&mut self, coder: &mut C, after: u32, before: u32, node: u32) -> Result<u32, DecodeError> {
         let (mut way, mut steps) = (2, node);
         if C::WRITES {
             let (mut a, mut b) = (after, before);
@@ -332,7 +332,7 @@ impl<'a> Traversal<'a> {
 
     /// Fills in the triangles of vertices that have no free edge left.
     #[inline]
-    fn settle<C: Symbols>(&mut self) -> Result<(), DecodeError> {
+    fn settle<C: SymbolCoder>(&mut self) -> Result<(), DecodeError> {
         while let Some(f) = self.full.pop() {
             let node = *self.active.node(f);
             if node.next == NONE || node.free != 0 {
@@ -372,7 +372,7 @@ impl<'a> Traversal<'a> {
 
     /// Appends a triangle and gives its first half-edge.
     #[inline]
-    fn triangle<C: Symbols>(&mut self, corners: [u32; 3], source: u32) -> Result<u32, DecodeError> {
+    fn triangle<C: SymbolCoder>(&mut self, corners: [u32; 3], source: u32) -> Result<u32, DecodeError> {
         let edge = 3 * self.out.triangles.len() as u32;
         if self.out.triangles.len() >= self.limit {
             return Err(DecodeError::Invalid("a mesh has more triangles than it announces"));
@@ -388,7 +388,7 @@ impl<'a> Traversal<'a> {
 
     /// Appends a vertex.
     #[inline]
-    fn vertex<C: Symbols>(&mut self, coder: &mut C, symbol: usize, degree: u32) -> Result<u32, DecodeError> {
+    fn vertex<C: SymbolCoder>(&mut self, coder: &mut C, symbol: usize, degree: u32) -> Result<u32, DecodeError> {
         let vertex = self.out.degree.len() as u32;
         let degree = if (2..MORE).contains(&symbol) {
             symbol as u32

@@ -14,8 +14,8 @@ use super::{
 };
 use crate::{
     codec::{
-        rans::{LANES, Reader as Symbols},
-        varint::Reader,
+        byte_reader::ByteReader,
+        rans::{LANES, RansDecoder},
     },
     error::DecodeError,
 };
@@ -31,7 +31,7 @@ impl Mesh {
 
     /// The same, and refuses what announces more than `most` triangles (or as many vertices) before it takes memory for them.
     pub fn decode_within(bytes: &[u8], most: usize) -> Result<Self, DecodeError> {
-        let mut reader = Reader::new(bytes);
+        let mut reader = ByteReader::new(bytes);
         let version = reader.u8()?;
         if version != VERSION {
             return Err(DecodeError::Version { found: version.into(), known: VERSION.into() });
@@ -58,7 +58,7 @@ impl Mesh {
             weights.as_flattened_mut().iter_mut().zip(read).for_each(|(weight, byte)| *weight = byte as i8);
         }
         let coded = reader.rest();
-        let mut symbols = Symbols::new(coded, if kind & BUILT == 0 { LANES } else { 1 });
+        let mut symbols = RansDecoder::new(coded, if kind & BUILT == 0 { LANES } else { 1 });
         // A triangle rarely takes less than a bit: what is announced is not believed beyond that.
         let likely = triangles.min(8 * coded.len());
         let order = connectivity::read(&mut symbols, triangles, likely)?;
@@ -108,7 +108,7 @@ fn finish(order: Connectivity, points: &Points, first: &[u32]) -> (Vec<[u32; 3]>
     (positions, triangles)
 }
 
-fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<PositionGrid, DecodeError> {
+fn grid(reader: &mut ByteReader<'_>, wide: bool, bits: u8) -> Result<PositionGrid, DecodeError> {
     let mut numbers = [0f64; 4];
     for number in &mut numbers {
         *number = if wide { f64::from_le_bytes(reader.array()?) } else { reader.f32()?.into() };
@@ -123,7 +123,7 @@ fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<PositionGrid, D
     Ok(PositionGrid { min: [x, y, z], step, bits })
 }
 
-fn attribute(reader: &mut Reader<'_>) -> Result<Attribute, DecodeError> {
+fn attribute(reader: &mut ByteReader<'_>) -> Result<Attribute, DecodeError> {
     let [kind, components, bits] = reader.array()?;
     let kind =
         *AttributeKind::ALL.get(usize::from(kind)).ok_or(DecodeError::Invalid("an attribute of an unknown kind"))?;

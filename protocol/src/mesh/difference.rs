@@ -2,26 +2,32 @@
 //!
 //! In: a difference. Out: symbols: its sign and how many binary digits it has, then the digits. Next: `built`, `attributes`.
 
-use crate::codec::rans::{Model, RAW, Symbols};
+use crate::codec::rans::{RAW, SymbolCoder, SymbolModel};
 
 /// What is likely: by two contexts, each with its own models.
 #[derive(Debug)]
 pub(super) struct DifferenceCoder {
     /// Sign and number of digits: 0 for none, else twice the digits, less 1 if positive.
-    digits: [Vec<Model<32>>; 2],
+    digits: [Vec<SymbolModel<32>>; 2],
     /// The digit after the highest.
-    second: [Model<2>; 17],
+    second: [SymbolModel<2>; 17],
 }
 
 impl DifferenceCoder {
     pub(super) fn new(contexts: [usize; 2]) -> Self {
-        let model = || Model::new(|symbol| if symbol < 26 { 4 } else { 1 });
-        Self { digits: contexts.map(|count| vec![model(); count]), second: [(); 17].map(|()| Model::default()) }
+        let model = || SymbolModel::new(|symbol| if symbol < 26 { 4 } else { 1 });
+        Self { digits: contexts.map(|count| vec![model(); count]), second: [(); 17].map(|()| SymbolModel::default()) }
     }
 
     /// Writes or reads `value`, given as the difference to what was expected; all modulo 65536.
     #[inline]
-    pub(super) fn code<C: Symbols>(&mut self, coder: &mut C, contexts: [usize; 2], value: i32, expected: i32) -> i32 {
+    pub(super) fn code<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        contexts: [usize; 2],
+        value: i32,
+        expected: i32,
+    ) -> i32 {
         // From -32767 to 32768: 16 digits are positive.
         let difference = (value.wrapping_sub(expected).wrapping_add(32767) & 0xffff) - 32767;
         let distance = difference.unsigned_abs();

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     codec::{
-        rans::{LANES, Writer},
+        rans::{LANES, RansEncoder},
         varint,
     },
     error::DecodeError,
@@ -51,7 +51,7 @@ impl Mesh {
         let closed = ClosedMesh::new(&pieces);
         limit("a mesh's triangles", closed.triangles(), MAX_TRIANGLES)?;
         limit("a mesh's vertices", closed.vertices(), MAX_VERTICES)?;
-        let mut writer = Writer::with_capacity(10 * closed.vertices());
+        let mut writer = RansEncoder::with_capacity(10 * closed.vertices());
         let order = connectivity::write(&mut writer, &closed)?;
         let source = sources(&order, &closed, &pieces);
         let mut points = Points::unknown(order.degree.len(), &order.dummies, u32::from(self.grid.bits));
@@ -135,11 +135,11 @@ pub(super) fn limit(what: &'static str, found: usize, limit: usize) -> Result<()
 
 /// Codes positions the shorter way; no weights where that is the way of what is built.
 fn geometry(
-    writer: Writer,
+    writer: RansEncoder,
     order: &Connectivity,
     points: &mut Points,
     first: &[u32],
-) -> Result<(Writer, Option<Weights>), DecodeError> {
+) -> Result<(RansEncoder, Option<Weights>), DecodeError> {
     let both = points.len() < TRY_BOTH;
     if both || is_built(order, points) {
         let mut as_built = writer.clone();

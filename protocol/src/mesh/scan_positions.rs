@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{
     codec::{
-        rans::{Model, RAW, Symbols},
+        rans::{RAW, SymbolCoder, SymbolModel},
         varint::{unzigzag, zigzag},
     },
     error::DecodeError,
@@ -48,20 +48,20 @@ const PRIOR: f32 = 2.0;
 const FOLLOW: f32 = 0.1;
 
 struct ScanModels {
-    token: [[Model<16>; SCALES]; 3],
-    far: Model<32>,
-    seed: [Model<32>; 3],
+    token: [[SymbolModel<16>; SCALES]; 3],
+    far: SymbolModel<32>,
+    seed: [SymbolModel<32>; 3],
 }
 
 impl ScanModels {
     fn new() -> Self {
-        let make = || std::array::from_fn(|scale| Model::new(|symbol| expected(scale, symbol)));
-        Self { token: [make(), make(), make()], far: Model::default(), seed: Default::default() }
+        let make = || std::array::from_fn(|scale| SymbolModel::new(|symbol| expected(scale, symbol)));
+        Self { token: [make(), make(), make()], far: SymbolModel::default(), seed: Default::default() }
     }
 
     /// Three coordinates' differences, expected to be about the roots of `variances`: tokens, then what is below them.
     #[inline]
-    fn left<C: Symbols>(&mut self, coder: &mut C, variances: [f32; 3], values: [i32; 3]) -> [i32; 3] {
+    fn left<C: SymbolCoder>(&mut self, coder: &mut C, variances: [f32; 3], values: [i32; 3]) -> [i32; 3] {
         // The exponent of the variance counts half-octaves of its root.
         let scale = |variance: f32| ((variance.to_bits() >> 23) as i32 - 123).clamp(0, SCALES as i32 - 1) as usize;
         let scales = variances.map(scale);
@@ -87,7 +87,7 @@ impl ScanModels {
     }
 
     #[cold]
-    fn far<C: Symbols>(&mut self, coder: &mut C, symbols: [usize; 3], tokens: [i32; 3]) -> [i32; 3] {
+    fn far<C: SymbolCoder>(&mut self, coder: &mut C, symbols: [usize; 3], tokens: [i32; 3]) -> [i32; 3] {
         std::array::from_fn(|axis| {
             if symbols[axis] != FAR {
                 return symbols[axis] as i32 - NEAR;
@@ -191,7 +191,7 @@ pub(super) fn fit(mesh: &Connectivity, points: &Points) -> Weights {
 }
 
 /// Writes or reads all positions.
-pub(super) fn code<C: Symbols>(
+pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     mesh: &Connectivity,
     points: &mut Points,

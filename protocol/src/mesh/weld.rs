@@ -4,7 +4,7 @@
 //! which need no second place for a copy.
 
 use crate::{
-    codec::rans::{Model, RAW, Symbols},
+    codec::rans::{RAW, SymbolCoder, SymbolModel},
     error::DecodeError,
 };
 
@@ -12,20 +12,20 @@ use crate::{
 const NEAR: i64 = 7;
 
 /// Writes or reads, for all vertices, which earlier vertex they are copies of: themselves if of none.
-pub(super) fn code<C: Symbols>(
+pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     first: &mut Vec<u32>,
     vertices: usize,
     is_real: impl Fn(u32) -> bool,
 ) -> Result<(), DecodeError> {
     let any = C::WRITES && first.iter().zip(0..).any(|(first, vertex)| *first != vertex);
-    if !coder.flag(&mut Model::new(|i| [3, 1][i]), any) {
+    if !coder.flag(&mut SymbolModel::new(|i| [3, 1][i]), any) {
         *first = (0..vertices as u32).collect();
         return Ok(());
     }
     first.resize(vertices, 0);
-    let mut copies = [(); 4].map(|()| Model::new(|i| [9, 1][i]));
-    let mut near = Model::<16>::default();
+    let mut copies = [(); 4].map(|()| SymbolModel::new(|i| [9, 1][i]));
+    let mut near = SymbolModel::<16>::default();
     let (mut state, mut last) = (0, 0i64);
     for vertex in 0..vertices as u32 {
         if !is_real(vertex) {
@@ -53,7 +53,7 @@ pub(super) fn code<C: Symbols>(
 }
 
 /// A number below `limit`, any as likely as another.
-fn any_below<C: Symbols>(coder: &mut C, limit: u32, value: u32) -> u32 {
+fn any_below<C: SymbolCoder>(coder: &mut C, limit: u32, value: u32) -> u32 {
     let bits = 32 - limit.leading_zeros();
     let (high, low) = (bits.saturating_sub(RAW), bits.min(RAW));
     let upper = coder.raw(high.min(RAW), value >> low & ((1 << RAW) - 1));

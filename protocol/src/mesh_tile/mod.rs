@@ -12,7 +12,7 @@ pub use sample::cuboid;
 
 use crate::{
     TileId, TileKind,
-    codec::varint::Reader,
+    codec::byte_reader::ByteReader,
     error::DecodeError,
     mesh::{Attribute, AttributeKind, Mesh},
     tile::{TileReader, TileWriter},
@@ -105,7 +105,7 @@ impl MeshTile {
     pub fn decode(id: TileId, lod: u8, bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, TileKind::Mesh)?;
         let meta = tile.section(TAG_META, 5)?;
-        let mut reader = Reader::new(&meta);
+        let mut reader = ByteReader::new(&meta);
         if tile.id != Some(id) || reader.u8()? != lod {
             return Err(DecodeError::Invalid("the mesh of another leaf or level of detail"));
         }
