@@ -239,7 +239,7 @@ fn what_is_not_on_the_grid_is_refused() {
 
 #[test]
 fn an_empty_mesh_comes_back() {
-    let grid = PositionGrid::around(&[], 12);
+    let grid = PositionGrid::enclosing(&[], 12);
     let mesh = Mesh { grid, positions: vec![], triangles: vec![], attributes: vec![] };
     assert!(check(&mesh).bytes.len() < 40);
 }

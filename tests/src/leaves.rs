@@ -40,7 +40,7 @@ pub fn whole(scene: &Scene, bits: u8) -> Mesh {
 }
 
 fn mesh(triangles: &[[Point; 3]], bits: u8) -> Mesh {
-    let grid = PositionGrid::around(triangles.as_flattened(), bits);
+    let grid = PositionGrid::enclosing(triangles.as_flattened(), bits);
     let mut numbers = HashMap::new();
     let mut mesh = Mesh { grid, positions: Vec::new(), triangles: Vec::new(), attributes: Vec::new() };
     for triangle in triangles {

@@ -25,8 +25,8 @@ impl BlockMap {
         let columns = tile.section(tag::COLUMNS, MAX_SECTION_BYTES as usize)?;
         let mut coder = RangeDecoder::new(&columns);
         map.walk(&mut coder, loss)?;
-        if coder.left() > 0 {
-            return Err(DecodeError::TrailingBytes(coder.left()));
+        if coder.unread_bytes() > 0 {
+            return Err(DecodeError::TrailingBytes(coder.unread_bytes()));
         }
         map.check()?;
         Ok(map)

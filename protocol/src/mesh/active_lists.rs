@@ -1,46 +1,42 @@
-//! The lists of active vertices around what is conquered, and who is the focus.
+//! The active lists: the borders of the traversed region (Touma and Gotsman 1998).
 //!
-//! In: nodes as `conquest` makes them. Out: the focus. Next: `conquest`.
-//!
-//! A node is one stay of a vertex on a list: after a list was split at a vertex, two nodes stand for it. Lists go round so
-//! that what is not conquered lies to the left of the edge from a node to its next.
+//! Lists are circular and ordered so that the untraversed side lies to the left of the edge from a node to the next. When
+//! a list splits at a vertex, the vertex has one node in each part.
 
 use super::half_edge::NONE;
 
-/// Free edges from which on nodes wait in one bucket.
+/// Nodes with at least this many free edges, less one, share the last bucket.
 const BUCKETS: usize = 64;
 
-/// A stay of a vertex on an active list.
+/// An occurrence of a vertex in an active list.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ActiveNode {
-    /// Which vertex.
     pub(super) vertex: u32,
-    /// Edges between its two border edges, on the side that is not conquered.
+    /// Number of edges between the node's two border edges on the untraversed side.
     pub(super) free: u32,
-    /// The node after it; [`NONE`] once it has left.
+    /// The next node; [`NONE`] once the node was removed.
     pub(super) next: u32,
-    /// The node before it.
     pub(super) prev: u32,
-    /// The conquered half-edge on the edge to the next node.
+    /// The traversed half-edge on the edge to the next node.
     pub(super) edge: u32,
 }
 
 /// All active lists.
 #[derive(Debug)]
 pub(super) struct ActiveLists {
-    /// Those that have left too: a node keeps its number.
+    /// All nodes ever added. Removed nodes keep their index.
     pub(super) nodes: Vec<ActiveNode>,
-    /// By free edges, the latest last. A node stands there once for each time its free edges changed.
+    /// Nodes by their number of free edges, the latest last. A node is added again whenever that number changes.
     buckets: [Vec<u32>; BUCKETS],
-    lowest: usize,
+    lowest_bucket: usize,
 }
 
 impl ActiveLists {
     pub(super) fn new() -> Self {
-        Self { nodes: Vec::new(), buckets: std::array::from_fn(|_| Vec::new()), lowest: BUCKETS }
+        Self { nodes: Vec::new(), buckets: std::array::from_fn(|_| Vec::new()), lowest_bucket: BUCKETS }
     }
 
-    /// Appends a node.
+    /// Adds a node and returns its index.
     #[inline]
     pub(super) fn add(&mut self, node: ActiveNode) -> u32 {
         self.nodes.push(node);
@@ -57,25 +53,25 @@ impl ActiveLists {
         &mut self.nodes[node as usize]
     }
 
-    /// Says that a node's free edges changed.
+    /// Queues a node whose number of free edges changed.
     #[inline]
-    pub(super) fn wait(&mut self, node: u32) {
+    pub(super) fn queue(&mut self, node: u32) {
         let bucket = (self.node(node).free as usize).min(BUCKETS - 1);
         self.buckets[bucket].push(node);
-        self.lowest = self.lowest.min(bucket);
+        self.lowest_bucket = self.lowest_bucket.min(bucket);
     }
 
-    /// A node of fewest free edges, the latest of them; none once all lists are empty.
+    /// The node with the fewest free edges, the latest of equals. `None` once all lists are empty.
     #[inline]
-    pub(super) fn focus(&mut self) -> Option<u32> {
-        while self.lowest < BUCKETS {
-            while let Some(node) = self.buckets[self.lowest].pop() {
+    pub(super) fn pop_focus(&mut self) -> Option<u32> {
+        while self.lowest_bucket < BUCKETS {
+            while let Some(node) = self.buckets[self.lowest_bucket].pop() {
                 let ActiveNode { next, free, .. } = *self.node(node);
-                if next != NONE && (free as usize).min(BUCKETS - 1) == self.lowest {
+                if next != NONE && (free as usize).min(BUCKETS - 1) == self.lowest_bucket {
                     return Some(node);
                 }
             }
-            self.lowest += 1;
+            self.lowest_bucket += 1;
         }
         None
     }

@@ -1,16 +1,14 @@
-//! Positions of what was built: walls stand upright, eaves are level, corners lie over corners.
+//! Positions of buildings, whose walls are vertical, whose eaves are level and whose corners lie above each other.
 //!
-//! In: a [`Connectivity`] and positions, or symbols. Out: symbols, or positions. Next: a person's eye.
-//!
-//! Each vertex first says whether it stands exactly over or under a neighbour, then whether it is exactly as high as one.
-//! Both depend on how the neighbours lie to each other: beyond the diagonal of an upright wall there is nearly always another
-//! corner of the wall. What is said by neither is a difference to the parallelogram: how many binary digits it has, by
-//! the size of the triangles around and by what was left at neighbours, and then those digits.
+//! Each vertex first codes which neighbour lies vertically above or below it, then which neighbour has the same height.
+//! Both depend on how the neighbours lie to each other: across the diagonal of a vertical wall there is nearly always
+//! another corner of the wall. Coordinates that no neighbour gives are coded as differences from the parallelogram, by
+//! the size of the triangle and by the differences at the neighbours.
 
 use super::{
-    completed::CompletedTriangles,
+    completed::{CompletedTriangle, CompletedTriangles},
     connectivity::Connectivity,
-    difference::{DifferenceCoder, digits},
+    difference::{DIGIT_COUNTS, DifferenceCoder, digits},
     points::Points,
 };
 use crate::{
@@ -18,114 +16,172 @@ use crate::{
     error::DecodeError,
 };
 
-/// Neighbours that may be met: the two at the edge, the one after the second, the one beyond the edge.
+/// Number of neighbours that a vertex is compared with.
 const NEIGHBOURS: usize = 4;
-/// Binary digits of a triangle's size, or of what was left.
-const SIZES: usize = 18; // as many as `digits` has values
+/// Symbol for no such neighbour.
+const NO_NEIGHBOUR: usize = 0;
+
+type Point = [i32; 3];
 
 struct ArchitecturalModels {
-    /// Which neighbour stands over or under it; 0 for none.
-    column: Vec<SymbolModel<8>>,
-    /// Which one is as high.
+    /// Which neighbour is vertically aligned; 1 and up are the order of [`Neighbourhood::points`].
+    aligned: Vec<SymbolModel<8>>,
+    /// Which neighbour has the same height.
     level: Vec<SymbolModel<8>>,
-    /// What neither says: by axis and size, by axis and what was left nearby.
+    /// Other coordinates: by axis and triangle size, and by axis and neighbours' differences.
     differences: DifferenceCoder,
 }
 
 impl ArchitecturalModels {
     fn new() -> Self {
         Self {
-            column: vec![SymbolModel::new(|i| [8, 8, 3, 3, 3, 1, 1, 1][i]); 64],
+            aligned: vec![SymbolModel::new(|i| [8, 8, 3, 3, 3, 1, 1, 1][i]); 64],
             level: vec![SymbolModel::new(|i| [8, 4, 4, 3, 3, 1, 1, 1][i]); 320],
-            differences: DifferenceCoder::new([4 * SIZES; 2]),
+            differences: DifferenceCoder::new([4 * DIGIT_COUNTS; 2]),
         }
     }
 }
 
-/// Writes or reads all positions; those of copies are their originals'.
+/// Digits of the differences that a vertex was coded with: horizontal (the larger axis) and vertical.
+type CodedDigits = [u8; 2];
+
+/// What a vertex is predicted from.
+struct Neighbourhood {
+    /// The corners of the completed triangle before and after the vertex, the next neighbour, and the vertex beyond.
+    points: [Point; NEIGHBOURS],
+    expected: Point,
+    /// Whether the vertex completes no triangle. Then the last coded vertices stand in for neighbours.
+    is_first: bool,
+    /// Largest [`CodedDigits`] of the neighbours.
+    digits: [usize; 2],
+}
+
+impl Neighbourhood {
+    fn new(triangles: &[CompletedTriangle], points: &Points, coded: &[CodedDigits], last: [Point; 2]) -> Self {
+        let [triangle, rest @ ..] = triangles else {
+            let points = [last[0], last[1], last[0], last[0]];
+            return Self { points, expected: last[0], is_first: true, digits: [0, 0] };
+        };
+        let [a, b, beyond] = [triangle.a, triangle.b, triangle.beyond].map(|other| points.coordinates(other));
+        let next = points.coordinates(rest.first().map_or(triangle.b, CompletedTriangle::not_full));
+        let near = [triangle.a, triangle.b, triangle.beyond].map(|other| coded[other as usize]);
+        let most = |k: usize| usize::from(near[0][k].max(near[1][k]).max(near[2][k]));
+        Self {
+            points: [b, a, next, beyond],
+            expected: std::array::from_fn(|k| a[k] + b[k] - beyond[k]),
+            is_first: false,
+            digits: [most(0), most(1)],
+        }
+    }
+
+    /// Which neighbours agree with each other by `agree`, as a number of six bits.
+    fn pattern(&self, agree: impl Fn(Point, Point) -> bool) -> usize {
+        let [b, a, next, beyond] = self.points;
+        let bit = |p, q| usize::from(agree(p, q));
+        bit(a, b)
+            + 2 * bit(beyond, a)
+            + 4 * bit(beyond, b)
+            + 8 * bit(next, b)
+            + 16 * bit(next, a)
+            + 32 * usize::from(self.is_first)
+    }
+
+    /// The symbol of the first neighbour that agrees with `point`.
+    fn find(&self, point: Point, agree: impl Fn(Point, Point) -> bool) -> usize {
+        self.points.iter().position(|neighbour| agree(*neighbour, point)).map_or(NO_NEIGHBOUR, |i| i + 1)
+    }
+
+    /// Binary digits of the completed triangle's extent along an axis.
+    fn extent_digits(&self, axis: usize) -> usize {
+        let [b, a, _, beyond] = self.points;
+        digits((a[axis] - b[axis]).abs().max((beyond[axis] - b[axis]).abs()))
+    }
+}
+
+fn is_aligned(p: Point, q: Point) -> bool {
+    p[..2] == q[..2]
+}
+
+fn is_level(p: Point, q: Point) -> bool {
+    p[2] == q[2]
+}
+
+/// Codes all positions. Copies get the position of their original. Fails on positions outside the grid, on neighbours
+/// that do not exist and on truncated symbols.
 pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     mesh: &Connectivity,
     points: &mut Points,
-    first: &[u32],
+    originals: &[u32],
 ) -> Result<(), DecodeError> {
     let mut models = ArchitecturalModels::new();
-    let mut around = CompletedTriangles::default();
-    let mut left = vec![[0u8; 2]; points.len()];
+    let mut completed = CompletedTriangles::default();
+    let mut coded = vec![[0u8; 2]; points.len()];
     let mut last = [points.middle(); 2];
     for vertex in 0..points.len() as u32 {
         if !points.is_real(vertex) {
             continue;
         }
-        let original = first[vertex as usize];
-        if original != vertex {
-            let place = std::array::from_fn(|axis| points.value(original, axis));
-            points.put(vertex, place)?;
-            left[vertex as usize] = left[original as usize];
-            last = [place, last[0]];
-            continue;
-        }
-        around.look(mesh, vertex, |other| points.is_real(other));
-        let value = |other: u32| -> [i32; 3] { std::array::from_fn(|axis| points.value(other, axis)) };
-        let wings = around.wings();
-        // Neighbours in the order in which they are asked.
-        let (near, alone, size_left) = match wings {
-            [] => ([last[0], last[1], last[0], last[0]], 1, [0, 0]),
-            [wing, rest @ ..] => {
-                let (a, b, x) = (value(wing.a), value(wing.b), value(wing.x));
-                let n = rest.first().map_or(wing.b, |next| if next.full == next.a { next.b } else { next.a });
-                let l = [wing.a, wing.b, wing.x].map(|other| left[other as usize]);
-                let most = |k: usize| usize::from(l[0][k].max(l[1][k]).max(l[2][k]));
-                ([b, a, value(n), x], 0, [most(0), most(1)])
-            }
+        let original = originals[vertex as usize];
+        let position = if original == vertex {
+            completed.find(mesh, vertex, |other| points.is_real(other));
+            let neighbourhood = Neighbourhood::new(completed.triangles(), points, &coded, last);
+            let (position, digits) = models.code(coder, &neighbourhood, points.coordinates(vertex))?;
+            coded[vertex as usize] = digits;
+            position
+        } else {
+            coded[vertex as usize] = coded[original as usize];
+            points.coordinates(original)
         };
-        let [b, a, n, x] = near;
-        let over = |p: [i32; 3], q: [i32; 3]| usize::from(p[..2] == q[..2]);
-        let level = |p: [i32; 3], q: [i32; 3]| usize::from(p[2] == q[2]);
-        let wanted: [i32; 3] = if alone == 1 { last[0] } else { std::array::from_fn(|k| a[k] + b[k] - x[k]) };
-        let here: [i32; 3] = std::array::from_fn(|axis| points.value(vertex, axis));
-        let span = |k: usize| digits((a[k] - b[k]).abs().max((x[k] - b[k]).abs()));
-
-        let how = over(a, b) + 2 * over(x, a) + 4 * over(x, b) + 8 * over(n, b) + 16 * over(n, a) + 32 * alone;
-        let column = near.iter().position(|p| over(*p, here) == 1).map_or(0, |i| i + 1);
-        let column = coder.symbol(&mut models.column[how], column);
-        let mut place = here;
-        if column > NEIGHBOURS {
-            return Err(DecodeError::Invalid("a mesh's vertex stands over no neighbour"));
-        }
-        let mut rest = [0u8; 2];
-        if column > 0 {
-            place[0] = near[column - 1][0];
-            place[1] = near[column - 1][1];
-        } else {
-            let size = span(0).max(span(1));
-            for k in 0..2 {
-                let kind = SIZES * if alone == 1 { 2 } else { k };
-                place[k] = models.differences.code(coder, [kind + size, kind + size_left[0]], here[k], wanted[k]);
-                rest[0] = rest[0].max(digits(place[k] - wanted[k]) as u8);
-            }
-        }
-        let how = (level(a, b) + 2 * level(x, a) + 4 * level(x, b) + 8 * level(n, b) + 16 * level(n, a) + 32 * alone)
-            * 5
-            + column;
-        let height = near.iter().position(|p| level(*p, here) == 1).map_or(0, |i| i + 1);
-        let height = coder.symbol(&mut models.level[how], height);
-        if height > NEIGHBOURS {
-            return Err(DecodeError::Invalid("a mesh's vertex is as high as no neighbour"));
-        }
-        if height > 0 {
-            place[2] = near[height - 1][2];
-        } else {
-            let kind = SIZES * 3;
-            place[2] = models.differences.code(coder, [kind + span(2), kind + size_left[1]], here[2], wanted[2]);
-            rest[1] = digits(place[2] - wanted[2]) as u8;
-        }
-        points.put(vertex, place)?;
-        left[vertex as usize] = rest;
-        last = [place, last[0]];
+        points.set_coordinates(vertex, position)?;
+        last = [position, last[0]];
         if vertex % 1024 == 0 && coder.overrun() {
-            return Err(DecodeError::Invalid("a mesh's positions are cut off"));
+            return Err(DecodeError::Invalid("a mesh's positions are truncated"));
         }
     }
     Ok(())
+}
+
+impl ArchitecturalModels {
+    /// Codes one position. `value` is the writer's.
+    fn code<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        neighbourhood: &Neighbourhood,
+        value: Point,
+    ) -> Result<(Point, CodedDigits), DecodeError> {
+        let mut position = value;
+        let mut coded = [0u8; 2];
+        let expected = neighbourhood.expected;
+        let model = &mut self.aligned[neighbourhood.pattern(is_aligned)];
+        let aligned = coder.symbol(model, neighbourhood.find(value, is_aligned));
+        if aligned > NEIGHBOURS {
+            return Err(DecodeError::Invalid("a mesh's vertex is aligned with a neighbour that does not exist"));
+        }
+        if aligned != NO_NEIGHBOUR {
+            position[..2].copy_from_slice(&neighbourhood.points[aligned - 1][..2]);
+        } else {
+            let extent = neighbourhood.extent_digits(0).max(neighbourhood.extent_digits(1));
+            for k in 0..2 {
+                let axis = DIGIT_COUNTS * if neighbourhood.is_first { 2 } else { k };
+                let contexts = [axis + extent, axis + neighbourhood.digits[0]];
+                position[k] = self.differences.code(coder, contexts, value[k], expected[k]);
+                coded[0] = coded[0].max(digits(position[k] - expected[k]) as u8);
+            }
+        }
+        let model = &mut self.level[neighbourhood.pattern(is_level) * (NEIGHBOURS + 1) + aligned];
+        let level = coder.symbol(model, neighbourhood.find(value, is_level));
+        if level > NEIGHBOURS {
+            return Err(DecodeError::Invalid("a mesh's vertex is level with a neighbour that does not exist"));
+        }
+        if level != NO_NEIGHBOUR {
+            position[2] = neighbourhood.points[level - 1][2];
+        } else {
+            let axis = DIGIT_COUNTS * 3;
+            let contexts = [axis + neighbourhood.extent_digits(2), axis + neighbourhood.digits[1]];
+            position[2] = self.differences.code(coder, contexts, value[2], expected[2]);
+            coded[1] = digits(position[2] - expected[2]) as u8;
+        }
+        Ok((position, coded))
+    }
 }

@@ -1,10 +1,8 @@
-//! What corners carry, along the conquest.
+//! Attribute values of corners, coded in traversal order.
 //!
-//! In: a [`Connectivity`] with positions, and values of corners, or symbols. Out: symbols, or values. Next: a mesh's caller.
-//!
-//! A corner first says whether it has the value that a neighbouring triangle has at the same vertex: where all do, that is
-//! next to nothing; a seam is where they do not. A new value is a difference to what its triangle says: on a plane, texture
-//! coordinates go on as they began.
+//! A corner first codes whether it has the value of a neighbouring triangle at the same vertex. This costs next to
+//! nothing except at seams. A new value is coded as a difference from a prediction by its triangle: texture coordinates
+//! are continued linearly across a plane.
 
 use super::{
     attribute::{Attribute, AttributeKind},
@@ -18,153 +16,250 @@ use crate::{
     error::DecodeError,
 };
 
-/// Values that a corner may share: across its two edges, and the latest at its vertex.
+/// Number of values that a corner may share: across its two edges, and the latest at its vertex.
 const SHARED: usize = 3;
-/// No value yet.
+/// Symbol of a corner that shares no value.
+const NEW_VALUE: usize = 3;
+/// Marks a corner or vertex without a value.
 const UNKNOWN: u32 = u32::MAX;
+/// Number of values of [`PredictedBy`].
+const PREDICTIONS: usize = 4;
 
 type Value = [i32; 4];
 
-/// Writes or reads one attribute. A writer's `attribute.corners` lie in the order of conquest; a reader fills them in.
+/// How a value was predicted; selects the models of the difference.
+#[derive(Debug, Clone, Copy)]
+enum PredictedBy {
+    /// The last value, or none.
+    LastValue = 0,
+    /// The triangle's first corner.
+    FirstCorner = 1,
+    /// The shape of the triangle, or its second corner.
+    OwnTriangle = 2,
+    /// The triangle beyond the first edge.
+    Neighbour = 3,
+}
+
+/// Writes or reads one attribute. A writer's `attribute.corners` are in traversal order; a reader fills in values and
+/// corners. Fails on values outside the attribute's bits, on shared values that do not exist and on truncated symbols.
 pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     mesh: &Connectivity,
     points: &Points,
     attribute: &mut Attribute,
 ) -> Result<(), DecodeError> {
-    let mut shares = [(); 6].map(|()| SymbolModel::<4>::new(|i| [12, 2, 1, 2][i]));
-    let mut differences = DifferenceCoder::new([4 * 4, 4]);
-    let width = usize::from(attribute.components);
-    let (wanted_values, wanted_corners) = if C::WRITES {
+    let (given_values, given_corners) = if C::WRITES {
         (std::mem::take(&mut attribute.values), std::mem::take(&mut attribute.corners))
     } else {
         (Vec::new(), Vec::new())
     };
-    let twins = mesh.twins.as_flattened();
-    let corners = mesh.triangles.as_flattened();
-    let mut ids = vec![UNKNOWN; corners.len()];
-    let mut latest = vec![UNKNOWN; mesh.degree.len()];
-    let mut values: Vec<Value> = Vec::new();
-    let mut out: Vec<u32> = Vec::with_capacity(corners.len());
+    let corners = 3 * mesh.triangles.len();
+    let mut values = ValueCoder {
+        mesh,
+        points,
+        attribute,
+        share_models: [(); 2 * SHARED].map(|()| SymbolModel::new(|i| [12, 2, 1, 2][i])),
+        differences: DifferenceCoder::new([PREDICTIONS * 4, PREDICTIONS]),
+        ids: vec![UNKNOWN; corners],
+        latest: vec![UNKNOWN; mesh.degree.len()],
+        values: Vec::new(),
+    };
+    let mut out: Vec<u32> = Vec::with_capacity(corners);
     for (t, triangle) in mesh.triangles.iter().enumerate() {
         if !triangle.iter().all(|vertex| points.is_real(*vertex)) {
             continue;
         }
-        let mut seam = 0;
-        for k in 0..3 {
-            let corner = 3 * t + k;
-            let wanted: Value = if C::WRITES {
-                let id = wanted_corners[out.len()] as usize;
-                std::array::from_fn(|c| if c < width { wanted_values[id][c] as i32 } else { 0 })
-            } else {
-                [0; 4]
-            };
-            let beside = [
-                ids[next(twins[corner]) as usize],
-                ids[twins[prev(corner as u32) as usize] as usize],
-                latest[corners[corner] as usize],
-            ];
-            let mut shared = [0u32; SHARED];
-            let mut count = 0;
-            for id in beside {
-                if id != UNKNOWN && !shared[..count].iter().any(|other| values[*other as usize] == values[id as usize])
-                {
-                    shared[count] = id;
-                    count += 1;
-                }
-            }
-            let mut id = UNKNOWN;
-            if count > 0 {
-                let symbol = shared[..count].iter().position(|id| values[*id as usize] == wanted).unwrap_or(3);
-                let symbol = coder.symbol(&mut shares[(count - 1) * 2 + seam], symbol);
-                seam = usize::from(symbol != 0);
-                if symbol < 3 {
-                    if symbol >= count {
-                        return Err(DecodeError::Invalid("a mesh's corner shares a value that is not there"));
-                    }
-                    id = shared[symbol];
-                }
-            }
-            if id == UNKNOWN {
-                let (guess, context) = guess(mesh, points, attribute, &ids, &values, corner);
-                let mut value = [0; 4];
-                for c in 0..width {
-                    value[c] = differences.code(coder, [context * 4 + c, context], wanted[c], guess[c]);
-                    if value[c] >> attribute.bits != 0 {
-                        return Err(DecodeError::Invalid("a mesh's attribute is out of its range"));
-                    }
-                }
-                id = values.len() as u32;
-                values.push(value);
-            }
-            ids[corner] = id;
-            latest[corners[corner] as usize] = id;
-            out.push(id);
+        let mut at_seam = false;
+        for corner in 3 * t..3 * t + 3 {
+            let target =
+                if C::WRITES { values.target(&given_values[given_corners[out.len()] as usize]) } else { [0; 4] };
+            out.push(values.code_corner(coder, corner, target, &mut at_seam)?);
         }
         if t % 1024 == 0 && coder.overrun() {
-            return Err(DecodeError::Invalid("a mesh's attributes are cut off"));
+            return Err(DecodeError::Invalid("a mesh's attributes are truncated"));
         }
     }
-    attribute.values = values.into_iter().map(|value| value.map(|v| v as u32)).collect();
+    attribute.values = values.values.into_iter().map(|value| value.map(|v| v as u32)).collect();
     attribute.corners = out;
     Ok(())
 }
 
-/// What a new value is likely to be, and how that was guessed: by nothing, by another corner, by the triangle's shape, by
-/// the triangle beside it.
-fn guess(
-    mesh: &Connectivity,
-    points: &Points,
-    attribute: &Attribute,
-    ids: &[u32],
-    values: &[Value],
-    corner: usize,
-) -> (Value, usize) {
-    let half = [1 << (attribute.bits - 1); 4];
-    let (t, k) = (corner / 3, corner % 3);
-    let value = |corner: usize| values[ids[corner] as usize];
-    if k == 0 {
-        return values.last().map_or((half, 0), |value| (*value, 0));
+struct ValueCoder<'a> {
+    mesh: &'a Connectivity,
+    points: &'a Points,
+    attribute: &'a Attribute,
+    /// By number of values that may be shared, and whether the triangle has a seam.
+    share_models: [SymbolModel<4>; 2 * SHARED],
+    differences: DifferenceCoder,
+    /// For each corner, its value.
+    ids: Vec<u32>,
+    /// For each vertex, its latest value.
+    latest: Vec<u32>,
+    /// Values in the order of their first use.
+    values: Vec<Value>,
+}
+
+impl ValueCoder<'_> {
+    /// A given value, reduced to the used components.
+    fn target(&self, value: &[u32; 4]) -> Value {
+        let width = usize::from(self.attribute.components);
+        std::array::from_fn(|c| if c < width { value[c] as i32 } else { 0 })
     }
-    if k == 1 {
-        return (value(corner - 1), 1);
+
+    /// Codes the value of one corner and returns its index. Sets `at_seam` to whether the corner shares its first
+    /// candidate, if there is a candidate.
+    #[inline]
+    fn code_corner<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        corner: usize,
+        target: Value,
+        at_seam: &mut bool,
+    ) -> Result<u32, DecodeError> {
+        let vertex = self.mesh.triangles.as_flattened()[corner] as usize;
+        let (shared, count) = self.candidates(corner, vertex);
+        let mut id = UNKNOWN;
+        if count > 0 {
+            let symbol = shared[..count].iter().position(|id| self.values[*id as usize] == target).unwrap_or(NEW_VALUE);
+            let model = &mut self.share_models[(count - 1) * 2 + usize::from(*at_seam)];
+            let symbol = coder.symbol(model, symbol);
+            *at_seam = symbol != 0;
+            if symbol != NEW_VALUE {
+                if symbol >= count {
+                    return Err(DecodeError::Invalid("a mesh's corner shares a value that does not exist"));
+                }
+                id = shared[symbol];
+            }
+        }
+        if id == UNKNOWN {
+            id = self.code_new_value(coder, corner, target)?;
+        }
+        self.ids[corner] = id;
+        self.latest[vertex] = id;
+        Ok(id)
     }
-    let (a, b) = (value(3 * t), value(3 * t + 1));
-    // The triangle beside the first edge, if it has the same values there.
-    let beyond = mesh.twins[t][0];
-    let (at_a, at_b, far) = (next(beyond) as usize, beyond as usize, prev(beyond) as usize);
-    let known = [at_a, at_b, far].iter().all(|corner| ids[*corner] != UNKNOWN);
-    let goes_on = known && value(at_a) == a && value(at_b) == b;
-    let vertices = mesh.triangles[t];
-    let place = |vertex: u32| -> [i64; 3] { std::array::from_fn(|axis| i64::from(points.value(vertex, axis))) };
-    let (p, q, r) = (place(vertices[0]), place(vertices[1]), place(vertices[2]));
-    let clamp = |v: f64| ((v + 0.5).floor() as i32).clamp(0, (1 << attribute.bits) - 1);
-    if goes_on {
-        let x = value(far);
-        let affine = plane(p, q, place(mesh.triangles.as_flattened()[far]), r)
-            .filter(|_| attribute.kind == AttributeKind::TexCoord);
-        let (s, u) = affine.unwrap_or((1.0, -1.0));
-        let along = |c: usize| {
-            let [a, b, x] = [a[c], b[c], x[c]].map(f64::from);
-            // Without a plane: the parallelogram, from the first corner.
-            if affine.is_some() { a + s * (b - a) + u * (x - a) } else { a + b - x }
+
+    /// The distinct values that a corner may share, and their number.
+    #[inline]
+    fn candidates(&self, corner: usize, vertex: usize) -> ([u32; SHARED], usize) {
+        let twins = self.mesh.twins.as_flattened();
+        let neighbours = [
+            self.ids[next(twins[corner]) as usize],
+            self.ids[twins[prev(corner as u32) as usize] as usize],
+            self.latest[vertex],
+        ];
+        let mut shared = [0u32; SHARED];
+        let mut count = 0;
+        for id in neighbours {
+            let is_equal = |other: &u32| self.values[*other as usize] == self.values[id as usize];
+            if id != UNKNOWN && !shared[..count].iter().any(is_equal) {
+                shared[count] = id;
+                count += 1;
+            }
+        }
+        (shared, count)
+    }
+
+    fn code_new_value<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        corner: usize,
+        target: Value,
+    ) -> Result<u32, DecodeError> {
+        let (prediction, by) = self.predict(corner);
+        let mut value = [0; 4];
+        for c in 0..usize::from(self.attribute.components) {
+            let contexts = [by as usize * 4 + c, by as usize];
+            value[c] = self.differences.code(coder, contexts, target[c], prediction[c]);
+            if value[c] >> self.attribute.bits != 0 {
+                return Err(DecodeError::Invalid("a mesh's attribute has a value outside its bits"));
+            }
+        }
+        self.values.push(value);
+        Ok(self.values.len() as u32 - 1)
+    }
+
+    fn value(&self, corner: usize) -> Value {
+        self.values[self.ids[corner] as usize]
+    }
+
+    /// Predicts a new value of a corner.
+    fn predict(&self, corner: usize) -> (Value, PredictedBy) {
+        let first = corner - corner % 3;
+        match corner % 3 {
+            0 => {
+                let half = [1 << (self.attribute.bits - 1); 4];
+                (self.values.last().copied().unwrap_or(half), PredictedBy::LastValue)
+            }
+            1 => (self.value(first), PredictedBy::FirstCorner),
+            _ => {
+                let (a, b) = (self.value(first), self.value(first + 1));
+                if let Some(value) = self.predict_across_edge(first, a, b) {
+                    (value, PredictedBy::Neighbour)
+                } else {
+                    (self.predict_by_shape(first, a, b).unwrap_or(b), PredictedBy::OwnTriangle)
+                }
+            }
+        }
+    }
+
+    /// Predicts the third corner from the triangle beyond the first edge, if that has the values `a` and `b` there.
+    fn predict_across_edge(&self, first: usize, a: Value, b: Value) -> Option<Value> {
+        let twin = self.mesh.twins[first / 3][0];
+        let (at_a, at_b, far) = (next(twin) as usize, twin as usize, prev(twin) as usize);
+        let is_known = [at_a, at_b, far].iter().all(|corner| self.ids[*corner] != UNKNOWN);
+        if !is_known || self.value(at_a) != a || self.value(at_b) != b {
+            return None;
+        }
+        let far_value = self.value(far);
+        let [p, q, r] = self.positions(first);
+        let affine = if self.attribute.kind == AttributeKind::TexCoord {
+            affine_coordinates(p, q, self.position(far), r)
+        } else {
+            None
         };
-        return (std::array::from_fn(|c| clamp(along(c))), 3);
+        Some(std::array::from_fn(|c| {
+            let [a, b, x] = [a[c], b[c], far_value[c]].map(f64::from);
+            self.round(match affine {
+                Some((s, u)) => a + s * (b - a) + u * (x - a),
+                // The parallelogram.
+                None => a + b - x,
+            })
+        }))
     }
-    if attribute.kind == AttributeKind::TexCoord && attribute.components == 2 {
+
+    /// Predicts the third texture coordinate from the triangle's edge lengths and angles in space.
+    fn predict_by_shape(&self, first: usize, a: Value, b: Value) -> Option<Value> {
+        if self.attribute.kind != AttributeKind::TexCoord || self.attribute.components != 2 {
+            return None;
+        }
+        let [p, q, r] = self.positions(first);
         let edge = sub(q, p);
         let side = sub(r, p);
         let (ee, es, ss) = (dot(edge, edge) as f64, dot(edge, side) as f64, dot(side, side) as f64);
-        if ee > 0.0 {
-            let along = es / ee;
-            let across = (ss * ee - es * es).max(0.0).sqrt() / ee;
-            let (du, dv) = (f64::from(b[0] - a[0]), f64::from(b[1] - a[1]));
-            let u = f64::from(a[0]) + along * du - across * dv;
-            let v = f64::from(a[1]) + along * dv + across * du;
-            return ([clamp(u), clamp(v), 0, 0], 2);
+        if ee <= 0.0 {
+            return None;
         }
+        let along = es / ee;
+        let across = (ss * ee - es * es).max(0.0).sqrt() / ee;
+        let (du, dv) = (f64::from(b[0] - a[0]), f64::from(b[1] - a[1]));
+        let u = f64::from(a[0]) + along * du - across * dv;
+        let v = f64::from(a[1]) + along * dv + across * du;
+        Some([self.round(u), self.round(v), 0, 0])
     }
-    (b, 2)
+
+    /// Rounds to a valid component.
+    fn round(&self, v: f64) -> i32 {
+        ((v + 0.5).floor() as i32).clamp(0, (1 << self.attribute.bits) - 1)
+    }
+
+    fn position(&self, corner: usize) -> [i64; 3] {
+        self.points.coordinates(self.mesh.triangles.as_flattened()[corner]).map(i64::from)
+    }
+
+    fn positions(&self, first: usize) -> [[i64; 3]; 3] {
+        [first, first + 1, first + 2].map(|corner| self.position(corner))
+    }
 }
 
 fn sub(a: [i64; 3], b: [i64; 3]) -> [i64; 3] {
@@ -175,8 +270,8 @@ fn dot(a: [i64; 3], b: [i64; 3]) -> i64 {
     (0..3).map(|k| a[k] * b[k]).sum()
 }
 
-/// Where `r` lies in the triangle `p q x`'s plane: so much of `q - p`, and so much of `x - p`.
-fn plane(p: [i64; 3], q: [i64; 3], x: [i64; 3], r: [i64; 3]) -> Option<(f64, f64)> {
+/// The factors of `q - p` and of `x - p` that give `r - p`, projected to their plane. `None` if the vectors are parallel.
+fn affine_coordinates(p: [i64; 3], q: [i64; 3], x: [i64; 3], r: [i64; 3]) -> Option<(f64, f64)> {
     let (e, f, d) = (sub(q, p), sub(x, p), sub(r, p));
     let [ee, ef, ff, de, df] = [dot(e, e), dot(e, f), dot(f, f), dot(d, e), dot(d, f)].map(|v| v as f64);
     let area = ee * ff - ef * ef;

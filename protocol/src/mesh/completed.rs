@@ -1,49 +1,55 @@
-//! What is known around a vertex when it is its turn: the triangles that it completes.
+//! The triangles that a vertex completes, from which its position is predicted.
 //!
-//! In: a [`Connectivity`]. Out: [`CompletedTriangles`], vertex by vertex. Next: `smooth`, `built`.
-//!
-//! A triangle is completed by the last of its vertices. But for joins, those that a vertex completes came with it and before
-//! the next vertex, so they are read off the order of triangles, without walking around the vertex.
+//! A triangle is completed by its last vertex in the traversal order. Apart from joins, the triangles that a vertex
+//! completes were added with it and before the next vertex, so they are found in the order of triangles, without a walk
+//! around the vertex.
 
 use super::connectivity::Connectivity;
 
-/// Most triangles that are looked at around one vertex.
-const MOST: usize = 6;
+/// Maximum number of completed triangles that are used per vertex.
+const MAX_TRIANGLES: usize = 6;
 
-/// A triangle that a vertex completes: the other two corners, and what lies beyond the edge between them.
+/// A triangle that a vertex completes, with the triangle on the other side of the opposite edge.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct CompletedTriangle {
     /// The corner after the vertex.
     pub(super) a: u32,
     /// The corner before the vertex.
     pub(super) b: u32,
-    /// Third corner of the triangle on their other side.
-    pub(super) x: u32,
-    /// Of the other two corners, the one that has all its triangles now; `a` for the first wing.
+    /// The third corner of the triangle beyond the edge from `a` to `b`.
+    pub(super) beyond: u32,
+    /// The one of `a` and `b` whose triangles are all complete; `a` in the first triangle.
     pub(super) full: u32,
 }
 
-/// All of them, the one that the vertex came with first.
+impl CompletedTriangle {
+    /// The one of `a` and `b` that is not `full`.
+    #[inline]
+    pub(super) fn not_full(&self) -> u32 {
+        if self.full == self.a { self.b } else { self.a }
+    }
+}
+
+/// The triangles that one vertex completes, the one that added the vertex first.
 #[derive(Debug, Default)]
 pub(super) struct CompletedTriangles {
-    wings: [CompletedTriangle; MOST],
+    triangles: [CompletedTriangle; MAX_TRIANGLES],
     count: usize,
 }
 
 impl CompletedTriangles {
-    /// The completed triangles, at most [`MOST`].
     #[inline]
-    pub(super) fn wings(&self) -> &[CompletedTriangle] {
-        &self.wings[..self.count]
+    pub(super) fn triangles(&self) -> &[CompletedTriangle] {
+        &self.triangles[..self.count]
     }
 
-    /// Looks at the triangles that came with `vertex`. Only vertices below it that `is_known` are known.
+    /// Finds the triangles that `vertex` completes. Only those count whose other vertices precede it and are `is_known`.
     #[inline]
-    pub(super) fn look(&mut self, mesh: &Connectivity, vertex: u32, is_known: impl Fn(u32) -> bool) {
+    pub(super) fn find(&mut self, mesh: &Connectivity, vertex: u32, is_known: impl Fn(u32) -> bool) {
         self.count = 0;
-        let from = mesh.birth[vertex as usize] as usize;
-        let to = mesh.birth.get(vertex as usize + 1).map_or(mesh.triangles.len(), |birth| *birth as usize);
-        for t in from..to {
+        let start = mesh.first_triangle[vertex as usize] as usize;
+        let end = mesh.first_triangle.get(vertex as usize + 1).map_or(mesh.triangles.len(), |first| *first as usize);
+        for t in start..end {
             let corners = mesh.triangles[t];
             let k = if corners[2] == vertex {
                 2
@@ -55,14 +61,14 @@ impl CompletedTriangles {
                 continue;
             };
             let (a, b) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
-            let beyond = mesh.twins[t][(k + 1) % 3] as usize;
-            let x = mesh.triangles[beyond / 3][(beyond + 2) % 3];
+            let twin = mesh.twins[t][(k + 1) % 3] as usize;
+            let beyond = mesh.triangles[twin / 3][(twin + 2) % 3];
             let known = |other: u32| other < vertex && is_known(other);
-            if known(a) && known(b) && known(x) {
-                let full = if k == 1 || t == from { a } else { corners[1] };
-                self.wings[self.count] = CompletedTriangle { a, b, x, full };
+            if known(a) && known(b) && known(beyond) {
+                let full = if k == 1 || t == start { a } else { corners[1] };
+                self.triangles[self.count] = CompletedTriangle { a, b, beyond, full };
                 self.count += 1;
-                if self.count == MOST {
+                if self.count == MAX_TRIANGLES {
                     return;
                 }
             }

@@ -1,16 +1,16 @@
-//! Connectivity by valences (Touma and Gotsman 1998; Alliez and Desbrun 2001; Gasparello, chapter 3): the conquered region
-//! grows triangle by triangle, and each new vertex says only how many edges it has.
+//! Connectivity coded by vertex degrees (Touma and Gotsman 1998; Alliez and Desbrun 2001; Gasparello, chapter 3).
 //!
-//! In: [`ClosedMesh`] pieces, or coded symbols. Out: [`Connectivity`]: the same triangles in the order in which they were conquered.
-//! Next: `geometry` and `attributes`, which know all of the connectivity by then.
+//! The traversed region grows triangle by triangle, and each new vertex is coded as its number of edges. The same
+//! traversal writes and reads, and it ends with [`Connectivity`]: all triangles in traversal order.
 //!
-//! One walk both writes and reads. It differs from the papers in three ways. The focus is the vertex of fewest free edges of
-//! all lists, not of one. A split and a merge are then one thing, a **join**: the lists are spliced at the vertex that is
-//! met again, whichever list it is on. And a join says how the free edges of that vertex are shared out.
+//! It differs from the papers in three ways. The focus is the vertex of fewest free edges of all lists, not of one list.
+//! Splits and merges are one operation, a join: the lists are spliced at the vertex that is met again, whichever list
+//! it is in. A join also codes how the free edges of that vertex are divided.
 
 use super::{
     active_lists::{ActiveLists, ActiveNode},
     closed_mesh::ClosedMesh,
+    encoder_state::EncoderState,
     half_edge::{NONE, next, prev},
 };
 use crate::{
@@ -18,70 +18,60 @@ use crate::{
     error::DecodeError,
 };
 
-/// SymbolCoder of a step: the vertex is on a list already, is a border's dummy, or has so many edges; the last stands for more.
+/// Symbol of a step to a vertex that is already in a list.
 const JOIN: usize = 0;
-const DUMMY: usize = 1;
-const MORE: usize = 15;
-/// Steps along a list within which a join looks for its vertex; farther ones are named by their number.
-const REACH: u32 = 1024;
-/// Contexts of a degree, by each of two looks at the front.
+/// Symbol of a step to a dummy vertex. Its degree follows as a number.
+pub(super) const DUMMY: usize = 1;
+/// Symbol of a step to a vertex of this degree or more. The excess follows as a number. Symbols below are degrees.
+pub(super) const MORE: usize = 15;
+/// Joins name nodes within this many steps along the list by the number of steps, and others by their index.
+const MAX_JOIN_STEPS: u32 = 1024;
+/// Number of contexts of each of the two models of a degree.
 const CONTEXTS: usize = 64;
 
-/// Triangles in the order of conquest.
+const CONTRADICTION: DecodeError = DecodeError::Invalid("a mesh's connectivity contradicts itself");
+
+/// Triangles in traversal order.
 #[derive(Debug, Default)]
 pub(super) struct Connectivity {
-    /// Vertices of each triangle, those of dummies too; numbered as they were conquered.
+    /// Vertices of each triangle, including those of dummy vertices. Vertices are numbered in traversal order.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// For each half-edge, the one beside it: the surface is closed.
+    /// For each half-edge, its twin. The surface is closed.
     pub(super) twins: Vec<[u32; 3]>,
-    /// Edges at each vertex.
+    /// The number of edges at each vertex.
     pub(super) degree: Vec<u32>,
-    /// The triangle that came with each vertex.
-    pub(super) birth: Vec<u32>,
-    /// Vertices that stand for a border, ascending.
+    /// The triangle that added each vertex.
+    pub(super) first_triangle: Vec<u32>,
+    /// Dummy vertices, ascending.
     pub(super) dummies: Vec<u32>,
-    /// Of a writer: for each triangle, the half-edge that it begins with in the closed pieces.
+    /// Writer only: for each triangle, its first half-edge in the closed mesh.
     pub(super) source: Vec<u32>,
-}
-
-/// What a writer knows beyond a reader.
-#[derive(Debug, Default)]
-struct EncoderState {
-    degree: Vec<u32>,
-    /// Whether a vertex was conquered.
-    met: Vec<bool>,
-    /// Whether a triangle was.
-    done: Vec<bool>,
-    /// For each node, the half-edge beyond the edge to its next.
-    beyond: Vec<u32>,
-    /// For each such half-edge, its node.
-    node: Vec<u32>,
 }
 
 #[derive(Debug)]
 struct ConnectivityModels {
     degree: [Vec<SymbolModel<16>>; 2],
     seed: SymbolModel<16>,
-    large: SymbolModel<32>,
-    /// Forwards, backwards, by number.
-    way: SymbolModel<4>,
-    steps: SymbolModel<32>,
-    part: SymbolModel<32>,
-    more: SymbolModel<2>,
+    large_degree: SymbolModel<32>,
+    /// Whether a join names its node by steps forwards, by steps backwards or by index.
+    join_direction: SymbolModel<4>,
+    join_steps: SymbolModel<32>,
+    join_free_edges: SymbolModel<32>,
+    has_piece: SymbolModel<2>,
 }
 
 impl ConnectivityModels {
     fn new() -> Self {
-        const USUAL: [u32; 16] = [30, 10, 5, 30, 120, 300, 400, 300, 100, 40, 20, 10, 6, 4, 3, 3];
-        let usual = || vec![SymbolModel::new(|i| USUAL[i]); CONTEXTS];
+        const TYPICAL: [u32; 16] = [30, 10, 5, 30, 120, 300, 400, 300, 100, 40, 20, 10, 6, 4, 3, 3];
+        let typical = || vec![SymbolModel::new(|i| TYPICAL[i]); CONTEXTS];
         Self {
-            degree: [usual(), usual()],
-            seed: SymbolModel::new(|i| if i == JOIN { 0 } else { USUAL[i] }),
-            large: SymbolModel::default(),
-            way: SymbolModel::default(),
-            steps: SymbolModel::default(),
-            part: SymbolModel::default(),
-            more: SymbolModel::new(|i| [1, 4][i]),
+            degree: [typical(), typical()],
+            seed: SymbolModel::new(|i| if i == JOIN { 0 } else { TYPICAL[i] }),
+            large_degree: SymbolModel::default(),
+            join_direction: SymbolModel::default(),
+            join_steps: SymbolModel::default(),
+            join_free_edges: SymbolModel::default(),
+            has_piece: SymbolModel::new(|i| [1, 4][i]),
         }
     }
 }
@@ -91,79 +81,71 @@ struct Traversal<'a> {
     out: Connectivity,
     models: ConnectivityModels,
     closed: &'a ClosedMesh,
-    guide: EncoderState,
+    encoder: EncoderState,
     /// Nodes without free edges.
     full: Vec<u32>,
-    limit: usize,
+    max_triangles: usize,
 }
 
-const DISORDER: DecodeError = DecodeError::Invalid("a mesh's connectivity contradicts itself");
-
-/// Writes the connectivity of `closed`.
+/// Writes the connectivity of `closed`. Fails only if `closed` is not a valid mesh.
 pub(super) fn write<C: SymbolCoder>(coder: &mut C, closed: &ClosedMesh) -> Result<Connectivity, DecodeError> {
-    let mut walk = Traversal::new(closed, closed.triangles());
-    walk.guide = EncoderState {
-        degree: closed.degrees(),
-        met: vec![false; closed.vertices()],
-        done: vec![false; closed.triangles()],
-        beyond: Vec::new(),
-        node: vec![NONE; closed.origin.len()],
-    };
-    walk.run(coder)
+    let mut traversal = Traversal::new(closed, closed.triangles());
+    traversal.encoder = EncoderState::new(closed);
+    traversal.run(coder)
 }
 
-/// Reads connectivity of at most `limit` triangles, those of dummies among them.
-///
-/// Room for `likely` of them is made at once.
-pub(super) fn read<C: SymbolCoder>(coder: &mut C, limit: usize, likely: usize) -> Result<Connectivity, DecodeError> {
+/// Reads connectivity. Fails on contradictory or truncated symbols, and beyond `max_triangles` triangles (dummies
+/// included). Memory for `likely_triangles` is reserved at the start.
+pub(super) fn read<C: SymbolCoder>(
+    coder: &mut C,
+    max_triangles: usize,
+    likely_triangles: usize,
+) -> Result<Connectivity, DecodeError> {
     let closed = ClosedMesh::default();
-    let mut walk = Traversal::new(&closed, limit);
-    walk.out.triangles.reserve(likely);
-    walk.out.twins.reserve(likely);
-    walk.out.degree.reserve(likely / 2);
-    walk.out.birth.reserve(likely / 2);
-    walk.active.nodes.reserve(likely / 2);
-    walk.run(coder)
+    let mut traversal = Traversal::new(&closed, max_triangles);
+    traversal.out.triangles.reserve(likely_triangles);
+    traversal.out.twins.reserve(likely_triangles);
+    traversal.out.degree.reserve(likely_triangles / 2);
+    traversal.out.first_triangle.reserve(likely_triangles / 2);
+    traversal.active.nodes.reserve(likely_triangles / 2);
+    traversal.run(coder)
 }
 
 impl<'a> Traversal<'a> {
-    fn new(closed: &'a ClosedMesh, limit: usize) -> Self {
+    fn new(closed: &'a ClosedMesh, max_triangles: usize) -> Self {
         Self {
             active: ActiveLists::new(),
             out: Connectivity::default(),
             models: ConnectivityModels::new(),
             closed,
-            guide: EncoderState::default(),
+            encoder: EncoderState::default(),
             full: Vec::new(),
-            limit,
+            max_triangles,
         }
     }
 
     fn run<C: SymbolCoder>(mut self, coder: &mut C) -> Result<Connectivity, DecodeError> {
         let mut seed = 0;
         loop {
-            if C::WRITES {
-                while self.guide.done.get(seed) == Some(&true) {
-                    seed += 1;
-                }
-            }
-            if !coder.flag(&mut self.models.more, seed < self.guide.done.len()) {
+            let unvisited = self.encoder.next_unvisited(seed);
+            if !coder.flag(&mut self.models.has_piece, unvisited.is_some()) {
                 return Ok(self.out);
             }
-            self.begin(coder, 3 * seed as u32)?;
-            while let Some(focus) = self.active.focus() {
+            seed = unvisited.unwrap_or(0);
+            self.start_piece(coder, 3 * seed as u32)?;
+            while let Some(focus) = self.active.pop_focus() {
                 while self.active.node(focus).next != NONE {
                     self.step(coder, focus)?;
                     if coder.overrun() {
-                        return Err(DecodeError::Invalid("a mesh's connectivity is cut off"));
+                        return Err(DecodeError::Invalid("a mesh's connectivity is truncated"));
                     }
                 }
             }
         }
     }
 
-    /// The first triangle of a piece; `seed` is its first half-edge.
-    fn begin<C: SymbolCoder>(&mut self, coder: &mut C, seed: u32) -> Result<(), DecodeError> {
+    /// Codes the first triangle of a piece. `seed` is its first half-edge.
+    fn start_piece<C: SymbolCoder>(&mut self, coder: &mut C, seed: u32) -> Result<(), DecodeError> {
         let first = self.active.nodes.len() as u32;
         let edge = 3 * self.out.triangles.len() as u32;
         let mut corners = [0; 3];
@@ -171,27 +153,27 @@ impl<'a> Traversal<'a> {
             let k = k as u32;
             let (mut symbol, mut degree) = (0, 0);
             if C::WRITES {
-                (symbol, degree) = self.meet(self.closed.origin[(seed + k) as usize]);
+                (symbol, degree) = self.visit(self.closed.origin[(seed + k) as usize]);
             }
             let symbol = coder.symbol(&mut self.models.seed, symbol);
-            *corner = self.vertex(coder, symbol, degree)?;
-            // What is left of the edge to the node before is free: lists go the other way round than the triangle.
+            *corner = self.add_vertex(coder, symbol, degree)?;
+            // The list runs opposite to the triangle, because the untraversed side lies to its left.
             let (next, prev, edge) = (first + (k + 2) % 3, first + (k + 1) % 3, edge + (k + 2) % 3);
             let free = self.out.degree[*corner as usize] - 2;
             self.active.add(ActiveNode { vertex: *corner, free, next, prev, edge });
         }
-        self.triangle::<C>(corners, seed)?;
+        self.add_triangle::<C>(corners, seed)?;
         if C::WRITES {
-            self.guide.beyond.extend([0; 3]);
+            self.encoder.add_nodes(3);
             for k in 0..3 {
-                self.face_out(first + k, self.closed.twin[(seed + (k + 2) % 3) as usize]);
+                self.encoder.set_outside(first + k, self.closed.twin[(seed + (k + 2) % 3) as usize]);
             }
         }
-        self.change(&[first, first + 1, first + 2]);
-        self.settle::<C>()
+        self.queue_changed(&[first, first + 1, first + 2]);
+        self.close_full_nodes::<C>()
     }
 
-    /// The triangle on the edge from the node before the focus to the focus.
+    /// Codes the triangle beyond the edge from the previous node to the focus.
     #[inline]
     fn step<C: SymbolCoder>(&mut self, coder: &mut C, f: u32) -> Result<(), DecodeError> {
         let focus = *self.active.node(f);
@@ -199,21 +181,21 @@ impl<'a> Traversal<'a> {
         let before = *self.active.node(p);
         let (mut symbol, mut degree, mut gate) = (JOIN, 0, NONE);
         if C::WRITES {
-            gate = self.guide.beyond[p as usize];
+            gate = self.encoder.outside(p);
             let vertex = self.closed.origin[prev(gate) as usize];
-            if !self.guide.met[vertex as usize] {
-                (symbol, degree) = self.meet(vertex);
+            if !self.encoder.is_vertex_visited(vertex) {
+                (symbol, degree) = self.visit(vertex);
             }
         }
-        let [a, b] = self.contexts(&before, &focus);
+        let [a, b] = self.degree_contexts(&before, &focus);
         let [by_edge, by_side] = &mut self.models.degree;
         let symbol = coder.pair(&mut by_edge[a], &mut by_side[b], symbol);
         if symbol == JOIN {
             return self.join(coder, f, gate);
         }
-        let vertex = self.vertex(coder, symbol, degree)?;
-        let edge = self.triangle::<C>([before.vertex, focus.vertex, vertex], gate)?;
-        self.link(edge, before.edge);
+        let vertex = self.add_vertex(coder, symbol, degree)?;
+        let edge = self.add_triangle::<C>([before.vertex, focus.vertex, vertex], gate)?;
+        self.link_twins(edge, before.edge);
         let free = self.out.degree[vertex as usize] - 2;
         let v = self.active.add(ActiveNode { vertex, free, next: f, prev: p, edge: edge + 1 });
         let node = self.active.node_mut(p);
@@ -221,28 +203,20 @@ impl<'a> Traversal<'a> {
         let node = self.active.node_mut(f);
         (node.prev, node.free) = (v, node.free - 1);
         if C::WRITES {
-            self.guide.beyond.push(0);
-            self.face_out(v, self.closed.twin[next(gate) as usize]);
-            self.face_out(p, self.closed.twin[prev(gate) as usize]);
+            self.encoder.add_nodes(1);
+            self.encoder.set_outside(v, self.closed.twin[next(gate) as usize]);
+            self.encoder.set_outside(p, self.closed.twin[prev(gate) as usize]);
         }
-        if free == 0 {
-            self.full.push(v);
-        } else {
-            self.active.wait(v);
-        }
-        if before.free == 1 {
-            self.full.push(p);
-        } else {
-            self.active.wait(p);
-        }
-        // The focus needs not wait.
+        self.queue_or_close(v, free);
+        self.queue_or_close(p, before.free - 1);
+        // The focus stays the focus while it has free edges, so it is not queued.
         if focus.free == 1 {
             self.full.push(f);
         }
-        self.settle::<C>()
+        self.close_full_nodes::<C>()
     }
 
-    /// A triangle whose third vertex is on a list already.
+    /// Codes a triangle whose third vertex is already in a list.
     #[cold]
     fn join<C: SymbolCoder>(&mut self, coder: &mut C, f: u32, gate: u32) -> Result<(), DecodeError> {
         let focus = *self.active.node(f);
@@ -250,18 +224,18 @@ impl<'a> Traversal<'a> {
         let before = *self.active.node(p);
         let (mut target, mut part) = (0, 0);
         if C::WRITES {
-            (target, part) = self.stay(gate);
+            (target, part) = self.encoder.find_join(self.closed, gate);
         }
-        let target = self.point(coder, focus.next, before.prev, target)?;
-        let met = *self.active.nodes.get(target as usize).ok_or(DISORDER)?;
+        let target = self.code_join_target(coder, focus.next, before.prev, target)?;
+        let met = *self.active.nodes.get(target as usize).ok_or(CONTRADICTION)?;
         if met.next == NONE || met.free < 2 || met.vertex == before.vertex || met.vertex == focus.vertex {
-            return Err(DISORDER);
+            return Err(CONTRADICTION);
         }
-        let part = if met.free > 2 { coder.number(&mut self.models.part, part) } else { 0 };
-        let rest = (met.free - 2).checked_sub(part).ok_or(DISORDER)?;
-        let edge = self.triangle::<C>([before.vertex, focus.vertex, met.vertex], gate)?;
-        self.link(edge, before.edge);
-        // What came after the vertex goes on from the node before the focus, what came before it leads to the focus.
+        let part = if met.free > 2 { coder.number(&mut self.models.join_free_edges, part) } else { 0 };
+        let rest = (met.free - 2).checked_sub(part).ok_or(CONTRADICTION)?;
+        let edge = self.add_triangle::<C>([before.vertex, focus.vertex, met.vertex], gate)?;
+        self.link_twins(edge, before.edge);
+        // The nodes after the met vertex now follow the previous node; those before it now lead to the focus.
         let w = self.active.add(ActiveNode { vertex: met.vertex, free: part, next: met.next, prev: p, edge: met.edge });
         self.active.node_mut(met.next).prev = w;
         let node = self.active.node_mut(target);
@@ -271,68 +245,67 @@ impl<'a> Traversal<'a> {
         let node = self.active.node_mut(f);
         (node.prev, node.free) = (target, node.free - 1);
         if C::WRITES {
-            self.guide.beyond.push(0);
-            self.face_out(w, self.guide.beyond[target as usize]);
-            self.face_out(target, self.closed.twin[next(gate) as usize]);
-            self.face_out(p, self.closed.twin[prev(gate) as usize]);
+            self.encoder.add_nodes(1);
+            self.encoder.set_outside(w, self.encoder.outside(target));
+            self.encoder.set_outside(target, self.closed.twin[next(gate) as usize]);
+            self.encoder.set_outside(p, self.closed.twin[prev(gate) as usize]);
         }
-        self.change(&[w, target, p, f]);
-        self.settle::<C>()
+        self.queue_changed(&[w, target, p, f]);
+        self.close_full_nodes::<C>()
     }
 
-    /// Which node a join is about: so many steps after the focus or before the gate, or by its number.
-    fn point<C: SymbolCoder>(&mut self, coder: &mut C, after: u32, before: u32, node: u32) -> Result<u32, DecodeError> {
-        let (mut way, mut steps) = (2, node);
+    /// Codes the node of a join: by steps forwards from `after`, by steps backwards from `before`, or by its index.
+    fn code_join_target<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        after: u32,
+        before: u32,
+        node: u32,
+    ) -> Result<u32, DecodeError> {
+        let (mut direction, mut steps) = (2, node);
         if C::WRITES {
             let (mut a, mut b) = (after, before);
-            for step in 0..REACH {
+            for step in 0..MAX_JOIN_STEPS {
                 if a == node || b == node {
-                    (way, steps) = (usize::from(a != node), step);
+                    (direction, steps) = (usize::from(a != node), step);
                     break;
                 }
                 (a, b) = (self.active.node(a).next, self.active.node(b).prev);
             }
         }
-        let way = coder.symbol(&mut self.models.way, way);
-        let steps = coder.number(&mut self.models.steps, steps);
-        match way {
-            0 | 1 if steps < REACH => {
-                let mut at = [after, before][way];
+        let direction = coder.symbol(&mut self.models.join_direction, direction);
+        let steps = coder.number(&mut self.models.join_steps, steps);
+        match direction {
+            0 | 1 if steps < MAX_JOIN_STEPS => {
+                let mut at = [after, before][direction];
                 for _ in 0..steps {
-                    at = if way == 0 { self.active.node(at).next } else { self.active.node(at).prev };
+                    at = if direction == 0 { self.active.node(at).next } else { self.active.node(at).prev };
                 }
                 Ok(at)
             }
             2 => Ok(steps),
-            _ => Err(DISORDER),
+            _ => Err(CONTRADICTION),
         }
     }
 
-    /// Of a writer: the node at which the third vertex of the gate's triangle is met, and how many of its free edges lie
-    /// between the edge to its next and that triangle.
-    fn stay(&self, gate: u32) -> (u32, u32) {
-        let mut half_edge = prev(gate);
-        let mut crossed = 0;
-        loop {
-            let twin = self.closed.twin[half_edge as usize];
-            if self.guide.done[twin as usize / 3] {
-                return (self.guide.node[half_edge as usize], crossed - 1);
-            }
-            crossed += 1;
-            half_edge = next(twin);
-        }
-    }
-
-    /// Sorts nodes whose free edges changed: those without any are full, the others wait.
-    fn change(&mut self, nodes: &[u32]) {
+    fn queue_changed(&mut self, nodes: &[u32]) {
         for &node in nodes {
-            if self.active.node(node).free == 0 { self.full.push(node) } else { self.active.wait(node) }
+            self.queue_or_close(node, self.active.node(node).free);
         }
     }
 
-    /// Fills in the triangles of vertices that have no free edge left.
     #[inline]
-    fn settle<C: SymbolCoder>(&mut self) -> Result<(), DecodeError> {
+    fn queue_or_close(&mut self, node: u32, free: u32) {
+        if free == 0 {
+            self.full.push(node);
+        } else {
+            self.active.queue(node);
+        }
+    }
+
+    /// Adds the last triangle of each vertex without free edges and removes its node.
+    #[inline]
+    fn close_full_nodes<C: SymbolCoder>(&mut self) -> Result<(), DecodeError> {
         while let Some(f) = self.full.pop() {
             let node = *self.active.node(f);
             if node.next == NONE || node.free != 0 {
@@ -340,20 +313,20 @@ impl<'a> Traversal<'a> {
             }
             let (p, n) = (node.prev, node.next);
             let (before, after) = (*self.active.node(p), *self.active.node(n));
-            let gate = if C::WRITES { self.guide.beyond[p as usize] } else { 0 };
-            let edge = self.triangle::<C>([before.vertex, node.vertex, after.vertex], gate)?;
-            self.link(edge, before.edge);
-            self.link(edge + 1, node.edge);
+            let gate = if C::WRITES { self.encoder.outside(p) } else { 0 };
+            let edge = self.add_triangle::<C>([before.vertex, node.vertex, after.vertex], gate)?;
+            self.link_twins(edge, before.edge);
+            self.link_twins(edge + 1, node.edge);
             self.active.node_mut(f).next = NONE;
             match (before.free, after.free) {
                 (0, 0) if after.next == p => {
-                    self.link(edge + 2, after.edge);
+                    self.link_twins(edge + 2, after.edge);
                     self.active.node_mut(p).next = NONE;
                     self.active.node_mut(n).next = NONE;
                     continue;
                 }
-                (0, _) | (_, 0) => return Err(DISORDER),
-                _ if p == n => return Err(DISORDER),
+                (0, _) | (_, 0) => return Err(CONTRADICTION),
+                _ if p == n => return Err(CONTRADICTION),
                 _ => {}
             }
             let node = self.active.node_mut(p);
@@ -361,34 +334,33 @@ impl<'a> Traversal<'a> {
             let node = self.active.node_mut(n);
             (node.prev, node.free) = (p, node.free - 1);
             if C::WRITES {
-                self.face_out(p, self.closed.twin[prev(gate) as usize]);
+                self.encoder.set_outside(p, self.closed.twin[prev(gate) as usize]);
             }
-            for (node, free) in [(p, before.free), (n, after.free)] {
-                if free == 1 { self.full.push(node) } else { self.active.wait(node) }
-            }
+            self.queue_or_close(p, before.free - 1);
+            self.queue_or_close(n, after.free - 1);
         }
         Ok(())
     }
 
-    /// Appends a triangle and gives its first half-edge.
+    /// Adds a triangle and returns its first half-edge.
     #[inline]
-    fn triangle<C: SymbolCoder>(&mut self, corners: [u32; 3], source: u32) -> Result<u32, DecodeError> {
+    fn add_triangle<C: SymbolCoder>(&mut self, corners: [u32; 3], source: u32) -> Result<u32, DecodeError> {
         let edge = 3 * self.out.triangles.len() as u32;
-        if self.out.triangles.len() >= self.limit {
-            return Err(DecodeError::Invalid("a mesh has more triangles than it announces"));
+        if self.out.triangles.len() >= self.max_triangles {
+            return Err(DecodeError::Invalid("a mesh has more triangles than its header says"));
         }
         self.out.triangles.push(corners);
         self.out.twins.push([NONE; 3]);
         if C::WRITES {
             self.out.source.push(source);
-            self.guide.done[source as usize / 3] = true;
+            self.encoder.visit_triangle(source);
         }
         Ok(edge)
     }
 
-    /// Appends a vertex.
+    /// Adds the vertex of a symbol and returns its number. Codes the degree where the symbol does not hold it.
     #[inline]
-    fn vertex<C: SymbolCoder>(&mut self, coder: &mut C, symbol: usize, degree: u32) -> Result<u32, DecodeError> {
+    fn add_vertex<C: SymbolCoder>(&mut self, coder: &mut C, symbol: usize, degree: u32) -> Result<u32, DecodeError> {
         let vertex = self.out.degree.len() as u32;
         let degree = if (2..MORE).contains(&symbol) {
             symbol as u32
@@ -397,44 +369,34 @@ impl<'a> Traversal<'a> {
             if symbol == DUMMY {
                 self.out.dummies.push(vertex);
             }
-            coder.number(&mut self.models.large, degree.wrapping_sub(least)).saturating_add(least)
+            coder.number(&mut self.models.large_degree, degree.wrapping_sub(least)).saturating_add(least)
         };
-        if symbol == JOIN || degree as usize > self.limit {
-            return Err(DISORDER);
+        if symbol == JOIN || degree as usize > self.max_triangles {
+            return Err(CONTRADICTION);
         }
         self.out.degree.push(degree);
-        self.out.birth.push(self.out.triangles.len() as u32);
+        self.out.first_triangle.push(self.out.triangles.len() as u32);
         Ok(vertex)
     }
 
-    /// Two half-edges are each other's twins.
     #[inline]
-    fn link(&mut self, a: u32, b: u32) {
+    fn link_twins(&mut self, a: u32, b: u32) {
         let twins = self.out.twins.as_flattened_mut();
         twins[a as usize] = b;
         twins[b as usize] = a;
     }
 
-    /// What a new vertex's degree depends on: the degrees at the edge it comes to; that of the vertex after the focus, with
-    /// the free edges at that edge.
+    /// Contexts of a new vertex's degree: the degrees at the edge it is attached to; and the degree of the vertex after the
+    /// focus with the free edges at that edge.
     #[inline]
-    fn contexts(&self, before: &ActiveNode, focus: &ActiveNode) -> [usize; 2] {
+    fn degree_contexts(&self, before: &ActiveNode, focus: &ActiveNode) -> [usize; 2] {
         let degree = |vertex: u32| self.out.degree[vertex as usize].clamp(3, 9) as usize - 3;
         let free = |node: &ActiveNode| node.free.min(3) as usize - 1;
         let after = self.active.node(focus.next).vertex;
         [degree(before.vertex) * 7 + degree(focus.vertex), degree(after) * 9 + free(before) * 3 + free(focus)]
     }
 
-    /// Of a writer: a vertex's symbol and degree.
-    fn meet(&mut self, vertex: u32) -> (usize, u32) {
-        self.guide.met[vertex as usize] = true;
-        let degree = self.guide.degree[vertex as usize];
-        (if vertex >= self.closed.dummies_from { DUMMY } else { (degree as usize).min(MORE) }, degree)
-    }
-
-    /// Of a writer: what is beyond the edge from a node to its next.
-    fn face_out(&mut self, node: u32, half_edge: u32) {
-        self.guide.beyond[node as usize] = half_edge;
-        self.guide.node[half_edge as usize] = node;
+    fn visit(&mut self, vertex: u32) -> (usize, u32) {
+        self.encoder.visit_vertex(self.closed, vertex)
     }
 }

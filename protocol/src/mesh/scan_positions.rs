@@ -1,301 +1,316 @@
-//! Positions of meshes that are scans of something: neighbours say where a vertex will be, and how sure they are.
+//! Positions of scanned surfaces, predicted with an estimated covariance.
 //!
-//! In: a [`Connectivity`] and positions, or symbols. Out: symbols, or positions. Next: a person's eye.
+//! A vertex is predicted from its parallelograms and its neighbours, with weights that the writer fitted to the mesh. The
+//! weights depend on the number of triangles that the vertex completes and on vertex degrees, which tell how wide an
+//! angle is. The prediction error is taken as a normal distribution in space, with the covariance of the errors at the
+//! neighbours. So y is predicted again once x is known, and z once both are known. Along a smooth surface this has the
+//! effect of a local frame, and along a scanner's rays it is better, without a rotation that must be undone exactly.
 //!
-//! A vertex is predicted from the mean of its parallelograms and of its neighbours, with weights that the writer fitted to
-//! the mesh (by how many triangles the vertex completes, and by degrees: they tell how wide an angle is). What is left is
-//! taken for a normal distribution in space: its covariance is that of what was left at the neighbours. So the second
-//! coordinate is predicted again once the first is known, and the third once both are: along a smooth surface that is what
-//! a local frame would do, and along a scanner's rays it is better, without any rotation to be undone exactly.
+//! All computations are IEEE single precision in the order of the source, so that all machines decode the same.
 
 use super::{
-    completed::CompletedTriangles,
+    completed::{CompletedTriangle, CompletedTriangles},
     connectivity::Connectivity,
     half_edge::NONE,
-    points::{Points, Vector4, add, cross, larger, nearest, products, scale, sub},
+    points::{Points, Vector4, add, cross, dot, larger, nearest, outer_product, scale, sub},
+    scan_models::ScanModels,
 };
 use crate::{
     codec::{
-        rans::{RAW, SymbolCoder, SymbolModel},
+        rans::SymbolCoder,
         varint::{unzigzag, zigzag},
     },
     error::DecodeError,
 };
 
-/// Classes of vertices that have weights of their own: 3 with one triangle, 12 with two, 3 with more.
+/// Classes of vertices with their own weights: 3 with one completed triangle, 12 with two, 3 with more.
 pub(super) const CLASSES: usize = 18;
-/// Weights of a class: of how far neighbours are from what is beyond them, and of the middle one of them.
+/// Weights of a class: of the parallelogram, and of the middle neighbour.
 pub(super) const WEIGHTS: usize = 2;
-/// A weight of one.
-pub(super) const UNIT: f32 = 64.0;
+/// Scale of the stored weights.
+const ONE: f32 = 64.0;
 
-/// Weights in 1/64.
+/// Weights of all classes in 1/64.
 pub(super) type Weights = [[i8; WEIGHTS]; CLASSES];
 
-/// The parallelogram's.
-pub(super) const PLAIN: Weights = [[64, 0]; CLASSES];
-
-/// Half-octaves of what is expected to be left.
-const SCALES: usize = 36;
-/// Tokens -7 to 7 have a symbol each, the last one stands for others.
-const NEAR: i32 = 7;
-const FAR: usize = 15;
-/// Least variance that is believed in.
-const LEAST: f32 = 0.1;
-/// How much what is left on average counts against neighbours.
+/// Smallest variance that is assumed, in grid steps squared.
+const MIN_VARIANCE: f32 = 0.1;
+/// Weight of the mean error of the mesh, in neighbours.
 const PRIOR: f32 = 2.0;
-/// How fast that average follows.
-const FOLLOW: f32 = 0.1;
+/// Adaptation rate of the mean error.
+const ADAPTATION: f32 = 0.1;
 
-struct ScanModels {
-    token: [[SymbolModel<16>; SCALES]; 3],
-    far: SymbolModel<32>,
-    seed: [SymbolModel<32>; 3],
-}
-
-impl ScanModels {
-    fn new() -> Self {
-        let make = || std::array::from_fn(|scale| SymbolModel::new(|symbol| expected(scale, symbol)));
-        Self { token: [make(), make(), make()], far: SymbolModel::default(), seed: Default::default() }
-    }
-
-    /// Three coordinates' differences, expected to be about the roots of `variances`: tokens, then what is below them.
-    #[inline]
-    fn left<C: SymbolCoder>(&mut self, coder: &mut C, variances: [f32; 3], values: [i32; 3]) -> [i32; 3] {
-        // The exponent of the variance counts half-octaves of its root.
-        let scale = |variance: f32| ((variance.to_bits() >> 23) as i32 - 123).clamp(0, SCALES as i32 - 1) as usize;
-        let scales = variances.map(scale);
-        let shifts = scales.map(|scale| (scale as u32 / 2).saturating_sub(3));
-        let tokens: [i32; 3] = std::array::from_fn(|axis| values[axis] >> shifts[axis]);
-        let near = |token: i32| if (-NEAR..=NEAR).contains(&token) { (token + NEAR) as usize } else { FAR };
-        let [x, y, z] = &mut self.token;
-        let models = [&mut x[scales[0]], &mut y[scales[1]], &mut z[scales[2]]];
-        let symbols = coder.three(models, tokens.map(near));
-        let read = symbols.map(|symbol| symbol as i32 - NEAR);
-        let tokens = if symbols.contains(&FAR) { self.far(coder, symbols, tokens) } else { read };
-        if shifts == [0; 3] {
-            return tokens;
-        }
-        let low = |axis: usize| values[axis] as u32 & ((1 << shifts[axis]) - 1);
-        let [a, b, c] = shifts;
-        if a + b + c <= RAW {
-            let all = coder.raw(a + b + c, (low(0) << b | low(1)) << c | low(2));
-            let lows = [all >> (b + c), all >> c & ((1 << b) - 1), all & ((1 << c) - 1)];
-            return std::array::from_fn(|axis| tokens[axis].wrapping_shl(shifts[axis]) | lows[axis] as i32);
-        }
-        std::array::from_fn(|axis| tokens[axis].wrapping_shl(shifts[axis]) | coder.raw(shifts[axis], low(axis)) as i32)
-    }
-
-    #[cold]
-    fn far<C: SymbolCoder>(&mut self, coder: &mut C, symbols: [usize; 3], tokens: [i32; 3]) -> [i32; 3] {
-        std::array::from_fn(|axis| {
-            if symbols[axis] != FAR {
-                return symbols[axis] as i32 - NEAR;
-            }
-            let token = tokens[axis];
-            let beyond = token.unsigned_abs().wrapping_sub(NEAR as u32 + 1) << 1 | u32::from(token < 0);
-            let beyond = coder.number(&mut self.far, beyond);
-            // What was read may be anything; it is checked against the grid with all else.
-            let distance = ((beyond >> 1) as i32).wrapping_add(NEAR + 1);
-            if beyond & 1 == 1 { distance.wrapping_neg() } else { distance }
-        })
-    }
-}
-
-/// How often a token is expected before any was seen: bell-shaped, with long tails.
-fn expected(scale: usize, symbol: usize) -> u32 {
-    // 16 times the variance, in tokens.
-    let variance = if scale < 6 { 1 << scale } else { 64 << (scale % 2) };
-    let away = if symbol == FAR { 12 } else { (symbol as u32).abs_diff(NEAR as u32) };
-    let width = variance + 16 * away * away;
-    30 + 1_000_000 / width * variance / width * variance
-}
-
-/// What the triangles around a vertex say.
+/// The prediction of a vertex before its class's weights are applied.
 struct Prediction {
+    /// `None` if the vertex completes no triangle.
     class: Option<usize>,
     /// Mean of the neighbours.
     mean: Vector4,
-    /// From what is beyond them to that mean.
-    out: Vector4,
-    /// From that mean to the neighbour in the middle.
+    /// From the mean of the vertices beyond the neighbours to `mean`.
+    outward: Vector4,
+    /// From `mean` to the mean of the middle neighbours.
     middle: Vector4,
 }
 
 impl Prediction {
     #[inline(always)]
-    fn new(around: &CompletedTriangles, mesh: &Connectivity, points: &Points, vertex: u32) -> Self {
-        let wings = around.wings();
-        let (mut near, mut far, mut middle) = ([0.0; 4], [0.0; 4], [0.0; 4]);
-        for wing in wings {
-            near = add(near, add(points.at(wing.a), points.at(wing.b)));
-            far = add(far, points.at(wing.x));
+    fn new(completed: &CompletedTriangles, mesh: &Connectivity, points: &Points, vertex: u32) -> Self {
+        let triangles = completed.triangles();
+        let (mut neighbours, mut beyond, mut middle) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        for triangle in triangles {
+            neighbours = add(neighbours, add(points.vector(triangle.a), points.vector(triangle.b)));
+            beyond = add(beyond, points.vector(triangle.beyond));
         }
-        for wing in wings.iter().skip(1) {
-            middle = add(middle, points.at(wing.full));
+        for triangle in triangles.iter().skip(1) {
+            middle = add(middle, points.vector(triangle.full));
         }
-        let wide = (mesh.degree[vertex as usize].clamp(5, 7) - 5) as usize;
-        let class = match wings.len() {
+        let by_degree = (mesh.degree[vertex as usize].clamp(5, 7) - 5) as usize;
+        let class = match triangles.len() {
             0 => None,
-            1 => Some(wide),
-            2 => Some(3 + 3 * (mesh.degree[wings[1].full as usize].clamp(4, 7) - 4) as usize + wide),
-            _ => Some(15 + wide),
+            1 => Some(by_degree),
+            2 => Some(3 + 3 * (mesh.degree[triangles[1].full as usize].clamp(4, 7) - 4) as usize + by_degree),
+            _ => Some(15 + by_degree),
         };
-        let share = 1.0 / wings.len().max(1) as f32;
-        let mean = scale(near, 0.5 * share);
-        let middle = match wings.len() {
+        let share = 1.0 / triangles.len().max(1) as f32;
+        let mean = scale(neighbours, 0.5 * share);
+        let middle = match triangles.len() {
             0 | 1 => [0.0; 4],
             n => sub(scale(middle, 1.0 / (n - 1) as f32), mean),
         };
-        Self { class, mean, out: sub(mean, scale(far, share)), middle }
+        Self { class, mean, outward: sub(mean, scale(beyond, share)), middle }
     }
 
     #[inline]
-    fn place(&self, weights: &[f32; WEIGHTS]) -> Vector4 {
-        add(self.mean, add(scale(self.out, weights[0]), scale(self.middle, weights[1])))
+    fn position(&self, weights: &[f32; WEIGHTS]) -> Vector4 {
+        add(self.mean, add(scale(self.outward, weights[0]), scale(self.middle, weights[1])))
     }
 }
 
-/// Weights that leave least, by least squares over all vertices; far ones count less.
+/// Fits the weights of all classes by least squares. Vertices far from their parallelogram count less.
 pub(super) fn fit(mesh: &Connectivity, points: &Points) -> Weights {
     let mut sums = [[0f64; 5]; CLASSES];
-    let mut around = CompletedTriangles::default();
+    let mut completed = CompletedTriangles::default();
     for vertex in 0..points.len() as u32 {
         if !points.is_real(vertex) {
             continue;
         }
-        around.look(mesh, vertex, |other| points.is_real(other));
-        let guess = Prediction::new(&around, mesh, points, vertex);
-        let Some(class) = guess.class else { continue };
+        completed.find(mesh, vertex, |other| points.is_real(other));
+        let prediction = Prediction::new(&completed, mesh, points, vertex);
+        let Some(class) = prediction.class else { continue };
         let dot = |a: Vector4, b: Vector4| (0..3).map(|k| f64::from(a[k]) * f64::from(b[k])).sum::<f64>();
-        let left = sub(points.at(vertex), guess.mean);
-        let off = sub(left, guess.out);
-        let weight = 1.0 / (4.0 + dot(off, off)).sqrt();
+        let target = sub(points.vector(vertex), prediction.mean);
+        let error = sub(target, prediction.outward);
+        let weight = 1.0 / (4.0 + dot(error, error)).sqrt();
         for (sum, (a, b)) in sums[class].iter_mut().zip([
-            (guess.out, guess.out),
-            (guess.out, guess.middle),
-            (guess.middle, guess.middle),
-            (guess.out, left),
-            (guess.middle, left),
+            (prediction.outward, prediction.outward),
+            (prediction.outward, prediction.middle),
+            (prediction.middle, prediction.middle),
+            (prediction.outward, target),
+            (prediction.middle, target),
         ]) {
             *sum += weight * dot(a, b);
         }
     }
-    sums.map(|[aa, ab, bb, al, bl]| {
+    // Normal equations of two unknowns, slightly regularised.
+    sums.map(|[aa, ab, bb, at, bt]| {
         let (aa, bb) = (aa + 1e-3, bb + 1e-3);
         let determinant = aa * bb - ab * ab;
-        let solved = [(al * bb - bl * ab) / determinant, (bl * aa - al * ab) / determinant];
-        // A cast of what is out of range, or not a number, is a number in range.
-        solved.map(|weight| (weight * f64::from(UNIT)).round().clamp(-127.0, 127.0) as i8)
+        let solved = [(at * bb - bt * ab) / determinant, (bt * aa - at * ab) / determinant];
+        // The cast of NaN is 0.
+        solved.map(|weight| (weight * f64::from(ONE)).round().clamp(-127.0, 127.0) as i8)
     })
 }
 
-/// Writes or reads all positions.
+/// Prediction of each coordinate from those before it, by a covariance.
+struct Conditional {
+    /// Variances of x, of y given x, and of z given both.
+    variances: [f32; 3],
+    /// Expected x, rounded.
+    x: f32,
+    start_y: f32,
+    start_z: f32,
+    /// Slopes of y over x, of z over x, and of z over y.
+    y_x: f32,
+    z_x: f32,
+    z_y: f32,
+}
+
+impl Conditional {
+    /// From the covariance, as an upper triangle, and the expected position.
+    #[inline(always)]
+    fn new([[xx, xy, xz, _], [yy, yz, zz, _]]: [Vector4; 2], expected: Vector4) -> Self {
+        // A Cholesky-like decomposition with as few dependent divisions as possible.
+        let inverse = 1.0 / xx;
+        let (y_x, z_x) = (xy * inverse, xz * inverse);
+        let minor = xx * yy - xy * xy;
+        let minor = larger(minor, MIN_VARIANCE * xx);
+        let mixed = xx * yz - xy * xz;
+        let z_y = mixed / minor;
+        let y_y = minor * inverse;
+        let z_z = larger((xx * zz - xz * xz - mixed * z_y) * inverse, MIN_VARIANCE);
+        let x = nearest(expected[0]);
+        let rounding = x - expected[0];
+        let z_x = z_x - z_y * y_x;
+        let start_y = expected[1] + y_x * rounding;
+        let start_z = expected[2] - z_y * expected[1] + z_x * rounding;
+        Self { variances: [xx, y_y, z_z], x, start_y, start_z, y_x, z_x, z_y }
+    }
+
+    /// Expected y, given the error of x.
+    #[inline(always)]
+    fn y(&self, x_error: f32) -> f32 {
+        nearest(self.start_y + self.y_x * x_error)
+    }
+
+    /// Expected z, given the error of x and y itself.
+    #[inline(always)]
+    fn z(&self, x_error: f32, y: f32) -> f32 {
+        nearest(self.start_z + self.z_x * x_error + self.z_y * y)
+    }
+}
+
+/// The plane of the triangle next to a vertex.
+struct SurfacePlane {
+    normal: Vector4,
+    /// Squared length of `normal`, at least 1.
+    squared_length: f32,
+}
+
+impl SurfacePlane {
+    #[inline(always)]
+    fn new(points: &Points, triangle: &CompletedTriangle) -> Self {
+        let base = points.vector(triangle.a);
+        let normal = cross(sub(points.vector(triangle.b), base), sub(points.vector(triangle.beyond), base));
+        Self { normal, squared_length: larger(dot(normal, normal), 1.0) }
+    }
+}
+
+struct ScanCoder<'a> {
+    points: &'a mut Points,
+    models: ScanModels,
+    weights: [[f32; WEIGHTS]; CLASSES],
+    /// Mean squared error along one direction within the surface, in grid steps.
+    tangential: f32,
+    /// Mean squared error across the surface, in grid steps.
+    normal: f32,
+    /// The vertex coded last, or [`NONE`].
+    last: u32,
+}
+
+/// Codes all positions. Copies get the position of their original. Fails on positions outside the grid and on truncated
+/// symbols.
 pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     mesh: &Connectivity,
     points: &mut Points,
     weights: &Weights,
-    first: &[u32],
+    originals: &[u32],
 ) -> Result<(), DecodeError> {
-    let mut models = ScanModels::new();
-    let weights = weights.map(|class| class.map(|weight| f32::from(weight) / UNIT));
-    let (mut flat, mut steep) = (64f32, 16f32);
-    let mut around = CompletedTriangles::default();
-    let mut last = NONE;
-    for vertex in 0..points.len() as u32 {
-        if !points.is_real(vertex) {
+    let weights = weights.map(|class| class.map(|weight| f32::from(weight) / ONE));
+    let mut scan = ScanCoder { points, models: ScanModels::new(), weights, tangential: 64.0, normal: 16.0, last: NONE };
+    let mut completed = CompletedTriangles::default();
+    for vertex in 0..scan.points.len() as u32 {
+        if !scan.points.is_real(vertex) {
             continue;
         }
-        let original = first[vertex as usize];
+        let original = originals[vertex as usize];
         if original != vertex {
-            points.put(vertex, std::array::from_fn(|axis| points.value(original, axis)))?;
-            last = vertex;
+            scan.points.set_coordinates(vertex, scan.points.coordinates(original))?;
+            scan.last = vertex;
             continue;
         }
-        around.look(mesh, vertex, |other| points.is_real(other));
-        let guess = Prediction::new(&around, mesh, points, vertex);
-        let Some(class) = guess.class else {
-            let last_place =
-                if last == NONE { points.middle() } else { std::array::from_fn(|axis| points.value(last, axis)) };
-            let mut place = [0; 3];
-            for axis in 0..3 {
-                let value = points.value(vertex, axis).wrapping_sub(last_place[axis]);
-                let value = zigzag(value);
-                let value = coder.number(&mut models.seed[axis], value);
-                place[axis] = unzigzag(value).wrapping_add(last_place[axis]);
+        completed.find(mesh, vertex, |other| scan.points.is_real(other));
+        let prediction = Prediction::new(&completed, mesh, scan.points, vertex);
+        if let Some(class) = prediction.class {
+            let expected = prediction.position(&scan.weights[class]);
+            scan.code_predicted(coder, vertex, expected, completed.triangles())?;
+            if vertex % 1024 == 0 && coder.overrun() {
+                return Err(DecodeError::Invalid("a mesh's positions are truncated"));
             }
-            points.put(vertex, place)?;
-            last = vertex;
-            continue;
-        };
-        let wanted = guess.place(&weights[class]);
+        } else {
+            scan.code_first(coder, vertex)?;
+        }
+        scan.last = vertex;
+    }
+    Ok(())
+}
+
+impl ScanCoder<'_> {
+    /// Codes the position of a vertex that completes no triangle, as the difference from the last vertex.
+    fn code_first<C: SymbolCoder>(&mut self, coder: &mut C, vertex: u32) -> Result<(), DecodeError> {
+        let last = if self.last == NONE { self.points.middle() } else { self.points.coordinates(self.last) };
+        let mut position = [0; 3];
+        for axis in 0..3 {
+            let difference = zigzag(self.points.coordinate(vertex, axis).wrapping_sub(last[axis]));
+            let difference = coder.number(&mut self.models.first[axis], difference);
+            position[axis] = unzigzag(difference).wrapping_add(last[axis]);
+        }
+        self.points.set_coordinates(vertex, position)
+    }
+
+    #[inline(always)]
+    fn code_predicted<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        vertex: u32,
+        expected: Vector4,
+        triangles: &[CompletedTriangle],
+    ) -> Result<(), DecodeError> {
+        let plane = SurfacePlane::new(self.points, &triangles[0]);
+        let conditional = Conditional::new(self.covariance(triangles, &plane), expected);
+        let mut errors = [0; 3];
+        if C::WRITES {
+            let [x, y, z, _] = self.points.vector(vertex);
+            let x_error = x - conditional.x;
+            errors = [x_error, y - conditional.y(x_error), z - conditional.z(x_error, y)].map(|v| v as i32);
+        }
+        let errors = self.models.code(coder, conditional.variances, errors).map(|v| v as f32);
+        let x = errors[0] + conditional.x;
+        let y = errors[1] + conditional.y(errors[0]);
+        let z = errors[2] + conditional.z(errors[0], y);
+        let position = [x, y, z, 1.0];
+        self.points.set_vector(vertex, position)?;
+        let residual = sub(position, expected);
+        self.points.set_residual(vertex, outer_product(residual));
+        self.adapt(residual, &plane);
+        Ok(())
+    }
+
+    /// The covariance that the errors at the neighbours suggest, with the mean error of the mesh as prior.
+    #[inline(always)]
+    fn covariance(&self, triangles: &[CompletedTriangle], plane: &SurfacePlane) -> [Vector4; 2] {
         let mut sums = [[0f32; 4]; 2];
         let mut count = PRIOR;
         let mut learn = |other: u32| {
-            let [x, y] = points.left(other);
+            let [x, y] = self.points.residual(other);
             sums = [add(sums[0], x), add(sums[1], y)];
             count += 1.0;
         };
-        for (i, wing) in around.wings().iter().enumerate() {
-            learn(wing.x);
-            learn(if wing.full == wing.a { wing.b } else { wing.a });
+        for (i, triangle) in triangles.iter().enumerate() {
+            learn(triangle.beyond);
+            learn(triangle.not_full());
             if i == 0 {
-                learn(wing.full);
+                learn(triangle.full);
             }
         }
         let share = 1.0 / count;
-        let wing = around.wings()[0];
-        let base = points.at(wing.a);
-        let normal = cross(sub(points.at(wing.b), base), sub(points.at(wing.x), base));
-        let area = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
-        let area = larger(area, 1.0);
-        let tilt = (steep - flat) * (PRIOR * share) / area;
-        let prior = flat * PRIOR * share + LEAST;
-        let [x, y] = products(normal);
-        let [even_x, even_y] = [[prior, 0.0, 0.0, 0.0], [prior, 0.0, prior, 0.0]];
-        let [xx, xy, xz, _] = add(add(scale(sums[0], share), even_x), scale(x, tilt));
-        let [yy, yz, zz, _] = add(add(scale(sums[1], share), even_y), scale(y, tilt));
-        // The covariance taken apart: what each coordinate says of those after it. As few divisions as can be after another.
-        let inverse = 1.0 / xx;
-        let (y_x, z_x) = (xy * inverse, xz * inverse);
-        let below = xx * yy - xy * xy;
-        let below = larger(below, LEAST * xx);
-        let beside = xx * yz - xy * xz;
-        let z_y = beside / below;
-        let y_y = below * inverse;
-        let z_z = larger((xx * zz - xz * xz - beside * z_y) * inverse, LEAST);
-        // What is expected of each coordinate, given what the ones before it turned out to be beyond the first expectation.
-        let expected_x = nearest(wanted[0]);
-        let off = expected_x - wanted[0];
-        let z_x = z_x - z_y * y_x;
-        let (start_y, start_z) = (wanted[1] + y_x * off, wanted[2] - z_y * wanted[1] + z_x * off);
-        let second = |x: f32| nearest(start_y + y_x * x);
-        let third = |x: f32, y: f32| nearest(start_z + z_x * x + z_y * y);
-        let mut values = [0; 3];
-        if C::WRITES {
-            let [x, y, z, _] = points.at(vertex);
-            let beyond = x - expected_x;
-            values = [beyond, y - second(beyond), z - third(beyond, y)].map(|v| v as i32);
-        }
-        let values = models.left(coder, [xx, y_y, z_z], values).map(|v| v as f32);
-        let x = values[0] + expected_x;
-        let y = values[1] + second(values[0]);
-        let z = values[2] + third(values[0], y);
-        let place = [x, y, z, 1.0];
-        points.put_exact(vertex, place)?;
-        last = vertex;
-        let rest = sub(place, wanted);
-        points.leave(vertex, products(rest));
-        let squared = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2];
-        let along = rest[0] * normal[0] + rest[1] * normal[1] + rest[2] * normal[2];
-        let along = along * along / area;
-        steep += (along - steep) * FOLLOW;
-        flat += ((squared - along) * 0.5 - flat) * FOLLOW;
-        flat = larger(flat, 0.0);
-        if vertex % 1024 == 0 && coder.overrun() {
-            return Err(DecodeError::Invalid("a mesh's positions are cut off"));
-        }
+        let tilt = (self.normal - self.tangential) * (PRIOR * share) / plane.squared_length;
+        let prior = self.tangential * PRIOR * share + MIN_VARIANCE;
+        let [x, y] = outer_product(plane.normal);
+        [
+            add(add(scale(sums[0], share), [prior, 0.0, 0.0, 0.0]), scale(x, tilt)),
+            add(add(scale(sums[1], share), [prior, 0.0, prior, 0.0]), scale(y, tilt)),
+        ]
     }
-    Ok(())
+
+    /// Moves the mean errors towards the last one.
+    #[inline(always)]
+    fn adapt(&mut self, residual: Vector4, plane: &SurfacePlane) {
+        let squared = dot(residual, residual);
+        let across = dot(residual, plane.normal);
+        let across = across * across / plane.squared_length;
+        self.normal += (across - self.normal) * ADAPTATION;
+        self.tangential += ((squared - across) * 0.5 - self.tangential) * ADAPTATION;
+        self.tangential = larger(self.tangential, 0.0);
+    }
 }

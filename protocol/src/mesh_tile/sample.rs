@@ -13,7 +13,7 @@ const SIDES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [1, 3,
 pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<TileTexture>) -> MeshTile {
     let corners: [[f64; 3]; 8] =
         std::array::from_fn(|i| std::array::from_fn(|axis| if i >> axis & 1 == 0 { min[axis] } else { max[axis] }));
-    let grid = PositionGrid::around(&corners, 12);
+    let grid = PositionGrid::enclosing(&corners, 12);
     let positions = corners.iter().map(|corner| grid.nearest(*corner)).collect();
     let triangles =
         SIDES.iter().flat_map(|s| [[s[0], s[1], s[2]], [s[0], s[2], s[3]]]).map(|t| t.map(|v| v as u32)).collect();

@@ -13,7 +13,7 @@ const BYTE: u8 = 8;
 
 /// A mesh with `bits` (8 to 16) for each coordinate, and `texcoord_bits` (8 to 16) for those in textures.
 pub fn to_mesh(model: &Model, bits: u8, texcoord_bits: u8) -> Mesh {
-    let grid = PositionGrid::around(&model.positions, bits);
+    let grid = PositionGrid::enclosing(&model.positions, bits);
     let attributes = model.layers.iter().map(|layer| attribute(layer, texcoord_bits)).collect();
     Mesh {
         grid,
