@@ -147,7 +147,7 @@ fn texels(map: &BlockMap) -> impl Iterator<Item = Texel> {
 /// Walks over the map as it is written at [`DB`].
 fn walk(map: &BlockMap, coder: &mut impl BitCoder) -> Result<BlockMap, DecodeError> {
     let mut back = map.clone();
-    back.walk(coder, map.loss_at(Quality::Decibels(DB)))?;
+    back.walk(coder, map.quantisation_steps(Quality::Decibels(DB)))?;
     Ok(back)
 }
 
