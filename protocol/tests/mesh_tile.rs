@@ -100,8 +100,8 @@ fn what_announces_too_much_is_refused_before_memory_is_taken() {
 
 fn decode_parts(lod: u8, mesh: &[u8]) -> Result<MeshTile, DecodeError> {
     let mut writer = TileWriter::new(TileKind::Mesh, Some(leaf()));
-    writer.coded_section(1, &[lod]).unwrap();
-    writer.coded_section(2, mesh).unwrap();
+    writer.add_raw_section(1, &[lod]).unwrap();
+    writer.add_raw_section(2, mesh).unwrap();
     MeshTile::decode(leaf(), lod, &writer.finish().unwrap())
 }
 

@@ -46,8 +46,8 @@ impl BlockMap {
         meta.push(self.z_shift);
         meta.extend_from_slice(&steps.colour.to_le_bytes());
         meta.push(steps.ao);
-        writer.coded_section(TAG_META, &meta)?;
-        writer.coded_section(TAG_COLUMNS, &coder.finish())?;
+        writer.add_raw_section(TAG_META, &meta)?;
+        writer.add_raw_section(TAG_COLUMNS, &coder.finish())?;
         writer.finish()
     }
 

@@ -21,7 +21,11 @@ mod walls;
 pub use encode::Quality;
 pub use texel_coder::QuantisationSteps;
 
-use crate::{TileId, error::DecodeError, texel::Texel};
+use crate::{
+    TileId,
+    error::{DecodeError, check_limit},
+    texel::Texel,
+};
 
 /// Columns along a node's side.
 pub const NODE_CELLS: usize = 64;
@@ -332,9 +336,5 @@ impl BlockMap {
 
 /// Fails if a node has too many strip texels.
 fn check_texel_limit(texels: usize) -> Result<(), DecodeError> {
-    if texels > MAX_TEXELS {
-        let (found, limit) = (texels as u64, MAX_TEXELS as u64);
-        return Err(DecodeError::Limit { what: "the number of strip texels", found, limit });
-    }
-    Ok(())
+    check_limit("the number of strip texels", texels, MAX_TEXELS)
 }

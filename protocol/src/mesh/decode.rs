@@ -4,7 +4,6 @@ use super::{
     ARCHITECTURAL, Attribute, AttributeKind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS,
     PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
     connectivity::{self, Connectivity},
-    encode::check_limit,
     half_edge::NONE,
     points::Points,
     scan_positions::{self, CLASSES, WEIGHTS, Weights},
@@ -15,7 +14,7 @@ use crate::{
         byte_reader::ByteReader,
         rans::{LANES, RansDecoder},
     },
-    error::DecodeError,
+    error::{DecodeError, check_limit},
 };
 
 /// What precedes the coded symbols.

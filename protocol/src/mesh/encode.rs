@@ -15,7 +15,7 @@ use crate::{
         rans::{LANES, RansEncoder},
         varint,
     },
-    error::DecodeError,
+    error::{DecodeError, check_limit},
 };
 
 /// Meshes of fewer vertices are coded with both position coders, and the shorter result is used.
@@ -133,13 +133,6 @@ struct Welded {
     originals: Vec<u32>,
     /// The input vertices of those that are their own original.
     vertices: Vec<u32>,
-}
-
-pub(super) fn check_limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
-    if found > limit {
-        return Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 });
-    }
-    Ok(())
 }
 
 /// Codes positions with the better coder. Returns the weights if that is the one for scans.

@@ -32,10 +32,10 @@ fuzz_target!(|bytes: &[u8]| {
     let mut writer = TileWriter::new(TileKind::Mesh, Some(TileId::ROOT));
     let textured = first & 1 == 1;
     let meta = if textured { vec![0, 8, 0, 8, 0] } else { vec![0] };
-    writer.coded_section(1, &meta).unwrap();
-    writer.coded_section(2, mesh).unwrap();
+    writer.add_raw_section(1, &meta).unwrap();
+    writer.add_raw_section(2, mesh).unwrap();
     if textured {
-        writer.coded_section(3, b"RIFF\0\0\0\0WEBPVP8L").unwrap();
+        writer.add_raw_section(3, b"RIFF\0\0\0\0WEBPVP8L").unwrap();
     }
     if let Ok(bytes) = writer.finish() {
         check(TileId::ROOT, 0, &bytes);

@@ -19,7 +19,7 @@ fuzz_target!(|bytes: &[u8]| {
     while let [tag, low, high, tail @ ..] = rest {
         let length = usize::from(u16::from_le_bytes([*low, *high])).min(tail.len());
         let (section, after) = tail.split_at(length);
-        if writer.coded_section(*tag, section).is_err() {
+        if writer.add_raw_section(*tag, section).is_err() {
             return;
         }
         rest = after;
