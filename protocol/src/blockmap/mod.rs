@@ -40,6 +40,12 @@ pub const Z_SHIFT_MAX: u8 = 4;
 /// Maximum number of strip texels in a node.
 pub const MAX_TEXELS: usize = 1 << 20;
 
+/// World error in metres of columns with side `cell_m`: half the diagonal of a cubic voxel (Vacca 2008, 3.6.2).
+pub fn voxel_error_m(cell_m: f64) -> f64 {
+    const HALF_UNIT_DIAGONAL: f64 = 0.866_025_403_784_438_6;
+    HALF_UNIT_DIAGONAL * cell_m
+}
+
 /// Bits of a column's flags. GPU memory has the same bits.
 pub mod flag {
     /// The column exists.
