@@ -19,6 +19,9 @@ pub enum DecodeError {
     /// A number exceeds a limit of the format.
     #[error("{what} is {found}, the format's limit is {limit}")]
     Limit { what: &'static str, found: u64, limit: u64 },
+    /// This build lacks an ability.
+    #[error("{0} is not available in this build")]
+    Unsupported(&'static str),
     /// A rule of the format is broken. The text says which.
     #[error("{0}")]
     Invalid(&'static str),

@@ -17,7 +17,7 @@ impl<'a> ByteReader<'a> {
     /// Reads `n` bytes.
     pub(crate) fn take(&mut self, n: usize) -> Result<&'a [u8], DecodeError> {
         let (head, tail) = self.remaining.split_at_checked(n).ok_or(DecodeError::Truncated {
-            wanted: self.total_bytes - self.remaining.len() + n,
+            wanted: (self.total_bytes - self.remaining.len()).saturating_add(n),
             found: self.total_bytes,
         })?;
         self.remaining = tail;
