@@ -1,4 +1,4 @@
-//! Addresses of tiles: what is one, is the only one of its tile.
+//! Addresses of tiles as the server parses them: a path that parses is the only path of its tile.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 

@@ -1,4 +1,4 @@
-//! Mesh tiles: whatever decodes holds together and can be written again; a coded mesh in a right frame too.
+//! Mesh tiles: whatever decodes is valid and can be encoded. The input is used as a tile, and as the mesh of a tile.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
@@ -27,7 +27,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(tile) = TileReader::new(bytes, TileKind::Mesh) {
         (0..4).for_each(|lod| check(tile.id.unwrap_or(TileId::ROOT), lod, bytes));
     }
-    // No fuzzer finds a checksum: the first byte says whether there is a picture, the rest is the mesh.
+    // A fuzzer cannot guess checksums. The first byte says whether there is a texture, the rest is the mesh.
     let Some((first, mesh)) = bytes.split_first() else { return };
     let mut writer = TileWriter::new(TileKind::Mesh, Some(TileId::ROOT));
     let textured = first & 1 == 1;

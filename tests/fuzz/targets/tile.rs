@@ -1,4 +1,4 @@
-//! The container of tiles, with checksums mended so that what lies behind them is reached.
+//! The tile container. The input is used as a tile, and as sections of a tile with valid checksums.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
@@ -11,7 +11,7 @@ fuzz_target!(|bytes: &[u8]| {
             (0..16).for_each(|tag| drop(reader.section(tag, 1 << 16)));
         }
     }
-    // Sections as the input says, in a frame that is right: tag, length, bytes.
+    // The input lists sections: tag, length, bytes.
     let [kind, has_id, sections @ ..] = bytes else { return };
     let mut rest = sections;
     let kind = if kind & 1 == 0 { TileKind::BlockMap } else { TileKind::Subtree };
