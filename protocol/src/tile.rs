@@ -102,7 +102,7 @@ impl TileWriter {
 
     /// Adds a section, compressed with zstd if that makes it smaller. An empty section is omitted. Fails beyond
     /// [`MAX_SECTION_BYTES`].
-    pub fn add_section(&mut self, tag: u8, raw: &[u8]) -> Result<(), DecodeError> {
+    pub(crate) fn add_section(&mut self, tag: u8, raw: &[u8]) -> Result<(), DecodeError> {
         if raw.is_empty() {
             return Ok(());
         }

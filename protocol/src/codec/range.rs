@@ -41,7 +41,7 @@ impl Default for BitModel {
 
 impl BitModel {
     /// Probability 1/2.
-    pub const NEW: Self = Self { set: 1 << 15, seen: 0 };
+    pub(crate) const NEW: Self = Self { set: 1 << 15, seen: 0 };
 
     /// The probability in `1 / (1 << BITS)`. It is never 0 or 1, because [`BitModel::learn`] moves by less than the rest.
     #[inline]

@@ -34,7 +34,7 @@ impl PositionGrid {
     }
 
     /// The position of a grid point in metres.
-    pub fn position_m(&self, point: [u32; 3]) -> [f64; 3] {
+    pub(super) fn position_m(&self, point: [u32; 3]) -> [f64; 3] {
         std::array::from_fn(|k| self.min[k] + f64::from(point[k]) * self.step)
     }
 
