@@ -1,4 +1,6 @@
 //! Encoding of V-BlockMaps (`docs/formats.md`, "V-BlockMap tile").
+//!
+//! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
 use super::{BlockMap, COLUMNS, appearance, facades, flag, texel_coder::QuantisationSteps};
 use crate::{

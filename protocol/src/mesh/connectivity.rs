@@ -21,9 +21,9 @@ use crate::{
 /// Symbol of a step to a vertex that is already in a list.
 const JOIN: usize = 0;
 /// Symbol of a step to a dummy vertex. Its degree follows as a number.
-pub(super) const DUMMY: usize = 1;
+const DUMMY: usize = 1;
 /// Symbol of a step to a vertex of this degree or more. The excess follows as a number. Symbols below are degrees.
-pub(super) const MORE: usize = 15;
+const MORE: usize = 15;
 /// Joins name nodes within this many steps along the list by the number of steps, and others by their index.
 const MAX_JOIN_STEPS: u32 = 1024;
 /// Number of contexts of each of the two models of a degree.
@@ -396,7 +396,9 @@ impl<'a> Traversal<'a> {
         [degree(before.vertex) * 7 + degree(focus.vertex), degree(after) * 9 + free(before) * 3 + free(focus)]
     }
 
+    /// Writer only: marks a vertex of the closed mesh as visited and returns its symbol and degree.
     fn visit(&mut self, vertex: u32) -> (usize, u32) {
-        self.encoder.visit_vertex(self.closed, vertex)
+        let degree = self.encoder.visit_vertex(vertex);
+        (if vertex >= self.closed.first_dummy { DUMMY } else { (degree as usize).min(MORE) }, degree)
     }
 }
