@@ -36,8 +36,8 @@ pub(super) struct AzimuthModels {
 }
 
 impl AzimuthModels {
-    /// Codes an azimuth: as one of `nearby`, else as a recent one, else as a turn from the latest. For a corner, `own` is
-    /// the azimuth of the column's own wall, which the other wall cannot have.
+    /// Codes an azimuth: as one of `nearby`, else as a recent one, else as a turn from the latest. For a corner, `own`
+    /// is the azimuth of the column's own wall, which the other wall cannot have.
     pub(super) fn code<C: BitCoder>(
         &mut self,
         coder: &mut C,

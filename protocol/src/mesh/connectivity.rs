@@ -3,9 +3,9 @@
 //! The traversed region grows triangle by triangle, and each new vertex is coded as its number of edges. The same
 //! traversal writes and reads, and it ends with [`Connectivity`]: all triangles in traversal order.
 //!
-//! It differs from the papers in three ways. The focus is the vertex of fewest free edges of all lists, not of one list.
-//! Splits and merges are one operation, a join: the lists are spliced at the vertex that is met again, whichever list
-//! it is in. A join also codes how the free edges of that vertex are divided.
+//! It differs from the papers in three ways. The focus is the vertex of fewest free edges of all lists, not of one
+//! list. Splits and merges are one operation, a join: the lists are spliced at the vertex that is met again, whichever
+//! list it is in. A join also codes how the free edges of that vertex are divided.
 
 use super::{
     active_lists::{ActiveLists, ActiveNode},
@@ -386,8 +386,8 @@ impl<'a> Traversal<'a> {
         twins[b as usize] = a;
     }
 
-    /// Contexts of a new vertex's degree: the degrees at the edge it is attached to; and the degree of the vertex after the
-    /// focus with the free edges at that edge.
+    /// Contexts of a new vertex's degree: the degrees at the edge it is attached to; and the degree of the vertex after
+    /// the focus with the free edges at that edge.
     #[inline]
     fn degree_contexts(&self, before: &ActiveNode, focus: &ActiveNode) -> [usize; 2] {
         let degree = |vertex: u32| self.out.degree[vertex as usize].clamp(3, 9) as usize - 3;

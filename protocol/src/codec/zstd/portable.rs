@@ -12,8 +12,8 @@ pub fn compress(_: &[u8]) -> Result<Vec<u8>, DecodeError> {
     Err(DecodeError::Unsupported("zstd compression"))
 }
 
-/// Decompresses into a buffer and returns the number of bytes. Fails on damaged frames, if the buffer is too small, and on
-/// frames whose window is over [`MAX_WINDOW_BYTES`], before it is allocated.
+/// Decompresses into a buffer and returns the number of bytes. Fails on damaged frames, if the buffer is too small, and
+/// on frames whose window is over [`MAX_WINDOW_BYTES`], before it is allocated.
 ///
 /// A frame's own checksum is not verified, because sections carry a CRC-32.
 pub(super) fn decompress_into(packed: &[u8], raw: &mut [u8]) -> Result<usize, DecodeError> {
