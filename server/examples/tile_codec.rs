@@ -10,7 +10,7 @@ use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{COLUMNS, Quality, flag},
     codec::{
-        range::{Bit, Coder, Number},
+        range::{BitCoder, BitModel, NumberModel},
         zstd,
     },
     texel::ALPHA_MAX,
@@ -145,9 +145,9 @@ fn texels(map: &BlockMap) -> impl Iterator<Item = Texel> {
 }
 
 /// Walks over the map as it is written at [`DB`].
-fn walk(map: &BlockMap, coder: &mut impl Coder) -> Result<BlockMap, DecodeError> {
+fn walk(map: &BlockMap, coder: &mut impl BitCoder) -> Result<BlockMap, DecodeError> {
     let mut back = map.clone();
-    back.walk(coder, map.loss_at(Quality::Decibels(DB)))?;
+    back.walk(coder, map.quantisation_steps(Quality::Decibels(DB)))?;
     Ok(back)
 }
 
@@ -158,15 +158,15 @@ struct Record {
     bits: Vec<u8>,
 }
 
-impl Coder for Record {
+impl BitCoder for Record {
     const WRITES: bool = true;
 
-    fn bit(&mut self, _: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, _: &mut BitModel, bit: bool) -> bool {
         self.bits.push(u8::from(bit));
         bit
     }
 
-    fn number(&mut self, _: &mut Number, value: i32) -> i32 {
+    fn number(&mut self, _: &mut NumberModel, value: i32) -> i32 {
         insula_protocol::codec::varint::push(&mut self.numbers, insula_protocol::codec::varint::zigzag(value));
         value
     }
@@ -183,13 +183,13 @@ fn residuals(map: &BlockMap) -> anyhow::Result<Coded> {
 /// Counts each model's bits: what fixed tables would need, with a byte a model for the table.
 #[derive(Default)]
 struct Count {
-    models: HashMap<*const Bit, [u32; 2]>,
+    models: HashMap<*const BitModel, [u32; 2]>,
 }
 
-impl Coder for Count {
+impl BitCoder for Count {
     const WRITES: bool = true;
 
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
         self.models.entry(model).or_default()[usize::from(bit)] += 1;
         bit
     }

@@ -16,7 +16,7 @@ fn main() -> anyhow::Result<()> {
     let manifest = city.manifest();
     for (layer, archive) in city.archives() {
         for (id, bytes) in archive.tiles() {
-            let path = route::at_place(&manifest.name, &manifest.version, layer, id, manifest.depth);
+            let path = route::archive_tile(&manifest.name, &manifest.version, layer, id, manifest.depth);
             let path = path.context("a tile at a place of none")?;
             let file = folder.join(path.trim_start_matches('/'));
             fs::create_dir_all(file.parent().context("a tile's path has a folder")?)?;

@@ -8,7 +8,7 @@ use axum::{
     http::{HeaderMap, Method, Request, StatusCode},
 };
 use http_body_util::BodyExt;
-use insula_protocol::{Manifest, TileId, codec::bincode, route};
+use insula_protocol::{Manifest, TileId, TileKind, codec::bincode, route};
 use insula_server::{
     config::Config,
     http::{App, AppState, app},
@@ -81,7 +81,7 @@ async fn get(path: &str) -> Answer {
 #[tokio::test]
 async fn tiles_are_immutable_and_byte_for_byte() {
     for (id, bytes) in common::blockmaps() {
-        let path = route::tile("two", common::VERSION, route::Layer::BlockMaps, id);
+        let path = route::tile("two", common::VERSION, TileKind::BlockMap, id);
         let answer = get(&path).await;
         assert_eq!((answer.status, &answer.body), (StatusCode::OK, &bytes), "{path}");
         assert_eq!(answer.header("cache-control"), "public, max-age=31536000, immutable");
@@ -464,7 +464,7 @@ async fn a_tile_that_is_damaged_on_disk_is_never_served() {
     let [root, child] = common::blockmaps().try_into().unwrap();
     let at = whole.windows(child.1.len()).position(|window| window == child.1).unwrap() as u64;
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    let address = |id| route::tile("two", common::VERSION, route::Layer::BlockMaps, id);
+    let address = |id| route::tile("two", common::VERSION, TileKind::BlockMap, id);
     let get = async |id| ask_of(app.clone(), Method::GET, &address(id), &[]).await;
     for offset in 0..child.1.len() as u64 {
         let byte = child.1[offset as usize];

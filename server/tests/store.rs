@@ -3,7 +3,7 @@
 
 mod common;
 
-use insula_protocol::{TileId, route::Layer};
+use insula_protocol::{TileId, TileKind};
 use insula_server::store::{CityStore, Store, StoreError};
 use std::path::Path;
 
@@ -26,12 +26,12 @@ fn tiles_come_back_byte_for_byte() {
     let city = CityStore::open(folder.path()).unwrap();
     assert_eq!(city.manifest(), &common::manifest("two"));
     for (id, bytes) in common::blockmaps() {
-        assert_eq!(city.tile(Layer::BlockMaps, id).unwrap().unwrap(), bytes);
+        assert_eq!(city.tile(TileKind::BlockMap, id).unwrap().unwrap(), bytes);
     }
-    assert_eq!(city.tile(Layer::Subtrees, TileId::ROOT).unwrap().unwrap(), common::subtree());
-    assert_eq!(city.tile(Layer::Subtrees, common::child()).unwrap(), None);
-    assert_eq!(city.tile(Layer::BlockMaps, TileId::new(1, 0, 0).unwrap()).unwrap(), None);
-    assert_eq!(city.tile(Layer::BlockMaps, TileId::new(20, 1, 1).unwrap()).unwrap(), None);
+    assert_eq!(city.tile(TileKind::Subtree, TileId::ROOT).unwrap().unwrap(), common::subtree());
+    assert_eq!(city.tile(TileKind::Subtree, common::child()).unwrap(), None);
+    assert_eq!(city.tile(TileKind::BlockMap, TileId::new(1, 0, 0).unwrap()).unwrap(), None);
+    assert_eq!(city.tile(TileKind::BlockMap, TileId::new(20, 1, 1).unwrap()).unwrap(), None);
     let listed: Vec<_> = city.blockmaps().tiles().map(|(id, bytes)| (id, bytes.unwrap().to_vec())).collect();
     assert_eq!(listed, common::blockmaps());
 }
@@ -58,7 +58,7 @@ fn nodes_that_share_a_tile_are_all_there() {
 #[test]
 fn a_tile_outlives_its_store() {
     let folder = folder();
-    let tile = CityStore::open(folder.path()).unwrap().tile(Layer::Subtrees, TileId::ROOT).unwrap().unwrap();
+    let tile = CityStore::open(folder.path()).unwrap().tile(TileKind::Subtree, TileId::ROOT).unwrap().unwrap();
     drop(folder);
     assert_eq!(tile, common::subtree());
 }
@@ -86,7 +86,7 @@ fn archives_with_leaf_directories_are_read_whole() {
     let city = CityStore::open(folder.path()).unwrap();
     assert_eq!(city.blockmaps().len(), tiles.len() as u64);
     for (id, bytes) in tiles {
-        assert_eq!(city.tile(Layer::BlockMaps, id).unwrap().unwrap(), bytes);
+        assert_eq!(city.tile(TileKind::BlockMap, id).unwrap().unwrap(), bytes);
     }
 }
 
@@ -180,14 +180,14 @@ fn a_city_with_meshes_opens_and_one_whose_meshes_lie_too_deep_does_not() {
     let folder = tempfile::tempdir().unwrap();
     common::city_with_meshes(folder.path(), "two");
     let city = CityStore::open(folder.path()).unwrap();
-    assert_eq!(city.archive(Layer::Meshes).unwrap().len(), 2);
-    let place = insula_protocol::mesh_tile::place(common::child(), 1).unwrap();
-    assert_eq!(city.tile(Layer::Meshes, place).unwrap().unwrap(), common::meshes()[1].1);
+    assert_eq!(city.archive(TileKind::Mesh).unwrap().len(), 2);
+    let place = insula_protocol::mesh_tile::archive_id(common::child(), 1).unwrap();
+    assert_eq!(city.tile(TileKind::Mesh, place).unwrap().unwrap(), common::meshes()[1].1);
     let deep = [(TileId::new(5, 0, 0).unwrap(), vec![1])];
-    common::archive(&folder.path().join(Layer::Meshes.file_name()), &deep);
+    common::archive(&folder.path().join(TileKind::Mesh.file_name()), &deep);
     assert!(CityStore::open(folder.path()).is_err());
-    std::fs::remove_file(folder.path().join(Layer::Meshes.file_name())).unwrap();
+    std::fs::remove_file(folder.path().join(TileKind::Mesh.file_name())).unwrap();
     let city = CityStore::open(folder.path()).unwrap();
-    assert!(city.archive(Layer::Meshes).is_none());
-    assert_eq!(city.tile(Layer::Meshes, place).unwrap(), None);
+    assert!(city.archive(TileKind::Mesh).is_none());
+    assert_eq!(city.tile(TileKind::Mesh, place).unwrap(), None);
 }

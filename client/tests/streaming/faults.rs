@@ -7,10 +7,7 @@ use super::{
     viewers::{WIDTH_PX, draw_until_settled, open_session, open_session_with, settle, street},
 };
 use insula_client::{session::Session, stream::fetch::HttpTimeouts};
-use insula_protocol::{
-    TileId,
-    route::{self, Layer},
-};
+use insula_protocol::{TileId, route, tile::TileKind};
 use insula_viewer::frame::RenderSettings;
 use std::{
     sync::{
@@ -27,7 +24,7 @@ fn chance(path: &str, times: u32) -> u32 {
 }
 
 fn block_map_path(level: u8, x: u32, y: u32) -> String {
-    route::tile("test", VERSION, Layer::BlockMaps, TileId::new(level, x, y).unwrap())
+    route::tile("test", VERSION, TileKind::BlockMap, TileId::new(level, x, y).unwrap())
 }
 
 #[test]

@@ -2,12 +2,12 @@
 
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, Column, NODE_CELLS, Strip, strip_rows},
-    manifest::{Attribution, Counts},
-    mesh_tile::{self, Texture},
-    octahedral,
-    route::{self, Layer},
+    blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows},
+    manifest::{Attribution, CityCounts},
+    mesh_tile::{self, TileTexture},
+    octahedral, route,
     subtree::{MeshLod, NodeInfo, NodeMesh},
+    tile::TileKind,
 };
 use std::{
     collections::HashMap,
@@ -59,13 +59,13 @@ pub(crate) fn city_files(name: &str) -> Files {
             radius_m: ((side_m * side_m * 0.5).sqrt() + 10.0) as f32,
             blockmap_bytes: bytes.len() as u32,
         });
-        files.insert(route::tile(name, VERSION, Layer::BlockMaps, id), bytes);
+        files.insert(route::tile(name, VERSION, TileKind::BlockMap, id), bytes);
         if !is_leaf {
             ids.extend(id.children());
         }
     }
     let subtree = Subtree { nodes, meshes: Vec::new() }.encode().unwrap();
-    files.insert(route::tile(name, VERSION, Layer::Subtrees, TileId::ROOT), subtree);
+    files.insert(route::tile(name, VERSION, TileKind::Subtree, TileId::ROOT), subtree);
     files.insert(route::manifest(name), serde_json::to_vec(&manifest).unwrap());
     files.insert(route::CITIES.into(), serde_json::to_vec(&serde_json::json!([{ "name": name }])).unwrap());
     files
@@ -88,7 +88,7 @@ fn manifest(name: &str) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: true,
-        counts: Counts::default(),
+        counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
         tile_version: 1,
         settings: "0".into(),
@@ -103,7 +103,7 @@ fn block_map(manifest: &Manifest, id: TileId) -> BlockMap {
     let (cell, corner) = (manifest.cell_m_at(id.level()), manifest.node_corner(id));
     // Whole cells would be too coarse at the root, so the height codes are multiples of cell / 16.
     let code = |z_m: f64| (z_m / cell * 16.0).round() as u16;
-    let columns: Vec<Option<Column>> = (0..COLUMNS)
+    let columns: Vec<Option<MapColumn>> = (0..COLUMNS)
         .map(|i| {
             let x = corner[0] - ORIGIN[0] + ((i % NODE_CELLS) as f64 + 0.5) * cell;
             let y = corner[1] - ORIGIN[1] + ((i / NODE_CELLS) as f64 + 0.5) * cell;
@@ -112,21 +112,21 @@ fn block_map(manifest: &Manifest, id: TileId) -> BlockMap {
             let rows = usize::from(strip_rows(0, z_max, 0).1);
             let texels = (0..rows).map(|r| Texel::new([200, 120 + (r * 8 % 100) as u8, 90], 50, 3)).collect();
             let roof = if is_building { Texel::new([170, 60, 40], 63, 3) } else { Texel::new([90, 130, 80], 45, 3) };
-            let strip = is_building.then_some(Strip { texels, azimuth: 0 });
+            let strip = is_building.then_some(WallStrip { texels, azimuth: 0 });
             let roof_normal = octahedral::encode([0.0, 0.0, 1.0]);
-            Some(Column { z_min: 0, z_max, roof, roof_normal, strip, ..Column::default() })
+            Some(MapColumn { z_min: 0, z_max, roof, roof_normal, strip, ..MapColumn::default() })
         })
         .collect();
     BlockMap::from_columns(id, cell as f32, 0, 0, &columns).unwrap()
 }
 
 fn with_meshes(mut files: Files, name: &str) -> Files {
-    let path = route::tile(name, VERSION, Layer::Subtrees, TileId::ROOT);
+    let path = route::tile(name, VERSION, TileKind::Subtree, TileId::ROOT);
     let mut subtree = Subtree::decode(&files[&path]).unwrap();
     let mut webp = std::io::Cursor::new(Vec::new());
     let red = image::RgbImage::from_pixel(48, 32, image::Rgb([200, 10, 20]));
     red.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
-    let texture = Texture { size_px: [48, 32], bytes: webp.into_inner() };
+    let texture = TileTexture { size_px: [48, 32], bytes: webp.into_inner() };
     for leaf in subtree.nodes.iter().filter(|node| node.id.level() == DEPTH).map(|node| node.id) {
         let mut lods = Vec::new();
         for (lod, texture) in [(0, Some(texture.clone())), (1, None)] {

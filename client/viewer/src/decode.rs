@@ -4,9 +4,8 @@
 
 use crate::scene::TileKey;
 use insula_protocol::{
-    BlockMap, DecodeError, MeshTile, Subtree,
-    mesh_tile::{self, Texture},
-    route::Layer,
+    BlockMap, DecodeError, MeshTile, Subtree, TileKind,
+    mesh_tile::{self, TileTexture},
 };
 use insula_shaders::{
     mesh::{PackedMesh, Picture},
@@ -37,16 +36,16 @@ pub enum DecodedTile {
 /// Most bytes that an answer may have.
 pub fn limit_bytes(key: TileKey) -> usize {
     match key.layer() {
-        Layer::Subtrees => SUBTREE_BYTES,
-        Layer::BlockMaps => BLOCK_MAP_BYTES,
-        Layer::Meshes => mesh_tile::MAX_BYTES,
+        TileKind::Subtree => SUBTREE_BYTES,
+        TileKind::BlockMap => BLOCK_MAP_BYTES,
+        TileKind::Mesh => mesh_tile::MAX_BYTES,
     }
 }
 
 /// Decodes `bytes`, fetched as the tile of `key`.
 pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
     match key.layer() {
-        Layer::Subtrees => {
+        TileKind::Subtree => {
             let subtree = Subtree::decode(bytes)?;
             let same = subtree.nodes.first().is_some_and(|root| root.id == key.id);
             if same {
@@ -55,11 +54,11 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
                 Err(DecodeError::Invalid("the subtree of another node"))
             }
         }
-        Layer::BlockMaps => {
+        TileKind::BlockMap => {
             let map = BlockMap::decode(key.id, bytes)?;
             Ok(DecodedTile::Node(Box::new(PackedNode::new(&map))))
         }
-        Layer::Meshes => {
+        TileKind::Mesh => {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
             let texture = texture.as_ref().map(picture).transpose()?;
             let packed = PackedMesh::new(&mesh, texture.as_ref());
@@ -70,7 +69,7 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
 }
 
 /// Unpacks a texture, if it is of the size that it says: that is within the format's limits.
-fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
+fn picture(texture: &TileTexture) -> Result<Picture, DecodeError> {
     let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
     let [width_px, height_px] = texture.size_px.map(u32::from);
     let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes));
@@ -100,7 +99,7 @@ mod tests {
         let picture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
         picture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
         let tile = |size_px, bytes: Vec<u8>| {
-            let texture = Some(Texture { size_px, bytes });
+            let texture = Some(TileTexture { size_px, bytes });
             mesh_tile::cuboid([0.0; 3], [9.0; 3], [0; 3], texture).encode(id, 1).unwrap()
         };
         let webp = webp.into_inner();

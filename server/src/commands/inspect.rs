@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{args::InspectArgs, store::CityStore};
 use image::ImageFormat;
-use insula_protocol::{BlockMap, TileId, manifest::Attribution, route::Layer};
+use insula_protocol::{BlockMap, TileId, TileKind, manifest::Attribution};
 use std::{fmt::Write, io::Cursor, path::Path};
 
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
@@ -30,7 +30,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
 
 fn picture(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError> {
     let wrong = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
-    let bytes = city.tile(Layer::BlockMaps, id).map_err(|error| wrong(error.to_string()))?;
+    let bytes = city.tile(TileKind::BlockMap, id).map_err(|error| wrong(error.to_string()))?;
     let bytes = bytes.ok_or_else(|| wrong("the city has no such node".into()))?;
     let map = BlockMap::decode(id, &bytes).map_err(|error| wrong(error.to_string()))?;
     let mut out = Cursor::new(Vec::new());

@@ -45,7 +45,7 @@ mod with_bake {
         model::{ModelFormat, TriangleModel, quantise},
         simplify::{self, Goal},
     };
-    use insula_protocol::mesh::{Mesh, pieces::Census};
+    use insula_protocol::mesh::{Mesh, half_edge::RepairReport};
     use std::{
         path::Path,
         time::{Duration, Instant},
@@ -83,7 +83,7 @@ mod with_bake {
     }
 
     /// What was left out or mended, if anything.
-    fn mended(census: &Census) -> String {
+    fn mended(census: &RepairReport) -> String {
         let parts = [
             (census.degenerate, "degenerate triangles left out"),
             (census.duplicate, "triangles there twice left out"),
@@ -113,7 +113,7 @@ mod with_bake {
             args.output.display(),
             human_bytes(file.len() as u64),
             bits / vertices.max(1) as f64,
-            mended(&encoded.census)
+            mended(&encoded.report)
         ));
         Ok(())
     }

@@ -5,8 +5,7 @@
 use super::{CommandError, print};
 use crate::{args::VerifyArgs, store::CityStore};
 use insula_protocol::{
-    BlockMap, MeshTile, Subtree, TileId, mesh_tile,
-    route::Layer,
+    BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     subtree::{MeshLod, NodeInfo},
     tile,
 };
@@ -108,8 +107,8 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> (Nodes, Lods) {
 
 /// Every mesh decodes, its picture has the size that it says, and meshes are those that the subtrees list.
 fn meshes(city: &CityStore, mut lods: Lods, nodes: &Nodes, faults: &mut Vec<String>) {
-    for (place, bytes) in city.archive(Layer::Meshes).into_iter().flat_map(|archive| archive.tiles()) {
-        let Some((id, number)) = mesh_tile::at_place(place, city.manifest().depth) else {
+    for (place, bytes) in city.archive(TileKind::Mesh).into_iter().flat_map(|archive| archive.tiles()) {
+        let Some((id, number)) = mesh_tile::from_archive_id(place, city.manifest().depth) else {
             faults.push(format!("meshes/{place}: no leaf's mesh has its place there"));
             continue;
         };

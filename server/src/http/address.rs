@@ -3,11 +3,7 @@
 //! In: a path that anyone may have made. Out: [`TileAddress`], or why it is none. Next: `tile`.
 
 use super::Problem;
-use insula_protocol::{
-    TileId,
-    mesh_tile::MAX_LODS,
-    route::{CITIES, Layer},
-};
+use insula_protocol::{TileId, TileKind, mesh_tile::MAX_LODS, route::CITIES};
 
 /// `/v1/cities/{city}/{version}/{layer}/{level}/{x}/{y}`, or `.../meshes/{level}/{x}/{y}/{lod}`.
 ///
@@ -20,7 +16,7 @@ pub struct TileAddress<'a> {
     /// As it stands in the address; it need not exist.
     pub version: &'a str,
     /// Which archive.
-    pub layer: Layer,
+    pub layer: TileKind,
     /// Whose tile.
     pub id: TileId,
     /// Which level of detail, below [`MAX_LODS`]; 0 but of meshes.
@@ -38,9 +34,9 @@ impl<'a> TileAddress<'a> {
         let mut parts = path.strip_prefix(CITIES)?.strip_prefix('/')?.split('/');
         let mut part = || parts.next();
         let (city, version, word) = (part()?, part()?, part()?);
-        let layer = Layer::from_word(word)?;
+        let layer = TileKind::from_path_segment(word)?;
         let (level, x, y) = (part()?, part()?, part()?);
-        let lod = if layer == Layer::Meshes { part()? } else { "0" };
+        let lod = if layer == TileKind::Mesh { part()? } else { "0" };
         if part().is_some() {
             return None;
         }

@@ -13,7 +13,7 @@ use crate::store::{CityStore, ReadError};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
 use bytes::Bytes;
 use http_body_util::Full;
-use insula_protocol::{TileId, mesh_tile, route::Layer};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
@@ -41,10 +41,10 @@ impl Wanted {
         };
         // Only leaves have meshes, so that none has a second address.
         let id = match address.layer {
-            Layer::Subtrees | Layer::BlockMaps => address.id,
-            Layer::Meshes => Some(address.id)
+            TileKind::Subtree | TileKind::BlockMap => address.id,
+            TileKind::Mesh => Some(address.id)
                 .filter(|id| id.level() == city.manifest().depth)
-                .and_then(|id| mesh_tile::place(id, address.lod))
+                .and_then(|id| mesh_tile::archive_id(id, address.lod))
                 .ok_or(NO_TILE)?,
         };
         let key = Key { serial: city.serial(), layer: address.layer, id };
@@ -84,7 +84,7 @@ impl Wanted {
     /// What the host must know is logged and counted; the client learns that it is not its fault.
     fn failed(&self, app: &App, error: &ReadError) -> Problem {
         app.state().metrics().read_failed(error);
-        let (place, layer, id) = (self.city.place(), self.key.layer.word(), self.key.id);
+        let (place, layer, id) = (self.city.place(), self.key.layer.path_segment(), self.key.id);
         tracing::error!(place, tile = %format_args!("{layer}/{id}"), %error, "a tile cannot be served");
         match error {
             ReadError::Damaged(_) => {
@@ -110,6 +110,6 @@ fn answer(tile: &Ready, method: &Method, headers: &HeaderMap) -> Answer {
     }
 }
 
-fn etag(version: &str, layer: Layer, id: TileId) -> HeaderValue {
-    quoted(&format!("{version}-{}-{}-{}-{}", layer.word(), id.level(), id.x(), id.y()))
+fn etag(version: &str, layer: TileKind, id: TileId) -> HeaderValue {
+    quoted(&format!("{version}-{}-{}-{}-{}", layer.path_segment(), id.level(), id.x(), id.y()))
 }

@@ -4,7 +4,7 @@
 
 use super::headers::Representation;
 use axum::http::HeaderMap;
-use insula_protocol::{TileId, route::Layer};
+use insula_protocol::{TileId, TileKind};
 use lru::LruCache;
 use std::{
     hash::{BuildHasherDefault, Hasher},
@@ -18,7 +18,7 @@ const ENTRY_BYTES: usize = 1024;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Key {
     pub(super) serial: u64,
-    pub(super) layer: Layer,
+    pub(super) layer: TileKind,
     pub(super) id: TileId,
 }
 
@@ -123,7 +123,7 @@ mod tests {
             };
             Arc::new(Ready { representation, headers: HeaderMap::new() })
         };
-        let key = |x| Key { serial: 1, layer: Layer::BlockMaps, id: TileId::new(9, x, 0).unwrap() };
+        let key = |x| Key { serial: 1, layer: TileKind::BlockMap, id: TileId::new(9, x, 0).unwrap() };
         let cache = TileCache::new(10 * (100 + ENTRY_BYTES));
         for x in 0..100 {
             cache.insert(key(x), tile(100));

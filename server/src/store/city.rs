@@ -8,11 +8,10 @@ use super::{
 };
 use bytes::Bytes;
 use insula_protocol::{
-    Manifest, TileId,
+    Manifest, TileId, TileKind,
     codec::bincode,
     mesh_tile::MAX_LODS,
-    route::Layer,
-    tile::{self, Kind, TileReader},
+    tile::{self, TileReader},
 };
 use std::{
     fs::{self, File},
@@ -60,15 +59,15 @@ pub(super) enum Stamp {
 type FileStamp = (u64, u64, u64, Option<SystemTime>);
 
 impl CityStore {
-    /// Opens a folder with `city.json` and an archive for each [`Layer`] that it has: all of one version, even if it is being replaced.
+    /// Opens a folder with `city.json` and an archive for each [`TileKind`] that it has: all of one version, even if it is being replaced.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let place = folder.display().to_string();
         for _ in 0..ATTEMPTS {
             let stamp = Stamp::of(folder)?;
             let manifest = read_manifest(&folder.join(MANIFEST_FILE))?;
-            let open = |layer: Layer| Archive::open(&folder.join(layer.file_name()));
-            let (subtrees, blockmaps) = (open(Layer::Subtrees), open(Layer::BlockMaps));
-            let meshes = stamp.has_meshes().then(|| open(Layer::Meshes));
+            let open = |layer: TileKind| Archive::open(&folder.join(layer.file_name()));
+            let (subtrees, blockmaps) = (open(TileKind::Subtree), open(TileKind::BlockMap));
+            let meshes = stamp.has_meshes().then(|| open(TileKind::Mesh));
             if Stamp::of(folder)? != stamp {
                 continue;
             }
@@ -87,7 +86,7 @@ impl CityStore {
         let serial = SERIALS.fetch_add(1, Ordering::Relaxed);
         let city = Self { serial, place, stamp, manifest, subtrees, blockmaps, meshes };
         for (layer, archive) in city.archives() {
-            let below = if layer == Layer::Meshes { MAX_LODS - 1 } else { 0 };
+            let below = if layer == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
             if archive.deepest() > city.manifest.depth + below {
                 let source = ArchiveError::Directory("it has levels that city.json does not know");
                 return Err(StoreError::Archive { place: city.path_of(layer.file_name()), source });
@@ -125,17 +124,17 @@ impl CityStore {
     }
 
     /// The archive of a layer, if the city has it: all have V-BlockMaps and subtrees.
-    pub fn archive(&self, layer: Layer) -> Option<&Archive> {
+    pub fn archive(&self, layer: TileKind) -> Option<&Archive> {
         match layer {
-            Layer::Subtrees => Some(&self.subtrees),
-            Layer::BlockMaps => Some(&self.blockmaps),
-            Layer::Meshes => self.meshes.as_ref(),
+            TileKind::Subtree => Some(&self.subtrees),
+            TileKind::BlockMap => Some(&self.blockmaps),
+            TileKind::Mesh => self.meshes.as_ref(),
         }
     }
 
     /// The archives that it has.
-    pub fn archives(&self) -> impl Iterator<Item = (Layer, &Archive)> {
-        Layer::ALL.into_iter().filter_map(|layer| Some((layer, self.archive(layer)?)))
+    pub fn archives(&self) -> impl Iterator<Item = (TileKind, &Archive)> {
+        TileKind::ALL.into_iter().filter_map(|layer| Some((layer, self.archive(layer)?)))
     }
 
     /// Which nodes exist.
@@ -148,15 +147,15 @@ impl CityStore {
         &self.blockmaps
     }
 
-    /// A tile's bytes from a file, unchecked. A mesh is named by its place ([`insula_protocol::mesh_tile::place`]).
-    pub fn tile(&self, layer: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
+    /// A tile's bytes from a file, unchecked. A mesh is named by its place ([`insula_protocol::mesh_tile::archive_id`]).
+    pub fn tile(&self, layer: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
         self.archive(layer).map_or(Ok(None), |archive| archive.tile(id))
     }
 
     /// A tile's bytes, wherever they are, every checksum in them right. `None` if there is no such tile.
     ///
     /// What is wrong is read once more, past all caches, before it is called damaged.
-    pub async fn checked_tile(&self, layer: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
+    pub async fn checked_tile(&self, layer: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
         let Some(archive) = self.archive(layer) else { return Ok(None) };
         let Some(place) = archive.find(id) else { return Ok(None) };
         match check(layer, read(archive, &place).await?) {
@@ -182,13 +181,8 @@ async fn read(archive: &Archive, place: &Range<u64>) -> Result<Bytes, ReadError>
 }
 
 /// A tile's frame covers every byte of it with a checksum.
-fn check(layer: Layer, bytes: Bytes) -> Result<Bytes, ReadError> {
-    let kind = match layer {
-        Layer::Subtrees => Kind::Subtree,
-        Layer::BlockMaps => Kind::BlockMap,
-        Layer::Meshes => Kind::Mesh,
-    };
-    match TileReader::new(&bytes, kind) {
+fn check(layer: TileKind, bytes: Bytes) -> Result<Bytes, ReadError> {
+    match TileReader::new(&bytes, layer) {
         Ok(_) => Ok(bytes),
         Err(error) => Err(ReadError::Damaged(error.to_string())),
     }
@@ -203,11 +197,11 @@ impl Stamp {
             let (device, inode) = identity(&about);
             Ok(Some((device, inode, about.len(), about.modified().ok())))
         };
-        let meshes = match look(Layer::Meshes.file_name()) {
+        let meshes = match look(TileKind::Mesh.file_name()) {
             Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => None,
             found => found?,
         };
-        let [subtrees, blockmaps] = [Layer::Subtrees, Layer::BlockMaps].map(|layer| look(layer.file_name()));
+        let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|layer| look(layer.file_name()));
         Ok(Self::Files([look(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
     }
 

@@ -7,7 +7,7 @@
 
 use super::{PendingTile, TileSource};
 use bytes::Bytes;
-use insula_protocol::{mesh_tile, route::Layer};
+use insula_protocol::{TileKind, mesh_tile};
 use insula_viewer::{decode::limit_bytes, scene::TileKey, streamer::FetchError};
 use pmtiles::{
     AsyncBackend, AsyncPmTilesReader, BackendResponse, Compression, MokaCache, PmtError, PmtResult, TileCoord,
@@ -60,9 +60,9 @@ struct Guarded<R> {
 
 impl<R: Ranges> Archives<R> {
     /// `open` says how each archive is read; `place` is for people.
-    pub fn new(place: String, open: impl Fn(Layer) -> R) -> Self {
+    pub fn new(place: String, open: impl Fn(TileKind) -> R) -> Self {
         let archive = |layer| Archive { ranges: open(layer), reader: OnceCell::new() };
-        let [block_maps, subtrees, meshes] = [Layer::BlockMaps, Layer::Subtrees, Layer::Meshes].map(archive);
+        let [block_maps, subtrees, meshes] = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh].map(archive);
         Self { place, block_maps, subtrees, meshes }
     }
 }
@@ -70,9 +70,9 @@ impl<R: Ranges> Archives<R> {
 impl<R: Ranges> TileSource for Archives<R> {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         let archive = match key.layer() {
-            Layer::BlockMaps => &self.block_maps,
-            Layer::Subtrees => &self.subtrees,
-            Layer::Meshes => &self.meshes,
+            TileKind::BlockMap => &self.block_maps,
+            TileKind::Subtree => &self.subtrees,
+            TileKind::Mesh => &self.meshes,
         };
         Box::pin(archive.tile(key))
     }
@@ -93,8 +93,8 @@ impl<R: Ranges> Archive<R> {
             return Err(FetchError::Archive("its tiles are packed".into()));
         }
         let place = match key.layer() {
-            Layer::Meshes => mesh_tile::place(key.id, key.lod).ok_or(FetchError::Missing)?,
-            Layer::BlockMaps | Layer::Subtrees => key.id,
+            TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
+            TileKind::BlockMap | TileKind::Subtree => key.id,
         };
         let coord = TileCoord::new(place.level(), place.x(), place.y()).map_err(failed)?;
         let bytes = reader.get_tile(coord).await.map_err(failed)?.ok_or(FetchError::Missing)?;

@@ -9,7 +9,7 @@
 use super::{PendingTile, TileSource};
 use crate::error::{ClientError, Result};
 use bytes::Bytes;
-use insula_protocol::{Manifest, route::Layer};
+use insula_protocol::{Manifest, TileKind};
 use insula_viewer::{decode::MOST_BYTES, scene::TileKey};
 use lru::LruCache;
 use std::{
@@ -176,8 +176,8 @@ impl Disk {
 
     fn name(&self, key: TileKey) -> String {
         let id = key.id;
-        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().word(), id.level(), id.x(), id.y());
-        if key.layer() == Layer::Meshes { format!("{tile}-{}", key.lod) } else { tile }
+        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().path_segment(), id.level(), id.x(), id.y());
+        if key.layer() == TileKind::Mesh { format!("{tile}-{}", key.lod) } else { tile }
     }
 }
 

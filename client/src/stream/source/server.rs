@@ -2,10 +2,7 @@
 
 use super::{PendingTile, TileSource};
 use crate::stream::fetch::Http;
-use insula_protocol::{
-    Manifest,
-    route::{self, Layer},
-};
+use insula_protocol::{Manifest, TileKind, route};
 use insula_viewer::{decode::limit_bytes, scene::TileKey};
 use std::sync::Arc;
 
@@ -29,7 +26,7 @@ impl ServerSource {
 impl TileSource for ServerSource {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         let path = match key.layer() {
-            Layer::Meshes => route::mesh(&self.name, &self.version, key.id, key.lod),
+            TileKind::Mesh => route::mesh(&self.name, &self.version, key.id, key.lod),
             layer => route::tile(&self.name, &self.version, layer, key.id),
         };
         let url = format!("{}{path}", self.base);

@@ -20,7 +20,7 @@ use crate::{
 use glam::{Vec2, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, Column, strip_rows},
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, strip_rows},
     octahedral,
     texel::{ALPHA_MAX, AO_MAX},
 };
@@ -89,7 +89,7 @@ fn child_columns(map: &BlockMap) -> Vec<Option<ChildColumn>> {
     map.columns().iter().map(|column| Some(child_column(column.as_ref()?, map, metres))).collect()
 }
 
-fn child_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> ChildColumn {
+fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32) -> ChildColumn {
     let solids = match column.gap {
         Some([low, high]) => vec![
             SolidRun { bottom_m: metres(column.z_min), top_m: metres(low) },
@@ -218,7 +218,7 @@ impl ParentColumns {
         }
     }
 
-    /// Column `i` with the mean appearance of its children; `None` if it is empty.
+    /// MapColumn `i` with the mean appearance of its children; `None` if it is empty.
     fn column(&self, i: usize) -> Option<VoxelColumn> {
         let (own, cell_m) = (&self.merged[i], self.cell_m);
         let (first, last) = (*own.solids.first()?, *own.solids.last()?);

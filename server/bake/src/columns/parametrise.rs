@@ -16,8 +16,8 @@ use crate::{
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{
-        CLIP_STEPS_PER_CELL, Clip, Column, Corner, MAX_TEXELS, Outer, STEPS_PER_CELL, Strip, Z_CODE_MAX, Z_SHIFT_MAX,
-        strip_rows,
+        CLIP_STEPS_PER_CELL, ColumnClip, CornerWall, MAX_TEXELS, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip,
+        Z_CODE_MAX, Z_SHIFT_MAX, strip_rows,
     },
     octahedral,
     texel::{ALPHA_MAX, AO_MAX},
@@ -76,7 +76,7 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
     let cell_m = grid.cell_m_at(node.id.level());
     let codes = HeightCodes::new(node, cell_m);
     let mut texels = 0;
-    let columns: Vec<Option<Column>> = node
+    let columns: Vec<Option<MapColumn>> = node
         .columns
         .iter()
         .map(|column| {
@@ -92,11 +92,11 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
         })
         .collect();
     let mut map = BlockMap::from_columns(node.id, cell_m as f32, codes.base_cells, codes.shift, &columns)?;
-    map.settle_bottoms();
+    map.snap_hidden_bottoms();
     Ok(map)
 }
 
-fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> Column {
+fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {
     let bottom_m = column.solids.first().map_or(0.0, |run| run.bottom_m);
     let top_m = column.solids.last().map_or(0.0, |run| run.top_m);
     let z_max = codes.encode(top_m).max(1);
@@ -108,7 +108,7 @@ fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> Column {
         .map(|[low, high]| [codes.encode(low).max(z_min + 1), codes.encode(high).min(z_max.saturating_sub(1))]);
     let gap = gap.filter(|[low, high]| low < high);
     let range = CodeRange { z_min, z_max, gap };
-    Column {
+    MapColumn {
         z_min,
         z_max,
         inclined: column.inclined,
@@ -121,21 +121,21 @@ fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> Column {
     }
 }
 
-fn encode_clip(clip: &VoxelClip, codes: &HeightCodes, range: CodeRange) -> Clip {
+fn encode_clip(clip: &VoxelClip, codes: &HeightCodes, range: CodeRange) -> ColumnClip {
     let offset = |plane: &VoxelPlane| {
         let steps = (f64::from(plane.offset_m) / codes.cell_m * f64::from(CLIP_STEPS_PER_CELL)).round();
         steps.clamp(-128.0, 127.0) as i8
     };
-    let corner = clip.corner.map(|corner| Corner {
+    let corner = clip.corner.map(|corner| CornerWall {
         azimuth: encode_azimuth(corner.plane.normal),
         offset: offset(&corner.plane),
         concave: corner.concave,
     });
     let outer = clip.outer.and_then(|outer| {
         let z = codes.encode(outer.top_m).min(range.z_max - 1);
-        (z > range.z_min).then(|| Outer { z, roof: encode_texel(&outer.appearance, ALPHA_MAX) })
+        (z > range.z_min).then(|| OuterTop { z, roof: encode_texel(&outer.appearance, ALPHA_MAX) })
     });
-    Clip { offset: offset(&clip.plane), corner, outer }
+    ColumnClip { offset: offset(&clip.plane), corner, outer }
 }
 
 /// Direction in 256ths of a turn, counter-clockwise from east.
@@ -152,7 +152,7 @@ fn widest_gap_m(solids: &[SolidRun]) -> Option<[f32; 2]> {
         .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
 }
 
-fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: CodeRange) -> Strip {
+fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: CodeRange) -> WallStrip {
     let (first, rows) = strip_rows(range.z_min, range.z_max, codes.shift);
     let codes_per_row = STEPS_PER_CELL >> codes.shift;
     let full: Vec<[u16; 2]> =
@@ -175,7 +175,7 @@ fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: CodeRange) -> 
             }
         })
         .collect();
-    Strip { texels, azimuth: encode_azimuth(column.wall_normal) }
+    WallStrip { texels, azimuth: encode_azimuth(column.wall_normal) }
 }
 
 fn encode_texel(appearance: &VoxelAppearance, alpha: u8) -> Texel {
@@ -250,7 +250,7 @@ mod tests {
             map(vec![VoxelColumn { clip: Some(clip), ..column(&[[7.0, 20.0]], true) }]).clips[0]
         };
         let outer_at = |top_m| Some(VoxelOuterTop { top_m, appearance: VoxelAppearance::default() });
-        assert_eq!(clipped(None), Clip { offset: -32, corner: None, outer: None });
+        assert_eq!(clipped(None), ColumnClip { offset: -32, corner: None, outer: None });
         assert_eq!(clipped(outer_at(9.0)).outer.unwrap().z, 32);
         assert_eq!(clipped(outer_at(7.0)).outer, None, "a top that is not above the bottom is dropped");
     }

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use insula_protocol::{
     TileId,
-    mesh::{Grid as PointGrid, Kind, POSITION_BITS},
+    mesh::{AttributeKind, POSITION_BITS, PositionGrid as PointGrid},
 };
 
 use super::{
@@ -61,7 +61,7 @@ impl LeafSurface {
                 builder.add([corners[0], corners[k], corners[k + 1]]);
             }
         }
-        let model = builder.finish(if is_textured { Kind::Other } else { Kind::Colour });
+        let model = builder.finish(if is_textured { AttributeKind::Other } else { AttributeKind::Colour });
         let points = PointGrid {
             min: [0.0, 0.0, lattice.first[2] as f64 * lattice.step_m],
             step: lattice.step_m,
@@ -72,7 +72,7 @@ impl LeafSurface {
 
     /// Whether any of its materials has a texture.
     pub(super) fn is_textured(&self) -> bool {
-        self.model.layers[0].kind == Kind::Other
+        self.model.layers[0].kind == AttributeKind::Other
     }
 
     /// Whether a position, in steps, lies on the leaf's border.
@@ -198,7 +198,7 @@ impl SurfaceBuilder {
         }
     }
 
-    fn finish(self, kind: Kind) -> TriangleModel {
+    fn finish(self, kind: AttributeKind) -> TriangleModel {
         let layer = CornerLayer { kind, width: 3, values: self.values, corners: self.corners };
         TriangleModel { layers: vec![layer], ..self.model }
     }

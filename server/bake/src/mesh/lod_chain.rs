@@ -10,8 +10,8 @@ use std::collections::HashMap;
 use insula_protocol::{
     DecodeError, MeshTile, TileId,
     blockmap::Quality,
-    mesh::{Attribute, Kind, Mesh},
-    mesh_tile::{MAX_LODS, MAX_TRIANGLES, place},
+    mesh::{Attribute, AttributeKind, Mesh},
+    mesh_tile::{MAX_LODS, MAX_TRIANGLES, archive_id},
     subtree::MeshLod,
 };
 
@@ -65,7 +65,7 @@ pub(super) fn encode_lods(
     for k in 1..MAX_LODS {
         let target_m = COARSEST_SHARE * blockmap_error_m / ERROR_RATIO.powi(i32::from(MAX_LODS - 1 - k));
         let number = lods.len() as u8;
-        if target_m < 2.0 * HALF_DIAGONAL * step_m || place(id, number).is_none() {
+        if target_m < 2.0 * HALF_DIAGONAL * step_m || archive_id(id, number).is_none() {
             continue;
         }
         let max_triangles = (MAX_TRIANGLES_SHARE * triangles_before as f64) as usize;
@@ -245,7 +245,7 @@ fn colour_attribute(layer: &CornerLayer) -> Attribute {
         })
     };
     let corners = layer.corners.iter().map(number).collect();
-    Attribute { kind: Kind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
+    Attribute { kind: AttributeKind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
 }
 
 /// An error with eight bits of precision, so that the errors of many leaves compress well.

@@ -7,8 +7,8 @@
 use glam::{Vec2, Vec2Swizzles};
 use insula_protocol::{
     blockmap::Quality,
-    mesh::{Attribute, Kind},
-    mesh_tile::Texture,
+    mesh::{Attribute, AttributeKind},
+    mesh_tile::TileTexture,
 };
 
 use super::{
@@ -43,7 +43,7 @@ pub(super) struct TextureScale {
 
 /// The texture of a level of detail.
 pub(super) struct BakedTexture {
-    pub(super) texture: Texture,
+    pub(super) texture: TileTexture,
     /// Texture coordinates of all corners.
     pub(super) coordinates: Attribute,
     /// Side of the texels that are larger than the source's; 0 if none is.
@@ -91,7 +91,7 @@ fn bake_at(
     let bytes = paint(scene, model, &placed, atlas.size).encode(quality)?;
     let is_resampled = scales.iter().any(|scale| *scale < 1.0);
     Some(BakedTexture {
-        texture: Texture { size_px: atlas.size.map(|side| side as u16), bytes },
+        texture: TileTexture { size_px: atlas.size.map(|side| side as u16), bytes },
         coordinates: texture_coordinates(model, &placed, atlas.size),
         texel_m: if is_resampled { texel_m } else { 0.0 },
     })
@@ -180,7 +180,7 @@ fn texture_coordinates(model: &TriangleModel, placed: &[PlacedChart<'_>], size: 
         }
     }
     Attribute {
-        kind: Kind::TexCoord,
+        kind: AttributeKind::TexCoord,
         components: 2,
         bits: bits as u8,
         range: [0.0, 1.0 / max],

@@ -14,7 +14,7 @@ use std::{
 use insula_protocol::{
     Manifest, Subtree, TileId, mesh_tile,
     subtree::MeshLod,
-    tile::{Kind, TileReader},
+    tile::{TileKind, TileReader},
 };
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, PmtError, PmtResult, TileCoord};
 
@@ -75,7 +75,7 @@ impl PreviousCity {
     pub(super) fn tile(&self, id: TileId) -> Option<EncodedTile> {
         let [z_min_m, z_max_m] = *self.heights.get(&id)?;
         let bytes = self.tiles.get(id)?;
-        let is_valid = TileReader::new(&bytes, Kind::BlockMap).is_ok();
+        let is_valid = TileReader::new(&bytes, TileKind::BlockMap).is_ok();
         is_valid.then_some(EncodedTile { id, z_min_m, z_max_m, bytes })
     }
 
@@ -87,8 +87,8 @@ impl PreviousCity {
     /// The meshes of those of the nodes that exist; `None` if one is damaged.
     pub(super) fn meshes(&self, ids: &[TileId]) -> Option<Vec<LeafMesh>> {
         let load_lod = |id: TileId, lod: u8, info: &MeshLod| {
-            let bytes = self.meshes.as_ref()?.get(mesh_tile::place(id, lod)?)?;
-            let is_valid = TileReader::new(&bytes, Kind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
+            let bytes = self.meshes.as_ref()?.get(mesh_tile::archive_id(id, lod)?)?;
+            let is_valid = TileReader::new(&bytes, TileKind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
             is_valid.then_some(EncodedLod { info: *info, bytes })
         };
         let load_leaf = |id: &TileId| {

@@ -5,7 +5,7 @@
 
 use super::collapsible_mesh::{CollapsibleMesh, VertexConstraint, VertexRing, edges_of, next, prev};
 use glam::DVec3;
-use insula_protocol::mesh::pieces::NONE;
+use insula_protocol::mesh::half_edge::NONE;
 
 /// Squared cosine of the largest rotation of a triangle: 75 degrees.
 const MIN_SQUARED_COSINE: f64 = 0.067;

@@ -2,11 +2,11 @@
 //!
 //! Half-edge `4 t + k` goes from corner `k` of triangle `t` to the next corner; a fourth number per triangle is unused,
 //! which makes divisions cheap. Around each vertex there is one fan of triangles, closed or open at one border, as in
-//! [`Pieces`]. Removed triangles stay in place and are marked as not alive.
+//! [`HalfEdgeMesh`]. Removed triangles stay in place and are marked as not alive.
 
 use super::quadric::Quadric;
 use glam::DVec3;
-use insula_protocol::mesh::pieces::{NONE, Pieces};
+use insula_protocol::mesh::half_edge::{HalfEdgeMesh, NONE};
 use std::ops::Range;
 
 /// The next half-edge of the same triangle.
@@ -94,7 +94,7 @@ pub(super) struct CollapsibleMesh {
 impl CollapsibleMesh {
     /// `wedges` has one item per half-edge of the pieces, or none. Vertices on one border or seam may move along it,
     /// those where several meet or one ends are fixed.
-    pub(super) fn new(pieces: &Pieces, positions: impl Iterator<Item = DVec3>, wedges: &[u32]) -> Self {
+    pub(super) fn new(pieces: &HalfEdgeMesh, positions: impl Iterator<Item = DVec3>, wedges: &[u32]) -> Self {
         let quadric = Quadric::default();
         let constraint = VertexConstraint::Free;
         let vertices: Vec<MeshVertex> =

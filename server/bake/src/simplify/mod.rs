@@ -32,7 +32,7 @@ mod wedges;
 use crate::model::TriangleModel;
 use collapsible_mesh::VertexConstraint;
 use glam::DVec3;
-use insula_protocol::mesh::pieces::{Census, Pieces};
+use insula_protocol::mesh::half_edge::{HalfEdgeMesh, RepairReport};
 use simplifier::Simplifier;
 
 pub use simplifier::Goal;
@@ -46,7 +46,7 @@ pub struct Simplified {
     /// or the largest half diagonal of a removed part.
     pub error: f64,
     /// What was repaired in the input.
-    pub repairs: Census,
+    pub repairs: RepairReport,
     /// Number of removed parts.
     pub removed_parts: usize,
 }
@@ -55,7 +55,7 @@ pub struct Simplified {
 pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bool) -> Simplified {
     let order = order::space_filling_order(model);
     let sorted: Vec<[u32; 3]> = order.iter().map(|t| model.triangles[*t as usize]).collect();
-    let mut pieces = Pieces::new(&sorted, model.positions.len() as u32);
+    let mut pieces = HalfEdgeMesh::new(&sorted, model.positions.len() as u32);
     pieces.corner.iter_mut().for_each(|corner| *corner = 3 * order[*corner as usize / 3] + *corner % 3);
     let centre = centre(model);
     let mut simplifier = Simplifier::new(model, &pieces, centre);
@@ -72,7 +72,7 @@ pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bo
     let mut parts = parts::find_removable_parts(&pieces, &simplifier.mesh, &is_kept);
     let removed_parts = simplifier.run(goal, &mut parts);
     let model = output::build_model(&simplifier.mesh, &simplifier.wedges, model, centre);
-    Simplified { model, error: simplifier.error, repairs: pieces.census, removed_parts }
+    Simplified { model, error: simplifier.error, repairs: pieces.report, removed_parts }
 }
 
 /// Mean of the vertices. Positions relative to it keep the quadrics precise.

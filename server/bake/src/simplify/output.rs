@@ -6,7 +6,7 @@ use super::{
 };
 use crate::model::{CornerLayer, TriangleModel};
 use glam::DVec3;
-use insula_protocol::mesh::{Kind, pieces::NONE};
+use insula_protocol::mesh::{AttributeKind, half_edge::NONE};
 use std::collections::HashMap;
 
 /// The remaining triangles. Fixed vertices get the exact positions of the input, and those that were cut apart are
@@ -84,7 +84,7 @@ impl ModelBuilder<'_> {
         for (i, layer) in self.model.layers.iter_mut().enumerate() {
             if is_new {
                 let [x, y, z, w] = self.wedges.value(wedge, i);
-                let length = if layer.kind == Kind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
+                let length = if layer.kind == AttributeKind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
                 let scale = if length > 0.0 { 1.0 / length } else { 1.0 };
                 layer.values.push([x, y, z, w].map(|v| v * scale));
             }

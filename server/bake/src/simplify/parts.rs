@@ -2,7 +2,7 @@
 
 use super::collapsible_mesh::CollapsibleMesh;
 use glam::DVec3;
-use insula_protocol::mesh::pieces::{NONE, Pieces};
+use insula_protocol::mesh::half_edge::{HalfEdgeMesh, NONE};
 
 /// A connected part that may be removed.
 pub(super) struct RemovablePart {
@@ -15,9 +15,13 @@ pub(super) struct RemovablePart {
 
 /// The connected parts that may be removed, the cheapest last. Parts with a vertex of `is_kept` stay, and so does the
 /// one with the largest area.
-pub(super) fn find_removable_parts(pieces: &Pieces, mesh: &CollapsibleMesh, is_kept: &[bool]) -> Vec<RemovablePart> {
+pub(super) fn find_removable_parts(
+    pieces: &HalfEdgeMesh,
+    mesh: &CollapsibleMesh,
+    is_kept: &[bool],
+) -> Vec<RemovablePart> {
     let mut parts = Vec::new();
-    if pieces.census.pieces < 2 {
+    if pieces.report.pieces < 2 {
         return parts;
     }
     let mut seen = vec![false; pieces.triangles()];
@@ -51,7 +55,7 @@ pub(super) fn find_removable_parts(pieces: &Pieces, mesh: &CollapsibleMesh, is_k
 }
 
 /// All triangles connected to `seed`, which is marked as `seen` already.
-fn connected_triangles(pieces: &Pieces, seed: u32, seen: &mut [bool]) -> Vec<u32> {
+fn connected_triangles(pieces: &HalfEdgeMesh, seed: u32, seen: &mut [bool]) -> Vec<u32> {
     let mut triangles = vec![seed];
     let mut at = 0;
     while let Some(&t) = triangles.get(at) {

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::model::TriangleModel;
 use glam::DVec3;
-use insula_protocol::mesh::pieces::{NONE, Pieces};
+use insula_protocol::mesh::half_edge::{HalfEdgeMesh, NONE};
 
 /// Weight of the planes of borders and seams, relative to that of triangles.
 const FEATURE_WEIGHT: f64 = 10.0;
@@ -73,7 +73,7 @@ pub(super) struct Simplifier {
 }
 
 impl Simplifier {
-    pub(super) fn new(model: &TriangleModel, pieces: &Pieces, centre: DVec3) -> Self {
+    pub(super) fn new(model: &TriangleModel, pieces: &HalfEdgeMesh, centre: DVec3) -> Self {
         let positions = pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - centre);
         let (wedge_of, wedges) = WedgeValues::number(model, pieces);
         let mut mesh = CollapsibleMesh::new(pieces, positions, &wedge_of);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::model::CornerLayer;
-use insula_protocol::mesh::Kind;
+use insula_protocol::mesh::AttributeKind;
 
 /// A sphere of radius 10 with `n` quads around, each split into two triangles.
 fn sphere(n: u32) -> TriangleModel {
@@ -33,7 +33,7 @@ fn sphere(n: u32) -> TriangleModel {
 /// A square of `n` x `n` quads with a hill, and texture coordinates with a seam in its middle.
 fn hill(n: u32) -> TriangleModel {
     let mut model = TriangleModel::default();
-    let mut layer = CornerLayer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
+    let mut layer = CornerLayer { kind: AttributeKind::TexCoord, width: 2, values: vec![], corners: vec![] };
     for i in 0..=n {
         for j in 0..=n {
             let (x, y) = (f64::from(i), f64::from(j));
@@ -61,10 +61,10 @@ fn hill(n: u32) -> TriangleModel {
 }
 
 /// The model's pieces, which must need no repair.
-fn sound_pieces(model: &TriangleModel) -> Pieces {
-    let pieces = Pieces::new(&model.triangles, model.positions.len() as u32);
+fn sound_pieces(model: &TriangleModel) -> HalfEdgeMesh {
+    let pieces = HalfEdgeMesh::new(&model.triangles, model.positions.len() as u32);
     assert!(pieces.is_sound());
-    let Census { degenerate, duplicate, unused, .. } = pieces.census;
+    let RepairReport { degenerate, duplicate, unused, .. } = pieces.report;
     assert_eq!([degenerate, duplicate, unused], [0; 3]);
     pieces
 }
@@ -79,7 +79,7 @@ fn sphere_keeps_its_topology_and_shape() {
         let out = simplify(&model, Goal { triangles: goal, error: UNLIMITED }, |_| false);
         let pieces = sound_pieces(&out.model);
         assert!(out.model.triangles.len().abs_diff(goal) <= 1, "{} of {goal}", out.model.triangles.len());
-        assert_eq!((pieces.euler(), pieces.census.borders, pieces.census.pieces), (2, 0, 1));
+        assert_eq!((pieces.euler(), pieces.report.borders, pieces.report.pieces), (2, 0, 1));
         let off = out.model.positions.iter().map(|p| (DVec3::from(*p).length() - 10.0).abs()).fold(0.0, f64::max);
         assert!(off < 0.3 && out.error > 0.0 && out.error < 0.6, "{share}: {off}, {}", out.error);
     }
@@ -102,7 +102,7 @@ fn borders_and_seams_keep_their_places() {
     let model = hill(n);
     let out = simplify(&model, Goal { triangles: model.triangles.len() / 10, error: UNLIMITED }, |_| false);
     let pieces = sound_pieces(&out.model);
-    assert_eq!((pieces.euler(), pieces.census.borders), (1, 1));
+    assert_eq!((pieces.euler(), pieces.report.borders), (1, 1));
     assert!(out.model.triangles.len() <= model.triangles.len() / 10);
     // The border is a square at a height of nearly 0, and the seam runs through its middle.
     let side = f64::from(n);

@@ -3,7 +3,7 @@
 //! Where two wedges of a vertex meet at an edge, the attributes have a seam.
 
 use crate::model::TriangleModel;
-use insula_protocol::mesh::pieces::Pieces;
+use insula_protocol::mesh::half_edge::HalfEdgeMesh;
 use std::collections::HashMap;
 
 /// The attribute values of all wedges.
@@ -18,7 +18,7 @@ pub(super) struct WedgeValues {
 impl WedgeValues {
     /// For each half-edge of the pieces, the wedge of the corner that it starts from, and the values of the wedges. No
     /// two vertices share a wedge. Both are empty if the model has no layers.
-    pub(super) fn number(model: &TriangleModel, pieces: &Pieces) -> (Vec<u32>, Self) {
+    pub(super) fn number(model: &TriangleModel, pieces: &HalfEdgeMesh) -> (Vec<u32>, Self) {
         let layers = model.layers.len();
         let mut values = Vec::new();
         if layers == 0 {
