@@ -12,14 +12,15 @@
 //! threshold tells, so that there is neither a hole nor a picture through another.
 
 use crate::layout::{
-    FADE_RAYS, Frame, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODES, GRID_SHARE_SHIFT, Node,
+    DrawNode, FADE_RAYS, FrameUniform, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODES,
+    GRID_SHARE_SHIFT,
 };
 use glam::DVec3;
 use insula_protocol::TileId;
 
 /// Where the city's root square is and what the view tolerates.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct GridFrame {
     /// From the camera to the south-west corner of the root square, metres.
     pub root_corner: DVec3,
     /// Side of the root square in metres.
@@ -31,13 +32,13 @@ pub struct Place {
 /// The grids of all levels.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Grid {
-    /// What [`Frame`] says of it.
+    /// What [`FrameUniform`] says of it.
     pub head: Head,
     /// Per entry what the square holds, and its lowest and highest point in steps of height.
     pub entries: Vec<[u32; 2]>,
 }
 
-/// The grid's part of a [`Frame`].
+/// The grid's part of a [`FrameUniform`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Head {
     /// Camera within its finest square, in squares.
@@ -60,7 +61,7 @@ pub struct Head {
 
 impl Head {
     /// Puts it into a frame.
-    pub fn write(&self, frame: &mut Frame) {
+    pub fn write(&self, frame: &mut FrameUniform) {
         (frame.eye, frame.eye_cell, frame.side_m) = (self.eye, self.eye_cell, self.side_m);
         (frame.levels, frame.z_eye, frame.z_scale) = (self.levels, self.z_eye, self.z_scale);
         (frame.level_scale, frame.windows) = (self.level_scale, self.windows);
@@ -96,22 +97,22 @@ impl Square {
 
 /// Memory that is used again from frame to frame.
 #[derive(Debug, Clone, Default)]
-pub struct Builder {
+pub struct GridBuilder {
     quads: Vec<Quad>,
     shares: Vec<u8>,
     grid: Grid,
     z: Vec<[u32; 2]>,
 }
 
-impl Builder {
+impl GridBuilder {
     /// The grid of a cut: `ids` and `nodes` are in the same order, nodes relative to the camera. No more than [`GRID_NODES`].
-    pub fn build(&mut self, place: &Place, ids: &[TileId], nodes: &[Node]) -> &Grid {
+    pub fn build(&mut self, place: &GridFrame, ids: &[TileId], nodes: &[DrawNode]) -> &Grid {
         self.build_fading(place, ids, &[], nodes)
     }
 
     /// The same, in which squares pass from one node to another: where `shares` has a number of rays under [`FADE_RAYS`] that is
     /// not 0, so many see the next node of the list, which has the same square.
-    pub fn build_fading(&mut self, place: &Place, ids: &[TileId], shares: &[u8], nodes: &[Node]) -> &Grid {
+    pub fn build_fading(&mut self, place: &GridFrame, ids: &[TileId], shares: &[u8], nodes: &[DrawNode]) -> &Grid {
         let ids = &ids[..ids.len().min(nodes.len()).min(GRID_NODES)];
         self.grid.entries.clear();
         self.grid.head = Head::default();
@@ -133,8 +134,8 @@ impl Builder {
     }
 
     /// All heights in whole steps, rounded outwards.
-    fn heights(&mut self, nodes: &[Node]) {
-        let metres = |node: &Node| {
+    fn heights(&mut self, nodes: &[DrawNode]) {
+        let metres = |node: &DrawNode| {
             [node.z_lo, node.z_hi].map(|code| f64::from(node.corner[2]) + f64::from(code) * f64::from(node.z_step_m))
         };
         let (low, high) = nodes
@@ -258,7 +259,7 @@ impl Builder {
     }
 }
 
-fn head(place: &Place, finest: u8) -> Head {
+fn head(place: &GridFrame, finest: u8) -> Head {
     let squares = f64::from(1u32 << finest);
     let side_m = place.root_side_m / squares;
     // Far outside, the city is a point: the square need not be right any more, only a number.
@@ -278,8 +279,8 @@ mod tests {
     use super::*;
     use bytemuck::Zeroable;
 
-    fn node(low: f32, high: f32) -> Node {
-        Node { z_step_m: 1.0, z_lo: low, z_hi: high, ..Node::zeroed() }
+    fn node(low: f32, high: f32) -> DrawNode {
+        DrawNode { z_step_m: 1.0, z_lo: low, z_hi: high, ..DrawNode::zeroed() }
     }
 
     fn id(level: u8, x: u32, y: u32) -> TileId {
@@ -287,10 +288,10 @@ mod tests {
     }
 
     fn grid(eye: [f64; 2], ids: &[TileId]) -> Grid {
-        let nodes: Vec<Node> = (0..ids.len()).map(|i| node(i as f32, 10.0 + i as f32)).collect();
+        let nodes: Vec<DrawNode> = (0..ids.len()).map(|i| node(i as f32, 10.0 + i as f32)).collect();
         let root_corner = DVec3::new(-eye[0], -eye[1], 0.0);
-        let place = Place { root_corner, root_side_m: 64.0, root_distance_m: 100.0 };
-        Builder::default().build(&place, ids, &nodes).clone()
+        let place = GridFrame { root_corner, root_side_m: 64.0, root_distance_m: 100.0 };
+        GridBuilder::default().build(&place, ids, &nodes).clone()
     }
 
     /// The entry of level `k` at a finest square; `None` outside the window.
@@ -357,8 +358,8 @@ mod tests {
     fn a_square_that_fades_has_both_nodes_heights_and_a_share() {
         let ids = [id(1, 0, 0), id(1, 0, 0), id(1, 1, 0)];
         let nodes = [node(5.0, 10.0), node(0.0, 8.0), node(2.0, 30.0)];
-        let place = Place { root_corner: DVec3::ZERO, root_side_m: 64.0, root_distance_m: 100.0 };
-        let mut builder = Builder::default();
+        let place = GridFrame { root_corner: DVec3::ZERO, root_side_m: 64.0, root_distance_m: 100.0 };
+        let mut builder = GridBuilder::default();
         for (rays, meant) in [(0, 0), (1, 1), (63, 63), (200, 63)] {
             let grid = builder.build_fading(&place, &ids, &[rays], &nodes);
             let [word, z] = entry(grid, 0, 0, 0).unwrap();
@@ -398,8 +399,8 @@ mod tests {
         assert!(grid.entries.len() < 9 * 16, "{}", grid.entries.len());
         assert_eq!(found(&grid, 0, 255, 255), Some((2, 7)));
         assert_eq!(
-            Builder::default()
-                .build(&Place { root_corner: DVec3::ZERO, root_side_m: 1.0, root_distance_m: 1.0 }, &[], &[])
+            GridBuilder::default()
+                .build(&GridFrame { root_corner: DVec3::ZERO, root_side_m: 1.0, root_distance_m: 1.0 }, &[], &[])
                 .head
                 .levels,
             0

@@ -42,7 +42,7 @@ pub const MESH_FLAG: u32 = 128;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
-/// What a pixel shows ([`Frame::shading`]).
+/// What a pixel shows ([`FrameUniform::shading`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
 pub enum Shading {
@@ -81,14 +81,14 @@ impl Shading {
 /// A camera and what surrounds it, for one dispatch.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Frame {
+pub struct FrameUniform {
     /// Unit vector through the picture's centre.
     pub forward: [f32; 3],
-    /// Picture width in pixels.
+    /// MeshTexture width in pixels.
     pub width_px: u32,
     /// To the right edge: unit right times `tan(fov_x / 2)`.
     pub right: [f32; 3],
-    /// Picture height in pixels.
+    /// MeshTexture height in pixels.
     pub height_px: u32,
     /// To the upper edge: unit up times `tan(fov_y / 2)`.
     pub up: [f32; 3],
@@ -160,7 +160,7 @@ pub struct Light {
 /// A node of the cut, ready to be walked.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Node {
+pub struct DrawNode {
     /// South-west corner of the node (of a mesh: of its leaf) at height code 0, relative to the camera.
     pub corner: [f32; 3],
     /// Side of a column.
@@ -171,10 +171,10 @@ pub struct Node {
     pub z_lo: f32,
     /// Highest point above code 0, in codes; inclined columns' slopes included.
     pub z_hi: f32,
-    /// [`Node::slot_and_shift`].
+    /// [`DrawNode::slot_and_shift`].
     pub slot_and_shift: u32,
     /// Atlas pages of the [`PLANES`] (walk, roof, attributes, strip addresses) in 24 bits, and above them how far quarters
-    /// lie below the node ([`Node::pages_and_quarters`]).
+    /// lie below the node ([`DrawNode::pages_and_quarters`]).
     pub pages: [u32; 4],
     /// Level of the node in the city, for [`Shading::Lod`].
     pub level: u32,
@@ -182,16 +182,16 @@ pub struct Node {
     pub mesh: u32,
     /// The city's height zero relative to the camera, which the mesh's heights are above.
     pub mesh_z_m: f32,
-    /// Of a mesh: where its leaf lies among the columns ([`crate::mesh::place_in`]); else 0.
-    pub place_in: u32,
+    /// Of a mesh: where its leaf lies among the columns ([`crate::mesh::leaf_offset`]); else 0.
+    pub leaf_offset: u32,
 }
 
-/// Where the slot begins in [`Node::slot_and_shift`].
+/// Where the slot begins in [`DrawNode::slot_and_shift`].
 const SLOT_SHIFT: u32 = 3;
-/// Where the quarter's byte begins in [`Node::pages`].
+/// Where the quarter's byte begins in [`DrawNode::pages`].
 const QUARTER_SHIFT: u32 = 24;
 
-impl Node {
+impl DrawNode {
     /// Where the summary lies (word index / [`SUMMARY_WORDS`], below 2^29) and the map's `z_shift` (at most 4: a strip row is
     /// `16 >> z_shift` codes) in one word, so that rays read a node without a mesh in three rows.
     pub const fn slot_and_shift(slot: u32, z_shift: u32) -> u32 {
@@ -227,11 +227,11 @@ impl Node {
 
 /// Binding numbers in group 0 of `raycast.wgsl`.
 pub mod binding {
-    /// Uniform [`super::Frame`].
+    /// Uniform [`super::FrameUniform`].
     pub const FRAME: u32 = 0;
     /// Storage, `array<vec2<u32>>`.
     pub const GRID: u32 = 1;
-    /// Storage, `array<Node>`.
+    /// Storage, `array<DrawNode>`.
     pub const NODES: u32 = 2;
     /// Storage, `array<u32>`.
     pub const SUMMARIES: u32 = 3;

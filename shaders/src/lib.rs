@@ -30,6 +30,6 @@ pub const RAYCAST_WGSL: &str = concat!(
 /// The WGSL source that puts the ray-caster's pixels on a render target.
 pub const COMPOSE_WGSL: &str = include_str!("../wgsl/compose.wgsl");
 /// The WGSL source that counts each node's pixels.
-pub const TALLY_WGSL: &str = include_str!("../wgsl/tally.wgsl");
+pub const HIT_COUNTS_WGSL: &str = include_str!("../wgsl/hit_counts.wgsl");
 /// The WGSL source that draws which triangle is nearest, for the bake.
 pub const NEAREST_WGSL: &str = include_str!("../wgsl/nearest.wgsl");

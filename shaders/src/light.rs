@@ -1,6 +1,6 @@
 //! Sun and sky as numbers: what a clear day's air makes of the sun at a height, worked out once and not for each pixel.
 //!
-//! In: the direction to the sun. Out: [`Light`]. Next: `layout::Frame`, which `cpu::shade` and `shade.wgsl` read.
+//! In: the direction to the sun. Out: [`Light`]. Next: `layout::FrameUniform`, which `cpu::shade` and `shade.wgsl` read.
 //!
 //! The air scatters once along straight lines, by molecules (Rayleigh) and by particles (Mie), and ozone takes its part;
 //! light that is scattered again comes from everywhere alike. Coefficients and profiles: Bruneton and Neyret, "Precomputed

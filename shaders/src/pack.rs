@@ -36,7 +36,7 @@ pub struct PackedNode {
     pub z_base_m: f64,
     /// Lowest and highest point in codes, slopes included.
     pub z_range: [f32; 2],
-    /// How far quarters lie below it, as [`Node::pages_and_quarters`](crate::layout::Node::pages_and_quarters) wants it.
+    /// How far quarters lie below it, as [`DrawNode::pages_and_quarters`](crate::layout::DrawNode::pages_and_quarters) wants it.
     pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,

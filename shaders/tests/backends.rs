@@ -2,7 +2,7 @@
 //!
 //! It shows that each translation is possible, not that a driver takes it: that needs the machine.
 
-use insula_shaders::{COMPOSE_WGSL, NEAREST_WGSL, RAYCAST_WGSL, TALLY_WGSL};
+use insula_shaders::{COMPOSE_WGSL, HIT_COUNTS_WGSL, NEAREST_WGSL, RAYCAST_WGSL};
 use naga::{
     Module, ShaderStage,
     back::{PipelineConstants, glsl, hlsl, msl, pipeline_constants::process_overrides, spv},
@@ -21,9 +21,12 @@ struct Program<'a> {
 /// Tries `translate` on each program of each source, with each switch on and off; how many there were.
 fn each(translate: impl Fn(&Program<'_>) -> Result<usize, String>) -> usize {
     let mut programs = 0;
-    for (file, source) in
-        [("raycast", RAYCAST_WGSL), ("compose", COMPOSE_WGSL), ("tally", TALLY_WGSL), ("nearest", NEAREST_WGSL)]
-    {
+    for (file, source) in [
+        ("raycast", RAYCAST_WGSL),
+        ("compose", COMPOSE_WGSL),
+        ("hit_counts", HIT_COUNTS_WGSL),
+        ("nearest", NEAREST_WGSL),
+    ] {
         let module = naga::front::wgsl::parse_str(source).expect(file);
         let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).expect(file);
         for on in 0..1u32 << module.overrides.len() {

@@ -1,8 +1,8 @@
 //! The WGSL is valid with the capabilities that the client asks for (none), and its structs lie as Rust's do.
 
 use insula_shaders::{
-    COMPOSE_WGSL, RAYCAST_WGSL, TALLY_WGSL,
-    layout::{Frame, Light, Node, WORKGROUP},
+    COMPOSE_WGSL, HIT_COUNTS_WGSL, RAYCAST_WGSL,
+    layout::{DrawNode, FrameUniform, Light, WORKGROUP},
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use std::mem::offset_of;
@@ -37,7 +37,7 @@ fn structs_lie_alike() {
     let module = module(RAYCAST_WGSL);
     assert_layout!(
         &module,
-        Frame {
+        FrameUniform {
             forward,
             width_px,
             right,
@@ -81,17 +81,20 @@ fn structs_lie_alike() {
     // Rows of four: `place` is corner and cell_m, `z` is z_step_m to slot_and_shift.
     let (span, members) = wgsl_layout(&module, "Node");
     let rust = [
-        ("place", offset_of!(Node, corner)),
-        ("z", offset_of!(Node, z_step_m)),
-        ("pages", offset_of!(Node, pages)),
-        ("level", offset_of!(Node, level)),
-        ("mesh", offset_of!(Node, mesh)),
-        ("mesh_z_m", offset_of!(Node, mesh_z_m)),
-        ("place_in", offset_of!(Node, place_in)),
+        ("place", offset_of!(DrawNode, corner)),
+        ("z", offset_of!(DrawNode, z_step_m)),
+        ("pages", offset_of!(DrawNode, pages)),
+        ("level", offset_of!(DrawNode, level)),
+        ("mesh", offset_of!(DrawNode, mesh)),
+        ("mesh_z_m", offset_of!(DrawNode, mesh_z_m)),
+        ("leaf_offset", offset_of!(DrawNode, leaf_offset)),
     ];
     assert_eq!(members, rust.map(|(name, at)| (name.to_owned(), at)));
-    assert_eq!((span, offset_of!(Node, cell_m), offset_of!(Node, slot_and_shift)), (size_of::<Node>(), 12, 28));
-    assert_eq!((offset_of!(Node, z_lo), offset_of!(Node, z_hi)), (20, 24));
+    assert_eq!(
+        (span, offset_of!(DrawNode, cell_m), offset_of!(DrawNode, slot_and_shift)),
+        (size_of::<DrawNode>(), 12, 28)
+    );
+    assert_eq!((offset_of!(DrawNode, z_lo), offset_of!(DrawNode, z_hi)), (20, 24));
 }
 
 #[test]
@@ -101,5 +104,5 @@ fn entry_points_are_valid() {
     assert_eq!((entry.name.as_str(), entry.workgroup_size), ("raycast", [WORKGROUP[0], WORKGROUP[1], 1]));
     let names: Vec<_> = module(COMPOSE_WGSL).entry_points.iter().map(|e| e.name.clone()).collect();
     assert_eq!(names, ["corner", "compose_srgb", "compose_linear"]);
-    assert_eq!(module(TALLY_WGSL).entry_points[0].name, "tally");
+    assert_eq!(module(HIT_COUNTS_WGSL).entry_points[0].name, "hit_counts");
 }

@@ -268,7 +268,7 @@ fn decode(srgb: vec3<f32>) -> vec3<f32> {
 fn open_sky(index: u32, p: vec3<f32>, normal: vec3<f32>) -> f32 {
     let cell_m = nodes[index].place.w;
     let below = p - nodes[index].place.xyz - normal * (0.5 * cell_m);
-    let at = below.xy / cell_m + halves(nodes[index].place_in) / PLACES - 0.5;
+    let at = below.xy / cell_m + halves(nodes[index].leaf_offset) / PLACES - 0.5;
     let z = below.z / bitcast<f32>(nodes[index].z.x);
     let corner = floor(at);
     let part = at - corner;

@@ -3,7 +3,7 @@
 //
 // In: frame, grid, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, or read-back.
 
-struct Frame {
+struct FrameUniform {
     forward: vec3<f32>,
     width_px: u32,
     right: vec3<f32>,
@@ -26,7 +26,7 @@ struct Frame {
     windows: array<vec4<i32>, 21>,
 }
 
-struct Node {
+struct DrawNode {
     // In rows of four, each of which is read at once. South-west corner at height code 0, side of a column.
     place: vec4<f32>,
     // Bits of metres of a height code, lowest, highest; slot and z_shift.
@@ -36,12 +36,12 @@ struct Node {
     level: u32,
     mesh: u32,
     mesh_z_m: f32,
-    place_in: u32,
+    leaf_offset: u32,
 }
 
-@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<storage, read> grid: array<vec2<u32>>;
-@group(0) @binding(2) var<storage, read> nodes: array<Node>;
+@group(0) @binding(2) var<storage, read> nodes: array<DrawNode>;
 @group(0) @binding(3) var<storage, read> summaries: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read> atlas: array<u32>;
 @group(0) @binding(5) var<storage, read_write> colour: array<u32>;

@@ -13,7 +13,7 @@ use insula_client::{
     stream::decode::{Decoded, decode},
 };
 use insula_protocol::{Subtree, mesh_tile, route::Layer};
-use insula_shaders::cpu::{raycast::Pixels, tally::tally};
+use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use std::time::Instant;
 
 /// Memory for tiles.
@@ -107,7 +107,7 @@ impl<'a> Cold<'a> {
         let size_px = [pixels.width_px, pixels.height_px];
         if !self.sight.has_looked(data.asked.generation, size_px) {
             let whole = self.selection.wanted.is_empty();
-            self.sight.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()), whole, &self.tree);
+            self.sight.feed(&data.asked, &hit_counts(&pixels.hit, data.nodes.len()), whole, &self.tree);
         }
         pixels
     }

@@ -12,7 +12,7 @@ use crate::{
     error::{ClientError, Result},
 };
 use insula_shaders::{
-    cpu::raycast::{Counts, Pixels},
+    cpu::raycast::{Pixels, RayCounts},
     layout::SUMMARY_WORDS,
 };
 
@@ -96,7 +96,7 @@ impl Adapter {
     }
 
     /// What the rays of such a picture do, one a pixel. Costs about as much as a picture.
-    pub fn count(&mut self, data: &FrameData) -> Result<Counts> {
+    pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
         match self {
             Self::Gpu(gpu) => gpu.count(data),
             Self::Cpu(cpu) => Ok(cpu.count(data)),

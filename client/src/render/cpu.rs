@@ -5,7 +5,7 @@
 use super::FrameData;
 use crate::cache::{Upload, slots_for};
 use insula_shaders::{
-    cpu::raycast::{Counts, Pixels, SceneRef, count, render},
+    cpu::raycast::{Pixels, RayCounts, SceneRef, count, render},
     layout::{PAGE_WORDS, SUMMARY_WORDS},
 };
 
@@ -31,7 +31,7 @@ impl CpuAdapter {
     }
 
     /// What the rays of such a picture do.
-    pub fn count(&self, data: &FrameData) -> Counts {
+    pub fn count(&self, data: &FrameData) -> RayCounts {
         count(&self.scene(data))
     }
 

@@ -9,8 +9,8 @@ use crate::{
     select::{fade::FADES, sight::Asked},
 };
 use insula_shaders::{
-    cpu::raycast::{Counts, Pixels},
-    gpu::{Capacity, Raycaster, Tally},
+    cpu::raycast::{Pixels, RayCounts},
+    gpu::{Capacity, HitCounts, Raycaster},
     layout::SUMMARY_WORDS,
 };
 
@@ -71,7 +71,7 @@ pub struct GpuAdapter {
     pub device: Device,
     /// Its buffers and its pass.
     pub raycaster: Raycaster,
-    tally: Tally,
+    tally: HitCounts,
     /// The picture whose hits are on their way, and the last one that was.
     asked: Option<Asked>,
     last: Option<(u64, [u32; 2])>,
@@ -91,7 +91,7 @@ impl GpuAdapter {
         match errors.into_iter().flatten().next() {
             Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
             None => {
-                let tally = Tally::new(&device.device, nodes);
+                let tally = HitCounts::new(&device.device, nodes);
                 Ok(Self { device, raycaster, tally, asked: None, last: None })
             }
         }
@@ -136,7 +136,7 @@ impl GpuAdapter {
     }
 
     /// What the rays of such a picture do: draws nothing, waits.
-    pub fn count(&mut self, data: &FrameData) -> Result<Counts> {
+    pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
         let device = (&self.device.device, &self.device.queue);
         self.raycaster.resize(device.0, [data.frame.width_px, data.frame.height_px]);
         let counts = self.raycaster.count(device, &data.frame, &data.grid, &data.nodes);

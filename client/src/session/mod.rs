@@ -27,7 +27,7 @@ pub use around::SMALLER;
 pub use flow::Shot;
 use flow::{Beside, Flow};
 use glam::DVec3;
-use insula_shaders::cpu::{raycast::Pixels, tally::tally};
+use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use std::{
     sync::atomic::{AtomicBool, Ordering},
     thread::JoinHandle,
@@ -139,7 +139,7 @@ impl Session {
     pub fn render(&mut self, data: &FrameData) -> Result<Pixels> {
         let pixels = self.during(|adapter| adapter.draw(data))?;
         self.drawn(data);
-        self.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()));
+        self.feed(&data.asked, &hit_counts(&pixels.hit, data.nodes.len()));
         Ok(pixels)
     }
 
@@ -156,7 +156,7 @@ impl Session {
             Beside::Lacking => Ok(LookAround::Waits),
             Beside::Unseen(data) => {
                 let pixels = self.during(|adapter| adapter.draw(&data))?;
-                self.flow.feed_beside(shot, &data.asked, &tally(&pixels.hit, data.nodes.len()));
+                self.flow.feed_beside(shot, &data.asked, &hit_counts(&pixels.hit, data.nodes.len()));
                 Ok(LookAround::Looked)
             }
         }

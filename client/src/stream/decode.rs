@@ -11,7 +11,7 @@ use insula_protocol::{
     route::Layer,
 };
 use insula_shaders::{
-    mesh::{PackedMesh, Picture},
+    mesh::{MeshTexture, PackedMesh},
     pack::PackedNode,
 };
 use std::{io::Cursor, sync::Arc};
@@ -92,7 +92,7 @@ pub fn decode(key: Key, bytes: &[u8]) -> Result<Decoded, DecodeError> {
 }
 
 /// Unpacks a texture, if it is of the size that it says: that is within the format's limits.
-fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
+fn picture(texture: &Texture) -> Result<MeshTexture, DecodeError> {
     let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
     let [width_px, height_px] = texture.size_px.map(u32::from);
     let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes));
@@ -107,7 +107,7 @@ fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
         return Err(DecodeError::Invalid("a mesh's texture is not of its size"));
     }
     let texels = rgb.pixels().map(|p| u32::from_le_bytes([p.0[0], p.0[1], p.0[2], 255])).collect();
-    Ok(Picture { width_px, height_px, texels })
+    Ok(MeshTexture { width_px, height_px, texels })
 }
 
 #[cfg(test)]

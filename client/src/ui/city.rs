@@ -24,7 +24,7 @@ use crate::{
 };
 use egui::Align2;
 use glam::DVec3;
-use insula_shaders::{cpu::raycast::Counts, layout::Shading};
+use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
 use std::time::{Duration, Instant};
 use winit::event_loop::ControlFlow;
 
@@ -82,7 +82,7 @@ pub struct City {
     wake: Option<Instant>,
     /// Whether rays are counted, and what they did in the last picture that rested.
     pub(super) counting: bool,
-    pub(super) counts: Option<Counts>,
+    pub(super) counts: Option<RayCounts>,
     /// Settings were changed that should not be lost.
     pub(super) store: bool,
 }

@@ -6,7 +6,7 @@ use super::{control::Mode, keys::HELP, tour::resident_bytes};
 use crate::{session::Session, sun::Daylight};
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
-use insula_shaders::{cpu::raycast::Counts, layout::Shading};
+use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
 use std::{
     ops::RangeInclusive,
     time::{Duration, Instant},
@@ -48,7 +48,7 @@ impl Status {
         session: &Session,
         frame_time: Duration,
         (mode, speed_m_per_sec): (Mode, f64),
-        counts: Option<Counts>,
+        counts: Option<RayCounts>,
     ) -> Self {
         let counters = session.selection().counters;
         let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1u32 << 20));

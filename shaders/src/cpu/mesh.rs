@@ -11,7 +11,7 @@ use super::{
     shade::linear_of,
 };
 use crate::{
-    layout::{MESH_FLAG, Node},
+    layout::{DrawNode, MESH_FLAG},
     mesh::{COUNT_SHIFT, PLACES, STACK, TILE_PX},
     pack::head_words,
 };
@@ -67,7 +67,7 @@ fn halves(word: u32) -> Vec2 {
     Vec2::new((word & 0xffff) as f32, (word >> 16) as f32)
 }
 
-pub(super) fn walk_mesh(scene: &SceneRef<'_>, node: &Node, index: u32, leg: &Leg, gathered: &mut Gathered) {
+pub(super) fn walk_mesh(scene: &SceneRef<'_>, node: &DrawNode, index: u32, leg: &Leg, gathered: &mut Gathered) {
     gathered.counts.nodes += 1;
     let head = node.mesh - 1;
     let place = four(scene, gathered, head).map(f32::from_bits);
@@ -180,7 +180,7 @@ fn triangle(scene: &SceneRef<'_>, ray: &MeshRay, at: u32, hit: &mut MeshHit, gat
 #[allow(clippy::too_many_arguments)] // One call in WGSL too; a struct for it would only rename them.
 fn show(
     scene: &SceneRef<'_>,
-    node: &Node,
+    node: &DrawNode,
     index: u32,
     leg: &Leg,
     ray: &MeshRay,
@@ -282,9 +282,9 @@ fn decode(srgb: Vec3) -> Vec3 {
 }
 
 /// Share of the sky at `p`, as the columns just below the surface say it; between their middles, a mean.
-fn open_sky(scene: &SceneRef<'_>, node: &Node, p: Vec3, normal: Vec3, gathered: &mut Gathered) -> f32 {
+fn open_sky(scene: &SceneRef<'_>, node: &DrawNode, p: Vec3, normal: Vec3, gathered: &mut Gathered) -> f32 {
     let below = p - Vec3::from(node.corner) - normal * (0.5 * node.cell_m);
-    let at = below.xy() / node.cell_m + halves(node.place_in) / PLACES - 0.5;
+    let at = below.xy() / node.cell_m + halves(node.leaf_offset) / PLACES - 0.5;
     let z = below.z / node.z_step_m;
     let corner = at.floor();
     let part = at - corner;
@@ -303,7 +303,14 @@ fn open_sky(scene: &SceneRef<'_>, node: &Node, p: Vec3, normal: Vec3, gathered: 
 }
 
 /// Share of the sky that a column sees at height `z`, and how much it tells: nothing of what is far above or below.
-fn column_sky(scene: &SceneRef<'_>, node: &Node, cell: IVec2, z: f32, upwards: f32, gathered: &mut Gathered) -> Vec2 {
+fn column_sky(
+    scene: &SceneRef<'_>,
+    node: &DrawNode,
+    cell: IVec2,
+    z: f32,
+    upwards: f32,
+    gathered: &mut Gathered,
+) -> Vec2 {
     let i = cell.y as u32 * NODE_CELLS as u32 + cell.x as u32;
     let page = |plane: usize| node.page(plane) * crate::layout::PAGE_WORDS as u32;
     let walk = mesh_word(scene, gathered, page(0) + i);

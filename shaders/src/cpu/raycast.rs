@@ -12,13 +12,13 @@ use super::{
     column::column,
     machine::{floor2, least, most},
     mesh::walk_mesh,
-    shade::{Air, Lit, Surface, background, develop, encode_srgb, ground_distance, shade, through_haze},
+    shade::{Airlight, Lit, Surface, background, develop, encode_srgb, ground_distance, shade, through_haze},
 };
 use crate::{
     grid::Z_TOP,
     layout::{
-        BLOCK_CELLS, Frame, GRID_LEVEL_SHIFT, GRID_MIXED, GRID_NODE_BIT, GRID_NODES, GRID_SHARE_SHIFT, MAX_SAMPLES,
-        NO_NODE, Node, SUMMARY_WORDS,
+        BLOCK_CELLS, DrawNode, FrameUniform, GRID_LEVEL_SHIFT, GRID_MIXED, GRID_NODE_BIT, GRID_NODES, GRID_SHARE_SHIFT,
+        MAX_SAMPLES, NO_NODE, SUMMARY_WORDS,
     },
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
@@ -29,11 +29,11 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Copy)]
 pub struct SceneRef<'a> {
     /// Camera and light.
-    pub frame: &'a Frame,
+    pub frame: &'a FrameUniform,
     /// Entries of the grid.
     pub grid: &'a [[u32; 2]],
     /// Nodes of the cut.
-    pub nodes: &'a [Node],
+    pub nodes: &'a [DrawNode],
     /// Block summaries, 64 words a slot.
     pub summaries: &'a [u32],
     /// Pages.
@@ -57,7 +57,7 @@ pub struct Pixels {
 
 /// What rays did; per ray or summed up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
+pub struct RayCounts {
     /// Rays.
     pub rays: u64,
     /// Nodes that were walked: the ray was between their lowest and highest point.
@@ -70,7 +70,7 @@ pub struct Counts {
     pub cells: u64,
 }
 
-impl std::ops::AddAssign for Counts {
+impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, other: Self) {
         self.rays += other.rays;
         self.nodes += other.nodes;
@@ -122,12 +122,12 @@ pub(super) struct Gathered {
     pub(super) node: u32,
     /// Where the ray towards the sun begins.
     pub(super) sun_from: Vec3,
-    pub(super) counts: Counts,
+    pub(super) counts: RayCounts,
 }
 
 /// A ray inside a node: position and direction in cells (x, y) and height codes (z), `t` still in metres.
 pub(super) struct NodeRay<'a> {
-    pub(super) node: &'a Node,
+    pub(super) node: &'a DrawNode,
     pub(super) index: u32,
     pub(super) leg: Leg,
     pub(super) o: Vec3,
@@ -150,26 +150,26 @@ pub fn render(scene: &SceneRef<'_>) -> Pixels {
 }
 
 /// What the picture's centre rays cost.
-pub fn count(scene: &SceneRef<'_>) -> Counts {
+pub fn count(scene: &SceneRef<'_>) -> RayCounts {
     count_where(scene, |_| true)
 }
 
 /// The same of some pixels only, which are numbered row by row from the top.
-pub fn count_where(scene: &SceneRef<'_>, counts: impl Fn(usize) -> bool + Sync) -> Counts {
+pub fn count_where(scene: &SceneRef<'_>, counts: impl Fn(usize) -> bool + Sync) -> RayCounts {
     let (width, height) = (scene.frame.width_px, scene.frame.height_px);
     let row = |y: u32| {
-        let mut sum = Counts::default();
+        let mut sum = RayCounts::default();
         for x in (0..width).filter(|x| counts((y * width + x) as usize)) {
             let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5);
             sum += trace(scene, dir, threshold_of([x, y], 1, 0)).1.counts;
         }
         sum
     };
-    let add = |mut a: Counts, b: Counts| {
+    let add = |mut a: RayCounts, b: RayCounts| {
         a += b;
         a
     };
-    (0..height).into_par_iter().map(row).reduce(Counts::default, add)
+    (0..height).into_par_iter().map(row).reduce(RayCounts::default, add)
 }
 
 fn pixel(scene: &SceneRef<'_>, x: u32, y: u32) -> (u32, f32, u32) {
@@ -196,7 +196,7 @@ fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
     (a & 1) << 5 | (y & 1) << 4 | (a & 2) << 2 | (y & 2) << 1 | (a & 4) >> 1 | (y & 4) >> 2
 }
 
-fn ray_direction(frame: &Frame, p_px: Vec2) -> Vec3 {
+fn ray_direction(frame: &FrameUniform, p_px: Vec2) -> Vec3 {
     let ndc = p_px / Vec2::new(frame.width_px as f32, frame.height_px as f32) * 2.0 - 1.0;
     (Vec3::from(frame.forward) + Vec3::from(frame.right) * ndc.x - Vec3::from(frame.up) * ndc.y).normalize_or(Vec3::X)
 }
@@ -215,7 +215,7 @@ pub(super) fn ahead(d: Vec2) -> Vec2 {
 /// The light of a ray from the eye, ready for the screen, and what it met.
 fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> (Vec3, Gathered) {
     let frame = scene.frame;
-    let counts = Counts { rays: 1, ..Counts::default() };
+    let counts = RayCounts { rays: 1, ..RayCounts::default() };
     let nothing = Gathered {
         albedo: Vec3::ZERO,
         ao: 0.0,
@@ -233,7 +233,7 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> (Vec3, Gathered) {
     let leg = Leg { from: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false, threshold };
     walk_grid(scene, &leg, &mut gathered);
     let mut eye_m = gathered.distance_m;
-    let air = Air::new(frame, dir);
+    let air = Airlight::new(frame, dir);
     let mut lit = gathered.light(frame, dir, &air);
     if gathered.left > OPAQUE {
         let behind = background(frame, dir, &air);
@@ -258,7 +258,7 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> (Vec3, Gathered) {
 
 impl Gathered {
     /// Light of all that was passed, as if it were one surface.
-    fn light(&self, frame: &Frame, dir: Vec3, air: &Air) -> Lit {
+    fn light(&self, frame: &FrameUniform, dir: Vec3, air: &Airlight) -> Lit {
         let share = 1.0 - self.left;
         if share <= 0.0 {
             return Lit { sky: Vec3::ZERO, sun: Vec3::ZERO };
@@ -344,7 +344,7 @@ fn seen_by(leg: &Leg, entry: u32) -> u32 {
 }
 
 /// The level whose nodes are good enough at a distance.
-fn level_at(frame: &Frame, t: f32) -> u32 {
+fn level_at(frame: &FrameUniform, t: f32) -> u32 {
     // The exponent is the logarithm, rounded down.
     let level = (most(t * frame.level_scale, 1.0).to_bits() >> 23) - 127;
     level.min(frame.levels - 1)
@@ -421,7 +421,7 @@ fn walk_node(scene: &SceneRef<'_>, index: u32, leg: &Leg, t_in: f32, t_out: f32,
 }
 
 /// The highest point, and a little more, of the quarters of a node that a ray crosses between two places in it.
-fn highest_on(node: &Node, from: Vec2, to: Vec2) -> f32 {
+fn highest_on(node: &DrawNode, from: Vec2, to: Vec2) -> f32 {
     let half = NODE_CELLS as f32 / 2.0;
     let quarter = |p: Vec2| usize::from(p.x >= half) + 2 * usize::from(p.y >= half);
     let (a, b) = (quarter(from), quarter(to));

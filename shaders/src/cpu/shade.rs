@@ -5,7 +5,7 @@
 //!
 //! Only [`Shading::Lit`] knows light, haze and a film's curve; the others show what is baked.
 
-use crate::layout::{Frame, MESH_FLAG, Shading};
+use crate::layout::{FrameUniform, MESH_FLAG, Shading};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use insula_protocol::blockmap::flag;
 
@@ -79,7 +79,7 @@ impl Lit {
 }
 
 /// Light of a surface under the frame's shading, not yet through haze.
-pub fn shade(frame: &Frame, surface: &Surface) -> Lit {
+pub fn shade(frame: &FrameUniform, surface: &Surface) -> Lit {
     let Surface { albedo, ao, normal: n, .. } = *surface;
     let debug = |tint: Vec3| tint * (0.35 + 0.65 * ao) * (0.7 + 0.3 * n.dot(Vec3::from(frame.sun)).max(0.0));
     match frame.shading {
@@ -93,7 +93,7 @@ pub fn shade(frame: &Frame, surface: &Surface) -> Lit {
 }
 
 /// What a surface sends of what it receives.
-fn received(frame: &Frame, albedo: Vec3, n: Vec3, ao: f32) -> Lit {
+fn received(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Lit {
     let light = &frame.light;
     let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
     let wall = rgb(light.sky_wall) + rgb(light.sky_side) * (n.x * light.side[0] + n.y * light.side[1]);
@@ -105,7 +105,7 @@ fn received(frame: &Frame, albedo: Vec3, n: Vec3, ao: f32) -> Lit {
 
 /// What the share of the sky that a surface sees tells of its sun, where no ray asks: what sees little sky sees little sun. A
 /// wall in the open sees half the sky.
-fn sun_by_sky(frame: &Frame, ao: f32) -> f32 {
+fn sun_by_sky(frame: &FrameUniform, ao: f32) -> f32 {
     if frame.shadow_m > 0.0 { 1.0 } else { (2.0 * ao + 0.25).min(1.0) }
 }
 
@@ -115,20 +115,20 @@ fn rgb(v: [f32; 4]) -> Vec3 {
 
 /// What the air adds in a ray's direction.
 #[derive(Debug, Clone, Copy)]
-pub struct Air {
+pub struct Airlight {
     horizon: Vec3,
     glow: Vec3,
 }
 
-impl Air {
+impl Airlight {
     /// In direction `dir`.
-    pub fn new(frame: &Frame, dir: Vec3) -> Self {
+    pub fn new(frame: &FrameUniform, dir: Vec3) -> Self {
         Self { horizon: horizon(frame, dir), glow: glow(frame, dir) }
     }
 }
 
 /// Light from `distance_m` away in the direction of `air`, as it comes to the eye.
-pub fn through_haze(frame: &Frame, lit: Lit, air: &Air, distance_m: f32) -> Lit {
+pub fn through_haze(frame: &FrameUniform, lit: Lit, air: &Airlight, distance_m: f32) -> Lit {
     if frame.shading != Shading::Lit as u32 {
         return lit;
     }
@@ -140,7 +140,7 @@ pub fn through_haze(frame: &Frame, lit: Lit, air: &Air, distance_m: f32) -> Lit 
 }
 
 /// What came to the eye, as the screen shows it.
-pub fn develop(frame: &Frame, rgb: Vec3) -> Vec3 {
+pub fn develop(frame: &FrameUniform, rgb: Vec3) -> Vec3 {
     if frame.shading == Shading::Lit as u32 { tone(rgb) } else { rgb }
 }
 
@@ -176,7 +176,7 @@ fn kind_tint(flags: u32) -> Vec3 {
 }
 
 /// Sky and ground plane in direction `dir`, which is that of `air`.
-pub fn background(frame: &Frame, dir: Vec3, air: &Air) -> Lit {
+pub fn background(frame: &FrameUniform, dir: Vec3, air: &Airlight) -> Lit {
     let ground_m = ground_distance(frame, dir);
     if frame.shading != Shading::Lit as u32 {
         let sky = HORIZON.lerp(ZENITH, dir.z.max(0.0).sqrt());
@@ -192,12 +192,12 @@ pub fn background(frame: &Frame, dir: Vec3, air: &Air) -> Lit {
 }
 
 /// Metres to the ground plane, infinity if the ray does not meet it.
-pub fn ground_distance(frame: &Frame, dir: Vec3) -> f32 {
+pub fn ground_distance(frame: &FrameUniform, dir: Vec3) -> f32 {
     if frame.ground == 0 || dir.z > -1e-5 || frame.ground_z_m >= 0.0 { f32::INFINITY } else { frame.ground_z_m / dir.z }
 }
 
 /// The sky's light in direction `dir`, which is that of `air`.
-fn sky(frame: &Frame, dir: Vec3, air: &Air) -> Vec3 {
+fn sky(frame: &FrameUniform, dir: Vec3, air: &Airlight) -> Vec3 {
     let light = &frame.light;
     let clear = rgb(light.zenith).lerp(air.horizon, (-SKY_FALL * dir.z.max(0.0)).exp());
     let edge = ((DISC_OUTER - from_sun(frame, dir)) / (DISC_OUTER - DISC_INNER)).clamp(0.0, 1.0);
@@ -205,7 +205,7 @@ fn sky(frame: &Frame, dir: Vec3, air: &Air) -> Vec3 {
 }
 
 /// The sky low in direction `dir`.
-fn horizon(frame: &Frame, dir: Vec3) -> Vec3 {
+fn horizon(frame: &FrameUniform, dir: Vec3) -> Vec3 {
     let flat = Vec2::new(dir.x, dir.y);
     let along = flat.dot(Vec2::from(frame.light.side)) / flat.length().max(1e-4);
     let sunward = 0.5 + 0.5 * along;
@@ -213,12 +213,12 @@ fn horizon(frame: &Frame, dir: Vec3) -> Vec3 {
 }
 
 /// What the sky around the sun has more (Henyey and Greenstein's shape with g = 0.76).
-fn glow(frame: &Frame, dir: Vec3) -> Vec3 {
+fn glow(frame: &FrameUniform, dir: Vec3) -> Vec3 {
     let near = GLOW / (GLOW + 0.76 * from_sun(frame, dir));
     rgb(frame.light.glow) * (near * near.sqrt())
 }
 
 /// Squared distance from the sun on the unit sphere: exact where a cosine is not.
-fn from_sun(frame: &Frame, dir: Vec3) -> f32 {
+fn from_sun(frame: &FrameUniform, dir: Vec3) -> f32 {
     (dir - Vec3::from(frame.sun)).length_squared()
 }

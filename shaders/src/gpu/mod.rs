@@ -1,11 +1,11 @@
 //! The WGSL stages as wgpu passes, and the memory that they read.
 
 pub mod compose;
+pub mod hit_counts;
 pub mod nearest;
 pub mod raycast;
-pub mod tally;
 
 pub use compose::Compose;
+pub use hit_counts::HitCounts;
 pub use nearest::Nearest;
 pub use raycast::{Capacity, GpuError, Raycaster};
-pub use tally::Tally;

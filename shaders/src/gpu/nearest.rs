@@ -12,7 +12,7 @@ const DEPTHS: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// A triangle's corner as the shader takes it.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Corner {
+pub struct NearestVertex {
     /// Texels from the map's corner along its rows and across them; then how near it is, from 0 (far) to 1.
     pub place: [f32; 3],
     /// What the map shows where the triangle is nearest; not 0, which stands for nothing.
@@ -56,12 +56,12 @@ impl Nearest {
 
     /// Draws triangles, three corners each; of two that are as near the first is shown. Gives `size[0] * size[1]` numbers,
     /// row by row. Errors: the map is larger than the device's textures, or could not be read back.
-    pub fn draw(&self, corners: &[Corner], size: [u32; 2]) -> Result<Vec<u32>, GpuError> {
+    pub fn draw(&self, corners: &[NearestVertex], size: [u32; 2]) -> Result<Vec<u32>, GpuError> {
         let limit = self.device.limits().max_texture_dimension_2d;
         if let Some(found) = size.into_iter().find(|side| *side == 0 || *side > limit) {
             return Err(GpuError::Capacity { what: "texels along a side of a map", found: found as usize, limit });
         }
-        let clip = |corner: &Corner| Corner {
+        let clip = |corner: &NearestVertex| NearestVertex {
             place: [
                 corner.place[0] * 2.0 / size[0] as f32 - 1.0,
                 1.0 - corner.place[1] * 2.0 / size[1] as f32,
@@ -69,7 +69,7 @@ impl Nearest {
             ],
             ..*corner
         };
-        let corners: Vec<Corner> = corners.iter().map(clip).collect();
+        let corners: Vec<NearestVertex> = corners.iter().map(clip).collect();
         let vertices = self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("corners"),
             contents: bytemuck::cast_slice(&corners),
@@ -162,7 +162,7 @@ fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
             entry_point: Some("corner"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<Corner>() as u64,
+                array_stride: size_of::<NearestVertex>() as u64,
                 step_mode: wgpu::VertexStepMode::Vertex,
                 attributes: &attributes,
             })],

@@ -3,8 +3,8 @@
 //! In: pages, summaries, the cut. Out: pixels in device memory. Next: `compose`, or [`Raycaster::read_back`].
 
 use crate::{
-    cpu::raycast::{Counts, Pixels},
-    layout::{Frame, Node, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding},
+    cpu::raycast::{Pixels, RayCounts},
+    layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding},
 };
 use bytemuck::Zeroable;
 use std::collections::HashMap;
@@ -56,7 +56,7 @@ pub struct Raycaster {
 /// A build of the shader: what it need not do costs nothing, even on devices that execute both sides of an `if`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct Build {
-    /// Counts what rays do, and draws nothing.
+    /// RayCounts what rays do, and draws nothing.
     count: bool,
     /// Knows of meshes.
     meshes: bool,
@@ -160,11 +160,11 @@ impl Raycaster {
         let inputs = Inputs {
             frame: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("frame"),
-                contents: bytemuck::bytes_of(&Frame::zeroed()),
+                contents: bytemuck::bytes_of(&FrameUniform::zeroed()),
                 usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             }),
             grid: sized("grid", GRID_ENTRIES, size_of::<[u32; 2]>()),
-            nodes: sized("nodes", capacity.nodes, size_of::<Node>()),
+            nodes: sized("nodes", capacity.nodes, size_of::<DrawNode>()),
             summaries: sized("summaries", capacity.slots, SUMMARY_WORDS * 4),
             atlas: sized("atlas", capacity.atlas_pages, PAGE_WORDS * 4),
         };
@@ -208,9 +208,9 @@ impl Raycaster {
         &mut self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
         encoder: &mut wgpu::CommandEncoder,
-        frame: &Frame,
+        frame: &FrameUniform,
         grid: &[[u32; 2]],
-        nodes: &[Node],
+        nodes: &[DrawNode],
     ) -> Result<(), GpuError> {
         self.upload((device, queue), frame, grid, nodes)?;
         let meshes = nodes.iter().any(|node| node.mesh != 0);
@@ -222,16 +222,16 @@ impl Raycaster {
     pub fn count(
         &mut self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
-        frame: &Frame,
+        frame: &FrameUniform,
         grid: &[[u32; 2]],
-        nodes: &[Node],
-    ) -> Result<Counts, GpuError> {
-        self.upload((device, queue), &Frame { samples: 1, ..*frame }, grid, nodes)?;
+        nodes: &[DrawNode],
+    ) -> Result<RayCounts, GpuError> {
+        self.upload((device, queue), &FrameUniform { samples: 1, ..*frame }, grid, nodes)?;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
         self.dispatch(device, &mut encoder, Build { count: true, meshes: true, for_study: true });
         queue.submit([encoder.finish()]);
         let pixels = self.read_back(device, queue)?;
-        let mut counts = Counts { rays: pixels.colour.len() as u64, ..Counts::default() };
+        let mut counts = RayCounts { rays: pixels.colour.len() as u64, ..RayCounts::default() };
         for i in 0..pixels.colour.len() {
             counts.nodes += u64::from(pixels.colour[i] & 0xffff);
             counts.steps += u64::from(pixels.colour[i] >> 16);
@@ -253,9 +253,9 @@ impl Raycaster {
     fn upload(
         &mut self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
-        frame: &Frame,
+        frame: &FrameUniform,
         grid: &[[u32; 2]],
-        nodes: &[Node],
+        nodes: &[DrawNode],
     ) -> Result<(), GpuError> {
         let (found, limit) = (nodes.len(), self.capacity.nodes);
         if found > limit as usize {

@@ -56,7 +56,7 @@ fn middle([low, high]: Bounds) -> [u32; 3] {
     std::array::from_fn(|k| low[k] + high[k])
 }
 
-struct Builder {
+struct GridBuilder {
     bounds: Vec<Bounds>,
     middles: Vec<[u32; 3]>,
     order: Vec<u32>,
@@ -69,13 +69,13 @@ impl Tree {
         let bounds: Vec<Bounds> = corners.iter().map(around).collect();
         let middles = bounds.iter().copied().map(middle).collect();
         let order = (0..corners.len() as u32).collect();
-        let mut builder = Builder { bounds, middles, order, pairs: Vec::new() };
+        let mut builder = GridBuilder { bounds, middles, order, pairs: Vec::new() };
         let root = builder.child(0..corners.len(), 0);
         Self { pairs: builder.pairs, order: builder.order, root }
     }
 }
 
-impl Builder {
+impl GridBuilder {
     fn child(&mut self, range: Range<usize>, depth: u32) -> Child {
         let set = &self.order[range.clone()];
         let bounds = set.iter().fold(NOTHING, |bounds, at| join(bounds, self.bounds[*at as usize]));

@@ -24,7 +24,7 @@ use insula_protocol::{
     TileId,
     mesh::{Kind, Mesh},
 };
-pub use texture::Picture;
+pub use texture::MeshTexture;
 
 /// Most triangles of a leaf's mesh.
 pub const MAX_TRIANGLES: usize = 1 << 18;
@@ -52,7 +52,7 @@ pub fn pages_guess(triangles: u32, texture_px: u32) -> u32 {
 
 /// Where `leaf` lies in `tile`, itself or an ancestor, whose columns tell its mesh how much sky is seen: [`PLACES`] a column,
 /// `x | y << 16`.
-pub fn place_in(leaf: TileId, tile: TileId) -> u32 {
+pub fn leaf_offset(leaf: TileId, tile: TileId) -> u32 {
     let finer = leaf.level().saturating_sub(tile.level()).min(31);
     let place = |at: u32| ((u64::from(at & ((1 << finer) - 1)) << 16) >> finer) as u32;
     place(leaf.x()) | place(leaf.y()) << 16
@@ -90,7 +90,7 @@ struct Fours {
 }
 
 impl Fours {
-    /// Place, in fours, of `count` new ones, at most a page's.
+    /// GridFrame, in fours, of `count` new ones, at most a page's.
     fn take(&mut self, count: usize) -> u32 {
         let used = self.words.len() / 4 % PAGE_FOURS;
         let at = self.words.len() / 4 + if used + count > PAGE_FOURS { PAGE_FOURS - used } else { 0 };
@@ -108,7 +108,7 @@ impl PackedMesh {
     ///
     /// # Errors
     /// What cannot be drawn.
-    pub fn new(mesh: &Mesh, texture: Option<&Picture>) -> Result<Self, PackError> {
+    pub fn new(mesh: &Mesh, texture: Option<&MeshTexture>) -> Result<Self, PackError> {
         if mesh.triangles.len() > MAX_TRIANGLES {
             return Err(PackError::Triangles(mesh.triangles.len()));
         }
@@ -126,7 +126,7 @@ impl PackedMesh {
             (corners, looks) = (vec![[[0; 3]; 3]], vec![[0; 3]]);
         }
         let levels = texture.map(|texture| texture.levels(MAX_TEXTURE_PX)).unwrap_or_default();
-        let squares: usize = levels.iter().map(Picture::squares).sum();
+        let squares: usize = levels.iter().map(MeshTexture::squares).sum();
         let mut packing = Packing { fours: Fours::default(), references: Vec::new(), corners, looks };
         packing.fours.take((HEAD + squares.div_ceil(4)).min(PAGE_FOURS));
         let tree = Tree::of(&packing.corners);
@@ -210,7 +210,7 @@ impl Packing {
         }
     }
 
-    fn head(&mut self, mesh: &Mesh, tree: &Tree, root: u32, levels: &[Picture], table: u32) {
+    fn head(&mut self, mesh: &Mesh, tree: &Tree, root: u32, levels: &[MeshTexture], table: u32) {
         let metres = |v: f64| (v as f32).to_bits();
         let [x, y, z] = mesh.grid.min.map(metres);
         self.fours.at(0).copy_from_slice(&[x, y, z, metres(mesh.grid.step)]);

@@ -7,7 +7,7 @@ use crate::layout::PAGE_WORDS;
 
 /// Texels row by row, the first one in the upper left: r, g, b in 8-bit sRGB, r lowest, and 8 bits that do not count.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
+pub struct MeshTexture {
     /// Texels in a row, at least 1.
     pub width_px: u32,
     /// Rows, at least 1.
@@ -16,7 +16,7 @@ pub struct Picture {
     pub texels: Vec<u32>,
 }
 
-impl Picture {
+impl MeshTexture {
     /// The picture and ever coarser ones, down to one texel; the first has no side longer than `most_px`, and at most as many
     /// texels as half of the square of that has.
     pub(super) fn levels(&self, most_px: u32) -> Vec<Self> {
@@ -69,7 +69,7 @@ impl Picture {
 
 /// Adds the squares of all levels to `words`, which end with a page, and writes where each is from word `table` on. None
 /// crosses a page.
-pub(super) fn place(levels: &[Picture], words: &mut Vec<u32>, table: usize) {
+pub(super) fn place(levels: &[MeshTexture], words: &mut Vec<u32>, table: usize) {
     let mut next = table;
     for level in levels {
         let stride = level.width_px.min(TILE_PX);
@@ -95,9 +95,9 @@ pub(super) fn place(levels: &[Picture], words: &mut Vec<u32>, table: usize) {
 mod tests {
     use super::*;
 
-    fn picture(width_px: u32, height_px: u32) -> Picture {
+    fn picture(width_px: u32, height_px: u32) -> MeshTexture {
         let texels = (0..width_px * height_px).map(|i| i.wrapping_mul(2_654_435_761) & 0xff_ffff).collect();
-        Picture { width_px, height_px, texels }
+        MeshTexture { width_px, height_px, texels }
     }
 
     #[test]
@@ -105,7 +105,7 @@ mod tests {
         let levels = picture(300, 70).levels(200);
         let sizes: Vec<[u32; 2]> = levels.iter().map(|l| [l.width_px, l.height_px]).collect();
         assert_eq!(sizes, [[150, 35], [75, 17], [37, 8], [18, 4], [9, 2], [4, 1], [2, 1], [1, 1]]);
-        let plain = Picture { width_px: 5, height_px: 5, texels: vec![0x40_80c0; 25] };
+        let plain = MeshTexture { width_px: 5, height_px: 5, texels: vec![0x40_80c0; 25] };
         assert!(plain.levels(64).iter().all(|level| level.texels.iter().all(|texel| *texel == 0x40_80c0)));
     }
 
@@ -113,7 +113,7 @@ mod tests {
     fn every_texel_is_where_the_table_says() {
         for (width, height) in [(1, 1), (64, 64), (130, 65), (7, 200), (33, 31)] {
             let levels = picture(width, height).levels(1 << 12);
-            let squares: usize = levels.iter().map(Picture::squares).sum();
+            let squares: usize = levels.iter().map(MeshTexture::squares).sum();
             let mut words = vec![0; squares.next_multiple_of(PAGE_WORDS)];
             place(&levels, &mut words, 0);
             let mut first = 0;

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use insula_bake::Silent;
 use insula_shaders::{
-    cpu::raycast::{Counts, count, count_where},
+    cpu::raycast::{RayCounts, count, count_where},
     gpu::Raycaster,
     layout::Shading,
 };
@@ -250,7 +250,7 @@ fn processor_time() -> Result<Duration> {
 }
 
 /// The device's counts must be those of the CPU but for rays on edges.
-fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: Counts) -> Result<()> {
+fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: RayCounts) -> Result<()> {
     let data = scene.as_ref();
     let on_gpu = caster.count((&gpu.device, &gpu.queue), data.frame, data.grid, data.nodes)?;
     for (what, a, b) in [("nodes", on_cpu.nodes, on_gpu.nodes), ("steps", on_cpu.steps, on_gpu.steps)] {

@@ -12,7 +12,7 @@ mod device {
     use super::Facing;
     use insula_shaders::gpu::{
         GpuError,
-        nearest::{Corner, Nearest},
+        nearest::{Nearest, NearestVertex},
     };
     use std::sync::OnceLock;
 
@@ -31,8 +31,8 @@ mod device {
         let (low, high) = (heights().fold(f32::MAX, f32::min), heights().fold(f32::MIN, f32::max));
         // Away from 0, which is what nothing has, and from 1, beyond which rounding would clip.
         let nearness = |z: f32| 0.01 + 0.98 * (z - low) / (high - low).max(1e-3);
-        let corner = |c: &glam::Vec3, number: u32| Corner { place: [c.x, c.y, nearness(c.z)], number };
-        let corners: Vec<Corner> =
+        let corner = |c: &glam::Vec3, number: u32| NearestVertex { place: [c.x, c.y, nearness(c.z)], number };
+        let corners: Vec<NearestVertex> =
             triangles.iter().flat_map(|(corners, number)| corners.iter().map(|c| corner(c, *number))).collect();
         let drawn = device().ok()?.draw(&corners, size.map(|side| side as u32));
         drawn.inspect_err(|error| tracing::warn!("a map is drawn by the processor: {error}")).ok()

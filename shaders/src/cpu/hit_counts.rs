@@ -3,7 +3,7 @@
 //! In: a picture's hits. Out: a count a node. Next: the client's selection learns what is hidden.
 
 /// Pixels of each of `nodes` nodes; hits of others are ignored.
-pub fn tally(hit: &[u32], nodes: usize) -> Vec<u32> {
+pub fn hit_counts(hit: &[u32], nodes: usize) -> Vec<u32> {
     let mut pixels = vec![0; nodes];
     for node in hit {
         if let Some(count) = pixels.get_mut(*node as usize) {
@@ -20,6 +20,6 @@ mod tests {
 
     #[test]
     fn counts_nodes_and_nothing_else() {
-        assert_eq!(tally(&[2, 0, NO_NODE, 2, 3], 3), [1, 0, 2]);
+        assert_eq!(hit_counts(&[2, 0, NO_NODE, 2, 3], 3), [1, 0, 2]);
     }
 }

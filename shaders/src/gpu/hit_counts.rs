@@ -1,4 +1,4 @@
-//! `tally.wgsl` on a device: which nodes a picture shows, read back without waiting.
+//! `hit_counts.wgsl` on a device: which nodes a picture shows, read back without waiting.
 //!
 //! In: a [`Raycaster`]'s hits. Out: a count a node, a frame or two later. Next: the client's selection.
 
@@ -11,7 +11,7 @@ const SIDE: u32 = 8;
 
 /// The pass, and the one count that may be on its way.
 #[derive(Debug)]
-pub struct Tally {
+pub struct HitCounts {
     pipeline: wgpu::ComputePipeline,
     size: wgpu::Buffer,
     pixels: wgpu::Buffer,
@@ -24,28 +24,28 @@ fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsa
     device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: bytes, usage, mapped_at_creation: false })
 }
 
-impl Tally {
+impl HitCounts {
     /// For cuts of at most `nodes` nodes.
     pub fn new(device: &wgpu::Device, nodes: u32) -> Self {
         use wgpu::BufferUsages as Usage;
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("tally"),
-            source: wgpu::ShaderSource::Wgsl(crate::TALLY_WGSL.into()),
+            label: Some("hit_counts"),
+            source: wgpu::ShaderSource::Wgsl(crate::HIT_COUNTS_WGSL.into()),
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("tally"),
+            label: Some("hit_counts"),
             layout: None,
             module: &module,
-            entry_point: Some("tally"),
+            entry_point: Some("hit_counts"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
         let bytes = u64::from(nodes.max(1)) * 4;
         Self {
             pipeline,
-            size: buffer(device, "tally size", 8, Usage::UNIFORM | Usage::COPY_DST),
-            pixels: buffer(device, "tally", bytes, Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST),
-            staging: buffer(device, "tally copy", bytes, Usage::MAP_READ | Usage::COPY_DST),
+            size: buffer(device, "hit_counts size", 8, Usage::UNIFORM | Usage::COPY_DST),
+            pixels: buffer(device, "hit_counts", bytes, Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST),
+            staging: buffer(device, "hit_counts copy", bytes, Usage::MAP_READ | Usage::COPY_DST),
             flight: None,
         }
     }
@@ -65,7 +65,7 @@ impl Tally {
         queue.write_buffer(&self.size, 0, bytemuck::cast_slice(&[width, height]));
         encoder.clear_buffer(&self.pixels, 0, Some(nodes as u64 * 4));
         let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("tally"),
+            label: Some("hit_counts"),
             layout: &self.pipeline.get_bind_group_layout(0),
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: self.size.as_entire_binding() },
@@ -73,8 +73,8 @@ impl Tally {
                 wgpu::BindGroupEntry { binding: 2, resource: self.pixels.as_entire_binding() },
             ],
         });
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("tally"), timestamp_writes: None });
+        let mut pass = encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("hit_counts"), timestamp_writes: None });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         pass.dispatch_workgroups((width.div_ceil(SIDE) * height.div_ceil(SIDE)).div_ceil(THREADS), 1, 1);
@@ -84,7 +84,7 @@ impl Tally {
         true
     }
 
-    /// To be called once what [`Tally::encode`] recorded was submitted: asks for the count.
+    /// To be called once what [`HitCounts::encode`] recorded was submitted: asks for the count.
     pub fn submitted(&mut self) {
         if let Some((nodes, arrival @ None)) = &mut self.flight {
             let (sender, receiver) = sync_channel(1);

@@ -1,4 +1,4 @@
-// How many pixels each node of a cut got: the GPU's twin of src/cpu/tally.rs.
+// How many pixels each node of a cut got: the GPU's twin of src/cpu/hit_counts.rs.
 //
 // In: the hits of raycast.wgsl. Out: a count a node. Next: read back, a frame late.
 //
@@ -22,7 +22,7 @@ fn add(node: u32, run: u32) {
 }
 
 @compute @workgroup_size(64)
-fn tally(@builtin(global_invocation_id) id: vec3<u32>) {
+fn hit_counts(@builtin(global_invocation_id) id: vec3<u32>) {
     let across = (size.width_px + SIDE - 1u) / SIDE;
     let low = vec2<u32>(id.x % across, id.x / across) * SIDE;
     if low.y >= size.height_px {
