@@ -10,7 +10,7 @@ use crate::{
 };
 use insula_shaders::{
     cpu::raycast::{Pixels, RayCounts},
-    gpu::{Capacity, HitCounts, Raycaster},
+    gpu::{Capacity, DeviceQueue, HitCounts, Raycaster},
     layout::SUMMARY_WORDS,
 };
 
@@ -106,15 +106,15 @@ impl GpuAdapter {
     pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<()> {
         let failed = |e: insula_shaders::gpu::GpuError| ClientError::Graphics(e.to_string());
         self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
-        let device = (&self.device.device, &self.device.queue);
-        self.raycaster.render(device, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        self.raycaster.render(on, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
     }
 
     /// Records a count of what the pixels hit that [`GpuAdapter::encode`] recorded, unless that is known, or one is on its way.
     pub fn ask(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
         let now = (data.asked.generation, [data.frame.width_px, data.frame.height_px]);
-        let device = (&self.device.device, &self.device.queue);
-        if self.last != Some(now) && self.tally.encode(device, encoder, &self.raycaster, data.nodes.len()) {
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        if self.last != Some(now) && self.tally.encode(on, encoder, &self.raycaster, data.nodes.len()) {
             (self.asked, self.last) = (Some(data.asked.clone()), Some(now));
         }
     }
@@ -137,9 +137,9 @@ impl GpuAdapter {
 
     /// What the rays of such a picture do: draws nothing, waits.
     pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
-        let device = (&self.device.device, &self.device.queue);
-        self.raycaster.resize(device.0, [data.frame.width_px, data.frame.height_px]);
-        let counts = self.raycaster.count(device, &data.frame, &data.grid, &data.nodes);
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        self.raycaster.resize(on.device, [data.frame.width_px, data.frame.height_px]);
+        let counts = self.raycaster.count(on, &data.frame, &data.grid, &data.nodes);
         counts.map_err(|e| ClientError::Graphics(e.to_string()))
     }
 

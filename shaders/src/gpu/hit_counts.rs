@@ -2,7 +2,7 @@
 //!
 //! In: a [`Raycaster`]'s hits. Out: a count a node, a frame or two later. Next: the client's selection.
 
-use super::Raycaster;
+use super::{DeviceQueue, Raycaster};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 
 /// Threads of a workgroup, and pixels along the side of what one counts.
@@ -53,7 +53,7 @@ impl HitCounts {
     /// Records the count of the picture that was recorded last, of `nodes` nodes. `false`: another one is still on its way.
     pub fn encode(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        on: DeviceQueue<'_>,
         encoder: &mut wgpu::CommandEncoder,
         raycaster: &Raycaster,
         nodes: usize,
@@ -61,6 +61,7 @@ impl HitCounts {
         if self.flight.is_some() || nodes as u64 * 4 > self.pixels.size() || nodes == 0 {
             return false;
         }
+        let DeviceQueue { device, queue } = on;
         let [width, height] = raycaster.size_px();
         queue.write_buffer(&self.size, 0, bytemuck::cast_slice(&[width, height]));
         encoder.clear_buffer(&self.pixels, 0, Some(nodes as u64 * 4));

@@ -2,6 +2,7 @@
 //!
 //! In: pages, summaries, the cut. Out: pixels in device memory. Next: `compose`, or [`Raycaster::read_back`].
 
+use super::DeviceQueue;
 use crate::{
     cpu::raycast::{Pixels, RayCounts},
     layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding},
@@ -206,27 +207,32 @@ impl Raycaster {
     /// Records one picture of `frame.width_px x frame.height_px`, which must be the size of the last [`Raycaster::resize`].
     pub fn render(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        on: DeviceQueue<'_>,
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameUniform,
         grid: &[[u32; 2]],
         nodes: &[DrawNode],
     ) -> Result<(), GpuError> {
-        self.upload((device, queue), frame, grid, nodes)?;
+        self.upload(on, frame, grid, nodes)?;
         let meshes = nodes.iter().any(|node| node.mesh != 0);
-        self.dispatch(device, encoder, Build { count: false, meshes, for_study: frame.shading != Shading::Lit as u32 });
+        self.dispatch(
+            on.device,
+            encoder,
+            Build { count: false, meshes, for_study: frame.shading != Shading::Lit as u32 },
+        );
         Ok(())
     }
 
     /// What the rays of such a picture do, one a pixel: a build of the shader that draws nothing. Waits for the device.
     pub fn count(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        on: DeviceQueue<'_>,
         frame: &FrameUniform,
         grid: &[[u32; 2]],
         nodes: &[DrawNode],
     ) -> Result<RayCounts, GpuError> {
-        self.upload((device, queue), &FrameUniform { samples: 1, ..*frame }, grid, nodes)?;
+        let DeviceQueue { device, queue } = on;
+        self.upload(on, &FrameUniform { samples: 1, ..*frame }, grid, nodes)?;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
         self.dispatch(device, &mut encoder, Build { count: true, meshes: true, for_study: true });
         queue.submit([encoder.finish()]);
@@ -252,11 +258,12 @@ impl Raycaster {
 
     fn upload(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        on: DeviceQueue<'_>,
         frame: &FrameUniform,
         grid: &[[u32; 2]],
         nodes: &[DrawNode],
     ) -> Result<(), GpuError> {
+        let DeviceQueue { device, queue } = on;
         let (found, limit) = (nodes.len(), self.capacity.nodes);
         if found > limit as usize {
             return Err(GpuError::Capacity { what: "nodes", found, limit });
