@@ -1,8 +1,6 @@
-//! How many pixels each node of a cut got.
-//!
-//! In: a picture's hits. Out: a count a node. Next: the client's selection learns what is hidden.
+//! Counts the pixels of each node of the draw list. GPU twin: `hit_counts.wgsl`.
 
-/// Pixels of each of `nodes` nodes; hits of others are ignored.
+/// Pixels of each of the draw list's `nodes` nodes, from the hits of a frame. Other hits are ignored.
 pub fn hit_counts(hit: &[u32], nodes: usize) -> Vec<u32> {
     let mut pixels = vec![0; nodes];
     for node in hit {
@@ -19,7 +17,7 @@ mod tests {
     use crate::layout::NO_NODE;
 
     #[test]
-    fn counts_nodes_and_nothing_else() {
+    fn counts_the_listed_nodes_only() {
         assert_eq!(hit_counts(&[2, 0, NO_NODE, 2, 3], 3), [1, 0, 2]);
     }
 }
