@@ -1,14 +1,14 @@
 //! The grid in which rays find the nodes of a draw list: for each level, squares around the camera.
 //!
-//! A square of a level is empty, or a node fills it (its own node, or its part of a coarser one), or it is mixed: then the next
-//! finer level says what is there. So a ray may begin anywhere at the level that its distance asks for, and the cost of a
-//! step does not depend on the depth of the city's tree. The finer levels reach only as far as the draw list has mixed
-//! squares.
+//! A square of a level is empty, or a node fills it (its own node, or its part of a coarser one), or it is mixed: then
+//! the next finer level says what is there. So a ray may begin anywhere at the level that its distance asks for, and
+//! the cost of a step does not depend on the depth of the city's tree. The finer levels reach only as far as the draw
+//! list has mixed squares.
 //!
 //! A node may lie in the square of another: the finer one is drawn, the coarser one in the rest of its square.
 //!
-//! A square that cross-fades from one node to another has both, and a share. Each ray sees one of them whole, which one depends
-//! on the ray's threshold. So there are no holes, and no node is seen through another.
+//! A square that cross-fades from one node to another has both, and a share. Each ray sees one of them whole, which one
+//! depends on the ray's threshold. So there are no holes, and no node is seen through another.
 
 use crate::layout::{
     DrawNode, FADE_RAYS, FrameUniform, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODES,
@@ -17,7 +17,7 @@ use crate::layout::{
 use glam::DVec3;
 use insula_protocol::TileId;
 
-/// Where the city's root square lies relative to the camera, and what the view tolerates.
+/// Position of the city's root square relative to the camera, and the view's tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridFrame {
     /// South-west corner of the root square relative to the camera, in metres.
@@ -104,14 +104,14 @@ pub struct GridBuilder {
 }
 
 impl GridBuilder {
-    /// The grid of a draw list: `ids` and `nodes` are in the same order, nodes relative to the camera. Nodes beyond [`GRID_NODES`] are
-    /// left out.
+    /// The grid of a draw list: `ids` and `nodes` are in the same order, nodes relative to the camera. Nodes beyond
+    /// [`GRID_NODES`] are left out.
     pub fn build(&mut self, frame: &GridFrame, ids: &[TileId], nodes: &[DrawNode]) -> &NodeGrid {
         self.build_fading(frame, ids, &[], nodes)
     }
 
-    /// The same with squares that cross-fade: `shares[i]` of [`FADE_RAYS`] rays see node `i + 1`, which has the same square, instead
-    /// of node `i`. 0 is a square that does not.
+    /// The same with squares that cross-fade: `shares[i]` of [`FADE_RAYS`] rays see node `i + 1`, which has the same
+    /// square, instead of node `i`. 0 is a square that does not.
     pub fn build_fading(&mut self, frame: &GridFrame, ids: &[TileId], shares: &[u8], nodes: &[DrawNode]) -> &NodeGrid {
         let ids = &ids[..ids.len().min(nodes.len()).min(GRID_NODES)];
         self.grid.entries.clear();
@@ -349,7 +349,7 @@ mod tests {
             let grid = grid(eye, &ids);
             for k in 0..3 {
                 assert_eq!(found(&grid, k, 3, 3), Some((1, 0)));
-                assert_eq!(found(&grid, k, 2, 3), Some((0, 0)), "a quarter beside it");
+                assert_eq!(found(&grid, k, 2, 3), Some((0, 0)), "the quarter next to it");
                 assert_eq!(found(&grid, k, 0, 0), Some((0, 1)), "as large a part as there is");
             }
         }

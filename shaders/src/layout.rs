@@ -1,7 +1,7 @@
 //! Structs, constants and binding numbers that Rust and WGSL share.
 //!
-//! `wgsl/shared/layout.wgsl` repeats the structs; `tests/layout.rs` compares their offsets. The constants are generated into the
-//! WGSL by [`crate::wgsl`].
+//! The structs are repeated in `wgsl/shared/layout.wgsl`; `tests/layout.rs` compares their offsets. [`crate::wgsl`] generates
+//! the constants for WGSL.
 //!
 //! Positions are relative to the camera (world axes, metres), so that f32 is precise enough anywhere on Earth.
 
@@ -29,9 +29,9 @@ pub(crate) const BLOCK_SHIFT: u32 = BLOCK_CELLS.ilog2();
 pub const NODE_BLOCKS: usize = NODE_CELLS / BLOCK_CELLS;
 /// Summary words of a node, four per block, which are read at once.
 ///
-/// A word is a row of four quads of 2 x 2 cells. A quad's top takes [`QUAD_TOP_BITS`] bits from bit 0 on, in 63rds of the way
-/// from the block's lowest to its highest point, rounded up. Bits 24 to 31 of the four words are the low and the high byte of
-/// the lowest point in height codes (0xffff where the block is empty), then those of the highest.
+/// A word is a row of four quads of 2 x 2 cells. A quad's top takes [`QUAD_TOP_BITS`] bits from bit 0 on, in 63rds of
+/// the way from the block's lowest to its highest point, rounded up. Bits 24 to 31 of the four words are the low and
+/// the high byte of the lowest point in height codes (0xffff where the block is empty), then those of the highest.
 pub const SUMMARY_WORDS: usize = NODE_BLOCKS * NODE_BLOCKS * 4;
 /// Summary of a node in vec4s, one per block.
 pub(crate) const SUMMARY_VEC4S: usize = SUMMARY_WORDS / 4;
@@ -57,9 +57,10 @@ pub const GRID_LEVELS: usize = 21;
 pub const GRID_MIXED: u32 = 1;
 /// Set in the first word of a grid entry that a node fills.
 ///
-/// The other bits are the level of the square that the node fills (5 bits from [`GRID_LEVEL_SHIFT`], finest 0), how many of
-/// [`FADE_RAYS`] rays see the next node of the list instead (6 bits from [`GRID_SHARE_SHIFT`]), and the node's index (20
-/// bits). The second word is `lowest | highest << 16`, the square's lowest and highest point in the grid's steps.
+/// The other bits are the level of the square that the node fills (5 bits from [`GRID_LEVEL_SHIFT`], finest 0), how
+/// many of [`FADE_RAYS`] rays see the next node of the list instead (6 bits from [`GRID_SHARE_SHIFT`]), and the node's
+/// index (20 bits). The second word is `lowest | highest << 16`, the square's lowest and highest point in the grid's
+/// steps.
 pub const GRID_NODE_BIT: u32 = 0x8000_0000;
 /// Where the level begins in a grid entry.
 pub const GRID_LEVEL_SHIFT: u32 = 26;
@@ -80,7 +81,7 @@ pub const MESH_FLAG: u32 = 128;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
-/// What a pixel shows ([`FrameUniform::shading`]).
+/// The quantity that pixels show ([`FrameUniform::shading`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
 pub enum Shading {
@@ -95,7 +96,8 @@ pub enum Shading {
     Normal = 3,
     /// A colour per level of detail.
     Lod = 4,
-    /// A colour per kind of column: roof grey, exposed orange, suspended blue, with gaps red; inclined tinted green. Meshes violet.
+    /// A colour per kind of column: roof grey, exposed orange, suspended blue, with gaps red, inclined tinted green.
+    /// Meshes are violet.
     Kind = 5,
 }
 
@@ -116,7 +118,7 @@ impl Shading {
     }
 }
 
-/// The uniform of one dispatch: camera, light, and where the grid lies.
+/// The uniform of one dispatch: camera, light, and the grid's header.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameUniform {
@@ -154,7 +156,8 @@ pub struct FrameUniform {
     pub ground_z_m: f32,
     /// 1 if the plane is drawn.
     pub ground: u32,
-    /// Length of rays towards the sun in metres. 0: none are cast, and [`Shading::Lit`] estimates the sun from the visible sky.
+    /// Length of rays towards the sun in metres. 0: none are cast, and [`Shading::Lit`] estimates the sun from the
+    /// visible sky.
     pub shadow_m: f32,
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
@@ -164,8 +167,8 @@ pub struct FrameUniform {
 
 /// Sun, sky and haze, made by [`Light::of_sun`].
 ///
-/// Linear RGB and 0, exposed: 1 is about the radiance of a white surface in the sun. Irradiances are divided by pi, so that
-/// times an albedo they are the radiance of a surface.
+/// Linear RGB and 0, exposed: 1 is about the radiance of a white surface in the sun. Irradiances are divided by pi, so
+/// that times an albedo they are the radiance of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Light {
@@ -185,7 +188,7 @@ pub struct Light {
     pub horizon_sun: [f32; 4],
     /// Radiance of the horizon opposite the sun.
     pub horizon_away: [f32; 4],
-    /// What the sky near the sun has above the horizon's radiance.
+    /// Radiance of the sky near the sun above that of the horizon.
     pub glow: [f32; 4],
     /// Extinction of the air per metre.
     pub haze: [f32; 4],
@@ -234,14 +237,15 @@ pub(crate) const QUARTER_SHIFT: u32 = 24;
 pub(crate) const QUARTER_MAX: u32 = 255;
 
 impl DrawNode {
-    /// The summary's slot (word index / [`SUMMARY_WORDS`], below 2^29) and the map's `z_shift` (at most 4: a strip row is
-    /// `16 >> z_shift` codes) in one word, so that rays read a node without a mesh in three rows of four words.
+    /// The summary's slot (word index / [`SUMMARY_WORDS`], below 2^29) and the map's `z_shift` (at most 4: a strip row
+    /// is `16 >> z_shift` codes) in one word, so that rays read a node without a mesh in three rows of four words.
     pub const fn slot_and_shift(slot: u32, z_shift: u32) -> u32 {
         slot << SLOT_SHIFT | z_shift
     }
 
-    /// Pages, below 2^24, and per quarter (south-west, south-east, north-west, north-east) how far its highest point lies
-    /// below the node's, in 255ths of the node's height. With it rays pass over low quarters without reading their blocks.
+    /// Pages, below 2^24, and per quarter (south-west, south-east, north-west, north-east) how far its highest point
+    /// lies below the node's, in 255ths of the node's height. With it rays pass over low quarters without reading their
+    /// blocks.
     pub fn pages_and_quarters(pages: [u32; 4], below: [u8; 4]) -> [u32; 4] {
         std::array::from_fn(|i| pages[i] | u32::from(below[i]) << QUARTER_SHIFT)
     }

@@ -1,6 +1,6 @@
 //! Insula's ray-caster: its WGSL, its definition on the CPU, and the layouts that both read.
 //!
-//! What a frame shows is defined once, by [`cpu::raycast`]. `wgsl/raycast.wgsl` must agree with it pixel for pixel but for
+//! [`cpu::raycast`] defines what a frame shows. `wgsl/raycast.wgsl` must agree with it pixel for pixel but for
 //! rounding at edges (`tests/tests/twin_raycast.rs`).
 //!
 //! Feature `gpu` adds the wgpu passes. Without it the crate has no graphics API.

@@ -1,9 +1,10 @@
 //! The light of sun and sky for a direction of the sun, computed once a frame and not for each pixel.
 //!
-//! Light is scattered once along straight lines, by molecules (Rayleigh) and by particles (Mie), and ozone absorbs some. Light
-//! that is scattered more often comes from all directions alike. Coefficients and profiles: Bruneton and Neyret,
-//! "Precomputed Atmospheric Scattering", 2008, section 4, and Hillaire, "A Scalable and Production Ready Sky and Atmosphere
-//! Rendering Technique", 2020, table 1. Radiances are shares of the sun's irradiance above the atmosphere.
+//! Light is scattered once along straight lines, by molecules (Rayleigh) and by particles (Mie), and ozone absorbs
+//! some. Light that is scattered more often comes from all directions alike. Coefficients and profiles: Bruneton and
+//! Neyret, "Precomputed Atmospheric Scattering", 2008, section 4, and Hillaire, "A Scalable and Production Ready Sky
+//! and Atmosphere Rendering Technique", 2020, table 1. Radiances are shares of the sun's irradiance above the
+//! atmosphere.
 
 use crate::{cpu::shade::SKY_FALL, layout::Light};
 use glam::{DVec2, DVec3, Vec3};
@@ -16,8 +17,8 @@ const EYE_M: f64 = 60.0;
 /// Scattering by molecules at the ground, per metre. It falls by e every 8 km.
 const RAYLEIGH: DVec3 = DVec3::new(5.802e-6, 13.558e-6, 33.1e-6);
 const RAYLEIGH_HEIGHT_M: f64 = 8000.0;
-/// Scattering by particles at the ground, per metre. There are twice as many over a city as over the sea, for which 4e-6 is
-/// given. Small ones scatter blue more than red (Ångström's exponent, 1.3).
+/// Scattering by particles at the ground, per metre. There are twice as many over a city as over the sea, for which
+/// 4e-6 is given. Small ones scatter blue more than red (Ångström's exponent, 1.3).
 const MIE: DVec3 = DVec3::new(6.1e-6, 8.0e-6, 10.7e-6);
 /// Share of the light that particles scatter, of what they extinguish.
 const MIE_ALBEDO: f64 = 0.9;
@@ -32,8 +33,8 @@ const GROUND: DVec3 = DVec3::new(0.22, 0.20, 0.18);
 const NIGHT: DVec3 = DVec3::new(0.45e-6, 0.65e-6, 1.1e-6);
 /// Light that is scattered twice or more often, relative to that scattered twice: half is scattered again each time.
 const MULTIPLE_SCATTERING: f64 = 2.0;
-/// How the sky is displayed: brighter relative to what it lights, as a frame shows only a narrow part of it, and bluer, as three
-/// wavelengths give less blue than the whole spectrum.
+/// How the sky is displayed: brighter relative to what it lights, as a frame shows only a narrow part of it, and bluer,
+/// as three wavelengths give less blue than the whole spectrum.
 const SKY_GAIN: DVec3 = DVec3::new(1.25, 1.3, 1.6);
 /// Steps along a ray to the eye.
 const STEPS: u32 = 24;
@@ -64,8 +65,8 @@ struct Sky {
 }
 
 impl Light {
-    /// Light under a sun in direction `sun` (any length; below the horizon it is twilight, then night), in air that takes half of
-    /// the light of a surface `half_m` metres away.
+    /// Light under a sun in direction `sun` (any length; below the horizon it is twilight, then night), in air that
+    /// takes half of the light of a surface `half_m` metres away.
     pub fn of_sun(sun: Vec3, half_m: f32) -> Self {
         let sun = sun.as_dvec3().normalize_or(DVec3::Z);
         let sky = Sky::new(sun);
@@ -79,8 +80,8 @@ impl Light {
         let (horizon_sun, horizon_away) = (horizon(ahead), horizon(-ahead));
         // The sky 4 degrees from the sun, above what horizon and zenith give.
         let low = sun.with_z(sun.z.max(0.02)).normalize_or(ahead);
-        let beside = (low + low.cross(DVec3::Z).normalize_or(DVec3::X) * GLOW_AT_RAD).normalize_or(DVec3::Z);
-        let glow = (sky.radiance(beside) - blend(zenith, horizon_sun, beside.z)).max(DVec3::ZERO);
+        let near_sun = (low + low.cross(DVec3::Z).normalize_or(DVec3::X) * GLOW_AT_RAD).normalize_or(DVec3::Z);
+        let glow = (sky.radiance(near_sun) - blend(zenith, horizon_sun, near_sun.z)).max(DVec3::ZERO);
         let bounce = GROUND * (sun_light * sun.z.max(0.0) + up);
         let scaled = |v: DVec3| (v * exposure).as_vec3().extend(0.0).to_array();
         let shade = |v: DVec3| scaled(v.lerp(DVec3::splat(luminance(v)), SHADE_NEUTRAL) * SHADE_GAIN);
@@ -103,8 +104,8 @@ impl Light {
     }
 }
 
-/// Share of its colour that the sky's light on surfaces loses: light that reaches shade from lit ground, walls and haze has the
-/// sun's colour.
+/// Share of its colour that the sky's light on surfaces loses: light that reaches shade from lit ground, walls and haze
+/// has the sun's colour.
 const SHADE_NEUTRAL: f64 = 0.5;
 /// How much brighter the sky's light on surfaces is displayed, for the same reason.
 const SHADE_GAIN: f64 = 1.3;
@@ -133,8 +134,8 @@ fn exposure(light: DVec3) -> DVec3 {
     balance / luminance(balance * light / bright) * (KEY * PI.sqrt() / bright.powf(ADAPTATION))
 }
 
-/// Irradiance of a surface that faces the sun. The disc sets while its height goes from +0.3 to -0.8 degrees, with the refraction of
-/// the air.
+/// Irradiance of a surface that faces the sun. The disc sets while its height goes from +0.3 to -0.8 degrees, with the
+/// refraction of the air.
 fn sun_light(sun: DVec3) -> DVec3 {
     let height_deg = sun.z.clamp(-1.0, 1.0).asin().to_degrees();
     let share = ((height_deg + 0.8) / 1.1).clamp(0.0, 1.0);
@@ -204,8 +205,8 @@ impl Sky {
         const ROUND: u32 = 8;
         for ring in 0..RINGS {
             let z = (f64::from(ring) + 0.5) / f64::from(RINGS);
-            for turn in 0..ROUND {
-                let angle = (f64::from(turn) + 0.5) / f64::from(ROUND) * TAU;
+            for azimuth in 0..ROUND {
+                let angle = (f64::from(azimuth) + 0.5) / f64::from(ROUND) * TAU;
                 let flat = (1.0 - z * z).sqrt();
                 let dir = DVec3::new(angle.cos() * flat, angle.sin() * flat, z);
                 visit(dir, self.scattered(dir), TAU / f64::from(RINGS * ROUND));
@@ -213,8 +214,8 @@ impl Sky {
         }
     }
 
-    /// Irradiance of a surface that faces up; of a wall, as a mean of all azimuths and doubled, as a wall sees half of the sky; and what
-    /// walls towards the sun receive above that.
+    /// Irradiance of a surface that faces up; of walls, as the mean of all azimuths and doubled, as a wall sees half of
+    /// the sky; and of walls towards the sun above that mean.
     fn irradiance(&self) -> (DVec3, DVec3, DVec3) {
         let flat = DVec2::new(self.sun.x, self.sun.y).normalize_or(DVec2::Y);
         let (mut up, mut towards, mut away) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);

@@ -1,7 +1,7 @@
 //! A V-BlockMap as the ray-caster reads it: pages of words.
 //!
-//! In: a decoded [`BlockMap`]. Out: [`PackedNode`]. Next: the client's cache assigns pages and a slot; `cpu::raycast` and
-//! `raycast.wgsl` walk it.
+//! In: a decoded [`BlockMap`]. Out: [`PackedNode`]. Next: the client's cache assigns pages and a slot; `cpu::raycast`
+//! and `raycast.wgsl` walk it.
 //!
 //! | page | word of column i |
 //! |---|---|
@@ -65,7 +65,8 @@ pub struct PackedNode {
     pub z_base_m: f64,
     /// Lowest and highest point in height codes, slopes included.
     pub z_range: [f32; 2],
-    /// How far its quarters lie below it, for [`DrawNode::pages_and_quarters`](crate::layout::DrawNode::pages_and_quarters).
+    /// How far its quarters lie below it, for
+    /// [`DrawNode::pages_and_quarters`](crate::layout::DrawNode::pages_and_quarters).
     pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,
@@ -95,8 +96,9 @@ fn strip_words(map: &BlockMap, i: usize) -> usize {
     usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1) + head_words(flags)
 }
 
-/// What a clipped column has besides its azimuth and offset: top of the part beyond the plane ([`HEIGHT_BITS`] bits, 0 if there is none),
-/// [`CLIP_CORNER`], [`CLIP_CONCAVE`], two bits of zero, azimuth (8) and offset (8, signed) of the corner's second plane.
+/// A clipped column's data besides its azimuth and offset: top of the part beyond the plane ([`HEIGHT_BITS`] bits, 0 if
+/// there is none), [`CLIP_CORNER`], [`CLIP_CONCAVE`], two bits of zero, azimuth (8) and offset (8, signed) of the
+/// corner's second plane.
 pub fn clip_word(clip: &Clip) -> u32 {
     let top = u32::from(clip.outer.map_or(0, |outer| outer.z));
     let corner = clip.corner.map_or(0, |c| {
@@ -110,8 +112,8 @@ fn plane_bits(azimuth: u8, offset: i8) -> u32 {
     u32::from(azimuth) << AZIMUTH_SHIFT | u32::from(offset as u8) << CLIP_OFFSET_SHIFT
 }
 
-/// Words before a strip's texels: a clipped column's [`clip_word`] and the texel beyond its plane, then the gap and the column's
-/// bounds.
+/// Words before a strip's texels: a clipped column's [`clip_word`] and the texel beyond its plane, then the gap and the
+/// column's bounds.
 pub fn head_words(flags: u8) -> usize {
     (usize::from(flags & flag::CLIPPED != 0) + usize::from(flags & flag::GAP != 0)) * 2
 }
@@ -124,7 +126,8 @@ struct StripLayout {
 }
 
 impl StripLayout {
-    /// Word, relative to the first strip page, of a strip of `words`. A strip is shorter than a page: 4095 codes at most.
+    /// Word, relative to the first strip page, of a strip of `words`. A strip is shorter than a page: 4095 codes at
+    /// most.
     fn place(&mut self, words: usize) -> usize {
         if words == 0 {
             return 0;

@@ -6,8 +6,8 @@
 //! - tolerances, lifts and colours of the CPU ray-caster (`cpu`);
 //! - workgroup sizes, binding numbers and vertex locations (`layout::binding`).
 //!
-//! The WGSL files declare only constants that Rust does not have (states, faces); a test refuses a constant that both declare
-//! and a binding that is written as a number. Structs are compared by `tests/layout.rs`.
+//! The WGSL files declare only constants that Rust does not have (states, faces); a test refuses a constant that both
+//! declare and a binding that is written as a number. Structs are compared by `tests/layout.rs`.
 
 use crate::{
     cpu::{

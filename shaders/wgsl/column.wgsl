@@ -1,7 +1,7 @@
 // Which of a column's solids a ray meets. CPU twin: src/cpu/column.rs.
 //
-// A column is one solid, or two with a gap between them, and, where a plane clips it, a lower solid beyond the plane. The
-// plane splits the ray's way through the cell into three parts: before, within and behind.
+// A column is one solid, or two with a gap between them, and, where a plane clips it, a lower solid beyond the plane.
+// The plane splits the ray's way through the cell into three parts: before, within and behind.
 
 const NO_WALL: u32 = 256u;
 
@@ -29,7 +29,7 @@ struct SolidSpan {
     face: u32,
 }
 
-// A solid that the ray meets, with what `hit_solid` needs of its column.
+// A solid that the ray meets, with the words of its column that `hit_solid` needs.
 struct FoundSolid {
     span: SolidSpan,
     attributes: u32,
@@ -54,7 +54,8 @@ struct ClipSplit {
 var<private> column: ColumnVisit;
 var<private> found: FoundSolid;
 
-// Whether the ray may be in a solid somewhere in the cell, from one word. `quad_top` bounds the top of an inclined column.
+// Whether the column's word says that the ray may be in a solid somewhere in the cell. `quad_top` bounds the top of an
+// inclined column.
 fn may_hit(cell: vec2<i32>, ta: f32, te: f32, quad_top: f32) -> bool {
     let walk = read_plane(WALK_PLANE, u32(cell.y * NODE_CELLS + cell.x));
     let flags = flags_of(walk);
@@ -69,8 +70,8 @@ fn may_hit(cell: vec2<i32>, ta: f32, te: f32, quad_top: f32) -> bool {
     return (flags & OCCUPIED) != 0u && select(meets_one, leaves_gap, (flags & GAP) != 0u);
 }
 
-// Makes `found` of the column's next solid that the ray meets, from `walk.solid` on; false if there is none. The column is
-// read again for each solid, which is cheaper than to keep it while a solid is gathered.
+// Makes `found` of the column's next solid that the ray meets, from `walk.solid` on; false if there is none. The column
+// is read again for each solid, which is cheaper than to keep it while a solid is gathered.
 fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let flags = flags_of(column.walk);
@@ -121,7 +122,7 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
         let ze = z_at(e);
         let over = vec2<f32>(zs - top_at(s, top, slope, centre), ze - top_at(e, top, slope, centre));
         let span = clip_to_solid(s, e, over, vec2<f32>(zs - bottom, ze - bottom));
-        // An eye inside of a column (in front of a wall by less than half a cell) looks out of it.
+        // An eye inside of a column (less than half a cell in front of a wall) sees out of it.
         let inside = span.s <= 0.0 && span.face == SIDE_FACE;
         found_one = !missing && s < e && span.s < span.e && !inside;
         found = FoundSolid(span, attributes, strip, solid, split.walls[part], bottom, top, z_min);
@@ -150,8 +151,8 @@ fn bounds_of(walk: u32, texels: u32) -> vec2<f32> {
     return vec2<f32>(high_of(bounds), low_of(bounds));
 }
 
-// A ray is inside of one plane, or of both planes of a convex corner, for one part of its way; likewise beyond both planes
-// of a concave corner.
+// A ray is inside of one plane, or of both planes of a convex corner, for one part of its way; likewise beyond both
+// planes of a concave corner.
 fn clip_split(clipped: bool, attributes: u32, clip: u32, centre: vec2<f32>, ta: f32, te: f32) -> ClipSplit {
     let concave = (clip & CLIP_CONCAVE) != 0u;
     let side = select(1.0, -1.0, concave);
@@ -183,8 +184,8 @@ fn clip_split(clipped: bool, attributes: u32, clip: u32, centre: vec2<f32>, ta: 
     return split;
 }
 
-// The part of `ta` to `te` below the top (`over` <= 0) and above the bottom (`above` >= 0). Both are linear along the ray
-// and given at its two ends.
+// The part of `ta` to `te` below the top (`over` <= 0) and above the bottom (`above` >= 0). Both are linear along the
+// ray and given at its two ends.
 fn clip_to_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> SolidSpan {
     let none = SolidSpan(1.0, 0.0, SIDE_FACE);
     var span = SolidSpan(ta, te, SIDE_FACE);

@@ -1,7 +1,7 @@
 // Counts the pixels of each node of the draw list. CPU twin: src/cpu/hit_counts.rs.
 //
-// A thread counts HIT_BLOCK_PX x HIT_BLOCK_PX pixels, most of which hit the same node: one atomic addition for each run of
-// equal ones.
+// A thread counts HIT_BLOCK_PX x HIT_BLOCK_PX pixels, most of which hit the same node: one atomic addition for each run
+// of equal ones.
 
 struct HitCountsSize {
     width_px: u32,

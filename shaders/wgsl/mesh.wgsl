@@ -1,4 +1,4 @@
-// What a ray sees of a leaf that is drawn as a mesh. CPU twin: src/cpu/mesh.rs.
+// Hits of a ray on a leaf that is drawn as a mesh. CPU twin: src/cpu/mesh.rs.
 
 // The ray in steps of the mesh's grid, from where it enters the mesh's box; `t` stays in metres.
 struct MeshRay {

@@ -1,6 +1,7 @@
 // How a ray enters a node. CPU twin: src/cpu/node.rs.
 
-// Makes `node_ray` and returns where the ray is between the node's lowest and highest point; the first is larger if nowhere.
+// Makes `node_ray` and returns where the ray is between the node's lowest and highest point; the first is larger if
+// nowhere.
 fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
     let corner_and_cell_m = nodes[index].corner_and_cell_m;
     let heights = nodes[index].heights;
@@ -16,7 +17,8 @@ fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
     let b = (z_hi + 1.0 - o.z) / dz;
     let pages = nodes[index].pages;
     let summary = (heights.w >> SLOT_SHIFT) * SUMMARY_VEC4S;
-    node_ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, planes_of(pages), z_shift_of(heights.w), summary, cell_m);
+    let z_shift = z_shift_of(heights.w);
+    node_ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, planes_of(pages), z_shift, summary, cell_m);
     let span = vec2<f32>(fast_max(t_in, fast_min(a, b)), fast_min(t_out, fast_max(a, b)));
     let highest = highest_on(pages, z_lo, z_hi, o.xy + d_xy * span.x, o.xy + d_xy * span.y);
     return select(span, vec2<f32>(1.0, 0.0), fast_min(z_at(span.x), z_at(span.y)) > highest);

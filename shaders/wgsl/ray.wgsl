@@ -1,4 +1,4 @@
-// What the stages of the ray-caster share: bindings, build switches, the ray and what it has hit. CPU twin: src/cpu/ray.rs.
+// Shared by the stages of the ray-caster: bindings, overrides, the ray, its hit. CPU twin: src/cpu/ray.rs.
 
 @group(0) @binding(BINDING_FRAME) var<uniform> frame: FrameUniform;
 @group(0) @binding(BINDING_GRID) var<storage, read> grid: array<vec2<u32>>;
@@ -10,14 +10,14 @@
 @group(0) @binding(BINDING_HIT) var<storage, read_write> pixel_hit: array<u32>;
 @group(0) @binding(BINDING_ATLAS_VEC4S) var<storage, read> atlas_vec4s: array<vec4<u32>>;
 
-// Writes what the rays did instead of what they saw. Never set in the product.
+// Writes the rays' work instead of their colours. Set only to measure.
 override COUNT: bool = false;
 // Cleared for draw lists without meshes.
 override MESHES: bool = true;
 // Set for shadings other than SHADING_LIT.
 override FOR_STUDY: bool = false;
 
-// From the eye to what is seen, or from there towards the sun.
+// A part of a ray: from the eye to the visible surface, or from there towards the sun.
 struct RaySegment {
     // Relative to the camera, in metres.
     origin: vec3<f32>,
@@ -29,6 +29,7 @@ struct RaySegment {
     to_sun: bool,
 }
 
+// The surfaces that a ray segment has hit.
 struct RayHit {
     // Sums over the surfaces that were passed, each weighted by its visible share.
     albedo: vec3<f32>,

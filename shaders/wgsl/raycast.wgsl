@@ -1,6 +1,7 @@
 // Casts the rays of a frame. CPU twin: src/cpu/raycast.rs.
 //
-// In: frame, grid, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, hit_counts.wgsl or read-back.
+// In: frame, grid, nodes, summaries, atlas. Out: colour, distance, hit. Next: compose.wgsl, hit_counts.wgsl or
+// read-back.
 
 struct TracedRay {
     rgb: vec3<f32>,
@@ -43,9 +44,9 @@ fn raycast(
 }
 
 // Lanes that run in step are neighbours: two pixels wide and four high with 8 lanes, 8 wide and 4 high with 32. A city
-// varies less along a column of pixels than along a row, so these rays do similar work. The odd rows of workgroups come in
-// the second half of the dispatch, so that a device that splits it in two (lavapipe on two cores) gets as much sky in
-// either half.
+// varies less along a column of pixels than along a row, so these rays do similar work. The odd rows of workgroups come
+// in the second half of the dispatch, so that a device that splits it in two (lavapipe on two cores) gets as much sky
+// in either half.
 fn pixel_of(group: vec2<u32>, rows: u32, lane: u32) -> vec2<u32> {
     let half = (rows + 1u) / 2u;
     let row = select(group.y * 2u, (group.y - half) * 2u + 1u, group.y >= half);

@@ -6,7 +6,7 @@ struct Radiance {
     sun: vec3<f32>,
 }
 
-// What the air adds in the ray's direction.
+// Light that the air adds in the ray's direction.
 struct Airlight {
     horizon: vec3<f32>,
     glow: vec3<f32>,
@@ -47,7 +47,7 @@ fn shade(albedo: vec3<f32>, ao: f32, n: vec3<f32>, flags: u32, level: u32) -> Ra
     }
 }
 
-// What a surface sends of the light that it receives.
+// Light that a surface reflects.
 fn reflected(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Radiance {
     let sun = frame.light.sun.rgb * max(dot(n, frame.sun), 0.0);
     let wall = frame.light.sky_wall.rgb + frame.light.sky_side.rgb * dot(n.xy, frame.light.side);

@@ -1,4 +1,5 @@
-// What a ray sees of a solid: its roof, its wall strip, what shows through the strip's holes. CPU twin: src/cpu/solid.rs.
+// Surfaces of a solid that a ray hits: roof, wall strip, and surfaces behind the strip's holes. CPU twin:
+// src/cpu/solid.rs.
 
 // The wall of a neighbouring column: its texel and its azimuth.
 struct AdjacentWall {
@@ -6,7 +7,7 @@ struct AdjacentWall {
     wall: u32,
 }
 
-// Gathers the solid that `meets` found, and what is behind its transparent texels.
+// Gathers the solid that `meets` found, with the surfaces behind its transparent texels.
 fn hit_solid(cell: vec2<i32>) {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let span = found.span;
@@ -58,8 +59,8 @@ fn hit_solid(cell: vec2<i32>) {
     }
 }
 
-// The wall of column `before`, if it has one at `t`. Between the planes of two clipped columns of one wall, a ray may reach
-// the column behind them: it shows the wall that the ray slipped through.
+// The wall of column `before`, if it has one at `t`. Between the planes of two clipped columns of one wall, a ray may
+// reach the column behind them: it shows the wall that the ray slipped through.
 fn adjacent_wall(before: vec2<i32>, t: f32) -> AdjacentWall {
     let none = AdjacentWall(0u, NO_WALL);
     if any(before < vec2<i32>(0)) || any(before >= vec2<i32>(NODE_CELLS)) {

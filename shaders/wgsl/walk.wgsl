@@ -1,10 +1,10 @@
-// The walk of a ray segment: over the grid's squares, into their nodes, over blocks and cells. CPU twin: src/cpu/walk.rs.
+// The walk of a ray segment: over the grid's squares, into nodes, over blocks and cells. CPU twin: src/cpu/walk.rs.
 //
-// One state machine: `next_*` and `*_in_*` are loops that resume where they stopped (`walk.phase`) and run until all lanes
-// need what comes next: a node, a block, a cell, a column that may be hit (`may_hit`), a solid (`meets`), its texel
-// (`hit_solid`). Devices whose lanes run in step pay for everything that stands in a loop in each of its rounds, and
-// lavapipe for both sides of every `if`, so expensive work stands outside of the loops that run often. The CPU nests the
-// same steps.
+// One state machine: `next_*` and `*_in_*` are loops that resume where they stopped (`walk.phase`) and run until all
+// lanes need what comes next: a node, a block, a cell, a column that may be hit (`may_hit`), a solid (`meets`), its
+// texel (`hit_solid`). Devices whose lanes run in step pay for everything that stands in a loop in each of its rounds,
+// and lavapipe for both sides of every `if`, so expensive work stands outside of the loops that run often. The CPU
+// nests the same steps.
 //
 //           next_square            begin_node
 //   SQUARE -------------> NODE -----------------> MESH     gathered by walk_mesh, then SQUARE
@@ -24,6 +24,8 @@
 //    |     same block         | next block        |
 //    +------------------------+-------------------+
 //          node left
+//
+// From BLOCK the ray also leaves the node, if it passes above or below all further blocks.
 
 const AT_SQUARE: u32 = 0u;
 const AT_NODE: u32 = 1u;
@@ -354,7 +356,8 @@ fn quad_top(tops: QuadTops, cell: vec2<i32>) -> f32 {
     return tops.lowest + 2.0 + f32(units) * tops.unit;
 }
 
-// The node that the ray sees in a square: the one that the entry names, or the next one, from which the square cross-fades.
+// The node that the ray sees in a square: the one that the entry names, or the next one, from which the square
+// cross-fades.
 fn seen_node(entry: u32) -> u32 {
     return (entry & GRID_NODE_MASK) + select(0u, 1u, threshold < ((entry >> GRID_SHARE_SHIFT) & GRID_SHARE_MASK));
 }

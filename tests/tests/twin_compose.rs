@@ -1,4 +1,5 @@
-//! Composition: the ray-caster's pixels arrive on a render target, in sRGB and in other formats, scaled to the nearest pixel.
+//! Composition: the ray-caster's pixels arrive on a render target, in sRGB and in other formats, scaled to the nearest
+//! pixel.
 
 use anyhow::Result;
 use insula_shaders::{

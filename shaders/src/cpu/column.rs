@@ -1,7 +1,6 @@
 //! Which of a column's solids a ray meets (Vacca 2008, 3.5). GPU twin: `column.wgsl`.
 //!
-//! Here a column is read once, by [`ColumnVisit::read`], and kept while its solids are gathered; the GPU reads it again for each
-//! solid, in `meets`.
+//! On the CPU, [`ColumnVisit::read`] reads a column once. On the GPU, `meets` reads it again for each solid.
 
 use super::{
     fast_math::fast_min,
@@ -52,7 +51,7 @@ pub(super) struct ColumnVisit {
     slope: Vec2,
     /// Bottom and top of the gap.
     gap: Vec2,
-    /// Top of what is beyond the plane; 0 if nothing is.
+    /// Top of the solid beyond the plane; 0 without one.
     outer_top: f32,
     /// Where the ray enters and leaves the cell.
     ta: f32,
@@ -91,7 +90,7 @@ struct ClipSplit {
     walls: [u32; 3],
 }
 
-/// The column's word if the ray may be in one of its solids somewhere in the cell, by that word alone. `quad_top` bounds the top of an
+/// The column's word, if it says that the ray may be in a solid somewhere in the cell. `quad_top` bounds the top of an
 /// inclined column.
 #[inline]
 pub(super) fn may_hit(ray: &mut Ray<'_>, cell: IVec2, ta: f32, te: f32, quad_top: f32) -> Option<u32> {
@@ -168,7 +167,7 @@ impl ColumnVisit {
             let (zs, ze) = (node.z_at(s), node.z_at(e));
             let top_at = |t: f32| top + slope.dot(node.o.xy() + node.d.xy() * t - centre);
             let span = clip_to_solid(s, e, [zs - top_at(s), ze - top_at(e)], [zs - bottom, ze - bottom]);
-            // An eye inside of a column (in front of a wall by less than half a cell) looks out of it.
+            // An eye inside of a column (less than half a cell in front of a wall) sees out of it.
             let inside = span.s <= 0.0 && span.face == SolidFace::Side;
             if span.s < span.e && !inside {
                 return Some(FoundSolid { span, solid, wall: split.walls[part], bottom, top });
@@ -186,8 +185,8 @@ pub(super) fn bounds_of(ray: &mut Ray<'_>, walk: u32, texels: usize) -> [f32; 2]
     [high_of(bounds), low_of(bounds)]
 }
 
-/// A ray is inside of one plane, or of both planes of a convex corner, for one part of its way; likewise beyond both planes of a
-/// concave corner.
+/// A ray is inside of one plane, or of both planes of a convex corner, for one part of its way; likewise beyond both
+/// planes of a concave corner.
 #[inline]
 fn clip_split(ray: &Ray<'_>, clipped: bool, attributes: u32, clip: u32, centre: Vec2, ta: f32, te: f32) -> ClipSplit {
     let concave = clip & CLIP_CONCAVE != 0;
@@ -219,8 +218,8 @@ fn clip_split(ray: &Ray<'_>, clipped: bool, attributes: u32, clip: u32, centre: 
     split
 }
 
-/// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0). Both are linear along the ray and given
-/// at its two ends.
+/// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0). Both are linear along the ray
+/// and given at its two ends.
 #[inline]
 fn clip_to_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> SolidSpan {
     const NONE: SolidSpan = SolidSpan { s: 1.0, e: 0.0, face: SolidFace::Side };

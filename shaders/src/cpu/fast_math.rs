@@ -1,7 +1,7 @@
 //! Arithmetic of the walk in one or two processor instructions. GPU twin: `shared/math.wgsl`.
 //!
-//! The standard library's `min` and `max` also define the result for a NaN, and its `floor` calls the system's library. Here a
-//! NaN gives the second argument, as on most graphics devices.
+//! The standard library's `min` and `max` also define the result for a NaN, and its `floor` calls the system's library.
+//! Here a NaN gives the second argument, as on most graphics devices.
 
 use super::ray::MIN_DIRECTION;
 use glam::{IVec2, Vec2};

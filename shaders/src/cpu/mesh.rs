@@ -1,4 +1,4 @@
-//! What a ray sees of a leaf that is drawn as a mesh. GPU twin: `mesh.wgsl`.
+//! Hits of a ray on a leaf that is drawn as a mesh. GPU twin: `mesh.wgsl`.
 //!
 //! A ray visits boxes in boxes, the nearer half first, and tests the triangles of those that it meets.
 
@@ -19,8 +19,8 @@ use glam::Vec3;
 pub(crate) const EDGE_SLACK: f32 = 2e-5;
 /// Slack of boxes, in steps of the grid.
 pub(crate) const BOX_SLACK: f32 = 0.5;
-/// Of triangles that are nearer to each other than this many metres, the first one in the atlas is seen, so that triangles in
-/// one plane do not flicker.
+/// Of triangles that are nearer to each other than this many metres, the first one in the atlas is seen, so that
+/// triangles in one plane do not flicker.
 pub(crate) const TIE_M: f32 = 1e-4;
 /// How far above a mesh its ray towards the sun begins, in metres.
 pub(crate) const MESH_LIFT_M: f32 = 0.02;
@@ -54,7 +54,7 @@ struct PendingHalf {
     t: f32,
 }
 
-/// Gathers what the ray's segment hits of the mesh of node `index`.
+/// Gathers the first triangle that the ray's segment hits in the mesh of node `index`.
 pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     let Some(node) = ray.scene.nodes.get(index as usize) else { return };
     ray.counts.nodes += 1;

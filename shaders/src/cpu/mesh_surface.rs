@@ -1,7 +1,7 @@
 //! Texture and ambient occlusion of a mesh's surface. GPU twin: `mesh_surface.wgsl`.
 //!
-//! A mesh has no ambient occlusion of its own: it takes that of the columns that it replaces, so that neither of the two is
-//! darker than the other.
+//! A mesh has no ambient occlusion of its own: it takes that of the columns that it replaces, so that neither of the
+//! two is darker than the other.
 
 use super::{
     column::bounds_of,

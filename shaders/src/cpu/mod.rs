@@ -1,8 +1,8 @@
 //! The ray-caster on the CPU, which defines what a frame shows, and the CPU twins of the other WGSL stages.
 //!
-//! Each file is the twin of the WGSL file of its name: the same functions under the same names in the same order. Where one
-//! language has something that the other does not, the file says so. Helpers that another module provides (`pack`, `layout`,
-//! `insula_protocol::octahedral`) are not repeated.
+//! Each file is the twin of the WGSL file of its name: the same functions under the same names in the same order. Where
+//! one language has something that the other does not, the file says so. Helpers that another module provides (`pack`,
+//! `layout`, `insula_protocol::octahedral`) are not repeated.
 
 mod column;
 mod fast_math;

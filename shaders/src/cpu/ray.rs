@@ -1,4 +1,4 @@
-//! What the stages of the ray-caster share: the scene, the ray and what it has hit. GPU twin: `ray.wgsl`.
+//! Types that the stages of the ray-caster share: the scene, the ray, its hit. GPU twin: `ray.wgsl`.
 
 use crate::layout::{DrawNode, FrameUniform, NO_NODE};
 use glam::{Vec2, Vec3};
@@ -18,7 +18,7 @@ pub struct SceneRef<'a> {
     pub atlas: &'a [u32],
 }
 
-/// What rays did, for one ray or summed up.
+/// Work of rays: of one ray, or of many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RayCounts {
     /// Rays from the eye.
@@ -49,13 +49,13 @@ pub(crate) const MAX_STEPS: u32 = 4096;
 pub(crate) const OPAQUE: f32 = 0.02;
 /// Least component of a direction, so that the distance to every boundary is a finite number.
 pub(crate) const MIN_DIRECTION: f32 = 1e-12;
-/// How far above a surface its ray towards the sun begins, in columns: steps between columns of one roof or wall must not cast
-/// shadows.
+/// How far above a surface its ray towards the sun begins, in columns: steps between columns of one roof or wall must
+/// not cast shadows.
 pub(crate) const SUN_LIFT_CELLS: f32 = 0.5;
 /// The same above the plane where there is no column, in metres.
 pub(crate) const SUN_LIFT_M: f32 = 0.05;
 
-/// A part of a ray: from the eye to what is seen, or from there towards the sun.
+/// A part of a ray: from the eye to the visible surface, or from there towards the sun.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RaySegment {
     /// Relative to the camera, in metres.
@@ -68,7 +68,7 @@ pub(super) struct RaySegment {
     pub(super) to_sun: bool,
 }
 
-/// What a ray segment has hit.
+/// The surfaces that a ray segment has hit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayHit {
     /// Sums over the surfaces that were passed, each weighted by its visible share.
@@ -127,7 +127,7 @@ impl NodeRay {
     }
 }
 
-/// What is a private global in WGSL: the state of one ray.
+/// The state of one ray, whose parts are private variables in WGSL.
 pub(super) struct Ray<'a> {
     pub(super) scene: &'a SceneRef<'a>,
     pub(super) segment: RaySegment,

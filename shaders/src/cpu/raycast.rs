@@ -1,9 +1,9 @@
-//! Casts the rays of a frame (Vacca 2008, 3.5): defines what a V-BlockMap looks like. GPU twin: `raycast.wgsl`.
+//! Casts the rays of a frame (Vacca 2008, 3.5). This defines the appearance of a V-BlockMap. GPU twin: `raycast.wgsl`.
 //!
 //! In: [`SceneRef`]. Out: [`Pixels`]. Next: [`hit_counts`](super::hit_counts), an image file, or the window.
 //!
-//! A ray has one segment from the eye to what it hits, and, where the sun shines, one from there towards the sun. Surfaces with
-//! holes are gathered on the way, and lit once. The GPU has no counterpart of `count`: it counts in a pipeline of its own.
+//! A ray has one segment from the eye to the visible surface and, in sunlight, one from there towards the sun. Surfaces
+//! with holes are gathered on the way and lit once. The GPU has no `count`: a variant of its pipeline counts.
 
 pub use super::ray::{RayCounts, SceneRef};
 
@@ -62,7 +62,7 @@ pub fn render(scene: &SceneRef<'_>) -> Pixels {
     out
 }
 
-/// What the rays through the pixels' centres cost.
+/// Work of the rays through the pixels' centres.
 pub fn count(scene: &SceneRef<'_>) -> RayCounts {
     count_where(scene, |_| true)
 }
@@ -102,8 +102,8 @@ fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
     Pixel { colour: encode_srgb(sum / (n * n) as f32), distance_m, hit }
 }
 
-/// From 0 to 63, as even as possible: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one that
-/// reports the pixel's hit has the lowest: it is the first to see the new node.
+/// From 0 to 63, as even as possible: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
+/// that reports the pixel's hit has the lowest: it is the first to see the new node.
 fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
     let (x, y) = (x * samples + sample % samples, y * samples + sample / samples + samples / 2);
     let a = x ^ y;

@@ -105,7 +105,7 @@ pub fn shade(frame: &FrameUniform, surface: &SurfaceSample) -> Radiance {
     }
 }
 
-/// What a surface sends of the light that it receives.
+/// Light that a surface reflects.
 fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
     let light = &frame.light;
     let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
@@ -125,7 +125,7 @@ fn rgb(v: [f32; 4]) -> Vec3 {
     Vec4::from(v).xyz()
 }
 
-/// What the air adds in a ray's direction.
+/// Light that the air adds in a ray's direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Airlight {
     horizon: Vec3,
@@ -133,7 +133,7 @@ pub struct Airlight {
 }
 
 impl Airlight {
-    /// What the air adds in direction `dir`.
+    /// The air's light in direction `dir`.
     pub fn new(frame: &FrameUniform, dir: Vec3) -> Self {
         Self { horizon: horizon(frame, dir), glow: glow(frame, dir) }
     }
@@ -151,13 +151,13 @@ pub fn apply_haze(frame: &FrameUniform, light: Radiance, airlight: &Airlight, di
     Radiance { sky: far + (light.sky - far) * transmitted, sun: light.sun * transmitted }
 }
 
-/// What arrives at the eye, as the screen shows it.
+/// Radiance at the eye as linear RGB of the screen.
 pub fn to_display(frame: &FrameUniform, rgb: Vec3) -> Vec3 {
     if frame.shading == Shading::Lit as u32 { tone_map(rgb) } else { rgb }
 }
 
-/// Contrast in the middle, and bright light goes towards white instead of being cut off: Narkowicz's fit to the Academy's curve
-/// ("ACES Filmic Tone Mapping Curve", 2015). Bright colours lose some of their saturation first, as on film.
+/// Narkowicz's fit to the Academy's curve ("ACES Filmic Tone Mapping Curve", 2015): contrast in the middle, and bright
+/// light approaches white instead of being cut off. Before it, bright colours lose some saturation, as on film.
 fn tone_map(rgb: Vec3) -> Vec3 {
     let bright = rgb.dot(LUMINANCE);
     let v = rgb.lerp(Vec3::splat(bright), 0.04 + 0.35 * bright / (bright + 6.0)).max(Vec3::ZERO);

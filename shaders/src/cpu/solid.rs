@@ -1,6 +1,8 @@
-//! What a ray sees of a solid: its roof, its wall strip, what shows through the strip's holes. GPU twin: `solid.wgsl`.
+//! Surfaces of a solid that a ray hits: roof, wall strip, and surfaces behind the strip's holes. GPU twin:
+//! `solid.wgsl`.
 //!
-//! Here `adjacent_wall` returns a texel and its normal; the GPU returns where the texel is, and reads it in `hit_solid`.
+//! On the CPU, `adjacent_wall` returns a texel and its normal. On the GPU it returns the texel's address, and
+//! `hit_solid` reads it.
 
 use super::{
     column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace, bounds_of},
@@ -16,10 +18,10 @@ use crate::{
 use glam::{IVec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, blockmap::flag, octahedral, texel::AO_MAX};
 
-/// Most rows of a strip that a ray looks through: no strip has more.
+/// Most rows of a strip: a guard, as no strip has more.
 pub(crate) const MAX_STRIP_ROWS: i32 = 256;
 
-/// Gathers a solid that the ray meets, and what is behind its transparent texels.
+/// Gathers a solid that the ray meets, with the surfaces behind its transparent texels.
 #[inline]
 pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSolid) {
     let (cell, flags, span) = (column.cell, column.flags, found.span);
@@ -73,8 +75,8 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
     }
 }
 
-/// Texel and normal of the wall of the column in front of `cell`, if it has one at `t`. Between the planes of two clipped columns of one
-/// wall, a ray may reach the column behind them: it shows the wall that the ray slipped through.
+/// Texel and normal of the wall of the column in front of `cell`, if it has one at `t`. Between the planes of two
+/// clipped columns of one wall, a ray may reach the column behind them: it shows the wall that the ray slipped through.
 fn adjacent_wall(ray: &mut Ray<'_>, cell: IVec2, t: f32) -> Option<(u32, Vec3)> {
     let before = cell + face_normal(&ray.node, cell).xy().as_ivec2();
     if before.min_element() < 0 || before.max_element() >= NODE_CELLS as i32 {

@@ -1,12 +1,12 @@
-//! The walk of a ray segment: over the grid's squares, into their nodes, over blocks and cells (Amanatides and Woo 1987).
-//! GPU twin: `walk.wgsl`.
+//! The walk of a ray segment: over the grid's squares, into their nodes, over blocks and cells (Amanatides and Woo
+//! 1987). GPU twin: `walk.wgsl`.
 //!
-//! Here the loops are nested: [`walk_grid`], `walk_node`, `walk_block`, `walk_column`. The GPU runs the same steps (`begin_walk`,
-//! `next_square`, `begin_node`, `next_block`, `next_cell`, `may_hit`, `meets`, `hit_solid`) in loops that resume where they
-//! stopped, and says why.
+//! The CPU nests the loops: [`walk_grid`], `walk_node`, `walk_block`, `walk_column`. The GPU runs the same steps
+//! (`begin_walk`, `next_square`, `begin_node`, `next_block`, `next_cell`, `may_hit`, `meets`, `hit_solid`) in loops
+//! that resume where they stopped (`walk.wgsl` says why).
 //!
-//! Integer squares, blocks and cells are the walk's only position; every crossing is computed from the segment's origin, so that
-//! errors do not add up.
+//! Integer squares, blocks and cells are the walk's only position; every crossing is computed from the segment's
+//! origin, so that errors do not add up.
 
 use super::{
     column::{ColumnVisit, may_hit},
@@ -26,7 +26,8 @@ use crate::{
 };
 use glam::{IVec2, Vec2, Vec3Swizzles};
 
-/// The segment in the grid, x and y in finest squares, z in steps of the grid's heights, `t` in metres; and the next square.
+/// The segment in the grid, x and y in finest squares, z in steps of the grid's heights, `t` in metres; and the next
+/// square.
 struct GridWalk {
     o: Vec2,
     d: Vec2,
@@ -103,7 +104,7 @@ struct GridEntry {
     level: u32,
 }
 
-/// Gathers what the ray's segment hits in the grid, which must have levels.
+/// Gathers the surfaces that the ray's segment hits. The grid must have levels.
 pub(super) fn walk_grid(ray: &mut Ray<'_>) {
     let Some(mut walk) = GridWalk::begin_walk(ray) else { return };
     while let Some(NodeCrossing { node, t_in, t_out }) = walk.next_square(ray) {
@@ -302,7 +303,8 @@ fn quad_top(tops: &QuadTops, cell: IVec2) -> f32 {
     tops.lowest + 2.0 + units as f32 * tops.unit
 }
 
-/// The node that the ray sees in a square: the one that the entry names, or the next one, from which the square cross-fades.
+/// The node that the ray sees in a square: the one that the entry names, or the next one, from which the square
+/// cross-fades.
 fn seen_node(ray: &Ray<'_>, entry: u32) -> u32 {
     (entry & GRID_NODE_MASK) + u32::from(ray.threshold < entry >> GRID_SHARE_SHIFT & GRID_SHARE_MASK)
 }

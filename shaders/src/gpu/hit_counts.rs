@@ -1,4 +1,5 @@
-//! Counts the pixels of each node on a device, and reads them back without waiting. CPU twin: [`crate::cpu::hit_counts`].
+//! Counts the pixels of each node on a device, and reads them back without waiting. CPU twin:
+//! [`crate::cpu::hit_counts`].
 
 use super::{DeviceQueue, Raycaster, buffer, shader_module, words_of};
 use crate::layout::{HIT_BLOCK_PX, HIT_COUNTS_THREADS, binding};

@@ -53,8 +53,8 @@ impl Nearest {
         &self.name
     }
 
-    /// Draws triangles, three corners each. Of two that are equally near, the first wins. Returns `size[0] * size[1]` numbers, row by
-    /// row. Fails if the map is larger than the device's textures, or cannot be read back.
+    /// Draws triangles, three corners each. Of two that are equally near, the first wins. Returns `size[0] * size[1]`
+    /// numbers, row by row. Fails if the map is larger than the device's textures, or cannot be read back.
     pub fn draw(&self, corners: &[NearestVertex], size: [u32; 2]) -> Result<Vec<u32>, GpuError> {
         let limit = self.device.limits().max_texture_dimension_2d;
         if let Some(found) = size.into_iter().find(|side| *side == 0 || *side > limit) {

@@ -34,10 +34,11 @@ pub struct Raycaster {
     output: OutputBuffers,
 }
 
-/// A specialisation of the shader: what it need not do costs nothing, even on devices that execute both sides of an `if`.
+/// A specialisation of the shader: code that it leaves out costs nothing, even on devices that execute both sides of an
+/// `if`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct PipelineVariant {
-    /// Counts what rays do, and draws nothing.
+    /// Counts the rays' work, and draws nothing.
     count: bool,
     /// The draw list has meshes.
     meshes: bool,
@@ -96,9 +97,10 @@ fn module(device: &wgpu::Device, meshes: bool) -> wgpu::ShaderModule {
     let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: meshes, ..wgpu::ShaderRuntimeChecks::checked() };
     let label = Some("raycast");
     let source = wgpu::ShaderSource::Wgsl(crate::wgsl::raycast().into());
-    // SAFETY: the only thing that is not checked is that loops end. Without meshes all do, whatever the buffers hold: over squares and
-    // over hits after MAX_STEPS, over blocks and cells as each round goes on by a whole one, over a column's six solids and
-    // MAX_STRIP_ROWS rows, over levels and planes by their number. (A damaged tree of a mesh's boxes could be a cycle.)
+    // SAFETY: the only thing that is not checked is that loops end. Without meshes all do, whatever the buffers hold:
+    // over squares and over hits after MAX_STEPS, over blocks and cells as each round goes on by a whole one, over a
+    // column's six solids and MAX_STRIP_ROWS rows, over levels and planes by their number. (A damaged tree of a mesh's
+    // boxes could be a cycle.)
     unsafe { device.create_shader_module_trusted(wgpu::ShaderModuleDescriptor { label, source }, checks) }
 }
 
@@ -148,7 +150,7 @@ impl Raycaster {
         Self { capacity, pipelines, bind_group_layout, inputs, output }
     }
 
-    /// What the ray-caster was made for.
+    /// The capacity that the ray-caster was made with.
     pub fn capacity(&self) -> Capacity {
         self.capacity
     }
@@ -179,8 +181,8 @@ impl Raycaster {
         }
     }
 
-    /// Records the pass of a frame whose size is that of the last [`Raycaster::resize`]. Fails if there are more nodes than the
-    /// capacity allows.
+    /// Records the pass of a frame whose size is that of the last [`Raycaster::resize`]. Fails if there are more nodes
+    /// than the capacity allows.
     pub fn render(
         &mut self,
         on: DeviceQueue<'_>,
@@ -196,8 +198,8 @@ impl Raycaster {
         Ok(())
     }
 
-    /// What the rays of such a frame do, one per pixel. Draws nothing, and waits for the device. Fails if there are more nodes
-    /// than the capacity allows, or if the counts cannot be read back.
+    /// Work of the rays of such a frame, one per pixel. Draws nothing, and waits for the device. Fails if there are
+    /// more nodes than the capacity allows, or if the counts cannot be read back.
     pub fn count(
         &mut self,
         on: DeviceQueue<'_>,

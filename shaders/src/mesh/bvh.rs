@@ -1,7 +1,8 @@
 //! A bounding volume hierarchy of a mesh's triangles.
 //!
-//! Split where the boxes' surfaces, weighted by their triangles, are smallest (Wald 2007, "On fast construction of SAH-based
-//! bounding volume hierarchies"). Deep levels split by number of triangles, so that no tree is deeper than a ray's stack.
+//! Split where the boxes' surfaces, weighted by their triangles, are smallest (Wald 2007, "On fast construction of
+//! SAH-based bounding volume hierarchies"). Deep levels split by number of triangles, so that no tree is deeper than a
+//! ray's stack.
 
 use std::ops::Range;
 

@@ -13,7 +13,8 @@
 //! | triangles, 2 each | corners' x0, y0, z0, x1, ... z2, 16 bits each; 16 bits of zero; what each corner carries: `u \| v << 16` in 65,535ths, or 8-bit sRGB without a texture |
 //! | texels | texture tiles: rows as long as the level is wide, at most 64 texels |
 //!
-//! A reference is a place in vec4s, and above [`REFERENCE_COUNT_SHIFT`] the number of triangles there, 1 to 3, or 0 for two boxes.
+//! A reference is a place in vec4s, and above [`REFERENCE_COUNT_SHIFT`] the number of triangles there, 1 to 3, or 0 for
+//! two boxes.
 
 mod bvh;
 mod packer;
@@ -48,8 +49,8 @@ pub fn pages_guess(triangles: u32, texture_px: u32) -> u32 {
     1 + words.div_ceil(PAGE_WORDS as u64).min(1 << 20) as u32
 }
 
-/// Offset of `leaf` in `tile` (the leaf itself or an ancestor), whose columns give its mesh ambient occlusion: `x | y << 16` in
-/// 1024ths of a column.
+/// Offset of `leaf` in `tile` (the leaf itself or an ancestor), whose columns give its mesh ambient occlusion: `x | y
+/// << 16` in 1024ths of a column.
 pub fn leaf_offset(leaf: TileId, tile: TileId) -> u32 {
     let finer = leaf.level().saturating_sub(tile.level()).min(31);
     let offset = |at: u32| ((u64::from(at & ((1 << finer) - 1)) << 16) >> finer) as u32;

@@ -22,7 +22,8 @@ pub struct MeshTexture {
 }
 
 impl MeshTexture {
-    /// Decodes a mesh tile's texture, whose stated size is within the format's limits and bounds the memory that is taken.
+    /// Decodes a mesh tile's texture, whose stated size is within the format's limits and bounds the memory that is
+    /// taken.
     ///
     /// Fails if the file is damaged, takes more memory than an image of that size needs, or is of another size.
     pub fn decode(texture: &Texture) -> Result<Self, DecodeError> {
@@ -60,7 +61,8 @@ impl MeshTexture {
         }
     }
 
-    /// Half the size: each texel the mean of up to four, of their squares, as squares of sRGB values are close to linear light.
+    /// Half the size: each texel the mean of up to four, of their squares, as squares of sRGB values are close to
+    /// linear light.
     fn halved(&self) -> Self {
         let (width_px, height_px) = ((self.width_px / 2).max(1), (self.height_px / 2).max(1));
         let texel = |x: u32, y: u32| {
@@ -91,8 +93,8 @@ impl MeshTexture {
     }
 }
 
-/// Adds the tiles of all levels to `words`, which end with a page, and writes their addresses from word `table` on. No tile
-/// crosses a page.
+/// Adds the tiles of all levels to `words`, which end with a page, and writes their addresses from word `table` on. No
+/// tile crosses a page.
 pub(super) fn place(levels: &[MeshTexture], words: &mut Vec<u32>, table: usize) {
     let mut next = table;
     for level in levels {
