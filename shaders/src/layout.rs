@@ -1,7 +1,7 @@
 //! Structs, constants and binding numbers that Rust and WGSL share.
 //!
-//! The structs are repeated in `wgsl/shared/layout.wgsl`; `tests/layout.rs` compares their offsets. [`crate::wgsl`] generates
-//! the constants for WGSL.
+//! The structs are repeated in `wgsl/shared/layout.wgsl`; `tests/layout.rs` compares their offsets. [`crate::wgsl`]
+//! generates the constants for WGSL.
 //!
 //! Positions are relative to the camera (world axes, metres), so that f32 is precise enough anywhere on Earth.
 
@@ -29,7 +29,7 @@ pub(crate) const BLOCK_SHIFT: u32 = BLOCK_CELLS.ilog2();
 pub const NODE_BLOCKS: usize = NODE_CELLS / BLOCK_CELLS;
 /// Summary words of a node, four per block, which are read at once.
 ///
-/// A word is a row of four quads of 2 x 2 cells. A quad's top takes [`QUAD_TOP_BITS`] bits from bit 0 on, in 63rds of
+/// A word is a row of four quads of 2 x 2 cells. A quad's top takes 6 bits from bit 0 on, in 63rds of
 /// the way from the block's lowest to its highest point, rounded up. Bits 24 to 31 of the four words are the low and
 /// the high byte of the lowest point in height codes (0xffff where the block is empty), then those of the highest.
 pub const SUMMARY_WORDS: usize = NODE_BLOCKS * NODE_BLOCKS * 4;

@@ -5,7 +5,7 @@
 //!
 //! | page | word of column i |
 //! |---|---|
-//! | 0 walk | `z_max` ([`HEIGHT_BITS`] bits), `z_min` (as many), flags (8). With [`flag::GAP`] the two heights are those of the gap, so that a ray below an overhang reads nothing else: where the part above the gap begins, and where the part below it (or beyond the clipping plane, if that is higher) ends |
+//! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8). With [`flag::GAP`] the two heights are those of the gap, so that a ray below an overhang reads nothing else: where the part above the gap begins, and where the part below it (or beyond the clipping plane, if that is higher) ends |
 //! | 1 roof | texel |
 //! | 2 attributes | roof normal (16), wall azimuth (8), offset of the plane that clips the column (8, signed) |
 //! | 3 strips | address of the column's strip: a word of the atlas, 0 without a strip |
@@ -96,7 +96,7 @@ fn strip_words(map: &BlockMap, i: usize) -> usize {
     usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1) + head_words(flags)
 }
 
-/// A clipped column's data besides its azimuth and offset: top of the part beyond the plane ([`HEIGHT_BITS`] bits, 0 if
+/// A clipped column's data besides its azimuth and offset: top of the part beyond the plane (12 bits, 0 if
 /// there is none), [`CLIP_CORNER`], [`CLIP_CONCAVE`], two bits of zero, azimuth (8) and offset (8, signed) of the
 /// corner's second plane.
 pub fn clip_word(clip: &Clip) -> u32 {

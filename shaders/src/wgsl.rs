@@ -1,6 +1,6 @@
 //! The WGSL sources: files of `wgsl/`, concatenated behind generated constants.
 //!
-//! Rust declares every number that both languages use, and [`constants`] generates its WGSL declaration:
+//! Rust declares every number that both languages use, and this module generates its WGSL declaration:
 //!
 //! - sizes, bit fields and limits of the shared arrays (`layout`, `pack`, `mesh`, the column flags of `insula-protocol`);
 //! - tolerances, lifts and colours of the CPU ray-caster (`cpu`);

@@ -13,8 +13,8 @@
 //! | triangles, 2 each | corners' x0, y0, z0, x1, ... z2, 16 bits each; 16 bits of zero; what each corner carries: `u \| v << 16` in 65,535ths, or 8-bit sRGB without a texture |
 //! | texels | texture tiles: rows as long as the level is wide, at most 64 texels |
 //!
-//! A reference is a place in vec4s, and above [`REFERENCE_COUNT_SHIFT`] the number of triangles there, 1 to 3, or 0 for
-//! two boxes.
+//! A reference is a place in vec4s, and in its two highest bits the number of triangles there, 1 to 3, or 0 for two
+//! boxes.
 
 mod bvh;
 mod packer;
