@@ -124,11 +124,9 @@ impl Shading {
 pub struct FrameUniform {
     /// Unit vector through the frame's centre.
     pub forward: [f32; 3],
-    /// Width of the frame.
     pub width_px: u32,
     /// To the right edge: unit right times `tan(fov_x / 2)`.
     pub right: [f32; 3],
-    /// Height of the frame.
     pub height_px: u32,
     /// To the upper edge: unit up times `tan(fov_y / 2)`.
     pub up: [f32; 3],

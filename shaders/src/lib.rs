@@ -1,7 +1,7 @@
 //! Insula's ray-caster: its WGSL, its definition on the CPU, and the layouts that both read.
 //!
 //! [`cpu::raycast`] defines what a frame shows. `wgsl/raycast.wgsl` must agree with it pixel for pixel but for
-//! rounding at edges (`tests/tests/twin_raycast.rs`).
+//! rounding at edges (`tests/integration/twin_raycast.rs`).
 //!
 //! Feature `gpu` adds the wgpu passes. Without it the crate has no graphics API.
 

@@ -1,7 +1,5 @@
-//! A V-BlockMap as the ray-caster reads it: pages of words.
-//!
-//! In: a decoded [`BlockMap`]. Out: [`PackedNode`]. Next: the client's cache assigns pages and a slot; `cpu::raycast`
-//! and `raycast.wgsl` walk it.
+//! A V-BlockMap as the ray-caster reads it: pages of words. The client's cache assigns pages of the atlas and a slot for
+//! its summary.
 //!
 //! | page | word of column i |
 //! |---|---|

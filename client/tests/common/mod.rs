@@ -5,12 +5,10 @@
 use glam::DVec3;
 use insula_client::{
     args::Global,
-    camera::Camera,
     commands::connect::connect,
     render::{Adapter, AdapterChoice},
-    scene::Tree,
-    session::{Session, Shot},
-    stream::{Stream, fetch::Http},
+    session::Session,
+    stream::{BackgroundFetcher, fetch::Http},
 };
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId,
@@ -21,6 +19,7 @@ use insula_protocol::{
     route::{self, Layer},
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
+use insula_viewer::{camera::Camera, scene::SceneTree, streamer::FrameRequest};
 use std::{
     collections::HashMap,
     io::{BufRead, BufReader, Write},
@@ -279,9 +278,9 @@ pub fn global() -> Global {
 pub fn session(server: &Server, cache_mib: u64) -> Session {
     let http = Arc::new(Http::new(None).unwrap());
     let city = connect(&http, &server.url, &global()).unwrap();
-    let stream = Stream::new(http, city.source, 12, None);
+    let stream = BackgroundFetcher::downloads(http, city.source, 12, None);
     Session::new(
-        Tree::new(city.manifest),
+        SceneTree::new(city.manifest),
         stream,
         Adapter::headless(AdapterChoice::Cpu, cache_mib << 20).unwrap(),
         Instant::now(),
@@ -289,8 +288,8 @@ pub fn session(server: &Server, cache_mib: u64) -> Session {
 }
 
 /// From the city's corner, in metres; 160 x 90 pixels.
-pub fn shot(position: [f64; 3], target: [f64; 3]) -> Shot {
+pub fn shot(position: [f64; 3], target: [f64; 3]) -> FrameRequest {
     let world = DVec3::from(ORIGIN);
     let camera = Camera::look(world + DVec3::from(position), world + DVec3::from(target), DVec3::Z, 1.0).unwrap();
-    Shot { camera, heading: None, size_px: [160, 90], tau_px: 1.0 }
+    FrameRequest { camera, heading: None, size_px: [160, 90], tau_px: 1.0 }
 }

@@ -21,9 +21,7 @@ use rayon::prelude::*;
 /// A finished frame, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Pixels {
-    /// Width of the frame.
     pub width_px: u32,
-    /// Height of the frame.
     pub height_px: u32,
     /// r, g, b, 255 in sRGB, r lowest.
     pub colour: Vec<u32>,

@@ -1,6 +1,4 @@
 //! Draws the ray-caster's pixels on a render target.
-//!
-//! In: a [`Raycaster`]'s colour buffer. Out: a drawn target. Next: the overlay, then the screen.
 
 use super::{Raycaster, shader_module};
 use crate::layout::binding;

@@ -12,11 +12,11 @@ pub struct HitCounts {
     size: wgpu::Buffer,
     pixels: wgpu::Buffer,
     staging: wgpu::Buffer,
-    in_flight: Option<InFlight>,
+    in_flight: Option<CountInFlight>,
 }
 
 #[derive(Debug)]
-struct InFlight {
+struct CountInFlight {
     nodes: usize,
     /// Whether the staging buffer was mapped; `None` until the count was submitted.
     mapped: Option<Receiver<bool>>,
@@ -81,13 +81,13 @@ impl HitCounts {
         pass.dispatch_workgroups(blocks.div_ceil(HIT_COUNTS_THREADS), 1, 1);
         drop(pass);
         encoder.copy_buffer_to_buffer(&self.pixels, 0, &self.staging, 0, bytes);
-        self.in_flight = Some(InFlight { nodes, mapped: None });
+        self.in_flight = Some(CountInFlight { nodes, mapped: None });
         true
     }
 
     /// Requests the count. To be called when the commands of [`HitCounts::encode`] have been submitted.
     pub fn submitted(&mut self) {
-        if let Some(InFlight { nodes, mapped: mapped @ None }) = &mut self.in_flight {
+        if let Some(CountInFlight { nodes, mapped: mapped @ None }) = &mut self.in_flight {
             let (sender, receiver) = sync_channel(1);
             self.staging.slice(..*nodes as u64 * 4).map_async(wgpu::MapMode::Read, move |result| {
                 // The receiver is gone if the window was closed.
@@ -99,7 +99,7 @@ impl HitCounts {
 
     /// Pixels of each node, once they have arrived; never waits. Empty if the device failed.
     pub fn take(&mut self, device: &wgpu::Device) -> Option<Vec<u32>> {
-        let InFlight { nodes, mapped } = self.in_flight.as_ref()?;
+        let CountInFlight { nodes, mapped } = self.in_flight.as_ref()?;
         let receiver = mapped.as_ref()?;
         // An error is reported by the next submission too.
         let _ = device.poll(wgpu::PollType::Poll);

@@ -1,7 +1,4 @@
-//! The ray-caster on a device: its buffers, its dispatch, its read-back.
-//!
-//! In: pages, summaries, the draw list. Out: pixels in device memory. Next: `compose`, `hit_counts` or
-//! [`Raycaster::read_back`].
+//! The ray-caster on a device: its buffers, its dispatch, its read-back. CPU twin: [`crate::cpu::raycast`].
 
 use super::{DeviceQueue, GpuError, buffer, read_words};
 use crate::{

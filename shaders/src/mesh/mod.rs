@@ -1,7 +1,4 @@
-//! A mesh as the ray-caster reads it: pages of words.
-//!
-//! In: a decoded [`Mesh`] and its texture. Out: [`PackedMesh`]. Next: the client's cache assigns pages; `cpu::mesh` and
-//! `mesh.wgsl` look for the triangle that a ray hits.
+//! A mesh as the ray-caster reads it: pages of words. The client's cache assigns pages of the atlas.
 //!
 //! Words are read four at a time (a vec4). Boxes and corners are points of the mesh's own grid, so nothing is rounded.
 //!

@@ -6,12 +6,9 @@
 //! directories are kept, and many who wait for one fetch it once.
 
 use super::{Pending, Source};
-use crate::{
-    scene::Key,
-    stream::{decode::limit_bytes, fetch::FetchError},
-};
 use bytes::Bytes;
 use insula_protocol::{mesh_tile, route::Layer};
+use insula_viewer::{decode::limit_bytes, scene::TileKey, streamer::FetchError};
 use pmtiles::{
     AsyncBackend, AsyncPmTilesReader, BackendResponse, Compression, MokaCache, PmtError, PmtResult, TileCoord,
 };
@@ -71,7 +68,7 @@ impl<R: Ranges> Archives<R> {
 }
 
 impl<R: Ranges> Source for Archives<R> {
-    fn tile(&self, key: Key) -> Pending<'_> {
+    fn tile(&self, key: TileKey) -> Pending<'_> {
         let archive = match key.layer() {
             Layer::BlockMaps => &self.block_maps,
             Layer::Subtrees => &self.subtrees,
@@ -86,7 +83,7 @@ impl<R: Ranges> Source for Archives<R> {
 }
 
 impl<R: Ranges> Archive<R> {
-    async fn tile(&self, key: Key) -> Result<Bytes, FetchError> {
+    async fn tile(&self, key: TileKey) -> Result<Bytes, FetchError> {
         let open = || {
             let guarded = Guarded { ranges: self.ranges.clone(), leaves: Default::default() };
             AsyncPmTilesReader::try_from_cached_source(guarded, MokaCache::with_max_bytes(DIRECTORY_BYTES))
@@ -115,7 +112,7 @@ impl<R: Ranges> Guarded<R> {
     async fn guarded(&self, offset: u64, length: usize) -> Result<BackendResponse, FetchError> {
         let [from, to] = [0, 1].map(|i| self.leaves[i].load(Ordering::Relaxed));
         let is_leaf = (from..to).contains(&offset);
-        let most = if is_leaf { PACKED_BYTES } else { crate::stream::decode::MOST_BYTES };
+        let most = if is_leaf { PACKED_BYTES } else { insula_viewer::decode::MOST_BYTES };
         if length > most {
             return Err(FetchError::Archive(format!("it asks for {length} bytes at once")));
         }
