@@ -1,43 +1,38 @@
-//! What can go wrong in the client, each in one line: what, where, what to do.
+//! Errors of the client. Each is one line that says what failed, where, and what to do.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Why a command ended without doing what was asked.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// Something that was typed, or a file that was handed in, means nothing: exit code 2.
+    /// An argument or an input file is invalid. Exit code 2.
     #[error("{0}")]
     Usage(String),
     /// A file could not be read or written.
-    #[error("{path}: {source}: check that the path exists and may be used", path = path.display())]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The server did not answer, or not with what was asked for.
+    #[error("{path}: {source}: check that the path exists and is accessible", path = path.display())]
+    File { path: PathBuf, source: std::io::Error },
+    /// The server did not respond, or its response cannot be used.
     #[error("{0}")]
     Server(String),
-    /// No window, no device, no picture.
+    /// There is no window, no usable GPU, or no surface to draw to.
     #[error("{0}")]
     Graphics(String),
-    /// Everything else.
+    /// Any other failure.
     #[error("{0}")]
     Failed(String),
 }
 
 impl ClientError {
-    /// The process's exit code: 1 failed, 2 usage.
+    /// Exit code of the process: 2 for usage errors, 1 for all others.
     pub fn exit_code(&self) -> u8 {
         if matches!(self, Self::Usage(_)) { 2 } else { 1 }
     }
 
-    /// For `map_err` on file operations.
-    pub fn file(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+    /// Converts an I/O error on `path`, for `map_err`.
+    pub fn file(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         move |source| Self::File { path: path.to_owned(), source }
     }
 }
 
-/// Shorthand.
+/// `Result` with [`ClientError`] as the default error.
 pub type Result<T, E = ClientError> = std::result::Result<T, E>;

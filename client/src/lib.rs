@@ -1,20 +1,23 @@
-//! Insula's streaming client: flies through cities.
+//! Native shell of Insula's streaming client.
 //!
-//! In: a server's URL, a camera. Out: pictures, in a window or in files.
+//! `insula-viewer` selects, caches and assembles frames. This crate adds what it needs from the outside: the network
+//! ([`stream`]), the ray-casters ([`render`]), the clock ([`session`]), the window ([`ui`]) and the command line
+//! ([`commands`]). The modules depend on each other in one direction only:
 //!
-//! A frame's way: `select` (pure) -> `stream` (request, fetch, decode) -> `cache` (pages) -> `render` (frame, ray-cast,
-//! compose). `session` is the loop, shared by the window, `snapshot` and `fly`.
+//! ```text
+//! commands -> ui -> session -> report -> render -> error
+//!                           -> stream -----------> error
+//! ```
+//!
+//! Only `stream` uses the network. Only `render` and `ui` name wgpu.
 
 pub mod args;
-
 pub mod camera_files;
 pub mod commands;
 pub mod error;
-pub mod picture;
+pub mod image_files;
 pub mod render;
 pub mod report;
-
 pub mod session;
 pub mod stream;
-
 pub mod ui;

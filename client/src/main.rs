@@ -10,7 +10,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(error) if error.use_stderr() => return usage(&error),
+        Err(error) if error.use_stderr() => return usage_error(&error),
         Err(help) => help.exit(),
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
@@ -25,13 +25,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// What was typed means nothing: one line, as all errors.
-fn usage(error: &clap::Error) -> ExitCode {
+/// Prints a usage error in one line, like all other errors.
+fn usage_error(error: &clap::Error) -> ExitCode {
     let text = error.to_string();
-    let what = text.split("\n\n").next().unwrap_or("error: usage");
-    // Asked for nothing at all, clap answers with the help itself.
-    let what = if what.starts_with("error:") { what } else { "error: no command" };
-    let line = what.split_whitespace().collect::<Vec<_>>().join(" ");
+    let first = text.split("\n\n").next().unwrap_or("error: usage");
+    // Without any arguments, clap prints the help text instead of an error.
+    let first = if first.starts_with("error:") { first } else { "error: no command given" };
+    let line = first.split_whitespace().collect::<Vec<_>>().join(" ");
     eprintln!("{line}: see insula --help");
     ExitCode::from(2)
 }

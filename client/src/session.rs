@@ -1,12 +1,11 @@
 //! The frame loop that the window, `snapshot` and `fly` share: stream, draw, report what the rays hit.
 //!
-//! Wraps the pure [`Streamer`] with what it does not know: the clock, the ray-caster, and a thread that keeps the network busy
-//! while a frame is drawn.
+//! Adds to the pure [`Streamer`] the clock, the ray-caster, and a thread that keeps the network busy while a frame is drawn.
 
 use crate::{
     error::{ClientError, Result},
-    render::{Adapter, AdapterInfo},
-    report::{FlightMoment, FrameTimes, Report},
+    render::{Adapter, AdapterInfo, OpenedAdapter},
+    report::{FlightSample, FrameTimes, RunReport},
     stream::{BackgroundFetcher, notifier::Notifier},
 };
 use glam::DVec3;
@@ -32,24 +31,21 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Frame times that are recorded; later ones are ignored.
+/// Number of frame times that are recorded. Later ones are ignored.
 const MAX_FRAME_TIMES: usize = 100_000;
 /// A frame whose errors are at most this multiple of tau counts as nearly converged.
 const NEAR_TIMES_TAU: f64 = 4.0;
-/// How often retries are looked at while nothing arrives.
+/// Interval of checks for due retries while nothing arrives.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
-
-/// An adapter, its description, and the number of cache pages that it has room for.
-pub type OpenedAdapter = (Adapter, AdapterInfo, u32);
 
 /// Result of one step of the idle prefetch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PrefetchStep {
     /// A small frame was drawn; the next step may follow at once.
     Drawn,
-    /// Tiles are on their way.
+    /// Tiles are in flight.
     Waiting,
-    /// Nothing more to fetch, or no room for it.
+    /// Nothing is left to fetch, or the cache is full.
     Done,
 }
 
@@ -59,10 +55,11 @@ pub struct Session {
     adapter: Adapter,
     info: AdapterInfo,
     frame_times: Vec<Duration>,
+    /// When the command began.
     started: Instant,
-    first_frame: Option<Duration>,
-    near: Option<Duration>,
-    converged: Option<Duration>,
+    first_frame_at: Option<Duration>,
+    nearly_converged_at: Option<Duration>,
+    converged_at: Option<Duration>,
     requested_tau_px: f64,
 }
 
@@ -71,16 +68,17 @@ impl Session {
     pub fn new(
         tree: SceneTree,
         downloads: Downloads<BackgroundFetcher>,
-        (adapter, info, pages): OpenedAdapter,
+        opened: OpenedAdapter,
         started: Instant,
     ) -> Self {
-        Self::with(Streamer::new(tree, downloads, pages), adapter, info, started)
+        Self::from_parts(Streamer::new(tree, downloads, opened.pages), opened.adapter, opened.info, started)
     }
 
-    /// Like [`Session::new`] with an adapter that is still being opened: what `first` needs is fetched meanwhile. `pages` is
-    /// the number of cache pages that the adapter is expected to have room for. Fails if the adapter cannot be opened.
+    /// Like [`Session::new`] with an adapter that is still being opened. The tiles that `first` needs are fetched meanwhile.
+    /// `pages` is the number of cache pages that the adapter is expected to hold. Fails if the adapter cannot be opened.
     pub fn open(
-        (tree, downloads): (SceneTree, Downloads<BackgroundFetcher>),
+        tree: SceneTree,
+        downloads: Downloads<BackgroundFetcher>,
         opening: JoinHandle<Result<OpenedAdapter>>,
         pages: u32,
         first: Option<&FrameRequest>,
@@ -91,36 +89,41 @@ impl Session {
             streamer.select_and_request(request, started.elapsed());
             keep_fetching(&mut streamer, started, || opening.is_finished());
         }
-        let failed = |_| ClientError::Graphics("opening the graphics device was interrupted: try --adapter cpu".into());
-        let (adapter, info, pages) = opening.join().map_err(failed)??;
+        let failed = |_| ClientError::Graphics("opening the adapter panicked: try --adapter cpu".into());
+        let OpenedAdapter { adapter, info, pages } = opening.join().map_err(failed)??;
         streamer.resize_cache(pages);
-        Ok(Self::with(streamer, adapter, info, started))
+        Ok(Self::from_parts(streamer, adapter, info, started))
     }
 
-    fn with(streamer: Streamer<BackgroundFetcher>, adapter: Adapter, info: AdapterInfo, started: Instant) -> Self {
+    fn from_parts(
+        streamer: Streamer<BackgroundFetcher>,
+        adapter: Adapter,
+        info: AdapterInfo,
+        started: Instant,
+    ) -> Self {
         Self {
             streamer,
             adapter,
             info,
             frame_times: Vec::new(),
             started,
-            first_frame: None,
-            near: None,
-            converged: None,
+            first_frame_at: None,
+            nearly_converged_at: None,
+            converged_at: None,
             requested_tau_px: 1.0,
         }
     }
 
-    /// Everything of a frame except drawing: takes in arrivals, selects, requests, uploads.
+    /// Prepares the next frame: takes in arrivals, selects, requests, and uploads.
     pub fn update(&mut self, request: &FrameRequest) {
         self.requested_tau_px = request.tau_px;
         self.streamer.update(request, &mut self.adapter, self.started.elapsed());
         if self.is_settled() {
-            self.converged.get_or_insert(self.started.elapsed());
+            self.converged_at.get_or_insert(self.started.elapsed());
         }
     }
 
-    /// Runs `draw` while another thread keeps the network busy. The atlas does not change meanwhile.
+    /// Runs `draw` while another thread keeps fetching. The atlas does not change meanwhile.
     pub fn while_fetching<T>(&mut self, draw: impl FnOnce(&mut Adapter) -> T) -> T {
         let Self { streamer, adapter, started, .. } = self;
         if streamer.is_idle() {
@@ -130,7 +133,7 @@ impl Session {
         let notifier = streamer.downloads().fetcher().notifier();
         std::thread::scope(|scope| {
             let fetch = || keep_fetching(streamer, *started, || is_drawn.load(Ordering::Acquire));
-            // If no thread can be spawned, the network waits for the frame.
+            // If no thread can be spawned, fetching waits for the frame.
             let _thread = std::thread::Builder::new().name("insula-streaming".into()).spawn_scoped(scope, fetch);
             // The scope waits for the thread, so a panic in `draw` must end it too.
             let _end = EndFetching { is_drawn: &is_drawn, notifier: &notifier };
@@ -138,7 +141,7 @@ impl Session {
         })
     }
 
-    /// Draws `data`, waits for the pixels, and takes in what they hit.
+    /// Draws `data`, waits for the pixels, and reports their hits. Fails if the adapter fails.
     pub fn render(&mut self, data: &FrameData) -> Result<Pixels> {
         let pixels = self.while_fetching(|adapter| adapter.draw(data))?;
         self.frame_drawn(data);
@@ -146,13 +149,13 @@ impl Session {
         Ok(pixels)
     }
 
-    /// Draws the last selection, waits for the pixels, and takes in what they hit.
+    /// Draws the last selection, waits for the pixels, and reports their hits. Fails if the adapter fails.
     pub fn draw(&mut self, request: &FrameRequest, settings: &RenderSettings) -> Result<Pixels> {
         self.render(&self.frame_data(request, settings))
     }
 
-    /// One step of the idle prefetch for a request whose frame is complete. To be called after [`Session::update`] with the
-    /// same request until it is done. Fails if the small frame cannot be drawn.
+    /// One step of the idle prefetch for a request whose frame is settled. To be called after [`Session::update`] with the
+    /// same request, until it is done. Fails if the adapter fails.
     pub fn prefetch(&mut self, request: &FrameRequest) -> Result<PrefetchStep> {
         match self.streamer.prefetch(request) {
             LookaheadState::Done => Ok(PrefetchStep::Done),
@@ -170,9 +173,9 @@ impl Session {
     pub fn frame_drawn(&mut self, data: &FrameData) {
         let elapsed = self.started.elapsed();
         if !data.nodes.is_empty() {
-            self.first_frame.get_or_insert(elapsed);
+            self.first_frame_at.get_or_insert(elapsed);
             if data.error_px <= NEAR_TIMES_TAU * self.requested_tau_px {
-                self.near.get_or_insert(elapsed);
+                self.nearly_converged_at.get_or_insert(elapsed);
             }
         }
     }
@@ -184,7 +187,7 @@ impl Session {
         }
     }
 
-    /// Waits until something has arrived, at most for `timeout`.
+    /// Waits until something has arrived, for at most `timeout`.
     pub fn wait(&self, timeout: Duration) {
         self.downloads().fetcher().notifier().wait(timeout);
     }
@@ -219,7 +222,7 @@ impl Session {
         self.streamer.frame_data(request, settings)
     }
 
-    /// The ray-caster, for the window.
+    /// The ray-caster.
     pub fn adapter_mut(&mut self) -> &mut Adapter {
         &mut self.adapter
     }
@@ -234,7 +237,7 @@ impl Session {
         match downloads.failing_since() {
             Some(since) if self.started.elapsed().saturating_sub(since) >= timeout => {
                 Err(ClientError::Server(format!(
-                    "no answer from {} for {} s ({}): check that it runs, or give --timeout",
+                    "no response from {} for {} s ({}): check that the server runs, or raise --timeout",
                     downloads.fetcher().location(),
                     timeout.as_secs(),
                     downloads.last_error()
@@ -329,9 +332,9 @@ impl Session {
         &self.info
     }
 
-    /// Number of frames that took `times` the median or longer.
-    pub fn stalls(&self, times: f64) -> usize {
-        let limit_ms = FrameTimes::new(&self.frame_times).median_ms * times;
+    /// Number of frames that took at least `multiple` times the median.
+    pub fn stalls(&self, multiple: f64) -> usize {
+        let limit_ms = FrameTimes::new(&self.frame_times).median_ms * multiple;
         self.frame_times.iter().filter(|time| time.as_secs_f64() * 1e3 >= limit_ms).count()
     }
 
@@ -345,11 +348,11 @@ impl Session {
         self.streamer.fetched_again()
     }
 
-    /// The session's figures at `t` seconds of a flight.
-    pub fn flight_moment(&self, t: f64) -> FlightMoment {
+    /// The session's state at `t` seconds of a flight.
+    pub fn flight_sample(&self, t: f64) -> FlightSample {
         let (stats, downloads) = (self.selection().counters, self.downloads());
         let http = downloads.fetcher().http();
-        FlightMoment {
+        FlightSample {
             t,
             bytes: http.bytes(),
             requests: http.requests(),
@@ -364,24 +367,24 @@ impl Session {
     }
 
     /// What the session has cost so far.
-    pub fn report(&self, tau_px: f64) -> Report {
+    pub fn report(&self, tau_px: f64) -> RunReport {
         let (tree, cache, http) = (self.tree(), self.cache(), self.downloads().fetcher().http());
         let manifest = tree.manifest();
-        let bad_meshes = |n: &TreeNode| n.lods.iter().filter(|lod| lod.tile.is_bad()).count();
-        let bad = |n: &TreeNode| usize::from(n.tile.is_bad()) + bad_meshes(n);
-        let bad = tree.nodes().iter().map(bad).sum::<usize>() as u64;
+        let bad_meshes = |node: &TreeNode| node.lods.iter().filter(|lod| lod.tile.is_bad()).count();
+        let bad_tiles = |node: &TreeNode| usize::from(node.tile.is_bad()) + bad_meshes(node);
+        let bad = tree.nodes().iter().map(bad_tiles).sum::<usize>() as u64;
         let stats = self.selection().counters;
         let secs = |time: Option<Duration>| time.map(|t| t.as_secs_f64());
-        Report {
+        RunReport {
             city: manifest.name.clone(),
             version: manifest.version.clone(),
             bytes_fetched: http.bytes(),
             requests: http.requests(),
             tiles: TileCounts { bad, ..self.streamer.tile_counts() },
             frame_times: FrameTimes::new(&self.frame_times),
-            time_to_first_picture_secs: secs(self.first_frame),
-            time_to_near_picture_secs: secs(self.near),
-            time_to_converged_picture_secs: secs(self.converged),
+            time_to_first_picture_secs: secs(self.first_frame_at),
+            time_to_near_picture_secs: secs(self.nearly_converged_at),
+            time_to_converged_picture_secs: secs(self.converged_at),
             peak_cache_bytes: cache.peak_bytes(),
             cache_bytes: u64::from(cache.capacity_pages()) * PAGE_BYTES,
             adapter: self.info.clone(),
@@ -396,12 +399,12 @@ impl Session {
     }
 }
 
-/// Takes in arrivals and starts requests until `is_over`. Whoever ends it notifies the fetcher's notifier, or it takes up to
+/// Takes in arrivals and starts requests until `is_done`, which is checked at each notification and every
 /// [`POLL_INTERVAL`].
-fn keep_fetching(streamer: &mut Streamer<BackgroundFetcher>, started: Instant, is_over: impl Fn() -> bool) {
+fn keep_fetching(streamer: &mut Streamer<BackgroundFetcher>, started: Instant, is_done: impl Fn() -> bool) {
     let notifier = streamer.downloads().fetcher().notifier();
     let mut fine = streamer.fine_requests_per_frame();
-    while !is_over() {
+    while !is_done() {
         notifier.wait(POLL_INTERVAL);
         streamer.update_while_drawing(&mut fine, started.elapsed());
     }

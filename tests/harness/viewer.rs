@@ -4,11 +4,11 @@ use crate::view::Camera;
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use insula_client::{
-    args::Global,
-    commands::snapshot::start,
+    args::GlobalArgs,
+    commands::headless::open_session,
     render::AdapterChoice,
     session::Session,
-    stream::{fetch::Http, link::Link},
+    stream::{fetch::Http, simulated_link::SimulatedLink},
 };
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
@@ -29,8 +29,8 @@ pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
 }
 
 /// The same over a simulated link.
-pub fn open_over(link: Option<Link>, place: &Path, cache_mib: u32) -> Result<Session> {
-    Ok(start(&place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
+pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> Result<Session> {
+    Ok(open_session(&place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
 }
 
 /// Fetches all that is in the frustum, seen or not: nothing is drawn.
@@ -45,8 +45,8 @@ pub fn fetch_all(session: &mut Session, shot: &FrameRequest, timeout: Duration) 
     }
 }
 
-fn global(cache_mib: u32) -> Global {
-    Global {
+fn global(cache_mib: u32) -> GlobalArgs {
+    GlobalArgs {
         adapter: AdapterChoice::Cpu,
         no_meshes: false,
         cache_mib,
@@ -68,7 +68,7 @@ pub struct Viewer {
 impl Viewer {
     /// Connects; `camera` is chosen once the city is known.
     pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
-        let session = start(url, &global(256), None, None)?;
+        let session = open_session(url, &global(256), None, None)?;
         let shot = shot(&camera(session.tree().manifest()))?;
         Ok(Self { session, shot })
     }

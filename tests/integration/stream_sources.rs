@@ -4,8 +4,8 @@
 
 use anyhow::{Result, ensure};
 use insula_client::{
-    args::Global,
-    commands::{connect::connect, snapshot},
+    args::GlobalArgs,
+    commands::{connect::connect, headless},
     render::{Adapter, AdapterChoice},
     session::Session,
     stream::{
@@ -46,12 +46,12 @@ fn shot() -> FrameRequest {
 }
 
 fn settle(session: &mut Session) -> Result<Pixels> {
-    snapshot::settle(session, &shot(), Duration::from_secs(3))?;
+    headless::settle(session, &shot(), Duration::from_secs(3))?;
     Ok(session.draw(&shot(), &RenderSettings::default())?)
 }
 
-fn global(timeout: u32) -> Global {
-    Global {
+fn global(timeout: u32) -> GlobalArgs {
+    GlobalArgs {
         adapter: AdapterChoice::Cpu,
         no_meshes: false,
         cache_mib: 256,
@@ -63,7 +63,7 @@ fn global(timeout: u32) -> Global {
 }
 
 fn web(host: &Host) -> Result<Session> {
-    Ok(snapshot::start(&format!("{}/town/", host.url), &global(3), None, None)?)
+    Ok(headless::open_session(&format!("{}/town/", host.url), &global(3), None, None)?)
 }
 
 fn host(manner: Manner) -> Result<Host> {
@@ -95,7 +95,7 @@ fn hosts_that_cannot_are_errors_in_words() -> Result<()> {
         ensure!(error.contains(word) && !error.contains('\n'), "{manner:?}: {error}");
         ensure!(host.requests() < 60, "{manner:?}: {} requests in {:?}", host.requests(), begin.elapsed());
     }
-    let nothing = snapshot::start(&format!("{}/nowhere/", host(Manner::Well)?.url), &global(3), None, None);
+    let nothing = headless::open_session(&format!("{}/nowhere/", host(Manner::Well)?.url), &global(3), None, None);
     ensure!(nothing.err().is_some_and(|e| e.to_string().contains("no such city")));
     Ok(())
 }

@@ -5,7 +5,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use image::RgbImage;
-use insula_client::ui::{link::Link, settings::Settings};
+use insula_client::ui::{settings::UserSettings, view_link::ViewLink};
 use insula_tests::{
     fixtures,
     gpu::{Gpu, adapter_is_required},
@@ -173,7 +173,7 @@ impl Person {
     fn look_after(&mut self, name: &str, action: impl FnOnce(&mut Self) -> Result<()>) -> Result<RgbImage> {
         let said = self.all_said().len();
         action(self)?;
-        self.says("at rest", said)?;
+        self.says("frame settled", said)?;
         self.look(name)
     }
 
@@ -249,7 +249,7 @@ fn a_person_drives_the_window() -> Result<()> {
     person.says("not connected: ", 0)?;
     person.look("1-connecting")?;
     let server = Served::start(&city, &address)?;
-    person.says("all is well", 0)?;
+    person.says("status: ready", 0)?;
 
     let resized = person.look_after("2-resized", |p| p.xdotool(&["windowsize", &p.window, "640", "400"]))?;
     ensure!(resized.dimensions() == (640, 400) && colours(&resized) > 30, "{:?}", resized.dimensions());
@@ -266,7 +266,7 @@ fn a_person_drives_the_window() -> Result<()> {
     lose_the_server(&mut person, server, &city, &address)?;
 
     ensure!(person.quit()? == 0, "Escape ends it with an error");
-    let (settings, note) = Settings::load(&settings_at);
+    let (settings, note) = UserSettings::load(&settings_at);
     ensure!(note.is_none() && settings.window == [640, 400], "kept: {settings:?} {note:?}");
     ensure!(settings.bookmarks.get("chiba").is_some_and(|b| b.len() == 1), "kept: {settings:?}");
     ensure!(!settings.overlay && !settings.minimap, "kept: {settings:?}");
@@ -275,13 +275,13 @@ fn a_person_drives_the_window() -> Result<()> {
     // The link opens the same view in another window, of the size that was kept.
     let _server = Served::start(&city, &address)?;
     let mut other = Person::start(&screen, folder.path(), &link)?;
-    other.says("at rest", 0)?;
+    other.says("frame settled", 0)?;
     let same = other.look("10-link")?;
     // What a turn would show comes while the picture rests, which is not drawn again for that.
-    other.says("looked around", 0)?;
-    let rests = other.all_said().iter().filter(|line| line.contains("at rest")).count();
+    other.says("idle prefetch done", 0)?;
+    let rests = other.all_said().iter().filter(|line| line.contains("frame settled")).count();
     std::thread::sleep(Duration::from_secs(1));
-    let later = other.all_said().iter().filter(|line| line.contains("at rest")).count();
+    let later = other.all_said().iter().filter(|line| line.contains("frame settled")).count();
     ensure!(later == rests && difference(&same, &other.look("11-looked-around")?) < 0.02, "it is drawn again: {later}");
     ensure!(difference(&view, &same) < 0.02, "the link opens another view: {}", difference(&view, &same));
     ensure!(other.quit()? == 0, "Escape ends it with an error");
@@ -294,7 +294,7 @@ fn fill_the_screen_and_keep(person: &mut Person) -> Result<()> {
     person.look("6-full-screen")?;
     person.key("F11")?;
     person.key("b")?;
-    person.says("kept as View 1", 0)?;
+    person.says("saved as View 1", 0)?;
     Ok(())
 }
 
@@ -321,7 +321,7 @@ fn measure_and_record(person: &mut Person) -> Result<()> {
 fn copy_a_link(person: &mut Person) -> Result<(String, RgbImage)> {
     person.key("c")?;
     let link = person.says("copied insula://", 0)?.trim_start_matches("copied ").to_owned();
-    ensure!(Link::parse(&link)?.camera.is_some(), "{link}");
+    ensure!(ViewLink::parse(&link)?.camera.is_some(), "{link}");
     // The message goes away by itself.
     std::thread::sleep(Duration::from_secs(6));
     Ok((link, person.look("8-view")?))
@@ -339,8 +339,8 @@ fn lose_the_server(person: &mut Person, server: Served, city: &Path, address: &s
     ensure!(colours(&gone) > 30, "what was there is not drawn any more");
     let said = person.all_said().len();
     let server = Served::start(city, address)?;
-    person.says("all is well", said)?;
-    person.says("at rest", said)?;
+    person.says("status: ready", said)?;
+    person.says("frame settled", said)?;
     person.look("9-reconnected")?;
     server.kill()
 }

@@ -1,94 +1,94 @@
-//! `insula demo`: the bundled city, in a window or as a picture.
-//!
-//! In: files inside this program. Out: a window, or a PNG. Next: people.
+//! `insula demo`: the bundled city, in a window or as an image.
 
 use super::{
-    embedded::{Recipe, VERSIONS, bake, cache_folder, serve},
-    snapshot::{overlook, start, take},
+    embedded::{BakeJob, VERSIONS, bake_cached, cache_folder, serve},
+    headless::{open_session, render_to_file},
     view,
 };
 use crate::{
-    args::{Global, SunArgs, View},
+    args::{DemoArgs, GlobalArgs, ViewArgs},
     error::{ClientError, Result},
 };
 use insula_protocol::manifest::Attribution;
 use insula_shaders::layout::Shading;
-use insula_viewer::{streamer::FrameRequest, sun::Daylight};
+use insula_viewer::{camera::Camera, streamer::FrameRequest, sun::Daylight};
 use serde::Deserialize;
 use std::{
     collections::hash_map::DefaultHasher,
     env, fs,
     hash::{Hash, Hasher},
-    path::{Path, PathBuf},
+    path::PathBuf,
 };
 
-/// The bundled city's files.
+/// Names and contents of the bundled city's files, from `build.rs`.
 const FILES: &[(&str, &[u8])] = &include!(concat!(env!("OUT_DIR"), "/demo_files.rs"));
-/// Tells of the source: title, attribution, cell.
-const ABOUT: &str = "about.json";
+/// The file with the [`DemoInfo`].
+const INFO_FILE: &str = "about.json";
 
-/// `demo/chiba/about.json`; all of it may be left out.
+/// Content of `demo/chiba/about.json`. All fields are optional.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-struct About {
+struct DemoInfo {
     title: Option<String>,
     attribution: Vec<Attribution>,
     cell_m: Option<f64>,
 }
 
-/// Runs the command.
-pub fn run(headless: bool, out: &Path, size_px: [u32; 2], sun: &SunArgs, global: &Global) -> Result<()> {
-    let server = serve(&bake(&recipe()?)?)?;
-    if !headless && has_screen() {
-        match view::run(&View { url: server.url.clone(), sun: *sun, ..View::default() }, global) {
-            Err(ClientError::Graphics(reason)) => eprintln!("note: {reason}; writing a picture instead"),
+/// Runs the command. Fails if the city cannot be baked, viewed or rendered.
+pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
+    let server = serve(&bake_cached(&unpack_demo()?)?)?;
+    if !args.headless && has_screen() {
+        match view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global) {
+            Err(ClientError::Graphics(reason)) => eprintln!("note: {reason}; writing an image instead"),
             ended => return ended,
         }
     }
-    let mut session = start(&server.url, global, None, None)?;
-    let shot = FrameRequest { camera: overlook(&session, size_px), heading: None, size_px, tau_px: global.tau };
-    let daylight = Daylight::new(&(*sun).into(), session.tree().manifest());
-    take(&mut session, &shot, global, Shading::Lit, &daylight, out)?;
-    let place = out.canonicalize().unwrap_or_else(|_| out.to_owned());
-    println!("wrote {} (drawn by {})", place.display(), session.adapter_info().name);
+    let mut session = open_session(&server.url, global, None, None)?;
+    let aspect = f64::from(args.size[0]) / f64::from(args.size[1].max(1));
+    let camera = Camera::overlook(session.tree().manifest().focus_bounds(), aspect);
+    let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
+    let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
+    render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &args.out)?;
+    let out = args.out.canonicalize().unwrap_or_else(|_| args.out.clone());
+    println!("wrote {} (drawn by {})", out.display(), session.adapter_info().name);
     for source in &session.tree().manifest().attribution {
         println!("source: {}", source.text);
     }
     Ok(())
 }
 
-/// Unpacks the files once.
-fn recipe() -> Result<Recipe> {
+/// Unpacks the bundled files into a cache folder, unless they are there.
+fn unpack_demo() -> Result<BakeJob> {
     if FILES.is_empty() {
         return Err(ClientError::Failed("this program was built without its bundled city: use insula open".into()));
     }
     let mut hasher = DefaultHasher::new();
     (FILES, VERSIONS).hash(&mut hasher);
-    let key = hasher.finish();
-    let folder = cache_folder("demo")?.join(format!("chiba-{key:016x}"));
+    let cache_key = hasher.finish();
+    let folder = cache_folder("demo")?.join(format!("chiba-{cache_key:016x}"));
     fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;
-    let mut about = About::default();
+    let mut info = DemoInfo::default();
     for (name, bytes) in FILES {
         let path = folder.join(name);
-        if *name == ABOUT {
-            about = serde_json::from_slice(bytes).map_err(|e| ClientError::Failed(format!("{ABOUT}: {e}")))?;
+        if *name == INFO_FILE {
+            info = serde_json::from_slice(bytes).map_err(|e| ClientError::Failed(format!("{INFO_FILE}: {e}")))?;
         } else if fs::metadata(&path).map_or(0, |m| m.len()) != bytes.len() as u64 {
             fs::write(&path, bytes).map_err(ClientError::file(&path))?;
         }
     }
     let inputs: Vec<PathBuf> =
-        FILES.iter().filter(|(name, _)| is_city(name)).map(|(name, _)| folder.join(name)).collect();
-    let About { title, attribution, cell_m } = about;
+        FILES.iter().filter(|(name, _)| is_city_file(name)).map(|(name, _)| folder.join(name)).collect();
+    let DemoInfo { title, attribution, cell_m } = info;
     let name = Some("chiba".into());
-    Ok(Recipe { name, inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, key, ..Recipe::default() })
+    Ok(BakeJob { name, inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, cache_key, ..BakeJob::default() })
 }
 
-fn is_city(name: &str) -> bool {
+fn is_city_file(name: &str) -> bool {
     let name = name.strip_suffix(".gz").unwrap_or(name);
     [".obj", ".city.json", ".city.jsonl", ".cityjson"].iter().any(|end| name.ends_with(end))
 }
 
 fn has_screen() -> bool {
-    let set = |name| env::var_os(name).is_some_and(|value| !value.is_empty());
-    !cfg!(all(unix, not(target_os = "macos"))) || set("DISPLAY") || set("WAYLAND_DISPLAY")
+    let is_set = |name| env::var_os(name).is_some_and(|value| !value.is_empty());
+    !cfg!(all(unix, not(target_os = "macos"))) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }

@@ -1,6 +1,4 @@
-//! Baking into a cache folder and serving in this process.
-//!
-//! In: city files. Out: a baked folder, a server's URL. Next: `open`, `demo`.
+//! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
 use crate::error::{ClientError, Result};
 use insula_bake::{BakeOptions, Progress, read::Palette};
@@ -16,26 +14,26 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-/// What to bake.
+/// Inputs and settings of a bake.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Recipe {
+pub(super) struct BakeJob {
     /// City files or folders.
     pub(super) inputs: Vec<PathBuf>,
     /// Side of the finest column.
     pub(super) cell_m: f64,
-    /// Name in URLs; the first input's if empty.
+    /// Name in URLs; that of the first input if `None`.
     pub(super) name: Option<String>,
-    /// For people; the source's own if empty.
+    /// Displayed title; that of the source if `None`.
     pub(super) title: Option<String>,
-    /// Who must be named; what the sources say if empty.
+    /// Attribution; that of the sources if empty.
     pub(super) attribution: Vec<Attribution>,
-    /// Colours of what has none.
+    /// Colours for surfaces without any.
     pub(super) palette: Palette,
-    /// Bakes of other recipes have others.
-    pub(super) key: u64,
+    /// Hash of everything that the baked city depends on.
+    pub(super) cache_key: u64,
 }
 
-/// A folder of this program's in the user's cache folder.
+/// A folder of this program in the user's cache folder, created if missing. Fails without a home folder.
 pub(super) fn cache_folder(name: &str) -> Result<PathBuf> {
     let folders = directories::ProjectDirs::from("", "", "insula")
         .ok_or_else(|| ClientError::Failed("there is no home folder to bake into: set HOME".into()))?;
@@ -44,12 +42,12 @@ pub(super) fn cache_folder(name: &str) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// What a cached city depends on besides its sources: another version of the program may bake another one.
+/// Versions that a cached city depends on: another version of the program may bake another city.
 pub(super) const VERSIONS: (&str, u16, u32, u32) =
     (env!("CARGO_PKG_VERSION"), insula_protocol::tile::VERSION, insula_bake::ALGORITHM, insula_bake::MESH_ALGORITHM);
 
-/// Differs if a file's path, size or time differs.
-pub(super) fn key_of(inputs: &[PathBuf], palette: Option<&Path>, cell_m: f64) -> Result<u64> {
+/// A hash of the settings and of each file's path, size and modification time. Fails if a file cannot be read.
+pub(super) fn cache_key(inputs: &[PathBuf], palette: Option<&Path>, cell_m: f64) -> Result<u64> {
     let mut hasher = DefaultHasher::new();
     (VERSIONS, cell_m.to_bits()).hash(&mut hasher);
     for path in inputs.iter().map(PathBuf::as_path).chain(palette) {
@@ -60,88 +58,96 @@ pub(super) fn key_of(inputs: &[PathBuf], palette: Option<&Path>, cell_m: f64) ->
 
 fn hash_path(path: &Path, hasher: &mut DefaultHasher) -> Result<()> {
     let path = path.canonicalize().map_err(ClientError::file(path))?;
-    let about = fs::metadata(&path).map_err(ClientError::file(&path))?;
+    let metadata = fs::metadata(&path).map_err(ClientError::file(&path))?;
     path.hash(hasher);
-    if about.is_dir() {
+    if metadata.is_dir() {
         let entries: std::io::Result<Vec<_>> = fs::read_dir(&path).and_then(Iterator::collect);
         let mut paths: Vec<PathBuf> = entries.map_err(ClientError::file(&path))?.iter().map(|e| e.path()).collect();
         paths.sort();
         return paths.iter().try_for_each(|path| hash_path(path, hasher));
     }
-    let time = about.modified().ok().and_then(|t| t.duration_since(SystemTime::UNIX_EPOCH).ok());
-    (about.len(), time).hash(hasher);
+    let modified = metadata.modified().ok().and_then(|t| t.duration_since(SystemTime::UNIX_EPOCH).ok());
+    (metadata.len(), modified).hash(hasher);
     Ok(())
 }
 
-/// The baked city's folder: from the cache, or baked now.
-pub(super) fn bake(recipe: &Recipe) -> Result<PathBuf> {
-    let first = recipe.inputs.first().and_then(|path| path.file_name()).unwrap_or_default().to_string_lossy();
+/// The folder of the baked city: from the cache, or baked now. Fails if the bake fails.
+pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
+    let first = job.inputs.first().and_then(|path| path.file_name()).unwrap_or_default().to_string_lossy();
     let first = first.split('.').next().unwrap_or_default();
-    let stem = to_name(recipe.name.as_deref().unwrap_or(first));
-    let out = cache_folder("cities")?.join(format!("{stem}-{:016x}", recipe.key));
-    // What cannot be opened, an older program left: it is baked again.
+    let name = to_name(job.name.as_deref().unwrap_or(first));
+    let out = cache_folder("cities")?.join(format!("{name}-{:016x}", job.cache_key));
+    // A city that cannot be opened is incomplete or from an older version: it is baked again.
     if Store::open(&[&out]).is_ok() {
         return Ok(out);
     }
-    eprintln!("baking {stem} into {} (once)", out.display());
+    eprintln!("baking {name} into {} (once)", out.display());
     let options = BakeOptions {
-        inputs: recipe.inputs.clone(),
+        inputs: job.inputs.clone(),
         out: out.clone(),
-        cell_m: recipe.cell_m,
+        cell_m: job.cell_m,
         resume: true,
-        name: Some(stem),
-        title: recipe.title.clone(),
-        attribution: recipe.attribution.clone(),
-        palette: recipe.palette.clone(),
+        name: Some(name),
+        title: job.title.clone(),
+        attribution: job.attribution.clone(),
+        palette: job.palette.clone(),
         ..BakeOptions::default()
     };
-    let bar = Bar::default();
-    let baked = insula_bake::bake(&options, &bar);
-    bar.end();
+    let progress = TerminalProgress::default();
+    let baked = insula_bake::bake(&options, &progress);
+    progress.clear();
     baked.map_err(|e| ClientError::Failed(e.to_string()))?;
     Ok(out)
 }
 
-/// Says on standard error, if somebody looks, how far it is.
+/// Prints the progress of a bake to standard error, if that is a terminal.
 #[derive(Default)]
-struct Bar(Mutex<(String, u64, u64, u64)>);
+struct TerminalProgress(Mutex<StageProgress>);
 
-impl Bar {
-    fn end(&self) {
+#[derive(Default)]
+struct StageProgress {
+    stage: String,
+    total: u64,
+    done: u64,
+    printed_percent: Option<u64>,
+}
+
+impl TerminalProgress {
+    fn clear(&self) {
         if std::io::stderr().is_terminal() {
             eprint!("\r\x1b[K");
         }
     }
 }
 
-impl Progress for Bar {
+impl Progress for TerminalProgress {
     fn stage(&self, name: &str, total: u64) {
-        if let Ok(mut now) = self.0.lock() {
-            *now = (name.to_owned(), total, 0, u64::MAX);
+        if let Ok(mut progress) = self.0.lock() {
+            *progress = StageProgress { stage: name.to_owned(), total, ..StageProgress::default() };
         }
         self.advance(0);
     }
 
     fn advance(&self, n: u64) {
-        let Ok(mut now) = self.0.lock() else { return };
-        now.2 += n;
-        let percent = (now.2 * 100).checked_div(now.1).unwrap_or(0);
-        if percent != now.3 && std::io::stderr().is_terminal() {
-            now.3 = percent;
-            eprint!("\r\x1b[K{} {percent}%", now.0);
+        let Ok(mut progress) = self.0.lock() else { return };
+        progress.done += n;
+        let percent = (progress.done * 100).checked_div(progress.total).unwrap_or(0);
+        if progress.printed_percent != Some(percent) && std::io::stderr().is_terminal() {
+            progress.printed_percent = Some(percent);
+            eprint!("\r\x1b[K{} {percent}%", progress.stage);
         }
     }
 }
 
-/// A server in this process; it ends with this value.
-pub(super) struct Embedded {
+/// A server in this process. Ends when dropped.
+pub(super) struct EmbeddedServer {
     /// `http://127.0.0.1:PORT`.
     pub(super) url: String,
     runtime: Option<tokio::runtime::Runtime>,
 }
 
-/// Serves one city's folder on a free port of this machine only.
-pub(super) fn serve(folder: &Path) -> Result<Embedded> {
+/// Serves the baked city in `folder` on a free port of the loopback interface. Fails if the folder holds no valid city.
+pub(super) fn serve(folder: &Path) -> Result<EmbeddedServer> {
     let failed = |e: &dyn std::fmt::Display| ClientError::Failed(format!("the city cannot be served: {e}"));
     let store = Store::open(&[folder]).map_err(|e| failed(&e))?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -158,10 +164,10 @@ pub(super) fn serve(folder: &Path) -> Result<Embedded> {
             tracing::error!("the embedded server ended: {error}");
         }
     });
-    Ok(Embedded { url, runtime: Some(runtime) })
+    Ok(EmbeddedServer { url, runtime: Some(runtime) })
 }
 
-impl Drop for Embedded {
+impl Drop for EmbeddedServer {
     fn drop(&mut self) {
         if let Some(runtime) = self.runtime.take() {
             runtime.shutdown_timeout(Duration::from_millis(200));

@@ -1,16 +1,14 @@
-//! `insula fly`: a camera path at its own pace, measured.
-//!
-//! In: a place that has a city, a path file, a simulated link. Out: a report. Next: scripts.
+//! `insula fly`: replays a camera path in real time and reports measurements.
 
-use super::snapshot::{PAUSE, settle, start};
+use super::headless::{POLL_INTERVAL, open_session, settle};
 use crate::{
-    args::{Fly, Global},
+    args::{FlyArgs, GlobalArgs},
     camera_files::read_path,
     error::{ClientError, Result},
-    report::{FlightReport, PictureError, pictures_apart},
+    report::{FlightReport, FlightSample, FrameDifference, compare_frames},
     session::Session,
-    stream::{fetch::Http, link::Link},
-    ui::pace::Pace,
+    stream::{fetch::Http, simulated_link::SimulatedLink},
+    ui::frame_pacing::FramePacer,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
@@ -21,152 +19,197 @@ use insula_viewer::{
 };
 use std::time::{Duration, Instant};
 
-/// How far ahead the camera's next place is looked at, in seconds.
-const AHEAD_SECS: f64 = 0.5;
-/// Between two moments of the report, in seconds.
-const MOMENT_SECS: f64 = 1.0;
-/// Most moments that are kept: longer flights have longer ones.
-const MOMENTS: f64 = 3600.0;
-/// A frame that takes this many times the median is a stall.
-const STALL: f64 = 4.0;
+/// How far ahead the camera's motion is prefetched, in seconds.
+const LOOKAHEAD_SECS: f64 = 0.5;
+/// Shortest interval between two samples of the report, in seconds.
+const SAMPLE_SECS: f64 = 1.0;
+/// Longest list of samples. Longer flights have longer intervals.
+const MAX_SAMPLES: f64 = 3600.0;
+/// A frame that takes this multiple of the median is a stall.
+const STALL_TIMES_MEDIAN: f64 = 4.0;
+/// Size of the cache that renders converged frames for `--compare`, in MiB, unless `--cache-mib` is larger.
+const COMPARE_CACHE_MIB: u32 = 512;
 
-/// Runs the command.
-pub fn run(args: &Fly, global: &Global) -> Result<()> {
+/// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
+pub(super) fn run(args: &FlyArgs, global: &GlobalArgs) -> Result<()> {
     let path = read_path(&args.path)?;
-    let first = shot(&path, args, global, 0.0)?;
-    let mut session = start(&args.server, global, Some(Http::new(link(args))?), Some(&first))?;
-    let look = Daylight::new(&args.sun.into(), session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
-    session.set_sun(look.casting());
+    let first = frame_request(&path, args, global, 0.0)?;
+    let http = Http::new(simulated_link(args))?;
+    let mut session = open_session(&args.server, global, Some(http), Some(&first))?;
+    let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
+    let settings = daylight.look(Shading::Lit, MOVING_SAMPLES);
+    session.set_sun(settings.casting());
     session.set_transitions(!args.no_fades);
-    let report = fly(&mut session, &path, args, &look, global)?;
-    match &args.report {
-        Some(path) => report.write(path),
-        None => {
-            let json = serde_json::to_string_pretty(&report).map_err(|e| ClientError::Failed(e.to_string()))?;
-            println!("{json}");
-            Ok(())
-        }
-    }
+    let flight = Flight { args, global, path: &path, settings };
+    flight.fly(&mut session)?.write(args.report.as_deref())
 }
 
-/// The link that was asked for, if any.
-fn link(args: &Fly) -> Option<Link> {
+/// The simulated network, if any of its options is given.
+fn simulated_link(args: &FlyArgs) -> Option<SimulatedLink> {
     let rtt = Duration::from_millis(u64::from(args.rtt.unwrap_or(0)));
     let loss = args.loss.unwrap_or(0.0) / 100.0;
-    (args.bandwidth.is_some() || args.rtt.is_some() || loss > 0.0).then(|| Link::new(args.bandwidth, rtt, loss))
+    let is_simulated = args.bandwidth.is_some() || args.rtt.is_some() || loss > 0.0;
+    is_simulated.then(|| SimulatedLink::new(args.bandwidth, rtt, loss))
 }
 
-/// A frame as a window draws it.
-fn paced(session: &mut Session, shot: &FrameRequest, look: &RenderSettings, pace: &mut Pace) -> Result<Pixels> {
-    let begin = Instant::now();
-    pace.changed(begin);
-    let detail = pace.detail(begin, session.is_settled());
-    let size_px = shot.size_px.map(|side| (side / detail.divide).max(1));
-    let pixels =
-        session.draw(&FrameRequest { size_px, ..*shot }, &RenderSettings { samples: detail.samples, ..*look })?;
-    pace.end(begin, detail, true);
-    Ok(pixels)
+/// The frame at `t` seconds of the path. Fails if the path has no valid camera there.
+fn frame_request(path: &CameraPath, args: &FlyArgs, global: &GlobalArgs, t: f64) -> Result<FrameRequest> {
+    let invalid = || ClientError::Usage(format!("camera path has no valid view direction at t={t:.3} s"));
+    let camera = path.at(t).ok_or_else(invalid)?;
+    Ok(FrameRequest { camera, heading: path.at(t + LOOKAHEAD_SECS), size_px: args.size, tau_px: global.tau })
 }
 
-/// What is seen at `t` seconds.
-fn shot(path: &CameraPath, args: &Fly, global: &Global, t: f64) -> Result<FrameRequest> {
-    let camera = path.at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
-    Ok(FrameRequest { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau })
+/// A flight along a camera path.
+struct Flight<'a> {
+    args: &'a FlyArgs,
+    global: &'a GlobalArgs,
+    path: &'a CameraPath,
+    settings: RenderSettings,
 }
 
-/// Flies once along a path.
-fn fly(
-    session: &mut Session,
-    path: &CameraPath,
-    args: &Fly,
-    look: &RenderSettings,
-    global: &Global,
-) -> Result<FlightReport> {
-    let timeout = Duration::from_secs(u64::from(global.timeout));
-    let moment_secs = (path.seconds / MOMENTS).max(MOMENT_SECS);
-    let (mut moments, mut errors) = (Vec::new(), Vec::new());
-    let (mut frames, mut unconverged) = (0u64, 0u64);
-    let mut begin = Instant::now();
-    let mut frame_due = begin;
-    let mut pace = Pace::new(begin);
-    let mut compare_at = args.compare.map(|_| 0.0);
-    loop {
-        let t = begin.elapsed().as_secs_f64();
-        if t > path.seconds {
-            break;
-        }
-        let shot = shot(path, args, global, t)?;
-        let compared = compare_at.is_some_and(|at| at <= t);
-        if compared {
-            // What is compared is what has come, not how it is shown.
-            session.end_transitions();
-        }
-        let before = Instant::now();
-        session.update(&shot);
-        session.check(timeout)?;
-        frames += 1;
-        if moments.is_empty() {
-            moments.push(session.flight_moment(t));
-        }
-        if !session.has_frame() {
-            unconverged += 1;
-            session.wait(PAUSE);
-            continue;
-        }
-        // What is only preloaded is not missing in this frame's picture.
-        unconverged += u64::from(session.lacks_tiles());
-        let pixels = match args.paced {
-            true => paced(session, &shot, look, &mut pace)?,
-            false => session.draw(&shot, look)?,
-        };
-        session.record_frame_time(before.elapsed());
-        if moments.len() as f64 * moment_secs <= t {
-            moments.push(session.flight_moment(t));
-        }
-        if let (Some(at), Some(every)) = (compare_at, args.compare)
-            && compared
-        {
-            let paused = Instant::now();
-            let converged = converged(args, global, &shot, look, timeout)?;
-            errors.push(PictureError { t, ..pictures_apart(&pixels, &converged) });
-            compare_at = Some(at + every);
-            begin += paused.elapsed();
-            frame_due += paused.elapsed();
-        }
-        if let Some(rate) = args.rate {
-            frame_due += Duration::from_secs_f64(1.0 / rate);
-            let now = Instant::now();
-            if frame_due > now {
-                std::thread::sleep(frame_due - now);
-            } else {
-                frame_due = now;
-            }
+/// Measurements of a flight so far.
+#[derive(Default)]
+struct FlightMeasurements {
+    samples: Vec<FlightSample>,
+    differences: Vec<FrameDifference>,
+    frames: u64,
+    unconverged_frames: u64,
+}
+
+/// Clock of a flight, which pauses while frames are compared.
+struct FlightClock {
+    begin: Instant,
+    frame_due: Instant,
+}
+
+impl FlightClock {
+    fn secs(&self) -> f64 {
+        self.begin.elapsed().as_secs_f64()
+    }
+
+    /// Leaves out the time since `since`.
+    fn skip(&mut self, since: Instant) {
+        let paused = since.elapsed();
+        self.begin += paused;
+        self.frame_due += paused;
+    }
+
+    /// Sleeps until the next frame of `rate` frames per second is due.
+    fn wait_for_next_frame(&mut self, rate: f64) {
+        self.frame_due += Duration::from_secs_f64(1.0 / rate);
+        let now = Instant::now();
+        if self.frame_due > now {
+            std::thread::sleep(self.frame_due - now);
+        } else {
+            self.frame_due = now;
         }
     }
-    moments.push(session.flight_moment(path.seconds));
-    let mut run = session.report(global.tau);
-    run.unconverged_share = Some(unconverged as f64 / frames.max(1) as f64);
-    let stalls = session.stalls(STALL);
-    Ok(FlightReport {
-        run,
-        stalls,
-        evictions: session.evicted(),
-        fetched_again: session.fetched_again(),
-        moments,
-        errors,
-    })
 }
 
-/// What the frame would show if all were here: by a client of its own, over no slow link, without a limit to speak of.
-fn converged(
-    args: &Fly,
-    global: &Global,
-    shot: &FrameRequest,
-    look: &RenderSettings,
-    timeout: Duration,
-) -> Result<Pixels> {
-    let roomy = Global { cache_mib: global.cache_mib.max(512), ..global.clone() };
-    let mut other = start(&args.server, &roomy, None, Some(shot))?;
-    settle(&mut other, &FrameRequest { heading: None, ..*shot }, timeout)?;
-    other.draw(shot, look)
+impl Flight<'_> {
+    /// Flies once along the path.
+    fn fly(&self, session: &mut Session) -> Result<FlightReport> {
+        let mut measured = FlightMeasurements::default();
+        let begin = Instant::now();
+        let mut clock = FlightClock { begin, frame_due: begin };
+        let mut pacer = FramePacer::new(begin);
+        let mut compare_at = self.args.compare.map(|_| 0.0);
+        loop {
+            let t = clock.secs();
+            if t > self.path.seconds {
+                break;
+            }
+            let request = frame_request(self.path, self.args, self.global, t)?;
+            let is_compared = compare_at.is_some_and(|at| at <= t);
+            if is_compared {
+                // The comparison is of the resident tiles, not of a cross-fade between them.
+                session.end_transitions();
+            }
+            let Some(pixels) = self.frame(session, &request, t, &mut pacer, &mut measured)? else { continue };
+            if is_compared {
+                let compare_begin = Instant::now();
+                let converged = self.converged_frame(&request)?;
+                measured.differences.push(FrameDifference { t, ..compare_frames(&pixels, &converged) });
+                compare_at = compare_at.zip(self.args.compare).map(|(at, interval)| at + interval);
+                clock.skip(compare_begin);
+            }
+            if let Some(rate) = self.args.rate {
+                clock.wait_for_next_frame(rate);
+            }
+        }
+        measured.samples.push(session.flight_sample(self.path.seconds));
+        Ok(self.report(session, measured))
+    }
+
+    /// Streams and draws one frame at `t` seconds. `None` if no tile can be drawn yet.
+    fn frame(
+        &self,
+        session: &mut Session,
+        request: &FrameRequest,
+        t: f64,
+        pacer: &mut FramePacer,
+        measured: &mut FlightMeasurements,
+    ) -> Result<Option<Pixels>> {
+        let begin = Instant::now();
+        session.update(request);
+        session.check(self.timeout())?;
+        measured.frames += 1;
+        if measured.samples.is_empty() {
+            measured.samples.push(session.flight_sample(t));
+        }
+        if !session.has_frame() {
+            measured.unconverged_frames += 1;
+            session.wait(POLL_INTERVAL);
+            return Ok(None);
+        }
+        // Prefetched tiles are not missing in this frame.
+        measured.unconverged_frames += u64::from(session.lacks_tiles());
+        let pixels = match self.args.paced {
+            true => self.draw_paced(session, request, pacer)?,
+            false => session.draw(request, &self.settings)?,
+        };
+        session.record_frame_time(begin.elapsed());
+        let sample_secs = (self.path.seconds / MAX_SAMPLES).max(SAMPLE_SECS);
+        if measured.samples.len() as f64 * sample_secs <= t {
+            measured.samples.push(session.flight_sample(t));
+        }
+        Ok(Some(pixels))
+    }
+
+    /// Draws a frame with the detail that a window would choose.
+    fn draw_paced(&self, session: &mut Session, request: &FrameRequest, pacer: &mut FramePacer) -> Result<Pixels> {
+        let begin = Instant::now();
+        pacer.view_changed(begin);
+        let detail = pacer.detail(begin, session.is_settled());
+        let size_px = request.size_px.map(|side| (side / detail.divisor).max(1));
+        let settings = RenderSettings { samples: detail.samples, ..self.settings };
+        let pixels = session.draw(&FrameRequest { size_px, ..*request }, &settings)?;
+        pacer.end_frame(begin, detail, true);
+        Ok(pixels)
+    }
+
+    /// The frame with all its tiles, from a separate session with a large cache and without the simulated network.
+    fn converged_frame(&self, request: &FrameRequest) -> Result<Pixels> {
+        let global = GlobalArgs { cache_mib: self.global.cache_mib.max(COMPARE_CACHE_MIB), ..self.global.clone() };
+        let mut session = open_session(&self.args.server, &global, None, Some(request))?;
+        settle(&mut session, &FrameRequest { heading: None, ..*request }, self.timeout())?;
+        session.draw(request, &self.settings)
+    }
+
+    fn report(&self, session: &Session, measured: FlightMeasurements) -> FlightReport {
+        let mut run = session.report(self.global.tau);
+        run.unconverged_share = Some(measured.unconverged_frames as f64 / measured.frames.max(1) as f64);
+        FlightReport {
+            run,
+            stalls: session.stalls(STALL_TIMES_MEDIAN),
+            evictions: session.evicted(),
+            fetched_again: session.fetched_again(),
+            moments: measured.samples,
+            errors: measured.differences,
+        }
+    }
+
+    fn timeout(&self) -> Duration {
+        Duration::from_secs(u64::from(self.global.timeout))
+    }
 }

@@ -1,36 +1,35 @@
-//! One module a command.
-//!
-//! In: [`Cli`]. Out: pictures, reports, windows. Next: the exit code.
+//! The commands of `insula`, one module each, and what they share (`connect`, `headless`, `embedded`).
 
 pub mod connect;
 #[cfg(feature = "embedded")]
-pub mod demo;
+mod demo;
 #[cfg(feature = "embedded")]
 mod embedded;
-pub mod fly;
+mod fly;
+pub mod headless;
 #[cfg(feature = "embedded")]
-pub mod open;
-pub mod snapshot;
-pub mod view;
+mod open;
+mod snapshot;
+mod view;
 
 use crate::{
-    args::{Cli, Command},
+    args::{Cli, ClientCommand},
     error::Result,
 };
 
-/// Does what was typed.
+/// Runs the command of a command line. Fails as the command does.
 pub fn run(cli: Cli) -> Result<()> {
     let Cli { command, global } = cli;
     match command {
-        Command::View(args) => view::run(&args, &global),
-        Command::Snapshot(args) => snapshot::run(&args, &global),
-        Command::Fly(args) => fly::run(&args, &global),
+        ClientCommand::View(args) => view::run(&args, &global),
+        ClientCommand::Snapshot(args) => snapshot::run(&args, &global),
+        ClientCommand::Fly(args) => fly::run(&args, &global),
         #[cfg(feature = "embedded")]
-        Command::Open { inputs, cell, palette, sun } => open::run(&inputs, cell, palette.as_deref(), &sun, &global),
+        ClientCommand::Open(args) => open::run(&args, &global),
         #[cfg(feature = "embedded")]
-        Command::Demo { headless, out, size, sun } => demo::run(headless, &out, size, &sun, &global),
+        ClientCommand::Demo(args) => demo::run(&args, &global),
         #[cfg(not(feature = "embedded"))]
-        Command::Open { .. } | Command::Demo { .. } => Err(crate::error::ClientError::Usage(
+        ClientCommand::Open(_) | ClientCommand::Demo(_) => Err(crate::error::ClientError::Usage(
             "this program was built without the embedded server: use insula-server, then insula view".into(),
         )),
     }

@@ -1,35 +1,24 @@
-//! `insula open`: city files, baked, served and shown by one program.
-//!
-//! In: city files. Out: a window. Next: people.
+//! `insula open`: bakes, serves and views city files in one process.
 
 use super::{
-    embedded::{Recipe, bake, key_of, serve},
+    embedded::{BakeJob, bake_cached, cache_key, serve},
     view,
 };
-use crate::args::SunArgs;
 use crate::{
-    args::{Global, View},
+    args::{GlobalArgs, OpenArgs, ViewArgs},
     error::{ClientError, Result},
 };
 use insula_bake::read::Palette;
-use std::path::{Path, PathBuf};
 
-/// Runs the command.
-pub fn run(
-    inputs: &[PathBuf],
-    cell_m: Option<f64>,
-    palette: Option<&Path>,
-    sun: &SunArgs,
-    global: &Global,
-) -> Result<()> {
-    let cell_m = cell_m.unwrap_or(1.0);
-    let palette_file = palette;
-    let palette = match palette_file {
+/// Runs the command. Fails if the files cannot be baked, or as `view` does.
+pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
+    let cell_m = args.cell.unwrap_or(1.0);
+    let palette = match &args.palette {
         Some(path) => Palette::read(path).map_err(|e| ClientError::Usage(e.to_string()))?,
         None => Palette::default(),
     };
-    let key = key_of(inputs, palette_file, cell_m)?;
-    let folder = bake(&Recipe { inputs: inputs.to_vec(), cell_m, palette, key, ..Recipe::default() })?;
-    let server = serve(&folder)?;
-    view::run(&View { url: server.url.clone(), sun: *sun, ..View::default() }, global)
+    let cache_key = cache_key(&args.inputs, args.palette.as_deref(), cell_m)?;
+    let job = BakeJob { inputs: args.inputs.clone(), cell_m, palette, cache_key, ..BakeJob::default() };
+    let server = serve(&bake_cached(&job)?)?;
+    view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global)
 }

@@ -1,66 +1,62 @@
 //! `insula view`: a city in a window.
-//!
-//! In: a place that has a city, or a link to a view. Out: a window. Next: people.
 
-use super::{
-    connect::{Place, connect},
-    snapshot::IN_FLIGHT,
-};
+use super::{connect::connect, headless::INITIAL_REQUESTS};
 use crate::{
-    args::{Global, SunArgs, View},
+    args::{GlobalArgs, SunArgs, ViewArgs},
     camera_files::read_path,
     error::Result,
     session::Session,
-    stream::{BackgroundFetcher, Wake, fetch::Http},
+    stream::{BackgroundFetcher, Wake, fetch::Http, location::CityLocation},
     ui::{
-        link::Link,
-        tour::Tour,
-        window::{self, Connect, Event, Found, Start},
+        event_loop::{self, ConnectFn, ConnectedCity, ViewerEvent, WindowOptions},
+        path_playback::PathPlayback,
+        view_link::ViewLink,
     },
 };
 use insula_viewer::scene::SceneTree;
 use std::{sync::Arc, time::Instant};
 
-/// Seconds that one attempt to connect takes at most; the window tries again and says why.
+/// Longest attempt to connect, in seconds. The window shows the error and tries again.
 const ATTEMPT_SECS: u32 = 3;
 
-/// Runs the command.
-pub fn run(args: &View, global: &Global) -> Result<()> {
+/// Runs the command until the window is closed. Fails if an argument is invalid, or if no window can be opened.
+pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     let started = Instant::now();
-    let link = Link::parse(&args.url)?;
-    Place::parse(&link.address)?;
+    let link = ViewLink::parse(&args.url)?;
+    CityLocation::parse(&link.address)?;
     let path = args.path.as_deref().map(read_path).transpose()?;
-    let event_loop = window::event_loop()?;
+    let event_loop = event_loop::event_loop()?;
     let http = Arc::new(Http::new(None)?);
-    let told = args.sun.time.is_some() || args.sun.sun.is_some();
-    let sun = if told { args.sun } else { SunArgs { time: link.time, ..args.sun } }.into();
-    let start = Start {
+    let has_sun = args.sun.time.is_some() || args.sun.sun.is_some();
+    let sun = if has_sun { args.sun } else { SunArgs { time: link.time, ..args.sun } }.into();
+    let options = WindowOptions {
         address: link.address.clone(),
         camera: link.camera,
         sun,
-        tau_px: (global.tau != Global::TAU_PX).then_some(global.tau),
+        tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
-        tour: path.map(|path| Tour::new(path, args.seconds)),
+        playback: path.map(|path| PathPlayback::new(path, args.seconds)),
     };
     let proxy = event_loop.create_proxy();
-    // A closed loop needs no waking.
+    // Sending fails only after the event loop has ended.
     let wake: Wake = Arc::new(move || {
-        let _ = proxy.send_event(Event::Arrived);
+        let _ = proxy.send_event(ViewerEvent::Arrived);
     });
-    let global = Global { timeout: global.timeout.min(ATTEMPT_SECS), ..global.clone() };
-    let (meshes, fades) = (!global.no_meshes, !args.no_fades);
-    let connect: Connect = Arc::new(move || {
+    let global = GlobalArgs { timeout: global.timeout.min(ATTEMPT_SECS), ..global.clone() };
+    let (has_meshes, has_transitions) = (!global.no_meshes, !args.no_fades);
+    let connect: ConnectFn = Arc::new(move || {
         let city = connect(&http, &link.address, &global)?;
         let (manifest, address) = (city.manifest.clone(), city.address.clone());
         let (http, wake) = (http.clone(), wake.clone());
-        let make = move |adapter| {
-            let stream = BackgroundFetcher::downloads(http, city.source, IN_FLIGHT, Some(wake));
-            let mut session = Session::new(SceneTree::new(city.manifest).with_meshes(meshes), stream, adapter, started);
-            session.set_transitions(fades);
+        let open_session = move |adapter| {
+            let downloads = BackgroundFetcher::downloads(http, city.source, INITIAL_REQUESTS, Some(wake));
+            let tree = SceneTree::new(city.manifest).with_meshes(has_meshes);
+            let mut session = Session::new(tree, downloads, adapter, started);
+            session.set_transitions(has_transitions);
             session
         };
-        Ok(Found { manifest, address, make: Box::new(make) })
+        Ok(ConnectedCity { manifest, address, open_session: Box::new(open_session) })
     });
-    window::run(event_loop, start, connect)
+    event_loop::run(event_loop, options, connect)
 }

@@ -1,11 +1,9 @@
-//! Which ray-caster draws.
-//!
-//! In: `--adapter`, the cache's bytes. Out: [`Adapter`]. Next: `session` uploads to it and draws with it.
+//! The ray-caster behind `--adapter`: a GPU, or the CPU.
 
 use super::{
-    AdapterInfo,
+    adapter_info::AdapterInfo,
     cpu::CpuAdapter,
-    gpu::{Device, GpuAdapter},
+    gpu::{GpuAdapter, GpuDevice},
 };
 use crate::error::{ClientError, Result};
 use insula_shaders::{
@@ -15,58 +13,79 @@ use insula_shaders::{
 use insula_viewer::{
     cache::{Upload, pages_for},
     frame::FrameData,
+    select::occlusion_feedback::OcclusionQuery,
 };
 
-/// `--adapter`.
+/// Value of `--adapter`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum AdapterChoice {
-    /// A graphics device if there is one that works, else the CPU.
+    /// The GPU if one works, otherwise the CPU.
     #[default]
     Auto,
     /// The CPU ray-caster.
     Cpu,
-    /// A graphics device, even one in software; an error if there is none.
+    /// A GPU, or a software driver; an error if there is none.
     Gpu,
 }
 
-/// A ray-caster with its memory.
+/// A ray-caster with its atlas.
 #[derive(Debug)]
 pub enum Adapter {
-    /// On a graphics device.
     Gpu(Box<GpuAdapter>),
-    /// In main memory.
     Cpu(CpuAdapter),
 }
 
-impl Adapter {
-    /// Without a window. Says on standard error if there is no graphics device.
-    pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> Result<(Self, AdapterInfo, u32)> {
-        let pages = pages_for(cache_bytes);
-        if choice != AdapterChoice::Cpu {
-            let gpu = headless_device(cache_bytes).and_then(|device| GpuAdapter::new(device, pages));
-            match gpu {
-                Ok(gpu) => {
-                    let (info, pages) = (gpu.device.info(), gpu.pages());
-                    if choice == AdapterChoice::Auto && gpu.device.is_software() {
-                        eprintln!("note: {} is no graphics hardware, --adapter cpu may be faster", info.name);
-                    }
-                    return Ok((Self::Gpu(Box::new(gpu)), info, pages));
-                }
-                Err(reason) if choice == AdapterChoice::Gpu => {
-                    return Err(ClientError::Graphics(format!(
-                        "no graphics device can be used ({reason}): install a driver, or use --adapter auto"
-                    )));
-                }
-                Err(reason) => {
-                    tracing::debug!("no graphics device: {reason}");
-                    eprintln!("note: no graphics device can be used, the CPU ray-caster draws instead");
-                }
-            }
-        }
-        Ok((Self::Cpu(CpuAdapter::new(pages)), AdapterInfo::cpu(), pages))
+/// An adapter and what a session must know of it.
+#[derive(Debug)]
+pub struct OpenedAdapter {
+    pub adapter: Adapter,
+    pub info: AdapterInfo,
+    /// Number of cache pages that the atlas holds.
+    pub pages: u32,
+}
+
+impl OpenedAdapter {
+    /// The CPU ray-caster with an atlas of `pages` pages.
+    pub fn cpu(pages: u32) -> Self {
+        Self { adapter: Adapter::Cpu(CpuAdapter::new(pages)), info: AdapterInfo::cpu(), pages }
     }
 
-    /// Draws a picture and waits for it.
+    /// The ray-caster on a GPU.
+    pub fn gpu(gpu: GpuAdapter) -> Self {
+        let (info, pages) = (gpu.device.info(), gpu.pages());
+        Self { adapter: Adapter::Gpu(Box::new(gpu)), info, pages }
+    }
+}
+
+impl Adapter {
+    /// Opens an adapter without a window. Notes on standard error if `auto` finds no GPU. Fails if `gpu` finds none.
+    pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> Result<OpenedAdapter> {
+        let pages = pages_for(cache_bytes);
+        if choice == AdapterChoice::Cpu {
+            return Ok(OpenedAdapter::cpu(pages));
+        }
+        match headless_device(cache_bytes).and_then(|device| GpuAdapter::new(device, pages)) {
+            Ok(gpu) => {
+                let opened = OpenedAdapter::gpu(gpu);
+                if let (AdapterChoice::Auto, Adapter::Gpu(gpu)) = (choice, &opened.adapter)
+                    && gpu.device.is_software()
+                {
+                    eprintln!("note: {} is a software driver, --adapter cpu may be faster", opened.info.name);
+                }
+                Ok(opened)
+            }
+            Err(reason) if choice == AdapterChoice::Gpu => Err(ClientError::Graphics(format!(
+                "no usable GPU ({reason}): install a graphics driver, or use --adapter auto"
+            ))),
+            Err(reason) => {
+                tracing::debug!("no usable GPU: {reason}");
+                eprintln!("note: no usable GPU, using the CPU ray-caster instead");
+                Ok(OpenedAdapter::cpu(pages))
+            }
+        }
+    }
+
+    /// Draws a frame and waits for its pixels. Fails if the GPU fails.
     pub fn draw(&mut self, data: &FrameData) -> Result<Pixels> {
         match self {
             Self::Gpu(gpu) => gpu.draw(data),
@@ -74,12 +93,20 @@ impl Adapter {
         }
     }
 
-    /// Whether what a picture's rays hit is on its way.
-    pub fn is_asking(&self) -> bool {
-        matches!(self, Self::Gpu(gpu) if gpu.is_asking())
+    /// Whether the hit counts of a presented frame are still being read back.
+    pub fn has_pending_query(&self) -> bool {
+        matches!(self, Self::Gpu(gpu) if gpu.has_pending_query())
     }
 
-    /// What the rays of such a picture do, one a pixel. Costs about as much as a picture.
+    /// The query and the hit counts per node of a presented frame, once they have been read back. Never blocks.
+    pub fn take_hits(&mut self) -> Option<(OcclusionQuery, Vec<u32>)> {
+        match self {
+            Self::Gpu(gpu) => gpu.take_hits(),
+            Self::Cpu(_) => None,
+        }
+    }
+
+    /// Counts the steps of a frame's rays, one ray per pixel. Costs about as much as drawing it. Fails if the GPU fails.
     pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
         match self {
             Self::Gpu(gpu) => gpu.count(data),
@@ -103,12 +130,13 @@ impl Upload for Adapter {
         }
     }
 }
-/// The first device of the modern interfaces, else one of OpenGL, which complains on standard error where there is no
-/// desktop. What the environment asks for (`WGPU_BACKEND`) is obeyed.
-fn headless_device(cache_bytes: u64) -> std::result::Result<Device, String> {
+
+/// Opens a device of Vulkan, Metal or DirectX, otherwise one of OpenGL, which prints complaints where there is no desktop.
+/// Obeys `WGPU_BACKEND`.
+fn headless_device(cache_bytes: u64) -> std::result::Result<GpuDevice, String> {
     let descriptor = || wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-    let mut modern = descriptor();
-    modern.backends &= wgpu::Backends::PRIMARY;
-    Device::open(&wgpu::Instance::new(modern), None, cache_bytes)
-        .or_else(|_| Device::open(&wgpu::Instance::new(descriptor()), None, cache_bytes))
+    let mut primary = descriptor();
+    primary.backends &= wgpu::Backends::PRIMARY;
+    GpuDevice::open(&wgpu::Instance::new(primary), None, cache_bytes)
+        .or_else(|_| GpuDevice::open(&wgpu::Instance::new(descriptor()), None, cache_bytes))
 }

@@ -1,6 +1,4 @@
-//! The CPU ray-caster with its own atlas.
-//!
-//! In: uploads, [`FrameData`]. Out: [`Pixels`]. Next: `session`.
+//! The CPU ray-caster with its own copy of the atlas in main memory.
 
 use insula_shaders::{
     cpu::raycast::{Pixels, RayCounts, SceneRef, count, render},
@@ -11,7 +9,7 @@ use insula_viewer::{
     frame::FrameData,
 };
 
-/// Memory of the CPU ray-caster.
+/// Atlas and summaries of the CPU ray-caster.
 #[derive(Debug)]
 pub struct CpuAdapter {
     atlas: Vec<u32>,
@@ -19,7 +17,7 @@ pub struct CpuAdapter {
 }
 
 impl CpuAdapter {
-    /// Room for `pages` pages; the system gives it as it is touched.
+    /// Memory for `pages` pages. The system commits it as pages are written.
     pub fn new(pages: u32) -> Self {
         Self {
             atlas: vec![0; pages as usize * PAGE_WORDS],
@@ -27,12 +25,12 @@ impl CpuAdapter {
         }
     }
 
-    /// Draws on all cores.
+    /// Draws a frame on all cores.
     pub fn draw(&self, data: &FrameData) -> Pixels {
         render(&self.scene(data))
     }
 
-    /// What the rays of such a picture do.
+    /// Counts the steps of a frame's rays, one ray per pixel.
     pub fn count(&self, data: &FrameData) -> RayCounts {
         count(&self.scene(data))
     }

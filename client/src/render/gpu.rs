@@ -1,8 +1,6 @@
-//! The ray-caster on a graphics device.
-//!
-//! In: uploads, [`FrameData`]. Out: pixels in device memory, or read back. Next: `session`, `ui::window`.
+//! The GPU ray-caster.
 
-use super::AdapterInfo;
+use super::adapter_info::AdapterInfo;
 use crate::error::{ClientError, Result};
 use insula_shaders::{
     cpu::raycast::{Pixels, RayCounts},
@@ -15,21 +13,20 @@ use insula_viewer::{
     select::{occlusion_feedback::OcclusionQuery, transitions::FADES},
 };
 
-/// A device, and what it can hold.
+/// An open GPU device.
 #[derive(Debug, Clone)]
-pub struct Device {
-    /// The adapter, for its surface formats.
+pub struct GpuDevice {
+    /// Needed for the formats of a surface.
     pub adapter: wgpu::Adapter,
-    /// Makes things.
     pub device: wgpu::Device,
-    /// Takes work.
     pub queue: wgpu::Queue,
-    /// Largest storage buffer.
+    /// Size of the largest storage buffer.
     pub storage_bytes: u64,
 }
 
-impl Device {
-    /// The best device that can present to `surface` (any, without one), with storage buffers of up to `bytes`.
+impl GpuDevice {
+    /// Opens the best device that can present to `surface`, or any device without one. Its storage buffers may have up to
+    /// `bytes`, or less if the device supports less. Fails if no driver has a device.
     pub fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>, bytes: u64) -> Result<Self, String> {
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -37,73 +34,73 @@ impl Device {
             ..wgpu::RequestAdapterOptions::default()
         };
         let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| e.to_string())?;
-        let has = adapter.limits();
-        let storage_bytes = bytes.min(has.max_storage_buffer_binding_size).min(has.max_buffer_size);
+        let supported = adapter.limits();
+        let storage_bytes = bytes.min(supported.max_storage_buffer_binding_size).min(supported.max_buffer_size);
         let defaults = wgpu::Limits::default();
         let required_limits = wgpu::Limits {
             max_storage_buffer_binding_size: storage_bytes.max(defaults.max_storage_buffer_binding_size),
             max_buffer_size: storage_bytes.max(defaults.max_buffer_size),
-            max_texture_dimension_2d: has.max_texture_dimension_2d,
+            max_texture_dimension_2d: supported.max_texture_dimension_2d,
             ..defaults
         };
         let descriptor =
             wgpu::DeviceDescriptor { label: Some("insula"), required_limits, ..wgpu::DeviceDescriptor::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| e.to_string())?;
-        device.on_uncaptured_error(std::sync::Arc::new(|error| tracing::error!("graphics device: {error}")));
+        device.on_uncaptured_error(std::sync::Arc::new(|error| tracing::error!("GPU error: {error}")));
         Ok(Self { adapter, device, queue, storage_bytes })
     }
 
-    /// Whether it is a driver that computes on the CPU; the CPU ray-caster does that better.
+    /// Whether the driver computes on the CPU. The CPU ray-caster is faster then.
     pub fn is_software(&self) -> bool {
         self.adapter.get_info().device_type == wgpu::DeviceType::Cpu
     }
 
-    /// Name and backend.
+    /// Name and backend of the device.
     pub fn info(&self) -> AdapterInfo {
         let info = self.adapter.get_info();
         AdapterInfo { name: info.name, backend: info.backend.to_string() }
     }
 }
 
-/// The ray-caster and its device.
+/// The ray-caster on a [`GpuDevice`].
 #[derive(Debug)]
 pub struct GpuAdapter {
-    /// Where it runs.
-    pub device: Device,
-    /// Its buffers and its pass.
+    pub device: GpuDevice,
     pub raycaster: Raycaster,
     tally: HitCounts,
-    /// The picture whose hits are on their way, and the last one that was.
-    asked: Option<OcclusionQuery>,
-    last: Option<(u64, [u32; 2])>,
+    /// Query whose hit counts are being read back.
+    pending_query: Option<OcclusionQuery>,
+    /// Generation and size of the last frame that was counted.
+    last_counted: Option<(u64, [u32; 2])>,
 }
 
 impl GpuAdapter {
-    /// Takes the device memory for `pages` pages (fewer if one buffer cannot be as large).
-    pub fn new(device: Device, pages: u32) -> Result<Self, String> {
+    /// Allocates GPU memory for `pages` pages, or for fewer if one buffer cannot be that large. Fails if the memory or a
+    /// shader is refused.
+    pub fn new(device: GpuDevice, pages: u32) -> Result<Self, String> {
         let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
         let slots = slots_for(pages);
         let nodes = slots + 2 * FADES as u32;
         let capacity = Capacity { atlas_pages: pages, slots, nodes };
-        let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let validation = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let raycaster = Raycaster::new(&device.device, capacity);
-        let errors = [pollster::block_on(memory.pop()), pollster::block_on(scope.pop())];
+        let errors = [pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
         match errors.into_iter().flatten().next() {
             Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
             None => {
                 let tally = HitCounts::new(&device.device, nodes);
-                Ok(Self { device, raycaster, tally, asked: None, last: None })
+                Ok(Self { device, raycaster, tally, pending_query: None, last_counted: None })
             }
         }
     }
 
-    /// Pages that fit.
+    /// Number of pages that the atlas holds.
     pub fn pages(&self) -> u32 {
         self.raycaster.capacity().atlas_pages
     }
 
-    /// Records the ray-casting pass; the pixels stay on the device.
+    /// Records the ray-casting pass. The pixels stay on the device. Fails if the frame exceeds the capacity.
     pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<()> {
         let failed = |e: insula_shaders::gpu::GpuError| ClientError::Graphics(e.to_string());
         self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
@@ -111,32 +108,33 @@ impl GpuAdapter {
         self.raycaster.render(on, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
     }
 
-    /// Records a count of what the pixels hit that [`GpuAdapter::encode`] recorded, unless that is known, or one is on its way.
-    pub fn ask(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
-        let now = (data.asked.generation, [data.frame.width_px, data.frame.height_px]);
+    /// Records a pass that counts the hits per node of the frame that [`GpuAdapter::encode`] recorded. Does nothing if these
+    /// counts are known or if another query is pending.
+    pub fn encode_query(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
+        let frame = (data.asked.generation, [data.frame.width_px, data.frame.height_px]);
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
-        if self.last != Some(now) && self.tally.encode(on, encoder, &self.raycaster, data.nodes.len()) {
-            (self.asked, self.last) = (Some(data.asked.clone()), Some(now));
+        if self.last_counted != Some(frame) && self.tally.encode(on, encoder, &self.raycaster, data.nodes.len()) {
+            (self.pending_query, self.last_counted) = (Some(data.asked.clone()), Some(frame));
         }
     }
 
-    /// To be called once what [`GpuAdapter::ask`] recorded was submitted.
-    pub fn submitted(&mut self) {
+    /// Starts to read back the counts. To be called after the commands of [`GpuAdapter::encode_query`] were submitted.
+    pub fn query_submitted(&mut self) {
         self.tally.submitted();
     }
 
-    /// Whether a count is on its way.
-    pub fn is_asking(&self) -> bool {
-        self.asked.is_some()
+    /// Whether hit counts are still being read back.
+    pub fn has_pending_query(&self) -> bool {
+        self.pending_query.is_some()
     }
 
-    /// The count that was asked for, once it is here; never waits.
-    pub fn answer(&mut self) -> Option<(OcclusionQuery, Vec<u32>)> {
+    /// The pending query and its hit counts per node, once they have been read back. Never blocks.
+    pub fn take_hits(&mut self) -> Option<(OcclusionQuery, Vec<u32>)> {
         let pixels = self.tally.take(&self.device.device)?;
-        Some((self.asked.take()?, pixels))
+        Some((self.pending_query.take()?, pixels))
     }
 
-    /// What the rays of such a picture do: draws nothing, waits.
+    /// Counts the steps of a frame's rays without drawing it. Waits for the result. Fails if the GPU fails.
     pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
         self.raycaster.resize(on.device, [data.frame.width_px, data.frame.height_px]);
@@ -144,9 +142,9 @@ impl GpuAdapter {
         counts.map_err(|e| ClientError::Graphics(e.to_string()))
     }
 
-    /// Draws, waits and reads back.
+    /// Draws a frame and reads its pixels back. Fails if the GPU fails.
     pub fn draw(&mut self, data: &FrameData) -> Result<Pixels> {
-        let label = wgpu::CommandEncoderDescriptor { label: Some("picture") };
+        let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.device.device.create_command_encoder(&label);
         self.encode(&mut encoder, data)?;
         self.device.queue.submit([encoder.finish()]);

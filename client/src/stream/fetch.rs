@@ -1,8 +1,6 @@
-//! One HTTP request: bounded in time and in bytes, counted.
-//!
-//! In: a URL. Out: bytes, or a [`FetchError`] that says what to make of it. Next: `decode`.
+//! HTTP requests: limited in time and in bytes, and counted.
 
-use super::link::Link;
+use super::simulated_link::SimulatedLink;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
 use insula_protocol::DecodeError;
@@ -18,26 +16,47 @@ use std::{
 };
 use tokio::time::{Instant, timeout_at};
 
-const CONNECT: Duration = Duration::from_secs(5);
-const READ: Duration = Duration::from_secs(15);
-/// An answer's body may take so long, and a second more for so many bytes: who trickles holds a place that others need.
-const BODY: Duration = Duration::from_secs(8);
-const BODY_BYTES_PER_SEC: f64 = 256.0;
+/// A response body may take one second longer for this many bytes received.
+const MIN_BODY_BYTES_PER_SEC: f64 = 256.0;
 
-/// The client's one connection pool, its threads and its counters.
+/// Time limits of a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HttpTimeouts {
+    /// Limit for opening a connection.
+    pub connect: Duration,
+    /// Limit for the time between two reads.
+    pub read: Duration,
+    /// Limit for a whole response body, before the allowance for its length. A response that arrives byte by byte would
+    /// otherwise occupy a request for long.
+    pub body: Duration,
+}
+
+impl Default for HttpTimeouts {
+    fn default() -> Self {
+        Self { connect: Duration::from_secs(5), read: Duration::from_secs(15), body: Duration::from_secs(8) }
+    }
+}
+
+/// The client's connection pool with its threads and counters.
 #[derive(Debug)]
 pub struct Http {
     runtime: Option<tokio::runtime::Runtime>,
     handle: tokio::runtime::Handle,
     client: reqwest::Client,
-    link: Option<Link>,
+    link: Option<SimulatedLink>,
+    body_timeout: Duration,
     requests: AtomicU64,
     bytes: AtomicU64,
 }
 
 impl Http {
-    /// Starts two threads for the network.
-    pub fn new(link: Option<Link>) -> Result<Self> {
+    /// Starts two network threads. All traffic passes `link` if there is one. Fails if the threads cannot be started.
+    pub fn new(link: Option<SimulatedLink>) -> Result<Self> {
+        Self::with_timeouts(link, HttpTimeouts::default())
+    }
+
+    /// Like [`Http::new`] with other time limits.
+    pub fn with_timeouts(link: Option<SimulatedLink>, timeouts: HttpTimeouts) -> Result<Self> {
         let failed = |e: &dyn std::fmt::Display| ClientError::Failed(format!("the network cannot be set up: {e}"));
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(2)
@@ -47,35 +66,36 @@ impl Http {
             .build()
             .map_err(|e| failed(&e))?;
         let client = reqwest::Client::builder()
-            .connect_timeout(CONNECT)
-            .read_timeout(READ)
+            .connect_timeout(timeouts.connect)
+            .read_timeout(timeouts.read)
             .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
             .build()
             .map_err(|e| failed(&e))?;
         let (requests, bytes) = (AtomicU64::new(0), AtomicU64::new(0));
         let handle = runtime.handle().clone();
-        Ok(Self { runtime: Some(runtime), handle, client, link, requests, bytes })
+        Ok(Self { runtime: Some(runtime), handle, client, link, body_timeout: timeouts.body, requests, bytes })
     }
 
-    /// Runs `future` on the network's threads.
+    /// Runs `future` on the network threads.
     pub fn spawn(&self, future: impl Future<Output = ()> + Send + 'static) -> tokio::task::AbortHandle {
         self.handle.spawn(future).abort_handle()
     }
 
-    /// Waits for `future`; not to be called from the network's threads.
+    /// Waits for `future`. Must not be called from a network thread.
     pub fn block_on<T>(&self, future: impl Future<Output = T>) -> T {
         self.handle.block_on(future)
     }
 
-    /// Gets at most `limit_bytes`.
-    pub async fn get(&self, url: &str, limit_bytes: usize) -> Result<Bytes, FetchError> {
+    /// Fetches `url`. Fails if the body has more than `limit_bytes`.
+    pub(super) async fn get(&self, url: &str, limit_bytes: usize) -> Result<Bytes, FetchError> {
         let response = self.send(self.client.get(url)).await?;
         check_status(&response)?;
-        self.body(response, limit_bytes).await
+        self.read_body(response, limit_bytes).await
     }
 
-    /// Gets `length` bytes from `offset` on, fewer only where the file ends, and its version (ETag or date) if it tells.
-    pub async fn get_range(
+    /// Fetches `length` bytes from `offset`, or fewer where the file ends, and the version of the file (ETag or date) if the
+    /// host sends one. Fails if the host does not support range requests.
+    pub(super) async fn get_range(
         &self,
         url: &str,
         offset: u64,
@@ -86,24 +106,20 @@ impl Http {
         let response = self.send(request.header(ACCEPT_ENCODING, "identity")).await?;
         if response.status() == StatusCode::OK {
             return Err(FetchError::Unusable(format!(
-                "{url}: this host does not answer ranges, which streaming from an archive needs: use insula-server"
+                "{url}: this host does not serve byte ranges, which archives need: use insula-server"
             )));
         }
         check_status(&response)?;
         let header = |name| response.headers().get(name).and_then(|v| v.to_str().ok());
         let version = header(ETAG).or_else(|| header(LAST_MODIFIED)).map(str::to_owned);
-        let range = header(CONTENT_RANGE).and_then(content_range);
-        let packed = header(CONTENT_ENCODING).is_some_and(|encoding| encoding != "identity");
-        let fits = |(first, end, whole): (u64, u64, Option<u64>)| {
-            // Less than was asked for only if there is no more.
-            first == offset && end >= first && (end == last || end < last && whole == end.checked_add(1))
+        let range = header(CONTENT_RANGE).and_then(ContentRange::parse);
+        let is_encoded = header(CONTENT_ENCODING).is_some_and(|encoding| encoding != "identity");
+        let Some(range) = range.filter(|range| range.satisfies(offset, last) && !is_encoded) else {
+            return Err(FetchError::Archive("the host returned another range than requested".into()));
         };
-        let Some((first, end, _)) = range.filter(|range| fits(*range) && !packed) else {
-            return Err(FetchError::Archive("the host answers another range than was asked for".into()));
-        };
-        let body = self.body(response, length).await?;
-        if body.len() as u64 != end - first + 1 {
-            return Err(FetchError::Network("half an answer".into()));
+        let body = self.read_body(response, length).await?;
+        if body.len() as u64 != range.last - range.first + 1 {
+            return Err(FetchError::Network("the response is incomplete".into()));
         }
         Ok((body, version))
     }
@@ -113,25 +129,25 @@ impl Http {
         if let Some(link) = &self.link {
             link.round_trip().await;
         }
-        request.send().await.map_err(network)
+        request.send().await.map_err(network_error)
     }
 
-    async fn body(&self, mut response: reqwest::Response, limit_bytes: usize) -> Result<Bytes, FetchError> {
+    async fn read_body(&self, mut response: reqwest::Response, limit_bytes: usize) -> Result<Bytes, FetchError> {
         let too_long = |found: u64| {
-            FetchError::Damaged(DecodeError::Limit { what: "an answer's bytes", found, limit: limit_bytes as u64 })
+            FetchError::Damaged(DecodeError::Limit { what: "response bytes", found, limit: limit_bytes as u64 })
         };
         let announced = response.content_length().unwrap_or(0);
         if announced > limit_bytes as u64 {
             return Err(too_long(announced));
         }
-        let breaks_off = self.link.as_ref().is_some_and(Link::loses);
+        let breaks_off = self.link.as_ref().is_some_and(SimulatedLink::loses);
         let mut body = BytesMut::with_capacity(announced as usize);
         let begin = Instant::now();
         loop {
-            let most = BODY + Duration::from_secs_f64(body.len() as f64 / BODY_BYTES_PER_SEC);
-            let chunk = timeout_at(begin + most, response.chunk()).await;
-            let chunk = chunk.map_err(|_| FetchError::Network("the answer trickles".into()))?;
-            let Some(chunk) = chunk.map_err(network)? else { break };
+            let limit = self.body_timeout + Duration::from_secs_f64(body.len() as f64 / MIN_BODY_BYTES_PER_SEC);
+            let chunk = timeout_at(begin + limit, response.chunk()).await;
+            let chunk = chunk.map_err(|_| FetchError::Network("the response body is too slow".into()))?;
+            let Some(chunk) = chunk.map_err(network_error)? else { break };
             self.bytes.fetch_add(chunk.len() as u64, Ordering::Relaxed);
             if let Some(link) = &self.link {
                 link.carry(chunk.len()).await;
@@ -144,25 +160,26 @@ impl Http {
                 break;
             }
         }
-        if breaks_off { Err(FetchError::Network("the simulated link lost it".into())) } else { Ok(body.freeze()) }
+        if breaks_off { Err(lost_on_link()) } else { Ok(body.freeze()) }
     }
 
-    /// Counts bytes that came from a file as if they had come over the network, and lets the simulated link carry them.
+    /// Counts bytes read from a file as if they had come over the network, and sends them over the simulated link. Fails if the
+    /// link loses them.
     pub async fn carry(&self, bytes: usize) -> Result<(), FetchError> {
         self.requests.fetch_add(1, Ordering::Relaxed);
         self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
         let Some(link) = &self.link else { return Ok(()) };
         link.round_trip().await;
         link.carry(bytes).await;
-        if link.loses() { Err(FetchError::Network("the simulated link lost it".into())) } else { Ok(()) }
+        if link.loses() { Err(lost_on_link()) } else { Ok(()) }
     }
 
-    /// Requests sent so far.
+    /// Number of requests so far.
     pub fn requests(&self) -> u64 {
         self.requests.load(Ordering::Relaxed)
     }
 
-    /// Bytes of bodies received so far.
+    /// Number of body bytes received so far.
     pub fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }
@@ -170,15 +187,19 @@ impl Http {
 
 impl Drop for Http {
     fn drop(&mut self) {
-        // The last owner may be one of the runtime's own tasks, which must not wait for itself.
+        // The last owner may be a task of the runtime, which must not wait for itself.
         if let Some(runtime) = self.runtime.take() {
             runtime.shutdown_background();
         }
     }
 }
 
-fn network(error: reqwest::Error) -> FetchError {
-    // The innermost cause is the one that means something ("connection refused").
+fn lost_on_link() -> FetchError {
+    FetchError::Network("lost on the simulated link".into())
+}
+
+fn network_error(error: reqwest::Error) -> FetchError {
+    // The innermost cause is the most specific one ("connection refused").
     let mut cause: &dyn std::error::Error = &error;
     while let Some(next) = cause.source() {
         cause = next;
@@ -190,24 +211,43 @@ fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
     let status = response.status();
     match status {
         StatusCode::OK | StatusCode::PARTIAL_CONTENT => Ok(()),
-        StatusCode::REQUEST_TIMEOUT | StatusCode::TOO_MANY_REQUESTS | StatusCode::TOO_EARLY => Err(busy(response)),
+        StatusCode::REQUEST_TIMEOUT | StatusCode::TOO_MANY_REQUESTS | StatusCode::TOO_EARLY => {
+            Err(busy_error(response))
+        }
         _ if status.is_client_error() => Err(FetchError::Missing),
-        // Where others are at fault, a host says 502, 503 or 504.
+        // Temporary failures are 502, 503 or 504. A 500 means that the server cannot read this tile.
         StatusCode::INTERNAL_SERVER_ERROR => Err(FetchError::Broken),
-        _ => Err(busy(response)),
+        _ => Err(busy_error(response)),
     }
 }
 
-/// First and last byte, and the whole file's length, of `bytes 0-99/1000`; the length may be `*`.
-fn content_range(text: &str) -> Option<(u64, u64, Option<u64>)> {
-    let (range, whole) = text.trim().strip_prefix("bytes")?.trim_start().split_once('/')?;
-    let (first, last) = range.split_once('-')?;
-    Some((first.trim().parse().ok()?, last.trim().parse().ok()?, whole.trim().parse().ok()))
-}
-
-fn busy(response: &reqwest::Response) -> FetchError {
+fn busy_error(response: &reqwest::Response) -> FetchError {
     let secs = response.headers().get(RETRY_AFTER).and_then(|v| v.to_str().ok()).and_then(|v| v.trim().parse().ok());
     FetchError::Busy { status: response.status().as_u16(), retry_after: secs.map(Duration::from_secs) }
+}
+
+/// Value of a `Content-Range` header: first and last byte, and the length of the file if the host knows it.
+#[derive(Debug, Clone, Copy)]
+struct ContentRange {
+    first: u64,
+    last: u64,
+    file_length: Option<u64>,
+}
+
+impl ContentRange {
+    /// Parses `bytes 0-99/1000` or `bytes 0-99/*`.
+    fn parse(text: &str) -> Option<Self> {
+        let (range, length) = text.trim().strip_prefix("bytes")?.trim_start().split_once('/')?;
+        let (first, last) = range.split_once('-')?;
+        let (first, last) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
+        Some(Self { first, last, file_length: length.trim().parse().ok() })
+    }
+
+    /// Whether this is the response to a request for `first..=last`: shorter only where the file ends.
+    fn satisfies(&self, first: u64, last: u64) -> bool {
+        let is_file_end = self.last < last && self.file_length == self.last.checked_add(1);
+        self.first == first && self.last >= first && (self.last == last || is_file_end)
+    }
 }
 
 #[cfg(test)]
@@ -218,33 +258,33 @@ mod tests {
         net::TcpListener,
     };
 
-    /// Answers each connection with the next of `answers`.
-    fn server(answers: Vec<String>) -> String {
+    /// Sends the next of `responses` on each connection.
+    fn serve(responses: Vec<String>) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}/x", listener.local_addr().unwrap());
         std::thread::spawn(move || {
-            for answer in answers {
+            for response in responses {
                 let (mut stream, _) = listener.accept().unwrap();
                 let mut request = [0; 2048];
                 let _ = stream.read(&mut request);
-                stream.write_all(answer.as_bytes()).unwrap();
+                stream.write_all(response.as_bytes()).unwrap();
             }
         });
         url
     }
 
-    fn answer(head: &str, body: &str) -> String {
+    fn response(head: &str, body: &str) -> String {
         let length = body.len();
         format!("HTTP/1.1 {head}\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n{body}")
     }
 
     #[test]
-    fn answers_and_what_to_make_of_them() {
-        let url = server(vec![
-            answer("200 OK", "hello"),
-            answer("404 Not Found", "{}"),
-            answer("503 Service Unavailable\r\nretry-after: 3", ""),
-            answer("200 OK", "far too long"),
+    fn failed_responses_become_fetch_errors() {
+        let url = serve(vec![
+            response("200 OK", "hello"),
+            response("404 Not Found", "{}"),
+            response("503 Service Unavailable\r\nretry-after: 3", ""),
+            response("200 OK", "far too long"),
             "HTTP/1.1 200 OK\r\nconnection: close\r\ncontent-length: 50\r\n\r\nhalf".into(),
         ]);
         let http = Http::new(None).unwrap();
@@ -255,7 +295,20 @@ mod tests {
         assert!(matches!(get(), Err(FetchError::Damaged(_))));
         let cut_off = http.block_on(http.get(&url, 100));
         assert!(matches!(cut_off, Err(FetchError::Network(_))), "{cut_off:?}");
-        assert!(matches!(get(), Err(FetchError::Network(_))), "nobody listens any more");
+        assert!(matches!(get(), Err(FetchError::Network(_))), "the server is gone");
         assert_eq!((http.requests(), http.bytes()), (6, 5 + 4));
+    }
+
+    #[test]
+    fn content_ranges_must_match_the_request() {
+        let satisfies = |text: &str| ContentRange::parse(text).is_some_and(|range| range.satisfies(10, 19));
+        for good in ["bytes 10-19/100", "bytes 10-19/*", "bytes 10-15/16"] {
+            assert!(satisfies(good), "{good}");
+        }
+        for wrong in
+            ["bytes 10-15/100", "bytes 10-15/*", "bytes 0-9/100", "bytes 10-25/100", "bytes 10-5/6", "items 10-19/100"]
+        {
+            assert!(!satisfies(wrong), "{wrong}");
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-/// A flag that one thread waits for. A notification that nobody waits for yet ends the next wait.
+/// A flag that one thread waits for. A notification without a waiting thread ends the next wait.
 #[derive(Debug, Default)]
 pub struct Notifier {
     is_notified: Mutex<bool>,

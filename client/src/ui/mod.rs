@@ -1,20 +1,24 @@
-//! The window: keys, mouse, panels.
+//! The window: input, panels, frame pacing, presentation.
 //!
-//! In: window events. Out: shots for `session`, drawn frames. Next: the screen.
+//! [`event_loop`] receives window events and passes them to [`viewport`], which moves the camera, streams, draws and lays out
+//! the panels. [`city_view`] is the state of the viewed city; [`actions`] changes it on request of keys and panels.
 
-pub mod city;
-pub mod control;
-pub mod keys;
-pub mod link;
-pub mod measure;
+pub mod actions;
+pub mod bookmarks;
+pub mod camera_control;
+pub mod city_view;
+pub mod distance_tool;
+pub mod event_loop;
+pub mod frame_pacing;
+pub mod key_bindings;
 pub mod minimap;
-mod orders;
 pub mod overlay;
-pub mod pace;
-pub mod places;
-pub mod record;
+pub mod path_playback;
+pub mod path_recording;
+mod process_memory;
 pub mod settings;
-pub mod shell;
-pub mod surface;
-pub mod tour;
+pub mod stream_status;
+pub mod view_link;
+pub mod viewport;
 pub mod window;
+pub mod window_surface;

@@ -1,6 +1,4 @@
-//! What is kept from one run to the next: the window, the light, bookmarks.
-//!
-//! In: a file in the user's configuration folder, which may be missing or damaged. Out: [`Settings`]. Next: `window`.
+//! Settings that outlast a run, in the user's configuration folder: the window, the light, bookmarks.
 
 use crate::error::ClientError;
 use insula_viewer::camera::CameraFile;
@@ -8,35 +6,36 @@ use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
     fs,
+    ops::RangeInclusive,
     path::{Path, PathBuf},
 };
 
-/// Largest file that is read.
-const MOST_BYTES: u64 = 4 << 20;
-/// Most bookmarks of a city, and longest name of one.
-pub const MOST_BOOKMARKS: usize = 200;
-const MOST_NAME: usize = 80;
+/// Size of the largest accepted file.
+const MAX_BYTES: u64 = 4 << 20;
+/// Largest number of bookmarks of a city.
+const MAX_BOOKMARKS: usize = 200;
+/// Longest name of a bookmark, in characters.
+const MAX_NAME: usize = 80;
+/// Smallest and largest side of the window, in points.
+const WINDOW_SIDES: RangeInclusive<u32> = 100..=16_384;
 
 /// A view with a name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Bookmark {
-    /// For people.
     pub name: String,
-    /// Where from.
     pub camera: CameraFile,
 }
 
-/// The file's content; what it lacks is as in a first run.
+/// Content of `settings.json`. Missing fields have their defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Settings {
+pub struct UserSettings {
     /// Inner size of the window, in points.
     pub window: [u32; 2],
-    /// Whether it fills the screen.
     pub full_screen: bool,
-    /// Tolerated error.
+    /// Tolerated screen-space error.
     pub tau_px: f64,
-    /// Hour and date of the light, as `--time` has them.
+    /// Date and time of the light, in the format of `--time`.
     pub time: Option<String>,
     /// Whether the sun casts shadows.
     pub shadows: bool,
@@ -44,11 +43,11 @@ pub struct Settings {
     pub overlay: bool,
     /// Whether the map is shown.
     pub minimap: bool,
-    /// By city.
+    /// Bookmarks of each city, by its name.
     pub bookmarks: BTreeMap<String, Vec<Bookmark>>,
 }
 
-impl Default for Settings {
+impl Default for UserSettings {
     fn default() -> Self {
         Self {
             window: [1280, 720],
@@ -63,71 +62,87 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
-    /// Where they are kept; none on a system without such a folder.
+impl UserSettings {
+    /// Path of the settings file; `None` without a configuration folder.
     pub fn path() -> Option<PathBuf> {
         directories::ProjectDirs::from("", "", "insula").map(|folders| folders.config_dir().join("settings.json"))
     }
 
-    /// Reads them. What cannot be used is laid aside under another name and told.
+    /// Reads the settings. A file that cannot be used is renamed, the defaults are returned, and the second value says why.
     pub fn load(path: &Path) -> (Self, Option<String>) {
-        let damaged = match fs::metadata(path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return (Self::default(), None),
-            Err(error) => error.to_string(),
-            Ok(about) if about.len() > MOST_BYTES => format!("{} bytes are too many", about.len()),
-            Ok(_) => match fs::read_to_string(path).map_err(|e| e.to_string()).and_then(|text| Self::parse(&text)) {
-                Ok(settings) => return (settings, None),
-                Err(why) => why,
-            },
+        let error = match Self::read(path) {
+            Ok(settings) => return (settings, None),
+            Err(error) => error,
         };
-        let aside = path.with_extension("damaged.json");
-        let kept = match fs::rename(path, &aside) {
-            Ok(()) => format!("it is kept as {}", aside.display()),
-            Err(_) => "it will be replaced".to_owned(),
+        let renamed = path.with_extension("damaged.json");
+        let outcome = match fs::rename(path, &renamed) {
+            Ok(()) => format!("renamed to {}", renamed.display()),
+            Err(_) => "it will be overwritten".to_owned(),
         };
-        let note = format!("{}: settings cannot be used ({damaged}); {kept}, going on without", path.display());
+        let note = format!("{}: settings cannot be used ({error}): {outcome}, using the defaults", path.display());
         (Self::default(), Some(note))
+    }
+
+    /// Reads and checks the file; a missing file has the defaults.
+    fn read(path: &Path) -> Result<Self, String> {
+        match fs::metadata(path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
+            Err(error) => return Err(error.to_string()),
+            Ok(metadata) if metadata.len() > MAX_BYTES => {
+                return Err(format!("{} bytes, at most {MAX_BYTES} are accepted", metadata.len()));
+            }
+            Ok(_) => {}
+        }
+        Self::parse(&fs::read_to_string(path).map_err(|e| e.to_string())?)
     }
 
     fn parse(text: &str) -> Result<Self, String> {
         let settings: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
         if !(0.1..=1000.0).contains(&settings.tau_px) {
-            return Err(format!("tau_px {}", settings.tau_px));
+            return Err(format!("tau_px {} is out of range", settings.tau_px));
         }
-        if settings.window.iter().any(|side| !(100..=16_384).contains(side)) {
-            return Err(format!("window {:?}", settings.window));
+        if !is_window_size(settings.window) {
+            return Err(format!("window {:?} is out of range", settings.window));
         }
         for bookmark in settings.bookmarks.values().flatten() {
-            if bookmark.camera.camera().is_none() || bookmark.name.chars().count() > MOST_NAME {
-                return Err(format!("bookmark {:.80}", bookmark.name));
+            if bookmark.camera.camera().is_none() || bookmark.name.chars().count() > MAX_NAME {
+                return Err(format!("invalid bookmark {:.80}", bookmark.name));
             }
         }
         match settings.bookmarks.values().map(Vec::len).max() {
-            Some(most) if most > MOST_BOOKMARKS => Err(format!("{most} bookmarks of one city")),
+            Some(count) if count > MAX_BOOKMARKS => {
+                Err(format!("{count} bookmarks of one city, at most {MAX_BOOKMARKS} are accepted"))
+            }
             _ => Ok(settings),
         }
     }
 
-    /// Writes them under another name first: there is never half a file.
+    /// Writes the settings to a temporary file and renames it, so that the file is never incomplete. Fails if it cannot be
+    /// written.
     pub fn store(&self, path: &Path) -> Result<(), ClientError> {
         let json = serde_json::to_string_pretty(self).map_err(|e| ClientError::Failed(format!("the settings: {e}")))?;
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(ClientError::file(folder))?;
         }
-        let part = path.with_extension(format!("{}.part", std::process::id()));
-        fs::write(&part, json + "\n").map_err(ClientError::file(&part))?;
-        fs::rename(&part, path).map_err(ClientError::file(path))
+        let temporary = path.with_extension(format!("{}.part", std::process::id()));
+        fs::write(&temporary, json + "\n").map_err(ClientError::file(&temporary))?;
+        fs::rename(&temporary, path).map_err(ClientError::file(path))
     }
 
-    /// Adds a bookmark; the name is cut to its limit. `false`: there are too many.
-    pub fn keep(&mut self, city: &str, name: &str, camera: CameraFile) -> bool {
+    /// Adds a bookmark. A long name is cut. Returns `false` if the city has too many bookmarks.
+    pub fn add_bookmark(&mut self, city: &str, name: &str, camera: CameraFile) -> bool {
         let bookmarks = self.bookmarks.entry(city.to_owned()).or_default();
-        let room = bookmarks.len() < MOST_BOOKMARKS;
-        if room {
-            bookmarks.push(Bookmark { name: name.chars().take(MOST_NAME).collect(), camera });
+        let has_room = bookmarks.len() < MAX_BOOKMARKS;
+        if has_room {
+            bookmarks.push(Bookmark { name: name.chars().take(MAX_NAME).collect(), camera });
         }
-        room
+        has_room
     }
+}
+
+/// Whether a window may have this size, in points.
+pub fn is_window_size(size: [u32; 2]) -> bool {
+    size.iter().all(|side| WINDOW_SIDES.contains(side))
 }
 
 #[cfg(test)]
@@ -142,37 +157,37 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stored_comes_back() {
+    fn stored_settings_load_unchanged() {
         let folder = folder("back");
         let path = folder.join("deeper").join("settings.json");
-        assert_eq!(Settings::load(&path), (Settings::default(), None));
-        let mut settings = Settings { window: [640, 480], tau_px: 2.0, minimap: false, ..Settings::default() };
+        assert_eq!(UserSettings::load(&path), (UserSettings::default(), None));
+        let mut settings = UserSettings { window: [640, 480], tau_px: 2.0, minimap: false, ..UserSettings::default() };
         let camera: CameraFile = serde_json::from_str(r#"{"position":[1,2,3],"target":[4,5,6]}"#).unwrap();
-        assert!(settings.keep("delft", &"x".repeat(500), camera));
+        assert!(settings.add_bookmark("delft", &"x".repeat(500), camera));
         settings.store(&path).unwrap();
-        assert_eq!(Settings::load(&path), (settings.clone(), None));
-        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "a part was left");
-        for _ in 0..2 * MOST_BOOKMARKS {
-            settings.keep("delft", "another", camera);
+        assert_eq!(UserSettings::load(&path), (settings.clone(), None));
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "the temporary file is left");
+        for _ in 0..2 * MAX_BOOKMARKS {
+            settings.add_bookmark("delft", "another", camera);
         }
         settings.store(&path).unwrap();
-        assert_eq!(Settings::load(&path).1, None, "it wrote what it does not read");
+        assert_eq!(UserSettings::load(&path).1, None, "it stored settings that it does not load");
         fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
-    fn a_damaged_file_is_told_and_laid_aside() {
+    fn a_damaged_file_is_reported_and_renamed() {
         let folder = folder("damaged");
         let path = folder.join("settings.json");
         let wrong_camera = r#"{"bookmarks":{"a":[{"name":"b","camera":{"position":[0,0,0],"target":[0,0,0]}}]}}"#;
         for damaged in ["", "{", "7", r#"{"tau_px":"x"}"#, r#"{"tau_px":0}"#, r#"{"window":[1,1]}"#, wrong_camera] {
             fs::write(&path, damaged).unwrap();
-            let (settings, note) = Settings::load(&path);
-            assert!(settings == Settings::default() && note.unwrap().contains("settings.json"), "{damaged}");
+            let (settings, note) = UserSettings::load(&path);
+            assert!(settings == UserSettings::default() && note.unwrap().contains("settings.json"), "{damaged}");
             assert!(!path.exists() && fs::read_to_string(folder.join("settings.damaged.json")).unwrap() == damaged);
         }
-        fs::write(&path, r#"{"tau_px":3,"of a later version":1}"#).unwrap();
-        assert_eq!(Settings::load(&path).0.tau_px, 3.0);
+        fs::write(&path, r#"{"tau_px":3,"of_a_later_version":1}"#).unwrap();
+        assert_eq!(UserSettings::load(&path).0.tau_px, 3.0);
         fs::remove_dir_all(folder).unwrap();
     }
 }

@@ -1,397 +1,124 @@
-//! The window's event loop.
-//!
-//! In: winit's events, a way to connect. Out: frames, settings. Next: `city`, or a page that says what one waits for.
-//!
-//! The window opens at once and stays: while there is no city it says why and tries again. A frame is drawn when something
-//! moves, arrives or is asked for; else the loop sleeps.
+//! The window with its surface and its overlay, with or without a city in it.
 
-use super::{
-    city::{City, Opening},
-    control::Motion,
-    keys::{self, Order},
-    overlay,
-    settings::Settings,
-    shell::Shell,
-    tour::Tour,
-};
+use super::window_surface::{OverlayShapes, WindowSurface};
 use crate::{
     error::{ClientError, Result},
-    render::{Adapter, AdapterChoice, AdapterInfo},
-    session::Session,
+    render::{AdapterChoice, GpuAdapter, OpenedAdapter},
 };
-use insula_protocol::Manifest;
-use insula_viewer::{
-    camera::Camera,
-    sun::{Daylight, SunOptions, time},
-};
-use std::{
-    path::PathBuf,
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use insula_viewer::cache::pages_for;
+use std::{sync::Arc, time::Duration};
 use winit::{
-    application::ApplicationHandler,
-    dpi::PhysicalPosition,
-    event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent},
-    event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
-    keyboard::PhysicalKey,
-    window::WindowId,
+    dpi::LogicalSize,
+    event::WindowEvent,
+    event_loop::ActiveEventLoop,
+    window::{Fullscreen, Window},
 };
 
-/// Between two attempts to connect.
-const AGAIN: Duration = Duration::from_secs(2);
-/// A mouse that moved less than this between down and up has clicked, in pixels.
-const CLICK_PX: f64 = 4.0;
-
-/// What wakes the loop.
-pub enum Event {
-    /// Something arrived from the network.
-    Arrived,
-    /// An attempt to connect has ended.
-    Connected(Box<Result<Found>>),
+/// A window, its surface and its overlay.
+pub struct ViewerWindow {
+    pub window: Arc<Window>,
+    pub surface: WindowSurface,
+    pub egui: egui::Context,
+    input: egui_winit::State,
+    /// Pixels of the CPU ray-caster, below the overlay.
+    background: Option<egui::TextureHandle>,
 }
 
-/// Makes a session once it is known what draws.
-pub type MakeSession = Box<dyn FnOnce((Adapter, AdapterInfo, u32)) -> Session + Send>;
-
-/// A city that was connected to.
-pub struct Found {
-    /// What it is.
-    pub manifest: Manifest,
-    /// Its address for links; empty if it has none.
-    pub address: String,
-    /// The rest.
-    pub make: MakeSession,
+/// Result of [`ViewerWindow::lay_out`].
+pub struct OverlayLayout {
+    pub shapes: OverlayShapes,
+    /// After this time, the overlay must be laid out again.
+    pub repaint_after: Duration,
 }
 
-/// Connects, on a thread of its own.
-pub type Connect = Arc<dyn Fn() -> Result<Found> + Send + Sync>;
-
-/// How the window begins.
-pub struct Start {
-    /// What is connected to, for people.
-    pub address: String,
-    /// Where it looks from; the whole city unless given.
-    pub camera: Option<Camera>,
-    /// The light, if it was asked for.
-    pub sun: SunOptions,
-    /// Tolerated error, if it was asked for.
-    pub tau_px: Option<f64>,
-    /// `--adapter`.
-    pub adapter: AdapterChoice,
-    /// Size of the cache.
-    pub cache_bytes: u64,
-    /// A flight that flies itself.
-    pub tour: Option<Tour>,
-}
-
-/// An event loop, before anything is connected to (that needs the loop to wake it).
-pub fn event_loop() -> Result<EventLoop<Event>> {
-    EventLoop::with_user_event().build().map_err(|e| {
-        tracing::debug!("no event loop: {e}");
-        ClientError::Graphics("no window can be opened, there is no screen: set DISPLAY, or use insula snapshot".into())
-    })
-}
-
-/// Runs until the window is closed.
-pub fn run(event_loop: EventLoop<Event>, start: Start, connect: Connect) -> Result<()> {
-    event_loop.set_control_flow(ControlFlow::Wait);
-    let settings_at = Settings::path();
-    let (settings, note) = settings_at.as_deref().map(Settings::load).unwrap_or_default();
-    if let Some(note) = &note {
-        eprintln!("note: {note}");
+impl ViewerWindow {
+    /// Opens a window of `size` points. Fails if there is no screen, or if no device can present to it.
+    pub fn new(event_loop: &ActiveEventLoop, title: &str, size: [u32; 2], cache_bytes: u64) -> Result<Self> {
+        let attributes = Window::default_attributes()
+            .with_title(title)
+            .with_min_inner_size(LogicalSize::new(200.0, 150.0))
+            .with_inner_size(LogicalSize::new(size[0], size[1]));
+        let window = event_loop.create_window(attributes).map_err(|e| {
+            ClientError::Graphics(format!("no window can be opened ({e}): use insula snapshot instead"))
+        })?;
+        let window = Arc::new(window);
+        let surface = WindowSurface::new(&window, cache_bytes)?;
+        let egui = egui::Context::default();
+        egui.set_theme(egui::Theme::Dark);
+        let max_side = surface.device().device.limits().max_texture_dimension_2d as usize;
+        let scale = Some(window.scale_factor() as f32);
+        let input = egui_winit::State::new(egui.clone(), egui::ViewportId::ROOT, &window, scale, None, Some(max_side));
+        Ok(Self { window, surface, egui, input, background: None })
     }
-    let mut app = App {
-        start,
-        connect,
-        proxy: event_loop.create_proxy(),
-        settings,
-        settings_at,
-        note,
-        shell: None,
-        waiting: Waiting::default(),
-        city: None,
-        drag: None,
-        pointer: PhysicalPosition::default(),
-        failed: None,
-    };
-    let ended = event_loop.run_app(&mut app);
-    app.store();
-    match (app.failed, ended) {
-        (Some(error), _) => Err(error),
-        (None, Err(error)) => Err(ClientError::Graphics(format!("the window system ended the program: {error}"))),
-        (None, Ok(())) => Ok(()),
-    }
-}
 
-/// While there is no city.
-#[derive(Debug, Default)]
-struct Waiting {
-    wrong: Option<String>,
-    again_at: Option<Instant>,
-}
-
-struct App {
-    start: Start,
-    connect: Connect,
-    proxy: EventLoopProxy<Event>,
-    settings: Settings,
-    settings_at: Option<PathBuf>,
-    /// What was wrong with the settings, until it was told.
-    note: Option<String>,
-    shell: Option<Shell>,
-    waiting: Waiting,
-    city: Option<Box<City>>,
-    /// A mouse button is down over the picture, and how far it moved.
-    drag: Option<f64>,
-    pointer: PhysicalPosition<f64>,
-    failed: Option<ClientError>,
-}
-
-impl ApplicationHandler<Event> for App {
-    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
-        if self.shell.is_some() {
-            return;
+    /// Passes an event to the overlay. Returns whether the overlay consumed it.
+    pub fn handle_event(&mut self, event: &WindowEvent) -> bool {
+        if let WindowEvent::Resized(size) = event {
+            self.surface.resize(size.width, size.height);
         }
-        match Shell::new(event_loop, "Insula", self.settings.window, self.start.cache_bytes) {
-            Ok(shell) => {
-                if self.settings.full_screen {
-                    shell.set_full_screen(true);
-                }
-                shell.window.request_redraw();
-                self.shell = Some(shell);
-                self.connect();
+        let response = self.input.on_window_event(&self.window, event);
+        if response.repaint {
+            self.window.request_redraw();
+        }
+        response.consumed
+    }
+
+    /// Sets the image below the overlay: the frame of the CPU ray-caster.
+    pub fn set_background(&mut self, image: egui::ColorImage) {
+        self.background = Some(self.egui.load_texture("frame", image, egui::TextureOptions::NEAREST));
+    }
+
+    /// Lays the overlay out.
+    pub fn lay_out(&mut self, mut add_panels: impl FnMut(&egui::Context)) -> OverlayLayout {
+        let raw_input = self.input.take_egui_input(&self.window);
+        let background = self.background.as_ref();
+        let output = self.egui.run_ui(raw_input, |ui| {
+            if let Some(background) = background {
+                let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+                let layer = ui.ctx().layer_painter(egui::LayerId::background());
+                layer.image(background.id(), ui.ctx().content_rect(), whole, egui::Color32::WHITE);
             }
-            Err(error) => self.fail(event_loop, error),
-        }
-    }
-
-    fn user_event(&mut self, event_loop: &ActiveEventLoop, event: Event) {
-        match event {
-            Event::Arrived => {
-                if let Some(city) = &mut self.city {
-                    if city.rests() {
-                        // It may be for what lies beside the picture: first things that people do.
-                        city.news = true;
-                        event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now()));
-                        return;
-                    }
-                    city.pace.stir();
-                }
-            }
-            Event::Connected(outcome) => self.connected(*outcome),
-        }
-        if let Some(shell) = &self.shell {
-            shell.window.request_redraw();
-        }
-    }
-
-    fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
-        if matches!(cause, StartCause::ResumeTimeReached { .. })
-            && !self.look_around(event_loop)
-            && let Some(shell) = &self.shell
-        {
-            shell.window.request_redraw();
-        }
-    }
-
-    fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        match event {
-            WindowEvent::CloseRequested => event_loop.exit(),
-            WindowEvent::RedrawRequested => match self.frame() {
-                Ok(Some(flow)) => event_loop.set_control_flow(flow),
-                Ok(None) => event_loop.exit(),
-                Err(error) => self.fail(event_loop, error),
-            },
-            event => {
-                if self.event(&event) {
-                    event_loop.exit();
-                }
-            }
-        }
-    }
-}
-
-impl App {
-    fn fail(&mut self, event_loop: &ActiveEventLoop, error: ClientError) {
-        self.failed = Some(error);
-        event_loop.exit();
-    }
-
-    /// Looks beside the picture, if there is time for that; whether no frame is due.
-    fn look_around(&mut self, event_loop: &ActiveEventLoop) -> bool {
-        let (Some(shell), Some(city)) = (&self.shell, &mut self.city) else { return false };
-        if !city.may_look_around() {
-            return false;
-        }
-        match city.look_around(shell) {
-            Ok(Some(flow)) => event_loop.set_control_flow(flow),
-            Ok(None) => return false,
-            Err(error) => self.fail(event_loop, error),
-        }
-        true
-    }
-
-    /// Tries to connect, on a thread of its own.
-    fn connect(&mut self) {
-        tracing::info!("connecting: {}", self.start.address);
-        self.waiting.again_at = None;
-        let (connect, proxy) = (self.connect.clone(), self.proxy.clone());
-        std::thread::spawn(move || {
-            // A closed loop needs no answer.
-            let _ = proxy.send_event(Event::Connected(Box::new(connect())));
+            add_panels(ui.ctx());
         });
+        self.input.handle_platform_output(&self.window, output.platform_output);
+        let repaint_after = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
+        let pixels_per_point = output.pixels_per_point;
+        let primitives = self.egui.tessellate(output.shapes, pixels_per_point);
+        let shapes = OverlayShapes { primitives, textures: output.textures_delta, pixels_per_point };
+        OverlayLayout { shapes, repaint_after }
     }
 
-    fn connected(&mut self, outcome: Result<Found>) {
-        match (outcome, &self.shell) {
-            (Ok(found), Some(shell)) => {
-                let mut asked = self.start.sun;
-                if asked.time.is_none() && asked.bearing.is_none() {
-                    asked.time = self.settings.time.as_deref().and_then(|text| time(text).ok());
-                }
-                asked.shadows = asked.shadows.or(Some(self.settings.shadows));
-                let [width, height] = shell.surface.size_px().map(f64::from);
-                shell.window.set_title(&format!("{} - Insula", found.manifest.title));
-                let opening = Opening {
-                    daylight: Daylight::new(&asked, &found.manifest),
-                    session: (found.make)(shell.adapter(self.start.adapter, self.start.cache_bytes)),
-                    address: found.address,
-                    camera: self.start.camera,
-                    tau_px: self.start.tau_px.unwrap_or(self.settings.tau_px),
-                    tour: self.start.tour.take(),
-                };
-                let mut city = City::new(opening, &self.settings, width / height.max(1.0));
-                if let Some(note) = self.note.take() {
-                    city.tell(note);
-                }
-                self.city = Some(Box::new(city));
-            }
-            (Err(error), _) => {
-                tracing::info!("not connected: {error}");
-                self.waiting = Waiting { wrong: Some(error.to_string()), again_at: Some(Instant::now() + AGAIN) };
-            }
-            (Ok(_), None) => {}
-        }
+    /// Whether the window fills the screen.
+    pub fn is_full_screen(&self) -> bool {
+        self.window.fullscreen().is_some()
     }
 
-    /// Writes the settings; what stands in the way is told.
-    fn store(&mut self) {
-        if let Some(shell) = &self.shell {
-            self.settings.full_screen = shell.is_full_screen();
-            let size = shell.size();
-            if !self.settings.full_screen && size.iter().all(|side| (100..=16_384).contains(side)) {
-                self.settings.window = size;
-            }
-        }
-        if let Some(path) = &self.settings_at
-            && let Err(error) = self.settings.store(path)
-        {
-            eprintln!("note: the settings are not kept: {error}");
-        }
+    /// Makes the window fill the screen, or not.
+    pub fn set_full_screen(&self, is_full_screen: bool) {
+        self.window.set_fullscreen(is_full_screen.then_some(Fullscreen::Borderless(None)));
     }
 
-    fn frame(&mut self) -> Result<Option<ControlFlow>> {
-        let Some(shell) = &mut self.shell else { return Ok(Some(ControlFlow::Wait)) };
-        if let Some(city) = &mut self.city {
-            let flow = city.frame(shell, &mut self.settings)?;
-            if std::mem::take(&mut city.store) {
-                self.store();
-            }
-            return Ok(flow);
-        }
-        if self.waiting.again_at.is_some_and(|at| at <= Instant::now()) {
-            self.connect();
-        }
-        let text = match &self.waiting.wrong {
-            Some(wrong) => format!("{wrong}\ntrying again"),
-            None => format!("connecting to {}", self.start.address),
-        };
-        let bad = self.waiting.wrong.is_some();
-        if let Some(shell) = &mut self.shell {
-            let (overlay, _) = shell.lay_out(|ctx| overlay::notice(ctx, &text, bad));
-            shell.surface.present(None, &overlay)?;
-        }
-        Ok(Some(ControlFlow::WaitUntil(Instant::now() + Duration::from_millis(100))))
+    /// Inner size in points.
+    pub fn size(&self) -> [u32; 2] {
+        let size = self.window.inner_size().to_logical::<f64>(self.window.scale_factor());
+        [size.width.round() as u32, size.height.round() as u32]
     }
 
-    /// Handles anything but redrawing; returns whether to quit.
-    fn event(&mut self, event: &WindowEvent) -> bool {
-        let Some(shell) = &mut self.shell else { return false };
-        let typing = shell.egui.egui_wants_keyboard_input();
-        if let WindowEvent::KeyboardInput { event: key, .. } = event
-            && !typing
-        {
-            return self.key(key);
-        }
-        let for_overlay = shell.event(event);
-        let Some(city) = &mut self.city else { return false };
-        match event {
-            WindowEvent::KeyboardInput { .. } | WindowEvent::Focused(false) => {
-                city.control.release();
-                self.drag = None;
-            }
-            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
-                city.changed(shell);
-            }
-            WindowEvent::ModifiersChanged(modifiers) => city.control.fast(modifiers.state().shift_key()),
-            WindowEvent::MouseInput { state, button: MouseButton::Left | MouseButton::Right, .. } => {
-                let moved_px = self.drag.take();
-                if *state == ElementState::Pressed {
-                    self.drag = (!for_overlay).then_some(0.0);
-                } else if moved_px.is_some_and(|px| px < CLICK_PX) {
-                    let [width, height] = shell.surface.size_px().map(f64::from);
-                    city.click(self.pointer.x / width, self.pointer.y / height, shell);
+    /// Opens the ray-caster: on the surface's device, or on the CPU if that is requested, faster, or all that works.
+    pub fn open_adapter(&self, choice: AdapterChoice, cache_bytes: u64) -> OpenedAdapter {
+        let pages = pages_for(cache_bytes);
+        let device = self.surface.device();
+        if choice == AdapterChoice::Auto && device.is_software() {
+            eprintln!("note: {} is a software driver, using the CPU ray-caster instead", device.info().name);
+        } else if choice != AdapterChoice::Cpu {
+            match GpuAdapter::new(device.clone(), pages) {
+                Ok(gpu) => return OpenedAdapter::gpu(gpu),
+                Err(reason) => {
+                    tracing::debug!("the GPU cannot run the ray-caster: {reason}");
+                    eprintln!("note: the GPU cannot run the ray-caster, using the CPU instead");
                 }
             }
-            WindowEvent::CursorMoved { position, .. } => {
-                let (dx, dy) = (position.x - self.pointer.x, position.y - self.pointer.y);
-                if let Some(moved_px) = &mut self.drag {
-                    *moved_px += dx.abs() + dy.abs();
-                    city.control.drag(dx, dy);
-                    city.changed(shell);
-                }
-                self.pointer = *position;
-            }
-            WindowEvent::MouseWheel { delta, .. } if !for_overlay => {
-                city.control.wheel(match delta {
-                    MouseScrollDelta::LineDelta(_, y) => f64::from(*y),
-                    MouseScrollDelta::PixelDelta(at) => at.y / 40.0,
-                });
-                city.changed(shell);
-            }
-            _ => {}
         }
-        false
+        OpenedAdapter::cpu(pages)
     }
-
-    /// A key that is not typed into a field; returns whether to quit.
-    fn key(&mut self, event: &KeyEvent) -> bool {
-        let Some(shell) = &self.shell else { return false };
-        let (PhysicalKey::Code(code), down) = (event.physical_key, event.state.is_pressed()) else { return false };
-        let order = keys::order(code);
-        if let (Some(Order::Move(motion)), Some(city), false) = (order, &mut self.city, event.repeat) {
-            hold(city, motion, down, shell);
-        }
-        match order {
-            Some(order) if down && !event.repeat => match order {
-                Order::Quit => return true,
-                Order::FullScreen => shell.set_full_screen(!shell.is_full_screen()),
-                order => {
-                    if let Some(city) = &mut self.city {
-                        city.order(order, shell, &mut self.settings);
-                        city.changed(shell);
-                    }
-                }
-            },
-            _ => {}
-        }
-        false
-    }
-}
-
-fn hold(city: &mut City, motion: Motion, down: bool, shell: &Shell) {
-    city.pace.restart(Instant::now());
-    city.control.key(motion, down);
-    city.changed(shell);
 }

@@ -7,7 +7,7 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::{DQuat, DVec2, DVec3};
-use insula_client::picture::write_png;
+use insula_client::image_files::write_png;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{baked::Baked, cold::Cold};
 use insula_viewer::{

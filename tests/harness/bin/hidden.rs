@@ -7,10 +7,10 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
 use insula_client::{
-    commands::snapshot::settle,
-    report::pictures_apart,
+    commands::headless::settle,
+    report::compare_frames,
     session::{PrefetchStep, Session},
-    stream::link::Link,
+    stream::simulated_link::SimulatedLink,
 };
 use insula_protocol::TileId;
 use insula_shaders::cpu::raycast::Pixels;
@@ -243,18 +243,18 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
     let (truth, cut) = picture(&mut all, &ahead)?;
     let frustum = cost(&all, &truth, &cut, secs);
 
-    let link = |mbit| Link::new(Some(mbit), Duration::from_millis(args.rtt.unwrap_or(0)), 0.0);
+    let link = |mbit| SimulatedLink::new(Some(mbit), Duration::from_millis(args.rtt.unwrap_or(0)), 0.0);
     let mut few = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
     let begin = Instant::now();
     settle(&mut few, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
     let (seen, cut) = picture(&mut few, &ahead)?;
     let occlusion = cost(&few, &seen, &cut, secs);
-    let apart = pictures_apart(&seen, &truth);
+    let apart = compare_frames(&seen, &truth);
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
-        insula_client::picture::write_png(&out.join(format!("{direction}-frustum.png")), &truth)?;
-        insula_client::picture::write_png(&out.join(format!("{direction}-occlusion.png")), &seen)?;
+        insula_client::image_files::write_png(&out.join(format!("{direction}-frustum.png")), &truth)?;
+        insula_client::image_files::write_png(&out.join(format!("{direction}-occlusion.png")), &seen)?;
     }
 
     let mut turns = Vec::new();
@@ -268,16 +268,16 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         // The same client begins to look, ahead, until that rests; then it turns.
         settle(&mut reference, &ahead, TIMEOUT)?;
         reference.update(&beside);
-        let warm = pictures_apart(&picture(&mut reference, &beside)?.0, &truth);
+        let warm = compare_frames(&picture(&mut reference, &beside)?.0, &truth);
         let mut cold = open(city, CACHE_MIB)?;
         settle(&mut cold, &ahead, TIMEOUT)?;
         cold.update(&beside);
         let cold_px = picture(&mut cold, &beside)?.0;
         if let Some(out) = &args.out {
-            insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-cold.png")), &cold_px)?;
-            insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
+            insula_client::image_files::write_png(&out.join(format!("{direction}-{degrees}-cold.png")), &cold_px)?;
+            insula_client::image_files::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
         }
-        let cold = pictures_apart(&cold_px, &truth);
+        let cold = compare_frames(&cold_px, &truth);
         let mut rested = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
         settle(&mut rested, &ahead, TIMEOUT)?;
         let begin = Instant::now();
@@ -288,7 +288,7 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         let rested_secs = begin.elapsed().as_secs_f64();
         rested.update(&beside);
         let rested_bytes = rested.report(1.0).bytes_fetched;
-        let rested = pictures_apart(&picture(&mut rested, &beside)?.0, &truth);
+        let rested = compare_frames(&picture(&mut rested, &beside)?.0, &truth);
         turns.push(Turn {
             degrees,
             wrong_share: warm.wrong_share,

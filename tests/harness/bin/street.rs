@@ -10,7 +10,7 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
-use insula_client::{commands::snapshot::settle, picture::write_png, report::pictures_apart, session::Session};
+use insula_client::{commands::headless::settle, image_files::write_png, report::compare_frames, session::Session};
 use insula_protocol::{TileId, mesh_tile, route::Layer};
 use insula_server::store::CityStore;
 use insula_shaders::cpu::raycast::Pixels;
@@ -154,7 +154,7 @@ fn look(
     let mut session = open(Path::new(&server), CACHE_MIB)?;
     settle(&mut session, &shot, TIMEOUT)?;
     let (seen, _) = picture(&mut session, &shot)?;
-    let apart = pictures_apart(&seen, &truth);
+    let apart = compare_frames(&seen, &truth);
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
         write_png(&out.join(format!("{number}.png")), &seen)?;

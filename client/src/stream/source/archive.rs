@@ -5,7 +5,7 @@
 //! Each archive is opened at the first tile that is asked of it: one read has its header and its root directory. Leaf
 //! directories are kept, and many who wait for one fetch it once.
 
-use super::{Pending, Source};
+use super::{PendingTile, TileSource};
 use bytes::Bytes;
 use insula_protocol::{mesh_tile, route::Layer};
 use insula_viewer::{decode::limit_bytes, scene::TileKey, streamer::FetchError};
@@ -67,8 +67,8 @@ impl<R: Ranges> Archives<R> {
     }
 }
 
-impl<R: Ranges> Source for Archives<R> {
-    fn tile(&self, key: TileKey) -> Pending<'_> {
+impl<R: Ranges> TileSource for Archives<R> {
+    fn tile(&self, key: TileKey) -> PendingTile<'_> {
         let archive = match key.layer() {
             Layer::BlockMaps => &self.block_maps,
             Layer::Subtrees => &self.subtrees,
@@ -77,7 +77,7 @@ impl<R: Ranges> Source for Archives<R> {
         Box::pin(archive.tile(key))
     }
 
-    fn place(&self) -> &str {
+    fn location(&self) -> &str {
         &self.place
     }
 }

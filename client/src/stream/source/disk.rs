@@ -1,12 +1,12 @@
 //! What was fetched, kept on disk for the next time: `--disk-cache-mib`.
 //!
-//! In: another [`Source`]. Out: the same tiles, from the user's cache folder if they are there. Next: `decode`.
+//! In: another [`TileSource`]. Out: the same tiles, from the user's cache folder if they are there. Next: `decode`.
 //!
 //! A file a tile, named after city and version, with a BLAKE3 checksum before its bytes: what a full or a dying disk left
 //! half is fetched again. Only tiles that decode are kept. The oldest go when the folder's bytes are spent; a file's time
 //! says when it was last of use, also to other runs of this program. Whatever goes wrong here costs a fetch, never a picture.
 
-use super::{Pending, Source};
+use super::{PendingTile, TileSource};
 use crate::error::{ClientError, Result};
 use bytes::Bytes;
 use insula_protocol::{Manifest, route::Layer};
@@ -163,14 +163,14 @@ const TEMPORARY: &str = "new-";
 
 /// A city with a folder before it.
 pub struct Disk {
-    inner: Arc<dyn Source>,
+    inner: Arc<dyn TileSource>,
     folder: Arc<Folder>,
     prefix: String,
 }
 
 impl Disk {
     /// Tiles of the city of `manifest` from `inner`, unless they are in `folder`.
-    pub fn new(inner: Arc<dyn Source>, folder: Arc<Folder>, manifest: &Manifest) -> Self {
+    pub fn new(inner: Arc<dyn TileSource>, folder: Arc<Folder>, manifest: &Manifest) -> Self {
         Self { inner, folder, prefix: format!("{}-{}", manifest.name, manifest.version) }
     }
 
@@ -181,8 +181,8 @@ impl Disk {
     }
 }
 
-impl Source for Disk {
-    fn tile(&self, key: TileKey) -> Pending<'_> {
+impl TileSource for Disk {
+    fn tile(&self, key: TileKey) -> PendingTile<'_> {
         let (folder, name) = (self.folder.clone(), self.name(key));
         Box::pin(async move {
             // A broken-off read is a miss.
@@ -194,7 +194,7 @@ impl Source for Disk {
         })
     }
 
-    fn is_near(&self, key: TileKey) -> bool {
+    fn is_local(&self, key: TileKey) -> bool {
         self.folder.has(&self.name(key))
     }
 
@@ -206,8 +206,8 @@ impl Source for Disk {
         self.folder.remove(&self.name(key));
     }
 
-    fn place(&self) -> &str {
-        self.inner.place()
+    fn location(&self) -> &str {
+        self.inner.location()
     }
 }
 

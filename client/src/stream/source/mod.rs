@@ -1,8 +1,8 @@
-//! Where a city's tiles come from: the one trait of all places.
+//! Sources of a city's tiles.
 //!
-//! In: a [`TileKey`]. Out: that tile's bytes, or a [`FetchError`]. Next: `stream` decodes them.
+//! In: a [`TileKey`]. Out: that tile's bytes, or a [`FetchError`]. Next: `background_fetcher` decodes them.
 //!
-//! An Insula server answers with tiles; a folder, or a plain host that answers ranges, holds the archives that they lie in.
+//! An Insula server responds with single tiles. A folder, or a host that supports range requests, holds archives of them.
 
 pub mod archive;
 pub mod disk;
@@ -14,31 +14,31 @@ use bytes::Bytes;
 use insula_viewer::{scene::TileKey, streamer::FetchError};
 use std::{future::Future, pin::Pin};
 
-/// A tile that is on its way.
-pub type Pending<'a> = Pin<Box<dyn Future<Output = Result<Bytes, FetchError>> + Send + 'a>>;
+/// Future of a tile's bytes.
+pub type PendingTile<'a> = Pin<Box<dyn Future<Output = Result<Bytes, FetchError>> + Send + 'a>>;
 
-/// Somewhere that has a city.
-pub trait Source: Send + Sync {
-    /// A tile's bytes, at most `decode::limit_bytes` of them, as they lie there: nobody has looked into them yet.
-    fn tile(&self, key: TileKey) -> Pending<'_>;
+/// A source of one city's tiles.
+pub trait TileSource: Send + Sync {
+    /// A tile's bytes, at most `decode::limit_bytes`. They have not been checked.
+    fn tile(&self, key: TileKey) -> PendingTile<'_>;
 
-    /// Whether a tile is at hand without a network, and so worth asking for even while the network is down.
-    fn is_near(&self, _key: TileKey) -> bool {
+    /// Whether a tile can be read without the network. Such tiles are requested even while the network fails.
+    fn is_local(&self, _key: TileKey) -> bool {
         false
     }
 
-    /// A tile that this place gave has proven to be whole.
+    /// Called when a tile from this source has decoded.
     fn keep(&self, _key: TileKey, _bytes: &Bytes) {}
 
-    /// A tile that this place gave is damaged.
+    /// Called when a tile from this source was damaged.
     fn forget(&self, _key: TileKey) {}
 
-    /// For people: an address, or a folder.
-    fn place(&self) -> &str;
+    /// URL or folder of the city, for messages.
+    fn location(&self) -> &str;
 }
 
-impl std::fmt::Debug for dyn Source {
+impl std::fmt::Debug for dyn TileSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.place())
+        f.write_str(self.location())
     }
 }

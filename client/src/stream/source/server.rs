@@ -1,8 +1,6 @@
-//! An Insula server.
-//!
-//! In: a [`TileKey`]. Out: the server's answer. Next: `decode`.
+//! Tiles from an Insula server.
 
-use super::{Pending, Source};
+use super::{PendingTile, TileSource};
 use crate::stream::fetch::Http;
 use insula_protocol::{
     Manifest,
@@ -11,25 +9,25 @@ use insula_protocol::{
 use insula_viewer::{decode::limit_bytes, scene::TileKey};
 use std::sync::Arc;
 
-/// One city on a server, in one version.
+/// One version of a city on a server.
 #[derive(Debug)]
-pub struct Server {
+pub struct ServerSource {
     http: Arc<Http>,
     base: String,
     name: String,
     version: String,
 }
 
-impl Server {
-    /// On the server at `base` (`http://host:port`).
+impl ServerSource {
+    /// The city of `manifest` on the server at `base` (`http://host:port`).
     pub fn new(http: Arc<Http>, base: &str, manifest: &Manifest) -> Self {
         let base = base.trim_end_matches('/').to_owned();
         Self { http, base, name: manifest.name.clone(), version: manifest.version.clone() }
     }
 }
 
-impl Source for Server {
-    fn tile(&self, key: TileKey) -> Pending<'_> {
+impl TileSource for ServerSource {
+    fn tile(&self, key: TileKey) -> PendingTile<'_> {
         let path = match key.layer() {
             Layer::Meshes => route::mesh(&self.name, &self.version, key.id, key.lod),
             layer => route::tile(&self.name, &self.version, layer, key.id),
@@ -38,7 +36,7 @@ impl Source for Server {
         Box::pin(async move { self.http.get(&url, limit_bytes(key)).await })
     }
 
-    fn place(&self) -> &str {
+    fn location(&self) -> &str {
         &self.base
     }
 }

@@ -1,6 +1,4 @@
-//! Records where the camera goes, as a path that `insula fly` replays.
-//!
-//! In: cameras and their times. Out: [`CameraPath`], a file. Next: `commands::fly`.
+//! Records the camera's motion as a path file for `insula fly`.
 
 use crate::error::{ClientError, Result};
 use insula_viewer::camera::{Camera, CameraPath, PathKey};
@@ -9,47 +7,47 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Between two keys; straight lines in between are not seen.
-const EVERY: Duration = Duration::from_millis(100);
-/// Most keys: an hour of flying.
-const MOST: usize = 36_000;
-/// A target is so far ahead.
-const AHEAD_M: f64 = 100.0;
+/// Interval between two keys. The straight lines between them are not noticeable.
+const KEY_INTERVAL: Duration = Duration::from_millis(100);
+/// Largest number of keys: an hour of flying.
+const MAX_KEYS: usize = 36_000;
+/// Distance from the camera to a key's target, in metres.
+const TARGET_DISTANCE_M: f64 = 100.0;
 
-/// A recording under way.
+/// A recording in progress.
 #[derive(Debug, Clone)]
-pub struct Recorder {
+pub struct PathRecorder {
     begin: Instant,
     fov_y_deg: f64,
     keys: Vec<PathKey>,
 }
 
-impl Recorder {
-    /// Begins with `camera`.
+impl PathRecorder {
+    /// Starts a recording at `camera`.
     pub fn new(now: Instant, camera: &Camera) -> Self {
         let mut recorder = Self { begin: now, fov_y_deg: camera.fov_y_rad.to_degrees(), keys: Vec::new() };
         recorder.push(0.0, camera);
         recorder
     }
 
-    /// Takes a camera in, if it is time; returns whether there is room for more.
+    /// Records `camera` if a key is due. Returns whether another key would fit.
     pub fn sample(&mut self, now: Instant, camera: &Camera) -> bool {
-        let t = now.duration_since(self.begin).as_secs_f64();
-        if self.keys.last().is_none_or(|last| t - last.t >= EVERY.as_secs_f64()) {
+        let t = self.secs(now);
+        if self.keys.last().is_none_or(|last| t - last.t >= KEY_INTERVAL.as_secs_f64()) {
             self.push(t, camera);
         }
-        self.keys.len() < MOST
+        self.keys.len() < MAX_KEYS
     }
 
-    /// Seconds since it began.
+    /// Seconds since the start.
     pub fn secs(&self, now: Instant) -> f64 {
         now.duration_since(self.begin).as_secs_f64()
     }
 
     fn push(&mut self, t: f64, camera: &Camera) {
         let position = camera.position.to_array();
-        let target = (camera.position + camera.forward * AHEAD_M).to_array();
-        // A camera that stands still needs two keys, however long.
+        let target = (camera.position + camera.forward * TARGET_DISTANCE_M).to_array();
+        // Two keys are enough while the camera stands still.
         if let [.., before, last] = &mut self.keys[..]
             && [before.position, last.position] == [position; 2]
             && [before.target, last.target] == [target; 2]
@@ -60,7 +58,7 @@ impl Recorder {
         self.keys.push(PathKey { t, position, target });
     }
 
-    /// The path, ending with `camera`.
+    /// Ends the recording at `camera`.
     pub fn finish(mut self, now: Instant, camera: &Camera) -> CameraPath {
         let last = self.keys.last().map_or(0.0, |key| key.t);
         let seconds = self.secs(now).max(last + 0.001);
@@ -69,19 +67,20 @@ impl Recorder {
     }
 }
 
-/// Writes a path into `folder` under the first free number.
-pub fn write(path: &CameraPath, folder: &Path) -> Result<PathBuf> {
-    let json = serde_json::to_string(path).map_err(|e| ClientError::Failed(format!("the path: {e}")))?;
-    let file = free(folder, "insula-path", "json");
-    let part = file.with_extension("json.part");
-    std::fs::write(&part, json + "\n").map_err(ClientError::file(&part))?;
-    std::fs::rename(&part, &file).map_err(ClientError::file(&file))?;
+/// Writes a path into `folder` under the first unused number, and returns the file. Fails if it cannot be written.
+pub fn write_path(path: &CameraPath, folder: &Path) -> Result<PathBuf> {
+    let json = serde_json::to_string(path)
+        .map_err(|e| ClientError::Failed(format!("the camera path cannot be written as JSON: {e}")))?;
+    let file = unused_name(folder, "insula-path", "json");
+    let temporary = file.with_extension("json.part");
+    std::fs::write(&temporary, json + "\n").map_err(ClientError::file(&temporary))?;
+    std::fs::rename(&temporary, &file).map_err(ClientError::file(&file))?;
     Ok(file)
 }
 
-/// The first of `stem-0001.end`, `stem-0002.end`, ... that does not exist yet.
-pub fn free(folder: &Path, stem: &str, end: &str) -> PathBuf {
-    let name = |n: u32| folder.join(format!("{stem}-{n:04}.{end}"));
+/// The first of `stem-0001.extension`, `stem-0002.extension`, ... that does not exist.
+pub fn unused_name(folder: &Path, stem: &str, extension: &str) -> PathBuf {
+    let name = |n: u32| folder.join(format!("{stem}-{n:04}.{extension}"));
     (1..10_000).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(10_000))
 }
 
@@ -92,22 +91,22 @@ mod tests {
     use glam::DVec3;
 
     #[test]
-    fn a_recorded_flight_is_replayed() {
+    fn a_recorded_path_replays_the_flight() {
         let begin = Instant::now();
         let camera = |t: f64| {
-            let still = t.clamp(1.0, 5.0);
-            Camera::from_angles(DVec3::new(40.0 * still, -3.0, 50.0), 0.2 * still, -0.3, 1.0)
+            let moving = t.clamp(1.0, 5.0);
+            Camera::from_angles(DVec3::new(40.0 * moving, -3.0, 50.0), 0.2 * moving, -0.3, 1.0)
         };
-        let mut recorder = Recorder::new(begin, &camera(0.0));
+        let mut recorder = PathRecorder::new(begin, &camera(0.0));
         for frame in 1..420 {
             let t = f64::from(frame) / 60.0;
             assert!(recorder.sample(begin + Duration::from_secs_f64(t), &camera(t)));
         }
         let path = recorder.finish(begin + Duration::from_secs(7), &camera(7.0));
-        assert!(path.keys.len() < 50, "{} keys: standing still costs nothing", path.keys.len());
+        assert!(path.keys.len() < 50, "{} keys, though a resting camera needs only two", path.keys.len());
         let folder = std::env::temp_dir().join(format!("insula-record-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let (file, other) = (write(&path, &folder).unwrap(), write(&path, &folder).unwrap());
+        let (file, other) = (write_path(&path, &folder).unwrap(), write_path(&path, &folder).unwrap());
         assert_ne!(file, other);
         let path = read_path(&file).unwrap();
         std::fs::remove_dir_all(folder).unwrap();

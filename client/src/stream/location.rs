@@ -1,0 +1,105 @@
+//! Locations of cities as typed by the user.
+
+use crate::error::{ClientError, Result};
+use insula_protocol::{manifest::is_name, route::CITIES};
+use std::path::{Path, PathBuf};
+
+/// File name of the manifest in a baked city's folder.
+pub const MANIFEST_FILE: &str = "city.json";
+
+/// Where a city, or a server with cities, is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CityLocation {
+    /// An Insula server.
+    Server {
+        /// `http://host:port`.
+        base: String,
+        /// Name of the city, if the URL has one.
+        name: Option<String>,
+        /// Whether the URL is a host without a path: it may also be a web host with a baked city in its root.
+        is_bare_host: bool,
+    },
+    /// URL of a baked city's folder on a web host, without a slash at its end.
+    WebFolder(String),
+    /// A baked city's folder on this machine.
+    Folder(PathBuf),
+}
+
+impl CityLocation {
+    /// Parses a URL or a path. Fails if it cannot be a city.
+    pub fn parse(text: &str) -> Result<Self> {
+        let invalid = || {
+            ClientError::Usage(format!(
+                "{text}: not a city: write http://host:port, http://host:port{CITIES}/NAME, the URL of a baked folder on a \
+                 host that supports range requests, or the path of a baked folder"
+            ))
+        };
+        let Some(scheme_end) = text.find("://").map(|at| at + 3) else {
+            let path = Path::new(text);
+            let folder = if path.ends_with(MANIFEST_FILE) { path.parent().unwrap_or(path) } else { path };
+            let has_manifest = folder.join(MANIFEST_FILE).is_file();
+            return if has_manifest { Ok(Self::Folder(folder.to_owned())) } else { Err(invalid()) };
+        };
+        if !["http://", "https://"].contains(&text[..scheme_end].to_lowercase().as_str()) {
+            return Err(invalid());
+        }
+        let host_end = text[scheme_end..].find('/').map_or(text.len(), |at| at + scheme_end);
+        let (base, path) = text.split_at(host_end);
+        let is_banned = |c: char| c.is_whitespace() || c.is_control() || "?#".contains(c);
+        if base.len() == scheme_end || text.contains(is_banned) {
+            return Err(invalid());
+        }
+        let path = path.trim_end_matches('/');
+        let name = match path.strip_prefix(CITIES) {
+            Some("") => None,
+            Some(name) => match name.strip_prefix('/') {
+                Some(name) if is_name(name) => Some(name.to_owned()),
+                _ => return Err(invalid()),
+            },
+            None if path.is_empty() => None,
+            None => {
+                let folder = path.strip_suffix(MANIFEST_FILE).map_or(path, |folder| folder.trim_end_matches('/'));
+                return Ok(Self::WebFolder(format!("{base}{folder}")));
+            }
+        };
+        Ok(Self::Server { base: base.to_owned(), name, is_bare_host: path.is_empty() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn urls_are_servers_or_web_folders() {
+        let server = |base: &str, name: Option<&str>, is_bare_host| CityLocation::Server {
+            base: base.into(),
+            name: name.map(str::to_owned),
+            is_bare_host,
+        };
+        let parsed = |text: &str| CityLocation::parse(text).unwrap();
+        assert_eq!(parsed("http://h:1"), server("http://h:1", None, true));
+        assert_eq!(parsed("http://h:1/"), server("http://h:1", None, true));
+        assert_eq!(parsed("https://h/v1/cities/"), server("https://h", None, false));
+        assert_eq!(parsed("http://h:1/v1/cities/the_hague"), server("http://h:1", Some("the_hague"), false));
+        for web in ["https://h/maps/delft", "https://h/maps/delft/", "https://h/maps/delft/city.json"] {
+            assert_eq!(parsed(web), CityLocation::WebFolder("https://h/maps/delft".into()));
+        }
+    }
+
+    #[test]
+    fn other_text_is_a_usage_error() {
+        for invalid in [
+            "h:1",
+            "ftp://h",
+            "http://",
+            "http://h/v1/cities/A",
+            "http://h/v1/cities/a/b",
+            "http://a b",
+            "nowhere",
+            "http://h/x?y",
+        ] {
+            assert_eq!(CityLocation::parse(invalid).unwrap_err().exit_code(), 2, "{invalid}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! State of the viewed city: session, camera, tools and display options.
+
+use super::{
+    bookmarks::BookmarkPanel,
+    camera_control::CameraControl,
+    distance_tool::DistanceTool,
+    frame_pacing::FramePacer,
+    overlay::{DisplayOptions, MESSAGE_TIME, TimedMessage},
+    path_playback::PathPlayback,
+    path_recording::PathRecorder,
+    settings::UserSettings,
+    window::ViewerWindow,
+};
+use crate::session::Session;
+use glam::DVec3;
+use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
+use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest, sun::Daylight};
+use std::time::Instant;
+
+/// Initial state of a [`CityView`].
+pub struct CityViewSetup {
+    pub session: Session,
+    /// URL for view links; empty if the city has none.
+    pub address: String,
+    /// Initial camera; one that overlooks the whole city if `None`.
+    pub camera: Option<Camera>,
+    pub daylight: Daylight,
+    /// Tolerated screen-space error.
+    pub tau_px: f64,
+    pub playback: Option<PathPlayback>,
+}
+
+/// A city in the window.
+pub struct CityView {
+    pub(super) session: Session,
+    pub(super) address: String,
+    pub(super) control: CameraControl,
+    pub(super) display: DisplayOptions,
+    /// Settings for the displayed daylight, with one ray per pixel.
+    pub(super) render_settings: RenderSettings,
+    pub(super) bookmark_panel: BookmarkPanel,
+    pub(super) distance_tool: DistanceTool,
+    pub(super) recorder: Option<PathRecorder>,
+    pub(super) playback: Option<PathPlayback>,
+    /// Camera of the playback in half a second.
+    pub(super) playback_heading: Option<Camera>,
+    pub(super) pacer: FramePacer,
+    pub(super) counts_rays: bool,
+    /// Ray steps of the last settled frame, if they are counted.
+    pub(super) ray_counts: Option<RayCounts>,
+    /// Whether the settings have changes that must not be lost.
+    pub(super) must_store_settings: bool,
+}
+
+impl CityView {
+    /// The view of a city that was just connected to. `aspect` is the window's width divided by its height.
+    pub fn new(setup: CityViewSetup, settings: &UserSettings, aspect: f64) -> Self {
+        let CityViewSetup { session, address, camera, daylight, tau_px, playback } = setup;
+        let manifest = session.tree().manifest();
+        let camera = camera.unwrap_or_else(|| Camera::overlook(manifest.focus_bounds(), aspect));
+        let size_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
+        let control = CameraControl::new(&camera, size_m, manifest.ground_z_m);
+        tracing::info!("opened {}", manifest.name);
+        Self {
+            session,
+            address,
+            control,
+            display: DisplayOptions {
+                tau_px,
+                shading: Shading::Lit,
+                daylight,
+                shows_counters: settings.overlay,
+                shows_map: settings.minimap,
+                shows_help: false,
+                message: None,
+            },
+            render_settings: daylight.look(Shading::Lit, 1),
+            bookmark_panel: BookmarkPanel::default(),
+            distance_tool: DistanceTool::default(),
+            recorder: None,
+            playback,
+            playback_heading: None,
+            pacer: FramePacer::new(Instant::now()),
+            counts_rays: false,
+            ray_counts: None,
+            must_store_settings: false,
+        }
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.session.tree().manifest().name
+    }
+
+    /// Shows a message for a few seconds, and prints it to standard output.
+    pub(super) fn show_message(&mut self, text: String) {
+        println!("{text}");
+        self.display.message = Some(TimedMessage { text, until: Instant::now() + MESSAGE_TIME });
+    }
+
+    /// Requests a new frame because the view changed.
+    pub(super) fn view_changed(&mut self, window: &ViewerWindow) {
+        self.pacer.view_changed(Instant::now());
+        window.window.request_redraw();
+    }
+
+    /// The frame for the window, with its size divided by `divisor`.
+    pub(super) fn frame_request(&self, window: &ViewerWindow, divisor: u32) -> FrameRequest {
+        FrameRequest {
+            camera: self.control.camera(),
+            heading: if self.playback.is_some() { self.playback_heading } else { self.control.heading() },
+            size_px: window.surface.size_px().map(|side| (side / divisor).max(1)),
+            tau_px: self.display.tau_px,
+        }
+    }
+}

@@ -1,0 +1,404 @@
+//! The event loop of the window.
+//!
+//! The window opens at once. While there is no city, it shows the reason and tries to connect again. Frames are drawn only
+//! when something changes; otherwise the loop sleeps.
+
+use super::{
+    camera_control::MoveDirection,
+    city_view::{CityView, CityViewSetup},
+    key_bindings::{self, KeyAction},
+    overlay,
+    path_playback::PathPlayback,
+    settings::{UserSettings, is_window_size},
+    viewport::Viewport,
+    window::ViewerWindow,
+};
+use crate::{
+    error::{ClientError, Result},
+    render::{AdapterChoice, OpenedAdapter},
+    session::Session,
+};
+use insula_protocol::Manifest;
+use insula_viewer::{
+    camera::Camera,
+    sun::{Daylight, SunOptions, time},
+};
+use std::{
+    path::PathBuf,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use winit::{
+    application::ApplicationHandler,
+    dpi::PhysicalPosition,
+    event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent},
+    event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
+    keyboard::PhysicalKey,
+    window::WindowId,
+};
+
+/// Pause between two attempts to connect.
+const RECONNECT_AFTER: Duration = Duration::from_secs(2);
+/// Interval of frames while there is no city.
+const NOTICE_INTERVAL: Duration = Duration::from_millis(100);
+/// A mouse button that is released within this distance, in pixels, was clicked rather than dragged.
+const CLICK_PX: f64 = 4.0;
+/// Pixels of a touchpad that count as one step of a mouse wheel.
+const PX_PER_WHEEL_STEP: f64 = 40.0;
+
+/// Event from another thread.
+pub enum ViewerEvent {
+    /// Something arrived from the network.
+    Arrived,
+    /// An attempt to connect has ended.
+    Connected(Box<Result<ConnectedCity>>),
+}
+
+/// Opens a session with an adapter.
+pub type OpenSessionFn = Box<dyn FnOnce(OpenedAdapter) -> Session + Send>;
+
+/// A city that was connected to.
+pub struct ConnectedCity {
+    pub manifest: Manifest,
+    /// URL for view links; empty if the city has none.
+    pub address: String,
+    pub open_session: OpenSessionFn,
+}
+
+/// Connects to the city. Called on a separate thread.
+pub type ConnectFn = Arc<dyn Fn() -> Result<ConnectedCity> + Send + Sync>;
+
+/// Initial state of the window. `None` takes the user's settings.
+pub struct WindowOptions {
+    /// Location of the city, for messages.
+    pub address: String,
+    /// Initial camera; one that overlooks the whole city if `None`.
+    pub camera: Option<Camera>,
+    pub sun: SunOptions,
+    /// Tolerated screen-space error.
+    pub tau_px: Option<f64>,
+    pub adapter: AdapterChoice,
+    pub cache_bytes: u64,
+    pub playback: Option<PathPlayback>,
+}
+
+/// Creates the event loop. Connections need it first, because they wake it. Fails if there is no screen.
+pub fn event_loop() -> Result<EventLoop<ViewerEvent>> {
+    EventLoop::with_user_event().build().map_err(|e| {
+        tracing::debug!("no event loop: {e}");
+        ClientError::Graphics("no window can be opened, there is no screen: set DISPLAY, or use insula snapshot".into())
+    })
+}
+
+/// Runs until the window is closed. Fails if no window can be opened, or if the ray-caster fails.
+pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: ConnectFn) -> Result<()> {
+    event_loop.set_control_flow(ControlFlow::Wait);
+    let settings_path = UserSettings::path();
+    let (settings, note) = settings_path.as_deref().map(UserSettings::load).unwrap_or_default();
+    if let Some(note) = &note {
+        eprintln!("note: {note}");
+    }
+    let mut app = ViewerApp {
+        connector: Connector { connect, proxy: event_loop.create_proxy(), error: None, retry_at: None },
+        options,
+        settings,
+        settings_path,
+        settings_note: note,
+        window: None,
+        viewport: None,
+        drag_px: None,
+        pointer: PhysicalPosition::default(),
+        fatal_error: None,
+    };
+    let ended = event_loop.run_app(&mut app);
+    app.store_settings();
+    match (app.fatal_error, ended) {
+        (Some(error), _) => Err(error),
+        (None, Err(error)) => Err(ClientError::Graphics(format!("the window system ended the program: {error}"))),
+        (None, Ok(())) => Ok(()),
+    }
+}
+
+/// Attempts to connect, until there is a city.
+struct Connector {
+    connect: ConnectFn,
+    proxy: EventLoopProxy<ViewerEvent>,
+    /// Error of the last attempt.
+    error: Option<String>,
+    retry_at: Option<Instant>,
+}
+
+impl Connector {
+    /// Starts an attempt on a separate thread.
+    fn start(&mut self, address: &str) {
+        tracing::info!("connecting to {address}");
+        self.retry_at = None;
+        let (connect, proxy) = (self.connect.clone(), self.proxy.clone());
+        std::thread::spawn(move || {
+            // Sending fails only after the event loop has ended.
+            let _ = proxy.send_event(ViewerEvent::Connected(Box::new(connect())));
+        });
+    }
+
+    fn failed(&mut self, error: &ClientError) {
+        tracing::info!("not connected: {error}");
+        self.error = Some(error.to_string());
+        self.retry_at = Some(Instant::now() + RECONNECT_AFTER);
+    }
+}
+
+struct ViewerApp {
+    options: WindowOptions,
+    connector: Connector,
+    settings: UserSettings,
+    settings_path: Option<PathBuf>,
+    /// Why the settings could not be loaded, until it is shown.
+    settings_note: Option<String>,
+    window: Option<ViewerWindow>,
+    viewport: Option<Box<Viewport>>,
+    /// How far the mouse was dragged, while a button is held over the frame.
+    drag_px: Option<f64>,
+    pointer: PhysicalPosition<f64>,
+    /// Why the event loop ended early.
+    fatal_error: Option<ClientError>,
+}
+
+impl ApplicationHandler<ViewerEvent> for ViewerApp {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if self.window.is_some() {
+            return;
+        }
+        match ViewerWindow::new(event_loop, "Insula", self.settings.window, self.options.cache_bytes) {
+            Ok(window) => {
+                if self.settings.full_screen {
+                    window.set_full_screen(true);
+                }
+                window.window.request_redraw();
+                self.window = Some(window);
+                self.connector.start(&self.options.address);
+            }
+            Err(error) => self.fail(event_loop, error),
+        }
+    }
+
+    fn user_event(&mut self, event_loop: &ActiveEventLoop, event: ViewerEvent) {
+        match event {
+            ViewerEvent::Arrived => {
+                if let Some(viewport) = &mut self.viewport
+                    && !viewport.notice_arrival()
+                {
+                    // Input of the user is handled first.
+                    event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now()));
+                    return;
+                }
+            }
+            ViewerEvent::Connected(outcome) => match *outcome {
+                Ok(city) => self.open_city(city),
+                Err(error) => self.connector.failed(&error),
+            },
+        }
+        if let Some(window) = &self.window {
+            window.window.request_redraw();
+        }
+    }
+
+    fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
+        if matches!(cause, StartCause::ResumeTimeReached { .. })
+            && !self.prefetch(event_loop)
+            && let Some(window) = &self.window
+        {
+            window.window.request_redraw();
+        }
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        match event {
+            WindowEvent::CloseRequested => event_loop.exit(),
+            WindowEvent::RedrawRequested => match self.frame() {
+                Ok(Some(flow)) => event_loop.set_control_flow(flow),
+                Ok(None) => event_loop.exit(),
+                Err(error) => self.fail(event_loop, error),
+            },
+            event => {
+                if self.handle_input(&event) {
+                    event_loop.exit();
+                }
+            }
+        }
+    }
+}
+
+impl ViewerApp {
+    fn fail(&mut self, event_loop: &ActiveEventLoop, error: ClientError) {
+        self.fatal_error = Some(error);
+        event_loop.exit();
+    }
+
+    /// Continues the idle prefetch, if the view rests. Returns `false` if a frame is due instead.
+    fn prefetch(&mut self, event_loop: &ActiveEventLoop) -> bool {
+        let (Some(window), Some(viewport)) = (&self.window, &mut self.viewport) else { return false };
+        if !viewport.may_prefetch() {
+            return false;
+        }
+        match viewport.prefetch(window) {
+            Ok(Some(flow)) => event_loop.set_control_flow(flow),
+            Ok(None) => return false,
+            Err(error) => self.fail(event_loop, error),
+        }
+        true
+    }
+
+    fn open_city(&mut self, city: ConnectedCity) {
+        let Some(window) = &self.window else { return };
+        let mut sun = self.options.sun;
+        if sun.time.is_none() && sun.bearing.is_none() {
+            sun.time = self.settings.time.as_deref().and_then(|text| time(text).ok());
+        }
+        sun.shadows = sun.shadows.or(Some(self.settings.shadows));
+        let [width, height] = window.surface.size_px().map(f64::from);
+        window.window.set_title(&format!("{} - Insula", city.manifest.title));
+        let setup = CityViewSetup {
+            daylight: Daylight::new(&sun, &city.manifest),
+            session: (city.open_session)(window.open_adapter(self.options.adapter, self.options.cache_bytes)),
+            address: city.address,
+            camera: self.options.camera,
+            tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),
+            playback: self.options.playback.take(),
+        };
+        let mut view = CityView::new(setup, &self.settings, width / height.max(1.0));
+        if let Some(note) = self.settings_note.take() {
+            view.show_message(note);
+        }
+        self.viewport = Some(Box::new(Viewport::new(view)));
+    }
+
+    /// Writes the settings. A failure is only reported.
+    fn store_settings(&mut self) {
+        if let Some(window) = &self.window {
+            self.settings.full_screen = window.is_full_screen();
+            let size = window.size();
+            if !self.settings.full_screen && is_window_size(size) {
+                self.settings.window = size;
+            }
+        }
+        if let Some(path) = &self.settings_path
+            && let Err(error) = self.settings.store(path)
+        {
+            eprintln!("note: the settings are not saved: {error}");
+        }
+    }
+
+    /// Draws a frame. Returns when to draw the next one, or `None` after the end of a playback.
+    fn frame(&mut self) -> Result<Option<ControlFlow>> {
+        let Some(window) = &mut self.window else { return Ok(Some(ControlFlow::Wait)) };
+        if let Some(viewport) = &mut self.viewport {
+            let flow = viewport.frame(window, &mut self.settings)?;
+            if std::mem::take(&mut viewport.city.must_store_settings) {
+                self.store_settings();
+            }
+            return Ok(flow);
+        }
+        if self.connector.retry_at.is_some_and(|at| at <= Instant::now()) {
+            self.connector.start(&self.options.address);
+        }
+        let (text, is_error) = match &self.connector.error {
+            Some(error) => (format!("{error}\nretrying"), true),
+            None => (format!("connecting to {}", self.options.address), false),
+        };
+        let layout = window.lay_out(|ctx| overlay::notice(ctx, &text, is_error));
+        window.surface.present(None, &layout.shapes)?;
+        Ok(Some(ControlFlow::WaitUntil(Instant::now() + NOTICE_INTERVAL)))
+    }
+
+    /// Handles any event but redrawing. Returns whether to quit.
+    fn handle_input(&mut self, event: &WindowEvent) -> bool {
+        let Some(window) = &mut self.window else { return false };
+        let is_typing = window.egui.egui_wants_keyboard_input();
+        if let WindowEvent::KeyboardInput { event: key, .. } = event
+            && !is_typing
+        {
+            return self.handle_key(key);
+        }
+        let is_for_overlay = window.handle_event(event);
+        let Some(viewport) = &mut self.viewport else { return false };
+        let city = &mut viewport.city;
+        match event {
+            WindowEvent::KeyboardInput { .. } | WindowEvent::Focused(false) => {
+                city.control.release_keys();
+                self.drag_px = None;
+            }
+            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
+                city.view_changed(window);
+            }
+            WindowEvent::ModifiersChanged(modifiers) => city.control.set_fast(modifiers.state().shift_key()),
+            WindowEvent::MouseInput { state, button: MouseButton::Left | MouseButton::Right, .. } => {
+                self.handle_button(*state, is_for_overlay);
+            }
+            WindowEvent::CursorMoved { position, .. } => self.handle_motion(*position),
+            WindowEvent::MouseWheel { delta, .. } if !is_for_overlay => {
+                city.control.turn_wheel(match delta {
+                    MouseScrollDelta::LineDelta(_, y) => f64::from(*y),
+                    MouseScrollDelta::PixelDelta(at) => at.y / PX_PER_WHEEL_STEP,
+                });
+                city.view_changed(window);
+            }
+            _ => {}
+        }
+        false
+    }
+
+    fn handle_button(&mut self, state: ElementState, is_for_overlay: bool) {
+        let (Some(window), Some(viewport)) = (&self.window, &mut self.viewport) else { return };
+        let moved_px = self.drag_px.take();
+        if state == ElementState::Pressed {
+            self.drag_px = (!is_for_overlay).then_some(0.0);
+        } else if moved_px.is_some_and(|px| px < CLICK_PX) {
+            let [width, height] = window.surface.size_px().map(f64::from);
+            viewport.city.click(self.pointer.x / width, self.pointer.y / height, window);
+        }
+    }
+
+    fn handle_motion(&mut self, position: PhysicalPosition<f64>) {
+        let (Some(window), Some(viewport)) = (&self.window, &mut self.viewport) else { return };
+        let (dx, dy) = (position.x - self.pointer.x, position.y - self.pointer.y);
+        if let Some(drag_px) = &mut self.drag_px {
+            *drag_px += dx.abs() + dy.abs();
+            viewport.city.control.drag(dx, dy);
+            viewport.city.view_changed(window);
+        }
+        self.pointer = position;
+    }
+
+    /// Handles a key that is not typed into a field. Returns whether to quit.
+    fn handle_key(&mut self, event: &KeyEvent) -> bool {
+        let Some(window) = &self.window else { return false };
+        let (PhysicalKey::Code(code), is_pressed) = (event.physical_key, event.state.is_pressed()) else {
+            return false;
+        };
+        let Some(action) = key_bindings::action_of(code) else { return false };
+        if event.repeat {
+            return false;
+        }
+        if let (KeyAction::Move(direction), Some(viewport)) = (action, &mut self.viewport) {
+            hold_key(&mut viewport.city, direction, is_pressed, window);
+        }
+        match action {
+            _ if !is_pressed => {}
+            KeyAction::Quit => return true,
+            KeyAction::ToggleFullScreen => window.set_full_screen(!window.is_full_screen()),
+            action => {
+                if let Some(viewport) = &mut self.viewport {
+                    viewport.city.perform(action, window, &mut self.settings);
+                    viewport.city.view_changed(window);
+                }
+            }
+        }
+        false
+    }
+}
+
+fn hold_key(city: &mut CityView, direction: MoveDirection, is_pressed: bool, window: &ViewerWindow) {
+    city.pacer.movement_began(Instant::now());
+    city.control.set_held(direction, is_pressed);
+    city.view_changed(window);
+}

@@ -1,0 +1,90 @@
+//! Keys and what they do.
+
+use super::camera_control::MoveDirection;
+use insula_shaders::layout::Shading;
+use winit::keyboard::KeyCode;
+
+/// Action of a key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KeyAction {
+    /// Move while the key is held.
+    Move(MoveDirection),
+    Quit,
+    /// Switch between flying and orbiting.
+    ToggleMode,
+    ToggleHelp,
+    SaveImage,
+    SetShading(Shading),
+    ToggleFullScreen,
+    AddBookmark,
+    /// Show or hide bookmarks and coordinates.
+    ToggleBookmarks,
+    /// Copy a view link.
+    CopyLink,
+    /// Start or stop recording a camera path.
+    ToggleRecording,
+    /// Start or stop measuring distances.
+    ToggleMeasuring,
+    ToggleMap,
+    /// Show or hide counters and sliders.
+    ToggleCounters,
+    /// Start or stop counting ray steps.
+    ToggleRayCounts,
+    ToggleShadows,
+}
+
+/// Lines of the help panel: keys, and what they do.
+pub const HELP: [(&str, &str); 19] = [
+    ("drag", "look around (fly mode), turn around the point ahead (orbit mode)"),
+    ("W A S D, arrows", "move; with Shift, four times as fast"),
+    ("Q E, Page Down and Up", "move down and up"),
+    ("wheel", "speed (fly mode), distance (orbit mode)"),
+    ("Tab", "fly mode or orbit mode"),
+    ("1 to 6, F2 to F7", "light, colour, ambient occlusion, normals, levels, column kinds"),
+    ("B", "bookmark this view"),
+    ("V", "bookmarks and coordinates"),
+    ("C", "copy a link to this view"),
+    ("M", "measure between two clicks"),
+    ("N", "map; click it to go there"),
+    ("R", "start or stop recording a path for insula fly"),
+    ("P", "save an image in the current folder"),
+    ("O", "counters and sliders"),
+    ("L", "sun shadows on or off"),
+    ("K", "count ray steps when the view rests"),
+    ("F11", "full screen"),
+    ("F1", "this help"),
+    ("Esc", "quit"),
+];
+
+/// The action of a key, if it has one.
+pub fn action_of(code: KeyCode) -> Option<KeyAction> {
+    Some(match code {
+        KeyCode::KeyW | KeyCode::ArrowUp => KeyAction::Move(MoveDirection::Forward),
+        KeyCode::KeyS | KeyCode::ArrowDown => KeyAction::Move(MoveDirection::Back),
+        KeyCode::KeyA | KeyCode::ArrowLeft => KeyAction::Move(MoveDirection::Left),
+        KeyCode::KeyD | KeyCode::ArrowRight => KeyAction::Move(MoveDirection::Right),
+        KeyCode::KeyE | KeyCode::PageUp => KeyAction::Move(MoveDirection::Up),
+        KeyCode::KeyQ | KeyCode::PageDown => KeyAction::Move(MoveDirection::Down),
+        KeyCode::Escape => KeyAction::Quit,
+        KeyCode::Tab => KeyAction::ToggleMode,
+        KeyCode::F1 => KeyAction::ToggleHelp,
+        KeyCode::F11 => KeyAction::ToggleFullScreen,
+        KeyCode::KeyP => KeyAction::SaveImage,
+        KeyCode::KeyB => KeyAction::AddBookmark,
+        KeyCode::KeyV => KeyAction::ToggleBookmarks,
+        KeyCode::KeyC => KeyAction::CopyLink,
+        KeyCode::KeyR => KeyAction::ToggleRecording,
+        KeyCode::KeyM => KeyAction::ToggleMeasuring,
+        KeyCode::KeyN => KeyAction::ToggleMap,
+        KeyCode::KeyO => KeyAction::ToggleCounters,
+        KeyCode::KeyK => KeyAction::ToggleRayCounts,
+        KeyCode::KeyL => KeyAction::ToggleShadows,
+        KeyCode::Digit1 | KeyCode::F2 => KeyAction::SetShading(Shading::ALL[0]),
+        KeyCode::Digit2 | KeyCode::F3 => KeyAction::SetShading(Shading::ALL[1]),
+        KeyCode::Digit3 | KeyCode::F4 => KeyAction::SetShading(Shading::ALL[2]),
+        KeyCode::Digit4 | KeyCode::F5 => KeyAction::SetShading(Shading::ALL[3]),
+        KeyCode::Digit5 | KeyCode::F6 => KeyAction::SetShading(Shading::ALL[4]),
+        KeyCode::Digit6 | KeyCode::F7 => KeyAction::SetShading(Shading::ALL[5]),
+        _ => return None,
+    })
+}

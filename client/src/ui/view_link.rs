@@ -1,0 +1,195 @@
+//! View links: `insula://host:port/v1/cities/NAME?camera=X,Y,Z,AZIMUTH,PITCH,FOV&time=...`.
+//!
+//! A link may come from anybody, so it is checked strictly.
+
+use crate::{
+    error::{ClientError, Result},
+    stream::location::CityLocation,
+};
+use glam::DVec3;
+use insula_viewer::{
+    camera::Camera,
+    sun::{Daylight, Time, time},
+};
+
+/// Prefix of view links. Any other text is a plain city location.
+const SCHEME: &str = "insula://";
+/// Length of the longest accepted link.
+const MAX_BYTES: usize = 2048;
+/// Largest accepted coordinate.
+const MAX_COORDINATE_M: f64 = 1e10;
+
+/// A city, and optionally a view of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewLink {
+    /// Location of the city, not yet parsed unless it comes from an `insula://` link.
+    pub address: String,
+    pub camera: Option<Camera>,
+    /// Time of the light.
+    pub time: Option<Time>,
+}
+
+impl ViewLink {
+    /// Parses a view link. Text without the prefix `insula://` becomes the address as it is. Fails if a link is malformed or
+    /// names a user, or if its path names no city.
+    pub fn parse(text: &str) -> Result<Self> {
+        if !text.get(..SCHEME.len()).is_some_and(|scheme| scheme.eq_ignore_ascii_case(SCHEME)) {
+            return Ok(Self { address: text.to_owned(), camera: None, time: None });
+        }
+        let invalid = |why: &str| {
+            // The link may be hostile: only its beginning is printed, without control characters.
+            let shown: String = text.chars().take(80).filter(|c| !c.is_control()).collect();
+            ClientError::Usage(format!(
+                "{shown}: not a view link ({why}): write insula://host:port/v1/cities/NAME?camera=..."
+            ))
+        };
+        let url = parse_url(text).map_err(|why| invalid(&why))?;
+        let host = url.host_str().filter(|host| !host.is_empty()).ok_or_else(|| invalid("no host"))?;
+        let mut link = Self { address: String::new(), camera: None, time: None };
+        let mut scheme = "http";
+        for (name, value) in url.query_pairs() {
+            match &*name {
+                "camera" => link.camera = Some(parse_camera(&value).ok_or_else(|| invalid("invalid camera"))?),
+                "time" => link.time = Some(time(&value).map_err(|e| invalid(&e))?),
+                "tls" => scheme = if value == "1" { "https" } else { "http" },
+                _ => {}
+            }
+        }
+        let port = url.port().map(|port| format!(":{port}")).unwrap_or_default();
+        link.address = format!("{scheme}://{host}{port}{}", url.path());
+        match CityLocation::parse(&link.address) {
+            Ok(CityLocation::Server { .. } | CityLocation::WebFolder(_)) => Ok(link),
+            _ => Err(invalid("its path names no city")),
+        }
+    }
+}
+
+/// The link as an HTTP URL, whose host follows the rules of the web. Fails with a reason.
+fn parse_url(link: &str) -> std::result::Result<url::Url, String> {
+    if link.len() > MAX_BYTES {
+        return Err("too long".into());
+    }
+    if link[SCHEME.len()..].starts_with('/') {
+        return Err("no host".into());
+    }
+    let url = url::Url::parse(&format!("http://{}", &link[SCHEME.len()..])).map_err(|e| e.to_string())?;
+    if !url.username().is_empty() || url.password().is_some() {
+        return Err("it names a user".into());
+    }
+    // Without parent folders and escapes, the link leads where its text says.
+    let path = link.split('?').next().unwrap_or_default();
+    if path.contains("..") || path.contains('%') {
+        return Err("its path contains .. or %".into());
+    }
+    Ok(url)
+}
+
+/// The link to a view of the city at `address` (`http://host:port/v1/cities/NAME`, or the URL of a web folder). `None` for a
+/// city on this machine.
+pub fn format_link(address: &str, camera: &Camera, daylight: &Daylight) -> Option<String> {
+    let (host, tls) = match (address.strip_prefix("http://"), address.strip_prefix("https://")) {
+        (Some(host), _) => (host, ""),
+        (None, Some(host)) => (host, "&tls=1"),
+        _ => return None,
+    };
+    let p = camera.position;
+    let (yaw, pitch) = camera.angles();
+    let azimuth = (90.0 - yaw.to_degrees()).rem_euclid(360.0);
+    let time = match daylight.fixed {
+        Some(_) => String::new(),
+        None => format!("&time={}", daylight.text()),
+    };
+    Some(format!(
+        "{SCHEME}{host}?camera={:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}{time}{tls}",
+        p.x,
+        p.y,
+        p.z,
+        pitch.to_degrees(),
+        camera.fov_y_rad.to_degrees(),
+    ))
+}
+
+/// Parses `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees.
+fn parse_camera(text: &str) -> Option<Camera> {
+    let numbers: Vec<f64> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
+    let [x, y, z, azimuth, pitch, fov] = numbers[..] else { return None };
+    let is_in_range = [x, y, z].iter().all(|v| v.abs() < MAX_COORDINATE_M);
+    if !is_in_range || !azimuth.is_finite() || !(-90.0..=90.0).contains(&pitch) || !(1.0..=170.0).contains(&fov) {
+        return None;
+    }
+    let yaw = (90.0 - azimuth).to_radians();
+    Some(Camera::from_angles(DVec3::new(x, y, z), yaw, pitch.to_radians(), fov.to_radians()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_viewer::sun::SunOptions;
+
+    fn daylight(options: &SunOptions) -> Daylight {
+        Daylight::new(options, &insula_viewer::test_support::manifest(0))
+    }
+
+    #[test]
+    fn a_formatted_link_parses_to_the_same_view() {
+        let light = daylight(&SunOptions { time: Some(time("2024-06-21T17:00").unwrap()), ..SunOptions::default() });
+        for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
+            let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
+            for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
+                let text = format_link(&format!("{base}/v1/cities/tokyo"), &camera, &light).unwrap();
+                let link = ViewLink::parse(&text).unwrap();
+                assert_eq!(link.address, format!("{base}/v1/cities/tokyo"));
+                assert_eq!(link.time, Some(time("2024-06-21T17:00").unwrap()));
+                let parsed = link.camera.unwrap();
+                assert!((parsed.position - camera.position).length() < 2e-3, "{parsed:?}");
+                assert!((parsed.forward - camera.forward).length() < 1e-5 && (parsed.up - camera.up).length() < 1e-5);
+                assert!((parsed.fov_y_rad - camera.fov_y_rad).abs() < 1e-4);
+            }
+        }
+        let camera = Camera::from_angles(DVec3::ZERO, 0.0, 0.0, 1.0);
+        assert_eq!(format_link("", &camera, &light), None);
+        let fixed = daylight(&SunOptions {
+            bearing: Some(insula_viewer::sun::azimuth_altitude("1,2").unwrap()),
+            ..SunOptions::default()
+        });
+        assert!(!format_link("http://h/v1/cities/a", &camera, &fixed).unwrap().contains("time"));
+    }
+
+    #[test]
+    fn malformed_and_hostile_links_are_refused() {
+        let long = format!("insula://h/v1/cities/a?x={}", "y".repeat(4000));
+        for invalid in [
+            "insula://",
+            "insula:///v1/cities/a",
+            "insula://user:secret@h/v1/cities/a",
+            "insula://h/v1/cities/../../etc/passwd",
+            "insula://h/v1/cities/a/b",
+            "insula://h/v1/cities/%2e%2e",
+            "insula://h:99999/v1/cities/a",
+            "insula://h h/v1/cities/a",
+            "insula://h/v1/cities/a?camera=1,2,3",
+            "insula://h/v1/cities/a?camera=NaN,2,3,0,0,60",
+            "insula://h/v1/cities/a?camera=1,2,inf,0,0,60",
+            "insula://h/v1/cities/a?camera=1,2,3,0,91,60",
+            "insula://h/v1/cities/a?camera=1,2,3,0,0,0",
+            "insula://h/v1/cities/a?camera=1,2,3,0,0,60,7",
+            "insula://h/v1/cities/a?time=then",
+            &long,
+        ] {
+            let error = ViewLink::parse(invalid).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().len() < 400, "{invalid}");
+        }
+        let message = ViewLink::parse("insula://h\u{1b}[2J/x").unwrap_err().to_string();
+        assert!(!message.contains('\u{1b}'));
+    }
+
+    #[test]
+    fn plain_addresses_are_unchanged_and_a_view_is_optional() {
+        let plain = ViewLink::parse("http://h:1/v1/cities/a").unwrap();
+        assert_eq!((plain.address.as_str(), plain.camera), ("http://h:1/v1/cities/a", None));
+        let bare = ViewLink::parse("INSULA://h:1/v1/cities/a?colour=blue").unwrap();
+        assert_eq!((bare.address.as_str(), bare.camera, bare.time), ("http://h:1/v1/cities/a", None, None));
+        let folder = ViewLink::parse("insula://h/maps/delft/?tls=1").unwrap();
+        assert_eq!(folder.address, "https://h/maps/delft/");
+    }
+}

@@ -1,0 +1,134 @@
+//! Frames from a server without faults.
+
+use super::{
+    fixture_city::{GROUND_M, MESH_M, ROOF_M, city, city_files, city_with_meshes},
+    test_server::{Reply, TestServer},
+    viewers::{
+        CENTRE, draw_each_until_settled, draw_until_settled, global_args, open_session, request, settle, street,
+    },
+};
+use insula_client::{commands::connect::connect, session::Session, stream::fetch::Http};
+use insula_protocol::route;
+use insula_shaders::layout::Shading;
+use insula_viewer::frame::RenderSettings;
+use std::sync::{Arc, LazyLock};
+
+/// The settled frame of [`street`], and the number of requests that it takes.
+pub(crate) struct ReferenceFrame {
+    pub(crate) colours: Vec<u32>,
+    pub(crate) requests: u32,
+}
+
+pub(crate) static REFERENCE: LazyLock<ReferenceFrame> = LazyLock::new(|| {
+    let server = TestServer::start(city());
+    let colours = draw_until_settled(&mut open_session(&server, 64));
+    ReferenceFrame { colours, requests: server.requests() }
+});
+
+#[test]
+fn converges_and_measures_distances_in_metres() {
+    let server = TestServer::start(city());
+    let mut session = open_session(&server, 64);
+    // Straight down, 100 m above the middle (12, 12) of the roof of the building at (80, 80).
+    let down = request([92.0, 92.0, ROOF_M + 100.0], [92.0, 92.0, 0.0]);
+    settle(&mut session, &down, |_| {});
+    let pixels = session.draw(&down, &RenderSettings::default()).unwrap();
+    settle(&mut session, &down, |_| {});
+    let centre = pixels.distance[CENTRE];
+    assert!((centre - 100.0).abs() < 0.6, "{centre}");
+    // The longest rays end on the ground between buildings at the frame's edge.
+    let far = pixels.distance.iter().filter(|d| d.is_finite()).copied().fold(0.0f32, f32::max);
+    assert!(f64::from(far) > 100.0 + ROOF_M - GROUND_M - 1.0, "{far}");
+    let report = session.report(1.0);
+    let times = [report.time_to_first_picture_secs, report.time_to_near_picture_secs];
+    assert!(times[0].is_some() && times[0] == times[1], "{report:?}");
+    assert!(report.time_to_converged_picture_secs.is_some(), "{report:?}");
+    assert_eq!(report.requests, u64::from(server.requests()));
+    assert_eq!((report.tiles.subtrees, report.tiles.bad), (1, 0));
+}
+
+#[test]
+fn each_frame_is_finer_and_every_tile_is_fetched_once() {
+    let server = TestServer::start(city());
+    let mut session = open_session(&server, 64);
+    let mut worst = f64::INFINITY;
+    settle(&mut session, &street(), |session| {
+        let counters = session.selection().counters;
+        if counters.drawn > 0 {
+            assert!(counters.worst_error_px <= worst);
+            worst = counters.worst_error_px;
+        }
+    });
+    let counters = session.selection().counters;
+    assert!(counters.drawn > 10, "{counters:?}");
+    let log = server.log();
+    assert!(log.values().all(|count| *count == 1), "{log:?}");
+}
+
+#[test]
+fn cross_fades_end_in_the_same_frame() {
+    let server = TestServer::start(city());
+    let mut session = open_session(&server, 64);
+    session.set_transitions(true);
+    let mut fading_frames = 0;
+    let colours = draw_each_until_settled(&mut session, |session| {
+        let areas = session.transitions().shown();
+        let fading = areas.iter().filter(|shown| shown.faces().1.is_some()).count();
+        let nodes = session.frame_data(&street(), &RenderSettings::default()).nodes.len();
+        assert!(nodes >= areas.len() + fading, "{nodes} nodes, {fading} areas that fade between two of them");
+        fading_frames += usize::from(fading > 0);
+    });
+    assert!(fading_frames > 0, "no frame showed two levels of an area");
+    assert_eq!(session.transitions().passing(), 0);
+    assert_eq!(colours, REFERENCE.colours);
+    let (found, expected) = (server.requests(), REFERENCE.requests);
+    assert!(found < expected * 5 / 4 + 4, "{found} requests, {expected} without cross-fades");
+}
+
+#[test]
+fn near_leaves_are_meshes_unless_the_mesh_is_bad() {
+    let down = request([92.0, 92.0, MESH_M + 60.0], [92.0, 92.0, 0.0]);
+    let centre = |session: &mut Session| {
+        let settings = RenderSettings { shading: Shading::Albedo, ..RenderSettings::default() };
+        let pixels = session.draw(&down, &settings).unwrap();
+        (pixels.distance[CENTRE], pixels.colour[CENTRE])
+    };
+    let server = TestServer::start(city_with_meshes());
+    let mut session = open_session(&server, 64);
+    settle(&mut session, &down, |_| {});
+    let (distance_m, colour) = centre(&mut session);
+    assert!((distance_m - 60.0).abs() < 0.05, "{distance_m}");
+    let difference = colour.to_le_bytes().iter().zip([200u8, 10, 20]).map(|(a, b)| a.abs_diff(b)).max().unwrap();
+    assert!(difference <= 4, "{colour:08x}");
+    let report = session.report(1.0);
+    assert!(report.meshes_drawn > 0 && report.tiles.meshes >= u64::from(report.meshes_drawn), "{report:?}");
+    assert_eq!(report.triangles_drawn, 12 * u64::from(report.meshes_drawn));
+    for reply in [Reply::Damaged, Reply::Status(404)] {
+        let policy = move |path: &str, _: u32| if path.contains("/meshes/") { reply } else { Reply::Intact };
+        let server = TestServer::with_policy(city_with_meshes(), policy);
+        let mut session = open_session(&server, 64);
+        settle(&mut session, &down, |_| {});
+        let (distance_m, _) = centre(&mut session);
+        assert!((f64::from(distance_m) - (60.0 + MESH_M - ROOF_M)).abs() < 0.6, "{distance_m}");
+        assert!(session.report(1.0).tiles.bad > 0 && session.selection().counters.meshes == 0);
+    }
+}
+
+#[test]
+fn one_of_several_cities_must_be_named() {
+    let mut files = city_files("one");
+    files.extend(city_files("two"));
+    files.insert(route::CITIES.into(), br#"[{"name":"one"},{"name":"two"}]"#.to_vec());
+    let server = TestServer::start(Arc::new(files));
+    let http = Arc::new(Http::new(None).unwrap());
+    let mut global = global_args();
+    assert_eq!(connect(&http, &server.url, &global).unwrap_err().exit_code(), 2);
+    global.city = Some("two".into());
+    assert_eq!(connect(&http, &server.url, &global).unwrap().manifest.name, "two");
+    let one = format!("{}/v1/cities/one", server.url);
+    assert_eq!(connect(&http, &one, &global).unwrap_err().exit_code(), 2, "the address and --city disagree");
+    global.city = None;
+    assert_eq!(connect(&http, &one, &global).unwrap().manifest.name, "one");
+    global.city = Some("three".into());
+    assert_eq!(connect(&http, &server.url, &global).unwrap_err().exit_code(), 1);
+}

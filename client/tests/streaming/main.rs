@@ -1,0 +1,11 @@
+//! Whole sessions against a test server that works, fails, disappears and returns.
+
+#![allow(clippy::unwrap_used)]
+
+mod cache;
+mod faults;
+mod fixture_city;
+mod frames;
+mod idle_prefetch;
+mod test_server;
+mod viewers;
