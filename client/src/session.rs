@@ -9,7 +9,7 @@ use crate::{
     stream::{BackgroundFetcher, notifier::Notifier},
 };
 use glam::DVec3;
-use insula_shaders::cpu::{raycast::Pixels, tally::tally};
+use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use insula_viewer::{
     cache::{AtlasCache, PAGE_BYTES},
     camera::{Camera, View},
@@ -145,7 +145,7 @@ impl Session {
     pub fn render(&mut self, data: &FrameData) -> Result<Pixels> {
         let pixels = self.while_fetching(|adapter| adapter.draw(data))?;
         self.frame_drawn(data);
-        self.report_hits(&data.asked, &tally(&pixels.hit, data.nodes.len()));
+        self.report_hits(&data.asked, &hit_counts(&pixels.hit, data.nodes.len()));
         Ok(pixels)
     }
 
@@ -162,7 +162,7 @@ impl Session {
             LookaheadState::Waiting => Ok(PrefetchStep::Waiting),
             LookaheadState::Draw(data) => {
                 let pixels = self.while_fetching(|adapter| adapter.draw(&data))?;
-                let hits = tally(&pixels.hit, data.nodes.len());
+                let hits = hit_counts(&pixels.hit, data.nodes.len());
                 self.streamer.report_prefetch_hits(request, &data.asked, &hits);
                 Ok(PrefetchStep::Drawn)
             }

@@ -1,120 +1,121 @@
-//! Where a ray finds the nodes of a cut: for each level a grid of squares around the camera.
+//! The grid in which rays find the nodes of a draw list: for each level, squares around the camera.
 //!
-//! In: names and nodes of the cut, the camera's place. Out: [`Grid`]. Next: `cpu::raycast` and `raycast.wgsl` walk it.
+//! A square of a level is empty, or a node fills it (its own node, or its part of a coarser one), or it is mixed: then
+//! the next finer level says what is there. So a ray may begin anywhere at the level that its distance asks for, and
+//! the cost of a step does not depend on the depth of the city's tree. The finer levels reach only as far as the draw
+//! list has mixed squares.
 //!
-//! A square of a level is empty, or one node fills it (itself, or its part of a coarser one), or it is mixed: then the next
-//! finer level tells. So a ray may begin anywhere at the level that its distance asks for, and what a step costs does not
-//! depend on how deep the city's tree is. The finer levels reach only as far as the cut has mixed squares there.
+//! A node may lie in the square of another: the finer one is drawn, the coarser one in the rest of its square.
 //!
-//! A node may lie in the square of another: the finer one is drawn, the coarser one shows in the rest of its square.
-//!
-//! A square that passes from one node to another has both, and a share. Each ray sees one of them whole: which one its
-//! threshold tells, so that there is neither a hole nor a picture through another.
+//! A square that cross-fades from one node to another has both, and a share. Each ray sees one of them whole, which one
+//! depends on the ray's threshold. So there are no holes, and no node is seen through another.
 
 use crate::layout::{
-    FADE_RAYS, Frame, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODES, GRID_SHARE_SHIFT, Node,
+    DrawNode, FADE_RAYS, FrameUniform, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODES,
+    GRID_SHARE_SHIFT,
 };
 use glam::DVec3;
 use insula_protocol::TileId;
 
-/// Where the city's root square is and what the view tolerates.
+/// Position of the city's root square relative to the camera, and the view's tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    /// From the camera to the south-west corner of the root square, metres.
+pub struct GridFrame {
+    /// South-west corner of the root square relative to the camera, in metres.
     pub root_corner: DVec3,
     /// Side of the root square in metres.
     pub root_side_m: f64,
-    /// Distance from which on nodes of the root's level are good enough; only a hint of where to look first.
+    /// Distance in metres from which nodes of the root's level are good enough. Only a hint of where rays look first.
     pub root_distance_m: f64,
 }
 
-/// The grids of all levels.
+/// The squares of all levels.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Grid {
-    /// What [`Frame`] says of it.
-    pub head: Head,
-    /// Per entry what the square holds, and its lowest and highest point in steps of height.
+pub struct NodeGrid {
+    /// The grid's part of a [`FrameUniform`].
+    pub head: GridHeader,
+    /// Per square what it holds, and its lowest and highest point ([`GRID_NODE_BIT`]).
     pub entries: Vec<[u32; 2]>,
 }
 
-/// The grid's part of a [`Frame`].
+/// The grid's part of a [`FrameUniform`], whose fields have the same names.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Head {
+pub struct GridHeader {
     /// Camera within its finest square, in squares.
     pub eye: [f32; 2],
-    /// Which square that is.
+    /// The finest square that the camera is in.
     pub eye_cell: [i32; 2],
     /// Side of a finest square in metres.
     pub side_m: f32,
-    /// Levels, finest first; the last one has one square. 0 without nodes.
+    /// Levels, finest first. The last one has one square. 0 without nodes.
     pub levels: u32,
-    /// Camera's height in steps.
+    /// Camera's height in steps of height.
     pub z_eye: f32,
-    /// Steps in a metre.
+    /// Steps of height per metre.
     pub z_scale: f32,
-    /// 1 / the distance from which on nodes of the finest level are good enough.
+    /// 1 / the distance in metres from which nodes of the finest level are good enough.
     pub level_scale: f32,
-    /// Per level: first entry, log2 of its window's side, west and south end of the window.
+    /// Per level: first entry, log2 of the window's side, the window's west and south end.
     pub windows: [[i32; 4]; GRID_LEVELS],
 }
 
-impl Head {
-    /// Puts it into a frame.
-    pub fn write(&self, frame: &mut Frame) {
+impl GridHeader {
+    /// Writes it into a frame's uniform.
+    pub fn write(&self, frame: &mut FrameUniform) {
         (frame.eye, frame.eye_cell, frame.side_m) = (self.eye, self.eye_cell, self.side_m);
         (frame.levels, frame.z_eye, frame.z_scale) = (self.levels, self.z_eye, self.z_scale);
         (frame.level_scale, frame.windows) = (self.level_scale, self.windows);
     }
 }
 
-/// Largest height of an entry.
+/// Largest height of an entry, in steps.
 pub const Z_TOP: f32 = 65535.0;
-/// No node.
+/// No node, no child.
 const NONE: u32 = u32::MAX;
 
-/// A square of the cut's tree while the grid is made.
+/// A node of the quadtree from which the grid is built.
 #[derive(Debug, Clone, Copy)]
-struct Quad {
+struct QuadtreeNode {
     node: u32,
     child: [u32; 4],
 }
 
-/// Which square: its level, finest 0, and its place.
+/// A square: its level, finest 0, and its place.
 #[derive(Debug, Clone, Copy)]
-struct Square {
+struct GridSquare {
     k: u32,
     x: i32,
     y: i32,
 }
 
-impl Square {
+impl GridSquare {
     fn child(self, quadrant: usize) -> Self {
         let (dx, dy) = ((quadrant & 1) as i32, (quadrant >> 1) as i32);
         Self { k: self.k - 1, x: self.x * 2 + dx, y: self.y * 2 + dy }
     }
 }
 
-/// Memory that is used again from frame to frame.
+/// Builds grids, with memory that is reused from frame to frame.
 #[derive(Debug, Clone, Default)]
-pub struct Builder {
-    quads: Vec<Quad>,
+pub struct GridBuilder {
+    quads: Vec<QuadtreeNode>,
     shares: Vec<u8>,
-    grid: Grid,
+    grid: NodeGrid,
     z: Vec<[u32; 2]>,
 }
 
-impl Builder {
-    /// The grid of a cut: `ids` and `nodes` are in the same order, nodes relative to the camera. No more than [`GRID_NODES`].
-    pub fn build(&mut self, place: &Place, ids: &[TileId], nodes: &[Node]) -> &Grid {
-        self.build_fading(place, ids, &[], nodes)
+impl GridBuilder {
+    /// The grid of a draw list: `ids` and `nodes` are in the same order, nodes relative to the camera. Nodes beyond
+    /// [`GRID_NODES`] are left out.
+    pub fn build(&mut self, frame: &GridFrame, ids: &[TileId], nodes: &[DrawNode]) -> &NodeGrid {
+        self.build_fading(frame, ids, &[], nodes)
     }
 
-    /// The same, in which squares pass from one node to another: where `shares` has a number of rays under [`FADE_RAYS`] that is
-    /// not 0, so many see the next node of the list, which has the same square.
-    pub fn build_fading(&mut self, place: &Place, ids: &[TileId], shares: &[u8], nodes: &[Node]) -> &Grid {
+    /// The same with squares that cross-fade: `shares[i]` of [`FADE_RAYS`] rays see node `i + 1`, which has the same
+    /// square, instead of node `i`. 0 is a square that does not.
+    pub fn build_fading(&mut self, frame: &GridFrame, ids: &[TileId], shares: &[u8], nodes: &[DrawNode]) -> &NodeGrid {
         let ids = &ids[..ids.len().min(nodes.len()).min(GRID_NODES)];
         self.grid.entries.clear();
-        self.grid.head = Head::default();
+        self.grid.head = GridHeader::default();
         self.shares.clear();
         self.shares
             .extend(shares.iter().take(ids.len().saturating_sub(1)).map(|rays| (*rays).min(FADE_RAYS as u8 - 1)));
@@ -123,18 +124,18 @@ impl Builder {
         else {
             return &self.grid;
         };
-        self.grid.head = head(place, finest);
-        self.heights(nodes);
-        self.plant(ids);
-        self.windows();
-        let root = Square { k: u32::from(finest), x: 0, y: 0 };
+        self.grid.head = header(frame, finest);
+        self.quantise_heights(nodes);
+        self.build_quadtree(ids);
+        self.size_windows();
+        let root = GridSquare { k: u32::from(finest), x: 0, y: 0 };
         self.emit(root, 0, NONE);
         &self.grid
     }
 
-    /// All heights in whole steps, rounded outwards.
-    fn heights(&mut self, nodes: &[Node]) {
-        let metres = |node: &Node| {
+    /// Rounds all heights outwards to whole steps.
+    fn quantise_heights(&mut self, nodes: &[DrawNode]) {
+        let metres = |node: &DrawNode| {
             [node.z_lo, node.z_hi].map(|code| f64::from(node.corner[2]) + f64::from(code) * f64::from(node.z_step_m))
         };
         let (low, high) = nodes
@@ -154,9 +155,9 @@ impl Builder {
         }
     }
 
-    /// Makes the tree of the cut; the first quad is the root.
-    fn plant(&mut self, ids: &[TileId]) {
-        const BARE: Quad = Quad { node: NONE, child: [NONE; 4] };
+    /// Builds the quadtree of the draw list, the root first.
+    fn build_quadtree(&mut self, ids: &[TileId]) {
+        const BARE: QuadtreeNode = QuadtreeNode { node: NONE, child: [NONE; 4] };
         self.quads.clear();
         self.quads.push(BARE);
         for (node, id) in ids.iter().enumerate() {
@@ -175,10 +176,10 @@ impl Builder {
         }
     }
 
-    /// Makes every level's window as large as its mixed parents ask for, and takes the memory.
-    fn windows(&mut self) {
+    /// Makes every level's window large enough for the squares of its mixed parents, and takes the memory.
+    fn size_windows(&mut self) {
         let head = &mut self.grid.head;
-        let root = Square { k: head.levels - 1, x: 0, y: 0 };
+        let root = GridSquare { k: head.levels - 1, x: 0, y: 0 };
         let mut need = [0i32; GRID_LEVELS];
         let centre = |k: u32, axis: usize| {
             let last = (1i32 << (root.k - k)) - 1;
@@ -213,9 +214,9 @@ impl Builder {
         self.grid.entries.resize(base as usize, [0; 2]);
     }
 
-    /// Writes a square and all finer ones in it; returns its lowest and highest point (turned around if it is empty).
-    fn emit(&mut self, square: Square, at: u32, inherited: u32) -> [u32; 2] {
-        let quad = if at == NONE { Quad { node: NONE, child: [NONE; 4] } } else { self.quads[at as usize] };
+    /// Writes a square and all finer ones in it. Returns its lowest and highest point, the first larger if it is empty.
+    fn emit(&mut self, square: GridSquare, at: u32, inherited: u32) -> [u32; 2] {
+        let quad = if at == NONE { QuadtreeNode { node: NONE, child: [NONE; 4] } } else { self.quads[at as usize] };
         let node = if quad.node == NONE { inherited } else { quad.node };
         if quad.child == [NONE; 4] {
             if node == NONE {
@@ -236,14 +237,15 @@ impl Builder {
         z
     }
 
-    fn fill(&mut self, square: Square, entry: [u32; 2]) {
+    /// Writes `square` at its own level and at all finer ones.
+    fn fill(&mut self, square: GridSquare, entry: [u32; 2]) {
         for k in (0..=square.k).rev() {
             self.fill_level(square, k, entry);
         }
     }
 
     /// Writes the part of `square` that lies in the window of level `k`.
-    fn fill_level(&mut self, square: Square, k: u32, entry: [u32; 2]) {
+    fn fill_level(&mut self, square: GridSquare, k: u32, entry: [u32; 2]) {
         let [base, log2, low_x, low_y] = self.grid.head.windows[k as usize];
         let (finer, side) = (square.k - k, 1i64 << log2);
         let range = |place: i32, low: i32| {
@@ -258,18 +260,18 @@ impl Builder {
     }
 }
 
-fn head(place: &Place, finest: u8) -> Head {
+fn header(frame: &GridFrame, finest: u8) -> GridHeader {
     let squares = f64::from(1u32 << finest);
-    let side_m = place.root_side_m / squares;
-    // Far outside, the city is a point: the square need not be right any more, only a number.
-    let eye = [-place.root_corner.x / side_m, -place.root_corner.y / side_m].map(|v| v.clamp(-1e6, 1e6));
-    Head {
+    let side_m = frame.root_side_m / squares;
+    // From far outside the city is a point: the square need not be right, only finite.
+    let eye = [-frame.root_corner.x / side_m, -frame.root_corner.y / side_m].map(|v| v.clamp(-1e6, 1e6));
+    GridHeader {
         eye: eye.map(|v| (v - v.floor()) as f32),
         eye_cell: eye.map(|v| v.floor() as i32),
         side_m: side_m as f32,
         levels: u32::from(finest) + 1,
-        level_scale: (squares / place.root_distance_m.max(1e-6)) as f32,
-        ..Head::default()
+        level_scale: (squares / frame.root_distance_m.max(1e-6)) as f32,
+        ..GridHeader::default()
     }
 }
 
@@ -278,31 +280,31 @@ mod tests {
     use super::*;
     use bytemuck::Zeroable;
 
-    fn node(low: f32, high: f32) -> Node {
-        Node { z_step_m: 1.0, z_lo: low, z_hi: high, ..Node::zeroed() }
+    fn node(low: f32, high: f32) -> DrawNode {
+        DrawNode { z_step_m: 1.0, z_lo: low, z_hi: high, ..DrawNode::zeroed() }
     }
 
     fn id(level: u8, x: u32, y: u32) -> TileId {
         TileId::new(level, x, y).unwrap()
     }
 
-    fn grid(eye: [f64; 2], ids: &[TileId]) -> Grid {
-        let nodes: Vec<Node> = (0..ids.len()).map(|i| node(i as f32, 10.0 + i as f32)).collect();
+    fn grid(eye: [f64; 2], ids: &[TileId]) -> NodeGrid {
+        let nodes: Vec<DrawNode> = (0..ids.len()).map(|i| node(i as f32, 10.0 + i as f32)).collect();
         let root_corner = DVec3::new(-eye[0], -eye[1], 0.0);
-        let place = Place { root_corner, root_side_m: 64.0, root_distance_m: 100.0 };
-        Builder::default().build(&place, ids, &nodes).clone()
+        let frame = GridFrame { root_corner, root_side_m: 64.0, root_distance_m: 100.0 };
+        GridBuilder::default().build(&frame, ids, &nodes).clone()
     }
 
     /// The entry of level `k` at a finest square; `None` outside the window.
-    fn entry(grid: &Grid, k: u32, x: i32, y: i32) -> Option<[u32; 2]> {
+    fn entry(grid: &NodeGrid, k: u32, x: i32, y: i32) -> Option<[u32; 2]> {
         let [base, log2, low_x, low_y] = grid.head.windows[k as usize];
         let (x, y) = ((x >> k) - low_x, (y >> k) - low_y);
         let inside = (0..1 << log2).contains(&x) && (0..1 << log2).contains(&y);
         inside.then(|| grid.entries[(base + (y << log2) + x) as usize])
     }
 
-    /// What a walk that begins at level `k` finds: the node there and the level of its square.
-    fn found(grid: &Grid, mut k: u32, x: i32, y: i32) -> Option<(u32, u32)> {
+    /// What a walk finds that begins at level `k`: the node, and the level of the square that it fills.
+    fn found(grid: &NodeGrid, mut k: u32, x: i32, y: i32) -> Option<(u32, u32)> {
         while entry(grid, k, x, y).is_none() {
             k += 1;
         }
@@ -317,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn every_level_leads_to_the_same_node() {
+    fn search_from_any_level_finds_the_same_node() {
         // A quarter is refined once, one of its quarters again; one child does not exist.
         let ids =
             [id(1, 1, 0), id(1, 0, 1), id(2, 0, 0), id(2, 1, 0), id(3, 2, 2), id(3, 3, 2), id(3, 3, 3), id(1, 1, 1)];
@@ -341,40 +343,40 @@ mod tests {
     }
 
     #[test]
-    fn a_finer_node_in_a_coarser_one_takes_its_place() {
+    fn finer_node_is_drawn_instead_of_its_part_of_a_coarser_one() {
         let ids = [id(0, 0, 0), id(2, 3, 3)];
         for eye in [[1.0, 1.0], [63.0, 63.0]] {
             let grid = grid(eye, &ids);
             for k in 0..3 {
                 assert_eq!(found(&grid, k, 3, 3), Some((1, 0)));
-                assert_eq!(found(&grid, k, 2, 3), Some((0, 0)), "a quarter beside it");
+                assert_eq!(found(&grid, k, 2, 3), Some((0, 0)), "the quarter next to it");
                 assert_eq!(found(&grid, k, 0, 0), Some((0, 1)), "as large a part as there is");
             }
         }
     }
 
     #[test]
-    fn a_square_that_fades_has_both_nodes_heights_and_a_share() {
+    fn cross_fading_square_has_a_share_and_the_heights_of_both_nodes() {
         let ids = [id(1, 0, 0), id(1, 0, 0), id(1, 1, 0)];
         let nodes = [node(5.0, 10.0), node(0.0, 8.0), node(2.0, 30.0)];
-        let place = Place { root_corner: DVec3::ZERO, root_side_m: 64.0, root_distance_m: 100.0 };
-        let mut builder = Builder::default();
+        let frame = GridFrame { root_corner: DVec3::ZERO, root_side_m: 64.0, root_distance_m: 100.0 };
+        let mut builder = GridBuilder::default();
         for (rays, meant) in [(0, 0), (1, 1), (63, 63), (200, 63)] {
-            let grid = builder.build_fading(&place, &ids, &[rays], &nodes);
+            let grid = builder.build_fading(&frame, &ids, &[rays], &nodes);
             let [word, z] = entry(grid, 0, 0, 0).unwrap();
             let high_m = if rays > 0 { 10 } else { 8 };
             assert_eq!((word >> GRID_SHARE_SHIFT & 63, z), (meant, (high_m * 65535u32).div_ceil(30) << 16));
-            // Without a share, the second node of a square is drawn in place of the first.
+            // Without a share, the second node of a square is drawn instead of the first.
             assert_eq!(found(grid, 0, 0, 0).map(|f| f.0), Some(u32::from(rays == 0)));
             assert_eq!(found(grid, 0, 1, 0), Some((2, 0)));
         }
-        // The last one has none behind it.
-        let grid = builder.build_fading(&place, &ids, &[0, 0, 9], &nodes);
+        // The last node has none to cross-fade from.
+        let grid = builder.build_fading(&frame, &ids, &[0, 0, 9], &nodes);
         assert_eq!(entry(grid, 0, 1, 0).unwrap()[0] >> GRID_SHARE_SHIFT & 63, 0);
     }
 
     #[test]
-    fn heights_are_rounded_outwards_and_hold_the_finer_ones() {
+    fn heights_are_rounded_outwards_and_bound_finer_squares() {
         let ids = [id(1, 0, 0), id(1, 1, 0), id(1, 1, 1)];
         let grid = grid([10.0, 10.0], &ids);
         let metres = |code: u32| (code as f32 - grid.head.z_eye) / grid.head.z_scale;
@@ -387,8 +389,8 @@ mod tests {
     }
 
     #[test]
-    fn far_squares_need_no_fine_grid() {
-        // The corner around the camera in eighty squares of the finest level, the rest coarser and coarser.
+    fn finer_windows_end_where_squares_are_not_mixed() {
+        // One node of the finest level at the camera, the rest coarser and coarser.
         let mut ids = vec![];
         for level in 1..=8u8 {
             ids.extend([id(level, 1, 0), id(level, 0, 1), id(level, 1, 1)]);
@@ -398,8 +400,8 @@ mod tests {
         assert!(grid.entries.len() < 9 * 16, "{}", grid.entries.len());
         assert_eq!(found(&grid, 0, 255, 255), Some((2, 7)));
         assert_eq!(
-            Builder::default()
-                .build(&Place { root_corner: DVec3::ZERO, root_side_m: 1.0, root_distance_m: 1.0 }, &[], &[])
+            GridBuilder::default()
+                .build(&GridFrame { root_corner: DVec3::ZERO, root_side_m: 1.0, root_distance_m: 1.0 }, &[], &[])
                 .head
                 .levels,
             0

@@ -1,68 +1,108 @@
-//! Structs that Rust and WGSL share, checked against naga's offsets by `tests/layout.rs`.
+//! Structs, constants and binding numbers that Rust and WGSL share.
 //!
-//! Lengths in metres relative to the camera ("view-relative": world axes, camera at zero), so that f32 is enough anywhere.
+//! The structs are repeated in `wgsl/shared/layout.wgsl`; `tests/layout.rs` compares their offsets. [`crate::wgsl`]
+//! generates the constants for WGSL.
+//!
+//! Positions are relative to the camera (world axes, metres), so that f32 is precise enough anywhere on Earth.
 
 use bytemuck::{Pod, Zeroable};
+use insula_protocol::NODE_CELLS;
 
 /// Words (u32) of an atlas page: 16 KiB, one plane of a node.
 pub const PAGE_WORDS: usize = 4096;
 /// Pages that every node has: walk, roof, attributes, strip addresses. Strip pages follow.
 pub const PLANES: usize = 4;
+/// Page of the words that the walk reads: heights and flags.
+pub(crate) const WALK_PLANE: usize = 0;
+/// Page of the roofs' texels.
+pub(crate) const ROOF_PLANE: usize = 1;
+/// Page of the roof normals and the clipping planes.
+pub(crate) const ATTRIBUTE_PLANE: usize = 2;
+/// Page of the strip addresses.
+pub(crate) const STRIP_PLANE: usize = 3;
+
 /// Cells along a side of a summary block.
-pub const BLOCK_CELLS: u32 = 8;
-/// Blocks of a node, 8 x 8.
-pub const BLOCKS: usize = 64;
-/// Summary words of a node, four a block, read at once: a row of four quads of 2 x 2 cells each, whose tops take 6 bits each from
-/// bit 0 on, in 63rds of the way from the block's lowest to its highest point, rounded up. Bits 24 to 31 are the low and high
-/// byte of the lowest point in height codes (0xffff where the block is empty), then those of the highest.
-pub const SUMMARY_WORDS: usize = BLOCKS * 4;
+pub const BLOCK_CELLS: usize = 8;
+/// Logarithm of [`BLOCK_CELLS`].
+pub(crate) const BLOCK_SHIFT: u32 = BLOCK_CELLS.ilog2();
+/// Blocks along a side of a node.
+pub const NODE_BLOCKS: usize = NODE_CELLS / BLOCK_CELLS;
+/// Summary words of a node, four per block, which are read at once.
+///
+/// A word is a row of four quads of 2 x 2 cells. A quad's top takes 6 bits from bit 0 on, in 63rds of
+/// the way from the block's lowest to its highest point, rounded up. Bits 24 to 31 of the four words are the low and
+/// the high byte of the lowest point in height codes (0xffff where the block is empty), then those of the highest.
+pub const SUMMARY_WORDS: usize = NODE_BLOCKS * NODE_BLOCKS * 4;
+/// Summary of a node in vec4s, one per block.
+pub(crate) const SUMMARY_VEC4S: usize = SUMMARY_WORDS / 4;
+/// Where the byte of a block's bounds begins in a summary word.
+pub(crate) const SUMMARY_BYTE_SHIFT: u32 = 24;
+/// Bits of a quad's top.
+pub(crate) const QUAD_TOP_BITS: u32 = 6;
+/// Largest top of a quad.
+pub(crate) const QUAD_TOP_MAX: u32 = (1 << QUAD_TOP_BITS) - 1;
+
 /// Most rays along a pixel's side.
 pub const MAX_SAMPLES: u32 = 4;
-/// Threads of a workgroup in x and y.
+/// Threads of a ray-casting workgroup in x and y.
 pub const WORKGROUP: [u32; 2] = [8, 8];
+/// Threads of a workgroup that counts hits.
+pub(crate) const HIT_COUNTS_THREADS: u32 = 64;
+/// Side of the block of pixels that one thread counts.
+pub(crate) const HIT_BLOCK_PX: u32 = 8;
 
-/// Most levels of a [`crate::grid::Grid`].
+/// Most levels of a [`crate::grid::NodeGrid`].
 pub const GRID_LEVELS: usize = 21;
-/// First word of a grid entry: finer squares tell. 0 is an empty square.
+/// First word of a grid entry whose square is mixed: the next finer level says what is there. 0 is an empty square.
 pub const GRID_MIXED: u32 = 1;
-/// Set in the first word of a grid entry that a node fills: level of the square that it fills (5 bits from bit 26, finest 0),
-/// how many of [`FADE_RAYS`] rays see the node behind it in its place (6 bits from bit 20), and its index into the nodes (20
-/// bits). The second word is lowest | highest point << 16 of the square.
+/// Set in the first word of a grid entry that a node fills.
+///
+/// The other bits are the level of the square that the node fills (5 bits from [`GRID_LEVEL_SHIFT`], finest 0), how
+/// many of [`FADE_RAYS`] rays see the next node of the list instead (6 bits from [`GRID_SHARE_SHIFT`]), and the node's
+/// index (20 bits). The second word is `lowest | highest << 16`, the square's lowest and highest point in the grid's
+/// steps.
 pub const GRID_NODE_BIT: u32 = 0x8000_0000;
-/// Where the level begins.
+/// Where the level begins in a grid entry.
 pub const GRID_LEVEL_SHIFT: u32 = 26;
-/// Where the share of rays begins.
+/// The level in a grid entry, shifted down.
+pub(crate) const GRID_LEVEL_MASK: u32 = 31;
+/// Where the share of rays begins in a grid entry.
 pub const GRID_SHARE_SHIFT: u32 = 20;
+/// The share of rays in a grid entry, shifted down.
+pub(crate) const GRID_SHARE_MASK: u32 = FADE_RAYS - 1;
 /// Most nodes of a grid.
 pub const GRID_NODES: usize = 1 << GRID_SHARE_SHIFT;
-/// Where a square passes from one node to another, each of so many rays side by side passes at a share of its own.
+/// The node's index in a grid entry.
+pub(crate) const GRID_NODE_MASK: u32 = GRID_NODES as u32 - 1;
+/// Rays side by side, each of which cross-fades from one node to another at a share of its own.
 pub const FADE_RAYS: u32 = 64;
-/// In the flags of what a ray gathered: it is a mesh. No column has this bit.
+/// Flag of a [surface](crate::cpu::shade::SurfaceSample) that belongs to a mesh. No column has this bit.
 pub const MESH_FLAG: u32 = 128;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
-/// What a pixel shows ([`Frame::shading`]).
+/// The quantity that pixels show ([`FrameUniform::shading`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
 pub enum Shading {
     /// Sun and sky.
     #[default]
     Lit = 0,
-    /// Colour alone, without light.
+    /// Colour without light.
     Albedo = 1,
-    /// Ambient occlusion alone.
+    /// Ambient occlusion.
     Ao = 2,
     /// Normals as colours.
     Normal = 3,
-    /// One colour a level.
+    /// A colour per level of detail.
     Lod = 4,
-    /// Column kinds: roof grey, exposed orange, suspended blue, with gaps red; inclined tinted green. Meshes violet.
+    /// A colour per kind of column: roof grey, exposed orange, suspended blue, with gaps red, inclined tinted green.
+    /// Meshes are violet.
     Kind = 5,
 }
 
 impl Shading {
-    /// All, in the order of their keys.
+    /// All shadings, in the order of their keys in the client.
     pub const ALL: [Self; 6] = [Self::Lit, Self::Albedo, Self::Ao, Self::Normal, Self::Lod, Self::Kind];
 
     /// The word on command lines.
@@ -78,21 +118,19 @@ impl Shading {
     }
 }
 
-/// A camera and what surrounds it, for one dispatch.
+/// The uniform of one dispatch: camera, light, and the grid's header.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Frame {
-    /// Unit vector through the picture's centre.
+pub struct FrameUniform {
+    /// Unit vector through the frame's centre.
     pub forward: [f32; 3],
-    /// Picture width in pixels.
     pub width_px: u32,
     /// To the right edge: unit right times `tan(fov_x / 2)`.
     pub right: [f32; 3],
-    /// Picture height in pixels.
     pub height_px: u32,
     /// To the upper edge: unit up times `tan(fov_y / 2)`.
     pub up: [f32; 3],
-    /// Rays along a pixel's side, at most [`MAX_SAMPLES`]. Distance and hit node are those of the centre ray if odd.
+    /// Rays along a pixel's side, at most [`MAX_SAMPLES`]. If odd, distance and hit node are those of the centre ray.
     pub samples: u32,
     /// Unit vector towards the sun.
     pub sun: [f32; 3],
@@ -100,70 +138,73 @@ pub struct Frame {
     pub shading: u32,
     /// Camera within its finest square of the grid, in squares.
     pub eye: [f32; 2],
-    /// Which square that is.
+    /// The finest square that the camera is in.
     pub eye_cell: [i32; 2],
     /// Side of a finest square in metres.
     pub side_m: f32,
-    /// Levels of the grid; 0 without nodes.
+    /// Levels of the grid. 0 without nodes.
     pub levels: u32,
-    /// Camera's height in the grid's steps.
+    /// Camera's height in the grid's steps of height.
     pub z_eye: f32,
-    /// Steps in a metre.
+    /// Steps of height per metre.
     pub z_scale: f32,
-    /// 1 / the distance from which on nodes of the finest level are good enough.
+    /// 1 / the distance in metres from which nodes of the finest level are good enough.
     pub level_scale: f32,
     /// Height of the plane where there is no column, relative to the camera.
     pub ground_z_m: f32,
     /// 1 if the plane is drawn.
     pub ground: u32,
-    /// How far rays towards the sun go, in metres; 0: none are cast, and [`Shading::Lit`] guesses by the sky that is seen.
+    /// Length of rays towards the sun in metres. 0: none are cast, and [`Shading::Lit`] estimates the sun from the
+    /// visible sky.
     pub shadow_m: f32,
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
-    /// Per level of the grid, finest first: first entry, log2 of the window's side, its west and south end.
+    /// Per level of the grid, finest first: first entry, log2 of the window's side, the window's west and south end.
     pub windows: [[i32; 4]; GRID_LEVELS],
 }
 
-/// Sun, sky and haze, made by [`Light::of_sun`]. Linear RGB and 0, exposed: 1 is about what a white surface in the sun sends.
-/// What lights surfaces is divided by pi, so that times an albedo it is what they send.
+/// Sun, sky and haze, made by [`Light::of_sun`].
+///
+/// Linear RGB and 0, exposed: 1 is about the radiance of a white surface in the sun. Irradiances are divided by pi, so
+/// that times an albedo they are the radiance of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Light {
-    /// On a surface that faces the sun.
+    /// Of the sun on a surface that faces it.
     pub sun: [f32; 4],
-    /// From the open sky on a surface that looks up.
+    /// Of the open sky on a surface that faces up.
     pub sky_up: [f32; 4],
-    /// From the open sky on walls, the mean of all, doubled: a wall sees half the sky.
+    /// Of the open sky on walls, the mean of all directions, doubled: a wall sees half the sky.
     pub sky_wall: [f32; 4],
-    /// What walls towards the sun have more, doubled too.
+    /// What walls towards the sun receive above that mean, doubled too.
     pub sky_side: [f32; 4],
-    /// From ground and walls around.
+    /// Reflected by ground and walls.
     pub bounce: [f32; 4],
-    /// The sky overhead.
+    /// Radiance of the sky overhead.
     pub zenith: [f32; 4],
-    /// The horizon below the sun.
+    /// Radiance of the horizon below the sun.
     pub horizon_sun: [f32; 4],
-    /// The horizon opposite the sun.
+    /// Radiance of the horizon opposite the sun.
     pub horizon_away: [f32; 4],
-    /// What the sky beside the sun has more.
+    /// Radiance of the sky near the sun above that of the horizon.
     pub glow: [f32; 4],
-    /// What air takes of a surface's light, per metre.
+    /// Extinction of the air per metre.
     pub haze: [f32; 4],
     /// East and north of the horizontal unit vector towards the sun.
     pub side: [f32; 2],
-    /// 1 if the sun's disc is in the sky, else 0.
+    /// 1 if the sun's disc is above the horizon, else 0.
     pub disc: f32,
-    /// Zero.
-    pub pad: f32,
+    /// 0, from which WGSL makes infinity.
+    pub zero: f32,
 }
 
-/// A node of the cut, ready to be walked.
+/// A node of the draw list, as rays walk it.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Node {
+pub struct DrawNode {
     /// South-west corner of the node (of a mesh: of its leaf) at height code 0, relative to the camera.
     pub corner: [f32; 3],
-    /// Side of a column.
+    /// Side of a column, in metres.
     pub cell_m: f32,
     /// Metres of a height code.
     pub z_step_m: f32,
@@ -171,50 +212,53 @@ pub struct Node {
     pub z_lo: f32,
     /// Highest point above code 0, in codes; inclined columns' slopes included.
     pub z_hi: f32,
-    /// [`Node::slot_and_shift`].
+    /// [`DrawNode::slot_and_shift`].
     pub slot_and_shift: u32,
-    /// Atlas pages of the [`PLANES`] (walk, roof, attributes, strip addresses) in 24 bits, and above them how far quarters
-    /// lie below the node ([`Node::pages_and_quarters`]).
+    /// Atlas pages of the [`PLANES`] in 24 bits, and above them how far quarters lie below the node
+    /// ([`DrawNode::pages_and_quarters`]).
     pub pages: [u32; 4],
     /// Level of the node in the city, for [`Shading::Lod`].
     pub level: u32,
-    /// 1 + where the head of its mesh is in the atlas, in fours of words; 0: its columns are drawn.
+    /// 1 + place of the head of its mesh in the atlas, in vec4s. 0: its columns are drawn.
     pub mesh: u32,
-    /// The city's height zero relative to the camera, which the mesh's heights are above.
+    /// The city's height zero relative to the camera: the origin of the mesh's heights.
     pub mesh_z_m: f32,
-    /// Of a mesh: where its leaf lies among the columns ([`crate::mesh::place_in`]); else 0.
-    pub place_in: u32,
+    /// Place of a mesh's leaf among the columns ([`crate::mesh::leaf_offset`]). 0 without a mesh.
+    pub leaf_offset: u32,
 }
 
-/// Where the slot begins in [`Node::slot_and_shift`].
-const SLOT_SHIFT: u32 = 3;
-/// Where the quarter's byte begins in [`Node::pages`].
-const QUARTER_SHIFT: u32 = 24;
+/// Where the slot begins in [`DrawNode::slot_and_shift`].
+pub(crate) const SLOT_SHIFT: u32 = 3;
+/// Where the quarter's byte begins in [`DrawNode::pages`].
+pub(crate) const QUARTER_SHIFT: u32 = 24;
+/// Largest byte of a quarter.
+pub(crate) const QUARTER_MAX: u32 = 255;
 
-impl Node {
-    /// Where the summary lies (word index / [`SUMMARY_WORDS`], below 2^29) and the map's `z_shift` (at most 4: a strip row is
-    /// `16 >> z_shift` codes) in one word, so that rays read a node without a mesh in three rows.
+impl DrawNode {
+    /// The summary's slot (word index / [`SUMMARY_WORDS`], below 2^29) and the map's `z_shift` (at most 4: a strip row
+    /// is `16 >> z_shift` codes) in one word, so that rays read a node without a mesh in three rows of four words.
     pub const fn slot_and_shift(slot: u32, z_shift: u32) -> u32 {
         slot << SLOT_SHIFT | z_shift
     }
 
-    /// Pages, below 2^24, and per quarter (south-west, south-east, north-west, north-east) how far below the node's highest
-    /// point its own is, in 255ths of the node's height: so rays pass over low quarters without a look at their blocks.
+    /// Pages, below 2^24, and per quarter (south-west, south-east, north-west, north-east) how far its highest point
+    /// lies below the node's, in 255ths of the node's height. With it rays pass over low quarters without reading their
+    /// blocks.
     pub fn pages_and_quarters(pages: [u32; 4], below: [u8; 4]) -> [u32; 4] {
         std::array::from_fn(|i| pages[i] | u32::from(below[i]) << QUARTER_SHIFT)
     }
 
-    /// The page of a plane.
+    /// The atlas page of a plane.
     pub(crate) const fn page(&self, plane: usize) -> u32 {
         self.pages[plane] & ((1 << QUARTER_SHIFT) - 1)
     }
 
-    /// How far below the node's highest point a quarter's is, in 255ths of the node's height.
+    /// How far a quarter's highest point lies below the node's, in 255ths of the node's height.
     pub(crate) const fn quarter_below(&self, quarter: usize) -> u32 {
         self.pages[quarter] >> QUARTER_SHIFT
     }
 
-    /// Where the summary lies.
+    /// Slot of the summary.
     pub(crate) const fn slot(&self) -> usize {
         (self.slot_and_shift >> SLOT_SHIFT) as usize
     }
@@ -225,24 +269,41 @@ impl Node {
     }
 }
 
-/// Binding numbers in group 0 of `raycast.wgsl`.
+/// Binding numbers of the shaders, all in group 0, and locations of vertex attributes.
 pub mod binding {
-    /// Uniform [`super::Frame`].
+    /// Ray-caster: uniform [`super::FrameUniform`].
     pub const FRAME: u32 = 0;
-    /// Storage, `array<vec2<u32>>`.
+    /// Ray-caster: storage, `array<vec2<u32>>`.
     pub const GRID: u32 = 1;
-    /// Storage, `array<Node>`.
+    /// Ray-caster: storage, `array<DrawNode>`.
     pub const NODES: u32 = 2;
-    /// Storage, `array<u32>`.
+    /// Ray-caster: storage, `array<vec4<u32>>`.
     pub const SUMMARIES: u32 = 3;
-    /// Storage, `array<u32>`.
+    /// Ray-caster: storage, `array<u32>`.
     pub const ATLAS: u32 = 4;
-    /// Storage, written: `array<u32>`, r, g, b, 255 in sRGB.
+    /// Ray-caster: storage, written. `array<u32>`, r, g, b, 255 in sRGB.
     pub const COLOUR: u32 = 5;
-    /// Storage, written: `array<f32>`, metres, infinity where no column was hit.
+    /// Ray-caster: storage, written. `array<f32>`, metres, infinity where no node was hit.
     pub const DISTANCE: u32 = 6;
-    /// Storage, written: `array<u32>`, index of the node that was hit or [`super::NO_NODE`].
+    /// Ray-caster: storage, written. `array<u32>`, index of the node that was hit or [`super::NO_NODE`].
     pub const HIT: u32 = 7;
-    /// Storage, `array<vec4<u32>>`: the atlas again, for what is read in fours.
-    pub const FOURS: u32 = 8;
+    /// Ray-caster: storage, `array<vec4<u32>>`. The atlas again, for what is read four words at a time.
+    pub const ATLAS_VEC4S: u32 = 8;
+
+    /// Composition: uniform, width and height of the frame, then of the target.
+    pub const COMPOSE_SIZE: u32 = 0;
+    /// Composition: storage, the ray-caster's colours.
+    pub const COMPOSE_COLOUR: u32 = 1;
+
+    /// Hit counts: uniform, width and height of the frame.
+    pub const COUNTS_SIZE: u32 = 0;
+    /// Hit counts: storage, the ray-caster's hits.
+    pub const COUNTS_HIT: u32 = 1;
+    /// Hit counts: storage, written. Pixels of each node.
+    pub const COUNTS: u32 = 2;
+
+    /// Nearest triangle: location of a corner's place.
+    pub const LOCATION_PLACE: u32 = 0;
+    /// Nearest triangle: location of a triangle's number.
+    pub const LOCATION_NUMBER: u32 = 1;
 }

@@ -1,69 +1,72 @@
-//! Sun and sky as numbers: what a clear day's air makes of the sun at a height, worked out once and not for each pixel.
+//! The light of sun and sky for a direction of the sun, computed once a frame and not for each pixel.
 //!
-//! In: the direction to the sun. Out: [`Light`]. Next: `layout::Frame`, which `cpu::shade` and `shade.wgsl` read.
-//!
-//! The air scatters once along straight lines, by molecules (Rayleigh) and by particles (Mie), and ozone takes its part;
-//! light that is scattered again comes from everywhere alike. Coefficients and profiles: Bruneton and Neyret, "Precomputed
-//! Atmospheric Scattering", 2008, section 4, and Hillaire, "A Scalable and Production Ready Sky and Atmosphere Rendering
-//! Technique", 2020, table 1. Radiances are shares of the sun's irradiance above the air.
+//! Light is scattered once along straight lines, by molecules (Rayleigh) and by particles (Mie), and ozone absorbs
+//! some. Light that is scattered more often comes from all directions alike. Coefficients and profiles: Bruneton and
+//! Neyret, "Precomputed Atmospheric Scattering", 2008, section 4, and Hillaire, "A Scalable and Production Ready Sky
+//! and Atmosphere Rendering Technique", 2020, table 1. Radiances are shares of the sun's irradiance above the
+//! atmosphere.
 
-use crate::layout::Light;
+use crate::{cpu::shade::SKY_FALL, layout::Light};
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 const EARTH_M: f64 = 6_360_000.0;
-const AIR_M: f64 = 100_000.0;
-/// Above the ground, where the picture is taken.
+const ATMOSPHERE_M: f64 = 100_000.0;
+/// Height of the eye above the ground.
 const EYE_M: f64 = 60.0;
-/// Scattering by molecules at the ground, per metre; it falls by e each 8 km.
+/// Scattering by molecules at the ground, per metre. It falls by e every 8 km.
 const RAYLEIGH: DVec3 = DVec3::new(5.802e-6, 13.558e-6, 33.1e-6);
 const RAYLEIGH_HEIGHT_M: f64 = 8000.0;
-/// Scattering by particles; over a city there are twice as many as over the sea, for which 4e-6 is given. Small ones scatter
-/// blue more than red (Angstrom's exponent, 1.3).
+/// Scattering by particles at the ground, per metre. There are twice as many over a city as over the sea, for which
+/// 4e-6 is given. Small ones scatter blue more than red (Ångström's exponent, 1.3).
 const MIE: DVec3 = DVec3::new(6.1e-6, 8.0e-6, 10.7e-6);
-/// What particles scatter of what they take.
+/// Share of the light that particles scatter, of what they extinguish.
 const MIE_ALBEDO: f64 = 0.9;
 const MIE_HEIGHT_M: f64 = 1200.0;
-/// How far particles scatter ahead (Henyey and Greenstein).
-const MIE_AHEAD: f64 = 0.76;
-/// Absorption by ozone at 25 km, less to nothing 15 km above and below.
+/// Asymmetry of scattering by particles (Henyey and Greenstein).
+const MIE_G: f64 = 0.76;
+/// Absorption by ozone at 25 km, per metre. It falls to nothing 15 km above and below.
 const OZONE: DVec3 = DVec3::new(0.650e-6, 1.881e-6, 0.085e-6);
-/// What the ground throws back, linear RGB.
+/// Albedo of the ground, linear RGB.
 const GROUND: DVec3 = DVec3::new(0.22, 0.20, 0.18);
-/// Radiance of a night sky with a moon: a full moon's ground has some four hundred-thousandths of a sun's.
+/// Radiance of a night sky with a moon: a full moon gives the ground about 1 / 400,000 of the sun's light.
 const NIGHT: DVec3 = DVec3::new(0.45e-6, 0.65e-6, 1.1e-6);
-/// What is scattered twice, thrice and so on, for each that is scattered twice: half of it is each time.
-const AGAIN: f64 = 2.0;
-/// How the sky is shown: brighter beside what it lights, as a picture's frame of it is narrow, and bluer, as three wavelengths
-/// tell less of it than all.
-const SHOWN: DVec3 = DVec3::new(1.25, 1.3, 1.6);
-/// Steps along a ray to the eye, and along one to the sun.
+/// Light that is scattered twice or more often, relative to that scattered twice: half is scattered again each time.
+const MULTIPLE_SCATTERING: f64 = 2.0;
+/// How the sky is displayed: brighter relative to what it lights, as a frame shows only a narrow part of it, and bluer,
+/// as three wavelengths give less blue than the whole spectrum.
+const SKY_GAIN: DVec3 = DVec3::new(1.25, 1.3, 1.6);
+/// Steps along a ray to the eye.
 const STEPS: u32 = 24;
+/// Steps along a ray to the sun.
 const SUN_STEPS: u32 = 12;
-/// Brightness of the picture, and how far the eye follows the light: 1 would make night as bright as day.
+/// Brightness of a frame.
 const KEY: f64 = 1.7;
+/// How far the exposure follows the light: 1 would make night as bright as day.
 const ADAPTATION: f64 = 0.86;
-/// How far it follows the light's colour: 1 would make every light white.
+/// How far the exposure follows the light's colour: 1 would make every light white.
 const WHITE_BALANCE: f64 = 0.12;
-/// The red, green and blue of brightness (Rec. 709).
+/// Weights of red, green and blue in luminance (Rec. 709).
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
-/// What is told of one direction: light scattered once, and the share of light from everywhere that reaches the eye.
+/// Light from one direction.
 struct Scattered {
+    /// Scattered once.
     once: DVec3,
+    /// Share of the light from all directions that is scattered to the eye.
     again: DVec3,
 }
 
-/// The sky of one sun.
+/// The sky under one sun.
 struct Sky {
     sun: DVec3,
-    /// Mean radiance around the eye.
-    around: DVec3,
+    /// Mean radiance from all directions at the eye.
+    ambient: DVec3,
 }
 
 impl Light {
-    /// Light under a sun in direction `sun` (any length; below the horizon it is twilight, then night), in air that takes
-    /// half of what a surface `half_m` metres away sends.
+    /// Light under a sun in direction `sun` (any length; below the horizon it is twilight, then night), in air that
+    /// takes half of the light of a surface `half_m` metres away.
     pub fn of_sun(sun: Vec3, half_m: f32) -> Self {
         let sun = sun.as_dvec3().normalize_or(DVec3::Z);
         let sky = Sky::new(sun);
@@ -75,13 +78,13 @@ impl Light {
         let horizon = |along: DVec3| sky.radiance(along + DVec3::Z * 0.03);
         let zenith = sky.radiance(DVec3::Z - ahead * 0.15);
         let (horizon_sun, horizon_away) = (horizon(ahead), horizon(-ahead));
-        // The sky near the sun beyond what the horizon's brightness says, at 4 degrees from it.
+        // The sky 4 degrees from the sun, above what horizon and zenith give.
         let low = sun.with_z(sun.z.max(0.02)).normalize_or(ahead);
-        let beside = (low + low.cross(DVec3::Z).normalize_or(DVec3::X) * BESIDE_RAD).normalize_or(DVec3::Z);
-        let glow = (sky.radiance(beside) - blend(zenith, horizon_sun, beside.z)).max(DVec3::ZERO);
+        let near_sun = (low + low.cross(DVec3::Z).normalize_or(DVec3::X) * GLOW_AT_RAD).normalize_or(DVec3::Z);
+        let glow = (sky.radiance(near_sun) - blend(zenith, horizon_sun, near_sun.z)).max(DVec3::ZERO);
         let bounce = GROUND * (sun_light * sun.z.max(0.0) + up);
         let scaled = |v: DVec3| (v * exposure).as_vec3().extend(0.0).to_array();
-        let shade = |v: DVec3| scaled(v.lerp(DVec3::splat(luminance(v)), SHADE_NEUTRAL) * SHADE_SHOWN);
+        let shade = |v: DVec3| scaled(v.lerp(DVec3::splat(luminance(v)), SHADE_NEUTRAL) * SHADE_GAIN);
         let haze = HAZE_TINT * (std::f64::consts::LN_2 / f64::from(half_m.max(1.0)));
         Self {
             sun: scaled(sun_light / PI),
@@ -89,75 +92,77 @@ impl Light {
             sky_wall: shade(walls / PI),
             sky_side: shade(side / PI),
             bounce: scaled(bounce / PI),
-            zenith: scaled(zenith * SHOWN),
-            horizon_sun: scaled(horizon_sun * SHOWN),
-            horizon_away: scaled(horizon_away * SHOWN),
-            glow: scaled(glow * GLOW_SHOWN),
+            zenith: scaled(zenith * SKY_GAIN),
+            horizon_sun: scaled(horizon_sun * SKY_GAIN),
+            horizon_away: scaled(horizon_away * SKY_GAIN),
+            glow: scaled(glow * GLOW_GAIN),
             haze: haze.as_vec3().extend(0.0).to_array(),
             side: flat.as_vec2().to_array(),
             disc: f32::from(u8::from(sun_light.x > 0.0)),
-            pad: 0.0,
+            zero: 0.0,
         }
     }
 }
 
-/// How the sky's light on surfaces is shown: less blue, and brighter, for what reaches shade from lit ground, walls and haze has
-/// the sun's colour.
+/// Share of its colour that the sky's light on surfaces loses: light that reaches shade from lit ground, walls and haze
+/// has the sun's colour.
 const SHADE_NEUTRAL: f64 = 0.5;
-const SHADE_SHOWN: f64 = 1.3;
-/// Haze takes a little more of the blue than of the red, as air does, though less than air alone.
+/// How much brighter the sky's light on surfaces is displayed, for the same reason.
+const SHADE_GAIN: f64 = 1.3;
+/// Haze takes more blue than red, as air does, but less so than pure air.
 const HAZE_TINT: DVec3 = DVec3::new(0.85, 1.0, 1.2);
-/// Where the glow is measured, and what is left of it there (`cpu::shade`).
-const BESIDE_RAD: f64 = 0.07;
-const GLOW_BESIDE: f64 = 0.90;
-/// How much of it is shown: less than there is, or it leaves no colour in the sky.
-const GLOW_SHOWN: f64 = 0.5 / GLOW_BESIDE;
+/// Angle from the sun at which the glow is measured.
+const GLOW_AT_RAD: f64 = 0.07;
+/// Share of the glow at that angle (`cpu::shade`).
+const GLOW_SHARE: f64 = 0.90;
+/// How much of the glow is displayed: more would leave no colour in the sky.
+const GLOW_GAIN: f64 = 0.5 / GLOW_SHARE;
 
-/// How a clear sky goes over from the horizon to the zenith; `cpu::shade` does the same.
+/// The clear sky between horizon and zenith, as `cpu::shade` draws it.
 fn blend(zenith: DVec3, horizon: DVec3, up: f64) -> DVec3 {
-    zenith.lerp(horizon, (-4.5 * up).exp())
+    zenith.lerp(horizon, (-f64::from(SKY_FALL) * up).exp())
 }
 
 fn luminance(rgb: DVec3) -> f64 {
     rgb.dot(LUMINANCE)
 }
 
-/// What makes a picture of light: it is brighter and its colour more even than what there is.
+/// Factors from radiance to displayed light.
 fn exposure(light: DVec3) -> DVec3 {
     let bright = luminance(light).max(1e-7);
     let balance = (light / bright).powf(-WHITE_BALANCE);
     balance / luminance(balance * light / bright) * (KEY * PI.sqrt() / bright.powf(ADAPTATION))
 }
 
-/// What of the sun arrives: irradiance of a surface that faces it. The disc sets while its height goes from +0.3 to -0.8
-/// degrees, air's refraction included.
+/// Irradiance of a surface that faces the sun. The disc sets while its height goes from +0.3 to -0.8 degrees, with the
+/// refraction of the air.
 fn sun_light(sun: DVec3) -> DVec3 {
     let height_deg = sun.z.clamp(-1.0, 1.0).asin().to_degrees();
     let share = ((height_deg + 0.8) / 1.1).clamp(0.0, 1.0);
     // Below the horizon the last light comes along it.
-    let seen = sun.with_z(sun.z.max(0.001)).normalize_or(DVec3::Z);
-    transmittance(EYE_M, seen.z) * share
+    let visible = sun.with_z(sun.z.max(0.001)).normalize_or(DVec3::Z);
+    transmittance(EYE_M, visible.z) * share
 }
 
-/// Shares of the ground's densities: molecules, particles, ozone (of its own most).
+/// Densities of molecules and particles relative to the ground, and of ozone relative to its maximum.
 fn densities(height_m: f64) -> [f64; 3] {
     let ozone = 1.0 - (height_m - 25_000.0).abs() / 15_000.0;
     [(-height_m / RAYLEIGH_HEIGHT_M).exp(), (-height_m / MIE_HEIGHT_M).exp(), ozone.max(0.0)]
 }
 
-/// What the air takes away per metre.
+/// Extinction of the air per metre.
 fn extinction([molecules, particles, ozone]: [f64; 3]) -> DVec3 {
     RAYLEIGH * molecules + MIE * (particles / MIE_ALBEDO) + OZONE * ozone
 }
 
-/// Metres to the end of the air from a height, along a ray with the cosine `up` to the vertical.
-fn way_m(height_m: f64, up: f64) -> f64 {
+/// Metres to the end of the atmosphere from a height, along a ray with the cosine `up` to the vertical.
+fn path_m(height_m: f64, up: f64) -> f64 {
     let r = EARTH_M + height_m;
     let b = r * up;
-    (b * b + (EARTH_M + AIR_M).powi(2) - r * r).max(0.0).sqrt() - b
+    (b * b + (EARTH_M + ATMOSPHERE_M).powi(2) - r * r).max(0.0).sqrt() - b
 }
 
-/// Light that comes through the air to a height from a direction; none through the Earth.
+/// Share of the light from a direction that reaches a height; none through the Earth.
 fn transmittance(height_m: f64, up: f64) -> DVec3 {
     let r = EARTH_M + height_m;
     let nearest_m = r * (1.0 - up * up).max(0.0).sqrt();
@@ -165,16 +170,16 @@ fn transmittance(height_m: f64, up: f64) -> DVec3 {
         return DVec3::ZERO;
     }
     let mut depth = DVec3::ZERO;
-    along(way_m(height_m, up), SUN_STEPS, |t, step| {
+    along(path_m(height_m, up), SUN_STEPS, |t, step| {
         let h = (r * r + t * t + 2.0 * r * t * up).sqrt() - EARTH_M;
         depth += extinction(densities(h.max(0.0))) * step;
     });
     (-depth).exp()
 }
 
-/// Visits a way in steps that grow, as the air is thickest where it begins: middle and length of each.
-fn along(way_m: f64, steps: u32, mut visit: impl FnMut(f64, f64)) {
-    let at = |k: u32| (f64::from(k) / f64::from(steps)).powi(2) * way_m;
+/// Visits middle and length of steps along a path. They grow, as the air is thickest where the path begins.
+fn along(path_m: f64, steps: u32, mut visit: impl FnMut(f64, f64)) {
+    let at = |k: u32| (f64::from(k) / f64::from(steps)).powi(2) * path_m;
     for k in 0..steps {
         let (begin, end) = (at(k), at(k + 1));
         visit((begin + end) * 0.5, end - begin);
@@ -183,25 +188,25 @@ fn along(way_m: f64, steps: u32, mut visit: impl FnMut(f64, f64)) {
 
 impl Sky {
     fn new(sun: DVec3) -> Self {
-        let mut sky = Self { sun, around: DVec3::ZERO };
+        let mut sky = Self { sun, ambient: DVec3::ZERO };
         let (mut once, mut weight) = (DVec3::ZERO, 0.0);
         sky.hemisphere(|_, light, share| {
             once += light.once * share;
             weight += share;
         });
         let lit_ground = GROUND * (sun_light(sun) * sun.z.max(0.0) + once / weight * PI) / PI;
-        sky.around = (once / weight + lit_ground) * 0.5 * AGAIN;
+        sky.ambient = (once / weight + lit_ground) * 0.5 * MULTIPLE_SCATTERING;
         sky
     }
 
-    /// Directions over the horizon, with their solid angles.
+    /// Visits directions above the horizon, their light and their solid angle.
     fn hemisphere(&self, mut visit: impl FnMut(DVec3, Scattered, f64)) {
         const RINGS: u32 = 4;
         const ROUND: u32 = 8;
         for ring in 0..RINGS {
             let z = (f64::from(ring) + 0.5) / f64::from(RINGS);
-            for turn in 0..ROUND {
-                let angle = (f64::from(turn) + 0.5) / f64::from(ROUND) * TAU;
+            for azimuth in 0..ROUND {
+                let angle = (f64::from(azimuth) + 0.5) / f64::from(ROUND) * TAU;
                 let flat = (1.0 - z * z).sqrt();
                 let dir = DVec3::new(angle.cos() * flat, angle.sin() * flat, z);
                 visit(dir, self.scattered(dir), TAU / f64::from(RINGS * ROUND));
@@ -209,8 +214,8 @@ impl Sky {
         }
     }
 
-    /// Irradiance of a surface that looks up; of one that sees the horizon's half of the sky, doubled as a wall sees but
-    /// half of it; and how much more than that walls towards the sun have.
+    /// Irradiance of a surface that faces up; of walls, as the mean of all azimuths and doubled, as a wall sees half of
+    /// the sky; and of walls towards the sun above that mean.
     fn irradiance(&self) -> (DVec3, DVec3, DVec3) {
         let flat = DVec2::new(self.sun.x, self.sun.y).normalize_or(DVec2::Y);
         let (mut up, mut towards, mut away) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
@@ -225,10 +230,10 @@ impl Sky {
     }
 
     fn sum(&self, light: &Scattered, up: f64) -> DVec3 {
-        light.once + light.again * self.around + NIGHT * (1.4 - up)
+        light.once + light.again * self.ambient + NIGHT * (1.4 - up)
     }
 
-    /// Radiance of the sky in a direction over the horizon.
+    /// Radiance of the sky in a direction above the horizon.
     fn radiance(&self, dir: DVec3) -> DVec3 {
         let dir = dir.normalize_or(DVec3::Z);
         self.sum(&self.scattered(dir), dir.z)
@@ -237,11 +242,11 @@ impl Sky {
     fn scattered(&self, dir: DVec3) -> Scattered {
         let cos = dir.dot(self.sun);
         let by_molecules = 3.0 / (16.0 * PI) * (1.0 + cos * cos);
-        let g = MIE_AHEAD;
+        let g = MIE_G;
         let by_particles = (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * cos).powf(1.5));
         let eye = DVec3::Z * (EARTH_M + EYE_M);
         let (mut once, mut again, mut depth) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-        along(way_m(EYE_M, dir.z), STEPS, |t, step| {
+        along(path_m(EYE_M, dir.z), STEPS, |t, step| {
             let p = eye + dir * t;
             let r = p.length();
             let density = densities((r - EARTH_M).max(0.0));
@@ -271,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn every_hour_has_light_and_all_numbers_are_finite() {
+    fn every_height_of_the_sun_gives_finite_light() {
         for height_deg in -90..=90 {
             let light = at(height_deg as f32);
             for value in bytemuck::cast_slice::<Light, f32>(&[light]) {
@@ -280,7 +285,7 @@ mod tests {
             assert!(brightness(light.sky_up) > 0.02 && brightness(light.zenith) > 0.003, "{height_deg}: {light:?}");
             assert!(
                 brightness(light.sky_wall) > brightness(light.sky_side).abs(),
-                "{height_deg}: a wall in minus light"
+                "{height_deg}: a wall receives negative light"
             );
         }
     }
@@ -292,7 +297,7 @@ mod tests {
         let warmth = |light: &Light| light.sun[0] / light.sun[2];
         assert!(warmth(&late) > 1.5 * warmth(&noon) && warmth(&noon) < 1.4, "{} {}", warmth(&noon), warmth(&late));
         assert!(late.horizon_sun[0] > late.horizon_away[0]);
-        // A clear sky gives a surface that looks up about a tenth to a fifth of what the high sun gives it.
+        // A clear sky gives a surface that faces up about a tenth to a fifth of what the high sun gives it.
         let share = brightness(noon.sky_up) / brightness(noon.sun);
         assert!((0.08..0.25).contains(&share), "{share}");
     }

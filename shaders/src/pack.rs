@@ -1,48 +1,76 @@
-//! A V-BlockMap as the ray-caster reads it: pages of words.
-//!
-//! In: a decoded [`BlockMap`]. Out: [`PackedNode`]. Next: the client's cache gives it pages and a slot, `cpu::raycast` and
-//! `raycast.wgsl` walk it.
+//! A V-BlockMap as the ray-caster reads it: pages of words. The client's cache assigns pages of the atlas and a slot for
+//! its summary.
 //!
 //! | page | word of column i |
 //! |---|---|
-//! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8). With [`flag::GAP`] the first two are the gap, so that a ray below an overhang reads no more: where what is above it begins, and where what is below it ends (or what is beyond the plane that clips the column, if that is higher) |
+//! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8). With [`flag::GAP`] the two heights are those of the gap, so that a ray below an overhang reads nothing else: where the part above the gap begins, and where the part below it (or beyond the clipping plane, if that is higher) ends |
 //! | 1 roof | texel |
 //! | 2 attributes | roof normal (16), wall azimuth (8), offset of the plane that clips the column (8, signed) |
-//! | 3 strips | address of its strip: a word of the atlas (0 if none) |
-//! | 4... | strips; one never crosses a page. With [`flag::GAP`] two words before the texels are the gap, `low \| high << 16`, and `z_max \| z_min << 12`; with [`flag::CLIPPED`] two words before that are [`clip_word`] and the texel beyond |
+//! | 3 strips | address of the column's strip: a word of the atlas, 0 without a strip |
+//! | 4... | strips; none crosses a page. With [`flag::GAP`] the two words before the texels are the gap, `low \| high << 16`, and `z_max \| z_min << 12`; with [`flag::CLIPPED`] the two words before those are [`clip_word`] and the texel beyond the plane |
 
-use crate::layout::{BLOCK_CELLS, BLOCKS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
+use crate::layout::{
+    ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX, ROOF_PLANE,
+    STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
+};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
     blockmap::{COLUMNS, ColumnClip, STEPS_PER_CELL, flag, strip_rows},
     octahedral,
+    texel::ALPHA_MAX,
 };
+
+/// Bits of a height in a word of the walk plane or of a column's bounds.
+pub(crate) const HEIGHT_BITS: u32 = 12;
+/// A height in such a word, shifted down.
+pub(crate) const HEIGHT_MASK: u32 = (1 << HEIGHT_BITS) - 1;
+/// Where the flags begin in a word of the walk plane.
+pub(crate) const FLAGS_SHIFT: u32 = 24;
+/// Where the azimuth begins in an attribute or a [`clip_word`].
+pub(crate) const AZIMUTH_SHIFT: u32 = 16;
+/// Azimuths of a full turn.
+pub(crate) const AZIMUTHS: u32 = 256;
+/// Where the plane's offset begins in an attribute or a [`clip_word`].
+pub(crate) const CLIP_OFFSET_SHIFT: u32 = 24;
+/// In a [`clip_word`]: there is a second plane.
+pub const CLIP_CORNER: u32 = 1 << HEIGHT_BITS;
+/// In a [`clip_word`]: the column fills the inner side of either plane, not of both.
+pub const CLIP_CONCAVE: u32 = 1 << 13;
+/// Where the coverage begins in a texel.
+pub(crate) const ALPHA_SHIFT: u32 = 24;
+/// Coverage of an opaque texel.
+pub(crate) const OPAQUE_ALPHA: u32 = ALPHA_MAX as u32;
+/// Where the visible share of the sky begins in a texel.
+pub(crate) const AO_SHIFT: u32 = 26;
+/// Least z of a top's normal: a steeper one could not be seen from above, and the bake never writes it.
+pub(crate) const MIN_NORMAL_Z: f32 = 0.1;
 
 /// One page's words.
 pub type Page = Box<[u32]>;
 
-/// A node in pages; strip addresses are still relative to the first strip page.
+/// A node in pages. Until [`PackedNode::relocate`], strip addresses are relative to the first strip page.
 #[derive(Debug, Clone)]
 pub struct PackedNode {
     /// [`PLANES`] planes, then strip pages, each of [`PAGE_WORDS`] words.
     pub pages: Vec<Page>,
-    /// Lowest and highest height codes per block, and tops per quad.
+    /// Bounds of each block and tops of its quads, as [`SUMMARY_WORDS`] says.
     pub summary: [u32; SUMMARY_WORDS],
-    /// Side of a column.
+    /// Side of a column, in metres.
     pub cell_m: f32,
     /// Metres of a height code.
     pub z_step_m: f32,
-    /// Height of code 0 above the city's origin.
+    /// Height of code 0 above the city's origin, in metres.
     pub z_base_m: f64,
-    /// Lowest and highest point in codes, slopes included.
+    /// Lowest and highest point in height codes, slopes included.
     pub z_range: [f32; 2],
-    /// How far quarters lie below it, as [`Node::pages_and_quarters`](crate::layout::Node::pages_and_quarters) wants it.
+    /// How far its quarters lie below it, for
+    /// [`DrawNode::pages_and_quarters`](crate::layout::DrawNode::pages_and_quarters).
     pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,
 }
 
-/// Pages that `map` takes, without packing it.
+/// Number of pages that `map` takes when packed.
 pub fn page_count(map: &BlockMap) -> usize {
     let mut layout = StripLayout::default();
     for i in 0..COLUMNS {
@@ -51,11 +79,10 @@ pub fn page_count(map: &BlockMap) -> usize {
     PLANES + layout.pages
 }
 
-/// Slope of an inclined column in height codes per cell along x and y; the plane rises against the normal.
+/// Slope of an inclined column's top in height codes per cell along x and y: the plane rises against its normal.
 pub fn slope_codes(normal_code: u16, z_shift: u32) -> [f32; 2] {
     let n = octahedral::decode(normal_code);
-    // A top that leans so far that it could not be seen from above is no top; the bake never writes one.
-    let scale = -(f32::from(STEPS_PER_CELL >> z_shift)) / n[2].max(0.1);
+    let scale = -(f32::from(STEPS_PER_CELL >> z_shift)) / n[2].max(MIN_NORMAL_Z);
     [n[0] * scale, n[1] * scale]
 }
 
@@ -67,27 +94,29 @@ fn strip_words(map: &BlockMap, i: usize) -> usize {
     usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1) + head_words(flags)
 }
 
-/// What a clipped column has besides its azimuth and offset: top of what is beyond (12 bits, 0 if nothing is), whether it is
-/// a corner (1), a concave one (1), two bits of zero, azimuth (8) and offset (8, signed) of the corner's second plane.
+/// A clipped column's data besides its azimuth and offset: top of the part beyond the plane (12 bits, 0 if
+/// there is none), [`CLIP_CORNER`], [`CLIP_CONCAVE`], two bits of zero, azimuth (8) and offset (8, signed) of the
+/// corner's second plane.
 pub fn clip_word(clip: &ColumnClip) -> u32 {
     let top = u32::from(clip.outer.map_or(0, |outer| outer.z));
     let corner = clip.corner.map_or(0, |c| {
-        CORNER | if c.concave { CONCAVE } else { 0 } | u32::from(c.azimuth) << 16 | u32::from(c.offset as u8) << 24
+        let concave = if c.concave { CLIP_CONCAVE } else { 0 };
+        CLIP_CORNER | concave | plane_bits(c.azimuth, c.offset)
     });
     top | corner
 }
 
-/// In a [`clip_word`]: there is a second plane.
-pub const CORNER: u32 = 1 << 12;
-/// In a [`clip_word`]: the column fills the inner side of either plane, not of both.
-pub const CONCAVE: u32 = 1 << 13;
+fn plane_bits(azimuth: u8, offset: i8) -> u32 {
+    u32::from(azimuth) << AZIMUTH_SHIFT | u32::from(offset as u8) << CLIP_OFFSET_SHIFT
+}
 
-/// Words before a strip's texels: [`clip_word`] and the texel beyond of a clipped column, then the gap and the column's bounds.
+/// Words before a strip's texels: a clipped column's [`clip_word`] and the texel beyond its plane, then the gap and the
+/// column's bounds.
 pub fn head_words(flags: u8) -> usize {
     (usize::from(flags & flag::CLIPPED != 0) + usize::from(flags & flag::GAP != 0)) * 2
 }
 
-/// Places strips one after the other, none across a page.
+/// Lays strips out one after the other, none across a page.
 #[derive(Default)]
 struct StripLayout {
     pages: usize,
@@ -95,7 +124,8 @@ struct StripLayout {
 }
 
 impl StripLayout {
-    /// Word, relative to the first strip page, where `words` go. A strip is shorter than a page: 4095 codes at most.
+    /// Word, relative to the first strip page, of a strip of `words`. A strip is shorter than a page: 4095 codes at
+    /// most.
     fn place(&mut self, words: usize) -> usize {
         if words == 0 {
             return 0;
@@ -111,31 +141,30 @@ impl StripLayout {
 }
 
 impl PackedNode {
-    /// Packs a decoded map (whose decoder has checked every height and length).
+    /// Packs a decoded map, whose decoder has checked every height and length.
     pub fn new(map: &BlockMap) -> Self {
         let mut pages: Vec<Page> = vec![vec![0; PAGE_WORDS].into(); page_count(map)];
         let mut layout = StripLayout::default();
         let (mut gaps, mut clips, mut strips) = (map.gaps.iter(), map.clips.iter(), &map.strips[..]);
         for i in 0..COLUMNS {
             let flags = map.flags[i];
-            let bounds = u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << 12;
-            pages[0][i] = bounds | u32::from(flags) << 24;
-            pages[1][i] = map.roof[i].0;
+            let bounds = u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << HEIGHT_BITS;
+            pages[WALK_PLANE][i] = bounds | u32::from(flags) << FLAGS_SHIFT;
+            pages[ROOF_PLANE][i] = map.roof[i].0;
             let clip = (flags & flag::CLIPPED != 0).then(|| clips.next()).flatten();
-            let offset = clip.map_or(0, |clip| clip.offset as u8);
-            pages[2][i] =
-                u32::from(map.roof_normal[i]) | u32::from(map.wall_azimuth[i]) << 16 | u32::from(offset) << 24;
+            let offset = clip.map_or(0, |clip| clip.offset);
+            pages[ATTRIBUTE_PLANE][i] = u32::from(map.roof_normal[i]) | plane_bits(map.wall_azimuth[i], offset);
             let words = strip_words(map, i);
             if words == 0 {
                 continue;
             }
             let at = layout.place(words);
-            pages[3][i] = at as u32;
+            pages[STRIP_PLANE][i] = at as u32;
             let outer = clip.map(|clip| [clip_word(clip), clip.outer.map_or(0, |outer| outer.roof.0)]);
             let gap = (flags & flag::GAP != 0).then(|| gaps.next()).flatten();
             let gap = gap.map(|[low, high]| {
                 let solid = u32::from(*low).max(clip.and_then(|clip| clip.outer).map_or(0, |outer| u32::from(outer.z)));
-                pages[0][i] = u32::from(*high) | solid << 12 | u32::from(flags) << 24;
+                pages[WALK_PLANE][i] = u32::from(*high) | solid << HEIGHT_BITS | u32::from(flags) << FLAGS_SHIFT;
                 [u32::from(*low) | u32::from(*high) << 16, bounds]
             });
             let page = &mut pages[PLANES + at / PAGE_WORDS][at % PAGE_WORDS..][..words];
@@ -149,13 +178,13 @@ impl PackedNode {
                 *word = texel.0;
             }
         }
-        let (summary, z_range, below) = summarise(map);
+        let NodeSummary { words: summary, z_range, below } = summarise(map);
         let (cell_m, z_step_m, z_base_m) = (map.cell_m, map.z_step_m(), map.z_base_m());
         Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, below, z_shift: u32::from(map.z_shift) }
     }
 
-    /// Makes strip addresses absolute, once the cache has said which atlas pages the node gets (one per entry of
-    /// [`PackedNode::pages`], in order).
+    /// Makes strip addresses absolute. `atlas_pages` are the pages that the cache has assigned, one per entry of
+    /// [`PackedNode::pages`].
     pub fn relocate(&mut self, atlas_pages: &[u32]) {
         let count = self.pages.len();
         let (planes, strips) = self.pages.split_at_mut(PLANES.min(count));
@@ -164,7 +193,7 @@ impl PackedNode {
         }
         let [walk, .., addresses] = planes else { return };
         for (word, walk) in addresses.iter_mut().zip(walk.iter()) {
-            if (walk >> 24) as u8 & flag::EXPOSED != 0 {
+            if (walk >> FLAGS_SHIFT) as u8 & flag::EXPOSED != 0 {
                 let at = *word as usize;
                 *word = atlas_pages[PLANES + at / PAGE_WORDS] * PAGE_WORDS as u32 + (at % PAGE_WORDS) as u32;
             }
@@ -172,12 +201,20 @@ impl PackedNode {
     }
 }
 
-/// Per block the lowest bottom and the highest top (slopes included) and its quads' tops, bottom and top of the whole node, and
-/// how far its quarters lie below that.
-fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2], [u8; 4]) {
+/// Bounds of a node's height, for rays that pass above or below its parts.
+struct NodeSummary {
+    /// As [`SUMMARY_WORDS`] says.
+    words: [u32; SUMMARY_WORDS],
+    /// Lowest and highest point in height codes, slopes included.
+    z_range: [f32; 2],
+    /// How far the quarters lie below the highest point, in 255ths of the node's height.
+    below: [u8; 4],
+}
+
+fn summarise(map: &BlockMap) -> NodeSummary {
+    const BLOCKS: usize = NODE_BLOCKS * NODE_BLOCKS;
     let mut bounds = [[u32::from(u16::MAX), 0]; BLOCKS];
     let mut quads = [[0u32; 16]; BLOCKS];
-    let block_cells = BLOCK_CELLS as usize;
     for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0) {
         let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
         let mut top = u32::from(map.z_max[i]);
@@ -186,7 +223,7 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2], [u8; 4]) {
             top += (0.5 * (sx.abs() + sy.abs())).ceil() as u32;
         }
         let top = top.min(u32::from(u16::MAX));
-        let at = y / block_cells * (NODE_CELLS / block_cells) + x / block_cells;
+        let at = y / BLOCK_CELLS * NODE_BLOCKS + x / BLOCK_CELLS;
         let block = &mut bounds[at];
         block[0] = block[0].min(u32::from(map.z_min[i]));
         block[1] = block[1].max(top);
@@ -197,7 +234,7 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2], [u8; 4]) {
     let high = bounds.iter().map(|b| b[1]).max().unwrap_or(0);
     let mut tops = [low; 4];
     for (at, [_, top]) in bounds.iter().enumerate() {
-        let half = NODE_CELLS / block_cells / 2;
+        let half = NODE_BLOCKS / 2;
         let quarter = at / half % 2 + at / (BLOCKS / 2) * 2;
         tops[quarter] = tops[quarter].max(*top);
     }
@@ -207,14 +244,14 @@ fn summarise(map: &BlockMap) -> ([u32; SUMMARY_WORDS], [f32; 2], [u8; 4]) {
     for (block, [low, high]) in bounds.into_iter().enumerate() {
         let words = &mut summary[block * 4..][..4];
         for (word, byte) in words.iter_mut().zip([low, low >> 8, high, high >> 8]) {
-            *word = byte << 24;
+            *word = byte << SUMMARY_BYTE_SHIFT;
         }
-        let share = |top: u32| (top.saturating_sub(low) * 63).div_ceil((high.max(low) - low).max(1));
+        let share = |top: u32| (top.saturating_sub(low) * QUAD_TOP_MAX).div_ceil((high.max(low) - low).max(1));
         for (quad, top) in quads[block].into_iter().enumerate() {
-            words[quad / 4] |= share(top).min(63) << (quad % 4 * 6);
+            words[quad / 4] |= share(top).min(QUAD_TOP_MAX) << (quad as u32 % 4 * QUAD_TOP_BITS);
         }
     }
-    (summary, [low as f32, high as f32], below)
+    NodeSummary { words: summary, z_range: [low as f32, high as f32], below }
 }
 
 #[cfg(test)]
@@ -232,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn planes_lie_beside_azimuths_and_before_gaps() {
+    fn clipping_planes_are_packed_with_azimuths_and_before_gaps() {
         let mut columns = vec![None; COLUMNS];
         let corner = Some(CornerWall { azimuth: 200, offset: -2, concave: true });
         let outer = Some(OuterTop { z: 30, roof: Texel(0xc0ffee) });
@@ -243,7 +280,7 @@ mod tests {
         let packed = PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap());
         assert_eq!(packed.pages[2][9] >> 16, 0xfd07);
         let at = |i: usize| &packed.pages[PLANES][packed.pages[3][i] as usize..];
-        let clip = [30 | CORNER | CONCAVE | 200 << 16 | 0xfe << 24, 0xc0ffee];
+        let clip = [30 | CLIP_CORNER | CLIP_CONCAVE | 200 << 16 | 0xfe << 24, 0xc0ffee];
         assert_eq!((&at(9)[..2], &at(9)[2..4]), (&clip[..], &[100 | 200 << 16, 400 | 5 << 12][..]));
         assert_eq!(Texel(at(9)[4]).rgb(), [0, 1, 2]);
         assert_eq!(at(10)[..2], [0, 0]);
@@ -252,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn strips_are_found_again_and_never_cross_a_page() {
+    fn relocated_strips_are_found_and_never_cross_a_page() {
         let mut columns = vec![None; COLUMNS];
         for i in 0..100 {
             columns[i * 3] = Some(tall(5, 4000 - i as u16, (i % 2 == 0).then_some([100, 200])));
@@ -277,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn summaries_hold_slopes() {
+    fn summaries_bound_slopes_and_quarters() {
         let mut columns = vec![None; COLUMNS];
         let roof_normal = octahedral::encode([0.5, 0.0, 0.866]);
         columns[8] = Some(MapColumn { z_min: 10, z_max: 20, inclined: true, roof_normal, ..MapColumn::default() });
@@ -286,7 +323,7 @@ mod tests {
         assert_eq!(packed.summary[..4], [0xff << 24, 0xff << 24, 0, 0], "an empty block");
         assert_eq!(packed.z_range[0], 10.0);
         assert_eq!(packed.below, [0, 255, 255, 255], "all but the south-west quarter are empty");
-        // Column 8 is in the first quad of the second block, and its highest.
+        // MapColumn 8 is in the first quad of the second block, and its highest.
         assert_eq!(packed.summary[4], 63 | 10 << 24);
         assert!((25..=26).contains(&(packed.summary[6] >> 24)), "{}", packed.summary[6] >> 24);
         assert_eq!([packed.summary[5], packed.summary[6] & 0xff_ffff, packed.summary[7]], [0, 0, 0]);

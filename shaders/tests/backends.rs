@@ -1,8 +1,8 @@
-//! The WGSL can be said in the languages of all drivers that the client may meet, not only in those of the machine at hand.
+//! The WGSL translates into the languages of all drivers that the client may meet, not only of this machine's.
 //!
-//! It shows that each translation is possible, not that a driver takes it: that needs the machine.
+//! Whether a driver accepts the translation needs a machine with that driver.
 
-use insula_shaders::{COMPOSE_WGSL, NEAREST_WGSL, RAYCAST_WGSL, TALLY_WGSL};
+use insula_shaders::wgsl;
 use naga::{
     Module, ShaderStage,
     back::{PipelineConstants, glsl, hlsl, msl, pipeline_constants::process_overrides, spv},
@@ -10,7 +10,7 @@ use naga::{
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
 
-/// One program of a module, its switches set.
+/// One entry point of a module with its overrides set.
 struct Program<'a> {
     module: &'a Module,
     info: &'a ModuleInfo,
@@ -18,24 +18,27 @@ struct Program<'a> {
     name: &'a str,
 }
 
-/// Tries `translate` on each program of each source, with each switch on and off; how many there were.
-fn each(translate: impl Fn(&Program<'_>) -> Result<usize, String>) -> usize {
+/// Runs `translate` on each entry point of each source, with each override on and off. Returns the number of programs.
+fn translate_all(translate: impl Fn(&Program<'_>) -> Result<usize, String>) -> usize {
     let mut programs = 0;
-    for (file, source) in
-        [("raycast", RAYCAST_WGSL), ("compose", COMPOSE_WGSL), ("tally", TALLY_WGSL), ("nearest", NEAREST_WGSL)]
-    {
-        let module = naga::front::wgsl::parse_str(source).expect(file);
+    for (file, source) in [
+        ("raycast", wgsl::raycast()),
+        ("compose", wgsl::compose()),
+        ("hit_counts", wgsl::hit_counts()),
+        ("nearest", wgsl::nearest()),
+    ] {
+        let module = naga::front::wgsl::parse_str(&source).expect(file);
         let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).expect(file);
         for on in 0..1u32 << module.overrides.len() {
-            let names = module.overrides.iter().filter_map(|(_, switch)| switch.name.clone());
-            let switches: PipelineConstants =
+            let names = module.overrides.iter().filter_map(|(_, found)| found.name.clone());
+            let overrides: PipelineConstants =
                 names.enumerate().map(|(bit, name)| (name, f64::from(on >> bit & 1))).collect();
             for point in &module.entry_points {
                 let (stage, name) = (point.stage, &point.name[..]);
-                let (module, info) = process_overrides(&module, &info, Some((stage, name)), &switches).expect(file);
+                let (module, info) = process_overrides(&module, &info, Some((stage, name)), &overrides).expect(file);
                 let length = translate(&Program { module: &module, info: &info, stage, name })
-                    .unwrap_or_else(|error| panic!("{file}, {name}, {switches:?}: {error}"));
-                assert!(length > 100, "{file}, {name}: nothing came of it");
+                    .unwrap_or_else(|error| panic!("{file}, {name}, {overrides:?}: {error}"));
+                assert!(length > 100, "{file}, {name}: an empty translation");
                 programs += 1;
             }
         }
@@ -44,23 +47,23 @@ fn each(translate: impl Fn(&Program<'_>) -> Result<usize, String>) -> usize {
 }
 
 #[test]
-fn metal() {
+fn translates_to_metal() {
     let options = msl::Options { lang_version: (2, 1), ..msl::Options::default() };
-    let programs = each(|program| {
+    let programs = translate_all(|program| {
         let entry_point = Some((program.stage, program.name.to_owned()));
         let pipeline = msl::PipelineOptions { entry_point, ..msl::PipelineOptions::default() };
         let mut writer = msl::Writer::new(String::new());
         writer.write(program.module, program.info, &options, &pipeline).map_err(|e| e.to_string())?;
         Ok(writer.finish().len())
     });
-    // Three switches of the ray-caster make eight of it.
+    // The ray-caster has three overrides, which make eight programs.
     assert!(programs >= 8 + 3, "{programs}");
 }
 
 #[test]
-fn direct3d() {
+fn translates_to_direct3d() {
     let options = hlsl::Options::default();
-    each(|program| {
+    translate_all(|program| {
         let pipeline = hlsl::PipelineOptions { entry_point: Some((program.stage, program.name.to_owned())) };
         let mut out = String::new();
         hlsl::Writer::new(&mut out, &options, &pipeline)
@@ -71,9 +74,9 @@ fn direct3d() {
 }
 
 #[test]
-fn opengl() {
+fn translates_to_opengl() {
     let options = glsl::Options::default();
-    each(|program| {
+    translate_all(|program| {
         let pipeline = glsl::PipelineOptions {
             shader_stage: program.stage,
             entry_point: program.name.to_owned(),
@@ -89,9 +92,9 @@ fn opengl() {
 }
 
 #[test]
-fn vulkan() {
+fn translates_to_vulkan() {
     let options = spv::Options::default();
-    each(|program| {
+    translate_all(|program| {
         let pipeline = spv::PipelineOptions { shader_stage: program.stage, entry_point: program.name.to_owned() };
         let words = spv::write_vec(program.module, program.info, &options, Some(&pipeline));
         words.map(|words| words.len() * 4).map_err(|e| e.to_string())

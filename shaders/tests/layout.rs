@@ -1,8 +1,8 @@
-//! The WGSL is valid with the capabilities that the client asks for (none), and its structs lie as Rust's do.
+//! The WGSL is valid without optional capabilities, and its structs have the layout of Rust's.
 
 use insula_shaders::{
-    COMPOSE_WGSL, RAYCAST_WGSL, TALLY_WGSL,
-    layout::{Frame, Light, Node, WORKGROUP},
+    layout::{DrawNode, FrameUniform, Light, WORKGROUP},
+    wgsl,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use std::mem::offset_of;
@@ -15,10 +15,10 @@ fn module(source: &str) -> naga::Module {
     module
 }
 
-/// Span and member offsets of a struct as WGSL lays it out.
+/// Span and member offsets of a struct in WGSL.
 fn wgsl_layout(module: &naga::Module, name: &str) -> (usize, Vec<(String, usize)>) {
     let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).expect(name);
-    let naga::TypeInner::Struct { members, span } = &found.1.inner else { panic!("{name} is no struct") };
+    let naga::TypeInner::Struct { members, span } = &found.1.inner else { panic!("{name} is not a struct") };
     let members = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
     (*span as usize, members)
 }
@@ -33,11 +33,11 @@ macro_rules! assert_layout {
 }
 
 #[test]
-fn structs_lie_alike() {
-    let module = module(RAYCAST_WGSL);
+fn structs_have_the_same_layout() {
+    let module = module(&wgsl::raycast());
     assert_layout!(
         &module,
-        Frame {
+        FrameUniform {
             forward,
             width_px,
             right,
@@ -75,31 +75,36 @@ fn structs_lie_alike() {
             haze,
             side,
             disc,
-            pad,
+            zero,
         }
     );
-    // Rows of four: `place` is corner and cell_m, `z` is z_step_m to slot_and_shift.
-    let (span, members) = wgsl_layout(&module, "Node");
+    // WGSL reads it in rows of four words: `heights` is z_step_m to slot_and_shift.
+    let (span, members) = wgsl_layout(&module, "DrawNode");
     let rust = [
-        ("place", offset_of!(Node, corner)),
-        ("z", offset_of!(Node, z_step_m)),
-        ("pages", offset_of!(Node, pages)),
-        ("level", offset_of!(Node, level)),
-        ("mesh", offset_of!(Node, mesh)),
-        ("mesh_z_m", offset_of!(Node, mesh_z_m)),
-        ("place_in", offset_of!(Node, place_in)),
+        ("corner_and_cell_m", offset_of!(DrawNode, corner)),
+        ("heights", offset_of!(DrawNode, z_step_m)),
+        ("pages", offset_of!(DrawNode, pages)),
+        ("level", offset_of!(DrawNode, level)),
+        ("mesh", offset_of!(DrawNode, mesh)),
+        ("mesh_z_m", offset_of!(DrawNode, mesh_z_m)),
+        ("leaf_offset", offset_of!(DrawNode, leaf_offset)),
     ];
     assert_eq!(members, rust.map(|(name, at)| (name.to_owned(), at)));
-    assert_eq!((span, offset_of!(Node, cell_m), offset_of!(Node, slot_and_shift)), (size_of::<Node>(), 12, 28));
-    assert_eq!((offset_of!(Node, z_lo), offset_of!(Node, z_hi)), (20, 24));
+    assert_eq!(
+        (span, offset_of!(DrawNode, cell_m), offset_of!(DrawNode, slot_and_shift)),
+        (size_of::<DrawNode>(), 12, 28)
+    );
+    assert_eq!((offset_of!(DrawNode, z_lo), offset_of!(DrawNode, z_hi)), (20, 24));
 }
 
 #[test]
 fn entry_points_are_valid() {
-    let raycast = module(RAYCAST_WGSL);
+    let raycast = module(&wgsl::raycast());
     let entry = &raycast.entry_points[0];
     assert_eq!((entry.name.as_str(), entry.workgroup_size), ("raycast", [WORKGROUP[0], WORKGROUP[1], 1]));
-    let names: Vec<_> = module(COMPOSE_WGSL).entry_points.iter().map(|e| e.name.clone()).collect();
+    let names: Vec<_> = module(&wgsl::compose()).entry_points.iter().map(|e| e.name.clone()).collect();
     assert_eq!(names, ["corner", "compose_srgb", "compose_linear"]);
-    assert_eq!(module(TALLY_WGSL).entry_points[0].name, "tally");
+    assert_eq!(module(&wgsl::hit_counts()).entry_points[0].name, "hit_counts");
+    let names: Vec<_> = module(&wgsl::nearest()).entry_points.iter().map(|e| e.name.clone()).collect();
+    assert_eq!(names, ["corner", "number"]);
 }

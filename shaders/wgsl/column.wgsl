@@ -1,64 +1,68 @@
-// What a ray meets in a column: the GPU's twin of src/cpu/column.rs; one module with raycast.wgsl, which has the bindings.
+// Which of a column's solids a ray meets. CPU twin: src/cpu/column.rs.
 //
-// In: a cell that a ray crosses, from where to where. Out: `gathered`. Next: raycast.wgsl goes on, or is done.
+// A column is one solid, or two with a gap between them, and, where a plane clips it, a lower solid beyond the plane.
+// The plane splits the ray's way through the cell into three parts: before, within and behind.
 
-// What `beside` found.
-struct WallBeside {
-    place: u32,
-    turn: u32,
+const NO_WALL: u32 = 256u;
+
+const SIDE_FACE: u32 = 0u;
+const TOP_FACE: u32 = 1u;
+const BOTTOM_FACE: u32 = 2u;
+
+// The only one, or the upper of two: its top is the roof.
+const UPPER_SOLID: u32 = 0u;
+// Below the gap.
+const LOWER_SOLID: u32 = 1u;
+// Beyond the plane that clips the column.
+const OUTER_SOLID: u32 = 2u;
+
+// The column that the walk is at: its word of the first plane, and how its top rises, in height codes per cell.
+struct ColumnVisit {
+    walk: u32,
+    slope: vec2<f32>,
 }
 
-struct Border {
-    begin: f32,
-    end: f32,
-    within_is_outer: bool,
-    walls: vec3<u32>,
-}
-
-struct Span {
+// Where the ray is inside of a solid: from `s` to `e`, entered through `face`. Empty if `s >= e`.
+struct SolidSpan {
     s: f32,
     e: f32,
     face: u32,
 }
 
-fn word(at: u32) -> u32 {
-    if COUNT {
-        counts.z++;
-    }
-    return atlas[at];
+// A solid that the ray meets, with the words of its column that `hit_solid` needs.
+struct FoundSolid {
+    span: SolidSpan,
+    attributes: u32,
+    strip: u32,
+    solid: u32,
+    // Azimuth of the wall through which the ray enters, if not through the cell's face.
+    wall: u32,
+    bottom: f32,
+    top: f32,
+    z_min: f32,
 }
 
-fn plane_word(plane: u32, i: u32) -> u32 {
-    return word(ray.pages[plane] + i);
+// How the planes of a clipped column split a ray: from `begin` to `end` it is on one side of them, else on the other.
+struct ClipSplit {
+    begin: f32,
+    end: f32,
+    within_is_outer: bool,
+    // Azimuths of the walls through which the ray enters the part before, within and behind.
+    walls: vec3<u32>,
 }
 
-fn octahedral(code: u32) -> vec3<f32> {
-    let c = vec2<f32>(f32(min(code & 255u, 254u)), f32(min((code >> 8u) & 255u, 254u)));
-    var p = (c - 127.0) / 127.0;
-    let z = 1.0 - abs(p.x) - abs(p.y);
-    if z < 0.0 {
-        let s = select(vec2<f32>(1.0), vec2<f32>(-1.0), p < vec2<f32>(0.0));
-        p = (1.0 - abs(p.yx)) * s;
-    }
-    return normalize(vec3<f32>(p, z));
-}
+var<private> column: ColumnVisit;
+var<private> found: FoundSolid;
 
-fn z_at(t: f32) -> f32 {
-    return ray.o.z + ray.d.z * t;
-}
-
-fn top_at(t: f32, z_max: f32, slope: vec2<f32>, centre: vec2<f32>) -> f32 {
-    return z_max + dot(slope, ray.o.xy + ray.d.xy * t - centre);
-}
-
-// Whether the ray may be in a solid somewhere in the cell, by one word alone.
+// Whether the column's word says that the ray may be in a solid somewhere in the cell. `quad_top` bounds the top of an
+// inclined column.
 fn may_hit(cell: vec2<i32>, ta: f32, te: f32, quad_top: f32) -> bool {
-    let walk = plane_word(0u, u32(cell.y * NODE_CELLS + cell.x));
-    let flags = walk >> 24u;
-    touched = Touched(walk, vec2<f32>(0.0));
-    let high = f32(walk & 0xfffu);
-    let low = f32((walk >> 12u) & 0xfffu);
-    let rises = ray.d.z > 0.0;
+    let walk = read_plane(WALK_PLANE, u32(cell.y * NODE_CELLS + cell.x));
+    let flags = flags_of(walk);
+    column = ColumnVisit(walk, vec2<f32>(0.0));
+    let high = high_of(walk);
+    let low = low_of(walk);
+    let rises = node_ray.d.z > 0.0;
     let lower = z_at(select(te, ta, rises));
     let upper = z_at(select(ta, te, rises));
     let meets_one = lower <= select(high, quad_top, (flags & INCLINED) != 0u) && upper >= low;
@@ -66,122 +70,131 @@ fn may_hit(cell: vec2<i32>, ta: f32, te: f32, quad_top: f32) -> bool {
     return (flags & OCCUPIED) != 0u && select(meets_one, leaves_gap, (flags & GAP) != 0u);
 }
 
-// The next solid of the column that the ray meets, from `next_solid` on; false if there is none.
+// Makes `found` of the column's next solid that the ray meets, from `walk.solid` on; false if there is none. The column
+// is read again for each solid, which is cheaper than to keep it while a solid is gathered.
 fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
     let i = u32(cell.y * NODE_CELLS + cell.x);
-    let walk = touched.walk;
-    let flags = walk >> 24u;
+    let flags = flags_of(column.walk);
     let centre = vec2<f32>(cell) + 0.5;
-    let attributes = plane_word(2u, i);
+    let attributes = read_plane(ATTRIBUTE_PLANE, i);
     var strip = 0u;
     if (flags & EXPOSED) != 0u {
-        strip = plane_word(3u, i);
+        strip = read_plane(STRIP_PLANE, i);
     }
     var clip = 0u;
     if (flags & CLIPPED) != 0u {
-        clip = word(strip);
+        clip = read_word(strip);
     }
     if (flags & INCLINED) != 0u {
-        let n = octahedral(attributes);
-        touched.slope = n.xy * (-f32(16u >> ray.z_shift) / max(n.z, 0.1));
+        column.slope = slope_codes(attributes);
     }
-    let border = border_of((flags & CLIPPED) != 0u, attributes, clip, centre, ta, te);
-    let outer_top = f32(clip & 0xfffu);
+    let split = clip_split((flags & CLIPPED) != 0u, attributes, clip, centre, ta, te);
+    let outer_top = high_of(clip);
     let has_gap = (flags & GAP) != 0u;
     var gap = 0u;
     if has_gap {
-        gap = word(strip + head_words(flags) - 2u);
+        gap = read_word(strip + head_words(flags) - 2u);
     }
-    let bounds = bounds_of(walk, strip + head_words(flags));
+    let bounds = bounds_of(column.walk, strip + head_words(flags));
     let z_max = bounds.x;
     let z_min = bounds.y;
-    let low = f32(gap & 0xffffu);
-    let high = f32(gap >> 16u);
-    let last = select(6u, 4u, border.end >= te);
-    var n = max(next_solid, select(2u, 0u, border.begin > ta));
-    var found = false;
+    let gap_heights = halves(gap);
+    // Each part has two solids in the ray's order; parts that are empty are left out.
+    let last = select(6u, 4u, split.end >= te);
+    var n = max(walk.solid, select(2u, 0u, split.begin > ta));
+    var found_one = false;
     loop {
-        if found || n >= last {
+        if found_one || n >= last {
             break;
         }
         let part = n >> 1u;
         let second = (n & 1u) == 1u;
-        let lower = second != (ray.d.z > 0.0);
-        let outer = (part == 1u) == border.within_is_outer;
-        let solid = select(select(SOLID_UPPER, SOLID_LOWER, lower), SOLID_OUTER, outer);
-        let missing = (outer && (second || outer_top == 0.0)) || (solid == SOLID_LOWER && !has_gap);
-        let s = select(select(border.end, border.begin, part == 1u), ta, part == 0u);
-        let e = select(select(te, border.end, part == 1u), border.begin, part == 0u);
-        let bottom = select(z_min, high, solid == SOLID_UPPER && has_gap);
-        let flat_top = select(low, outer_top, outer);
-        let top = select(flat_top, z_max, solid == SOLID_UPPER);
-        let slope = select(vec2<f32>(0.0), touched.slope, solid == SOLID_UPPER);
+        let lower = second != (node_ray.d.z > 0.0);
+        let outer = (part == 1u) == split.within_is_outer;
+        let solid = select(select(UPPER_SOLID, LOWER_SOLID, lower), OUTER_SOLID, outer);
+        let missing = (outer && (second || outer_top == 0.0)) || (solid == LOWER_SOLID && !has_gap);
+        let s = select(select(split.end, split.begin, part == 1u), ta, part == 0u);
+        let e = select(select(te, split.end, part == 1u), split.begin, part == 0u);
+        let bottom = select(z_min, gap_heights.y, solid == UPPER_SOLID && has_gap);
+        let top = select(select(gap_heights.x, outer_top, outer), z_max, solid == UPPER_SOLID);
+        let slope = select(vec2<f32>(0.0), column.slope, solid == UPPER_SOLID);
         let zs = z_at(s);
         let ze = z_at(e);
         let over = vec2<f32>(zs - top_at(s, top, slope, centre), ze - top_at(e, top, slope, centre));
-        let span = clip_solid(s, e, over, vec2<f32>(zs - bottom, ze - bottom));
-        let inside = span.s <= 0.0 && span.face == FACE_SIDE;
-        found = !missing && s < e && span.s < span.e && !inside;
-        met = Met(span, attributes, strip, solid, border.walls[part], bottom, top, z_min);
+        let span = clip_to_solid(s, e, over, vec2<f32>(zs - bottom, ze - bottom));
+        // An eye inside of a column (less than half a cell in front of a wall) sees out of it.
+        let inside = span.s <= 0.0 && span.face == SIDE_FACE;
+        found_one = !missing && s < e && span.s < span.e && !inside;
+        found = FoundSolid(span, attributes, strip, solid, split.walls[part], bottom, top, z_min);
         n++;
     }
-    next_solid = n;
-    return found;
+    walk.solid = n;
+    return found_one;
+}
+
+// The slope of an inclined column's top, in height codes per cell: the plane rises against its normal.
+fn slope_codes(attributes: u32) -> vec2<f32> {
+    let n = octahedral(attributes);
+    return n.xy * (-codes_per_row(node_ray.z_shift) / max(n.z, MIN_NORMAL_Z));
+}
+
+fn top_at(t: f32, z_max: f32, slope: vec2<f32>, centre: vec2<f32>) -> f32 {
+    return z_max + dot(slope, node_ray.o.xy + node_ray.d.xy * t - centre);
 }
 
 // Highest and lowest point of a column whose strip's texels begin at `texels`.
 fn bounds_of(walk: u32, texels: u32) -> vec2<f32> {
     var bounds = walk;
-    if ((walk >> 24u) & GAP) != 0u {
-        bounds = word(texels - 1u);
+    if (flags_of(walk) & GAP) != 0u {
+        bounds = read_word(texels - 1u);
     }
-    return vec2<f32>(f32(bounds & 0xfffu), f32((bounds >> 12u) & 0xfffu));
+    return vec2<f32>(high_of(bounds), low_of(bounds));
 }
 
-fn head_words(flags: u32) -> u32 {
-    return select(0u, 2u, (flags & CLIPPED) != 0u) + select(0u, 2u, (flags & GAP) != 0u);
-}
-
-fn border_of(clipped: bool, attributes: u32, clip: u32, centre: vec2<f32>, ta: f32, te: f32) -> Border {
-    let first = (attributes >> 16u) & 255u;
-    let concave = (clip & CONCAVE) != 0u;
+// A ray is inside of one plane, or of both planes of a convex corner, for one part of its way; likewise beyond both
+// planes of a concave corner.
+fn clip_split(clipped: bool, attributes: u32, clip: u32, centre: vec2<f32>, ta: f32, te: f32) -> ClipSplit {
+    let concave = (clip & CLIP_CONCAVE) != 0u;
     let side = select(1.0, -1.0, concave);
-    var border = Border(ta, te, concave, vec3<u32>(first));
-    let planes = select(0u, select(1u, 2u, (clip & CORNER) != 0u), clipped);
+    var split = ClipSplit(ta, te, concave, vec3<u32>(azimuth_of(attributes)));
+    let planes = select(0u, select(1u, 2u, (clip & CLIP_CORNER) != 0u), clipped);
     for (var k = 0u; k < planes; k++) {
         let word = select(attributes, clip, k == 1u);
-        let turn = (word >> 16u) & 255u;
-        let offset = f32(bitcast<i32>(word) >> 24u) / CLIP_STEPS_PER_CELL;
-        let n = azimuth(turn);
-        let a = side * (dot(n, ray.o.xy + ray.d.xy * ta - centre) - offset);
-        let b = side * (dot(n, ray.o.xy + ray.d.xy * te - centre) - offset);
-        let through = ta + (te - ta) * (a / (a - b));
+        let wall = azimuth_of(word);
+        let offset = clip_offset_of(word);
+        let n = azimuth_direction(wall);
+        let a = side * (dot(n, node_ray.o.xy + node_ray.d.xy * ta - centre) - offset);
+        let b = side * (dot(n, node_ray.o.xy + node_ray.d.xy * te - centre) - offset);
+        let crossing = ta + (te - ta) * (a / (a - b));
         if a > 0.0 && b > 0.0 {
-            border.begin = te;
-        } else if a > 0.0 && through > border.begin {
-            border.begin = through;
-            border.walls.y = turn;
-        } else if b > 0.0 && a <= 0.0 && through < border.end {
-            border.end = through;
-            border.walls.z = turn;
+            split.begin = te;
+        } else if a > 0.0 && crossing > split.begin {
+            split.begin = crossing;
+            split.walls.y = wall;
+        } else if b > 0.0 && a <= 0.0 && crossing < split.end {
+            split.end = crossing;
+            split.walls.z = wall;
         }
     }
-    if border.begin >= border.end {
-        border.begin = te;
-        border.end = te;
+    // Never within: all of the ray is in the part before, which it enters through the cell's face.
+    if split.begin >= split.end {
+        split.begin = te;
+        split.end = te;
     }
-    return border;
+    return split;
 }
 
-fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
-    let none = Span(1.0, 0.0, FACE_SIDE);
-    var span = Span(ta, te, FACE_SIDE);
+// The part of `ta` to `te` below the top (`over` <= 0) and above the bottom (`above` >= 0). Both are linear along the
+// ray and given at its two ends.
+fn clip_to_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> SolidSpan {
+    let none = SolidSpan(1.0, 0.0, SIDE_FACE);
+    var span = SolidSpan(ta, te, SIDE_FACE);
     if over.x > 0.0 {
         if over.y > 0.0 {
             return none;
         }
         span.s = ta + (te - ta) * (over.x / (over.x - over.y));
-        span.face = FACE_TOP;
+        span.face = TOP_FACE;
     } else if over.y > 0.0 {
         span.e = ta + (te - ta) * (over.x / (over.x - over.y));
     }
@@ -192,136 +205,10 @@ fn clip_solid(ta: f32, te: f32, over: vec2<f32>, above: vec2<f32>) -> Span {
         let s = ta + (te - ta) * (above.x / (above.x - above.y));
         if s > span.s {
             span.s = s;
-            span.face = FACE_BOTTOM;
+            span.face = BOTTOM_FACE;
         }
     } else if above.y < 0.0 {
         span.e = min(span.e, ta + (te - ta) * (above.x / (above.x - above.y)));
     }
     return span;
-}
-
-// Gathers what the ray sees of the solid that `meets` found.
-fn hit_solid(cell: vec2<i32>) {
-    let i = u32(cell.y * NODE_CELLS + cell.x);
-    let walk = touched.walk;
-    let span = met.span;
-    let strip_at = met.strip;
-    let solid = met.solid;
-    let bottom = met.bottom;
-    let top = met.top;
-    let flags = walk >> 24u;
-    let side = span.face == FACE_SIDE;
-    let face = face_normal(cell);
-    let outer = solid == SOLID_OUTER;
-    let roof = solid == SOLID_UPPER && span.face == FACE_TOP;
-    let rows = !outer && !roof && (flags & EXPOSED) != 0u;
-    var place = select(ray.pages.y + i, strip_at + 1u, outer);
-    var wall = select(NO_WALL, met.wall, rows && side);
-    if !outer && !rows && side {
-        let found = beside(cell + vec2<i32>(face.xy), span.s);
-        place = select(place, found.place, found.turn != NO_WALL);
-        wall = found.turn;
-    }
-    var normal = vec3<f32>(0.0, 0.0, select(1.0, -1.0, span.face == FACE_BOTTOM));
-    if wall != NO_WALL {
-        normal = wall_normal(face, wall);
-    } else if outer {
-        normal = select(normal, face, side);
-    } else if !rows {
-        normal = select(normal, octahedral(met.attributes), span.face != FACE_BOTTOM);
-        if !roof && dot(normal, leg.dir) >= 0.0 {
-            normal = face;
-        }
-    }
-    let codes = f32(16u >> ray.z_shift);
-    let first = i32(strip_at + head_words(flags)) - i32(floor(met.z_min / codes));
-    let row_low = i32(floor(bottom / codes));
-    let row_high = i32(floor((top - 1.0) / codes));
-    var row = clamp(i32(floor(z_at(span.s) / codes)), row_low, row_high);
-    let up = ray.d.z > 0.0;
-    var s = span.s;
-    for (var n = 0; n < 256; n++) {
-        let texel = word(select(place, u32(first + row), rows)) | select(3u << 24u, 0u, rows);
-        gather(s, texel, normal, flags);
-        if !rows || gathered.left <= OPAQUE || (flags & HOLES) == 0u {
-            return;
-        }
-        s = (f32(row + select(0, 1, up)) * codes - ray.o.z) / ray.d.z;
-        normal = vec3<f32>(0.0, 0.0, select(1.0, -1.0, up));
-        row += select(-1, 1, up);
-        if s > span.e || row < row_low || row > row_high {
-            return;
-        }
-    }
-}
-
-// The wall of the column `before` at `t`, if it has one there.
-fn beside(before: vec2<i32>, t: f32) -> WallBeside {
-    let none = WallBeside(0u, NO_WALL);
-    if any(before < vec2<i32>(0)) || any(before >= vec2<i32>(NODE_CELLS)) {
-        return none;
-    }
-    let i = u32(before.y * NODE_CELLS + before.x);
-    let walk = plane_word(0u, i);
-    let flags = walk >> 24u;
-    if (flags & EXPOSED) == 0u {
-        return none;
-    }
-    let strip = plane_word(3u, i) + head_words(flags);
-    let bounds = bounds_of(walk, strip);
-    let z = z_at(t);
-    let z_min = bounds.y;
-    if z < z_min || z >= bounds.x {
-        return none;
-    }
-    let codes = f32(16u >> ray.z_shift);
-    let place = strip + u32(floor(z / codes) - floor(z_min / codes));
-    if ((word(place) >> 24u) & 3u) == 0u {
-        return none;
-    }
-    return WallBeside(place, (plane_word(2u, i) >> 16u) & 255u);
-}
-
-fn azimuth(turn: u32) -> vec2<f32> {
-    let angle = f32(turn) * (6.2831855 / 256.0);
-    return vec2<f32>(cos(angle), sin(angle));
-}
-
-fn wall_normal(face: vec3<f32>, wall: u32) -> vec3<f32> {
-    let normal = vec3<f32>(azimuth(wall), 0.0);
-    return select(face, normal, dot(normal, leg.dir) < 0.0);
-}
-
-fn face_normal(cell: vec2<i32>) -> vec3<f32> {
-    let ahead = ahead_of(ray.d.xy);
-    let near = (vec2<f32>(cell) + 1.0 - ahead - ray.o.xy) * ray.inv;
-    if near.x >= near.y {
-        return vec3<f32>(1.0 - 2.0 * ahead.x, 0.0, 0.0);
-    }
-    return vec3<f32>(0.0, 1.0 - 2.0 * ahead.y, 0.0);
-}
-
-fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
-    let alpha = f32((texel >> 24u) & 3u) / 3.0;
-    let before = gathered.left;
-    let share = before * alpha;
-    gathered.left *= 1.0 - alpha;
-    if leg.to_sun {
-        return;
-    }
-    gathered.albedo += linear_of(texel) * share;
-    gathered.ao += f32(texel >> 26u) / 63.0 * share;
-    gathered.normal += normal * share;
-    gathered.mean_m += t * share;
-    if share > 0.0 && before > 0.5 {
-        gathered.flags = flags;
-        if FOR_STUDY {
-            gathered.level = nodes[ray.index].level;
-        }
-        if gathered.left <= 0.5 {
-            gathered.distance = t;
-            gathered.node = ray.index;
-            gathered.sun_from = leg.dir * t + normal * (ray.cell_m * SUN_LIFT_CELLS);
-        }
-    }
 }

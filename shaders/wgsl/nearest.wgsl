@@ -1,18 +1,16 @@
-// Which triangle is nearest in each texel of a map: the GPU's way of what server/bake/src/sample/visibility.rs draws.
-//
-// In: corners in clip space with their triangle's number. Out: numbers. Next: read-back.
+// Draws the number of the nearest triangle into each texel of a map, for the bake's visibility.
 
-struct Corner {
-    @builtin(position) place: vec4<f32>,
+struct NumberedCorner {
+    @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat) number: u32,
 }
 
 @vertex
-fn corner(@location(0) place: vec3<f32>, @location(1) number: u32) -> Corner {
-    return Corner(vec4<f32>(place, 1.0), number);
+fn corner(@location(LOCATION_PLACE) place: vec3<f32>, @location(LOCATION_NUMBER) number: u32) -> NumberedCorner {
+    return NumberedCorner(vec4<f32>(place, 1.0), number);
 }
 
 @fragment
-fn number(in: Corner) -> @location(0) u32 {
+fn number(in: NumberedCorner) -> @location(0) u32 {
     return in.number;
 }

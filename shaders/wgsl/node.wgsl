@@ -1,43 +1,45 @@
-// How a ray enters a node: part of the GPU's twin of src/cpu/raycast.rs; one module with raycast.wgsl, which has the bindings.
-//
-// In: a node whose square a ray crosses, from where to where. Out: `ray`, and between which places it may meet something.
-// Next: raycast.wgsl walks its blocks.
+// How a ray enters a node. CPU twin: src/cpu/node.rs.
 
-fn shift_of(slot_and_shift: u32) -> u32 {
+// Makes `node_ray` and returns where the ray is between the node's lowest and highest point; the first is larger if
+// nowhere.
+fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
+    let corner_and_cell_m = nodes[index].corner_and_cell_m;
+    let heights = nodes[index].heights;
+    let cell_m = corner_and_cell_m.w;
+    let scale = vec3<f32>(1.0 / cell_m, 1.0 / cell_m, 1.0 / bitcast<f32>(heights.x));
+    let o = (segment.origin - corner_and_cell_m.xyz) * scale;
+    let d_xy = nonzero(segment.dir.xy * scale.xy);
+    var dz = segment.dir.z * scale.z;
+    dz = select(dz, MIN_DIRECTION, abs(dz) < MIN_DIRECTION);
+    let z_lo = bitcast<f32>(heights.y);
+    let z_hi = bitcast<f32>(heights.z);
+    let a = (z_lo - 1.0 - o.z) / dz;
+    let b = (z_hi + 1.0 - o.z) / dz;
+    let pages = nodes[index].pages;
+    let summary = (heights.w >> SLOT_SHIFT) * SUMMARY_VEC4S;
+    let z_shift = z_shift_of(heights.w);
+    node_ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, planes_of(pages), z_shift, summary, cell_m);
+    let span = vec2<f32>(fast_max(t_in, fast_min(a, b)), fast_min(t_out, fast_max(a, b)));
+    let highest = highest_on(pages, z_lo, z_hi, o.xy + d_xy * span.x, o.xy + d_xy * span.y);
+    return select(span, vec2<f32>(1.0, 0.0), fast_min(z_at(span.x), z_at(span.y)) > highest);
+}
+
+fn z_shift_of(slot_and_shift: u32) -> u32 {
     return slot_and_shift & ((1u << SLOT_SHIFT) - 1u);
 }
 
-// Makes `ray`; gives where it is between the node's lowest and highest point (the first larger if nowhere).
-fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
-    let place = nodes[index].place;
-    let z = nodes[index].z;
-    let scale = vec3<f32>(1.0 / place.w, 1.0 / place.w, 1.0 / bitcast<f32>(z.x));
-    let o = (leg.origin - place.xyz) * scale;
-    let d_xy = nonzero(leg.dir.xy * scale.xy);
-    var dz = leg.dir.z * scale.z;
-    dz = select(dz, 1e-12, abs(dz) < 1e-12);
-    let a = (bitcast<f32>(z.y) - 1.0 - o.z) / dz;
-    let b = (bitcast<f32>(z.z) + 1.0 - o.z) / dz;
-    let pages = nodes[index].pages;
-    ray = NodeRay(index, o, vec3<f32>(d_xy, dz), 1.0 / d_xy, pages_of(pages), shift_of(z.w), (z.w >> SLOT_SHIFT) * SUMMARY_FOURS, place.w);
-    let span = vec2<f32>(most(t_in, least(a, b)), least(t_out, most(a, b)));
-    let heights = vec2<f32>(bitcast<f32>(z.y), bitcast<f32>(z.z));
-    let highest = highest_on(pages, heights, o.xy + d_xy * span.x, o.xy + d_xy * span.y);
-    return select(span, vec2<f32>(1.0, 0.0), least(z_at(span.x), z_at(span.y)) > highest);
-}
-
 // First words of a node's planes.
-fn pages_of(pages: vec4<u32>) -> vec4<u32> {
+fn planes_of(pages: vec4<u32>) -> vec4<u32> {
     return (pages & vec4<u32>((1u << QUARTER_SHIFT) - 1u)) * PAGE_WORDS;
 }
 
-// The highest point, and a little more, of the quarters of a node that a ray crosses between two places in it.
-fn highest_on(pages: vec4<u32>, z: vec2<f32>, a: vec2<f32>, b: vec2<f32>) -> f32 {
+// Highest point, with a margin of one code, of the quarters of a node that a ray crosses between two places in it.
+fn highest_on(pages: vec4<u32>, z_lo: f32, z_hi: f32, a: vec2<f32>, b: vec2<f32>) -> f32 {
     let half = vec2<f32>(f32(NODE_CELLS) / 2.0);
     let apart = (a >= half) != (b >= half);
     let below = min(quarter_below(pages, a >= half), quarter_below(pages, b >= half));
     // From a quarter to the opposite one the ray crosses a third.
-    return z.y + 1.0 - select(f32(below), 0.0, all(apart)) * (z.y - z.x) * (1.0 / 255.0);
+    return z_hi + 1.0 - select(f32(below), 0.0, all(apart)) * (z_hi - z_lo) * (1.0 / QUARTER_MAX);
 }
 
 fn quarter_below(pages: vec4<u32>, far: vec2<bool>) -> u32 {

@@ -6,7 +6,7 @@ use crate::baked::Baked;
 use anyhow::{Context, Result};
 use insula_client::render::CpuAdapter;
 use insula_protocol::{Subtree, TileKind, mesh_tile};
-use insula_shaders::cpu::{raycast::Pixels, tally::tally};
+use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use insula_viewer::{
     cache::{AtlasCache, InsertResult, PackedTile, pages_for},
     camera::View,
@@ -112,7 +112,7 @@ impl<'a> Cold<'a> {
         let size_px = [pixels.width_px, pixels.height_px];
         if !self.sight.has_looked(data.asked.generation, size_px) {
             let whole = self.selection.wanted.is_empty();
-            self.sight.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()), whole, &self.tree);
+            self.sight.feed(&data.asked, &hit_counts(&pixels.hit, data.nodes.len()), whole, &self.tree);
         }
         pixels
     }

@@ -5,9 +5,9 @@ use glam::{DVec3, Vec2, Vec3};
 use insula_protocol::{BlockMap, NODE_CELLS, TileId};
 use insula_shaders::{
     cpu::raycast::{self, Pixels, SceneRef},
-    grid::{self, Builder},
-    layout::{Frame, Node, PAGE_WORDS, PLANES, SUMMARY_WORDS},
-    mesh::{PackedMesh, place_in},
+    grid::{self, GridBuilder},
+    layout::{DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS},
+    mesh::{PackedMesh, leaf_offset},
     pack::PackedNode,
 };
 
@@ -136,30 +136,30 @@ impl Cut {
             let id = if drawn.mesh == 0 { drawn.id } else { drawn.square };
             let side_m = self.place.root_side_m / f64::from(1u32 << id.level());
             let (x, y) = (f64::from(id.x()) * side_m, f64::from(id.y()) * side_m);
-            Node {
+            DrawNode {
                 corner: relative(x, y, drawn.z_base_m),
                 cell_m: drawn.cell_m,
                 z_step_m: drawn.z_step_m,
                 z_lo: drawn.z_range[0],
                 z_hi: drawn.z_range[1],
-                slot_and_shift: Node::slot_and_shift(slot as u32, drawn.z_shift),
-                pages: Node::pages_and_quarters(drawn.pages, drawn.below),
+                slot_and_shift: DrawNode::slot_and_shift(slot as u32, drawn.z_shift),
+                pages: DrawNode::pages_and_quarters(drawn.pages, drawn.below),
                 level: u32::from(id.level()),
                 mesh: drawn.mesh,
                 mesh_z_m: relative(x, y, 0.0)[2],
-                place_in: if drawn.mesh == 0 { 0 } else { place_in(drawn.square, drawn.id) },
+                leaf_offset: if drawn.mesh == 0 { 0 } else { leaf_offset(drawn.square, drawn.id) },
             }
         });
-        let nodes: Vec<Node> = nodes.collect();
+        let nodes: Vec<DrawNode> = nodes.collect();
         let (ids, shares): (Vec<TileId>, Vec<u8>) = self.drawn.iter().map(|drawn| (drawn.square, drawn.share)).unzip();
         let focal_px = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
-        let place = grid::Place {
+        let place = grid::GridFrame {
             root_corner: DVec3::from(self.place.origin) - DVec3::from(p),
             root_side_m: self.place.root_side_m,
             // For a tolerance of one pixel; only a hint.
             root_distance_m: HALF_DIAGONAL * self.place.root_side_m / NODE_CELLS as f64 * focal_px,
         };
-        let mut builder = Builder::default();
+        let mut builder = GridBuilder::default();
         let grid = builder.build_fading(&place, &ids, &shares, &nodes);
         let mut frame = camera.frame(picture);
         grid.head.write(&mut frame);
@@ -171,9 +171,9 @@ impl Cut {
 #[derive(Debug, Clone)]
 pub struct Scene<'a> {
     /// Camera, light, root.
-    pub frame: Frame,
+    pub frame: FrameUniform,
     /// Nodes relative to the camera.
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<DrawNode>,
     /// Where rays find them.
     pub grid: Vec<[u32; 2]>,
     cut: &'a Cut,

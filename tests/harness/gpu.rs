@@ -4,7 +4,7 @@ use crate::cut::Scene;
 use anyhow::{Context, Result};
 use insula_shaders::{
     cpu::raycast::Pixels,
-    gpu::{Capacity, Raycaster},
+    gpu::{Capacity, DeviceQueue, Raycaster},
     layout::{PAGE_WORDS, SUMMARY_WORDS},
 };
 use std::sync::{Mutex, PoisonError};
@@ -60,7 +60,8 @@ impl Gpu {
         let raycaster = made.as_mut().context("no ray-caster")?;
         self.upload(raycaster, scene);
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        raycaster.render((&self.device, &self.queue), &mut encoder, data.frame, data.grid, data.nodes)?;
+        let on = DeviceQueue { device: &self.device, queue: &self.queue };
+        raycaster.render(on, &mut encoder, data.frame, data.grid, data.nodes)?;
         self.queue.submit([encoder.finish()]);
         Ok(raycaster.read_back(&self.device, &self.queue)?)
     }

@@ -7,7 +7,7 @@ use insula_protocol::{
     TileId,
     mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
 };
-use insula_shaders::mesh::{PackedMesh, Picture};
+use insula_shaders::mesh::{MeshTexture, PackedMesh};
 
 /// A node's mesh.
 #[derive(Debug, Clone)]
@@ -17,7 +17,7 @@ pub struct RandomMesh {
     /// Relative to its corner.
     pub mesh: Mesh,
     /// What its texture coordinates point into.
-    pub texture: Option<Picture>,
+    pub texture: Option<MeshTexture>,
 }
 
 /// Gives some nodes of `city` a mesh in place of their columns.
@@ -80,12 +80,12 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
 }
 
 /// Large spots, so that not every pixel lies on an edge.
-fn picture(rng: &mut Rng) -> Picture {
+fn picture(rng: &mut Rng) -> MeshTexture {
     let (width_px, height_px) = (1 + rng.below(200) as u32, 1 + rng.below(200) as u32);
     let spots: Vec<u32> = (0..64).map(|_| rng.below(1 << 24) as u32).collect();
     let spot = |x: u32, y: u32| spots[(x * 4 / width_px + y * 4 / height_px * 8) as usize];
     let texels = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y))).map(|(x, y)| spot(x, y)).collect();
-    Picture { width_px, height_px, texels }
+    MeshTexture { width_px, height_px, texels }
 }
 
 /// Distance along `dir` from `eye` (city coordinates) to the nearest triangle of all meshes and its normal, every triangle

@@ -6,7 +6,7 @@ use insula_bake::scene::{Scene, SceneTexture};
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
-        shade::{Air, background, encode_srgb, linear_of},
+        shade::{Airlight, background, encode_srgb, linear_of},
     },
     layout::NO_NODE,
 };
@@ -131,7 +131,7 @@ impl Truth {
                 textured &= hit.is_some_and(|hit| self.is_textured(hit.triangle));
                 sum += match hit {
                     Some(hit) => linear_of(self.colour(&hit, o, d)),
-                    None => background(&frame, d.as_vec3(), &Air::new(&frame, d.as_vec3())).sky,
+                    None => background(&frame, d.as_vec3(), &Airlight::new(&frame, d.as_vec3())).sky,
                 };
             }
             (encode_srgb(sum / (side * side) as f32), textured)

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
-use insula_shaders::layout::{Frame, Light, Shading};
+use insula_shaders::layout::{FrameUniform, Light, Shading};
 use serde::{Deserialize, Serialize};
 
 /// A camera in the source's own coordinates: the JSON of `insula snapshot --camera`.
@@ -77,10 +77,10 @@ impl Camera {
     }
 
     /// The ray-caster's frame without its city: root and corner are still to be set.
-    pub fn frame(&self, picture: &Picture) -> Frame {
+    pub fn frame(&self, picture: &Picture) -> FrameUniform {
         let axes = self.axes(picture);
         let sun = Vec3::new(0.45, -0.55, 0.704).normalize_or(Vec3::Z);
-        Frame {
+        FrameUniform {
             forward: axes.forward.as_vec3().into(),
             width_px: picture.width_px,
             right: axes.right.as_vec3().into(),
@@ -90,7 +90,7 @@ impl Camera {
             light: Light::of_sun(sun, 4000.0),
             shading: picture.shading as u32,
             samples: picture.samples,
-            ..Frame::zeroed()
+            ..FrameUniform::zeroed()
         }
     }
 }

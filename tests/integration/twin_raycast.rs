@@ -10,7 +10,7 @@ use insula_protocol::{
 use insula_shaders::{
     cpu::{
         raycast::{Pixels, count},
-        shade::{Air, background, encode_srgb},
+        shade::{Airlight, background, encode_srgb},
     },
     layout::{Light, Shading},
 };
@@ -415,7 +415,7 @@ fn judge(
     naive: &Naive,
     camera: &Camera,
     picture: &Picture,
-    frame: &insula_shaders::layout::Frame,
+    frame: &insula_shaders::layout::FrameUniform,
     drawn: &Pixels,
     i: u32,
 ) -> Verdict {
@@ -430,7 +430,7 @@ fn judge(
         }
         let mut rgb = seen.rgb.as_vec3();
         if seen.left > 0.02 {
-            rgb += background(frame, dir.as_vec3(), &Air::new(frame, dir.as_vec3())).sky * seen.left as f32;
+            rgb += background(frame, dir.as_vec3(), &Airlight::new(frame, dir.as_vec3())).sky * seen.left as f32;
         }
         let meant = encode_srgb(rgb).to_le_bytes();
         drawn.colour[i as usize].to_le_bytes().iter().zip(meant).all(|(a, b)| a.abs_diff(b) <= 3)

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::error::{ClientError, Result};
 use insula_shaders::{
-    cpu::raycast::{Counts, Pixels},
+    cpu::raycast::{Pixels, RayCounts},
     layout::SUMMARY_WORDS,
 };
 use insula_viewer::{
@@ -107,7 +107,7 @@ impl Adapter {
     }
 
     /// Counts the steps of a frame's rays, one ray per pixel. Costs about as much as drawing it. Fails if the GPU fails.
-    pub fn count(&mut self, data: &FrameData) -> Result<Counts> {
+    pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
         match self {
             Self::Gpu(gpu) => gpu.count(data),
             Self::Cpu(cpu) => Ok(cpu.count(data)),

@@ -1,7 +1,7 @@
 //! The CPU ray-caster with its own copy of the atlas in main memory.
 
 use insula_shaders::{
-    cpu::raycast::{Counts, Pixels, SceneRef, count, render},
+    cpu::raycast::{Pixels, RayCounts, SceneRef, count, render},
     layout::{PAGE_WORDS, SUMMARY_WORDS},
 };
 use insula_viewer::{
@@ -31,7 +31,7 @@ impl CpuAdapter {
     }
 
     /// Counts the steps of a frame's rays, one ray per pixel.
-    pub fn count(&self, data: &FrameData) -> Counts {
+    pub fn count(&self, data: &FrameData) -> RayCounts {
         count(&self.scene(data))
     }
 

@@ -3,8 +3,8 @@
 use super::adapter_info::AdapterInfo;
 use crate::error::{ClientError, Result};
 use insula_shaders::{
-    cpu::raycast::{Counts, Pixels},
-    gpu::{Capacity, Raycaster, Tally},
+    cpu::raycast::{Pixels, RayCounts},
+    gpu::{Capacity, DeviceQueue, HitCounts, Raycaster},
     layout::SUMMARY_WORDS,
 };
 use insula_viewer::{
@@ -67,7 +67,7 @@ impl GpuDevice {
 pub struct GpuAdapter {
     pub device: GpuDevice,
     pub raycaster: Raycaster,
-    tally: Tally,
+    tally: HitCounts,
     /// Query whose hit counts are being read back.
     pending_query: Option<OcclusionQuery>,
     /// Generation and size of the last frame that was counted.
@@ -89,7 +89,7 @@ impl GpuAdapter {
         match errors.into_iter().flatten().next() {
             Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
             None => {
-                let tally = Tally::new(&device.device, nodes);
+                let tally = HitCounts::new(&device.device, nodes);
                 Ok(Self { device, raycaster, tally, pending_query: None, last_counted: None })
             }
         }
@@ -104,16 +104,16 @@ impl GpuAdapter {
     pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<()> {
         let failed = |e: insula_shaders::gpu::GpuError| ClientError::Graphics(e.to_string());
         self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
-        let device = (&self.device.device, &self.device.queue);
-        self.raycaster.render(device, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        self.raycaster.render(on, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
     }
 
     /// Records a pass that counts the hits per node of the frame that [`GpuAdapter::encode`] recorded. Does nothing if these
     /// counts are known or if another query is pending.
     pub fn encode_query(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
         let frame = (data.asked.generation, [data.frame.width_px, data.frame.height_px]);
-        let device = (&self.device.device, &self.device.queue);
-        if self.last_counted != Some(frame) && self.tally.encode(device, encoder, &self.raycaster, data.nodes.len()) {
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        if self.last_counted != Some(frame) && self.tally.encode(on, encoder, &self.raycaster, data.nodes.len()) {
             (self.pending_query, self.last_counted) = (Some(data.asked.clone()), Some(frame));
         }
     }
@@ -135,10 +135,10 @@ impl GpuAdapter {
     }
 
     /// Counts the steps of a frame's rays without drawing it. Waits for the result. Fails if the GPU fails.
-    pub fn count(&mut self, data: &FrameData) -> Result<Counts> {
-        let device = (&self.device.device, &self.device.queue);
-        self.raycaster.resize(device.0, [data.frame.width_px, data.frame.height_px]);
-        let counts = self.raycaster.count(device, &data.frame, &data.grid, &data.nodes);
+    pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        self.raycaster.resize(on.device, [data.frame.width_px, data.frame.height_px]);
+        let counts = self.raycaster.count(on, &data.frame, &data.grid, &data.nodes);
         counts.map_err(|e| ClientError::Graphics(e.to_string()))
     }
 

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::session::Session;
 use glam::DVec3;
-use insula_shaders::{cpu::raycast::Counts, layout::Shading};
+use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
 use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest, sun::Daylight};
 use std::time::Instant;
 
@@ -47,7 +47,7 @@ pub struct CityView {
     pub(super) pacer: FramePacer,
     pub(super) counts_rays: bool,
     /// Ray steps of the last settled frame, if they are counted.
-    pub(super) ray_counts: Option<Counts>,
+    pub(super) ray_counts: Option<RayCounts>,
     /// Whether the settings have changes that must not be lost.
     pub(super) must_store_settings: bool,
 }

@@ -8,7 +8,7 @@ use super::{
 use crate::session::Session;
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
-use insula_shaders::{cpu::raycast::Counts, layout::Shading};
+use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
 use insula_viewer::sun::Daylight;
 use std::{
     ops::RangeInclusive,
@@ -49,7 +49,12 @@ pub struct OverlayTexts {
 
 impl OverlayTexts {
     /// Texts for the last frame. `ray_counts` are shown if there are any.
-    pub fn new(session: &Session, frame_time: Duration, control: &CameraControl, ray_counts: Option<Counts>) -> Self {
+    pub fn new(
+        session: &Session,
+        frame_time: Duration,
+        control: &CameraControl,
+        ray_counts: Option<RayCounts>,
+    ) -> Self {
         let counters = session.selection().counters;
         let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1u32 << 20));
         let mode = match control.mode() {

@@ -3,15 +3,11 @@
 //! In: bytes that anyone may have made. Out: [`DecodedTile`]. Next: `cache`, `scene::tree`.
 
 use crate::scene::TileKey;
-use insula_protocol::{
-    BlockMap, DecodeError, MeshTile, Subtree, TileKind,
-    mesh_tile::{self, TileTexture},
-};
+use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind, mesh_tile};
 use insula_shaders::{
-    mesh::{PackedMesh, Picture},
+    mesh::{MeshTexture, PackedMesh},
     pack::PackedNode,
 };
-use std::io::Cursor;
 
 /// Largest subtree tile: 1,365 nodes of 21 bytes, up to 1,024 leaves' meshes of 77, and a header.
 const SUBTREE_BYTES: usize = 128 << 10;
@@ -60,7 +56,7 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
         }
         TileKind::Mesh => {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
-            let texture = texture.as_ref().map(picture).transpose()?;
+            let texture = texture.as_ref().map(MeshTexture::decode).transpose()?;
             let packed = PackedMesh::new(&mesh, texture.as_ref());
             let refused = |_| DecodeError::Invalid("a mesh that cannot be drawn");
             packed.map(|mesh| DecodedTile::Mesh(Box::new(mesh))).map_err(refused)
@@ -68,29 +64,11 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
     }
 }
 
-/// Unpacks a texture, if it is of the size that it says: that is within the format's limits.
-fn picture(texture: &TileTexture) -> Result<Picture, DecodeError> {
-    let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
-    let [width_px, height_px] = texture.size_px.map(u32::from);
-    let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes));
-    reader.set_format(image::ImageFormat::WebP);
-    let mut limits = image::Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(width_px), Some(height_px));
-    // What the picture takes as bytes, and as much again for decoding it.
-    limits.max_alloc = Some(u64::from(texture.pixels()) * 16 + (1 << 20));
-    reader.limits(limits);
-    let rgb = reader.decode().map_err(failed)?.into_rgb8();
-    if rgb.dimensions() != (width_px, height_px) {
-        return Err(DecodeError::Invalid("a mesh's texture is not of its size"));
-    }
-    let texels = rgb.pixels().map(|p| u32::from_le_bytes([p.0[0], p.0[1], p.0[2], 255])).collect();
-    Ok(Picture { width_px, height_px, texels })
-}
-
 #[cfg(test)]
 mod tests {
-    use crate::decode::*;
-    use insula_protocol::TileId;
+    use super::*;
+    use insula_protocol::{TileId, mesh_tile::TileTexture};
+    use std::io::Cursor;
 
     #[test]
     fn a_mesh_s_picture_is_unpacked_if_it_is_what_it_says() {

@@ -17,9 +17,9 @@ use bytemuck::Zeroable;
 use glam::DVec3;
 use insula_protocol::TileId;
 use insula_shaders::{
-    grid::{Builder, Place},
-    layout::{Frame, Light, MAX_SAMPLES, Node, PAGE_WORDS, Shading},
-    mesh::place_in,
+    grid::{GridBuilder, GridFrame},
+    layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
+    mesh::leaf_offset,
 };
 
 /// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
@@ -70,11 +70,11 @@ impl Default for RenderSettings {
 #[derive(Debug, Clone)]
 pub struct FrameData {
     /// Camera and light.
-    pub frame: Frame,
+    pub frame: FrameUniform,
     /// Entries of the cut's grid.
     pub grid: Vec<[u32; 2]>,
     /// The cut: a node a square (and the one behind it, while it fades), several of which may show parts of one tile.
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<DrawNode>,
     /// Which squares those are.
     pub asked: OcclusionQuery,
     /// Largest projected error of what is seen.
@@ -107,12 +107,12 @@ impl FrameData {
         let list = List::new(&drawn, tree, cache, view);
         let manifest = tree.manifest();
         let root_error_m = HALF_DIAGONAL * manifest.cell_m_at(0);
-        let place = Place {
+        let place = GridFrame {
             root_corner: DVec3::from(manifest.origin) - view.camera.position,
             root_side_m: manifest.root_side_m,
             root_distance_m: root_error_m * view.focal_px() / view.tau_px.max(1e-3),
         };
-        let mut builder = Builder::default();
+        let mut builder = GridBuilder::default();
         let grid = builder.build_fading(&place, &list.ids, &list.shares, &list.nodes);
         grid.head.write(&mut frame);
         Self {
@@ -130,7 +130,7 @@ struct List<'a> {
     tree: &'a SceneTree,
     cache: &'a AtlasCache,
     eye: DVec3,
-    nodes: Vec<Node>,
+    nodes: Vec<DrawNode>,
     /// Which square shows it.
     ids: Vec<TileId>,
     /// How many rays see the next one in its place.
@@ -205,10 +205,10 @@ fn replaces(caster: NodeIndex, fades: &Transitions, tree: &SceneTree, view: &Vie
     fades.is_on() && shown.seen && (shown.passes() || face.error_px(shown.square, tree, view) > view.tau_px)
 }
 
-fn frame(tree: &SceneTree, view: &View, look: &RenderSettings) -> Frame {
+fn frame(tree: &SceneTree, view: &View, look: &RenderSettings) -> FrameUniform {
     let (camera, manifest) = (&view.camera, tree.manifest());
     let tan_y = (camera.fov_y_rad * 0.5).tan();
-    Frame {
+    FrameUniform {
         forward: camera.forward.as_vec3().to_array(),
         width_px: view.width_px,
         right: (camera.right * tan_y * view.aspect()).as_vec3().to_array(),
@@ -221,23 +221,23 @@ fn frame(tree: &SceneTree, view: &View, look: &RenderSettings) -> Frame {
         ground: 1,
         light: look.light,
         shadow_m: if look.casting().is_some() { look.shadow_m as f32 } else { 0.0 },
-        ..Frame::zeroed()
+        ..FrameUniform::zeroed()
     }
 }
 
-fn node(id: TileId, placed: &CachedNode, tree: &SceneTree, eye: DVec3) -> Node {
+fn node(id: TileId, placed: &CachedNode, tree: &SceneTree, eye: DVec3) -> DrawNode {
     let planes = std::array::from_fn(|plane| placed.pages.get(plane).copied().unwrap_or_default());
-    Node {
+    DrawNode {
         corner: corner(id, placed, tree, eye),
         // The manifest's side, so that neighbours meet to the last bit.
         cell_m: tree.manifest().cell_m_at(id.level()) as f32,
         z_step_m: placed.z_step_m,
         z_lo: placed.z_range[0],
         z_hi: placed.z_range[1],
-        slot_and_shift: Node::slot_and_shift(placed.slot, placed.z_shift),
-        pages: Node::pages_and_quarters(planes, placed.below),
+        slot_and_shift: DrawNode::slot_and_shift(placed.slot, placed.z_shift),
+        pages: DrawNode::pages_and_quarters(planes, placed.below),
         level: u32::from(id.level()),
-        ..Node::zeroed()
+        ..DrawNode::zeroed()
     }
 }
 
@@ -248,7 +248,7 @@ fn corner(square: TileId, placed: &CachedNode, tree: &SceneTree, eye: DVec3) -> 
 
 /// Puts the mesh of `leaf` in place of the columns of `node`, which is of the tile that the leaf is or lies in.
 fn put_mesh(
-    node: &mut Node,
+    node: &mut DrawNode,
     leaf: TileId,
     mesh: &CachedMesh,
     (tile, placed): (TileId, &CachedNode),
@@ -260,5 +260,5 @@ fn put_mesh(
     let [low, high] = mesh.z_m.map(|z_m| ((f64::from(z_m) - placed.z_base_m) / f64::from(placed.z_step_m)) as f32);
     (node.z_lo, node.z_hi) = (low, high);
     node.corner = corner(leaf, placed, tree, eye);
-    (node.place_in, node.level) = (place_in(leaf, tile), u32::from(leaf.level()));
+    (node.leaf_offset, node.level) = (leaf_offset(leaf, tile), u32::from(leaf.level()));
 }

@@ -1,61 +1,33 @@
-//! What a ray meets in a column (Vacca 2008, 3.5; design 6): its solids, their strips, their holes.
+//! Which of a column's solids a ray meets (Vacca 2008, 3.5). GPU twin: `column.wgsl`.
 //!
-//! In: a cell that a ray crosses, from where to where. Out: what it gathers there. Next: `raycast` goes on, or is done.
-//!
-//! Functions bear the names that they have in `column.wgsl` and stand in the same order, but that `column` is there in two:
-//! `meets` finds a solid, `hit_solid` gathers it, and the loop around them is the walk's.
+//! On the CPU, [`ColumnVisit::read`] reads a column once. On the GPU, `meets` reads it again for each solid.
 
 use super::{
-    machine::{floor, least, most},
-    raycast::{Gathered, NodeRay, OPAQUE, SUN_LIFT_CELLS, SceneRef, ahead},
-    shade::linear_of,
+    fast_math::fast_min,
+    ray::Ray,
+    words::{azimuth_direction, azimuth_of, clip_offset_of, flags_of, halves, high_of, low_of},
 };
 use crate::{
-    layout::PAGE_WORDS,
-    pack::{CONCAVE, CORNER, head_words, slope_codes},
+    layout::{ATTRIBUTE_PLANE, STRIP_PLANE, WALK_PLANE},
+    pack::{CLIP_CONCAVE, CLIP_CORNER, head_words, slope_codes},
 };
-use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
-use insula_protocol::{
-    NODE_CELLS,
-    blockmap::{CLIP_STEPS_PER_CELL, flag},
-    octahedral,
-};
+use glam::{IVec2, Vec2, Vec3Swizzles};
+use insula_protocol::{NODE_CELLS, blockmap::flag};
 
-/// Where a ray is inside a solid: from `s` to `e`, entered through `face`.
-#[derive(Clone, Copy)]
-struct Span {
-    s: f32,
-    e: f32,
-    face: Face,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Face {
+/// Through which face of a solid the ray enters.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) enum SolidFace {
+    #[default]
     Side,
     Top,
     Bottom,
 }
 
-fn word(scene: &SceneRef<'_>, gathered: &mut Gathered, page: u32, i: usize) -> u32 {
-    gathered.counts.fetches += 1;
-    scene.atlas.get(page as usize * PAGE_WORDS + i).copied().unwrap_or(0)
-}
-
-/// What stands in a cell, as `column` reads it from the atlas.
-struct Column {
-    cell: IVec2,
-    i: usize,
-    flags: u8,
-    z_min: f32,
-    attributes: u32,
-    /// Words of its strip, the first of which are those of [`head_words`].
-    strip: usize,
-}
-
-/// One of the solids of a column, between these heights.
-#[derive(Clone, Copy, PartialEq)]
-enum Solid {
+/// One of the solids of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) enum ColumnSolid {
     /// The only one, or the upper of two: its top is the roof.
+    #[default]
     Upper,
     /// Below the gap.
     Lower,
@@ -63,150 +35,201 @@ enum Solid {
     Outer,
 }
 
-/// Whether the ray may be in a solid somewhere in the cell, by one word alone. `quad_top` is at least as high as whatever
-/// inclined column is here.
-fn may_hit(walk: u32, [lower, upper]: [f32; 2], quad_top: f32) -> bool {
-    let flags = (walk >> 24) as u8;
-    let (high, low) = ((walk & 0xfff) as f32, (walk >> 12 & 0xfff) as f32);
-    if flags & flag::OCCUPIED == 0 {
-        return false;
-    }
-    if flags & flag::GAP != 0 {
-        return lower <= low || upper >= high;
-    }
-    let highest = if flags & flag::INCLINED != 0 { quad_top } else { high };
-    lower <= highest && upper >= low
+/// The column that the walk is at.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct ColumnVisit {
+    pub(super) cell: IVec2,
+    /// Number of the column in its node.
+    pub(super) i: usize,
+    pub(super) flags: u8,
+    pub(super) attributes: u32,
+    /// Word of its strip's head.
+    pub(super) strip: usize,
+    pub(super) z_min: f32,
+    z_max: f32,
+    /// How the top rises, in height codes per cell.
+    slope: Vec2,
+    /// Bottom and top of the gap.
+    gap: Vec2,
+    /// Top of the solid beyond the plane; 0 without one.
+    outer_top: f32,
+    /// Where the ray enters and leaves the cell.
+    ta: f32,
+    te: f32,
+    split: ClipSplit,
+    /// The next of the solids in the ray's order.
+    solid: usize,
 }
 
-/// A column's highest and lowest point.
-fn bounds_of(scene: &SceneRef<'_>, walk: u32, strip: usize, gathered: &mut Gathered) -> [f32; 2] {
-    let flags = (walk >> 24) as u8;
-    let has_gap = flags & flag::GAP != 0;
-    let bounds = if has_gap { word(scene, gathered, 0, strip + head_words(flags) - 1) } else { walk };
-    [(bounds & 0xfff) as f32, (bounds >> 12 & 0xfff) as f32]
+/// Where the ray is inside of a solid: from `s` to `e`, entered through `face`. Empty if `s >= e`.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct SolidSpan {
+    pub(super) s: f32,
+    pub(super) e: f32,
+    pub(super) face: SolidFace,
 }
 
-/// Gathers what the ray meets in a cell between `ta` and `te`.
-pub(super) fn column(
-    scene: &SceneRef<'_>,
-    ray: &NodeRay<'_>,
-    cell: IVec2,
-    [ta, te]: [f32; 2],
-    quad_top: f32,
-    gathered: &mut Gathered,
-) {
-    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
-    let walk = word(scene, gathered, ray.node.page(0), i);
-    let flags = (walk >> 24) as u8;
-    let z = |t: f32| ray.o.z + ray.d.z * t;
-    if !may_hit(walk, [least(z(ta), z(te)), most(z(ta), z(te))], quad_top) {
-        return;
-    }
-    let centre = cell.as_vec2() + 0.5;
-    let attributes = word(scene, gathered, ray.node.page(2), i);
-    let mut slope = Vec2::ZERO;
-    if flags & flag::INCLINED != 0 {
-        slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift()));
-    }
-    let strip = if flags & flag::EXPOSED != 0 { word(scene, gathered, ray.node.page(3), i) as usize } else { 0 };
-    let bounds = bounds_of(scene, walk, strip, gathered);
-    let [z_max, z_min] = bounds;
-    let top = |t: f32| z_max + slope.dot(ray.o.xy() + ray.d.xy() * t - centre);
-    let clip = if flags & flag::CLIPPED != 0 { word(scene, gathered, 0, strip) } else { 0 };
-    let border = if flags & flag::CLIPPED != 0 {
-        border(ray, attributes, clip, centre, ta, te)
-    } else {
-        Border { from: ta, to: te, within_is_outer: false, normals: [attributes >> 16 & 255; 3] }
-    };
-    let outer_top = (clip & 0xfff) as f32;
-    let gap = flags & flag::GAP != 0;
-    let gap_word = if gap { word(scene, gathered, 0, strip + head_words(flags) - 2) } else { 0 };
-    let (low, high) = ((gap_word & 0xffff) as f32, (gap_word >> 16) as f32);
-    let column = Column { cell, i, flags, z_min, attributes, strip };
-    // Before, within and behind the border's part of the ray, and in each the solids in the ray's order.
-    for n in 0..6 {
-        let (part, second) = (n >> 1, n & 1 == 1);
-        let outer = (part == 1) == border.within_is_outer;
-        let lower = second != (ray.d.z > 0.0);
-        let solid = match (outer, lower) {
-            (true, _) => Solid::Outer,
-            (false, true) => Solid::Lower,
-            (false, false) => Solid::Upper,
-        };
-        let (s, e) = [(ta, border.from), (border.from, border.to), (border.to, te)][part];
-        let missing = match solid {
-            Solid::Outer => second || outer_top == 0.0,
-            Solid::Lower => !gap,
-            Solid::Upper => false,
-        };
-        if missing || s >= e {
-            continue;
-        }
-        let bottom = if solid == Solid::Upper && gap { high } else { z_min };
-        let (over, bounds) = match solid {
-            Solid::Upper => ([z(s) - top(s), z(e) - top(e)], [bottom, z_max]),
-            Solid::Lower => ([z(s) - low, z(e) - low], [bottom, low]),
-            Solid::Outer => ([z(s) - outer_top, z(e) - outer_top], [bottom, outer_top]),
-        };
-        let span = clip_solid(s, e, over, [z(s) - bottom, z(e) - bottom]);
-        hit_solid(scene, ray, &column, solid, border.normals[part], span, bounds, gathered);
-    }
+/// A solid that the ray meets.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FoundSolid {
+    pub(super) span: SolidSpan,
+    pub(super) solid: ColumnSolid,
+    /// Azimuth of the wall through which the ray enters, if not through the cell's face.
+    pub(super) wall: u32,
+    pub(super) bottom: f32,
+    pub(super) top: f32,
 }
 
-/// How a clipped column parts a ray: between `from` and `to` it is on one side of the column's border, else on the other.
-struct Border {
-    from: f32,
-    to: f32,
-    /// Whether what is between is beyond the border.
+/// How the planes of a clipped column split a ray: from `begin` to `end` it is on one side of them, else on the other.
+#[derive(Debug, Clone, Copy, Default)]
+struct ClipSplit {
+    begin: f32,
+    end: f32,
     within_is_outer: bool,
-    /// Azimuths of the walls through which the ray gets into the part before, within and behind.
-    normals: [u32; 3],
+    /// Azimuths of the walls through which the ray enters the part before, within and behind.
+    walls: [u32; 3],
 }
 
-/// Inside one plane or both of a convex corner a ray is for one part of its way, and so it is beyond both of a concave one.
-fn border(ray: &NodeRay<'_>, attributes: u32, clip_word: u32, centre: Vec2, ta: f32, te: f32) -> Border {
-    let first = attributes >> 16 & 255;
-    let concave = clip_word & CONCAVE != 0;
+/// The column's word, if it says that the ray may be in a solid somewhere in the cell. `quad_top` bounds the top of an
+/// inclined column.
+#[inline]
+pub(super) fn may_hit(ray: &mut Ray<'_>, cell: IVec2, ta: f32, te: f32, quad_top: f32) -> Option<u32> {
+    let walk = ray.read_plane(WALK_PLANE, cell.y as usize * NODE_CELLS + cell.x as usize);
+    let flags = flags_of(walk);
+    if flags & flag::OCCUPIED == 0 {
+        return None;
+    }
+    let (high, low) = (high_of(walk), low_of(walk));
+    let (lower_t, upper_t) = if ray.node.d.z > 0.0 { (ta, te) } else { (te, ta) };
+    let (lower, upper) = (ray.node.z_at(lower_t), ray.node.z_at(upper_t));
+    let may_hit = if flags & flag::GAP != 0 {
+        lower <= low || upper >= high
+    } else {
+        lower <= if flags & flag::INCLINED != 0 { quad_top } else { high } && upper >= low
+    };
+    may_hit.then_some(walk)
+}
+
+impl ColumnVisit {
+    /// Reads the column of a cell that the ray crosses from `ta` to `te`.
+    #[inline]
+    pub(super) fn read(ray: &mut Ray<'_>, cell: IVec2, ta: f32, te: f32, walk: u32) -> Self {
+        let i = cell.y as usize * NODE_CELLS + cell.x as usize;
+        let flags = flags_of(walk);
+        let centre = cell.as_vec2() + 0.5;
+        let attributes = ray.read_plane(ATTRIBUTE_PLANE, i);
+        let mut slope = Vec2::ZERO;
+        if flags & flag::INCLINED != 0 {
+            slope = Vec2::from(slope_codes(attributes as u16, ray.node.z_shift));
+        }
+        let strip = if flags & flag::EXPOSED != 0 { ray.read_plane(STRIP_PLANE, i) as usize } else { 0 };
+        let [z_max, z_min] = bounds_of(ray, walk, strip + head_words(flags));
+        let clip = if flags & flag::CLIPPED != 0 { ray.read_word(strip) } else { 0 };
+        let split = clip_split(ray, flags & flag::CLIPPED != 0, attributes, clip, centre, ta, te);
+        let has_gap = flags & flag::GAP != 0;
+        let gap = halves(if has_gap { ray.read_word(strip + head_words(flags) - 2) } else { 0 });
+        let outer_top = high_of(clip);
+        Self { cell, i, flags, attributes, strip, z_min, z_max, slope, gap, outer_top, ta, te, split, solid: 0 }
+    }
+
+    /// The next of the column's solids that the ray meets.
+    #[inline]
+    pub(super) fn meets(&mut self, ray: &Ray<'_>) -> Option<FoundSolid> {
+        let centre = self.cell.as_vec2() + 0.5;
+        let (node, split) = (&ray.node, &self.split);
+        let has_gap = self.flags & flag::GAP != 0;
+        // Each part has two solids in the ray's order.
+        while self.solid < 6 {
+            let (part, second) = (self.solid >> 1, self.solid & 1 == 1);
+            self.solid += 1;
+            let lower = second != (node.d.z > 0.0);
+            let outer = (part == 1) == split.within_is_outer;
+            let solid = match (outer, lower) {
+                (true, _) => ColumnSolid::Outer,
+                (false, true) => ColumnSolid::Lower,
+                (false, false) => ColumnSolid::Upper,
+            };
+            let missing = match solid {
+                ColumnSolid::Outer => second || self.outer_top == 0.0,
+                ColumnSolid::Lower => !has_gap,
+                ColumnSolid::Upper => false,
+            };
+            let (s, e) = [(self.ta, split.begin), (split.begin, split.end), (split.end, self.te)][part];
+            if missing || s >= e {
+                continue;
+            }
+            let bottom = if solid == ColumnSolid::Upper && has_gap { self.gap.y } else { self.z_min };
+            let (top, slope) = match solid {
+                ColumnSolid::Upper => (self.z_max, self.slope),
+                ColumnSolid::Lower => (self.gap.x, Vec2::ZERO),
+                ColumnSolid::Outer => (self.outer_top, Vec2::ZERO),
+            };
+            let (zs, ze) = (node.z_at(s), node.z_at(e));
+            let top_at = |t: f32| top + slope.dot(node.o.xy() + node.d.xy() * t - centre);
+            let span = clip_to_solid(s, e, [zs - top_at(s), ze - top_at(e)], [zs - bottom, ze - bottom]);
+            // An eye inside of a column (less than half a cell in front of a wall) sees out of it.
+            let inside = span.s <= 0.0 && span.face == SolidFace::Side;
+            if span.s < span.e && !inside {
+                return Some(FoundSolid { span, solid, wall: split.walls[part], bottom, top });
+            }
+        }
+        None
+    }
+}
+
+/// Highest and lowest point of a column whose strip's texels begin at `texels`.
+#[inline]
+pub(super) fn bounds_of(ray: &mut Ray<'_>, walk: u32, texels: usize) -> [f32; 2] {
+    let has_gap = flags_of(walk) & flag::GAP != 0;
+    let bounds = if has_gap { ray.read_word(texels.wrapping_sub(1)) } else { walk };
+    [high_of(bounds), low_of(bounds)]
+}
+
+/// A ray is inside of one plane, or of both planes of a convex corner, for one part of its way; likewise beyond both
+/// planes of a concave corner.
+#[inline]
+fn clip_split(ray: &Ray<'_>, clipped: bool, attributes: u32, clip: u32, centre: Vec2, ta: f32, te: f32) -> ClipSplit {
+    let concave = clip & CLIP_CONCAVE != 0;
     let side = if concave { -1.0 } else { 1.0 };
-    let mut border = Border { from: ta, to: te, within_is_outer: concave, normals: [first; 3] };
-    for (k, word) in [attributes, clip_word].into_iter().enumerate() {
-        if k == 1 && clip_word & CORNER == 0 {
-            break;
-        }
-        let turn = word >> 16 & 255;
-        let offset = (word as i32 >> 24) as f32 / CLIP_STEPS_PER_CELL as f32;
-        let n = azimuth(turn);
-        let beyond = |t: f32| side * (n.dot(ray.o.xy() + ray.d.xy() * t - centre) - offset);
+    let walls = [azimuth_of(attributes); 3];
+    let mut split = ClipSplit { begin: ta, end: te, within_is_outer: concave, walls };
+    let planes = if !clipped { 0 } else { 1 + usize::from(clip & CLIP_CORNER != 0) };
+    for word in [attributes, clip].into_iter().take(planes) {
+        let wall = azimuth_of(word);
+        let offset = clip_offset_of(word);
+        let n = azimuth_direction(wall);
+        let beyond = |t: f32| side * (n.dot(ray.node.o.xy() + ray.node.d.xy() * t - centre) - offset);
         let (a, b) = (beyond(ta), beyond(te));
-        let through = ta + (te - ta) * (a / (a - b));
+        let crossing = ta + (te - ta) * (a / (a - b));
         if a > 0.0 && b > 0.0 {
-            border.from = te;
-        } else if a > 0.0 && through > border.from {
-            border.from = through;
-            border.normals[1] = turn;
-        } else if b > 0.0 && a <= 0.0 && through < border.to {
-            border.to = through;
-            border.normals[2] = turn;
+            split.begin = te;
+        } else if a > 0.0 && crossing > split.begin {
+            split.begin = crossing;
+            split.walls[1] = wall;
+        } else if b > 0.0 && a <= 0.0 && crossing < split.end {
+            split.end = crossing;
+            split.walls[2] = wall;
         }
     }
-    // Never within: all of the ray is on the other side, and comes in through the cell's face.
-    if border.from >= border.to {
-        (border.from, border.to) = (te, te);
+    // Never within: all of the ray is in the part before, which it enters through the cell's face.
+    if split.begin >= split.end {
+        (split.begin, split.end) = (te, te);
     }
-    border
+    split
 }
 
-/// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0); both are linear along the ray and
-/// given at its two ends. Empty if `s > e`.
-fn clip_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> Span {
-    const NONE: Span = Span { s: 1.0, e: 0.0, face: Face::Side };
-    let mut span = Span { s: ta, e: te, face: Face::Side };
+/// The part of `ta..te` below the top (`over` <= 0) and above the bottom (`above` >= 0). Both are linear along the ray
+/// and given at its two ends.
+#[inline]
+fn clip_to_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> SolidSpan {
+    const NONE: SolidSpan = SolidSpan { s: 1.0, e: 0.0, face: SolidFace::Side };
+    let mut span = SolidSpan { s: ta, e: te, face: SolidFace::Side };
     if over[0] > 0.0 {
         if over[1] > 0.0 {
             return NONE;
         }
         span.s = ta + (te - ta) * (over[0] / (over[0] - over[1]));
-        span.face = Face::Top;
+        span.face = SolidFace::Top;
     } else if over[1] > 0.0 {
         span.e = ta + (te - ta) * (over[0] / (over[0] - over[1]));
     }
@@ -217,152 +240,10 @@ fn clip_solid(ta: f32, te: f32, over: [f32; 2], above: [f32; 2]) -> Span {
         let s = ta + (te - ta) * (above[0] / (above[0] - above[1]));
         if s > span.s {
             span.s = s;
-            span.face = Face::Bottom;
+            span.face = SolidFace::Bottom;
         }
     } else if above[1] < 0.0 {
-        span.e = least(span.e, ta + (te - ta) * (above[0] / (above[0] - above[1])));
+        span.e = fast_min(span.e, ta + (te - ta) * (above[0] / (above[0] - above[1])));
     }
     span
-}
-
-/// Gathers what a solid shows at the start of `span`, and behind its transparent texels. `wall` is the azimuth of the wall
-/// through which the ray comes in, if it does not come in through the cell's face.
-#[allow(clippy::too_many_arguments)] // One call in WGSL too; a struct for it would only rename them.
-fn hit_solid(
-    scene: &SceneRef<'_>,
-    ray: &NodeRay<'_>,
-    column: &Column,
-    solid: Solid,
-    wall: u32,
-    span: Span,
-    bounds: [f32; 2],
-    gathered: &mut Gathered,
-) {
-    // Who stands inside a column (a wall nearer than half a cell) looks out of it.
-    let inside = span.s <= 0.0 && span.face == Face::Side;
-    if span.s >= span.e || inside || gathered.left <= OPAQUE {
-        return;
-    }
-    let Column { cell, i, flags, z_min, attributes, .. } = *column;
-    let roof_normal = Vec3::from(octahedral::decode(attributes as u16));
-    let flat_normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { Vec3::Z };
-    let (mut texel, mut normal) = (0, flat_normal);
-    let mut rows = false;
-    if solid == Solid::Outer {
-        texel = word(scene, gathered, 0, column.strip + 1) | 3 << 24;
-        if span.face == Face::Side {
-            normal = face_normal(ray, cell);
-        }
-    } else if solid == Solid::Upper && span.face == Face::Top {
-        texel = word(scene, gathered, ray.node.page(1), i) | 3 << 24;
-        normal = roof_normal;
-    } else if flags & flag::EXPOSED != 0 {
-        rows = true;
-    } else if span.face == Face::Side
-        && let Some(wall) = beside(scene, ray, cell, span.s, gathered)
-    {
-        (texel, normal) = wall;
-    } else {
-        texel = word(scene, gathered, ray.node.page(1), i) | 3 << 24;
-        normal = if span.face == Face::Bottom { Vec3::NEG_Z } else { roof_normal };
-        if normal.dot(ray.leg.dir) >= 0.0 {
-            normal = face_normal(ray, cell);
-        }
-    }
-    let strip = (column.strip + head_words(flags)) as u32;
-    let codes = (16 >> ray.node.z_shift()) as f32;
-    let first = floor(z_min / codes);
-    let (row_low, row_high) = (floor(bounds[0] / codes), floor((bounds[1] - 1.0) / codes));
-    let mut row = floor((ray.o.z + ray.d.z * span.s) / codes).clamp(row_low, row_high);
-    let up = ray.d.z > 0.0;
-    let mut s = span.s;
-    if rows && span.face == Face::Side {
-        normal = wall_normal(ray, cell, wall);
-    }
-    for _ in 0..256 {
-        if rows {
-            texel = word(scene, gathered, 0, (strip as i32 + row - first) as usize);
-        }
-        gather(ray, s, texel, normal, flags, gathered);
-        if !rows || gathered.left <= OPAQUE || flags & flag::HOLES == 0 {
-            return;
-        }
-        s = ((row + i32::from(up)) as f32 * codes - ray.o.z) / ray.d.z;
-        normal = if up { Vec3::NEG_Z } else { Vec3::Z };
-        row += if up { 1 } else { -1 };
-        if s > span.e || row < row_low || row > row_high {
-            return;
-        }
-    }
-}
-
-/// What the wall looks like through whose column the ray came into one that has none, if there is such a wall at this height:
-/// between the planes of two clipped columns of a wall, a ray may pass to what stands behind them.
-fn beside(
-    scene: &SceneRef<'_>,
-    ray: &NodeRay<'_>,
-    cell: IVec2,
-    t: f32,
-    gathered: &mut Gathered,
-) -> Option<(u32, Vec3)> {
-    let before = cell + face_normal(ray, cell).xy().as_ivec2();
-    if before.min_element() < 0 || before.max_element() >= NODE_CELLS as i32 {
-        return None;
-    }
-    let i = before.y as usize * NODE_CELLS + before.x as usize;
-    let walk = word(scene, gathered, ray.node.page(0), i);
-    let (flags, z) = ((walk >> 24) as u8, ray.o.z + ray.d.z * t);
-    if flags & flag::EXPOSED == 0 {
-        return None;
-    }
-    let strip = word(scene, gathered, ray.node.page(3), i) as usize;
-    let [z_max, z_min] = bounds_of(scene, walk, strip, gathered);
-    if z < z_min || z >= z_max {
-        return None;
-    }
-    let codes = (16 >> ray.node.z_shift()) as f32;
-    let row = (floor(z / codes) - floor(z_min / codes)) as usize;
-    let strip = strip + head_words(flags);
-    let texel = word(scene, gathered, 0, strip + row);
-    let attributes = word(scene, gathered, ray.node.page(2), i);
-    (texel >> 24 & 3 != 0).then(|| (texel | 3 << 24, wall_normal(ray, cell, attributes >> 16 & 255)))
-}
-
-/// Horizontal unit vector, 256 azimuths to a turn.
-fn azimuth(turn: u32) -> Vec2 {
-    Vec2::from_angle(turn as f32 * (std::f32::consts::TAU / 256.0))
-}
-
-fn wall_normal(ray: &NodeRay<'_>, cell: IVec2, wall: u32) -> Vec3 {
-    let normal = azimuth(wall).extend(0.0);
-    if normal.dot(ray.leg.dir) < 0.0 { normal } else { face_normal(ray, cell) }
-}
-
-/// Normal of the cell's face through which the ray came in.
-fn face_normal(ray: &NodeRay<'_>, cell: IVec2) -> Vec3 {
-    let ahead = ahead(ray.d.xy());
-    let near = (cell.as_vec2() + 1.0 - ahead - ray.o.xy()) * ray.inv;
-    if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
-}
-
-/// Adds what of a texel is seen to what was seen before it. It is lit once, when all is there.
-fn gather(ray: &NodeRay<'_>, t: f32, texel: u32, normal: Vec3, flags: u8, gathered: &mut Gathered) {
-    let alpha = (texel >> 24 & 3) as f32 / 3.0;
-    let (before, share) = (gathered.left, gathered.left * alpha);
-    gathered.left *= 1.0 - alpha;
-    if ray.leg.to_sun {
-        return;
-    }
-    gathered.albedo += linear_of(texel) * share;
-    gathered.ao += (texel >> 26) as f32 / 63.0 * share;
-    gathered.normal += normal * share;
-    gathered.mean_m += t * share;
-    if share > 0.0 && before > 0.5 {
-        (gathered.flags, gathered.level) = (u32::from(flags), ray.node.level);
-        if gathered.left <= 0.5 {
-            gathered.distance_m = t;
-            gathered.node = ray.index;
-            gathered.sun_from = ray.leg.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS);
-        }
-    }
 }

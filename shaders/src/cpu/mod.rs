@@ -1,8 +1,18 @@
-//! The CPU twins of the WGSL stages: same names, same results.
+//! The ray-caster on the CPU, which defines what a frame shows, and the CPU twins of the other WGSL stages.
+//!
+//! Each file is the twin of the WGSL file of its name: the same functions under the same names in the same order. Where
+//! one language has something that the other does not, the file says so. Helpers that another module provides (`pack`,
+//! `layout`, `insula_protocol::octahedral`) are not repeated.
 
 mod column;
-mod machine;
-mod mesh;
+mod fast_math;
+pub mod hit_counts;
+pub(crate) mod mesh;
+pub(crate) mod mesh_surface;
+mod node;
+pub(crate) mod ray;
 pub mod raycast;
 pub mod shade;
-pub mod tally;
+pub(crate) mod solid;
+mod walk;
+mod words;

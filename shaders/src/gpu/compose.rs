@@ -1,11 +1,10 @@
-//! `compose.wgsl`: the ray-caster's pixels onto a render target, one to one from the top left.
-//!
-//! In: a [`Raycaster`]'s colour buffer. Out: a drawn target. Next: the overlay, then the screen.
+//! Draws the ray-caster's pixels on a render target.
 
-use super::Raycaster;
+use super::{Raycaster, shader_module};
+use crate::layout::binding;
 use wgpu::util::DeviceExt;
 
-/// The pass that shows a ray-cast picture.
+/// The pass that shows a ray-cast frame.
 #[derive(Debug)]
 pub struct Compose {
     pipeline: wgpu::RenderPipeline,
@@ -13,12 +12,9 @@ pub struct Compose {
 }
 
 impl Compose {
-    /// For targets of `format`; sRGB formats get linear values, others sRGB ones.
+    /// Makes the pass for targets of `format`: sRGB formats get linear values, others sRGB ones.
     pub fn new(device: &wgpu::Device, format: wgpu::TextureFormat) -> Self {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("compose"),
-            source: wgpu::ShaderSource::Wgsl(crate::COMPOSE_WGSL.into()),
-        });
+        let module = shader_module(device, "compose", crate::wgsl::compose());
         let entry = if format.is_srgb() { "compose_linear" } else { "compose_srgb" };
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("compose"),
@@ -49,7 +45,7 @@ impl Compose {
         Self { pipeline, size }
     }
 
-    /// Draws the last picture of `raycaster` over the whole target; a target of another size is filled to the nearest pixel.
+    /// Draws the last frame of `raycaster` over the whole target, scaled to the nearest pixel.
     pub fn draw(
         &self,
         device: &wgpu::Device,
@@ -64,8 +60,11 @@ impl Compose {
             label: Some("compose"),
             layout: &self.pipeline.get_bind_group_layout(0),
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: self.size.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: raycaster.colour_buffer().as_entire_binding() },
+                wgpu::BindGroupEntry { binding: binding::COMPOSE_SIZE, resource: self.size.as_entire_binding() },
+                wgpu::BindGroupEntry {
+                    binding: binding::COMPOSE_COLOUR,
+                    resource: raycaster.colour_buffer().as_entire_binding(),
+                },
             ],
         });
         pass.set_pipeline(&self.pipeline);

@@ -1,21 +1,20 @@
-//! `nearest.wgsl` on a device: maps of the nearest triangle, for the bake's visibility.
-//!
-//! In: triangles in a map's coordinates. Out: a number a texel. Next: the bake asks the map what is seen.
+//! Maps of the nearest triangle, drawn by a device for the bake's visibility.
 
-use super::{GpuError, raycast::read_words};
+use super::{GpuError, read_words, shader_module};
+use crate::layout::binding;
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
-const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
+const NUMBERS: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
 const DEPTHS: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// A triangle's corner as the shader takes it.
+/// A triangle's corner, as the shader reads it.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Corner {
-    /// Texels from the map's corner along its rows and across them; then how near it is, from 0 (far) to 1.
+pub struct NearestVertex {
+    /// Texels from the map's corner along its rows and across them; then its nearness, from 0 (far) to 1.
     pub place: [f32; 3],
-    /// What the map shows where the triangle is nearest; not 0, which stands for nothing.
+    /// What the map holds where the triangle is nearest. Not 0, which stands for no triangle.
     pub number: u32,
 }
 
@@ -29,9 +28,9 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// Opens the first device that the environment allows. Errors: there is none that works.
+    /// Opens the first device that the environment allows. Fails if none works.
     pub fn open() -> Result<Self, GpuError> {
-        let none = |e: &dyn std::fmt::Display| GpuError::None(e.to_string());
+        let none = |e: &dyn std::fmt::Display| GpuError::NoDevice(e.to_string());
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -49,19 +48,19 @@ impl Nearest {
         Ok(Self { device, queue, pipeline, name: format!("{} ({})", info.name, info.backend) })
     }
 
-    /// Adapter and backend.
+    /// Name of the adapter and its backend.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Draws triangles, three corners each; of two that are as near the first is shown. Gives `size[0] * size[1]` numbers,
-    /// row by row. Errors: the map is larger than the device's textures, or could not be read back.
-    pub fn draw(&self, corners: &[Corner], size: [u32; 2]) -> Result<Vec<u32>, GpuError> {
+    /// Draws triangles, three corners each. Of two that are equally near, the first wins. Returns `size[0] * size[1]`
+    /// numbers, row by row. Fails if the map is larger than the device's textures, or cannot be read back.
+    pub fn draw(&self, corners: &[NearestVertex], size: [u32; 2]) -> Result<Vec<u32>, GpuError> {
         let limit = self.device.limits().max_texture_dimension_2d;
         if let Some(found) = size.into_iter().find(|side| *side == 0 || *side > limit) {
-            return Err(GpuError::Capacity { what: "texels along a side of a map", found: found as usize, limit });
+            return Err(GpuError::MapSize { found, limit });
         }
-        let clip = |corner: &Corner| Corner {
+        let clip = |corner: &NearestVertex| NearestVertex {
             place: [
                 corner.place[0] * 2.0 / size[0] as f32 - 1.0,
                 1.0 - corner.place[1] * 2.0 / size[1] as f32,
@@ -69,17 +68,17 @@ impl Nearest {
             ],
             ..*corner
         };
-        let corners: Vec<Corner> = corners.iter().map(clip).collect();
+        let corners: Vec<NearestVertex> = corners.iter().map(clip).collect();
         let vertices = self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("corners"),
             contents: bytemuck::cast_slice(&corners),
             usage: wgpu::BufferUsages::VERTEX,
         });
-        let ids = self.texture(IDS, size, wgpu::TextureUsages::COPY_SRC);
+        let numbers = self.texture(NUMBERS, size, wgpu::TextureUsages::COPY_SRC);
         let depths = self.texture(DEPTHS, size, wgpu::TextureUsages::empty());
         let mut encoder =
             self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("nearest") });
-        self.encode(&mut encoder, &vertices, [&ids, &depths], corners.len() as u32);
+        self.encode(&mut encoder, &vertices, &numbers, &depths, corners.len() as u32);
         // Rows of a copy are padded to 256 bytes.
         let row_words = size[0].next_multiple_of(64);
         let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
@@ -94,9 +93,9 @@ impl Nearest {
             rows_per_image: Some(size[1]),
         };
         encoder.copy_texture_to_buffer(
-            ids.as_image_copy(),
+            numbers.as_image_copy(),
             wgpu::TexelCopyBufferInfo { buffer: &copy, layout },
-            ids.size(),
+            numbers.size(),
         );
         self.queue.submit([encoder.finish()]);
         let words = read_words(&self.device, &self.queue, &copy)?;
@@ -120,14 +119,15 @@ impl Nearest {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         vertices: &wgpu::Buffer,
-        [ids, depths]: [&wgpu::Texture; 2],
+        numbers: &wgpu::Texture,
+        depths: &wgpu::Texture,
         corners: u32,
     ) {
-        let [ids, depths] = [ids, depths].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
+        let [numbers, depths] = [numbers, depths].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("nearest"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &ids,
+                view: &numbers,
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
@@ -149,11 +149,8 @@ impl Nearest {
 }
 
 fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("nearest"),
-        source: wgpu::ShaderSource::Wgsl(crate::NEAREST_WGSL.into()),
-    });
-    let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Uint32];
+    let module = shader_module(device, "nearest", crate::wgsl::nearest());
+    let attributes = wgpu::vertex_attr_array![binding::LOCATION_PLACE => Float32x3, binding::LOCATION_NUMBER => Uint32];
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("nearest"),
         layout: None,
@@ -162,7 +159,7 @@ fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
             entry_point: Some("corner"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<Corner>() as u64,
+                array_stride: size_of::<NearestVertex>() as u64,
                 step_mode: wgpu::VertexStepMode::Vertex,
                 attributes: &attributes,
             })],
@@ -180,7 +177,7 @@ fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
             module: &module,
             entry_point: Some("number"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(IDS.into())],
+            targets: &[Some(NUMBERS.into())],
         }),
         multiview_mask: None,
         cache: None,

@@ -1,71 +1,50 @@
-//! `raycast.wgsl` on a device: its buffers, its dispatch, its read-back.
-//!
-//! In: pages, summaries, the cut. Out: pixels in device memory. Next: `compose`, or [`Raycaster::read_back`].
+//! The ray-caster on a device: its buffers, its dispatch, its read-back. CPU twin: [`crate::cpu::raycast`].
 
+use super::{DeviceQueue, GpuError, buffer, read_words};
 use crate::{
-    cpu::raycast::{Counts, Pixels},
-    layout::{Frame, Node, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding},
+    cpu::raycast::{Pixels, RayCounts},
+    layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding},
 };
 use bytemuck::Zeroable;
 use std::collections::HashMap;
 use wgpu::util::DeviceExt;
 
-/// How much the device holds; fixed when the ray-caster is made.
+/// How much a ray-caster holds. Fixed when it is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Capacity {
     /// Pages of the atlas, 16 KiB each; at most `max_storage_buffer_binding_size / 16 KiB` of the device.
     pub atlas_pages: u32,
     /// Nodes that may be resident.
     pub slots: u32,
-    /// Nodes that may be drawn in one frame.
+    /// Nodes that a frame's draw list may have.
     pub nodes: u32,
-}
-
-/// Why the device gave no pixels.
-#[derive(Debug, thiserror::Error)]
-pub enum GpuError {
-    /// No device works.
-    #[error("no graphics device can be used ({0}): install a driver")]
-    None(String),
-    /// More nodes than [`Capacity`] says.
-    #[error("the cut has {found} {what}, the ray-caster was made for {limit}: raise tau")]
-    Capacity {
-        /// Of what there is too much.
-        what: &'static str,
-        /// In the cut.
-        found: usize,
-        /// When made.
-        limit: u32,
-    },
-    /// Buffers could not be read back.
-    #[error("the graphics device did not hand the picture over: {0}")]
-    ReadBack(String),
 }
 
 /// The ray-caster on a device.
 #[derive(Debug)]
 pub struct Raycaster {
     capacity: Capacity,
-    /// The builds of the shader that were needed so far.
-    pipelines: HashMap<Build, wgpu::ComputePipeline>,
+    /// The variants that were needed so far.
+    pipelines: HashMap<PipelineVariant, wgpu::ComputePipeline>,
     bind_group_layout: wgpu::BindGroupLayout,
-    inputs: Inputs,
-    target: Target,
+    inputs: InputBuffers,
+    output: OutputBuffers,
 }
 
-/// A build of the shader: what it need not do costs nothing, even on devices that execute both sides of an `if`.
+/// A specialisation of the shader: code that it leaves out costs nothing, even on devices that execute both sides of an
+/// `if`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-struct Build {
-    /// Counts what rays do, and draws nothing.
+struct PipelineVariant {
+    /// Counts the rays' work, and draws nothing.
     count: bool,
-    /// Knows of meshes.
+    /// The draw list has meshes.
     meshes: bool,
-    /// Knows of shadings other than [`Shading::Lit`].
+    /// Shadings other than [`Shading::Lit`].
     for_study: bool,
 }
 
 #[derive(Debug)]
-struct Inputs {
+struct InputBuffers {
     frame: wgpu::Buffer,
     grid: wgpu::Buffer,
     nodes: wgpu::Buffer,
@@ -74,7 +53,7 @@ struct Inputs {
 }
 
 #[derive(Debug)]
-struct Target {
+struct OutputBuffers {
     width_px: u32,
     height_px: u32,
     colour: wgpu::Buffer,
@@ -83,10 +62,10 @@ struct Target {
     bind_group: wgpu::BindGroup,
 }
 
-/// Entries of the grid at first: more than a view of a million buildings needs at full HD.
-const GRID_ENTRIES: u32 = 1 << 16;
+/// Entries of the grid buffer at first: more than a view of a million buildings needs at full HD.
+const INITIAL_GRID_ENTRIES: u32 = 1 << 16;
 
-/// Of all builds of the shader.
+/// The layout of all variants of the pipeline.
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let read = wgpu::BufferBindingType::Storage { read_only: true };
     let write = wgpu::BufferBindingType::Storage { read_only: false };
@@ -99,7 +78,7 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         (binding::COLOUR, write),
         (binding::DISTANCE, write),
         (binding::HIT, write),
-        (binding::FOURS, read),
+        (binding::ATLAS_VEC4S, read),
     ];
     let entries = kinds.map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
         binding,
@@ -110,19 +89,20 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("raycast"), entries: &entries })
 }
 
-/// Without naga's counters in every loop, which cost 8% on lavapipe, where no mesh can be in the way.
+/// The shader module. Without meshes it leaves out naga's counter in every loop, which costs 8% on lavapipe.
 fn module(device: &wgpu::Device, meshes: bool) -> wgpu::ShaderModule {
     let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: meshes, ..wgpu::ShaderRuntimeChecks::checked() };
     let label = Some("raycast");
-    let source = wgpu::ShaderSource::Wgsl(crate::RAYCAST_WGSL.into());
-    // SAFETY: all that is not checked is that loops end, and without meshes all do, whatever the buffers hold: over squares after
-    // MAX_STEPS, over blocks and cells after one step of a whole number each, over hits after MAX_STEPS, over a column's
-    // six solids and 256 rows, over levels and planes by their count. (A damaged tree of a mesh's boxes could lead around.)
+    let source = wgpu::ShaderSource::Wgsl(crate::wgsl::raycast().into());
+    // SAFETY: the only thing that is not checked is that loops end. Without meshes all do, whatever the buffers hold:
+    // over squares and over hits after MAX_STEPS, over blocks and cells as each round goes on by a whole one, over a
+    // column's six solids and MAX_STRIP_ROWS rows, over levels and planes by their number. (A damaged tree of a mesh's
+    // boxes could be a cycle.)
     unsafe { device.create_shader_module_trusted(wgpu::ShaderModuleDescriptor { label, source }, checks) }
 }
 
-fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, build: Build) -> wgpu::ComputePipeline {
-    let module = module(device, build.meshes);
+fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, variant: PipelineVariant) -> wgpu::ComputePipeline {
+    let module = module(device, variant.meshes);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("raycast"),
         bind_group_layouts: &[Some(layout)],
@@ -134,7 +114,7 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, build: Build)
         module: &module,
         entry_point: Some("raycast"),
         compilation_options: wgpu::PipelineCompilationOptions {
-            constants: &[("COUNT", build.count), ("MESHES", build.meshes), ("FOR_STUDY", build.for_study)]
+            constants: &[("COUNT", variant.count), ("MESHES", variant.meshes), ("FOR_STUDY", variant.for_study)]
                 .map(|(name, on)| (name, f64::from(u8::from(on)))),
             ..wgpu::PipelineCompilationOptions::default()
         },
@@ -142,42 +122,37 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, build: Build)
     })
 }
 
-fn buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-    let usage = usage | wgpu::BufferUsages::COPY_DST;
-    device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: bytes, usage, mapped_at_creation: false })
-}
-
 impl Raycaster {
-    /// Takes the memory of `capacity` on the device at once: what fits then fits for good.
+    /// Allocates the device memory of `capacity` at once.
     pub fn new(device: &wgpu::Device, capacity: Capacity) -> Self {
         let bind_group_layout = bind_group_layout(device);
         let pipelines =
-            HashMap::from([Build::default()].map(|build| (build, pipeline(device, &bind_group_layout, build))));
+            HashMap::from([PipelineVariant::default()].map(|v| (v, pipeline(device, &bind_group_layout, v))));
         let storage = wgpu::BufferUsages::STORAGE;
         let sized = |label: &str, count: u32, bytes: usize| {
             buffer(device, label, u64::from(count.max(1)) * bytes as u64, storage)
         };
-        let inputs = Inputs {
+        let inputs = InputBuffers {
             frame: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("frame"),
-                contents: bytemuck::bytes_of(&Frame::zeroed()),
+                contents: bytemuck::bytes_of(&FrameUniform::zeroed()),
                 usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             }),
-            grid: sized("grid", GRID_ENTRIES, size_of::<[u32; 2]>()),
-            nodes: sized("nodes", capacity.nodes, size_of::<Node>()),
+            grid: sized("grid", INITIAL_GRID_ENTRIES, size_of::<[u32; 2]>()),
+            nodes: sized("nodes", capacity.nodes, size_of::<DrawNode>()),
             summaries: sized("summaries", capacity.slots, SUMMARY_WORDS * 4),
             atlas: sized("atlas", capacity.atlas_pages, PAGE_WORDS * 4),
         };
-        let target = Target::new(device, &bind_group_layout, &inputs, [1, 1]);
-        Self { capacity, pipelines, bind_group_layout, inputs, target }
+        let output = OutputBuffers::new(device, &bind_group_layout, &inputs, [1, 1]);
+        Self { capacity, pipelines, bind_group_layout, inputs, output }
     }
 
-    /// What it was made for.
+    /// The capacity that the ray-caster was made with.
     pub fn capacity(&self) -> Capacity {
         self.capacity
     }
 
-    /// Writes a page of the atlas; a page outside the capacity is ignored.
+    /// Writes a page of the atlas. A page beyond the capacity is ignored.
     pub fn write_page(&self, queue: &wgpu::Queue, page: u32, words: &[u32]) {
         if page < self.capacity.atlas_pages && words.len() <= PAGE_WORDS {
             queue.write_buffer(
@@ -188,7 +163,7 @@ impl Raycaster {
         }
     }
 
-    /// Writes a node's summary; a slot outside the capacity is ignored.
+    /// Writes a node's summary. A slot beyond the capacity is ignored.
     pub fn write_summary(&self, queue: &wgpu::Queue, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         if slot < self.capacity.slots {
             let offset = u64::from(slot) * SUMMARY_WORDS as u64 * 4;
@@ -196,42 +171,46 @@ impl Raycaster {
         }
     }
 
-    /// Makes room for a picture of this size.
+    /// Allocates the pixels of frames of this size.
     pub fn resize(&mut self, device: &wgpu::Device, size_px: [u32; 2]) {
-        if [self.target.width_px, self.target.height_px] != size_px {
-            self.target = Target::new(device, &self.bind_group_layout, &self.inputs, size_px);
+        if self.size_px() != size_px {
+            self.output = OutputBuffers::new(device, &self.bind_group_layout, &self.inputs, size_px);
         }
     }
 
-    /// Records one picture of `frame.width_px x frame.height_px`, which must be the size of the last [`Raycaster::resize`].
+    /// Records the pass of a frame whose size is that of the last [`Raycaster::resize`]. Fails if there are more nodes
+    /// than the capacity allows.
     pub fn render(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        on: DeviceQueue<'_>,
         encoder: &mut wgpu::CommandEncoder,
-        frame: &Frame,
+        frame: &FrameUniform,
         grid: &[[u32; 2]],
-        nodes: &[Node],
+        nodes: &[DrawNode],
     ) -> Result<(), GpuError> {
-        self.upload((device, queue), frame, grid, nodes)?;
+        self.upload(on, frame, grid, nodes)?;
         let meshes = nodes.iter().any(|node| node.mesh != 0);
-        self.dispatch(device, encoder, Build { count: false, meshes, for_study: frame.shading != Shading::Lit as u32 });
+        let for_study = frame.shading != Shading::Lit as u32;
+        self.dispatch(on.device, encoder, PipelineVariant { count: false, meshes, for_study });
         Ok(())
     }
 
-    /// What the rays of such a picture do, one a pixel: a build of the shader that draws nothing. Waits for the device.
+    /// Work of the rays of such a frame, one per pixel. Draws nothing, and waits for the device. Fails if there are
+    /// more nodes than the capacity allows, or if the counts cannot be read back.
     pub fn count(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
-        frame: &Frame,
+        on: DeviceQueue<'_>,
+        frame: &FrameUniform,
         grid: &[[u32; 2]],
-        nodes: &[Node],
-    ) -> Result<Counts, GpuError> {
-        self.upload((device, queue), &Frame { samples: 1, ..*frame }, grid, nodes)?;
+        nodes: &[DrawNode],
+    ) -> Result<RayCounts, GpuError> {
+        let DeviceQueue { device, queue } = on;
+        self.upload(on, &FrameUniform { samples: 1, ..*frame }, grid, nodes)?;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
-        self.dispatch(device, &mut encoder, Build { count: true, meshes: true, for_study: true });
+        self.dispatch(device, &mut encoder, PipelineVariant { count: true, meshes: true, for_study: true });
         queue.submit([encoder.finish()]);
         let pixels = self.read_back(device, queue)?;
-        let mut counts = Counts { rays: pixels.colour.len() as u64, ..Counts::default() };
+        let mut counts = RayCounts { rays: pixels.colour.len() as u64, ..RayCounts::default() };
         for i in 0..pixels.colour.len() {
             counts.nodes += u64::from(pixels.colour[i] & 0xffff);
             counts.steps += u64::from(pixels.colour[i] >> 16);
@@ -241,31 +220,31 @@ impl Raycaster {
         Ok(counts)
     }
 
-    fn dispatch(&mut self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, build: Build) {
-        let (layout, target) = (&self.bind_group_layout, &self.target);
+    fn dispatch(&mut self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, variant: PipelineVariant) {
+        let (layout, output) = (&self.bind_group_layout, &self.output);
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
-        pass.set_pipeline(self.pipelines.entry(build).or_insert_with(|| pipeline(device, layout, build)));
-        pass.set_bind_group(0, &target.bind_group, &[]);
-        pass.dispatch_workgroups(target.width_px.div_ceil(WORKGROUP[0]), target.height_px.div_ceil(WORKGROUP[1]), 1);
+        pass.set_pipeline(self.pipelines.entry(variant).or_insert_with(|| pipeline(device, layout, variant)));
+        pass.set_bind_group(0, &output.bind_group, &[]);
+        pass.dispatch_workgroups(output.width_px.div_ceil(WORKGROUP[0]), output.height_px.div_ceil(WORKGROUP[1]), 1);
     }
 
     fn upload(
         &mut self,
-        (device, queue): (&wgpu::Device, &wgpu::Queue),
-        frame: &Frame,
+        on: DeviceQueue<'_>,
+        frame: &FrameUniform,
         grid: &[[u32; 2]],
-        nodes: &[Node],
+        nodes: &[DrawNode],
     ) -> Result<(), GpuError> {
+        let DeviceQueue { device, queue } = on;
         let (found, limit) = (nodes.len(), self.capacity.nodes);
         if found > limit as usize {
-            return Err(GpuError::Capacity { what: "nodes", found, limit });
+            return Err(GpuError::TooManyNodes { found, limit });
         }
         let bytes = size_of_val(grid) as u64;
         if bytes > self.inputs.grid.size() {
             self.inputs.grid = buffer(device, "grid", bytes.next_power_of_two(), wgpu::BufferUsages::STORAGE);
-            let size_px = [self.target.width_px, self.target.height_px];
-            self.target = Target::new(device, &self.bind_group_layout, &self.inputs, size_px);
+            self.output = OutputBuffers::new(device, &self.bind_group_layout, &self.inputs, self.size_px());
         }
         queue.write_buffer(&self.inputs.frame, 0, bytemuck::bytes_of(frame));
         queue.write_buffer(&self.inputs.grid, 0, bytemuck::cast_slice(grid));
@@ -273,56 +252,36 @@ impl Raycaster {
         Ok(())
     }
 
-    /// Pixels, r, g, b, 255 in sRGB, row by row from the top.
+    /// Colours of the pixels: r, g, b, 255 in sRGB, row by row from the top.
     pub fn colour_buffer(&self) -> &wgpu::Buffer {
-        &self.target.colour
+        &self.output.colour
     }
 
-    /// Which node each pixel hit, row by row from the top.
+    /// Node that each pixel hit, row by row from the top.
     pub fn hit_buffer(&self) -> &wgpu::Buffer {
-        &self.target.hit
+        &self.output.hit
     }
 
     /// Width and height of the last [`Raycaster::resize`].
     pub fn size_px(&self) -> [u32; 2] {
-        [self.target.width_px, self.target.height_px]
+        [self.output.width_px, self.output.height_px]
     }
 
-    /// Waits for the device and copies the last picture out.
+    /// Waits for the device and copies the last frame. Fails if the device was lost.
     pub fn read_back(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Pixels, GpuError> {
         let read = |source: &wgpu::Buffer| read_words(device, queue, source);
-        let colour = read(&self.target.colour)?;
-        let distance = read(&self.target.distance)?.into_iter().map(f32::from_bits).collect();
-        let hit = read(&self.target.hit)?;
-        Ok(Pixels { width_px: self.target.width_px, height_px: self.target.height_px, colour, distance, hit })
+        let colour = read(&self.output.colour)?;
+        let distance = read(&self.output.distance)?.into_iter().map(f32::from_bits).collect();
+        let hit = read(&self.output.hit)?;
+        Ok(Pixels { width_px: self.output.width_px, height_px: self.output.height_px, colour, distance, hit })
     }
 }
 
-pub(super) fn read_words(
-    device: &wgpu::Device,
-    queue: &wgpu::Queue,
-    source: &wgpu::Buffer,
-) -> Result<Vec<u32>, GpuError> {
-    let failed = |e: &dyn std::fmt::Display| GpuError::ReadBack(e.to_string());
-    let staging = buffer(device, "read back", source.size(), wgpu::BufferUsages::MAP_READ);
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read back") });
-    encoder.copy_buffer_to_buffer(source, 0, &staging, 0, source.size());
-    queue.submit([encoder.finish()]);
-    let (sender, receiver) = std::sync::mpsc::sync_channel(1);
-    staging.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-        let _ = sender.send(result);
-    });
-    device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(&e))?;
-    receiver.recv().map_err(|e| failed(&e))?.map_err(|e| failed(&e))?;
-    let view = staging.slice(..).get_mapped_range().map_err(|e| failed(&e))?;
-    Ok(view.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
-}
-
-impl Target {
+impl OutputBuffers {
     fn new(
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
-        inputs: &Inputs,
+        inputs: &InputBuffers,
         [width_px, height_px]: [u32; 2],
     ) -> Self {
         let bytes = u64::from(width_px.max(1)) * u64::from(height_px.max(1)) * 4;
@@ -340,7 +299,7 @@ impl Target {
             entry(binding::COLOUR, &colour),
             entry(binding::DISTANCE, &distance),
             entry(binding::HIT, &hit),
-            entry(binding::FOURS, &inputs.atlas),
+            entry(binding::ATLAS_VEC4S, &inputs.atlas),
         ];
         let entries: Vec<wgpu::BindGroupEntry<'_>> = entries
             .iter()

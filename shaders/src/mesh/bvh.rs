@@ -1,38 +1,38 @@
-//! Halves of halves of a mesh's triangles, so that a ray looks at few of them.
+//! A bounding volume hierarchy of a mesh's triangles.
 //!
-//! In: triangles on a grid. Out: [`Tree`]. Next: `mesh` writes it into pages.
-//!
-//! Split where the boxes' surfaces, weighted by their triangles, are smallest (Wald 2007, "On fast construction of SAH-based
-//! bounding volume hierarchies"); deep down by halves, so that no tree is deeper than a ray's stack.
+//! Split where the boxes' surfaces, weighted by their triangles, are smallest (Wald 2007, "On fast construction of
+//! SAH-based bounding volume hierarchies"). Deep levels split by number of triangles, so that no tree is deeper than a
+//! ray's stack.
 
 use std::ops::Range;
 
-/// Triangles that are not parted any more.
-const LEAF: usize = 3;
-/// Places where a set may be split along an axis.
+/// Most triangles of a leaf.
+const LEAF_TRIANGLES: usize = 3;
+/// Bins along an axis, between which a set may be split.
 const BINS: usize = 16;
-/// Levels below which sets are halved by number: 2^18 triangles need 17 more.
-const DEEP: u32 = 13;
+/// Depth from which sets are halved by number: 2^18 triangles need 17 more levels.
+const HALVING_DEPTH: u32 = 13;
 
-/// Lowest and highest corner.
+/// Lowest and highest corner of a box.
 pub(super) type Bounds = [[u32; 3]; 2];
 
-/// One of two halves.
+/// One of the two halves of a set of triangles.
 #[derive(Debug, Clone)]
-pub(super) struct Child {
+pub(super) struct BvhChild {
     pub(super) bounds: Bounds,
-    /// Its halves in [`Tree::pairs`]; else its triangles in [`Tree::order`].
+    /// Its halves in [`Bvh::pairs`]. `None`: it is a leaf.
     pub(super) halves: Option<u32>,
+    /// A leaf's triangles in [`Bvh::order`].
     pub(super) triangles: Range<u32>,
 }
 
-/// The whole.
+/// The hierarchy.
 #[derive(Debug)]
-pub(super) struct Tree {
-    pub(super) pairs: Vec<[Child; 2]>,
-    /// Triangles, those of a child side by side.
+pub(super) struct Bvh {
+    pub(super) pairs: Vec<[BvhChild; 2]>,
+    /// Numbers of the triangles, those of a child side by side.
     pub(super) order: Vec<u32>,
-    pub(super) root: Child,
+    pub(super) root: BvhChild,
 }
 
 const NOTHING: Bounds = [[u16::MAX as u32; 3], [0; 3]];
@@ -41,11 +41,11 @@ fn join(a: Bounds, b: Bounds) -> Bounds {
     [std::array::from_fn(|k| a[0][k].min(b[0][k])), std::array::from_fn(|k| a[1][k].max(b[1][k]))]
 }
 
-fn around(corners: &[[u32; 3]; 3]) -> Bounds {
+fn bounds_of(corners: &[[u32; 3]; 3]) -> Bounds {
     corners.iter().fold(NOTHING, |bounds, corner| join(bounds, [*corner; 2]))
 }
 
-/// Half of a box's surface; thin boxes count as one step thick.
+/// Half of a box's surface. Thin boxes count as one step thick.
 fn surface([low, high]: Bounds) -> f64 {
     let [x, y, z]: [f64; 3] = std::array::from_fn(|k| f64::from(high[k].saturating_sub(low[k])) + 1.0);
     x * y + y * z + z * x
@@ -56,43 +56,43 @@ fn middle([low, high]: Bounds) -> [u32; 3] {
     std::array::from_fn(|k| low[k] + high[k])
 }
 
-struct Builder {
+struct BvhBuilder {
     bounds: Vec<Bounds>,
     middles: Vec<[u32; 3]>,
     order: Vec<u32>,
-    pairs: Vec<[Child; 2]>,
+    pairs: Vec<[BvhChild; 2]>,
 }
 
-impl Tree {
-    /// Of triangles whose coordinates are below 65,536.
+impl Bvh {
+    /// The hierarchy of triangles whose coordinates are below 65,536.
     pub(super) fn of(corners: &[[[u32; 3]; 3]]) -> Self {
-        let bounds: Vec<Bounds> = corners.iter().map(around).collect();
+        let bounds: Vec<Bounds> = corners.iter().map(bounds_of).collect();
         let middles = bounds.iter().copied().map(middle).collect();
         let order = (0..corners.len() as u32).collect();
-        let mut builder = Builder { bounds, middles, order, pairs: Vec::new() };
+        let mut builder = BvhBuilder { bounds, middles, order, pairs: Vec::new() };
         let root = builder.child(0..corners.len(), 0);
         Self { pairs: builder.pairs, order: builder.order, root }
     }
 }
 
-impl Builder {
-    fn child(&mut self, range: Range<usize>, depth: u32) -> Child {
+impl BvhBuilder {
+    fn child(&mut self, range: Range<usize>, depth: u32) -> BvhChild {
         let set = &self.order[range.clone()];
         let bounds = set.iter().fold(NOTHING, |bounds, at| join(bounds, self.bounds[*at as usize]));
         let triangles = range.start as u32..range.end as u32;
-        if range.len() <= LEAF {
-            return Child { bounds, halves: None, triangles };
+        if range.len() <= LEAF_TRIANGLES {
+            return BvhChild { bounds, halves: None, triangles };
         }
         let split = range.start + self.split(range.clone(), depth);
         let at = self.pairs.len();
-        let unknown = Child { bounds, halves: None, triangles: 0..0 };
+        let unknown = BvhChild { bounds, halves: None, triangles: 0..0 };
         self.pairs.push([unknown.clone(), unknown]);
         let halves = [self.child(range.start..split, depth + 1), self.child(split..range.end, depth + 1)];
         self.pairs[at] = halves;
-        Child { bounds, halves: Some(at as u32), triangles }
+        BvhChild { bounds, halves: Some(at as u32), triangles }
     }
 
-    /// Orders a set so that its halves lie side by side; how many the first one has.
+    /// Orders a set so that its halves lie side by side. Returns the size of the first one.
     fn split(&mut self, range: Range<usize>, depth: u32) -> usize {
         let (bounds, middles) = (&self.bounds, &self.middles);
         let set = &mut self.order[range];
@@ -104,7 +104,7 @@ impl Builder {
             (along * BINS as u64 / (u64::from(wide(axis)) + 1)) as usize
         };
         let mut best = (f64::INFINITY, 0, 0);
-        for axis in (0..3).filter(|axis| wide(*axis) > 0 && depth < DEEP) {
+        for axis in (0..3).filter(|axis| wide(*axis) > 0 && depth < HALVING_DEPTH) {
             let mut bins = [(NOTHING, 0usize); BINS];
             for at in set.iter() {
                 let bin = &mut bins[bin(*at, axis)];
@@ -138,14 +138,14 @@ impl Builder {
 mod tests {
     use super::*;
 
-    /// Depth below a child; every triangle is in its box and in one leaf.
-    fn check(tree: &Tree, child: &Child, corners: &[[[u32; 3]; 3]], seen: &mut [u32]) -> usize {
+    /// Depth below a child, whose triangles are checked to be in their boxes and each in one leaf.
+    fn check(tree: &Bvh, child: &BvhChild, corners: &[[[u32; 3]; 3]], seen: &mut [u32]) -> usize {
         let Some(pair) = child.halves else {
             for at in &tree.order[child.triangles.start as usize..child.triangles.end as usize] {
                 seen[*at as usize] += 1;
-                assert_eq!(join(child.bounds, around(&corners[*at as usize])), child.bounds);
+                assert_eq!(join(child.bounds, bounds_of(&corners[*at as usize])), child.bounds);
             }
-            assert!(child.triangles.len() <= LEAF);
+            assert!(child.triangles.len() <= LEAF_TRIANGLES);
             return 0;
         };
         let halves = &tree.pairs[pair as usize];
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn every_triangle_is_in_one_leaf_and_no_tree_is_too_deep() {
+    fn every_triangle_is_in_one_leaf_and_trees_fit_the_stack() {
         let mut n = 1u32;
         let mut random = |below: u32| {
             n = n.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -167,12 +167,12 @@ mod tests {
                     std::array::from_fn(|_| p.map(|v| v + random(20)))
                 })
                 .collect();
-            // Ever smaller and nearer to one corner: splits by surface would part one at a time.
+            // Smaller and smaller, nearer and nearer to one corner: splits by surface would split off one at a time.
             corners.extend((0..count.min(40)).map(|k| [[u32::from(u16::MAX) >> (k % 16); 3]; 3]));
-            let tree = Tree::of(&corners);
+            let tree = Bvh::of(&corners);
             let mut seen = vec![0; corners.len()];
             let depth = check(&tree, &tree.root, &corners, &mut seen);
-            assert!(seen.iter().all(|times| *times == 1) && depth + 1 < super::super::STACK, "{depth}");
+            assert!(seen.iter().all(|times| *times == 1) && depth + 1 < super::super::TRAVERSAL_STACK, "{depth}");
         }
     }
 }

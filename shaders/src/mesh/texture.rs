@@ -1,24 +1,49 @@
-//! A mesh's texture, its coarser levels, and where they lie in pages.
-//!
-//! In: a decoded picture. Out: squares of texels. Next: `mesh` has them in its pages.
+//! A mesh's texture: its decoding, its coarser levels, and its tiles in pages.
 
-use super::TILE_PX;
+use super::TEXTURE_TILE_PX;
 use crate::layout::PAGE_WORDS;
+use image::{ImageFormat, ImageReader, Limits};
+use insula_protocol::{DecodeError, mesh_tile::TileTexture};
+use std::io::Cursor;
 
-/// Texels row by row, the first one in the upper left: r, g, b in 8-bit sRGB, r lowest, and 8 bits that do not count.
+/// Most bytes that decoding may take beyond the texels: per texel, and in all.
+const DECODING_BYTES_PER_TEXEL: u64 = 16;
+const DECODING_BYTES: u64 = 1 << 20;
+
+/// Texels row by row, the first one in the upper left: r, g, b in 8-bit sRGB, r lowest, and 8 unused bits.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
+pub struct MeshTexture {
     /// Texels in a row, at least 1.
     pub width_px: u32,
     /// Rows, at least 1.
     pub height_px: u32,
-    /// All of them.
+    /// All texels, `width_px * height_px`.
     pub texels: Vec<u32>,
 }
 
-impl Picture {
-    /// The picture and ever coarser ones, down to one texel; the first has no side longer than `most_px`, and at most as many
-    /// texels as half of the square of that has.
+impl MeshTexture {
+    /// Decodes a mesh tile's texture, whose stated size is within the format's limits and bounds the memory that is
+    /// taken.
+    ///
+    /// Fails if the file is damaged, takes more memory than an image of that size needs, or is of another size.
+    pub fn decode(texture: &TileTexture) -> Result<Self, DecodeError> {
+        let damaged = |_| DecodeError::Invalid("a mesh's texture is damaged");
+        let [width_px, height_px] = texture.size_px.map(u32::from);
+        let mut limits = Limits::default();
+        (limits.max_image_width, limits.max_image_height) = (Some(width_px), Some(height_px));
+        limits.max_alloc = Some(u64::from(texture.pixels()) * DECODING_BYTES_PER_TEXEL + DECODING_BYTES);
+        let mut reader = ImageReader::with_format(Cursor::new(&texture.bytes), ImageFormat::WebP);
+        reader.limits(limits);
+        let rgb = reader.decode().map_err(damaged)?.into_rgb8();
+        if rgb.dimensions() != (width_px, height_px) {
+            return Err(DecodeError::Invalid("a mesh's texture is not of its stated size"));
+        }
+        let texels = rgb.pixels().map(|p| u32::from_le_bytes([p.0[0], p.0[1], p.0[2], 255])).collect();
+        Ok(Self { width_px, height_px, texels })
+    }
+
+    /// The texture and its halvings, down to one texel. The first has no side longer than `most_px`, and at most
+    /// `most_px`² / 2 texels.
     pub(super) fn levels(&self, most_px: u32) -> Vec<Self> {
         let mut levels = Vec::new();
         let mut level = self.clone();
@@ -36,7 +61,8 @@ impl Picture {
         }
     }
 
-    /// Each texel the mean of up to four; squares of sRGB's numbers are nearly light.
+    /// Half the size: each texel the mean of up to four, of their squares, as squares of sRGB values are close to
+    /// linear light.
     fn halved(&self) -> Self {
         let (width_px, height_px) = ((self.width_px / 2).max(1), (self.height_px / 2).max(1));
         let texel = |x: u32, y: u32| {
@@ -56,26 +82,26 @@ impl Picture {
         Self { width_px, height_px, texels }
     }
 
-    /// Squares along x and y.
-    fn across(&self) -> [u32; 2] {
-        [self.width_px.div_ceil(TILE_PX), self.height_px.div_ceil(TILE_PX)]
+    /// Tiles along x and y.
+    fn tiles_across(&self) -> [u32; 2] {
+        [self.width_px.div_ceil(TEXTURE_TILE_PX), self.height_px.div_ceil(TEXTURE_TILE_PX)]
     }
 
-    /// Squares in all.
-    pub(super) fn squares(&self) -> usize {
-        self.across().iter().product::<u32>() as usize
+    /// Tiles in all.
+    pub(super) fn tiles(&self) -> usize {
+        self.tiles_across().iter().product::<u32>() as usize
     }
 }
 
-/// Adds the squares of all levels to `words`, which end with a page, and writes where each is from word `table` on. None
-/// crosses a page.
-pub(super) fn place(levels: &[Picture], words: &mut Vec<u32>, table: usize) {
+/// Adds the tiles of all levels to `words`, which end with a page, and writes their addresses from word `table` on. No
+/// tile crosses a page.
+pub(super) fn place(levels: &[MeshTexture], words: &mut Vec<u32>, table: usize) {
     let mut next = table;
     for level in levels {
-        let stride = level.width_px.min(TILE_PX);
-        let rows = level.height_px.min(TILE_PX);
-        let [across, up] = level.across();
-        for (x0, y0) in (0..up).flat_map(|y| (0..across).map(move |x| (x * TILE_PX, y * TILE_PX))) {
+        let stride = level.width_px.min(TEXTURE_TILE_PX);
+        let rows = level.height_px.min(TEXTURE_TILE_PX);
+        let [across, up] = level.tiles_across();
+        for (x0, y0) in (0..up).flat_map(|y| (0..across).map(move |x| (x * TEXTURE_TILE_PX, y * TEXTURE_TILE_PX))) {
             let (left, need) = (words.len().next_multiple_of(PAGE_WORDS) - words.len(), (stride * rows) as usize);
             if left < need {
                 words.resize(words.len() + left, 0);
@@ -94,39 +120,57 @@ pub(super) fn place(levels: &[Picture], words: &mut Vec<u32>, table: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::{Rgb, RgbImage};
 
-    fn picture(width_px: u32, height_px: u32) -> Picture {
+    fn texture(width_px: u32, height_px: u32) -> MeshTexture {
         let texels = (0..width_px * height_px).map(|i| i.wrapping_mul(2_654_435_761) & 0xff_ffff).collect();
-        Picture { width_px, height_px, texels }
+        MeshTexture { width_px, height_px, texels }
+    }
+
+    #[test]
+    fn decodes_a_webp_of_the_stated_size_only() {
+        let image = RgbImage::from_fn(70, 30, |x, y| Rgb([x as u8, y as u8, 9]));
+        let mut webp = Cursor::new(Vec::new());
+        image.write_to(&mut webp, ImageFormat::WebP).unwrap();
+        let webp = webp.into_inner();
+        let decode = |size_px, bytes: &[u8]| MeshTexture::decode(&TileTexture { size_px, bytes: bytes.to_vec() });
+        let texture = decode([70, 30], &webp).unwrap();
+        assert_eq!([texture.width_px, texture.height_px, texture.texels.len() as u32], [70, 30, 2100]);
+        assert_eq!(texture.texels[2 * 70 + 3].to_le_bytes(), [3, 2, 9, 255]);
+        for (size_px, bytes) in
+            [([70, 31], &webp[..]), ([71, 30], &webp), ([35, 15], &webp), ([70, 30], &webp[..60]), ([70, 30], &[])]
+        {
+            assert!(matches!(decode(size_px, bytes), Err(DecodeError::Invalid(_))), "{size_px:?}");
+        }
     }
 
     #[test]
     fn levels_halve_down_to_one_texel() {
-        let levels = picture(300, 70).levels(200);
+        let levels = texture(300, 70).levels(200);
         let sizes: Vec<[u32; 2]> = levels.iter().map(|l| [l.width_px, l.height_px]).collect();
         assert_eq!(sizes, [[150, 35], [75, 17], [37, 8], [18, 4], [9, 2], [4, 1], [2, 1], [1, 1]]);
-        let plain = Picture { width_px: 5, height_px: 5, texels: vec![0x40_80c0; 25] };
+        let plain = MeshTexture { width_px: 5, height_px: 5, texels: vec![0x40_80c0; 25] };
         assert!(plain.levels(64).iter().all(|level| level.texels.iter().all(|texel| *texel == 0x40_80c0)));
     }
 
     #[test]
-    fn every_texel_is_where_the_table_says() {
+    fn table_leads_to_every_texel() {
         for (width, height) in [(1, 1), (64, 64), (130, 65), (7, 200), (33, 31)] {
-            let levels = picture(width, height).levels(1 << 12);
-            let squares: usize = levels.iter().map(Picture::squares).sum();
-            let mut words = vec![0; squares.next_multiple_of(PAGE_WORDS)];
+            let levels = texture(width, height).levels(1 << 12);
+            let tiles: usize = levels.iter().map(MeshTexture::tiles).sum();
+            let mut words = vec![0; tiles.next_multiple_of(PAGE_WORDS)];
             place(&levels, &mut words, 0);
             let mut first = 0;
             for level in &levels {
-                let stride = level.width_px.min(TILE_PX);
+                let stride = level.width_px.min(TEXTURE_TILE_PX);
                 for (i, texel) in (0..).zip(&level.texels) {
                     let (x, y) = (i % level.width_px, i / level.width_px);
-                    let square = first + (y / TILE_PX * level.across()[0] + x / TILE_PX) as usize;
-                    let at = words[square] + y % TILE_PX * stride + x % TILE_PX;
+                    let tile = first + (y / TEXTURE_TILE_PX * level.tiles_across()[0] + x / TEXTURE_TILE_PX) as usize;
+                    let at = words[tile] + y % TEXTURE_TILE_PX * stride + x % TEXTURE_TILE_PX;
                     assert_eq!(words[at as usize], *texel);
-                    assert_eq!(words[square] as usize / PAGE_WORDS, at as usize / PAGE_WORDS);
+                    assert_eq!(words[tile] as usize / PAGE_WORDS, at as usize / PAGE_WORDS);
                 }
-                first += level.squares();
+                first += level.tiles();
             }
         }
     }

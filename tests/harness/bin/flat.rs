@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use insula_bake::Silent;
 use insula_shaders::{
-    cpu::raycast::{Counts, count, count_where},
-    gpu::Raycaster,
+    cpu::raycast::{RayCounts, count, count_where},
+    gpu::{DeviceQueue, Raycaster},
     layout::Shading,
 };
 use insula_tests::{
@@ -215,7 +215,8 @@ fn view(
 fn cast(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>) -> Result<()> {
     let data = scene.as_ref();
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    caster.render((&gpu.device, &gpu.queue), &mut encoder, data.frame, data.grid, data.nodes)?;
+    let on = DeviceQueue { device: &gpu.device, queue: &gpu.queue };
+    caster.render(on, &mut encoder, data.frame, data.grid, data.nodes)?;
     finish(gpu, encoder)
 }
 
@@ -250,9 +251,10 @@ fn processor_time() -> Result<Duration> {
 }
 
 /// The device's counts must be those of the CPU but for rays on edges.
-fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: Counts) -> Result<()> {
+fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: RayCounts) -> Result<()> {
     let data = scene.as_ref();
-    let on_gpu = caster.count((&gpu.device, &gpu.queue), data.frame, data.grid, data.nodes)?;
+    let on = DeviceQueue { device: &gpu.device, queue: &gpu.queue };
+    let on_gpu = caster.count(on, data.frame, data.grid, data.nodes)?;
     for (what, a, b) in [("nodes", on_cpu.nodes, on_gpu.nodes), ("steps", on_cpu.steps, on_gpu.steps)] {
         let apart = a.abs_diff(b) as f64 / a.max(1) as f64;
         anyhow::ensure!(apart < 0.01, "the device counts {b} {what}, the CPU {a}");

@@ -166,8 +166,8 @@ fn look(
         .copied()
         .filter(|leaf| (0..=depth).any(|level| leaf.ancestor(level).is_some_and(|id| hit.contains(&id))))
         .collect();
-    let lengths = |layer: Layer| -> HashMap<TileId, u32> {
-        store.archive(layer).map(|archive| archive.lengths().collect()).unwrap_or_default()
+    let lengths = |kind: TileKind| -> HashMap<TileId, u32> {
+        store.archive(kind).map(|archive| archive.lengths().collect()).unwrap_or_default()
     };
     let (columns, meshes) = (lengths(TileKind::BlockMap), lengths(TileKind::Mesh));
     let report = session.report(args.tau);

@@ -44,7 +44,7 @@ pub struct CachedNode {
     pub z_base_m: f64,
     /// Lowest and highest point in codes.
     pub z_range: [f32; 2],
-    /// How far quarters lie below that ([`Node::pages_and_quarters`](insula_shaders::layout::Node::pages_and_quarters)).
+    /// How far quarters lie below that ([`DrawNode::pages_and_quarters`](insula_shaders::layout::DrawNode::pages_and_quarters)).
     pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,

@@ -17,7 +17,7 @@ mod device {
     use super::FacingTriangle;
     use insula_shaders::gpu::{
         GpuError,
-        nearest::{Corner, Nearest},
+        nearest::{Nearest, NearestVertex},
     };
     use std::sync::OnceLock;
 
@@ -39,10 +39,10 @@ mod device {
         let (low, high) = (heights().fold(f32::MAX, f32::min), heights().fold(f32::MIN, f32::max));
         // Depth stays clear of 0, the value of empty texels, and of 1, beyond which rounding would clip.
         let depth = |z: f32| 0.01 + 0.98 * (z - low) / (high - low).max(1e-3);
-        let corners: Vec<Corner> = triangles
+        let corners: Vec<NearestVertex> = triangles
             .iter()
             .flat_map(|triangle| {
-                triangle.corners.map(|c| Corner { place: [c.x, c.y, depth(c.z)], number: triangle.number })
+                triangle.corners.map(|c| NearestVertex { place: [c.x, c.y, depth(c.z)], number: triangle.number })
             })
             .collect();
         let drawn = device().ok()?.draw(&corners, size.map(|side| side as u32));

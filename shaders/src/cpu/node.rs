@@ -1,0 +1,51 @@
+//! How a ray enters a node. GPU twin: `node.wgsl`.
+
+use super::{
+    fast_math::{fast_max, fast_min, nonzero, nonzero2},
+    ray::{NodeRay, Ray},
+};
+use crate::layout::{DrawNode, PAGE_WORDS, QUARTER_MAX, SUMMARY_WORDS};
+use glam::{Vec2, Vec3, Vec3Swizzles};
+use insula_protocol::NODE_CELLS;
+
+/// Makes `ray.node` and returns where the ray is between the node's lowest and highest point; the first is larger if
+/// nowhere.
+#[inline]
+pub(super) fn enter_node(ray: &mut Ray<'_>, index: u32, t_in: f32, t_out: f32) -> [f32; 2] {
+    let Some(node) = ray.scene.nodes.get(index as usize) else { return [1.0, 0.0] };
+    let scale = Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m);
+    let o = (ray.segment.origin - Vec3::from(node.corner)) * scale;
+    let d_xy = nonzero2(ray.segment.dir.xy() * scale.xy());
+    let dz = nonzero(ray.segment.dir.z * scale.z);
+    let a = (node.z_lo - 1.0 - o.z) / dz;
+    let b = (node.z_hi + 1.0 - o.z) / dz;
+    ray.node = NodeRay {
+        index,
+        o,
+        d: d_xy.extend(dz),
+        inv: 1.0 / d_xy,
+        planes: planes_of(node),
+        z_shift: node.z_shift(),
+        summary: node.slot() * SUMMARY_WORDS,
+        cell_m: node.cell_m,
+        level: node.level,
+    };
+    let (begin, end) = (fast_max(t_in, fast_min(a, b)), fast_min(t_out, fast_max(a, b)));
+    let highest = highest_on(node, o.xy() + d_xy * begin, o.xy() + d_xy * end);
+    if fast_min(ray.node.z_at(begin), ray.node.z_at(end)) > highest { [1.0, 0.0] } else { [begin, end] }
+}
+
+/// First words of a node's planes.
+pub(super) fn planes_of(node: &DrawNode) -> [usize; 4] {
+    std::array::from_fn(|plane| node.page(plane) as usize * PAGE_WORDS)
+}
+
+/// Highest point, with a margin of one code, of the quarters of a node that a ray crosses between two places in it.
+fn highest_on(node: &DrawNode, a: Vec2, b: Vec2) -> f32 {
+    let half = NODE_CELLS as f32 / 2.0;
+    let quarter = |p: Vec2| usize::from(p.x >= half) + 2 * usize::from(p.y >= half);
+    let (a, b) = (quarter(a), quarter(b));
+    // From a quarter to the opposite one the ray crosses a third.
+    let below = if a ^ b == 3 { 0 } else { node.quarter_below(a).min(node.quarter_below(b)) };
+    node.z_hi + 1.0 - below as f32 * (node.z_hi - node.z_lo) * (1.0 / QUARTER_MAX as f32)
+}

@@ -1,0 +1,137 @@
+//! Surfaces of a solid that a ray hits: roof, wall strip, and surfaces behind the strip's holes. GPU twin:
+//! `solid.wgsl`.
+//!
+//! On the CPU, `adjacent_wall` returns a texel and its normal. On the GPU it returns the texel's address, and
+//! `hit_solid` reads it.
+
+use super::{
+    column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace, bounds_of},
+    fast_math::{ahead_of, floor},
+    ray::{NodeRay, OPAQUE, Ray, SUN_LIFT_CELLS},
+    shade::linear_of,
+    words::{alpha_of, ao_of, as_opaque, azimuth_direction, azimuth_of, codes_per_row, flags_of},
+};
+use crate::{
+    layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
+    pack::{OPAQUE_ALPHA, head_words},
+};
+use glam::{IVec2, Vec3, Vec3Swizzles};
+use insula_protocol::{NODE_CELLS, blockmap::flag, octahedral, texel::AO_MAX};
+
+/// Most rows of a strip: a guard, as no strip has more.
+pub(crate) const MAX_STRIP_ROWS: i32 = 256;
+
+/// Gathers a solid that the ray meets, with the surfaces behind its transparent texels.
+#[inline]
+pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSolid) {
+    let (cell, flags, span) = (column.cell, column.flags, found.span);
+    let side = span.face == SolidFace::Side;
+    let roof_normal = Vec3::from(octahedral::decode(column.attributes as u16));
+    let flat_normal = if span.face == SolidFace::Bottom { Vec3::NEG_Z } else { Vec3::Z };
+    let (mut texel, mut normal) = (0, flat_normal);
+    let mut has_rows = false;
+    if found.solid == ColumnSolid::Outer {
+        texel = as_opaque(ray.read_word(column.strip + 1));
+        if side {
+            normal = face_normal(&ray.node, cell);
+        }
+    } else if found.solid == ColumnSolid::Upper && span.face == SolidFace::Top {
+        texel = as_opaque(ray.read_plane(ROOF_PLANE, column.i));
+        normal = roof_normal;
+    } else if flags & flag::EXPOSED != 0 {
+        has_rows = true;
+        if side {
+            normal = wall_normal(ray, cell, found.wall);
+        }
+    } else if side && let Some(wall) = adjacent_wall(ray, cell, span.s) {
+        (texel, normal) = wall;
+    } else {
+        texel = as_opaque(ray.read_plane(ROOF_PLANE, column.i));
+        normal = if span.face == SolidFace::Bottom { Vec3::NEG_Z } else { roof_normal };
+        if normal.dot(ray.segment.dir) >= 0.0 {
+            normal = face_normal(&ray.node, cell);
+        }
+    }
+    let codes = codes_per_row(ray.node.z_shift);
+    let first = (column.strip + head_words(flags)) as i32 - floor(column.z_min / codes);
+    let (row_low, row_high) = (floor(found.bottom / codes), floor((found.top - 1.0) / codes));
+    let mut row = floor(ray.node.z_at(span.s) / codes).clamp(row_low, row_high);
+    let up = ray.node.d.z > 0.0;
+    let mut s = span.s;
+    for _ in 0..MAX_STRIP_ROWS {
+        if has_rows {
+            texel = ray.read_word((first + row) as usize);
+        }
+        gather(ray, s, texel, normal, flags);
+        if !has_rows || ray.hit.transmittance <= OPAQUE || flags & flag::HOLES == 0 {
+            return;
+        }
+        s = ((row + i32::from(up)) as f32 * codes - ray.node.o.z) / ray.node.d.z;
+        normal = if up { Vec3::NEG_Z } else { Vec3::Z };
+        row += if up { 1 } else { -1 };
+        if s > span.e || row < row_low || row > row_high {
+            return;
+        }
+    }
+}
+
+/// Texel and normal of the wall of the column in front of `cell`, if it has one at `t`. Between the planes of two
+/// clipped columns of one wall, a ray may reach the column behind them: it shows the wall that the ray slipped through.
+fn adjacent_wall(ray: &mut Ray<'_>, cell: IVec2, t: f32) -> Option<(u32, Vec3)> {
+    let before = cell + face_normal(&ray.node, cell).xy().as_ivec2();
+    if before.min_element() < 0 || before.max_element() >= NODE_CELLS as i32 {
+        return None;
+    }
+    let i = before.y as usize * NODE_CELLS + before.x as usize;
+    let walk = ray.read_plane(WALK_PLANE, i);
+    let (flags, z) = (flags_of(walk), ray.node.z_at(t));
+    if flags & flag::EXPOSED == 0 {
+        return None;
+    }
+    let strip = ray.read_plane(STRIP_PLANE, i) as usize + head_words(flags);
+    let [z_max, z_min] = bounds_of(ray, walk, strip);
+    if z < z_min || z >= z_max {
+        return None;
+    }
+    let codes = codes_per_row(ray.node.z_shift);
+    let texel = ray.read_word(strip + (floor(z / codes) - floor(z_min / codes)) as usize);
+    let attributes = ray.read_plane(ATTRIBUTE_PLANE, i);
+    (alpha_of(texel) != 0).then(|| (as_opaque(texel), wall_normal(ray, cell, azimuth_of(attributes))))
+}
+
+/// Normal of a wall that the ray enters from outside, else of the cell's face.
+fn wall_normal(ray: &Ray<'_>, cell: IVec2, wall: u32) -> Vec3 {
+    let normal = azimuth_direction(wall).extend(0.0);
+    if normal.dot(ray.segment.dir) < 0.0 { normal } else { face_normal(&ray.node, cell) }
+}
+
+/// Normal of the cell's face through which the ray enters.
+fn face_normal(node: &NodeRay, cell: IVec2) -> Vec3 {
+    let ahead = ahead_of(node.d.xy());
+    let near = (cell.as_vec2() + 1.0 - ahead - node.o.xy()) * node.inv;
+    if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
+}
+
+/// Adds the visible share of a texel. It is lit only once, when the ray has ended.
+#[inline]
+fn gather(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8) {
+    let alpha = alpha_of(texel) as f32 / OPAQUE_ALPHA as f32;
+    let hit = &mut ray.hit;
+    let (before, share) = (hit.transmittance, hit.transmittance * alpha);
+    hit.transmittance *= 1.0 - alpha;
+    if ray.segment.to_sun {
+        return;
+    }
+    hit.albedo += linear_of(texel) * share;
+    hit.ao += ao_of(texel) / f32::from(AO_MAX) * share;
+    hit.normal += normal * share;
+    hit.mean_m += t * share;
+    if share > 0.0 && before > 0.5 {
+        (hit.flags, hit.level) = (u32::from(flags), ray.node.level);
+        if hit.transmittance <= 0.5 {
+            hit.distance_m = t;
+            hit.node = ray.node.index;
+            hit.shadow_origin = ray.segment.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS);
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Fields of the atlas's words ([`crate::pack`]). GPU twin: `shared/words.wgsl`.
+
+use crate::pack::{
+    ALPHA_SHIFT, AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK,
+    OPAQUE_ALPHA,
+};
+use glam::Vec2;
+use insula_protocol::blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL};
+
+#[inline]
+pub(super) fn flags_of(walk: u32) -> u8 {
+    (walk >> FLAGS_SHIFT) as u8
+}
+
+/// The higher one of a word's two heights, in height codes.
+#[inline]
+pub(super) fn high_of(word: u32) -> f32 {
+    (word & HEIGHT_MASK) as f32
+}
+
+#[inline]
+pub(super) fn low_of(word: u32) -> f32 {
+    (word >> HEIGHT_BITS & HEIGHT_MASK) as f32
+}
+
+/// Azimuth of a wall's normal, [`AZIMUTHS`] to a turn.
+#[inline]
+pub(super) fn azimuth_of(word: u32) -> u32 {
+    word >> AZIMUTH_SHIFT & (AZIMUTHS - 1)
+}
+
+/// Horizontal unit vector.
+#[inline]
+pub(super) fn azimuth_direction(azimuth: u32) -> Vec2 {
+    Vec2::from_angle(azimuth as f32 * (std::f32::consts::TAU / AZIMUTHS as f32))
+}
+
+/// Distance of a clipping plane from the cell's centre, in cells.
+#[inline]
+pub(super) fn clip_offset_of(word: u32) -> f32 {
+    (word as i32 >> CLIP_OFFSET_SHIFT) as f32 / CLIP_STEPS_PER_CELL as f32
+}
+
+/// Coverage of a texel, 0 to [`OPAQUE_ALPHA`].
+#[inline]
+pub(super) fn alpha_of(texel: u32) -> u32 {
+    texel >> ALPHA_SHIFT & OPAQUE_ALPHA
+}
+
+/// Share of the sky that a texel sees, 0 to [`AO_MAX`](insula_protocol::texel::AO_MAX).
+#[inline]
+pub(super) fn ao_of(texel: u32) -> f32 {
+    (texel >> AO_SHIFT) as f32
+}
+
+#[inline]
+pub(super) fn as_opaque(texel: u32) -> u32 {
+    texel | OPAQUE_ALPHA << ALPHA_SHIFT
+}
+
+/// Height codes of a strip's row.
+#[inline]
+pub(super) fn codes_per_row(z_shift: u32) -> f32 {
+    f32::from(STEPS_PER_CELL >> z_shift)
+}
+
+/// Halves of a word, the lower first.
+#[inline]
+pub(super) fn halves(word: u32) -> Vec2 {
+    Vec2::new((word & 0xffff) as f32, (word >> 16) as f32)
+}

@@ -1,0 +1,152 @@
+//! Writes a mesh, its hierarchy and its texture into words, as [`super`] says.
+
+use super::{
+    MAX_TRIANGLES, PAGE_VEC4S, PackError, REFERENCE_COUNT_SHIFT,
+    bvh::{Bvh, BvhChild},
+    texture::{self, MeshTexture},
+};
+use crate::layout::PAGE_WORDS;
+use insula_protocol::mesh::{AttributeKind, Mesh};
+use std::ops::Range;
+
+/// Vec4s of the head.
+const HEAD_VEC4S: usize = 3;
+/// The head's word that holds the reference to the whole tree.
+const ROOT_WORD: u32 = 4;
+/// The head's word that holds the address of the texture's table.
+pub(super) const TABLE_WORD: u32 = 7;
+
+pub(super) struct MeshPacker {
+    pub(super) words: Vec<u32>,
+    /// Words that hold references.
+    pub(super) references: Vec<u32>,
+    /// Words that hold the addresses of texture tiles.
+    pub(super) table: Range<u32>,
+    corners: Vec<[[u32; 3]; 3]>,
+    /// What each triangle's corners carry: texture coordinates or colours.
+    carried: Vec<[u32; 3]>,
+}
+
+impl MeshPacker {
+    /// Fails if the mesh is too large or incomplete.
+    pub(super) fn new(mesh: &Mesh, textured: bool) -> Result<Self, PackError> {
+        if mesh.triangles.len() > MAX_TRIANGLES {
+            return Err(PackError::TooManyTriangles(mesh.triangles.len()));
+        }
+        let mut carried = carried(mesh, textured)?;
+        let mut corners = Vec::with_capacity(mesh.triangles.len().max(1));
+        for triangle in &mesh.triangles {
+            let position =
+                |at: u32| mesh.positions.get(at as usize).filter(|p| p.iter().all(|v| *v <= u16::MAX.into()));
+            let [Some(a), Some(b), Some(c)] = triangle.map(position) else {
+                return Err(PackError::Incomplete("a corner without a position"));
+            };
+            corners.push([*a, *b, *c]);
+        }
+        // A reference cannot say that there are no triangles.
+        if corners.is_empty() {
+            (corners, carried) = (vec![[[0; 3]; 3]], vec![[0; 3]]);
+        }
+        Ok(Self { words: Vec::new(), references: Vec::new(), table: 0..0, corners, carried })
+    }
+
+    pub(super) fn triangles(&self) -> u32 {
+        self.corners.len() as u32
+    }
+
+    /// Writes everything, in whole pages. Returns the lowest and the highest point in metres.
+    pub(super) fn pack(&mut self, mesh: &Mesh, levels: &[MeshTexture]) -> [f32; 2] {
+        let tiles: usize = levels.iter().map(MeshTexture::tiles).sum();
+        self.take((HEAD_VEC4S + tiles.div_ceil(4)).min(PAGE_VEC4S));
+        let bvh = Bvh::of(&self.corners);
+        let root = self.child(&bvh, &bvh.root);
+        self.table = HEAD_VEC4S as u32 * 4..(HEAD_VEC4S * 4 + tiles) as u32;
+        self.head(mesh, &bvh, root, levels);
+        self.words.resize(self.words.len().next_multiple_of(PAGE_WORDS), 0);
+        texture::place(levels, &mut self.words, self.table.start as usize);
+        self.words.resize(self.words.len().next_multiple_of(PAGE_WORDS), 0);
+        let z = |code: u32| (mesh.grid.min[2] + f64::from(code) * mesh.grid.step) as f32;
+        bvh.root.bounds.map(|corner| z(corner[2]))
+    }
+
+    /// Place, in vec4s, of `count` new ones, at most a page's. They lie in one page, as they are read together.
+    fn take(&mut self, count: usize) -> u32 {
+        let used = self.words.len() / 4 % PAGE_VEC4S;
+        let at = self.words.len() / 4 + if used + count > PAGE_VEC4S { PAGE_VEC4S - used } else { 0 };
+        self.words.resize((at + count) * 4, 0);
+        at as u32
+    }
+
+    fn vec4_at(&mut self, at: u32) -> &mut [u32] {
+        &mut self.words[at as usize * 4..][..4]
+    }
+
+    /// Writes what is below a child. Returns a reference to it.
+    fn child(&mut self, bvh: &Bvh, child: &BvhChild) -> u32 {
+        let Some(pair) = child.halves else { return self.leaf(bvh, child) };
+        let at = self.take(2);
+        for (k, half) in (0..2).zip(&bvh.pairs[pair as usize]) {
+            let reference = self.child(bvh, half);
+            let [x, y, z] = box_words(half);
+            self.vec4_at(at + k).copy_from_slice(&[x, y, z, reference]);
+            self.references.push((at + k) * 4 + 3);
+        }
+        at
+    }
+
+    fn leaf(&mut self, bvh: &Bvh, leaf: &BvhChild) -> u32 {
+        let triangles = &bvh.order[leaf.triangles.start as usize..leaf.triangles.end as usize];
+        let at = self.take(2 * triangles.len());
+        for (k, triangle) in (0..).zip(triangles) {
+            let p = self.corners[*triangle as usize].concat();
+            let pair = |k: usize| p[k] | p.get(k + 1).copied().unwrap_or(0) << 16;
+            let [a, b, c] = self.carried[*triangle as usize];
+            self.vec4_at(at + 2 * k).copy_from_slice(&[pair(0), pair(2), pair(4), pair(6)]);
+            self.vec4_at(at + 2 * k + 1).copy_from_slice(&[p[8], a, b, c]);
+        }
+        at | (triangles.len() as u32) << REFERENCE_COUNT_SHIFT
+    }
+
+    fn head(&mut self, mesh: &Mesh, bvh: &Bvh, root: u32, levels: &[MeshTexture]) {
+        let metres = |v: f64| (v as f32).to_bits();
+        let [x, y, z] = mesh.grid.min.map(metres);
+        self.vec4_at(0).copy_from_slice(&[x, y, z, metres(mesh.grid.step)]);
+        let size = levels.first().map_or(0, |finest| finest.width_px | finest.height_px << 16);
+        let table = self.table.start;
+        self.vec4_at(1).copy_from_slice(&[root, size, levels.len() as u32, table]);
+        self.references.push(ROOT_WORD);
+        let [x, y, z] = box_words(&bvh.root);
+        self.vec4_at(2).copy_from_slice(&[x, y, z, 0]);
+    }
+}
+
+fn box_words(child: &BvhChild) -> [u32; 3] {
+    let [low, high] = child.bounds;
+    std::array::from_fn(|axis| low[axis] | high[axis] << 16)
+}
+
+/// What each triangle's corners carry, as the pages hold it. Fails if a corner has none.
+fn carried(mesh: &Mesh, textured: bool) -> Result<Vec<[u32; 3]>, PackError> {
+    let kind = if textured { AttributeKind::TexCoord } else { AttributeKind::Colour };
+    let attribute = mesh.attributes.iter().find(|attribute| attribute.kind == kind);
+    let attribute = attribute.ok_or(PackError::Incomplete("neither a texture nor colours"))?;
+    let most = (1u32 << attribute.bits.min(16)) - 1;
+    let scaled = |v: u32, to: u32| (v.min(most) * to + most / 2) / most;
+    let word = |value: &[u32; 4]| match kind {
+        AttributeKind::TexCoord => {
+            let [low, step] = attribute.range;
+            let share = |v: u32| ((low + step * v as f32).clamp(0.0, 1.0) * 65535.0 + 0.5) as u32;
+            share(value[0]) | share(value[1]) << 16
+        }
+        _ => scaled(value[0], 255) | scaled(value[1], 255) << 8 | scaled(value[2], 255) << 16,
+    };
+    let values: Vec<u32> = attribute.values.iter().map(word).collect();
+    let corner = |at: &u32| values.get(*at as usize).copied();
+    let of = |corners: &[u32; 3]| Some([corner(&corners[0])?, corner(&corners[1])?, corner(&corners[2])?]);
+    let (triples, rest) = attribute.corners.as_chunks::<3>();
+    let carried: Option<Vec<[u32; 3]>> = triples.iter().map(of).collect();
+    match carried {
+        Some(carried) if carried.len() == mesh.triangles.len() && rest.is_empty() => Ok(carried),
+        _ => Err(PackError::Incomplete("a corner without texture coordinates or a colour")),
+    }
+}

@@ -1,0 +1,254 @@
+//! The WGSL sources: files of `wgsl/`, concatenated behind generated constants.
+//!
+//! Rust declares every number that both languages use, and this module generates its WGSL declaration:
+//!
+//! - sizes, bit fields and limits of the shared arrays (`layout`, `pack`, `mesh`, the column flags of `insula-protocol`);
+//! - tolerances, lifts and colours of the CPU ray-caster (`cpu`);
+//! - workgroup sizes, binding numbers and vertex locations (`layout::binding`).
+//!
+//! The WGSL files declare only constants that Rust does not have (states, faces); a test refuses a constant that both
+//! declare and a binding that is written as a number. Structs are compared by `tests/layout.rs`.
+
+use crate::{
+    cpu::{
+        mesh::{BOX_SLACK, EDGE_SLACK, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE, TIE_M},
+        mesh_surface::{ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
+        ray::{MAX_STEPS, MIN_DIRECTION, OPAQUE, SUN_LIFT_CELLS, SUN_LIFT_M},
+        shade::{
+            DISC, DISC_INNER, DISC_OUTER, GLOW, GLOW_G, GROUND, GROUND_ALBEDO, GROUND_FADE_M, HORIZON, LUMINANCE,
+            MIN_GROUND_DESCENT, SKY_FALL, TINT_EXPOSED, TINT_GAP, TINT_INCLINED, TINT_MESH, TINT_ROOF, TINT_SUSPENDED,
+            ZENITH,
+        },
+        solid::MAX_STRIP_ROWS,
+    },
+    grid::Z_TOP,
+    layout::{
+        ATTRIBUTE_PLANE, BLOCK_CELLS, BLOCK_SHIFT, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED,
+        GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, HIT_BLOCK_PX, HIT_COUNTS_THREADS,
+        MAX_SAMPLES, MESH_FLAG, NO_NODE, NODE_BLOCKS, PAGE_WORDS, QUAD_TOP_BITS, QUAD_TOP_MAX, QUARTER_MAX,
+        QUARTER_SHIFT, ROOF_PLANE, SLOT_SHIFT, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S, Shading, WALK_PLANE,
+        WORKGROUP, binding,
+    },
+    mesh::{LEAF_OFFSET_STEPS, REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TEXTURE_TILE_PX, TRAVERSAL_STACK},
+    pack::{
+        ALPHA_SHIFT, AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT,
+        HEIGHT_BITS, HEIGHT_MASK, MIN_NORMAL_Z, OPAQUE_ALPHA,
+    },
+};
+use insula_protocol::{
+    NODE_CELLS,
+    blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL, flag},
+};
+use std::f32::consts::TAU;
+
+const LAYOUT: &str = include_str!("../wgsl/shared/layout.wgsl");
+const MATH: &str = include_str!("../wgsl/shared/math.wgsl");
+const SRGB: &str = include_str!("../wgsl/shared/srgb.wgsl");
+const WORDS: &str = include_str!("../wgsl/shared/words.wgsl");
+
+/// The ray-caster: entry point `raycast`, bindings in [`crate::layout::binding`], workgroups of [`WORKGROUP`].
+pub fn raycast() -> String {
+    source(&[
+        LAYOUT,
+        MATH,
+        SRGB,
+        WORDS,
+        include_str!("../wgsl/ray.wgsl"),
+        include_str!("../wgsl/raycast.wgsl"),
+        include_str!("../wgsl/walk.wgsl"),
+        include_str!("../wgsl/node.wgsl"),
+        include_str!("../wgsl/column.wgsl"),
+        include_str!("../wgsl/solid.wgsl"),
+        include_str!("../wgsl/mesh.wgsl"),
+        include_str!("../wgsl/mesh_surface.wgsl"),
+        include_str!("../wgsl/shade.wgsl"),
+    ])
+}
+
+/// Draws the ray-caster's pixels on a render target: entry points `corner`, `compose_srgb` and `compose_linear`.
+pub fn compose() -> String {
+    source(&[SRGB, include_str!("../wgsl/compose.wgsl")])
+}
+
+/// Counts each node's pixels: entry point `hit_counts`.
+pub fn hit_counts() -> String {
+    source(&[include_str!("../wgsl/hit_counts.wgsl")])
+}
+
+/// Draws the number of the nearest triangle, for the bake: entry points `corner` and `number`.
+pub fn nearest() -> String {
+    source(&[include_str!("../wgsl/nearest.wgsl")])
+}
+
+fn source(files: &[&str]) -> String {
+    [&[constants().as_str()], files].concat().join("\n")
+}
+
+/// A value as a WGSL literal of its type.
+macro_rules! literal {
+    (u32 $value:expr) => {
+        format!("{}u", $value as u32)
+    };
+    (i32 $value:expr) => {
+        format!("{}i", $value as i32)
+    };
+    (f32 $value:expr) => {
+        format!("{:?}f", $value as f32)
+    };
+    (vec3 $value:expr) => {
+        format!("vec3<f32>({:?}f, {:?}f, {:?}f)", $value.x, $value.y, $value.z)
+    };
+}
+
+/// A declaration for each `type NAME = value`; the value is Rust's constant of that name if there is none.
+macro_rules! declare {
+    ($($type:ident { $($name:ident $(= $value:expr)?),+ $(,)? })+) => {
+        [$($(format!("const {} = {};\n", stringify!($name), declare!(@ $type $name $($value)?))),+),+].concat()
+    };
+    (@ $type:ident $name:ident) => {
+        literal!($type $name)
+    };
+    (@ $type:ident $name:ident $value:expr) => {
+        literal!($type $value)
+    };
+}
+
+/// Declarations of all shared constants.
+fn constants() -> String {
+    declare! {
+        u32 {
+            BINDING_FRAME = binding::FRAME,
+            BINDING_GRID = binding::GRID,
+            BINDING_NODES = binding::NODES,
+            BINDING_SUMMARIES = binding::SUMMARIES,
+            BINDING_ATLAS = binding::ATLAS,
+            BINDING_COLOUR = binding::COLOUR,
+            BINDING_DISTANCE = binding::DISTANCE,
+            BINDING_HIT = binding::HIT,
+            BINDING_ATLAS_VEC4S = binding::ATLAS_VEC4S,
+            BINDING_COMPOSE_SIZE = binding::COMPOSE_SIZE,
+            BINDING_COMPOSE_COLOUR = binding::COMPOSE_COLOUR,
+            BINDING_COUNTS_SIZE = binding::COUNTS_SIZE,
+            BINDING_COUNTS_HIT = binding::COUNTS_HIT,
+            BINDING_COUNTS = binding::COUNTS,
+            LOCATION_PLACE = binding::LOCATION_PLACE,
+            LOCATION_NUMBER = binding::LOCATION_NUMBER,
+        }
+        u32 { WORKGROUP_X = WORKGROUP[0], WORKGROUP_Y = WORKGROUP[1], HIT_COUNTS_THREADS, HIT_BLOCK_PX }
+        // Frame, grid, nodes and summaries.
+        u32 { MAX_SAMPLES, MAX_STEPS, NO_NODE, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_LEVEL_SHIFT, GRID_LEVEL_MASK }
+        u32 { GRID_SHARE_SHIFT, GRID_SHARE_MASK, GRID_NODE_MASK, SLOT_SHIFT, QUARTER_SHIFT }
+        u32 { SUMMARY_VEC4S, SUMMARY_BYTE_SHIFT, QUAD_TOP_BITS, QUAD_TOP_MASK = QUAD_TOP_MAX, BLOCK_SHIFT }
+        i32 { NODE_CELLS, NODE_BLOCKS, BLOCK_CELLS }
+        f32 { Z_TOP, QUARTER_MAX, QUAD_TOP_MAX }
+        u32 {
+            SHADING_LIT = Shading::Lit,
+            SHADING_ALBEDO = Shading::Albedo,
+            SHADING_AO = Shading::Ao,
+            SHADING_NORMAL = Shading::Normal,
+            SHADING_LOD = Shading::Lod,
+            SHADING_KIND = Shading::Kind,
+        }
+        // Words of the atlas.
+        u32 { PAGE_WORDS, WALK_PLANE, ROOF_PLANE, ATTRIBUTE_PLANE, STRIP_PLANE, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK }
+        u32 { AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, CLIP_CORNER, CLIP_CONCAVE, STEPS_PER_CELL }
+        u32 { ALPHA_SHIFT, OPAQUE_ALPHA, AO_SHIFT, MESH_FLAG }
+        u32 {
+            OCCUPIED = flag::OCCUPIED,
+            EXPOSED = flag::EXPOSED,
+            INCLINED = flag::INCLINED,
+            GAP = flag::GAP,
+            HOLES = flag::HOLES,
+            SUSPENDED = flag::SUSPENDED,
+            CLIPPED = flag::CLIPPED,
+        }
+        i32 { MAX_STRIP_ROWS }
+        f32 { ALPHA_MAX = OPAQUE_ALPHA, AO_MAX = insula_protocol::texel::AO_MAX, CLIP_STEPS_PER_CELL, MIN_NORMAL_Z, TAU }
+        // Rays.
+        f32 { MIN_DIRECTION, OPAQUE, SUN_LIFT_CELLS, SUN_LIFT_M }
+        // Meshes.
+        u32 { REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK, TEXTURE_TILE_PX }
+        f32 { LEAF_OFFSET_STEPS, EDGE_SLACK, BOX_SLACK, TIE_M, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE }
+        f32 { UNKNOWN_AO, ROOF_WEIGHT_ON_WALL, ROOF_NORMAL_Z }
+        // Light.
+        vec3 { HORIZON, ZENITH, GROUND, GROUND_ALBEDO, LUMINANCE }
+        vec3 { TINT_ROOF, TINT_MESH, TINT_GAP, TINT_SUSPENDED, TINT_EXPOSED, TINT_INCLINED }
+        f32 { GROUND_FADE_M, MIN_GROUND_DESCENT, SKY_FALL, GLOW, GLOW_G, DISC_INNER, DISC_OUTER, DISC }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{collections::BTreeSet, fs, path::Path};
+
+    /// Text of all files with extension `ext` in a folder of the crate and below, each with its name.
+    fn files(folder: &str, ext: &str) -> Vec<(String, String)> {
+        let mut open = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)];
+        let mut files = Vec::new();
+        while let Some(path) = open.pop() {
+            if path.is_dir() {
+                open.extend(fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+            } else if path.extension().is_some_and(|found| found == ext) {
+                files.push((path.display().to_string(), fs::read_to_string(path).unwrap()));
+            }
+        }
+        assert!(!files.is_empty(), "no *.{ext} in {folder}");
+        files
+    }
+
+    /// Names in `const NAME` at the beginnings of lines.
+    fn declared(text: &str) -> BTreeSet<String> {
+        let rest = text
+            .lines()
+            .filter_map(|line| line.trim_start().split_once("const ").filter(|(before, _)| before.len() < 12));
+        let name = |rest: &str| rest.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap().to_owned();
+        rest.map(|(_, rest)| name(rest))
+            .filter(|name| name.len() > 1 && !name.contains(|c: char| c.is_lowercase()))
+            .collect()
+    }
+
+    #[test]
+    fn no_constant_is_declared_in_rust_and_in_wgsl() {
+        let rust: BTreeSet<String> = files("src", "rs").iter().flat_map(|(_, text)| declared(text)).collect();
+        let generated = declared(&constants());
+        assert!(rust.len() > 80 && generated.len() > 100, "{} {}", rust.len(), generated.len());
+        for (name, text) in files("wgsl", "wgsl") {
+            for constant in declared(&text) {
+                assert!(!rust.contains(&constant) && !generated.contains(&constant), "{name} repeats {constant}");
+            }
+        }
+    }
+
+    #[test]
+    fn bindings_and_workgroup_sizes_are_generated() {
+        let mut bindings = 0;
+        for (name, text) in files("wgsl", "wgsl") {
+            for line in text.lines() {
+                for attribute in ["@binding(", "@workgroup_size("] {
+                    let Some((_, value)) = line.split_once(attribute) else { continue };
+                    assert!(!value.starts_with(|c: char| c.is_ascii_digit()), "{name} has a number in {line}");
+                    bindings += 1;
+                }
+            }
+        }
+        assert_eq!(bindings, 9 + 2 + 3 + 2, "bindings and workgroup sizes");
+    }
+
+    #[test]
+    fn every_generated_constant_is_used() {
+        let text: String = files("wgsl", "wgsl").into_iter().map(|(_, text)| text).collect();
+        let words: BTreeSet<&str> = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').collect();
+        for constant in declared(&constants()) {
+            assert!(words.contains(constant.as_str()), "no WGSL uses {constant}");
+        }
+    }
+
+    #[test]
+    fn literals_keep_type_and_value() {
+        let text = constants();
+        for declaration in ["const PAGE_WORDS = 4096u;", "const NODE_CELLS = 64i;", "const MIN_DIRECTION = 1e-12f;"] {
+            assert!(text.contains(declaration), "{declaration}");
+        }
+    }
+}

@@ -1,0 +1,53 @@
+// Structs that Rust and WGSL share: src/layout.rs documents their fields, tests/layout.rs compares their offsets.
+
+struct Light {
+    sun: vec4<f32>,
+    sky_up: vec4<f32>,
+    sky_wall: vec4<f32>,
+    sky_side: vec4<f32>,
+    bounce: vec4<f32>,
+    zenith: vec4<f32>,
+    horizon_sun: vec4<f32>,
+    horizon_away: vec4<f32>,
+    glow: vec4<f32>,
+    haze: vec4<f32>,
+    side: vec2<f32>,
+    disc: f32,
+    zero: f32,
+}
+
+struct FrameUniform {
+    forward: vec3<f32>,
+    width_px: u32,
+    right: vec3<f32>,
+    height_px: u32,
+    up: vec3<f32>,
+    samples: u32,
+    sun: vec3<f32>,
+    shading: u32,
+    eye: vec2<f32>,
+    eye_cell: vec2<i32>,
+    side_m: f32,
+    levels: u32,
+    z_eye: f32,
+    z_scale: f32,
+    level_scale: f32,
+    ground_z_m: f32,
+    ground: u32,
+    shadow_m: f32,
+    light: Light,
+    windows: array<vec4<i32>, GRID_LEVELS>,
+}
+
+// In rows of four words: a row is read at once.
+struct DrawNode {
+    // South-west corner at height code 0; side of a column.
+    corner_and_cell_m: vec4<f32>,
+    // Bits of z_step_m, z_lo and z_hi; slot_and_shift.
+    heights: vec4<u32>,
+    pages: vec4<u32>,
+    level: u32,
+    mesh: u32,
+    mesh_z_m: f32,
+    leaf_offset: u32,
+}
