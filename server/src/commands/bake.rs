@@ -2,7 +2,7 @@
 //!
 //! In: what was typed. Out: a city's folder, a report, a progress bar on a terminal. Next: `serve`.
 
-use super::CommandError;
+use super::error::CommandError;
 use crate::args::BakeArgs;
 
 /// Says that this program cannot.
@@ -19,7 +19,7 @@ mod with_bake {
     use super::{BakeArgs, CommandError};
     use crate::{
         args::{Axis, Drawer},
-        commands::{human_bytes, print, write},
+        commands::output::{human_bytes, print, write},
     };
     use indicatif::{ProgressBar, ProgressStyle};
     use insula_bake::{

@@ -3,9 +3,10 @@
 //! In: a city's folder. Out: text, JSON or a PNG. Next: a person.
 
 use super::{
-    CommandError,
     census::{Census, Level, Lods},
-    human_bytes, print, tile_picture, write,
+    error::CommandError,
+    output::{human_bytes, print, write},
+    tile_picture,
 };
 use crate::{args::InspectArgs, store::CityStore};
 use image::ImageFormat;

@@ -2,7 +2,7 @@
 //!
 //! In: folders, an address. Out: one line on standard output when connections are accepted; then HTTP. Next: clients.
 
-use super::{CommandError, print};
+use super::{error::CommandError, output::print};
 use crate::{
     args::ServeArgs,
     config::{Config, LogFormat},

@@ -2,7 +2,7 @@
 //!
 //! In: a name and a value as text. Out: a changed [`Config`]. Next: `file` says where it came from if it is wrong.
 
-use super::{Config, DEFAULT_LISTEN, LogFormat, LogRequests};
+use super::settings::{Config, DEFAULT_LISTEN, LogFormat, LogRequests};
 use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 

@@ -2,7 +2,7 @@
 //!
 //! In: an opened store and a config. Out: [`AppState`], cheap to clone. Next: every handler.
 
-use super::{access::Access, manifest::Manifests, metrics::Metrics, rate::Rate};
+use super::{access_control::Access, catalog::Catalog, metrics::Metrics, rate_limit::Rate};
 use crate::{
     config::{Config, Limits, LogRequests},
     store::Store,
@@ -35,33 +35,6 @@ struct Inner {
     ids: AtomicU64,
 }
 
-/// Cities with what is said of them and who may see them, swapped as one.
-#[derive(Debug)]
-pub struct Catalog {
-    store: Store,
-    manifests: Manifests,
-    access: Access,
-}
-
-impl Catalog {
-    fn new(store: Store, access: Access) -> Self {
-        Self { manifests: Manifests::new(&store, &access), store, access }
-    }
-
-    /// The opened cities.
-    pub fn store(&self) -> &Store {
-        &self.store
-    }
-
-    pub(super) fn manifests(&self) -> &Manifests {
-        &self.manifests
-    }
-
-    pub(super) fn access(&self) -> &Access {
-        &self.access
-    }
-}
-
 impl AppState {
     /// For public cities; tokens are read by [`Server`](super::Server).
     pub fn new(store: Store, config: &Config) -> Self {
@@ -82,7 +55,7 @@ impl AppState {
             start_id: (since.as_millis() as u32) ^ std::process::id().rotate_left(16),
             ids: AtomicU64::new(0),
         }));
-        state.metrics().cities(&state.catalog().store);
+        state.metrics().cities(state.catalog().store());
         state
     }
 
@@ -100,7 +73,7 @@ impl AppState {
 
     /// Whether requests should come here: there are cities, and it is not draining.
     pub fn is_ready(&self) -> bool {
-        self.catalog().store.cities().len() > 0 && !self.0.draining.load(Relaxed)
+        self.catalog().store().cities().len() > 0 && !self.0.draining.load(Relaxed)
     }
 
     /// The cities as they are at this moment.

@@ -3,11 +3,13 @@
 //! In: a [`TileAddress`]. Out: the tile's bytes as the archive holds them, every checksum right. Next: the client's decoder.
 
 use super::{
-    App, Problem, TileAddress,
-    access::Sight,
-    answer::Answer,
-    headers::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_plain, quoted},
-    tile_cache::{Key, Ready},
+    access_control::Sight,
+    problem::Problem,
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_plain, quoted},
+    response::{Answer, with_cors},
+    state::AppState,
+    tile_address::TileAddress,
+    tile_cache::{Key, Ready, TileCache},
 };
 use crate::store::{CityStore, ReadError};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
@@ -27,8 +29,8 @@ pub(super) struct Wanted {
 
 impl Wanted {
     /// Errors: 401, 404.
-    pub(super) fn find(app: &App, address: TileAddress<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
-        let catalog = app.state().catalog();
+    pub(super) fn find(state: &AppState, address: TileAddress<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
+        let catalog = state.catalog();
         let sight = catalog.access().sight(address.city, headers)?;
         let city = match catalog.store().version(address.city, address.version) {
             Some(city) => Arc::clone(city),
@@ -52,18 +54,24 @@ impl Wanted {
     }
 
     /// The answer, if the tile is at hand.
-    pub(super) fn at_hand(&self, app: &App, request: &Parts) -> Option<Answer> {
-        app.tiles().get(&self.key).map(|tile| answer(&tile, &request.method, &request.headers))
+    pub(super) fn at_hand(&self, tiles: &TileCache, request: &Parts) -> Option<Answer> {
+        tiles.get(&self.key).map(|tile| answer(&tile, &request.method, &request.headers))
     }
 
     /// Reads the tile, checks it and keeps it at hand.
-    pub(super) async fn read(self, app: &App, method: &Method, headers: &HeaderMap) -> Result<Answer, Problem> {
+    pub(super) async fn read(
+        self,
+        state: &AppState,
+        tiles: &TileCache,
+        method: &Method,
+        headers: &HeaderMap,
+    ) -> Result<Answer, Problem> {
         let body = match self.city.checked_tile(self.key.layer, self.key.id).await {
             Ok(body) => body.ok_or(NO_TILE)?,
-            Err(error) => return Err(self.failed(app, &error)),
+            Err(error) => return Err(self.failed(state, &error)),
         };
         let tile = Arc::new(self.ready(body));
-        app.tiles().insert(self.key, Arc::clone(&tile));
+        tiles.insert(self.key, Arc::clone(&tile));
         Ok(answer(&tile, method, headers))
     }
 
@@ -78,12 +86,12 @@ impl Wanted {
             vary: None,
         };
         let whole = representation.clone().answer(&Method::GET, &HeaderMap::new());
-        Ready { headers: super::app::with_cors(whole.into_parts().0.headers), representation }
+        Ready { headers: with_cors(whole.into_parts().0.headers), representation }
     }
 
     /// What the host must know is logged and counted; the client learns that it is not its fault.
-    fn failed(&self, app: &App, error: &ReadError) -> Problem {
-        app.state().metrics().read_failed(error);
+    fn failed(&self, state: &AppState, error: &ReadError) -> Problem {
+        state.metrics().read_failed(error);
         let (place, layer, id) = (self.city.place(), self.key.layer.word(), self.key.id);
         tracing::error!(place, tile = %format_args!("{layer}/{id}"), %error, "a tile cannot be served");
         match error {

@@ -2,7 +2,7 @@
 //!
 //! In: a tile that was read and checked. Out: the same, without reading or checking it again. Next: `tile`.
 
-use super::headers::Representation;
+use super::representation::Representation;
 use axum::http::HeaderMap;
 use insula_protocol::{TileId, route::Layer};
 use lru::LruCache;
@@ -107,7 +107,7 @@ impl Hasher for Mixer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::headers::{IMMUTABLE, quoted};
+    use crate::http::representation::{IMMUTABLE, quoted};
     use axum::http::HeaderValue;
 
     #[test]

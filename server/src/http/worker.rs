@@ -5,8 +5,9 @@
 //! A thread with a queue of its own answers a tile without waking another one; streams go to the thread that has fewest.
 
 use super::{
-    App,
-    connection::{self, Client, Patience},
+    connection,
+    connection_state::{Client, Patience},
+    service::App,
     tls::Tls,
 };
 use crate::config::Config;

@@ -3,7 +3,8 @@
 //! In: a folder, or where its files lie in a store. Out: [`CityStore`]: its manifest and its archives. Next: `Store` holds several.
 
 use super::{
-    Archive, ArchiveError, MANIFEST_FILE, StoreError,
+    archive::Archive,
+    error::{ArchiveError, StoreError},
     source::{Read, ReadError},
 };
 use bytes::Bytes;
@@ -23,6 +24,8 @@ use std::{
     time::SystemTime,
 };
 
+/// The manifest's name in a city's folder.
+pub const MANIFEST_FILE: &str = "city.json";
 /// Times that a city is opened anew because it was replaced meanwhile.
 const ATTEMPTS: usize = 5;
 

@@ -4,7 +4,11 @@
 //!
 //! What cannot be opened changes nothing: the city that is served goes on.
 
-use super::{CityStore, Store, StoreError, Versions, city::Stamp, city_folders};
+use super::{
+    cities::{Store, Versions, city_folders},
+    city::{CityStore, Stamp},
+    error::StoreError,
+};
 use std::{
     path::Path,
     sync::Arc,

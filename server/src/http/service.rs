@@ -3,12 +3,15 @@
 //! In: a request's head and whose it is. Out: an answer with its [`Guard`]. Next: `tile`, or `router` for what is rare.
 
 use super::{
-    AppState, Problem, TileAddress,
-    answer::{AnswerBody, Guard, Inner, Line},
-    connection::Client,
+    connection_state::Client,
     metrics::Route,
+    problem::Problem,
+    request_guard::{AnswerBody, Guard, Inner, Line},
+    response::with_cors,
     router::router,
+    state::AppState,
     tile::Wanted,
+    tile_address::TileAddress,
     tile_cache::TileCache,
 };
 use axum::{
@@ -31,7 +34,6 @@ pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id"
 /// Longest request id that is taken over from a client.
 const MAX_ID_BYTES: usize = 64;
 
-const ANY: HeaderValue = HeaderValue::from_static("*");
 const METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
 const ASKED: HeaderValue = HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
 
@@ -76,7 +78,7 @@ impl App {
         &self.0.state
     }
 
-    pub(super) fn tiles(&self) -> &TileCache {
+    fn tiles(&self) -> &TileCache {
         &self.0.tiles
     }
 
@@ -91,7 +93,7 @@ impl App {
         let route = Route::of_path(parts.uri.path());
         let over = client.is_some_and(|client| client.over());
         let of = Asked {
-            guard: Guard::new(self, client, route),
+            guard: Guard::new(self.state(), client, route),
             id: request_id(self.state(), &parts.headers),
             method: parts.method.clone(),
             uri: parts.uri.clone(),
@@ -119,12 +121,12 @@ impl App {
                 let Ok(response) = app.0.router.clone().oneshot(Request::from_parts(parts, Body::empty())).await;
                 of.answer(Ok(response.map(Inner::Routed)))
             })),
-            Some(address) => match address.and_then(|address| Wanted::find(self, address, &parts.headers)) {
+            Some(address) => match address.and_then(|address| Wanted::find(self.state(), address, &parts.headers)) {
                 Err(problem) => of.now(Err(problem)),
-                Ok(wanted) => match wanted.at_hand(self, &parts) {
+                Ok(wanted) => match wanted.at_hand(self.tiles(), &parts) {
                     Some(answer) => of.now(Ok(answer.map(Inner::Whole))),
                     None => Answering::Later(Box::pin(async move {
-                        let answer = wanted.read(&app, &parts.method, &parts.headers).await;
+                        let answer = wanted.read(app.state(), app.tiles(), &parts.method, &parts.headers).await;
                         of.answer(answer.map(|answer| answer.map(Inner::Whole)))
                     })),
                 },
@@ -185,13 +187,6 @@ impl Asked {
         headers.insert(REQUEST_ID, self.id);
         response.map(|inner| AnswerBody::new(inner, self.guard))
     }
-}
-
-/// Any page may read the answers: what is not public asks for a token, which no browser sends of itself.
-pub(super) fn with_cors(mut headers: HeaderMap) -> HeaderMap {
-    headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, ANY);
-    headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, ANY);
-    headers
 }
 
 fn busy() -> Problem {

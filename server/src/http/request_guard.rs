@@ -3,10 +3,10 @@
 //! In: a response and the request's [`Guard`]. Out: a body that keeps the guard until it has been handed to the connection.
 //! Next: hyper.
 
-use super::{App, connection::Client, metrics::Route};
+use super::{connection_state::Client, metrics::Route, state::AppState};
 use axum::{
     body::{Body, Bytes, HttpBody},
-    http::{HeaderValue, Method, Response, Uri},
+    http::{HeaderValue, Method, Uri},
 };
 use http_body::{Frame, SizeHint};
 use http_body_util::Full;
@@ -17,12 +17,9 @@ use std::{
     time::Instant,
 };
 
-/// An answer whose bytes are all there: every answer is.
-pub(super) type Answer = Response<Full<Bytes>>;
-
 /// What one request holds; given back when this is dropped, however that comes about.
 pub(super) struct Guard {
-    app: App,
+    state: AppState,
     client: Option<Arc<Client>>,
     started: Instant,
     route: Route,
@@ -41,17 +38,17 @@ pub(super) struct Line {
 }
 
 impl Guard {
-    pub(super) fn new(app: &App, client: Option<&Arc<Client>>, route: Route) -> Self {
+    pub(super) fn new(state: &AppState, client: Option<&Arc<Client>>, route: Route) -> Self {
         if let Some(client) = client {
             client.begin();
         }
-        let (app, client) = (app.clone(), client.cloned());
-        Self { app, client, started: Instant::now(), route, code: 0, sent_bytes: 0, held: None, line: None }
+        let (state, client) = (state.clone(), client.cloned());
+        Self { state, client, started: Instant::now(), route, code: 0, sent_bytes: 0, held: None, line: None }
     }
 
     /// Whether an answer of this code has a line in the log.
     pub(super) fn logs(&self, code: u16) -> bool {
-        self.app.state().logs(code)
+        self.state.logs(code)
     }
 
     /// Writes a line of the log at the end.
@@ -65,7 +62,7 @@ impl Guard {
 
     /// Whether there is room for one request more.
     pub(super) fn enter(&mut self) -> bool {
-        let entered = self.app.state().room().enter();
+        let entered = self.state.room().enter();
         self.held = entered.then_some(0);
         entered
     }
@@ -73,7 +70,7 @@ impl Guard {
     /// Whether there is room for so many bytes of answer, if it has entered.
     pub(super) fn hold(&mut self, bytes: usize) -> bool {
         let Some(held) = &mut self.held else { return true };
-        let fits = self.app.state().room().hold(bytes);
+        let fits = self.state.room().hold(bytes);
         *held += if fits { bytes } else { 0 };
         fits
     }
@@ -82,13 +79,13 @@ impl Guard {
 impl Drop for Guard {
     fn drop(&mut self) {
         if let Some(bytes) = self.held {
-            self.app.state().room().leave(bytes);
+            self.state.room().leave(bytes);
         }
         if let Some(client) = &self.client {
             client.end();
         }
         let taken = self.started.elapsed();
-        self.app.state().metrics().finished(self.route, self.code, self.sent_bytes, taken);
+        self.state.metrics().finished(self.route, self.code, self.sent_bytes, taken);
         if let Some(line) = &self.line {
             let id = line.id.to_str().unwrap_or_default();
             let (code, bytes, micros) = (self.code, self.sent_bytes, taken.as_micros() as u64);

@@ -4,7 +4,7 @@
 //!
 //! A problem holds only constants: nothing of the request, of a path or of an inner error can leak into it.
 
-use super::answer::Answer;
+use super::response::Answer;
 use axum::{
     http::{HeaderName, HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
@@ -95,15 +95,4 @@ impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         self.answer().into_response()
     }
-}
-
-/// No such route.
-pub(super) async fn no_route() -> Problem {
-    Problem::not_found("there is nothing at this address; the cities are listed at /v1/cities")
-}
-
-/// A route, but not by this method. The router adds `Allow`.
-pub(super) async fn no_method() -> Problem {
-    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this address answers GET, HEAD and OPTIONS only")
-        .with(header::ALLOW, HeaderValue::from_static("GET,HEAD,OPTIONS"))
 }

@@ -4,7 +4,7 @@
 //!
 //! A token bucket an address; of IPv6 the first 64 bits, since one client has as many addresses below them as it likes.
 
-use super::Problem;
+use super::problem::Problem;
 use axum::http::{HeaderValue, StatusCode, header};
 use lru::LruCache;
 use std::{

@@ -2,7 +2,7 @@
 //!
 //! In: a representation and the request's method and headers. Out: 200, 206, 304 or 416. Next: the wire.
 
-use super::{Problem, answer::Answer};
+use super::{problem::Problem, response::Answer};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use bytes::Bytes;
 use http_body_util::Full;

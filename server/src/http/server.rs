@@ -4,11 +4,11 @@
 //! time for that is over. Next: `worker` takes the connections; the process ends, or the client that embeds it.
 
 use super::{
-    App, AppState,
-    access::Access,
-    app,
+    access_control::Access,
+    reload::Watch,
+    service::{App, app},
+    state::AppState,
     tls::Tls,
-    watch::Watch,
     worker::{Arrived, Workers},
 };
 use crate::{config::Config, store::Store};

@@ -3,8 +3,8 @@
 //! In: texts. Out: [`Config`], or the one line that names the place and the key of what is wrong. Next: `commands::serve`.
 
 use super::{
-    Config,
     keys::{self, Given, KEYS},
+    settings::Config,
 };
 use std::{fmt::Write, path::Path};
 use toml::de::{DeTable, DeValue};

@@ -2,7 +2,7 @@
 //!
 //! In: bytes. Out: [`Packed`], of which `Accept-Encoding` chooses. Next: `manifest`.
 
-use super::headers::{Representation, etag_of};
+use super::representation::{Representation, etag_of};
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
 use std::io::Write;

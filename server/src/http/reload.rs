@@ -2,7 +2,7 @@
 //!
 //! In: a tick, or a signal. Out: a swapped catalog. Next: requests from then on.
 
-use super::{AppState, access::Access, tls::Tls};
+use super::{access_control::Access, state::AppState, tls::Tls};
 use crate::{
     config::Config,
     store::{Keep, Reloaded},

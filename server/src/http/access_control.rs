@@ -5,7 +5,7 @@
 //! Tokens are kept and compared as BLAKE3 hashes, whose comparison takes the same time wherever they differ. They are never
 //! logged: they are in no path, and headers are not logged.
 
-use super::Problem;
+use super::problem::Problem;
 use crate::config;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use std::{collections::BTreeSet, io, path::Path};
