@@ -3,28 +3,28 @@
 //! In: checked arguments. Out: text on standard output, files, or one [`CommandError`]. Next: `main` prints it.
 
 mod bake;
-mod census;
 mod error;
 mod inspect;
+mod map_image;
 mod mesh;
 mod output;
 mod serve;
-mod tile_picture;
+mod stats;
 mod verify;
 
 pub use error::CommandError;
 
-use crate::args::{Args, Command};
+use crate::args::{Args, ServerCommand};
 
 /// Does what was asked.
 pub fn run(args: Args) -> Result<(), CommandError> {
     match args.command {
-        Command::Bake(args) => bake::run(&args),
-        Command::Serve(args) => serve::run(&args),
-        Command::Inspect(args) => inspect::run(&args),
-        Command::Verify(args) => verify::run(&args),
-        Command::Compress(args) => mesh::compress(&args),
-        Command::Decompress(args) => mesh::decompress(&args),
-        Command::Simplify(args) => mesh::simplify(&args),
+        ServerCommand::Bake(args) => bake::run(&args),
+        ServerCommand::Serve(args) => serve::run(&args),
+        ServerCommand::Inspect(args) => inspect::run(&args),
+        ServerCommand::Verify(args) => verify::run(&args),
+        ServerCommand::Compress(args) => mesh::compress(&args),
+        ServerCommand::Decompress(args) => mesh::decompress(&args),
+        ServerCommand::Simplify(args) => mesh::simplify(&args),
     }
 }

@@ -1,8 +1,8 @@
 //! What `serve` was told, checked.
 //!
-//! In: a TOML file, the environment, the command line. Out: [`Config`]. Next: `http::serve`; only this travels.
+//! In: a TOML file, the environment, the command line. Out: [`ServeConfig`]. Next: `http::serve`; only this travels.
 //!
-//! Each setting has one name, `table.key` (`keys`), wherever it is given; `--print-config` writes them all.
+//! Each setting has one name, `table.key` (`keys`), wherever it is raw_value; `--print-config` writes them all.
 
 mod keys;
 mod load;
@@ -10,4 +10,7 @@ mod settings;
 
 pub use keys::check_address;
 pub use load::ConfigError;
-pub use settings::{Access, Cache, Config, DEFAULT_LISTEN, Limits, Log, LogFormat, LogRequests, Reload, Tls};
+pub use settings::{
+    AccessConfig, BlockCacheConfig, DEFAULT_LISTEN, LimitsConfig, LogConfig, LogFormat, LogRequests, ReloadConfig,
+    ServeConfig, TlsConfig,
+};

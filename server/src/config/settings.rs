@@ -7,7 +7,7 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7700";
 
 /// How to serve.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Config {
+pub struct ServeConfig {
     /// `HOST:PORT`; port 0 picks a free one.
     pub listen: String,
     /// Threads that answer; 0 for one a core.
@@ -15,22 +15,22 @@ pub struct Config {
     /// Seconds that requests in flight may take to finish at shutdown.
     pub drain_secs: u64,
     /// TLS.
-    pub tls: Tls,
+    pub tls: TlsConfig,
     /// Replacing cities while they are served.
-    pub reload: Reload,
+    pub reload: ReloadConfig,
     /// What is bounded.
-    pub limits: Limits,
+    pub limits: LimitsConfig,
     /// Blocks of remote cities.
-    pub cache: Cache,
+    pub cache: BlockCacheConfig,
     /// Who may see what.
-    pub access: Access,
+    pub access: AccessConfig,
     /// What is logged.
-    pub log: Log,
+    pub log: LogConfig,
 }
 
 /// HTTPS; off without a certificate.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Tls {
+pub struct TlsConfig {
     /// PEM file with the certificate and those between it and a root.
     pub certificate: Option<PathBuf>,
     /// PEM file with its private key.
@@ -39,7 +39,7 @@ pub struct Tls {
 
 /// How cities are replaced.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reload {
+pub struct ReloadConfig {
     /// Seconds between looks at the folders; 0: only at SIGHUP.
     pub watch_secs: u64,
     /// Seconds that a replaced version is still served.
@@ -50,7 +50,7 @@ pub struct Reload {
 
 /// Bounds, all of them enforced.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Limits {
+pub struct LimitsConfig {
     /// Connections at once; those over it are told 503 and closed.
     pub connections: usize,
     /// Requests for cities worked on at once; more are turned away with 503.
@@ -79,7 +79,7 @@ pub struct Limits {
 
 /// What is kept of cities in object stores and behind web servers.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Cache {
+pub struct BlockCacheConfig {
     /// Bytes of blocks in memory.
     pub memory_bytes: u64,
     /// Bytes of one block: what is fetched at once.
@@ -90,13 +90,13 @@ pub struct Cache {
     pub folder_bytes: u64,
     /// Requests to stores at once.
     pub fetches: usize,
-    /// Seconds after which a store that fails or does not answer is given up.
+    /// Seconds after which a store that fails or does not answer is raw_value up.
     pub timeout_secs: u64,
 }
 
 /// Private cities.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Access {
+pub struct AccessConfig {
     /// File of bearer tokens, one a line.
     pub tokens: Option<PathBuf>,
     /// Cities that ask for a token; all of them if there are tokens and this is empty.
@@ -105,7 +105,7 @@ pub struct Access {
 
 /// Logs, to standard error.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Log {
+pub struct LogConfig {
     /// How a line looks.
     pub format: LogFormat,
     /// Which requests have one.
@@ -132,23 +132,23 @@ pub enum LogRequests {
     All,
 }
 
-impl Default for Config {
+impl Default for ServeConfig {
     fn default() -> Self {
         Self {
             listen: DEFAULT_LISTEN.into(),
             threads: 0,
             drain_secs: 10,
-            tls: Tls::default(),
-            reload: Reload { watch_secs: 2, keep_secs: 300, keep_versions: 4 },
-            limits: Limits::default(),
-            cache: Cache::default(),
-            access: Access::default(),
-            log: Log { format: LogFormat::Text, requests: LogRequests::Errors },
+            tls: TlsConfig::default(),
+            reload: ReloadConfig { watch_secs: 2, keep_secs: 300, keep_versions: 4 },
+            limits: LimitsConfig::default(),
+            cache: BlockCacheConfig::default(),
+            access: AccessConfig::default(),
+            log: LogConfig { format: LogFormat::Text, requests: LogRequests::Errors },
         }
     }
 }
 
-impl Default for Cache {
+impl Default for BlockCacheConfig {
     fn default() -> Self {
         Self {
             memory_bytes: 128 << 20,
@@ -161,7 +161,7 @@ impl Default for Cache {
     }
 }
 
-impl Default for Limits {
+impl Default for LimitsConfig {
     fn default() -> Self {
         Self {
             connections: 8192,
@@ -180,7 +180,7 @@ impl Default for Limits {
     }
 }
 
-impl Config {
+impl ServeConfig {
     /// Threads that answer.
     pub fn worker_threads(&self) -> usize {
         match self.threads {
@@ -197,8 +197,8 @@ impl Config {
     /// What spans several settings. Errors: what is wrong, naming the key.
     pub(super) fn check(&self) -> Result<(), String> {
         match (&self.tls.certificate, &self.tls.key) {
-            (Some(_), None) => return Err("tls.certificate is given, tls.key is not: give both or none".into()),
-            (None, Some(_)) => return Err("tls.key is given, tls.certificate is not: give both or none".into()),
+            (Some(_), None) => return Err("tls.certificate is raw_value, tls.key is not: give both or none".into()),
+            (None, Some(_)) => return Err("tls.key is raw_value, tls.certificate is not: give both or none".into()),
             _ => {}
         }
         if !self.access.private.is_empty() && self.access.tokens.is_none() {

@@ -1,19 +1,19 @@
 //! The cities that are served, with their documents and who may see them.
 
-use super::{access_control::Access, city_documents::Manifests};
+use super::{access_control::AccessControl, city_documents::CityDocuments};
 use crate::store::Store;
 
 /// Cities with what is said of them and who may see them, swapped as one.
 #[derive(Debug)]
 pub struct Catalog {
     store: Store,
-    manifests: Manifests,
-    access: Access,
+    manifests: CityDocuments,
+    access: AccessControl,
 }
 
 impl Catalog {
-    pub(super) fn new(store: Store, access: Access) -> Self {
-        Self { manifests: Manifests::new(&store, &access), store, access }
+    pub(super) fn new(store: Store, access: AccessControl) -> Self {
+        Self { manifests: CityDocuments::new(&store, &access), store, access }
     }
 
     /// The opened cities.
@@ -21,11 +21,11 @@ impl Catalog {
         &self.store
     }
 
-    pub(super) fn manifests(&self) -> &Manifests {
+    pub(super) fn manifests(&self) -> &CityDocuments {
         &self.manifests
     }
 
-    pub(super) fn access(&self) -> &Access {
+    pub(super) fn access(&self) -> &AccessControl {
         &self.access
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! In: a stream. Out: nothing, once it has ended or been closed. Next: `app` answers each request on it.
 
-use super::{connection_state::Client, problem::Problem, service::App};
+use super::{connection_state::ConnectionState, problem::Problem, service::HttpService};
 use axum::http::{Request, StatusCode};
 use hyper::{body::Incoming, service::service_fn};
 use hyper_util::{
@@ -26,7 +26,7 @@ const TURN: u32 = 32;
 const PING: Duration = Duration::from_secs(30);
 
 /// How a connection's settings reach hyper; made once a thread.
-pub(super) fn builder(app: &App) -> auto::Builder<TokioExecutor> {
+pub(super) fn builder(app: &HttpService) -> auto::Builder<TokioExecutor> {
     let limits = app.state().limits();
     let mut builder = auto::Builder::new(TokioExecutor::new());
     // `worker` looks at the clock for all: that costs less than a timer for each request.
@@ -41,11 +41,15 @@ pub(super) fn builder(app: &App) -> auto::Builder<TokioExecutor> {
 }
 
 /// Serves one connection until it ends, or its client was told to finish and has.
-pub(super) async fn serve<S>(stream: S, builder: &auto::Builder<TokioExecutor>, app: App, client: Arc<Client>)
-where
+pub(super) async fn serve<S>(
+    stream: S,
+    builder: &auto::Builder<TokioExecutor>,
+    app: HttpService,
+    client: Arc<ConnectionState>,
+) where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let stream = Watched { stream, client: client.clone(), refusal: None };
+    let stream = MonitoredStream { stream, client: client.clone(), refusal: None };
     let of = client.clone();
     let service = service_fn(move |request: Request<Incoming>| app.answer(Some(&of), request.into_parts().0));
     let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
@@ -78,20 +82,20 @@ fn give_way() {
     }
 }
 
-/// A stream that tells a [`Client`] what goes over it, and puts hyper's own refusals into words.
-struct Watched<S> {
+/// A stream that tells a [`ConnectionState`] what goes over it, and puts hyper's own refusals into words.
+struct MonitoredStream<S> {
     stream: S,
-    client: Arc<Client>,
-    refusal: Option<Refusal>,
+    client: Arc<ConnectionState>,
+    refusal: Option<RejectionRewrite>,
 }
 
 /// An answer that is written in place of hyper's: how much of it is out.
-struct Refusal {
+struct RejectionRewrite {
     raw: Vec<u8>,
     out: usize,
 }
 
-impl Refusal {
+impl RejectionRewrite {
     /// hyper answers what is no request by itself: a status without a body. All others of our answers have an id.
     fn of(head: &[u8]) -> Option<Self> {
         let ours = || head.windows(12).any(|window| window.eq_ignore_ascii_case(b"x-request-id"));
@@ -107,7 +111,7 @@ impl Refusal {
     }
 }
 
-impl<S: AsyncWrite + Unpin> Watched<S> {
+impl<S: AsyncWrite + Unpin> MonitoredStream<S> {
     /// Writes the rest of a refusal; then `offered` bytes of what it replaces count as written.
     fn refuse(&mut self, context: &mut Context<'_>, offered: usize) -> Poll<io::Result<usize>> {
         while let Some(refusal) = &mut self.refusal {
@@ -133,7 +137,7 @@ impl<S: AsyncWrite + Unpin> Watched<S> {
     }
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for MonitoredStream<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -148,10 +152,10 @@ impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for MonitoredStream<S> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         if self.refusal.is_none() {
-            self.refusal = Refusal::of(bytes);
+            self.refusal = RejectionRewrite::of(bytes);
         }
         let written = match self.refusal {
             Some(_) => self.refuse(context, bytes.len()),
@@ -167,7 +171,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
     ) -> Poll<io::Result<usize>> {
         let offered = slices.iter().map(|slice| slice.len()).sum();
         if self.refusal.is_none() {
-            self.refusal = slices.first().and_then(|head| Refusal::of(head));
+            self.refusal = slices.first().and_then(|head| RejectionRewrite::of(head));
         }
         let written = match self.refusal {
             Some(_) => self.refuse(context, offered),

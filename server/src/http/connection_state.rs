@@ -15,12 +15,12 @@ const LEAST_TAKEN_BYTES: u64 = 16 << 10;
 
 /// What is known of a connection. Times are the clock's milliseconds; 0 is never.
 #[derive(Debug)]
-pub(super) struct Client {
+pub(super) struct ConnectionState {
     ip: Option<IpAddr>,
     over: bool,
     /// The thread's, which `worker` sets a few times a second: who looks often need not ask the system.
     clock: Arc<AtomicU64>,
-    patience: Patience,
+    patience: ClientTimeouts,
     /// Requests in work.
     busy: AtomicU32,
     several: AtomicBool,
@@ -38,15 +38,15 @@ pub(super) struct Client {
 
 /// How long a client may take.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Patience {
+pub(super) struct ClientTimeouts {
     pub(super) header: Duration,
     pub(super) idle: Duration,
     pub(super) write: Duration,
 }
 
-impl Client {
+impl ConnectionState {
     /// `over`: the connection is one too many, and each request on it is told so.
-    pub(super) fn new(ip: Option<IpAddr>, over: bool, clock: Arc<AtomicU64>, patience: Patience) -> Self {
+    pub(super) fn new(ip: Option<IpAddr>, over: bool, clock: Arc<AtomicU64>, patience: ClientTimeouts) -> Self {
         let now = clock.load(Relaxed);
         Self {
             ip,
@@ -153,7 +153,7 @@ impl Client {
 
     /// Whether the client has been too slow, and at what.
     pub(super) fn is_too_slow(&self) -> bool {
-        let Patience { header, idle, write } = self.patience;
+        let ClientTimeouts { header, idle, write } = self.patience;
         let now = self.now();
         let past = |since: u64, limit: Duration| since != 0 && now.saturating_sub(since) > limit.as_millis() as u64;
         let quiet = self.busy.load(Relaxed) == 0 && self.stalled_since.load(Relaxed) == 0;

@@ -4,7 +4,7 @@
 //! Next: the client's scene.
 
 use super::{
-    access_control::Sight,
+    access_control::CityAccess,
     city_documents::{BINCODE, JSON},
     problem::Problem,
     state::AppState,
@@ -39,7 +39,7 @@ pub(super) async fn manifest(
 ) -> Result<Response, Problem> {
     let Path(city) = city.map_err(|_| Problem::bad_request("the address is not UTF-8 text"))?;
     let catalog = app.catalog();
-    let (Sight::Public | Sight::Private) = catalog.access().sight(&city, &headers)?;
+    let (CityAccess::Public | CityAccess::Private) = catalog.access().sight(&city, &headers)?;
     let manifests = catalog.manifests();
     let bincode = if wants_bincode(&headers) { manifests.bincode.get(&city) } else { None };
     let found = bincode.or_else(|| manifests.json.get(&city)).ok_or(Problem::not_found("there is no such city"))?;

@@ -36,7 +36,7 @@ mod tls;
 mod worker;
 
 pub use problem::Problem;
-pub use server::{ServeError, Server, serve};
-pub use service::{App, app};
+pub use server::{HttpServer, ServeError, serve};
+pub use service::{HttpService, app};
 pub use state::AppState;
 pub use tile_address::{NOT_A_TILE, TileAddress};

@@ -4,7 +4,7 @@
 //!
 //! A problem holds only constants: nothing of the request, of a path or of an inner error can leak into it.
 
-use super::response::Answer;
+use super::response::FullResponse;
 use axum::{
     http::{HeaderName, HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
@@ -57,9 +57,9 @@ impl Problem {
 }
 
 impl Problem {
-    pub(super) fn answer(self) -> Answer {
+    pub(super) fn answer(self) -> FullResponse {
         let body = Full::new(self.body().into());
-        let mut response = Answer::new(body);
+        let mut response = FullResponse::new(body);
         *response.status_mut() = self.status;
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));

@@ -9,7 +9,7 @@ use http_body_util::Full;
 const ANY: HeaderValue = HeaderValue::from_static("*");
 
 /// An answer whose bytes are all there: every answer is.
-pub(super) type Answer = Response<Full<Bytes>>;
+pub(super) type FullResponse = Response<Full<Bytes>>;
 
 /// Any page may read the answers: what is not public asks for a token, which no browser sends of itself.
 pub(super) fn with_cors(mut headers: HeaderMap) -> HeaderMap {

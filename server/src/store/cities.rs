@@ -3,12 +3,12 @@
 //! Cities come from folders, object stores and web servers. `reload` replaces them while they are served.
 
 use super::{
-    blocks::{Blocks, Counters},
+    blocks::{Blocks, StoreMetrics},
     city::{CityStore, MANIFEST_FILE},
     error::StoreError,
     remote::Remote,
 };
-use crate::config::Cache;
+use crate::config::BlockCacheConfig;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -22,12 +22,12 @@ pub struct Store {
     pub(super) folders: Vec<PathBuf>,
     pub(super) remotes: Vec<Remote>,
     blocks: Option<Arc<Blocks>>,
-    pub(super) cities: BTreeMap<String, Versions>,
+    pub(super) cities: BTreeMap<String, CityVersions>,
 }
 
 /// One city: what is served now, and what was until a moment ago.
 #[derive(Debug, Clone)]
-pub(super) struct Versions {
+pub(super) struct CityVersions {
     pub(super) current: Arc<CityStore>,
     /// Newest first; clients that hold an older manifest go on until they look again.
     pub(super) older: Vec<(Arc<CityStore>, Instant)>,
@@ -50,7 +50,7 @@ impl Store {
     }
 
     /// The same, where what looks like a URL is a city in an object store or behind a web server.
-    pub async fn open_anywhere(places: &[PathBuf], cache: &Cache) -> Result<Self, StoreError> {
+    pub async fn open_anywhere(places: &[PathBuf], cache: &BlockCacheConfig) -> Result<Self, StoreError> {
         let is_url = |place: &&PathBuf| place.to_str().is_some_and(|text| text.contains("://"));
         let (urls, folders): (Vec<_>, Vec<_>) = places.iter().partition(is_url);
         let mut store = Self::open(&folders)?;
@@ -71,7 +71,7 @@ impl Store {
     }
 
     /// What is counted of stores, if there are any.
-    pub(crate) fn counters(&self) -> Option<&Counters> {
+    pub(crate) fn counters(&self) -> Option<&StoreMetrics> {
         self.blocks.as_ref().map(|blocks| &blocks.counters)
     }
 
@@ -79,10 +79,10 @@ impl Store {
     pub fn insert(&mut self, city: CityStore) -> Result<(), StoreError> {
         let name = city.manifest().name.clone();
         if let Some(other) = self.city(&name) {
-            let (first, second) = (other.place().to_owned(), city.place().to_owned());
+            let (first, second) = (other.location().to_owned(), city.location().to_owned());
             return Err(StoreError::SameName { name, first, second });
         }
-        self.cities.insert(name, Versions { current: Arc::new(city), older: Vec::new(), absent: 0 });
+        self.cities.insert(name, CityVersions { current: Arc::new(city), older: Vec::new(), absent: 0 });
         Ok(())
     }
 

@@ -18,9 +18,9 @@ mod remote;
 mod source;
 
 pub use archive::Archive;
-pub(crate) use blocks::Counters;
+pub(crate) use blocks::StoreMetrics;
 pub use cities::Store;
 pub use city::{CityStore, MANIFEST_FILE};
 pub use error::{ArchiveError, StoreError};
-pub use reload::{Keep, Reloaded};
+pub use reload::{RetentionPolicy, StoreReload};
 pub use source::{Read, ReadError, Source};
