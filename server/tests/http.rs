@@ -11,7 +11,7 @@ use http_body_util::BodyExt;
 use insula_protocol::{Manifest, TileId, codec::bincode, route};
 use insula_server::{
     config::ServeConfig,
-    http::{AppState, HttpService, app},
+    http::{AppState, HttpService},
     store::Store,
 };
 use std::sync::OnceLock;
@@ -75,7 +75,7 @@ async fn ask_of(app: HttpService, method: Method, path: &str, headers: &[(&str, 
 }
 
 async fn ask(method: Method, path: &str, headers: &[(&str, &str)]) -> TestResponse {
-    ask_of(app(state(8)), method, path, headers).await
+    ask_of(HttpService::new(state(8)), method, path, headers).await
 }
 
 async fn get(path: &str) -> TestResponse {
@@ -162,7 +162,7 @@ async fn what_cannot_be_is_400() {
 async fn meshes_are_served_by_level_of_detail_where_there_are_any() {
     let folder = tempfile::tempdir().unwrap();
     common::city_with_meshes(folder.path(), "two");
-    let app = insula_server::http::app(AppState::new(Store::open(&[folder.path()]).unwrap(), &config(8)));
+    let app = HttpService::new(AppState::new(Store::open(&[folder.path()]).unwrap(), &config(8)));
     let get = async |path: &str| ask_of(app.clone(), Method::GET, path, &[]).await;
     let mut tags = Vec::new();
     for (lod, bytes) in common::meshes() {
@@ -191,7 +191,7 @@ async fn a_mesh_that_is_damaged_on_disk_is_never_served() {
     common::city_with_meshes(folder.path(), "two");
     let mut config = config(8);
     config.limits.tile_bytes = 0;
-    let app = insula_server::http::app(AppState::new(Store::open(&[folder.path()]).unwrap(), &config));
+    let app = HttpService::new(AppState::new(Store::open(&[folder.path()]).unwrap(), &config));
     let path = folder.path().join("meshes.pmtiles");
     let (whole, (lod, bytes)) = (std::fs::read(&path).unwrap(), common::meshes().remove(1));
     let at = whole.windows(bytes.len()).position(|window| window == bytes).unwrap() as u64;
@@ -357,7 +357,7 @@ async fn every_answer_has_a_request_id() {
 
 #[tokio::test]
 async fn too_much_at_once_is_503() {
-    let app = app(state(1));
+    let app = HttpService::new(state(1));
     // An answer whose body nobody reads is still in flight.
     let request = Request::get(TILE).body(Body::empty()).unwrap();
     let held = app.clone().oneshot(request).await.unwrap();
@@ -378,19 +378,23 @@ async fn too_much_at_once_is_503() {
 async fn health() {
     assert_eq!(get("/healthz").await.status, StatusCode::OK);
     let state = state(8);
-    assert_eq!(ask_of(app(state.clone()), Method::GET, "/readyz", &[]).await.status, StatusCode::OK);
-    state.drain();
-    ask_of(app(state.clone()), Method::GET, "/readyz", &[]).await.is_problem(503);
-    assert_eq!(ask_of(app(state.clone()), Method::GET, "/healthz", &[]).await.status, StatusCode::OK);
-    assert_eq!(ask_of(app(state), Method::GET, TILE, &[]).await.status, StatusCode::OK, "what is in flight goes on");
+    assert_eq!(ask_of(HttpService::new(state.clone()), Method::GET, "/readyz", &[]).await.status, StatusCode::OK);
+    state.start_draining();
+    ask_of(HttpService::new(state.clone()), Method::GET, "/readyz", &[]).await.is_problem(503);
+    assert_eq!(ask_of(HttpService::new(state.clone()), Method::GET, "/healthz", &[]).await.status, StatusCode::OK);
+    assert_eq!(
+        ask_of(HttpService::new(state), Method::GET, TILE, &[]).await.status,
+        StatusCode::OK,
+        "what is in flight goes on"
+    );
     let empty = AppState::new(Store::default(), &config(8));
-    ask_of(app(empty.clone()), Method::GET, "/readyz", &[]).await.is_problem(503);
-    assert_eq!(ask_of(app(empty), Method::GET, "/v1/cities", &[]).await.body, b"[]");
+    ask_of(HttpService::new(empty.clone()), Method::GET, "/readyz", &[]).await.is_problem(503);
+    assert_eq!(ask_of(HttpService::new(empty), Method::GET, "/v1/cities", &[]).await.body, b"[]");
 }
 
 #[tokio::test]
 async fn metrics_count_what_happened() {
-    let app = app(state(8));
+    let app = HttpService::new(state(8));
     let ask = |path: &'static str| ask_of(app.clone(), Method::GET, path, &[]);
     let bytes = ask(TILE).await.body.len() + ask(TILE).await.body.len();
     ask("/v1/cities/two/0123456789abcdef/blockmaps/9/x/0").await;
@@ -462,7 +466,7 @@ async fn a_tile_that_is_damaged_on_disk_is_never_served() {
     common::city(folder.path(), "two");
     let mut config = config(8);
     config.limits.tile_bytes = 0;
-    let app = insula_server::http::app(AppState::new(Store::open(&[folder.path()]).unwrap(), &config));
+    let app = HttpService::new(AppState::new(Store::open(&[folder.path()]).unwrap(), &config));
     let path = folder.path().join("blockmaps.pmtiles");
     let whole = std::fs::read(&path).unwrap();
     let [root, child] = common::blockmaps().try_into().unwrap();

@@ -42,7 +42,7 @@ impl TestServer {
         change(&mut config);
         let server = HttpServer::new(Store::open(&[folder.path()]).unwrap(), &config).unwrap();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let (address, look) = (listener.local_addr().unwrap(), server.look());
+        let (address, look) = (listener.local_addr().unwrap(), server.reload_signal());
         let (stop, stopped) = oneshot::channel::<()>();
         let task = tokio::spawn(server.run(listener, async {
             let _ = stopped.await;

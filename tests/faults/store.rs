@@ -11,7 +11,7 @@ use axum::{body::Body, http::Request};
 use http_body_util::BodyExt;
 use insula_server::{
     config::ServeConfig,
-    http::{AppState, app},
+    http::{AppState, HttpService},
     store::Store,
 };
 use std::{
@@ -99,7 +99,7 @@ pub(crate) fn coalesced() {
         let mut config = ServeConfig::default();
         (config.cache.block_bytes, config.limits.tile_bytes) = (4096, 0);
         let store = Store::open_anywhere(&[origin.url().into()], &config.cache).await.unwrap();
-        let app = app(AppState::new(store, &config));
+        let app = HttpService::new(AppState::new(store, &config));
         origin.faults.slow_millis.store(300, Relaxed);
         let before = origin.fetches();
         let mut all = tokio::task::JoinSet::new();

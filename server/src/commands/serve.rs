@@ -38,7 +38,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
         tracing::info!(cities = store.cities().len(), threads = config.worker_threads(), "serving");
         let server = HttpServer::new(store, &config)?;
         print(&format!("listening on {}://{address}\n", server.scheme()));
-        let end = signals.first(server.look());
+        let end = signals.first(server.reload_signal());
         server.run(listener, end).await.map_err(CommandError::from)
     })
 }

@@ -190,7 +190,7 @@ impl ServeConfig {
     }
 
     /// How long requests in flight may take to finish.
-    pub fn drain(&self) -> Duration {
+    pub fn drain_timeout(&self) -> Duration {
         Duration::from_secs(self.drain_secs)
     }
 

@@ -1,6 +1,4 @@
-//! The addresses of tiles, read without a copy.
-//!
-//! In: a path that anyone may have made. Out: [`TileAddress`], or why it is none. Next: `tile`.
+//! Parses the URL paths of tiles, without allocation.
 
 use super::problem::Problem;
 use insula_protocol::{
@@ -9,31 +7,29 @@ use insula_protocol::{
     route::{CITIES, Layer},
 };
 
-/// `/v1/cities/{city}/{version}/{layer}/{level}/{x}/{y}`, or `.../meshes/{level}/{x}/{y}/{lod}`.
+/// A parsed `/v1/cities/{city}/{version}/{layer}/{level}/{x}/{y}`, or `.../meshes/{level}/{x}/{y}/{lod}`.
 ///
-/// Nothing in it is percent-decoded: names and numbers need no encoding, so that each tile has one address and caches hold
+/// Nothing is percent-decoded, because names and numbers need no escapes. So each tile has exactly one URL, and caches hold
 /// it once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileAddress<'a> {
-    /// As it stands in the address; it need not exist.
+    /// Not checked: it may be unknown, or not even a valid name.
     pub city: &'a str,
-    /// As it stands in the address; it need not exist.
+    /// Not checked either.
     pub version: &'a str,
-    /// Which archive.
     pub layer: Layer,
-    /// Whose tile.
     pub id: TileId,
-    /// Which level of detail, below [`MAX_LODS`]; 0 but of meshes.
+    /// Level of detail of a mesh, below [`MAX_LODS`]; 0 in other layers.
     pub lod: u8,
 }
 
-/// What is said of an address that looks like a tile's and cannot be one.
+/// Response to a path that has the form of a tile's but numbers out of range.
 pub const NOT_A_TILE: Problem = Problem::bad_request(
     "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
 );
 
 impl<'a> TileAddress<'a> {
-    /// `None`: another address. An error: a tile that cannot be.
+    /// `None` if the path is not a tile's. Fails with [`NOT_A_TILE`] if its numbers are invalid.
     pub fn parse(path: &'a str) -> Option<Result<Self, Problem>> {
         let mut parts = path.strip_prefix(CITIES)?.strip_prefix('/')?.split('/');
         let mut part = || parts.next();
@@ -44,21 +40,21 @@ impl<'a> TileAddress<'a> {
         if part().is_some() {
             return None;
         }
-        let named = tile_id(level, x, y).zip(lod_of(lod));
-        Some(named.map(|(id, lod)| Self { city, version, layer, id, lod }).ok_or(NOT_A_TILE))
+        let numbers = parse_tile_id(level, x, y).zip(parse_lod(lod));
+        Some(numbers.map(|(id, lod)| Self { city, version, layer, id, lod }).ok_or(NOT_A_TILE))
     }
 }
 
-fn lod_of(text: &str) -> Option<u8> {
-    u8::try_from(number(text)?).ok().filter(|lod| *lod < MAX_LODS)
+fn parse_lod(text: &str) -> Option<u8> {
+    u8::try_from(parse_number(text)?).ok().filter(|lod| *lod < MAX_LODS)
 }
 
-fn tile_id(level: &str, x: &str, y: &str) -> Option<TileId> {
-    TileId::new(u8::try_from(number(level)?).ok()?, number(x)?, number(y)?)
+fn parse_tile_id(level: &str, x: &str, y: &str) -> Option<TileId> {
+    TileId::new(u8::try_from(parse_number(level)?).ok()?, parse_number(x)?, parse_number(y)?)
 }
 
 /// Decimal digits without sign or leading zeros.
-fn number(text: &str) -> Option<u32> {
-    let plain = text.bytes().all(|b| b.is_ascii_digit()) && (text == "0" || !text.starts_with('0'));
-    if plain { text.parse().ok() } else { None }
+fn parse_number(text: &str) -> Option<u32> {
+    let is_canonical = text.bytes().all(|b| b.is_ascii_digit()) && (text == "0" || !text.starts_with('0'));
+    if is_canonical { text.parse().ok() } else { None }
 }

@@ -66,7 +66,7 @@ pub(crate) struct Blocks {
     block_bytes: u64,
     fetches: Semaphore,
     patience: Duration,
-    pub(crate) counters: StoreMetrics,
+    pub(crate) metrics: StoreMetrics,
 }
 
 impl Blocks {
@@ -80,7 +80,7 @@ impl Blocks {
             block_bytes: config.block_bytes,
             fetches: Semaphore::new(config.fetches),
             patience: Duration::from_secs(config.timeout_secs),
-            counters: StoreMetrics {
+            metrics: StoreMetrics {
                 reads: Family::default(),
                 fetches: Family::default(),
                 seconds: Histogram::new(BUCKETS_SECS),
@@ -116,7 +116,7 @@ impl Blocks {
         let entry = self.memory.entry(key).or_try_insert_with(self.load(object, key)).await;
         let entry = entry.map_err(|error: Arc<ReadError>| (*error).clone())?;
         if !entry.is_fresh() {
-            self.counters.read("memory");
+            self.metrics.read("memory");
         }
         Ok(entry.into_value())
     }
@@ -125,14 +125,14 @@ impl Blocks {
         if let Some(disk) = self.disk.clone() {
             let found = tokio::task::spawn_blocking(move || disk.get(key)).await;
             if let Ok(Some(block)) = found {
-                self.counters.read("disk");
+                self.metrics.read("disk");
                 return Ok(block);
             }
         }
         let block = self.fetch(object, key.index).await?;
-        self.counters.read("store");
+        self.metrics.read("store");
         if let Some(disk) = self.disk.clone() {
-            let (errors, block) = (self.counters.disk_errors.clone(), block.clone());
+            let (errors, block) = (self.metrics.disk_errors.clone(), block.clone());
             tokio::task::spawn_blocking(move || {
                 if let Err(error) = disk.put(key, &block) {
                     errors.inc();
@@ -154,9 +154,9 @@ impl Blocks {
             let start = Instant::now();
             let got = timeout(self.patience / 3, self.get(object, index)).await;
             let got = got.unwrap_or_else(|_| Err(ReadError::Failed("the store does not answer".into())));
-            self.counters.seconds.observe(start.elapsed().as_secs_f64());
+            self.metrics.seconds.observe(start.elapsed().as_secs_f64());
             let outcome = if got.is_ok() { "ok" } else { "failed" };
-            self.counters.fetches.get_or_create(&[("outcome", outcome)]).inc();
+            self.metrics.fetches.get_or_create(&[("outcome", outcome)]).inc();
             match got {
                 Err(ReadError::Failed(reason)) if Instant::now() + wait < end => {
                     tracing::debug!(object = %object.path, reason, "the store failed: asking again");

@@ -71,8 +71,8 @@ impl Store {
     }
 
     /// What is counted of stores, if there are any.
-    pub(crate) fn counters(&self) -> Option<&StoreMetrics> {
-        self.blocks.as_ref().map(|blocks| &blocks.counters)
+    pub(crate) fn metrics(&self) -> Option<&StoreMetrics> {
+        self.blocks.as_ref().map(|blocks| &blocks.metrics)
     }
 
     /// Adds a city. Errors: there is one of that name.
