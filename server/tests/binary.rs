@@ -260,7 +260,7 @@ fn verify_finds_every_kind_of_damage() {
     finds("blockmaps/1/1/1: checksum", &blockmaps(&[root.clone(), flipped]));
     finds("blockmaps/1/1/1: missing", &blockmaps(std::slice::from_ref(&root)));
     let stray = insula_protocol::TileId::new(1, 0, 0).unwrap();
-    finds("blockmaps/1/0/0: no subtree", &blockmaps(&[root.clone(), (stray, common::blockmap(stray)), child.clone()]));
+    finds("blockmaps/1/0/0: unused", &blockmaps(&[root.clone(), (stray, common::blockmap(stray)), child.clone()]));
     finds("blockmaps/1/1/1: its columns are 2 m wide", &blockmaps(&[root.clone(), (child.0, root.1.clone())]));
     finds("city.json: it counts", &|city| {
         let mut manifest = common::manifest("two");

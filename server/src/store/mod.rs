@@ -1,10 +1,9 @@
-//! Baked cities, opened once, replaced while they are served.
+//! Opened cities: manifests, and tiles as [`bytes::Bytes`] by layer and id.
 //!
-//! In: where cities are (design 10). Out: a [`Store`]: manifests, and tiles as [`bytes::Bytes`] by layer and id.
-//! Next: `http` serves them; the commands `inspect` and `verify` read them.
+//! In: folders and URLs of baked cities. Out: a [`Store`]. Next: `http` serves it; `inspect` and `verify` read it.
 //!
-//! When a city is opened, its manifest and its archives' directories are checked, and that every tile lies inside its file.
-//! A tile's own checksums are checked each time it is read to be served: what is wrong is never handed out.
+//! Opening a city checks its manifest, its archives' directories, and that every tile lies inside its file. The checksums of
+//! a tile are checked at every read for a client, so that damaged bytes are never served.
 
 mod archive;
 mod blocks;
