@@ -84,7 +84,7 @@ pub(crate) struct Seen {
     pub(crate) wrong: AtomicU64,
 }
 
-/// Every address of a city that `common::city` wrote, with its layer.
+/// Every address of a city that `common::write_city` wrote, with its layer.
 pub(crate) fn addresses(version: &str) -> Vec<(Layer, String)> {
     let blockmaps = crate::common::blockmaps().into_iter().map(|(id, _)| (Layer::BlockMaps, id));
     let all = blockmaps.chain([(Layer::Subtrees, TileId::ROOT)]);

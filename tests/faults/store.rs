@@ -26,7 +26,7 @@ const COLD: [&str; 3] = ["cache.memory_bytes=0", "limits.tile_bytes=0", "cache.b
 
 fn origin() -> (tempfile::TempDir, Origin) {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let origin = Origin::start(folder.path());
     (folder, origin)
 }
@@ -153,7 +153,7 @@ pub(crate) fn s3() {
         || {
             let city = folder.path().join("two");
             fs::create_dir(&city).unwrap();
-            common::city(&city, "two");
+            common::write_city(&city, "two");
             city
         },
         Into::into,
