@@ -2,9 +2,10 @@
 //!
 //! In: the command line. Out: [`Cli`]. Next: `commands`.
 
-use crate::{render::AdapterChoice, sun::SunArgs};
+use crate::render::AdapterChoice;
 use clap::{Args, Parser, Subcommand};
 use insula_shaders::layout::Shading;
+use insula_viewer::sun::{Bearing, SunOptions, Time, azimuth_altitude, time};
 use std::path::PathBuf;
 
 /// Insula: fly through whole cities, streamed.
@@ -226,6 +227,34 @@ fn shading(text: &str) -> Result<Shading, String> {
         let words: Vec<&str> = all.iter().map(|s| s.word()).collect();
         format!("write one of {}", words.join(", "))
     })
+}
+
+/// `--time` or `--sun`, and `--shadows`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
+pub struct SunArgs {
+    /// Date and hour of the light: 2024-06-21T17:00 in local mean solar time, or with an offset (Z, +09:00)
+    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "sun")]
+    pub time: Option<Time>,
+    /// Fixed position of the sun: degrees clockwise from north, and above the horizon
+    #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = azimuth_altitude, allow_hyphen_values = true)]
+    pub sun: Option<Bearing>,
+    /// Whether the sun casts shadows [default: on]
+    #[arg(long, value_name = "on|off", value_parser = switch)]
+    pub shadows: Option<bool>,
+}
+
+impl From<SunArgs> for SunOptions {
+    fn from(args: SunArgs) -> Self {
+        Self { time: args.time, bearing: args.sun, shadows: args.shadows }
+    }
+}
+
+fn switch(text: &str) -> Result<bool, String> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("write on or off".to_owned()),
+    }
 }
 
 #[cfg(test)]

@@ -6,16 +6,15 @@
 //! compose). `session` is the loop, shared by the window, `snapshot` and `fly`.
 
 pub mod args;
-pub mod cache;
-pub mod camera;
+
+pub mod camera_files;
 pub mod commands;
 pub mod error;
 pub mod picture;
 pub mod render;
 pub mod report;
-pub mod scene;
-pub mod select;
+
 pub mod session;
 pub mod stream;
-pub mod sun;
+
 pub mod ui;

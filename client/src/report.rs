@@ -5,24 +5,11 @@
 use crate::{
     error::{ClientError, Result},
     render::AdapterInfo,
-    session::Session,
 };
 use insula_shaders::cpu::raycast::Pixels;
+use insula_viewer::streamer::TileCounts;
 use serde::Serialize;
 use std::{path::Path, time::Duration};
-
-/// Tiles that became resident, by kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct TileCounts {
-    /// V-BlockMaps.
-    pub blockmaps: u64,
-    /// Subtrees.
-    pub subtrees: u64,
-    /// Leaves' meshes, each level of detail by itself.
-    pub meshes: u64,
-    /// Given up: missing on the server, or damaged again and again.
-    pub bad: u64,
-}
 
 /// Times of all frames, in milliseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -129,26 +116,6 @@ pub struct FlightMoment {
     pub worst_error_px: f64,
     /// Largest projected error of what is drawn and seen.
     pub seen_error_px: f64,
-}
-
-impl FlightMoment {
-    /// How a session stands at `t`.
-    pub fn of(session: &Session, t: f64) -> Self {
-        let counters = session.selection().counters;
-        let http = session.stream().http();
-        Self {
-            t,
-            bytes: http.bytes(),
-            requests: http.requests(),
-            in_flight: session.stream().in_flight(),
-            cache_bytes: session.cache().used_bytes(),
-            drawn: counters.drawn,
-            fading: session.fades().passing(),
-            tau_px: counters.tau_px,
-            worst_error_px: counters.worst_error_px,
-            seen_error_px: counters.seen_error_px,
-        }
-    }
 }
 
 /// How far a frame is from the picture that it would be if all were here.

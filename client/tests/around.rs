@@ -7,9 +7,9 @@ mod common;
 use common::{Answer, Server, city, serve, session, shot, well};
 use insula_client::{
     commands::snapshot::settle,
-    render::Look,
-    session::{LookAround, Session, Shot},
+    session::{PrefetchStep, Session},
 };
+use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
 use std::{
     sync::atomic::Ordering,
     time::{Duration, Instant},
@@ -18,26 +18,26 @@ use std::{
 const MOST: Duration = Duration::from_secs(60);
 
 /// Over the roofs, to the north.
-fn ahead() -> Shot {
+fn ahead() -> FrameRequest {
     shot([231.0, 250.0, 26.0], [231.0, 500.0, 10.0])
 }
 
-fn turned(shot: &Shot, degrees: f64) -> Shot {
-    Shot { camera: shot.camera.turned(degrees), ..*shot }
+fn turned(shot: &FrameRequest, degrees: f64) -> FrameRequest {
+    FrameRequest { camera: shot.camera.turned(degrees), ..*shot }
 }
 
-fn look_around(session: &mut Session, shot: &Shot) {
+fn look_around(session: &mut Session, shot: &FrameRequest) {
     let begin = Instant::now();
     settle(session, shot, MOST).unwrap();
-    while session.look_around(shot).unwrap() != LookAround::Done {
+    while session.prefetch(shot).unwrap() != PrefetchStep::Done {
         assert!(begin.elapsed() < MOST, "it does not end");
         session.wait(Duration::from_millis(5));
         settle(session, shot, MOST).unwrap();
     }
 }
 
-fn colours(session: &mut Session, shot: &Shot) -> Vec<u32> {
-    let data = session.frame_data(shot, &Look::default());
+fn colours(session: &mut Session, shot: &FrameRequest) -> Vec<u32> {
+    let data = session.frame_data(shot, &RenderSettings::default());
     session.adapter_mut().draw(&data).unwrap().colour
 }
 
@@ -60,14 +60,14 @@ fn a_turn_to_either_side_shows_all_at_once_and_fetches_nothing() {
         assert!(after > before && after < before * 3, "{before} requests for the picture, {after} in all");
 
         let beside = turned(&ahead(), degrees);
-        looks.step(&beside);
+        looks.update(&beside);
         let at_once = colours(&mut looks, &beside);
         settle(&mut looks, &beside, MOST).unwrap();
         assert!(requests(&server) <= after + 1, "{} more requests at {degrees} degrees", requests(&server) - after);
         let differ = |a: &[u32], b: &[u32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
         let wrong = differ(&at_once, &colours(&mut looks, &beside));
         // Who did not look around sees it come.
-        does_not.step(&beside);
+        does_not.update(&beside);
         let at_first = colours(&mut does_not, &beside);
         settle(&mut does_not, &beside, MOST).unwrap();
         assert!(requests(&other) > before + 1);
@@ -96,7 +96,7 @@ fn it_ends_whatever_the_server_does_and_leaves_a_full_cache_alone() {
     // On to another place in the middle of it: that comes first, as if nothing had been.
     let mut hasty = session(&server, 64);
     settle(&mut hasty, &ahead(), MOST).unwrap();
-    assert_eq!(hasty.look_around(&ahead()).unwrap(), LookAround::Looked);
+    assert_eq!(hasty.prefetch(&ahead()).unwrap(), PrefetchStep::Drawn);
     let elsewhere = shot([111.0, 90.0, 6.0], [500.0, 90.0, 6.0]);
     settle(&mut hasty, &elsewhere, MOST).unwrap();
     let mut fresh = session(&server, 64);

@@ -5,17 +5,10 @@
 mod common;
 
 use common::{Answer, GROUND_M, MESH_M, Policy, ROOF_M, city, city_with_meshes, global, serve, session, shot, well};
-use insula_client::{
-    commands::connect::connect,
-    render::Look,
-    session::{Session, Shot},
-    stream::fetch::Http,
-};
-use insula_protocol::{
-    TileId,
-    route::{self, Layer},
-};
+use insula_client::{commands::connect::connect, session::Session, stream::fetch::Http};
+use insula_protocol::{TileId, TileKind, route};
 use insula_shaders::layout::Shading;
+use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
 use std::{
     sync::{
         Arc,
@@ -25,14 +18,14 @@ use std::{
 };
 
 /// Steps until settled; panics after 20 s. `each` sees every frame.
-fn settle(session: &mut Session, shot: &Shot, mut each: impl FnMut(&Session)) -> u32 {
+fn settle(session: &mut Session, shot: &FrameRequest, mut each: impl FnMut(&Session)) -> u32 {
     let begin = Instant::now();
     let mut frames = 0;
     loop {
-        session.step(shot);
+        session.update(shot);
         each(session);
         frames += 1;
-        if session.settled() {
+        if session.is_settled() {
             return frames;
         }
         assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", session.selection());
@@ -40,7 +33,7 @@ fn settle(session: &mut Session, shot: &Shot, mut each: impl FnMut(&Session)) ->
     }
 }
 
-fn street() -> Shot {
+fn street() -> FrameRequest {
     shot([31.0, -20.0, 15.0], [31.0, 200.0, 5.0])
 }
 
@@ -51,7 +44,7 @@ fn converges_and_measures_distances_in_metres() {
     // Straight down, 100 m above a roof's middle (12, 12) of the house at (80, 80).
     let down = shot([92.0, 92.0, ROOF_M + 100.0], [92.0, 92.0, 0.0]);
     settle(&mut session, &down, |_| {});
-    let pixels = session.draw(&down, &Look::default()).unwrap();
+    let pixels = session.draw(&down, &RenderSettings::default()).unwrap();
     settle(&mut session, &down, |_| {});
     let centre = pixels.distance[45 * 160 + 80];
     assert!((centre - 100.0).abs() < 0.6, "{centre}");
@@ -100,7 +93,7 @@ fn an_ill_server_costs_time_but_no_tile() {
     settle(&mut ill, &street(), |_| {});
     let mut fine = session(&serve(city("test"), well()), 64);
     settle(&mut fine, &street(), |_| {});
-    let draw = |session: &mut Session| session.draw(&street(), &Look::default()).unwrap();
+    let draw = |session: &mut Session| session.draw(&street(), &RenderSettings::default()).unwrap();
     assert_eq!(draw(&mut ill).colour, draw(&mut fine).colour);
     assert!(ill.report(1.0).requests > fine.report(1.0).requests);
 }
@@ -114,18 +107,18 @@ fn fly_whole(session: &mut Session, most: Duration) -> Vec<u32> {
 fn fly_watched(session: &mut Session, most: Duration, mut each: impl FnMut(&Session)) -> Vec<u32> {
     let (shot, begin) = (street(), Instant::now());
     loop {
-        session.step(&shot);
-        if session.has_picture() {
+        session.update(&shot);
+        if session.has_frame() {
             each(session);
-            let pixels = session.draw(&shot, &Look::default()).unwrap();
+            let pixels = session.draw(&shot, &RenderSettings::default()).unwrap();
             for row in 60..90 {
                 let ground = &pixels.distance[row * 160 + 20..row * 160 + 140];
                 assert!(ground.iter().all(|d| d.is_finite()), "a hole in row {row}");
             }
         }
-        session.step(&shot);
-        if session.settled() && session.has_picture() {
-            return session.draw(&shot, &Look::default()).unwrap().colour;
+        session.update(&shot);
+        if session.is_settled() && session.has_frame() {
+            return session.draw(&shot, &RenderSettings::default()).unwrap().colour;
         }
         assert!(begin.elapsed() < most, "{:?}", session.selection().counters);
         session.wait(Duration::from_millis(5));
@@ -166,23 +159,23 @@ fn a_tenth_lost_and_a_twentieth_damaged_costs_no_pixel() {
 fn levels_fade_into_each_other_and_end_in_the_same_picture() {
     let server = serve(city("test"), well());
     let mut fading = session(&server, 64);
-    fading.set_fades(true);
+    fading.set_transitions(true);
     let mut shared = 0;
     let picture = fly_watched(&mut fading, Duration::from_secs(60), |session| {
-        let both = session.fades().shown().iter().filter(|shown| shown.faces().1.is_some()).count();
-        let nodes = session.frame_data(&street(), &Look::default()).nodes.len();
-        assert!(nodes >= session.fades().shown().len() + both, "{nodes} nodes, {both} squares with two of them");
+        let both = session.transitions().shown().iter().filter(|shown| shown.faces().1.is_some()).count();
+        let nodes = session.frame_data(&street(), &RenderSettings::default()).nodes.len();
+        assert!(nodes >= session.transitions().shown().len() + both, "{nodes} nodes, {both} squares with two of them");
         shared += usize::from(both > 0);
     });
     assert!(shared > 0, "no frame showed two levels in a square");
-    assert_eq!(fading.fades().passing(), 0);
+    assert_eq!(fading.transitions().passing(), 0);
     let (meant, requests) = undisturbed();
     assert_eq!(picture, meant);
     let asked = server.requests.load(Ordering::Relaxed);
     assert!(asked < requests * 5 / 4 + 4, "{asked} requests, {requests} without");
     // Turned away and back, all is there at once; a small cache is never exceeded for what fades.
     let mut small = session(&server, 2);
-    small.set_fades(true);
+    small.set_transitions(true);
     for turn in 0..12 {
         let x = 40.0 * f64::from(turn);
         settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
@@ -204,7 +197,7 @@ fn a_server_that_asks_for_patience_gets_it() {
         let server = serve(city("test"), policy);
         let mut session = session(&server, 64);
         while begin.elapsed() < busy - Duration::from_millis(100) {
-            session.step(&street());
+            session.update(&street());
             session.wait(Duration::from_millis(5));
         }
         let asked = server.requests.load(Ordering::Relaxed);
@@ -255,8 +248,8 @@ fn one_slow_answer_holds_up_no_other() {
 
 #[test]
 fn what_stays_bad_leaves_its_parent_on_screen() {
-    let damaged = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(3, 0, 0).unwrap());
-    let missing = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(2, 0, 1).unwrap());
+    let damaged = route::tile("test", "0123456789abcdef", TileKind::BlockMap, TileId::new(3, 0, 0).unwrap());
+    let missing = route::tile("test", "0123456789abcdef", TileKind::BlockMap, TileId::new(2, 0, 1).unwrap());
     let server = serve(
         city("test"),
         Box::new(move |path, _| match path {
@@ -271,13 +264,13 @@ fn what_stays_bad_leaves_its_parent_on_screen() {
     assert_eq!(session.report(1.0).tiles.bad, 1 + u64::from(!cut.contains(&TileId::new(1, 0, 0).unwrap())));
     assert!(cut.contains(&TileId::new(1, 0, 0).unwrap()) || cut.contains(&TileId::new(2, 0, 0).unwrap()), "{cut:?}");
     // The picture has no hole: below the horizon, every ray hits.
-    let pixels = session.draw(&street(), &Look::default()).unwrap();
+    let pixels = session.draw(&street(), &RenderSettings::default()).unwrap();
     assert!(pixels.distance[80 * 160 + 20..80 * 160 + 140].iter().all(|d| d.is_finite()));
 }
 
 #[test]
 fn what_the_server_itself_cannot_read_leaves_its_parent_on_screen() {
-    let unread = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(3, 0, 0).unwrap());
+    let unread = route::tile("test", "0123456789abcdef", TileKind::BlockMap, TileId::new(3, 0, 0).unwrap());
     let policy: Box<Policy> = Box::new(move |path, _| if path == unread { Answer::Status(500) } else { Answer::Well });
     let mut session = session(&serve(city("test"), policy), 64);
     settle(&mut session, &street(), |_| {});
@@ -293,7 +286,7 @@ fn goes_on_drawing_while_the_server_is_away_and_resumes_by_itself() {
     let server = serve(city("test"), slow);
     let mut session = session(&server, 64);
     for _ in 0..10_000 {
-        session.step(&street());
+        session.update(&street());
         if !session.selection().cut.is_empty() {
             break;
         }
@@ -303,16 +296,16 @@ fn goes_on_drawing_while_the_server_is_away_and_resumes_by_itself() {
     let before = server.requests.load(Ordering::Relaxed);
     let away = Instant::now();
     while away.elapsed() < Duration::from_millis(1500) {
-        session.step(&street());
+        session.update(&street());
         assert!(!session.selection().cut.is_empty());
         std::thread::sleep(Duration::from_millis(5));
     }
-    assert!(!session.settled() && session.stream().failing_since().is_some());
+    assert!(!session.is_settled() && session.downloads().failing_since().is_some());
     assert!(session.check(Duration::from_millis(500)).is_err() && session.check(Duration::from_secs(60)).is_ok());
     assert!(server.requests.load(Ordering::Relaxed) - before <= 12 * 4, "a hot loop");
     server.down.store(false, Ordering::Relaxed);
     settle(&mut session, &street(), |_| {});
-    assert!(session.stream().failing_since().is_none());
+    assert!(session.downloads().failing_since().is_none());
 }
 
 #[test]
@@ -324,7 +317,7 @@ fn a_cache_that_is_too_small_is_never_exceeded_and_never_thrashes() {
     assert!(counters.tau_px > 1.0 && counters.drawn > 1, "{counters:?}");
     let requests = small.report(1.0).requests;
     for _ in 0..50 {
-        small.step(&street());
+        small.update(&street());
         std::thread::sleep(Duration::from_millis(1));
     }
     assert_eq!(small.report(1.0).requests, requests);
@@ -341,7 +334,7 @@ fn a_cache_that_is_too_small_is_never_exceeded_and_never_thrashes() {
 fn near_leaves_come_as_meshes_and_columns_stay_where_a_mesh_is_bad() {
     let down = shot([92.0, 92.0, MESH_M + 60.0], [92.0, 92.0, 0.0]);
     let centre = |session: &mut Session| {
-        let look = Look { shading: Shading::Albedo, ..Look::default() };
+        let look = RenderSettings { shading: Shading::Albedo, ..RenderSettings::default() };
         let pixels = session.draw(&down, &look).unwrap();
         (pixels.distance[45 * 160 + 80], pixels.colour[45 * 160 + 80])
     };

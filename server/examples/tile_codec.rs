@@ -10,7 +10,7 @@ use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{COLUMNS, Quality, flag},
     codec::{
-        range::{Bit, Coder, Number},
+        range::{BitCoder, BitModel, NumberModel},
         zstd,
     },
     texel::ALPHA_MAX,
@@ -145,9 +145,9 @@ fn texels(map: &BlockMap) -> impl Iterator<Item = Texel> {
 }
 
 /// Visits the map's values as the encoder does at [`DB`]. Returns the decoded map.
-fn walk(map: &BlockMap, coder: &mut impl Coder) -> Result<BlockMap, DecodeError> {
+fn walk(map: &BlockMap, coder: &mut impl BitCoder) -> Result<BlockMap, DecodeError> {
     let mut decoded = map.clone();
-    decoded.walk(coder, map.loss_at(Quality::Decibels(DB)))?;
+    decoded.walk(coder, map.quantisation_steps(Quality::Decibels(DB)))?;
     Ok(decoded)
 }
 
@@ -158,15 +158,15 @@ struct RecordingCoder {
     bits: Vec<u8>,
 }
 
-impl Coder for RecordingCoder {
+impl BitCoder for RecordingCoder {
     const WRITES: bool = true;
 
-    fn bit(&mut self, _: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, _: &mut BitModel, bit: bool) -> bool {
         self.bits.push(u8::from(bit));
         bit
     }
 
-    fn number(&mut self, _: &mut Number, value: i32) -> i32 {
+    fn number(&mut self, _: &mut NumberModel, value: i32) -> i32 {
         insula_protocol::codec::varint::push(&mut self.numbers, insula_protocol::codec::varint::zigzag(value));
         value
     }
@@ -183,13 +183,13 @@ fn residuals(map: &BlockMap) -> anyhow::Result<CodedTile> {
 /// Counts each model's bits, to estimate the size with static tables of one byte per model.
 #[derive(Default)]
 struct CountingCoder {
-    models: HashMap<*const Bit, [u32; 2]>,
+    models: HashMap<*const BitModel, [u32; 2]>,
 }
 
-impl Coder for CountingCoder {
+impl BitCoder for CountingCoder {
     const WRITES: bool = true;
 
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
         self.models.entry(model).or_default()[usize::from(bit)] += 1;
         bit
     }

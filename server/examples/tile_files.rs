@@ -17,7 +17,7 @@ fn main() -> anyhow::Result<()> {
     let manifest = city.manifest();
     for (layer, archive) in city.archives() {
         for (id, bytes) in archive.tiles() {
-            let path = route::at_place(&manifest.name, &manifest.version, layer, id, manifest.depth);
+            let path = route::archive_tile(&manifest.name, &manifest.version, layer, id, manifest.depth);
             let path = path.context("the archive has a tile with an invalid id")?;
             let file = folder.join(path.trim_start_matches('/'));
             fs::create_dir_all(file.parent().context("a tile's path has no parent")?)?;

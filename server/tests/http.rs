@@ -8,7 +8,7 @@ use axum::{
     http::{HeaderMap, Method, Request, StatusCode},
 };
 use http_body_util::BodyExt;
-use insula_protocol::{Manifest, TileId, codec::bincode, route, route::Layer};
+use insula_protocol::{Manifest, TileId, TileKind, codec::bincode, route};
 use insula_server::{
     config::ServeConfig,
     http::{AppState, HttpService},
@@ -83,7 +83,7 @@ async fn get(path: &str) -> TestResponse {
 #[tokio::test]
 async fn tiles_are_immutable_and_byte_for_byte() {
     for (id, bytes) in common::blockmaps() {
-        let path = route::tile("two", common::VERSION, Layer::BlockMaps, id);
+        let path = route::tile("two", common::VERSION, TileKind::BlockMap, id);
         let response = get(&path).await;
         assert_eq!((response.status, &response.body), (StatusCode::OK, &bytes), "{path}");
         assert_eq!(response.header("cache-control"), IMMUTABLE);
@@ -223,7 +223,7 @@ async fn a_tile_that_is_damaged_on_disk_is_never_served() {
     let folder = common::temporary_city_with_meshes();
     let service = HttpService::new(state(folder.path(), |config| config.limits.tile_bytes = 0));
     let (id, blockmap) = common::blockmaps().remove(1);
-    let path = route::tile("two", common::VERSION, Layer::BlockMaps, id);
+    let path = route::tile("two", common::VERSION, TileKind::BlockMap, id);
     assert_damage_is_found(&service, &folder.path().join("blockmaps.pmtiles"), &path, &blockmap).await;
     let (lod, mesh) = common::meshes().remove(1);
     let path = route::mesh("two", common::VERSION, common::child(), lod);

@@ -3,7 +3,7 @@
 
 mod common;
 
-use insula_protocol::{Manifest, TileId, mesh_tile, route::Layer};
+use insula_protocol::{Manifest, TileId, TileKind, mesh_tile};
 use insula_server::store::{CityStore, Store, StoreError};
 use std::path::Path;
 
@@ -32,12 +32,12 @@ fn tiles_are_read_byte_for_byte() {
     let city = CityStore::open(common::shared_city()).unwrap();
     assert_eq!(city.manifest(), &common::manifest("two"));
     for (id, bytes) in common::blockmaps() {
-        assert_eq!(city.tile(Layer::BlockMaps, id).unwrap().unwrap(), bytes);
+        assert_eq!(city.tile(TileKind::BlockMap, id).unwrap().unwrap(), bytes);
     }
-    assert_eq!(city.tile(Layer::Subtrees, TileId::ROOT).unwrap().unwrap(), common::subtree());
-    assert_eq!(city.tile(Layer::Subtrees, common::child()).unwrap(), None);
-    assert_eq!(city.tile(Layer::BlockMaps, TileId::new(1, 0, 0).unwrap()).unwrap(), None);
-    assert_eq!(city.tile(Layer::BlockMaps, TileId::new(20, 1, 1).unwrap()).unwrap(), None);
+    assert_eq!(city.tile(TileKind::Subtree, TileId::ROOT).unwrap().unwrap(), common::subtree());
+    assert_eq!(city.tile(TileKind::Subtree, common::child()).unwrap(), None);
+    assert_eq!(city.tile(TileKind::BlockMap, TileId::new(1, 0, 0).unwrap()).unwrap(), None);
+    assert_eq!(city.tile(TileKind::BlockMap, TileId::new(20, 1, 1).unwrap()).unwrap(), None);
     let listed: Vec<_> = city.blockmaps().tiles().map(|(id, bytes)| (id, bytes.unwrap().to_vec())).collect();
     assert_eq!(listed, common::blockmaps());
 }
@@ -59,7 +59,7 @@ fn equal_tiles_that_share_an_entry_are_all_found() {
 #[test]
 fn a_tile_outlives_its_city_and_its_file() {
     let folder = common::temporary_city();
-    let tile = CityStore::open(folder.path()).unwrap().tile(Layer::Subtrees, TileId::ROOT).unwrap().unwrap();
+    let tile = CityStore::open(folder.path()).unwrap().tile(TileKind::Subtree, TileId::ROOT).unwrap().unwrap();
     drop(folder);
     assert_eq!(tile, common::subtree());
 }
@@ -80,7 +80,7 @@ fn archives_with_leaf_directories_are_read_completely() {
     let city = CityStore::open(folder.path()).unwrap();
     assert_eq!(city.blockmaps().len(), tiles.len() as u64);
     for (id, bytes) in tiles {
-        assert_eq!(city.tile(Layer::BlockMaps, id).unwrap().unwrap(), bytes);
+        assert_eq!(city.tile(TileKind::BlockMap, id).unwrap().unwrap(), bytes);
     }
 }
 
@@ -170,15 +170,15 @@ fn a_folder_of_cities_opens_all_of_them() {
 #[test]
 fn meshes_are_optional_and_must_not_lie_too_deep() {
     let folder = common::temporary_city_with_meshes();
-    let archive = folder.path().join(Layer::Meshes.file_name());
+    let archive = folder.path().join(TileKind::Mesh.file_name());
     let city = CityStore::open(folder.path()).unwrap();
-    assert_eq!(city.archive(Layer::Meshes).unwrap().len(), 2);
-    let id = mesh_tile::place(common::child(), 1).unwrap();
-    assert_eq!(city.tile(Layer::Meshes, id).unwrap().unwrap(), common::meshes()[1].1);
+    assert_eq!(city.archive(TileKind::Mesh).unwrap().len(), 2);
+    let id = mesh_tile::archive_id(common::child(), 1).unwrap();
+    assert_eq!(city.tile(TileKind::Mesh, id).unwrap().unwrap(), common::meshes()[1].1);
     common::write_archive(&archive, &[(TileId::new(5, 0, 0).unwrap(), vec![1])]);
     assert!(CityStore::open(folder.path()).is_err());
     std::fs::remove_file(&archive).unwrap();
     let city = CityStore::open(folder.path()).unwrap();
-    assert!(city.archive(Layer::Meshes).is_none());
-    assert_eq!(city.tile(Layer::Meshes, id).unwrap(), None);
+    assert!(city.archive(TileKind::Mesh).is_none());
+    assert_eq!(city.tile(TileKind::Mesh, id).unwrap(), None);
 }

@@ -168,7 +168,7 @@ pub(crate) fn s3() {
         for (id, bytes) in archive.tiles() {
             let manifest = local.manifest();
             let (name, version) = (&manifest.name, &manifest.version);
-            let path = insula_protocol::route::at_place(name, version, layer, id, manifest.depth).unwrap();
+            let path = insula_protocol::route::archive_tile(name, version, layer, id, manifest.depth).unwrap();
             let answer = connection.get(&path).unwrap();
             assert!(answer.status == 200 && answer.body == bytes.unwrap(), "{path}: {}", answer.status);
             tiles += 1;

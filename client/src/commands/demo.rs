@@ -8,13 +8,12 @@ use super::{
     view,
 };
 use crate::{
-    args::{Global, View},
+    args::{Global, SunArgs, View},
     error::{ClientError, Result},
-    session::Shot,
-    sun::{Daylight, SunArgs},
 };
 use insula_protocol::manifest::Attribution;
 use insula_shaders::layout::Shading;
+use insula_viewer::{streamer::FrameRequest, sun::Daylight};
 use serde::Deserialize;
 use std::{
     collections::hash_map::DefaultHasher,
@@ -47,8 +46,8 @@ pub fn run(headless: bool, out: &Path, size_px: [u32; 2], sun: &SunArgs, global:
         }
     }
     let mut session = start(&server.url, global, None, None)?;
-    let shot = Shot { camera: overlook(&session, size_px), heading: None, size_px, tau_px: global.tau };
-    let daylight = Daylight::new(sun, session.tree().manifest());
+    let shot = FrameRequest { camera: overlook(&session, size_px), heading: None, size_px, tau_px: global.tau };
+    let daylight = Daylight::new(&(*sun).into(), session.tree().manifest());
     take(&mut session, &shot, global, Shading::Lit, &daylight, out)?;
     let place = out.canonicalize().unwrap_or_else(|_| out.to_owned());
     println!("wrote {} (drawn by {})", place.display(), session.adapter_info().name);

@@ -5,16 +5,20 @@
 use super::snapshot::{PAUSE, settle, start};
 use crate::{
     args::{Fly, Global},
-    camera::CameraPath,
+    camera_files::read_path,
     error::{ClientError, Result},
-    render::{Look, MOVING_SAMPLES},
-    report::{FlightMoment, FlightReport, PictureError, pictures_apart},
-    session::{Session, Shot},
+    report::{FlightReport, PictureError, pictures_apart},
+    session::Session,
     stream::{fetch::Http, link::Link},
-    sun::Daylight,
     ui::pace::Pace,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_viewer::{
+    camera::CameraPath,
+    frame::{MOVING_SAMPLES, RenderSettings},
+    streamer::FrameRequest,
+    sun::Daylight,
+};
 use std::time::{Duration, Instant};
 
 /// How far ahead the camera's next place is looked at, in seconds.
@@ -28,12 +32,12 @@ const STALL: f64 = 4.0;
 
 /// Runs the command.
 pub fn run(args: &Fly, global: &Global) -> Result<()> {
-    let path = CameraPath::read(&args.path)?;
+    let path = read_path(&args.path)?;
     let first = shot(&path, args, global, 0.0)?;
     let mut session = start(&args.server, global, Some(Http::new(link(args))?), Some(&first))?;
-    let look = Daylight::new(&args.sun, session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
+    let look = Daylight::new(&args.sun.into(), session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(look.casting());
-    session.set_fades(!args.no_fades);
+    session.set_transitions(!args.no_fades);
     let report = fly(&mut session, &path, args, &look, global)?;
     match &args.report {
         Some(path) => report.write(path),
@@ -53,24 +57,31 @@ fn link(args: &Fly) -> Option<Link> {
 }
 
 /// A frame as a window draws it.
-fn paced(session: &mut Session, shot: &Shot, look: &Look, pace: &mut Pace) -> Result<Pixels> {
+fn paced(session: &mut Session, shot: &FrameRequest, look: &RenderSettings, pace: &mut Pace) -> Result<Pixels> {
     let begin = Instant::now();
     pace.changed(begin);
-    let detail = pace.detail(begin, session.settled());
+    let detail = pace.detail(begin, session.is_settled());
     let size_px = shot.size_px.map(|side| (side / detail.divide).max(1));
-    let pixels = session.draw(&Shot { size_px, ..*shot }, &Look { samples: detail.samples, ..*look })?;
+    let pixels =
+        session.draw(&FrameRequest { size_px, ..*shot }, &RenderSettings { samples: detail.samples, ..*look })?;
     pace.end(begin, detail, true);
     Ok(pixels)
 }
 
 /// What is seen at `t` seconds.
-fn shot(path: &CameraPath, args: &Fly, global: &Global, t: f64) -> Result<Shot> {
+fn shot(path: &CameraPath, args: &Fly, global: &Global, t: f64) -> Result<FrameRequest> {
     let camera = path.at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
-    Ok(Shot { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau })
+    Ok(FrameRequest { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau })
 }
 
 /// Flies once along a path.
-fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global: &Global) -> Result<FlightReport> {
+fn fly(
+    session: &mut Session,
+    path: &CameraPath,
+    args: &Fly,
+    look: &RenderSettings,
+    global: &Global,
+) -> Result<FlightReport> {
     let timeout = Duration::from_secs(u64::from(global.timeout));
     let moment_secs = (path.seconds / MOMENTS).max(MOMENT_SECS);
     let (mut moments, mut errors) = (Vec::new(), Vec::new());
@@ -88,29 +99,29 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
         let compared = compare_at.is_some_and(|at| at <= t);
         if compared {
             // What is compared is what has come, not how it is shown.
-            session.end_fades();
+            session.end_transitions();
         }
         let before = Instant::now();
-        session.step(&shot);
+        session.update(&shot);
         session.check(timeout)?;
         frames += 1;
         if moments.is_empty() {
-            moments.push(FlightMoment::of(session, t));
+            moments.push(session.flight_moment(t));
         }
-        if !session.has_picture() {
+        if !session.has_frame() {
             unconverged += 1;
             session.wait(PAUSE);
             continue;
         }
         // What is only preloaded is not missing in this frame's picture.
-        unconverged += u64::from(session.lacks());
+        unconverged += u64::from(session.lacks_tiles());
         let pixels = match args.paced {
             true => paced(session, &shot, look, &mut pace)?,
             false => session.draw(&shot, look)?,
         };
-        session.timed(before.elapsed());
+        session.record_frame_time(before.elapsed());
         if moments.len() as f64 * moment_secs <= t {
-            moments.push(FlightMoment::of(session, t));
+            moments.push(session.flight_moment(t));
         }
         if let (Some(at), Some(every)) = (compare_at, args.compare)
             && compared
@@ -132,7 +143,7 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
             }
         }
     }
-    moments.push(FlightMoment::of(session, path.seconds));
+    moments.push(session.flight_moment(path.seconds));
     let mut run = session.report(global.tau);
     run.unconverged_share = Some(unconverged as f64 / frames.max(1) as f64);
     let stalls = session.stalls(STALL);
@@ -147,9 +158,15 @@ fn fly(session: &mut Session, path: &CameraPath, args: &Fly, look: &Look, global
 }
 
 /// What the frame would show if all were here: by a client of its own, over no slow link, without a limit to speak of.
-fn converged(args: &Fly, global: &Global, shot: &Shot, look: &Look, timeout: Duration) -> Result<Pixels> {
+fn converged(
+    args: &Fly,
+    global: &Global,
+    shot: &FrameRequest,
+    look: &RenderSettings,
+    timeout: Duration,
+) -> Result<Pixels> {
     let roomy = Global { cache_mib: global.cache_mib.max(512), ..global.clone() };
     let mut other = start(&args.server, &roomy, None, Some(shot))?;
-    settle(&mut other, &Shot { heading: None, ..*shot }, timeout)?;
+    settle(&mut other, &FrameRequest { heading: None, ..*shot }, timeout)?;
     other.draw(shot, look)
 }

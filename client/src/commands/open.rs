@@ -6,10 +6,10 @@ use super::{
     embedded::{Recipe, bake, key_of, serve},
     view,
 };
+use crate::args::SunArgs;
 use crate::{
     args::{Global, View},
     error::{ClientError, Result},
-    sun::SunArgs,
 };
 use insula_bake::read::Palette;
 use std::path::{Path, PathBuf};

@@ -5,17 +5,21 @@
 use super::connect::connect;
 use crate::{
     args::{Global, Snapshot},
-    cache::pages_for,
-    camera::CameraFile,
+    camera_files::read_camera,
     error::Result,
     picture::{write_pfm, write_png},
-    render::{Adapter, Look, STILL_SAMPLES},
-    scene::Tree,
-    session::{SMALLER, Session, Shot},
-    stream::{Stream, fetch::Http},
-    sun::Daylight,
+    render::Adapter,
+    session::Session,
+    stream::{BackgroundFetcher, fetch::Http},
 };
 use insula_shaders::layout::Shading;
+use insula_viewer::{
+    cache::pages_for,
+    frame::{RenderSettings, STILL_SAMPLES},
+    scene::SceneTree,
+    streamer::{FrameRequest, SMALLER},
+    sun::Daylight,
+};
 use std::{
     path::Path,
     sync::Arc,
@@ -29,10 +33,10 @@ pub(crate) const PAUSE: Duration = Duration::from_millis(10);
 
 /// Runs the command.
 pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
-    let camera = CameraFile::read(&args.camera)?;
-    let shot = Shot { camera, heading: None, size_px: args.size, tau_px: global.tau };
+    let camera = read_camera(&args.camera)?;
+    let shot = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let mut session = start(&args.server, global, None, Some(&shot))?;
-    let daylight = Daylight::new(&args.sun, session.tree().manifest());
+    let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
     take(&mut session, &shot, global, args.shading, &daylight, &args.out)?;
     if let Some(path) = &args.distance {
         // One ray a pixel: a distance is that of the pixel's centre.
@@ -45,7 +49,7 @@ pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
 }
 
 /// Connects and sets up a session without a window, which begins with `first`.
-pub fn start(url: &str, global: &Global, http: Option<Http>, first: Option<&Shot>) -> Result<Session> {
+pub fn start(url: &str, global: &Global, http: Option<Http>, first: Option<&FrameRequest>) -> Result<Session> {
     let started = Instant::now();
     let (choice, cache_bytes) = (global.adapter, u64::from(global.cache_mib) << 20);
     // Drivers take their time, and so do networks.
@@ -55,15 +59,15 @@ pub fn start(url: &str, global: &Global, http: Option<Http>, first: Option<&Shot
         None => Http::new(None)?,
     });
     let city = connect(&http, url, global)?;
-    let stream = Stream::new(http, city.source, IN_FLIGHT, None);
-    let tree = Tree::new(city.manifest).with_meshes(!global.no_meshes);
+    let stream = BackgroundFetcher::downloads(http, city.source, IN_FLIGHT, None);
+    let tree = SceneTree::new(city.manifest).with_meshes(!global.no_meshes);
     Session::open((tree, stream), opening, pages_for(cache_bytes), first, started)
 }
 
 /// Waits until the picture cannot get better, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays a pixel and writes it.
 pub(crate) fn take(
     session: &mut Session,
-    shot: &Shot,
+    shot: &FrameRequest,
     global: &Global,
     shading: Shading,
     daylight: &Daylight,
@@ -74,35 +78,35 @@ pub(crate) fn take(
     settle(session, shot, Duration::from_secs(u64::from(global.timeout)))?;
     let before = Instant::now();
     let pixels = session.draw(shot, &look)?;
-    session.timed(before.elapsed());
+    session.record_frame_time(before.elapsed());
     write_png(out, &pixels)
 }
 
 /// Streams until nothing better can be fetched, and no pixel shows what is not as good as it should be.
-pub fn settle(session: &mut Session, shot: &Shot, timeout: Duration) -> Result<()> {
+pub fn settle(session: &mut Session, shot: &FrameRequest, timeout: Duration) -> Result<()> {
     let coarse = shot.size_px.map(|side| (side / SMALLER).max(1));
     loop {
-        session.step(shot);
+        session.update(shot);
         session.check(timeout)?;
-        let size_px = if !session.fetched() {
+        let size_px = if !session.is_fetched() {
             // What hides what is seen well enough in few pixels, as long as not all is here.
-            if !session.has_picture() || session.is_sighted(coarse) {
+            if !session.has_frame() || session.has_feedback(coarse) {
                 session.wait(PAUSE);
                 continue;
             }
             coarse
-        } else if !session.is_sighted(shot.size_px) {
+        } else if !session.has_feedback(shot.size_px) {
             shot.size_px
         } else {
             return Ok(());
         };
-        session.draw(&Shot { size_px, ..*shot }, &Look::default())?;
+        session.draw(&FrameRequest { size_px, ..*shot }, &RenderSettings::default())?;
     }
 }
 
 /// For commands that have a whole city in view.
 #[cfg(feature = "embedded")]
-pub(crate) fn overlook(session: &Session, size_px: [u32; 2]) -> crate::camera::Camera {
+pub(crate) fn overlook(session: &Session, size_px: [u32; 2]) -> insula_viewer::camera::Camera {
     let aspect = f64::from(size_px[0]) / f64::from(size_px[1].max(1));
-    crate::camera::Camera::overlook(session.tree().manifest().focus_bounds(), aspect)
+    insula_viewer::camera::Camera::overlook(session.tree().manifest().focus_bounds(), aspect)
 }

@@ -7,19 +7,18 @@ use super::{
     snapshot::IN_FLIGHT,
 };
 use crate::{
-    args::{Global, View},
-    camera::CameraPath,
+    args::{Global, SunArgs, View},
+    camera_files::read_path,
     error::Result,
-    scene::Tree,
     session::Session,
-    stream::{Stream, Wake, fetch::Http},
-    sun::SunArgs,
+    stream::{BackgroundFetcher, Wake, fetch::Http},
     ui::{
         link::Link,
         tour::Tour,
         window::{self, Connect, Event, Found, Start},
     },
 };
+use insula_viewer::scene::SceneTree;
 use std::{sync::Arc, time::Instant};
 
 /// Seconds that one attempt to connect takes at most; the window tries again and says why.
@@ -30,11 +29,11 @@ pub fn run(args: &View, global: &Global) -> Result<()> {
     let started = Instant::now();
     let link = Link::parse(&args.url)?;
     Place::parse(&link.address)?;
-    let path = args.path.as_deref().map(CameraPath::read).transpose()?;
+    let path = args.path.as_deref().map(read_path).transpose()?;
     let event_loop = window::event_loop()?;
     let http = Arc::new(Http::new(None)?);
     let told = args.sun.time.is_some() || args.sun.sun.is_some();
-    let sun = if told { args.sun } else { SunArgs { time: link.time, ..args.sun } };
+    let sun = if told { args.sun } else { SunArgs { time: link.time, ..args.sun } }.into();
     let start = Start {
         address: link.address.clone(),
         camera: link.camera,
@@ -56,9 +55,9 @@ pub fn run(args: &View, global: &Global) -> Result<()> {
         let (manifest, address) = (city.manifest.clone(), city.address.clone());
         let (http, wake) = (http.clone(), wake.clone());
         let make = move |adapter| {
-            let stream = Stream::new(http, city.source, IN_FLIGHT, Some(wake));
-            let mut session = Session::new(Tree::new(city.manifest).with_meshes(meshes), stream, adapter, started);
-            session.set_fades(fades);
+            let stream = BackgroundFetcher::downloads(http, city.source, IN_FLIGHT, Some(wake));
+            let mut session = Session::new(SceneTree::new(city.manifest).with_meshes(meshes), stream, adapter, started);
+            session.set_transitions(fades);
             session
         };
         Ok(Found { manifest, address, make: Box::new(make) })

@@ -3,17 +3,18 @@
 //! In: `--adapter`, the cache's bytes. Out: [`Adapter`]. Next: `session` uploads to it and draws with it.
 
 use super::{
-    FrameData,
+    AdapterInfo,
     cpu::CpuAdapter,
     gpu::{Device, GpuAdapter},
 };
-use crate::{
-    cache::{Upload, pages_for},
-    error::{ClientError, Result},
-};
+use crate::error::{ClientError, Result};
 use insula_shaders::{
     cpu::raycast::{Counts, Pixels},
     layout::SUMMARY_WORDS,
+};
+use insula_viewer::{
+    cache::{Upload, pages_for},
+    frame::FrameData,
 };
 
 /// `--adapter`.
@@ -26,23 +27,6 @@ pub enum AdapterChoice {
     Cpu,
     /// A graphics device, even one in software; an error if there is none.
     Gpu,
-}
-
-/// For reports and the overlay.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct AdapterInfo {
-    /// As the driver says.
-    pub name: String,
-    /// `vulkan`, `gl`, `metal`, `dx12` or `cpu`.
-    pub backend: String,
-}
-
-impl AdapterInfo {
-    /// The CPU ray-caster's.
-    pub fn cpu() -> Self {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        Self { name: format!("CPU ray-caster, {cores} cores"), backend: "cpu".into() }
-    }
 }
 
 /// A ray-caster with its memory.

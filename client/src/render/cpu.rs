@@ -2,11 +2,13 @@
 //!
 //! In: uploads, [`FrameData`]. Out: [`Pixels`]. Next: `session`.
 
-use super::FrameData;
-use crate::cache::{Upload, slots_for};
 use insula_shaders::{
     cpu::raycast::{Counts, Pixels, SceneRef, count, render},
     layout::{PAGE_WORDS, SUMMARY_WORDS},
+};
+use insula_viewer::{
+    cache::{Upload, slots_for},
+    frame::FrameData,
 };
 
 /// Memory of the CPU ray-caster.

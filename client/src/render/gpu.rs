@@ -2,16 +2,17 @@
 //!
 //! In: uploads, [`FrameData`]. Out: pixels in device memory, or read back. Next: `session`, `ui::window`.
 
-use super::{FrameData, adapter::AdapterInfo};
-use crate::{
-    cache::{PAGE_BYTES, Upload, slots_for},
-    error::{ClientError, Result},
-    select::{fade::FADES, sight::Asked},
-};
+use super::AdapterInfo;
+use crate::error::{ClientError, Result};
 use insula_shaders::{
     cpu::raycast::{Counts, Pixels},
     gpu::{Capacity, Raycaster, Tally},
     layout::SUMMARY_WORDS,
+};
+use insula_viewer::{
+    cache::{PAGE_BYTES, Upload, slots_for},
+    frame::FrameData,
+    select::{occlusion_feedback::OcclusionQuery, transitions::FADES},
 };
 
 /// A device, and what it can hold.
@@ -73,7 +74,7 @@ pub struct GpuAdapter {
     pub raycaster: Raycaster,
     tally: Tally,
     /// The picture whose hits are on their way, and the last one that was.
-    asked: Option<Asked>,
+    asked: Option<OcclusionQuery>,
     last: Option<(u64, [u32; 2])>,
 }
 
@@ -130,7 +131,7 @@ impl GpuAdapter {
     }
 
     /// The count that was asked for, once it is here; never waits.
-    pub fn answer(&mut self) -> Option<(Asked, Vec<u32>)> {
+    pub fn answer(&mut self) -> Option<(OcclusionQuery, Vec<u32>)> {
         let pixels = self.tally.take(&self.device.device)?;
         Some((self.asked.take()?, pixels))
     }

@@ -6,6 +6,7 @@ use super::link::Link;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
 use insula_protocol::DecodeError;
+use insula_viewer::streamer::FetchError;
 use reqwest::{
     StatusCode,
     header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, RANGE, RETRY_AFTER},
@@ -22,37 +23,6 @@ const READ: Duration = Duration::from_secs(15);
 /// An answer's body may take so long, and a second more for so many bytes: who trickles holds a place that others need.
 const BODY: Duration = Duration::from_secs(8);
 const BODY_BYTES_PER_SEC: f64 = 256.0;
-
-/// Why a request gave nothing.
-#[derive(Debug, thiserror::Error)]
-pub enum FetchError {
-    /// There is no such thing, and asking again will not help.
-    #[error("the server has no such tile")]
-    Missing,
-    /// The server is busy or ill.
-    #[error("the server answers {status}")]
-    Busy {
-        /// What it says.
-        status: StatusCode,
-        /// How long it wants to be left alone.
-        retry_after: Option<Duration>,
-    },
-    /// The server is well, but not what it has of this.
-    #[error("the server's copy is damaged")]
-    Broken,
-    /// No answer, or half of one.
-    #[error("{0}")]
-    Network(String),
-    /// An answer that is no tile.
-    #[error("{0}")]
-    Damaged(DecodeError),
-    /// An archive that tells nothing of its tiles, for now.
-    #[error("the archive cannot be read: {0}")]
-    Archive(String),
-    /// This place will never give the city.
-    #[error("{0}")]
-    Unusable(String),
-}
 
 /// The client's one connection pool, its threads and its counters.
 #[derive(Debug)]
@@ -237,7 +207,7 @@ fn content_range(text: &str) -> Option<(u64, u64, Option<u64>)> {
 
 fn busy(response: &reqwest::Response) -> FetchError {
     let secs = response.headers().get(RETRY_AFTER).and_then(|v| v.to_str().ok()).and_then(|v| v.trim().parse().ok());
-    FetchError::Busy { status: response.status(), retry_after: secs.map(Duration::from_secs) }
+    FetchError::Busy { status: response.status().as_u16(), retry_after: secs.map(Duration::from_secs) }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! In: megabits a second, a round trip, a share of losses. Out: waits, and broken answers. Next: `fetch` waits.
 
-use super::queue::jitter;
+use super::jitter;
 use std::time::Duration;
 use tokio::{
     sync::Mutex,

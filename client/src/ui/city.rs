@@ -16,15 +16,19 @@ use super::{
     tour::Tour,
 };
 use crate::{
-    camera::Camera,
     error::Result,
-    render::{Adapter, FrameData, Look},
-    session::{LookAround, Session, Shot},
-    sun::Daylight,
+    render::Adapter,
+    session::{PrefetchStep, Session},
 };
 use egui::Align2;
 use glam::DVec3;
 use insula_shaders::{cpu::raycast::Counts, layout::Shading};
+use insula_viewer::{
+    camera::Camera,
+    frame::{FrameData, RenderSettings},
+    streamer::FrameRequest,
+    sun::Daylight,
+};
 use std::time::{Duration, Instant};
 use winit::event_loop::ControlFlow;
 
@@ -65,7 +69,7 @@ pub struct City {
     pub(super) control: Control,
     pub(super) shown: Shown,
     /// Of the shown daylight.
-    pub(super) look: Look,
+    pub(super) look: RenderSettings,
     pub(super) places: Places,
     pub(super) measure: Measure,
     pub(super) recorder: Option<Recorder>,
@@ -142,8 +146,8 @@ impl City {
         shell.window.request_redraw();
     }
 
-    pub(super) fn shot(&self, shell: &Shell, divide: u32) -> Shot {
-        Shot {
+    pub(super) fn shot(&self, shell: &Shell, divide: u32) -> FrameRequest {
+        FrameRequest {
             camera: self.control.camera(),
             heading: if self.tour.is_some() { self.heading } else { self.control.heading() },
             size_px: shell.surface.size_px().map(|side| (side / divide).max(1)),
@@ -159,19 +163,19 @@ impl City {
         if !self.advance(begin, secs) {
             return Ok(None);
         }
-        let detail = self.pace.detail(begin, self.session.settled());
+        let detail = self.pace.detail(begin, self.session.is_settled());
         if let Adapter::Gpu(gpu) = self.session.adapter_mut()
             && let Some((asked, pixels)) = gpu.answer()
         {
-            self.session.feed(&asked, &pixels);
+            self.session.report_hits(&asked, &pixels);
         }
         // Fewer pixels do not mean that less is fetched: what streams must not depend on how fast pixels come.
         let whole = self.shot(shell, 1);
-        self.session.set_sun(Look { shading: self.shown.shading, ..self.look }.casting());
-        self.session.step(&whole);
+        self.session.set_sun(RenderSettings { shading: self.shown.shading, ..self.look }.casting());
+        self.session.update(&whole);
         let shot = self.shot(shell, detail.divide);
-        let detail = Detail { fine: detail.fine && self.session.settled(), ..detail };
-        let look = Look { samples: detail.samples, shading: self.shown.shading, ..self.look };
+        let detail = Detail { fine: detail.fine && self.session.is_settled(), ..detail };
+        let look = RenderSettings { samples: detail.samples, shading: self.shown.shading, ..self.look };
         let data = self.session.frame_data(&shot, &look);
         if matches!(self.session.adapter(), Adapter::Cpu(_)) {
             shell.set_picture(image(&self.session.render(&data)?));
@@ -179,13 +183,13 @@ impl City {
         self.watch();
         let before = (self.shown.tau_px, self.shown.daylight);
         let (overlay, again) = self.lay_out(shell, settings);
-        let shown = self.session.during(|adapter| shell.surface.present(Some((adapter, &data)), &overlay))?;
-        self.session.drawn(&data);
+        let shown = self.session.while_fetching(|adapter| shell.surface.present(Some((adapter, &data)), &overlay))?;
+        self.session.frame_drawn(&data);
         if self.pace.end(begin, detail, shown) {
             tracing::debug!("at rest");
             self.count(&data, shell);
         }
-        self.session.timed(begin.elapsed());
+        self.session.record_frame_time(begin.elapsed());
         if let Some(tour) = &mut self.tour {
             tour.timed(begin.elapsed());
         }
@@ -211,21 +215,21 @@ impl City {
     pub fn look_around(&mut self, shell: &Shell) -> Result<Option<ControlFlow>> {
         let shot = self.shot(shell, 1);
         self.news = false;
-        self.session.step(&shot);
+        self.session.update(&shot);
         self.watch();
-        if !self.session.settled() || self.trouble != Trouble::None {
+        if !self.session.is_settled() || self.trouble != Trouble::None {
             self.pace.stir();
             return Ok(None);
         }
-        let state = if self.around { self.session.look_around(&shot)? } else { LookAround::Done };
-        if self.around && state == LookAround::Done {
+        let state = if self.around { self.session.prefetch(&shot)? } else { PrefetchStep::Done };
+        if self.around && state == PrefetchStep::Done {
             tracing::debug!("looked around");
         }
-        self.around = state != LookAround::Done;
+        self.around = state != PrefetchStep::Done;
         let again = match state {
-            LookAround::Looked => Some(Instant::now()),
-            LookAround::Waits => Some(self.retry_at()),
-            LookAround::Done => None,
+            PrefetchStep::Drawn => Some(Instant::now()),
+            PrefetchStep::Waiting => Some(self.retry_at()),
+            PrefetchStep::Done => None,
         };
         Ok(Some(wait_until(self.wake.into_iter().chain(again).min())))
     }
@@ -233,7 +237,7 @@ impl City {
     /// When to look after what did not come. Arrivals wake the loop; retries have their time.
     fn retry_at(&self) -> Instant {
         let soon = Instant::now() + RETRY;
-        self.session.stream().retry_at().map_or(soon, |at| at.max(soon))
+        self.session.retry_at().map_or(soon, |at| at.max(soon))
     }
 
     /// Counts what the rays of a picture do, if that was asked for: it costs as much as the picture.
@@ -283,8 +287,8 @@ impl City {
     /// Notices what stands in the way of a whole picture, and logs when that changes.
     fn watch(&mut self) {
         // A picture that lacks nothing needs no server.
-        let failing = self.session.stream().failing_since().filter(|_| self.session.lacks());
-        let silent = failing.is_some_and(|since| since.elapsed() > SILENT);
+        let failing = self.session.failing_for().filter(|_| self.session.lacks_tiles());
+        let silent = failing.is_some_and(|time| time > SILENT);
         let trouble = match self.session.check(Duration::MAX) {
             Err(_) => Trouble::Broken,
             Ok(()) if silent => Trouble::Reconnecting,
@@ -298,13 +302,12 @@ impl City {
     }
 
     fn trouble_text(&self, trouble: Trouble) -> Option<String> {
-        let stream = self.session.stream();
         match trouble {
             Trouble::None => None,
             Trouble::Loading => Some(format!("loading {}", self.name())),
             Trouble::Reconnecting => {
-                let secs = stream.failing_since().map_or(0, |since| since.elapsed().as_secs());
-                let why = stream.last_error();
+                let secs = self.session.failing_for().map_or(0, |time| time.as_secs());
+                let why = self.session.downloads().last_error();
                 Some(format!("reconnecting: the server has not answered for {secs} s ({why}); trying again"))
             }
             Trouble::Broken => self.session.check(Duration::MAX).err().map(|error| error.to_string()),
@@ -362,7 +365,7 @@ impl City {
         }
         let flying = self.control.moving() || self.tour.is_some();
         if flying
-            || self.session.streaming_now()
+            || self.session.has_work()
             || self.session.adapter().is_asking()
             || again.is_zero() && self.trouble == Trouble::None
         {
@@ -373,7 +376,7 @@ impl City {
         let again = again.max(RETRY);
         let mut wake = now.checked_add(again.min(Duration::from_secs(3600)));
         let mut sooner = |at: Option<Instant>| wake = wake.into_iter().chain(at).min();
-        if !self.session.settled() {
+        if !self.session.is_settled() {
             sooner(Some(self.retry_at()));
         } else {
             sooner(self.pace.rest_at().map(|at| at.max(now)));

@@ -2,8 +2,8 @@
 //!
 //! In: which keys are held, drags, wheel. Out: [`Camera`]. Next: `window` asks `session` for its picture.
 
-use crate::camera::Camera;
 use glam::DVec3;
+use insula_viewer::camera::Camera;
 
 /// Radians that a pixel of dragging turns.
 const TURN_RAD_PER_PX: f64 = 0.004;

@@ -3,12 +3,14 @@
 //! In: a link that anyone may have made, or a view. Out: [`Link`], or text. Next: `commands::view`, the clipboard.
 
 use crate::{
-    camera::Camera,
     commands::connect::Place,
     error::{ClientError, Result},
-    sun::{Daylight, Time, time},
 };
 use glam::DVec3;
+use insula_viewer::{
+    camera::Camera,
+    sun::{Daylight, Time, time},
+};
 
 /// How links begin; others are plain addresses.
 const SCHEME: &str = "insula://";
@@ -117,15 +119,15 @@ fn camera(text: &str) -> Option<Camera> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sun::SunArgs;
+    use insula_viewer::sun::SunOptions;
 
-    fn daylight(args: &SunArgs) -> Daylight {
-        Daylight::new(args, &crate::sun::tests::manifest())
+    fn daylight(args: &SunOptions) -> Daylight {
+        Daylight::new(args, &insula_viewer::test_support::manifest(0))
     }
 
     #[test]
     fn a_copied_link_opens_the_same_view() {
-        let light = daylight(&SunArgs { time: Some(time("2024-06-21T17:00").unwrap()), ..SunArgs::default() });
+        let light = daylight(&SunOptions { time: Some(time("2024-06-21T17:00").unwrap()), ..SunOptions::default() });
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
@@ -140,8 +142,10 @@ mod tests {
         }
         let camera = Camera::from_angles(DVec3::ZERO, 0.0, 0.0, 1.0);
         assert_eq!(link("", &camera, &light), None);
-        let fixed =
-            daylight(&SunArgs { sun: Some(crate::sun::azimuth_altitude("1,2").unwrap()), ..SunArgs::default() });
+        let fixed = daylight(&SunOptions {
+            bearing: Some(insula_viewer::sun::azimuth_altitude("1,2").unwrap()),
+            ..SunOptions::default()
+        });
         assert!(!link("http://h/v1/cities/a", &camera, &fixed).unwrap().contains("time"));
     }
 

@@ -2,9 +2,9 @@
 //!
 //! In: points of the city. Out: a line over the picture, its length in words. Next: `overlay`.
 
-use crate::camera::View;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2};
 use glam::DVec3;
+use insula_viewer::camera::View;
 
 const COLOUR: Color32 = Color32::from_rgb(255, 214, 90);
 
@@ -88,7 +88,7 @@ pub fn direction(view: &View, x: f64, y: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
+    use insula_viewer::camera::Camera;
 
     #[test]
     fn what_is_clicked_is_where_it_is_painted() {

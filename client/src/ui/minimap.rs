@@ -2,9 +2,10 @@
 //!
 //! In: the cut, the camera. Out: egui shapes; the place that was clicked. Next: `city` goes there.
 
-use crate::{camera::Camera, scene::Tree, session::Session};
+use crate::session::Session;
 use egui::{Color32, Pos2, Rect, Sense, Shape, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::{DVec2, DVec3};
+use insula_viewer::{camera::Camera, scene::SceneTree};
 
 /// Side in points.
 const SIDE: f32 = 190.0;
@@ -19,7 +20,7 @@ struct Frame {
 }
 
 impl Frame {
-    fn of(tree: &Tree) -> Self {
+    fn of(tree: &SceneTree) -> Self {
         let [low, high] = tree.manifest().bounds.map(|p| DVec3::from(p).truncate());
         Self { centre: (low + high) * 0.5, side_m: (high - low).max_element().max(1.0) * 1.06 }
     }

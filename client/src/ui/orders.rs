@@ -12,12 +12,12 @@ use super::{
     settings::Settings,
     shell::Shell,
 };
-use crate::{
-    camera::CameraFile,
-    picture::write_png,
-    render::{Look, STILL_SAMPLES},
-};
+use crate::picture::write_png;
 use glam::DVec3;
+use insula_viewer::{
+    camera::CameraFile,
+    frame::{RenderSettings, STILL_SAMPLES},
+};
 use std::time::Instant;
 
 impl City {
@@ -89,7 +89,7 @@ impl City {
     }
 
     fn screenshot(&mut self, shell: &Shell) {
-        let look = Look { samples: STILL_SAMPLES, shading: self.shown.shading, ..self.look };
+        let look = RenderSettings { samples: STILL_SAMPLES, shading: self.shown.shading, ..self.look };
         let path = record::free(&std::env::current_dir().unwrap_or_default(), "insula", "png");
         let shot = self.shot(shell, 1);
         let written = self.session.draw(&shot, &look).and_then(|pixels| write_png(&path, &pixels));
@@ -133,7 +133,7 @@ impl City {
         let shot = self.shot(shell, 1);
         let view = self.session.view(&shot, shot.camera);
         let dir = direction(&view, x, y);
-        let mut data = self.session.frame_data(&shot, &Look { samples: 1, ..self.look });
+        let mut data = self.session.frame_data(&shot, &RenderSettings { samples: 1, ..self.look });
         data.frame.forward = dir.as_vec3().to_array();
         data.frame.right = data.frame.right.map(|v| v / view.width_px as f32);
         data.frame.up = data.frame.up.map(|v| v / view.height_px as f32);

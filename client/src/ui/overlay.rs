@@ -3,10 +3,11 @@
 //! In: [`Status`]. Out: egui shapes; [`Shown`] that the user changes. Next: `surface` paints them.
 
 use super::{control::Mode, keys::HELP, tour::resident_bytes};
-use crate::{session::Session, sun::Daylight};
+use crate::session::Session;
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
 use insula_shaders::{cpu::raycast::Counts, layout::Shading};
+use insula_viewer::sun::Daylight;
 use std::{
     ops::RangeInclusive,
     time::{Duration, Instant},
@@ -61,8 +62,8 @@ impl Status {
             ("drawn", format!("{} nodes, error {:.1} px", counters.drawn, counters.worst_error_px)),
             ("meshes", format!("{}, {} triangles", counters.meshes, counters.triangles)),
             ("resident", format!("{} tiles, {}", session.cache().len(), mib(session.cache().used_bytes()))),
-            ("wanted", format!("{}, {} in flight", session.selection().wanted.len(), session.stream().in_flight())),
-            ("fetched", mib(session.stream().http().bytes())),
+            ("wanted", format!("{}, {} in flight", session.selection().wanted.len(), session.downloads().in_flight())),
+            ("fetched", mib(session.downloads().fetcher().http().bytes())),
             ("steering", steering),
             ("drawn by", session.adapter_info().name.clone()),
         ];
@@ -74,7 +75,7 @@ impl Status {
             let (nodes, steps, fetches) = (each(counts.nodes), each(counts.steps), each(counts.fetches));
             lines.push(("each ray", format!("{nodes:.2} nodes, {steps:.1} steps, {fetches:.1} fetches")));
         }
-        if counters.tau_px > 1.001 * session.asked_tau_px() {
+        if counters.tau_px > 1.001 * session.requested_tau_px() {
             lines.push(("cache full", format!("tau rose to {:.1} px", counters.tau_px)));
         }
         let manifest = session.tree().manifest();

@@ -2,7 +2,7 @@
 //!
 //! In: changes, how long frames take. Out: [`Detail`]s, times to wake. Next: `city` draws.
 
-use crate::render::{MOVING_SAMPLES, STILL_SAMPLES};
+use insula_viewer::frame::{MOVING_SAMPLES, STILL_SAMPLES};
 use std::time::{Duration, Instant};
 
 /// A standing picture is drawn again with more rays a pixel after so long.

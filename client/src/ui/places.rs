@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn coordinates_as_people_write_them() {
-        let manifest = crate::sun::tests::manifest();
+        let manifest = insula_viewer::test_support::manifest(0);
         let go = |text: &str| parse(text, &manifest);
         assert_eq!(go("10, 20"), Ok(Wish::Go([10.0, 20.0], None)));
         assert_eq!(go(" 10.5;20  3 "), Ok(Wish::Go([10.5, 20.0], Some(3.0))));

@@ -2,10 +2,8 @@
 //!
 //! In: cameras and their times. Out: [`CameraPath`], a file. Next: `commands::fly`.
 
-use crate::{
-    camera::{Camera, CameraPath, PathKey},
-    error::{ClientError, Result},
-};
+use crate::error::{ClientError, Result};
+use insula_viewer::camera::{Camera, CameraPath, PathKey};
 use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},
@@ -90,6 +88,7 @@ pub fn free(folder: &Path, stem: &str, end: &str) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera_files::read_path;
     use glam::DVec3;
 
     #[test]
@@ -110,7 +109,7 @@ mod tests {
         std::fs::create_dir_all(&folder).unwrap();
         let (file, other) = (write(&path, &folder).unwrap(), write(&path, &folder).unwrap());
         assert_ne!(file, other);
-        let path = CameraPath::read(&file).unwrap();
+        let path = read_path(&file).unwrap();
         std::fs::remove_dir_all(folder).unwrap();
         for t in [0.0, 0.5, 1.05, 2.22, 4.99, 6.0, 7.0] {
             let (flown, replayed) = (camera(t), path.at(t).unwrap());

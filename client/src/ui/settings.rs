@@ -2,7 +2,8 @@
 //!
 //! In: a file in the user's configuration folder, which may be missing or damaged. Out: [`Settings`]. Next: `window`.
 
-use crate::{camera::CameraFile, error::ClientError};
+use crate::error::ClientError;
+use insula_viewer::camera::CameraFile;
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,

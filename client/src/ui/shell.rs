@@ -4,10 +4,10 @@
 
 use super::surface::{Overlay, Surface};
 use crate::{
-    cache::pages_for,
     error::{ClientError, Result},
-    render::{Adapter, AdapterChoice, AdapterInfo, cpu::CpuAdapter, gpu::GpuAdapter},
+    render::{Adapter, AdapterChoice, AdapterInfo, CpuAdapter, GpuAdapter},
 };
+use insula_viewer::cache::pages_for;
 use std::{sync::Arc, time::Duration};
 use winit::{
     dpi::LogicalSize,

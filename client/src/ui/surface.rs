@@ -4,12 +4,13 @@
 
 use crate::{
     error::{ClientError, Result},
-    render::{Adapter, FrameData, gpu::Device},
+    render::{Adapter, Device},
 };
 use insula_shaders::{
     cpu::raycast::Pixels,
     gpu::{Compose, Raycaster},
 };
+use insula_viewer::frame::FrameData;
 use std::sync::Arc;
 use winit::window::Window;
 

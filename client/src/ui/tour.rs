@@ -2,10 +2,8 @@
 //!
 //! In: `view --path FILE --seconds N`. Out: cameras; a line of figures at the end. Next: `city`, standard output.
 
-use crate::{
-    camera::{Camera, CameraPath},
-    report::FrameTimes,
-};
+use crate::report::FrameTimes;
+use insula_viewer::camera::{Camera, CameraPath};
 use std::time::{Duration, Instant};
 
 /// Seconds that the camera's heading looks ahead.

@@ -15,13 +15,15 @@ use super::{
     tour::Tour,
 };
 use crate::{
-    camera::Camera,
     error::{ClientError, Result},
     render::{Adapter, AdapterChoice, AdapterInfo},
     session::Session,
-    sun::{Daylight, SunArgs, time},
 };
 use insula_protocol::Manifest;
+use insula_viewer::{
+    camera::Camera,
+    sun::{Daylight, SunOptions, time},
+};
 use std::{
     path::PathBuf,
     sync::Arc,
@@ -72,7 +74,7 @@ pub struct Start {
     /// Where it looks from; the whole city unless given.
     pub camera: Option<Camera>,
     /// The light, if it was asked for.
-    pub sun: SunArgs,
+    pub sun: SunOptions,
     /// Tolerated error, if it was asked for.
     pub tau_px: Option<f64>,
     /// `--adapter`.
@@ -245,7 +247,7 @@ impl App {
         match (outcome, &self.shell) {
             (Ok(found), Some(shell)) => {
                 let mut asked = self.start.sun;
-                if asked.time.is_none() && asked.sun.is_none() {
+                if asked.time.is_none() && asked.bearing.is_none() {
                     asked.time = self.settings.time.as_deref().and_then(|text| time(text).ok());
                 }
                 asked.shadows = asked.shadows.or(Some(self.settings.shadows));

@@ -7,8 +7,8 @@ use super::{
 use crate::args::{BakeArgs, UpAxis, VisibilityRenderer};
 use indicatif::{ProgressBar, ProgressStyle};
 use insula_bake::{
-    BakeError, BakeOptions, Progress, Report,
-    read::{Palette, Up},
+    BakeError, BakeOptions, BakeReport, Progress,
+    read::{ObjUpAxis, Palette},
     sample::{SampleSettings, Visibility},
 };
 use insula_protocol::manifest::Attribution;
@@ -65,8 +65,8 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
         title: args.title.clone(),
         attribution: attribution.into_iter().collect(),
         obj_up: match args.obj_up {
-            UpAxis::Z => Up::Z,
-            UpAxis::Y => Up::Y,
+            UpAxis::Z => ObjUpAxis::Z,
+            UpAxis::Y => ObjUpAxis::Y,
         },
         palette,
         sample: SampleSettings {
@@ -79,7 +79,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
     }
 }
 
-fn summary(report: &Report, args: &BakeArgs) -> String {
+fn summary(report: &BakeReport, args: &BakeArgs) -> String {
     let skipped = match report.read.skipped() {
         0 => String::new(),
         n => format!(", {n} objects skipped (--report lists the reasons)"),
@@ -174,7 +174,7 @@ mod tests {
         assert!(!options.meshes);
         assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
-        assert_eq!(options.obj_up, Up::Y);
+        assert_eq!(options.obj_up, ObjUpAxis::Y);
         let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };
         assert_eq!((&*source.text, source.licence.as_deref(), source.url.as_deref()), ("A", Some("L"), Some("U")));
     }

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{args::InspectArgs, store::CityStore};
 use image::ImageFormat;
-use insula_protocol::{BlockMap, TileId, manifest::Attribution, route::Layer};
+use insula_protocol::{BlockMap, TileId, TileKind, manifest::Attribution};
 use std::{fmt::Write, io::Cursor, path::Path};
 
 /// Runs `inspect`. Fails if the city cannot be opened, the tile is missing or damaged, or the image cannot be written.
@@ -30,7 +30,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
 
 fn write_map_image(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError> {
     let tile_error = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
-    let bytes = city.tile(Layer::BlockMaps, id).map_err(|error| tile_error(error.to_string()))?;
+    let bytes = city.tile(TileKind::BlockMap, id).map_err(|error| tile_error(error.to_string()))?;
     let bytes = bytes.ok_or_else(|| tile_error("the city has no such node".into()))?;
     let map = BlockMap::decode(id, &bytes).map_err(|error| tile_error(error.to_string()))?;
     let mut out = Cursor::new(Vec::new());

@@ -95,7 +95,7 @@ mod tests {
     use super::*;
     use insula_protocol::{
         TileId,
-        blockmap::{Column, Strip},
+        blockmap::{MapColumn, WallStrip},
     };
 
     /// Colour of the texel at `x`, `y` of the map whose left edge is at texel `left`.
@@ -109,9 +109,10 @@ mod tests {
         let grey = Texel::new([100; 3], AO_MAX, 3);
         let wall = [Texel::new([9, 8, 7], AO_MAX, 3), Texel::TRANSPARENT];
         // In the south-west corner a roof of half the height; east of it an exposed column with 2 texels.
-        columns[0] = Some(Column { z_min: 8, z_max: 16, roof: Texel::new([200, 100, 0], 31, 3), ..Column::default() });
-        let strip = Some(Strip { texels: wall.to_vec(), azimuth: 0 });
-        columns[1] = Some(Column { z_min: 0, z_max: 32, roof: grey, strip, ..Column::default() });
+        columns[0] =
+            Some(MapColumn { z_min: 8, z_max: 16, roof: Texel::new([200, 100, 0], 31, 3), ..MapColumn::default() });
+        let strip = Some(WallStrip { texels: wall.to_vec(), azimuth: 0 });
+        columns[1] = Some(MapColumn { z_min: 0, z_max: 32, roof: grey, strip, ..MapColumn::default() });
         let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap();
         let image = draw(&map);
         assert_eq!(image.dimensions(), ((64 + 64 + 256 + 16) * SCALE, (64 + 8) * SCALE));

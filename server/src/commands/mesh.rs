@@ -7,10 +7,10 @@ use super::{
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
 use insula_bake::{
-    model::{Format, Model, quantise},
+    model::{ModelFormat, TriangleModel, quantise},
     simplify::{self, Goal},
 };
-use insula_protocol::mesh::{Mesh, pieces::Census};
+use insula_protocol::mesh::{Mesh, half_edge::RepairReport};
 use std::{
     path::Path,
     time::{Duration, Instant},
@@ -23,9 +23,9 @@ fn mesh_error(path: &Path, reason: &dyn std::fmt::Display) -> CommandError {
     CommandError::Mesh { path: path.to_owned(), reason: reason.to_string() }
 }
 
-fn format_of(path: &Path) -> Result<Format, CommandError> {
+fn format_of(path: &Path) -> Result<ModelFormat, CommandError> {
     let unknown = || CommandError::Usage(format!("{}: the file name must end in .ply, .off or .obj", path.display()));
-    Format::of(path).ok_or_else(unknown)
+    ModelFormat::of(path).ok_or_else(unknown)
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
@@ -33,9 +33,9 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
 }
 
 /// Reads a mesh and welds vertices at the same position.
-fn read_model(path: &Path) -> Result<Model, CommandError> {
+fn read_model(path: &Path) -> Result<TriangleModel, CommandError> {
     let format = format_of(path)?;
-    let mut model = Model::read(&read_bytes(path)?, format).map_err(|error| mesh_error(path, &error))?;
+    let mut model = TriangleModel::read(&read_bytes(path)?, format).map_err(|error| mesh_error(path, &error))?;
     model.weld();
     Ok(model)
 }
@@ -50,14 +50,14 @@ fn with_spinner<T>(name: &'static str, work: impl FnOnce() -> T) -> T {
 }
 
 /// The repairs as text; empty without any.
-fn describe_repairs(census: &Census) -> String {
+fn describe_repairs(report: &RepairReport) -> String {
     let parts = [
-        (census.degenerate, "degenerate triangles removed"),
-        (census.duplicate, "duplicate triangles removed"),
-        (census.turned, "triangles flipped"),
-        (census.cut_edges, "edges cut"),
-        (census.cut_vertices, "vertices cut"),
-        (census.unused, "unused vertices removed"),
+        (report.degenerate, "degenerate triangles removed"),
+        (report.duplicate, "duplicate triangles removed"),
+        (report.turned, "triangles flipped"),
+        (report.cut_edges, "edges cut"),
+        (report.cut_vertices, "vertices cut"),
+        (report.unused, "unused vertices removed"),
     ];
     let parts = parts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("; {count} {what}"));
     parts.collect()
@@ -81,7 +81,7 @@ pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
         args.output.display(),
         human_bytes(file.len() as u64),
         bits / vertices.max(1) as f64,
-        describe_repairs(&encoded.census)
+        describe_repairs(&encoded.report)
     ));
     Ok(())
 }

@@ -3,8 +3,7 @@
 use super::{error::CommandError, output::print};
 use crate::{args::VerifyArgs, store::CityStore};
 use insula_protocol::{
-    BlockMap, MeshTile, Subtree, TileId, mesh_tile,
-    route::Layer,
+    BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     subtree::{MeshLod, NodeInfo},
     tile,
 };
@@ -112,8 +111,8 @@ fn read_subtrees(city: &CityStore, faults: &mut Vec<String>) -> SubtreeContents 
 /// Decodes every mesh, and checks that exactly those exist that the subtrees list.
 fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut Vec<String>) {
     let SubtreeContents { nodes, meshes: mut listed } = subtrees;
-    for (place, bytes) in city.archive(Layer::Meshes).into_iter().flat_map(|archive| archive.tiles()) {
-        let Some((id, number)) = mesh_tile::at_place(place, city.manifest().depth) else {
+    for (place, bytes) in city.archive(TileKind::Mesh).into_iter().flat_map(|archive| archive.tiles()) {
+        let Some((id, number)) = mesh_tile::from_archive_id(place, city.manifest().depth) else {
             faults.push(format!("meshes/{place}: not the place of a leaf's mesh"));
             continue;
         };

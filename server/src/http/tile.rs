@@ -15,7 +15,7 @@ use crate::store::{CityStore, ReadError};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
 use bytes::Bytes;
 use http_body_util::Full;
-use insula_protocol::{TileId, mesh_tile, route::Layer};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
@@ -43,13 +43,13 @@ impl TileRequest {
         };
         // Only leaves have meshes, so that each mesh has one address.
         let id = match address.layer {
-            Layer::Subtrees | Layer::BlockMaps => address.id,
-            Layer::Meshes => Some(address.id)
+            TileKind::Subtree | TileKind::BlockMap => address.id,
+            TileKind::Mesh => Some(address.id)
                 .filter(|id| id.level() == city.manifest().depth)
-                .and_then(|id| mesh_tile::place(id, address.lod))
+                .and_then(|id| mesh_tile::archive_id(id, address.lod))
                 .ok_or(NO_TILE)?,
         };
-        let key = TileCacheKey { serial: city.serial(), layer: address.layer, id };
+        let key = TileCacheKey { serial: city.serial(), kind: address.layer, id };
         Ok(Self { city, key, access })
     }
 
@@ -65,7 +65,7 @@ impl TileRequest {
         tiles: &TileCache,
         request: &Parts,
     ) -> Result<FullResponse, Problem> {
-        let body = match self.city.checked_tile(self.key.layer, self.key.id).await {
+        let body = match self.city.checked_tile(self.key.kind, self.key.id).await {
             Ok(body) => body.ok_or(NO_TILE)?,
             Err(error) => return Err(self.report_failure(state, &error)),
         };
@@ -78,8 +78,8 @@ impl TileRequest {
         let representation = Representation {
             body,
             content_type: HeaderValue::from_static("application/octet-stream"),
-            // The version is a hash of the city's content, so version, layer and id determine the bytes.
-            etag: etag(&self.city.manifest().version, self.key.layer, self.key.id),
+            // The version is a hash of the city's content, so version, kind and id determine the bytes.
+            etag: etag(&self.city.manifest().version, self.key.kind, self.key.id),
             cache_control: if self.access == CityAccess::Private { IMMUTABLE_PRIVATE } else { IMMUTABLE },
             encoding: None,
             vary: None,
@@ -91,8 +91,8 @@ impl TileRequest {
     /// Logs and counts the failure. The client learns only whether a retry may help.
     fn report_failure(&self, state: &AppState, error: &ReadError) -> Problem {
         state.metrics().read_failed(error);
-        let (place, layer, id) = (self.city.location(), self.key.layer.word(), self.key.id);
-        tracing::error!(place, tile = %format_args!("{layer}/{id}"), %error, "cannot serve a tile");
+        let (place, kind, id) = (self.city.location(), self.key.kind.path_segment(), self.key.id);
+        tracing::error!(place, tile = %format_args!("{kind}/{id}"), %error, "cannot serve a tile");
         match error {
             ReadError::Damaged(_) => {
                 Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server's copy of this tile is damaged")
@@ -116,6 +116,6 @@ fn respond(tile: &CachedTile, request: &Parts) -> FullResponse {
     }
 }
 
-fn etag(version: &str, layer: Layer, id: TileId) -> HeaderValue {
-    quoted(&format!("{version}-{}-{}-{}-{}", layer.word(), id.level(), id.x(), id.y()))
+fn etag(version: &str, kind: TileKind, id: TileId) -> HeaderValue {
+    quoted(&format!("{version}-{}-{}-{}-{}", kind.path_segment(), id.level(), id.x(), id.y()))
 }

@@ -1,11 +1,7 @@
 //! Parses the URL paths of tiles, without allocation.
 
 use super::problem::Problem;
-use insula_protocol::{
-    TileId,
-    mesh_tile::MAX_LODS,
-    route::{CITIES, Layer},
-};
+use insula_protocol::{TileId, TileKind, mesh_tile::MAX_LODS, route::CITIES};
 
 /// A parsed `/v1/cities/{city}/{version}/{layer}/{level}/{x}/{y}`, or `.../meshes/{level}/{x}/{y}/{lod}`.
 ///
@@ -17,7 +13,7 @@ pub struct TileAddress<'a> {
     pub city: &'a str,
     /// Not checked either.
     pub version: &'a str,
-    pub layer: Layer,
+    pub layer: TileKind,
     pub id: TileId,
     /// Level of detail of a mesh, below [`MAX_LODS`]; 0 in other layers.
     pub lod: u8,
@@ -34,9 +30,9 @@ impl<'a> TileAddress<'a> {
         let mut parts = path.strip_prefix(CITIES)?.strip_prefix('/')?.split('/');
         let mut part = || parts.next();
         let (city, version, word) = (part()?, part()?, part()?);
-        let layer = Layer::from_word(word)?;
+        let layer = TileKind::from_path_segment(word)?;
         let (level, x, y) = (part()?, part()?, part()?);
-        let lod = if layer == Layer::Meshes { part()? } else { "0" };
+        let lod = if layer == TileKind::Mesh { part()? } else { "0" };
         if part().is_some() {
             return None;
         }

@@ -2,7 +2,7 @@
 
 use super::representation::Representation;
 use axum::http::HeaderMap;
-use insula_protocol::{TileId, route::Layer};
+use insula_protocol::{TileId, TileKind};
 use lru::LruCache;
 use std::{
     hash::{BuildHasherDefault, Hasher},
@@ -17,7 +17,7 @@ const ENTRY_BYTES: usize = 1024;
 pub(super) struct TileCacheKey {
     /// Differs between all cities and versions that the process has opened.
     pub(super) serial: u64,
-    pub(super) layer: Layer,
+    pub(super) kind: TileKind,
     /// The tile's id in its archive; for a mesh it encodes leaf and level of detail.
     pub(super) id: TileId,
 }
@@ -124,7 +124,7 @@ mod tests {
             };
             Arc::new(CachedTile { representation, headers: HeaderMap::new() })
         };
-        let key = |x| TileCacheKey { serial: 1, layer: Layer::BlockMaps, id: TileId::new(9, x, 0).unwrap() };
+        let key = |x| TileCacheKey { serial: 1, kind: TileKind::BlockMap, id: TileId::new(9, x, 0).unwrap() };
         let cache = TileCache::new(10 * (100 + ENTRY_BYTES));
         for x in 0..100 {
             cache.insert(key(x), tile(100));

@@ -7,11 +7,10 @@ use super::{
 };
 use bytes::Bytes;
 use insula_protocol::{
-    Manifest, TileId,
+    Manifest, TileId, TileKind,
     codec::bincode,
     mesh_tile::MAX_LODS,
-    route::Layer,
-    tile::{self, Kind, TileReader},
+    tile::{self, TileReader},
 };
 use std::{
     fs::{self, File},
@@ -61,16 +60,16 @@ pub(super) enum CityStamp {
 type FileStamp = (u64, u64, u64, Option<SystemTime>);
 
 impl CityStore {
-    /// Opens a folder with `city.json` and an archive per [`Layer`]. All files are of one version, even if the city is replaced
+    /// Opens a folder with `city.json` and an archive per [`TileKind`]. All files are of one version, even if the city is replaced
     /// meanwhile. Fails if a file is missing, damaged, or inconsistent with the manifest.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let location = folder.display().to_string();
         for _ in 0..MAX_ATTEMPTS {
             let stamp = CityStamp::of(folder)?;
             let manifest = read_manifest(&folder.join(MANIFEST_FILE))?;
-            let open = |layer: Layer| Archive::open(&folder.join(layer.file_name()));
-            let (subtrees, blockmaps) = (open(Layer::Subtrees), open(Layer::BlockMaps));
-            let meshes = stamp.has_meshes().then(|| open(Layer::Meshes));
+            let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()));
+            let (subtrees, blockmaps) = (open(TileKind::Subtree), open(TileKind::BlockMap));
+            let meshes = stamp.has_meshes().then(|| open(TileKind::Mesh));
             if CityStamp::of(folder)? != stamp {
                 continue;
             }
@@ -89,12 +88,12 @@ impl CityStore {
     ) -> Result<Self, StoreError> {
         let serial = NEXT_SERIAL.fetch_add(1, Ordering::Relaxed);
         let city = Self { serial, location, stamp, manifest, subtrees, blockmaps, meshes };
-        for (layer, archive) in city.archives() {
+        for (kind, archive) in city.archives() {
             // Each level of detail of the meshes has its own archive level below the leaves'.
-            let extra_levels = if layer == Layer::Meshes { MAX_LODS - 1 } else { 0 };
+            let extra_levels = if kind == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
             if archive.deepest() > city.manifest.depth + extra_levels {
                 let source = ArchiveError::Directory("it has tiles below the depth that city.json gives");
-                return Err(StoreError::Archive { place: city.path_of(layer.file_name()), source });
+                return Err(StoreError::Archive { place: city.path_of(kind.file_name()), source });
             }
         }
         if city.manifest.tile_version != tile::VERSION {
@@ -128,18 +127,18 @@ impl CityStore {
         &self.stamp
     }
 
-    /// The archive of a layer. Only meshes may be missing.
-    pub fn archive(&self, layer: Layer) -> Option<&Archive> {
-        match layer {
-            Layer::Subtrees => Some(&self.subtrees),
-            Layer::BlockMaps => Some(&self.blockmaps),
-            Layer::Meshes => self.meshes.as_ref(),
+    /// The archive of a kind. Only meshes may be missing.
+    pub fn archive(&self, kind: TileKind) -> Option<&Archive> {
+        match kind {
+            TileKind::Subtree => Some(&self.subtrees),
+            TileKind::BlockMap => Some(&self.blockmaps),
+            TileKind::Mesh => self.meshes.as_ref(),
         }
     }
 
     /// All archives that exist.
-    pub fn archives(&self) -> impl Iterator<Item = (Layer, &Archive)> {
-        Layer::ALL.into_iter().filter_map(|layer| Some((layer, self.archive(layer)?)))
+    pub fn archives(&self) -> impl Iterator<Item = (TileKind, &Archive)> {
+        TileKind::ALL.into_iter().filter_map(|kind| Some((kind, self.archive(kind)?)))
     }
 
     /// The archive of subtrees.
@@ -153,21 +152,21 @@ impl CityStore {
     }
 
     /// Reads a tile from a file without checking it; `None` if it does not exist. The id is the one in the archive (for a mesh,
-    /// [`insula_protocol::mesh_tile::place`]). Fails if the file cannot be read, or the city is remote.
-    pub fn tile(&self, layer: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        self.archive(layer).map_or(Ok(None), |archive| archive.tile(id))
+    /// [`insula_protocol::mesh_tile::archive_id`]). Fails if the file cannot be read, or the city is remote.
+    pub fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
+        self.archive(kind).map_or(Ok(None), |archive| archive.tile(id))
     }
 
     /// Reads a tile of any city and checks all of its checksums; `None` if it does not exist. A damaged tile is read once more,
     /// past all caches. Fails if it cannot be read or is still damaged.
-    pub async fn checked_tile(&self, layer: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        let Some(archive) = self.archive(layer) else { return Ok(None) };
+    pub async fn checked_tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
+        let Some(archive) = self.archive(kind) else { return Ok(None) };
         let Some(range) = archive.find(id) else { return Ok(None) };
-        match check(layer, read(archive, &range).await?) {
+        match check(kind, read(archive, &range).await?) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(_) => {
                 archive.forget(range.clone()).await;
-                check(layer, read(archive, &range).await?).map(Some)
+                check(kind, read(archive, &range).await?).map(Some)
             }
         }
     }
@@ -186,12 +185,7 @@ async fn read(archive: &Archive, range: &Range<u64>) -> Result<Bytes, ReadError>
 }
 
 /// Checks the checksums of a tile's container, which cover every byte.
-fn check(layer: Layer, bytes: Bytes) -> Result<Bytes, ReadError> {
-    let kind = match layer {
-        Layer::Subtrees => Kind::Subtree,
-        Layer::BlockMaps => Kind::BlockMap,
-        Layer::Meshes => Kind::Mesh,
-    };
+fn check(kind: TileKind, bytes: Bytes) -> Result<Bytes, ReadError> {
     match TileReader::new(&bytes, kind) {
         Ok(_) => Ok(bytes),
         Err(error) => Err(ReadError::Damaged(error.to_string())),
@@ -207,11 +201,11 @@ impl CityStamp {
             let (device, inode) = identity(&metadata);
             Ok(Some((device, inode, metadata.len(), metadata.modified().ok())))
         };
-        let meshes = match file_stamp(Layer::Meshes.file_name()) {
+        let meshes = match file_stamp(TileKind::Mesh.file_name()) {
             Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => None,
             found => found?,
         };
-        let [subtrees, blockmaps] = [Layer::Subtrees, Layer::BlockMaps].map(|layer| file_stamp(layer.file_name()));
+        let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|kind| file_stamp(kind.file_name()));
         Ok(Self::Files([file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
     }
 

@@ -2,7 +2,7 @@
 //!
 //! In: a URL. Out: a [`CityStore`] whose archives are read by blocks. Next: `Store` holds it like any other.
 //!
-//! CityArchives are looked for in a folder of the version's name below the city's URL first, so that a new version can be put
+//! Archives are looked for in a folder of the version's name below the city's URL first, so that a new version can be put
 //! beside the old one and `city.json` last: whoever reads never sees half of it.
 
 use super::{
@@ -11,7 +11,7 @@ use super::{
     city::{CityArchives, CityStamp, parse_manifest},
     source::{Read, ReadError, Source},
 };
-use insula_protocol::{codec::bincode, route::Layer};
+use insula_protocol::{TileKind, codec::bincode};
 use object_store::{
     ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig, aws::AmazonS3Builder, http::HttpBuilder,
     path::Path,
@@ -76,20 +76,20 @@ impl Remote {
         }
         let manifest = parse_manifest(&text).map_err(wrong)?;
         let archive = |layer| self.archive(&manifest.version, layer);
-        let missing = |layer: Layer| StoreError::Remote {
+        let missing = |layer: TileKind| StoreError::Remote {
             url: format!("{}/{}", self.url, layer.file_name()),
             reason: "there is no such file".into(),
         };
         let archives = CityArchives {
-            subtrees: archive(Layer::Subtrees).await?.ok_or_else(|| missing(Layer::Subtrees))?,
-            blockmaps: archive(Layer::BlockMaps).await?.ok_or_else(|| missing(Layer::BlockMaps))?,
-            meshes: archive(Layer::Meshes).await?,
+            subtrees: archive(TileKind::Subtree).await?.ok_or_else(|| missing(TileKind::Subtree))?,
+            blockmaps: archive(TileKind::BlockMap).await?.ok_or_else(|| missing(TileKind::BlockMap))?,
+            meshes: archive(TileKind::Mesh).await?,
         };
         CityStore::new(self.url.clone(), stamp, manifest, archives).map(Some)
     }
 
     /// `None`: there is no such file.
-    async fn archive(&self, version: &str, layer: Layer) -> Result<Option<Archive>, StoreError> {
+    async fn archive(&self, version: &str, layer: TileKind) -> Result<Option<Archive>, StoreError> {
         let place = format!("{}/{}", self.url, layer.file_name());
         let mut path = self.folder.clone().join(version).join(layer.file_name());
         let mut meta = self.blocks.patiently(|| self.store.head(&path)).await;
@@ -98,7 +98,7 @@ impl Remote {
             meta = self.blocks.patiently(|| self.store.head(&path)).await;
         }
         // Stores that may not be listed call what is not there forbidden.
-        let forbidden = matches!(meta, Err(object_store::Error::PermissionDenied { .. })) && !layer.is_always_there();
+        let forbidden = matches!(meta, Err(object_store::Error::PermissionDenied { .. })) && !layer.is_required();
         if forbidden || matches!(meta, Err(object_store::Error::NotFound { .. })) {
             return Ok(None);
         }

@@ -2,11 +2,10 @@
 #![allow(dead_code, reason = "each test program uses a part")]
 
 use insula_protocol::{
-    BlockMap, Manifest, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, Column, Strip},
-    manifest::{Attribution, Counts, FORMAT_VERSION},
+    BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
+    blockmap::{COLUMNS, MapColumn, WallStrip},
+    manifest::{Attribution, CityCounts, FORMAT_VERSION},
     mesh_tile,
-    route::Layer,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
@@ -28,14 +27,15 @@ pub(crate) fn child() -> TileId {
 pub(crate) fn blockmap(id: TileId) -> Vec<u8> {
     let mut columns = vec![None; COLUMNS];
     let texels = (0..3).map(|i| Texel::new([200, 50 * i, 10], 63, 3)).collect();
-    columns[65] = Some(Column {
+    columns[65] = Some(MapColumn {
         z_min: 0,
         z_max: 48,
         roof: Texel::new([10, 20, 30], 63, 3),
-        strip: Some(Strip { texels, azimuth: 64 }),
-        ..Column::default()
+        strip: Some(WallStrip { texels, azimuth: 64 }),
+        ..MapColumn::default()
     });
-    columns[66] = Some(Column { z_min: 16, z_max: 40, roof: Texel::new([90, 80, 70], 32, 3), ..Column::default() });
+    columns[66] =
+        Some(MapColumn { z_min: 16, z_max: 40, roof: Texel::new([90, 80, 70], 32, 3), ..MapColumn::default() });
     let cell_m = 2.0 / f32::from(1u16 << id.level());
     BlockMap::from_columns(id, cell_m, 0, 0, &columns).unwrap().encode().unwrap()
 }
@@ -86,7 +86,7 @@ pub(crate) fn manifest(name: &str) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
-        counts: Counts {
+        counts: CityCounts {
             objects: 2,
             triangles: 24,
             nodes_per_level: vec![1, 1],
@@ -111,22 +111,22 @@ pub(crate) fn meshes() -> Vec<(u8, Vec<u8>)> {
 /// Writes the city with meshes.
 pub(crate) fn write_city_with_meshes(folder: &Path, name: &str) {
     write_city(folder, name);
-    let place = |lod| mesh_tile::place(child(), lod).unwrap();
+    let place = |lod| mesh_tile::archive_id(child(), lod).unwrap();
     let tiles: Vec<_> = meshes().into_iter().map(|(lod, bytes)| (place(lod), bytes)).collect();
-    write_archive(&folder.join(Layer::Meshes.file_name()), &tiles);
+    write_archive(&folder.join(TileKind::Mesh.file_name()), &tiles);
     let lod = |error_m, bytes: &[u8]| MeshLod { error_m, bytes: bytes.len() as u32, triangles: 12, texture_px: 0 };
     let lods = meshes().iter().zip([0.01, 0.2]).map(|((_, bytes), error_m)| lod(error_m, bytes)).collect();
     let mut subtree = Subtree::decode(&subtree()).unwrap();
     subtree.meshes.push(NodeMesh { id: child(), lods });
-    write_archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree.encode().unwrap())]);
+    write_archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree.encode().unwrap())]);
 }
 
 /// Writes the city without meshes.
 pub(crate) fn write_city(folder: &Path, name: &str) {
     std::fs::create_dir_all(folder).unwrap();
     std::fs::write(folder.join("city.json"), serde_json::to_vec_pretty(&manifest(name)).unwrap()).unwrap();
-    write_archive(&folder.join(Layer::BlockMaps.file_name()), &blockmaps());
-    write_archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree())]);
+    write_archive(&folder.join(TileKind::BlockMap.file_name()), &blockmaps());
+    write_archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree())]);
 }
 
 /// A city named "two" in a temporary folder, for a test that changes it.

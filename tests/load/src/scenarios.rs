@@ -4,7 +4,7 @@
 //! The checksums of every tile are checked; a damaged tile counts as a failed request.
 
 use goose::prelude::*;
-use insula_protocol::tile::{Kind, TileReader};
+use insula_protocol::{TileKind, tile::TileReader};
 use std::{
     collections::BTreeMap,
     sync::{
@@ -53,9 +53,9 @@ async fn get(user: &mut GooseUser, path: &str, tag: Option<&str>) -> Result<Opti
     let Ok(response) = sent.response else { return Ok(None) };
     let etag = response.headers().get("etag").and_then(|tag| tag.to_str().ok()).map(str::to_owned);
     let kind = match name {
-        "blockmaps" => Kind::BlockMap,
-        "subtrees" => Kind::Subtree,
-        "meshes" => Kind::Mesh,
+        "blockmaps" => TileKind::BlockMap,
+        "subtrees" => TileKind::Subtree,
+        "meshes" => TileKind::Mesh,
         _ => return Ok(etag),
     };
     let is_intact = response.bytes().await.is_ok_and(|body| TileReader::new(&body, kind).is_ok());

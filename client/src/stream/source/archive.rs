@@ -6,12 +6,9 @@
 //! directories are kept, and many who wait for one fetch it once.
 
 use super::{Pending, Source};
-use crate::{
-    scene::Key,
-    stream::{decode::limit_bytes, fetch::FetchError},
-};
 use bytes::Bytes;
-use insula_protocol::{mesh_tile, route::Layer};
+use insula_protocol::{TileKind, mesh_tile};
+use insula_viewer::{decode::limit_bytes, scene::TileKey, streamer::FetchError};
 use pmtiles::{
     AsyncBackend, AsyncPmTilesReader, BackendResponse, Compression, MokaCache, PmtError, PmtResult, TileCoord,
 };
@@ -63,19 +60,19 @@ struct Guarded<R> {
 
 impl<R: Ranges> Archives<R> {
     /// `open` says how each archive is read; `place` is for people.
-    pub fn new(place: String, open: impl Fn(Layer) -> R) -> Self {
+    pub fn new(place: String, open: impl Fn(TileKind) -> R) -> Self {
         let archive = |layer| Archive { ranges: open(layer), reader: OnceCell::new() };
-        let [block_maps, subtrees, meshes] = [Layer::BlockMaps, Layer::Subtrees, Layer::Meshes].map(archive);
+        let [block_maps, subtrees, meshes] = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh].map(archive);
         Self { place, block_maps, subtrees, meshes }
     }
 }
 
 impl<R: Ranges> Source for Archives<R> {
-    fn tile(&self, key: Key) -> Pending<'_> {
+    fn tile(&self, key: TileKey) -> Pending<'_> {
         let archive = match key.layer() {
-            Layer::BlockMaps => &self.block_maps,
-            Layer::Subtrees => &self.subtrees,
-            Layer::Meshes => &self.meshes,
+            TileKind::BlockMap => &self.block_maps,
+            TileKind::Subtree => &self.subtrees,
+            TileKind::Mesh => &self.meshes,
         };
         Box::pin(archive.tile(key))
     }
@@ -86,7 +83,7 @@ impl<R: Ranges> Source for Archives<R> {
 }
 
 impl<R: Ranges> Archive<R> {
-    async fn tile(&self, key: Key) -> Result<Bytes, FetchError> {
+    async fn tile(&self, key: TileKey) -> Result<Bytes, FetchError> {
         let open = || {
             let guarded = Guarded { ranges: self.ranges.clone(), leaves: Default::default() };
             AsyncPmTilesReader::try_from_cached_source(guarded, MokaCache::with_max_bytes(DIRECTORY_BYTES))
@@ -96,8 +93,8 @@ impl<R: Ranges> Archive<R> {
             return Err(FetchError::Archive("its tiles are packed".into()));
         }
         let place = match key.layer() {
-            Layer::Meshes => mesh_tile::place(key.id, key.lod).ok_or(FetchError::Missing)?,
-            Layer::BlockMaps | Layer::Subtrees => key.id,
+            TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
+            TileKind::BlockMap | TileKind::Subtree => key.id,
         };
         let coord = TileCoord::new(place.level(), place.x(), place.y()).map_err(failed)?;
         let bytes = reader.get_tile(coord).await.map_err(failed)?.ok_or(FetchError::Missing)?;
@@ -115,7 +112,7 @@ impl<R: Ranges> Guarded<R> {
     async fn guarded(&self, offset: u64, length: usize) -> Result<BackendResponse, FetchError> {
         let [from, to] = [0, 1].map(|i| self.leaves[i].load(Ordering::Relaxed));
         let is_leaf = (from..to).contains(&offset);
-        let most = if is_leaf { PACKED_BYTES } else { crate::stream::decode::MOST_BYTES };
+        let most = if is_leaf { PACKED_BYTES } else { insula_viewer::decode::MOST_BYTES };
         if length > most {
             return Err(FetchError::Archive(format!("it asks for {length} bytes at once")));
         }

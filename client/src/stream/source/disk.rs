@@ -7,13 +7,10 @@
 //! says when it was last of use, also to other runs of this program. Whatever goes wrong here costs a fetch, never a picture.
 
 use super::{Pending, Source};
-use crate::{
-    error::{ClientError, Result},
-    scene::Key,
-    stream::decode::MOST_BYTES,
-};
+use crate::error::{ClientError, Result};
 use bytes::Bytes;
-use insula_protocol::{Manifest, route::Layer};
+use insula_protocol::{Manifest, TileKind};
+use insula_viewer::{decode::MOST_BYTES, scene::TileKey};
 use lru::LruCache;
 use std::{
     fs, io,
@@ -177,15 +174,15 @@ impl Disk {
         Self { inner, folder, prefix: format!("{}-{}", manifest.name, manifest.version) }
     }
 
-    fn name(&self, key: Key) -> String {
+    fn name(&self, key: TileKey) -> String {
         let id = key.id;
-        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().word(), id.level(), id.x(), id.y());
-        if key.layer() == Layer::Meshes { format!("{tile}-{}", key.lod) } else { tile }
+        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().path_segment(), id.level(), id.x(), id.y());
+        if key.layer() == TileKind::Mesh { format!("{tile}-{}", key.lod) } else { tile }
     }
 }
 
 impl Source for Disk {
-    fn tile(&self, key: Key) -> Pending<'_> {
+    fn tile(&self, key: TileKey) -> Pending<'_> {
         let (folder, name) = (self.folder.clone(), self.name(key));
         Box::pin(async move {
             // A broken-off read is a miss.
@@ -197,15 +194,15 @@ impl Source for Disk {
         })
     }
 
-    fn is_near(&self, key: Key) -> bool {
+    fn is_near(&self, key: TileKey) -> bool {
         self.folder.has(&self.name(key))
     }
 
-    fn keep(&self, key: Key, bytes: &Bytes) {
+    fn keep(&self, key: TileKey, bytes: &Bytes) {
         self.folder.write(&self.name(key), bytes);
     }
 
-    fn forget(&self, key: Key) {
+    fn forget(&self, key: TileKey) {
         self.folder.remove(&self.name(key));
     }
 

@@ -1,6 +1,6 @@
 //! Where a city's tiles come from: the one trait of all places.
 //!
-//! In: a [`Key`]. Out: that tile's bytes, or a [`FetchError`]. Next: `stream` decodes them.
+//! In: a [`TileKey`]. Out: that tile's bytes, or a [`FetchError`]. Next: `stream` decodes them.
 //!
 //! An Insula server answers with tiles; a folder, or a plain host that answers ranges, holds the archives that they lie in.
 
@@ -10,9 +10,8 @@ pub mod folder;
 pub mod server;
 pub mod web;
 
-use super::fetch::FetchError;
-use crate::scene::Key;
 use bytes::Bytes;
+use insula_viewer::{scene::TileKey, streamer::FetchError};
 use std::{future::Future, pin::Pin};
 
 /// A tile that is on its way.
@@ -21,18 +20,18 @@ pub type Pending<'a> = Pin<Box<dyn Future<Output = Result<Bytes, FetchError>> + 
 /// Somewhere that has a city.
 pub trait Source: Send + Sync {
     /// A tile's bytes, at most `decode::limit_bytes` of them, as they lie there: nobody has looked into them yet.
-    fn tile(&self, key: Key) -> Pending<'_>;
+    fn tile(&self, key: TileKey) -> Pending<'_>;
 
     /// Whether a tile is at hand without a network, and so worth asking for even while the network is down.
-    fn is_near(&self, _key: Key) -> bool {
+    fn is_near(&self, _key: TileKey) -> bool {
         false
     }
 
     /// A tile that this place gave has proven to be whole.
-    fn keep(&self, _key: Key, _bytes: &Bytes) {}
+    fn keep(&self, _key: TileKey, _bytes: &Bytes) {}
 
     /// A tile that this place gave is damaged.
-    fn forget(&self, _key: Key) {}
+    fn forget(&self, _key: TileKey) {}
 
     /// For people: an address, or a folder.
     fn place(&self) -> &str;

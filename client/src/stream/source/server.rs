@@ -1,16 +1,11 @@
 //! An Insula server.
 //!
-//! In: a [`Key`]. Out: the server's answer. Next: `decode`.
+//! In: a [`TileKey`]. Out: the server's answer. Next: `decode`.
 
 use super::{Pending, Source};
-use crate::{
-    scene::Key,
-    stream::{decode::limit_bytes, fetch::Http},
-};
-use insula_protocol::{
-    Manifest,
-    route::{self, Layer},
-};
+use crate::stream::fetch::Http;
+use insula_protocol::{Manifest, TileKind, route};
+use insula_viewer::{decode::limit_bytes, scene::TileKey};
 use std::sync::Arc;
 
 /// One city on a server, in one version.
@@ -31,9 +26,9 @@ impl Server {
 }
 
 impl Source for Server {
-    fn tile(&self, key: Key) -> Pending<'_> {
+    fn tile(&self, key: TileKey) -> Pending<'_> {
         let path = match key.layer() {
-            Layer::Meshes => route::mesh(&self.name, &self.version, key.id, key.lod),
+            TileKind::Mesh => route::mesh(&self.name, &self.version, key.id, key.lod),
             layer => route::tile(&self.name, &self.version, layer, key.id),
         };
         let url = format!("{}{path}", self.base);

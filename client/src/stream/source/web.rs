@@ -3,8 +3,9 @@
 //! In: ranges of its archives. Out: bytes. Next: `archive`.
 
 use super::archive::{Archives, Ranges};
-use crate::stream::fetch::{FetchError, Http};
+use crate::stream::fetch::Http;
 use bytes::Bytes;
+use insula_viewer::streamer::FetchError;
 use std::sync::Arc;
 
 /// One archive of a host.

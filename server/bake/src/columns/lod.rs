@@ -12,12 +12,12 @@ use crate::{
         voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
     },
     sample::{mend, solids::open_side, texture::linear},
-    scene::grid::Grid,
+    scene::grid::CityGrid,
 };
 use glam::{Vec2, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, Column},
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, MapColumn},
     octahedral,
     texel::AO_MAX,
 };
@@ -38,7 +38,7 @@ struct Fine {
 }
 
 /// The parent's columns from its children's, given in quadrant order.
-pub fn parent(grid: &Grid, id: TileId, children: [Option<&BlockMap>; 4]) -> VoxelNode {
+pub fn parent(grid: &CityGrid, id: TileId, children: [Option<&BlockMap>; 4]) -> VoxelNode {
     let cell_m = grid.cell_m_at(id.level()) as f32;
     let fine: [Vec<Option<Fine>>; 4] = children.map(|map| map.map_or_else(Vec::new, fine_columns));
     let mut merged: Vec<Merged> = (0..COLUMNS).map(|i| merge_four(&four(&fine, i), cell_m)).collect();
@@ -71,7 +71,7 @@ fn fine_columns(map: &BlockMap) -> Vec<Option<Fine>> {
     map.columns().iter().map(|column| Some(fine_column(column.as_ref()?, map, metres))).collect()
 }
 
-fn fine_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> Fine {
+fn fine_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32) -> Fine {
     let solids = match column.gap {
         Some([low, high]) => vec![
             Solid { bottom_m: metres(column.z_min), top_m: metres(low) },

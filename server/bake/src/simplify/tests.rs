@@ -3,8 +3,8 @@
 use super::*;
 
 /// A sphere of quads cut in two, `n` around.
-fn sphere(n: u32) -> Model {
-    let mut model = Model::default();
+fn sphere(n: u32) -> TriangleModel {
+    let mut model = TriangleModel::default();
     let at = |i: u32, j: u32| {
         let (a, b) =
             (f64::from(i) / f64::from(n) * std::f64::consts::TAU, f64::from(j) / f64::from(n) * std::f64::consts::PI);
@@ -29,9 +29,9 @@ fn sphere(n: u32) -> Model {
 }
 
 /// An open sheet of `n` x `n` quads with a hill, and texture coordinates that jump in its middle.
-fn sheet(n: u32) -> Model {
-    let mut model = Model::default();
-    let mut layer = Layer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
+fn sheet(n: u32) -> TriangleModel {
+    let mut model = TriangleModel::default();
+    let mut layer = CornerLayer { kind: AttributeKind::TexCoord, width: 2, values: vec![], corners: vec![] };
     for i in 0..=n {
         for j in 0..=n {
             let (x, y) = (f64::from(i), f64::from(j));
@@ -58,10 +58,10 @@ fn sheet(n: u32) -> Model {
     model
 }
 
-fn sound(model: &Model) -> Pieces {
-    let pieces = Pieces::new(&model.triangles, model.positions.len() as u32);
+fn sound(model: &TriangleModel) -> HalfEdgeMesh {
+    let pieces = HalfEdgeMesh::new(&model.triangles, model.positions.len() as u32);
     assert!(pieces.is_sound());
-    let Census { degenerate, duplicate, unused, .. } = pieces.census;
+    let RepairReport { degenerate, duplicate, unused, .. } = pieces.report;
     assert_eq!([degenerate, duplicate, unused], [0; 3]);
     pieces
 }
@@ -76,7 +76,7 @@ fn a_sphere_stays_a_sphere() {
         let out = simplify(&model, Goal { triangles: goal, error: ANY }, |_| false);
         let pieces = sound(&out.model);
         assert!(out.model.triangles.len().abs_diff(goal) <= 1, "{} of {goal}", out.model.triangles.len());
-        assert_eq!((pieces.euler(), pieces.census.borders, pieces.census.pieces), (2, 0, 1));
+        assert_eq!((pieces.euler(), pieces.report.borders, pieces.report.pieces), (2, 0, 1));
         let off = out.model.positions.iter().map(|p| (DVec3::from(*p).length() - 10.0).abs()).fold(0.0, f64::max);
         assert!(off < 0.3 && out.error > 0.0 && out.error < 0.6, "{share}: {off}, {}", out.error);
     }
@@ -99,7 +99,7 @@ fn borders_and_seams_stay_where_they_are() {
     let model = sheet(n);
     let out = simplify(&model, Goal { triangles: model.triangles.len() / 10, error: ANY }, |_| false);
     let pieces = sound(&out.model);
-    assert_eq!((pieces.euler(), pieces.census.borders), (1, 1));
+    assert_eq!((pieces.euler(), pieces.report.borders), (1, 1));
     assert!(out.model.triangles.len() <= model.triangles.len() / 10);
     // The border is a square at height nearly 0, and the seam runs along its middle.
     let side = f64::from(n);
@@ -147,7 +147,7 @@ fn a_town_of_boxes_gets_as_small_as_asked() {
         [0, 3, 1],
         [0, 2, 3],
     ];
-    let mut model = Model::default();
+    let mut model = TriangleModel::default();
     for i in 0..200u32 {
         let first = model.positions.len() as u32;
         let (x, y, side) = (f64::from(i % 20) * 50.0, f64::from(i / 20) * 50.0, 1.0 + f64::from(i * 7 % 40));
@@ -182,7 +182,7 @@ fn two_edges_between_the_same_vertices_do_not_hold_it_up() {
     for turn in 0..triangles.len() {
         let mut triangles: Vec<[u32; 3]> = triangles.clone();
         triangles.rotate_left(turn);
-        let model = Model { positions: positions.clone(), triangles, layers: vec![] };
+        let model = TriangleModel { positions: positions.clone(), triangles, layers: vec![] };
         for locked in 0..8 {
             let out = simplify(&model, Goal { triangles: 0, error: f64::INFINITY }, |vertex| vertex == locked);
             assert!(out.model.triangles.len() <= 8);

@@ -1,0 +1,421 @@
+//! The frame loop that the window, `snapshot` and `fly` share: stream, draw, report what the rays hit.
+//!
+//! Wraps the pure [`Streamer`] with what it does not know: the clock, the ray-caster, and a thread that keeps the network busy
+//! while a frame is drawn.
+
+use crate::{
+    error::{ClientError, Result},
+    render::{Adapter, AdapterInfo},
+    report::{FlightMoment, FrameTimes, Report},
+    stream::{BackgroundFetcher, notifier::Notifier},
+};
+use glam::DVec3;
+use insula_shaders::cpu::{raycast::Pixels, tally::tally};
+use insula_viewer::{
+    cache::{AtlasCache, PAGE_BYTES},
+    camera::{Camera, View},
+    frame::{FrameData, RenderSettings},
+    scene::{SceneTree, TreeNode},
+    select::{
+        Selection,
+        occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
+        transitions::Transitions,
+    },
+    streamer::{Downloads, FrameRequest, LookaheadState, Streamer, TileCounts},
+};
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::JoinHandle,
+    time::{Duration, Instant},
+};
+
+/// Frame times that are recorded; later ones are ignored.
+const MAX_FRAME_TIMES: usize = 100_000;
+/// A frame whose errors are at most this multiple of tau counts as nearly converged.
+const NEAR_TIMES_TAU: f64 = 4.0;
+/// How often retries are looked at while nothing arrives.
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
+
+/// An adapter, its description, and the number of cache pages that it has room for.
+pub type OpenedAdapter = (Adapter, AdapterInfo, u32);
+
+/// Result of one step of the idle prefetch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PrefetchStep {
+    /// A small frame was drawn; the next step may follow at once.
+    Drawn,
+    /// Tiles are on their way.
+    Waiting,
+    /// Nothing more to fetch, or no room for it.
+    Done,
+}
+
+/// A city that is being viewed.
+pub struct Session {
+    streamer: Streamer<BackgroundFetcher>,
+    adapter: Adapter,
+    info: AdapterInfo,
+    frame_times: Vec<Duration>,
+    started: Instant,
+    first_frame: Option<Duration>,
+    near: Option<Duration>,
+    converged: Option<Duration>,
+    requested_tau_px: f64,
+}
+
+impl Session {
+    /// A session without any tiles. `started` is when the command began.
+    pub fn new(
+        tree: SceneTree,
+        downloads: Downloads<BackgroundFetcher>,
+        (adapter, info, pages): OpenedAdapter,
+        started: Instant,
+    ) -> Self {
+        Self::with(Streamer::new(tree, downloads, pages), adapter, info, started)
+    }
+
+    /// Like [`Session::new`] with an adapter that is still being opened: what `first` needs is fetched meanwhile. `pages` is
+    /// the number of cache pages that the adapter is expected to have room for. Fails if the adapter cannot be opened.
+    pub fn open(
+        (tree, downloads): (SceneTree, Downloads<BackgroundFetcher>),
+        opening: JoinHandle<Result<OpenedAdapter>>,
+        pages: u32,
+        first: Option<&FrameRequest>,
+        started: Instant,
+    ) -> Result<Self> {
+        let mut streamer = Streamer::new(tree, downloads, pages);
+        if let Some(request) = first {
+            streamer.select_and_request(request, started.elapsed());
+            keep_fetching(&mut streamer, started, || opening.is_finished());
+        }
+        let failed = |_| ClientError::Graphics("opening the graphics device was interrupted: try --adapter cpu".into());
+        let (adapter, info, pages) = opening.join().map_err(failed)??;
+        streamer.resize_cache(pages);
+        Ok(Self::with(streamer, adapter, info, started))
+    }
+
+    fn with(streamer: Streamer<BackgroundFetcher>, adapter: Adapter, info: AdapterInfo, started: Instant) -> Self {
+        Self {
+            streamer,
+            adapter,
+            info,
+            frame_times: Vec::new(),
+            started,
+            first_frame: None,
+            near: None,
+            converged: None,
+            requested_tau_px: 1.0,
+        }
+    }
+
+    /// Everything of a frame except drawing: takes in arrivals, selects, requests, uploads.
+    pub fn update(&mut self, request: &FrameRequest) {
+        self.requested_tau_px = request.tau_px;
+        self.streamer.update(request, &mut self.adapter, self.started.elapsed());
+        if self.is_settled() {
+            self.converged.get_or_insert(self.started.elapsed());
+        }
+    }
+
+    /// Runs `draw` while another thread keeps the network busy. The atlas does not change meanwhile.
+    pub fn while_fetching<T>(&mut self, draw: impl FnOnce(&mut Adapter) -> T) -> T {
+        let Self { streamer, adapter, started, .. } = self;
+        if streamer.is_idle() {
+            return draw(adapter);
+        }
+        let is_drawn = AtomicBool::new(false);
+        let notifier = streamer.downloads().fetcher().notifier();
+        std::thread::scope(|scope| {
+            let fetch = || keep_fetching(streamer, *started, || is_drawn.load(Ordering::Acquire));
+            // If no thread can be spawned, the network waits for the frame.
+            let _thread = std::thread::Builder::new().name("insula-streaming".into()).spawn_scoped(scope, fetch);
+            // The scope waits for the thread, so a panic in `draw` must end it too.
+            let _end = EndFetching { is_drawn: &is_drawn, notifier: &notifier };
+            draw(adapter)
+        })
+    }
+
+    /// Draws `data`, waits for the pixels, and takes in what they hit.
+    pub fn render(&mut self, data: &FrameData) -> Result<Pixels> {
+        let pixels = self.while_fetching(|adapter| adapter.draw(data))?;
+        self.frame_drawn(data);
+        self.report_hits(&data.asked, &tally(&pixels.hit, data.nodes.len()));
+        Ok(pixels)
+    }
+
+    /// Draws the last selection, waits for the pixels, and takes in what they hit.
+    pub fn draw(&mut self, request: &FrameRequest, settings: &RenderSettings) -> Result<Pixels> {
+        self.render(&self.frame_data(request, settings))
+    }
+
+    /// One step of the idle prefetch for a request whose frame is complete. To be called after [`Session::update`] with the
+    /// same request until it is done. Fails if the small frame cannot be drawn.
+    pub fn prefetch(&mut self, request: &FrameRequest) -> Result<PrefetchStep> {
+        match self.streamer.prefetch(request) {
+            LookaheadState::Done => Ok(PrefetchStep::Done),
+            LookaheadState::Waiting => Ok(PrefetchStep::Waiting),
+            LookaheadState::Draw(data) => {
+                let pixels = self.while_fetching(|adapter| adapter.draw(&data))?;
+                let hits = tally(&pixels.hit, data.nodes.len());
+                self.streamer.report_prefetch_hits(request, &data.asked, &hits);
+                Ok(PrefetchStep::Drawn)
+            }
+        }
+    }
+
+    /// Records that a frame was drawn.
+    pub fn frame_drawn(&mut self, data: &FrameData) {
+        let elapsed = self.started.elapsed();
+        if !data.nodes.is_empty() {
+            self.first_frame.get_or_insert(elapsed);
+            if data.error_px <= NEAR_TIMES_TAU * self.requested_tau_px {
+                self.near.get_or_insert(elapsed);
+            }
+        }
+    }
+
+    /// Records how long a frame took.
+    pub fn record_frame_time(&mut self, time: Duration) {
+        if self.frame_times.len() < MAX_FRAME_TIMES {
+            self.frame_times.push(time);
+        }
+    }
+
+    /// Waits until something has arrived, at most for `timeout`.
+    pub fn wait(&self, timeout: Duration) {
+        self.downloads().fetcher().notifier().wait(timeout);
+    }
+
+    /// The view of a request seen from `camera`, with this cache's budget.
+    pub fn view(&self, request: &FrameRequest, camera: Camera) -> View {
+        self.streamer.view(request, camera)
+    }
+
+    /// See [`Streamer::set_sun`].
+    pub fn set_sun(&mut self, sun: Option<DVec3>) {
+        self.streamer.set_sun(sun);
+    }
+
+    /// See [`Streamer::set_transitions`].
+    pub fn set_transitions(&mut self, is_on: bool) {
+        self.streamer.set_transitions(is_on);
+    }
+
+    /// See [`Streamer::end_transitions`].
+    pub fn end_transitions(&mut self) {
+        self.streamer.end_transitions();
+    }
+
+    /// See [`Streamer::report_hits`].
+    pub fn report_hits(&mut self, query: &OcclusionQuery, pixels: &[u32]) {
+        self.streamer.report_hits(query, pixels);
+    }
+
+    /// Arrays for the ray-caster, for the last selection.
+    pub fn frame_data(&self, request: &FrameRequest, settings: &RenderSettings) -> FrameData {
+        self.streamer.frame_data(request, settings)
+    }
+
+    /// The ray-caster, for the window.
+    pub fn adapter_mut(&mut self) -> &mut Adapter {
+        &mut self.adapter
+    }
+}
+
+/// State of the session.
+impl Session {
+    /// Fails if the city has no usable root, or the server has not responded for `timeout`.
+    pub fn check(&self, timeout: Duration) -> Result<()> {
+        self.streamer.check().map_err(|e| ClientError::Server(e.to_string()))?;
+        let downloads = self.downloads();
+        match downloads.failing_since() {
+            Some(since) if self.started.elapsed().saturating_sub(since) >= timeout => {
+                Err(ClientError::Server(format!(
+                    "no answer from {} for {} s ({}): check that it runs, or give --timeout",
+                    downloads.fetcher().location(),
+                    timeout.as_secs(),
+                    downloads.last_error()
+                )))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// See [`Streamer::is_settled`].
+    pub fn is_settled(&self) -> bool {
+        self.streamer.is_settled()
+    }
+
+    /// See [`Streamer::is_fetched`].
+    pub fn is_fetched(&self) -> bool {
+        self.streamer.is_fetched()
+    }
+
+    /// See [`Streamer::has_feedback`].
+    pub fn has_feedback(&self, size_px: [u32; 2]) -> bool {
+        self.streamer.has_feedback(size_px)
+    }
+
+    /// See [`Streamer::has_work`].
+    pub fn has_work(&self) -> bool {
+        self.streamer.has_work()
+    }
+
+    /// See [`Streamer::lacks_tiles`].
+    pub fn lacks_tiles(&self) -> bool {
+        self.streamer.lacks_tiles()
+    }
+
+    /// Whether anything can be drawn.
+    pub fn has_frame(&self) -> bool {
+        !self.selection().cut.is_empty()
+    }
+
+    /// Tau of the last request.
+    pub fn requested_tau_px(&self) -> f64 {
+        self.requested_tau_px
+    }
+
+    /// For how long no request has succeeded; `None` while the server responds.
+    pub fn failing_for(&self) -> Option<Duration> {
+        Some(self.started.elapsed().saturating_sub(self.downloads().failing_since()?))
+    }
+
+    /// When the next retry may start although nothing arrives.
+    pub fn retry_at(&self) -> Option<Instant> {
+        self.downloads().retry_at().map(|at| self.started + at)
+    }
+
+    /// The scene tree.
+    pub fn tree(&self) -> &SceneTree {
+        self.streamer.tree()
+    }
+
+    /// The last selection.
+    pub fn selection(&self) -> &Selection {
+        self.streamer.selection()
+    }
+
+    /// The tile cache.
+    pub fn cache(&self) -> &AtlasCache {
+        self.streamer.cache()
+    }
+
+    /// The requests in flight.
+    pub fn downloads(&self) -> &Downloads<BackgroundFetcher> {
+        self.streamer.downloads()
+    }
+
+    /// The hits of the last frames.
+    pub fn feedback(&self) -> &OcclusionFeedback {
+        self.streamer.feedback()
+    }
+
+    /// The cross-fades of the last frame.
+    pub fn transitions(&self) -> &Transitions {
+        self.streamer.transitions()
+    }
+
+    /// The ray-caster.
+    pub fn adapter(&self) -> &Adapter {
+        &self.adapter
+    }
+
+    /// Description of the ray-caster.
+    pub fn adapter_info(&self) -> &AdapterInfo {
+        &self.info
+    }
+
+    /// Number of frames that took `times` the median or longer.
+    pub fn stalls(&self, times: f64) -> usize {
+        let limit_ms = FrameTimes::new(&self.frame_times).median_ms * times;
+        self.frame_times.iter().filter(|time| time.as_secs_f64() * 1e3 >= limit_ms).count()
+    }
+
+    /// Tiles that were evicted from the cache so far.
+    pub fn evicted(&self) -> u64 {
+        self.streamer.evicted()
+    }
+
+    /// Tiles that were fetched again after their eviction.
+    pub fn fetched_again(&self) -> u64 {
+        self.streamer.fetched_again()
+    }
+
+    /// The session's figures at `t` seconds of a flight.
+    pub fn flight_moment(&self, t: f64) -> FlightMoment {
+        let (stats, downloads) = (self.selection().counters, self.downloads());
+        let http = downloads.fetcher().http();
+        FlightMoment {
+            t,
+            bytes: http.bytes(),
+            requests: http.requests(),
+            in_flight: downloads.in_flight(),
+            cache_bytes: self.cache().used_bytes(),
+            drawn: stats.drawn,
+            fading: self.transitions().passing(),
+            tau_px: stats.tau_px,
+            worst_error_px: stats.worst_error_px,
+            seen_error_px: stats.seen_error_px,
+        }
+    }
+
+    /// What the session has cost so far.
+    pub fn report(&self, tau_px: f64) -> Report {
+        let (tree, cache, http) = (self.tree(), self.cache(), self.downloads().fetcher().http());
+        let manifest = tree.manifest();
+        let bad_meshes = |n: &TreeNode| n.lods.iter().filter(|lod| lod.tile.is_bad()).count();
+        let bad = |n: &TreeNode| usize::from(n.tile.is_bad()) + bad_meshes(n);
+        let bad = tree.nodes().iter().map(bad).sum::<usize>() as u64;
+        let stats = self.selection().counters;
+        let secs = |time: Option<Duration>| time.map(|t| t.as_secs_f64());
+        Report {
+            city: manifest.name.clone(),
+            version: manifest.version.clone(),
+            bytes_fetched: http.bytes(),
+            requests: http.requests(),
+            tiles: TileCounts { bad, ..self.streamer.tile_counts() },
+            frame_times: FrameTimes::new(&self.frame_times),
+            time_to_first_picture_secs: secs(self.first_frame),
+            time_to_near_picture_secs: secs(self.near),
+            time_to_converged_picture_secs: secs(self.converged),
+            peak_cache_bytes: cache.peak_bytes(),
+            cache_bytes: u64::from(cache.capacity_pages()) * PAGE_BYTES,
+            adapter: self.info.clone(),
+            tau_px,
+            tau_reached_px: stats.tau_px,
+            worst_error_px: stats.worst_error_px,
+            nodes_drawn: stats.drawn,
+            meshes_drawn: stats.meshes,
+            triangles_drawn: stats.triangles,
+            unconverged_share: None,
+        }
+    }
+}
+
+/// Takes in arrivals and starts requests until `is_over`. Whoever ends it notifies the fetcher's notifier, or it takes up to
+/// [`POLL_INTERVAL`].
+fn keep_fetching(streamer: &mut Streamer<BackgroundFetcher>, started: Instant, is_over: impl Fn() -> bool) {
+    let notifier = streamer.downloads().fetcher().notifier();
+    let mut fine = streamer.fine_requests_per_frame();
+    while !is_over() {
+        notifier.wait(POLL_INTERVAL);
+        streamer.update_while_drawing(&mut fine, started.elapsed());
+    }
+}
+
+/// Ends [`keep_fetching`] when dropped.
+struct EndFetching<'a> {
+    is_drawn: &'a AtomicBool,
+    notifier: &'a Arc<Notifier>,
+}
+
+impl Drop for EndFetching<'_> {
+    fn drop(&mut self) {
+        self.is_drawn.store(true, Ordering::Release);
+        self.notifier.notify();
+    }
+}

@@ -1,0 +1,19 @@
+//! What every Insula viewer shares, native or in a browser: camera, scene, selection, cache, cross-fades, frame assembly and
+//! the streaming policy.
+//!
+//! Pure: no threads, no clock, no file system, no network and no GPU API. The shell passes in the time (as a `Duration` since
+//! the session's start) and implements [`streamer::TileFetcher`], which fetches and decodes tiles, and
+//! [`cache::Upload`], which writes pages of the atlas.
+//!
+//! A frame's way: [`select`] -> [`streamer`] (request, receive) -> [`cache`] (pages) -> [`frame`] (arrays for the ray-caster).
+
+pub mod cache;
+pub mod camera;
+pub mod decode;
+pub mod frame;
+pub mod scene;
+pub mod select;
+pub mod streamer;
+pub mod sun;
+#[cfg(any(test, feature = "test-support"))]
+pub mod test_support;

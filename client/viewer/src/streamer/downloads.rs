@@ -1,0 +1,244 @@
+//! Requests in flight: starts and cancels them, and turns their outcomes into tile states and [`Arrival`]s.
+//!
+//! Fetching and decoding happen elsewhere, behind [`TileFetcher`]. Everything is bounded: requests in flight by
+//! [`RequestQueue`], decoded tiles that wait by the fetcher.
+
+use super::request_queue::{RequestPlan, RequestQueue};
+use crate::{
+    decode::DecodedTile,
+    scene::{SceneTree, TileEvent, TileKey},
+    select::priority::TileRequest,
+};
+use insula_protocol::{DecodeError, Subtree};
+use insula_shaders::{mesh::PackedMesh, pack::PackedNode};
+use std::{collections::HashMap, time::Duration};
+
+/// Why a tile could not be fetched.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum FetchError {
+    /// The tile does not exist; a retry would not help.
+    #[error("the server has no such tile")]
+    Missing,
+    /// The server is overloaded or failing for now.
+    #[error("the server answers {status}")]
+    Busy {
+        /// HTTP status code.
+        status: u16,
+        /// Value of the `Retry-After` header.
+        retry_after: Option<Duration>,
+    },
+    /// The server works, but its copy of this tile fails its checksum.
+    #[error("the server's copy is damaged")]
+    Broken,
+    /// No response, or an incomplete one.
+    #[error("{0}")]
+    Network(String),
+    /// The response does not decode.
+    #[error("{0}")]
+    Damaged(DecodeError),
+    /// The archive's directories cannot be read for now.
+    #[error("the archive cannot be read: {0}")]
+    Archive(String),
+    /// This source will never serve the city; a retry would not help.
+    #[error("{0}")]
+    Unusable(String),
+}
+
+impl FetchError {
+    /// Whether the source itself responds: the fault is this tile's alone.
+    fn is_of_tile(&self) -> bool {
+        matches!(self, Self::Missing | Self::Damaged(_) | Self::Broken)
+    }
+
+    fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::Busy { retry_after, .. } => *retry_after,
+            _ => None,
+        }
+    }
+
+    fn event(&self, now: Duration, jitter: f64) -> TileEvent {
+        match self {
+            Self::Missing => TileEvent::Refuse,
+            Self::Damaged(_) | Self::Broken => TileEvent::Damage { now, jitter },
+            _ => TileEvent::Fail { now, retry_after: self.retry_after(), jitter },
+        }
+    }
+}
+
+/// Outcome of one request.
+#[derive(Debug)]
+pub struct FetchOutcome {
+    /// The requested tile.
+    pub key: TileKey,
+    /// The number that [`TileFetcher::start`] was given.
+    pub ticket: u64,
+    /// Whether it was read without the network, so that it says nothing about the server.
+    pub is_local: bool,
+    /// From the request to the last byte.
+    pub duration: Duration,
+    /// The decoded tile, or why there is none.
+    pub result: Result<DecodedTile, FetchError>,
+}
+
+/// Fetches and decodes tiles in the background; implemented by each shell.
+pub trait TileFetcher {
+    /// Starts to fetch and decode a tile. `ticket` tells this request from earlier ones for the same tile.
+    fn start(&mut self, key: TileKey, ticket: u64);
+    /// Gives up the request for a tile. Its outcome may still arrive and is ignored then.
+    fn cancel(&mut self, key: TileKey);
+    /// The next finished request, if any. Never blocks.
+    fn poll(&mut self) -> Option<FetchOutcome>;
+    /// Whether a tile can be had without the network.
+    fn is_local(&self, key: TileKey) -> bool;
+    /// A random number in 0..1, which spreads retries.
+    fn jitter(&mut self) -> f64;
+}
+
+/// A tile that was fetched and decoded.
+#[derive(Debug)]
+pub enum Arrival {
+    /// A V-BlockMap, to be placed in the cache.
+    Node(TileKey, Box<PackedNode>),
+    /// One level of detail of a leaf's mesh, to be placed in the cache.
+    Mesh(TileKey, Box<PackedMesh>),
+    /// A subtree, to be merged into the scene tree.
+    Subtree(TileKey, Subtree),
+}
+
+struct InFlight {
+    ticket: u64,
+    since: Duration,
+}
+
+/// All requests of a session.
+pub struct Downloads<F> {
+    fetcher: F,
+    queue: RequestQueue,
+    in_flight: HashMap<TileKey, InFlight>,
+    last_ticket: u64,
+    failing_since: Option<Duration>,
+    last_error: String,
+    /// Why this source will never serve the city.
+    fatal: Option<String>,
+}
+
+impl<F: TileFetcher> Downloads<F> {
+    /// With at most `limit` requests in flight to begin with; the limit adapts to the connection.
+    pub fn new(fetcher: F, limit: usize) -> Self {
+        Self {
+            fetcher,
+            queue: RequestQueue::new(limit),
+            in_flight: HashMap::new(),
+            last_ticket: 0,
+            failing_since: None,
+            last_error: String::new(),
+            fatal: None,
+        }
+    }
+
+    /// Cancels requests that are no longer wanted and starts the most important others. Returns how many were started.
+    pub fn request(&mut self, tree: &mut SceneTree, wanted: &[TileRequest], now: Duration) -> usize {
+        let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, now, |key| self.fetcher.is_local(key));
+        for key in cancel {
+            if self.in_flight.remove(&key).is_some() {
+                self.fetcher.cancel(key);
+            }
+        }
+        for key in &start {
+            self.last_ticket += 1;
+            self.in_flight.insert(*key, InFlight { ticket: self.last_ticket, since: now });
+            self.fetcher.start(*key, self.last_ticket);
+        }
+        start.len()
+    }
+
+    /// The next arrival, if any. Failures on the way change the state of their tile.
+    pub fn poll(&mut self, tree: &mut SceneTree, now: Duration) -> Option<Arrival> {
+        loop {
+            let FetchOutcome { key, ticket, is_local, duration, result } = self.fetcher.poll()?;
+            if self.in_flight.get(&key).is_none_or(|flight| flight.ticket != ticket) {
+                continue; // Cancelled after it had finished.
+            }
+            self.in_flight.remove(&key);
+            self.queue.finished(key);
+            match result {
+                Ok(decoded) => {
+                    if !is_local {
+                        self.source_responded();
+                        self.queue.concurrency.succeeded(duration);
+                    }
+                    tree.apply(key, TileEvent::Arrive);
+                    return Some(match decoded {
+                        DecodedTile::Node(node) => Arrival::Node(key, node),
+                        DecodedTile::Mesh(mesh) => Arrival::Mesh(key, mesh),
+                        DecodedTile::Subtree(subtree) => Arrival::Subtree(key, subtree),
+                    });
+                }
+                Err(error) => self.failed(tree, key, &error, now),
+            }
+        }
+    }
+
+    fn source_responded(&mut self) {
+        self.failing_since = None;
+        self.queue.backoff.succeeded();
+    }
+
+    fn failed(&mut self, tree: &mut SceneTree, key: TileKey, error: &FetchError, now: Duration) {
+        tracing::debug!("{} {}: {error}", key.layer().path_segment(), key.id);
+        let jitter = self.fetcher.jitter();
+        if error.is_of_tile() {
+            self.source_responded();
+        } else {
+            self.queue.backoff.failed(now, error.retry_after(), jitter);
+            self.queue.concurrency.failed();
+            self.failing_since.get_or_insert(now);
+        }
+        if let FetchError::Unusable(why) = error {
+            self.fatal = Some(why.clone());
+        }
+        self.last_error = error.to_string();
+        tree.apply(key, error.event(now, jitter));
+    }
+
+    /// The fetcher.
+    pub fn fetcher(&self) -> &F {
+        &self.fetcher
+    }
+
+    /// Number of requests that may be in flight.
+    pub fn limit(&self) -> usize {
+        self.queue.concurrency.limit()
+    }
+
+    /// When the request for a tile started, if it is in flight.
+    pub fn started_at(&self, key: TileKey) -> Option<Duration> {
+        self.in_flight.get(&key).map(|flight| flight.since)
+    }
+
+    /// Number of requests in flight.
+    pub fn in_flight(&self) -> usize {
+        self.in_flight.len()
+    }
+
+    /// Since when no request has succeeded; `None` while the source responds.
+    pub fn failing_since(&self) -> Option<Duration> {
+        self.failing_since
+    }
+
+    /// The error of the last failed request; empty if none failed.
+    pub fn last_error(&self) -> &str {
+        &self.last_error
+    }
+
+    /// Why the source will never serve the city, if so.
+    pub fn fatal_error(&self) -> Option<&str> {
+        self.fatal.as_deref()
+    }
+
+    /// When the next retry may start although nothing arrives.
+    pub fn retry_at(&self) -> Option<Duration> {
+        self.queue.backoff.blocked_until()
+    }
+}

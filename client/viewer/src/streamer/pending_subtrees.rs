@@ -1,0 +1,36 @@
+//! Subtrees that arrived before the subtree that they belong below.
+//!
+//! A jump to an unknown place requests the subtrees of all levels at once, so they arrive in any order. There are few: one for
+//! each level of subtrees.
+
+use crate::scene::{SceneTree, TileEvent, TileKey};
+use insula_protocol::{Subtree, TileId};
+
+/// Subtrees that may wait; beyond that the oldest is dropped and requested again.
+const CAPACITY: usize = 16;
+
+#[derive(Debug, Default)]
+pub(super) struct PendingSubtrees(Vec<(TileKey, Subtree)>);
+
+impl PendingSubtrees {
+    /// Adds a subtree, and merges all that can be merged now. Returns how many were merged.
+    pub(super) fn push(&mut self, key: TileKey, subtree: Subtree, tree: &mut SceneTree) -> u64 {
+        self.0.push((key, subtree));
+        let mut merged = 0;
+        while let Some(at) = self.0.iter().position(|(key, _)| has_parent(*key, tree)) {
+            let (key, subtree) = self.0.swap_remove(at);
+            tree.merge(&subtree);
+            tree.apply(key, TileEvent::Upload);
+            merged += 1;
+        }
+        if self.0.len() > CAPACITY {
+            let (key, _) = self.0.remove(0);
+            tree.apply(key, TileEvent::Drop);
+        }
+        merged
+    }
+}
+
+fn has_parent(key: TileKey, tree: &SceneTree) -> bool {
+    key.id == TileId::ROOT || tree.find(key.id).is_some()
+}

@@ -1,0 +1,77 @@
+//! Streaming from sources that never respond.
+
+use super::*;
+use crate::{
+    scene::{TileKey, TileState},
+    select::{
+        priority::TileRequest,
+        tests::{load, tree, view},
+    },
+};
+
+/// Never responds, or always with an error.
+struct Unresponsive {
+    fails: bool,
+    started: Vec<(TileKey, u64)>,
+}
+
+impl TileFetcher for Unresponsive {
+    fn start(&mut self, key: TileKey, ticket: u64) {
+        self.started.push((key, ticket));
+    }
+
+    fn cancel(&mut self, _: TileKey) {}
+
+    fn poll(&mut self) -> Option<FetchOutcome> {
+        let (key, ticket) = self.fails.then(|| self.started.pop()).flatten()?;
+        let result = Err(FetchError::Network("connection refused".into()));
+        Some(FetchOutcome { key, ticket, is_local: false, duration: Duration::ZERO, result })
+    }
+
+    fn is_local(&self, _: TileKey) -> bool {
+        false
+    }
+
+    fn jitter(&mut self) -> f64 {
+        0.5
+    }
+}
+
+const NOW: Duration = Duration::from_secs(100);
+
+/// In a street, with only the root's tile resident, after a frame in which everything was visible.
+fn after_first_frame(fails: bool) -> (Streamer<Unresponsive>, FrameRequest) {
+    let mut tree = tree();
+    load(&mut tree, TileKey::block_map(TileId::ROOT));
+    let downloads = Downloads::new(Unresponsive { fails, started: Vec::new() }, 12);
+    let mut streamer = Streamer::new(tree, downloads, 10_000);
+    let camera = view([1030.0, -10.0, 2.0], [1030.0, 3000.0, 2.0]).camera;
+    let request = FrameRequest { camera, heading: None, size_px: [640, 360], tau_px: 1.0 };
+    streamer.select_and_request(&request, NOW);
+    let squares: Vec<_> = streamer.selection.cut.iter().map(|item| item.square).collect();
+    let pixels = vec![9; squares.len()];
+    let query = OcclusionQuery { squares, view: streamer.view(&request, camera), generation: 1 };
+    streamer.report_hits(&query, &pixels);
+    (streamer, request)
+}
+
+/// Tiles that are wanted and not requested.
+fn waiting(streamer: &Streamer<Unresponsive>) -> Vec<TileRequest> {
+    let unknown = |w: &&TileRequest| streamer.tree.tile(w.key).is_some_and(|tile| tile.state() == TileState::Unknown);
+    streamer.selection.wanted.iter().filter(unknown).copied().collect()
+}
+
+#[test]
+fn possibly_occluded_tiles_wait_unless_the_source_does_not_respond() {
+    let (mut streamer, request) = after_first_frame(false);
+    streamer.select_and_request(&request, NOW);
+    let (waits, wanted) = (waiting(&streamer).len(), streamer.selection.wanted.len());
+    assert!(waits * 2 > wanted && waits < wanted, "{waits} of {wanted} wait");
+
+    let (mut streamer, request) = after_first_frame(true);
+    streamer.select_and_request(&request, NOW);
+    assert!(streamer.downloads.poll(&mut streamer.tree, NOW).is_none());
+    assert_eq!(streamer.downloads.failing_since(), Some(NOW));
+    streamer.select_and_request(&request, NOW);
+    assert!(streamer.selection.wanted.len() * 2 > wanted && waiting(&streamer).is_empty());
+}

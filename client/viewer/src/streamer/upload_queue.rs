@@ -1,0 +1,112 @@
+//! Decoded tiles that wait for their place in the cache.
+//!
+//! Bounded: [`UploadQueue::has_room`] tells whether further arrivals may be taken in. A frame uploads only as many bytes as it
+//! has time for.
+
+use super::TileCounts;
+use crate::{
+    cache::{AtlasCache, InsertResult, PAGE_BYTES, PackedTile, Upload},
+    scene::{SceneTree, TileEvent, TileKey},
+};
+use std::{
+    collections::{HashSet, VecDeque},
+    ops::Range,
+    time::Duration,
+};
+
+/// Upload bandwidth that frames may use, in bytes a second.
+const UPLOAD_BYTES_PER_SEC: f64 = 512e6;
+/// Least and most bytes of one frame. A single tile may exceed them.
+const FRAME_BYTES: Range<f64> = 8e6..64e6;
+/// Bytes of decoded tiles that may wait.
+const CAPACITY_BYTES: u64 = 32 << 20;
+
+/// Decoded tiles in the order of their arrival.
+#[derive(Debug, Default)]
+pub(super) struct UploadQueue {
+    waiting: VecDeque<(TileKey, PackedTile)>,
+    waiting_bytes: u64,
+    uploaded_at: Duration,
+    /// Tiles that have been evicted at least once.
+    evicted_keys: HashSet<TileKey>,
+    evicted: u64,
+    fetched_again: u64,
+}
+
+impl UploadQueue {
+    /// Whether further arrivals may be taken in.
+    pub(super) fn has_room(&self) -> bool {
+        self.waiting_bytes < CAPACITY_BYTES
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Pages that the waiting tiles will take.
+    pub(super) fn pages(&self) -> u32 {
+        (self.waiting_bytes / PAGE_BYTES) as u32
+    }
+
+    /// Evictions so far.
+    pub(super) fn evicted(&self) -> u64 {
+        self.evicted
+    }
+
+    /// Tiles that were uploaded again after their eviction.
+    pub(super) fn fetched_again(&self) -> u64 {
+        self.fetched_again
+    }
+
+    pub(super) fn push(&mut self, key: TileKey, tile: PackedTile) {
+        self.waiting_bytes += bytes_of(&tile);
+        self.waiting.push_back((key, tile));
+    }
+
+    /// Places as many tiles into the cache as the frame has time for, and returns them.
+    pub(super) fn flush(
+        &mut self,
+        target: UploadTarget<'_, impl Upload>,
+        counts: &mut TileCounts,
+        now: Duration,
+    ) -> Vec<TileKey> {
+        let UploadTarget { tree, cache, upload } = target;
+        let secs = now.saturating_sub(self.uploaded_at).as_secs_f64();
+        let most = (secs * UPLOAD_BYTES_PER_SEC).clamp(FRAME_BYTES.start, FRAME_BYTES.end) as u64;
+        self.uploaded_at = now;
+        let (mut bytes, mut keys) = (0, Vec::new());
+        while bytes < most
+            && let Some((key, tile)) = self.waiting.pop_front()
+        {
+            self.waiting_bytes -= bytes_of(&tile);
+            bytes += bytes_of(&tile);
+            let is_mesh = matches!(tile, PackedTile::Mesh(_));
+            let (event, evicted) = match cache.place(key, tile, upload) {
+                InsertResult::Inserted { evicted } => (TileEvent::Upload, evicted),
+                InsertResult::Full { evicted } => (TileEvent::Drop, evicted),
+            };
+            let count = if is_mesh { &mut counts.meshes } else { &mut counts.blockmaps };
+            *count += u64::from(event == TileEvent::Upload);
+            self.fetched_again += u64::from(self.evicted_keys.contains(&key));
+            self.evicted += evicted.len() as u64;
+            tree.apply(key, event);
+            keys.push(key);
+            for key in evicted {
+                self.evicted_keys.insert(key);
+                tree.apply(key, TileEvent::Drop);
+            }
+        }
+        keys
+    }
+}
+
+/// What an upload changes.
+pub(super) struct UploadTarget<'a, U> {
+    pub(super) tree: &'a mut SceneTree,
+    pub(super) cache: &'a mut AtlasCache,
+    pub(super) upload: &'a mut U,
+}
+
+fn bytes_of(tile: &PackedTile) -> u64 {
+    tile.pages().len() as u64 * PAGE_BYTES
+}

@@ -1,0 +1,119 @@
+//! Why a bake failed. Every error is one line that says what failed, where, and what to do.
+
+mod input;
+
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+pub use input::InputError;
+pub(crate) use input::json_message;
+use insula_protocol::{DecodeError, TileId};
+
+/// An error that ends the bake. The output folder is then unchanged, and finished work stays in its `.partial` folder.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BakeError {
+    /// The inputs could not be read.
+    #[error(transparent)]
+    Read(#[from] InputError),
+    /// An option has an invalid value.
+    #[error("{option} {value}: {advice}")]
+    Option {
+        /// Name on the command line.
+        option: &'static str,
+        value: String,
+        /// Which values are valid.
+        advice: String,
+    },
+    /// The city cannot be written to the requested folder.
+    #[error("{path}: {what}; choose another --out, or move it away")]
+    Out { path: PathBuf, what: &'static str },
+    /// A second bake of the same city is running.
+    #[error("{path}: another bake is writing to this folder; wait until it has finished, or choose another --out")]
+    Busy {
+        /// The scratch folder.
+        path: PathBuf,
+    },
+    /// No space is left, or a quota or file size limit was reached.
+    #[error("{path}: the disk is full ({cause}); make space, then run the same command with --resume")]
+    DiskFull { path: PathBuf, cause: io::Error },
+    /// A file could not be written, read back or renamed.
+    #[error("{path}: cannot be {action}: {cause}; check that its folder exists and is writable")]
+    Io {
+        path: PathBuf,
+        /// A participle such as `written` or `read`.
+        action: &'static str,
+        cause: io::Error,
+    },
+    /// A scratch file is not as this bake wrote it.
+    #[error("{path}: a scratch file changed during the bake; run the command again without --resume")]
+    Scratch { path: PathBuf },
+    /// A scene that was passed in is invalid.
+    #[error("triangle {triangle}: {what}; repair the source")]
+    Scene {
+        /// Index into the scene's triangles.
+        triangle: usize,
+        what: &'static str,
+    },
+    /// No triangle fills a cell.
+    #[error("the city is empty: none of its {triangles} triangles fills a cell of {cell_m} m; use a smaller --cell")]
+    Empty { triangles: usize, cell_m: f64 },
+    /// The quadtree would need more levels than the formats allow.
+    #[error("the city is {side_m:.0} m wide, too wide for cells of {cell_m} m; use a larger --cell, or split the city")]
+    Extent {
+        /// Longer side of the bounds.
+        side_m: f64,
+        cell_m: f64,
+    },
+    /// A node does not fit the formats.
+    #[error("tile {id}: cannot be {action}: {cause}; try a larger --cell, and report this with the input")]
+    Tile {
+        id: TileId,
+        /// A participle such as `encoded`.
+        action: &'static str,
+        cause: DecodeError,
+    },
+    /// An archive could not be written.
+    #[error("{path}: {what}; report this with the input")]
+    Archive { path: PathBuf, what: String },
+    /// The system could not start the worker threads.
+    #[error("--threads {threads}: {cause}; use fewer threads")]
+    Threads { threads: usize, cause: String },
+}
+
+impl BakeError {
+    /// An input or output error at `path`: `DiskFull` if the disk is full, else `Io`.
+    pub(crate) fn io(path: &Path, action: &'static str, cause: io::Error) -> Self {
+        use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+        let path = path.to_owned();
+        if matches!(cause.kind(), StorageFull | QuotaExceeded | FileTooLarge) {
+            Self::DiskFull { path, cause }
+        } else {
+            Self::Io { path, action, cause }
+        }
+    }
+
+    /// For `map_err` where a node is encoded or decoded.
+    pub(crate) fn tile(id: TileId, action: &'static str) -> impl FnOnce(DecodeError) -> Self {
+        move |cause| Self::Tile { id, action, cause }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn full_disk_has_its_own_variant_and_messages_are_one_line() {
+        let full = BakeError::io(Path::new("a/b"), "written", io::ErrorKind::StorageFull.into());
+        assert!(matches!(full, BakeError::DiskFull { .. }));
+        assert!(full.to_string().contains("--resume"), "{full}");
+        let other = BakeError::io(Path::new("a/b"), "written", io::ErrorKind::PermissionDenied.into());
+        assert!(other.to_string().starts_with("a/b: cannot be written"), "{other}");
+        for error in [full, other, BakeError::tile(TileId::ROOT, "encoded")(DecodeError::Magic)] {
+            assert!(!error.to_string().contains('\n'));
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! The finished tiles of a block of one level in one scratch file.
+//!
+//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, bytes (4 bytes each), the tiles, a
+//! BLAKE3 hash of everything before. Only the version of the program that wrote a pack reads it.
+
+use std::{
+    fs,
+    io::{Read, Seek, SeekFrom},
+    path::{Path, PathBuf},
+};
+
+use insula_protocol::TileId;
+
+use super::files::{read_hashed, write_hashed};
+use crate::{error::BakeError, scene::grid::BLOCK_LEAVES};
+
+const MAGIC: [u8; 4] = *b"INSP";
+const HEAD_BYTES: usize = 8;
+const ENTRY_BYTES: usize = 20;
+
+/// The nodes that a pack contains: `BLOCK_LEAVES` x `BLOCK_LEAVES` nodes of one level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct PackId {
+    pub(crate) level: u8,
+    pub(crate) y: u32,
+    pub(crate) x: u32,
+}
+
+impl PackId {
+    /// The pack that contains `id`.
+    pub(crate) fn of(id: TileId) -> Self {
+        Self { level: id.level(), y: id.y() / BLOCK_LEAVES, x: id.x() / BLOCK_LEAVES }
+    }
+
+    fn path(self, folder: &Path) -> PathBuf {
+        folder.join(format!("{}-{}-{}.pack", self.level, self.x, self.y))
+    }
+}
+
+/// The nodes of a pack that are to be baked.
+#[derive(Debug)]
+pub(crate) struct PackNodes {
+    pub(crate) pack: PackId,
+    pub(crate) nodes: Vec<TileId>,
+}
+
+impl PackNodes {
+    /// Groups nodes of one level by pack.
+    pub(crate) fn group(mut nodes: Vec<TileId>) -> Vec<Self> {
+        nodes.sort_by_key(|id| PackId::of(*id));
+        let groups = nodes.chunk_by(|a, b| PackId::of(*a) == PackId::of(*b));
+        groups.map(|nodes| Self { pack: PackId::of(nodes[0]), nodes: nodes.to_vec() }).collect()
+    }
+}
+
+/// An encoded tile.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct EncodedTile {
+    pub(crate) id: TileId,
+    /// Lowest point of the node and its descendants, metres above the city's origin.
+    pub(crate) z_min_m: f32,
+    /// Highest point likewise.
+    pub(crate) z_max_m: f32,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// A tile that is in its pack.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct StoredTile {
+    pub(crate) id: TileId,
+    pub(crate) z_min_m: f32,
+    pub(crate) z_max_m: f32,
+    offset: u64,
+    pub(crate) bytes: u32,
+    /// Whether the city that is updated has the same tile. Not stored in the pack.
+    pub(crate) unchanged: bool,
+}
+
+/// Writes a pack into `folder`. Fails if the file cannot be written.
+pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[EncodedTile]) -> Result<Vec<StoredTile>, BakeError> {
+    let (mut bytes, mut stored) = (Vec::new(), Vec::with_capacity(tiles.len()));
+    bytes.extend_from_slice(&MAGIC);
+    bytes.extend_from_slice(&(tiles.len() as u32).to_le_bytes());
+    let mut offset = (HEAD_BYTES + ENTRY_BYTES * tiles.len()) as u64;
+    for tile in tiles {
+        let (z_min_m, z_max_m, len) = (tile.z_min_m, tile.z_max_m, tile.bytes.len() as u32);
+        for word in [tile.id.x(), tile.id.y(), z_min_m.to_bits(), z_max_m.to_bits(), len] {
+            bytes.extend_from_slice(&word.to_le_bytes());
+        }
+        stored.push(StoredTile { id: tile.id, z_min_m, z_max_m, offset, bytes: len, unchanged: false });
+        offset += u64::from(len);
+    }
+    for tile in tiles {
+        bytes.extend_from_slice(&tile.bytes);
+    }
+    write_hashed(&pack.path(folder), bytes)?;
+    Ok(stored)
+}
+
+/// The content of a pack that an interrupted run wrote; `None` if there is none or it is damaged.
+pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredTile>> {
+    let bytes = read_hashed(&pack.path(folder), MAGIC)?;
+    let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
+    let count = word(4)? as usize;
+    let mut offset = HEAD_BYTES.checked_add(count.checked_mul(ENTRY_BYTES)?)? as u64;
+    let mut stored = Vec::new();
+    for at in (0..count).map(|entry| HEAD_BYTES + entry * ENTRY_BYTES) {
+        let id = TileId::new(pack.level, word(at)?, word(at + 4)?)?;
+        let (z_min_m, z_max_m) = (f32::from_bits(word(at + 8)?), f32::from_bits(word(at + 12)?));
+        let bytes = word(at + 16)?;
+        stored.push(StoredTile { id, z_min_m, z_max_m, offset, bytes, unchanged: false });
+        offset += u64::from(bytes);
+    }
+    (offset == bytes.len() as u64).then_some(stored)
+}
+
+/// Reads tiles back. Keeps the last pack open, because neighbours are read one after the other.
+pub(crate) struct PackReader<'a> {
+    folder: &'a Path,
+    open: Option<(PackId, fs::File)>,
+}
+
+impl<'a> PackReader<'a> {
+    pub(crate) fn new(folder: &'a Path) -> Self {
+        Self { folder, open: None }
+    }
+
+    /// The tile's bytes. Fails if the pack cannot be read.
+    pub(crate) fn read(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
+        let pack = PackId::of(stored.id);
+        let path = pack.path(self.folder);
+        let failed = |cause| BakeError::io(&path, "read", cause);
+        let mut file = match self.open.take() {
+            Some((open, file)) if open == pack => file,
+            _ => fs::File::open(&path).map_err(failed)?,
+        };
+        let mut bytes = vec![0; stored.bytes as usize];
+        file.seek(SeekFrom::Start(stored.offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
+        self.open = Some((pack, file));
+        Ok(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_folder::TestFolder;
+
+    fn tile([x, y]: [u32; 2], byte: u8, len: usize) -> EncodedTile {
+        EncodedTile { id: TileId::new(4, x, y).unwrap(), z_min_m: -1.5, z_max_m: x as f32, bytes: vec![byte; len] }
+    }
+
+    #[test]
+    fn pack_round_trips_and_damage_is_detected() {
+        let folder = TestFolder::new("pack");
+        let tiles = [tile([8, 8], 1, 100), tile([9, 8], 2, 7), tile([9, 9], 3, 1000)];
+        let pack = PackId::of(tiles[0].id);
+        assert_eq!(find(&folder.path, pack), None);
+        let stored = write(&folder.path, pack, &tiles).unwrap();
+        assert_eq!(find(&folder.path, pack).unwrap(), stored);
+        let mut reader = PackReader::new(&folder.path);
+        for (tile, stored) in tiles.iter().zip(&stored).rev() {
+            assert_eq!(reader.read(stored).unwrap(), tile.bytes);
+        }
+        let path = pack.path(&folder.path);
+        let good = fs::read(&path).unwrap();
+        for cut in [0, 3, 40, good.len() - 1] {
+            fs::write(&path, &good[..cut]).unwrap();
+            assert_eq!(find(&folder.path, pack), None, "cut to {cut}");
+        }
+        for at in [0, 5, 9, 30, 200, good.len() - 1] {
+            let mut bad = good.clone();
+            bad[at] ^= 1;
+            fs::write(&path, bad).unwrap();
+            assert_eq!(find(&folder.path, pack), None, "flipped {at}");
+        }
+    }
+
+    #[test]
+    fn empty_pack_is_found_again() {
+        let folder = TestFolder::new("empty-pack");
+        let pack = PackId { level: 3, y: 0, x: 0 };
+        write(&folder.path, pack, &[]).unwrap();
+        assert_eq!(find(&folder.path, pack), Some(vec![]));
+    }
+}

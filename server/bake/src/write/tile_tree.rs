@@ -1,0 +1,228 @@
+//! Bounds and geometric errors of all nodes, and the subtree tiles that describe them to clients.
+//!
+//! Spheres and errors nest: a node's sphere contains its children's, and its error is at least theirs.
+
+use insula_protocol::{
+    BlockMap, Subtree, TileId, blockmap,
+    blockmap::flag,
+    octahedral,
+    subtree::{LEVELS, NodeInfo, NodeMesh},
+};
+
+use super::{mesh_pack::StoredMesh, tile_pack::StoredTile};
+use crate::{columns::voxels::HALF_DIAGONAL, error::BakeError, scene::grid::CityGrid};
+
+/// Least z of an inclined top's normal. Steeper tops are treated as if they had this slope.
+const MIN_NORMAL_Z: f32 = 0.1;
+
+/// The packed tiles of all nodes, the root's level first, each level in the order of its ids.
+#[derive(Debug, Default)]
+pub(crate) struct TileTree {
+    levels: Vec<Vec<StoredTile>>,
+    /// In the order of leaf and level of detail.
+    meshes: Vec<StoredMesh>,
+}
+
+impl TileTree {
+    /// An empty tree with levels `0..=depth`.
+    pub(crate) fn new(depth: u8) -> Self {
+        Self { levels: vec![Vec::new(); usize::from(depth) + 1], meshes: Vec::new() }
+    }
+
+    /// Sets a level's tiles.
+    pub(crate) fn set(&mut self, level: u8, mut tiles: Vec<StoredTile>) {
+        tiles.sort_unstable_by_key(|tile| tile.id);
+        self.levels[usize::from(level)] = tiles;
+    }
+
+    /// Sets the leaves' meshes.
+    pub(crate) fn set_meshes(&mut self, mut meshes: Vec<StoredMesh>) {
+        meshes.sort_unstable_by_key(|mesh| (mesh.id, mesh.lod));
+        self.meshes = meshes;
+    }
+
+    /// All meshes in the order of leaf and level of detail.
+    pub(crate) fn meshes(&self) -> &[StoredMesh] {
+        &self.meshes
+    }
+
+    /// The levels of detail of a leaf, the finest first; empty if it has no mesh.
+    pub(crate) fn mesh(&self, leaf: TileId) -> &[StoredMesh] {
+        let from = self.meshes.partition_point(|mesh| mesh.id < leaf);
+        let count = self.meshes[from..].iter().take_while(|mesh| mesh.id == leaf).count();
+        &self.meshes[from..from + count]
+    }
+
+    /// The tiles of a level.
+    pub(crate) fn level(&self, level: u8) -> &[StoredTile] {
+        self.levels.get(usize::from(level)).map_or(&[], Vec::as_slice)
+    }
+
+    /// The tiles of all levels, the root's first.
+    pub(crate) fn levels(&self) -> &[Vec<StoredTile>] {
+        &self.levels
+    }
+
+    /// The tile of a node, if the node exists.
+    pub(crate) fn get(&self, id: TileId) -> Option<&StoredTile> {
+        find_by_id(self.level(id.level()), id, |tile| tile.id)
+    }
+
+    /// The parents of the nodes of `level`, in the order of their ids.
+    pub(crate) fn parents_of(&self, level: u8) -> Vec<TileId> {
+        let mut parents: Vec<TileId> = self.level(level).iter().filter_map(|tile| tile.id.parent()).collect();
+        parents.sort_unstable();
+        parents.dedup();
+        parents
+    }
+}
+
+fn find_by_id<T>(sorted: &[T], id: TileId, id_of: impl Fn(&T) -> TileId) -> Option<&T> {
+    sorted.binary_search_by_key(&id, id_of).ok().map(|i| &sorted[i])
+}
+
+/// Lowest and highest point of a map's columns in metres above the city's origin; `None` without columns.
+///
+/// An inclined top is a plane through the cell's centre, so one of its corners is higher than the column. It is cut off
+/// at the column's bottom, so it is never lower.
+pub(crate) fn z_bounds(map: &BlockMap) -> Option<[f64; 2]> {
+    let step = f64::from(map.z_step_m());
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for i in (0..blockmap::COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0) {
+        low = low.min(f64::from(map.z_min[i]) * step);
+        let mut top = f64::from(map.z_max[i]) * step;
+        if map.flags[i] & flag::INCLINED != 0 {
+            let n = octahedral::decode(map.roof_normal[i]);
+            let slope = (n[0].abs() + n[1].abs()) / n[2].max(MIN_NORMAL_Z);
+            top += f64::from(slope * map.cell_m / 2.0);
+        }
+        high = high.max(top);
+    }
+    (low <= high).then(|| [low, high].map(|z| map.z_base_m() + z))
+}
+
+/// Rounds bounds to f32, outwards.
+pub(crate) fn round_outward([low, high]: [f64; 2]) -> [f32; 2] {
+    let (l, h) = (low as f32, high as f32);
+    let l = if f64::from(l) > low { l.next_down() } else { l };
+    [l, if f64::from(h) < high { h.next_up() } else { h }]
+}
+
+/// Describes every node; one list per level, in the order of `tree`.
+pub(crate) fn describe(tree: &TileTree, grid: &CityGrid) -> Vec<Vec<NodeInfo>> {
+    let mut described: Vec<Vec<NodeInfo>> = vec![Vec::new(); tree.levels().len()];
+    for level in (0..tree.levels().len()).rev() {
+        let below: &[NodeInfo] = described.get(level + 1).map_or(&[], Vec::as_slice);
+        let nodes = tree.levels()[level].iter().map(|tile| describe_node(grid, tile, below)).collect();
+        described[level] = nodes;
+    }
+    described
+}
+
+fn describe_node(grid: &CityGrid, tile: &StoredTile, below: &[NodeInfo]) -> NodeInfo {
+    let side = grid.node_side_m(tile.id.level());
+    let half_height = (f64::from(tile.z_max_m) - f64::from(tile.z_min_m)) / 2.0;
+    let mut node = NodeInfo {
+        id: tile.id,
+        child_mask: 0,
+        z_min_m: tile.z_min_m,
+        z_max_m: tile.z_max_m,
+        error_m: (HALF_DIAGONAL * grid.cell_m_at(tile.id.level())) as f32,
+        radius_m: 0.0,
+        blockmap_bytes: tile.bytes,
+    };
+    let mut radius = (side * side / 2.0 + half_height * half_height).sqrt();
+    let centre = centre_m(grid, &node);
+    for child in tile.id.children().filter_map(|id| find_by_id(below, id, |node| node.id)) {
+        node.child_mask |= 1 << child.id.quadrant();
+        node.error_m = node.error_m.max(child.error_m);
+        let c = centre_m(grid, child);
+        let distance = (0..3).map(|axis| (c[axis] - centre[axis]).powi(2)).sum::<f64>().sqrt();
+        radius = radius.max(distance + f64::from(child.radius_m));
+    }
+    // Clients compute in f32: an additional millionth keeps the spheres nested there too.
+    node.radius_m = ((radius * (1.0 + 1e-6)) as f32).next_up();
+    node
+}
+
+/// Centre of a node's bounding box, in metres from the grid's corner.
+fn centre_m(grid: &CityGrid, node: &NodeInfo) -> [f64; 3] {
+    let side = grid.node_side_m(node.id.level());
+    let [x, y] = [node.id.x(), node.id.y()].map(|v| (f64::from(v) + 0.5) * side);
+    [x, y, (f64::from(node.z_min_m) + f64::from(node.z_max_m)) / 2.0]
+}
+
+/// Encodes the subtree tile rooted at `root`; `nodes` are those of [`describe`]. Fails if it exceeds the format's
+/// limits.
+pub(crate) fn encode_subtree(tree: &TileTree, nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
+    let mut found: Vec<NodeInfo> = Vec::new();
+    let mut row = vec![root];
+    for level in usize::from(root.level())..nodes.len().min(usize::from(root.level() + LEVELS) + 1) {
+        let start = found.len();
+        found.extend(row.iter().filter_map(|id| find_by_id(&nodes[level], *id, |node| node.id)));
+        let children = |node: &NodeInfo| {
+            let (id, mask) = (node.id, node.child_mask);
+            (0..4).filter(move |q| mask >> q & 1 == 1).filter_map(move |q| id.child(q))
+        };
+        row = found[start..].iter().flat_map(children).collect();
+    }
+    let meshes = found.iter().filter_map(|node| {
+        let lods: Vec<_> = tree.mesh(node.id).iter().map(|mesh| mesh.info).collect();
+        (!lods.is_empty()).then_some(NodeMesh { id: node.id, lods })
+    });
+    let meshes = meshes.collect();
+    Subtree { nodes: found, meshes }.encode().map_err(BakeError::tile(root, "encoded"))
+}
+
+/// Roots of all subtree tiles: the city's root, and the nodes of levels 5, 10, ... that have children.
+pub(crate) fn subtree_roots(nodes: &[Vec<NodeInfo>]) -> Vec<TileId> {
+    let roots = nodes.iter().step_by(usize::from(LEVELS)).flatten();
+    roots.filter(|node| node.child_mask != 0 || node.id == TileId::ROOT).map(|node| node.id).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_protocol::{Texel, blockmap::MapColumn};
+
+    fn map(columns: &[(usize, MapColumn)]) -> BlockMap {
+        let mut all = vec![None; blockmap::COLUMNS];
+        for (i, column) in columns {
+            all[*i] = Some(column.clone());
+        }
+        BlockMap::from_columns(TileId::ROOT, 2.0, 10, 0, &all).unwrap()
+    }
+
+    fn column(z_min: u16, z_max: u16, normal: Option<[f32; 3]>) -> MapColumn {
+        MapColumn {
+            z_min,
+            z_max,
+            inclined: normal.is_some(),
+            roof: Texel::default(),
+            roof_normal: octahedral::encode(normal.unwrap_or([0.0, 0.0, 1.0])),
+            ..MapColumn::default()
+        }
+    }
+
+    #[test]
+    fn bounds_include_the_slope_of_inclined_tops() {
+        assert_eq!(z_bounds(&map(&[])), None);
+        let flat = map(&[(0, column(16, 32, None)), (99, column(8, 24, None))]);
+        assert_eq!(z_bounds(&flat), Some([21.0, 24.0]));
+        let at_45 = std::f32::consts::FRAC_1_SQRT_2;
+        let [low, high] = z_bounds(&map(&[(5, column(16, 32, Some([at_45, 0.0, at_45])))])).unwrap();
+        assert_eq!(low, 22.0);
+        assert!((high - 25.0).abs() < 0.05, "{high}");
+        let [_, upright] = z_bounds(&map(&[(5, column(16, 32, Some([1.0, 0.0, 0.0])))])).unwrap();
+        assert!((upright - 34.0).abs() < 0.05, "{upright}");
+    }
+
+    #[test]
+    fn rounding_outward_never_shrinks_bounds() {
+        for z in [[0.1, 0.2], [-0.1, 1e7 + 0.3], [5.0, 5.0], [-123.456_789, 123.456_789]] {
+            let [low, high] = round_outward(z);
+            assert!(f64::from(low) <= z[0] && f64::from(high) >= z[1]);
+        }
+        assert_eq!(round_outward([0.5, 2.0]), [0.5, 2.0]);
+    }
+}

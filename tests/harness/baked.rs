@@ -1,0 +1,145 @@
+//! A baked city read straight from its folder, without HTTP or cache: what a client that has fetched everything would draw.
+
+use crate::{
+    cut::{Cut, Place},
+    view::{Camera, Picture},
+};
+use anyhow::{Context, Result};
+use glam::DVec3;
+use insula_protocol::{
+    BlockMap, Manifest, Subtree, TileId, TileKind,
+    subtree::{MeshLod, NodeInfo},
+};
+use insula_server::store::CityStore;
+use insula_viewer::{
+    camera::{FrustumPlane, View},
+    select::cull::in_view,
+};
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::Path,
+};
+
+/// Nearest distance in the projected error.
+const NEAR_M: f64 = 1.0;
+
+/// What bounds a picture's view.
+pub fn planes(camera: &Camera, picture: &Picture) -> [FrustumPlane; 5] {
+    let axes = camera.axes(picture);
+    let unit = |v: DVec3| v.normalize_or(DVec3::X);
+    let client = insula_viewer::camera::Camera {
+        position: camera.position.into(),
+        forward: axes.forward,
+        right: unit(axes.right),
+        up: unit(axes.up),
+        fov_y_rad: camera.fov_y_deg.to_radians(),
+    };
+    let (width_px, height_px) = (picture.width_px, picture.height_px);
+    View { camera: client, width_px, height_px, tau_px: 1.0, budget_pages: 0, budget_nodes: 0 }.planes()
+}
+
+/// A baked city.
+pub struct Baked {
+    pub(crate) store: CityStore,
+    pub(crate) nodes: HashMap<TileId, NodeInfo>,
+    /// Leaves' levels of detail, the finest first.
+    pub(crate) meshes: HashMap<TileId, Vec<MeshLod>>,
+}
+
+impl Baked {
+    /// Reads the manifest and every subtree.
+    pub fn open(folder: &Path) -> Result<Self> {
+        let store = CityStore::open(folder).with_context(|| folder.display().to_string())?;
+        let (mut nodes, mut meshes) = (HashMap::new(), HashMap::new());
+        for (id, bytes) in store.subtrees().tiles() {
+            let subtree = Subtree::decode(&bytes?).with_context(|| format!("subtree {id}"))?;
+            nodes.extend(subtree.nodes.iter().map(|node| (node.id, *node)));
+            meshes.extend(subtree.meshes.into_iter().map(|mesh| (mesh.id, mesh.lods)));
+        }
+        Ok(Self { store, nodes, meshes })
+    }
+
+    /// The manifest.
+    pub fn manifest(&self) -> &Manifest {
+        self.store.manifest()
+    }
+
+    /// Nodes a level, and bytes of their tiles.
+    pub fn levels(&self) -> BTreeMap<u8, (usize, usize)> {
+        let mut levels = BTreeMap::new();
+        for (id, bytes) in self.store.blockmaps().lengths() {
+            let level: &mut (usize, usize) = levels.entry(id.level()).or_default();
+            level.0 += 1;
+            level.1 += bytes as usize;
+        }
+        levels
+    }
+
+    /// All nodes of a level.
+    pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
+        let tiles = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == level);
+        tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))).collect()
+    }
+
+    /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
+    pub fn select(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
+        let px_per_rad = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+        let eye = DVec3::from(camera.position);
+        let mut chosen = Vec::new();
+        let mut open = vec![TileId::ROOT];
+        while let Some(id) = open.pop() {
+            let Some(node) = self.nodes.get(&id) else { continue };
+            let half_m = self.manifest().node_side_m(id.level()) / 2.0;
+            let centre_z = f64::from(node.z_min_m + node.z_max_m) / 2.0;
+            let centre = DVec3::from(self.manifest().node_corner(id)) + DVec3::new(half_m, half_m, centre_z);
+            let away_m = (eye.distance(centre) - f64::from(node.radius_m)).max(NEAR_M);
+            if node.child_mask == 0 || f64::from(node.error_m) * px_per_rad / away_m <= tau_px {
+                chosen.push(id);
+            } else {
+                open.extend((0..4).filter(|q| node.child_mask >> q & 1 == 1).filter_map(|q| id.child(q)));
+            }
+        }
+        chosen.sort();
+        chosen
+    }
+
+    /// Those of [`Baked::select`] that are in the picture: what a client draws that has fetched everything.
+    pub fn select_in_view(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
+        let planes = planes(camera, picture);
+        let mut chosen = self.select(camera, picture, tau_px);
+        chosen.retain(|id| {
+            let Some(node) = self.nodes.get(id) else { return false };
+            let half_m = self.manifest().node_side_m(id.level()) / 2.0;
+            let [low, high] = [node.z_min_m, node.z_max_m].map(f64::from);
+            let corner = DVec3::from(self.manifest().node_corner(*id));
+            let half = DVec3::new(half_m, half_m, (high - low) / 2.0);
+            in_view(&planes, corner + half + DVec3::Z * low, half)
+        });
+        chosen
+    }
+
+    /// Decodes all leaves.
+    pub fn leaves(&self) -> Result<BTreeMap<TileId, BlockMap>> {
+        let depth = self.manifest().depth;
+        let leaves = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == depth);
+        leaves
+            .map(|(id, bytes)| Ok((id, BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))?)))
+            .collect()
+    }
+
+    /// Decodes these nodes.
+    pub fn cut(&self, ids: &[TileId]) -> Result<Cut> {
+        let manifest = self.manifest();
+        let mut cut = Cut::new(Place { origin: manifest.origin, root_side_m: manifest.root_side_m });
+        for id in ids {
+            cut.add(&self.map(*id)?);
+        }
+        Ok(cut)
+    }
+
+    /// A node's tile.
+    pub fn map(&self, id: TileId) -> Result<BlockMap> {
+        let bytes = self.store.tile(TileKind::BlockMap, id)?.with_context(|| format!("no tile {id}"))?;
+        BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))
+    }
+}

@@ -1,0 +1,204 @@
+//! How much pictures leap while a standing camera's city refines: the difference of consecutive frames at 60 a second, where
+//! levels of detail fade into each other and where they do not, beside that of a slow pan.
+//!
+//! `cargo run --release -p insula-tests --bin fade -- CITY... --report fade.json`: each CITY is a baked folder, and begins without
+//! a tile. A leap is looked for in squares of 16 x 16 pixels, too: what is refined is a part of the picture.
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use glam::{DQuat, DVec2, DVec3};
+use insula_client::picture::write_png;
+use insula_shaders::cpu::raycast::Pixels;
+use insula_tests::{baked::Baked, cold::Cold};
+use insula_viewer::{
+    camera::{Camera, View},
+    frame::{MOVING_SAMPLES, RenderSettings},
+};
+use serde::Serialize;
+use std::{fs, path::PathBuf};
+
+const FRAME_SECS: f64 = 1.0 / 60.0;
+/// Side of the parts of a picture that are looked at by themselves.
+const BLOCK_PX: u32 = 16;
+/// No city takes more frames.
+const FRAMES: usize = 20_000;
+
+/// Lets cities come, and looks at each frame.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Baked cities.
+    #[arg(required = true)]
+    cities: Vec<PathBuf>,
+    /// Tiles that come in a frame: two are about 20 Mbit/s.
+    #[arg(long, default_value_t = 2)]
+    tiles: usize,
+    /// Width of a picture; its height is nine sixteenths.
+    #[arg(long, default_value_t = 320)]
+    width: u32,
+    /// Rays along a pixel's side.
+    #[arg(long, default_value_t = MOVING_SAMPLES)]
+    rays: u32,
+    /// Degrees between two frames of the pan: 0.1 are 6 a second.
+    #[arg(long, default_value_t = 0.1)]
+    turn: f64,
+    /// Reach of shadows in metres, 0 for none.
+    #[arg(long, default_value_t = 0.0)]
+    shadows: f64,
+    /// Only this view.
+    #[arg(long)]
+    view: Option<String>,
+    /// Write every frame that fades as a picture into this folder.
+    #[arg(long)]
+    pictures: Option<PathBuf>,
+    /// Write all figures as JSON.
+    #[arg(long)]
+    report: Option<PathBuf>,
+}
+
+/// How far consecutive frames are apart, in 255ths of a channel.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+struct Leaps {
+    frames: usize,
+    /// Largest of a frame's means.
+    picture: f64,
+    /// Largest of all blocks' means, and the largest that one in a hundred blocks exceeds in any frame.
+    block: f64,
+    block_99: f64,
+}
+
+impl Leaps {
+    fn learn(&mut self, a: &Pixels, b: &Pixels) {
+        let across = a.width_px.div_ceil(BLOCK_PX);
+        let mut sums = vec![(0.0, 0.0); (across * a.height_px.div_ceil(BLOCK_PX)) as usize];
+        for (i, (a, c)) in a.colour.iter().zip(&b.colour).enumerate() {
+            let (x, y) = (i as u32 % b.width_px, i as u32 / b.width_px);
+            let channels = a.to_le_bytes().into_iter().zip(c.to_le_bytes()).take(3);
+            let block = &mut sums[(y / BLOCK_PX * across + x / BLOCK_PX) as usize];
+            block.0 += channels.map(|(a, b)| f64::from(a.abs_diff(b))).sum::<f64>() / 3.0;
+            block.1 += 1.0;
+        }
+        let (sum, count) = sums.iter().fold((0.0, 0.0), |(s, n), block| (s + block.0, n + block.1));
+        let mut means: Vec<f64> = sums.iter().map(|(sum, count)| sum / count).collect();
+        means.sort_by(f64::total_cmp);
+        self.frames += 1;
+        self.picture = self.picture.max(sum / count);
+        self.block = self.block.max(means.last().copied().unwrap_or(0.0));
+        self.block_99 = self.block_99.max(means[(means.len() - 1) * 99 / 100]);
+    }
+}
+
+/// One view.
+#[derive(Debug, Serialize)]
+struct Row {
+    city: String,
+    view: &'static str,
+    at_once: Leaps,
+    fading: Leaps,
+    pan: Leaps,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let mut rows: Vec<Row> = Vec::new();
+    println!("largest difference of consecutive frames: picture, 1 in 100 blocks, worst block (255ths of a channel)");
+    for folder in &args.cities {
+        let city = Baked::open(folder)?;
+        for (view, camera) in
+            cameras(&city).into_iter().filter(|(view, _)| args.view.as_deref().is_none_or(|v| v == *view))
+        {
+            let (at_once, _) = refine(&args, &city, view, camera, false)?;
+            let (fading, pan) = refine(&args, &city, view, camera, true)?;
+            let text = |l: &Leaps| format!("{:5.2} {:5.1} {:5.1}", l.picture, l.block_99, l.block);
+            println!(
+                "{:8} {:6}: at once {} ({} frames); fading {} ({}); pan {}",
+                city.manifest().name,
+                view,
+                text(&at_once),
+                at_once.frames,
+                text(&fading),
+                fading.frames,
+                text(&pan)
+            );
+            rows.push(Row { city: city.manifest().name.clone(), view, at_once, fading, pan });
+        }
+    }
+    if let Some(report) = &args.report {
+        fs::write(report, serde_json::to_vec_pretty(&rows)?)?;
+    }
+    Ok(())
+}
+
+/// In a street, over the roofs and from the air, in the middle of the city.
+fn cameras(city: &Baked) -> [(&'static str, [DVec3; 2]); 3] {
+    let manifest = city.manifest();
+    let [low, high] = manifest.focus.map(DVec2::from);
+    let (middle, ground) = ((low + high) / 2.0, manifest.ground_z_m);
+    let away = (high - low).min_element().min(1200.0);
+    let at = |by: DVec2, up: f64| (middle + by).extend(ground + up);
+    [
+        ("street", [at(DVec2::new(-60.0, -60.0), 8.0), at(DVec2::new(60.0, 60.0), 6.0)]),
+        ("roof", [at(DVec2::new(-100.0, -100.0), 60.0), at(DVec2::new(100.0, 100.0), 20.0)]),
+        ("air", [at(DVec2::new(-0.2, -0.8) * away, 0.5 * away), at(DVec2::ZERO, 0.0)]),
+    ]
+}
+
+/// Lets a city come; how far its frames are apart, and those of a slow pan at its end.
+fn refine(
+    args: &Args,
+    city: &Baked,
+    name: &str,
+    [position, target]: [DVec3; 2],
+    fades: bool,
+) -> Result<(Leaps, Leaps)> {
+    let mut cold = Cold::new(city, fades)?;
+    let size_px = [args.width, args.width * 9 / 16];
+    let view = |turn_deg: f64| {
+        let ahead = DQuat::from_rotation_z(turn_deg.to_radians()) * (target - position);
+        let camera = Camera::look(position, position + ahead, DVec3::Z, 1.0).context("the camera looks nowhere")?;
+        let [width_px, height_px] = size_px;
+        Ok::<_, anyhow::Error>(View {
+            camera,
+            width_px,
+            height_px,
+            tau_px: 1.0,
+            budget_pages: 24_000,
+            budget_nodes: 6000,
+        })
+    };
+    let look = RenderSettings { samples: args.rays, shadow_m: args.shadows, ..RenderSettings::default() };
+    let mut leaps = Leaps::default();
+    let mut last: Option<Pixels> = None;
+    for frame in 0..FRAMES {
+        let (data, changed) = cold.frame(&view(0.0)?, &look, args.tiles, FRAME_SECS)?;
+        if data.nodes.is_empty() {
+            continue;
+        }
+        if !changed && cold.is_at_rest(size_px) {
+            break;
+        }
+        if !changed && last.is_some() {
+            // What its rays hit may not be known yet.
+            cold.draw(&data);
+            continue;
+        }
+        let pixels = cold.draw(&data);
+        if let (Some(folder), true) = (&args.pictures, fades) {
+            let path = folder.join(format!("{}-{name}-{frame:04}.png", city.manifest().name));
+            write_png(&path, &pixels)?;
+        }
+        if let Some(last) = &last {
+            leaps.learn(last, &pixels);
+        }
+        last = Some(pixels);
+    }
+    let mut pan = Leaps::default();
+    for i in 1..if fades { 4 } else { 1 } {
+        let (data, _) = cold.frame(&view(args.turn * f64::from(i))?, &look, usize::MAX, 1.0)?;
+        let pixels = cold.draw(&data);
+        if let Some(last) = &last {
+            pan.learn(last, &pixels);
+        }
+        last = Some(pixels);
+    }
+    Ok((leaps, pan))
+}

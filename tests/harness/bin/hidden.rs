@@ -1,0 +1,313 @@
+//! What is drawn and fetched that nobody sees, and whether anything is missed when the camera turns.
+//!
+//! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, such as `synth` makes. Against a
+//! client that culls by the frustum alone.
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use glam::DVec3;
+use insula_client::{
+    commands::snapshot::settle,
+    report::pictures_apart,
+    session::{PrefetchStep, Session},
+    stream::link::Link,
+};
+use insula_protocol::TileId;
+use insula_shaders::cpu::raycast::Pixels;
+use insula_tests::{
+    synth::Stand,
+    viewer::{fetch_all, open, open_over},
+};
+use insula_viewer::{camera::Camera, frame::RenderSettings, scene::TileKey, select::DrawTile, streamer::FrameRequest};
+use serde::Serialize;
+use std::{
+    collections::HashSet,
+    path::PathBuf,
+    time::{Duration, Instant},
+};
+
+/// Compares occlusion with frustum culling alone.
+#[derive(Debug, Parser)]
+struct Args {
+    /// The city.
+    #[arg(long)]
+    city: PathBuf,
+    /// A camera file; the street of the synthetic cities unless given.
+    #[arg(long)]
+    camera: Option<PathBuf>,
+    /// Directions that are looked at, evenly all around.
+    #[arg(long, default_value_t = 4)]
+    directions: u32,
+    /// Picture width.
+    #[arg(long, default_value_t = 1280)]
+    width: u32,
+    /// Picture height.
+    #[arg(long, default_value_t = 720)]
+    height: u32,
+    /// Tolerated error in pixels.
+    #[arg(long, default_value_t = 1.0)]
+    tau: f64,
+    /// Simulated network of the client that looks: megabits a second.
+    #[arg(long)]
+    bandwidth: Option<f64>,
+    /// Milliseconds before each answer.
+    #[arg(long, requires = "bandwidth")]
+    rtt: Option<u64>,
+    /// Write all figures as JSON.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Write the pictures into this folder.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+const TIMEOUT: Duration = Duration::from_secs(60);
+const CACHE_MIB: u32 = 2048;
+
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+struct Cost {
+    drawn: usize,
+    fetched: usize,
+    unhit_share: f64,
+    /// Of what is drawn alone.
+    drawn_unhit_share: f64,
+    bytes: u64,
+    requests: u64,
+    secs: f64,
+    /// Bytes of the tiles that rays hit, of those above them, and of the others.
+    seen_bytes: u64,
+    above_bytes: u64,
+    occluded_bytes: u64,
+}
+
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+struct Turn {
+    degrees: f64,
+    /// With all at hand: what the decision alone costs.
+    wrong_share: f64,
+    holes_share: f64,
+    /// With only what the view before had fetched.
+    cold_wrong_share: f64,
+    cold_holes_share: f64,
+    /// With what the view before had fetched and, while it rested, what lies beside it.
+    rested_wrong_share: f64,
+    rested_holes_share: f64,
+    rested_bytes: u64,
+    rested_secs: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Row {
+    direction: u32,
+    frustum: Cost,
+    occlusion: Cost,
+    bytes_share: f64,
+    wrong_share: f64,
+    holes_share: f64,
+    turns: Vec<Turn>,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let camera = match &args.camera {
+        Some(path) => insula_client::camera_files::read_camera(path)?,
+        None => {
+            let view = Stand::Street.camera();
+            Camera::look(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
+                .context("looks nowhere")?
+        }
+    };
+    let mut rows = Vec::new();
+    for direction in 0..args.directions {
+        let degrees = 360.0 * f64::from(direction) / f64::from(args.directions);
+        let row = look(&args, &camera.turned(degrees), direction)?;
+        let Row { frustum: f, occlusion: o, .. } = &row;
+        println!(
+            "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), of those drawn {:.1} % ({:.1} %), \
+             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, city in one picture only {:.4} %",
+            o.drawn,
+            f.drawn,
+            o.fetched,
+            f.fetched,
+            o.unhit_share * 100.0,
+            f.unhit_share * 100.0,
+            o.drawn_unhit_share * 100.0,
+            f.drawn_unhit_share * 100.0,
+            o.bytes >> 10,
+            f.bytes >> 10,
+            row.bytes_share * 100.0,
+            o.requests,
+            f.requests,
+            o.secs,
+            row.wrong_share * 100.0,
+            row.holes_share * 100.0,
+        );
+        println!(
+            "      of the tiles: {} KiB are seen, {} lie above those, {} are occluded = {:.1} % of what is seen (frustum alone: {}, {}, {})",
+            o.seen_bytes >> 10,
+            o.above_bytes >> 10,
+            o.occluded_bytes >> 10,
+            o.occluded_bytes as f64 / o.seen_bytes.max(1) as f64 * 100.0,
+            f.seen_bytes >> 10,
+            f.above_bytes >> 10,
+            f.occluded_bytes >> 10,
+        );
+        for t in &row.turns {
+            println!(
+                "      turned by {:4}: wrong {:.4} %, city in one only {:.4} %; with nothing new fetched: {:.3} %, {:.4} %; after a rest ({} KiB, {:.1} s): {:.3} %, {:.4} %",
+                t.degrees,
+                t.wrong_share * 100.0,
+                t.holes_share * 100.0,
+                t.cold_wrong_share * 100.0,
+                t.cold_holes_share * 100.0,
+                t.rested_bytes >> 10,
+                t.rested_secs,
+                t.rested_wrong_share * 100.0,
+                t.rested_holes_share * 100.0
+            );
+        }
+        rows.push(row);
+    }
+    let most = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max) * 100.0;
+    let turn = |i: usize| most(&|row: &Row| row.turns[i].wrong_share);
+    println!(
+        "worst: hit by no ray {:.1} %, bytes {:.1} %, wrong after 3 degrees {:.4} %, after 30 {:.4} %, city in one only {:.4} %",
+        most(&|row| row.occlusion.unhit_share),
+        most(&|row| row.bytes_share),
+        turn(0),
+        turn(1),
+        most(&|row| row.turns.iter().map(|t| t.holes_share).fold(row.holes_share, f64::max)),
+    );
+    if let Some(path) = &args.report {
+        std::fs::write(path, serde_json::to_vec_pretty(&rows)?)?;
+    }
+    Ok(())
+}
+
+fn shot(args: &Args, camera: &Camera) -> FrameRequest {
+    FrameRequest { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
+}
+
+/// Draws without telling the session what was hit.
+fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
+    let data = session.frame_data(shot, &RenderSettings::default());
+    let cut = session.selection().cut.clone();
+    Ok((session.adapter_mut().draw(&data)?, cut))
+}
+
+fn cost(session: &Session, pixels: &Pixels, cut: &[DrawTile], secs: f64) -> Cost {
+    let tree = session.tree();
+    let key = |item: &DrawTile| match item.mesh {
+        Some(lod) => TileKey::mesh(tree.node(item.square).id, lod),
+        None => TileKey::block_map(tree.node(item.from).id),
+    };
+    let hits: HashSet<u32> = pixels.hit.iter().copied().collect();
+    let hit: Vec<&DrawTile> = (0..).zip(cut).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
+    let seen: HashSet<TileKey> = hit.iter().map(|item| key(item)).collect();
+    let ids = hit.iter().map(|item| tree.node(item.square).id);
+    let above: HashSet<TileId> =
+        ids.flat_map(|id| (0..id.level()).filter_map(move |level| id.ancestor(level))).collect();
+    let drawn: HashSet<TileKey> = cut.iter().map(key).collect();
+    let mut fetched = Vec::new();
+    for node in tree.nodes() {
+        fetched.extend(node.tile.is_resident().then_some((TileKey::block_map(node.id), node.bytes)));
+        let meshes = (0..).zip(&node.lods).filter(|(_, mesh)| mesh.tile.is_resident());
+        fetched.extend(meshes.map(|(lod, mesh)| (TileKey::mesh(node.id, lod), mesh.bytes)));
+    }
+    let bytes = |is: &dyn Fn(&TileKey) -> bool| {
+        fetched.iter().filter(|(key, _)| is(key)).map(|(_, bytes)| u64::from(*bytes)).sum::<u64>()
+    };
+    let is_above = |key: &TileKey| !seen.contains(key) && *key == TileKey::block_map(key.id) && above.contains(&key.id);
+    let share = |unhit: usize, all: usize| unhit as f64 / all.max(1) as f64;
+    let report = session.report(1.0);
+    Cost {
+        drawn: drawn.len(),
+        fetched: fetched.len(),
+        unhit_share: share(fetched.iter().filter(|(key, _)| !seen.contains(key)).count(), fetched.len()),
+        drawn_unhit_share: share(drawn.difference(&seen).count(), drawn.len()),
+        bytes: report.bytes_fetched,
+        requests: report.requests,
+        secs,
+        seen_bytes: bytes(&|key| seen.contains(key)),
+        above_bytes: bytes(&is_above),
+        occluded_bytes: bytes(&|key| !seen.contains(key) && !is_above(key)),
+    }
+}
+
+fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
+    let (ahead, city) = (shot(args, camera), &args.city);
+    let mut all = open(city, CACHE_MIB)?;
+    let begin = Instant::now();
+    fetch_all(&mut all, &ahead, TIMEOUT)?;
+    let secs = begin.elapsed().as_secs_f64();
+    let (truth, cut) = picture(&mut all, &ahead)?;
+    let frustum = cost(&all, &truth, &cut, secs);
+
+    let link = |mbit| Link::new(Some(mbit), Duration::from_millis(args.rtt.unwrap_or(0)), 0.0);
+    let mut few = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
+    let begin = Instant::now();
+    settle(&mut few, &ahead, TIMEOUT)?;
+    let secs = begin.elapsed().as_secs_f64();
+    let (seen, cut) = picture(&mut few, &ahead)?;
+    let occlusion = cost(&few, &seen, &cut, secs);
+    let apart = pictures_apart(&seen, &truth);
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out)?;
+        insula_client::picture::write_png(&out.join(format!("{direction}-frustum.png")), &truth)?;
+        insula_client::picture::write_png(&out.join(format!("{direction}-occlusion.png")), &seen)?;
+    }
+
+    let mut turns = Vec::new();
+    for degrees in [3.0, 30.0] {
+        let beside = shot(args, &camera.turned(degrees));
+        let mut reference = open(city, CACHE_MIB)?;
+        fetch_all(&mut reference, &beside, TIMEOUT)?;
+        fetch_all(&mut reference, &ahead, TIMEOUT)?;
+        fetch_all(&mut reference, &beside, TIMEOUT)?;
+        let (truth, _) = picture(&mut reference, &beside)?;
+        // The same client begins to look, ahead, until that rests; then it turns.
+        settle(&mut reference, &ahead, TIMEOUT)?;
+        reference.update(&beside);
+        let warm = pictures_apart(&picture(&mut reference, &beside)?.0, &truth);
+        let mut cold = open(city, CACHE_MIB)?;
+        settle(&mut cold, &ahead, TIMEOUT)?;
+        cold.update(&beside);
+        let cold_px = picture(&mut cold, &beside)?.0;
+        if let Some(out) = &args.out {
+            insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-cold.png")), &cold_px)?;
+            insula_client::picture::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
+        }
+        let cold = pictures_apart(&cold_px, &truth);
+        let mut rested = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
+        settle(&mut rested, &ahead, TIMEOUT)?;
+        let begin = Instant::now();
+        while rested.prefetch(&ahead)? != PrefetchStep::Done {
+            rested.wait(Duration::from_millis(5));
+            settle(&mut rested, &ahead, TIMEOUT)?;
+        }
+        let rested_secs = begin.elapsed().as_secs_f64();
+        rested.update(&beside);
+        let rested_bytes = rested.report(1.0).bytes_fetched;
+        let rested = pictures_apart(&picture(&mut rested, &beside)?.0, &truth);
+        turns.push(Turn {
+            degrees,
+            wrong_share: warm.wrong_share,
+            holes_share: warm.holes_share,
+            cold_wrong_share: cold.wrong_share,
+            cold_holes_share: cold.holes_share,
+            rested_wrong_share: rested.wrong_share,
+            rested_holes_share: rested.holes_share,
+            rested_bytes,
+            rested_secs,
+        });
+    }
+    Ok(Row {
+        direction,
+        frustum,
+        occlusion,
+        bytes_share: occlusion.bytes as f64 / frustum.bytes.max(1) as f64,
+        wrong_share: apart.wrong_share,
+        holes_share: apart.holes_share,
+        turns,
+    })
+}

@@ -1,0 +1,214 @@
+//! Bytes of a view in the street beside those of the source's own files.
+//!
+//! `cargo run --release -p insula-tests --bin street -- CITY_INPUTS... --city CITY`: of each camera that the bench of fidelity
+//! has in the street, what a client that begins with nothing fetches until its picture cannot get better (manifest, subtrees,
+//! columns of all levels, meshes), against what of the source's files belongs to the leaves that the picture shows: those
+//! that a ray hits once all in the frustum is here, and of a coarser node those below it. Which bytes belong to a leaf:
+//! `insula_tests::source_bytes`. Beside it, plainly: all of the source's bytes times the share of its leaves; and those of the
+//! source's whole files that have any of it.
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use glam::DVec3;
+use insula_client::{commands::snapshot::settle, picture::write_png, report::pictures_apart, session::Session};
+use insula_protocol::{TileId, TileKind, mesh_tile};
+use insula_server::store::CityStore;
+use insula_shaders::cpu::raycast::Pixels;
+use insula_tests::{
+    cameras::{self, Stand},
+    fidelity,
+    programs::Served,
+    source_bytes::Source,
+    truth::Truth,
+    view,
+    viewer::{fetch_all, open},
+};
+use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest};
+use std::{
+    collections::{BTreeSet, HashMap},
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+/// Compares what views in the street fetch with the source's files.
+#[derive(Debug, Parser)]
+struct Args {
+    /// City files.
+    #[arg(required = true)]
+    inputs: Vec<PathBuf>,
+    /// The same, baked.
+    #[arg(long)]
+    city: PathBuf,
+    /// The pictures' width and height.
+    #[arg(long, num_args = 2, default_values_t = [1280, 720])]
+    size: Vec<u32>,
+    /// Tolerated error in pixels.
+    #[arg(long, default_value_t = 1.0)]
+    tau: f64,
+    /// Write the pictures, and those of all that is in the frustum, into this folder.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Says how many columns of each level were fetched, too.
+    #[arg(long)]
+    levels: bool,
+}
+
+const TIMEOUT: Duration = Duration::from_secs(300);
+const CACHE_MIB: u32 = 2048;
+
+/// Bytes that a view fetched.
+#[derive(Debug, Clone, Copy, Default)]
+struct Fetched {
+    all: u64,
+    columns: u64,
+    /// Those of them that are no leaves'.
+    coarser: u64,
+    meshes: u64,
+    /// Leaves that the picture shows, and leaves drawn as meshes.
+    leaves: usize,
+    drawn_meshes: u32,
+    /// Pixels that differ from those of a client that fetched all in the frustum.
+    wrong_share: f64,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let truth = Truth::new(fidelity::read(&args.inputs)?);
+    let store = CityStore::open(&args.city)?;
+    let served = Served::start(&args.city, "127.0.0.1:0")?;
+    let depth = store.manifest().depth;
+    let leaves: BTreeSet<TileId> =
+        store.blockmaps().lengths().map(|(id, _)| id).filter(|id| id.level() == depth).collect();
+    let source = Source::read(&args.inputs, &truth.scene, store.manifest())?;
+    let all = source.of(&leaves);
+    println!(
+        "source: {} kB; of its {} leaves {:.0} kB of text, {:.0} kB of pictures' area",
+        source.whole_bytes / 1000,
+        leaves.len(),
+        all.text / 1e3,
+        all.pictures / 1e3
+    );
+    println!(
+        "| camera | fetched kB | columns | no leaves' | meshes | rest | leaves | as meshes | text kB | pictures kB | times | by used area | by leaves | by files | wrong % |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for (number, station) in cameras::of(&truth).into_iter().enumerate().filter(|s| s.1.stand == Stand::Street) {
+        let (fetched, shown, levels) = look(&args, (number, &station.camera), (&store, &served.address), &leaves)?;
+        let of = source.of(&shown);
+        let kb = |bytes: u64| bytes as f64 / 1e3;
+        let times = |bytes: f64| bytes / fetched.all as f64;
+        println!(
+            "| {number} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {} | {} | {:.0} | {:.0} | {:.2} | {:.2} | {:.2} | {:.1} | {:.4} |",
+            kb(fetched.all),
+            kb(fetched.columns),
+            kb(fetched.coarser),
+            kb(fetched.meshes),
+            kb(fetched.all - fetched.columns - fetched.meshes),
+            fetched.leaves,
+            fetched.drawn_meshes,
+            of.text / 1e3,
+            of.pictures / 1e3,
+            times(of.text + of.pictures),
+            times(of.text + of.pictures_used),
+            times(source.whole_bytes as f64 * shown.len() as f64 / leaves.len().max(1) as f64),
+            times(of.files),
+            fetched.wrong_share * 100.0,
+        );
+        for (level, [all, hit, drawn]) in levels.iter().enumerate().filter(|_| args.levels) {
+            println!("  level {level}: {all}; hit, or above what is hit: {hit}; drawn: {drawn}");
+        }
+    }
+    Ok(())
+}
+
+/// Some columns.
+#[derive(Debug, Clone, Copy, Default)]
+struct Pile {
+    tiles: usize,
+    bytes: u64,
+}
+
+impl std::fmt::Display for Pile {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} of {:.1} kB", self.tiles, self.bytes as f64 / 1e3)
+    }
+}
+
+/// Of each level the columns that were fetched, those of them that are hit or above what is, and those that are drawn.
+type Levels = Vec<[Pile; 3]>;
+
+/// A cold client's view, and the leaves that it shows.
+fn look(
+    args: &Args,
+    (number, camera): (usize, &view::Camera),
+    (store, address): (&CityStore, &str),
+    leaves: &BTreeSet<TileId>,
+) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
+    let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
+    let camera = Camera::look(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
+    let shot = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
+    let server = format!("http://{address}");
+    let mut all = open(Path::new(&server), CACHE_MIB)?;
+    fetch_all(&mut all, &shot, TIMEOUT)?;
+    let (truth, hit) = picture(&mut all, &shot)?;
+    let mut session = open(Path::new(&server), CACHE_MIB)?;
+    settle(&mut session, &shot, TIMEOUT)?;
+    let (seen, _) = picture(&mut session, &shot)?;
+    let apart = pictures_apart(&seen, &truth);
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out)?;
+        write_png(&out.join(format!("{number}.png")), &seen)?;
+        write_png(&out.join(format!("{number}-all.png")), &truth)?;
+    }
+    let depth = store.manifest().depth;
+    let shown: BTreeSet<TileId> = leaves
+        .iter()
+        .copied()
+        .filter(|leaf| (0..=depth).any(|level| leaf.ancestor(level).is_some_and(|id| hit.contains(&id))))
+        .collect();
+    let lengths = |layer: TileKind| -> HashMap<TileId, u32> {
+        store.archive(layer).map(|archive| archive.lengths().collect()).unwrap_or_default()
+    };
+    let (columns, meshes) = (lengths(TileKind::BlockMap), lengths(TileKind::Mesh));
+    let report = session.report(args.tau);
+    let mut fetched = Fetched {
+        all: report.bytes_fetched,
+        leaves: shown.len(),
+        drawn_meshes: report.meshes_drawn,
+        wrong_share: apart.wrong_share,
+        ..Fetched::default()
+    };
+    let drawn: BTreeSet<TileId> =
+        session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
+    let mut levels = Levels::new();
+    levels.resize(usize::from(depth) + 1, Default::default());
+    for node in session.tree().nodes() {
+        let of = |lengths: &HashMap<TileId, u32>, id: Option<TileId>| {
+            u64::from(id.and_then(|id| lengths.get(&id)).copied().unwrap_or(0))
+        };
+        if node.tile.is_resident() {
+            let bytes = of(&columns, Some(node.id));
+            fetched.columns += bytes;
+            fetched.coarser += if node.id.level() < depth { bytes } else { 0 };
+            let of_hit = hit.iter().any(|id| id.ancestor(node.id.level()) == Some(node.id));
+            let piles = &mut levels[usize::from(node.id.level())];
+            for pile in piles.iter_mut().zip([true, of_hit, drawn.contains(&node.id)]).filter(|of| of.1).map(|of| of.0)
+            {
+                (pile.tiles, pile.bytes) = (pile.tiles + 1, pile.bytes + bytes);
+            }
+        }
+        for (lod, _) in (0..).zip(&node.lods).filter(|(_, lod)| lod.tile.is_resident()) {
+            fetched.meshes += of(&meshes, mesh_tile::archive_id(node.id, lod));
+        }
+    }
+    Ok((fetched, shown, levels))
+}
+
+/// The picture, and nodes that a ray hits.
+fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, BTreeSet<TileId>)> {
+    let data = session.frame_data(shot, &RenderSettings::default());
+    let squares: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.square).id).collect();
+    let pixels = session.adapter_mut().draw(&data)?;
+    let hit = pixels.hit.iter().filter_map(|at| squares.get(*at as usize).copied()).collect();
+    Ok((pixels, hit))
+}

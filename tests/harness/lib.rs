@@ -1,0 +1,31 @@
+//! Shared by the integration tests and the measuring programs: random cities, cameras, a GPU, ray-traced ground truth,
+//! comparisons.
+
+pub mod baked;
+mod baked_meshes;
+pub mod bucket;
+pub mod cameras;
+pub mod cold;
+pub mod compare;
+pub mod cut;
+pub mod fidelity;
+pub mod fixtures;
+pub mod gpu;
+pub mod host;
+pub mod leaves;
+pub mod naive;
+pub mod pfm;
+pub mod programs;
+pub mod proxy;
+pub mod random;
+pub mod random_mesh;
+pub mod rng;
+pub mod source_bytes;
+pub mod source_code;
+pub mod synth;
+pub mod trials;
+pub mod truth;
+pub mod twin;
+pub mod view;
+pub mod viewer;
+pub mod zoo;

@@ -1,0 +1,311 @@
+//! What a V-BlockMap looks like, said in the plainest way: every solid of every column is tested against every ray, in f64,
+//! and what they show is gathered front to back. No tree, no summaries, no pages, no stepping.
+
+use crate::{cut::Place, view::Camera};
+use glam::{DVec2, DVec3};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel,
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MapColumn, STEPS_PER_CELL, flag, strip_rows},
+};
+use insula_shaders::pack::slope_codes;
+
+/// Light that is left when a ray stops.
+const OPAQUE: f64 = 0.02;
+
+/// What a ray sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Metres to where half of the light is gone; infinity if it never is.
+    pub distance_m: f64,
+    /// Colours in linear light, weighted by what they cover.
+    pub rgb: DVec3,
+    /// Light that passed all.
+    pub left: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Solid {
+    low: DVec2,
+    cell_m: f64,
+    bottom_m: f64,
+    top_m: f64,
+    slope: DVec2,
+    roof: Option<Texel>,
+    wall: Wall,
+    /// Of a column without a strip: walls of the columns to the west, east, south and north, which cover its sides.
+    beside: [Option<Facade>; 4],
+    within: Within,
+}
+
+/// A wall as a column sees it that stands behind it.
+#[derive(Debug, Clone)]
+struct Facade {
+    texels: Vec<Texel>,
+    base_m: f64,
+    bottom_m: f64,
+    top_m: f64,
+}
+
+/// A vertical plane: its normal, and metres from the cell's centre.
+type Plane = (DVec2, f64);
+
+/// Which part of its cell a solid fills.
+#[derive(Debug, Clone)]
+enum Within {
+    /// The inner side of every plane.
+    All(Vec<Plane>),
+    /// All but the inner side of every plane.
+    NotAll(Vec<Plane>),
+}
+
+#[derive(Debug, Clone)]
+enum Wall {
+    /// One colour all over.
+    Plain(Texel),
+    /// Opaque or transparent texels; row `first` begins at `base_m`, each is a cell high; only rows in `rows` belong here.
+    Strip { texels: Vec<Texel>, base_m: f64, holes: bool },
+}
+
+/// All solids of a city, in metres above the place's origin.
+#[derive(Debug, Clone)]
+pub struct Naive {
+    place: Place,
+    solids: Vec<Solid>,
+}
+
+impl Naive {
+    /// Takes the maps apart.
+    pub fn new(place: Place, maps: &[BlockMap]) -> Self {
+        let mut solids = Vec::new();
+        for map in maps {
+            take_apart(place, map, &mut solids);
+        }
+        Self { place, solids }
+    }
+
+    /// Looks from `camera` along the unit vector `dir`.
+    pub fn look(&self, camera: &Camera, dir: DVec3) -> Seen {
+        let o = DVec3::from(camera.position) - DVec3::from(self.place.origin);
+        let mut events = Vec::new();
+        for solid in &self.solids {
+            solid.meet(o, dir, &mut events);
+        }
+        events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut seen = Seen { distance_m: f64::INFINITY, rgb: DVec3::ZERO, left: 1.0 };
+        for (t, texel, alpha) in events {
+            seen.rgb += linear(texel) * alpha * seen.left;
+            let before = seen.left;
+            seen.left *= 1.0 - alpha;
+            if before > 0.5 && seen.left <= 0.5 {
+                seen.distance_m = t;
+            }
+            if seen.left <= OPAQUE {
+                break;
+            }
+        }
+        seen
+    }
+}
+
+fn linear(texel: Texel) -> DVec3 {
+    let [r, g, b] = texel.rgb().map(|c| {
+        let v = f64::from(c) / 255.0;
+        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    });
+    DVec3::new(r, g, b)
+}
+
+fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
+    let side_m = place.root_side_m / f64::from(1u32 << map.id.level());
+    let corner = DVec2::new(f64::from(map.id.x()), f64::from(map.id.y())) * side_m;
+    let cell_m = side_m / NODE_CELLS as f64;
+    let step_m = cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u32 << map.z_shift);
+    let z_m = |code: f64| map.z_base_m() + code * step_m;
+    let columns = map.columns();
+    for i in 0..COLUMNS {
+        let Some(column) = &columns[i] else { continue };
+        let low = corner + DVec2::new((i % NODE_CELLS) as f64, (i / NODE_CELLS) as f64) * cell_m;
+        let mut slope = DVec2::ZERO;
+        if column.inclined {
+            let [x, y] = slope_codes(column.roof_normal, u32::from(map.z_shift));
+            slope = DVec2::new(f64::from(x), f64::from(y)) * step_m / cell_m;
+        }
+        let holes = map.flags[i] & flag::HOLES != 0;
+        let first_row = strip_rows(column.z_min, column.z_max, map.z_shift).0;
+        let codes = STEPS_PER_CELL >> map.z_shift;
+        let ranges = match column.gap {
+            None => vec![[column.z_min, column.z_max]],
+            Some([a, b]) => vec![[column.z_min, a], [b, column.z_max]],
+        };
+        let clip = column.clip.as_ref();
+        let (planes, concave) = clip.map_or((Vec::new(), false), |clip| planes(column, clip, cell_m));
+        let within = |outer: bool| match (concave != outer, outer) {
+            _ if planes.is_empty() => Within::All(Vec::new()),
+            // Beyond a concave corner is beyond both of its planes.
+            (false, true) => Within::All(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
+            (false, false) => Within::All(planes.clone()),
+            (true, true) => Within::NotAll(planes.clone()),
+            (true, false) => Within::NotAll(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
+        };
+        if let Some(outer) = clip.and_then(|clip| clip.outer) {
+            let (bottom_m, top_m) = (z_m(f64::from(column.z_min)), z_m(f64::from(outer.z)));
+            let (slope, roof, wall) = (DVec2::ZERO, Some(outer.roof), Wall::Plain(outer.roof));
+            let (beside, within) = (Default::default(), within(true));
+            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, beside, within });
+        }
+        let facade = |dx: i32, dy: i32| {
+            let (x, y) = ((i % NODE_CELLS) as i32 + dx, (i / NODE_CELLS) as i32 + dy);
+            let inside = (0..NODE_CELLS as i32).contains(&x) && (0..NODE_CELLS as i32).contains(&y);
+            let other = inside.then(|| columns[y as usize * NODE_CELLS + x as usize].as_ref()).flatten()?;
+            let base_m = z_m(f64::from(other.z_min / codes * codes));
+            let (bottom_m, top_m) = (z_m(f64::from(other.z_min)), z_m(f64::from(other.z_max)));
+            Some(Facade { texels: other.strip.as_ref()?.texels.clone(), base_m, bottom_m, top_m })
+        };
+        let facades = || [facade(-1, 0), facade(1, 0), facade(0, -1), facade(0, 1)];
+        for [bottom, top] in ranges {
+            let is_top = top == column.z_max;
+            let wall = match &column.strip {
+                None => Wall::Plain(column.roof),
+                Some(strip) => {
+                    let (from, rows) = strip_rows(bottom, top, map.z_shift);
+                    let at = usize::from(from - first_row);
+                    let texels = strip.texels[at..at + usize::from(rows)].to_vec();
+                    Wall::Strip { texels, base_m: z_m(f64::from(from * codes)), holes }
+                }
+            };
+            solids.push(Solid {
+                low,
+                cell_m,
+                bottom_m: z_m(f64::from(bottom)),
+                top_m: z_m(f64::from(top)),
+                slope: if is_top { slope } else { DVec2::ZERO },
+                roof: is_top.then_some(column.roof),
+                wall,
+                beside: if column.strip.is_none() { facades() } else { Default::default() },
+                within: within(false),
+            });
+        }
+    }
+}
+
+/// The planes of a clipped column, and whether it fills the inner side of either.
+fn planes(column: &MapColumn, clip: &ColumnClip, cell_m: f64) -> (Vec<Plane>, bool) {
+    let plane = |azimuth: u8, offset: i8| {
+        let normal = DVec2::from_angle(f64::from(azimuth) / 256.0 * std::f64::consts::TAU);
+        (normal, f64::from(offset) / f64::from(CLIP_STEPS_PER_CELL) * cell_m)
+    };
+    let azimuth = column.strip.as_ref().map_or(0, |strip| strip.azimuth);
+    let mut planes = vec![plane(azimuth, clip.offset)];
+    planes.extend(clip.corner.map(|c| plane(c.azimuth, c.offset)));
+    (planes, clip.corner.is_some_and(|c| c.concave))
+}
+
+impl Solid {
+    /// Adds what the ray meets here: distance, texel, and the share of light that it takes.
+    fn meet(&self, o: DVec3, d: DVec3, events: &mut Vec<(f64, Texel, f64)>) {
+        let (mut s, mut e) = (0.0, f64::INFINITY);
+        for axis in 0..2 {
+            clip(&mut s, &mut e, o[axis] - self.low[axis], d[axis]);
+            clip(&mut s, &mut e, self.low[axis] + self.cell_m - o[axis], -d[axis]);
+        }
+        let (mut from, mut to) = (s, e);
+        let centre = self.low + self.cell_m / 2.0;
+        let (Within::All(planes) | Within::NotAll(planes)) = &self.within;
+        for (normal, offset) in planes {
+            clip(&mut from, &mut to, offset - normal.dot(o.truncate() - centre), -normal.dot(d.truncate()));
+        }
+        match &self.within {
+            Within::All(_) => self.meet_part(o, d, [from, to], events),
+            Within::NotAll(_) if from < to => {
+                self.meet_part(o, d, [s, from], events);
+                self.meet_part(o, d, [to, e], events);
+            }
+            Within::NotAll(_) => self.meet_part(o, d, [s, e], events),
+        }
+    }
+
+    fn meet_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel, f64)>) {
+        let aside = s;
+        clip(&mut s, &mut e, o.z - self.bottom_m, d.z);
+        if s >= e {
+            return;
+        }
+        let from_top = self.top_at(o) - o.z;
+        let before = s;
+        clip(&mut s, &mut e, from_top, self.slope.dot(d.truncate()) - d.z);
+        if s >= e {
+            return;
+        }
+        let through_top = s > before;
+        // Who stands inside a solid looks out of it.
+        if s <= 0.0 {
+            return;
+        }
+        match (&self.wall, self.roof) {
+            (_, Some(roof)) if through_top => events.push((s, roof, 1.0)),
+            (Wall::Plain(texel), _) => {
+                let beside = if s == aside { self.facade(o, d, s) } else { None };
+                events.push((s, beside.unwrap_or(*texel), 1.0));
+            }
+            (Wall::Strip { texels, base_m, holes }, _) => {
+                self.meet_rows(o, d, [s, e], (texels, *base_m, *holes), events)
+            }
+        }
+    }
+
+    /// What covers the side through which the ray comes in.
+    fn facade(&self, o: DVec3, d: DVec3, s: f64) -> Option<Texel> {
+        let near = |axis: usize| {
+            let face = self.low[axis] + if d[axis] > 0.0 { 0.0 } else { self.cell_m };
+            (face - o[axis]) / d[axis]
+        };
+        let axis = if near(0) >= near(1) { 0 } else { 1 };
+        let facade = self.beside[axis * 2 + usize::from(d[axis] <= 0.0)].as_ref()?;
+        let z = o.z + d.z * s;
+        let row = ((z - facade.base_m) / self.cell_m).floor() as usize;
+        let covers = (facade.bottom_m..facade.top_m).contains(&z);
+        facade.texels.get(row).copied().filter(|texel| covers && texel.alpha() > 0)
+    }
+
+    fn meet_rows(
+        &self,
+        o: DVec3,
+        d: DVec3,
+        [s, e]: [f64; 2],
+        (texels, base_m, holes): (&[Texel], f64, bool),
+        events: &mut Vec<(f64, Texel, f64)>,
+    ) {
+        if !holes {
+            let row = ((o.z + d.z * s - base_m) / self.cell_m).floor().clamp(0.0, texels.len() as f64 - 1.0);
+            events.push((s, texels[row as usize], 1.0));
+            return;
+        }
+        for (row, texel) in texels.iter().enumerate() {
+            let (mut from, mut to) = (s, e);
+            if row > 0 {
+                clip(&mut from, &mut to, o.z - base_m - row as f64 * self.cell_m, d.z);
+            }
+            if row + 1 < texels.len() {
+                clip(&mut from, &mut to, base_m + (row + 1) as f64 * self.cell_m - o.z, -d.z);
+            }
+            if from < to && texel.alpha() > 0 {
+                events.push((from, *texel, f64::from(texel.alpha()) / 3.0));
+            }
+        }
+    }
+
+    fn top_at(&self, p: DVec3) -> f64 {
+        self.top_m + self.slope.dot(p.truncate() - self.low - self.cell_m / 2.0)
+    }
+}
+
+/// Keeps the part of `s..e` where `at + rate * t >= 0`.
+fn clip(s: &mut f64, e: &mut f64, at: f64, rate: f64) {
+    if rate > 0.0 {
+        *s = s.max(-at / rate);
+    } else if rate < 0.0 {
+        *e = e.min(at / -rate);
+    } else if at < 0.0 {
+        *e = f64::NEG_INFINITY;
+    }
+}

@@ -1,0 +1,250 @@
+//! Random cities: cuts of one to three levels with every kind of column, and cameras that look at them from everywhere.
+
+use crate::{
+    cut::{Cut, Place},
+    rng::Rng,
+    view::Camera,
+};
+use anyhow::{Context, Result};
+use glam::{DVec3, Vec3};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel, TileId,
+    blockmap::{
+        COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
+        strip_rows,
+    },
+    octahedral,
+};
+
+/// A random cut and the maps that it was made of.
+#[derive(Debug, Clone)]
+pub struct RandomCity {
+    /// Where it lies.
+    pub place: Place,
+    /// The nodes drawn.
+    pub maps: Vec<BlockMap>,
+    /// The same, ready to be drawn.
+    pub cut: Cut,
+}
+
+/// How the columns of a node stand.
+#[derive(Debug, Clone, Copy)]
+struct Style {
+    /// Share of cells with a column of their own.
+    density: f64,
+    /// Share of columns with a strip.
+    exposed: f64,
+    /// Share of sloped tops.
+    inclined: f64,
+    /// Side of squares of equal columns, in cells.
+    patch: usize,
+    /// Most codes a column is high.
+    height: u16,
+}
+
+/// A city of `seed`.
+pub fn city(seed: u64) -> Result<RandomCity> {
+    let mut rng = Rng::new(seed);
+    let depth = 1 + rng.below(3) as u8;
+    let cell_m = [0.5, 1.0, 2.0][rng.below(3)];
+    let root_side_m = cell_m * (NODE_CELLS << depth) as f64;
+    let origin = [rng.range(-1e5, 1e5).round(), rng.range(-1e5, 1e5).round(), rng.range(-50.0, 50.0).round()];
+    let place = Place { origin, root_side_m };
+    let mut maps = Vec::new();
+    grow(&mut rng, TileId::ROOT, depth, cell_m, &mut maps)?;
+    let mut cut = Cut::new(place);
+    maps.iter().for_each(|map| cut.add(map));
+    Ok(RandomCity { place, maps, cut })
+}
+
+/// The same city, each square of which passes from one map to another: of 64 rays, `share` see the other one. Every third of
+/// those is a part of a coarser map. With cuts of the one maps alone and of the other.
+pub fn fading(city: &RandomCity, seed: u64, share: u8) -> Result<[Cut; 3]> {
+    let mut rng = Rng::new(seed);
+    let [mut both, mut new, mut old] = [(); 3].map(|()| Cut::new(city.place));
+    for map in &city.maps {
+        let id = map.id.parent().filter(|_| rng.chance(0.3)).unwrap_or(map.id);
+        let times = f64::from(1u32 << (map.id.level() - id.level()));
+        let other = node(&mut rng, id, f64::from(map.cell_m) * times)?;
+        both.add(map);
+        both.add_behind(&other, share);
+        new.add(map);
+        old.add_in(map.id, &other);
+    }
+    Ok([both, new, old])
+}
+
+fn grow(rng: &mut Rng, id: TileId, depth: u8, leaf_cell_m: f64, maps: &mut Vec<BlockMap>) -> Result<()> {
+    if id.level() < depth && (id.level() == 0 || (rng.chance(0.35) && maps.len() < 12)) {
+        return id.children().try_for_each(|child| grow(rng, child, depth, leaf_cell_m, maps));
+    }
+    if !rng.chance(0.12) {
+        maps.push(node(rng, id, leaf_cell_m * f64::from(1u32 << (depth - id.level())))?);
+    }
+    Ok(())
+}
+
+/// A node with random columns of all kinds.
+fn node(rng: &mut Rng, id: TileId, cell_m: f64) -> Result<BlockMap> {
+    let z_shift = rng.below(usize::from(Z_SHIFT_MAX) + 1) as u8;
+    let codes = STEPS_PER_CELL >> z_shift;
+    let style = Style {
+        density: [0.05, 0.4, 0.9, 1.0][rng.below(4)],
+        exposed: rng.unit(),
+        inclined: rng.unit() * 0.7,
+        patch: [1, 1, 3, 9, 20][rng.below(5)],
+        height: (codes * [4, 20, 60][rng.below(3)]).min(Z_CODE_MAX),
+    };
+    let per_row = NODE_CELLS.div_ceil(style.patch);
+    let patches: Vec<_> = (0..per_row * per_row).map(|_| column(rng, &style, z_shift)).collect();
+    let columns: Vec<_> = (0..COLUMNS)
+        .map(|i| {
+            let (x, y) = (i % NODE_CELLS / style.patch, i / NODE_CELLS / style.patch);
+            let lone = rng.chance(0.01).then(|| column(rng, &style, z_shift));
+            lone.unwrap_or_else(|| patches[y * per_row + x].clone())
+        })
+        .collect();
+    let z_base_cells = rng.below(20) as i32 - 10;
+    BlockMap::from_columns(id, cell_m as f32, z_base_cells, z_shift, &columns).context("a random node")
+}
+
+fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<MapColumn> {
+    if !rng.chance(style.density) {
+        return None;
+    }
+    let z_max = rng.between(5, style.height.max(6));
+    let suspended = rng.chance(0.3);
+    let z_min = if suspended { rng.between(0, z_max - 1) } else { 0 };
+    let strip = rng.chance(style.exposed).then(|| strip(rng, strip_rows(z_min, z_max, z_shift).1));
+    let gap = (strip.is_some() && z_max - z_min > 4 && rng.chance(0.3)).then(|| {
+        let low = rng.between(z_min + 1, z_max - 2);
+        [low, rng.between(low + 1, z_max - 1)]
+    });
+    let clip = (strip.is_some() && rng.chance(0.4)).then(|| clip(rng, z_min, z_max));
+    let lean = if rng.chance(0.5) { 0.3 } else { 1.5 };
+    let n = Vec3::new(rng.range(-lean, lean) as f32, rng.range(-lean, lean) as f32, 1.0).normalize_or(Vec3::Z);
+    Some(MapColumn {
+        z_min,
+        z_max,
+        inclined: rng.chance(style.inclined),
+        suspended,
+        gap,
+        roof: texel(rng, 3),
+        roof_normal: octahedral::encode(n.into()),
+        strip,
+        clip,
+    })
+}
+
+fn clip(rng: &mut Rng, z_min: u16, z_max: u16) -> ColumnClip {
+    let corner = rng.chance(0.5).then(|| CornerWall {
+        azimuth: rng.below(256) as u8,
+        offset: (i32::from(rng.between(0, 180)) - 90) as i8,
+        concave: rng.chance(0.5),
+    });
+    let outer = (z_max - z_min > 1 && rng.chance(0.5))
+        .then(|| OuterTop { z: rng.between(z_min + 1, z_max - 1), roof: texel(rng, 3) });
+    ColumnClip { offset: (i32::from(rng.between(0, 180)) - 90) as i8, corner, outer }
+}
+
+fn strip(rng: &mut Rng, rows: u16) -> WallStrip {
+    let holes = rng.chance(0.3);
+    let texels = (0..rows).map(|_| {
+        let alpha = if holes { rng.below(4) as u8 } else { 3 };
+        texel(rng, alpha)
+    });
+    let texels = texels.collect();
+    WallStrip { texels, azimuth: rng.below(256) as u8 }
+}
+
+fn texel(rng: &mut Rng, alpha: u8) -> Texel {
+    let rgb = [0; 3].map(|_: u8| rng.below(256) as u8);
+    Texel::new(rgb, rng.below(64) as u8, alpha)
+}
+
+/// What a random camera does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pose {
+    /// From above at an angle.
+    Above,
+    /// In the middle of everything, perhaps inside a column.
+    Inside,
+    /// Low over the tops, looking almost level.
+    Grazing,
+    /// Straight down.
+    Down,
+    /// Straight up.
+    Up,
+    /// Exactly along an axis, from the edge of a cell.
+    AlongAxis,
+    /// Exactly along a diagonal, from the corner of a cell.
+    Diagonal,
+    /// From outside.
+    Outside,
+    /// Upwards from under everything.
+    Below,
+}
+
+impl Pose {
+    /// All.
+    pub const ALL: [Self; 9] = [
+        Self::Above,
+        Self::Inside,
+        Self::Grazing,
+        Self::Down,
+        Self::Up,
+        Self::AlongAxis,
+        Self::Diagonal,
+        Self::Outside,
+        Self::Below,
+    ];
+}
+
+/// A camera in `pose`, somewhere in the city.
+pub fn camera(rng: &mut Rng, city: &RandomCity, pose: Pose) -> Camera {
+    let side = city.place.root_side_m;
+    let tallest_m = city.maps.iter().map(top_m).fold(1.0, f64::max);
+    let somewhere = |rng: &mut Rng, low: f64, high: f64| {
+        DVec3::new(rng.range(0.0, side), rng.range(0.0, side), rng.range(low, high))
+    };
+    let on_grid = |v: DVec3| DVec3::new(v.x.round(), v.y.round(), v.z);
+    let (position, target) = match pose {
+        Pose::Above => {
+            let position = somewhere(rng, tallest_m + 1.0, tallest_m * 1.5 + side);
+            (position, somewhere(rng, 0.0, tallest_m))
+        }
+        Pose::Inside => (somewhere(rng, 0.0, tallest_m * 0.7), somewhere(rng, 0.0, tallest_m * 0.7)),
+        Pose::Grazing => {
+            let position = somewhere(rng, tallest_m * 0.3, tallest_m);
+            (position, somewhere(rng, position.z - 1.0, position.z + 1.0))
+        }
+        Pose::Down => straight(somewhere(rng, tallest_m, tallest_m + side), -DVec3::Z),
+        Pose::Up => straight(somewhere(rng, -side, 0.0), DVec3::Z),
+        Pose::AlongAxis => {
+            let axis = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y][rng.below(4)];
+            straight(on_grid(somewhere(rng, 0.0, tallest_m)), axis)
+        }
+        Pose::Diagonal => {
+            let signs = [-1.0, 1.0];
+            let (x, y) = (signs[rng.below(2)], signs[rng.below(2)]);
+            straight(on_grid(somewhere(rng, 0.0, tallest_m)), DVec3::new(x, y, 0.0))
+        }
+        Pose::Outside => {
+            let angle = rng.range(0.0, std::f64::consts::TAU);
+            let around = DVec3::new(angle.cos(), angle.sin(), 0.0) * side * 1.2;
+            (DVec3::new(side / 2.0, side / 2.0, rng.range(0.0, side)) + around, somewhere(rng, 0.0, tallest_m))
+        }
+        Pose::Below => (somewhere(rng, -side, -12.0), somewhere(rng, 0.0, tallest_m)),
+    };
+    let origin = DVec3::from(city.place.origin);
+    Camera { fov_y_deg: rng.range(25.0, 95.0), ..Camera::looking(origin + position, origin + target) }
+}
+
+fn straight(position: DVec3, direction: DVec3) -> (DVec3, DVec3) {
+    (position, position + direction * 10.0)
+}
+
+fn top_m(map: &BlockMap) -> f64 {
+    let code = map.z_max.iter().copied().max().unwrap_or(0);
+    map.z_base_m() + f64::from(code) * f64::from(map.z_step_m())
+}

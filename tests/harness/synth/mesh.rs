@@ -1,0 +1,295 @@
+//! The city's triangles on a graphics device: what a plain renderer would do with them.
+//!
+//! Squares of blocks are culled against the frustum and drawn front to back, one draw call each; a corner takes 8 bytes.
+
+use super::{
+    City,
+    triangles::{self, Corner},
+};
+use crate::view::{Camera, Picture};
+use anyhow::Result;
+use glam::{DVec2, DVec3, Vec3};
+use std::ops::Range;
+
+/// Blocks along a tile's side.
+const TILE_BLOCKS: i32 = 4;
+/// Steps of a corner's place in a metre.
+const STEPS_PER_M: f32 = 128.0;
+/// Bytes of a corner.
+const CORNER_BYTES: usize = 8;
+/// Corners of one buffer.
+const BUFFER_CORNERS: usize = 12 << 20;
+/// Nearest that is drawn.
+const NEAR_M: f32 = 0.3;
+
+const WGSL: &str = "
+struct View { clip_from_world: mat4x4<f32>, sun: vec4<f32> }
+struct Out { @builtin(position) p: vec4<f32>, @location(0) rgb: vec3<f32> }
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> origins: array<vec4<f32>>;
+@vertex
+fn corner(@location(0) word: vec2<u32>, @builtin(instance_index) tile: u32) -> Out {
+    let step = vec3<f32>(f32(word.x & 0xffffu), f32(word.x >> 16u), f32(word.y & 0xffffu)) / 128.0;
+    let code = word.y >> 16u;
+    let turn = f32((code >> 12u) & 7u) * 0.7853982;
+    let wall = vec3<f32>(cos(turn), sin(turn), 0.0);
+    let n = select(wall, vec3<f32>(0.0, 0.0, 1.0), (code & 0x8000u) != 0u);
+    let rgb = vec3<f32>(f32((code >> 8u) & 15u), f32((code >> 4u) & 15u), f32(code & 15u)) / 15.0;
+    let light = 0.4 + 0.6 * max(dot(n, view.sun.xyz), 0.0);
+    return Out(view.clip_from_world * vec4<f32>(origins[tile].xyz + step, 1.0), rgb * light);
+}
+@fragment
+fn colour(in: Out) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.rgb, 1.0);
+}
+";
+
+/// A square of blocks.
+#[derive(Debug)]
+struct Tile {
+    centre: DVec3,
+    half: DVec3,
+    buffer: usize,
+    corners: Range<u32>,
+    origin: Vec3,
+}
+
+/// All triangles of a city in device memory.
+#[derive(Debug)]
+pub struct Mesh {
+    tiles: Vec<Tile>,
+    buffers: Vec<wgpu::Buffer>,
+    pipeline: wgpu::RenderPipeline,
+    view: wgpu::Buffer,
+    bind_group: wgpu::BindGroup,
+    /// Triangles of the whole city.
+    pub triangles: u64,
+}
+
+/// Where a picture is drawn to.
+#[derive(Debug)]
+pub struct Target {
+    colour: wgpu::Texture,
+    depth: wgpu::TextureView,
+}
+
+impl Mesh {
+    /// Uploads the city.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, city: &City) -> Result<Self> {
+        let mut maker =
+            Maker { device, queue, tiles: Vec::new(), buffers: Vec::new(), pending: Vec::new(), corners: 0 };
+        let [low, high] = city.plan.bounds();
+        let (first, last) = (city.plan.blocks_in(low, low).next(), city.plan.blocks_in(high, high).last());
+        let ([i0, j0], [i1, j1]) = (first.unwrap_or_default(), last.unwrap_or_default());
+        for j in (j0..=j1).step_by(TILE_BLOCKS as usize) {
+            for i in (i0..=i1).step_by(TILE_BLOCKS as usize) {
+                maker.tile(city, [i, j]);
+            }
+        }
+        maker.flush();
+        let Maker { tiles, buffers, corners, .. } = maker;
+        let usage = wgpu::BufferUsages::COPY_DST;
+        let make = |size, usage| {
+            device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+        };
+        let view = make(80, usage | wgpu::BufferUsages::UNIFORM);
+        let origins: Vec<[f32; 4]> = tiles.iter().map(|tile| tile.origin.extend(0.0).into()).collect();
+        let bytes: &[u8] = bytemuck::cast_slice(&origins);
+        let origins = make(bytes.len().max(16) as u64, usage | wgpu::BufferUsages::STORAGE);
+        queue.write_buffer(&origins, 0, bytes);
+        let pipeline = pipeline(device);
+        let entry = |binding, buffer: &wgpu::Buffer| (binding, buffer.clone());
+        let entries = [entry(0, &view), entry(1, &origins)];
+        let entries: Vec<_> = entries
+            .iter()
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let layout = pipeline.get_bind_group_layout(0);
+        let bind_group =
+            device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
+        Ok(Self { tiles, buffers, pipeline, view, bind_group, triangles: corners / 3 })
+    }
+
+    /// Records a picture; returns how many triangles are in it.
+    pub fn draw(
+        &self,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &Target,
+        camera: &Camera,
+        picture: &Picture,
+    ) -> u64 {
+        let eye = DVec3::from(camera.position);
+        let axes = camera.axes(picture);
+        // Reversed depth without a far end.
+        let row = |axis: DVec3, w: f64| axis.extend(w - axis.dot(eye));
+        let (x, y) = (axes.right / axes.right.length_squared(), axes.up / axes.up.length_squared());
+        let near = glam::DVec4::new(0.0, 0.0, 0.0, f64::from(NEAR_M));
+        let rows = [row(x, 0.0), row(y, 0.0), near, row(axes.forward, 0.0)];
+        let sun = glam::Vec4::new(0.45, -0.55, 0.704, 0.0);
+        let column = |k: usize| rows.map(|row| row[k] as f32);
+        let mut words: Vec<f32> = (0..4).flat_map(column).collect();
+        words.extend(sun.to_array());
+        queue.write_buffer(&self.view, 0, bytemuck::cast_slice(&words));
+        let planes = crate::baked::planes(camera, picture);
+        let mut seen: Vec<(f64, usize)> = (0..self.tiles.len())
+            .filter(|i| insula_viewer::select::cull::in_view(&planes, self.tiles[*i].centre, self.tiles[*i].half))
+            .map(|i| ((self.tiles[i].centre - eye).length(), i))
+            .collect();
+        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let colour = target.colour.create_view(&wgpu::TextureViewDescriptor::default());
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("triangles"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &colour,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::WHITE), store: wgpu::StoreOp::Store },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &target.depth,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                stencil_ops: None,
+            }),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bind_group, &[]);
+        let (mut bound, mut triangles) = (usize::MAX, 0);
+        for (_, i) in seen {
+            let tile = &self.tiles[i];
+            if tile.buffer != bound {
+                bound = tile.buffer;
+                pass.set_vertex_buffer(0, self.buffers[bound].slice(..));
+            }
+            pass.draw(tile.corners.clone(), i as u32..i as u32 + 1);
+            triangles += tile.corners.len() as u64 / 3;
+        }
+        triangles
+    }
+}
+
+impl Target {
+    /// Of a picture's size.
+    pub fn new(device: &wgpu::Device, picture: &Picture) -> Self {
+        let texture = |format, usage| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: None,
+                size: wgpu::Extent3d { width: picture.width_px, height: picture.height_px, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            })
+        };
+        let depth = texture(wgpu::TextureFormat::Depth32Float, wgpu::TextureUsages::empty());
+        Self {
+            colour: texture(wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureUsages::COPY_SRC),
+            depth: depth.create_view(&wgpu::TextureViewDescriptor::default()),
+        }
+    }
+
+    /// The picture.
+    pub fn colour(&self) -> &wgpu::Texture {
+        &self.colour
+    }
+}
+
+struct Maker<'a> {
+    device: &'a wgpu::Device,
+    queue: &'a wgpu::Queue,
+    tiles: Vec<Tile>,
+    buffers: Vec<wgpu::Buffer>,
+    pending: Vec<[u32; 2]>,
+    corners: u64,
+}
+
+impl Maker<'_> {
+    fn tile(&mut self, city: &City, [i, j]: [i32; 2]) {
+        let mut corners = Vec::new();
+        let mut corner: Option<DVec2> = None;
+        for (i, j) in (0..TILE_BLOCKS * TILE_BLOCKS).map(|k| (i + k % TILE_BLOCKS, j + k / TILE_BLOCKS)) {
+            let Some(block) = city.plan.block([i, j]) else { continue };
+            let origin = *corner.get_or_insert(block.streets[0] - 10.0);
+            triangles::of_block(&block, origin.extend(-1.0), &mut corners);
+        }
+        let Some(origin) = corner else { return };
+        let (low, high) =
+            corners.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), c| (l.min(c.p), h.max(c.p)));
+        let origin = origin.extend(-1.0);
+        if self.pending.len() + corners.len() > BUFFER_CORNERS {
+            self.flush();
+        }
+        let first = self.pending.len() as u32;
+        self.pending.extend(corners.iter().map(words));
+        self.corners += corners.len() as u64;
+        self.tiles.push(Tile {
+            centre: origin + ((low + high) / 2.0).as_dvec3(),
+            half: ((high - low) / 2.0).as_dvec3(),
+            buffer: self.buffers.len(),
+            corners: first..self.pending.len() as u32,
+            origin: origin.as_vec3(),
+        });
+    }
+
+    fn flush(&mut self) {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("corners"),
+            size: (self.pending.len().max(1) * CORNER_BYTES) as u64,
+            usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&self.pending));
+        self.queue.submit([]);
+        self.buffers.push(buffer);
+        self.pending.clear();
+    }
+}
+
+/// 16 bits each: x, y, z, and colour (4 bits a channel) with the normal (up, or one of eight).
+fn words(corner: &Corner) -> [u32; 2] {
+    let p = (corner.p * STEPS_PER_M).round().clamp(Vec3::ZERO, Vec3::splat(65535.0)).as_uvec3();
+    let [r, g, b] = corner.rgb.map(|c| u32::from(c) >> 4);
+    let turn = corner.normal.y.atan2(corner.normal.x) / std::f32::consts::FRAC_PI_4;
+    let turn = (turn.round() as i32).rem_euclid(8) as u32;
+    let up = u32::from(corner.normal.z.abs() > 0.5);
+    [p.x | p.y << 16, p.z | (r << 8 | g << 4 | b | turn << 12 | up << 15) << 16]
+}
+
+fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
+    let source = wgpu::ShaderSource::Wgsl(WGSL.into());
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("triangles"), source });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("triangles"),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("corner"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: CORNER_BYTES as u64,
+                step_mode: wgpu::VertexStepMode::Vertex,
+                attributes: &wgpu::vertex_attr_array![0 => Uint32x2],
+            })],
+        },
+        primitive: wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Back), ..wgpu::PrimitiveState::default() },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: wgpu::TextureFormat::Depth32Float,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("colour"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(wgpu::TextureFormat::Rgba8Unorm.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}

@@ -1,0 +1,274 @@
+//! The source itself, ray-traced: what a perfect bake would look like.
+
+use crate::view::{Camera, Picture};
+use glam::{DVec3, Vec3, Vec3A};
+use insula_bake::scene::{Scene, SceneTexture};
+use insula_shaders::{
+    cpu::{
+        raycast::Pixels,
+        shade::{Air, background, encode_srgb, linear_of},
+    },
+    layout::NO_NODE,
+};
+use obvhs::{
+    BvhBuildParams,
+    aabb::Aabb,
+    bvh2::{Bvh2, builder::build_bvh2_from_tris},
+    ray::{Ray, RayHit},
+    triangle::Triangle,
+};
+use rayon::prelude::*;
+use std::time::Duration;
+
+/// Slack of barycentric coordinates, so that no ray slips between two triangles.
+const SLACK: f64 = 1e-6;
+
+/// A scene and its BVH.
+pub struct Truth {
+    /// The source's triangles.
+    pub scene: Scene,
+    bvh: Bvh2,
+}
+
+/// Where a ray met the source.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Along the ray.
+    pub distance_m: f64,
+    /// Index into the scene's triangles.
+    pub triangle: u32,
+}
+
+impl Truth {
+    /// Builds the BVH.
+    pub fn new(scene: Scene) -> Self {
+        let corner = |c: [f32; 3]| Vec3A::from_array(c);
+        let triangles: Vec<Triangle> = scene
+            .triangles
+            .iter()
+            .map(|t| Triangle { v0: corner(t.corners[0]), v1: corner(t.corners[1]), v2: corner(t.corners[2]) })
+            .collect();
+        let bvh = build_bvh2_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        Self { scene, bvh }
+    }
+
+    /// Bounds in scene coordinates.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        let corners = self.scene.triangles.iter().flat_map(|t| t.corners);
+        corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], c| {
+            let c = DVec3::from(c.map(f64::from));
+            [low.min(c), high.max(c)]
+        })
+    }
+
+    /// The nearest triangle from `o` (scene coordinates) along the unit vector `d`.
+    pub fn cast(&self, o: DVec3, d: DVec3) -> Option<Hit> {
+        let ray = Ray::new_inf(o.as_vec3a(), d.as_vec3a());
+        let mut hit = RayHit::none();
+        self.bvh.ray_traverse(ray, &mut hit, |_, at| {
+            self.meet(self.bvh.primitive_indices[at], o, d).map_or(f32::INFINITY, |(t, ..)| t as f32)
+        });
+        let triangle = *self.bvh.primitive_indices.get(hit.primitive_id as usize)?;
+        self.meet(triangle, o, d).map(|(distance_m, ..)| Hit { distance_m, triangle })
+    }
+
+    /// Distance and the weights of the second and third corner (Moller and Trumbore 1997), in f64.
+    fn meet(&self, triangle: u32, o: DVec3, d: DVec3) -> Option<(f64, f64, f64)> {
+        let [a, b, c] = self.corners(triangle);
+        let (e1, e2) = (b - a, c - a);
+        let p = d.cross(e2);
+        let det = e1.dot(p);
+        if det == 0.0 {
+            return None;
+        }
+        let s = (o - a) / det;
+        let u = s.dot(p);
+        let q = s.cross(e1);
+        let v = d.dot(q);
+        let t = e2.dot(q);
+        (u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK && t >= 0.0).then_some((t, u, v))
+    }
+
+    fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.scene.triangles[triangle as usize].corners.map(|c| DVec3::from(c.map(f64::from)))
+    }
+
+    /// The source's picture: albedo, distance, and the triangle as `hit`.
+    pub fn render(&self, camera: &Camera, picture: &Picture) -> Pixels {
+        let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
+        let axes = camera.axes(picture);
+        let pixels = picture.width_px * picture.height_px;
+        let seen: Vec<(u32, f32, u32)> = (0..pixels)
+            .into_par_iter()
+            .map(|i| {
+                let d = axes.ray(picture, i % picture.width_px, i / picture.width_px);
+                let Some(hit) = self.cast(o, d) else { return (SKY, f32::INFINITY, NO_NODE) };
+                (self.colour(&hit, o, d), hit.distance_m as f32, hit.triangle)
+            })
+            .collect();
+        let mut out = Pixels { width_px: picture.width_px, height_px: picture.height_px, ..Pixels::default() };
+        for (colour, distance, hit) in seen {
+            out.colour.push(colour);
+            out.distance.push(distance);
+            out.hit.push(hit);
+        }
+        out
+    }
+
+    /// The source's albedo with `side` x `side` rays a pixel, averaged in linear light and before the same sky as the
+    /// ray-caster does it; and for each pixel whether all rays met a textured surface.
+    pub fn albedo(&self, camera: &Camera, picture: &Picture, side: u32) -> (Vec<u32>, Vec<bool>) {
+        let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
+        let fine = Picture { width_px: picture.width_px * side, height_px: picture.height_px * side, ..*picture };
+        let axes = camera.axes(&fine);
+        let frame = camera.frame(&fine);
+        let pixel = |i: u32| {
+            let (x, y) = (i % picture.width_px * side, i / picture.width_px * side);
+            let (mut sum, mut textured) = (Vec3::ZERO, true);
+            for s in 0..side * side {
+                let d = axes.ray(&fine, x + s % side, y + s / side);
+                let hit = self.cast(o, d);
+                textured &= hit.is_some_and(|hit| self.is_textured(hit.triangle));
+                sum += match hit {
+                    Some(hit) => linear_of(self.colour(&hit, o, d)),
+                    None => background(&frame, d.as_vec3(), &Air::new(&frame, d.as_vec3())).sky,
+                };
+            }
+            (encode_srgb(sum / (side * side) as f32), textured)
+        };
+        (0..picture.width_px * picture.height_px).into_par_iter().map(pixel).unzip()
+    }
+
+    fn is_textured(&self, triangle: u32) -> bool {
+        let material = self.scene.triangles[triangle as usize].material;
+        self.scene.materials.get(material as usize).is_some_and(|material| material.texture.is_some())
+    }
+
+    /// 8-bit sRGB of the surface at a hit.
+    fn colour(&self, hit: &Hit, o: DVec3, d: DVec3) -> u32 {
+        let triangle = &self.scene.triangles[hit.triangle as usize];
+        let Some(material) = self.scene.materials.get(triangle.material as usize) else { return SKY };
+        let mut rgb = material.rgb;
+        if let (Some(texture), Some((_, u, v))) = (&material.texture, self.meet(hit.triangle, o, d)) {
+            let [a, b, c] = triangle.uv.map(|uv| uv.map(f64::from));
+            let at = [0, 1].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v);
+            let texel = nearest(texture, at);
+            rgb = std::array::from_fn(|k| product(rgb[k], texel[k]));
+        }
+        u32::from_le_bytes([rgb[0], rgb[1], rgb[2], 255])
+    }
+
+    /// Distance from `p` (scene coordinates) to the nearest triangle; infinity if it is over `most_m`.
+    pub fn distance_to_surface(&self, p: DVec3, most_m: f64) -> f64 {
+        let mut reach_m = (most_m / 64.0).max(1e-3);
+        loop {
+            let reach = Vec3A::splat(reach_m as f32 + 1e-3);
+            let mut best = f64::INFINITY;
+            self.bvh.aabb_traverse(Aabb::new(p.as_vec3a() - reach, p.as_vec3a() + reach), |bvh, node| {
+                let node = &bvh.nodes[node as usize];
+                for at in node.first_index..node.first_index + node.prim_count {
+                    let corners = self.corners(bvh.primitive_indices[at as usize]);
+                    best = best.min(closest_on_triangle(p, corners).distance(p));
+                }
+                true
+            });
+            if best <= reach_m {
+                return best;
+            }
+            if reach_m >= most_m {
+                return f64::INFINITY;
+            }
+            reach_m = (reach_m * 2.0).min(most_m);
+        }
+    }
+
+    /// Whether any triangle's box comes within `reach_m` of `p` in x and y, between the heights `z_m`.
+    pub fn anything_near(&self, p: DVec3, reach_m: f64, z_m: [f64; 2]) -> bool {
+        let low = DVec3::new(p.x - reach_m, p.y - reach_m, z_m[0]);
+        let high = DVec3::new(p.x + reach_m, p.y + reach_m, z_m[1]);
+        let mut found = false;
+        self.bvh.aabb_traverse(Aabb::new(low.as_vec3a(), high.as_vec3a()), |bvh, node| {
+            let node = &bvh.nodes[node as usize];
+            found |= (node.first_index..node.first_index + node.prim_count).any(|at| {
+                let corners = self.corners(bvh.primitive_indices[at as usize]);
+                let least = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
+                let most = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
+                least.cmple(high).all() && most.cmpge(low).all()
+            });
+            !found
+        });
+        found
+    }
+}
+
+/// What stands for the sky in the truth's pictures.
+const SKY: u32 = 0xffe6_d2be;
+
+fn product(a: u8, b: u8) -> u8 {
+    if a == 255 { b } else { (f64::from(a) * f64::from(b) / 255.0).round() as u8 }
+}
+
+fn nearest(texture: &SceneTexture, [u, v]: [f64; 2]) -> [u8; 3] {
+    let wrap = |x: f64, n: u32| ((x * f64::from(n)).floor() as i64).rem_euclid(i64::from(n.max(1))) as usize;
+    let (x, y) = (wrap(u, texture.width), wrap(1.0 - v, texture.height));
+    texture.rgb.get(y * texture.width as usize + x).copied().unwrap_or_default()
+}
+
+/// The point of a triangle nearest to `p` (Ericson, *Real-Time Collision Detection*, 5.1.5).
+pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * share(d1, d1 - d3);
+    }
+    let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * share(d2, d2 - d6);
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        return b + (c - b) * share(d4 - d3, (d4 - d3) + (d5 - d6));
+    }
+    let sum = va + vb + vc;
+    a + ab * share(vb, sum) + ac * share(vc, sum)
+}
+
+fn share(part: f64, whole: f64) -> f64 {
+    if whole == 0.0 { 0.0 } else { part / whole }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Rng;
+
+    #[test]
+    fn no_point_of_the_triangle_is_nearer_than_the_closest() {
+        let mut rng = Rng::new(5);
+        for _ in 0..500 {
+            let mut point = || DVec3::new(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0));
+            let (p, [a, b, c]) = (point(), [point(), point(), point()]);
+            let found = closest_on_triangle(p, [a, b, c]).distance(p);
+            let mut best = f64::INFINITY;
+            for i in 0..=60 {
+                for j in 0..=60 - i {
+                    let (u, v) = (f64::from(i) / 60.0, f64::from(j) / 60.0);
+                    best = best.min((a + (b - a) * u + (c - a) * v).distance(p));
+                }
+            }
+            assert!(found <= best + 1e-12 && best - found < 0.05, "{found} {best}");
+        }
+    }
+}

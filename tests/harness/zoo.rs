@@ -1,0 +1,257 @@
+//! Small scenes of single things, drawn from what was baked beside their ray-traced truth, and how they compare.
+
+use crate::{
+    baked::Baked,
+    compare,
+    truth::Truth,
+    view::{Camera, Picture},
+};
+use anyhow::{Context, Result, ensure};
+use glam::{DVec2, DVec3};
+use image::{Rgb, RgbImage};
+use insula_bake::{
+    BakeOptions, Silent,
+    read::ReadReport,
+    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
+};
+use insula_protocol::BlockMap;
+use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use std::{
+    f64::consts::TAU,
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// The pictures' size.
+pub const PICTURE: Picture = Picture { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
+/// Distances that differ by less than this many cells agree.
+const NEAR_CELLS: f64 = 2.0;
+/// Colours whose channels differ by less agree.
+const NEAR_COLOUR: u8 = 40;
+
+/// Colours that no two faces of a thing share, so that a wrong one shows.
+pub mod paint {
+    /// What faces up.
+    pub const ROOF: [u8; 3] = [190, 70, 60];
+    /// What stands.
+    pub const WALL: [u8; 3] = [220, 210, 180];
+    /// What faces down.
+    pub const UNDER: [u8; 3] = [60, 110, 190];
+    /// Plants.
+    pub const GREEN: [u8; 3] = [70, 140, 60];
+    /// Water and the like.
+    pub const BLUE: [u8; 3] = [90, 140, 190];
+    /// Ground.
+    pub const GROUND: [u8; 3] = [150, 150, 130];
+}
+
+/// Shapes in metres that become a scene.
+#[derive(Debug, Default)]
+pub struct Shapes {
+    faces: Vec<([DVec3; 3], [u8; 3], u32)>,
+    kinds: Vec<ObjectKind>,
+}
+
+impl Shapes {
+    /// What follows is an object of its own.
+    pub fn object(&mut self, kind: ObjectKind) -> &mut Self {
+        self.kinds.push(kind);
+        self
+    }
+
+    /// A flat polygon that is convex; counter-clockwise seen from outside.
+    pub fn face(&mut self, corners: &[DVec3], rgb: [u8; 3]) -> &mut Self {
+        if self.kinds.is_empty() {
+            self.kinds.push(ObjectKind::Building);
+        }
+        let object = self.kinds.len() as u32 - 1;
+        for i in 1..corners.len().saturating_sub(1) {
+            self.faces.push(([corners[0], corners[i], corners[i + 1]], rgb, object));
+        }
+        self
+    }
+
+    /// A closed prism over a convex outline (counter-clockwise from above), from one height to another.
+    pub fn prism(&mut self, outline: &[DVec2], z_m: [f64; 2]) -> &mut Self {
+        let ring = |z: f64| outline.iter().map(|p| p.extend(z)).collect::<Vec<_>>();
+        let (low, high) = (ring(z_m[0]), ring(z_m[1]));
+        self.face(&high, paint::ROOF).face(&low.iter().rev().copied().collect::<Vec<_>>(), paint::UNDER);
+        self.walls(&low, &high)
+    }
+
+    /// Only the sides between two rings.
+    pub fn walls(&mut self, low: &[DVec3], high: &[DVec3]) -> &mut Self {
+        for i in 0..low.len() {
+            let next = (i + 1) % low.len();
+            self.face(&[low[i], low[next], high[next], high[i]], paint::WALL);
+        }
+        self
+    }
+
+    /// A closed box.
+    pub fn cuboid(&mut self, low: [f64; 3], high: [f64; 3]) -> &mut Self {
+        self.prism(&rectangle([low[0], low[1]], [high[0], high[1]]), [low[2], high[2]])
+    }
+
+    /// A closed cone or, with many rings, a half or a whole sphere: rings of radius and height from below to above.
+    pub fn turned(&mut self, middle: DVec2, rings: &[[f64; 2]], rgb: [u8; 3]) -> &mut Self {
+        let ring = |[radius, z]: [f64; 2]| {
+            (0..24).map(move |k| (middle + DVec2::from_angle(f64::from(k) / 24.0 * TAU) * radius).extend(z))
+        };
+        for pair in rings.windows(2) {
+            let (low, high) = (ring(pair[0]).collect::<Vec<_>>(), ring(pair[1]).collect::<Vec<_>>());
+            for k in 0..24 {
+                let next = (k + 1) % 24;
+                self.face(&[low[k], low[next], high[next], high[k]], rgb);
+            }
+        }
+        if let (Some(first), Some(last)) = (rings.first(), rings.last()) {
+            let floor: Vec<DVec3> = ring(*first).collect();
+            self.face(&floor.into_iter().rev().collect::<Vec<_>>(), rgb);
+            self.face(&ring(*last).collect::<Vec<_>>(), rgb);
+        }
+        self
+    }
+
+    /// The scene; the world position of the shapes' zero is `origin`.
+    pub fn scene(&self, origin: [f64; 3]) -> Scene {
+        let mut scene = Scene { origin, ..Scene::default() };
+        for kind in &self.kinds {
+            scene.objects.push(SceneObject {
+                id: scene.objects.len().to_string(),
+                kind: *kind,
+                base_z_m: f32::INFINITY,
+            });
+        }
+        for (corners, rgb, object) in &self.faces {
+            let found = scene.materials.iter().position(|material| material.rgb == *rgb);
+            let material = found.unwrap_or(scene.materials.len()) as u32;
+            if found.is_none() {
+                scene.materials.push(Material { rgb: *rgb, texture: None });
+            }
+            let corners = corners.map(|corner| corner.as_vec3().into());
+            let base = &mut scene.objects[*object as usize].base_z_m;
+            *base = corners.iter().fold(*base, |low, corner: &[f32; 3]| low.min(corner[2]));
+            scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material, object: *object });
+        }
+        scene
+    }
+}
+
+/// A rectangle's corners, counter-clockwise.
+pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Vec<DVec2> {
+    [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]].map(DVec2::from).into()
+}
+
+/// Points turned around the origin.
+pub fn turned(outline: &[DVec2], degrees: f64) -> Vec<DVec2> {
+    outline.iter().map(|p| DVec2::from_angle(degrees.to_radians()).rotate(*p)).collect()
+}
+
+/// A camera around `target`: from so far, from which compass angle (0 is from the east, 90 from the north), so steep.
+pub fn around(target: [f64; 3], distance_m: f64, angle_deg: f64, up_deg: f64) -> Camera {
+    let (angle, up) = (angle_deg.to_radians(), up_deg.to_radians());
+    let away = DVec3::new(angle.cos() * up.cos(), angle.sin() * up.cos(), up.sin());
+    Camera::looking(DVec3::from(target) + away * distance_m, target.into())
+}
+
+/// How a thing compares, over all its views.
+#[derive(Debug, Clone, Copy)]
+pub struct Judged {
+    /// Silhouettes: pixels hit in both over pixels hit in either.
+    pub iou: f64,
+    /// Of the pixels hit in both, the share whose distances agree.
+    pub near: f64,
+    /// Of those, the share whose colours agree.
+    pub coloured: f64,
+}
+
+impl Judged {
+    /// An error that says all if one is below its bound.
+    pub fn at_least(self, iou: f64, near: f64, coloured: f64) -> Result<()> {
+        ensure!(
+            self.iou >= iou && self.near >= near && self.coloured >= coloured,
+            "{self:?}, wanted {iou} {near} {coloured}"
+        );
+        Ok(())
+    }
+}
+
+/// A thing that was baked.
+pub struct Thing {
+    /// Its triangles.
+    pub truth: Truth,
+    /// The city that came of them.
+    pub baked: Baked,
+    /// Where its picture goes.
+    picture: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Thing {
+    /// Bakes; pictures will be `target/zoo/NAME.png`.
+    pub fn bake(name: &str, scene: Scene, cell_m: f64) -> Result<Self> {
+        let folder = tempfile::tempdir()?;
+        let out = folder.path().join("city");
+        let options = BakeOptions { out: out.clone(), cell_m, ..BakeOptions::default() };
+        insula_bake::bake_scene(scene.clone(), ReadReport::default(), &options, &Silent).context("bake")?;
+        let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
+        fs::create_dir_all(&pictures)?;
+        Ok(Self {
+            truth: Truth::new(scene),
+            baked: Baked::open(&out)?,
+            picture: pictures.join(format!("{name}.png")),
+            _folder: folder,
+        })
+    }
+
+    /// Its leaves.
+    pub fn leaves(&self) -> Result<Vec<BlockMap>> {
+        self.baked.maps(self.baked.manifest().depth)
+    }
+
+    /// Draws it from the nodes that `tau_px` asks for.
+    pub fn draw(&self, camera: &Camera, tau_px: f64, shading: Shading) -> Result<Pixels> {
+        let ids = self.baked.select(camera, &PICTURE, tau_px);
+        Ok(self.baked.cut(&ids)?.scene(camera, &Picture { shading, ..PICTURE }).render())
+    }
+
+    /// Compares all views and writes them, one below the other: truth, drawn, lit.
+    pub fn judge(&self, cameras: &[Camera]) -> Result<Judged> {
+        let (mut both, mut either, mut near, mut coloured) = (0.0, 0.0, 0.0, 0.0);
+        let (width, height) = (PICTURE.width_px, PICTURE.height_px);
+        let mut picture = RgbImage::new(3 * width, height * cameras.len() as u32);
+        let cell_m = self.baked.manifest().cell_m;
+        for (row, camera) in cameras.iter().enumerate() {
+            let meant = self.truth.render(camera, &PICTURE);
+            let drawn = self.draw(camera, 0.01, Shading::Albedo)?;
+            let lit = self.draw(camera, 0.01, Shading::Lit)?;
+            for i in 0..meant.colour.len() {
+                let (a, b) = (f64::from(meant.distance[i]), f64::from(drawn.distance[i]));
+                either += f64::from(a.is_finite() || b.is_finite());
+                if a.is_finite() && b.is_finite() {
+                    both += 1.0;
+                    if (a - b).abs() < NEAR_CELLS * cell_m {
+                        near += 1.0;
+                        coloured += f64::from(alike(meant.colour[i], drawn.colour[i]));
+                    }
+                }
+                let (x, y) = (i as u32 % width, i as u32 / width + row as u32 * height);
+                for (column, pixels) in [&meant, &drawn, &lit].into_iter().enumerate() {
+                    let [r, g, b, _] = pixels.colour[i].to_le_bytes();
+                    picture.put_pixel(x + column as u32 * width, y, Rgb([r, g, b]));
+                }
+            }
+            ensure!(
+                compare::silhouette_iou(&meant, &meant) == 1.0 && either > 1000.0,
+                "the thing is not in the picture"
+            );
+        }
+        picture.save(&self.picture)?;
+        Ok(Judged { iou: both / either, near: near / both, coloured: coloured / near })
+    }
+}
+
+fn alike(a: u32, b: u32) -> bool {
+    a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) < NEAR_COLOUR)
+}

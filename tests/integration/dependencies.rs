@@ -1,0 +1,162 @@
+//! Who may know whom (docs/architecture.md): the directions between the workspace's packages, and what stays out of which.
+
+#![allow(clippy::unwrap_used)]
+
+use serde_json::Value;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    process::Command,
+};
+
+/// What cargo knows of the workspace.
+struct Workspace {
+    metadata: Value,
+}
+
+/// The platform that the tests run on, as compilers name it.
+fn host() -> String {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(rustc).arg("-vV").output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines().find_map(|line| line.strip_prefix("host: ")).unwrap().to_owned()
+}
+
+/// A dependency as its package declares it.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Declared {
+    name: String,
+    optional: bool,
+}
+
+impl Workspace {
+    fn load() -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        // What only other platforms need was perhaps never downloaded.
+        let output = Command::new(env!("CARGO"))
+            .args(["metadata", "--format-version", "1", "--offline", "--locked", "--filter-platform", &host()])
+            .current_dir(root)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        Self { metadata: serde_json::from_slice(&output.stdout).unwrap() }
+    }
+
+    fn packages(&self) -> impl Iterator<Item = &Value> {
+        self.metadata["packages"].as_array().unwrap().iter()
+    }
+
+    fn package(&self, name: &str) -> &Value {
+        self.packages().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no package {name}"))
+    }
+
+    /// Normal dependencies that `package` declares.
+    fn declared(&self, package: &str) -> BTreeSet<Declared> {
+        let dependencies = self.package(package)["dependencies"].as_array().unwrap().iter();
+        let normal = dependencies.filter(|d| d["kind"].is_null());
+        normal
+            .map(|d| Declared { name: d["name"].as_str().unwrap().into(), optional: d["optional"].as_bool().unwrap() })
+            .collect()
+    }
+
+    fn insula_of(&self, package: &str) -> Vec<String> {
+        self.declared(package).into_iter().map(|d| d.name).filter(|name| name.starts_with("insula-")).collect()
+    }
+
+    fn default_features(&self, package: &str) -> BTreeSet<String> {
+        let features = &self.package(package)["features"];
+        let mut reached = BTreeSet::new();
+        let mut open = vec!["default".to_owned()];
+        while let Some(feature) = open.pop() {
+            if reached.insert(feature.clone()) {
+                let next = features[&feature].as_array().into_iter().flatten();
+                open.extend(next.map(|f| f.as_str().unwrap().to_owned()));
+            }
+        }
+        reached
+    }
+
+    /// Names of all packages that are built for `package` by normal dependencies, as the workspace resolves.
+    fn closure(&self, package: &str) -> BTreeSet<String> {
+        let nodes = self.metadata["resolve"]["nodes"].as_array().unwrap();
+        let by_id: BTreeMap<&str, &Value> = nodes.iter().map(|n| (n["id"].as_str().unwrap(), n)).collect();
+        let name: BTreeMap<&str, &str> =
+            self.packages().map(|p| (p["id"].as_str().unwrap(), p["name"].as_str().unwrap())).collect();
+        let mut open = vec![self.package(package)["id"].as_str().unwrap()];
+        let mut reached = BTreeSet::new();
+        while let Some(id) = open.pop() {
+            for dep in by_id[id]["deps"].as_array().unwrap() {
+                let kinds = dep["dep_kinds"].as_array().unwrap();
+                let next = dep["pkg"].as_str().unwrap();
+                if kinds.iter().any(|k| k["kind"].is_null()) && reached.insert(next) {
+                    open.push(next);
+                }
+            }
+        }
+        reached.into_iter().map(|id| name[id].to_owned()).collect()
+    }
+}
+
+#[test]
+fn packages_know_only_those_below_them() {
+    let workspace = Workspace::load();
+    let allowed: [(&str, &[&str]); 6] = [
+        ("insula-protocol", &[]),
+        ("insula-shaders", &["insula-protocol"]),
+        ("insula-bake", &["insula-protocol", "insula-shaders"]),
+        ("insula-server", &["insula-protocol", "insula-bake"]),
+        ("insula-viewer", &["insula-protocol", "insula-shaders"]),
+        ("insula-client", &["insula-protocol", "insula-shaders", "insula-viewer", "insula-server", "insula-bake"]),
+    ];
+    for (package, below) in allowed {
+        for found in workspace.insula_of(package) {
+            assert!(below.contains(&found.as_str()), "{package} must not depend on {found}");
+        }
+    }
+    let members = workspace.packages().filter(|p| p["source"].is_null()).count();
+    assert_eq!(members, allowed.len() + 1, "a package is not in the table above");
+}
+
+#[test]
+fn what_can_be_left_out_is_optional() {
+    let workspace = Workspace::load();
+    for (package, optional) in
+        [("insula-server", "insula-bake"), ("insula-client", "insula-server"), ("insula-client", "insula-bake")]
+    {
+        let found = workspace.declared(package).into_iter().find(|d| d.name == optional);
+        assert!(found.is_some_and(|d| d.optional), "{package} must build without {optional}");
+    }
+    assert!(workspace.default_features("insula-server").contains("bake"));
+    assert!(workspace.default_features("insula-client").contains("embedded"));
+    let shaders = workspace.declared("insula-shaders").into_iter().find(|d| d.name == "wgpu");
+    assert!(shaders.is_some_and(|d| d.optional), "the shaders must build without wgpu");
+    assert!(!workspace.default_features("insula-shaders").contains("gpu"));
+}
+
+#[test]
+fn rooms_keep_out_what_they_must_not_know() {
+    let workspace = Workspace::load();
+    let network = ["axum", "hyper", "reqwest", "tower", "tower-http"];
+    let graphics = ["wgpu", "winit", "egui"];
+    let check = |package: &str, banned: &[&str], found: &BTreeSet<String>| {
+        for name in banned {
+            assert!(!found.contains(*name), "{package} must not know {name}");
+        }
+    };
+    let names = |package: &str| workspace.declared(package).into_iter().map(|d| d.name).collect::<BTreeSet<_>>();
+    check(
+        "insula-protocol",
+        &[&network[..], &graphics, &["tokio", "tracing", "rayon"]].concat(),
+        &workspace.closure("insula-protocol"),
+    );
+    check("insula-shaders", &[&network[..], &["tokio", "winit", "egui"]].concat(), &names("insula-shaders"));
+    check(
+        "insula-viewer",
+        &[&network[..], &graphics, &["tokio", "clap", "rayon", "directories", "pollster"]].concat(),
+        &names("insula-viewer"),
+    );
+    check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));
+    check("insula-server", &[&graphics[..], &["reqwest"]].concat(), &names("insula-server"));
+    // It reads archives itself, where no server is between; serving and mapping files are the server's.
+    check("insula-client", &["axum", "memmap2"], &names("insula-client"));
+}

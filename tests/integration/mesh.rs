@@ -1,0 +1,75 @@
+//! Real meshes come back from the codec as they were: scans, and every leaf of the real cities. Those that are not on this
+//! machine are reported as ignored.
+
+use anyhow::{Context, Result, ensure};
+use insula_bake::{
+    model::{ModelFormat, TriangleModel, quantise},
+    simplify::{Goal, simplify},
+};
+use insula_protocol::mesh::{Mesh, half_edge::HalfEdgeMesh};
+use insula_tests::{fidelity, leaves};
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let arguments = Arguments::from_args();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/meshes");
+    let mut tests = Vec::new();
+    for name in ["nefertiti.obj", "skull.obj", "bun_zipper.ply"] {
+        let path = folder.join(name);
+        let ignored = !path.is_file();
+        let run = move || scan(&path).map_err(|error| Failed::from(format!("{error:#}")));
+        tests.push(Trial::test(name.replace('.', "_"), run).with_ignored_flag(ignored));
+    }
+    let found = fidelity::real_cities();
+    for name in ["chiba-textured", "delft-3dbag", "denhaag-cityjson"] {
+        let inputs = found.iter().find(|city| city.0 == name).map(|city| city.1.clone());
+        let ignored = inputs.is_none();
+        let run = move || city(&inputs.unwrap_or_default()).map_err(|error| Failed::from(format!("{error:#}")));
+        tests.push(Trial::test(format!("leaves_of_{}", name.replace('-', "_")), run).with_ignored_flag(ignored));
+    }
+    libtest_mimic::run(&arguments, tests).exit();
+}
+
+/// At all numbers of bits; and what is left of it after simplification.
+fn scan(path: &Path) -> Result<()> {
+    let format = ModelFormat::of(path).context("a name that is known")?;
+    let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
+    model.weld();
+    for bits in [8, 10, 12, 14, 16] {
+        comes_back(&quantise::to_mesh(&model, bits, bits))?;
+    }
+    let before = HalfEdgeMesh::new(&model.triangles, model.positions.len() as u32);
+    for share in [2, 10, 100] {
+        let goal = model.triangles.len() / share;
+        let out = simplify(&model, Goal { triangles: goal, error: f64::INFINITY }, |_| false);
+        let found = out.model.triangles.len();
+        ensure!(found.abs_diff(goal) * 100 <= goal, "{found} triangles where {goal} were asked for");
+        let after = HalfEdgeMesh::new(&out.model.triangles, out.model.positions.len() as u32);
+        ensure!(after.is_sound() && after.euler() == before.euler(), "{} is {}", after.euler(), before.euler());
+        ensure!(after.report.borders == before.report.borders, "{} borders", after.report.borders);
+        comes_back(&quantise::to_mesh(&out.model, 12, 12))?;
+    }
+    Ok(())
+}
+
+fn city(inputs: &[PathBuf]) -> Result<()> {
+    let scene = fidelity::read(inputs)?;
+    let meshes = leaves::leaves(&scene, 64.0, 12);
+    ensure!(meshes.len() > 50, "only {} leaves", meshes.len());
+    meshes.iter().try_for_each(comes_back)?;
+    comes_back(&leaves::whole(&scene, 16))
+}
+
+fn comes_back(mesh: &Mesh) -> Result<()> {
+    let encoded = mesh.encode()?;
+    let back = Mesh::decode(&encoded.bytes)?;
+    let positions = encoded.vertices.iter().map(|vertex| mesh.positions[*vertex as usize]);
+    ensure!(back.grid == mesh.grid && back.positions.iter().copied().eq(positions), "positions differ");
+    let given = mesh.triangles.as_flattened();
+    let found = back.triangles.as_flattened().iter().map(|vertex| encoded.vertices[*vertex as usize]);
+    ensure!(found.eq(encoded.corners.iter().map(|corner| given[*corner as usize])), "triangles differ");
+    let left_out = (encoded.report.degenerate + encoded.report.duplicate) as usize;
+    ensure!(back.triangles.len() + left_out == mesh.triangles.len(), "triangles are missing");
+    Ok(())
+}

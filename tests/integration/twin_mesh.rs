@@ -1,0 +1,216 @@
+//! Meshes: WGSL draws what the CPU draws, and the CPU hits the triangle that all of them tested one by one would give.
+
+use anyhow::{Context, Result};
+use glam::{DVec3, Vec3};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel, TileId,
+    blockmap::{COLUMNS, MapColumn},
+    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
+    octahedral,
+};
+use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
+use insula_tests::{
+    cut::{Cut, Place},
+    gpu::Gpu,
+    random::{self, Pose, RandomCity},
+    random_mesh::{self, RandomMesh},
+    rng::Rng,
+    trials::Trials,
+    twin,
+    view::{Camera, Picture},
+};
+use std::sync::OnceLock;
+
+const PICTURE: Picture = Picture { width_px: 161, height_px: 91, shading: Shading::Lit, samples: 1 };
+const CITIES: u64 = 12;
+
+fn main() {
+    Trials::open()
+        .on_gpu("gpu_draws_meshes_as_the_cpu_does", gpu_draws_meshes_as_the_cpu_does)
+        .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
+        .plain("cpu_hits_what_every_triangle_by_itself_would_show", cpu_hits_what_every_triangle_by_itself_would_show)
+        .plain("a_mesh_sees_the_sky_of_the_columns_that_it_lies_in", a_mesh_sees_the_sky_of_the_columns_that_it_lies_in)
+        .run()
+}
+
+type City = (RandomCity, Vec<RandomMesh>);
+
+/// Cities of meshes alone, and of meshes beside columns; in some, coarser columns tell a third of the meshes of the sky.
+fn cities() -> &'static [City] {
+    static MADE: OnceLock<Vec<City>> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let make = |seed: u64| -> Result<City> {
+            let mut city = random::city(seed)?;
+            if seed % 4 > 1 {
+                [_, _, city.cut] = random::fading(&city, seed + 700, 1)?;
+            }
+            let meshes =
+                random_mesh::add(&mut city, &mut Rng::new(seed + 500), if seed.is_multiple_of(2) { 1.0 } else { 0.5 })?;
+            Ok((city, meshes))
+        };
+        (0..CITIES).map(|seed| make(seed).expect("random cities are valid")).collect()
+    })
+}
+
+fn twins_agree(
+    gpu: &Gpu,
+    city: &RandomCity,
+    camera: &Camera,
+    picture: &Picture,
+    shadow_m: f32,
+    what: &str,
+) -> Result<twin::Difference> {
+    let mut scene = city.cut.scene(camera, picture);
+    scene.frame.shadow_m = shadow_m;
+    let (on_cpu, on_gpu) = (scene.render(), gpu.render(&scene)?);
+    let difference = twin::compare_twins(&scene, &on_cpu, &on_gpu);
+    if let Err(error) = difference.check() {
+        let at = difference.off_edge.first().copied().unwrap_or_default();
+        let i = (at[1] * picture.width_px + at[0]) as usize;
+        let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
+        anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
+    }
+    Ok(difference)
+}
+
+fn gpu_draws_meshes_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
+    let (mut pixels, mut differing) = (0, 0);
+    for (seed, (city, _)) in cities().iter().enumerate() {
+        let mut rng = Rng::new(3000 + seed as u64);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let shadow_m = if seed % 3 == 0 { 500.0 } else { 0.0 };
+            let what = format!("city {seed}, {pose:?}");
+            let difference = twins_agree(gpu, city, &camera, &PICTURE, shadow_m, &what)?;
+            pixels += difference.pixels;
+            differing += difference.differing;
+        }
+    }
+    println!("{}: {differing} of {pixels} pixels differ", gpu.name);
+    Ok(())
+}
+
+fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
+    for (seed, (city, _)) in cities().iter().enumerate().take(3) {
+        let mut rng = Rng::new(5000 + seed as u64);
+        for shading in Shading::ALL {
+            for samples in [1, 3] {
+                let pose = Pose::ALL[rng.below(Pose::ALL.len())];
+                let camera = random::camera(&mut rng, city, pose);
+                let picture = Picture { shading, samples, ..PICTURE };
+                let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
+                twins_agree(gpu, city, &camera, &picture, 0.0, &what)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Distance and normal of nearly every pixel; the rest graze an edge.
+fn cpu_hits_what_every_triangle_by_itself_would_show() -> Result<()> {
+    let (mut rays, mut hits, mut turned) = (0, 0, 0);
+    // Where all is mesh, nothing else is in the way.
+    for (seed, (city, meshes)) in cities().iter().enumerate().step_by(2) {
+        let mut rng = Rng::new(6000 + seed as u64);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let picture = Picture { shading: Shading::Normal, width_px: 61, height_px: 41, ..PICTURE };
+            let drawn = city.cut.scene(&camera, &picture).render();
+            for i in 0..picture.width_px * picture.height_px {
+                let dir = camera.ray(&picture, i % picture.width_px, i / picture.width_px);
+                let agrees = |dir: DVec3, slack: f64| {
+                    let meant = random_mesh::nearest(city, meshes, DVec3::from(camera.position), dir, slack);
+                    let (drawn_m, rgb) = (drawn.distance[i as usize], drawn.colour[i as usize].to_le_bytes());
+                    match meant {
+                        Some((metres, normal)) => {
+                            let near = f64::from(drawn_m) - metres;
+                            let same = (normal * 0.5 + 0.5).to_array().map(encode);
+                            let colours = same.iter().zip(rgb).all(|(a, b)| a.abs_diff(b) <= 2);
+                            near.abs() <= 1e-3 + 2e-4 * metres && colours
+                        }
+                        None => !drawn_m.is_finite(),
+                    }
+                };
+                rays += 1;
+                hits += usize::from(drawn.distance[i as usize].is_finite());
+                if !agrees(dir, 0.0) {
+                    turned += 1;
+                    let (side, up) = dir.any_orthonormal_pair();
+                    let turns = (0..8).map(|k| f64::from(k) * std::f64::consts::FRAC_PI_4);
+                    let mut turns = turns.map(|angle| dir + (side * angle.cos() + up * angle.sin()) * 2e-5);
+                    let right = [-1e-3, 1e-3].into_iter().any(|slack| agrees(dir, slack))
+                        || turns.any(|dir| agrees(dir.normalize_or(DVec3::X), 0.0));
+                    anyhow::ensure!(
+                        right,
+                        "city {seed}, {pose:?}, pixel {i}: {} m\n{camera:?}",
+                        drawn.distance[i as usize]
+                    );
+                }
+            }
+        }
+    }
+    println!("{rays} rays, {hits} hits, {turned} on edges");
+    anyhow::ensure!(turned * 100 < rays && hits * 6 > rays, "{rays} rays, {hits} hits, {turned} agree only with slack");
+    Ok(())
+}
+
+/// A flat roof over a part of a coarser tile is as light as that part of the tile's columns.
+fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
+    let place = Place { origin: [0.0; 3], root_side_m: 512.0 };
+    let column = |i: usize| {
+        let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
+        let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8, 3);
+        let flat = octahedral::encode([0.0, 0.0, 1.0]);
+        let (z_min, z_max) = (0, 32);
+        let no = MapColumn {
+            z_min,
+            z_max,
+            inclined: false,
+            suspended: false,
+            gap: None,
+            roof: texel,
+            roof_normal: flat,
+            strip: None,
+            clip: None,
+        };
+        Some(no)
+    };
+    let columns: Vec<Option<MapColumn>> = (0..COLUMNS).map(column).collect();
+    let map = BlockMap::from_columns(TileId::ROOT, 8.0, 0, 0, &columns).context("a flat node")?;
+    let height_m = map.z_base_m() + 32.0 * f64::from(map.z_step_m());
+    for leaf in [[1, 0, 0], [1, 1, 0], [2, 1, 3], [3, 5, 2]].map(|[level, x, y]| TileId::new(level as u8, x, y)) {
+        let leaf = leaf.context("a leaf")?;
+        let side_m = place.root_side_m / f64::from(1u32 << leaf.level());
+        let values = vec![[255, 255, 255, 0]];
+        let attributes = vec![Attribute {
+            kind: AttributeKind::Colour,
+            components: 3,
+            bits: 8,
+            range: [0.0, 1.0],
+            values,
+            corners: vec![0; 6],
+        }];
+        let grid = PositionGrid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
+        let positions = vec![[0, 0, 0], [1023, 0, 0], [1023, 1023, 0], [0, 1023, 0]];
+        let mesh = Mesh { grid, positions, triangles: vec![[0, 1, 2], [0, 2, 3]], attributes };
+        let mut alone = Cut::new(place);
+        alone.add_in(leaf, &map);
+        let mut meshed = alone.clone();
+        meshed.add_mesh(leaf, PackedMesh::new(&mesh, None)?);
+        let middle = |of: u32| (f64::from(of) + 0.5) * side_m;
+        let (x, y) = (middle(leaf.x()), middle(leaf.y()));
+        let camera =
+            Camera { position: [x, y, 3.0 * side_m], target: [x, y, 0.0], up: [0.0, 1.0, 0.0], fov_y_deg: 15.0 };
+        let picture = Picture { shading: Shading::Ao, width_px: 64, height_px: 64, samples: 3 };
+        let [columns, mesh] = [alone, meshed].map(|cut| cut.scene(&camera, &picture).render());
+        let light = |p: &Pixels| p.colour.iter().map(|rgb| f64::from(rgb & 255)).sum::<f64>() / 4096.0;
+        let apart = columns.colour.iter().zip(&mesh.colour).map(|(a, b)| (a & 255).abs_diff(b & 255)).max();
+        anyhow::ensure!(mesh.hit.iter().all(|hit| *hit == 0) && light(&mesh) > 20.0);
+        anyhow::ensure!(apart < Some(16), "{leaf}: {apart:?}, {} and {}", light(&columns), light(&mesh));
+    }
+    Ok(())
+}
+
+fn encode(linear: f32) -> u8 {
+    insula_shaders::cpu::shade::encode_srgb(Vec3::splat(linear)) as u8
+}

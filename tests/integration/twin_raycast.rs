@@ -1,0 +1,448 @@
+//! The ray-caster's twins: WGSL draws what the CPU draws, and the CPU draws what every solid tested by itself would show.
+
+use anyhow::Result;
+use glam::{DVec3, Vec3};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel, TileId,
+    blockmap::{COLUMNS, MapColumn, WallStrip},
+    octahedral,
+};
+use insula_shaders::{
+    cpu::{
+        raycast::{Pixels, count},
+        shade::{Air, background, encode_srgb},
+    },
+    layout::{Light, Shading},
+};
+use insula_tests::{
+    cut::{Cut, Place, Scene},
+    gpu::Gpu,
+    naive::{Naive, Seen},
+    random::{self, Pose, RandomCity},
+    rng::Rng,
+    trials::Trials,
+    twin,
+    view::{Camera, Picture},
+};
+use rayon::prelude::*;
+use std::sync::OnceLock;
+
+/// Odd, so that one ray goes exactly where the camera looks.
+const PICTURE: Picture = Picture { width_px: 241, height_px: 135, shading: Shading::Lit, samples: 1 };
+const CITIES: u64 = 16;
+
+fn main() {
+    Trials::open()
+        .on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws)
+        .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
+        .on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour)
+        .on_gpu("gpu_and_cpu_agree_while_squares_fade", gpu_and_cpu_agree_while_squares_fade)
+        .on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen)
+        .plain("each_ray_sees_one_of_two_worlds", each_ray_sees_one_of_two_worlds)
+        .plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show)
+        .plain("low_quarters_cost_nothing_and_hide_nothing", low_quarters_cost_nothing_and_hide_nothing)
+        .plain("a_wall_casts_a_shadow_as_long_as_it_is_high", a_wall_casts_a_shadow_as_long_as_it_is_high)
+        .plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen)
+        .plain("a_missing_or_cut_picture_is_seen", a_missing_or_cut_picture_is_seen)
+        .run()
+}
+
+fn cities() -> &'static [RandomCity] {
+    static CITIES_MADE: OnceLock<Vec<RandomCity>> = OnceLock::new();
+    CITIES_MADE.get_or_init(|| (0..CITIES).map(|seed| random::city(seed).expect("random cities are valid")).collect())
+}
+
+/// Compares both twins' pictures of one view; `what` names it in errors.
+fn twins_agree(
+    gpu: &Gpu,
+    city: &RandomCity,
+    camera: &Camera,
+    picture: &Picture,
+    what: &str,
+) -> Result<twin::Difference> {
+    let mut scene = city.cut.scene(camera, picture);
+    scene.frame.ground = picture.samples % 2;
+    scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
+    scenes_agree(gpu, &scene, picture, camera, what)
+}
+
+fn scenes_agree(
+    gpu: &Gpu,
+    scene: &Scene<'_>,
+    picture: &Picture,
+    camera: &Camera,
+    what: &str,
+) -> Result<twin::Difference> {
+    let (on_cpu, on_gpu) = (scene.render(), gpu.render(scene)?);
+    let difference = twin::compare_twins(scene, &on_cpu, &on_gpu);
+    if let Err(error) = difference.check() {
+        let at = difference.off_edge.first().copied().unwrap_or_default();
+        let i = (at[1] * picture.width_px + at[0]) as usize;
+        let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
+        anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
+    }
+    Ok(difference)
+}
+
+fn gpu_draws_what_the_cpu_draws(gpu: &Gpu) -> Result<()> {
+    let (mut pixels, mut differing) = (0, 0);
+    for (seed, city) in cities().iter().enumerate() {
+        let mut rng = Rng::new(1000 + seed as u64);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let difference = twins_agree(gpu, city, &camera, &PICTURE, &format!("city {seed}, {pose:?}"))?;
+            pixels += difference.pixels;
+            differing += difference.differing;
+        }
+    }
+    println!("{}: {differing} of {pixels} pixels differ", gpu.name);
+    Ok(())
+}
+
+fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
+    for (seed, city) in cities().iter().enumerate().take(4) {
+        let mut rng = Rng::new(2000 + seed as u64);
+        for shading in Shading::ALL {
+            for samples in [1, 3] {
+                let pose = Pose::ALL[rng.below(Pose::ALL.len())];
+                let camera = random::camera(&mut rng, city, pose);
+                let picture = Picture { shading, samples, ..PICTURE };
+                let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
+                twins_agree(gpu, city, &camera, &picture, &what)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Towards the sun and away from it, from noon to night, in clear air and in thick.
+fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
+    let city = &cities()[1];
+    for (i, height) in [1.2f32, 0.2, 0.02, -0.05, -0.6].into_iter().enumerate() {
+        let mut rng = Rng::new(4000 + i as u64);
+        for (pose, half_m, shadow_m) in
+            [(Pose::Grazing, 50.0, 0.0), (Pose::Above, 5000.0, 0.0), (Pose::Above, 5000.0, 3e3)]
+        {
+            let camera = random::camera(&mut rng, city, pose);
+            let mut scene = city.cut.scene(&camera, &PICTURE);
+            scene.frame.ground = 1;
+            scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
+            let ahead = Vec3::from(scene.frame.forward).with_z(0.0).normalize_or(Vec3::X);
+            let sun = (ahead * if i % 2 == 0 { 1.0 } else { -1.0 } * height.cos()).with_z(height.sin());
+            (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, half_m));
+            scene.frame.shadow_m = shadow_m;
+            scenes_agree(gpu, &scene, &PICTURE, &camera, &format!("sun {height} high, {pose:?}"))?;
+        }
+    }
+    Ok(())
+}
+
+fn gpu_and_cpu_agree_while_squares_fade(gpu: &Gpu) -> Result<()> {
+    for (seed, city) in cities().iter().enumerate().take(6) {
+        let mut rng = Rng::new(5000 + seed as u64);
+        let share = [1, 20, 32, 63][rng.below(4)];
+        let [both, ..] = random::fading(city, 6000 + seed as u64, share)?;
+        for (pose, samples) in [(Pose::Above, 1), (Pose::Grazing, 1), (Pose::Outside, 2), (Pose::Inside, 3)] {
+            let camera = random::camera(&mut rng, city, pose);
+            let picture = Picture { samples, ..PICTURE };
+            let mut scene = both.scene(&camera, &picture);
+            scene.frame.shadow_m = if pose == Pose::Above { 1e3 } else { 0.0 };
+            let what = format!("city {seed}, {pose:?}, {share} of 64");
+            if samples == 1 {
+                scenes_agree(gpu, &scene, &picture, &camera, &what)?;
+            } else {
+                // Edges between the rays of one pixel are not looked for.
+                let differing = twin::compare(&scene.render(), &gpu.render(&scene)?).differing;
+                anyhow::ensure!(differing * 500 < scene.render().hit.len(), "{what}: {differing} pixels differ");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A picture of squares that fade is made of rays of the new picture and of the old one, as many as the share says, in every
+/// place; rays towards the sun stay in their own world.
+fn each_ray_sees_one_of_two_worlds() -> Result<()> {
+    let mut seen = [0usize; 4];
+    for (seed, city) in cities().iter().enumerate() {
+        let mut rng = Rng::new(7000 + seed as u64);
+        for share in [1u8, 16, 40, 63] {
+            let cuts = random::fading(city, 8000 + seed as u64, share)?;
+            let pose = Pose::ALL[rng.below(Pose::ALL.len())];
+            let camera = random::camera(&mut rng, city, pose);
+            let draw = |cut: &Cut| {
+                let mut scene = cut.scene(&camera, &PICTURE);
+                scene.frame.shadow_m = 1e3;
+                scene.render()
+            };
+            let [both, new, old] = [draw(&cuts[0]), draw(&cuts[1]), draw(&cuts[2])];
+            let near = |a: u32, b: u32| a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= 1);
+            let same = |a: &Pixels, i: usize| {
+                let (a_m, b_m) = (a.distance[i], both.distance[i]);
+                near(a.colour[i], both.colour[i]) && (a_m == b_m || (a_m - b_m).abs() < 1e-6 * b_m)
+            };
+            for i in 0..both.colour.len() {
+                match (same(&new, i), same(&old, i)) {
+                    (true, true) => seen[0] += 1,
+                    (true, false) => seen[1] += 1,
+                    (false, true) => seen[2] += usize::from(share == 16),
+                    (false, false) => {
+                        seen[3] += 1;
+                        if seen[3] % 100 == 1 {
+                            println!(
+                                "{seed} {share} {pose:?} {i} both {:08x} {} {} new {:08x} {} {} old {:08x} {} {}",
+                                both.colour[i],
+                                both.distance[i],
+                                both.hit[i],
+                                new.colour[i],
+                                new.distance[i],
+                                new.hit[i],
+                                old.colour[i],
+                                old.distance[i],
+                                old.hit[i]
+                            );
+                        }
+                    }
+                }
+            }
+        }
+        // In every block of 8 x 8 pixels, sixteen rays see the old world.
+        let cuts = random::fading(city, 9000 + seed as u64, 16)?;
+        let camera = random::camera(&mut rng, city, Pose::Above);
+        let hit = cuts[0].scene(&camera, &PICTURE).render().hit;
+        for (x, y) in (0..PICTURE.width_px / 8).flat_map(|x| (0..PICTURE.height_px / 8).map(move |y| (x * 8, y * 8))) {
+            let block = (0..64).map(|i| hit[((y + i / 8) * PICTURE.width_px + x + i % 8) as usize]);
+            let block: Vec<u32> = block.filter(|node| *node != insula_shaders::layout::NO_NODE).collect();
+            // Nodes of both worlds stand in turn.
+            let behind = block.iter().filter(|node| *node % 2 == 1).count();
+            anyhow::ensure!(block.len() < 64 || behind == 16, "{behind} of {} at {x}, {y}, city {seed}", block.len());
+        }
+    }
+    println!("{seen:?} pixels: of both, new, old, neither");
+    anyhow::ensure!(seen[1] > 10_000 && seen[2] > 1000, "{seen:?}");
+    anyhow::ensure!(seen[3] * 1000 < seen[0] + seen[1], "{seen:?}: a pixel shows what neither world does");
+    Ok(())
+}
+
+/// Ten metres of wall across a plain, the sun 45 degrees high behind it, the camera over it.
+fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
+    let texel = Texel::new([128; 3], 63, 3);
+    let up = octahedral::encode([0.0, 0.0, 1.0]);
+    let columns: Vec<_> = (0..COLUMNS)
+        .map(|i| {
+            let plain = MapColumn { z_max: 16, roof: texel, roof_normal: up, ..MapColumn::default() };
+            let strip = Some(WallStrip { texels: vec![texel; 11], azimuth: 128 });
+            Some(if i % NODE_CELLS == 32 { MapColumn { z_max: 16 * 11, strip, ..plain } } else { plain })
+        })
+        .collect();
+    let mut cut = Cut::new(Place { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
+    cut.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
+    let camera = Camera::looking(DVec3::new(32.0, 32.0, 60.0), DVec3::new(32.0, 32.0, 0.0));
+    let mut scene = cut.scene(&camera, &PICTURE);
+    let sun = Vec3::new(1.0, 0.0, 1.0).normalize_or(Vec3::Z);
+    (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, 1e6));
+    let bare = scene.render();
+    scene.frame.shadow_m = 1000.0;
+    let shaded = scene.render();
+    let (mut dark, mut bright) = (0, 0);
+    for i in 0..PICTURE.width_px * PICTURE.height_px {
+        let at = i as usize;
+        let ray = camera.ray(&PICTURE, i % PICTURE.width_px, i / PICTURE.width_px);
+        let p = DVec3::from(camera.position) + ray * f64::from(shaded.distance[at]);
+        if !p.is_finite() || p.z > 1.5 {
+            continue;
+        }
+        let darker = shaded.colour[at] & 255 < (bare.colour[at] & 255) - 20;
+        if (23.5..31.5).contains(&p.x) {
+            anyhow::ensure!(darker, "no shadow at {p}");
+            dark += 1;
+        } else if p.x < 21.5 || p.x > 33.5 {
+            anyhow::ensure!(shaded.colour[at] == bare.colour[at], "a shadow at {p}");
+            bright += 1;
+        }
+    }
+    anyhow::ensure!(dark > 1000 && bright > 3000, "{dark} pixels in the shade, {bright} in the sun");
+    Ok(())
+}
+
+/// The comparison above can fail: the GPU's own picture with one pixel altered does.
+fn one_altered_pixel_of_the_gpu_is_seen(gpu: &Gpu) -> Result<()> {
+    let city = &cities()[0];
+    let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
+    let scene = city.cut.scene(&camera, &PICTURE);
+    let on_cpu = scene.render();
+    let mut on_gpu = gpu.render(&scene)?;
+    let i = flat_pixel(&on_cpu)?;
+    on_gpu.colour[i] ^= 0x40;
+    anyhow::ensure!(twin::compare_twins(&scene, &on_cpu, &on_gpu).check().is_err(), "an altered pixel went unseen");
+    Ok(())
+}
+
+/// A pixel whose neighbourhood is all alike.
+fn flat_pixel(picture: &Pixels) -> Result<usize> {
+    let (width, height) = (picture.width_px as usize, picture.height_px as usize);
+    let flat = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x)).find(|i| {
+        let around = [i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1];
+        around.iter().all(|n| {
+            let alike = picture.hit[*n] == picture.hit[*i] && picture.colour[*n] == picture.colour[*i];
+            alike
+                && picture.distance[*i].is_finite()
+                && (picture.distance[*n] / picture.distance[*i] - 1.0).abs() < 0.01
+        })
+    });
+    flat.ok_or_else(|| anyhow::anyhow!("no flat pixel in the picture"))
+}
+
+fn one_altered_pixel_is_seen() -> Result<()> {
+    let city = &cities()[0];
+    let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
+    let picture = city.cut.scene(&camera, &PICTURE).render();
+    anyhow::ensure!(twin::compare(&picture, &picture).check().is_ok(), "a picture differs from itself");
+    let i = flat_pixel(&picture)?;
+    let mut colour = picture.clone();
+    colour.colour[i] ^= 0x40;
+    let mut distance = picture.clone();
+    distance.distance[i] = if distance.distance[i].is_finite() { distance.distance[i] * 1.05 } else { 1e4 };
+    let mut not_a_number = picture.clone();
+    not_a_number.distance[i] = f32::NAN;
+    for (what, altered) in [("colour", colour), ("distance", distance), ("NaN", not_a_number)] {
+        anyhow::ensure!(twin::compare(&picture, &altered).check().is_err(), "an altered pixel went unseen: {what}");
+    }
+    Ok(())
+}
+
+fn a_missing_or_cut_picture_is_seen() -> Result<()> {
+    let city = &cities()[0];
+    let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
+    let picture = city.cut.scene(&camera, &PICTURE).render();
+    let mut short = picture.clone();
+    short.colour.pop();
+    let mut narrow = picture.clone();
+    narrow.width_px -= 1;
+    for altered in [Pixels::default(), short, narrow] {
+        anyhow::ensure!(twin::compare(&picture, &altered).check().is_err(), "a picture of another size was accepted");
+        anyhow::ensure!(twin::compare(&altered, &picture).check().is_err(), "a picture of another size was accepted");
+    }
+    Ok(())
+}
+
+/// Rays that start on the very edge of a cell may take either side; all others must agree with the reference, or with a
+/// reference ray that is turned by a few millionths.
+fn cpu_draws_what_every_solid_by_itself_would_show() -> Result<()> {
+    let picture = Picture { width_px: 49, height_px: 33, shading: Shading::Albedo, samples: 1 };
+    let (mut rays, mut turned, mut hits) = (0, 0, 0);
+    for (seed, city) in cities().iter().enumerate() {
+        let naive = Naive::new(city.place, &city.maps);
+        let mut rng = Rng::new(3000 + seed as u64);
+        for pose in Pose::ALL {
+            let camera = random::camera(&mut rng, city, pose);
+            let scene = city.cut.scene(&camera, &picture);
+            let drawn = scene.render();
+            let verdicts: Vec<Verdict> = (0..picture.width_px * picture.height_px)
+                .into_par_iter()
+                .map(|i| judge(&naive, &camera, &picture, &scene.frame, &drawn, i))
+                .collect();
+            if let Some(i) = verdicts.iter().position(|v| *v == Verdict::Wrong) {
+                let (x, y) = (i as u32 % picture.width_px, i as u32 / picture.width_px);
+                let seen = naive.look(&camera, camera.ray(&picture, x, y));
+                let wrong = verdicts.iter().filter(|v| **v == Verdict::Wrong).count();
+                anyhow::bail!(
+                    "city {seed}, {pose:?}: {wrong} wrong, first at {x}, {y}: drawn {:08x} {}, meant {seen:?}\n{camera:?}",
+                    drawn.colour[i],
+                    drawn.distance[i],
+                );
+            }
+            rays += verdicts.len();
+            turned += verdicts.iter().filter(|v| **v == Verdict::Turned).count();
+            hits += drawn.distance.iter().filter(|d| d.is_finite()).count();
+        }
+    }
+    println!("{rays} rays, {hits} hits, {turned} on edges");
+    anyhow::ensure!(turned * 100 < rays, "{turned} of {rays} rays agree only when turned");
+    anyhow::ensure!(hits * 4 > rays, "only {hits} of {rays} rays hit anything");
+    Ok(())
+}
+
+/// That a ray knows how high a node's quarters are saves visits and changes no pixel: random cities, and a node with one tower
+/// beside its middle, seen past the middle from all around.
+fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
+    let (mut with, mut without) = (0, 0);
+    let mut compare = |cut: &Cut, camera: &Camera, what: &str| {
+        let scene = cut.scene(camera, &PICTURE);
+        let mut blind = scene.clone();
+        for word in blind.nodes.iter_mut().flat_map(|node| &mut node.pages) {
+            *word &= 0xff_ffff;
+        }
+        let differing = twin::compare(&scene.render(), &blind.render()).differing;
+        anyhow::ensure!(differing == 0, "{what}: {differing} pixels differ");
+        with += count(&scene.as_ref()).nodes;
+        without += count(&blind.as_ref()).nodes;
+        Ok(())
+    };
+    for (seed, city) in cities().iter().enumerate() {
+        let mut rng = Rng::new(7000 + seed as u64);
+        for pose in Pose::ALL {
+            compare(&city.cut, &random::camera(&mut rng, city, pose), &format!("city {seed}, {pose:?}"))?;
+        }
+    }
+    let plain = MapColumn { z_max: 16, roof: Texel::new([128; 3], 63, 3), ..MapColumn::default() };
+    for tower in [[30, 30], [33, 30], [30, 33], [33, 33]] {
+        let is_tower = |i: usize| [i % NODE_CELLS, i / NODE_CELLS] == tower;
+        let columns: Vec<_> = (0..COLUMNS)
+            .map(|i| Some(MapColumn { z_max: if is_tower(i) { 16 * 40 } else { 16 }, ..plain.clone() }))
+            .collect();
+        let mut cut = Cut::new(Place { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
+        cut.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
+        for azimuth in 0..32 {
+            let towards = DVec3::from((glam::DVec2::from_angle(f64::from(azimuth) * 0.2), 0.0));
+            let middle = DVec3::new(32.0, 32.0, 20.0);
+            compare(&cut, &Camera::looking(middle - towards * 60.0, middle), &format!("tower at {tower:?}"))?;
+        }
+    }
+    println!("{with} of {without} visits");
+    anyhow::ensure!(with * 20 < without * 19);
+    Ok(())
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Right,
+    Turned,
+    Wrong,
+}
+
+fn judge(
+    naive: &Naive,
+    camera: &Camera,
+    picture: &Picture,
+    frame: &insula_shaders::layout::Frame,
+    drawn: &Pixels,
+    i: u32,
+) -> Verdict {
+    let dir = camera.ray(picture, i % picture.width_px, i / picture.width_px);
+    let agrees = |seen: Seen| {
+        let (drawn_m, meant_m) = (f64::from(drawn.distance[i as usize]), seen.distance_m);
+        if drawn_m.is_finite() != meant_m.is_finite() {
+            return false;
+        }
+        if meant_m.is_finite() && (drawn_m - meant_m).abs() > 2e-3 + 1e-3 * meant_m {
+            return false;
+        }
+        let mut rgb = seen.rgb.as_vec3();
+        if seen.left > 0.02 {
+            rgb += background(frame, dir.as_vec3(), &Air::new(frame, dir.as_vec3())).sky * seen.left as f32;
+        }
+        let meant = encode_srgb(rgb).to_le_bytes();
+        drawn.colour[i as usize].to_le_bytes().iter().zip(meant).all(|(a, b)| a.abs_diff(b) <= 3)
+    };
+    if agrees(naive.look(camera, dir)) {
+        return Verdict::Right;
+    }
+    let (side, up) = dir.any_orthonormal_pair();
+    let turns = (0..24).map(|k| {
+        let angle = f64::from(k % 8) * std::f64::consts::FRAC_PI_4;
+        let by = [2e-6, 2e-5, 1e-4][k as usize / 8];
+        (dir + (side * angle.cos() + up * angle.sin()) * by).normalize_or(dir)
+    });
+    if turns.into_iter().any(|turn| agrees(naive.look(camera, turn))) { Verdict::Turned } else { Verdict::Wrong }
+}
