@@ -8,13 +8,17 @@ use axum::{
     http::{HeaderMap, Method, Request, StatusCode},
 };
 use http_body_util::BodyExt;
-use insula_protocol::{Manifest, TileId, TileKind, codec::bincode, route};
+use insula_protocol::{
+    Manifest, TileId, TileKind,
+    codec::bincode,
+    route::{self, RouteTemplate},
+};
 use insula_server::{
     config::ServeConfig,
     http::{AppState, HttpService},
     store::Store,
 };
-use std::{borrow::Cow, os::unix::fs::FileExt, path::Path, sync::OnceLock};
+use std::{borrow::Cow, collections::BTreeSet, os::unix::fs::FileExt, path::Path, sync::OnceLock};
 use tower::ServiceExt;
 
 const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";
@@ -314,6 +318,30 @@ async fn manifests_are_json_or_bincode() {
     assert_eq!(bincode::from_bytes::<Manifest>(&bincode.body).unwrap(), manifest);
     assert_ne!(bincode.header("etag"), json.header("etag"));
     assert_eq!((bincode.header("vary"), json.header("vary")), ("accept, accept-encoding", "accept, accept-encoding"));
+}
+
+#[tokio::test]
+async fn openapi_document_describes_every_route() {
+    let document: serde_json::Value = serde_json::from_slice(&get("/v1/openapi.json").await.body).unwrap();
+    let paths = document["paths"].as_object().unwrap();
+    let mut described = BTreeSet::new();
+    for (path, item) in paths {
+        let parameters = item["get"]["parameters"].as_array();
+        let layer = parameters.and_then(|all| all.iter().find(|parameter| parameter["name"] == "layer"));
+        match layer {
+            Some(layer) => described.extend(
+                layer["schema"]["enum"]
+                    .as_array()
+                    .unwrap()
+                    .iter()
+                    .map(|word| path.replace("{layer}", word.as_str().unwrap())),
+            ),
+            None => described.extend([path.clone()]),
+        }
+    }
+    let routes: BTreeSet<_> =
+        RouteTemplate::ALL.into_iter().filter_map(RouteTemplate::pattern).map(str::to_owned).collect();
+    assert_eq!(described, routes);
 }
 
 #[tokio::test]

@@ -244,7 +244,8 @@ async fn private_cities_need_a_token() {
     std::fs::write(tokens.path(), "# the office\n0123456789abcdef-office\n").unwrap();
     let server = TestServer::start(|config| config.access.tokens = Some(tokens.path().to_owned())).await;
     let token = "Authorization: Bearer 0123456789abcdef-office\r\n";
-    for path in [TILE, "/v1/cities/two", "/v1/cities/three"] {
+    let invalid_name = "/v1/cities/T/v/blockmaps/0/0/0";
+    for path in [TILE, "/v1/cities/two", "/v1/cities/three", invalid_name] {
         for headers in [
             "",
             "Authorization: Bearer 0123456789abcdef-offic\r\n",
@@ -259,7 +260,9 @@ async fn private_cities_need_a_token() {
     let tile = server.get(TILE, token).await;
     assert!(tile.starts_with("HTTP/1.1 200") && tile.contains("cache-control: private, max-age"), "{tile}");
     assert!(server.get("/v1/cities/two", token).await.contains("cache-control: private, no-cache"));
-    assert_problem(&server.get("/v1/cities/three", token).await, 404);
+    for path in ["/v1/cities/three", invalid_name] {
+        assert_problem(&server.get(path, token).await, 404);
+    }
     assert!(server.get("/v1/cities", "").await.ends_with("[]"));
     assert!(server.get("/v1/cities", token).await.contains("\"two\""));
     assert!(!server.get("/", "").await.contains("Two") && server.get("/", token).await.contains("Two"));

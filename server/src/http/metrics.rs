@@ -1,8 +1,9 @@
 //! Counters of the server as OpenMetrics text.
 //!
-//! Routes and status codes are fixed tables, so that clients cannot create labels. Each server has its own registry.
+//! Routes and status codes are fixed sets, so that clients cannot create labels. Each server has its own registry.
 
 use crate::store::{ReadError, Store, StoreMetrics};
+use insula_protocol::route::RouteTemplate;
 use prometheus_client::{
     encoding::{EncodeLabelSet, text::encode},
     metrics::{counter::Counter, family::Family, gauge::Gauge, histogram::Histogram},
@@ -10,52 +11,10 @@ use prometheus_client::{
 };
 use std::{sync::OnceLock, time::Duration};
 
-/// Routes as labels; the last stands for all other paths.
-const ROUTES: [&str; 11] = [
-    "subtrees",
-    "blockmaps",
-    "meshes",
-    "manifest",
-    "cities",
-    "index",
-    "openapi",
-    "healthz",
-    "readyz",
-    "metrics",
-    "other",
-];
-/// Routes that no limit applies to, so that they respond on a busy server.
-const UNLIMITED_ROUTES: [&str; 3] = ["healthz", "readyz", "metrics"];
 /// Status codes as labels. 0 is a request that ended without a response, 999 any other code.
 const CODES: [u16; 15] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 416, 429, 431, 500, 503, 999];
 /// Upper bounds of the histogram's buckets, in seconds.
 const BUCKETS_SECS: [f64; 13] = [5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1e-2, 2.5e-2, 0.1, 0.5, 2.5, 10.0];
-
-/// Index of a label in [`ROUTES`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct RouteLabel(usize);
-
-impl RouteLabel {
-    /// Classifies a path by its form alone; city, version and numbers are not checked.
-    pub(super) fn of_path(path: &str) -> Self {
-        let mut parts = path.strip_prefix('/').unwrap_or(path).split('/');
-        let label = match (parts.next(), parts.next(), parts.next(), parts.next(), parts.next()) {
-            (Some("v1"), Some("cities"), Some(_), Some(_), Some(layer)) if ROUTES[..3].contains(&layer) => layer,
-            (Some("v1"), Some("cities"), Some(_), None, None) => "manifest",
-            (Some("v1"), Some("cities"), None, None, None) => "cities",
-            (Some("v1"), Some("openapi.json"), None, None, None) => "openapi",
-            (Some(""), None, None, None, None) => "index",
-            (Some(word), None, None, None, None) if UNLIMITED_ROUTES.contains(&word) => word,
-            _ => "other",
-        };
-        Self(ROUTES.iter().position(|route| *route == label).unwrap_or(ROUTES.len() - 1))
-    }
-
-    /// Whether the limits on requests apply to the route.
-    pub(super) fn is_limited(self) -> bool {
-        !UNLIMITED_ROUTES.contains(&ROUTES[self.0])
-    }
-}
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct RequestLabels {
@@ -88,7 +47,8 @@ pub(super) struct HttpMetrics {
     requests: Family<RequestLabels, Counter>,
     bytes: Family<RouteLabels, Counter>,
     seconds: Family<RouteLabels, Histogram>,
-    routes: [OnceLock<RouteMetrics>; ROUTES.len()],
+    /// By the discriminant of [`RouteTemplate`].
+    routes: [OnceLock<RouteMetrics>; RouteTemplate::ALL.len()],
     in_flight: Gauge,
     connections: Gauge,
     connections_over: Counter,
@@ -107,7 +67,7 @@ impl HttpMetrics {
             requests: Family::default(),
             bytes: Family::default(),
             seconds: Family::new_with_constructor(|| Histogram::new(BUCKETS_SECS)),
-            routes: [const { OnceLock::new() }; ROUTES.len()],
+            routes: [const { OnceLock::new() }; RouteTemplate::ALL.len()],
             in_flight: Gauge::default(),
             connections: Gauge::default(),
             connections_over: Counter::default(),
@@ -144,9 +104,9 @@ impl HttpMetrics {
     }
 
     /// Counts a request. `code` is 0 if the client left before a response; `bytes` is the part of the body that was sent.
-    pub(super) fn request_ended(&self, route: RouteLabel, code: u16, bytes: u64, elapsed: Duration) {
-        let Some(&name) = ROUTES.get(route.0) else { return };
-        let route_metrics = self.routes[route.0].get_or_init(|| RouteMetrics {
+    pub(super) fn request_ended(&self, route: RouteTemplate, code: u16, bytes: u64, elapsed: Duration) {
+        let name = route.label();
+        let route_metrics = self.routes[route as usize].get_or_init(|| RouteMetrics {
             codes: [const { OnceLock::new() }; CODES.len()],
             bytes: self.bytes.get_or_create_owned(&RouteLabels { route: name }),
             seconds: self.seconds.get_or_create_owned(&RouteLabels { route: name }),

@@ -1,12 +1,13 @@
 //! What a request holds until its response is sent: its place in the limits, its metrics and its log entry.
 
-use super::{connection_state::ConnectionState, metrics::RouteLabel, state::AppState};
+use super::{connection_state::ConnectionState, state::AppState};
 use axum::{
     body::{Body, Bytes, HttpBody},
     http::{HeaderValue, Method, Uri},
 };
 use http_body::{Frame, SizeHint};
 use http_body_util::Full;
+use insula_protocol::route::RouteTemplate;
 use std::{
     pin::Pin,
     sync::Arc,
@@ -19,7 +20,7 @@ pub(super) struct RequestGuard {
     state: AppState,
     connection: Option<Arc<ConnectionState>>,
     started: Instant,
-    route: RouteLabel,
+    route: RouteTemplate,
     /// Status code; 0 while there is no response.
     code: u16,
     sent_bytes: u64,
@@ -36,7 +37,7 @@ pub(super) struct RequestLogEntry {
 }
 
 impl RequestGuard {
-    pub(super) fn new(state: &AppState, connection: Option<&Arc<ConnectionState>>, route: RouteLabel) -> Self {
+    pub(super) fn new(state: &AppState, connection: Option<&Arc<ConnectionState>>, route: RouteTemplate) -> Self {
         if let Some(connection) = connection {
             connection.request_started();
         }

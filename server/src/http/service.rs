@@ -2,14 +2,12 @@
 
 use super::{
     connection_state::ConnectionState,
-    metrics::RouteLabel,
     problem::Problem,
     request_guard::{GuardedBody, RequestGuard, RequestLogEntry, ResponseBody},
     response::with_cors,
     router::{ALLOWED_METHODS, router},
     state::AppState,
     tile::TileRequest,
-    tile_address::TileAddress,
     tile_cache::TileCache,
 };
 use axum::{
@@ -19,6 +17,7 @@ use axum::{
         HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
     },
 };
+use insula_protocol::route::{Route, RouteError, RouteTemplate};
 use std::{
     convert::Infallible,
     future::Future,
@@ -34,6 +33,10 @@ const MAX_ID_BYTES: usize = 64;
 
 const ALLOWED_HEADERS: HeaderValue =
     HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
+
+const INVALID_TILE: Problem = Problem::bad_request(
+    "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
+);
 
 /// The server without its port. Cheap to clone.
 #[derive(Debug, Clone)]
@@ -84,7 +87,7 @@ impl HttpService {
 
     /// Responds to a request. Its body is not read.
     pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
-        let route = RouteLabel::of_path(parts.uri.path());
+        let route = RouteTemplate::of_path(parts.uri.path());
         let is_over_limit = connection.is_some_and(|connection| connection.is_over_limit());
         let pending = PendingRequest {
             guard: RequestGuard::new(self.state(), connection, route),
@@ -100,23 +103,23 @@ impl HttpService {
         }
     }
 
-    fn dispatch(&self, route: RouteLabel, parts: Parts, mut pending: PendingRequest) -> ResponseFuture {
+    fn dispatch(&self, route: RouteTemplate, parts: Parts, mut pending: PendingRequest) -> ResponseFuture {
         if parts.method == Method::OPTIONS {
             return pending.ready(Ok(preflight()));
         }
-        if route.is_limited() && !pending.guard.try_enter() {
+        if !route.is_operational() && !pending.guard.try_enter() {
             return pending.ready(Err(too_busy()));
         }
         let service = self.clone();
         let is_read = parts.method == Method::GET || parts.method == Method::HEAD;
-        let Some(address) = TileAddress::parse(parts.uri.path()).filter(|_| is_read) else {
+        let Some(tile) = self.tile_request(route, &parts).filter(|_| is_read) else {
             return ResponseFuture::Pending(Box::pin(async move {
                 let request = Request::from_parts(parts, Body::empty());
                 let Ok(response) = service.0.router.clone().oneshot(request).await;
                 pending.finish(Ok(response.map(ResponseBody::Routed)))
             }));
         };
-        let tile = match address.and_then(|address| TileRequest::resolve(self.state(), address, &parts.headers)) {
+        let tile = match tile {
             Ok(tile) => tile,
             Err(problem) => return pending.ready(Err(problem)),
         };
@@ -129,11 +132,27 @@ impl HttpService {
         }
     }
 
+    /// The requested tile; `None` for other routes. Fails with 400, 401 or 404.
+    fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<TileRequest, Problem>> {
+        let (state, path, headers) = (self.state(), parts.uri.path(), &parts.headers);
+        match Route::parse(path) {
+            Ok(Route::Tile(tile)) => Some(TileRequest::resolve(state, tile, headers)),
+            Err(RouteError::InvalidTile) => Some(Err(INVALID_TILE)),
+            // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
+            Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {
+                let city = path.split('/').nth(3).unwrap_or_default();
+                let denied = state.catalog().access().authorize(city, headers).err();
+                Some(Err(denied.unwrap_or(Problem::not_found("there is no such city or version"))))
+            }
+            _ => None,
+        }
+    }
+
     /// Checks that precede routing. Fails with 503, 431, 400 or 429.
     fn admit(
         &self,
         connection: Option<&Arc<ConnectionState>>,
-        route: RouteLabel,
+        route: RouteTemplate,
         parts: &Parts,
     ) -> Result<(), Problem> {
         if connection.is_some_and(|connection| connection.is_over_limit()) {
@@ -146,7 +165,7 @@ impl HttpService {
             return Err(Problem::bad_request("requests must not have a body"));
         }
         match connection.and_then(|connection| connection.ip()) {
-            Some(ip) if route.is_limited() => self.state().rate_limiter().admit(ip),
+            Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip),
             _ => Ok(()),
         }
     }

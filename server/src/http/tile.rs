@@ -1,6 +1,6 @@
 //! Tiles, which are immutable under their city's version.
 //!
-//! In: a [`TileAddress`]. Out: the tile's bytes as the archive holds them, with valid checksums. Next: the client's decoder.
+//! In: a [`TileRoute`]. Out: the tile's bytes as the archive holds them, with valid checksums. Next: the client's decoder.
 
 use super::{
     access_control::CityAccess,
@@ -8,14 +8,13 @@ use super::{
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_unconditional, quoted},
     response::{FullResponse, with_cors},
     state::AppState,
-    tile_address::TileAddress,
     tile_cache::{CachedTile, TileCache, TileCacheKey},
 };
 use crate::store::{CityStore, ReadError};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
 use bytes::Bytes;
 use http_body_util::Full;
-use insula_protocol::{TileId, TileKind, mesh_tile};
+use insula_protocol::{TileId, TileKind, mesh_tile, route::TileRoute};
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
@@ -29,27 +28,27 @@ pub(super) struct TileRequest {
 
 impl TileRequest {
     /// Looks up city and version. Fails with 401 without a required token, or 404.
-    pub(super) fn resolve(state: &AppState, address: TileAddress<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
+    pub(super) fn resolve(state: &AppState, route: TileRoute<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
         let catalog = state.catalog();
-        let access = catalog.access().authorize(address.city, headers)?;
-        let city = match catalog.store().version(address.city, address.version) {
+        let access = catalog.access().authorize(route.city, headers)?;
+        let city = match catalog.store().version(route.city, route.version) {
             Some(city) => Arc::clone(city),
-            None if catalog.store().city(address.city).is_none() => {
+            None if catalog.store().city(route.city).is_none() => {
                 return Err(Problem::not_found("there is no such city"));
             }
             None => {
                 return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
             }
         };
-        // Only leaves have meshes, so that each mesh has one address.
-        let id = match address.layer {
-            TileKind::Subtree | TileKind::BlockMap => address.id,
-            TileKind::Mesh => Some(address.id)
+        // Only leaves have meshes, so that each mesh has one route.
+        let id = match route.kind {
+            TileKind::Subtree | TileKind::BlockMap => route.id,
+            TileKind::Mesh => Some(route.id)
                 .filter(|id| id.level() == city.manifest().depth)
-                .and_then(|id| mesh_tile::archive_id(id, address.lod))
+                .and_then(|id| mesh_tile::archive_id(id, route.lod))
                 .ok_or(NO_TILE)?,
         };
-        let key = TileCacheKey { serial: city.serial(), kind: address.layer, id };
+        let key = TileCacheKey { serial: city.serial(), kind: route.kind, id };
         Ok(Self { city, key, access })
     }
 
