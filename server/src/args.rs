@@ -5,13 +5,11 @@ use clap::{Parser, Subcommand, ValueEnum};
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
 use std::path::PathBuf;
 
+const EXAMPLE: &str = "Example:\n  insula-server bake delft.city.json --out delft\n  insula-server serve delft";
+
 /// Bakes cities and serves them.
 #[derive(Debug, Parser)]
-#[command(
-    name = "insula-server",
-    version,
-    after_help = "Example:\n  insula-server bake delft.city.json --out delft\n  insula-server serve delft"
-)]
+#[command(name = "insula-server", version, after_help = EXAMPLE)]
 pub struct Args {
     #[command(subcommand)]
     pub command: ServerCommand,

@@ -7,7 +7,7 @@ use super::{
     response::with_cors,
     router::{ALLOWED_METHODS, router},
     state::AppState,
-    tile::TileRequest,
+    tile::RequestedTile,
     tile_cache::TileCache,
 };
 use axum::{
@@ -133,10 +133,10 @@ impl HttpService {
     }
 
     /// The requested tile; `None` for other routes. Fails with 400, 401 or 404.
-    fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<TileRequest, Problem>> {
+    fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<RequestedTile, Problem>> {
         let (state, path, headers) = (self.state(), parts.uri.path(), &parts.headers);
         match Route::parse(path) {
-            Ok(Route::Tile(tile)) => Some(TileRequest::resolve(state, tile, headers)),
+            Ok(Route::Tile(tile)) => Some(RequestedTile::resolve(state, tile, headers)),
             Err(RouteError::InvalidTile) => Some(Err(INVALID_TILE)),
             // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
             Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {

@@ -20,13 +20,13 @@ use std::sync::Arc;
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
 
 /// A tile of an open city that the request may see. The archive may still lack it.
-pub(super) struct TileRequest {
+pub(super) struct RequestedTile {
     city: Arc<CityStore>,
     key: TileCacheKey,
     access: CityAccess,
 }
 
-impl TileRequest {
+impl RequestedTile {
     /// Looks up city and version. Fails with 401 without a required token, or 404.
     pub(super) fn resolve(state: &AppState, route: TileRoute<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
         let catalog = state.catalog();
