@@ -1,29 +1,35 @@
-//! City folders, whole and damaged.
+//! City folders: intact, damaged, and inconsistent.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod common;
 
-use insula_protocol::{TileId, TileKind};
+use insula_protocol::{Manifest, TileId, TileKind, mesh_tile};
 use insula_server::store::{CityStore, Store, StoreError};
 use std::path::Path;
 
-fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
-    folder
-}
-
-/// The one line that opening gives instead of a city.
+/// The message with which a city is refused: one line.
 fn refusal(path: &Path) -> String {
     let text = CityStore::open(path).map(drop).expect_err("opened").to_string();
     assert!(!text.contains('\n'), "{text}");
     text
 }
 
+fn write_manifest(folder: &Path, manifest: &Manifest) {
+    std::fs::write(folder.join("city.json"), serde_json::to_vec(manifest).unwrap()).unwrap();
+}
+
+/// A city of `depth` levels below the root, with these V-BlockMaps in the archive's order.
+fn deep_city(depth: u8, tiles: &[(TileId, Vec<u8>)]) -> tempfile::TempDir {
+    let folder = common::temporary_city();
+    let root_side_m = 64.0 * f64::from(1u32 << depth);
+    write_manifest(folder.path(), &Manifest { depth, root_side_m, ..common::manifest("two") });
+    common::write_archive(&folder.path().join("blockmaps.pmtiles"), tiles);
+    folder
+}
+
 #[test]
-fn tiles_come_back_byte_for_byte() {
-    let folder = folder();
-    let city = CityStore::open(folder.path()).unwrap();
+fn tiles_are_read_byte_for_byte() {
+    let city = CityStore::open(common::shared_city()).unwrap();
     assert_eq!(city.manifest(), &common::manifest("two"));
     for (id, bytes) in common::blockmaps() {
         assert_eq!(city.tile(TileKind::BlockMap, id).unwrap().unwrap(), bytes);
@@ -37,16 +43,11 @@ fn tiles_come_back_byte_for_byte() {
 }
 
 #[test]
-fn nodes_that_share_a_tile_are_all_there() {
-    let folder = folder();
+fn equal_tiles_that_share_an_entry_are_all_found() {
     let id = |i: u32| TileId::new(4, i % 16, i / 16).unwrap();
     let bytes = |i: u32| if i % 16 < 8 { b"same".to_vec() } else { id(i).to_string().into_bytes() };
     let tiles: Vec<_> = (0..256).map(|i| (id(i), bytes(i))).collect();
-    common::archive(&folder.path().join("blockmaps.pmtiles"), &tiles);
-    let mut manifest = common::manifest("two");
-    manifest.depth = 4;
-    manifest.root_side_m = 64.0 * 16.0;
-    std::fs::write(folder.path().join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    let folder = deep_city(4, &tiles);
     let city = CityStore::open(folder.path()).unwrap();
     let archive = city.blockmaps();
     assert_eq!(archive.len(), 256);
@@ -56,33 +57,26 @@ fn nodes_that_share_a_tile_are_all_there() {
 }
 
 #[test]
-fn a_tile_outlives_its_store() {
-    let folder = folder();
+fn a_tile_outlives_its_city_and_its_file() {
+    let folder = common::temporary_city();
     let tile = CityStore::open(folder.path()).unwrap().tile(TileKind::Subtree, TileId::ROOT).unwrap().unwrap();
     drop(folder);
     assert_eq!(tile, common::subtree());
 }
 
 #[test]
-fn archives_with_leaf_directories_are_read_whole() {
-    let folder = folder();
+fn archives_with_leaf_directories_are_read_completely() {
     let side = 1u32 << 7;
     let ids = (0..side * side).map(|i| TileId::new(7, i % side, i / side).unwrap());
-    // Lengths as irregular as real tiles', so that the directory does not fit into its root.
+    // Irregular lengths, as real tiles have, keep the directory too large for the root.
     let bytes = |id: TileId| format!("{id} {}", "x".repeat((id.x() * 7919 + id.y() * 104_729) as usize % 997));
-    let tiles: Vec<_> = ids.map(|id| (id, bytes(id).into_bytes())).collect();
-    let mut manifest = common::manifest("two");
-    manifest.depth = 7;
-    manifest.root_side_m = 64.0 * 128.0;
-    std::fs::write(folder.path().join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
-    let mut in_order = tiles.clone();
-    in_order.sort_by_key(|(id, _)| {
+    let mut tiles: Vec<_> = ids.map(|id| (id, bytes(id).into_bytes())).collect();
+    tiles.sort_by_key(|(id, _)| {
         pmtiles::TileId::from(pmtiles::TileCoord::new(id.level(), id.x(), id.y()).unwrap()).value()
     });
-    let path = folder.path().join("blockmaps.pmtiles");
-    common::archive(&path, &in_order);
-    let file = std::fs::read(&path).unwrap();
-    assert_ne!(file[48..56], [0; 8], "the archive has no leaf directories: the test tests nothing");
+    let folder = deep_city(7, &tiles);
+    let file = std::fs::read(folder.path().join("blockmaps.pmtiles")).unwrap();
+    assert_ne!(file[48..56], [0; 8], "the archive has no leaf directories, so this tests nothing");
     let city = CityStore::open(folder.path()).unwrap();
     assert_eq!(city.blockmaps().len(), tiles.len() as u64);
     for (id, bytes) in tiles {
@@ -93,7 +87,7 @@ fn archives_with_leaf_directories_are_read_whole() {
 #[test]
 fn every_truncation_is_refused() {
     for name in ["blockmaps.pmtiles", "subtrees.pmtiles"] {
-        let folder = folder();
+        let folder = common::temporary_city();
         let path = folder.path().join(name);
         let whole = std::fs::read(&path).unwrap();
         for len in (0..whole.len()).step_by(61).chain([whole.len() - 1]) {
@@ -105,16 +99,16 @@ fn every_truncation_is_refused() {
 
 #[test]
 fn flipped_bits_never_panic_and_never_leave_the_file() {
-    let folder = folder();
+    let folder = common::temporary_city();
     let path = folder.path().join("blockmaps.pmtiles");
     let whole = std::fs::read(&path).unwrap();
     let root_bytes = usize::try_from(u64::from_le_bytes(whole[16..24].try_into().unwrap())).unwrap();
     let mut refused = 0;
     for at in 0..127 + root_bytes {
         for bit in 0..8 {
-            let mut wrong = whole.clone();
-            wrong[at] ^= 1 << bit;
-            std::fs::write(&path, &wrong).unwrap();
+            let mut damaged = whole.clone();
+            damaged[at] ^= 1 << bit;
+            std::fs::write(&path, &damaged).unwrap();
             match CityStore::open(folder.path()) {
                 Err(error) => {
                     refused += 1;
@@ -130,40 +124,38 @@ fn flipped_bits_never_panic_and_never_leave_the_file() {
 }
 
 #[test]
-fn manifests_that_lie_are_refused() {
-    let folder = folder();
+fn invalid_manifests_are_refused() {
+    let folder = common::temporary_city();
     let path = folder.path().join("city.json");
-    let good = common::manifest("two");
-    let write = |manifest: &insula_protocol::Manifest| {
-        std::fs::write(&path, serde_json::to_vec(manifest).unwrap()).unwrap();
-    };
-    let refused = |change: &dyn Fn(&mut insula_protocol::Manifest)| {
-        let mut manifest = good.clone();
+    let valid = common::manifest("two");
+    let assert_refused = |change: &dyn Fn(&mut Manifest)| {
+        let mut manifest = valid.clone();
         change(&mut manifest);
-        write(&manifest);
-        assert!(refusal(folder.path()).contains("pmtiles") || refusal(folder.path()).contains("city.json"));
+        write_manifest(folder.path(), &manifest);
+        let message = refusal(folder.path());
+        assert!(message.contains("pmtiles") || message.contains("city.json"), "{message}");
     };
-    refused(&|m| m.format_version = 9);
-    refused(&|m| m.name = "../etc".into());
-    refused(&|m| m.version = "a b".into());
-    refused(&|m| m.depth = 200);
-    refused(&|m| (m.depth, m.root_side_m) = (0, 64.0));
+    assert_refused(&|m| m.format_version = 9);
+    assert_refused(&|m| m.name = "../etc".into());
+    assert_refused(&|m| m.version = "a b".into());
+    assert_refused(&|m| m.depth = 200);
+    assert_refused(&|m| (m.depth, m.root_side_m) = (0, 64.0));
     std::fs::write(&path, "{").unwrap();
     refusal(folder.path());
     std::fs::write(&path, vec![b' '; (1 << 20) + 1]).unwrap();
-    assert!(refusal(folder.path()).contains("at most"));
-    write(&good);
+    assert!(refusal(folder.path()).contains("larger than"));
+    write_manifest(folder.path(), &valid);
     CityStore::open(folder.path()).unwrap();
     std::fs::remove_file(folder.path().join("subtrees.pmtiles")).unwrap();
     assert!(refusal(folder.path()).contains("subtrees.pmtiles"));
 }
 
 #[test]
-fn a_folder_of_cities_gives_them_all() {
+fn a_folder_of_cities_opens_all_of_them() {
     let root = tempfile::tempdir().unwrap();
     assert!(matches!(Store::open(&[root.path()]), Err(StoreError::NoCity(_))));
     for name in ["b", "a"] {
-        common::city(&root.path().join(name), name);
+        common::write_city(&root.path().join(name), name);
     }
     std::fs::create_dir(root.path().join("other")).unwrap();
     let store = Store::open(&[root.path()]).unwrap();
@@ -176,18 +168,17 @@ fn a_folder_of_cities_gives_them_all() {
 }
 
 #[test]
-fn a_city_with_meshes_opens_and_one_whose_meshes_lie_too_deep_does_not() {
-    let folder = tempfile::tempdir().unwrap();
-    common::city_with_meshes(folder.path(), "two");
+fn meshes_are_optional_and_must_not_lie_too_deep() {
+    let folder = common::temporary_city_with_meshes();
+    let archive = folder.path().join(TileKind::Mesh.file_name());
     let city = CityStore::open(folder.path()).unwrap();
     assert_eq!(city.archive(TileKind::Mesh).unwrap().len(), 2);
-    let place = insula_protocol::mesh_tile::archive_id(common::child(), 1).unwrap();
-    assert_eq!(city.tile(TileKind::Mesh, place).unwrap().unwrap(), common::meshes()[1].1);
-    let deep = [(TileId::new(5, 0, 0).unwrap(), vec![1])];
-    common::archive(&folder.path().join(TileKind::Mesh.file_name()), &deep);
+    let id = mesh_tile::archive_id(common::child(), 1).unwrap();
+    assert_eq!(city.tile(TileKind::Mesh, id).unwrap().unwrap(), common::meshes()[1].1);
+    common::write_archive(&archive, &[(TileId::new(5, 0, 0).unwrap(), vec![1])]);
     assert!(CityStore::open(folder.path()).is_err());
-    std::fs::remove_file(folder.path().join(TileKind::Mesh.file_name())).unwrap();
+    std::fs::remove_file(&archive).unwrap();
     let city = CityStore::open(folder.path()).unwrap();
     assert!(city.archive(TileKind::Mesh).is_none());
-    assert_eq!(city.tile(TileKind::Mesh, place).unwrap(), None);
+    assert_eq!(city.tile(TileKind::Mesh, id).unwrap(), None);
 }

@@ -80,7 +80,7 @@ pub(crate) struct Seen {
     pub(crate) wrong: AtomicU64,
 }
 
-/// Every address of a city that `common::city` wrote, with its layer.
+/// Every address of a city that `common::write_city` wrote, with its layer.
 pub(crate) fn addresses(version: &str) -> Vec<(TileKind, String)> {
     let blockmaps = crate::common::blockmaps().into_iter().map(|(id, _)| (TileKind::BlockMap, id));
     let all = blockmaps.chain([(TileKind::Subtree, TileId::ROOT)]);

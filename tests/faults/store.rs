@@ -10,8 +10,8 @@ use crate::{
 use axum::{body::Body, http::Request};
 use http_body_util::BodyExt;
 use insula_server::{
-    config::Config,
-    http::{AppState, app},
+    config::ServeConfig,
+    http::{AppState, HttpService},
     store::Store,
 };
 use std::{
@@ -26,7 +26,7 @@ const COLD: [&str; 3] = ["cache.memory_bytes=0", "limits.tile_bytes=0", "cache.b
 
 fn origin() -> (tempfile::TempDir, Origin) {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let origin = Origin::start(folder.path());
     (folder, origin)
 }
@@ -96,10 +96,10 @@ pub(crate) fn coalesced() {
     assert!(tile_at >= 4096, "its block was read with the directories: the test tests nothing");
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(4).enable_all().build().unwrap();
     runtime.block_on(async {
-        let mut config = Config::default();
+        let mut config = ServeConfig::default();
         (config.cache.block_bytes, config.limits.tile_bytes) = (4096, 0);
         let store = Store::open_anywhere(&[origin.url().into()], &config.cache).await.unwrap();
-        let app = app(AppState::new(store, &config));
+        let app = HttpService::new(AppState::new(store, &config));
         origin.faults.slow_millis.store(300, Relaxed);
         let before = origin.fetches();
         let mut all = tokio::task::JoinSet::new();
@@ -153,7 +153,7 @@ pub(crate) fn s3() {
         || {
             let city = folder.path().join("two");
             fs::create_dir(&city).unwrap();
-            common::city(&city, "two");
+            common::write_city(&city, "two");
             city
         },
         Into::into,

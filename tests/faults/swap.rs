@@ -33,11 +33,11 @@ fn name(version: u32) -> String {
 /// Writes a version beside the folder and puts it in its place, as the bake does.
 fn publish(folder: &Path, version: u32) {
     let (next, old, here) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
-    common::city(&next, "two");
+    common::write_city(&next, "two");
     let manifest = Manifest { version: name(version), ..common::manifest("two") };
     fs::write(next.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     let tiles: Vec<_> = [TileId::ROOT, common::child()].map(|id| (id, tile(id, version))).to_vec();
-    common::archive(&next.join("blockmaps.pmtiles"), &tiles);
+    common::write_archive(&next.join("blockmaps.pmtiles"), &tiles);
     if here.exists() {
         fs::rename(&here, &old).unwrap();
     }

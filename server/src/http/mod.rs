@@ -1,38 +1,40 @@
-//! Baked cities over HTTP/1.1 and HTTP/2, in the clear or over TLS (design 11).
-//!
-//! In: a [`Store`](crate::store::Store), requests. Out: responses. Next: the client's fetch, browsers, caches in between.
+//! Baked cities over HTTP/1.1 and HTTP/2, with or without TLS.
 //!
 //! ```text
-//! listen -> worker -> (tls) -> connection -> app -> tile      the way of nearly every request
-//!                                             \--> router -> manifest, page, health
+//! server -> worker -> (tls) -> connection -> service -> tile          nearly all requests
+//!                                                   \-> router -> manifest, index_page, health
 //! ```
 //!
-//! A URL's parts are looked up in maps made when the cities were opened; none of them ever becomes a path.
+//! The parts of a URL are only looked up in maps that were built when the cities were opened. None of them is ever used as a
+//! file system path.
 
-mod access;
-mod address;
-mod answer;
-mod app;
+mod access_control;
+mod catalog;
+mod city_documents;
 mod connection;
-mod error;
-mod headers;
+mod connection_state;
+mod content_encoding;
 mod health;
-mod listen;
+mod in_flight;
+mod index_page;
 mod manifest;
 mod metrics;
-mod packed;
-mod page;
-mod rate;
+mod problem;
+mod rate_limit;
+mod reload;
+mod representation;
+mod request_guard;
+mod response;
 mod router;
+mod server;
+mod service;
 mod state;
 mod tile;
 mod tile_cache;
 mod tls;
-mod watch;
 mod worker;
 
-pub use address::{NOT_A_TILE, TileAddress};
-pub use app::{App, app};
-pub use error::Problem;
-pub use listen::{ServeError, Server, serve};
+pub use problem::Problem;
+pub use server::{HttpServer, ServeError, serve};
+pub use service::HttpService;
 pub use state::AppState;

@@ -6,7 +6,7 @@ use super::{
     ReadError,
     disk::{BlockKey, Disk},
 };
-use crate::config::Cache;
+use crate::config::BlockCacheConfig;
 use bytes::{Bytes, BytesMut};
 use moka::future::Cache as Memory;
 use object_store::{GetOptions, GetRange, ObjectStore, path::Path};
@@ -37,14 +37,14 @@ pub(super) struct Object {
 
 /// What is counted of stores and caches.
 #[derive(Debug, Clone)]
-pub(crate) struct Counters {
+pub(crate) struct StoreMetrics {
     reads: Family<[(&'static str, &'static str); 1], Counter>,
     fetches: Family<[(&'static str, &'static str); 1], Counter>,
     seconds: Histogram,
     disk_errors: Counter,
 }
 
-impl Counters {
+impl StoreMetrics {
     pub(crate) fn register(&self, to: &mut Registry) {
         to.register("block_reads", "Reads of blocks of remote archives by where they were found", self.reads.clone());
         to.register("store_fetches", "Requests to stores by outcome", self.fetches.clone());
@@ -66,12 +66,12 @@ pub(crate) struct Blocks {
     block_bytes: u64,
     fetches: Semaphore,
     patience: Duration,
-    pub(crate) counters: Counters,
+    pub(crate) metrics: StoreMetrics,
 }
 
 impl Blocks {
     /// Errors: the cache's folder cannot be used.
-    pub(crate) fn new(config: &Cache) -> io::Result<Self> {
+    pub(crate) fn new(config: &BlockCacheConfig) -> io::Result<Self> {
         let weight = |_: &BlockKey, block: &Bytes| u32::try_from(block.len() + 128).unwrap_or(u32::MAX);
         let disk = config.folder.as_ref().map(|folder| Disk::open(folder, config.folder_bytes)).transpose()?;
         Ok(Self {
@@ -80,7 +80,7 @@ impl Blocks {
             block_bytes: config.block_bytes,
             fetches: Semaphore::new(config.fetches),
             patience: Duration::from_secs(config.timeout_secs),
-            counters: Counters {
+            metrics: StoreMetrics {
                 reads: Family::default(),
                 fetches: Family::default(),
                 seconds: Histogram::new(BUCKETS_SECS),
@@ -116,7 +116,7 @@ impl Blocks {
         let entry = self.memory.entry(key).or_try_insert_with(self.load(object, key)).await;
         let entry = entry.map_err(|error: Arc<ReadError>| (*error).clone())?;
         if !entry.is_fresh() {
-            self.counters.read("memory");
+            self.metrics.read("memory");
         }
         Ok(entry.into_value())
     }
@@ -125,14 +125,14 @@ impl Blocks {
         if let Some(disk) = self.disk.clone() {
             let found = tokio::task::spawn_blocking(move || disk.get(key)).await;
             if let Ok(Some(block)) = found {
-                self.counters.read("disk");
+                self.metrics.read("disk");
                 return Ok(block);
             }
         }
         let block = self.fetch(object, key.index).await?;
-        self.counters.read("store");
+        self.metrics.read("store");
         if let Some(disk) = self.disk.clone() {
-            let (errors, block) = (self.counters.disk_errors.clone(), block.clone());
+            let (errors, block) = (self.metrics.disk_errors.clone(), block.clone());
             tokio::task::spawn_blocking(move || {
                 if let Err(error) = disk.put(key, &block) {
                     errors.inc();
@@ -154,9 +154,9 @@ impl Blocks {
             let start = Instant::now();
             let got = timeout(self.patience / 3, self.get(object, index)).await;
             let got = got.unwrap_or_else(|_| Err(ReadError::Failed("the store does not answer".into())));
-            self.counters.seconds.observe(start.elapsed().as_secs_f64());
+            self.metrics.seconds.observe(start.elapsed().as_secs_f64());
             let outcome = if got.is_ok() { "ok" } else { "failed" };
-            self.counters.fetches.get_or_create(&[("outcome", outcome)]).inc();
+            self.metrics.fetches.get_or_create(&[("outcome", outcome)]).inc();
             match got {
                 Err(ReadError::Failed(reason)) if Instant::now() + wait < end => {
                     tracing::debug!(object = %object.path, reason, "the store failed: asking again");

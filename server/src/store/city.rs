@@ -1,9 +1,8 @@
-//! One city's folder.
-//!
-//! In: a folder, or where its files lie in a store. Out: [`CityStore`]: its manifest and its archives. Next: `Store` holds several.
+//! One open city: its manifest and its archives.
 
 use super::{
-    Archive, ArchiveError, MANIFEST_FILE, StoreError,
+    archive::Archive,
+    error::{ArchiveError, StoreError},
     source::{Read, ReadError},
 };
 use bytes::Bytes;
@@ -22,187 +21,192 @@ use std::{
     time::SystemTime,
 };
 
-/// Times that a city is opened anew because it was replaced meanwhile.
-const ATTEMPTS: usize = 5;
+/// The manifest's name in a city's folder.
+pub const MANIFEST_FILE: &str = "city.json";
+/// Attempts to open a city that is replaced meanwhile.
+const MAX_ATTEMPTS: usize = 5;
 
-static SERIALS: AtomicU64 = AtomicU64::new(0);
+static NEXT_SERIAL: AtomicU64 = AtomicU64::new(0);
 
-/// A city whose manifest and directories have been checked.
+/// An open city whose manifest and directories have been checked.
 #[derive(Debug)]
 pub struct CityStore {
     serial: u64,
-    place: String,
-    stamp: Stamp,
+    location: String,
+    stamp: CityStamp,
     manifest: Manifest,
     subtrees: Archive,
     blockmaps: Archive,
     meshes: Option<Archive>,
 }
 
-/// A city's archives, read.
-pub(super) struct Archives {
+/// A city's archives with their directories read.
+pub(super) struct CityArchives {
     pub(super) subtrees: Archive,
     pub(super) blockmaps: Archive,
     pub(super) meshes: Option<Archive>,
 }
 
-/// What tells a city's files from those that replace them.
+/// Identity of a city's files, which changes when they are replaced.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Stamp {
-    /// Of the manifest and each archive that is there.
+pub(super) enum CityStamp {
+    /// Of the manifest and each existing archive.
     Files([Option<FileStamp>; 4]),
-    /// Of the manifest's text.
+    /// Hash of the manifest's text.
     Remote(blake3::Hash),
 }
 
-/// Device, inode, length, time of change.
+/// Device, inode, length and modification time.
 type FileStamp = (u64, u64, u64, Option<SystemTime>);
 
 impl CityStore {
-    /// Opens a folder with `city.json` and an archive for each [`TileKind`] that it has: all of one version, even if it is being replaced.
+    /// Opens a folder with `city.json` and an archive per [`TileKind`]. All files are of one version, even if the city is replaced
+    /// meanwhile. Fails if a file is missing, damaged, or inconsistent with the manifest.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
-        let place = folder.display().to_string();
-        for _ in 0..ATTEMPTS {
-            let stamp = Stamp::of(folder)?;
+        let location = folder.display().to_string();
+        for _ in 0..MAX_ATTEMPTS {
+            let stamp = CityStamp::of(folder)?;
             let manifest = read_manifest(&folder.join(MANIFEST_FILE))?;
-            let open = |layer: TileKind| Archive::open(&folder.join(layer.file_name()));
+            let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()));
             let (subtrees, blockmaps) = (open(TileKind::Subtree), open(TileKind::BlockMap));
             let meshes = stamp.has_meshes().then(|| open(TileKind::Mesh));
-            if Stamp::of(folder)? != stamp {
+            if CityStamp::of(folder)? != stamp {
                 continue;
             }
-            let archives = Archives { subtrees: subtrees?, blockmaps: blockmaps?, meshes: meshes.transpose()? };
-            return Self::new(place, stamp, manifest, archives);
+            let archives = CityArchives { subtrees: subtrees?, blockmaps: blockmaps?, meshes: meshes.transpose()? };
+            return Self::new(location, stamp, manifest, archives);
         }
-        Err(StoreError::Changing { place })
+        Err(StoreError::Changing { place: location })
     }
 
+    /// Fails if the archives do not fit the manifest.
     pub(super) fn new(
-        place: String,
-        stamp: Stamp,
+        location: String,
+        stamp: CityStamp,
         manifest: Manifest,
-        Archives { subtrees, blockmaps, meshes }: Archives,
+        CityArchives { subtrees, blockmaps, meshes }: CityArchives,
     ) -> Result<Self, StoreError> {
-        let serial = SERIALS.fetch_add(1, Ordering::Relaxed);
-        let city = Self { serial, place, stamp, manifest, subtrees, blockmaps, meshes };
-        for (layer, archive) in city.archives() {
-            let below = if layer == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
-            if archive.deepest() > city.manifest.depth + below {
-                let source = ArchiveError::Directory("it has levels that city.json does not know");
-                return Err(StoreError::Archive { place: city.path_of(layer.file_name()), source });
+        let serial = NEXT_SERIAL.fetch_add(1, Ordering::Relaxed);
+        let city = Self { serial, location, stamp, manifest, subtrees, blockmaps, meshes };
+        for (kind, archive) in city.archives() {
+            // Each level of detail of the meshes has its own archive level below the leaves'.
+            let extra_levels = if kind == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
+            if archive.deepest() > city.manifest.depth + extra_levels {
+                let source = ArchiveError::Directory("it has tiles below the depth that city.json gives");
+                return Err(StoreError::Archive { place: city.path_of(kind.file_name()), source });
             }
         }
         if city.manifest.tile_version != tile::VERSION {
             let found = city.manifest.tile_version;
-            let reason = format!("its tiles are of version {found}, this program serves {}", tile::VERSION);
+            let reason = format!("its tiles have format version {found}, this program serves {}", tile::VERSION);
             return Err(StoreError::Manifest { place: city.path_of(MANIFEST_FILE), reason });
         }
         Ok(city)
     }
 
     fn path_of(&self, file: &str) -> String {
-        format!("{}/{file}", self.place)
+        format!("{}/{file}", self.location)
     }
 
-    /// What a client must know first.
+    /// The contents of `city.json`.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// Where it was opened; for messages to the host, never for clients.
-    pub fn place(&self) -> &str {
-        &self.place
+    /// Folder or URL of the city, for logs only: clients must not see it.
+    pub fn location(&self) -> &str {
+        &self.location
     }
 
-    /// Differs between all that this process has opened.
+    /// A number that differs between all cities and versions that the process has opened.
     pub fn serial(&self) -> u64 {
         self.serial
     }
 
-    pub(super) fn stamp(&self) -> &Stamp {
+    pub(super) fn stamp(&self) -> &CityStamp {
         &self.stamp
     }
 
-    /// The archive of a layer, if the city has it: all have V-BlockMaps and subtrees.
-    pub fn archive(&self, layer: TileKind) -> Option<&Archive> {
-        match layer {
+    /// The archive of a kind. Only meshes may be missing.
+    pub fn archive(&self, kind: TileKind) -> Option<&Archive> {
+        match kind {
             TileKind::Subtree => Some(&self.subtrees),
             TileKind::BlockMap => Some(&self.blockmaps),
             TileKind::Mesh => self.meshes.as_ref(),
         }
     }
 
-    /// The archives that it has.
+    /// All archives that exist.
     pub fn archives(&self) -> impl Iterator<Item = (TileKind, &Archive)> {
-        TileKind::ALL.into_iter().filter_map(|layer| Some((layer, self.archive(layer)?)))
+        TileKind::ALL.into_iter().filter_map(|kind| Some((kind, self.archive(kind)?)))
     }
 
-    /// Which nodes exist.
+    /// The archive of subtrees.
     pub fn subtrees(&self) -> &Archive {
         &self.subtrees
     }
 
-    /// Their V-BlockMaps.
+    /// The archive of V-BlockMaps.
     pub fn blockmaps(&self) -> &Archive {
         &self.blockmaps
     }
 
-    /// A tile's bytes from a file, unchecked. A mesh is named by its place ([`insula_protocol::mesh_tile::archive_id`]).
-    pub fn tile(&self, layer: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        self.archive(layer).map_or(Ok(None), |archive| archive.tile(id))
+    /// Reads a tile from a file without checking it; `None` if it does not exist. The id is the one in the archive (for a mesh,
+    /// [`insula_protocol::mesh_tile::archive_id`]). Fails if the file cannot be read, or the city is remote.
+    pub fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
+        self.archive(kind).map_or(Ok(None), |archive| archive.tile(id))
     }
 
-    /// A tile's bytes, wherever they are, every checksum in them right. `None` if there is no such tile.
-    ///
-    /// What is wrong is read once more, past all caches, before it is called damaged.
-    pub async fn checked_tile(&self, layer: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        let Some(archive) = self.archive(layer) else { return Ok(None) };
-        let Some(place) = archive.find(id) else { return Ok(None) };
-        match check(layer, read(archive, &place).await?) {
+    /// Reads a tile of any city and checks all of its checksums; `None` if it does not exist. A damaged tile is read once more,
+    /// past all caches. Fails if it cannot be read or is still damaged.
+    pub async fn checked_tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
+        let Some(archive) = self.archive(kind) else { return Ok(None) };
+        let Some(range) = archive.find(id) else { return Ok(None) };
+        match check(kind, read(archive, &range).await?) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(_) => {
-                archive.forget(place.clone()).await;
-                check(layer, read(archive, &place).await?).map(Some)
+                archive.forget(range.clone()).await;
+                check(kind, read(archive, &range).await?).map(Some)
             }
         }
     }
 
-    /// Size of all archives.
+    /// Size of all archives in bytes.
     pub fn file_bytes(&self) -> u64 {
         self.archives().map(|(_, archive)| archive.file_bytes()).sum()
     }
 }
 
-async fn read(archive: &Archive, place: &Range<u64>) -> Result<Bytes, ReadError> {
-    match archive.read(place.clone()) {
+async fn read(archive: &Archive, range: &Range<u64>) -> Result<Bytes, ReadError> {
+    match archive.read(range.clone()) {
         Read::Now(bytes) => bytes,
         Read::Later(bytes) => bytes.await,
     }
 }
 
-/// A tile's frame covers every byte of it with a checksum.
-fn check(layer: TileKind, bytes: Bytes) -> Result<Bytes, ReadError> {
-    match TileReader::new(&bytes, layer) {
+/// Checks the checksums of a tile's container, which cover every byte.
+fn check(kind: TileKind, bytes: Bytes) -> Result<Bytes, ReadError> {
+    match TileReader::new(&bytes, kind) {
         Ok(_) => Ok(bytes),
         Err(error) => Err(ReadError::Damaged(error.to_string())),
     }
 }
 
-impl Stamp {
-    /// Errors: a file is missing or cannot be looked at.
+impl CityStamp {
+    /// Fails if a file's metadata cannot be read, or one other than the meshes is missing.
     pub(super) fn of(folder: &Path) -> Result<Self, StoreError> {
-        let look = |name: &str| {
+        let file_stamp = |name: &str| {
             let path = folder.join(name);
-            let about = fs::metadata(&path).map_err(|source| StoreError::Io { path, source })?;
-            let (device, inode) = identity(&about);
-            Ok(Some((device, inode, about.len(), about.modified().ok())))
+            let metadata = fs::metadata(&path).map_err(|source| StoreError::Io { path, source })?;
+            let (device, inode) = identity(&metadata);
+            Ok(Some((device, inode, metadata.len(), metadata.modified().ok())))
         };
-        let meshes = match look(TileKind::Mesh.file_name()) {
+        let meshes = match file_stamp(TileKind::Mesh.file_name()) {
             Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => None,
             found => found?,
         };
-        let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|layer| look(layer.file_name()));
-        Ok(Self::Files([look(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
+        let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|kind| file_stamp(kind.file_name()));
+        Ok(Self::Files([file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
     }
 
     fn has_meshes(&self) -> bool {
@@ -210,28 +214,30 @@ impl Stamp {
     }
 }
 
+/// Device and inode; zeros where the system has none.
 #[cfg(unix)]
-fn identity(about: &fs::Metadata) -> (u64, u64) {
+fn identity(metadata: &fs::Metadata) -> (u64, u64) {
     use std::os::unix::fs::MetadataExt;
-    (about.dev(), about.ino())
+    (metadata.dev(), metadata.ino())
 }
 
 #[cfg(not(unix))]
-fn identity(_about: &fs::Metadata) -> (u64, u64) {
+fn identity(_metadata: &fs::Metadata) -> (u64, u64) {
     (0, 0)
 }
 
 fn read_manifest(path: &Path) -> Result<Manifest, StoreError> {
-    let unreadable = |source: io::Error| StoreError::Io { path: path.to_owned(), source };
+    let io_error = |source: io::Error| StoreError::Io { path: path.to_owned(), source };
     let mut text = Vec::new();
     let limit = bincode::LIMIT as u64;
-    File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut text)).map_err(unreadable)?;
+    File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut text)).map_err(io_error)?;
     parse_manifest(&text).map_err(|reason| StoreError::Manifest { place: path.display().to_string(), reason })
 }
 
+/// Fails if the text is too long, not JSON, or not a valid manifest.
 pub(super) fn parse_manifest(text: &[u8]) -> Result<Manifest, String> {
     if text.len() > bincode::LIMIT {
-        return Err(format!("a manifest is at most {} bytes", bincode::LIMIT));
+        return Err(format!("the manifest is larger than {} bytes", bincode::LIMIT));
     }
     let manifest: Manifest = serde_json::from_slice(text).map_err(|error| error.to_string())?;
     manifest.check()?;

@@ -1,99 +1,45 @@
-//! What can be wrong with a city's folder. Each text is one line: what, where, what to do.
+//! Errors of opening a city. Each text is one line: what failed, where, and what to do.
 
-use super::ReadError;
+use super::source::ReadError;
 use std::path::PathBuf;
 
 /// Why a city cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The operating system says no.
-    #[error("cannot read {}: {source}; is the path right?", path.display())]
-    Io {
-        /// What was to be read.
-        path: PathBuf,
-        /// Why it could not.
-        source: std::io::Error,
-    },
-    /// Neither a city nor a folder of cities.
-    #[error("no city in {}: there is no city.json in it or one folder below; make one with `insula-server bake`", .0.display())]
+    #[error("cannot read {}: {source}; check the path", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("no city in {}: neither it nor a folder in it contains city.json; make a city with `insula-server bake`", .0.display())]
     NoCity(PathBuf),
-    /// `city.json` is no manifest that this program serves.
     #[error("cannot use {place}: {reason}; bake the city again")]
-    Manifest {
-        /// The manifest.
-        place: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A tile archive is damaged.
+    Manifest { place: String, reason: String },
     #[error("cannot use {place}: {source}; copy or bake the city again")]
-    Archive {
-        /// The archive.
-        place: String,
-        /// What is wrong with it.
-        source: ArchiveError,
-    },
-    /// URLs could not tell two cities apart.
+    Archive { place: String, source: ArchiveError },
     #[error("two cities are named {name:?}: {first} and {second}; bake one with another --name")]
-    SameName {
-        /// The name.
-        name: String,
-        /// One place.
-        first: String,
-        /// The other.
-        second: String,
-    },
-    /// A store does not give a city.
-    #[error("cannot read {url}: {reason}; is the address right, and may this machine read it?")]
-    Remote {
-        /// What was to be read.
-        url: String,
-        /// Why it could not.
-        reason: String,
-    },
-    /// The folder for blocks cannot be used.
-    #[error("cannot use cache.folder {}: {source}; give another one", path.display())]
-    Cache {
-        /// The folder.
-        path: PathBuf,
-        /// Why not.
-        source: std::io::Error,
-    },
-    /// Something replaces the city at this moment.
-    #[error("cannot open {place}: it keeps being replaced while it is read; try again")]
-    Changing {
-        /// The city.
-        place: String,
-    },
+    SameName { name: String, first: String, second: String },
+    #[error("cannot read {url}: {reason}; check the URL and this machine's access to it")]
+    Remote { url: String, reason: String },
+    #[error("cannot use cache.folder {}: {source}; set another one", path.display())]
+    Cache { path: PathBuf, source: std::io::Error },
+    /// Every attempt to open the city found it replaced meanwhile.
+    #[error("cannot open {place}: it is being replaced repeatedly; try again")]
+    Changing { place: String },
 }
 
-/// Why a file is no tile archive that this program serves.
+/// Why a file is not a tile archive that this program serves.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArchiveError {
-    /// Another file, or another version.
     #[error("not a PMTiles v3 archive")]
     Magic,
-    /// The file ends too early.
+    /// `what`, a part of the file, ends at byte `wanted` of a file of `found` bytes.
     #[error("truncated: {what} reaches to byte {wanted}, the file has {found}")]
-    Truncated {
-        /// Which part.
-        what: &'static str,
-        /// Where it ends.
-        wanted: u64,
-        /// Where the file ends.
-        found: u64,
-    },
-    /// Packed in a way that our bake does not write.
-    #[error("its {0} are compressed in a way that this program does not read")]
+    Truncated { what: &'static str, wanted: u64, found: u64 },
+    #[error("its {0} use a compression that this program does not support")]
     Compression(&'static str),
-    /// Bytes that no writer makes.
     #[error("damaged directory: {0}")]
     Directory(&'static str),
-    /// The system or the store does not give it.
     #[error("{0}")]
     Unreadable(String),
-    /// More than the program is willing to hold in memory.
-    #[error("its directory is over the limit of {0} tiles")]
+    #[error("its directory exceeds the limit of {0} tiles")]
     TooMany(usize),
 }
 

@@ -8,7 +8,7 @@
 use super::{
     Archive, CityStore, MANIFEST_FILE, StoreError,
     blocks::{Blocks, Object},
-    city::{Archives, Stamp, parse_manifest},
+    city::{CityArchives, CityStamp, parse_manifest},
     source::{Read, ReadError, Source},
 };
 use insula_protocol::{TileKind, codec::bincode};
@@ -60,7 +60,7 @@ impl Remote {
     }
 
     /// Opens what is there now, unless it is what `known` says.
-    pub(super) async fn open(&self, known: Option<&Stamp>) -> Result<Option<CityStore>, StoreError> {
+    pub(super) async fn open(&self, known: Option<&CityStamp>) -> Result<Option<CityStore>, StoreError> {
         let failed =
             |error: object_store::Error| StoreError::Remote { url: self.url.clone(), reason: error.to_string() };
         let path = self.folder.clone().join(MANIFEST_FILE);
@@ -70,7 +70,7 @@ impl Remote {
             return Err(wrong(format!("a manifest is at most {} bytes", bincode::LIMIT)));
         }
         let text = got.bytes().await.map_err(failed)?;
-        let stamp = Stamp::Remote(blake3::hash(&text));
+        let stamp = CityStamp::Remote(blake3::hash(&text));
         if known == Some(&stamp) {
             return Ok(None);
         }
@@ -80,7 +80,7 @@ impl Remote {
             url: format!("{}/{}", self.url, layer.file_name()),
             reason: "there is no such file".into(),
         };
-        let archives = Archives {
+        let archives = CityArchives {
             subtrees: archive(TileKind::Subtree).await?.ok_or_else(|| missing(TileKind::Subtree))?,
             blockmaps: archive(TileKind::BlockMap).await?.ok_or_else(|| missing(TileKind::BlockMap))?,
             meshes: archive(TileKind::Mesh).await?,

@@ -1,0 +1,42 @@
+//! Errors of the commands, one line each.
+
+use crate::{config::ConfigError, http::ServeError, store::StoreError};
+use std::path::PathBuf;
+
+/// Why a command failed: what failed, where, and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum CommandError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    #[error(transparent)]
+    Serve(#[from] ServeError),
+    #[error("cannot listen on {address}: {source}; use another --listen, port 0 picks a free one")]
+    Listen { address: String, source: std::io::Error },
+    #[error("cannot write {}: {reason}; check free space and permissions", path.display())]
+    Write { path: PathBuf, reason: String },
+    /// The operating system refuses `what`, an action such as "start threads".
+    #[error("cannot {what}: {source}; try again")]
+    System { what: &'static str, source: std::io::Error },
+    #[error(
+        "cannot show tile {tile}: {reason}; `insula-server inspect CITY` lists the levels, `verify` the damaged tiles"
+    )]
+    Tile { tile: String, reason: String },
+    /// `verify` found faults and has printed them.
+    #[error("{faults} faults in {}; bake the city again, or copy it again from an intact source", path.display())]
+    Faults { path: PathBuf, faults: usize },
+    #[error("{}: {reason}", path.display())]
+    Mesh { path: PathBuf, reason: String },
+    #[error("{0}")]
+    Bake(String),
+    #[error("{0}")]
+    Usage(String),
+}
+
+impl CommandError {
+    /// 2 for usage errors, else 1.
+    pub fn exit_code(&self) -> u8 {
+        if matches!(self, Self::Usage(_)) { 2 } else { 1 }
+    }
+}

@@ -1,0 +1,191 @@
+//! The settings of `serve` with their defaults, and the checks that span several of them.
+
+use std::{path::PathBuf, time::Duration};
+
+/// Default of `listen`.
+pub const DEFAULT_LISTEN: &str = "127.0.0.1:7700";
+
+/// All settings of `serve`. `keys` documents each setting for users.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ServeConfig {
+    /// `HOST:PORT`; port 0 picks a free one.
+    pub listen: String,
+    /// Number of worker threads; 0 for one per core.
+    pub threads: usize,
+    pub drain_secs: u64,
+    pub tls: TlsConfig,
+    pub reload: ReloadConfig,
+    pub limits: LimitsConfig,
+    pub cache: BlockCacheConfig,
+    pub access: AccessConfig,
+    pub log: LogConfig,
+}
+
+/// HTTPS; off without a certificate.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TlsConfig {
+    /// PEM file of the certificate and its chain.
+    pub certificate: Option<PathBuf>,
+    /// PEM file of the private key.
+    pub key: Option<PathBuf>,
+}
+
+/// Replacement of cities while they are served.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReloadConfig {
+    /// Seconds between two checks for changes; 0 for SIGHUP only.
+    pub watch_secs: u64,
+    /// Seconds for which a replaced version is still served.
+    pub keep_secs: u64,
+    /// Replaced versions per city that are still served.
+    pub keep_versions: usize,
+}
+
+/// Limits on connections, requests and memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LimitsConfig {
+    pub connections: usize,
+    /// Requests in flight, without those for health and metrics.
+    pub in_flight: usize,
+    pub in_flight_bytes: usize,
+    /// Size of the tile caches of all threads together.
+    pub tile_bytes: usize,
+    pub header_bytes: usize,
+    /// Number of headers per request.
+    pub headers: usize,
+    /// Seconds from a request's first byte (at first: from the connection) to the end of its headers.
+    pub header_secs: u64,
+    pub idle_secs: u64,
+    /// Seconds in which a client must take at least 16 KiB of what waits for it.
+    pub write_secs: u64,
+    /// Concurrent requests per HTTP/2 connection.
+    pub streams: u32,
+    /// Requests per second and client address; 0 for no limit.
+    pub client_rate: f64,
+    /// Requests that an address may make at once before the rate applies.
+    pub client_burst: u32,
+}
+
+/// Block cache of cities in object stores and behind web servers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BlockCacheConfig {
+    pub memory_bytes: u64,
+    /// Size of a block, the unit of fetching.
+    pub block_bytes: u64,
+    /// Folder for blocks on disk; `None` for memory only.
+    pub folder: Option<PathBuf>,
+    pub folder_bytes: u64,
+    /// Concurrent requests to stores.
+    pub fetches: usize,
+    /// Seconds for which a failing or silent store is retried.
+    pub timeout_secs: u64,
+}
+
+/// Private cities.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct AccessConfig {
+    /// File of bearer tokens, one per line.
+    pub tokens: Option<PathBuf>,
+    /// Names of the cities that need a token. If empty while there are tokens, all cities need one.
+    pub private: Vec<String>,
+}
+
+/// The log on standard error.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogConfig {
+    pub format: LogFormat,
+    pub requests: LogRequests,
+}
+
+/// Format of a log line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LogFormat {
+    Text,
+    /// One JSON object per line.
+    Json,
+}
+
+/// Which requests are logged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LogRequests {
+    None,
+    /// Those with a 5xx response.
+    Errors,
+    All,
+}
+
+impl Default for ServeConfig {
+    fn default() -> Self {
+        Self {
+            listen: DEFAULT_LISTEN.into(),
+            threads: 0,
+            drain_secs: 10,
+            tls: TlsConfig::default(),
+            reload: ReloadConfig { watch_secs: 2, keep_secs: 300, keep_versions: 4 },
+            limits: LimitsConfig::default(),
+            cache: BlockCacheConfig::default(),
+            access: AccessConfig::default(),
+            log: LogConfig { format: LogFormat::Text, requests: LogRequests::Errors },
+        }
+    }
+}
+
+impl Default for BlockCacheConfig {
+    fn default() -> Self {
+        Self {
+            memory_bytes: 128 << 20,
+            block_bytes: 128 << 10,
+            folder: None,
+            folder_bytes: 4 << 30,
+            fetches: 64,
+            timeout_secs: 15,
+        }
+    }
+}
+
+impl Default for LimitsConfig {
+    fn default() -> Self {
+        Self {
+            connections: 8192,
+            in_flight: 1024,
+            in_flight_bytes: 256 << 20,
+            tile_bytes: 64 << 20,
+            header_bytes: 16 << 10,
+            headers: 64,
+            header_secs: 10,
+            idle_secs: 60,
+            write_secs: 30,
+            streams: 128,
+            client_rate: 0.0,
+            client_burst: 200,
+        }
+    }
+}
+
+impl ServeConfig {
+    /// Number of worker threads.
+    pub fn worker_threads(&self) -> usize {
+        match self.threads {
+            0 => std::thread::available_parallelism().map_or(2, usize::from),
+            threads => threads,
+        }
+    }
+
+    /// Time that requests in flight may take to finish at shutdown.
+    pub fn drain_timeout(&self) -> Duration {
+        Duration::from_secs(self.drain_secs)
+    }
+
+    /// Checks rules that span several settings. Fails with a message that names the keys.
+    pub(super) fn validate(&self) -> Result<(), String> {
+        match (&self.tls.certificate, &self.tls.key) {
+            (Some(_), None) => return Err("tls.certificate is set, tls.key is not: set both or none".into()),
+            (None, Some(_)) => return Err("tls.key is set, tls.certificate is not: set both or none".into()),
+            _ => {}
+        }
+        if !self.access.private.is_empty() && self.access.tokens.is_none() {
+            return Err("access.private names cities, but without access.tokens no client could open them".into());
+        }
+        Ok(())
+    }
+}

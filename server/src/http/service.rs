@@ -1,0 +1,253 @@
+//! Handles one request: the checks in their order, then a tile or the router.
+
+use super::{
+    connection_state::ConnectionState,
+    problem::Problem,
+    request_guard::{GuardedBody, RequestGuard, RequestLogEntry, ResponseBody},
+    response::with_cors,
+    router::{ALLOWED_METHODS, router},
+    state::AppState,
+    tile::RequestedTile,
+    tile_cache::TileCache,
+};
+use axum::{
+    Router,
+    body::Body,
+    http::{
+        HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
+    },
+};
+use insula_protocol::route::{Route, RouteError, RouteTemplate};
+use std::{
+    convert::Infallible,
+    future::Future,
+    pin::Pin,
+    sync::Arc,
+    task::{Context, Poll},
+};
+use tower::{Service, ServiceExt};
+
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+/// Longest request id that is taken from a client.
+const MAX_ID_BYTES: usize = 64;
+
+const ALLOWED_HEADERS: HeaderValue =
+    HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
+
+const INVALID_TILE: Problem = Problem::bad_request(
+    "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
+);
+
+/// The server without its port. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct HttpService(Arc<ServiceShared>);
+
+#[derive(Debug)]
+struct ServiceShared {
+    state: AppState,
+    router: Router,
+    tiles: TileCache,
+}
+
+/// A response that is ready, or a future of one.
+#[allow(clippy::large_enum_variant, reason = "`Ready` is the common case, and boxing it would cost an allocation")]
+pub(super) enum ResponseFuture {
+    Ready(Option<Response<GuardedBody>>),
+    Pending(Pin<Box<dyn Future<Output = Response<GuardedBody>> + Send>>),
+}
+
+impl Future for ResponseFuture {
+    type Output = Result<Response<GuardedBody>, Infallible>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        match &mut *self {
+            Self::Ready(response) => response.take().map_or(Poll::Pending, |response| Poll::Ready(Ok(response))),
+            Self::Pending(response) => response.as_mut().poll(context).map(Ok),
+        }
+    }
+}
+
+impl HttpService {
+    /// A service with one tile cache of the configured size.
+    pub fn new(state: AppState) -> Self {
+        let tiles = TileCache::new(state.limits().tile_bytes);
+        Self(Arc::new(ServiceShared { router: router(state.clone()), state, tiles }))
+    }
+
+    /// State that all requests share.
+    pub fn state(&self) -> &AppState {
+        &self.0.state
+    }
+
+    /// The service of one of several threads, with a tile cache of its own: its share of the configured size.
+    pub(super) fn for_thread(&self, threads: usize) -> Self {
+        let tiles = TileCache::new(self.state().limits().tile_bytes / threads.max(1));
+        Self(Arc::new(ServiceShared { state: self.0.state.clone(), router: self.0.router.clone(), tiles }))
+    }
+
+    /// Responds to a request. Its body is not read.
+    pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
+        let route = RouteTemplate::of_path(parts.uri.path());
+        let is_over_limit = connection.is_some_and(|connection| connection.is_over_limit());
+        let pending = PendingRequest {
+            guard: RequestGuard::new(self.state(), connection, route),
+            id: request_id(self.state(), &parts.headers),
+            method: parts.method.clone(),
+            uri: parts.uri.clone(),
+            // What follows an unread body cannot be parsed as a request.
+            must_close: (is_over_limit || has_body(&parts.headers)) && parts.version != Version::HTTP_2,
+        };
+        match self.admit(connection, route, &parts) {
+            Ok(()) => self.dispatch(route, parts, pending),
+            Err(problem) => pending.ready(Err(problem)),
+        }
+    }
+
+    fn dispatch(&self, route: RouteTemplate, parts: Parts, mut pending: PendingRequest) -> ResponseFuture {
+        if parts.method == Method::OPTIONS {
+            return pending.ready(Ok(preflight()));
+        }
+        if !route.is_operational() && !pending.guard.try_enter() {
+            return pending.ready(Err(too_busy()));
+        }
+        let service = self.clone();
+        let is_read = parts.method == Method::GET || parts.method == Method::HEAD;
+        let Some(tile) = self.tile_request(route, &parts).filter(|_| is_read) else {
+            return ResponseFuture::Pending(Box::pin(async move {
+                let request = Request::from_parts(parts, Body::empty());
+                let Ok(response) = service.0.router.clone().oneshot(request).await;
+                pending.finish(Ok(response.map(ResponseBody::Routed)))
+            }));
+        };
+        let tile = match tile {
+            Ok(tile) => tile,
+            Err(problem) => return pending.ready(Err(problem)),
+        };
+        match tile.cached_response(&self.0.tiles, &parts) {
+            Some(response) => pending.ready(Ok(response.map(ResponseBody::Full))),
+            None => ResponseFuture::Pending(Box::pin(async move {
+                let response = tile.read(service.state(), &service.0.tiles, &parts).await;
+                pending.finish(response.map(|response| response.map(ResponseBody::Full)))
+            })),
+        }
+    }
+
+    /// The requested tile; `None` for other routes. Fails with 400, 401 or 404.
+    fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<RequestedTile, Problem>> {
+        let (state, path, headers) = (self.state(), parts.uri.path(), &parts.headers);
+        match Route::parse(path) {
+            Ok(Route::Tile(tile)) => Some(RequestedTile::resolve(state, tile, headers)),
+            Err(RouteError::InvalidTile) => Some(Err(INVALID_TILE)),
+            // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
+            Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {
+                let city = path.split('/').nth(3).unwrap_or_default();
+                let denied = state.catalog().access().authorize(city, headers).err();
+                Some(Err(denied.unwrap_or(Problem::not_found("there is no such city or version"))))
+            }
+            _ => None,
+        }
+    }
+
+    /// Checks that precede routing. Fails with 503, 431, 400 or 429.
+    fn admit(
+        &self,
+        connection: Option<&Arc<ConnectionState>>,
+        route: RouteTemplate,
+        parts: &Parts,
+    ) -> Result<(), Problem> {
+        if connection.is_some_and(|connection| connection.is_over_limit()) {
+            return Err(Problem::unavailable("too many connections: retry in a second"));
+        }
+        if parts.headers.len() > self.state().limits().headers {
+            return Err(Problem::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "the request has too many headers"));
+        }
+        if has_body(&parts.headers) {
+            return Err(Problem::bad_request("requests must not have a body"));
+        }
+        match connection.and_then(|connection| connection.ip()) {
+            Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What is kept of a request until its response exists.
+struct PendingRequest {
+    guard: RequestGuard,
+    id: HeaderValue,
+    method: Method,
+    uri: Uri,
+    /// The connection ends with this response.
+    must_close: bool,
+}
+
+impl PendingRequest {
+    fn ready(self, result: Result<Response<ResponseBody>, Problem>) -> ResponseFuture {
+        ResponseFuture::Ready(Some(self.finish(result)))
+    }
+
+    fn finish(mut self, result: Result<Response<ResponseBody>, Problem>) -> Response<GuardedBody> {
+        let mut response = match result {
+            Ok(response) if self.guard.try_reserve(response.body().len()) => response,
+            Ok(_) => too_busy().respond().map(ResponseBody::Full),
+            Err(problem) => problem.respond().map(ResponseBody::Full),
+        };
+        let code = response.status().as_u16();
+        let headers = response.headers_mut();
+        if !headers.contains_key(header::ACCESS_CONTROL_ALLOW_ORIGIN) {
+            *headers = with_cors(std::mem::take(headers));
+        }
+        if self.must_close {
+            headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
+        }
+        if self.guard.set_code(code) {
+            self.guard.set_log_entry(RequestLogEntry { id: self.id.clone(), method: self.method, uri: self.uri });
+        }
+        headers.insert(REQUEST_ID, self.id);
+        response.map(|body| GuardedBody::new(body, self.guard))
+    }
+}
+
+fn too_busy() -> Problem {
+    Problem::unavailable("too many requests at once: retry in a second")
+}
+
+/// Whether the headers announce a body. No route takes one, and an unread body could be mistaken for the next request.
+fn has_body(headers: &HeaderMap) -> bool {
+    let length = headers.get(header::CONTENT_LENGTH).is_some_and(|length| length != "0");
+    length || headers.contains_key(header::TRANSFER_ENCODING)
+}
+
+fn preflight() -> Response<ResponseBody> {
+    let mut response = Response::new(ResponseBody::Full(Default::default()));
+    *response.status_mut() = StatusCode::NO_CONTENT;
+    let headers = response.headers_mut();
+    headers.insert(header::ALLOW, ALLOWED_METHODS);
+    headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, ALLOWED_METHODS);
+    headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ALLOWED_HEADERS);
+    headers.insert(header::ACCESS_CONTROL_MAX_AGE, HeaderValue::from_static("86400"));
+    response
+}
+
+/// The client's id if it is short and visible ASCII, so that its log and ours can be joined; else a new one.
+fn request_id(state: &AppState, headers: &HeaderMap) -> HeaderValue {
+    let is_usable =
+        |id: &&HeaderValue| (1..=MAX_ID_BYTES).contains(&id.len()) && id.as_bytes().iter().all(u8::is_ascii_graphic);
+    headers.get(REQUEST_ID).filter(is_usable).cloned().unwrap_or_else(|| state.new_request_id())
+}
+
+impl Service<Request<Body>> for HttpService {
+    type Response = axum::response::Response;
+    type Error = Infallible;
+    type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Infallible>> + Send>>;
+
+    fn poll_ready(&mut self, _context: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        let service = self.clone();
+        let response = service.respond(None, request.into_parts().0);
+        Box::pin(async move { response.await.map(|response| response.map(Body::new)) })
+    }
+}

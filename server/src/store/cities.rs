@@ -1,0 +1,126 @@
+//! A set of cities from folders, object stores and web servers.
+
+use super::{
+    blocks::{Blocks, StoreMetrics},
+    city::{CityStore, MANIFEST_FILE},
+    error::StoreError,
+    remote::Remote,
+};
+use crate::config::BlockCacheConfig;
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Instant,
+};
+
+/// Cities by the name that URLs use. Cheap to clone.
+#[derive(Debug, Default, Clone)]
+pub struct Store {
+    pub(super) folders: Vec<PathBuf>,
+    pub(super) remotes: Vec<Remote>,
+    blocks: Option<Arc<Blocks>>,
+    pub(super) cities: BTreeMap<String, CityVersions>,
+}
+
+/// The current version of a city, and recent ones.
+#[derive(Debug, Clone)]
+pub(super) struct CityVersions {
+    pub(super) current: Arc<CityStore>,
+    /// Replaced versions with the time of their replacement, newest first. Clients use them until they fetch the manifest again.
+    pub(super) older: Vec<(Arc<CityStore>, Instant)>,
+    /// Number of consecutive checks at which the city's folder was missing.
+    pub(super) absent_checks: u32,
+}
+
+impl Store {
+    /// Opens city folders; a folder that is no city stands for all cities directly inside it. Fails if there is no city, one
+    /// cannot be opened, or two have the same name.
+    pub fn open<P: AsRef<Path>>(folders: &[P]) -> Result<Self, StoreError> {
+        let folders = folders.iter().map(|folder| folder.as_ref().to_owned()).collect();
+        let mut store = Self { folders, ..Self::default() };
+        for folder in &store.folders.clone() {
+            for city in city_folders(folder)? {
+                store.insert(CityStore::open(&city)?)?;
+            }
+        }
+        Ok(store)
+    }
+
+    /// As [`Self::open`], where a place may also be the URL of a city in an object store or behind a web server. Fails, in
+    /// addition, if the cache folder cannot be used or a store does not respond.
+    pub async fn open_anywhere(places: &[PathBuf], cache: &BlockCacheConfig) -> Result<Self, StoreError> {
+        let is_url = |place: &&PathBuf| place.to_str().is_some_and(|text| text.contains("://"));
+        let (urls, folders): (Vec<_>, Vec<_>) = places.iter().partition(is_url);
+        let mut store = Self::open(&folders)?;
+        if urls.is_empty() {
+            return Ok(store);
+        }
+        let cache_error = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
+        let blocks = Arc::new(Blocks::new(cache).map_err(cache_error)?);
+        for url in urls.iter().filter_map(|url| url.to_str()) {
+            let remote = Remote::new(url, blocks.clone())?;
+            if let Some(city) = remote.open(None).await? {
+                store.insert(city)?;
+            }
+            store.remotes.push(remote);
+        }
+        store.blocks = Some(blocks);
+        Ok(store)
+    }
+
+    /// Metrics of remote reads; `None` without remote cities.
+    pub(crate) fn metrics(&self) -> Option<&StoreMetrics> {
+        self.blocks.as_ref().map(|blocks| &blocks.metrics)
+    }
+
+    /// Adds a city. Fails if there is one of the same name.
+    pub fn insert(&mut self, city: CityStore) -> Result<(), StoreError> {
+        let name = city.manifest().name.clone();
+        if let Some(other) = self.city(&name) {
+            let (first, second) = (other.location().to_owned(), city.location().to_owned());
+            return Err(StoreError::SameName { name, first, second });
+        }
+        self.cities.insert(name, CityVersions { current: Arc::new(city), older: Vec::new(), absent_checks: 0 });
+        Ok(())
+    }
+
+    /// The current version of a city.
+    pub fn city(&self, name: &str) -> Option<&Arc<CityStore>> {
+        self.cities.get(name).map(|versions| &versions.current)
+    }
+
+    /// A given version of a city: the current one or a recent one.
+    pub fn version(&self, name: &str, version: &str) -> Option<&Arc<CityStore>> {
+        let versions = self.cities.get(name)?;
+        let mut all = std::iter::once(&versions.current).chain(versions.older.iter().map(|(city, _)| city));
+        all.find(|city| city.manifest().version == version)
+    }
+
+    /// The current versions of all cities, by name.
+    pub fn cities(&self) -> impl ExactSizeIterator<Item = &Arc<CityStore>> {
+        self.cities.values().map(|versions| &versions.current)
+    }
+
+    /// Number of older versions that are still open.
+    pub fn older_versions(&self) -> usize {
+        self.cities.values().map(|versions| versions.older.len()).sum()
+    }
+}
+
+/// The folder itself if it is a city, else the cities directly inside it, by name.
+pub(super) fn city_folders(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    if folder.join(MANIFEST_FILE).is_file() {
+        return Ok(vec![folder.to_owned()]);
+    }
+    let io_error = |source| StoreError::Io { path: folder.to_owned(), source };
+    let mut cities = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(io_error)? {
+        let path = entry.map_err(io_error)?.path();
+        if path.join(MANIFEST_FILE).is_file() {
+            cities.push(path);
+        }
+    }
+    cities.sort();
+    if cities.is_empty() { Err(StoreError::NoCity(folder.to_owned())) } else { Ok(cities) }
+}
