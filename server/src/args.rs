@@ -1,6 +1,6 @@
 //! The command line (design 3): what may be typed.
 //!
-//! In: arguments. Out: [`Args`]. Next: `commands`; `serve` turns them into a [`Config`](crate::config::Config) first.
+//! In: arguments. Out: [`Args`]. Next: `commands`; `serve` turns them into a [`ServeConfig`](crate::config::ServeConfig) first.
 
 use crate::config::{DEFAULT_LISTEN, check_address};
 use clap::{Parser, Subcommand, ValueEnum};
@@ -17,12 +17,12 @@ use std::path::PathBuf;
 pub struct Args {
     /// What to do.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: ServerCommand,
 }
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub enum ServerCommand {
     /// Turn city files into a city that can be served
     #[command(
         after_help = "Example:\n  insula-server bake buildings.city.json terrain.city.json --out cities/delft --cell 0.5 \\\n    --attribution \"3D BAG, tudelft3d\" --licence \"CC BY 4.0\" --source-url https://3dbag.nl\n\nKilled at any moment it leaves no city or a whole one; --resume goes on where it stopped.\nAfter a change of the sources, the same command with --update bakes only what changed."
@@ -150,18 +150,18 @@ pub struct BakeArgs {
     pub source_url: Option<String>,
     /// Which axis of OBJ files points up
     #[arg(long, value_enum, default_value = "z")]
-    pub obj_up: Axis,
+    pub obj_up: UpAxis,
     /// Colours for surfaces, objects and materials that have none
     #[arg(long, value_name = "FILE.json")]
     pub palette: Option<PathBuf>,
     /// Who draws what is seen from where: the processor, or a graphics device (in programs built with feature `gpu`)
     #[arg(long, value_enum, default_value = "cpu")]
-    pub visibility: Drawer,
+    pub visibility: VisibilityRenderer,
 }
 
 /// Who draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Drawer {
+pub enum VisibilityRenderer {
     /// The processor.
     Cpu,
     /// A graphics device.
@@ -170,7 +170,7 @@ pub enum Drawer {
 
 /// An axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Axis {
+pub enum UpAxis {
     /// As in surveying.
     Z,
     /// As in most modelling programs.

@@ -2,7 +2,7 @@
 //!
 //! In: city folders, requests. Out: responses. Next: `insula-client` streams them.
 //!
-//! Other programs embed it with [`store::Store::open`], [`config::Config`] and [`http::serve`].
+//! Other programs embed it with [`store::Store::open`], [`config::ServeConfig`] and [`http::serve`].
 
 pub mod args;
 pub mod commands;

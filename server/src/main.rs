@@ -2,7 +2,7 @@
 
 use clap::{Parser, error::ErrorKind};
 use insula_server::{
-    args::{Args, Command},
+    args::{Args, ServerCommand},
     commands, telemetry,
 };
 use std::process::ExitCode;
@@ -16,7 +16,7 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     // A server tells what happens, and starts its log when its settings are known; what ends soon speaks only of trouble.
-    if !matches!(args.command, Command::Serve(_)) {
+    if !matches!(args.command, ServerCommand::Serve(_)) {
         telemetry::start("warn", false);
     }
     match commands::run(args) {

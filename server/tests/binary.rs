@@ -40,13 +40,13 @@ fn text(path: &Path) -> &str {
 }
 
 /// A running server; killed at the end if the test has not ended it.
-struct Server {
+struct ServerProcess {
     child: Child,
     out: BufReader<ChildStdout>,
     address: String,
 }
 
-impl Server {
+impl ServerProcess {
     fn start(city: &Path) -> Self {
         let mut child = program()
             .args(["serve", text(city), "--listen", "127.0.0.1:0"])
@@ -95,7 +95,7 @@ impl Server {
     }
 }
 
-impl Drop for Server {
+impl Drop for ServerProcess {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -105,7 +105,7 @@ impl Drop for Server {
 #[test]
 fn port_0_serves_and_says_where() {
     let city = city();
-    let server = Server::start(city.path());
+    let server = ServerProcess::start(city.path());
     assert!(!server.address.ends_with(":0"), "{}", server.address);
     assert!(server.get("/readyz").starts_with("HTTP/1.1 200"));
     let answer = server.get("/v1/cities/two/0123456789abcdef/blockmaps/0/0/0");
@@ -116,7 +116,7 @@ fn port_0_serves_and_says_where() {
 #[test]
 fn http_2_is_spoken() {
     let city = city();
-    let server = Server::start(city.path());
+    let server = ServerProcess::start(city.path());
     let mut stream = server.connect();
     // The preface and an empty SETTINGS frame; a server of HTTP/2 answers with its own SETTINGS (type 4).
     stream.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").unwrap();
@@ -129,7 +129,7 @@ fn http_2_is_spoken() {
 fn signals_drain_and_end_with_0() {
     for signal in ["-TERM", "-INT"] {
         let city = city();
-        let server = Server::start(city.path());
+        let server = ServerProcess::start(city.path());
         // One connection idles, one has half a request on the way and must still be answered.
         let mut idle = server.connect();
         write!(idle, "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
@@ -155,7 +155,7 @@ fn signals_drain_and_end_with_0() {
 #[test]
 fn a_port_in_use_is_one_line() {
     let city = city();
-    let server = Server::start(city.path());
+    let server = ServerProcess::start(city.path());
     let (line, code) = failure(&["serve", text(city.path()), "--listen", &server.address]);
     assert_eq!(code, Some(1));
     assert!(line.contains(&server.address) && line.contains("--listen"), "{line}");

@@ -3,7 +3,7 @@
 
 mod common;
 
-use insula_server::{config::Config, http::serve, store::Store};
+use insula_server::{config::ServeConfig, http::serve, store::Store};
 use std::time::{Duration, Instant};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
@@ -20,7 +20,7 @@ async fn it_serves_until_told_and_drains_no_longer_than_told() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();
-    let config = Config { drain_secs: 1, ..Config::default() };
+    let config = ServeConfig { drain_secs: 1, ..ServeConfig::default() };
     let server = tokio::spawn(async move {
         serve(listener, store, &config, async {
             let _ = stopped.await;

@@ -10,8 +10,8 @@ use axum::{
 use http_body_util::BodyExt;
 use insula_protocol::{Manifest, TileId, codec::bincode, route};
 use insula_server::{
-    config::Config,
-    http::{App, AppState, app},
+    config::ServeConfig,
+    http::{AppState, HttpService, app},
     store::Store,
 };
 use std::sync::OnceLock;
@@ -19,13 +19,13 @@ use tower::ServiceExt;
 
 const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";
 
-struct Answer {
+struct TestResponse {
     status: StatusCode,
     headers: HeaderMap,
     body: Vec<u8>,
 }
 
-impl Answer {
+impl TestResponse {
     fn header(&self, name: &str) -> &str {
         self.headers.get(name).map_or("", |value| value.to_str().unwrap())
     }
@@ -44,8 +44,8 @@ impl Answer {
     }
 }
 
-fn config(max_in_flight: usize) -> Config {
-    let mut config = Config::default();
+fn config(max_in_flight: usize) -> ServeConfig {
+    let mut config = ServeConfig::default();
     config.limits.in_flight = max_in_flight;
     config
 }
@@ -60,21 +60,25 @@ fn state(max_in_flight: usize) -> AppState {
     AppState::new(Store::open(&[folder.path()]).unwrap(), &config(max_in_flight))
 }
 
-async fn ask_of(app: App, method: Method, path: &str, headers: &[(&str, &str)]) -> Answer {
+async fn ask_of(app: HttpService, method: Method, path: &str, headers: &[(&str, &str)]) -> TestResponse {
     let mut request = Request::builder().method(method).uri(path);
     for (name, value) in headers {
         request = request.header(*name, *value);
     }
     let response = app.oneshot(request.body(Body::empty()).unwrap()).await.unwrap();
     let (parts, body) = response.into_parts();
-    Answer { status: parts.status, headers: parts.headers, body: body.collect().await.unwrap().to_bytes().to_vec() }
+    TestResponse {
+        status: parts.status,
+        headers: parts.headers,
+        body: body.collect().await.unwrap().to_bytes().to_vec(),
+    }
 }
 
-async fn ask(method: Method, path: &str, headers: &[(&str, &str)]) -> Answer {
+async fn ask(method: Method, path: &str, headers: &[(&str, &str)]) -> TestResponse {
     ask_of(app(state(8)), method, path, headers).await
 }
 
-async fn get(path: &str) -> Answer {
+async fn get(path: &str) -> TestResponse {
     ask(Method::GET, path, &[]).await
 }
 

@@ -5,8 +5,8 @@
 mod common;
 
 use insula_server::{
-    config::Config,
-    http::{ServeError, Server},
+    config::ServeConfig,
+    http::{HttpServer, ServeError},
     store::Store,
 };
 use std::{
@@ -25,7 +25,7 @@ use tokio::{
 
 const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";
 
-struct Running {
+struct TestServer {
     folder: tempfile::TempDir,
     address: SocketAddr,
     look: Arc<Notify>,
@@ -33,14 +33,14 @@ struct Running {
     task: JoinHandle<Result<(), ServeError>>,
 }
 
-impl Running {
-    async fn start(change: impl FnOnce(&mut Config)) -> Self {
+impl TestServer {
+    async fn start(change: impl FnOnce(&mut ServeConfig)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         common::city(&folder.path().join("two"), "two");
-        let mut config = Config { threads: 2, drain_secs: 1, ..Config::default() };
+        let mut config = ServeConfig { threads: 2, drain_secs: 1, ..ServeConfig::default() };
         config.reload.watch_secs = 0;
         change(&mut config);
-        let server = Server::new(Store::open(&[folder.path()]).unwrap(), &config).unwrap();
+        let server = HttpServer::new(Store::open(&[folder.path()]).unwrap(), &config).unwrap();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let (address, look) = (listener.local_addr().unwrap(), server.look());
         let (stop, stopped) = oneshot::channel::<()>();
@@ -98,7 +98,7 @@ fn is_problem(answer: &str, status: u16) {
 
 #[tokio::test]
 async fn what_is_no_request_is_a_problem_too() {
-    let server = Running::start(|_| {}).await;
+    let server = TestServer::start(|_| {}).await;
     for (request, status) in [
         ("nonsense\r\n\r\n".to_owned(), 400),
         ("GET / HTTP/3.7\r\n\r\n".to_owned(), 400),
@@ -121,7 +121,7 @@ async fn what_is_no_request_is_a_problem_too() {
 /// Shapes that two readers of one stream could split differently: one answer at most, and never one to what is hidden.
 #[tokio::test]
 async fn smuggled_requests_are_not_answered() {
-    let server = Running::start(|_| {}).await;
+    let server = TestServer::start(|_| {}).await;
     let hidden = "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n";
     for head in [
         format!("Content-Length: {}\r\n", hidden.len()),
@@ -145,7 +145,7 @@ async fn smuggled_requests_are_not_answered() {
 
 #[tokio::test]
 async fn slow_clients_are_closed_and_others_are_not() {
-    let server = Running::start(|config| {
+    let server = TestServer::start(|config| {
         (config.limits.header_secs, config.limits.idle_secs, config.limits.write_secs) = (1, 2, 1);
     })
     .await;
@@ -194,7 +194,7 @@ async fn slow_clients_are_closed_and_others_are_not() {
 
 #[tokio::test]
 async fn connections_over_the_limit_are_told_so() {
-    let server = Running::start(|config| config.limits.connections = 8).await;
+    let server = TestServer::start(|config| config.limits.connections = 8).await;
     let mut held = Vec::new();
     for _ in 0..8 {
         let mut stream = server.connect().await;
@@ -213,7 +213,7 @@ async fn connections_over_the_limit_are_told_so() {
 
 #[tokio::test]
 async fn a_client_over_its_rate_is_429() {
-    let server = Running::start(|config| (config.limits.client_rate, config.limits.client_burst) = (0.5, 3)).await;
+    let server = TestServer::start(|config| (config.limits.client_rate, config.limits.client_burst) = (0.5, 3)).await;
     for _ in 0..3 {
         assert!(server.get(TILE, "").await.starts_with("HTTP/1.1 200"));
     }
@@ -228,7 +228,7 @@ async fn a_client_over_its_rate_is_429() {
 async fn private_cities_want_a_token() {
     let tokens = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(tokens.path(), "# of the office\n0123456789abcdef-office\n").unwrap();
-    let server = Running::start(|config| config.access.tokens = Some(tokens.path().to_owned())).await;
+    let server = TestServer::start(|config| config.access.tokens = Some(tokens.path().to_owned())).await;
     let token = "Authorization: Bearer 0123456789abcdef-office\r\n";
     for path in [TILE, "/v1/cities/two", "/v1/cities/three"] {
         for headers in [
@@ -274,7 +274,7 @@ fn publish(folder: &Path, version: &str) {
 
 #[tokio::test]
 async fn a_new_version_takes_over_and_the_old_one_is_served_for_a_while() {
-    let server = Running::start(|config| config.reload.keep_versions = 2).await;
+    let server = TestServer::start(|config| config.reload.keep_versions = 2).await;
     let tile = |version: &str| format!("/v1/cities/two/{version}/blockmaps/1/1/1");
     let versions = ["0123456789abcdef", "b", "c", "d"];
     for version in &versions[1..] {
@@ -326,7 +326,7 @@ mod tls {
 
     /// The answer, or that there is no trust; and what the two agreed to speak.
     async fn ask(
-        server: &Running,
+        server: &TestServer,
         trusted: &CertificateDer<'static>,
         alpn: &[&str],
     ) -> std::io::Result<(String, Option<Vec<u8>>)> {
@@ -355,7 +355,7 @@ mod tls {
     async fn it_is_spoken_and_its_certificate_can_be_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let first = certify(folder.path());
-        let server = Running::start(|config| {
+        let server = TestServer::start(|config| {
             config.tls.certificate = Some(folder.path().join("cert.pem"));
             config.tls.key = Some(folder.path().join("key.pem"));
         })

@@ -10,7 +10,7 @@ use crate::{
 use axum::{body::Body, http::Request};
 use http_body_util::BodyExt;
 use insula_server::{
-    config::Config,
+    config::ServeConfig,
     http::{AppState, app},
     store::Store,
 };
@@ -96,7 +96,7 @@ pub(crate) fn coalesced() {
     assert!(tile_at >= 4096, "its block was read with the directories: the test tests nothing");
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(4).enable_all().build().unwrap();
     runtime.block_on(async {
-        let mut config = Config::default();
+        let mut config = ServeConfig::default();
         (config.cache.block_bytes, config.limits.tile_bytes) = (4096, 0);
         let store = Store::open_anywhere(&[origin.url().into()], &config.cache).await.unwrap();
         let app = app(AppState::new(store, &config));

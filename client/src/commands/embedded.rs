@@ -5,7 +5,7 @@
 use crate::error::{ClientError, Result};
 use insula_bake::{BakeOptions, Progress, read::Palette};
 use insula_protocol::manifest::{Attribution, to_name};
-use insula_server::{config::Config, http, store::Store};
+use insula_server::{config::ServeConfig, http, store::Store};
 use std::{
     collections::hash_map::DefaultHasher,
     fs,
@@ -153,7 +153,7 @@ pub(super) fn serve(folder: &Path) -> Result<Embedded> {
     let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).map_err(|e| failed(&e))?;
     let url = format!("http://{}", listener.local_addr().map_err(|e| failed(&e))?);
     runtime.spawn(async move {
-        let config = Config::default();
+        let config = ServeConfig::default();
         if let Err(error) = http::serve(listener, store, &config, std::future::pending::<()>()).await {
             tracing::error!("the embedded server ended: {error}");
         }

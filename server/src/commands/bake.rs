@@ -2,7 +2,7 @@
 //!
 //! In: what was typed. Out: a city's folder, a report, a progress bar on a terminal. Next: `serve`.
 
-use super::CommandError;
+use super::error::CommandError;
 use crate::args::BakeArgs;
 
 /// Says that this program cannot.
@@ -18,8 +18,8 @@ pub(super) use with_bake::run;
 mod with_bake {
     use super::{BakeArgs, CommandError};
     use crate::{
-        args::{Axis, Drawer},
-        commands::{human_bytes, print, write},
+        args::{UpAxis, VisibilityRenderer},
+        commands::output::{human_bytes, print, write},
     };
     use indicatif::{ProgressBar, ProgressStyle};
     use insula_bake::{
@@ -42,7 +42,7 @@ mod with_bake {
             Some(path) => Palette::read(path).map_err(|error| CommandError::Bake(error.to_string()))?,
             None => Palette::default(),
         };
-        let bars = Bars::default();
+        let bars = ProgressBars::default();
         let result = insula_bake::bake(&options(args, palette), &bars);
         bars.clear();
         let report = result.map_err(|error| match error {
@@ -78,14 +78,14 @@ mod with_bake {
             title: args.title.clone(),
             attribution: attribution.into_iter().collect(),
             obj_up: match args.obj_up {
-                Axis::Z => Up::Z,
-                Axis::Y => Up::Y,
+                UpAxis::Z => Up::Z,
+                UpAxis::Y => Up::Y,
             },
             palette,
             sample: SampleSettings {
                 visibility: match args.visibility {
-                    Drawer::Cpu => Visibility::Cpu,
-                    Drawer::Gpu => Visibility::Gpu,
+                    VisibilityRenderer::Cpu => Visibility::Cpu,
+                    VisibilityRenderer::Gpu => Visibility::Gpu,
                 },
                 ..SampleSettings::default()
             },
@@ -129,11 +129,11 @@ mod with_bake {
     /// One bar at a time, on standard error; nothing if that is no terminal. The remaining time comes from the steps of
     /// the present stage alone, and a stage whose end is not known shows none.
     #[derive(Default)]
-    struct Bars {
+    struct ProgressBars {
         now: Mutex<Option<ProgressBar>>,
     }
 
-    impl Bars {
+    impl ProgressBars {
         fn clear(&self) {
             if let Some(bar) = self.now.lock().unwrap_or_else(PoisonError::into_inner).take() {
                 bar.finish_and_clear();
@@ -141,7 +141,7 @@ mod with_bake {
         }
     }
 
-    impl Progress for Bars {
+    impl Progress for ProgressBars {
         fn stage(&self, name: &str, total: u64) {
             self.clear();
             if !std::io::stderr().is_terminal() {
@@ -168,7 +168,7 @@ mod with_bake {
     #[cfg(test)]
     mod tests {
         use super::*;
-        use crate::args::{Args, Command};
+        use crate::args::{Args, ServerCommand};
         use clap::Parser;
 
         #[test]
@@ -182,7 +182,9 @@ mod with_bake {
         fn what_was_typed_reaches_the_bake() {
             let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
                 --attribution A --licence L --source-url U --obj-up y --no-meshes";
-            let Command::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
+            let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else {
+                panic!("no bake")
+            };
             let options = options(&args, Palette::default());
             assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
             assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));

@@ -3,9 +3,10 @@
 //! In: a city's folder. Out: text, JSON or a PNG. Next: a person.
 
 use super::{
-    CommandError,
-    census::{Census, Level, Lods},
-    human_bytes, print, tile_picture, write,
+    error::CommandError,
+    map_image,
+    output::{human_bytes, print, write},
+    stats::{CityStats, LevelStats, MeshLodStats},
 };
 use crate::{args::InspectArgs, store::CityStore};
 use image::ImageFormat;
@@ -17,13 +18,13 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     if let (Some(tile), Some(png)) = (args.tile, &args.png) {
         return picture(&city, tile, png);
     }
-    let census = Census::take(&city);
+    let stats = CityStats::take(&city);
     if args.json {
-        let json = serde_json::to_string_pretty(&census)
+        let json = serde_json::to_string_pretty(&stats)
             .map_err(|error| CommandError::System { what: "make JSON", source: error.into() })?;
         print(&(json + "\n"));
     } else {
-        print(&table(&census));
+        print(&table(&stats));
     }
     Ok(())
 }
@@ -34,7 +35,7 @@ fn picture(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError>
     let bytes = bytes.ok_or_else(|| wrong("the city has no such node".into()))?;
     let map = BlockMap::decode(id, &bytes).map_err(|error| wrong(error.to_string()))?;
     let mut out = Cursor::new(Vec::new());
-    tile_picture::draw(&map)
+    map_image::draw(&map)
         .write_to(&mut out, ImageFormat::Png)
         .map_err(|error| CommandError::Write { path: png.to_owned(), reason: error.to_string() })?;
     write(png, out.get_ref())?;
@@ -42,10 +43,10 @@ fn picture(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError>
     Ok(())
 }
 
-fn table(census: &Census<'_>) -> String {
-    let manifest = census.manifest;
+fn table(stats: &CityStats<'_>) -> String {
+    let manifest = stats.manifest;
     let [[x0, y0, z0], [x1, y1, z1]] = manifest.bounds;
-    let nodes: u64 = census.levels.iter().map(|level| level.nodes).sum();
+    let nodes: u64 = stats.levels.iter().map(|level| level.nodes).sum();
     let mut out = String::new();
     let mut line = |name: &str, value: String| {
         let _ = writeln!(out, "{name:<12}{value}");
@@ -61,36 +62,33 @@ fn table(census: &Census<'_>) -> String {
     );
     line("source", format!("{} objects, {} triangles", manifest.counts.objects, manifest.counts.triangles));
     line("terrain", if manifest.has_terrain { "yes".into() } else { "no".into() });
-    line(
-        "size",
-        format!("{nodes} nodes in {} subtree tiles, {}", human_bytes(census.file_bytes), census.subtree_tiles),
-    );
+    line("size", format!("{nodes} nodes in {} subtree tiles, {}", human_bytes(stats.file_bytes), stats.subtree_tiles));
     for source in &manifest.attribution {
         line("attribution", credit(source));
     }
-    if census.damaged_subtree_tiles > 0 {
-        line("DAMAGED", format!("{} subtree tiles: run `insula-server verify`", census.damaged_subtree_tiles));
+    if stats.damaged_subtree_tiles > 0 {
+        line("DAMAGED", format!("{} subtree tiles: run `insula-server verify`", stats.damaged_subtree_tiles));
     }
     let _ = writeln!(
         out,
         "\n{:>5} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9}   error m",
         "level", "cell m", "nodes", "bytes", "min", "mean", "max"
     );
-    for level in &census.levels {
+    for level in &stats.levels {
         out.push_str(&row(level));
     }
-    if !census.meshes.is_empty() {
+    if !stats.meshes.is_empty() {
         out.push_str("\n mesh    leaves      bytes triangles    pixels   error m up to\n");
     }
-    for lods in &census.meshes {
-        let Lods { lod, leaves, triangles, texture_px, error_m, .. } = lods;
+    for lods in &stats.meshes {
+        let MeshLodStats { lod, leaves, triangles, texture_px, error_m, .. } = lods;
         let bytes = human_bytes(lods.bytes);
         let _ = writeln!(out, "{lod:>5} {leaves:>9} {bytes:>10} {triangles:>9} {texture_px:>9}   {error_m:.3}");
     }
     out
 }
 
-fn row(level: &Level) -> String {
+fn row(level: &LevelStats) -> String {
     let error = match (level.error_m_min, level.error_m_max) {
         (Some(min), Some(max)) => format!("{min:.3} to {max:.3}"),
         _ => "unknown".into(),

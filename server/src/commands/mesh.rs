@@ -2,7 +2,7 @@
 //!
 //! In: what was typed. Out: a file, and a line that says what was done. Next: a person, or another program.
 
-use super::CommandError;
+use super::error::CommandError;
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 
 /// Before the coded mesh; a CRC-32 of it comes after.
@@ -39,7 +39,7 @@ pub(super) use with_bake::{compress, decompress, simplify};
 #[cfg(feature = "bake")]
 mod with_bake {
     use super::{CommandError, CompressArgs, DecompressArgs, MAGIC, SimplifyArgs};
-    use crate::commands::{human_bytes, print, write};
+    use crate::commands::output::{human_bytes, print, write};
     use indicatif::ProgressBar;
     use insula_bake::{
         model::{Format, Model, quantise},

@@ -2,11 +2,11 @@
 //!
 //! In: folders, an address. Out: one line on standard output when connections are accepted; then HTTP. Next: clients.
 
-use super::{CommandError, print};
+use super::{error::CommandError, output::print};
 use crate::{
     args::ServeArgs,
-    config::{Config, LogFormat},
-    http::Server,
+    config::{LogFormat, ServeConfig},
+    http::HttpServer,
     store::Store,
     telemetry,
 };
@@ -18,7 +18,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     let settings: Vec<String> = args.set.iter().cloned().chain(listen).collect();
     // What is no text is no setting of ours.
     let environment = std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?)));
-    let config = Config::new(args.config.as_deref(), environment, &settings)?;
+    let config = ServeConfig::new(args.config.as_deref(), environment, &settings)?;
     if args.print_config {
         print(&config.to_toml());
         return Ok(());
@@ -30,13 +30,13 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system("start threads"))?;
     runtime.block_on(async {
         // Before the line is printed, so that whoever reads it can already stop the server.
-        let signals = Signals::new().map_err(system("watch for signals"))?;
+        let signals = ShutdownSignals::new().map_err(system("watch for signals"))?;
         let store = Store::open_anywhere(&args.cities, &config.cache).await?;
         let refused = |source| CommandError::Listen { address: config.listen.clone(), source };
         let listener = TcpListener::bind(&config.listen).await.map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         tracing::info!(cities = store.cities().len(), threads = config.worker_threads(), "serving");
-        let server = Server::new(store, &config)?;
+        let server = HttpServer::new(store, &config)?;
         print(&format!("listening on {}://{address}\n", server.scheme()));
         let end = signals.first(server.look());
         server.run(listener, end).await.map_err(CommandError::from)
@@ -44,14 +44,14 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
 }
 
 #[cfg(unix)]
-struct Signals {
+struct ShutdownSignals {
     terminate: tokio::signal::unix::Signal,
     interrupt: tokio::signal::unix::Signal,
     hang_up: tokio::signal::unix::Signal,
 }
 
 #[cfg(unix)]
-impl Signals {
+impl ShutdownSignals {
     fn new() -> std::io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
         let [terminate, interrupt, hang_up] =
@@ -72,10 +72,10 @@ impl Signals {
 }
 
 #[cfg(not(unix))]
-struct Signals;
+struct ShutdownSignals;
 
 #[cfg(not(unix))]
-impl Signals {
+impl ShutdownSignals {
     fn new() -> std::io::Result<Self> {
         Ok(Self)
     }

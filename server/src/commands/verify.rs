@@ -2,7 +2,7 @@
 //!
 //! In: a city's folder. Out: the faults, one a line. Next: exit code 0 or 1.
 
-use super::{CommandError, print};
+use super::{error::CommandError, output::print};
 use crate::{args::VerifyArgs, store::CityStore};
 use insula_protocol::{
     BlockMap, MeshTile, Subtree, TileId, mesh_tile,

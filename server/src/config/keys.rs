@@ -1,13 +1,13 @@
 //! The settings' names: one table for the file, the environment, the command line and `--print-config`.
 //!
-//! In: a name and a value as text. Out: a changed [`Config`]. Next: `file` says where it came from if it is wrong.
+//! In: a name and a value as text. Out: a changed [`ServeConfig`]. Next: `file` says where it came from if it is wrong.
 
-use super::{Config, DEFAULT_LISTEN, LogFormat, LogRequests};
+use super::settings::{DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
 use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with what it means, in the order of `--print-config`.
-pub(super) const KEYS: [(&str, &str); 30] = [
+pub(super) const SETTINGS: [(&str, &str); 30] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
     ("threads", "threads that answer; 0: one a core"),
     ("drain_secs", "seconds that requests in flight may take to finish at shutdown"),
@@ -33,7 +33,7 @@ pub(super) const KEYS: [(&str, &str); 30] = [
     ("cache.folder", "folder for blocks on disk; \"\": none"),
     ("cache.folder_bytes", "bytes of blocks on disk"),
     ("cache.fetches", "requests to stores at once"),
-    ("cache.timeout_secs", "seconds after which a store that fails or does not answer is given up"),
+    ("cache.timeout_secs", "seconds after which a store that fails or does not answer is raw_value up"),
     ("access.tokens", "file of bearer tokens, one a line; \"\": everything is public"),
     ("access.private", "cities that ask for a token; []: all of them, if there are tokens"),
     ("log.format", "\"text\" or \"json\""),
@@ -41,7 +41,7 @@ pub(super) const KEYS: [(&str, &str); 30] = [
 ];
 
 /// Where a setting is kept, and what it may be.
-enum Slot<'a> {
+enum SettingField<'a> {
     Address(&'a mut String),
     File(&'a mut Option<PathBuf>),
     Names(&'a mut Vec<String>),
@@ -57,47 +57,47 @@ const FORMATS: [(&str, LogFormat); 2] = [("text", LogFormat::Text), ("json", Log
 const REQUESTS: [(&str, LogRequests); 3] =
     [("none", LogRequests::None), ("errors", LogRequests::Errors), ("all", LogRequests::All)];
 
-fn slot<'a>(config: &'a mut Config, key: &str) -> Option<Slot<'a>> {
+fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>> {
     const DAY: u64 = 86_400;
     let limits = &mut config.limits;
     Some(match key {
-        "listen" => Slot::Address(&mut config.listen),
-        "threads" => Slot::Size(&mut config.threads, 0..=1024),
-        "drain_secs" => Slot::Long(&mut config.drain_secs, 0..=DAY),
-        "tls.certificate" => Slot::File(&mut config.tls.certificate),
-        "tls.key" => Slot::File(&mut config.tls.key),
-        "reload.watch_secs" => Slot::Long(&mut config.reload.watch_secs, 0..=DAY),
-        "reload.keep_secs" => Slot::Long(&mut config.reload.keep_secs, 0..=30 * DAY),
-        "reload.keep_versions" => Slot::Size(&mut config.reload.keep_versions, 0..=1000),
-        "limits.connections" => Slot::Size(&mut limits.connections, 1..=1_000_000),
-        "limits.in_flight" => Slot::Size(&mut limits.in_flight, 1..=1_000_000),
-        "limits.in_flight_bytes" => Slot::Size(&mut limits.in_flight_bytes, 1 << 20..=1 << 40),
-        "limits.tile_bytes" => Slot::Size(&mut limits.tile_bytes, 0..=1 << 40),
-        "limits.header_bytes" => Slot::Size(&mut limits.header_bytes, 8192..=1 << 20),
-        "limits.headers" => Slot::Size(&mut limits.headers, 8..=1000),
-        "limits.header_secs" => Slot::Long(&mut limits.header_secs, 1..=DAY),
-        "limits.idle_secs" => Slot::Long(&mut limits.idle_secs, 1..=DAY),
-        "limits.write_secs" => Slot::Long(&mut limits.write_secs, 1..=DAY),
-        "limits.streams" => Slot::Number(&mut limits.streams, 1..=10_000),
-        "limits.client_rate" => Slot::Rate(&mut limits.client_rate),
-        "limits.client_burst" => Slot::Number(&mut limits.client_burst, 1..=1_000_000),
-        "cache.memory_bytes" => Slot::Long(&mut config.cache.memory_bytes, 0..=1 << 40),
-        "cache.block_bytes" => Slot::Long(&mut config.cache.block_bytes, 4096..=16 << 20),
-        "cache.folder" => Slot::File(&mut config.cache.folder),
-        "cache.folder_bytes" => Slot::Long(&mut config.cache.folder_bytes, 0..=1 << 50),
-        "cache.fetches" => Slot::Size(&mut config.cache.fetches, 1..=10_000),
-        "cache.timeout_secs" => Slot::Long(&mut config.cache.timeout_secs, 1..=3600),
-        "access.tokens" => Slot::File(&mut config.access.tokens),
-        "access.private" => Slot::Names(&mut config.access.private),
-        "log.format" => Slot::Format(&mut config.log.format),
-        "log.requests" => Slot::Requests(&mut config.log.requests),
+        "listen" => SettingField::Address(&mut config.listen),
+        "threads" => SettingField::Size(&mut config.threads, 0..=1024),
+        "drain_secs" => SettingField::Long(&mut config.drain_secs, 0..=DAY),
+        "tls.certificate" => SettingField::File(&mut config.tls.certificate),
+        "tls.key" => SettingField::File(&mut config.tls.key),
+        "reload.watch_secs" => SettingField::Long(&mut config.reload.watch_secs, 0..=DAY),
+        "reload.keep_secs" => SettingField::Long(&mut config.reload.keep_secs, 0..=30 * DAY),
+        "reload.keep_versions" => SettingField::Size(&mut config.reload.keep_versions, 0..=1000),
+        "limits.connections" => SettingField::Size(&mut limits.connections, 1..=1_000_000),
+        "limits.in_flight" => SettingField::Size(&mut limits.in_flight, 1..=1_000_000),
+        "limits.in_flight_bytes" => SettingField::Size(&mut limits.in_flight_bytes, 1 << 20..=1 << 40),
+        "limits.tile_bytes" => SettingField::Size(&mut limits.tile_bytes, 0..=1 << 40),
+        "limits.header_bytes" => SettingField::Size(&mut limits.header_bytes, 8192..=1 << 20),
+        "limits.headers" => SettingField::Size(&mut limits.headers, 8..=1000),
+        "limits.header_secs" => SettingField::Long(&mut limits.header_secs, 1..=DAY),
+        "limits.idle_secs" => SettingField::Long(&mut limits.idle_secs, 1..=DAY),
+        "limits.write_secs" => SettingField::Long(&mut limits.write_secs, 1..=DAY),
+        "limits.streams" => SettingField::Number(&mut limits.streams, 1..=10_000),
+        "limits.client_rate" => SettingField::Rate(&mut limits.client_rate),
+        "limits.client_burst" => SettingField::Number(&mut limits.client_burst, 1..=1_000_000),
+        "cache.memory_bytes" => SettingField::Long(&mut config.cache.memory_bytes, 0..=1 << 40),
+        "cache.block_bytes" => SettingField::Long(&mut config.cache.block_bytes, 4096..=16 << 20),
+        "cache.folder" => SettingField::File(&mut config.cache.folder),
+        "cache.folder_bytes" => SettingField::Long(&mut config.cache.folder_bytes, 0..=1 << 50),
+        "cache.fetches" => SettingField::Size(&mut config.cache.fetches, 1..=10_000),
+        "cache.timeout_secs" => SettingField::Long(&mut config.cache.timeout_secs, 1..=3600),
+        "access.tokens" => SettingField::File(&mut config.access.tokens),
+        "access.private" => SettingField::Names(&mut config.access.private),
+        "log.format" => SettingField::Format(&mut config.log.format),
+        "log.requests" => SettingField::Requests(&mut config.log.requests),
         _ => return None,
     })
 }
 
-/// A value as it was given.
+/// A value as it was raw_value.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Given {
+pub(super) enum RawValue {
     /// Without a type: environment, command line.
     Plain(String),
     /// Quoted in a file.
@@ -111,55 +111,67 @@ pub(super) enum Given {
 }
 
 /// Sets one key. Errors: what is wrong with the value, or that there is no such key.
-pub(super) fn set(config: &mut Config, key: &str, given: &Given) -> Result<(), String> {
-    let Some(slot) = slot(config, key) else {
+pub(super) fn set(config: &mut ServeConfig, key: &str, raw_value: &RawValue) -> Result<(), String> {
+    let Some(field) = field(config, key) else {
         return Err(format!("there is no such key{}", nearest(key)));
     };
-    match (slot, given) {
-        (Slot::Address(slot), Given::Text(text) | Given::Plain(text)) => {
+    match (field, raw_value) {
+        (SettingField::Address(field), RawValue::Text(text) | RawValue::Plain(text)) => {
             check_address(text)?;
-            *slot = text.clone();
+            *field = text.clone();
         }
-        (Slot::File(slot), Given::Text(text) | Given::Plain(text)) => {
-            *slot = (!text.is_empty()).then(|| PathBuf::from(text));
+        (SettingField::File(field), RawValue::Text(text) | RawValue::Plain(text)) => {
+            *field = (!text.is_empty()).then(|| PathBuf::from(text));
         }
-        (Slot::Names(slot), Given::List(names)) => *slot = checked_names(names)?,
-        (Slot::Names(slot), Given::Plain(text)) => {
+        (SettingField::Names(field), RawValue::List(names)) => *field = checked_names(names)?,
+        (SettingField::Names(field), RawValue::Plain(text)) => {
             let names: Vec<String> = text.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect();
-            *slot = checked_names(&names)?;
+            *field = checked_names(&names)?;
         }
-        (Slot::Size(slot, range), Given::Number(text) | Given::Plain(text)) => *slot = whole(text, &range)?,
-        (Slot::Long(slot, range), Given::Number(text) | Given::Plain(text)) => *slot = whole(text, &range)?,
-        (Slot::Number(slot, range), Given::Number(text) | Given::Plain(text)) => *slot = whole(text, &range)?,
-        (Slot::Rate(slot), Given::Number(text) | Given::Plain(text)) => {
+        (SettingField::Size(field, range), RawValue::Number(text) | RawValue::Plain(text)) => {
+            *field = whole(text, &range)?
+        }
+        (SettingField::Long(field, range), RawValue::Number(text) | RawValue::Plain(text)) => {
+            *field = whole(text, &range)?
+        }
+        (SettingField::Number(field, range), RawValue::Number(text) | RawValue::Plain(text)) => {
+            *field = whole(text, &range)?
+        }
+        (SettingField::Rate(field), RawValue::Number(text) | RawValue::Plain(text)) => {
             let rate = text.parse().ok().filter(|rate| (0.0..=1e9).contains(rate));
-            *slot = rate.ok_or(format!("{text} is not a number from 0 to 1e9"))?;
+            *field = rate.ok_or(format!("{text} is not a number from 0 to 1e9"))?;
         }
-        (Slot::Format(slot), Given::Text(text) | Given::Plain(text)) => *slot = choice(text, &FORMATS)?,
-        (Slot::Requests(slot), Given::Text(text) | Given::Plain(text)) => *slot = choice(text, &REQUESTS)?,
-        (Slot::Size(..) | Slot::Long(..) | Slot::Number(..) | Slot::Rate(_), _) => {
+        (SettingField::Format(field), RawValue::Text(text) | RawValue::Plain(text)) => *field = choice(text, &FORMATS)?,
+        (SettingField::Requests(field), RawValue::Text(text) | RawValue::Plain(text)) => {
+            *field = choice(text, &REQUESTS)?
+        }
+        (SettingField::Size(..) | SettingField::Long(..) | SettingField::Number(..) | SettingField::Rate(_), _) => {
             return Err("a number is wanted, without quotes".into());
         }
-        (Slot::Names(_), _) => return Err("a list of names is wanted, as in [\"delft\"]".into()),
+        (SettingField::Names(_), _) => return Err("a list of names is wanted, as in [\"delft\"]".into()),
         _ => return Err("a text in quotes is wanted".into()),
     }
     Ok(())
 }
 
 /// Its value as TOML.
-pub(super) fn get(config: &mut Config, key: &str) -> String {
+pub(super) fn get(config: &mut ServeConfig, key: &str) -> String {
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let word = |found: Option<&str>| quoted(found.unwrap_or_default());
-    match slot(config, key) {
-        Some(Slot::Address(text)) => quoted(text),
-        Some(Slot::File(path)) => quoted(&path.as_ref().map(|path| path.display().to_string()).unwrap_or_default()),
-        Some(Slot::Names(names)) => format!("[{}]", names.iter().map(|n| quoted(n)).collect::<Vec<_>>().join(", ")),
-        Some(Slot::Size(size, _)) => size.to_string(),
-        Some(Slot::Long(number, _)) => number.to_string(),
-        Some(Slot::Number(number, _)) => number.to_string(),
-        Some(Slot::Rate(rate)) => format!("{rate:?}"),
-        Some(Slot::Format(format)) => word(FORMATS.iter().find(|(_, f)| f == format).map(|(word, _)| *word)),
-        Some(Slot::Requests(which)) => word(REQUESTS.iter().find(|(_, r)| r == which).map(|(word, _)| *word)),
+    match field(config, key) {
+        Some(SettingField::Address(text)) => quoted(text),
+        Some(SettingField::File(path)) => {
+            quoted(&path.as_ref().map(|path| path.display().to_string()).unwrap_or_default())
+        }
+        Some(SettingField::Names(names)) => {
+            format!("[{}]", names.iter().map(|n| quoted(n)).collect::<Vec<_>>().join(", "))
+        }
+        Some(SettingField::Size(size, _)) => size.to_string(),
+        Some(SettingField::Long(number, _)) => number.to_string(),
+        Some(SettingField::Number(number, _)) => number.to_string(),
+        Some(SettingField::Rate(rate)) => format!("{rate:?}"),
+        Some(SettingField::Format(format)) => word(FORMATS.iter().find(|(_, f)| f == format).map(|(word, _)| *word)),
+        Some(SettingField::Requests(which)) => word(REQUESTS.iter().find(|(_, r)| r == which).map(|(word, _)| *word)),
         None => String::new(),
     }
 }
@@ -191,7 +203,7 @@ fn checked_names(names: &[String]) -> Result<Vec<String>, String> {
 fn nearest(key: &str) -> String {
     let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
     let found =
-        KEYS.iter().find(|(known, _)| last(known) == last(key) || known.replace('_', "") == key.replace('_', ""));
+        SETTINGS.iter().find(|(known, _)| last(known) == last(key) || known.replace('_', "") == key.replace('_', ""));
     found.map(|(known, _)| format!("; did you mean {known}?")).unwrap_or_default()
 }
 

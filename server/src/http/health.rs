@@ -2,7 +2,7 @@
 //!
 //! In: `/healthz`, `/readyz`, `/metrics`. Out: a word, or counters as text. Next: orchestrators, Prometheus.
 
-use super::{AppState, Problem};
+use super::{problem::Problem, state::AppState};
 use axum::{
     extract::State,
     http::header,

@@ -4,95 +4,16 @@
 //! Next: the client's scene.
 
 use super::{
-    AppState, Problem,
-    access::{Access, Sight},
-    headers::REVALIDATE,
-    packed::Packed,
+    access_control::CityAccess,
+    city_documents::{BINCODE, JSON},
+    problem::Problem,
+    state::AppState,
 };
-use crate::store::Store;
 use axum::{
     extract::{Path, State, rejection::PathRejection},
-    http::{HeaderMap, HeaderValue, Method, header},
+    http::{HeaderMap, Method, header},
     response::{IntoResponse, Response},
 };
-use insula_protocol::{Manifest, codec::bincode, manifest::Attribution, route};
-use serde::Serialize;
-use std::collections::BTreeMap;
-
-const JSON: &str = "application/json";
-const BINCODE: &str = "application/x-bincode";
-
-/// The contract, which the tests hold the server to.
-const OPENAPI: &str = include_str!("../../openapi.json");
-
-/// All that can be said of the cities, made once each time that one of them changes.
-#[derive(Debug)]
-pub(super) struct Manifests {
-    /// For everybody, and for who has a token.
-    lists: [Packed; 2],
-    json: BTreeMap<String, Packed>,
-    bincode: BTreeMap<String, Packed>,
-    openapi: Packed,
-}
-
-/// One line of the list.
-#[derive(Serialize)]
-struct Listed<'a> {
-    name: &'a str,
-    title: &'a str,
-    version: &'a str,
-    manifest: String,
-    nodes: u64,
-    bytes: u64,
-    attribution: &'a [Attribution],
-}
-
-impl Manifests {
-    pub(super) fn new(store: &Store, access: &Access) -> Self {
-        let (mut json, mut bincode) = (BTreeMap::new(), BTreeMap::new());
-        for city in store.cities() {
-            let (manifest, name) = (city.manifest(), &city.manifest().name);
-            let text = serde_json::to_vec_pretty(manifest).unwrap_or_default();
-            let private = access.is_private(name);
-            json.insert(name.clone(), packed(text, JSON, private));
-            // A manifest over bincode's limit is served as JSON alone.
-            if let Ok(bytes) = bincode::to_bytes(manifest) {
-                bincode.insert(name.clone(), packed(bytes, BINCODE, private));
-            }
-        }
-        let openapi = Packed::new(OPENAPI.as_bytes().to_vec(), "application/vnd.oai.openapi+json", REVALIDATE, "");
-        let lists = [false, true].map(|all| list(store, |name| all || !access.is_private(name), all));
-        Self { lists, json, bincode, openapi }
-    }
-}
-
-fn packed(body: Vec<u8>, content_type: &'static str, private: bool) -> Packed {
-    Packed::new(body, content_type, cache_control(private), "accept")
-}
-
-fn cache_control(private: bool) -> HeaderValue {
-    if private { HeaderValue::from_static("private, no-cache") } else { REVALIDATE }
-}
-
-fn list(store: &Store, visible: impl Fn(&str) -> bool, private: bool) -> Packed {
-    let listed = |manifest: &Manifest| serde_json::to_value(line(manifest)).unwrap_or_default();
-    let cities = store.cities().filter(|city| visible(&city.manifest().name));
-    let lines: Vec<_> = cities.map(|city| listed(city.manifest())).collect();
-    let body = serde_json::to_vec_pretty(&lines).unwrap_or_default();
-    Packed::new(body, JSON, cache_control(private), "")
-}
-
-fn line(manifest: &Manifest) -> Listed<'_> {
-    Listed {
-        name: &manifest.name,
-        title: &manifest.title,
-        version: &manifest.version,
-        manifest: route::manifest(&manifest.name),
-        nodes: manifest.counts.nodes_per_level.iter().sum(),
-        bytes: manifest.counts.bytes_per_level.iter().sum(),
-        attribution: &manifest.attribution,
-    }
-}
 
 /// `/v1/cities`: what the request may see.
 pub(super) async fn cities(State(app): State<AppState>, method: Method, headers: HeaderMap) -> Response {
@@ -118,7 +39,7 @@ pub(super) async fn manifest(
 ) -> Result<Response, Problem> {
     let Path(city) = city.map_err(|_| Problem::bad_request("the address is not UTF-8 text"))?;
     let catalog = app.catalog();
-    let (Sight::Public | Sight::Private) = catalog.access().sight(&city, &headers)?;
+    let (CityAccess::Public | CityAccess::Private) = catalog.access().sight(&city, &headers)?;
     let manifests = catalog.manifests();
     let bincode = if wants_bincode(&headers) { manifests.bincode.get(&city) } else { None };
     let found = bincode.or_else(|| manifests.json.get(&city)).ok_or(Problem::not_found("there is no such city"))?;
@@ -145,6 +66,7 @@ fn wants_bincode(headers: &HeaderMap) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use axum::http::HeaderValue;
 
     #[test]
     fn accept() {

@@ -1,10 +1,10 @@
-//! Counters of what the server does.
+//! StoreMetrics of what the server does.
 //!
-//! In: one [`Metrics::finished`] per request. Out: OpenMetrics text. Next: `/metrics`.
+//! In: one [`HttpMetrics::finished`] per request. Out: OpenMetrics text. Next: `/metrics`.
 //!
 //! Routes and codes are fixed tables, so that no client can invent a label; each server has a registry of its own.
 
-use crate::store::{Counters, ReadError, Store};
+use crate::store::{ReadError, Store, StoreMetrics};
 use prometheus_client::{
     encoding::{EncodeLabelSet, text::encode},
     metrics::{counter::Counter, family::Family, gauge::Gauge, histogram::Histogram},
@@ -35,9 +35,9 @@ const BUCKETS_SECS: [f64; 13] = [5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1
 
 /// Which of [`ROUTES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Route(usize);
+pub(super) struct RouteLabel(usize);
 
-impl Route {
+impl RouteLabel {
     /// By the shape of the address alone.
     pub(super) fn of_path(path: &str) -> Self {
         let mut parts = path.strip_prefix('/').unwrap_or(path).split('/');
@@ -60,24 +60,24 @@ impl Route {
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct OfRequest {
+struct RequestLabels {
     route: &'static str,
     code: String,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct OfRoute {
+struct RouteLabels {
     route: &'static str,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct OfKind {
+struct KindLabels {
     kind: &'static str,
 }
 
 /// What is counted of one route; made at its first request, so that what never happened is left out.
 #[derive(Debug)]
-struct Cells {
+struct RouteMetrics {
     codes: [OnceLock<Counter>; CODES.len()],
     bytes: Counter,
     seconds: Histogram,
@@ -85,25 +85,25 @@ struct Cells {
 
 /// All counters of one server.
 #[derive(Debug)]
-pub(super) struct Metrics {
+pub(super) struct HttpMetrics {
     registry: Registry,
-    requests: Family<OfRequest, Counter>,
-    bytes: Family<OfRoute, Counter>,
-    seconds: Family<OfRoute, Histogram>,
-    routes: [OnceLock<Cells>; ROUTES.len()],
+    requests: Family<RequestLabels, Counter>,
+    bytes: Family<RouteLabels, Counter>,
+    seconds: Family<RouteLabels, Histogram>,
+    routes: [OnceLock<RouteMetrics>; ROUTES.len()],
     in_flight: Gauge,
     connections: Gauge,
     connections_over: Counter,
-    timeouts: Family<OfKind, Counter>,
-    read_failures: Family<OfKind, Counter>,
-    reloads: Family<OfKind, Counter>,
+    timeouts: Family<KindLabels, Counter>,
+    read_failures: Family<KindLabels, Counter>,
+    reloads: Family<KindLabels, Counter>,
     cities: Gauge,
     older_versions: Gauge,
 }
 
-impl Metrics {
+impl HttpMetrics {
     /// With what stores count, if there are any.
-    pub(super) fn new(stores: Option<&Counters>) -> Self {
+    pub(super) fn new(stores: Option<&StoreMetrics>) -> Self {
         let mut metrics = Self {
             registry: Registry::with_prefix("insula"),
             requests: Family::default(),
@@ -146,12 +146,12 @@ impl Metrics {
     }
 
     /// It has been answered with `bytes` of body, or has gone away (code 0).
-    pub(super) fn finished(&self, route: Route, code: u16, bytes: u64, taken: Duration) {
+    pub(super) fn finished(&self, route: RouteLabel, code: u16, bytes: u64, taken: Duration) {
         let Some(&name) = ROUTES.get(route.0) else { return };
-        let cells = self.routes[route.0].get_or_init(|| Cells {
+        let cells = self.routes[route.0].get_or_init(|| RouteMetrics {
             codes: [const { OnceLock::new() }; CODES.len()],
-            bytes: self.bytes.get_or_create_owned(&OfRoute { route: name }),
-            seconds: self.seconds.get_or_create_owned(&OfRoute { route: name }),
+            bytes: self.bytes.get_or_create_owned(&RouteLabels { route: name }),
+            seconds: self.seconds.get_or_create_owned(&RouteLabels { route: name }),
         });
         let at = CODES.iter().position(|known| *known == code).unwrap_or(CODES.len() - 1);
         let count = cells.codes[at].get_or_init(|| {
@@ -160,7 +160,7 @@ impl Metrics {
                 999 => "other".to_owned(),
                 code => code.to_string(),
             };
-            self.requests.get_or_create_owned(&OfRequest { route: name, code })
+            self.requests.get_or_create_owned(&RequestLabels { route: name, code })
         });
         count.inc();
         cells.bytes.inc_by(bytes);
@@ -177,7 +177,7 @@ impl Metrics {
     pub(super) fn disconnected(&self, slow: Option<&'static str>) {
         self.connections.dec();
         if let Some(kind) = slow {
-            self.timeouts.get_or_create(&OfKind { kind }).inc();
+            self.timeouts.get_or_create(&KindLabels { kind }).inc();
         }
     }
 
@@ -188,12 +188,12 @@ impl Metrics {
             ReadError::Failed(_) => "unreadable",
             ReadError::Replaced => "replaced",
         };
-        self.read_failures.get_or_create(&OfKind { kind }).inc();
+        self.read_failures.get_or_create(&KindLabels { kind }).inc();
     }
 
     /// A look at the cities found a change, or failed.
     pub(super) fn reloaded(&self, outcome: &'static str) {
-        self.reloads.get_or_create(&OfKind { kind: outcome }).inc();
+        self.reloads.get_or_create(&KindLabels { kind: outcome }).inc();
     }
 
     /// These cities are served now.

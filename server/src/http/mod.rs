@@ -9,30 +9,34 @@
 //!
 //! A URL's parts are looked up in maps made when the cities were opened; none of them ever becomes a path.
 
-mod access;
-mod address;
-mod answer;
-mod app;
+mod access_control;
+mod catalog;
+mod city_documents;
 mod connection;
-mod error;
-mod headers;
+mod connection_state;
+mod content_encoding;
 mod health;
-mod listen;
+mod index_page;
 mod manifest;
 mod metrics;
-mod packed;
-mod page;
-mod rate;
+mod problem;
+mod rate_limit;
+mod reload;
+mod representation;
+mod request_guard;
+mod response;
 mod router;
+mod server;
+mod service;
 mod state;
 mod tile;
+mod tile_address;
 mod tile_cache;
 mod tls;
-mod watch;
 mod worker;
 
-pub use address::{NOT_A_TILE, TileAddress};
-pub use app::{App, app};
-pub use error::Problem;
-pub use listen::{ServeError, Server, serve};
+pub use problem::Problem;
+pub use server::{HttpServer, ServeError, serve};
+pub use service::{HttpService, app};
 pub use state::AppState;
+pub use tile_address::{NOT_A_TILE, TileAddress};

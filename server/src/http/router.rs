@@ -2,18 +2,18 @@
 //!
 //! In: an [`AppState`]. Out: a router. Next: `manifest`, `page`, `health`.
 
-use super::{
-    AppState,
-    error::{no_method, no_route},
-    health, manifest, page,
+use super::{health, index_page, manifest, problem::Problem, state::AppState};
+use axum::{
+    Router,
+    http::{HeaderValue, StatusCode, header},
+    routing::get,
 };
-use axum::{Router, routing::get};
 use insula_protocol::route::CITIES;
 
 /// Everything but tiles, which `app` answers itself.
 pub(super) fn router(state: AppState) -> Router {
     Router::new()
-        .route("/", get(page::index))
+        .route("/", get(index_page::index))
         .route(CITIES, get(manifest::cities))
         .route(&format!("{CITIES}/{{city}}"), get(manifest::manifest))
         .route(&format!("{CITIES}/{{city}}/{{version}}/{{layer}}/{{level}}/{{x}}/{{y}}"), get(no_route))
@@ -24,4 +24,15 @@ pub(super) fn router(state: AppState) -> Router {
         .fallback(no_route)
         .method_not_allowed_fallback(no_method)
         .with_state(state)
+}
+
+/// No such route.
+async fn no_route() -> Problem {
+    Problem::not_found("there is nothing at this address; the cities are listed at /v1/cities")
+}
+
+/// A route, but not by this method. The router adds `Allow`.
+async fn no_method() -> Problem {
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this address answers GET, HEAD and OPTIONS only")
+        .with(header::ALLOW, HeaderValue::from_static("GET,HEAD,OPTIONS"))
 }

@@ -2,9 +2,9 @@
 //!
 //! In: an opened store and a config. Out: [`AppState`], cheap to clone. Next: every handler.
 
-use super::{access::Access, manifest::Manifests, metrics::Metrics, rate::Rate};
+use super::{access_control::AccessControl, catalog::Catalog, metrics::HttpMetrics, rate_limit::RateLimiter};
 use crate::{
-    config::{Config, Limits, LogRequests},
+    config::{LimitsConfig, LogRequests, ServeConfig},
     store::Store,
 };
 use arc_swap::{ArcSwap, Guard};
@@ -19,15 +19,15 @@ use std::{
 
 /// The cities, their manifests as bytes, counters, bounds, and whether the server is on its way out.
 #[derive(Debug, Clone)]
-pub struct AppState(Arc<Inner>);
+pub struct AppState(Arc<SharedState>);
 
 #[derive(Debug)]
-struct Inner {
+struct SharedState {
     catalog: ArcSwap<Catalog>,
-    metrics: Metrics,
-    rate: Rate,
-    room: Room,
-    limits: Limits,
+    metrics: HttpMetrics,
+    rate: RateLimiter,
+    room: InFlightBudget,
+    limits: LimitsConfig,
     log: LogRequests,
     draining: AtomicBool,
     /// Differs between starts, so that two servers' request ids do.
@@ -35,60 +35,33 @@ struct Inner {
     ids: AtomicU64,
 }
 
-/// Cities with what is said of them and who may see them, swapped as one.
-#[derive(Debug)]
-pub struct Catalog {
-    store: Store,
-    manifests: Manifests,
-    access: Access,
-}
-
-impl Catalog {
-    fn new(store: Store, access: Access) -> Self {
-        Self { manifests: Manifests::new(&store, &access), store, access }
-    }
-
-    /// The opened cities.
-    pub fn store(&self) -> &Store {
-        &self.store
-    }
-
-    pub(super) fn manifests(&self) -> &Manifests {
-        &self.manifests
-    }
-
-    pub(super) fn access(&self) -> &Access {
-        &self.access
-    }
-}
-
 impl AppState {
-    /// For public cities; tokens are read by [`Server`](super::Server).
-    pub fn new(store: Store, config: &Config) -> Self {
-        Self::with_access(store, config, Access::default())
+    /// For public cities; tokens are read by [`HttpServer`](super::HttpServer).
+    pub fn new(store: Store, config: &ServeConfig) -> Self {
+        Self::with_access(store, config, AccessControl::default())
     }
 
-    pub(super) fn with_access(store: Store, config: &Config, access: Access) -> Self {
+    pub(super) fn with_access(store: Store, config: &ServeConfig, access: AccessControl) -> Self {
         let counters = store.counters().cloned();
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let state = Self(Arc::new(Inner {
+        let state = Self(Arc::new(SharedState {
             catalog: ArcSwap::from_pointee(Catalog::new(store, access)),
-            metrics: Metrics::new(counters.as_ref()),
-            rate: Rate::new(config.limits.client_rate, config.limits.client_burst),
-            room: Room::new(config.limits.in_flight, config.limits.in_flight_bytes),
+            metrics: HttpMetrics::new(counters.as_ref()),
+            rate: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
+            room: InFlightBudget::new(config.limits.in_flight, config.limits.in_flight_bytes),
             limits: config.limits.clone(),
             log: config.log.requests,
             draining: AtomicBool::new(false),
             start_id: (since.as_millis() as u32) ^ std::process::id().rotate_left(16),
             ids: AtomicU64::new(0),
         }));
-        state.metrics().cities(&state.catalog().store);
+        state.metrics().cities(state.catalog().store());
         state
     }
 
     /// From the next request on, these cities are served, to whom these rules let see them. Requests in work keep what they
     /// began with.
-    pub(super) fn replace(&self, store: Store, access: Access) {
+    pub(super) fn replace(&self, store: Store, access: AccessControl) {
         self.0.metrics.cities(&store);
         self.0.catalog.store(Arc::new(Catalog::new(store, access)));
     }
@@ -100,7 +73,7 @@ impl AppState {
 
     /// Whether requests should come here: there are cities, and it is not draining.
     pub fn is_ready(&self) -> bool {
-        self.catalog().store.cities().len() > 0 && !self.0.draining.load(Relaxed)
+        self.catalog().store().cities().len() > 0 && !self.0.draining.load(Relaxed)
     }
 
     /// The cities as they are at this moment.
@@ -108,19 +81,19 @@ impl AppState {
         self.0.catalog.load()
     }
 
-    pub(super) fn metrics(&self) -> &Metrics {
+    pub(super) fn metrics(&self) -> &HttpMetrics {
         &self.0.metrics
     }
 
-    pub(super) fn rate(&self) -> &Rate {
+    pub(super) fn rate(&self) -> &RateLimiter {
         &self.0.rate
     }
 
-    pub(super) fn room(&self) -> &Room {
+    pub(super) fn room(&self) -> &InFlightBudget {
         &self.0.room
     }
 
-    pub(super) fn limits(&self) -> &Limits {
+    pub(super) fn limits(&self) -> &LimitsConfig {
         &self.0.limits
     }
 
@@ -148,14 +121,14 @@ impl AppState {
 
 /// How many requests, and bytes of their answers, may be in flight.
 #[derive(Debug)]
-pub(super) struct Room {
+pub(super) struct InFlightBudget {
     requests: AtomicUsize,
     bytes: AtomicUsize,
     max_requests: usize,
     max_bytes: usize,
 }
 
-impl Room {
+impl InFlightBudget {
     fn new(max_requests: usize, max_bytes: usize) -> Self {
         Self { requests: AtomicUsize::new(0), bytes: AtomicUsize::new(0), max_requests, max_bytes }
     }

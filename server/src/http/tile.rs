@@ -3,11 +3,13 @@
 //! In: a [`TileAddress`]. Out: the tile's bytes as the archive holds them, every checksum right. Next: the client's decoder.
 
 use super::{
-    App, Problem, TileAddress,
-    access::Sight,
-    answer::Answer,
-    headers::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_plain, quoted},
-    tile_cache::{Key, Ready},
+    access_control::CityAccess,
+    problem::Problem,
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_plain, quoted},
+    response::{FullResponse, with_cors},
+    state::AppState,
+    tile_address::TileAddress,
+    tile_cache::{CachedTile, TileCache, TileCacheKey},
 };
 use crate::store::{CityStore, ReadError};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
@@ -19,16 +21,16 @@ use std::sync::Arc;
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
 
 /// A tile that exists as far as its address tells.
-pub(super) struct Wanted {
+pub(super) struct TileRequest {
     city: Arc<CityStore>,
-    key: Key,
-    sight: Sight,
+    key: TileCacheKey,
+    sight: CityAccess,
 }
 
-impl Wanted {
+impl TileRequest {
     /// Errors: 401, 404.
-    pub(super) fn find(app: &App, address: TileAddress<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
-        let catalog = app.state().catalog();
+    pub(super) fn find(state: &AppState, address: TileAddress<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
+        let catalog = state.catalog();
         let sight = catalog.access().sight(address.city, headers)?;
         let city = match catalog.store().version(address.city, address.version) {
             Some(city) => Arc::clone(city),
@@ -47,44 +49,50 @@ impl Wanted {
                 .and_then(|id| mesh_tile::place(id, address.lod))
                 .ok_or(NO_TILE)?,
         };
-        let key = Key { serial: city.serial(), layer: address.layer, id };
+        let key = TileCacheKey { serial: city.serial(), layer: address.layer, id };
         Ok(Self { city, key, sight })
     }
 
     /// The answer, if the tile is at hand.
-    pub(super) fn at_hand(&self, app: &App, request: &Parts) -> Option<Answer> {
-        app.tiles().get(&self.key).map(|tile| answer(&tile, &request.method, &request.headers))
+    pub(super) fn at_hand(&self, tiles: &TileCache, request: &Parts) -> Option<FullResponse> {
+        tiles.get(&self.key).map(|tile| answer(&tile, &request.method, &request.headers))
     }
 
     /// Reads the tile, checks it and keeps it at hand.
-    pub(super) async fn read(self, app: &App, method: &Method, headers: &HeaderMap) -> Result<Answer, Problem> {
+    pub(super) async fn read(
+        self,
+        state: &AppState,
+        tiles: &TileCache,
+        method: &Method,
+        headers: &HeaderMap,
+    ) -> Result<FullResponse, Problem> {
         let body = match self.city.checked_tile(self.key.layer, self.key.id).await {
             Ok(body) => body.ok_or(NO_TILE)?,
-            Err(error) => return Err(self.failed(app, &error)),
+            Err(error) => return Err(self.failed(state, &error)),
         };
         let tile = Arc::new(self.ready(body));
-        app.tiles().insert(self.key, Arc::clone(&tile));
+        tiles.insert(self.key, Arc::clone(&tile));
         Ok(answer(&tile, method, headers))
     }
 
-    fn ready(&self, body: Bytes) -> Ready {
+    fn ready(&self, body: Bytes) -> CachedTile {
         let representation = Representation {
             body,
             content_type: HeaderValue::from_static("application/octet-stream"),
             // The version is a hash of the city's content, so that version, layer and place name the bytes.
             etag: etag(&self.city.manifest().version, self.key.layer, self.key.id),
-            cache_control: if self.sight == Sight::Private { IMMUTABLE_PRIVATE } else { IMMUTABLE },
+            cache_control: if self.sight == CityAccess::Private { IMMUTABLE_PRIVATE } else { IMMUTABLE },
             encoding: None,
             vary: None,
         };
         let whole = representation.clone().answer(&Method::GET, &HeaderMap::new());
-        Ready { headers: super::app::with_cors(whole.into_parts().0.headers), representation }
+        CachedTile { headers: with_cors(whole.into_parts().0.headers), representation }
     }
 
     /// What the host must know is logged and counted; the client learns that it is not its fault.
-    fn failed(&self, app: &App, error: &ReadError) -> Problem {
-        app.state().metrics().read_failed(error);
-        let (place, layer, id) = (self.city.place(), self.key.layer.word(), self.key.id);
+    fn failed(&self, state: &AppState, error: &ReadError) -> Problem {
+        state.metrics().read_failed(error);
+        let (place, layer, id) = (self.city.location(), self.key.layer.word(), self.key.id);
         tracing::error!(place, tile = %format_args!("{layer}/{id}"), %error, "a tile cannot be served");
         match error {
             ReadError::Damaged(_) => {
@@ -100,9 +108,9 @@ impl Wanted {
 }
 
 /// The common question has its answer's headers ready.
-fn answer(tile: &Ready, method: &Method, headers: &HeaderMap) -> Answer {
+fn answer(tile: &CachedTile, method: &Method, headers: &HeaderMap) -> FullResponse {
     if *method == Method::GET && is_plain(headers) {
-        let mut whole = Answer::new(Full::new(tile.representation.body.clone()));
+        let mut whole = FullResponse::new(Full::new(tile.representation.body.clone()));
         *whole.headers_mut() = tile.headers.clone();
         whole
     } else {

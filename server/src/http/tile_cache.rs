@@ -2,7 +2,7 @@
 //!
 //! In: a tile that was read and checked. Out: the same, without reading or checking it again. Next: `tile`.
 
-use super::headers::Representation;
+use super::representation::Representation;
 use axum::http::HeaderMap;
 use insula_protocol::{TileId, route::Layer};
 use lru::LruCache;
@@ -16,7 +16,7 @@ const ENTRY_BYTES: usize = 1024;
 
 /// Of one opened city: another version has another serial. Meshes are named by their place in the archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Key {
+pub(super) struct TileCacheKey {
     pub(super) serial: u64,
     pub(super) layer: Layer,
     pub(super) id: TileId,
@@ -24,7 +24,7 @@ pub(super) struct Key {
 
 /// A checked tile with the headers of its whole answer.
 #[derive(Debug)]
-pub(super) struct Ready {
+pub(super) struct CachedTile {
     pub(super) representation: Representation,
     pub(super) headers: HeaderMap,
 }
@@ -33,27 +33,27 @@ pub(super) struct Ready {
 #[derive(Debug)]
 pub(super) struct TileCache {
     max_bytes: usize,
-    kept: Mutex<Kept>,
+    kept: Mutex<TileCacheEntries>,
 }
 
 #[derive(Debug)]
-struct Kept {
-    tiles: LruCache<Key, Arc<Ready>, BuildHasherDefault<Mixer>>,
+struct TileCacheEntries {
+    tiles: LruCache<TileCacheKey, Arc<CachedTile>, BuildHasherDefault<KeyHasher>>,
     bytes: usize,
 }
 
 impl TileCache {
     pub(super) fn new(max_bytes: usize) -> Self {
         let tiles = LruCache::unbounded_with_hasher(BuildHasherDefault::default());
-        Self { max_bytes, kept: Mutex::new(Kept { tiles, bytes: 0 }) }
+        Self { max_bytes, kept: Mutex::new(TileCacheEntries { tiles, bytes: 0 }) }
     }
 
-    pub(super) fn get(&self, key: &Key) -> Option<Arc<Ready>> {
+    pub(super) fn get(&self, key: &TileCacheKey) -> Option<Arc<CachedTile>> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner).tiles.get(key).cloned()
     }
 
-    pub(super) fn insert(&self, key: Key, tile: Arc<Ready>) {
-        let size = |tile: &Ready| tile.representation.body.len() + ENTRY_BYTES;
+    pub(super) fn insert(&self, key: TileCacheKey, tile: Arc<CachedTile>) {
+        let size = |tile: &CachedTile| tile.representation.body.len() + ENTRY_BYTES;
         if size(&tile) > self.max_bytes {
             return;
         }
@@ -72,9 +72,9 @@ impl TileCache {
 
 /// Keys are the server's own, of tiles that exist: nobody can choose them to collide, so that a quick mixer will do.
 #[derive(Debug, Default)]
-struct Mixer(u64);
+struct KeyHasher(u64);
 
-impl Hasher for Mixer {
+impl Hasher for KeyHasher {
     fn finish(&self) -> u64 {
         self.0 ^ self.0 >> 29
     }
@@ -107,7 +107,7 @@ impl Hasher for Mixer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::headers::{IMMUTABLE, quoted};
+    use crate::http::representation::{IMMUTABLE, quoted};
     use axum::http::HeaderValue;
 
     #[test]
@@ -121,9 +121,9 @@ mod tests {
                 encoding: None,
                 vary: None,
             };
-            Arc::new(Ready { representation, headers: HeaderMap::new() })
+            Arc::new(CachedTile { representation, headers: HeaderMap::new() })
         };
-        let key = |x| Key { serial: 1, layer: Layer::BlockMaps, id: TileId::new(9, x, 0).unwrap() };
+        let key = |x| TileCacheKey { serial: 1, layer: Layer::BlockMaps, id: TileId::new(9, x, 0).unwrap() };
         let cache = TileCache::new(10 * (100 + ENTRY_BYTES));
         for x in 0..100 {
             cache.insert(key(x), tile(100));

@@ -18,16 +18,16 @@ use tokio_rustls::{
 
 /// The present certificate; connections keep the one that they began with.
 #[derive(Debug)]
-pub(super) struct Tls(ArcSwap<ServerConfig>);
+pub(super) struct TlsIdentity(ArcSwap<ServerConfig>);
 
-impl Tls {
+impl TlsIdentity {
     /// `None` if no certificate is configured. Errors: it cannot be used.
-    pub(super) fn read(config: &config::Tls) -> io::Result<Option<Self>> {
+    pub(super) fn read(config: &config::TlsConfig) -> io::Result<Option<Self>> {
         Ok(server_config(config)?.map(|config| Self(ArcSwap::from_pointee(config))))
     }
 
     /// Reads it again; what cannot be used changes nothing.
-    pub(super) fn reload(&self, config: &config::Tls) -> io::Result<()> {
+    pub(super) fn reload(&self, config: &config::TlsConfig) -> io::Result<()> {
         if let Some(config) = server_config(config)? {
             self.0.store(Arc::new(config));
         }
@@ -40,7 +40,7 @@ impl Tls {
     }
 }
 
-fn server_config(config: &config::Tls) -> io::Result<Option<ServerConfig>> {
+fn server_config(config: &config::TlsConfig) -> io::Result<Option<ServerConfig>> {
     let (Some(certificate), Some(key)) = (&config.certificate, &config.key) else { return Ok(None) };
     let wrong = |path: &Path, reason: String| {
         io::Error::new(io::ErrorKind::InvalidData, format!("{}: {reason}", path.display()))

@@ -5,11 +5,12 @@
 //! A thread with a queue of its own answers a tile without waking another one; streams go to the thread that has fewest.
 
 use super::{
-    App,
-    connection::{self, Client, Patience},
-    tls::Tls,
+    connection,
+    connection_state::{ClientTimeouts, ConnectionState},
+    service::HttpService,
+    tls::TlsIdentity,
 };
-use crate::config::Config;
+use crate::config::ServeConfig;
 use hyper_util::{rt::TokioExecutor, server::conn::auto};
 use slab::Slab;
 use std::{
@@ -31,7 +32,7 @@ use tokio::{
 const QUEUE: usize = 256;
 
 /// A stream and what it holds.
-pub(super) struct Arrived {
+pub(super) struct AcceptedConnection {
     pub(super) stream: TcpStream,
     pub(super) ip: Option<IpAddr>,
     /// One too many: each request is told so.
@@ -40,24 +41,24 @@ pub(super) struct Arrived {
 }
 
 /// One thread, seen from outside.
-struct Worker {
-    streams: mpsc::Sender<Arrived>,
+struct WorkerHandle {
+    streams: mpsc::Sender<AcceptedConnection>,
     open: Arc<AtomicUsize>,
     ended: oneshot::Receiver<()>,
 }
 
 /// All of them.
-pub(super) struct Workers(Vec<Worker>);
+pub(super) struct WorkerPool(Vec<WorkerHandle>);
 
-impl Workers {
+impl WorkerPool {
     /// Starts the threads. Errors: the system has no more.
-    pub(super) fn start(app: &App, tls: Option<&Arc<Tls>>, config: &Config) -> io::Result<Self> {
+    pub(super) fn start(app: &HttpService, tls: Option<&Arc<TlsIdentity>>, config: &ServeConfig) -> io::Result<Self> {
         let start = |number: usize| {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
             let (streams, arriving) = mpsc::channel(QUEUE);
             let (ending, ended) = oneshot::channel();
             let open = Arc::new(AtomicUsize::new(0));
-            let house = House {
+            let house = WorkerState {
                 app: app.for_thread(config.worker_threads()),
                 tls: tls.cloned(),
                 patience: patience(config),
@@ -72,13 +73,13 @@ impl Workers {
                 // Nobody waits any more if the server was dropped.
                 let _ = ending.send(());
             })?;
-            Ok(Worker { streams, open, ended })
+            Ok(WorkerHandle { streams, open, ended })
         };
         (0..config.worker_threads()).map(start).collect::<io::Result<_>>().map(Self)
     }
 
     /// Gives a stream to the thread that has fewest. `false`: the threads have ended.
-    pub(super) async fn give(&self, arrived: Arrived) -> bool {
+    pub(super) async fn give(&self, arrived: AcceptedConnection) -> bool {
         match self.0.iter().min_by_key(|worker| worker.open.load(Relaxed)) {
             Some(worker) => {
                 worker.open.fetch_add(1, Relaxed);
@@ -98,31 +99,31 @@ impl Workers {
     }
 }
 
-fn patience(config: &Config) -> Patience {
+fn patience(config: &ServeConfig) -> ClientTimeouts {
     let limits = &config.limits;
     let [header, idle, write] = [limits.header_secs, limits.idle_secs, limits.write_secs].map(Duration::from_secs);
-    Patience { header, idle, write }
+    ClientTimeouts { header, idle, write }
 }
 
 /// What a thread's connections share.
-struct House {
-    app: App,
-    tls: Option<Arc<Tls>>,
-    patience: Patience,
+struct WorkerState {
+    app: HttpService,
+    tls: Option<Arc<TlsIdentity>>,
+    patience: ClientTimeouts,
     open: Arc<AtomicUsize>,
     /// Milliseconds since the thread started, and one.
     clock: Arc<AtomicU64>,
-    guests: Mutex<Slab<Guest>>,
+    guests: Mutex<Slab<Connection>>,
 }
 
 /// A connection and what ends it.
-struct Guest {
-    client: Arc<Client>,
+struct Connection {
+    client: Arc<ConnectionState>,
     task: AbortHandle,
 }
 
-impl House {
-    async fn run(self, mut arriving: mpsc::Receiver<Arrived>, drain: Duration) {
+impl WorkerState {
+    async fn run(self, mut arriving: mpsc::Receiver<AcceptedConnection>, drain: Duration) {
         let house = Arc::new(self);
         let builder = Arc::new(connection::builder(&house.app));
         let janitor = tokio::spawn(house.clone().look_after());
@@ -141,14 +142,14 @@ impl House {
         janitor.abort();
     }
 
-    fn lock(&self) -> MutexGuard<'_, Slab<Guest>> {
+    fn lock(&self) -> MutexGuard<'_, Slab<Connection>> {
         self.guests.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Sets the clock, and ends connections whose clients are too slow.
     async fn look_after(self: Arc<Self>) {
         let start = Instant::now();
-        let Patience { header, idle, write } = self.patience;
+        let ClientTimeouts { header, idle, write } = self.patience;
         let often = (header.min(idle).min(write) / 8).clamp(Duration::from_millis(20), Duration::from_millis(250));
         loop {
             sleep(often).await;
@@ -161,24 +162,24 @@ impl House {
         }
     }
 
-    fn welcome(self: Arc<Self>, arrived: Arrived, builder: &Arc<auto::Builder<TokioExecutor>>) {
-        let Arrived { stream, ip, over, slot } = arrived;
-        let client = Arc::new(Client::new(ip, over, self.clock.clone(), self.patience));
+    fn welcome(self: Arc<Self>, arrived: AcceptedConnection, builder: &Arc<auto::Builder<TokioExecutor>>) {
+        let AcceptedConnection { stream, ip, over, slot } = arrived;
+        let client = Arc::new(ConnectionState::new(ip, over, self.clock.clone(), self.patience));
         self.app.state().metrics().connected(over);
         let (house, builder) = (self.clone(), builder.clone());
         let mut guests = self.lock();
         let entry = guests.vacant_entry();
-        let left = Left { house: self.clone(), client: client.clone(), key: entry.key(), _slot: slot };
+        let left = ConnectionGuard { house: self.clone(), client: client.clone(), key: entry.key(), _slot: slot };
         let of = client.clone();
         let task = tokio::spawn(async move {
             let left = left;
             house.serve(stream, &builder, of).await;
             drop(left);
         });
-        entry.insert(Guest { client, task: task.abort_handle() });
+        entry.insert(Connection { client, task: task.abort_handle() });
     }
 
-    async fn serve(&self, stream: TcpStream, builder: &auto::Builder<TokioExecutor>, client: Arc<Client>) {
+    async fn serve(&self, stream: TcpStream, builder: &auto::Builder<TokioExecutor>, client: Arc<ConnectionState>) {
         let Ok(stream) = tokio::net::TcpStream::from_std(stream) else { return };
         match &self.tls {
             None => connection::serve(stream, builder, self.app.clone(), client).await,
@@ -192,14 +193,14 @@ impl House {
 }
 
 /// Counts a connection until it is gone.
-struct Left {
-    house: Arc<House>,
-    client: Arc<Client>,
+struct ConnectionGuard {
+    house: Arc<WorkerState>,
+    client: Arc<ConnectionState>,
     key: usize,
     _slot: OwnedSemaphorePermit,
 }
 
-impl Drop for Left {
+impl Drop for ConnectionGuard {
     fn drop(&mut self) {
         self.house.lock().try_remove(self.key);
         self.house.open.fetch_sub(1, Relaxed);

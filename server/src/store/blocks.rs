@@ -6,7 +6,7 @@ use super::{
     ReadError,
     disk::{BlockKey, Disk},
 };
-use crate::config::Cache;
+use crate::config::BlockCacheConfig;
 use bytes::{Bytes, BytesMut};
 use moka::future::Cache as Memory;
 use object_store::{GetOptions, GetRange, ObjectStore, path::Path};
@@ -37,14 +37,14 @@ pub(super) struct Object {
 
 /// What is counted of stores and caches.
 #[derive(Debug, Clone)]
-pub(crate) struct Counters {
+pub(crate) struct StoreMetrics {
     reads: Family<[(&'static str, &'static str); 1], Counter>,
     fetches: Family<[(&'static str, &'static str); 1], Counter>,
     seconds: Histogram,
     disk_errors: Counter,
 }
 
-impl Counters {
+impl StoreMetrics {
     pub(crate) fn register(&self, to: &mut Registry) {
         to.register("block_reads", "Reads of blocks of remote archives by where they were found", self.reads.clone());
         to.register("store_fetches", "Requests to stores by outcome", self.fetches.clone());
@@ -66,12 +66,12 @@ pub(crate) struct Blocks {
     block_bytes: u64,
     fetches: Semaphore,
     patience: Duration,
-    pub(crate) counters: Counters,
+    pub(crate) counters: StoreMetrics,
 }
 
 impl Blocks {
     /// Errors: the cache's folder cannot be used.
-    pub(crate) fn new(config: &Cache) -> io::Result<Self> {
+    pub(crate) fn new(config: &BlockCacheConfig) -> io::Result<Self> {
         let weight = |_: &BlockKey, block: &Bytes| u32::try_from(block.len() + 128).unwrap_or(u32::MAX);
         let disk = config.folder.as_ref().map(|folder| Disk::open(folder, config.folder_bytes)).transpose()?;
         Ok(Self {
@@ -80,7 +80,7 @@ impl Blocks {
             block_bytes: config.block_bytes,
             fetches: Semaphore::new(config.fetches),
             patience: Duration::from_secs(config.timeout_secs),
-            counters: Counters {
+            counters: StoreMetrics {
                 reads: Family::default(),
                 fetches: Family::default(),
                 seconds: Histogram::new(BUCKETS_SECS),

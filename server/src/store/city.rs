@@ -3,7 +3,8 @@
 //! In: a folder, or where its files lie in a store. Out: [`CityStore`]: its manifest and its archives. Next: `Store` holds several.
 
 use super::{
-    Archive, ArchiveError, MANIFEST_FILE, StoreError,
+    archive::Archive,
+    error::{ArchiveError, StoreError},
     source::{Read, ReadError},
 };
 use bytes::Bytes;
@@ -23,6 +24,8 @@ use std::{
     time::SystemTime,
 };
 
+/// The manifest's name in a city's folder.
+pub const MANIFEST_FILE: &str = "city.json";
 /// Times that a city is opened anew because it was replaced meanwhile.
 const ATTEMPTS: usize = 5;
 
@@ -33,7 +36,7 @@ static SERIALS: AtomicU64 = AtomicU64::new(0);
 pub struct CityStore {
     serial: u64,
     place: String,
-    stamp: Stamp,
+    stamp: CityStamp,
     manifest: Manifest,
     subtrees: Archive,
     blockmaps: Archive,
@@ -41,7 +44,7 @@ pub struct CityStore {
 }
 
 /// A city's archives, read.
-pub(super) struct Archives {
+pub(super) struct CityArchives {
     pub(super) subtrees: Archive,
     pub(super) blockmaps: Archive,
     pub(super) meshes: Option<Archive>,
@@ -49,7 +52,7 @@ pub(super) struct Archives {
 
 /// What tells a city's files from those that replace them.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Stamp {
+pub(super) enum CityStamp {
     /// Of the manifest and each archive that is there.
     Files([Option<FileStamp>; 4]),
     /// Of the manifest's text.
@@ -64,15 +67,15 @@ impl CityStore {
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let place = folder.display().to_string();
         for _ in 0..ATTEMPTS {
-            let stamp = Stamp::of(folder)?;
+            let stamp = CityStamp::of(folder)?;
             let manifest = read_manifest(&folder.join(MANIFEST_FILE))?;
             let open = |layer: Layer| Archive::open(&folder.join(layer.file_name()));
             let (subtrees, blockmaps) = (open(Layer::Subtrees), open(Layer::BlockMaps));
             let meshes = stamp.has_meshes().then(|| open(Layer::Meshes));
-            if Stamp::of(folder)? != stamp {
+            if CityStamp::of(folder)? != stamp {
                 continue;
             }
-            let archives = Archives { subtrees: subtrees?, blockmaps: blockmaps?, meshes: meshes.transpose()? };
+            let archives = CityArchives { subtrees: subtrees?, blockmaps: blockmaps?, meshes: meshes.transpose()? };
             return Self::new(place, stamp, manifest, archives);
         }
         Err(StoreError::Changing { place })
@@ -80,9 +83,9 @@ impl CityStore {
 
     pub(super) fn new(
         place: String,
-        stamp: Stamp,
+        stamp: CityStamp,
         manifest: Manifest,
-        Archives { subtrees, blockmaps, meshes }: Archives,
+        CityArchives { subtrees, blockmaps, meshes }: CityArchives,
     ) -> Result<Self, StoreError> {
         let serial = SERIALS.fetch_add(1, Ordering::Relaxed);
         let city = Self { serial, place, stamp, manifest, subtrees, blockmaps, meshes };
@@ -111,7 +114,7 @@ impl CityStore {
     }
 
     /// Where it was opened; for messages to the host, never for clients.
-    pub fn place(&self) -> &str {
+    pub fn location(&self) -> &str {
         &self.place
     }
 
@@ -120,7 +123,7 @@ impl CityStore {
         self.serial
     }
 
-    pub(super) fn stamp(&self) -> &Stamp {
+    pub(super) fn stamp(&self) -> &CityStamp {
         &self.stamp
     }
 
@@ -194,7 +197,7 @@ fn check(layer: Layer, bytes: Bytes) -> Result<Bytes, ReadError> {
     }
 }
 
-impl Stamp {
+impl CityStamp {
     /// Errors: a file is missing or cannot be looked at.
     pub(super) fn of(folder: &Path) -> Result<Self, StoreError> {
         let look = |name: &str| {

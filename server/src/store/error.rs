@@ -1,6 +1,6 @@
 //! What can be wrong with a city's folder. Each text is one line: what, where, what to do.
 
-use super::ReadError;
+use super::source::ReadError;
 use std::path::PathBuf;
 
 /// Why a city cannot be opened.

@@ -4,7 +4,11 @@
 //!
 //! What cannot be opened changes nothing: the city that is served goes on.
 
-use super::{CityStore, Store, StoreError, Versions, city::Stamp, city_folders};
+use super::{
+    cities::{CityVersions, Store, city_folders},
+    city::{CityStamp, CityStore},
+    error::StoreError,
+};
 use std::{
     path::Path,
     sync::Arc,
@@ -16,7 +20,7 @@ const ABSENT_LOOKS: u32 = 3;
 
 /// How long older versions are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Keep {
+pub struct RetentionPolicy {
     /// After they were replaced.
     pub time: Duration,
     /// Of one city.
@@ -25,7 +29,7 @@ pub struct Keep {
 
 /// What a look found.
 #[derive(Debug)]
-pub struct Reloaded {
+pub struct StoreReload {
     /// What to serve from now on.
     pub store: Store,
     /// Names of cities with another version than before, new and gone ones too.
@@ -38,14 +42,14 @@ pub struct Reloaded {
 
 impl Store {
     /// Looks at all folders, and at stores too if `far`.
-    pub async fn reload(&self, keep: Keep, far: bool) -> Reloaded {
+    pub async fn reload(&self, keep: RetentionPolicy, far: bool) -> StoreReload {
         let near = self.clone();
         // An error is a task that was cancelled at the end of the process: nothing has changed.
-        let unchanged = || (Reloaded::of(self), self.cities.keys().cloned().collect());
+        let unchanged = || (StoreReload::of(self), self.cities.keys().cloned().collect());
         let looked = tokio::task::spawn_blocking(move || near.look_near(keep)).await;
         let (mut look, mut seen) = looked.unwrap_or_else(|_| unchanged());
         for remote in &self.remotes {
-            let known = self.cities.iter().find(|(_, versions)| versions.current.place() == remote.url());
+            let known = self.cities.iter().find(|(_, versions)| versions.current.location() == remote.url());
             seen.extend(known.map(|(name, _)| name.clone()));
             if !far {
                 continue;
@@ -67,8 +71,8 @@ impl Store {
     }
 
     /// Looks at all folders: it reads the disk. Also the names of what is there.
-    fn look_near(&self, keep: Keep) -> (Reloaded, Vec<String>) {
-        let mut look = Reloaded::of(self);
+    fn look_near(&self, keep: RetentionPolicy) -> (StoreReload, Vec<String>) {
+        let mut look = StoreReload::of(self);
         let mut seen = Vec::new();
         for folder in &self.folders {
             match city_folders(folder) {
@@ -84,25 +88,26 @@ impl Store {
     }
 
     fn names_below(&self, folder: &Path) -> Vec<String> {
-        let below = self.cities.iter().filter(|(_, versions)| Path::new(versions.current.place()).starts_with(folder));
+        let below =
+            self.cities.iter().filter(|(_, versions)| Path::new(versions.current.location()).starts_with(folder));
         below.map(|(name, _)| name.clone()).collect()
     }
 
-    fn name_at(&self, folder: &Path) -> Option<(String, &Versions)> {
-        let found = self.cities.iter().find(|(_, versions)| Path::new(versions.current.place()) == folder);
+    fn name_at(&self, folder: &Path) -> Option<(String, &CityVersions)> {
+        let found = self.cities.iter().find(|(_, versions)| Path::new(versions.current.location()) == folder);
         found.map(|(name, versions)| (name.clone(), versions))
     }
 }
 
-impl Reloaded {
+impl StoreReload {
     fn of(store: &Store) -> Self {
         Self { store: store.clone(), changed: Vec::new(), closed: 0, failures: Vec::new() }
     }
 
-    fn at(&mut self, folder: &Path, keep: Keep, seen: &mut Vec<String>) {
+    fn at(&mut self, folder: &Path, keep: RetentionPolicy, seen: &mut Vec<String>) {
         let known = self.store.name_at(folder);
         if let Some((name, versions)) = &known
-            && Stamp::of(folder).is_ok_and(|stamp| stamp == *versions.current.stamp())
+            && CityStamp::of(folder).is_ok_and(|stamp| stamp == *versions.current.stamp())
         {
             seen.push(name.clone());
             return;
@@ -122,14 +127,14 @@ impl Reloaded {
     }
 
     /// Whether the city is served now.
-    fn replace(&mut self, name: String, city: CityStore, keep: Keep) -> bool {
+    fn replace(&mut self, name: String, city: CityStore, keep: RetentionPolicy) -> bool {
         let Some(versions) = self.store.cities.get_mut(&name) else {
             self.changed.push(name);
             // There is none of that name.
             return self.store.insert(city).is_ok();
         };
-        if versions.current.place() != city.place() {
-            let (first, second) = (versions.current.place().to_owned(), city.place().to_owned());
+        if versions.current.location() != city.location() {
+            let (first, second) = (versions.current.location().to_owned(), city.location().to_owned());
             self.failures.push(StoreError::SameName { name, first, second });
             return true;
         }
@@ -157,7 +162,7 @@ impl Reloaded {
         self.store.cities.retain(|_, versions| versions.absent < ABSENT_LOOKS);
     }
 
-    fn close_old(&mut self, keep: Keep) {
+    fn close_old(&mut self, keep: RetentionPolicy) {
         for versions in self.store.cities.values_mut() {
             let before = versions.older.len();
             versions.older.retain(|(_, replaced)| replaced.elapsed() < keep.time);

@@ -2,13 +2,13 @@
 //!
 //! In: a URL. Out: a [`CityStore`] whose archives are read by blocks. Next: `Store` holds it like any other.
 //!
-//! Archives are looked for in a folder of the version's name below the city's URL first, so that a new version can be put
+//! CityArchives are looked for in a folder of the version's name below the city's URL first, so that a new version can be put
 //! beside the old one and `city.json` last: whoever reads never sees half of it.
 
 use super::{
     Archive, CityStore, MANIFEST_FILE, StoreError,
     blocks::{Blocks, Object},
-    city::{Archives, Stamp, parse_manifest},
+    city::{CityArchives, CityStamp, parse_manifest},
     source::{Read, ReadError, Source},
 };
 use insula_protocol::{codec::bincode, route::Layer};
@@ -60,7 +60,7 @@ impl Remote {
     }
 
     /// Opens what is there now, unless it is what `known` says.
-    pub(super) async fn open(&self, known: Option<&Stamp>) -> Result<Option<CityStore>, StoreError> {
+    pub(super) async fn open(&self, known: Option<&CityStamp>) -> Result<Option<CityStore>, StoreError> {
         let failed =
             |error: object_store::Error| StoreError::Remote { url: self.url.clone(), reason: error.to_string() };
         let path = self.folder.clone().join(MANIFEST_FILE);
@@ -70,7 +70,7 @@ impl Remote {
             return Err(wrong(format!("a manifest is at most {} bytes", bincode::LIMIT)));
         }
         let text = got.bytes().await.map_err(failed)?;
-        let stamp = Stamp::Remote(blake3::hash(&text));
+        let stamp = CityStamp::Remote(blake3::hash(&text));
         if known == Some(&stamp) {
             return Ok(None);
         }
@@ -80,7 +80,7 @@ impl Remote {
             url: format!("{}/{}", self.url, layer.file_name()),
             reason: "there is no such file".into(),
         };
-        let archives = Archives {
+        let archives = CityArchives {
             subtrees: archive(Layer::Subtrees).await?.ok_or_else(|| missing(Layer::Subtrees))?,
             blockmaps: archive(Layer::BlockMaps).await?.ok_or_else(|| missing(Layer::BlockMaps))?,
             meshes: archive(Layer::Meshes).await?,

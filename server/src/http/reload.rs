@@ -2,10 +2,10 @@
 //!
 //! In: a tick, or a signal. Out: a swapped catalog. Next: requests from then on.
 
-use super::{AppState, access::Access, tls::Tls};
+use super::{access_control::AccessControl, state::AppState, tls::TlsIdentity};
 use crate::{
-    config::Config,
-    store::{Keep, Reloaded},
+    config::ServeConfig,
+    store::{RetentionPolicy, StoreReload},
 };
 use std::{
     collections::BTreeSet,
@@ -18,18 +18,18 @@ use tokio::{sync::Notify, time::sleep};
 /// Between looks at stores.
 const FAR: Duration = Duration::from_secs(10);
 
-pub(super) struct Watch {
+pub(super) struct ReloadTask {
     state: AppState,
-    tls: Option<Arc<Tls>>,
-    config: Config,
+    tls: Option<Arc<TlsIdentity>>,
+    config: ServeConfig,
     look: Arc<Notify>,
     /// What could not be opened at the last look, so that it is said once.
     failures: BTreeSet<String>,
     far_at: Instant,
 }
 
-impl Watch {
-    pub(super) fn new(state: AppState, tls: Option<Arc<Tls>>, config: Config, look: Arc<Notify>) -> Self {
+impl ReloadTask {
+    pub(super) fn new(state: AppState, tls: Option<Arc<TlsIdentity>>, config: ServeConfig, look: Arc<Notify>) -> Self {
         Self { state, tls, config, look, failures: BTreeSet::new(), far_at: Instant::now() }
     }
 
@@ -64,7 +64,7 @@ impl Watch {
 
     async fn cities(&mut self, asked: bool) {
         let reload = &self.config.reload;
-        let keep = Keep { time: Duration::from_secs(reload.keep_secs), versions: reload.keep_versions };
+        let keep = RetentionPolicy { time: Duration::from_secs(reload.keep_secs), versions: reload.keep_versions };
         let store = self.state.catalog().store().clone();
         // A look at a folder costs nothing, one at a store a request.
         let far = asked || self.far_at.elapsed() >= FAR;
@@ -76,7 +76,7 @@ impl Watch {
         if !asked && found.changed.is_empty() && found.closed == 0 {
             return;
         }
-        let access = Access::read(&self.config.access);
+        let access = AccessControl::read(&self.config.access);
         match access {
             Ok(access) => self.state.replace(found.store, access),
             Err(error) => {
@@ -86,7 +86,7 @@ impl Watch {
         }
     }
 
-    fn say(&mut self, found: &Reloaded) {
+    fn say(&mut self, found: &StoreReload) {
         for name in &found.changed {
             let version = found.store.city(name).map(|city| city.manifest().version.as_str());
             tracing::info!(city = name, version = version.unwrap_or("gone"), "a city was replaced");

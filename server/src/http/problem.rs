@@ -4,7 +4,7 @@
 //!
 //! A problem holds only constants: nothing of the request, of a path or of an inner error can leak into it.
 
-use super::answer::Answer;
+use super::response::FullResponse;
 use axum::{
     http::{HeaderName, HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
@@ -57,9 +57,9 @@ impl Problem {
 }
 
 impl Problem {
-    pub(super) fn answer(self) -> Answer {
+    pub(super) fn answer(self) -> FullResponse {
         let body = Full::new(self.body().into());
-        let mut response = Answer::new(body);
+        let mut response = FullResponse::new(body);
         *response.status_mut() = self.status;
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
@@ -95,15 +95,4 @@ impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         self.answer().into_response()
     }
-}
-
-/// No such route.
-pub(super) async fn no_route() -> Problem {
-    Problem::not_found("there is nothing at this address; the cities are listed at /v1/cities")
-}
-
-/// A route, but not by this method. The router adds `Allow`.
-pub(super) async fn no_method() -> Problem {
-    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this address answers GET, HEAD and OPTIONS only")
-        .with(header::ALLOW, HeaderValue::from_static("GET,HEAD,OPTIONS"))
 }

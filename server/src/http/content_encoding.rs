@@ -1,8 +1,8 @@
 //! What is text, packed in every way that clients understand, once.
 //!
-//! In: bytes. Out: [`Packed`], of which `Accept-Encoding` chooses. Next: `manifest`.
+//! In: bytes. Out: [`EncodedContent`], of which `Accept-Encoding` chooses. Next: `manifest`.
 
-use super::headers::{Representation, etag_of};
+use super::representation::{Representation, etag_of};
 use axum::http::{HeaderMap, HeaderValue, header};
 use bytes::Bytes;
 use std::io::Write;
@@ -14,9 +14,9 @@ const BROTLI_QUALITY: i32 = 9;
 
 /// The same content, packed variously; all of it smaller than the plain one, which comes last.
 #[derive(Debug, Clone)]
-pub(super) struct Packed(Vec<(&'static str, Representation)>);
+pub(super) struct EncodedContent(Vec<(&'static str, Representation)>);
 
-impl Packed {
+impl EncodedContent {
     /// Packs `body`; `vary` are the headers that chose it before the packing is chosen.
     pub(super) fn new(body: Vec<u8>, content_type: &'static str, cache_control: HeaderValue, vary: &str) -> Self {
         let names = if vary.is_empty() { "accept-encoding".to_owned() } else { format!("{vary}, accept-encoding") };
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn the_client_chooses() {
         let text = "a city of many words, ".repeat(100).into_bytes();
-        let packed = Packed::new(text.clone(), "text/plain", HeaderValue::from_static("no-cache"), "accept");
+        let packed = EncodedContent::new(text.clone(), "text/plain", HeaderValue::from_static("no-cache"), "accept");
         let chosen = |wish: &'static str| {
             let headers = HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(wish))]);
             packed.choose(&headers).encoding.clone().map(|value| value.to_str().unwrap().to_owned())
@@ -138,6 +138,6 @@ mod tests {
         )
         .unwrap();
         assert_eq!(plain, text);
-        assert_eq!(Packed::new(b"short".to_vec(), "text/plain", HeaderValue::from_static(""), "").0.len(), 1);
+        assert_eq!(EncodedContent::new(b"short".to_vec(), "text/plain", HeaderValue::from_static(""), "").0.len(), 1);
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! A token bucket an address; of IPv6 the first 64 bits, since one client has as many addresses below them as it likes.
 
-use super::Problem;
+use super::problem::Problem;
 use axum::http::{HeaderValue, StatusCode, header};
 use lru::LruCache;
 use std::{
@@ -19,19 +19,19 @@ const MAX_CLIENTS: NonZeroUsize = NonZeroUsize::new(65_536).unwrap();
 
 /// All clients' buckets.
 #[derive(Debug)]
-pub(super) struct Rate {
+pub(super) struct RateLimiter {
     per_sec: f64,
     burst: f64,
-    buckets: Mutex<LruCache<IpAddr, Bucket>>,
+    buckets: Mutex<LruCache<IpAddr, TokenBucket>>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Bucket {
+struct TokenBucket {
     left: f64,
     at: Instant,
 }
 
-impl Rate {
+impl RateLimiter {
     /// `per_sec` of 0 is no limit.
     pub(super) fn new(per_sec: f64, burst: u32) -> Self {
         // The memory for all of them is taken as they come.
@@ -46,9 +46,9 @@ impl Rate {
 
     fn admit_at(&self, ip: IpAddr, now: Instant) -> Result<(), Problem> {
         let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
-        let bucket = buckets.get_or_insert_mut(network(ip), || Bucket { left: self.burst, at: now });
+        let bucket = buckets.get_or_insert_mut(network(ip), || TokenBucket { left: self.burst, at: now });
         let refilled = bucket.left + now.saturating_duration_since(bucket.at).as_secs_f64() * self.per_sec;
-        *bucket = Bucket { left: refilled.min(self.burst), at: now };
+        *bucket = TokenBucket { left: refilled.min(self.burst), at: now };
         if bucket.left >= 1.0 {
             bucket.left -= 1.0;
             return Ok(());
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn a_burst_and_then_the_rate() {
-        let rate = Rate::new(2.0, 3);
+        let rate = RateLimiter::new(2.0, 3);
         let ip = |text: &str| text.parse::<IpAddr>().unwrap();
         let (one, start) = (ip("192.0.2.1"), Instant::now());
         let admitted = |ip, millis| rate.admit_at(ip, start + Duration::from_millis(millis)).is_ok();
@@ -87,6 +87,6 @@ mod tests {
         assert!([5000; 3].iter().all(|at| admitted(one, *at)) && !admitted(one, 5000), "never more than a burst");
         let [a, b, c] = ["2001:db8::1", "2001:db8::2", "2001:db8:0:1::1"].map(ip);
         assert!((0..3).all(|_| admitted(a, 0)) && !admitted(b, 0) && admitted(c, 0), "64 bits are one client");
-        assert!((0..100).all(|_| Rate::new(0.0, 1).admit(one).is_ok()));
+        assert!((0..100).all(|_| RateLimiter::new(0.0, 1).admit(one).is_ok()));
     }
 }

@@ -1,6 +1,6 @@
 //! What a city holds, counted.
 //!
-//! In: an opened city. Out: [`Census`]. Next: `inspect` shows it.
+//! In: an opened city. Out: [`CityStats`]. Next: `inspect` shows it.
 
 use crate::store::CityStore;
 use insula_protocol::{Manifest, Subtree, subtree::MeshLod};
@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// A city's manifest and what its archives hold.
 #[derive(Debug, Serialize)]
-pub(super) struct Census<'a> {
+pub(super) struct CityStats<'a> {
     pub(super) manifest: &'a Manifest,
     /// Of all archives.
     pub(super) file_bytes: u64,
@@ -16,14 +16,14 @@ pub(super) struct Census<'a> {
     /// Subtree tiles that cannot be read; their nodes' errors are missing below.
     pub(super) damaged_subtree_tiles: usize,
     /// Root first.
-    pub(super) levels: Vec<Level>,
+    pub(super) levels: Vec<LevelStats>,
     /// Leaves' meshes, the finest level of detail first; empty without any.
-    pub(super) meshes: Vec<Lods>,
+    pub(super) meshes: Vec<MeshLodStats>,
 }
 
 /// All meshes of one level of detail.
 #[derive(Debug, Default, Serialize)]
-pub(super) struct Lods {
+pub(super) struct MeshLodStats {
     /// 0 for the finest.
     pub(super) lod: usize,
     pub(super) leaves: u64,
@@ -36,7 +36,7 @@ pub(super) struct Lods {
 
 /// One level of the quadtree.
 #[derive(Debug, Default, Serialize)]
-pub(super) struct Level {
+pub(super) struct LevelStats {
     pub(super) level: u8,
     /// Side of a column.
     pub(super) cell_m: f64,
@@ -51,18 +51,23 @@ pub(super) struct Level {
     pub(super) error_m_max: Option<f64>,
 }
 
-impl<'a> Census<'a> {
+impl<'a> CityStats<'a> {
     pub(super) fn take(city: &'a CityStore) -> Self {
         let manifest = city.manifest();
-        let level = |level| Level { level, cell_m: manifest.cell_m_at(level), bytes_min: u64::MAX, ..Level::default() };
-        let mut levels: Vec<Level> = (0..=manifest.depth).map(level).collect();
+        let level = |level| LevelStats {
+            level,
+            cell_m: manifest.cell_m_at(level),
+            bytes_min: u64::MAX,
+            ..LevelStats::default()
+        };
+        let mut levels: Vec<LevelStats> = (0..=manifest.depth).map(level).collect();
         for (id, length) in city.blockmaps().lengths() {
             if let Some(level) = levels.get_mut(usize::from(id.level())) {
                 level.add_bytes(u64::from(length));
             }
         }
         let mut damaged = 0;
-        let mut meshes: Vec<Lods> = Vec::new();
+        let mut meshes: Vec<MeshLodStats> = Vec::new();
         for (_, bytes) in city.subtrees().tiles() {
             let Some(subtree) = bytes.ok().and_then(|bytes| Subtree::decode(&bytes).ok()) else {
                 damaged += 1;
@@ -70,7 +75,7 @@ impl<'a> Census<'a> {
             };
             for (lod, info) in subtree.meshes.iter().flat_map(|mesh| mesh.lods.iter().enumerate()) {
                 if meshes.len() <= lod {
-                    meshes.push(Lods { lod: meshes.len(), ..Lods::default() });
+                    meshes.push(MeshLodStats { lod: meshes.len(), ..MeshLodStats::default() });
                 }
                 meshes[lod].add(info);
             }
@@ -88,7 +93,7 @@ impl<'a> Census<'a> {
     }
 }
 
-impl Lods {
+impl MeshLodStats {
     fn add(&mut self, info: &MeshLod) {
         self.leaves += 1;
         self.bytes += u64::from(info.bytes);
@@ -98,7 +103,7 @@ impl Lods {
     }
 }
 
-impl Level {
+impl LevelStats {
     fn add_bytes(&mut self, bytes: u64) {
         self.nodes += 1;
         self.bytes += bytes;

@@ -2,7 +2,7 @@
 //!
 //! In: a representation and the request's method and headers. Out: 200, 206, 304 or 416. Next: the wire.
 
-use super::{Problem, answer::Answer};
+use super::{problem::Problem, response::FullResponse};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use bytes::Bytes;
 use http_body_util::Full;
@@ -41,7 +41,7 @@ pub(super) fn quoted(tag: &str) -> HeaderValue {
 
 impl Representation {
     /// The answer to `method` (GET or HEAD) with these request headers.
-    pub(super) fn answer(self, method: &Method, request: &HeaderMap) -> Answer {
+    pub(super) fn answer(self, method: &Method, request: &HeaderMap) -> FullResponse {
         if matches_none(request, &self.etag) {
             return self.with_body(StatusCode::NOT_MODIFIED, Bytes::new());
         }
@@ -53,8 +53,8 @@ impl Representation {
             return response;
         }
         match wanted_range(request, &self.etag, length) {
-            Wanted::Whole => self.with_body(StatusCode::OK, self.body.clone()),
-            Wanted::Part(part) => {
+            RequestedRange::Whole => self.with_body(StatusCode::OK, self.body.clone()),
+            RequestedRange::Part(part) => {
                 let body = self.body.slice(part.start as usize..part.end as usize);
                 let mut response = self.with_body(StatusCode::PARTIAL_CONTENT, body);
                 let content_range = format!("bytes {}-{}/{length}", part.start, part.end - 1);
@@ -62,7 +62,7 @@ impl Representation {
                 response.headers_mut().extend(content_range);
                 response
             }
-            Wanted::Outside => {
+            RequestedRange::Outside => {
                 let problem = Problem::new(StatusCode::RANGE_NOT_SATISFIABLE, "the range lies outside of the content");
                 match HeaderValue::try_from(format!("bytes */{length}")) {
                     Ok(value) => problem.with(header::CONTENT_RANGE, value).answer(),
@@ -72,9 +72,9 @@ impl Representation {
         }
     }
 
-    fn with_body(&self, status: StatusCode, body: Bytes) -> Answer {
+    fn with_body(&self, status: StatusCode, body: Bytes) -> FullResponse {
         let length = body.len();
-        let mut response = Answer::new(Full::new(body));
+        let mut response = FullResponse::new(Full::new(body));
         *response.status_mut() = status;
         let headers = response.headers_mut();
         headers.reserve(12);
@@ -106,38 +106,38 @@ fn matches_none(request: &HeaderMap, etag: &HeaderValue) -> bool {
 }
 
 #[derive(Debug, PartialEq, Eq)]
-enum Wanted {
+enum RequestedRange {
     Whole,
     Part(Range<u64>),
     Outside,
 }
 
-fn wanted_range(request: &HeaderMap, etag: &HeaderValue, length: u64) -> Wanted {
+fn wanted_range(request: &HeaderMap, etag: &HeaderValue, length: u64) -> RequestedRange {
     let same = request.get(header::IF_RANGE).is_none_or(|condition| condition == etag);
     match request.get(header::RANGE).and_then(|value| value.to_str().ok()) {
         Some(range) if same => parse_range(range, length),
-        _ => Wanted::Whole,
+        _ => RequestedRange::Whole,
     }
 }
 
 /// One range of bytes. Several, another unit or nonsense: the whole, as RFC 9110, 14.2 allows.
-fn parse_range(text: &str, length: u64) -> Wanted {
-    let Some((unit, range)) = text.split_once('=') else { return Wanted::Whole };
-    let Some((first, last)) = range.trim().split_once('-') else { return Wanted::Whole };
+fn parse_range(text: &str, length: u64) -> RequestedRange {
+    let Some((unit, range)) = text.split_once('=') else { return RequestedRange::Whole };
+    let Some((first, last)) = range.trim().split_once('-') else { return RequestedRange::Whole };
     let digits = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
     if !unit.trim().eq_ignore_ascii_case("bytes") || !digits(first) || !digits(last) {
-        return Wanted::Whole;
+        return RequestedRange::Whole;
     }
     // Too many digits for u64 are only far behind the end.
     let number = |text: &str| text.parse().unwrap_or(u64::MAX);
     let part = match (first, last) {
-        ("", "") => return Wanted::Whole,
+        ("", "") => return RequestedRange::Whole,
         ("", suffix) => length.saturating_sub(number(suffix))..length,
         (first, "") => number(first)..length,
-        (first, last) if number(last) < number(first) => return Wanted::Whole,
+        (first, last) if number(last) < number(first) => return RequestedRange::Whole,
         (first, last) => number(first)..number(last).saturating_add(1).min(length),
     };
-    if part.start < part.end { Wanted::Part(part) } else { Wanted::Outside }
+    if part.start < part.end { RequestedRange::Part(part) } else { RequestedRange::Outside }
 }
 
 #[cfg(test)]
@@ -148,27 +148,27 @@ mod tests {
     fn ranges() {
         let huge = "99999999999999999999999999";
         for (text, wanted) in [
-            ("bytes=0-0", Wanted::Part(0..1)),
-            ("bytes=2-4", Wanted::Part(2..5)),
-            ("bytes=5-", Wanted::Part(5..10)),
-            ("bytes=5-99", Wanted::Part(5..10)),
-            ("bytes=-3", Wanted::Part(7..10)),
-            ("bytes=-99", Wanted::Part(0..10)),
-            ("BYTES=0-9", Wanted::Part(0..10)),
-            (&format!("bytes=3-{huge}"), Wanted::Part(3..10)),
-            (&format!("bytes={huge}-"), Wanted::Outside),
-            ("bytes=10-", Wanted::Outside),
-            ("bytes=-0", Wanted::Outside),
-            ("bytes=4-2", Wanted::Whole),
-            ("bytes=0-1,3-4", Wanted::Whole),
-            ("bytes=+1-2", Wanted::Whole),
-            ("bytes=-", Wanted::Whole),
-            ("bytes", Wanted::Whole),
-            ("lines=1-2", Wanted::Whole),
+            ("bytes=0-0", RequestedRange::Part(0..1)),
+            ("bytes=2-4", RequestedRange::Part(2..5)),
+            ("bytes=5-", RequestedRange::Part(5..10)),
+            ("bytes=5-99", RequestedRange::Part(5..10)),
+            ("bytes=-3", RequestedRange::Part(7..10)),
+            ("bytes=-99", RequestedRange::Part(0..10)),
+            ("BYTES=0-9", RequestedRange::Part(0..10)),
+            (&format!("bytes=3-{huge}"), RequestedRange::Part(3..10)),
+            (&format!("bytes={huge}-"), RequestedRange::Outside),
+            ("bytes=10-", RequestedRange::Outside),
+            ("bytes=-0", RequestedRange::Outside),
+            ("bytes=4-2", RequestedRange::Whole),
+            ("bytes=0-1,3-4", RequestedRange::Whole),
+            ("bytes=+1-2", RequestedRange::Whole),
+            ("bytes=-", RequestedRange::Whole),
+            ("bytes", RequestedRange::Whole),
+            ("lines=1-2", RequestedRange::Whole),
         ] {
             assert_eq!(parse_range(text, 10), wanted, "{text}");
         }
-        assert_eq!(parse_range("bytes=0-", 0), Wanted::Outside);
+        assert_eq!(parse_range("bytes=0-", 0), RequestedRange::Outside);
     }
 
     #[test]

@@ -1,14 +1,17 @@
 //! One request, from its headers to its answer: what is checked in which order.
 //!
-//! In: a request's head and whose it is. Out: an answer with its [`Guard`]. Next: `tile`, or `router` for what is rare.
+//! In: a request's head and whose it is. Out: an answer with its [`RequestGuard`]. Next: `tile`, or `router` for what is rare.
 
 use super::{
-    AppState, Problem, TileAddress,
-    answer::{AnswerBody, Guard, Inner, Line},
-    connection::Client,
-    metrics::Route,
+    connection_state::ConnectionState,
+    metrics::RouteLabel,
+    problem::Problem,
+    request_guard::{GuardedBody, RequestGuard, RequestLogEntry, ResponseBody},
+    response::with_cors,
     router::router,
-    tile::Wanted,
+    state::AppState,
+    tile::TileRequest,
+    tile_address::TileAddress,
     tile_cache::TileCache,
 };
 use axum::{
@@ -31,22 +34,21 @@ pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id"
 /// Longest request id that is taken over from a client.
 const MAX_ID_BYTES: usize = 64;
 
-const ANY: HeaderValue = HeaderValue::from_static("*");
 const METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
 const ASKED: HeaderValue = HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
 
 /// The whole server but for its port; tests call it without one.
-pub fn app(state: AppState) -> App {
+pub fn app(state: AppState) -> HttpService {
     let tiles = Arc::new(TileCache::new(state.limits().tile_bytes));
-    App(Arc::new(Inside { router: router(state.clone()), state, tiles }))
+    HttpService(Arc::new(ServiceShared { router: router(state.clone()), state, tiles }))
 }
 
 /// Answers requests. Cheap to clone.
 #[derive(Debug, Clone)]
-pub struct App(Arc<Inside>);
+pub struct HttpService(Arc<ServiceShared>);
 
 #[derive(Debug)]
-struct Inside {
+struct ServiceShared {
     state: AppState,
     router: Router,
     tiles: Arc<TileCache>,
@@ -54,13 +56,13 @@ struct Inside {
 
 /// An answer that is there, or on its way.
 #[allow(clippy::large_enum_variant, reason = "the large one is the common one: a box for it would cost an allocation")]
-pub(super) enum Answering {
-    Now(Option<Response<AnswerBody>>),
-    Later(Pin<Box<dyn Future<Output = Response<AnswerBody>> + Send>>),
+pub(super) enum ResponseFuture {
+    Now(Option<Response<GuardedBody>>),
+    Later(Pin<Box<dyn Future<Output = Response<GuardedBody>> + Send>>),
 }
 
-impl Future for Answering {
-    type Output = Result<Response<AnswerBody>, Infallible>;
+impl Future for ResponseFuture {
+    type Output = Result<Response<GuardedBody>, Infallible>;
 
     fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
         match &mut *self {
@@ -70,28 +72,28 @@ impl Future for Answering {
     }
 }
 
-impl App {
+impl HttpService {
     /// What all requests share.
     pub fn state(&self) -> &AppState {
         &self.0.state
     }
 
-    pub(super) fn tiles(&self) -> &TileCache {
+    fn tiles(&self) -> &TileCache {
         &self.0.tiles
     }
 
     /// The same for one of several threads, with tiles of its own at hand.
     pub(super) fn for_thread(&self, threads: usize) -> Self {
         let tiles = Arc::new(TileCache::new(self.state().limits().tile_bytes / threads.max(1)));
-        Self(Arc::new(Inside { state: self.0.state.clone(), router: self.0.router.clone(), tiles }))
+        Self(Arc::new(ServiceShared { state: self.0.state.clone(), router: self.0.router.clone(), tiles }))
     }
 
     /// The answer to a request, whose body nobody reads.
-    pub(super) fn answer(&self, client: Option<&Arc<Client>>, parts: Parts) -> Answering {
-        let route = Route::of_path(parts.uri.path());
+    pub(super) fn answer(&self, client: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
+        let route = RouteLabel::of_path(parts.uri.path());
         let over = client.is_some_and(|client| client.over());
-        let of = Asked {
-            guard: Guard::new(self, client, route),
+        let of = PendingRequest {
+            guard: RequestGuard::new(self.state(), client, route),
             id: request_id(self.state(), &parts.headers),
             method: parts.method.clone(),
             uri: parts.uri.clone(),
@@ -101,7 +103,13 @@ impl App {
         self.routed(client, route, parts, of)
     }
 
-    fn routed(&self, client: Option<&Arc<Client>>, route: Route, parts: Parts, mut of: Asked) -> Answering {
+    fn routed(
+        &self,
+        client: Option<&Arc<ConnectionState>>,
+        route: RouteLabel,
+        parts: Parts,
+        mut of: PendingRequest,
+    ) -> ResponseFuture {
         if let Err(problem) = self.admit(client, route, &parts) {
             return of.now(Err(problem));
         }
@@ -115,24 +123,25 @@ impl App {
         let app = self.clone();
         let is_read = parts.method == Method::GET || parts.method == Method::HEAD;
         match TileAddress::parse(parts.uri.path()).filter(|_| is_read) {
-            None => Answering::Later(Box::pin(async move {
+            None => ResponseFuture::Later(Box::pin(async move {
                 let Ok(response) = app.0.router.clone().oneshot(Request::from_parts(parts, Body::empty())).await;
-                of.answer(Ok(response.map(Inner::Routed)))
+                of.answer(Ok(response.map(ResponseBody::Routed)))
             })),
-            Some(address) => match address.and_then(|address| Wanted::find(self, address, &parts.headers)) {
+            Some(address) => match address.and_then(|address| TileRequest::find(self.state(), address, &parts.headers))
+            {
                 Err(problem) => of.now(Err(problem)),
-                Ok(wanted) => match wanted.at_hand(self, &parts) {
-                    Some(answer) => of.now(Ok(answer.map(Inner::Whole))),
-                    None => Answering::Later(Box::pin(async move {
-                        let answer = wanted.read(&app, &parts.method, &parts.headers).await;
-                        of.answer(answer.map(|answer| answer.map(Inner::Whole)))
+                Ok(wanted) => match wanted.at_hand(self.tiles(), &parts) {
+                    Some(answer) => of.now(Ok(answer.map(ResponseBody::Whole))),
+                    None => ResponseFuture::Later(Box::pin(async move {
+                        let answer = wanted.read(app.state(), app.tiles(), &parts.method, &parts.headers).await;
+                        of.answer(answer.map(|answer| answer.map(ResponseBody::Whole)))
                     })),
                 },
             },
         }
     }
 
-    fn admit(&self, client: Option<&Arc<Client>>, route: Route, parts: &Parts) -> Result<(), Problem> {
+    fn admit(&self, client: Option<&Arc<ConnectionState>>, route: RouteLabel, parts: &Parts) -> Result<(), Problem> {
         if client.is_some_and(|client| client.over()) {
             return Err(Problem::unavailable("too many connections at once: ask again in a second"));
         }
@@ -150,8 +159,8 @@ impl App {
 }
 
 /// What is kept of a request until its answer is there.
-struct Asked {
-    guard: Guard,
+struct PendingRequest {
+    guard: RequestGuard,
     id: HeaderValue,
     method: Method,
     uri: Uri,
@@ -159,12 +168,12 @@ struct Asked {
     closing: bool,
 }
 
-impl Asked {
-    fn now(self, result: Result<Response<Inner>, Problem>) -> Answering {
-        Answering::Now(Some(self.answer(result)))
+impl PendingRequest {
+    fn now(self, result: Result<Response<ResponseBody>, Problem>) -> ResponseFuture {
+        ResponseFuture::Now(Some(self.answer(result)))
     }
 
-    fn answer(mut self, result: Result<Response<Inner>, Problem>) -> Response<AnswerBody> {
+    fn answer(mut self, result: Result<Response<ResponseBody>, Problem>) -> Response<GuardedBody> {
         let mut response = match result {
             Ok(response) if self.guard.hold(response.body().len()) => response,
             Ok(_) => problem(busy()),
@@ -180,26 +189,19 @@ impl Asked {
         }
         self.guard.code(status.as_u16());
         if self.guard.logs(status.as_u16()) {
-            self.guard.log(Line { id: self.id.clone(), method: self.method, uri: self.uri });
+            self.guard.log(RequestLogEntry { id: self.id.clone(), method: self.method, uri: self.uri });
         }
         headers.insert(REQUEST_ID, self.id);
-        response.map(|inner| AnswerBody::new(inner, self.guard))
+        response.map(|inner| GuardedBody::new(inner, self.guard))
     }
-}
-
-/// Any page may read the answers: what is not public asks for a token, which no browser sends of itself.
-pub(super) fn with_cors(mut headers: HeaderMap) -> HeaderMap {
-    headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, ANY);
-    headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, ANY);
-    headers
 }
 
 fn busy() -> Problem {
     Problem::unavailable("too many requests at once: ask again in a second")
 }
 
-fn problem(problem: Problem) -> Response<Inner> {
-    problem.answer().map(Inner::Whole)
+fn problem(problem: Problem) -> Response<ResponseBody> {
+    problem.answer().map(ResponseBody::Whole)
 }
 
 /// Nobody here wants one, and what follows a request could be taken for another.
@@ -208,8 +210,8 @@ fn has_body(headers: &HeaderMap) -> bool {
     length || headers.contains_key(header::TRANSFER_ENCODING)
 }
 
-fn preflight() -> Response<Inner> {
-    let mut response = Response::new(Inner::Whole(Default::default()));
+fn preflight() -> Response<ResponseBody> {
+    let mut response = Response::new(ResponseBody::Whole(Default::default()));
     *response.status_mut() = StatusCode::NO_CONTENT;
     let headers = response.headers_mut();
     headers.insert(header::ALLOW, METHODS);
@@ -226,7 +228,7 @@ fn request_id(state: &AppState, headers: &HeaderMap) -> HeaderValue {
     headers.get(REQUEST_ID).filter(usable).cloned().unwrap_or_else(|| state.new_id())
 }
 
-impl Service<Request<Body>> for App {
+impl Service<Request<Body>> for HttpService {
     type Response = axum::response::Response;
     type Error = Infallible;
     type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Infallible>> + Send>>;

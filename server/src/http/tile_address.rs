@@ -2,7 +2,7 @@
 //!
 //! In: a path that anyone may have made. Out: [`TileAddress`], or why it is none. Next: `tile`.
 
-use super::Problem;
+use super::problem::Problem;
 use insula_protocol::{
     TileId,
     mesh_tile::MAX_LODS,

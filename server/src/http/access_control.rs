@@ -5,7 +5,7 @@
 //! Tokens are kept and compared as BLAKE3 hashes, whose comparison takes the same time wherever they differ. They are never
 //! logged: they are in no path, and headers are not logged.
 
-use super::Problem;
+use super::problem::Problem;
 use crate::config;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use std::{collections::BTreeSet, io, path::Path};
@@ -17,7 +17,7 @@ const MIN_TOKEN_BYTES: usize = 16;
 
 /// The rules.
 #[derive(Debug, Default)]
-pub(super) struct Access {
+pub(super) struct AccessControl {
     tokens: Vec<blake3::Hash>,
     /// Empty: all cities, if there are tokens.
     private: BTreeSet<String>,
@@ -25,16 +25,16 @@ pub(super) struct Access {
 
 /// How a request sees a city.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sight {
+pub(super) enum CityAccess {
     /// As everybody does.
     Public,
     /// With a token.
     Private,
 }
 
-impl Access {
+impl AccessControl {
     /// Reads the tokens. Errors: the file cannot be read, has no token, or one that could be guessed.
-    pub(super) fn read(config: &config::Access) -> io::Result<Self> {
+    pub(super) fn read(config: &config::AccessConfig) -> io::Result<Self> {
         let Some(path) = &config.tokens else { return Ok(Self::default()) };
         let tokens = read_tokens(path)?;
         Ok(Self { tokens, private: config.private.iter().cloned().collect() })
@@ -55,11 +55,11 @@ impl Access {
     }
 
     /// How the request sees a city. Errors: 401, also for a private city that does not exist.
-    pub(super) fn sight(&self, city: &str, headers: &HeaderMap) -> Result<Sight, Problem> {
+    pub(super) fn sight(&self, city: &str, headers: &HeaderMap) -> Result<CityAccess, Problem> {
         if !self.is_private(city) {
-            Ok(Sight::Public)
+            Ok(CityAccess::Public)
         } else if self.has_token(headers) {
-            Ok(Sight::Private)
+            Ok(CityAccess::Private)
         } else {
             let challenge = HeaderValue::from_static("Bearer realm=\"insula\"");
             let detail = "this city is not public: a bearer token is wanted";

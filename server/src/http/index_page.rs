@@ -3,8 +3,8 @@
 //! In: `/`. Out: HTML without scripts. Next: a person with a terminal.
 
 use super::{
-    AppState,
-    headers::{REVALIDATE, Representation, etag_of},
+    representation::{REVALIDATE, Representation, etag_of},
+    state::AppState,
 };
 use crate::store::CityStore;
 use axum::{

@@ -1,10 +1,10 @@
 //! Where settings come from: defaults, over them a TOML file, over it the environment, over it the command line.
 //!
-//! In: texts. Out: [`Config`], or the one line that names the place and the key of what is wrong. Next: `commands::serve`.
+//! In: texts. Out: [`ServeConfig`], or the one line that names the place and the key of what is wrong. Next: `commands::serve`.
 
 use super::{
-    Config,
-    keys::{self, Given, KEYS},
+    keys::{self, RawValue, SETTINGS},
+    settings::ServeConfig,
 };
 use std::{fmt::Write, path::Path};
 use toml::de::{DeTable, DeValue};
@@ -28,7 +28,7 @@ impl ConfigError {
     }
 }
 
-impl Config {
+impl ServeConfig {
     /// The defaults, over them the file, the environment (pairs of name and value) and `settings` (`key=value`).
     pub fn new(
         file: Option<&Path>,
@@ -46,7 +46,7 @@ impl Config {
             let place = || format!("--set {setting}");
             let (key, value) =
                 setting.split_once('=').ok_or_else(|| ConfigError::new(place(), "KEY=VALUE is wanted"))?;
-            keys::set(&mut config, key, &Given::Plain(value.to_owned()))
+            keys::set(&mut config, key, &RawValue::Plain(value.to_owned()))
                 .map_err(|reason| ConfigError::new(place(), reason))?;
         }
         config.check().map_err(|reason| ConfigError::new("all together", reason))?;
@@ -64,11 +64,11 @@ impl Config {
             if let DeValue::Table(inner) = value.get_ref() {
                 for (sub, value) in inner.iter() {
                     let full = format!("{}.{}", key.get_ref(), sub.get_ref());
-                    keys::set(self, &full, &given(value.get_ref()))
+                    keys::set(self, &full, &raw_value(value.get_ref()))
                         .map_err(|reason| ConfigError::new(place(sub.span().start, &full), reason))?;
                 }
             } else {
-                keys::set(self, key.get_ref(), &given(value.get_ref()))
+                keys::set(self, key.get_ref(), &raw_value(value.get_ref()))
                     .map_err(|reason| ConfigError::new(place(key.span().start, key.get_ref()), reason))?;
             }
         }
@@ -81,9 +81,9 @@ impl Config {
     ) -> Result<(), ConfigError> {
         for (name, value) in environment {
             let Some(wanted) = name.strip_prefix(PREFIX) else { continue };
-            let known = KEYS.iter().find(|(key, _)| key.replace('.', "_").to_uppercase() == wanted);
+            let known = SETTINGS.iter().find(|(key, _)| key.replace('.', "_").to_uppercase() == wanted);
             let (key, _) = known.ok_or_else(|| ConfigError::new(&name, "there is no such setting"))?;
-            keys::set(self, key, &Given::Plain(value)).map_err(|reason| ConfigError::new(&name, reason))?;
+            keys::set(self, key, &RawValue::Plain(value)).map_err(|reason| ConfigError::new(&name, reason))?;
         }
         Ok(())
     }
@@ -93,7 +93,7 @@ impl Config {
         let mut out = String::new();
         let mut config = self.clone();
         let mut table = "";
-        for (key, about) in KEYS {
+        for (key, about) in SETTINGS {
             let (of, name) = key.split_once('.').unwrap_or(("", key));
             if of != table {
                 let _ = write!(out, "\n[{of}]\n");
@@ -105,19 +105,21 @@ impl Config {
     }
 }
 
-fn given(value: &DeValue<'_>) -> Given {
+fn raw_value(value: &DeValue<'_>) -> RawValue {
     let text = |value: &DeValue<'_>| match value {
         DeValue::String(text) => Some(text.to_string()),
         _ => None,
     };
     match value {
-        DeValue::String(text) => Given::Text(text.to_string()),
-        DeValue::Integer(number) if number.radix() == 10 => Given::Number(number.as_str().to_owned()),
-        DeValue::Float(number) => Given::Number(number.as_str().to_owned()),
-        DeValue::Array(list) => {
-            list.iter().map(|value| text(value.get_ref())).collect::<Option<_>>().map_or(Given::Other, Given::List)
-        }
-        _ => Given::Other,
+        DeValue::String(text) => RawValue::Text(text.to_string()),
+        DeValue::Integer(number) if number.radix() == 10 => RawValue::Number(number.as_str().to_owned()),
+        DeValue::Float(number) => RawValue::Number(number.as_str().to_owned()),
+        DeValue::Array(list) => list
+            .iter()
+            .map(|value| text(value.get_ref()))
+            .collect::<Option<_>>()
+            .map_or(RawValue::Other, RawValue::List),
+        _ => RawValue::Other,
     }
 }
 
@@ -133,12 +135,12 @@ fn read(path: &Path) -> Result<String, String> {
 mod tests {
     use super::*;
 
-    fn with(text: &str, environment: &[(&str, &str)], settings: &[&str]) -> Result<Config, String> {
+    fn with(text: &str, environment: &[(&str, &str)], settings: &[&str]) -> Result<ServeConfig, String> {
         let file = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
         std::fs::write(file.path(), text).unwrap();
         let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
         let settings: Vec<_> = settings.iter().map(|setting| (*setting).to_owned()).collect();
-        Config::new(Some(file.path()), environment, &settings).map_err(|error| error.to_string())
+        ServeConfig::new(Some(file.path()), environment, &settings).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -148,7 +150,7 @@ mod tests {
         let config = with(file, &environment, &["drain_secs=2"]).unwrap();
         assert_eq!((config.listen.as_str(), config.limits.headers), ("0.0.0.0:80", 9));
         assert_eq!((config.limits.in_flight, config.drain_secs), (6, 2));
-        assert_eq!(Config::new(None, [], &[]).unwrap(), Config::default());
+        assert_eq!(ServeConfig::new(None, [], &[]).unwrap(), ServeConfig::default());
     }
 
     #[test]
@@ -184,7 +186,7 @@ mod tests {
 
     #[test]
     fn what_is_printed_gives_the_same_again() {
-        assert_eq!(with(&Config::default().to_toml(), &[], &[]).unwrap(), Config::default());
+        assert_eq!(with(&ServeConfig::default().to_toml(), &[], &[]).unwrap(), ServeConfig::default());
         let odd = [
             "listen=[::1]:0",
             "access.tokens=/a \"b\"\\c",
@@ -196,10 +198,10 @@ mod tests {
             "tls.certificate=c",
         ];
         let config = with("", &[], &odd).unwrap();
-        assert_ne!(config, Config::default());
+        assert_ne!(config, ServeConfig::default());
         let text = config.to_toml();
         assert_eq!(with(&text, &[], &[]).unwrap(), config);
-        for (key, about) in KEYS {
+        for (key, about) in SETTINGS {
             let name = key.rsplit('.').next().unwrap();
             assert!(text.contains(&format!("# {about}\n{name} = ")), "{key} is not printed");
         }

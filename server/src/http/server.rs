@@ -4,14 +4,14 @@
 //! time for that is over. Next: `worker` takes the connections; the process ends, or the client that embeds it.
 
 use super::{
-    App, AppState,
-    access::Access,
-    app,
-    tls::Tls,
-    watch::Watch,
-    worker::{Arrived, Workers},
+    access_control::AccessControl,
+    reload::ReloadTask,
+    service::{HttpService, app},
+    state::AppState,
+    tls::TlsIdentity,
+    worker::{AcceptedConnection, WorkerPool},
 };
-use crate::{config::Config, store::Store};
+use crate::{config::ServeConfig, store::Store};
 use std::{future::Future, io, pin::pin, sync::Arc, time::Duration};
 use tokio::{
     net::{TcpListener, TcpStream},
@@ -39,10 +39,10 @@ pub enum ServeError {
 
 /// A server that is ready to run.
 #[derive(Debug)]
-pub struct Server {
-    app: App,
-    tls: Option<Arc<Tls>>,
-    config: Config,
+pub struct HttpServer {
+    app: HttpService,
+    tls: Option<Arc<TlsIdentity>>,
+    config: ServeConfig,
     look: Arc<Notify>,
 }
 
@@ -51,17 +51,17 @@ pub struct Server {
 pub async fn serve(
     listener: TcpListener,
     store: Store,
-    config: &Config,
+    config: &ServeConfig,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServeError> {
-    Server::new(store, config)?.run(listener, shutdown).await
+    HttpServer::new(store, config)?.run(listener, shutdown).await
 }
 
-impl Server {
+impl HttpServer {
     /// Reads what the config names. Errors: it cannot be used.
-    pub fn new(store: Store, config: &Config) -> Result<Self, ServeError> {
-        let tls = Tls::read(&config.tls).map_err(ServeError::Tls)?.map(Arc::new);
-        let access = Access::read(&config.access).map_err(ServeError::Tokens)?;
+    pub fn new(store: Store, config: &ServeConfig) -> Result<Self, ServeError> {
+        let tls = TlsIdentity::read(&config.tls).map_err(ServeError::Tls)?.map(Arc::new);
+        let access = AccessControl::read(&config.access).map_err(ServeError::Tokens)?;
         let app = app(AppState::with_access(store, config, access));
         Ok(Self { app, tls, config: config.clone(), look: Arc::default() })
     }
@@ -83,10 +83,10 @@ impl Server {
 
     /// See [`serve`].
     pub async fn run(self, listener: TcpListener, shutdown: impl Future<Output = ()>) -> Result<(), ServeError> {
-        let workers = Workers::start(&self.app, self.tls.as_ref(), &self.config)?;
-        let watch = Watch::new(self.app.state().clone(), self.tls.clone(), self.config.clone(), self.look());
+        let workers = WorkerPool::start(&self.app, self.tls.as_ref(), &self.config)?;
+        let watch = ReloadTask::new(self.app.state().clone(), self.tls.clone(), self.config.clone(), self.look());
         let watch = tokio::spawn(watch.run());
-        let door = Door::new(listener, self.config.limits.connections);
+        let door = ConnectionAcceptor::new(listener, self.config.limits.connections);
         let mut shutdown = pin!(shutdown);
         loop {
             let accepted = tokio::select! {
@@ -116,19 +116,19 @@ impl Server {
 }
 
 /// Where connections come in, so many at once.
-struct Door {
+struct ConnectionAcceptor {
     listener: TcpListener,
     served: Arc<Semaphore>,
     over: Arc<Semaphore>,
 }
 
-impl Door {
+impl ConnectionAcceptor {
     fn new(listener: TcpListener, connections: usize) -> Self {
         let served = Arc::new(Semaphore::new(connections));
         Self { listener, served, over: Arc::new(Semaphore::new((connections / OVER_SHARE).max(1))) }
     }
 
-    async fn accept(&self) -> io::Result<Arrived> {
+    async fn accept(&self) -> io::Result<AcceptedConnection> {
         // If there is a place for neither, whoever leaves first makes one. Nobody else takes places.
         tokio::select! {
             place = self.served.acquire() => place.map(drop),
@@ -140,7 +140,7 @@ impl Door {
             Ok(slot) => (slot, false),
             Err(_) => (Arc::clone(&self.over).try_acquire_owned().map_err(io::Error::other)?, true),
         };
-        Ok(Arrived { stream: unbound(stream)?, ip: Some(peer.ip()), over, slot })
+        Ok(AcceptedConnection { stream: unbound(stream)?, ip: Some(peer.ip()), over, slot })
     }
 }
 

@@ -1,0 +1,28 @@
+//! Text on standard output, and files.
+
+use super::error::CommandError;
+use std::{io::Write, path::Path};
+
+/// Prints to standard output. A reader who has seen enough (`| head`) is no error.
+pub(super) fn print(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Writes a file whole.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
+    std::fs::write(path, bytes)
+        .map_err(|error| CommandError::Write { path: path.to_owned(), reason: error.to_string() })
+}
+
+/// Bytes as people read them.
+pub(super) fn human_bytes(bytes: u64) -> String {
+    let (mut value, mut unit) = (bytes as f64, "B");
+    for larger in ["kB", "MB", "GB", "TB"] {
+        if value < 1000.0 {
+            break;
+        }
+        (value, unit) = (value / 1000.0, larger);
+    }
+    if unit == "B" { format!("{bytes} B") } else { format!("{value:.1} {unit}") }
+}

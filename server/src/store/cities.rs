@@ -1,0 +1,127 @@
+//! Baked cities by the name that URLs use.
+//!
+//! Cities come from folders, object stores and web servers. `reload` replaces them while they are served.
+
+use super::{
+    blocks::{Blocks, StoreMetrics},
+    city::{CityStore, MANIFEST_FILE},
+    error::StoreError,
+    remote::Remote,
+};
+use crate::config::BlockCacheConfig;
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Instant,
+};
+
+/// Several cities, by the name that URLs use. Cheap to clone.
+#[derive(Debug, Default, Clone)]
+pub struct Store {
+    pub(super) folders: Vec<PathBuf>,
+    pub(super) remotes: Vec<Remote>,
+    blocks: Option<Arc<Blocks>>,
+    pub(super) cities: BTreeMap<String, CityVersions>,
+}
+
+/// One city: what is served now, and what was until a moment ago.
+#[derive(Debug, Clone)]
+pub(super) struct CityVersions {
+    pub(super) current: Arc<CityStore>,
+    /// Newest first; clients that hold an older manifest go on until they look again.
+    pub(super) older: Vec<(Arc<CityStore>, Instant)>,
+    /// Looks in a row at which its folder was not there.
+    pub(super) absent: u32,
+}
+
+impl Store {
+    /// Opens city folders, and the city folders directly inside the others. Errors: a folder that is neither, a damaged
+    /// city, two cities of one name.
+    pub fn open<P: AsRef<Path>>(folders: &[P]) -> Result<Self, StoreError> {
+        let folders = folders.iter().map(|folder| folder.as_ref().to_owned()).collect();
+        let mut store = Self { folders, ..Self::default() };
+        for folder in &store.folders.clone() {
+            for city in city_folders(folder)? {
+                store.insert(CityStore::open(&city)?)?;
+            }
+        }
+        Ok(store)
+    }
+
+    /// The same, where what looks like a URL is a city in an object store or behind a web server.
+    pub async fn open_anywhere(places: &[PathBuf], cache: &BlockCacheConfig) -> Result<Self, StoreError> {
+        let is_url = |place: &&PathBuf| place.to_str().is_some_and(|text| text.contains("://"));
+        let (urls, folders): (Vec<_>, Vec<_>) = places.iter().partition(is_url);
+        let mut store = Self::open(&folders)?;
+        if urls.is_empty() {
+            return Ok(store);
+        }
+        let unusable = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
+        let blocks = Arc::new(Blocks::new(cache).map_err(unusable)?);
+        for url in urls.iter().filter_map(|url| url.to_str()) {
+            let remote = Remote::new(url, blocks.clone())?;
+            if let Some(city) = remote.open(None).await? {
+                store.insert(city)?;
+            }
+            store.remotes.push(remote);
+        }
+        store.blocks = Some(blocks);
+        Ok(store)
+    }
+
+    /// What is counted of stores, if there are any.
+    pub(crate) fn counters(&self) -> Option<&StoreMetrics> {
+        self.blocks.as_ref().map(|blocks| &blocks.counters)
+    }
+
+    /// Adds a city. Errors: there is one of that name.
+    pub fn insert(&mut self, city: CityStore) -> Result<(), StoreError> {
+        let name = city.manifest().name.clone();
+        if let Some(other) = self.city(&name) {
+            let (first, second) = (other.location().to_owned(), city.location().to_owned());
+            return Err(StoreError::SameName { name, first, second });
+        }
+        self.cities.insert(name, CityVersions { current: Arc::new(city), older: Vec::new(), absent: 0 });
+        Ok(())
+    }
+
+    /// The city of that name, as it is now.
+    pub fn city(&self, name: &str) -> Option<&Arc<CityStore>> {
+        self.cities.get(name).map(|versions| &versions.current)
+    }
+
+    /// The city of that name in that version, now or a moment ago.
+    pub fn version(&self, name: &str, version: &str) -> Option<&Arc<CityStore>> {
+        let versions = self.cities.get(name)?;
+        let mut all = std::iter::once(&versions.current).chain(versions.older.iter().map(|(city, _)| city));
+        all.find(|city| city.manifest().version == version)
+    }
+
+    /// All cities as they are now, by name.
+    pub fn cities(&self) -> impl ExactSizeIterator<Item = &Arc<CityStore>> {
+        self.cities.values().map(|versions| &versions.current)
+    }
+
+    /// How many older versions are still open.
+    pub fn older_versions(&self) -> usize {
+        self.cities.values().map(|versions| versions.older.len()).sum()
+    }
+}
+
+/// The folder itself if it is a city, else the cities directly inside it, by name.
+pub(super) fn city_folders(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    if folder.join(MANIFEST_FILE).is_file() {
+        return Ok(vec![folder.to_owned()]);
+    }
+    let unreadable = |source| StoreError::Io { path: folder.to_owned(), source };
+    let mut cities = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        if path.join(MANIFEST_FILE).is_file() {
+            cities.push(path);
+        }
+    }
+    cities.sort();
+    if cities.is_empty() { Err(StoreError::NoCity(folder.to_owned())) } else { Ok(cities) }
+}
