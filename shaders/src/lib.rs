@@ -4,7 +4,7 @@
 //! hit. Next: the client shows them.
 //!
 //! What a V-BlockMap looks like is defined once, by [`cpu::raycast`]; `wgsl/raycast.wgsl` must agree with it pixel for pixel
-//! but for rounding at edges (`tests/tests/twin_raycast.rs`). No wgpu unless feature `gpu`.
+//! but for rounding at edges (`tests/integration/twin_raycast.rs`). No wgpu unless feature `gpu`.
 
 pub mod cpu;
 #[cfg(feature = "gpu")]

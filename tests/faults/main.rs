@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 #[allow(dead_code, unreachable_pub, reason = "the tests of the whole use more of it")]
-#[path = "../src/bucket.rs"]
+#[path = "../harness/bucket.rs"]
 mod bucket;
 mod client;
 #[path = "../../server/tests/common/mod.rs"]

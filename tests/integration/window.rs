@@ -234,8 +234,7 @@ fn colours(picture: &RgbImage) -> usize {
 
 fn a_person_drives_the_window() -> Result<()> {
     let folder = tempfile::tempdir()?;
-    let city = folder.path().join("chiba");
-    fixtures::bake_chiba(&city)?;
+    let city = fixtures::baked_chiba()?;
     let settings_at = folder.path().join("insula").join("settings.json");
     std::fs::create_dir_all(folder.path().join("insula"))?;
     std::fs::write(&settings_at, "{ damaged")?;

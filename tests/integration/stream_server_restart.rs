@@ -15,9 +15,7 @@ const LINK: Link = Link { bits_per_sec: 1.5e6, round_trip: Duration::from_millis
 
 #[test]
 fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
-    let folder = tempfile::tempdir()?;
-    let city = folder.path().join("chiba");
-    fixtures::bake_chiba(&city)?;
+    let city = fixtures::baked_chiba()?;
     let server = Served::start(&city, "127.0.0.1:0")?;
     let address = server.address.clone();
     let proxy = Proxy::start(&address, LINK)?;

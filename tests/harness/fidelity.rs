@@ -78,6 +78,11 @@ pub fn bake(inputs: &[PathBuf], out: &Path, cell_m: f64) -> Result<()> {
     Ok(())
 }
 
+/// A city baked at 1 m, shared by all tests.
+pub fn baked(name: &str, inputs: &[PathBuf], meshes: bool) -> Result<PathBuf> {
+    fixtures::baked(name, &BakeOptions { inputs: inputs.to_vec(), cell_m: 1.0, meshes, ..BakeOptions::default() })
+}
+
 /// The three real cities beside the workspace, by name; of those that are not there, only the bundled one is given.
 pub fn real_cities() -> Vec<(&'static str, Vec<PathBuf>)> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");

@@ -1,6 +1,6 @@
 //! Small cities for tests: one that is written here, one that is real.
 
-use crate::rng::Rng;
+use crate::{programs::program, rng::Rng};
 use anyhow::{Context, Result};
 use insula_bake::{BakeOptions, Silent, sample::SampleSettings};
 use serde_json::{Value, json};
@@ -59,10 +59,28 @@ pub fn chiba() -> Result<Vec<PathBuf>> {
     Ok(["chiba_64", "chiba_68", "chiba_70"].map(|name| folder.join(format!("{name}.obj.gz"))).into())
 }
 
-/// Bakes all of the bundled city at 1 m with coarse light: for tests of what comes after baking.
-pub fn bake_chiba(out: &Path) -> Result<()> {
+/// The whole bundled city, baked at 1 m with coarse occlusion: for tests of what comes after the bake. Not to be changed.
+pub fn baked_chiba() -> Result<PathBuf> {
     let sample = SampleSettings { sky_directions: 16, low_directions: 16, ..SampleSettings::default() };
-    let options = BakeOptions { inputs: chiba()?, out: out.to_owned(), cell_m: 1.0, sample, ..BakeOptions::default() };
-    insula_bake::bake(&options, &Silent)?;
-    Ok(())
+    baked("chiba", &BakeOptions { inputs: chiba()?, sample, ..BakeOptions::default() })
+}
+
+/// A city that is baked once by each build and shared by all tests. Not to be changed.
+///
+/// It is kept below the build's folder, under a name made from the programs' bytes and the options. Fails if the bake does.
+pub fn baked(name: &str, options: &BakeOptions) -> Result<PathBuf> {
+    let program = program("insula-server").or_else(|_| std::env::current_exe().map_err(anyhow::Error::from))?;
+    let build = program.parent().context("the program lies in no folder")?;
+    let mut key = blake3::Hasher::new();
+    key.update(&fs::read(&program)?).update(format!("{name} {options:?}").as_bytes());
+    let folder = build.join("test-cities").join(&key.finalize().to_hex()[..16]);
+    fs::create_dir_all(&folder)?;
+    // Test programs may run at the same time.
+    let lock = fs::File::create(folder.join("lock"))?;
+    lock.lock()?;
+    let city = folder.join(name);
+    if !city.join("city.json").is_file() {
+        insula_bake::bake(&BakeOptions { out: city.clone(), ..options.clone() }, &Silent).context("bake")?;
+    }
+    Ok(city)
 }

@@ -1,4 +1,5 @@
-//! What the tests share: random cities, cameras, a GPU, ray-traced truth, comparisons.
+//! Shared by the integration tests and the measuring programs: random cities, cameras, a GPU, ray-traced ground truth,
+//! comparisons.
 
 pub mod baked;
 mod baked_meshes;
@@ -20,6 +21,7 @@ pub mod random;
 pub mod random_mesh;
 pub mod rng;
 pub mod source_bytes;
+pub mod source_code;
 pub mod synth;
 pub mod trials;
 pub mod truth;

@@ -10,8 +10,7 @@ use insula_tests::{
     proxy::{Link, Proxy},
     viewer::{Viewer, overlook},
 };
-use std::{path::PathBuf, sync::OnceLock, time::Duration};
-use tempfile::TempDir;
+use std::time::Duration;
 
 const LINK: Link = Link { bits_per_sec: 6e5, round_trip: Duration::from_millis(80) };
 /// Pixels a picture may lack though the city is all around them in the last one: a pole or two that coarse levels do not
@@ -20,20 +19,9 @@ const MOST_HOLES: usize = 640 * 360 / 5000;
 /// Largest part of all bytes that may pass before there is a picture.
 const FIRST_SHARE: f64 = 0.05;
 
-/// A real, textured city, baked once.
-fn city() -> PathBuf {
-    static CITY: OnceLock<TempDir> = OnceLock::new();
-    let folder = CITY.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        fixtures::bake_chiba(&folder.path().join("chiba")).unwrap();
-        folder
-    });
-    folder.path().join("chiba")
-}
-
 #[test]
 fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
-    let server = Served::start(&city(), "127.0.0.1:0")?;
+    let server = Served::start(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
     let proxy = Proxy::start(&server.address, LINK)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
@@ -115,7 +103,7 @@ fn like(a: &Pixels, b: &Pixels) -> f64 {
 
 #[test]
 fn a_camera_turned_away_lets_go_of_what_it_wanted() -> Result<()> {
-    let server = Served::start(&city(), "127.0.0.1:0")?;
+    let server = Served::start(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
     let proxy = Proxy::start(&server.address, LINK)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;

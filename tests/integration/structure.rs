@@ -1,0 +1,91 @@
+//! The structure of the code: import directions, names, lengths. See docs/architecture.md, "Invariants".
+
+#![allow(clippy::unwrap_used)]
+
+use insula_tests::source_code::{
+    CrateModules, function_lengths, is_test, tracked_files, type_definitions, without_inline_tests,
+};
+
+/// Folders of the crates' sources.
+const CRATES: [&str; 8] = [
+    "protocol/src",
+    "protocol/archive/src",
+    "shaders/src",
+    "client/viewer/src",
+    "client/src",
+    "server/bake/src",
+    "server/src",
+    "tests/harness",
+];
+/// Longest functions, in lines.
+const MAX_RUST_FUNCTION: usize = 80;
+const MAX_WGSL_FUNCTION: usize = 90;
+/// Type names that may have more than one definition, in crates or modules that never meet. No domain words.
+const MAX_SHARED_NAMES: usize = 25;
+
+#[test]
+fn modules_import_without_circles() {
+    let files = tracked_files().unwrap();
+    for source in CRATES {
+        let modules = CrateModules::new(&files, source);
+        assert!(modules.len() > 3 || source == "protocol/archive/src", "{source} has {} modules", modules.len());
+        let circle = modules.import_circle().unwrap();
+        assert!(circle.is_none(), "{source}: import circle {}", circle.unwrap().join(" -> "));
+    }
+}
+
+/// Asserts that, below `source`, only files that start with one of `allowed` contain one of `words` in their code.
+fn assert_only(source: &str, words: &[&str], allowed: &[&str]) {
+    let files = tracked_files().unwrap();
+    let outside = files.iter().filter(|(name, _)| name.starts_with(source) && name.ends_with(".rs") && !is_test(name));
+    for (name, text) in outside.filter(|(name, _)| !allowed.iter().any(|prefix| name.starts_with(prefix))) {
+        for line in without_inline_tests(text).lines().filter(|line| !line.trim_start().starts_with("//")) {
+            for word in words {
+                assert!(!line.contains(word), "{name} must not name {word}: {line}");
+            }
+        }
+    }
+}
+
+#[test]
+fn only_stream_fetches() {
+    assert_only("client/src/", &["reqwest::", "TcpStream", "UdpSocket"], &["client/src/stream/"]);
+}
+
+#[test]
+fn only_render_and_ui_name_wgpu() {
+    assert_only("client/", &["wgpu::", "egui_wgpu"], &["client/src/render/", "client/src/ui/"]);
+    assert_only("shaders/src/", &["wgpu::"], &["shaders/src/gpu/"]);
+    assert_only("server/", &["wgpu::"], &[]);
+}
+
+#[test]
+fn viewer_knows_no_clock_thread_or_file() {
+    let banned = ["std::time::Instant", "SystemTime", "std::thread", "std::fs", "tokio::", "RandomState"];
+    assert_only("client/viewer/", &banned, &[]);
+    assert_only("protocol/src/", &banned, &[]);
+}
+
+#[test]
+fn functions_are_short_enough_to_read() {
+    for (name, text) in tracked_files().unwrap() {
+        let limit = match name.rsplit('.').next() {
+            Some("rs") => MAX_RUST_FUNCTION,
+            Some("wgsl") => MAX_WGSL_FUNCTION,
+            _ => continue,
+        };
+        for (function, lines) in function_lengths(&text) {
+            assert!(lines <= limit, "{name}: {function} has {lines} lines, at most {limit} are allowed");
+        }
+    }
+}
+
+#[test]
+fn type_names_have_one_definition() {
+    let shared: Vec<_> =
+        type_definitions(&tracked_files().unwrap()).into_iter().filter(|(_, at)| at.len() > 1).collect();
+    for (name, files) in &shared {
+        println!("{name}: {}", files.join(", "));
+    }
+    assert!(shared.len() <= MAX_SHARED_NAMES, "{} type names have several definitions", shared.len());
+}

@@ -1,0 +1,95 @@
+//! Rules about the text of the repository.
+
+#![allow(clippy::unwrap_used)]
+
+use insula_tests::source_code::tracked_files;
+
+/// Longest source file.
+const MAX_LINES: usize = 600;
+
+fn is_source(name: &str) -> bool {
+    name.ends_with(".rs") || name.ends_with(".wgsl")
+}
+
+/// Files of the pipeline's stages: the second column of the table in docs/architecture.md.
+fn stages(architecture: &str) -> Vec<&str> {
+    let table = architecture.split("\n## ").find(|section| section.starts_with("Data flow")).unwrap_or_default();
+    let rows = table.lines().filter(|line| line.starts_with("| ") && line.contains(".rs`"));
+    rows.filter_map(|row| row.split('|').nth(2)?.split('`').nth(1)).collect()
+}
+
+#[test]
+fn pipeline_stages_and_only_they_say_in_out_next() {
+    let files = tracked_files().unwrap();
+    let stages = stages(&files["docs/architecture.md"]);
+    assert!(stages.len() > 10, "only {} stages in docs/architecture.md", stages.len());
+    for (name, text) in files.iter().filter(|(name, _)| name.ends_with(".rs")) {
+        let doc: String = text.lines().take_while(|line| line.starts_with("//!")).collect();
+        let is_stage = stages.contains(&name.as_str());
+        for word in ["In: ", "Out: ", "Next: "] {
+            let says = doc.contains(&format!("//! {word}")) || doc.contains(&format!(". {word}"));
+            assert_eq!(says, is_stage, "{name}: \"{}\" belongs to the stages of docs/architecture.md", word.trim_end());
+        }
+    }
+    for stage in stages {
+        assert!(files.contains_key(stage), "docs/architecture.md names {stage}, which does not exist");
+    }
+}
+
+#[test]
+fn every_module_says_what_it_is() {
+    for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| name.ends_with(".rs")) {
+        assert!(text.starts_with("//!"), "{name} has no doc");
+    }
+}
+
+#[test]
+fn no_file_is_too_long_to_read() {
+    for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| is_source(name)) {
+        let lines = text.lines().count();
+        assert!(lines <= MAX_LINES, "{name} has {lines} lines, {MAX_LINES} are allowed: split it");
+    }
+}
+
+#[test]
+fn nothing_is_left_to_do_in_comments() {
+    for (name, text) in tracked_files().unwrap() {
+        for word in [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("XX", "X:"), concat!("dbg", "!(")] {
+            assert!(!text.contains(word), "{name} says {word}");
+        }
+    }
+}
+
+/// Paths of one machine, hosts of one network: of no use to anybody else.
+#[test]
+fn nothing_names_a_machine() {
+    let banned = [
+        concat!("/wo", "rk/"),
+        concat!("/ro", "ot/"),
+        concat!("/ho", "me/"),
+        concat!("arti", "factory"),
+        concat!("index.crates", ".io:"),
+    ];
+    for (name, text) in tracked_files().unwrap() {
+        for word in banned {
+            let line = text.lines().position(|line| line.contains(word) && !line.contains("github.com"));
+            assert!(line.is_none(), "{name}:{} names {word}", line.unwrap_or_default() + 1);
+        }
+    }
+}
+
+/// One word names a stage in its WGSL file, its CPU twin, its GPU wrapper and its test.
+#[test]
+fn twins_have_the_same_name() {
+    let files = tracked_files().unwrap();
+    for stage in ["raycast"] {
+        for path in [
+            format!("shaders/wgsl/{stage}.wgsl"),
+            format!("shaders/src/cpu/{stage}.rs"),
+            format!("shaders/src/gpu/{stage}.rs"),
+            format!("tests/integration/twin_{stage}.rs"),
+        ] {
+            assert!(files.contains_key(&path), "{path} is missing");
+        }
+    }
+}
