@@ -9,12 +9,16 @@ use crate::{
         fetch::Http,
         source::{
             Source,
-            disk::{self, Disk},
+            disk::{self, CachedCity},
             folder,
             server::Server,
             web,
         },
     },
+};
+use insula_archive::{
+    city::{MANIFEST_FILE as MANIFEST, parse_manifest, read_manifest},
+    disk_cache::DiskCache,
 };
 use insula_protocol::{
     Manifest,
@@ -30,8 +34,6 @@ use std::{
 
 /// Largest manifest or list.
 const LIMIT_BYTES: usize = 4 << 20;
-/// The manifest in a city's folder.
-const MANIFEST: &str = "city.json";
 /// A city that is on disk opens without the network after so long without an answer.
 const OFFLINE: Duration = Duration::from_secs(2);
 
@@ -107,19 +109,13 @@ impl Place {
 /// Finds the city: the one that is named, or the only one.
 pub fn connect(http: &Arc<Http>, text: &str, global: &Global) -> Result<City> {
     let disk = match global.disk_cache_mib {
-        Some(mib) => Some(Arc::new(disk::Folder::of_user(u64::from(mib) << 20)?)),
+        Some(mib) => Some(Arc::new(disk::open_user_cache(u64::from(mib) << 20)?)),
         None => None,
     };
     let asker = Asker { http, disk, timeout: Duration::from_secs(u64::from(global.timeout)) };
     match Place::parse(text)? {
         Place::Folder(path) => {
-            let file = path.join(MANIFEST);
-            let about = std::fs::metadata(&file).map_err(ClientError::file(&file))?;
-            if about.len() > LIMIT_BYTES as u64 {
-                return Err(ClientError::Failed(format!("{}: too long for a manifest", file.display())));
-            }
-            let text = std::fs::read(&file).map_err(ClientError::file(&file))?;
-            let manifest = read(&file.display().to_string(), &text)?;
+            let manifest = read_manifest(&path).map_err(|error| ClientError::Failed(error.to_string()))?;
             named(&manifest, global)?;
             Ok(City { address: String::new(), manifest, source: Arc::new(folder::open(&path, http)) })
         }
@@ -162,15 +158,13 @@ fn named(manifest: &Manifest, global: &Global) -> Result<()> {
 
 fn read(place: &str, text: &[u8]) -> Result<Manifest> {
     let wrong = |e: &dyn std::fmt::Display| ClientError::Server(format!("{place}: this manifest cannot be used: {e}"));
-    let manifest: Manifest = serde_json::from_slice(text).map_err(|e| wrong(&e))?;
-    manifest.check().map_err(|e| wrong(&e))?;
-    Ok(manifest)
+    parse_manifest(text).map_err(|e| wrong(&e))
 }
 
 /// Asks a host for small files.
 struct Asker<'a> {
     http: &'a Arc<Http>,
-    disk: Option<Arc<disk::Folder>>,
+    disk: Option<Arc<DiskCache>>,
     timeout: Duration,
 }
 
@@ -186,7 +180,7 @@ impl Asker<'_> {
 
     fn city(&self, address: String, manifest: Manifest, source: Arc<dyn Source>) -> City {
         let source = match &self.disk {
-            Some(folder) => Arc::new(Disk::new(source, folder.clone(), &manifest)),
+            Some(cache) => Arc::new(CachedCity::new(source, cache.clone(), &manifest)),
             None => source,
         };
         City { address, manifest, source }
@@ -207,8 +201,10 @@ impl Asker<'_> {
         loop {
             match self.http.block_on(self.http.get(url, LIMIT_BYTES)) {
                 Ok(bytes) => {
-                    if let Some(disk) = &self.disk {
-                        disk.replace(&kept_as, &bytes);
+                    if let Some(disk) = &self.disk
+                        && let Err(error) = disk.replace(&kept_as, &bytes)
+                    {
+                        tracing::debug!("{url} cannot be written to the disk cache: {error}");
                     }
                     return Ok(Some(bytes));
                 }

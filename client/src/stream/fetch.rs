@@ -13,6 +13,7 @@ use reqwest::{
 };
 use std::{
     future::Future,
+    ops::Range,
     sync::atomic::{AtomicU64, Ordering},
     time::Duration,
 };
@@ -33,6 +34,16 @@ pub struct Http {
     link: Option<Link>,
     requests: AtomicU64,
     bytes: AtomicU64,
+}
+
+/// Part of a file, and what tells the file's version.
+#[derive(Debug)]
+pub struct RangeResponse {
+    pub(super) bytes: Bytes,
+    /// ETag or date of the file, if the host sends one.
+    pub(super) version: Option<String>,
+    /// Length of the whole file, if the host sends it.
+    pub(super) file_bytes: Option<u64>,
 }
 
 impl Http {
@@ -74,14 +85,9 @@ impl Http {
         self.body(response, limit_bytes).await
     }
 
-    /// Gets `length` bytes from `offset` on, fewer only where the file ends, and its version (ETag or date) if it tells.
-    pub async fn get_range(
-        &self,
-        url: &str,
-        offset: u64,
-        length: usize,
-    ) -> Result<(Bytes, Option<String>), FetchError> {
-        let last = offset.saturating_add(length as u64).saturating_sub(1);
+    /// Gets a range that is not empty; fewer bytes only where the file ends.
+    pub async fn get_range(&self, url: &str, range: Range<u64>) -> Result<RangeResponse, FetchError> {
+        let (offset, last) = (range.start, range.end.saturating_sub(1));
         let request = self.client.get(url).header(RANGE, format!("bytes={offset}-{last}"));
         let response = self.send(request.header(ACCEPT_ENCODING, "identity")).await?;
         if response.status() == StatusCode::OK {
@@ -92,20 +98,20 @@ impl Http {
         check_status(&response)?;
         let header = |name| response.headers().get(name).and_then(|v| v.to_str().ok());
         let version = header(ETAG).or_else(|| header(LAST_MODIFIED)).map(str::to_owned);
-        let range = header(CONTENT_RANGE).and_then(content_range);
+        let content = header(CONTENT_RANGE).and_then(content_range);
         let packed = header(CONTENT_ENCODING).is_some_and(|encoding| encoding != "identity");
         let fits = |(first, end, whole): (u64, u64, Option<u64>)| {
             // Less than was asked for only if there is no more.
             first == offset && end >= first && (end == last || end < last && whole == end.checked_add(1))
         };
-        let Some((first, end, _)) = range.filter(|range| fits(*range) && !packed) else {
+        let Some((first, end, file_bytes)) = content.filter(|range| fits(*range) && !packed) else {
             return Err(FetchError::Archive("the host answers another range than was asked for".into()));
         };
-        let body = self.body(response, length).await?;
-        if body.len() as u64 != end - first + 1 {
+        let bytes = self.body(response, (range.end - range.start) as usize).await?;
+        if bytes.len() as u64 != end - first + 1 {
             return Err(FetchError::Network("half an answer".into()));
         }
-        Ok((body, version))
+        Ok(RangeResponse { bytes, version, file_bytes })
     }
 
     async fn send(&self, request: reqwest::RequestBuilder) -> Result<reqwest::Response, FetchError> {

@@ -3,25 +3,12 @@
 //! In: bytes that anyone may have made. Out: [`DecodedTile`]. Next: `cache`, `scene::tree`.
 
 use crate::scene::TileKey;
-use insula_protocol::{
-    BlockMap, DecodeError, MeshTile, Subtree,
-    mesh_tile::{self, Texture},
-    route::Layer,
-};
+use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, mesh_tile::Texture, route::Layer};
 use insula_shaders::{
     mesh::{PackedMesh, Picture},
     pack::PackedNode,
 };
 use std::io::Cursor;
-
-/// Largest subtree tile: 1,365 nodes of 21 bytes, up to 1,024 leaves' meshes of 77, and a header.
-const SUBTREE_BYTES: usize = 128 << 10;
-/// Largest V-BlockMap tile: a million texels and all planes, incompressible, and room to spare.
-const BLOCK_MAP_BYTES: usize = 8 << 20;
-
-/// Largest tile of any kind.
-pub const MOST_BYTES: usize = mesh_tile::MAX_BYTES;
-const _: () = assert!(MOST_BYTES >= BLOCK_MAP_BYTES && MOST_BYTES >= SUBTREE_BYTES);
 
 /// A tile's content.
 #[derive(Debug)]
@@ -32,15 +19,6 @@ pub enum DecodedTile {
     Mesh(Box<PackedMesh>),
     /// Ready for the tree.
     Subtree(Subtree),
-}
-
-/// Most bytes that an answer may have.
-pub fn limit_bytes(key: TileKey) -> usize {
-    match key.layer() {
-        Layer::Subtrees => SUBTREE_BYTES,
-        Layer::BlockMaps => BLOCK_MAP_BYTES,
-        Layer::Meshes => mesh_tile::MAX_BYTES,
-    }
 }
 
 /// Decodes `bytes`, fetched as the tile of `key`.
@@ -91,7 +69,7 @@ fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
 #[cfg(test)]
 mod tests {
     use crate::decode::*;
-    use insula_protocol::TileId;
+    use insula_protocol::{TileId, mesh_tile};
 
     #[test]
     fn a_mesh_s_picture_is_unpacked_if_it_is_what_it_says() {

@@ -79,7 +79,8 @@ impl BlockCache {
     pub fn new(options: &BlockCacheOptions, observer: impl Fn(BlockEvent) + Send + Sync + 'static) -> io::Result<Self> {
         let open = |folder: &PathBuf| DiskCache::open(folder, EXTENSION, options.folder_bytes);
         let disk = options.folder.as_ref().map(open).transpose()?;
-        let weight = |_: &BlockKey, block: &Bytes| u32::try_from(block.len() + BLOCK_OVERHEAD_BYTES).unwrap_or(u32::MAX);
+        let weight =
+            |_: &BlockKey, block: &Bytes| u32::try_from(block.len() + BLOCK_OVERHEAD_BYTES).unwrap_or(u32::MAX);
         Ok(Self {
             memory: Cache::builder().max_capacity(options.memory_bytes).weigher(weight).build(),
             disk: disk.map(Arc::new),

@@ -174,9 +174,7 @@ impl DiskCache {
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             if rest.is_empty() {
                 files.push(CachedFile { used, key: key.to_owned(), length: about.len() });
-            } else if rest.starts_with('.')
-                && rest.ends_with(UNFINISHED)
-                && used.elapsed().is_ok_and(|age| age > STALE)
+            } else if rest.starts_with('.') && rest.ends_with(UNFINISHED) && used.elapsed().is_ok_and(|age| age > STALE)
             {
                 let _ = fs::remove_file(entry.path());
             }

@@ -6,10 +6,7 @@ use crate::{
     source::{BoxFuture, read_exactly},
 };
 use bytes::Bytes;
-use futures_util::{
-    FutureExt as _,
-    future::WeakShared,
-};
+use futures_util::{FutureExt as _, future::WeakShared};
 use insula_protocol::{TileId, route::Layer};
 use lru::LruCache;
 use std::{
@@ -165,8 +162,8 @@ pub struct LazyCity {
 impl LazyCity {
     /// `open` returns the source of each archive.
     pub fn new<S: RangeSource + 'static>(open: impl Fn(Layer) -> S) -> Self {
-        let [subtrees, blockmaps, meshes] = [Layer::Subtrees, Layer::BlockMaps, Layer::Meshes]
-            .map(|kind| LazyArchive::new(Arc::new(open(kind))));
+        let [subtrees, blockmaps, meshes] =
+            [Layer::Subtrees, Layer::BlockMaps, Layer::Meshes].map(|kind| LazyArchive::new(Arc::new(open(kind))));
         Self { subtrees, blockmaps, meshes }
     }
 

@@ -21,7 +21,8 @@ pub(crate) fn id(level: u8, x: u32, y: u32) -> TileId {
 /// An archive as the bake writes it; tiles must be in the order of [`crate::directory::tile_number`].
 pub(crate) fn archive(tiles: &[(TileId, Vec<u8>)]) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
-    let mut writer = PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None).create(&mut file).unwrap();
+    let mut writer =
+        PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None).create(&mut file).unwrap();
     for (id, bytes) in tiles {
         writer.add_tile(TileCoord::new(id.level(), id.x(), id.y()).unwrap(), bytes).unwrap();
     }

@@ -4,7 +4,8 @@
 //!
 //! Routes and codes are fixed tables, so that no client can invent a label; each server has a registry of its own.
 
-use crate::store::{ReadError, Store, StoreMetrics};
+use crate::store::{Store, StoreMetrics};
+use insula_archive::ReadError;
 use prometheus_client::{
     encoding::{EncodeLabelSet, text::encode},
     metrics::{counter::Counter, family::Family, gauge::Gauge, histogram::Histogram},
@@ -185,8 +186,8 @@ impl HttpMetrics {
     pub(super) fn read_failed(&self, error: &ReadError) {
         let kind = match error {
             ReadError::Damaged(_) => "damaged",
-            ReadError::Failed(_) => "unreadable",
             ReadError::Replaced => "replaced",
+            _ => "unreadable",
         };
         self.read_failures.get_or_create(&KindLabels { kind }).inc();
     }

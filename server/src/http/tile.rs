@@ -11,10 +11,11 @@ use super::{
     tile_address::TileAddress,
     tile_cache::{CachedTile, TileCache, TileCacheKey},
 };
-use crate::store::{CityStore, ReadError};
+use crate::store::CityStore;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
 use bytes::Bytes;
 use http_body_util::Full;
+use insula_archive::ReadError;
 use insula_protocol::{TileId, mesh_tile, route::Layer};
 use std::sync::Arc;
 
@@ -100,9 +101,7 @@ impl TileRequest {
                 Problem::new(StatusCode::INTERNAL_SERVER_ERROR, detail)
                     .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
             }
-            ReadError::Failed(_) | ReadError::Replaced => {
-                Problem::unavailable("this tile cannot be read at the moment")
-            }
+            _ => Problem::unavailable("this tile cannot be read at the moment"),
         }
     }
 }

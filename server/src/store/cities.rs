@@ -3,12 +3,13 @@
 //! Cities come from folders, object stores and web servers. `reload` replaces them while they are served.
 
 use super::{
-    blocks::{Blocks, StoreMetrics},
-    city::{CityStore, MANIFEST_FILE},
+    city::CityStore,
     error::StoreError,
-    remote::Remote,
+    remote::RemoteCity,
+    requests::{StoreMetrics, StoreRequests},
 };
 use crate::config::BlockCacheConfig;
+use insula_archive::city::MANIFEST_FILE;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -20,8 +21,8 @@ use std::{
 #[derive(Debug, Default, Clone)]
 pub struct Store {
     pub(super) folders: Vec<PathBuf>,
-    pub(super) remotes: Vec<Remote>,
-    blocks: Option<Arc<Blocks>>,
+    pub(super) remotes: Vec<RemoteCity>,
+    metrics: Option<StoreMetrics>,
     pub(super) cities: BTreeMap<String, CityVersions>,
 }
 
@@ -58,21 +59,23 @@ impl Store {
             return Ok(store);
         }
         let unusable = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
-        let blocks = Arc::new(Blocks::new(cache).map_err(unusable)?);
+        let metrics = StoreMetrics::new();
+        let blocks = Arc::new(metrics.block_cache(cache).map_err(unusable)?);
+        let requests = Arc::new(StoreRequests::new(cache, metrics.clone()));
         for url in urls.iter().filter_map(|url| url.to_str()) {
-            let remote = Remote::new(url, blocks.clone())?;
+            let remote = RemoteCity::new(url, requests.clone(), blocks.clone())?;
             if let Some(city) = remote.open(None).await? {
                 store.insert(city)?;
             }
             store.remotes.push(remote);
         }
-        store.blocks = Some(blocks);
+        store.metrics = Some(metrics);
         Ok(store)
     }
 
     /// What is counted of stores, if there are any.
     pub(crate) fn counters(&self) -> Option<&StoreMetrics> {
-        self.blocks.as_ref().map(|blocks| &blocks.counters)
+        self.metrics.as_ref()
     }
 
     /// Adds a city. Errors: there is one of that name.

@@ -19,7 +19,7 @@ pub type Pending<'a> = Pin<Box<dyn Future<Output = Result<Bytes, FetchError>> + 
 
 /// Somewhere that has a city.
 pub trait Source: Send + Sync {
-    /// A tile's bytes, at most `decode::limit_bytes` of them, as they lie there: nobody has looked into them yet.
+    /// A tile's bytes, at most [`insula_archive::limits::max_tile_bytes`], not decoded yet.
     fn tile(&self, key: TileKey) -> Pending<'_>;
 
     /// Whether a tile is at hand without a network, and so worth asking for even while the network is down.

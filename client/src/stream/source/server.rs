@@ -4,11 +4,12 @@
 
 use super::{Pending, Source};
 use crate::stream::fetch::Http;
+use insula_archive::limits::max_tile_bytes;
 use insula_protocol::{
     Manifest,
     route::{self, Layer},
 };
-use insula_viewer::{decode::limit_bytes, scene::TileKey};
+use insula_viewer::scene::TileKey;
 use std::sync::Arc;
 
 /// One city on a server, in one version.
@@ -35,7 +36,7 @@ impl Source for Server {
             layer => route::tile(&self.name, &self.version, layer, key.id),
         };
         let url = format!("{}{path}", self.base);
-        Box::pin(async move { self.http.get(&url, limit_bytes(key)).await })
+        Box::pin(async move { self.http.get(&url, max_tile_bytes(key.layer())).await })
     }
 
     fn place(&self) -> &str {

@@ -5,21 +5,16 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
-    fs::File,
-    future::Future,
-    io::{self, Read, Seek, SeekFrom},
     path::Path,
-    pin::pin,
-    sync::{Mutex, PoisonError},
-    task::{Context, Poll, Waker},
 };
 
+use insula_archive::{BakedCity, city::MANIFEST_FILE};
 use insula_protocol::{
-    Manifest, Subtree, TileId, mesh_tile,
+    Subtree, TileId, mesh_tile,
+    route::Layer,
     subtree::MeshLod,
     tile::{Kind, TileReader},
 };
-use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, HashMapCache, PmtError, PmtResult, TileCoord};
 
 use crate::{
     config::Config,
@@ -35,32 +30,25 @@ pub(super) struct Before {
     heights: BTreeMap<TileId, [f32; 2]>,
     /// Leaves' levels of detail.
     lods: BTreeMap<TileId, Vec<MeshLod>>,
-    tiles: Archive,
-    /// Missing where no leaf has a mesh.
-    meshes: Option<Archive>,
+    city: BakedCity,
 }
 
 impl Before {
     /// Opens the city, or says why nothing of it can be used.
     pub(super) fn open(folder: &Path, config: &Config) -> Result<Self, String> {
-        let json = std::fs::read(folder.join("city.json")).map_err(|_| "there is no city to update".to_owned())?;
-        let manifest: Manifest =
-            serde_json::from_slice(&json).map_err(|cause| format!("its city.json is damaged ({cause})"))?;
-        manifest.check().map_err(|cause| format!("its city.json is unsound ({cause})"))?;
-        if manifest.settings != config.settings {
+        if !folder.join(MANIFEST_FILE).exists() {
+            return Err("there is no city to update".to_owned());
+        }
+        let city = BakedCity::open(folder).map_err(|cause| cause.to_string())?;
+        if city.manifest().settings != config.settings {
             return Err("it was made with other settings or by another version".to_owned());
         }
         let fingerprints = Fingerprints::read(folder).ok_or("it has no usable fingerprints")?;
-        if fingerprints.version != manifest.version {
+        if fingerprints.version != city.manifest().version {
             return Err("its fingerprints are another city's".to_owned());
         }
-        let failed = |cause: PmtError| format!("its archives cannot be read ({cause})");
-        let tiles = Archive::open(&folder.join("blockmaps.pmtiles")).map_err(failed)?;
-        let subtrees = Archive::open(&folder.join("subtrees.pmtiles")).map_err(failed)?;
-        let (heights, lods) = nodes(&subtrees).ok_or("its subtrees are damaged")?;
-        let path = folder.join("meshes.pmtiles");
-        let meshes = if lods.is_empty() { None } else { Some(Archive::open(&path).map_err(failed)?) };
-        Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), heights, lods, tiles, meshes })
+        let (heights, lods) = nodes(&city).ok_or("its subtrees are damaged")?;
+        Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), heights, lods, city })
     }
 
     /// Whether the block is as it was.
@@ -76,7 +64,7 @@ impl Before {
     /// The node's tile if it is sound.
     pub(super) fn tile(&self, id: TileId) -> Option<Tile> {
         let [z_min_m, z_max_m] = *self.heights.get(&id)?;
-        let bytes = self.tiles.get(id)?;
+        let bytes = tile_bytes(&self.city, Layer::BlockMaps, id)?;
         let sound = TileReader::new(&bytes, Kind::BlockMap).is_ok();
         sound.then_some(Tile { id, z_min_m, z_max_m, bytes })
     }
@@ -89,7 +77,7 @@ impl Before {
     /// The meshes of those nodes that existed; `None` if one is damaged.
     pub(super) fn meshes(&self, ids: &[TileId]) -> Option<Vec<LeafMesh>> {
         let lod = |id: TileId, (lod, info): (u8, &MeshLod)| {
-            let bytes = self.meshes.as_ref()?.get(mesh_tile::place(id, lod)?)?;
+            let bytes = tile_bytes(&self.city, Layer::Meshes, mesh_tile::place(id, lod)?)?;
             let sound = TileReader::new(&bytes, Kind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
             sound.then_some(Lod { info: *info, bytes })
         };
@@ -101,13 +89,17 @@ impl Before {
     }
 }
 
+fn tile_bytes(city: &BakedCity, kind: Layer, id: TileId) -> Option<Vec<u8>> {
+    city.tile(kind, id).ok()?.map(Vec::from)
+}
+
 type Nodes = (BTreeMap<TileId, [f32; 2]>, BTreeMap<TileId, Vec<MeshLod>>);
 
 /// Every node, found from the root's subtree on: heights and meshes.
-fn nodes(archive: &Archive) -> Option<Nodes> {
+fn nodes(city: &BakedCity) -> Option<Nodes> {
     let (mut heights, mut lods, mut roots) = (BTreeMap::new(), BTreeMap::new(), vec![TileId::ROOT]);
     while let Some(root) = roots.pop() {
-        let subtree = Subtree::decode(&archive.get(root)?).ok()?;
+        let subtree = Subtree::decode(&tile_bytes(city, Layer::Subtrees, root)?).ok()?;
         lods.extend(subtree.meshes.into_iter().map(|mesh| (mesh.id, mesh.lods)));
         for node in subtree.nodes {
             heights.insert(node.id, [node.z_min_m, node.z_max_m]);
@@ -117,42 +109,4 @@ fn nodes(archive: &Archive) -> Option<Nodes> {
         }
     }
     Some((heights, lods))
-}
-
-/// A PMTiles archive in a file.
-struct Archive(Mutex<AsyncPmTilesReader<Positioned, HashMapCache>>);
-
-impl Archive {
-    fn open(path: &Path) -> PmtResult<Self> {
-        let backend = Positioned(Mutex::new(File::open(path)?));
-        Ok(Self(Mutex::new(at_once(AsyncPmTilesReader::try_from_cached_source(backend, HashMapCache::default()))?)))
-    }
-
-    fn get(&self, id: TileId) -> Option<Vec<u8>> {
-        let coord = TileCoord::new(id.level(), id.x(), id.y()).ok()?;
-        // One reader at a time: nothing in it ever waits for another.
-        let reader = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        at_once(reader.get_tile(coord)).ok()?.map(|bytes| bytes.to_vec())
-    }
-}
-
-struct Positioned(Mutex<File>);
-
-impl AsyncBackend for Positioned {
-    async fn read(&self, offset: u64, length: usize) -> PmtResult<BackendResponse> {
-        let mut file = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        file.seek(SeekFrom::Start(offset))?;
-        // The first read asks for more than a small archive has; what is missing elsewhere is found out by its user.
-        let mut bytes = Vec::new();
-        (&mut *file).take(length as u64).read_to_end(&mut bytes)?;
-        Ok(BackendResponse::new(bytes.into()))
-    }
-}
-
-/// The crate's reader is written for servers; on a local file it never waits.
-fn at_once<T>(future: impl Future<Output = PmtResult<T>>) -> PmtResult<T> {
-    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
-        Poll::Ready(result) => result,
-        Poll::Pending => Err(PmtError::Reading(io::Error::from(io::ErrorKind::WouldBlock))),
-    }
 }
