@@ -2,7 +2,7 @@
 
 use crate::view::{Camera, Picture};
 use glam::{DVec3, Vec3, Vec3A};
-use insula_bake::scene::{Scene, Texture};
+use insula_bake::scene::{Scene, SceneTexture};
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
@@ -208,7 +208,7 @@ fn product(a: u8, b: u8) -> u8 {
     if a == 255 { b } else { (f64::from(a) * f64::from(b) / 255.0).round() as u8 }
 }
 
-fn nearest(texture: &Texture, [u, v]: [f64; 2]) -> [u8; 3] {
+fn nearest(texture: &SceneTexture, [u, v]: [f64; 2]) -> [u8; 3] {
     let wrap = |x: f64, n: u32| ((x * f64::from(n)).floor() as i64).rem_euclid(i64::from(n.max(1))) as usize;
     let (x, y) = (wrap(u, texture.width), wrap(1.0 - v, texture.height));
     texture.rgb.get(y * texture.width as usize + x).copied().unwrap_or_default()

@@ -12,7 +12,7 @@ use image::{Rgb, RgbImage};
 use insula_bake::{
     BakeOptions, Silent,
     read::ReadReport,
-    scene::{Material, Object, ObjectKind, Scene, Triangle},
+    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
 };
 use insula_protocol::BlockMap;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
@@ -117,7 +117,11 @@ impl Shapes {
     pub fn scene(&self, origin: [f64; 3]) -> Scene {
         let mut scene = Scene { origin, ..Scene::default() };
         for kind in &self.kinds {
-            scene.objects.push(Object { id: scene.objects.len().to_string(), kind: *kind, base_z_m: f32::INFINITY });
+            scene.objects.push(SceneObject {
+                id: scene.objects.len().to_string(),
+                kind: *kind,
+                base_z_m: f32::INFINITY,
+            });
         }
         for (corners, rgb, object) in &self.faces {
             let found = scene.materials.iter().position(|material| material.rgb == *rgb);
@@ -128,7 +132,7 @@ impl Shapes {
             let corners = corners.map(|corner| corner.as_vec3().into());
             let base = &mut scene.objects[*object as usize].base_z_m;
             *base = corners.iter().fold(*base, |low, corner: &[f32; 3]| low.min(corner[2]));
-            scene.triangles.push(Triangle { corners, uv: [[0.0; 2]; 3], material, object: *object });
+            scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material, object: *object });
         }
         scene
     }

@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result, ensure};
 use insula_bake::{
-    model::{Format, Model, quantise},
+    model::{ModelFormat, TriangleModel, quantise},
     simplify::{Goal, simplify},
 };
 use insula_protocol::mesh::{Mesh, pieces::Pieces};
@@ -33,8 +33,8 @@ fn main() {
 
 /// At all numbers of bits; and what is left of it after simplification.
 fn scan(path: &Path) -> Result<()> {
-    let format = Format::of(path).context("a name that is known")?;
-    let mut model = Model::read(&std::fs::read(path)?, format)?;
+    let format = ModelFormat::of(path).context("a name that is known")?;
+    let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
     model.weld();
     for bits in [8, 10, 12, 14, 16] {
         comes_back(&quantise::to_mesh(&model, bits, bits))?;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use insula_tests::source_code::tracked_files;
+use insula_tests::source_code::{is_test, tracked_files, without_inline_tests};
 
 /// Longest source file.
 const MAX_LINES: usize = 600;
@@ -40,6 +40,26 @@ fn pipeline_stages_and_only_they_say_in_out_next() {
 fn every_module_says_what_it_is() {
     for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| name.ends_with(".rs")) {
         assert!(text.starts_with("//!"), "{name} has no doc");
+    }
+}
+
+/// Public items need a doc; fields and variants only where there is something to add, so `missing_docs` is off.
+#[test]
+fn public_items_have_docs() {
+    let items =
+        ["fn ", "async fn ", "const fn ", "unsafe fn ", "struct ", "enum ", "trait ", "type ", "const ", "static "];
+    for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| name.ends_with(".rs") && !is_test(name))
+    {
+        let mut last = "";
+        for line in without_inline_tests(&text).lines().map(str::trim).filter(|line| !line.is_empty()) {
+            let item = line.strip_prefix("pub ").filter(|rest| items.iter().any(|item| rest.starts_with(item)));
+            let is_documented = last.starts_with("///") || last.starts_with("#[doc");
+            assert!(item.is_none() || is_documented, "{name}: no doc: {line}");
+            // Attributes stand between the doc and the item.
+            if !line.starts_with("#[") && !line.ends_with(")]") {
+                last = line;
+            }
+        }
     }
 }
 

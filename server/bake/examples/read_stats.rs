@@ -1,6 +1,6 @@
-//! Reads city files and prints what came of them: `cargo run --release -p insula-bake --example read_stats -- INPUT...`
+//! Reads city files and prints the report as JSON, the bounds and the duration.
 //!
-//! In: paths. Out: the report as JSON and the seconds taken. Next: a person.
+//! `cargo run --release -p insula-bake --example read_stats -- INPUT...`
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,6 +1,4 @@
-//! What was asked for, and what it means.
-//!
-//! In: [`BakeOptions`]. Out: the checked `Config` that the pipeline obeys. Next: `pipeline`.
+//! The options of a bake: [`BakeOptions`] as given, `BakeConfig` as validated.
 
 use std::path::PathBuf;
 
@@ -14,62 +12,61 @@ use serde::Serialize;
 
 use crate::{
     error::BakeError,
-    mesh,
-    read::{Palette, Up},
+    hash, mesh,
+    read::{ObjUpAxis, Palette},
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
 
-/// Raised whenever the same scene and settings would give other tiles than before.
+/// Increased whenever the same scene and settings would give different tiles than before.
 pub const ALGORITHM: u32 = 6;
-/// Cells outside this range are slips of the keyboard.
+/// Cells outside this range are taken for typing errors.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
-/// What a bake may take unless told otherwise, or 192 MiB for each thread if that is more.
+/// Default memory limit; 192 MiB per thread if that is more.
 pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
-/// Enough for a dense block in each thread.
+/// Enough for one dense block.
 const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
-/// Less leaves no room for the program and a single block.
+/// The program and a single block need this much.
 const MIN_MEMORY_BYTES: u64 = 64 << 20;
-/// What is asked for when nothing is.
+/// Default quality of colours and occlusion.
 pub const QUALITY_DB: f32 = 36.0;
-/// Below, pictures fall apart; above, `lossless` is smaller.
+/// Below, images show strong artefacts; above, `lossless` is smaller.
 const QUALITY_RANGE_DB: std::ops::RangeInclusive<f32> = 20.0..=60.0;
-/// More threads than this help nobody.
 const MAX_THREADS: usize = 1024;
 
-/// What a bake is asked to do.
+/// The options of a bake.
 #[derive(Debug, Clone)]
 pub struct BakeOptions {
-    /// City files, or folders with some.
+    /// City files, or folders that contain some.
     pub inputs: Vec<PathBuf>,
-    /// The city folder to make; a city that is there already is replaced at the very end.
+    /// The city folder to write. An existing city is replaced only after the new one is complete.
     pub out: PathBuf,
     /// Side of a leaf's column in metres.
     pub cell_m: f64,
-    /// Worker threads; `None` for one a core. The result does not depend on it.
+    /// Worker threads; `None` for one per core. The result does not depend on it.
     pub threads: Option<usize>,
-    /// About how many bytes of memory the bake may take; `None` for [`DEFAULT_MEMORY_BYTES`], or more where there are many
-    /// threads. The result does not depend on it.
+    /// Approximate memory limit; `None` for [`DEFAULT_MEMORY_BYTES`], or more with many threads. The result does not
+    /// depend on it.
     pub memory_bytes: Option<u64>,
-    /// Take from the city that is there what did not change.
+    /// Reuse the unchanged blocks of the existing city.
     pub update: bool,
-    /// Go on where an interrupted bake of the same input with the same settings stopped.
+    /// Continue an interrupted bake of the same input with the same settings.
     pub resume: bool,
     /// Name in URLs, of a-z, 0-9, `_` and `-`; `None` for the folder's name.
     pub name: Option<String>,
-    /// Name for people; `None` for the source's title.
+    /// Display name; `None` for the source's title.
     pub title: Option<String>,
-    /// Who must be named; empty for what the sources say.
+    /// Attributions; empty for those of the sources.
     pub attribution: Vec<Attribution>,
-    /// Which axis is up in OBJ files.
-    pub obj_up: Up,
-    /// Colours for what has none.
+    /// The vertical axis of OBJ files.
+    pub obj_up: ObjUpAxis,
+    /// Colours of surfaces that have none in the source.
     pub palette: Palette,
-    /// How leaves are sampled.
+    /// Sampling of leaves.
     pub sample: SampleSettings,
-    /// What colours and occlusion may lose in the tiles.
+    /// Allowed loss of colours and occlusion in the tiles.
     pub quality: Quality,
-    /// Whether leaves get meshes, for views from near.
+    /// Whether leaves get meshes, for near views.
     pub meshes: bool,
 }
 
@@ -86,7 +83,7 @@ impl Default for BakeOptions {
             name: None,
             title: None,
             attribution: Vec::new(),
-            obj_up: Up::default(),
+            obj_up: ObjUpAxis::default(),
             palette: Palette::default(),
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),
@@ -95,9 +92,9 @@ impl Default for BakeOptions {
     }
 }
 
-/// Options that make sense.
+/// Validated options.
 #[derive(Debug, Clone)]
-pub(crate) struct Config {
+pub(crate) struct BakeConfig {
     pub(crate) out: PathBuf,
     pub(crate) cell_m: f64,
     pub(crate) threads: usize,
@@ -110,16 +107,16 @@ pub(crate) struct Config {
     pub(crate) sample: SampleSettings,
     pub(crate) quality: Quality,
     pub(crate) meshes: bool,
-    /// Hash of all that decides the tiles apart from the scene, 16 hexadecimal digits.
+    /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
 
-impl Config {
-    /// Checks the options.
+impl BakeConfig {
+    /// Fails with [`BakeError::Option`] if a value is invalid.
     pub(crate) fn new(options: &BakeOptions) -> Result<Self, BakeError> {
         let cell_m = options.cell_m;
         if !CELL_RANGE_M.contains(&cell_m) {
-            let advice = format!("a cell is {} to {} metres wide", CELL_RANGE_M.start(), CELL_RANGE_M.end());
+            let advice = format!("give a cell of {} to {} metres", CELL_RANGE_M.start(), CELL_RANGE_M.end());
             return Err(BakeError::Option { option: "--cell", value: cell_m.to_string(), advice });
         }
         if let Quality::Decibels(db) = options.quality
@@ -130,10 +127,10 @@ impl Config {
             return Err(BakeError::Option { option: "--quality", value: db.to_string(), advice });
         }
         let Some(folder) = options.out.file_name() else {
-            let advice = "give the name of a folder to make, for example cities/delft".into();
+            let advice = "give the name of the city folder to write, for example cities/delft".into();
             return Err(BakeError::Option { option: "--out", value: options.out.display().to_string(), advice });
         };
-        let threads = threads(options.threads)?;
+        let threads = check_threads(options.threads)?;
         options.sample.visibility.check().map_err(|advice| {
             let value = format!("{:?}", options.sample.visibility).to_lowercase();
             BakeError::Option { option: "--visibility", value, advice }
@@ -142,40 +139,38 @@ impl Config {
             out: options.out.clone(),
             cell_m,
             threads,
-            memory_bytes: memory_bytes(options.memory_bytes, threads)?,
+            memory_bytes: check_memory(options.memory_bytes, threads)?,
             update: options.update,
             resume: options.resume,
-            name: name(options.name.as_deref(), &folder.to_string_lossy())?,
+            name: check_name(options.name.as_deref(), &folder.to_string_lossy())?,
             title: options.title.clone(),
             attribution: options.attribution.clone(),
             sample: options.sample.clone(),
             quality: options.quality,
             meshes: options.meshes,
-            settings: settings_hash(options)?,
+            settings: hash_settings(options)?,
         })
     }
-}
 
-impl Config {
-    /// How much is gathered before it goes to the files of blocks.
+    /// Size of the partition's write buffers together.
     pub(crate) fn bucket_bytes(&self) -> usize {
         (self.memory_bytes / 8).min(16 << 20)
     }
 
-    /// How many of pictures are kept loaded.
-    pub(crate) fn picture_bytes(&self) -> usize {
+    /// Size of the texture cache.
+    pub(crate) fn texture_cache_bytes(&self) -> usize {
         self.memory_bytes / 4
     }
 
-    /// How many blocks in work may take together; the rest is for the program, for pictures that are in use, and for what
-    /// an allocator keeps.
+    /// Memory of all blocks in progress together. The rest is for the program, textures in use and the allocator's
+    /// overhead.
     pub(crate) fn block_bytes(&self) -> usize {
         self.memory_bytes / 2
     }
 }
 
-fn memory_bytes(asked: Option<u64>, threads: usize) -> Result<usize, BakeError> {
-    let bytes = asked.unwrap_or(DEFAULT_MEMORY_BYTES.max(MEMORY_BYTES_PER_THREAD * threads as u64));
+fn check_memory(requested: Option<u64>, threads: usize) -> Result<usize, BakeError> {
+    let bytes = requested.unwrap_or(DEFAULT_MEMORY_BYTES.max(MEMORY_BYTES_PER_THREAD * threads as u64));
     if bytes < MIN_MEMORY_BYTES {
         let advice = format!("give at least {} MiB", MIN_MEMORY_BYTES >> 20);
         return Err(BakeError::Option { option: "--memory", value: bytes.to_string(), advice });
@@ -183,8 +178,8 @@ fn memory_bytes(asked: Option<u64>, threads: usize) -> Result<usize, BakeError> 
     Ok(usize::try_from(bytes).unwrap_or(usize::MAX))
 }
 
-fn threads(asked: Option<usize>) -> Result<usize, BakeError> {
-    match asked {
+fn check_threads(requested: Option<usize>) -> Result<usize, BakeError> {
+    match requested {
         None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
         Some(n) if (1..=MAX_THREADS).contains(&n) => Ok(n),
         Some(n) => {
@@ -194,35 +189,36 @@ fn threads(asked: Option<usize>) -> Result<usize, BakeError> {
     }
 }
 
-fn name(asked: Option<&str>, folder: &str) -> Result<String, BakeError> {
-    match asked {
+fn check_name(requested: Option<&str>, folder: &str) -> Result<String, BakeError> {
+    match requested {
         None => Ok(manifest::to_name(folder)),
         Some(name) if manifest::is_name(name) => Ok(name.to_owned()),
         Some(name) => {
-            let advice =
-                format!("a name has only a-z, 0-9, _ and -, at most 64: for example {}", manifest::to_name(name));
+            let advice = format!(
+                "a name has at most 64 characters of a-z, 0-9, _ and -, for example {}",
+                manifest::to_name(name)
+            );
             Err(BakeError::Option { option: "--name", value: name.to_owned(), advice })
         }
     }
 }
 
 #[derive(Serialize)]
-struct Settings<'a> {
+struct HashedSettings<'a> {
     algorithm: u32,
     tile_version: u16,
     node_cells: usize,
     block_leaves: u32,
     cell_m: f64,
     sample: &'a SampleSettings,
-    /// None for no loss.
     quality_db: Option<f32>,
-    /// How meshes are made; none for no meshes.
+    /// Version of the mesh algorithm; `None` without meshes.
     #[serde(skip_serializing_if = "Option::is_none")]
     meshes: Option<u32>,
 }
 
-fn settings_hash(options: &BakeOptions) -> Result<String, BakeError> {
-    let settings = Settings {
+fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
+    let settings = HashedSettings {
         algorithm: ALGORITHM,
         tile_version: tile::VERSION,
         node_cells: NODE_CELLS,
@@ -240,12 +236,7 @@ fn settings_hash(options: &BakeOptions) -> Result<String, BakeError> {
         value: "settings".into(),
         advice: cause.to_string(),
     })?;
-    Ok(short_hex(&blake3::hash(&json)))
-}
-
-/// The first 16 hexadecimal digits.
-pub(crate) fn short_hex(hash: &blake3::Hash) -> String {
-    hash.to_hex().chars().take(16).collect()
+    Ok(hash::short_hex(&blake3::hash(&json)))
 }
 
 #[cfg(test)]
@@ -257,16 +248,16 @@ mod tests {
     }
 
     #[test]
-    fn defaults_make_sense() {
-        let config = Config::new(&options()).unwrap();
+    fn default_options_are_valid() {
+        let config = BakeConfig::new(&options()).unwrap();
         assert_eq!(config.name, "den-haag-2024");
         assert!(config.threads >= 1);
         assert_eq!(config.settings.len(), 16);
     }
 
     #[test]
-    fn what_changes_tiles_changes_the_hash_and_nothing_else_does() {
-        let hash = |options: &BakeOptions| Config::new(options).unwrap().settings;
+    fn settings_hash_depends_only_on_what_changes_tiles() {
+        let hash = |options: &BakeOptions| BakeConfig::new(options).unwrap().settings;
         let base = hash(&options());
         assert_ne!(hash(&BakeOptions { cell_m: 2.0, ..options() }), base);
         assert_ne!(hash(&BakeOptions { quality: Quality::Lossless, ..options() }), base);
@@ -286,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn slips_are_refused_with_advice() {
+    fn invalid_options_are_refused_with_advice() {
         let wrong = [
             BakeOptions { cell_m: 0.0, ..options() },
             BakeOptions { cell_m: f64::NAN, ..options() },
@@ -298,9 +289,9 @@ mod tests {
             BakeOptions { out: "".into(), ..options() },
         ];
         for options in wrong {
-            assert!(matches!(Config::new(&options), Err(BakeError::Option { .. })), "{options:?}");
+            assert!(matches!(BakeConfig::new(&options), Err(BakeError::Option { .. })), "{options:?}");
         }
-        let error = Config::new(&BakeOptions { name: Some("Den Haag".into()), ..options() }).unwrap_err();
+        let error = BakeConfig::new(&BakeOptions { name: Some("Den Haag".into()), ..options() }).unwrap_err();
         assert!(error.to_string().ends_with("den-haag"), "{error}");
     }
 }

@@ -1,8 +1,9 @@
-//! Insula's bake: city files in, a baked city out. Knows no HTTP.
+//! Insula's bake: reads city files and writes a baked city. It has no HTTP.
 
 pub mod columns;
 pub mod config;
 pub mod error;
+mod hash;
 mod mesh;
 pub mod model;
 pub mod pipeline;
@@ -12,11 +13,13 @@ pub mod report;
 pub mod sample;
 pub mod scene;
 pub mod simplify;
+#[cfg(test)]
+mod test_folder;
 pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
 pub use mesh::ALGORITHM as MESH_ALGORITHM;
-pub use pipeline::{MadeCity, bake, bake_made, bake_scene};
+pub use pipeline::{GeneratedCity, bake, bake_generated, bake_scene};
 pub use progress::{Progress, Silent};
-pub use report::Report;
+pub use report::BakeReport;

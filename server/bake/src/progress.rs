@@ -1,16 +1,14 @@
-//! How a bake tells where it is.
-//!
-//! In: stages and steps from `pipeline`. Out: calls of [`Progress`]. Next: a progress bar, or nothing.
+//! How a bake reports its progress.
 
-/// Told what is being done, from several threads at once.
+/// Receives a bake's progress, from several threads at once.
 pub trait Progress: Sync {
-    /// A stage begins: `read`, `partition`, `sample`, `level N`, `write`. It has `total` steps, 0 if that is not known.
+    /// A stage begins: `read`, `partition`, `sample`, `level N` or `write`. It has `total` steps, 0 if that is unknown.
     fn stage(&self, name: &str, total: u64);
-    /// `n` more steps of the stage are done.
+    /// `n` more steps of the current stage are done.
     fn advance(&self, n: u64);
 }
 
-/// Says nothing.
+/// Ignores all progress.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

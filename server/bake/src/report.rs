@@ -1,62 +1,54 @@
-//! What a bake did and what it took.
-//!
-//! In: counts and times from `pipeline`. Out: [`Report`], serialisable. Next: `--report FILE.json` and the last lines that
-//! the command prints.
+//! The report of a bake: counts, sizes and times. Written by `bake --report FILE.json` and summarised by the command.
 
 use std::{collections::BTreeMap, time::Instant};
 
 use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
 use serde::Serialize;
 
-pub use crate::write::scratch::Start;
-use crate::{read::ReadReport, scene::grid::Grid};
+pub use crate::write::scratch_folder::ResumeStatus;
+use crate::{read::ReadReport, scene::grid::CityGrid};
 
 /// A finished bake.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct BakeReport {
     /// The city's name in URLs.
     pub name: String,
-    /// Hash of its content.
+    /// Hash of the city's content.
     pub version: String,
-    /// What was read from each source, what was skipped and why.
+    /// What was read from each source, and what was skipped and why.
     pub read: ReadReport,
-    /// Side of a leaf's column.
+    /// Side of a leaf's column in metres.
     pub cell_m: f64,
     /// Level of the leaves.
     pub depth: u8,
-    /// Objects baked.
     pub objects: u64,
-    /// Triangles baked.
     pub triangles: u64,
-    /// Root first.
+    /// One entry per level, the root first.
     pub levels: Vec<LevelReport>,
-    /// Nodes of all levels.
+    /// Number of nodes of all levels.
     pub nodes: u64,
-    /// Bytes of all nodes' V-BlockMaps.
+    /// Size of all V-BlockMaps.
     pub blockmap_bytes: u64,
-    /// Leaves' meshes by level of detail, the finest first; empty without meshes.
+    /// Meshes by level of detail, the finest first; empty without meshes.
     pub meshes: Vec<MeshReport>,
-    /// Bytes of the whole city on disk.
+    /// Size of all files of the city.
     pub city_bytes: u64,
-    /// Worker threads.
     pub threads: usize,
-    /// Whether an interrupted bake was found, and what became of it.
-    pub start: Start,
-    /// Blocks of leaves and of parents that were baked now.
+    /// What became of an interrupted bake's work.
+    pub start: ResumeStatus,
+    /// Blocks of leaves and packs of parents that this run baked.
     pub blocks_baked: u64,
-    /// Blocks that an interrupted bake had finished.
+    /// Blocks taken from an interrupted bake.
     pub blocks_resumed: u64,
-    /// Blocks that the city to update had already.
+    /// Blocks taken from the city that is updated.
     pub blocks_unchanged: u64,
-    /// In the order in which they ran.
+    /// In execution order.
     pub stages: Vec<StageReport>,
-    /// From the first to the last.
+    /// Duration of all stages.
     pub seconds: f64,
-    /// Over the whole time.
     pub triangles_per_second: f64,
-    /// Over the whole time.
     pub objects_per_second: f64,
-    /// Most memory that the process ever held; `None` where the system does not tell.
+    /// Peak resident memory of the process; `None` where the system does not report it.
     pub peak_memory_bytes: Option<u64>,
 }
 
@@ -65,34 +57,32 @@ pub struct Report {
 pub struct LevelReport {
     /// 0 for the root.
     pub level: u8,
-    /// Side of a column.
+    /// Side of a column in metres.
     pub cell_m: f64,
-    /// How many.
     pub nodes: u64,
-    /// Of all V-BlockMaps.
+    /// Size of the level's V-BlockMaps.
     pub bytes: u64,
 }
 
-/// All meshes of one level of detail.
+/// The meshes of one level of detail.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct MeshReport {
     /// 0 for the finest.
     pub lod: u8,
-    /// Leaves that have it.
+    /// Number of leaves with this level of detail.
     pub leaves: u64,
-    /// Of all tiles.
+    /// Size of the mesh tiles.
     pub bytes: u64,
-    /// Of all.
     pub triangles: u64,
-    /// Of all pictures.
+    /// Pixels of all textures.
     pub texture_px: u64,
-    /// Largest error in metres.
+    /// Largest geometric error in metres.
     pub error_m: f32,
 }
 
 impl MeshReport {
-    /// By level of detail, the finest first.
-    pub fn count(meshes: impl Iterator<Item = (u8, MeshLod)>) -> Vec<Self> {
+    /// Sums meshes, given with their level of detail, by level; the finest first.
+    pub(crate) fn by_lod(meshes: impl Iterator<Item = (u8, MeshLod)>) -> Vec<Self> {
         let mut all: BTreeMap<u8, Self> = BTreeMap::new();
         for (lod, info) in meshes {
             let one = all.entry(lod).or_insert(Self { lod, ..Self::default() });
@@ -109,25 +99,24 @@ impl MeshReport {
 /// One stage of the pipeline.
 #[derive(Debug, Clone, Serialize)]
 pub struct StageReport {
-    /// As [`crate::Progress::stage`] names it.
+    /// The name given to [`crate::Progress::stage`].
     pub name: String,
-    /// How long it took.
     pub seconds: f64,
 }
 
-/// Measures stages.
+/// Measures the duration of stages.
 #[derive(Debug)]
-pub(crate) struct Clock {
+pub(crate) struct StageClock {
     start: Instant,
     pub(crate) stages: Vec<StageReport>,
 }
 
-impl Clock {
+impl StageClock {
     pub(crate) fn new() -> Self {
         Self { start: Instant::now(), stages: Vec::new() }
     }
 
-    /// Runs a stage.
+    /// Runs a stage and records its duration.
     pub(crate) fn time<R>(&mut self, name: &str, stage: impl FnOnce() -> R) -> R {
         let start = Instant::now();
         let result = stage();
@@ -140,50 +129,50 @@ impl Clock {
     }
 }
 
-/// Where a block's tiles come from.
+/// Where the tiles of a pack come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Made {
-    /// Baked now.
+pub(crate) enum PackOutcome {
+    /// Baked by this run.
     Baked,
-    /// Finished by an interrupted bake.
+    /// Taken from an interrupted bake.
     Resumed,
-    /// In the city to update.
+    /// Taken from the city that is updated.
     Unchanged,
 }
 
-/// Blocks done, by who did them.
+/// Finished packs by [`PackOutcome`].
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Blocks {
+pub(crate) struct PackCounts {
     baked: u64,
     resumed: u64,
     unchanged: u64,
 }
 
-impl Blocks {
-    pub(crate) fn count(&mut self, made: Made) {
-        match made {
-            Made::Baked => self.baked += 1,
-            Made::Resumed => self.resumed += 1,
-            Made::Unchanged => self.unchanged += 1,
+impl PackCounts {
+    pub(crate) fn add(&mut self, outcome: PackOutcome) {
+        match outcome {
+            PackOutcome::Baked => self.baked += 1,
+            PackOutcome::Resumed => self.resumed += 1,
+            PackOutcome::Unchanged => self.unchanged += 1,
         }
     }
 }
 
-/// What a report is made of besides times.
-pub(crate) struct Outcome {
+/// The contents of a report besides times.
+pub(crate) struct ReportInput {
     pub(crate) manifest: Manifest,
     pub(crate) city_bytes: u64,
     pub(crate) read: ReadReport,
-    pub(crate) grid: Grid,
+    pub(crate) grid: CityGrid,
     pub(crate) threads: usize,
-    pub(crate) start: Start,
-    pub(crate) blocks: Blocks,
+    pub(crate) start: ResumeStatus,
+    pub(crate) blocks: PackCounts,
     pub(crate) meshes: Vec<MeshReport>,
 }
 
-impl Report {
-    pub(crate) fn new(outcome: Outcome, clock: Clock) -> Self {
-        let Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = outcome;
+impl BakeReport {
+    pub(crate) fn new(input: ReportInput, clock: StageClock) -> Self {
+        let ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = input;
         let seconds = clock.seconds();
         let per_second = |n: u64| n as f64 / seconds.max(1e-9);
         let counts = &manifest.counts;
@@ -214,7 +203,7 @@ impl Report {
     }
 }
 
-fn levels(grid: &Grid, counts: &Counts) -> Vec<LevelReport> {
+fn levels(grid: &CityGrid, counts: &Counts) -> Vec<LevelReport> {
     let each = (0..=grid.depth).zip(counts.nodes_per_level.iter().zip(&counts.bytes_per_level));
     each.map(|(level, (nodes, bytes))| LevelReport {
         level,
@@ -225,8 +214,8 @@ fn levels(grid: &Grid, counts: &Counts) -> Vec<LevelReport> {
     .collect()
 }
 
-/// `VmHWM` of `/proc/self/status`.
-pub fn peak_memory_bytes() -> Option<u64> {
+/// Reads `VmHWM` of `/proc/self/status`; `None` where that does not exist.
+fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
@@ -239,14 +228,14 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn linux_tells_the_peak() {
+    fn peak_memory_is_known_on_linux() {
         let peak = peak_memory_bytes().unwrap();
         assert!((1 << 20..1 << 40).contains(&peak), "{peak}");
     }
 
     #[test]
-    fn a_clock_keeps_the_order_of_stages() {
-        let mut clock = Clock::new();
+    fn clock_records_stages_in_order() {
+        let mut clock = StageClock::new();
         assert_eq!(clock.time("read", || 7), 7);
         clock.time("write", || std::thread::sleep(std::time::Duration::from_millis(5)));
         assert_eq!(clock.stages.iter().map(|stage| stage.name.as_str()).collect::<Vec<_>>(), ["read", "write"]);

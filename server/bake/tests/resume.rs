@@ -1,4 +1,4 @@
-//! A bake that is interrupted, and one that goes on.
+//! Bakes that are interrupted and resumed.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -17,10 +17,10 @@ use std::{
     time::Duration,
 };
 
-use insula_bake::{BakeError, BakeOptions, Progress, Silent, report::Start};
-use support::{Folder, bake, files, options, partial};
+use insula_bake::{BakeError, BakeOptions, Progress, Silent, report::ResumeStatus};
+use support::{BakedCity, TestFolder, bake, coarse_options, files, options, partial};
 
-/// Panics at the n-th step of a stage.
+/// Panics at a step of a stage.
 struct StopAt {
     stage: &'static str,
     step: u64,
@@ -39,18 +39,19 @@ impl Progress for StopAt {
         *self.now.lock().unwrap() = name.to_owned();
     }
     fn advance(&self, n: u64) {
-        let here = *self.now.lock().unwrap() == self.stage;
-        if here && self.seen.fetch_add(n, Ordering::SeqCst) + n >= self.step {
+        let is_in_stage = *self.now.lock().unwrap() == self.stage;
+        if is_in_stage && self.seen.fetch_add(n, Ordering::SeqCst) + n >= self.step {
             panic!("stopped");
         }
     }
 }
 
-fn interrupted(out: &Path, stage: &'static str, step: u64) {
+/// Bakes until a step of a stage, and checks that there is no city yet.
+fn interrupt(out: &Path, stage: &'static str, step: u64) {
     let stop = StopAt::new(stage, step);
     let result = catch_unwind(AssertUnwindSafe(|| bake(&options(out, 2), &stop)));
     assert!(result.is_err(), "{stage} has no step {step}");
-    assert!(!out.exists(), "half a city");
+    assert!(!out.exists(), "an incomplete city");
     assert!(partial(out).join("state.json").exists());
 }
 
@@ -59,28 +60,25 @@ fn resume(out: &Path) -> BakeOptions {
 }
 
 #[test]
-fn stopped_anywhere_it_goes_on_to_the_same_bytes() {
-    let folder = Folder::new("resume");
-    bake(&options(&folder.out("whole"), 2), &Silent).unwrap();
-    let whole = files(&folder.out("whole"));
+fn resumed_bake_gives_the_same_bytes_wherever_it_was_interrupted() {
+    let folder = TestFolder::new("resume");
     for (stage, step) in [("sample", 3), ("sample", 8), ("level 5", 2), ("level 2", 1), ("write", 1), ("write", 20)] {
         let out = folder.out(&format!("{stage}-{step}"));
-        interrupted(&out, stage, step);
+        interrupt(&out, stage, step);
         let report = bake(&resume(&out), &Silent).unwrap();
-        assert_eq!(report.start, Start::Resumed);
-        assert!(report.blocks_resumed > 0, "stopped in {stage} at {step}, and nothing was kept");
+        assert_eq!(report.start, ResumeStatus::Resumed);
+        assert!(report.blocks_resumed > 0, "interrupted in {stage} at {step}, and nothing was resumed");
         assert!(stage == "write" || report.blocks_baked > 0);
-        assert!(files(&out) == whole, "other bytes after a stop in {stage} at {step}");
+        assert!(files(&out) == BakedCity::boxes().files, "other bytes after an interruption in {stage} at {step}");
         assert!(!partial(&out).exists());
     }
 }
 
 #[test]
-fn damaged_work_is_done_again() {
-    let folder = Folder::new("damaged");
-    bake(&options(&folder.out("whole"), 2), &Silent).unwrap();
+fn damaged_packs_are_baked_again() {
+    let folder = TestFolder::new("damaged");
     let out = folder.out("damaged");
-    interrupted(&out, "level 3", 1);
+    interrupt(&out, "level 3", 1);
     let packs = partial(&out).join("packs");
     for (i, pack) in fs::read_dir(&packs).unwrap().enumerate() {
         let path = pack.unwrap().path();
@@ -92,30 +90,30 @@ fn damaged_work_is_done_again() {
         }
     }
     bake(&resume(&out), &Silent).unwrap();
-    assert!(files(&out) == files(&folder.out("whole")));
+    assert!(files(&out) == BakedCity::boxes().files);
 }
 
 #[test]
-fn without_resume_or_with_other_settings_it_starts_anew() {
-    let folder = Folder::new("anew");
+fn packs_are_discarded_without_resume_or_with_different_settings() {
+    let folder = TestFolder::new("discard");
     let out = folder.out("stale");
-    interrupted(&out, "sample", 8);
+    interrupt(&out, "sample", 1);
     fs::write(partial(&out).join("packs/foreign"), "x").unwrap();
-    let report = bake(&options(&out, 2), &Silent).unwrap();
-    assert_eq!((report.start, report.blocks_resumed), (Start::Discarded, 0));
+    let report = bake(&coarse_options(&out), &Silent).unwrap();
+    assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Discarded, 0));
+    let expected = files(&out);
 
     let out = folder.out("mismatch");
-    interrupted(&out, "sample", 8);
-    let report = bake(&BakeOptions { cell_m: 2.0, ..resume(&out) }, &Silent).unwrap();
-    assert_eq!((report.start, report.blocks_resumed), (Start::Mismatch, 0));
-    bake(&BakeOptions { cell_m: 2.0, ..options(&folder.out("two"), 2) }, &Silent).unwrap();
-    assert!(files(&out) == files(&folder.out("two")));
+    interrupt(&out, "sample", 1);
+    let report = bake(&BakeOptions { resume: true, ..coarse_options(&out) }, &Silent).unwrap();
+    assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Mismatch, 0));
+    assert!(files(&out) == expected);
 
-    let report = bake(&resume(&folder.out("fresh")), &Silent).unwrap();
-    assert_eq!(report.start, Start::Fresh);
+    let report = bake(&BakeOptions { resume: true, ..coarse_options(&folder.out("fresh")) }, &Silent).unwrap();
+    assert_eq!(report.start, ResumeStatus::Fresh);
 }
 
-/// Finishes a few blocks of leaves, says so by a file, and waits to be killed.
+/// Finishes a few blocks of leaves, then creates the file `reached` and waits to be killed.
 struct WaitAt {
     block: u64,
     reached: PathBuf,
@@ -128,7 +126,7 @@ impl Progress for WaitAt {
         self.in_leaves.store(name == "sample", Ordering::SeqCst);
     }
     fn advance(&self, _n: u64) {
-        // Told once a block, after its packs are written.
+        // Called once per block, after its packs are written.
         if self.in_leaves.load(Ordering::SeqCst) && self.seen.fetch_add(1, Ordering::SeqCst) + 1 >= self.block {
             fs::write(&self.reached, "").unwrap();
             loop {
@@ -141,7 +139,7 @@ impl Progress for WaitAt {
 const CHILD_OUT: &str = "INSULA_BAKE_TEST_OUT";
 const CHILD_BLOCK: &str = "INSULA_BAKE_TEST_BLOCK";
 
-/// The file by which a child says that it waits.
+/// The file that a child creates when it waits.
 fn reached(out: &Path) -> PathBuf {
     out.with_file_name("reached")
 }
@@ -161,11 +159,11 @@ fn child(shell: Option<&str>, test: &str, out: &Path) -> Command {
 }
 
 fn child_out() -> PathBuf {
-    std::env::var_os(CHILD_OUT).expect("only other tests start this one").into()
+    std::env::var_os(CHILD_OUT).expect("this test is started by other tests").into()
 }
 
 #[test]
-#[ignore = "started and killed by `killed_it_goes_on`"]
+#[ignore = "started and killed by `killed_bake_is_resumed`"]
 fn child_that_is_killed() {
     let (out, block) = (child_out(), std::env::var(CHILD_BLOCK).unwrap().parse().unwrap());
     let wait = WaitAt { block, reached: reached(&out), seen: AtomicU64::new(0), in_leaves: AtomicBool::new(false) };
@@ -173,16 +171,14 @@ fn child_that_is_killed() {
 }
 
 #[test]
-fn killed_it_goes_on() {
-    let folder = Folder::new("killed");
-    bake(&options(&folder.out("whole"), 2), &Silent).unwrap();
-    let whole = files(&folder.out("whole"));
+fn killed_bake_is_resumed() {
+    let folder = TestFolder::new("killed");
     let out = folder.out("killed");
-    // The first leaves two or three of five blocks, for there are two threads; the second finds those.
+    // With two threads, the first child finishes two or three of five blocks. The second resumes these.
     for block in ["2", "4"] {
         let mut child = child(None, "child_that_is_killed", &out).env(CHILD_BLOCK, block).spawn().unwrap();
         while !reached(&out).exists() {
-            assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
+            assert!(child.try_wait().unwrap().is_none(), "the child ended before it was killed");
             thread::sleep(Duration::from_millis(2));
         }
         child.kill().unwrap();
@@ -191,16 +187,16 @@ fn killed_it_goes_on() {
         assert!(!out.exists());
     }
     let report = bake(&resume(&out), &Silent).unwrap();
-    assert_eq!(report.start, Start::Resumed);
+    assert_eq!(report.start, ResumeStatus::Resumed);
     assert!(report.blocks_resumed >= 4 && report.blocks_baked > 0, "{report:?}");
-    assert!(files(&out) == whole);
+    assert!(files(&out) == BakedCity::boxes().files);
 }
 
 #[test]
-#[ignore = "started under a file size limit by `a_full_disk_leaves_no_city`"]
+#[ignore = "started with a file size limit by `full_disk_leaves_no_city`"]
 fn child_on_a_full_disk() {
     let out = child_out();
-    let error = bake(&options(&out, 2), &Silent).unwrap_err();
+    let error = bake(&coarse_options(&out), &Silent).unwrap_err();
     assert!(matches!(error, BakeError::DiskFull { .. }), "{error}");
     assert!(!error.to_string().contains('\n') && error.to_string().contains("--resume"));
     assert!(!out.exists());
@@ -208,13 +204,13 @@ fn child_on_a_full_disk() {
 
 #[test]
 #[cfg(unix)]
-fn a_full_disk_leaves_no_city() {
-    let folder = Folder::new("full");
+fn full_disk_leaves_no_city() {
+    let folder = TestFolder::new("full");
     let out = folder.out("full");
-    // Files of at most 8 KiB (16 KiB where the shell counts in KiB): an archive's head alone is larger.
+    // Files of at most 8 KiB (16 KiB where the shell counts in KiB): the header of an archive is larger.
     let script = "trap '' XFSZ; ulimit -f 16; exec \"$0\" \"$@\"";
     let status = child(Some(script), "child_on_a_full_disk", &out).status().unwrap();
     assert!(status.success());
-    let report = bake(&resume(&out), &Silent).unwrap();
-    assert!(report.start == Start::Resumed && out.join("city.json").exists());
+    let report = bake(&BakeOptions { resume: true, ..coarse_options(&out) }, &Silent).unwrap();
+    assert!(report.start == ResumeStatus::Resumed && out.join("city.json").exists());
 }

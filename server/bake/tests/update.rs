@@ -1,31 +1,40 @@
-//! A city that is updated: the same bytes as a whole bake, and only what changed is baked.
+//! Updated cities: the same bytes as a full bake, and only what changed is baked.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
 
-use std::fs;
+use std::{fs, path::Path};
 
-use insula_bake::{BakeOptions, Report, Silent, bake_scene, read::ReadReport, scene::Scene};
-use support::{Folder, city, files, options, partial};
+use insula_bake::{BakeOptions, BakeReport, Silent, bake_scene, read::ReadReport, scene::Scene};
+use support::{BakedCity, COARSE_CELL_M, TestFolder, bake, city, coarse_options, files, options, partial};
 
-/// Bakes `after` over a city of `before`, and anew; the bytes must be the same.
-fn update(name: &str, before: Scene, after: Scene) -> Report {
-    let folder = Folder::new(name);
-    let (out, whole) = (folder.out("updated"), folder.out("whole"));
-    bake_scene(before, ReadReport::default(), &options(&out, 2), &Silent).unwrap();
-    let report = bake_scene(after.clone(), ReadReport::default(), &updating(&out), &Silent).unwrap();
-    bake_scene(after, ReadReport::default(), &options(&whole, 2), &Silent).unwrap();
-    assert!(files(&out) == files(&whole), "{name}: other bytes than a whole bake");
+/// Updates the city `before` to the scene of `after`. The result must equal `after`.
+fn update(name: &str, before: &BakedCity, scene: Scene, after: &BakedCity) -> BakeReport {
+    let folder = TestFolder::new(name);
+    let out = folder.out("updated");
+    before.write(&out);
+    let report = bake_scene(scene, ReadReport::default(), &updating(options(&out, 2)), &Silent).unwrap();
+    assert!(files(&out) == after.files, "{name}: other bytes than a full bake");
     assert!(!partial(&out).exists());
     report
 }
 
-fn updating(out: &std::path::Path) -> BakeOptions {
-    BakeOptions { update: true, ..options(out, 2) }
+/// Updates the city of boxes to a changed scene.
+fn update_boxes(name: &str, scene: Scene) -> BakeReport {
+    let after = full_bake(&format!("{name}-full"), scene.clone());
+    update(name, BakedCity::boxes(), scene, &after)
 }
 
-/// Without one box; its object stays, as in a source that is edited in place the others keep their order.
+fn full_bake(name: &str, scene: Scene) -> BakedCity {
+    BakedCity::bake(name, scene, options(Path::new(""), 2))
+}
+
+fn updating(options: BakeOptions) -> BakeOptions {
+    BakeOptions { update: true, ..options }
+}
+
+/// Removes a box. The order of the others stays, as in a source that is edited.
 fn without(mut scene: Scene, object: u32) -> Scene {
     scene.triangles.retain(|triangle| triangle.object != object);
     scene.objects.remove(object as usize);
@@ -33,6 +42,7 @@ fn without(mut scene: Scene, object: u32) -> Scene {
     scene
 }
 
+/// Makes a box 3 m higher.
 fn raised(mut scene: Scene, object: u32) -> Scene {
     let high = scene.triangles.iter().filter(|t| t.object == object).flat_map(|t| t.corners).map(|c| c[2]);
     let high = high.fold(f32::MIN, f32::max);
@@ -43,76 +53,85 @@ fn raised(mut scene: Scene, object: u32) -> Scene {
 }
 
 #[test]
-fn what_changed_is_baked_and_nothing_else() {
-    let same = update("update-same", city(), city());
+fn only_changed_blocks_are_baked() {
+    let boxes = BakedCity::boxes();
+    let same = update("update-same", boxes, city(), boxes);
     assert_eq!(same.blocks_baked, 0);
-    let leaves = 7;
-    assert!(same.blocks_unchanged > leaves);
-    let changed = update("update-changed", city(), raised(city(), 2));
-    assert!(changed.blocks_unchanged >= leaves - 1, "{changed:?}");
+    let leaf_blocks = 7;
+    assert!(same.blocks_unchanged > leaf_blocks);
+    let changed = update_boxes("update-changed", raised(city(), 2));
+    assert!(changed.blocks_unchanged >= leaf_blocks - 1, "{changed:?}");
     assert!(changed.blocks_baked > 0 && changed.blocks_baked < same.blocks_unchanged / 2 + 1, "{changed:?}");
-    let removed = update("update-removed", city(), without(city(), 6));
+    let smaller = full_bake("update-smaller", without(city(), 6));
+    let removed = update("update-removed", boxes, without(city(), 6), &smaller);
     assert!(removed.blocks_unchanged > 0 && removed.blocks_baked > 0);
-    let added = update("update-added", without(city(), 6), city());
+    let added = update("update-added", &smaller, city(), boxes);
     assert!(added.blocks_unchanged > 0 && added.blocks_baked > 0);
 }
 
 #[test]
-fn a_building_in_the_margin_counts() {
-    // The second box stands 36 m south of the border of two blocks, and shades across it.
-    let report = update("update-margin", city(), raised(city(), 4));
+fn change_within_the_margin_of_a_block_is_baked() {
+    // The second box is 36 m south of the border of two blocks and shades across it.
+    let report = update_boxes("update-margin", raised(city(), 4));
     assert!(report.blocks_unchanged > 0 && report.blocks_baked > 0);
 }
 
 #[test]
-fn other_colours_count_and_other_numbers_do_not() {
+fn changed_colours_are_baked_and_changed_material_numbers_are_not() {
     let mut painted = city();
     painted.materials[0].rgb = [1, 2, 3];
-    assert_eq!(update("update-painted", city(), painted).blocks_unchanged, 0, "every box has that material");
+    assert_eq!(update_boxes("update-painted", painted).blocks_unchanged, 0, "every box has that material");
     let mut swapped = city();
     swapped.materials.reverse();
     swapped.triangles.iter_mut().for_each(|triangle| triangle.material = 1 - triangle.material);
-    assert_eq!(update("update-swapped", city(), swapped).blocks_baked, 0);
+    assert_eq!(update_boxes("update-swapped", swapped).blocks_baked, 0);
 }
 
 #[test]
-fn a_wider_city_other_settings_or_a_damaged_one_are_baked_whole() {
-    let wide = |mut scene: Scene| {
-        for corner in scene.triangles.iter_mut().filter(|t| t.object == 8).flat_map(|t| &mut t.corners) {
-            corner[0] += 3000.0;
-        }
-        scene
+fn larger_city_is_baked_in_full() {
+    let mut wide = city();
+    for corner in wide.triangles.iter_mut().filter(|t| t.object == 8).flat_map(|t| &mut t.corners) {
+        corner[0] += 3000.0;
+    }
+    assert_eq!(update_boxes("update-wide", wide).blocks_unchanged, 0);
+}
+
+#[test]
+fn missing_city_or_one_with_different_settings_is_baked_in_full() {
+    let folder = TestFolder::new("update-full");
+    let out = folder.out("updated");
+    let updating = updating(coarse_options(&out));
+    assert_eq!(bake(&updating, &Silent).unwrap().blocks_unchanged, 0);
+    let expected = files(&out);
+    bake(&BakeOptions { cell_m: 2.0 * COARSE_CELL_M, ..options(&out, 2) }, &Silent).unwrap();
+    assert_eq!(bake(&updating, &Silent).unwrap().blocks_unchanged, 0);
+    assert!(files(&out) == expected);
+}
+
+#[test]
+fn damaged_city_is_repaired() {
+    let folder = TestFolder::new("update-damaged");
+    let out = folder.out("updated");
+    let good = BakedCity::bake("update-good", city(), coarse_options(Path::new("")));
+    good.write(&out);
+    let check = |damage: &str| {
+        bake(&updating(coarse_options(&out)), &Silent).unwrap();
+        assert!(files(&out) == good.files, "{damage}");
     };
-    assert_eq!(update("update-wide", city(), wide(city())).blocks_unchanged, 0);
-    let folder = Folder::new("update-whole");
-    let (out, whole) = (folder.out("updated"), folder.out("whole"));
-    let bake = |options: &BakeOptions| support::bake(options, &Silent).unwrap();
-    bake(&options(&whole, 2));
-    let good = files(&whole);
-    // There is nothing yet; then a city of other cells; then one whose files are damaged, each in turn.
-    assert_eq!(bake(&updating(&out)).blocks_unchanged, 0);
-    assert!(files(&out) == good);
-    bake(&BakeOptions { cell_m: 4.0, ..options(&out, 2) });
-    assert_eq!(bake(&updating(&out)).blocks_unchanged, 0);
-    assert!(files(&out) == good);
-    for (name, bytes) in &good {
-        for damaged in [&bytes[..bytes.len() / 2], &[][..]] {
-            fs::write(out.join(name), damaged).unwrap();
-            bake(&updating(&out));
-            assert!(files(&out) == good, "damaged {name} of {} bytes", damaged.len());
+    for (name, bytes) in &good.files {
+        for length in [bytes.len() / 2, 0] {
+            fs::write(out.join(name), &bytes[..length]).unwrap();
+            check(&format!("{name} cut to {length} bytes"));
         }
-        fs::remove_file(out.join(name)).unwrap();
+        // Without city.json the folder is not a city and is not replaced.
         if name != "city.json" {
-            bake(&updating(&out));
-            assert!(files(&out) == good, "missing {name}");
-        } else {
-            fs::write(out.join(name), bytes).unwrap();
+            fs::remove_file(out.join(name)).unwrap();
+            check(&format!("missing {name}"));
         }
     }
-    let mut flipped = good["blockmaps.pmtiles"].clone();
-    let middle = flipped.len() - 100;
-    flipped[middle] ^= 1;
+    let mut flipped = good.files["blockmaps.pmtiles"].clone();
+    let tile = flipped.len() - 100;
+    flipped[tile] ^= 1;
     fs::write(out.join("blockmaps.pmtiles"), flipped).unwrap();
-    bake(&updating(&out));
-    assert!(files(&out) == good, "a damaged tile was taken over");
+    check("a damaged tile");
 }

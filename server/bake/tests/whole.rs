@@ -1,4 +1,4 @@
-//! A finished city: the same whatever the threads, sound in every node, and in place of the one before it.
+//! A finished city: independent of the number of threads, valid in every node, and replaced only when complete.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -9,24 +9,21 @@ use std::{fs, path::Path, sync::Mutex};
 use insula_bake::{
     BakeError, BakeOptions, Progress, Silent, bake_scene,
     read::ReadReport,
-    scene::{Object, ObjectKind, Scene, Triangle},
+    scene::{ObjectKind, Scene, SceneObject, SceneTriangle},
 };
 use insula_protocol::{BlockMap, Manifest, TileId, manifest::Attribution, subtree::NodeInfo};
-use support::{Archive, Folder, bake, city, files, manifest, nodes, options, partial};
+use support::{BakedCity, COARSE_CELL_M, TestFolder, bake, city, coarse_options, files, options, partial};
 
 #[test]
-fn one_thread_and_three_give_the_same_bytes() {
-    let folder = Folder::new("threads");
-    let report = bake(&options(&folder.out("one"), 1), &Silent).unwrap();
-    bake(&options(&folder.out("three"), 3), &Silent).unwrap();
-    let one = files(&folder.out("one"));
+fn number_of_threads_does_not_change_the_bytes() {
+    let with_three = BakedCity::boxes();
+    let with_one = BakedCity::bake("one-thread", city(), options(Path::new(""), 1));
     assert_eq!(
-        one.keys().collect::<Vec<_>>(),
+        with_one.files.keys().collect::<Vec<_>>(),
         ["blockmaps.pmtiles", "city.json", "fingerprints.bin", "meshes.pmtiles", "subtrees.pmtiles"]
     );
-    assert!(one == files(&folder.out("three")));
-    assert_eq!(report.city_bytes, one.values().map(|bytes| bytes.len() as u64).sum::<u64>());
-    assert!(!partial(&folder.out("one")).exists());
+    assert!(with_one.files == with_three.files);
+    assert_eq!(with_one.report.city_bytes, with_one.files.values().map(|bytes| bytes.len() as u64).sum::<u64>());
 }
 
 fn centre(manifest: &Manifest, node: &NodeInfo) -> [f32; 3] {
@@ -45,14 +42,12 @@ fn check_child(manifest: &Manifest, parent: &NodeInfo, child: &NodeInfo) {
 }
 
 #[test]
-fn every_named_node_has_a_tile_and_spheres_and_errors_nest() {
-    let folder = Folder::new("nodes");
-    let out = folder.out("city");
-    bake(&options(&out, 2), &Silent).unwrap();
-    let (manifest, nodes) = (manifest(&out), nodes(&out));
-    let archive = Archive::open(&out.join("blockmaps.pmtiles"));
+fn every_node_has_a_tile_and_bounds_and_errors_nest() {
+    let baked = BakedCity::boxes();
+    let (manifest, nodes) = (baked.manifest(), baked.nodes());
+    let archive = baked.archive("blockmaps.pmtiles");
     assert_eq!(archive.tiles(), nodes.len() as u64);
-    assert!(archive.clustered());
+    assert!(archive.is_clustered());
     for (id, node) in &nodes {
         let bytes = archive.get(*id).unwrap();
         assert_eq!(bytes.len() as u32, node.blockmap_bytes);
@@ -61,7 +56,7 @@ fn every_named_node_has_a_tile_and_spheres_and_errors_nest() {
         for i in (0..map.flags.len()).filter(|i| map.flags[*i] != 0) {
             let [low, high] = [map.z_min[i], map.z_max[i]]
                 .map(|code| (map.z_base_m() + f64::from(code) * f64::from(map.z_step_m())) as f32);
-            assert!(low >= node.z_min_m && high <= node.z_max_m, "a column of {id} lies outside its node");
+            assert!(low >= node.z_min_m && high <= node.z_max_m, "a column of {id} is outside its node");
         }
         assert!(f64::from(node.error_m) > 0.8660 * manifest.cell_m_at(id.level()));
         assert_eq!(node.child_mask == 0, id.level() == manifest.depth);
@@ -74,31 +69,25 @@ fn every_named_node_has_a_tile_and_spheres_and_errors_nest() {
 }
 
 #[test]
-fn equal_squares_are_stored_once() {
-    let folder = Folder::new("equal");
+fn equal_tiles_are_stored_once() {
     let mut scene = Scene { materials: city().materials, ..Scene::default() };
     let corner = |x: f32, y: f32| [x * 1000.0, y * 1000.0, 5.0];
     for corners in
         [[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)], [corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]]
     {
-        scene.triangles.push(Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 });
+        scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 });
     }
-    scene.objects.push(Object { id: "plain".into(), kind: ObjectKind::Terrain, base_z_m: 5.0 });
-    let out = folder.out("plain");
-    bake_scene(scene, ReadReport::default(), &options(&out, 2), &Silent).unwrap();
-    // Of a PMTiles v3 header: tiles that can be asked for, and contents that are stored.
-    let header = fs::read(out.join("blockmaps.pmtiles")).unwrap();
-    let number = |at: usize| u64::from_le_bytes(header[at..at + 8].try_into().unwrap());
-    let (tiles, contents) = (number(72), number(88));
+    scene.objects.push(SceneObject { id: "plain".into(), kind: ObjectKind::Terrain, base_z_m: 5.0 });
+    let baked = BakedCity::bake("equal", scene, BakeOptions { cell_m: 2.0, ..options(Path::new(""), 2) });
+    let archive = baked.archive("blockmaps.pmtiles");
+    let (tiles, contents) = (archive.tiles(), archive.contents());
     assert!(tiles > 40 && contents < tiles / 2, "{contents} contents for {tiles} tiles");
 }
 
 #[test]
-fn the_manifest_tells_the_truth() {
-    let folder = Folder::new("manifest");
-    let out = folder.out("city");
-    let report = bake(&options(&out, 2), &Silent).unwrap();
-    let (manifest, nodes) = (manifest(&out), nodes(&out));
+fn manifest_and_report_agree_with_the_nodes() {
+    let baked = BakedCity::boxes();
+    let (manifest, nodes, report) = (baked.manifest(), baked.nodes(), &baked.report);
     manifest.check().unwrap();
     assert_eq!((manifest.name.as_str(), manifest.title.as_str(), manifest.depth), ("boxes", "boxes", 6));
     assert_eq!(manifest.crs.as_deref(), Some("EPSG:7415"));
@@ -121,72 +110,70 @@ fn the_manifest_tells_the_truth() {
     let stages: Vec<_> = report.stages.iter().map(|stage| stage.name.as_str()).collect();
     assert_eq!(stages[..3], ["partition", "sample", "level 5"]);
     assert_eq!(stages.last(), Some(&"write"));
-    assert!(serde_json::to_value(&report).unwrap()["triangles_per_second"].as_f64().unwrap() > 0.0);
+    assert!(serde_json::to_value(report).unwrap()["triangles_per_second"].as_f64().unwrap() > 0.0);
 }
 
 #[test]
-fn names_and_content_are_in_the_version() {
-    let folder = Folder::new("version");
-    let version = |run: &str, options: BakeOptions| {
-        bake(&options, &Silent).unwrap();
-        manifest(&folder.out(run)).version
-    };
-    let base = version("a", options(&folder.out("a"), 2));
+fn version_depends_on_attribution_and_content() {
+    let manifest = |name: &str, options: BakeOptions| BakedCity::bake(name, city(), options).manifest();
+    let coarse = || coarse_options(Path::new(""));
+    let base = manifest("version-base", coarse());
     let attribution = vec![Attribution { text: "Kadaster".into(), licence: Some("CC BY 4.0".into()), url: None }];
-    let named = version("b", BakeOptions { attribution: attribution.clone(), ..options(&folder.out("b"), 2) });
-    assert_ne!(base, named);
-    assert_eq!(manifest(&folder.out("b")).attribution, attribution);
-    assert_ne!(base, version("c", BakeOptions { cell_m: 4.0, ..options(&folder.out("c"), 2) }));
+    let attributed = manifest("version-attributed", BakeOptions { attribution: attribution.clone(), ..coarse() });
+    assert_ne!(base.version, attributed.version);
+    assert_eq!(attributed.attribution, attribution);
+    let coarser = manifest("version-coarser", BakeOptions { cell_m: 2.0 * COARSE_CELL_M, ..coarse() });
+    assert_ne!(base.version, coarser.version);
 }
 
-/// Looks, at every step, whether the city from before is still whole.
-struct Watch<'a> {
+/// Checks at every step that the previous city is still complete.
+struct PreviousCityCheck<'a> {
     city: &'a Path,
-    before: Vec<u8>,
+    manifest: Vec<u8>,
     stages: Mutex<Vec<String>>,
 }
 
-impl Progress for Watch<'_> {
+impl Progress for PreviousCityCheck<'_> {
     fn stage(&self, name: &str, _total: u64) {
         self.stages.lock().unwrap().push(name.to_owned());
     }
     fn advance(&self, _n: u64) {
-        assert_eq!(fs::read(self.city.join("city.json")).unwrap(), self.before);
+        assert_eq!(fs::read(self.city.join("city.json")).unwrap(), self.manifest);
     }
 }
 
 #[test]
-fn a_city_is_replaced_at_the_very_end() {
-    let folder = Folder::new("replace");
+fn previous_city_is_replaced_after_the_last_stage() {
+    let folder = TestFolder::new("replace");
     let out = folder.out("city");
-    bake(&BakeOptions { cell_m: 4.0, ..options(&out, 2) }, &Silent).unwrap();
-    let before = files(&out);
-    let watch = Watch { city: &out, before: before["city.json"].clone(), stages: Mutex::default() };
-    bake(&options(&out, 2), &watch).unwrap();
-    assert_eq!(watch.stages.into_inner().unwrap().last().unwrap(), "write");
-    assert_eq!(manifest(&out).cell_m, 1.0);
+    bake(&BakeOptions { cell_m: 2.0 * COARSE_CELL_M, ..options(&out, 2) }, &Silent).unwrap();
+    let previous = files(&out);
+    let check = PreviousCityCheck { city: &out, manifest: previous["city.json"].clone(), stages: Mutex::default() };
+    bake(&coarse_options(&out), &check).unwrap();
+    assert_eq!(check.stages.into_inner().unwrap().last().unwrap(), "write");
     let now = files(&out);
-    bake_scene(Scene::default(), ReadReport::default(), &options(&out, 2), &Silent).unwrap_err();
-    assert!(files(&out) == now, "a failed bake touched the city");
+    assert!(now != previous);
+    bake_scene(Scene::default(), ReadReport::default(), &coarse_options(&out), &Silent).unwrap_err();
+    assert!(files(&out) == now, "a failed bake changed the city");
     assert!(!partial(&out).exists());
 }
 
 #[test]
-fn what_is_no_city_is_not_replaced() {
-    let folder = Folder::new("foreign");
+fn folder_without_a_city_is_not_replaced_unless_empty() {
+    let folder = TestFolder::new("foreign");
     let out = folder.out("city");
     fs::create_dir_all(&out).unwrap();
     fs::write(out.join("letter.txt"), "dear").unwrap();
-    let error = bake(&options(&out, 2), &Silent).unwrap_err();
+    let error = bake(&coarse_options(&out), &Silent).unwrap_err();
     assert!(matches!(error, BakeError::Out { .. }), "{error}");
     assert_eq!(fs::read_to_string(out.join("letter.txt")).unwrap(), "dear");
     fs::remove_file(out.join("letter.txt")).unwrap();
-    bake(&options(&out, 2), &Silent).unwrap();
+    bake(&coarse_options(&out), &Silent).unwrap();
 }
 
 #[test]
-fn a_city_too_wide_or_unsound_is_an_error_of_one_line() {
-    let folder = Folder::new("wide");
+fn too_wide_or_invalid_scene_is_an_error_of_one_line() {
+    let folder = TestFolder::new("wide");
     let out = folder.out("city");
     let mut wide = city();
     wide.triangles[0].corners[0][0] = 1e9;
@@ -200,11 +187,9 @@ fn a_city_too_wide_or_unsound_is_an_error_of_one_line() {
 }
 
 #[test]
-fn a_city_of_one_leaf_is_a_city() {
-    let folder = Folder::new("leaf");
-    let out = folder.out("city");
+fn city_of_one_leaf_is_baked() {
     let mut scene = city();
     scene.triangles.truncate(12);
-    bake_scene(scene, ReadReport::default(), &BakeOptions { cell_m: 4.0, ..options(&out, 1) }, &Silent).unwrap();
-    assert_eq!((manifest(&out).depth, nodes(&out).len()), (0, 1));
+    let baked = BakedCity::bake("leaf", scene, BakeOptions { cell_m: 4.0, ..options(Path::new(""), 1) });
+    assert_eq!((baked.manifest().depth, baked.nodes().len()), (0, 1));
 }

@@ -23,8 +23,8 @@ mod with_bake {
     };
     use indicatif::{ProgressBar, ProgressStyle};
     use insula_bake::{
-        BakeError, BakeOptions, Progress, Report,
-        read::{Palette, Up},
+        BakeError, BakeOptions, BakeReport, Progress,
+        read::{ObjUpAxis, Palette},
         sample::{SampleSettings, Visibility},
     };
     use insula_protocol::manifest::Attribution;
@@ -78,8 +78,8 @@ mod with_bake {
             title: args.title.clone(),
             attribution: attribution.into_iter().collect(),
             obj_up: match args.obj_up {
-                UpAxis::Z => Up::Z,
-                UpAxis::Y => Up::Y,
+                UpAxis::Z => ObjUpAxis::Z,
+                UpAxis::Y => ObjUpAxis::Y,
             },
             palette,
             sample: SampleSettings {
@@ -92,7 +92,7 @@ mod with_bake {
         }
     }
 
-    fn summary(report: &Report, args: &BakeArgs) -> String {
+    fn summary(report: &BakeReport, args: &BakeArgs) -> String {
         let skipped = match report.read.skipped() {
             0 => String::new(),
             n => format!(", {n} objects skipped (--report says why)"),
@@ -191,7 +191,7 @@ mod with_bake {
             assert!(!options.meshes);
             assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));
             assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
-            assert_eq!(options.obj_up, Up::Y);
+            assert_eq!(options.obj_up, ObjUpAxis::Y);
             let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };
             assert_eq!((&*source.text, source.licence.as_deref(), source.url.as_deref()), ("A", Some("L"), Some("U")));
         }

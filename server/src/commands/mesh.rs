@@ -42,7 +42,7 @@ mod with_bake {
     use crate::commands::output::{human_bytes, print, write};
     use indicatif::ProgressBar;
     use insula_bake::{
-        model::{Format, Model, quantise},
+        model::{ModelFormat, TriangleModel, quantise},
         simplify::{self, Goal},
     };
     use insula_protocol::mesh::{Mesh, pieces::Census};
@@ -55,19 +55,19 @@ mod with_bake {
         CommandError::Mesh { path: path.to_owned(), reason: what.to_string() }
     }
 
-    fn format(path: &Path) -> Result<Format, CommandError> {
+    fn format(path: &Path) -> Result<ModelFormat, CommandError> {
         let unknown =
             || CommandError::Usage(format!("{}: a name that ends in .ply, .off or .obj is wanted", path.display()));
-        Format::of(path).ok_or_else(unknown)
+        ModelFormat::of(path).ok_or_else(unknown)
     }
 
     fn bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
         std::fs::read(path).map_err(|error| wrong(path, &error))
     }
 
-    fn model(path: &Path) -> Result<Model, CommandError> {
+    fn model(path: &Path) -> Result<TriangleModel, CommandError> {
         let format = format(path)?;
-        let mut model = Model::read(&bytes(path)?, format).map_err(|error| wrong(path, &error))?;
+        let mut model = TriangleModel::read(&bytes(path)?, format).map_err(|error| wrong(path, &error))?;
         model.weld();
         Ok(model)
     }

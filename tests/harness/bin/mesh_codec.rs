@@ -9,7 +9,7 @@
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use insula_bake::{
-    model::{Format, Model, quantise},
+    model::{ModelFormat, TriangleModel, quantise},
     read::{self, ReadOptions},
 };
 use insula_protocol::{
@@ -55,8 +55,8 @@ fn main() -> Result<()> {
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for path in &args.scan {
-        let format = Format::of(path).context("a name that ends in .ply, .off or .obj is wanted")?;
-        let mut model = Model::read(&std::fs::read(path)?, format)?;
+        let format = ModelFormat::of(path).context("a name that ends in .ply, .off or .obj is wanted")?;
+        let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
         model.weld();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mesh = quantise::to_mesh(&model, BITS, BITS);

@@ -8,7 +8,7 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use insula_bake::{
-    model::{Format, Model},
+    model::{ModelFormat, TriangleModel},
     simplify::{Goal, simplify},
 };
 use meshopt::{SimplifyOptions, VertexDataAdapter};
@@ -36,8 +36,8 @@ fn main() -> Result<()> {
     println!("| mesh | kept | by | triangles | ms | mean | RMS | largest |");
     println!("|---|---|---|---|---|---|---|---|");
     for path in &args.models {
-        let format = Format::of(path).context("a name that ends in .ply, .off or .obj is wanted")?;
-        let mut model = Model::read(&std::fs::read(path)?, format)?;
+        let format = ModelFormat::of(path).context("a name that ends in .ply, .off or .obj is wanted")?;
+        let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
         model.weld();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         for ratio in [0.5, 0.1, 0.01] {
@@ -47,7 +47,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-fn compare(name: &str, model: &Model, ratio: f64, args: &Args) -> Result<()> {
+fn compare(name: &str, model: &TriangleModel, ratio: f64, args: &Args) -> Result<()> {
     let positions: Vec<Point> = model.positions.iter().map(|p| p.map(|v| v as f32)).collect();
     let goal = (model.triangles.len() as f64 * ratio) as usize;
     let indices = model.triangles.as_flattened();

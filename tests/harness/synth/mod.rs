@@ -14,7 +14,7 @@ pub mod triangles;
 use crate::view::Camera;
 use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
-use insula_bake::{BakeOptions, MadeCity, Progress, bake_made, scene::grid::Grid};
+use insula_bake::{BakeOptions, GeneratedCity, Progress, bake_generated, scene::grid::CityGrid};
 use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::Quality, tile_id::MAX_LEVEL};
 use plan::Plan;
 use std::path::Path;
@@ -30,7 +30,7 @@ pub struct City {
     /// What stands where.
     pub plan: Plan,
     /// Where nodes lie; the middle of the root square is the middle of the city.
-    pub grid: Grid,
+    pub grid: CityGrid,
 }
 
 impl City {
@@ -43,14 +43,14 @@ impl City {
         let depth =
             (1..=MAX_LEVEL).find(|d| leaf_m * f64::from(1u32 << (d - 1)) >= reach).context("too many levels")?;
         let half = leaf_m * f64::from(1u32 << (depth - 1));
-        Ok(Self { plan, grid: Grid { corner: [-half, -half, 0.0], depth, cell_m } })
+        Ok(Self { plan, grid: CityGrid { corner: [-half, -half, 0.0], depth, cell_m } })
     }
 
     /// Writes the city's folder.
     pub fn write(&self, out: &Path, threads: Option<usize>, progress: &dyn Progress) -> Result<Manifest> {
         let [low, high] = self.plan.bounds();
         let totals = self.plan.totals();
-        let made = MadeCity {
+        let made = GeneratedCity {
             grid: self.grid,
             rule: format!("{RULE}, {} buildings", totals.buildings),
             bounds: [low.extend(0.0).into(), high.extend(HIGHEST_M).into()],
@@ -68,7 +68,7 @@ impl City {
             quality,
             ..BakeOptions::default()
         };
-        Ok(bake_made(&made, &|id| self.node(id), &options, progress)?)
+        Ok(bake_generated(&made, &|id| self.node(id), &options, progress)?)
     }
 
     /// A node's columns; `None` where the city is not.

@@ -12,7 +12,7 @@ use crate::{
         voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode},
     },
     sample::{mend, solids::open_side, texture::linear},
-    scene::grid::Grid,
+    scene::grid::CityGrid,
 };
 use glam::{Vec2, Vec3};
 use insula_protocol::{
@@ -38,7 +38,7 @@ struct Fine {
 }
 
 /// The parent's columns from its children's, given in quadrant order.
-pub fn parent(grid: &Grid, id: TileId, children: [Option<&BlockMap>; 4]) -> VoxelNode {
+pub fn parent(grid: &CityGrid, id: TileId, children: [Option<&BlockMap>; 4]) -> VoxelNode {
     let cell_m = grid.cell_m_at(id.level()) as f32;
     let fine: [Vec<Option<Fine>>; 4] = children.map(|map| map.map_or_else(Vec::new, fine_columns));
     let mut merged: Vec<Merged> = (0..COLUMNS).map(|i| merge_four(&four(&fine, i), cell_m)).collect();

@@ -5,7 +5,7 @@
 use crate::{
     columns::voxels::{Look, Solid, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
     sample::texture::srgb,
-    scene::grid::Grid,
+    scene::grid::CityGrid,
 };
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
@@ -50,7 +50,7 @@ impl Codes {
 }
 
 /// The node's V-BlockMap. Errors: only if more strips are wanted than [`MAX_TEXELS`] even after the rest went without.
-pub fn parametrise(grid: &Grid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
+pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
     let cell_m = grid.cell_m_at(node.id.level());
     let codes = Codes::new(node, cell_m);
     let mut texels = 0;
@@ -161,8 +161,8 @@ mod tests {
     use crate::columns::parametrise::*;
     use insula_protocol::{TileId, blockmap::flag};
 
-    fn grid() -> Grid {
-        Grid { corner: [0.0; 3], depth: 1, cell_m: 1.0 }
+    fn grid() -> CityGrid {
+        CityGrid { corner: [0.0; 3], depth: 1, cell_m: 1.0 }
     }
 
     fn column(solids: &[[f32; 2]], exposed: bool) -> VoxelColumn {

@@ -23,11 +23,11 @@ use super::{
     picture,
 };
 use crate::{
+    columns::voxels::HALF_DIAGONAL,
     error::BakeError,
-    model::{Layer, Model},
-    scene::{Scene, grid::Grid},
+    model::{CornerLayer, TriangleModel},
+    scene::{Scene, grid::CityGrid},
     simplify::{Goal, simplify},
-    write::tree::HALF_DIAGONAL,
 };
 
 /// Share of the V-BlockMap's error that the coarsest level of detail may have.
@@ -44,7 +44,7 @@ const HALF_CUBE: f64 = 0.866_025_403_784_438_6;
 /// All levels of detail that are worth their bytes.
 pub(super) fn chain(
     scene: &Scene,
-    grid: &Grid,
+    grid: &CityGrid,
     id: TileId,
     surface: &Surface,
     quality: Quality,
@@ -89,7 +89,7 @@ struct Maker<'a> {
 impl Maker<'_> {
     /// The surface itself, or as many of its triangles as a tile may have. `None` if that would be no better than the leaf's
     /// V-BlockMap, whose error is `coarse_m`.
-    fn finest(&self, coarse_m: f64) -> Result<Option<(Lod, Model)>, BakeError> {
+    fn finest(&self, coarse_m: f64) -> Result<Option<(Lod, TriangleModel)>, BakeError> {
         let surface = self.surface;
         let step_m = surface.points.step;
         let mut most = MAX_TRIANGLES;
@@ -115,7 +115,7 @@ impl Maker<'_> {
     }
 
     /// `None` if there is too much of it for a tile.
-    fn lod(&self, model: &Model, number: u8, (moved_m, texel_m): (f64, f64)) -> Result<Option<Lod>, BakeError> {
+    fn lod(&self, model: &TriangleModel, number: u8, (moved_m, texel_m): (f64, f64)) -> Result<Option<Lod>, BakeError> {
         let step_m = self.surface.points.step;
         let mut error_m = HALF_CUBE * step_m + moved_m;
         let (attribute, texture) = if self.surface.is_textured() {
@@ -147,7 +147,7 @@ impl Maker<'_> {
 
 impl Surface {
     /// At most so many triangles, no further away than `target_m`, and how far; `None` if that cannot be.
-    fn coarser(&self, target_m: f64, triangles: usize, half: &mut Vec<f64>) -> Option<(Model, f64)> {
+    fn coarser(&self, target_m: f64, triangles: usize, half: &mut Vec<f64>) -> Option<(TriangleModel, f64)> {
         let target = target_m / self.points.step;
         // What a collapse is thought to cost is a mean: the largest distance is more.
         for share in [1.0, 0.5, 0.25] {
@@ -172,12 +172,12 @@ impl Surface {
     }
 
     /// Fewer triangles, on the grid again; what is on the leaf's border stays.
-    fn simplified(&self, goal: Goal) -> Model {
+    fn simplified(&self, goal: Goal) -> TriangleModel {
         let positions = &self.model.positions;
         let simplified = simplify(&self.model, goal, |vertex| self.is_on_border(positions[vertex as usize])).model;
         let last = f64::from((1u32 << self.points.bits) - 1);
         let mut numbers = HashMap::new();
-        let mut settled = Model::default();
+        let mut settled = TriangleModel::default();
         let number = |position: &[f64; 3]| {
             let [x, y, z] = position.map(f64::round);
             let most = f64::from(self.steps);
@@ -189,7 +189,7 @@ impl Surface {
         };
         let vertices: Vec<u32> = simplified.positions.iter().map(number).collect();
         let layers = simplified.layers.iter();
-        settled.layers = layers.map(|layer| Layer { corners: Vec::new(), ..layer.clone() }).collect();
+        settled.layers = layers.map(|layer| CornerLayer { corners: Vec::new(), ..layer.clone() }).collect();
         for (t, triangle) in simplified.triangles.iter().enumerate() {
             let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
             if a != b && b != c && c != a {
@@ -204,7 +204,7 @@ impl Surface {
 }
 
 /// As three bytes a colour, each once.
-fn colours(layer: &Layer) -> Attribute {
+fn colours(layer: &CornerLayer) -> Attribute {
     let mut numbers = HashMap::new();
     let mut values = Vec::new();
     let number = |value: &u32| {

@@ -8,8 +8,8 @@ use glam::{DVec3, Vec2};
 
 use super::lattice;
 use crate::{
-    model::Model,
-    scene::{Scene, Texture},
+    model::TriangleModel,
+    scene::{Scene, SceneTexture},
 };
 
 /// Charts of one material beyond this many are not looked at for others that they could be merged with.
@@ -30,12 +30,12 @@ pub(super) struct Chart {
 }
 
 /// The picture of a material.
-pub(super) fn picture(scene: &Scene, material: u32) -> Option<&Texture> {
+pub(super) fn picture(scene: &Scene, material: u32) -> Option<&SceneTexture> {
     scene.materials.get(material as usize)?.texture.as_deref()
 }
 
 /// The texture coordinates of a triangle.
-pub(super) fn uv(model: &Model, t: u32) -> [Vec2; 3] {
+pub(super) fn uv(model: &TriangleModel, t: u32) -> [Vec2; 3] {
     let layer = &model.layers[0];
     [0, 1, 2].map(|k| {
         let [u, v, ..] = layer.values[layer.corners[3 * t as usize + k] as usize];
@@ -44,7 +44,7 @@ pub(super) fn uv(model: &Model, t: u32) -> [Vec2; 3] {
 }
 
 /// All charts, by material. What has no picture is one chart a material. `step_m` is the length of the model's unit.
-pub(super) fn charts(scene: &Scene, model: &Model, step_m: f64) -> Vec<Chart> {
+pub(super) fn charts(scene: &Scene, model: &TriangleModel, step_m: f64) -> Vec<Chart> {
     let layer = &model.layers[0];
     let material = |t: usize| layer.values[layer.corners[3 * t] as usize][2] as u32;
     let mut parent: Vec<u32> = (0..layer.values.len() as u32).collect();
@@ -76,7 +76,7 @@ fn root(parent: &mut [u32], mut v: u32) -> u32 {
     v
 }
 
-fn chart(scene: &Scene, model: &Model, (material, triangles): (u32, Vec<u32>), step_m: f64) -> Chart {
+fn chart(scene: &Scene, model: &TriangleModel, (material, triangles): (u32, Vec<u32>), step_m: f64) -> Chart {
     let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
     let (mut texels, mut area_m2) = (0.0, 0.0);
     let picture = picture(scene, material);

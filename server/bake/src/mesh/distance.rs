@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use crate::model::Model;
+use crate::model::TriangleModel;
 
 /// Along a triangle's side, most places where it is measured.
 const MOST_SAMPLES: u32 = 6;
@@ -24,7 +24,7 @@ pub(super) struct Near {
 
 impl Near {
     /// Distances up to `reach` can be asked for.
-    pub(super) fn new(model: &Model, reach: f64) -> Self {
+    pub(super) fn new(model: &TriangleModel, reach: f64) -> Self {
         let side = (4.0 * reach).max(SMALLEST_CUBE);
         let triangles: Vec<[DVec3; 3]> = (0..model.triangles.len()).map(|t| corners(model, t)).collect();
         let mut cubes: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
@@ -58,7 +58,7 @@ impl Near {
 
     /// The largest distance of points spread over `model`, about `spacing` apart; each triangle's counts for no more than
     /// its bound.
-    pub(super) fn farthest(&self, model: &Model, spacing: f64, bound: impl Fn(usize) -> f64) -> f64 {
+    pub(super) fn farthest(&self, model: &TriangleModel, spacing: f64, bound: impl Fn(usize) -> f64) -> f64 {
         let mut farthest = 0f64;
         for t in 0..model.triangles.len() {
             let most = bound(t);
@@ -79,7 +79,7 @@ impl Near {
     }
 }
 
-fn corners(model: &Model, t: usize) -> [DVec3; 3] {
+fn corners(model: &TriangleModel, t: usize) -> [DVec3; 3] {
     model.triangles[t].map(|vertex| DVec3::from(model.positions[vertex as usize]))
 }
 
@@ -117,7 +117,7 @@ fn squared_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
 
 /// For each triangle, half the diagonal of the box around all that hangs together with it: when a part leaves, no more
 /// than that is missing.
-pub(super) fn half_diagonals(model: &Model) -> Vec<f64> {
+pub(super) fn half_diagonals(model: &TriangleModel) -> Vec<f64> {
     let mut parent: Vec<u32> = (0..model.positions.len() as u32).collect();
     fn root(parent: &mut [u32], mut v: u32) -> u32 {
         while parent[v as usize] != v {
@@ -149,9 +149,9 @@ pub(super) fn half_diagonals(model: &Model) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    fn sheet(z: f64) -> Model {
+    fn sheet(z: f64) -> TriangleModel {
         let positions = vec![[0.0, 0.0, z], [10.0, 0.0, z], [10.0, 10.0, z], [0.0, 10.0, z]];
-        Model { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], layers: Vec::new() }
+        TriangleModel { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], layers: Vec::new() }
     }
 
     #[test]

@@ -15,8 +15,8 @@ use insula_protocol::{
 
 use super::cut::{self, Corner};
 use crate::{
-    model::{Layer, Model},
-    scene::{Scene, grid::Grid},
+    model::{CornerLayer, TriangleModel},
+    scene::{Scene, grid::CityGrid},
 };
 
 /// Steps along a leaf's side.
@@ -31,7 +31,7 @@ pub(super) struct Surface {
     pub(super) steps: u32,
     /// With one layer: `Other` (u, v and material) if any material has a picture, else `Colour`. Two corners have the same value
     /// only if they are at the same vertex.
-    pub(super) model: Model,
+    pub(super) model: TriangleModel,
 }
 
 impl Surface {
@@ -41,7 +41,7 @@ impl Surface {
     }
 
     /// Clips the scene's triangles to the leaf's square. `None` if nothing with any area is left.
-    pub(super) fn gather(scene: &Scene, grid: &Grid, id: TileId) -> Option<Self> {
+    pub(super) fn gather(scene: &Scene, grid: &CityGrid, id: TileId) -> Option<Self> {
         let pieces = pieces(scene, grid, id);
         let textured = pieces.iter().any(|piece| picture_of(scene, piece.material));
         let side_m = grid.node_side_m(id.level());
@@ -60,7 +60,7 @@ impl Surface {
         let mut surface = Self {
             points: Points { min: [0.0, 0.0, first[2] as f64 * step], step, bits },
             steps,
-            model: Model::default(),
+            model: TriangleModel::default(),
         };
         let mut builder = Builder::default();
         for piece in &pieces {
@@ -99,7 +99,7 @@ struct Piece {
     material: u32,
 }
 
-fn pieces(scene: &Scene, grid: &Grid, id: TileId) -> Vec<Piece> {
+fn pieces(scene: &Scene, grid: &CityGrid, id: TileId) -> Vec<Piece> {
     let side_m = grid.node_side_m(id.level());
     let low = [id.x(), id.y()].map(|v| f64::from(v) * side_m);
     let high = [id.x() + 1, id.y() + 1].map(|v| f64::from(v) * side_m);
@@ -135,7 +135,7 @@ pub(super) fn colour(scene: &Scene, material: u32) -> [u8; 3] {
 /// Vertices at one point become one, triangles without area are left out.
 #[derive(Default)]
 struct Builder {
-    model: Model,
+    model: TriangleModel,
     vertices: HashMap<[i64; 3], u32>,
     wedges: HashMap<(u32, [u32; 3]), u32>,
     values: Vec<[f32; 4]>,
@@ -164,8 +164,8 @@ impl Builder {
         }
     }
 
-    fn finish(self, kind: Kind) -> Model {
-        let layer = Layer { kind, width: 3, values: self.values, corners: self.corners };
-        Model { layers: vec![layer], ..self.model }
+    fn finish(self, kind: Kind) -> TriangleModel {
+        let layer = CornerLayer { kind, width: 3, values: self.values, corners: self.corners };
+        TriangleModel { layers: vec![layer], ..self.model }
     }
 }

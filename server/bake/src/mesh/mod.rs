@@ -21,7 +21,7 @@ use insula_protocol::{TileId, blockmap::Quality, subtree::MeshLod};
 
 use crate::{
     error::BakeError,
-    scene::{Scene, grid::Grid},
+    scene::{Scene, grid::CityGrid},
 };
 
 /// Raised whenever the same scene and settings would give other meshes than before.
@@ -35,7 +35,7 @@ pub(crate) struct Lod {
 }
 
 /// The leaf's levels of detail, the finest first; none where it has no surface, or only what is too small for its grid.
-pub(crate) fn leaf(scene: &Scene, grid: &Grid, id: TileId, quality: Quality) -> Result<Vec<Lod>, BakeError> {
+pub(crate) fn leaf(scene: &Scene, grid: &CityGrid, id: TileId, quality: Quality) -> Result<Vec<Lod>, BakeError> {
     match lattice::Surface::gather(scene, grid, id) {
         Some(surface) => chain::chain(scene, grid, id, &surface, quality),
         None => Ok(Vec::new()),

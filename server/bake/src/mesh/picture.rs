@@ -22,7 +22,7 @@ use super::{
     wire::{self, Shown},
 };
 use crate::{
-    model::Model,
+    model::TriangleModel,
     sample::texture::{linear, read, srgb},
     scene::Scene,
 };
@@ -47,7 +47,12 @@ pub(super) struct Dress {
 
 /// Paints the surface's pictures anew, with texels of `texel_m` or longer, none shorter than the source's. `step_m` is the
 /// length of the model's unit. `None` if it cannot be packed.
-pub(super) fn dress(scene: &Scene, model: &Model, (step_m, texel_m): (f64, f64), quality: Quality) -> Option<Dress> {
+pub(super) fn dress(
+    scene: &Scene,
+    model: &TriangleModel,
+    (step_m, texel_m): (f64, f64),
+    quality: Quality,
+) -> Option<Dress> {
     let charts = charts::charts(scene, model, step_m);
     let mut texel_m = texel_m;
     // Longer texels until all of it fits.
@@ -118,7 +123,7 @@ impl Map {
     }
 }
 
-fn places(model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas) -> Attribute {
+fn places(model: &TriangleModel, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas) -> Attribute {
     let layer = &model.layers[0];
     let bits = (atlas.size[0].max(atlas.size[1]).ilog2() + 1 + SUB_BITS).clamp(8, 16);
     let most = ((1u32 << bits) - 1) as f32;
@@ -153,7 +158,7 @@ struct Canvas {
     shown: Vec<bool>,
 }
 
-fn paint(scene: &Scene, model: &Model, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas) -> Canvas {
+fn paint(scene: &Scene, model: &TriangleModel, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas: &Atlas) -> Canvas {
     let texels = (atlas.size[0] * atlas.size[1]) as usize;
     let mut canvas = Canvas { size: atlas.size, sums: vec![(Vec3::ZERO, 0.0); texels], shown: vec![false; texels] };
     for ((chart, size), place) in charts.iter().zip(sizes).zip(&atlas.places) {

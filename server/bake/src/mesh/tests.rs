@@ -14,8 +14,8 @@ use super::*;
 use crate::read::{ReadOptions, read};
 
 /// Each city and its leaves' meshes, made once for all tests.
-fn cities() -> &'static [(Scene, Grid, Leaves)] {
-    static CITIES: OnceLock<Vec<(Scene, Grid, Leaves)>> = OnceLock::new();
+fn cities() -> &'static [(Scene, CityGrid, Leaves)] {
+    static CITIES: OnceLock<Vec<(Scene, CityGrid, Leaves)>> = OnceLock::new();
     CITIES.get_or_init(|| {
         let paths = match std::env::var_os("INSULA_MESH_CITIES") {
             Some(paths) => std::env::split_paths(&paths).collect(),
@@ -30,7 +30,7 @@ fn cities() -> &'static [(Scene, Grid, Leaves)] {
     })
 }
 
-fn open(path: PathBuf) -> (Scene, Grid) {
+fn open(path: PathBuf) -> (Scene, CityGrid) {
     let (scene, _) = read(&[path], &ReadOptions::default(), &|_| {}).unwrap();
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for corner in scene.triangles.iter().flat_map(|triangle| triangle.corners) {
@@ -38,12 +38,12 @@ fn open(path: PathBuf) -> (Scene, Grid) {
             (min[axis], max[axis]) = (min[axis].min(corner[axis].into()), max[axis].max(corner[axis].into()));
         }
     }
-    let grid = Grid::covering(min, max, scene.origin, 1.0).unwrap();
+    let grid = CityGrid::covering(min, max, scene.origin, 1.0).unwrap();
     (scene, grid)
 }
 
 /// The scene's triangles that lie in or beside a leaf, for each leaf that has some.
-fn leaves(scene: &Scene, grid: &Grid) -> Vec<(TileId, Scene)> {
+fn leaves(scene: &Scene, grid: &CityGrid) -> Vec<(TileId, Scene)> {
     let side_m = grid.node_side_m(grid.depth);
     let mut found: BTreeMap<TileId, Scene> = BTreeMap::new();
     let part = Scene { triangles: Vec::new(), materials: scene.materials.clone(), ..Scene::default() };
@@ -65,7 +65,7 @@ fn leaves(scene: &Scene, grid: &Grid) -> Vec<(TileId, Scene)> {
 
 type Leaves = BTreeMap<TileId, Vec<(Lod, MeshTile)>>;
 
-fn baked(scene: &Scene, grid: &Grid) -> Leaves {
+fn baked(scene: &Scene, grid: &CityGrid) -> Leaves {
     let leaf = |(id, part): (TileId, Scene)| {
         let lods = leaf(&part, grid, id, Quality::Decibels(36.0)).unwrap();
         let decoded = (0..).zip(lods).map(|(number, lod)| {

@@ -1,17 +1,16 @@
-//! OBJ: vertices, normals, texture coordinates and faces; materials are not looked at.
-//!
-//! In: bytes. Out: a [`Model`], and back. Next: `model`. (`read::obj` reads cities, with materials and pictures.)
+//! OBJ: vertices, normals, texture coordinates and faces. Materials are ignored; `read::obj` reads cities with
+//! materials.
 
-use super::{Layer, Model, ModelError, fan, limit};
+use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
 use insula_protocol::mesh::Kind;
 use std::fmt::Write;
 
 const FORMAT: &str = "OBJ";
 
-pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
+pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     let text = String::from_utf8_lossy(bytes);
-    let mut model = Model::default();
-    // Numbers of texture coordinates and normals: read before they are known to be there.
+    let mut model = TriangleModel::default();
+    // Indices of texture coordinates and normals are read before it is known whether these exist.
     let (mut texcoords, mut normals) = (Vec::new(), Vec::new());
     let mut corners: [Vec<Option<u32>>; 2] = Default::default();
     let mut polygon: Vec<[Option<u32>; 3]> = Vec::new();
@@ -20,33 +19,33 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
         let mut words = line.split_whitespace();
         match words.next() {
             Some("v") => {
-                let position = numbers(words).ok_or(error("no three coordinates"))?;
+                let position = numbers(words).ok_or(error("fewer than three coordinates"))?;
                 model.positions.push(position);
-                limit(model.positions.len())?;
+                check_count(model.positions.len())?;
             }
             Some("vt") => {
-                let [u, v] = numbers(words).ok_or(error("no two texture coordinates"))?;
+                let [u, v] = numbers(words).ok_or(error("fewer than two texture coordinates"))?;
                 texcoords.push([u as f32, v as f32, 0.0, 0.0]);
             }
             Some("vn") => {
-                let [x, y, z] = numbers(words).ok_or(error("no normal"))?;
+                let [x, y, z] = numbers(words).ok_or(error("an invalid normal"))?;
                 normals.push([x as f32, y as f32, z as f32, 0.0]);
             }
             Some("f") => {
                 polygon.clear();
                 let counts = [model.positions.len(), texcoords.len(), normals.len()];
                 for word in words {
-                    polygon.push(corner(word, counts).ok_or(error("a corner that is none"))?);
+                    polygon.push(corner(word, counts).ok_or(error("an invalid corner"))?);
                 }
                 let order: Vec<u32> = (0..polygon.len() as u32).collect();
-                fan(&order, |triangle| {
+                push_fan(&order, |triangle| {
                     let triangle = triangle.map(|i| polygon[i as usize]);
                     model.triangles.push(triangle.map(|corner| corner[0].unwrap_or_default()));
                     for (k, corners) in corners.iter_mut().enumerate() {
                         corners.extend(triangle.map(|corner| corner[k + 1]));
                     }
                 });
-                limit(model.triangles.len())?;
+                check_count(model.triangles.len())?;
             }
             _ => {}
         }
@@ -58,11 +57,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     Ok(model)
 }
 
-/// A layer if all corners have a value; what some lack, none is given.
-fn layer(kind: Kind, width: usize, values: Vec<[f32; 4]>, corners: Vec<Option<u32>>) -> Option<Layer> {
+/// A layer if all corners have a value, else `None`.
+fn layer(kind: Kind, width: usize, values: Vec<[f32; 4]>, corners: Vec<Option<u32>>) -> Option<CornerLayer> {
     let corners: Vec<u32> = corners.into_iter().collect::<Option<_>>()?;
-    let all_there = !corners.is_empty() && corners.iter().all(|value| (*value as usize) < values.len());
-    all_there.then_some(Layer { kind, width, values, corners })
+    let is_complete = !corners.is_empty() && corners.iter().all(|value| (*value as usize) < values.len());
+    is_complete.then_some(CornerLayer { kind, width, values, corners })
 }
 
 fn numbers<'a, const N: usize>(mut words: impl Iterator<Item = &'a str>) -> Option<[f64; N]> {
@@ -73,7 +72,8 @@ fn numbers<'a, const N: usize>(mut words: impl Iterator<Item = &'a str>) -> Opti
     Some(out)
 }
 
-/// `7`, `7/2`, `7//3`, `7/2/3`, or counted back from the last with a minus: from 0, vertex first.
+/// Parses `7`, `7/2`, `7//3` or `7/2/3`; negative numbers count from the last. Returns the vertex first, from 0.
+/// `counts` are the numbers of vertices, texture coordinates and normals.
 fn corner(word: &str, counts: [usize; 3]) -> Option<[Option<u32>; 3]> {
     let mut out = [None; 3];
     for ((part, count), out) in word.split('/').zip(counts).zip(&mut out) {
@@ -88,7 +88,7 @@ fn corner(word: &str, counts: [usize; 3]) -> Option<[Option<u32>; 3]> {
     Some(out)
 }
 
-pub(super) fn write(model: &Model) -> Vec<u8> {
+pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
     let mut out = String::new();
     for [x, y, z] in &model.positions {
         let _ = writeln!(out, "v {x} {y} {z}");
@@ -104,7 +104,7 @@ pub(super) fn write(model: &Model) -> Vec<u8> {
     for (t, triangle) in model.triangles.iter().enumerate() {
         out.push('f');
         for (k, vertex) in triangle.iter().enumerate() {
-            let value = |layer: Option<&Layer>| layer.map(|layer| layer.corners[3 * t + k] + 1);
+            let value = |layer: Option<&CornerLayer>| layer.map(|layer| layer.corners[3 * t + k] + 1);
             let vertex = vertex + 1;
             let _ = match (value(uv), value(normal)) {
                 (None, None) => write!(out, " {vertex}"),

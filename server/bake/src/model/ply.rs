@@ -1,16 +1,14 @@
-//! PLY: a header that describes elements, then their values as text or in binary.
+//! PLY: a header that describes elements, then their values as text or binary.
 //!
-//! In: bytes. Out: a [`Model`], and back. Next: `model`.
-//!
-//! Of vertices x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha) are
-//! read, of faces the list of their corners; what else is described is passed over.
+//! Of vertices, x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha)
+//! are read; of faces the list of corners. Everything else is skipped.
 
-use super::{Layer, Model, ModelError, fan, limit};
+use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
 use insula_protocol::mesh::Kind;
 use std::collections::HashMap;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Number {
+enum PlyNumber {
     I8,
     U8,
     I16,
@@ -21,8 +19,8 @@ enum Number {
     F64,
 }
 
-impl Number {
-    fn named(name: &str) -> Option<Self> {
+impl PlyNumber {
+    fn by_name(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
             "uchar" | "uint8" => Self::U8,
@@ -45,7 +43,7 @@ impl Number {
         }
     }
 
-    /// From as many bytes as it has, the low one first.
+    /// Converts the first [`Self::bytes`] of `bytes`, little-endian.
     fn value(self, bytes: [u8; 8]) -> f64 {
         let [a, b, c, d, ..] = bytes;
         match self {
@@ -61,61 +59,61 @@ impl Number {
     }
 }
 
-struct Property {
+struct PlyProperty {
     name: String,
-    /// Of a list's length.
-    length: Option<Number>,
-    number: Number,
+    /// Type of a list's length; `None` for a single value.
+    length: Option<PlyNumber>,
+    number: PlyNumber,
 }
 
-struct Element {
+struct PlyElement {
     name: String,
     count: usize,
-    properties: Vec<Property>,
+    properties: Vec<PlyProperty>,
 }
 
-enum Encoding {
+enum PlyEncoding {
     Text,
     Little,
     Big,
 }
 
-/// Values one after the other.
-struct Values<'a> {
+/// The values after the header.
+struct PlyValues<'a> {
     rest: &'a [u8],
-    encoding: Encoding,
+    encoding: PlyEncoding,
 }
 
-impl Values<'_> {
-    fn next(&mut self, number: Number) -> Result<f64, ModelError> {
-        const SHORT: ModelError = ModelError::Whole("a PLY file ends before all that it announces");
-        if let Encoding::Text = self.encoding {
+impl PlyValues<'_> {
+    fn next(&mut self, number: PlyNumber) -> Result<f64, ModelError> {
+        const SHORT: ModelError = ModelError::Whole("a PLY file ends before its declared content");
+        if let PlyEncoding::Text = self.encoding {
             let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace()).ok_or(SHORT)?;
             let word = &self.rest[start..];
             let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
             self.rest = &word[end..];
             let word = std::str::from_utf8(&word[..end]).ok().and_then(|word| word.parse().ok());
-            return word.ok_or(ModelError::Whole("a value of a PLY file is no number"));
+            return word.ok_or(ModelError::Whole("a value of a PLY file is not a number"));
         }
         let (head, rest) = self.rest.split_at_checked(number.bytes()).ok_or(SHORT)?;
         self.rest = rest;
         let mut bytes = [0; 8];
         bytes[..head.len()].copy_from_slice(head);
-        if let Encoding::Big = self.encoding {
+        if let PlyEncoding::Big = self.encoding {
             bytes[..head.len()].reverse();
         }
         Ok(number.value(bytes))
     }
 }
 
-pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
-    let (elements, mut values) = header(bytes)?;
-    let mut model = Model::default();
+pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
+    let (elements, mut values) = read_header(bytes)?;
+    let mut model = TriangleModel::default();
     for element in &elements {
-        limit(element.count)?;
+        check_count(element.count)?;
         match element.name.as_str() {
-            "vertex" => vertices(&mut model, element, &mut values)?,
-            _ => faces(&mut model, element, &mut values)?,
+            "vertex" => read_vertices(&mut model, element, &mut values)?,
+            _ => read_faces(&mut model, element, &mut values)?,
         }
     }
     let corners: Vec<u32> = model.triangles.as_flattened().to_vec();
@@ -123,46 +121,46 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     Ok(model)
 }
 
-fn header(bytes: &[u8]) -> Result<(Vec<Element>, Values<'_>), ModelError> {
-    let mut elements: Vec<Element> = Vec::new();
+fn read_header(bytes: &[u8]) -> Result<(Vec<PlyElement>, PlyValues<'_>), ModelError> {
+    let mut elements: Vec<PlyElement> = Vec::new();
     let mut encoding = None;
     let mut rest = bytes;
     for at in 1..10_000 {
         let error = |what| ModelError::Line { what, line: at, format: "PLY" };
-        let end = rest.iter().position(|byte| *byte == b'\n').ok_or(error("no end of the header"))?;
-        let line = std::str::from_utf8(&rest[..end]).map_err(|_| error("no text"))?;
+        let end = rest.iter().position(|byte| *byte == b'\n').ok_or(error("an incomplete header"))?;
+        let line = std::str::from_utf8(&rest[..end]).map_err(|_| error("invalid text"))?;
         rest = &rest[end + 1..];
         let words: Vec<&str> = line.split_whitespace().collect();
-        let number = |name: &str| Number::named(name).ok_or(error("an unknown type"));
+        let number = |name: &str| PlyNumber::by_name(name).ok_or(error("an unknown type"));
         match words[..] {
             ["ply"] if at == 1 => {}
-            _ if at == 1 => return Err(error("no ply")),
-            ["format", "ascii", _] => encoding = Some(Encoding::Text),
-            ["format", "binary_little_endian", _] => encoding = Some(Encoding::Little),
-            ["format", "binary_big_endian", _] => encoding = Some(Encoding::Big),
+            _ if at == 1 => return Err(error("no `ply` header")),
+            ["format", "ascii", _] => encoding = Some(PlyEncoding::Text),
+            ["format", "binary_little_endian", _] => encoding = Some(PlyEncoding::Little),
+            ["format", "binary_big_endian", _] => encoding = Some(PlyEncoding::Big),
             ["element", name, count] => {
-                let count = count.parse().map_err(|_| error("no count"))?;
-                elements.push(Element { name: name.into(), count, properties: Vec::new() });
+                let count = count.parse().map_err(|_| error("an invalid count"))?;
+                elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
             }
             ["property", "list", length, item, name] => {
-                let property = Property { name: name.into(), length: Some(number(length)?), number: number(item)? };
-                elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
+                let property = PlyProperty { name: name.into(), length: Some(number(length)?), number: number(item)? };
+                elements.last_mut().ok_or(error("a property before any element"))?.properties.push(property);
             }
             ["property", item, name] => {
-                let property = Property { name: name.into(), length: None, number: number(item)? };
-                elements.last_mut().ok_or(error("a property of nothing"))?.properties.push(property);
+                let property = PlyProperty { name: name.into(), length: None, number: number(item)? };
+                elements.last_mut().ok_or(error("a property before any element"))?.properties.push(property);
             }
             ["end_header"] => {
                 let encoding = encoding.ok_or(error("no format"))?;
-                return Ok((elements, Values { rest, encoding }));
+                return Ok((elements, PlyValues { rest, encoding }));
             }
             _ => {}
         }
     }
-    Err(ModelError::Whole("a PLY file's header has no end"))
+    Err(ModelError::Whole("a PLY file's header has no end_header"))
 }
 
-/// Names of a vertex's numbers that make a layer.
+/// Names of the vertex properties that form a layer.
 const LAYERS: [(Kind, &[&str]); 5] = [
     (Kind::TexCoord, &["u", "v"]),
     (Kind::TexCoord, &["s", "t"]),
@@ -171,7 +169,11 @@ const LAYERS: [(Kind, &[&str]); 5] = [
     (Kind::Colour, &["red", "green", "blue"]),
 ];
 
-fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+fn read_vertices(
+    model: &mut TriangleModel,
+    element: &PlyElement,
+    values: &mut PlyValues<'_>,
+) -> Result<(), ModelError> {
     let places: HashMap<&str, usize> = element.properties.iter().zip(0..).map(|(p, i)| (p.name.as_str(), i)).collect();
     let place = |names: &[&str]| names.iter().map(|name| places.get(name).copied()).collect::<Option<Vec<usize>>>();
     let Some(xyz) = place(&["x", "y", "z"]) else {
@@ -186,7 +188,7 @@ fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Re
         }
     }
     for (kind, place) in &layers {
-        model.layers.push(Layer { kind: *kind, width: place.len(), values: Vec::new(), corners: Vec::new() });
+        model.layers.push(CornerLayer { kind: *kind, width: place.len(), values: Vec::new(), corners: Vec::new() });
     }
     let mut row = vec![0.0; element.properties.len()];
     for _ in 0..element.count {
@@ -195,8 +197,8 @@ fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Re
         }
         model.positions.push(std::array::from_fn(|k| row[xyz[k]]));
         for ((kind, place), layer) in layers.iter().zip(&mut model.layers) {
-            // Colours are bytes in nearly all files.
-            let is_byte = element.properties[place[0]].number == Number::U8;
+            // In nearly all files colours are bytes.
+            let is_byte = element.properties[place[0]].number == PlyNumber::U8;
             let scale = if *kind == Kind::Colour && is_byte { 255.0 } else { 1.0 };
             layer.values.push(std::array::from_fn(|k| place.get(k).map_or(0.0, |place| (row[*place] / scale) as f32)));
         }
@@ -204,8 +206,8 @@ fn vertices(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Re
     Ok(())
 }
 
-/// A number, or 0 for a list, which is passed over.
-fn skip_list(property: &Property, values: &mut Values<'_>) -> Result<f64, ModelError> {
+/// Reads a value, or skips a list and returns 0.
+fn skip_list(property: &PlyProperty, values: &mut PlyValues<'_>) -> Result<f64, ModelError> {
     let Some(length) = property.length else { return values.next(property.number) };
     for _ in 0..values.next(length)? as usize {
         values.next(property.number)?;
@@ -213,7 +215,7 @@ fn skip_list(property: &Property, values: &mut Values<'_>) -> Result<f64, ModelE
     Ok(0.0)
 }
 
-fn faces(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Result<(), ModelError> {
+fn read_faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<(), ModelError> {
     let mut polygon = Vec::new();
     for _ in 0..element.count {
         for property in &element.properties {
@@ -225,8 +227,8 @@ fn faces(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Resul
                     for _ in 0..count {
                         polygon.push(values.next(property.number)? as u32);
                     }
-                    fan(&polygon, |triangle| model.triangles.push(triangle));
-                    limit(model.triangles.len())?;
+                    push_fan(&polygon, |triangle| model.triangles.push(triangle));
+                    check_count(model.triangles.len())?;
                 }
                 _ => drop(skip_list(property, values)?),
             }
@@ -235,8 +237,8 @@ fn faces(model: &mut Model, element: &Element, values: &mut Values<'_>) -> Resul
     Ok(())
 }
 
-pub(super) fn write(model: &Model) -> Vec<u8> {
-    // A vertex has one value of each layer: one with several is written several times.
+pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
+    // In PLY a vertex has one value of each layer. A vertex with several is written several times.
     let mut numbers: HashMap<Vec<u32>, u32> = HashMap::new();
     let mut rows: Vec<Vec<u32>> = Vec::new();
     let mut row = |row: Vec<u32>| {

@@ -1,18 +1,17 @@
-//! Models on a grid, and off it again.
-//!
-//! In: a [`Model`] and how many bits its numbers shall have. Out: a [`Mesh`]; or the other way. Next: the mesh codec.
+//! Converts models to meshes with quantised values, and back.
 
-use super::{Layer, Model};
+use super::triangle_model::{CornerLayer, TriangleModel};
 use insula_protocol::{
     mesh::{Attribute, Grid, Kind, Mesh},
     octahedral,
 };
 
-/// Bits of colours, and of each half of a normal.
+/// Bits of a colour component, and of each half of a normal.
 const BYTE: u8 = 8;
 
-/// A mesh with `bits` (8 to 16) for each coordinate, and `texcoord_bits` (8 to 16) for those in textures.
-pub fn to_mesh(model: &Model, bits: u8, texcoord_bits: u8) -> Mesh {
+/// Quantises a model with `bits` (8 to 16) for each coordinate, and `texcoord_bits` (8 to 16) for each texture
+/// coordinate.
+pub fn to_mesh(model: &TriangleModel, bits: u8, texcoord_bits: u8) -> Mesh {
     let grid = Grid::around(&model.positions, bits);
     let attributes = model.layers.iter().map(|layer| attribute(layer, texcoord_bits)).collect();
     Mesh {
@@ -23,7 +22,7 @@ pub fn to_mesh(model: &Model, bits: u8, texcoord_bits: u8) -> Mesh {
     }
 }
 
-fn attribute(layer: &Layer, texcoord_bits: u8) -> Attribute {
+fn attribute(layer: &CornerLayer, texcoord_bits: u8) -> Attribute {
     let counting = || layer.values.iter().flat_map(|value| &value[..layer.width]);
     let (bits, components, range) = match layer.kind {
         Kind::Normal => (BYTE, 2, [0.0, 1.0]),
@@ -54,8 +53,8 @@ fn attribute(layer: &Layer, texcoord_bits: u8) -> Attribute {
     Attribute { kind: layer.kind, components, bits, range, values, corners: layer.corners.clone() }
 }
 
-/// The model that a mesh stands for.
-pub fn to_model(mesh: &Mesh) -> Model {
+/// The model of a mesh.
+pub fn to_model(mesh: &Mesh) -> TriangleModel {
     let layers = mesh.attributes.iter().map(|attribute| {
         let value = |value: &[u32; 4]| {
             if attribute.kind == Kind::Normal {
@@ -69,7 +68,11 @@ pub fn to_model(mesh: &Mesh) -> Model {
         };
         let width = if attribute.kind == Kind::Normal { 3 } else { usize::from(attribute.components) };
         let values = attribute.values.iter().map(value).collect();
-        Layer { kind: attribute.kind, width, values, corners: attribute.corners.clone() }
+        CornerLayer { kind: attribute.kind, width, values, corners: attribute.corners.clone() }
     });
-    Model { positions: mesh.positions_m().collect(), triangles: mesh.triangles.clone(), layers: layers.collect() }
+    TriangleModel {
+        positions: mesh.positions_m().collect(),
+        triangles: mesh.triangles.clone(),
+        layers: layers.collect(),
+    }
 }

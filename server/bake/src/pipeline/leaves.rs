@@ -1,90 +1,117 @@
-//! Blocks of leaves to stored tiles.
-//!
-//! In: one block of the partition. Out: its leaves' tiles in a pack. Next: `parents`.
+//! Bakes blocks of leaves into packs.
+
+use std::cmp::Reverse;
 
 use insula_protocol::TileId;
-use rayon::prelude::*;
+use rayon::{ThreadPool, prelude::*};
 
-use super::{Done, Stage, block::LocalCity};
+use super::{
+    block_scene::{BlockScene, estimate_memory_bytes},
+    context::{FinishedPack, TileContext, encode_node},
+    work_queue::{MemoryBudget, run_bounded},
+};
 use crate::{
-    columns::{parametrise::parametrise, voxels::VoxelNode},
+    columns::voxels::VoxelNode,
     error::BakeError,
+    hash::ShortHash,
     mesh,
-    report::Made,
+    report::PackOutcome,
     sample::{BlockInput, sample_block},
     scene::{
-        partition::{Block, Partition},
-        scratch_scene::{City, ShortHash},
+        partition::{LeafBlock, Partition},
+        scratch_scene::ScratchScene,
     },
     write::{
         mesh_pack::{self, LeafMesh, StoredMesh},
-        pack::{self, PackId, Stored, Tile},
-        tree,
+        tile_pack::{self, EncodedTile, PackId, StoredTile},
     },
 };
 
-/// What the leaves are made from.
-pub(super) struct Leaves<'a> {
-    pub(super) stage: &'a Stage<'a>,
-    pub(super) city: &'a City,
+/// The tiles and meshes of a block.
+struct BlockTiles {
+    tiles: Vec<EncodedTile>,
+    meshes: Vec<LeafMesh>,
+}
+
+/// Bakes the leaves of a city.
+pub(super) struct LeafBaker<'a> {
+    pub(super) context: &'a TileContext<'a>,
+    pub(super) city: &'a ScratchScene,
     pub(super) partition: &'a Partition,
 }
 
-impl Leaves<'_> {
-    /// Bakes one block, or finds that an earlier run did, or that the city to update has it already.
-    pub(super) fn block(&self, block: &Block, fingerprint: ShortHash) -> Result<Done, BakeError> {
-        let Stage { grid, packs, progress, before, config, .. } = *self.stage;
-        let pack = PackId { level: grid.depth, y: block.y, x: block.x };
-        let leaves = self.partition.leaves(block);
-        let held = before.filter(|before| before.holds(block, fingerprint));
-        let held = held.and_then(|before| Some((before.tiles(&leaves)?, before.meshes(&leaves)?)));
-        let unchanged = held.is_some();
-        let mut done = if let Some((tiles, meshes)) = self.found(pack) {
-            Done { tiles, meshes, made: Made::Resumed }
-        } else {
-            let (made, (tiles, leaf_meshes)) = match held {
-                Some(held) => (Made::Unchanged, held),
-                None => (Made::Baked, self.bake(block, &leaves)?),
-            };
-            // Whoever finds the tiles finds their meshes too.
-            let meshes = if config.meshes { mesh_pack::write(packs, pack, &leaf_meshes)? } else { Vec::new() };
-            Done { tiles: pack::write(packs, pack, &tiles)?, meshes, made }
-        };
-        done.tiles.iter_mut().for_each(|tile| tile.unchanged = unchanged);
-        progress.advance(leaves.len() as u64);
-        Ok(done)
+impl LeafBaker<'_> {
+    /// Bakes all blocks within the memory limit: samples, cuts meshes, parametrises, encodes and stores. `fingerprints`
+    /// are those of the partition's blocks. Fails with the first error of a block.
+    pub(super) fn bake_all(
+        &self,
+        pool: &ThreadPool,
+        fingerprints: &[ShortHash],
+    ) -> Result<Vec<FinishedPack>, BakeError> {
+        let TileContext { config, grid, progress, previous, .. } = *self.context;
+        // The queue is processed from both ends: few heavy blocks are in memory together, and the last blocks are
+        // neither large nor many.
+        let mut blocks: Vec<(&LeafBlock, ShortHash)> =
+            self.partition.blocks.iter().zip(fingerprints.iter().copied()).collect();
+        blocks.sort_by_key(|(block, _)| (Reverse(block.triangles), block.y, block.x));
+        let total = blocks.iter().map(|(block, _)| u64::from(block.leaves.count_ones())).sum();
+        progress.stage("sample", total);
+        let budget = MemoryBudget::new(config.block_bytes());
+        run_bounded(config.threads, &blocks, |(block, fingerprint)| {
+            // A block that is only copied needs hardly any memory.
+            let is_copied = previous.is_some_and(|previous| previous.has_block(block, *fingerprint));
+            let bytes = if is_copied { 0 } else { estimate_memory_bytes(block, grid, config.sample.margin_m) };
+            budget.with(bytes, || pool.install(|| self.bake_block(block, *fingerprint)))
+        })
     }
 
-    /// What an interrupted bake finished.
-    fn found(&self, pack: PackId) -> Option<(Vec<Stored>, Vec<StoredMesh>)> {
-        let tiles = self.stage.found(pack)?;
-        let meshes = if self.stage.config.meshes { mesh_pack::find(self.stage.packs, pack)? } else { Vec::new() };
+    /// Bakes one block, unless an interrupted bake finished it or the city to update has it.
+    fn bake_block(&self, block: &LeafBlock, fingerprint: ShortHash) -> Result<FinishedPack, BakeError> {
+        let TileContext { grid, packs, progress, previous, config, .. } = *self.context;
+        let pack = PackId { level: grid.depth, y: block.y, x: block.x };
+        let leaves = self.partition.leaves(block);
+        let reused = previous.filter(|previous| previous.has_block(block, fingerprint));
+        let reused = reused.and_then(|previous| {
+            Some(BlockTiles { tiles: previous.tiles(&leaves)?, meshes: previous.meshes(&leaves)? })
+        });
+        let is_unchanged = reused.is_some();
+        let mut finished = if let Some((tiles, meshes)) = self.find_resumed(pack) {
+            FinishedPack { tiles, meshes, outcome: PackOutcome::Resumed }
+        } else {
+            let (outcome, block) = match reused {
+                Some(reused) => (PackOutcome::Unchanged, reused),
+                None => (PackOutcome::Baked, self.bake_leaves(block, &leaves)?),
+            };
+            // Written before the tiles: a resumed bake that finds the tiles also finds the meshes.
+            let meshes = if config.meshes { mesh_pack::write(packs, pack, &block.meshes)? } else { Vec::new() };
+            FinishedPack { tiles: tile_pack::write(packs, pack, &block.tiles)?, meshes, outcome }
+        };
+        finished.tiles.iter_mut().for_each(|tile| tile.unchanged = is_unchanged);
+        progress.advance(leaves.len() as u64);
+        Ok(finished)
+    }
+
+    fn find_resumed(&self, pack: PackId) -> Option<(Vec<StoredTile>, Vec<StoredMesh>)> {
+        let TileContext { config, packs, .. } = *self.context;
+        let tiles = self.context.find_resumed(pack)?;
+        let meshes = if config.meshes { mesh_pack::find(packs, pack)? } else { Vec::new() };
         Some((tiles, meshes))
     }
 
-    fn bake(&self, block: &Block, leaves: &[TileId]) -> Result<(Vec<Tile>, Vec<LeafMesh>), BakeError> {
-        let Stage { grid, config, .. } = *self.stage;
-        let scene = LocalCity::load(self.partition, block)?.into_scene(self.city)?;
+    fn bake_leaves(&self, block: &LeafBlock, leaves: &[TileId]) -> Result<BlockTiles, BakeError> {
+        let TileContext { grid, config, .. } = *self.context;
+        let scene = BlockScene::load(self.partition, block)?.into_scene(self.city)?;
         let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
         let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
         let mut nodes = sample_block(&input, &config.sample);
         nodes.sort_unstable_by_key(|node| node.id);
-        let mesh = |node: &VoxelNode| Ok((node.id, mesh::leaf(&scene, grid, node.id, config.quality)?));
+        let mesh =
+            |node: &VoxelNode| Ok(LeafMesh { id: node.id, lods: mesh::leaf(&scene, grid, node.id, config.quality)? });
         let meshes =
             if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
         drop((scene, triangles));
-        let tiles = nodes.into_par_iter().map(|node| self.tile(node)).collect::<Result<_, _>>()?;
-        Ok((tiles, meshes))
-    }
-
-    /// Takes the node, so that its voxels are let go as soon as they are coded.
-    fn tile(&self, node: VoxelNode) -> Result<Tile, BakeError> {
-        let id: TileId = node.id;
-        let map = parametrise(self.stage.grid, &node).map_err(BakeError::tile(id, "made from its voxels"))?;
-        drop(node);
-        let bounds = tree::z_bounds(&map).unwrap_or([map.z_base_m(); 2]);
-        let [z_min_m, z_max_m] = tree::outward(bounds);
-        let bytes = map.encode_at(self.stage.config.quality).map_err(BakeError::tile(id, "encoded"))?;
-        Ok(Tile { id, z_min_m, z_max_m, bytes })
+        let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter());
+        let tiles = nodes.into_par_iter().map(encode).collect::<Result<_, _>>()?;
+        Ok(BlockTiles { tiles, meshes })
     }
 }

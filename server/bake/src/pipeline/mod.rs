@@ -1,276 +1,255 @@
-//! The stages of a bake, in their order. Nothing else decides order.
+//! The stages of a bake, in order.
 //!
-//! In: [`BakeOptions`], and a scene or the inputs to read it from. Out: a city folder and a [`Report`]. Next: the server.
-//!
-//! The same scene and settings give the same bytes whatever the number of threads, and whether or not a bake was
-//! interrupted: tiles depend on their block alone, and the archives are written in the order of tile ids.
+//! The same scene and settings give the same bytes with any number of threads, interrupted or not: the tiles of a block
+//! depend on that block alone, and archives are written in the order of tile ids.
 
-mod block;
-mod feed;
+mod block_scene;
+mod context;
+mod generated;
 mod leaves;
-mod made;
 mod parents;
 mod update;
+mod work_queue;
 
-use std::{cell::Cell, cmp::Reverse, path::Path};
+use std::cell::Cell;
 
 use rayon::{ThreadPool, prelude::*};
 
 use crate::{
-    config::{BakeOptions, Config, short_hex},
+    config::{BakeConfig, BakeOptions},
     error::BakeError,
+    hash::{ShortHash, short_hex},
     progress::Progress,
-    read::{self, ReadOptions, ReadProgress, ReadReport},
-    report::{Blocks, Clock, Made, MeshReport, Outcome, Report, Start},
+    read::{self, ReadOptions, ReadProgress, ReadReport, ScratchOptions},
+    report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
-        grid::Grid,
-        partition::{Block, Partition},
-        scratch_scene::{City, ShortHash},
+        grid::CityGrid,
+        partition::{LeafBlock, Partition, PartitionOptions},
+        scratch_scene::ScratchScene,
     },
     write::{
-        city::{self, CityInput, SceneFacts},
-        mesh_pack::StoredMesh,
-        pack::{self, PackId, Stored},
-        scratch::{Origin, Scratch},
-        tree::Tree,
+        city::{self, CityInput, SceneFacts, WrittenCity},
+        scratch_folder::{InputHashes, ScratchFolder},
     },
 };
-pub use made::{MadeCity, bake_made};
+pub use generated::{GeneratedCity, bake_generated};
 
-use block::LocalCity;
-use feed::Budget;
-use update::Before;
+use block_scene::BlockScene;
+use context::{FinishedTiles, TileContext};
+use leaves::LeafBaker;
+use update::PreviousCity;
 
-/// Bakes the inputs into `options.out`. Killed at any moment, or failed, it leaves either no city or a whole one; what it
-/// had finished lies in `CITY.partial`, where `options.resume` goes on.
-pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<Report, BakeError> {
-    let config = Config::new(options)?;
-    let scratch = Scratch::lock(&config.out)?;
-    let mut clock = Clock::new();
-    let (city, report) = clock.time("read", || read(options, &config, &scratch, progress))?;
-    run(city, report, &config, scratch, clock, progress)
+/// Bakes the inputs into `options.out`. A bake that fails or is killed leaves either no city or a complete one; its
+/// finished work stays in `CITY.partial`, where a bake with `options.resume` continues.
+pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
+    let config = BakeConfig::new(options)?;
+    let mut run = BakeRun::new(&config, progress)?;
+    let (city, read) = run.read(options)?;
+    run.bake(city, read)
 }
 
-/// The reader counts bytes from the start; a step is a byte.
-fn read(
-    options: &BakeOptions,
-    config: &Config,
-    scratch: &Scratch,
-    progress: &dyn Progress,
-) -> Result<(City, ReadReport), BakeError> {
-    let (obj_up, palette) = (options.obj_up, options.palette.clone());
-    let read_options = ReadOptions { obj_up, palette, ..ReadOptions::default() };
-    let total = Cell::new(None);
-    let done = Cell::new(0);
-    let tick = |now: ReadProgress| {
-        if total.replace(Some(now.bytes_total)) != Some(now.bytes_total) {
-            progress.stage("read", now.bytes_total);
-        }
-        progress.advance(now.bytes_done.saturating_sub(done.replace(now.bytes_done)));
-    };
-    read::read_to_disk(&options.inputs, &read_options, (&scratch.spool()?, config.picture_bytes()), &tick)
-}
-
-/// Bakes a scene that was read already; `options.inputs`, `obj_up` and `palette` are not looked at.
+/// Bakes a scene that is in memory. `options.inputs`, `obj_up` and `palette` are not used. Fails as [`bake`] does.
 pub fn bake_scene(
     scene: Scene,
     read_report: ReadReport,
     options: &BakeOptions,
     progress: &dyn Progress,
-) -> Result<Report, BakeError> {
-    let config = Config::new(options)?;
-    let scratch = Scratch::lock(&config.out)?;
-    run(City::from_scene(scene)?, read_report, &config, scratch, Clock::new(), progress)
+) -> Result<BakeReport, BakeError> {
+    let config = BakeConfig::new(options)?;
+    let run = BakeRun::new(&config, progress)?;
+    run.bake(ScratchScene::from_scene(scene)?, read_report)
 }
 
-/// What the stages that make tiles share.
-#[derive(Clone, Copy)]
-struct Stage<'a> {
-    config: &'a Config,
-    grid: &'a Grid,
-    packs: &'a Path,
+/// The state of a bake that lasts through all stages.
+struct BakeRun<'a> {
+    config: &'a BakeConfig,
     progress: &'a dyn Progress,
-    start: Start,
-    /// The city to update.
-    before: Option<&'a Before>,
+    scratch: ScratchFolder,
+    pool: ThreadPool,
+    clock: StageClock,
 }
 
-impl Stage<'_> {
-    /// The pack, if an interrupted bake finished it.
-    fn found(&self, pack: PackId) -> Option<Vec<Stored>> {
-        if self.start == Start::Resumed { pack::find(self.packs, pack) } else { None }
+impl<'a> BakeRun<'a> {
+    fn new(config: &'a BakeConfig, progress: &'a dyn Progress) -> Result<Self, BakeError> {
+        let scratch = ScratchFolder::lock(&config.out)?;
+        Ok(Self { config, progress, scratch, pool: thread_pool(config.threads)?, clock: StageClock::new() })
     }
-}
 
-fn run(
-    mut city: City,
-    read: ReadReport,
-    config: &Config,
-    mut scratch: Scratch,
-    mut clock: Clock,
-    progress: &dyn Progress,
-) -> Result<Report, BakeError> {
-    let pool = pool(config.threads)?;
-    let Some([min, max]) = city.bounds else {
-        return Err(BakeError::Empty { triangles: 0, cell_m: config.cell_m });
-    };
-    let facts = SceneFacts::new(&city, min, max);
-    let grid = Grid::covering(min, max, city.origin, config.cell_m).ok_or_else(|| {
-        let side_m = (max[0] - min[0]).max(max[1] - min[1]);
-        BakeError::Extent { side_m, cell_m: config.cell_m }
-    })?;
-    progress.stage("partition", city.triangles);
-    let (partition, fingerprints) = clock.time("partition", || {
-        let place = (&*scratch.spool()?.join("buckets"), config.bucket_bytes());
-        let partition = Partition::new(&city, &grid, config.sample.margin_m, place, |n| progress.advance(n))?;
-        let fingerprints = pool.install(|| fingerprints(&partition, &city, config, &grid))?;
-        Ok::<_, BakeError>((partition, fingerprints))
-    })?;
-    city.forget_triangles();
-    let before = before(config);
-    let origin = Origin { settings: config.settings.clone(), scene: hash(&partition, &fingerprints) };
-    let start = scratch.prepare(&origin, config.resume)?;
-    tell(start, config);
-    let packs = scratch.packs();
-    let stage = Stage { config, grid: &grid, packs: &packs, progress, start, before: before.as_ref() };
-    let mut blocks = Blocks::default();
-    let mut tree = Tree::new(grid.depth);
-    let triangles = city.triangles;
-    let leaves = leaves::Leaves { stage: &stage, city: &city, partition: &partition };
-    clock.time("sample", || sample(&leaves, &pool, &fingerprints, &mut tree, &mut blocks))?;
-    drop(city);
-    if tree.level(grid.depth).is_empty() {
-        return Err(BakeError::Empty { triangles: triangles as usize, cell_m: config.cell_m });
+    /// Reads the inputs into the scratch folder.
+    fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, ReadReport), BakeError> {
+        let (obj_up, palette) = (options.obj_up, options.palette.clone());
+        let read_options = ReadOptions { obj_up, palette, ..ReadOptions::default() };
+        let folder = self.scratch.scene_folder()?;
+        let scratch = ScratchOptions { folder: &folder, texture_cache_bytes: self.config.texture_cache_bytes() };
+        // The reader reports bytes since the start; a step of the stage is a byte.
+        let (total, done) = (Cell::new(None), Cell::new(0));
+        let tick = |now: ReadProgress| {
+            if total.replace(Some(now.bytes_total)) != Some(now.bytes_total) {
+                self.progress.stage("read", now.bytes_total);
+            }
+            self.progress.advance(now.bytes_done.saturating_sub(done.replace(now.bytes_done)));
+        };
+        self.clock.time("read", || read::read_to_disk(&options.inputs, &read_options, scratch, &tick))
     }
-    for level in (0..grid.depth).rev() {
-        clock.time(&format!("level {level}"), || parents(&stage, &pool, level, &mut tree, &mut blocks))?;
-    }
-    let fingerprints =
-        partition.blocks.iter().zip(fingerprints).map(|(block, hash)| ((block.x, block.y), hash)).collect();
-    let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree: &tree, packs: &packs, fingerprints };
-    progress.stage("write", tree.levels().iter().map(|level| level.len() as u64).sum());
-    let written = clock.time("write", || {
-        let written = city::write(input, &scratch.city(), |n| progress.advance(n))?;
-        // Its files are still open, and some systems rename no folder with open files.
-        drop(before);
-        scratch.publish().map(|()| written)
-    })?;
-    let (manifest, city_bytes, threads) = (written.manifest, written.bytes, config.threads);
-    let meshes = tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info));
-    let meshes = MeshReport::count(meshes);
-    Ok(Report::new(Outcome { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
-}
 
-/// Of every block in its order.
-fn fingerprints(partition: &Partition, city: &City, config: &Config, grid: &Grid) -> Result<Vec<ShortHash>, BakeError> {
-    let of = |block: &Block| Ok(LocalCity::load(partition, block)?.fingerprint(city, (config, grid), block));
-    partition.blocks.par_iter().map(of).collect()
-}
-
-/// Of all that decides the tiles.
-fn hash(partition: &Partition, fingerprints: &[ShortHash]) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for (block, fingerprint) in partition.blocks.iter().zip(fingerprints) {
-        hasher.update(&block.x.to_le_bytes()).update(&block.y.to_le_bytes()).update(fingerprint);
+    /// Runs all stages after reading.
+    fn bake(mut self, mut city: ScratchScene, read: ReadReport) -> Result<BakeReport, BakeError> {
+        let Some(bounds) = city.bounds else {
+            return Err(BakeError::Empty { triangles: 0, cell_m: self.config.cell_m });
+        };
+        let facts = SceneFacts::new(&city, bounds);
+        let grid = self.grid(&city, bounds)?;
+        let partition = self.partition(&city, &grid)?;
+        city.drop_triangles();
+        let previous = self.open_previous();
+        let resume = self.prepare_scratch(&partition)?;
+        let (config, progress, packs) = (self.config, self.progress, self.scratch.packs());
+        let context = TileContext { config, grid: &grid, packs: &packs, progress, resume, previous: previous.as_ref() };
+        let mut tiles = FinishedTiles::new(grid.depth);
+        self.bake_leaves(&context, city, &partition, &mut tiles)?;
+        self.bake_parents(&context, &mut tiles)?;
+        let fingerprints = partition.fingerprints();
+        let tree = &tiles.tree;
+        let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, packs: &packs, fingerprints };
+        let (written, clock) = self.write(input, previous)?;
+        let (manifest, city_bytes, threads, blocks) = (written.manifest, written.bytes, config.threads, tiles.counts);
+        let meshes = MeshReport::by_lod(tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info)));
+        let start = resume;
+        Ok(BakeReport::new(ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
     }
-    short_hex(&hasher.finalize())
-}
 
-/// The city to update, if that was asked for and can be.
-fn before(config: &Config) -> Option<Before> {
-    if !config.update {
-        return None;
+    /// Places the quadtree. Fails if the city is too wide for the cell size.
+    fn grid(&self, city: &ScratchScene, [min, max]: [[f64; 3]; 2]) -> Result<CityGrid, BakeError> {
+        let cell_m = self.config.cell_m;
+        CityGrid::covering(min, max, city.origin, cell_m).ok_or_else(|| {
+            let side_m = (max[0] - min[0]).max(max[1] - min[1]);
+            BakeError::Extent { side_m, cell_m }
+        })
     }
-    match Before::open(&config.out, config) {
-        Ok(before) => Some(before),
-        Err(why) => {
-            tracing::warn!("{}: {why}: everything is baked", config.out.display());
-            None
+
+    /// Sorts the triangles into blocks and hashes each block's input.
+    fn partition(&mut self, city: &ScratchScene, grid: &CityGrid) -> Result<HashedPartition, BakeError> {
+        let (config, progress) = (self.config, self.progress);
+        progress.stage("partition", city.triangles);
+        self.clock.time("partition", || {
+            let folder = self.scratch.scene_folder()?.join("buckets");
+            let margin_m = config.sample.margin_m;
+            let options = PartitionOptions { folder: &folder, margin_m, buffer_bytes: config.bucket_bytes() };
+            let partition = Partition::new(city, grid, options, |n| progress.advance(n))?;
+            let hash =
+                |block: &LeafBlock| Ok(BlockScene::load(&partition, block)?.fingerprint(city, config, grid, block));
+            let hashes =
+                self.pool.install(|| partition.blocks.par_iter().map(hash).collect::<Result<_, BakeError>>())?;
+            Ok(HashedPartition { partition, hashes })
+        })
+    }
+
+    /// The city to update, if an update was requested and is possible.
+    fn open_previous(&self) -> Option<PreviousCity> {
+        if !self.config.update {
+            return None;
+        }
+        match PreviousCity::open(&self.config.out, self.config) {
+            Ok(previous) => Some(previous),
+            Err(reason) => {
+                tracing::warn!("{}: cannot update: {reason}; baking the whole city", self.config.out.display());
+                None
+            }
         }
     }
+
+    /// Keeps or removes the packs of an interrupted bake, and logs which.
+    fn prepare_scratch(&mut self, partition: &HashedPartition) -> Result<ResumeStatus, BakeError> {
+        let input = InputHashes { settings: self.config.settings.clone(), scene: partition.scene_hash() };
+        let status = self.scratch.prepare(&input, self.config.resume)?;
+        let out = self.config.out.display();
+        match status {
+            ResumeStatus::Fresh if self.config.resume => {
+                tracing::info!("{out}: no interrupted bake found, starting a new one");
+            }
+            ResumeStatus::Fresh => {}
+            ResumeStatus::Resumed => tracing::info!("{out}: resuming the interrupted bake"),
+            ResumeStatus::Mismatch => {
+                tracing::warn!("{out}: the interrupted bake had different input or settings, starting a new one");
+            }
+            ResumeStatus::Discarded => {
+                tracing::info!("{out}: removed an interrupted bake; --resume would have continued it");
+            }
+        }
+        Ok(status)
+    }
+
+    /// Bakes the tiles and meshes of all leaves. Fails if no leaf has content.
+    fn bake_leaves(
+        &mut self,
+        context: &TileContext<'_>,
+        city: ScratchScene,
+        HashedPartition { partition, hashes }: &HashedPartition,
+        tiles: &mut FinishedTiles,
+    ) -> Result<(), BakeError> {
+        let depth = context.grid.depth;
+        let baker = LeafBaker { context, city: &city, partition };
+        let packs = self.clock.time("sample", || baker.bake_all(&self.pool, hashes))?;
+        tiles.add_level(depth, packs);
+        if tiles.tree.level(depth).is_empty() {
+            return Err(BakeError::Empty { triangles: city.triangles as usize, cell_m: self.config.cell_m });
+        }
+        Ok(())
+    }
+
+    /// Bakes the tiles of all levels above the leaves.
+    fn bake_parents(&mut self, context: &TileContext<'_>, tiles: &mut FinishedTiles) -> Result<(), BakeError> {
+        for level in (0..context.grid.depth).rev() {
+            let bake = || parents::bake_level(context, &self.pool, &tiles.tree, level);
+            let packs = self.clock.time(&format!("level {level}"), bake)?;
+            tiles.add_level(level, packs);
+        }
+        Ok(())
+    }
+
+    /// Writes the final files and replaces the output.
+    fn write(
+        self,
+        input: CityInput<'_>,
+        previous: Option<PreviousCity>,
+    ) -> Result<(WrittenCity, StageClock), BakeError> {
+        let Self { progress, scratch, mut clock, .. } = self;
+        progress.stage("write", input.tree.levels().iter().map(|level| level.len() as u64).sum());
+        let written = clock.time("write", || {
+            let written = city::write(input, &scratch.city(), |n| progress.advance(n))?;
+            // Closes the previous city's files: some systems do not rename a folder with open files.
+            drop(previous);
+            scratch.publish().map(|()| written)
+        })?;
+        Ok((written, clock))
+    }
 }
 
-fn pool(threads: usize) -> Result<ThreadPool, BakeError> {
+/// A partition with the fingerprint of each block.
+struct HashedPartition {
+    partition: Partition,
+    /// In the order of the partition's blocks.
+    hashes: Vec<ShortHash>,
+}
+
+impl HashedPartition {
+    /// Position and fingerprint of each block.
+    fn fingerprints(&self) -> Vec<((u32, u32), ShortHash)> {
+        self.partition.blocks.iter().zip(&self.hashes).map(|(block, hash)| ((block.x, block.y), *hash)).collect()
+    }
+
+    /// Hash of everything that determines the tiles.
+    fn scene_hash(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        for ((x, y), fingerprint) in self.fingerprints() {
+            hasher.update(&x.to_le_bytes()).update(&y.to_le_bytes()).update(&fingerprint);
+        }
+        short_hex(&hasher.finalize())
+    }
+}
+
+fn thread_pool(threads: usize) -> Result<ThreadPool, BakeError> {
     let built = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("bake-{i}")).build();
     built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
-}
-
-fn tell(start: Start, config: &Config) {
-    let out = config.out.display();
-    match start {
-        Start::Fresh if config.resume => tracing::info!("{out}: there is nothing to resume, the bake starts anew"),
-        Start::Fresh => {}
-        Start::Resumed => tracing::info!("{out}: an interrupted bake goes on"),
-        Start::Mismatch => {
-            tracing::warn!("{out}: the interrupted bake was of other input or settings, the bake starts anew");
-        }
-        Start::Discarded => {
-            tracing::info!("{out}: an interrupted bake was removed; --resume would have gone on with it")
-        }
-    }
-}
-
-/// Every block of leaves: sample, cut into meshes, parametrise, encode, store.
-fn sample(
-    leaves: &leaves::Leaves<'_>,
-    pool: &ThreadPool,
-    fingerprints: &[ShortHash],
-    tree: &mut Tree,
-    counts: &mut Blocks,
-) -> Result<(), BakeError> {
-    let (stage, partition) = (leaves.stage, leaves.partition);
-    // Worked on from both ends: few heavy blocks meet in memory, and those left for the end are neither large nor many.
-    let mut blocks: Vec<(&Block, ShortHash)> = partition.blocks.iter().zip(fingerprints.iter().copied()).collect();
-    blocks.sort_by_key(|(block, _)| (Reverse(block.triangles), block.y, block.x));
-    let total = blocks.iter().map(|(block, _)| u64::from(block.leaves.count_ones())).sum();
-    stage.progress.stage("sample", total);
-    let margin_m = stage.config.sample.margin_m;
-    let budget = Budget::new(stage.config.block_bytes());
-    let work = |(block, fingerprint): &(&Block, ShortHash)| {
-        // What is only copied takes next to nothing.
-        let copied = stage.before.is_some_and(|before| before.holds(block, *fingerprint));
-        let bytes = if copied { 0 } else { block::memory_bytes(block, stage.grid, margin_m) };
-        budget.with(bytes, || pool.install(|| leaves.block(block, *fingerprint)))
-    };
-    let done = feed::feed(stage.config.threads, &blocks, work)?;
-    collect(done, stage.grid.depth, tree, counts);
-    Ok(())
-}
-
-/// Every node of a level from its children: average, parametrise, encode, store.
-fn parents(
-    stage: &Stage<'_>,
-    pool: &ThreadPool,
-    level: u8,
-    tree: &mut Tree,
-    counts: &mut Blocks,
-) -> Result<(), BakeError> {
-    let chunks = parents::chunks_above(tree, level + 1);
-    stage.progress.stage(&format!("level {level}"), chunks.iter().map(|chunk| chunk.nodes.len() as u64).sum());
-    let work = |chunk: &parents::Chunk| pool.install(|| parents::chunk(stage, tree, chunk));
-    let done = feed::feed(stage.config.threads, &chunks, work)?;
-    collect(done, level, tree, counts);
-    Ok(())
-}
-
-/// A finished piece of work.
-struct Done {
-    tiles: Vec<Stored>,
-    /// Of leaves.
-    meshes: Vec<StoredMesh>,
-    made: Made,
-}
-
-fn collect(done: Vec<Done>, level: u8, tree: &mut Tree, counts: &mut Blocks) {
-    let (mut tiles, mut meshes) = (Vec::new(), Vec::new());
-    for piece in done {
-        counts.count(piece.made);
-        tiles.extend(piece.tiles);
-        meshes.extend(piece.meshes);
-    }
-    tree.set(level, tiles);
-    if !meshes.is_empty() {
-        tree.set_meshes(meshes);
-    }
 }

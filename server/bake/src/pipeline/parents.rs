@@ -1,82 +1,77 @@
-//! Nodes from their four children, level by level towards the root.
-//!
-//! In: the stored tiles of the level below. Out: this level's tiles in packs. Next: the level above, then `write`.
+//! Bakes parents from their four children, level by level towards the root.
 
 use insula_protocol::{BlockMap, TileId};
-use rayon::prelude::*;
+use rayon::{ThreadPool, prelude::*};
 
-use super::{Done, Stage, update::Before};
+use super::{
+    context::{FinishedPack, TileContext, encode_node},
+    update::PreviousCity,
+    work_queue::run_bounded,
+};
 use crate::{
-    columns::{lod, parametrise::parametrise},
+    columns::lod,
     error::BakeError,
-    report::Made,
+    report::PackOutcome,
     write::{
-        pack::{self, PackId, PackReader, Tile},
-        tree::{self, Tree},
+        tile_pack::{self, EncodedTile, PackNodes, PackReader},
+        tile_tree::TileTree,
     },
 };
 
-/// Nodes of one pack that are to be made.
-pub(super) struct Chunk {
-    pub(super) pack: PackId,
-    pub(super) nodes: Vec<TileId>,
+/// Bakes all nodes of a level from the tiles of the level below in `tree`: averages, parametrises, encodes and stores.
+/// Fails with the first error of a node.
+pub(super) fn bake_level(
+    context: &TileContext<'_>,
+    pool: &ThreadPool,
+    tree: &TileTree,
+    level: u8,
+) -> Result<Vec<FinishedPack>, BakeError> {
+    let packs = PackNodes::group(tree.parents_of(level + 1));
+    context.progress.stage(&format!("level {level}"), packs.iter().map(|pack| pack.nodes.len() as u64).sum());
+    run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, tree, pack)))
 }
 
-/// The nodes one level up from `level`, pack by pack.
-pub(super) fn chunks_above(tree: &Tree, level: u8) -> Vec<Chunk> {
-    let mut nodes = tree.parents_of(level);
-    nodes.sort_by_key(|id| PackId::of(*id));
-    nodes
-        .chunk_by(|a, b| PackId::of(*a) == PackId::of(*b))
-        .map(|nodes| Chunk { pack: PackId::of(nodes[0]), nodes: nodes.to_vec() })
-        .collect()
-}
-
-/// Makes one pack's nodes, or finds that an earlier run did, or that nothing below them changed.
-pub(super) fn chunk(stage: &Stage<'_>, tree: &Tree, chunk: &Chunk) -> Result<Done, BakeError> {
-    if let Some(tiles) = stage.found(chunk.pack) {
-        stage.progress.advance(chunk.nodes.len() as u64);
-        return Ok(Done { tiles, meshes: Vec::new(), made: Made::Resumed });
+/// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes without changes below them are taken from
+/// the city to update.
+fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Result<FinishedPack, BakeError> {
+    if let Some(tiles) = context.find_resumed(pack.pack) {
+        context.progress.advance(pack.nodes.len() as u64);
+        return Ok(FinishedPack { tiles, meshes: Vec::new(), outcome: PackOutcome::Resumed });
     }
-    let made = chunk.nodes.par_iter().map(|id| {
-        let held = stage.before.filter(|before| unchanged(before, tree, *id)).and_then(|before| before.tile(*id));
-        let unchanged = held.is_some();
-        let tile = held.map_or_else(|| parent(stage, tree, *id), Ok)?;
-        stage.progress.advance(1);
-        Ok::<_, BakeError>((tile, unchanged))
+    let baked = pack.nodes.par_iter().map(|id| {
+        let unchanged = context.previous.filter(|previous| has_same_children(previous, tree, *id));
+        let reused = unchanged.and_then(|previous| previous.tile(*id));
+        let is_unchanged = reused.is_some();
+        let tile = reused.map_or_else(|| bake_node(context, tree, *id), Ok)?;
+        context.progress.advance(1);
+        Ok::<_, BakeError>((tile, is_unchanged))
     });
-    let (tiles, unchanged): (Vec<Tile>, Vec<bool>) = made.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-    let mut tiles = pack::write(stage.packs, chunk.pack, &tiles)?;
+    let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let mut tiles = tile_pack::write(context.packs, pack.pack, &tiles)?;
     tiles.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
-    let made = if unchanged.iter().all(|unchanged| *unchanged) { Made::Unchanged } else { Made::Baked };
-    Ok(Done { tiles, meshes: Vec::new(), made })
+    let all_unchanged = unchanged.iter().all(|unchanged| *unchanged);
+    let outcome = if all_unchanged { PackOutcome::Unchanged } else { PackOutcome::Baked };
+    Ok(FinishedPack { tiles, meshes: Vec::new(), outcome })
 }
 
-/// Whether the node has the children that it had, each as it was.
-fn unchanged(before: &Before, tree: &Tree, id: TileId) -> bool {
+/// Whether the node has the same children as in the previous city, all of them unchanged.
+fn has_same_children(previous: &PreviousCity, tree: &TileTree, id: TileId) -> bool {
     id.children().all(|child| match tree.get(child) {
-        Some(stored) => stored.unchanged && before.has(child),
-        None => !before.has(child),
+        Some(stored) => stored.unchanged && previous.has_node(child),
+        None => !previous.has_node(child),
     })
 }
 
-fn parent(stage: &Stage<'_>, tree: &Tree, id: TileId) -> Result<Tile, BakeError> {
-    let mut reader = PackReader::new(stage.packs);
+fn bake_node(context: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<EncodedTile, BakeError> {
+    let mut reader = PackReader::new(context.packs);
     let mut children: [Option<BlockMap>; 4] = [const { None }; 4];
-    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     for stored in id.children().filter_map(|child| tree.get(child)) {
         let bytes = reader.read(stored)?;
         let child = BlockMap::decode(stored.id, &bytes).map_err(BakeError::tile(stored.id, "read back"))?;
         children[stored.id.quadrant()] = Some(child);
-        (low, high) = (low.min(stored.z_min_m), high.max(stored.z_max_m));
     }
-    let node = lod::parent(stage.grid, id, children.each_ref().map(Option::as_ref));
+    let node = lod::parent(context.grid, id, children.each_ref().map(Option::as_ref));
     drop(children);
-    let map = parametrise(stage.grid, &node).map_err(BakeError::tile(id, "made from its children"))?;
-    if let Some(bounds) = tree::z_bounds(&map) {
-        let [z_min_m, z_max_m] = tree::outward(bounds);
-        (low, high) = (low.min(z_min_m), high.max(z_max_m));
-    }
-    let bytes = map.encode_at(stage.config.quality).map_err(BakeError::tile(id, "encoded"))?;
-    Ok(Tile { id, z_min_m: low, z_max_m: high, bytes })
+    let stored = id.children().filter_map(|child| tree.get(child));
+    encode_node(context.grid, context.config, node, "made from its children", stored)
 }

@@ -1,21 +1,18 @@
-//! Colours and kinds for what the source leaves uncoloured.
-//!
-//! In: a surface's semantics, an object's type, a material's name; a palette's file. Out: a colour, an [`ObjectKind`].
-//! Next: `builder`.
+//! Colours of surfaces that have none in the source, and kinds of objects by type.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
 
-use super::error::{ReadError, json_message};
 use super::source::read_file;
+use crate::error::{InputError, json_message};
 use crate::scene::ObjectKind;
 
-/// A palette's file of more bytes is none.
+/// Larger palette files are refused.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Surfaces by their semantics in CityJSON. Restrained, so that shading and not paint shapes the picture.
+/// Surfaces by their semantics in CityJSON. Muted colours, so that shading dominates.
 const SURFACES: &[(&str, [u8; 3])] = &[
     ("RoofSurface", [171, 116, 98]),
     ("OuterFloorSurface", [176, 168, 158]),
@@ -37,7 +34,7 @@ const SURFACES: &[(&str, [u8; 3])] = &[
     ("TransportationHole", [120, 116, 110]),
 ];
 
-/// Whole objects by their type in CityJSON.
+/// Objects by their type in CityJSON.
 const OBJECTS: &[(&str, [u8; 3])] = &[
     ("Building", [206, 199, 188]),
     ("BuildingPart", [206, 199, 188]),
@@ -75,7 +72,7 @@ const OBJECTS: &[(&str, [u8; 3])] = &[
     ("Waterway", [124, 154, 174]),
 ];
 
-/// Materials by name, as OpenStreetMap's `building:material` and `roof:material` have them.
+/// Materials by name, as in OpenStreetMap's `building:material` and `roof:material`.
 const MATERIALS: &[(&str, [u8; 3])] = &[
     ("asphalt", [120, 120, 122]),
     ("brick", [168, 112, 92]),
@@ -93,14 +90,14 @@ const MATERIALS: &[(&str, [u8; 3])] = &[
     ("wood", [160, 130, 100]),
 ];
 
-/// Colours for what has none of its own, as 8-bit sRGB.
+/// Colours of surfaces that have none in the source, as 8-bit sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Palette {
-    /// By semantic surface: `RoofSurface`. They go before those of objects.
+    /// By semantic surface such as `RoofSurface`. These take precedence over `objects`.
     pub surfaces: BTreeMap<String, [u8; 3]>,
-    /// By object type: `WaterBody`.
+    /// By object type such as `WaterBody`.
     pub objects: BTreeMap<String, [u8; 3]>,
-    /// By the name of a material without a colour, in lower case: `brick`.
+    /// By name of a material without a colour, in lower case, such as `brick`.
     pub materials: BTreeMap<String, [u8; 3]>,
     /// For everything else.
     pub fallback: [u8; 3],
@@ -114,7 +111,7 @@ impl Default for Palette {
     }
 }
 
-/// A palette's file: what it names goes before the defaults.
+/// A palette file. Its entries replace the defaults.
 #[derive(Deserialize, Default)]
 #[serde(default, deny_unknown_fields)]
 struct PaletteFile {
@@ -125,15 +122,12 @@ struct PaletteFile {
 }
 
 impl Palette {
-    /// Reads a palette's file.
-    ///
-    /// # Errors
-    ///
-    /// If it cannot be read or is no JSON, or if a key or a colour is unknown: the message names it.
-    pub fn read(path: &Path) -> Result<Self, ReadError> {
+    /// Reads a palette file. Fails if it cannot be read, is not valid JSON, or has an unknown key or colour, which the
+    /// message names.
+    pub fn read(path: &Path) -> Result<Self, InputError> {
         let label = path.display().to_string();
         let bytes = read_file(path, MAX_BYTES)?;
-        Self::from_json(&bytes).map_err(|what| ReadError::Palette { path: label, what })
+        Self::from_json(&bytes).map_err(|what| InputError::Palette { path: label, what })
     }
 
     fn from_json(text: &[u8]) -> Result<Self, String> {
@@ -144,31 +138,31 @@ impl Palette {
             [("surfaces", file.surfaces, &mut palette.surfaces), ("objects", file.objects, &mut palette.objects)]
         {
             for (name, colour) in colours {
-                // A plus begins the names that CityJSON's extensions add.
+                // Names of CityJSON extensions begin with a plus.
                 if !into.contains_key(&name) && !name.starts_with('+') {
                     return Err(format!("{section}.{name} is unknown; known are {}", join(into.keys())));
                 }
-                let rgb = parsed(&format!("{section}.{name}"), &colour)?;
+                let rgb = parse_entry(&format!("{section}.{name}"), &colour)?;
                 into.insert(name, rgb);
             }
         }
         for (name, colour) in file.materials {
-            let rgb = parsed(&format!("materials.{name}"), &colour)?;
+            let rgb = parse_entry(&format!("materials.{name}"), &colour)?;
             palette.materials.insert(name.to_lowercase(), rgb);
         }
         if let Some(colour) = file.default {
-            palette.fallback = parsed("default", &colour)?;
+            palette.fallback = parse_entry("default", &colour)?;
         }
         Ok(palette)
     }
 
-    /// The surface's colour, else the object's, else the fallback.
+    /// Colour of the surface, else of the object, else the fallback.
     pub(crate) fn colour(&self, semantic: Option<&str>, object_type: &str) -> [u8; 3] {
         let by_semantic = semantic.and_then(|name| self.surfaces.get(name));
         *by_semantic.or_else(|| self.objects.get(object_type)).unwrap_or(&self.fallback)
     }
 
-    /// The colour that goes with a material's name.
+    /// Colour of a material by name.
     pub(crate) fn material(&self, name: &str) -> Option<[u8; 3]> {
         self.materials.get(&name.trim().to_lowercase()).copied()
     }
@@ -178,18 +172,24 @@ fn join<'n>(names: impl Iterator<Item = &'n String>) -> String {
     names.map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
-fn parsed(key: &str, colour: &str) -> Result<[u8; 3], String> {
+fn parse_entry(key: &str, colour: &str) -> Result<[u8; 3], String> {
     parse_colour(colour)
-        .ok_or_else(|| format!("{key}: \"{colour}\" is no colour; write it as \"#ab7462\" or \"brown\""))
+        .ok_or_else(|| format!("{key}: \"{colour}\" is not a colour; write it as \"#ab7462\" or \"brown\""))
 }
 
-/// A colour as the web writes it: `#ab7462`, `brown`, `rgb(171, 116, 98)`.
+/// Converts a component from 0..=1 to 8 bits.
+pub(crate) fn unit_to_byte(component: f64) -> u8 {
+    (component.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+/// Parses a CSS colour such as `#ab7462`, `brown` or `rgb(171, 116, 98)`.
 pub(crate) fn parse_colour(text: &str) -> Option<[u8; 3]> {
     let [r, g, b, _] = csscolorparser::parse(text.trim()).ok()?.to_rgba8();
     Some([r, g, b])
 }
 
-/// Relief is terrain; so is what lies flat on it, unless it is modelled as a volume.
+/// Kind of an object by its CityJSON type. Relief is terrain, and so are flat types unless they are modelled as a
+/// volume.
 pub(crate) fn object_kind(object_type: &str, has_volume: bool) -> ObjectKind {
     match object_type {
         "TINRelief" => ObjectKind::Terrain,
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_name_colours() {
+    fn surface_colour_takes_precedence_over_object_and_fallback() {
         let palette = Palette::default();
         assert_eq!(palette.colour(Some("RoofSurface"), "Building"), [171, 116, 98]);
         assert_eq!(palette.colour(Some("+Odd"), "WaterBody"), [124, 154, 174]);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_changes_what_it_names() {
+    fn palette_file_replaces_only_the_colours_it_names() {
         let text = r##"{"surfaces": {"RoofSurface": "#102030", "+Balcony": "white"}, "objects": {"Road": "rgb(1, 2, 3)"},
             "materials": {"Ziegel": "brown"}, "default": "fff"}"##;
         let palette = Palette::from_json(text.as_bytes()).unwrap();
@@ -228,11 +228,11 @@ mod tests {
     }
 
     #[test]
-    fn slips_in_a_file_are_named() {
+    fn errors_in_a_palette_file_name_the_key() {
         for (text, part) in [
             (r#"{"surfaces": {"Roof": "red"}}"#, "surfaces.Roof is unknown; known are "),
             (r#"{"objects": {"RoofSurface": "red"}}"#, "objects.RoofSurface is unknown"),
-            (r#"{"objects": {"Road": "greyish"}}"#, "objects.Road: \"greyish\" is no colour"),
+            (r#"{"objects": {"Road": "greyish"}}"#, "objects.Road: \"greyish\" is not a colour"),
             (r#"{"materials": {"brick": ""}}"#, "materials.brick: "),
             (r#"{"default": "12"}"#, "default: "),
             (r#"{"roofs": {}}"#, "unknown field `roofs`"),
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_things_are_ground_and_volumes_are_not() {
+    fn flat_types_without_volume_are_terrain() {
         assert_eq!(object_kind("TINRelief", true), ObjectKind::Terrain);
         assert_eq!(object_kind("Road", false), ObjectKind::Terrain);
         assert_eq!(object_kind("PlantCover", true), ObjectKind::Building);

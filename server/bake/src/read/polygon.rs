@@ -1,16 +1,14 @@
-//! Polygons with holes in space to triangles.
-//!
-//! In: a polygon's rings. Out: index triples that turn as the outer ring does. Next: `builder`.
+//! Triangulates polygons with holes in space.
 
 use earcut::Earcut;
 use glam::DVec3;
 
-/// Polygons of less than this are no surface, in square metres.
+/// Smaller polygons are treated as degenerate.
 const MIN_AREA_M2: f64 = 1e-8;
-/// A ring with more corners than this is taken as damage rather than triangulated.
+/// Polygons with more corners are treated as damage.
 pub(crate) const MAX_CORNERS: usize = 1 << 20;
 
-/// Reusable buffers of the triangulation.
+/// Triangulates polygons, with reusable buffers.
 pub(crate) struct Triangulator {
     earcut: Earcut<f64>,
     flat: Vec<[f64; 2]>,
@@ -23,16 +21,17 @@ impl Triangulator {
         Self { earcut: Earcut::new(), flat: Vec::new(), indices: Vec::new(), triangles: Vec::new() }
     }
 
-    /// Triangulates the polygon whose rings lie one after another in `points`: the outer ring first, then holes
-    /// that start at `hole_starts` (ascending). The triples index `points`; `None` if the polygon has no area.
+    /// Triangulates the polygon whose rings are consecutive in `points`: the outer ring first, then holes that start at
+    /// `hole_starts` (ascending). The triples index `points` and turn as the outer ring does; `None` if the polygon has
+    /// no area.
     ///
-    /// The plane is the one of Newell's normal, so a slightly bent polygon is cut along its best plane.
+    /// The plane is that of Newell's normal, so a slightly bent polygon is triangulated in its best plane.
     pub(crate) fn triangulate(&mut self, points: &[[f64; 3]], hole_starts: &[u32]) -> Option<&[[u32; 3]]> {
         let outer_len = hole_starts.first().map_or(points.len(), |&start| start as usize);
         if outer_len < 3 || points.len() > MAX_CORNERS {
             return None;
         }
-        // Relative to the first corner: the products of full map coordinates would cancel badly.
+        // Relative to the first corner: products of full map coordinates would lose their digits by cancellation.
         let anchor = DVec3::from_array(points[0]);
         let normal = newell(&points[..outer_len], anchor);
         let twice_area_m2 = normal.length();
@@ -64,7 +63,7 @@ impl Triangulator {
     }
 }
 
-/// Newell's normal: its length is twice the area, it points to where the ring turns counter-clockwise.
+/// Newell's normal: its length is twice the area, and from its tip the ring turns counter-clockwise.
 fn newell(ring: &[[f64; 3]], anchor: DVec3) -> DVec3 {
     let mut normal = DVec3::ZERO;
     let mut previous = DVec3::from_array(ring[ring.len() - 1]) - anchor;
@@ -86,20 +85,20 @@ fn twice_area(flat: &[[f64; 2]], a: u32, b: u32, c: u32) -> f64 {
 mod tests {
     use super::*;
 
-    /// Sum of the triangles' area vectors: direction tells the orientation, length the area.
+    /// Sum of the triangles' area vectors: its direction is the orientation, its length the area.
     fn area_vector(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> DVec3 {
         let at = |i: u32| DVec3::from_array(points[i as usize]);
         triangles.iter().map(|&[a, b, c]| (at(b) - at(a)).cross(at(c) - at(a)) * 0.5).sum()
     }
 
     #[test]
-    fn orientation_follows_the_outer_ring_on_every_side_and_far_from_the_origin() {
+    fn triangles_turn_as_the_outer_ring_also_far_from_the_origin() {
         let far = DVec3::new(85_088.0, 446_394.0, 45.0);
         for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 2.0, -3.0)] {
             for sign in [1.0, -1.0] {
                 let normal = (axis * sign).normalize_or(DVec3::Z);
                 let (u, v) = normal.any_orthonormal_pair();
-                // An L: not convex, so a fan would be wrong.
+                // An L shape is not convex, so a fan of triangles would be wrong.
                 let shape = [(0., 0.), (4., 0.), (4., 1.), (1., 1.), (1., 4.), (0., 4.)];
                 let points: Vec<_> = shape.iter().map(|&(x, y)| (far + u * x + v * y).to_array()).collect();
                 let mut triangulator = Triangulator::new();
@@ -111,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn holes_are_left_out_whichever_way_they_turn() {
+    fn holes_of_either_orientation_are_cut_out() {
         let outer = [[0., 0., 0.], [4., 0., 0.], [4., 0., 4.], [0., 0., 4.]];
         let mut hole = [[1., 0., 1.], [2., 0., 1.], [2., 0., 2.], [1., 0., 2.]];
         for _ in 0..2 {

@@ -1,24 +1,21 @@
-//! What was read, and what was not and why.
-//!
-//! In: counts from the readers. Out: [`ReadReport`], serialisable. Next: the bake's report and the manifest's attribution.
+//! Reports what was read, and what was skipped and why.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// How many examples of a fault are kept.
+/// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
 
-/// How often something happened, with the first few places.
+/// Number of occurrences of a fault, with the first few examples.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Tally {
-    /// How often.
+pub struct FaultCount {
     pub count: u64,
-    /// The first few: an object's identifier or a line, with the detail.
+    /// Each an object's identifier or a line, with details.
     pub first: Vec<String>,
 }
 
-impl Tally {
+impl FaultCount {
     pub(crate) fn add(&mut self, example: impl FnOnce() -> String) {
         self.count += 1;
         if self.first.len() < EXAMPLES {
@@ -27,56 +24,54 @@ impl Tally {
     }
 }
 
-/// A source's format.
+/// File format of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub enum Format {
+pub enum SourceFormat {
     /// One JSON document.
     CityJson,
-    /// A header line and a feature on each following line.
+    /// A header line, then one feature per line.
     CityJsonSeq,
-    /// Footprints with heights: one JSON document, or a feature on each line.
+    /// Footprints with heights: one JSON document, or one feature per line.
     GeoJson,
     /// Wavefront OBJ with MTL.
     Obj,
 }
 
-/// What one source gave.
+/// What was read from one source.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SourceReport {
-    /// The path as it was given or found.
+    /// Path as it was given or found.
     pub path: String,
-    /// What it was read as.
-    pub format: Format,
-    /// Size of the file, compressed if it is.
+    pub format: SourceFormat,
+    /// Size of the file, compressed if the file is.
     pub bytes: u64,
     /// Objects with at least one triangle.
     pub objects: u64,
-    /// All objects met, by the source's own type, those without geometry included.
+    /// All objects by the source's own type, including those without geometry.
     pub objects_by_type: BTreeMap<String, u64>,
-    /// Objects whose geometry was left out because a part or the whole has a better level of detail.
+    /// Objects left out because a part or the parent has a better level of detail.
     pub coarser_left_out: u64,
-    /// Objects that were skipped, by reason.
-    pub skipped: BTreeMap<String, Tally>,
-    /// Lesser faults, by kind: the object was kept without the polygon or the texture concerned.
-    pub problems: BTreeMap<String, Tally>,
-    /// Triangles read.
+    /// Skipped objects by reason.
+    pub skipped: BTreeMap<String, FaultCount>,
+    /// Faults that cost only a polygon or a texture of an object, by kind.
+    pub problems: BTreeMap<String, FaultCount>,
     pub triangles: u64,
-    /// Those of them that are terrain.
+    /// The part of `triangles` that is terrain.
     pub terrain_triangles: u64,
-    /// Pictures decoded for this source.
+    /// Number of images decoded for this source.
     pub textures: u64,
-    /// Its coordinate system, such as `EPSG:7415`.
+    /// Coordinate system such as `EPSG:7415`.
     pub crs: Option<String>,
-    /// Titles in its metadata.
+    /// Titles in the metadata.
     pub titles: Vec<String>,
-    /// People, bodies and origins named in its metadata.
+    /// People, organisations and origins in the metadata.
     pub attributions: Vec<String>,
-    /// Licences named in its metadata.
+    /// Licences in the metadata.
     pub licences: Vec<String>,
 }
 
 impl SourceReport {
-    pub(crate) fn new(path: &str, format: Format, bytes: u64) -> Self {
+    pub(crate) fn new(path: &str, format: SourceFormat, bytes: u64) -> Self {
         Self {
             path: path.to_owned(),
             format,
@@ -97,11 +92,11 @@ impl SourceReport {
     }
 
     pub(crate) fn skip(&mut self, reason: &str, example: impl FnOnce() -> String) {
-        tally(&mut self.skipped, reason, example);
+        count_fault(&mut self.skipped, reason, example);
     }
 
     pub(crate) fn problem(&mut self, kind: &str, example: impl FnOnce() -> String) {
-        tally(&mut self.problems, kind, example);
+        count_fault(&mut self.problems, kind, example);
     }
 
     pub(crate) fn count_type(&mut self, object_type: &str) {
@@ -114,41 +109,39 @@ impl SourceReport {
     }
 }
 
-fn tally(map: &mut BTreeMap<String, Tally>, key: &str, example: impl FnOnce() -> String) {
+fn count_fault(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl FnOnce() -> String) {
     match map.get_mut(key) {
-        Some(tally) => tally.add(example),
+        Some(fault) => fault.add(example),
         None => map.entry(key.to_owned()).or_default().add(example),
     }
 }
 
-/// What all sources gave.
+/// What was read from all sources.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct ReadReport {
-    /// In the order of reading.
+    /// In reading order.
     pub sources: Vec<SourceReport>,
-    /// Files of a given folder that look like city files by name and are not.
+    /// Files of a given folder that have a city file's name but other content.
     pub ignored: Vec<String>,
-    /// Objects in the scene.
     pub objects: u64,
-    /// Triangles in the scene.
     pub triangles: u64,
-    /// The common coordinate system.
+    /// Common coordinate system of the sources.
     pub crs: Option<String>,
 }
 
 impl ReadReport {
-    /// Objects skipped in all sources.
+    /// Number of objects skipped in all sources.
     #[must_use]
     pub fn skipped(&self) -> u64 {
-        self.sources.iter().flat_map(|source| source.skipped.values()).map(|tally| tally.count).sum()
+        self.sources.iter().flat_map(|source| source.skipped.values()).map(|fault| fault.count).sum()
     }
 
-    /// The most frequent reason for skipping, with its first example.
+    /// The most frequent fault, with its first example.
     pub(crate) fn main_reason(&self) -> Option<String> {
         let all = self.sources.iter().flat_map(|source| source.skipped.iter().chain(source.problems.iter()));
-        let (reason, tally) = all.max_by_key(|(_, tally)| tally.count)?;
-        let example = tally.first.first().map(|first| format!(", first {first}")).unwrap_or_default();
-        Some(format!("{} times {reason}{example}", tally.count))
+        let (reason, fault) = all.max_by_key(|(_, fault)| fault.count)?;
+        let example = fault.first.first().map(|first| format!(", first {first}")).unwrap_or_default();
+        Some(format!("{} times {reason}{example}", fault.count))
     }
 }
 
@@ -157,15 +150,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tally_counts_all_and_shows_the_first_few() {
-        let mut report = SourceReport::new("a", Format::Obj, 1);
+    fn fault_count_keeps_the_first_examples() {
+        let mut report = SourceReport::new("a", SourceFormat::Obj, 1);
         for i in 0..9 {
             report.skip("broken", || format!("object {i}"));
         }
-        let tally = &report.skipped["broken"];
-        assert_eq!(tally.count, 9);
-        assert_eq!(tally.first.len(), EXAMPLES);
-        assert_eq!(tally.first[0], "object 0");
+        let fault = &report.skipped["broken"];
+        assert_eq!(fault.count, 9);
+        assert_eq!(fault.first.len(), EXAMPLES);
+        assert_eq!(fault.first[0], "object 0");
         let json = serde_json::to_value(ReadReport { sources: vec![report], ..ReadReport::default() }).unwrap();
         assert_eq!(json["sources"][0]["skipped"]["broken"]["count"], 9);
         assert_eq!(json["sources"][0]["format"], "Obj");

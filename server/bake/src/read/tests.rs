@@ -1,14 +1,14 @@
-//! Sources, formats and systems together, from memory and from disk.
+//! Several sources and formats together, from memory and from disk.
 
 use std::cell::RefCell;
 use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use super::*;
+use crate::test_folder::TestFolder;
 
 /// One square roof at z = 3.
 fn city(epsg: &str) -> String {
@@ -22,7 +22,7 @@ fn city(epsg: &str) -> String {
 
 const OBJ: &str = "v 5 0 0\nv 6 0 0\nv 6 1 0\nf 1 2 3\n";
 
-fn embedded(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), ReadError> {
+fn embedded(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     read_embedded(files, &ReadOptions::default(), &|_| {})
 }
 
@@ -32,19 +32,17 @@ fn gz(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// A folder of this test's own, with these files.
-fn folder(test: &str, files: &[(&str, &[u8])]) -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("insula-read-{test}-{}", std::process::id()));
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).unwrap();
+/// A test folder with these files.
+fn folder(test: &str, files: &[(&str, &[u8])]) -> TestFolder {
+    let folder = TestFolder::new(&format!("read-{test}"));
     for (name, bytes) in files {
-        fs::write(folder.join(name), bytes).unwrap();
+        fs::write(folder.path.join(name), bytes).unwrap();
     }
     folder
 }
 
 #[test]
-fn several_sources_make_one_scene() {
+fn several_sources_become_one_scene() {
     let city = city("EPSG:7415");
     let (scene, report) = embedded(&[("b.obj", OBJ.as_bytes()), ("a.city.json", city.as_bytes())]).unwrap();
     assert_eq!((scene.objects.len(), scene.triangles.len()), (2, 3));
@@ -52,12 +50,12 @@ fn several_sources_make_one_scene() {
     assert_eq!(scene.origin, [3.0, 0.0, 0.0]);
     assert_eq!(scene.objects[0].base_z_m, 3.0);
     let formats: Vec<_> = report.sources.iter().map(|source| (source.format, source.objects)).collect();
-    assert_eq!(formats, [(Format::CityJson, 1), (Format::Obj, 1)]);
+    assert_eq!(formats, [(SourceFormat::CityJson, 1), (SourceFormat::Obj, 1)]);
     assert_eq!(report.skipped(), 0);
 }
 
 #[test]
-fn reading_twice_gives_the_same_scene() {
+fn reading_is_deterministic() {
     let city = city("");
     let files: [(&str, &[u8]); 2] = [("a.json", city.as_bytes()), ("b.obj", OBJ.as_bytes())];
     let ((first, _), (second, _)) = (embedded(&files).unwrap(), embedded(&files).unwrap());
@@ -66,7 +64,7 @@ fn reading_twice_gives_the_same_scene() {
 }
 
 #[test]
-fn packed_and_plain_files_read_the_same() {
+fn packed_and_plain_files_give_the_same_scene() {
     let city = city("EPSG:7415");
     let seq = sequence();
     let plain: [(&str, &[u8]); 3] =
@@ -75,19 +73,19 @@ fn packed_and_plain_files_read_the_same() {
     let packed: Vec<(&str, &[u8])> = packed.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
     let ((plain, _), (packed, report)) = (embedded(&plain).unwrap(), embedded(&packed).unwrap());
     assert_eq!(plain.triangles, packed.triangles);
-    assert_eq!(report.sources[2].format, Format::CityJsonSeq);
+    assert_eq!(report.sources[2].format, SourceFormat::CityJsonSeq);
 }
 
 #[test]
-fn a_cut_packed_file_is_an_error_and_a_flood_is_stopped() {
+fn truncated_or_oversized_packed_file_is_an_error() {
     let packed = gz(OBJ.repeat(1000).as_bytes());
     let error = embedded(&[("a.obj.gz", &packed[..packed.len() - 9])]).unwrap_err();
     assert!(error.to_string().starts_with("a.obj.gz: cannot be read"), "{error}");
-    let flood = gz(&vec![b' '; 1 << 20]);
+    let oversized = gz(&vec![b' '; 1 << 20]);
     let options = ReadOptions { max_source_bytes: 1 << 16, ..ReadOptions::default() };
     for name in ["a.json.gz", "a.obj.gz"] {
-        let error = read_embedded(&[(name, &flood)], &options, &|_| {}).unwrap_err();
-        assert!(matches!(error, ReadError::TooLarge { limit: 65536, .. }), "{error}");
+        let error = read_embedded(&[(name, &oversized)], &options, &|_| {}).unwrap_err();
+        assert!(matches!(error, InputError::TooLarge { limit: 65536, .. }), "{error}");
     }
 }
 
@@ -100,34 +98,34 @@ fn sequence() -> String {
 }
 
 #[test]
-fn a_sequence_is_known_by_its_content_too() {
+fn sequence_is_recognised_by_content() {
     let (scene, report) = embedded(&[("a.json", sequence().as_bytes())]).unwrap();
-    assert_eq!((report.sources[0].format, scene.triangles.len()), (Format::CityJsonSeq, 1));
+    assert_eq!((report.sources[0].format, scene.triangles.len()), (SourceFormat::CityJsonSeq, 1));
 }
 
 #[test]
-fn systems_must_agree_and_count_in_metres() {
+fn coordinate_systems_must_agree_and_be_in_metres() {
     let (dutch, african) = (city("EPSG:7415"), city("urn:ogc:def:crs:EPSG::32734"));
     let error = embedded(&[("a.json", dutch.as_bytes()), ("b.json", african.as_bytes())]).unwrap_err();
     let expected = "b.json: is in EPSG:32734, but a.json is in EPSG:7415; reproject one of them, or bake two cities";
     assert_eq!(error.to_string(), expected);
     let error = embedded(&[("a.json", city("EPSG:4326").as_bytes())]).unwrap_err();
-    assert!(matches!(error, ReadError::Degrees { .. }), "{error}");
+    assert!(matches!(error, InputError::Degrees { .. }), "{error}");
 }
 
 #[test]
-fn what_is_cut_short_tells_line_and_column() {
+fn truncated_json_names_line_and_column() {
     let city = city("");
     let cut = city.find("MultiSurface").unwrap();
     let error = embedded(&[("a.json", &city.as_bytes()[..cut])]).unwrap_err();
-    let ReadError::Json { line, column, .. } = &error else { panic!("{error}") };
+    let InputError::Json { line, column, .. } = &error else { panic!("{error}") };
     assert_eq!(*line, 2);
     assert!(*column > 10, "{column}");
     assert!(!error.to_string().contains('\n'), "{error}");
 }
 
 #[test]
-fn every_cut_of_a_file_is_an_error_and_no_panic() {
+fn every_truncation_is_an_error() {
     for text in [city("EPSG:7415"), sequence()] {
         for end in 0..text.trim_end().len() {
             assert!(embedded(&[("a.json", &text.as_bytes()[..end])]).is_err(), "cut at {end}");
@@ -136,20 +134,20 @@ fn every_cut_of_a_file_is_an_error_and_no_panic() {
 }
 
 #[test]
-fn an_empty_city_is_an_error() {
+fn empty_city_is_an_error() {
     let nothing = r#"{"type": "CityJSON", "version": "2.0", "CityObjects": {}, "vertices": []}"#;
     for (name, text) in [("a.json", nothing), ("a.obj", "v 0 0 0\n"), ("a.obj", "")] {
         let error = embedded(&[(name, text.as_bytes())]).unwrap_err();
-        assert!(matches!(error, ReadError::Empty { .. }), "{error}");
+        assert!(matches!(error, InputError::Empty { .. }), "{error}");
     }
     let bad = city("").replace("[0, 1, 2, 3]", "[0, 1, 2, 99]");
     let error = embedded(&[("a.json", bad.as_bytes())]).unwrap_err().to_string();
     assert!(error.contains("vertex index 99 out of range of 4"), "{error}");
-    assert!(matches!(embedded(&[]), Err(ReadError::NoSource { .. })));
+    assert!(matches!(embedded(&[]), Err(InputError::NoSource { .. })));
 }
 
 #[test]
-fn a_folder_gives_its_city_files_by_name_and_passes_over_other_json() {
+fn folder_is_read_by_name_and_other_json_ignored() {
     let city = city("");
     let other = r#"{"type": "Topology", "objects": {}}"#;
     let files: [(&str, &[u8]); 5] = [
@@ -160,29 +158,27 @@ fn a_folder_gives_its_city_files_by_name_and_passes_over_other_json() {
         ("readme.txt", b"x"),
     ];
     let folder = folder("folder", &files);
-    let inputs = [folder.clone(), folder.join("a.obj")];
+    let inputs = [folder.path.clone(), folder.path.join("a.obj")];
     let seen = RefCell::new(Vec::new());
     let (_, report) = read(&inputs, &ReadOptions::default(), &|progress| seen.borrow_mut().push(progress)).unwrap();
     let formats: Vec<_> = report.sources.iter().map(|source| source.format).collect();
-    assert_eq!(formats, [Format::Obj, Format::CityJson]);
+    assert_eq!(formats, [SourceFormat::Obj, SourceFormat::CityJson]);
     assert_eq!(report.ignored.len(), 2);
     let seen = seen.into_inner();
     assert!(seen.windows(2).all(|pair| pair[0].bytes_done <= pair[1].bytes_done));
     assert!(seen.iter().all(|progress| progress.bytes_total == seen[0].bytes_total));
     assert_eq!(seen.last().map(|last| last.bytes_done), Some(seen[0].bytes_total));
-    let error = read(&[folder.join("c.json")], &ReadOptions::default(), &|_| {}).unwrap_err();
+    let error = read(&[folder.path.join("c.json")], &ReadOptions::default(), &|_| {}).unwrap_err();
     assert!(error.to_string().contains("its type is \"Topology\""), "{error}");
-    fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
 fn missing_empty_and_foreign_inputs_are_errors() {
     let folder = folder("foreign", &[("a.txt", b"x"), ("b.json", b"[1]")]);
-    let fails = |name: &str| read(&[folder.join(name)], &ReadOptions::default(), &|_| {}).unwrap_err();
-    assert!(matches!(fails("none.json"), ReadError::Io { .. }));
-    assert!(matches!(fails("a.txt"), ReadError::Unsupported { .. }));
-    assert!(matches!(fails("b.json"), ReadError::Unsupported { .. }));
-    fs::remove_file(folder.join("b.json")).unwrap();
-    assert!(matches!(fails(""), ReadError::NoSource { .. }));
-    fs::remove_dir_all(folder).unwrap();
+    let fails = |name: &str| read(&[folder.path.join(name)], &ReadOptions::default(), &|_| {}).unwrap_err();
+    assert!(matches!(fails("none.json"), InputError::Io { .. }));
+    assert!(matches!(fails("a.txt"), InputError::Unsupported { .. }));
+    assert!(matches!(fails("b.json"), InputError::Unsupported { .. }));
+    fs::remove_file(folder.path.join("b.json")).unwrap();
+    assert!(matches!(fails(""), InputError::NoSource { .. }));
 }

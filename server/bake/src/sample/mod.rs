@@ -26,7 +26,7 @@ mod visibility;
 
 use crate::{
     columns::voxels::VoxelNode,
-    scene::{Scene, grid::Grid},
+    scene::{Scene, grid::CityGrid},
 };
 use insula_protocol::TileId;
 use local::Block;
@@ -79,7 +79,7 @@ pub struct BlockInput<'a> {
     /// The city.
     pub scene: &'a Scene,
     /// Its nodes.
-    pub grid: &'a Grid,
+    pub grid: &'a CityGrid,
     /// Indices of the triangles that touch the block or its margin, ascending.
     pub triangles: &'a [u32],
     /// The leaves of the block that may hold something.

@@ -2,7 +2,7 @@
 //!
 //! In: a triangle and a point on it. Out: linear RGB, averaged over the piece. Next: `attributes` sums it up per voxel.
 
-use crate::scene::{Scene, Texture};
+use crate::scene::{Scene, SceneTexture};
 use glam::{Vec2, Vec3};
 use std::sync::LazyLock;
 
@@ -60,7 +60,7 @@ pub(super) fn colour(scene: &Scene, source: u32, corners: &[Vec3; 3], p: Vec3, s
     base * read(texture, uv[0] * inside.x + uv[1] * inside.y + uv[2] * inside.z)
 }
 
-fn taps(texture: &Texture, uv: [Vec2; 3], area_m2: f32, size_m: f32) -> u32 {
+fn taps(texture: &SceneTexture, uv: [Vec2; 3], area_m2: f32, size_m: f32) -> u32 {
     let texels = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs() * 0.5 * texture.width as f32 * texture.height as f32;
     let per_m = (texels / area_m2.max(1e-9)).sqrt();
     ((size_m * per_m).ceil() as u32).clamp(1, MAX_TAPS)
@@ -80,7 +80,7 @@ fn barycentric(e1: Vec3, e2: Vec3, q: Vec3, slack: f32) -> Option<Vec3> {
 }
 
 /// Bilinear, repeating; v grows upwards, rows downwards.
-pub(crate) fn read(texture: &Texture, uv: Vec2) -> Vec3 {
+pub(crate) fn read(texture: &SceneTexture, uv: Vec2) -> Vec3 {
     let (width, height) = (texture.width.max(1), texture.height.max(1));
     let x = uv.x * width as f32 - 0.5;
     let y = (1.0 - uv.y) * height as f32 - 0.5;
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn v_grows_upwards() {
-        let texture = Texture { width: 1, height: 2, rgb: vec![[255, 0, 0], [0, 0, 255]] };
+        let texture = SceneTexture { width: 1, height: 2, rgb: vec![[255, 0, 0], [0, 0, 255]] };
         assert!(read(&texture, Vec2::new(0.5, 0.75)).x > 0.99);
         assert!(read(&texture, Vec2::new(0.5, 0.25)).z > 0.99);
     }

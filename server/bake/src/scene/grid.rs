@@ -1,28 +1,27 @@
-//! Where nodes, columns and blocks of leaves lie.
-//!
-//! In: the scene's bounds and the cell size. Out: [`Grid`]. Next: `partition` sorts triangles into blocks of leaves.
+//! Position of nodes, columns and blocks of leaves.
 
 use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
 
-/// Leaves along a block's side: visibility maps are shared by the leaves of one block (design 5, step 2).
+/// Leaves along a block's side. The leaves of a block share their visibility maps.
 pub const BLOCK_LEAVES: u32 = 2;
 
-/// The city's quadtree in space. Lengths in metres; "scene" coordinates are those of [`crate::scene::Scene`].
+/// The city's quadtree in space. Scene coordinates are those of [`crate::scene::Scene`], in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
-    /// South-west corner of the root and height zero of all nodes, in scene coordinates.
+pub struct CityGrid {
+    /// South-west corner of the root, and height zero of all nodes, in scene coordinates.
     pub corner: [f64; 3],
     /// Level of the leaves.
     pub depth: u8,
-    /// Side of a leaf's column.
+    /// Side of a leaf's column in metres.
     pub cell_m: f64,
 }
 
-impl Grid {
-    /// The smallest root square of side `leaf_side * 2^depth` that covers `[min, max]` (scene coordinates, x and y),
-    /// its corner on the world grid of whole leaves, so that the same place always falls into the same cell.
+impl CityGrid {
+    /// The smallest root square of side `leaf_side * 2^depth` that covers `[min, max]` (scene coordinates, x and y).
+    /// Its corner lies on the world grid of whole leaves, so that a world position always falls into the same cell.
     ///
-    /// `world_origin` is the scene's. `None` if the city would need more than [`MAX_LEVEL`] levels or is not finite.
+    /// `world_origin` is the scene's origin. `None` if the city would need more than [`MAX_LEVEL`] levels, or if a
+    /// coordinate is not finite.
     pub fn covering(min: [f64; 3], max: [f64; 3], world_origin: [f64; 3], cell_m: f64) -> Option<Self> {
         let leaf_side = cell_m * NODE_CELLS as f64;
         let snap = |v: f64, origin: f64, step: f64| ((v + origin) / step).floor() * step - origin;
@@ -35,23 +34,23 @@ impl Grid {
         if !side.is_finite() || !corner[2].is_finite() || leaf_side <= 0.0 {
             return None;
         }
-        // A point on the far edge belongs to the next leaf: hence `floor + 1`.
+        // `floor + 1` because a point on the far edge belongs to the next leaf.
         let leaves = (side / leaf_side).floor() + 1.0;
         let depth = (0..=MAX_LEVEL).find(|d| f64::from(1u32 << d) >= leaves)?;
         Some(Self { corner, depth, cell_m })
     }
 
-    /// Side of a node.
+    /// Side of a node of a level, in metres.
     pub fn node_side_m(&self, level: u8) -> f64 {
         self.cell_m_at(level) * NODE_CELLS as f64
     }
 
-    /// Side of a column.
+    /// Side of a column of a level, in metres.
     pub fn cell_m_at(&self, level: u8) -> f64 {
         self.cell_m * f64::from(1u32 << (self.depth - level))
     }
 
-    /// South-west corner of a node in scene coordinates, x and y.
+    /// South-west corner of a node in scene coordinates.
     pub fn node_corner(&self, id: TileId) -> [f64; 2] {
         let side = self.node_side_m(id.level());
         [self.corner[0] + f64::from(id.x()) * side, self.corner[1] + f64::from(id.y()) * side]
@@ -60,18 +59,18 @@ impl Grid {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::grid::*;
+    use super::*;
 
     #[test]
-    fn covers_and_snaps() {
-        let grid = Grid::covering([0.5, -3.0, 7.3], [200.0, 61.0, 50.0], [1000.0, 64.0, 0.0], 1.0).unwrap();
+    fn grid_covers_the_bounds_and_snaps_to_whole_leaves() {
+        let grid = CityGrid::covering([0.5, -3.0, 7.3], [200.0, 61.0, 50.0], [1000.0, 64.0, 0.0], 1.0).unwrap();
         assert_eq!(grid.corner, [-40.0, -64.0, 6.0]);
         assert_eq!(grid.depth, 2);
         assert_eq!(grid.node_side_m(0), 256.0);
         assert_eq!(grid.node_corner(TileId::new(2, 1, 1).unwrap()), [24.0, 0.0]);
-        let on_edge = Grid::covering([0.0; 3], [64.0, 1.0, 1.0], [0.0; 3], 1.0).unwrap();
+        let on_edge = CityGrid::covering([0.0; 3], [64.0, 1.0, 1.0], [0.0; 3], 1.0).unwrap();
         assert_eq!(on_edge.depth, 1);
-        assert!(Grid::covering([0.0; 3], [f64::INFINITY; 3], [0.0; 3], 1.0).is_none());
-        assert!(Grid::covering([0.0; 3], [1e12; 3], [0.0; 3], 1.0).is_none());
+        assert!(CityGrid::covering([0.0; 3], [f64::INFINITY; 3], [0.0; 3], 1.0).is_none());
+        assert!(CityGrid::covering([0.0; 3], [1e12; 3], [0.0; 3], 1.0).is_none());
     }
 }

@@ -1,60 +1,60 @@
-//! The triangles that every source becomes, whatever its format.
-//!
-//! In: what a reader of `read/` found in a file. Out: one [`Scene`]. Next: `partition`.
+//! The triangles of a city, whatever format they were read from.
 
 pub mod grid;
 pub(crate) mod partition;
 pub(crate) mod scratch_scene;
+pub(crate) mod texture_store;
+pub(crate) mod triangle_store;
 
 use std::sync::Arc;
 
-/// What an object is: decides its colour where the source gives none, and how its columns are closed.
+/// Kind of an object. It decides the colour where the source gives none, and how columns are closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum ObjectKind {
-    /// A building, a bridge, furniture: anything with a volume.
+    /// Anything with a volume: a building, a bridge, furniture.
     #[default]
     Building,
-    /// The ground: one-sided, its underside neither blocks nor is seen (design 5, step 2).
+    /// The ground. It is one-sided: its underside neither blocks rays nor is visible.
     Terrain,
 }
 
-/// One city object: the unit that is counted, coloured and, later, updated.
+/// One object of the city.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Object {
+pub struct SceneObject {
     /// The source's own identifier, for reports.
     pub id: String,
-    /// What it is.
     pub kind: ObjectKind,
-    /// Height of its lowest vertex in metres above the scene's origin: an open-bottomed shell is closed there.
+    /// Height of the lowest vertex in metres above the scene's origin. A shell that is open at the bottom is closed
+    /// there.
     pub base_z_m: f32,
 }
 
-/// A picture that colours triangles. Rows from the top, 8-bit sRGB.
+/// An image that colours triangles.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Texture {
-    /// Width in texels.
+pub struct SceneTexture {
+    /// In texels.
     pub width: u32,
-    /// Height in texels.
+    /// In texels.
     pub height: u32,
-    /// `width * height` RGB triples.
+    /// `width * height` texels of 8-bit sRGB, row by row from the top.
     pub rgb: Vec<[u8; 3]>,
 }
 
-/// How a triangle is coloured.
+/// Colour of triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
-    /// 8-bit sRGB, multiplied with the texture where there is one.
+    /// 8-bit sRGB, multiplied with the texture if there is one.
     pub rgb: [u8; 3],
-    /// Shared, because many materials may use one picture.
-    pub texture: Option<Arc<Texture>>,
+    /// Shared, because many materials may use one image.
+    pub texture: Option<Arc<SceneTexture>>,
 }
 
-/// One triangle, counter-clockwise seen from outside where the source knows outside.
+/// A triangle, counter-clockwise seen from outside where the source defines an outside.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Triangle {
+pub struct SceneTriangle {
     /// Corners in metres relative to [`Scene::origin`].
     pub corners: [[f32; 3]; 3],
-    /// Texture coordinates, v up (OBJ's convention); zero where the material has no texture.
+    /// Texture coordinates with v up, as in OBJ; zero where the material has no texture.
     pub uv: [[f32; 2]; 3],
     /// Index into [`Scene::materials`].
     pub material: u32,
@@ -65,14 +65,11 @@ pub struct Triangle {
 /// A whole city as triangles.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// World position (source CRS, metres, f64) that corners are relative to.
+    /// World position, in metres of the source's coordinate system, that corners are relative to.
     pub origin: [f64; 3],
-    /// All triangles.
-    pub triangles: Vec<Triangle>,
-    /// All objects.
-    pub objects: Vec<Object>,
-    /// All materials.
+    pub triangles: Vec<SceneTriangle>,
+    pub objects: Vec<SceneObject>,
     pub materials: Vec<Material>,
-    /// For example `EPSG:7415`; `None` where the source does not say.
+    /// Coordinate system such as `EPSG:7415`; `None` where no source names one.
     pub crs: Option<String>,
 }

@@ -1,9 +1,9 @@
-//! Triangles into blocks of leaves, each with its own file: a bucket.
+//! Sorts triangles into blocks of leaves. Each block has a file of its own, its bucket.
 //!
-//! In: the city and its grid. Out: [`Partition`]: the leaves that may hold something, block by block, and for each block a
-//! file of the triangles that may touch or shade it. Next: `sample`, one block at a time.
+//! In: the city and its grid. Out: [`Partition`], which lists the leaves that may have content, block by block, and has
+//! for each block a file of the triangles that may touch or shade it. Next: `sample`, one block at a time.
 //!
-//! The city passes through once. What a bucket gets is gathered in memory up to a number of bytes, then appended to its file.
+//! The city is read once. Records for a bucket are buffered in memory up to a limit, then appended to its file.
 
 use std::{
     collections::BTreeMap,
@@ -17,54 +17,66 @@ use insula_protocol::TileId;
 use crate::{
     error::BakeError,
     scene::{
-        Triangle,
-        grid::{BLOCK_LEAVES, Grid},
-        scratch_scene::{City, RECORD_BYTES, from_record, to_record},
+        SceneTriangle,
+        grid::{BLOCK_LEAVES, CityGrid},
+        scratch_scene::ScratchScene,
+        triangle_store::{RECORD_BYTES, from_record, to_record},
     },
 };
 
 const _: () = assert!(BLOCK_LEAVES <= 8, "a block's leaves are kept as the bits of a u64");
 
-/// One block: at most `BLOCK_LEAVES` x `BLOCK_LEAVES` leaves, aligned to multiples of that.
+/// A block of `BLOCK_LEAVES` x `BLOCK_LEAVES` leaves, aligned to multiples of that.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Block {
+pub(crate) struct LeafBlock {
     /// Column of blocks.
     pub(crate) x: u32,
     /// Row of blocks.
     pub(crate) y: u32,
-    /// Bit `y * BLOCK_LEAVES + x` is set if that leaf may hold something.
+    /// Bit `y * BLOCK_LEAVES + x` is set if that leaf may have content.
     pub(crate) leaves: u64,
-    /// How many its bucket holds.
+    /// Number of triangles in the bucket.
     pub(crate) triangles: u64,
-    /// About how much surface lies in it, for an estimate of the memory that it takes.
+    /// Approximate area of the bucket's triangles, for the estimate of the block's memory.
     pub(crate) surface_m2: f64,
 }
 
-/// All blocks that hold something, row by row.
+/// All blocks that have content.
 #[derive(Debug)]
 pub(crate) struct Partition {
     /// In order of (y, x).
-    pub(crate) blocks: Vec<Block>,
+    pub(crate) blocks: Vec<LeafBlock>,
     depth: u8,
     folder: PathBuf,
 }
 
+/// How a city is partitioned.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PartitionOptions<'a> {
+    /// Folder of the buckets, which is created.
+    pub(crate) folder: &'a Path,
+    /// Distance around a block within which a triangle may shade it.
+    pub(crate) margin_m: f64,
+    /// Size of all write buffers together.
+    pub(crate) buffer_bytes: usize,
+}
+
 impl Partition {
-    /// Sorts the city's triangles into files of `folder`, which is made; `advance` is told of every triangle. `margin_m`
-    /// is how far around a block a triangle still counts for it, because it may shade it (design 5).
+    /// Sorts the city's triangles into buckets; calls `advance` with the number of triangles done since the last call.
+    /// Fails if a file cannot be read or written.
     pub(crate) fn new(
-        city: &City,
-        grid: &Grid,
-        margin_m: f64,
-        (folder, buffer_bytes): (&Path, usize),
+        city: &ScratchScene,
+        grid: &CityGrid,
+        options: PartitionOptions<'_>,
         advance: impl Fn(u64),
     ) -> Result<Self, BakeError> {
-        /// After how many triangles progress is told.
+        /// Triangles between two calls of `advance`.
         const STEP: u64 = 1 << 14;
-        fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "made", cause))?;
-        let mut buckets = Buckets { grid, margin_m, folder, by_block: BTreeMap::new(), buffered: 0 };
+        let PartitionOptions { folder, margin_m, buffer_bytes } = options;
+        fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
+        let mut buckets = BucketWriter { grid, margin_m, folder, by_block: BTreeMap::new(), buffered: 0 };
         let mut count = 0;
-        city.each(|triangle| {
+        city.try_for_each(|triangle| {
             count += 1;
             if count % STEP == 0 {
                 advance(STEP);
@@ -77,19 +89,20 @@ impl Partition {
         let mut blocks = Vec::new();
         for ((y, x), bucket) in buckets.by_block {
             if bucket.leaves == 0 {
-                let path = path(folder, x, y);
+                let path = bucket_path(folder, x, y);
                 fs::remove_file(&path).map_err(|cause| BakeError::io(&path, "removed", cause))?;
                 continue;
             }
-            let Bucket { leaves, triangles, surface_m2, .. } = bucket;
-            blocks.push(Block { x, y, leaves, triangles, surface_m2 });
+            let BlockBucket { leaves, triangles, surface_m2, .. } = bucket;
+            blocks.push(LeafBlock { x, y, leaves, triangles, surface_m2 });
         }
         Ok(Self { blocks, depth: grid.depth, folder: folder.to_owned() })
     }
 
-    /// The triangles that touch the block and its margin, in the city's order.
-    pub(crate) fn triangles(&self, block: &Block) -> Result<Vec<Triangle>, BakeError> {
-        let path = path(&self.folder, block.x, block.y);
+    /// The triangles that touch the block and its margin, in the city's order. Fails if the bucket cannot be read or
+    /// has changed.
+    pub(crate) fn triangles(&self, block: &LeafBlock) -> Result<Vec<SceneTriangle>, BakeError> {
+        let path = bucket_path(&self.folder, block.x, block.y);
         let bytes = fs::read(&path).map_err(|cause| BakeError::io(&path, "read", cause))?;
         let (records, rest) = bytes.as_chunks::<RECORD_BYTES>();
         if records.len() as u64 != block.triangles || !rest.is_empty() {
@@ -98,8 +111,8 @@ impl Partition {
         Ok(records.iter().map(from_record).collect())
     }
 
-    /// The block's leaves that may hold something, row by row.
-    pub(crate) fn leaves(&self, block: &Block) -> Vec<TileId> {
+    /// The block's leaves that may have content, row by row.
+    pub(crate) fn leaves(&self, block: &LeafBlock) -> Vec<TileId> {
         (0..BLOCK_LEAVES * BLOCK_LEAVES)
             .filter(|bit| block.leaves >> bit & 1 == 1)
             .filter_map(|bit| {
@@ -110,40 +123,40 @@ impl Partition {
     }
 }
 
-fn path(folder: &Path, x: u32, y: u32) -> PathBuf {
+fn bucket_path(folder: &Path, x: u32, y: u32) -> PathBuf {
     folder.join(format!("{x}-{y}.bucket"))
 }
 
-/// A block being filled.
+/// The bucket of a block while it is filled.
 #[derive(Debug, Default)]
-struct Bucket {
+struct BlockBucket {
     leaves: u64,
     triangles: u64,
     surface_m2: f64,
-    /// Records that are not in its file yet.
+    /// Records that are not in the file yet.
     buffer: Vec<u8>,
 }
 
-struct Buckets<'a> {
-    grid: &'a Grid,
+struct BucketWriter<'a> {
+    grid: &'a CityGrid,
     margin_m: f64,
     folder: &'a Path,
     /// By (y, x).
-    by_block: BTreeMap<(u32, u32), Bucket>,
+    by_block: BTreeMap<(u32, u32), BlockBucket>,
     /// Bytes in all buffers.
     buffered: usize,
 }
 
-impl Buckets<'_> {
-    fn add(&mut self, triangle: &Triangle) {
-        let p = corners_in(triangle, self.grid);
+impl BucketWriter<'_> {
+    fn add(&mut self, triangle: &SceneTriangle) {
+        let p = corners_xy(triangle, self.grid);
         let side = self.grid.node_side_m(self.grid.depth);
         let last = (1u32 << self.grid.depth) - 1;
         self.mark_leaves(&p, side, last);
         let block_side = side * f64::from(BLOCK_LEAVES);
         let [x, y] = [0, 1].map(|axis| {
             let [low, high] = span(&p, axis);
-            range([low - self.margin_m, high + self.margin_m], block_side, last / BLOCK_LEAVES)
+            touched_range([low - self.margin_m, high + self.margin_m], block_side, last / BLOCK_LEAVES)
         });
         let record = to_record(triangle);
         let surface_m2 = area_m2(triangle).min(4.0 * block_side * block_side);
@@ -158,9 +171,9 @@ impl Buckets<'_> {
         }
     }
 
-    /// Which leaves the triangle touches.
+    /// Marks the leaves that the triangle touches.
     fn mark_leaves(&mut self, p: &[[f64; 2]; 3], side: f64, last: u32) {
-        let [x, y] = [0, 1].map(|axis| range(span(p, axis), side, last));
+        let [x, y] = [0, 1].map(|axis| touched_range(span(p, axis), side, last));
         let one = x[0] == x[1] && y[0] == y[1];
         for leaf_y in y[0]..=y[1] {
             for leaf_x in x[0]..=x[1] {
@@ -180,7 +193,7 @@ impl Buckets<'_> {
             if buffer.is_empty() {
                 continue;
             }
-            let path = path(self.folder, *x, *y);
+            let path = bucket_path(self.folder, *x, *y);
             let open = || -> io::Result<File> { OpenOptions::new().append(true).create(true).open(&path) };
             let written = open().and_then(|mut file| file.write_all(&buffer));
             written.map_err(|cause| BakeError::io(&path, "written", cause))?;
@@ -190,13 +203,13 @@ impl Buckets<'_> {
     }
 }
 
-fn area_m2(triangle: &Triangle) -> f64 {
+fn area_m2(triangle: &SceneTriangle) -> f64 {
     let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
     f64::from((b - a).cross(c - a).length()) * 0.5
 }
 
-/// Corners in metres from the grid's corner, seen from above.
-fn corners_in(triangle: &Triangle, grid: &Grid) -> [[f64; 2]; 3] {
+/// Corners in metres from the grid's corner, x and y.
+fn corners_xy(triangle: &SceneTriangle, grid: &CityGrid) -> [[f64; 2]; 3] {
     triangle.corners.map(|c| [f64::from(c[0]) - grid.corner[0], f64::from(c[1]) - grid.corner[1]])
 }
 
@@ -205,13 +218,14 @@ fn span(p: &[[f64; 2]; 3], axis: usize) -> [f64; 2] {
     [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])]
 }
 
-/// First and last square of side `side` that the closed interval touches, within `0..=last`.
-fn range(span: [f64; 2], side: f64, last: u32) -> [u32; 2] {
-    // A float cast saturates: what lies outside the root counts for its rim.
+/// First and last of the squares of side `side` that the closed interval touches, within `0..=last`.
+fn touched_range(span: [f64; 2], side: f64, last: u32) -> [u32; 2] {
+    // A float cast saturates: an interval outside the root counts for the root's outermost squares.
     [((span[0] / side).ceil() as i64 - 1).clamp(0, i64::from(last)) as u32, ((span[1] / side) as u32).min(last)]
 }
 
-/// Whether the triangle touches the square at `low`, given that its bounding box does: no edge separates them.
+/// Whether the triangle touches the square at `low`, given that its bounding box does: no edge of the triangle
+/// separates them.
 fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
     let q = [low, [low[0] + side, low[1]], [low[0], low[1] + side], [low[0] + side, low[1] + side]];
     let separates = |i: usize| {
@@ -225,32 +239,38 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::partition::*;
+    use super::*;
     use crate::{
-        scene::{Material, Object, ObjectKind, Scene},
-        write::scratch::tests::Folder,
+        scene::{Material, ObjectKind, Scene, SceneObject},
+        test_folder::TestFolder,
     };
 
-    fn triangle(corners: [[f32; 3]; 3]) -> Triangle {
-        Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
+    fn triangle(corners: [[f32; 3]; 3]) -> SceneTriangle {
+        SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
     }
 
-    /// The partition of these, with its folder; buffers of `buffer_bytes`.
-    fn partition(name: &str, triangles: &[Triangle], margin_m: f64, buffer_bytes: usize) -> (Partition, Folder) {
+    /// Partitions the triangles in a folder of the test's own.
+    fn partition(
+        name: &str,
+        triangles: &[SceneTriangle],
+        margin_m: f64,
+        buffer_bytes: usize,
+    ) -> (Partition, TestFolder) {
         let scene = Scene {
             triangles: triangles.to_vec(),
-            objects: vec![Object { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
+            objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
             materials: vec![Material { rgb: [0; 3], texture: None }],
             ..Scene::default()
         };
-        let folder = Folder::new(&format!("partition-{name}"));
-        let place = folder.path.join("buckets");
-        let city = City::from_scene(scene).unwrap();
-        (Partition::new(&city, &grid(5), margin_m, (&place, buffer_bytes), |_| {}).unwrap(), folder)
+        let folder = TestFolder::new(&format!("partition-{name}"));
+        let buckets = folder.path.join("buckets");
+        let options = PartitionOptions { folder: &buckets, margin_m, buffer_bytes };
+        let city = ScratchScene::from_scene(scene).unwrap();
+        (Partition::new(&city, &grid(5), options, |_| {}).unwrap(), folder)
     }
 
-    fn grid(depth: u8) -> Grid {
-        Grid { corner: [0.0; 3], depth, cell_m: 1.0 }
+    fn grid(depth: u8) -> CityGrid {
+        CityGrid { corner: [0.0; 3], depth, cell_m: 1.0 }
     }
 
     fn id(x: u32, y: u32) -> TileId {
@@ -258,14 +278,14 @@ mod tests {
     }
 
     #[test]
-    fn a_small_triangle_is_in_one_leaf_and_shades_the_next_block() {
+    fn triangles_within_the_margin_are_in_neighbouring_buckets() {
         let all = [
             triangle([[500.0, 10.0, 0.0], [505.0, 10.0, 0.0], [500.0, 15.0, 5.0]]),
             triangle([[600.0, 10.0, 0.0], [605.0, 10.0, 0.0], [600.0, 15.0, 5.0]]),
             triangle([[900.0, 10.0, 0.0], [905.0, 10.0, 0.0], [900.0, 15.0, 5.0]]),
         ];
         let held = |partition: &Partition| -> Vec<Vec<usize>> {
-            let number = |t: &Triangle| all.iter().position(|other| other == t).unwrap();
+            let number = |t: &SceneTriangle| all.iter().position(|other| other == t).unwrap();
             let triangles = |block| partition.triangles(block).unwrap().iter().map(number).collect();
             partition.blocks.iter().map(triangles).collect()
         };
@@ -278,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slanting_triangle_leaves_out_the_leaves_beside_it() {
+    fn diagonal_triangle_does_not_mark_leaves_beside_it() {
         let sliver = triangle([[1.0, 1.0, 0.0], [2040.0, 2045.0, 0.0], [2045.0, 2040.0, 0.0]]);
         let (partition, folder) = partition("sliver", &[sliver], 0.0, 1 << 20);
         let leaves: Vec<_> = partition.blocks.iter().flat_map(|block| partition.leaves(block)).collect();
@@ -290,14 +310,14 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_on_an_edge_is_in_both_leaves() {
+    fn triangle_on_a_leaf_border_marks_both_leaves() {
         let wall = triangle([[64.0, 10.0, 0.0], [64.0, 20.0, 0.0], [64.0, 15.0, 9.0]]);
         let (partition, _folder) = partition("edge", &[wall], 0.0, 1 << 20);
         assert_eq!(partition.leaves(&partition.blocks[0]), [id(0, 0), id(1, 0)]);
     }
 
     #[test]
-    fn every_sample_of_every_triangle_lies_in_a_listed_leaf() {
+    fn every_point_of_every_triangle_lies_in_a_marked_leaf() {
         let mut seed = 7u32;
         let mut random = || {
             seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -311,7 +331,7 @@ mod tests {
             for (u, v) in [(0.2, 0.3), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.1, 0.8)] {
                 let [a, b, c] = triangle.corners;
                 let [x, y] = [0, 1].map(|k| ((a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])) / 64.0) as u32);
-                let of = |block: &Block| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES);
+                let of = |block: &LeafBlock| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES);
                 let i = partition.blocks.iter().position(of).unwrap();
                 assert!(partition.leaves(&partition.blocks[i]).contains(&id(x, y)));
                 assert!(held[i].contains(triangle));
@@ -321,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn small_buffers_give_the_same_buckets() {
+    fn buckets_do_not_depend_on_the_buffer_size() {
         let triangles: Vec<_> = (0..300)
             .map(|i| {
                 let [x, y] = [(i * 37 % 2000) as f32, (i * 91 % 2000) as f32];

@@ -1,372 +1,157 @@
-//! A city between reading and partition: what is small in memory, its triangles and pictures in scratch files.
+//! A city between reading and partition: materials and objects in memory, triangles and textures in scratch files.
 //!
-//! In: triangles and pictures as `read` finds them. Out: [`City`], which hands them out again, triangles in their order.
-//! Next: `partition`.
-//!
-//! A city that was read for its own sake ([`crate::read::read`]) or handed over as a [`Scene`] keeps both in memory.
+//! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps triangles and textures in memory.
 
-use std::{
-    fs::{self, File},
-    io::{self, BufReader, BufWriter, Read, Write},
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError},
-};
-
-use lru::LruCache;
+use std::sync::Arc;
 
 use crate::{
     error::BakeError,
-    scene::{Material, Object, ObjectKind, Scene, Texture, Triangle},
+    scene::{
+        Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle, texture_store::TextureStore,
+        triangle_store::TriangleStore,
+    },
 };
 
-/// Bytes of a triangle in a file: corners, texture coordinates, material, object; 4 bytes each, little-endian.
-pub(crate) const RECORD_BYTES: usize = 17 * 4;
-/// Buffer of a file of triangles.
-const BUFFER_BYTES: usize = RECORD_BYTES << 12;
-
-/// A triangle as it lies in scratch files.
-pub(crate) fn to_record(triangle: &Triangle) -> [u8; RECORD_BYTES] {
-    let mut record = [0; RECORD_BYTES];
-    let floats = triangle.corners.as_flattened().iter().chain(triangle.uv.as_flattened()).map(|v| v.to_bits());
-    let words = floats.chain([triangle.material, triangle.object]);
-    for (slot, word) in record.chunks_exact_mut(4).zip(words) {
-        slot.copy_from_slice(&word.to_le_bytes());
-    }
-    record
-}
-
-/// The inverse of [`to_record`].
-pub(crate) fn from_record(record: &[u8; RECORD_BYTES]) -> Triangle {
-    let word = |i: usize| u32::from_le_bytes([record[4 * i], record[4 * i + 1], record[4 * i + 2], record[4 * i + 3]]);
-    let float = |i: usize| f32::from_bits(word(i));
-    Triangle {
-        corners: std::array::from_fn(|i| std::array::from_fn(|axis| float(3 * i + axis))),
-        uv: std::array::from_fn(|i| [float(9 + 2 * i), float(10 + 2 * i)]),
-        material: word(15),
-        object: word(16),
-    }
-}
-
-/// Triangles in the order in which they came.
-#[derive(Debug)]
-pub(crate) enum Triangles {
-    /// All of them at hand.
-    Memory(Vec<Triangle>),
-    /// In a scratch file.
-    File(TriangleFile),
-}
-
-/// A file of triangles. The first fault is kept until [`Triangles::finish`]: readers go on without looking.
-#[derive(Debug)]
-pub(crate) struct TriangleFile {
-    path: PathBuf,
-    writer: Option<BufWriter<File>>,
-    failed: Option<io::Error>,
-}
-
-impl Triangles {
-    /// To be written to `path`.
-    pub(crate) fn in_file(path: PathBuf) -> Result<Self, BakeError> {
-        let file = File::create(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
-        let writer = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
-        Ok(Self::File(TriangleFile { path, writer, failed: None }))
-    }
-
-    pub(crate) fn push(&mut self, triangle: Triangle) {
-        match self {
-            Self::Memory(all) => all.push(triangle),
-            Self::File(file) => {
-                if let Some(writer) = &mut file.writer
-                    && let Err(cause) = writer.write_all(&to_record(&triangle))
-                {
-                    file.failed = Some(cause);
-                    file.writer = None;
-                }
-            }
-        }
-    }
-
-    /// Ends the writing; tells what went wrong since the beginning.
-    pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
-        let Self::File(file) = self else { return Ok(()) };
-        let flushed = file.writer.take().map_or(Ok(()), |mut writer| writer.flush());
-        let failed = file.failed.take().map_or(flushed, Err);
-        failed.map_err(|cause| BakeError::io(&file.path, "written", cause))
-    }
-
-    /// Every triangle, in order.
-    fn each(&self, mut then: impl FnMut(Triangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
-        match self {
-            Self::Memory(all) => all.iter().try_for_each(|triangle| then(*triangle)),
-            Self::File(file) => {
-                let failed = |cause| BakeError::io(&file.path, "read", cause);
-                let mut reader = BufReader::with_capacity(BUFFER_BYTES, File::open(&file.path).map_err(failed)?);
-                let mut record = [0; RECORD_BYTES];
-                while !io::BufRead::fill_buf(&mut reader).map_err(failed)?.is_empty() {
-                    reader.read_exact(&mut record).map_err(failed)?;
-                    then(from_record(&record))?;
-                }
-                Ok(())
-            }
-        }
-    }
-}
-
-/// The first 16 bytes of a blake3 hash.
-pub(crate) type ShortHash = [u8; 16];
-
-pub(crate) fn short(hash: &blake3::Hash) -> ShortHash {
-    std::array::from_fn(|i| hash.as_bytes()[i])
-}
-
-/// What is known of a picture without its texels.
-#[derive(Debug, Clone, Copy)]
-struct PictureFacts {
-    width: u32,
-    height: u32,
-    hash: ShortHash,
-}
-
-/// The city's pictures, by number. Those in files are loaded when asked for, and kept as far as a number of bytes allows.
-#[derive(Debug)]
-pub(crate) struct Pictures {
-    facts: Vec<PictureFacts>,
-    kept: Kept,
-    failed: Option<BakeError>,
-}
-
-#[derive(Debug)]
-enum Kept {
-    Memory(Vec<Arc<Texture>>),
-    Folder { path: PathBuf, cache: Mutex<Cache> },
-}
-
-/// Loaded pictures, the one used longest ago first to go. What a block in work holds stays alive beside it.
-#[derive(Debug)]
-struct Cache {
-    loaded: LruCache<u32, Arc<Texture>>,
-    bytes: usize,
-    limit: usize,
-}
-
-impl Pictures {
-    /// In memory.
-    pub(crate) fn in_memory() -> Self {
-        Self { facts: Vec::new(), kept: Kept::Memory(Vec::new()), failed: None }
-    }
-
-    /// In files of the folder `path`, which is there; at most `limit` bytes of them are kept loaded.
-    pub(crate) fn in_folder(path: PathBuf, limit: usize) -> Self {
-        let cache = Mutex::new(Cache { loaded: LruCache::unbounded(), bytes: 0, limit });
-        Self { facts: Vec::new(), kept: Kept::Folder { path, cache }, failed: None }
-    }
-
-    /// Keeps a picture and gives it its number.
-    pub(crate) fn add(&mut self, texture: Arc<Texture>) -> u32 {
-        let number = self.facts.len() as u32;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&texture.width.to_le_bytes()).update(&texture.height.to_le_bytes());
-        let hash = short(&hasher.update(texture.rgb.as_flattened()).finalize());
-        self.facts.push(PictureFacts { width: texture.width, height: texture.height, hash });
-        match &mut self.kept {
-            Kept::Memory(all) => all.push(texture),
-            Kept::Folder { path, .. } => {
-                let path = picture_path(path, number);
-                if let Err(cause) = fs::write(&path, texture.rgb.as_flattened()) {
-                    self.failed.get_or_insert(BakeError::io(&path, "written", cause));
-                }
-            }
-        }
-        number
-    }
-
-    /// Tells what went wrong while pictures were added.
-    pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
-        self.failed.take().map_or(Ok(()), Err)
-    }
-
-    /// Names a picture by its content.
-    pub(crate) fn hash(&self, number: u32) -> ShortHash {
-        self.facts[number as usize].hash
-    }
-
-    /// The picture itself.
-    pub(crate) fn get(&self, number: u32) -> Result<Arc<Texture>, BakeError> {
-        match &self.kept {
-            Kept::Memory(all) => Ok(Arc::clone(&all[number as usize])),
-            Kept::Folder { path, cache } => {
-                // Loaded under the lock: two blocks that want the same picture load it once.
-                let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some(texture) = cache.loaded.get(&number) {
-                    return Ok(Arc::clone(texture));
-                }
-                let texture = Arc::new(load(&picture_path(path, number), self.facts[number as usize])?);
-                cache.add(number, &texture);
-                Ok(texture)
-            }
-        }
-    }
-}
-
-impl Cache {
-    fn add(&mut self, number: u32, texture: &Arc<Texture>) {
-        self.bytes += texture.rgb.as_flattened().len();
-        self.loaded.put(number, Arc::clone(texture));
-        while self.bytes > self.limit
-            && let Some((_, gone)) = self.loaded.pop_lru()
-        {
-            self.bytes -= gone.rgb.as_flattened().len();
-        }
-    }
-}
-
-fn picture_path(folder: &Path, number: u32) -> PathBuf {
-    folder.join(format!("{number}.rgb"))
-}
-
-fn load(path: &Path, facts: PictureFacts) -> Result<Texture, BakeError> {
-    let bytes = fs::read(path).map_err(|cause| BakeError::io(path, "read", cause))?;
-    let (texels, rest) = bytes.as_chunks::<3>();
-    if !rest.is_empty() || texels.len() as u64 != u64::from(facts.width) * u64::from(facts.height) {
-        return Err(BakeError::Scratch { path: path.to_owned() });
-    }
-    Ok(Texture { width: facts.width, height: facts.height, rgb: texels.to_vec() })
-}
-
-/// How triangles are coloured.
+/// Colour of triangles, with the texture by number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct Paint {
+pub(crate) struct StoredMaterial {
     /// 8-bit sRGB.
     pub(crate) rgb: [u8; 3],
-    /// Number of a picture.
-    pub(crate) picture: Option<u32>,
+    /// Number in [`ScratchScene::textures`].
+    pub(crate) texture: Option<u32>,
 }
 
-/// What is known of an object without its triangles.
+/// A [`SceneObject`] without its identifier.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ObjectFacts {
+pub(crate) struct StoredObject {
     pub(crate) kind: ObjectKind,
-    /// As in [`Object`].
     pub(crate) base_z_m: f32,
 }
 
-/// Where an object's triangles belong, which were kept relative to a point of their own.
+/// Position and number of an object whose triangles are stored relative to an anchor of their own.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Placing {
-    /// From the city's origin to that point.
+pub(crate) struct ObjectPlacement {
+    /// From the scene's origin to the anchor.
     pub(crate) offset_m: [f64; 3],
-    /// The object's number in the city; `None` for one that is left out.
+    /// Index into [`ScratchScene::objects`]; `None` for an object that is left out.
     pub(crate) object: Option<u32>,
 }
 
 /// A city that was read.
 #[derive(Debug)]
-pub(crate) struct City {
+pub(crate) struct ScratchScene {
     /// As in [`Scene`].
     pub(crate) origin: [f64; 3],
     /// As in [`Scene`].
     pub(crate) crs: Option<String>,
-    /// Of all corners, relative to the origin; `None` without triangles.
+    /// Minimum and maximum of all corners, relative to the origin; `None` without triangles.
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
-    pub(crate) objects: Vec<ObjectFacts>,
-    pub(crate) paints: Vec<Paint>,
-    pub(crate) pictures: Pictures,
-    /// How many.
+    pub(crate) objects: Vec<StoredObject>,
+    pub(crate) materials: Vec<StoredMaterial>,
+    pub(crate) textures: TextureStore,
+    /// Number of triangles.
     pub(crate) triangles: u64,
-    /// Their objects' names; only where the city is in memory.
+    /// Identifiers of the objects; empty unless the triangles are in memory.
     pub(crate) names: Vec<String>,
-    /// By the object number that the stored triangles have; empty if they are placed.
-    pub(crate) placings: Vec<Placing>,
-    pub(crate) stored: Triangles,
+    /// By the object number of the stored triangles; empty if the triangles are relative to the origin already.
+    pub(crate) placements: Vec<ObjectPlacement>,
+    pub(crate) stored: TriangleStore,
 }
 
-impl City {
-    /// Every triangle in its order: corners relative to the origin, material an index into `paints`.
-    pub(crate) fn each(&self, mut then: impl FnMut(&Triangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
-        self.stored.each(|mut triangle| {
-            if !self.placings.is_empty() {
-                let Placing { offset_m, object } = self.placings[triangle.object as usize];
+impl ScratchScene {
+    /// Calls `visit` for every triangle in order, with corners relative to the origin and indices into `materials` and
+    /// `objects`. Fails if the triangles cannot be read, or with the first error of `visit`.
+    pub(crate) fn try_for_each(
+        &self,
+        mut visit: impl FnMut(&SceneTriangle) -> Result<(), BakeError>,
+    ) -> Result<(), BakeError> {
+        self.stored.try_for_each(|mut triangle| {
+            if !self.placements.is_empty() {
+                let ObjectPlacement { offset_m, object } = self.placements[triangle.object as usize];
                 let Some(object) = object else { return Ok(()) };
                 triangle.object = object;
                 for corner in &mut triangle.corners {
                     *corner = std::array::from_fn(|axis| (f64::from(corner[axis]) + offset_m[axis]) as f32);
                 }
             }
-            then(&triangle)
+            visit(&triangle)
         })
     }
 
-    /// Once they are in buckets nobody asks for them here: their memory or file, and where each object stands.
-    pub(crate) fn forget_triangles(&mut self) {
-        self.placings = Vec::new();
+    /// Frees the triangles, whose copies in the partition's buckets are used from then on.
+    pub(crate) fn drop_triangles(&mut self) {
+        self.placements = Vec::new();
         self.names = Vec::new();
-        if let Triangles::File(TriangleFile { path, .. }) =
-            std::mem::replace(&mut self.stored, Triangles::Memory(Vec::new()))
-        {
-            // Left behind it takes room, no more; the scratch folder goes at the end.
-            let _ = fs::remove_file(path);
+        if let TriangleStore::File(file) = std::mem::replace(&mut self.stored, TriangleStore::Memory(Vec::new())) {
+            file.remove();
         }
     }
 
-    /// All of it in memory.
+    /// The whole city in memory. Fails if triangles or textures cannot be read.
     pub(crate) fn into_scene(self) -> Result<Scene, BakeError> {
         let mut triangles = Vec::with_capacity(self.triangles as usize);
-        self.each(|triangle| {
+        self.try_for_each(|triangle| {
             triangles.push(*triangle);
             Ok(())
         })?;
         let objects = self.objects.iter().zip(&self.names);
-        let objects = objects.map(|(facts, id)| Object { id: id.clone(), kind: facts.kind, base_z_m: facts.base_z_m });
-        let material = |paint: &Paint| {
-            let texture = paint.picture.map(|number| self.pictures.get(number)).transpose()?;
-            Ok(Material { rgb: paint.rgb, texture })
-        };
-        let materials = self.paints.iter().map(material).collect::<Result<_, BakeError>>()?;
+        let objects =
+            objects.map(|(object, id)| SceneObject { id: id.clone(), kind: object.kind, base_z_m: object.base_z_m });
+        let materials = self.materials.iter().map(|material| self.load_material(*material));
+        let materials = materials.collect::<Result<_, _>>()?;
         Ok(Scene { origin: self.origin, triangles, objects: objects.collect(), materials, crs: self.crs })
     }
 
-    /// A scene that came from elsewhere: checked for what readers promise.
+    /// The material with its texture. Fails if the texture cannot be read.
+    pub(crate) fn load_material(&self, material: StoredMaterial) -> Result<Material, BakeError> {
+        let texture = material.texture.map(|number| self.textures.get(number)).transpose()?;
+        Ok(Material { rgb: material.rgb, texture })
+    }
+
+    /// Fails if a triangle has an index out of range or a coordinate that is not finite. Readers never make such
+    /// triangles.
     pub(crate) fn from_scene(scene: Scene) -> Result<Self, BakeError> {
-        let bounds = bounds(&scene)?;
-        let mut pictures = Pictures::in_memory();
-        let mut known: Vec<Arc<Texture>> = Vec::new();
-        let mut number = |texture: Arc<Texture>| {
-            let place = known.iter().position(|other| Arc::ptr_eq(other, &texture));
-            place.map_or_else(
+        let bounds = checked_bounds(&scene)?;
+        let mut textures = TextureStore::in_memory();
+        let mut known: Vec<Arc<SceneTexture>> = Vec::new();
+        let mut number_of = |texture: Arc<SceneTexture>| {
+            let number = known.iter().position(|other| Arc::ptr_eq(other, &texture));
+            number.map_or_else(
                 || {
                     known.push(Arc::clone(&texture));
-                    pictures.add(texture)
+                    textures.add(texture)
                 },
-                |place| place as u32,
+                |number| number as u32,
             )
         };
-        let paints = scene.materials.into_iter();
-        let paints = paints.map(|m| Paint { rgb: m.rgb, picture: m.texture.map(&mut number) }).collect();
-        let objects = scene.objects.iter().map(|o| ObjectFacts { kind: o.kind, base_z_m: o.base_z_m });
+        let materials = scene.materials.into_iter();
+        let materials =
+            materials.map(|m| StoredMaterial { rgb: m.rgb, texture: m.texture.map(&mut number_of) }).collect();
+        let objects = scene.objects.iter().map(|o| StoredObject { kind: o.kind, base_z_m: o.base_z_m });
         Ok(Self {
             origin: scene.origin,
             crs: scene.crs,
             bounds,
             objects: objects.collect(),
-            paints,
-            pictures,
+            materials,
+            textures,
             triangles: scene.triangles.len() as u64,
             names: Vec::new(),
-            placings: Vec::new(),
-            stored: Triangles::Memory(scene.triangles),
+            placements: Vec::new(),
+            stored: TriangleStore::Memory(scene.triangles),
         })
     }
 }
 
-fn bounds(scene: &Scene) -> Result<Option<[[f64; 3]; 2]>, BakeError> {
+fn checked_bounds(scene: &Scene) -> Result<Option<[[f64; 3]; 2]>, BakeError> {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for (triangle, t) in scene.triangles.iter().enumerate() {
-        let wrong = |what| Err(BakeError::Scene { triangle, what });
+        let invalid = |what| Err(BakeError::Scene { triangle, what });
         if t.material as usize >= scene.materials.len() || t.object as usize >= scene.objects.len() {
-            return wrong("its material or object does not exist");
+            return invalid("its material or object does not exist");
         }
         if !t.corners.iter().flatten().chain(t.uv.iter().flatten()).all(|v| v.is_finite()) {
-            return wrong("a coordinate is not finite");
+            return invalid("a coordinate is not finite");
         }
         for corner in t.corners {
             for axis in 0..3 {
@@ -380,70 +165,31 @@ fn bounds(scene: &Scene) -> Result<Option<[[f64; 3]; 2]>, BakeError> {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::scratch_scene::*;
-    use crate::write::scratch::tests::Folder;
-
-    fn triangle(i: u32) -> Triangle {
-        let corners = [[i as f32, 0.5, -1.0], [5.0, 0.0, 1.0], [0.0, -3.0, f32::MIN_POSITIVE]];
-        Triangle { corners, uv: [[0.25, i as f32], [1.0, 0.0], [-7.5, 2.0]], material: i, object: 3 * i }
-    }
+    use super::*;
 
     #[test]
-    fn triangles_come_back_from_a_file_in_order() {
-        let folder = Folder::new("spool");
-        let mut stored = Triangles::in_file(folder.path.join("triangles")).unwrap();
-        let all: Vec<Triangle> = (0..10_000).map(triangle).collect();
-        all.iter().for_each(|triangle| stored.push(*triangle));
-        stored.finish().unwrap();
-        let mut back = Vec::new();
-        stored
-            .each(|triangle| {
-                back.push(triangle);
-                Ok(())
-            })
-            .unwrap();
-        assert!(back == all);
-        let path = folder.path.join("triangles");
-        let bytes = fs::read(&path).unwrap();
-        fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
-        assert!(matches!(stored.each(|_| Ok(())), Err(BakeError::Io { .. })));
-    }
-
-    #[test]
-    fn pictures_are_loaded_when_asked_for_and_kept_as_far_as_allowed() {
-        let folder = Folder::new("pictures");
-        let mut pictures = Pictures::in_folder(folder.path.clone(), 100);
-        for i in 0..4u8 {
-            pictures.add(Arc::new(Texture { width: 5, height: 2, rgb: vec![[i; 3]; 10] }));
-        }
-        pictures.finish().unwrap();
-        for i in [0u8, 1, 2, 0, 3, 1] {
-            assert_eq!(pictures.get(i.into()).unwrap().rgb, [[i; 3]; 10]);
-            let Kept::Folder { cache, .. } = &pictures.kept else { panic!("not in a folder") };
-            assert!(cache.lock().unwrap().bytes <= 100);
-        }
-        assert_ne!(pictures.hash(0), pictures.hash(1));
-        fs::write(folder.path.join("2.rgb"), [0; 29]).unwrap();
-        assert!(matches!(pictures.get(2), Err(BakeError::Scratch { .. })));
-    }
-
-    #[test]
-    fn a_sound_scene_has_bounds_and_an_unsound_one_an_error() {
+    fn valid_scene_has_bounds_and_an_invalid_one_is_an_error() {
+        let corners = [[2.0, 0.5, -1.0], [5.0, 0.0, 1.0], [0.0, -3.0, f32::MIN_POSITIVE]];
         let scene = || Scene {
-            triangles: vec![Triangle { material: 0, object: 0, ..triangle(2) }],
-            objects: vec![Object { id: "a".into(), kind: ObjectKind::Building, base_z_m: -1.0 }],
+            triangles: vec![SceneTriangle {
+                corners,
+                uv: [[0.25, 2.0], [1.0, 0.0], [-7.5, 2.0]],
+                material: 0,
+                object: 0,
+            }],
+            objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: -1.0 }],
             materials: vec![Material { rgb: [9, 8, 7], texture: None }],
             ..Scene::default()
         };
-        let bounds = City::from_scene(scene()).unwrap().bounds.unwrap();
+        let bounds = ScratchScene::from_scene(scene()).unwrap().bounds.unwrap();
         assert_eq!(bounds, [[0.0, -3.0, -1.0], [5.0, 0.5, 1.0]]);
-        assert_eq!(City::from_scene(Scene::default()).unwrap().bounds, None);
-        let wrong: [fn(&mut Triangle); 4] =
+        assert_eq!(ScratchScene::from_scene(Scene::default()).unwrap().bounds, None);
+        let make_invalid: [fn(&mut SceneTriangle); 4] =
             [|t| t.material = 1, |t| t.object = 1, |t| t.corners[1][2] = f32::NAN, |t| t.uv[2][0] = f32::INFINITY];
-        for spoil in wrong {
+        for make_invalid in make_invalid {
             let mut scene = scene();
-            spoil(&mut scene.triangles[0]);
-            assert!(matches!(City::from_scene(scene), Err(BakeError::Scene { triangle: 0, .. })));
+            make_invalid(&mut scene.triangles[0]);
+            assert!(matches!(ScratchScene::from_scene(scene), Err(BakeError::Scene { triangle: 0, .. })));
         }
     }
 }

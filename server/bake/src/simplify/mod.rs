@@ -1,7 +1,7 @@
 //! Fewer triangles that look the same: edges are collapsed, the cheapest first (Garland and Heckbert 1997; Gasparello,
 //! chapter 2), and small parts leave as a whole.
 //!
-//! In: a [`Model`], and how far to go. Out: a [`Simplified`]. Next: the mesh codec.
+//! In: a [`TriangleModel`], and how far to go. Out: a [`Simplified`]. Next: the mesh codec.
 //!
 //! A collapse costs area times squared distance to the planes of all triangles that went into it. Borders, and seams of
 //! what corners carry, have upright planes that count much more, and only vertices of the same line are collapsed along
@@ -12,7 +12,7 @@ mod quadric;
 mod queue;
 mod shape;
 
-use crate::model::{Layer, Model};
+use crate::model::{CornerLayer, TriangleModel};
 use glam::DVec3;
 use insula_protocol::mesh::{
     Kind,
@@ -47,7 +47,7 @@ pub struct Goal {
 #[derive(Debug, Clone)]
 pub struct Simplified {
     /// The triangles that are left.
-    pub model: Model,
+    pub model: TriangleModel,
     /// The largest distance that a vertex was moved from the surfaces that it stands for, or half the diagonal of a part
     /// that left, in the model's units.
     pub error: f64,
@@ -100,7 +100,7 @@ struct Work {
 }
 
 /// Simplifies `model` towards `goal`. Vertices that `is_locked` stay where they are.
-pub fn simplify(model: &Model, goal: Goal, is_locked: impl Fn(u32) -> bool) -> Simplified {
+pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bool) -> Simplified {
     let order = order(model);
     let sorted: Vec<[u32; 3]> = order.iter().map(|t| model.triangles[*t as usize]).collect();
     let mut pieces = Pieces::new(&sorted, model.positions.len() as u32);
@@ -123,13 +123,13 @@ pub fn simplify(model: &Model, goal: Goal, is_locked: impl Fn(u32) -> bool) -> S
     Simplified { model, error: work.error, census: pieces.census, left }
 }
 
-fn center(model: &Model) -> DVec3 {
+fn center(model: &TriangleModel) -> DVec3 {
     let sum: DVec3 = model.positions.iter().map(|p| DVec3::from(*p)).sum();
     sum / model.positions.len().max(1) as f64
 }
 
 /// Triangles in the order of a curve through space (Morton 1966): what lies together is then worked on together.
-fn order(model: &Model) -> Vec<u32> {
+fn order(model: &TriangleModel) -> Vec<u32> {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for position in &model.positions {
         (min, max) = (min.min(DVec3::from(*position)), max.max(DVec3::from(*position)));
@@ -211,7 +211,7 @@ fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
 }
 
 impl Work {
-    fn new(model: &Model, pieces: &Pieces, center: DVec3) -> Self {
+    fn new(model: &TriangleModel, pieces: &Pieces, center: DVec3) -> Self {
         let place = pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - center);
         let (wedge, values) = wedges(model, pieces);
         let mut shape = Shape::new(pieces, place, &wedge);
@@ -404,15 +404,15 @@ impl Work {
     }
 
     /// What is left, with vertices that were cut apart together again.
-    fn finish(&self, model: &Model, center: DVec3) -> Model {
-        let mut out = Model::default();
+    fn finish(&self, model: &TriangleModel, center: DVec3) -> TriangleModel {
+        let mut out = TriangleModel::default();
         let mut number = vec![NONE; self.shape.vertex.len()];
         let mut fixed: HashMap<u32, u32> = HashMap::new();
         let mut wedges = vec![NONE; self.values.len() / self.layers.max(1)];
         out.layers = model
             .layers
             .iter()
-            .map(|layer| Layer { values: Vec::new(), corners: Vec::new(), kind: layer.kind, width: layer.width })
+            .map(|layer| CornerLayer { values: Vec::new(), corners: Vec::new(), kind: layer.kind, width: layer.width })
             .collect();
         for t in (0..self.shape.alive.len() as u32).filter(|t| self.shape.alive[*t as usize]) {
             let corners = [0, 1, 2].map(|k| {
@@ -454,7 +454,7 @@ impl Work {
 
 /// For each half-edge of the pieces a number for what its corner carries, and the values of each number, one a layer; empty
 /// where corners carry nothing.
-fn wedges(model: &Model, pieces: &Pieces) -> (Vec<u32>, Vec<[f32; 4]>) {
+fn wedges(model: &TriangleModel, pieces: &Pieces) -> (Vec<u32>, Vec<[f32; 4]>) {
     if model.layers.is_empty() {
         return (Vec::new(), Vec::new());
     }

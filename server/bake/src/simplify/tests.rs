@@ -3,8 +3,8 @@
 use super::*;
 
 /// A sphere of quads cut in two, `n` around.
-fn sphere(n: u32) -> Model {
-    let mut model = Model::default();
+fn sphere(n: u32) -> TriangleModel {
+    let mut model = TriangleModel::default();
     let at = |i: u32, j: u32| {
         let (a, b) =
             (f64::from(i) / f64::from(n) * std::f64::consts::TAU, f64::from(j) / f64::from(n) * std::f64::consts::PI);
@@ -29,9 +29,9 @@ fn sphere(n: u32) -> Model {
 }
 
 /// An open sheet of `n` x `n` quads with a hill, and texture coordinates that jump in its middle.
-fn sheet(n: u32) -> Model {
-    let mut model = Model::default();
-    let mut layer = Layer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
+fn sheet(n: u32) -> TriangleModel {
+    let mut model = TriangleModel::default();
+    let mut layer = CornerLayer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
     for i in 0..=n {
         for j in 0..=n {
             let (x, y) = (f64::from(i), f64::from(j));
@@ -58,7 +58,7 @@ fn sheet(n: u32) -> Model {
     model
 }
 
-fn sound(model: &Model) -> Pieces {
+fn sound(model: &TriangleModel) -> Pieces {
     let pieces = Pieces::new(&model.triangles, model.positions.len() as u32);
     assert!(pieces.is_sound());
     let Census { degenerate, duplicate, unused, .. } = pieces.census;
@@ -147,7 +147,7 @@ fn a_town_of_boxes_gets_as_small_as_asked() {
         [0, 3, 1],
         [0, 2, 3],
     ];
-    let mut model = Model::default();
+    let mut model = TriangleModel::default();
     for i in 0..200u32 {
         let first = model.positions.len() as u32;
         let (x, y, side) = (f64::from(i % 20) * 50.0, f64::from(i / 20) * 50.0, 1.0 + f64::from(i * 7 % 40));
@@ -182,7 +182,7 @@ fn two_edges_between_the_same_vertices_do_not_hold_it_up() {
     for turn in 0..triangles.len() {
         let mut triangles: Vec<[u32; 3]> = triangles.clone();
         triangles.rotate_left(turn);
-        let model = Model { positions: positions.clone(), triangles, layers: vec![] };
+        let model = TriangleModel { positions: positions.clone(), triangles, layers: vec![] };
         for locked in 0..8 {
             let out = simplify(&model, Goal { triangles: 0, error: f64::INFINITY }, |vertex| vertex == locked);
             assert!(out.model.triangles.len() <= 8);

@@ -1,6 +1,4 @@
-//! PMTiles archives.
-//!
-//! In: ids and a way to get each one's tile. Out: a clustered, synchronised `.pmtiles` file. Next: `city`.
+//! Writes clustered PMTiles archives.
 
 use std::{fs, path::Path};
 
@@ -9,8 +7,9 @@ use pmtiles::{Compression, PmTilesWriter, PmtError, TileCoord, TileType};
 
 use crate::error::BakeError;
 
-/// Writes the tiles of `ids` in the archive's own order (along a Hilbert curve, root first), each stored once however
-/// often it occurs. Returns the file's length.
+/// Writes the tiles of `ids` in the archive's own order (along a Hilbert curve, root first), synchronises the file and
+/// returns its length. Equal tiles are stored once. Fails if the file cannot be written, or with the first error of
+/// `tile`.
 pub(crate) fn write(
     path: &Path,
     ids: &[TileId],
@@ -49,11 +48,11 @@ fn archive_error(path: &Path, cause: PmtError) -> BakeError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::write::scratch::tests::Folder;
+    use crate::test_folder::TestFolder;
 
     #[test]
-    fn equal_tiles_are_stored_once_and_the_order_of_ids_does_not_matter() {
-        let folder = Folder::new("archive");
+    fn equal_tiles_are_stored_once_in_an_order_independent_of_the_ids() {
+        let folder = TestFolder::new("archive");
         let path = folder.path.join("a.pmtiles");
         let mut ids: Vec<TileId> = (0..256).filter_map(|i| TileId::new(4, i % 16, i / 16)).collect();
         let big = vec![7u8; 10_000];
@@ -70,8 +69,8 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_tile_ends_it() {
-        let folder = Folder::new("archive-fails");
+    fn error_of_a_tile_ends_the_writing() {
+        let folder = TestFolder::new("archive-fails");
         let error = write(&folder.path.join("a.pmtiles"), &[TileId::ROOT], |id| {
             Err(BakeError::tile(id, "read")(insula_protocol::DecodeError::Magic))
         });

@@ -1,7 +1,8 @@
-//! The final files.
+//! Writes the final files of a city.
 //!
-//! In: the tree of stored tiles, and what is known of the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are any, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder. Next: `Scratch::publish` renames them into place.
+//! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
+//! `meshes.pmtiles` if there are meshes, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder. Next:
+//! `ScratchFolder::publish` renames them to the output.
 
 use std::{
     collections::HashMap,
@@ -17,24 +18,21 @@ use insula_protocol::{
 
 use super::{
     archive,
+    files::write_synced,
     fingerprints::Fingerprints,
     mesh_pack,
-    pack::PackReader,
-    tree::{self, Tree},
-    write_whole,
+    tile_pack::{PackReader, StoredTile},
+    tile_tree::{self, TileTree},
 };
 use crate::{
-    config::{Config, short_hex},
+    config::BakeConfig,
     error::BakeError,
+    hash::{ShortHash, short_hex},
     read::ReadReport,
-    scene::{
-        ObjectKind,
-        grid::Grid,
-        scratch_scene::{City, ShortHash},
-    },
+    scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
 };
 
-/// What the manifest says of the scene, so that the scene itself need not be kept until the end.
+/// The scene's part of the manifest, so that the scene need not be kept until the end.
 #[derive(Debug, Clone)]
 pub(crate) struct SceneFacts {
     pub(crate) origin: [f64; 3],
@@ -47,8 +45,8 @@ pub(crate) struct SceneFacts {
 }
 
 impl SceneFacts {
-    /// Of a city with at least one triangle, whose bounds in its own coordinates are `min` and `max`.
-    pub(crate) fn new(city: &City, min: [f64; 3], max: [f64; 3]) -> Self {
+    /// For a city with at least one triangle; `min` and `max` are its bounds relative to its origin.
+    pub(crate) fn new(city: &ScratchScene, [min, max]: [[f64; 3]; 2]) -> Self {
         let terrain_z = lowest_terrain(city);
         let world = |p: [f64; 3]| std::array::from_fn(|axis| p[axis] + city.origin[axis]);
         let ground = terrain_z.or_else(|| median_base(city)).map_or(min[2], f64::from);
@@ -64,41 +62,42 @@ impl SceneFacts {
     }
 }
 
-fn lowest_terrain(city: &City) -> Option<f32> {
+fn lowest_terrain(city: &ScratchScene) -> Option<f32> {
     let terrain = city.objects.iter().filter(|object| object.kind == ObjectKind::Terrain);
     terrain.map(|object| object.base_z_m).reduce(f32::min)
 }
 
-fn median_base(city: &City) -> Option<f32> {
+fn median_base(city: &ScratchScene) -> Option<f32> {
     let mut bases: Vec<f32> = city.objects.iter().map(|object| object.base_z_m).filter(|z| z.is_finite()).collect();
     let middle = bases.len() / 2;
     (!bases.is_empty()).then(|| *bases.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// What the final files are made of.
+/// The input of the final files.
 pub(crate) struct CityInput<'a> {
-    pub(crate) config: &'a Config,
-    pub(crate) grid: &'a Grid,
+    pub(crate) config: &'a BakeConfig,
+    pub(crate) grid: &'a CityGrid,
     pub(crate) facts: &'a SceneFacts,
     pub(crate) read: &'a ReadReport,
-    pub(crate) tree: &'a Tree,
-    /// The folder of the packs.
+    pub(crate) tree: &'a TileTree,
+    /// Folder of the packs.
     pub(crate) packs: &'a Path,
-    /// (x, y) of each block of leaves and its hash.
+    /// Position (x, y) and hash of each block of leaves.
     pub(crate) fingerprints: Vec<((u32, u32), ShortHash)>,
 }
 
 /// A written city.
 #[derive(Debug)]
-pub(crate) struct Written {
+pub(crate) struct WrittenCity {
     pub(crate) manifest: Manifest,
-    /// Bytes of all files.
+    /// Size of all files.
     pub(crate) bytes: u64,
 }
 
-/// Writes the files into `folder`, which must not exist. `advance` is told of every tile.
-pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<Written, BakeError> {
-    fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "made", cause))?;
+/// Writes the files into `folder`, which must not exist; calls `advance` for every tile. Fails if a pack cannot be read
+/// or a file cannot be written.
+pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<WrittenCity, BakeError> {
+    fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
     let (blockmaps, subtrees) = (folder.join("blockmaps.pmtiles"), folder.join("subtrees.pmtiles"));
     let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
     let mut reader = PackReader::new(input.packs);
@@ -107,34 +106,35 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
         let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: input.packs.to_owned() })?;
         reader.read(stored)
     })?;
-    let nodes = tree::describe(input.tree, input.grid);
-    bytes +=
-        archive::write(&subtrees, &tree::subtree_roots(&nodes), |root| tree::subtree_tile(input.tree, &nodes, root))?;
+    let nodes = tile_tree::describe(input.tree, input.grid);
+    bytes += archive::write(&subtrees, &tile_tree::subtree_roots(&nodes), |root| {
+        tile_tree::encode_subtree(input.tree, &nodes, root)
+    })?;
     let mut archives = vec![blockmaps, subtrees];
     if !input.tree.meshes().is_empty() {
         let path = folder.join("meshes.pmtiles");
-        bytes += meshes(&input, &path)?;
+        bytes += write_meshes(&input, &path)?;
         archives.push(path);
     }
-    let mut manifest = manifest(&input);
-    manifest.version = version(&manifest, &archives)?;
+    let mut manifest = build_manifest(&input);
+    manifest.version = hash_city(&manifest, &archives)?;
     let path = folder.join("city.json");
     let json = to_json(&manifest, &path)?;
-    write_whole(&path, &json)?;
+    write_synced(&path, &json)?;
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
-    Ok(Written { manifest, bytes })
+    Ok(WrittenCity { manifest, bytes })
 }
 
-/// All levels of detail, each at its own place.
-fn meshes(input: &CityInput<'_>, path: &Path) -> Result<u64, BakeError> {
-    let lost = || BakeError::Scratch { path: input.packs.to_owned() };
-    let mut places = HashMap::with_capacity(input.tree.meshes().len());
+/// Writes the archive of meshes, each level of detail under its own tile id.
+fn write_meshes(input: &CityInput<'_>, path: &Path) -> Result<u64, BakeError> {
+    let missing = || BakeError::Scratch { path: input.packs.to_owned() };
+    let mut by_id = HashMap::with_capacity(input.tree.meshes().len());
     for mesh in input.tree.meshes() {
-        places.insert(mesh_tile::place(mesh.id, mesh.lod).ok_or_else(lost)?, mesh);
+        by_id.insert(mesh_tile::place(mesh.id, mesh.lod).ok_or_else(missing)?, mesh);
     }
-    let ids: Vec<TileId> = places.keys().copied().collect();
-    archive::write(path, &ids, |id| mesh_pack::read(input.packs, places.get(&id).ok_or_else(lost)?))
+    let ids: Vec<TileId> = by_id.keys().copied().collect();
+    archive::write(path, &ids, |id| mesh_pack::read(input.packs, by_id.get(&id).ok_or_else(missing)?))
 }
 
 fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
@@ -143,8 +143,8 @@ fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
     Ok(json)
 }
 
-/// Hash of the archives and of the manifest but for its version.
-fn version(manifest: &Manifest, archives: &[PathBuf]) -> Result<String, BakeError> {
+/// Hash of the archives and of the manifest without its version.
+fn hash_city(manifest: &Manifest, archives: &[PathBuf]) -> Result<String, BakeError> {
     let mut hasher = blake3::Hasher::new();
     for path in archives {
         let hashed = fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
@@ -154,14 +154,14 @@ fn version(manifest: &Manifest, archives: &[PathBuf]) -> Result<String, BakeErro
     Ok(short_hex(&hasher.finalize()))
 }
 
-fn manifest(input: &CityInput<'_>) -> Manifest {
+fn build_manifest(input: &CityInput<'_>) -> Manifest {
     let CityInput { config, grid, facts, read, tree, .. } = input;
-    let of_sources = || read.sources.iter().flat_map(|source| &source.titles).next().cloned();
-    let per_level = |f: fn(&[super::pack::Stored]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
+    let source_title = || read.sources.iter().flat_map(|source| &source.titles).next().cloned();
+    let per_level = |f: fn(&[StoredTile]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
     Manifest {
         format_version: FORMAT_VERSION,
         name: config.name.clone(),
-        title: config.title.clone().or_else(of_sources).unwrap_or_else(|| config.name.clone()),
+        title: config.title.clone().or_else(source_title).unwrap_or_else(|| config.name.clone()),
         version: String::new(),
         crs: facts.crs.clone().or_else(|| read.crs.clone()),
         origin: std::array::from_fn(|axis| facts.origin[axis] + grid.corner[axis]),
@@ -185,18 +185,19 @@ fn manifest(input: &CityInput<'_>) -> Manifest {
     }
 }
 
-/// The nine tenths of the leaves' bytes from either side, along x and along y.
+/// The rectangle between the first and the ninth decile of the leaves' bytes, along x and along y: `[min, max]` in
+/// world coordinates.
 fn focus(input: &CityInput<'_>) -> [[f64; 2]; 2] {
     let CityInput { grid, facts, tree, .. } = input;
     let leaves = tree.level(grid.depth);
     let side = grid.node_side_m(grid.depth);
     let quantile = |axis: usize, share: f64| {
-        let mut places: Vec<(u32, u32)> =
+        let mut positions: Vec<(u32, u32)> =
             leaves.iter().map(|tile| ([tile.id.x(), tile.id.y()][axis], tile.bytes)).collect();
-        places.sort_unstable();
-        let wanted = share * places.iter().map(|p| f64::from(p.1)).sum::<f64>();
+        positions.sort_unstable();
+        let wanted = share * positions.iter().map(|p| f64::from(p.1)).sum::<f64>();
         let mut sum = 0.0;
-        let found = places.iter().find(|p| {
+        let found = positions.iter().find(|p| {
             sum += f64::from(p.1);
             sum >= wanted
         });
@@ -207,9 +208,10 @@ fn focus(input: &CityInput<'_>) -> [[f64; 2]; 2] {
     [low, high]
 }
 
-/// What was asked for; else one for each different set of names (a title where there are none) and licences.
-fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
-    let mut all = asked.to_vec();
+/// The requested attributions; else one for each different set of names (titles if there are none) and licences in the
+/// sources.
+fn attribution(requested: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
+    let mut all = requested.to_vec();
     if !all.is_empty() {
         return all;
     }
@@ -227,29 +229,29 @@ fn attribution(asked: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Material, Object, Scene, Triangle};
+    use crate::scene::{Material, Scene, SceneObject, SceneTriangle};
 
     fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
         let materials = vec![Material { rgb: [0; 3], texture: None }];
         let mut scene = Scene { origin: [1000.0, 2000.0, 50.0], materials, ..Scene::default() };
         for (i, (kind, z)) in objects.iter().enumerate() {
-            scene.objects.push(Object { id: i.to_string(), kind: *kind, base_z_m: *z });
+            scene.objects.push(SceneObject { id: i.to_string(), kind: *kind, base_z_m: *z });
             let corners = [[0.0, 0.0, *z], [1.0, 0.0, *z + 1.0], [0.0, 1.0, *z]];
-            scene.triangles.push(Triangle { corners, uv: [[0.0; 2]; 3], material: 0, object: i as u32 });
+            scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: i as u32 });
         }
         scene
     }
 
     #[test]
-    fn ground_is_the_lowest_terrain_or_the_median_base() {
+    fn ground_is_the_lowest_terrain_or_else_the_median_base() {
         use ObjectKind::{Building, Terrain};
         let facts = |objects: &[_]| {
-            SceneFacts::new(&City::from_scene(scene(objects)).unwrap(), [0.0, 0.0, -9.0], [1.0, 1.0, 9.0])
+            SceneFacts::new(&ScratchScene::from_scene(scene(objects)).unwrap(), [[0.0, 0.0, -9.0], [1.0, 1.0, 9.0]])
         };
         let mixed = facts(&[(Building, -9.0), (Terrain, 2.0), (Terrain, 1.0)]);
         assert_eq!((mixed.ground_z_m, mixed.has_terrain), (51.0, true));
-        let houses = facts(&[(Building, -9.0), (Building, 3.0), (Building, 4.0)]);
-        assert_eq!((houses.ground_z_m, houses.has_terrain), (53.0, false));
-        assert_eq!(houses.bounds, [[1000.0, 2000.0, 41.0], [1001.0, 2001.0, 59.0]]);
+        let buildings = facts(&[(Building, -9.0), (Building, 3.0), (Building, 4.0)]);
+        assert_eq!((buildings.ground_z_m, buildings.has_terrain), (53.0, false));
+        assert_eq!(buildings.bounds, [[1000.0, 2000.0, 41.0], [1001.0, 2001.0, 59.0]]);
     }
 }

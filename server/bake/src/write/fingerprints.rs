@@ -1,9 +1,7 @@
-//! The city's file of fingerprints: by what each block of leaves was made.
+//! The city's file `fingerprints.bin`: a hash of the input of each block of leaves, for a later `bake --update`.
 //!
-//! In: the blocks' hashes. Out: `fingerprints.bin`. Next: a later `bake --update` (`pipeline/update.rs`).
-//!
-//! Layout, little-endian: magic, number of blocks (4 bytes each), the manifest's version (16 characters), per block x, y
-//! (4 bytes each) and 16 bytes of hash, a blake3 of all before.
+//! Layout, little-endian: magic, number of blocks (4 bytes each), the manifest's version (16 characters), per block x,
+//! y (4 bytes each) and 16 bytes of hash, a BLAKE3 hash of everything before.
 
 use std::{
     fs,
@@ -11,31 +9,31 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::write_whole;
-use crate::{error::BakeError, scene::scratch_scene::ShortHash};
+use super::files::write_synced;
+use crate::{error::BakeError, hash::ShortHash};
 
 const MAGIC: [u8; 4] = *b"INSF";
 const HEAD_BYTES: usize = 24;
 const ENTRY_BYTES: usize = 24;
 const HASH_BYTES: usize = blake3::OUT_LEN;
-/// A larger file is not read: 40 million blocks.
+/// A larger file is refused. The limit is enough for 40 million blocks.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// What the file says.
+/// The content of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Fingerprints {
-    /// Of the manifest beside it.
+    /// Version of the manifest in the same folder.
     pub(crate) version: String,
     /// (x, y) of each block and its hash, row by row.
     pub(crate) blocks: Vec<((u32, u32), ShortHash)>,
 }
 
-fn path(folder: &Path) -> PathBuf {
+fn file_path(folder: &Path) -> PathBuf {
     folder.join("fingerprints.bin")
 }
 
 impl Fingerprints {
-    /// Writes the file; returns its length.
+    /// Writes the file and returns its length. Fails if it cannot be written.
     pub(crate) fn write(&self, folder: &Path) -> Result<u64, BakeError> {
         let mut bytes = Vec::with_capacity(HEAD_BYTES + ENTRY_BYTES * self.blocks.len() + HASH_BYTES);
         bytes.extend_from_slice(&MAGIC);
@@ -47,14 +45,14 @@ impl Fingerprints {
             bytes.extend_from_slice(hash);
         }
         bytes.extend_from_slice(blake3::hash(&bytes).as_bytes());
-        write_whole(&path(folder), &bytes)?;
+        write_synced(&file_path(folder), &bytes)?;
         Ok(bytes.len() as u64)
     }
 
-    /// The file of a city folder; `None` if there is none or it is not whole.
+    /// Reads the file of a city folder; `None` if there is none or it is damaged.
     pub(crate) fn read(folder: &Path) -> Option<Self> {
         let mut bytes = Vec::new();
-        fs::File::open(path(folder)).ok()?.take(MAX_BYTES + 1).read_to_end(&mut bytes).ok()?;
+        fs::File::open(file_path(folder)).ok()?.take(MAX_BYTES + 1).read_to_end(&mut bytes).ok()?;
         if bytes.len() as u64 > MAX_BYTES {
             return None;
         }
@@ -79,26 +77,26 @@ impl Fingerprints {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::write::scratch::tests::Folder;
+    use crate::test_folder::TestFolder;
 
     #[test]
-    fn round_trip_and_damage() {
-        let folder = Folder::new("fingerprints");
+    fn file_round_trips_and_damage_is_detected() {
+        let folder = TestFolder::new("fingerprints");
         assert_eq!(Fingerprints::read(&folder.path), None);
         let blocks = vec![((0, 1), [7; 16]), ((u32::MAX, 3), std::array::from_fn(|i| i as u8))];
         let all = Fingerprints { version: "0123456789abcdef".into(), blocks };
         let length = all.write(&folder.path).unwrap();
-        let good = fs::read(path(&folder.path)).unwrap();
+        let good = fs::read(file_path(&folder.path)).unwrap();
         assert_eq!(length, good.len() as u64);
         assert_eq!(Fingerprints::read(&folder.path), Some(all));
         for cut in 0..good.len() {
-            fs::write(path(&folder.path), &good[..cut]).unwrap();
+            fs::write(file_path(&folder.path), &good[..cut]).unwrap();
             assert_eq!(Fingerprints::read(&folder.path), None, "cut to {cut}");
         }
         for at in 0..good.len() {
             let mut bad = good.clone();
             bad[at] ^= 4;
-            fs::write(path(&folder.path), bad).unwrap();
+            fs::write(file_path(&folder.path), bad).unwrap();
             assert_eq!(Fingerprints::read(&folder.path), None, "flipped {at}");
         }
     }

@@ -1,9 +1,7 @@
-//! A block's finished meshes in one scratch file.
+//! The finished meshes of a block's leaves in one scratch file.
 //!
-//! In: levels of detail of a block's leaves. Out: a file, and where each lies in it. Next: `tree` and `archive` read it.
-//!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, level of detail, error, triangles, pixels, bytes (4 bytes
-//! each), the tiles, a blake3 of all before.
+//! Layout, little-endian: magic, number of tiles, per tile x, y, level of detail, error, triangles, pixels, bytes (4
+//! bytes each), the tiles, a BLAKE3 hash of everything before.
 
 use std::{
     fs,
@@ -13,32 +11,41 @@ use std::{
 
 use insula_protocol::{TileId, subtree::MeshLod};
 
-use super::pack::{self, PackId};
+use super::{
+    files::{read_hashed, write_hashed},
+    tile_pack::PackId,
+};
 use crate::{error::BakeError, mesh::Lod};
 
 const MAGIC: [u8; 4] = *b"INSQ";
 const HEAD_BYTES: usize = 8;
 const ENTRY_BYTES: usize = 28;
 
-/// A level of detail that lies in its pack.
+/// A mesh tile that is in its pack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct StoredMesh {
     pub(crate) id: TileId,
+    /// Level of detail, 0 for the finest.
     pub(crate) lod: u8,
     pub(crate) info: MeshLod,
     offset: u64,
 }
 
-/// A leaf's levels of detail, the finest first.
-pub(crate) type LeafMesh = (TileId, Vec<Lod>);
+/// The mesh of a leaf.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct LeafMesh {
+    pub(crate) id: TileId,
+    /// Levels of detail, the finest first.
+    pub(crate) lods: Vec<Lod>,
+}
 
-fn path(folder: &Path, pack: PackId) -> PathBuf {
+fn pack_path(folder: &Path, pack: PackId) -> PathBuf {
     folder.join(format!("m-{}-{}-{}.pack", pack.level, pack.x, pack.y))
 }
 
-/// Writes the pack under a temporary name, then renames it.
+/// Writes a pack into `folder`. Fails if the file cannot be written.
 pub(crate) fn write(folder: &Path, pack: PackId, leaves: &[LeafMesh]) -> Result<Vec<StoredMesh>, BakeError> {
-    let all = || leaves.iter().flat_map(|(id, lods)| (0u8..).zip(lods).map(|(lod, made)| (*id, lod, made)));
+    let all = || leaves.iter().flat_map(|leaf| (0u8..).zip(&leaf.lods).map(|(lod, mesh)| (leaf.id, lod, mesh)));
     let count = all().count();
     let mut bytes = MAGIC.to_vec();
     bytes.extend_from_slice(&(count as u32).to_le_bytes());
@@ -52,14 +59,14 @@ pub(crate) fn write(folder: &Path, pack: PackId, leaves: &[LeafMesh]) -> Result<
         stored.push(StoredMesh { id, lod, info: *info, offset });
         offset += u64::from(length);
     }
-    all().for_each(|(.., made)| bytes.extend_from_slice(&made.bytes));
-    pack::put(&path(folder, pack), bytes)?;
+    all().for_each(|(.., mesh)| bytes.extend_from_slice(&mesh.bytes));
+    write_hashed(&pack_path(folder, pack), bytes)?;
     Ok(stored)
 }
 
-/// What a pack from an earlier, interrupted run holds; `None` if there is none or it is not whole.
+/// The content of a pack that an interrupted run wrote; `None` if there is none or it is damaged.
 pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredMesh>> {
-    let bytes = pack::whole(&path(folder, pack), MAGIC)?;
+    let bytes = read_hashed(&pack_path(folder, pack), MAGIC)?;
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
     let count = word(4)? as usize;
     let mut offset = HEAD_BYTES.checked_add(count.checked_mul(ENTRY_BYTES)?)? as u64;
@@ -75,9 +82,9 @@ pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredMesh>> {
     (offset == bytes.len() as u64).then_some(stored)
 }
 
-/// The bytes of a level of detail.
+/// The bytes of a mesh tile. Fails if the pack cannot be read.
 pub(crate) fn read(folder: &Path, stored: &StoredMesh) -> Result<Vec<u8>, BakeError> {
-    let path = path(folder, PackId::of(stored.id));
+    let path = pack_path(folder, PackId::of(stored.id));
     let failed = |cause| BakeError::io(&path, "read", cause);
     let mut file = fs::File::open(&path).map_err(failed)?;
     let mut bytes = vec![0; stored.info.bytes as usize];
@@ -88,17 +95,22 @@ pub(crate) fn read(folder: &Path, stored: &StoredMesh) -> Result<Vec<u8>, BakeEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::write::scratch::tests::Folder;
+    use crate::test_folder::TestFolder;
 
     #[test]
-    fn round_trip_and_damage() {
-        let folder = Folder::new("mesh-pack");
+    fn pack_round_trips_and_damage_is_detected() {
+        let folder = TestFolder::new("mesh-pack");
         let lod = |error_m: f32, length: usize| {
             let info = MeshLod { error_m, bytes: length as u32, triangles: 12, texture_px: 7 };
             Lod { info, bytes: vec![length as u8; length] }
         };
         let id = |x, y| TileId::new(4, x, y).unwrap();
-        let leaves = [(id(8, 8), vec![lod(0.1, 40), lod(0.2, 20)]), (id(9, 8), vec![]), (id(9, 9), vec![lod(0.5, 9)])];
+        let leaf = |id, lods| LeafMesh { id, lods };
+        let leaves = [
+            leaf(id(8, 8), vec![lod(0.1, 40), lod(0.2, 20)]),
+            leaf(id(9, 8), vec![]),
+            leaf(id(9, 9), vec![lod(0.5, 9)]),
+        ];
         let pack = PackId::of(id(8, 8));
         assert_eq!(find(&folder.path, pack), None);
         let stored = write(&folder.path, pack, &leaves).unwrap();
@@ -110,7 +122,7 @@ mod tests {
         for mesh in &stored {
             assert_eq!(read(&folder.path, mesh).unwrap(), vec![mesh.info.bytes as u8; mesh.info.bytes as usize]);
         }
-        let path = path(&folder.path, pack);
+        let path = pack_path(&folder.path, pack);
         let good = fs::read(&path).unwrap();
         for at in 0..good.len() {
             let mut bad = good.clone();

@@ -1,4 +1,4 @@
-//! A small city of boxes, folders for tests, and a reader of archives.
+//! A small city of boxes, baked cities in memory, and a reader of archives.
 
 #![allow(dead_code, clippy::unwrap_used, reason = "each test file uses a part; a test fails by panicking")]
 
@@ -8,18 +8,23 @@ use std::{
     future::Future,
     path::{Path, PathBuf},
     pin::pin,
+    sync::OnceLock,
     task::{Context, Poll, Waker},
 };
 
 use insula_bake::{
-    BakeError, BakeOptions, Progress, Report, bake_scene,
+    BakeError, BakeOptions, BakeReport, Progress, Silent, bake_scene,
     read::ReadReport,
-    scene::{Material, Object, ObjectKind, Scene, Triangle},
+    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
 };
 use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, PmtResult, TileCoord};
 
-/// South-west corner, sizes and height of the boxes: four blocks of 512 m, and one so far off that there are seven levels.
+/// Cells so coarse that the whole city is two blocks, for tests that do not need more.
+pub(crate) const COARSE_CELL_M: f64 = 8.0;
+
+/// South-west corner, width, depth and height of the boxes. Most are within four areas of 512 m; one is so far away
+/// that the quadtree has seven levels.
 const BOXES: [[f32; 5]; 9] = [
     [20.0, 30.0, 25.0, 12.0, 9.0],
     [55.0, 40.0, 20.0, 20.0, 31.5],
@@ -32,7 +37,7 @@ const BOXES: [[f32; 5]; 9] = [
     [2300.0, 100.0, 12.0, 12.0, 10.0],
 ];
 
-/// A city of boxes on nothing.
+/// A city of boxes without terrain.
 pub(crate) fn city() -> Scene {
     let mut scene = Scene { origin: [84_000.0, 447_000.0, -2.0], crs: Some("EPSG:7415".into()), ..Scene::default() };
     scene.materials =
@@ -40,7 +45,7 @@ pub(crate) fn city() -> Scene {
     for (i, [x, y, width, depth, height]) in BOXES.into_iter().enumerate() {
         let base_z_m = 1.0 + i as f32 * 0.25;
         add_box(&mut scene, [x, y, base_z_m], [x + width, y + depth, base_z_m + height]);
-        scene.objects.push(Object { id: format!("box-{i}"), kind: ObjectKind::Building, base_z_m });
+        scene.objects.push(SceneObject { id: format!("box-{i}"), kind: ObjectKind::Building, base_z_m });
     }
     scene
 }
@@ -53,17 +58,18 @@ fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
     for (face, [a, b, c, d]) in FACES.into_iter().enumerate() {
         for corners in [[a, b, c], [a, c, d]] {
             let material = u32::from(face != 1);
-            scene.triangles.push(Triangle { corners: corners.map(corner), uv: [[0.0; 2]; 3], material, object });
+            scene.triangles.push(SceneTriangle { corners: corners.map(corner), uv: [[0.0; 2]; 3], material, object });
         }
     }
 }
 
-/// A folder for one test, removed at its end.
-pub(crate) struct Folder {
+/// An empty folder, removed when dropped.
+pub(crate) struct TestFolder {
     pub(crate) path: PathBuf,
 }
 
-impl Folder {
+impl TestFolder {
+    /// `name` must differ between tests, which run in parallel.
     pub(crate) fn new(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("insula-bake-it-{name}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&path);
@@ -71,13 +77,13 @@ impl Folder {
         Self { path }
     }
 
-    /// The output of a bake in its own parent folder: the city's name is the same in all.
+    /// The output of a bake, in a folder of its own so that all cities have the same name.
     pub(crate) fn out(&self, run: &str) -> PathBuf {
         self.path.join(run).join("boxes")
     }
 }
 
-impl Drop for Folder {
+impl Drop for TestFolder {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.path);
     }
@@ -87,11 +93,16 @@ pub(crate) fn options(out: &Path, threads: usize) -> BakeOptions {
     BakeOptions { out: out.to_owned(), threads: Some(threads), ..BakeOptions::default() }
 }
 
-pub(crate) fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<Report, BakeError> {
+pub(crate) fn coarse_options(out: &Path) -> BakeOptions {
+    BakeOptions { cell_m: COARSE_CELL_M, ..options(out, 2) }
+}
+
+/// Bakes the city of boxes.
+pub(crate) fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     bake_scene(city(), ReadReport::default(), options, progress)
 }
 
-/// Name and content of every file.
+/// Name and content of every file in a folder.
 pub(crate) fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entry = |entry: std::io::Result<fs::DirEntry>| {
         let entry = entry.unwrap();
@@ -104,64 +115,106 @@ pub(crate) fn partial(out: &Path) -> PathBuf {
     out.with_file_name("boxes.partial")
 }
 
-pub(crate) fn manifest(city: &Path) -> Manifest {
-    serde_json::from_slice(&fs::read(city.join("city.json")).unwrap()).unwrap()
+/// A baked city in memory.
+pub(crate) struct BakedCity {
+    pub(crate) files: BTreeMap<String, Vec<u8>>,
+    pub(crate) report: BakeReport,
 }
 
-/// An archive in memory.
-pub(crate) struct Archive(AsyncPmTilesReader<Bytes>);
+impl BakedCity {
+    /// Bakes a scene; `options.out` is replaced by a temporary folder.
+    pub(crate) fn bake(name: &str, scene: Scene, options: BakeOptions) -> Self {
+        let folder = TestFolder::new(name);
+        let out = folder.out("city");
+        let options = BakeOptions { out: out.clone(), ..options };
+        let report = bake_scene(scene, ReadReport::default(), &options, &Silent).unwrap();
+        assert!(!partial(&out).exists());
+        Self { files: files(&out), report }
+    }
 
-struct Bytes(Vec<u8>);
+    /// The city of boxes with default options, baked once per test program with three threads.
+    pub(crate) fn boxes() -> &'static Self {
+        static BOXES: OnceLock<BakedCity> = OnceLock::new();
+        BOXES.get_or_init(|| Self::bake("shared-boxes", city(), options(Path::new(""), 3)))
+    }
 
-impl AsyncBackend for Bytes {
+    /// Writes the city to a folder.
+    pub(crate) fn write(&self, folder: &Path) {
+        fs::create_dir_all(folder).unwrap();
+        for (name, bytes) in &self.files {
+            fs::write(folder.join(name), bytes).unwrap();
+        }
+    }
+
+    pub(crate) fn manifest(&self) -> Manifest {
+        serde_json::from_slice(&self.files["city.json"]).unwrap()
+    }
+
+    pub(crate) fn archive(&self, name: &str) -> MemoryArchive {
+        MemoryArchive::new(self.files[name].clone())
+    }
+
+    /// All nodes that the subtree tiles name, found as a client finds them, beginning at the root's tile.
+    pub(crate) fn nodes(&self) -> BTreeMap<TileId, NodeInfo> {
+        let archive = self.archive("subtrees.pmtiles");
+        let (mut nodes, mut roots, mut read) = (BTreeMap::new(), vec![TileId::ROOT], 0);
+        while let Some(root) = roots.pop() {
+            let subtree = Subtree::decode(&archive.get(root).unwrap()).unwrap();
+            read += 1;
+            for node in subtree.nodes {
+                if node.id != root && node.child_mask != 0 && Subtree::is_root(node.id) {
+                    roots.push(node.id);
+                }
+                let before = nodes.insert(node.id, node);
+                assert!(before.is_none_or(|before| node.id == root && before == node));
+            }
+        }
+        assert_eq!(archive.tiles(), read, "subtree tiles without a parent");
+        nodes
+    }
+}
+
+/// A PMTiles archive in memory.
+pub(crate) struct MemoryArchive(AsyncPmTilesReader<MemoryBackend>);
+
+struct MemoryBackend(Vec<u8>);
+
+impl AsyncBackend for MemoryBackend {
     async fn read(&self, offset: u64, length: usize) -> PmtResult<BackendResponse> {
         let tail = self.0.get(offset as usize..).unwrap_or(&[]);
         Ok(BackendResponse::new(tail[..length.min(tail.len())].to_vec().into()))
     }
 }
 
-/// Nothing waits here: all bytes are in memory.
-fn at_once<T>(future: impl Future<Output = T>) -> T {
+/// Polls a future that is ready at once, because all bytes are in memory.
+fn poll_once<T>(future: impl Future<Output = T>) -> T {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => value,
-        Poll::Pending => panic!("memory does not wait"),
+        Poll::Pending => panic!("a read from memory was not ready"),
     }
 }
 
-impl Archive {
-    pub(crate) fn open(path: &Path) -> Self {
-        Self(at_once(AsyncPmTilesReader::try_from_source(Bytes(fs::read(path).unwrap()))).unwrap())
+impl MemoryArchive {
+    fn new(bytes: Vec<u8>) -> Self {
+        Self(poll_once(AsyncPmTilesReader::try_from_source(MemoryBackend(bytes))).unwrap())
     }
 
     pub(crate) fn get(&self, id: TileId) -> Option<Vec<u8>> {
         let coord = TileCoord::new(id.level(), id.x(), id.y()).unwrap();
-        at_once(self.0.get_tile(coord)).unwrap().map(|bytes| bytes.to_vec())
+        poll_once(self.0.get_tile(coord)).unwrap().map(|bytes| bytes.to_vec())
     }
 
+    /// Number of tiles that can be requested.
     pub(crate) fn tiles(&self) -> u64 {
         self.0.get_header().n_addressed_tiles().unwrap().get()
     }
 
-    pub(crate) fn clustered(&self) -> bool {
+    /// Number of different tiles that are stored.
+    pub(crate) fn contents(&self) -> u64 {
+        self.0.get_header().n_tile_contents().unwrap().get()
+    }
+
+    pub(crate) fn is_clustered(&self) -> bool {
         self.0.get_header().clustered()
     }
-}
-
-/// All nodes that the subtree tiles name, found as a client finds them: from the root's tile on.
-pub(crate) fn nodes(city: &Path) -> BTreeMap<TileId, NodeInfo> {
-    let archive = Archive::open(&city.join("subtrees.pmtiles"));
-    let (mut nodes, mut roots, mut read) = (BTreeMap::new(), vec![TileId::ROOT], 0);
-    while let Some(root) = roots.pop() {
-        let subtree = Subtree::decode(&archive.get(root).unwrap()).unwrap();
-        read += 1;
-        for node in subtree.nodes {
-            if node.id != root && node.child_mask != 0 && Subtree::is_root(node.id) {
-                roots.push(node.id);
-            }
-            let before = nodes.insert(node.id, node);
-            assert!(before.is_none_or(|before| node.id == root && before == node));
-        }
-    }
-    assert_eq!(archive.tiles(), read, "subtree tiles that nothing leads to");
-    nodes
 }

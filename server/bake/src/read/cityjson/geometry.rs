@@ -1,51 +1,51 @@
-//! One city object's geometries to faces.
-//!
-//! In: an object, the vertices and appearance that its indices mean. Out: [`Face`]s. Next: `builder`.
+//! Converts the geometries of one city object to triangles.
 
 use std::collections::BTreeMap;
 
+use super::appearance::{AppearanceReader, ObjectReport, SurfaceProperties};
 use super::levels::level_of;
-use super::looks::{Look, Looks};
-use super::model::{CityObject, Geometry, Lod, Position, Templates, Transform, Values};
 use super::nested::{NULL, Nested};
-use crate::read::Reading;
-use crate::read::builder::{Face, is_sane};
+use super::schema::{CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, ThemeValues, VertexTransform};
+use crate::read::context::ReadContext;
+use crate::read::json::position::JsonPosition;
 use crate::read::polygon::MAX_CORNERS;
 use crate::read::report::SourceReport;
-use crate::read::source::Source;
+use crate::read::scene_builder::{WorldTriangle, is_valid_position};
+use crate::read::source::CitySource;
 
 /// Why an object is skipped.
 #[derive(Debug)]
-pub(crate) struct Fault {
-    pub(crate) reason: &'static str,
-    pub(crate) detail: String,
+pub(super) struct ObjectFault {
+    pub(super) reason: &'static str,
+    pub(super) detail: String,
 }
 
-/// What a geometry's vertex indices mean.
-pub(crate) struct Frame<'a> {
-    pub(crate) vertices: &'a [Position],
-    pub(crate) transform: Option<Transform>,
-    placement: Option<Placement>,
+/// The vertices that a geometry's indices refer to.
+pub(super) struct VertexFrame<'a> {
+    vertices: &'a [JsonPosition],
+    transform: Option<VertexTransform>,
+    placement: Option<TemplatePlacement>,
 }
 
-/// Where a template stands: row-major matrix, then the reference point is added.
-struct Placement {
+/// Position of a template: a row-major matrix, then the anchor is added.
+struct TemplatePlacement {
     matrix: [f64; 16],
     anchor: [f64; 3],
 }
 
-impl<'a> Frame<'a> {
-    pub(crate) fn new(vertices: &'a [Position], transform: Option<Transform>) -> Self {
+impl<'a> VertexFrame<'a> {
+    pub(super) fn new(vertices: &'a [JsonPosition], transform: Option<VertexTransform>) -> Self {
         Self { vertices, transform, placement: None }
     }
 
-    fn point(&self, index: i64) -> Result<[f64; 3], Fault> {
+    /// World position of a vertex. Fails if the index is out of range or the position invalid.
+    fn point(&self, index: i64) -> Result<[f64; 3], ObjectFault> {
         let Some(position) = usize::try_from(index).ok().and_then(|index| self.vertices.get(index)) else {
             let detail = format!("vertex index {index} out of range of {}", self.vertices.len());
-            return Err(Fault { reason: "vertex index out of range", detail });
+            return Err(ObjectFault { reason: "vertex index out of range", detail });
         };
         let mut p = self.transform.map_or(position.0, |transform| transform.apply(position.0));
-        if let Some(Placement { matrix: m, anchor }) = &self.placement {
+        if let Some(TemplatePlacement { matrix: m, anchor }) = &self.placement {
             let w = m[12] * p[0] + m[13] * p[1] + m[14] * p[2] + m[15];
             let w = if w == 0.0 { 1.0 } else { w };
             p = std::array::from_fn(|row| {
@@ -53,115 +53,175 @@ impl<'a> Frame<'a> {
                 (m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]) / w + anchor[row]
             });
         }
-        if is_sane(p) {
+        if is_valid_position(p) {
             return Ok(p);
         }
-        let detail = format!("vertex {index} lies at {:e}, {:e}, {:e}", p[0], p[1], p[2]);
-        Err(Fault { reason: "coordinate not a number or beyond 1e9 m", detail })
+        let detail = format!("vertex {index} is at {:e}, {:e}, {:e}", p[0], p[1], p[2]);
+        Err(ObjectFault { reason: "coordinate not a number or beyond 1e9 m", detail })
     }
 }
 
-/// A polygon with what is said about it.
-struct Surface<'g> {
+/// What the indices in objects refer to.
+pub(super) struct ObjectReferences<'a> {
+    pub(super) frame: VertexFrame<'a>,
+    pub(super) appearance: AppearanceReader<'a>,
+    pub(super) templates: &'a GeometryTemplates,
+    pub(super) template_appearance: AppearanceReader<'a>,
+}
+
+/// A polygon with its semantics, material and texture.
+struct NestedSurface<'g> {
     rings: &'g [Nested],
     semantic: &'g Nested,
     material: &'g Nested,
     texture: &'g Nested,
 }
 
-/// Everything that reading an object needs besides the object.
-pub(crate) struct ObjectReader<'r, 'o, 's> {
-    pub(crate) reading: &'r mut Reading<'o>,
-    pub(crate) source: &'r Source<'s>,
-    pub(crate) report: &'r mut SourceReport,
-    pub(crate) faces: Vec<Face>,
+/// An object's identifier and type.
+#[derive(Clone, Copy)]
+struct ObjectName<'g> {
+    id: &'g str,
+    object_type: &'g str,
+}
+
+/// Reads objects one after the other, with reusable buffers.
+pub(super) struct ObjectReader<'r, 'o, 's> {
+    pub(super) context: &'r mut ReadContext<'o>,
+    source: &'r CitySource<'s>,
+    pub(super) report: &'r mut SourceReport,
+    /// Triangles of the last object.
+    pub(super) faces: Vec<WorldTriangle>,
     points: Vec<[f64; 3]>,
     uvs: Vec<[f32; 2]>,
     hole_starts: Vec<u32>,
 }
 
 impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
-    pub(crate) fn new(reading: &'r mut Reading<'o>, source: &'r Source<'s>, report: &'r mut SourceReport) -> Self {
-        Self { reading, source, report, faces: vec![], points: vec![], uvs: vec![], hole_starts: vec![] }
+    pub(super) fn new(
+        context: &'r mut ReadContext<'o>,
+        source: &'r CitySource<'s>,
+        report: &'r mut SourceReport,
+    ) -> Self {
+        Self { context, source, report, faces: vec![], points: vec![], uvs: vec![], hole_starts: vec![] }
     }
 
-    /// Reads an object's geometries of one level into `faces`; whether one of them is a volume.
-    pub(crate) fn read(
+    /// Reads an object's geometries of one level into `faces`. Returns whether one of them is a volume. Fails if the
+    /// object must be skipped.
+    pub(super) fn read(
         &mut self,
-        (id, object): (&str, &CityObject),
-        level: Lod,
-        (frame, looks): (&Frame<'_>, &mut Looks<'_>),
-        (templates, template_looks): (&Templates, &mut Looks<'_>),
-    ) -> Result<bool, Fault> {
+        id: &str,
+        object: &CityObject,
+        level: CityJsonLod,
+        references: &mut ObjectReferences<'_>,
+    ) -> Result<bool, ObjectFault> {
         self.faces.clear();
+        let name = ObjectName { id, object_type: &object.kind };
+        let ObjectReferences { frame, appearance, templates, template_appearance } = references;
         let mut has_volume = false;
         for geometry in object.geometry.iter().flatten() {
             if level_of(geometry.lod, geometry.template, &templates.templates) != level {
                 continue;
             }
-            let named = (id, object.kind.as_str());
             has_volume |= if geometry.kind == "GeometryInstance" {
-                let (template, frame) = place(geometry, frame, templates)?;
-                self.geometry(named, template, &frame, template_looks)?
+                let (template, frame) = place_template(geometry, frame, templates)?;
+                self.read_geometry(name, template, &frame, template_appearance)?
             } else {
-                self.geometry(named, geometry, frame, looks)?
+                self.read_geometry(name, geometry, frame, appearance)?
             };
         }
         Ok(has_volume)
     }
 
-    fn geometry(
+    fn read_geometry(
         &mut self,
-        (id, object_type): (&str, &str),
-        geometry: &Geometry,
-        frame: &Frame<'_>,
-        looks: &mut Looks<'_>,
-    ) -> Result<bool, Fault> {
+        name: ObjectName<'_>,
+        geometry: &CityJsonGeometry,
+        frame: &VertexFrame<'_>,
+        appearance: &mut AppearanceReader<'_>,
+    ) -> Result<bool, ObjectFault> {
         let depth = match geometry.kind.as_str() {
             "MultiSurface" | "CompositeSurface" => 0,
             "Solid" => 1,
             "MultiSolid" | "CompositeSolid" => 2,
             other => {
-                self.report.problem("geometry without surfaces", || format!("{id}: {other}"));
+                self.report.problem("geometry without surfaces", || format!("{}: {other}", name.id));
                 return Ok(false);
             }
         };
-        let whole = Surface {
+        let whole = NestedSurface {
             rings: std::slice::from_ref(&geometry.boundaries),
             semantic: geometry.semantics.as_ref().map_or(&NULL, |semantics| &semantics.values),
             material: first_values(&geometry.material).unwrap_or(&NULL),
             texture: first_values(&geometry.texture).unwrap_or(&NULL),
         };
         let mut surfaces = Vec::new();
-        collect(&geometry.boundaries, &whole, depth, &mut surfaces);
+        collect_surfaces(&geometry.boundaries, &whole, depth, &mut surfaces);
         for surface in &surfaces {
-            let semantic = looks.semantic(geometry.semantics.as_ref(), surface.semantic, (id, self.report));
-            let look = Look { semantic, object_type, material: surface.material };
-            self.surface(id, surface, look, frame, looks)?;
+            let report = &mut ObjectReport { id: name.id, report: self.report };
+            let semantic = appearance.semantic(geometry.semantics.as_ref(), surface.semantic, report);
+            let properties = SurfaceProperties { semantic, object_type: name.object_type, material: surface.material };
+            self.read_surface(name.id, surface, &properties, frame, appearance)?;
         }
         Ok(depth > 0)
     }
 
-    fn surface(
+    fn read_surface(
         &mut self,
         id: &str,
-        surface: &Surface<'_>,
-        look: Look<'_>,
-        frame: &Frame<'_>,
-        looks: &mut Looks<'_>,
-    ) -> Result<(), Fault> {
-        let texture = looks.texture(surface.texture, (self.reading, self.source), (id, self.report));
+        surface: &NestedSurface<'_>,
+        properties: &SurfaceProperties<'_>,
+        frame: &VertexFrame<'_>,
+        appearance: &mut AppearanceReader<'_>,
+    ) -> Result<(), ObjectFault> {
+        let mut report = ObjectReport { id, report: self.report };
+        let texture = appearance.texture(surface.texture, self.context, self.source, &mut report);
+        let is_textured = self.collect_rings(surface, texture.is_some(), frame, appearance)?;
+        if texture.is_some() && !is_textured {
+            self.report.problem("texture coordinates do not fit the ring", || id.to_owned());
+        }
+        let texture = texture.filter(|_| is_textured);
+        let rgb = match &texture {
+            // In CityJSON a texture replaces the material.
+            Some(_) => [255; 3],
+            None => {
+                let mut report = ObjectReport { id, report: self.report };
+                appearance.colour(properties, &self.context.options.palette, &mut report)
+            }
+        };
+        let Some(triangles) = self.context.triangulator.triangulate(&self.points, &self.hole_starts) else {
+            self.report.problem("polygon without area", || format!("{id}: {} corners", self.points.len()));
+            return Ok(());
+        };
+        let material = self.context.builder.material(rgb, texture);
+        for triangle in triangles {
+            let corners = triangle.map(|i| self.points[i as usize]);
+            let uv = if is_textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };
+            self.faces.push(WorldTriangle { corners, uv, material });
+        }
+        Ok(())
+    }
+
+    /// Collects the positions and, if `has_texture`, the texture coordinates of all rings. Returns whether all corners
+    /// have texture coordinates.
+    fn collect_rings(
+        &mut self,
+        surface: &NestedSurface<'_>,
+        has_texture: bool,
+        frame: &VertexFrame<'_>,
+        appearance: &AppearanceReader<'_>,
+    ) -> Result<bool, ObjectFault> {
         self.points.clear();
         self.uvs.clear();
         self.hole_starts.clear();
-        let mut textured = texture.is_some();
+        let mut is_textured = has_texture;
         for (i, ring) in surface.rings.iter().enumerate() {
             let ring = ring.list();
             if i > 0 && ring.len() < 3 {
                 continue;
             }
             if ring.len() + self.points.len() > MAX_CORNERS {
-                return Err(Fault { reason: "polygon too large", detail: format!("more than {MAX_CORNERS} corners") });
+                let detail = format!("more than {MAX_CORNERS} corners");
+                return Err(ObjectFault { reason: "polygon too large", detail });
             }
             if i > 0 {
                 self.hole_starts.push(self.points.len() as u32);
@@ -169,40 +229,26 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             for index in ring {
                 self.points.push(frame.point(index.index().unwrap_or(-1))?);
             }
-            textured = textured && looks.uvs(surface.texture.child(i), ring.len(), &mut self.uvs);
+            is_textured = is_textured && appearance.append_uvs(surface.texture.child(i), ring.len(), &mut self.uvs);
         }
-        if texture.is_some() && !textured {
-            self.report.problem("texture coordinates do not fit the ring", || id.to_owned());
-        }
-        let texture = texture.filter(|_| textured);
-        let rgb = match &texture {
-            // CityJSON's texture takes the material's place.
-            Some(_) => [255; 3],
-            None => looks.colour(&look, &self.reading.options.palette, (id, self.report)),
-        };
-        let Some(triangles) = self.reading.triangulator.triangulate(&self.points, &self.hole_starts) else {
-            self.report.problem("polygon without area", || format!("{id}: {} corners", self.points.len()));
-            return Ok(());
-        };
-        let material = self.reading.builder.material(rgb, texture);
-        for triangle in triangles {
-            let corners = triangle.map(|i| self.points[i as usize]);
-            let uv = if textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };
-            self.faces.push(Face { corners, uv, material });
-        }
-        Ok(())
+        Ok(is_textured)
     }
 }
 
-/// The values of the alphabetically first theme.
-fn first_values(themes: &Option<BTreeMap<String, Values>>) -> Option<&Nested> {
+/// The values of the theme whose name is alphabetically first.
+fn first_values(themes: &Option<BTreeMap<String, ThemeValues>>) -> Option<&Nested> {
     Some(themes.as_ref()?.values().next()?.get())
 }
 
-/// Descends to the surfaces, the values alongside.
-fn collect<'g>(boundaries: &'g Nested, values: &Surface<'g>, depth: u32, surfaces: &mut Vec<Surface<'g>>) {
+/// Descends to the surfaces of nested boundaries, and in the values in parallel.
+fn collect_surfaces<'g>(
+    boundaries: &'g Nested,
+    values: &NestedSurface<'g>,
+    depth: u32,
+    surfaces: &mut Vec<NestedSurface<'g>>,
+) {
     for (i, below) in boundaries.list().iter().enumerate() {
-        let surface = Surface {
+        let surface = NestedSurface {
             rings: below.list(),
             semantic: values.semantic.child(i),
             material: values.material.child(i),
@@ -211,30 +257,30 @@ fn collect<'g>(boundaries: &'g Nested, values: &Surface<'g>, depth: u32, surface
         if depth == 0 {
             surfaces.push(surface);
         } else {
-            collect(below, &surface, depth - 1, surfaces);
+            collect_surfaces(below, &surface, depth - 1, surfaces);
         }
     }
 }
 
-/// The template that an instance places, and the frame that puts it there.
-fn place<'t>(
-    instance: &Geometry,
-    frame: &Frame<'_>,
-    templates: &'t Templates,
-) -> Result<(&'t Geometry, Frame<'t>), Fault> {
+/// The template of an instance, and the frame that places it. Fails if the instance is malformed.
+fn place_template<'t>(
+    instance: &CityJsonGeometry,
+    frame: &VertexFrame<'_>,
+    templates: &'t GeometryTemplates,
+) -> Result<(&'t CityJsonGeometry, VertexFrame<'t>), ObjectFault> {
     let index = instance.template.unwrap_or(-1);
     let Some(template) = usize::try_from(index).ok().and_then(|index| templates.templates.get(index)) else {
         let detail = format!("template {index} out of range of {}", templates.templates.len());
-        return Err(Fault { reason: "template out of range", detail });
+        return Err(ObjectFault { reason: "template out of range", detail });
     };
     let matrix = match instance.matrix.as_deref() {
         None => [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.],
-        Some(numbers) => numbers.try_into().map_err(|_| Fault {
+        Some(numbers) => numbers.try_into().map_err(|_| ObjectFault {
             reason: "transformationMatrix malformed",
             detail: format!("{} numbers instead of 16", numbers.len()),
         })?,
     };
     let anchor = frame.point(instance.boundaries.child(0).index().unwrap_or(-1))?;
-    let placement = Some(Placement { matrix, anchor });
-    Ok((template, Frame { vertices: &templates.vertices, transform: None, placement }))
+    let placement = Some(TemplatePlacement { matrix, anchor });
+    Ok((template, VertexFrame { vertices: &templates.vertices, transform: None, placement }))
 }

@@ -1,66 +1,68 @@
-//! Which of an object's geometries are used: the best level of detail, and never a footprint under a building.
-//!
-//! In: outlines of all objects that may be related. Out: a [`Choice`] for each. Next: `geometry`.
+//! Chooses the geometries of each object: the best level of detail, and never a footprint under a building.
 
 use std::collections::HashMap;
 
-use super::model::{Geometry, Lod, Outline};
+use super::schema::{CityJsonGeometry, CityJsonLod, ObjectOutline};
 
-/// Parents of parents are followed this far: more is a loop.
+/// More generations than this are treated as a loop.
 const MAX_ANCESTORS: usize = 8;
 
-/// What is read of an object.
+/// Which geometries of an object are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Choice {
+pub(crate) enum LevelChoice {
     /// The geometries of this level.
-    Level(Lod),
-    /// None: a part, or the whole that it is part of, has better ones.
+    Level(CityJsonLod),
+    /// None, because a part or a parent has better ones.
     Coarser,
-    /// It has none.
+    /// The object has no geometry.
     NoGeometry,
 }
 
-/// Decides for all objects at once; `None` stands for an object that could not be parsed.
-pub(crate) fn choose(objects: &[(&str, Option<Outline>)], templates: &[Geometry]) -> Vec<Choice> {
-    let best: Vec<Option<Lod>> = objects.iter().map(|(_, outline)| best_level(outline.as_ref(), templates)).collect();
-    let level = |i: usize| best[i].map_or(Choice::NoGeometry, Choice::Level);
-    let mut choices: Vec<Choice> = (0..objects.len()).map(level).collect();
+/// Chooses for objects that may be related. `None` stands for an object that could not be parsed.
+pub(crate) fn choose_levels(
+    objects: &[(&str, Option<ObjectOutline>)],
+    templates: &[CityJsonGeometry],
+) -> Vec<LevelChoice> {
+    let best: Vec<Option<CityJsonLod>> =
+        objects.iter().map(|(_, outline)| best_level(outline.as_ref(), templates)).collect();
+    let level = |i: usize| best[i].map_or(LevelChoice::NoGeometry, LevelChoice::Level);
+    let mut choices: Vec<LevelChoice> = (0..objects.len()).map(level).collect();
     let parents = parents(objects);
     for part in 0..objects.len() {
         let Some(part_lod) = best[part] else { continue };
         let is_part = objects[part].1.as_ref().is_some_and(|outline| outline.kind.ends_with("Part"));
         for whole in ancestors(part, &parents) {
             let Some(whole_lod) = best[whole] else { continue };
-            // Any child outdoes a footprint; but only parts, and no chimney, replace a whole building.
+            // Any child replaces a footprint, but only a part replaces a whole building: a chimney does not.
             if whole_lod < part_lod && (is_footprint(whole_lod) || is_part) {
-                choices[whole] = Choice::Coarser;
+                choices[whole] = LevelChoice::Coarser;
             } else if part_lod < whole_lod && is_footprint(part_lod) {
-                choices[part] = Choice::Coarser;
+                choices[part] = LevelChoice::Coarser;
             }
         }
     }
     choices
 }
 
-/// Level 0 and its refinements: a footprint or a roof's edge.
-fn is_footprint(lod: Lod) -> bool {
+/// Whether a level is 0 or a refinement of it: a footprint or a roof outline.
+fn is_footprint(lod: CityJsonLod) -> bool {
     (0.0..1.0).contains(&lod.0)
 }
 
-fn best_level(outline: Option<&Outline>, templates: &[Geometry]) -> Option<Lod> {
+fn best_level(outline: Option<&ObjectOutline>, templates: &[CityJsonGeometry]) -> Option<CityJsonLod> {
     let geometries = outline?.geometry.as_ref()?.iter();
     let levels = geometries.map(|geometry| level_of(geometry.lod, geometry.template, templates));
     levels.max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// A placed template has the template's level.
-pub(crate) fn level_of(own: Lod, template: Option<i64>, templates: &[Geometry]) -> Lod {
+/// The level of a geometry. An instance has its template's level.
+pub(crate) fn level_of(own: CityJsonLod, template: Option<i64>, templates: &[CityJsonGeometry]) -> CityJsonLod {
     let template = template.and_then(|index| templates.get(usize::try_from(index).ok()?));
     template.map_or(own, |template| template.lod)
 }
 
-/// For each object those above it, as told by either side.
-fn parents(objects: &[(&str, Option<Outline>)]) -> Vec<Vec<usize>> {
+/// The parents of each object, as either side names them.
+fn parents(objects: &[(&str, Option<ObjectOutline>)]) -> Vec<Vec<usize>> {
     let by_id: HashMap<&str, usize> = objects.iter().enumerate().map(|(i, (id, _))| (*id, i)).collect();
     let mut parents = vec![Vec::new(); objects.len()];
     for (i, (_, outline)) in objects.iter().enumerate() {
@@ -83,11 +85,11 @@ fn parents(objects: &[(&str, Option<Outline>)]) -> Vec<Vec<usize>> {
 
 fn ancestors(object: usize, parents: &[Vec<usize>]) -> Vec<usize> {
     let mut found = Vec::new();
-    let mut front = vec![object];
+    let mut generation = vec![object];
     for _ in 0..MAX_ANCESTORS {
-        let next: Vec<usize> = front.iter().flat_map(|&below| &parents[below]).copied().collect();
-        front = next.into_iter().filter(|&above| above != object && !found.contains(&above)).collect();
-        found.extend_from_slice(&front);
+        let next: Vec<usize> = generation.iter().flat_map(|&below| &parents[below]).copied().collect();
+        generation = next.into_iter().filter(|&above| above != object && !found.contains(&above)).collect();
+        found.extend_from_slice(&generation);
     }
     found
 }
@@ -96,51 +98,55 @@ fn ancestors(object: usize, parents: &[Vec<usize>]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    fn choices(text: &str) -> Vec<(String, Choice)> {
-        let outlines: Vec<(String, Outline)> = serde_json::from_str(text).unwrap();
+    fn choices(text: &str) -> Vec<(String, LevelChoice)> {
+        let outlines: Vec<(String, ObjectOutline)> = serde_json::from_str(text).unwrap();
         let objects: Vec<_> = outlines.into_iter().map(|(id, outline)| (id, Some(outline))).collect();
-        let borrowed: Vec<(&str, Option<Outline>)> = objects.into_iter().map(|(id, o)| (&*id.leak(), o)).collect();
-        let chosen = choose(&borrowed, &[]);
+        let borrowed: Vec<(&str, Option<ObjectOutline>)> =
+            objects.into_iter().map(|(id, o)| (&*id.leak(), o)).collect();
+        let chosen = choose_levels(&borrowed, &[]);
         borrowed.iter().map(|(id, _)| (*id).to_owned()).zip(chosen).collect()
     }
 
-    fn choice(text: &str) -> Vec<Choice> {
+    fn choice(text: &str) -> Vec<LevelChoice> {
         choices(text).into_iter().map(|(_, choice)| choice).collect()
     }
 
     #[test]
-    fn the_best_level_wins_numerically() {
+    fn highest_level_is_chosen_numerically() {
         let text = r#"[["a", {"geometry": [{"lod": "1.3"}, {"lod": "2.2"}, {"lod": "0"}, {"lod": 2}]}], ["b", {}]]"#;
-        assert_eq!(choice(text), [Choice::Level(Lod(2.2)), Choice::NoGeometry]);
+        assert_eq!(choice(text), [LevelChoice::Level(CityJsonLod(2.2)), LevelChoice::NoGeometry]);
     }
 
     #[test]
-    fn a_footprint_goes_where_a_part_has_a_body_whoever_names_whom() {
+    fn footprint_is_left_out_if_a_part_has_a_body() {
         for link in [r#""children": ["p"]"#, r#""x": 0"#] {
             let parents = if link.contains("children") { "[]" } else { r#"["b"]"# };
             let text = format!(
                 r#"[["b", {{"type": "Building", "geometry": [{{"lod": "0"}}], {link}}}],
                     ["p", {{"type": "BuildingPart", "geometry": [{{"lod": "1"}}], "parents": {parents}}}]]"#
             );
-            assert_eq!(choice(&text), [Choice::Coarser, Choice::Level(Lod(1.0))], "{link}");
+            assert_eq!(choice(&text), [LevelChoice::Coarser, LevelChoice::Level(CityJsonLod(1.0))], "{link}");
         }
     }
 
     #[test]
-    fn parts_replace_a_coarser_whole_and_installations_do_not() {
+    fn parts_replace_a_coarser_parent_and_installations_do_not() {
         let with = |kind: &str| {
             format!(
                 r#"[["b", {{"type": "Building", "geometry": [{{"lod": "1"}}]}}],
                     ["p", {{"type": "{kind}", "geometry": [{{"lod": "2"}}], "parents": ["b"]}}]]"#
             )
         };
-        assert_eq!(choice(&with("BuildingPart")), [Choice::Coarser, Choice::Level(Lod(2.0))]);
-        assert_eq!(choice(&with("BuildingInstallation")), [Choice::Level(Lod(1.0)), Choice::Level(Lod(2.0))]);
+        assert_eq!(choice(&with("BuildingPart")), [LevelChoice::Coarser, LevelChoice::Level(CityJsonLod(2.0))]);
+        assert_eq!(
+            choice(&with("BuildingInstallation")),
+            [LevelChoice::Level(CityJsonLod(1.0)), LevelChoice::Level(CityJsonLod(2.0))]
+        );
     }
 
     #[test]
-    fn a_lone_footprint_stays_and_loops_end() {
+    fn footprint_without_body_stays_and_loops_end() {
         let text = r#"[["a", {"geometry": [{"lod": 0}], "parents": ["b"]}], ["b", {"parents": ["a"]}]]"#;
-        assert_eq!(choice(text), [Choice::Level(Lod(0.0)), Choice::NoGeometry]);
+        assert_eq!(choice(text), [LevelChoice::Level(CityJsonLod(0.0)), LevelChoice::NoGeometry]);
     }
 }

@@ -1,12 +1,11 @@
-//! CityJSON's nested arrays of indices, of a depth that only the geometry's type tells.
-//!
-//! In: `boundaries`, `values`. Out: [`Nested`], walked in parallel. Next: `geometry`.
+//! CityJSON's nested arrays of indices, whose depth depends on the geometry's type.
 
 use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
 
-/// An index, an array of such, or nothing. Anything that is no index becomes -1, which no range holds.
+/// An index, an array of nested indices, or nothing. A number that is not an index becomes -1, which is always out of
+/// range.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) enum Nested {
     #[default]
@@ -15,11 +14,11 @@ pub(crate) enum Nested {
     List(Vec<Nested>),
 }
 
-/// Stands for a missing value.
+/// A missing value.
 pub(crate) static NULL: Nested = Nested::Null;
 
 impl Nested {
-    /// The entries, none if this is no list.
+    /// The entries; empty if this is not a list.
     pub(crate) fn list(&self) -> &[Nested] {
         match self {
             Self::List(list) => list,
@@ -27,8 +26,8 @@ impl Nested {
         }
     }
 
-    /// The value for the i-th child. One value given for a whole (`"value": 3`, a shell of one semantic) counts for
-    /// each of its parts; a list that is too short has nothing to say.
+    /// The value for the i-th child. A single value (`"value": 3`, or one semantic for a shell) applies to each child;
+    /// a list that is too short has no value.
     pub(crate) fn child(&self, i: usize) -> &Nested {
         match self {
             Self::List(list) => list.get(i).unwrap_or(&NULL),
@@ -89,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn any_depth_null_and_odd_numbers() {
+    fn any_depth_null_and_non_indices_are_parsed() {
         let nested: Nested = serde_json::from_str("[[1, 2.0, 2.5, -3], null, [[4]]]").unwrap();
         let first: Vec<_> = nested.child(0).list().iter().map(Nested::index).collect();
         assert_eq!(first, [Some(1), Some(2), Some(-1), Some(-3)]);
@@ -101,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn endless_depth_is_an_error_and_not_a_crash() {
+    fn excessive_depth_is_an_error_and_not_a_crash() {
         let deep = "[".repeat(100_000);
         assert!(serde_json::from_str::<Nested>(&deep).is_err());
     }

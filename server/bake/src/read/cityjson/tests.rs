@@ -1,12 +1,12 @@
-//! Whole CityJSON documents, small ones.
+//! Whole CityJSON documents.
 
 use crate::read::texture::tests::png;
-use crate::read::{Palette, ReadError, ReadOptions, ReadReport, read_embedded};
+use crate::read::{InputError, Palette, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
 const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";
-/// Its six faces, outwards: ground, roof, walls.
+/// The cube's six faces, facing outwards: ground, roof, walls.
 const FACES: &str = "[[0,3,2,1]],[[4,5,6,7]],[[0,1,5,4]],[[1,2,6,5]],[[2,3,7,6]],[[3,0,4,7]]";
 
 fn document(objects: &str, more: &str) -> String {
@@ -25,14 +25,14 @@ fn read(text: &str) -> (Scene, ReadReport) {
     read_embedded(&[("a.city.json", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap()
 }
 
-/// Volume enclosed, positive if all faces look outwards.
+/// Enclosed volume, positive if all faces face outwards.
 fn volume(scene: &Scene) -> f32 {
     let corners = scene.triangles.iter().map(|triangle| triangle.corners.map(glam::Vec3::from_array));
     corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
 }
 
 #[test]
-fn every_kind_of_surface_geometry_is_read_outwards() {
+fn every_type_of_surface_geometry_faces_outwards() {
     let bodies = [
         ("MultiSurface", format!("[{FACES}]")),
         ("CompositeSurface", format!("[{FACES}]")),
@@ -53,7 +53,7 @@ fn every_kind_of_surface_geometry_is_read_outwards() {
 }
 
 #[test]
-fn inner_shells_and_holes_are_kept() {
+fn inner_shells_and_holes_are_read() {
     let inner = r#"[[0,1,2,3]]"#;
     let geometry = format!(r#"{{"type": "Solid", "lod": 1, "boundaries": [[{FACES}], [{inner}]]}}"#);
     assert_eq!(read(&document(&object("a", &geometry), "")).0.triangles.len(), 14);
@@ -86,7 +86,7 @@ fn only_the_best_level_is_read_and_no_footprint_under_a_body() {
 }
 
 #[test]
-fn the_transform_is_applied_and_may_be_missing() {
+fn transform_is_applied_and_optional() {
     let more = r#", "transform": {"scale": [0.001, 0.001, 0.001], "translate": [85000, 446000, -3.5]}"#;
     let text = document(&object("a", &solid("1")), more).replace(CUBE, &CUBE.replace('2', "2000"));
     let (scene, _) = read(&text);
@@ -104,7 +104,7 @@ fn templates_are_placed_by_matrix_and_anchor() {
         "transformationMatrix": [0,-1,0,10, 1,0,0,0, 0,0,3,0, 0,0,0,1]}"#;
     let (scene, _) = read(&document(&object("tree", instance), &templates));
     assert!((volume(&scene) - 24.0).abs() < 1e-3);
-    // Turned by a quarter to x in [-2, 0], moved by 10 and by the anchor's (2, 2, 2).
+    // Rotated by 90 degrees to x in [-2, 0], moved by 10 and by the anchor's (2, 2, 2).
     let low =
         scene.triangles.iter().flat_map(|t| t.corners).map(|c| f64::from(c[0]) + scene.origin[0]).fold(99.0, f64::min);
     assert_eq!((low, scene.origin[2]), (10.0, 2.0));
@@ -121,7 +121,7 @@ fn colours(scene: &Scene) -> Vec<[u8; 3]> {
 }
 
 #[test]
-fn materials_colour_by_surface_or_whole_and_semantics_the_rest() {
+fn materials_apply_per_surface_or_whole_and_semantics_to_the_rest() {
     let semantics = r#""semantics": {"surfaces": [{"type": "RoofSurface"}, {"type": "WallSurface"}],
         "values": [[null, 0, 1, 1, 1, 77]]}"#;
     let materials = r#""material": {"z": {"value": 0}, "a": {"values": [[0, null, 1, null, 99, null]]}}"#;
@@ -142,8 +142,8 @@ fn materials_colour_by_surface_or_whole_and_semantics_the_rest() {
 }
 
 #[test]
-fn textures_bring_their_coordinates_or_are_reported() {
-    let picture = png(2, 2, [7, 8, 9]);
+fn textures_have_coordinates_or_are_reported() {
+    let image = png(2, 2, [7, 8, 9]);
     let values = "[[[0,0,1,2,3]]], [[[0,0,1,2,3]]], [[[null]]], [[[1,0,1,2,3]]], [[[0,0,1]]], [[[5,0,1,2,3]]]";
     let values = values.replace("[[[", "[[").replace("]]]", "]]");
     let geometry = format!(
@@ -152,7 +152,7 @@ fn textures_bring_their_coordinates_or_are_reported() {
     let appearance = r#", "appearance": {"textures": [{"type": "PNG", "image": "pics/a.png"}, {"image": "none.png"}],
         "vertices-texture": [[0, 0], [1, 0], [1, 1], [0, 1]]}"#;
     let text = document(&object("a", &geometry), appearance);
-    let files: [(&str, &[u8]); 2] = [("d/a.city.json", text.as_bytes()), ("d/pics/a.png", &picture)];
+    let files: [(&str, &[u8]); 2] = [("d/a.city.json", text.as_bytes()), ("d/pics/a.png", &image)];
     let (scene, report) = read_embedded(&files, &ReadOptions::default(), &|_| {}).unwrap();
     let textured = |i: usize| scene.materials[scene.triangles[i].material as usize].texture.is_some();
     assert_eq!([0, 2, 4, 6, 8, 10].map(textured), [true, true, false, false, false, false]);
@@ -181,7 +181,7 @@ fn relief_is_terrain_and_faces_up() {
 }
 
 #[test]
-fn bad_objects_are_skipped_with_their_reason() {
+fn malformed_objects_are_skipped_with_a_reason() {
     let surface = |ring: &str| format!(r#"{{"type": "MultiSurface", "lod": "1", "boundaries": [[{ring}]]}}"#);
     let objects = [
         object("good", &solid("1")),
@@ -210,7 +210,7 @@ fn bad_objects_are_skipped_with_their_reason() {
 }
 
 #[test]
-fn versions_and_metadata_of_1_0_are_understood() {
+fn version_1_0_is_read_and_unknown_versions_are_refused() {
     let old = document(
         &object("a", &solid("1").replace("\"1\"", "1")),
         r#", "metadata": {"referenceSystem": "urn:ogc:def:crs:EPSG::7415"}"#,
@@ -220,7 +220,7 @@ fn versions_and_metadata_of_1_0_are_understood() {
     assert_eq!(read(&odd).1.sources[0].titles, ["T"]);
     let next = odd.replace("2.0", "3.0");
     let error = read_embedded(&[("a.json", next.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
-    assert!(matches!(&error, ReadError::Unsupported { what, .. } if what.contains("3.0")), "{error}");
+    assert!(matches!(&error, InputError::Unsupported { what, .. } if what.contains("3.0")), "{error}");
 }
 
 const HEADER: &str = r#"{"type":"CityJSON","version":"2.0","transform":{"scale":[0.5,0.5,0.5],"translate":[100,0,0]},"CityObjects":{},"vertices":[]}"#;
@@ -234,7 +234,7 @@ fn feature(id: &str) -> String {
 }
 
 #[test]
-fn a_sequence_skips_broken_lines_and_reads_on() {
+fn sequence_skips_broken_lines() {
     let cut = &feature("cut")[..100];
     let odd = feature("odd").replace("[0,0,0]", "[NaN,0,0]");
     let lines = [HEADER, &feature("a"), cut, "", "nonsense", r#"{"type": "Feature"}"#, &odd, &feature("b")];
@@ -252,12 +252,12 @@ fn a_sequence_skips_broken_lines_and_reads_on() {
 }
 
 #[test]
-fn a_sequence_needs_its_header_and_keeps_to_the_line_limit() {
+fn sequence_needs_a_header_and_skips_lines_beyond_the_limit() {
     let fails =
         |text: &str| read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
-    assert!(matches!(fails(&feature("a")), ReadError::Unsupported { .. }));
-    assert!(matches!(fails(&HEADER[..40]), ReadError::Json { line: 1, .. }));
-    assert!(matches!(fails(HEADER), ReadError::Empty { .. }));
+    assert!(matches!(fails(&feature("a")), InputError::Unsupported { .. }));
+    assert!(matches!(fails(&HEADER[..40]), InputError::Json { line: 1, .. }));
+    assert!(matches!(fails(HEADER), InputError::Empty { .. }));
     let long = feature("long").replace("\"id\"", &format!("\"pad\": \"{}\", \"id\"", "x".repeat(1000)));
     let text = [HEADER, &long, &feature("a")].join("\n");
     let options = ReadOptions { max_line_bytes: 1000, ..ReadOptions::default() };
@@ -266,7 +266,7 @@ fn a_sequence_needs_its_header_and_keeps_to_the_line_limit() {
 }
 
 #[test]
-fn a_malformed_appearance_costs_the_colours_and_not_the_file() {
+fn malformed_appearance_costs_only_the_colours() {
     let bad = r#", "appearance": {"materials": [{"diffuseColor": "red"}]}, "geometry-templates": 7"#;
     let (scene, report) = read(&document(&object("a", &solid("1")), bad));
     assert_eq!(scene.triangles.len(), 12);
@@ -274,7 +274,7 @@ fn a_malformed_appearance_costs_the_colours_and_not_the_file() {
 }
 
 #[test]
-fn a_feature_brings_its_own_appearance() {
+fn feature_may_have_its_own_appearance() {
     let coloured = solid("1").replace("\"lod\"", r#""material": {"m": {"value": 0}}, "lod""#);
     let feature = format!(
         r#"{{"type": "CityJSONFeature", "CityObjects": {{{}}}, "vertices": [{CUBE}],

@@ -1,37 +1,38 @@
-//! A footprint's rings mended, and raised to a closed prism.
-//!
-//! In: a polygon as written, a [`Height`]. Out: faces of roof, walls and floor. Next: `builder`.
+//! Repairs the rings of a footprint and extrudes them to a closed prism.
 
-use super::height::Height;
-use super::model::Polygon;
-use super::place::Place;
-use crate::read::builder::Face;
-use crate::read::cityjson::Position;
+use super::height::PrismHeight;
+use super::projection::InputProjection;
+use super::schema::GeoJsonPolygon;
+use crate::read::json::position::JsonPosition;
 use crate::read::polygon::{MAX_CORNERS, Triangulator};
+use crate::read::scene_builder::WorldTriangle;
 
-/// Corners nearer than this are one.
+/// Corners nearer than this are welded.
 const WELD_M: f64 = 1e-3;
-/// A ring of less is a slip of the mouse.
+/// Smaller rings are treated as drawing errors.
 const MIN_AREA_M2: f64 = 0.01;
-/// If the triangles cover this share more or less than the rings enclose, the rings cross.
+/// If the area of the triangles differs from that of the rings by more than this share, the rings cross.
 const CROSSING_SHARE: f64 = 1e-3;
 
-/// Rings in metres without repeated corners: the outer one turns counter-clockwise, holes clockwise.
+/// Rings in metres without repeated corners. The outer ring turns counter-clockwise, holes clockwise.
 pub(super) struct Footprint {
     rings: Vec<Vec<[f64; 2]>>,
 }
 
 impl Footprint {
-    /// Mends what can be mended; `note` hears of it. Without a usable outer ring there is no footprint, and the reason
-    /// is told.
-    pub(super) fn new(polygon: &Polygon, place: &Place, mut note: impl FnMut(&str)) -> Result<Self, &'static str> {
+    /// Repairs the rings, and passes every repair to `note`. Fails with the reason if the outer ring is unusable.
+    pub(super) fn new(
+        polygon: &GeoJsonPolygon,
+        projection: &InputProjection,
+        mut note: impl FnMut(&str),
+    ) -> Result<Self, &'static str> {
         if polygon.iter().map(Vec::len).sum::<usize>() > MAX_CORNERS {
             return Err("polygon too large");
         }
         let (outer, holes) = polygon.split_first().ok_or("polygon without rings")?;
-        let mut rings = vec![ring(outer, place, 1.0, &mut note)?];
+        let mut rings = vec![repair_ring(outer, projection, 1.0, &mut note)?];
         for hole in holes {
-            match ring(hole, place, -1.0, &mut note) {
+            match repair_ring(hole, projection, -1.0, &mut note) {
                 Ok(hole) => rings.push(hole),
                 Err(_) => note("hole filled, its ring is no ring"),
             }
@@ -39,17 +40,18 @@ impl Footprint {
         Ok(Self { rings })
     }
 
-    /// Appends the prism's faces, coloured by `materials` for roof, walls and floor; whether its rings are clean.
-    pub(super) fn raise(
+    /// Appends the prism's triangles, with `materials` for roof, walls and floor. Returns whether its rings do not
+    /// cross. Fails with the reason if there is nothing to extrude.
+    pub(super) fn extrude(
         &self,
-        height: &Height,
+        height: &PrismHeight,
         materials: [u32; 3],
         triangulator: &mut Triangulator,
-        faces: &mut Vec<Face>,
+        faces: &mut Vec<WorldTriangle>,
     ) -> Result<bool, &'static str> {
         let [roof, wall, floor] = materials;
         let at = |[x, y]: [f64; 2], z: f64| [x, y, z];
-        let face = |corners, material| Face { corners, uv: [[0.0; 2]; 3], material };
+        let face = |corners, material| WorldTriangle { corners, uv: [[0.0; 2]; 3], material };
         let points: Vec<[f64; 3]> = self.rings.iter().flatten().map(|&p| at(p, height.top_m)).collect();
         let mut starts = Vec::new();
         for ring in &self.rings[..self.rings.len() - 1] {
@@ -76,21 +78,22 @@ impl Footprint {
     }
 }
 
-/// A ring in metres, turned so that its area has the sign of `turn`.
-fn ring(
-    positions: &[Position],
-    place: &Place,
+/// Converts a ring to metres and turns it so that its area has the sign of `turn`. Fails with the reason if it is
+/// unusable.
+fn repair_ring(
+    positions: &[JsonPosition],
+    projection: &InputProjection,
     turn: f64,
     note: &mut impl FnMut(&str),
 ) -> Result<Vec<[f64; 2]>, &'static str> {
     let mut ring: Vec<[f64; 2]> = Vec::with_capacity(positions.len());
     for position in positions {
-        let corner = place.to_metres(position).ok_or("coordinate not a number or out of range")?;
-        if ring.last().is_none_or(|last| !near(*last, corner)) {
+        let corner = projection.to_metres(position).ok_or("coordinate not a number or out of range")?;
+        if ring.last().is_none_or(|last| !is_near(*last, corner)) {
             ring.push(corner);
         }
     }
-    let closed = ring.len() > 1 && near(ring[0], ring[ring.len() - 1]);
+    let closed = ring.len() > 1 && is_near(ring[0], ring[ring.len() - 1]);
     if closed {
         ring.pop();
     }
@@ -110,11 +113,12 @@ fn ring(
     Ok(ring)
 }
 
-fn near(a: [f64; 2], b: [f64; 2]) -> bool {
+fn is_near(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).abs() < WELD_M && (a[1] - b[1]).abs() < WELD_M
 }
 
-/// Positive if counter-clockwise. Relative to the first corner: products of full map coordinates would cancel badly.
+/// Signed area, positive if counter-clockwise. Relative to the first corner: products of full map coordinates would
+/// lose their digits by cancellation.
 fn area_m2(ring: &[[f64; 2]]) -> f64 {
     let from = |p: [f64; 2]| [p[0] - ring[0][0], p[1] - ring[0][1]];
     let cross = |pair: &[[f64; 2]]| {

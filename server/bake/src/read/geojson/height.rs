@@ -1,41 +1,40 @@
-//! How high a footprint is raised, from the names that OpenStreetMap, city offices and Overture give to it.
-//!
-//! In: a feature's properties. Out: [`Height`]. Next: `footprint`.
+//! Height of a footprint's prism, from the property names of OpenStreetMap, city offices and Overture.
 
 use std::ops::RangeInclusive;
 
 use serde_json::{Map, Value};
 
-/// Names of a top above the ground, best first.
+/// Names of the top's height above the ground, best first.
 const TOP: &[&str] = &["height", "building:height", "measuredHeight"];
 const LEVELS: &[&str] = &["building:levels", "levels", "num_floors"];
 const ROOF_LEVELS: &[&str] = &["roof:levels"];
-/// Names of a base above the ground: what floats, such as a gangway.
+/// Names of the base's height above the ground, for suspended parts such as gangways.
 const BASE: &[&str] = &["min_height", "building:min_height"];
 const BASE_LEVEL: &[&str] = &["building:min_level", "min_level", "min_floor"];
 
-/// A storey's height where only their number is known.
+/// Height of a storey, where only the number of storeys is known.
 const LEVEL_M: f64 = 3.0;
-/// Of what nothing is known: a house of two storeys.
+/// Default height: two storeys.
 const UNKNOWN_M: f64 = 6.0;
-/// What a height can be; 0 is how many files write that they do not know.
+/// Valid heights. Many files write 0 for an unknown height.
 const TOP_RANGE_M: RangeInclusive<f64> = 0.01..=2000.0;
 const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
 const LEVELS_RANGE: RangeInclusive<f64> = 0.1..=400.0;
 const BASE_LEVEL_RANGE: RangeInclusive<f64> = -20.0..=400.0;
 const FOOT_M: f64 = 0.3048;
 
-/// From where to where a footprint is raised, in metres above the ground; the top is above the base.
+/// Base and top of a prism in metres above the ground; the top is above the base.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Height {
+pub(super) struct PrismHeight {
     pub(super) base_m: f64,
     pub(super) top_m: f64,
 }
 
-impl Height {
-    /// A height there always is; `note` hears of what was guessed or not understood.
+impl PrismHeight {
+    /// Determines the height, with a default if nothing is known. Passes guesses and invalid values to `note`, with
+    /// their kind and details.
     pub(super) fn of(properties: &Map<String, Value>, mut note: impl FnMut(&str, &str)) -> Self {
-        let mut first = |names: &[&str], range| first(properties, names, range, &mut note);
+        let mut first = |names: &[&str], range| first_in_range(properties, names, range, &mut note);
         let base_m = first(BASE, BASE_RANGE_M)
             .or_else(|| first(BASE_LEVEL, BASE_LEVEL_RANGE).map(|levels| levels * LEVEL_M))
             .unwrap_or(0.0);
@@ -58,8 +57,8 @@ impl Height {
     }
 }
 
-/// The first of the named properties that is a number in the range.
-fn first(
+/// The first of the named properties that is a number in the range. Passes the others to `note`.
+fn first_in_range(
     properties: &Map<String, Value>,
     names: &[&str],
     range: RangeInclusive<f64>,
@@ -80,7 +79,7 @@ fn first(
     None
 }
 
-/// `12`, `12.5 m`, `12,5`, `40 ft`, `40'` in metres.
+/// Parses a length such as `12`, `12.5 m`, `12,5`, `40 ft` or `40'`, in metres.
 fn length_m(text: &str) -> Option<f64> {
     let text = text.trim().replace(',', ".");
     let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
@@ -99,12 +98,12 @@ mod tests {
 
     fn height(properties: &str) -> (f64, f64, Vec<String>) {
         let mut notes = Vec::new();
-        let height = Height::of(&serde_json::from_str(properties).unwrap(), |kind, _| notes.push(kind.to_owned()));
+        let height = PrismHeight::of(&serde_json::from_str(properties).unwrap(), |kind, _| notes.push(kind.to_owned()));
         (height.base_m, height.top_m, notes)
     }
 
     #[test]
-    fn every_spelling_of_a_height() {
+    fn height_is_understood_in_every_spelling() {
         for (text, metres) in [
             ("14.5", 14.5),
             (r#""12""#, 12.0),
@@ -119,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_height_goes_before_levels_and_levels_before_a_guess() {
+    fn height_takes_precedence_over_levels_and_levels_over_the_default() {
         let all = r#"{"building:levels": 9, "height": null, "building:height": "21", "min_height": 3}"#;
         assert_eq!(height(all), (3.0, 21.0, vec![]));
         let levels = r#"{"levels": "4", "roof:levels": 1, "building:min_level": 1}"#;
@@ -129,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_a_height_is_noted_and_passed_over() {
+    fn invalid_heights_are_reported_and_ignored() {
         for text in ["0", "-3", "1e9", "true", "[1]", r#""tall""#, r#""12 km""#, r#""5-7""#, r#""nan""#] {
             let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}, "levels": 2}}"#));
             assert_eq!((base_m, top_m), (0.0, 6.0), "{text}");

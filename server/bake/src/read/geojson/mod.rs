@@ -1,192 +1,37 @@
-//! GeoJSON footprints, raised to prisms: a document whose features are read one at a time, or a feature a line.
-//!
-//! In: a source. Out: objects in the builder and a [`SourceReport`]. Next: `builder`.
+//! GeoJSON footprints, extruded to prisms: a document whose features are read one at a time, or one feature per line.
 
 mod colour;
+mod features;
 mod footprint;
 mod height;
-mod model;
-mod place;
+mod projection;
+mod schema;
 mod stream;
 #[cfg(test)]
 mod tests;
 
-use std::io::BufRead;
+use super::context::{ByteProgress, ReadContext};
+use super::report::SourceReport;
+use super::source::{CitySource, SourceKind, kind_by_name, open};
+use crate::error::InputError;
+use features::FeatureReader;
 
-use serde_json::Value;
+pub(super) use stream::read_type;
 
-use super::builder::Face;
-use super::cityjson::{lenient, metadata};
-use super::error::{ReadError, json_message};
-use super::report::{Format, SourceReport};
-use super::source::{NamedAs, Source, named_as, next_line, open};
-use super::{Reading, Tick};
-use crate::scene::ObjectKind;
-use footprint::Footprint;
-use height::Height;
-use model::Feature;
-use place::Place;
-
-pub(super) use stream::kind_of;
-
-/// After how many features progress is told.
-const TICK_FEATURES: u64 = 64;
-/// Between records of a sequence (RFC 8142).
-const RECORD_SEPARATOR: u8 = 0x1e;
-
-/// Reads a source.
-pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, ReadError> {
+/// Reads a source. Fails if the text is damaged, not GeoJSON, or in an unsupported coordinate system.
+pub(crate) fn read(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    tick: ByteProgress<'_>,
+) -> Result<SourceReport, InputError> {
     let opened = open(source)?;
-    let taken = opened.taken;
-    let mut features = Features::new(reading, source);
-    let tick = || tick(taken.get());
-    if named_as(&source.name) == Some(NamedAs::GeoJsonLines) {
-        features.lines(opened.reader, &tick)?;
+    let bytes_read = opened.bytes_read;
+    let mut features = FeatureReader::new(context, source);
+    let tick = || tick(bytes_read.get());
+    if kind_by_name(&source.name) == Some(SourceKind::GeoJsonLines) {
+        features.read_lines(opened.reader, &tick)?;
     } else {
         stream::read(opened.reader, &mut features, &tick)?;
     }
     Ok(features.report)
-}
-
-/// What all features of a source share.
-struct Features<'r, 'o, 's> {
-    reading: &'r mut Reading<'o>,
-    source: &'s Source<'s>,
-    report: SourceReport,
-    place: Place,
-    /// Features met.
-    count: u64,
-    faces: Vec<Face>,
-}
-
-impl<'r, 'o, 's> Features<'r, 'o, 's> {
-    fn new(reading: &'r mut Reading<'o>, source: &'s Source<'s>) -> Self {
-        let place = Place::new(reading.crs.as_ref().map(|(crs, _)| crs.as_str()));
-        let report = SourceReport::new(&source.label, Format::GeoJson, source.bytes);
-        Self { reading, source, report, place, count: 0, faces: Vec::new() }
-    }
-
-    /// Features line by line; a broken line costs itself.
-    fn lines(&mut self, mut lines: Box<dyn BufRead + '_>, tick: &dyn Fn()) -> Result<(), ReadError> {
-        let limit = usize::try_from(self.reading.options.max_line_bytes).unwrap_or(usize::MAX);
-        let mut line = Vec::new();
-        let next = |lines: &mut dyn BufRead, line: &mut Vec<u8>| {
-            next_line(lines, line, limit).map_err(|cause| ReadError::io(&self.source.label, cause))
-        };
-        while let Some(whole) = next(&mut *lines, &mut line)? {
-            let text = line.strip_prefix(&[RECORD_SEPARATOR]).unwrap_or(&line).trim_ascii();
-            if !whole {
-                self.count += 1;
-                let count = self.count;
-                self.report.skip("line too long", || format!("feature {count}: more than {limit} bytes"));
-            } else if !text.is_empty() {
-                self.feature(text)?;
-            }
-            self.tick(tick);
-        }
-        Ok(())
-    }
-
-    fn tick(&self, tick: &dyn Fn()) {
-        if self.count.is_multiple_of(TICK_FEATURES) {
-            tick();
-        }
-    }
-
-    /// The document's own coordinate system, if it names one.
-    fn system(&mut self, crs: &Value) -> Result<(), ReadError> {
-        if self.count > 0 {
-            let what = "its \"crs\" comes after its features; move it to the front";
-            return Err(ReadError::unsupported(&self.source.label, what));
-        }
-        match Place::named(crs).map_err(|what| ReadError::unsupported(&self.source.label, what))? {
-            None => Ok(()),
-            Some((place, epsg)) => {
-                self.place = place;
-                self.report.crs = Some(epsg);
-                self.reading.agree_on_crs(&self.source.label, self.report.crs.as_deref())
-            }
-        }
-    }
-
-    /// Any other member may say who made the data.
-    fn about(&mut self, name: &str, value: Value) {
-        metadata::describe(&Value::Object([(name.to_owned(), value)].into_iter().collect()), &mut self.report);
-    }
-
-    /// One feature's text. Only what concerns all of them is an error.
-    fn feature(&mut self, text: &[u8]) -> Result<(), ReadError> {
-        self.count += 1;
-        let number = self.count;
-        let parsed =
-            serde_json::from_slice::<Feature>(text).or_else(|error| match lenient::without_odd_numbers(text) {
-                Some(clean) => serde_json::from_slice(&clean),
-                None => Err(error),
-            });
-        let feature = match parsed {
-            Ok(feature) if feature.kind == "Feature" => feature,
-            Ok(feature) => {
-                self.report.skip("no feature", || format!("feature {number}: its type is \"{}\"", feature.kind));
-                return Ok(());
-            }
-            Err(error) => {
-                self.report.skip("malformed feature", || format!("feature {number}: {}", json_message(&error)));
-                return Ok(());
-            }
-        };
-        let id = feature.id().unwrap_or_else(|| format!("feature {number}"));
-        let Some(geometry) = &feature.geometry else {
-            self.report.skip("no geometry", || id);
-            return Ok(());
-        };
-        self.report.count_type(&geometry.kind);
-        match geometry.polygons() {
-            Ok(polygons) if polygons.is_empty() => {
-                self.report.skip("no polygon", || format!("{id}: its geometry is \"{}\"", geometry.kind));
-            }
-            Ok(polygons) => {
-                if let Some(epsg) = self.place.settle(&polygons) {
-                    self.reading.agree_on_crs(&self.source.label, Some(&epsg))?;
-                    self.report.crs = Some(epsg);
-                }
-                self.raise(&id, &feature, &polygons);
-            }
-            Err(detail) => self.report.skip("malformed coordinates", || format!("{id}: {detail}")),
-        }
-        Ok(())
-    }
-
-    /// Polygons to one object.
-    fn raise(&mut self, id: &str, feature: &Feature, polygons: &[model::Polygon]) {
-        let height = Height::of(&feature.properties, |kind, detail| {
-            self.report.problem(kind, || format!("{id}: {detail}"));
-        });
-        let colours = colour::of(&feature.properties, &self.reading.options.palette, |detail| {
-            self.report.problem("colour not understood", || format!("{id}: {detail}"));
-        });
-        let materials = colours.map(|rgb| self.reading.builder.material(rgb, None));
-        self.faces.clear();
-        let mut fault = None;
-        for polygon in polygons {
-            let footprint = Footprint::new(polygon, &self.place, |kind| self.report.problem(kind, || id.to_owned()));
-            match footprint {
-                Ok(footprint) => {
-                    let triangulator = &mut self.reading.triangulator;
-                    match footprint.raise(&height, materials, triangulator, &mut self.faces) {
-                        Ok(true) => {}
-                        Ok(false) => self.report.problem("ring crosses itself", || id.to_owned()),
-                        Err(reason) => fault = Some(reason),
-                    }
-                }
-                Err(reason) => fault = Some(reason),
-            }
-        }
-        match fault {
-            Some(reason) if self.faces.is_empty() => self.report.skip(reason, || id.to_owned()),
-            Some(reason) => self.report.problem(reason, || id.to_owned()),
-            None => {}
-        }
-        let (source, kind) = (self.reading.source, ObjectKind::Building);
-        self.reading.builder.add(source, id, kind, &self.faces, &mut self.report);
-    }
 }

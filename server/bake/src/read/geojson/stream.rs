@@ -1,6 +1,4 @@
-//! A GeoJSON document as a stream: its features come one by one, and no more than one is ever held.
-//!
-//! In: bytes. Out: the text of each feature, the other members. Next: `Features`.
+//! Parses a GeoJSON document as a stream. Only one feature is in memory at a time.
 
 use std::cell::{Cell, RefCell};
 use std::fmt;
@@ -10,26 +8,28 @@ use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Seq
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::Features;
-use crate::read::cityjson::lenient::Lenient;
-use crate::read::error::ReadError;
-use crate::read::source::{Source, open};
+use super::features::FeatureReader;
+use crate::error::InputError;
+use crate::read::json::lenient::LenientReader;
+use crate::read::source::{CitySource, open};
 
 const COLLECTION: &str = "FeatureCollection";
 
-/// Reads a document, feature by feature.
+/// Reads a document feature by feature. Fails if it is damaged, exceeds a limit or is not a FeatureCollection.
 pub(super) fn read(
     reader: Box<dyn BufRead + '_>,
-    features: &mut Features<'_, '_, '_>,
+    features: &mut FeatureReader<'_, '_, '_>,
     tick: &dyn Fn(),
-) -> Result<(), ReadError> {
-    let options = features.reading.options;
-    let limits = Limits::new(options.max_source_bytes, options.max_line_bytes);
+) -> Result<(), InputError> {
+    let options = features.context.options;
+    let limits = ByteLimits::new(options.max_source_bytes, options.max_line_bytes);
     let label = features.source.label.clone();
-    let mut json =
-        serde_json::Deserializer::from_reader(Limited { inner: Lenient::new(without_mark(reader)), limits: &limits });
+    let mut json = serde_json::Deserializer::from_reader(LimitedReader {
+        inner: LenientReader::new(skip_bom(reader)),
+        limits: &limits,
+    });
     let stopped = RefCell::new(None);
-    let visitor = Document { features, limits: &limits, stopped: &stopped, tick };
+    let visitor = DocumentVisitor { features, limits: &limits, stopped: &stopped, tick };
     let result = json.deserialize_map(visitor).and_then(|()| {
         limits.next_member();
         json.end()
@@ -38,31 +38,31 @@ pub(super) fn read(
         (Some(error), _) => Err(error),
         (None, Ok(())) => Ok(()),
         (None, Err(error)) => Err(limits.exceeded(&label).unwrap_or_else(|| {
-            if error.is_io() { ReadError::io(&label, error.into()) } else { ReadError::json(&label, &error) }
+            if error.is_io() { InputError::io(&label, error.into()) } else { InputError::json(&label, &error) }
         })),
     }
 }
 
-/// The `type` of a JSON document of whatever kind, found without holding it; `None` if that fails.
-pub(in crate::read) fn kind_of(source: &Source<'_>, limit: u64) -> Option<String> {
+/// The `type` member of any JSON document, found without reading all of it; `None` if there is none.
+pub(crate) fn read_type(source: &CitySource<'_>, limit: u64) -> Option<String> {
     let reader = open(source).ok()?.reader.take(limit);
     let kind = RefCell::new(None);
-    // Always an error: the visitor stops as soon as it knows.
-    let _ = serde_json::Deserializer::from_reader(without_mark(reader)).deserialize_map(Kind(&kind));
+    // The result is always an error, because the visitor stops as soon as it has found the type.
+    let _ = serde_json::Deserializer::from_reader(skip_bom(reader)).deserialize_map(TypeVisitor(&kind));
     kind.into_inner()
 }
 
-/// Past a byte order mark.
-fn without_mark<R: BufRead>(mut reader: R) -> R {
+/// Skips a byte order mark.
+fn skip_bom<R: BufRead>(mut reader: R) -> R {
     if reader.fill_buf().is_ok_and(|buffer| buffer.starts_with(b"\xef\xbb\xbf")) {
         reader.consume(3);
     }
     reader
 }
 
-struct Kind<'k>(&'k RefCell<Option<String>>);
+struct TypeVisitor<'k>(&'k RefCell<Option<String>>);
 
-impl<'de> Visitor<'de> for Kind<'_> {
+impl<'de> Visitor<'de> for TypeVisitor<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -81,52 +81,52 @@ impl<'de> Visitor<'de> for Kind<'_> {
     }
 }
 
-/// How much may still be read: of all, and of the present member or feature, which is held in memory.
-struct Limits {
-    all: Limit,
-    member: Limit,
+/// Limits on the bytes of the whole document and of the current member or feature, which is held in memory.
+struct ByteLimits {
+    all: ByteLimit,
+    member: ByteLimit,
 }
 
-struct Limit {
+struct ByteLimit {
     what: &'static str,
     bytes: u64,
-    left: Cell<u64>,
+    remaining: Cell<u64>,
     exceeded: Cell<bool>,
 }
 
-impl Limits {
+impl ByteLimits {
     fn new(all: u64, member: u64) -> Self {
-        let limit = |what, bytes| Limit { what, bytes, left: Cell::new(bytes), exceeded: Cell::new(false) };
+        let limit = |what, bytes| ByteLimit { what, bytes, remaining: Cell::new(bytes), exceeded: Cell::new(false) };
         Self { all: limit("its size in bytes", all), member: limit("the size of one feature in bytes", member) }
     }
 
     fn next_member(&self) {
-        self.member.left.set(self.member.bytes);
+        self.member.remaining.set(self.member.bytes);
     }
 
     fn take(&self, bytes: u64) -> io::Result<()> {
         for limit in [&self.all, &self.member] {
-            let left = limit.left.get().checked_sub(bytes);
-            limit.exceeded.set(left.is_none());
-            limit.left.set(left.ok_or_else(|| io::Error::other("too large"))?);
+            let remaining = limit.remaining.get().checked_sub(bytes);
+            limit.exceeded.set(remaining.is_none());
+            limit.remaining.set(remaining.ok_or_else(|| io::Error::other("too large"))?);
         }
         Ok(())
     }
 
-    /// The error, if one of the limits was what ended the reading.
-    fn exceeded(&self, path: &str) -> Option<ReadError> {
+    /// The error, if a limit was exceeded.
+    fn exceeded(&self, path: &str) -> Option<InputError> {
         let limit = [&self.all, &self.member].into_iter().find(|limit| limit.exceeded.get())?;
-        Some(ReadError::TooLarge { path: path.to_owned(), what: limit.what.to_owned(), limit: limit.bytes })
+        Some(InputError::TooLarge { path: path.to_owned(), what: limit.what.to_owned(), limit: limit.bytes })
     }
 }
 
-/// Bytes within limits. The parser takes single bytes, so nothing is counted that it has not seen.
-struct Limited<'l, R> {
+/// Counts bytes against limits. The parser reads single bytes, so only bytes that it has seen are counted.
+struct LimitedReader<'l, R> {
     inner: R,
-    limits: &'l Limits,
+    limits: &'l ByteLimits,
 }
 
-impl<R: Read> Read for Limited<'_, R> {
+impl<R: Read> Read for LimitedReader<'_, R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.inner.read(buffer)?;
         self.limits.take(read as u64)?;
@@ -134,30 +134,30 @@ impl<R: Read> Read for Limited<'_, R> {
     }
 }
 
-/// The document's members in their order.
-struct Document<'d, 'r, 'o, 's> {
-    features: &'d mut Features<'r, 'o, 's>,
-    limits: &'d Limits,
-    /// Why the reading was ended from this side; serde has only texts for it.
-    stopped: &'d RefCell<Option<ReadError>>,
+/// Visits the members of the document in order.
+struct DocumentVisitor<'d, 'r, 'o, 's> {
+    features: &'d mut FeatureReader<'r, 'o, 's>,
+    limits: &'d ByteLimits,
+    /// The error that ended the parsing, because serde can only pass on a text.
+    stopped: &'d RefCell<Option<InputError>>,
     tick: &'d dyn Fn(),
 }
 
-impl Document<'_, '_, '_, '_> {
-    fn check<E: Error>(&self, result: Result<(), ReadError>) -> Result<(), E> {
+impl DocumentVisitor<'_, '_, '_, '_> {
+    fn check<E: Error>(&self, result: Result<(), InputError>) -> Result<(), E> {
         result.map_err(|error| {
             self.stopped.replace(Some(error));
             E::custom("stopped")
         })
     }
 
-    fn other_kind(&self, kind: Option<String>) -> ReadError {
-        let what = kind.map_or("no GeoJSON".to_owned(), |kind| format!("its type is {kind} and not \"{COLLECTION}\""));
-        ReadError::unsupported(&self.features.source.label, what)
+    fn wrong_type(&self, kind: Option<String>) -> InputError {
+        let what = kind.map_or("not GeoJSON".to_owned(), |kind| format!("its type is {kind}, not \"{COLLECTION}\""));
+        InputError::unsupported(&self.features.source.label, what)
     }
 }
 
-impl<'de> Visitor<'de> for Document<'_, '_, '_, '_> {
+impl<'de> Visitor<'de> for DocumentVisitor<'_, '_, '_, '_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -170,33 +170,33 @@ impl<'de> Visitor<'de> for Document<'_, '_, '_, '_> {
             self.limits.next_member();
             let Some(name) = map.next_key::<String>()? else { break };
             if name == "features" {
-                map.next_value_seed(Collection(&mut self))?;
+                map.next_value_seed(FeaturesVisitor(&mut self))?;
                 continue;
             }
             let raw: Box<RawValue> = map.next_value()?;
             match name.as_str() {
                 "type" if raw.get() == format!("\"{COLLECTION}\"") => is_collection = true,
-                "type" => self.check(Err(self.other_kind(Some(raw.get().chars().take(64).collect()))))?,
+                "type" => self.check(Err(self.wrong_type(Some(raw.get().chars().take(64).collect()))))?,
                 "crs" => {
                     let crs: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
-                    let agreed = self.features.system(&crs);
+                    let agreed = self.features.set_crs(&crs);
                     self.check(agreed)?;
                 }
                 name => {
                     if let Ok(text @ Value::String(_)) = serde_json::from_str(raw.get()) {
-                        self.features.about(name, text);
+                        self.features.describe(name, text);
                     }
                 }
             }
         }
-        if is_collection { Ok(()) } else { self.check(Err(self.other_kind(None))) }
+        if is_collection { Ok(()) } else { self.check(Err(self.wrong_type(None))) }
     }
 }
 
-/// The features, of which only one is held at a time.
-struct Collection<'c, 'd, 'r, 'o, 's>(&'c mut Document<'d, 'r, 'o, 's>);
+/// Visits the features one at a time.
+struct FeaturesVisitor<'c, 'd, 'r, 'o, 's>(&'c mut DocumentVisitor<'d, 'r, 'o, 's>);
 
-impl<'de> DeserializeSeed<'de> for Collection<'_, '_, '_, '_, '_> {
+impl<'de> DeserializeSeed<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
@@ -204,7 +204,7 @@ impl<'de> DeserializeSeed<'de> for Collection<'_, '_, '_, '_, '_> {
     }
 }
 
-impl<'de> Visitor<'de> for Collection<'_, '_, '_, '_, '_> {
+impl<'de> Visitor<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -216,7 +216,7 @@ impl<'de> Visitor<'de> for Collection<'_, '_, '_, '_, '_> {
         loop {
             document.limits.next_member();
             let Some(raw) = seq.next_element::<Box<RawValue>>()? else { return Ok(()) };
-            let read = document.features.feature(raw.get().as_bytes());
+            let read = document.features.read_feature(raw.get().as_bytes());
             document.check(read)?;
             document.features.tick(document.tick);
         }

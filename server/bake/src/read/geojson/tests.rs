@@ -1,13 +1,13 @@
-//! Whole GeoJSON files: what is read, what is mended, what is skipped and why.
+//! Whole GeoJSON files: what is read, repaired and skipped.
 
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use crate::read::{Format, Palette, ReadError, ReadOptions, ReadReport, read_embedded};
+use crate::read::{InputError, Palette, ReadOptions, ReadReport, SourceFormat, read_embedded};
 use crate::scene::Scene;
 
-fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), ReadError> {
+fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     read_embedded(files, &ReadOptions::default(), &|_| {})
 }
 
@@ -15,7 +15,7 @@ fn read(text: &str) -> (Scene, ReadReport) {
     try_read(&[("a.geojson", text.as_bytes())]).unwrap()
 }
 
-/// In metres, so that shapes are plain.
+/// A document in a projected system, so that coordinates are metres.
 fn collection(features: &str) -> String {
     let crs = r#"{"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::6677"}}"#;
     format!(r#"{{"type": "FeatureCollection", "crs": {crs}, "features": [{features}]}}"#)
@@ -29,7 +29,7 @@ fn polygon(rings: &str) -> String {
     format!(r#"{{"type": "Polygon", "coordinates": [{rings}]}}"#)
 }
 
-/// 10 m wide.
+/// A square of 10 m.
 const SQUARE: &str = "[[0,0],[10,0],[10,10],[0,10],[0,0]]";
 const TEN: &str = r#"{"height": 10}"#;
 
@@ -37,7 +37,7 @@ fn square_feature(id: &str) -> String {
     feature(id, TEN, &polygon(SQUARE))
 }
 
-/// By the divergence theorem: right only if the surface is closed and every face turns outwards.
+/// Volume by the divergence theorem. It is correct only if the surface is closed and every face turns outwards.
 fn volume_m3(scene: &Scene) -> f64 {
     let volume = |corners: [[f32; 3]; 3]| {
         let [a, b, c] = corners.map(|corner| DVec3::from_array(corner.map(f64::from)));
@@ -46,7 +46,7 @@ fn volume_m3(scene: &Scene) -> f64 {
     scene.triangles.iter().map(|triangle| volume(triangle.corners)).sum()
 }
 
-/// Every edge is met once in each direction.
+/// Whether every edge occurs once in each direction.
 fn is_closed(scene: &Scene) -> bool {
     let mut edges = BTreeMap::new();
     for triangle in &scene.triangles {
@@ -60,7 +60,7 @@ fn is_closed(scene: &Scene) -> bool {
 }
 
 #[test]
-fn a_footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
+fn footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
     let (scene, report) =
         read(&collection(&feature("h", r#"{"height": "14.5 m", "min_height": 2}"#, &polygon(SQUARE))));
     assert_eq!((scene.objects.len(), scene.triangles.len()), (1, 12));
@@ -70,12 +70,12 @@ fn a_footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
     let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
     assert_eq!(colours, ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.surfaces[name]));
     let source = &report.sources[0];
-    assert_eq!((source.format, source.objects, report.crs.as_deref()), (Format::GeoJson, 1, Some("EPSG:6677")));
+    assert_eq!((source.format, source.objects, report.crs.as_deref()), (SourceFormat::GeoJson, 1, Some("EPSG:6677")));
     assert!(source.problems.is_empty() && source.skipped.is_empty());
 }
 
 #[test]
-fn colours_and_materials_are_taken_where_they_are_told() {
+fn colours_and_materials_of_properties_are_used() {
     let colours = |properties: &str| {
         let (scene, report) = read(&collection(&feature("h", properties, &polygon(SQUARE))));
         let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
@@ -83,8 +83,8 @@ fn colours_and_materials_are_taken_where_they_are_told() {
     };
     let palette = Palette::default();
     let [roof, wall, ground] = ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.surfaces[name]);
-    let told = r##"{"height": 3, "building:colour": "#102030", "roof:color": "red; white"}"##;
-    assert_eq!(colours(told), (vec![[255, 0, 0], [16, 32, 48], ground], vec![]));
+    let own_colours = r##"{"height": 3, "building:colour": "#102030", "roof:color": "red; white"}"##;
+    assert_eq!(colours(own_colours), (vec![[255, 0, 0], [16, 32, 48], ground], vec![]));
     let materials = r#"{"height": 3, "building:material": "Brick", "roof:material": "slate"}"#;
     assert_eq!(colours(materials).0, [palette.materials["slate"], palette.materials["brick"], ground]);
     let plain = r#"{"height": 3, "colour": "azure", "roof:material": "unheard of"}"#;
@@ -94,7 +94,7 @@ fn colours_and_materials_are_taken_where_they_are_told() {
 }
 
 #[test]
-fn holes_and_parts_whichever_way_they_turn() {
+fn holes_and_parts_of_either_orientation_are_extruded() {
     let hole = "[[2,2],[4,2],[4,4],[2,4],[2,2]]";
     let turned = "[[2,2],[2,4],[4,4],[4,2],[2,2]]";
     let clockwise = "[[0,0],[0,10],[10,10],[10,0],[0,0]]";
@@ -117,7 +117,7 @@ fn holes_and_parts_whichever_way_they_turn() {
 }
 
 #[test]
-fn bad_rings_are_mended_or_skipped_and_told() {
+fn bad_rings_are_repaired_or_skipped_and_reported() {
     let nan = "[[0,0],[10,0],[NaN,10],[0,10],[0,0]]";
     let huge = "[[0,0],[10,0],[1e12,10],[0,10],[0,0]]";
     let cases = [
@@ -160,7 +160,7 @@ fn bad_rings_are_mended_or_skipped_and_told() {
 }
 
 #[test]
-fn a_ring_that_crosses_itself_is_told() {
+fn ring_that_crosses_itself_is_reported() {
     let crossing = polygon("[[0,0],[10,0],[10,10],[4,-5],[0,10],[0,0]]");
     let (scene, report) = read(&collection(&feature("x", TEN, &crossing)));
     assert!(!scene.triangles.is_empty());
@@ -168,8 +168,8 @@ fn a_ring_that_crosses_itself_is_told() {
 }
 
 #[test]
-fn degrees_become_metres_of_the_first_positions_zone() {
-    // A hundredth of a second of arc is about 0.3 m.
+fn degrees_become_metres_in_the_zone_of_the_first_position() {
+    // A ten-thousandth of a degree is about 10 m.
     let ring = "[[139.75,35.69],[139.7501,35.69],[139.7501,35.6901],[139.75,35.6901],[139.75,35.69]]";
     let text = format!(r#"{{"features": [{}], "type": "FeatureCollection"}}"#, feature("t", TEN, &polygon(ring)));
     let (scene, report) = read(&text);
@@ -177,20 +177,20 @@ fn degrees_become_metres_of_the_first_positions_zone() {
     assert_eq!(report.sources[0].crs, scene.crs);
     // 9.05 m by 11.09 m there, times the zone's scale of 0.9997.
     assert!((volume_m3(&scene) - 1003.7).abs() < 2.0, "{}", volume_m3(&scene));
-    // A second file in the neighbouring zone is laid into the first one's.
+    // A second file in the neighbouring zone is projected to the zone of the first.
     let east = text.replace("139.75", "144.1");
     let (scene, _) = try_read(&[("a.geojson", text.as_bytes()), ("b.json", east.as_bytes())]).unwrap();
-    assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:32654"), 1), "392 km away: a stray");
+    assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:32654"), 1), "392 km away");
     let metres = collection(&square_feature("a"));
     let error = try_read(&[("a.geojson", metres.as_bytes()), ("b.geojson", text.as_bytes())]).unwrap_err();
-    assert!(matches!(error, ReadError::CrsMismatch { .. }), "{error}");
+    assert!(matches!(error, InputError::CrsMismatch { .. }), "{error}");
     let late = text.replace(r#""type": "FeatureCollection""#, r#""crs": null, "type": "FeatureCollection""#);
     let error = try_read(&[("a.geojson", late.as_bytes())]).unwrap_err();
     assert!(error.to_string().contains("comes after its features"), "{error}");
 }
 
 #[test]
-fn a_feature_a_line() {
+fn features_are_read_line_by_line() {
     let (a, b) = (square_feature("a"), square_feature("b").replace("[10,0]", "[10,NaN]"));
     let degrees = |text: &str| text.replace("10]", "0.0001]").replace("[10", "[0.0001");
     let text = format!("\u{1e}{}\n\n{{\n\u{1e}{}\r\n[]\n{}", degrees(&a), degrees(&b), degrees(&a));
@@ -205,7 +205,7 @@ fn a_feature_a_line() {
 }
 
 #[test]
-fn what_a_file_says_of_itself_and_its_features() {
+fn metadata_and_feature_identifiers_are_read() {
     let plain = square_feature("x").replace(r#""id": "x", "#, "");
     let named = plain.replace(r#"{"height""#, r#"{"id": "13101-bldg-7347", "height""#);
     let numbered = plain.replace(r#""type""#, r#""id": 77, "type""#).replace(TEN, "null");
@@ -223,7 +223,7 @@ fn what_a_file_says_of_itself_and_its_features() {
 }
 
 #[test]
-fn damage_of_the_whole_is_an_error_wherever_it_is_cut() {
+fn truncated_or_foreign_document_is_an_error() {
     let text = collection(&format!("{}, {}", square_feature("a"), square_feature("b")));
     for end in 0..text.len() {
         for name in ["a.geojson", "a.json"] {
@@ -231,8 +231,8 @@ fn damage_of_the_whole_is_an_error_wherever_it_is_cut() {
         }
     }
     for (text, part) in [
-        (r#"{"type": "CityJSON"}"#, r#"its type is "CityJSON" and not "FeatureCollection""#),
-        (r#"{"features": []}"#, "no GeoJSON"),
+        (r#"{"type": "CityJSON"}"#, r#"its type is "CityJSON", not "FeatureCollection""#),
+        (r#"{"features": []}"#, "not GeoJSON"),
         (r#"{"type": "FeatureCollection", "features": 7}"#, "line 1, column 44: invalid type"),
         (r#"{"type": "FeatureCollection", "features": []}"#, "the city is empty"),
         (r#"{"type": "FeatureCollection", "features": []} x"#, "trailing characters"),
@@ -244,11 +244,11 @@ fn damage_of_the_whole_is_an_error_wherever_it_is_cut() {
 }
 
 #[test]
-fn floods_are_stopped() {
+fn documents_beyond_the_limits_are_refused() {
     let options = ReadOptions { max_source_bytes: 1 << 16, max_line_bytes: 1 << 12, ..ReadOptions::default() };
     let too_large = |text: &str| {
         let error = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap_err();
-        let ReadError::TooLarge { limit, .. } = error else { panic!("{error}") };
+        let InputError::TooLarge { limit, .. } = error else { panic!("{error}") };
         limit
     };
     let many = vec![square_feature("a"); 1000].join(",");

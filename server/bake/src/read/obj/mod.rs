@@ -1,45 +1,48 @@
-//! Wavefront OBJ with MTL. A face that is wrong costs only itself.
-//!
-//! In: a source, its libraries and pictures. Out: objects in the builder and a [`SourceReport`]. Next: `builder`.
+//! Wavefront OBJ with MTL. A malformed face costs only itself.
 
+mod grouping;
 mod mtl;
-mod objects;
 mod parse;
 #[cfg(test)]
 mod tests;
 
 use std::collections::HashMap;
 
-use super::builder::{Face, is_sane};
-use super::cityjson::byte;
-use super::error::ReadError;
+use super::context::{ByteProgress, ObjUpAxis, ReadContext};
+use super::palette::unit_to_byte;
 use super::polygon::MAX_CORNERS;
-use super::report::{Format, SourceReport};
-use super::source::{Source, open, read_beside};
-use super::{Reading, Tick, Up};
+use super::report::{SourceFormat, SourceReport};
+use super::scene_builder::{WorldTriangle, is_valid_position};
+use super::source::{CitySource, open, read_sibling};
+use crate::error::InputError;
 use crate::scene::ObjectKind;
+use grouping::{FaceGroups, group_faces, is_terrain};
 use mtl::MtlMaterial;
-use objects::{Objects, group, is_terrain};
-use parse::{Model, NONE, Polygon};
+use parse::{NONE, ObjFace, ObjFile};
 
-/// A material library of more bytes is not read.
+/// Larger material libraries are not read.
 const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 
-/// Reads a source.
-pub(crate) fn read(reading: &mut Reading<'_>, source: &Source<'_>, tick: Tick<'_>) -> Result<SourceReport, ReadError> {
-    let mut report = SourceReport::new(&source.label, Format::Obj, source.bytes);
+/// Reads a source. Fails if it cannot be read or exceeds the size limit.
+pub(crate) fn read(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    tick: ByteProgress<'_>,
+) -> Result<SourceReport, InputError> {
+    let mut report = SourceReport::new(&source.label, SourceFormat::Obj, source.bytes);
     let mut opened = open(source)?;
-    let taken = opened.taken;
-    let limit = reading.options.max_source_bytes;
-    let mut model = parse::parse(&mut opened.reader, limit, &mut report, &|| tick(taken.get()))?;
-    if reading.options.obj_up == Up::Y {
-        model.positions.iter_mut().for_each(|p| *p = [p[0], -p[2], p[1]]);
+    let bytes_read = opened.bytes_read;
+    let limit = context.options.max_source_bytes;
+    let mut file = parse::parse(&mut opened.reader, limit, &mut report, &|| tick(bytes_read.get()))?;
+    if context.options.obj_up == ObjUpAxis::Y {
+        file.positions.iter_mut().for_each(|p| *p = [p[0], -p[2], p[1]]);
     }
-    let polygons = usable(&model, &mut report);
-    let library = library(&model, source, &mut report);
-    let paints = paints(&model, &polygons, &library, (&mut *reading, source), &mut report);
-    let objects = group(&model, &polygons, stem(&source.name));
-    add_objects(reading, &model, &polygons, (&objects, &paints), &mut report);
+    let mut reader = ObjReader { context, source, file: &file, report: &mut report };
+    let faces = reader.usable_faces();
+    let library = reader.read_libraries();
+    let materials = reader.load_materials(&faces, &library);
+    let groups = group_faces(&file, &faces, stem(&source.name));
+    reader.add_objects(&faces, &groups, &materials);
     Ok(report)
 }
 
@@ -50,152 +53,153 @@ fn stem(name: &str) -> &str {
     &name[..end]
 }
 
-/// The polygons whose corners all exist and lie somewhere.
-fn usable(model: &Model, report: &mut SourceReport) -> Vec<Polygon> {
-    let count = model.positions.len();
-    let mut usable = Vec::with_capacity(model.polygons.len());
-    for polygon in &model.polygons {
-        let corners = &model.corners[polygon.first..polygon.first + polygon.len as usize];
-        let line = polygon.line;
-        if let Some([position, _]) = corners.iter().find(|corner| corner[0] as usize >= count) {
-            report.problem("vertex index out of range", || match *position {
-                NONE => format!("line {line}: no vertex index, of {count}"),
-                position => format!("line {line}: vertex index {} out of range of {count}", u64::from(position) + 1),
-            });
-        } else if corners.iter().any(|corner| !is_sane(model.positions[corner[0] as usize])) {
-            report.problem("coordinate not a number or beyond 1e9 m", || format!("line {line}"));
-        } else if corners.len() > MAX_CORNERS {
-            report.problem("polygon too large", || format!("line {line}: {} corners", corners.len()));
-        } else {
-            usable.push(*polygon);
-        }
-    }
-    usable
-}
-
-/// All materials of all libraries named.
-fn library(model: &Model, source: &Source<'_>, report: &mut SourceReport) -> HashMap<String, MtlMaterial> {
-    let mut materials = HashMap::new();
-    let folder = source.name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-    for argument in &model.libraries {
-        // One name with blanks or several names: files tell.
-        let open = |name: &str| {
-            read_beside(&*source.files, &format!("{folder}{}", name.replace('\\', "/")), MAX_LIBRARY_BYTES)
-        };
-        match open(argument) {
-            Ok(bytes) => mtl::parse(&String::from_utf8_lossy(&bytes), &mut materials),
-            Err(error) => {
-                let mut names = argument.split_ascii_whitespace().filter(|name| name.len() < argument.len()).peekable();
-                if names.peek().is_none() {
-                    report.problem("material library missing", || format!("{argument}: {error}"));
-                }
-                for name in names {
-                    match open(name) {
-                        Ok(bytes) => mtl::parse(&String::from_utf8_lossy(&bytes), &mut materials),
-                        Err(error) => report.problem("material library missing", || format!("{name}: {error}")),
-                    }
-                }
-            }
-        }
-    }
-    materials
-}
-
-/// How a material's faces are coloured: without the picture where they have no texture coordinates.
+/// Numbers of the scene's materials for one material of the file. Faces without texture coordinates are `plain`.
 #[derive(Clone, Copy, Default)]
-struct Paint {
+struct FaceMaterials {
     plain: u32,
     textured: Option<u32>,
 }
 
-/// The paint of each of the model's materials that is used; pictures are decoded here.
-fn paints(
-    model: &Model,
-    polygons: &[Polygon],
-    library: &HashMap<String, MtlMaterial>,
-    (reading, source): (&mut Reading<'_>, &Source<'_>),
-    report: &mut SourceReport,
-) -> Vec<Paint> {
-    let mut used = vec![false; model.materials.len()];
-    polygons.iter().for_each(|polygon| used[polygon.material as usize] = true);
-    let mut paints = vec![Paint::default(); used.len()];
-    for (i, name) in model.materials.iter().enumerate().filter(|(i, _)| used[*i]) {
-        let material = library.get(name);
-        if material.is_none() && !name.is_empty() {
-            report.problem("material missing", || name.clone());
+/// Adds the content of a parsed file to the city.
+struct ObjReader<'r, 'o, 's> {
+    context: &'r mut ReadContext<'o>,
+    source: &'r CitySource<'s>,
+    file: &'r ObjFile,
+    report: &'r mut SourceReport,
+}
+
+impl ObjReader<'_, '_, '_> {
+    /// The faces whose corners all exist and have valid positions.
+    fn usable_faces(&mut self) -> Vec<ObjFace> {
+        let (file, report) = (self.file, &mut *self.report);
+        let count = file.positions.len();
+        let mut usable = Vec::with_capacity(file.faces.len());
+        for face in &file.faces {
+            let corners = file.corners_of(face);
+            let line = face.line;
+            if let Some([position, _]) = corners.iter().find(|corner| corner[0] as usize >= count) {
+                report.problem("vertex index out of range", || match *position {
+                    NONE => format!("line {line}: no vertex index, of {count}"),
+                    position => {
+                        format!("line {line}: vertex index {} out of range of {count}", u64::from(position) + 1)
+                    }
+                });
+            } else if corners.iter().any(|corner| !is_valid_position(file.positions[corner[0] as usize])) {
+                report.problem("coordinate not a number or beyond 1e9 m", || format!("line {line}"));
+            } else if corners.len() > MAX_CORNERS {
+                report.problem("polygon too large", || format!("line {line}: {} corners", corners.len()));
+            } else {
+                usable.push(*face);
+            }
         }
-        let diffuse = material.and_then(|material| material.diffuse).map(|rgb| rgb.map(byte));
-        let picture = material.and_then(|material| material.picture.as_deref());
-        let texture = picture.and_then(|name| reading.textures.load(source, name, report));
-        let palette = &reading.options.palette;
-        let plain = diffuse.or_else(|| palette.material(name)).unwrap_or(palette.fallback);
-        paints[i].plain = reading.builder.material(plain, None);
-        paints[i].textured = texture.map(|texture| textured(reading, diffuse, texture));
+        usable
     }
-    paints
-}
 
-/// A black Kd under a picture is an exporter's way of saying nothing: multiplied, it would hide the picture.
-fn textured(reading: &mut Reading<'_>, diffuse: Option<[u8; 3]>, texture: u32) -> u32 {
-    let rgb = diffuse.filter(|rgb| *rgb != [0; 3]).unwrap_or([255; 3]);
-    reading.builder.material(rgb, Some(texture))
-}
-
-/// Triangulates object by object.
-fn add_objects(
-    reading: &mut Reading<'_>,
-    model: &Model,
-    polygons: &[Polygon],
-    (objects, paints): (&Objects, &[Paint]),
-    report: &mut SourceReport,
-) {
-    let mut order: Vec<usize> = (0..polygons.len()).collect();
-    order.sort_by_key(|&i| objects.of_polygon[i]);
-    let mut faces = Vec::new();
-    for run in order.chunk_by(|&a, &b| objects.of_polygon[a] == objects.of_polygon[b]) {
-        faces.clear();
-        for &i in run {
-            let polygon = &polygons[i];
-            add_faces(reading, model, polygon, paints[polygon.material as usize], &mut faces, report);
+    /// The materials of all libraries that the file names.
+    fn read_libraries(&mut self) -> HashMap<String, MtlMaterial> {
+        let (source, report) = (self.source, &mut *self.report);
+        let mut materials = HashMap::new();
+        let folder = source.name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
+        for argument in &self.file.libraries {
+            let read = |name: &str| {
+                let path = format!("{folder}{}", name.replace('\\', "/"));
+                read_sibling(&*source.files, &path, MAX_LIBRARY_BYTES)
+            };
+            // The argument is one name with blanks, or several names: the one that exists decides.
+            match read(argument) {
+                Ok(bytes) => mtl::parse(&String::from_utf8_lossy(&bytes), &mut materials),
+                Err(error) => {
+                    let names = argument.split_ascii_whitespace().filter(|name| name.len() < argument.len());
+                    let mut names = names.peekable();
+                    if names.peek().is_none() {
+                        report.problem("material library missing", || format!("{argument}: {error}"));
+                    }
+                    for name in names {
+                        match read(name) {
+                            Ok(bytes) => mtl::parse(&String::from_utf8_lossy(&bytes), &mut materials),
+                            Err(error) => report.problem("material library missing", || format!("{name}: {error}")),
+                        }
+                    }
+                }
+            }
         }
-        let id = &objects.ids[objects.of_polygon[run[0]] as usize];
-        let (kind, name) =
-            if is_terrain(id) { (ObjectKind::Terrain, "terrain") } else { (ObjectKind::Building, "object") };
-        report.count_type(name);
-        if faces.is_empty() {
-            report.skip("no surface with an area", || id.clone());
-        } else {
-            reading.builder.add(reading.source, id, kind, &faces, report);
+        materials
+    }
+
+    /// Loads the materials that `faces` use, with their textures; by material number of the file.
+    fn load_materials(&mut self, faces: &[ObjFace], library: &HashMap<String, MtlMaterial>) -> Vec<FaceMaterials> {
+        let names = &self.file.materials;
+        let mut is_used = vec![false; names.len()];
+        faces.iter().for_each(|face| is_used[face.material as usize] = true);
+        let mut materials = vec![FaceMaterials::default(); names.len()];
+        for (i, name) in names.iter().enumerate().filter(|(i, _)| is_used[*i]) {
+            let material = library.get(name);
+            if material.is_none() && !name.is_empty() {
+                self.report.problem("material missing", || name.clone());
+            }
+            let diffuse = material.and_then(|material| material.diffuse).map(|rgb| rgb.map(unit_to_byte));
+            let image = material.and_then(|material| material.texture.as_deref());
+            let texture = image.and_then(|name| self.context.textures.load(self.source, name, self.report));
+            let palette = &self.context.options.palette;
+            let plain = diffuse.or_else(|| palette.material(name)).unwrap_or(palette.fallback);
+            materials[i].plain = self.context.builder.material(plain, None);
+            materials[i].textured = texture.map(|texture| self.textured_material(diffuse, texture));
+        }
+        materials
+    }
+
+    /// The number of a textured material. Exporters write a black `Kd` for textured materials, which would hide the
+    /// texture, so it is ignored.
+    fn textured_material(&mut self, diffuse: Option<[u8; 3]>, texture: u32) -> u32 {
+        let rgb = diffuse.filter(|rgb| *rgb != [0; 3]).unwrap_or([255; 3]);
+        self.context.builder.material(rgb, Some(texture))
+    }
+
+    /// Triangulates the faces and adds them as objects.
+    fn add_objects(&mut self, faces: &[ObjFace], groups: &FaceGroups, materials: &[FaceMaterials]) {
+        let mut order: Vec<usize> = (0..faces.len()).collect();
+        order.sort_by_key(|&i| groups.of_face[i]);
+        let mut triangles = Vec::new();
+        for run in order.chunk_by(|&a, &b| groups.of_face[a] == groups.of_face[b]) {
+            triangles.clear();
+            for &i in run {
+                let face = &faces[i];
+                self.triangulate(face, materials[face.material as usize], &mut triangles);
+            }
+            let id = &groups.ids[groups.of_face[run[0]] as usize];
+            let (kind, name) =
+                if is_terrain(id) { (ObjectKind::Terrain, "terrain") } else { (ObjectKind::Building, "object") };
+            self.report.count_type(name);
+            if triangles.is_empty() {
+                self.report.skip("no surface with an area", || id.clone());
+            } else {
+                self.context.builder.add(self.context.source, id, kind, &triangles, self.report);
+            }
         }
     }
-}
 
-fn add_faces(
-    reading: &mut Reading<'_>,
-    model: &Model,
-    polygon: &Polygon,
-    paint: Paint,
-    faces: &mut Vec<Face>,
-    report: &mut SourceReport,
-) {
-    let corners = &model.corners[polygon.first..polygon.first + polygon.len as usize];
-    let points: Vec<[f64; 3]> = corners.iter().map(|corner| model.positions[corner[0] as usize]).collect();
-    let Some(triangles) = reading.triangulator.triangulate(&points, &[]) else {
-        report.problem("polygon without area", || format!("line {}", polygon.line));
-        return;
-    };
-    let uvs: Option<Vec<[f32; 2]>> = corners.iter().map(|corner| model.uvs.get(corner[1] as usize).copied()).collect();
-    let (material, uvs) = match (paint.textured, uvs) {
-        (Some(material), Some(uvs)) => (material, uvs),
-        (Some(_), None) => {
-            report.problem("textured face without texture coordinates", || format!("line {}", polygon.line));
-            (paint.plain, Vec::new())
+    fn triangulate(&mut self, face: &ObjFace, materials: FaceMaterials, triangles: &mut Vec<WorldTriangle>) {
+        let (file, report) = (self.file, &mut *self.report);
+        let corners = file.corners_of(face);
+        let points: Vec<[f64; 3]> = corners.iter().map(|corner| file.positions[corner[0] as usize]).collect();
+        let Some(found) = self.context.triangulator.triangulate(&points, &[]) else {
+            report.problem("polygon without area", || format!("line {}", face.line));
+            return;
+        };
+        let uvs: Option<Vec<[f32; 2]>> =
+            corners.iter().map(|corner| file.uvs.get(corner[1] as usize).copied()).collect();
+        let (material, uvs) = match (materials.textured, uvs) {
+            (Some(material), Some(uvs)) => (material, uvs),
+            (Some(_), None) => {
+                report.problem("textured face without texture coordinates", || format!("line {}", face.line));
+                (materials.plain, Vec::new())
+            }
+            (None, _) => (materials.plain, Vec::new()),
+        };
+        for triangle in found {
+            let corners = triangle.map(|i| points[i as usize]);
+            let uv = triangle.map(|i| uvs.get(i as usize).copied().unwrap_or_default());
+            triangles.push(WorldTriangle { corners, uv, material });
         }
-        (None, _) => (paint.plain, Vec::new()),
-    };
-    for triangle in triangles {
-        let corners = triangle.map(|i| points[i as usize]);
-        let uv = triangle.map(|i| uvs.get(i as usize).copied().unwrap_or_default());
-        faces.push(Face { corners, uv, material });
     }
 }

@@ -1,10 +1,8 @@
-//! Material libraries: diffuse colour and picture, nothing else.
-//!
-//! In: MTL text. Out: [`MtlMaterial`] by name. Next: `obj`.
+//! Parses material libraries. Only the diffuse colour and its texture are used.
 
 use std::collections::HashMap;
 
-/// Options of `map_Kd` and how many arguments follow each.
+/// Options of `map_Kd` and their number of arguments.
 const MAP_OPTIONS: &[(&str, usize)] = &[
     ("-blendu", 1),
     ("-blendv", 1),
@@ -21,16 +19,16 @@ const MAP_OPTIONS: &[(&str, usize)] = &[
     ("-type", 1),
 ];
 
-/// What a face takes from its material.
+/// The part of a material that is used.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct MtlMaterial {
-    /// `Kd`, each part from 0 to 1.
+    /// `Kd`, each component from 0 to 1.
     pub(super) diffuse: Option<[f64; 3]>,
-    /// `map_Kd`, as written.
-    pub(super) picture: Option<String>,
+    /// File name of `map_Kd`, as written.
+    pub(super) texture: Option<String>,
 }
 
-/// Adds a library's materials; the first of a name counts.
+/// Adds the materials of a library. Of several materials with one name, the first is used.
 pub(super) fn parse(text: &str, materials: &mut HashMap<String, MtlMaterial>) {
     let mut current: Option<(String, MtlMaterial)> = None;
     for line in text.lines() {
@@ -39,25 +37,25 @@ pub(super) fn parse(text: &str, materials: &mut HashMap<String, MtlMaterial>) {
         let rest = rest.trim();
         match (word, &mut current) {
             ("newmtl", _) => {
-                keep(current.take(), materials);
+                insert_first(current.take(), materials);
                 current = Some((rest.to_owned(), MtlMaterial::default()));
             }
-            ("Kd", Some((_, material))) => material.diffuse = colour(rest),
-            ("map_Kd", Some((_, material))) => material.picture = picture(rest),
+            ("Kd", Some((_, material))) => material.diffuse = parse_colour(rest),
+            ("map_Kd", Some((_, material))) => material.texture = parse_texture(rest),
             _ => {}
         }
     }
-    keep(current, materials);
+    insert_first(current, materials);
 }
 
-fn keep(material: Option<(String, MtlMaterial)>, materials: &mut HashMap<String, MtlMaterial>) {
+fn insert_first(material: Option<(String, MtlMaterial)>, materials: &mut HashMap<String, MtlMaterial>) {
     if let Some((name, material)) = material {
         materials.entry(name).or_insert(material);
     }
 }
 
-/// Three numbers, or one for all.
-fn colour(text: &str) -> Option<[f64; 3]> {
+/// Parses three components, or one for all.
+fn parse_colour(text: &str) -> Option<[f64; 3]> {
     let mut numbers = text.split_ascii_whitespace().map(|word| word.parse::<f64>().ok().filter(|c| c.is_finite()));
     let red = numbers.next()??;
     match (numbers.next(), numbers.next()) {
@@ -66,8 +64,8 @@ fn colour(text: &str) -> Option<[f64; 3]> {
     }
 }
 
-/// What follows the options: names may hold blanks.
-fn picture(text: &str) -> Option<String> {
+/// The file name after the options. It may contain blanks.
+fn parse_texture(text: &str) -> Option<String> {
     let mut rest = text;
     while rest.starts_with('-') {
         let (option, after) = rest.split_once(char::is_whitespace)?;
@@ -75,7 +73,7 @@ fn picture(text: &str) -> Option<String> {
         rest = after.trim_start();
         for taken in 0..arguments {
             let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-            // -o, -s and -t may have fewer numbers than three.
+            // The options -o, -s and -t may have fewer than three numbers.
             if taken > 0 && word.parse::<f64>().is_err() {
                 break;
             }
@@ -90,15 +88,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_pictures_and_options() {
+    fn colours_textures_and_options_are_parsed() {
         let text = "Kd 9 9 9\nnewmtl a\n  Kd 0.5 0.25 1\nmap_Kd -s 1 1 1 -clamp on my wall.jpg\n\
                     newmtl b c\nKd .5\nnewmtl a\nKd 0 0 0\nnewmtl d\nKd x\nmap_Kd -s 2 wall.jpg\nmap_Ka no.jpg";
         let mut materials = HashMap::new();
         parse(text, &mut materials);
         assert_eq!(materials["a"].diffuse, Some([0.5, 0.25, 1.0]));
-        assert_eq!(materials["a"].picture.as_deref(), Some("my wall.jpg"));
+        assert_eq!(materials["a"].texture.as_deref(), Some("my wall.jpg"));
         assert_eq!(materials["b c"].diffuse, Some([0.5; 3]));
-        assert_eq!(materials["d"], MtlMaterial { diffuse: None, picture: Some("wall.jpg".to_owned()) });
+        assert_eq!(materials["d"], MtlMaterial { diffuse: None, texture: Some("wall.jpg".to_owned()) });
         assert_eq!(materials.len(), 3);
     }
 }

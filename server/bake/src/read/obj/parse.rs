@@ -1,53 +1,102 @@
-//! An OBJ's lines to arrays. Nothing is looked up yet: libraries and vertices may come after their use.
-//!
-//! In: lines. Out: [`Model`]. Next: `objects`.
+//! Parses the lines of an OBJ into arrays. Names and indices are not resolved yet, because libraries and vertices may
+//! come after their use.
 
 use std::collections::HashMap;
 use std::io::BufRead;
 
-use crate::read::error::ReadError;
+use crate::error::InputError;
 use crate::read::report::SourceReport;
-use crate::read::source::next_line;
+use crate::read::source::{NextLine, next_line};
 
-/// A longer line is damage.
+/// Longer lines are treated as damage.
 const MAX_LINE_BYTES: usize = 1 << 22;
-/// After how many lines progress is told.
+/// Lines between two progress reports.
 const TICK_LINES: u64 = 1 << 14;
-/// No vertex has this index.
+/// Stands for a missing or invalid index.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// A face as written.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Polygon {
-    /// Its corners are `corners[first..first + len]`.
-    pub(super) first: usize,
-    pub(super) len: u32,
-    /// Index into `Model::materials`.
+pub(super) struct ObjFace {
+    /// Index of its first corner in [`ObjFile::corners`].
+    first: usize,
+    /// Number of its corners.
+    len: u32,
+    /// Index into [`ObjFile::materials`].
     pub(super) material: u32,
-    /// Index into `Model::names`, of the last `o` and the last `g`.
+    /// Index into [`ObjFile::names`] of the last `o`.
     pub(super) object: u32,
+    /// Index into [`ObjFile::names`] of the last `g`.
     pub(super) group: u32,
     pub(super) line: u64,
 }
 
-/// What an OBJ says.
+/// The content of an OBJ file.
 #[derive(Default)]
-pub(super) struct Model {
+pub(super) struct ObjFile {
     pub(super) positions: Vec<[f64; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
-    /// Position and texture coordinate, each from 0 or [`NONE`]; not checked against the counts.
-    pub(super) corners: Vec<[u32; 2]>,
-    pub(super) polygons: Vec<Polygon>,
-    /// Names after `usemtl`; the first is that of faces without one.
+    /// Index of the position and of the texture coordinate, each from 0 or [`NONE`]. They may be out of range.
+    corners: Vec<[u32; 2]>,
+    pub(super) faces: Vec<ObjFace>,
+    /// Names after `usemtl`. The first is that of faces without one.
     pub(super) materials: Vec<String>,
-    /// Names after `o` and `g`; the first is that of faces without one.
+    /// Names after `o` and `g`. The first is that of faces without one.
     pub(super) names: Vec<String>,
     /// Arguments of `mtllib`.
     pub(super) libraries: Vec<String>,
 }
 
-#[derive(Default)]
-struct State {
+impl ObjFile {
+    /// The corners of a face: index of the position and of the texture coordinate, each from 0 or [`NONE`].
+    pub(super) fn corners_of(&self, face: &ObjFace) -> &[[u32; 2]] {
+        &self.corners[face.first..face.first + face.len as usize]
+    }
+}
+
+/// Parses all lines. Malformed lines are noted in the report and ignored. Fails if the source cannot be read or has
+/// more than `limit` bytes.
+pub(super) fn parse(
+    lines: &mut dyn BufRead,
+    limit: u64,
+    report: &mut SourceReport,
+    tick: &dyn Fn(),
+) -> Result<ObjFile, InputError> {
+    let mut parser = ObjParser::new(report);
+    let (mut line, mut joined, mut bytes) = (Vec::new(), Vec::new(), 0);
+    loop {
+        let next = next_line(lines, &mut line, MAX_LINE_BYTES);
+        let status = next.map_err(|cause| InputError::io(&parser.report.path, cause))?;
+        parser.line += u64::from(status != NextLine::EndOfFile);
+        bytes += line.len() as u64 + 1;
+        if bytes > limit {
+            let what = "its unpacked size in bytes".to_owned();
+            return Err(InputError::TooLarge { path: parser.report.path.clone(), what, limit });
+        }
+        let is_continued = line.last() == Some(&b'\\') && joined.len() + line.len() < MAX_LINE_BYTES;
+        joined.extend_from_slice(&line);
+        if status == NextLine::TooLong {
+            parser.report.problem("line too long", || format!("line {}", parser.line));
+        } else if is_continued {
+            joined.pop();
+            joined.push(b' ');
+            continue;
+        }
+        parser.statement(&String::from_utf8_lossy(&joined));
+        joined.clear();
+        if status == NextLine::EndOfFile {
+            return Ok(parser.file);
+        }
+        if parser.line.is_multiple_of(TICK_LINES) {
+            tick();
+        }
+    }
+}
+
+struct ObjParser<'r> {
+    file: ObjFile,
+    report: &'r mut SourceReport,
+    /// Number of the current line, from 1.
     line: u64,
     material: u32,
     object: u32,
@@ -56,105 +105,85 @@ struct State {
     name_indices: HashMap<String, u32>,
 }
 
-/// Reads all lines; those that make no sense are noted and passed over.
-pub(super) fn parse(
-    lines: &mut dyn BufRead,
-    limit: u64,
-    report: &mut SourceReport,
-    tick: &dyn Fn(),
-) -> Result<Model, ReadError> {
-    let mut model = Model { materials: vec![String::new()], names: vec![String::new()], ..Model::default() };
-    let mut state = State::default();
-    state.material_indices.insert(String::new(), 0);
-    state.name_indices.insert(String::new(), 0);
-    let (mut line, mut joined, mut bytes) = (Vec::new(), Vec::new(), 0);
-    loop {
-        let next = next_line(lines, &mut line, MAX_LINE_BYTES).map_err(|cause| ReadError::io(&report.path, cause))?;
-        state.line += u64::from(next.is_some());
-        bytes += line.len() as u64 + 1;
-        if bytes > limit {
-            let what = "its unpacked size in bytes".to_owned();
-            return Err(ReadError::TooLarge { path: report.path.clone(), what, limit });
-        }
-        let goes_on = line.last() == Some(&b'\\') && joined.len() + line.len() < MAX_LINE_BYTES;
-        joined.extend_from_slice(&line);
-        if next == Some(false) {
-            report.problem("line too long", || format!("line {}", state.line));
-        } else if goes_on {
-            joined.pop();
-            joined.push(b' ');
-            continue;
-        }
-        statement(&String::from_utf8_lossy(&joined), &mut model, &mut state, report);
-        joined.clear();
-        if next.is_none() {
-            return Ok(model);
-        }
-        if state.line % TICK_LINES == 0 {
-            tick();
+impl<'r> ObjParser<'r> {
+    fn new(report: &'r mut SourceReport) -> Self {
+        let unnamed = || HashMap::from([(String::new(), 0)]);
+        Self {
+            file: ObjFile { materials: vec![String::new()], names: vec![String::new()], ..ObjFile::default() },
+            report,
+            line: 0,
+            material: 0,
+            object: 0,
+            group: 0,
+            material_indices: unnamed(),
+            name_indices: unnamed(),
         }
     }
-}
 
-fn statement(line: &str, model: &mut Model, state: &mut State, report: &mut SourceReport) {
-    let line = line.trim();
-    let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-    let rest = rest.trim();
-    match word {
-        "v" => {
-            let [x, y, z] = numbers(rest);
-            if [x, y, z].iter().any(|c| c.is_nan()) {
-                report.problem("vertex without three numbers", || format!("line {}: {}", state.line, short(line)));
+    fn statement(&mut self, line: &str) {
+        let line = line.trim();
+        let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let rest = rest.trim();
+        let file = &mut self.file;
+        match word {
+            "v" => {
+                let [x, y, z] = numbers(rest);
+                if [x, y, z].iter().any(|c| c.is_nan()) {
+                    let detail = || format!("line {}: {}", self.line, shorten(line));
+                    self.report.problem("vertex without three numbers", detail);
+                }
+                file.positions.push([x, y, z]);
             }
-            model.positions.push([x, y, z]);
+            "vt" => {
+                let [u, v, _] = numbers(rest).map(|c| if c.is_nan() { 0.0 } else { c as f32 });
+                file.uvs.push([u, v]);
+            }
+            "f" => self.face(rest),
+            "usemtl" => self.material = intern(rest, &mut file.materials, &mut self.material_indices),
+            "o" => self.object = intern(rest, &mut file.names, &mut self.name_indices),
+            "g" => self.group = intern(rest, &mut file.names, &mut self.name_indices),
+            "mtllib" if !file.libraries.iter().any(|known| known == rest) => file.libraries.push(rest.to_owned()),
+            _ => {}
         }
-        "vt" => {
-            let [u, v, _] = numbers(rest).map(|c| if c.is_nan() { 0.0 } else { c as f32 });
-            model.uvs.push([u, v]);
+    }
+
+    fn face(&mut self, text: &str) {
+        let file = &mut self.file;
+        let first = file.corners.len();
+        for word in text.split_ascii_whitespace() {
+            let mut indices = word.split('/');
+            let position = parse_index(indices.next().unwrap_or(""), file.positions.len());
+            let uv = parse_index(indices.next().unwrap_or(""), file.uvs.len());
+            file.corners.push([position, uv]);
         }
-        "f" => face(rest, model, state, report),
-        "usemtl" => state.material = intern(rest, &mut model.materials, &mut state.material_indices),
-        "o" => state.object = intern(rest, &mut model.names, &mut state.name_indices),
-        "g" => state.group = intern(rest, &mut model.names, &mut state.name_indices),
-        "mtllib" if !model.libraries.iter().any(|known| known == rest) => model.libraries.push(rest.to_owned()),
-        _ => {}
+        let len = file.corners.len() - first;
+        if len < 3 {
+            let detail = || format!("line {}: f {}", self.line, shorten(text));
+            self.report.problem("face of less than three corners", detail);
+            file.corners.truncate(first);
+            return;
+        }
+        file.faces.push(ObjFace {
+            first,
+            len: len as u32,
+            material: self.material,
+            object: self.object,
+            group: self.group,
+            line: self.line,
+        });
     }
 }
 
-/// The first three numbers; NaN for what is none.
+/// The first three numbers; NaN for those that are missing or invalid.
 fn numbers(text: &str) -> [f64; 3] {
     let mut words = text.split_ascii_whitespace();
     std::array::from_fn(|_| words.next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN))
 }
 
-fn face(text: &str, model: &mut Model, state: &State, report: &mut SourceReport) {
-    let first = model.corners.len();
-    for word in text.split_ascii_whitespace() {
-        let mut indices = word.split('/');
-        let position = index(indices.next().unwrap_or(""), model.positions.len());
-        let uv = index(indices.next().unwrap_or(""), model.uvs.len());
-        model.corners.push([position, uv]);
-    }
-    let len = model.corners.len() - first;
-    if len < 3 {
-        report.problem("face of less than three corners", || format!("line {}: f {}", state.line, short(text)));
-        model.corners.truncate(first);
-        return;
-    }
-    model.polygons.push(Polygon {
-        first,
-        len: len as u32,
-        material: state.material,
-        object: state.object,
-        group: state.group,
-        line: state.line,
-    });
-}
-
-/// From 1, or counted back from the last one so far; [`NONE`] if it is no index.
-fn index(word: &str, so_far: usize) -> u32 {
+/// Parses an index from 1, or from -1 for the last of `count` entries; [`NONE`] if it is invalid.
+fn parse_index(word: &str, count: usize) -> u32 {
     let Ok(number) = word.parse::<i64>() else { return NONE };
-    let index = if number < 0 { so_far as i64 + number } else { number - 1 };
+    let index = if number < 0 { count as i64 + number } else { number - 1 };
     u32::try_from(index).unwrap_or(NONE)
 }
 
@@ -168,52 +197,52 @@ fn intern(name: &str, names: &mut Vec<String>, indices: &mut HashMap<String, u32
     index
 }
 
-fn short(text: &str) -> String {
+fn shorten(text: &str) -> String {
     text.chars().take(60).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::report::Format;
+    use crate::read::report::SourceFormat;
 
-    fn parsed(text: &str) -> (Model, SourceReport) {
-        let mut report = SourceReport::new("a.obj", Format::Obj, 0);
-        let model = parse(&mut text.as_bytes(), 1 << 20, &mut report, &|| {}).unwrap();
-        (model, report)
+    fn parsed(text: &str) -> (ObjFile, SourceReport) {
+        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
+        let file = parse(&mut text.as_bytes(), 1 << 20, &mut report, &|| {}).unwrap();
+        (file, report)
     }
 
     #[test]
-    fn indices_count_from_one_or_back() {
-        let (model, report) =
+    fn indices_count_from_one_or_from_the_end() {
+        let (file, report) =
             parsed("v 0 0 0\nv 1 0 0\r\nvt 0.5 1\nv 0 1 0 1\nf 1/1 2//7 3/1/2\nf -3/-1 -2 \\\n -1\nf 1 x 0");
-        assert_eq!(model.positions[2], [0.0, 1.0, 0.0]);
-        assert_eq!(model.corners[..6], [[0, 0], [1, NONE], [2, 0], [0, 0], [1, NONE], [2, NONE]]);
-        assert_eq!(model.corners[6..], [[0, NONE], [NONE, NONE], [NONE, NONE]]);
-        assert_eq!(model.polygons.len(), 3);
+        assert_eq!(file.positions[2], [0.0, 1.0, 0.0]);
+        assert_eq!(file.corners[..6], [[0, 0], [1, NONE], [2, 0], [0, 0], [1, NONE], [2, NONE]]);
+        assert_eq!(file.corners[6..], [[0, NONE], [NONE, NONE], [NONE, NONE]]);
+        assert_eq!(file.faces.len(), 3);
         assert!(report.problems.is_empty());
     }
 
     #[test]
-    fn names_materials_and_faults_are_kept() {
+    fn names_materials_and_faults_are_recorded() {
         let text =
             "mtllib a b.mtl\no house 1\ng walls\nusemtl brick\nf 1 2 3\no tree\nusemtl\nf 1 2 3\nf 1 2\nv 1 x 2\nq";
-        let (model, report) = parsed(text);
-        assert_eq!(model.libraries, ["a b.mtl"]);
-        let named = |polygon: &Polygon| {
-            let names = [polygon.object, polygon.group].map(|i| model.names[i as usize].as_str());
-            (names, model.materials[polygon.material as usize].as_str())
+        let (file, report) = parsed(text);
+        assert_eq!(file.libraries, ["a b.mtl"]);
+        let named = |face: &ObjFace| {
+            let names = [face.object, face.group].map(|i| file.names[i as usize].as_str());
+            (names, file.materials[face.material as usize].as_str())
         };
-        assert_eq!(named(&model.polygons[0]), (["house 1", "walls"], "brick"));
-        assert_eq!(named(&model.polygons[1]), (["tree", "walls"], ""));
+        assert_eq!(named(&file.faces[0]), (["house 1", "walls"], "brick"));
+        assert_eq!(named(&file.faces[1]), (["tree", "walls"], ""));
         assert_eq!(report.problems["face of less than three corners"].first, ["line 9: f 1 2"]);
         assert_eq!(report.problems["vertex without three numbers"].count, 1);
     }
 
     #[test]
-    fn an_unpacked_flood_is_an_error() {
-        let mut report = SourceReport::new("a.obj", Format::Obj, 0);
+    fn source_beyond_the_size_limit_is_an_error() {
+        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
         let result = parse(&mut "v 0 0 0\n".repeat(100).as_bytes(), 99, &mut report, &|| {});
-        assert!(matches!(result, Err(ReadError::TooLarge { limit: 99, .. })));
+        assert!(matches!(result, Err(InputError::TooLarge { limit: 99, .. })));
     }
 }

@@ -1,7 +1,7 @@
-//! Whole OBJ files with their libraries and pictures.
+//! Whole OBJ files with libraries and textures.
 
 use crate::read::texture::tests::png;
-use crate::read::{ReadError, ReadOptions, ReadReport, Up, read_embedded};
+use crate::read::{InputError, ObjUpAxis, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 
 fn read(files: &[(&str, &[u8])]) -> (Scene, ReadReport) {
@@ -12,17 +12,17 @@ const SQUARE: &str = "mtllib a.mtl\nv 0 0 1\nv 2 0 1\nv 2 2 1\nv 0 2 1\nvt 0 0\n
                       f 1/1 2/2 3/3 4/4\n";
 
 #[test]
-fn faces_carry_colour_picture_and_coordinates() {
-    let picture = png(2, 2, [1, 2, 3]);
+fn faces_have_colour_texture_and_texture_coordinates() {
+    let image = png(2, 2, [1, 2, 3]);
     let mtl = b"newmtl wall\nKd 1 0.5 0\nmap_Kd wall.png\n";
-    let (scene, report) = read(&[("a.obj", SQUARE.as_bytes()), ("a.mtl", mtl), ("wall.png", &picture)]);
+    let (scene, report) = read(&[("a.obj", SQUARE.as_bytes()), ("a.mtl", mtl), ("wall.png", &image)]);
     assert_eq!(scene.triangles.len(), 2);
     let material = &scene.materials[scene.triangles[0].material as usize];
     assert_eq!(material.rgb, [255, 128, 0]);
     assert_eq!(material.texture.as_ref().unwrap().rgb[3], [1, 2, 3]);
     for triangle in &scene.triangles {
         for (corner, uv) in triangle.corners.iter().zip(triangle.uv) {
-            // Beyond 1 the picture repeats, so the coordinate stays as it is.
+            // Coordinates beyond 1 repeat the texture, so they are kept.
             assert_eq!(uv, [(corner[0] + 1.0) * 1.25, (corner[1] + 1.0) * 0.5]);
         }
     }
@@ -32,23 +32,23 @@ fn faces_carry_colour_picture_and_coordinates() {
 }
 
 #[test]
-fn a_packed_model_finds_packed_companions() {
+fn packed_file_finds_packed_libraries() {
     use std::io::Write;
     let gz = |bytes: &[u8]| {
         let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         encoder.write_all(bytes).unwrap();
         encoder.finish().unwrap()
     };
-    let picture = png(2, 2, [1, 2, 3]);
+    let image = png(2, 2, [1, 2, 3]);
     let (obj, mtl) = (gz(SQUARE.as_bytes()), gz(b"newmtl wall\nmap_Kd wall.png\n"));
-    let (scene, _) = read(&[("t/a.obj.gz", &obj), ("t/a.mtl.gz", &mtl), ("t/wall.png", &picture)]);
+    let (scene, _) = read(&[("t/a.obj.gz", &obj), ("t/a.mtl.gz", &mtl), ("t/wall.png", &image)]);
     let material = &scene.materials[scene.triangles[0].material as usize];
     assert!(material.texture.is_some());
     assert_eq!((material.rgb, scene.objects[0].id.as_str()), ([255; 3], "a"));
 }
 
 #[test]
-fn missing_libraries_materials_and_pictures_cost_only_the_look() {
+fn missing_libraries_materials_and_textures_cost_only_the_appearance() {
     let (scene, report) = read(&[("a.obj", SQUARE.as_bytes())]);
     assert_eq!(scene.triangles.len(), 2);
     let problems = &report.sources[0].problems;
@@ -64,7 +64,7 @@ fn missing_libraries_materials_and_pictures_cost_only_the_look() {
 }
 
 #[test]
-fn wrong_faces_and_coordinates_cost_only_themselves() {
+fn malformed_faces_and_coordinates_cost_only_themselves() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nv 1e300 0 0\nv inf 0 0\nv 1\n\
                 f 1 2 3\nf 1 2 99\nf 0 1 2\nf -9 1 2\nf 1 2 4\nf 1 2 5\nf 1 2 6\nf 1 2 7\nf 1 1 2\nf a b c\nf 1 2\nf\n\
                 f 99999999999999999999 1 2\nf 1/9/9 2/9 3/9\n";
@@ -79,7 +79,7 @@ fn wrong_faces_and_coordinates_cost_only_themselves() {
 }
 
 #[test]
-fn objects_have_their_own_base_and_terrain_is_terrain() {
+fn objects_have_their_own_base_and_terrain_faces_up() {
     let text = "v 0 0 10\nv 1 0 10\nv 0 1 12\nv 50 0 20\nv 51 0 20\nv 50 1 25\no house\nf 1 2 3\no terrain\nf 4 6 5\n";
     let (scene, report) = read(&[("a.obj", text.as_bytes())]);
     let bases: Vec<_> = scene.objects.iter().map(|object| (object.id.as_str(), object.kind, object.base_z_m)).collect();
@@ -90,10 +90,10 @@ fn objects_have_their_own_base_and_terrain_is_terrain() {
 }
 
 #[test]
-fn y_up_is_turned_upright_and_polygons_keep_their_sense() {
-    // A concave wall that stands: in y-up it lies in the plane z = 0 and faces south, towards positive z.
+fn y_up_is_converted_and_orientation_is_kept() {
+    // A concave vertical wall. With y up it lies in the plane z = 0 and faces south, towards positive z.
     let text = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 1 2 3 4 5\n";
-    let options = ReadOptions { obj_up: Up::Y, ..ReadOptions::default() };
+    let options = ReadOptions { obj_up: ObjUpAxis::Y, ..ReadOptions::default() };
     let (scene, _) = read_embedded(&[("a.obj", text.as_bytes())], &options, &|_| {}).unwrap();
     assert_eq!(scene.triangles.len(), 3);
     let mut facing = glam::Vec3::ZERO;
@@ -105,7 +105,7 @@ fn y_up_is_turned_upright_and_polygons_keep_their_sense() {
 }
 
 #[test]
-fn no_bytes_make_it_panic() {
+fn random_bytes_never_panic() {
     let mut state = 1_u32;
     let alphabet = b"vftgo 0123456789.-/\\\n\n eusemtl";
     for _ in 0..300 {
@@ -116,6 +116,6 @@ fn no_bytes_make_it_panic() {
             })
             .collect();
         let result = read_embedded(&[("a.obj", &text)], &ReadOptions::default(), &|_| {});
-        assert!(matches!(result, Ok(_) | Err(ReadError::Empty { .. })));
+        assert!(matches!(result, Ok(_) | Err(InputError::Empty { .. })));
     }
 }

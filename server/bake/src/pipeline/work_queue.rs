@@ -1,10 +1,8 @@
-//! Work in parallel with a fixed number of pieces in flight.
+//! Runs work in parallel with a limited number of items in flight and a limited amount of memory.
 //!
-//! In: pieces and what to do with one. Out: the results in the pieces' order. Next: `leaves` and `parents` store tiles.
-//!
-//! Rayon alone would not bound memory: a worker that waits inside one block steals another, and holds both. So feeders
-//! take the pieces one after the other, as far as their bytes find room in a [`Budget`], and each piece's own parallelism
-//! goes to the shared pool.
+//! Rayon alone would not limit memory: a worker that waits inside one block starts another and keeps both in memory.
+//! Here, a few threads take the items one after the other, as far as their bytes fit a [`MemoryBudget`], and the
+//! parallelism within each item uses the shared Rayon pool.
 
 use std::{
     ops::Range,
@@ -13,17 +11,19 @@ use std::{
     thread,
 };
 
-/// Runs `work` on every item, at most `in_flight` at once. Every second feeder takes the items from the end: where they are
-/// sorted, few of the heaviest are in flight at once. After an error or a panic no further item is begun; of the errors that
-/// came, that of the first item is returned; a panic goes on.
-pub(super) fn feed<T: Sync, R: Send, E: Send>(
+/// Runs `work` on every item, at most `in_flight` at once, and returns the results in the order of the items. Every
+/// second thread takes items from the end: in sorted items, few of the heaviest are in flight at once.
+///
+/// After an error or a panic no further item is started. Fails with the error of the first item that failed; a panic is
+/// propagated.
+pub(super) fn run_bounded<T: Sync, R: Send, E: Send>(
     in_flight: usize,
     items: &[T],
     work: impl Fn(&T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
-    let queue = Queue(Mutex::new(0..items.len()));
+    let queue = WorkQueue(Mutex::new(0..items.len()));
     let done = Mutex::new(Vec::with_capacity(items.len()));
-    let feeder = |from_end: bool| {
+    let worker = |from_end: bool| {
         let guard = StopOnPanic(&queue);
         while let Some(i) = queue.take(from_end) {
             let result = work(&items[i]);
@@ -34,12 +34,12 @@ pub(super) fn feed<T: Sync, R: Send, E: Send>(
         }
         drop(guard);
     };
-    let feeder = &feeder;
+    let worker = &worker;
     thread::scope(|scope| {
         let count = in_flight.max(1).min(items.len());
-        let feeders: Vec<_> = (0..count).map(|n| scope.spawn(move || feeder(n % 2 == 1))).collect();
-        for feeder in feeders {
-            if let Err(panic) = feeder.join() {
+        let workers: Vec<_> = (0..count).map(|n| scope.spawn(move || worker(n % 2 == 1))).collect();
+        for worker in workers {
+            if let Err(panic) = worker.join() {
                 resume_unwind(panic);
             }
         }
@@ -49,13 +49,13 @@ pub(super) fn feed<T: Sync, R: Send, E: Send>(
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Items that are not begun.
-struct Queue(Mutex<Range<usize>>);
+/// Indices of the items that are not started yet.
+struct WorkQueue(Mutex<Range<usize>>);
 
-impl Queue {
+impl WorkQueue {
     fn take(&self, from_end: bool) -> Option<usize> {
-        let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if from_end { left.next_back() } else { left.next() }
+        let mut remaining = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if from_end { remaining.next_back() } else { remaining.next() }
     }
 
     fn stop(&self) {
@@ -63,43 +63,43 @@ impl Queue {
     }
 }
 
-/// A number of bytes that pieces of work share. A piece that wants more than all of it is done alone.
-pub(super) struct Budget {
+/// A number of bytes that concurrent work shares. Work that needs more than the limit runs alone.
+pub(super) struct MemoryBudget {
     limit: usize,
     used: Mutex<usize>,
     freed: Condvar,
 }
 
-impl Budget {
+impl MemoryBudget {
     pub(super) fn new(limit: usize) -> Self {
         Self { limit, used: Mutex::new(0), freed: Condvar::new() }
     }
 
-    /// Does the work as soon as there is room for it.
+    /// Waits until `bytes` are free, then runs `work`.
     pub(super) fn with<R>(&self, bytes: usize, work: impl FnOnce() -> R) -> R {
         let bytes = bytes.min(self.limit);
         let used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
         let full = |used: &mut usize| *used + bytes > self.limit;
         *self.freed.wait_while(used, full).unwrap_or_else(PoisonError::into_inner) += bytes;
-        let _share = Share { budget: self, bytes };
+        let _reservation = MemoryReservation { budget: self, bytes };
         work()
     }
 }
 
-/// Given back when dropped, after a panic as well.
-struct Share<'a> {
-    budget: &'a Budget,
+/// Releases its bytes when dropped, also after a panic.
+struct MemoryReservation<'a> {
+    budget: &'a MemoryBudget,
     bytes: usize,
 }
 
-impl Drop for Share<'_> {
+impl Drop for MemoryReservation<'_> {
     fn drop(&mut self) {
         *self.budget.used.lock().unwrap_or_else(PoisonError::into_inner) -= self.bytes;
         self.budget.freed.notify_all();
     }
 }
 
-struct StopOnPanic<'a>(&'a Queue);
+struct StopOnPanic<'a>(&'a WorkQueue);
 
 impl Drop for StopOnPanic<'_> {
     fn drop(&mut self) {
@@ -118,10 +118,10 @@ mod tests {
     };
 
     #[test]
-    fn results_keep_the_order_and_the_number_in_flight_is_bounded() {
+    fn results_keep_the_order_and_items_in_flight_are_limited() {
         let items: Vec<usize> = (0..200).collect();
         let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        let result: Result<Vec<usize>, ()> = feed(3, &items, |i| {
+        let result: Result<Vec<usize>, ()> = run_bounded(3, &items, |i| {
             most.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
             thread::sleep(std::time::Duration::from_micros(50));
             now.fetch_sub(1, Ordering::SeqCst);
@@ -129,47 +129,47 @@ mod tests {
         });
         assert_eq!(result.unwrap(), (0..400).step_by(2).collect::<Vec<_>>());
         assert!(most.into_inner() <= 3);
-        assert_eq!(feed(2, &[] as &[u8], |_| Ok::<(), ()>(())), Ok(vec![]));
+        assert_eq!(run_bounded(2, &[] as &[u8], |_| Ok::<(), ()>(())), Ok(vec![]));
     }
 
     #[test]
-    fn the_first_and_the_last_are_begun_together() {
+    fn first_and_last_item_start_together() {
         let both = std::sync::Barrier::new(2);
-        let begun = Mutex::new(Vec::new());
+        let started = Mutex::new(Vec::new());
         let work = |i: &usize| {
-            begun.lock().unwrap().push(*i);
+            started.lock().unwrap().push(*i);
             if [0, 9].contains(i) {
                 both.wait();
             }
             Ok::<usize, ()>(*i)
         };
         let items: Vec<usize> = (0..10).collect();
-        assert_eq!(feed(2, &items, work), Ok(items.clone()));
-        let mut first = begun.into_inner().unwrap();
+        assert_eq!(run_bounded(2, &items, work), Ok(items.clone()));
+        let mut first = started.into_inner().unwrap();
         first.truncate(2);
         first.sort_unstable();
         assert_eq!(first, [0, 9]);
     }
 
     #[test]
-    fn an_error_or_a_panic_ends_the_work() {
+    fn error_or_panic_stops_further_items() {
         let items: Vec<usize> = (0..10_000).collect();
-        let begun = AtomicUsize::new(0);
+        let started = AtomicUsize::new(0);
         let work = |i: &usize| {
-            begun.fetch_add(1, Ordering::Relaxed);
+            started.fetch_add(1, Ordering::Relaxed);
             if *i >= 5 { Err(*i) } else { Ok(*i) }
         };
-        assert!(feed(2, &items, work).is_err());
-        assert!(begun.load(Ordering::Relaxed) < 20);
+        assert!(run_bounded(2, &items, work).is_err());
+        assert!(started.load(Ordering::Relaxed) < 20);
         let panics = |i: &usize| if *i == 5 { panic!("at five") } else { Ok::<usize, ()>(*i) };
-        let caught = catch_unwind(AssertUnwindSafe(|| feed(2, &items, panics))).unwrap_err();
+        let caught = catch_unwind(AssertUnwindSafe(|| run_bounded(2, &items, panics))).unwrap_err();
         assert_eq!(caught.downcast_ref::<&str>(), Some(&"at five"));
     }
 
     #[test]
-    fn a_budget_is_never_exceeded_and_what_is_larger_is_done_alone() {
+    fn budget_is_never_exceeded_and_larger_work_runs_alone() {
         let items: Vec<usize> = (0..300).map(|i| [10, 40, 250, 1][i % 4]).collect();
-        let budget = Budget::new(100);
+        let budget = MemoryBudget::new(100);
         let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let work = |bytes: &usize| {
             budget.with(*bytes, || {
@@ -180,7 +180,7 @@ mod tests {
             });
             Ok::<(), ()>(())
         };
-        assert!(feed(4, &items, work).is_ok());
+        assert!(run_bounded(4, &items, work).is_ok());
         assert_eq!(most.into_inner(), 100);
         assert!(catch_unwind(AssertUnwindSafe(|| budget.with(100, || panic!("in work")))).is_err());
         assert_eq!(budget.with(100, || 7), 7);

@@ -1,43 +1,55 @@
-//! CityJSON's own structure, as far as it is used.
-//!
-//! In: JSON text. Out: typed values, city objects still as text so that one broken object costs only itself.
-//! Next: `geometry`.
+//! The part of CityJSON's structure that is used. City objects stay text at first, so that a malformed one costs only
+//! itself.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
 use serde::Deserialize;
-use serde::de::{Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::nested::Nested;
+use crate::read::json::position::JsonPosition;
 
-/// A whole file, the header line of a sequence, or one of its features: they share their members.
+/// A whole file, the header line of a sequence, or a feature of one: they have the same members.
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Document<'a> {
+pub(crate) struct CityJsonDocument<'a> {
     #[serde(rename = "type")]
     pub(crate) kind: Option<String>,
     pub(crate) version: Option<String>,
     pub(crate) id: Option<String>,
-    pub(crate) transform: Option<Transform>,
+    pub(crate) transform: Option<VertexTransform>,
     #[serde(borrow)]
     pub(crate) metadata: Option<&'a RawValue>,
     #[serde(rename = "CityObjects", borrow)]
     pub(crate) city_objects: RawObjects<'a>,
-    pub(crate) vertices: Vec<Position>,
-    /// An [`Appearance`]. Unparsed, as are the templates: a fault in them costs looks and instances, not the file.
+    pub(crate) vertices: Vec<JsonPosition>,
+    /// A [`CityJsonAppearance`]. Unparsed like the templates, so that a fault in it costs only the appearance, not the
+    /// file.
     #[serde(borrow)]
     pub(crate) appearance: Option<&'a RawValue>,
-    /// [`Templates`].
+    /// [`GeometryTemplates`].
     #[serde(rename = "geometry-templates", borrow)]
     pub(crate) templates: Option<&'a RawValue>,
 }
 
-/// Objects in the order of the file, unparsed.
+/// An object as JSON text.
+pub(crate) struct ObjectText<'a> {
+    pub(crate) id: &'a str,
+    pub(crate) json: &'a str,
+}
+
+/// Unparsed objects in the order of the file.
 #[derive(Default)]
-pub(crate) struct RawObjects<'a>(pub(crate) Vec<(String, &'a RawValue)>);
+pub(crate) struct RawObjects<'a>(Vec<(String, &'a RawValue)>);
+
+impl RawObjects<'_> {
+    pub(crate) fn texts(&self) -> Vec<ObjectText<'_>> {
+        self.0.iter().map(|(id, raw)| ObjectText { id, json: raw.get() }).collect()
+    }
+}
 
 impl<'de: 'a, 'a> Deserialize<'de> for RawObjects<'a> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -63,81 +75,49 @@ impl<'de: 'a, 'a> Visitor<'de> for RawObjectsVisitor<'a> {
     }
 }
 
-/// From integer vertices to world positions.
+/// Converts integer vertices to world positions.
 #[derive(Deserialize, Clone, Copy, Debug)]
-pub(crate) struct Transform {
+pub(crate) struct VertexTransform {
     pub(crate) scale: [f64; 3],
     pub(crate) translate: [f64; 3],
 }
 
-impl Transform {
+impl VertexTransform {
     pub(crate) fn apply(&self, p: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| p[axis] * self.scale[axis] + self.translate[axis])
-    }
-}
-
-/// A position; whatever is no number in it is NaN and costs only the objects that use it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Position(pub(crate) [f64; 3]);
-
-impl<'de> Deserialize<'de> for Position {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_seq(PositionVisitor)
-    }
-}
-
-struct PositionVisitor;
-
-impl<'de> Visitor<'de> for PositionVisitor {
-    type Value = Position;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a vertex of three numbers")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Position, A::Error> {
-        let mut position = [f64::NAN; 3];
-        for value in &mut position {
-            match seq.next_element::<Option<f64>>()? {
-                Some(number) => *value = number.unwrap_or(f64::NAN),
-                None => return Ok(Position(position)),
-            }
-        }
-        while seq.next_element::<IgnoredAny>()?.is_some() {}
-        Ok(Position(position))
     }
 }
 
 /// Materials and textures.
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Appearance {
-    pub(crate) materials: Vec<MaterialDef>,
-    pub(crate) textures: Vec<TextureDef>,
+pub(crate) struct CityJsonAppearance {
+    pub(crate) materials: Vec<CityJsonMaterial>,
+    pub(crate) textures: Vec<CityJsonTexture>,
     #[serde(rename = "vertices-texture")]
     pub(crate) vertices_texture: Vec<[f64; 2]>,
 }
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct MaterialDef {
+pub(crate) struct CityJsonMaterial {
     #[serde(rename = "diffuseColor")]
     pub(crate) diffuse_colour: Option<[f64; 3]>,
 }
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct TextureDef {
+pub(crate) struct CityJsonTexture {
     pub(crate) image: String,
 }
 
-/// Geometries that objects place several times.
+/// Geometries that objects place, possibly several times.
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Templates {
-    pub(crate) templates: Vec<Geometry>,
+pub(crate) struct GeometryTemplates {
+    pub(crate) templates: Vec<CityJsonGeometry>,
     #[serde(rename = "vertices-templates")]
-    pub(crate) vertices: Vec<Position>,
+    pub(crate) vertices: Vec<JsonPosition>,
 }
 
 /// One city object.
@@ -146,22 +126,22 @@ pub(crate) struct Templates {
 pub(crate) struct CityObject {
     #[serde(rename = "type")]
     pub(crate) kind: String,
-    pub(crate) geometry: Option<Vec<Geometry>>,
+    pub(crate) geometry: Option<Vec<CityJsonGeometry>>,
 }
 
 /// One geometry of an object.
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Geometry {
+pub(crate) struct CityJsonGeometry {
     #[serde(rename = "type")]
     pub(crate) kind: String,
-    pub(crate) lod: Lod,
+    pub(crate) lod: CityJsonLod,
     pub(crate) boundaries: Nested,
-    pub(crate) semantics: Option<Semantics>,
+    pub(crate) semantics: Option<SurfaceSemantics>,
     /// By theme.
-    pub(crate) material: Option<BTreeMap<String, Values>>,
+    pub(crate) material: Option<BTreeMap<String, ThemeValues>>,
     /// By theme.
-    pub(crate) texture: Option<BTreeMap<String, Values>>,
+    pub(crate) texture: Option<BTreeMap<String, ThemeValues>>,
     pub(crate) template: Option<i64>,
     #[serde(rename = "transformationMatrix")]
     pub(crate) matrix: Option<Vec<f64>>,
@@ -169,36 +149,36 @@ pub(crate) struct Geometry {
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Semantics {
-    pub(crate) surfaces: Vec<Semantic>,
+pub(crate) struct SurfaceSemantics {
+    pub(crate) surfaces: Vec<SemanticSurface>,
     pub(crate) values: Nested,
 }
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Semantic {
+pub(crate) struct SemanticSurface {
     #[serde(rename = "type")]
     pub(crate) kind: String,
 }
 
-/// A material for the whole (`value`) or per surface (`values`).
+/// A value for the whole geometry (`value`) or per surface (`values`).
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Values {
+pub(crate) struct ThemeValues {
     pub(crate) value: Nested,
     pub(crate) values: Nested,
 }
 
-impl Values {
+impl ThemeValues {
     pub(crate) fn get(&self) -> &Nested {
         if self.values == Nested::Null { &self.value } else { &self.values }
     }
 }
 
-/// What of an object decides which of its geometries are used, read ahead of everything else.
+/// The part of an object that decides which of its geometries are used. It is read before everything else.
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct Outline {
+pub(crate) struct ObjectOutline {
     #[serde(rename = "type")]
     pub(crate) kind: String,
     pub(crate) geometry: Option<Vec<GeometryOutline>>,
@@ -209,33 +189,33 @@ pub(crate) struct Outline {
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct GeometryOutline {
-    pub(crate) lod: Lod,
+    pub(crate) lod: CityJsonLod,
     pub(crate) template: Option<i64>,
 }
 
-/// A level of detail: a number, written as text since CityJSON 1.1. Unknown is below 0.
+/// A level of detail: a number, written as text since CityJSON 1.1. Negative if unknown.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-pub(crate) struct Lod(pub(crate) f64);
+pub(crate) struct CityJsonLod(pub(crate) f64);
 
-impl Default for Lod {
+impl Default for CityJsonLod {
     fn default() -> Self {
         Self(-1.0)
     }
 }
 
-impl<'de> Deserialize<'de> for Lod {
+impl<'de> Deserialize<'de> for CityJsonLod {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(untagged)]
-        enum Written {
+        enum LodMember {
             Number(f64),
             Text(String),
             Other(IgnoredAny),
         }
-        let value = match Written::deserialize(deserializer)? {
-            Written::Number(number) => Some(number),
-            Written::Text(text) => text.trim().parse().ok(),
-            Written::Other(_) => None,
+        let value = match LodMember::deserialize(deserializer)? {
+            LodMember::Number(number) => Some(number),
+            LodMember::Text(text) => text.trim().parse().ok(),
+            LodMember::Other(_) => None,
         };
         Ok(value.filter(|lod: &f64| lod.is_finite()).map_or(Self::default(), Self))
     }
@@ -247,19 +227,19 @@ mod tests {
 
     #[test]
     fn levels_compare_as_numbers() {
-        let lods: Vec<Lod> = serde_json::from_str(r#"["2.2", "2.1", 2, "1.3", "0", null, "x"]"#).unwrap();
+        let lods: Vec<CityJsonLod> = serde_json::from_str(r#"["2.2", "2.1", 2, "1.3", "0", null, "x"]"#).unwrap();
         assert!(lods.windows(2).all(|pair| pair[0] >= pair[1]));
-        assert_eq!(lods[2], Lod(2.0));
-        assert_eq!(lods[6], Lod::default());
+        assert_eq!(lods[2], CityJsonLod(2.0));
+        assert_eq!(lods[6], CityJsonLod::default());
     }
 
     #[test]
-    fn objects_keep_their_order_and_positions_their_faults() {
+    fn objects_keep_their_order_and_missing_coordinates_are_nan() {
         let text = r#"{"CityObjects": {"z": {"a": 1}, "a": 7}, "vertices": [[1, 2.5, 3, 4], [1, null, 3], [9]]}"#;
-        let document: Document<'_> = serde_json::from_str(text).unwrap();
-        let ids: Vec<_> = document.city_objects.0.iter().map(|(id, raw)| (id.as_str(), raw.get())).collect();
+        let document: CityJsonDocument<'_> = serde_json::from_str(text).unwrap();
+        let ids: Vec<_> = document.city_objects.texts().iter().map(|object| (object.id, object.json)).collect();
         assert_eq!(ids, [("z", r#"{"a": 1}"#), ("a", "7")]);
-        assert_eq!(document.vertices[0], Position([1.0, 2.5, 3.0]));
+        assert_eq!(document.vertices[0], JsonPosition([1.0, 2.5, 3.0]));
         assert!(document.vertices[1].0[1].is_nan() && document.vertices[2].0[1].is_nan());
     }
 }

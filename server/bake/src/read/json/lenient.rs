@@ -1,12 +1,24 @@
-//! Numbers that JSON does not have, as some writers write them.
-//!
-//! In: text that failed to parse, or any text as a stream. Out: the same text with `null` in their place. Next: `model`.
+//! Numbers that JSON does not allow but some programs write: `NaN`, `Infinity` and numbers beyond f64.
 
 use std::io::{self, BufRead, Read};
 
-/// Replaces `NaN`, `Infinity` and numbers beyond f64 outside of strings by `null`, on the same lines; `None` if there
-/// are none, and so something else is wrong with the text.
-pub(crate) fn without_odd_numbers(text: &[u8]) -> Option<Vec<u8>> {
+use serde::Deserialize;
+
+/// Parses JSON. If that fails, replaces numbers that JSON does not allow by `null` and tries again; `repaired` then
+/// holds the text. Fails if the text is still invalid.
+pub(crate) fn parse<'t, T: Deserialize<'t>>(text: &'t [u8], repaired: &'t mut Vec<u8>) -> serde_json::Result<T> {
+    serde_json::from_slice(text).or_else(|error| match replace_invalid_numbers(text) {
+        None => Err(error),
+        Some(clean) => {
+            *repaired = clean;
+            serde_json::from_slice(repaired)
+        }
+    })
+}
+
+/// Replaces `NaN`, `Infinity` and numbers beyond f64 outside of strings by `null`, and keeps the line numbers. `None`
+/// if there are no such numbers.
+pub(crate) fn replace_invalid_numbers(text: &[u8]) -> Option<Vec<u8>> {
     let mut clean = Vec::with_capacity(text.len());
     let (mut i, mut changed) = (0, false);
     while i < text.len() {
@@ -16,7 +28,7 @@ pub(crate) fn without_odd_numbers(text: &[u8]) -> Option<Vec<u8>> {
             _ => 1,
         };
         let token = &text[i..i + length];
-        if is_odd(token) {
+        if is_invalid_number(token) {
             clean.extend_from_slice(b"null");
             changed = true;
         } else {
@@ -27,7 +39,7 @@ pub(crate) fn without_odd_numbers(text: &[u8]) -> Option<Vec<u8>> {
     changed.then_some(clean)
 }
 
-/// With its quotes; to the end of the text if it is not closed.
+/// Length of the string at the start of the text, with its quotes. An unclosed string extends to the end of the text.
 fn string_length(text: &[u8]) -> usize {
     let mut i = 1;
     while i < text.len() {
@@ -45,7 +57,7 @@ fn word_length(text: &[u8]) -> usize {
     text.iter().take_while(|byte| in_word(byte)).count().max(1)
 }
 
-fn is_odd(token: &[u8]) -> bool {
+fn is_invalid_number(token: &[u8]) -> bool {
     let Ok(token) = std::str::from_utf8(token) else { return false };
     if token.starts_with('"') || !token.contains(['N', 'n', 'I', 'i', 'e', 'E']) && token.len() < 300 {
         return false;
@@ -53,17 +65,17 @@ fn is_odd(token: &[u8]) -> bool {
     token.parse::<f64>().is_ok_and(|number| !number.is_finite())
 }
 
-/// A text on its way to the parser, with `null` for `NaN` and `Infinity`: outside of strings JSON has no other word
-/// that begins with a capital letter.
-pub(crate) struct Lenient<R> {
+/// Replaces `NaN` and `Infinity` by `null` while reading. Outside of strings, JSON has no word that begins with a
+/// capital letter.
+pub(crate) struct LenientReader<R> {
     inner: R,
     in_string: bool,
     escaped: bool,
-    /// What is still to be given in place of a word that was taken.
+    /// Remaining bytes of a replacement.
     pending: &'static [u8],
 }
 
-impl<R: BufRead> Lenient<R> {
+impl<R: BufRead> LenientReader<R> {
     pub(crate) fn new(inner: R) -> Self {
         Self { inner, in_string: false, escaped: false, pending: b"" }
     }
@@ -80,8 +92,8 @@ impl<R: BufRead> Lenient<R> {
             return Ok(Some(byte));
         }
         self.in_string = byte == b'"';
-        let odd = |byte: Option<u8>| matches!(byte, Some(b'N' | b'I'));
-        if odd(Some(byte)) || byte == b'-' && odd(self.peek()?) {
+        let is_capital = |byte: Option<u8>| matches!(byte, Some(b'N' | b'I'));
+        if is_capital(Some(byte)) || byte == b'-' && is_capital(self.peek()?) {
             while self.peek()?.is_some_and(|byte| byte.is_ascii_alphabetic()) {
                 self.inner.consume(1);
             }
@@ -102,13 +114,13 @@ impl<R: BufRead> Lenient<R> {
     }
 }
 
-impl<R: BufRead> Read for Lenient<R> {
-    /// A byte at a time, as the JSON parser asks for them.
+impl<R: BufRead> Read for LenientReader<R> {
+    /// Reads one byte, as the JSON parser requests them.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let Some(place) = buffer.first_mut() else { return Ok(0) };
+        let Some(slot) = buffer.first_mut() else { return Ok(0) };
         match self.next()? {
             Some(byte) => {
-                *place = byte;
+                *slot = byte;
                 Ok(1)
             }
             None => Ok(0),
@@ -121,22 +133,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_numbers_that_are_none_are_replaced() {
+    fn only_invalid_numbers_are_replaced() {
         let text = br#"{"NaN": [NaN, -Infinity, 1e999, 1e300, true, null, "a\"NaN"], "b": -1.5}"#;
-        let clean = without_odd_numbers(text).unwrap();
+        let clean = replace_invalid_numbers(text).unwrap();
         let expected = r#"{"NaN": [null, null, null, 1e300, true, null, "a\"NaN"], "b": -1.5}"#;
         assert_eq!(String::from_utf8(clean).unwrap(), expected);
-        assert_eq!(without_odd_numbers(br#"{"a": "NaN", "b": 1"#), None);
-        assert_eq!(without_odd_numbers(b"\"open \\"), None);
+        assert_eq!(replace_invalid_numbers(br#"{"a": "NaN", "b": 1"#), None);
+        assert_eq!(replace_invalid_numbers(b"\"open \\"), None);
     }
+
     #[test]
-    fn streams_are_cleaned_wherever_their_buffers_end() {
+    fn streams_are_repaired_wherever_their_buffers_end() {
         let text = br#"{"NaN \" I": [NaN, -Infinity, Infinity,-NaN, -1.5, true, null, "-I\\"], "N": 1}"#;
         let expected = r#"{"NaN \" I": [null, null, null,null, -1.5, true, null, "-I\\"], "N": 1}"#;
         for capacity in 1..9 {
             let mut clean = String::new();
             let reader = io::BufReader::with_capacity(capacity, &text[..]);
-            Lenient::new(reader).read_to_string(&mut clean).unwrap();
+            LenientReader::new(reader).read_to_string(&mut clean).unwrap();
             assert_eq!(clean, expected);
         }
     }

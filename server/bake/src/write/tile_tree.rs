@@ -1,8 +1,6 @@
-//! Every node's bounds and errors, and the subtree tiles that tell clients of them.
+//! Bounds and geometric errors of all nodes, and the subtree tiles that describe them to clients.
 //!
-//! In: where the tiles of each level lie. Out: [`Tree`], [`NodeInfo`]s and subtree tiles. Next: `archive`.
-//!
-//! Spheres and errors nest (design 4): a node's sphere holds its children's, its error is no less than theirs.
+//! Spheres and errors nest: a node's sphere contains its children's, and its error is at least theirs.
 
 use insula_protocol::{
     BlockMap, Subtree, TileId, blockmap,
@@ -11,30 +9,28 @@ use insula_protocol::{
     subtree::{LEVELS, NodeInfo, NodeMesh},
 };
 
-use super::{mesh_pack::StoredMesh, pack::Stored};
-use crate::{error::BakeError, scene::grid::Grid};
+use super::{mesh_pack::StoredMesh, tile_pack::StoredTile};
+use crate::{columns::voxels::HALF_DIAGONAL, error::BakeError, scene::grid::CityGrid};
 
-/// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
-pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
-/// A top that leans further is drawn as if it leaned so far: least z of the normal.
+/// Least z of an inclined top's normal. Steeper tops are treated as if they had this slope.
 const MIN_NORMAL_Z: f32 = 0.1;
 
-/// Where all tiles lie, root first; each level in the order of its ids.
+/// The packed tiles of all nodes, the root's level first, each level in the order of its ids.
 #[derive(Debug, Default)]
-pub(crate) struct Tree {
-    levels: Vec<Vec<Stored>>,
-    /// By leaf and level of detail.
+pub(crate) struct TileTree {
+    levels: Vec<Vec<StoredTile>>,
+    /// In the order of leaf and level of detail.
     meshes: Vec<StoredMesh>,
 }
 
-impl Tree {
-    /// For levels `0..=depth`.
+impl TileTree {
+    /// An empty tree with levels `0..=depth`.
     pub(crate) fn new(depth: u8) -> Self {
         Self { levels: vec![Vec::new(); usize::from(depth) + 1], meshes: Vec::new() }
     }
 
     /// Sets a level's tiles.
-    pub(crate) fn set(&mut self, level: u8, mut tiles: Vec<Stored>) {
+    pub(crate) fn set(&mut self, level: u8, mut tiles: Vec<StoredTile>) {
         tiles.sort_unstable_by_key(|tile| tile.id);
         self.levels[usize::from(level)] = tiles;
     }
@@ -45,34 +41,34 @@ impl Tree {
         self.meshes = meshes;
     }
 
-    /// All meshes, by leaf and level of detail.
+    /// All meshes in the order of leaf and level of detail.
     pub(crate) fn meshes(&self) -> &[StoredMesh] {
         &self.meshes
     }
 
-    /// The levels of detail of a leaf, the finest first; none if it has no mesh.
+    /// The levels of detail of a leaf, the finest first; empty if it has no mesh.
     pub(crate) fn mesh(&self, leaf: TileId) -> &[StoredMesh] {
         let from = self.meshes.partition_point(|mesh| mesh.id < leaf);
         let count = self.meshes[from..].iter().take_while(|mesh| mesh.id == leaf).count();
         &self.meshes[from..from + count]
     }
 
-    /// A level's tiles.
-    pub(crate) fn level(&self, level: u8) -> &[Stored] {
+    /// The tiles of a level.
+    pub(crate) fn level(&self, level: u8) -> &[StoredTile] {
         self.levels.get(usize::from(level)).map_or(&[], Vec::as_slice)
     }
 
-    /// Root first.
-    pub(crate) fn levels(&self) -> &[Vec<Stored>] {
+    /// The tiles of all levels, the root's first.
+    pub(crate) fn levels(&self) -> &[Vec<StoredTile>] {
         &self.levels
     }
 
-    /// The tile of a node, if it exists.
-    pub(crate) fn get(&self, id: TileId) -> Option<&Stored> {
-        find(self.level(id.level()), id, |tile| tile.id)
+    /// The tile of a node, if the node exists.
+    pub(crate) fn get(&self, id: TileId) -> Option<&StoredTile> {
+        find_by_id(self.level(id.level()), id, |tile| tile.id)
     }
 
-    /// The nodes one level up from `level`'s tiles, in the order of their ids.
+    /// The parents of the nodes of `level`, in the order of their ids.
     pub(crate) fn parents_of(&self, level: u8) -> Vec<TileId> {
         let mut parents: Vec<TileId> = self.level(level).iter().filter_map(|tile| tile.id.parent()).collect();
         parents.sort_unstable();
@@ -81,14 +77,14 @@ impl Tree {
     }
 }
 
-fn find<T>(sorted: &[T], id: TileId, id_of: impl Fn(&T) -> TileId) -> Option<&T> {
+fn find_by_id<T>(sorted: &[T], id: TileId, id_of: impl Fn(&T) -> TileId) -> Option<&T> {
     sorted.binary_search_by_key(&id, id_of).ok().map(|i| &sorted[i])
 }
 
 /// Lowest and highest point of a map's columns in metres above the city's origin; `None` without columns.
 ///
-/// An inclined top is a plane through the cell's centre: it reaches higher at a corner. It is cut off at the column's
-/// bottom, so it never reaches lower.
+/// An inclined top is a plane through the cell's centre, so one of its corners is higher than the column. It is cut off
+/// at the column's bottom, so it is never lower.
 pub(crate) fn z_bounds(map: &BlockMap) -> Option<[f64; 2]> {
     let step = f64::from(map.z_step_m());
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -105,15 +101,15 @@ pub(crate) fn z_bounds(map: &BlockMap) -> Option<[f64; 2]> {
     (low <= high).then(|| [low, high].map(|z| map.z_base_m() + z))
 }
 
-/// Bounds as f32, rounded outwards.
-pub(crate) fn outward([low, high]: [f64; 2]) -> [f32; 2] {
+/// Rounds bounds to f32, outwards.
+pub(crate) fn round_outward([low, high]: [f64; 2]) -> [f32; 2] {
     let (l, h) = (low as f32, high as f32);
     let l = if f64::from(l) > low { l.next_down() } else { l };
     [l, if f64::from(h) < high { h.next_up() } else { h }]
 }
 
-/// Every node's description, per level as in `tree`.
-pub(crate) fn describe(tree: &Tree, grid: &Grid) -> Vec<Vec<NodeInfo>> {
+/// Describes every node; one list per level, in the order of `tree`.
+pub(crate) fn describe(tree: &TileTree, grid: &CityGrid) -> Vec<Vec<NodeInfo>> {
     let mut described: Vec<Vec<NodeInfo>> = vec![Vec::new(); tree.levels().len()];
     for level in (0..tree.levels().len()).rev() {
         let below: &[NodeInfo] = described.get(level + 1).map_or(&[], Vec::as_slice);
@@ -123,7 +119,7 @@ pub(crate) fn describe(tree: &Tree, grid: &Grid) -> Vec<Vec<NodeInfo>> {
     described
 }
 
-fn describe_node(grid: &Grid, tile: &Stored, below: &[NodeInfo]) -> NodeInfo {
+fn describe_node(grid: &CityGrid, tile: &StoredTile, below: &[NodeInfo]) -> NodeInfo {
     let side = grid.node_side_m(tile.id.level());
     let half_height = (f64::from(tile.z_max_m) - f64::from(tile.z_min_m)) / 2.0;
     let mut node = NodeInfo {
@@ -137,32 +133,33 @@ fn describe_node(grid: &Grid, tile: &Stored, below: &[NodeInfo]) -> NodeInfo {
     };
     let mut radius = (side * side / 2.0 + half_height * half_height).sqrt();
     let centre = centre_m(grid, &node);
-    for child in tile.id.children().filter_map(|id| find(below, id, |node| node.id)) {
+    for child in tile.id.children().filter_map(|id| find_by_id(below, id, |node| node.id)) {
         node.child_mask |= 1 << child.id.quadrant();
         node.error_m = node.error_m.max(child.error_m);
         let c = centre_m(grid, child);
         let distance = (0..3).map(|axis| (c[axis] - centre[axis]).powi(2)).sum::<f64>().sqrt();
         radius = radius.max(distance + f64::from(child.radius_m));
     }
-    // A client computes in f32: one part in a million more keeps the spheres nested there too.
+    // Clients compute in f32: an additional millionth keeps the spheres nested there too.
     node.radius_m = ((radius * (1.0 + 1e-6)) as f32).next_up();
     node
 }
 
-/// Centre of a node's box, in metres from the grid's corner.
-fn centre_m(grid: &Grid, node: &NodeInfo) -> [f64; 3] {
+/// Centre of a node's bounding box, in metres from the grid's corner.
+fn centre_m(grid: &CityGrid, node: &NodeInfo) -> [f64; 3] {
     let side = grid.node_side_m(node.id.level());
     let [x, y] = [node.id.x(), node.id.y()].map(|v| (f64::from(v) + 0.5) * side);
     [x, y, (f64::from(node.z_min_m) + f64::from(node.z_max_m)) / 2.0]
 }
 
-/// The subtree tile rooted at `root`, of `nodes` as [`describe`] gives them.
-pub(crate) fn subtree_tile(tree: &Tree, nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
+/// Encodes the subtree tile rooted at `root`; `nodes` are those of [`describe`]. Fails if it exceeds the format's
+/// limits.
+pub(crate) fn encode_subtree(tree: &TileTree, nodes: &[Vec<NodeInfo>], root: TileId) -> Result<Vec<u8>, BakeError> {
     let mut found: Vec<NodeInfo> = Vec::new();
     let mut row = vec![root];
     for level in usize::from(root.level())..nodes.len().min(usize::from(root.level() + LEVELS) + 1) {
         let start = found.len();
-        found.extend(row.iter().filter_map(|id| find(&nodes[level], *id, |node| node.id)));
+        found.extend(row.iter().filter_map(|id| find_by_id(&nodes[level], *id, |node| node.id)));
         let children = |node: &NodeInfo| {
             let (id, mask) = (node.id, node.child_mask);
             (0..4).filter(move |q| mask >> q & 1 == 1).filter_map(move |q| id.child(q))
@@ -177,7 +174,7 @@ pub(crate) fn subtree_tile(tree: &Tree, nodes: &[Vec<NodeInfo>], root: TileId) -
     Subtree { nodes: found, meshes }.encode().map_err(BakeError::tile(root, "encoded"))
 }
 
-/// The roots of all subtree tiles: the city's, and the nodes of levels 5, 10, ... that have children.
+/// Roots of all subtree tiles: the city's root, and the nodes of levels 5, 10, ... that have children.
 pub(crate) fn subtree_roots(nodes: &[Vec<NodeInfo>]) -> Vec<TileId> {
     let roots = nodes.iter().step_by(usize::from(LEVELS)).flatten();
     roots.filter(|node| node.child_mask != 0 || node.id == TileId::ROOT).map(|node| node.id).collect()
@@ -208,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_follow_codes_and_slopes() {
+    fn bounds_include_the_slope_of_inclined_tops() {
         assert_eq!(z_bounds(&map(&[])), None);
         let flat = map(&[(0, column(16, 32, None)), (99, column(8, 24, None))]);
         assert_eq!(z_bounds(&flat), Some([21.0, 24.0]));
@@ -221,11 +218,11 @@ mod tests {
     }
 
     #[test]
-    fn outward_never_cuts() {
+    fn rounding_outward_never_shrinks_bounds() {
         for z in [[0.1, 0.2], [-0.1, 1e7 + 0.3], [5.0, 5.0], [-123.456_789, 123.456_789]] {
-            let [low, high] = outward(z);
+            let [low, high] = round_outward(z);
             assert!(f64::from(low) <= z[0] && f64::from(high) >= z[1]);
         }
-        assert_eq!(outward([0.5, 2.0]), [0.5, 2.0]);
+        assert_eq!(round_outward([0.5, 2.0]), [0.5, 2.0]);
     }
 }

@@ -1,12 +1,10 @@
-//! What a CityJSON file says about itself: coordinate system, title, origin, licence.
-//!
-//! In: the `metadata` member, in whatever shape. Out: the report's fields. Next: the manifest's attribution.
+//! Metadata of a JSON file: coordinate system, titles, attributions, licences.
 
 use serde_json::Value;
 
 use crate::read::report::SourceReport;
 
-/// EPSG codes of common systems that count in degrees.
+/// EPSG codes of common systems in degrees.
 const DEGREES: &[u32] = &[4258, 4269, 4283, 4326, 4612, 4937, 4979, 6668, 6697, 7844];
 
 /// Fills the report's coordinate system, titles, attributions and licences.
@@ -14,7 +12,7 @@ pub(crate) fn describe(metadata: &Value, report: &mut SourceReport) {
     walk(metadata, "", report);
 }
 
-/// Members are found wherever they are: files put them into arrays and extensions of their own.
+/// Finds members at any depth: some files put them into arrays and extensions.
 fn walk(value: &Value, within: &str, report: &mut SourceReport) {
     match value {
         Value::Array(entries) => entries.iter().for_each(|entry| walk(entry, within, report)),
@@ -36,7 +34,7 @@ fn note(name: &str, within: &str, text: &str, report: &mut SourceReport) {
     let list = match name.to_ascii_lowercase().as_str() {
         "title" => &mut report.titles,
         "contactname" | "organization" | "organisation" | "attribution" | "copyright" => &mut report.attributions,
-        // The origin of a part of the data, in the extended metadata.
+        // In extended metadata, the origin of a part of the data.
         "description" if within == "source" => &mut report.attributions,
         "license" | "licence" | "datasetlicense" | "uselimitation" => &mut report.licences,
         "referencesystem" => {
@@ -50,7 +48,7 @@ fn note(name: &str, within: &str, text: &str, report: &mut SourceReport) {
     }
 }
 
-/// `EPSG:7415` from an URL, an URN or a bare name.
+/// Finds an EPSG code in a URL, a URN or a name; returns it as `EPSG:7415`.
 pub(crate) fn epsg(reference_system: &str) -> Option<String> {
     if !reference_system.to_ascii_uppercase().contains("EPSG") {
         return None;
@@ -60,7 +58,7 @@ pub(crate) fn epsg(reference_system: &str) -> Option<String> {
     Some(format!("EPSG:{code}"))
 }
 
-/// Whether a system counts in degrees instead of metres.
+/// Whether a system such as `EPSG:4326` is in degrees instead of metres.
 pub(crate) fn is_degrees(crs: &str) -> bool {
     crs.strip_prefix("EPSG:").and_then(|code| code.parse().ok()).is_some_and(|code: u32| DEGREES.contains(&code))
 }
@@ -68,10 +66,10 @@ pub(crate) fn is_degrees(crs: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::report::Format;
+    use crate::read::report::SourceFormat;
 
     #[test]
-    fn every_spelling_of_a_reference_system() {
+    fn epsg_code_is_found_in_every_spelling_of_a_reference_system() {
         let spellings = [
             "urn:ogc:def:crs:EPSG::7415",
             "https://www.opengis.net/def/crs/EPSG/0/7415",
@@ -88,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn members_are_found_in_an_array_and_in_extensions() {
+    fn members_are_found_in_arrays_and_extensions() {
         let metadata = serde_json::json!([{
             "title": "Cape Town", "referenceSystem": "EPSG:32734",
             "datasetPointOfContact": {"contactName": "somebody"},
@@ -96,7 +94,7 @@ mod tests {
                 {"description": "OpenStreetMap contributors", "sourceReferenceSystem": "EPSG:4326"}]}],
                 "license": "CC BY 4.0", "description": "not an origin"}
         }]);
-        let mut report = SourceReport::new("a", Format::CityJson, 0);
+        let mut report = SourceReport::new("a", SourceFormat::CityJson, 0);
         describe(&metadata, &mut report);
         assert_eq!(report.crs.as_deref(), Some("EPSG:32734"));
         assert_eq!(report.titles, ["Cape Town"]);

@@ -1,44 +1,42 @@
-//! GeoJSON's own structure (RFC 7946), as far as it is used.
-//!
-//! In: one feature's text. Out: typed values. Next: `footprint`.
+//! The part of GeoJSON's structure (RFC 7946) that is used.
 
 use serde::Deserialize;
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
-use crate::read::cityjson::Position;
-use crate::read::error::json_message;
+use crate::error::json_message;
+use crate::read::json::position::JsonPosition;
 
-/// A polygon: its outer ring, then its holes. Positions are as written; what is no number is NaN.
-pub(super) type Polygon = Vec<Vec<Position>>;
+/// A polygon: its outer ring, then its holes. Invalid coordinates are NaN.
+pub(super) type GeoJsonPolygon = Vec<Vec<JsonPosition>>;
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(super) struct Feature {
+pub(super) struct GeoJsonFeature {
     #[serde(rename = "type")]
     pub(super) kind: String,
     id: Value,
     #[serde(deserialize_with = "or_default")]
     pub(super) properties: Map<String, Value>,
-    pub(super) geometry: Option<Geometry>,
+    pub(super) geometry: Option<GeoJsonGeometry>,
 }
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(super) struct Geometry {
+pub(super) struct GeoJsonGeometry {
     #[serde(rename = "type")]
     pub(super) kind: String,
     coordinates: Option<Box<RawValue>>,
-    geometries: Vec<Geometry>,
+    geometries: Vec<GeoJsonGeometry>,
 }
 
-/// `null` is what writers put where a feature has no properties.
+/// Some writers put `null` for a feature without properties.
 fn or_default<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Map<String, Value>, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or_default())
 }
 
-impl Feature {
-    /// Its identifier: its own, else among its properties.
+impl GeoJsonFeature {
+    /// The feature's identifier: its own, else one among its properties.
     pub(super) fn id(&self) -> Option<String> {
         let inside = ["id", "@id", "gml_id"].into_iter().filter_map(|name| self.properties.get(name));
         std::iter::once(&self.id).chain(inside).find_map(|value| match value {
@@ -49,15 +47,16 @@ impl Feature {
     }
 }
 
-impl Geometry {
-    /// All polygons, whichever way they are wrapped; none for points and lines.
-    pub(super) fn polygons(&self) -> Result<Vec<Polygon>, String> {
+impl GeoJsonGeometry {
+    /// All polygons of the geometry and of its parts; none for points and lines. Fails with the reason if the
+    /// coordinates are malformed.
+    pub(super) fn polygons(&self) -> Result<Vec<GeoJsonPolygon>, String> {
         let text = self.coordinates.as_ref().map_or("[]", |raw| raw.get());
         match self.kind.as_str() {
             "Polygon" => serde_json::from_str(text).map(|polygon| vec![polygon]),
             "MultiPolygon" => serde_json::from_str(text),
             "GeometryCollection" => {
-                let parts: Result<Vec<_>, _> = self.geometries.iter().map(Geometry::polygons).collect();
+                let parts: Result<Vec<_>, _> = self.geometries.iter().map(GeoJsonGeometry::polygons).collect();
                 return Ok(parts?.concat());
             }
             _ => Ok(Vec::new()),

@@ -1,125 +1,90 @@
-//! Why a bake failed: one line each that says what, where and what to do.
-//!
-//! In: the place and the cause. Out: [`BakeError`]. Next: the command line prints it and exits with a non-zero code.
+//! Why a bake failed. Every error is one line that says what failed, where, and what to do.
+
+mod input;
 
 use std::{
     io,
     path::{Path, PathBuf},
 };
 
+pub use input::InputError;
+pub(crate) use input::json_message;
 use insula_protocol::{DecodeError, TileId};
 
-use crate::read::ReadError;
-
-/// A fault that ends the bake. The output folder is then as it was before; finished work lies in its `.partial` folder.
+/// An error that ends the bake. The output folder is then unchanged, and finished work stays in its `.partial` folder.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BakeError {
     /// The inputs could not be read.
     #[error(transparent)]
-    Read(#[from] ReadError),
-    /// An option makes no sense.
+    Read(#[from] InputError),
+    /// An option has an invalid value.
     #[error("{option} {value}: {advice}")]
     Option {
-        /// Its name on the command line.
+        /// Name on the command line.
         option: &'static str,
-        /// What was given.
         value: String,
-        /// What may be given.
+        /// Which values are valid.
         advice: String,
     },
-    /// The output cannot be where it was asked for.
+    /// The city cannot be written to the requested folder.
     #[error("{path}: {what}; choose another --out, or move it away")]
-    Out {
-        /// The folder.
-        path: PathBuf,
-        /// What is in the way.
-        what: &'static str,
-    },
+    Out { path: PathBuf, what: &'static str },
     /// A second bake of the same city is running.
-    #[error("{path}: another bake is writing there; wait until it has finished, or choose another --out")]
+    #[error("{path}: another bake is writing to this folder; wait until it has finished, or choose another --out")]
     Busy {
         /// The scratch folder.
         path: PathBuf,
     },
-    /// No space left, or a quota or file size limit reached.
+    /// No space is left, or a quota or file size limit was reached.
     #[error("{path}: the disk is full ({cause}); make space, then run the same command with --resume")]
-    DiskFull {
-        /// The file that could not be written.
-        path: PathBuf,
-        /// The system's words.
-        cause: io::Error,
-    },
+    DiskFull { path: PathBuf, cause: io::Error },
     /// A file could not be written, read back or renamed.
-    #[error("{path}: cannot be {action}: {cause}; check that its folder exists and may be written")]
+    #[error("{path}: cannot be {action}: {cause}; check that its folder exists and is writable")]
     Io {
-        /// The file or folder.
         path: PathBuf,
-        /// A participle: `written`, `read`.
+        /// A participle such as `written` or `read`.
         action: &'static str,
-        /// The system's words.
         cause: io::Error,
     },
-    /// A scratch file that this bake wrote is not what it was.
-    #[error("{path}: a scratch file changed while baking; run the command again without --resume")]
-    Scratch {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A scene that no reader makes.
+    /// A scratch file is not as this bake wrote it.
+    #[error("{path}: a scratch file changed during the bake; run the command again without --resume")]
+    Scratch { path: PathBuf },
+    /// A scene that was passed in is invalid.
     #[error("triangle {triangle}: {what}; repair the source")]
     Scene {
         /// Index into the scene's triangles.
         triangle: usize,
-        /// What is wrong.
         what: &'static str,
     },
-    /// There is nothing to bake.
+    /// No triangle fills a cell.
     #[error("the city is empty: none of its {triangles} triangles fills a cell of {cell_m} m; use a smaller --cell")]
-    Empty {
-        /// How many triangles were read.
-        triangles: usize,
-        /// The cell that was asked for.
-        cell_m: f64,
-    },
-    /// More levels would be needed than there are.
+    Empty { triangles: usize, cell_m: f64 },
+    /// The quadtree would need more levels than the formats allow.
     #[error("the city is {side_m:.0} m wide, too wide for cells of {cell_m} m; use a larger --cell, or split the city")]
     Extent {
-        /// The longer side of the bounds.
+        /// Longer side of the bounds.
         side_m: f64,
-        /// The cell that was asked for.
         cell_m: f64,
     },
-    /// A node that the formats cannot hold.
+    /// A node does not fit the formats.
     #[error("tile {id}: cannot be {action}: {cause}; try a larger --cell, and report this with the input")]
     Tile {
-        /// The node.
         id: TileId,
-        /// A participle.
+        /// A participle such as `encoded`.
         action: &'static str,
-        /// What the protocol said.
         cause: DecodeError,
     },
-    /// An archive could not be laid out.
+    /// An archive could not be written.
     #[error("{path}: {what}; report this with the input")]
-    Archive {
-        /// The archive.
-        path: PathBuf,
-        /// What its writer said.
-        what: String,
-    },
-    /// The system refused threads.
+    Archive { path: PathBuf, what: String },
+    /// The system could not start the worker threads.
     #[error("--threads {threads}: {cause}; use fewer threads")]
-    Threads {
-        /// How many were asked for.
-        threads: usize,
-        /// The system's words.
-        cause: String,
-    },
+    Threads { threads: usize, cause: String },
 }
 
 impl BakeError {
-    /// An input or output fault at `path`; a full disk is told apart.
+    /// An input or output error at `path`: `DiskFull` if the disk is full, else `Io`.
     pub(crate) fn io(path: &Path, action: &'static str, cause: io::Error) -> Self {
         use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
         let path = path.to_owned();
@@ -130,7 +95,7 @@ impl BakeError {
         }
     }
 
-    /// For `map_err` where a node is coded.
+    /// For `map_err` where a node is encoded or decoded.
     pub(crate) fn tile(id: TileId, action: &'static str) -> impl FnOnce(DecodeError) -> Self {
         move |cause| Self::Tile { id, action, cause }
     }
@@ -141,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_apart_and_every_message_is_one_line() {
+    fn full_disk_has_its_own_variant_and_messages_are_one_line() {
         let full = BakeError::io(Path::new("a/b"), "written", io::ErrorKind::StorageFull.into());
         assert!(matches!(full, BakeError::DiskFull { .. }));
         assert!(full.to_string().contains("--resume"), "{full}");

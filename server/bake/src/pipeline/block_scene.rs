@@ -1,0 +1,114 @@
+//! The scene of one block, and the fingerprint of everything that determines its tiles.
+//!
+//! Objects and materials are renumbered by their first occurrence in the block, so that changes elsewhere in the city
+//! do not change its fingerprint.
+
+use std::collections::HashMap;
+
+use crate::{
+    config::BakeConfig,
+    error::BakeError,
+    hash::{ShortHash, short_hash},
+    scene::{
+        ObjectKind, Scene, SceneObject, SceneTriangle,
+        grid::{BLOCK_LEAVES, CityGrid},
+        partition::{LeafBlock, Partition},
+        scratch_scene::ScratchScene,
+        triangle_store::{RECORD_BYTES, to_record},
+    },
+};
+
+/// The triangles of a block, with object and material numbers of the block.
+pub(super) struct BlockScene {
+    triangles: Vec<SceneTriangle>,
+    /// Numbers of the block's objects in the city.
+    objects: Vec<u32>,
+    /// Numbers of the block's materials in the city.
+    materials: Vec<u32>,
+}
+
+impl BlockScene {
+    /// Reads the block's bucket. Fails if it cannot be read or has changed.
+    pub(super) fn load(partition: &Partition, block: &LeafBlock) -> Result<Self, BakeError> {
+        let mut triangles = partition.triangles(block)?;
+        let (mut objects, mut materials) = (Renumbering::default(), Renumbering::default());
+        for triangle in &mut triangles {
+            triangle.object = objects.number(triangle.object);
+            triangle.material = materials.number(triangle.material);
+        }
+        Ok(Self { triangles, objects: objects.order, materials: materials.order })
+    }
+
+    /// Hash of settings, position, triangles in order, objects, materials and textures.
+    pub(super) fn fingerprint(
+        &self,
+        city: &ScratchScene,
+        config: &BakeConfig,
+        grid: &CityGrid,
+        block: &LeafBlock,
+    ) -> ShortHash {
+        let mut bytes = Vec::with_capacity(self.triangles.len() * RECORD_BYTES + 256);
+        bytes.extend_from_slice(config.settings.as_bytes());
+        for number in grid.corner.into_iter().chain([grid.cell_m]) {
+            bytes.extend_from_slice(&number.to_bits().to_le_bytes());
+        }
+        for number in [u64::from(grid.depth), block.x.into(), block.y.into(), block.leaves, block.triangles] {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
+        for triangle in &self.triangles {
+            bytes.extend_from_slice(&to_record(triangle));
+        }
+        for object in self.objects.iter().map(|number| city.objects[*number as usize]) {
+            bytes.push((object.kind == ObjectKind::Terrain).into());
+            bytes.extend_from_slice(&object.base_z_m.to_bits().to_le_bytes());
+        }
+        for material in self.materials.iter().map(|number| city.materials[*number as usize]) {
+            bytes.extend_from_slice(&material.rgb);
+            bytes.push(material.texture.is_some().into());
+            bytes.extend(material.texture.iter().flat_map(|number| city.textures.hash(*number)));
+        }
+        short_hash(&blake3::hash(&bytes))
+    }
+
+    /// The block as a scene with its textures. Fails if a texture cannot be read.
+    pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
+        let objects = self.objects.iter().map(|number| city.objects[*number as usize]);
+        let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
+        let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));
+        Ok(Scene {
+            origin: city.origin,
+            triangles: self.triangles,
+            objects: objects.collect(),
+            materials: materials.collect::<Result<_, _>>()?,
+            crs: None,
+        })
+    }
+}
+
+/// Assigns new numbers in the order of first use.
+#[derive(Default)]
+struct Renumbering {
+    known: HashMap<u32, u32>,
+    order: Vec<u32>,
+}
+
+impl Renumbering {
+    fn number(&mut self, of: u32) -> u32 {
+        *self.known.entry(of).or_insert_with(|| {
+            self.order.push(of);
+            self.order.len() as u32 - 1
+        })
+    }
+}
+
+/// Estimates the memory needed to bake the block.
+pub(super) fn estimate_memory_bytes(block: &LeafBlock, grid: &CityGrid, margin_m: f64) -> usize {
+    let cell_m = grid.cell_m;
+    let side_m = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
+    // About half of a bucket's surface is in the margin, less if the margin is narrow. Samples are half a cell apart.
+    let share = side_m * side_m / ((side_m + 2.0 * margin_m) * (side_m + 2.0 * margin_m));
+    let samples = block.surface_m2 * share * 4.0 / (cell_m * cell_m);
+    let cells = (side_m / cell_m) * (side_m / cell_m);
+    let map_texels = 16.0 * cells;
+    (samples * 100.0 + cells * 500.0 + map_texels * 8.0 + block.triangles as f64 * 320.0) as usize
+}

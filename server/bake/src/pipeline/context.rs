@@ -1,0 +1,98 @@
+//! What the stages that bake tiles share.
+
+use std::path::Path;
+
+use crate::{
+    columns::{parametrise::parametrise, voxels::VoxelNode},
+    config::BakeConfig,
+    error::BakeError,
+    progress::Progress,
+    report::{PackCounts, PackOutcome},
+    scene::grid::CityGrid,
+    write::{
+        mesh_pack::StoredMesh,
+        scratch_folder::ResumeStatus,
+        tile_pack::{self, EncodedTile, PackId, StoredTile},
+        tile_tree::{TileTree, round_outward, z_bounds},
+    },
+};
+
+use super::update::PreviousCity;
+
+/// The input of the stages that bake tiles.
+#[derive(Clone, Copy)]
+pub(super) struct TileContext<'a> {
+    pub(super) config: &'a BakeConfig,
+    pub(super) grid: &'a CityGrid,
+    /// Folder of the packs.
+    pub(super) packs: &'a Path,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) resume: ResumeStatus,
+    /// The city to update.
+    pub(super) previous: Option<&'a PreviousCity>,
+}
+
+impl TileContext<'_> {
+    /// The tiles of a pack that an interrupted bake finished.
+    pub(super) fn find_resumed(&self, pack: PackId) -> Option<Vec<StoredTile>> {
+        if self.resume == ResumeStatus::Resumed { tile_pack::find(self.packs, pack) } else { None }
+    }
+}
+
+/// A baked, resumed or reused pack.
+pub(super) struct FinishedPack {
+    pub(super) tiles: Vec<StoredTile>,
+    /// Empty for parents.
+    pub(super) meshes: Vec<StoredMesh>,
+    pub(super) outcome: PackOutcome,
+}
+
+/// The tiles of all levels that are finished, and how they were obtained.
+pub(super) struct FinishedTiles {
+    pub(super) tree: TileTree,
+    pub(super) counts: PackCounts,
+}
+
+impl FinishedTiles {
+    pub(super) fn new(depth: u8) -> Self {
+        Self { tree: TileTree::new(depth), counts: PackCounts::default() }
+    }
+
+    /// Adds all packs of a level.
+    pub(super) fn add_level(&mut self, level: u8, packs: Vec<FinishedPack>) {
+        let (mut tiles, mut meshes) = (Vec::new(), Vec::new());
+        for pack in packs {
+            self.counts.add(pack.outcome);
+            tiles.extend(pack.tiles);
+            meshes.extend(pack.meshes);
+        }
+        self.tree.set(level, tiles);
+        if !meshes.is_empty() {
+            self.tree.set_meshes(meshes);
+        }
+    }
+}
+
+/// Encodes a node, whose bounds are to contain those of its `children`. Takes the node to free its voxels early. Fails
+/// if it exceeds the format's limits; `source` then says what the node is made from.
+pub(super) fn encode_node<'a>(
+    grid: &CityGrid,
+    config: &BakeConfig,
+    node: VoxelNode,
+    source: &'static str,
+    children: impl Iterator<Item = &'a StoredTile>,
+) -> Result<EncodedTile, BakeError> {
+    let id = node.id;
+    let map = parametrise(grid, &node).map_err(BakeError::tile(id, source))?;
+    drop(node);
+    let (mut z_min_m, mut z_max_m) = (f32::INFINITY, f32::NEG_INFINITY);
+    let own = z_bounds(&map).map(round_outward);
+    for [low, high] in children.map(|child| [child.z_min_m, child.z_max_m]).chain(own) {
+        (z_min_m, z_max_m) = (z_min_m.min(low), z_max_m.max(high));
+    }
+    if z_min_m > z_max_m {
+        [z_min_m, z_max_m] = round_outward([map.z_base_m(); 2]);
+    }
+    let bytes = map.encode_at(config.quality).map_err(BakeError::tile(id, "encoded"))?;
+    Ok(EncodedTile { id, z_min_m, z_max_m, bytes })
+}

@@ -1,0 +1,130 @@
+//! Reads the objects of a document or of a feature.
+
+use serde::de::DeserializeOwned;
+use serde_json::value::RawValue;
+
+use super::appearance::AppearanceReader;
+use super::geometry::{ObjectReader, ObjectReferences, VertexFrame};
+use super::levels::{LevelChoice, choose_levels};
+use super::schema::{
+    CityJsonAppearance, CityJsonDocument, CityObject, GeometryTemplates, ObjectOutline, ObjectText, VertexTransform,
+};
+use crate::error::{InputError, json_message};
+use crate::read::context::ReadContext;
+use crate::read::json::{metadata, position::JsonPosition};
+use crate::read::palette::object_kind;
+use crate::read::report::{SourceFormat, SourceReport};
+use crate::read::source::CitySource;
+
+/// Objects between two progress reports.
+const TICK_OBJECTS: usize = 256;
+
+/// Checks a document or header and starts the report. Fails if its version or coordinate system is not supported.
+pub(super) fn begin_report(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    header: &CityJsonDocument<'_>,
+    format: SourceFormat,
+) -> Result<SourceReport, InputError> {
+    let version = header.version.as_deref().unwrap_or("");
+    if !(version.starts_with("1.") || version.starts_with("2.") || version.is_empty()) {
+        return Err(InputError::unsupported(&source.label, format!("its version is CityJSON {version}")));
+    }
+    let mut report = SourceReport::new(&source.label, format, source.bytes);
+    if let Some(raw) = header.metadata
+        && let Ok(value) = serde_json::from_str(raw.get())
+    {
+        metadata::describe(&value, &mut report);
+    }
+    if let Some(crs) = report.crs.clone().filter(|crs| metadata::is_degrees(crs)) {
+        return Err(InputError::Degrees { path: source.label.clone(), crs });
+    }
+    context.agree_on_crs(&source.label, report.crs.as_deref())?;
+    Ok(report)
+}
+
+/// Parses an optional member. A malformed one is noted in the report and ignored.
+pub(super) fn parse_member<T: DeserializeOwned + Default>(
+    raw: Option<&RawValue>,
+    name: &str,
+    report: &mut SourceReport,
+) -> T {
+    let Some(raw) = raw else { return T::default() };
+    serde_json::from_str(raw.get()).unwrap_or_else(|error| {
+        report.problem("malformed member", || format!("{name}: {}", json_message(&error)));
+        T::default()
+    })
+}
+
+/// Members that apply to a whole file.
+pub(super) struct SharedMembers<'a> {
+    pub(super) transform: Option<VertexTransform>,
+    pub(super) templates: &'a GeometryTemplates,
+    /// The appearance that the templates refer to.
+    pub(super) appearance: &'a CityJsonAppearance,
+}
+
+/// Objects that may be related, with the vertices that they share.
+pub(super) struct ObjectBatch<'a> {
+    pub(super) objects: &'a [ObjectText<'a>],
+    pub(super) vertices: &'a [JsonPosition],
+    pub(super) appearance: &'a CityJsonAppearance,
+}
+
+/// Reads all objects of a batch; calls `tick` with the number of objects that are done.
+pub(super) fn read_objects(
+    mut reader: ObjectReader<'_, '_, '_>,
+    shared: &SharedMembers<'_>,
+    batch: &ObjectBatch<'_>,
+    tick: &dyn Fn(usize),
+) {
+    let outlines: Vec<(&str, Option<ObjectOutline>)> =
+        batch.objects.iter().map(|object| (object.id, serde_json::from_str(object.json).ok())).collect();
+    let choices = choose_levels(&outlines, &shared.templates.templates);
+    drop(outlines);
+    let mut references = ObjectReferences {
+        frame: VertexFrame::new(batch.vertices, shared.transform),
+        appearance: AppearanceReader::new(batch.appearance),
+        templates: shared.templates,
+        template_appearance: AppearanceReader::new(shared.appearance),
+    };
+    for (i, (object, choice)) in batch.objects.iter().zip(choices).enumerate() {
+        read_object(&mut reader, object, choice, &mut references);
+        if (i + 1) % TICK_OBJECTS == 0 {
+            tick(i + 1);
+        }
+    }
+}
+
+fn read_object(
+    reader: &mut ObjectReader<'_, '_, '_>,
+    text: &ObjectText<'_>,
+    choice: LevelChoice,
+    references: &mut ObjectReferences<'_>,
+) {
+    let id = text.id;
+    let object: CityObject = match serde_json::from_str(text.json) {
+        Ok(object) => object,
+        Err(error) => {
+            reader.report.skip("malformed object", || format!("{id}: {}", json_message(&error)));
+            return;
+        }
+    };
+    reader.report.count_type(&object.kind);
+    let level = match choice {
+        LevelChoice::Level(level) => level,
+        LevelChoice::Coarser => {
+            reader.report.coarser_left_out += 1;
+            return;
+        }
+        LevelChoice::NoGeometry => return,
+    };
+    match reader.read(id, &object, level, references) {
+        Ok(_) if reader.faces.is_empty() => reader.report.skip("no surface with an area", || id.to_owned()),
+        Ok(has_volume) => {
+            let kind = object_kind(&object.kind, has_volume);
+            reader.context.builder.add(reader.context.source, id, kind, &reader.faces, reader.report);
+        }
+        Err(fault) => reader.report.skip(fault.reason, || format!("{id}: {}", fault.detail)),
+    }
+}

@@ -1,0 +1,161 @@
+//! Reads the features of a source one at a time.
+
+use std::io::BufRead;
+
+use serde_json::Value;
+
+use super::colour::prism_colours;
+use super::footprint::Footprint;
+use super::height::PrismHeight;
+use super::projection::InputProjection;
+use super::schema::{GeoJsonFeature, GeoJsonPolygon};
+use crate::error::{InputError, json_message};
+use crate::read::context::ReadContext;
+use crate::read::json::{lenient, metadata};
+use crate::read::report::{SourceFormat, SourceReport};
+use crate::read::scene_builder::WorldTriangle;
+use crate::read::source::{CitySource, NextLine, next_line};
+use crate::scene::ObjectKind;
+
+/// Features between two progress reports.
+const TICK_FEATURES: u64 = 64;
+/// Separates the records of a sequence (RFC 8142).
+const RECORD_SEPARATOR: u8 = 0x1e;
+
+/// Reads the features of a source.
+pub(super) struct FeatureReader<'r, 'o, 's> {
+    pub(super) context: &'r mut ReadContext<'o>,
+    pub(super) source: &'s CitySource<'s>,
+    pub(super) report: SourceReport,
+    projection: InputProjection,
+    /// Number of features so far.
+    count: u64,
+    faces: Vec<WorldTriangle>,
+}
+
+impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
+    pub(super) fn new(context: &'r mut ReadContext<'o>, source: &'s CitySource<'s>) -> Self {
+        let projection = InputProjection::new(context.crs());
+        let report = SourceReport::new(&source.label, SourceFormat::GeoJson, source.bytes);
+        Self { context, source, report, projection, count: 0, faces: Vec::new() }
+    }
+
+    /// Reads one feature per line. A damaged line is skipped and reported. Fails if the source cannot be read.
+    pub(super) fn read_lines(&mut self, mut lines: Box<dyn BufRead + '_>, tick: &dyn Fn()) -> Result<(), InputError> {
+        let limit = usize::try_from(self.context.options.max_line_bytes).unwrap_or(usize::MAX);
+        let mut line = Vec::new();
+        loop {
+            let status = next_line(&mut *lines, &mut line, limit);
+            match status.map_err(|cause| InputError::io(&self.source.label, cause))? {
+                NextLine::EndOfFile => return Ok(()),
+                NextLine::TooLong => {
+                    self.count += 1;
+                    let count = self.count;
+                    self.report.skip("line too long", || format!("feature {count}: more than {limit} bytes"));
+                }
+                NextLine::Complete => {
+                    let text = line.strip_prefix(&[RECORD_SEPARATOR]).unwrap_or(&line).trim_ascii();
+                    if !text.is_empty() {
+                        self.read_feature(text)?;
+                    }
+                }
+            }
+            self.tick(tick);
+        }
+    }
+
+    /// Calls `tick` now and then.
+    pub(super) fn tick(&self, tick: &dyn Fn()) {
+        if self.count.is_multiple_of(TICK_FEATURES) {
+            tick();
+        }
+    }
+
+    /// Applies the document's `crs` member. Fails if it comes after a feature or names an unsupported system.
+    pub(super) fn set_crs(&mut self, crs: &Value) -> Result<(), InputError> {
+        if self.count > 0 {
+            let what = "its \"crs\" comes after its features; move it to the front";
+            return Err(InputError::unsupported(&self.source.label, what));
+        }
+        let named = InputProjection::from_crs(crs).map_err(|what| InputError::unsupported(&self.source.label, what))?;
+        let Some(epsg) = named else { return Ok(()) };
+        self.projection = InputProjection::Metres;
+        self.report.crs = Some(epsg);
+        self.context.agree_on_crs(&self.source.label, self.report.crs.as_deref())
+    }
+
+    /// Takes metadata from any other member of the document.
+    pub(super) fn describe(&mut self, name: &str, value: Value) {
+        metadata::describe(&Value::Object([(name.to_owned(), value)].into_iter().collect()), &mut self.report);
+    }
+
+    /// Reads one feature; a malformed one is skipped and reported. Fails if its coordinate system differs from the
+    /// city's.
+    pub(super) fn read_feature(&mut self, text: &[u8]) -> Result<(), InputError> {
+        self.count += 1;
+        let number = self.count;
+        let mut repaired = Vec::new();
+        let feature = match lenient::parse::<GeoJsonFeature>(text, &mut repaired) {
+            Ok(feature) if feature.kind == "Feature" => feature,
+            Ok(feature) => {
+                self.report.skip("no feature", || format!("feature {number}: its type is \"{}\"", feature.kind));
+                return Ok(());
+            }
+            Err(error) => {
+                self.report.skip("malformed feature", || format!("feature {number}: {}", json_message(&error)));
+                return Ok(());
+            }
+        };
+        let id = feature.id().unwrap_or_else(|| format!("feature {number}"));
+        let Some(geometry) = &feature.geometry else {
+            self.report.skip("no geometry", || id);
+            return Ok(());
+        };
+        self.report.count_type(&geometry.kind);
+        match geometry.polygons() {
+            Ok(polygons) if polygons.is_empty() => {
+                self.report.skip("no polygon", || format!("{id}: its geometry is \"{}\"", geometry.kind));
+            }
+            Ok(polygons) => {
+                if let Some(epsg) = self.projection.choose_zone(&polygons) {
+                    self.context.agree_on_crs(&self.source.label, Some(&epsg))?;
+                    self.report.crs = Some(epsg);
+                }
+                self.add_object(&id, &feature, &polygons);
+            }
+            Err(detail) => self.report.skip("malformed coordinates", || format!("{id}: {detail}")),
+        }
+        Ok(())
+    }
+
+    /// Extrudes the polygons of a feature to one object.
+    fn add_object(&mut self, id: &str, feature: &GeoJsonFeature, polygons: &[GeoJsonPolygon]) {
+        let height = PrismHeight::of(&feature.properties, |kind, detail| {
+            self.report.problem(kind, || format!("{id}: {detail}"));
+        });
+        let colours = prism_colours(&feature.properties, &self.context.options.palette, |detail| {
+            self.report.problem("colour not understood", || format!("{id}: {detail}"));
+        });
+        let materials = colours.map(|rgb| self.context.builder.material(rgb, None));
+        self.faces.clear();
+        let mut fault = None;
+        for polygon in polygons {
+            let note = |kind: &str| self.report.problem(kind, || id.to_owned());
+            let extruded = Footprint::new(polygon, &self.projection, note).and_then(|footprint| {
+                footprint.extrude(&height, materials, &mut self.context.triangulator, &mut self.faces)
+            });
+            match extruded {
+                Ok(true) => {}
+                Ok(false) => self.report.problem("ring crosses itself", || id.to_owned()),
+                Err(reason) => fault = Some(reason),
+            }
+        }
+        match fault {
+            Some(reason) if self.faces.is_empty() => self.report.skip(reason, || id.to_owned()),
+            Some(reason) => self.report.problem(reason, || id.to_owned()),
+            None => {}
+        }
+        let (source, kind) = (self.context.source, ObjectKind::Building);
+        self.context.builder.add(source, id, kind, &self.faces, &mut self.report);
+    }
+}

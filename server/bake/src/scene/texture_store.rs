@@ -1,0 +1,152 @@
+//! The city's textures by number, in memory or in scratch files with a cache of limited size.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use lru::LruCache;
+
+use crate::{
+    error::BakeError,
+    hash::{ShortHash, short_hash},
+    scene::SceneTexture,
+};
+
+/// Size and hash of a texture, kept while its texels are on disk.
+#[derive(Debug, Clone, Copy)]
+struct TextureFacts {
+    width: u32,
+    height: u32,
+    hash: ShortHash,
+}
+
+/// Textures by number. Those in files are loaded on demand and cached.
+#[derive(Debug)]
+pub(crate) struct TextureStore {
+    facts: Vec<TextureFacts>,
+    storage: TextureStorage,
+    failed: Option<BakeError>,
+}
+
+#[derive(Debug)]
+enum TextureStorage {
+    Memory(Vec<Arc<SceneTexture>>),
+    Folder { path: PathBuf, cache: Mutex<TextureCache> },
+}
+
+/// Loaded textures. Evicts the least recently used; a texture that a block still uses stays alive outside the cache.
+#[derive(Debug)]
+struct TextureCache {
+    loaded: LruCache<u32, Arc<SceneTexture>>,
+    bytes: usize,
+    limit_bytes: usize,
+}
+
+impl TextureStore {
+    pub(crate) fn in_memory() -> Self {
+        Self { facts: Vec::new(), storage: TextureStorage::Memory(Vec::new()), failed: None }
+    }
+
+    /// Keeps textures in files of the existing folder `path`, and at most `limit_bytes` of them in memory.
+    pub(crate) fn in_folder(path: PathBuf, limit_bytes: usize) -> Self {
+        let cache = Mutex::new(TextureCache { loaded: LruCache::unbounded(), bytes: 0, limit_bytes });
+        Self { facts: Vec::new(), storage: TextureStorage::Folder { path, cache }, failed: None }
+    }
+
+    /// Stores a texture and returns its number. A write error is kept until [`Self::finish`].
+    pub(crate) fn add(&mut self, texture: Arc<SceneTexture>) -> u32 {
+        let number = self.facts.len() as u32;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&texture.width.to_le_bytes()).update(&texture.height.to_le_bytes());
+        let hash = short_hash(&hasher.update(texture.rgb.as_flattened()).finalize());
+        self.facts.push(TextureFacts { width: texture.width, height: texture.height, hash });
+        match &mut self.storage {
+            TextureStorage::Memory(all) => all.push(texture),
+            TextureStorage::Folder { path, .. } => {
+                let path = texture_path(path, number);
+                if let Err(cause) = fs::write(&path, texture.rgb.as_flattened()) {
+                    self.failed.get_or_insert(BakeError::io(&path, "written", cause));
+                }
+            }
+        }
+        number
+    }
+
+    /// Fails if a texture could not be written.
+    pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
+        self.failed.take().map_or(Ok(()), Err)
+    }
+
+    /// Hash of the texture's size and texels.
+    pub(crate) fn hash(&self, number: u32) -> ShortHash {
+        self.facts[number as usize].hash
+    }
+
+    /// The texture. Fails if its file cannot be read or has changed.
+    pub(crate) fn get(&self, number: u32) -> Result<Arc<SceneTexture>, BakeError> {
+        match &self.storage {
+            TextureStorage::Memory(all) => Ok(Arc::clone(&all[number as usize])),
+            TextureStorage::Folder { path, cache } => {
+                // Loading under the lock: two blocks that need the same texture load it once.
+                let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(texture) = cache.loaded.get(&number) {
+                    return Ok(Arc::clone(texture));
+                }
+                let texture = Arc::new(load(&texture_path(path, number), self.facts[number as usize])?);
+                cache.insert(number, &texture);
+                Ok(texture)
+            }
+        }
+    }
+}
+
+impl TextureCache {
+    fn insert(&mut self, number: u32, texture: &Arc<SceneTexture>) {
+        self.bytes += texture.rgb.as_flattened().len();
+        self.loaded.put(number, Arc::clone(texture));
+        while self.bytes > self.limit_bytes
+            && let Some((_, evicted)) = self.loaded.pop_lru()
+        {
+            self.bytes -= evicted.rgb.as_flattened().len();
+        }
+    }
+}
+
+fn texture_path(folder: &Path, number: u32) -> PathBuf {
+    folder.join(format!("{number}.rgb"))
+}
+
+fn load(path: &Path, facts: TextureFacts) -> Result<SceneTexture, BakeError> {
+    let bytes = fs::read(path).map_err(|cause| BakeError::io(path, "read", cause))?;
+    let (texels, rest) = bytes.as_chunks::<3>();
+    if !rest.is_empty() || texels.len() as u64 != u64::from(facts.width) * u64::from(facts.height) {
+        return Err(BakeError::Scratch { path: path.to_owned() });
+    }
+    Ok(SceneTexture { width: facts.width, height: facts.height, rgb: texels.to_vec() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_folder::TestFolder;
+
+    #[test]
+    fn textures_are_loaded_on_demand_within_the_cache_limit() {
+        let folder = TestFolder::new("textures");
+        let mut textures = TextureStore::in_folder(folder.path.clone(), 100);
+        for i in 0..4u8 {
+            textures.add(Arc::new(SceneTexture { width: 5, height: 2, rgb: vec![[i; 3]; 10] }));
+        }
+        textures.finish().unwrap();
+        for i in [0u8, 1, 2, 0, 3, 1] {
+            assert_eq!(textures.get(i.into()).unwrap().rgb, [[i; 3]; 10]);
+            let TextureStorage::Folder { cache, .. } = &textures.storage else { panic!("not in a folder") };
+            assert!(cache.lock().unwrap().bytes <= 100);
+        }
+        assert_ne!(textures.hash(0), textures.hash(1));
+        fs::write(folder.path.join("2.rgb"), [0; 29]).unwrap();
+        assert!(matches!(textures.get(2), Err(BakeError::Scratch { .. })));
+    }
+}

@@ -1,0 +1,145 @@
+//! Triangles in the order of reading, in memory or in a scratch file.
+
+use std::{
+    fs::File,
+    io::{self, BufReader, BufWriter, Read, Write},
+    path::PathBuf,
+};
+
+use crate::{error::BakeError, scene::SceneTriangle};
+
+/// Size of a triangle in a scratch file: corners, texture coordinates, material, object; 4 bytes each, little-endian.
+pub(crate) const RECORD_BYTES: usize = 17 * 4;
+const BUFFER_BYTES: usize = RECORD_BYTES << 12;
+
+/// Encodes a triangle for a scratch file.
+pub(crate) fn to_record(triangle: &SceneTriangle) -> [u8; RECORD_BYTES] {
+    let mut record = [0; RECORD_BYTES];
+    let floats = triangle.corners.as_flattened().iter().chain(triangle.uv.as_flattened()).map(|v| v.to_bits());
+    let words = floats.chain([triangle.material, triangle.object]);
+    for (slot, word) in record.chunks_exact_mut(4).zip(words) {
+        slot.copy_from_slice(&word.to_le_bytes());
+    }
+    record
+}
+
+/// The inverse of [`to_record`].
+pub(crate) fn from_record(record: &[u8; RECORD_BYTES]) -> SceneTriangle {
+    let word = |i: usize| u32::from_le_bytes([record[4 * i], record[4 * i + 1], record[4 * i + 2], record[4 * i + 3]]);
+    let float = |i: usize| f32::from_bits(word(i));
+    SceneTriangle {
+        corners: std::array::from_fn(|i| std::array::from_fn(|axis| float(3 * i + axis))),
+        uv: std::array::from_fn(|i| [float(9 + 2 * i), float(10 + 2 * i)]),
+        material: word(15),
+        object: word(16),
+    }
+}
+
+/// Triangles in the order in which they were added.
+#[derive(Debug)]
+pub(crate) enum TriangleStore {
+    Memory(Vec<SceneTriangle>),
+    File(TriangleFile),
+}
+
+/// A scratch file of triangles. The first write error is kept until [`TriangleStore::finish`], so that readers need not
+/// handle it.
+#[derive(Debug)]
+pub(crate) struct TriangleFile {
+    path: PathBuf,
+    writer: Option<BufWriter<File>>,
+    failed: Option<io::Error>,
+}
+
+impl TriangleFile {
+    /// Removes the file. A file that cannot be removed stays until the whole scratch folder is removed.
+    pub(crate) fn remove(self) {
+        drop(self.writer);
+        let _ = std::fs::remove_file(self.path);
+    }
+}
+
+impl TriangleStore {
+    /// Fails if the file at `path` cannot be created.
+    pub(crate) fn in_file(path: PathBuf) -> Result<Self, BakeError> {
+        let file = File::create(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
+        let writer = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
+        Ok(Self::File(TriangleFile { path, writer, failed: None }))
+    }
+
+    pub(crate) fn push(&mut self, triangle: SceneTriangle) {
+        match self {
+            Self::Memory(all) => all.push(triangle),
+            Self::File(file) => {
+                if let Some(writer) = &mut file.writer
+                    && let Err(cause) = writer.write_all(&to_record(&triangle))
+                {
+                    file.failed = Some(cause);
+                    file.writer = None;
+                }
+            }
+        }
+    }
+
+    /// Ends the writing. Fails if any write failed.
+    pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
+        let Self::File(file) = self else { return Ok(()) };
+        let flushed = file.writer.take().map_or(Ok(()), |mut writer| writer.flush());
+        let failed = file.failed.take().map_or(flushed, Err);
+        failed.map_err(|cause| BakeError::io(&file.path, "written", cause))
+    }
+
+    /// Calls `visit` for every triangle, in order. Fails if the file cannot be read, or with the first error of
+    /// `visit`.
+    pub(crate) fn try_for_each(
+        &self,
+        mut visit: impl FnMut(SceneTriangle) -> Result<(), BakeError>,
+    ) -> Result<(), BakeError> {
+        match self {
+            Self::Memory(all) => all.iter().try_for_each(|triangle| visit(*triangle)),
+            Self::File(file) => {
+                let failed = |cause| BakeError::io(&file.path, "read", cause);
+                let mut reader = BufReader::with_capacity(BUFFER_BYTES, File::open(&file.path).map_err(failed)?);
+                let mut record = [0; RECORD_BYTES];
+                while !io::BufRead::fill_buf(&mut reader).map_err(failed)?.is_empty() {
+                    reader.read_exact(&mut record).map_err(failed)?;
+                    visit(from_record(&record))?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_folder::TestFolder;
+    use std::fs;
+
+    fn triangle(i: u32) -> SceneTriangle {
+        let corners = [[i as f32, 0.5, -1.0], [5.0, 0.0, 1.0], [0.0, -3.0, f32::MIN_POSITIVE]];
+        SceneTriangle { corners, uv: [[0.25, i as f32], [1.0, 0.0], [-7.5, 2.0]], material: i, object: 3 * i }
+    }
+
+    #[test]
+    fn triangle_file_returns_its_triangles_in_order_and_reports_truncation() {
+        let folder = TestFolder::new("triangle-store");
+        let mut stored = TriangleStore::in_file(folder.path.join("triangles")).unwrap();
+        let all: Vec<SceneTriangle> = (0..10_000).map(triangle).collect();
+        all.iter().for_each(|triangle| stored.push(*triangle));
+        stored.finish().unwrap();
+        let mut back = Vec::new();
+        stored
+            .try_for_each(|triangle| {
+                back.push(triangle);
+                Ok(())
+            })
+            .unwrap();
+        assert!(back == all);
+        let path = folder.path.join("triangles");
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
+        assert!(matches!(stored.try_for_each(|_| Ok(())), Err(BakeError::Io { .. })));
+    }
+}
