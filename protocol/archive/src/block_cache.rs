@@ -1,6 +1,10 @@
 //! Blocks of remote objects in memory and, if wanted, on disk. Each is fetched once however many callers want it.
 
-use crate::{RangeRead, RangeSource, ReadError, disk_cache::DiskCache, source::BoxFuture};
+use crate::{
+    RangeRead, RangeSource, ReadError,
+    disk_cache::DiskCache,
+    source::{BoxFuture, SharedSource},
+};
 use bytes::{Bytes, BytesMut};
 use moka::future::Cache;
 use std::{
@@ -90,8 +94,8 @@ impl BlockCache {
     }
 
     /// The object, read through this cache.
-    pub fn source(self: &Arc<Self>, object: Arc<dyn BlockObject>) -> impl RangeSource + use<> {
-        BlockSource { cache: self.clone(), object }
+    pub fn source(self: &Arc<Self>, object: Arc<dyn BlockObject>) -> SharedSource {
+        Arc::new(BlockSource { cache: self.clone(), object })
     }
 
     fn keys(&self, object: &dyn BlockObject, range: &Range<u64>) -> impl Iterator<Item = BlockKey> + use<> {

@@ -166,5 +166,6 @@ pub fn parse_manifest(text: &[u8]) -> Result<Manifest, String> {
     Ok(manifest)
 }
 
-#[cfg(all(test, feature = "fs"))]
+#[cfg(test)]
+#[cfg(feature = "fs")]
 mod tests;

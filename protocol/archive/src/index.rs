@@ -1,21 +1,21 @@
 //! An archive with all of its directories in memory.
 
 use crate::{
-    ArchiveError, RangeRead, RangeSource, ReadError,
+    ArchiveError, RangeRead, ReadError,
     directory::{
         ArchiveHeader, DirectoryBudget, DirectoryEntry, HEADER_BYTES, MAX_LEAF_DEPTH, MAX_TILES, find, tile_id,
         tile_number,
     },
-    source::read_exactly,
+    source::{SharedSource, read_exactly},
 };
 use bytes::Bytes;
 use insula_protocol::TileId;
-use std::{collections::HashSet, ops::Range, sync::Arc};
+use std::{collections::HashSet, ops::Range};
 
 /// An archive whose directories have been read and checked: every tile lies inside the file.
 #[derive(Debug)]
 pub struct Archive {
-    source: Arc<dyn RangeSource>,
+    source: SharedSource,
     length: u64,
     entries: Vec<DirectoryEntry>,
 }
@@ -27,19 +27,19 @@ impl Archive {
         use crate::{CityError, file::FileSource};
         use futures_util::FutureExt as _;
         let source = FileSource::open(path).map_err(|source| CityError::Io { path: path.to_owned(), source })?;
-        let loaded = Self::load(Arc::new(source)).now_or_never();
+        let loaded = Self::load(std::sync::Arc::new(source)).now_or_never();
         let waits = || Err(ReadError::Failed("a file does not answer at once".into()).into());
         let location = || path.display().to_string();
         loaded.unwrap_or_else(waits).map_err(|source| CityError::Archive { location: location(), source })
     }
 
     /// Reads the directories of an archive. The length of the source must be known.
-    pub async fn load(source: Arc<dyn RangeSource>) -> Result<Self, ArchiveError> {
+    pub async fn load(source: SharedSource) -> Result<Self, ArchiveError> {
         let length = source.length().ok_or_else(|| ReadError::Failed("the length is unknown".into()))?;
-        let first = read_exactly(&*source, 0..length.min(HEADER_BYTES)).await?;
+        let first = read_exactly(&source, 0..length.min(HEADER_BYTES)).await?;
         let header = ArchiveHeader::read(&first, Some(length))?;
-        let root = read_exactly(&*source, header.root.clone()).await?;
-        let leaves = read_exactly(&*source, header.leaves.clone()).await?;
+        let root = read_exactly(&source, header.root.clone()).await?;
+        let leaves = read_exactly(&source, header.leaves.clone()).await?;
         let budget = DirectoryBudget::of_archive(length);
         let mut loader =
             DirectoryLoader { header, leaves, budget, visited: HashSet::new(), tiles: 0, entries: Vec::new() };
@@ -57,7 +57,7 @@ impl Archive {
         self.source.read(range)
     }
 
-    /// See [`RangeSource::invalidate`].
+    /// See [`crate::RangeSource::invalidate`].
     pub async fn invalidate(&self, range: Range<u64>) {
         self.source.invalidate(range).await;
     }

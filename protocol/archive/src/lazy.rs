@@ -1,9 +1,9 @@
 //! An archive whose directories are fetched as needed.
 
 use crate::{
-    ArchiveError, RangeSource,
+    ArchiveError,
     directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number},
-    source::{BoxFuture, read_exactly},
+    source::{BoxFuture, SharedSource, read_exactly},
 };
 use bytes::Bytes;
 use futures_util::{FutureExt as _, future::WeakShared};
@@ -26,7 +26,7 @@ const RESIDENT_BYTES: usize = 32 << 20;
 /// many callers wait, and the most recently used ones stay in memory. A read that fails is repeated by the next caller.
 #[derive(Debug)]
 pub struct LazyArchive {
-    source: Arc<dyn RangeSource>,
+    source: SharedSource,
     cache: Arc<Mutex<DirectoryCache>>,
 }
 
@@ -50,7 +50,7 @@ struct DirectoryCache {
 
 impl LazyArchive {
     /// Reads nothing yet.
-    pub fn new(source: Arc<dyn RangeSource>) -> Self {
+    pub fn new(source: SharedSource) -> Self {
         let cache = DirectoryCache { resident: LruCache::unbounded(), resident_bytes: 0, pending: HashMap::new() };
         Self { source, cache: Arc::new(Mutex::new(cache)) }
     }
@@ -58,7 +58,7 @@ impl LazyArchive {
     /// Reads a tile, unchecked. `None` if there is no such tile.
     pub async fn tile(&self, id: TileId) -> Result<Option<Bytes>, ArchiveError> {
         let Some(range) = self.find(tile_number(id)).await? else { return Ok(None) };
-        Ok(Some(read_exactly(&*self.source, range).await?))
+        Ok(Some(read_exactly(&self.source, range).await?))
     }
 
     async fn find(&self, number: u64) -> Result<Option<Range<u64>>, ArchiveError> {
@@ -133,7 +133,7 @@ fn lock(cache: &Mutex<DirectoryCache>) -> MutexGuard<'_, DirectoryCache> {
     cache.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-async fn load_root(source: Arc<dyn RangeSource>) -> Result<ArchiveDirectory, ArchiveError> {
+async fn load_root(source: SharedSource) -> Result<ArchiveDirectory, ArchiveError> {
     let first = source.read(0..FIRST_READ_BYTES).bytes().await?;
     let header = ArchiveHeader::read(&first, source.length())?;
     let root = header.root.clone();
@@ -144,11 +144,11 @@ async fn load_root(source: Arc<dyn RangeSource>) -> Result<ArchiveDirectory, Arc
 }
 
 async fn load_directory(
-    source: Arc<dyn RangeSource>,
+    source: SharedSource,
     header: ArchiveHeader,
     range: Range<u64>,
 ) -> Result<ArchiveDirectory, ArchiveError> {
-    ArchiveDirectory::unpack(header, &read_exactly(&*source, range).await?)
+    ArchiveDirectory::unpack(header, &read_exactly(&source, range).await?)
 }
 
 /// The archives of a city, each opened at its first tile.
@@ -161,9 +161,9 @@ pub struct LazyCity {
 
 impl LazyCity {
     /// `open` returns the source of each archive.
-    pub fn new<S: RangeSource + 'static>(open: impl Fn(Layer) -> S) -> Self {
-        let [subtrees, blockmaps, meshes] =
-            [Layer::Subtrees, Layer::BlockMaps, Layer::Meshes].map(|kind| LazyArchive::new(Arc::new(open(kind))));
+    pub fn new(open: impl Fn(Layer) -> SharedSource) -> Self {
+        let archive = |kind| LazyArchive::new(open(kind));
+        let [subtrees, blockmaps, meshes] = [Layer::Subtrees, Layer::BlockMaps, Layer::Meshes].map(archive);
         Self { subtrees, blockmaps, meshes }
     }
 

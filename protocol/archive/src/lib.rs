@@ -26,4 +26,4 @@ pub use city::{BakedCity, CityArchives};
 pub use error::{ArchiveError, CityError, ReadError};
 pub use index::Archive;
 pub use lazy::{LazyArchive, LazyCity};
-pub use source::{RangeRead, RangeSource};
+pub use source::{RangeRead, RangeSource, SharedSource};

@@ -2,30 +2,26 @@
 
 use crate::ReadError;
 use bytes::Bytes;
-use std::{fmt::Debug, ops::Range};
+use std::{fmt::Debug, ops::Range, sync::Arc};
 
-/// A boxed future. It is `Send` except in WebAssembly, where the values of JavaScript are not.
+/// A boxed future. It is `Send` except in WebAssembly, where values of JavaScript are not.
 #[cfg(not(target_arch = "wasm32"))]
 pub use futures_util::future::BoxFuture;
 #[cfg(target_arch = "wasm32")]
 pub use futures_util::future::LocalBoxFuture as BoxFuture;
 
-/// `Send + Sync` except in WebAssembly.
+/// A source that several readers share, also between threads except in WebAssembly.
 #[cfg(not(target_arch = "wasm32"))]
-pub trait MaybeSendSync: Send + Sync {}
-#[cfg(not(target_arch = "wasm32"))]
-impl<T: Send + Sync + ?Sized> MaybeSendSync for T {}
-/// `Send + Sync` except in WebAssembly.
+pub type SharedSource = Arc<dyn RangeSource + Send + Sync>;
+/// A source that several readers share.
 #[cfg(target_arch = "wasm32")]
-pub trait MaybeSendSync {}
-#[cfg(target_arch = "wasm32")]
-impl<T: ?Sized> MaybeSendSync for T {}
+pub type SharedSource = Arc<dyn RangeSource>;
 
 /// Something whose byte ranges can be read.
 ///
 /// A source reads one version of its object: if the length or the version of a response differs from the first response, the
 /// read fails with [`ReadError::Replaced`].
-pub trait RangeSource: Debug + MaybeSendSync {
+pub trait RangeSource: Debug {
     /// Length in bytes. `None` while no response has told it.
     fn length(&self) -> Option<u64>;
 
@@ -65,7 +61,7 @@ impl RangeRead {
 }
 
 /// Reads a range that must lie inside the object.
-pub(crate) async fn read_exactly(source: &dyn RangeSource, range: Range<u64>) -> Result<Bytes, ReadError> {
+pub(crate) async fn read_exactly(source: &SharedSource, range: Range<u64>) -> Result<Bytes, ReadError> {
     let bytes = source.read(range.clone()).bytes().await?;
     if bytes.len() as u64 == range.end - range.start {
         Ok(bytes)

@@ -111,7 +111,7 @@ impl RemoteCity {
         let id = hash.as_bytes()[..16].iter().fold(0, |id, byte| id << 8 | u128::from(*byte));
         let (requests, store) = (self.requests.clone(), self.store.clone());
         let object = RemoteObject { requests, store, path, tag: meta.e_tag, length: meta.size, id };
-        let archive = Archive::load(Arc::new(self.cache.source(Arc::new(object)))).await;
+        let archive = Archive::load(self.cache.source(Arc::new(object))).await;
         Ok(Some(archive.map_err(|source| CityError::Archive { location, source })?))
     }
 }

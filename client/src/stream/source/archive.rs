@@ -1,7 +1,7 @@
 //! A city's archives in a folder or on a plain host.
 
 use super::{Pending, Source};
-use insula_archive::{ArchiveError, LazyCity, RangeSource, ReadError, limits::max_tile_bytes};
+use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource, limits::max_tile_bytes};
 use insula_protocol::{mesh_tile, route::Layer};
 use insula_viewer::{scene::TileKey, streamer::FetchError};
 
@@ -14,7 +14,7 @@ pub struct ArchivedCity {
 
 impl ArchivedCity {
     /// `open` returns the source of each archive; `location` is for people.
-    pub(super) fn new<S: RangeSource + 'static>(location: String, open: impl Fn(Layer) -> S) -> Self {
+    pub(super) fn new(location: String, open: impl Fn(Layer) -> SharedSource) -> Self {
         Self { location, city: LazyCity::new(open) }
     }
 }

@@ -21,10 +21,8 @@ struct FolderArchive {
 
 /// The city in `folder`.
 pub fn open(folder: &Path, http: &Arc<Http>) -> ArchivedCity {
-    ArchivedCity::new(folder.display().to_string(), |kind| FolderArchive {
-        path: folder.join(kind.file_name()),
-        http: http.clone(),
-        file: Arc::default(),
+    ArchivedCity::new(folder.display().to_string(), |kind| {
+        Arc::new(FolderArchive { path: folder.join(kind.file_name()), http: http.clone(), file: Arc::default() })
     })
 }
 

@@ -20,10 +20,8 @@ struct WebArchive {
 
 /// The city at `base`, an address without a slash at its end.
 pub fn open(base: &str, http: &Arc<Http>) -> ArchivedCity {
-    ArchivedCity::new(base.to_owned(), |kind| WebArchive {
-        url: format!("{base}/{}", kind.file_name()),
-        http: http.clone(),
-        first: Arc::default(),
+    ArchivedCity::new(base.to_owned(), |kind| {
+        Arc::new(WebArchive { url: format!("{base}/{}", kind.file_name()), http: http.clone(), first: Arc::default() })
     })
 }
 
