@@ -6,10 +6,7 @@ mod common;
 
 use common::{Answer, GROUND_M, MESH_M, Policy, ROOF_M, city, city_with_meshes, global, serve, session, shot, well};
 use insula_client::{commands::connect::connect, session::Session, stream::fetch::Http};
-use insula_protocol::{
-    TileId,
-    route::{self, Layer},
-};
+use insula_protocol::{TileId, TileKind, route};
 use insula_shaders::layout::Shading;
 use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
 use std::{
@@ -251,8 +248,8 @@ fn one_slow_answer_holds_up_no_other() {
 
 #[test]
 fn what_stays_bad_leaves_its_parent_on_screen() {
-    let damaged = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(3, 0, 0).unwrap());
-    let missing = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(2, 0, 1).unwrap());
+    let damaged = route::tile("test", "0123456789abcdef", TileKind::BlockMap, TileId::new(3, 0, 0).unwrap());
+    let missing = route::tile("test", "0123456789abcdef", TileKind::BlockMap, TileId::new(2, 0, 1).unwrap());
     let server = serve(
         city("test"),
         Box::new(move |path, _| match path {
@@ -273,7 +270,7 @@ fn what_stays_bad_leaves_its_parent_on_screen() {
 
 #[test]
 fn what_the_server_itself_cannot_read_leaves_its_parent_on_screen() {
-    let unread = route::tile("test", "0123456789abcdef", Layer::BlockMaps, TileId::new(3, 0, 0).unwrap());
+    let unread = route::tile("test", "0123456789abcdef", TileKind::BlockMap, TileId::new(3, 0, 0).unwrap());
     let policy: Box<Policy> = Box::new(move |path, _| if path == unread { Answer::Status(500) } else { Answer::Well });
     let mut session = session(&serve(city("test"), policy), 64);
     settle(&mut session, &street(), |_| {});

@@ -1,52 +1,33 @@
-//! What can be wrong with bytes.
+//! Errors of decoding and encoding.
 
-/// Why bytes are not what they claim to be.
+/// Why bytes cannot be decoded, or a value cannot be encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
-    /// The first bytes are not an Insula tile's.
-    #[error("not an Insula tile: it does not begin with the tile magic")]
+    #[error("not an Insula tile: the magic bytes are missing")]
     Magic,
-    /// Written by a program newer (or older) than this one.
     #[error("format version {found}, this program reads {known}: bake again, or update")]
-    Version {
-        /// In the bytes.
-        found: u16,
-        /// By this program.
-        known: u16,
-    },
-    /// A tile of another kind than was asked for.
+    Version { found: u16, known: u16 },
     #[error("tile of kind {found} where {wanted} was expected")]
-    Kind {
-        /// In the bytes.
-        found: u8,
-        /// By the caller.
-        wanted: u8,
-    },
-    /// Fewer bytes than announced.
-    #[error("truncated: {wanted} bytes announced, {found} there")]
-    Truncated {
-        /// Announced.
-        wanted: usize,
-        /// There.
-        found: usize,
-    },
-    /// More bytes than announced.
-    #[error("{0} bytes too many at the end")]
+    TileKind { found: u8, wanted: u8 },
+    #[error("truncated: {wanted} bytes announced, {found} found")]
+    Truncated { wanted: usize, found: usize },
+    #[error("{0} unexpected bytes at the end")]
     TrailingBytes(usize),
-    /// A checksum differs.
+    /// A checksum differs. The name says of what.
     #[error("checksum of {0} differs: the bytes are damaged, fetch them again")]
     Checksum(&'static str),
-    /// A number is over the limit that the format states.
+    /// A number exceeds a limit of the format.
     #[error("{what} is {found}, the format's limit is {limit}")]
-    Limit {
-        /// Which number.
-        what: &'static str,
-        /// In the bytes.
-        found: u64,
-        /// In the format.
-        limit: u64,
-    },
-    /// Bytes that no encoder writes.
+    Limit { what: &'static str, found: u64, limit: u64 },
+    /// This build lacks an ability.
+    #[error("{0} is not available in this build")]
+    Unsupported(&'static str),
+    /// A rule of the format is broken. The text says which.
     #[error("{0}")]
     Invalid(&'static str),
+}
+
+/// Fails with [`DecodeError::Limit`] if `found` is above `limit`.
+pub(crate) fn check_limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
+    if found > limit { Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 }) } else { Ok(()) }
 }

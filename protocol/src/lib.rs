@@ -1,10 +1,8 @@
-//! Formats and codecs that both sides of Insula speak.
+//! Formats, codecs and addresses of Insula: bytes to values or typed errors, and back.
 //!
-//! In: bytes, or values. Out: values, or bytes, or a typed error. Next: `insula-bake` writes them, `insula-server` carries
-//! them, `insula-client` reads them.
-//!
-//! No I/O, no async, no GPU, no logging. Decoders take bytes that anyone may have made: they never panic, never read
-//! outside, never allocate more than the limits stated in `docs/formats.md`.
+//! The bake writes these formats, the server carries them, and the client reads them. The crate has no I/O, no async, no
+//! GPU and no logging. Decoders accept untrusted bytes: they never panic, never read out of bounds, and never allocate more
+//! than the limits in `docs/formats.md`.
 
 pub mod blockmap;
 pub mod codec;
@@ -25,4 +23,5 @@ pub use manifest::Manifest;
 pub use mesh_tile::MeshTile;
 pub use subtree::Subtree;
 pub use texel::Texel;
+pub use tile::TileKind;
 pub use tile_id::TileId;

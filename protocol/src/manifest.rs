@@ -1,26 +1,26 @@
-//! `city.json`: what a client must know before its first tile.
+//! The manifest of a city (`city.json`): what a client needs before its first tile.
 
 use serde::{Deserialize, Serialize};
 
 /// Version of the manifest and of the city folder's layout.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// A baked city. JSON on disk and over HTTP; bincode over HTTP by `Accept: application/x-bincode`.
+/// A baked city. JSON on disk and over HTTP, or bincode over HTTP for `Accept: application/x-bincode`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// [`FORMAT_VERSION`].
     pub format_version: u32,
-    /// Name in URLs: `[a-z0-9_-]+`, the folder's name.
+    /// Name in URLs and of the folder; see [`is_name`].
     pub name: String,
-    /// For people.
+    /// Name for people.
     pub title: String,
-    /// Hash of the content, 16 hexadecimal digits: the `{version}` of URLs.
+    /// Hash of the content, 16 hexadecimal digits; the `{version}` of URLs.
     pub version: String,
     /// For example `EPSG:7415`; `None` for local metres.
     pub crs: Option<String>,
-    /// South-west corner of the root square and the height that nodes' heights are relative to; world metres, f64.
+    /// South-west corner of the root's area, and the height to which nodes' heights are relative; world metres.
     pub origin: [f64; 3],
-    /// Side of the root square in metres: `node_cells * cell_m * 2^depth`.
+    /// Side of the root in metres: `node_cells * cell_m * 2^depth`.
     pub root_side_m: f64,
     /// Level of the leaves.
     pub depth: u8,
@@ -28,61 +28,63 @@ pub struct Manifest {
     pub node_cells: u16,
     /// Side of a leaf's column in metres.
     pub cell_m: f64,
-    /// World bounds of what was baked, `[min, max]`.
+    /// World bounds of the city in metres, `[min, max]`.
     pub bounds: [[f64; 3]; 2],
-    /// World x and y between which most of it stands, `[min, max]`: where a client first looks. A tenth of the leaves'
-    /// bytes lies beyond each side.
+    /// World x and y of the part where most of the city stands, `[min, max]`, in metres: the initial view. A tenth of the
+    /// leaves' bytes lies beyond each side.
     pub focus: [[f64; 2]; 2],
-    /// World height of the plane that clients draw where there is no column.
+    /// World height in metres of the ground plane that clients draw where there is no column.
     pub ground_z_m: f64,
-    /// Whether the source has terrain (then the plane is hardly needed).
+    /// Whether the source has terrain. If so, the ground plane is rarely visible.
     pub has_terrain: bool,
-    /// How much there is.
-    pub counts: Counts,
-    /// Who must be named wherever the city is shown.
+    pub counts: CityCounts,
+    /// Sources that must be named wherever the city is shown.
     pub attribution: Vec<Attribution>,
     /// Version of the tile format.
     pub tile_version: u16,
-    /// Hash of the bake's settings: a folder baked with others is not resumed.
+    /// Hash of the bake's settings. A bake with other settings is not resumed.
     pub settings: String,
 }
 
-/// How much a city holds.
+/// Sizes of a city.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Counts {
-    /// Objects of the sources.
+pub struct CityCounts {
+    /// City objects of the sources.
     pub objects: u64,
     /// Triangles of the sources.
     pub triangles: u64,
-    /// Nodes, root first.
+    /// Number of nodes per level, root first.
     pub nodes_per_level: Vec<u64>,
-    /// Bytes of V-BlockMaps, root first.
+    /// Bytes of V-BlockMap tiles per level, root first.
     pub bytes_per_level: Vec<u64>,
 }
 
 /// A source that must be named.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Attribution {
-    /// Who made it, as they wish to be named.
+    /// The name that the source asks for.
     pub text: String,
     /// For example `CC BY 4.0`.
     pub licence: Option<String>,
-    /// Where it comes from.
     pub url: Option<String>,
 }
 
 impl Manifest {
-    /// What is wrong with it, if anything: a client trusts nothing that came over a network.
+    /// Checks a manifest from an untrusted source. Fails with the first rule that it breaks.
     pub fn check(&self) -> Result<(), String> {
         if self.format_version != FORMAT_VERSION {
             let found = self.format_version;
             return Err(format!("city format {found}, this program reads {FORMAT_VERSION}: bake again, or update"));
         }
         if usize::from(self.node_cells) != crate::NODE_CELLS {
-            return Err(format!("nodes of {} columns, this program reads {}", self.node_cells, crate::NODE_CELLS));
+            return Err(format!(
+                "nodes have {} columns per side, this program reads {}",
+                self.node_cells,
+                crate::NODE_CELLS
+            ));
         }
         if self.depth > crate::tile_id::MAX_LEVEL {
-            return Err(format!("depth {} is over {}", self.depth, crate::tile_id::MAX_LEVEL));
+            return Err(format!("depth is {}, the limit is {}", self.depth, crate::tile_id::MAX_LEVEL));
         }
         let numbers = self.origin.iter().chain(&self.bounds[0]).chain(&self.bounds[1]);
         let all = numbers.chain(&self.focus[0]).chain(&self.focus[1]).chain([
@@ -91,19 +93,19 @@ impl Manifest {
             &self.ground_z_m,
         ]);
         if !all.clone().all(|v| v.is_finite() && v.abs() < 1e10) || self.cell_m <= 0.0 || self.root_side_m <= 0.0 {
-            return Err("a number is not finite, or not positive".into());
+            return Err("a length is not finite, not positive or over 10^10".into());
         }
         let side = self.cell_m * f64::from(self.node_cells) * f64::from(1u32 << self.depth);
         if ((side - self.root_side_m) / side).abs() > 1e-9 {
-            return Err("the root's side is not node_cells * cell_m * 2^depth".into());
+            return Err("root_side_m is not node_cells * cell_m * 2^depth".into());
         }
         if !is_name(&self.name) || !is_name(&self.version) {
-            return Err("name or version has other characters than a-z, 0-9, _ and -".into());
+            return Err("name or version is not 1 to 64 characters of a-z, 0-9, _ and -".into());
         }
         Ok(())
     }
 
-    /// World bounds of where most of the city stands.
+    /// World bounds in metres of the part where most of the city stands.
     pub fn focus_bounds(&self) -> [[f64; 3]; 2] {
         [0, 1].map(|end| [self.focus[end][0], self.focus[end][1], self.bounds[end][2]])
     }
@@ -118,20 +120,20 @@ impl Manifest {
         self.node_side_m(level) / f64::from(self.node_cells)
     }
 
-    /// World position of a node's south-west corner, at the city's height zero.
+    /// World position in metres of a node's south-west corner, at the height of `origin`.
     pub fn node_corner(&self, id: crate::TileId) -> [f64; 3] {
         let side = self.node_side_m(id.level());
         [self.origin[0] + f64::from(id.x()) * side, self.origin[1] + f64::from(id.y()) * side, self.origin[2]]
     }
 }
 
-/// Whether `name` may stand in a URL and as a folder: 1 to 64 of a-z, 0-9, `_`, `-`.
+/// Whether `name` is valid in URLs and as a folder name: 1 to 64 characters of a-z, 0-9, `_` and `-`.
 pub fn is_name(name: &str) -> bool {
     (1..=64).contains(&name.len())
         && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_' || b == b'-')
 }
 
-/// The nearest name that [`is_name`] accepts.
+/// Turns any text into a name that [`is_name`] accepts.
 pub fn to_name(text: &str) -> String {
     let mut name: String = text
         .to_lowercase()

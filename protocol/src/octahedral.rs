@@ -1,8 +1,9 @@
-//! Unit vectors in two bytes.
+//! Unit vectors in two bytes, by the octahedral map.
 //!
-//! The octahedral map: Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 2014.
+//! Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 2014.
 
-/// Two bytes, x in the low one: each 0 to 254 maps to -1 to 1 (127 is exactly 0, so that straight up is exact).
+/// Encodes a vector of any length. The low byte is x, the high byte y. Each is 0 to 254 for -1 to 1, and 127 is exactly 0,
+/// so that straight up is exact. A zero or NaN vector gives straight up.
 pub fn encode(n: [f32; 3]) -> u16 {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     if sum.is_nan() || sum <= 0.0 {
@@ -16,7 +17,7 @@ pub fn encode(n: [f32; 3]) -> u16 {
     byte(x) | byte(y) << 8
 }
 
-/// The unit vector of [`encode`]'s two bytes; every `u16` decodes to some unit vector.
+/// Decodes two bytes of [`encode`]. Every `u16` decodes to a unit vector.
 pub fn decode(code: u16) -> [f32; 3] {
     let unpack = |b: u16| (f32::from(b.min(254)) - 127.0) / 127.0;
     let (mut x, mut y) = (unpack(code & 0xff), unpack(code >> 8));
@@ -37,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn within_a_degree_everywhere() {
+    fn error_is_below_two_degrees_everywhere() {
         for i in 0..2000 {
             let z = 1.0 - 2.0 * (i as f32 + 0.5) / 2000.0;
             let a = i as f32 * 2.399_963;

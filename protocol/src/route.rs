@@ -1,73 +1,267 @@
-//! The server's URLs, built and read in one place (design 11).
+//! The server's addresses: parsed, built and classified in one place.
+//!
+//! Addresses are never percent-decoded. Names and numbers have one spelling each, so every resource has one address and
+//! caches hold it once.
 
-use crate::{TileId, mesh_tile};
+use crate::{TileId, TileKind, manifest::is_name, mesh_tile};
+use std::fmt;
 
-/// Prefix of everything that is versioned.
+/// The list of cities, and the prefix of all addresses of a city.
 pub const CITIES: &str = "/v1/cities";
+const OPENAPI: &str = "/v1/openapi.json";
+const HEALTH: &str = "/healthz";
+const READINESS: &str = "/readyz";
+const METRICS: &str = "/metrics";
 
-/// Archives of a city that tiles come from.
+/// An address of the server. Its `Display` is the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Layer {
-    /// Which nodes exist.
-    Subtrees,
-    /// V-BlockMaps.
-    BlockMaps,
-    /// Leaves' triangles, one tile for each level of detail; a city may have none.
-    Meshes,
+pub enum Route<'a> {
+    /// The page for people.
+    Index,
+    /// The description of the HTTP interface.
+    OpenApi,
+    Health,
+    Readiness,
+    Metrics,
+    /// The list of cities.
+    Cities,
+    Manifest {
+        city: &'a str,
+    },
+    Tile(TileRoute<'a>),
 }
 
-impl Layer {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Subtrees, Self::BlockMaps, Self::Meshes];
+/// The address of a tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct TileRoute<'a> {
+    pub city: &'a str,
+    /// The city's version ([`crate::Manifest::version`]).
+    pub version: &'a str,
+    pub kind: TileKind,
+    /// The tile's node; of a mesh, its leaf.
+    pub id: TileId,
+    /// Level of detail of a mesh, below [`mesh_tile::MAX_LODS`]; 0 for other kinds.
+    pub lod: u8,
+}
 
-    /// Whether every city has it.
-    pub const fn is_always_there(self) -> bool {
-        !matches!(self, Self::Meshes)
+/// Why a path is not a [`Route`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum RouteError {
+    /// The path has the shape of no address.
+    #[error("no address has this shape")]
+    Unknown,
+    /// The path has the shape of a tile's address, but its numbers are invalid.
+    #[error("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3")]
+    InvalidTile,
+    /// The city or version is not a valid name ([`is_name`]).
+    #[error("city and version must be 1 to 64 characters of a-z, 0-9, _ and -")]
+    InvalidName,
+}
+
+impl<'a> Route<'a> {
+    /// Parses the path of a URL, without query. Fails as [`RouteError`] says; invalid numbers come before invalid names.
+    pub fn parse(path: &'a str) -> Result<Self, RouteError> {
+        match path {
+            "/" => return Ok(Self::Index),
+            OPENAPI => return Ok(Self::OpenApi),
+            HEALTH => return Ok(Self::Health),
+            READINESS => return Ok(Self::Readiness),
+            METRICS => return Ok(Self::Metrics),
+            CITIES => return Ok(Self::Cities),
+            _ => {}
+        }
+        let rest = path.strip_prefix(CITIES).and_then(|rest| rest.strip_prefix('/')).ok_or(RouteError::Unknown)?;
+        if rest.contains('/') {
+            return parse_tile(rest).map(Self::Tile);
+        }
+        if is_name(rest) { Ok(Self::Manifest { city: rest }) } else { Err(RouteError::InvalidName) }
     }
 
-    /// The word in URLs.
-    pub const fn word(self) -> &'static str {
+    /// The path of the address.
+    pub fn path(&self) -> String {
+        self.to_string()
+    }
+
+    /// The kind of address.
+    pub const fn template(&self) -> RouteTemplate {
+        match self {
+            Self::Index => RouteTemplate::Index,
+            Self::OpenApi => RouteTemplate::OpenApi,
+            Self::Health => RouteTemplate::Health,
+            Self::Readiness => RouteTemplate::Readiness,
+            Self::Metrics => RouteTemplate::Metrics,
+            Self::Cities => RouteTemplate::Cities,
+            Self::Manifest { .. } => RouteTemplate::Manifest,
+            Self::Tile(tile) => RouteTemplate::of_tile(tile.kind),
+        }
+    }
+}
+
+impl fmt::Display for Route<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Index => f.write_str("/"),
+            Self::OpenApi => f.write_str(OPENAPI),
+            Self::Health => f.write_str(HEALTH),
+            Self::Readiness => f.write_str(READINESS),
+            Self::Metrics => f.write_str(METRICS),
+            Self::Cities => f.write_str(CITIES),
+            Self::Manifest { city } => write!(f, "{CITIES}/{city}"),
+            Self::Tile(TileRoute { city, version, kind, id, lod }) => {
+                write!(f, "{CITIES}/{city}/{version}/{}/{id}", kind.path_segment())?;
+                if *kind == TileKind::Mesh { write!(f, "/{lod}") } else { Ok(()) }
+            }
+        }
+    }
+}
+
+/// Parses `{city}/{version}/{kind}/{level}/{x}/{y}`, with `/{lod}` for meshes.
+fn parse_tile(rest: &str) -> Result<TileRoute<'_>, RouteError> {
+    let mut segments = rest.split('/');
+    let mut segment = || segments.next().ok_or(RouteError::Unknown);
+    let (city, version) = (segment()?, segment()?);
+    let kind = TileKind::from_path_segment(segment()?).ok_or(RouteError::Unknown)?;
+    let (level, x, y) = (segment()?, segment()?, segment()?);
+    let lod = if kind == TileKind::Mesh { segment()? } else { "0" };
+    if segments.next().is_some() {
+        return Err(RouteError::Unknown);
+    }
+    let id = parse_number(level).and_then(|level| u8::try_from(level).ok()).zip(parse_number(x)).zip(parse_number(y));
+    let id = id.and_then(|((level, x), y)| TileId::new(level, x, y)).ok_or(RouteError::InvalidTile)?;
+    let lod = parse_number(lod).and_then(|lod| u8::try_from(lod).ok()).filter(|lod| *lod < mesh_tile::MAX_LODS);
+    let lod = lod.ok_or(RouteError::InvalidTile)?;
+    if !is_name(city) || !is_name(version) {
+        return Err(RouteError::InvalidName);
+    }
+    Ok(TileRoute { city, version, kind, id, lod })
+}
+
+/// Parses decimal digits without sign or leading zeros.
+fn parse_number(text: &str) -> Option<u32> {
+    let is_plain = text.bytes().all(|b| b.is_ascii_digit()) && (text == "0" || !text.starts_with('0'));
+    if is_plain { text.parse().ok() } else { None }
+}
+
+/// A kind of address. As a metrics label it is bounded, whatever clients request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RouteTemplate {
+    Subtrees,
+    BlockMaps,
+    Meshes,
+    Manifest,
+    Cities,
+    Index,
+    OpenApi,
+    Health,
+    Readiness,
+    Metrics,
+    /// All paths without a route.
+    Other,
+}
+
+impl RouteTemplate {
+    /// All templates, in the order of their discriminants.
+    pub const ALL: [Self; 11] = [
+        Self::Subtrees,
+        Self::BlockMaps,
+        Self::Meshes,
+        Self::Manifest,
+        Self::Cities,
+        Self::Index,
+        Self::OpenApi,
+        Self::Health,
+        Self::Readiness,
+        Self::Metrics,
+        Self::Other,
+    ];
+
+    /// Classifies any path by its shape alone. Unlike [`Route::parse`] it also classifies addresses with invalid names or
+    /// numbers, and counts everything below a tile kind as that kind.
+    pub fn of_path(path: &str) -> Self {
+        let mut segments = path.strip_prefix('/').unwrap_or(path).splitn(6, '/');
+        let mut segment = || segments.next();
+        match (segment(), segment(), segment(), segment(), segment()) {
+            (Some("v1"), Some("cities"), Some(_), Some(_), Some(kind)) => {
+                TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
+            }
+            (Some("v1"), Some("cities"), Some(_), None, None) => Self::Manifest,
+            (Some("v1"), Some("cities"), None, None, None) => Self::Cities,
+            (Some("v1"), Some("openapi.json"), None, None, None) => Self::OpenApi,
+            (Some(""), None, None, None, None) => Self::Index,
+            (Some("healthz"), None, None, None, None) => Self::Health,
+            (Some("readyz"), None, None, None, None) => Self::Readiness,
+            (Some("metrics"), None, None, None, None) => Self::Metrics,
+            _ => Self::Other,
+        }
+    }
+
+    const fn of_tile(kind: TileKind) -> Self {
+        match kind {
+            TileKind::Subtree => Self::Subtrees,
+            TileKind::BlockMap => Self::BlockMaps,
+            TileKind::Mesh => Self::Meshes,
+        }
+    }
+
+    /// The value of the `route` label in metrics.
+    pub const fn label(self) -> &'static str {
         match self {
             Self::Subtrees => "subtrees",
             Self::BlockMaps => "blockmaps",
             Self::Meshes => "meshes",
+            Self::Manifest => "manifest",
+            Self::Cities => "cities",
+            Self::Index => "index",
+            Self::OpenApi => "openapi",
+            Self::Health => "healthz",
+            Self::Readiness => "readyz",
+            Self::Metrics => "metrics",
+            Self::Other => "other",
         }
     }
 
-    /// The file in a city's folder.
-    pub const fn file_name(self) -> &'static str {
-        match self {
-            Self::Subtrees => "subtrees.pmtiles",
-            Self::BlockMaps => "blockmaps.pmtiles",
-            Self::Meshes => "meshes.pmtiles",
-        }
+    /// The path with its variable segments in braces; `None` for [`RouteTemplate::Other`].
+    pub const fn pattern(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Subtrees => "/v1/cities/{city}/{version}/subtrees/{level}/{x}/{y}",
+            Self::BlockMaps => "/v1/cities/{city}/{version}/blockmaps/{level}/{x}/{y}",
+            Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
+            Self::Manifest => "/v1/cities/{city}",
+            Self::Cities => CITIES,
+            Self::Index => "/",
+            Self::OpenApi => OPENAPI,
+            Self::Health => HEALTH,
+            Self::Readiness => READINESS,
+            Self::Metrics => METRICS,
+            Self::Other => return None,
+        })
     }
 
-    /// The layer of a word.
-    pub fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|layer| layer.word() == word)
+    /// Whether the address is for operators. These stay available under load and have no rate limit.
+    pub const fn is_operational(self) -> bool {
+        matches!(self, Self::Health | Self::Readiness | Self::Metrics)
     }
 }
 
-/// Path of a city's manifest.
+/// The path of a city's manifest.
 pub fn manifest(city: &str) -> String {
-    format!("{CITIES}/{city}")
+    Route::Manifest { city }.path()
 }
 
-/// Path of one level of detail of a leaf's mesh.
+/// The path of a subtree or V-BlockMap tile; of a mesh, its finest level of detail.
+pub fn tile(city: &str, version: &str, kind: TileKind, id: TileId) -> String {
+    Route::Tile(TileRoute { city, version, kind, id, lod: 0 }).path()
+}
+
+/// The path of one level of detail of a leaf's mesh.
 pub fn mesh(city: &str, version: &str, leaf: TileId, lod: u8) -> String {
-    format!("{}/{lod}", tile(city, version, Layer::Meshes, leaf))
+    Route::Tile(TileRoute { city, version, kind: TileKind::Mesh, id: leaf, lod }).path()
 }
 
-/// Path of one tile by its place in the archive; of a mesh in a city of `depth` levels. `None` if it cannot lie there.
-pub fn at_place(city: &str, version: &str, layer: Layer, place: TileId, depth: u8) -> Option<String> {
-    match layer {
-        Layer::Meshes => mesh_tile::at_place(place, depth).map(|(leaf, lod)| mesh(city, version, leaf, lod)),
-        Layer::Subtrees | Layer::BlockMaps => Some(tile(city, version, layer, place)),
+/// The path of a tile by its id in the archive of a city of `depth` levels. `None` if a mesh cannot have this id.
+pub fn archive_tile(city: &str, version: &str, kind: TileKind, id: TileId, depth: u8) -> Option<String> {
+    match kind {
+        TileKind::Mesh => mesh_tile::from_archive_id(id, depth).map(|(leaf, lod)| mesh(city, version, leaf, lod)),
+        TileKind::Subtree | TileKind::BlockMap => Some(tile(city, version, kind, id)),
     }
-}
-
-/// Path of one tile; of a mesh, what its levels of detail have in common.
-pub fn tile(city: &str, version: &str, layer: Layer, id: TileId) -> String {
-    format!("{CITIES}/{city}/{version}/{}/{id}", layer.word())
 }

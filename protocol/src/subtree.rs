@@ -1,82 +1,78 @@
-//! Which nodes exist below a node, where they lie in height and how wrong they are, five levels at a time.
-//!
-//! In: a tile of kind `Subtree`. Out: [`Subtree`]. Next: the client's scene tree.
+//! Subtree tiles: which nodes exist, with their heights and errors, five levels at a time.
 //!
 //! A subtree tile lists its root and the nodes up to five levels below it. There is one for the city's root, and one for
-//! each node of levels 5, 10, ... that has children: such a node stands in two, at the bottom of one and at the top of the
-//! other, so that a leaf needs none of its own.
+//! each node of levels 5, 10, ... that has children. Such a node is in two tiles, as the root of one and at the bottom of
+//! another, so that leaves need no tile of their own.
 
 use crate::{
-    TileId,
-    codec::varint::{self, Reader},
+    TileId, TileKind,
+    codec::{byte_reader::ByteReader, varint},
     error::DecodeError,
     mesh_tile::{MAX_LODS, MAX_TEXTURE_PX, MAX_TRIANGLES},
-    tile::{Kind, TileReader, TileWriter},
+    tile::{TileReader, TileWriter},
 };
 
 /// Levels below a subtree's root that it lists.
 pub const LEVELS: u8 = 5;
-/// Most nodes in one subtree: 1 + 4 + 16 + 64 + 256 + 1024.
+/// Maximum number of nodes in one subtree: 1 + 4 + 16 + 64 + 256 + 1024.
 pub const MAX_NODES: usize = 1365;
 
 const TAG_NODES: u8 = 1;
 const TAG_MESHES: u8 = 2;
 const NODE_BYTES: usize = 21;
-/// A node's count, and at most four bytes, five, five and five for each of its levels of detail.
+/// Maximum bytes of a node's meshes: a count, and for each level of detail an f32 and three varints.
 const MESH_BYTES: usize = 1 + 19 * MAX_LODS as usize;
 
-/// What is known of a node without its tile.
+/// Metadata of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NodeInfo {
-    /// Which node.
     pub id: TileId,
     /// Bit q is set if the child in quadrant q exists.
     pub child_mask: u8,
     /// Lowest point in metres above the city's origin.
     pub z_min_m: f32,
-    /// Highest point likewise.
+    /// Highest point in metres above the city's origin.
     pub z_max_m: f32,
-    /// World error in metres (design 4); never below any child's.
+    /// World error in metres (Vacca 2008, 3.6.2), never below any child's.
     pub error_m: f32,
-    /// Radius around the centre of the node's box; the sphere holds the children's.
+    /// Radius in metres of the sphere around the centre of the node's box. It contains the children's spheres.
     pub radius_m: f32,
-    /// Bytes of the node's V-BlockMap tile.
+    /// Size of the node's V-BlockMap tile.
     pub blockmap_bytes: u32,
 }
 
-/// What is known of one level of detail of a leaf's mesh without its tile.
+/// Metadata of one level of detail of a leaf's mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeshLod {
-    /// How far what is drawn can be from the source, in metres; never above the next coarser one's.
+    /// Largest distance from the source's surface in metres, never above that of the next coarser level of detail.
     pub error_m: f32,
-    /// Bytes of its tile.
+    /// Size of its tile.
     pub bytes: u32,
-    /// Triangles, at least one.
+    /// Number of triangles, at least 1.
     pub triangles: u32,
-    /// Pixels of its picture, 0 if it has none.
+    /// Number of pixels of its texture; 0 without one.
     pub texture_px: u32,
 }
 
-/// The mesh of a leaf: at least one level of detail, the finest first.
+/// The mesh of a leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NodeMesh {
-    /// Which leaf.
     pub id: TileId,
-    /// 1 to [`MAX_LODS`] of them.
+    /// 1 to [`MAX_LODS`] levels of detail, finest first.
     pub lods: Vec<MeshLod>,
 }
 
-/// The nodes of up to five levels, breadth first, children in quadrant order.
+/// A subtree of up to five levels below its root.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Subtree {
-    /// At least the root.
+    /// Breadth first, children in quadrant order. The first node is the root.
     pub nodes: Vec<NodeInfo>,
-    /// Of those nodes without children that have meshes, in the order of the nodes.
+    /// Meshes of leaves, in the order of their nodes.
     pub meshes: Vec<NodeMesh>,
 }
 
 impl Subtree {
-    /// Whether `id` is the root of a subtree tile, if it has children.
+    /// Whether `id` is at a level where nodes with children are roots of subtree tiles.
     pub fn is_root(id: TileId) -> bool {
         id.level().is_multiple_of(LEVELS)
     }
@@ -86,9 +82,10 @@ impl Subtree {
         id.ancestor(id.level() / LEVELS * LEVELS).unwrap_or(TileId::ROOT)
     }
 
-    /// The tile's bytes. The nodes must be in breadth-first order, complete, as [`Subtree::decode`] gives them.
+    /// Encodes the tile. The nodes must be complete and in the order of [`Subtree::decode`]. Fails without nodes, and on
+    /// meshes that are inconsistent or over the format's limits.
     pub fn encode(&self) -> Result<Vec<u8>, DecodeError> {
-        let root = self.nodes.first().ok_or(DecodeError::Invalid("a subtree without nodes"))?.id;
+        let root = self.nodes.first().ok_or(DecodeError::Invalid("a subtree has no nodes"))?.id;
         let mut raw = Vec::with_capacity(self.nodes.len() * NODE_BYTES);
         for node in &self.nodes {
             raw.push(node.child_mask);
@@ -97,13 +94,13 @@ impl Subtree {
             }
             raw.extend_from_slice(&node.blockmap_bytes.to_le_bytes());
         }
-        let mut writer = TileWriter::new(Kind::Subtree, Some(root));
-        writer.section(TAG_NODES, &raw)?;
-        writer.section(TAG_MESHES, &self.encode_meshes()?)?;
+        let mut writer = TileWriter::new(TileKind::Subtree, Some(root));
+        writer.add_section(TAG_NODES, &raw)?;
+        writer.add_section(TAG_MESHES, &self.encode_meshes()?)?;
         writer.finish()
     }
 
-    /// Counts of all nodes, then errors, bytes, triangles and pixels of all levels of detail. Nothing if there are none.
+    /// The counts of all nodes, then the errors, sizes, triangles and pixels of all levels of detail. Empty without meshes.
     fn encode_meshes(&self) -> Result<Vec<u8>, DecodeError> {
         if self.meshes.is_empty() {
             return Ok(Vec::new());
@@ -118,7 +115,7 @@ impl Subtree {
             raw.push(mesh.map_or(0, |mesh| mesh.lods.len() as u8));
         }
         if meshes.next().is_some() {
-            return Err(DecodeError::Invalid("a mesh of no node, or not in the nodes' order"));
+            return Err(DecodeError::Invalid("a subtree's meshes are not in the order of its nodes"));
         }
         let lods = || self.meshes.iter().flat_map(|mesh| &mesh.lods);
         lods().for_each(|lod| raw.extend_from_slice(&lod.error_m.to_le_bytes()));
@@ -128,15 +125,15 @@ impl Subtree {
         Ok(raw)
     }
 
-    /// Reads a tile; ids follow from the child masks.
+    /// Decodes a tile. Ids follow from the child masks. Fails on any bytes that are not such a tile.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
-        let tile = TileReader::new(bytes, Kind::Subtree)?;
-        let id = tile.id.ok_or(DecodeError::Invalid("a subtree without a name"))?;
+        let tile = TileReader::new(bytes, TileKind::Subtree)?;
+        let id = tile.id.ok_or(DecodeError::Invalid("a subtree tile has no id"))?;
         if !Self::is_root(id) {
-            return Err(DecodeError::Invalid("a subtree whose level is no multiple of five"));
+            return Err(DecodeError::Invalid("the level of a subtree's root is not a multiple of five"));
         }
         let raw = tile.section(TAG_NODES, MAX_NODES * NODE_BYTES)?;
-        let mut reader = Reader::new(&raw);
+        let mut reader = ByteReader::new(&raw);
         let end = id.level() + LEVELS;
         let mut ids = vec![id];
         let mut nodes = Vec::with_capacity(raw.len() / NODE_BYTES);
@@ -155,14 +152,15 @@ impl Subtree {
     }
 }
 
+/// Reads the meshes section.
 fn read_meshes(raw: &[u8], nodes: &[NodeInfo]) -> Result<Vec<NodeMesh>, DecodeError> {
     if raw.is_empty() {
         return Ok(Vec::new());
     }
-    let mut reader = Reader::new(raw);
+    let mut reader = ByteReader::new(raw);
     let counts = reader.take(nodes.len())?;
     if counts.iter().any(|count| *count > MAX_LODS) {
-        return Err(DecodeError::Invalid("a mesh of more than four levels of detail"));
+        return Err(DecodeError::Invalid("a mesh has more than four levels of detail"));
     }
     let mut lods = Vec::new();
     for _ in 0..counts.iter().map(|count| u32::from(*count)).sum() {
@@ -188,25 +186,25 @@ fn read_meshes(raw: &[u8], nodes: &[NodeInfo]) -> Result<Vec<NodeMesh>, DecodeEr
 
 fn check_mesh(mesh: &NodeMesh, node: &NodeInfo) -> Result<(), DecodeError> {
     if node.child_mask != 0 {
-        return Err(DecodeError::Invalid("a mesh of a node that has children"));
+        return Err(DecodeError::Invalid("a node with children has a mesh"));
     }
     let count = 1..=usize::from(MAX_LODS);
-    let rises = mesh.lods.is_sorted_by(|finer, coarser| finer.error_m <= coarser.error_m);
-    let sensible = mesh.lods.iter().all(|lod| (0.0..f32::INFINITY).contains(&lod.error_m));
-    if !count.contains(&mesh.lods.len()) || !rises || !sensible {
-        return Err(DecodeError::Invalid("a mesh's levels of detail are one to four, their errors rise"));
+    let is_ascending = mesh.lods.is_sorted_by(|finer, coarser| finer.error_m <= coarser.error_m);
+    let is_valid = mesh.lods.iter().all(|lod| (0.0..f32::INFINITY).contains(&lod.error_m));
+    if !count.contains(&mesh.lods.len()) || !is_ascending || !is_valid {
+        return Err(DecodeError::Invalid("a mesh must have one to four levels of detail of ascending errors"));
     }
-    let limits = |lod: &MeshLod| {
+    let is_in_range = |lod: &MeshLod| {
         (1..=MAX_TRIANGLES).contains(&(lod.triangles as usize)) && lod.texture_px <= MAX_TEXTURE_PX && lod.bytes > 0
     };
-    if mesh.lods.iter().all(limits) {
+    if mesh.lods.iter().all(is_in_range) {
         Ok(())
     } else {
-        Err(DecodeError::Invalid("a mesh's triangles or pixels are over the limits"))
+        Err(DecodeError::Invalid("a mesh's size, triangles or pixels are out of range"))
     }
 }
 
-fn read_node(reader: &mut Reader<'_>, id: TileId) -> Result<NodeInfo, DecodeError> {
+fn read_node(reader: &mut ByteReader<'_>, id: TileId) -> Result<NodeInfo, DecodeError> {
     let node = NodeInfo {
         id,
         child_mask: reader.u8()?,
@@ -217,10 +215,10 @@ fn read_node(reader: &mut Reader<'_>, id: TileId) -> Result<NodeInfo, DecodeErro
         blockmap_bytes: reader.u32()?,
     };
     if node.child_mask > 15 || (node.child_mask != 0 && id.child(0).is_none()) {
-        return Err(DecodeError::Invalid("a child mask names children that cannot be"));
+        return Err(DecodeError::Invalid("a child mask names children that cannot exist"));
     }
     if node.z_min_m > node.z_max_m || node.error_m < 0.0 || node.radius_m < 0.0 {
-        return Err(DecodeError::Invalid("a node's bounds are turned around"));
+        return Err(DecodeError::Invalid("a node's bounds are inverted, or its error or radius is negative"));
     }
     Ok(node)
 }
@@ -252,13 +250,13 @@ mod tests {
     }
 
     #[test]
-    fn round_trip() {
+    fn nodes_and_meshes_round_trip() {
         let bytes = sample().encode().unwrap();
         assert_eq!(Subtree::decode(&bytes).unwrap(), sample());
     }
 
     #[test]
-    fn every_truncation_and_every_flipped_byte_is_an_error() {
+    fn truncated_flipped_and_extra_bytes_are_refused() {
         let bytes = sample().encode().unwrap();
         for len in 0..bytes.len() {
             assert!(Subtree::decode(&bytes[..len]).is_err(), "{len}");
@@ -274,15 +272,15 @@ mod tests {
     }
 
     #[test]
-    fn without_meshes_the_bytes_have_no_section_for_them() {
+    fn the_mesh_section_is_omitted_without_meshes() {
         let plain = Subtree { meshes: Vec::new(), ..sample() };
         let bytes = plain.encode().unwrap();
         assert_eq!(Subtree::decode(&bytes).unwrap(), plain);
-        assert!(TileReader::new(&bytes, Kind::Subtree).unwrap().section(TAG_MESHES, 1 << 20).unwrap().is_empty());
+        assert!(TileReader::new(&bytes, TileKind::Subtree).unwrap().section(TAG_MESHES, 1 << 20).unwrap().is_empty());
     }
 
     #[test]
-    fn meshes_that_cannot_be_are_refused() {
+    fn invalid_meshes_are_refused() {
         let wrong = |change: fn(&mut Subtree)| {
             let mut subtree = sample();
             change(&mut subtree);
@@ -303,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn roots() {
+    fn root_of_gives_the_tile_that_lists_the_children() {
         let id = TileId::new(7, 100, 3).unwrap();
         assert_eq!(Subtree::root_of(id), TileId::new(5, 25, 0).unwrap());
         assert!(Subtree::is_root(TileId::ROOT) && !Subtree::is_root(id));

@@ -1,35 +1,71 @@
-//! The container that every tile travels in: magic, version, kind, a section table, sections with checksums.
+//! The container of all tiles: magic, version, kind, a section table, and sections with checksums.
 //!
-//! In: sections of bytes. Out: one run of bytes (or back). Next: `blockmap`, `subtree` and `mesh_tile` say what the sections hold.
+//! `blockmap`, `subtree` and `mesh_tile` define the contents of the sections.
 
-use crate::{TileId, codec, codec::varint::Reader, error::DecodeError};
+use crate::{
+    TileId, codec,
+    codec::byte_reader::ByteReader,
+    error::{DecodeError, check_limit},
+};
 use serde::{Deserialize, Serialize};
 
-/// The first bytes of every tile.
+/// The first four bytes of every tile.
 pub const MAGIC: [u8; 4] = *b"INSU";
-/// Version of the container and of all tile kinds; any change of bytes raises it.
+/// Version of the container and of all tile kinds. Any change of bytes raises it.
 pub const VERSION: u16 = 2;
-/// Largest section in bytes, packed or raw.
+/// Maximum size of a section in bytes, packed or raw.
 pub const MAX_SECTION_BYTES: u32 = 16 << 20;
-/// Most sections in one tile.
+/// Maximum number of sections in one tile.
 pub const MAX_SECTIONS: usize = 16;
 
-/// What a tile holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What a tile holds. A city has one archive per kind; the discriminant is the kind's byte in a tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
-pub enum Kind {
-    /// A V-BlockMap.
+pub enum TileKind {
+    /// The columns of one node.
     BlockMap = 1,
-    /// Which nodes exist below one.
+    /// The nodes that exist below one node.
     Subtree = 2,
     /// A leaf's triangles at one level of detail.
     Mesh = 3,
 }
 
-/// How a section's bytes are packed.
+impl TileKind {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Subtree, Self::BlockMap, Self::Mesh];
+
+    /// Whether every city has an archive of this kind. Meshes are optional.
+    pub const fn is_required(self) -> bool {
+        !matches!(self, Self::Mesh)
+    }
+
+    /// The kind's segment in URLs.
+    pub const fn path_segment(self) -> &'static str {
+        match self {
+            Self::Subtree => "subtrees",
+            Self::BlockMap => "blockmaps",
+            Self::Mesh => "meshes",
+        }
+    }
+
+    /// The inverse of [`TileKind::path_segment`].
+    pub fn from_path_segment(segment: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.path_segment() == segment)
+    }
+
+    /// The archive's file name in a city's folder.
+    pub const fn file_name(self) -> &'static str {
+        match self {
+            Self::Subtree => "subtrees.pmtiles",
+            Self::BlockMap => "blockmaps.pmtiles",
+            Self::Mesh => "meshes.pmtiles",
+        }
+    }
+}
+
+/// How a section's bytes are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Packing {
-    /// As they are.
+enum SectionPacking {
     Raw,
     /// One zstd frame.
     Zstd,
@@ -38,51 +74,52 @@ pub enum Packing {
 #[derive(Debug, Serialize, Deserialize)]
 struct SectionEntry {
     tag: u8,
-    packing: Packing,
+    packing: SectionPacking,
     packed_bytes: u32,
     raw_bytes: u32,
     crc32: u32,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
-struct Header {
+struct TileHeader {
     id: Option<TileId>,
     sections: Vec<SectionEntry>,
 }
 
-/// Collects sections and writes a tile.
+/// Builds a tile section by section.
 #[derive(Debug)]
 pub struct TileWriter {
-    kind: Kind,
-    header: Header,
+    kind: TileKind,
+    header: TileHeader,
     body: Vec<u8>,
 }
 
 impl TileWriter {
-    /// An empty tile. Kinds whose content says nothing of its place have no `id`, so that equal ones are equal bytes.
-    pub fn new(kind: Kind, id: Option<TileId>) -> Self {
-        Self { kind, header: Header { id, sections: Vec::new() }, body: Vec::new() }
+    /// An empty tile. V-BlockMaps have no `id`, so that equal ones have equal bytes.
+    pub fn new(kind: TileKind, id: Option<TileId>) -> Self {
+        Self { kind, header: TileHeader { id, sections: Vec::new() }, body: Vec::new() }
     }
 
-    /// Adds `raw` under `tag`, with zstd where that makes it smaller. Empty sections are left out.
-    pub fn section(&mut self, tag: u8, raw: &[u8]) -> Result<(), DecodeError> {
+    /// Adds a section, compressed with zstd if that makes it smaller. An empty section is omitted. Fails beyond
+    /// [`MAX_SECTION_BYTES`].
+    pub(crate) fn add_section(&mut self, tag: u8, raw: &[u8]) -> Result<(), DecodeError> {
         if raw.is_empty() {
             return Ok(());
         }
         let packed = codec::zstd::compress(raw)?;
         if packed.len() < raw.len() {
-            self.push(tag, Packing::Zstd, &packed, raw.len())
+            self.push(tag, SectionPacking::Zstd, &packed, raw.len())
         } else {
-            self.push(tag, Packing::Raw, raw, raw.len())
+            self.push(tag, SectionPacking::Raw, raw, raw.len())
         }
     }
 
-    /// Adds bytes that cannot be packed any further.
-    pub fn coded_section(&mut self, tag: u8, bytes: &[u8]) -> Result<(), DecodeError> {
-        if bytes.is_empty() { Ok(()) } else { self.push(tag, Packing::Raw, bytes, bytes.len()) }
+    /// Adds a section that is not compressed. An empty section is omitted. Fails beyond [`MAX_SECTION_BYTES`].
+    pub fn add_raw_section(&mut self, tag: u8, bytes: &[u8]) -> Result<(), DecodeError> {
+        if bytes.is_empty() { Ok(()) } else { self.push(tag, SectionPacking::Raw, bytes, bytes.len()) }
     }
 
-    fn push(&mut self, tag: u8, packing: Packing, bytes: &[u8], raw_bytes: usize) -> Result<(), DecodeError> {
+    fn push(&mut self, tag: u8, packing: SectionPacking, bytes: &[u8], raw_bytes: usize) -> Result<(), DecodeError> {
         self.header.sections.push(SectionEntry {
             tag,
             packing,
@@ -94,7 +131,7 @@ impl TileWriter {
         Ok(())
     }
 
-    /// The tile's bytes.
+    /// The tile's bytes. Fails if the header cannot be serialised.
     pub fn finish(self) -> Result<Vec<u8>, DecodeError> {
         let header = codec::bincode::to_bytes(&self.header)?;
         let mut out = Vec::with_capacity(16 + header.len() + self.body.len());
@@ -110,29 +147,24 @@ impl TileWriter {
     }
 }
 
+/// A length as stored. Fails beyond [`MAX_SECTION_BYTES`].
 fn length(bytes: usize) -> Result<u32, DecodeError> {
-    match u32::try_from(bytes) {
-        Ok(n) if n <= MAX_SECTION_BYTES => Ok(n),
-        _ => Err(limit("a section's bytes", bytes, MAX_SECTION_BYTES)),
-    }
+    check_limit("the size of a section", bytes, MAX_SECTION_BYTES as usize)?;
+    Ok(bytes as u32)
 }
 
-fn limit(what: &'static str, found: usize, limit: u32) -> DecodeError {
-    DecodeError::Limit { what, found: found as u64, limit: u64::from(limit) }
-}
-
-/// A tile whose frame and checksums are right; its sections are not looked into yet.
+/// A tile with valid header and checksums. The contents of its sections are not checked yet.
 #[derive(Debug)]
 pub struct TileReader<'a> {
-    /// The node that it says it is, in kinds that do.
+    /// The node's id; `None` in V-BlockMaps.
     pub id: Option<TileId>,
     sections: Vec<(SectionEntry, &'a [u8])>,
 }
 
 impl<'a> TileReader<'a> {
-    /// Checks magic, version, kind, lengths and every checksum. The bytes must end where the last section does.
-    pub fn new(bytes: &'a [u8], kind: Kind) -> Result<Self, DecodeError> {
-        let mut reader = Reader::new(bytes);
+    /// Checks magic, version, kind, lengths and all checksums. Fails on the first violation, and on trailing bytes.
+    pub fn new(bytes: &'a [u8], kind: TileKind) -> Result<Self, DecodeError> {
+        let mut reader = ByteReader::new(bytes);
         if reader.array()? != MAGIC {
             return Err(DecodeError::Magic);
         }
@@ -142,36 +174,32 @@ impl<'a> TileReader<'a> {
         }
         let found = reader.u8()?;
         if found != kind as u8 {
-            return Err(DecodeError::Kind { found, wanted: kind as u8 });
+            return Err(DecodeError::TileKind { found, wanted: kind as u8 });
         }
         if reader.u8()? != 0 {
-            return Err(DecodeError::Invalid("a reserved byte is not zero"));
+            return Err(DecodeError::Invalid("a tile's reserved byte is not zero"));
         }
         let (header_bytes, crc32) = (reader.u32()? as usize, reader.u32()?);
         let header = reader.take(header_bytes)?;
         if crc32fast::hash(header) != crc32 {
             return Err(DecodeError::Checksum("the tile header"));
         }
-        let header: Header = codec::bincode::from_bytes(header)?;
-        let sections = Self::sections(header.sections, &mut reader)?;
+        let header: TileHeader = codec::bincode::from_bytes(header)?;
+        let sections = Self::read_sections(header.sections, &mut reader)?;
         reader.finish()?;
         Ok(Self { id: header.id, sections })
     }
 
-    fn sections(
+    fn read_sections(
         entries: Vec<SectionEntry>,
-        reader: &mut Reader<'a>,
+        reader: &mut ByteReader<'a>,
     ) -> Result<Vec<(SectionEntry, &'a [u8])>, DecodeError> {
-        if entries.len() > MAX_SECTIONS {
-            return Err(limit("the number of sections", entries.len(), MAX_SECTIONS as u32));
-        }
+        check_limit("the number of a tile's sections", entries.len(), MAX_SECTIONS)?;
         let mut sections: Vec<(SectionEntry, &[u8])> = Vec::with_capacity(entries.len());
         for entry in entries {
-            if entry.raw_bytes > MAX_SECTION_BYTES {
-                return Err(limit("a section's bytes", entry.raw_bytes as usize, MAX_SECTION_BYTES));
-            }
+            check_limit("the size of a section", entry.raw_bytes as usize, MAX_SECTION_BYTES as usize)?;
             if sections.iter().any(|(other, _)| other.tag == entry.tag) {
-                return Err(DecodeError::Invalid("two sections of one tag"));
+                return Err(DecodeError::Invalid("two sections of a tile have the same tag"));
             }
             let packed = reader.take(entry.packed_bytes as usize)?;
             if crc32fast::hash(packed) != entry.crc32 {
@@ -182,19 +210,18 @@ impl<'a> TileReader<'a> {
         Ok(sections)
     }
 
-    /// The section's bytes, unpacked; empty if the tile has none of that tag. `limit_bytes` is the most that is allocated.
+    /// The uncompressed bytes of a section; empty if the tile has no such section. Fails before allocating if they exceed
+    /// `limit_bytes`, and if they do not decompress to the announced size.
     pub fn section(&self, tag: u8, limit_bytes: usize) -> Result<Vec<u8>, DecodeError> {
         let Some((entry, packed)) = self.sections.iter().find(|(entry, _)| entry.tag == tag) else {
             return Ok(Vec::new());
         };
         let raw_bytes = entry.raw_bytes as usize;
-        if raw_bytes > limit_bytes {
-            return Err(limit("a section's bytes", raw_bytes, limit_bytes as u32));
-        }
+        check_limit("the size of a section", raw_bytes, limit_bytes)?;
         match entry.packing {
-            Packing::Raw if packed.len() == raw_bytes => Ok(packed.to_vec()),
-            Packing::Raw => Err(DecodeError::Truncated { wanted: raw_bytes, found: packed.len() }),
-            Packing::Zstd => codec::zstd::decompress(packed, raw_bytes),
+            SectionPacking::Raw if packed.len() == raw_bytes => Ok(packed.to_vec()),
+            SectionPacking::Raw => Err(DecodeError::Truncated { wanted: raw_bytes, found: packed.len() }),
+            SectionPacking::Zstd => codec::zstd::decompress(packed, raw_bytes),
         }
     }
 }

@@ -1,13 +1,13 @@
-//! Names of the quadtree's nodes.
+//! Ids of quadtree nodes.
 
 use serde::{Deserialize, Serialize};
 
-/// Deepest level that a city may have: 2^20 leaves a side.
+/// Deepest allowed level: 2^20 leaves per side.
 pub const MAX_LEVEL: u8 = 20;
 
-/// A node of a city's quadtree: `level` 0 is the root, x grows to the east, y to the north.
+/// A node of a city's quadtree. Level 0 is the root; x grows to the east and y to the north.
 ///
-/// Once made by [`TileId::new`], the type is the proof that `x` and `y` are below `2^level`.
+/// A `TileId` is always valid: `level` is at most [`MAX_LEVEL`], and `x` and `y` are below `2^level`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "RawTileId", into = "RawTileId")]
 pub struct TileId {
@@ -26,7 +26,7 @@ struct RawTileId {
 impl TryFrom<RawTileId> for TileId {
     type Error = &'static str;
     fn try_from(raw: RawTileId) -> Result<Self, Self::Error> {
-        Self::new(raw.level, raw.x, raw.y).ok_or("tile id outside its level")
+        Self::new(raw.level, raw.x, raw.y).ok_or("a tile id's x or y lies outside its level")
     }
 }
 
@@ -37,10 +37,10 @@ impl From<TileId> for RawTileId {
 }
 
 impl TileId {
-    /// The root.
+    /// The root node.
     pub const ROOT: Self = Self { level: 0, x: 0, y: 0 };
 
-    /// `None` if `level` is over [`MAX_LEVEL`] or `x`, `y` do not lie within it.
+    /// `None` if `level` is over [`MAX_LEVEL`], or `x` or `y` is not below `2^level`.
     pub const fn new(level: u8, x: u32, y: u32) -> Option<Self> {
         if level > MAX_LEVEL || x >> level != 0 || y >> level != 0 { None } else { Some(Self { level, x, y }) }
     }
@@ -65,12 +65,12 @@ impl TileId {
         if self.level == 0 { None } else { Some(Self { level: self.level - 1, x: self.x >> 1, y: self.y >> 1 }) }
     }
 
-    /// Which of its parent's children it is: bit 0 is east, bit 1 is north.
+    /// The position among the parent's children: bit 0 is east, bit 1 is north.
     pub const fn quadrant(self) -> usize {
         ((self.x & 1) | ((self.y & 1) << 1)) as usize
     }
 
-    /// The child in `quadrant` (0 to 3), `None` below [`MAX_LEVEL`].
+    /// The child in `quadrant` (0 to 3); `None` at [`MAX_LEVEL`].
     pub const fn child(self, quadrant: usize) -> Option<Self> {
         if self.level >= MAX_LEVEL {
             return None;
@@ -79,12 +79,12 @@ impl TileId {
         Some(Self { level: self.level + 1, x: self.x * 2 + dx, y: self.y * 2 + dy })
     }
 
-    /// The four children in quadrant order; empty at [`MAX_LEVEL`].
+    /// The four children in quadrant order; none at [`MAX_LEVEL`].
     pub fn children(self) -> impl Iterator<Item = Self> {
         (0..4).filter_map(move |quadrant| self.child(quadrant))
     }
 
-    /// Its ancestor at `level`, itself if that is its level, `None` if `level` is deeper.
+    /// The ancestor at `level`, which is the node itself at its own level; `None` at a deeper level.
     pub const fn ancestor(self, level: u8) -> Option<Self> {
         if level > self.level {
             return None;
@@ -102,9 +102,10 @@ impl std::fmt::Display for TileId {
 
 impl std::str::FromStr for TileId {
     type Err = &'static str;
-    /// Reads `level/x/y`.
+    /// Parses `level/x/y`. Fails on anything else and on ids that cannot exist.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        const WRONG: &str = "not a tile: write it as level/x/y, each a whole number within its level";
+        const WRONG: &str =
+            "not a tile id: expected level/x/y, whole numbers with level at most 20, x and y below 2^level";
         let mut parts = text.split('/');
         let mut next = || parts.next().filter(|p| p.len() <= 10 && p.bytes().all(|b| b.is_ascii_digit())).ok_or(WRONG);
         let (level, x, y) = (next()?, next()?, next()?);
@@ -122,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn family() {
+    fn parent_child_and_ancestor_agree() {
         let id = TileId::new(3, 5, 2).unwrap();
         assert_eq!(id.parent(), TileId::new(2, 2, 1));
         assert_eq!(id.parent().unwrap().child(id.quadrant()), Some(id));
@@ -132,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_exists_can_be_named() {
+    fn invalid_ids_are_refused() {
         assert!(TileId::new(0, 1, 0).is_none());
         assert!(TileId::new(21, 0, 0).is_none());
         assert!(TileId::new(20, (1 << 20) - 1, 0).is_some());

@@ -1,10 +1,10 @@
-//! Meshes round trip exactly, whatever they look like; bytes that are no mesh are errors.
+//! The mesh codec: any triangles round trip exactly, and bytes that are not a mesh are refused.
 
 #![allow(clippy::unwrap_used)]
 
-use insula_protocol::mesh::{Attribute, Encoded, Grid, Kind, Mesh, pieces::Pieces};
+use insula_protocol::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh, PositionGrid, half_edge::HalfEdgeMesh};
 
-/// A small generator of numbers (xorshift): the same meshes on every machine.
+/// A random number generator (xorshift) that gives the same meshes on every machine.
 struct Dice(u64);
 
 impl Dice {
@@ -24,14 +24,15 @@ impl Dice {
     }
 }
 
+/// Triangles of a mesh under construction.
 #[derive(Default)]
-struct Heap {
+struct Soup {
     positions: Vec<[u32; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
-impl Heap {
-    /// A sheet of quads, open, or closed along one or both ways to a tube or a torus; some are left out.
+impl Soup {
+    /// Adds a sheet of quads: open, or closed to a tube or torus; some are omitted.
     fn sheet(&mut self, dice: &mut Dice, most: u32) {
         let (w, h) = (3 + dice.below(most), 3 + dice.below(most));
         let (round, over) = (dice.one_in(2), dice.one_in(2));
@@ -58,7 +59,7 @@ impl Heap {
         }
     }
 
-    /// Boxes on the ground, some with a corner at a vertex of another.
+    /// Adds boxes, some with a corner at a vertex of another.
     fn boxes(&mut self, dice: &mut Dice, most: u32) {
         const SIDES: [[u32; 3]; 12] = [
             [0, 1, 5],
@@ -91,8 +92,8 @@ impl Heap {
         }
     }
 
-    /// Triangles between any vertices: many on an edge, many fans at a vertex, some degenerate or there twice.
-    fn any(&mut self, dice: &mut Dice, most: u32) {
+    /// Adds triangles between random vertices, which are rarely manifold.
+    fn random_triangles(&mut self, dice: &mut Dice, most: u32) {
         let first = self.positions.len() as u32;
         let vertices = 3 + dice.below(most);
         self.positions.extend((0..vertices).map(|_| [0; 3].map(|_| dice.below(4096))));
@@ -101,7 +102,7 @@ impl Heap {
         }
     }
 
-    /// Some vertices become one, some triangles turn around or come twice.
+    /// Merges some vertices, and reverses and duplicates some triangles.
     fn disturb(&mut self, dice: &mut Dice) {
         for _ in 0..dice.below(4) {
             let vertices = self.positions.len() as u32;
@@ -117,17 +118,17 @@ impl Heap {
     }
 }
 
-fn attribute(dice: &mut Dice, kind: Kind, heap: &Heap) -> Attribute {
-    let components = if kind == Kind::Colour { 3 } else { 2 };
+fn attribute(dice: &mut Dice, kind: AttributeKind, soup: &Soup) -> Attribute {
+    let components = if kind == AttributeKind::Colour { 3 } else { 2 };
     let bits = 6 + dice.below(11) as u8;
     let seams = 1 + dice.below(20);
-    let own: Vec<[u32; 4]> = heap
+    let own: Vec<[u32; 4]> = soup
         .positions
         .iter()
         .map(|p| std::array::from_fn(|c| if c < components { p[c] & ((1 << bits) - 1) } else { 0 }))
         .collect();
     let mut values = own.clone();
-    let corners = heap.triangles.as_flattened().iter().map(|vertex| {
+    let corners = soup.triangles.as_flattened().iter().map(|vertex| {
         if !dice.one_in(seams) {
             return *vertex;
         }
@@ -140,29 +141,34 @@ fn attribute(dice: &mut Dice, kind: Kind, heap: &Heap) -> Attribute {
 
 fn random(seed: u64, most: u32) -> Mesh {
     let mut dice = Dice::new(seed);
-    let mut heap = Heap::default();
+    let mut soup = Soup::default();
     for _ in 0..1 + dice.below(5) {
         match dice.below(3) {
-            0 => heap.sheet(&mut dice, most),
-            1 => heap.boxes(&mut dice, most),
-            _ => heap.any(&mut dice, most),
+            0 => soup.sheet(&mut dice, most),
+            1 => soup.boxes(&mut dice, most),
+            _ => soup.random_triangles(&mut dice, most),
         }
     }
-    heap.disturb(&mut dice);
-    let kinds = [Kind::Normal, Kind::Colour, Kind::TexCoord, Kind::Other];
+    soup.disturb(&mut dice);
+    let kinds = [AttributeKind::Normal, AttributeKind::Colour, AttributeKind::TexCoord, AttributeKind::Other];
     let mut attributes = Vec::new();
     for kind in kinds {
         if dice.one_in(4) {
-            attributes.push(attribute(&mut dice, kind, &heap));
+            attributes.push(attribute(&mut dice, kind, &soup));
         }
     }
     let min = if dice.one_in(2) { [0.0, -5.5, 12.0] } else { [84_123.456, 447_000.1, -1.2] };
     let bits = 12 + dice.below(5) as u8;
-    Mesh { grid: Grid { min, step: 0.015625, bits }, positions: heap.positions, triangles: heap.triangles, attributes }
+    Mesh {
+        grid: PositionGrid { min, step: 0.015625, bits },
+        positions: soup.positions,
+        triangles: soup.triangles,
+        attributes,
+    }
 }
 
-/// Everything that was given is there again: vertices as they were shared, triangles as they were turned, all values.
-fn check(mesh: &Mesh) -> Encoded {
+/// Checks that a mesh round trips: shared vertices, triangles with their orientation after repair, and all values.
+fn check(mesh: &Mesh) -> EncodedMesh {
     let encoded = mesh.encode().unwrap();
     let back = Mesh::decode(&encoded.bytes).unwrap();
     let (vertices, corners) = (&encoded.vertices, &encoded.corners);
@@ -172,9 +178,9 @@ fn check(mesh: &Mesh) -> Encoded {
     let given = mesh.triangles.as_flattened();
     let expected = corners.iter().map(|corner| given[*corner as usize]);
     assert!(back.triangles.as_flattened().iter().map(|vertex| vertices[*vertex as usize]).eq(expected));
-    let left_out = (encoded.census.degenerate + encoded.census.duplicate) as usize;
+    let left_out = (encoded.report.degenerate + encoded.report.duplicate) as usize;
     assert_eq!(back.triangles.len() + left_out, mesh.triangles.len());
-    // No triangle twice, none but those that were turned in another turn.
+    // Every triangle occurs once, and only the counted ones are reversed.
     let mut seen = vec![false; mesh.triangles.len()];
     let mut turned = 0;
     for triangle in corners.as_chunks::<3>().0 {
@@ -185,7 +191,7 @@ fn check(mesh: &Mesh) -> Encoded {
         assert!(forwards || [[0, 2, 1], [2, 1, 0], [1, 0, 2]].contains(&turn));
         turned += u32::from(!forwards);
     }
-    assert_eq!(turned, encoded.census.turned);
+    assert_eq!(turned, encoded.report.turned);
     for (given, found) in mesh.attributes.iter().zip(&back.attributes) {
         assert_eq!(
             (given.kind, given.components, given.bits, given.range),
@@ -198,19 +204,19 @@ fn check(mesh: &Mesh) -> Encoded {
     encoded
 }
 
-/// `INSULA_MESHES=100000` for the whole count.
+/// `INSULA_MESHES` sets the number of meshes, for example 100000.
 #[test]
-fn random_meshes_come_back_exactly() {
+fn random_meshes_round_trip_exactly() {
     let count = std::env::var("INSULA_MESHES").ok().and_then(|count| count.parse().ok()).unwrap_or(3000);
     for seed in 0..count {
         let mesh = random(seed, if seed % 50 == 0 { 30 } else { 9 });
-        assert!(Pieces::new(&mesh.triangles, mesh.positions.len() as u32).is_sound(), "seed {seed}");
+        assert!(HalfEdgeMesh::new(&mesh.triangles, mesh.positions.len() as u32).is_sound(), "seed {seed}");
         check(&mesh);
     }
 }
 
 #[test]
-fn every_number_of_bits_comes_back() {
+fn every_number_of_bits_round_trips() {
     for bits in 8..=16 {
         let mut mesh = random(7, 20);
         mesh.grid.bits = bits;
@@ -222,7 +228,7 @@ fn every_number_of_bits_comes_back() {
 }
 
 #[test]
-fn what_is_not_on_the_grid_is_refused() {
+fn positions_off_the_grid_are_refused() {
     let mut mesh = random(1, 9);
     mesh.positions[0][0] = 1 << mesh.grid.bits;
     mesh.triangles = vec![[0, 1, 2]];
@@ -233,14 +239,14 @@ fn what_is_not_on_the_grid_is_refused() {
 }
 
 #[test]
-fn an_empty_mesh_comes_back() {
-    let grid = Grid::around(&[], 12);
+fn an_empty_mesh_round_trips() {
+    let grid = PositionGrid::enclosing(&[], 12);
     let mesh = Mesh { grid, positions: vec![], triangles: vec![], attributes: vec![] };
     assert!(check(&mesh).bytes.len() < 40);
 }
 
 #[test]
-fn every_truncation_and_extra_bytes_are_refused() {
+fn truncated_and_extra_bytes_are_refused() {
     let bytes = check(&random(3, 9)).bytes;
     for length in 0..bytes.len() {
         assert!(Mesh::decode(&bytes[..length]).is_err(), "{length}");
@@ -248,9 +254,9 @@ fn every_truncation_and_extra_bytes_are_refused() {
     assert!(Mesh::decode(&[&bytes[..], &[0, 0]].concat()).is_err());
 }
 
-/// `INSULA_MUTATIONS=1000000` for longer.
+/// `INSULA_MUTATIONS` sets the number of mutations, for example 1000000.
 #[test]
-fn altered_bytes_are_refused_or_another_mesh() {
+fn mutated_bytes_decode_to_a_valid_mesh_or_an_error() {
     let count: u64 = std::env::var("INSULA_MUTATIONS").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000);
     let originals: Vec<Vec<u8>> = (0..64).map(|seed| random(seed, 9).encode().unwrap().bytes).collect();
     let mut dice = Dice::new(99);
@@ -276,14 +282,14 @@ fn altered_bytes_are_refused_or_another_mesh() {
             }
         }
     }
-    assert!(read > 0, "none of the alterations left a mesh: the bytes behind the header were never reached");
+    assert!(read > 0, "no mutation decoded: the bytes after the header were never tested");
 }
 
 #[test]
-fn the_format_does_not_change_by_accident() {
+fn a_tetrahedron_has_the_expected_bytes() {
     let positions = vec![[0, 0, 0], [4095, 0, 0], [0, 4095, 0], [0, 0, 4095]];
     let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
-    let grid = Grid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
+    let grid = PositionGrid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
     let mesh = Mesh { grid, positions, triangles, attributes: vec![] };
     let hex: String = check(&mesh).bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     assert_eq!(hex, "02010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");

@@ -1,11 +1,11 @@
-//! Round trips, truncations and damage of mesh tiles.
+//! Mesh tiles: round trips, truncation and damage.
 
 #![allow(clippy::unwrap_used)] // In a test, the panic is the report.
 
 use insula_protocol::{
-    DecodeError, MeshTile, TileId,
-    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, Texture},
-    tile::{Kind, TileReader, TileWriter},
+    DecodeError, MeshTile, TileId, TileKind,
+    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, TileTexture},
+    tile::{TileReader, TileWriter},
 };
 use proptest::prelude::*;
 
@@ -13,8 +13,8 @@ fn leaf() -> TileId {
     TileId::new(7, 100, 3).unwrap()
 }
 
-fn picture() -> Texture {
-    Texture { size_px: [640, 20], bytes: [&b"RIFF\x10\0\0\0WEBPVP8L"[..], &[7; 200]].concat() }
+fn texture() -> TileTexture {
+    TileTexture { size_px: [640, 20], bytes: [&b"RIFF\x10\0\0\0WEBPVP8L"[..], &[7; 200]].concat() }
 }
 
 fn plain() -> MeshTile {
@@ -22,25 +22,25 @@ fn plain() -> MeshTile {
 }
 
 fn textured() -> MeshTile {
-    mesh_tile::cuboid([1.0, 2.0, -3.0], [9.0, 14.5, 21.0], [0; 3], Some(picture()))
+    mesh_tile::cuboid([1.0, 2.0, -3.0], [9.0, 14.5, 21.0], [0; 3], Some(texture()))
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn tiles_round_trip() {
     let tile = MeshTile::decode(leaf(), 2, &plain().encode(leaf(), 2).unwrap()).unwrap();
     assert_eq!((tile.mesh.triangles.len(), tile.mesh.positions.len()), (12, 8));
     assert_eq!((tile.mesh.grid, &tile.texture), (plain().mesh.grid, &None));
     assert!((0..36).all(|corner| tile.rgb(corner) == [200, 90, 60]));
     let tile = MeshTile::decode(leaf(), 0, &textured().encode(leaf(), 0).unwrap()).unwrap();
-    assert_eq!(tile.texture, Some(picture()));
-    let mut places: Vec<[u8; 2]> = (0..36).map(|corner| tile.uv(corner).map(|v| v as u8)).collect();
-    places.sort();
-    places.dedup();
-    assert_eq!(places, [[0, 0], [0, 1], [1, 0], [1, 1]]);
+    assert_eq!(tile.texture, Some(texture()));
+    let mut uvs: Vec<[u8; 2]> = (0..36).map(|corner| tile.uv(corner).map(|v| v as u8)).collect();
+    uvs.sort();
+    uvs.dedup();
+    assert_eq!(uvs, [[0, 0], [0, 1], [1, 0], [1, 1]]);
 }
 
 #[test]
-fn only_the_tile_that_was_asked_for() {
+fn another_leaf_or_level_of_detail_is_refused() {
     let bytes = plain().encode(leaf(), 1).unwrap();
     assert!(MeshTile::decode(leaf(), 1, &bytes).is_ok());
     assert!(MeshTile::decode(leaf(), 0, &bytes).is_err());
@@ -50,7 +50,7 @@ fn only_the_tile_that_was_asked_for() {
 }
 
 #[test]
-fn every_truncation_flipped_byte_and_extra_byte_is_refused() {
+fn truncated_flipped_and_extra_bytes_are_refused() {
     for tile in [plain(), textured()] {
         let bytes = tile.encode(leaf(), 0).unwrap();
         for len in 0..bytes.len() {
@@ -67,16 +67,16 @@ fn every_truncation_flipped_byte_and_extra_byte_is_refused() {
 }
 
 #[test]
-fn what_a_tile_promises_is_checked() {
+fn invalid_tiles_are_refused() {
     let refused = |tile: MeshTile| assert!(tile.encode(leaf(), 0).is_err());
-    let with = |texture: Texture| MeshTile { texture: Some(texture), ..textured() };
+    let with = |texture: TileTexture| MeshTile { texture: Some(texture), ..textured() };
     refused(MeshTile { texture: None, ..textured() });
-    refused(MeshTile { texture: Some(picture()), ..plain() });
-    refused(with(Texture { size_px: [0, 4], ..picture() }));
-    refused(with(Texture { size_px: [MAX_TEXTURE_SIDE_PX + 1, 1], ..picture() }));
-    refused(with(Texture { size_px: [4096, 1025], ..picture() }));
+    refused(MeshTile { texture: Some(texture()), ..plain() });
+    refused(with(TileTexture { size_px: [0, 4], ..texture() }));
+    refused(with(TileTexture { size_px: [MAX_TEXTURE_SIDE_PX + 1, 1], ..texture() }));
+    refused(with(TileTexture { size_px: [4096, 1025], ..texture() }));
     for bytes in [&b"GIF89a"[..], &[0xff, 0xd8, 0xff, 0xe0], b"RIFF", b"RIFF\x10\0\0\0WEBPVP8X"] {
-        refused(with(Texture { bytes: bytes.to_vec(), ..picture() }));
+        refused(with(TileTexture { bytes: bytes.to_vec(), ..texture() }));
     }
     let mut empty = plain();
     empty.mesh.triangles.clear();
@@ -91,7 +91,7 @@ fn what_a_tile_promises_is_checked() {
 }
 
 #[test]
-fn what_announces_too_much_is_refused_before_memory_is_taken() {
+fn excessive_counts_are_refused_before_allocation() {
     let mut mesh = vec![insula_protocol::mesh::VERSION, 1, 12, 0];
     [0f32, 0.0, 0.0, 1.0].iter().for_each(|v| mesh.extend(v.to_le_bytes()));
     mesh.extend([0xff, 0xff, 0x7f, 0xff, 0xff, 0x7f]);
@@ -99,35 +99,35 @@ fn what_announces_too_much_is_refused_before_memory_is_taken() {
 }
 
 fn decode_parts(lod: u8, mesh: &[u8]) -> Result<MeshTile, DecodeError> {
-    let mut writer = TileWriter::new(Kind::Mesh, Some(leaf()));
-    writer.coded_section(1, &[lod]).unwrap();
-    writer.coded_section(2, mesh).unwrap();
+    let mut writer = TileWriter::new(TileKind::Mesh, Some(leaf()));
+    writer.add_raw_section(1, &[lod]).unwrap();
+    writer.add_raw_section(2, mesh).unwrap();
     MeshTile::decode(leaf(), lod, &writer.finish().unwrap())
 }
 
 #[test]
-fn every_leaf_and_level_of_detail_has_its_own_place() {
-    let mut places = std::collections::HashSet::new();
+fn every_leaf_and_level_of_detail_has_its_own_archive_id() {
+    let mut ids = std::collections::HashSet::new();
     for leaf in TileId::ROOT.children().flat_map(TileId::children) {
         for lod in 0..MAX_LODS {
-            let place = mesh_tile::place(leaf, lod).unwrap();
-            assert!(places.insert(place));
-            assert_eq!(mesh_tile::at_place(place, 2), Some((leaf, lod)));
+            let id = mesh_tile::archive_id(leaf, lod).unwrap();
+            assert!(ids.insert(id));
+            assert_eq!(mesh_tile::from_archive_id(id, 2), Some((leaf, lod)));
         }
     }
-    assert_eq!(mesh_tile::place(TileId::ROOT, MAX_LODS), None);
-    assert_eq!(mesh_tile::place(TileId::new(18, 0, 0).unwrap(), 3), None);
-    assert_eq!(mesh_tile::at_place(TileId::new(3, 1, 0).unwrap(), 2), None, "no leaf's corner");
-    assert_eq!(mesh_tile::at_place(TileId::new(1, 0, 0).unwrap(), 2), None, "above the leaves");
+    assert_eq!(mesh_tile::archive_id(TileId::ROOT, MAX_LODS), None);
+    assert_eq!(mesh_tile::archive_id(TileId::new(18, 0, 0).unwrap(), 3), None);
+    assert_eq!(mesh_tile::from_archive_id(TileId::new(3, 1, 0).unwrap(), 2), None, "not at a leaf's corner");
+    assert_eq!(mesh_tile::from_archive_id(TileId::new(1, 0, 0).unwrap(), 2), None, "above the leaves");
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
     #[test]
-    fn altered_meshes_decode_or_are_refused(changes in proptest::collection::vec((any::<usize>(), any::<u8>()), 1..6)) {
+    fn mutated_meshes_decode_or_are_refused(changes in proptest::collection::vec((any::<usize>(), any::<u8>()), 1..6)) {
         let bytes = plain().encode(leaf(), 0).unwrap();
-        let mut mesh = TileReader::new(&bytes, Kind::Mesh).unwrap().section(2, 1 << 20).unwrap();
+        let mut mesh = TileReader::new(&bytes, TileKind::Mesh).unwrap().section(2, 1 << 20).unwrap();
         for (at, value) in changes {
             let at = at % mesh.len();
             mesh[at] = value;
@@ -139,7 +139,7 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
         prop_assert!(MeshTile::decode(leaf(), 0, &bytes).is_err());
     }
 }

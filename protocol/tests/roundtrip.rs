@@ -1,12 +1,12 @@
-//! Round trips, truncations and damage of V-BlockMap tiles.
+//! V-BlockMap tiles: round trips, truncation and damage.
 
 #![allow(clippy::unwrap_used)] // In a test, the panic is the report.
 
 use insula_protocol::{
-    BlockMap, DecodeError, Texel, TileId,
-    blockmap::{COLUMNS, Clip, Column, Corner, Outer, Quality, Strip, strip_rows},
+    BlockMap, DecodeError, Texel, TileId, TileKind,
+    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, WallStrip, strip_rows},
     texel::ALPHA_MAX,
-    tile::{Kind, TileWriter},
+    tile::TileWriter,
 };
 use proptest::prelude::*;
 
@@ -14,12 +14,12 @@ fn opaque(bits: u32) -> Texel {
     Texel(bits | u32::from(ALPHA_MAX) << 24)
 }
 
-/// What is not seen is not kept.
-fn kept(texel: Texel) -> Texel {
+/// The colour of transparent texels is not kept.
+fn without_hidden_colour(texel: Texel) -> Texel {
     if texel.alpha() == 0 { Texel::TRANSPARENT } else { texel }
 }
 
-fn column() -> impl Strategy<Value = Column> {
+fn column() -> impl Strategy<Value = MapColumn> {
     let texel = any::<u32>().prop_map(opaque);
     (0u16..4000, 1u16..95, any::<[bool; 8]>(), texel, any::<u16>(), any::<u32>(), any::<u8>()).prop_map(
         |(
@@ -33,13 +33,14 @@ fn column() -> impl Strategy<Value = Column> {
         )| {
             let z_max = z_min + height;
             let rows = strip_rows(z_min, z_max, 1).1;
-            let texels = (0..u32::from(rows)).map(|i| kept(Texel(seed.wrapping_mul(i * 2 + 1)))).collect();
+            let texels =
+                (0..u32::from(rows)).map(|i| without_hidden_colour(Texel(seed.wrapping_mul(i * 2 + 1)))).collect();
             let gap = (gap && exposed && height > 3).then_some([z_min + 1, z_max - 1]);
-            let strip = exposed.then_some(Strip { texels, azimuth });
-            let outer = (outer && height > 1).then_some(Outer { z: z_max - 1, roof: opaque(seed) });
-            let corner = corner.then_some(Corner { azimuth, offset: (seed >> 8) as i8, concave });
-            let clip = (clipped && exposed).then_some(Clip { offset: seed as i8, corner, outer });
-            Column { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip }
+            let strip = exposed.then_some(WallStrip { texels, azimuth });
+            let outer = (outer && height > 1).then_some(OuterTop { z: z_max - 1, roof: opaque(seed) });
+            let corner = corner.then_some(CornerWall { azimuth, offset: (seed >> 8) as i8, concave });
+            let clip = (clipped && exposed).then_some(ColumnClip { offset: seed as i8, corner, outer });
+            MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip }
         },
     )
 }
@@ -75,7 +76,7 @@ proptest! {
     }
 
     #[test]
-    fn loss_is_where_it_may_be_and_no_larger(map in map(), db in 10f32..60.0) {
+    fn loss_is_within_the_quality_and_shapes_are_exact(map in map(), db in 10f32..60.0) {
         let bytes = map.encode_at(Quality::Decibels(db)).unwrap();
         prop_assert_eq!(&map.encode_at(Quality::Decibels(db)).unwrap(), &bytes);
         let back = BlockMap::decode(map.id, &bytes).unwrap();
@@ -106,18 +107,18 @@ proptest! {
     }
 
     #[test]
-    fn any_columns_decode_to_a_map_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 1..3000), shift in 0u8..=4) {
-        let mut writer = TileWriter::new(Kind::BlockMap, None);
+    fn random_column_bytes_decode_to_a_valid_map_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 1..3000), shift in 0u8..=4) {
+        let mut writer = TileWriter::new(TileKind::BlockMap, None);
         let meta = [&1f32.to_le_bytes()[..], &0i32.to_le_bytes(), &[shift], &32u16.to_le_bytes(), &[4]].concat();
-        writer.coded_section(1, &meta).unwrap();
-        writer.coded_section(2, &bytes).unwrap();
+        writer.add_raw_section(1, &meta).unwrap();
+        writer.add_raw_section(2, &bytes).unwrap();
         if let Ok(map) = BlockMap::decode(TileId::ROOT, &writer.finish().unwrap()) {
             prop_assert_eq!(BlockMap::decode(TileId::ROOT, &map.encode().unwrap()).unwrap(), map);
         }
     }
 
     #[test]
-    fn any_flipped_bit_is_found(map in map(), at in any::<usize>(), bit in 0u8..8) {
+    fn any_flipped_bit_is_refused(map in map(), at in any::<usize>(), bit in 0u8..8) {
         let mut bytes = map.encode().unwrap();
         let at = at % bytes.len();
         bytes[at] ^= 1 << bit;
@@ -125,15 +126,15 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
         prop_assert!(BlockMap::decode(TileId::ROOT, &bytes).is_err());
     }
 }
 
 #[test]
-fn every_truncation_and_extra_bytes_are_refused() {
+fn truncated_and_extra_bytes_are_refused() {
     let mut columns = vec![None; COLUMNS];
-    columns[77] = Some(Column { z_min: 3, z_max: 40, ..Column::default() });
+    columns[77] = Some(MapColumn { z_min: 3, z_max: 40, ..MapColumn::default() });
     let bytes = BlockMap::from_columns(TileId::ROOT, 1.0, -3, 0, &columns).unwrap().encode().unwrap();
     for len in 0..bytes.len() {
         assert!(BlockMap::decode(TileId::ROOT, &bytes[..len]).is_err(), "{len} of {}", bytes.len());
@@ -143,23 +144,29 @@ fn every_truncation_and_extra_bytes_are_refused() {
 }
 
 #[test]
-fn what_a_column_promises_is_checked() {
-    let build = |column: Column| {
+fn invalid_columns_are_refused() {
+    let build = |column: MapColumn| {
         let mut columns = vec![None; COLUMNS];
         columns[0] = Some(column);
         BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)
     };
-    let good = Column { z_min: 0, z_max: 40, ..Column::default() };
+    let good = MapColumn { z_min: 0, z_max: 40, ..MapColumn::default() };
     assert!(build(good.clone()).is_ok());
-    assert!(build(Column { z_min: 40, ..good.clone() }).is_err(), "no height");
-    assert!(build(Column { z_max: 4096, ..good.clone() }).is_err(), "over 12 bits");
-    assert!(build(Column { gap: Some([10, 20]), ..good.clone() }).is_err(), "gap without strip");
-    let clip = |z: u16| Some(Clip { offset: 5, corner: None, outer: Some(Outer { z, roof: Texel(7) }) });
-    assert!(build(Column { clip: clip(20), ..good.clone() }).is_err(), "clipped without a strip");
+    assert!(build(MapColumn { z_min: 40, ..good.clone() }).is_err(), "no height");
+    assert!(build(MapColumn { z_max: 4096, ..good.clone() }).is_err(), "over 12 bits");
+    assert!(build(MapColumn { gap: Some([10, 20]), ..good.clone() }).is_err(), "gap without strip");
+    let clip = |z: u16| Some(ColumnClip { offset: 5, corner: None, outer: Some(OuterTop { z, roof: Texel(7) }) });
+    assert!(build(MapColumn { clip: clip(20), ..good.clone() }).is_err(), "clipped without a strip");
     let strip =
-        Some(Strip { texels: vec![Texel(1); usize::from(strip_rows(good.z_min, good.z_max, 0).1)], azimuth: 0 });
-    assert!(build(Column { clip: clip(good.z_min + 1), strip: strip.clone(), ..good.clone() }).is_ok());
-    assert!(build(Column { clip: clip(good.z_max), strip: strip.clone(), ..good.clone() }).is_err(), "no lower");
-    assert!(build(Column { clip: clip(good.z_min), strip, ..good.clone() }).is_err(), "nothing above the bottom");
-    assert!(build(Column { strip: Some(Strip::default()), ..good }).is_err(), "short strip");
+        Some(WallStrip { texels: vec![Texel(1); usize::from(strip_rows(good.z_min, good.z_max, 0).1)], azimuth: 0 });
+    assert!(build(MapColumn { clip: clip(good.z_min + 1), strip: strip.clone(), ..good.clone() }).is_ok());
+    assert!(
+        build(MapColumn { clip: clip(good.z_max), strip: strip.clone(), ..good.clone() }).is_err(),
+        "outer top not lower"
+    );
+    assert!(
+        build(MapColumn { clip: clip(good.z_min), strip, ..good.clone() }).is_err(),
+        "outer top not above the bottom"
+    );
+    assert!(build(MapColumn { strip: Some(WallStrip::default()), ..good }).is_err(), "short strip");
 }

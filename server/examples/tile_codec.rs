@@ -1,6 +1,6 @@
-//! Ways to code V-BlockMaps, compared on the tiles of baked cities: the figures of `docs/decisions/0001-tile-codec.md`.
+//! Compares codecs for V-BlockMaps on the tiles of baked cities: the figures of `docs/decisions/0001-tile-codec.md`.
 //!
-//! In: city folders, baked with `--quality lossless`. Out: a table. Next: a person.
+//! The cities must be baked with `--quality lossless`.
 //!
 //! `cargo run --release -p insula-server --example tile_codec -- CITY...`
 
@@ -10,7 +10,7 @@ use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{COLUMNS, Quality, flag},
     codec::{
-        range::{Bit, Coder, Number},
+        range::{BitCoder, BitModel, NumberModel},
         zstd,
     },
     texel::ALPHA_MAX,
@@ -18,13 +18,13 @@ use insula_protocol::{
 use insula_server::store::CityStore;
 use std::{collections::HashMap, io::Cursor, path::Path, time::Instant};
 
-// As in the programs that decode tiles.
+// The allocator of the programs that decode tiles.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
-/// The quality of the candidates with loss.
+/// Quality of the lossy candidates, as PSNR in dB.
 const DB: f32 = 36.0;
-/// Timings are the best of so many.
+/// A timing is the best of this many.
 const ROUNDS: usize = 5;
 
 fn main() -> anyhow::Result<()> {
@@ -46,33 +46,33 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A tile as some codec makes it.
-struct Coded {
+/// Result of coding one tile.
+struct CodedTile {
     bytes: usize,
-    /// What a reader sees; none where only the size is known.
-    back: Option<BlockMap>,
+    /// The decoded tile; `None` if the candidate only measures the size.
+    decoded: Option<BlockMap>,
     decode_us: Option<f64>,
 }
 
-struct Candidate {
+struct CodecCandidate {
     name: &'static str,
-    code: fn(&BlockMap) -> anyhow::Result<Coded>,
+    code: fn(&BlockMap) -> anyhow::Result<CodedTile>,
 }
 
-const CANDIDATES: &[Candidate] = &[
-    Candidate { name: "all, lossless: byte planes, zstd 19", code: planes },
-    Candidate { name: "all, lossless: range coder", code: |map| tile(map, Quality::Lossless) },
-    Candidate { name: "all, 36 dB: same guesses, zstd 19", code: residuals },
-    Candidate { name: "all, 36 dB: same guesses, static (bound)", code: statics },
-    Candidate { name: "all, 36 dB: range coder (taken)", code: |map| tile(map, Quality::Decibels(DB)) },
-    Candidate { name: "all, 40 dB: range coder", code: |map| tile(map, Quality::Decibels(40.0)) },
-    Candidate { name: "colours alone, lossless: PNG", code: |map| picture(map, png) },
-    Candidate { name: "colours alone, lossless: WebP", code: |map| picture(map, webp) },
-    Candidate { name: "colours alone, 36 dB: JPEG", code: jpeg },
-    Candidate { name: "colours alone, 36 dB: range coder (taken)", code: colours_alone },
+const CANDIDATES: &[CodecCandidate] = &[
+    CodecCandidate { name: "all, lossless: byte planes, zstd 19", code: planes },
+    CodecCandidate { name: "all, lossless: range coder", code: |map| tile(map, Quality::Lossless) },
+    CodecCandidate { name: "all, 36 dB: same predictions, zstd 19", code: residuals },
+    CodecCandidate { name: "all, 36 dB: same predictions, static (bound)", code: statics },
+    CodecCandidate { name: "all, 36 dB: range coder (chosen)", code: |map| tile(map, Quality::Decibels(DB)) },
+    CodecCandidate { name: "all, 40 dB: range coder", code: |map| tile(map, Quality::Decibels(40.0)) },
+    CodecCandidate { name: "colours alone, lossless: PNG", code: |map| image_file(map, png) },
+    CodecCandidate { name: "colours alone, lossless: WebP", code: |map| image_file(map, webp) },
+    CodecCandidate { name: "colours alone, 36 dB: JPEG", code: jpeg },
+    CodecCandidate { name: "colours alone, 36 dB: range coder (chosen)", code: colours_alone },
 ];
 
-impl Candidate {
+impl CodecCandidate {
     fn measure(&self, leaves: &[BlockMap], parents: &[BlockMap]) -> anyhow::Result<()> {
         let mut squares = 0.0;
         let mut times = Vec::new();
@@ -82,7 +82,7 @@ impl Candidate {
                 let coded = (self.code)(map)?;
                 sum += coded.bytes;
                 times.extend(coded.decode_us);
-                squares += coded.back.map_or(0.0, |back| map.colour_error(&back));
+                squares += coded.decoded.map_or(0.0, |decoded| map.colour_error(&decoded));
             }
             Ok(sum as f64 / maps.len() as f64)
         };
@@ -106,15 +106,15 @@ fn best_us<T>(mut work: impl FnMut() -> anyhow::Result<T>) -> anyhow::Result<f64
     Ok(best)
 }
 
-fn tile(map: &BlockMap, quality: Quality) -> anyhow::Result<Coded> {
+fn tile(map: &BlockMap, quality: Quality) -> anyhow::Result<CodedTile> {
     let bytes = map.encode_at(quality)?;
-    let back = BlockMap::decode(map.id, &bytes)?;
+    let decoded = BlockMap::decode(map.id, &bytes)?;
     let decode_us = best_us(|| Ok(BlockMap::decode(map.id, &bytes)?))?;
-    Ok(Coded { bytes: bytes.len(), back: Some(back), decode_us: Some(decode_us) })
+    Ok(CodedTile { bytes: bytes.len(), decoded: Some(decoded), decode_us: Some(decode_us) })
 }
 
-/// Every field as planes of bytes, colours as differences from the texel before.
-fn planes(map: &BlockMap) -> anyhow::Result<Coded> {
+/// Every field as byte planes, colours as differences from the previous texel, compressed by zstd.
+fn planes(map: &BlockMap) -> anyhow::Result<CodedTile> {
     let occupied: Vec<usize> = (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0).collect();
     let mut raw = map.flags.clone();
     for field in [&map.z_max, &map.z_min, &map.roof_normal] {
@@ -136,7 +136,7 @@ fn planes(map: &BlockMap) -> anyhow::Result<Coded> {
         }
     }
     let packed = zstd::compress(&raw)?;
-    Ok(Coded { bytes: packed.len(), back: None, decode_us: None })
+    Ok(CodedTile { bytes: packed.len(), decoded: None, decode_us: None })
 }
 
 fn texels(map: &BlockMap) -> impl Iterator<Item = Texel> {
@@ -144,70 +144,70 @@ fn texels(map: &BlockMap) -> impl Iterator<Item = Texel> {
     occupied.map(|i| map.roof[i]).chain(map.strips.iter().copied())
 }
 
-/// Walks over the map as it is written at [`DB`].
-fn walk(map: &BlockMap, coder: &mut impl Coder) -> Result<BlockMap, DecodeError> {
-    let mut back = map.clone();
-    back.walk(coder, map.loss_at(Quality::Decibels(DB)))?;
-    Ok(back)
+/// Visits the map's values as the encoder does at [`DB`]. Returns the decoded map.
+fn walk(map: &BlockMap, coder: &mut impl BitCoder) -> Result<BlockMap, DecodeError> {
+    let mut decoded = map.clone();
+    decoded.walk(coder, map.quantisation_steps(Quality::Decibels(DB)))?;
+    Ok(decoded)
 }
 
-/// Keeps what is to be coded as bytes: numbers in one run, bits in another.
+/// Records the coder's input as bytes: numbers and bits separately.
 #[derive(Default)]
-struct Record {
+struct RecordingCoder {
     numbers: Vec<u8>,
     bits: Vec<u8>,
 }
 
-impl Coder for Record {
+impl BitCoder for RecordingCoder {
     const WRITES: bool = true;
 
-    fn bit(&mut self, _: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, _: &mut BitModel, bit: bool) -> bool {
         self.bits.push(u8::from(bit));
         bit
     }
 
-    fn number(&mut self, _: &mut Number, value: i32) -> i32 {
+    fn number(&mut self, _: &mut NumberModel, value: i32) -> i32 {
         insula_protocol::codec::varint::push(&mut self.numbers, insula_protocol::codec::varint::zigzag(value));
         value
     }
 }
 
-fn residuals(map: &BlockMap) -> anyhow::Result<Coded> {
-    let mut record = Record::default();
-    let back = walk(map, &mut record)?;
+fn residuals(map: &BlockMap) -> anyhow::Result<CodedTile> {
+    let mut record = RecordingCoder::default();
+    let decoded = walk(map, &mut record)?;
     let bits: Vec<u8> = record.bits.chunks(8).map(|byte| byte.iter().fold(0, |sum, bit| sum << 1 | bit)).collect();
     let bytes = zstd::compress(&record.numbers)?.len() + zstd::compress(&bits)?.len();
-    Ok(Coded { bytes, back: Some(back), decode_us: None })
+    Ok(CodedTile { bytes, decoded: Some(decoded), decode_us: None })
 }
 
-/// Counts each model's bits: what fixed tables would need, with a byte a model for the table.
+/// Counts each model's bits, to estimate the size with static tables of one byte per model.
 #[derive(Default)]
-struct Count {
-    models: HashMap<*const Bit, [u32; 2]>,
+struct CountingCoder {
+    models: HashMap<*const BitModel, [u32; 2]>,
 }
 
-impl Coder for Count {
+impl BitCoder for CountingCoder {
     const WRITES: bool = true;
 
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
         self.models.entry(model).or_default()[usize::from(bit)] += 1;
         bit
     }
 }
 
-fn statics(map: &BlockMap) -> anyhow::Result<Coded> {
-    let mut count = Count::default();
-    let back = walk(map, &mut count)?;
+fn statics(map: &BlockMap) -> anyhow::Result<CodedTile> {
+    let mut count = CountingCoder::default();
+    let decoded = walk(map, &mut count)?;
     let bits = |[a, b]: [u32; 2]| {
         let (a, b) = (f64::from(a), f64::from(b));
         let part = |n: f64| if n > 0.0 { n * ((a + b) / n).log2() } else { 0.0 };
         8.0 + part(a) + part(b)
     };
     let bytes = count.models.into_values().map(bits).sum::<f64>() / 8.0;
-    Ok(Coded { bytes: bytes.ceil() as usize, back: Some(back), decode_us: None })
+    Ok(CodedTile { bytes: bytes.ceil() as usize, decoded: Some(decoded), decode_us: None })
 }
 
-/// Roofs and strips as a picture 64 texels wide.
+/// The roofs and wall strips as an image 64 texels wide: pixels and height.
 fn atlas(map: &BlockMap) -> (Vec<u8>, u32) {
     let strips = map.strips.iter().filter(|texel| texel.alpha() == ALPHA_MAX);
     let mut rgb: Vec<u8> = map.roof.iter().chain(strips).flat_map(|texel| texel.rgb()).collect();
@@ -216,11 +216,11 @@ fn atlas(map: &BlockMap) -> (Vec<u8>, u32) {
     (rgb, height as u32)
 }
 
-fn picture(map: &BlockMap, encode: fn(&[u8], u32) -> anyhow::Result<Vec<u8>>) -> anyhow::Result<Coded> {
+fn image_file(map: &BlockMap, encode: fn(&[u8], u32) -> anyhow::Result<Vec<u8>>) -> anyhow::Result<CodedTile> {
     let (rgb, height) = atlas(map);
     let bytes = encode(&rgb, height)?;
     let decode_us = best_us(|| Ok(image::load_from_memory(&bytes)?))?;
-    Ok(Coded { bytes: bytes.len(), back: None, decode_us: Some(decode_us) })
+    Ok(CodedTile { bytes: bytes.len(), decoded: None, decode_us: Some(decode_us) })
 }
 
 fn png(rgb: &[u8], height: u32) -> anyhow::Result<Vec<u8>> {
@@ -241,8 +241,8 @@ fn webp(rgb: &[u8], height: u32) -> anyhow::Result<Vec<u8>> {
     Ok(out.into_inner())
 }
 
-/// The smallest JPEG that keeps [`DB`]; all of its pixels count.
-fn jpeg(map: &BlockMap) -> anyhow::Result<Coded> {
+/// The smallest JPEG with at least [`DB`], measured over all pixels.
+fn jpeg(map: &BlockMap) -> anyhow::Result<CodedTile> {
     let (rgb, height) = atlas(map);
     let worst = 255.0 * 255.0 / 10f64.powf(f64::from(DB) / 10.0);
     for quality in (30..=100).step_by(5) {
@@ -253,23 +253,23 @@ fn jpeg(map: &BlockMap) -> anyhow::Result<Coded> {
             height,
             ExtendedColorType::Rgb8,
         )?;
-        let back = image::load_from_memory(&bytes)?.to_rgb8();
-        let squares: f64 = rgb.iter().zip(back.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
+        let decoded = image::load_from_memory(&bytes)?.to_rgb8();
+        let squares: f64 = rgb.iter().zip(decoded.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
         if squares / rgb.len() as f64 <= worst || quality == 100 {
             let decode_us = best_us(|| Ok(image::load_from_memory(&bytes)?))?;
-            return Ok(Coded { bytes: bytes.len(), back: None, decode_us: Some(decode_us) });
+            return Ok(CodedTile { bytes: bytes.len(), decoded: None, decode_us: Some(decode_us) });
         }
     }
-    anyhow::bail!("no quality was tried")
+    anyhow::bail!("no JPEG quality was tried")
 }
 
-/// How much smaller the tile would be in one colour.
-fn colours_alone(map: &BlockMap) -> anyhow::Result<Coded> {
+/// The size of the colours: what a tile loses when all of them are black.
+fn colours_alone(map: &BlockMap) -> anyhow::Result<CodedTile> {
     let mut grey = map.clone();
     let one = |texel: &mut Texel| *texel = if texel.alpha() == 0 { *texel } else { Texel(texel.0 & 0xff00_0000) };
     grey.roof.iter_mut().chain(&mut grey.strips).for_each(one);
     grey.clips.iter_mut().filter_map(|clip| clip.outer.as_mut()).for_each(|outer| one(&mut outer.roof));
     let whole = tile(map, Quality::Decibels(DB))?;
     let bytes = whole.bytes - grey.encode_at(Quality::Decibels(DB))?.len();
-    Ok(Coded { bytes, back: whole.back, decode_us: None })
+    Ok(CodedTile { bytes, decoded: whole.decoded, decode_us: None })
 }

@@ -1,4 +1,5 @@
-//! Writes every tile of a city as a file at its URL's path, for web servers that serve files (`tests/load/throughput.py`).
+//! Writes every tile of a city to a file at its URL's path, so that a static web server can serve it (`tests/load/throughput.py`).
+//! Also writes the list of paths, `paths.txt`.
 //!
 //! `cargo run --release -p insula-server --example tile_files -- CITY FOLDER`
 
@@ -16,10 +17,10 @@ fn main() -> anyhow::Result<()> {
     let manifest = city.manifest();
     for (layer, archive) in city.archives() {
         for (id, bytes) in archive.tiles() {
-            let path = route::at_place(&manifest.name, &manifest.version, layer, id, manifest.depth);
-            let path = path.context("a tile at a place of none")?;
+            let path = route::archive_tile(&manifest.name, &manifest.version, layer, id, manifest.depth);
+            let path = path.context("the archive has a tile with an invalid id")?;
             let file = folder.join(path.trim_start_matches('/'));
-            fs::create_dir_all(file.parent().context("a tile's path has a folder")?)?;
+            fs::create_dir_all(file.parent().context("a tile's path has no parent")?)?;
             fs::write(&file, bytes?)?;
             writeln!(list, "{path}")?;
         }

@@ -1,8 +1,6 @@
-//! Insula's tile server: baked cities over HTTP, and the commands that make and check them.
+//! Insula's tile server: serves baked cities over HTTP, and provides the commands that make and check them.
 //!
-//! In: city folders, requests. Out: responses. Next: `insula-client` streams them.
-//!
-//! Other programs embed it with [`store::Store::open`], [`config::ServeConfig`] and [`http::serve`].
+//! Other programs embed the server with [`store::Store::open`], [`config::ServeConfig`] and [`http::serve`].
 
 pub mod args;
 pub mod commands;

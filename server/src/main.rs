@@ -1,4 +1,4 @@
-//! `insula-server`: bakes cities, serves them, looks into them and checks them.
+//! `insula-server`: bakes, serves, inspects and verifies cities.
 
 use clap::{Parser, error::ErrorKind};
 use insula_server::{
@@ -13,9 +13,9 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 fn main() -> ExitCode {
     let args = match Args::try_parse() {
         Ok(args) => args,
-        Err(error) => return usage(&error),
+        Err(error) => return report_usage(&error),
     };
-    // A server tells what happens, and starts its log when its settings are known; what ends soon speaks only of trouble.
+    // `serve` starts its log itself, after it has read its settings.
     if !matches!(args.command, ServerCommand::Serve(_)) {
         telemetry::start("warn", false);
     }
@@ -28,17 +28,17 @@ fn main() -> ExitCode {
     }
 }
 
-/// Help and version as they are; a slip as one line.
-fn usage(error: &clap::Error) -> ExitCode {
-    let wanted = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
-    if wanted || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+/// Prints help and version as clap formats them, and other errors as one line.
+fn report_usage(error: &clap::Error) -> ExitCode {
+    let is_requested = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
+    if is_requested || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let _ = error.print();
     } else {
         let text = error.render().to_string();
-        let what = text.split("\nUsage:").next().and_then(|text| text.split("\nFor more").next()).unwrap_or_default();
-        eprintln!("{}; see --help", one_line(what));
+        let message = text.split("\nUsage:").next().and_then(|text| text.split("\nFor more").next());
+        eprintln!("{}; see --help", one_line(message.unwrap_or_default()));
     }
-    if wanted { ExitCode::SUCCESS } else { ExitCode::from(2) }
+    if is_requested { ExitCode::SUCCESS } else { ExitCode::from(2) }
 }
 
 fn one_line(text: &str) -> String {

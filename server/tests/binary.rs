@@ -1,4 +1,4 @@
-//! The built program, as scripts and people meet it.
+//! The built program, driven from outside.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod common;
@@ -21,7 +21,7 @@ fn run(args: &[&str]) -> Output {
     program().args(args).output().unwrap()
 }
 
-/// The one line that a failed command must have written, and its exit code.
+/// Runs a command that fails. Returns the one line that it must print, and its exit code.
 fn failure(args: &[&str]) -> (String, Option<i32>) {
     let output = run(args);
     let text = String::from_utf8(output.stderr).unwrap();
@@ -29,36 +29,40 @@ fn failure(args: &[&str]) -> (String, Option<i32>) {
     (text, output.status.code())
 }
 
-fn city() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
-    folder
-}
-
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// A running server; killed at the end if the test has not ended it.
+/// Polls `condition` for at most 15 s.
+#[track_caller]
+fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(15);
+    while !condition() {
+        assert!(Instant::now() < deadline, "{what}: not within 15 s");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A server of the shared city; killed when dropped.
 struct ServerProcess {
     child: Child,
-    out: BufReader<ChildStdout>,
+    stdout: BufReader<ChildStdout>,
     address: String,
 }
 
 impl ServerProcess {
-    fn start(city: &Path) -> Self {
+    fn start() -> Self {
         let mut child = program()
-            .args(["serve", text(city), "--listen", "127.0.0.1:0"])
+            .args(["serve", text(common::shared_city()), "--listen", "127.0.0.1:0"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
-        out.read_line(&mut line).unwrap();
+        stdout.read_line(&mut line).unwrap();
         let address = line.trim_end().strip_prefix("listening on http://").expect(&line).to_owned();
-        Self { child, out, address }
+        Self { child, stdout, address }
     }
 
     fn connect(&self) -> TcpStream {
@@ -70,28 +74,25 @@ impl ServerProcess {
     fn get(&self, path: &str) -> String {
         let mut stream = self.connect();
         write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").unwrap();
-        let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).unwrap();
-        String::from_utf8_lossy(&answer).into_owned()
+        let mut response = Vec::new();
+        stream.read_to_end(&mut response).unwrap();
+        String::from_utf8_lossy(&response).into_owned()
     }
 
     fn signal(&self, name: &str) {
         assert!(Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap().success());
     }
 
-    /// Waits for its end: exit code and what else it said on standard output.
+    /// Waits for the end of the process. Returns its exit code and the rest of its standard output.
     fn wait(mut self) -> (Option<i32>, String) {
-        let deadline = Instant::now() + Duration::from_secs(15);
-        let status = loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                break status;
-            }
-            assert!(Instant::now() < deadline, "it does not end");
-            std::thread::sleep(Duration::from_millis(10));
-        };
+        let mut status = None;
+        wait_until("the end of the server", || {
+            status = self.child.try_wait().unwrap();
+            status.is_some()
+        });
         let mut rest = String::new();
-        self.out.read_to_string(&mut rest).unwrap();
-        (status.code(), rest)
+        self.stdout.read_to_string(&mut rest).unwrap();
+        (status.unwrap().code(), rest)
     }
 }
 
@@ -103,66 +104,64 @@ impl Drop for ServerProcess {
 }
 
 #[test]
-fn port_0_serves_and_says_where() {
-    let city = city();
-    let server = ServerProcess::start(city.path());
+fn port_0_picks_a_port_and_serves() {
+    let server = ServerProcess::start();
     assert!(!server.address.ends_with(":0"), "{}", server.address);
     assert!(server.get("/readyz").starts_with("HTTP/1.1 200"));
-    let answer = server.get("/v1/cities/two/0123456789abcdef/blockmaps/0/0/0");
-    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("INSU"), "{answer}");
+    let response = server.get("/v1/cities/two/0123456789abcdef/blockmaps/0/0/0");
+    assert!(response.starts_with("HTTP/1.1 200") && response.contains("INSU"), "{response}");
     assert!(server.get("/v1/cities/..%2f..%2fetc%2fpasswd").starts_with("HTTP/1.1 404"));
+    let (line, code) = failure(&["serve", text(common::shared_city()), "--listen", &server.address]);
+    assert_eq!(code, Some(1), "the port is in use");
+    assert!(line.contains(&server.address) && line.contains("--listen"), "{line}");
 }
 
 #[test]
-fn http_2_is_spoken() {
-    let city = city();
-    let server = ServerProcess::start(city.path());
+fn http_2_is_supported() {
+    let server = ServerProcess::start();
     let mut stream = server.connect();
-    // The preface and an empty SETTINGS frame; a server of HTTP/2 answers with its own SETTINGS (type 4).
+    // The preface and an empty SETTINGS frame. The server's first frame must be SETTINGS (type 4) as well.
     stream.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").unwrap();
     let mut frame = [0; 9];
     stream.read_exact(&mut frame).unwrap();
     assert_eq!(frame[3], 4, "{frame:?}");
 }
 
-#[test]
-fn signals_drain_and_end_with_0() {
-    for signal in ["-TERM", "-INT"] {
-        let city = city();
-        let server = ServerProcess::start(city.path());
-        // One connection idles, one has half a request on the way and must still be answered.
-        let mut idle = server.connect();
-        write!(idle, "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
-        let mut first = [0; 15];
-        idle.read_exact(&mut first).unwrap();
-        let mut busy = server.connect();
-        write!(busy, "GET /v1/cities/two HTTP/1.1\r\nHost: x\r\n").unwrap();
-        std::thread::sleep(Duration::from_millis(200));
-        let start = Instant::now();
-        server.signal(signal);
-        std::thread::sleep(Duration::from_millis(200));
-        assert!(TcpStream::connect(&server.address).is_err(), "it still accepts connections");
-        write!(busy, "\r\n").unwrap();
-        let mut answer = String::new();
-        busy.read_to_string(&mut answer).unwrap();
-        assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("EPSG:7415"), "{answer:?}");
-        let (code, rest) = server.wait();
-        assert_eq!((code, rest.as_str()), (Some(0), ""), "exactly one line on standard output");
-        assert!(start.elapsed() < Duration::from_secs(9), "it waited for the idle connection");
-    }
+/// Sends a signal while one connection idles and another has sent half a request, which must still be served.
+fn assert_signal_drains_and_ends(signal: &str) {
+    let server = ServerProcess::start();
+    let mut idle = server.connect();
+    write!(idle, "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
+    idle.read_exact(&mut [0; 15]).unwrap();
+    let mut busy = server.connect();
+    write!(busy, "GET /v1/cities/two HTTP/1.1\r\nHost: x\r\n").unwrap();
+    wait_until("three connections", || server.get("/metrics").contains("insula_connections 3\n"));
+    // No metric tells when the half request has been read.
+    std::thread::sleep(Duration::from_millis(100));
+    let start = Instant::now();
+    server.signal(signal);
+    wait_until("no new connections", || TcpStream::connect(&server.address).is_err());
+    write!(busy, "\r\n").unwrap();
+    let mut response = String::new();
+    busy.read_to_string(&mut response).unwrap();
+    assert!(response.starts_with("HTTP/1.1 200") && response.contains("EPSG:7415"), "{response:?}");
+    let (code, rest) = server.wait();
+    assert_eq!((code, rest.as_str()), (Some(0), ""), "exactly one line on standard output");
+    assert!(start.elapsed() < Duration::from_secs(9), "it waited for the idle connection");
 }
 
 #[test]
-fn a_port_in_use_is_one_line() {
-    let city = city();
-    let server = ServerProcess::start(city.path());
-    let (line, code) = failure(&["serve", text(city.path()), "--listen", &server.address]);
-    assert_eq!(code, Some(1));
-    assert!(line.contains(&server.address) && line.contains("--listen"), "{line}");
+fn sigterm_drains_and_ends_with_0() {
+    assert_signal_drains_and_ends("-TERM");
 }
 
 #[test]
-fn cities_that_cannot_be_opened_are_one_line() {
+fn sigint_drains_and_ends_with_0() {
+    assert_signal_drains_and_ends("-INT");
+}
+
+#[test]
+fn cities_and_configs_that_cannot_be_used_are_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("missing");
     for command in ["serve", "inspect", "verify"] {
@@ -171,7 +170,7 @@ fn cities_that_cannot_be_opened_are_one_line() {
         assert!(line.contains("missing"), "{line}");
     }
     assert!(failure(&["serve", text(folder.path())]).0.contains("city.json"));
-    common::city(&missing, "two");
+    common::write_city(&missing, "two");
     std::fs::write(missing.join("blockmaps.pmtiles"), b"PMTiles\x03 and then nothing").unwrap();
     assert!(failure(&["serve", text(&missing)]).0.contains("blockmaps.pmtiles"));
     let config = folder.path().join("config.toml");
@@ -212,67 +211,65 @@ fn every_help_has_an_example() {
 
 #[test]
 fn inspect_shows_a_city_and_draws_a_node() {
-    let city = city();
-    let output = run(&["inspect", text(city.path())]);
+    let (city, folder) = (text(common::shared_city()), tempfile::tempdir().unwrap());
+    let output = run(&["inspect", city]);
     let table = String::from_utf8(output.stdout).unwrap();
     for word in ["two", "EPSG:7415", "3D BAG", "CC BY 4.0", "1.000 to 1.000", "2 nodes"] {
         assert!(table.contains(word), "{word} is not in\n{table}");
     }
-    let json: serde_json::Value =
-        serde_json::from_slice(&run(&["inspect", text(city.path()), "--json"]).stdout).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&run(&["inspect", city, "--json"]).stdout).unwrap();
     assert_eq!(json["levels"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["levels"][1]["nodes"], 1);
     assert_eq!(json["levels"][1]["bytes_max"], common::blockmap(common::child()).len());
     assert_eq!(json["levels"][0]["error_m_max"], 2.0);
     assert_eq!(json["manifest"]["name"], "two");
-    let png = city.path().join("node.png");
-    let output = run(&["inspect", text(city.path()), "--tile", "1/1/1", "--png", text(&png)]);
+    let png = folder.path().join("node.png");
+    let output = run(&["inspect", city, "--tile", "1/1/1", "--png", text(&png)]);
     assert_eq!(output.status.code(), Some(0));
     assert!(image::open(&png).unwrap().width() > 1000);
-    let (line, code) = failure(&["inspect", text(city.path()), "--tile", "1/0/0", "--png", text(&png)]);
+    let (line, code) = failure(&["inspect", city, "--tile", "1/0/0", "--png", text(&png)]);
     assert!(code == Some(1) && line.contains("1/0/0"), "{line}");
-    let nowhere = city.path().join("no/node.png");
-    assert!(
-        failure(&["inspect", text(city.path()), "--tile", "1/1/1", "--png", text(&nowhere)]).0.contains("node.png")
-    );
+    let missing_folder = folder.path().join("no/node.png");
+    assert!(failure(&["inspect", city, "--tile", "1/1/1", "--png", text(&missing_folder)]).0.contains("node.png"));
 }
 
 #[test]
 fn verify_finds_every_kind_of_damage() {
-    let found = |damage: &dyn Fn(&Path)| {
-        let city = city();
+    let verify = |damage: &dyn Fn(&Path)| {
+        let city = common::temporary_city();
         damage(city.path());
         let output = run(&["verify", text(city.path())]);
         (output.status.code(), String::from_utf8(output.stdout).unwrap())
     };
-    let finds = |word: &str, damage: &dyn Fn(&Path)| {
-        let (code, list) = found(damage);
-        assert!(code == Some(1) && list.lines().any(|line| line.contains(word)), "{word}: {list}");
+    let assert_finds = |fault: &str, damage: &dyn Fn(&Path)| {
+        let (code, list) = verify(damage);
+        assert!(code == Some(1) && list.lines().any(|line| line.contains(fault)), "{fault}: {list}");
     };
-    assert_eq!(found(&|_| {}).0, Some(0));
+    assert_eq!(verify(&|_| {}).0, Some(0));
     let blockmaps = |tiles: &[_]| {
         let tiles = tiles.to_vec();
-        move |city: &Path| common::archive(&city.join("blockmaps.pmtiles"), &tiles)
+        move |city: &Path| common::write_archive(&city.join("blockmaps.pmtiles"), &tiles)
     };
     let [root, child] = <[_; 2]>::try_from(common::blockmaps()).unwrap();
     let mut flipped = child.clone();
     *flipped.1.last_mut().unwrap() ^= 1;
-    finds("blockmaps/1/1/1: checksum", &blockmaps(&[root.clone(), flipped]));
-    finds("blockmaps/1/1/1: missing", &blockmaps(std::slice::from_ref(&root)));
+    assert_finds("blockmaps/1/1/1: checksum", &blockmaps(&[root.clone(), flipped]));
+    assert_finds("blockmaps/1/1/1: missing", &blockmaps(std::slice::from_ref(&root)));
     let stray = insula_protocol::TileId::new(1, 0, 0).unwrap();
-    finds("blockmaps/1/0/0: no subtree", &blockmaps(&[root.clone(), (stray, common::blockmap(stray)), child.clone()]));
-    finds("blockmaps/1/1/1: its columns are 2 m wide", &blockmaps(&[root.clone(), (child.0, root.1.clone())]));
-    finds("city.json: it counts", &|city| {
+    let tiles = [root.clone(), (stray, common::blockmap(stray)), child.clone()];
+    assert_finds("blockmaps/1/0/0: unused", &blockmaps(&tiles));
+    assert_finds("blockmaps/1/1/1: its columns are 2 m wide", &blockmaps(&[root.clone(), (child.0, root.1.clone())]));
+    assert_finds("city.json: it counts", &|city| {
         let mut manifest = common::manifest("two");
         manifest.counts.nodes_per_level = vec![1, 4];
         std::fs::write(city.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     });
-    finds("subtrees/0/0/0: truncated", &|city| {
+    assert_finds("subtrees/0/0/0: truncated", &|city| {
         let tile = common::subtree();
-        common::archive(&city.join("subtrees.pmtiles"), &[(root.0, tile[..tile.len() - 1].to_vec())]);
+        common::write_archive(&city.join("subtrees.pmtiles"), &[(root.0, tile[..tile.len() - 1].to_vec())]);
     });
-    // The archive is whole, a byte of a tile inside it is not.
-    finds("blockmaps/", &|city| {
+    // The archive is intact, but a byte of a tile in it has changed.
+    assert_finds("blockmaps/", &|city| {
         let path = city.join("blockmaps.pmtiles");
         let mut bytes = std::fs::read(&path).unwrap();
         let at = bytes.windows(4).rposition(|window| window == b"INSU").unwrap();

@@ -1,4 +1,4 @@
-//! Bakes that are killed at random moments and go on: in the end the bytes of one that was not, and nothing else.
+//! Bakes that are killed at random moments and resumed end with the same files as an undisturbed bake, and no others.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 #![cfg(feature = "bake")]
 
@@ -12,7 +12,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// A bake of `input` into `out`, whose temporary files, if it had some, would lie in `temporary`.
+/// Bakes `input` to `out`. `temporary` is the system's folder for temporary files, which must stay empty.
 fn bake(input: &Path, out: &Path, temporary: &Path, options: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
     command.arg("bake").arg(input).arg("--out").arg(out).args(options).env("TMPDIR", temporary);
@@ -31,36 +31,37 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     names(folder).into_iter().map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()
 }
 
+/// A linear congruential generator, so that the moments of the kills depend on the seed only.
 struct Random(u64);
 
 impl Random {
-    /// 0 to 1.
-    fn share(&mut self) -> f64 {
+    /// A number from 0 to 1.
+    fn fraction(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f64 / (1 << 24) as f64
     }
 }
 
-/// `times` bakes, each killed once to three times. Every second one updates a city of `before`.
+/// Runs `times` bakes, each killed one to three times and then resumed. Every second one updates a city of `before`.
 fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
     let folder = tempfile::tempdir().unwrap();
-    let place = |run: &str| {
-        let place = folder.path().join(run);
-        fs::create_dir_all(&place).unwrap();
-        place.join("city")
+    let city_folder = |run: &str| {
+        let parent = folder.path().join(run);
+        fs::create_dir_all(&parent).unwrap();
+        parent.join("city")
     };
     let temporary = folder.path().join("temporary");
     fs::create_dir(&temporary).unwrap();
-    let (whole, old) = (place("whole"), place("old"));
+    let (whole, old) = (city_folder("whole"), city_folder("old"));
     let start = Instant::now();
     assert!(bake(input, &whole, &temporary, &["--cell", cell]).status().unwrap().success());
     let whole_time = start.elapsed();
     assert!(bake(before, &old, &temporary, &["--cell", cell]).status().unwrap().success());
-    let (wanted, old) = (files(&whole), files(&old));
-    assert!(wanted != old);
+    let (expected, old) = (files(&whole), files(&old));
+    assert!(expected != old);
     let (mut random, mut kills) = (Random(7), 0);
     for run in 0..times {
-        let out = place(&format!("run-{run}"));
+        let out = city_folder(&format!("run-{run}"));
         let mut options = vec!["--cell", cell, "--resume"];
         if run % 2 == 1 {
             fs::create_dir(&out).unwrap();
@@ -69,29 +70,29 @@ fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
         }
         for _ in 0..1 + run % 3 {
             let mut child = bake(input, &out, &temporary, &options).spawn().unwrap();
-            thread::sleep(whole_time.mul_f64(random.share()).max(Duration::from_millis(1)));
+            thread::sleep(whole_time.mul_f64(random.fraction()).max(Duration::from_millis(1)));
             kills += u32::from(child.try_wait().unwrap().is_none());
             child.kill().unwrap();
             child.wait().unwrap();
             let found = if out.exists() { files(&out) } else { BTreeMap::new() };
-            assert!(found.is_empty() || found == old || found == wanted, "run {run}: half a city");
+            assert!(found.is_empty() || found == old || found == expected, "run {run}: an incomplete city");
         }
         let status = bake(input, &out, &temporary, &options).status().unwrap();
         assert!(status.success(), "run {run}: {status}");
-        assert!(files(&out) == wanted, "run {run}: other bytes than the bake that was not killed");
-        assert_eq!(names(out.parent().unwrap()), ["city"], "run {run}: something was left beside the city");
+        assert!(files(&out) == expected, "run {run}: the files differ from those of an undisturbed bake");
+        assert_eq!(names(out.parent().unwrap()), ["city"], "run {run}: a file was left beside the city");
         assert!(names(&temporary).is_empty(), "run {run}: temporary files were left");
         fs::remove_dir_all(out.parent().unwrap()).unwrap();
     }
-    println!("{kills} kills in {times} bakes, each of {whole_time:?} if it is not killed");
-    assert!(kills > times / 4, "only {kills} kills met a running bake");
+    println!("{kills} kills in {times} bakes, each of {whole_time:?} if undisturbed");
+    assert!(kills > times / 4, "only {kills} kills hit a running bake");
 }
 
-/// Houses in rows as GeoJSON; `n` of them.
-fn houses(n: u32) -> String {
+/// GeoJSON of `n` buildings in rows.
+fn buildings(n: u32) -> String {
     let mut text = String::from("{\"type\":\"FeatureCollection\",\"features\":[");
     for i in 0..n {
-        let (x, y) = (13.0 + f64::from(i % 12) * 8e-4, 52.0 + f64::from(i / 12) * 6e-4);
+        let (x, y) = (13.0 + f64::from(i % 6) * 8e-4, 52.0 + f64::from(i / 6) * 6e-4);
         let [east, north] = [x + 2e-4 + f64::from(i % 5) * 4e-5, y + 1.5e-4];
         let comma = if i == 0 { "" } else { "," };
         write!(
@@ -106,22 +107,22 @@ fn houses(n: u32) -> String {
 }
 
 #[test]
-fn killed_at_random_it_goes_on_to_the_same_bytes() {
+fn killed_bakes_resume_to_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
-    let [input, before] = [("new.geojson", 150), ("old.geojson", 148)].map(|(name, n)| {
+    let [input, before] = [("new.geojson", 24), ("old.geojson", 22)].map(|(name, n)| {
         let path = folder.path().join(name);
-        fs::write(&path, houses(n)).unwrap();
+        fs::write(&path, buildings(n)).unwrap();
         path
     });
     kill_and_resume(&input, &before, "1", 6);
 }
 
-/// The same on a city of one's own: `INSULA_KILL_INPUT=city.geojson INSULA_KILL_BEFORE=older.geojson
-/// cargo test --release -p insula-server --test kill -- --ignored --nocapture`. `INSULA_KILL_CELL` (1) and
-/// `INSULA_KILL_TIMES` (25) as well.
+/// The same with real data: `INSULA_KILL_INPUT=city.geojson INSULA_KILL_BEFORE=older.geojson
+/// cargo test --release -p insula-server --test kill -- --ignored --nocapture`. `INSULA_KILL_CELL` (default 1)
+/// and `INSULA_KILL_TIMES` (default 25) are optional.
 #[test]
-#[ignore = "takes 25 bakes of a city that INSULA_KILL_INPUT names"]
-fn a_city_of_ones_own_killed_25_times() {
+#[ignore = "needs files in INSULA_KILL_INPUT and INSULA_KILL_BEFORE, and takes 25 bakes"]
+fn killed_bakes_of_real_data_resume_to_the_same_bytes() {
     let path = |name: &str| PathBuf::from(std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set")));
     let text = |name: &str, default: &str| std::env::var(name).unwrap_or(default.to_owned());
     let times = text("INSULA_KILL_TIMES", "25").parse().unwrap();

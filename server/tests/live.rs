@@ -1,4 +1,4 @@
-//! A server on a port, and clients that are slow, rude, or many.
+//! A server on a port, with clients that are slow, malicious or numerous.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -6,7 +6,7 @@ mod common;
 
 use insula_server::{
     config::ServeConfig,
-    http::{HttpServer, ServeError},
+    http::{AppState, HttpServer, ServeError, serve},
     store::Store,
 };
 use std::{
@@ -24,80 +24,96 @@ use tokio::{
 };
 
 const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";
+/// Longest wait for anything that must happen.
+const PATIENCE: Duration = Duration::from_secs(5);
 
+/// A running server with a folder of cities, of which one is named "two".
 struct TestServer {
     folder: tempfile::TempDir,
     address: SocketAddr,
-    look: Arc<Notify>,
-    stop: Option<oneshot::Sender<()>>,
+    state: AppState,
+    reload_signal: Arc<Notify>,
+    stop: oneshot::Sender<()>,
     task: JoinHandle<Result<(), ServeError>>,
 }
 
 impl TestServer {
     async fn start(change: impl FnOnce(&mut ServeConfig)) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        common::city(&folder.path().join("two"), "two");
+        common::write_city(&folder.path().join("two"), "two");
         let mut config = ServeConfig { threads: 2, drain_secs: 1, ..ServeConfig::default() };
         config.reload.watch_secs = 0;
         change(&mut config);
         let server = HttpServer::new(Store::open(&[folder.path()]).unwrap(), &config).unwrap();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let (address, look) = (listener.local_addr().unwrap(), server.look());
+        let (address, state) = (listener.local_addr().unwrap(), server.state().clone());
+        let reload_signal = server.reload_signal();
         let (stop, stopped) = oneshot::channel::<()>();
         let task = tokio::spawn(server.run(listener, async {
             let _ = stopped.await;
         }));
-        Self { folder, address, look, stop: Some(stop), task }
+        Self { folder, address, state, reload_signal, stop, task }
     }
 
     async fn connect(&self) -> TcpStream {
         TcpStream::connect(self.address).await.unwrap()
     }
 
-    /// One request on a connection of its own.
+    /// Sends one request on a new connection.
     async fn get(&self, path: &str, headers: &str) -> String {
         let mut stream = self.connect().await;
         exchange(&mut stream, &format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n{headers}\r\n")).await
     }
 
-    /// Asks until an answer is as it is `meant`; a loaded machine takes its time.
-    async fn until(&self, path: &str, meant: impl Fn(&str) -> bool) -> String {
-        let deadline = Instant::now() + Duration::from_secs(5);
+    /// Repeats a request until its response is as expected.
+    async fn get_until(&self, path: &str, is_expected: impl Fn(&str) -> bool) {
+        let deadline = Instant::now() + PATIENCE;
         loop {
-            let answer = self.get(path, "").await;
-            if meant(&answer) {
-                return answer;
+            let response = self.get(path, "").await;
+            if is_expected(&response) {
+                return;
             }
-            assert!(Instant::now() < deadline, "{path}: {answer}");
+            assert!(Instant::now() < deadline, "{path}: {response}");
             sleep(Duration::from_millis(20)).await;
         }
     }
 
-    async fn stop(mut self) {
-        self.stop.take().unwrap().send(()).unwrap();
-        timeout(Duration::from_secs(5), self.task).await.unwrap().unwrap().unwrap();
+    /// Makes the server check cities, certificate and tokens, and waits until it has: each check replaces the catalog.
+    async fn reload(&self) {
+        let before = Arc::clone(&self.state.catalog());
+        self.reload_signal.notify_one();
+        let deadline = Instant::now() + PATIENCE;
+        while Arc::ptr_eq(&before, &self.state.catalog()) {
+            assert!(Instant::now() < deadline, "no reload");
+            sleep(Duration::from_millis(5)).await;
+        }
+    }
+
+    async fn stop(self) {
+        self.stop.send(()).unwrap();
+        timeout(PATIENCE, self.task).await.unwrap().unwrap().unwrap();
     }
 }
 
-/// Everything that is answered until the server closes.
+/// Sends a request. Returns everything that the server sends until it closes the connection.
 async fn exchange(stream: &mut (impl AsyncReadExt + AsyncWriteExt + Unpin), request: &str) -> String {
     stream.write_all(request.as_bytes()).await.unwrap();
-    let mut answer = Vec::new();
-    let _ = timeout(Duration::from_secs(5), stream.read_to_end(&mut answer)).await.expect("it does not close");
-    String::from_utf8_lossy(&answer).into_owned()
+    let mut response = Vec::new();
+    let _ = timeout(PATIENCE, stream.read_to_end(&mut response)).await.expect("the server does not close");
+    String::from_utf8_lossy(&response).into_owned()
 }
 
 #[track_caller]
-fn is_problem(answer: &str, status: u16) {
-    assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{answer}");
-    assert!(answer.contains("content-type: application/problem+json\r\n"), "{answer}");
-    let body = answer.split_once("\r\n\r\n").unwrap().1;
+fn assert_problem(response: &str, status: u16) {
+    assert!(response.starts_with(&format!("HTTP/1.1 {status} ")), "{response}");
+    assert!(response.contains("content-type: application/problem+json\r\n"), "{response}");
+    let body = response.split_once("\r\n\r\n").unwrap().1;
     let problem: serde_json::Value = serde_json::from_str(body).unwrap();
     assert_eq!(problem["status"], status);
 }
 
 #[tokio::test]
-async fn what_is_no_request_is_a_problem_too() {
+async fn malformed_requests_are_problems() {
     let server = TestServer::start(|_| {}).await;
     for (request, status) in [
         ("nonsense\r\n\r\n".to_owned(), 400),
@@ -111,14 +127,14 @@ async fn what_is_no_request_is_a_problem_too() {
         (format!("GET /{} HTTP/1.1\r\n\r\n", "x".repeat(20_000)), 431),
     ] {
         let mut stream = server.connect().await;
-        let answer = exchange(&mut stream, &request).await;
-        is_problem(&answer, status);
-        assert_eq!(answer.matches("HTTP/1.1").count(), 1, "one answer, then the end: {answer}");
+        let response = exchange(&mut stream, &request).await;
+        assert_problem(&response, status);
+        assert_eq!(response.matches("HTTP/1.1").count(), 1, "one response, then the end: {response}");
     }
     server.stop().await;
 }
 
-/// Shapes that two readers of one stream could split differently: one answer at most, and never one to what is hidden.
+/// A proxy and the server could split these streams differently. The hidden request must never be served.
 #[tokio::test]
 async fn smuggled_requests_are_not_answered() {
     let server = TestServer::start(|_| {}).await;
@@ -136,64 +152,62 @@ async fn smuggled_requests_are_not_answered() {
         "X: a\r\n b\r\nContent-Length: 3\r\n".to_owned(),
     ] {
         let mut stream = server.connect().await;
-        let answer = exchange(&mut stream, &format!("GET {TILE} HTTP/1.1\r\nHost: x\r\n{head}\r\n{hidden}")).await;
-        assert!(answer.matches("HTTP/1.1 ").count() <= 1 && !answer.contains("\r\n\r\nok\n"), "{head}: {answer}");
-        assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 400"), "{head}: {answer}");
+        let response = exchange(&mut stream, &format!("GET {TILE} HTTP/1.1\r\nHost: x\r\n{head}\r\n{hidden}")).await;
+        assert!(response.matches("HTTP/1.1 ").count() <= 1 && !response.contains("\r\n\r\nok\n"), "{head}: {response}");
+        assert!(response.is_empty() || response.starts_with("HTTP/1.1 400"), "{head}: {response}");
     }
     server.stop().await;
 }
 
 #[tokio::test]
-async fn slow_clients_are_closed_and_others_are_not() {
+async fn slow_clients_are_closed() {
     let server = TestServer::start(|config| {
-        (config.limits.header_secs, config.limits.idle_secs, config.limits.write_secs) = (1, 2, 1);
+        (config.limits.header_secs, config.limits.idle_secs, config.limits.write_secs) = (1, 1, 1);
     })
     .await;
-    let until_closed = async |mut stream: TcpStream, drip: bool| {
+    let secs_until_closed = async |first_bytes: &[u8], drips: bool| {
+        let mut stream = server.connect().await;
+        stream.write_all(first_bytes).await.unwrap();
         let start = Instant::now();
-        let mut byte = [0; 1024];
         while start.elapsed() < Duration::from_secs(8) {
-            if drip && stream.write_all(b"x").await.is_err() {
+            if drips && stream.write_all(b"x").await.is_err() {
                 break;
             }
-            if let Ok(Ok(0) | Err(_)) = timeout(Duration::from_millis(100), stream.read(&mut byte)).await {
+            if let Ok(Ok(0) | Err(_)) = timeout(Duration::from_millis(50), stream.read(&mut [0; 1024])).await {
                 break;
             }
         }
         start.elapsed().as_secs_f64()
     };
-    let silent = server.connect().await;
-    let mut half = server.connect().await;
-    half.write_all(b"GET / HTTP/1.1\r\nX: ").await.unwrap();
-    let mut idle = server.connect().await;
-    idle.write_all(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n").await.unwrap();
-    let mut second = server.connect().await;
-    second.write_all(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\nGET /hea").await.unwrap();
-    let (silent, half, idle, second) = tokio::join!(
-        until_closed(silent, false),
-        until_closed(half, true),
-        until_closed(idle, false),
-        until_closed(second, true)
+    let secs_until_closed_without_reading = async || {
+        let mut stream = server.connect().await;
+        let requests = format!("GET {TILE} HTTP/1.1\r\nHost: x\r\n\r\n").repeat(1000);
+        let start = Instant::now();
+        while start.elapsed() < Duration::from_secs(8) && stream.write_all(requests.as_bytes()).await.is_ok() {}
+        start.elapsed().as_secs_f64()
+    };
+    let request = b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n";
+    let (silent, dripping, idle, second, deaf) = tokio::join!(
+        secs_until_closed(b"", false),
+        secs_until_closed(b"GET / HTTP/1.1\r\nX: ", true),
+        secs_until_closed(request, false),
+        secs_until_closed(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\nGET /hea", true),
+        secs_until_closed_without_reading(),
     );
-    assert!((0.9..4.0).contains(&silent), "a connection without a request: {silent}");
-    assert!((0.9..4.0).contains(&half), "headers that drip: {half}");
-    assert!((1.8..6.0).contains(&idle), "between requests: {idle}");
-    assert!((0.9..4.0).contains(&second), "a second request that drips: {second}");
-    // One that never reads what it asked for, again and again.
-    let mut deaf = server.connect().await;
-    let request = format!("GET {TILE} HTTP/1.1\r\nHost: x\r\n\r\n").repeat(1000);
-    let start = Instant::now();
-    while start.elapsed() < Duration::from_secs(8) && deaf.write_all(request.as_bytes()).await.is_ok() {}
-    assert!((0.5..6.0).contains(&start.elapsed().as_secs_f64()), "a client that does not read: {:?}", start.elapsed());
-    for kind in ["headers", "idle", "reading"] {
-        let counted = format!("insula_client_timeouts_total{{kind=\"{kind}\"}}");
-        server.until("/metrics", |metrics| metrics.contains(&counted)).await;
+    assert!((0.9..4.0).contains(&silent), "a connection without a request: {silent} s");
+    assert!((0.9..4.0).contains(&dripping), "headers byte by byte: {dripping} s");
+    assert!((0.9..4.0).contains(&idle), "a connection between requests: {idle} s");
+    assert!((0.9..4.0).contains(&second), "a second request byte by byte: {second} s");
+    assert!((0.5..6.0).contains(&deaf), "a client that does not read: {deaf} s");
+    for (kind, count) in [("headers", 3), ("idle", 1), ("reading", 1)] {
+        let line = format!("insula_client_timeouts_total{{kind=\"{kind}\"}} {count}\n");
+        server.get_until("/metrics", |metrics| metrics.contains(&line)).await;
     }
     server.stop().await;
 }
 
 #[tokio::test]
-async fn connections_over_the_limit_are_told_so() {
+async fn connections_over_the_limit_are_503() {
     let server = TestServer::start(|config| config.limits.connections = 8).await;
     let mut held = Vec::new();
     for _ in 0..8 {
@@ -203,11 +217,11 @@ async fn connections_over_the_limit_are_told_so() {
         held.push(stream);
     }
     let mut over = server.connect().await;
-    let answer = exchange(&mut over, &format!("GET {TILE} HTTP/1.1\r\nHost: x\r\n\r\n")).await;
-    is_problem(&answer, 503);
-    assert!(answer.contains("retry-after: 1\r\n") && answer.contains("connection: close\r\n"), "{answer}");
+    let response = exchange(&mut over, &format!("GET {TILE} HTTP/1.1\r\nHost: x\r\n\r\n")).await;
+    assert_problem(&response, 503);
+    assert!(response.contains("retry-after: 1\r\n") && response.contains("connection: close\r\n"), "{response}");
     held.pop();
-    server.until(TILE, |answer| answer.starts_with("HTTP/1.1 200")).await;
+    server.get_until(TILE, |response| response.starts_with("HTTP/1.1 200")).await;
     server.stop().await;
 }
 
@@ -217,96 +231,111 @@ async fn a_client_over_its_rate_is_429() {
     for _ in 0..3 {
         assert!(server.get(TILE, "").await.starts_with("HTTP/1.1 200"));
     }
-    let answer = server.get(TILE, "").await;
-    is_problem(&answer, 429);
-    assert!(answer.contains("retry-after: 2\r\n"), "{answer}");
-    assert!(server.get("/readyz", "").await.starts_with("HTTP/1.1 200"), "health is no client's burden");
+    let response = server.get(TILE, "").await;
+    assert_problem(&response, 429);
+    assert!(response.contains("retry-after: 2\r\n"), "{response}");
+    assert!(server.get("/readyz", "").await.starts_with("HTTP/1.1 200"), "the limit does not apply to health");
     server.stop().await;
 }
 
 #[tokio::test]
-async fn private_cities_want_a_token() {
+async fn private_cities_need_a_token() {
     let tokens = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(tokens.path(), "# of the office\n0123456789abcdef-office\n").unwrap();
+    std::fs::write(tokens.path(), "# the office\n0123456789abcdef-office\n").unwrap();
     let server = TestServer::start(|config| config.access.tokens = Some(tokens.path().to_owned())).await;
     let token = "Authorization: Bearer 0123456789abcdef-office\r\n";
-    for path in [TILE, "/v1/cities/two", "/v1/cities/three"] {
+    let invalid_name = "/v1/cities/T/v/blockmaps/0/0/0";
+    for path in [TILE, "/v1/cities/two", "/v1/cities/three", invalid_name] {
         for headers in [
             "",
             "Authorization: Bearer 0123456789abcdef-offic\r\n",
             "Authorization: Basic 0123456789abcdef-office\r\n",
             "Authorization: x\r\n",
         ] {
-            let answer = server.get(path, headers).await;
-            is_problem(&answer, 401);
-            assert!(answer.contains("www-authenticate: Bearer"), "{answer}");
+            let response = server.get(path, headers).await;
+            assert_problem(&response, 401);
+            assert!(response.contains("www-authenticate: Bearer"), "{response}");
         }
     }
     let tile = server.get(TILE, token).await;
     assert!(tile.starts_with("HTTP/1.1 200") && tile.contains("cache-control: private, max-age"), "{tile}");
     assert!(server.get("/v1/cities/two", token).await.contains("cache-control: private, no-cache"));
-    is_problem(&server.get("/v1/cities/three", token).await, 404);
+    for path in ["/v1/cities/three", invalid_name] {
+        assert_problem(&server.get(path, token).await, 404);
+    }
     assert!(server.get("/v1/cities", "").await.ends_with("[]"));
     assert!(server.get("/v1/cities", token).await.contains("\"two\""));
     assert!(!server.get("/", "").await.contains("Two") && server.get("/", token).await.contains("Two"));
-    // Another file, read again: the old token is worth nothing.
+    // The old token ends with the reload of another file.
     std::fs::write(tokens.path(), "fedcba9876543210-office\n").unwrap();
-    server.look.notify_one();
-    let deadline = Instant::now() + Duration::from_secs(5);
-    while server.get(TILE, token).await.starts_with("HTTP/1.1 200") && Instant::now() < deadline {
-        sleep(Duration::from_millis(20)).await;
-    }
-    is_problem(&server.get(TILE, token).await, 401);
+    server.reload().await;
+    assert_problem(&server.get(TILE, token).await, 401);
     server.stop().await;
 }
 
-/// Replaces the folder as the bake does: two renames.
+/// Replaces the city as the bake does: by two renames.
 fn publish(folder: &Path, version: &str) {
-    let (next, old, here) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
-    common::city(&next, "two");
+    let (next, old, current) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
+    common::write_city(&next, "two");
     let mut manifest = common::manifest("two");
     manifest.version = version.into();
     std::fs::write(next.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
-    std::fs::rename(&here, &old).unwrap();
-    std::fs::rename(&next, &here).unwrap();
+    std::fs::rename(&current, &old).unwrap();
+    std::fs::rename(&next, &current).unwrap();
     std::fs::remove_dir_all(&old).unwrap();
 }
 
 #[tokio::test]
-async fn a_new_version_takes_over_and_the_old_one_is_served_for_a_while() {
+async fn a_new_version_replaces_the_old_one_which_stays_available() {
     let server = TestServer::start(|config| config.reload.keep_versions = 2).await;
-    let tile = |version: &str| format!("/v1/cities/two/{version}/blockmaps/1/1/1");
-    let versions = ["0123456789abcdef", "b", "c", "d"];
-    for version in &versions[1..] {
+    let get_tile = async |version: &str| server.get(&format!("/v1/cities/two/{version}/blockmaps/1/1/1"), "").await;
+    for version in ["b", "c", "d"] {
         publish(server.folder.path(), version);
-        server.look.notify_one();
-        server.until("/v1/cities/two", |manifest| manifest.contains(&format!("\"{version}\""))).await;
-        assert!(server.get(&tile(version), "").await.starts_with("HTTP/1.1 200"));
+        server.reload().await;
+        assert!(server.get("/v1/cities/two", "").await.contains(&format!("\"{version}\"")));
     }
     for (version, status) in [("d", 200), ("c", 200), ("b", 200), ("0123456789abcdef", 404)] {
-        let answer = server.get(&tile(version), "").await;
-        assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{version}: {answer}");
+        let response = get_tile(version).await;
+        assert!(response.starts_with(&format!("HTTP/1.1 {status}")), "{version}: {response}");
     }
-    // What cannot be opened changes nothing; nor does a folder that is gone for a moment.
     std::fs::write(server.folder.path().join("two/city.json"), "{").unwrap();
-    server.look.notify_one();
-    sleep(Duration::from_millis(300)).await;
-    assert!(server.get(&tile("d"), "").await.starts_with("HTTP/1.1 200"));
+    server.reload().await;
+    assert!(get_tile("d").await.starts_with("HTTP/1.1 200"), "a damaged city replaces nothing");
     std::fs::remove_dir_all(server.folder.path().join("two")).unwrap();
-    common::city(&server.folder.path().join("three"), "three");
-    for looks in 1..=2 {
-        server.look.notify_one();
-        sleep(Duration::from_millis(200)).await;
-        assert!(server.get(&tile("d"), "").await.starts_with("HTTP/1.1 200"), "gone after {looks} looks");
+    common::write_city(&server.folder.path().join("three"), "three");
+    for checks in 1..=2 {
+        server.reload().await;
+        assert!(get_tile("d").await.starts_with("HTTP/1.1 200"), "removed after {checks} checks");
     }
-    // The third look, unless the first two were one.
-    let look = |answer: &str| {
-        server.look.notify_one();
-        answer.starts_with("HTTP/1.1 404")
-    };
-    server.until(&tile("d"), look).await;
-    server.until("/v1/cities/three", |answer| answer.starts_with("HTTP/1.1 200")).await;
+    server.reload().await;
+    assert!(get_tile("d").await.starts_with("HTTP/1.1 404"), "missing at three checks");
+    assert!(server.get("/v1/cities/three", "").await.starts_with("HTTP/1.1 200"));
     server.stop().await;
+}
+
+/// The embedding interface: `serve` with a future that ends it.
+#[tokio::test]
+async fn shutdown_drops_requests_that_do_not_finish_in_time() {
+    let store = Store::open(&[common::shared_city()]).unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let (stop, stopped) = oneshot::channel::<()>();
+    let config = ServeConfig { drain_secs: 1, ..ServeConfig::default() };
+    let shutdown = async {
+        let _ = stopped.await;
+    };
+    let server = tokio::spawn(async move { serve(listener, store, &config, shutdown).await });
+    let mut client = TcpStream::connect(address).await.unwrap();
+    assert!(exchange(&mut client, "GET /v1/cities HTTP/1.0\r\n\r\n").await.contains("\"two\""));
+    let mut stuck = TcpStream::connect(address).await.unwrap();
+    stuck.write_all(b"GET / HTTP/1.1\r\nHost:").await.unwrap();
+    // Nothing tells when the half request has been read.
+    sleep(Duration::from_millis(100)).await;
+    let start = Instant::now();
+    stop.send(()).unwrap();
+    timeout(Duration::from_secs(8), server).await.unwrap().unwrap().unwrap();
+    assert!((0.9..6.0).contains(&start.elapsed().as_secs_f64()), "{:?}", start.elapsed());
+    assert_eq!(stuck.read(&mut [0; 1]).await.unwrap_or(0), 0, "the connection is closed");
 }
 
 mod tls {
@@ -316,16 +345,17 @@ mod tls {
         rustls::{ClientConfig, RootCertStore, crypto::aws_lc_rs, pki_types::CertificateDer},
     };
 
-    /// Writes a new certificate and its key; gives the certificate.
-    fn certify(folder: &Path) -> CertificateDer<'static> {
-        let made = rcgen::generate_simple_self_signed(["localhost".to_owned()]).unwrap();
-        std::fs::write(folder.join("cert.pem"), made.cert.pem()).unwrap();
-        std::fs::write(folder.join("key.pem"), made.signing_key.serialize_pem()).unwrap();
-        made.cert.der().clone()
+    /// Writes a new certificate and its key. Returns the certificate.
+    fn write_certificate(folder: &Path) -> CertificateDer<'static> {
+        let certified = rcgen::generate_simple_self_signed(["localhost".to_owned()]).unwrap();
+        std::fs::write(folder.join("cert.pem"), certified.cert.pem()).unwrap();
+        std::fs::write(folder.join("key.pem"), certified.signing_key.serialize_pem()).unwrap();
+        certified.cert.der().clone()
     }
 
-    /// The answer, or that there is no trust; and what the two agreed to speak.
-    async fn ask(
+    /// Requests a tile. Returns the response (over HTTP/2: the first frame's type) and the negotiated protocol. Fails if the
+    /// certificate is not trusted.
+    async fn get_tile(
         server: &TestServer,
         trusted: &CertificateDer<'static>,
         alpn: &[&str],
@@ -340,52 +370,47 @@ mod tls {
         config.alpn_protocols = alpn.iter().map(|name| name.as_bytes().to_vec()).collect();
         let connector = TlsConnector::from(Arc::new(config));
         let mut stream = connector.connect("localhost".try_into().unwrap(), server.connect().await).await?;
-        let spoken = stream.get_ref().1.alpn_protocol().map(<[u8]>::to_vec);
-        if spoken.as_deref() == Some(b"h2") {
+        let protocol = stream.get_ref().1.alpn_protocol().map(<[u8]>::to_vec);
+        if protocol.as_deref() == Some(b"h2") {
             stream.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").await?;
             let mut frame = [0; 9];
             stream.read_exact(&mut frame).await?;
-            return Ok((format!("frame {}", frame[3]), spoken));
+            return Ok((format!("frame {}", frame[3]), protocol));
         }
         let request = format!("GET {TILE} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
-        Ok((exchange(&mut stream, &request).await, spoken))
+        Ok((exchange(&mut stream, &request).await, protocol))
     }
 
     #[tokio::test]
-    async fn it_is_spoken_and_its_certificate_can_be_replaced() {
+    async fn https_is_served_and_its_certificate_can_be_replaced() {
         let folder = tempfile::tempdir().unwrap();
-        let first = certify(folder.path());
+        let first = write_certificate(folder.path());
         let server = TestServer::start(|config| {
             config.tls.certificate = Some(folder.path().join("cert.pem"));
             config.tls.key = Some(folder.path().join("key.pem"));
         })
         .await;
-        let (answer, spoken) = ask(&server, &first, &["http/1.1"]).await.unwrap();
-        assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("INSU"), "{answer}");
-        assert_eq!(spoken.as_deref(), Some(&b"http/1.1"[..]));
-        let (answer, spoken) = ask(&server, &first, &["h2", "http/1.1"]).await.unwrap();
-        assert_eq!((answer.as_str(), spoken.as_deref()), ("frame 4", Some(&b"h2"[..])), "it answers with its settings");
+        let (response, protocol) = get_tile(&server, &first, &["http/1.1"]).await.unwrap();
+        assert!(response.starts_with("HTTP/1.1 200") && response.contains("INSU"), "{response}");
+        assert_eq!(protocol.as_deref(), Some(&b"http/1.1"[..]));
+        let (response, protocol) = get_tile(&server, &first, &["h2", "http/1.1"]).await.unwrap();
+        assert_eq!((response.as_str(), protocol.as_deref()), ("frame 4", Some(&b"h2"[..])), "a SETTINGS frame");
         for garbage in [&b"GET / HTTP/1.1\r\n\r\n"[..], &[0x16, 3, 1, 0xff, 0xff, 1], &[0xff; 600]] {
             let mut stream = server.connect().await;
             stream.write_all(garbage).await.unwrap();
-            let mut answer = Vec::new();
+            let mut response = Vec::new();
             stream.shutdown().await.unwrap();
-            let _ = timeout(Duration::from_secs(5), stream.read_to_end(&mut answer)).await.expect("it does not close");
-            assert!(!answer.starts_with(b"HTTP"), "no word in the clear");
+            let _ = timeout(PATIENCE, stream.read_to_end(&mut response)).await.expect("the server does not close");
+            assert!(!response.starts_with(b"HTTP"), "a response without encryption");
         }
-        let second = certify(folder.path());
-        server.look.notify_one();
-        let deadline = Instant::now() + Duration::from_secs(5);
-        while ask(&server, &first, &[]).await.is_ok() {
-            assert!(Instant::now() < deadline, "the old one stays");
-            sleep(Duration::from_millis(20)).await;
-        }
-        assert!(ask(&server, &second, &[]).await.unwrap().0.starts_with("HTTP/1.1 200"));
-        // What cannot be used changes nothing.
+        let second = write_certificate(folder.path());
+        server.reload().await;
+        assert!(get_tile(&server, &first, &[]).await.is_err(), "the old certificate is still in use");
+        assert!(get_tile(&server, &second, &[]).await.unwrap().0.starts_with("HTTP/1.1 200"));
         std::fs::write(folder.path().join("key.pem"), "no key").unwrap();
-        server.look.notify_one();
-        sleep(Duration::from_millis(300)).await;
-        assert!(ask(&server, &second, &[]).await.unwrap().0.starts_with("HTTP/1.1 200"));
+        server.reload().await;
+        let (response, _) = get_tile(&server, &second, &[]).await.unwrap();
+        assert!(response.starts_with("HTTP/1.1 200"), "an invalid key replaces nothing");
         server.stop().await;
     }
 }

@@ -1,17 +1,17 @@
-//! Folders of cities. What a single city must be is tested in `insula-archive`.
+//! Folders of cities. What one city must be is tested in `insula-archive`.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod common;
 
-use insula_protocol::route::Layer;
+use insula_protocol::{TileKind, mesh_tile};
 use insula_server::store::{CityStore, Store, StoreError};
 
 #[test]
-fn a_folder_of_cities_gives_them_all() {
+fn a_folder_of_cities_opens_all_of_them() {
     let root = tempfile::tempdir().unwrap();
     assert!(matches!(Store::open(&[root.path()]), Err(StoreError::NoCity(_))));
     for name in ["b", "a"] {
-        common::city(&root.path().join(name), name);
+        common::write_city(&root.path().join(name), name);
     }
     std::fs::create_dir(root.path().join("other")).unwrap();
     let store = Store::open(&[root.path()]).unwrap();
@@ -24,15 +24,15 @@ fn a_folder_of_cities_gives_them_all() {
 }
 
 #[test]
-fn a_city_with_meshes_has_one_more_archive() {
-    let folder = tempfile::tempdir().unwrap();
-    common::city_with_meshes(folder.path(), "two");
+fn meshes_are_optional() {
+    let folder = common::temporary_city_with_meshes();
+    let archive = folder.path().join(TileKind::Mesh.file_name());
     let city = CityStore::open(folder.path()).unwrap();
-    assert_eq!(city.archive(Layer::Meshes).unwrap().len(), 2);
-    let place = insula_protocol::mesh_tile::place(common::child(), 1).unwrap();
-    assert_eq!(city.tile(Layer::Meshes, place).unwrap().unwrap(), common::meshes()[1].1);
-    std::fs::remove_file(folder.path().join(Layer::Meshes.file_name())).unwrap();
+    assert_eq!(city.archive(TileKind::Mesh).unwrap().len(), 2);
+    let id = mesh_tile::archive_id(common::child(), 1).unwrap();
+    assert_eq!(city.tile(TileKind::Mesh, id).unwrap().unwrap(), common::meshes()[1].1);
+    std::fs::remove_file(&archive).unwrap();
     let city = CityStore::open(folder.path()).unwrap();
-    assert!(city.archive(Layer::Meshes).is_none());
-    assert_eq!(city.tile(Layer::Meshes, place).unwrap(), None);
+    assert!(city.archive(TileKind::Mesh).is_none());
+    assert_eq!(city.tile(TileKind::Mesh, id).unwrap(), None);
 }

@@ -14,7 +14,7 @@
 use crate::layout::{BLOCK_CELLS, BLOCKS, PAGE_WORDS, PLANES, SUMMARY_WORDS};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, Clip, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{COLUMNS, ColumnClip, STEPS_PER_CELL, flag, strip_rows},
     octahedral,
 };
 
@@ -69,7 +69,7 @@ fn strip_words(map: &BlockMap, i: usize) -> usize {
 
 /// What a clipped column has besides its azimuth and offset: top of what is beyond (12 bits, 0 if nothing is), whether it is
 /// a corner (1), a concave one (1), two bits of zero, azimuth (8) and offset (8, signed) of the corner's second plane.
-pub fn clip_word(clip: &Clip) -> u32 {
+pub fn clip_word(clip: &ColumnClip) -> u32 {
     let top = u32::from(clip.outer.map_or(0, |outer| outer.z));
     let corner = clip.corner.map_or(0, |c| {
         CORNER | if c.concave { CONCAVE } else { 0 } | u32::from(c.azimuth) << 16 | u32::from(c.offset as u8) << 24
@@ -222,22 +222,24 @@ mod tests {
     use super::*;
     use insula_protocol::{
         Texel, TileId,
-        blockmap::{Column, Corner, Outer, Strip},
+        blockmap::{CornerWall, MapColumn, OuterTop, WallStrip},
     };
 
-    fn tall(z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> Column {
+    fn tall(z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> MapColumn {
         let rows = strip_rows(z_min, z_max, 0).1;
         let texels = (0..rows).map(|r| Texel::new([r as u8, 1, 2], 63, 3)).collect();
-        Column { z_min, z_max, gap, strip: Some(Strip { texels, azimuth: 7 }), ..Column::default() }
+        MapColumn { z_min, z_max, gap, strip: Some(WallStrip { texels, azimuth: 7 }), ..MapColumn::default() }
     }
 
     #[test]
     fn planes_lie_beside_azimuths_and_before_gaps() {
         let mut columns = vec![None; COLUMNS];
-        let corner = Some(Corner { azimuth: 200, offset: -2, concave: true });
-        let outer = Some(Outer { z: 30, roof: Texel(0xc0ffee) });
-        columns[9] = Some(Column { clip: Some(Clip { offset: -3, corner, outer }), ..tall(5, 400, Some([100, 200])) });
-        columns[10] = Some(Column { clip: Some(Clip { offset: 4, ..Clip::default() }), ..tall(5, 400, None) });
+        let corner = Some(CornerWall { azimuth: 200, offset: -2, concave: true });
+        let outer = Some(OuterTop { z: 30, roof: Texel(0xc0ffee) });
+        columns[9] =
+            Some(MapColumn { clip: Some(ColumnClip { offset: -3, corner, outer }), ..tall(5, 400, Some([100, 200])) });
+        columns[10] =
+            Some(MapColumn { clip: Some(ColumnClip { offset: 4, ..ColumnClip::default() }), ..tall(5, 400, None) });
         let packed = PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap());
         assert_eq!(packed.pages[2][9] >> 16, 0xfd07);
         let at = |i: usize| &packed.pages[PLANES][packed.pages[3][i] as usize..];
@@ -278,7 +280,7 @@ mod tests {
     fn summaries_hold_slopes() {
         let mut columns = vec![None; COLUMNS];
         let roof_normal = octahedral::encode([0.5, 0.0, 0.866]);
-        columns[8] = Some(Column { z_min: 10, z_max: 20, inclined: true, roof_normal, ..Column::default() });
+        columns[8] = Some(MapColumn { z_min: 10, z_max: 20, inclined: true, roof_normal, ..MapColumn::default() });
         let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap();
         let packed = PackedNode::new(&map);
         assert_eq!(packed.summary[..4], [0xff << 24, 0xff << 24, 0, 0], "an empty block");

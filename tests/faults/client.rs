@@ -1,10 +1,6 @@
 //! A client that checks what it gets.
 
-use insula_protocol::{
-    TileId, route,
-    route::Layer,
-    tile::{Kind, TileReader},
-};
+use insula_protocol::{TileId, TileKind, route, tile::TileReader};
 use std::{
     io::{self, BufRead, BufReader, Read, Write},
     net::{SocketAddr, TcpStream},
@@ -84,16 +80,16 @@ pub(crate) struct Seen {
     pub(crate) wrong: AtomicU64,
 }
 
-/// Every address of a city that `common::city` wrote, with its layer.
-pub(crate) fn addresses(version: &str) -> Vec<(Layer, String)> {
-    let blockmaps = crate::common::blockmaps().into_iter().map(|(id, _)| (Layer::BlockMaps, id));
-    let all = blockmaps.chain([(Layer::Subtrees, TileId::ROOT)]);
+/// Every address of a city that `common::write_city` wrote, with its layer.
+pub(crate) fn addresses(version: &str) -> Vec<(TileKind, String)> {
+    let blockmaps = crate::common::blockmaps().into_iter().map(|(id, _)| (TileKind::BlockMap, id));
+    let all = blockmaps.chain([(TileKind::Subtree, TileId::ROOT)]);
     all.map(|(layer, id)| (layer, route::tile("two", version, layer, id))).collect()
 }
 
 /// Whether every checksum in a tile is right.
-pub(crate) fn is_whole(layer: Layer, bytes: &[u8]) -> bool {
-    let kind = if layer == Layer::Subtrees { Kind::Subtree } else { Kind::BlockMap };
+pub(crate) fn is_whole(layer: TileKind, bytes: &[u8]) -> bool {
+    let kind = if layer == TileKind::Subtree { TileKind::Subtree } else { TileKind::BlockMap };
     TileReader::new(bytes, kind).is_ok()
 }
 

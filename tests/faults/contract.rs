@@ -8,7 +8,7 @@ use std::process::Command;
 
 pub(crate) fn kept() {
     let (folder, notes) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let server = Served::start(text(folder.path()), &[]);
     // That x and y are below 2^level cannot be said in a schema: some requests that it allows are rightly refused.
     let output = Command::new(find("schemathesis").unwrap())

@@ -15,7 +15,7 @@ use std::{
 
 pub(crate) fn cut_and_altered() {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     // Nothing is kept at hand, so that each answer is read from the disk.
     let mut server = Served::start(text(folder.path()), &["limits.tile_bytes=0", "reload.watch_secs=1"]);
     let path = folder.path().join("blockmaps.pmtiles");
@@ -48,7 +48,7 @@ pub(crate) fn cut_and_altered() {
 
 pub(crate) fn cache_damaged_and_gone() {
     let (folder, cache) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let origin = Origin::start(folder.path());
     let blocks = cache.path().join("blocks");
     let setting = format!("cache.folder={}", text(&blocks));

@@ -17,7 +17,7 @@ use std::{
 
 pub(crate) fn killed() {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let mut server = Some(Served::start(text(folder.path()), &[]));
     let address = server.as_ref().unwrap().address;
     let seen = while_asking(address, || {
@@ -36,7 +36,7 @@ pub(crate) fn killed() {
 
 pub(crate) fn no_descriptors() {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let mut server = Served::start_limited("-n 64", text(folder.path()), &[]);
     let mut held: Vec<_> = (0..200).map(|_| TcpStream::connect(server.address).unwrap()).collect();
     std::thread::sleep(Duration::from_millis(500));
@@ -50,7 +50,7 @@ pub(crate) fn no_descriptors() {
 
 pub(crate) fn slow_headers() {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let server = Served::start(text(folder.path()), &["limits.connections=300", "limits.header_secs=2"]);
     let (_, path) = &addresses(common::VERSION)[0];
     // More of them than there are places, for longer than one of them is allowed.
@@ -95,7 +95,7 @@ fn year(address: SocketAddr) -> u32 {
 
 pub(crate) fn clock_jumps() {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let clock = tempfile::tempdir().unwrap();
     let file = clock.path().join("time");
     let set = |time: &str| {
@@ -132,7 +132,7 @@ pub(crate) fn clock_jumps() {
 
 pub(crate) fn no_memory() {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let mut server = Served::start(text(folder.path()), &[]);
     let address = server.address;
     let status = fs::read_to_string(format!("/proc/{}/status", server.pid())).unwrap();

@@ -11,7 +11,7 @@ use axum::{body::Body, http::Request};
 use http_body_util::BodyExt;
 use insula_server::{
     config::ServeConfig,
-    http::{AppState, app},
+    http::{AppState, HttpService},
     store::Store,
 };
 use std::{
@@ -26,7 +26,7 @@ const COLD: [&str; 3] = ["cache.memory_bytes=0", "limits.tile_bytes=0", "cache.b
 
 fn origin() -> (tempfile::TempDir, Origin) {
     let folder = tempfile::tempdir().unwrap();
-    common::city(folder.path(), "two");
+    common::write_city(folder.path(), "two");
     let origin = Origin::start(folder.path());
     (folder, origin)
 }
@@ -99,7 +99,7 @@ pub(crate) fn coalesced() {
         let mut config = ServeConfig::default();
         (config.cache.block_bytes, config.limits.tile_bytes) = (4096, 0);
         let store = Store::open_anywhere(&[origin.url().into()], &config.cache).await.unwrap();
-        let app = app(AppState::new(store, &config));
+        let app = HttpService::new(AppState::new(store, &config));
         origin.faults.slow_millis.store(300, Relaxed);
         let before = origin.fetches();
         let mut all = tokio::task::JoinSet::new();
@@ -153,7 +153,7 @@ pub(crate) fn s3() {
         || {
             let city = folder.path().join("two");
             fs::create_dir(&city).unwrap();
-            common::city(&city, "two");
+            common::write_city(&city, "two");
             city
         },
         Into::into,
@@ -168,7 +168,7 @@ pub(crate) fn s3() {
         for (id, bytes) in archive.tiles() {
             let manifest = local.manifest();
             let (name, version) = (&manifest.name, &manifest.version);
-            let path = insula_protocol::route::at_place(name, version, layer, id, manifest.depth).unwrap();
+            let path = insula_protocol::route::archive_tile(name, version, layer, id, manifest.depth).unwrap();
             let answer = connection.get(&path).unwrap();
             assert!(answer.status == 200 && answer.body == bytes.unwrap(), "{path}: {}", answer.status);
             tiles += 1;

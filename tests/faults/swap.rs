@@ -5,7 +5,7 @@ use crate::{
     common,
     program::{Served, text, until},
 };
-use insula_protocol::{BlockMap, Manifest, Texel, TileId, blockmap::COLUMNS, blockmap::Column, route, route::Layer};
+use insula_protocol::{BlockMap, Manifest, Texel, TileId, TileKind, blockmap::COLUMNS, blockmap::MapColumn, route};
 use std::{
     fs,
     path::Path,
@@ -20,7 +20,7 @@ fn tile(id: TileId, version: u32) -> Vec<u8> {
     for (at, digit) in format!("{version:04}").bytes().enumerate() {
         let roof = Texel::new([digit, 1, 1], 63, 3);
         let z_max = 16 * u16::from(digit - b'0' + 1);
-        columns[at] = Some(Column { z_min: 0, z_max, roof, ..Column::default() });
+        columns[at] = Some(MapColumn { z_min: 0, z_max, roof, ..MapColumn::default() });
     }
     let cell_m = 2.0 / f32::from(1u16 << id.level());
     BlockMap::from_columns(id, cell_m, 0, 0, &columns).unwrap().encode().unwrap()
@@ -33,11 +33,11 @@ fn name(version: u32) -> String {
 /// Writes a version beside the folder and puts it in its place, as the bake does.
 fn publish(folder: &Path, version: u32) {
     let (next, old, here) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
-    common::city(&next, "two");
+    common::write_city(&next, "two");
     let manifest = Manifest { version: name(version), ..common::manifest("two") };
     fs::write(next.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     let tiles: Vec<_> = [TileId::ROOT, common::child()].map(|id| (id, tile(id, version))).to_vec();
-    common::archive(&next.join("blockmaps.pmtiles"), &tiles);
+    common::write_archive(&next.join("blockmaps.pmtiles"), &tiles);
     if here.exists() {
         fs::rename(&here, &old).unwrap();
     }
@@ -65,7 +65,7 @@ pub(crate) fn two_hundred() {
                     let manifest: Manifest = serde_json::from_slice(&answer.body).unwrap();
                     let version: u32 = manifest.version[1..].parse().unwrap();
                     for id in [TileId::ROOT, common::child(), TileId::ROOT] {
-                        let path = route::tile("two", &manifest.version, Layer::BlockMaps, id);
+                        let path = route::tile("two", &manifest.version, TileKind::BlockMap, id);
                         let answer = connection.get(&path).unwrap();
                         assert_eq!(answer.status, 200, "{path}");
                         assert_eq!(answer.body, tile(id, version), "a tile of another version at {path}");

@@ -7,8 +7,7 @@ use crate::{
 use anyhow::{Context, Result};
 use glam::DVec3;
 use insula_protocol::{
-    BlockMap, Manifest, Subtree, TileId,
-    route::Layer,
+    BlockMap, Manifest, Subtree, TileId, TileKind,
     subtree::{MeshLod, NodeInfo},
 };
 use insula_server::store::CityStore;
@@ -140,7 +139,7 @@ impl Baked {
 
     /// A node's tile.
     pub fn map(&self, id: TileId) -> Result<BlockMap> {
-        let bytes = self.store.tile(Layer::BlockMaps, id)?.with_context(|| format!("no tile {id}"))?;
+        let bytes = self.store.tile(TileKind::BlockMap, id)?.with_context(|| format!("no tile {id}"))?;
         BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))
     }
 }

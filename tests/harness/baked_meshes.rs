@@ -9,7 +9,7 @@ use crate::{
 };
 use anyhow::{Context, Result};
 use glam::DVec3;
-use insula_protocol::{TileId, mesh_tile, route::Layer};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 use insula_shaders::mesh::PackedMesh;
 use insula_viewer::{
     decode::{DecodedTile, decode},
@@ -54,8 +54,8 @@ impl Baked {
 
     /// A leaf's mesh, as the client decodes it.
     pub fn mesh(&self, id: TileId, lod: u8) -> Result<PackedMesh> {
-        let place = mesh_tile::place(id, lod).context("no such mesh")?;
-        let bytes = self.store.tile(Layer::Meshes, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
+        let place = mesh_tile::archive_id(id, lod).context("no such mesh")?;
+        let bytes = self.store.tile(TileKind::Mesh, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
         match decode(TileKey::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
             DecodedTile::Mesh(mesh) => Ok(*mesh),
             other => anyhow::bail!("{other:?} is no mesh"),

@@ -5,7 +5,7 @@
 use crate::baked::Baked;
 use anyhow::{Context, Result};
 use insula_client::render::CpuAdapter;
-use insula_protocol::{Subtree, mesh_tile, route::Layer};
+use insula_protocol::{Subtree, TileKind, mesh_tile};
 use insula_shaders::cpu::{raycast::Pixels, tally::tally};
 use insula_viewer::{
     cache::{AtlasCache, InsertResult, PackedTile, pages_for},
@@ -91,7 +91,7 @@ impl<'a> Cold<'a> {
     }
 
     fn fetch(&mut self, key: TileKey) -> Result<()> {
-        let place = if key.layer() == Layer::Meshes { mesh_tile::place(key.id, key.lod) } else { Some(key.id) };
+        let place = if key.layer() == TileKind::Mesh { mesh_tile::archive_id(key.id, key.lod) } else { Some(key.id) };
         let place = place.with_context(|| format!("{key:?}"))?;
         let bytes = self.city.store.tile(key.layer(), place)?.with_context(|| format!("no {key:?}"))?;
         let packed = match decode(key, &bytes).with_context(|| format!("{key:?}"))? {

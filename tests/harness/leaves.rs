@@ -3,7 +3,7 @@
 //! The mesh codec is measured and tested with them.
 
 use insula_bake::scene::Scene;
-use insula_protocol::mesh::{Grid, Mesh};
+use insula_protocol::mesh::{Mesh, PositionGrid};
 use std::collections::{BTreeMap, HashMap};
 
 type Point = [f64; 3];
@@ -40,7 +40,7 @@ pub fn whole(scene: &Scene, bits: u8) -> Mesh {
 }
 
 fn mesh(triangles: &[[Point; 3]], bits: u8) -> Mesh {
-    let grid = Grid::around(triangles.as_flattened(), bits);
+    let grid = PositionGrid::enclosing(triangles.as_flattened(), bits);
     let mut numbers = HashMap::new();
     let mut mesh = Mesh { grid, positions: Vec::new(), triangles: Vec::new(), attributes: Vec::new() };
     for triangle in triangles {

@@ -5,7 +5,7 @@ use crate::{cut::Place, view::Camera};
 use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, Clip, Column, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MapColumn, STEPS_PER_CELL, flag, strip_rows},
 };
 use insula_shaders::pack::slope_codes;
 
@@ -189,7 +189,7 @@ fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
 }
 
 /// The planes of a clipped column, and whether it fills the inner side of either.
-fn planes(column: &Column, clip: &Clip, cell_m: f64) -> (Vec<Plane>, bool) {
+fn planes(column: &MapColumn, clip: &ColumnClip, cell_m: f64) -> (Vec<Plane>, bool) {
     let plane = |azimuth: u8, offset: i8| {
         let normal = DVec2::from_angle(f64::from(azimuth) / 256.0 * std::f64::consts::TAU);
         (normal, f64::from(offset) / f64::from(CLIP_STEPS_PER_CELL) * cell_m)

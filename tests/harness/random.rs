@@ -9,7 +9,10 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, Clip, Column, Corner, Outer, STEPS_PER_CELL, Strip, Z_CODE_MAX, Z_SHIFT_MAX, strip_rows},
+    blockmap::{
+        COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
+        strip_rows,
+    },
     octahedral,
 };
 
@@ -105,7 +108,7 @@ fn node(rng: &mut Rng, id: TileId, cell_m: f64) -> Result<BlockMap> {
     BlockMap::from_columns(id, cell_m as f32, z_base_cells, z_shift, &columns).context("a random node")
 }
 
-fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<Column> {
+fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<MapColumn> {
     if !rng.chance(style.density) {
         return None;
     }
@@ -120,7 +123,7 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<Column> {
     let clip = (strip.is_some() && rng.chance(0.4)).then(|| clip(rng, z_min, z_max));
     let lean = if rng.chance(0.5) { 0.3 } else { 1.5 };
     let n = Vec3::new(rng.range(-lean, lean) as f32, rng.range(-lean, lean) as f32, 1.0).normalize_or(Vec3::Z);
-    Some(Column {
+    Some(MapColumn {
         z_min,
         z_max,
         inclined: rng.chance(style.inclined),
@@ -133,25 +136,25 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<Column> {
     })
 }
 
-fn clip(rng: &mut Rng, z_min: u16, z_max: u16) -> Clip {
-    let corner = rng.chance(0.5).then(|| Corner {
+fn clip(rng: &mut Rng, z_min: u16, z_max: u16) -> ColumnClip {
+    let corner = rng.chance(0.5).then(|| CornerWall {
         azimuth: rng.below(256) as u8,
         offset: (i32::from(rng.between(0, 180)) - 90) as i8,
         concave: rng.chance(0.5),
     });
     let outer = (z_max - z_min > 1 && rng.chance(0.5))
-        .then(|| Outer { z: rng.between(z_min + 1, z_max - 1), roof: texel(rng, 3) });
-    Clip { offset: (i32::from(rng.between(0, 180)) - 90) as i8, corner, outer }
+        .then(|| OuterTop { z: rng.between(z_min + 1, z_max - 1), roof: texel(rng, 3) });
+    ColumnClip { offset: (i32::from(rng.between(0, 180)) - 90) as i8, corner, outer }
 }
 
-fn strip(rng: &mut Rng, rows: u16) -> Strip {
+fn strip(rng: &mut Rng, rows: u16) -> WallStrip {
     let holes = rng.chance(0.3);
     let texels = (0..rows).map(|_| {
         let alpha = if holes { rng.below(4) as u8 } else { 3 };
         texel(rng, alpha)
     });
     let texels = texels.collect();
-    Strip { texels, azimuth: rng.below(256) as u8 }
+    WallStrip { texels, azimuth: rng.below(256) as u8 }
 }
 
 fn texel(rng: &mut Rng, alpha: u8) -> Texel {

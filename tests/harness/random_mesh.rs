@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     TileId,
-    mesh::{Attribute, Grid, Kind, Mesh},
+    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
 };
 use insula_shaders::mesh::{PackedMesh, Picture};
 
@@ -38,7 +38,7 @@ pub fn add(city: &mut RandomCity, rng: &mut Rng, share: f64) -> Result<Vec<Rando
 fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
     let bits = rng.between(14, 16) as u8; // So fine that hardly two faces lie in one plane.
     let step = side_m / f64::from((1u32 << bits) - 1);
-    let grid = Grid { min: [0.0, 0.0, z_m], step, bits };
+    let grid = PositionGrid { min: [0.0, 0.0, z_m], step, bits };
     let most = (1u32 << bits) - 1;
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     let boxes = [0, 1, 8, 60][rng.below(4)];
@@ -65,7 +65,8 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
         triangles.push([first, first + 1, first + 2]);
     }
     let texture = rng.chance(0.6).then(|| picture(rng));
-    let (kind, components, bits) = if texture.is_some() { (Kind::TexCoord, 2, 12) } else { (Kind::Colour, 3, 8) };
+    let (kind, components, bits) =
+        if texture.is_some() { (AttributeKind::TexCoord, 2, 12) } else { (AttributeKind::Colour, 3, 8) };
     let value = |rng: &mut Rng| {
         let mut value = [0; 4];
         value[..components as usize].fill_with(|| rng.below(1 << bits) as u32);

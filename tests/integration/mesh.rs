@@ -6,7 +6,7 @@ use insula_bake::{
     model::{ModelFormat, TriangleModel, quantise},
     simplify::{Goal, simplify},
 };
-use insula_protocol::mesh::{Mesh, pieces::Pieces};
+use insula_protocol::mesh::{Mesh, half_edge::HalfEdgeMesh};
 use insula_tests::{fidelity, leaves};
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::path::{Path, PathBuf};
@@ -39,15 +39,15 @@ fn scan(path: &Path) -> Result<()> {
     for bits in [8, 10, 12, 14, 16] {
         comes_back(&quantise::to_mesh(&model, bits, bits))?;
     }
-    let before = Pieces::new(&model.triangles, model.positions.len() as u32);
+    let before = HalfEdgeMesh::new(&model.triangles, model.positions.len() as u32);
     for share in [2, 10, 100] {
         let goal = model.triangles.len() / share;
         let out = simplify(&model, Goal { triangles: goal, error: f64::INFINITY }, |_| false);
         let found = out.model.triangles.len();
         ensure!(found.abs_diff(goal) * 100 <= goal, "{found} triangles where {goal} were asked for");
-        let after = Pieces::new(&out.model.triangles, out.model.positions.len() as u32);
+        let after = HalfEdgeMesh::new(&out.model.triangles, out.model.positions.len() as u32);
         ensure!(after.is_sound() && after.euler() == before.euler(), "{} is {}", after.euler(), before.euler());
-        ensure!(after.census.borders == before.census.borders, "{} borders", after.census.borders);
+        ensure!(after.report.borders == before.report.borders, "{} borders", after.report.borders);
         comes_back(&quantise::to_mesh(&out.model, 12, 12))?;
     }
     Ok(())
@@ -69,7 +69,7 @@ fn comes_back(mesh: &Mesh) -> Result<()> {
     let given = mesh.triangles.as_flattened();
     let found = back.triangles.as_flattened().iter().map(|vertex| encoded.vertices[*vertex as usize]);
     ensure!(found.eq(encoded.corners.iter().map(|corner| given[*corner as usize])), "triangles differ");
-    let left_out = (encoded.census.degenerate + encoded.census.duplicate) as usize;
+    let left_out = (encoded.report.degenerate + encoded.report.duplicate) as usize;
     ensure!(back.triangles.len() + left_out == mesh.triangles.len(), "triangles are missing");
     Ok(())
 }

@@ -4,8 +4,8 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, Column},
-    mesh::{Attribute, Grid, Kind, Mesh},
+    blockmap::{COLUMNS, MapColumn},
+    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     octahedral,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
@@ -162,7 +162,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8, 3);
         let flat = octahedral::encode([0.0, 0.0, 1.0]);
         let (z_min, z_max) = (0, 32);
-        let no = Column {
+        let no = MapColumn {
             z_min,
             z_max,
             inclined: false,
@@ -175,7 +175,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         };
         Some(no)
     };
-    let columns: Vec<Option<Column>> = (0..COLUMNS).map(column).collect();
+    let columns: Vec<Option<MapColumn>> = (0..COLUMNS).map(column).collect();
     let map = BlockMap::from_columns(TileId::ROOT, 8.0, 0, 0, &columns).context("a flat node")?;
     let height_m = map.z_base_m() + 32.0 * f64::from(map.z_step_m());
     for leaf in [[1, 0, 0], [1, 1, 0], [2, 1, 3], [3, 5, 2]].map(|[level, x, y]| TileId::new(level as u8, x, y)) {
@@ -183,14 +183,14 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         let side_m = place.root_side_m / f64::from(1u32 << leaf.level());
         let values = vec![[255, 255, 255, 0]];
         let attributes = vec![Attribute {
-            kind: Kind::Colour,
+            kind: AttributeKind::Colour,
             components: 3,
             bits: 8,
             range: [0.0, 1.0],
             values,
             corners: vec![0; 6],
         }];
-        let grid = Grid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
+        let grid = PositionGrid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
         let positions = vec![[0, 0, 0], [1023, 0, 0], [1023, 1023, 0], [0, 1023, 0]];
         let mesh = Mesh { grid, positions, triangles: vec![[0, 1, 2], [0, 2, 3]], attributes };
         let mut alone = Cut::new(place);

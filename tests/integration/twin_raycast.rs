@@ -4,7 +4,7 @@ use anyhow::Result;
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, Column, Strip},
+    blockmap::{COLUMNS, MapColumn, WallStrip},
     octahedral,
 };
 use insula_shaders::{
@@ -230,9 +230,9 @@ fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
     let up = octahedral::encode([0.0, 0.0, 1.0]);
     let columns: Vec<_> = (0..COLUMNS)
         .map(|i| {
-            let plain = Column { z_max: 16, roof: texel, roof_normal: up, ..Column::default() };
-            let strip = Some(Strip { texels: vec![texel; 11], azimuth: 128 });
-            Some(if i % NODE_CELLS == 32 { Column { z_max: 16 * 11, strip, ..plain } } else { plain })
+            let plain = MapColumn { z_max: 16, roof: texel, roof_normal: up, ..MapColumn::default() };
+            let strip = Some(WallStrip { texels: vec![texel; 11], azimuth: 128 });
+            Some(if i % NODE_CELLS == 32 { MapColumn { z_max: 16 * 11, strip, ..plain } } else { plain })
         })
         .collect();
     let mut cut = Cut::new(Place { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
@@ -385,11 +385,11 @@ fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
             compare(&city.cut, &random::camera(&mut rng, city, pose), &format!("city {seed}, {pose:?}"))?;
         }
     }
-    let plain = Column { z_max: 16, roof: Texel::new([128; 3], 63, 3), ..Column::default() };
+    let plain = MapColumn { z_max: 16, roof: Texel::new([128; 3], 63, 3), ..MapColumn::default() };
     for tower in [[30, 30], [33, 30], [30, 33], [33, 33]] {
         let is_tower = |i: usize| [i % NODE_CELLS, i / NODE_CELLS] == tower;
         let columns: Vec<_> = (0..COLUMNS)
-            .map(|i| Some(Column { z_max: if is_tower(i) { 16 * 40 } else { 16 }, ..plain.clone() }))
+            .map(|i| Some(MapColumn { z_max: if is_tower(i) { 16 * 40 } else { 16 }, ..plain.clone() }))
             .collect();
         let mut cut = Cut::new(Place { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
         cut.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);

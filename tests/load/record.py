@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Records what the real client asks a server for: on flights, walks and jumps. The scenarios of goose ask it again.
+"""Records the requests of the real client on flights, walks and jumps, for the scenarios of goose.
 
     tests/load/record.py CITY --out trace.json [--insula BIN] [--server BIN]
 
-The server logs every request as JSON; `insula fly` replays camera paths around the middle of the city, with a cold cache each.
+The server logs every request as JSON. `insula fly` replays camera paths around the centre of the city, each with an empty cache.
 """
 
 import argparse, json, math, os, pathlib, subprocess, tempfile
@@ -12,12 +12,13 @@ HERE = pathlib.Path(__file__).resolve().parent
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent.parent / "target")) / "release"
 
 
-def paths(manifest):
+def camera_paths(manifest):
+    """Key cameras of a flight, a walk and a series of jumps, by name."""
     (x0, y0), (x1, y1) = manifest["focus"]
     cx, cy, ground = (x0 + x1) / 2, (y0 + y1) / 2, manifest["ground_z_m"]
     reach = max(x1 - x0, y1 - y0) / 2
-    ring = lambda turns, r, z, t: [cx + r * math.cos(turns), cy + r * math.sin(turns), ground + z]
-    fly = [{"t": 2.0 * i, "position": ring(i * 0.7, reach * (1.2 - 0.1 * i), 400 - 30 * i, 0), "target": [cx, cy, ground]} for i in range(8)]
+    on_ring = lambda angle, r, z: [cx + r * math.cos(angle), cy + r * math.sin(angle), ground + z]
+    fly = [{"t": 2.0 * i, "position": on_ring(i * 0.7, reach * (1.2 - 0.1 * i), 400 - 30 * i), "target": [cx, cy, ground]} for i in range(8)]
     walk = [
         {"t": 2.0 * i, "position": [cx + 15.0 * i, cy + 5.0 * i, ground + 2.0], "target": [cx + 15.0 * i + 60, cy + 5.0 * i + 20, ground + 8.0]}
         for i in range(8)
@@ -39,7 +40,7 @@ def main():
     args = parser.parse_args()
     manifest = json.loads((args.city / "city.json").read_text())
     trace = {"manifest": [f"/v1/cities/{manifest['name']}"]}
-    for name, keys in paths(manifest).items():
+    for name, keys in camera_paths(manifest).items():
         with tempfile.TemporaryDirectory() as folder:
             log = open(f"{folder}/log", "w+")
             command = [args.server, "serve", args.city, "--listen", "127.0.0.1:0", "--set", "log.requests=all", "--set", "log.format=json"]

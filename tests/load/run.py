@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Everything that is measured of a server under load, in one run, with a report in Markdown and JSON.
+"""Measures a server under load. Writes a report in Markdown and JSON.
 
     tests/load/run.py CITY --out DIR [--minutes 10] [--skip throughput,tls,overload]
 
-Records what the real client asks for (record.py), plays it by goose (scenarios) cold, up a ramp, as a soak and as a spike;
-then nginx beside it (throughput.py, plain and TLS) and twenty times the capacity (overload). Before it:
-`cargo build --release --bins`, `cargo build --release -p insula-server --example tile_files`, and in tests/load
-`cargo build --release --features scenarios`. Wants wrk, nginx and openssl for what compares. Ends with 1 if a bar is missed.
+Records the requests of the real client (record.py) and repeats them with goose (scenarios): with empty caches, as a ramp, a
+spike and a soak. Then compares with nginx (throughput.py, without and with TLS) and overloads the server (overload). Build
+first: `cargo build --release --bins`, `cargo build --release -p insula-server --example tile_files`, and in tests/load
+`cargo build --release --features scenarios`. The comparison needs wrk, nginx and openssl. Exits with 1 if a target is missed.
 """
 
 import argparse, json, os, pathlib, platform, subprocess, sys, threading, time
@@ -16,12 +16,12 @@ ROOT = HERE.parent.parent
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release"
 LOAD = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", HERE / "target")) / "release"
 
-# No memory of tiles or blocks: each answer is read anew.
+# Without caches: every tile is read again.
 COLD = ["limits.tile_bytes=0", "cache.memory_bytes=0"]
 
 
 class Server:
-    """A running server whose resident memory is noted every second."""
+    """A running server. Its resident memory is recorded every second."""
 
     def __init__(self, program, city, settings):
         flags = [word for setting in settings for word in ("--set", setting)]
@@ -52,7 +52,7 @@ class Server:
 
 
 def goose(server, trace, out, name, users, seconds, rate=0):
-    """One phase, as fast as it goes or at a rate of requests a second; gives a row of the table."""
+    """Runs one phase, as fast as possible or at a rate in requests per second. Returns a row of the table."""
     report = out / f"goose-{name}.json"
     first = len(server.resident)
     command = [LOAD / "scenarios", "--host", server.url, "--users", str(users), "--increase-rate", str(max(users, 1)),
@@ -74,7 +74,7 @@ def goose(server, trace, out, name, users, seconds, rate=0):
 
 
 def minutes_of(resident):
-    """Mean resident memory of each whole minute."""
+    """Mean resident memory of each full minute, in MiB."""
     last = int(resident[-1][0] // 60) if resident else 0
     means = []
     for minute in range(last):
@@ -83,8 +83,8 @@ def minutes_of(resident):
     return means
 
 
-def told(command):
-    """What another program measured: its report's last line is JSON, its table what is before it."""
+def run_tool(command):
+    """Runs another program. Returns its result (the JSON in its last line) and its table (the lines before)."""
     print(" ".join(str(word) for word in command), file=sys.stderr)
     done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True)
     lines = done.stdout.strip().splitlines()
@@ -97,9 +97,9 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("city", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
-    parser.add_argument("--minutes", type=int, default=10, help="of the soak")
-    parser.add_argument("--rate", type=int, default=1000, help="requests a second of the soak; 0: as many as there can be")
-    parser.add_argument("--skip", default="", help="of throughput, tls, overload; with commas")
+    parser.add_argument("--minutes", type=int, default=10, help="duration of the soak")
+    parser.add_argument("--rate", type=int, default=1000, help="requests per second of the soak; 0: as fast as possible")
+    parser.add_argument("--skip", default="", help="comma-separated list of throughput, tls, overload")
     parser.add_argument("--server", type=pathlib.Path, default=TARGET / "insula-server")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -120,28 +120,28 @@ def main():
         minutes = minutes_of(server.resident)
     report["soak_resident_mib"] = minutes
     report["soak_last_over_second_minute"] = minutes[-1] / minutes[1] if len(minutes) > 2 else None
-    text = ["# Load", "", f"{report['city']}, {report['machine']}, client and server on one machine.", "", "## Viewers, by goose", ""]
+    text = ["# Load", "", f"{report['city']}, {report['machine']}, clients and server on the same machine.", "", "## Simulated viewers (goose)", ""]
     text += ["| phase | users | s | requests | failed | requests/s | p50 ms | p95 ms | p99 ms | resident MiB |", "|---|---|---|---|---|---|---|---|---|---|"]
     text += [f"| {r['phase']} | {r['users']} | {r['seconds']} | {r['requests']} | {r['failed']} | {r['per_second']:.0f} | {r['p50_ms']} | {r['p95_ms']} | {r['p99_ms']} | {r['resident_mib']:.1f} |" for r in rows]
-    text += ["", "Resident memory of the soak, minute by minute, MiB: " + ", ".join(f"{mib:.1f}" for mib in minutes) + "."]
+    text += ["", "Resident memory per minute of the soak, MiB: " + ", ".join(f"{mib:.1f}" for mib in minutes) + "."]
     if report["soak_last_over_second_minute"]:
-        text += [f"The last minute is {report['soak_last_over_second_minute']:.3f} times the second."]
+        text += [f"The last minute has {report['soak_last_over_second_minute']:.3f} times the memory of the second."]
     others = {
-        "throughput": ("nginx beside it", [HERE / "throughput.py", args.city, "--server", args.server]),
-        "tls": ("The same over TLS", [HERE / "throughput.py", args.city, "--server", args.server, "--tls"]),
-        "overload": ("Twenty times the capacity", [LOAD / "overload", args.server, args.city, args.out / "paths.txt"]),
+        "throughput": ("Comparison with nginx", [HERE / "throughput.py", args.city, "--server", args.server]),
+        "tls": ("Comparison with nginx over TLS", [HERE / "throughput.py", args.city, "--server", args.server, "--tls"]),
+        "overload": ("Overload: 20 times the capacity", [LOAD / "overload", args.server, args.city, args.out / "paths.txt"]),
     }
-    asked = json.loads(trace.read_text())
-    (args.out / "paths.txt").write_text("\n".join(path for paths in asked.values() for path in paths) + "\n")
+    recorded = json.loads(trace.read_text())
+    (args.out / "paths.txt").write_text("\n".join(path for paths in recorded.values() for path in paths) + "\n")
     for name, (title, command) in others.items():
         if name not in skip:
-            report[name], table = told(command)
+            report[name], table = run_tool(command)
             text += ["", f"## {title}", "", table or report[name]["missing"]]
     missed = [row["phase"] for row in rows if row["failed"] or not row["ok"]]
     if (report["soak_last_over_second_minute"] or 1.0) > 1.05:
-        missed.append("the soak's memory")
+        missed.append("memory of the soak")
     report["missed"] = missed
-    text += ["", "Missed: " + ", ".join(missed) + "." if missed else "No request failed, memory is flat."]
+    text += ["", "Missed: " + ", ".join(missed) + "." if missed else "No request failed, and memory did not grow."]
     (args.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
     (args.out / "report.md").write_text("\n".join(text) + "\n")
     print("\n".join(text))

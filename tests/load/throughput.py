@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Insula and nginx serve the same tiles, in turn; wrk asks. Prints the ratio, as Markdown and as JSON.
+"""Compares the throughput of Insula and nginx on the same tiles with wrk. Prints Markdown, then a line of JSON.
 
     tests/load/throughput.py CITY [--rounds 5] [--seconds 8] [--tls] [--report FILE.json]
 
-Wants: wrk, nginx, openssl; `cargo build --release -p insula-server --example tile_files --bin insula-server` before it.
-Both servers run all the time, one of them idle; each round measures one after the other, and every second round the other
-first, so that what else the machine does weighs on both alike.
+Needs wrk, nginx, openssl, and `cargo build --release -p insula-server --example tile_files --bin insula-server`.
+Both servers run all the time, one of them idle. Each round measures both, in alternating order, so that other load on the
+machine affects both equally.
 """
 
 import argparse, json, os, pathlib, shutil, signal, statistics, subprocess, sys, tempfile, time, urllib.request, ssl
@@ -53,7 +53,7 @@ def wrk(url, paths, seconds, connections, threads):
 
 
 def cpu_seconds(pid):
-    """Of a process and its children, so far."""
+    """Processor time of a process and its children since their start."""
     pids = [pid] + [int(p) for p in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
     ticks = [pathlib.Path(f"/proc/{p}/stat").read_text().rsplit(")", 1)[1].split() for p in pids]
     return sum(int(fields[11]) + int(fields[12]) for fields in ticks) / os.sysconf("SC_CLK_TCK")
@@ -67,7 +67,7 @@ def main():
     parser.add_argument("--connections", type=int, default=64)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--tls", action="store_true")
-    parser.add_argument("--server", default=TARGET / "insula-server", help="build it with --profile dist for what is given away")
+    parser.add_argument("--server", default=TARGET / "insula-server", help="for figures of a release, one that was built with --profile dist")
     parser.add_argument("--report")
     args = parser.parse_args()
     folder = pathlib.Path(tempfile.mkdtemp(prefix="insula-load-"))
@@ -95,11 +95,11 @@ def main():
         started.append(insula)
         urls = {"insula": insula.stdout.readline().split()[-1], "nginx": f"{scheme}://127.0.0.1:{port}"}
         time.sleep(1)
-        # Both give the same bytes for a tile, or there is nothing to compare.
+        # The comparison is valid only if both servers send the same bytes.
         path = paths.read_text().split()[-1]
         context = ssl._create_unverified_context()
         bodies = {name: urllib.request.urlopen(url + path, context=context).read() for name, url in urls.items()}
-        assert bodies["insula"] == bodies["nginx"] != b"", "the servers differ"
+        assert bodies["insula"] == bodies["nginx"] != b"", "the servers send different bytes"
         rounds = {"insula": [], "nginx": []}
         pids = {"insula": insula.pid, "nginx": started[0].pid}
         for url in urls.values():
@@ -118,9 +118,9 @@ def main():
         report = {"tls": args.tls, "connections": args.connections, "medians": summary, "ratio": ratio, "rounds": rounds}
         if args.report:
             pathlib.Path(args.report).write_text(json.dumps(report, indent=1) + "\n")
-        print(f"| {scheme}, {args.connections} connections, medians of {args.rounds} | requests/s | p50 ms | p99 ms | processor us a request |\n|---|---|---|---|---|")
-        for name, of in summary.items():
-            print(f"| {name} | {of['per_second']:.0f} | {of['p50_us'] / 1000:.2f} | {of['p99_us'] / 1000:.2f} | {of['cpu_us']:.2f} |")
+        print(f"| {scheme}, {args.connections} connections, medians of {args.rounds} | requests/s | p50 ms | p99 ms | CPU us per request |\n|---|---|---|---|---|")
+        for name, medians in summary.items():
+            print(f"| {name} | {medians['per_second']:.0f} | {medians['p50_us'] / 1000:.2f} | {medians['p99_us'] / 1000:.2f} | {medians['cpu_us']:.2f} |")
         print(f"| ratio | {ratio['per_second']:.3f} | | {ratio['p99_us']:.3f} | {ratio['cpu_us']:.3f} |")
         print(json.dumps({"per_second_ratio": round(ratio["per_second"], 3), "p99_ratio": round(ratio["p99_us"], 3), "cpu_ratio": round(ratio["cpu_us"], 3)}))
     finally:

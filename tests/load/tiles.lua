@@ -1,5 +1,5 @@
--- wrk: the paths of a list in a fixed random order, each thread from another place.
--- PATHS names the list. The 99th percentile and all else are printed as one line of JSON.
+-- For wrk: requests the paths listed in the file $PATHS in a fixed random order; each thread starts elsewhere in the list.
+-- Prints the results as one line of JSON.
 local threads = 0
 function setup(thread)
    thread:set("number", threads)

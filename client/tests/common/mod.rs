@@ -11,12 +11,11 @@ use insula_client::{
     stream::{BackgroundFetcher, fetch::Http},
 };
 use insula_protocol::{
-    BlockMap, Manifest, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, Column, NODE_CELLS, Strip, strip_rows},
-    manifest::{Attribution, Counts},
-    mesh_tile::{self, Texture},
-    octahedral,
-    route::{self, Layer},
+    BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
+    blockmap::{COLUMNS, MapColumn, NODE_CELLS, WallStrip, strip_rows},
+    manifest::{Attribution, CityCounts},
+    mesh_tile::{self, TileTexture},
+    octahedral, route,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use insula_viewer::{camera::Camera, scene::SceneTree, streamer::FrameRequest};
@@ -58,7 +57,7 @@ pub fn manifest(name: &str) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: true,
-        counts: Counts::default(),
+        counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
         tile_version: 1,
         settings: "0".into(),
@@ -69,7 +68,7 @@ fn block_map(manifest: &Manifest, id: TileId) -> BlockMap {
     let (cell, corner) = (manifest.cell_m_at(id.level()), manifest.node_corner(id));
     // Heights in whole cells would be too coarse at the root: codes of cell / 16.
     let code = |z_m: f64| (z_m / cell * 16.0).round() as u16;
-    let columns: Vec<Option<Column>> = (0..COLUMNS)
+    let columns: Vec<Option<MapColumn>> = (0..COLUMNS)
         .map(|i| {
             let x = corner[0] - ORIGIN[0] + ((i % NODE_CELLS) as f64 + 0.5) * cell;
             let y = corner[1] - ORIGIN[1] + ((i / NODE_CELLS) as f64 + 0.5) * cell;
@@ -78,9 +77,9 @@ fn block_map(manifest: &Manifest, id: TileId) -> BlockMap {
             let rows = usize::from(strip_rows(0, z_max, 0).1);
             let texels = (0..rows).map(|r| Texel::new([200, 120 + (r * 8 % 100) as u8, 90], 50, 3)).collect();
             let roof = if house { Texel::new([170, 60, 40], 63, 3) } else { Texel::new([90, 130, 80], 45, 3) };
-            let strip = house.then_some(Strip { texels, azimuth: 0 });
+            let strip = house.then_some(WallStrip { texels, azimuth: 0 });
             let roof_normal = octahedral::encode([0.0, 0.0, 1.0]);
-            Some(Column { z_min: 0, z_max, roof, roof_normal, strip, ..Column::default() })
+            Some(MapColumn { z_min: 0, z_max, roof, roof_normal, strip, ..MapColumn::default() })
         })
         .collect();
     BlockMap::from_columns(id, cell as f32, 0, 0, &columns).unwrap()
@@ -107,13 +106,13 @@ pub fn city(name: &str) -> HashMap<String, Vec<u8>> {
             radius_m: ((side * side * 0.5).sqrt() + 10.0) as f32,
             blockmap_bytes: bytes.len() as u32,
         });
-        files.insert(route::tile(name, &manifest.version, Layer::BlockMaps, id), bytes);
+        files.insert(route::tile(name, &manifest.version, TileKind::BlockMap, id), bytes);
         if !leaf {
             ids.extend(id.children());
         }
     }
     let subtree = Subtree { nodes, meshes: Vec::new() }.encode().unwrap();
-    files.insert(route::tile(name, &manifest.version, Layer::Subtrees, TileId::ROOT), subtree);
+    files.insert(route::tile(name, &manifest.version, TileKind::Subtree, TileId::ROOT), subtree);
     files.insert(route::manifest(name), serde_json::to_vec(&manifest).unwrap());
     files.insert(route::CITIES.into(), serde_json::to_vec(&serde_json::json!([{ "name": name }])).unwrap());
     files
@@ -125,13 +124,13 @@ pub const MESH_M: f64 = 20.25;
 /// The same, where each leaf has a mesh of two levels of detail: one block, textured in the finer one.
 pub fn city_with_meshes(name: &str) -> HashMap<String, Vec<u8>> {
     let (mut files, manifest) = (city(name), manifest(name));
-    let path = route::tile(name, &manifest.version, Layer::Subtrees, TileId::ROOT);
+    let path = route::tile(name, &manifest.version, TileKind::Subtree, TileId::ROOT);
     let mut subtree = Subtree::decode(&files[&path]).unwrap();
     let texture = || {
         let mut bytes = std::io::Cursor::new(Vec::new());
         let red = image::RgbImage::from_pixel(48, 32, image::Rgb([200, 10, 20]));
         red.write_to(&mut bytes, image::ImageFormat::WebP).unwrap();
-        Texture { size_px: [48, 32], bytes: bytes.into_inner() }
+        TileTexture { size_px: [48, 32], bytes: bytes.into_inner() }
     };
     for leaf in subtree.nodes.iter().filter(|node| node.id.level() == DEPTH).map(|node| node.id) {
         let mut lods = Vec::new();

@@ -3,7 +3,7 @@
 //! In: bytes that anyone may have made. Out: [`DecodedTile`]. Next: `cache`, `scene::tree`.
 
 use crate::scene::TileKey;
-use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, mesh_tile::Texture, route::Layer};
+use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind, mesh_tile::TileTexture};
 use insula_shaders::{
     mesh::{PackedMesh, Picture},
     pack::PackedNode,
@@ -24,7 +24,7 @@ pub enum DecodedTile {
 /// Decodes `bytes`, fetched as the tile of `key`.
 pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
     match key.layer() {
-        Layer::Subtrees => {
+        TileKind::Subtree => {
             let subtree = Subtree::decode(bytes)?;
             let same = subtree.nodes.first().is_some_and(|root| root.id == key.id);
             if same {
@@ -33,11 +33,11 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
                 Err(DecodeError::Invalid("the subtree of another node"))
             }
         }
-        Layer::BlockMaps => {
+        TileKind::BlockMap => {
             let map = BlockMap::decode(key.id, bytes)?;
             Ok(DecodedTile::Node(Box::new(PackedNode::new(&map))))
         }
-        Layer::Meshes => {
+        TileKind::Mesh => {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
             let texture = texture.as_ref().map(picture).transpose()?;
             let packed = PackedMesh::new(&mesh, texture.as_ref());
@@ -48,7 +48,7 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
 }
 
 /// Unpacks a texture, if it is of the size that it says: that is within the format's limits.
-fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
+fn picture(texture: &TileTexture) -> Result<Picture, DecodeError> {
     let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
     let [width_px, height_px] = texture.size_px.map(u32::from);
     let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes));
@@ -78,7 +78,7 @@ mod tests {
         let picture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
         picture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
         let tile = |size_px, bytes: Vec<u8>| {
-            let texture = Some(Texture { size_px, bytes });
+            let texture = Some(TileTexture { size_px, bytes });
             mesh_tile::cuboid([0.0; 3], [9.0; 3], [0; 3], texture).encode(id, 1).unwrap()
         };
         let webp = webp.into_inner();

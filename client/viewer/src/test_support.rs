@@ -1,6 +1,6 @@
 //! A minimal manifest, for tests of this crate and of the shells.
 
-use insula_protocol::{Manifest, manifest::Counts};
+use insula_protocol::{Manifest, manifest::CityCounts};
 
 /// A city of full depth `depth` without a CRS: leaves of 64 m, columns of 1 m, origin at zero.
 pub fn manifest(depth: u8) -> Manifest {
@@ -20,7 +20,7 @@ pub fn manifest(depth: u8) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2]; 2],
         has_terrain: false,
-        counts: Counts::default(),
+        counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,
         settings: String::new(),

@@ -3,11 +3,10 @@
 use crate::{Archive, ArchiveError, CityError, ReadError};
 use bytes::Bytes;
 use insula_protocol::{
-    Manifest, TileId,
+    Manifest, TileId, TileKind,
     codec::bincode,
     mesh_tile::MAX_LODS,
-    route::Layer,
-    tile::{self, Kind, TileReader},
+    tile::{self, TileReader},
 };
 
 /// The manifest's file name in a city's folder.
@@ -39,15 +38,16 @@ impl BakedCity {
     pub fn new(location: String, manifest: Manifest, archives: CityArchives) -> Result<Self, CityError> {
         let city = Self { location, manifest, archives };
         for (kind, archive) in city.archives() {
-            let lods = if kind == Layer::Meshes { MAX_LODS - 1 } else { 0 };
-            if archive.deepest_level() > city.manifest.depth + lods {
-                let source = ArchiveError::Directory("it has levels that city.json does not know");
+            // Each level of detail of the meshes has its own level of the archive, from the leaves' level on.
+            let extra_levels = if kind == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
+            if archive.deepest_level() > city.manifest.depth + extra_levels {
+                let source = ArchiveError::Directory("it has tiles below the depth that city.json gives");
                 return Err(CityError::Archive { location: city.path_of(kind.file_name()), source });
             }
         }
         if city.manifest.tile_version != tile::VERSION {
             let found = city.manifest.tile_version;
-            let reason = format!("its tiles are of version {found}, this program reads {}", tile::VERSION);
+            let reason = format!("its tiles have format version {found}, this program reads {}", tile::VERSION);
             return Err(CityError::Manifest { location: city.path_of(MANIFEST_FILE), reason });
         }
         Ok(city)
@@ -57,12 +57,13 @@ impl BakedCity {
     #[cfg(feature = "fs")]
     pub fn open(folder: &std::path::Path) -> Result<Self, CityError> {
         let manifest = read_manifest(folder)?;
-        let open = |kind: Layer| Archive::open(&folder.join(kind.file_name()));
-        let meshes = match open(Layer::Meshes) {
+        let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()));
+        let meshes = match open(TileKind::Mesh) {
             Err(CityError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => None,
             meshes => Some(meshes?),
         };
-        let archives = CityArchives { subtrees: open(Layer::Subtrees)?, blockmaps: open(Layer::BlockMaps)?, meshes };
+        let archives =
+            CityArchives { subtrees: open(TileKind::Subtree)?, blockmaps: open(TileKind::BlockMap)?, meshes };
         Self::new(folder.display().to_string(), manifest, archives)
     }
 
@@ -81,17 +82,17 @@ impl BakedCity {
     }
 
     /// The archive of one kind of tile. All cities have subtrees and V-BlockMaps.
-    pub fn archive(&self, kind: Layer) -> Option<&Archive> {
+    pub fn archive(&self, kind: TileKind) -> Option<&Archive> {
         match kind {
-            Layer::Subtrees => Some(&self.archives.subtrees),
-            Layer::BlockMaps => Some(&self.archives.blockmaps),
-            Layer::Meshes => self.archives.meshes.as_ref(),
+            TileKind::Subtree => Some(&self.archives.subtrees),
+            TileKind::BlockMap => Some(&self.archives.blockmaps),
+            TileKind::Mesh => self.archives.meshes.as_ref(),
         }
     }
 
     /// The archives that the city has.
-    pub fn archives(&self) -> impl Iterator<Item = (Layer, &Archive)> {
-        Layer::ALL.into_iter().filter_map(|kind| Some((kind, self.archive(kind)?)))
+    pub fn archives(&self) -> impl Iterator<Item = (TileKind, &Archive)> {
+        TileKind::ALL.into_iter().filter_map(|kind| Some((kind, self.archive(kind)?)))
     }
 
     /// Which nodes exist.
@@ -105,15 +106,15 @@ impl BakedCity {
     }
 
     /// Reads a tile of a local city, unchecked. A mesh is named by its position in the archive
-    /// ([`insula_protocol::mesh_tile::place`]).
-    pub fn tile(&self, kind: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
+    /// ([`insula_protocol::mesh_tile::archive_id`]).
+    pub fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
         self.archive(kind).map_or(Ok(None), |archive| archive.tile(id))
     }
 
     /// Reads a tile whose frame and checksums are right. `None` if there is no such tile.
     ///
     /// A damaged tile is dropped from all caches and read once more before the error is returned.
-    pub async fn checked_tile(&self, kind: Layer, id: TileId) -> Result<Option<Bytes>, ReadError> {
+    pub async fn checked_tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
         let Some(archive) = self.archive(kind) else { return Ok(None) };
         let Some(range) = archive.find(id) else { return Ok(None) };
         match check(kind, archive.read(range.clone()).bytes().await?) {
@@ -132,12 +133,7 @@ impl BakedCity {
 }
 
 /// The checksums of a tile's frame cover every byte of it.
-fn check(kind: Layer, bytes: Bytes) -> Result<Bytes, ReadError> {
-    let kind = match kind {
-        Layer::Subtrees => Kind::Subtree,
-        Layer::BlockMaps => Kind::BlockMap,
-        Layer::Meshes => Kind::Mesh,
-    };
+fn check(kind: TileKind, bytes: Bytes) -> Result<Bytes, ReadError> {
     match TileReader::new(&bytes, kind) {
         Ok(_) => Ok(bytes),
         Err(error) => Err(ReadError::Damaged(error.to_string())),
@@ -156,10 +152,10 @@ pub fn read_manifest(folder: &std::path::Path) -> Result<Manifest, CityError> {
     parse_manifest(&text).map_err(|reason| CityError::Manifest { location: path.display().to_string(), reason })
 }
 
-/// Parses and checks a manifest, or says why it cannot be used.
+/// Parses a manifest. Fails if the text is too long, not JSON, or not a valid manifest.
 pub fn parse_manifest(text: &[u8]) -> Result<Manifest, String> {
     if text.len() > MAX_MANIFEST_BYTES {
-        return Err(format!("a manifest is at most {MAX_MANIFEST_BYTES} bytes"));
+        return Err(format!("the manifest is larger than {MAX_MANIFEST_BYTES} bytes"));
     }
     let manifest: Manifest = serde_json::from_slice(text).map_err(|error| error.to_string())?;
     manifest.check()?;

@@ -5,17 +5,11 @@ use std::time::Duration;
 /// Why bytes cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ReadError {
-    /// The object does not exist.
     #[error("there is no such object")]
     Missing,
-    /// The source is overloaded or failing for now.
+    /// The source is overloaded or failing for now; HTTP status and `Retry-After`.
     #[error("the source answers {status}")]
-    Busy {
-        /// HTTP status code.
-        status: u16,
-        /// Value of the `Retry-After` header.
-        retry_after: Option<Duration>,
-    },
+    Busy { status: u16, retry_after: Option<Duration> },
     /// The operating system, the store or the network failed. A retry may succeed.
     #[error("cannot read: {0}")]
     Failed(String),
@@ -39,29 +33,18 @@ impl From<std::io::Error> for ReadError {
 /// Why an archive cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArchiveError {
-    /// Another file format, or another version of it.
     #[error("not a PMTiles v3 archive")]
     Magic,
-    /// The file ends before one of its sections.
+    /// A section ends behind the end of the file.
     #[error("truncated: {section} ends at byte {end}, the file has {length} bytes")]
-    Truncated {
-        /// Name of the section.
-        section: &'static str,
-        /// Where the header says that it ends.
-        end: u64,
-        /// Length of the file in bytes.
-        length: u64,
-    },
-    /// A compression that the bake does not write.
-    #[error("its {0} are compressed in a way that this program does not read")]
+    Truncated { section: &'static str, end: u64, length: u64 },
+    #[error("its {0} use a compression that this program does not support")]
     Compression(&'static str),
-    /// A directory that no writer makes.
     #[error("damaged directory: {0}")]
     Directory(&'static str),
     /// More tiles than the program holds in memory, or than the file has bytes.
-    #[error("its directory is over the limit of {0} tiles")]
+    #[error("its directory exceeds the limit of {0} tiles")]
     TooMany(u64),
-    /// A read failed.
     #[error(transparent)]
     Read(#[from] ReadError),
 }
@@ -69,29 +52,11 @@ pub enum ArchiveError {
 /// Why a city cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum CityError {
-    /// A file is missing or cannot be read.
     #[cfg(feature = "fs")]
-    #[error("cannot read {}: {source}; is the path right?", path.display())]
-    Io {
-        /// The file.
-        path: std::path::PathBuf,
-        /// What the operating system says.
-        source: std::io::Error,
-    },
-    /// `city.json` is damaged, or of another version.
+    #[error("cannot read {}: {source}; check the path", path.display())]
+    Io { path: std::path::PathBuf, source: std::io::Error },
     #[error("cannot use {location}: {reason}; bake the city again")]
-    Manifest {
-        /// Path or address of the manifest.
-        location: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// An archive is damaged, or not of this city.
+    Manifest { location: String, reason: String },
     #[error("cannot use {location}: {source}; copy or bake the city again")]
-    Archive {
-        /// Path or address of the archive.
-        location: String,
-        /// What is wrong with it.
-        source: ArchiveError,
-    },
+    Archive { location: String, source: ArchiveError },
 }

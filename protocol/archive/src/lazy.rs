@@ -7,7 +7,7 @@ use crate::{
 };
 use bytes::Bytes;
 use futures_util::{FutureExt as _, future::WeakShared};
-use insula_protocol::{TileId, route::Layer};
+use insula_protocol::{TileId, TileKind};
 use lru::LruCache;
 use std::{
     collections::HashMap,
@@ -161,18 +161,18 @@ pub struct LazyCity {
 
 impl LazyCity {
     /// `open` returns the source of each archive.
-    pub fn new(open: impl Fn(Layer) -> SharedSource) -> Self {
+    pub fn new(open: impl Fn(TileKind) -> SharedSource) -> Self {
         let archive = |kind| LazyArchive::new(open(kind));
-        let [subtrees, blockmaps, meshes] = [Layer::Subtrees, Layer::BlockMaps, Layer::Meshes].map(archive);
+        let [subtrees, blockmaps, meshes] = [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh].map(archive);
         Self { subtrees, blockmaps, meshes }
     }
 
     /// The archive of one kind of tile. That of meshes may not exist; its tiles then cannot be read.
-    pub fn archive(&self, kind: Layer) -> &LazyArchive {
+    pub fn archive(&self, kind: TileKind) -> &LazyArchive {
         match kind {
-            Layer::Subtrees => &self.subtrees,
-            Layer::BlockMaps => &self.blockmaps,
-            Layer::Meshes => &self.meshes,
+            TileKind::Subtree => &self.subtrees,
+            TileKind::BlockMap => &self.blockmaps,
+            TileKind::Mesh => &self.meshes,
         }
     }
 }

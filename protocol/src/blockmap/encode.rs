@@ -1,87 +1,80 @@
-//! A V-BlockMap's bytes. They are described in `docs/formats.md`.
+//! Encoding of V-BlockMaps (`docs/formats.md`, "V-BlockMap tile").
 
-use super::{
-    BlockMap, COLUMNS, flag,
-    looks::{self, Loss},
-    walls,
-};
+use super::{BlockMap, COLUMNS, appearance, facades, flag, texel_coder::QuantisationSteps};
 use crate::{
-    codec::range::{Encoder, Rehearsal},
+    TileKind,
+    codec::range::{NullEncoder, RangeEncoder},
     error::DecodeError,
     texel::{ALPHA_MAX, Texel},
-    tile::{Kind, TileWriter},
+    tile::TileWriter,
 };
 
-/// Section tags.
-pub(super) mod tag {
-    pub(in super::super) const META: u8 = 1;
-    pub(in super::super) const COLUMNS: u8 = 2;
-}
+pub(super) const TAG_META: u8 = 1;
+pub(super) const TAG_COLUMNS: u8 = 2;
 
-/// What a map's colours and occlusion may lose; its shapes lose nothing.
+/// Loss of a map's colours and occlusion. Shapes are always lossless.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Quality {
-    /// Nothing.
     Lossless,
-    /// Colours as much as keeps the peak signal-to-noise ratio of the node's opaque texels (8-bit sRGB, all three channels)
-    /// at or above so many dB; occlusion at most 3 of 63.
+    /// Minimum peak signal-to-noise ratio in dB of the node's opaque texels (8-bit sRGB, all three channels). The occlusion
+    /// is off by at most 3 of 63.
     Decibels(f32),
 }
 
-/// Step of the occlusion where loss is allowed.
-const AO_STEP: u8 = 4;
+/// Step of the occlusion if it is lossy.
+const LOSSY_AO_STEP: u8 = 4;
 /// Largest step of the colours, in quarters.
-pub(super) const COLOUR_STEP_MAX: u16 = 512;
+pub(super) const MAX_COLOUR_STEP: u16 = 512;
 
 impl BlockMap {
-    /// [`BlockMap::encode_at`] without loss.
+    /// Encodes without loss. Fails like [`BlockMap::encode_at`].
     pub fn encode(&self) -> Result<Vec<u8>, DecodeError> {
         self.encode_at(Quality::Lossless)
     }
 
-    /// The tile's bytes; the same map and quality give the same bytes. A roof's coverage is not kept (roofs are opaque), nor
-    /// are colour and occlusion of transparent texels. Errors: a map that [`BlockMap::from_columns`] would refuse.
+    /// Encodes the tile. The same map and quality give the same bytes. The coverage of roofs and the colour and occlusion of
+    /// transparent texels are not kept. Fails on a map that [`BlockMap::from_columns`] would refuse.
     pub fn encode_at(&self, quality: Quality) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
-        let loss = self.loss_at(quality);
-        let mut coder = Encoder::default();
-        self.clone().walk(&mut coder, loss)?;
-        let mut writer = TileWriter::new(Kind::BlockMap, None);
+        let steps = self.quantisation_steps(quality);
+        let mut coder = RangeEncoder::default();
+        self.clone().walk(&mut coder, steps)?;
+        let mut writer = TileWriter::new(TileKind::BlockMap, None);
         let mut meta = Vec::with_capacity(12);
         meta.extend_from_slice(&self.cell_m.to_le_bytes());
         meta.extend_from_slice(&self.z_base_cells.to_le_bytes());
         meta.push(self.z_shift);
-        meta.extend_from_slice(&loss.colour.to_le_bytes());
-        meta.push(loss.ao);
-        writer.coded_section(tag::META, &meta)?;
-        writer.coded_section(tag::COLUMNS, &coder.finish())?;
+        meta.extend_from_slice(&steps.colour.to_le_bytes());
+        meta.push(steps.ao);
+        writer.add_raw_section(TAG_META, &meta)?;
+        writer.add_raw_section(TAG_COLUMNS, &coder.finish())?;
         writer.finish()
     }
 
-    /// The largest steps that keep the quality.
-    pub fn loss_at(&self, quality: Quality) -> Loss {
-        let Quality::Decibels(db) = quality else { return Loss::NONE };
-        let worst = 255.0 * 255.0 / 10f64.powf(f64::from(db) / 10.0);
-        let steps = walls::facades(self);
-        let loss = |colour| Loss { colour, ao: AO_STEP };
-        let keeps = |colour: u16| {
+    /// The largest quantisation steps that keep a quality.
+    pub fn quantisation_steps(&self, quality: Quality) -> QuantisationSteps {
+        let Quality::Decibels(db) = quality else { return QuantisationSteps::LOSSLESS };
+        let max_error = 255.0 * 255.0 / 10f64.powf(f64::from(db) / 10.0);
+        let facade = facades::facade_order(self);
+        let steps = |colour| QuantisationSteps { colour, ao: LOSSY_AO_STEP };
+        let keeps_quality = |colour: u16| {
             let mut map = self.clone();
-            looks::looks(&mut Rehearsal, &mut map, &steps, loss(colour));
-            self.colour_error(&map) <= worst
+            appearance::code(&mut NullEncoder, &mut map, &facade, steps(colour));
+            self.colour_error(&map) <= max_error
         };
-        // Where there is a palette, any step does.
-        if keeps(COLOUR_STEP_MAX) {
-            return loss(COLOUR_STEP_MAX);
+        // A map with a palette keeps its quality at any step.
+        if keeps_quality(MAX_COLOUR_STEP) {
+            return steps(MAX_COLOUR_STEP);
         }
-        let (mut good, mut bad) = (Loss::NONE.colour, COLOUR_STEP_MAX);
+        let (mut good, mut bad) = (QuantisationSteps::LOSSLESS.colour, MAX_COLOUR_STEP);
         while good + 1 < bad {
             let step = (good + bad) / 2;
-            if keeps(step) { good = step } else { bad = step }
+            if keeps_quality(step) { good = step } else { bad = step }
         }
-        loss(good)
+        steps(good)
     }
 
-    /// Mean squared difference of the opaque texels' colours, of a channel (8-bit sRGB); `other` has the same shapes.
+    /// Mean squared difference per channel (8-bit sRGB) of the opaque texels of two maps with the same shapes.
     pub fn colour_error(&self, other: &Self) -> f64 {
         let (mut sum, mut count) = (0u64, 0u64);
         let mut add = |a: Texel, b: Texel| {

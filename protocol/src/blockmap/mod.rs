@@ -1,22 +1,31 @@
-//! A V-BlockMap: a node's picture of its buildings as columns (Vacca 2008, 3.1 to 3.3; design 6).
+//! V-BlockMaps: the buildings of one node as columns with roofs and wall strips (Vacca 2008, 3.1 to 3.3).
 //!
-//! In: columns from the bake. Out: [`BlockMap`], and its bytes (`encode`, `decode`). Next: `insula-shaders` packs it for
-//! ray-casting.
+//! Heights are integer codes of `cell / 16 * 2^z_shift` above `z_base_cells`. The texels of a wall strip lie on the grid of
+//! whole cells above that base, so that the rows of neighbouring columns and nodes are level.
 //!
-//! Heights are whole codes of `cell / 16 * 2^z_shift` above `z_base_cells`. A wall strip's texels lie on the grid of whole
-//! cells above that base, so that the rows of neighbouring columns, and of neighbouring nodes, are level.
+//! The bytes are written and read by one walk over the values ([`BlockMap::walk`]), with lossless shapes and colours of a
+//! chosen [`Quality`].
 
+mod appearance;
+mod azimuth;
+mod bottoms;
 mod decode;
 mod encode;
-mod geometry;
-mod looks;
+mod facades;
+mod neighbours;
+mod texel_coder;
+mod tops;
 mod walk;
 mod walls;
 
 pub use encode::Quality;
-pub use looks::Loss;
+pub use texel_coder::QuantisationSteps;
 
-use crate::{TileId, error::DecodeError, texel::Texel};
+use crate::{
+    TileId,
+    error::{DecodeError, check_limit},
+    texel::Texel,
+};
 
 /// Columns along a node's side.
 pub const NODE_CELLS: usize = 64;
@@ -24,114 +33,119 @@ pub const NODE_CELLS: usize = 64;
 pub const COLUMNS: usize = NODE_CELLS * NODE_CELLS;
 /// Height codes per cell at `z_shift` 0.
 pub const STEPS_PER_CELL: u16 = 16;
-/// Largest height code: heights are 12 bits.
+/// Largest height code (12 bits).
 pub const Z_CODE_MAX: u16 = 4095;
-/// Largest `z_shift`; one code is then a whole cell.
+/// Largest `z_shift`. One code is then a whole cell.
 pub const Z_SHIFT_MAX: u8 = 4;
-/// Most strip texels in one node.
+/// Maximum number of strip texels in a node.
 pub const MAX_TEXELS: usize = 1 << 20;
 
-/// Bits of a column's flags; the same bits lie in GPU memory.
+/// World error in metres of columns with side `cell_m`: half the diagonal of a cubic voxel (Vacca 2008, 3.6.2).
+pub fn voxel_error_m(cell_m: f64) -> f64 {
+    const HALF_UNIT_DIAGONAL: f64 = 0.866_025_403_784_438_6;
+    HALF_UNIT_DIAGONAL * cell_m
+}
+
+/// Bits of a column's flags. GPU memory has the same bits.
 pub mod flag {
-    /// There is a column.
+    /// The column exists.
     pub const OCCUPIED: u8 = 1;
-    /// It has a wall strip: more than its top can be seen.
+    /// It has a wall strip, because more than its top is visible.
     pub const EXPOSED: u8 = 2;
-    /// Its top is the plane through the cell's centre at `z_max`, square to the roof normal.
+    /// Its top is the plane through the cell's centre at `z_max`, perpendicular to the roof normal.
     pub const INCLINED: u8 = 4;
     /// It is two solids with a gap between them.
     pub const GAP: u8 = 8;
     /// Some of its strip's texels are not opaque.
     pub const HOLES: u8 = 16;
-    /// Its bottom is in the air (type 2 of Vacca 3.1.1); for debug views only.
+    /// Its bottom is above the ground (type 2 of Vacca 3.1.1). For debug views only.
     pub const SUSPENDED: u8 = 32;
-    /// A vertical plane cuts it: its solids end there, and what lies beyond is lower ([`super::Clip`]).
+    /// A vertical plane cuts it ([`super::ColumnClip`]). What lies beyond the plane is lower.
     pub const CLIPPED: u8 = 64;
-    /// All that the format knows.
+    /// All known bits.
     pub const ALL: u8 = 127;
 }
 
-/// Wall strip of an exposed column: what its sides show.
+/// The wall strip of an exposed column: what its sides show.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Strip {
-    /// Bottom to top, [`strip_rows`] of them.
+pub struct WallStrip {
+    /// One texel per row ([`strip_rows`]), bottom to top.
     pub texels: Vec<Texel>,
-    /// Direction of the wall's horizontal normal, 256 to a full turn, 0 east, 64 north.
+    /// Direction of the wall's horizontal normal in 1/256 turns, 0 east, 64 north.
     pub azimuth: u8,
 }
 
-/// [`Clip::offset`] of a plane one cell from the cell's centre.
+/// [`ColumnClip::offset`] of a plane at one cell from the cell's centre.
 pub const CLIP_STEPS_PER_CELL: i32 = 128;
 
-/// What lies in a clipped column's cell beyond its wall.
+/// The top of what lies beyond the wall in a clipped column's cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Outer {
-    /// Code of its top, between the column's `z_min` and `z_max`; its bottom is the column's.
+pub struct OuterTop {
+    /// Height code between the column's `z_min` and `z_max`, both excluded. The bottom is the column's.
     pub z: u16,
-    /// What is seen from above.
+    /// Its colour from above.
     pub roof: Texel,
 }
 
-/// The second wall of a column that stands at a corner.
+/// The second wall of a clipped column at a corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Corner {
-    /// Direction of its horizontal normal, like [`Strip::azimuth`].
+pub struct CornerWall {
+    /// Direction of the horizontal normal, as in [`WallStrip::azimuth`].
     pub azimuth: u8,
-    /// Distance of its plane from the cell's centre, like [`Clip::offset`].
+    /// Distance of the plane from the cell's centre, as in [`ColumnClip::offset`].
     pub offset: i8,
-    /// Whether the column fills the inner side of either plane; else only what is on the inner side of both.
+    /// Whether the column fills the union of the inner sides of both planes, not the intersection.
     pub concave: bool,
 }
 
-/// Where a wall stands inside its cell: the column fills the part on the inner side of a vertical plane that is square to
-/// the strip's azimuth.
+/// Where a wall stands inside its cell. The column fills the inner side of a vertical plane that is perpendicular to the
+/// strip's azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Clip {
+pub struct ColumnClip {
     /// Distance of the plane from the cell's centre along the azimuth, in cells / [`CLIP_STEPS_PER_CELL`].
     pub offset: i8,
-    /// Where another wall meets the first.
-    pub corner: Option<Corner>,
-    /// `None` where the other side is empty.
-    pub outer: Option<Outer>,
+    /// The second wall, if the column stands at a corner.
+    pub corner: Option<CornerWall>,
+    /// What lies beyond the plane; `None` if that is empty.
+    pub outer: Option<OuterTop>,
 }
 
-/// One column as the bake makes it.
+/// One column.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Column {
-    /// Code of the bottom, below `z_max`.
+pub struct MapColumn {
+    /// Height code of the bottom, below `z_max`.
     pub z_min: u16,
-    /// Code of the top (at the cell's centre if inclined), at most [`Z_CODE_MAX`].
+    /// Height code of the top (at the cell's centre if inclined), at most [`Z_CODE_MAX`].
     pub z_max: u16,
     /// Whether the top is a slope.
     pub inclined: bool,
-    /// Whether the bottom is in the air.
+    /// Whether the bottom is above the ground.
     pub suspended: bool,
-    /// Bottom and top of the gap, `z_min < gap[0] < gap[1] < z_max`; only exposed columns have one.
+    /// Bottom and top of the gap, `z_min < gap[0] < gap[1] < z_max`. Only exposed columns have one.
     pub gap: Option<[u16; 2]>,
-    /// What is seen from above (and, at the bottom and in the gap, from below).
+    /// Colour from above, and from below at the bottom and in the gap.
     pub roof: Texel,
     /// [`crate::octahedral`] code of the top's normal.
     pub roof_normal: u16,
-    /// Present if exposed.
-    pub strip: Option<Strip>,
+    /// Present if the column is exposed.
+    pub strip: Option<WallStrip>,
     /// Only exposed columns are clipped.
-    pub clip: Option<Clip>,
+    pub clip: Option<ColumnClip>,
 }
 
-/// First row and number of rows of a strip: the texels that `z_min..z_max` touches.
+/// First row and number of rows of a strip: the rows of texels that `z_min..z_max` touches.
 ///
-/// `z_min < z_max <= Z_CODE_MAX` and `z_shift <= Z_SHIFT_MAX`; a row is `16 >> z_shift` codes.
+/// Requires `z_min < z_max <= Z_CODE_MAX` and `z_shift <= Z_SHIFT_MAX`. A row is `16 >> z_shift` height codes.
 pub const fn strip_rows(z_min: u16, z_max: u16, z_shift: u8) -> (u16, u16) {
-    // Codes a row are a power of two.
+    // The codes per row are a power of two.
     let digits = STEPS_PER_CELL.trailing_zeros() - z_shift as u32;
     let first = z_min >> digits;
     (first, ((z_max - 1) >> digits) + 1 - first)
 }
 
-/// A node's columns, as arrays of [`COLUMNS`] entries; where there is no column, all are zero.
+/// A node's columns as arrays of [`COLUMNS`] entries. Entries without a column are zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlockMap {
-    /// Which node.
     pub id: TileId,
     /// Side of a column in metres.
     pub cell_m: f32,
@@ -141,21 +155,21 @@ pub struct BlockMap {
     pub z_shift: u8,
     /// Bits of [`flag`].
     pub flags: Vec<u8>,
-    /// Bottoms.
+    /// Height codes of the bottoms.
     pub z_min: Vec<u16>,
-    /// Tops.
+    /// Height codes of the tops.
     pub z_max: Vec<u16>,
     /// Colours from above.
     pub roof: Vec<Texel>,
     /// Normals of the tops.
     pub roof_normal: Vec<u16>,
-    /// Azimuths of the walls (zero where not exposed).
+    /// Azimuths of the walls; 0 for columns that are not exposed.
     pub wall_azimuth: Vec<u8>,
     /// Gaps of the columns that have one, in column order.
     pub gaps: Vec<[u16; 2]>,
-    /// Planes of the columns that are clipped, in column order.
-    pub clips: Vec<Clip>,
-    /// Strips of the exposed columns one after the other, in column order.
+    /// Planes of the clipped columns, in column order.
+    pub clips: Vec<ColumnClip>,
+    /// Strips of the exposed columns, concatenated in column order.
     pub strips: Vec<Texel>,
 }
 
@@ -179,17 +193,20 @@ impl BlockMap {
         }
     }
 
-    /// Adds the columns in order. Errors: a column that breaks what [`Column`] promises, or too many texels.
+    /// Builds a map from [`COLUMNS`] columns in order. Fails on a column that breaks the rules of [`MapColumn`], and on more
+    /// than [`MAX_TEXELS`] strip texels.
     pub fn from_columns(
         id: TileId,
         cell_m: f32,
         z_base_cells: i32,
         z_shift: u8,
-        columns: &[Option<Column>],
+        columns: &[Option<MapColumn>],
     ) -> Result<Self, DecodeError> {
         let mut map = Self::empty(id, cell_m, z_base_cells, z_shift);
         if columns.len() != COLUMNS || z_shift > Z_SHIFT_MAX || !(cell_m.is_finite() && cell_m > 0.0) {
-            return Err(DecodeError::Invalid("not a node's columns"));
+            return Err(DecodeError::Invalid(
+                "a V-BlockMap needs 4096 columns, a positive cell size and a z_shift of at most 4",
+            ));
         }
         for (i, column) in columns.iter().enumerate() {
             if let Some(column) = column {
@@ -200,7 +217,7 @@ impl BlockMap {
         Ok(map)
     }
 
-    fn put(&mut self, i: usize, column: &Column) -> Result<(), DecodeError> {
+    fn put(&mut self, i: usize, column: &MapColumn) -> Result<(), DecodeError> {
         let mut flags = flag::OCCUPIED;
         if column.inclined {
             flags |= flag::INCLINED;
@@ -225,7 +242,7 @@ impl BlockMap {
             if column.z_min >= column.z_max
                 || strip.texels.len() != usize::from(strip_rows(column.z_min, column.z_max, self.z_shift).1)
             {
-                return Err(DecodeError::Invalid("a strip is not as long as its column is high"));
+                return Err(DecodeError::Invalid("a wall strip's length differs from its column's rows"));
             }
             self.strips.extend_from_slice(&strip.texels);
         }
@@ -237,7 +254,7 @@ impl BlockMap {
         Ok(())
     }
 
-    /// Metres of one height code.
+    /// Height of one code in metres.
     pub fn z_step_m(&self) -> f32 {
         self.cell_m / f32::from(STEPS_PER_CELL) * f32::from(1u16 << self.z_shift)
     }
@@ -247,8 +264,8 @@ impl BlockMap {
         f64::from(self.z_base_cells) * f64::from(self.cell_m)
     }
 
-    /// The columns as the bake made them: the inverse of [`BlockMap::from_columns`].
-    pub fn columns(&self) -> Vec<Option<Column>> {
+    /// The inverse of [`BlockMap::from_columns`].
+    pub fn columns(&self) -> Vec<Option<MapColumn>> {
         let (mut gaps, mut clips, mut strips) = (self.gaps.iter(), self.clips.iter(), &self.strips[..]);
         (0..COLUMNS)
             .map(|i| {
@@ -262,9 +279,9 @@ impl BlockMap {
                     let rows = usize::from(strip_rows(self.z_min[i], self.z_max[i], self.z_shift).1);
                     let (head, tail) = strips.split_at(rows.min(strips.len()));
                     strips = tail;
-                    Strip { texels: head.to_vec(), azimuth: self.wall_azimuth[i] }
+                    WallStrip { texels: head.to_vec(), azimuth: self.wall_azimuth[i] }
                 });
-                Some(Column {
+                Some(MapColumn {
                     z_min: self.z_min[i],
                     z_max: self.z_max[i],
                     inclined: flags & flag::INCLINED != 0,
@@ -279,48 +296,51 @@ impl BlockMap {
             .collect()
     }
 
-    /// What every decoded map keeps: heights in order and in range, gaps inside, strips as long as the walls.
+    /// Checks the rules of [`MapColumn`]. Fails on the first violation.
     pub(crate) fn check(&self) -> Result<(), DecodeError> {
         let mut texels = 0usize;
         let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
-        // Most columns are nothing but occupied, with their heights in order.
         let heights = self.z_min.iter().zip(&self.z_max);
         for (flags, (&z_min, &z_max)) in self.flags.iter().zip(heights).filter(|(flags, _)| **flags != 0) {
             if flags & !flag::ALL != 0 || flags & flag::OCCUPIED == 0 {
-                return Err(DecodeError::Invalid("unknown column flags"));
+                return Err(DecodeError::Invalid("a column has unknown flags, or flags without being occupied"));
             }
             if z_min >= z_max || z_max > Z_CODE_MAX {
-                return Err(DecodeError::Invalid("a column's heights are turned around or out of range"));
+                return Err(DecodeError::Invalid("a column's heights are inverted or out of range"));
             }
+            // The common case.
             if flags & (flag::GAP | flag::CLIPPED | flag::EXPOSED | flag::HOLES) == 0 {
                 continue;
             }
             if flags & flag::GAP != 0 {
-                let gap = gaps.next().ok_or(DecodeError::Invalid("a gap is missing"))?;
+                let gap = gaps.next().ok_or(DecodeError::Invalid("a column's gap is missing"))?;
                 if flags & flag::EXPOSED == 0 || !(z_min < gap[0] && gap[0] < gap[1] && gap[1] < z_max) {
-                    return Err(DecodeError::Invalid("a gap does not lie inside its column"));
+                    return Err(DecodeError::Invalid("a gap lies outside its column, or its column is not exposed"));
                 }
             }
             if flags & flag::CLIPPED != 0 {
-                let clip = clips.next().ok_or(DecodeError::Invalid("a clipping plane is missing"))?;
-                let lower = clip.outer.is_none_or(|outer| z_min < outer.z && outer.z < z_max);
-                if flags & flag::EXPOSED == 0 || !lower {
-                    return Err(DecodeError::Invalid("what lies beyond a wall is not lower than the wall"));
+                let clip = clips.next().ok_or(DecodeError::Invalid("a column's clipping plane is missing"))?;
+                let is_lower = clip.outer.is_none_or(|outer| z_min < outer.z && outer.z < z_max);
+                if flags & flag::EXPOSED == 0 || !is_lower {
+                    return Err(DecodeError::Invalid(
+                        "a clipped column is not exposed, or its outer top is not between its heights",
+                    ));
                 }
             }
             if flags & flag::EXPOSED != 0 {
                 texels += usize::from(strip_rows(z_min, z_max, self.z_shift).1);
             } else if flags & flag::HOLES != 0 {
-                return Err(DecodeError::Invalid("holes without a strip"));
+                return Err(DecodeError::Invalid("a column has holes but no wall strip"));
             }
         }
         if gaps.next().is_some() || clips.next().is_some() || texels != self.strips.len() {
-            return Err(DecodeError::Invalid("gaps, planes or strips do not match the columns"));
+            return Err(DecodeError::Invalid("the numbers of gaps, planes or strip texels do not match the columns"));
         }
-        if texels > MAX_TEXELS {
-            let (found, limit) = (texels as u64, MAX_TEXELS as u64);
-            return Err(DecodeError::Limit { what: "the number of strip texels", found, limit });
-        }
-        Ok(())
+        check_texel_limit(texels)
     }
+}
+
+/// Fails if a node has too many strip texels.
+fn check_texel_limit(texels: usize) -> Result<(), DecodeError> {
+    check_limit("the number of strip texels", texels, MAX_TEXELS)
 }

@@ -1,43 +1,37 @@
-//! The way over a map's values that writing and reading share.
-//!
-//! In: a [`Coder`] and a map. Out: what the coder made of it, and the map as a reader sees it. Next: `encode` and `decode`
-//! put a tile around it.
+//! The walk over a map's values that writing and reading share. It defines the order of the format.
 
 use super::{
-    BlockMap, COLUMNS, MAX_TEXELS, Z_CODE_MAX, flag, geometry,
-    looks::{self, Loss},
-    strip_rows, walls,
+    BlockMap, COLUMNS, Z_CODE_MAX, appearance, bottoms, check_texel_limit, facades, flag, strip_rows,
+    texel_coder::QuantisationSteps, tops, walls,
 };
-use crate::{codec::range::Coder, error::DecodeError};
+use crate::{codec::range::BitCoder, error::DecodeError};
 
 impl BlockMap {
-    /// Hands all columns to `coder`, in the order of the format. A coder that writes finds them in the map and leaves there
-    /// what a reader will see; for one that reads the map is [`BlockMap::empty`]. Errors: heights or strips that no map has.
-    pub fn walk<C: Coder>(&mut self, coder: &mut C, loss: Loss) -> Result<(), DecodeError> {
-        geometry::columns(coder, self);
-        walls::exposed(coder, self);
-        check_strips(self)?;
-        let steps = walls::facades(self);
-        walls::walls(coder, self, &steps);
-        looks::looks(coder, self, &steps, loss);
+    /// Passes all columns to `coder`. A writing coder finds them in the map and leaves there what a reader will see; for a
+    /// reading coder the map must be [`BlockMap::empty`]. Fails on inverted or excessive heights, and on more than
+    /// [`MAX_TEXELS`](super::MAX_TEXELS) strip texels.
+    pub fn walk<C: BitCoder>(&mut self, coder: &mut C, steps: QuantisationSteps) -> Result<(), DecodeError> {
+        let column_tops = tops::code(coder, self);
+        bottoms::code(coder, self, &column_tops);
+        facades::code_exposed(coder, self);
+        check_heights(self)?;
+        let facade = facades::facade_order(self);
+        walls::code(coder, self, &facade);
+        appearance::code(coder, self, &facade, steps);
         Ok(())
     }
 }
 
-/// Heights and the number of strip texels; checked before any is allocated.
-fn check_strips(map: &BlockMap) -> Result<(), DecodeError> {
-    let mut sum = 0;
+/// Checks heights and the number of strip texels before memory is allocated for these.
+fn check_heights(map: &BlockMap) -> Result<(), DecodeError> {
+    let mut texels = 0;
     for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0) {
         if map.z_min[i] >= map.z_max[i] || map.z_max[i] > Z_CODE_MAX {
-            return Err(DecodeError::Invalid("a column's heights are turned around or out of range"));
+            return Err(DecodeError::Invalid("a column's heights are inverted or out of range"));
         }
         if map.flags[i] & flag::EXPOSED != 0 {
-            sum += usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1);
+            texels += usize::from(strip_rows(map.z_min[i], map.z_max[i], map.z_shift).1);
         }
     }
-    if sum > MAX_TEXELS {
-        let (found, limit) = (sum as u64, MAX_TEXELS as u64);
-        return Err(DecodeError::Limit { what: "the number of strip texels", found, limit });
-    }
-    Ok(())
+    check_texel_limit(texels)
 }

@@ -1,18 +1,18 @@
-//! An adaptive binary range coder: bits in as few bits as their past makes them likely.
+//! An adaptive binary range coder.
 //!
-//! The coder is the carry-propagating one of LZMA (Martin 1979, byte-wise normalised); the models count what they saw and
-//! learn fast at first, as a tile has only some thousand symbols.
+//! The coder is the carry-propagating one of LZMA (Martin 1979, normalised byte by byte). Models count the bits that they
+//! have seen and adapt fast at first, because a tile has only some thousand symbols.
 //!
-//! Encoder and decoder share one trait, so that a format is written down once, as a walk over its values: see [`Coder`].
+//! Encoder and decoder share the trait [`BitCoder`], so that a format is written down once, as a walk over its values.
 
 /// Bits of a probability.
 const BITS: u32 = 15;
-/// Below this the range takes another byte.
+/// The range is at least this after normalisation.
 const TOP: u32 = 1 << 24;
-/// After so many bits a model's memory stays as short as it is.
+/// Number of bits after which a model's adaptation rate stays constant.
 const MEMORY: u8 = 40;
 
-/// How far a model moves towards its `n`-th bit, in 1/65536; the last goes on for all counts that fit, so that none is out of range.
+/// How far a model moves towards its `n`-th bit, in 1/65536. All `u8` indices are valid.
 const STEP: [u16; 256] = {
     let mut steps = [0; 256];
     let mut n = 0;
@@ -24,27 +24,28 @@ const STEP: [u16; 256] = {
     steps
 };
 
-/// The model of one kind of bit: how likely it is set.
+/// The adaptive probability that a bit is set.
 #[derive(Debug, Clone, Copy)]
-pub struct Bit {
-    /// Of 65536.
+pub struct BitModel {
+    /// Probability in 1/65536.
     set: u16,
+    /// Number of bits seen, at most [`MEMORY`].
     seen: u8,
 }
 
-impl Default for Bit {
+impl Default for BitModel {
     fn default() -> Self {
         Self::NEW
     }
 }
 
-impl Bit {
-    /// Nothing seen yet.
-    pub const NEW: Self = Self { set: 1 << 15, seen: 0 };
+impl BitModel {
+    /// Probability 1/2.
+    pub(crate) const NEW: Self = Self { set: 1 << 15, seen: 0 };
 
-    /// Of `1 << BITS`; never none or all, as [`Bit::learn`] moves by less than what is left.
+    /// The probability in `1 / (1 << BITS)`. It is never 0 or 1, because [`BitModel::learn`] moves by less than the rest.
     #[inline]
-    fn likely(self) -> u32 {
+    fn probability(self) -> u32 {
         u32::from(self.set) >> (16 - BITS)
     }
 
@@ -57,67 +58,67 @@ impl Bit {
     }
 }
 
-/// Model of a whole number near zero.
+/// Models of a signed number that is usually near zero.
 #[derive(Debug, Clone, Default)]
-pub struct Number {
-    zero: Bit,
-    negative: Bit,
-    /// Whether it is further from zero than 1, 2, ...
-    further: [Bit; UNARY],
+pub struct NumberModel {
+    zero: BitModel,
+    negative: BitModel,
+    /// Whether the absolute value is greater than 1, 2, ..., [`UNARY`].
+    greater: [BitModel; UNARY],
     /// Beyond [`UNARY`]: whether the rest has another binary digit, and its highest digits.
-    digits: [Bit; 16],
-    high: [Bit; 16],
+    digits: [BitModel; 16],
+    high: [BitModel; 16],
 }
 
-/// Distances from zero that have a bit each.
+/// Largest absolute value that is coded in unary.
 const UNARY: usize = 12;
 
-/// Writes or reads: `bit` writes its argument and returns it, or ignores it and returns what was written.
+/// Writes or reads bits. A writer writes its argument and returns it; a reader ignores it and returns what it read.
 ///
-/// A format is one function over a `Coder` and the values: each value is replaced by what the coder returns for it.
-pub trait Coder {
-    /// Whether arguments count; a decoder's may be anything.
+/// A format is one function over a `BitCoder` and its values. It replaces each value by what the coder returns.
+pub trait BitCoder {
+    /// Whether arguments count. A reader's arguments may have any value.
     const WRITES: bool;
 
-    /// One bit.
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
+    /// Codes one bit.
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool;
 
-    /// A number, best one near zero, of at most 16 binary digits.
+    /// Codes a number of at most 16 binary digits. Small absolute values are the cheapest.
     #[inline]
-    fn number(&mut self, model: &mut Number, value: i32) -> i32 {
-        if self.bit(&mut model.zero, value == 0) { 0 } else { self.other_number(model, value) }
+    fn number(&mut self, model: &mut NumberModel, value: i32) -> i32 {
+        if self.bit(&mut model.zero, value == 0) { 0 } else { self.nonzero_number(model, value) }
     }
 
-    /// [`Coder::number`] of what is not zero.
+    /// Codes the rest of a number that is not zero.
     #[inline(never)]
-    fn other_number(&mut self, model: &mut Number, value: i32) -> i32 {
+    fn nonzero_number(&mut self, model: &mut NumberModel, value: i32) -> i32 {
         let negative = self.bit(&mut model.negative, value < 0);
-        let distance = value.unsigned_abs();
+        let magnitude = value.unsigned_abs();
         let mut known = 1u32;
         while known <= UNARY as u32 {
-            if !self.bit(&mut model.further[known as usize - 1], distance > known) {
+            if !self.bit(&mut model.greater[known as usize - 1], magnitude > known) {
                 return if negative { -(known as i32) } else { known as i32 };
             }
             known += 1;
         }
-        // Of a decoder the distance may be anything.
-        let rest = distance.wrapping_sub(known).wrapping_add(1);
+        // A reader's magnitude may be smaller than `known`.
+        let rest = magnitude.wrapping_sub(known).wrapping_add(1);
         let mut digits = 0usize;
         while digits < 15 && self.bit(&mut model.digits[digits], rest >> (digits + 1) != 0) {
             digits += 1;
         }
         let mut value = 1;
         for digit in (0..digits).rev() {
-            let mut even = Bit::default();
+            let mut even = BitModel::default();
             let model = if digit + 1 == digits { &mut model.high[digits] } else { &mut even };
             value = value << 1 | u32::from(self.bit(model, rest >> digit & 1 != 0));
         }
-        let distance = (value - 1 + known) as i32;
-        if negative { -distance } else { distance }
+        let magnitude = (value - 1 + known) as i32;
+        if negative { -magnitude } else { magnitude }
     }
 
-    /// One of `models.len() + 1` values, a power of two: a bit a model, from the highest.
-    fn choice(&mut self, models: &mut [Bit], value: u32) -> u32 {
+    /// Codes one of `models.len() + 1` values, which must be a power of two: one bit per digit, highest first.
+    fn choice(&mut self, models: &mut [BitModel], value: u32) -> u32 {
         let digits = (models.len() + 1).ilog2();
         let mut node = 1;
         for digit in (0..digits).rev() {
@@ -128,76 +129,76 @@ pub trait Coder {
     }
 }
 
-/// How many of a group's members have a bit set: said once, it spares the members their bits where all are alike.
+/// Whether a flag is the same for all members of a group. If it is, members need no bits of their own.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Share {
-    /// None has.
+pub(crate) enum GroupFlag {
+    /// Unset for all members.
     #[default]
-    None,
-    /// All have.
-    All,
-    /// Each says for itself.
-    Some,
+    Unset,
+    /// Set for all members.
+    Set,
+    /// Each member has its own bit.
+    Mixed,
 }
 
-impl Share {
-    /// Of these members.
-    pub fn of(members: impl Iterator<Item = bool>) -> Self {
+impl GroupFlag {
+    pub(crate) fn of(members: impl Iterator<Item = bool>) -> Self {
         let (mut set, mut unset) = (false, false);
         for member in members {
             set |= member;
             unset |= !member;
         }
         match (set, unset) {
-            (false, _) => Self::None,
-            (true, false) => Self::All,
-            (true, true) => Self::Some,
+            (false, _) => Self::Unset,
+            (true, false) => Self::Set,
+            (true, true) => Self::Mixed,
         }
     }
 
-    /// Writes or reads the share.
-    pub fn code(self, coder: &mut impl Coder, models: &mut [Bit; 2]) -> Self {
-        if coder.bit(&mut models[0], self == Self::None) {
-            Self::None
-        } else if coder.bit(&mut models[1], self == Self::All) {
-            Self::All
+    /// Codes the group's value.
+    pub(crate) fn code(self, coder: &mut impl BitCoder, models: &mut [BitModel; 2]) -> Self {
+        if coder.bit(&mut models[0], self == Self::Unset) {
+            Self::Unset
+        } else if coder.bit(&mut models[1], self == Self::Set) {
+            Self::Set
         } else {
-            Self::Some
+            Self::Mixed
         }
     }
 
-    /// One member's bit.
+    /// Codes one member's flag.
     #[inline]
-    pub fn bit(self, coder: &mut impl Coder, model: &mut Bit, bit: bool) -> bool {
+    pub(crate) fn bit(self, coder: &mut impl BitCoder, model: &mut BitModel, bit: bool) -> bool {
         match self {
-            Self::None => false,
-            Self::All => true,
-            Self::Some => coder.bit(model, bit),
+            Self::Unset => false,
+            Self::Set => true,
+            Self::Mixed => coder.bit(model, bit),
         }
     }
 }
 
-/// Collects bytes.
+/// Writes bits to bytes.
 #[derive(Debug, Clone)]
-pub struct Encoder {
+pub(crate) struct RangeEncoder {
     low: u64,
     range: u32,
-    /// The last byte that a carry may still change, and how many 0xff follow it.
+    /// The last byte that a carry may still change.
     held: Option<u8>,
-    full: usize,
+    /// Number of 0xff bytes after `held`.
+    held_full: usize,
     bytes: Vec<u8>,
 }
 
-impl Default for Encoder {
+impl Default for RangeEncoder {
     fn default() -> Self {
-        Self { low: 0, range: u32::MAX, held: None, full: 0, bytes: Vec::new() }
+        Self { low: 0, range: u32::MAX, held: None, held_full: 0, bytes: Vec::new() }
     }
 }
 
-impl Encoder {
-    /// All bytes; zeros at the end are left out, a decoder reads them anyway.
-    pub fn finish(mut self) -> Vec<u8> {
-        // Any number of the range will do: the one with most zeros.
+impl RangeEncoder {
+    /// The encoded bytes without trailing zeros, which a decoder assumes anyway.
+    pub(crate) fn finish(mut self) -> Vec<u8> {
+        // Any number inside the range is valid: take the one with the most trailing zeros.
         let end = self.low + u64::from(self.range);
         let rounded = |zeros: u32| (self.low + (1 << zeros) - 1) >> zeros << zeros;
         self.low = (0..32).rev().map(rounded).find(|low| *low < end).unwrap_or(self.low);
@@ -215,27 +216,27 @@ impl Encoder {
 
     fn shift(&mut self) {
         let carry = (self.low >> 32) as u8;
-        // No carry goes beyond the first byte: all that is coded is a fraction under one.
+        // No carry passes the first byte, because the coded fraction is below one.
         if carry != 0 || self.low < 0xff00_0000 || self.held.is_none() {
             if let Some(byte) = self.held {
                 self.bytes.push(byte.wrapping_add(carry));
-                self.bytes.extend(std::iter::repeat_n(0xffu8.wrapping_add(carry), self.full));
+                self.bytes.extend(std::iter::repeat_n(0xffu8.wrapping_add(carry), self.held_full));
             }
-            self.full = 0;
+            self.held_full = 0;
             self.held = Some((self.low >> 24) as u8);
         } else {
-            self.full += 1;
+            self.held_full += 1;
         }
         self.low = (self.low & 0x00ff_ffff) << 8;
     }
 }
 
-impl Coder for Encoder {
+impl BitCoder for RangeEncoder {
     const WRITES: bool = true;
 
     #[inline]
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
-        let bound = (self.range >> BITS) * model.likely();
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
+        let bound = (self.range >> BITS) * model.probability();
         if bit {
             self.range = bound;
         } else {
@@ -251,29 +252,28 @@ impl Coder for Encoder {
     }
 }
 
-/// Writes nothing: for a walk that is only to show what a reader would see.
+/// A writer without output, for a walk that only computes what a reader would see.
 #[derive(Debug)]
-pub struct Rehearsal;
+pub(crate) struct NullEncoder;
 
-impl Coder for Rehearsal {
+impl BitCoder for NullEncoder {
     const WRITES: bool = true;
 
-    fn bit(&mut self, _: &mut Bit, bit: bool) -> bool {
+    fn bit(&mut self, _: &mut BitModel, bit: bool) -> bool {
         bit
     }
 }
 
-/// Reads what [`Encoder`] wrote. Any bytes can be read; past their end there are zeros.
+/// Reads what [`RangeEncoder`] wrote. It accepts any bytes and reads zeros past their end.
 #[derive(Debug)]
-pub struct Decoder<'a> {
+pub(crate) struct RangeDecoder<'a> {
     code: u32,
     range: u32,
     bytes: std::slice::Iter<'a, u8>,
 }
 
-impl<'a> Decoder<'a> {
-    /// From the first byte on.
-    pub fn new(bytes: &'a [u8]) -> Self {
+impl<'a> RangeDecoder<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
         let mut decoder = Self { code: 0, range: u32::MAX, bytes: bytes.iter() };
         for _ in 0..4 {
             decoder.code = decoder.code << 8 | decoder.byte();
@@ -281,8 +281,8 @@ impl<'a> Decoder<'a> {
         decoder
     }
 
-    /// How many bytes were not looked at.
-    pub fn left(&self) -> usize {
+    /// Number of bytes that were not read.
+    pub(crate) fn unread_bytes(&self) -> usize {
         self.bytes.len()
     }
 
@@ -291,12 +291,12 @@ impl<'a> Decoder<'a> {
     }
 }
 
-impl Coder for Decoder<'_> {
+impl BitCoder for RangeDecoder<'_> {
     const WRITES: bool = false;
 
     #[inline]
-    fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
-        let bound = (self.range >> BITS) * model.likely();
+    fn bit(&mut self, model: &mut BitModel, _: bool) -> bool {
+        let bound = (self.range >> BITS) * model.probability();
         let bit = self.code < bound;
         if bit {
             self.range = bound;
@@ -317,8 +317,8 @@ impl Coder for Decoder<'_> {
 mod tests {
     use super::*;
 
-    fn walk(coder: &mut impl Coder, numbers: &mut [i32], choices: &mut [u32]) {
-        let (mut number, mut choice) = (Number::default(), [Bit::default(); 15]);
+    fn code(coder: &mut impl BitCoder, numbers: &mut [i32], choices: &mut [u32]) {
+        let (mut number, mut choice) = (NumberModel::default(), [BitModel::default(); 15]);
         for (value, chosen) in numbers.iter_mut().zip(choices) {
             *value = coder.number(&mut number, *value);
             *chosen = coder.choice(&mut choice, *chosen);
@@ -326,27 +326,27 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_read() {
+    fn numbers_and_choices_round_trip() {
         let number = |i: i32| (i * i % 37 - 18) * if i % 50 == 0 { 1800 } else { 1 };
         let mut numbers: Vec<i32> = (0..3000).map(number).collect();
         numbers.extend([0, 1, -1, 12, 13, -13, 14, 65535, -65535, 65547]);
         let mut choices: Vec<u32> = (0..numbers.len() as u32).map(|i| i * i % 16).collect();
-        let mut encoder = Encoder::default();
-        walk(&mut encoder, &mut numbers.clone(), &mut choices.clone());
+        let mut encoder = RangeEncoder::default();
+        code(&mut encoder, &mut numbers.clone(), &mut choices.clone());
         let bytes = encoder.finish();
-        let (wanted, wanted_choices) = (numbers.clone(), choices.clone());
+        let (expected, expected_choices) = (numbers.clone(), choices.clone());
         numbers.fill(0);
         choices.fill(0);
-        let mut decoder = Decoder::new(&bytes);
-        walk(&mut decoder, &mut numbers, &mut choices);
-        assert!(numbers == wanted && choices == wanted_choices);
-        assert_eq!(decoder.left(), 0);
+        let mut decoder = RangeDecoder::new(&bytes);
+        code(&mut decoder, &mut numbers, &mut choices);
+        assert!(numbers == expected && choices == expected_choices);
+        assert_eq!(decoder.unread_bytes(), 0);
     }
 
     #[test]
-    fn what_is_always_the_same_costs_next_to_nothing() {
-        let mut encoder = Encoder::default();
-        let mut model = Bit::default();
+    fn constant_bits_take_almost_no_bytes() {
+        let mut encoder = RangeEncoder::default();
+        let mut model = BitModel::default();
         for _ in 0..20_000 {
             encoder.bit(&mut model, false);
         }
@@ -355,15 +355,15 @@ mod tests {
     }
 
     #[test]
-    fn carries_reach_back_over_full_bytes() {
+    fn carries_propagate_over_full_bytes() {
         for full in 0..60 {
-            // Bits as likely as not: a byte a number, the first ones full.
+            // Unbiased bits, the first ones all 0.
             let bits: Vec<bool> = (0..100u32).map(|i| i > full && i.wrapping_mul(2_654_435_761) >> 31 == 0).collect();
-            let mut encoder = Encoder::default();
-            bits.iter().for_each(|bit| _ = encoder.bit(&mut Bit::default(), *bit));
+            let mut encoder = RangeEncoder::default();
+            bits.iter().for_each(|bit| _ = encoder.bit(&mut BitModel::default(), *bit));
             let bytes = encoder.finish();
-            let mut decoder = Decoder::new(&bytes);
-            assert!(bits.iter().all(|bit| decoder.bit(&mut Bit::default(), false) == *bit), "{full}");
+            let mut decoder = RangeDecoder::new(&bytes);
+            assert!(bits.iter().all(|bit| decoder.bit(&mut BitModel::default(), false) == *bit), "{full}");
         }
     }
 }

@@ -1,37 +1,33 @@
-//! What a corner of a triangle may carry besides its place.
-//!
-//! In: floating-point values. Out: whole numbers. Next: `attributes`.
+//! Attributes: integer values that triangle corners carry besides their position.
 
-/// What an attribute means; the codec guesses accordingly.
+/// The meaning of an attribute, which selects how the codec predicts its values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// Unit vectors, two octahedral components ([`crate::octahedral`]).
+pub enum AttributeKind {
+    /// Unit vectors as two octahedral components ([`crate::octahedral`]).
     Normal,
-    /// Components of a colour.
     Colour,
-    /// Two components, on a grid of their own.
+    /// Texture coordinates, two components.
     TexCoord,
-    /// Anything else.
     Other,
 }
 
-impl Kind {
+impl AttributeKind {
+    /// All kinds in the order of their codes.
     pub(super) const ALL: [Self; 4] = [Self::Normal, Self::Colour, Self::TexCoord, Self::Other];
 }
 
-/// Values of corners, as whole numbers.
+/// An attribute of all corners. Corners may share values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attribute {
-    /// What they mean.
-    pub kind: Kind,
-    /// Numbers of a value that count, 1 to 4.
+    pub kind: AttributeKind,
+    /// Number of used components of a value, 1 to 4.
     pub components: u8,
-    /// Bits of each number, 1 to 16.
+    /// Bits per component, 1 to 16.
     pub bits: u8,
-    /// What 0 stands for, and how much one more is; carried, not used.
+    /// Real value of 0, and real size of one step, in the attribute's own unit. The codec only transports them.
     pub range: [f32; 2],
-    /// Values; components that do not count are 0.
+    /// Distinct values. Unused components are 0.
     pub values: Vec<[u32; 4]>,
-    /// For each corner `3 t + k`, its value.
+    /// For each corner `3 t + k`, an index into `values`.
     pub corners: Vec<u32>,
 }

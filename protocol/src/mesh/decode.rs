@@ -1,134 +1,155 @@
-//! Bytes to a mesh.
-//!
-//! In: bytes that anyone may have made. Out: a [`Mesh`], or what is wrong. Next: `insula-client`.
+//! Decoding of meshes from untrusted bytes.
 
 use super::{
-    Attribute, BUILT, Grid, Kind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE,
-    attributes, built,
-    conquest::{self, Conquest},
-    encode::limit,
-    pieces::NONE,
+    ARCHITECTURAL, Attribute, AttributeKind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS,
+    PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
+    connectivity::{self, Connectivity},
+    half_edge::NONE,
     points::Points,
-    smooth::{self, CLASSES, WEIGHTS},
+    scan_positions::{self, CLASSES, WEIGHTS, Weights},
     weld,
 };
 use crate::{
     codec::{
-        rans::{LANES, Reader as Symbols},
-        varint::Reader,
+        byte_reader::ByteReader,
+        rans::{LANES, RansDecoder},
     },
-    error::DecodeError,
+    error::{DecodeError, check_limit},
 };
 
+/// What precedes the coded symbols.
+struct MeshHeader {
+    grid: PositionGrid,
+    vertices: usize,
+    triangles: usize,
+    /// Attributes without values.
+    attributes: Vec<Attribute>,
+    /// Weights of the position coder for scans, if that is used.
+    weights: Option<Weights>,
+}
+
 impl Mesh {
-    /// Undoes [`Mesh::encode`]; vertices and triangles come in the order of conquest.
-    ///
-    /// # Errors
-    /// Anything that is no coded mesh. Memory is bounded by what the bytes announce, and that by the format's limits.
+    /// The inverse of [`Mesh::encode`]. Vertices and triangles are in traversal order. Fails on any bytes that are not a
+    /// coded mesh. Memory is bounded by the header's counts, and those by the format's limits.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
         Self::decode_within(bytes, MAX_TRIANGLES)
     }
 
-    /// The same, and refuses what announces more than `most` triangles (or as many vertices) before it takes memory for them.
-    pub fn decode_within(bytes: &[u8], most: usize) -> Result<Self, DecodeError> {
-        let mut reader = Reader::new(bytes);
-        let version = reader.u8()?;
-        if version != VERSION {
-            return Err(DecodeError::Version { found: version.into(), known: VERSION.into() });
-        }
-        let kind = reader.u8()?;
-        if kind & !(BUILT | WIDE) != 0 {
-            return Err(DecodeError::Invalid("a mesh of an unknown kind"));
-        }
-        let bits = reader.u8()?;
-        if !POSITION_BITS.contains(&bits) {
-            return Err(DecodeError::Invalid("a mesh's positions have 8 to 16 bits"));
-        }
-        let attributes = usize::from(reader.u8()?);
-        limit("a mesh's attributes", attributes, MAX_ATTRIBUTES)?;
-        let grid = grid(&mut reader, kind & WIDE != 0, bits)?;
-        let vertices = reader.varint()? as usize;
-        limit("a mesh's vertices", vertices, most.min(MAX_VERTICES))?;
-        let triangles = reader.varint()? as usize;
-        limit("a mesh's triangles", triangles, most.min(MAX_TRIANGLES))?;
-        let mut attributes = (0..attributes).map(|_| attribute(&mut reader)).collect::<Result<Vec<_>, _>>()?;
-        let mut weights = smooth::PLAIN;
-        if kind & BUILT == 0 {
-            let read = reader.array::<{ CLASSES * WEIGHTS }>()?;
-            weights.as_flattened_mut().iter_mut().zip(read).for_each(|(weight, byte)| *weight = byte as i8);
-        }
+    /// [`Mesh::decode`] with a lower limit on triangles and on vertices, checked before memory is allocated for them.
+    pub(crate) fn decode_within(bytes: &[u8], max_triangles: usize) -> Result<Self, DecodeError> {
+        let mut reader = ByteReader::new(bytes);
+        let MeshHeader { grid, vertices, triangles, mut attributes, weights } =
+            read_header(&mut reader, max_triangles)?;
         let coded = reader.rest();
-        let mut symbols = Symbols::new(coded, if kind & BUILT == 0 { LANES } else { 1 });
-        // A triangle rarely takes less than a bit: what is announced is not believed beyond that.
-        let likely = triangles.min(8 * coded.len());
-        let order = conquest::read(&mut symbols, triangles, likely)?;
-        if order.triangles.len() != triangles || order.degree.len() - order.dummies.len() != vertices {
-            return Err(DecodeError::Invalid("a mesh has not as many triangles and vertices as it announces"));
+        let mut symbols = RansDecoder::new(coded, if weights.is_some() { LANES } else { 1 });
+        // A triangle rarely takes less than a bit, so more triangles are not likely.
+        let likely_triangles = triangles.min(8 * coded.len());
+        let order = connectivity::read(&mut symbols, triangles, likely_triangles)?;
+        let all_vertices = order.degree.len();
+        if order.triangles.len() != triangles || all_vertices - order.dummies.len() != vertices {
+            return Err(DecodeError::Invalid("a mesh's numbers of triangles and vertices differ from its header"));
         }
-        let mut points = Points::unknown(order.degree.len(), &order.dummies, u32::from(bits));
-        let mut first = Vec::new();
-        weld::code(&mut symbols, &mut first, order.degree.len(), |vertex| points.is_real(vertex))?;
-        if kind & BUILT != 0 {
-            built::code(&mut symbols, &order, &mut points, &first)?;
+        let mut points = Points::new(all_vertices, &order.dummies, u32::from(grid.bits));
+        let mut originals = Vec::new();
+        weld::code(&mut symbols, &mut originals, all_vertices, |vertex| points.is_real(vertex))?;
+        if let Some(weights) = weights {
+            scan_positions::code(&mut symbols, &order, &mut points, &weights, &originals)?;
         } else {
-            smooth::code(&mut symbols, &order, &mut points, &weights, &first)?;
+            architectural_positions::code(&mut symbols, &order, &mut points, &originals)?;
         }
         for attribute in &mut attributes {
-            attributes::code(&mut symbols, &order, &points, attribute)?;
+            attribute_values::code(&mut symbols, &order, &points, attribute)?;
         }
         symbols.finish()?;
-        let (positions, triangles) = finish(order, &points, &first);
+        let (positions, triangles) = remove_copies_and_dummies(order, &points, &originals);
         Ok(Self { grid, positions, triangles, attributes })
     }
 }
 
-/// Positions of real vertices that are no copies, and triangles of real vertices.
-fn finish(order: Conquest, points: &Points, first: &[u32]) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
-    let place = |vertex: u32| std::array::from_fn(|axis| points.value(vertex, axis) as u32);
-    if points.all_real() && first.iter().copied().eq(0..first.len() as u32) {
-        return ((0..first.len() as u32).map(place).collect(), order.triangles);
+fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<MeshHeader, DecodeError> {
+    let version = reader.u8()?;
+    if version != VERSION {
+        return Err(DecodeError::Version { found: version.into(), known: VERSION.into() });
     }
-    let mut numbers = Vec::with_capacity(first.len());
-    let mut positions = Vec::with_capacity(first.len());
-    for (vertex, &first) in (0..).zip(first) {
-        numbers.push(match first == vertex {
-            _ if !points.is_real(vertex) => NONE,
-            true => positions.len() as u32,
-            false => numbers[first as usize],
-        });
-        if first == vertex && points.is_real(vertex) {
-            positions.push(place(vertex));
-        }
+    let flags = reader.u8()?;
+    if flags & !(ARCHITECTURAL | WIDE_GRID) != 0 {
+        return Err(DecodeError::Invalid("a mesh has unknown flags"));
     }
-    let mut triangles = order.triangles;
-    triangles.retain_mut(|corners| {
-        *corners = corners.map(|vertex| numbers[vertex as usize]);
-        !corners.contains(&NONE)
-    });
-    (positions, triangles)
+    let bits = reader.u8()?;
+    if !POSITION_BITS.contains(&bits) {
+        return Err(DecodeError::Invalid("a mesh's positions must have 8 to 16 bits"));
+    }
+    let attributes = usize::from(reader.u8()?);
+    check_limit("the number of a mesh's attributes", attributes, MAX_ATTRIBUTES)?;
+    let grid = read_grid(reader, flags & WIDE_GRID != 0, bits)?;
+    let vertices = reader.varint()? as usize;
+    check_limit("the number of a mesh's vertices", vertices, max_triangles.min(MAX_VERTICES))?;
+    let triangles = reader.varint()? as usize;
+    check_limit("the number of a mesh's triangles", triangles, max_triangles.min(MAX_TRIANGLES))?;
+    let attributes = (0..attributes).map(|_| read_attribute(reader)).collect::<Result<Vec<_>, _>>()?;
+    let weights = if flags & ARCHITECTURAL == 0 { Some(read_weights(reader)?) } else { None };
+    Ok(MeshHeader { grid, vertices, triangles, attributes, weights })
 }
 
-fn grid(reader: &mut Reader<'_>, wide: bool, bits: u8) -> Result<Grid, DecodeError> {
+fn read_weights(reader: &mut ByteReader<'_>) -> Result<Weights, DecodeError> {
+    let bytes = reader.array::<{ CLASSES * WEIGHTS }>()?;
+    let mut weights = [[0; WEIGHTS]; CLASSES];
+    weights.as_flattened_mut().iter_mut().zip(bytes).for_each(|(weight, byte)| *weight = byte as i8);
+    Ok(weights)
+}
+
+fn read_grid(reader: &mut ByteReader<'_>, is_wide: bool, bits: u8) -> Result<PositionGrid, DecodeError> {
     let mut numbers = [0f64; 4];
     for number in &mut numbers {
-        *number = if wide { f64::from_le_bytes(reader.array()?) } else { reader.f32()?.into() };
+        *number = if is_wide { f64::from_le_bytes(reader.array()?) } else { reader.f32()?.into() };
         if !number.is_finite() {
             return Err(DecodeError::Invalid("a number is not finite"));
         }
     }
     let [x, y, z, step] = numbers;
     if step <= 0.0 {
-        return Err(DecodeError::Invalid("a mesh's grid has no step"));
+        return Err(DecodeError::Invalid("a mesh's grid step is not positive"));
     }
-    Ok(Grid { min: [x, y, z], step, bits })
+    Ok(PositionGrid { min: [x, y, z], step, bits })
 }
 
-fn attribute(reader: &mut Reader<'_>) -> Result<Attribute, DecodeError> {
+fn read_attribute(reader: &mut ByteReader<'_>) -> Result<Attribute, DecodeError> {
     let [kind, components, bits] = reader.array()?;
-    let kind = *Kind::ALL.get(usize::from(kind)).ok_or(DecodeError::Invalid("an attribute of an unknown kind"))?;
+    let unknown = DecodeError::Invalid("a mesh's attribute is of an unknown kind");
+    let kind = *AttributeKind::ALL.get(usize::from(kind)).ok_or(unknown)?;
     if !(1..=4).contains(&components) || !(1..=16).contains(&bits) {
-        return Err(DecodeError::Invalid("a mesh's attribute has 1 to 4 numbers of 1 to 16 bits"));
+        return Err(DecodeError::Invalid("a mesh's attribute must have 1 to 4 components of 1 to 16 bits"));
     }
     let range = [reader.f32()?, reader.f32()?];
     Ok(Attribute { kind, components, bits, range, values: Vec::new(), corners: Vec::new() })
+}
+
+/// Positions of real vertices that are not copies, and the triangles of real vertices.
+fn remove_copies_and_dummies(
+    order: Connectivity,
+    points: &Points,
+    originals: &[u32],
+) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
+    let position = |vertex: u32| points.coordinates(vertex).map(|v| v as u32);
+    if !points.has_dummies() && originals.iter().copied().eq(0..originals.len() as u32) {
+        return ((0..originals.len() as u32).map(position).collect(), order.triangles);
+    }
+    let mut new_index = Vec::with_capacity(originals.len());
+    let mut positions = Vec::with_capacity(originals.len());
+    for (vertex, &original) in (0..).zip(originals) {
+        if !points.is_real(vertex) {
+            new_index.push(NONE);
+        } else if original != vertex {
+            new_index.push(new_index[original as usize]);
+        } else {
+            new_index.push(positions.len() as u32);
+            positions.push(position(vertex));
+        }
+    }
+    let mut triangles = order.triangles;
+    triangles.retain_mut(|corners| {
+        *corners = corners.map(|vertex| new_index[vertex as usize]);
+        !corners.contains(&NONE)
+    });
+    (positions, triangles)
 }

@@ -1,116 +1,117 @@
-//! A mesh to bytes.
-//!
-//! In: a [`Mesh`]. Out: [`Encoded`]. Next: `decode`.
+//! Encoding of meshes.
 
 use super::{
-    Attribute, BUILT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE, attributes,
-    built,
-    close::Closed,
-    conquest::{self, Conquest},
-    pieces::{Census, NONE, Pieces},
+    ARCHITECTURAL, Attribute, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE_GRID,
+    architectural_positions, attribute_values,
+    closed_mesh::ClosedMesh,
+    connectivity::{self, Connectivity},
+    half_edge::{HalfEdgeMesh, NONE, RepairReport},
     points::Points,
-    smooth::{self, PLAIN, Weights},
+    scan_positions::{self, Weights},
     weld,
 };
 use crate::{
     codec::{
-        rans::{LANES, Writer},
+        rans::{LANES, RansEncoder},
         varint,
     },
-    error::DecodeError,
+    error::{DecodeError, check_limit},
 };
 
-/// Meshes of fewer vertices are coded both ways, and the shorter is taken.
-const TRY_BOTH: usize = 4096;
-/// Edges of larger ones, of which one must stand upright for a mesh to count as built.
-const UPRIGHT: usize = 50;
+/// Meshes of fewer vertices are coded with both position coders, and the shorter result is used.
+const TRY_BOTH_BELOW: usize = 4096;
+/// Larger meshes count as architectural if at least one in this many triangles has a vertical edge.
+const TRIANGLES_PER_VERTICAL_EDGE: usize = 50;
 
 /// A coded mesh.
 #[derive(Debug, Clone)]
-pub struct Encoded {
-    /// The bytes.
+pub struct EncodedMesh {
     pub bytes: Vec<u8>,
-    /// What was mended.
-    pub census: Census,
-    /// For each vertex that [`Mesh::decode`] gives, the one that was given.
+    pub report: RepairReport,
+    /// For each vertex of the decoded mesh, the vertex of the input.
     pub vertices: Vec<u32>,
-    /// For each corner `3 t + k` that it gives, the one that was given.
+    /// For each corner `3 t + k` of the decoded mesh, the corner of the input.
     pub corners: Vec<u32>,
-    /// Bits of all that is not positions and attributes, about.
+    /// Estimated bits of all but positions and attributes.
     pub connectivity_bits: f64,
 }
 
 impl Mesh {
-    /// All triangles but degenerate and duplicate ones, which are counted; positions and attributes exactly.
-    ///
-    /// # Errors
-    /// What is over the format's limits, or off its own grid.
-    pub fn encode(&self) -> Result<Encoded, DecodeError> {
+    /// Encodes all triangles except degenerate and duplicate ones, which are counted. Positions and attributes are exact.
+    /// Fails if the mesh exceeds the format's limits, if a position is off the grid, or if an attribute is inconsistent.
+    pub fn encode(&self) -> Result<EncodedMesh, DecodeError> {
         self.check()?;
-        let pieces = Pieces::new(&self.triangles, self.positions.len() as u32);
-        let closed = Closed::new(&pieces);
-        limit("a mesh's triangles", closed.triangles(), MAX_TRIANGLES)?;
-        limit("a mesh's vertices", closed.vertices(), MAX_VERTICES)?;
-        let mut writer = Writer::with_capacity(10 * closed.vertices());
-        let order = conquest::write(&mut writer, &closed)?;
-        let source = sources(&order, &closed, &pieces);
-        let mut points = Points::unknown(order.degree.len(), &order.dummies, u32::from(self.grid.bits));
-        let mut earliest = vec![NONE; self.positions.len()];
-        let mut first: Vec<u32> = (0..order.degree.len() as u32).collect();
-        let mut vertices = Vec::with_capacity(pieces.vertex.len());
-        for (vertex, &source) in (0..).zip(&source) {
-            if source != NONE {
-                points.put(vertex, self.positions[source as usize].map(|v| v as i32))?;
-                let earliest = &mut earliest[source as usize];
-                if *earliest == NONE {
-                    *earliest = vertex;
-                    vertices.push(source);
-                }
-                first[vertex as usize] = *earliest;
-            }
-        }
-        weld::code(&mut writer, &mut first, order.degree.len(), |vertex| points.is_real(vertex))?;
-        let connectivity_bits = writer.bits();
-        let (mut writer, weights) = geometry(writer, &order, &mut points, &first)?;
-        let corners = corners(&order, &pieces);
+        let mesh = HalfEdgeMesh::new(&self.triangles, self.positions.len() as u32);
+        let closed = ClosedMesh::new(&mesh);
+        check_limit("the number of a mesh's triangles", closed.triangles(), MAX_TRIANGLES)?;
+        check_limit("the number of a mesh's vertices", closed.vertices(), MAX_VERTICES)?;
+        let mut encoder = RansEncoder::with_capacity(10 * closed.vertices());
+        let order = connectivity::write(&mut encoder, &closed)?;
+        let Welded { mut points, mut originals, vertices } = self.weld(&order, &closed, &mesh)?;
+        weld::code(&mut encoder, &mut originals, order.degree.len(), |vertex| points.is_real(vertex))?;
+        let connectivity_bits = encoder.bits();
+        let (mut encoder, weights) = encode_positions(encoder, &order, &mut points, &originals)?;
+        let corners = corner_sources(&order, &mesh);
         for attribute in &self.attributes {
-            let along = corners.iter().map(|corner| attribute.corners[*corner as usize]).collect();
-            let mut attribute = Attribute { corners: along, ..attribute.clone() };
-            attributes::code(&mut writer, &order, &points, &mut attribute)?;
+            let in_order = corners.iter().map(|corner| attribute.corners[*corner as usize]).collect();
+            let mut attribute = Attribute { corners: in_order, ..attribute.clone() };
+            attribute_values::code(&mut encoder, &order, &points, &mut attribute)?;
         }
-        let mut bytes = self.header(weights.is_none(), pieces.vertex.len(), closed.triangles());
+        let mut bytes = self.header(weights.is_none(), mesh.vertex.len(), closed.triangles());
         let lanes = if weights.is_some() { LANES } else { 1 };
         if let Some(weights) = weights {
             bytes.extend(weights.as_flattened().iter().map(|weight| *weight as u8));
         }
-        bytes.extend(writer.finish(lanes));
-        Ok(Encoded { bytes, census: pieces.census, vertices, corners, connectivity_bits })
+        bytes.extend(encoder.finish(lanes));
+        Ok(EncodedMesh { bytes, report: mesh.report, vertices, corners, connectivity_bits })
     }
 
     fn check(&self) -> Result<(), DecodeError> {
         if !POSITION_BITS.contains(&self.grid.bits) {
-            return Err(DecodeError::Invalid("a mesh's positions have 8 to 16 bits"));
+            return Err(DecodeError::Invalid("a mesh's positions must have 8 to 16 bits"));
         }
-        limit("a mesh's triangles", self.triangles.len(), MAX_TRIANGLES)?;
-        limit("a mesh's vertices", self.positions.len(), MAX_VERTICES)?;
-        limit("a mesh's attributes", self.attributes.len(), MAX_ATTRIBUTES)?;
+        check_limit("the number of a mesh's triangles", self.triangles.len(), MAX_TRIANGLES)?;
+        check_limit("the number of a mesh's vertices", self.positions.len(), MAX_VERTICES)?;
+        check_limit("the number of a mesh's attributes", self.attributes.len(), MAX_ATTRIBUTES)?;
         for attribute in &self.attributes {
             let components = (1..=4).contains(&attribute.components) && (1..=16).contains(&attribute.bits);
             let corners = attribute.corners.len() == 3 * self.triangles.len();
             let values = attribute.corners.iter().all(|value| (*value as usize) < attribute.values.len());
             if !components || !corners || !values {
-                return Err(DecodeError::Invalid("a mesh's attribute has a value of 1 to 4 numbers for each corner"));
+                return Err(DecodeError::Invalid(
+                    "a mesh's attribute must have a value of 1 to 4 components of 1 to 16 bits for each corner",
+                ));
             }
         }
         Ok(())
     }
 
-    fn header(&self, is_built: bool, vertices: usize, triangles: usize) -> Vec<u8> {
-        let narrow = self.grid.is_narrow();
-        let kind = if is_built { BUILT } else { 0 } | if narrow { 0 } else { WIDE };
-        let mut bytes = vec![VERSION, kind, self.grid.bits, self.attributes.len() as u8];
+    /// Positions in traversal order, with copies of one input vertex welded together.
+    fn weld(&self, order: &Connectivity, closed: &ClosedMesh, mesh: &HalfEdgeMesh) -> Result<Welded, DecodeError> {
+        let mut points = Points::new(order.degree.len(), &order.dummies, u32::from(self.grid.bits));
+        let mut earliest = vec![NONE; self.positions.len()];
+        let mut originals: Vec<u32> = (0..order.degree.len() as u32).collect();
+        let mut vertices = Vec::with_capacity(mesh.vertex.len());
+        for (vertex, &source) in (0..).zip(&vertex_sources(order, closed, mesh)) {
+            if source != NONE {
+                points.set_coordinates(vertex, self.positions[source as usize].map(|v| v as i32))?;
+                let earliest = &mut earliest[source as usize];
+                if *earliest == NONE {
+                    *earliest = vertex;
+                    vertices.push(source);
+                }
+                originals[vertex as usize] = *earliest;
+            }
+        }
+        Ok(Welded { points, originals, vertices })
+    }
+
+    fn header(&self, is_architectural: bool, vertices: usize, triangles: usize) -> Vec<u8> {
+        let is_narrow = self.grid.fits_f32();
+        let flags = if is_architectural { ARCHITECTURAL } else { 0 } | if is_narrow { 0 } else { WIDE_GRID };
+        let mut bytes = vec![VERSION, flags, self.grid.bits, self.attributes.len() as u8];
         for number in self.grid.min.into_iter().chain([self.grid.step]) {
-            if narrow {
+            if is_narrow {
                 bytes.extend((number as f32).to_le_bytes());
             } else {
                 bytes.extend(number.to_le_bytes());
@@ -126,76 +127,72 @@ impl Mesh {
     }
 }
 
-pub(super) fn limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
-    if found > limit {
-        return Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 });
-    }
-    Ok(())
+struct Welded {
+    points: Points,
+    /// For each vertex in traversal order, the earliest vertex with the same input vertex.
+    originals: Vec<u32>,
+    /// The input vertices of those that are their own original.
+    vertices: Vec<u32>,
 }
 
-/// Codes positions the shorter way; no weights where that is the way of what is built.
-fn geometry(
-    writer: Writer,
-    order: &Conquest,
+/// Codes positions with the better coder. Returns the weights if that is the one for scans.
+fn encode_positions(
+    mut encoder: RansEncoder,
+    order: &Connectivity,
     points: &mut Points,
-    first: &[u32],
-) -> Result<(Writer, Option<Weights>), DecodeError> {
-    let both = points.len() < TRY_BOTH;
-    if both || is_built(order, points) {
-        let mut as_built = writer.clone();
-        built::code(&mut as_built, order, points, first)?;
-        let mut as_smooth = writer;
-        if !both {
-            return Ok((as_built, None));
-        }
-        let weights = smooth::fit(order, points);
-        smooth::code(&mut as_smooth, order, points, &weights, first)?;
-        let weights_bits = 8.0 * size_of::<Weights>() as f64;
-        return Ok(if as_built.bits() <= as_smooth.bits() + weights_bits {
-            (as_built, None)
-        } else {
-            (as_smooth, Some(weights))
-        });
+    originals: &[u32],
+) -> Result<(RansEncoder, Option<Weights>), DecodeError> {
+    let try_both = points.len() < TRY_BOTH_BELOW;
+    if !try_both && is_architectural(order, points) {
+        architectural_positions::code(&mut encoder, order, points, originals)?;
+        return Ok((encoder, None));
     }
-    let mut writer = writer;
-    let weights = if points.len() < 64 { PLAIN } else { smooth::fit(order, points) };
-    smooth::code(&mut writer, order, points, &weights, first)?;
-    Ok((writer, Some(weights)))
+    let weights = scan_positions::fit(order, points);
+    let mut architectural = try_both.then(|| encoder.clone());
+    if let Some(encoder) = &mut architectural {
+        architectural_positions::code(encoder, order, points, originals)?;
+    }
+    scan_positions::code(&mut encoder, order, points, &weights, originals)?;
+    let weights_bits = 8.0 * size_of::<Weights>() as f64;
+    Ok(match architectural {
+        Some(architectural) if architectural.bits() <= encoder.bits() + weights_bits => (architectural, None),
+        _ => (encoder, Some(weights)),
+    })
 }
 
-/// Whether enough edges stand upright.
-fn is_built(order: &Conquest, points: &Points) -> bool {
-    let mut upright = 0;
+/// Whether enough triangles have a vertical edge.
+fn is_architectural(order: &Connectivity, points: &Points) -> bool {
+    let mut vertical = 0;
     for triangle in &order.triangles {
-        let column = |k: usize| [points.value(triangle[k], 0), points.value(triangle[k], 1)];
-        let real = triangle.iter().all(|vertex| points.is_real(*vertex));
-        upright += usize::from(real && (0..3).any(|k| column(k) == column((k + 1) % 3)));
+        let column = |k: usize| [points.coordinate(triangle[k], 0), points.coordinate(triangle[k], 1)];
+        let is_real = triangle.iter().all(|vertex| points.is_real(*vertex));
+        vertical += usize::from(is_real && (0..3).any(|k| column(k) == column((k + 1) % 3)));
     }
-    upright * UPRIGHT > order.triangles.len()
+    vertical * TRIANGLES_PER_VERTICAL_EDGE > order.triangles.len()
 }
 
-/// For each vertex of the conquest the one that was given; none for dummies.
-fn sources(order: &Conquest, closed: &Closed, pieces: &Pieces) -> Vec<u32> {
+/// For each vertex in traversal order, the input vertex; [`NONE`] for dummies.
+fn vertex_sources(order: &Connectivity, closed: &ClosedMesh, mesh: &HalfEdgeMesh) -> Vec<u32> {
     let mut sources = vec![NONE; order.degree.len()];
     for (triangle, &half_edge) in order.triangles.iter().zip(&order.source) {
         for (k, &vertex) in triangle.iter().enumerate() {
-            let source = closed.origin[turn(half_edge, k) as usize];
-            if source < closed.dummies_from {
-                sources[vertex as usize] = pieces.vertex[source as usize];
+            let source = closed.origin[advance(half_edge, k) as usize];
+            if source < closed.first_dummy {
+                sources[vertex as usize] = mesh.vertex[source as usize];
             }
         }
     }
     sources
 }
 
-/// For each corner that will be decoded the one that was given.
-fn corners(order: &Conquest, pieces: &Pieces) -> Vec<u32> {
-    let real = order.source.iter().filter(|half_edge| (**half_edge as usize) < pieces.corner.len());
-    real.flat_map(|&half_edge| (0..3).map(move |k| pieces.corner[turn(half_edge, k) as usize])).collect()
+/// For each corner of the decoded mesh, the input corner.
+fn corner_sources(order: &Connectivity, mesh: &HalfEdgeMesh) -> Vec<u32> {
+    let real = order.source.iter().filter(|half_edge| (**half_edge as usize) < mesh.corner.len());
+    real.flat_map(|&half_edge| (0..3).map(move |k| mesh.corner[advance(half_edge, k) as usize])).collect()
 }
 
-/// The half-edge `k` after one in its triangle.
-fn turn(half_edge: u32, k: usize) -> u32 {
+/// The half-edge `k` steps after a half-edge in its triangle.
+fn advance(half_edge: u32, k: usize) -> u32 {
     let first = half_edge - half_edge % 3;
     first + (half_edge % 3 + k as u32) % 3
 }

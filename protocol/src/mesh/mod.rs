@@ -1,59 +1,61 @@
-//! Triangle meshes: half-edge pieces, and a codec that takes a few bits a triangle (`docs/formats.md`, "Meshes").
+//! Triangle meshes: a half-edge structure, and a codec of a few bits per triangle (`docs/formats.md`, "Meshes").
 //!
-//! In: a [`Mesh`] on a grid. Out: its bytes, and back. Next: `insula-bake` writes them, `insula-client` reads them.
+//! The codec writes connectivity first and then positions and attributes in the traversal order of the triangles. Each
+//! part is one function that both writes and reads, over a [`SymbolCoder`](crate::codec::rans::SymbolCoder).
 
-mod around;
+mod active_lists;
+mod architectural_positions;
 mod attribute;
-mod attributes;
-mod built;
-mod close;
-mod conquest;
+mod attribute_values;
+mod closed_mesh;
+mod completed;
+mod connectivity;
 mod decode;
 mod difference;
 mod encode;
-mod front;
+mod encoder_state;
 mod grid;
-pub mod pieces;
+pub mod half_edge;
+mod manifold;
 mod points;
-mod smooth;
+mod scan_models;
+mod scan_positions;
 mod weld;
 
-pub use attribute::{Attribute, Kind};
-pub use encode::Encoded;
-pub use grid::Grid;
+pub use attribute::{Attribute, AttributeKind};
+pub use encode::EncodedMesh;
+pub use grid::PositionGrid;
 
-/// Of the coded bytes.
+/// Version of the coded bytes.
 pub const VERSION: u8 = 2;
-/// Most triangles of a mesh, with those of dummy vertices.
+/// Maximum number of triangles of a mesh, including those of dummy vertices.
 pub const MAX_TRIANGLES: usize = 1 << 24;
-/// Most vertices of a mesh.
+/// Maximum number of vertices of a mesh, including dummy vertices.
 pub const MAX_VERTICES: usize = 1 << 23;
-/// Most attributes of a mesh.
+/// Maximum number of attributes of a mesh.
 pub const MAX_ATTRIBUTES: usize = 8;
-/// Bits of a coordinate.
+/// Allowed bits of a coordinate.
 pub const POSITION_BITS: std::ops::RangeInclusive<u8> = 8..=16;
 
-/// How positions are coded.
-const BUILT: u8 = 1;
-/// Numbers of the grid have eight bytes, not four.
-const WIDE: u8 = 2;
+/// Header flag: positions are coded by `architectural_positions`, otherwise by `scan_positions`.
+const ARCHITECTURAL: u8 = 1;
+/// Header flag: the grid's numbers are f64, otherwise f32.
+const WIDE_GRID: u8 = 2;
 
-/// Triangles on a grid.
+/// Triangles with vertices on a grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
-    /// What positions mean.
-    pub grid: Grid,
-    /// Vertices, below `2^grid.bits`.
+    pub grid: PositionGrid,
+    /// Grid coordinates of the vertices, each below `2^grid.bits`.
     pub positions: Vec<[u32; 3]>,
-    /// Triples of vertices, counter-clockwise seen from outside.
+    /// Vertex indices, counter-clockwise as seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// What corners carry.
     pub attributes: Vec<Attribute>,
 }
 
 impl Mesh {
-    /// Positions in metres.
+    /// Positions of the vertices in metres.
     pub fn positions_m(&self) -> impl Iterator<Item = [f64; 3]> {
-        self.positions.iter().map(|position| self.grid.place(*position))
+        self.positions.iter().map(|position| self.grid.position_m(*position))
     }
 }

@@ -1,148 +1,160 @@
-//! Positions on a grid, as the coders of geometry keep them.
+//! Vertex positions on the grid, in the form that the position coders compute with.
 //!
-//! In: whole numbers. Out: the same as floating-point vectors, exact up to 16 bits. Next: `smooth`, `built`.
+//! Coordinates are kept as f32 vectors of four lanes, which hold whole numbers of up to 16 bits exactly.
 
 use crate::error::DecodeError;
 
-/// x, y, z, and 1 for what has a place, 0 for a dummy.
-pub(super) type Place = [f32; 4];
+/// x, y, z, and a fourth lane: for a position 1, or 0 for a dummy vertex.
+pub(super) type Vector4 = [f32; 4];
 
 #[inline]
-pub(super) fn add(a: Place, b: Place) -> Place {
+pub(super) fn add(a: Vector4, b: Vector4) -> Vector4 {
     std::array::from_fn(|k| a[k] + b[k])
 }
 
 #[inline]
-pub(super) fn sub(a: Place, b: Place) -> Place {
+pub(super) fn sub(a: Vector4, b: Vector4) -> Vector4 {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
 #[inline]
-pub(super) fn scale(a: Place, by: f32) -> Place {
+pub(super) fn scale(a: Vector4, by: f32) -> Vector4 {
     a.map(|v| v * by)
 }
 
 #[inline]
-pub(super) fn cross(a: Place, b: Place) -> Place {
+pub(super) fn cross(a: Vector4, b: Vector4) -> Vector4 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0], 0.0]
 }
 
+/// The dot product of the first three lanes.
 #[inline]
-pub(super) fn products([x, y, z, _]: Place) -> Products {
+pub(super) fn dot(a: Vector4, b: Vector4) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The outer product of a vector with itself: xx, xy, xz; then yy, yz, zz.
+pub(super) type OuterProduct = [Vector4; 2];
+
+#[inline]
+pub(super) fn outer_product([x, y, z, _]: Vector4) -> OuterProduct {
     [[x * x, x * y, x * z, 0.0], [y * y, y * z, z * z, 0.0]]
 }
 
-/// The whole number nearest to one, within 2^20 of either sign; of two the even one.
+/// Rounds to the nearest whole number, ties to even. The result is clamped to 2^20 of either sign, also for NaN.
 #[inline]
 pub(super) fn nearest(v: f32) -> f32 {
-    const MOST: f32 = 1_048_576.0;
-    // Numbers from 2^23 to 2^24 are whole.
-    const HIGH: f32 = 12_582_912.0;
-    // Not `clamp`: what is no number becomes one.
-    let v = if v > -MOST { v } else { -MOST };
-    let v = if v < MOST { v } else { MOST };
-    v + HIGH - HIGH
+    const LIMIT: f32 = 1_048_576.0;
+    // f32 numbers from 2^23 to 2^24 are whole.
+    const WHOLE: f32 = 12_582_912.0;
+    // Not `clamp`, which keeps NaN.
+    let v = if v > -LIMIT { v } else { -LIMIT };
+    let v = if v < LIMIT { v } else { LIMIT };
+    v + WHOLE - WHOLE
 }
 
-/// The larger one, or the second where one is no number.
+/// The larger number, or `b` if either is NaN.
 #[inline]
 pub(super) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Products of a difference's coordinates: x by x, y and z; then y by y, y by z, z by z.
-pub(super) type Products = [Place; 2];
-
-/// A vertex's place, and products of what was left of it by [`super::smooth`]: side by side, as they are needed together.
+/// State of one vertex. Both fields are needed together, so they share a cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(16))]
-struct Spot {
-    place: Place,
-    left: Products,
+struct PointState {
+    position: Vector4,
+    /// Outer product of the prediction error; set by `scan_positions`.
+    residual: OuterProduct,
 }
 
-/// Positions of a mesh's vertices, in the order of conquest.
+/// Positions of all vertices in traversal order.
 #[derive(Debug)]
 pub(super) struct Points {
-    spots: Vec<Spot>,
-    /// Whether there are no dummies.
-    all_real: bool,
-    /// Values are below two to this.
+    states: Vec<PointState>,
+    has_dummies: bool,
+    /// Bits of a coordinate.
     bits: u32,
 }
 
 impl Points {
-    /// All unknown: a reader's.
-    pub(super) fn unknown(vertices: usize, dummies: &[u32], bits: u32) -> Self {
-        let mut spots = vec![Spot { place: [0.0, 0.0, 0.0, 1.0], left: [[0.0; 4]; 2] }; vertices];
-        dummies.iter().for_each(|dummy| spots[*dummy as usize].place = [0.0; 4]);
-        Self { spots, all_real: dummies.is_empty(), bits }
+    /// All vertices at the origin.
+    pub(super) fn new(vertices: usize, dummies: &[u32], bits: u32) -> Self {
+        let mut states = vec![PointState { position: [0.0, 0.0, 0.0, 1.0], residual: [[0.0; 4]; 2] }; vertices];
+        dummies.iter().for_each(|dummy| states[*dummy as usize].position = [0.0; 4]);
+        Self { states, has_dummies: !dummies.is_empty(), bits }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.spots.len()
+        self.states.len()
     }
 
+    /// Whether a vertex is not a dummy.
     #[inline]
     pub(super) fn is_real(&self, vertex: u32) -> bool {
-        self.all_real || self.spots[vertex as usize].place[3].to_bits() != 0
+        !self.has_dummies || self.states[vertex as usize].position[3].to_bits() != 0
     }
 
-    /// Whether all vertices have places.
-    pub(super) fn all_real(&self) -> bool {
-        self.all_real
+    pub(super) fn has_dummies(&self) -> bool {
+        self.has_dummies
+    }
+
+    /// The position as a vector.
+    #[inline]
+    pub(super) fn vector(&self, vertex: u32) -> Vector4 {
+        self.states[vertex as usize].position
     }
 
     #[inline]
-    pub(super) fn at(&self, vertex: u32) -> Place {
-        self.spots[vertex as usize].place
-    }
-
-    /// Products of what was left of a vertex.
-    #[inline]
-    pub(super) fn left(&self, vertex: u32) -> Products {
-        self.spots[vertex as usize].left
-    }
-
-    /// Says what was left.
-    #[inline]
-    pub(super) fn leave(&mut self, vertex: u32, left: Products) {
-        self.spots[vertex as usize].left = left;
+    pub(super) fn residual(&self, vertex: u32) -> OuterProduct {
+        self.states[vertex as usize].residual
     }
 
     #[inline]
-    pub(super) fn value(&self, vertex: u32, axis: usize) -> i32 {
-        // From 2^23 on, bits count whole numbers: much faster than a cast that minds what is no number.
-        const HIGH: f32 = 8_388_608.0;
-        (self.spots[vertex as usize].place[axis] + HIGH).to_bits() as i32 - HIGH.to_bits() as i32
+    pub(super) fn set_residual(&mut self, vertex: u32, residual: OuterProduct) {
+        self.states[vertex as usize].residual = residual;
     }
 
-    /// The middle of the grid.
+    /// One grid coordinate.
+    #[inline]
+    pub(super) fn coordinate(&self, vertex: u32, axis: usize) -> i32 {
+        // From 2^23 on, the bits of an f32 count whole numbers. This is faster than a cast, which must handle NaN.
+        const WHOLE: f32 = 8_388_608.0;
+        (self.states[vertex as usize].position[axis] + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
+    }
+
+    /// The grid coordinates.
+    #[inline]
+    pub(super) fn coordinates(&self, vertex: u32) -> [i32; 3] {
+        std::array::from_fn(|axis| self.coordinate(vertex, axis))
+    }
+
+    /// The coordinates of the middle of the grid.
     pub(super) fn middle(&self) -> [i32; 3] {
         [1 << (self.bits - 1); 3]
     }
 
-    /// Gives a vertex its place in whole numbers, which must be on the grid.
+    /// Sets a position of whole numbers. Fails if it is not on the grid.
     #[inline]
-    pub(super) fn put_exact(&mut self, vertex: u32, place: Place) -> Result<(), DecodeError> {
+    pub(super) fn set_vector(&mut self, vertex: u32, position: Vector4) -> Result<(), DecodeError> {
         let end = (1u32 << self.bits) as f32;
-        let [x, y, z, _] = place;
+        let [x, y, z, _] = position;
         let is_inside = |v: f32| v >= 0.0 && v < end;
         if !(is_inside(x) & is_inside(y) & is_inside(z)) {
-            return Err(DecodeError::Invalid("a mesh's vertex lies off its grid"));
+            return Err(DecodeError::Invalid("a mesh's vertex lies outside its grid"));
         }
-        self.spots[vertex as usize].place = place;
+        self.states[vertex as usize].position = position;
         Ok(())
     }
 
-    /// Gives a vertex its place, which must be on the grid.
+    /// Sets a position. Fails if it is not on the grid.
     #[inline]
-    pub(super) fn put(&mut self, vertex: u32, place: [i32; 3]) -> Result<(), DecodeError> {
-        let [x, y, z] = place;
+    pub(super) fn set_coordinates(&mut self, vertex: u32, position: [i32; 3]) -> Result<(), DecodeError> {
+        let [x, y, z] = position;
         if (x | y | z) >> self.bits != 0 {
-            return Err(DecodeError::Invalid("a mesh's vertex lies off its grid"));
+            return Err(DecodeError::Invalid("a mesh's vertex lies outside its grid"));
         }
-        self.spots[vertex as usize].place = [x, y, z, 1].map(|v| v as f32);
+        self.states[vertex as usize].position = [x, y, z, 1].map(|v| v as f32);
         Ok(())
     }
 }

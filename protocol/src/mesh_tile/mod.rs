@@ -1,34 +1,31 @@
-//! A leaf's triangles at one level of detail, with the picture that they wear.
-//!
-//! In: a [`MeshTile`], or a tile of kind `Mesh`. Out: its bytes, and back. Next: `insula-bake` writes them, `insula-client`
-//! draws them.
+//! Mesh tiles: a leaf's triangles at one level of detail, with their texture.
 //!
 //! Positions are metres from the leaf's south-west corner at the city's height zero ([`crate::Manifest::node_corner`]).
-//! Triangles carry no normals: theirs are their own.
+//! There are no normals: triangles are flat.
 
-mod sample;
+mod cuboid;
 
-pub use sample::cuboid;
+pub use cuboid::cuboid;
 
 use crate::{
-    TileId,
-    codec::varint::Reader,
-    error::DecodeError,
-    mesh::{Attribute, Kind as Carried, Mesh},
-    tile::{Kind, TileReader, TileWriter},
+    TileId, TileKind,
+    codec::byte_reader::ByteReader,
+    error::{DecodeError, check_limit},
+    mesh::{Attribute, AttributeKind, Mesh},
+    tile::{TileReader, TileWriter},
 };
 
-/// Most levels of detail of a leaf; 0 is the finest.
+/// Maximum number of levels of detail of a leaf; 0 is the finest.
 pub const MAX_LODS: u8 = 4;
-/// Most triangles of a tile, those of dummy vertices among them.
+/// Maximum number of triangles of a tile, including those of dummy vertices.
 pub const MAX_TRIANGLES: usize = 1 << 18;
-/// Most bytes of a tile's coded mesh, and of its picture.
+/// Maximum size in bytes of a tile's coded mesh, and of its texture.
 pub const MAX_PART_BYTES: usize = 4 << 20;
-/// Most pixels along a picture's side.
+/// Maximum number of pixels along a texture's side.
 pub const MAX_TEXTURE_SIDE_PX: u16 = 4096;
-/// Most pixels of a picture.
+/// Maximum number of pixels of a texture.
 pub const MAX_TEXTURE_PX: u32 = 1 << 22;
-/// Most bytes of a whole tile.
+/// Maximum size of a tile in bytes.
 pub const MAX_BYTES: usize = 2 * MAX_PART_BYTES + 1024;
 
 const TAG_META: u8 = 1;
@@ -37,81 +34,76 @@ const TAG_TEXTURE: u8 = 3;
 
 /// Triangles of one leaf at one level of detail.
 ///
-/// They carry one attribute: texture coordinates if there is a texture, else colours of three components of 8 bits, sRGB.
+/// The mesh has one attribute: texture coordinates if there is a texture, else colours of three 8-bit sRGB components.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshTile {
     /// At least one triangle.
     pub mesh: Mesh,
-    /// What texture coordinates point into.
-    pub texture: Option<Texture>,
+    pub texture: Option<TileTexture>,
 }
 
-/// A picture, still packed: it is for the reader to unpack, once it has checked that it is of this size.
+/// A compressed image. Readers must check its size when they decompress it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Texture {
+pub struct TileTexture {
     /// Width and height, 1 to [`MAX_TEXTURE_SIDE_PX`].
     pub size_px: [u16; 2],
-    /// A WebP file of one chunk, `VP8 ` or `VP8L`; sRGB.
+    /// A WebP file of one chunk, `VP8 ` or `VP8L`, in sRGB.
     pub bytes: Vec<u8>,
 }
 
-/// Where level of detail `lod` of a leaf lies in the archive: `lod` levels below it, at its south-west corner. `None` if it
-/// cannot be: a city with meshes is at most [`crate::tile_id::MAX_LEVEL`] + 1 - [`MAX_LODS`] levels deep.
-pub fn place(leaf: TileId, lod: u8) -> Option<TileId> {
+/// The id under which a leaf's level of detail is stored in the archive: `lod` levels below the leaf, at its south-west
+/// corner. `None` if `lod` or the resulting level is too large.
+pub fn archive_id(leaf: TileId, lod: u8) -> Option<TileId> {
     if lod >= MAX_LODS {
         return None;
     }
     TileId::new(leaf.level() + lod, leaf.x() << lod, leaf.y() << lod)
 }
 
-/// Undoes [`place`] in a city whose leaves are at level `depth`.
-pub fn at_place(place: TileId, depth: u8) -> Option<(TileId, u8)> {
-    let lod = place.level().checked_sub(depth)?;
-    let leaf = place.ancestor(depth)?;
-    (self::place(leaf, lod) == Some(place)).then_some((leaf, lod))
+/// The inverse of [`archive_id`] in a city whose leaves are at level `depth`: the leaf and its level of detail.
+pub fn from_archive_id(id: TileId, depth: u8) -> Option<(TileId, u8)> {
+    let lod = id.level().checked_sub(depth)?;
+    let leaf = id.ancestor(depth)?;
+    (archive_id(leaf, lod) == Some(id)).then_some((leaf, lod))
 }
 
 impl MeshTile {
-    /// The bytes of level of detail `lod` of leaf `id`.
-    ///
-    /// # Errors
-    /// What is over the format's limits or not as [`MeshTile`] says.
+    /// Encodes level of detail `lod` of leaf `id`. Fails if the tile exceeds the format's limits or breaks the rules of
+    /// [`MeshTile`].
     pub fn encode(&self, id: TileId, lod: u8) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
-        place(id, lod).ok_or(DecodeError::Invalid("a mesh tile of a leaf or a level of detail that cannot be"))?;
+        archive_id(id, lod).ok_or(DecodeError::Invalid("a mesh tile's leaf or level of detail is too deep"))?;
         let mesh = self.mesh.encode()?.bytes;
-        limit("a mesh tile's bytes", mesh.len(), MAX_PART_BYTES)?;
-        // At most three dummies a triangle: only where they could be too many are they counted.
+        check_limit("the size of a mesh tile's mesh", mesh.len(), MAX_PART_BYTES)?;
+        // There are at most three dummy triangles per triangle, so only large meshes need a count.
         if 4 * self.mesh.triangles.len() > MAX_TRIANGLES {
             Mesh::decode_within(&mesh, MAX_TRIANGLES)?;
         }
         let mut meta = vec![lod];
-        let mut writer = TileWriter::new(Kind::Mesh, Some(id));
+        let mut writer = TileWriter::new(TileKind::Mesh, Some(id));
         if let Some(texture) = &self.texture {
             texture.size_px.iter().for_each(|side| meta.extend(side.to_le_bytes()));
         }
-        writer.coded_section(TAG_META, &meta)?;
-        writer.coded_section(TAG_MESH, &mesh)?;
+        writer.add_raw_section(TAG_META, &meta)?;
+        writer.add_raw_section(TAG_MESH, &mesh)?;
         if let Some(texture) = &self.texture {
-            writer.coded_section(TAG_TEXTURE, &texture.bytes)?;
+            writer.add_raw_section(TAG_TEXTURE, &texture.bytes)?;
         }
         writer.finish()
     }
 
-    /// Reads the tile of level of detail `lod` of leaf `id`; the picture is not looked into.
-    ///
-    /// # Errors
-    /// Anything that is no such tile.
+    /// Decodes level of detail `lod` of leaf `id`. The texture is not decompressed. Fails on any bytes that are not that
+    /// tile.
     pub fn decode(id: TileId, lod: u8, bytes: &[u8]) -> Result<Self, DecodeError> {
-        let tile = TileReader::new(bytes, Kind::Mesh)?;
+        let tile = TileReader::new(bytes, TileKind::Mesh)?;
         let meta = tile.section(TAG_META, 5)?;
-        let mut reader = Reader::new(&meta);
+        let mut reader = ByteReader::new(&meta);
         if tile.id != Some(id) || reader.u8()? != lod {
-            return Err(DecodeError::Invalid("the mesh of another leaf or level of detail"));
+            return Err(DecodeError::Invalid("the mesh tile is of another leaf or level of detail"));
         }
         let bytes = tile.section(TAG_TEXTURE, MAX_PART_BYTES)?;
         let texture =
-            if bytes.is_empty() { None } else { Some(Texture { size_px: [reader.u16()?, reader.u16()?], bytes }) };
+            if bytes.is_empty() { None } else { Some(TileTexture { size_px: [reader.u16()?, reader.u16()?], bytes }) };
         reader.finish()?;
         let mesh = Mesh::decode_within(&tile.section(TAG_MESH, MAX_PART_BYTES)?, MAX_TRIANGLES)?;
         let tile = Self { mesh, texture };
@@ -120,73 +112,66 @@ impl MeshTile {
     }
 
     fn check(&self) -> Result<(), DecodeError> {
-        limit("a mesh tile's triangles", self.mesh.triangles.len(), MAX_TRIANGLES)?;
+        check_limit("the number of a mesh tile's triangles", self.mesh.triangles.len(), MAX_TRIANGLES)?;
         if self.mesh.triangles.is_empty() {
-            return Err(DecodeError::Invalid("a mesh tile without triangles"));
+            return Err(DecodeError::Invalid("a mesh tile has no triangles"));
         }
         let [attribute] = &self.mesh.attributes[..] else {
-            return Err(DecodeError::Invalid("a mesh tile's corners carry one thing"));
+            return Err(DecodeError::Invalid("a mesh tile must have exactly one attribute"));
         };
-        match &self.texture {
-            Some(texture) => {
-                texture.check()?;
-                let most = attribute.range[0] + attribute.range[1] * ((1u32 << attribute.bits) - 1) as f32;
-                let inside = [attribute.range[0], most].iter().all(|v| (-0.001..=1.001).contains(v));
-                if attribute.kind != Carried::TexCoord || attribute.components != 2 || !inside {
-                    return Err(DecodeError::Invalid("a textured mesh's corners carry places in its picture"));
-                }
+        if let Some(texture) = &self.texture {
+            texture.check()?;
+            let max = attribute.range[0] + attribute.range[1] * ((1u32 << attribute.bits) - 1) as f32;
+            let is_inside = [attribute.range[0], max].iter().all(|v| (-0.001..=1.001).contains(v));
+            if attribute.kind != AttributeKind::TexCoord || attribute.components != 2 || !is_inside {
+                return Err(DecodeError::Invalid("a textured mesh needs texture coordinates from 0 to 1"));
             }
-            None => {
-                let is_rgb = (attribute.components, attribute.bits) == (3, 8);
-                if attribute.kind != Carried::Colour || !is_rgb {
-                    return Err(DecodeError::Invalid("a plain mesh's corners carry colours of three bytes"));
-                }
+        } else {
+            let is_rgb = (attribute.components, attribute.bits) == (3, 8);
+            if attribute.kind != AttributeKind::Colour || !is_rgb {
+                return Err(DecodeError::Invalid("a mesh without texture needs colours of three 8-bit components"));
             }
         }
         Ok(())
     }
 
-    /// Where corner `3 t + k` lies in the texture, 0 to 1: from its left to its right, from its top to its bottom.
+    /// The texture coordinates of corner `3 t + k`, 0 to 1 from left to right and from top to bottom.
     pub fn uv(&self, corner: usize) -> [f32; 2] {
         let (attribute, value) = self.value(corner);
         [0, 1].map(|k| (attribute.range[0] + attribute.range[1] * value[k] as f32).clamp(0.0, 1.0))
     }
 
-    /// The colour of corner `3 t + k` of a mesh without texture, sRGB.
+    /// The sRGB colour of corner `3 t + k` of a mesh without texture.
     pub fn rgb(&self, corner: usize) -> [u8; 3] {
         let (_, value) = self.value(corner);
         [0, 1, 2].map(|k| value[k].min(255) as u8)
     }
 
     fn value(&self, corner: usize) -> (&Attribute, [u32; 4]) {
-        // Both are there: `check` has seen to the attribute, the codec to a value for each corner.
+        // `check` ensures one attribute, and the codec ensures a value for each corner.
         let attribute = &self.mesh.attributes[0];
         (attribute, attribute.values[attribute.corners[corner] as usize])
     }
 }
 
-impl Texture {
-    /// Pixels.
+impl TileTexture {
+    /// Number of pixels.
     pub fn pixels(&self) -> u32 {
         u32::from(self.size_px[0]) * u32::from(self.size_px[1])
     }
 
     fn check(&self) -> Result<(), DecodeError> {
-        limit("a texture's bytes", self.bytes.len(), MAX_PART_BYTES)?;
-        limit("a texture's pixels", self.pixels() as usize, MAX_TEXTURE_PX as usize)?;
+        check_limit("the size of a texture", self.bytes.len(), MAX_PART_BYTES)?;
+        check_limit("the number of a texture's pixels", self.pixels() as usize, MAX_TEXTURE_PX as usize)?;
         if self.size_px.iter().any(|side| !(1..=MAX_TEXTURE_SIDE_PX).contains(side)) {
-            return Err(DecodeError::Invalid("a texture's sides are 1 to 4096 pixels"));
+            return Err(DecodeError::Invalid("a texture's sides must be 1 to 4096 pixels"));
         }
-        // Nothing else has its size at its beginning alone.
-        let is_plain = matches!(self.bytes.get(8..16), Some(b"WEBPVP8 " | b"WEBPVP8L"));
-        if is_plain && self.bytes.starts_with(b"RIFF") {
+        // Other WebP files can contain a second size.
+        let is_simple = matches!(self.bytes.get(8..16), Some(b"WEBPVP8 " | b"WEBPVP8L"));
+        if is_simple && self.bytes.starts_with(b"RIFF") {
             Ok(())
         } else {
-            Err(DecodeError::Invalid("a texture is no WebP file of one chunk"))
+            Err(DecodeError::Invalid("a texture is not a WebP file of one chunk"))
         }
     }
-}
-
-fn limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
-    if found > limit { Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 }) } else { Ok(()) }
 }

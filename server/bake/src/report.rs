@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, time::Instant};
 
-use insula_protocol::{Manifest, manifest::Counts, subtree::MeshLod};
+use insula_protocol::{Manifest, manifest::CityCounts, subtree::MeshLod};
 use serde::Serialize;
 
 pub use crate::write::scratch_folder::ResumeStatus;
@@ -203,7 +203,7 @@ impl BakeReport {
     }
 }
 
-fn levels(grid: &CityGrid, counts: &Counts) -> Vec<LevelReport> {
+fn levels(grid: &CityGrid, counts: &CityCounts) -> Vec<LevelReport> {
     let each = (0..=grid.depth).zip(counts.nodes_per_level.iter().zip(&counts.bytes_per_level));
     each.map(|(level, (nodes, bytes))| LevelReport {
         level,

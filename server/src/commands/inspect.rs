@@ -1,6 +1,4 @@
-//! `inspect`: what is in a city, for people or as JSON; one node's maps as a picture.
-//!
-//! In: a city's folder. Out: text, JSON or a PNG. Next: a person.
+//! `inspect`: a city's statistics as text or JSON, or one node's maps as an image.
 
 use super::{
     error::CommandError,
@@ -10,40 +8,41 @@ use super::{
 };
 use crate::{args::InspectArgs, store::CityStore};
 use image::ImageFormat;
-use insula_protocol::{BlockMap, TileId, manifest::Attribution, route::Layer};
+use insula_protocol::{BlockMap, TileId, TileKind, manifest::Attribution};
 use std::{fmt::Write, io::Cursor, path::Path};
 
+/// Runs `inspect`. Fails if the city cannot be opened, the tile is missing or damaged, or the image cannot be written.
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     if let (Some(tile), Some(png)) = (args.tile, &args.png) {
-        return picture(&city, tile, png);
+        return write_map_image(&city, tile, png);
     }
-    let stats = CityStats::take(&city);
+    let stats = CityStats::collect(&city);
     if args.json {
         let json = serde_json::to_string_pretty(&stats)
-            .map_err(|error| CommandError::System { what: "make JSON", source: error.into() })?;
+            .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?;
         print(&(json + "\n"));
     } else {
-        print(&table(&stats));
+        print(&to_table(&stats));
     }
     Ok(())
 }
 
-fn picture(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError> {
-    let wrong = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
-    let bytes = city.tile(Layer::BlockMaps, id).map_err(|error| wrong(error.to_string()))?;
-    let bytes = bytes.ok_or_else(|| wrong("the city has no such node".into()))?;
-    let map = BlockMap::decode(id, &bytes).map_err(|error| wrong(error.to_string()))?;
+fn write_map_image(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError> {
+    let tile_error = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
+    let bytes = city.tile(TileKind::BlockMap, id).map_err(|error| tile_error(error.to_string()))?;
+    let bytes = bytes.ok_or_else(|| tile_error("the city has no such node".into()))?;
+    let map = BlockMap::decode(id, &bytes).map_err(|error| tile_error(error.to_string()))?;
     let mut out = Cursor::new(Vec::new());
     map_image::draw(&map)
         .write_to(&mut out, ImageFormat::Png)
         .map_err(|error| CommandError::Write { path: png.to_owned(), reason: error.to_string() })?;
     write(png, out.get_ref())?;
-    print(&format!("{}: geometry, roofs and walls of {id}, {}\n", png.display(), human_bytes(bytes.len() as u64)));
+    print(&format!("{}: geometry, roof and wall maps of {id}, {}\n", png.display(), human_bytes(bytes.len() as u64)));
     Ok(())
 }
 
-fn table(stats: &CityStats<'_>) -> String {
+fn to_table(stats: &CityStats<'_>) -> String {
     let manifest = stats.manifest;
     let [[x0, y0, z0], [x1, y1, z1]] = manifest.bounds;
     let nodes: u64 = stats.levels.iter().map(|level| level.nodes).sum();
@@ -58,7 +57,7 @@ fn table(stats: &CityStats<'_>) -> String {
     line("extent", format!("{:.1} x {:.1} x {:.1} m from {x0:.1}, {y0:.1}, {z0:.1}", x1 - x0, y1 - y0, z1 - z0));
     line(
         "cell",
-        format!("{} m, {} columns a side, {} levels", manifest.cell_m, manifest.node_cells, manifest.depth + 1),
+        format!("{} m, {} columns per side, {} levels", manifest.cell_m, manifest.node_cells, manifest.depth + 1),
     );
     line("source", format!("{} objects, {} triangles", manifest.counts.objects, manifest.counts.triangles));
     line("terrain", if manifest.has_terrain { "yes".into() } else { "no".into() });
@@ -75,10 +74,10 @@ fn table(stats: &CityStats<'_>) -> String {
         "level", "cell m", "nodes", "bytes", "min", "mean", "max"
     );
     for level in &stats.levels {
-        out.push_str(&row(level));
+        out.push_str(&level_row(level));
     }
     if !stats.meshes.is_empty() {
-        out.push_str("\n mesh    leaves      bytes triangles    pixels   error m up to\n");
+        out.push_str("\n mesh    leaves      bytes triangles    pixels   max error m\n");
     }
     for lods in &stats.meshes {
         let MeshLodStats { lod, leaves, triangles, texture_px, error_m, .. } = lods;
@@ -88,7 +87,7 @@ fn table(stats: &CityStats<'_>) -> String {
     out
 }
 
-fn row(level: &LevelStats) -> String {
+fn level_row(level: &LevelStats) -> String {
     let error = match (level.error_m_min, level.error_m_max) {
         (Some(min), Some(max)) => format!("{min:.3} to {max:.3}"),
         _ => "unknown".into(),

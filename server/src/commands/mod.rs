@@ -1,11 +1,11 @@
-//! What the commands do.
-//!
-//! In: checked arguments. Out: text on standard output, files, or one [`CommandError`]. Next: `main` prints it.
+//! The commands of `insula-server`.
 
+#[cfg(feature = "bake")]
 mod bake;
 mod error;
 mod inspect;
 mod map_image;
+#[cfg(feature = "bake")]
 mod mesh;
 mod output;
 mod serve;
@@ -16,15 +16,26 @@ pub use error::CommandError;
 
 use crate::args::{Args, ServerCommand};
 
-/// Does what was asked.
+/// Runs a command. Fails with its error, which [`CommandError::exit_code`] maps to the exit code.
 pub fn run(args: Args) -> Result<(), CommandError> {
     match args.command {
-        ServerCommand::Bake(args) => bake::run(&args),
         ServerCommand::Serve(args) => serve::run(&args),
         ServerCommand::Inspect(args) => inspect::run(&args),
         ServerCommand::Verify(args) => verify::run(&args),
+        #[cfg(feature = "bake")]
+        ServerCommand::Bake(args) => bake::run(&args),
+        #[cfg(feature = "bake")]
         ServerCommand::Compress(args) => mesh::compress(&args),
+        #[cfg(feature = "bake")]
         ServerCommand::Decompress(args) => mesh::decompress(&args),
+        #[cfg(feature = "bake")]
         ServerCommand::Simplify(args) => mesh::simplify(&args),
+        #[cfg(not(feature = "bake"))]
+        ServerCommand::Bake(_)
+        | ServerCommand::Compress(_)
+        | ServerCommand::Decompress(_)
+        | ServerCommand::Simplify(_) => Err(CommandError::Bake(
+            "this program can only serve; use one that was built with the feature `bake`".into(),
+        )),
     }
 }

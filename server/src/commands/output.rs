@@ -1,21 +1,21 @@
-//! Text on standard output, and files.
+//! Output to standard output and files.
 
 use super::error::CommandError;
 use std::{io::Write, path::Path};
 
-/// Prints to standard output. A reader who has seen enough (`| head`) is no error.
+/// Prints to standard output. Errors are ignored, so that a closed pipe (`| head`) does not fail the command.
 pub(super) fn print(text: &str) {
     let mut out = std::io::stdout().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
-/// Writes a file whole.
+/// Writes a file. Fails if the system refuses.
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
     std::fs::write(path, bytes)
         .map_err(|error| CommandError::Write { path: path.to_owned(), reason: error.to_string() })
 }
 
-/// Bytes as people read them.
+/// Formats a size with a decimal unit, such as `1.5 MB`.
 pub(super) fn human_bytes(bytes: u64) -> String {
     let (mut value, mut unit) = (bytes as f64, "B");
     for larger in ["kB", "MB", "GB", "TB"] {

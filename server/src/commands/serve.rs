@@ -1,6 +1,4 @@
-//! `serve`: cities on a port until a signal.
-//!
-//! In: folders, an address. Out: one line on standard output when connections are accepted; then HTTP. Next: clients.
+//! `serve`: serves cities on a port until a signal.
 
 use super::{error::CommandError, output::print};
 use crate::{
@@ -13,74 +11,77 @@ use crate::{
 use std::sync::Arc;
 use tokio::{net::TcpListener, sync::Notify};
 
+/// Runs `serve`, which prints one line on standard output once connections are accepted. Fails if a setting is invalid, a city
+/// cannot be opened, or the address cannot be bound.
 pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     let listen = args.listen.iter().map(|listen| format!("listen={listen}"));
     let settings: Vec<String> = args.set.iter().cloned().chain(listen).collect();
-    // What is no text is no setting of ours.
+    // Variables that are not UTF-8 cannot be ours.
     let environment = std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?)));
-    let config = ServeConfig::new(args.config.as_deref(), environment, &settings)?;
+    let config = ServeConfig::load(args.config.as_deref(), environment, &settings)?;
     if args.print_config {
         print(&config.to_toml());
         return Ok(());
     }
     telemetry::start("info", config.log.format == LogFormat::Json);
-    let system = |what| move |source| CommandError::System { what, source };
-    // It accepts connections and looks after cities; `http::worker` has threads of its own.
+    let system_error = |what| move |source| CommandError::System { what, source };
+    // This thread accepts connections and reloads cities; the workers have threads of their own.
     let runtime =
-        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system("start threads"))?;
+        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system_error("start threads"))?;
     runtime.block_on(async {
-        // Before the line is printed, so that whoever reads it can already stop the server.
-        let signals = ShutdownSignals::new().map_err(system("watch for signals"))?;
+        // Registered before the line is printed, so that its reader can stop the server at once.
+        let signals = ShutdownSignals::register().map_err(system_error("register signal handlers"))?;
         let store = Store::open_anywhere(&args.cities, &config.cache).await?;
-        let refused = |source| CommandError::Listen { address: config.listen.clone(), source };
-        let listener = TcpListener::bind(&config.listen).await.map_err(refused)?;
-        let address = listener.local_addr().map_err(refused)?;
+        let listen_error = |source| CommandError::Listen { address: config.listen.clone(), source };
+        let listener = TcpListener::bind(&config.listen).await.map_err(listen_error)?;
+        let address = listener.local_addr().map_err(listen_error)?;
         tracing::info!(cities = store.cities().len(), threads = config.worker_threads(), "serving");
         let server = HttpServer::new(store, &config)?;
         print(&format!("listening on {}://{address}\n", server.scheme()));
-        let end = signals.first(server.look());
-        server.run(listener, end).await.map_err(CommandError::from)
+        let shutdown = signals.wait(server.reload_signal());
+        server.run(listener, shutdown).await.map_err(CommandError::from)
     })
 }
 
-#[cfg(unix)]
+/// Registered handlers of the signals that end the server or reload its cities.
 struct ShutdownSignals {
+    #[cfg(unix)]
     terminate: tokio::signal::unix::Signal,
+    #[cfg(unix)]
     interrupt: tokio::signal::unix::Signal,
+    #[cfg(unix)]
     hang_up: tokio::signal::unix::Signal,
 }
 
 #[cfg(unix)]
 impl ShutdownSignals {
-    fn new() -> std::io::Result<Self> {
+    fn register() -> std::io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
         let [terminate, interrupt, hang_up] =
             [SignalKind::terminate(), SignalKind::interrupt(), SignalKind::hangup()].map(signal);
         Ok(Self { terminate: terminate?, interrupt: interrupt?, hang_up: hang_up? })
     }
 
-    /// Ends at the first that asks for an end; SIGHUP asks for a look.
-    async fn first(mut self, look: Arc<Notify>) {
+    /// Completes at the first SIGTERM or SIGINT. Notifies `reload` at each SIGHUP.
+    async fn wait(mut self, reload: Arc<Notify>) {
         loop {
             tokio::select! {
                 _ = self.terminate.recv() => return,
                 _ = self.interrupt.recv() => return,
-                _ = self.hang_up.recv() => look.notify_one(),
+                _ = self.hang_up.recv() => reload.notify_one(),
             }
         }
     }
 }
 
 #[cfg(not(unix))]
-struct ShutdownSignals;
-
-#[cfg(not(unix))]
 impl ShutdownSignals {
-    fn new() -> std::io::Result<Self> {
-        Ok(Self)
+    fn register() -> std::io::Result<Self> {
+        Ok(Self {})
     }
 
-    async fn first(self, _look: Arc<Notify>) {
+    /// Completes at the first Ctrl-C.
+    async fn wait(self, _reload: Arc<Notify>) {
         if tokio::signal::ctrl_c().await.is_err() {
             std::future::pending::<()>().await;
         }

@@ -1,27 +1,25 @@
-//! What a city holds, counted.
-//!
-//! In: an opened city. Out: [`CityStats`]. Next: `inspect` shows it.
+//! Statistics of a city for `inspect`, gathered from its manifest and archives.
 
 use crate::store::CityStore;
 use insula_protocol::{Manifest, Subtree, subtree::MeshLod};
 use serde::Serialize;
 
-/// A city's manifest and what its archives hold.
+/// A city's manifest with the totals of its archives.
 #[derive(Debug, Serialize)]
 pub(super) struct CityStats<'a> {
     pub(super) manifest: &'a Manifest,
-    /// Of all archives.
+    /// Size of all archives.
     pub(super) file_bytes: u64,
     pub(super) subtree_tiles: u64,
-    /// Subtree tiles that cannot be read; their nodes' errors are missing below.
+    /// Subtree tiles that cannot be read. The errors of their nodes and their meshes are not counted.
     pub(super) damaged_subtree_tiles: usize,
     /// Root first.
     pub(super) levels: Vec<LevelStats>,
-    /// Leaves' meshes, the finest level of detail first; empty without any.
+    /// Finest level of detail first.
     pub(super) meshes: Vec<MeshLodStats>,
 }
 
-/// All meshes of one level of detail.
+/// Totals of the meshes of one level of detail.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct MeshLodStats {
     /// 0 for the finest.
@@ -30,47 +28,47 @@ pub(super) struct MeshLodStats {
     pub(super) bytes: u64,
     pub(super) triangles: u64,
     pub(super) texture_px: u64,
-    /// Largest error.
+    /// Largest error in metres.
     pub(super) error_m: f32,
 }
 
-/// One level of the quadtree.
+/// Totals of one level of the quadtree.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct LevelStats {
     pub(super) level: u8,
-    /// Side of a column.
+    /// Width of a column in metres.
     pub(super) cell_m: f64,
     pub(super) nodes: u64,
-    /// Of V-BlockMaps: all, and of one node.
+    /// Size of all V-BlockMaps; the other sizes are per node.
     pub(super) bytes: u64,
     pub(super) bytes_min: u64,
     pub(super) bytes_mean: f64,
     pub(super) bytes_max: u64,
-    /// World errors of its nodes; `None` without subtree tiles.
+    /// Smallest and largest geometric error of the nodes in metres; `None` if no subtree tile could be read.
     pub(super) error_m_min: Option<f64>,
     pub(super) error_m_max: Option<f64>,
 }
 
 impl<'a> CityStats<'a> {
-    pub(super) fn take(city: &'a CityStore) -> Self {
+    pub(super) fn collect(city: &'a CityStore) -> Self {
         let manifest = city.manifest();
-        let level = |level| LevelStats {
+        let empty_level = |level| LevelStats {
             level,
             cell_m: manifest.cell_m_at(level),
             bytes_min: u64::MAX,
             ..LevelStats::default()
         };
-        let mut levels: Vec<LevelStats> = (0..=manifest.depth).map(level).collect();
+        let mut levels: Vec<LevelStats> = (0..=manifest.depth).map(empty_level).collect();
         for (id, length) in city.blockmaps().lengths() {
             if let Some(level) = levels.get_mut(usize::from(id.level())) {
                 level.add_bytes(u64::from(length));
             }
         }
-        let mut damaged = 0;
+        let mut damaged_subtree_tiles = 0;
         let mut meshes: Vec<MeshLodStats> = Vec::new();
         for (_, bytes) in city.subtrees().tiles() {
             let Some(subtree) = bytes.ok().and_then(|bytes| Subtree::decode(&bytes).ok()) else {
-                damaged += 1;
+                damaged_subtree_tiles += 1;
                 continue;
             };
             for (lod, info) in subtree.meshes.iter().flat_map(|mesh| mesh.lods.iter().enumerate()) {
@@ -89,7 +87,7 @@ impl<'a> CityStats<'a> {
             level.finish();
         }
         let subtree_tiles = city.subtrees().len();
-        Self { manifest, file_bytes: city.file_bytes(), subtree_tiles, damaged_subtree_tiles: damaged, levels, meshes }
+        Self { manifest, file_bytes: city.file_bytes(), subtree_tiles, damaged_subtree_tiles, levels, meshes }
     }
 }
 

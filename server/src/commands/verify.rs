@@ -1,12 +1,9 @@
-//! `verify`: every checksum, every tile, and that the parts of a city agree.
-//!
-//! In: a city's folder. Out: the faults, one a line. Next: exit code 0 or 1.
+//! `verify`: checks every checksum, decodes every tile, and compares the parts of a city with each other.
 
 use super::{error::CommandError, output::print};
 use crate::{args::VerifyArgs, store::CityStore};
 use insula_protocol::{
-    BlockMap, MeshTile, Subtree, TileId, mesh_tile,
-    route::Layer,
+    BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     subtree::{MeshLod, NodeInfo},
     tile,
 };
@@ -15,31 +12,32 @@ use std::{
     io::Cursor,
 };
 
+/// Runs `verify` and prints the faults, one per line. Fails if the city cannot be opened or has faults.
 pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
-    let faults = faults(&city);
+    let faults = find_faults(&city);
     if faults.is_empty() {
         let tiles: u64 = city.archives().map(|(_, archive)| archive.len()).sum();
-        print(&format!("{}: {tiles} tiles, all good\n", city.manifest().name));
+        print(&format!("{}: {tiles} tiles, no faults\n", city.manifest().name));
         return Ok(());
     }
     print(&faults.iter().map(|fault| format!("{fault}\n")).collect::<String>());
     Err(CommandError::Faults { path: args.city.clone(), faults: faults.len() })
 }
 
-/// All that is wrong, one line each, tiles first.
-pub(super) fn faults(city: &CityStore) -> Vec<String> {
+/// The faults of a city, one line each, those of tiles first.
+fn find_faults(city: &CityStore) -> Vec<String> {
     let mut faults = Vec::new();
-    let lengths = blockmaps(city, &mut faults);
-    let (nodes, lods) = subtrees(city, &mut faults);
-    agreement(&lengths, &nodes, &mut faults);
-    meshes(city, lods, &nodes, &mut faults);
-    manifest(city, &lengths, &mut faults);
+    let lengths = check_blockmaps(city, &mut faults);
+    let subtrees = read_subtrees(city, &mut faults);
+    check_nodes(&lengths, &subtrees.nodes, &mut faults);
+    check_meshes(city, subtrees, &mut faults);
+    check_manifest(city, &lengths, &mut faults);
     faults
 }
 
-/// Every V-BlockMap's length, by its place.
-fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64> {
+/// Decodes every V-BlockMap. Returns their sizes in bytes.
+fn check_blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64> {
     let mut lengths = BTreeMap::new();
     for (id, bytes) in city.blockmaps().tiles() {
         let mut fault = |what: String| faults.push(format!("blockmaps/{id}: {what}"));
@@ -54,9 +52,9 @@ fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64
         match BlockMap::decode(id, &bytes) {
             Err(error) => fault(error.to_string()),
             Ok(map) => {
-                let wanted_m = city.manifest().cell_m_at(id.level());
-                if (f64::from(map.cell_m) / wanted_m - 1.0).abs() > 1e-5 {
-                    fault(format!("its columns are {} m wide, those of its level {wanted_m} m", map.cell_m));
+                let expected_m = city.manifest().cell_m_at(id.level());
+                if (f64::from(map.cell_m) / expected_m - 1.0).abs() > 1e-5 {
+                    fault(format!("its columns are {} m wide, its level has {expected_m} m", map.cell_m));
                 }
             }
         }
@@ -64,17 +62,21 @@ fn blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64
     lengths
 }
 
-type Nodes = BTreeMap<TileId, NodeInfo>;
-/// Levels of detail by leaf and number.
-type Lods = BTreeMap<(TileId, u8), MeshLod>;
+/// The nodes and meshes that a city's subtrees list.
+#[derive(Default)]
+struct SubtreeContents {
+    nodes: BTreeMap<TileId, NodeInfo>,
+    /// By leaf and level of detail.
+    meshes: BTreeMap<(TileId, u8), MeshLod>,
+}
 
-/// Every node and every mesh that the subtrees list.
-fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> (Nodes, Lods) {
-    let (mut nodes, mut lods) = (BTreeMap::new(), BTreeMap::new());
-    let mut there = BTreeSet::new();
-    let mut continued = BTreeSet::from([TileId::ROOT]);
+/// Decodes every subtree, and checks that exactly those exist that a node refers to.
+fn read_subtrees(city: &CityStore, faults: &mut Vec<String>) -> SubtreeContents {
+    let mut contents = SubtreeContents::default();
+    let mut existing = BTreeSet::new();
+    let mut referenced = BTreeSet::from([TileId::ROOT]);
     for (id, bytes) in city.subtrees().tiles() {
-        there.insert(id);
+        existing.insert(id);
         let decoded = bytes.map_err(|error| error.to_string());
         let subtree = match decoded.and_then(|bytes| Subtree::decode(&bytes).map_err(|error| error.to_string())) {
             Ok(subtree) => subtree,
@@ -84,75 +86,77 @@ fn subtrees(city: &CityStore, faults: &mut Vec<String>) -> (Nodes, Lods) {
             }
         };
         if let Some(root) = subtree.nodes.first().filter(|root| root.id != id) {
-            faults.push(format!("subtrees/{id}: it says that it is {}", root.id));
+            faults.push(format!("subtrees/{id}: its root node is {}", root.id));
             continue;
         }
         for mesh in &subtree.meshes {
-            lods.extend((0..).zip(&mesh.lods).map(|(number, lod)| ((mesh.id, number), *lod)));
+            contents.meshes.extend((0..).zip(&mesh.lods).map(|(number, lod)| ((mesh.id, number), *lod)));
         }
         for node in subtree.nodes {
             if node.child_mask != 0 && Subtree::is_root(node.id) {
-                continued.insert(node.id);
+                referenced.insert(node.id);
             }
-            nodes.insert(node.id, node);
+            contents.nodes.insert(node.id, node);
         }
     }
-    for id in continued.difference(&there) {
-        faults.push(format!("subtrees/{id}: missing, though its node has children"));
+    for id in referenced.difference(&existing) {
+        faults.push(format!("subtrees/{id}: missing, but its node has children"));
     }
-    for id in there.difference(&continued) {
-        faults.push(format!("subtrees/{id}: its node has no children, so nobody will ask for it"));
+    for id in existing.difference(&referenced) {
+        faults.push(format!("subtrees/{id}: unused: its node has no children"));
     }
-    (nodes, lods)
+    contents
 }
 
-/// Every mesh decodes, its picture has the size that it says, and meshes are those that the subtrees list.
-fn meshes(city: &CityStore, mut lods: Lods, nodes: &Nodes, faults: &mut Vec<String>) {
-    for (place, bytes) in city.archive(Layer::Meshes).into_iter().flat_map(|archive| archive.tiles()) {
-        let Some((id, number)) = mesh_tile::at_place(place, city.manifest().depth) else {
-            faults.push(format!("meshes/{place}: no leaf's mesh has its place there"));
+/// Decodes every mesh, and checks that exactly those exist that the subtrees list.
+fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut Vec<String>) {
+    let SubtreeContents { nodes, meshes: mut listed } = subtrees;
+    for (place, bytes) in city.archive(TileKind::Mesh).into_iter().flat_map(|archive| archive.tiles()) {
+        let Some((id, number)) = mesh_tile::from_archive_id(place, city.manifest().depth) else {
+            faults.push(format!("meshes/{place}: not the place of a leaf's mesh"));
             continue;
         };
         let mut fault = |what: String| faults.push(format!("meshes/{id}/{number}: {what}"));
-        let Some(lod) = lods.remove(&(id, number)) else {
-            fault("no subtree lists it, so nobody will ask for it".into());
+        let Some(lod) = listed.remove(&(id, number)) else {
+            fault("unused: no subtree lists it".into());
             continue;
         };
         match bytes {
-            Ok(bytes) => mesh((id, number), &bytes, &lod).unwrap_or_else(&mut fault),
+            Ok(bytes) => check_mesh(id, number, &bytes, &lod).unwrap_or_else(&mut fault),
             Err(error) => fault(error.to_string()),
         }
         if number == 0 && nodes.get(&id).is_some_and(|node| lod.error_m > node.error_m) {
-            fault(format!("its error of {} m is larger than that of the leaf's V-BlockMap", lod.error_m));
+            fault(format!("its error of {} m is larger than that of its leaf's V-BlockMap", lod.error_m));
         }
     }
-    faults.extend(lods.keys().map(|(id, number)| format!("meshes/{id}/{number}: missing, though a subtree lists it")));
+    faults.extend(listed.keys().map(|(id, number)| format!("meshes/{id}/{number}: missing, but a subtree lists it")));
 }
 
-fn mesh((id, number): (TileId, u8), bytes: &[u8], lod: &MeshLod) -> Result<(), String> {
+/// Decodes a mesh and its texture. Fails if sizes differ from those that its subtree lists.
+fn check_mesh(id: TileId, number: u8, bytes: &[u8], listed: &MeshLod) -> Result<(), String> {
     let tile = MeshTile::decode(id, number, bytes).map_err(|error| error.to_string())?;
     let pixels = tile.texture.as_ref().map_or(0, |texture| texture.pixels());
     let found = (bytes.len() as u64, tile.mesh.triangles.len() as u64, pixels);
-    let said = (u64::from(lod.bytes), u64::from(lod.triangles), lod.texture_px);
-    if found != said {
-        return Err(format!("{found:?} bytes, triangles and pixels, its subtree says {said:?}"));
+    let expected = (u64::from(listed.bytes), u64::from(listed.triangles), listed.texture_px);
+    if found != expected {
+        return Err(format!("{found:?} bytes, triangles and pixels, its subtree lists {expected:?}"));
     }
     let Some(texture) = tile.texture else { return Ok(()) };
     let reader = image::ImageReader::new(Cursor::new(&texture.bytes)).with_guessed_format();
     let size = reader.map_err(|error| error.to_string())?.into_dimensions().map_err(|error| error.to_string())?;
     if size != (texture.size_px[0].into(), texture.size_px[1].into()) {
-        return Err(format!("its picture has {size:?} pixels, it says {:?}", texture.size_px));
+        return Err(format!("its texture has {size:?} pixels, its header says {:?}", texture.size_px));
     }
     image::load_from_memory(&texture.bytes).map(drop).map_err(|error| error.to_string())
 }
 
-/// Nodes and V-BlockMaps are the same set, of the lengths that the nodes say; errors shrink downwards.
-fn agreement(lengths: &BTreeMap<TileId, u64>, nodes: &BTreeMap<TileId, NodeInfo>, faults: &mut Vec<String>) {
+/// Checks that nodes and V-BlockMaps are the same set with the same sizes, and that no node's error exceeds its parent's.
+fn check_nodes(lengths: &BTreeMap<TileId, u64>, nodes: &BTreeMap<TileId, NodeInfo>, faults: &mut Vec<String>) {
     for (id, node) in nodes {
         match lengths.get(id) {
-            None => faults.push(format!("blockmaps/{id}: missing, though a subtree lists it")),
+            None => faults.push(format!("blockmaps/{id}: missing, but a subtree lists it")),
             Some(length) if *length != u64::from(node.blockmap_bytes) => {
-                faults.push(format!("blockmaps/{id}: {length} bytes, its subtree says {}", node.blockmap_bytes));
+                faults.push(format!("blockmaps/{id}: {length} bytes, its subtree lists {}", node.blockmap_bytes));
             }
             Some(_) => {}
         }
@@ -163,16 +167,16 @@ fn agreement(lengths: &BTreeMap<TileId, u64>, nodes: &BTreeMap<TileId, NodeInfo>
         }
     }
     for id in lengths.keys().filter(|id| !nodes.contains_key(id)) {
-        faults.push(format!("blockmaps/{id}: no subtree lists it, so nobody will ask for it"));
+        faults.push(format!("blockmaps/{id}: unused: no subtree lists it"));
     }
 }
 
-/// What the manifest counts is what is there.
-fn manifest(city: &CityStore, lengths: &BTreeMap<TileId, u64>, faults: &mut Vec<String>) {
+/// Checks the manifest's tile format and its counts of nodes and bytes.
+fn check_manifest(city: &CityStore, lengths: &BTreeMap<TileId, u64>, faults: &mut Vec<String>) {
     let manifest = city.manifest();
     let mut fault = |what: String| faults.push(format!("city.json: {what}"));
     if manifest.tile_version != tile::VERSION {
-        fault(format!("its tiles are of format {}, this program reads {}", manifest.tile_version, tile::VERSION));
+        fault(format!("its tiles have format version {}, this program reads {}", manifest.tile_version, tile::VERSION));
     }
     let levels = usize::from(manifest.depth) + 1;
     let (mut nodes, mut bytes) = (vec![0u64; levels], vec![0u64; levels]);
@@ -181,11 +185,11 @@ fn manifest(city: &CityStore, lengths: &BTreeMap<TileId, u64>, faults: &mut Vec<
         nodes[level] += 1;
         bytes[level] += length;
     }
-    for (what, said, found) in
+    for (what, expected, found) in
         [("nodes", &manifest.counts.nodes_per_level, &nodes), ("bytes", &manifest.counts.bytes_per_level, &bytes)]
     {
-        if said != found {
-            fault(format!("it counts {said:?} {what} per level, the archive has {found:?}"));
+        if expected != found {
+            fault(format!("it counts {expected:?} {what} per level, the archive has {found:?}"));
         }
     }
 }

@@ -1,6 +1,4 @@
-//! Where settings come from: defaults, over them a TOML file, over it the environment, over it the command line.
-//!
-//! In: texts. Out: [`ServeConfig`], or the one line that names the place and the key of what is wrong. Next: `commands::serve`.
+//! Loads the settings: defaults, then a TOML file, the environment and the command line.
 
 use super::{
     keys::{self, RawValue, SETTINGS},
@@ -9,15 +7,15 @@ use super::{
 use std::{fmt::Write, path::Path};
 use toml::de::{DeTable, DeValue};
 
-/// `limits.in_flight` is `INSULA_SERVE_LIMITS_IN_FLIGHT` there.
+/// Prefix of environment variables: `limits.in_flight` is `INSULA_SERVE_LIMITS_IN_FLIGHT`.
 const PREFIX: &str = "INSULA_SERVE_";
-/// Longest config file.
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
-/// Why there is no config: where, which key, what is wrong.
+/// An invalid setting: where it was given, and what is wrong.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("cannot use the settings: {place}: {reason}; `insula-server serve --print-config` shows all keys")]
 pub struct ConfigError {
+    /// File and line, environment variable, or command line option, with the key.
     place: String,
     reason: String,
 }
@@ -29,8 +27,9 @@ impl ConfigError {
 }
 
 impl ServeConfig {
-    /// The defaults, over them the file, the environment (pairs of name and value) and `settings` (`key=value`).
-    pub fn new(
+    /// Applies the file, the environment (pairs of name and value) and `settings` (`key=value`) to the defaults, in this order.
+    /// Fails if the file cannot be read, a key is unknown or a value is invalid.
+    pub fn load(
         file: Option<&Path>,
         environment: impl IntoIterator<Item = (String, String)>,
         settings: &[String],
@@ -39,33 +38,33 @@ impl ServeConfig {
         if let Some(path) = file {
             let name = path.display().to_string();
             let text = read(path).map_err(|reason| ConfigError::new(&name, reason))?;
-            config.set_from_file(&name, &text)?;
+            config.apply_file(&name, &text)?;
         }
-        config.set_from_environment(environment)?;
+        config.apply_environment(environment)?;
         for setting in settings {
             let place = || format!("--set {setting}");
             let (key, value) =
-                setting.split_once('=').ok_or_else(|| ConfigError::new(place(), "KEY=VALUE is wanted"))?;
-            keys::set(&mut config, key, &RawValue::Plain(value.to_owned()))
+                setting.split_once('=').ok_or_else(|| ConfigError::new(place(), "expected KEY=VALUE"))?;
+            keys::set(&mut config, key, &RawValue::Untyped(value.to_owned()))
                 .map_err(|reason| ConfigError::new(place(), reason))?;
         }
-        config.check().map_err(|reason| ConfigError::new("all together", reason))?;
+        config.validate().map_err(|reason| ConfigError::new("conflicting settings", reason))?;
         Ok(config)
     }
 
-    fn set_from_file(&mut self, name: &str, text: &str) -> Result<(), ConfigError> {
-        let at = |start: usize| text.get(..start).map_or(1, |before| before.matches('\n').count() + 1);
+    fn apply_file(&mut self, name: &str, text: &str) -> Result<(), ConfigError> {
+        let line_at = |start: usize| text.get(..start).map_or(1, |before| before.matches('\n').count() + 1);
         let table = DeTable::parse(text).map_err(|error| {
-            let line = error.span().map_or(1, |span| at(span.start));
+            let line = error.span().map_or(1, |span| line_at(span.start));
             ConfigError::new(format!("{name}, line {line}"), error.message().replace('\n', " "))
         })?;
         for (key, value) in table.get_ref().iter() {
-            let place = |start: usize, key: &str| format!("{name}, line {}, {key}", at(start));
-            if let DeValue::Table(inner) = value.get_ref() {
-                for (sub, value) in inner.iter() {
-                    let full = format!("{}.{}", key.get_ref(), sub.get_ref());
+            let place = |start: usize, key: &str| format!("{name}, line {}, {key}", line_at(start));
+            if let DeValue::Table(table) = value.get_ref() {
+                for (sub_key, value) in table.iter() {
+                    let full = format!("{}.{}", key.get_ref(), sub_key.get_ref());
                     keys::set(self, &full, &raw_value(value.get_ref()))
-                        .map_err(|reason| ConfigError::new(place(sub.span().start, &full), reason))?;
+                        .map_err(|reason| ConfigError::new(place(sub_key.span().start, &full), reason))?;
                 }
             } else {
                 keys::set(self, key.get_ref(), &raw_value(value.get_ref()))
@@ -75,31 +74,31 @@ impl ServeConfig {
         Ok(())
     }
 
-    fn set_from_environment(
+    fn apply_environment(
         &mut self,
         environment: impl IntoIterator<Item = (String, String)>,
     ) -> Result<(), ConfigError> {
         for (name, value) in environment {
-            let Some(wanted) = name.strip_prefix(PREFIX) else { continue };
-            let known = SETTINGS.iter().find(|(key, _)| key.replace('.', "_").to_uppercase() == wanted);
+            let Some(suffix) = name.strip_prefix(PREFIX) else { continue };
+            let known = SETTINGS.iter().find(|(key, _)| key.replace('.', "_").to_uppercase() == suffix);
             let (key, _) = known.ok_or_else(|| ConfigError::new(&name, "there is no such setting"))?;
-            keys::set(self, key, &RawValue::Plain(value)).map_err(|reason| ConfigError::new(&name, reason))?;
+            keys::set(self, key, &RawValue::Untyped(value)).map_err(|reason| ConfigError::new(&name, reason))?;
         }
         Ok(())
     }
 
-    /// All settings as a TOML file that gives this config again, each with what it means.
+    /// All settings as a documented TOML file, from which [`Self::load`] restores this value.
     pub fn to_toml(&self) -> String {
         let mut out = String::new();
         let mut config = self.clone();
-        let mut table = "";
-        for (key, about) in SETTINGS {
-            let (of, name) = key.split_once('.').unwrap_or(("", key));
-            if of != table {
-                let _ = write!(out, "\n[{of}]\n");
-                table = of;
+        let mut current_table = "";
+        for (key, doc) in SETTINGS {
+            let (table, name) = key.split_once('.').unwrap_or(("", key));
+            if table != current_table {
+                let _ = write!(out, "\n[{table}]\n");
+                current_table = table;
             }
-            let _ = writeln!(out, "# {about}\n{name} = {}", keys::get(&mut config, key));
+            let _ = writeln!(out, "# {doc}\n{name} = {}", keys::get(&mut config, key));
         }
         out
     }
@@ -124,9 +123,9 @@ fn raw_value(value: &DeValue<'_>) -> RawValue {
 }
 
 fn read(path: &Path) -> Result<String, String> {
-    let about = std::fs::metadata(path).map_err(|error| error.to_string())?;
-    if about.len() > MAX_FILE_BYTES {
-        return Err(format!("a config file is at most {MAX_FILE_BYTES} bytes"));
+    let metadata = std::fs::metadata(path).map_err(|error| error.to_string())?;
+    if metadata.len() > MAX_FILE_BYTES {
+        return Err(format!("the file is larger than {MAX_FILE_BYTES} bytes"));
     }
     std::fs::read_to_string(path).map_err(|error| error.to_string())
 }
@@ -135,27 +134,27 @@ fn read(path: &Path) -> Result<String, String> {
 mod tests {
     use super::*;
 
-    fn with(text: &str, environment: &[(&str, &str)], settings: &[&str]) -> Result<ServeConfig, String> {
+    fn load(text: &str, environment: &[(&str, &str)], settings: &[&str]) -> Result<ServeConfig, String> {
         let file = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
         std::fs::write(file.path(), text).unwrap();
         let environment = environment.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
         let settings: Vec<_> = settings.iter().map(|setting| (*setting).to_owned()).collect();
-        ServeConfig::new(Some(file.path()), environment, &settings).map_err(|error| error.to_string())
+        ServeConfig::load(Some(file.path()), environment, &settings).map_err(|error| error.to_string())
     }
 
     #[test]
-    fn the_command_line_wins_over_the_environment_and_that_over_the_file() {
+    fn command_line_overrides_environment_overrides_file() {
         let file = "listen = \"0.0.0.0:80\"\n[limits]\nin_flight = 5\nheaders = 9\n";
         let environment = [("INSULA_SERVE_LIMITS_IN_FLIGHT", "6"), ("INSULA_SERVE_DRAIN_SECS", "1"), ("HOME", "/")];
-        let config = with(file, &environment, &["drain_secs=2"]).unwrap();
+        let config = load(file, &environment, &["drain_secs=2"]).unwrap();
         assert_eq!((config.listen.as_str(), config.limits.headers), ("0.0.0.0:80", 9));
         assert_eq!((config.limits.in_flight, config.drain_secs), (6, 2));
-        assert_eq!(ServeConfig::new(None, [], &[]).unwrap(), ServeConfig::default());
+        assert_eq!(ServeConfig::load(None, [], &[]).unwrap(), ServeConfig::default());
     }
 
     #[test]
-    fn what_is_wrong_is_named_by_line_and_key() {
-        for (text, wanted) in [
+    fn errors_name_line_and_key() {
+        for (text, expected) in [
             ("\n\nlisten = \"here\"", ["line 3, listen", "HOST:PORT"]),
             ("[limits]\n# none\nin_flight = 0", ["line 3, limits.in_flight", "from 1 to"]),
             ("[limits]\nin_flight = \"5\"", ["line 2, limits.in_flight", "without quotes"]),
@@ -172,21 +171,21 @@ mod tests {
             ("[tls]\nkey = \"k.pem\"", ["tls.key", "tls.certificate"]),
             ("[access]\nprivate = [\"delft\"]", ["access.private", "access.tokens"]),
         ] {
-            let line = with(text, &[], &[]).expect_err(text);
-            assert!(!line.contains('\n') && wanted.iter().all(|part| line.contains(part)), "{text}: {line}");
+            let line = load(text, &[], &[]).expect_err(text);
+            assert!(!line.contains('\n') && expected.iter().all(|part| line.contains(part)), "{text}: {line}");
         }
-        let line = with("", &[("INSULA_SERVE_LIMIT", "1")], &[]).unwrap_err();
+        let line = load("", &[("INSULA_SERVE_LIMIT", "1")], &[]).unwrap_err();
         assert!(line.contains("INSULA_SERVE_LIMIT"), "{line}");
-        let line = with("", &[("INSULA_SERVE_THREADS", "many")], &[]).unwrap_err();
+        let line = load("", &[("INSULA_SERVE_THREADS", "many")], &[]).unwrap_err();
         assert!(line.contains("INSULA_SERVE_THREADS") && line.contains("many"), "{line}");
         for setting in ["threads", "threads=-1", "thread=1"] {
-            assert!(with("", &[], &[setting]).unwrap_err().contains(setting));
+            assert!(load("", &[], &[setting]).unwrap_err().contains(setting));
         }
     }
 
     #[test]
-    fn what_is_printed_gives_the_same_again() {
-        assert_eq!(with(&ServeConfig::default().to_toml(), &[], &[]).unwrap(), ServeConfig::default());
+    fn printed_settings_load_to_the_same_config() {
+        assert_eq!(load(&ServeConfig::default().to_toml(), &[], &[]).unwrap(), ServeConfig::default());
         let odd = [
             "listen=[::1]:0",
             "access.tokens=/a \"b\"\\c",
@@ -197,13 +196,13 @@ mod tests {
             "tls.key=k",
             "tls.certificate=c",
         ];
-        let config = with("", &[], &odd).unwrap();
+        let config = load("", &[], &odd).unwrap();
         assert_ne!(config, ServeConfig::default());
         let text = config.to_toml();
-        assert_eq!(with(&text, &[], &[]).unwrap(), config);
-        for (key, about) in SETTINGS {
+        assert_eq!(load(&text, &[], &[]).unwrap(), config);
+        for (key, doc) in SETTINGS {
             let name = key.rsplit('.').next().unwrap();
-            assert!(text.contains(&format!("# {about}\n{name} = ")), "{key} is not printed");
+            assert!(text.contains(&format!("# {doc}\n{name} = ")), "{key} is missing from the output");
         }
     }
 }

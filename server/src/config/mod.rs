@@ -1,8 +1,7 @@
-//! What `serve` was told, checked.
+//! The settings of `serve`.
 //!
-//! In: a TOML file, the environment, the command line. Out: [`ServeConfig`]. Next: `http::serve`; only this travels.
-//!
-//! Each setting has one name, `table.key` (`keys`), wherever it is raw_value; `--print-config` writes them all.
+//! [`ServeConfig`] combines, by rising precedence, defaults, a TOML file, the environment and the command line. A setting has
+//! the same name, `table.key`, in all of them.
 
 mod keys;
 mod load;

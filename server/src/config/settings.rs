@@ -2,133 +2,115 @@
 
 use std::{path::PathBuf, time::Duration};
 
-/// Address that `serve` listens on unless told otherwise.
+/// Default of `listen`.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:7700";
 
-/// How to serve.
+/// All settings of `serve`. `keys` documents each setting for users.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServeConfig {
     /// `HOST:PORT`; port 0 picks a free one.
     pub listen: String,
-    /// Threads that answer; 0 for one a core.
+    /// Number of worker threads; 0 for one per core.
     pub threads: usize,
-    /// Seconds that requests in flight may take to finish at shutdown.
     pub drain_secs: u64,
-    /// TLS.
     pub tls: TlsConfig,
-    /// Replacing cities while they are served.
     pub reload: ReloadConfig,
-    /// What is bounded.
     pub limits: LimitsConfig,
-    /// Blocks of remote cities.
     pub cache: BlockCacheConfig,
-    /// Who may see what.
     pub access: AccessConfig,
-    /// What is logged.
     pub log: LogConfig,
 }
 
 /// HTTPS; off without a certificate.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TlsConfig {
-    /// PEM file with the certificate and those between it and a root.
+    /// PEM file of the certificate and its chain.
     pub certificate: Option<PathBuf>,
-    /// PEM file with its private key.
+    /// PEM file of the private key.
     pub key: Option<PathBuf>,
 }
 
-/// How cities are replaced.
+/// Replacement of cities while they are served.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReloadConfig {
-    /// Seconds between looks at the folders; 0: only at SIGHUP.
+    /// Seconds between two checks for changes; 0 for SIGHUP only.
     pub watch_secs: u64,
-    /// Seconds that a replaced version is still served.
+    /// Seconds for which a replaced version is still served.
     pub keep_secs: u64,
-    /// Replaced versions of one city that are still served.
+    /// Replaced versions per city that are still served.
     pub keep_versions: usize,
 }
 
-/// Bounds, all of them enforced.
+/// Limits on connections, requests and memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LimitsConfig {
-    /// Connections at once; those over it are told 503 and closed.
     pub connections: usize,
-    /// Requests for cities worked on at once; more are turned away with 503.
+    /// Requests in flight, without those for health and metrics.
     pub in_flight: usize,
-    /// Bytes of answers that wait to be sent; more requests are turned away with 503.
     pub in_flight_bytes: usize,
-    /// Bytes of tiles that are kept ready to be sent.
+    /// Size of the tile caches of all threads together.
     pub tile_bytes: usize,
-    /// Bytes of a request's line and headers.
     pub header_bytes: usize,
-    /// Headers of a request.
+    /// Number of headers per request.
     pub headers: usize,
-    /// Seconds from a request's first byte to the end of its headers; from the connection to the first request.
+    /// Seconds from a request's first byte (at first: from the connection) to the end of its headers.
     pub header_secs: u64,
-    /// Seconds that a connection may idle between requests.
     pub idle_secs: u64,
     /// Seconds in which a client must take at least 16 KiB of what waits for it.
     pub write_secs: u64,
-    /// Requests at once on one connection of HTTP/2.
+    /// Concurrent requests per HTTP/2 connection.
     pub streams: u32,
-    /// Requests a second of one client's address; 0 for no limit.
+    /// Requests per second and client address; 0 for no limit.
     pub client_rate: f64,
-    /// Requests that a client may make at once before that rate counts.
+    /// Requests that an address may make at once before the rate applies.
     pub client_burst: u32,
 }
 
-/// What is kept of cities in object stores and behind web servers.
+/// Block cache of cities in object stores and behind web servers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BlockCacheConfig {
-    /// Bytes of blocks in memory.
     pub memory_bytes: u64,
-    /// Bytes of one block: what is fetched at once.
+    /// Size of a block, the unit of fetching.
     pub block_bytes: u64,
-    /// Folder for blocks on disk; none are kept there without it.
+    /// Folder for blocks on disk; `None` for memory only.
     pub folder: Option<PathBuf>,
-    /// Bytes of blocks on disk.
     pub folder_bytes: u64,
-    /// Requests to stores at once.
+    /// Concurrent requests to stores.
     pub fetches: usize,
-    /// Seconds after which a store that fails or does not answer is raw_value up.
+    /// Seconds for which a failing or silent store is retried.
     pub timeout_secs: u64,
 }
 
 /// Private cities.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct AccessConfig {
-    /// File of bearer tokens, one a line.
+    /// File of bearer tokens, one per line.
     pub tokens: Option<PathBuf>,
-    /// Cities that ask for a token; all of them if there are tokens and this is empty.
+    /// Names of the cities that need a token. If empty while there are tokens, all cities need one.
     pub private: Vec<String>,
 }
 
-/// Logs, to standard error.
+/// The log on standard error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogConfig {
-    /// How a line looks.
     pub format: LogFormat,
-    /// Which requests have one.
     pub requests: LogRequests,
 }
 
-/// How a line of the log looks.
+/// Format of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LogFormat {
-    /// For people.
     Text,
-    /// An object a line.
+    /// One JSON object per line.
     Json,
 }
 
-/// Which requests have a line in the log.
+/// Which requests are logged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LogRequests {
-    /// None.
     None,
-    /// Answers of 5xx.
+    /// Those with a 5xx response.
     Errors,
-    /// All.
     All,
 }
 
@@ -181,7 +163,7 @@ impl Default for LimitsConfig {
 }
 
 impl ServeConfig {
-    /// Threads that answer.
+    /// Number of worker threads.
     pub fn worker_threads(&self) -> usize {
         match self.threads {
             0 => std::thread::available_parallelism().map_or(2, usize::from),
@@ -189,20 +171,20 @@ impl ServeConfig {
         }
     }
 
-    /// How long requests in flight may take to finish.
-    pub fn drain(&self) -> Duration {
+    /// Time that requests in flight may take to finish at shutdown.
+    pub fn drain_timeout(&self) -> Duration {
         Duration::from_secs(self.drain_secs)
     }
 
-    /// What spans several settings. Errors: what is wrong, naming the key.
-    pub(super) fn check(&self) -> Result<(), String> {
+    /// Checks rules that span several settings. Fails with a message that names the keys.
+    pub(super) fn validate(&self) -> Result<(), String> {
         match (&self.tls.certificate, &self.tls.key) {
-            (Some(_), None) => return Err("tls.certificate is raw_value, tls.key is not: give both or none".into()),
-            (None, Some(_)) => return Err("tls.key is raw_value, tls.certificate is not: give both or none".into()),
+            (Some(_), None) => return Err("tls.certificate is set, tls.key is not: set both or none".into()),
+            (None, Some(_)) => return Err("tls.key is set, tls.certificate is not: set both or none".into()),
             _ => {}
         }
         if !self.access.private.is_empty() && self.access.tokens.is_none() {
-            return Err("access.private names cities, but without access.tokens nobody could see them".into());
+            return Err("access.private names cities, but without access.tokens no client could open them".into());
         }
         Ok(())
     }

@@ -1,28 +1,28 @@
-//! The cities that are served, with their documents and who may see them.
+//! The cities that are served, with their encoded documents and access rules.
 
 use super::{access_control::AccessControl, city_documents::CityDocuments};
 use crate::store::Store;
 
-/// Cities with what is said of them and who may see them, swapped as one.
+/// Open cities, their documents and their access rules; replaced as one value.
 #[derive(Debug)]
 pub struct Catalog {
     store: Store,
-    manifests: CityDocuments,
+    documents: CityDocuments,
     access: AccessControl,
 }
 
 impl Catalog {
     pub(super) fn new(store: Store, access: AccessControl) -> Self {
-        Self { manifests: CityDocuments::new(&store, &access), store, access }
+        Self { documents: CityDocuments::new(&store, &access), store, access }
     }
 
-    /// The opened cities.
+    /// The open cities.
     pub fn store(&self) -> &Store {
         &self.store
     }
 
-    pub(super) fn manifests(&self) -> &CityDocuments {
-        &self.manifests
+    pub(super) fn documents(&self) -> &CityDocuments {
+        &self.documents
     }
 
     pub(super) fn access(&self) -> &AccessControl {

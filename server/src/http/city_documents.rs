@@ -1,6 +1,10 @@
-//! What the server says of its cities, encoded once each time that one of them changes.
+//! City list, manifests and OpenAPI document, encoded once per change of the cities.
 
-use super::{access_control::AccessControl, content_encoding::EncodedContent, representation::REVALIDATE};
+use super::{
+    access_control::AccessControl,
+    content_encoding::EncodedContent,
+    representation::{REVALIDATE, REVALIDATE_PRIVATE},
+};
 use crate::store::Store;
 use axum::http::HeaderValue;
 use insula_protocol::{Manifest, codec::bincode, manifest::Attribution, route};
@@ -10,20 +14,22 @@ use std::collections::BTreeMap;
 pub(super) const JSON: &str = "application/json";
 pub(super) const BINCODE: &str = "application/x-bincode";
 
-/// The contract, which the tests hold the server to.
+/// The HTTP contract; the tests check the server against it.
 const OPENAPI: &str = include_str!("../../openapi.json");
 
-/// All that can be said of the cities, made once each time that one of them changes.
+/// All documents about the cities, ready to be sent.
 #[derive(Debug)]
 pub(super) struct CityDocuments {
-    /// For everybody, and for who has a token.
-    pub(super) lists: [EncodedContent; 2],
+    /// Without the private cities.
+    pub(super) public_list: EncodedContent,
+    pub(super) full_list: EncodedContent,
+    /// Manifests by city name.
     pub(super) json: BTreeMap<String, EncodedContent>,
+    /// Manifests by city name; one over bincode's size limit is missing.
     pub(super) bincode: BTreeMap<String, EncodedContent>,
     pub(super) openapi: EncodedContent,
 }
 
-/// One line of the list.
 #[derive(Serialize)]
 struct CityListEntry<'a> {
     name: &'a str,
@@ -42,36 +48,39 @@ impl CityDocuments {
             let (manifest, name) = (city.manifest(), &city.manifest().name);
             let text = serde_json::to_vec_pretty(manifest).unwrap_or_default();
             let private = access.is_private(name);
-            json.insert(name.clone(), packed(text, JSON, private));
-            // A manifest over bincode's limit is served as JSON alone.
+            json.insert(name.clone(), encode_manifest(text, JSON, private));
             if let Ok(bytes) = bincode::to_bytes(manifest) {
-                bincode.insert(name.clone(), packed(bytes, BINCODE, private));
+                bincode.insert(name.clone(), encode_manifest(bytes, BINCODE, private));
             }
         }
-        let openapi =
-            EncodedContent::new(OPENAPI.as_bytes().to_vec(), "application/vnd.oai.openapi+json", REVALIDATE, "");
-        let lists = [false, true].map(|all| list(store, |name| all || !access.is_private(name), all));
-        Self { lists, json, bincode, openapi }
+        let openapi_type = "application/vnd.oai.openapi+json";
+        Self {
+            public_list: encode_list(store, |name| !access.is_private(name), false),
+            full_list: encode_list(store, |_| true, true),
+            json,
+            bincode,
+            openapi: EncodedContent::new(OPENAPI.as_bytes().to_vec(), openapi_type, REVALIDATE, ""),
+        }
     }
 }
 
-fn packed(body: Vec<u8>, content_type: &'static str, private: bool) -> EncodedContent {
+fn encode_manifest(body: Vec<u8>, content_type: &'static str, private: bool) -> EncodedContent {
     EncodedContent::new(body, content_type, cache_control(private), "accept")
 }
 
 fn cache_control(private: bool) -> HeaderValue {
-    if private { HeaderValue::from_static("private, no-cache") } else { REVALIDATE }
+    if private { REVALIDATE_PRIVATE } else { REVALIDATE }
 }
 
-fn list(store: &Store, visible: impl Fn(&str) -> bool, private: bool) -> EncodedContent {
-    let listed = |manifest: &Manifest| serde_json::to_value(line(manifest)).unwrap_or_default();
-    let cities = store.cities().filter(|city| visible(&city.manifest().name));
-    let lines: Vec<_> = cities.map(|city| listed(city.manifest())).collect();
-    let body = serde_json::to_vec_pretty(&lines).unwrap_or_default();
+fn encode_list(store: &Store, is_listed: impl Fn(&str) -> bool, private: bool) -> EncodedContent {
+    let cities = store.cities().filter(|city| is_listed(&city.manifest().name));
+    let entries: Vec<_> =
+        cities.map(|city| serde_json::to_value(list_entry(city.manifest())).unwrap_or_default()).collect();
+    let body = serde_json::to_vec_pretty(&entries).unwrap_or_default();
     EncodedContent::new(body, JSON, cache_control(private), "")
 }
 
-fn line(manifest: &Manifest) -> CityListEntry<'_> {
+fn list_entry(manifest: &Manifest) -> CityListEntry<'_> {
     CityListEntry {
         name: &manifest.name,
         title: &manifest.title,

@@ -1,6 +1,4 @@
-//! One connection: HTTP/1.1 or HTTP/2 by its first bytes, and what its client may take its time for.
-//!
-//! In: a stream. Out: nothing, once it has ended or been closed. Next: `app` answers each request on it.
+//! Serves one connection: HTTP/1.1 or HTTP/2, chosen by its first bytes, with slow clients detected.
 
 use super::{connection_state::ConnectionState, problem::Problem, service::HttpService};
 use axum::http::{Request, StatusCode};
@@ -20,120 +18,121 @@ use std::{
 };
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-/// Answers of a thread in a row.
-const TURN: u32 = 32;
-/// HTTP/2 connections are asked so often whether they live.
-const PING: Duration = Duration::from_secs(30);
+/// Writes of a thread between two yields of its core.
+const WRITES_PER_YIELD: u32 = 32;
+/// Interval of HTTP/2 keep-alive pings.
+const PING_INTERVAL: Duration = Duration::from_secs(30);
 
-/// How a connection's settings reach hyper; made once a thread.
-pub(super) fn builder(app: &HttpService) -> auto::Builder<TokioExecutor> {
-    let limits = app.state().limits();
+/// hyper's settings for all connections of a thread.
+pub(super) fn connection_builder(service: &HttpService) -> auto::Builder<TokioExecutor> {
+    let limits = service.state().limits();
     let mut builder = auto::Builder::new(TokioExecutor::new());
-    // `worker` looks at the clock for all: that costs less than a timer for each request.
+    // The worker's reaper checks the header timeout: that is cheaper than a timer per request.
     builder.http1().header_read_timeout(None).max_buf_size(limits.header_bytes);
     builder
         .http2()
         .timer(TokioTimer::new())
-        .keep_alive_interval(PING)
+        .keep_alive_interval(PING_INTERVAL)
         .max_concurrent_streams(limits.streams)
         .max_header_list_size(limits.header_bytes as u32);
     builder
 }
 
-/// Serves one connection until it ends, or its client was told to finish and has.
+/// Serves one connection until it ends, or until `state` asks for a shutdown and the requests in progress are answered.
 pub(super) async fn serve<S>(
     stream: S,
     builder: &auto::Builder<TokioExecutor>,
-    app: HttpService,
-    client: Arc<ConnectionState>,
+    service: HttpService,
+    state: Arc<ConnectionState>,
 ) where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let stream = MonitoredStream { stream, client: client.clone(), refusal: None };
-    let of = client.clone();
-    let service = service_fn(move |request: Request<Incoming>| app.answer(Some(&of), request.into_parts().0));
-    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
-    let mut told = false;
+    let stream = MonitoredStream { stream, state: state.clone(), rewrite: None };
+    let request_state = state.clone();
+    let handler =
+        service_fn(move |request: Request<Incoming>| service.respond(Some(&request_state), request.into_parts().0));
+    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), handler));
+    let mut shutdown_started = false;
     let ended = poll_fn(|context| {
-        client.set_waker(context.waker());
-        if client.is_finishing() && !told {
-            told = true;
+        state.set_waker(context.waker());
+        if state.is_shutting_down() && !shutdown_started {
+            shutdown_started = true;
             connection.as_mut().graceful_shutdown();
         }
         connection.as_mut().poll(context)
     });
     if let Err(error) = ended.await {
-        tracing::debug!(%error, "a connection ended early");
+        tracing::debug!(%error, "connection ended early");
     }
 }
 
-/// To be called after an answer: each [`TURN`] of them, whoever waits for this core runs first.
+/// Yields this thread's core once per [`WRITES_PER_YIELD`] calls.
 ///
-/// A thread that always has something to answer never sleeps, and the kernel lets others wait for its whole time slices:
-/// with a client on the same two cores that was 8 ms at the 99th percentile, and is one.
-fn give_way() {
-    thread_local!(static WRITTEN: Cell<u32> = const { Cell::new(0) });
-    let written = WRITTEN.get() + 1;
-    if written < TURN {
-        WRITTEN.set(written);
+/// A thread that always has a response to write never sleeps, and the kernel lets other threads wait for its whole time
+/// slice. With a client on the same two cores, yielding lowers the 99th percentile from 8 ms to 1 ms.
+fn yield_after_writes() {
+    thread_local!(static WRITES: Cell<u32> = const { Cell::new(0) });
+    let writes = WRITES.get() + 1;
+    if writes < WRITES_PER_YIELD {
+        WRITES.set(writes);
     } else {
-        WRITTEN.set(0);
+        WRITES.set(0);
         std::thread::yield_now();
     }
 }
 
-/// A stream that tells a [`ConnectionState`] what goes over it, and puts hyper's own refusals into words.
+/// A stream that reports its traffic to a [`ConnectionState`] and replaces hyper's own rejections by problem documents.
 struct MonitoredStream<S> {
     stream: S,
-    client: Arc<ConnectionState>,
-    refusal: Option<RejectionRewrite>,
+    state: Arc<ConnectionState>,
+    rewrite: Option<RejectionRewrite>,
 }
 
-/// An answer that is written in place of hyper's: how much of it is out.
+/// A response that is written instead of hyper's.
 struct RejectionRewrite {
     raw: Vec<u8>,
-    out: usize,
+    written: usize,
 }
 
 impl RejectionRewrite {
-    /// hyper answers what is no request by itself: a status without a body. All others of our answers have an id.
-    fn of(head: &[u8]) -> Option<Self> {
-        let ours = || head.windows(12).any(|window| window.eq_ignore_ascii_case(b"x-request-id"));
+    /// hyper rejects malformed requests itself, with a bare status. Our own responses are recognised by their request id.
+    fn for_head(head: &[u8]) -> Option<Self> {
+        let is_ours = || head.windows(12).any(|window| window.eq_ignore_ascii_case(b"x-request-id"));
         let problem = match head.get(..12)? {
-            b"HTTP/1.1 400" if !ours() => Problem::bad_request("this is not HTTP, or not whole"),
-            b"HTTP/1.1 414" if !ours() => Problem::new(StatusCode::URI_TOO_LONG, "the address is too long"),
-            b"HTTP/1.1 431" if !ours() => {
+            b"HTTP/1.1 400" if !is_ours() => Problem::bad_request("this is not a valid HTTP request"),
+            b"HTTP/1.1 414" if !is_ours() => Problem::new(StatusCode::URI_TOO_LONG, "the URI is too long"),
+            b"HTTP/1.1 431" if !is_ours() => {
                 Problem::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "the request's headers are too large")
             }
             _ => return None,
         };
-        Some(Self { raw: problem.raw(), out: 0 })
+        Some(Self { raw: problem.to_http1(), written: 0 })
     }
 }
 
 impl<S: AsyncWrite + Unpin> MonitoredStream<S> {
-    /// Writes the rest of a refusal; then `offered` bytes of what it replaces count as written.
-    fn refuse(&mut self, context: &mut Context<'_>, offered: usize) -> Poll<io::Result<usize>> {
-        while let Some(refusal) = &mut self.refusal {
-            let written = ready!(Pin::new(&mut self.stream).poll_write(context, &refusal.raw[refusal.out..]))?;
-            refusal.out += written;
-            if refusal.out >= refusal.raw.len() || written == 0 {
-                self.refusal = None;
+    /// Writes the rest of a rewritten response; afterwards the `offered` bytes that it replaces count as written.
+    fn poll_write_rewrite(&mut self, context: &mut Context<'_>, offered: usize) -> Poll<io::Result<usize>> {
+        while let Some(rewrite) = &mut self.rewrite {
+            let written = ready!(Pin::new(&mut self.stream).poll_write(context, &rewrite.raw[rewrite.written..]))?;
+            rewrite.written += written;
+            if rewrite.written >= rewrite.raw.len() || written == 0 {
+                self.rewrite = None;
             }
         }
         Poll::Ready(Ok(offered))
     }
 
-    fn watched(&mut self, offered: usize, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
-        match &written {
+    fn record_write(&mut self, offered: usize, result: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        match &result {
             Poll::Ready(Ok(taken)) => {
-                self.client.wrote(Some(*taken), offered);
-                give_way();
+                self.state.bytes_sent(Some(*taken), offered);
+                yield_after_writes();
             }
-            Poll::Pending => self.client.wrote(None, offered),
+            Poll::Pending => self.state.bytes_sent(None, offered),
             Poll::Ready(Err(_)) => {}
         }
-        written
+        result
     }
 }
 
@@ -146,7 +145,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for MonitoredStream<S> {
         let before = buffer.filled().len();
         ready!(Pin::new(&mut self.stream).poll_read(context, buffer))?;
         if buffer.filled().len() > before {
-            self.client.read();
+            self.state.bytes_received();
         }
         Poll::Ready(Ok(()))
     }
@@ -154,14 +153,14 @@ impl<S: AsyncRead + Unpin> AsyncRead for MonitoredStream<S> {
 
 impl<S: AsyncWrite + Unpin> AsyncWrite for MonitoredStream<S> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        if self.refusal.is_none() {
-            self.refusal = RejectionRewrite::of(bytes);
+        if self.rewrite.is_none() {
+            self.rewrite = RejectionRewrite::for_head(bytes);
         }
-        let written = match self.refusal {
-            Some(_) => self.refuse(context, bytes.len()),
+        let result = match self.rewrite {
+            Some(_) => self.poll_write_rewrite(context, bytes.len()),
             None => Pin::new(&mut self.stream).poll_write(context, bytes),
         };
-        self.watched(bytes.len(), written)
+        self.record_write(bytes.len(), result)
     }
 
     fn poll_write_vectored(
@@ -170,14 +169,14 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for MonitoredStream<S> {
         slices: &[IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
         let offered = slices.iter().map(|slice| slice.len()).sum();
-        if self.refusal.is_none() {
-            self.refusal = slices.first().and_then(|head| RejectionRewrite::of(head));
+        if self.rewrite.is_none() {
+            self.rewrite = slices.first().and_then(|head| RejectionRewrite::for_head(head));
         }
-        let written = match self.refusal {
-            Some(_) => self.refuse(context, offered),
+        let result = match self.rewrite {
+            Some(_) => self.poll_write_rewrite(context, offered),
             None => Pin::new(&mut self.stream).poll_write_vectored(context, slices),
         };
-        self.watched(offered, written)
+        self.record_write(offered, result)
     }
 
     fn is_write_vectored(&self) -> bool {

@@ -1,4 +1,4 @@
-//! What the server knows of one connection, and whether its client is too slow.
+//! Progress of one connection, and the timeouts that close it.
 
 use std::{
     net::IpAddr,
@@ -10,33 +10,34 @@ use std::{
     time::Duration,
 };
 
-/// A client that takes fewer bytes than this in `limits.write_secs`, while more wait for it, is too slow.
-const LEAST_TAKEN_BYTES: u64 = 16 << 10;
+/// While bytes wait for a client, it must take at least this many per `limits.write_secs`.
+const MIN_TAKEN_BYTES: u64 = 16 << 10;
 
-/// What is known of a connection. Times are the clock's milliseconds; 0 is never.
+/// What one connection is doing and since when. Times are milliseconds of `clock_ms`; 0 means "not running".
 #[derive(Debug)]
 pub(super) struct ConnectionState {
     ip: Option<IpAddr>,
-    over: bool,
-    /// The thread's, which `worker` sets a few times a second: who looks often need not ask the system.
-    clock: Arc<AtomicU64>,
-    patience: ClientTimeouts,
-    /// Requests in work.
-    busy: AtomicU32,
-    several: AtomicBool,
-    /// When the last request was done; that of a new connection never was.
-    idle_since: AtomicU64,
-    /// When the first byte after that came.
-    first_byte: AtomicU64,
-    /// Since when bytes wait that the client does not take, and how many it took since.
-    stalled_since: AtomicU64,
+    over_limit: bool,
+    /// Shared by the worker's connections. The worker advances it a few times per second, so that reading the time needs no
+    /// system call.
+    clock_ms: Arc<AtomicU64>,
+    timeouts: ClientTimeouts,
+    requests_in_progress: AtomicU32,
+    /// Several requests ran at once: this is HTTP/2, whose peers also send frames between requests.
+    is_multiplexed: AtomicBool,
+    /// When the last request ended.
+    idle_since_ms: AtomicU64,
+    /// When the first byte of the next request arrived; for the first request, when the connection was accepted.
+    first_byte_ms: AtomicU64,
+    /// Since when bytes wait that the client does not take, and how many it has taken since.
+    stalled_since_ms: AtomicU64,
     taken_bytes: AtomicU64,
-    slow: OnceLock<&'static str>,
-    finishing: AtomicBool,
+    timeout_kind: OnceLock<&'static str>,
+    is_shutting_down: AtomicBool,
     waker: OnceLock<Waker>,
 }
 
-/// How long a client may take.
+/// Time limits of a client's actions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClientTimeouts {
     pub(super) header: Duration,
@@ -45,22 +46,27 @@ pub(super) struct ClientTimeouts {
 }
 
 impl ConnectionState {
-    /// `over`: the connection is one too many, and each request on it is told so.
-    pub(super) fn new(ip: Option<IpAddr>, over: bool, clock: Arc<AtomicU64>, patience: ClientTimeouts) -> Self {
-        let now = clock.load(Relaxed);
+    /// `over_limit`: there are too many connections, and every request on this one is rejected.
+    pub(super) fn new(
+        ip: Option<IpAddr>,
+        over_limit: bool,
+        clock_ms: Arc<AtomicU64>,
+        timeouts: ClientTimeouts,
+    ) -> Self {
+        let now_ms = clock_ms.load(Relaxed);
         Self {
             ip,
-            over,
-            clock,
-            patience,
-            busy: AtomicU32::new(0),
-            several: AtomicBool::new(false),
-            idle_since: AtomicU64::new(0),
-            first_byte: AtomicU64::new(now),
-            stalled_since: AtomicU64::new(0),
+            over_limit,
+            clock_ms,
+            timeouts,
+            requests_in_progress: AtomicU32::new(0),
+            is_multiplexed: AtomicBool::new(false),
+            idle_since_ms: AtomicU64::new(0),
+            first_byte_ms: AtomicU64::new(now_ms),
+            stalled_since_ms: AtomicU64::new(0),
             taken_bytes: AtomicU64::new(0),
-            slow: OnceLock::new(),
-            finishing: AtomicBool::new(false),
+            timeout_kind: OnceLock::new(),
+            is_shutting_down: AtomicBool::new(false),
             waker: OnceLock::new(),
         }
     }
@@ -69,105 +75,105 @@ impl ConnectionState {
         self.ip
     }
 
-    pub(super) fn over(&self) -> bool {
-        self.over
+    pub(super) fn is_over_limit(&self) -> bool {
+        self.over_limit
     }
 
-    /// At what the client was too slow, if it was.
-    pub(super) fn slow(&self) -> Option<&'static str> {
-        self.slow.get().copied()
+    /// Which timeout has expired, as a metric label.
+    pub(super) fn timeout_kind(&self) -> Option<&'static str> {
+        self.timeout_kind.get().copied()
     }
 
-    /// A task has one waker as long as it lives.
+    /// Stores the waker of the connection's task. A task keeps one waker, so only the first call has an effect.
     pub(super) fn set_waker(&self, waker: &Waker) {
         if self.waker.get().is_none() {
             let _ = self.waker.set(waker.clone());
         }
     }
 
-    /// The request in work is the last one.
-    pub(super) fn finish(&self) {
-        self.finishing.store(true, Relaxed);
+    /// Asks the connection to close after the requests in progress.
+    pub(super) fn start_shutdown(&self) {
+        self.is_shutting_down.store(true, Relaxed);
         if let Some(waker) = self.waker.get() {
             waker.wake_by_ref();
         }
     }
 
-    pub(super) fn is_finishing(&self) -> bool {
-        self.finishing.load(Relaxed)
+    pub(super) fn is_shutting_down(&self) -> bool {
+        self.is_shutting_down.load(Relaxed)
     }
 
-    fn now(&self) -> u64 {
-        self.clock.load(Relaxed)
+    fn now_ms(&self) -> u64 {
+        self.clock_ms.load(Relaxed)
     }
 
-    /// A request has come.
-    pub(super) fn begin(&self) {
-        // Several at once: HTTP/2, whose connection speaks between requests too.
-        if self.busy.fetch_add(1, Relaxed) > 0 {
-            self.several.store(true, Relaxed);
+    pub(super) fn request_started(&self) {
+        if self.requests_in_progress.fetch_add(1, Relaxed) > 0 {
+            self.is_multiplexed.store(true, Relaxed);
         }
-        self.first_byte.store(0, Relaxed);
+        self.first_byte_ms.store(0, Relaxed);
     }
 
-    /// It is done.
-    pub(super) fn end(&self) {
-        if self.busy.fetch_sub(1, Relaxed) == 1 {
-            self.idle_since.store(self.now(), Relaxed);
+    pub(super) fn request_ended(&self) {
+        if self.requests_in_progress.fetch_sub(1, Relaxed) == 1 {
+            self.idle_since_ms.store(self.now_ms(), Relaxed);
         }
     }
 
-    pub(super) fn read(&self) {
-        if self.busy.load(Relaxed) == 0 && self.first_byte.load(Relaxed) == 0 {
-            self.first_byte.store(self.now(), Relaxed);
+    pub(super) fn bytes_received(&self) {
+        if self.requests_in_progress.load(Relaxed) == 0 && self.first_byte_ms.load(Relaxed) == 0 {
+            self.first_byte_ms.store(self.now_ms(), Relaxed);
         }
     }
 
-    /// `taken` of `offered` bytes went out; `None`: none can.
-    pub(super) fn wrote(&self, taken: Option<usize>, offered: usize) {
+    /// Records a write of `offered` bytes, of which `taken` were written; `None` if the socket accepts none now.
+    pub(super) fn bytes_sent(&self, taken: Option<usize>, offered: usize) {
         match taken {
-            Some(taken) if taken == offered => self.flow(),
+            Some(taken) if taken == offered => self.end_stall(),
             Some(taken) => {
                 let taken = taken as u64;
-                if self.taken_bytes.fetch_add(taken, Relaxed) + taken >= LEAST_TAKEN_BYTES {
-                    self.stall();
+                if self.taken_bytes.fetch_add(taken, Relaxed) + taken >= MIN_TAKEN_BYTES {
+                    self.restart_stall();
                 }
             }
-            None if self.stalled_since.load(Relaxed) == 0 => self.stall(),
+            None if self.stalled_since_ms.load(Relaxed) == 0 => self.restart_stall(),
             None => {}
         }
     }
 
-    fn flow(&self) {
-        let stalled = self.stalled_since.swap(0, Relaxed) != 0;
-        if stalled && self.first_byte.load(Relaxed) != 0 {
-            // What came meanwhile could not be read: its time begins now.
-            self.first_byte.store(self.now(), Relaxed);
+    fn end_stall(&self) {
+        let was_stalled = self.stalled_since_ms.swap(0, Relaxed) != 0;
+        if was_stalled && self.first_byte_ms.load(Relaxed) != 0 {
+            // The next request could not be read during the stall, so its time starts now.
+            self.first_byte_ms.store(self.now_ms(), Relaxed);
         }
     }
 
-    fn stall(&self) {
+    fn restart_stall(&self) {
         self.taken_bytes.store(0, Relaxed);
-        self.stalled_since.store(self.now(), Relaxed);
+        self.stalled_since_ms.store(self.now_ms(), Relaxed);
     }
 
-    /// Whether the client has been too slow, and at what.
-    pub(super) fn is_too_slow(&self) -> bool {
-        let ClientTimeouts { header, idle, write } = self.patience;
-        let now = self.now();
-        let past = |since: u64, limit: Duration| since != 0 && now.saturating_sub(since) > limit.as_millis() as u64;
-        let quiet = self.busy.load(Relaxed) == 0 && self.stalled_since.load(Relaxed) == 0;
-        let kind = if past(self.stalled_since.load(Relaxed), write) {
+    /// Whether a timeout has expired; the first one is kept for [`Self::timeout_kind`].
+    pub(super) fn has_timed_out(&self) -> bool {
+        let ClientTimeouts { header, idle, write } = self.timeouts;
+        let now_ms = self.now_ms();
+        let expired = |since_ms: u64, limit: Duration| {
+            since_ms != 0 && now_ms.saturating_sub(since_ms) > limit.as_millis() as u64
+        };
+        let stalled_since_ms = self.stalled_since_ms.load(Relaxed);
+        let is_waiting = self.requests_in_progress.load(Relaxed) == 0 && stalled_since_ms == 0;
+        let kind = if expired(stalled_since_ms, write) {
             "reading"
-        } else if quiet && !self.several.load(Relaxed) && past(self.first_byte.load(Relaxed), header) {
+        } else if is_waiting && !self.is_multiplexed.load(Relaxed) && expired(self.first_byte_ms.load(Relaxed), header)
+        {
             "headers"
-        } else if quiet && past(self.idle_since.load(Relaxed), idle) {
+        } else if is_waiting && expired(self.idle_since_ms.load(Relaxed), idle) {
             "idle"
         } else {
             return false;
         };
-        // It is said once.
-        let _ = self.slow.set(kind);
+        let _ = self.timeout_kind.set(kind);
         true
     }
 }

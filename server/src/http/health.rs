@@ -1,6 +1,4 @@
-//! What machines ask: is it alive, may requests come, how is it going.
-//!
-//! In: `/healthz`, `/readyz`, `/metrics`. Out: a word, or counters as text. Next: orchestrators, Prometheus.
+//! Liveness, readiness and metrics: `/healthz`, `/readyz`, `/metrics`.
 
 use super::{problem::Problem, state::AppState};
 use axum::{
@@ -9,24 +7,25 @@ use axum::{
     response::{IntoResponse, Response},
 };
 
-const NOT_KEPT: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
+const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
-/// The process answers.
+/// Always 200 while the process can respond.
 pub(super) async fn alive() -> Response {
-    ([NOT_KEPT], "ok\n").into_response()
+    ([NO_STORE], "ok\n").into_response()
 }
 
-/// Cities are open and the server is not shutting down.
-pub(super) async fn ready(State(app): State<AppState>) -> Result<Response, Problem> {
-    if app.is_ready() {
-        Ok(([NOT_KEPT], "ready\n").into_response())
+/// 200 while cities are open and the server is not shutting down, else 503.
+pub(super) async fn ready(State(state): State<AppState>) -> Result<Response, Problem> {
+    if state.is_ready() {
+        Ok(([NO_STORE], "ready\n").into_response())
     } else {
         Err(Problem::unavailable("no city is open, or the server is shutting down"))
     }
 }
 
-/// OpenMetrics 1.0, as Prometheus reads it.
-pub(super) async fn metrics(State(app): State<AppState>) -> Response {
-    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    ([NOT_KEPT, (header::CONTENT_TYPE, kind)], app.metrics().text(app.room().requests())).into_response()
+/// All metrics as OpenMetrics 1.0 text.
+pub(super) async fn metrics(State(state): State<AppState>) -> Response {
+    let content_type = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+    let text = state.metrics().to_open_metrics(state.in_flight().requests());
+    ([NO_STORE, (header::CONTENT_TYPE, content_type)], text).into_response()
 }

@@ -1,10 +1,6 @@
-//! Which cities there are, and each one's manifest.
-//!
-//! In: `/v1/cities`, `/v1/cities/{city}`. Out: JSON, or bincode where the client asks for it, packed if it likes.
-//! Next: the client's scene.
+//! The city list, manifests as JSON or bincode, and the OpenAPI document.
 
 use super::{
-    access_control::CityAccess,
     city_documents::{BINCODE, JSON},
     problem::Problem,
     state::AppState,
@@ -15,39 +11,38 @@ use axum::{
     response::{IntoResponse, Response},
 };
 
-/// `/v1/cities`: what the request may see.
-pub(super) async fn cities(State(app): State<AppState>, method: Method, headers: HeaderMap) -> Response {
-    let catalog = app.catalog();
-    let all = catalog.access().has_token(&headers);
-    let [public, private] = &catalog.manifests().lists;
-    let list = if all { private } else { public };
-    list.choose(&headers).clone().answer(&method, &headers).into_response()
+/// `/v1/cities`: the cities that the request may see.
+pub(super) async fn list_cities(State(state): State<AppState>, method: Method, headers: HeaderMap) -> Response {
+    let catalog = state.catalog();
+    let documents = catalog.documents();
+    let list = if catalog.access().has_token(&headers) { &documents.full_list } else { &documents.public_list };
+    list.select(&headers).clone().respond(&method, &headers).into_response()
 }
 
 /// `/v1/openapi.json`
-pub(super) async fn openapi(State(app): State<AppState>, method: Method, headers: HeaderMap) -> Response {
-    let catalog = app.catalog();
-    catalog.manifests().openapi.choose(&headers).clone().answer(&method, &headers).into_response()
+pub(super) async fn openapi(State(state): State<AppState>, method: Method, headers: HeaderMap) -> Response {
+    let catalog = state.catalog();
+    catalog.documents().openapi.select(&headers).clone().respond(&method, &headers).into_response()
 }
 
-/// `/v1/cities/{city}`
+/// `/v1/cities/{city}`. Fails with 400 for a name that is not UTF-8, 401 without a required token, 404 for an unknown city.
 pub(super) async fn manifest(
-    State(app): State<AppState>,
+    State(state): State<AppState>,
     city: Result<Path<String>, PathRejection>,
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let Path(city) = city.map_err(|_| Problem::bad_request("the address is not UTF-8 text"))?;
-    let catalog = app.catalog();
-    let (CityAccess::Public | CityAccess::Private) = catalog.access().sight(&city, &headers)?;
-    let manifests = catalog.manifests();
-    let bincode = if wants_bincode(&headers) { manifests.bincode.get(&city) } else { None };
-    let found = bincode.or_else(|| manifests.json.get(&city)).ok_or(Problem::not_found("there is no such city"))?;
-    Ok(found.choose(&headers).clone().answer(&method, &headers).into_response())
+    let Path(city) = city.map_err(|_| Problem::bad_request("the path is not UTF-8 text"))?;
+    let catalog = state.catalog();
+    catalog.access().authorize(&city, &headers)?;
+    let documents = catalog.documents();
+    let bincode = if prefers_bincode(&headers) { documents.bincode.get(&city) } else { None };
+    let found = bincode.or_else(|| documents.json.get(&city)).ok_or(Problem::not_found("there is no such city"))?;
+    Ok(found.select(&headers).clone().respond(&method, &headers).into_response())
 }
 
-/// Whether `Accept` likes bincode at least as much as JSON. Wildcards count for JSON: people's browsers send them.
-fn wants_bincode(headers: &HeaderMap) -> bool {
+/// Whether `Accept` ranks bincode at least as high as JSON. Wildcards count for JSON, because browsers send them.
+fn prefers_bincode(headers: &HeaderMap) -> bool {
     let (mut bincode, mut json) = (0.0f32, 0.0f32);
     let values = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
     for item in values.flat_map(|list| list.split(',')) {
@@ -69,17 +64,17 @@ mod tests {
     use axum::http::HeaderValue;
 
     #[test]
-    fn accept() {
-        let wants = |value: &'static str| {
-            wants_bincode(&HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static(value))]))
+    fn bincode_is_sent_only_if_accept_prefers_it() {
+        let prefers = |value: &'static str| {
+            prefers_bincode(&HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static(value))]))
         };
-        assert!(wants("application/x-bincode"));
-        assert!(wants("application/x-bincode, application/json;q=0.5"));
-        assert!(wants("text/html, Application/X-Bincode"));
-        assert!(!wants("application/x-bincode;q=0.1, */*"));
-        assert!(!wants("application/x-bincode;q=0"));
-        assert!(!wants("application/x-bincode;q=nonsense"));
-        assert!(!wants("*/*") && !wants("application/json") && !wants(""));
-        assert!(!wants_bincode(&HeaderMap::new()));
+        assert!(prefers("application/x-bincode"));
+        assert!(prefers("application/x-bincode, application/json;q=0.5"));
+        assert!(prefers("text/html, Application/X-Bincode"));
+        assert!(!prefers("application/x-bincode;q=0.1, */*"));
+        assert!(!prefers("application/x-bincode;q=0"));
+        assert!(!prefers("application/x-bincode;q=nonsense"));
+        assert!(!prefers("*/*") && !prefers("application/json") && !prefers(""));
+        assert!(!prefers_bincode(&HeaderMap::new()));
     }
 }

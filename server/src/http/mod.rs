@@ -1,13 +1,12 @@
-//! Baked cities over HTTP/1.1 and HTTP/2, in the clear or over TLS (design 11).
-//!
-//! In: a [`Store`](crate::store::Store), requests. Out: responses. Next: the client's fetch, browsers, caches in between.
+//! Baked cities over HTTP/1.1 and HTTP/2, with or without TLS.
 //!
 //! ```text
-//! listen -> worker -> (tls) -> connection -> app -> tile      the way of nearly every request
-//!                                             \--> router -> manifest, page, health
+//! server -> worker -> (tls) -> connection -> service -> tile          nearly all requests
+//!                                                   \-> router -> manifest, index_page, health
 //! ```
 //!
-//! A URL's parts are looked up in maps made when the cities were opened; none of them ever becomes a path.
+//! The parts of a URL are only looked up in maps that were built when the cities were opened. None of them is ever used as a
+//! file system path.
 
 mod access_control;
 mod catalog;
@@ -16,6 +15,7 @@ mod connection;
 mod connection_state;
 mod content_encoding;
 mod health;
+mod in_flight;
 mod index_page;
 mod manifest;
 mod metrics;
@@ -30,13 +30,11 @@ mod server;
 mod service;
 mod state;
 mod tile;
-mod tile_address;
 mod tile_cache;
 mod tls;
 mod worker;
 
 pub use problem::Problem;
 pub use server::{HttpServer, ServeError, serve};
-pub use service::{HttpService, app};
+pub use service::HttpService;
 pub use state::AppState;
-pub use tile_address::{NOT_A_TILE, TileAddress};

@@ -1,8 +1,6 @@
 //! Errors as clients see them: `application/problem+json` (RFC 9457).
 //!
-//! In: a status and a fixed sentence. Out: a response. Next: the client's retry.
-//!
-//! A problem holds only constants: nothing of the request, of a path or of an inner error can leak into it.
+//! A problem holds only constants, so that nothing of a request, a path or an internal error can leak into it.
 
 use super::response::FullResponse;
 use axum::{
@@ -12,7 +10,7 @@ use axum::{
 use http_body_util::Full;
 use serde::Serialize;
 
-/// What went wrong, for the client.
+/// An HTTP error with a fixed explanation and at most one extra header.
 #[derive(Debug, Clone)]
 pub struct Problem {
     status: StatusCode,
@@ -21,7 +19,7 @@ pub struct Problem {
 }
 
 #[derive(Serialize)]
-struct Body {
+struct ProblemBody {
     r#type: &'static str,
     title: &'static str,
     status: u16,
@@ -29,37 +27,34 @@ struct Body {
 }
 
 impl Problem {
-    /// Any status with a sentence.
+    /// A problem of any status.
     pub const fn new(status: StatusCode, detail: &'static str) -> Self {
         Self { status, detail, header: None }
     }
 
-    /// What was asked for does not exist: 404.
+    /// 404.
     pub const fn not_found(detail: &'static str) -> Self {
         Self::new(StatusCode::NOT_FOUND, detail)
     }
 
-    /// What was asked for cannot be: 400.
+    /// 400.
     pub const fn bad_request(detail: &'static str) -> Self {
         Self::new(StatusCode::BAD_REQUEST, detail)
     }
 
-    /// Not now: 503, with the seconds after which to ask again.
+    /// 503 with `Retry-After: 1`.
     pub fn unavailable(detail: &'static str) -> Self {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, detail).with(header::RETRY_AFTER, HeaderValue::from_static("1"))
     }
 
-    /// With one header more.
+    /// Sets the extra header.
     pub fn with(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.header = Some((name, value));
         self
     }
-}
 
-impl Problem {
-    pub(super) fn answer(self) -> FullResponse {
-        let body = Full::new(self.body().into());
-        let mut response = FullResponse::new(body);
+    pub(super) fn respond(self) -> FullResponse {
+        let mut response = FullResponse::new(Full::new(self.body().into()));
         *response.status_mut() = self.status;
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
@@ -69,20 +64,24 @@ impl Problem {
         response
     }
 
+    fn title(&self) -> &'static str {
+        self.status.canonical_reason().unwrap_or("Error")
+    }
+
     fn body(&self) -> Vec<u8> {
-        let title = self.status.canonical_reason().unwrap_or("Error");
-        let body = Body { r#type: "about:blank", title, status: self.status.as_u16(), detail: self.detail };
+        let status = self.status.as_u16();
+        let body = ProblemBody { r#type: "about:blank", title: self.title(), status, detail: self.detail };
         serde_json::to_vec(&body).unwrap_or_default()
     }
 
-    /// The whole answer as HTTP/1.1 has it, for what never became a request.
-    pub(super) fn raw(&self) -> Vec<u8> {
+    /// The response as bytes of HTTP/1.1 that close the connection, for input that hyper could not parse.
+    pub(super) fn to_http1(&self) -> Vec<u8> {
         let body = self.body();
-        let title = self.status.canonical_reason().unwrap_or("Error");
         let mut raw = format!(
-            "HTTP/1.1 {} {title}\r\ncontent-type: application/problem+json\r\ncontent-length: {}\r\n\
+            "HTTP/1.1 {} {}\r\ncontent-type: application/problem+json\r\ncontent-length: {}\r\n\
              cache-control: no-store\r\nx-content-type-options: nosniff\r\nconnection: close\r\n\r\n",
             self.status.as_u16(),
+            self.title(),
             body.len(),
         )
         .into_bytes();
@@ -93,6 +92,6 @@ impl Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        self.answer().into_response()
+        self.respond().into_response()
     }
 }

@@ -1,6 +1,4 @@
-//! Conditional and partial answers (RFC 9110, 13 and 14).
-//!
-//! In: a representation and the request's method and headers. Out: 200, 206, 304 or 416. Next: the wire.
+//! Conditional requests and byte ranges (RFC 9110, 13 and 14): 200, 206, 304 or 416 for a given content.
 
 use super::{problem::Problem, response::FullResponse};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -8,51 +6,53 @@ use bytes::Bytes;
 use http_body_util::Full;
 use std::ops::Range;
 
-/// For what never changes at its address.
+/// `Cache-Control` of public content that never changes under its URL.
 pub(super) const IMMUTABLE: HeaderValue = HeaderValue::from_static("public, max-age=31536000, immutable");
-/// The same where not everybody may have it.
+/// `Cache-Control` of private content that never changes under its URL.
 pub(super) const IMMUTABLE_PRIVATE: HeaderValue = HeaderValue::from_static("private, max-age=31536000, immutable");
-/// For what may change: ask each time, mostly for a 304.
+/// `Cache-Control` of public content that may change.
 pub(super) const REVALIDATE: HeaderValue = HeaderValue::from_static("no-cache");
+/// `Cache-Control` of private content that may change.
+pub(super) const REVALIDATE_PRIVATE: HeaderValue = HeaderValue::from_static("private, no-cache");
 
-/// Something to be sent, whole or in part.
+/// Content with the headers that describe it.
 #[derive(Debug, Clone)]
 pub(super) struct Representation {
     pub(super) body: Bytes,
     pub(super) content_type: HeaderValue,
     pub(super) etag: HeaderValue,
     pub(super) cache_control: HeaderValue,
-    /// How `body` is packed, unless it is plain.
+    /// Content coding of `body`; `None` for identity.
     pub(super) encoding: Option<HeaderValue>,
-    /// Request headers that chose it.
+    /// Request headers that selected this content.
     pub(super) vary: Option<HeaderValue>,
 }
 
-/// A strong ETag of the bytes themselves.
+/// A strong ETag from a hash of the content.
 pub(super) fn etag_of(bytes: &[u8]) -> HeaderValue {
     let hash = blake3::hash(bytes).to_hex();
     quoted(&hash[..32])
 }
 
-/// `tag` in quotes. It must be visible ASCII without quotes; anything else becomes the empty tag.
+/// `tag` in quotes. A tag with characters that a header may not hold becomes the empty tag.
 pub(super) fn quoted(tag: &str) -> HeaderValue {
     HeaderValue::try_from(format!("\"{tag}\"")).unwrap_or(HeaderValue::from_static("\"\""))
 }
 
 impl Representation {
-    /// The answer to `method` (GET or HEAD) with these request headers.
-    pub(super) fn answer(self, method: &Method, request: &HeaderMap) -> FullResponse {
-        if matches_none(request, &self.etag) {
+    /// The response to a GET or HEAD request with these headers.
+    pub(super) fn respond(self, method: &Method, request: &HeaderMap) -> FullResponse {
+        if if_none_match(request, &self.etag) {
             return self.with_body(StatusCode::NOT_MODIFIED, Bytes::new());
         }
         let length = self.body.len() as u64;
         if *method == Method::HEAD {
-            // RFC 9110, 14.2: a range means nothing but to GET.
+            // RFC 9110, 14.2: ranges are defined for GET only.
             let mut response = self.with_body(StatusCode::OK, Bytes::new());
             response.headers_mut().insert(header::CONTENT_LENGTH, HeaderValue::from(length));
             return response;
         }
-        match wanted_range(request, &self.etag, length) {
+        match requested_range(request, &self.etag, length) {
             RequestedRange::Whole => self.with_body(StatusCode::OK, self.body.clone()),
             RequestedRange::Part(part) => {
                 let body = self.body.slice(part.start as usize..part.end as usize);
@@ -62,11 +62,11 @@ impl Representation {
                 response.headers_mut().extend(content_range);
                 response
             }
-            RequestedRange::Outside => {
-                let problem = Problem::new(StatusCode::RANGE_NOT_SATISFIABLE, "the range lies outside of the content");
+            RequestedRange::Unsatisfiable => {
+                let problem = Problem::new(StatusCode::RANGE_NOT_SATISFIABLE, "the range is outside the content");
                 match HeaderValue::try_from(format!("bytes */{length}")) {
-                    Ok(value) => problem.with(header::CONTENT_RANGE, value).answer(),
-                    Err(_) => problem.answer(),
+                    Ok(value) => problem.with(header::CONTENT_RANGE, value).respond(),
+                    Err(_) => problem.respond(),
                 }
             }
         }
@@ -92,15 +92,15 @@ impl Representation {
     }
 }
 
-/// Whether nothing in a request asks for less than the whole.
-pub(super) fn is_plain(request: &HeaderMap) -> bool {
+/// Whether a request is neither conditional nor for a range.
+pub(super) fn is_unconditional(request: &HeaderMap) -> bool {
     !request.contains_key(header::IF_NONE_MATCH) && !request.contains_key(header::RANGE)
 }
 
-/// Whether `If-None-Match` names this ETag (by the weak comparison, as RFC 9110 asks) or any.
-fn matches_none(request: &HeaderMap, etag: &HeaderValue) -> bool {
+/// Whether `If-None-Match` is `*` or names this ETag by the weak comparison (RFC 9110, 13.1.2).
+fn if_none_match(request: &HeaderMap, etag: &HeaderValue) -> bool {
     let tags = request.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-    // Our ETags have no commas, so splitting a list of foreign ones wrongly does no harm.
+    // A foreign ETag may contain a comma and be split wrongly, but its parts never equal one of ours, which contain none.
     let mut tags = tags.flat_map(|list| list.split(',')).map(str::trim);
     tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag).as_bytes() == etag.as_bytes())
 }
@@ -109,26 +109,27 @@ fn matches_none(request: &HeaderMap, etag: &HeaderValue) -> bool {
 enum RequestedRange {
     Whole,
     Part(Range<u64>),
-    Outside,
+    Unsatisfiable,
 }
 
-fn wanted_range(request: &HeaderMap, etag: &HeaderValue, length: u64) -> RequestedRange {
-    let same = request.get(header::IF_RANGE).is_none_or(|condition| condition == etag);
+fn requested_range(request: &HeaderMap, etag: &HeaderValue, length: u64) -> RequestedRange {
+    let if_range_holds = request.get(header::IF_RANGE).is_none_or(|condition| condition == etag);
     match request.get(header::RANGE).and_then(|value| value.to_str().ok()) {
-        Some(range) if same => parse_range(range, length),
+        Some(range) if if_range_holds => parse_range(range, length),
         _ => RequestedRange::Whole,
     }
 }
 
-/// One range of bytes. Several, another unit or nonsense: the whole, as RFC 9110, 14.2 allows.
+/// Parses a single byte range. Several ranges, other units and malformed headers give the whole content, as RFC 9110, 14.2
+/// permits.
 fn parse_range(text: &str, length: u64) -> RequestedRange {
     let Some((unit, range)) = text.split_once('=') else { return RequestedRange::Whole };
     let Some((first, last)) = range.trim().split_once('-') else { return RequestedRange::Whole };
-    let digits = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
-    if !unit.trim().eq_ignore_ascii_case("bytes") || !digits(first) || !digits(last) {
+    let is_number = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    if !unit.trim().eq_ignore_ascii_case("bytes") || !is_number(first) || !is_number(last) {
         return RequestedRange::Whole;
     }
-    // Too many digits for u64 are only far behind the end.
+    // A number that does not fit into u64 lies beyond the end of any content.
     let number = |text: &str| text.parse().unwrap_or(u64::MAX);
     let part = match (first, last) {
         ("", "") => return RequestedRange::Whole,
@@ -137,7 +138,7 @@ fn parse_range(text: &str, length: u64) -> RequestedRange {
         (first, last) if number(last) < number(first) => return RequestedRange::Whole,
         (first, last) => number(first)..number(last).saturating_add(1).min(length),
     };
-    if part.start < part.end { RequestedRange::Part(part) } else { RequestedRange::Outside }
+    if part.start < part.end { RequestedRange::Part(part) } else { RequestedRange::Unsatisfiable }
 }
 
 #[cfg(test)]
@@ -145,9 +146,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges() {
+    fn range_headers_are_parsed() {
         let huge = "99999999999999999999999999";
-        for (text, wanted) in [
+        for (text, expected) in [
             ("bytes=0-0", RequestedRange::Part(0..1)),
             ("bytes=2-4", RequestedRange::Part(2..5)),
             ("bytes=5-", RequestedRange::Part(5..10)),
@@ -156,9 +157,9 @@ mod tests {
             ("bytes=-99", RequestedRange::Part(0..10)),
             ("BYTES=0-9", RequestedRange::Part(0..10)),
             (&format!("bytes=3-{huge}"), RequestedRange::Part(3..10)),
-            (&format!("bytes={huge}-"), RequestedRange::Outside),
-            ("bytes=10-", RequestedRange::Outside),
-            ("bytes=-0", RequestedRange::Outside),
+            (&format!("bytes={huge}-"), RequestedRange::Unsatisfiable),
+            ("bytes=10-", RequestedRange::Unsatisfiable),
+            ("bytes=-0", RequestedRange::Unsatisfiable),
             ("bytes=4-2", RequestedRange::Whole),
             ("bytes=0-1,3-4", RequestedRange::Whole),
             ("bytes=+1-2", RequestedRange::Whole),
@@ -166,17 +167,17 @@ mod tests {
             ("bytes", RequestedRange::Whole),
             ("lines=1-2", RequestedRange::Whole),
         ] {
-            assert_eq!(parse_range(text, 10), wanted, "{text}");
+            assert_eq!(parse_range(text, 10), expected, "{text}");
         }
-        assert_eq!(parse_range("bytes=0-", 0), RequestedRange::Outside);
+        assert_eq!(parse_range("bytes=0-", 0), RequestedRange::Unsatisfiable);
     }
 
     #[test]
-    fn none_match() {
+    fn if_none_match_compares_weakly() {
         let matches = |value: &'static str| {
             let mut headers = HeaderMap::new();
             headers.insert(header::IF_NONE_MATCH, HeaderValue::from_static(value));
-            matches_none(&headers, &quoted("abc"))
+            if_none_match(&headers, &quoted("abc"))
         };
         assert!(matches("\"abc\"") && matches("W/\"abc\"") && matches("\"x\", \"abc\"") && matches("*"));
         assert!(!matches("abc") && !matches("\"ab\"") && !matches(""));

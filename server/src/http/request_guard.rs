@@ -1,15 +1,13 @@
-//! An answer on its way out, and what is counted until it is.
-//!
-//! In: a response and the request's [`RequestGuard`]. Out: a body that keeps the guard until it has been handed to the connection.
-//! Next: hyper.
+//! What a request holds until its response is sent: its place in the limits, its metrics and its log entry.
 
-use super::{connection_state::ConnectionState, metrics::RouteLabel, state::AppState};
+use super::{connection_state::ConnectionState, state::AppState};
 use axum::{
     body::{Body, Bytes, HttpBody},
     http::{HeaderValue, Method, Uri},
 };
 use http_body::{Frame, SizeHint};
 use http_body_util::Full;
+use insula_protocol::route::RouteTemplate;
 use std::{
     pin::Pin,
     sync::Arc,
@@ -17,20 +15,21 @@ use std::{
     time::Instant,
 };
 
-/// What one request holds; given back when this is dropped, however that comes about.
+/// Resources of one request. Dropping it releases them and records the request, however it ended.
 pub(super) struct RequestGuard {
     state: AppState,
-    client: Option<Arc<ConnectionState>>,
+    connection: Option<Arc<ConnectionState>>,
     started: Instant,
-    route: RouteLabel,
+    route: RouteTemplate,
+    /// Status code; 0 while there is no response.
     code: u16,
     sent_bytes: u64,
-    /// Counted as in flight, with so many bytes.
-    held: Option<usize>,
-    line: Option<Box<RequestLogEntry>>,
+    /// Bytes in the in-flight budget; `None` if the request is not part of it.
+    reserved_bytes: Option<usize>,
+    log_entry: Option<Box<RequestLogEntry>>,
 }
 
-/// What the log says of a request.
+/// The parts of a request that the log names.
 pub(super) struct RequestLogEntry {
     pub(super) id: HeaderValue,
     pub(super) method: Method,
@@ -38,86 +37,94 @@ pub(super) struct RequestLogEntry {
 }
 
 impl RequestGuard {
-    pub(super) fn new(state: &AppState, client: Option<&Arc<ConnectionState>>, route: RouteLabel) -> Self {
-        if let Some(client) = client {
-            client.begin();
+    pub(super) fn new(state: &AppState, connection: Option<&Arc<ConnectionState>>, route: RouteTemplate) -> Self {
+        if let Some(connection) = connection {
+            connection.request_started();
         }
-        let (state, client) = (state.clone(), client.cloned());
-        Self { state, client, started: Instant::now(), route, code: 0, sent_bytes: 0, held: None, line: None }
+        Self {
+            state: state.clone(),
+            connection: connection.cloned(),
+            started: Instant::now(),
+            route,
+            code: 0,
+            sent_bytes: 0,
+            reserved_bytes: None,
+            log_entry: None,
+        }
     }
 
-    /// Whether an answer of this code has a line in the log.
-    pub(super) fn logs(&self, code: u16) -> bool {
-        self.state.logs(code)
-    }
-
-    /// Writes a line of the log at the end.
-    pub(super) fn log(&mut self, line: RequestLogEntry) {
-        self.line = Some(Box::new(line));
-    }
-
-    pub(super) fn code(&mut self, code: u16) {
+    /// Sets the status code. Returns whether such a request is logged.
+    pub(super) fn set_code(&mut self, code: u16) -> bool {
         self.code = code;
+        self.state.must_log(code)
     }
 
-    /// Whether there is room for one request more.
-    pub(super) fn enter(&mut self) -> bool {
-        let entered = self.state.room().enter();
-        self.held = entered.then_some(0);
+    pub(super) fn set_log_entry(&mut self, entry: RequestLogEntry) {
+        self.log_entry = Some(Box::new(entry));
+    }
+
+    /// Adds the request to the in-flight budget. `false`: the budget is exhausted.
+    pub(super) fn try_enter(&mut self) -> bool {
+        let entered = self.state.in_flight().try_enter();
+        self.reserved_bytes = entered.then_some(0);
         entered
     }
 
-    /// Whether there is room for so many bytes of answer, if it has entered.
-    pub(super) fn hold(&mut self, bytes: usize) -> bool {
-        let Some(held) = &mut self.held else { return true };
-        let fits = self.state.room().hold(bytes);
-        *held += if fits { bytes } else { 0 };
+    /// Reserves bytes of the response, if the request is part of the budget. `false`: the budget is exhausted.
+    pub(super) fn try_reserve(&mut self, bytes: usize) -> bool {
+        let Some(reserved_bytes) = &mut self.reserved_bytes else { return true };
+        let fits = self.state.in_flight().try_reserve(bytes);
+        *reserved_bytes += if fits { bytes } else { 0 };
         fits
     }
 }
 
 impl Drop for RequestGuard {
     fn drop(&mut self) {
-        if let Some(bytes) = self.held {
-            self.state.room().leave(bytes);
+        if let Some(bytes) = self.reserved_bytes {
+            self.state.in_flight().release(bytes);
         }
-        if let Some(client) = &self.client {
-            client.end();
+        if let Some(connection) = &self.connection {
+            connection.request_ended();
         }
-        let taken = self.started.elapsed();
-        self.state.metrics().finished(self.route, self.code, self.sent_bytes, taken);
-        if let Some(line) = &self.line {
-            let id = line.id.to_str().unwrap_or_default();
-            let (code, bytes, micros) = (self.code, self.sent_bytes, taken.as_micros() as u64);
-            tracing::info!(id, method = %line.method, path = line.uri.path(), code, bytes, micros, "request");
+        let elapsed = self.started.elapsed();
+        self.state.metrics().request_ended(self.route, self.code, self.sent_bytes, elapsed);
+        if let Some(entry) = &self.log_entry {
+            let id = entry.id.to_str().unwrap_or_default();
+            let (code, bytes, micros) = (self.code, self.sent_bytes, elapsed.as_micros() as u64);
+            tracing::info!(id, method = %entry.method, path = entry.uri.path(), code, bytes, micros, "request");
         }
     }
 }
 
-/// A body that keeps its request's [`RequestGuard`].
+/// A response body with its request's guard, which it drops when the connection has taken the last byte.
 pub(super) struct GuardedBody {
-    inner: ResponseBody,
+    body: ResponseBody,
     guard: RequestGuard,
 }
 
+/// A body in memory, or one of the router's.
 pub(super) enum ResponseBody {
-    Whole(Full<Bytes>),
+    Full(Full<Bytes>),
     Routed(Body),
 }
 
 impl ResponseBody {
     pub(super) fn len(&self) -> usize {
-        let hint = match self {
-            Self::Whole(body) => body.size_hint(),
+        self.size_hint().lower() as usize
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        match self {
+            Self::Full(body) => body.size_hint(),
             Self::Routed(body) => body.size_hint(),
-        };
-        hint.lower() as usize
+        }
     }
 }
 
 impl GuardedBody {
-    pub(super) fn new(inner: ResponseBody, guard: RequestGuard) -> Self {
-        Self { inner, guard }
+    pub(super) fn new(body: ResponseBody, guard: RequestGuard) -> Self {
+        Self { body, guard }
     }
 }
 
@@ -129,8 +136,8 @@ impl HttpBody for GuardedBody {
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        let frame = match &mut self.inner {
-            ResponseBody::Whole(body) => {
+        let frame = match &mut self.body {
+            ResponseBody::Full(body) => {
                 ready!(Pin::new(body).poll_frame(context)).map(|frame| frame.map_err(|e| match e {}))
             }
             ResponseBody::Routed(body) => ready!(Pin::new(body).poll_frame(context)),
@@ -142,16 +149,13 @@ impl HttpBody for GuardedBody {
     }
 
     fn is_end_stream(&self) -> bool {
-        match &self.inner {
-            ResponseBody::Whole(body) => body.is_end_stream(),
+        match &self.body {
+            ResponseBody::Full(body) => body.is_end_stream(),
             ResponseBody::Routed(body) => body.is_end_stream(),
         }
     }
 
     fn size_hint(&self) -> SizeHint {
-        match &self.inner {
-            ResponseBody::Whole(body) => body.size_hint(),
-            ResponseBody::Routed(body) => body.size_hint(),
-        }
+        self.body.size_hint()
     }
 }

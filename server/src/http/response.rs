@@ -1,4 +1,4 @@
-//! Responses whose whole body is in memory.
+//! Responses whose whole body is in memory, and the CORS headers that all responses share.
 
 use axum::{
     body::Bytes,
@@ -8,10 +8,10 @@ use http_body_util::Full;
 
 const ANY: HeaderValue = HeaderValue::from_static("*");
 
-/// An answer whose bytes are all there: every answer is.
+/// A response whose whole body is in memory.
 pub(super) type FullResponse = Response<Full<Bytes>>;
 
-/// Any page may read the answers: what is not public asks for a token, which no browser sends of itself.
+/// Lets pages of any origin read the response. This exposes nothing: browsers do not send bearer tokens by themselves.
 pub(super) fn with_cors(mut headers: HeaderMap) -> HeaderMap {
     headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, ANY);
     headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, ANY);

@@ -1,38 +1,50 @@
-//! The addresses that are not tiles'.
-//!
-//! In: an [`AppState`]. Out: a router. Next: `manifest`, `page`, `health`.
+//! Routes other than tiles, which [`HttpService`](super::HttpService) serves itself.
 
 use super::{health, index_page, manifest, problem::Problem, state::AppState};
 use axum::{
     Router,
     http::{HeaderValue, StatusCode, header},
-    routing::get,
+    routing::{MethodRouter, get},
 };
-use insula_protocol::route::CITIES;
+use insula_protocol::route::RouteTemplate;
 
-/// Everything but tiles, which `app` answers itself.
+pub(super) const ALLOWED_METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
+
+/// The router of everything but tiles.
 pub(super) fn router(state: AppState) -> Router {
-    Router::new()
-        .route("/", get(index_page::index))
-        .route(CITIES, get(manifest::cities))
-        .route(&format!("{CITIES}/{{city}}"), get(manifest::manifest))
-        .route(&format!("{CITIES}/{{city}}/{{version}}/{{layer}}/{{level}}/{{x}}/{{y}}"), get(no_route))
-        .route("/v1/openapi.json", get(manifest::openapi))
-        .route("/healthz", get(health::alive))
-        .route("/readyz", get(health::ready))
-        .route("/metrics", get(health::metrics))
-        .fallback(no_route)
-        .method_not_allowed_fallback(no_method)
+    let with_route = |router: Router<AppState>, template: RouteTemplate| match template.pattern() {
+        Some(pattern) => router.route(pattern, handler(template)),
+        None => router,
+    };
+    RouteTemplate::ALL
+        .into_iter()
+        .fold(Router::new(), with_route)
+        .fallback(not_found)
+        .method_not_allowed_fallback(method_not_allowed)
         .with_state(state)
 }
 
-/// No such route.
-async fn no_route() -> Problem {
-    Problem::not_found("there is nothing at this address; the cities are listed at /v1/cities")
+fn handler(template: RouteTemplate) -> MethodRouter<AppState> {
+    match template {
+        RouteTemplate::Index => get(index_page::index),
+        RouteTemplate::OpenApi => get(manifest::openapi),
+        RouteTemplate::Health => get(health::alive),
+        RouteTemplate::Readiness => get(health::ready),
+        RouteTemplate::Metrics => get(health::metrics),
+        RouteTemplate::Cities => get(manifest::list_cities),
+        RouteTemplate::Manifest => get(manifest::manifest),
+        // The service handles GET and HEAD requests for tiles. These routes make other methods 405 instead of 404.
+        RouteTemplate::Subtrees | RouteTemplate::BlockMaps | RouteTemplate::Meshes | RouteTemplate::Other => {
+            get(not_found)
+        }
+    }
 }
 
-/// A route, but not by this method. The router adds `Allow`.
-async fn no_method() -> Problem {
-    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this address answers GET, HEAD and OPTIONS only")
-        .with(header::ALLOW, HeaderValue::from_static("GET,HEAD,OPTIONS"))
+async fn not_found() -> Problem {
+    Problem::not_found("there is nothing at this path; the cities are listed at /v1/cities")
+}
+
+async fn method_not_allowed() -> Problem {
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "only GET, HEAD and OPTIONS are supported")
+        .with(header::ALLOW, ALLOWED_METHODS)
 }

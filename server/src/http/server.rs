@@ -1,12 +1,9 @@
-//! The server on a port, until it is told to stop.
-//!
-//! In: a bound listener, a store, a future that ends when the server shall. Out: nothing once every answer is out, or the
-//! time for that is over. Next: `worker` takes the connections; the process ends, or the client that embeds it.
+//! Accepts connections on a listener and passes them to the workers, until shutdown.
 
 use super::{
     access_control::AccessControl,
     reload::ReloadTask,
-    service::{HttpService, app},
+    service::HttpService,
     state::AppState,
     tls::TlsIdentity,
     worker::{AcceptedConnection, WorkerPool},
@@ -19,35 +16,35 @@ use tokio::{
     time::sleep,
 };
 
-/// Of the connections that are told that there are too many, for each one that is served: the others wait in the system's
-/// queue.
-const OVER_SHARE: usize = 4;
+/// Of `limits.connections`, this fraction (1/n) may be open in addition to be rejected with 503. Further connections wait in
+/// the system's accept queue.
+const OVER_LIMIT_FRACTION: usize = 4;
+/// Pause after a failed `accept`: the usual cause is a temporary lack of file descriptors.
+const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
 /// Why a server does not start.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The certificate or its key cannot be used.
-    #[error("cannot use tls.certificate or tls.key: {0}; both are PEM files")]
+    #[error("cannot use tls.certificate or tls.key: {0}; both must be PEM files")]
     Tls(io::Error),
-    /// The tokens cannot be used.
     #[error("cannot use access.tokens: {0}")]
     Tokens(io::Error),
-    /// The system refuses threads or a socket.
-    #[error("cannot start threads: {0}")]
+    #[error("cannot start the server's threads: {0}")]
     System(#[from] io::Error),
 }
 
-/// A server that is ready to run.
+/// A configured server that does not listen yet.
 #[derive(Debug)]
 pub struct HttpServer {
-    app: HttpService,
+    service: HttpService,
     tls: Option<Arc<TlsIdentity>>,
     config: ServeConfig,
-    look: Arc<Notify>,
+    reload_signal: Arc<Notify>,
 }
 
-/// Serves the cities of `store` on `listener` until `shutdown` ends; then accepts no more, lets requests in flight finish
-/// for at most `config.drain_secs`, and drops the rest. Errors: a file that the config names cannot be used.
+/// Serves the cities of `store` on `listener` until `shutdown` completes. Then it accepts no more connections, gives requests
+/// in flight `config.drain_secs` to finish, and drops the rest. Fails if a file that the config names cannot be used, or if
+/// the system refuses threads.
 pub async fn serve(
     listener: TcpListener,
     store: Store,
@@ -58,17 +55,17 @@ pub async fn serve(
 }
 
 impl HttpServer {
-    /// Reads what the config names. Errors: it cannot be used.
+    /// Reads certificate, key and tokens. Fails if one of them is configured and cannot be used.
     pub fn new(store: Store, config: &ServeConfig) -> Result<Self, ServeError> {
-        let tls = TlsIdentity::read(&config.tls).map_err(ServeError::Tls)?.map(Arc::new);
-        let access = AccessControl::read(&config.access).map_err(ServeError::Tokens)?;
-        let app = app(AppState::with_access(store, config, access));
-        Ok(Self { app, tls, config: config.clone(), look: Arc::default() })
+        let tls = TlsIdentity::load(&config.tls).map_err(ServeError::Tls)?.map(Arc::new);
+        let access = AccessControl::load(&config.access).map_err(ServeError::Tokens)?;
+        let service = HttpService::new(AppState::with_access(store, config, access));
+        Ok(Self { service, tls, config: config.clone(), reload_signal: Arc::default() })
     }
 
-    /// What all requests share.
+    /// State that all requests share.
     pub fn state(&self) -> &AppState {
-        self.app.state()
+        self.service.state()
     }
 
     /// `https` or `http`.
@@ -76,77 +73,77 @@ impl HttpServer {
         if self.tls.is_some() { "https" } else { "http" }
     }
 
-    /// Notified, it makes the server look at once at its cities, certificate and tokens.
-    pub fn look(&self) -> Arc<Notify> {
-        Arc::clone(&self.look)
+    /// Notify it to make the server check at once for new cities, certificate and tokens.
+    pub fn reload_signal(&self) -> Arc<Notify> {
+        Arc::clone(&self.reload_signal)
     }
 
-    /// See [`serve`].
+    /// Serves as [`serve`] does. Fails if the system refuses threads.
     pub async fn run(self, listener: TcpListener, shutdown: impl Future<Output = ()>) -> Result<(), ServeError> {
-        let workers = WorkerPool::start(&self.app, self.tls.as_ref(), &self.config)?;
-        let watch = ReloadTask::new(self.app.state().clone(), self.tls.clone(), self.config.clone(), self.look());
-        let watch = tokio::spawn(watch.run());
-        let door = ConnectionAcceptor::new(listener, self.config.limits.connections);
+        let workers = WorkerPool::start(&self.service, self.tls.as_ref(), &self.config)?;
+        let reload = ReloadTask::new(self.state().clone(), self.tls.clone(), self.config.clone(), self.reload_signal());
+        let reload = tokio::spawn(reload.run());
+        let acceptor = ConnectionAcceptor::new(listener, self.config.limits.connections);
         let mut shutdown = pin!(shutdown);
         loop {
             let accepted = tokio::select! {
                 () = &mut shutdown => break,
-                accepted = door.accept() => accepted,
+                accepted = acceptor.accept() => accepted,
             };
             match accepted {
-                Ok(arrived) => {
-                    if !workers.give(arrived).await {
+                Ok(connection) => {
+                    if !workers.assign(connection).await {
                         break;
                     }
                 }
                 Err(error) => {
-                    // Mostly a lack of file descriptors, which passes.
                     tracing::warn!(%error, "cannot accept a connection");
-                    sleep(Duration::from_millis(100)).await;
+                    sleep(ACCEPT_RETRY_DELAY).await;
                 }
             }
         }
-        drop(door);
-        watch.abort();
-        self.app.state().drain();
-        tracing::info!("shutting down: finishing what is in flight");
-        workers.end().await;
+        drop(acceptor);
+        reload.abort();
+        self.state().start_draining();
+        tracing::info!("shutting down: waiting for requests in flight");
+        workers.join().await;
         Ok(())
     }
 }
 
-/// Where connections come in, so many at once.
+/// A listener that bounds the number of open connections.
 struct ConnectionAcceptor {
     listener: TcpListener,
     served: Arc<Semaphore>,
-    over: Arc<Semaphore>,
+    over_limit: Arc<Semaphore>,
 }
 
 impl ConnectionAcceptor {
     fn new(listener: TcpListener, connections: usize) -> Self {
         let served = Arc::new(Semaphore::new(connections));
-        Self { listener, served, over: Arc::new(Semaphore::new((connections / OVER_SHARE).max(1))) }
+        Self { listener, served, over_limit: Arc::new(Semaphore::new((connections / OVER_LIMIT_FRACTION).max(1))) }
     }
 
+    /// Waits for a free slot and a connection. Fails if the system cannot accept.
     async fn accept(&self) -> io::Result<AcceptedConnection> {
-        // If there is a place for neither, whoever leaves first makes one. Nobody else takes places.
+        // Only this task takes permits, so the one seen here is still free below.
         tokio::select! {
-            place = self.served.acquire() => place.map(drop),
-            place = self.over.acquire() => place.map(drop),
+            permit = self.served.acquire() => permit.map(drop),
+            permit = self.over_limit.acquire() => permit.map(drop),
         }
         .map_err(io::Error::other)?;
         let (stream, peer) = self.listener.accept().await?;
-        let (slot, over) = match Arc::clone(&self.served).try_acquire_owned() {
-            Ok(slot) => (slot, false),
-            Err(_) => (Arc::clone(&self.over).try_acquire_owned().map_err(io::Error::other)?, true),
+        let (permit, over_limit) = match Arc::clone(&self.served).try_acquire_owned() {
+            Ok(permit) => (permit, false),
+            Err(_) => (Arc::clone(&self.over_limit).try_acquire_owned().map_err(io::Error::other)?, true),
         };
-        Ok(AcceptedConnection { stream: unbound(stream)?, ip: Some(peer.ip()), over, slot })
+        Ok(AcceptedConnection { stream: deregister(stream)?, ip: Some(peer.ip()), over_limit, permit })
     }
 }
 
-/// Off this thread's event loop.
-fn unbound(stream: TcpStream) -> io::Result<std::net::TcpStream> {
-    // Tiles are small: waiting for fuller packets would only delay them. A peer that is gone already fails later.
+/// Takes a stream off this thread's event loop, so that a worker can add it to its own.
+fn deregister(stream: TcpStream) -> io::Result<std::net::TcpStream> {
+    // Tiles are small: waiting for full packets would only delay them. An error means a closed connection, found later.
     let _ = stream.set_nodelay(true);
     stream.into_std()
 }

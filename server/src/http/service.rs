@@ -1,17 +1,13 @@
-//! One request, from its headers to its answer: what is checked in which order.
-//!
-//! In: a request's head and whose it is. Out: an answer with its [`RequestGuard`]. Next: `tile`, or `router` for what is rare.
+//! Handles one request: the checks in their order, then a tile or the router.
 
 use super::{
     connection_state::ConnectionState,
-    metrics::RouteLabel,
     problem::Problem,
     request_guard::{GuardedBody, RequestGuard, RequestLogEntry, ResponseBody},
     response::with_cors,
-    router::router,
+    router::{ALLOWED_METHODS, router},
     state::AppState,
     tile::TileRequest,
-    tile_address::TileAddress,
     tile_cache::TileCache,
 };
 use axum::{
@@ -21,6 +17,7 @@ use axum::{
         HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
     },
 };
+use insula_protocol::route::{Route, RouteError, RouteTemplate};
 use std::{
     convert::Infallible,
     future::Future,
@@ -30,20 +27,18 @@ use std::{
 };
 use tower::{Service, ServiceExt};
 
-pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
-/// Longest request id that is taken over from a client.
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+/// Longest request id that is taken from a client.
 const MAX_ID_BYTES: usize = 64;
 
-const METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
-const ASKED: HeaderValue = HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
+const ALLOWED_HEADERS: HeaderValue =
+    HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
 
-/// The whole server but for its port; tests call it without one.
-pub fn app(state: AppState) -> HttpService {
-    let tiles = Arc::new(TileCache::new(state.limits().tile_bytes));
-    HttpService(Arc::new(ServiceShared { router: router(state.clone()), state, tiles }))
-}
+const INVALID_TILE: Problem = Problem::bad_request(
+    "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
+);
 
-/// Answers requests. Cheap to clone.
+/// The server without its port. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct HttpService(Arc<ServiceShared>);
 
@@ -51,14 +46,14 @@ pub struct HttpService(Arc<ServiceShared>);
 struct ServiceShared {
     state: AppState,
     router: Router,
-    tiles: Arc<TileCache>,
+    tiles: TileCache,
 }
 
-/// An answer that is there, or on its way.
-#[allow(clippy::large_enum_variant, reason = "the large one is the common one: a box for it would cost an allocation")]
+/// A response that is ready, or a future of one.
+#[allow(clippy::large_enum_variant, reason = "`Ready` is the common case, and boxing it would cost an allocation")]
 pub(super) enum ResponseFuture {
-    Now(Option<Response<GuardedBody>>),
-    Later(Pin<Box<dyn Future<Output = Response<GuardedBody>> + Send>>),
+    Ready(Option<Response<GuardedBody>>),
+    Pending(Pin<Box<dyn Future<Output = Response<GuardedBody>> + Send>>),
 }
 
 impl Future for ResponseFuture {
@@ -66,166 +61,179 @@ impl Future for ResponseFuture {
 
     fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
         match &mut *self {
-            Self::Now(response) => response.take().map_or(Poll::Pending, |response| Poll::Ready(Ok(response))),
-            Self::Later(response) => response.as_mut().poll(context).map(Ok),
+            Self::Ready(response) => response.take().map_or(Poll::Pending, |response| Poll::Ready(Ok(response))),
+            Self::Pending(response) => response.as_mut().poll(context).map(Ok),
         }
     }
 }
 
 impl HttpService {
-    /// What all requests share.
+    /// A service with one tile cache of the configured size.
+    pub fn new(state: AppState) -> Self {
+        let tiles = TileCache::new(state.limits().tile_bytes);
+        Self(Arc::new(ServiceShared { router: router(state.clone()), state, tiles }))
+    }
+
+    /// State that all requests share.
     pub fn state(&self) -> &AppState {
         &self.0.state
     }
 
-    fn tiles(&self) -> &TileCache {
-        &self.0.tiles
-    }
-
-    /// The same for one of several threads, with tiles of its own at hand.
+    /// The service of one of several threads, with a tile cache of its own: its share of the configured size.
     pub(super) fn for_thread(&self, threads: usize) -> Self {
-        let tiles = Arc::new(TileCache::new(self.state().limits().tile_bytes / threads.max(1)));
+        let tiles = TileCache::new(self.state().limits().tile_bytes / threads.max(1));
         Self(Arc::new(ServiceShared { state: self.0.state.clone(), router: self.0.router.clone(), tiles }))
     }
 
-    /// The answer to a request, whose body nobody reads.
-    pub(super) fn answer(&self, client: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
-        let route = RouteLabel::of_path(parts.uri.path());
-        let over = client.is_some_and(|client| client.over());
-        let of = PendingRequest {
-            guard: RequestGuard::new(self.state(), client, route),
+    /// Responds to a request. Its body is not read.
+    pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
+        let route = RouteTemplate::of_path(parts.uri.path());
+        let is_over_limit = connection.is_some_and(|connection| connection.is_over_limit());
+        let pending = PendingRequest {
+            guard: RequestGuard::new(self.state(), connection, route),
             id: request_id(self.state(), &parts.headers),
             method: parts.method.clone(),
             uri: parts.uri.clone(),
-            // What follows a body that nobody reads is no request.
-            closing: (over || has_body(&parts.headers)) && parts.version != Version::HTTP_2,
+            // What follows an unread body cannot be parsed as a request.
+            must_close: (is_over_limit || has_body(&parts.headers)) && parts.version != Version::HTTP_2,
         };
-        self.routed(client, route, parts, of)
+        match self.admit(connection, route, &parts) {
+            Ok(()) => self.dispatch(route, parts, pending),
+            Err(problem) => pending.ready(Err(problem)),
+        }
     }
 
-    fn routed(
-        &self,
-        client: Option<&Arc<ConnectionState>>,
-        route: RouteLabel,
-        parts: Parts,
-        mut of: PendingRequest,
-    ) -> ResponseFuture {
-        if let Err(problem) = self.admit(client, route, &parts) {
-            return of.now(Err(problem));
-        }
+    fn dispatch(&self, route: RouteTemplate, parts: Parts, mut pending: PendingRequest) -> ResponseFuture {
         if parts.method == Method::OPTIONS {
-            return of.now(Ok(preflight()));
+            return pending.ready(Ok(preflight()));
         }
-        // Health and metrics are answered however full the house is.
-        if route.is_of_cities() && !of.guard.enter() {
-            return of.now(Err(busy()));
+        if !route.is_operational() && !pending.guard.try_enter() {
+            return pending.ready(Err(too_busy()));
         }
-        let app = self.clone();
+        let service = self.clone();
         let is_read = parts.method == Method::GET || parts.method == Method::HEAD;
-        match TileAddress::parse(parts.uri.path()).filter(|_| is_read) {
-            None => ResponseFuture::Later(Box::pin(async move {
-                let Ok(response) = app.0.router.clone().oneshot(Request::from_parts(parts, Body::empty())).await;
-                of.answer(Ok(response.map(ResponseBody::Routed)))
+        let Some(tile) = self.tile_request(route, &parts).filter(|_| is_read) else {
+            return ResponseFuture::Pending(Box::pin(async move {
+                let request = Request::from_parts(parts, Body::empty());
+                let Ok(response) = service.0.router.clone().oneshot(request).await;
+                pending.finish(Ok(response.map(ResponseBody::Routed)))
+            }));
+        };
+        let tile = match tile {
+            Ok(tile) => tile,
+            Err(problem) => return pending.ready(Err(problem)),
+        };
+        match tile.cached_response(&self.0.tiles, &parts) {
+            Some(response) => pending.ready(Ok(response.map(ResponseBody::Full))),
+            None => ResponseFuture::Pending(Box::pin(async move {
+                let response = tile.read(service.state(), &service.0.tiles, &parts).await;
+                pending.finish(response.map(|response| response.map(ResponseBody::Full)))
             })),
-            Some(address) => match address.and_then(|address| TileRequest::find(self.state(), address, &parts.headers))
-            {
-                Err(problem) => of.now(Err(problem)),
-                Ok(wanted) => match wanted.at_hand(self.tiles(), &parts) {
-                    Some(answer) => of.now(Ok(answer.map(ResponseBody::Whole))),
-                    None => ResponseFuture::Later(Box::pin(async move {
-                        let answer = wanted.read(app.state(), app.tiles(), &parts.method, &parts.headers).await;
-                        of.answer(answer.map(|answer| answer.map(ResponseBody::Whole)))
-                    })),
-                },
-            },
         }
     }
 
-    fn admit(&self, client: Option<&Arc<ConnectionState>>, route: RouteLabel, parts: &Parts) -> Result<(), Problem> {
-        if client.is_some_and(|client| client.over()) {
-            return Err(Problem::unavailable("too many connections at once: ask again in a second"));
+    /// The requested tile; `None` for other routes. Fails with 400, 401 or 404.
+    fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<TileRequest, Problem>> {
+        let (state, path, headers) = (self.state(), parts.uri.path(), &parts.headers);
+        match Route::parse(path) {
+            Ok(Route::Tile(tile)) => Some(TileRequest::resolve(state, tile, headers)),
+            Err(RouteError::InvalidTile) => Some(Err(INVALID_TILE)),
+            // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
+            Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {
+                let city = path.split('/').nth(3).unwrap_or_default();
+                let denied = state.catalog().access().authorize(city, headers).err();
+                Some(Err(denied.unwrap_or(Problem::not_found("there is no such city or version"))))
+            }
+            _ => None,
+        }
+    }
+
+    /// Checks that precede routing. Fails with 503, 431, 400 or 429.
+    fn admit(
+        &self,
+        connection: Option<&Arc<ConnectionState>>,
+        route: RouteTemplate,
+        parts: &Parts,
+    ) -> Result<(), Problem> {
+        if connection.is_some_and(|connection| connection.is_over_limit()) {
+            return Err(Problem::unavailable("too many connections: retry in a second"));
         }
         if parts.headers.len() > self.state().limits().headers {
             return Err(Problem::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "the request has too many headers"));
         }
         if has_body(&parts.headers) {
-            return Err(Problem::bad_request("requests have no body here"));
+            return Err(Problem::bad_request("requests must not have a body"));
         }
-        match client.and_then(|client| client.ip()) {
-            Some(ip) if route.is_of_cities() => self.state().rate().admit(ip),
+        match connection.and_then(|connection| connection.ip()) {
+            Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip),
             _ => Ok(()),
         }
     }
 }
 
-/// What is kept of a request until its answer is there.
+/// What is kept of a request until its response exists.
 struct PendingRequest {
     guard: RequestGuard,
     id: HeaderValue,
     method: Method,
     uri: Uri,
-    /// The connection ends with this answer.
-    closing: bool,
+    /// The connection ends with this response.
+    must_close: bool,
 }
 
 impl PendingRequest {
-    fn now(self, result: Result<Response<ResponseBody>, Problem>) -> ResponseFuture {
-        ResponseFuture::Now(Some(self.answer(result)))
+    fn ready(self, result: Result<Response<ResponseBody>, Problem>) -> ResponseFuture {
+        ResponseFuture::Ready(Some(self.finish(result)))
     }
 
-    fn answer(mut self, result: Result<Response<ResponseBody>, Problem>) -> Response<GuardedBody> {
+    fn finish(mut self, result: Result<Response<ResponseBody>, Problem>) -> Response<GuardedBody> {
         let mut response = match result {
-            Ok(response) if self.guard.hold(response.body().len()) => response,
-            Ok(_) => problem(busy()),
-            Err(why) => problem(why),
+            Ok(response) if self.guard.try_reserve(response.body().len()) => response,
+            Ok(_) => too_busy().respond().map(ResponseBody::Full),
+            Err(problem) => problem.respond().map(ResponseBody::Full),
         };
-        let status = response.status();
+        let code = response.status().as_u16();
         let headers = response.headers_mut();
         if !headers.contains_key(header::ACCESS_CONTROL_ALLOW_ORIGIN) {
             *headers = with_cors(std::mem::take(headers));
         }
-        if self.closing {
+        if self.must_close {
             headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
         }
-        self.guard.code(status.as_u16());
-        if self.guard.logs(status.as_u16()) {
-            self.guard.log(RequestLogEntry { id: self.id.clone(), method: self.method, uri: self.uri });
+        if self.guard.set_code(code) {
+            self.guard.set_log_entry(RequestLogEntry { id: self.id.clone(), method: self.method, uri: self.uri });
         }
         headers.insert(REQUEST_ID, self.id);
-        response.map(|inner| GuardedBody::new(inner, self.guard))
+        response.map(|body| GuardedBody::new(body, self.guard))
     }
 }
 
-fn busy() -> Problem {
-    Problem::unavailable("too many requests at once: ask again in a second")
+fn too_busy() -> Problem {
+    Problem::unavailable("too many requests at once: retry in a second")
 }
 
-fn problem(problem: Problem) -> Response<ResponseBody> {
-    problem.answer().map(ResponseBody::Whole)
-}
-
-/// Nobody here wants one, and what follows a request could be taken for another.
+/// Whether the headers announce a body. No route takes one, and an unread body could be mistaken for the next request.
 fn has_body(headers: &HeaderMap) -> bool {
     let length = headers.get(header::CONTENT_LENGTH).is_some_and(|length| length != "0");
     length || headers.contains_key(header::TRANSFER_ENCODING)
 }
 
 fn preflight() -> Response<ResponseBody> {
-    let mut response = Response::new(ResponseBody::Whole(Default::default()));
+    let mut response = Response::new(ResponseBody::Full(Default::default()));
     *response.status_mut() = StatusCode::NO_CONTENT;
     let headers = response.headers_mut();
-    headers.insert(header::ALLOW, METHODS);
-    headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, METHODS);
-    headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ASKED);
+    headers.insert(header::ALLOW, ALLOWED_METHODS);
+    headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, ALLOWED_METHODS);
+    headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ALLOWED_HEADERS);
     headers.insert(header::ACCESS_CONTROL_MAX_AGE, HeaderValue::from_static("86400"));
     response
 }
 
-/// The client's own, if it is short and visible, so that its logs and ours can be laid side by side; else a new one.
+/// The client's id if it is short and visible ASCII, so that its log and ours can be joined; else a new one.
 fn request_id(state: &AppState, headers: &HeaderMap) -> HeaderValue {
-    let usable =
+    let is_usable =
         |id: &&HeaderValue| (1..=MAX_ID_BYTES).contains(&id.len()) && id.as_bytes().iter().all(u8::is_ascii_graphic);
-    headers.get(REQUEST_ID).filter(usable).cloned().unwrap_or_else(|| state.new_id())
+    headers.get(REQUEST_ID).filter(is_usable).cloned().unwrap_or_else(|| state.new_request_id())
 }
 
 impl Service<Request<Body>> for HttpService {
@@ -238,8 +246,8 @@ impl Service<Request<Body>> for HttpService {
     }
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
-        let app = self.clone();
-        let answering = app.answer(None, request.into_parts().0);
-        Box::pin(async move { answering.await.map(|response| response.map(Body::new)) })
+        let service = self.clone();
+        let response = service.respond(None, request.into_parts().0);
+        Box::pin(async move { response.await.map(|response| response.map(Body::new)) })
     }
 }

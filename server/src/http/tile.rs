@@ -1,14 +1,13 @@
-//! Tiles, immutable under their city's version.
+//! Tiles, which are immutable under their city's version.
 //!
-//! In: a [`TileAddress`]. Out: the tile's bytes as the archive holds them, every checksum right. Next: the client's decoder.
+//! In: a [`TileRoute`]. Out: the tile's bytes as the archive holds them, with valid checksums. Next: the client's decoder.
 
 use super::{
     access_control::CityAccess,
     problem::Problem,
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_plain, quoted},
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_unconditional, quoted},
     response::{FullResponse, with_cors},
     state::AppState,
-    tile_address::TileAddress,
     tile_cache::{CachedTile, TileCache, TileCacheKey},
 };
 use crate::store::CityStore;
@@ -16,89 +15,87 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Pa
 use bytes::Bytes;
 use http_body_util::Full;
 use insula_archive::ReadError;
-use insula_protocol::{TileId, mesh_tile, route::Layer};
+use insula_protocol::{TileId, TileKind, mesh_tile, route::TileRoute};
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
 
-/// A tile that exists as far as its address tells.
+/// A tile of an open city that the request may see. The archive may still lack it.
 pub(super) struct TileRequest {
     city: Arc<CityStore>,
     key: TileCacheKey,
-    sight: CityAccess,
+    access: CityAccess,
 }
 
 impl TileRequest {
-    /// Errors: 401, 404.
-    pub(super) fn find(state: &AppState, address: TileAddress<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
+    /// Looks up city and version. Fails with 401 without a required token, or 404.
+    pub(super) fn resolve(state: &AppState, route: TileRoute<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
         let catalog = state.catalog();
-        let sight = catalog.access().sight(address.city, headers)?;
-        let city = match catalog.store().version(address.city, address.version) {
+        let access = catalog.access().authorize(route.city, headers)?;
+        let city = match catalog.store().version(route.city, route.version) {
             Some(city) => Arc::clone(city),
-            None if catalog.store().city(address.city).is_none() => {
+            None if catalog.store().city(route.city).is_none() => {
                 return Err(Problem::not_found("there is no such city"));
             }
             None => {
                 return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
             }
         };
-        // Only leaves have meshes, so that none has a second address.
-        let id = match address.layer {
-            Layer::Subtrees | Layer::BlockMaps => address.id,
-            Layer::Meshes => Some(address.id)
+        // Only leaves have meshes, so that each mesh has one route.
+        let id = match route.kind {
+            TileKind::Subtree | TileKind::BlockMap => route.id,
+            TileKind::Mesh => Some(route.id)
                 .filter(|id| id.level() == city.manifest().depth)
-                .and_then(|id| mesh_tile::place(id, address.lod))
+                .and_then(|id| mesh_tile::archive_id(id, route.lod))
                 .ok_or(NO_TILE)?,
         };
-        let key = TileCacheKey { serial: city.serial(), layer: address.layer, id };
-        Ok(Self { city, key, sight })
+        let key = TileCacheKey { serial: city.serial(), kind: route.kind, id };
+        Ok(Self { city, key, access })
     }
 
-    /// The answer, if the tile is at hand.
-    pub(super) fn at_hand(&self, tiles: &TileCache, request: &Parts) -> Option<FullResponse> {
-        tiles.get(&self.key).map(|tile| answer(&tile, &request.method, &request.headers))
+    /// The response, if the tile is cached.
+    pub(super) fn cached_response(&self, tiles: &TileCache, request: &Parts) -> Option<FullResponse> {
+        tiles.get(&self.key).map(|tile| respond(&tile, request))
     }
 
-    /// Reads the tile, checks it and keeps it at hand.
+    /// Reads the tile, checks and caches it. Fails with 404, 500 if it is damaged, or 503 if it cannot be read.
     pub(super) async fn read(
         self,
         state: &AppState,
         tiles: &TileCache,
-        method: &Method,
-        headers: &HeaderMap,
+        request: &Parts,
     ) -> Result<FullResponse, Problem> {
-        let body = match self.city.checked_tile(self.key.layer, self.key.id).await {
+        let body = match self.city.checked_tile(self.key.kind, self.key.id).await {
             Ok(body) => body.ok_or(NO_TILE)?,
-            Err(error) => return Err(self.failed(state, &error)),
+            Err(error) => return Err(self.report_failure(state, &error)),
         };
-        let tile = Arc::new(self.ready(body));
+        let tile = Arc::new(self.prepare(body));
         tiles.insert(self.key, Arc::clone(&tile));
-        Ok(answer(&tile, method, headers))
+        Ok(respond(&tile, request))
     }
 
-    fn ready(&self, body: Bytes) -> CachedTile {
+    fn prepare(&self, body: Bytes) -> CachedTile {
         let representation = Representation {
             body,
             content_type: HeaderValue::from_static("application/octet-stream"),
-            // The version is a hash of the city's content, so that version, layer and place name the bytes.
-            etag: etag(&self.city.manifest().version, self.key.layer, self.key.id),
-            cache_control: if self.sight == CityAccess::Private { IMMUTABLE_PRIVATE } else { IMMUTABLE },
+            // The version is a hash of the city's content, so version, kind and id determine the bytes.
+            etag: etag(&self.city.manifest().version, self.key.kind, self.key.id),
+            cache_control: if self.access == CityAccess::Private { IMMUTABLE_PRIVATE } else { IMMUTABLE },
             encoding: None,
             vary: None,
         };
-        let whole = representation.clone().answer(&Method::GET, &HeaderMap::new());
+        let whole = representation.clone().respond(&Method::GET, &HeaderMap::new());
         CachedTile { headers: with_cors(whole.into_parts().0.headers), representation }
     }
 
-    /// What the host must know is logged and counted; the client learns that it is not its fault.
-    fn failed(&self, state: &AppState, error: &ReadError) -> Problem {
+    /// Logs and counts the failure. The client learns only whether a retry may help.
+    fn report_failure(&self, state: &AppState, error: &ReadError) -> Problem {
         state.metrics().read_failed(error);
-        let (place, layer, id) = (self.city.location(), self.key.layer.word(), self.key.id);
-        tracing::error!(place, tile = %format_args!("{layer}/{id}"), %error, "a tile cannot be served");
+        let (place, kind, id) = (self.city.location(), self.key.kind.path_segment(), self.key.id);
+        tracing::error!(place, tile = %format_args!("{kind}/{id}"), %error, "cannot serve a tile");
         match error {
             ReadError::Damaged(_) => {
-                let detail = "the server's copy of this tile is damaged";
-                Problem::new(StatusCode::INTERNAL_SERVER_ERROR, detail)
+                Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server's copy of this tile is damaged")
                     .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
             }
             _ => Problem::unavailable("this tile cannot be read at the moment"),
@@ -106,17 +103,17 @@ impl TileRequest {
     }
 }
 
-/// The common question has its answer's headers ready.
-fn answer(tile: &CachedTile, method: &Method, headers: &HeaderMap) -> FullResponse {
-    if *method == Method::GET && is_plain(headers) {
+/// Plain GET requests, the common case, get the prepared headers.
+fn respond(tile: &CachedTile, request: &Parts) -> FullResponse {
+    if request.method == Method::GET && is_unconditional(&request.headers) {
         let mut whole = FullResponse::new(Full::new(tile.representation.body.clone()));
         *whole.headers_mut() = tile.headers.clone();
         whole
     } else {
-        tile.representation.clone().answer(method, headers)
+        tile.representation.clone().respond(&request.method, &request.headers)
     }
 }
 
-fn etag(version: &str, layer: Layer, id: TileId) -> HeaderValue {
-    quoted(&format!("{version}-{}-{}-{}-{}", layer.word(), id.level(), id.x(), id.y()))
+fn etag(version: &str, kind: TileKind, id: TileId) -> HeaderValue {
+    quoted(&format!("{version}-{}-{}-{}-{}", kind.path_segment(), id.level(), id.x(), id.y()))
 }

@@ -1,39 +1,39 @@
-//! Tiles that were asked for lately, ready to be sent; each thread has its own.
-//!
-//! In: a tile that was read and checked. Out: the same, without reading or checking it again. Next: `tile`.
+//! Recently requested tiles, checked and ready to be sent. Each thread has its own cache.
 
 use super::representation::Representation;
 use axum::http::HeaderMap;
-use insula_protocol::{TileId, route::Layer};
+use insula_protocol::{TileId, TileKind};
 use lru::LruCache;
 use std::{
     hash::{BuildHasherDefault, Hasher},
     sync::{Arc, Mutex, PoisonError},
 };
 
-/// What an entry takes besides its bytes, about.
+/// Estimated memory of an entry besides its body.
 const ENTRY_BYTES: usize = 1024;
 
-/// Of one opened city: another version has another serial. Meshes are named by their place in the archive.
+/// A tile of one open city.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct TileCacheKey {
+    /// Differs between all cities and versions that the process has opened.
     pub(super) serial: u64,
-    pub(super) layer: Layer,
+    pub(super) kind: TileKind,
+    /// The tile's id in its archive; for a mesh it encodes leaf and level of detail.
     pub(super) id: TileId,
 }
 
-/// A checked tile with the headers of its whole answer.
+/// A checked tile with the headers of its 200 response.
 #[derive(Debug)]
 pub(super) struct CachedTile {
     pub(super) representation: Representation,
     pub(super) headers: HeaderMap,
 }
 
-/// The least recently used tile goes first when there are too many bytes.
+/// A cache bounded in bytes that evicts the least recently used tiles.
 #[derive(Debug)]
 pub(super) struct TileCache {
     max_bytes: usize,
-    kept: Mutex<TileCacheEntries>,
+    entries: Mutex<TileCacheEntries>,
 }
 
 #[derive(Debug)]
@@ -45,32 +45,33 @@ struct TileCacheEntries {
 impl TileCache {
     pub(super) fn new(max_bytes: usize) -> Self {
         let tiles = LruCache::unbounded_with_hasher(BuildHasherDefault::default());
-        Self { max_bytes, kept: Mutex::new(TileCacheEntries { tiles, bytes: 0 }) }
+        Self { max_bytes, entries: Mutex::new(TileCacheEntries { tiles, bytes: 0 }) }
     }
 
     pub(super) fn get(&self, key: &TileCacheKey) -> Option<Arc<CachedTile>> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).tiles.get(key).cloned()
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner).tiles.get(key).cloned()
     }
 
+    /// Adds a tile, unless it is larger than the whole cache.
     pub(super) fn insert(&self, key: TileCacheKey, tile: Arc<CachedTile>) {
         let size = |tile: &CachedTile| tile.representation.body.len() + ENTRY_BYTES;
         if size(&tile) > self.max_bytes {
             return;
         }
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.bytes += size(&tile);
-        if let Some(before) = kept.tiles.put(key, tile) {
-            kept.bytes -= size(&before);
+        let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        entries.bytes += size(&tile);
+        if let Some(replaced) = entries.tiles.put(key, tile) {
+            entries.bytes -= size(&replaced);
         }
-        while kept.bytes > self.max_bytes
-            && let Some((_, last)) = kept.tiles.pop_lru()
+        while entries.bytes > self.max_bytes
+            && let Some((_, evicted)) = entries.tiles.pop_lru()
         {
-            kept.bytes -= size(&last);
+            entries.bytes -= size(&evicted);
         }
     }
 }
 
-/// Keys are the server's own, of tiles that exist: nobody can choose them to collide, so that a quick mixer will do.
+/// A fast hasher without protection against chosen collisions: keys are only tiles that exist, so clients cannot choose them.
 #[derive(Debug, Default)]
 struct KeyHasher(u64);
 
@@ -111,7 +112,7 @@ mod tests {
     use axum::http::HeaderValue;
 
     #[test]
-    fn it_never_holds_more_than_it_may_and_keeps_what_is_used() {
+    fn evicts_least_recently_used_tiles_to_stay_below_its_size() {
         let tile = |bytes: usize| {
             let representation = Representation {
                 body: vec![0; bytes].into(),
@@ -123,19 +124,19 @@ mod tests {
             };
             Arc::new(CachedTile { representation, headers: HeaderMap::new() })
         };
-        let key = |x| TileCacheKey { serial: 1, layer: Layer::BlockMaps, id: TileId::new(9, x, 0).unwrap() };
+        let key = |x| TileCacheKey { serial: 1, kind: TileKind::BlockMap, id: TileId::new(9, x, 0).unwrap() };
         let cache = TileCache::new(10 * (100 + ENTRY_BYTES));
         for x in 0..100 {
             cache.insert(key(x), tile(100));
-            assert!(cache.get(&key(0)).is_some(), "it was asked for a moment ago");
-            let kept = cache.kept.lock().unwrap();
-            assert_eq!(kept.bytes, kept.tiles.len() * (100 + ENTRY_BYTES));
-            assert!(kept.bytes <= cache.max_bytes);
+            assert!(cache.get(&key(0)).is_some(), "it was used recently");
+            let entries = cache.entries.lock().unwrap();
+            assert_eq!(entries.bytes, entries.tiles.len() * (100 + ENTRY_BYTES));
+            assert!(entries.bytes <= cache.max_bytes);
         }
         assert!(cache.get(&key(99)).is_some() && cache.get(&key(50)).is_none());
         cache.insert(key(99), tile(50));
-        assert_eq!(cache.kept.lock().unwrap().bytes, 10 * (100 + ENTRY_BYTES) - 50, "replaced, not counted twice");
+        assert_eq!(cache.entries.lock().unwrap().bytes, 10 * (100 + ENTRY_BYTES) - 50, "replaced, not counted twice");
         cache.insert(key(7), tile(1 << 20));
-        assert!(cache.get(&key(7)).is_none() && cache.get(&key(99)).is_some(), "what is too large empties nothing");
+        assert!(cache.get(&key(7)).is_none() && cache.get(&key(99)).is_some(), "an oversized tile evicts nothing");
     }
 }

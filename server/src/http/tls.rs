@@ -1,8 +1,6 @@
-//! TLS, with a certificate that can be replaced while the server runs.
-//!
-//! In: PEM files. Out: streams in the clear. Next: `connection`.
+//! TLS with a certificate that can be replaced while the server runs.
 
-use crate::config;
+use crate::config::TlsConfig;
 use arc_swap::ArcSwap;
 use std::{io, path::Path, sync::Arc};
 use tokio::io::{AsyncRead, AsyncWrite};
@@ -16,48 +14,48 @@ use tokio_rustls::{
     server::TlsStream,
 };
 
-/// The present certificate; connections keep the one that they began with.
+/// The current certificate and key. Open connections keep those that they started with.
 #[derive(Debug)]
 pub(super) struct TlsIdentity(ArcSwap<ServerConfig>);
 
 impl TlsIdentity {
-    /// `None` if no certificate is configured. Errors: it cannot be used.
-    pub(super) fn read(config: &config::TlsConfig) -> io::Result<Option<Self>> {
-        Ok(server_config(config)?.map(|config| Self(ArcSwap::from_pointee(config))))
+    /// Reads certificate and key; `None` if none are configured. Fails if they cannot be read or do not belong together.
+    pub(super) fn load(config: &TlsConfig) -> io::Result<Option<Self>> {
+        Ok(rustls_config(config)?.map(|config| Self(ArcSwap::from_pointee(config))))
     }
 
-    /// Reads it again; what cannot be used changes nothing.
-    pub(super) fn reload(&self, config: &config::TlsConfig) -> io::Result<()> {
-        if let Some(config) = server_config(config)? {
+    /// Reads certificate and key again. If that fails, the old ones stay in use.
+    pub(super) fn reload(&self, config: &TlsConfig) -> io::Result<()> {
+        if let Some(config) = rustls_config(config)? {
             self.0.store(Arc::new(config));
         }
         Ok(())
     }
 
-    /// The handshake.
+    /// Performs the handshake. Fails if the client offers nothing that the server accepts.
     pub(super) async fn accept<S: AsyncRead + AsyncWrite + Unpin>(&self, stream: S) -> io::Result<TlsStream<S>> {
         TlsAcceptor::from(self.0.load_full()).accept(stream).await
     }
 }
 
-fn server_config(config: &config::TlsConfig) -> io::Result<Option<ServerConfig>> {
+fn rustls_config(config: &TlsConfig) -> io::Result<Option<ServerConfig>> {
     let (Some(certificate), Some(key)) = (&config.certificate, &config.key) else { return Ok(None) };
-    let wrong = |path: &Path, reason: String| {
+    let invalid = |path: &Path, reason: String| {
         io::Error::new(io::ErrorKind::InvalidData, format!("{}: {reason}", path.display()))
     };
     let chain: Result<Vec<_>, _> = CertificateDer::pem_file_iter(certificate).and_then(Iterator::collect);
-    let chain = chain.map_err(|error| wrong(certificate, error.to_string()))?;
-    // The error of a key says nothing of the key.
-    let secret = PrivateKeyDer::from_pem_file(key).map_err(|error| wrong(key, error.to_string()))?;
+    let chain = chain.map_err(|error| invalid(certificate, error.to_string()))?;
+    // rustls does not quote the key in this error.
+    let private_key = PrivateKeyDer::from_pem_file(key).map_err(|error| invalid(key, error.to_string()))?;
     let provider = Arc::new(aws_lc_rs::default_provider());
-    let mut made = ServerConfig::builder_with_provider(provider)
+    let mut rustls = ServerConfig::builder_with_provider(provider)
         .with_safe_default_protocol_versions()
         .map_err(io::Error::other)?
         .with_no_client_auth()
-        .with_single_cert(chain, secret)
-        .map_err(|error| wrong(certificate, error.to_string()))?;
-    made.alpn_protocols = vec![b"h2".to_vec(), b"http/1.1".to_vec()];
-    // So that a client that comes again needs no second handshake; the key changes by itself.
-    made.ticketer = aws_lc_rs::Ticketer::new().map_err(io::Error::other)?;
-    Ok(Some(made))
+        .with_single_cert(chain, private_key)
+        .map_err(|error| invalid(certificate, error.to_string()))?;
+    rustls.alpn_protocols = vec![b"h2".to_vec(), b"http/1.1".to_vec()];
+    // Session tickets save returning clients a full handshake. The ticketer rotates its key itself.
+    rustls.ticketer = aws_lc_rs::Ticketer::new().map_err(io::Error::other)?;
+    Ok(Some(rustls))
 }

@@ -1,11 +1,9 @@
-//! The threads that answer: each has its own connections and never shares them.
+//! Worker threads: each has an event loop of its own and keeps its connections for their whole life.
 //!
-//! In: accepted streams. Out: nothing once all are answered. Next: `connection`.
-//!
-//! A thread with a queue of its own answers a tile without waking another one; streams go to the thread that has fewest.
+//! A worker responds with a tile without waking another thread. New connections go to the worker with the fewest.
 
 use super::{
-    connection,
+    connection::{self, connection_builder},
     connection_state::{ClientTimeouts, ConnectionState},
     service::HttpService,
     tls::TlsIdentity,
@@ -28,182 +26,190 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-/// Streams on their way to a thread.
-const QUEUE: usize = 256;
+/// Accepted connections that may wait for one worker.
+const QUEUE_LENGTH: usize = 256;
+/// Interval at which a draining worker checks whether its connections have ended.
+const DRAIN_POLL: Duration = Duration::from_millis(10);
 
-/// A stream and what it holds.
+/// An accepted stream with its connection permit.
 pub(super) struct AcceptedConnection {
     pub(super) stream: TcpStream,
     pub(super) ip: Option<IpAddr>,
-    /// One too many: each request is told so.
-    pub(super) over: bool,
-    pub(super) slot: OwnedSemaphorePermit,
+    /// There are too many connections: each request on this one is rejected.
+    pub(super) over_limit: bool,
+    pub(super) permit: OwnedSemaphorePermit,
 }
 
-/// One thread, seen from outside.
+/// The acceptor's side of one worker thread.
 struct WorkerHandle {
-    streams: mpsc::Sender<AcceptedConnection>,
+    connections: mpsc::Sender<AcceptedConnection>,
     open: Arc<AtomicUsize>,
     ended: oneshot::Receiver<()>,
 }
 
-/// All of them.
+/// All worker threads.
 pub(super) struct WorkerPool(Vec<WorkerHandle>);
 
 impl WorkerPool {
-    /// Starts the threads. Errors: the system has no more.
-    pub(super) fn start(app: &HttpService, tls: Option<&Arc<TlsIdentity>>, config: &ServeConfig) -> io::Result<Self> {
-        let start = |number: usize| {
+    /// Starts the threads. Fails if the system refuses one.
+    pub(super) fn start(
+        service: &HttpService,
+        tls: Option<&Arc<TlsIdentity>>,
+        config: &ServeConfig,
+    ) -> io::Result<Self> {
+        let start_worker = |number: usize| {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-            let (streams, arriving) = mpsc::channel(QUEUE);
-            let (ending, ended) = oneshot::channel();
+            let (connections, accepted) = mpsc::channel(QUEUE_LENGTH);
+            let (ended_sender, ended) = oneshot::channel();
             let open = Arc::new(AtomicUsize::new(0));
-            let house = WorkerState {
-                app: app.for_thread(config.worker_threads()),
+            let state = WorkerState {
+                service: service.for_thread(config.worker_threads()),
                 tls: tls.cloned(),
-                patience: patience(config),
+                timeouts: client_timeouts(config),
                 open: open.clone(),
-                clock: Arc::new(AtomicU64::new(1)),
-                guests: Mutex::default(),
+                clock_ms: Arc::new(AtomicU64::new(1)),
+                connections: Mutex::default(),
             };
-            let drain = config.drain();
+            let drain_timeout = config.drain_timeout();
             std::thread::Builder::new().name(format!("insula-serve-{number}")).spawn(move || {
-                runtime.block_on(house.run(arriving, drain));
+                runtime.block_on(state.run(accepted, drain_timeout));
                 drop(runtime);
-                // Nobody waits any more if the server was dropped.
-                let _ = ending.send(());
+                // Fails if the server was dropped and nothing waits.
+                let _ = ended_sender.send(());
             })?;
-            Ok(WorkerHandle { streams, open, ended })
+            Ok(WorkerHandle { connections, open, ended })
         };
-        (0..config.worker_threads()).map(start).collect::<io::Result<_>>().map(Self)
+        (0..config.worker_threads()).map(start_worker).collect::<io::Result<_>>().map(Self)
     }
 
-    /// Gives a stream to the thread that has fewest. `false`: the threads have ended.
-    pub(super) async fn give(&self, arrived: AcceptedConnection) -> bool {
+    /// Passes a connection to the worker with the fewest. `false`: the workers have ended.
+    pub(super) async fn assign(&self, accepted: AcceptedConnection) -> bool {
         match self.0.iter().min_by_key(|worker| worker.open.load(Relaxed)) {
             Some(worker) => {
                 worker.open.fetch_add(1, Relaxed);
-                worker.streams.send(arrived).await.is_ok()
+                worker.connections.send(accepted).await.is_ok()
             }
             None => false,
         }
     }
 
-    /// Takes no more, and waits until all requests are answered or their time is over.
-    pub(super) async fn end(self) {
-        let ends: Vec<_> = self.0.into_iter().map(|worker| worker.ended).collect();
-        for ended in ends {
-            // An error is a thread that has ended too.
+    /// Makes the workers drain their connections, and waits until all threads have ended.
+    pub(super) async fn join(self) {
+        // Collected first, so that all senders are dropped before the first wait.
+        let ended: Vec<_> = self.0.into_iter().map(|worker| worker.ended).collect();
+        for ended in ended {
+            // An error means that the thread has panicked, and so has ended as well.
             let _ = ended.await;
         }
     }
 }
 
-fn patience(config: &ServeConfig) -> ClientTimeouts {
+fn client_timeouts(config: &ServeConfig) -> ClientTimeouts {
     let limits = &config.limits;
     let [header, idle, write] = [limits.header_secs, limits.idle_secs, limits.write_secs].map(Duration::from_secs);
     ClientTimeouts { header, idle, write }
 }
 
-/// What a thread's connections share.
+/// What the connections of one worker share.
 struct WorkerState {
-    app: HttpService,
+    service: HttpService,
     tls: Option<Arc<TlsIdentity>>,
-    patience: ClientTimeouts,
+    timeouts: ClientTimeouts,
     open: Arc<AtomicUsize>,
-    /// Milliseconds since the thread started, and one.
-    clock: Arc<AtomicU64>,
-    guests: Mutex<Slab<Connection>>,
+    /// Milliseconds since the worker started, plus one: 0 is reserved for "never".
+    clock_ms: Arc<AtomicU64>,
+    connections: Mutex<Slab<Connection>>,
 }
 
-/// A connection and what ends it.
+/// An open connection and its task.
 struct Connection {
-    client: Arc<ConnectionState>,
+    state: Arc<ConnectionState>,
     task: AbortHandle,
 }
 
 impl WorkerState {
-    async fn run(self, mut arriving: mpsc::Receiver<AcceptedConnection>, drain: Duration) {
-        let house = Arc::new(self);
-        let builder = Arc::new(connection::builder(&house.app));
-        let janitor = tokio::spawn(house.clone().look_after());
-        while let Some(arrived) = arriving.recv().await {
-            house.clone().welcome(arrived, &builder);
+    async fn run(self, mut accepted: mpsc::Receiver<AcceptedConnection>, drain_timeout: Duration) {
+        let worker = Arc::new(self);
+        let builder = Arc::new(connection_builder(&worker.service));
+        let reaper = tokio::spawn(worker.clone().reap_slow_connections());
+        while let Some(connection) = accepted.recv().await {
+            worker.clone().spawn_connection(connection, &builder);
         }
-        house.lock().iter().for_each(|(_, guest)| guest.client.finish());
-        let all_gone = async {
-            while !house.lock().is_empty() {
-                sleep(Duration::from_millis(10)).await;
+        worker.lock().iter().for_each(|(_, connection)| connection.state.start_shutdown());
+        let drained = async {
+            while !worker.lock().is_empty() {
+                sleep(DRAIN_POLL).await;
             }
         };
-        if timeout(drain, all_gone).await.is_err() {
+        if timeout(drain_timeout, drained).await.is_err() {
             tracing::warn!("some requests did not finish in time and were dropped");
         }
-        janitor.abort();
+        reaper.abort();
     }
 
     fn lock(&self) -> MutexGuard<'_, Slab<Connection>> {
-        self.guests.lock().unwrap_or_else(PoisonError::into_inner)
+        self.connections.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sets the clock, and ends connections whose clients are too slow.
-    async fn look_after(self: Arc<Self>) {
+    /// Advances the clock, and aborts connections whose clients have exceeded a timeout.
+    async fn reap_slow_connections(self: Arc<Self>) {
         let start = Instant::now();
-        let ClientTimeouts { header, idle, write } = self.patience;
-        let often = (header.min(idle).min(write) / 8).clamp(Duration::from_millis(20), Duration::from_millis(250));
+        let ClientTimeouts { header, idle, write } = self.timeouts;
+        let interval = (header.min(idle).min(write) / 8).clamp(Duration::from_millis(20), Duration::from_millis(250));
         loop {
-            sleep(often).await;
-            self.clock.store(start.elapsed().as_millis() as u64 + 1, Relaxed);
-            for (_, guest) in self.lock().iter() {
-                if guest.client.is_too_slow() {
-                    guest.task.abort();
+            sleep(interval).await;
+            self.clock_ms.store(start.elapsed().as_millis() as u64 + 1, Relaxed);
+            for (_, connection) in self.lock().iter() {
+                if connection.state.has_timed_out() {
+                    connection.task.abort();
                 }
             }
         }
     }
 
-    fn welcome(self: Arc<Self>, arrived: AcceptedConnection, builder: &Arc<auto::Builder<TokioExecutor>>) {
-        let AcceptedConnection { stream, ip, over, slot } = arrived;
-        let client = Arc::new(ConnectionState::new(ip, over, self.clock.clone(), self.patience));
-        self.app.state().metrics().connected(over);
-        let (house, builder) = (self.clone(), builder.clone());
-        let mut guests = self.lock();
-        let entry = guests.vacant_entry();
-        let left = ConnectionGuard { house: self.clone(), client: client.clone(), key: entry.key(), _slot: slot };
-        let of = client.clone();
+    fn spawn_connection(self: Arc<Self>, accepted: AcceptedConnection, builder: &Arc<auto::Builder<TokioExecutor>>) {
+        let AcceptedConnection { stream, ip, over_limit, permit } = accepted;
+        let state = Arc::new(ConnectionState::new(ip, over_limit, self.clock_ms.clone(), self.timeouts));
+        self.service.state().metrics().connection_opened(over_limit);
+        let (worker, builder) = (self.clone(), builder.clone());
+        let mut connections = self.lock();
+        let entry = connections.vacant_entry();
+        let guard = ConnectionGuard { worker: self.clone(), state: state.clone(), key: entry.key(), _permit: permit };
+        let task_state = state.clone();
         let task = tokio::spawn(async move {
-            let left = left;
-            house.serve(stream, &builder, of).await;
-            drop(left);
+            // Moved into the task, so that it is dropped when the task is aborted.
+            let guard = guard;
+            worker.serve(stream, &builder, task_state).await;
+            drop(guard);
         });
-        entry.insert(Connection { client, task: task.abort_handle() });
+        entry.insert(Connection { state, task: task.abort_handle() });
     }
 
-    async fn serve(&self, stream: TcpStream, builder: &auto::Builder<TokioExecutor>, client: Arc<ConnectionState>) {
+    async fn serve(&self, stream: TcpStream, builder: &auto::Builder<TokioExecutor>, state: Arc<ConnectionState>) {
         let Ok(stream) = tokio::net::TcpStream::from_std(stream) else { return };
         match &self.tls {
-            None => connection::serve(stream, builder, self.app.clone(), client).await,
-            Some(tls) => match timeout(self.patience.header, tls.accept(stream)).await {
-                Ok(Ok(stream)) => connection::serve(stream, builder, self.app.clone(), client).await,
-                Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
-                Err(_) => tracing::debug!("a handshake took too long"),
+            None => connection::serve(stream, builder, self.service.clone(), state).await,
+            Some(tls) => match timeout(self.timeouts.header, tls.accept(stream)).await {
+                Ok(Ok(stream)) => connection::serve(stream, builder, self.service.clone(), state).await,
+                Ok(Err(error)) => tracing::debug!(%error, "TLS handshake failed"),
+                Err(_) => tracing::debug!("TLS handshake timed out"),
             },
         }
     }
 }
 
-/// Counts a connection until it is gone.
+/// Removes a connection from its worker when dropped.
 struct ConnectionGuard {
-    house: Arc<WorkerState>,
-    client: Arc<ConnectionState>,
+    worker: Arc<WorkerState>,
+    state: Arc<ConnectionState>,
     key: usize,
-    _slot: OwnedSemaphorePermit,
+    _permit: OwnedSemaphorePermit,
 }
 
 impl Drop for ConnectionGuard {
     fn drop(&mut self) {
-        self.house.lock().try_remove(self.key);
-        self.house.open.fetch_sub(1, Relaxed);
-        self.house.app.state().metrics().disconnected(self.client.slow());
+        self.worker.lock().try_remove(self.key);
+        self.worker.open.fetch_sub(1, Relaxed);
+        self.worker.service.state().metrics().connection_closed(self.state.timeout_kind());
     }
 }

@@ -1,6 +1,4 @@
-//! Baked cities by the name that URLs use.
-//!
-//! Cities come from folders, object stores and web servers. `reload` replaces them while they are served.
+//! A set of cities from folders, object stores and web servers.
 
 use super::{
     city::CityStore,
@@ -17,7 +15,7 @@ use std::{
     time::Instant,
 };
 
-/// Several cities, by the name that URLs use. Cheap to clone.
+/// Cities by the name that URLs use. Cheap to clone.
 #[derive(Debug, Default, Clone)]
 pub struct Store {
     pub(super) folders: Vec<PathBuf>,
@@ -26,19 +24,19 @@ pub struct Store {
     pub(super) cities: BTreeMap<String, CityVersions>,
 }
 
-/// One city: what is served now, and what was until a moment ago.
+/// The current version of a city, and recent ones.
 #[derive(Debug, Clone)]
 pub(super) struct CityVersions {
     pub(super) current: Arc<CityStore>,
-    /// Newest first; clients that hold an older manifest go on until they look again.
+    /// Replaced versions with the time of their replacement, newest first. Clients use them until they fetch the manifest again.
     pub(super) older: Vec<(Arc<CityStore>, Instant)>,
-    /// Looks in a row at which its folder was not there.
-    pub(super) absent: u32,
+    /// Number of consecutive checks at which the city's folder was missing.
+    pub(super) absent_checks: u32,
 }
 
 impl Store {
-    /// Opens city folders, and the city folders directly inside the others. Errors: a folder that is neither, a damaged
-    /// city, two cities of one name.
+    /// Opens city folders; a folder that is no city stands for all cities directly inside it. Fails if there is no city, one
+    /// cannot be opened, or two have the same name.
     pub fn open<P: AsRef<Path>>(folders: &[P]) -> Result<Self, StoreError> {
         let folders = folders.iter().map(|folder| folder.as_ref().to_owned()).collect();
         let mut store = Self { folders, ..Self::default() };
@@ -50,7 +48,8 @@ impl Store {
         Ok(store)
     }
 
-    /// The same, where what looks like a URL is a city in an object store or behind a web server.
+    /// As [`Self::open`], where a place may also be the URL of a city in an object store or behind a web server. Fails, in
+    /// addition, if the cache folder cannot be used or a store does not respond.
     pub async fn open_anywhere(places: &[PathBuf], cache: &BlockCacheConfig) -> Result<Self, StoreError> {
         let is_url = |place: &&PathBuf| place.to_str().is_some_and(|text| text.contains("://"));
         let (urls, folders): (Vec<_>, Vec<_>) = places.iter().partition(is_url);
@@ -58,9 +57,9 @@ impl Store {
         if urls.is_empty() {
             return Ok(store);
         }
-        let unusable = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
+        let cache_error = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
         let metrics = StoreMetrics::new();
-        let blocks = Arc::new(metrics.block_cache(cache).map_err(unusable)?);
+        let blocks = Arc::new(metrics.block_cache(cache).map_err(cache_error)?);
         let requests = Arc::new(StoreRequests::new(cache, metrics.clone()));
         for url in urls.iter().filter_map(|url| url.to_str()) {
             let remote = RemoteCity::new(url, requests.clone(), blocks.clone())?;
@@ -73,40 +72,40 @@ impl Store {
         Ok(store)
     }
 
-    /// What is counted of stores, if there are any.
-    pub(crate) fn counters(&self) -> Option<&StoreMetrics> {
+    /// Metrics of remote reads; `None` without remote cities.
+    pub(crate) fn metrics(&self) -> Option<&StoreMetrics> {
         self.metrics.as_ref()
     }
 
-    /// Adds a city. Errors: there is one of that name.
+    /// Adds a city. Fails if there is one of the same name.
     pub fn insert(&mut self, city: CityStore) -> Result<(), StoreError> {
         let name = city.manifest().name.clone();
         if let Some(other) = self.city(&name) {
             let (first, second) = (other.location().to_owned(), city.location().to_owned());
             return Err(StoreError::SameName { name, first, second });
         }
-        self.cities.insert(name, CityVersions { current: Arc::new(city), older: Vec::new(), absent: 0 });
+        self.cities.insert(name, CityVersions { current: Arc::new(city), older: Vec::new(), absent_checks: 0 });
         Ok(())
     }
 
-    /// The city of that name, as it is now.
+    /// The current version of a city.
     pub fn city(&self, name: &str) -> Option<&Arc<CityStore>> {
         self.cities.get(name).map(|versions| &versions.current)
     }
 
-    /// The city of that name in that version, now or a moment ago.
+    /// A given version of a city: the current one or a recent one.
     pub fn version(&self, name: &str, version: &str) -> Option<&Arc<CityStore>> {
         let versions = self.cities.get(name)?;
         let mut all = std::iter::once(&versions.current).chain(versions.older.iter().map(|(city, _)| city));
         all.find(|city| city.manifest().version == version)
     }
 
-    /// All cities as they are now, by name.
+    /// The current versions of all cities, by name.
     pub fn cities(&self) -> impl ExactSizeIterator<Item = &Arc<CityStore>> {
         self.cities.values().map(|versions| &versions.current)
     }
 
-    /// How many older versions are still open.
+    /// Number of older versions that are still open.
     pub fn older_versions(&self) -> usize {
         self.cities.values().map(|versions| versions.older.len()).sum()
     }
@@ -117,10 +116,10 @@ pub(super) fn city_folders(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     if folder.join(MANIFEST_FILE).is_file() {
         return Ok(vec![folder.to_owned()]);
     }
-    let unreadable = |source| StoreError::Io { path: folder.to_owned(), source };
+    let io_error = |source| StoreError::Io { path: folder.to_owned(), source };
     let mut cities = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
+    for entry in std::fs::read_dir(folder).map_err(io_error)? {
+        let path = entry.map_err(io_error)?.path();
         if path.join(MANIFEST_FILE).is_file() {
             cities.push(path);
         }

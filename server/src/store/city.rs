@@ -1,8 +1,8 @@
-//! A baked city that is being served, and how to tell that its files were replaced.
+//! An open city, and the identity of its files, which tells when they are replaced.
 
 use super::error::StoreError;
 use insula_archive::{BakedCity, city::MANIFEST_FILE};
-use insula_protocol::route::Layer;
+use insula_protocol::TileKind;
 use std::{
     fs, io,
     ops::Deref,
@@ -11,12 +11,12 @@ use std::{
     time::SystemTime,
 };
 
-/// How often opening a folder is repeated because it was replaced meanwhile.
-const ATTEMPTS: usize = 5;
+/// Attempts to open a city that is replaced meanwhile.
+const MAX_ATTEMPTS: usize = 5;
 
-static SERIALS: AtomicU64 = AtomicU64::new(0);
+static NEXT_SERIAL: AtomicU64 = AtomicU64::new(0);
 
-/// An opened city. Its methods are those of [`BakedCity`].
+/// An open city; its methods are those of [`BakedCity`].
 #[derive(Debug)]
 pub struct CityStore {
     serial: u64,
@@ -24,22 +24,23 @@ pub struct CityStore {
     city: BakedCity,
 }
 
-/// Tells a city's files from those that replace them.
+/// Identity of a city's files, which changes when they are replaced.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum CityStamp {
-    /// Of the manifest, the two archives that all cities have, and that of meshes.
+    /// Of the manifest and each existing archive.
     Files([Option<FileStamp>; 4]),
-    /// Hash of the manifest.
+    /// Hash of the manifest's text.
     Remote(blake3::Hash),
 }
 
-/// Device, inode, length, modification time.
+/// Device, inode, length and modification time.
 type FileStamp = (u64, u64, u64, Option<SystemTime>);
 
 impl CityStore {
-    /// Opens a folder. All files are of one version, even if the folder is being replaced.
+    /// Opens a folder with `city.json` and an archive per [`TileKind`]. All files are of one version, even if the city is replaced
+    /// meanwhile. Fails if a file is missing, damaged, or inconsistent with the manifest.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
-        for _ in 0..ATTEMPTS {
+        for _ in 0..MAX_ATTEMPTS {
             let stamp = CityStamp::of(folder)?;
             let city = BakedCity::open(folder);
             if CityStamp::of(folder)? == stamp {
@@ -50,10 +51,10 @@ impl CityStore {
     }
 
     pub(super) fn new(stamp: CityStamp, city: BakedCity) -> Self {
-        Self { serial: SERIALS.fetch_add(1, Ordering::Relaxed), stamp, city }
+        Self { serial: NEXT_SERIAL.fetch_add(1, Ordering::Relaxed), stamp, city }
     }
 
-    /// Differs between all cities that this process has opened.
+    /// A number that differs between all cities and versions that the process has opened.
     pub fn serial(&self) -> u64 {
         self.serial
     }
@@ -72,30 +73,30 @@ impl Deref for CityStore {
 }
 
 impl CityStamp {
-    /// Fails if a file is missing or cannot be examined.
+    /// Fails if a file's metadata cannot be read, or one other than the meshes is missing.
     pub(super) fn of(folder: &Path) -> Result<Self, StoreError> {
-        let stamp = |name: &str| {
+        let file_stamp = |name: &str| {
             let path = folder.join(name);
-            let about = fs::metadata(&path).map_err(|source| StoreError::Io { path, source })?;
-            let (device, inode) = identity(&about);
-            Ok(Some((device, inode, about.len(), about.modified().ok())))
+            let metadata = fs::metadata(&path).map_err(|source| StoreError::Io { path, source })?;
+            let (device, inode) = identity(&metadata);
+            Ok(Some((device, inode, metadata.len(), metadata.modified().ok())))
         };
-        let meshes = match stamp(Layer::Meshes.file_name()) {
+        let meshes = match file_stamp(TileKind::Mesh.file_name()) {
             Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => None,
             found => found?,
         };
-        let [subtrees, blockmaps] = [Layer::Subtrees, Layer::BlockMaps].map(|kind| stamp(kind.file_name()));
-        Ok(Self::Files([stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
+        let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|kind| file_stamp(kind.file_name()));
+        Ok(Self::Files([file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
     }
 }
 
 #[cfg(unix)]
-fn identity(about: &fs::Metadata) -> (u64, u64) {
+fn identity(metadata: &fs::Metadata) -> (u64, u64) {
     use std::os::unix::fs::MetadataExt;
-    (about.dev(), about.ino())
+    (metadata.dev(), metadata.ino())
 }
 
 #[cfg(not(unix))]
-fn identity(_about: &fs::Metadata) -> (u64, u64) {
+fn identity(_metadata: &fs::Metadata) -> (u64, u64) {
     (0, 0)
 }

@@ -1,4 +1,4 @@
-//! Why cities cannot be served. Each text is one line.
+//! Errors of opening a city. Each text is one line: what failed, where, and what to do.
 
 use insula_archive::CityError;
 use std::path::PathBuf;
@@ -6,50 +6,20 @@ use std::path::PathBuf;
 /// Why a city cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// A file or folder is missing or cannot be read.
-    #[error("cannot read {}: {source}; is the path right?", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the operating system says.
-        source: std::io::Error,
-    },
-    /// Neither a city nor a folder of cities.
-    #[error("no city in {}: there is no city.json in it or one folder below; make one with `insula-server bake`", .0.display())]
+    #[error("cannot read {}: {source}; check the path", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("no city in {}: neither it nor a folder in it contains city.json; make a city with `insula-server bake`", .0.display())]
     NoCity(PathBuf),
-    /// The city is damaged or of another version.
+    /// The city is damaged, inconsistent, or of another version.
     #[error(transparent)]
     City(#[from] CityError),
-    /// URLs could not tell two cities apart.
     #[error("two cities are named {name:?}: {first} and {second}; bake one with another --name")]
-    SameName {
-        /// The name.
-        name: String,
-        /// Path or address of one city.
-        first: String,
-        /// Path or address of the other.
-        second: String,
-    },
-    /// An object store or web server has no city, or does not answer.
-    #[error("cannot read {url}: {reason}; is the address right, and may this machine read it?")]
-    Remote {
-        /// Address of the city or of one of its files.
-        url: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The folder of the block cache cannot be used.
-    #[error("cannot use cache.folder {}: {source}; give another one", path.display())]
-    Cache {
-        /// The folder.
-        path: PathBuf,
-        /// What the operating system says.
-        source: std::io::Error,
-    },
-    /// The city's files changed every time they were read.
-    #[error("cannot open {place}: it keeps being replaced while it is read; try again")]
-    Changing {
-        /// The city's folder.
-        place: String,
-    },
+    SameName { name: String, first: String, second: String },
+    #[error("cannot read {url}: {reason}; check the URL and this machine's access to it")]
+    Remote { url: String, reason: String },
+    #[error("cannot use cache.folder {}: {source}; set another one", path.display())]
+    Cache { path: PathBuf, source: std::io::Error },
+    /// Every attempt to open the city found it replaced meanwhile.
+    #[error("cannot open {place}: it is being replaced repeatedly; try again")]
+    Changing { place: String },
 }

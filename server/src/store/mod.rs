@@ -1,10 +1,9 @@
-//! Baked cities, opened once, replaced while they are served.
+//! Opened cities: manifests, and tiles as [`bytes::Bytes`] by kind and id.
 //!
-//! In: where cities are (design 10). Out: a [`Store`]: manifests, and tiles as [`bytes::Bytes`] by kind and id.
-//! Next: `http` serves them; the commands `inspect` and `verify` read them.
+//! In: folders and URLs of baked cities. Out: a [`Store`]. Next: `http` serves it; `inspect` and `verify` read it.
 //!
-//! `insula-archive` checks the manifest and the directories when a city is opened, and the checksums of a tile each time it is
-//! served. No damaged tile is served.
+//! `insula-archive` reads the cities. Opening one checks its manifest, its archives' directories, and that every tile lies
+//! inside its file. The checksums of a tile are checked at every read for a client, so that damaged bytes are never served.
 
 mod cities;
 mod city;

@@ -1,8 +1,6 @@
-//! Looks whether cities were replaced, added or removed, and opens what is new.
+//! Checks whether cities were replaced, added or removed, and opens the new ones.
 //!
-//! In: a [`Store`]. Out: the next one, with the older versions that clients may still ask for. Next: `http` swaps them.
-//!
-//! What cannot be opened changes nothing: the city that is served goes on.
+//! A city that cannot be opened does not replace the version that is served.
 
 use super::{
     cities::{CityVersions, Store, city_folders},
@@ -15,76 +13,76 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Looks at which a city is missing before it is given up: `bake` replaces a folder by two renames.
-const ABSENT_LOOKS: u32 = 3;
+/// Consecutive checks that must miss a city before it is removed: `bake` replaces a folder by two renames.
+const MAX_ABSENT_CHECKS: u32 = 3;
 
-/// How long older versions are kept.
+/// How long, and how many, replaced versions stay open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RetentionPolicy {
-    /// After they were replaced.
+    /// Time after the replacement.
     pub time: Duration,
-    /// Of one city.
+    /// Number per city.
     pub versions: usize,
 }
 
-/// What a look found.
+/// Result of a check.
 #[derive(Debug)]
 pub struct StoreReload {
-    /// What to serve from now on.
+    /// The cities to serve from now on.
     pub store: Store,
-    /// Names of cities with another version than before, new and gone ones too.
+    /// Names of the cities that were replaced, added or removed.
     pub changed: Vec<String>,
-    /// Older versions that were closed.
+    /// Number of older versions that were closed.
     pub closed: usize,
-    /// What could not be opened.
+    /// Cities and folders that could not be opened.
     pub failures: Vec<StoreError>,
 }
 
 impl Store {
-    /// Looks at all folders, and at stores too if `far`.
-    pub async fn reload(&self, keep: RetentionPolicy, far: bool) -> StoreReload {
-        let near = self.clone();
-        // An error is a task that was cancelled at the end of the process: nothing has changed.
-        let unchanged = || (StoreReload::of(self), self.cities.keys().cloned().collect());
-        let looked = tokio::task::spawn_blocking(move || near.look_near(keep)).await;
-        let (mut look, mut seen) = looked.unwrap_or_else(|_| unchanged());
+    /// Checks all folders and, if `include_remote`, all remote cities.
+    pub async fn reload(&self, retention: RetentionPolicy, include_remote: bool) -> StoreReload {
+        let store = self.clone();
+        let checked = tokio::task::spawn_blocking(move || store.check_folders(retention)).await;
+        // The task fails only if it is cancelled at the end of the process.
+        let unchanged = || (StoreReload::unchanged(self), self.cities.keys().cloned().collect());
+        let (mut reload, mut seen) = checked.unwrap_or_else(|_| unchanged());
         for remote in &self.remotes {
             let known = self.cities.iter().find(|(_, versions)| versions.current.location() == remote.url());
             seen.extend(known.map(|(name, _)| name.clone()));
-            if !far {
+            if !include_remote {
                 continue;
             }
             match remote.open(known.map(|(_, versions)| versions.current.stamp())).await {
                 Ok(Some(city)) => {
                     let name = city.manifest().name.clone();
-                    if look.replace(name.clone(), city, keep) {
+                    if reload.replace(name.clone(), city, retention) {
                         seen.push(name);
                     }
                 }
                 Ok(None) => {}
-                Err(error) => look.failures.push(error),
+                Err(error) => reload.failures.push(error),
             }
         }
-        look.drop_absent(&seen);
-        look.close_old(keep);
-        look
+        reload.remove_absent(&seen);
+        reload.close_older(retention);
+        reload
     }
 
-    /// Looks at all folders: it reads the disk. Also the names of what is there.
-    fn look_near(&self, keep: RetentionPolicy) -> (StoreReload, Vec<String>) {
-        let mut look = StoreReload::of(self);
+    /// Checks all folders, which reads the disk. Also returns the names of the cities that exist.
+    fn check_folders(&self, retention: RetentionPolicy) -> (StoreReload, Vec<String>) {
+        let mut reload = StoreReload::unchanged(self);
         let mut seen = Vec::new();
         for folder in &self.folders {
             match city_folders(folder) {
-                Ok(cities) => cities.iter().for_each(|city| look.at(city, keep, &mut seen)),
-                // Everything that came from there stays.
+                Ok(cities) => cities.iter().for_each(|city| reload.check_folder(city, retention, &mut seen)),
+                // All cities from this folder stay open.
                 Err(error) => {
                     seen.extend(self.names_below(folder));
-                    look.failures.push(error);
+                    reload.failures.push(error);
                 }
             }
         }
-        (look, seen)
+        (reload, seen)
     }
 
     fn names_below(&self, folder: &Path) -> Vec<String> {
@@ -100,11 +98,12 @@ impl Store {
 }
 
 impl StoreReload {
-    fn of(store: &Store) -> Self {
+    fn unchanged(store: &Store) -> Self {
         Self { store: store.clone(), changed: Vec::new(), closed: 0, failures: Vec::new() }
     }
 
-    fn at(&mut self, folder: &Path, keep: RetentionPolicy, seen: &mut Vec<String>) {
+    /// Opens the city in a folder if it has changed.
+    fn check_folder(&mut self, folder: &Path, retention: RetentionPolicy, seen: &mut Vec<String>) {
         let known = self.store.name_at(folder);
         if let Some((name, versions)) = &known
             && CityStamp::of(folder).is_ok_and(|stamp| stamp == *versions.current.stamp())
@@ -115,7 +114,7 @@ impl StoreReload {
         match CityStore::open(folder) {
             Ok(city) => {
                 let name = city.manifest().name.clone();
-                if self.replace(name.clone(), city, keep) {
+                if self.replace(name.clone(), city, retention) {
                     seen.push(name);
                 }
             }
@@ -126,11 +125,10 @@ impl StoreReload {
         }
     }
 
-    /// Whether the city is served now.
-    fn replace(&mut self, name: String, city: CityStore, keep: RetentionPolicy) -> bool {
+    /// Makes `city` the current version. `false` if it could not be added.
+    fn replace(&mut self, name: String, city: CityStore, retention: RetentionPolicy) -> bool {
         let Some(versions) = self.store.cities.get_mut(&name) else {
             self.changed.push(name);
-            // There is none of that name.
             return self.store.insert(city).is_ok();
         };
         if versions.current.location() != city.location() {
@@ -138,34 +136,33 @@ impl StoreReload {
             self.failures.push(StoreError::SameName { name, first, second });
             return true;
         }
-        let other = versions.current.manifest().version != city.manifest().version;
+        let is_new_version = versions.current.manifest().version != city.manifest().version;
         let replaced = std::mem::replace(&mut versions.current, Arc::new(city));
-        if other {
+        if is_new_version {
             let version = versions.current.manifest().version.clone();
             versions.older.insert(0, (replaced, Instant::now()));
             versions.older.retain(|(older, _)| older.manifest().version != version);
-            self.closed += versions.older.len().saturating_sub(keep.versions);
-            versions.older.truncate(keep.versions);
+            self.closed += versions.older.len().saturating_sub(retention.versions);
+            versions.older.truncate(retention.versions);
         }
-        // Files of the same content, touched or copied anew, are no news to clients.
         self.changed.push(name);
         true
     }
 
-    fn drop_absent(&mut self, seen: &[String]) {
+    fn remove_absent(&mut self, seen: &[String]) {
         for (name, versions) in &mut self.store.cities {
-            versions.absent = if seen.contains(name) { 0 } else { versions.absent + 1 };
-            if versions.absent >= ABSENT_LOOKS {
+            versions.absent_checks = if seen.contains(name) { 0 } else { versions.absent_checks + 1 };
+            if versions.absent_checks >= MAX_ABSENT_CHECKS {
                 self.changed.push(name.clone());
             }
         }
-        self.store.cities.retain(|_, versions| versions.absent < ABSENT_LOOKS);
+        self.store.cities.retain(|_, versions| versions.absent_checks < MAX_ABSENT_CHECKS);
     }
 
-    fn close_old(&mut self, keep: RetentionPolicy) {
+    fn close_older(&mut self, retention: RetentionPolicy) {
         for versions in self.store.cities.values_mut() {
             let before = versions.older.len();
-            versions.older.retain(|(_, replaced)| replaced.elapsed() < keep.time);
+            versions.older.retain(|(_, replaced)| replaced.elapsed() < retention.time);
             self.closed += before - versions.older.len();
         }
     }

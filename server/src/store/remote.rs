@@ -13,7 +13,7 @@ use insula_archive::{
     block_cache::BlockCache,
     city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, parse_manifest},
 };
-use insula_protocol::route::Layer;
+use insula_protocol::TileKind;
 use object_store::{
     ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig, aws::AmazonS3Builder, http::HttpBuilder,
     path::Path,
@@ -70,7 +70,7 @@ impl RemoteCity {
         let got = self.requests.retry(|| self.store.get_opts(&path, GetOptions::default())).await.map_err(failed)?;
         let wrong = |reason| CityError::Manifest { location: format!("{}/{MANIFEST_FILE}", self.url), reason };
         if got.meta.size > MAX_MANIFEST_BYTES as u64 {
-            return Err(wrong(format!("a manifest is at most {MAX_MANIFEST_BYTES} bytes")).into());
+            return Err(wrong(format!("the manifest is larger than {MAX_MANIFEST_BYTES} bytes")).into());
         }
         let text = got.bytes().await.map_err(failed)?;
         let stamp = CityStamp::Remote(blake3::hash(&text));
@@ -79,20 +79,20 @@ impl RemoteCity {
         }
         let manifest = parse_manifest(&text).map_err(wrong)?;
         let archive = |kind| self.archive(&manifest.version, kind);
-        let missing = |kind: Layer| StoreError::Remote {
+        let missing = |kind: TileKind| StoreError::Remote {
             url: format!("{}/{}", self.url, kind.file_name()),
             reason: "there is no such file".into(),
         };
         let archives = CityArchives {
-            subtrees: archive(Layer::Subtrees).await?.ok_or_else(|| missing(Layer::Subtrees))?,
-            blockmaps: archive(Layer::BlockMaps).await?.ok_or_else(|| missing(Layer::BlockMaps))?,
-            meshes: archive(Layer::Meshes).await?,
+            subtrees: archive(TileKind::Subtree).await?.ok_or_else(|| missing(TileKind::Subtree))?,
+            blockmaps: archive(TileKind::BlockMap).await?.ok_or_else(|| missing(TileKind::BlockMap))?,
+            meshes: archive(TileKind::Mesh).await?,
         };
         Ok(Some(CityStore::new(stamp, BakedCity::new(self.url.clone(), manifest, archives)?)))
     }
 
     /// Opens one archive. `None` if there is no such file.
-    async fn archive(&self, version: &str, kind: Layer) -> Result<Option<Archive>, StoreError> {
+    async fn archive(&self, version: &str, kind: TileKind) -> Result<Option<Archive>, StoreError> {
         let location = format!("{}/{}", self.url, kind.file_name());
         let mut path = self.folder.clone().join(version).join(kind.file_name());
         let mut meta = self.requests.retry(|| self.store.head(&path)).await;
@@ -101,7 +101,7 @@ impl RemoteCity {
             meta = self.requests.retry(|| self.store.head(&path)).await;
         }
         // Stores that may not be listed answer "forbidden" for missing objects.
-        let forbidden = matches!(meta, Err(object_store::Error::PermissionDenied { .. })) && !kind.is_always_there();
+        let forbidden = matches!(meta, Err(object_store::Error::PermissionDenied { .. })) && !kind.is_required();
         if forbidden || matches!(meta, Err(object_store::Error::NotFound { .. })) {
             return Ok(None);
         }

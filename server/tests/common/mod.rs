@@ -1,43 +1,47 @@
-//! A city small enough to be known by heart: the root and its north-eastern child.
-#![allow(dead_code, reason = "each test file uses its part")]
+//! A minimal city: the root and its north-eastern child, with two meshes if asked for.
+#![allow(dead_code, reason = "each test program uses a part")]
 
 use insula_protocol::{
-    BlockMap, Manifest, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, Column, Strip},
-    manifest::{Attribution, Counts, FORMAT_VERSION},
+    BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
+    blockmap::{COLUMNS, MapColumn, WallStrip},
+    manifest::{Attribution, CityCounts, FORMAT_VERSION},
     mesh_tile,
-    route::Layer,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use pmtiles::{Compression, PmTilesWriter, TileCoord, TileType};
-use std::{fs::File, path::Path};
+use std::{
+    fs::File,
+    path::{Path, PathBuf},
+    sync::OnceLock,
+};
 
-/// Its version.
+/// Version of the city.
 pub(crate) const VERSION: &str = "0123456789abcdef";
 
-/// The root's child.
+/// The root's only child.
 pub(crate) fn child() -> TileId {
     TileId::ROOT.child(3).unwrap()
 }
 
-/// A node with one wall and one roof.
+/// A V-BlockMap with one exposed column and one roof.
 pub(crate) fn blockmap(id: TileId) -> Vec<u8> {
     let mut columns = vec![None; COLUMNS];
     let texels = (0..3).map(|i| Texel::new([200, 50 * i, 10], 63, 3)).collect();
-    columns[65] = Some(Column {
+    columns[65] = Some(MapColumn {
         z_min: 0,
         z_max: 48,
         roof: Texel::new([10, 20, 30], 63, 3),
-        strip: Some(Strip { texels, azimuth: 64 }),
-        ..Column::default()
+        strip: Some(WallStrip { texels, azimuth: 64 }),
+        ..MapColumn::default()
     });
-    columns[66] = Some(Column { z_min: 16, z_max: 40, roof: Texel::new([90, 80, 70], 32, 3), ..Column::default() });
+    columns[66] =
+        Some(MapColumn { z_min: 16, z_max: 40, roof: Texel::new([90, 80, 70], 32, 3), ..MapColumn::default() });
     let cell_m = 2.0 / f32::from(1u16 << id.level());
     BlockMap::from_columns(id, cell_m, 0, 0, &columns).unwrap().encode().unwrap()
 }
 
-/// Writes one archive.
-pub(crate) fn archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
+/// Writes a tile archive.
+pub(crate) fn write_archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
     let writer = PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None);
     let mut writer = writer.create(File::create(path).unwrap()).unwrap();
     for (id, bytes) in tiles {
@@ -46,12 +50,12 @@ pub(crate) fn archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
     writer.finalize().unwrap();
 }
 
-/// The blockmaps that [`city`] writes.
+/// The V-BlockMaps of the city.
 pub(crate) fn blockmaps() -> Vec<(TileId, Vec<u8>)> {
     [TileId::ROOT, child()].map(|id| (id, blockmap(id))).to_vec()
 }
 
-/// The subtree tile that [`city`] writes.
+/// The only subtree tile of the city.
 pub(crate) fn subtree() -> Vec<u8> {
     let node = |id: TileId, child_mask| NodeInfo {
         id,
@@ -65,7 +69,7 @@ pub(crate) fn subtree() -> Vec<u8> {
     Subtree { nodes: vec![node(TileId::ROOT, 0b1000), node(child(), 0)], meshes: vec![] }.encode().unwrap()
 }
 
-/// The manifest that [`city`] writes.
+/// The manifest of the city.
 pub(crate) fn manifest(name: &str) -> Manifest {
     Manifest {
         format_version: FORMAT_VERSION,
@@ -82,7 +86,7 @@ pub(crate) fn manifest(name: &str) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
-        counts: Counts {
+        counts: CityCounts {
             objects: 2,
             triangles: 24,
             nodes_per_level: vec![1, 1],
@@ -98,29 +102,61 @@ pub(crate) fn manifest(name: &str) -> Manifest {
     }
 }
 
-/// The meshes that [`city_with_meshes`] adds, with their levels of detail: those of [`child`].
+/// The meshes that [`write_city_with_meshes`] adds to [`child`], by level of detail.
 pub(crate) fn meshes() -> Vec<(u8, Vec<u8>)> {
     let tile = |lod: u8| mesh_tile::cuboid([2.0, 3.0, 0.0], [9.0, 9.0, 6.0], [200 + lod, 90, 60], None);
     (0..2).map(|lod| (lod, tile(lod).encode(child(), lod).unwrap())).collect()
 }
 
-/// Writes a whole city with meshes into `folder`.
-pub(crate) fn city_with_meshes(folder: &Path, name: &str) {
-    city(folder, name);
-    let place = |lod| mesh_tile::place(child(), lod).unwrap();
+/// Writes the city with meshes.
+pub(crate) fn write_city_with_meshes(folder: &Path, name: &str) {
+    write_city(folder, name);
+    let place = |lod| mesh_tile::archive_id(child(), lod).unwrap();
     let tiles: Vec<_> = meshes().into_iter().map(|(lod, bytes)| (place(lod), bytes)).collect();
-    archive(&folder.join(Layer::Meshes.file_name()), &tiles);
+    write_archive(&folder.join(TileKind::Mesh.file_name()), &tiles);
     let lod = |error_m, bytes: &[u8]| MeshLod { error_m, bytes: bytes.len() as u32, triangles: 12, texture_px: 0 };
     let lods = meshes().iter().zip([0.01, 0.2]).map(|((_, bytes), error_m)| lod(error_m, bytes)).collect();
     let mut subtree = Subtree::decode(&subtree()).unwrap();
     subtree.meshes.push(NodeMesh { id: child(), lods });
-    archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree.encode().unwrap())]);
+    write_archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree.encode().unwrap())]);
 }
 
-/// Writes a whole city into `folder`.
-pub(crate) fn city(folder: &Path, name: &str) {
+/// Writes the city without meshes.
+pub(crate) fn write_city(folder: &Path, name: &str) {
     std::fs::create_dir_all(folder).unwrap();
     std::fs::write(folder.join("city.json"), serde_json::to_vec_pretty(&manifest(name)).unwrap()).unwrap();
-    archive(&folder.join(Layer::BlockMaps.file_name()), &blockmaps());
-    archive(&folder.join(Layer::Subtrees.file_name()), &[(TileId::ROOT, subtree())]);
+    write_archive(&folder.join(TileKind::BlockMap.file_name()), &blockmaps());
+    write_archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree())]);
+}
+
+/// A city named "two" in a temporary folder, for a test that changes it.
+pub(crate) fn temporary_city() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_city(folder.path(), "two");
+    folder
+}
+
+/// As [`temporary_city`], with meshes.
+pub(crate) fn temporary_city_with_meshes() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_city_with_meshes(folder.path(), "two");
+    folder
+}
+
+/// A city named "two" that all tests share and none may change. The folder's name has the hash of the test program, which
+/// determines its content, so each build writes it once.
+pub(crate) fn shared_city() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let program = std::fs::read(std::env::current_exe().unwrap()).unwrap();
+        let root = Path::new(env!("CARGO_TARGET_TMPDIR"));
+        let folder = root.join(format!("city-{}", &blake3::hash(&program).to_hex()[..16]));
+        if !folder.is_dir() {
+            let new = tempfile::tempdir_in(root).unwrap();
+            write_city(new.path(), "two");
+            // Fails if another process was faster; its city is the same.
+            let _ = std::fs::rename(new.path(), &folder);
+        }
+        folder
+    })
 }

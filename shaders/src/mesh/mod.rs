@@ -22,7 +22,7 @@ use crate::{layout::PAGE_WORDS, pack::Page};
 use bvh::{Child, Tree};
 use insula_protocol::{
     TileId,
-    mesh::{Kind, Mesh},
+    mesh::{AttributeKind, Mesh},
 };
 pub use texture::Picture;
 
@@ -225,13 +225,13 @@ impl Packing {
 
 /// What each triangle's corners carry, as the pages hold it.
 fn looks(mesh: &Mesh, textured: bool) -> Result<Vec<[u32; 3]>, PackError> {
-    let kind = if textured { Kind::TexCoord } else { Kind::Colour };
+    let kind = if textured { AttributeKind::TexCoord } else { AttributeKind::Colour };
     let attribute = mesh.attributes.iter().find(|attribute| attribute.kind == kind);
     let attribute = attribute.ok_or(PackError::Looks("neither texture nor colours"))?;
     let most = (1u32 << attribute.bits.min(16)) - 1;
     let scaled = |v: u32, to: u32| (v.min(most) * to + most / 2) / most;
     let look = |value: &[u32; 4]| match kind {
-        Kind::TexCoord => {
+        AttributeKind::TexCoord => {
             let [low, step] = attribute.range;
             let share = |v: u32| ((low + step * v as f32).clamp(0.0, 1.0) * 65535.0 + 0.5) as u32;
             share(value[0]) | share(value[1]) << 16

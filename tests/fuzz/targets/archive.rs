@@ -1,4 +1,4 @@
-//! PMTiles directories: every tile that is listed lies inside the file.
+//! PMTiles directories: every listed tile lies inside the file.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
@@ -11,9 +11,9 @@ fuzz_target!(|bytes: &[u8]| {
     let path = folder.join(format!("insula-fuzz-{}.pmtiles", std::process::id()));
     fs::write(&path, bytes).unwrap();
     if let Ok(archive) = Archive::open(&path) {
-        // Runs stand for many tiles in a few bytes: a look at some of them is enough.
+        // A run lists many tiles in a few bytes, so only some are checked.
         for (id, length) in archive.lengths().take(1000) {
-            assert_eq!(archive.tile(id).unwrap().expect("it is listed").len(), length as usize);
+            assert_eq!(archive.tile(id).unwrap().expect("the tile is listed").len(), length as usize);
         }
     }
     let _ = fs::remove_file(&path);

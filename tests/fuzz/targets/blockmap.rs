@@ -1,4 +1,4 @@
-//! V-BlockMap tiles: whatever decodes, encodes again and decodes to the same.
+//! V-BlockMap tiles: whatever decodes round trips.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
@@ -7,7 +7,7 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(map) = BlockMap::decode(TileId::ROOT, bytes) else { return };
-    let again = map.encode().expect("what was decoded can be encoded");
-    let same = BlockMap::decode(TileId::ROOT, &again).expect("what was encoded can be decoded");
+    let again = map.encode().expect("a decoded map can be encoded");
+    let same = BlockMap::decode(TileId::ROOT, &again).expect("an encoded map can be decoded");
     assert_eq!(map, same);
 });

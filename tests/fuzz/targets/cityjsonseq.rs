@@ -1,4 +1,4 @@
-//! CityJSONSeq: whatever the file holds, reading ends with a scene or an error.
+//! CityJSONSeq: any file gives a scene or an error.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 

@@ -1,4 +1,4 @@
-//! GeoJSON footprints: whatever the file holds, reading ends with a scene or an error.
+//! GeoJSON footprints: any file gives a scene or an error.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 

@@ -1,4 +1,4 @@
-//! Manifests in JSON and bincode: what passes its check survives both.
+//! Manifests in JSON and bincode: a manifest that passes its check round trips.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 

@@ -1,4 +1,4 @@
-//! Coded meshes: any bytes decode to a mesh that holds together, or to an error.
+//! Coded meshes: any bytes decode to a valid mesh or to an error.
 #![no_main]
 
 use insula_protocol::mesh::Mesh;
@@ -7,7 +7,7 @@ use libfuzzer_sys::fuzz_target;
 fuzz_target!(|bytes: &[u8]| {
     let Ok(mesh) = Mesh::decode(bytes) else { return };
     assert!(mesh.triangles.as_flattened().iter().all(|vertex| (*vertex as usize) < mesh.positions.len()));
-    // What was read can be written again; the order may be another one.
+    // Decoded meshes can be encoded. The order may change.
     let again = mesh.encode().map(|encoded| Mesh::decode(&encoded.bytes));
     assert!(again.is_ok_and(|mesh| mesh.is_ok()));
 });

@@ -1,10 +1,10 @@
-//! Mesh tiles: whatever decodes holds together and can be written again; a coded mesh in a right frame too.
+//! Mesh tiles: whatever decodes is valid and can be encoded. The input is used as a tile, and as the mesh of a tile.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
 use insula_protocol::{
-    MeshTile, TileId,
-    tile::{Kind, TileReader, TileWriter},
+    MeshTile, TileId, TileKind,
+    tile::{TileReader, TileWriter},
 };
 use libfuzzer_sys::fuzz_target;
 
@@ -24,18 +24,18 @@ fn check(id: TileId, lod: u8, bytes: &[u8]) {
 }
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Ok(tile) = TileReader::new(bytes, Kind::Mesh) {
+    if let Ok(tile) = TileReader::new(bytes, TileKind::Mesh) {
         (0..4).for_each(|lod| check(tile.id.unwrap_or(TileId::ROOT), lod, bytes));
     }
-    // No fuzzer finds a checksum: the first byte says whether there is a picture, the rest is the mesh.
+    // A fuzzer cannot guess checksums. The first byte says whether there is a texture, the rest is the mesh.
     let Some((first, mesh)) = bytes.split_first() else { return };
-    let mut writer = TileWriter::new(Kind::Mesh, Some(TileId::ROOT));
+    let mut writer = TileWriter::new(TileKind::Mesh, Some(TileId::ROOT));
     let textured = first & 1 == 1;
     let meta = if textured { vec![0, 8, 0, 8, 0] } else { vec![0] };
-    writer.coded_section(1, &meta).unwrap();
-    writer.coded_section(2, mesh).unwrap();
+    writer.add_raw_section(1, &meta).unwrap();
+    writer.add_raw_section(2, mesh).unwrap();
     if textured {
-        writer.coded_section(3, b"RIFF\0\0\0\0WEBPVP8L").unwrap();
+        writer.add_raw_section(3, b"RIFF\0\0\0\0WEBPVP8L").unwrap();
     }
     if let Ok(bytes) = writer.finish() {
         check(TileId::ROOT, 0, &bytes);

@@ -1,4 +1,4 @@
-//! OBJ with MTL; a line `mtl` divides the two: whatever the file holds, reading ends with a scene or an error.
+//! OBJ with MTL, separated by a line `mtl`: any files give a scene or an error.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 

@@ -1,4 +1,4 @@
-//! Subtree tiles: whatever decodes, encodes again to the same nodes.
+//! Subtree tiles: whatever decodes round trips.
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
@@ -8,5 +8,5 @@ use libfuzzer_sys::fuzz_target;
 fuzz_target!(|bytes: &[u8]| {
     let Ok(subtree) = Subtree::decode(bytes) else { return };
     let Ok(again) = subtree.encode() else { return };
-    assert_eq!(Subtree::decode(&again).expect("what was encoded can be decoded").nodes, subtree.nodes);
+    assert_eq!(Subtree::decode(&again).expect("an encoded subtree can be decoded").nodes, subtree.nodes);
 });

@@ -16,7 +16,7 @@ use insula_protocol::{
     codec::zstd,
     mesh::{
         Mesh,
-        pieces::{NONE, Pieces, prev},
+        half_edge::{HalfEdgeMesh, NONE, prev},
     },
 };
 use insula_tests::leaves;
@@ -195,7 +195,7 @@ fn with_meshopt(mesh: &Mesh) -> Result<usize> {
 
 /// Valences, and differences to single parallelograms, in the order of conquest: as the thesis of 2007 has it.
 fn with_huffman(mesh: &Mesh) -> usize {
-    let pieces = Pieces::new(&mesh.triangles, mesh.positions.len() as u32);
+    let pieces = HalfEdgeMesh::new(&mesh.triangles, mesh.positions.len() as u32);
     let mut degrees = vec![0i32; pieces.vertex.len()];
     pieces.origin.iter().for_each(|vertex| degrees[*vertex as usize] += 1);
     let mut met = vec![false; pieces.vertex.len()];

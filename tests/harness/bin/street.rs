@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
 use insula_client::{commands::snapshot::settle, picture::write_png, report::pictures_apart, session::Session};
-use insula_protocol::{TileId, mesh_tile, route::Layer};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 use insula_server::store::CityStore;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
@@ -166,10 +166,10 @@ fn look(
         .copied()
         .filter(|leaf| (0..=depth).any(|level| leaf.ancestor(level).is_some_and(|id| hit.contains(&id))))
         .collect();
-    let lengths = |layer: Layer| -> HashMap<TileId, u32> {
+    let lengths = |layer: TileKind| -> HashMap<TileId, u32> {
         store.archive(layer).map(|archive| archive.lengths().collect()).unwrap_or_default()
     };
-    let (columns, meshes) = (lengths(Layer::BlockMaps), lengths(Layer::Meshes));
+    let (columns, meshes) = (lengths(TileKind::BlockMap), lengths(TileKind::Mesh));
     let report = session.report(args.tau);
     let mut fetched = Fetched {
         all: report.bytes_fetched,
@@ -198,7 +198,7 @@ fn look(
             }
         }
         for (lod, _) in (0..).zip(&node.lods).filter(|(_, lod)| lod.tile.is_resident()) {
-            fetched.meshes += of(&meshes, mesh_tile::place(node.id, lod));
+            fetched.meshes += of(&meshes, mesh_tile::archive_id(node.id, lod));
         }
     }
     Ok((fetched, shown, levels))

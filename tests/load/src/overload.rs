@@ -1,39 +1,40 @@
-//! Twenty times more than a server can do, for a minute: what happens to those who are let in, to the others, to memory, and
-//! afterwards. Requests come at their time whether the server answers or not (an open loop).
+//! Overloads a server with 20 times its capacity for a minute, in an open loop. Measures accepted and rejected requests,
+//! memory, and the recovery.
 //!
 //! `overload SERVER CITY PATHS.txt [SECONDS]`: the built `insula-server`, a baked city, the paths of its tiles.
 //!
-//! The capacity is one that the machine does not blur: tiles come from a store that takes 100 ms, nothing is cached, and 64
-//! requests are let in at once, so that about 640 a second can be answered.
+//! The capacity does not depend on the machine: tiles come from a store that takes 100 ms, nothing is cached, and 64 requests
+//! may be in flight, so the server can serve about 640 requests per second.
 
 #[path = "../../faults/origin.rs"]
 mod origin;
 
-mod offer;
+mod open_loop;
 
 use anyhow::Result;
-use offer::{Answers, offer, percentile, resident_mib, serve};
+use open_loop::{LoadResults, ServerProcess, percentile, resident_mib};
 use std::{
     sync::{Arc, atomic::Ordering::Relaxed},
     time::Duration,
 };
 use tokio::time::sleep;
 
-const SLOW_MILLIS: u64 = 100;
+const STORE_DELAY_MS: u64 = 100;
 const IN_FLIGHT: usize = 64;
 
-fn say(what: &str, answers: &mut Answers, secs: f64) -> (f64, f64) {
-    let all = answers.accepted.len() + answers.refused.len() + answers.failed;
-    let p99 = percentile(&mut answers.accepted, 0.99);
-    let (p50, refused) = (percentile(&mut answers.accepted, 0.5), percentile(&mut answers.refused, 0.99));
+/// Prints a row of the table. Returns the 99th percentile in ms and the accepted requests per second.
+fn print_row(phase: &str, results: &mut LoadResults, secs: f64) -> (f64, f64) {
+    let all = results.accepted_ms.len() + results.rejected_ms.len() + results.failed;
+    let p99 = percentile(&mut results.accepted_ms, 0.99);
+    let (p50, rejected) = (percentile(&mut results.accepted_ms, 0.5), percentile(&mut results.rejected_ms, 0.99));
     println!(
-        "| {what} | {:.0} | {:.0} | {p50:.0} | {p99:.0} | {} | {refused:.1} | {} |",
+        "| {phase} | {:.0} | {:.0} | {p50:.0} | {p99:.0} | {} | {rejected:.1} | {} |",
         all as f64 / secs,
-        answers.accepted.len() as f64 / secs,
-        answers.refused.len(),
-        answers.failed
+        results.accepted_ms.len() as f64 / secs,
+        results.rejected_ms.len(),
+        results.failed
     );
-    (p99, answers.accepted.len() as f64 / secs)
+    (p99, results.accepted_ms.len() as f64 / secs)
 }
 
 #[tokio::main]
@@ -49,16 +50,17 @@ async fn main() -> Result<()> {
     let origin = origin::Origin::start(std::path::Path::new(city));
     let in_flight = format!("limits.in_flight={IN_FLIGHT}");
     let cold = ["cache.memory_bytes=0", "cache.block_bytes=4096", "cache.fetches=1000", "limits.tile_bytes=0"];
-    let served = serve(server, &origin.url(), &[&cold[..], &[&in_flight, "log.requests=none"]].concat())?;
-    origin.faults.slow_millis.store(SLOW_MILLIS, Relaxed);
-    let (address, pid) = (served.1, served.0.id());
+    let process =
+        ServerProcess::start(server, &origin.url(), &[&cold[..], &[&in_flight, "log.requests=none"]].concat())?;
+    origin.faults.slow_millis.store(STORE_DELAY_MS, Relaxed);
+    let (address, pid) = (process.address, process.pid());
     println!(
         "| phase | offered/s | accepted/s | p50 ms | p99 ms | 503s | p99 of 503s ms | failed |\n|---|---|---|---|---|---|---|---|"
     );
-    let mut unloaded = offer(address, &paths, 100.0, Duration::from_secs(15)).await?;
-    let (calm, _) = say("unloaded", &mut unloaded, 15.0);
-    let mut full = offer(address, &paths, 1500.0, Duration::from_secs(10)).await?;
-    let (_, capacity) = say("over the capacity", &mut full, 10.0);
+    let mut unloaded = open_loop::run(address, &paths, 100.0, Duration::from_secs(15)).await?;
+    let (calm, _) = print_row("unloaded", &mut unloaded, 15.0);
+    let mut full = open_loop::run(address, &paths, 1500.0, Duration::from_secs(10)).await?;
+    let (_, capacity) = print_row("above capacity", &mut full, 10.0);
     sleep(Duration::from_secs(1)).await;
     let before = resident_mib(pid);
     let highest = tokio::spawn(async move {
@@ -69,17 +71,17 @@ async fn main() -> Result<()> {
         }
         highest
     });
-    let mut over = offer(address, &paths, 20.0 * capacity, Duration::from_secs(secs)).await?;
-    let (loaded, accepted) = say("20 x capacity", &mut over, secs as f64);
+    let mut over = open_loop::run(address, &paths, 20.0 * capacity, Duration::from_secs(secs)).await?;
+    let (loaded, accepted) = print_row("20 x capacity", &mut over, secs as f64);
     let highest = highest.await?;
     sleep(Duration::from_secs(1)).await;
-    let mut after = offer(address, &paths, 0.8 * capacity, Duration::from_secs(10)).await?;
-    let (late, _) = say("from a second after", &mut after, 10.0);
-    println!("resident: {before:.0} MiB before, at most {highest:.0} MiB");
+    let mut after = open_loop::run(address, &paths, 0.8 * capacity, Duration::from_secs(10)).await?;
+    let (late, _) = print_row("one second later", &mut after, 10.0);
+    println!("resident memory: {before:.0} MiB before, at most {highest:.0} MiB");
     let report = serde_json::json!({
         "capacity_per_second": capacity, "accepted_per_second_overloaded": accepted,
         "p99_ratio": loaded / calm, "p99_ratio_after": late / calm,
-        "refused_after": after.refused.len(), "failed": over.failed, "resident_mib": [before, highest],
+        "refused_after": after.rejected_ms.len(), "failed": over.failed, "resident_mib": [before, highest],
     });
     println!("{report}");
     Ok(())

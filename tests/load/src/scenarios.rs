@@ -1,10 +1,10 @@
-//! Viewers as goose plays them: what the real client asked for on recorded flights, walks and jumps (`record.py`), again.
+//! Simulated viewers (goose): they repeat the requests that `record.py` recorded from the real client.
 //!
 //! `TRACE=trace.json scenarios GOOSE-OPTIONS...`, for example `--host http://127.0.0.1:7700 --users 20 --run-time 10m`.
-//! Every tile's checksums are checked; what is wrong is a failed request.
+//! The checksums of every tile are checked; a damaged tile counts as a failed request.
 
 use goose::prelude::*;
-use insula_protocol::tile::{Kind, TileReader};
+use insula_protocol::{TileKind, tile::TileReader};
 use std::{
     collections::BTreeMap,
     sync::{
@@ -15,18 +15,19 @@ use std::{
 };
 
 static TRACES: OnceLock<BTreeMap<String, Vec<String>>> = OnceLock::new();
-static TURN: AtomicUsize = AtomicUsize::new(0);
-/// Tiles that one viewer asks for before it looks away.
-const AT_ONCE: usize = 60;
+static NEXT_PART: AtomicUsize = AtomicUsize::new(0);
+/// Requests that a viewer makes per transaction.
+const PART_LENGTH: usize = 60;
 
-/// A part of a recorded trace, another one each time.
-fn part(name: &str) -> Vec<String> {
+/// The next part of a recorded trace.
+fn next_part(name: &str) -> Vec<String> {
     let all = TRACES.get().and_then(|traces| traces.get(name)).map(Vec::as_slice).unwrap_or_default();
-    let from = TURN.fetch_add(1, Relaxed) * 37 % all.len().max(1);
-    all.iter().cycle().skip(from).take(AT_ONCE.min(all.len())).cloned().collect()
+    let start = NEXT_PART.fetch_add(1, Relaxed) * 37 % all.len().max(1);
+    all.iter().cycle().skip(start).take(PART_LENGTH.min(all.len())).cloned().collect()
 }
 
-fn layer(path: &str) -> &'static str {
+/// Name of a path's route in goose's report.
+fn route_name(path: &str) -> &'static str {
     match path {
         _ if path.contains("/blockmaps/") => "blockmaps",
         _ if path.contains("/subtrees/") => "subtrees",
@@ -35,38 +36,38 @@ fn layer(path: &str) -> &'static str {
     }
 }
 
-/// One request; gives the tile's ETag.
-async fn ask(user: &mut GooseUser, path: &str, tag: Option<&str>) -> Result<Option<String>, Box<TransactionError>> {
+/// Sends one request, which must be answered with 304 if `tag` is given. Returns the ETag.
+async fn get(user: &mut GooseUser, path: &str, tag: Option<&str>) -> Result<Option<String>, Box<TransactionError>> {
     let mut builder = user.get_request_builder(&GooseMethod::Get, path)?;
     if let Some(tag) = tag {
         builder = builder.header("if-none-match", tag);
     }
-    let name = if tag.is_some() { "revisit" } else { layer(path) };
+    let name = if tag.is_some() { "revisit" } else { route_name(path) };
     let request = GooseRequest::builder()
         .name(name)
         .path(path)
         .set_request_builder(builder)
         .expect_status_code(if tag.is_some() { 304 } else { 200 })
         .build();
-    let mut asked = user.request(request).await?;
-    let Ok(response) = asked.response else { return Ok(None) };
+    let mut sent = user.request(request).await?;
+    let Ok(response) = sent.response else { return Ok(None) };
     let etag = response.headers().get("etag").and_then(|tag| tag.to_str().ok()).map(str::to_owned);
     let kind = match name {
-        "blockmaps" => Kind::BlockMap,
-        "subtrees" => Kind::Subtree,
-        "meshes" => Kind::Mesh,
+        "blockmaps" => TileKind::BlockMap,
+        "subtrees" => TileKind::Subtree,
+        "meshes" => TileKind::Mesh,
         _ => return Ok(etag),
     };
-    let whole = response.bytes().await.is_ok_and(|body| TileReader::new(&body, kind).is_ok());
-    if !whole {
-        user.set_failure("a tile fails its checksum", &mut asked.request, None, None)?;
+    let is_intact = response.bytes().await.is_ok_and(|body| TileReader::new(&body, kind).is_ok());
+    if !is_intact {
+        user.set_failure("a tile fails its checksum", &mut sent.request, None, None)?;
     }
     Ok(etag)
 }
 
 async fn view(user: &mut GooseUser, name: &str, pause: Duration) -> TransactionResult {
-    for path in part(name) {
-        ask(user, &path, None).await?;
+    for path in next_part(name) {
+        get(user, &path, None).await?;
         tokio::time::sleep(pause).await;
     }
     Ok(())
@@ -85,23 +86,24 @@ async fn jump(user: &mut GooseUser) -> TransactionResult {
 }
 
 async fn revisit(user: &mut GooseUser) -> TransactionResult {
-    for path in part("fly").iter().take(20) {
-        let tag = ask(user, path, None).await?;
-        ask(user, path, tag.as_deref()).await?;
+    for path in next_part("fly").iter().take(20) {
+        let tag = get(user, path, None).await?;
+        get(user, path, tag.as_deref()).await?;
     }
     Ok(())
 }
 
 async fn arrive(user: &mut GooseUser) -> TransactionResult {
-    for path in part("manifest") {
-        ask(user, &path, None).await?;
+    for path in next_part("manifest") {
+        get(user, &path, None).await?;
     }
     Ok(())
 }
 
 #[tokio::main]
 async fn main() -> anyhow::Result<()> {
-    let trace = std::env::var("TRACE").map_err(|_| anyhow::anyhow!("TRACE names the file that record.py wrote"))?;
+    let trace = std::env::var("TRACE")
+        .map_err(|_| anyhow::anyhow!("TRACE is not set: it names the file that record.py wrote"))?;
     let traces: BTreeMap<String, Vec<String>> = serde_json::from_slice(&std::fs::read(trace)?)?;
     TRACES.get_or_init(|| traces);
     let attack = GooseAttack::initialize()?

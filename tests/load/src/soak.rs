@@ -1,11 +1,11 @@
-//! The same load for a long time: memory must not grow and nothing may fail.
+//! Applies a constant load for a long time: no request may fail, and memory must not grow.
 //!
 //! `soak SERVER CITY PATHS.txt [SECONDS [REQUESTS_PER_SECOND]]`
 
-mod offer;
+mod open_loop;
 
 use anyhow::{Result, ensure};
-use offer::{offer, percentile, resident_mib, serve};
+use open_loop::{ServerProcess, percentile, resident_mib};
 use std::{sync::Arc, time::Duration};
 
 #[tokio::main]
@@ -17,30 +17,30 @@ async fn main() -> Result<()> {
     let secs: u64 = rest.first().map_or(Ok(600), |secs| secs.parse())?;
     let rate: f64 = rest.get(1).map_or(Ok(500.0), |rate| rate.parse())?;
     let paths: Arc<Vec<String>> = Arc::new(std::fs::read_to_string(paths)?.lines().map(str::to_owned).collect());
-    let served = serve(server, city, &[])?;
-    let (address, pid) = (served.1, served.0.id());
-    let mut minutes = Vec::new();
-    let (mut asked, mut failed) = (0, 0);
+    let process = ServerProcess::start(server, city, &[])?;
+    let (address, pid) = (process.address, process.pid());
+    let mut resident = Vec::new();
+    let (mut requests, mut failed) = (0, 0);
     for minute in 0..secs / 60 {
-        let mut answers = offer(address, &paths, rate, Duration::from_secs(60)).await?;
-        asked += answers.accepted.len();
-        failed += answers.failed + answers.refused.len();
-        minutes.push(resident_mib(pid));
-        let p99 = percentile(&mut answers.accepted, 0.99);
+        let mut results = open_loop::run(address, &paths, rate, Duration::from_secs(60)).await?;
+        requests += results.accepted_ms.len();
+        failed += results.failed + results.rejected_ms.len();
+        resident.push(resident_mib(pid));
+        let p99 = percentile(&mut results.accepted_ms, 0.99);
         println!(
             "minute {}: {} requests, p99 {p99:.1} ms, resident {:.1} MiB",
             minute + 1,
-            answers.accepted.len(),
-            minutes[minute as usize]
+            results.accepted_ms.len(),
+            resident[minute as usize]
         );
     }
-    let growth = match minutes[..] {
+    let growth = match resident[..] {
         [_, second, .., last] => last / second,
         _ => 1.0,
     };
     println!(
         "{}",
-        serde_json::json!({ "requests": asked, "failed": failed, "resident_last_over_second_minute": growth })
+        serde_json::json!({ "requests": requests, "failed": failed, "resident_last_over_second_minute": growth })
     );
     ensure!(failed == 0, "{failed} requests failed");
     Ok(())

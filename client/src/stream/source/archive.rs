@@ -2,7 +2,7 @@
 
 use super::{Pending, Source};
 use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource, limits::max_tile_bytes};
-use insula_protocol::{mesh_tile, route::Layer};
+use insula_protocol::{TileKind, mesh_tile};
 use insula_viewer::{scene::TileKey, streamer::FetchError};
 
 /// A city without a server.
@@ -14,7 +14,7 @@ pub struct ArchivedCity {
 
 impl ArchivedCity {
     /// `open` returns the source of each archive; `location` is for people.
-    pub(super) fn new(location: String, open: impl Fn(Layer) -> SharedSource) -> Self {
+    pub(super) fn new(location: String, open: impl Fn(TileKind) -> SharedSource) -> Self {
         Self { location, city: LazyCity::new(open) }
     }
 }
@@ -23,8 +23,8 @@ impl Source for ArchivedCity {
     fn tile(&self, key: TileKey) -> Pending<'_> {
         Box::pin(async move {
             let id = match key.layer() {
-                Layer::Meshes => mesh_tile::place(key.id, key.lod).ok_or(FetchError::Missing)?,
-                Layer::BlockMaps | Layer::Subtrees => key.id,
+                TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
+                TileKind::BlockMap | TileKind::Subtree => key.id,
             };
             let bytes = self.city.archive(key.layer()).tile(id).await.map_err(from_archive)?;
             bytes.filter(|bytes| bytes.len() <= max_tile_bytes(key.layer())).ok_or(FetchError::Missing)

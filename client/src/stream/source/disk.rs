@@ -6,7 +6,7 @@ use super::{Pending, Source};
 use crate::error::{ClientError, Result};
 use bytes::Bytes;
 use insula_archive::disk_cache::DiskCache;
-use insula_protocol::{Manifest, route::Layer};
+use insula_protocol::{Manifest, TileKind};
 use insula_viewer::scene::TileKey;
 use std::sync::Arc;
 
@@ -36,8 +36,8 @@ impl CachedCity {
 
     fn cache_key(&self, key: TileKey) -> String {
         let id = key.id;
-        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().word(), id.level(), id.x(), id.y());
-        if key.layer() == Layer::Meshes { format!("{tile}-{}", key.lod) } else { tile }
+        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().path_segment(), id.level(), id.x(), id.y());
+        if key.layer() == TileKind::Mesh { format!("{tile}-{}", key.lod) } else { tile }
     }
 }
 

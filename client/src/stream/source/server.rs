@@ -5,10 +5,7 @@
 use super::{Pending, Source};
 use crate::stream::fetch::Http;
 use insula_archive::limits::max_tile_bytes;
-use insula_protocol::{
-    Manifest,
-    route::{self, Layer},
-};
+use insula_protocol::{Manifest, TileKind, route};
 use insula_viewer::scene::TileKey;
 use std::sync::Arc;
 
@@ -32,7 +29,7 @@ impl Server {
 impl Source for Server {
     fn tile(&self, key: TileKey) -> Pending<'_> {
         let path = match key.layer() {
-            Layer::Meshes => route::mesh(&self.name, &self.version, key.id, key.lod),
+            TileKind::Mesh => route::mesh(&self.name, &self.version, key.id, key.lod),
             layer => route::tile(&self.name, &self.version, layer, key.id),
         };
         let url = format!("{}{path}", self.base);

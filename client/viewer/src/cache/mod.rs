@@ -278,8 +278,8 @@ mod tests {
     use super::*;
     use insula_protocol::{
         BlockMap, Texel,
-        blockmap::{COLUMNS, Column, Strip, strip_rows},
-        mesh::{Attribute, Grid, Kind, Mesh},
+        blockmap::{COLUMNS, MapColumn, WallStrip, strip_rows},
+        mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     };
     use std::collections::HashMap;
 
@@ -322,14 +322,14 @@ mod tests {
     /// A mesh that takes `pages` pages.
     fn mesh(pages: u32) -> PackedTile {
         let colour = Attribute {
-            kind: Kind::Colour,
+            kind: AttributeKind::Colour,
             components: 3,
             bits: 8,
             range: [0.0, 1.0],
             values: vec![[1, 2, 3, 0]],
             corners: vec![0; 3],
         };
-        let grid = Grid { min: [0.0; 3], step: 1.0, bits: 8 };
+        let grid = PositionGrid { min: [0.0; 3], step: 1.0, bits: 8 };
         let triangle = Mesh {
             grid,
             positions: vec![[0; 3], [9, 0, 0], [0, 9, 0]],
@@ -347,10 +347,11 @@ mod tests {
         for i in 0..strip_pages {
             let rows = strip_rows(0, 4095, 4).1;
             let texels = vec![Texel::new([mark; 3], 63, 3); usize::from(rows)];
-            let strip = Some(Strip { texels, azimuth: 0 });
-            columns[i] = Some(Column { z_max: 4095, strip, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
+            let strip = Some(WallStrip { texels, azimuth: 0 });
+            columns[i] =
+                Some(MapColumn { z_max: 4095, strip, roof: Texel::new([mark; 3], 0, 3), ..MapColumn::default() });
         }
-        columns[100] = Some(Column { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..Column::default() });
+        columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..MapColumn::default() });
         let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap();
         PackedTile::Node(Box::new(PackedNode::new(&map)))
     }

@@ -5,8 +5,7 @@
 use super::tile::{TileEvent, TileRecord};
 use glam::DVec3;
 use insula_protocol::{
-    Manifest, Subtree, TileId,
-    route::Layer,
+    Manifest, Subtree, TileId, TileKind,
     subtree::{MeshLod, NodeInfo},
 };
 use insula_shaders::mesh::pages_guess;
@@ -47,11 +46,11 @@ impl TileKey {
     }
 
     /// The archive it comes from.
-    pub const fn layer(self) -> Layer {
+    pub const fn layer(self) -> TileKind {
         match self.kind {
-            0 => Layer::BlockMaps,
-            1 => Layer::Subtrees,
-            _ => Layer::Meshes,
+            0 => TileKind::BlockMap,
+            1 => TileKind::Subtree,
+            _ => TileKind::Mesh,
         }
     }
 }
@@ -182,9 +181,9 @@ impl SceneTree {
     pub fn pages_of_tile(&self, key: TileKey) -> u32 {
         let Some(at) = self.find(key.id) else { return PAGES_GUESS };
         match key.layer() {
-            Layer::Subtrees => 0,
-            Layer::BlockMaps => self.pages_of(at),
-            Layer::Meshes => self.node(at).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
+            TileKind::Subtree => 0,
+            TileKind::BlockMap => self.pages_of(at),
+            TileKind::Mesh => self.node(at).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
         }
     }
 
@@ -213,12 +212,12 @@ impl SceneTree {
     /// State of anything.
     pub fn tile(&self, key: TileKey) -> Option<TileRecord> {
         match key.layer() {
-            Layer::Subtrees => Some(self.subtree(key.id)),
-            Layer::BlockMaps => match self.find(key.id) {
+            TileKind::Subtree => Some(self.subtree(key.id)),
+            TileKind::BlockMap => match self.find(key.id) {
                 Some(at) => Some(self.node(at).tile),
                 None => (key.id == TileId::ROOT).then_some(self.root_tile),
             },
-            Layer::Meshes => {
+            TileKind::Mesh => {
                 let node = self.node(self.find(key.id)?);
                 node.lods.get(usize::from(key.lod)).map(|lod| lod.tile)
             }
@@ -228,12 +227,12 @@ impl SceneTree {
     /// Hands an event to a tile; `false` if it means nothing there.
     pub fn apply(&mut self, key: TileKey, event: TileEvent) -> bool {
         match key.layer() {
-            Layer::Subtrees => self.subtrees.entry(key.id).or_default().apply(event),
-            Layer::BlockMaps => match self.find(key.id) {
+            TileKind::Subtree => self.subtrees.entry(key.id).or_default().apply(event),
+            TileKind::BlockMap => match self.find(key.id) {
                 Some(at) => self.nodes[at.0 as usize].tile.apply(event),
                 None => key.id == TileId::ROOT && self.root_tile.apply(event),
             },
-            Layer::Meshes => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
+            TileKind::Mesh => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
         }
     }
 

@@ -186,7 +186,7 @@ impl<F: TileFetcher> Downloads<F> {
     }
 
     fn failed(&mut self, tree: &mut SceneTree, key: TileKey, error: &FetchError, now: Duration) {
-        tracing::debug!("{} {}: {error}", key.layer().word(), key.id);
+        tracing::debug!("{} {}: {error}", key.layer().path_segment(), key.id);
         let jitter = self.fetcher.jitter();
         if error.is_of_tile() {
             self.source_responded();

@@ -15,7 +15,7 @@ use crate::{
         priority::{PriorityGroup, TileRequest},
     },
 };
-use insula_protocol::route::Layer;
+use insula_protocol::TileKind;
 use std::{collections::HashSet, time::Duration};
 
 /// What may be hidden waits no longer than this for an answer, nor for the picture after it: a slow one must not hold up others.
@@ -68,7 +68,7 @@ impl OcclusionGate {
     ) -> Vec<TileRequest> {
         let state = |key: TileKey| tree.tile(key).map(|tile| tile.state());
         let stands = |w: &&TileRequest| {
-            let of_picture = w.group <= PriorityGroup::Normal && w.key.layer() != Layer::Subtrees;
+            let of_picture = w.group <= PriorityGroup::Normal && w.key.layer() != TileKind::Subtree;
             // One that failed may come any time, or never.
             let failed = matches!(state(w.key), Some(TileState::Failed { .. }));
             of_picture && !failed && !begun(w.key).is_some_and(|since| is_late(since, now))

@@ -12,7 +12,7 @@ use crate::{
     scene::{TileKey, TileState},
     select::{HIDDEN_TIMES_TAU, priority::TileRequest},
 };
-use insula_protocol::{TileId, route::Layer};
+use insula_protocol::{TileId, TileKind};
 use std::time::Duration;
 
 /// Tiles whose error exceeds this multiple of tau are requested while a frame is drawn, whether they turn out visible or not.
@@ -70,7 +70,7 @@ impl<F: TileFetcher> Streamer<F> {
 
     fn requests_before_feedback(&self, tau_px: f64) -> Vec<TileRequest> {
         let is_coarse_subtree =
-            |w: &TileRequest| w.key.layer() == Layer::Subtrees && w.weight > HIDDEN_TIMES_TAU * tau_px;
+            |w: &TileRequest| w.key.layer() == TileKind::Subtree && w.weight > HIDDEN_TIMES_TAU * tau_px;
         let root = TileKey::block_map(TileId::ROOT);
         let is_first = |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || self.is_loading(w.key);
         self.selection.wanted.iter().filter(is_first).copied().collect()

@@ -29,16 +29,16 @@ fn manifest() -> Manifest {
         focus: [[0.0; 2], [128.0; 2]],
         ground_z_m: 0.0,
         has_terrain: false,
-        counts: manifest::Counts::default(),
+        counts: manifest::CityCounts::default(),
         attribution: Vec::new(),
         tile_version: tile::VERSION,
         settings: String::new(),
     }
 }
 
-fn tile(kind: Kind) -> Vec<u8> {
+fn tile(kind: TileKind) -> Vec<u8> {
     let mut writer = TileWriter::new(kind, None);
-    writer.section(1, &[9; 500]).unwrap();
+    writer.add_raw_section(1, &[9; 500]).unwrap();
     writer.finish().unwrap()
 }
 
@@ -46,16 +46,16 @@ fn write_manifest(folder: &Path, manifest: &Manifest) {
     fs::write(folder.join(MANIFEST_FILE), serde_json::to_vec(manifest).unwrap()).unwrap();
 }
 
-fn write_archive(folder: &Path, kind: Layer, tiles: &[(TileId, Vec<u8>)]) {
+fn write_archive(folder: &Path, kind: TileKind, tiles: &[(TileId, Vec<u8>)]) {
     fs::write(folder.join(kind.file_name()), archive(tiles)).unwrap();
 }
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     write_manifest(folder.path(), &manifest());
-    write_archive(folder.path(), Layer::Subtrees, &[(TileId::ROOT, tile(Kind::Subtree))]);
-    let blockmaps = [TileId::ROOT, id(1, 1, 1)].map(|id| (id, tile(Kind::BlockMap)));
-    write_archive(folder.path(), Layer::BlockMaps, &blockmaps);
+    write_archive(folder.path(), TileKind::Subtree, &[(TileId::ROOT, tile(TileKind::Subtree))]);
+    let blockmaps = [TileId::ROOT, id(1, 1, 1)].map(|id| (id, tile(TileKind::BlockMap)));
+    write_archive(folder.path(), TileKind::BlockMap, &blockmaps);
     folder
 }
 
@@ -71,16 +71,16 @@ fn tiles_come_back_byte_for_byte() {
     let folder = folder();
     let city = BakedCity::open(folder.path()).unwrap();
     assert_eq!((city.manifest(), city.location()), (&manifest(), folder.path().to_str().unwrap()));
-    assert_eq!(city.archives().map(|(kind, _)| kind).collect::<Vec<_>>(), [Layer::Subtrees, Layer::BlockMaps]);
+    assert_eq!(city.archives().map(|(kind, _)| kind).collect::<Vec<_>>(), [TileKind::Subtree, TileKind::BlockMap]);
     // Open files outlive their folder.
     drop(folder);
     let checked = |kind, id| city.checked_tile(kind, id).now_or_never().unwrap().unwrap();
     for (kind, id, expected) in [
-        (Layer::BlockMaps, id(1, 1, 1), Some(tile(Kind::BlockMap))),
-        (Layer::Subtrees, TileId::ROOT, Some(tile(Kind::Subtree))),
-        (Layer::Subtrees, id(1, 1, 1), None),
-        (Layer::BlockMaps, id(20, 1, 1), None),
-        (Layer::Meshes, TileId::ROOT, None),
+        (TileKind::BlockMap, id(1, 1, 1), Some(tile(TileKind::BlockMap))),
+        (TileKind::Subtree, TileId::ROOT, Some(tile(TileKind::Subtree))),
+        (TileKind::Subtree, id(1, 1, 1), None),
+        (TileKind::BlockMap, id(20, 1, 1), None),
+        (TileKind::Mesh, TileId::ROOT, None),
     ] {
         assert_eq!(city.tile(kind, id).unwrap().map(Vec::from), expected);
         assert_eq!(checked(kind, id).map(Vec::from), expected);
@@ -90,11 +90,11 @@ fn tiles_come_back_byte_for_byte() {
 #[test]
 fn meshes_may_be_missing_but_not_too_deep() {
     let folder = folder();
-    let mesh = |level| [(id(level, 1, 1), tile(Kind::Mesh))];
-    write_archive(folder.path(), Layer::Meshes, &mesh(4));
-    assert_eq!(BakedCity::open(folder.path()).unwrap().archive(Layer::Meshes).unwrap().len(), 1);
-    write_archive(folder.path(), Layer::Meshes, &mesh(5));
-    assert!(refusal(folder.path()).contains("levels that city.json does not know"));
+    let mesh = |level| [(id(level, 1, 1), tile(TileKind::Mesh))];
+    write_archive(folder.path(), TileKind::Mesh, &mesh(4));
+    assert_eq!(BakedCity::open(folder.path()).unwrap().archive(TileKind::Mesh).unwrap().len(), 1);
+    write_archive(folder.path(), TileKind::Mesh, &mesh(5));
+    assert!(refusal(folder.path()).contains("below the depth"));
     fs::write(folder.path().join("meshes.pmtiles"), "PMTiles").unwrap();
     assert!(refusal(folder.path()).contains("meshes.pmtiles"));
 }
@@ -119,7 +119,7 @@ fn manifests_that_lie_are_refused() {
     fs::write(&path, "{").unwrap();
     refusal(folder.path());
     fs::write(&path, vec![b' '; MAX_MANIFEST_BYTES + 1]).unwrap();
-    assert!(refusal(folder.path()).contains("at most"));
+    assert!(refusal(folder.path()).contains("larger than"));
     write_manifest(folder.path(), &manifest());
     fs::remove_file(folder.path().join("subtrees.pmtiles")).unwrap();
     assert!(refusal(folder.path()).contains("subtrees.pmtiles"));
@@ -165,7 +165,7 @@ impl RangeSource for DamagedSource {
 #[test]
 fn a_damaged_tile_is_invalidated_and_read_once_more() {
     let pad = (TileId::ROOT, vec![1; 400]);
-    let file = archive(&[pad, (id(1, 0, 0), tile(Kind::BlockMap))]);
+    let file = archive(&[pad, (id(1, 0, 0), tile(TileKind::BlockMap))]);
     for repaired_after in [0, 1, 2] {
         let load = |file: &[u8], times| {
             let source = DamagedSource(MemorySource::local(file.to_vec()), times);
@@ -173,8 +173,8 @@ fn a_damaged_tile_is_invalidated_and_read_once_more() {
         };
         let archives = CityArchives { subtrees: load(&file, 0), blockmaps: load(&file, repaired_after), meshes: None };
         let city = BakedCity::new("memory".into(), manifest(), archives).unwrap();
-        match city.checked_tile(Layer::BlockMaps, id(1, 0, 0)).now_or_never().unwrap() {
-            Ok(found) => assert!(found.unwrap() == tile(Kind::BlockMap) && repaired_after < 2),
+        match city.checked_tile(TileKind::BlockMap, id(1, 0, 0)).now_or_never().unwrap() {
+            Ok(found) => assert!(found.unwrap() == tile(TileKind::BlockMap) && repaired_after < 2),
             Err(error) => assert!(matches!(error, ReadError::Damaged(_)) && repaired_after == 2),
         }
     }

@@ -123,7 +123,7 @@ fn each_rule_of_directories_is_checked() {
     assert!(refusal(raw_archive(&[0xff, 0xff, 0x7f, 1, 1], &[], &data)).contains("announces"));
     assert!(refusal(raw_archive(&[0xff; 11], &[], &data)).contains("too large"));
     assert!(refusal(raw_archive(&gzip(&directory(&good))[..20], &[], &data)).contains("unpacked"));
-    for (at, text) in [(97, "directories are compressed"), (98, "tiles are compressed"), (7, "not a PMTiles")] {
+    for (at, text) in [(97, "directories use"), (98, "tiles use"), (7, "not a PMTiles")] {
         let mut file = with(&good);
         file[at] = 9;
         assert!(refusal(file).contains(text));

@@ -17,7 +17,7 @@ use crate::{
 use glam::{Vec2, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, Column},
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, MapColumn},
     octahedral,
     texel::AO_MAX,
 };
@@ -71,7 +71,7 @@ fn fine_columns(map: &BlockMap) -> Vec<Option<Fine>> {
     map.columns().iter().map(|column| Some(fine_column(column.as_ref()?, map, metres))).collect()
 }
 
-fn fine_column(column: &Column, map: &BlockMap, metres: impl Fn(u16) -> f32) -> Fine {
+fn fine_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32) -> Fine {
     let solids = match column.gap {
         Some([low, high]) => vec![
             Solid { bottom_m: metres(column.z_min), top_m: metres(low) },

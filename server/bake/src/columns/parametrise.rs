@@ -10,8 +10,8 @@ use crate::{
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{
-        CLIP_STEPS_PER_CELL, Clip, Column, Corner, MAX_TEXELS, Outer, STEPS_PER_CELL, Strip, Z_CODE_MAX, Z_SHIFT_MAX,
-        strip_rows,
+        CLIP_STEPS_PER_CELL, ColumnClip, CornerWall, MAX_TEXELS, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip,
+        Z_CODE_MAX, Z_SHIFT_MAX, strip_rows,
     },
     octahedral,
     texel::{ALPHA_MAX, AO_MAX},
@@ -54,7 +54,7 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
     let cell_m = grid.cell_m_at(node.id.level());
     let codes = Codes::new(node, cell_m);
     let mut texels = 0;
-    let columns: Vec<Option<Column>> = node
+    let columns: Vec<Option<MapColumn>> = node
         .columns
         .iter()
         .map(|column| {
@@ -70,11 +70,11 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
         })
         .collect();
     let mut map = BlockMap::from_columns(node.id, cell_m as f32, codes.base_cells, codes.shift, &columns)?;
-    map.settle_bottoms();
+    map.snap_hidden_bottoms();
     Ok(map)
 }
 
-fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
+fn code_column(column: &VoxelColumn, codes: &Codes) -> MapColumn {
     let bottom = column.solids.first().map_or(0.0, |s| s.bottom_m);
     let top = column.solids.last().map_or(0.0, |s| s.top_m);
     let z_max = codes.code(top).max(1);
@@ -85,7 +85,7 @@ fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
         .flatten()
         .map(|[low, high]| [codes.code(low).max(z_min + 1), codes.code(high).min(z_max.saturating_sub(1))]);
     let gap = gap.filter(|[low, high]| low < high);
-    Column {
+    MapColumn {
         z_min,
         z_max,
         inclined: column.inclined,
@@ -98,19 +98,19 @@ fn code_column(column: &VoxelColumn, codes: &Codes) -> Column {
     }
 }
 
-fn clip(clip: &VoxelClip, codes: &Codes, z_min: u16, z_max: u16) -> Clip {
+fn clip(clip: &VoxelClip, codes: &Codes, z_min: u16, z_max: u16) -> ColumnClip {
     let offset = |plane: &VoxelPlane| {
         let steps = (f64::from(plane.offset_m) / codes.cell_m * f64::from(CLIP_STEPS_PER_CELL)).round();
         steps.clamp(-128.0, 127.0) as i8
     };
-    let corner = clip.corner.map(|(second, concave)| Corner {
+    let corner = clip.corner.map(|(second, concave)| CornerWall {
         azimuth: azimuth(second.normal),
         offset: offset(&second),
         concave,
     });
     let outer = clip.outer.map(|(top_m, look)| (codes.code(top_m).min(z_max - 1), look));
-    let outer = outer.filter(|(z, _)| *z > z_min).map(|(z, look)| Outer { z, roof: texel(&look, ALPHA_MAX) });
-    Clip { offset: offset(&clip.plane), corner, outer }
+    let outer = outer.filter(|(z, _)| *z > z_min).map(|(z, look)| OuterTop { z, roof: texel(&look, ALPHA_MAX) });
+    ColumnClip { offset: offset(&clip.plane), corner, outer }
 }
 
 /// 256 to a full turn.
@@ -127,7 +127,7 @@ fn widest_gap(solids: &[Solid]) -> Option<[f32; 2]> {
         .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
 }
 
-fn strip(column: &VoxelColumn, codes: &Codes, z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> Strip {
+fn strip(column: &VoxelColumn, codes: &Codes, z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> WallStrip {
     let (first, rows) = strip_rows(z_min, z_max, codes.shift);
     let codes_per_row = STEPS_PER_CELL >> codes.shift;
     let full: Vec<[u16; 2]> = column.solids.iter().map(|s| [codes.code(s.bottom_m), codes.code(s.top_m)]).collect();
@@ -149,7 +149,7 @@ fn strip(column: &VoxelColumn, codes: &Codes, z_min: u16, z_max: u16, gap: Optio
             }
         })
         .collect();
-    Strip { texels, azimuth: azimuth(column.wall_normal) }
+    WallStrip { texels, azimuth: azimuth(column.wall_normal) }
 }
 
 fn texel(look: &Look, alpha: u8) -> Texel {
@@ -221,7 +221,7 @@ mod tests {
             let clip = VoxelClip { plane, corner: None, outer };
             map(vec![VoxelColumn { clip: Some(clip), ..column(&[[7.0, 20.0]], true) }]).clips[0]
         };
-        assert_eq!(clipped(None), Clip { offset: -32, corner: None, outer: None });
+        assert_eq!(clipped(None), ColumnClip { offset: -32, corner: None, outer: None });
         assert_eq!(clipped(Some((9.0, Look::default()))).outer.unwrap().z, 32);
         assert_eq!(clipped(Some((7.0, Look::default()))).outer, None, "no higher than the bottom is nothing");
     }

@@ -11,8 +11,8 @@ use std::collections::HashMap;
 use insula_protocol::{
     DecodeError, MeshTile, TileId,
     blockmap::Quality,
-    mesh::{Attribute, Kind, Mesh},
-    mesh_tile::{MAX_LODS, MAX_TRIANGLES, place},
+    mesh::{Attribute, AttributeKind, Mesh},
+    mesh_tile::{MAX_LODS, MAX_TRIANGLES, archive_id},
     subtree::MeshLod,
 };
 
@@ -59,7 +59,7 @@ pub(super) fn chain(
     for k in 1..MAX_LODS {
         let target_m = COARSEST * coarse_m / RATIO.powi(i32::from(MAX_LODS - 1 - k));
         let number = lods.len() as u8;
-        if target_m < 2.0 * HALF_CUBE * step_m || place(id, number).is_none() {
+        if target_m < 2.0 * HALF_CUBE * step_m || archive_id(id, number).is_none() {
             continue;
         }
         let few = FEWER * before as f64;
@@ -215,7 +215,7 @@ fn colours(layer: &CornerLayer) -> Attribute {
         })
     };
     let corners = layer.corners.iter().map(number).collect();
-    Attribute { kind: Kind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
+    Attribute { kind: AttributeKind::Colour, components: 3, bits: 8, range: [0.0, 1.0 / 255.0], values, corners }
 }
 
 /// To eight bits of precision, so that many leaves' errors take few bytes.

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use insula_protocol::{
     TileId,
-    mesh::{Grid as Points, Kind, POSITION_BITS},
+    mesh::{AttributeKind, POSITION_BITS, PositionGrid as Points},
 };
 
 use super::cut::{self, Corner};
@@ -37,7 +37,7 @@ pub(super) struct Surface {
 impl Surface {
     /// Whether it wears pictures.
     pub(super) fn is_textured(&self) -> bool {
-        self.model.layers[0].kind == Kind::Other
+        self.model.layers[0].kind == AttributeKind::Other
     }
 
     /// Clips the scene's triangles to the leaf's square. `None` if nothing with any area is left.
@@ -81,7 +81,7 @@ impl Surface {
                 builder.add([0, k, k + 1].map(|i| (places[i], value(&piece.polygon[i]))));
             }
         }
-        let kind = if textured { Kind::Other } else { Kind::Colour };
+        let kind = if textured { AttributeKind::Other } else { AttributeKind::Colour };
         surface.model = builder.finish(kind);
         (!surface.model.triangles.is_empty()).then_some(surface)
     }
@@ -164,7 +164,7 @@ impl Builder {
         }
     }
 
-    fn finish(self, kind: Kind) -> TriangleModel {
+    fn finish(self, kind: AttributeKind) -> TriangleModel {
         let layer = CornerLayer { kind, width: 3, values: self.values, corners: self.corners };
         TriangleModel { layers: vec![layer], ..self.model }
     }

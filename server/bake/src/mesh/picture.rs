@@ -11,8 +11,8 @@ use std::sync::LazyLock;
 use glam::{Vec2, Vec2Swizzles, Vec3};
 use insula_protocol::{
     blockmap::Quality,
-    mesh::{Attribute, Kind},
-    mesh_tile::Texture,
+    mesh::{Attribute, AttributeKind},
+    mesh_tile::TileTexture,
 };
 
 use super::{
@@ -38,7 +38,7 @@ const SUB_BITS: u32 = 3;
 
 /// What a surface wears.
 pub(super) struct Dress {
-    pub(super) texture: Texture,
+    pub(super) texture: TileTexture,
     /// Texture coordinates of all corners.
     pub(super) attribute: Attribute,
     /// Length of the texels that are longer than the source's, 0 if none is.
@@ -62,7 +62,7 @@ pub(super) fn dress(
         let padded: Vec<[u32; 2]> = sizes.iter().copied().map(padded).collect();
         let packed = atlas::pack(&padded).and_then(|atlas| {
             let canvas = paint(scene, model, (&charts, &sizes), &atlas);
-            let texture = Texture { size_px: atlas.size.map(|side| side as u16), bytes: canvas.pack(quality)? };
+            let texture = TileTexture { size_px: atlas.size.map(|side| side as u16), bytes: canvas.pack(quality)? };
             let limited = scales.iter().any(|scale| *scale < 1.0);
             let attribute = places(model, (&charts, &sizes), &atlas);
             Some(Dress { texture, attribute, texel_m: if limited { texel_m } else { 0.0 } })
@@ -141,7 +141,7 @@ fn places(model: &TriangleModel, (charts, sizes): (&[Chart], &[[u32; 2]]), atlas
         }
     }
     Attribute {
-        kind: Kind::TexCoord,
+        kind: AttributeKind::TexCoord,
         components: 2,
         bits: bits as u8,
         range: [0.0, 1.0 / most],

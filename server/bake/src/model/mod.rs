@@ -34,7 +34,7 @@ impl TriangleModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::mesh::Kind;
+    use insula_protocol::mesh::AttributeKind;
 
     fn model() -> TriangleModel {
         let positions = vec![[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.25, 0.0], [0.0, 0.0, -3.0]];
@@ -60,9 +60,9 @@ mod tests {
             corners: corners.clone(),
         };
         let value = |v: f32| [v, 1.0 - v, 0.0, 0.0];
-        model.layers.push(layer(Kind::TexCoord, 2, [0.0, 0.25, 0.5, 1.0].map(value)));
+        model.layers.push(layer(AttributeKind::TexCoord, 2, [0.0, 0.25, 0.5, 1.0].map(value)));
         let normal = |k: usize| std::array::from_fn(|i| f32::from(i == k));
-        model.layers.push(layer(Kind::Normal, 3, [0, 1, 2, 0].map(normal)));
+        model.layers.push(layer(AttributeKind::Normal, 3, [0, 1, 2, 0].map(normal)));
         assert_eq!(TriangleModel::read(&model.write(ModelFormat::Obj), ModelFormat::Obj).unwrap(), model);
         let read = TriangleModel::read(&model.write(ModelFormat::Ply), ModelFormat::Ply).unwrap();
         let values = |model: &TriangleModel, layer: usize| -> Vec<[f32; 4]> {

@@ -2,7 +2,7 @@
 //! materials.
 
 use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
-use insula_protocol::mesh::Kind;
+use insula_protocol::mesh::AttributeKind;
 use std::fmt::Write;
 
 const FORMAT: &str = "OBJ";
@@ -51,14 +51,16 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
         }
     }
     let [uv, normal] = corners;
-    for (kind, width, values, corners) in [(Kind::TexCoord, 2, texcoords, uv), (Kind::Normal, 3, normals, normal)] {
+    for (kind, width, values, corners) in
+        [(AttributeKind::TexCoord, 2, texcoords, uv), (AttributeKind::Normal, 3, normals, normal)]
+    {
         model.layers.extend(layer(kind, width, values, corners));
     }
     Ok(model)
 }
 
 /// A layer if all corners have a value, else `None`.
-fn layer(kind: Kind, width: usize, values: Vec<[f32; 4]>, corners: Vec<Option<u32>>) -> Option<CornerLayer> {
+fn layer(kind: AttributeKind, width: usize, values: Vec<[f32; 4]>, corners: Vec<Option<u32>>) -> Option<CornerLayer> {
     let corners: Vec<u32> = corners.into_iter().collect::<Option<_>>()?;
     let is_complete = !corners.is_empty() && corners.iter().all(|value| (*value as usize) < values.len());
     is_complete.then_some(CornerLayer { kind, width, values, corners })
@@ -94,7 +96,7 @@ pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
         let _ = writeln!(out, "v {x} {y} {z}");
     }
     let layer = |kind| model.layers.iter().find(|layer| layer.kind == kind);
-    let (uv, normal) = (layer(Kind::TexCoord), layer(Kind::Normal));
+    let (uv, normal) = (layer(AttributeKind::TexCoord), layer(AttributeKind::Normal));
     for value in uv.iter().flat_map(|layer| &layer.values) {
         let _ = writeln!(out, "vt {} {}", value[0], value[1]);
     }

@@ -4,7 +4,7 @@
 //! are read; of faces the list of corners. Everything else is skipped.
 
 use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
-use insula_protocol::mesh::Kind;
+use insula_protocol::mesh::AttributeKind;
 use std::collections::HashMap;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -161,12 +161,12 @@ fn read_header(bytes: &[u8]) -> Result<(Vec<PlyElement>, PlyValues<'_>), ModelEr
 }
 
 /// Names of the vertex properties that form a layer.
-const LAYERS: [(Kind, &[&str]); 5] = [
-    (Kind::TexCoord, &["u", "v"]),
-    (Kind::TexCoord, &["s", "t"]),
-    (Kind::Normal, &["nx", "ny", "nz"]),
-    (Kind::Colour, &["red", "green", "blue", "alpha"]),
-    (Kind::Colour, &["red", "green", "blue"]),
+const LAYERS: [(AttributeKind, &[&str]); 5] = [
+    (AttributeKind::TexCoord, &["u", "v"]),
+    (AttributeKind::TexCoord, &["s", "t"]),
+    (AttributeKind::Normal, &["nx", "ny", "nz"]),
+    (AttributeKind::Colour, &["red", "green", "blue", "alpha"]),
+    (AttributeKind::Colour, &["red", "green", "blue"]),
 ];
 
 fn read_vertices(
@@ -179,7 +179,7 @@ fn read_vertices(
     let Some(xyz) = place(&["x", "y", "z"]) else {
         return Err(ModelError::Whole("a PLY file's vertices have no x, y, z"));
     };
-    let mut layers: Vec<(Kind, Vec<usize>)> = Vec::new();
+    let mut layers: Vec<(AttributeKind, Vec<usize>)> = Vec::new();
     for (kind, names) in LAYERS {
         if let Some(place) = place(names)
             && layers.iter().all(|(other, _)| *other != kind)
@@ -199,7 +199,7 @@ fn read_vertices(
         for ((kind, place), layer) in layers.iter().zip(&mut model.layers) {
             // In nearly all files colours are bytes.
             let is_byte = element.properties[place[0]].number == PlyNumber::U8;
-            let scale = if *kind == Kind::Colour && is_byte { 255.0 } else { 1.0 };
+            let scale = if *kind == AttributeKind::Colour && is_byte { 255.0 } else { 1.0 };
             layer.values.push(std::array::from_fn(|k| place.get(k).map_or(0.0, |place| (row[*place] / scale) as f32)));
         }
     }

@@ -2,7 +2,7 @@
 
 use super::triangle_model::{CornerLayer, TriangleModel};
 use insula_protocol::{
-    mesh::{Attribute, Grid, Kind, Mesh},
+    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     octahedral,
 };
 
@@ -12,7 +12,7 @@ const BYTE: u8 = 8;
 /// Quantises a model with `bits` (8 to 16) for each coordinate, and `texcoord_bits` (8 to 16) for each texture
 /// coordinate.
 pub fn to_mesh(model: &TriangleModel, bits: u8, texcoord_bits: u8) -> Mesh {
-    let grid = Grid::around(&model.positions, bits);
+    let grid = PositionGrid::enclosing(&model.positions, bits);
     let attributes = model.layers.iter().map(|layer| attribute(layer, texcoord_bits)).collect();
     Mesh {
         grid,
@@ -25,9 +25,9 @@ pub fn to_mesh(model: &TriangleModel, bits: u8, texcoord_bits: u8) -> Mesh {
 fn attribute(layer: &CornerLayer, texcoord_bits: u8) -> Attribute {
     let counting = || layer.values.iter().flat_map(|value| &value[..layer.width]);
     let (bits, components, range) = match layer.kind {
-        Kind::Normal => (BYTE, 2, [0.0, 1.0]),
-        Kind::Colour => (BYTE, layer.width as u8, [0.0, 1.0 / 255.0]),
-        Kind::TexCoord | Kind::Other => {
+        AttributeKind::Normal => (BYTE, 2, [0.0, 1.0]),
+        AttributeKind::Colour => (BYTE, layer.width as u8, [0.0, 1.0 / 255.0]),
+        AttributeKind::TexCoord | AttributeKind::Other => {
             let min = counting().copied().fold(f32::INFINITY, f32::min);
             let max = counting().copied().fold(f32::NEG_INFINITY, f32::max);
             let step = (max - min) / ((1u32 << texcoord_bits) - 1) as f32;
@@ -41,7 +41,7 @@ fn attribute(layer: &CornerLayer, texcoord_bits: u8) -> Attribute {
     };
     let most = ((1u32 << bits) - 1) as f32;
     let value = |value: &[f32; 4]| {
-        if layer.kind == Kind::Normal {
+        if layer.kind == AttributeKind::Normal {
             let code = octahedral::encode([value[0], value[1], value[2]]);
             return [u32::from(code & 0xff), u32::from(code >> 8), 0, 0];
         }
@@ -57,7 +57,7 @@ fn attribute(layer: &CornerLayer, texcoord_bits: u8) -> Attribute {
 pub fn to_model(mesh: &Mesh) -> TriangleModel {
     let layers = mesh.attributes.iter().map(|attribute| {
         let value = |value: &[u32; 4]| {
-            if attribute.kind == Kind::Normal {
+            if attribute.kind == AttributeKind::Normal {
                 let [x, y, z] = octahedral::decode((value[0] | value[1] << 8) as u16);
                 return [x, y, z, 0.0];
             }
@@ -66,7 +66,7 @@ pub fn to_model(mesh: &Mesh) -> TriangleModel {
                 if k < usize::from(attribute.components) { min + value[k] as f32 * step } else { 0.0 }
             })
         };
-        let width = if attribute.kind == Kind::Normal { 3 } else { usize::from(attribute.components) };
+        let width = if attribute.kind == AttributeKind::Normal { 3 } else { usize::from(attribute.components) };
         let values = attribute.values.iter().map(value).collect();
         CornerLayer { kind: attribute.kind, width, values, corners: attribute.corners.clone() }
     });

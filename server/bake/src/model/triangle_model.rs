@@ -1,6 +1,6 @@
 //! Triangles with the values that their corners carry.
 
-use insula_protocol::mesh::Kind;
+use insula_protocol::mesh::AttributeKind;
 use std::{collections::HashMap, path::Path};
 
 /// Largest number of vertices or triangles.
@@ -10,7 +10,7 @@ pub const MAX_COUNT: usize = 1 << 24;
 #[derive(Debug, Clone, PartialEq)]
 pub struct CornerLayer {
     /// Texture coordinates have 2 components, normals 3, colours 3 or 4 from 0 to 1.
-    pub kind: Kind,
+    pub kind: AttributeKind,
     /// Number of components.
     pub width: usize,
     /// Unused components are 0.

@@ -6,12 +6,7 @@ use std::{
 };
 
 use insula_archive::{BakedCity, city::MANIFEST_FILE};
-use insula_protocol::{
-    Subtree, TileId, mesh_tile,
-    route::Layer,
-    subtree::MeshLod,
-    tile::{Kind, TileReader},
-};
+use insula_protocol::{Subtree, TileId, TileKind, mesh_tile, subtree::MeshLod, tile::TileReader};
 
 use crate::{
     config::BakeConfig,
@@ -62,8 +57,8 @@ impl PreviousCity {
     /// The node's tile; `None` if it does not exist or is damaged.
     pub(super) fn tile(&self, id: TileId) -> Option<EncodedTile> {
         let [z_min_m, z_max_m] = *self.heights.get(&id)?;
-        let bytes = tile_bytes(&self.city, Layer::BlockMaps, id)?;
-        let is_valid = TileReader::new(&bytes, Kind::BlockMap).is_ok();
+        let bytes = tile_bytes(&self.city, TileKind::BlockMap, id)?;
+        let is_valid = TileReader::new(&bytes, TileKind::BlockMap).is_ok();
         is_valid.then_some(EncodedTile { id, z_min_m, z_max_m, bytes })
     }
 
@@ -75,8 +70,8 @@ impl PreviousCity {
     /// The meshes of those of the nodes that exist; `None` if one is damaged.
     pub(super) fn meshes(&self, ids: &[TileId]) -> Option<Vec<LeafMesh>> {
         let load_lod = |id: TileId, lod: u8, info: &MeshLod| {
-            let bytes = tile_bytes(&self.city, Layer::Meshes, mesh_tile::place(id, lod)?)?;
-            let is_valid = TileReader::new(&bytes, Kind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
+            let bytes = tile_bytes(&self.city, TileKind::Mesh, mesh_tile::archive_id(id, lod)?)?;
+            let is_valid = TileReader::new(&bytes, TileKind::Mesh).is_ok() && bytes.len() == info.bytes as usize;
             is_valid.then_some(Lod { info: *info, bytes })
         };
         let load_leaf = |id: &TileId| {
@@ -87,7 +82,7 @@ impl PreviousCity {
     }
 }
 
-fn tile_bytes(city: &BakedCity, kind: Layer, id: TileId) -> Option<Vec<u8>> {
+fn tile_bytes(city: &BakedCity, kind: TileKind, id: TileId) -> Option<Vec<u8>> {
     city.tile(kind, id).ok()?.map(Vec::from)
 }
 
@@ -103,7 +98,7 @@ fn read_nodes(city: &BakedCity) -> Option<PreviousNodes> {
     let mut nodes = PreviousNodes::default();
     let mut roots = vec![TileId::ROOT];
     while let Some(root) = roots.pop() {
-        let subtree = Subtree::decode(&tile_bytes(city, Layer::Subtrees, root)?).ok()?;
+        let subtree = Subtree::decode(&tile_bytes(city, TileKind::Subtree, root)?).ok()?;
         nodes.lods.extend(subtree.meshes.into_iter().map(|mesh| (mesh.id, mesh.lods)));
         for node in subtree.nodes {
             nodes.heights.insert(node.id, [node.z_min_m, node.z_max_m]);

@@ -15,8 +15,8 @@ mod shape;
 use crate::model::{CornerLayer, TriangleModel};
 use glam::DVec3;
 use insula_protocol::mesh::{
-    Kind,
-    pieces::{Census, NONE, Pieces},
+    AttributeKind,
+    half_edge::{HalfEdgeMesh, NONE, RepairReport},
 };
 use quadric::Quadric;
 use queue::Queue;
@@ -52,7 +52,7 @@ pub struct Simplified {
     /// that left, in the model's units.
     pub error: f64,
     /// What was mended before.
-    pub census: Census,
+    pub census: RepairReport,
     /// Parts that left.
     pub left: usize,
 }
@@ -103,7 +103,7 @@ struct Work {
 pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bool) -> Simplified {
     let order = order(model);
     let sorted: Vec<[u32; 3]> = order.iter().map(|t| model.triangles[*t as usize]).collect();
-    let mut pieces = Pieces::new(&sorted, model.positions.len() as u32);
+    let mut pieces = HalfEdgeMesh::new(&sorted, model.positions.len() as u32);
     pieces.corner.iter_mut().for_each(|corner| *corner = 3 * order[*corner as usize / 3] + *corner % 3);
     let center = center(model);
     let mut work = Work::new(model, &pieces, center);
@@ -120,7 +120,7 @@ pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bo
     let mut parts = parts(&pieces, &work.shape, &is_kept);
     let left = work.run(goal, &mut parts);
     let model = work.finish(model, center);
-    Simplified { model, error: work.error, census: pieces.census, left }
+    Simplified { model, error: work.error, census: pieces.report, left }
 }
 
 fn center(model: &TriangleModel) -> DVec3 {
@@ -168,9 +168,9 @@ fn order(model: &TriangleModel) -> Vec<u32> {
 }
 
 /// Parts that may leave, the cheapest last; the one with most surface is not among them.
-fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
+fn parts(pieces: &HalfEdgeMesh, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
     let mut parts = Vec::new();
-    if pieces.census.pieces < 2 {
+    if pieces.report.pieces < 2 {
         return parts;
     }
     let mut seen = vec![false; pieces.triangles()];
@@ -211,7 +211,7 @@ fn parts(pieces: &Pieces, shape: &Shape, is_kept: &[bool]) -> Vec<Part> {
 }
 
 impl Work {
-    fn new(model: &TriangleModel, pieces: &Pieces, center: DVec3) -> Self {
+    fn new(model: &TriangleModel, pieces: &HalfEdgeMesh, center: DVec3) -> Self {
         let place = pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - center);
         let (wedge, values) = wedges(model, pieces);
         let mut shape = Shape::new(pieces, place, &wedge);
@@ -440,7 +440,8 @@ impl Work {
                     }
                     if layer.values.len() as u32 == wedges[wedge] {
                         let [x, y, z, w] = self.values[wedge * self.layers + i];
-                        let length = if layer.kind == Kind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
+                        let length =
+                            if layer.kind == AttributeKind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
                         let scale = if length > 0.0 { 1.0 / length } else { 1.0 };
                         layer.values.push([x, y, z, w].map(|v| v * scale));
                     }
@@ -454,7 +455,7 @@ impl Work {
 
 /// For each half-edge of the pieces a number for what its corner carries, and the values of each number, one a layer; empty
 /// where corners carry nothing.
-fn wedges(model: &TriangleModel, pieces: &Pieces) -> (Vec<u32>, Vec<[f32; 4]>) {
+fn wedges(model: &TriangleModel, pieces: &HalfEdgeMesh) -> (Vec<u32>, Vec<[f32; 4]>) {
     if model.layers.is_empty() {
         return (Vec::new(), Vec::new());
     }

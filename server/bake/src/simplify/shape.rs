@@ -1,10 +1,10 @@
 //! A half-edge mesh whose edges can be collapsed.
 //!
-//! In: [`Pieces`]. Out: fewer triangles. Next: `simplify`.
+//! In: [`HalfEdgeMesh`]. Out: fewer triangles. Next: `simplify`.
 
 use super::quadric::Quadric;
 use glam::DVec3;
-use insula_protocol::mesh::pieces::{NONE, Pieces};
+use insula_protocol::mesh::half_edge::{HalfEdgeMesh, NONE};
 use std::ops::Range;
 
 /// The next half-edge of the same triangle: `4 t + k` goes from corner `k` of triangle `t`.
@@ -91,7 +91,7 @@ struct Ring {
 
 impl Shape {
     /// `wedge` is that of the pieces' half-edges, or empty.
-    pub(super) fn new(pieces: &Pieces, place: impl Iterator<Item = DVec3>, wedge: &[u32]) -> Self {
+    pub(super) fn new(pieces: &HalfEdgeMesh, place: impl Iterator<Item = DVec3>, wedge: &[u32]) -> Self {
         let quadric = Quadric::default();
         let vertex: Vec<Vertex> = place.map(|place| Vertex { quadric, place, hold: Hold::Free }).collect();
         let fourth = |h: u32| if h == NONE { NONE } else { h + h / 3 };

@@ -31,7 +31,7 @@ fn sphere(n: u32) -> TriangleModel {
 /// An open sheet of `n` x `n` quads with a hill, and texture coordinates that jump in its middle.
 fn sheet(n: u32) -> TriangleModel {
     let mut model = TriangleModel::default();
-    let mut layer = CornerLayer { kind: Kind::TexCoord, width: 2, values: vec![], corners: vec![] };
+    let mut layer = CornerLayer { kind: AttributeKind::TexCoord, width: 2, values: vec![], corners: vec![] };
     for i in 0..=n {
         for j in 0..=n {
             let (x, y) = (f64::from(i), f64::from(j));
@@ -58,10 +58,10 @@ fn sheet(n: u32) -> TriangleModel {
     model
 }
 
-fn sound(model: &TriangleModel) -> Pieces {
-    let pieces = Pieces::new(&model.triangles, model.positions.len() as u32);
+fn sound(model: &TriangleModel) -> HalfEdgeMesh {
+    let pieces = HalfEdgeMesh::new(&model.triangles, model.positions.len() as u32);
     assert!(pieces.is_sound());
-    let Census { degenerate, duplicate, unused, .. } = pieces.census;
+    let RepairReport { degenerate, duplicate, unused, .. } = pieces.report;
     assert_eq!([degenerate, duplicate, unused], [0; 3]);
     pieces
 }
@@ -76,7 +76,7 @@ fn a_sphere_stays_a_sphere() {
         let out = simplify(&model, Goal { triangles: goal, error: ANY }, |_| false);
         let pieces = sound(&out.model);
         assert!(out.model.triangles.len().abs_diff(goal) <= 1, "{} of {goal}", out.model.triangles.len());
-        assert_eq!((pieces.euler(), pieces.census.borders, pieces.census.pieces), (2, 0, 1));
+        assert_eq!((pieces.euler(), pieces.report.borders, pieces.report.pieces), (2, 0, 1));
         let off = out.model.positions.iter().map(|p| (DVec3::from(*p).length() - 10.0).abs()).fold(0.0, f64::max);
         assert!(off < 0.3 && out.error > 0.0 && out.error < 0.6, "{share}: {off}, {}", out.error);
     }
@@ -99,7 +99,7 @@ fn borders_and_seams_stay_where_they_are() {
     let model = sheet(n);
     let out = simplify(&model, Goal { triangles: model.triangles.len() / 10, error: ANY }, |_| false);
     let pieces = sound(&out.model);
-    assert_eq!((pieces.euler(), pieces.census.borders), (1, 1));
+    assert_eq!((pieces.euler(), pieces.report.borders), (1, 1));
     assert!(out.model.triangles.len() <= model.triangles.len() / 10);
     // The border is a square at height nearly 0, and the seam runs along its middle.
     let side = f64::from(n);

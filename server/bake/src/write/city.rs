@@ -12,7 +12,7 @@ use std::{
 
 use insula_protocol::{
     NODE_CELLS, TileId,
-    manifest::{Attribution, Counts, FORMAT_VERSION, Manifest},
+    manifest::{Attribution, CityCounts, FORMAT_VERSION, Manifest},
     mesh_tile, tile,
 };
 
@@ -131,7 +131,7 @@ fn write_meshes(input: &CityInput<'_>, path: &Path) -> Result<u64, BakeError> {
     let missing = || BakeError::Scratch { path: input.packs.to_owned() };
     let mut by_id = HashMap::with_capacity(input.tree.meshes().len());
     for mesh in input.tree.meshes() {
-        by_id.insert(mesh_tile::place(mesh.id, mesh.lod).ok_or_else(missing)?, mesh);
+        by_id.insert(mesh_tile::archive_id(mesh.id, mesh.lod).ok_or_else(missing)?, mesh);
     }
     let ids: Vec<TileId> = by_id.keys().copied().collect();
     archive::write(path, &ids, |id| mesh_pack::read(input.packs, by_id.get(&id).ok_or_else(missing)?))
@@ -173,7 +173,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         focus: focus(input),
         ground_z_m: facts.ground_z_m,
         has_terrain: facts.has_terrain,
-        counts: Counts {
+        counts: CityCounts {
             objects: facts.objects,
             triangles: facts.triangles,
             nodes_per_level: per_level(|level| level.len() as u64),

@@ -183,9 +183,9 @@ pub(crate) fn subtree_roots(nodes: &[Vec<NodeInfo>]) -> Vec<TileId> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{Texel, blockmap::Column};
+    use insula_protocol::{Texel, blockmap::MapColumn};
 
-    fn map(columns: &[(usize, Column)]) -> BlockMap {
+    fn map(columns: &[(usize, MapColumn)]) -> BlockMap {
         let mut all = vec![None; blockmap::COLUMNS];
         for (i, column) in columns {
             all[*i] = Some(column.clone());
@@ -193,14 +193,14 @@ mod tests {
         BlockMap::from_columns(TileId::ROOT, 2.0, 10, 0, &all).unwrap()
     }
 
-    fn column(z_min: u16, z_max: u16, normal: Option<[f32; 3]>) -> Column {
-        Column {
+    fn column(z_min: u16, z_max: u16, normal: Option<[f32; 3]>) -> MapColumn {
+        MapColumn {
             z_min,
             z_max,
             inclined: normal.is_some(),
             roof: Texel::default(),
             roof_normal: octahedral::encode(normal.unwrap_or([0.0, 0.0, 1.0])),
-            ..Column::default()
+            ..MapColumn::default()
         }
     }
 

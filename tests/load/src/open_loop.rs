@@ -1,0 +1,150 @@
+//! An open-loop load generator: it sends requests at fixed times, whether or not earlier ones are finished.
+
+use anyhow::{Context, Result, ensure};
+use std::{
+    io::{BufRead, BufReader},
+    net::SocketAddr,
+    process::{Child, Command, Stdio},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering::Relaxed},
+    },
+    time::Duration,
+};
+use tokio::{
+    io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader as AsyncBufReader},
+    net::TcpStream,
+    time::{Instant, sleep_until},
+};
+
+const MAX_CONNECTIONS: usize = 2000;
+
+/// Results of a run. Times are in milliseconds, from when a request was due.
+#[derive(Default)]
+pub(crate) struct LoadResults {
+    /// Times of responses with 200.
+    pub(crate) accepted_ms: Vec<f64>,
+    /// Times of responses with 503.
+    pub(crate) rejected_ms: Vec<f64>,
+    /// Number of other responses and broken connections.
+    pub(crate) failed: usize,
+}
+
+/// The value below which `fraction` of the values lie. Sorts them.
+pub(crate) fn percentile(values: &mut [f64], fraction: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(((values.len() as f64 * fraction) as usize).min(values.len().saturating_sub(1))).copied().unwrap_or(0.0)
+}
+
+/// Sends one request and reads its response. Returns the status code.
+async fn get(stream: &mut AsyncBufReader<TcpStream>, path: &str) -> Result<u16> {
+    stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: x\r\n\r\n").as_bytes()).await?;
+    let (mut line, mut status, mut length) = (String::new(), 0, 0);
+    loop {
+        line.clear();
+        ensure!(stream.read_line(&mut line).await? > 0, "the server closed the connection");
+        if status == 0 {
+            status = line.split(' ').nth(1).context("the response has no status")?.parse()?;
+        } else if line == "\r\n" {
+            break;
+        } else if let Some(value) = line.strip_prefix("content-length: ") {
+            length = value.trim().parse()?;
+        }
+    }
+    let mut body = vec![0; length];
+    stream.read_exact(&mut body).await?;
+    Ok(status)
+}
+
+/// Sends `rate` requests per second for `time`, spread evenly over all connections.
+pub(crate) async fn run(
+    address: SocketAddr,
+    paths: &Arc<Vec<String>>,
+    rate: f64,
+    time: Duration,
+) -> Result<LoadResults> {
+    let connections = ((rate / 4.0) as usize).clamp(64, MAX_CONNECTIONS);
+    let interval = Duration::from_secs_f64(connections as f64 / rate);
+    let start = Instant::now() + Duration::from_millis(500);
+    let next = Arc::new(AtomicU64::new(0));
+    let mut tasks = tokio::task::JoinSet::new();
+    for number in 0..connections {
+        let (paths, next) = (paths.clone(), next.clone());
+        tasks.spawn(async move {
+            let mut results = LoadResults::default();
+            let mut stream = None;
+            let mut due = start + interval.mul_f64(number as f64 / connections as f64);
+            while due < start + time {
+                sleep_until(due).await;
+                if stream.is_none() {
+                    let connected = TcpStream::connect(address).await;
+                    stream = connected.ok().map(AsyncBufReader::new);
+                }
+                let path = &paths[next.fetch_add(7919, Relaxed) as usize % paths.len()];
+                let status = match &mut stream {
+                    Some(stream) => get(stream, path).await,
+                    None => Err(anyhow::anyhow!("no connection")),
+                };
+                let millis = due.elapsed().as_secs_f64() * 1e3;
+                match status {
+                    Ok(200) => results.accepted_ms.push(millis),
+                    Ok(503) => results.rejected_ms.push(millis),
+                    _ => {
+                        results.failed += 1;
+                        stream = None;
+                    }
+                }
+                due += interval;
+            }
+            results
+        });
+    }
+    let mut all = LoadResults::default();
+    while let Some(results) = tasks.join_next().await {
+        let results = results?;
+        all.accepted_ms.extend(results.accepted_ms);
+        all.rejected_ms.extend(results.rejected_ms);
+        all.failed += results.failed;
+    }
+    Ok(all)
+}
+
+/// A running server; killed when dropped.
+pub(crate) struct ServerProcess {
+    child: Child,
+    pub(crate) address: SocketAddr,
+}
+
+impl Drop for ServerProcess {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl ServerProcess {
+    /// Starts the program `server` with the city at `place`. `settings` are `key=value`. Fails if it does not listen.
+    pub(crate) fn start(server: &str, place: &str, settings: &[&str]) -> Result<Self> {
+        let mut command = Command::new(server);
+        command.args(["serve", place, "--listen", "127.0.0.1:0"]);
+        settings.iter().for_each(|setting| {
+            command.args(["--set", setting]);
+        });
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().context("the server has no standard output")?).read_line(&mut line)?;
+        let address = line.trim().strip_prefix("listening on http://").context(line.clone())?.parse()?;
+        Ok(Self { child, address })
+    }
+
+    pub(crate) fn pid(&self) -> u32 {
+        self.child.id()
+    }
+}
+
+/// Resident memory of a process in MiB; 0 if it has ended.
+pub(crate) fn resident_mib(pid: u32) -> f64 {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    line.and_then(|line| line.trim().split(' ').next()?.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0
+}
