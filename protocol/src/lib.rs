@@ -1,8 +1,8 @@
 //! Formats, codecs and addresses of Insula: bytes to values or typed errors, and back.
 //!
-//! The bake writes these formats, the server carries them, and the client reads them. The crate has no I/O, no async, no
-//! GPU and no logging. Decoders accept untrusted bytes: they never panic, never read out of bounds, and never allocate more
-//! than the limits in `docs/formats.md`.
+//! The bake writes these formats, the server carries them, and the client reads them. The crate has no I/O, no async,
+//! no GPU and no logging. Decoders accept untrusted bytes: they never panic, never read out of bounds, and never
+//! allocate more than the limits in `docs/formats.md`.
 
 pub mod blockmap;
 pub mod codec;

@@ -2,8 +2,8 @@
 //!
 //! Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 2014.
 
-/// Encodes a vector of any length. The low byte is x, the high byte y. Each is 0 to 254 for -1 to 1, and 127 is exactly 0,
-/// so that straight up is exact. A zero or NaN vector gives straight up.
+/// Encodes a vector of any length. The low byte is x, the high byte y. Each is 0 to 254 for -1 to 1, and 127 is exactly
+/// 0, so that straight up is exact. A zero or NaN vector gives straight up.
 pub fn encode(n: [f32; 3]) -> u16 {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     if sum.is_nan() || sum <= 0.0 {

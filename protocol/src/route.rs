@@ -59,7 +59,8 @@ pub enum RouteError {
 }
 
 impl<'a> Route<'a> {
-    /// Parses the path of a URL, without query. Fails as [`RouteError`] says; invalid numbers come before invalid names.
+    /// Parses the path of a URL, without query. Fails as [`RouteError`] says; invalid numbers come before invalid
+    /// names.
     pub fn parse(path: &'a str) -> Result<Self, RouteError> {
         match path {
             "/" => return Ok(Self::Index),
@@ -175,8 +176,8 @@ impl RouteTemplate {
         Self::Other,
     ];
 
-    /// Classifies any path by its shape alone. Unlike [`Route::parse`] it also classifies addresses with invalid names or
-    /// numbers, and counts everything below a tile kind as that kind.
+    /// Classifies any path by its shape alone. Unlike [`Route::parse`] it also classifies addresses with invalid names
+    /// or numbers, and counts everything below a tile kind as that kind.
     pub fn of_path(path: &str) -> Self {
         let mut segments = path.strip_prefix('/').unwrap_or(path).splitn(6, '/');
         let mut segment = || segments.next();

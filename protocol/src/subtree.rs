@@ -1,8 +1,8 @@
 //! Subtree tiles: which nodes exist, with their heights and errors, five levels at a time.
 //!
-//! A subtree tile lists its root and the nodes up to five levels below it. There is one for the city's root, and one for
-//! each node of levels 5, 10, ... that has children. Such a node is in two tiles, as the root of one and at the bottom of
-//! another, so that leaves need no tile of their own.
+//! A subtree tile lists its root and the nodes up to five levels below it. There is one for the city's root, and one
+//! for each node of levels 5, 10, ... that has children. Such a node is in two tiles, as the root of one and at the
+//! bottom of another, so that leaves need no tile of their own.
 
 use crate::{
     TileId, TileKind,
@@ -82,8 +82,8 @@ impl Subtree {
         id.ancestor(id.level() / LEVELS * LEVELS).unwrap_or(TileId::ROOT)
     }
 
-    /// Encodes the tile. The nodes must be complete and in the order of [`Subtree::decode`]. Fails without nodes, and on
-    /// meshes that are inconsistent or over the format's limits.
+    /// Encodes the tile. The nodes must be complete and in the order of [`Subtree::decode`]. Fails without nodes, and
+    /// on meshes that are inconsistent or over the format's limits.
     pub fn encode(&self) -> Result<Vec<u8>, DecodeError> {
         let root = self.nodes.first().ok_or(DecodeError::Invalid("a subtree has no nodes"))?.id;
         let mut raw = Vec::with_capacity(self.nodes.len() * NODE_BYTES);
@@ -100,7 +100,8 @@ impl Subtree {
         writer.finish()
     }
 
-    /// The counts of all nodes, then the errors, sizes, triangles and pixels of all levels of detail. Empty without meshes.
+    /// The counts of all nodes, then the errors, sizes, triangles and pixels of all levels of detail. Empty without
+    /// meshes.
     fn encode_meshes(&self) -> Result<Vec<u8>, DecodeError> {
         if self.meshes.is_empty() {
             return Ok(Vec::new());

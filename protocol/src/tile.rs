@@ -210,8 +210,8 @@ impl<'a> TileReader<'a> {
         Ok(sections)
     }
 
-    /// The uncompressed bytes of a section; empty if the tile has no such section. Fails before allocating if they exceed
-    /// `limit_bytes`, and if they do not decompress to the announced size.
+    /// The uncompressed bytes of a section; empty if the tile has no such section. Fails before allocating if they
+    /// exceed `limit_bytes`, and if they do not decompress to the announced size.
     pub fn section(&self, tag: u8, limit_bytes: usize) -> Result<Vec<u8>, DecodeError> {
         let Some((entry, packed)) = self.sections.iter().find(|(entry, _)| entry.tag == tag) else {
             return Ok(Vec::new());

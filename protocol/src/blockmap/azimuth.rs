@@ -1,6 +1,5 @@
 //! Azimuths of walls: their coding, and their directions as integers.
 
-use super::walls::NearbyWall;
 use crate::codec::range::{BitCoder, BitModel, NumberModel};
 
 /// Number of recent azimuths that can be referred to by their position in a list.
@@ -37,12 +36,17 @@ pub(super) struct AzimuthModels {
 }
 
 impl AzimuthModels {
-    /// Codes an azimuth: as that of a nearby wall, else as a recent one, else as a turn from the latest. For a corner,
-    /// `own` is the azimuth of the column's own wall, which the other wall cannot have.
-    pub(super) fn code<C: BitCoder>(&mut self, coder: &mut C, nearby: &[NearbyWall], own: Option<u8>, value: u8) -> u8 {
+    /// Codes an azimuth: as one of `nearby`, else as a recent one, else as a turn from the latest. For a corner, `own`
+    /// is the azimuth of the column's own wall, which the other wall cannot have.
+    pub(super) fn code<C: BitCoder>(
+        &mut self,
+        coder: &mut C,
+        nearby: impl Iterator<Item = u8>,
+        own: Option<u8>,
+        value: u8,
+    ) -> u8 {
         let is_corner = usize::from(own.is_some());
-        let nearby = nearby.iter().map(|wall| wall.azimuth).filter(|azimuth| Some(*azimuth) != own);
-        for (k, azimuth) in nearby.enumerate() {
+        for (k, azimuth) in nearby.filter(|azimuth| Some(*azimuth) != own).enumerate() {
             if coder.bit(&mut self.nearby[is_corner][k.min(2)], value == azimuth) {
                 return azimuth;
             }

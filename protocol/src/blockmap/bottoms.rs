@@ -90,8 +90,8 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, map: &mut BlockMap, tops: &[Colum
 }
 
 impl BlockMap {
-    /// Moves bottoms that lie hidden slightly below the ground to their prediction, by at most two height codes, so that
-    /// they cost almost nothing. Columns with a wall strip are kept, because their bottoms are visible.
+    /// Moves bottoms that lie hidden slightly below the ground to their prediction, by at most two height codes, so
+    /// that they cost almost nothing. Columns with a wall strip are kept, because their bottoms are visible.
     pub fn snap_hidden_bottoms(&mut self) {
         let mut tops = vec![ColumnTop::default(); WIDTH * WIDTH];
         for i in (0..COLUMNS).filter(|i| self.flags[*i] & flag::OCCUPIED != 0) {

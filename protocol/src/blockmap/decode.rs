@@ -14,8 +14,8 @@ use crate::{
 };
 
 impl BlockMap {
-    /// Decodes the tile of node `id`. The bytes do not contain the id, because equal nodes of a city share one tile. Fails on
-    /// any bytes that are not such a tile. Allocates at most what [`COLUMNS`](super::COLUMNS) and
+    /// Decodes the tile of node `id`. The bytes do not contain the id, because equal nodes of a city share one tile.
+    /// Fails on any bytes that are not such a tile. Allocates at most what [`COLUMNS`](super::COLUMNS) and
     /// [`MAX_TEXELS`](super::MAX_TEXELS) allow.
     pub fn decode(id: TileId, bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, TileKind::BlockMap)?;

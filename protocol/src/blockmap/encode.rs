@@ -1,4 +1,6 @@
 //! Encoding of V-BlockMaps (`docs/formats.md`, "V-BlockMap tile").
+//!
+//! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
 use super::{BlockMap, COLUMNS, appearance, facades, flag, texel_coder::QuantisationSteps};
 use crate::{
@@ -16,8 +18,8 @@ pub(super) const TAG_COLUMNS: u8 = 2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Quality {
     Lossless,
-    /// Minimum peak signal-to-noise ratio in dB of the node's opaque texels (8-bit sRGB, all three channels). The occlusion
-    /// is off by at most 3 of 63.
+    /// Minimum peak signal-to-noise ratio in dB of the node's opaque texels (8-bit sRGB, all three channels). The
+    /// occlusion is off by at most 3 of 63.
     Decibels(f32),
 }
 
@@ -32,8 +34,8 @@ impl BlockMap {
         self.encode_at(Quality::Lossless)
     }
 
-    /// Encodes the tile. The same map and quality give the same bytes. The coverage of roofs and the colour and occlusion of
-    /// transparent texels are not kept. Fails on a map that [`BlockMap::from_columns`] would refuse.
+    /// Encodes the tile. The same map and quality give the same bytes. The coverage of roofs and the colour and
+    /// occlusion of transparent texels are not kept. Fails on a map that [`BlockMap::from_columns`] would refuse.
     pub fn encode_at(&self, quality: Quality) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
         let steps = self.quantisation_steps(quality);

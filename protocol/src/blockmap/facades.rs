@@ -49,7 +49,8 @@ pub(super) fn code_exposed<C: BitCoder>(coder: &mut C, map: &mut BlockMap) {
     }
 }
 
-/// The class of each column by how far its most open side stands free. Columns on the node's rim have their own classes.
+/// The class of each column by how far its most open side stands free. Columns on the node's rim have their own
+/// classes.
 fn openness(map: &BlockMap) -> Vec<u8> {
     let open = most_open_side(map);
     let mut classes = vec![0u8; COLUMNS];
@@ -73,8 +74,8 @@ fn openness(map: &BlockMap) -> Vec<u8> {
     classes
 }
 
-/// For each column, the number of height codes that stand free on its most open side. Everything outside the node counts
-/// as full.
+/// For each column, the number of height codes that stand free on its most open side. Everything outside the node
+/// counts as full.
 fn most_open_side(map: &BlockMap) -> Vec<i16> {
     // Lowest and highest code on the grid with a rim. The rim is full. Codes have 12 bits.
     let (mut low, mut high) = (vec![0i16; WIDTH * WIDTH], vec![i16::MAX; WIDTH * WIDTH]);

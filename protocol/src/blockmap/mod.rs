@@ -1,10 +1,10 @@
 //! V-BlockMaps: the buildings of one node as columns with roofs and wall strips (Vacca 2008, 3.1 to 3.3).
 //!
-//! Heights are integer codes of `cell / 16 * 2^z_shift` above `z_base_cells`. The texels of a wall strip lie on the grid of
-//! whole cells above that base, so that the rows of neighbouring columns and nodes are level.
+//! Heights are integer codes of `cell / 16 * 2^z_shift` above `z_base_cells`. The texels of a wall strip lie on the
+//! grid of whole cells above that base, so that the rows of neighbouring columns and nodes are level.
 //!
-//! The bytes are written and read by one walk over the values ([`BlockMap::walk`]), with lossless shapes and colours of a
-//! chosen [`Quality`].
+//! The bytes are written and read by one walk over the values ([`BlockMap::walk`]), with lossless shapes and colours of
+//! a chosen [`Quality`].
 
 mod appearance;
 mod azimuth;
@@ -98,8 +98,8 @@ pub struct CornerWall {
     pub concave: bool,
 }
 
-/// Where a wall stands inside its cell. The column fills the inner side of a vertical plane that is perpendicular to the
-/// strip's azimuth.
+/// Where a wall stands inside its cell. The column fills the inner side of a vertical plane that is perpendicular to
+/// the strip's azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ColumnClip {
     /// Distance of the plane from the cell's centre along the azimuth, in cells / [`CLIP_STEPS_PER_CELL`].
@@ -193,8 +193,8 @@ impl BlockMap {
         }
     }
 
-    /// Builds a map from [`COLUMNS`] columns in order. Fails on a column that breaks the rules of [`MapColumn`], and on more
-    /// than [`MAX_TEXELS`] strip texels.
+    /// Builds a map from [`COLUMNS`] columns in order. Fails on a column that breaks the rules of [`MapColumn`], and on
+    /// more than [`MAX_TEXELS`] strip texels.
     pub fn from_columns(
         id: TileId,
         cell_m: f32,

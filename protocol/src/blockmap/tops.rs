@@ -88,8 +88,8 @@ struct TopModels {
     height: [NumberModel; 10],
 }
 
-/// Writes or reads which columns exist, their flags `SUSPENDED` and `INCLINED`, their normals and their tops. Returns the
-/// tops on the grid with a rim.
+/// Writes or reads which columns exist, their flags `SUSPENDED` and `INCLINED`, their normals and their tops. Returns
+/// the tops on the grid with a rim.
 pub(super) fn code<C: BitCoder>(coder: &mut C, map: &mut BlockMap) -> Vec<ColumnTop> {
     let mut models = Box::<TopModels>::default();
     let mut recent = RecentNormals::default();
@@ -200,8 +200,8 @@ struct NormalCoder<'a> {
 }
 
 impl NormalCoder<'_> {
-    /// Codes a normal: as that of a known neighbour, else as a recent one, else as differences of its two bytes. Returns it
-    /// with its slope.
+    /// Codes a normal: as that of a known neighbour, else as a recent one, else as differences of its two bytes.
+    /// Returns it with its slope.
     fn code<C: BitCoder>(&mut self, coder: &mut C, known: &[&ColumnTop; 4], flags: u8, value: u16) -> (u16, [i16; 2]) {
         let is_inclined = usize::from(flags & flag::INCLINED != 0);
         let mut first = None;
@@ -241,8 +241,8 @@ impl NormalCoder<'_> {
     }
 }
 
-/// Predicts the height of a top from its neighbours. Returns it with the model to use: 5 levels of confidence, for level and
-/// for inclined tops.
+/// Predicts the height of a top from its neighbours. Returns it with the model to use: 5 levels of confidence, for
+/// level and for inclined tops.
 fn predict_top(own: &ColumnTop, known: &[&ColumnTop; 4], last_z: i32) -> (i32, usize) {
     let inclined = if own.flags & flag::INCLINED != 0 { 5 } else { 0 };
     let (mut sum, mut count, mut low, mut high, mut first) = (0, 0, i32::MAX, i32::MIN, 0);

@@ -7,9 +7,9 @@ use super::{
 use crate::{codec::range::BitCoder, error::DecodeError};
 
 impl BlockMap {
-    /// Passes all columns to `coder`. A writing coder finds them in the map and leaves there what a reader will see; for a
-    /// reading coder the map must be [`BlockMap::empty`]. Fails on inverted or excessive heights, and on more than
-    /// [`MAX_TEXELS`](super::MAX_TEXELS) strip texels.
+    /// Passes all columns to `coder`. A writing coder finds them in the map and leaves there what a reader will see;
+    /// for a reading coder the map must be [`BlockMap::empty`]. Fails on inverted or excessive heights, and on more
+    /// than [`MAX_TEXELS`](super::MAX_TEXELS) strip texels.
     pub fn walk<C: BitCoder>(&mut self, coder: &mut C, steps: QuantisationSteps) -> Result<(), DecodeError> {
         let column_tops = tops::code(coder, self);
         bottoms::code(coder, self, &column_tops);

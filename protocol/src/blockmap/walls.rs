@@ -56,7 +56,7 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, map: &mut BlockMap, steps: &[Faca
             map.flags[i] |= bits.iter().filter(|(on, _)| *on).map(|(_, bit)| bit).sum::<u8>();
         }
         let nearby = NearbyWalls::new(map, &is_coded, &clips, i, predecessor);
-        map.wall_azimuth[i] = models.azimuth.code(coder, nearby.walls(), None, map.wall_azimuth[i]);
+        map.wall_azimuth[i] = models.azimuth.code(coder, azimuths(nearby.walls()), None, map.wall_azimuth[i]);
         let wall = WallContext { map, nearby: nearby.walls(), column: i, predecessor };
         if gap {
             gaps[i] = models.code_gap(coder, &wall, &gaps);
@@ -85,10 +85,14 @@ fn gather<T: Copy>(map: &BlockMap, bit: u8, by_column: &[T]) -> Vec<T> {
 
 /// A wall of a neighbouring column, continued into a column.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct NearbyWall {
-    pub(super) azimuth: u8,
+struct NearbyWall {
+    azimuth: u8,
     /// Offset of the continued plane from the column's centre, if the wall has a plane.
     offset: Option<i32>,
+}
+
+fn azimuths(walls: &[NearbyWall]) -> impl Iterator<Item = u8> {
+    walls.iter().map(|wall| wall.azimuth)
 }
 
 /// Walls of the coded neighbours of a column, one per azimuth.
@@ -243,7 +247,7 @@ impl WallModels {
         }
         let value = value.unwrap_or_default();
         let concave = coder.bit(&mut self.concave, value.concave);
-        let azimuth = self.azimuth.code(coder, nearby, Some(azimuth), value.azimuth);
+        let azimuth = self.azimuth.code(coder, azimuths(nearby), Some(azimuth), value.azimuth);
         let offset = code_offset(coder, &mut self.corner_offset, nearby, azimuth, value.offset);
         Some(CornerWall { azimuth, offset, concave })
     }

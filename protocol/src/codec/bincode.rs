@@ -1,6 +1,7 @@
 //! bincode for tile headers and manifests.
 //!
-//! The crate is unmaintained (RUSTSEC-2025-0141). It is used only through these two functions, so that it can be replaced.
+//! The crate is unmaintained (RUSTSEC-2025-0141). It is used only through these two functions, so that it can be
+//! replaced.
 
 use crate::error::DecodeError;
 use serde::{Serialize, de::DeserializeOwned};
@@ -17,7 +18,8 @@ pub fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, DecodeError> {
     bincode::serde::encode_to_vec(value, config()).map_err(|_| DecodeError::Invalid("a header cannot be serialised"))
 }
 
-/// Deserialises a value from all of `bytes`. Fails on damaged fields, on more than [`LIMIT`] bytes and on trailing bytes.
+/// Deserialises a value from all of `bytes`. Fails on damaged fields, on more than [`LIMIT`] bytes and on trailing
+/// bytes.
 pub fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
     let (value, read) = bincode::serde::decode_from_slice(bytes, config())
         .map_err(|_| DecodeError::Invalid("a header's fields are damaged"))?;

@@ -1,7 +1,7 @@
 //! An adaptive binary range coder.
 //!
-//! The coder is the carry-propagating one of LZMA (Martin 1979, normalised byte by byte). Models count the bits that they
-//! have seen and adapt fast at first, because a tile has only some thousand symbols.
+//! The coder is the carry-propagating one of LZMA (Martin 1979, normalised byte by byte). Models count the bits that
+//! they have seen and adapt fast at first, because a tile has only some thousand symbols.
 //!
 //! Encoder and decoder share the trait [`BitCoder`], so that a format is written down once, as a walk over its values.
 
@@ -43,7 +43,8 @@ impl BitModel {
     /// Probability 1/2.
     pub(crate) const NEW: Self = Self { set: 1 << 15, seen: 0 };
 
-    /// The probability in `1 / (1 << BITS)`. It is never 0 or 1, because [`BitModel::learn`] moves by less than the rest.
+    /// The probability in `1 / (1 << BITS)`. It is never 0 or 1, because [`BitModel::learn`] moves by less than the
+    /// rest.
     #[inline]
     fn probability(self) -> u32 {
         u32::from(self.set) >> (16 - BITS)

@@ -1,7 +1,7 @@
 //! The active lists: the borders of the traversed region (Touma and Gotsman 1998).
 //!
-//! Lists are circular and ordered so that the untraversed side lies to the left of the edge from a node to the next. When
-//! a list splits at a vertex, the vertex has one node in each part.
+//! Lists are circular and ordered so that the untraversed side lies to the left of the edge from a node to the next.
+//! When a list splits at a vertex, the vertex has one node in each part.
 
 use super::half_edge::NONE;
 

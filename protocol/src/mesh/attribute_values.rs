@@ -270,7 +270,8 @@ fn dot(a: [i64; 3], b: [i64; 3]) -> i64 {
     (0..3).map(|k| a[k] * b[k]).sum()
 }
 
-/// The factors of `q - p` and of `x - p` that give `r - p`, projected to their plane. `None` if the vectors are parallel.
+/// The factors of `q - p` and of `x - p` that give `r - p`, projected to their plane. `None` if the vectors are
+/// parallel.
 fn affine_coordinates(p: [i64; 3], q: [i64; 3], x: [i64; 3], r: [i64; 3]) -> Option<(f64, f64)> {
     let (e, f, d) = (sub(q, p), sub(x, p), sub(r, p));
     let [ee, ef, ff, de, df] = [dot(e, e), dot(e, f), dot(f, f), dot(d, e), dot(d, f)].map(|v| v as f64);

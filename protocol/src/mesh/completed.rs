@@ -43,7 +43,8 @@ impl CompletedTriangles {
         &self.triangles[..self.count]
     }
 
-    /// Finds the triangles that `vertex` completes. Only those count whose other vertices precede it and are `is_known`.
+    /// Finds the triangles that `vertex` completes. Only those count whose other vertices precede it and are
+    /// `is_known`.
     #[inline]
     pub(super) fn find(&mut self, mesh: &Connectivity, vertex: u32, is_known: impl Fn(u32) -> bool) {
         self.count = 0;

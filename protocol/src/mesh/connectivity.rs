@@ -3,9 +3,9 @@
 //! The traversed region grows triangle by triangle, and each new vertex is coded as its number of edges. The same
 //! traversal writes and reads, and it ends with [`Connectivity`]: all triangles in traversal order.
 //!
-//! It differs from the papers in three ways. The focus is the vertex of fewest free edges of all lists, not of one list.
-//! Splits and merges are one operation, a join: the lists are spliced at the vertex that is met again, whichever list
-//! it is in. A join also codes how the free edges of that vertex are divided.
+//! It differs from the papers in three ways. The focus is the vertex of fewest free edges of all lists, not of one
+//! list. Splits and merges are one operation, a join: the lists are spliced at the vertex that is met again, whichever
+//! list it is in. A join also codes how the free edges of that vertex are divided.
 
 use super::{
     active_lists::{ActiveLists, ActiveNode},
@@ -21,9 +21,9 @@ use crate::{
 /// Symbol of a step to a vertex that is already in a list.
 const JOIN: usize = 0;
 /// Symbol of a step to a dummy vertex. Its degree follows as a number.
-pub(super) const DUMMY: usize = 1;
+const DUMMY: usize = 1;
 /// Symbol of a step to a vertex of this degree or more. The excess follows as a number. Symbols below are degrees.
-pub(super) const MORE: usize = 15;
+const MORE: usize = 15;
 /// Joins name nodes within this many steps along the list by the number of steps, and others by their index.
 const MAX_JOIN_STEPS: u32 = 1024;
 /// Number of contexts of each of the two models of a degree.
@@ -386,8 +386,8 @@ impl<'a> Traversal<'a> {
         twins[b as usize] = a;
     }
 
-    /// Contexts of a new vertex's degree: the degrees at the edge it is attached to; and the degree of the vertex after the
-    /// focus with the free edges at that edge.
+    /// Contexts of a new vertex's degree: the degrees at the edge it is attached to; and the degree of the vertex after
+    /// the focus with the free edges at that edge.
     #[inline]
     fn degree_contexts(&self, before: &ActiveNode, focus: &ActiveNode) -> [usize; 2] {
         let degree = |vertex: u32| self.out.degree[vertex as usize].clamp(3, 9) as usize - 3;
@@ -396,7 +396,9 @@ impl<'a> Traversal<'a> {
         [degree(before.vertex) * 7 + degree(focus.vertex), degree(after) * 9 + free(before) * 3 + free(focus)]
     }
 
+    /// Writer only: marks a vertex of the closed mesh as visited and returns its symbol and degree.
     fn visit(&mut self, vertex: u32) -> (usize, u32) {
-        self.encoder.visit_vertex(self.closed, vertex)
+        let degree = self.encoder.visit_vertex(vertex);
+        (if vertex >= self.closed.first_dummy { DUMMY } else { (degree as usize).min(MORE) }, degree)
     }
 }

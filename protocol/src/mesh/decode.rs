@@ -29,8 +29,8 @@ struct MeshHeader {
 }
 
 impl Mesh {
-    /// The inverse of [`Mesh::encode`]. Vertices and triangles are in traversal order. Fails on any bytes that are not a
-    /// coded mesh. Memory is bounded by the header's counts, and those by the format's limits.
+    /// The inverse of [`Mesh::encode`]. Vertices and triangles are in traversal order. Fails on any bytes that are not
+    /// a coded mesh. Memory is bounded by the header's counts, and those by the format's limits.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
         Self::decode_within(bytes, MAX_TRIANGLES)
     }

@@ -37,8 +37,9 @@ pub struct EncodedMesh {
 }
 
 impl Mesh {
-    /// Encodes all triangles except degenerate and duplicate ones, which are counted. Positions and attributes are exact.
-    /// Fails if the mesh exceeds the format's limits, if a position is off the grid, or if an attribute is inconsistent.
+    /// Encodes all triangles except degenerate and duplicate ones, which are counted. Positions and attributes are
+    /// exact. Fails if the mesh exceeds the format's limits, if a position is off the grid, or if an attribute is
+    /// inconsistent.
     pub fn encode(&self) -> Result<EncodedMesh, DecodeError> {
         self.check()?;
         let mesh = HalfEdgeMesh::new(&self.triangles, self.positions.len() as u32);

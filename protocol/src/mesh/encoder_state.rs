@@ -2,7 +2,6 @@
 
 use super::{
     closed_mesh::ClosedMesh,
-    connectivity::{DUMMY, MORE},
     half_edge::{NONE, next, prev},
 };
 
@@ -38,11 +37,10 @@ impl EncoderState {
         self.vertex_visited[vertex as usize]
     }
 
-    /// Marks a vertex as visited and returns its symbol and degree.
-    pub(super) fn visit_vertex(&mut self, closed: &ClosedMesh, vertex: u32) -> (usize, u32) {
+    /// Marks a vertex as visited and returns its degree.
+    pub(super) fn visit_vertex(&mut self, vertex: u32) -> u32 {
         self.vertex_visited[vertex as usize] = true;
-        let degree = self.degree[vertex as usize];
-        (if vertex >= closed.first_dummy { DUMMY } else { (degree as usize).min(MORE) }, degree)
+        self.degree[vertex as usize]
     }
 
     pub(super) fn visit_triangle(&mut self, half_edge: u32) {

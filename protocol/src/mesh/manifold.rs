@@ -1,7 +1,7 @@
 //! Construction of a [`HalfEdgeMesh`] from any triangles, with the repairs that make it manifold.
 //!
-//! Degenerate and duplicate triangles are removed, orientations are made consistent, and surfaces are cut apart at edges
-//! and vertices where more than one surface meets.
+//! Degenerate and duplicate triangles are removed, orientations are made consistent, and surfaces are cut apart at
+//! edges and vertices where more than one surface meets.
 
 use super::half_edge::{HalfEdgeMesh, NONE, next, prev};
 use std::collections::HashSet;

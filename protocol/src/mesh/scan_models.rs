@@ -1,7 +1,7 @@
 //! Coding of prediction errors whose expected size is known as a variance.
 //!
-//! An error is shifted right so that its standard deviation is two or three steps. The rest is coded as a symbol, by the
-//! half-octave of the variance, and the bits that were shifted out are coded raw.
+//! An error is shifted right so that its standard deviation is two or three steps. The rest is coded as a symbol, by
+//! the half-octave of the variance, and the bits that were shifted out are coded raw.
 
 use crate::codec::rans::{RAW, SymbolCoder, SymbolModel};
 

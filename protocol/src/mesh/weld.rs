@@ -1,5 +1,5 @@
-//! Marks vertices that were cut apart (module `manifold`) as copies of one original, so that decoding restores it and its
-//! position is coded once.
+//! Marks vertices that were cut apart (module `manifold`) as copies of one original, so that decoding restores it and
+//! its position is coded once.
 
 use crate::{
     codec::rans::{RAW, SymbolCoder, SymbolModel},
@@ -11,7 +11,8 @@ const NEAR: i64 = 7;
 /// Symbol of all larger differences.
 const FAR: usize = 15;
 
-/// Codes for each vertex the earlier vertex that it is a copy of, or itself. Fails if that is not an earlier real vertex.
+/// Codes for each vertex the earlier vertex that it is a copy of, or itself. Fails if that is not an earlier real
+/// vertex.
 pub(super) fn code<C: SymbolCoder>(
     coder: &mut C,
     originals: &mut Vec<u32>,

@@ -3,11 +3,12 @@
 use super::{MeshTile, TileTexture};
 use crate::mesh::{Attribute, AttributeKind, Mesh, PositionGrid};
 
-/// The four corners of each side of a box, counter-clockwise from outside. Bit 0 of a corner is east, bit 1 north, bit 2 up.
+/// The four corners of each side of a box, counter-clockwise from outside. Bit 0 of a corner is east, bit 1 north, bit
+/// 2 up.
 const SIDES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6]];
 
-/// A box from `min` to `max` (metres from the leaf's corner) on a grid of 12 bits, with one colour, or with the whole texture
-/// on each side.
+/// A box from `min` to `max` (metres from the leaf's corner) on a grid of 12 bits, with one colour, or with the whole
+/// texture on each side.
 pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<TileTexture>) -> MeshTile {
     let corners: [[f64; 3]; 8] =
         std::array::from_fn(|i| std::array::from_fn(|axis| if i >> axis & 1 == 0 { min[axis] } else { max[axis] }));

@@ -92,8 +92,8 @@ impl MeshTile {
         writer.finish()
     }
 
-    /// Decodes level of detail `lod` of leaf `id`. The texture is not decompressed. Fails on any bytes that are not that
-    /// tile.
+    /// Decodes level of detail `lod` of leaf `id`. The texture is not decompressed. Fails on any bytes that are not
+    /// that tile.
     pub fn decode(id: TileId, lod: u8, bytes: &[u8]) -> Result<Self, DecodeError> {
         let tile = TileReader::new(bytes, TileKind::Mesh)?;
         let meta = tile.section(TAG_META, 5)?;

@@ -52,7 +52,8 @@ impl<const N: usize> SymbolModel<N> {
         Self { starts, learnt: 0 }
     }
 
-    /// No interval ever becomes narrower than 1: targets lie at least 1 apart, and all differences are rounded down alike.
+    /// No interval ever becomes narrower than 1: targets lie at least 1 apart, and all differences are rounded down
+    /// alike.
     #[inline(always)]
     pub(super) fn learn(&mut self, symbol: usize) {
         let rate = RATES[usize::from(self.learnt & 127)];

@@ -1,7 +1,7 @@
 //! zstd frames of known size.
 //!
-//! Native builds use the reference library in C. Builds for WebAssembly need no C compiler: they decompress with a decoder
-//! in Rust and cannot compress.
+//! Native builds use the reference library in C. Builds for WebAssembly need no C compiler: they decompress with a
+//! decoder in Rust and cannot compress.
 
 #[cfg(not(target_arch = "wasm32"))]
 mod native;
@@ -18,8 +18,8 @@ pub use portable::compress;
 #[cfg(target_arch = "wasm32")]
 use portable::decompress_into;
 
-/// Decompresses a frame of exactly `raw_bytes` bytes. The caller must have checked `raw_bytes` against a limit, because it is
-/// allocated. Fails on damaged frames and on any other size.
+/// Decompresses a frame of exactly `raw_bytes` bytes. The caller must have checked `raw_bytes` against a limit, because
+/// it is allocated. Fails on damaged frames and on any other size.
 pub fn decompress(packed: &[u8], raw_bytes: usize) -> Result<Vec<u8>, DecodeError> {
     let mut raw = vec![0; raw_bytes];
     match decompress_into(packed, &mut raw)? {
