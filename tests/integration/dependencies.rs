@@ -100,13 +100,17 @@ impl Workspace {
 #[test]
 fn packages_know_only_those_below_them() {
     let workspace = Workspace::load();
-    let allowed: [(&str, &[&str]); 6] = [
+    let allowed: [(&str, &[&str]); 7] = [
         ("insula-protocol", &[]),
+        ("insula-archive", &["insula-protocol"]),
         ("insula-shaders", &["insula-protocol"]),
-        ("insula-bake", &["insula-protocol", "insula-shaders"]),
-        ("insula-server", &["insula-protocol", "insula-bake"]),
+        ("insula-bake", &["insula-protocol", "insula-archive", "insula-shaders"]),
+        ("insula-server", &["insula-protocol", "insula-archive", "insula-bake"]),
         ("insula-viewer", &["insula-protocol", "insula-shaders"]),
-        ("insula-client", &["insula-protocol", "insula-shaders", "insula-viewer", "insula-server", "insula-bake"]),
+        (
+            "insula-client",
+            &["insula-protocol", "insula-archive", "insula-shaders", "insula-viewer", "insula-server", "insula-bake"],
+        ),
     ];
     for (package, below) in allowed {
         for found in workspace.insula_of(package) {
@@ -128,6 +132,11 @@ fn what_can_be_left_out_is_optional() {
     }
     assert!(workspace.default_features("insula-server").contains("bake"));
     assert!(workspace.default_features("insula-client").contains("embedded"));
+    for optional in ["blake3", "moka", "tokio"] {
+        let found = workspace.declared("insula-archive").into_iter().find(|d| d.name == optional);
+        assert!(found.is_some_and(|d| d.optional), "insula-archive must build without {optional}");
+    }
+    assert!(!workspace.default_features("insula-archive").contains("block-cache"));
     let shaders = workspace.declared("insula-shaders").into_iter().find(|d| d.name == "wgpu");
     assert!(shaders.is_some_and(|d| d.optional), "the shaders must build without wgpu");
     assert!(!workspace.default_features("insula-shaders").contains("gpu"));
@@ -149,6 +158,11 @@ fn rooms_keep_out_what_they_must_not_know() {
         &[&network[..], &graphics, &["tokio", "tracing", "rayon"]].concat(),
         &workspace.closure("insula-protocol"),
     );
+    check(
+        "insula-archive",
+        &[&network[..], &graphics, &["object_store", "pmtiles", "tracing", "rayon"]].concat(),
+        &names("insula-archive"),
+    );
     check("insula-shaders", &[&network[..], &["tokio", "winit", "egui"]].concat(), &names("insula-shaders"));
     check(
         "insula-viewer",
@@ -157,6 +171,5 @@ fn rooms_keep_out_what_they_must_not_know() {
     );
     check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));
     check("insula-server", &[&graphics[..], &["reqwest"]].concat(), &names("insula-server"));
-    // It reads archives itself, where no server is between; serving and mapping files are the server's.
-    check("insula-client", &["axum", "memmap2"], &names("insula-client"));
+    check("insula-client", &["axum", "pmtiles"], &names("insula-client"));
 }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use anyhow::{Result, ensure};
+use insula_archive::disk_cache::DiskCache;
 use insula_client::{
     args::GlobalArgs,
     commands::{connect::connect, headless},
@@ -11,7 +12,7 @@ use insula_client::{
     stream::{
         BackgroundFetcher,
         fetch::Http,
-        source::disk::{Disk, Folder},
+        source::disk::{CachedCity, EXTENSION},
     },
 };
 use insula_shaders::cpu::raycast::Pixels;
@@ -107,8 +108,8 @@ fn a_visited_city_needs_no_network() -> Result<()> {
     let session = |url: &str| -> Result<Session> {
         let http = Arc::new(Http::new(None)?);
         let found = connect(&http, url, &global(3))?;
-        let folder = Arc::new(Folder::open(kept.path(), 64 << 20)?);
-        let source = Arc::new(Disk::new(found.source, folder, &found.manifest));
+        let cache = Arc::new(DiskCache::open(kept.path(), EXTENSION, 64 << 20)?);
+        let source = Arc::new(CachedCity::new(found.source, cache, &found.manifest));
         let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
         Ok(Session::new(
             SceneTree::new(found.manifest),

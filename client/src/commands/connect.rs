@@ -7,7 +7,7 @@ use crate::{
         city::{OpenOptions, OpenedCity, open_city},
         fetch::Http,
         location::CityLocation,
-        source::disk::Folder,
+        source::disk::open_user_cache,
     },
 };
 use std::{sync::Arc, time::Duration};
@@ -15,7 +15,7 @@ use std::{sync::Arc, time::Duration};
 /// Opens the city at `location`, a URL or a path. Fails as [`open_city`] does.
 pub fn connect(http: &Arc<Http>, location: &str, global: &GlobalArgs) -> Result<OpenedCity> {
     let disk_cache = match global.disk_cache_mib {
-        Some(mib) => Some(Arc::new(Folder::of_user(u64::from(mib) << 20)?)),
+        Some(mib) => Some(Arc::new(open_user_cache(u64::from(mib) << 20)?)),
         None => None,
     };
     let timeout = Duration::from_secs(u64::from(global.timeout));

@@ -3,17 +3,15 @@
 use super::{
     fetch::Http,
     jitter::jitter,
-    location::{CityLocation, MANIFEST_FILE},
-    source::{
-        TileSource,
-        disk::{Disk, Folder},
-        folder,
-        server::ServerSource,
-        web,
-    },
+    location::CityLocation,
+    source::{TileSource, disk::CachedCity, folder, server::ServerSource, web},
 };
 use crate::error::{ClientError, Result};
 use bytes::Bytes;
+use insula_archive::{
+    city::{MANIFEST_FILE, parse_manifest, read_manifest},
+    disk_cache::DiskCache,
+};
 use insula_protocol::{
     Manifest,
     manifest::is_name,
@@ -47,7 +45,7 @@ pub struct OpenOptions {
     /// Name of the city (`--city`); needed if the server has several.
     pub city: Option<String>,
     /// Cache for manifests and tiles (`--disk-cache-mib`).
-    pub disk_cache: Option<Arc<Folder>>,
+    pub disk_cache: Option<Arc<DiskCache>>,
     /// Retries a server for this time before failing.
     pub timeout: Duration,
 }
@@ -70,16 +68,7 @@ struct CityOpener<'a> {
 
 impl CityOpener<'_> {
     fn local_folder(&self, path: &Path) -> Result<OpenedCity> {
-        let file = path.join(MANIFEST_FILE);
-        let metadata = std::fs::metadata(&file).map_err(ClientError::file(&file))?;
-        if metadata.len() > MAX_MANIFEST_BYTES as u64 {
-            return Err(ClientError::Failed(format!(
-                "{}: the manifest has more than {MAX_MANIFEST_BYTES} bytes",
-                file.display()
-            )));
-        }
-        let json = std::fs::read(&file).map_err(ClientError::file(&file))?;
-        let manifest = parse_manifest(&file.display().to_string(), &json)?;
+        let manifest = read_manifest(path).map_err(|error| ClientError::Failed(error.to_string()))?;
         self.check_name(&manifest)?;
         Ok(OpenedCity { address: String::new(), manifest, source: Arc::new(folder::open(path, self.http)) })
     }
@@ -130,14 +119,15 @@ impl CityOpener<'_> {
 
     fn with_disk_cache(&self, address: String, manifest: Manifest, source: Arc<dyn TileSource>) -> OpenedCity {
         let source = match &self.options.disk_cache {
-            Some(folder) => Arc::new(Disk::new(source, folder.clone(), &manifest)),
+            Some(folder) => Arc::new(CachedCity::new(source, folder.clone(), &manifest)),
             None => source,
         };
         OpenedCity { address, manifest, source }
     }
 
     fn fetch_manifest(&self, url: &str) -> Result<Manifest> {
-        parse_manifest(url, &self.fetch(url)?.ok_or_else(|| no_such_city(url))?)
+        let json = self.fetch(url)?.ok_or_else(|| no_such_city(url))?;
+        parse_manifest(&json).map_err(|error| ClientError::Server(format!("{url}: invalid manifest: {error}")))
     }
 
     /// Fetches a small file, with retries until the timeout because the server may be starting. `None` if there is no such
@@ -152,8 +142,10 @@ impl CityOpener<'_> {
         loop {
             match self.http.block_on(self.http.get(url, MAX_MANIFEST_BYTES)) {
                 Ok(bytes) => {
-                    if let Some(disk) = disk_cache {
-                        disk.replace(&cache_name, &bytes);
+                    if let Some(disk) = disk_cache
+                        && let Err(error) = disk.replace(&cache_name, &bytes)
+                    {
+                        tracing::debug!("{url} cannot be written to the disk cache: {error}");
                     }
                     return Ok(Some(bytes));
                 }
@@ -181,13 +173,6 @@ impl CityOpener<'_> {
 
 fn no_such_city(url: &str) -> ClientError {
     ClientError::Server(format!("{url}: no such city: see the list at {CITIES}"))
-}
-
-fn parse_manifest(location: &str, json: &[u8]) -> Result<Manifest> {
-    let invalid = |e: &dyn std::fmt::Display| ClientError::Server(format!("{location}: invalid manifest: {e}"));
-    let manifest: Manifest = serde_json::from_slice(json).map_err(|e| invalid(&e))?;
-    manifest.check().map_err(|e| invalid(&e))?;
-    Ok(manifest)
 }
 
 /// The city of a server that has only one. Fails if it has several or none.

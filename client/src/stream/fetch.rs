@@ -11,6 +11,7 @@ use reqwest::{
 };
 use std::{
     future::Future,
+    ops::Range,
     sync::atomic::{AtomicU64, Ordering},
     time::Duration,
 };
@@ -29,6 +30,16 @@ pub struct HttpTimeouts {
     /// Limit for a whole response body, before the allowance for its length. A response that arrives byte by byte would
     /// otherwise occupy a request for long.
     pub body: Duration,
+}
+
+/// Part of a file.
+#[derive(Debug)]
+pub(super) struct RangeResponse {
+    pub(super) bytes: Bytes,
+    /// Version of the file (ETag or date) if the host sends one.
+    pub(super) version: Option<String>,
+    /// Length of the whole file if the host sends it.
+    pub(super) file_bytes: Option<u64>,
 }
 
 impl Default for HttpTimeouts {
@@ -93,15 +104,11 @@ impl Http {
         self.read_body(response, limit_bytes).await
     }
 
-    /// Fetches `length` bytes from `offset`, or fewer where the file ends, and the version of the file (ETag or date) if the
-    /// host sends one. Fails if the host does not support range requests.
-    pub(super) async fn get_range(
-        &self,
-        url: &str,
-        offset: u64,
-        length: usize,
-    ) -> Result<(Bytes, Option<String>), FetchError> {
-        let last = offset.saturating_add(length as u64).saturating_sub(1);
+    /// Fetches a range of bytes that is not empty. The response is shorter only where the file ends. Fails if the host does
+    /// not support range requests.
+    pub(super) async fn get_range(&self, url: &str, range: Range<u64>) -> Result<RangeResponse, FetchError> {
+        let (offset, last) = (range.start, range.end.saturating_sub(1));
+        let max_bytes = (range.end - range.start) as usize;
         let request = self.client.get(url).header(RANGE, format!("bytes={offset}-{last}"));
         let response = self.send(request.header(ACCEPT_ENCODING, "identity")).await?;
         if response.status() == StatusCode::OK {
@@ -117,11 +124,11 @@ impl Http {
         let Some(range) = range.filter(|range| range.satisfies(offset, last) && !is_encoded) else {
             return Err(FetchError::Archive("the host returned another range than requested".into()));
         };
-        let body = self.read_body(response, length).await?;
-        if body.len() as u64 != range.last - range.first + 1 {
+        let bytes = self.read_body(response, max_bytes).await?;
+        if bytes.len() as u64 != range.last - range.first + 1 {
             return Err(FetchError::Network("the response is incomplete".into()));
         }
-        Ok((body, version))
+        Ok(RangeResponse { bytes, version, file_bytes: range.file_length })
     }
 
     async fn send(&self, request: reqwest::RequestBuilder) -> Result<reqwest::Response, FetchError> {

@@ -1,11 +1,9 @@
 //! Locations of cities as typed by the user.
 
 use crate::error::{ClientError, Result};
+use insula_archive::city::MANIFEST_FILE;
 use insula_protocol::{manifest::is_name, route::CITIES};
 use std::path::{Path, PathBuf};
-
-/// File name of the manifest in a baked city's folder.
-pub const MANIFEST_FILE: &str = "city.json";
 
 /// Where a city, or a server with cities, is.
 #[derive(Debug, Clone, PartialEq, Eq)]

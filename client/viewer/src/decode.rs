@@ -3,20 +3,11 @@
 //! In: bytes that anyone may have made. Out: [`DecodedTile`]. Next: `cache`, `scene::tree`.
 
 use crate::scene::TileKey;
-use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind, mesh_tile};
+use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind};
 use insula_shaders::{
     mesh::{MeshTexture, PackedMesh},
     pack::PackedNode,
 };
-
-/// Largest subtree tile: 1,365 nodes of 21 bytes, up to 1,024 leaves' meshes of 77, and a header.
-const SUBTREE_BYTES: usize = 128 << 10;
-/// Largest V-BlockMap tile: a million texels and all planes, incompressible, and room to spare.
-const BLOCK_MAP_BYTES: usize = 8 << 20;
-
-/// Largest tile of any kind.
-pub const MOST_BYTES: usize = mesh_tile::MAX_BYTES;
-const _: () = assert!(MOST_BYTES >= BLOCK_MAP_BYTES && MOST_BYTES >= SUBTREE_BYTES);
 
 /// A tile's content.
 #[derive(Debug)]
@@ -27,15 +18,6 @@ pub enum DecodedTile {
     Mesh(Box<PackedMesh>),
     /// Ready for the tree.
     Subtree(Subtree),
-}
-
-/// Most bytes that an answer may have.
-pub fn limit_bytes(key: TileKey) -> usize {
-    match key.layer() {
-        TileKind::Subtree => SUBTREE_BYTES,
-        TileKind::BlockMap => BLOCK_MAP_BYTES,
-        TileKind::Mesh => mesh_tile::MAX_BYTES,
-    }
 }
 
 /// Decodes `bytes`, fetched as the tile of `key`.
@@ -67,7 +49,10 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_protocol::{TileId, mesh_tile::TileTexture};
+    use insula_protocol::{
+        TileId,
+        mesh_tile::{self, TileTexture},
+    };
     use std::io::Cursor;
 
     #[test]

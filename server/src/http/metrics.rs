@@ -2,7 +2,8 @@
 //!
 //! Routes and status codes are fixed sets, so that clients cannot create labels. Each server has its own registry.
 
-use crate::store::{ReadError, Store, StoreMetrics};
+use crate::store::{Store, StoreMetrics};
+use insula_archive::ReadError;
 use insula_protocol::route::RouteTemplate;
 use prometheus_client::{
     encoding::{EncodeLabelSet, text::encode},
@@ -142,8 +143,8 @@ impl HttpMetrics {
     pub(super) fn read_failed(&self, error: &ReadError) {
         let kind = match error {
             ReadError::Damaged(_) => "damaged",
-            ReadError::Failed(_) => "unreadable",
             ReadError::Replaced => "replaced",
+            _ => "unreadable",
         };
         self.read_failures.get_or_create(&KindLabels { kind }).inc();
     }

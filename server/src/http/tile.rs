@@ -10,10 +10,11 @@ use super::{
     state::AppState,
     tile_cache::{CachedTile, TileCache, TileCacheKey},
 };
-use crate::store::{CityStore, ReadError};
+use crate::store::CityStore;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
 use bytes::Bytes;
 use http_body_util::Full;
+use insula_archive::ReadError;
 use insula_protocol::{TileId, TileKind, mesh_tile, route::TileRoute};
 use std::sync::Arc;
 
@@ -97,9 +98,7 @@ impl RequestedTile {
                 Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server's copy of this tile is damaged")
                     .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
             }
-            ReadError::Failed(_) | ReadError::Replaced => {
-                Problem::unavailable("this tile cannot be read at the moment")
-            }
+            _ => Problem::unavailable("this tile cannot be read at the moment"),
         }
     }
 }

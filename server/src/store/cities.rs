@@ -1,12 +1,13 @@
 //! A set of cities from folders, object stores and web servers.
 
 use super::{
-    blocks::{Blocks, StoreMetrics},
-    city::{CityStore, MANIFEST_FILE},
+    city::CityStore,
     error::StoreError,
-    remote::Remote,
+    remote::RemoteCity,
+    requests::{StoreMetrics, StoreRequests},
 };
 use crate::config::BlockCacheConfig;
+use insula_archive::city::MANIFEST_FILE;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -18,8 +19,8 @@ use std::{
 #[derive(Debug, Default, Clone)]
 pub struct Store {
     pub(super) folders: Vec<PathBuf>,
-    pub(super) remotes: Vec<Remote>,
-    blocks: Option<Arc<Blocks>>,
+    pub(super) remotes: Vec<RemoteCity>,
+    metrics: Option<StoreMetrics>,
     pub(super) cities: BTreeMap<String, CityVersions>,
 }
 
@@ -57,21 +58,23 @@ impl Store {
             return Ok(store);
         }
         let cache_error = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
-        let blocks = Arc::new(Blocks::new(cache).map_err(cache_error)?);
+        let metrics = StoreMetrics::new();
+        let blocks = Arc::new(metrics.block_cache(cache).map_err(cache_error)?);
+        let requests = Arc::new(StoreRequests::new(cache, metrics.clone()));
         for url in urls.iter().filter_map(|url| url.to_str()) {
-            let remote = Remote::new(url, blocks.clone())?;
+            let remote = RemoteCity::new(url, requests.clone(), blocks.clone())?;
             if let Some(city) = remote.open(None).await? {
                 store.insert(city)?;
             }
             store.remotes.push(remote);
         }
-        store.blocks = Some(blocks);
+        store.metrics = Some(metrics);
         Ok(store)
     }
 
     /// Metrics of remote reads; `None` without remote cities.
     pub(crate) fn metrics(&self) -> Option<&StoreMetrics> {
-        self.blocks.as_ref().map(|blocks| &blocks.metrics)
+        self.metrics.as_ref()
     }
 
     /// Adds a city. Fails if there is one of the same name.

@@ -2,7 +2,7 @@
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
-use insula_server::store::Archive;
+use insula_archive::Archive;
 use libfuzzer_sys::fuzz_target;
 use std::{fs, path::PathBuf};
 

@@ -1,55 +1,57 @@
 //! A baked city's folder on this machine.
-//!
-//! In: ranges of its archives. Out: bytes. Next: `archive`.
 
-use super::archive::{Archives, Ranges};
+use super::archive::{ArchivedCity, to_read_error};
 use crate::stream::fetch::Http;
 use bytes::Bytes;
-use insula_viewer::streamer::FetchError;
+use insula_archive::{RangeRead, RangeSource, ReadError, file::FileSource};
 use std::{
-    fs::File,
-    io::{Read, Seek, SeekFrom},
+    ops::Range,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex},
+    sync::{Arc, OnceLock},
 };
 
-/// One archive of a folder. `http` counts, and simulates a link if it was told to.
-#[derive(Clone)]
-pub struct FileRanges {
+/// One archive of a folder, opened at the first read. A file that is replaced later is still the one that was opened.
+#[derive(Debug, Clone)]
+struct FolderArchive {
     path: PathBuf,
+    /// Counts the bytes, and simulates a link if one is configured.
     http: Arc<Http>,
-    file: Arc<Mutex<Option<File>>>,
+    file: Arc<OnceLock<FileSource>>,
 }
 
 /// The city in `folder`.
-pub fn open(folder: &Path, http: &Arc<Http>) -> Archives<FileRanges> {
-    Archives::new(folder.display().to_string(), |layer| FileRanges {
-        path: folder.join(layer.file_name()),
-        http: http.clone(),
-        file: Arc::default(),
+pub fn open(folder: &Path, http: &Arc<Http>) -> ArchivedCity {
+    ArchivedCity::new(folder.display().to_string(), |kind| {
+        Arc::new(FolderArchive { path: folder.join(kind.file_name()), http: http.clone(), file: Arc::default() })
     })
 }
 
-impl Ranges for FileRanges {
-    async fn read(&self, offset: u64, length: usize) -> Result<(Bytes, Option<String>), FetchError> {
-        let (path, file) = (self.path.clone(), self.file.clone());
-        let read = tokio::task::spawn_blocking(move || read(&path, &file, offset, length));
-        let failed = |e: &dyn std::fmt::Display| FetchError::Unusable(format!("{}: {e}", self.path.display()));
-        let bytes = read.await.map_err(|e| failed(&e))?.map_err(|e| failed(&e))?;
-        self.http.carry(bytes.len()).await?;
-        Ok((bytes, None))
+impl FolderArchive {
+    fn read_file(&self, range: Range<u64>) -> Result<Bytes, ReadError> {
+        if self.file.get().is_none() {
+            // Another thread may have opened it meanwhile.
+            let _ = self.file.set(FileSource::open(&self.path)?);
+        }
+        let file = self.file.get().ok_or(ReadError::Missing)?;
+        file.read(range).ready()
     }
 }
 
-/// Opens the file once. A file that was replaced meanwhile is still the one that was opened.
-fn read(path: &Path, file: &Mutex<Option<File>>, offset: u64, length: usize) -> std::io::Result<Bytes> {
-    let mut file = file.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let file = match &mut *file {
-        Some(file) => file,
-        closed => closed.insert(File::open(path)?),
-    };
-    file.seek(SeekFrom::Start(offset))?;
-    let mut bytes = Vec::new();
-    file.take(length as u64).read_to_end(&mut bytes)?;
-    Ok(bytes.into())
+impl RangeSource for FolderArchive {
+    fn length(&self) -> Option<u64> {
+        self.file.get().and_then(RangeSource::length)
+    }
+
+    fn read(&self, range: Range<u64>) -> RangeRead {
+        let archive = self.clone();
+        RangeRead::Pending(Box::pin(async move {
+            let unusable =
+                |error: &dyn std::fmt::Display| ReadError::Unusable(format!("{}: {error}", archive.path.display()));
+            let reader = archive.clone();
+            let read = tokio::task::spawn_blocking(move || reader.read_file(range)).await;
+            let bytes = read.map_err(|error| unusable(&error))?.map_err(|error| unusable(&error))?;
+            archive.http.carry(bytes.len()).await.map_err(to_read_error)?;
+            Ok(bytes)
+        }))
+    }
 }

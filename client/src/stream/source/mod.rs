@@ -19,7 +19,7 @@ pub type PendingTile<'a> = Pin<Box<dyn Future<Output = Result<Bytes, FetchError>
 
 /// A source of one city's tiles.
 pub trait TileSource: Send + Sync {
-    /// A tile's bytes, at most `decode::limit_bytes`. They have not been checked.
+    /// A tile's bytes, at most [`insula_archive::limits::max_tile_bytes`]. They have not been checked.
     fn tile(&self, key: TileKey) -> PendingTile<'_>;
 
     /// Whether a tile can be read without the network. Such tiles are requested even while the network fails.

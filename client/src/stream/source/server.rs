@@ -2,8 +2,9 @@
 
 use super::{PendingTile, TileSource};
 use crate::stream::fetch::Http;
+use insula_archive::limits::max_tile_bytes;
 use insula_protocol::{Manifest, TileKind, route};
-use insula_viewer::{decode::limit_bytes, scene::TileKey};
+use insula_viewer::scene::TileKey;
 use std::sync::Arc;
 
 /// One version of a city on a server.
@@ -30,7 +31,7 @@ impl TileSource for ServerSource {
             layer => route::tile(&self.name, &self.version, layer, key.id),
         };
         let url = format!("{}{path}", self.base);
-        Box::pin(async move { self.http.get(&url, limit_bytes(key)).await })
+        Box::pin(async move { self.http.get(&url, max_tile_bytes(key.layer())).await })
     }
 
     fn location(&self) -> &str {

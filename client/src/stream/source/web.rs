@@ -1,30 +1,56 @@
 //! A baked city's folder on any host that answers ranges: a web server, a bucket, a CDN.
-//!
-//! In: ranges of its archives. Out: bytes. Next: `archive`.
 
-use super::archive::{Archives, Ranges};
-use crate::stream::fetch::Http;
+use super::archive::{ArchivedCity, to_read_error};
+use crate::stream::fetch::{Http, RangeResponse};
 use bytes::Bytes;
-use insula_viewer::streamer::FetchError;
-use std::sync::Arc;
+use insula_archive::{RangeRead, RangeSource, ReadError};
+use std::{
+    ops::Range,
+    sync::{Arc, OnceLock},
+};
 
 /// One archive of a host.
-#[derive(Clone)]
-pub struct WebRanges {
+#[derive(Debug, Clone)]
+struct WebArchive {
     url: String,
     http: Arc<Http>,
+    /// Version and length of the file, as the first response has them.
+    first: Arc<OnceLock<(Option<String>, Option<u64>)>>,
 }
 
 /// The city at `base`, an address without a slash at its end.
-pub fn open(base: &str, http: &Arc<Http>) -> Archives<WebRanges> {
-    Archives::new(base.to_owned(), |layer| WebRanges {
-        url: format!("{base}/{}", layer.file_name()),
-        http: http.clone(),
+pub fn open(base: &str, http: &Arc<Http>) -> ArchivedCity {
+    ArchivedCity::new(base.to_owned(), |kind| {
+        Arc::new(WebArchive { url: format!("{base}/{}", kind.file_name()), http: http.clone(), first: Arc::default() })
     })
 }
 
-impl Ranges for WebRanges {
-    async fn read(&self, offset: u64, length: usize) -> Result<(Bytes, Option<String>), FetchError> {
-        self.http.get_range(&self.url, offset, length).await
+impl WebArchive {
+    /// The response's bytes, if they are of the same file as the first response.
+    fn check(&self, response: RangeResponse) -> Result<Bytes, ReadError> {
+        let (version, length) = self.first.get_or_init(|| (response.version.clone(), response.file_bytes));
+        if differs(version, &response.version) || differs(length, &response.file_bytes) {
+            return Err(ReadError::Replaced);
+        }
+        Ok(response.bytes)
+    }
+}
+
+/// A host may leave out what it knows.
+fn differs<T: PartialEq>(a: &Option<T>, b: &Option<T>) -> bool {
+    a.is_some() && b.is_some() && a != b
+}
+
+impl RangeSource for WebArchive {
+    fn length(&self) -> Option<u64> {
+        self.first.get().and_then(|(_, length)| *length)
+    }
+
+    fn read(&self, range: Range<u64>) -> RangeRead {
+        let archive = self.clone();
+        RangeRead::Pending(Box::pin(async move {
+            let response = archive.http.get_range(&archive.url, range).await.map_err(to_read_error)?;
+            archive.check(response)
+        }))
     }
 }

@@ -1,0 +1,167 @@
+//! A baked city: its manifest and its archives.
+
+use crate::{Archive, ArchiveError, CityError, ReadError};
+use bytes::Bytes;
+use insula_protocol::{
+    Manifest, TileId, TileKind,
+    codec::bincode,
+    mesh_tile::MAX_LODS,
+    tile::{self, TileReader},
+};
+
+/// The manifest's file name in a city's folder.
+pub const MANIFEST_FILE: &str = "city.json";
+/// Largest manifest.
+pub const MAX_MANIFEST_BYTES: usize = bincode::LIMIT;
+
+/// A city whose manifest and directories have been checked.
+#[derive(Debug)]
+pub struct BakedCity {
+    location: String,
+    manifest: Manifest,
+    archives: CityArchives,
+}
+
+/// The archives of a city.
+#[derive(Debug)]
+pub struct CityArchives {
+    /// Which nodes exist.
+    pub subtrees: Archive,
+    /// The nodes' V-BlockMaps.
+    pub blockmaps: Archive,
+    /// The leaves' meshes, if the city has any.
+    pub meshes: Option<Archive>,
+}
+
+impl BakedCity {
+    /// Checks that manifest and archives can be of one city. `location` is the folder's path or address, for messages.
+    pub fn new(location: String, manifest: Manifest, archives: CityArchives) -> Result<Self, CityError> {
+        let city = Self { location, manifest, archives };
+        for (kind, archive) in city.archives() {
+            // Each level of detail of the meshes has its own level of the archive, from the leaves' level on.
+            let extra_levels = if kind == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
+            if archive.deepest_level() > city.manifest.depth + extra_levels {
+                let source = ArchiveError::Directory("it has tiles below the depth that city.json gives");
+                return Err(CityError::Archive { location: city.path_of(kind.file_name()), source });
+            }
+        }
+        if city.manifest.tile_version != tile::VERSION {
+            let found = city.manifest.tile_version;
+            let reason = format!("its tiles have format version {found}, this program reads {}", tile::VERSION);
+            return Err(CityError::Manifest { location: city.path_of(MANIFEST_FILE), reason });
+        }
+        Ok(city)
+    }
+
+    /// Opens a folder with `city.json` and its archives.
+    #[cfg(feature = "fs")]
+    pub fn open(folder: &std::path::Path) -> Result<Self, CityError> {
+        let manifest = read_manifest(folder)?;
+        let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()));
+        let meshes = match open(TileKind::Mesh) {
+            Err(CityError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => None,
+            meshes => Some(meshes?),
+        };
+        let archives =
+            CityArchives { subtrees: open(TileKind::Subtree)?, blockmaps: open(TileKind::BlockMap)?, meshes };
+        Self::new(folder.display().to_string(), manifest, archives)
+    }
+
+    fn path_of(&self, file: &str) -> String {
+        format!("{}/{file}", self.location)
+    }
+
+    /// What a client needs before its first tile.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// Path or address of the folder, for messages to the host.
+    pub fn location(&self) -> &str {
+        &self.location
+    }
+
+    /// The archive of one kind of tile. All cities have subtrees and V-BlockMaps.
+    pub fn archive(&self, kind: TileKind) -> Option<&Archive> {
+        match kind {
+            TileKind::Subtree => Some(&self.archives.subtrees),
+            TileKind::BlockMap => Some(&self.archives.blockmaps),
+            TileKind::Mesh => self.archives.meshes.as_ref(),
+        }
+    }
+
+    /// The archives that the city has.
+    pub fn archives(&self) -> impl Iterator<Item = (TileKind, &Archive)> {
+        TileKind::ALL.into_iter().filter_map(|kind| Some((kind, self.archive(kind)?)))
+    }
+
+    /// Which nodes exist.
+    pub fn subtrees(&self) -> &Archive {
+        &self.archives.subtrees
+    }
+
+    /// The nodes' V-BlockMaps.
+    pub fn blockmaps(&self) -> &Archive {
+        &self.archives.blockmaps
+    }
+
+    /// Reads a tile of a local city, unchecked. A mesh is named by its position in the archive
+    /// ([`insula_protocol::mesh_tile::archive_id`]).
+    pub fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
+        self.archive(kind).map_or(Ok(None), |archive| archive.tile(id))
+    }
+
+    /// Reads a tile whose frame and checksums are right. `None` if there is no such tile.
+    ///
+    /// A damaged tile is dropped from all caches and read once more before the error is returned.
+    pub async fn checked_tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
+        let Some(archive) = self.archive(kind) else { return Ok(None) };
+        let Some(range) = archive.find(id) else { return Ok(None) };
+        match check(kind, archive.read(range.clone()).bytes().await?) {
+            Ok(bytes) => Ok(Some(bytes)),
+            Err(_) => {
+                archive.invalidate(range.clone()).await;
+                check(kind, archive.read(range).bytes().await?).map(Some)
+            }
+        }
+    }
+
+    /// Length of all archives in bytes.
+    pub fn file_bytes(&self) -> u64 {
+        self.archives().map(|(_, archive)| archive.file_bytes()).sum()
+    }
+}
+
+/// The checksums of a tile's frame cover every byte of it.
+fn check(kind: TileKind, bytes: Bytes) -> Result<Bytes, ReadError> {
+    match TileReader::new(&bytes, kind) {
+        Ok(_) => Ok(bytes),
+        Err(error) => Err(ReadError::Damaged(error.to_string())),
+    }
+}
+
+/// Reads and checks the manifest in a city's folder.
+#[cfg(feature = "fs")]
+pub fn read_manifest(folder: &std::path::Path) -> Result<Manifest, CityError> {
+    use std::io::Read as _;
+    let path = folder.join(MANIFEST_FILE);
+    let mut text = Vec::new();
+    let file = crate::file::open_regular(&path);
+    let read = file.and_then(|file| file.take(MAX_MANIFEST_BYTES as u64 + 1).read_to_end(&mut text));
+    read.map_err(|source| CityError::Io { path: path.clone(), source })?;
+    parse_manifest(&text).map_err(|reason| CityError::Manifest { location: path.display().to_string(), reason })
+}
+
+/// Parses a manifest. Fails if the text is too long, not JSON, or not a valid manifest.
+pub fn parse_manifest(text: &[u8]) -> Result<Manifest, String> {
+    if text.len() > MAX_MANIFEST_BYTES {
+        return Err(format!("the manifest is larger than {MAX_MANIFEST_BYTES} bytes"));
+    }
+    let manifest: Manifest = serde_json::from_slice(text).map_err(|error| error.to_string())?;
+    manifest.check()?;
+    Ok(manifest)
+}
+
+#[cfg(test)]
+#[cfg(feature = "fs")]
+mod tests;

@@ -1,0 +1,179 @@
+//! Headers and directories, whole, damaged and hostile.
+
+use super::*;
+use crate::{
+    Archive,
+    test_support::{MemorySource, RawEntry, archive, archive_with_leaves, directory, gzip, id, raw_archive},
+};
+use futures_util::FutureExt;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+fn load(file: Vec<u8>) -> Result<Archive, ArchiveError> {
+    Archive::load(Arc::new(MemorySource::local(file))).now_or_never().unwrap()
+}
+
+/// Why the archive is refused, which takes less than a second.
+fn refusal(file: Vec<u8>) -> String {
+    let start = Instant::now();
+    let text = load(file).map(drop).expect_err("it was accepted").to_string();
+    assert!(start.elapsed() < Duration::from_secs(1), "refused only after {:?}", start.elapsed());
+    assert!(!text.contains('\n'), "{text}");
+    text
+}
+
+#[test]
+fn tile_numbers_are_those_of_pmtiles() {
+    let all = (0..=6).flat_map(|level| (0..1u32 << (2 * level)).map(move |i| (level, i)));
+    let all = all.map(|(level, i)| id(level, i % (1 << level), i >> level));
+    for id in all.chain([id(20, 0, 0), id(20, 0xfffff, 0xfffff), id(20, 0xabcde, 0x12345), id(13, 77, 8000)]) {
+        let coord = pmtiles::TileCoord::new(id.level(), id.x(), id.y()).unwrap();
+        assert_eq!(tile_number(id), pmtiles::TileId::from(coord).value());
+        assert_eq!(tile_id(tile_number(id)), Some(id));
+    }
+    assert_eq!(tile_id(first_number(MAX_LEVEL + 1)), None);
+    assert_eq!(tile_id(u64::MAX), None);
+}
+
+#[test]
+fn archives_with_leaf_directories_are_read_whole() {
+    let (file, tiles) = archive_with_leaves();
+    let archive = load(file).unwrap();
+    assert_eq!((archive.len(), archive.deepest_level()), (tiles.len() as u64, 7));
+    assert!(archive.tiles().map(|(id, bytes)| (id, bytes.unwrap().to_vec())).eq(tiles));
+    assert_eq!(archive.tile(id(6, 0, 0)).unwrap(), None);
+    assert_eq!(archive.tile(id(20, 1, 1)).unwrap(), None);
+}
+
+#[test]
+fn nodes_that_share_a_tile_all_have_it() {
+    let bytes = |i: u32| if i % 16 < 8 { b"same".to_vec() } else { i.to_string().into_bytes() };
+    let tiles: Vec<_> = (0..256).map(|i| (id(4, i % 16, i / 16), bytes(i))).collect();
+    let archive = load(archive(&tiles)).unwrap();
+    assert_eq!(archive.len(), 256);
+    assert!(tiles.iter().all(|(id, bytes)| archive.tile(*id).unwrap().unwrap() == bytes));
+    assert!(archive.tiles().all(|(id, found)| found.unwrap() == bytes(id.y() * 16 + id.x())));
+    assert!(archive.lengths().eq(archive.tiles().map(|(id, bytes)| (id, bytes.unwrap().len() as u32))));
+}
+
+#[test]
+fn every_truncation_is_refused() {
+    let whole = archive(&[(TileId::ROOT, vec![1; 400]), (id(1, 0, 0), vec![2; 90])]);
+    for length in 0..whole.len() {
+        let text = refusal(whole[..length].to_vec());
+        assert!(length < 8 || text.contains("truncated"), "{length} of {}: {text}", whole.len());
+    }
+    let (whole, _) = archive_with_leaves();
+    for length in (0..whole.len()).step_by(10_007) {
+        refusal(whole[..length].to_vec());
+    }
+}
+
+#[test]
+fn flipped_bits_never_panic_and_never_leave_the_file() {
+    let whole = archive(&[(TileId::ROOT, vec![1; 400]), (id(1, 0, 0), vec![2; 90])]);
+    let root_bytes = usize::try_from(u64::from_le_bytes(whole[16..24].try_into().unwrap())).unwrap();
+    let mut refused = 0;
+    for at in 0..127 + root_bytes {
+        for bit in 0..8 {
+            let mut wrong = whole.clone();
+            wrong[at] ^= 1 << bit;
+            match load(wrong) {
+                Err(_) => refused += 1,
+                Ok(archive) => assert!(archive.tiles().all(|(_, bytes)| !bytes.unwrap().is_empty())),
+            }
+        }
+    }
+    assert!(refused > 300, "{refused}");
+}
+
+#[test]
+fn each_rule_of_directories_is_checked() {
+    let data = vec![7; 100];
+    let with = |entries: &[RawEntry]| raw_archive(&directory(entries), &[], &data);
+    let good = [[0, 1, 10, 1], [1, 2, 10, 0], [200, 1, 80, 21]];
+    assert_eq!(load(with(&good)).unwrap().len(), 4);
+    let max = MAX_TILE_BYTES as u64;
+    for (text, entries) in [
+        ("not in order", [good[0], [0, 1, 10, 0]]),
+        ("not in order", [[0, 4, 10, 1], [3, 1, 10, 0]]),
+        ("a tile is empty", [good[0], [1, 1, 0, 1]]),
+        ("outside the tile data", [good[0], [1, 1, 90, 12]]),
+        ("outside the tile data", [good[0], [1, 1, 90, u64::MAX]]),
+        ("longer than any tile", [good[0], [1, 1, max + 1, 1]]),
+        ("below the deepest level", [good[0], [first_number(MAX_LEVEL + 1), 1, 10, 1]]),
+        ("below the deepest level", [good[0], [u64::MAX, 1, 10, 1]]),
+        ("a number is too large", [good[0], [1, 1 << 32, 10, 1]]),
+        ("a number is too large", [[u64::MAX, 1, 10, 1], [1, 1, 10, 1]]),
+        ("has no offset", [[0, 1, 10, 0], good[1]]),
+        ("limit", [good[0], [1, MAX_TILES, 10, 1]]),
+        ("outside its section", [good[0], [1, 0, 10, 1]]),
+        ("leaf directory is too long", [good[0], [1, 0, MAX_PACKED_BYTES + 1, 1]]),
+    ] {
+        let found = refusal(with(&entries));
+        assert!(found.contains(text), "{entries:?}: {found}");
+    }
+    let mut root = directory(&good);
+    root.push(0);
+    assert!(refusal(raw_archive(&root, &[], &data)).contains("goes on"));
+    root.truncate(root.len() - 2);
+    assert!(refusal(raw_archive(&root, &[], &data)).contains("ends too early"));
+    assert!(refusal(raw_archive(&[0xff, 0xff, 0x7f, 1, 1], &[], &data)).contains("announces"));
+    assert!(refusal(raw_archive(&[0xff; 11], &[], &data)).contains("too large"));
+    assert!(refusal(raw_archive(&gzip(&directory(&good))[..20], &[], &data)).contains("unpacked"));
+    for (at, text) in [(97, "directories use"), (98, "tiles use"), (7, "not a PMTiles")] {
+        let mut file = with(&good);
+        file[at] = 9;
+        assert!(refusal(file).contains(text));
+    }
+}
+
+/// `count` pointers to the leaf directory at `offset`, then one to that at `last`.
+fn pointers(count: u64, offset: u64, last: u64, length: u64) -> Vec<u8> {
+    let pointer = |offset: u64, step| [step, 0, length, offset + 1];
+    let mut entries = vec![pointer(offset, 1); count as usize - 1];
+    entries.push(pointer(last, 1));
+    directory(&entries)
+}
+
+#[test]
+fn leaf_directories_that_nest_are_refused_quickly() {
+    // All of 1,000 pointers of each directory lead to the same one: 10^9 directories if each was followed.
+    let leaf = pointers(1000, 0, 0, 5002);
+    assert_eq!(leaf.len(), 5002);
+    let file = raw_archive(&pointers(1000, 0, 0, leaf.len() as u64), &leaf, &[7; 5000]);
+    assert!(file.len() < 16_000, "{}", file.len());
+    assert!(refusal(file).contains("twice"));
+    // A lists B a thousand times, B itself.
+    let [a, b] = [0u64, 4000].map(|_| gzip(&pointers(1000, 4000, 4000, 400)));
+    let leaves = [&a[..], &vec![0; 4000 - a.len()], &b[..], &[0; 400]].concat();
+    let root = gzip(&directory(&[[0, 0, a.len() as u64, 1]]));
+    let text = refusal(raw_archive(&root, &leaves, &[7; 1000]));
+    assert!(text.contains("twice") || text.contains("limit") || text.contains("order"), "{text}");
+    // One below the other, each by itself.
+    let chain: Vec<u8> = (1..=4u64).flat_map(|next| directory(&[[1, 0, 5, next * 5 + 1]])).collect();
+    let text = refusal(raw_archive(&directory(&[[1, 0, 5, 1]]), &[&chain[..], &[0; 5]].concat(), &[7; 10]));
+    assert!(text.contains("too deeply"), "{text}");
+}
+
+#[test]
+fn directories_that_unpack_to_gigabytes_are_refused_quickly() {
+    // Leaf directories of a few kilobytes, each of half a million tiles: 233 kB have place for many.
+    let (mut leaves, mut root) = (Vec::new(), Vec::new());
+    for number in 0..3u64 {
+        let mut entries = vec![[1, 1, 1, 1]; 500_000];
+        entries[0][0] = number * 500_000;
+        let leaf = gzip(&directory(&entries));
+        root.push([500_000 * number.min(1), 0, leaf.len() as u64, leaves.len() as u64 + 1]);
+        leaves.extend(leaf);
+    }
+    leaves.resize(230_000, 0);
+    assert!(refusal(raw_archive(&gzip(&directory(&root)), &leaves, &[7; 10])).contains("limit"));
+    let bomb = gzip(&vec![0; 200 << 20]);
+    assert!(bomb.len() < 233_000);
+    assert!(refusal(raw_archive(&bomb, &[], &[7; 10])).contains("too long"));
+    let root = gzip(&directory(&[[0, 0, bomb.len() as u64, 1]]));
+    assert!(refusal(raw_archive(&root, &bomb, &[7; 10])).contains("too long"));
+}

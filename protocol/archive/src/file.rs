@@ -1,0 +1,112 @@
+//! Regular files of this machine.
+
+use crate::{RangeRead, RangeSource, ReadError};
+use std::{
+    fs::{self, File},
+    io,
+    ops::Range,
+    path::Path,
+};
+
+/// Most bytes of one read; checked before memory is allocated.
+const MAX_READ_BYTES: u64 = 1 << 30;
+
+/// Opens a regular file for reading. Fails for pipes, devices and folders, without waiting for the other end of a pipe.
+pub fn open_regular(path: &Path) -> io::Result<File> {
+    let check = |about: fs::Metadata| {
+        let error = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
+        if about.is_file() { Ok(()) } else { Err(error()) }
+    };
+    check(fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    check(file.metadata()?)?;
+    Ok(file)
+}
+
+/// A regular file.
+///
+/// It is read, not mapped: if a mapped file is truncated, the next access ends the process, and bytes that were checked in a
+/// mapping may change before they are sent.
+#[derive(Debug)]
+pub struct FileSource {
+    file: File,
+    length: u64,
+}
+
+impl FileSource {
+    /// Opens a regular file; see [`open_regular`].
+    pub fn open(path: &Path) -> io::Result<Self> {
+        let file = open_regular(path)?;
+        let length = file.metadata()?.len();
+        Ok(Self { file, length })
+    }
+}
+
+impl RangeSource for FileSource {
+    fn length(&self) -> Option<u64> {
+        Some(self.length)
+    }
+
+    fn read(&self, range: Range<u64>) -> RangeRead {
+        let end = range.end.min(self.length);
+        if range.start > end || end - range.start > MAX_READ_BYTES {
+            return RangeRead::Ready(Err(ReadError::Failed("the range lies outside the file".into())));
+        }
+        let mut bytes = vec![0; (end - range.start) as usize];
+        let read = read_exact_at(&self.file, &mut bytes, range.start);
+        RangeRead::Ready(read.map(|()| bytes.into()).map_err(ReadError::from))
+    }
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match std::os::windows::fs::FileExt::seek_read(file, bytes, offset)? {
+            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+            read => {
+                bytes = &mut bytes[read..];
+                offset += read as u64;
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_ranges_up_to_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(&path, b"0123456789").unwrap();
+        let source = FileSource::open(&path).unwrap();
+        let read = |range| source.read(range).ready();
+        assert_eq!(source.length(), Some(10));
+        assert_eq!(read(2..5).unwrap(), &b"234"[..]);
+        assert_eq!(read(8..99).unwrap(), &b"89"[..]);
+        assert_eq!(read(10..10).unwrap(), &b""[..]);
+        assert!(read(11..12).is_err());
+        fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(4).unwrap();
+        assert!(read(2..6).is_err(), "the file was truncated after it was opened");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn refuses_what_is_no_regular_file_without_blocking() {
+        let folder = tempfile::tempdir().unwrap();
+        let fifo = folder.path().join("fifo");
+        assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink(&fifo, &link).unwrap();
+        for path in [&fifo, &link, folder.path(), Path::new("/dev/null")] {
+            assert_eq!(FileSource::open(path).unwrap_err().kind(), io::ErrorKind::InvalidInput, "{}", path.display());
+        }
+    }
+}

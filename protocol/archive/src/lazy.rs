@@ -1,0 +1,181 @@
+//! An archive whose directories are fetched as needed.
+
+use crate::{
+    ArchiveError,
+    directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number},
+    source::{BoxFuture, SharedSource, read_exactly},
+};
+use bytes::Bytes;
+use futures_util::{FutureExt as _, future::WeakShared};
+use insula_protocol::{TileId, TileKind};
+use lru::LruCache;
+use std::{
+    collections::HashMap,
+    ops::Range,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
+
+/// Length of the first read. PMTiles puts the header and the root directory there.
+const FIRST_READ_BYTES: u64 = 16 << 10;
+/// Memory for the directories of an archive.
+const RESIDENT_BYTES: usize = 32 << 20;
+
+/// An archive that is opened at the first tile that is asked of it.
+///
+/// The first read has the header and the root directory. Leaf directories are fetched when a tile in them is, once however
+/// many callers wait, and the most recently used ones stay in memory. A read that fails is repeated by the next caller.
+#[derive(Debug)]
+pub struct LazyArchive {
+    source: SharedSource,
+    cache: Arc<Mutex<DirectoryCache>>,
+}
+
+/// A directory, with the header that leaf directories below it are read by.
+#[derive(Debug)]
+struct ArchiveDirectory {
+    header: ArchiveHeader,
+    entries: Vec<DirectoryEntry>,
+}
+
+type DirectoryResult = Result<Arc<ArchiveDirectory>, ArchiveError>;
+
+#[derive(Debug)]
+struct DirectoryCache {
+    /// By position in the file; the root's is 0.
+    resident: LruCache<u64, Arc<ArchiveDirectory>>,
+    resident_bytes: usize,
+    /// Only the callers own a fetch: it ends when the last of them gives up.
+    pending: HashMap<u64, WeakShared<BoxFuture<'static, DirectoryResult>>>,
+}
+
+impl LazyArchive {
+    /// Reads nothing yet.
+    pub fn new(source: SharedSource) -> Self {
+        let cache = DirectoryCache { resident: LruCache::unbounded(), resident_bytes: 0, pending: HashMap::new() };
+        Self { source, cache: Arc::new(Mutex::new(cache)) }
+    }
+
+    /// Reads a tile, unchecked. `None` if there is no such tile.
+    pub async fn tile(&self, id: TileId) -> Result<Option<Bytes>, ArchiveError> {
+        let Some(range) = self.find(tile_number(id)).await? else { return Ok(None) };
+        Ok(Some(read_exactly(&self.source, range).await?))
+    }
+
+    async fn find(&self, number: u64) -> Result<Option<Range<u64>>, ArchiveError> {
+        let source = self.source.clone();
+        let mut directory = self.directory(0, || Box::pin(load_root(source))).await?;
+        for _ in 0..=MAX_LEAF_DEPTH {
+            match find(&directory.entries, number) {
+                None => return Ok(None),
+                Some(tile) if !tile.is_leaf() => return Ok(Some(tile.bytes())),
+                Some(leaf) => {
+                    let (source, header, range) = (self.source.clone(), directory.header.clone(), leaf.bytes());
+                    directory = self.directory(range.start, || Box::pin(load_directory(source, header, range))).await?;
+                }
+            }
+        }
+        Err(ArchiveError::Directory("leaf directories are nested too deeply"))
+    }
+
+    /// The directory at `offset`, from memory or from a fetch that all who want it share.
+    async fn directory(
+        &self,
+        offset: u64,
+        load: impl FnOnce() -> BoxFuture<'static, Result<ArchiveDirectory, ArchiveError>>,
+    ) -> DirectoryResult {
+        let fetch = {
+            let mut cache = lock(&self.cache);
+            if let Some(directory) = cache.resident.get(&offset) {
+                return Ok(directory.clone());
+            }
+            let pending = cache.pending.get(&offset).and_then(WeakShared::upgrade);
+            pending.unwrap_or_else(|| {
+                let (load, owner) = (load(), self.cache.clone());
+                let fetch: BoxFuture<'static, _> = Box::pin(async move {
+                    let loaded = load.await.map(Arc::new);
+                    lock(&owner).finish(offset, loaded.as_ref().ok());
+                    loaded
+                });
+                let fetch = fetch.shared();
+                cache.pending.extend(fetch.downgrade().map(|fetch| (offset, fetch)));
+                fetch
+            })
+        };
+        fetch.await
+    }
+}
+
+impl DirectoryCache {
+    fn finish(&mut self, offset: u64, loaded: Option<&Arc<ArchiveDirectory>>) {
+        self.pending.remove(&offset);
+        let Some(directory) = loaded else { return };
+        self.resident_bytes += directory.memory_bytes();
+        self.resident.put(offset, directory.clone());
+        while self.resident_bytes > RESIDENT_BYTES && self.resident.len() > 1 {
+            let Some((_, oldest)) = self.resident.pop_lru() else { return };
+            self.resident_bytes -= oldest.memory_bytes();
+        }
+    }
+}
+
+impl ArchiveDirectory {
+    fn unpack(header: ArchiveHeader, packed: &[u8]) -> Result<Self, ArchiveError> {
+        let entries = header.unpack(packed, &mut DirectoryBudget::of_one())?;
+        Ok(Self { header, entries })
+    }
+
+    fn memory_bytes(&self) -> usize {
+        self.entries.len() * size_of::<DirectoryEntry>()
+    }
+}
+
+fn lock(cache: &Mutex<DirectoryCache>) -> MutexGuard<'_, DirectoryCache> {
+    cache.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+async fn load_root(source: SharedSource) -> Result<ArchiveDirectory, ArchiveError> {
+    let first = source.read(0..FIRST_READ_BYTES).bytes().await?;
+    let header = ArchiveHeader::read(&first, source.length())?;
+    let root = header.root.clone();
+    if root.end > first.len() as u64 {
+        return load_directory(source, header, root).await;
+    }
+    ArchiveDirectory::unpack(header, &first[root.start as usize..root.end as usize])
+}
+
+async fn load_directory(
+    source: SharedSource,
+    header: ArchiveHeader,
+    range: Range<u64>,
+) -> Result<ArchiveDirectory, ArchiveError> {
+    ArchiveDirectory::unpack(header, &read_exactly(&source, range).await?)
+}
+
+/// The archives of a city, each opened at its first tile.
+#[derive(Debug)]
+pub struct LazyCity {
+    subtrees: LazyArchive,
+    blockmaps: LazyArchive,
+    meshes: LazyArchive,
+}
+
+impl LazyCity {
+    /// `open` returns the source of each archive.
+    pub fn new(open: impl Fn(TileKind) -> SharedSource) -> Self {
+        let archive = |kind| LazyArchive::new(open(kind));
+        let [subtrees, blockmaps, meshes] = [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh].map(archive);
+        Self { subtrees, blockmaps, meshes }
+    }
+
+    /// The archive of one kind of tile. That of meshes may not exist; its tiles then cannot be read.
+    pub fn archive(&self, kind: TileKind) -> &LazyArchive {
+        match kind {
+            TileKind::Subtree => &self.subtrees,
+            TileKind::BlockMap => &self.blockmaps,
+            TileKind::Mesh => &self.meshes,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,125 @@
+//! Archives whose directories are fetched as needed: what is read, and how often.
+
+use super::*;
+use crate::{
+    ReadError,
+    test_support::{MemorySource, archive, archive_with_leaves, directory, id, raw_archive},
+};
+use futures_util::future::join_all;
+use std::sync::atomic::Ordering;
+
+fn open(file: Vec<u8>) -> (Arc<MemorySource>, LazyArchive) {
+    let source = Arc::new(MemorySource::remote(file));
+    (source.clone(), LazyArchive::new(source))
+}
+
+#[tokio::test]
+async fn one_read_opens_an_archive_and_one_reads_a_tile() {
+    let (source, lazy) = open(archive(&[(TileId::ROOT, vec![1; 400]), (id(1, 1, 0), vec![2; 90])]));
+    assert!(source.take_reads().is_empty());
+    assert_eq!(lazy.tile(TileId::ROOT).await.unwrap().unwrap(), vec![1; 400]);
+    let reads = source.take_reads();
+    assert_eq!((reads.len(), &reads[0]), (2, &(0..FIRST_READ_BYTES)));
+    assert_eq!(lazy.tile(id(1, 1, 0)).await.unwrap().unwrap(), vec![2; 90]);
+    assert_eq!(source.take_reads().len(), 1);
+    assert_eq!(lazy.tile(id(1, 0, 0)).await.unwrap(), None);
+    assert!(source.take_reads().is_empty());
+}
+
+#[tokio::test]
+async fn leaf_directories_are_read_once() {
+    let (file, tiles) = archive_with_leaves();
+    let source = Arc::new(MemorySource::local(file));
+    let lazy = LazyArchive::new(source.clone());
+    for (id, bytes) in &tiles {
+        assert_eq!(lazy.tile(*id).await.unwrap().unwrap(), bytes);
+    }
+    let directories = source.take_reads().len() - tiles.len();
+    assert!((3..=6).contains(&directories), "{directories}");
+    let stray = lazy.tile(id(8, 0, 0)).await.unwrap();
+    assert!(stray.is_none() && source.take_reads().is_empty());
+}
+
+#[tokio::test]
+async fn callers_of_one_leaf_directory_share_its_read() {
+    let (file, tiles) = archive_with_leaves();
+    let (source, lazy) = open(file);
+    let found = join_all(tiles[..100].iter().map(|(id, _)| lazy.tile(*id))).await;
+    assert!(found.into_iter().zip(&tiles).all(|(found, (_, bytes))| found.unwrap().unwrap() == bytes));
+    assert_eq!(source.take_reads().len(), 2 + 100);
+}
+
+#[tokio::test]
+async fn failed_reads_are_shared_and_then_repeated() {
+    let (file, tiles) = archive_with_leaves();
+    let (source, lazy) = open(file);
+    for reads in [1, 2] {
+        // First the root fails, then the leaf directory.
+        source.failures.store(1, Ordering::Relaxed);
+        for found in join_all(tiles[..10].iter().map(|(id, _)| lazy.tile(*id))).await {
+            assert!(matches!(found, Err(ArchiveError::Read(ReadError::Failed(_)))));
+        }
+        assert_eq!(source.take_reads().len(), 1, "{reads}");
+        lazy.tile(id(8, 0, 0)).await.unwrap();
+        source.take_reads();
+    }
+    assert!(lazy.tile(tiles[0].0).await.unwrap().is_some());
+}
+
+#[tokio::test]
+async fn a_caller_that_gives_up_does_not_stop_the_others() {
+    let (file, tiles) = archive_with_leaves();
+    let (source, lazy) = open(file);
+    let mut first = Box::pin(lazy.tile(tiles[0].0));
+    assert!((&mut first).now_or_never().is_none());
+    let mut second = Box::pin(lazy.tile(tiles[1].0));
+    assert!((&mut second).now_or_never().is_none());
+    drop(first);
+    assert_eq!(second.await.unwrap().unwrap(), tiles[1].1);
+    assert_eq!(source.take_reads().len(), 3);
+    // With the last caller, the read ends too; the next caller starts another.
+    let (source, lazy) = open(archive_with_leaves().0);
+    let mut only = Box::pin(lazy.tile(tiles[0].0));
+    assert!((&mut only).now_or_never().is_none());
+    drop(only);
+    assert_eq!(lazy.tile(tiles[0].0).await.unwrap().unwrap(), tiles[0].1);
+    assert_eq!(source.take_reads().len(), 4);
+}
+
+#[tokio::test]
+async fn a_root_directory_beyond_the_first_read_is_read_too() {
+    let mut entries = vec![[1, 1, 1, 0]; 5000];
+    entries[0] = [0, 1, 1, 1];
+    let (source, lazy) = open(raw_archive(&directory(&entries), &[], &[7; 5000]));
+    assert_eq!(lazy.tile(id(5, 3, 3)).await.unwrap().unwrap(), &[7][..]);
+    assert_eq!(source.take_reads().len(), 3);
+}
+
+#[tokio::test]
+async fn hostile_archives_are_refused() {
+    // A leaf directory that lists itself.
+    let root = directory(&[[1, 0, 5, 1]]);
+    let (source, lazy) = open(raw_archive(&root, &directory(&[[1, 0, 5, 1]]), &[7; 10]));
+    assert!(lazy.tile(id(1, 0, 0)).await.unwrap_err().to_string().contains("too deeply"));
+    assert_eq!(source.take_reads().len(), 2);
+    for length in [0, 100, 200] {
+        let (_, lazy) = open(archive(&[(TileId::ROOT, vec![1; 400])])[..length].to_vec());
+        assert!(lazy.tile(TileId::ROOT).await.is_err());
+    }
+}
+
+#[test]
+fn directories_in_memory_are_bounded() {
+    let lazy = LazyArchive::new(Arc::new(MemorySource::default()));
+    let header = ArchiveHeader::read(&raw_archive(&directory(&[]), &[], &[]), None).unwrap();
+    let mut cache = lock(&lazy.cache);
+    for offset in 0..40 {
+        let entries = vec![DirectoryEntry::default(); 100_000];
+        cache.finish(offset, Some(&Arc::new(ArchiveDirectory { header: header.clone(), entries })));
+        assert!(cache.resident_bytes <= RESIDENT_BYTES);
+        assert!(cache.resident.get(&0).is_some(), "it is in use");
+    }
+    assert!(cache.resident.get(&1).is_none() && cache.resident.get(&39).is_some());
+    let bytes: usize = cache.resident.iter().map(|(_, directory)| directory.memory_bytes()).sum();
+    assert_eq!(bytes, cache.resident_bytes);
+}

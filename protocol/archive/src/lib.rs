@@ -1,0 +1,29 @@
+//! Reads a baked city by byte ranges, wherever its archives are: in files, in object stores, behind web servers.
+//!
+//! A place implements [`RangeSource`]. [`Archive`] loads all directories of an archive at once, for programs that serve or
+//! check whole cities. [`LazyArchive`] loads them as needed, for clients. Archives may come from anyone: every length and
+//! offset is checked, and all memory is bounded, before it is used.
+//!
+//! Without the feature `fs` the crate has no file access and compiles to WebAssembly.
+
+#[cfg(feature = "block-cache")]
+pub mod block_cache;
+pub mod city;
+mod directory;
+#[cfg(feature = "fs")]
+pub mod disk_cache;
+pub mod error;
+#[cfg(feature = "fs")]
+pub mod file;
+pub mod index;
+pub mod lazy;
+pub mod limits;
+pub mod source;
+#[cfg(test)]
+mod test_support;
+
+pub use city::{BakedCity, CityArchives};
+pub use error::{ArchiveError, CityError, ReadError};
+pub use index::Archive;
+pub use lazy::{LazyArchive, LazyCity};
+pub use source::{RangeRead, RangeSource, SharedSource};

@@ -1,0 +1,21 @@
+//! Largest tiles that a program accepts.
+
+use insula_protocol::{TileKind, mesh_tile};
+
+/// Largest subtree tile: 1,365 nodes of 21 bytes, meshes of 1,024 leaves of 77 bytes, and a header.
+const MAX_SUBTREE_BYTES: usize = 128 << 10;
+/// Largest V-BlockMap tile: a million incompressible texels and all planes take less.
+const MAX_BLOCKMAP_BYTES: usize = 8 << 20;
+
+/// Largest tile of any kind, with its frame.
+pub const MAX_TILE_BYTES: usize = mesh_tile::MAX_BYTES;
+const _: () = assert!(MAX_TILE_BYTES >= MAX_BLOCKMAP_BYTES && MAX_TILE_BYTES >= MAX_SUBTREE_BYTES);
+
+/// Largest tile of one kind, with its frame.
+pub const fn max_tile_bytes(kind: TileKind) -> usize {
+    match kind {
+        TileKind::Subtree => MAX_SUBTREE_BYTES,
+        TileKind::BlockMap => MAX_BLOCKMAP_BYTES,
+        TileKind::Mesh => mesh_tile::MAX_BYTES,
+    }
+}
