@@ -271,7 +271,7 @@ impl Session {
 
     /// Whether anything can be drawn.
     pub fn has_frame(&self) -> bool {
-        !self.selection().cut.is_empty()
+        !self.selection().draw_tiles.is_empty()
     }
 
     /// Tau of the last request.
@@ -347,7 +347,7 @@ impl Session {
 
     /// The session's figures at `t` seconds of a flight.
     pub fn flight_moment(&self, t: f64) -> FlightMoment {
-        let (stats, downloads) = (self.selection().counters, self.downloads());
+        let (stats, downloads) = (self.selection().stats, self.downloads());
         let http = downloads.fetcher().http();
         FlightMoment {
             t,
@@ -359,7 +359,7 @@ impl Session {
             fading: self.transitions().passing(),
             tau_px: stats.tau_px,
             worst_error_px: stats.worst_error_px,
-            seen_error_px: stats.seen_error_px,
+            seen_error_px: stats.visible_error_px,
         }
     }
 
@@ -370,7 +370,7 @@ impl Session {
         let bad_meshes = |n: &TreeNode| n.lods.iter().filter(|lod| lod.tile.is_bad()).count();
         let bad = |n: &TreeNode| usize::from(n.tile.is_bad()) + bad_meshes(n);
         let bad = tree.nodes().iter().map(bad).sum::<usize>() as u64;
-        let stats = self.selection().counters;
+        let stats = self.selection().stats;
         let secs = |time: Option<Duration>| time.map(|t| t.as_secs_f64());
         Report {
             city: manifest.name.clone(),

@@ -70,13 +70,13 @@ fn each_frame_is_finer_and_every_tile_is_fetched_once() {
     let mut session = session(&server, 64);
     let mut worst = f64::INFINITY;
     settle(&mut session, &street(), |session| {
-        let counters = session.selection().counters;
+        let counters = session.selection().stats;
         if counters.drawn > 0 {
             assert!(counters.worst_error_px <= worst);
             worst = counters.worst_error_px;
         }
     });
-    assert!(session.selection().cut.len() > 10, "{:?}", session.selection().counters);
+    assert!(session.selection().draw_tiles.len() > 10, "{:?}", session.selection().stats);
     let log = server.log.lock().unwrap();
     assert!(log.values().all(|times| *times == 1), "{log:?}");
 }
@@ -123,7 +123,7 @@ fn fly_watched(session: &mut Session, most: Duration, mut each: impl FnMut(&Sess
         if session.is_settled() && session.has_frame() {
             return session.draw(&shot, &RenderSettings::default()).unwrap().colour;
         }
-        assert!(begin.elapsed() < most, "{:?}", session.selection().counters);
+        assert!(begin.elapsed() < most, "{:?}", session.selection().stats);
         session.wait(Duration::from_millis(5));
     }
 }
@@ -183,7 +183,7 @@ fn levels_fade_into_each_other_and_end_in_the_same_picture() {
         let x = 40.0 * f64::from(turn);
         settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
             assert!(session.cache().used_bytes() <= 2 << 20);
-            assert!(turn == 0 || !session.selection().cut.is_empty());
+            assert!(turn == 0 || !session.selection().draw_tiles.is_empty());
         });
     }
 }
@@ -263,7 +263,8 @@ fn what_stays_bad_leaves_its_parent_on_screen() {
     );
     let mut session = session(&server, 64);
     settle(&mut session, &street(), |_| {});
-    let cut: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
+    let cut: Vec<TileId> =
+        session.selection().draw_tiles.iter().map(|item| session.tree().node(item.source).id).collect();
     assert_eq!(session.report(1.0).tiles.bad, 1 + u64::from(!cut.contains(&TileId::new(1, 0, 0).unwrap())));
     assert!(cut.contains(&TileId::new(1, 0, 0).unwrap()) || cut.contains(&TileId::new(2, 0, 0).unwrap()), "{cut:?}");
     // The picture has no hole: below the horizon, every ray hits.
@@ -290,7 +291,7 @@ fn goes_on_drawing_while_the_server_is_away_and_resumes_by_itself() {
     let mut session = session(&server, 64);
     for _ in 0..10_000 {
         session.update(&street());
-        if !session.selection().cut.is_empty() {
+        if !session.selection().draw_tiles.is_empty() {
             break;
         }
         std::thread::sleep(Duration::from_millis(1));
@@ -300,7 +301,7 @@ fn goes_on_drawing_while_the_server_is_away_and_resumes_by_itself() {
     let away = Instant::now();
     while away.elapsed() < Duration::from_millis(1500) {
         session.update(&street());
-        assert!(!session.selection().cut.is_empty());
+        assert!(!session.selection().draw_tiles.is_empty());
         std::thread::sleep(Duration::from_millis(5));
     }
     assert!(!session.is_settled() && session.downloads().failing_since().is_some());
@@ -316,7 +317,7 @@ fn a_cache_that_is_too_small_is_never_exceeded_and_never_thrashes() {
     let server = serve(city("test"), well());
     let mut small = session(&server, 2);
     settle(&mut small, &street(), |session| assert!(session.cache().used_bytes() <= 2 << 20));
-    let counters = small.selection().counters;
+    let counters = small.selection().stats;
     assert!(counters.tau_px > 1.0 && counters.drawn > 1, "{counters:?}");
     let requests = small.report(1.0).requests;
     for _ in 0..50 {
@@ -328,7 +329,7 @@ fn a_cache_that_is_too_small_is_never_exceeded_and_never_thrashes() {
     for turn in 0..12 {
         let x = 40.0 * f64::from(turn);
         settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
-            assert!(session.cache().used_bytes() <= 2 << 20 && !session.selection().cut.is_empty());
+            assert!(session.cache().used_bytes() <= 2 << 20 && !session.selection().draw_tiles.is_empty());
         });
     }
 }
@@ -357,7 +358,7 @@ fn near_leaves_come_as_meshes_and_columns_stay_where_a_mesh_is_bad() {
         let x = 60.0 * f64::from(turn);
         settle(&mut small, &shot([x, -20.0, 30.0], [x, 100.0, 0.0]), |session| {
             assert!(session.cache().used_bytes() <= 2 << 20);
-            assert!(turn == 0 || !session.selection().cut.is_empty());
+            assert!(turn == 0 || !session.selection().draw_tiles.is_empty());
         });
     }
     // Meshes that are damaged, or not there.
@@ -368,7 +369,7 @@ fn near_leaves_come_as_meshes_and_columns_stay_where_a_mesh_is_bad() {
         settle(&mut columns, &down, |_| {});
         let (distance_m, _) = centre(&mut columns);
         assert!((f64::from(distance_m) - (60.0 + MESH_M - ROOF_M)).abs() < 0.6, "{distance_m}");
-        assert!(columns.report(1.0).tiles.bad > 0 && columns.selection().counters.meshes == 0);
+        assert!(columns.report(1.0).tiles.bad > 0 && columns.selection().stats.meshes == 0);
     }
 }
 

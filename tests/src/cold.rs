@@ -69,7 +69,7 @@ impl<'a> Cold<'a> {
     /// differ from that.
     pub fn frame(&mut self, view: &View, look: &RenderSettings, tiles: usize, secs: f64) -> Result<(FrameData, bool)> {
         self.turn(view);
-        let wanted: Vec<TileKey> = self.selection.wanted.iter().map(|wanted| wanted.key).take(tiles).collect();
+        let wanted: Vec<TileKey> = self.selection.requests.iter().map(|wanted| wanted.key).take(tiles).collect();
         for key in wanted {
             self.fetch(key)?;
         }
@@ -84,7 +84,7 @@ impl<'a> Cold<'a> {
 
     fn turn(&mut self, view: &View) -> bool {
         let selection = select(view, &self.tree, &self.sight, &mut self.scratch);
-        let changed = selection.cut != self.selection.cut;
+        let changed = selection.draw_tiles != self.selection.draw_tiles;
         self.generation += u64::from(changed);
         self.selection = selection;
         changed
@@ -111,7 +111,7 @@ impl<'a> Cold<'a> {
         let pixels = self.adapter.draw(data);
         let size_px = [pixels.width_px, pixels.height_px];
         if !self.sight.has_looked(data.asked.generation, size_px) {
-            let whole = self.selection.wanted.is_empty();
+            let whole = self.selection.requests.is_empty();
             self.sight.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()), whole, &self.tree);
         }
         pixels
@@ -120,7 +120,7 @@ impl<'a> Cold<'a> {
     /// Whether nothing more will change while the view stays.
     pub fn is_at_rest(&self, size_px: [u32; 2]) -> bool {
         let looked = self.sight.has_looked(self.generation, size_px);
-        self.selection.wanted.is_empty() && self.fades.passing() == 0 && looked
+        self.selection.requests.is_empty() && self.fades.passing() == 0 && looked
     }
 }
 

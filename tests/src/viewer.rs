@@ -98,7 +98,7 @@ impl Viewer {
                 return Ok(());
             }
             let selection = self.session.selection();
-            ensure!(begin.elapsed() < most, "not within {most:?}: {:?}", selection.counters);
+            ensure!(begin.elapsed() < most, "not within {most:?}: {:?}", selection.stats);
         }
     }
 

@@ -292,7 +292,7 @@ impl City {
         let trouble = match self.session.check(Duration::MAX) {
             Err(_) => Trouble::Broken,
             Ok(()) if silent => Trouble::Reconnecting,
-            Ok(()) if self.session.selection().cut.is_empty() => Trouble::Loading,
+            Ok(()) if self.session.selection().draw_tiles.is_empty() => Trouble::Loading,
             Ok(()) => Trouble::None,
         };
         if trouble != self.trouble {

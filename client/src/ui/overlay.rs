@@ -51,7 +51,7 @@ impl Status {
         (mode, speed_m_per_sec): (Mode, f64),
         counts: Option<Counts>,
     ) -> Self {
-        let counters = session.selection().counters;
+        let counters = session.selection().stats;
         let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1u32 << 20));
         let steering = match mode {
             Mode::Fly => format!("fly, {speed_m_per_sec:.0} m/s"),
@@ -62,7 +62,10 @@ impl Status {
             ("drawn", format!("{} nodes, error {:.1} px", counters.drawn, counters.worst_error_px)),
             ("meshes", format!("{}, {} triangles", counters.meshes, counters.triangles)),
             ("resident", format!("{} tiles, {}", session.cache().len(), mib(session.cache().used_bytes()))),
-            ("wanted", format!("{}, {} in flight", session.selection().wanted.len(), session.downloads().in_flight())),
+            (
+                "wanted",
+                format!("{}, {} in flight", session.selection().requests.len(), session.downloads().in_flight()),
+            ),
             ("fetched", mib(session.downloads().fetcher().http().bytes())),
             ("steering", steering),
             ("drawn by", session.adapter_info().name.clone()),

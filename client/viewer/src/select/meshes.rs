@@ -44,14 +44,14 @@ impl Visitor<'_> {
         let node = self.tree.node(visit.at);
         let best = best(node, self.view);
         let without = visit.asked && self.goes_without_columns(node);
-        let pages = selection.counters.pages - if without { self.tree.pages_of(visit.at) } else { 0 };
+        let pages = selection.stats.pages - if without { self.tree.pages_of(visit.at) } else { 0 };
         let room = self.view.budget_pages.saturating_sub(pages);
         let mut there = (best..node.lods.len()).filter(|lod| !node.lods[*lod].tile.is_bad()).peekable();
         if there.peek().is_none() {
             return true;
         }
         let Some(lod) = there.find(|lod| node.lods[*lod].pages <= room) else { return false };
-        selection.counters.pages = pages + node.lods[lod].pages;
+        selection.stats.pages = pages + node.lods[lod].pages;
         visit.mesh = Some(lod as u8);
         visit.asked &= !without;
         true
@@ -88,8 +88,8 @@ pub(super) fn told_by(leaf: NodeIndex, tree: &SceneTree) -> Option<NodeIndex> {
 pub(super) fn count(visit: &Visit, drawn: Option<u8>, tree: &SceneTree, selection: &mut Selection) {
     let node = tree.node(visit.at);
     if let Some(lod) = drawn.and_then(|lod| node.lods.get(usize::from(lod))) {
-        selection.counters.meshes += 1;
-        selection.counters.triangles += u64::from(lod.triangles);
+        selection.stats.meshes += 1;
+        selection.stats.triangles += u64::from(lod.triangles);
     }
     // What is drawn only because it is here may go at any time: the V-BlockMap is drawn then.
     if let Some(lod) = drawn.filter(|_| drawn == visit.mesh) {

@@ -44,31 +44,31 @@ const NEAR_FIRST_M: f64 = 64.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DrawTile {
     /// Which square.
-    pub square: NodeIndex,
+    pub node: NodeIndex,
     /// Whose tile is drawn there: its own, or an ancestor's. Resident.
-    pub from: NodeIndex,
+    pub source: NodeIndex,
     /// Which level of detail of the square's mesh is drawn in place of that tile, which tells how much sky is seen
     /// (`meshes::told_by`). Resident, too.
-    pub mesh: Option<u8>,
+    pub mesh_lod: Option<u8>,
 }
 
 /// What a frame draws and lacks.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Selection {
     /// Squares to draw; none lies in another.
-    pub cut: Vec<DrawTile>,
+    pub draw_tiles: Vec<DrawTile>,
     /// Squares of the cut that are not known to be hidden.
-    pub seen: Vec<NodeIndex>,
+    pub unoccluded: Vec<NodeIndex>,
     /// Leaves that are seen and shown by their meshes, or will be once those are here.
-    pub meshed: Vec<NodeIndex>,
+    pub mesh_leaves: Vec<NodeIndex>,
     /// Resident nodes that this view needs (what is drawn and its ancestors), coarsest first: not to be evicted.
-    pub used: Vec<NodeIndex>,
+    pub used_nodes: Vec<NodeIndex>,
     /// Resident meshes that this view needs: not to be evicted.
     pub used_meshes: Vec<TileKey>,
     /// Tiles to fetch, in order.
-    pub wanted: Vec<TileRequest>,
+    pub requests: Vec<TileRequest>,
     /// The counts.
-    pub counters: SelectionStats,
+    pub stats: SelectionStats,
 }
 
 /// Counts of one selection.
@@ -81,7 +81,7 @@ pub struct SelectionStats {
     /// Squares in the cut.
     pub drawn: u32,
     /// Visited nodes that are hidden, or too new to know.
-    pub hidden: u32,
+    pub not_visible: u32,
     /// Refinements given up because a child is bad.
     pub blocked: u32,
     /// Pages of all nodes and meshes that the view asks for.
@@ -95,7 +95,7 @@ pub struct SelectionStats {
     /// Largest projected error that is drawn and not known to be hidden.
     pub worst_error_px: f64,
     /// Largest projected error that is drawn and known to be seen.
-    pub seen_error_px: f64,
+    pub visible_error_px: f64,
 }
 
 /// Memory that is used again from frame to frame.
@@ -147,7 +147,7 @@ impl PartialOrd for Candidate {
 /// Selects for one frame, by what the last frames saw.
 pub fn select(view: &View, tree: &SceneTree, sight: &OcclusionFeedback, scratch: &mut SelectionScratch) -> Selection {
     let mut selection = Selection::default();
-    selection.counters.tau_px = view.tau_px;
+    selection.stats.tau_px = view.tau_px;
     jump(view, tree, &mut selection);
     Visitor { view, tree, sight, planes: view.planes(), eye: view.camera.position, focal_px: view.focal_px() }
         .visit(scratch, &mut selection);
@@ -179,7 +179,7 @@ fn jump(view: &View, tree: &SceneTree, selection: &mut Selection) {
         let state = tree.subtree(id);
         if needed && exists && !state.is_bad() && !state.is_resident() {
             let key = TileKey::subtree(id);
-            selection.wanted.push(TileRequest { key, group: priority::PriorityGroup::Urgent, weight: f64::INFINITY });
+            selection.requests.push(TileRequest { key, group: priority::PriorityGroup::Urgent, weight: f64::INFINITY });
         }
     }
 }
@@ -215,7 +215,7 @@ impl Visitor<'_> {
             // There is always a root: no need to be told of it first.
             let key = TileKey::block_map(TileId::ROOT);
             if self.tree.tile(key).is_some_and(|tile| !tile.is_resident() && !tile.is_bad()) {
-                selection.wanted.push(TileRequest {
+                selection.requests.push(TileRequest {
                     key,
                     group: priority::PriorityGroup::Urgent,
                     weight: f64::INFINITY,
@@ -226,7 +226,7 @@ impl Visitor<'_> {
         };
         let node = self.tree.node(root);
         if !cull::in_view(&self.planes, node.centre, node.half) {
-            selection.counters.culled += 1;
+            selection.stats.culled += 1;
             return;
         }
         self.push(root, (Visibility::Seen, true, true), scratch, selection);
@@ -239,7 +239,7 @@ impl Visitor<'_> {
             }
             if !self.tree.node(at).lods.is_empty() {
                 if sighted == Visibility::Seen && !self.ask_mesh(visit, scratch, selection) {
-                    selection.counters.tau_px = error_px;
+                    selection.stats.tau_px = error_px;
                     break;
                 }
                 continue;
@@ -267,9 +267,9 @@ impl Visitor<'_> {
                     || !stands && is_coarse(sighted) && !self.goes_without_columns(self.tree.node(at))
             };
             let (nodes, pages) = self.cost(&children, asked);
-            let counters = &selection.counters;
+            let counters = &selection.stats;
             if counters.pages + pages > self.view.budget_pages || counters.visited + nodes > self.view.budget_nodes {
-                selection.counters.tau_px = error_px;
+                selection.stats.tau_px = error_px;
                 break;
             }
             let first = scratch.visits.len() as u32;
@@ -283,7 +283,7 @@ impl Visitor<'_> {
             let last_step = !was_coarse && error_px <= 2.0 * self.view.tau_px;
             if (last_step || passed_over) && refined.asked && !self.tree.node(at).tile.is_resident() {
                 refined.asked = false;
-                selection.counters.pages -= self.tree.pages_of(at);
+                selection.stats.pages -= self.tree.pages_of(at);
             }
         }
     }
@@ -338,9 +338,9 @@ impl Visitor<'_> {
         let error_px = self.error_px(self.tree.node(at));
         scratch.heap.push(Candidate { error_px, visit: scratch.visits.len() as u32 });
         scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None, mesh: None });
-        selection.counters.visited += 1;
-        selection.counters.hidden += u32::from(sighted != Visibility::Seen);
-        selection.counters.pages += if asked { self.tree.pages_of(at) } else { 0 };
+        selection.stats.visited += 1;
+        selection.stats.not_visible += u32::from(sighted != Visibility::Seen);
+        selection.stats.pages += if asked { self.tree.pages_of(at) } else { 0 };
     }
 
     fn cost(
@@ -367,11 +367,11 @@ impl Visitor<'_> {
             };
             let known = self.tree.node(child);
             if !cull::in_view(&self.planes, known.centre, known.half) {
-                selection.counters.culled += 1;
+                selection.stats.culled += 1;
             } else {
                 in_view[quadrant] = Some((child, self.sight.of(child, self.tree, self.view, sighted)));
                 if known.tile.is_bad() {
-                    selection.counters.blocked += 1;
+                    selection.stats.blocked += 1;
                     stays = true;
                 }
             }
@@ -387,7 +387,7 @@ impl Visitor<'_> {
         let half = DVec3::new(side_m * 0.5, side_m * 0.5, node.half.z);
         let centre = DVec3::new(corner[0] + half.x, corner[1] + half.y, node.centre.z);
         if !cull::in_view(&self.planes, centre, half) {
-            selection.counters.culled += 1;
+            selection.stats.culled += 1;
             return false;
         }
         let root = Subtree::root_of(node.id);
@@ -401,8 +401,8 @@ impl Visitor<'_> {
             let drawn_error_px = weight.is_finite().then_some(weight);
             let group = priority::group(drawn_error_px, self.view.tau_px);
             let key = TileKey::subtree(id);
-            if !selection.wanted.iter().any(|wanted| wanted.key == key) {
-                selection.wanted.push(TileRequest { key, group, weight });
+            if !selection.requests.iter().any(|wanted| wanted.key == key) {
+                selection.requests.push(TileRequest { key, group, weight });
             }
         }
     }
@@ -414,7 +414,7 @@ fn cut(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch, selection:
     let SelectionScratch { visits, stack, .. } = scratch;
     // What is drawn only because it is here may go at any time: what it lies in is drawn then.
     let needed = |visit: &&Visit| visit.asked && tree.node(visit.at).tile.is_resident();
-    selection.used.extend(visits.iter().filter(needed).map(|visit| visit.at));
+    selection.used_nodes.extend(visits.iter().filter(needed).map(|visit| visit.at));
     stack.clear();
     stack.extend((!visits.is_empty()).then_some((0, None)));
     while let Some((i, cover)) = stack.pop() {
@@ -426,15 +426,15 @@ fn cut(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch, selection:
                 let error_px = mesh.map_or(error_px, |(_, error_px)| error_px);
                 let mesh = mesh.map(|(lod, _)| lod);
                 let from = mesh.and_then(|_| meshes::told_by(visit.at, tree)).unwrap_or(from);
-                selection.cut.push(DrawTile { square: visit.at, from, mesh });
+                selection.draw_tiles.push(DrawTile { node: visit.at, source: from, mesh_lod: mesh });
                 meshes::count(visit, mesh, tree, selection);
-                selection.meshed.extend(visit.mesh.map(|_| visit.at));
+                selection.mesh_leaves.extend(visit.mesh.map(|_| visit.at));
                 if visit.sighted != Visibility::Hidden {
-                    selection.seen.push(visit.at);
-                    let counters = &mut selection.counters;
+                    selection.unoccluded.push(visit.at);
+                    let counters = &mut selection.stats;
                     counters.worst_error_px = counters.worst_error_px.max(error_px);
                     if visit.sighted == Visibility::Seen {
-                        counters.seen_error_px = counters.seen_error_px.max(error_px);
+                        counters.visible_error_px = counters.visible_error_px.max(error_px);
                     }
                 }
             }
@@ -442,7 +442,7 @@ fn cut(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch, selection:
         };
         stack.extend(children.clone().map(|c| (c, cover)));
     }
-    selection.counters.drawn = selection.cut.len() as u32;
+    selection.stats.drawn = selection.draw_tiles.len() as u32;
 }
 
 /// Whether a node has children, and the subtree that tells of them is here.
@@ -471,7 +471,7 @@ fn want(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch, selection
         let resident = node.tile.is_resident();
         let cover = own(visit, tree).or(cover);
         if visit.asked && !resident && !node.tile.is_bad() {
-            let group = priority::group(cover.map(|(_, error_px)| error_px), selection.counters.tau_px);
+            let group = priority::group(cover.map(|(_, error_px)| error_px), selection.stats.tau_px);
             let away_m = node.centre.distance(view.camera.position);
             let (group, error_px) = match visit.coarse {
                 true => (group, visit.error_px),
@@ -479,9 +479,9 @@ fn want(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch, selection
                 false => (priority::PriorityGroup::Normal, view.tau_px / (1.0 + away_m / NEAR_FIRST_M)),
             };
             let weight = priority::weight(error_px, node.centre, view);
-            selection.wanted.push(TileRequest { key: TileKey::block_map(node.id), group, weight });
+            selection.requests.push(TileRequest { key: TileKey::block_map(node.id), group, weight });
         }
-        selection.wanted.extend(meshes::wanted(visit, cover, view, tree, selection.counters.tau_px));
+        selection.requests.extend(meshes::wanted(visit, cover, view, tree, selection.stats.tau_px));
         if let Some(children) = &visit.children {
             stack.extend(children.clone().map(|c| (c, cover)));
         }
@@ -490,12 +490,12 @@ fn want(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch, selection
     let root_pending = tree.root().map(|root| tree.node(root)).filter(|root| {
         !root.tile.is_resident()
             && !root.tile.is_bad()
-            && selection.wanted.iter().any(|w| w.key == TileKey::block_map(root.id))
+            && selection.requests.iter().any(|w| w.key == TileKey::block_map(root.id))
     });
     if let Some(root) = root_pending {
         let jumps =
             |wanted: &TileRequest| wanted.key == TileKey::subtree(wanted.key.id) && wanted.weight == f64::INFINITY;
-        selection.wanted.retain(|wanted| wanted.key == TileKey::block_map(root.id) || jumps(wanted));
+        selection.requests.retain(|wanted| wanted.key == TileKey::block_map(root.id) || jumps(wanted));
     }
-    priority::sort(&mut selection.wanted);
+    priority::sort(&mut selection.requests);
 }

@@ -32,7 +32,7 @@ pub struct ShadowCasters {
     /// Resident nodes, the coarser before the finer ones that lie in them. Not to be evicted.
     pub nodes: Vec<NodeIndex>,
     /// Tiles to fetch, in order.
-    pub wanted: Vec<TileRequest>,
+    pub requests: Vec<TileRequest>,
     /// Pages that all of them take.
     pages: u32,
     visited: u32,
@@ -59,13 +59,13 @@ pub fn casters(view: &View, sun: DVec3, tree: &SceneTree, picture: Option<&Selec
     let node = tree.node(root);
     let low_m = node.centre.z - node.half.z;
     let tau_px = view.tau_px * CASTERS_TIMES_TAU;
-    let receivers = picture.map(|picture| &picture.seen[..]);
-    let meshed = picture.into_iter().flat_map(|picture| picture.meshed.iter().copied()).collect();
+    let receivers = picture.map(|picture| &picture.unoccluded[..]);
+    let meshed = picture.into_iter().flat_map(|picture| picture.mesh_leaves.iter().copied()).collect();
     let mut walker = Walker { view, tree, planes: view.planes(), sun, receivers, meshed, low_m, tau_px };
     for _ in 0..DOUBLINGS {
         let mut casters = ShadowCasters::default();
         if walker.walk(root, &mut casters) {
-            priority::sort(&mut casters.wanted);
+            priority::sort(&mut casters.requests);
             return casters;
         }
         walker.tau_px *= 2.0;
@@ -93,7 +93,7 @@ impl Walker<'_> {
             let want = |key| TileRequest { key, group: priority::PriorityGroup::Shadow, weight: error_px };
             match node.tile.is_resident() {
                 true => casters.nodes.push(at),
-                false if !node.tile.is_bad() => casters.wanted.push(want(TileKey::block_map(node.id))),
+                false if !node.tile.is_bad() => casters.requests.push(want(TileKey::block_map(node.id))),
                 false => {}
             }
             if error_px <= self.tau_px {
@@ -102,7 +102,7 @@ impl Walker<'_> {
             let there = (0..4).filter(|q| node.child_mask >> q & 1 == 1);
             let known: Vec<NodeIndex> = there.clone().filter_map(|q| node.children[q]).collect();
             if known.len() < there.count() && !self.tree.subtree(Subtree::root_of(node.id)).is_bad() {
-                casters.wanted.push(want(TileKey::subtree(Subtree::root_of(node.id))));
+                casters.requests.push(want(TileKey::subtree(Subtree::root_of(node.id))));
             }
             open.extend(known);
         }

@@ -102,7 +102,7 @@ fn select(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch) -> Sele
 
 /// Whose tiles are drawn, each once.
 fn ids(tree: &SceneTree, selection: &Selection) -> Vec<TileId> {
-    let mut ids: Vec<TileId> = selection.cut.iter().map(|item| tree.node(item.from).id).collect();
+    let mut ids: Vec<TileId> = selection.draw_tiles.iter().map(|item| tree.node(item.source).id).collect();
     ids.sort();
     ids.dedup();
     ids
@@ -111,11 +111,11 @@ fn ids(tree: &SceneTree, selection: &Selection) -> Vec<TileId> {
 /// Every leaf in view has exactly one of its line (itself and its ancestors) in the cut, and that is drawn from a resident
 /// tile of its own line.
 fn assert_whole(tree: &SceneTree, view: &View, selection: &Selection, frame: usize) {
-    let cut: HashSet<TileId> = selection.cut.iter().map(|item| tree.node(item.square).id).collect();
-    assert_eq!(cut.len(), selection.cut.len(), "frame {frame}: a square is drawn twice");
-    for item in &selection.cut {
-        let [square, from] = [item.square, item.from].map(|at| tree.node(at));
-        if let Some(lod) = item.mesh {
+    let cut: HashSet<TileId> = selection.draw_tiles.iter().map(|item| tree.node(item.node).id).collect();
+    assert_eq!(cut.len(), selection.draw_tiles.len(), "frame {frame}: a square is drawn twice");
+    for item in &selection.draw_tiles {
+        let [square, from] = [item.node, item.source].map(|at| tree.node(at));
+        if let Some(lod) = item.mesh_lod {
             let here = square.lods[usize::from(lod)].tile.is_resident();
             assert!(here, "frame {frame}: {} has no such mesh", square.id);
         }
@@ -145,13 +145,13 @@ fn converge(tree: &mut SceneTree, view: &View, count: usize) -> (usize, Selectio
         let selection = select(view, tree, &mut scratch);
         if frame > 0 {
             assert_whole(tree, view, &selection, frame);
-            assert!(selection.counters.worst_error_px <= worst, "coarser than the frame before");
-            worst = selection.counters.worst_error_px;
+            assert!(selection.stats.worst_error_px <= worst, "coarser than the frame before");
+            worst = selection.stats.worst_error_px;
         }
-        if selection.wanted.is_empty() {
+        if selection.requests.is_empty() {
             return (frame, selection);
         }
-        selection.wanted.iter().take(if frame == 0 { 1 } else { count }).for_each(|w| load(tree, w.key));
+        selection.requests.iter().take(if frame == 0 { 1 } else { count }).for_each(|w| load(tree, w.key));
     }
     panic!("never converges");
 }
@@ -163,7 +163,7 @@ fn every_frame_is_whole_and_finer_than_the_last() {
         let view = view([1000.0, -300.0, 200.0], [1000.0, 1000.0, 0.0]);
         let (frames, selection) = converge(&mut tree, &view, count);
         assert!(frames > 10, "{frames}");
-        assert!(selection.counters.worst_error_px <= 1.0 || ids(&tree, &selection).iter().any(|i| i.level() == DEPTH));
+        assert!(selection.stats.worst_error_px <= 1.0 || ids(&tree, &selection).iter().any(|i| i.level() == DEPTH));
         assert!(ids(&tree, &selection).iter().any(|id| id.level() < DEPTH), "far nodes stay coarse");
     }
 }
@@ -173,14 +173,14 @@ fn what_is_behind_is_neither_drawn_nor_asked_for() {
     let mut tree = tree();
     let view = view([1024.0, 1024.0, 50.0], [1024.0, 3000.0, 50.0]);
     let (_, selection) = converge(&mut tree, &view, 12);
-    assert!(selection.counters.culled > 0);
-    for at in &selection.cut {
-        let node = tree.node(at.square);
+    assert!(selection.stats.culled > 0);
+    for at in &selection.draw_tiles {
+        let node = tree.node(at.node);
         assert!(node.centre.y + node.half.y >= 4_000_000.0 + 1024.0 - 1e-6, "{}", node.id);
     }
     let away = super::tests::view([1024.0, -500.0, 50.0], [1024.0, -3000.0, 50.0]);
     let selection = select(&away, &tree, &mut SelectionScratch::default());
-    assert!(selection.cut.is_empty() && selection.wanted.is_empty());
+    assert!(selection.draw_tiles.is_empty() && selection.requests.is_empty());
 }
 
 #[test]
@@ -195,9 +195,9 @@ fn turning_and_moving_never_makes_a_hole() {
         let view = view(eye, target);
         let selection = select(&view, &tree, &mut scratch);
         assert_whole(&tree, &view, &selection, frame);
-        selection.wanted.iter().take(4).for_each(|w| load(&mut tree, w.key));
+        selection.requests.iter().take(4).for_each(|w| load(&mut tree, w.key));
         // What this view does not need may vanish at any time (but for the root, which every view uses).
-        let used: Vec<TileId> = selection.used.iter().map(|at| tree.node(*at).id).collect();
+        let used: Vec<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
         let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
         for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
             tree.apply(TileKey::block_map(id), TileEvent::Drop);
@@ -214,8 +214,8 @@ fn a_square_waits_for_its_own_tile_alone() {
     let children: Vec<TileId> = TileId::ROOT.children().collect();
     for here in 0..=4 {
         let selection = select(&view, &tree, &mut scratch);
-        for item in &selection.cut {
-            let [square, from] = [item.square, item.from].map(|at| tree.node(at).id);
+        for item in &selection.draw_tiles {
+            let [square, from] = [item.node, item.source].map(|at| tree.node(at).id);
             let own = children[..here].iter().copied().find(|child| square.ancestor(1) == Some(*child));
             assert_eq!(from, own.unwrap_or(TileId::ROOT), "{square}");
         }
@@ -230,7 +230,7 @@ fn a_bad_tile_keeps_its_parent_and_the_rest_converges() {
     refuse(&mut tree, TileKey::block_map(bad));
     let view = view([600.0, 100.0, 300.0], [700.0, 700.0, 0.0]);
     let (_, selection) = converge(&mut tree, &view, 5);
-    assert!(selection.counters.blocked > 0);
+    assert!(selection.stats.blocked > 0);
     let cut = ids(&tree, &selection);
     assert!(cut.contains(&bad.parent().unwrap()), "{cut:?}");
 }
@@ -244,7 +244,7 @@ fn missing_subtrees_are_asked_for_and_their_node_stays() {
     // The whole line below the eye at once: a jump takes two round trips however deep the city is.
     // The root's own tile comes with them.
     let line = [TileId::new(5, 0, 0).unwrap(), TileId::ROOT].map(TileKey::subtree);
-    let mut keys: Vec<TileKey> = first.wanted.iter().map(|w| w.key).collect();
+    let mut keys: Vec<TileKey> = first.requests.iter().map(|w| w.key).collect();
     keys.sort_by(|a, b| b.cmp(a));
     assert_eq!(keys, [line[0], line[1], TileKey::block_map(TileId::ROOT)]);
     load(&mut tree, TileKey::block_map(TileId::ROOT));
@@ -253,18 +253,18 @@ fn missing_subtrees_are_asked_for_and_their_node_stays() {
     for _ in 0..100 {
         let selection = select(&view, &tree, &mut scratch);
         let maps: Vec<TileKey> =
-            selection.wanted.iter().map(|w| w.key).filter(|k| *k == TileKey::block_map(k.id)).collect();
+            selection.requests.iter().map(|w| w.key).filter(|k| *k == TileKey::block_map(k.id)).collect();
         if maps.is_empty() {
             break;
         }
         maps.into_iter().for_each(|key| load(&mut tree, key));
     }
     let selection = select(&view, &tree, &mut scratch);
-    assert!(!selection.wanted.is_empty() && selection.wanted.iter().all(|w| w.key == TileKey::subtree(w.key.id)));
+    assert!(!selection.requests.is_empty() && selection.requests.iter().all(|w| w.key == TileKey::subtree(w.key.id)));
     assert!(ids(&tree, &selection).iter().any(|id| id.level() == 5));
     assert_whole(&tree, &view, &selection, 0);
     // One of them is missing on the server: its node stays, without end.
-    let lost = selection.wanted[0].key;
+    let lost = selection.requests[0].key;
     refuse(&mut tree, lost);
     all[1..].iter().filter(|s| s.nodes[0].id != lost.id).for_each(|s| tree.merge(s));
     let (_, selection) = converge(&mut tree, &view, 12);
@@ -287,12 +287,12 @@ fn a_small_budget_raises_tau_and_a_larger_one_lets_it_fall() {
         let mut view = view([1000.0, -100.0, 80.0], [1000.0, 1000.0, 0.0]);
         view.budget_pages = budget_pages;
         let (_, selection) = converge(&mut tree, &view, 6);
-        let counters = selection.counters;
+        let counters = selection.stats;
         assert!(counters.pages <= budget_pages, "{counters:?}");
         assert!(counters.tau_px <= last && counters.tau_px >= 1.0, "{counters:?}");
         last = counters.tau_px;
         // Standing still asks for nothing more: no thrashing.
-        assert!(select(&view, &tree, &mut SelectionScratch::default()).wanted.is_empty());
+        assert!(select(&view, &tree, &mut SelectionScratch::default()).requests.is_empty());
     }
     assert_eq!(last, 1.0);
 }
@@ -301,7 +301,7 @@ fn a_small_budget_raises_tau_and_a_larger_one_lets_it_fall() {
 fn the_root_is_asked_for_alone() {
     let view = view([100.0, 100.0, 80.0], [700.0, 900.0, 0.0]);
     let selection = select(&view, &tree(), &mut SelectionScratch::default());
-    assert_eq!(selection.wanted.iter().map(|w| w.key).collect::<Vec<_>>(), [TileKey::block_map(TileId::ROOT)]);
+    assert_eq!(selection.requests.iter().map(|w| w.key).collect::<Vec<_>>(), [TileKey::block_map(TileId::ROOT)]);
 }
 
 #[test]
@@ -313,7 +313,7 @@ fn the_same_view_gives_the_same_selection() {
     let first = select(&view, &tree, &mut scratch);
     select(&super::tests::view([900.0, 100.0, 80.0], [700.0, 900.0, 0.0]), &tree, &mut scratch);
     assert_eq!(select(&view, &tree, &mut scratch), first);
-    assert!(first.wanted.len() > 20);
+    assert!(first.requests.len() > 20);
 }
 
 /// Whatever stands between a place in the picture and the sun is among the casters, and not the whole city is.
@@ -323,8 +323,8 @@ fn what_casts_into_the_picture_is_there() {
     let view = view([300.0, 300.0, 25.0], [700.0, 900.0, 0.0]);
     let sun = DVec3::new(0.7, -0.5, 0.25).normalize_or(DVec3::Z);
     let mut found = shadow_casters::casters(&view, sun, &tree, None);
-    while !found.wanted.is_empty() {
-        found.wanted.iter().for_each(|wanted| load(&mut tree, wanted.key));
+    while !found.requests.is_empty() {
+        found.requests.iter().for_each(|wanted| load(&mut tree, wanted.key));
         found = shadow_casters::casters(&view, sun, &tree, None);
     }
     let cast: Vec<TileId> = found.nodes.iter().map(|at| tree.node(*at).id).collect();
@@ -349,7 +349,7 @@ fn what_casts_into_the_picture_is_there() {
     assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.nodes().len());
     // Only what shades the squares that are seen.
     let seen = vec![tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
-    let one = Selection { seen, ..Selection::default() };
+    let one = Selection { unoccluded: seen, ..Selection::default() };
     let shading: Vec<TileId> =
         shadow_casters::casters(&view, sun, &tree, Some(&one)).nodes.iter().map(|at| tree.node(*at).id).collect();
     assert!(!shading.is_empty() && shading.len() * 4 < cast.len(), "{} of {}", shading.len(), cast.len());
@@ -378,9 +378,9 @@ fn look(
     generation: u64,
     hit: impl Fn(TileId) -> bool,
 ) {
-    let squares: Vec<NodeIndex> = selection.cut.iter().map(|item| item.square).collect();
+    let squares: Vec<NodeIndex> = selection.draw_tiles.iter().map(|item| item.node).collect();
     let pixels: Vec<u32> = squares.iter().map(|at| u32::from(hit(tree.node(*at).id))).collect();
-    sight.feed(&OcclusionQuery { squares, view: *view, generation }, &pixels, selection.wanted.is_empty(), tree);
+    sight.feed(&OcclusionQuery { squares, view: *view, generation }, &pixels, selection.requests.is_empty(), tree);
 }
 
 /// Looks and fetches in turn until nothing is wanted.
@@ -396,9 +396,11 @@ fn converge_looking(
         if frame > 0 {
             assert_whole(tree, view, &selection, frame);
         }
-        selection.wanted.iter().take(3).for_each(|w| load(tree, w.key));
+        selection.requests.iter().take(3).for_each(|w| load(tree, w.key));
         look(sight, tree, view, &selection, frame as u64, &hit);
-        if selection.wanted.is_empty() && super::select(view, tree, sight, &mut scratch).cut == selection.cut {
+        if selection.requests.is_empty()
+            && super::select(view, tree, sight, &mut scratch).draw_tiles == selection.draw_tiles
+        {
             return selection;
         }
     }
@@ -443,7 +445,7 @@ fn there_is_never_a_hole() {
                 let selection = super::select(&view, &tree, &sight, &mut scratch);
                 assert_whole(&tree, &view, &selection, frame);
                 fade::step(&mut fades, &tree, &selection, random(300) as f64 / 1e3);
-                for wanted in &selection.wanted {
+                for wanted in &selection.requests {
                     let key = wanted.key;
                     if !tree.apply(key, TileEvent::Want { now }) || !tree.apply(key, TileEvent::Start) {
                         continue;
@@ -476,7 +478,7 @@ fn there_is_never_a_hole() {
                     let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt).is_multiple_of(3);
                     look(&mut sight, &tree, &view, &selection, frame as u64 * 4 + step, hit);
                 }
-                let used: HashSet<TileId> = selection.used.iter().map(|at| tree.node(*at).id).collect();
+                let used: HashSet<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
                 let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
                 for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
                     if random(3) == 0 {

@@ -174,12 +174,12 @@ impl Transitions {
         after.clear();
         owners.0.resize(tree.nodes().len(), 0);
         let mut step = Step { tree, secs, passing: 0, told: false };
-        let mut seen = selection.seen.iter().peekable();
-        for item in &selection.cut {
-            let face = DrawSource { from: item.from, mesh: item.mesh };
-            let seen = seen.next_if_eq(&&item.square).is_some();
-            let mut square = Transition { square: item.square, of: item.square, seen, face, to: None };
-            let was = self.places.over(item.square, tree).map(|place| before[place]);
+        let mut seen = selection.unoccluded.iter().peekable();
+        for item in &selection.draw_tiles {
+            let face = DrawSource { from: item.source, mesh: item.mesh_lod };
+            let seen = seen.next_if_eq(&&item.node).is_some();
+            let mut square = Transition { square: item.node, of: item.node, seen, face, to: None };
+            let was = self.places.over(item.node, tree).map(|place| before[place]);
             if let Some(was) = was.filter(|was| was.fades_into(seen)) {
                 (square.face, square.to) = (was.face, was.to);
                 step.go_on(&mut square, face);

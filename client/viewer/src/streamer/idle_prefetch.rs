@@ -87,7 +87,7 @@ impl Lookahead {
 
     fn select(&mut self, view: &View, tree: &SceneTree, scratch: &mut SelectionScratch) {
         let selection = select(view, tree, &self.feedback, scratch);
-        self.generation += u64::from(selection.cut != self.selection.cut);
+        self.generation += u64::from(selection.draw_tiles != self.selection.draw_tiles);
         self.selection = selection;
         self.transitions.step(&self.selection, tree, 0.0);
     }
@@ -140,7 +140,7 @@ impl<F: TileFetcher> Streamer<F> {
     }
 
     fn is_prefetch_fetched(&self) -> bool {
-        self.lookahead.selection.wanted.is_empty() && self.uploads.is_empty()
+        self.lookahead.selection.requests.is_empty() && self.uploads.is_empty()
     }
 
     /// Selects the current side view; ends the prefetch when its next tile does not fit into free pages.
@@ -149,7 +149,7 @@ impl<F: TileFetcher> Streamer<F> {
             let view = self.view(request, camera);
             self.lookahead.select(&view, &self.tree, &mut self.scratch);
         }
-        let first = self.lookahead.selection.wanted.first();
+        let first = self.lookahead.selection.requests.first();
         if self.uploads.is_empty() && first.is_some_and(|w| self.tree.pages_of_tile(w.key) > self.spare_pages()) {
             self.lookahead.end();
         }

@@ -227,11 +227,11 @@ impl<F: TileFetcher> Streamer<F> {
         let view = self.view(request, request.camera);
         let has_moved = self.last_request.replace(*request) != Some(*request);
         let selection = select(&view, &self.tree, &self.feedback, &mut self.scratch);
-        if selection.cut != self.selection.cut || self.last_view != Some(view) {
+        if selection.draw_tiles != self.selection.draw_tiles || self.last_view != Some(view) {
             self.generation += 1;
         }
         (self.selection, self.last_view) = (selection, Some(view));
-        let SelectionStats { tau_px, pages, .. } = self.selection.counters;
+        let SelectionStats { tau_px, pages, .. } = self.selection.stats;
         let share = f64::from(pages) / f64::from(view.budget_pages.max(1));
         let secs = now.saturating_sub(self.selected_at).as_secs_f64();
         self.adaptive.learn(tau_px / request.tau_px, share, secs, has_moved);
@@ -251,7 +251,7 @@ impl<F: TileFetcher> Streamer<F> {
             face.mesh.iter().for_each(|lod| self.cache.keep(TileKey::mesh(leaf, *lod)));
         }
         // The coarsest last, so that it is evicted last among equals.
-        for at in self.selection.used.iter().rev() {
+        for at in self.selection.used_nodes.iter().rev() {
             self.cache.touch(TileKey::block_map(self.tree.node(*at).id));
         }
         for key in &self.selection.used_meshes {
@@ -264,27 +264,27 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Selects what casts shadows on the last selection, within the budget that it leaves.
     fn select_shadow_casters(&mut self, view: &View) {
-        let Selection { counters, .. } = &self.selection;
+        let Selection { stats: counters, .. } = &self.selection;
         let capacity = self.cache.capacity_pages();
         let budget_pages = (capacity - capacity / 32).saturating_sub(counters.pages);
         let budget_nodes = slots_for(capacity).saturating_sub(counters.visited);
         let view = View { budget_pages, budget_nodes, tau_px: counters.tau_px, ..*view };
         let receivers = self.feedback.is_fed().then_some(&self.selection);
         self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, receivers)).unwrap_or_default();
-        let wanted: HashSet<TileKey> = self.selection.wanted.iter().map(|w| w.key).collect();
-        self.selection.wanted.extend(self.casters.wanted.iter().filter(|w| !wanted.contains(&w.key)));
+        let wanted: HashSet<TileKey> = self.selection.requests.iter().map(|w| w.key).collect();
+        self.selection.requests.extend(self.casters.requests.iter().filter(|w| !wanted.contains(&w.key)));
     }
 
     /// Adds what a moving camera will need soon, as long as nothing is urgent and cache pages are free.
     fn preload(&mut self, request: &FrameRequest, heading: Camera) {
-        if self.selection.wanted.iter().any(|w| w.group == PriorityGroup::Urgent) || self.spare_pages() == 0 {
+        if self.selection.requests.iter().any(|w| w.group == PriorityGroup::Urgent) || self.spare_pages() == 0 {
             return;
         }
         let ahead = select(&self.view(request, heading), &self.tree, &self.feedback, &mut self.scratch);
-        for mut wanted in ahead.wanted {
-            if !self.selection.wanted.iter().any(|w| w.key == wanted.key) {
+        for mut wanted in ahead.requests {
+            if !self.selection.requests.iter().any(|w| w.key == wanted.key) {
                 wanted.group = PriorityGroup::Preload;
-                self.selection.wanted.push(wanted);
+                self.selection.requests.push(wanted);
             }
         }
     }
@@ -363,7 +363,7 @@ impl<F: TileFetcher> Streamer<F> {
     /// Arrays for the ray-caster, for the last selection.
     pub fn frame_data(&self, request: &FrameRequest, settings: &RenderSettings) -> FrameData {
         let (fades, casters) = (&self.transitions, &self.casters.nodes[..]);
-        let error_px = self.selection.counters.seen_error_px;
+        let error_px = self.selection.stats.visible_error_px;
         let inputs = FrameInputs { fades, casters, generation: self.generation, error_px };
         FrameData::new(inputs, &self.tree, &self.cache, &self.view(request, request.camera), settings)
     }
@@ -392,7 +392,7 @@ impl<F: TileFetcher> Streamer<F> {
     /// Whether everything that the last selection asks for is resident.
     pub fn is_fetched(&self) -> bool {
         let is_uploaded = self.uploads.is_empty() || self.is_prefetching();
-        self.tree.root().is_some() && self.selection.wanted.is_empty() && is_uploaded
+        self.tree.root().is_some() && self.selection.requests.is_empty() && is_uploaded
     }
 
     /// Whether the hits of the last selection are known from a frame of at least this size, and changed nothing.
@@ -408,12 +408,12 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Whether nothing is wanted and nothing is in flight.
     pub fn is_idle(&self) -> bool {
-        self.selection.wanted.is_empty() && self.downloads.in_flight() == 0
+        self.selection.requests.is_empty() && self.downloads.in_flight() == 0
     }
 
     /// Whether the last selection's frame lacks tiles, prefetched ones aside.
     pub fn lacks_tiles(&self) -> bool {
-        self.selection.wanted.iter().any(|wanted| wanted.group != PriorityGroup::Preload)
+        self.selection.requests.iter().any(|wanted| wanted.group != PriorityGroup::Preload)
     }
 
     /// Whether arrivals belong to the idle prefetch rather than to the frame.

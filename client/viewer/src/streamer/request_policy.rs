@@ -24,10 +24,10 @@ impl<F: TileFetcher> Streamer<F> {
     /// Requests for the time between two frames.
     pub(super) fn requests_between_frames(&mut self, tau_px: f64, now: Duration) -> Vec<TileRequest> {
         if self.is_blind() && self.blind_frames < MAX_BLIND_FRAMES {
-            self.blind_frames += u32::from(!self.selection.cut.is_empty());
+            self.blind_frames += u32::from(!self.selection.draw_tiles.is_empty());
             return self.requests_before_feedback(tau_px);
         }
-        self.gate_requests(&self.selection.wanted, self.selection.wanted.clone(), now)
+        self.gate_requests(&self.selection.requests, self.selection.requests.clone(), now)
     }
 
     /// Requests while a frame is drawn: at most `fine` of the tiles that only the last frame's rays ask for.
@@ -35,12 +35,12 @@ impl<F: TileFetcher> Streamer<F> {
         if self.is_blind() {
             return self.requests_before_feedback(tau_px);
         }
-        self.gate_requests(&self.selection.wanted, self.coarse_requests(COARSE_TIMES_TAU * tau_px, fine), now)
+        self.gate_requests(&self.selection.requests, self.coarse_requests(COARSE_TIMES_TAU * tau_px, fine), now)
     }
 
     /// Requests of the idle prefetch: no more than fit into cache pages that nothing uses.
     pub(super) fn requests_of_prefetch(&self, now: Duration) -> Vec<TileRequest> {
-        let wanted = &self.lookahead.selection().wanted;
+        let wanted = &self.lookahead.selection().requests;
         let mut free_pages = self.spare_pages();
         let mut fits = |w: &TileRequest| {
             let pages = self.tree.pages_of_tile(w.key);
@@ -73,7 +73,7 @@ impl<F: TileFetcher> Streamer<F> {
             |w: &TileRequest| w.key.layer() == Layer::Subtrees && w.weight > HIDDEN_TIMES_TAU * tau_px;
         let root = TileKey::block_map(TileId::ROOT);
         let is_first = |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || self.is_loading(w.key);
-        self.selection.wanted.iter().filter(is_first).copied().collect()
+        self.selection.requests.iter().filter(is_first).copied().collect()
     }
 
     /// Wanted tiles with an error above `coarse_px`, those in flight, and the first `fine` of the rest.
@@ -84,7 +84,7 @@ impl<F: TileFetcher> Streamer<F> {
             fine -= usize::from(is_taken && !is_free);
             is_taken
         };
-        self.selection.wanted.iter().filter(is_taken).copied().collect()
+        self.selection.requests.iter().filter(is_taken).copied().collect()
     }
 
     fn is_loading(&self, key: TileKey) -> bool {

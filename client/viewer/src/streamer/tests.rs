@@ -48,7 +48,7 @@ fn after_first_frame(fails: bool) -> (Streamer<Unresponsive>, FrameRequest) {
     let camera = view([1030.0, -10.0, 2.0], [1030.0, 3000.0, 2.0]).camera;
     let request = FrameRequest { camera, heading: None, size_px: [640, 360], tau_px: 1.0 };
     streamer.select_and_request(&request, NOW);
-    let squares: Vec<_> = streamer.selection.cut.iter().map(|item| item.square).collect();
+    let squares: Vec<_> = streamer.selection.draw_tiles.iter().map(|item| item.node).collect();
     let pixels = vec![9; squares.len()];
     let query = OcclusionQuery { squares, view: streamer.view(&request, camera), generation: 1 };
     streamer.report_hits(&query, &pixels);
@@ -58,14 +58,14 @@ fn after_first_frame(fails: bool) -> (Streamer<Unresponsive>, FrameRequest) {
 /// Tiles that are wanted and not requested.
 fn waiting(streamer: &Streamer<Unresponsive>) -> Vec<TileRequest> {
     let unknown = |w: &&TileRequest| streamer.tree.tile(w.key).is_some_and(|tile| tile.state() == TileState::Unknown);
-    streamer.selection.wanted.iter().filter(unknown).copied().collect()
+    streamer.selection.requests.iter().filter(unknown).copied().collect()
 }
 
 #[test]
 fn possibly_occluded_tiles_wait_unless_the_source_does_not_respond() {
     let (mut streamer, request) = after_first_frame(false);
     streamer.select_and_request(&request, NOW);
-    let (waits, wanted) = (waiting(&streamer).len(), streamer.selection.wanted.len());
+    let (waits, wanted) = (waiting(&streamer).len(), streamer.selection.requests.len());
     assert!(waits * 2 > wanted && waits < wanted, "{waits} of {wanted} wait");
 
     let (mut streamer, request) = after_first_frame(true);
@@ -73,5 +73,5 @@ fn possibly_occluded_tiles_wait_unless_the_source_does_not_respond() {
     assert!(streamer.downloads.poll(&mut streamer.tree, NOW).is_none());
     assert_eq!(streamer.downloads.failing_since(), Some(NOW));
     streamer.select_and_request(&request, NOW);
-    assert!(streamer.selection.wanted.len() * 2 > wanted && waiting(&streamer).is_empty());
+    assert!(streamer.selection.requests.len() * 2 > wanted && waiting(&streamer).is_empty());
 }

@@ -18,13 +18,13 @@ pub(super) fn step(fades: &mut Transitions, tree: &SceneTree, selection: &Select
     let told = fades.step(selection, tree, secs);
     let shown: HashSet<NodeIndex> = fades.shown().iter().map(|s| s.square).collect();
     assert_eq!(shown.len(), fades.shown().len(), "a square is shown twice");
-    for item in &selection.cut {
-        assert!(shown.contains(&item.square), "a hole");
+    for item in &selection.draw_tiles {
+        assert!(shown.contains(&item.node), "a hole");
     }
     let line = |id: TileId| (0..=id.level()).filter_map(move |level| id.ancestor(level));
     for shown in fades.shown() {
         let [id, of] = [shown.square, shown.of].map(|at| tree.node(at).id);
-        assert!(line(id).any(|id| id == of) && selection.cut.iter().any(|item| item.square == shown.of));
+        assert!(line(id).any(|id| id == of) && selection.draw_tiles.iter().any(|item| item.node == shown.of));
         let (face, old) = shown.faces();
         for DrawSource { from, mesh } in [Some(face), old.map(|(old, _)| old)].into_iter().flatten() {
             let node = tree.node(from);
@@ -49,8 +49,8 @@ fn cut_at(tree: &SceneTree, level: u8) -> Selection {
     let at_level = |node: &&TreeNode| node.id.level() == level;
     let squares: Vec<NodeIndex> =
         tree.nodes().iter().filter(at_level).map(|node| tree.find(node.id).unwrap()).collect();
-    let cut = squares.iter().map(|at| DrawTile { square: *at, from: *at, mesh: None }).collect();
-    Selection { cut, seen: squares, ..Selection::default() }
+    let cut = squares.iter().map(|at| DrawTile { node: *at, source: *at, mesh_lod: None }).collect();
+    Selection { draw_tiles: cut, unoccluded: squares, ..Selection::default() }
 }
 
 fn loaded() -> SceneTree {
@@ -90,7 +90,7 @@ fn finer_squares_come_a_share_at_a_time_and_so_do_coarser_ones() {
         }
         assert!((frames as f64 * FRAME_SECS - FADE_SECS).abs() < 2.0 * FRAME_SECS, "{frames} frames");
         assert_eq!(told, 2, "when there is something to be told, and at the end");
-        assert_eq!(fades.shown().len(), cut.cut.len());
+        assert_eq!(fades.shown().len(), cut.draw_tiles.len());
     }
     // A slow device's frame is a fade by itself.
     step(&mut fades, &tree, &cut_at(&tree, 3), 0.3);
@@ -147,7 +147,7 @@ fn what_leaves_the_cache_or_was_not_seen_does_not_fade() {
     }
     // Hidden until now; what is not seen any more, or still not, may yet show over what hides it.
     for (before, now, passing) in [(false, true, 0), (true, false, 64), (false, false, 64)] {
-        let hide = |cut: Selection, seen: bool| if seen { cut } else { Selection { seen: Vec::new(), ..cut } };
+        let hide = |cut: Selection, seen: bool| if seen { cut } else { Selection { unoccluded: Vec::new(), ..cut } };
         let mut fades = on();
         step(&mut fades, &tree, &hide(cut_at(&tree, 2), before), FRAME_SECS);
         step(&mut fades, &tree, &hide(cut_at(&tree, 3), now), FRAME_SECS);
@@ -169,7 +169,7 @@ fn no_more_than_so_many_pass_at_a_time() {
     for (cut, passing) in [(&cuts[0], 0), (&cuts[1], FADES), (&cuts[2], FADES)] {
         fades.step(cut, &tree, FRAME_SECS);
         assert_eq!(fades.passing(), passing);
-        assert!(fades.shown().len() <= cut.cut.len() + FADES);
+        assert!(fades.shown().len() <= cut.draw_tiles.len() + FADES);
     }
 }
 
@@ -184,10 +184,11 @@ fn at_rest_all_is_as_without() {
         let selection = select(&view, &tree, &mut scratch);
         step(&mut fades, &tree, &selection, FRAME_SECS);
         passed |= fades.passing() > 0;
-        selection.wanted.iter().take(5).for_each(|w| load(&mut tree, w.key));
-        if selection.wanted.is_empty() && fades.passing() == 0 {
+        selection.requests.iter().take(5).for_each(|w| load(&mut tree, w.key));
+        if selection.requests.is_empty() && fades.passing() == 0 {
             let faces: Vec<_> = fades.shown().iter().map(|s| (s.square, s.faces())).collect();
-            let meant = selection.cut.iter().map(|i| (i.square, (DrawSource { from: i.from, mesh: i.mesh }, None)));
+            let meant =
+                selection.draw_tiles.iter().map(|i| (i.node, (DrawSource { from: i.source, mesh: i.mesh_lod }, None)));
             assert_eq!(faces, meant.collect::<Vec<_>>());
             break;
         }
