@@ -142,7 +142,7 @@ impl Session {
     pub fn render(&mut self, data: &FrameData) -> Result<Pixels> {
         let pixels = self.while_fetching(|adapter| adapter.draw(data))?;
         self.frame_drawn(data);
-        self.report_hits(&data.asked, &tally(&pixels.hit, data.nodes.len()));
+        self.report_hits(&data.query, &tally(&pixels.hit, data.nodes.len()));
         Ok(pixels)
     }
 
@@ -160,7 +160,7 @@ impl Session {
             LookaheadState::Draw(data) => {
                 let pixels = self.while_fetching(|adapter| adapter.draw(&data))?;
                 let hits = tally(&pixels.hit, data.nodes.len());
-                self.streamer.report_prefetch_hits(request, &data.asked, &hits);
+                self.streamer.report_prefetch_hits(request, &data.query, &hits);
                 Ok(PrefetchStep::Drawn)
             }
         }
@@ -356,7 +356,7 @@ impl Session {
             in_flight: downloads.in_flight(),
             cache_bytes: self.cache().used_bytes(),
             drawn: stats.drawn,
-            fading: self.transitions().passing(),
+            fading: self.transitions().fading_count(),
             tau_px: stats.tau_px,
             worst_error_px: stats.worst_error_px,
             seen_error_px: stats.visible_error_px,

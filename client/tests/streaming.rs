@@ -165,13 +165,13 @@ fn levels_fade_into_each_other_and_end_in_the_same_picture() {
     fading.set_transitions(true);
     let mut shared = 0;
     let picture = fly_watched(&mut fading, Duration::from_secs(60), |session| {
-        let both = session.transitions().shown().iter().filter(|shown| shown.faces().1.is_some()).count();
+        let both = session.transitions().tiles().iter().filter(|shown| shown.sources().1.is_some()).count();
         let nodes = session.frame_data(&street(), &RenderSettings::default()).nodes.len();
-        assert!(nodes >= session.transitions().shown().len() + both, "{nodes} nodes, {both} squares with two of them");
+        assert!(nodes >= session.transitions().tiles().len() + both, "{nodes} nodes, {both} squares with two of them");
         shared += usize::from(both > 0);
     });
     assert!(shared > 0, "no frame showed two levels in a square");
-    assert_eq!(fading.transitions().passing(), 0);
+    assert_eq!(fading.transitions().fading_count(), 0);
     let (meant, requests) = undisturbed();
     assert_eq!(picture, meant);
     let asked = server.requests.load(Ordering::Relaxed);

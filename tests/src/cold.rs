@@ -61,7 +61,7 @@ impl<'a> Cold<'a> {
             generation: 0,
             now,
         };
-        made.fades.set(fades);
+        made.fades.set_enabled(fades);
         Ok(made)
     }
 
@@ -73,13 +73,17 @@ impl<'a> Cold<'a> {
         for key in wanted {
             self.fetch(key)?;
         }
-        let changed = self.turn(view) || self.fades.passing() > 0;
+        let changed = self.turn(view) || self.fades.fading_count() > 0;
         self.generation += u64::from(self.fades.step(&self.selection, &self.tree, secs));
         let casters = look.casting().map(|sun| casters(view, sun, &self.tree, None)).unwrap_or_default();
-        let drawn =
-            FrameInputs { fades: &self.fades, casters: &casters.nodes, generation: self.generation, error_px: 0.0 };
+        let drawn = FrameInputs {
+            transitions: &self.fades,
+            shadow_casters: &casters.nodes,
+            generation: self.generation,
+            error_px: 0.0,
+        };
         let data = FrameData::new(drawn, &self.tree, &self.cache, view, look);
-        Ok((data, changed || self.fades.passing() > 0))
+        Ok((data, changed || self.fades.fading_count() > 0))
     }
 
     fn turn(&mut self, view: &View) -> bool {
@@ -110,17 +114,17 @@ impl<'a> Cold<'a> {
     pub fn draw(&mut self, data: &FrameData) -> Pixels {
         let pixels = self.adapter.draw(data);
         let size_px = [pixels.width_px, pixels.height_px];
-        if !self.sight.has_looked(data.asked.generation, size_px) {
+        if !self.sight.covers(data.query.generation, size_px) {
             let whole = self.selection.requests.is_empty();
-            self.sight.feed(&data.asked, &tally(&pixels.hit, data.nodes.len()), whole, &self.tree);
+            self.sight.update(&data.query, &tally(&pixels.hit, data.nodes.len()), whole, &self.tree);
         }
         pixels
     }
 
     /// Whether nothing more will change while the view stays.
     pub fn is_at_rest(&self, size_px: [u32; 2]) -> bool {
-        let looked = self.sight.has_looked(self.generation, size_px);
-        self.selection.requests.is_empty() && self.fades.passing() == 0 && looked
+        let looked = self.sight.covers(self.generation, size_px);
+        self.selection.requests.is_empty() && self.fades.fading_count() == 0 && looked
     }
 }
 

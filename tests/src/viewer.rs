@@ -82,7 +82,7 @@ impl Viewer {
     /// One frame, then a pause. Once a picture was drawn, it is drawn again whenever what is drawn changes.
     pub fn step(&mut self) -> Result<()> {
         self.session.update(&self.shot);
-        if self.session.feedback().is_fed() && !self.session.has_feedback(SIZE_PX) {
+        if self.session.feedback().has_feedback() && !self.session.has_feedback(SIZE_PX) {
             self.draw()?;
         }
         std::thread::sleep(FRAME);

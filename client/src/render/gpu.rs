@@ -12,7 +12,7 @@ use insula_shaders::{
 use insula_viewer::{
     cache::{PAGE_BYTES, Upload, slots_for},
     frame::FrameData,
-    select::{occlusion_feedback::OcclusionQuery, transitions::FADES},
+    select::{occlusion_feedback::OcclusionQuery, transitions::MAX_FADING},
 };
 
 /// A device, and what it can hold.
@@ -83,7 +83,7 @@ impl GpuAdapter {
     pub fn new(device: Device, pages: u32) -> Result<Self, String> {
         let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
         let slots = slots_for(pages);
-        let nodes = slots + 2 * FADES as u32;
+        let nodes = slots + 2 * MAX_FADING as u32;
         let capacity = Capacity { atlas_pages: pages, slots, nodes };
         let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -113,10 +113,10 @@ impl GpuAdapter {
 
     /// Records a count of what the pixels hit that [`GpuAdapter::encode`] recorded, unless that is known, or one is on its way.
     pub fn ask(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
-        let now = (data.asked.generation, [data.frame.width_px, data.frame.height_px]);
+        let now = (data.query.generation, [data.frame.width_px, data.frame.height_px]);
         let device = (&self.device.device, &self.device.queue);
         if self.last != Some(now) && self.tally.encode(device, encoder, &self.raycaster, data.nodes.len()) {
-            (self.asked, self.last) = (Some(data.asked.clone()), Some(now));
+            (self.asked, self.last) = (Some(data.query.clone()), Some(now));
         }
     }
 

@@ -76,7 +76,7 @@ pub struct FrameData {
     /// The cut: a node a square (and the one behind it, while it fades), several of which may show parts of one tile.
     pub nodes: Vec<Node>,
     /// Which squares those are.
-    pub asked: OcclusionQuery,
+    pub query: OcclusionQuery,
     /// Largest projected error of what is seen.
     pub error_px: f64,
 }
@@ -85,9 +85,9 @@ pub struct FrameData {
 #[derive(Debug, Clone, Copy)]
 pub struct FrameInputs<'a> {
     /// Squares in the picture.
-    pub fades: &'a Transitions,
+    pub transitions: &'a Transitions,
     /// What casts shadows on them.
-    pub casters: &'a [NodeIndex],
+    pub shadow_casters: &'a [NodeIndex],
     /// Which selection it is.
     pub generation: u64,
     /// Its largest projected error of what is seen.
@@ -119,7 +119,7 @@ impl FrameData {
             frame,
             grid: grid.entries.clone(),
             nodes: list.nodes,
-            asked: OcclusionQuery { squares: list.squares, view: *view, generation: drawn.generation },
+            query: OcclusionQuery { nodes: list.squares, view: *view, generation: drawn.generation },
             error_px: drawn.error_px.max(list.error_px),
         }
     }
@@ -143,8 +143,8 @@ struct List<'a> {
 
 impl<'a> List<'a> {
     fn new(drawn: &FrameInputs<'_>, tree: &'a SceneTree, cache: &'a AtlasCache, view: &View) -> Self {
-        let FrameInputs { fades, casters, .. } = *drawn;
-        let most = fades.shown().len() + fades.passing() + casters.len();
+        let FrameInputs { transitions: fades, shadow_casters: casters, .. } = *drawn;
+        let most = fades.tiles().len() + fades.fading_count() + casters.len();
         let mut list = Self {
             tree,
             cache,
@@ -155,21 +155,21 @@ impl<'a> List<'a> {
             squares: Vec::with_capacity(most),
             error_px: 0.0,
         };
-        for shown in fades.shown() {
-            let (face, old) = shown.faces();
-            if !list.push(shown.square, shown.of, face, true) {
+        for shown in fades.tiles() {
+            let (face, old) = shown.sources();
+            if !list.push(shown.node, shown.owner, face, true) {
                 continue;
             }
             if let Some((old, rays)) = old
-                && list.push(shown.square, shown.of, old, false)
+                && list.push(shown.node, shown.owner, old, false)
             {
                 let front = list.shares.len() - 2;
                 list.shares[front] = rays;
-                list.error_px = list.error_px.max(old.error_px(shown.square, tree, view));
+                list.error_px = list.error_px.max(old.error_px(shown.node, tree, view));
             }
         }
         for at in casters.iter().filter(|at| !replaces(**at, fades, tree, view)) {
-            list.push(*at, *at, DrawSource { from: *at, mesh: None }, true);
+            list.push(*at, *at, DrawSource { source: *at, mesh_lod: None }, true);
         }
         list
     }
@@ -178,12 +178,12 @@ impl<'a> List<'a> {
     fn push(&mut self, square: NodeIndex, of: NodeIndex, face: DrawSource, or_more: bool) -> bool {
         let Self { tree, cache, .. } = *self;
         let steps = if or_more { usize::MAX } else { 1 };
-        let line = std::iter::successors(Some(face.from), |at| tree.node(*at).parent).take(steps);
+        let line = std::iter::successors(Some(face.source), |at| tree.node(*at).parent).take(steps);
         let mut line = line.map(|at| tree.node(at).id);
         let Some((id, placed)) = line.find_map(|id| Some((id, cache.get(id)?))) else { return false };
         let name = tree.node(square).id;
         let mut shown = node(id, placed, tree, self.eye);
-        if let Some(mesh) = face.mesh.and_then(|lod| cache.mesh(name, lod)) {
+        if let Some(mesh) = face.mesh_lod.and_then(|lod| cache.mesh(name, lod)) {
             put_mesh(&mut shown, name, mesh, (id, placed), tree, self.eye);
         }
         self.nodes.push(shown);
@@ -197,12 +197,14 @@ impl<'a> List<'a> {
 /// Whether what casts shadows would be drawn where a square of the picture shows, or is about to show, something else: that
 /// shall not change at once.
 fn replaces(caster: NodeIndex, fades: &Transitions, tree: &SceneTree, view: &View) -> bool {
-    let Some(shown) = fades.over(caster, tree) else { return false };
-    let (face, _) = shown.faces();
-    if shown.square == caster && (face.from == caster || face.mesh.is_some()) {
+    let Some(shown) = fades.covering(caster, tree) else { return false };
+    let (face, _) = shown.sources();
+    if shown.node == caster && (face.source == caster || face.mesh_lod.is_some()) {
         return true;
     }
-    fades.is_on() && shown.seen && (shown.passes() || face.error_px(shown.square, tree, view) > view.tau_px)
+    fades.is_enabled()
+        && shown.is_unoccluded
+        && (shown.is_fading() || face.error_px(shown.node, tree, view) > view.tau_px)
 }
 
 fn frame(tree: &SceneTree, view: &View, look: &RenderSettings) -> Frame {

@@ -5,7 +5,7 @@
 //! Hours are the place's own mean solar time, 12 when the sun is about highest, whatever the clocks there say; a time with an
 //! offset (`Z`, `+09:00`) is turned into it by the place's longitude.
 
-use crate::{frame::RenderSettings, select::shadow_casters::SHADOW_M};
+use crate::{frame::RenderSettings, select::shadow_casters::MAX_SHADOW_M};
 use chrono::{DateTime, Datelike, Days, NaiveDate, NaiveDateTime, Timelike};
 use glam::{DVec2, DVec3};
 use insula_protocol::Manifest;
@@ -217,7 +217,7 @@ impl Daylight {
 
     /// The look that goes with it.
     pub fn look(&self, shading: Shading, samples: u32) -> RenderSettings {
-        let shadow_m = if self.shadows { SHADOW_M } else { 0.0 };
+        let shadow_m = if self.shadows { MAX_SHADOW_M } else { 0.0 };
         RenderSettings { shading, samples, shadow_m, ..RenderSettings::under(self.direction(), self.haze_half_m) }
     }
 }

@@ -55,7 +55,7 @@ impl Occluder {
 }
 
 /// For each box, whether those before it may hide all of it.
-pub fn may_be_hidden(eye: DVec3, solids: &[Occluder]) -> Vec<bool> {
+pub fn may_be_occluded(eye: DVec3, solids: &[Occluder]) -> Vec<bool> {
     let near_m: Vec<f64> = solids.iter().map(|solid| solid.near_m(eye)).collect();
     let mut order: Vec<usize> = (0..solids.len()).collect();
     order.sort_by(|a, b| near_m[*a].total_cmp(&near_m[*b]));
@@ -93,12 +93,12 @@ mod tests {
             let front = block(100.0, degrees, 20.0);
             // 18 m above the eye after 55 to 70 m: 120 to 155 m above it after 470 m.
             let [low, high] = [50.0, 200.0].map(|height_m| block(500.0, degrees, height_m));
-            assert_eq!(may_be_hidden(EYE, &[low, high, front]), [true, false, false], "{degrees}");
+            assert_eq!(may_be_occluded(EYE, &[low, high, front]), [true, false, false], "{degrees}");
             // Whatever its height: it is beside, or it is in front of nothing.
             let beside = block(500.0, degrees + 60.0, 5.0);
-            assert_eq!(may_be_hidden(EYE, &[front, beside]), [false, false], "{degrees}");
+            assert_eq!(may_be_occluded(EYE, &[front, beside]), [false, false], "{degrees}");
             let side_by_side = [block(110.0, degrees, 5.0), front];
-            assert_eq!(may_be_hidden(EYE, &side_by_side), [false, false], "{degrees}");
+            assert_eq!(may_be_occluded(EYE, &side_by_side), [false, false], "{degrees}");
         }
     }
 
@@ -107,14 +107,14 @@ mod tests {
         // Blocks far away, 10 degrees from one to the next, and one in front of them that is 23 degrees wide to both sides.
         let row: Vec<Occluder> = (-3..=3).map(|i| block(1000.0, f64::from(i) * 10.0, 10.0)).collect();
         let solids: Vec<Occluder> = row.into_iter().chain([block(100.0, 0.0, 20.0)]).collect();
-        assert_eq!(may_be_hidden(EYE, &solids), [false, true, true, true, true, true, false, false]);
+        assert_eq!(may_be_occluded(EYE, &solids), [false, true, true, true, true, true, false, false]);
     }
 
     #[test]
     fn from_above_the_roofs_nothing_hides_anything() {
         let eye = EYE.with_z(500.0);
         let rows = [100.0, 300.0, 1000.0, 3000.0].map(|away_m| block(away_m, 20.0, 200.0));
-        assert_eq!(may_be_hidden(eye, &rows), [false; 4]);
+        assert_eq!(may_be_occluded(eye, &rows), [false; 4]);
     }
 
     #[test]
@@ -122,9 +122,9 @@ mod tests {
         // Nothing is known of what is inside, and the highest of it may be before the eyes.
         let own = Occluder { centre: EYE.with_z(10.0), half: DVec3::new(30.0, 30.0, 10.0) };
         let tower = block(300.0, 200.0, 300.0);
-        assert_eq!(may_be_hidden(EYE, &[tower, own]), [true, false]);
+        assert_eq!(may_be_occluded(EYE, &[tower, own]), [true, false]);
         // But not who stands on its roof.
-        assert_eq!(may_be_hidden(EYE.with_z(25.0), &[tower, own]), [false, false]);
-        assert!(may_be_hidden(EYE, &[]).is_empty());
+        assert_eq!(may_be_occluded(EYE.with_z(25.0), &[tower, own]), [false, false]);
+        assert!(may_be_occluded(EYE, &[]).is_empty());
     }
 }

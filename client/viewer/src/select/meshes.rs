@@ -30,9 +30,9 @@ pub(super) fn is_under_way(tile: TileRecord) -> bool {
 impl Visitor<'_> {
     /// Whether a leaf passes from what it lies in to its mesh: where rays tell which squares are seen, its own columns would be
     /// drawn only until its mesh is here. Those that are here or under way are drawn.
-    pub(super) fn goes_without_columns(&self, node: &TreeNode) -> bool {
+    pub(super) fn skips_columns(&self, node: &TreeNode) -> bool {
         let usable = |lod: &LeafLod| !lod.tile.is_bad();
-        self.sight.is_fed()
+        self.sight.has_feedback()
             && !is_under_way(node.tile)
             && node.lods.iter().any(usable)
             && self.error_px(node) > self.view.tau_px
@@ -43,7 +43,7 @@ impl Visitor<'_> {
         let visit = &mut scratch.visits[visit as usize];
         let node = self.tree.node(visit.at);
         let best = best(node, self.view);
-        let without = visit.asked && self.goes_without_columns(node);
+        let without = visit.asked && self.skips_columns(node);
         let pages = selection.stats.pages - if without { self.tree.pages_of(visit.at) } else { 0 };
         let room = self.view.budget_pages.saturating_sub(pages);
         let mut there = (best..node.lods.len()).filter(|lod| !node.lods[*lod].tile.is_bad()).peekable();
@@ -79,7 +79,7 @@ pub(super) fn drawn(visit: &Visit, view: &View, tree: &SceneTree) -> Option<(u8,
 
 /// Whose columns tell how much sky the mesh of a leaf sees: those of the nearest node above it that no way to it passes over,
 /// be the leaf's own here or not, so that a picture does not depend on how it was come to. None if that is not here.
-pub(super) fn told_by(leaf: NodeIndex, tree: &SceneTree) -> Option<NodeIndex> {
+pub(super) fn sky_source(leaf: NodeIndex, tree: &SceneTree) -> Option<NodeIndex> {
     let mut above = std::iter::successors(tree.node(leaf).parent, |at| tree.node(*at).parent);
     above.find(|at| !super::is_step(tree.node(*at), tree)).filter(|at| tree.node(*at).tile.is_resident())
 }

@@ -5,7 +5,7 @@
 //! Pure: knows neither wgpu nor HTTP nor the time. Three steps: **visit** from the root by falling error until everything
 //! that is seen is good enough (or the cache's budget is spent: then tau has risen to the error of what was refused), **cut**
 //! what can be drawn of it, **want** what is missing. What is hidden behind something else ([`sight`]) is good enough
-//! [`HIDDEN_TIMES_TAU`] times earlier.
+//! [`OCCLUDED_TAU_FACTOR`] times earlier.
 //!
 //! The cut is a set of squares that covers what the root covers; each is drawn from its own tile, or from the nearest
 //! resident ancestor's part of it. So there is never a hole, and rays can tell which square they hit before its tile is here.
@@ -33,9 +33,9 @@ use std::{cmp::Ordering, collections::BinaryHeap, ops::Range};
 
 /// What nobody can know to be seen is refined only while its error is over this many times tau. It costs a share of one over
 /// its square, and what suddenly is seen is no coarser than that.
-pub const UNKNOWN_TIMES_TAU: f64 = 16.0;
+pub const UNKNOWN_TAU_FACTOR: f64 = 16.0;
 /// The same for what is known to be hidden.
-pub const HIDDEN_TIMES_TAU: f64 = 64.0;
+pub const OCCLUDED_TAU_FACTOR: f64 = 64.0;
 
 /// A length, for an order by distance.
 const NEAR_FIRST_M: f64 = 64.0;
@@ -48,7 +48,7 @@ pub struct DrawTile {
     /// Whose tile is drawn there: its own, or an ancestor's. Resident.
     pub source: NodeIndex,
     /// Which level of detail of the square's mesh is drawn in place of that tile, which tells how much sky is seen
-    /// (`meshes::told_by`). Resident, too.
+    /// (`meshes::sky_source`). Resident, too.
     pub mesh_lod: Option<u8>,
 }
 
@@ -229,8 +229,8 @@ impl Visitor<'_> {
             selection.stats.culled += 1;
             return;
         }
-        self.push(root, (Visibility::Seen, true, true), scratch, selection);
-        let stands = self.sight.stands(self.view);
+        self.push(root, (Visibility::Visible, true, true), scratch, selection);
+        let stands = self.sight.is_camera_still(self.view);
         while let Some(Candidate { error_px, visit }) = scratch.heap.pop() {
             let Visit { at, sighted, coarse: was_coarse, .. } = scratch.visits[visit as usize];
             if error_px <= self.view.tau_px {
@@ -238,7 +238,7 @@ impl Visitor<'_> {
                 continue;
             }
             if !self.tree.node(at).lods.is_empty() {
-                if sighted == Visibility::Seen && !self.ask_mesh(visit, scratch, selection) {
+                if sighted == Visibility::Visible && !self.ask_mesh(visit, scratch, selection) {
                     selection.stats.tau_px = error_px;
                     break;
                 }
@@ -246,25 +246,25 @@ impl Visitor<'_> {
             }
             // Nearly as wrong as what may never be seen: its children are asked for even if nobody sees them.
             let is_coarse = |sighted: Visibility| {
-                let times = if sighted == Visibility::Hidden { HIDDEN_TIMES_TAU } else { UNKNOWN_TIMES_TAU };
+                let times = if sighted == Visibility::Occluded { OCCLUDED_TAU_FACTOR } else { UNKNOWN_TAU_FACTOR };
                 error_px > self.view.tau_px * times
             };
             let coarse = is_coarse(sighted);
-            let passed_over = self.is_passed_over(self.tree.node(at));
+            let passed_over = self.is_skipped_level(self.tree.node(at));
             let is_split = match sighted {
-                Visibility::Seen => true,
+                Visibility::Visible => true,
                 Visibility::Unknown => coarse || passed_over || self.any_child_is_here(at),
                 // Else it would become coarser, look over what hides it, be seen, become finer, be hidden again.
-                Visibility::Hidden if stands => self.sight.was_seen(at) && knows_children(self.tree.node(at)),
-                Visibility::Hidden => coarse,
+                Visibility::Occluded if stands => self.sight.was_visible(at) && knows_children(self.tree.node(at)),
+                Visibility::Occluded => coarse,
             };
             if !is_split {
                 continue;
             }
             let Children::InView(children) = self.children((at, sighted), error_px, selection) else { continue };
             let asked = |at: NodeIndex, sighted: Visibility| {
-                sighted == Visibility::Seen
-                    || !stands && is_coarse(sighted) && !self.goes_without_columns(self.tree.node(at))
+                sighted == Visibility::Visible
+                    || !stands && is_coarse(sighted) && !self.skips_columns(self.tree.node(at))
             };
             let (nodes, pages) = self.cost(&children, asked);
             let counters = &selection.stats;
@@ -290,8 +290,8 @@ impl Visitor<'_> {
 
     /// Whether a node that is refined is not fetched for its own sake: those of every second level, from the leaves' parents up,
     /// are only steps on the way. From its parent's part, rays tell which of its children are seen. Not while nobody tells.
-    fn is_passed_over(&self, node: &TreeNode) -> bool {
-        is_step(node, self.tree) && self.sight.is_fed() && !meshes::is_under_way(node.tile)
+    fn is_skipped_level(&self, node: &TreeNode) -> bool {
+        is_step(node, self.tree) && self.sight.has_feedback() && !meshes::is_under_way(node.tile)
     }
 
     /// Whether anything of a node can be drawn without its parent: from its own tile, or from its mesh or its children's.
@@ -339,7 +339,7 @@ impl Visitor<'_> {
         scratch.heap.push(Candidate { error_px, visit: scratch.visits.len() as u32 });
         scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None, mesh: None });
         selection.stats.visited += 1;
-        selection.stats.not_visible += u32::from(sighted != Visibility::Seen);
+        selection.stats.not_visible += u32::from(sighted != Visibility::Visible);
         selection.stats.pages += if asked { self.tree.pages_of(at) } else { 0 };
     }
 
@@ -369,7 +369,7 @@ impl Visitor<'_> {
             if !cull::in_view(&self.planes, known.centre, known.half) {
                 selection.stats.culled += 1;
             } else {
-                in_view[quadrant] = Some((child, self.sight.of(child, self.tree, self.view, sighted)));
+                in_view[quadrant] = Some((child, self.sight.visibility(child, self.tree, self.view, sighted)));
                 if known.tile.is_bad() {
                     selection.stats.blocked += 1;
                     stays = true;
@@ -425,15 +425,15 @@ fn cut(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch, selection:
                 let mesh = meshes::drawn(visit, view, tree);
                 let error_px = mesh.map_or(error_px, |(_, error_px)| error_px);
                 let mesh = mesh.map(|(lod, _)| lod);
-                let from = mesh.and_then(|_| meshes::told_by(visit.at, tree)).unwrap_or(from);
+                let from = mesh.and_then(|_| meshes::sky_source(visit.at, tree)).unwrap_or(from);
                 selection.draw_tiles.push(DrawTile { node: visit.at, source: from, mesh_lod: mesh });
                 meshes::count(visit, mesh, tree, selection);
                 selection.mesh_leaves.extend(visit.mesh.map(|_| visit.at));
-                if visit.sighted != Visibility::Hidden {
+                if visit.sighted != Visibility::Occluded {
                     selection.unoccluded.push(visit.at);
                     let counters = &mut selection.stats;
                     counters.worst_error_px = counters.worst_error_px.max(error_px);
-                    if visit.sighted == Visibility::Seen {
+                    if visit.sighted == Visibility::Visible {
                         counters.visible_error_px = counters.visible_error_px.max(error_px);
                     }
                 }

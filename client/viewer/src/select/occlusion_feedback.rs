@@ -24,19 +24,19 @@ const CONTRIBUTES: f64 = 1.0 / 300_000.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Visibility {
     /// Hit.
-    Seen,
+    Visible,
     /// Beside what was hit; or not drawn in the last picture as it would be now: it came into the frustum, or it lay in a
     /// square that was drawn. The next picture tells.
     Unknown,
     /// Drawn and not hit.
-    Hidden,
+    Occluded,
 }
 
 /// The squares that a picture was drawn with, to be told of with the pixels that hit each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OcclusionQuery {
     /// In the order of the ray-caster's nodes; one that is drawn in parts or by two nodes is named for each.
-    pub squares: Vec<NodeIndex>,
+    pub nodes: Vec<NodeIndex>,
     /// What was looked at.
     pub view: View,
     /// Which selection that was.
@@ -69,27 +69,27 @@ pub struct OcclusionFeedback {
 
 impl OcclusionFeedback {
     /// Takes in a picture: `pixels` are those that hit each square of `asked`; `whole` if no tile was missing.
-    pub fn feed(&mut self, asked: &OcclusionQuery, pixels: &[u32], whole: bool, tree: &SceneTree) {
+    pub fn update(&mut self, query: &OcclusionQuery, pixels: &[u32], whole: bool, tree: &SceneTree) {
         // Of the first picture nobody knows that the camera moves.
-        let same = self.view.is_none_or(|view| same_place(&view, &asked.view));
+        let same = self.view.is_none_or(|view| same_place(&view, &query.view));
         self.picture += 1;
         self.stood = if same { self.stood } else { self.picture };
         self.rest = self.rest.filter(|_| same).or(whole.then_some(self.picture));
-        self.view = Some(asked.view);
-        self.planes = Some(asked.view.planes());
+        self.view = Some(query.view);
+        self.planes = Some(query.view.planes());
         let pixels_of = |view: &View| u64::from(view.width_px) * u64::from(view.height_px);
-        let before = self.looked.filter(|(generation, _)| *generation == asked.generation);
-        self.looked = Some((asked.generation, pixels_of(&asked.view).max(before.map_or(0, |(_, most)| most))));
+        let before = self.looked.filter(|(generation, _)| *generation == query.generation);
+        self.looked = Some((query.generation, pixels_of(&query.view).max(before.map_or(0, |(_, most)| most))));
         self.hit.resize(tree.nodes().len(), 0);
         self.beside.resize(tree.nodes().len(), 0);
         self.drawn.resize(tree.nodes().len(), 0);
         self.pixels.resize(tree.nodes().len(), 0);
         self.hits = 0;
-        for (at, pixels) in asked.squares.iter().zip(pixels) {
+        for (at, pixels) in query.nodes.iter().zip(pixels) {
             self.pixels[at.0 as usize] += *pixels;
         }
-        let least = ((pixels_of(&asked.view) as f64 * CONTRIBUTES) as u32).max(1);
-        for at in &asked.squares {
+        let least = ((pixels_of(&query.view) as f64 * CONTRIBUTES) as u32).max(1);
+        for at in &query.nodes {
             stamp(&mut self.drawn, tree, Some(*at), self.picture);
             if std::mem::take(&mut self.pixels[at.0 as usize]) >= least {
                 self.hits += 1;
@@ -102,7 +102,7 @@ impl OcclusionFeedback {
     }
 
     /// What is known, for another view of which there is no picture yet.
-    pub fn for_another(&self) -> Self {
+    pub fn for_other_view(&self) -> Self {
         Self { looked: None, ..self.clone() }
     }
 
@@ -112,12 +112,12 @@ impl OcclusionFeedback {
     }
 
     /// Whether any picture was told of.
-    pub fn is_fed(&self) -> bool {
+    pub fn has_feedback(&self) -> bool {
         self.picture > 0
     }
 
     /// Whether the last picture was of this selection, with at least so many pixels along its sides.
-    pub fn has_looked(&self, generation: u64, size_px: [u32; 2]) -> bool {
+    pub fn covers(&self, generation: u64, size_px: [u32; 2]) -> bool {
         let pixels = size_px.map(u64::from).iter().product();
         self.looked.is_some_and(|(looked, most)| looked == generation && most >= pixels)
     }
@@ -128,34 +128,34 @@ impl OcclusionFeedback {
     }
 
     /// Whether the last two pictures were of this view (or there was but one): nothing will come into view.
-    pub(super) fn stands(&self, view: &View) -> bool {
+    pub(super) fn is_camera_still(&self, view: &View) -> bool {
         self.stood < self.picture && self.view.is_some_and(|last| same_place(&last, view))
     }
 
     /// Whether a ray hit a square, or something in it, in any picture since the camera stands.
-    pub(super) fn was_seen(&self, at: NodeIndex) -> bool {
+    pub(super) fn was_visible(&self, at: NodeIndex) -> bool {
         self.hit.get(at.0 as usize).is_some_and(|mark| *mark >= self.stood.max(1))
     }
 
     /// What is known of the square of `at` in `view`; `parent` is what is known of its parent.
-    pub(super) fn of(&self, at: NodeIndex, tree: &SceneTree, view: &View, parent: Visibility) -> Visibility {
-        let Some((planes, tested)) = self.planes.as_ref().zip(self.view.as_ref()) else { return Visibility::Seen };
+    pub(super) fn visibility(&self, at: NodeIndex, tree: &SceneTree, view: &View, parent: Visibility) -> Visibility {
+        let Some((planes, tested)) = self.planes.as_ref().zip(self.view.as_ref()) else { return Visibility::Visible };
         let place = at.0 as usize;
         let lately = |marks: &[u32]| marks.get(place).is_some_and(|mark| *mark >= self.since());
         if lately(&self.hit) {
-            return Visibility::Seen;
+            return Visibility::Visible;
         }
         let node = tree.node(at);
         let moved = !same_place(tested, view);
         // A camera that stands sees nothing new beside what it sees.
-        let beside = lately(&self.beside) && !self.stands(view);
+        let beside = lately(&self.beside) && !self.is_camera_still(view);
         if beside || moved && !cull::wholly_in_view(planes, node.centre, node.half) {
             return Visibility::Unknown;
         }
         match self.drawn.get(place) {
-            Some(drawn) if *drawn == self.picture => Visibility::Hidden,
+            Some(drawn) if *drawn == self.picture => Visibility::Occluded,
             // It lay in a drawn square. What lay in a hidden one is hidden.
-            _ if parent == Visibility::Hidden => Visibility::Hidden,
+            _ if parent == Visibility::Occluded => Visibility::Occluded,
             _ => Visibility::Unknown,
         }
     }

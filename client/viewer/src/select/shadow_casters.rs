@@ -20,9 +20,9 @@ use insula_protocol::Subtree;
 use std::collections::HashSet;
 
 /// A shadow's edge may be wrong by so many times tau.
-pub const CASTERS_TIMES_TAU: f64 = 3.0;
+pub const SHADOW_TAU_FACTOR: f64 = 3.0;
 /// Longest shadow that is cast, in metres: a low sun's would reach over the whole city, and haze takes them.
-pub const SHADOW_M: f64 = 3000.0;
+pub const MAX_SHADOW_M: f64 = 3000.0;
 /// Times that tau is doubled, at most, for want of memory.
 const DOUBLINGS: u32 = 8;
 
@@ -58,7 +58,7 @@ pub fn casters(view: &View, sun: DVec3, tree: &SceneTree, picture: Option<&Selec
     let Some(root) = tree.root().filter(|_| sun.z > 0.0) else { return ShadowCasters::default() };
     let node = tree.node(root);
     let low_m = node.centre.z - node.half.z;
-    let tau_px = view.tau_px * CASTERS_TIMES_TAU;
+    let tau_px = view.tau_px * SHADOW_TAU_FACTOR;
     let receivers = picture.map(|picture| &picture.unoccluded[..]);
     let meshed = picture.into_iter().flat_map(|picture| picture.mesh_leaves.iter().copied()).collect();
     let mut walker = Walker { view, tree, planes: view.planes(), sun, receivers, meshed, low_m, tau_px };
@@ -125,7 +125,7 @@ impl Walker<'_> {
     /// From a box along the light as far as its shadow goes.
     fn hull(&self, centre: DVec3, half: DVec3) -> DVec3 {
         let fall_m = (centre.z + half.z - self.low_m).max(0.0);
-        -self.sun * (fall_m / self.sun.z).min(SHADOW_M)
+        -self.sun * (fall_m / self.sun.z).min(MAX_SHADOW_M)
     }
 
     /// How wrong its shadow may look where that is nearest.

@@ -380,7 +380,12 @@ fn look(
 ) {
     let squares: Vec<NodeIndex> = selection.draw_tiles.iter().map(|item| item.node).collect();
     let pixels: Vec<u32> = squares.iter().map(|at| u32::from(hit(tree.node(*at).id))).collect();
-    sight.feed(&OcclusionQuery { squares, view: *view, generation }, &pixels, selection.requests.is_empty(), tree);
+    sight.update(
+        &OcclusionQuery { nodes: squares, view: *view, generation },
+        &pixels,
+        selection.requests.is_empty(),
+        tree,
+    );
 }
 
 /// Looks and fetches in turn until nothing is wanted.

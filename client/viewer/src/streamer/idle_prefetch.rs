@@ -56,7 +56,7 @@ impl Lookahead {
 
     /// Starts with the first side view of `request`, knowing what the rays of its frame hit.
     fn begin(&mut self, request: &FrameRequest, feedback: &OcclusionFeedback) {
-        let (of, feedback) = (Some(*request), feedback.for_another());
+        let (of, feedback) = (Some(*request), feedback.for_other_view());
         *self = Self { of, feedback, generation: self.generation + 1, ..Self::default() };
     }
 
@@ -76,7 +76,7 @@ impl Lookahead {
     fn next(&mut self, feedback: &OcclusionFeedback) {
         self.done += 1;
         self.generation += 1;
-        self.feedback = feedback.for_another();
+        self.feedback = feedback.for_other_view();
         self.selection = Selection::default();
     }
 
@@ -98,7 +98,7 @@ impl Lookahead {
     }
 
     fn has_feedback(&self, size_px: [u32; 2]) -> bool {
-        self.feedback.has_looked(self.generation, size_px)
+        self.feedback.covers(self.generation, size_px)
     }
 }
 
@@ -117,7 +117,12 @@ impl<F: TileFetcher> Streamer<F> {
         while let Some(camera) = self.lookahead.camera() {
             if !self.lookahead.has_feedback(small.size_px) {
                 let Lookahead { transitions, generation, .. } = &self.lookahead;
-                let inputs = FrameInputs { fades: transitions, casters: &[], generation: *generation, error_px: 0.0 };
+                let inputs = FrameInputs {
+                    transitions: transitions,
+                    shadow_casters: &[],
+                    generation: *generation,
+                    error_px: 0.0,
+                };
                 let view = self.view(&small, camera);
                 let settings = RenderSettings::default();
                 return LookaheadState::Draw(FrameData::new(inputs, &self.tree, &self.cache, &view, &settings).into());
@@ -134,7 +139,7 @@ impl<F: TileFetcher> Streamer<F> {
     /// Takes in what the rays of a side view's frame hit.
     pub fn report_prefetch_hits(&mut self, request: &FrameRequest, query: &OcclusionQuery, pixels: &[u32]) {
         let is_complete = self.is_prefetch_fetched();
-        self.lookahead.feedback.feed(query, pixels, is_complete, &self.tree);
+        self.lookahead.feedback.update(query, pixels, is_complete, &self.tree);
         self.occlusion_gate.told_all();
         self.select_prefetch(request);
     }

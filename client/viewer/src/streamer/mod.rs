@@ -245,10 +245,10 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Pins everything that the selection uses in the cache.
     fn touch_used(&mut self) {
-        for (square, face) in self.transitions.kept() {
-            self.cache.keep(TileKey::block_map(self.tree.node(face.from).id));
+        for (square, face) in self.transitions.fading_sources() {
+            self.cache.keep(TileKey::block_map(self.tree.node(face.source).id));
             let leaf = self.tree.node(square).id;
-            face.mesh.iter().for_each(|lod| self.cache.keep(TileKey::mesh(leaf, *lod)));
+            face.mesh_lod.iter().for_each(|lod| self.cache.keep(TileKey::mesh(leaf, *lod)));
         }
         // The coarsest last, so that it is evicted last among equals.
         for at in self.selection.used_nodes.iter().rev() {
@@ -269,7 +269,7 @@ impl<F: TileFetcher> Streamer<F> {
         let budget_pages = (capacity - capacity / 32).saturating_sub(counters.pages);
         let budget_nodes = slots_for(capacity).saturating_sub(counters.visited);
         let view = View { budget_pages, budget_nodes, tau_px: counters.tau_px, ..*view };
-        let receivers = self.feedback.is_fed().then_some(&self.selection);
+        let receivers = self.feedback.has_feedback().then_some(&self.selection);
         self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, receivers)).unwrap_or_default();
         let wanted: HashSet<TileKey> = self.selection.requests.iter().map(|w| w.key).collect();
         self.selection.requests.extend(self.casters.requests.iter().filter(|w| !wanted.contains(&w.key)));
@@ -332,9 +332,9 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Takes in how many pixels of a frame hit each of the nodes that it was drawn with.
     pub fn report_hits(&mut self, query: &OcclusionQuery, pixels: &[u32]) {
-        if !self.feedback.has_looked(query.generation, [query.view.width_px, query.view.height_px]) {
+        if !self.feedback.covers(query.generation, [query.view.width_px, query.view.height_px]) {
             let is_complete = self.is_fetched();
-            self.feedback.feed(query, pixels, is_complete, &self.tree);
+            self.feedback.update(query, pixels, is_complete, &self.tree);
             self.occlusion_gate.told(query.generation);
             self.lookahead.forget();
             self.has_news = true;
@@ -352,19 +352,19 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Whether levels of detail cross-fade ([`Transitions`]). Off by default.
     pub fn set_transitions(&mut self, is_on: bool) {
-        self.transitions.set(is_on);
+        self.transitions.set_enabled(is_on);
     }
 
     /// Ends all cross-fades: the next frame shows the selection as it is.
     pub fn end_transitions(&mut self) {
-        self.transitions.forget();
+        self.transitions.reset();
     }
 
     /// Arrays for the ray-caster, for the last selection.
     pub fn frame_data(&self, request: &FrameRequest, settings: &RenderSettings) -> FrameData {
         let (fades, casters) = (&self.transitions, &self.casters.nodes[..]);
         let error_px = self.selection.stats.visible_error_px;
-        let inputs = FrameInputs { fades, casters, generation: self.generation, error_px };
+        let inputs = FrameInputs { transitions: fades, shadow_casters: casters, generation: self.generation, error_px };
         FrameData::new(inputs, &self.tree, &self.cache, &self.view(request, request.camera), settings)
     }
 }
@@ -385,8 +385,8 @@ impl<F: TileFetcher> Streamer<F> {
     pub fn is_settled(&self) -> bool {
         self.is_fetched()
             && !self.adaptive.moves()
-            && self.transitions.passing() == 0
-            && (self.has_feedback([0, 0]) || !self.feedback.is_fed())
+            && self.transitions.fading_count() == 0
+            && (self.has_feedback([0, 0]) || !self.feedback.has_feedback())
     }
 
     /// Whether everything that the last selection asks for is resident.
@@ -397,13 +397,13 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Whether the hits of the last selection are known from a frame of at least this size, and changed nothing.
     pub fn has_feedback(&self, size_px: [u32; 2]) -> bool {
-        self.feedback.has_looked(self.generation, size_px)
+        self.feedback.covers(self.generation, size_px)
     }
 
     /// Whether the next frame has something to upload or to select again, so that it need not wait for an arrival.
     pub fn has_work(&self) -> bool {
         let arrived = !self.uploads.is_empty() || self.has_news;
-        arrived && !self.is_prefetching() || self.adaptive.moves() || self.transitions.passing() > 0
+        arrived && !self.is_prefetching() || self.adaptive.moves() || self.transitions.fading_count() > 0
     }
 
     /// Whether nothing is wanted and nothing is in flight.

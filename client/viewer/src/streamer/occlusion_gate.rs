@@ -10,8 +10,8 @@ use crate::{
     camera::View,
     scene::{SceneTree, TileKey, TileState},
     select::{
-        HIDDEN_TIMES_TAU,
-        horizon_culling::{Occluder, may_be_hidden},
+        OCCLUDED_TAU_FACTOR,
+        horizon_culling::{Occluder, may_be_occluded},
         priority::{PriorityGroup, TileRequest},
     },
 };
@@ -81,11 +81,11 @@ impl OcclusionGate {
             .filter_map(place)
             .map(|(key, node)| (key, Occluder { centre: node.centre, half: node.half }))
             .unzip();
-        let hidden = may_be_hidden(view.camera.position, &solids);
+        let hidden = may_be_occluded(view.camera.position, &solids);
         let waits: HashSet<TileKey> =
             keys.into_iter().zip(hidden).filter(|(_, hidden)| *hidden).map(|(key, _)| key).collect();
         // What is so wrong is all that there is to be seen yet.
-        let most_px = HIDDEN_TIMES_TAU * view.tau_px;
+        let most_px = OCCLUDED_TAU_FACTOR * view.tau_px;
         let is_loading = |key: TileKey| state(key) == Some(TileState::Loading);
         wanted.retain(|w| !waits.contains(&w.key) || w.weight > most_px || is_loading(w.key));
         wanted

@@ -10,7 +10,7 @@
 use super::{Streamer, TileFetcher};
 use crate::{
     scene::{TileKey, TileState},
-    select::{HIDDEN_TIMES_TAU, priority::TileRequest},
+    select::{OCCLUDED_TAU_FACTOR, priority::TileRequest},
 };
 use insula_protocol::{TileId, route::Layer};
 use std::time::Duration;
@@ -65,12 +65,12 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Whether no frame has reported yet which tiles are visible.
     pub(super) fn is_blind(&self) -> bool {
-        !self.feedback.is_fed()
+        !self.feedback.has_feedback()
     }
 
     fn requests_before_feedback(&self, tau_px: f64) -> Vec<TileRequest> {
         let is_coarse_subtree =
-            |w: &TileRequest| w.key.layer() == Layer::Subtrees && w.weight > HIDDEN_TIMES_TAU * tau_px;
+            |w: &TileRequest| w.key.layer() == Layer::Subtrees && w.weight > OCCLUDED_TAU_FACTOR * tau_px;
         let root = TileKey::block_map(TileId::ROOT);
         let is_first = |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || self.is_loading(w.key);
         self.selection.requests.iter().filter(is_first).copied().collect()

@@ -50,7 +50,7 @@ fn after_first_frame(fails: bool) -> (Streamer<Unresponsive>, FrameRequest) {
     streamer.select_and_request(&request, NOW);
     let squares: Vec<_> = streamer.selection.draw_tiles.iter().map(|item| item.node).collect();
     let pixels = vec![9; squares.len()];
-    let query = OcclusionQuery { squares, view: streamer.view(&request, camera), generation: 1 };
+    let query = OcclusionQuery { nodes: squares, view: streamer.view(&request, camera), generation: 1 };
     streamer.report_hits(&query, &pixels);
     (streamer, request)
 }
