@@ -14,7 +14,7 @@ use insula_viewer::{
     frame::{FrameData, FrameInputs, RenderSettings},
     scene::{SceneTree, TileEvent, TileKey},
     select::{
-        Selection, SelectionScratch, occlusion_feedback::OcclusionFeedback, select, shadow_casters::casters,
+        Selection, SelectionScratch, occlusion_feedback::OcclusionFeedback, select, shadow_casters::shadow_casters,
         transitions::Transitions,
     },
 };
@@ -75,7 +75,8 @@ impl<'a> Cold<'a> {
         }
         let changed = self.turn(view) || self.fades.fading_count() > 0;
         self.generation += u64::from(self.fades.step(&self.selection, &self.tree, secs));
-        let casters = look.casting().map(|sun| casters(view, sun, &self.tree, None)).unwrap_or_default();
+        let casters =
+            look.shadow_casting_sun().map(|sun| shadow_casters(view, sun, &self.tree, None)).unwrap_or_default();
         let drawn = FrameInputs {
             transitions: &self.fades,
             shadow_casters: &casters.nodes,
@@ -103,7 +104,7 @@ impl<'a> Cold<'a> {
             DecodedTile::Mesh(mesh) => PackedTile::Mesh(mesh),
             DecodedTile::Subtree(_) => return Ok(()),
         };
-        match self.cache.place(key, packed, &mut self.adapter) {
+        match self.cache.insert(key, packed, &mut self.adapter) {
             InsertResult::Inserted { evicted } if evicted.is_empty() => come(&mut self.tree, key, self.now),
             _ => anyhow::bail!("the view needs more memory than there is"),
         }

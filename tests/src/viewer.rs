@@ -117,7 +117,7 @@ impl Viewer {
 
 fn shot(view: &Camera) -> Result<FrameRequest> {
     let [position, target, up] = [view.position, view.target, view.up].map(DVec3::from);
-    let camera = camera::Camera::look(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
+    let camera = camera::Camera::look_at(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
     Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
 }
 

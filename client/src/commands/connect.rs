@@ -21,7 +21,7 @@ use insula_protocol::{
     manifest::is_name,
     route::{self, CITIES},
 };
-use insula_viewer::{scene::tile::wait_after, streamer::FetchError};
+use insula_viewer::{scene::tile::retry_delay, streamer::FetchError};
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
@@ -215,7 +215,7 @@ impl Asker<'_> {
                 Err(FetchError::Missing) => return Ok(None),
                 Err(error) => {
                     attempts = attempts.saturating_add(1);
-                    let wait = wait_after(attempts, crate::stream::jitter());
+                    let wait = retry_delay(attempts, crate::stream::jitter());
                     if start.elapsed() + wait <= timeout {
                         std::thread::sleep(wait);
                         continue;

@@ -35,8 +35,8 @@ pub fn run(args: &Fly, global: &Global) -> Result<()> {
     let path = read_path(&args.path)?;
     let first = shot(&path, args, global, 0.0)?;
     let mut session = start(&args.server, global, Some(Http::new(link(args))?), Some(&first))?;
-    let look = Daylight::new(&args.sun.into(), session.tree().manifest()).look(Shading::Lit, MOVING_SAMPLES);
-    session.set_sun(look.casting());
+    let look = Daylight::new(&args.sun.into(), session.tree().manifest()).render_settings(Shading::Lit, MOVING_SAMPLES);
+    session.set_sun(look.shadow_casting_sun());
     session.set_transitions(!args.no_fades);
     let report = fly(&mut session, &path, args, &look, global)?;
     match &args.report {
@@ -70,8 +70,8 @@ fn paced(session: &mut Session, shot: &FrameRequest, look: &RenderSettings, pace
 
 /// What is seen at `t` seconds.
 fn shot(path: &CameraPath, args: &Fly, global: &Global, t: f64) -> Result<FrameRequest> {
-    let camera = path.at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
-    Ok(FrameRequest { camera, heading: path.at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau })
+    let camera = path.camera_at(t).ok_or_else(|| ClientError::Usage("the path looks nowhere on its way".into()))?;
+    Ok(FrameRequest { camera, heading: path.camera_at(t + AHEAD_SECS), size_px: args.size, tau_px: global.tau })
 }
 
 /// Flies once along a path.

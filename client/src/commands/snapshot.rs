@@ -17,7 +17,7 @@ use insula_viewer::{
     cache::pages_for,
     frame::{RenderSettings, STILL_SAMPLES},
     scene::SceneTree,
-    streamer::{FrameRequest, SMALLER},
+    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
     sun::Daylight,
 };
 use std::{
@@ -40,7 +40,7 @@ pub fn run(args: &Snapshot, global: &Global) -> Result<()> {
     take(&mut session, &shot, global, args.shading, &daylight, &args.out)?;
     if let Some(path) = &args.distance {
         // One ray a pixel: a distance is that of the pixel's centre.
-        write_pfm(path, &session.draw(&shot, &daylight.look(args.shading, 1))?)?;
+        write_pfm(path, &session.draw(&shot, &daylight.render_settings(args.shading, 1))?)?;
     }
     match &args.report {
         Some(path) => session.report(global.tau).write(path),
@@ -73,8 +73,8 @@ pub(crate) fn take(
     daylight: &Daylight,
     out: &Path,
 ) -> Result<()> {
-    let look = daylight.look(shading, STILL_SAMPLES);
-    session.set_sun(look.casting());
+    let look = daylight.render_settings(shading, STILL_SAMPLES);
+    session.set_sun(look.shadow_casting_sun());
     settle(session, shot, Duration::from_secs(u64::from(global.timeout)))?;
     let before = Instant::now();
     let pixels = session.draw(shot, &look)?;
@@ -84,7 +84,7 @@ pub(crate) fn take(
 
 /// Streams until nothing better can be fetched, and no pixel shows what is not as good as it should be.
 pub fn settle(session: &mut Session, shot: &FrameRequest, timeout: Duration) -> Result<()> {
-    let coarse = shot.size_px.map(|side| (side / SMALLER).max(1));
+    let coarse = shot.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1));
     loop {
         session.update(shot);
         session.check(timeout)?;
@@ -108,5 +108,5 @@ pub fn settle(session: &mut Session, shot: &FrameRequest, timeout: Duration) -> 
 #[cfg(feature = "embedded")]
 pub(crate) fn overlook(session: &Session, size_px: [u32; 2]) -> insula_viewer::camera::Camera {
     let aspect = f64::from(size_px[0]) / f64::from(size_px[1].max(1));
-    insula_viewer::camera::Camera::overlook(session.tree().manifest().focus_bounds(), aspect)
+    insula_viewer::camera::Camera::overview(session.tree().manifest().focus_bounds(), aspect)
 }

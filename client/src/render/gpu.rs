@@ -156,11 +156,11 @@ impl GpuAdapter {
 }
 
 impl Upload for GpuAdapter {
-    fn page(&mut self, page: u32, words: &[u32]) {
+    fn write_page(&mut self, page: u32, words: &[u32]) {
         self.raycaster.write_page(&self.device.queue, page, words);
     }
 
-    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         self.raycaster.write_summary(&self.device.queue, slot, words);
     }
 }

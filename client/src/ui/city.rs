@@ -96,7 +96,7 @@ impl City {
     pub fn new(opening: Opening, settings: &Settings, aspect: f64) -> Self {
         let Opening { session, address, camera, daylight, tau_px, tour } = opening;
         let manifest = session.tree().manifest();
-        let camera = camera.unwrap_or_else(|| Camera::overlook(manifest.focus_bounds(), aspect));
+        let camera = camera.unwrap_or_else(|| Camera::overview(manifest.focus_bounds(), aspect));
         let size_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
         let control = Control::new(&camera, size_m, manifest.ground_z_m);
         tracing::info!("open: {}", manifest.name);
@@ -113,7 +113,7 @@ impl City {
                 help: false,
                 message: None,
             },
-            look: daylight.look(Shading::Lit, 1),
+            look: daylight.render_settings(Shading::Lit, 1),
             places: Places::default(),
             measure: Measure::default(),
             recorder: None,
@@ -171,7 +171,7 @@ impl City {
         }
         // Fewer pixels do not mean that less is fetched: what streams must not depend on how fast pixels come.
         let whole = self.shot(shell, 1);
-        self.session.set_sun(RenderSettings { shading: self.shown.shading, ..self.look }.casting());
+        self.session.set_sun(RenderSettings { shading: self.shown.shading, ..self.look }.shadow_casting_sun());
         self.session.update(&whole);
         let shot = self.shot(shell, detail.divide);
         let detail = Detail { fine: detail.fine && self.session.is_settled(), ..detail };
@@ -272,9 +272,9 @@ impl City {
     /// The sliders moved.
     fn moved(&mut self, before: (f64, Daylight), shell: &Shell, settings: &mut Settings) {
         if before.1 != self.shown.daylight {
-            self.look = self.shown.daylight.look(Shading::Lit, 1);
+            self.look = self.shown.daylight.render_settings(Shading::Lit, 1);
             settings.shadows = self.shown.daylight.shadows;
-            settings.time = self.shown.daylight.fixed.is_none().then(|| self.shown.daylight.text());
+            settings.time = self.shown.daylight.fixed_bearing.is_none().then(|| self.shown.daylight.time_text());
         }
         if before.0 != self.shown.tau_px {
             settings.tau_px = self.shown.tau_px;

@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     fn control() -> Control {
-        let camera = Camera::look(DVec3::new(0.0, -100.0, 100.0), DVec3::ZERO, DVec3::Z, 1.0).unwrap();
+        let camera = Camera::look_at(DVec3::new(0.0, -100.0, 100.0), DVec3::ZERO, DVec3::Z, 1.0).unwrap();
         Control::new(&camera, 1000.0, 0.0)
     }
 

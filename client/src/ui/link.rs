@@ -9,7 +9,7 @@ use crate::{
 use glam::DVec3;
 use insula_viewer::{
     camera::Camera,
-    sun::{Daylight, Time, time},
+    sun::{Daylight, SunTime, parse_time},
 };
 
 /// How links begin; others are plain addresses.
@@ -27,7 +27,7 @@ pub struct Link {
     /// Where to look from.
     pub camera: Option<Camera>,
     /// The light.
-    pub time: Option<Time>,
+    pub time: Option<SunTime>,
 }
 
 impl Link {
@@ -65,7 +65,7 @@ impl Link {
         for (name, value) in url.query_pairs() {
             match &*name {
                 "camera" => link.camera = Some(camera(&value).ok_or_else(|| wrong("camera"))?),
-                "time" => link.time = Some(time(&value).map_err(|e| wrong(&e))?),
+                "time" => link.time = Some(parse_time(&value).map_err(|e| wrong(&e))?),
                 "tls" => scheme = if value == "1" { "https" } else { "http" },
                 _ => {}
             }
@@ -91,9 +91,9 @@ pub fn link(address: &str, camera: &Camera, daylight: &Daylight) -> Option<Strin
     let p = camera.position;
     let (yaw, pitch) = camera.angles();
     let azimuth = (90.0 - yaw.to_degrees()).rem_euclid(360.0);
-    let time = match daylight.fixed {
+    let time = match daylight.fixed_bearing {
         Some(_) => String::new(),
-        None => format!("&time={}", daylight.text()),
+        None => format!("&time={}", daylight.time_text()),
     };
     Some(format!(
         "{SCHEME}{host}?camera={:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}{time}{tls}",
@@ -127,13 +127,14 @@ mod tests {
 
     #[test]
     fn a_copied_link_opens_the_same_view() {
-        let light = daylight(&SunOptions { time: Some(time("2024-06-21T17:00").unwrap()), ..SunOptions::default() });
+        let light =
+            daylight(&SunOptions { time: Some(parse_time("2024-06-21T17:00").unwrap()), ..SunOptions::default() });
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
                 let link = Link::parse(&link(&format!("{base}/v1/cities/tokyo"), &camera, &light).unwrap()).unwrap();
                 assert_eq!(link.address, format!("{base}/v1/cities/tokyo"));
-                assert_eq!(link.time, Some(time("2024-06-21T17:00").unwrap()));
+                assert_eq!(link.time, Some(parse_time("2024-06-21T17:00").unwrap()));
                 let back = link.camera.unwrap();
                 assert!((back.position - camera.position).length() < 2e-3, "{back:?}");
                 assert!((back.forward - camera.forward).length() < 1e-5 && (back.up - camera.up).length() < 1e-5);
@@ -143,7 +144,7 @@ mod tests {
         let camera = Camera::from_angles(DVec3::ZERO, 0.0, 0.0, 1.0);
         assert_eq!(link("", &camera, &light), None);
         let fixed = daylight(&SunOptions {
-            bearing: Some(insula_viewer::sun::azimuth_altitude("1,2").unwrap()),
+            bearing: Some(insula_viewer::sun::parse_bearing("1,2").unwrap()),
             ..SunOptions::default()
         });
         assert!(!link("http://h/v1/cities/a", &camera, &fixed).unwrap().contains("time"));

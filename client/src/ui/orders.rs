@@ -46,7 +46,7 @@ impl City {
         let daylight = &mut self.shown.daylight;
         daylight.shadows = !daylight.shadows;
         settings.shadows = daylight.shadows;
-        self.look = daylight.look(self.look.shading, self.look.samples);
+        self.look = daylight.render_settings(self.look.shading, self.look.samples);
     }
 
     pub(super) fn wish(&mut self, wish: Wish, shell: &Shell, settings: &mut Settings) {
@@ -54,7 +54,7 @@ impl City {
         match wish {
             Wish::Keep => {
                 let n = settings.bookmarks.get(&name).map_or(0, Vec::len) + 1;
-                let text = match settings.keep(&name, &format!("View {n}"), CameraFile::of(&camera)) {
+                let text = match settings.keep(&name, &format!("View {n}"), CameraFile::from_camera(&camera)) {
                     true => format!("kept as View {n}"),
                     false => "too many bookmarks: forget one first".to_owned(),
                 };

@@ -163,11 +163,11 @@ fn sun(ui: &mut Ui, daylight: &mut Daylight) {
         moved = true;
     }
     if moved {
-        daylight.fixed = None;
+        daylight.fixed_bearing = None;
     }
     ui.checkbox(&mut daylight.shadows, "sun shadows");
-    if !daylight.place.known {
-        let [north, _] = daylight.place.degrees();
+    if !daylight.site.is_known {
+        let [north, _] = daylight.site.degrees();
         ui.label(RichText::new(format!("place unknown, taken as {north:.0}\u{b0} north")).small());
     }
 }

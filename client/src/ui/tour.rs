@@ -43,7 +43,7 @@ impl Tour {
         {
             self.memory.push((t, bytes));
         }
-        let at = |t: f64| self.path.at(t % self.path.seconds);
+        let at = |t: f64| self.path.camera_at(t % self.path.seconds);
         Some((at(t)?, at(t + AHEAD_SECS)))
     }
 

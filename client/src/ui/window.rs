@@ -22,7 +22,7 @@ use crate::{
 use insula_protocol::Manifest;
 use insula_viewer::{
     camera::Camera,
-    sun::{Daylight, SunOptions, time},
+    sun::{Daylight, SunOptions, parse_time},
 };
 use std::{
     path::PathBuf,
@@ -248,7 +248,7 @@ impl App {
             (Ok(found), Some(shell)) => {
                 let mut asked = self.start.sun;
                 if asked.time.is_none() && asked.bearing.is_none() {
-                    asked.time = self.settings.time.as_deref().and_then(|text| time(text).ok());
+                    asked.time = self.settings.time.as_deref().and_then(|text| parse_time(text).ok());
                 }
                 asked.shadows = asked.shadows.or(Some(self.settings.shadows));
                 let [width, height] = shell.surface.size_px().map(f64::from);

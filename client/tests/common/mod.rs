@@ -290,6 +290,6 @@ pub fn session(server: &Server, cache_mib: u64) -> Session {
 /// From the city's corner, in metres; 160 x 90 pixels.
 pub fn shot(position: [f64; 3], target: [f64; 3]) -> FrameRequest {
     let world = DVec3::from(ORIGIN);
-    let camera = Camera::look(world + DVec3::from(position), world + DVec3::from(target), DVec3::Z, 1.0).unwrap();
+    let camera = Camera::look_at(world + DVec3::from(position), world + DVec3::from(target), DVec3::Z, 1.0).unwrap();
     FrameRequest { camera, heading: None, size_px: [160, 90], tau_px: 1.0 }
 }

@@ -28,7 +28,7 @@ pub struct Camera {
 
 impl Camera {
     /// Looks from `position` to `target`. `None` if the two are the same. An `up` along the view is replaced.
-    pub fn look(position: DVec3, target: DVec3, up: DVec3, fov_y_rad: f64) -> Option<Self> {
+    pub fn look_at(position: DVec3, target: DVec3, up: DVec3, fov_y_rad: f64) -> Option<Self> {
         let forward = (target - position).try_normalize()?;
         let up = up.try_normalize().unwrap_or(DVec3::Z);
         let right = [up, DVec3::Y, DVec3::X].into_iter().map(|up| forward.cross(up)).find(|r| r.length() > 1e-6)?;
@@ -57,7 +57,7 @@ impl Camera {
     }
 
     /// Sees all of `bounds` (`[min, max]`) from the south-east, 25 degrees above the horizon.
-    pub fn overlook(bounds: [[f64; 3]; 2], aspect: f64) -> Self {
+    pub fn overview(bounds: [[f64; 3]; 2], aspect: f64) -> Self {
         let (low, high) = (DVec3::from(bounds[0]), DVec3::from(bounds[1]));
         let fov_y_rad = 50f64.to_radians();
         // Most of a city is low: one tower would lift the middle of the box into the air.
@@ -68,7 +68,7 @@ impl Camera {
         // The half-diagonal fits exactly where the picture is narrowest; a city is flat, so most of the sphere is air.
         let distance_m = (0.62 * 0.5 * (high - low).length() / half_fov.sin()).max(10.0);
         let position = centre + away * distance_m;
-        Self::look(position, centre, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
+        Self::look_at(position, centre, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
     }
 }
 
@@ -158,11 +158,11 @@ impl CameraFile {
         if !numbers.into_iter().all(|v| v.is_finite()) || !(1.0..=170.0).contains(&self.fov_y_deg) {
             return None;
         }
-        Camera::look(self.position.into(), self.target.into(), self.up.into(), self.fov_y_deg.to_radians())
+        Camera::look_at(self.position.into(), self.target.into(), self.up.into(), self.fov_y_deg.to_radians())
     }
 
     /// The file of a camera.
-    pub fn of(camera: &Camera) -> Self {
+    pub fn from_camera(camera: &Camera) -> Self {
         let target = camera.position + camera.forward * 100.0;
         Self {
             position: camera.position.to_array(),
@@ -228,7 +228,7 @@ impl CameraPath {
     }
 
     /// The camera at `t` seconds; before the first and after the last key it stands still.
-    pub fn at(&self, t: f64) -> Option<Camera> {
+    pub fn camera_at(&self, t: f64) -> Option<Camera> {
         let next = self.keys.iter().position(|k| k.t > t).unwrap_or(self.keys.len());
         let a = self.keys.get(next.saturating_sub(1))?;
         let b = self.keys.get(next).unwrap_or(a);
@@ -245,11 +245,11 @@ mod tests {
     #[test]
     fn axes_are_square_even_straight_down() {
         for target in [DVec3::new(0.0, 0.0, -10.0), DVec3::new(3.0, 4.0, 5.0)] {
-            let c = Camera::look(DVec3::ZERO, target, DVec3::Z, 1.0).unwrap();
+            let c = Camera::look_at(DVec3::ZERO, target, DVec3::Z, 1.0).unwrap();
             assert!(c.right.dot(c.forward).abs() < 1e-12 && c.up.dot(c.forward).abs() < 1e-12);
             assert!((c.right.cross(c.forward) - c.up).length() < 1e-12);
         }
-        assert!(Camera::look(DVec3::ONE, DVec3::ONE, DVec3::Z, 1.0).is_none());
+        assert!(Camera::look_at(DVec3::ONE, DVec3::ONE, DVec3::Z, 1.0).is_none());
     }
 
     #[test]
@@ -257,13 +257,13 @@ mod tests {
         let c = Camera::from_angles(DVec3::ZERO, 2.0, -0.7, 1.0);
         let (yaw, pitch) = c.angles();
         assert!((yaw - 2.0).abs() < 1e-12 && (pitch + 0.7).abs() < 1e-12);
-        let same = Camera::look(DVec3::ZERO, c.forward, DVec3::Z, 1.0).unwrap();
+        let same = Camera::look_at(DVec3::ZERO, c.forward, DVec3::Z, 1.0).unwrap();
         assert!((same.right - c.right).length() < 1e-12 && (same.up - c.up).length() < 1e-12);
     }
 
     #[test]
     fn planes_hold_what_is_seen() {
-        let camera = Camera::look(DVec3::new(5.0, 5.0, 5.0), DVec3::new(5.0, 50.0, 5.0), DVec3::Z, 1.0).unwrap();
+        let camera = Camera::look_at(DVec3::new(5.0, 5.0, 5.0), DVec3::new(5.0, 50.0, 5.0), DVec3::Z, 1.0).unwrap();
         let view = View { camera, width_px: 200, height_px: 100, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
         let sees = |p: DVec3| view.planes().iter().all(|plane| plane.normal.dot(p) + plane.offset >= 0.0);
         let edge = (0.5f64).tan() * 10.0;
@@ -277,7 +277,7 @@ mod tests {
     fn paths_interpolate() {
         let text = r#"{"seconds":4,"keys":[{"t":0,"position":[0,0,0],"target":[0,1,0]},{"t":4,"position":[8,0,0],"target":[8,1,0]}]}"#;
         let path: CameraPath = serde_json::from_str(text).unwrap();
-        assert_eq!(path.at(1.0).unwrap().position, DVec3::new(2.0, 0.0, 0.0));
-        assert_eq!(path.at(99.0).unwrap().position, DVec3::new(8.0, 0.0, 0.0));
+        assert_eq!(path.camera_at(1.0).unwrap().position, DVec3::new(2.0, 0.0, 0.0));
+        assert_eq!(path.camera_at(99.0).unwrap().position, DVec3::new(8.0, 0.0, 0.0));
     }
 }

@@ -20,8 +20,8 @@ const SUBTREE_BYTES: usize = 128 << 10;
 const BLOCK_MAP_BYTES: usize = 8 << 20;
 
 /// Largest tile of any kind.
-pub const MOST_BYTES: usize = mesh_tile::MAX_BYTES;
-const _: () = assert!(MOST_BYTES >= BLOCK_MAP_BYTES && MOST_BYTES >= SUBTREE_BYTES);
+pub const MAX_TILE_BYTES: usize = mesh_tile::MAX_BYTES;
+const _: () = assert!(MAX_TILE_BYTES >= BLOCK_MAP_BYTES && MAX_TILE_BYTES >= SUBTREE_BYTES);
 
 /// A tile's content.
 #[derive(Debug)]

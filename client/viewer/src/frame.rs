@@ -47,13 +47,13 @@ pub struct RenderSettings {
 
 impl RenderSettings {
     /// Lit by a sun in direction `sun`, in air that takes half of what is `haze_half_m` away; one ray a pixel, no shadows.
-    pub fn under(sun: DVec3, haze_half_m: f64) -> Self {
+    pub fn lit_by(sun: DVec3, haze_half_m: f64) -> Self {
         let light = Light::of_sun(sun.as_vec3(), haze_half_m as f32);
         Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0 }
     }
 
     /// Where shadows come from; nowhere by night, without them, and where light is not shown.
-    pub fn casting(&self) -> Option<DVec3> {
+    pub fn shadow_casting_sun(&self) -> Option<DVec3> {
         let day = self.sun.z > 0.0 && self.light.sun[0] > 0.0;
         (day && self.shadow_m > 0.0 && self.shading == Shading::Lit).then_some(self.sun)
     }
@@ -62,7 +62,7 @@ impl RenderSettings {
 impl Default for RenderSettings {
     /// Lit by an afternoon's sun from the south-west, 45 degrees high.
     fn default() -> Self {
-        Self::under(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), 6000.0)
+        Self::lit_by(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), 6000.0)
     }
 }
 
@@ -222,7 +222,7 @@ fn frame(tree: &SceneTree, view: &View, look: &RenderSettings) -> Frame {
         ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
         ground: 1,
         light: look.light,
-        shadow_m: if look.casting().is_some() { look.shadow_m as f32 } else { 0.0 },
+        shadow_m: if look.shadow_casting_sun().is_some() { look.shadow_m as f32 } else { 0.0 },
         ..Frame::zeroed()
     }
 }

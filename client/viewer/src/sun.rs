@@ -30,7 +30,7 @@ const HAZE_M: [f64; 2] = [4000.0, 60_000.0];
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SunOptions {
     /// Date and hour.
-    pub time: Option<Time>,
+    pub time: Option<SunTime>,
     /// A fixed position of the sun, whatever the date.
     pub bearing: Option<Bearing>,
     /// Whether the sun casts shadows; on by default.
@@ -39,7 +39,7 @@ pub struct SunOptions {
 
 /// A date and hour as typed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Time {
+pub struct SunTime {
     at: NaiveDateTime,
     /// Whether `at` is universal time, else the place's solar time.
     universal: bool,
@@ -61,27 +61,27 @@ pub struct SiteLocation {
     /// From the grid's north to true north, clockwise.
     north_deg: f64,
     /// Whether the CRS says so.
-    pub known: bool,
+    pub is_known: bool,
 }
 
 /// What the sun does over a city.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Daylight {
     /// Where.
-    pub place: SiteLocation,
+    pub site: SiteLocation,
     /// The day there.
     pub date: NaiveDate,
     /// Mean solar time, 0 to 24.
     pub hour: f64,
     /// Overrules date and hour.
-    pub fixed: Option<Bearing>,
+    pub fixed_bearing: Option<Bearing>,
     /// Whether the sun casts shadows.
     pub shadows: bool,
     haze_half_m: f64,
 }
 
 /// Reads `--time`.
-pub fn time(text: &str) -> Result<Time, String> {
+pub fn parse_time(text: &str) -> Result<SunTime, String> {
     let wrong =
         || format!("write 2024-06-21T17:00, or 2024-06-21T17:00+09:00; years {} to {}", YEARS.start(), YEARS.end());
     let zoned = text.strip_suffix(['Z', 'z']).map(|t| format!("{t}+00:00")).unwrap_or_else(|| text.to_owned());
@@ -94,11 +94,11 @@ pub fn time(text: &str) -> Result<Time, String> {
         (None, Some(at)) => (at, false),
         (None, None) => return Err(wrong()),
     };
-    if YEARS.contains(&at.year()) { Ok(Time { at, universal }) } else { Err(wrong()) }
+    if YEARS.contains(&at.year()) { Ok(SunTime { at, universal }) } else { Err(wrong()) }
 }
 
 /// Reads `--sun`.
-pub fn azimuth_altitude(text: &str) -> Result<Bearing, String> {
+pub fn parse_bearing(text: &str) -> Result<Bearing, String> {
     let wrong = || "write AZIMUTH,ALTITUDE in degrees, like 250,20: -360 to 360, and -90 to 90".to_owned();
     let (azimuth, altitude) = text.split_once(',').ok_or_else(wrong)?;
     let number = |t: &str, most: f64| t.trim().parse().ok().filter(|v: &f64| v.abs() <= most).ok_or_else(wrong);
@@ -116,10 +116,10 @@ impl Bearing {
 
 impl SiteLocation {
     /// Of the city's centre; without a CRS that is known, a place at 40 degrees north.
-    pub fn of(manifest: &Manifest) -> Self {
+    pub fn from_manifest(manifest: &Manifest) -> Self {
         let [low, high] = manifest.focus.map(DVec2::from);
         let located = manifest.crs.as_deref().and_then(|crs| locate(crs, (low + high) * 0.5));
-        located.unwrap_or(Self { location: UNKNOWN, north_deg: 0.0, known: false })
+        located.unwrap_or(Self { location: UNKNOWN, north_deg: 0.0, is_known: false })
     }
 
     /// Degrees north and east.
@@ -147,26 +147,32 @@ fn locate(crs: &str, at: DVec2) -> Option<SiteLocation> {
     let (here, north) = (degrees(at)?, degrees(at + DVec2::Y * 1000.0)?);
     let way = (north - here) * DVec2::new(here.y.to_radians().cos(), 1.0);
     let location = Location { latitude: here.y, longitude: here.x };
-    Some(SiteLocation { location, north_deg: -way.x.atan2(way.y).to_degrees(), known: true })
+    Some(SiteLocation { location, north_deg: -way.x.atan2(way.y).to_degrees(), is_known: true })
 }
 
 impl Daylight {
     /// What was typed, or a late afternoon in September.
     pub fn new(args: &SunOptions, manifest: &Manifest) -> Self {
-        let place = SiteLocation::of(manifest);
+        let site = SiteLocation::from_manifest(manifest);
         let diagonal_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
         let haze_half_m = (diagonal_m * HAZE_DIAGONALS).clamp(HAZE_M[0], HAZE_M[1]);
         let date = NaiveDate::from_ymd_opt(2024, 9, 15).unwrap_or_default();
-        let mut daylight =
-            Self { place, date, hour: 16.5, fixed: args.bearing, shadows: args.shadows.unwrap_or(true), haze_half_m };
+        let mut daylight = Self {
+            site,
+            date,
+            hour: 16.5,
+            fixed_bearing: args.bearing,
+            shadows: args.shadows.unwrap_or(true),
+            haze_half_m,
+        };
         if let Some(time) = args.time {
-            daylight.set(&time);
+            daylight.set_time(&time);
         }
         daylight
     }
 
     /// Lets hours pass, over midnight too.
-    pub fn later(&mut self, hours: f64) {
+    pub fn advance(&mut self, hours: f64) {
         let hour = self.hour + hours;
         let days = (hour / 24.0).floor();
         let moved = if days < 0.0 {
@@ -180,16 +186,16 @@ impl Daylight {
 
     /// Where the sun stands, from the true north.
     pub fn bearing(&self) -> Bearing {
-        self.fixed.or_else(|| self.computed()).unwrap_or(Bearing { azimuth_deg: 225.0, altitude_deg: 45.0 })
+        self.fixed_bearing.or_else(|| self.computed()).unwrap_or(Bearing { azimuth_deg: 225.0, altitude_deg: 45.0 })
     }
 
     fn computed(&self) -> Option<Bearing> {
         let midnight =
             JulianDate::from_utc(self.date.year(), self.date.month(), self.date.day(), 0, 0, 0.0, DELTA_T_SECS).ok()?;
-        let universal_hour = self.hour - self.place.location.longitude / 15.0;
+        let universal_hour = self.hour - self.site.location.longitude / 15.0;
         let time = JulianDate::new(midnight.julian_date() + universal_hour / 24.0, DELTA_T_SECS).ok()?;
         let refraction = Some(RefractionCorrection::standard());
-        let sun = SolarPositions::new().at_from_julian(time, self.place.location, 0.0, refraction).ok()?;
+        let sun = SolarPositions::new().at_from_julian(time, self.site.location, 0.0, refraction).ok()?;
         Some(Bearing { azimuth_deg: sun.azimuth(), altitude_deg: sun.elevation_angle() })
     }
 
@@ -197,28 +203,28 @@ impl Daylight {
     pub fn direction(&self) -> DVec3 {
         let Bearing { azimuth_deg, altitude_deg } = self.bearing();
         // Told where to be, it is told by the city's own north.
-        let north_deg = if self.fixed.is_some() { 0.0 } else { self.place.north_deg };
+        let north_deg = if self.fixed_bearing.is_some() { 0.0 } else { self.site.north_deg };
         Bearing { azimuth_deg: azimuth_deg + north_deg, altitude_deg }.direction()
     }
 
     /// Date and hour as `--time` takes them, to the minute.
-    pub fn text(&self) -> String {
+    pub fn time_text(&self) -> String {
         let minutes = ((self.hour * 60.0).round() as u32).min(24 * 60 - 1);
         format!("{}T{:02}:{:02}", self.date.format("%Y-%m-%d"), minutes / 60, minutes % 60)
     }
 
     /// Goes to a date and hour.
-    pub fn set(&mut self, time: &Time) {
+    pub fn set_time(&mut self, time: &SunTime) {
         let since_midnight = f64::from(time.at.num_seconds_from_midnight()) / 3600.0;
-        let ahead = if time.universal { self.place.location.longitude / 15.0 } else { 0.0 };
-        (self.date, self.hour, self.fixed) = (time.at.date(), 0.0, None);
-        self.later(since_midnight + ahead);
+        let ahead = if time.universal { self.site.location.longitude / 15.0 } else { 0.0 };
+        (self.date, self.hour, self.fixed_bearing) = (time.at.date(), 0.0, None);
+        self.advance(since_midnight + ahead);
     }
 
     /// The look that goes with it.
-    pub fn look(&self, shading: Shading, samples: u32) -> RenderSettings {
+    pub fn render_settings(&self, shading: Shading, samples: u32) -> RenderSettings {
         let shadow_m = if self.shadows { MAX_SHADOW_M } else { 0.0 };
-        RenderSettings { shading, samples, shadow_m, ..RenderSettings::under(self.direction(), self.haze_half_m) }
+        RenderSettings { shading, samples, shadow_m, ..RenderSettings::lit_by(self.direction(), self.haze_half_m) }
     }
 }
 
@@ -233,7 +239,7 @@ mod tests {
     }
 
     fn at(text: &str) -> SunOptions {
-        SunOptions { time: Some(time(text).unwrap()), ..SunOptions::default() }
+        SunOptions { time: Some(parse_time(text).unwrap()), ..SunOptions::default() }
     }
 
     /// Delft's Nieuwe Kerk: 52.0123 N, 4.3609 E.
@@ -241,16 +247,19 @@ mod tests {
 
     #[test]
     fn a_crs_is_a_place() {
-        let place = daylight(Some("EPSG:7415"), DELFT, &SunOptions::default()).place;
+        let place = daylight(Some("EPSG:7415"), DELFT, &SunOptions::default()).site;
         let [north, east] = place.degrees();
-        assert!(place.known && (north - 52.0123).abs() < 0.005 && (east - 4.3609).abs() < 0.01, "{place:?}");
+        assert!(place.is_known && (north - 52.0123).abs() < 0.005 && (east - 4.3609).abs() < 0.01, "{place:?}");
         // West of its system's middle at 5.39 E, true north is to the right of the grid's by sin(52 deg) of the difference.
         assert!((place.north_deg - 0.81).abs() < 0.05, "{place:?}");
         for zone in ["EPSG:32654", "EPSG:6677", "EPSG:10170"] {
-            assert!(daylight(Some(zone), DVec2::new(-8000.0, -36_000.0), &SunOptions::default()).place.known, "{zone}");
+            assert!(
+                daylight(Some(zone), DVec2::new(-8000.0, -36_000.0), &SunOptions::default()).site.is_known,
+                "{zone}"
+            );
         }
         for unknown in [None, Some("EPSG:1"), Some("EPSG:99999"), Some("somewhere")] {
-            assert!(!daylight(unknown, DELFT, &SunOptions::default()).place.known, "{unknown:?}");
+            assert!(!daylight(unknown, DELFT, &SunOptions::default()).site.is_known, "{unknown:?}");
         }
     }
 
@@ -272,21 +281,21 @@ mod tests {
         // 4.36 degrees east are 17 and a half minutes.
         assert!((a - direction("2024-06-21T14:47:26")).length() < 1e-3);
         let mut day = daylight(None, DELFT, &at("2024-02-28T23:00"));
-        day.later(1.5);
+        day.advance(1.5);
         assert_eq!((day.date, day.hour), (NaiveDate::from_ymd_opt(2024, 2, 29).unwrap(), 0.5));
-        day.later(-1.0);
+        day.advance(-1.0);
         assert_eq!((day.date, day.hour), (NaiveDate::from_ymd_opt(2024, 2, 28).unwrap(), 23.5));
     }
 
     #[test]
     fn what_is_typed() {
         for wrong in ["17:00", "2024-06-21", "2024-13-01T00:00", "1200-01-01T00:00", "2024-06-21T25:00", "tomorrow"] {
-            assert!(time(wrong).is_err(), "{wrong}");
+            assert!(parse_time(wrong).is_err(), "{wrong}");
         }
-        let west = azimuth_altitude("-90, 0").unwrap();
+        let west = parse_bearing("-90, 0").unwrap();
         assert!((west.direction() + DVec3::X).length() < 1e-12);
         for wrong in ["1", "1,91", "x,1", "NaN,1", "1,2,3"] {
-            assert!(azimuth_altitude(wrong).is_err(), "{wrong}");
+            assert!(parse_bearing(wrong).is_err(), "{wrong}");
         }
         let fixed = SunOptions { bearing: Some(west), ..SunOptions::default() };
         assert!((daylight(Some("EPSG:7415"), DELFT, &fixed).direction() + DVec3::X).length() < 1e-12);

@@ -113,7 +113,7 @@ fn main() -> Result<()> {
         Some(path) => insula_client::camera_files::read_camera(path)?,
         None => {
             let view = Stand::Street.camera();
-            Camera::look(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
+            Camera::look_at(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
                 .context("looks nowhere")?
         }
     };

@@ -112,7 +112,7 @@ impl<R: Ranges> Guarded<R> {
     async fn guarded(&self, offset: u64, length: usize) -> Result<BackendResponse, FetchError> {
         let [from, to] = [0, 1].map(|i| self.leaves[i].load(Ordering::Relaxed));
         let is_leaf = (from..to).contains(&offset);
-        let most = if is_leaf { PACKED_BYTES } else { insula_viewer::decode::MOST_BYTES };
+        let most = if is_leaf { PACKED_BYTES } else { insula_viewer::decode::MAX_TILE_BYTES };
         if length > most {
             return Err(FetchError::Archive(format!("it asks for {length} bytes at once")));
         }

@@ -10,7 +10,7 @@ use super::{Pending, Source};
 use crate::error::{ClientError, Result};
 use bytes::Bytes;
 use insula_protocol::{Manifest, route::Layer};
-use insula_viewer::{decode::MOST_BYTES, scene::TileKey};
+use insula_viewer::{decode::MAX_TILE_BYTES, scene::TileKey};
 use lru::LruCache;
 use std::{
     fs, io,
@@ -92,7 +92,7 @@ impl Folder {
     pub fn read(&self, name: &str) -> Option<Bytes> {
         let length = *self.kept().files.get(name)?;
         let path = self.path.join(name);
-        let file = (length as usize <= MOST_BYTES + SUM_BYTES).then(|| fs::read(&path)).and_then(Result::ok);
+        let file = (length as usize <= MAX_TILE_BYTES + SUM_BYTES).then(|| fs::read(&path)).and_then(Result::ok);
         let good = file.filter(|file| {
             let sum = file.first_chunk::<SUM_BYTES>();
             sum.is_some_and(|sum| *blake3::hash(&file[SUM_BYTES..]).as_bytes() == *sum)
@@ -114,7 +114,7 @@ impl Folder {
     /// Keeps `bytes` under `name`, if there is room once the oldest have gone.
     pub fn write(&self, name: &str, bytes: &[u8]) {
         let length = (bytes.len() + SUM_BYTES) as u64;
-        if length > self.limit_bytes || bytes.len() > MOST_BYTES || self.has(name) {
+        if length > self.limit_bytes || bytes.len() > MAX_TILE_BYTES || self.has(name) {
             return;
         }
         let serial = self.serial.fetch_add(1, Ordering::Relaxed);

@@ -24,9 +24,9 @@ pub const PAGE_BYTES: u64 = PAGE_WORDS as u64 * 4;
 /// Where the words go.
 pub trait Upload {
     /// Writes one page of the atlas.
-    fn page(&mut self, page: u32, words: &[u32]);
+    fn write_page(&mut self, page: u32, words: &[u32]);
     /// Writes one node's summary.
-    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]);
+    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]);
 }
 
 /// A resident node: where it is, and what the ray-caster must know of it.
@@ -151,14 +151,14 @@ impl AtlasCache {
     }
 
     /// Pins `key` for this frame. Touch what may go first among equals first.
-    pub fn touch(&mut self, key: TileKey) {
+    pub fn pin(&mut self, key: TileKey) {
         if let Some(entry) = self.entries.get_mut(&key) {
             entry.last_frame = self.frame;
         }
     }
 
-    /// `key` goes last of what is not pinned. To be called before this frame's [`AtlasCache::touch`]es.
-    pub fn keep(&mut self, key: TileKey) {
+    /// `key` goes last of what is not pinned. To be called before this frame's [`AtlasCache::pin`]es.
+    pub fn promote(&mut self, key: TileKey) {
         self.entries.promote(&key);
     }
 
@@ -179,7 +179,7 @@ impl AtlasCache {
     }
 
     /// Puts something in, evicting what is least recently used and not pinned. What is in already is placed anew.
-    pub fn place(&mut self, key: TileKey, packed: PackedTile, upload: &mut impl Upload) -> InsertResult {
+    pub fn insert(&mut self, key: TileKey, packed: PackedTile, upload: &mut impl Upload) -> InsertResult {
         self.remove(key);
         let wanted = packed.pages().len() as u32;
         let slots = u32::from(matches!(packed, PackedTile::Node(_)));
@@ -255,7 +255,7 @@ impl AtlasCache {
 fn place_node(mut node: PackedNode, pages: &[u32], slot: u32, upload: &mut impl Upload) -> CachedNode {
     node.relocate(pages);
     write(&node.pages, pages, upload);
-    upload.summary(slot, &node.summary);
+    upload.write_summary(slot, &node.summary);
     let PackedNode { cell_m, z_step_m, z_base_m, z_range, below, z_shift, .. } = node;
     CachedNode { pages: pages.to_vec(), slot, cell_m, z_step_m, z_base_m, z_range, below, z_shift }
 }
@@ -269,7 +269,7 @@ fn place_mesh(mut mesh: PackedMesh, pages: &[u32], upload: &mut impl Upload) -> 
 
 fn write(words: &[Page], pages: &[u32], upload: &mut impl Upload) {
     for (page, words) in pages.iter().zip(words) {
-        upload.page(*page, words);
+        upload.write_page(*page, words);
     }
 }
 
@@ -291,11 +291,11 @@ mod tests {
     }
 
     impl Upload for Fake {
-        fn page(&mut self, page: u32, words: &[u32]) {
+        fn write_page(&mut self, page: u32, words: &[u32]) {
             assert_eq!(words.len(), PAGE_WORDS);
             self.pages.insert(page, words.to_vec());
         }
-        fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+        fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
             self.summaries.insert(slot, *words);
         }
     }
@@ -364,16 +364,16 @@ mod tests {
     fn least_recently_used_goes_first_and_the_frame_s_nodes_stay() {
         let (mut cache, mut fake) = (AtlasCache::new(16), Fake::default());
         for x in 0..4 {
-            assert_eq!(cache.place(id(x), node(x as u8, 0), &mut fake), InsertResult::Inserted { evicted: vec![] });
+            assert_eq!(cache.insert(id(x), node(x as u8, 0), &mut fake), InsertResult::Inserted { evicted: vec![] });
         }
         assert_no_leak(&cache);
         cache.begin_frame();
-        cache.touch(id(0));
-        assert_eq!(cache.place(id(9), node(9, 0), &mut fake), InsertResult::Inserted { evicted: vec![id(1)] });
+        cache.pin(id(0));
+        assert_eq!(cache.insert(id(9), node(9, 0), &mut fake), InsertResult::Inserted { evicted: vec![id(1)] });
         assert_eq!(mark_of(&cache, &fake, id(0)), Some(0));
         assert_eq!(mark_of(&cache, &fake, id(9)), Some(9));
-        [id(2), id(3)].into_iter().for_each(|id| cache.touch(id));
-        assert_eq!(cache.place(id(5), node(5, 0), &mut fake), InsertResult::Full { evicted: vec![] });
+        [id(2), id(3)].into_iter().for_each(|id| cache.pin(id));
+        assert_eq!(cache.insert(id(5), node(5, 0), &mut fake), InsertResult::Full { evicted: vec![] });
         assert_no_leak(&cache);
     }
 
@@ -381,17 +381,17 @@ mod tests {
     fn what_is_kept_goes_last_but_goes() {
         let (mut cache, mut fake) = (AtlasCache::new(16), Fake::default());
         (0..4)
-            .for_each(|x| assert!(matches!(cache.place(id(x), node(1, 0), &mut fake), InsertResult::Inserted { .. })));
+            .for_each(|x| assert!(matches!(cache.insert(id(x), node(1, 0), &mut fake), InsertResult::Inserted { .. })));
         cache.begin_frame();
-        cache.keep(id(0));
-        cache.touch(id(3));
+        cache.promote(id(0));
+        cache.pin(id(3));
         for gone in [1, 2, 0] {
             assert_eq!(
-                cache.place(id(10 + gone), node(1, 0), &mut fake),
+                cache.insert(id(10 + gone), node(1, 0), &mut fake),
                 InsertResult::Inserted { evicted: vec![id(gone)] }
             );
         }
-        assert_eq!(cache.place(id(20), node(1, 0), &mut fake), InsertResult::Full { evicted: vec![] });
+        assert_eq!(cache.insert(id(20), node(1, 0), &mut fake), InsertResult::Full { evicted: vec![] });
         assert_no_leak(&cache);
     }
 
@@ -399,15 +399,15 @@ mod tests {
     fn meshes_and_nodes_share_the_pages() {
         let (mut cache, mut fake) = (AtlasCache::new(16), Fake::default());
         let of = |x: u32, lod: u8| TileKey::mesh(id(x).id, lod);
-        cache.place(id(0), node(7, 0), &mut fake);
-        assert_eq!(cache.place(of(0, 1), mesh(5), &mut fake), InsertResult::Inserted { evicted: vec![] });
-        assert_eq!(cache.place(of(0, 0), mesh(7), &mut fake), InsertResult::Inserted { evicted: vec![] });
+        cache.insert(id(0), node(7, 0), &mut fake);
+        assert_eq!(cache.insert(of(0, 1), mesh(5), &mut fake), InsertResult::Inserted { evicted: vec![] });
+        assert_eq!(cache.insert(of(0, 0), mesh(7), &mut fake), InsertResult::Inserted { evicted: vec![] });
         assert!(cache.mesh(id(0).id, 0).is_some() && cache.mesh(id(0).id, 2).is_none());
         assert_eq!(mark_of(&cache, &fake, id(0)), Some(7));
         cache.begin_frame();
-        cache.touch(of(0, 1));
-        assert_eq!(cache.place(of(1, 0), mesh(3), &mut fake), InsertResult::Inserted { evicted: vec![id(0)] });
-        assert_eq!(cache.place(of(1, 1), mesh(9), &mut fake), InsertResult::Full { evicted: vec![of(0, 0)] });
+        cache.pin(of(0, 1));
+        assert_eq!(cache.insert(of(1, 0), mesh(3), &mut fake), InsertResult::Inserted { evicted: vec![id(0)] });
+        assert_eq!(cache.insert(of(1, 1), mesh(9), &mut fake), InsertResult::Full { evicted: vec![of(0, 0)] });
         assert_no_leak(&cache);
         assert_eq!(cache.free_pages(), 8);
     }
@@ -419,9 +419,9 @@ mod tests {
         for frame in 0..1000u32 {
             cache.begin_frame();
             let r = |k: u32| frame.wrapping_mul(2_654_435_761).rotate_left(k) >> 7;
-            (0..3).for_each(|k| cache.touch(id(r(k) % 20)));
+            (0..3).for_each(|k| cache.pin(id(r(k) % 20)));
             let (at, mark) = (id(r(5) % 20), (frame % 251) as u8);
-            match cache.place(at, node(mark, (r(9) % 3) as usize), &mut fake) {
+            match cache.insert(at, node(mark, (r(9) % 3) as usize), &mut fake) {
                 InsertResult::Inserted { evicted } => {
                     evicted.iter().for_each(|id| assert!(marks.remove(id).is_some() && cache.get(id.id).is_none()));
                     marks.insert(at, mark);

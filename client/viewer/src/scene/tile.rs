@@ -21,10 +21,10 @@ use std::time::Duration;
 
 /// Damaged answers after which a tile counts as bad.
 pub const DAMAGE_LIMIT: u8 = 3;
-const WAIT_FIRST: Duration = Duration::from_millis(100);
-const WAIT_MOST: Duration = Duration::from_secs(2);
+const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
+const MAX_RETRY_DELAY: Duration = Duration::from_secs(2);
 /// Longest wait that a server's Retry-After is believed.
-pub const RETRY_AFTER_MOST: Duration = Duration::from_secs(60);
+pub const MAX_RETRY_AFTER: Duration = Duration::from_secs(60);
 
 /// Where a tile is on its way from the server to the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -37,7 +37,7 @@ pub enum TileState {
     /// A request (or its decoding) is under way.
     Loading,
     /// Decoded, not yet in the cache.
-    DecodedTile,
+    Decoded,
     /// In the cache (for subtrees: in the tree).
     Resident,
     /// A request went wrong; another may start at `retry_at`.
@@ -118,12 +118,12 @@ impl TileRecord {
             (S::Unknown, TileEvent::Want { .. }) => S::Queued,
             (S::Failed { retry_at, .. }, TileEvent::Want { now }) if now >= retry_at => S::Queued,
             (S::Queued, TileEvent::Start) => S::Loading,
-            (S::Loading, TileEvent::Arrive) => S::DecodedTile,
-            (S::DecodedTile, TileEvent::Upload) => {
+            (S::Loading, TileEvent::Arrive) => S::Decoded,
+            (S::Decoded, TileEvent::Upload) => {
                 *self = Self::default();
                 S::Resident
             }
-            (S::Queued | S::Loading | S::DecodedTile | S::Resident, TileEvent::Drop) => S::Unknown,
+            (S::Queued | S::Loading | S::Decoded | S::Resident, TileEvent::Drop) => S::Unknown,
             (S::Loading, TileEvent::Fail { now, retry_after, jitter }) => self.failed(now, retry_after, jitter),
             (S::Loading, TileEvent::Damage { now, jitter }) => {
                 self.damaged += 1;
@@ -138,14 +138,14 @@ impl TileRecord {
 
     fn failed(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) -> TileState {
         self.attempts = self.attempts.saturating_add(1);
-        let wait = retry_after.map_or_else(|| wait_after(self.attempts, jitter), |wait| wait.min(RETRY_AFTER_MOST));
+        let wait = retry_after.map_or_else(|| retry_delay(self.attempts, jitter), |wait| wait.min(MAX_RETRY_AFTER));
         TileState::Failed { attempts: self.attempts, retry_at: now + wait }
     }
 }
 
 /// How long to wait after the `attempts`th failure in a row: doubling from 100 ms to 2 s, less up to half by `jitter`.
-pub fn wait_after(attempts: u8, jitter: f64) -> Duration {
-    let full = WAIT_FIRST.saturating_mul(1 << attempts.saturating_sub(1).min(10)).min(WAIT_MOST);
+pub fn retry_delay(attempts: u8, jitter: f64) -> Duration {
+    let full = FIRST_RETRY_DELAY.saturating_mul(1 << attempts.saturating_sub(1).min(10)).min(MAX_RETRY_DELAY);
     full.mul_f64(1.0 - 0.5 * jitter.clamp(0.0, 1.0))
 }
 
@@ -177,7 +177,7 @@ mod tests {
             let TileState::Failed { attempts, retry_at } = tile.state() else { panic!("{tile:?}") };
             assert_eq!(attempts, attempt);
             assert!(!tile.apply(TileEvent::Want { now }), "too early");
-            assert!(retry_at - now >= last && retry_at - now <= WAIT_MOST);
+            assert!(retry_at - now >= last && retry_at - now <= MAX_RETRY_DELAY);
             last = retry_at - now;
             now = retry_at;
         }
@@ -192,7 +192,7 @@ mod tests {
             tile.apply(TileEvent::Start);
             tile.apply(TileEvent::Damage { now, jitter: 0.3 });
             assert_eq!(tile.is_bad(), time == DAMAGE_LIMIT);
-            now += WAIT_MOST;
+            now += MAX_RETRY_DELAY;
         }
         assert!(!tile.apply(TileEvent::Want { now }));
         let mut tile = TileRecord::default();

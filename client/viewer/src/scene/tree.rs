@@ -172,18 +172,18 @@ impl SceneTree {
     }
 
     /// Pages that a node takes, or is thought to.
-    pub fn pages_of(&self, at: NodeIndex) -> u32 {
+    pub fn node_pages(&self, at: NodeIndex) -> u32 {
         let (pages, nodes) = self.pages_seen;
         let guess = if nodes >= 8 { pages.div_ceil(nodes) as u32 } else { PAGES_GUESS };
         self.node(at).pages.unwrap_or(guess)
     }
 
     /// Pages that a tile takes, or is thought to.
-    pub fn pages_of_tile(&self, key: TileKey) -> u32 {
+    pub fn tile_pages(&self, key: TileKey) -> u32 {
         let Some(at) = self.find(key.id) else { return PAGES_GUESS };
         match key.layer() {
             Layer::Subtrees => 0,
-            Layer::BlockMaps => self.pages_of(at),
+            Layer::BlockMaps => self.node_pages(at),
             Layer::Meshes => self.node(at).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
         }
     }

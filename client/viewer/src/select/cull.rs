@@ -30,7 +30,7 @@ mod tests {
 
     #[test]
     fn a_box_is_kept_if_its_shadow_is_seen() {
-        let camera = Camera::look(DVec3::new(0.0, 0.0, 10.0), DVec3::new(0.0, 100.0, 0.0), DVec3::Z, 1.0).unwrap();
+        let camera = Camera::look_at(DVec3::new(0.0, 0.0, 10.0), DVec3::new(0.0, 100.0, 0.0), DVec3::Z, 1.0).unwrap();
         let view = View { camera, width_px: 320, height_px: 180, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
         let planes = view.planes();
         let half = DVec3::splat(2.0);
@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn a_seen_point_is_never_culled() {
-        let camera = Camera::look(DVec3::new(10.0, -5.0, 30.0), DVec3::new(40.0, 60.0, 0.0), DVec3::Z, 1.0).unwrap();
+        let camera = Camera::look_at(DVec3::new(10.0, -5.0, 30.0), DVec3::new(40.0, 60.0, 0.0), DVec3::Z, 1.0).unwrap();
         let view = View { camera, width_px: 320, height_px: 180, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
         let planes = view.planes();
         let (mut seen, mut culled) = (0, 0);

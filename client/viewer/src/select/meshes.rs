@@ -24,7 +24,7 @@ pub(super) fn is_here(node: &TreeNode) -> bool {
 
 /// Whether a tile is here, or will be in a moment.
 pub(super) fn is_under_way(tile: TileRecord) -> bool {
-    matches!(tile.state(), TileState::Loading | TileState::DecodedTile | TileState::Resident)
+    matches!(tile.state(), TileState::Loading | TileState::Decoded | TileState::Resident)
 }
 
 impl Visitor<'_> {
@@ -44,7 +44,7 @@ impl Visitor<'_> {
         let node = self.tree.node(visit.at);
         let best = best(node, self.view);
         let without = visit.asked && self.skips_columns(node);
-        let pages = selection.stats.pages - if without { self.tree.pages_of(visit.at) } else { 0 };
+        let pages = selection.stats.pages - if without { self.tree.node_pages(visit.at) } else { 0 };
         let room = self.view.budget_pages.saturating_sub(pages);
         let mut there = (best..node.lods.len()).filter(|lod| !node.lods[*lod].tile.is_bad()).peekable();
         if there.peek().is_none() {

@@ -283,7 +283,7 @@ impl Visitor<'_> {
             let last_step = !was_coarse && error_px <= 2.0 * self.view.tau_px;
             if (last_step || passed_over) && refined.asked && !self.tree.node(at).tile.is_resident() {
                 refined.asked = false;
-                selection.stats.pages -= self.tree.pages_of(at);
+                selection.stats.pages -= self.tree.node_pages(at);
             }
         }
     }
@@ -340,7 +340,7 @@ impl Visitor<'_> {
         scratch.visits.push(Visit { at, error_px, sighted, asked, coarse, children: None, mesh: None });
         selection.stats.visited += 1;
         selection.stats.not_visible += u32::from(sighted != Visibility::Visible);
-        selection.stats.pages += if asked { self.tree.pages_of(at) } else { 0 };
+        selection.stats.pages += if asked { self.tree.node_pages(at) } else { 0 };
     }
 
     fn cost(
@@ -348,8 +348,9 @@ impl Visitor<'_> {
         children: &[Option<(NodeIndex, Visibility)>; 4],
         asked: impl Fn(NodeIndex, Visibility) -> bool,
     ) -> (u32, u32) {
-        let pages =
-            |(child, seen): &(NodeIndex, Visibility)| if asked(*child, *seen) { self.tree.pages_of(*child) } else { 0 };
+        let pages = |(child, seen): &(NodeIndex, Visibility)| {
+            if asked(*child, *seen) { self.tree.node_pages(*child) } else { 0 }
+        };
         children.iter().flatten().fold((0, 0), |(nodes, sum), child| (nodes + 1, sum + pages(child)))
     }
 

@@ -54,7 +54,7 @@ struct Walker<'a> {
 
 /// Casters of one frame; `sun` is a unit vector. Shadows fall on the squares of `picture` that are seen (`None`: all in the
 /// frustum); its meshes cast their own. The budget is `view`'s; tau rises until they fit. None by night.
-pub fn casters(view: &View, sun: DVec3, tree: &SceneTree, picture: Option<&Selection>) -> ShadowCasters {
+pub fn shadow_casters(view: &View, sun: DVec3, tree: &SceneTree, picture: Option<&Selection>) -> ShadowCasters {
     let Some(root) = tree.root().filter(|_| sun.z > 0.0) else { return ShadowCasters::default() };
     let node = tree.node(root);
     let low_m = node.centre.z - node.half.z;
@@ -84,7 +84,7 @@ impl Walker<'_> {
             if self.meshed.contains(&at) || !in_view || !self.is_received(node, hull) {
                 continue;
             }
-            casters.pages += self.tree.pages_of(at);
+            casters.pages += self.tree.node_pages(at);
             casters.visited += 1;
             if casters.pages > self.view.budget_pages || casters.visited > self.view.budget_nodes {
                 return false;

@@ -77,7 +77,7 @@ fn with_meshes(mut subtree: Subtree) -> Subtree {
 pub(crate) fn view(position: [f64; 3], target: [f64; 3]) -> View {
     let world = DVec3::new(500_000.0, 4_000_000.0, 10.0);
     let (position, target) = (DVec3::from(position) + world, DVec3::from(target) + world);
-    let camera = Camera::look(position, target, DVec3::Z, 1.0).unwrap();
+    let camera = Camera::look_at(position, target, DVec3::Z, 1.0).unwrap();
     View { camera, width_px: 640, height_px: 360, tau_px: 1.0, budget_pages: 1_000_000, budget_nodes: 100_000 }
 }
 
@@ -322,10 +322,10 @@ fn what_casts_into_the_picture_is_there() {
     let mut tree = tree();
     let view = view([300.0, 300.0, 25.0], [700.0, 900.0, 0.0]);
     let sun = DVec3::new(0.7, -0.5, 0.25).normalize_or(DVec3::Z);
-    let mut found = shadow_casters::casters(&view, sun, &tree, None);
+    let mut found = shadow_casters::shadow_casters(&view, sun, &tree, None);
     while !found.requests.is_empty() {
         found.requests.iter().for_each(|wanted| load(&mut tree, wanted.key));
-        found = shadow_casters::casters(&view, sun, &tree, None);
+        found = shadow_casters::shadow_casters(&view, sun, &tree, None);
     }
     let cast: Vec<TileId> = found.nodes.iter().map(|at| tree.node(*at).id).collect();
     let (planes, origin) = (view.planes(), DVec3::new(500_000.0, 4_000_000.0, 10.0));
@@ -350,8 +350,11 @@ fn what_casts_into_the_picture_is_there() {
     // Only what shades the squares that are seen.
     let seen = vec![tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
     let one = Selection { unoccluded: seen, ..Selection::default() };
-    let shading: Vec<TileId> =
-        shadow_casters::casters(&view, sun, &tree, Some(&one)).nodes.iter().map(|at| tree.node(*at).id).collect();
+    let shading: Vec<TileId> = shadow_casters::shadow_casters(&view, sun, &tree, Some(&one))
+        .nodes
+        .iter()
+        .map(|at| tree.node(*at).id)
+        .collect();
     assert!(!shading.is_empty() && shading.len() * 4 < cast.len(), "{} of {}", shading.len(), cast.len());
     let middle = DVec3::new(9.5 * 64.0, 11.5 * 64.0, 0.1);
     for up in 1..30 {
@@ -360,10 +363,10 @@ fn what_casts_into_the_picture_is_there() {
         assert!((2..=DEPTH).any(|level| shading.contains(&leaf.ancestor(level).unwrap())), "{leaf}");
     }
     let tight = View { budget_pages: 200, ..view };
-    let fewer = shadow_casters::casters(&tight, sun, &tree, None).nodes.len();
+    let fewer = shadow_casters::shadow_casters(&tight, sun, &tree, None).nodes.len();
     assert!(fewer > 0 && fewer < cast.len(), "{fewer} within a budget");
     assert_eq!(
-        shadow_casters::casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree, None),
+        shadow_casters::shadow_casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree, None),
         shadow_casters::ShadowCasters::default(),
         "by night"
     );
@@ -463,7 +466,7 @@ fn there_is_never_a_hole() {
                         6..20 => tree.apply(key, TileEvent::Drop),
                         _ => tree.apply(key, TileEvent::Arrive),
                     };
-                    if tree.tile(key).unwrap().state() != TileState::DecodedTile {
+                    if tree.tile(key).unwrap().state() != TileState::Decoded {
                         continue;
                     }
                     let subtree = all.iter().position(|s| key == TileKey::subtree(s.nodes[0].id));

@@ -21,7 +21,7 @@ use crate::{
 const TURNS_DEG: [f64; 2] = [30.0, -30.0];
 /// Side views are drawn with this fraction of the frame's width and height: enough to tell what occludes what while tiles
 /// are missing.
-pub const SMALLER: u32 = 4;
+pub const FEEDBACK_DOWNSCALE: u32 = 4;
 
 /// Next step of the idle prefetch.
 pub enum LookaheadState {
@@ -113,7 +113,8 @@ impl<F: TileFetcher> Streamer<F> {
             self.lookahead.begin(request, &self.feedback);
             self.select_prefetch(request);
         }
-        let small = FrameRequest { size_px: request.size_px.map(|side| (side / SMALLER).max(1)), ..*request };
+        let small =
+            FrameRequest { size_px: request.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1)), ..*request };
         while let Some(camera) = self.lookahead.camera() {
             if !self.lookahead.has_feedback(small.size_px) {
                 let Lookahead { transitions, generation, .. } = &self.lookahead;
@@ -155,7 +156,7 @@ impl<F: TileFetcher> Streamer<F> {
             self.lookahead.select(&view, &self.tree, &mut self.scratch);
         }
         let first = self.lookahead.selection.requests.first();
-        if self.uploads.is_empty() && first.is_some_and(|w| self.tree.pages_of_tile(w.key) > self.spare_pages()) {
+        if self.uploads.is_empty() && first.is_some_and(|w| self.tree.tile_pages(w.key) > self.spare_pages()) {
             self.lookahead.end();
         }
     }

@@ -27,7 +27,7 @@ use crate::{
         occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
         priority::PriorityGroup,
         select,
-        shadow_casters::{ShadowCasters, casters},
+        shadow_casters::{ShadowCasters, shadow_casters},
         transitions::Transitions,
     },
 };
@@ -35,7 +35,7 @@ use adaptive_threshold::AdaptiveThreshold;
 pub use downloads::{Arrival, Downloads, FetchError, FetchOutcome, TileFetcher};
 use glam::DVec3;
 use idle_prefetch::Lookahead;
-pub use idle_prefetch::{LookaheadState, SMALLER};
+pub use idle_prefetch::{FEEDBACK_DOWNSCALE, LookaheadState};
 use insula_protocol::TileId;
 use occlusion_gate::OcclusionGate;
 use pending_subtrees::PendingSubtrees;
@@ -246,19 +246,19 @@ impl<F: TileFetcher> Streamer<F> {
     /// Pins everything that the selection uses in the cache.
     fn touch_used(&mut self) {
         for (square, face) in self.transitions.fading_sources() {
-            self.cache.keep(TileKey::block_map(self.tree.node(face.source).id));
+            self.cache.promote(TileKey::block_map(self.tree.node(face.source).id));
             let leaf = self.tree.node(square).id;
-            face.mesh_lod.iter().for_each(|lod| self.cache.keep(TileKey::mesh(leaf, *lod)));
+            face.mesh_lod.iter().for_each(|lod| self.cache.promote(TileKey::mesh(leaf, *lod)));
         }
         // The coarsest last, so that it is evicted last among equals.
         for at in self.selection.used_nodes.iter().rev() {
-            self.cache.touch(TileKey::block_map(self.tree.node(*at).id));
+            self.cache.pin(TileKey::block_map(self.tree.node(*at).id));
         }
         for key in &self.selection.used_meshes {
-            self.cache.touch(*key);
+            self.cache.pin(*key);
         }
         for at in self.casters.nodes.iter().rev() {
-            self.cache.touch(TileKey::block_map(self.tree.node(*at).id));
+            self.cache.pin(TileKey::block_map(self.tree.node(*at).id));
         }
     }
 
@@ -270,7 +270,7 @@ impl<F: TileFetcher> Streamer<F> {
         let budget_nodes = slots_for(capacity).saturating_sub(counters.visited);
         let view = View { budget_pages, budget_nodes, tau_px: counters.tau_px, ..*view };
         let receivers = self.feedback.has_feedback().then_some(&self.selection);
-        self.casters = self.sun.map(|sun| casters(&view, sun, &self.tree, receivers)).unwrap_or_default();
+        self.casters = self.sun.map(|sun| shadow_casters(&view, sun, &self.tree, receivers)).unwrap_or_default();
         let wanted: HashSet<TileKey> = self.selection.requests.iter().map(|w| w.key).collect();
         self.selection.requests.extend(self.casters.requests.iter().filter(|w| !wanted.contains(&w.key)));
     }
@@ -342,7 +342,7 @@ impl<F: TileFetcher> Streamer<F> {
     }
 
     /// Sets the direction to the sun if objects outside of the view are to cast shadows into it
-    /// ([`RenderSettings::casting`]).
+    /// ([`RenderSettings::shadow_casting_sun`]).
     pub fn set_sun(&mut self, sun: Option<DVec3>) {
         if self.sun != sun {
             self.sun = sun;

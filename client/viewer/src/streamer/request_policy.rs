@@ -43,7 +43,7 @@ impl<F: TileFetcher> Streamer<F> {
         let wanted = &self.lookahead.selection().requests;
         let mut free_pages = self.spare_pages();
         let mut fits = |w: &TileRequest| {
-            let pages = self.tree.pages_of_tile(w.key);
+            let pages = self.tree.tile_pages(w.key);
             let fits = pages <= free_pages;
             free_pages = free_pages.saturating_sub(pages);
             fits

@@ -5,7 +5,7 @@
 use crate::{
     scene::{
         SceneTree, TileEvent, TileKey, TileState,
-        tile::{RETRY_AFTER_MOST, wait_after},
+        tile::{MAX_RETRY_AFTER, retry_delay},
     },
     select::priority::TileRequest,
 };
@@ -148,7 +148,7 @@ impl Backoff {
             return;
         }
         self.failures = self.failures.saturating_add(1);
-        let wait = retry_after.map_or_else(|| wait_after(self.failures, jitter), |wait| wait.min(RETRY_AFTER_MOST));
+        let wait = retry_after.map_or_else(|| retry_delay(self.failures, jitter), |wait| wait.min(MAX_RETRY_AFTER));
         self.open_at = Some(now + wait);
     }
 

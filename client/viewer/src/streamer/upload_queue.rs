@@ -81,7 +81,7 @@ impl UploadQueue {
             self.waiting_bytes -= bytes_of(&tile);
             bytes += bytes_of(&tile);
             let is_mesh = matches!(tile, PackedTile::Mesh(_));
-            let (event, evicted) = match cache.place(key, tile, upload) {
+            let (event, evicted) = match cache.insert(key, tile, upload) {
                 InsertResult::Inserted { evicted } => (TileEvent::Upload, evicted),
                 InsertResult::Full { evicted } => (TileEvent::Drop, evicted),
             };
