@@ -5,9 +5,6 @@
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Nearest distance that a node's error is judged at, in metres (design 4).
-pub const NEAR_M: f64 = 1.0;
-
 const CAMERA_FORMAT: &str = r#"{"position":[x,y,z],"target":[x,y,z],"fov_y_deg":60}"#;
 const PATH_FORMAT: &str = r#"{"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]}]}"#;
 

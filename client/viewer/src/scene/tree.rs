@@ -238,7 +238,7 @@ impl SceneTree {
     }
 
     /// South-west corner and side of a node's square.
-    pub fn square(&self, id: TileId) -> ([f64; 3], f64) {
+    pub fn corner_and_side(&self, id: TileId) -> ([f64; 3], f64) {
         (self.manifest.node_corner(id), self.manifest.node_side_m(id.level()))
     }
 
@@ -270,7 +270,7 @@ impl SceneTree {
     }
 
     fn make(&self, info: &NodeInfo) -> TreeNode {
-        let (corner, side_m) = self.square(info.id);
+        let (corner, side_m) = self.corner_and_side(info.id);
         let (z_min_m, z_max_m) = (f64::from(info.z_min_m), f64::from(info.z_max_m));
         let centre = DVec3::from(corner) + DVec3::new(side_m * 0.5, side_m * 0.5, (z_min_m + z_max_m) * 0.5);
         let half = DVec3::new(side_m, side_m, z_max_m - z_min_m) * 0.5;

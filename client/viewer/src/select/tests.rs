@@ -7,14 +7,16 @@ mod meshes;
 use super::*;
 use crate::{
     camera::Camera,
-    scene::{TileEvent, TileState},
+    scene::{NodeIndex, TileEvent, TileKey, TileState, TreeNode},
     test_support,
 };
+use glam::DVec3;
 use insula_protocol::{
-    Manifest, Subtree,
+    Manifest, Subtree, TileId,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use occlusion_feedback::OcclusionQuery;
+use screen_error::ErrorMetric;
 use std::{collections::HashSet, time::Duration};
 
 const DEPTH: u8 = 5;
@@ -131,7 +133,7 @@ fn assert_whole(tree: &SceneTree, view: &View, selection: &Selection, frame: usi
         let mut quarters = (0..4)
             .filter(|q| node.child_mask == 0 || node.child_mask >> q & 1 == 1)
             .map(|q| node.centre + DVec3::new(f64::from(q & 1) - 0.5, f64::from(q >> 1) - 0.5, 0.0) * node.half);
-        if leaf && quarters.any(|at| cull::in_view(&planes, at, node.half * DVec3::new(0.5, 0.5, 1.0))) {
+        if leaf && quarters.any(|at| cull::is_box_in_view(&planes, at, node.half * DVec3::new(0.5, 0.5, 1.0))) {
             assert_eq!(drawn, 1, "frame {frame}: a hole at {}", node.id);
         }
     }

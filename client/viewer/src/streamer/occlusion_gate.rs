@@ -87,7 +87,7 @@ impl OcclusionGate {
         // What is so wrong is all that there is to be seen yet.
         let most_px = OCCLUDED_TAU_FACTOR * view.tau_px;
         let is_loading = |key: TileKey| state(key) == Some(TileState::Loading);
-        wanted.retain(|w| !waits.contains(&w.key) || w.weight > most_px || is_loading(w.key));
+        wanted.retain(|w| !waits.contains(&w.key) || w.exceeds(most_px) || is_loading(w.key));
         wanted
     }
 }
@@ -101,7 +101,10 @@ mod tests {
     use super::*;
     use crate::{
         scene::TileEvent,
-        select::tests::{load, tree, view},
+        select::{
+            priority::RequestReason,
+            tests::{load, tree, view},
+        },
     };
     use insula_protocol::TileId;
 
@@ -112,7 +115,12 @@ mod tests {
     fn what_may_be_hidden_waits_until_what_is_in_front_was_looked_at() {
         let [front, behind, beside] = PLACES.map(|(x, y)| TileKey::block_map(TileId::new(5, x, y).unwrap()));
         let view = view([1056.0, -10.0, 2.0], [1056.0, 1000.0, 2.0]);
-        let want = |key: TileKey| TileRequest { key, group: PriorityGroup::Normal, weight: 2.0 };
+        let want = |key: TileKey| TileRequest {
+            key,
+            group: PriorityGroup::Normal,
+            reason: RequestReason::Visible,
+            weight_px: 2.0,
+        };
         let all = [behind, front, beside].map(want);
         let (mut tree, mut wave, now) = (tree(), OcclusionGate::default(), Duration::from_secs(100));
         let asked = |wave: &OcclusionGate, tree: &SceneTree, all: &[TileRequest], begun: Option<Duration>| {
@@ -122,10 +130,10 @@ mod tests {
         };
         assert_eq!(asked(&wave, &tree, &all, None), [front, beside], "in their order");
         // Whoever is under way stays so; what is very wrong and what is not for the picture do not wait.
-        for (weight, group) in
+        for (weight_px, group) in
             [(65.0, PriorityGroup::Urgent), (2.0, PriorityGroup::Shadow), (2.0, PriorityGroup::Preload)]
         {
-            let free = [TileRequest { weight, group, ..want(behind) }, want(front)];
+            let free = [TileRequest { weight_px, group, ..want(behind) }, want(front)];
             assert_eq!(asked(&wave, &tree, &free, None), [behind, front]);
         }
         for event in [TileEvent::Want { now }, TileEvent::Start] {

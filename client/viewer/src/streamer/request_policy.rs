@@ -70,7 +70,7 @@ impl<F: TileFetcher> Streamer<F> {
 
     fn requests_before_feedback(&self, tau_px: f64) -> Vec<TileRequest> {
         let is_coarse_subtree =
-            |w: &TileRequest| w.key.layer() == Layer::Subtrees && w.weight > OCCLUDED_TAU_FACTOR * tau_px;
+            |w: &TileRequest| w.key.layer() == Layer::Subtrees && w.exceeds(OCCLUDED_TAU_FACTOR * tau_px);
         let root = TileKey::block_map(TileId::ROOT);
         let is_first = |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || self.is_loading(w.key);
         self.selection.requests.iter().filter(is_first).copied().collect()
@@ -79,7 +79,7 @@ impl<F: TileFetcher> Streamer<F> {
     /// Wanted tiles with an error above `coarse_px`, those in flight, and the first `fine` of the rest.
     fn coarse_requests(&self, coarse_px: f64, mut fine: usize) -> Vec<TileRequest> {
         let is_taken = |w: &&TileRequest| {
-            let is_free = w.weight > coarse_px || self.is_loading(w.key);
+            let is_free = w.exceeds(coarse_px) || self.is_loading(w.key);
             let is_taken = is_free || fine > 0;
             fine -= usize::from(is_taken && !is_free);
             is_taken

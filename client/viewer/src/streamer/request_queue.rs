@@ -166,7 +166,10 @@ impl Backoff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{select::priority::PriorityGroup, test_support};
+    use crate::{
+        select::priority::{PriorityGroup, RequestReason},
+        test_support,
+    };
     use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
 
     fn tree() -> SceneTree {
@@ -188,7 +191,15 @@ mod tests {
 
     fn wanted(quadrants: &[usize]) -> Vec<TileRequest> {
         let key = |q: &usize| TileKey::block_map(TileId::ROOT.child(*q).unwrap());
-        quadrants.iter().map(|q| TileRequest { key: key(q), group: PriorityGroup::Normal, weight: 1.0 }).collect()
+        quadrants
+            .iter()
+            .map(|q| TileRequest {
+                key: key(q),
+                group: PriorityGroup::Normal,
+                reason: RequestReason::Visible,
+                weight_px: 1.0,
+            })
+            .collect()
     }
 
     #[test]

@@ -16,11 +16,10 @@ fn what_is_hidden_is_neither_fetched_nor_drawn_finely() {
     let (mut few, mut sight) = (tree(), OcclusionFeedback::default());
     let selection = converge_looking(&mut few, &mut sight, &view, near);
     assert!(fetched(&few) * 2 < fetched(&all), "{} of {}", fetched(&few), fetched(&all));
-    assert!(selection.stats.not_visible > 0 && sight.hits() > 0);
+    assert!(selection.stats.not_visible > 0 && sight.hit_count() > 0);
     for item in &selection.draw_tiles {
         let node = few.node(item.node);
-        let error_px =
-            error::error_px(node.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M);
+        let error_px = ErrorMetric::new(&view).error_px(node.error_m, node.centre, node.radius_m);
         // What is seen is as good as without occlusion; what is not is within its own bound.
         if near(node.id) {
             assert!(item.source == item.node && (error_px <= 1.0 || node.id.level() == DEPTH), "{}", node.id);
@@ -108,7 +107,7 @@ fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
         let planes = north.planes();
         let outside = |item: &&DrawTile| {
             let node = tree.node(item.node);
-            !cull::wholly_in_view(&planes, node.centre, node.half)
+            !cull::is_box_inside_view(&planes, node.centre, node.half)
         };
         let mut ids: Vec<TileId> =
             selection.draw_tiles.iter().filter(outside).map(|item| tree.node(item.source).id).collect();
@@ -146,7 +145,11 @@ fn what_was_seen_stays_as_fine_in_a_turn() {
         let planes = turned.planes();
         for node in seen.iter().filter_map(|id| tree.find(*id)).map(|at| tree.node(at)) {
             let drawn = after.draw_tiles.iter().any(|item| tree.node(item.source).id == node.id);
-            assert!(drawn || !cull::in_view(&planes, node.centre, node.half), "{} after {degrees} degrees", node.id);
+            assert!(
+                drawn || !cull::is_box_in_view(&planes, node.centre, node.half),
+                "{} after {degrees} degrees",
+                node.id
+            );
         }
     }
     assert!(missing > 0, "something that is not here comes into view");
@@ -166,9 +169,7 @@ fn what_was_seen_stays_as_fine_until_the_coarser_is_here() {
     let leaves: Vec<DrawTile> =
         before.draw_tiles.iter().filter(|item| tree.node(item.source).id.level() == DEPTH).copied().collect();
     assert!(leaves.len() > 5, "{}", leaves.len());
-    let px = |node: &TreeNode| {
-        error::error_px(node.error_m, node.centre, node.radius_m, near.camera.position, near.focal_px(), NEAR_M)
-    };
+    let px = |node: &TreeNode| ErrorMetric::new(&near).error_px(node.error_m, node.centre, node.radius_m);
     let mut waited = 0;
     for tau_px in [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0] {
         let back = View { tau_px, ..near };

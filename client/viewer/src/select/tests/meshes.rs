@@ -8,9 +8,7 @@ fn near_leaves_are_drawn_as_meshes_as_fine_as_they_must_be() {
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
     let view = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
     let (_, selection) = converge(&mut tree, &view, 3);
-    let px = |node: &TreeNode, error_m: f64| {
-        error::error_px(error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
-    };
+    let px = |node: &TreeNode, error_m: f64| ErrorMetric::new(&view).error_px(error_m, node.centre, node.radius_m);
     let mut drawn = [0; 4];
     for item in selection.draw_tiles.iter().filter(|item| tree.node(item.node).id.level() == DEPTH) {
         let node = tree.node(item.node);
@@ -53,9 +51,7 @@ fn seen_leaves_go_without_columns() {
     load(&mut tree, TileKey::block_map(TileId::ROOT));
     look(&mut sight, &tree, &near, &select(&near, &tree, &mut SelectionScratch::default()), 0, hit);
     let selection = converge_looking(&mut tree, &mut sight, &near, hit);
-    let px = |node: &TreeNode, view: &View| {
-        error::error_px(node.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
-    };
+    let px = |node: &TreeNode, view: &View| ErrorMetric::new(&view).error_px(node.error_m, node.centre, node.radius_m);
     let mut meshes = 0;
     for item in &selection.draw_tiles {
         let node = tree.node(item.node);
