@@ -1,6 +1,6 @@
-//! From a tile's bytes to what the cache and the tree hold, on worker threads.
+//! Decoding: from a tile's bytes to what the cache and the scene tree hold.
 //!
-//! In: bytes that anyone may have made. Out: [`DecodedTile`]. Next: `cache`, `scene::tree`.
+//! In: bytes from an untrusted source. Out: [`DecodedTile`]. Next: `cache`, `scene`.
 
 use crate::scene::TileKey;
 use insula_protocol::{
@@ -14,27 +14,27 @@ use insula_shaders::{
 };
 use std::io::Cursor;
 
-/// Largest subtree tile: 1,365 nodes of 21 bytes, up to 1,024 leaves' meshes of 77, and a header.
+/// Largest subtree tile: 1,365 nodes of 21 bytes, up to 1,024 leaves' meshes of 77 bytes, and a header.
 const SUBTREE_BYTES: usize = 128 << 10;
-/// Largest V-BlockMap tile: a million texels and all planes, incompressible, and room to spare.
+/// Largest V-BlockMap tile: a million texels and all planes, incompressible, with a margin.
 const BLOCK_MAP_BYTES: usize = 8 << 20;
 
 /// Largest tile of any kind.
 pub const MAX_TILE_BYTES: usize = mesh_tile::MAX_BYTES;
 const _: () = assert!(MAX_TILE_BYTES >= BLOCK_MAP_BYTES && MAX_TILE_BYTES >= SUBTREE_BYTES);
 
-/// A tile's content.
+/// The content of a tile.
 #[derive(Debug)]
 pub enum DecodedTile {
-    /// Ready for the atlas.
+    /// A V-BlockMap, ready for the atlas.
     Node(Box<PackedNode>),
-    /// Ready for the atlas, as a leaf's mesh.
+    /// A leaf's mesh, ready for the atlas.
     Mesh(Box<PackedMesh>),
-    /// Ready for the tree.
+    /// A subtree, ready for the scene tree.
     Subtree(Subtree),
 }
 
-/// Most bytes that an answer may have.
+/// Most bytes that a tile may have.
 pub fn limit_bytes(key: TileKey) -> usize {
     match key.layer() {
         Layer::Subtrees => SUBTREE_BYTES,
@@ -43,17 +43,15 @@ pub fn limit_bytes(key: TileKey) -> usize {
     }
 }
 
-/// Decodes `bytes`, fetched as the tile of `key`.
+/// Decodes a tile. Fails if the bytes do not decode, or are those of another tile than `key`.
 pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
     match key.layer() {
         Layer::Subtrees => {
             let subtree = Subtree::decode(bytes)?;
-            let same = subtree.nodes.first().is_some_and(|root| root.id == key.id);
-            if same {
-                Ok(DecodedTile::Subtree(subtree))
-            } else {
-                Err(DecodeError::Invalid("the subtree of another node"))
-            }
+            let is_requested = subtree.nodes.first().is_some_and(|root| root.id == key.id);
+            is_requested
+                .then_some(DecodedTile::Subtree(subtree))
+                .ok_or(DecodeError::Invalid("the subtree of another node"))
         }
         Layer::BlockMaps => {
             let map = BlockMap::decode(key.id, bytes)?;
@@ -61,28 +59,29 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
         }
         Layer::Meshes => {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
-            let texture = texture.as_ref().map(picture).transpose()?;
+            let texture = texture.as_ref().map(decode_texture).transpose()?;
             let packed = PackedMesh::new(&mesh, texture.as_ref());
-            let refused = |_| DecodeError::Invalid("a mesh that cannot be drawn");
-            packed.map(|mesh| DecodedTile::Mesh(Box::new(mesh))).map_err(refused)
+            packed
+                .map(|mesh| DecodedTile::Mesh(Box::new(mesh)))
+                .map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
         }
     }
 }
 
-/// Unpacks a texture, if it is of the size that it says: that is within the format's limits.
-fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
-    let failed = |_| DecodeError::Invalid("a mesh's texture is damaged");
+/// Decompresses a texture. Fails if it is damaged, or has another size than the tile says; that size is within the format's limits.
+fn decode_texture(texture: &Texture) -> Result<Picture, DecodeError> {
+    let damaged = |_| DecodeError::Invalid("a mesh's texture is damaged");
     let [width_px, height_px] = texture.size_px.map(u32::from);
     let mut reader = image::ImageReader::new(Cursor::new(&texture.bytes));
     reader.set_format(image::ImageFormat::WebP);
     let mut limits = image::Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(width_px), Some(height_px));
-    // What the picture takes as bytes, and as much again for decoding it.
+    // Room for the image and for the buffers of its decoder.
     limits.max_alloc = Some(u64::from(texture.pixels()) * 16 + (1 << 20));
     reader.limits(limits);
-    let rgb = reader.decode().map_err(failed)?.into_rgb8();
+    let rgb = reader.decode().map_err(damaged)?.into_rgb8();
     if rgb.dimensions() != (width_px, height_px) {
-        return Err(DecodeError::Invalid("a mesh's texture is not of its size"));
+        return Err(DecodeError::Invalid("a mesh's texture has another size than its tile says"));
     }
     let texels = rgb.pixels().map(|p| u32::from_le_bytes([p.0[0], p.0[1], p.0[2], 255])).collect();
     Ok(Picture { width_px, height_px, texels })
@@ -90,22 +89,22 @@ fn picture(texture: &Texture) -> Result<Picture, DecodeError> {
 
 #[cfg(test)]
 mod tests {
-    use crate::decode::*;
+    use super::*;
     use insula_protocol::TileId;
 
     #[test]
-    fn a_mesh_s_picture_is_unpacked_if_it_is_what_it_says() {
+    fn decodes_a_mesh_texture_of_the_stated_size_only() {
         let id = TileId::new(9, 5, 6).unwrap();
         let mut webp = Cursor::new(Vec::new());
-        let picture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
-        picture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
+        let texture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
+        texture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
         let tile = |size_px, bytes: Vec<u8>| {
             let texture = Some(Texture { size_px, bytes });
             mesh_tile::cuboid([0.0; 3], [9.0; 3], [0; 3], texture).encode(id, 1).unwrap()
         };
         let webp = webp.into_inner();
         let Ok(DecodedTile::Mesh(mesh)) = decode(TileKey::mesh(id, 1), &tile([70, 30], webp.clone())) else {
-            panic!("it is whole")
+            panic!("the tile is valid")
         };
         assert_eq!(mesh.triangles, 12);
         assert!(decode(TileKey::mesh(id, 0), &tile([70, 30], webp.clone())).is_err(), "another level of detail");
@@ -115,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_tile_that_was_asked_for() {
+    fn refuses_a_tile_of_another_kind() {
         let id = TileId::new(3, 1, 2).unwrap();
         let bytes = BlockMap::empty(id, 1.0, 0, 0).encode().unwrap();
         assert!(matches!(decode(TileKey::block_map(id), &bytes), Ok(DecodedTile::Node(_))));
