@@ -3,7 +3,7 @@
 use crate::render::AdapterChoice;
 use clap::{Args, Parser, Subcommand};
 use insula_shaders::layout::Shading;
-use insula_viewer::sun::{Bearing, SunOptions, Time, azimuth_altitude, time};
+use insula_viewer::sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time};
 use std::path::PathBuf;
 
 /// Insula: fly through whole cities, streamed.
@@ -196,10 +196,10 @@ pub struct FlyArgs {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub struct SunArgs {
     /// Date and time of the light: 2024-06-21T17:00 in local mean solar time, or with an offset (Z, +09:00)
-    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "sun")]
-    pub time: Option<Time>,
+    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with = "sun")]
+    pub time: Option<SunTime>,
     /// Fixed position of the sun: degrees clockwise from north, and above the horizon
-    #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = azimuth_altitude, allow_hyphen_values = true)]
+    #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = parse_bearing, allow_hyphen_values = true)]
     pub sun: Option<Bearing>,
     /// Whether the sun casts shadows [default: on]
     #[arg(long, value_name = "on|off", value_parser = parse_switch)]

@@ -145,7 +145,7 @@ impl Session {
     pub fn render(&mut self, data: &FrameData) -> Result<Pixels> {
         let pixels = self.while_fetching(|adapter| adapter.draw(data))?;
         self.frame_drawn(data);
-        self.report_hits(&data.asked, &hit_counts(&pixels.hit, data.nodes.len()));
+        self.report_hits(&data.query, &hit_counts(&pixels.hit, data.nodes.len()));
         Ok(pixels)
     }
 
@@ -163,7 +163,7 @@ impl Session {
             LookaheadState::Draw(data) => {
                 let pixels = self.while_fetching(|adapter| adapter.draw(&data))?;
                 let hits = hit_counts(&pixels.hit, data.nodes.len());
-                self.streamer.report_prefetch_hits(request, &data.asked, &hits);
+                self.streamer.report_prefetch_hits(request, &data.query, &hits);
                 Ok(PrefetchStep::Drawn)
             }
         }
@@ -274,7 +274,7 @@ impl Session {
 
     /// Whether anything can be drawn.
     pub fn has_frame(&self) -> bool {
-        !self.selection().cut.is_empty()
+        !self.selection().draw_tiles.is_empty()
     }
 
     /// Tau of the last request.
@@ -350,7 +350,7 @@ impl Session {
 
     /// The session's state at `t` seconds of a flight.
     pub fn flight_sample(&self, t: f64) -> FlightSample {
-        let (stats, downloads) = (self.selection().counters, self.downloads());
+        let (stats, downloads) = (self.selection().stats, self.downloads());
         let http = downloads.fetcher().http();
         FlightSample {
             t,
@@ -359,10 +359,10 @@ impl Session {
             in_flight: downloads.in_flight(),
             cache_bytes: self.cache().used_bytes(),
             drawn: stats.drawn,
-            fading: self.transitions().passing(),
+            fading: self.transitions().fading_count(),
             tau_px: stats.tau_px,
             worst_error_px: stats.worst_error_px,
-            seen_error_px: stats.seen_error_px,
+            seen_error_px: stats.visible_error_px,
         }
     }
 
@@ -373,7 +373,7 @@ impl Session {
         let bad_meshes = |node: &TreeNode| node.lods.iter().filter(|lod| lod.tile.is_bad()).count();
         let bad_tiles = |node: &TreeNode| usize::from(node.tile.is_bad()) + bad_meshes(node);
         let bad = tree.nodes().iter().map(bad_tiles).sum::<usize>() as u64;
-        let stats = self.selection().counters;
+        let stats = self.selection().stats;
         let secs = |time: Option<Duration>| time.map(|t| t.as_secs_f64());
         RunReport {
             city: manifest.name.clone(),

@@ -13,7 +13,7 @@ use insula_protocol::{
 use insula_server::store::CityStore;
 use insula_viewer::{
     camera::{FrustumPlane, View},
-    select::cull::in_view,
+    select::cull::is_box_in_view,
 };
 use std::{
     collections::{BTreeMap, HashMap},
@@ -113,7 +113,7 @@ impl Baked {
             let [low, high] = [node.z_min_m, node.z_max_m].map(f64::from);
             let corner = DVec3::from(self.manifest().node_corner(*id));
             let half = DVec3::new(half_m, half_m, (high - low) / 2.0);
-            in_view(&planes, corner + half + DVec3::Z * low, half)
+            is_box_in_view(&planes, corner + half + DVec3::Z * low, half)
         });
         chosen
     }

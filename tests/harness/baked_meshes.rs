@@ -14,7 +14,7 @@ use insula_shaders::mesh::PackedMesh;
 use insula_viewer::{
     decode::{DecodedTile, decode},
     scene::TileKey,
-    select::error,
+    select::screen_error::ErrorMetric,
 };
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -39,9 +39,8 @@ impl Baked {
         let half_m = self.manifest().node_side_m(id.level()) / 2.0;
         let middle_m = f64::from(node.z_min_m + node.z_max_m) / 2.0;
         let centre = DVec3::from(self.manifest().node_corner(id)) + DVec3::new(half_m, half_m, middle_m);
-        let px = |error_m: f32| {
-            error::error_px(f64::from(error_m), centre, node.radius_m.into(), camera.position.into(), focal_px, 1.0)
-        };
+        let metric = ErrorMetric { eye: camera.position.into(), focal_px };
+        let px = |error_m: f32| metric.error_px(f64::from(error_m), centre, node.radius_m.into());
         let good = lods.iter().rposition(|lod| px(lod.error_m) <= tau_px).unwrap_or(0);
         (px(node.error_m) > tau_px).then_some(good as u8)
     }

@@ -14,7 +14,7 @@ use insula_viewer::{
     frame::{FrameData, FrameInputs, RenderSettings},
     scene::{SceneTree, TileEvent, TileKey},
     select::{
-        Selection, SelectionScratch, occlusion_feedback::OcclusionFeedback, select, shadow_casters::casters,
+        Selection, SelectionScratch, occlusion_feedback::OcclusionFeedback, select, shadow_casters::shadow_casters,
         transitions::Transitions,
     },
 };
@@ -61,7 +61,7 @@ impl<'a> Cold<'a> {
             generation: 0,
             now,
         };
-        made.fades.set(fades);
+        made.fades.set_enabled(fades);
         Ok(made)
     }
 
@@ -69,22 +69,27 @@ impl<'a> Cold<'a> {
     /// differ from that.
     pub fn frame(&mut self, view: &View, look: &RenderSettings, tiles: usize, secs: f64) -> Result<(FrameData, bool)> {
         self.turn(view);
-        let wanted: Vec<TileKey> = self.selection.wanted.iter().map(|wanted| wanted.key).take(tiles).collect();
+        let wanted: Vec<TileKey> = self.selection.requests.iter().map(|wanted| wanted.key).take(tiles).collect();
         for key in wanted {
             self.fetch(key)?;
         }
-        let changed = self.turn(view) || self.fades.passing() > 0;
+        let changed = self.turn(view) || self.fades.fading_count() > 0;
         self.generation += u64::from(self.fades.step(&self.selection, &self.tree, secs));
-        let casters = look.casting().map(|sun| casters(view, sun, &self.tree, None)).unwrap_or_default();
-        let drawn =
-            FrameInputs { fades: &self.fades, casters: &casters.nodes, generation: self.generation, error_px: 0.0 };
+        let casters =
+            look.shadow_casting_sun().map(|sun| shadow_casters(view, sun, &self.tree, None)).unwrap_or_default();
+        let drawn = FrameInputs {
+            transitions: &self.fades,
+            shadow_casters: &casters.nodes,
+            generation: self.generation,
+            error_px: 0.0,
+        };
         let data = FrameData::new(drawn, &self.tree, &self.cache, view, look);
-        Ok((data, changed || self.fades.passing() > 0))
+        Ok((data, changed || self.fades.fading_count() > 0))
     }
 
     fn turn(&mut self, view: &View) -> bool {
         let selection = select(view, &self.tree, &self.sight, &mut self.scratch);
-        let changed = selection.cut != self.selection.cut;
+        let changed = selection.draw_tiles != self.selection.draw_tiles;
         self.generation += u64::from(changed);
         self.selection = selection;
         changed
@@ -99,7 +104,7 @@ impl<'a> Cold<'a> {
             DecodedTile::Mesh(mesh) => PackedTile::Mesh(mesh),
             DecodedTile::Subtree(_) => return Ok(()),
         };
-        match self.cache.place(key, packed, &mut self.adapter) {
+        match self.cache.insert(key, packed, &mut self.adapter) {
             InsertResult::Inserted { evicted } if evicted.is_empty() => come(&mut self.tree, key, self.now),
             _ => anyhow::bail!("the view needs more memory than there is"),
         }
@@ -110,17 +115,17 @@ impl<'a> Cold<'a> {
     pub fn draw(&mut self, data: &FrameData) -> Pixels {
         let pixels = self.adapter.draw(data);
         let size_px = [pixels.width_px, pixels.height_px];
-        if !self.sight.has_looked(data.asked.generation, size_px) {
-            let whole = self.selection.wanted.is_empty();
-            self.sight.feed(&data.asked, &hit_counts(&pixels.hit, data.nodes.len()), whole, &self.tree);
+        if !self.sight.covers(data.query.generation, size_px) {
+            let whole = self.selection.requests.is_empty();
+            self.sight.update(&data.query, &hit_counts(&pixels.hit, data.nodes.len()), whole, &self.tree);
         }
         pixels
     }
 
     /// Whether nothing more will change while the view stays.
     pub fn is_at_rest(&self, size_px: [u32; 2]) -> bool {
-        let looked = self.sight.has_looked(self.generation, size_px);
-        self.selection.wanted.is_empty() && self.fades.passing() == 0 && looked
+        let looked = self.sight.covers(self.generation, size_px);
+        self.selection.requests.is_empty() && self.fades.fading_count() == 0 && looked
     }
 }
 

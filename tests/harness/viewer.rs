@@ -82,7 +82,7 @@ impl Viewer {
     /// One frame, then a pause. Once a picture was drawn, it is drawn again whenever what is drawn changes.
     pub fn step(&mut self) -> Result<()> {
         self.session.update(&self.shot);
-        if self.session.feedback().is_fed() && !self.session.has_feedback(SIZE_PX) {
+        if self.session.feedback().has_feedback() && !self.session.has_feedback(SIZE_PX) {
             self.draw()?;
         }
         std::thread::sleep(FRAME);
@@ -98,7 +98,7 @@ impl Viewer {
                 return Ok(());
             }
             let selection = self.session.selection();
-            ensure!(begin.elapsed() < most, "not within {most:?}: {:?}", selection.counters);
+            ensure!(begin.elapsed() < most, "not within {most:?}: {:?}", selection.stats);
         }
     }
 
@@ -117,7 +117,7 @@ impl Viewer {
 
 fn shot(view: &Camera) -> Result<FrameRequest> {
     let [position, target, up] = [view.position, view.target, view.up].map(DVec3::from);
-    let camera = camera::Camera::look(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
+    let camera = camera::Camera::look_at(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
     Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
 }
 

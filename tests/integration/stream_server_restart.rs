@@ -22,13 +22,13 @@ fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     viewer.until(Duration::from_secs(30), |viewer| {
-        Ok(viewer.session.selection().counters.drawn >= 4 && viewer.loading().len() >= 4)
+        Ok(viewer.session.selection().stats.drawn >= 4 && viewer.loading().len() >= 4)
     })?;
     server.kill()?;
-    let (before, begin) = (viewer.session.selection().counters, Instant::now());
+    let (before, begin) = (viewer.session.selection().stats, Instant::now());
     while begin.elapsed() < Duration::from_secs(2) {
         viewer.step()?;
-        let now = viewer.session.selection().counters;
+        let now = viewer.session.selection().stats;
         ensure!(now.worst_error_px <= before.worst_error_px, "the picture got worse: {now:?} after {before:?}");
     }
     ensure!(!viewer.session.is_settled(), "nothing was in flight when the server was killed");

@@ -28,7 +28,7 @@ fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
     let mut first_bytes = None;
     let mut pictures: Vec<(f64, Pixels)> = Vec::new();
     viewer.until(Duration::from_secs(60), |viewer| {
-        let counters = viewer.session.selection().counters;
+        let counters = viewer.session.selection().stats;
         if counters.drawn > 0 {
             first_bytes.get_or_insert(proxy.bytes());
             // A picture whenever it may have changed.
@@ -113,7 +113,7 @@ fn a_camera_turned_away_lets_go_of_what_it_wanted() -> Result<()> {
     viewer.look(&away)?;
     viewer.step()?;
     let still: Vec<_> = viewer.loading().into_iter().filter(|id| wanted.contains(id)).collect();
-    let selected = &viewer.session.selection().wanted;
+    let selected = &viewer.session.selection().requests;
     let unwanted = still.iter().filter(|id| !selected.iter().any(|w| w.key.id == **id)).count();
     ensure!(unwanted == 0, "{unwanted} of {} requests go on for tiles that nobody wants", wanted.len());
     ensure!(still.len() < wanted.len(), "the other view wants the same {} tiles", wanted.len());

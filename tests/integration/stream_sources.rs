@@ -42,7 +42,7 @@ fn city() -> PathBuf {
 
 fn shot() -> FrameRequest {
     let view = Stand::Roof.camera();
-    let camera = Camera::look(view.position.into(), view.target.into(), glam::DVec3::Z, 1.0).unwrap();
+    let camera = Camera::look_at(view.position.into(), view.target.into(), glam::DVec3::Z, 1.0).unwrap();
     FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0 }
 }
 

@@ -45,7 +45,7 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     }
     let mut session = open_session(&server.url, global, None, None)?;
     let aspect = f64::from(args.size[0]) / f64::from(args.size[1].max(1));
-    let camera = Camera::overlook(session.tree().manifest().focus_bounds(), aspect);
+    let camera = Camera::overview(session.tree().manifest().focus_bounds(), aspect);
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
     render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &args.out)?;

@@ -37,8 +37,8 @@ pub(super) fn run(args: &FlyArgs, global: &GlobalArgs) -> Result<()> {
     let http = Http::new(simulated_link(args))?;
     let mut session = open_session(&args.server, global, Some(http), Some(&first))?;
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
-    let settings = daylight.look(Shading::Lit, MOVING_SAMPLES);
-    session.set_sun(settings.casting());
+    let settings = daylight.render_settings(Shading::Lit, MOVING_SAMPLES);
+    session.set_sun(settings.shadow_casting_sun());
     session.set_transitions(!args.no_fades);
     let flight = Flight { args, global, path: &path, settings };
     flight.fly(&mut session)?.write(args.report.as_deref())
@@ -55,8 +55,8 @@ fn simulated_link(args: &FlyArgs) -> Option<SimulatedLink> {
 /// The frame at `t` seconds of the path. Fails if the path has no valid camera there.
 fn frame_request(path: &CameraPath, args: &FlyArgs, global: &GlobalArgs, t: f64) -> Result<FrameRequest> {
     let invalid = || ClientError::Usage(format!("camera path has no valid view direction at t={t:.3} s"));
-    let camera = path.at(t).ok_or_else(invalid)?;
-    Ok(FrameRequest { camera, heading: path.at(t + LOOKAHEAD_SECS), size_px: args.size, tau_px: global.tau })
+    let camera = path.camera_at(t).ok_or_else(invalid)?;
+    Ok(FrameRequest { camera, heading: path.camera_at(t + LOOKAHEAD_SECS), size_px: args.size, tau_px: global.tau })
 }
 
 /// A flight along a camera path.

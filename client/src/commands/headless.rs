@@ -14,7 +14,7 @@ use insula_viewer::{
     cache::pages_for,
     frame::{RenderSettings, STILL_SAMPLES},
     scene::SceneTree,
-    streamer::{FrameRequest, SMALLER},
+    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
     sun::Daylight,
 };
 use std::{
@@ -60,8 +60,8 @@ pub(super) fn render_to_file(
     daylight: &Daylight,
     out: &Path,
 ) -> Result<()> {
-    let settings = daylight.look(shading, STILL_SAMPLES);
-    session.set_sun(settings.casting());
+    let settings = daylight.render_settings(shading, STILL_SAMPLES);
+    session.set_sun(settings.shadow_casting_sun());
     settle(session, request, Duration::from_secs(u64::from(global.timeout)))?;
     let begin = Instant::now();
     let pixels = session.draw(request, &settings)?;
@@ -72,7 +72,7 @@ pub(super) fn render_to_file(
 /// Streams until nothing can improve the frame. Draws frames meanwhile, because their hits decide which tiles are occluded.
 /// Fails if the server does not respond for `timeout`, or if the adapter fails.
 pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
-    let small_px = request.size_px.map(|side| (side / SMALLER).max(1));
+    let small_px = request.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1));
     loop {
         session.update(request);
         session.check(timeout)?;

@@ -18,7 +18,7 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     render_to_file(&mut session, &request, global, args.shading, &daylight, &args.out)?;
     if let Some(path) = &args.distance {
         // With one ray per pixel, the distance is that of the pixel's centre.
-        write_pfm(path, &session.draw(&request, &daylight.look(args.shading, 1))?)?;
+        write_pfm(path, &session.draw(&request, &daylight.render_settings(args.shading, 1))?)?;
     }
     match &args.report {
         Some(path) => session.report(global.tau).write(path),

@@ -116,17 +116,17 @@ impl Adapter {
 }
 
 impl Upload for Adapter {
-    fn page(&mut self, page: u32, words: &[u32]) {
+    fn write_page(&mut self, page: u32, words: &[u32]) {
         match self {
-            Self::Gpu(gpu) => gpu.page(page, words),
-            Self::Cpu(cpu) => cpu.page(page, words),
+            Self::Gpu(gpu) => gpu.write_page(page, words),
+            Self::Cpu(cpu) => cpu.write_page(page, words),
         }
     }
 
-    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         match self {
-            Self::Gpu(gpu) => gpu.summary(slot, words),
-            Self::Cpu(cpu) => cpu.summary(slot, words),
+            Self::Gpu(gpu) => gpu.write_summary(slot, words),
+            Self::Cpu(cpu) => cpu.write_summary(slot, words),
         }
     }
 }

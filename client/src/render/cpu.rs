@@ -42,14 +42,14 @@ impl CpuAdapter {
 }
 
 impl Upload for CpuAdapter {
-    fn page(&mut self, page: u32, words: &[u32]) {
+    fn write_page(&mut self, page: u32, words: &[u32]) {
         let at = page as usize * PAGE_WORDS;
         if let Some(target) = self.atlas.get_mut(at..at + words.len()) {
             target.copy_from_slice(words);
         }
     }
 
-    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         let at = slot as usize * SUMMARY_WORDS;
         if let Some(target) = self.summaries.get_mut(at..at + SUMMARY_WORDS) {
             target.copy_from_slice(words);

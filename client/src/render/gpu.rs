@@ -10,7 +10,7 @@ use insula_shaders::{
 use insula_viewer::{
     cache::{PAGE_BYTES, Upload, slots_for},
     frame::FrameData,
-    select::{occlusion_feedback::OcclusionQuery, transitions::FADES},
+    select::{occlusion_feedback::OcclusionQuery, transitions::MAX_FADING},
 };
 
 /// An open GPU device.
@@ -80,7 +80,7 @@ impl GpuAdapter {
     pub fn new(device: GpuDevice, pages: u32) -> Result<Self, String> {
         let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
         let slots = slots_for(pages);
-        let nodes = slots + 2 * FADES as u32;
+        let nodes = slots + 2 * MAX_FADING as u32;
         let capacity = Capacity { atlas_pages: pages, slots, nodes };
         let validation = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -111,10 +111,10 @@ impl GpuAdapter {
     /// Records a pass that counts the hits per node of the frame that [`GpuAdapter::encode`] recorded. Does nothing if these
     /// counts are known or if another query is pending.
     pub fn encode_query(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) {
-        let frame = (data.asked.generation, [data.frame.width_px, data.frame.height_px]);
+        let frame = (data.query.generation, [data.frame.width_px, data.frame.height_px]);
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
         if self.last_counted != Some(frame) && self.tally.encode(on, encoder, &self.raycaster, data.nodes.len()) {
-            (self.pending_query, self.last_counted) = (Some(data.asked.clone()), Some(frame));
+            (self.pending_query, self.last_counted) = (Some(data.query.clone()), Some(frame));
         }
     }
 
@@ -154,11 +154,11 @@ impl GpuAdapter {
 }
 
 impl Upload for GpuAdapter {
-    fn page(&mut self, page: u32, words: &[u32]) {
+    fn write_page(&mut self, page: u32, words: &[u32]) {
         self.raycaster.write_page(&self.device.queue, page, words);
     }
 
-    fn summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         self.raycaster.write_summary(&self.device.queue, slot, words);
     }
 }

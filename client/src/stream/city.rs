@@ -17,7 +17,7 @@ use insula_protocol::{
     manifest::is_name,
     route::{self, CITIES},
 };
-use insula_viewer::{scene::tile::wait_after, streamer::FetchError};
+use insula_viewer::{scene::tile::retry_delay, streamer::FetchError};
 use std::{
     path::Path,
     sync::Arc,
@@ -152,7 +152,7 @@ impl CityOpener<'_> {
                 Err(FetchError::Missing) => return Ok(None),
                 Err(error) => {
                     attempts = attempts.saturating_add(1);
-                    let wait = wait_after(attempts, jitter());
+                    let wait = retry_delay(attempts, jitter());
                     if start.elapsed() + wait <= timeout {
                         std::thread::sleep(wait);
                         continue;

@@ -45,7 +45,7 @@ impl CityView {
         let daylight = &mut self.display.daylight;
         daylight.shadows = !daylight.shadows;
         settings.shadows = daylight.shadows;
-        self.render_settings = daylight.look(self.render_settings.shading, self.render_settings.samples);
+        self.render_settings = daylight.render_settings(self.render_settings.shading, self.render_settings.samples);
     }
 
     /// Performs what a panel asks for.
@@ -76,7 +76,7 @@ impl CityView {
 
     fn add_bookmark(&mut self, city: &str, settings: &mut UserSettings) {
         let name = format!("View {}", settings.bookmarks.get(city).map_or(0, Vec::len) + 1);
-        let is_added = settings.add_bookmark(city, &name, CameraFile::of(&self.control.camera()));
+        let is_added = settings.add_bookmark(city, &name, CameraFile::from_camera(&self.control.camera()));
         self.must_store_settings = true;
         self.show_message(match is_added {
             true => format!("bookmark saved as {name}"),

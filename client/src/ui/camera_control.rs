@@ -201,7 +201,7 @@ mod tests {
     use super::*;
 
     fn control() -> CameraControl {
-        let camera = Camera::look(DVec3::new(0.0, -100.0, 100.0), DVec3::ZERO, DVec3::Z, 1.0).unwrap();
+        let camera = Camera::look_at(DVec3::new(0.0, -100.0, 100.0), DVec3::ZERO, DVec3::Z, 1.0).unwrap();
         CameraControl::new(&camera, 1000.0, 0.0)
     }
 

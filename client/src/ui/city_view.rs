@@ -57,7 +57,7 @@ impl CityView {
     pub fn new(setup: CityViewSetup, settings: &UserSettings, aspect: f64) -> Self {
         let CityViewSetup { session, address, camera, daylight, tau_px, playback } = setup;
         let manifest = session.tree().manifest();
-        let camera = camera.unwrap_or_else(|| Camera::overlook(manifest.focus_bounds(), aspect));
+        let camera = camera.unwrap_or_else(|| Camera::overview(manifest.focus_bounds(), aspect));
         let size_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
         let control = CameraControl::new(&camera, size_m, manifest.ground_z_m);
         tracing::info!("opened {}", manifest.name);
@@ -74,7 +74,7 @@ impl CityView {
                 shows_help: false,
                 message: None,
             },
-            render_settings: daylight.look(Shading::Lit, 1),
+            render_settings: daylight.render_settings(Shading::Lit, 1),
             bookmark_panel: BookmarkPanel::default(),
             distance_tool: DistanceTool::default(),
             recorder: None,

@@ -21,7 +21,7 @@ use crate::{
 use insula_protocol::Manifest;
 use insula_viewer::{
     camera::Camera,
-    sun::{Daylight, SunOptions, time},
+    sun::{Daylight, SunOptions, parse_time},
 };
 use std::{
     path::PathBuf,
@@ -252,7 +252,7 @@ impl ViewerApp {
         let Some(window) = &self.window else { return };
         let mut sun = self.options.sun;
         if sun.time.is_none() && sun.bearing.is_none() {
-            sun.time = self.settings.time.as_deref().and_then(|text| time(text).ok());
+            sun.time = self.settings.time.as_deref().and_then(|text| parse_time(text).ok());
         }
         sun.shadows = sun.shadows.or(Some(self.settings.shadows));
         let [width, height] = window.surface.size_px().map(f64::from);

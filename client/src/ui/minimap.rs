@@ -41,7 +41,7 @@ pub fn show(ui: &mut Ui, session: &Session, camera: &Camera) -> Option<DVec2> {
     let tree = session.tree();
     let extent = MapExtent::of(tree);
     painter.rect_filled(map, 2.0, Color32::from_gray(28));
-    for node in session.selection().cut.iter().map(|item| tree.node(item.square)) {
+    for node in session.selection().draw_tiles.iter().map(|item| tree.node(item.node)) {
         let corner = DVec3::from(tree.manifest().node_corner(node.id)).truncate();
         let side_m = tree.manifest().node_side_m(node.id.level());
         let area = Rect::from_two_pos(extent.to_map(corner, map), extent.to_map(corner + DVec2::splat(side_m), map))

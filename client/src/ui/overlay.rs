@@ -55,7 +55,7 @@ impl OverlayTexts {
         control: &CameraControl,
         ray_counts: Option<RayCounts>,
     ) -> Self {
-        let counters = session.selection().counters;
+        let counters = session.selection().stats;
         let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1u32 << 20));
         let mode = match control.mode() {
             ControlMode::Fly => format!("fly, {:.0} m/s", control.speed_m_per_sec()),
@@ -66,7 +66,10 @@ impl OverlayTexts {
             ("drawn", format!("{} nodes, error {:.1} px", counters.drawn, counters.worst_error_px)),
             ("meshes", format!("{}, {} triangles", counters.meshes, counters.triangles)),
             ("resident", format!("{} tiles, {}", session.cache().len(), mib(session.cache().used_bytes()))),
-            ("wanted", format!("{}, {} in flight", session.selection().wanted.len(), session.downloads().in_flight())),
+            (
+                "wanted",
+                format!("{}, {} in flight", session.selection().requests.len(), session.downloads().in_flight()),
+            ),
             ("fetched", mib(session.downloads().fetcher().http().bytes())),
             ("mode", mode),
             ("drawn by", session.adapter_info().name.clone()),
@@ -164,11 +167,11 @@ fn sun_sliders(ui: &mut Ui, daylight: &mut Daylight) {
         is_moved = true;
     }
     if is_moved {
-        daylight.fixed = None;
+        daylight.fixed_bearing = None;
     }
     ui.checkbox(&mut daylight.shadows, "sun shadows");
-    if !daylight.place.known {
-        let [north, _] = daylight.place.degrees();
+    if !daylight.site.is_known {
+        let [north, _] = daylight.site.degrees();
         ui.label(RichText::new(format!("unknown location, using {north:.0}\u{b0} north")).small());
     }
 }

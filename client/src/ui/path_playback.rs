@@ -58,7 +58,7 @@ impl PathPlayback {
         {
             self.memory.push(MemorySample { secs, resident_bytes });
         }
-        let camera_at = |secs: f64| self.path.at(secs % self.path.seconds);
+        let camera_at = |secs: f64| self.path.camera_at(secs % self.path.seconds);
         Some(PlaybackCameras { now: camera_at(secs)?, ahead: camera_at(secs + LOOKAHEAD_SECS) })
     }
 

@@ -111,7 +111,7 @@ mod tests {
         let path = read_path(&file).unwrap();
         std::fs::remove_dir_all(folder).unwrap();
         for t in [0.0, 0.5, 1.05, 2.22, 4.99, 6.0, 7.0] {
-            let (flown, replayed) = (camera(t), path.at(t).unwrap());
+            let (flown, replayed) = (camera(t), path.camera_at(t).unwrap());
             assert!((flown.position - replayed.position).length() < 1.0, "{t}: {flown:?} {replayed:?}");
             assert!((flown.forward - replayed.forward).length() < 0.01, "{t}: {flown:?} {replayed:?}");
         }

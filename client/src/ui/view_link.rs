@@ -9,7 +9,7 @@ use crate::{
 use glam::DVec3;
 use insula_viewer::{
     camera::Camera,
-    sun::{Daylight, Time, time},
+    sun::{Daylight, SunTime, parse_time},
 };
 
 /// Prefix of view links. Any other text is a plain city location.
@@ -26,7 +26,7 @@ pub struct ViewLink {
     pub address: String,
     pub camera: Option<Camera>,
     /// Time of the light.
-    pub time: Option<Time>,
+    pub time: Option<SunTime>,
 }
 
 impl ViewLink {
@@ -50,7 +50,7 @@ impl ViewLink {
         for (name, value) in url.query_pairs() {
             match &*name {
                 "camera" => link.camera = Some(parse_camera(&value).ok_or_else(|| invalid("invalid camera"))?),
-                "time" => link.time = Some(time(&value).map_err(|e| invalid(&e))?),
+                "time" => link.time = Some(parse_time(&value).map_err(|e| invalid(&e))?),
                 "tls" => scheme = if value == "1" { "https" } else { "http" },
                 _ => {}
             }
@@ -95,9 +95,9 @@ pub fn format_link(address: &str, camera: &Camera, daylight: &Daylight) -> Optio
     let p = camera.position;
     let (yaw, pitch) = camera.angles();
     let azimuth = (90.0 - yaw.to_degrees()).rem_euclid(360.0);
-    let time = match daylight.fixed {
+    let time = match daylight.fixed_bearing {
         Some(_) => String::new(),
-        None => format!("&time={}", daylight.text()),
+        None => format!("&time={}", daylight.time_text()),
     };
     Some(format!(
         "{SCHEME}{host}?camera={:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}{time}{tls}",
@@ -132,14 +132,15 @@ mod tests {
 
     #[test]
     fn a_formatted_link_parses_to_the_same_view() {
-        let light = daylight(&SunOptions { time: Some(time("2024-06-21T17:00").unwrap()), ..SunOptions::default() });
+        let light =
+            daylight(&SunOptions { time: Some(parse_time("2024-06-21T17:00").unwrap()), ..SunOptions::default() });
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
                 let text = format_link(&format!("{base}/v1/cities/tokyo"), &camera, &light).unwrap();
                 let link = ViewLink::parse(&text).unwrap();
                 assert_eq!(link.address, format!("{base}/v1/cities/tokyo"));
-                assert_eq!(link.time, Some(time("2024-06-21T17:00").unwrap()));
+                assert_eq!(link.time, Some(parse_time("2024-06-21T17:00").unwrap()));
                 let parsed = link.camera.unwrap();
                 assert!((parsed.position - camera.position).length() < 2e-3, "{parsed:?}");
                 assert!((parsed.forward - camera.forward).length() < 1e-5 && (parsed.up - camera.up).length() < 1e-5);
@@ -149,7 +150,7 @@ mod tests {
         let camera = Camera::from_angles(DVec3::ZERO, 0.0, 0.0, 1.0);
         assert_eq!(format_link("", &camera, &light), None);
         let fixed = daylight(&SunOptions {
-            bearing: Some(insula_viewer::sun::azimuth_altitude("1,2").unwrap()),
+            bearing: Some(insula_viewer::sun::parse_bearing("1,2").unwrap()),
             ..SunOptions::default()
         });
         assert!(!format_link("http://h/v1/cities/a", &camera, &fixed).unwrap().contains("time"));

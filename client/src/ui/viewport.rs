@@ -112,7 +112,7 @@ impl Viewport {
         }
         let settings =
             RenderSettings { samples: detail.samples, shading: city.display.shading, ..city.render_settings };
-        city.session.set_sun(settings.casting());
+        city.session.set_sun(settings.shadow_casting_sun());
         // Tiles are selected for the whole window, however few pixels are drawn: the speed of the ray-caster must not
         // change what is fetched.
         let whole_window = city.frame_request(window, 1);
@@ -149,9 +149,9 @@ impl Viewport {
     fn apply_sliders(&mut self, before: SliderValues, window: &ViewerWindow, settings: &mut UserSettings) {
         let SliderValues { tau_px, daylight } = self.slider_values();
         if before.daylight != daylight {
-            self.city.render_settings = daylight.look(Shading::Lit, 1);
+            self.city.render_settings = daylight.render_settings(Shading::Lit, 1);
             settings.shadows = daylight.shadows;
-            settings.time = daylight.fixed.is_none().then(|| daylight.text());
+            settings.time = daylight.fixed_bearing.is_none().then(|| daylight.time_text());
         }
         if before.tau_px != tau_px {
             settings.tau_px = tau_px;

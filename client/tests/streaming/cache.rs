@@ -19,7 +19,7 @@ fn move_sideways(viewer: &mut FastClockViewer, steps: u32, step_m: f64) {
     for step in 0..steps {
         viewer.settle(&sideways(step, step_m), |streamer| {
             assert_within_capacity(streamer);
-            assert!(step == 0 || streamer.selection().counters.drawn > 0);
+            assert!(step == 0 || streamer.selection().stats.drawn > 0);
         });
     }
 }
@@ -29,7 +29,7 @@ fn a_small_cache_is_never_exceeded_and_does_not_thrash() {
     let server = TestServer::start(city());
     let mut viewer = FastClockViewer::new(&server, CACHE_MIB);
     viewer.settle(&street(), assert_within_capacity);
-    let counters = viewer.streamer.selection().counters;
+    let counters = viewer.streamer.selection().stats;
     assert!(counters.tau_px > 1.0 && counters.drawn > 1, "{counters:?}");
     let requests = server.requests();
     for _ in 0..50 {

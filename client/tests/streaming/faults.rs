@@ -137,7 +137,8 @@ fn the_parent_is_drawn_where_a_tile_stays_bad() {
     });
     let mut session = open_session(&server, 64);
     settle(&mut session, &street(), |_| {});
-    let drawn: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
+    let drawn: Vec<TileId> =
+        session.selection().draw_tiles.iter().map(|item| session.tree().node(item.source).id).collect();
     let [grandparent, parent] = [(1, 0, 0), (2, 0, 0)].map(|(level, x, y)| TileId::new(level, x, y).unwrap());
     assert_eq!(session.report(1.0).tiles.bad, 1 + u64::from(!drawn.contains(&grandparent)));
     assert!(drawn.contains(&grandparent) || drawn.contains(&parent), "{drawn:?}");

@@ -53,13 +53,13 @@ fn each_frame_is_finer_and_every_tile_is_fetched_once() {
     let mut session = open_session(&server, 64);
     let mut worst = f64::INFINITY;
     settle(&mut session, &street(), |session| {
-        let counters = session.selection().counters;
+        let counters = session.selection().stats;
         if counters.drawn > 0 {
             assert!(counters.worst_error_px <= worst);
             worst = counters.worst_error_px;
         }
     });
-    let counters = session.selection().counters;
+    let counters = session.selection().stats;
     assert!(counters.drawn > 10, "{counters:?}");
     let log = server.log();
     assert!(log.values().all(|count| *count == 1), "{log:?}");
@@ -72,14 +72,14 @@ fn cross_fades_end_in_the_same_frame() {
     session.set_transitions(true);
     let mut fading_frames = 0;
     let colours = draw_each_until_settled(&mut session, |session| {
-        let areas = session.transitions().shown();
-        let fading = areas.iter().filter(|shown| shown.faces().1.is_some()).count();
+        let areas = session.transitions().tiles();
+        let fading = areas.iter().filter(|shown| shown.sources().1.is_some()).count();
         let nodes = session.frame_data(&street(), &RenderSettings::default()).nodes.len();
         assert!(nodes >= areas.len() + fading, "{nodes} nodes, {fading} areas that fade between two of them");
         fading_frames += usize::from(fading > 0);
     });
     assert!(fading_frames > 0, "no frame showed two levels of an area");
-    assert_eq!(session.transitions().passing(), 0);
+    assert_eq!(session.transitions().fading_count(), 0);
     assert_eq!(colours, REFERENCE.colours);
     let (found, expected) = (server.requests(), REFERENCE.requests);
     assert!(found < expected * 5 / 4 + 4, "{found} requests, {expected} without cross-fades");
@@ -110,7 +110,7 @@ fn near_leaves_are_meshes_unless_the_mesh_is_bad() {
         settle(&mut session, &down, |_| {});
         let (distance_m, _) = centre(&mut session);
         assert!((f64::from(distance_m) - (60.0 + MESH_M - ROOF_M)).abs() < 0.6, "{distance_m}");
-        assert!(session.report(1.0).tiles.bad > 0 && session.selection().counters.meshes == 0);
+        assert!(session.report(1.0).tiles.bad > 0 && session.selection().stats.meshes == 0);
     }
 }
 

@@ -46,7 +46,7 @@ pub(crate) fn global_args() -> GlobalArgs {
 /// A frame from `position` to `target`, in metres from the city's corner.
 pub(crate) fn request(position: [f64; 3], target: [f64; 3]) -> FrameRequest {
     let origin = DVec3::from(ORIGIN);
-    let camera = Camera::look(origin + DVec3::from(position), origin + DVec3::from(target), DVec3::Z, 1.0).unwrap();
+    let camera = Camera::look_at(origin + DVec3::from(position), origin + DVec3::from(target), DVec3::Z, 1.0).unwrap();
     FrameRequest { camera, heading: None, size_px: [WIDTH_PX as u32, HEIGHT_PX as u32], tau_px: 1.0 }
 }
 
@@ -117,7 +117,7 @@ pub(crate) fn draw_each_until_settled(session: &mut Session, mut each: impl FnMu
         if session.is_settled() && session.has_frame() {
             return session.draw(&request, &RenderSettings::default()).unwrap().colour;
         }
-        assert!(begin.elapsed() < TIMEOUT, "{:?}", session.selection().counters);
+        assert!(begin.elapsed() < TIMEOUT, "{:?}", session.selection().stats);
         session.wait(Duration::from_millis(5));
     }
 }

@@ -1,34 +1,29 @@
-//! Cameras in world coordinates (f64), and what the selection and the ray-caster need of them.
-//!
-//! In: a camera file, or keys and the mouse (`ui`). Out: [`View`]. Next: `select`, `render::frame`.
+//! Cameras in world coordinates (f64), views, and camera files.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Nearest distance that a node's error is judged at, in metres (design 4).
-pub const NEAR_M: f64 = 1.0;
-
 const CAMERA_FORMAT: &str = r#"{"position":[x,y,z],"target":[x,y,z],"fov_y_deg":60}"#;
 const PATH_FORMAT: &str = r#"{"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]}]}"#;
 
-/// Where one looks from, and where to. The three axes are unit vectors, square to each other.
+/// Position and orientation of the eye. The three axes are orthogonal unit vectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Eye, in the city's coordinates.
+    /// In the city's coordinates.
     pub position: DVec3,
-    /// Into the picture.
+    /// Into the frame.
     pub forward: DVec3,
-    /// To the picture's right.
+    /// To the right of the frame.
     pub right: DVec3,
-    /// To the picture's top.
+    /// To the top of the frame.
     pub up: DVec3,
-    /// Opening angle from bottom to top.
+    /// Vertical field of view.
     pub fov_y_rad: f64,
 }
 
 impl Camera {
-    /// Looks from `position` to `target`. `None` if the two are the same. An `up` along the view is replaced.
-    pub fn look(position: DVec3, target: DVec3, up: DVec3, fov_y_rad: f64) -> Option<Self> {
+    /// Looks from `position` to `target`; `None` if the two are equal. An `up` along the view direction is replaced.
+    pub fn look_at(position: DVec3, target: DVec3, up: DVec3, fov_y_rad: f64) -> Option<Self> {
         let forward = (target - position).try_normalize()?;
         let up = up.try_normalize().unwrap_or(DVec3::Z);
         let right = [up, DVec3::Y, DVec3::X].into_iter().map(|up| forward.cross(up)).find(|r| r.length() > 1e-6)?;
@@ -36,7 +31,7 @@ impl Camera {
         Some(Self { position, forward, right, up: right.cross(forward), fov_y_rad })
     }
 
-    /// Looks along a compass direction: `yaw_rad` from east to north, `pitch_rad` upwards.
+    /// Looks in a direction: `yaw_rad` from east to north, `pitch_rad` upwards.
     pub fn from_angles(position: DVec3, yaw_rad: f64, pitch_rad: f64, fov_y_rad: f64) -> Self {
         let (sin_yaw, cos_yaw) = yaw_rad.sin_cos();
         let (sin_pitch, cos_pitch) = pitch_rad.sin_cos();
@@ -45,61 +40,58 @@ impl Camera {
         Self { position, forward, right, up: right.cross(forward), fov_y_rad }
     }
 
-    /// The same from the same place, turned about the vertical: to the left, for positive angles.
+    /// The same camera, turned about the vertical; to the left for positive angles.
     pub fn turned(&self, degrees: f64) -> Self {
         let turn = DQuat::from_rotation_z(degrees.to_radians());
         Self { forward: turn * self.forward, right: turn * self.right, up: turn * self.up, ..*self }
     }
 
-    /// The angles of [`Camera::from_angles`].
+    /// Yaw and pitch in radians, as in [`Camera::from_angles`].
     pub fn angles(&self) -> (f64, f64) {
         (self.forward.y.atan2(self.forward.x), self.forward.z.clamp(-1.0, 1.0).asin())
     }
 
-    /// Sees all of `bounds` (`[min, max]`) from the south-east, 25 degrees above the horizon.
-    pub fn overlook(bounds: [[f64; 3]; 2], aspect: f64) -> Self {
+    /// Sees all of `bounds` (`[min, max]`) from the south-east, 25 degrees above the horizon. `aspect` is width by height.
+    pub fn overview(bounds: [[f64; 3]; 2], aspect: f64) -> Self {
         let (low, high) = (DVec3::from(bounds[0]), DVec3::from(bounds[1]));
         let fov_y_rad = 50f64.to_radians();
-        // Most of a city is low: one tower would lift the middle of the box into the air.
+        // Most of a city is low: one tower would lift the centre of the box into the air.
         let centre = ((low + high) * 0.5).with_z(low.z + 0.2 * (high.z - low.z));
         let elevation = 25f64.to_radians();
         let away = DVec3::new(0.6 * elevation.cos(), -0.8 * elevation.cos(), elevation.sin());
         let half_fov = (fov_y_rad * 0.5).min(((fov_y_rad * 0.5).tan() * aspect).atan());
-        // The half-diagonal fits exactly where the picture is narrowest; a city is flat, so most of the sphere is air.
+        // At factor 1, the half-diagonal fits exactly where the frame is narrowest. A city is flat: most of the sphere is air.
         let distance_m = (0.62 * 0.5 * (high - low).length() / half_fov.sin()).max(10.0);
         let position = centre + away * distance_m;
-        Self::look(position, centre, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
+        Self::look_at(position, centre, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
     }
 }
 
-/// A half-space: `normal . p + offset >= 0` is inside.
+/// A half-space: a point `p` with `normal . p + offset >= 0` is inside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrustumPlane {
     /// Unit normal, inwards.
     pub normal: DVec3,
-    /// Minus the normal's product with a point of the plane.
+    /// Minus the scalar product of the normal and a point of the plane.
     pub offset: f64,
 }
 
-/// A camera, the picture that it makes, and how much may be drawn for it.
+/// A camera, the size of its frame, and how much may be drawn for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// Where from.
     pub camera: Camera,
-    /// Picture width.
     pub width_px: u32,
-    /// Picture height.
     pub height_px: u32,
-    /// Tolerated projected error.
+    /// Tolerated screen-space error in pixels.
     pub tau_px: f64,
-    /// Most pages that the visited nodes may take in the cache.
+    /// Most cache pages that the visited nodes may take.
     pub budget_pages: u32,
     /// Most nodes that may be visited.
     pub budget_nodes: u32,
 }
 
 impl View {
-    /// Pixels that a metre covers at a distance of a metre: `height / (2 tan(fov / 2))`.
+    /// Pixels that a metre covers at a distance of one metre: `height_px / (2 tan(fov_y / 2))`.
     pub fn focal_px(&self) -> f64 {
         f64::from(self.height_px) / (2.0 * (self.camera.fov_y_rad * 0.5).tan())
     }
@@ -109,7 +101,7 @@ impl View {
         f64::from(self.width_px.max(1)) / f64::from(self.height_px.max(1))
     }
 
-    /// Left, right, lower, upper side, and what lies behind the eye. There is no far plane.
+    /// The planes of the frustum: left, right, bottom, top, and through the eye. There is no far plane.
     pub fn planes(&self) -> [FrustumPlane; 5] {
         let c = &self.camera;
         let tan_y = (c.fov_y_rad * 0.5).tan();
@@ -128,17 +120,15 @@ impl View {
     }
 }
 
-/// `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` in the source's own coordinates.
+/// A camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` in the city's coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraFile {
-    /// Eye.
     pub position: [f64; 3],
-    /// A point in the middle of the picture.
+    /// A point in the middle of the frame.
     pub target: [f64; 3],
-    /// Upwards; z unless given.
     #[serde(default = "default_up")]
     pub up: [f64; 3],
-    /// Opening angle from bottom to top; 60 unless given.
+    /// Vertical field of view.
     #[serde(default = "default_fov")]
     pub fov_y_deg: f64,
 }
@@ -152,17 +142,17 @@ fn default_fov() -> f64 {
 }
 
 impl CameraFile {
-    /// The camera, if the numbers make one.
+    /// The camera; `None` if the values are not finite or out of range, or if there is no view direction.
     pub fn camera(&self) -> Option<Camera> {
         let numbers = self.position.iter().chain(&self.target).chain(&self.up).chain([&self.fov_y_deg]);
         if !numbers.into_iter().all(|v| v.is_finite()) || !(1.0..=170.0).contains(&self.fov_y_deg) {
             return None;
         }
-        Camera::look(self.position.into(), self.target.into(), self.up.into(), self.fov_y_deg.to_radians())
+        Camera::look_at(self.position.into(), self.target.into(), self.up.into(), self.fov_y_deg.to_radians())
     }
 
     /// The file of a camera.
-    pub fn of(camera: &Camera) -> Self {
+    pub fn from_camera(camera: &Camera) -> Self {
         let target = camera.position + camera.forward * 100.0;
         Self {
             position: camera.position.to_array(),
@@ -183,25 +173,24 @@ impl CameraFile {
     }
 }
 
-/// One key of a path.
+/// A key of a camera path.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PathKey {
     /// Seconds from the start.
     pub t: f64,
-    /// Eye.
     pub position: [f64; 3],
-    /// A point in the middle of the picture.
+    /// A point in the middle of the frame.
     pub target: [f64; 3],
 }
 
-/// `{"seconds":S,"keys":[{"t":..,"position":..,"target":..}]}`, straight lines from key to key.
+/// A camera path: `{"seconds":S,"keys":[{"t":..,"position":..,"target":..}]}`, with straight lines from key to key.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraPath {
-    /// How long it takes.
+    /// Duration.
     pub seconds: f64,
     /// In the order of their times.
     pub keys: Vec<PathKey>,
-    /// Opening angle; 60 unless given.
+    /// Vertical field of view.
     #[serde(default = "default_fov")]
     pub fov_y_deg: f64,
 }
@@ -217,24 +206,24 @@ impl CameraPath {
         if !path.keys.windows(2).all(|k| k[0].t < k[1].t) {
             return Err("the times of the camera path's keys must increase".into());
         }
-        match path.keys.iter().find(|k| path.camera_of(k.position, k.target).is_none()) {
+        match path.keys.iter().find(|k| path.camera_between(k.position, k.target).is_none()) {
             Some(key) => Err(format!("camera path has no valid view direction at t={} s", key.t)),
             None => Ok(path),
         }
     }
 
-    fn camera_of(&self, position: [f64; 3], target: [f64; 3]) -> Option<Camera> {
+    fn camera_between(&self, position: [f64; 3], target: [f64; 3]) -> Option<Camera> {
         CameraFile { position, target, up: default_up(), fov_y_deg: self.fov_y_deg }.camera()
     }
 
-    /// The camera at `t` seconds; before the first and after the last key it stands still.
-    pub fn at(&self, t: f64) -> Option<Camera> {
+    /// The camera at `t` seconds. It is still before the first and after the last key. `None` if there is no view direction.
+    pub fn camera_at(&self, t: f64) -> Option<Camera> {
         let next = self.keys.iter().position(|k| k.t > t).unwrap_or(self.keys.len());
         let a = self.keys.get(next.saturating_sub(1))?;
         let b = self.keys.get(next).unwrap_or(a);
-        let share = if b.t > a.t { ((t - a.t) / (b.t - a.t)).clamp(0.0, 1.0) } else { 0.0 };
-        let mix = |a: [f64; 3], b: [f64; 3]| DVec3::from(a).lerp(b.into(), share).to_array();
-        self.camera_of(mix(a.position, b.position), mix(a.target, b.target))
+        let progress = if b.t > a.t { ((t - a.t) / (b.t - a.t)).clamp(0.0, 1.0) } else { 0.0 };
+        let mix = |a: [f64; 3], b: [f64; 3]| DVec3::from(a).lerp(b.into(), progress).to_array();
+        self.camera_between(mix(a.position, b.position), mix(a.target, b.target))
     }
 }
 
@@ -243,41 +232,41 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_are_square_even_straight_down() {
+    fn axes_are_orthogonal_even_straight_down() {
         for target in [DVec3::new(0.0, 0.0, -10.0), DVec3::new(3.0, 4.0, 5.0)] {
-            let c = Camera::look(DVec3::ZERO, target, DVec3::Z, 1.0).unwrap();
+            let c = Camera::look_at(DVec3::ZERO, target, DVec3::Z, 1.0).unwrap();
             assert!(c.right.dot(c.forward).abs() < 1e-12 && c.up.dot(c.forward).abs() < 1e-12);
             assert!((c.right.cross(c.forward) - c.up).length() < 1e-12);
         }
-        assert!(Camera::look(DVec3::ONE, DVec3::ONE, DVec3::Z, 1.0).is_none());
+        assert!(Camera::look_at(DVec3::ONE, DVec3::ONE, DVec3::Z, 1.0).is_none());
     }
 
     #[test]
-    fn angles_come_back() {
+    fn angles_round_trip() {
         let c = Camera::from_angles(DVec3::ZERO, 2.0, -0.7, 1.0);
         let (yaw, pitch) = c.angles();
         assert!((yaw - 2.0).abs() < 1e-12 && (pitch + 0.7).abs() < 1e-12);
-        let same = Camera::look(DVec3::ZERO, c.forward, DVec3::Z, 1.0).unwrap();
+        let same = Camera::look_at(DVec3::ZERO, c.forward, DVec3::Z, 1.0).unwrap();
         assert!((same.right - c.right).length() < 1e-12 && (same.up - c.up).length() < 1e-12);
     }
 
     #[test]
-    fn planes_hold_what_is_seen() {
-        let camera = Camera::look(DVec3::new(5.0, 5.0, 5.0), DVec3::new(5.0, 50.0, 5.0), DVec3::Z, 1.0).unwrap();
+    fn planes_bound_the_frame() {
+        let camera = Camera::look_at(DVec3::new(5.0, 5.0, 5.0), DVec3::new(5.0, 50.0, 5.0), DVec3::Z, 1.0).unwrap();
         let view = View { camera, width_px: 200, height_px: 100, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
-        let sees = |p: DVec3| view.planes().iter().all(|plane| plane.normal.dot(p) + plane.offset >= 0.0);
+        let is_inside = |p: DVec3| view.planes().iter().all(|plane| plane.normal.dot(p) + plane.offset >= 0.0);
         let edge = (0.5f64).tan() * 10.0;
         let at = |x: f64, z: f64| camera.position + camera.forward * 10.0 + camera.right * x + camera.up * z;
-        assert!(sees(at(0.0, 0.0)) && sees(at(edge * 1.99, 0.0)) && sees(at(0.0, -edge * 0.99)));
-        assert!(!sees(at(edge * 2.01, 0.0)) && !sees(at(0.0, edge * 1.01)));
-        assert!(!sees(camera.position - camera.forward));
+        assert!(is_inside(at(0.0, 0.0)) && is_inside(at(edge * 1.99, 0.0)) && is_inside(at(0.0, -edge * 0.99)));
+        assert!(!is_inside(at(edge * 2.01, 0.0)) && !is_inside(at(0.0, edge * 1.01)));
+        assert!(!is_inside(camera.position - camera.forward));
     }
 
     #[test]
-    fn paths_interpolate() {
+    fn paths_interpolate_between_keys() {
         let text = r#"{"seconds":4,"keys":[{"t":0,"position":[0,0,0],"target":[0,1,0]},{"t":4,"position":[8,0,0],"target":[8,1,0]}]}"#;
         let path: CameraPath = serde_json::from_str(text).unwrap();
-        assert_eq!(path.at(1.0).unwrap().position, DVec3::new(2.0, 0.0, 0.0));
-        assert_eq!(path.at(99.0).unwrap().position, DVec3::new(8.0, 0.0, 0.0));
+        assert_eq!(path.camera_at(1.0).unwrap().position, DVec3::new(2.0, 0.0, 0.0));
+        assert_eq!(path.camera_at(99.0).unwrap().position, DVec3::new(8.0, 0.0, 0.0));
     }
 }

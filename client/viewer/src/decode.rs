@@ -1,6 +1,6 @@
-//! From a tile's bytes to what the cache and the tree hold, on worker threads.
+//! Decoding: from a tile's bytes to what the cache and the scene tree hold.
 //!
-//! In: bytes that anyone may have made. Out: [`DecodedTile`]. Next: `cache`, `scene::tree`.
+//! In: bytes from an untrusted source. Out: [`DecodedTile`]. Next: `cache`, `scene`.
 
 use crate::scene::TileKey;
 use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind};
@@ -9,28 +9,26 @@ use insula_shaders::{
     pack::PackedNode,
 };
 
-/// A tile's content.
+/// The content of a tile.
 #[derive(Debug)]
 pub enum DecodedTile {
-    /// Ready for the atlas.
+    /// A V-BlockMap, ready for the atlas.
     Node(Box<PackedNode>),
-    /// Ready for the atlas, as a leaf's mesh.
+    /// A leaf's mesh, ready for the atlas.
     Mesh(Box<PackedMesh>),
-    /// Ready for the tree.
+    /// A subtree, ready for the scene tree.
     Subtree(Subtree),
 }
 
-/// Decodes `bytes`, fetched as the tile of `key`.
+/// Decodes a tile. Fails if the bytes do not decode, or are those of another tile than `key`.
 pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
     match key.layer() {
         TileKind::Subtree => {
             let subtree = Subtree::decode(bytes)?;
-            let same = subtree.nodes.first().is_some_and(|root| root.id == key.id);
-            if same {
-                Ok(DecodedTile::Subtree(subtree))
-            } else {
-                Err(DecodeError::Invalid("the subtree of another node"))
-            }
+            let is_requested = subtree.nodes.first().is_some_and(|root| root.id == key.id);
+            is_requested
+                .then_some(DecodedTile::Subtree(subtree))
+                .ok_or(DecodeError::Invalid("the subtree of another node"))
         }
         TileKind::BlockMap => {
             let map = BlockMap::decode(key.id, bytes)?;
@@ -40,8 +38,9 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
             let texture = texture.as_ref().map(MeshTexture::decode).transpose()?;
             let packed = PackedMesh::new(&mesh, texture.as_ref());
-            let refused = |_| DecodeError::Invalid("a mesh that cannot be drawn");
-            packed.map(|mesh| DecodedTile::Mesh(Box::new(mesh))).map_err(refused)
+            packed
+                .map(|mesh| DecodedTile::Mesh(Box::new(mesh)))
+                .map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
         }
     }
 }
@@ -56,18 +55,18 @@ mod tests {
     use std::io::Cursor;
 
     #[test]
-    fn a_mesh_s_picture_is_unpacked_if_it_is_what_it_says() {
+    fn decodes_a_mesh_texture_of_the_stated_size_only() {
         let id = TileId::new(9, 5, 6).unwrap();
         let mut webp = Cursor::new(Vec::new());
-        let picture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
-        picture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
+        let texture = image::RgbImage::from_fn(70, 30, |x, y| image::Rgb([x as u8, y as u8, 9]));
+        texture.write_to(&mut webp, image::ImageFormat::WebP).unwrap();
         let tile = |size_px, bytes: Vec<u8>| {
             let texture = Some(TileTexture { size_px, bytes });
             mesh_tile::cuboid([0.0; 3], [9.0; 3], [0; 3], texture).encode(id, 1).unwrap()
         };
         let webp = webp.into_inner();
         let Ok(DecodedTile::Mesh(mesh)) = decode(TileKey::mesh(id, 1), &tile([70, 30], webp.clone())) else {
-            panic!("it is whole")
+            panic!("the tile is valid")
         };
         assert_eq!(mesh.triangles, 12);
         assert!(decode(TileKey::mesh(id, 0), &tile([70, 30], webp.clone())).is_err(), "another level of detail");
@@ -77,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_tile_that_was_asked_for() {
+    fn refuses_a_tile_of_another_kind() {
         let id = TileId::new(3, 1, 2).unwrap();
         let bytes = BlockMap::empty(id, 1.0, 0, 0).encode().unwrap();
         assert!(matches!(decode(TileKey::block_map(id), &bytes), Ok(DecodedTile::Node(_))));

@@ -1,8 +1,8 @@
-//! What one frame is made of: the arrays of `insula_shaders::layout`.
+//! Frame assembly: the arrays that the ray-caster reads, besides the atlas.
 //!
-//! In: the cut, the cache, a view, a [`RenderSettings`]. Out: [`FrameData`]. Next: `cpu`, `gpu`.
+//! In: a draw list with its cross-fades, the cache, a view, [`RenderSettings`]. Out: [`FrameData`]. Next: the shell's ray-caster.
 //!
-//! Places are taken relative to the camera in f64 and only then rounded to f32.
+//! Positions are made relative to the camera in f64 and only then rounded to f32.
 
 use crate::{
     cache::{AtlasCache, CachedMesh, CachedNode},
@@ -22,15 +22,17 @@ use insula_shaders::{
     mesh::leaf_offset,
 };
 
-/// Rays along a pixel's side of a still picture: two miss much of a texture that is finer than the pixels, four gain little.
+/// Rays along a pixel's side while the camera is still: two miss much of a texture that is finer than the pixels, four gain
+/// little.
 pub const STILL_SAMPLES: u32 = 3;
-/// The same while the camera moves, where a device is fast enough: with one ray a slow pan shimmers (docs/measurements.md).
+/// Rays along a pixel's side while the camera moves, on a device that is fast enough: with one ray a slow pan shimmers
+/// (docs/measurements.md).
 pub const MOVING_SAMPLES: u32 = 2;
 
-/// Half the diagonal of a cube of side 1: a voxel's error (Vacca 2008, 3.6.2).
+/// Half the diagonal of a cube of side 1: the error of a voxel (Vacca 2008, section 3.6.2).
 const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
-/// What is set by taste, not by place.
+/// How a frame is rendered, apart from the view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSettings {
     /// What pixels show.
@@ -39,30 +41,30 @@ pub struct RenderSettings {
     pub samples: u32,
     /// Unit vector towards the sun.
     pub sun: DVec3,
-    /// What it and the sky give.
+    /// Light of the sun and the sky.
     pub light: Light,
-    /// How far its shadows reach, in metres; 0 without shadows.
+    /// Longest shadow; 0 without shadows.
     pub shadow_m: f64,
 }
 
 impl RenderSettings {
-    /// Lit by a sun in direction `sun`, in air that takes half of what is `haze_half_m` away; one ray a pixel, no shadows.
-    pub fn under(sun: DVec3, haze_half_m: f64) -> Self {
+    /// Lit by a sun in direction `sun`, with haze that absorbs half of the light within `haze_half_m`. One ray a pixel, no shadows.
+    pub fn lit_by(sun: DVec3, haze_half_m: f64) -> Self {
         let light = Light::of_sun(sun.as_vec3(), haze_half_m as f32);
         Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0 }
     }
 
-    /// Where shadows come from; nowhere by night, without them, and where light is not shown.
-    pub fn casting(&self) -> Option<DVec3> {
-        let day = self.sun.z > 0.0 && self.light.sun[0] > 0.0;
-        (day && self.shadow_m > 0.0 && self.shading == Shading::Lit).then_some(self.sun)
+    /// Direction to the sun if it casts shadows: by day, with shadows enabled, and where light is shown.
+    pub fn shadow_casting_sun(&self) -> Option<DVec3> {
+        let is_day = self.sun.z > 0.0 && self.light.sun[0] > 0.0;
+        (is_day && self.shadow_m > 0.0 && self.shading == Shading::Lit).then_some(self.sun)
     }
 }
 
 impl Default for RenderSettings {
-    /// Lit by an afternoon's sun from the south-west, 45 degrees high.
+    /// Lit by an afternoon sun in the south-west, 45 degrees high.
     fn default() -> Self {
-        Self::under(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), 6000.0)
+        Self::lit_by(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), 6000.0)
     }
 }
 
@@ -71,40 +73,39 @@ impl Default for RenderSettings {
 pub struct FrameData {
     /// Camera and light.
     pub frame: FrameUniform,
-    /// Entries of the cut's grid.
+    /// Entries of the grid of nodes.
     pub grid: Vec<[u32; 2]>,
-    /// The cut: a node a square (and the one behind it, while it fades), several of which may show parts of one tile.
+    /// Nodes: one for each entry of the draw list, another for its old source while it cross-fades, and shadow casters.
     pub nodes: Vec<DrawNode>,
-    /// Which squares those are.
-    pub asked: OcclusionQuery,
-    /// Largest projected error of what is seen.
+    /// The entries of the draw list that the hits of `nodes` count for.
+    pub query: OcclusionQuery,
+    /// Largest screen-space error that is visible, in pixels.
     pub error_px: f64,
 }
 
-/// What a selection draws.
+/// What a frame shows.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameInputs<'a> {
-    /// Squares in the picture.
-    pub fades: &'a Transitions,
-    /// What casts shadows on them.
-    pub casters: &'a [NodeIndex],
-    /// Which selection it is.
+    /// The draw list with its cross-fades.
+    pub transitions: &'a Transitions,
+    pub shadow_casters: &'a [NodeIndex],
+    /// Number of the draw list.
     pub generation: u64,
-    /// Its largest projected error of what is seen.
+    /// Largest screen-space error of visible nodes in the draw list, in pixels.
     pub error_px: f64,
 }
 
 impl FrameData {
-    /// Of a cut and of what casts shadows on it. What has left `cache` since it was selected is drawn from what it lay in.
+    /// Assembles a frame. What has been evicted from `cache` since the selection is drawn from its nearest resident ancestor.
     pub fn new(
-        drawn: FrameInputs<'_>,
+        inputs: FrameInputs<'_>,
         tree: &SceneTree,
         cache: &AtlasCache,
         view: &View,
-        look: &RenderSettings,
+        settings: &RenderSettings,
     ) -> Self {
-        let mut frame = frame(tree, view, look);
-        let list = List::new(&drawn, tree, cache, view);
+        let mut frame = frame_uniform(tree, view, settings);
+        let list = NodeList::new(&inputs, tree, cache, view);
         let manifest = tree.manifest();
         let root_error_m = HALF_DIAGONAL * manifest.cell_m_at(0);
         let place = GridFrame {
@@ -113,99 +114,124 @@ impl FrameData {
             root_distance_m: root_error_m * view.focal_px() / view.tau_px.max(1e-3),
         };
         let mut builder = GridBuilder::default();
-        let grid = builder.build_fading(&place, &list.ids, &list.shares, &list.nodes);
+        let grid = builder.build_fading(&place, &list.ids, &list.fade_rays, &list.nodes);
         grid.head.write(&mut frame);
         Self {
             frame,
             grid: grid.entries.clone(),
             nodes: list.nodes,
-            asked: OcclusionQuery { squares: list.squares, view: *view, generation: drawn.generation },
-            error_px: drawn.error_px.max(list.error_px),
+            query: OcclusionQuery { nodes: list.owners, view: *view, generation: inputs.generation },
+            error_px: inputs.error_px.max(list.fading_error_px),
         }
     }
 }
 
-/// Nodes as they are listed, and what is known of each.
-struct List<'a> {
+/// The ray-caster's nodes, and what belongs to each.
+struct NodeList<'a> {
     tree: &'a SceneTree,
     cache: &'a AtlasCache,
     eye: DVec3,
     nodes: Vec<DrawNode>,
-    /// Which square shows it.
+    /// The nodes of the scene tree whose areas they cover.
     ids: Vec<TileId>,
-    /// How many rays see the next one in its place.
-    shares: Vec<u8>,
-    /// Which square of the cut its hits count for.
-    squares: Vec<NodeIndex>,
-    /// Largest projected error of what is seen and on its way out.
-    error_px: f64,
+    /// Number of rays that see the next node of the list instead.
+    fade_rays: Vec<u8>,
+    /// The nodes of the draw list that their hits count for.
+    owners: Vec<NodeIndex>,
+    /// Largest screen-space error of a source that fades out, in pixels.
+    fading_error_px: f64,
 }
 
-impl<'a> List<'a> {
-    fn new(drawn: &FrameInputs<'_>, tree: &'a SceneTree, cache: &'a AtlasCache, view: &View) -> Self {
-        let FrameInputs { fades, casters, .. } = *drawn;
-        let most = fades.shown().len() + fades.passing() + casters.len();
+/// An entry of a [`NodeList`].
+#[derive(Clone, Copy)]
+struct ListEntry {
+    node: NodeIndex,
+    owner: NodeIndex,
+    drawn: DrawSource,
+}
+
+impl<'a> NodeList<'a> {
+    fn new(inputs: &FrameInputs<'_>, tree: &'a SceneTree, cache: &'a AtlasCache, view: &View) -> Self {
+        let FrameInputs { transitions, shadow_casters, .. } = *inputs;
+        let capacity = transitions.tiles().len() + transitions.fading_count() + shadow_casters.len();
         let mut list = Self {
             tree,
             cache,
             eye: view.camera.position,
-            nodes: Vec::with_capacity(most),
-            ids: Vec::with_capacity(most),
-            shares: Vec::with_capacity(most),
-            squares: Vec::with_capacity(most),
-            error_px: 0.0,
+            nodes: Vec::with_capacity(capacity),
+            ids: Vec::with_capacity(capacity),
+            fade_rays: Vec::with_capacity(capacity),
+            owners: Vec::with_capacity(capacity),
+            fading_error_px: 0.0,
         };
-        for shown in fades.shown() {
-            let (face, old) = shown.faces();
-            if !list.push(shown.square, shown.of, face, true) {
+        for tile in transitions.tiles() {
+            let (drawn, fading_out) = tile.sources();
+            let entry = ListEntry { node: tile.node, owner: tile.owner, drawn };
+            if !list.push_or_ancestor(entry) {
                 continue;
             }
-            if let Some((old, rays)) = old
-                && list.push(shown.square, shown.of, old, false)
+            if let Some((old, rays)) = fading_out
+                && list.push(ListEntry { drawn: old, ..entry })
             {
-                let front = list.shares.len() - 2;
-                list.shares[front] = rays;
-                list.error_px = list.error_px.max(old.error_px(shown.square, tree, view));
+                let new = list.fade_rays.len() - 2;
+                list.fade_rays[new] = rays;
+                list.fading_error_px = list.fading_error_px.max(old.error_px(tile.node, tree, view));
             }
         }
-        for at in casters.iter().filter(|at| !replaces(**at, fades, tree, view)) {
-            list.push(*at, *at, DrawSource { from: *at, mesh: None }, true);
+        for caster in shadow_casters.iter().filter(|caster| !replaces_drawn(**caster, transitions, tree, view)) {
+            let drawn = DrawSource { source: *caster, mesh_lod: None };
+            list.push_or_ancestor(ListEntry { node: *caster, owner: *caster, drawn });
         }
         list
     }
 
-    /// Adds what `face` shows of a square, or if that has left the cache and `or_more` is set, what it lay in.
-    fn push(&mut self, square: NodeIndex, of: NodeIndex, face: DrawSource, or_more: bool) -> bool {
-        let Self { tree, cache, .. } = *self;
-        let steps = if or_more { usize::MAX } else { 1 };
-        let line = std::iter::successors(Some(face.from), |at| tree.node(*at).parent).take(steps);
-        let mut line = line.map(|at| tree.node(at).id);
-        let Some((id, placed)) = line.find_map(|id| Some((id, cache.get(id)?))) else { return false };
-        let name = tree.node(square).id;
-        let mut shown = node(id, placed, tree, self.eye);
-        if let Some(mesh) = face.mesh.and_then(|lod| cache.mesh(name, lod)) {
-            put_mesh(&mut shown, name, mesh, (id, placed), tree, self.eye);
+    /// Adds an entry. Returns whether its source is in the cache.
+    fn push(&mut self, entry: ListEntry) -> bool {
+        self.push_first_cached(entry, 1)
+    }
+
+    /// Adds an entry, drawn from the nearest ancestor in the cache if its source is not there. Returns whether there is one.
+    fn push_or_ancestor(&mut self, entry: ListEntry) -> bool {
+        self.push_first_cached(entry, usize::MAX)
+    }
+
+    /// Adds an entry, drawn from the first cached node among its source and that node's ancestors, of which `candidates` are
+    /// considered.
+    fn push_first_cached(&mut self, entry: ListEntry, candidates: usize) -> bool {
+        let Self { tree, cache, eye, .. } = *self;
+        let line = std::iter::successors(Some(entry.drawn.source), |node| tree.node(*node).parent);
+        let mut sources = line.take(candidates).filter_map(|node| {
+            let id = tree.node(node).id;
+            Some(CachedSource { id, cached: cache.get(id)? })
+        });
+        let Some(source) = sources.next() else { return false };
+        let id = tree.node(entry.node).id;
+        let mut node = source.node(tree, eye);
+        if let Some(mesh) = entry.drawn.mesh_lod.and_then(|lod| cache.mesh(id, lod)) {
+            source.set_mesh(&mut node, id, mesh, tree, eye);
         }
-        self.nodes.push(shown);
-        self.ids.push(name);
-        self.shares.push(0);
-        self.squares.push(of);
+        self.nodes.push(node);
+        self.ids.push(id);
+        self.fade_rays.push(0);
+        self.owners.push(entry.owner);
         true
     }
 }
 
-/// Whether what casts shadows would be drawn where a square of the picture shows, or is about to show, something else: that
-/// shall not change at once.
-fn replaces(caster: NodeIndex, fades: &Transitions, tree: &SceneTree, view: &View) -> bool {
-    let Some(shown) = fades.over(caster, tree) else { return false };
-    let (face, _) = shown.faces();
-    if shown.square == caster && (face.from == caster || face.mesh.is_some()) {
+/// Whether a shadow caster would be drawn where the draw list shows, or is about to show, something else. The frame must not change
+/// by that at once.
+fn replaces_drawn(caster: NodeIndex, transitions: &Transitions, tree: &SceneTree, view: &View) -> bool {
+    let Some(tile) = transitions.covering(caster, tree) else { return false };
+    let (drawn, _) = tile.sources();
+    if tile.node == caster && (drawn.source == caster || drawn.mesh_lod.is_some()) {
         return true;
     }
-    fades.is_on() && shown.seen && (shown.passes() || face.error_px(shown.square, tree, view) > view.tau_px)
+    transitions.is_enabled()
+        && tile.is_unoccluded
+        && (tile.is_fading() || drawn.error_px(tile.node, tree, view) > view.tau_px)
 }
 
-fn frame(tree: &SceneTree, view: &View, look: &RenderSettings) -> FrameUniform {
+fn frame_uniform(tree: &SceneTree, view: &View, settings: &RenderSettings) -> FrameUniform {
     let (camera, manifest) = (&view.camera, tree.manifest());
     let tan_y = (camera.fov_y_rad * 0.5).tan();
     FrameUniform {
@@ -214,51 +240,56 @@ fn frame(tree: &SceneTree, view: &View, look: &RenderSettings) -> FrameUniform {
         right: (camera.right * tan_y * view.aspect()).as_vec3().to_array(),
         height_px: view.height_px,
         up: (camera.up * tan_y).as_vec3().to_array(),
-        samples: look.samples.clamp(1, MAX_SAMPLES),
-        sun: look.sun.as_vec3().to_array(),
-        shading: look.shading as u32,
+        samples: settings.samples.clamp(1, MAX_SAMPLES),
+        sun: settings.sun.as_vec3().to_array(),
+        shading: settings.shading as u32,
         ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
         ground: 1,
-        light: look.light,
-        shadow_m: if look.casting().is_some() { look.shadow_m as f32 } else { 0.0 },
+        light: settings.light,
+        shadow_m: if settings.shadow_casting_sun().is_some() { settings.shadow_m as f32 } else { 0.0 },
         ..FrameUniform::zeroed()
     }
 }
 
-fn node(id: TileId, placed: &CachedNode, tree: &SceneTree, eye: DVec3) -> DrawNode {
-    let planes = std::array::from_fn(|plane| placed.pages.get(plane).copied().unwrap_or_default());
-    DrawNode {
-        corner: corner(id, placed, tree, eye),
-        // The manifest's side, so that neighbours meet to the last bit.
-        cell_m: tree.manifest().cell_m_at(id.level()) as f32,
-        z_step_m: placed.z_step_m,
-        z_lo: placed.z_range[0],
-        z_hi: placed.z_range[1],
-        slot_and_shift: DrawNode::slot_and_shift(placed.slot, placed.z_shift),
-        pages: DrawNode::pages_and_quarters(planes, placed.below),
-        level: u32::from(id.level()),
-        ..DrawNode::zeroed()
+/// A V-BlockMap in the cache.
+#[derive(Clone, Copy)]
+struct CachedSource<'a> {
+    id: TileId,
+    cached: &'a CachedNode,
+}
+
+impl CachedSource<'_> {
+    /// The ray-caster's node for the V-BlockMap.
+    fn node(&self, tree: &SceneTree, eye: DVec3) -> DrawNode {
+        let cached = self.cached;
+        let planes = std::array::from_fn(|plane| cached.pages.get(plane).copied().unwrap_or_default());
+        DrawNode {
+            corner: self.corner_of(self.id, tree, eye),
+            // The manifest's side, so that neighbours meet to the last bit.
+            cell_m: tree.manifest().cell_m_at(self.id.level()) as f32,
+            z_step_m: cached.z_step_m,
+            z_lo: cached.z_range[0],
+            z_hi: cached.z_range[1],
+            slot_and_shift: DrawNode::slot_and_shift(cached.slot, cached.z_shift),
+            pages: DrawNode::pages_and_quarters(planes, cached.below),
+            level: u32::from(self.id.level()),
+            ..DrawNode::zeroed()
+        }
     }
-}
 
-/// South-west corner of a square at height code 0 of a tile, from `eye`.
-fn corner(square: TileId, placed: &CachedNode, tree: &SceneTree, eye: DVec3) -> [f32; 3] {
-    (DVec3::from(tree.manifest().node_corner(square)) + DVec3::Z * placed.z_base_m - eye).as_vec3().to_array()
-}
+    /// South-west corner of a node's area at the V-BlockMap's height code 0, relative to `eye`.
+    fn corner_of(&self, node: TileId, tree: &SceneTree, eye: DVec3) -> [f32; 3] {
+        let corner = DVec3::from(tree.manifest().node_corner(node));
+        (corner + DVec3::Z * self.cached.z_base_m - eye).as_vec3().to_array()
+    }
 
-/// Puts the mesh of `leaf` in place of the columns of `node`, which is of the tile that the leaf is or lies in.
-fn put_mesh(
-    node: &mut DrawNode,
-    leaf: TileId,
-    mesh: &CachedMesh,
-    (tile, placed): (TileId, &CachedNode),
-    tree: &SceneTree,
-    eye: DVec3,
-) {
-    node.mesh = 1 + mesh.head_page * (PAGE_WORDS / 4) as u32;
-    node.mesh_z_m = (tree.manifest().origin[2] - eye.z) as f32;
-    let [low, high] = mesh.z_m.map(|z_m| ((f64::from(z_m) - placed.z_base_m) / f64::from(placed.z_step_m)) as f32);
-    (node.z_lo, node.z_hi) = (low, high);
-    node.corner = corner(leaf, placed, tree, eye);
-    (node.leaf_offset, node.level) = (leaf_offset(leaf, tile), u32::from(leaf.level()));
+    /// Replaces the columns of `node` by the mesh of `leaf`, which is the V-BlockMap's node or a descendant.
+    fn set_mesh(&self, node: &mut DrawNode, leaf: TileId, mesh: &CachedMesh, tree: &SceneTree, eye: DVec3) {
+        node.mesh = 1 + mesh.head_page * (PAGE_WORDS / 4) as u32;
+        node.mesh_z_m = (tree.manifest().origin[2] - eye.z) as f32;
+        let to_code = |z_m: f32| ((f64::from(z_m) - self.cached.z_base_m) / f64::from(self.cached.z_step_m)) as f32;
+        [node.z_lo, node.z_hi] = mesh.z_m.map(to_code);
+        node.corner = self.corner_of(leaf, tree, eye);
+        (node.leaf_offset, node.level) = (leaf_offset(leaf, self.id), u32::from(leaf.level()));
+    }
 }

@@ -1,11 +1,12 @@
-//! What every Insula viewer shares, native or in a browser: camera, scene, selection, cache, cross-fades, frame assembly and
-//! the streaming policy.
+//! What every Insula viewer shares, native or in a browser: camera, scene tree, selection, tile cache, cross-fades, frame assembly
+//! and the streaming policy.
 //!
-//! Pure: no threads, no clock, no file system, no network and no GPU API. The shell passes in the time (as a `Duration` since
-//! the session's start) and implements [`streamer::TileFetcher`], which fetches and decodes tiles, and
-//! [`cache::Upload`], which writes pages of the atlas.
+//! No threads, no clock, no file system, no network and no GPU API. The shell passes in the time (as a `Duration` since the
+//! session's start) and implements [`streamer::TileFetcher`], which fetches and decodes tiles, and [`cache::Upload`], which writes
+//! the pages of the atlas.
 //!
-//! A frame's way: [`select`] -> [`streamer`] (request, receive) -> [`cache`] (pages) -> [`frame`] (arrays for the ray-caster).
+//! A frame passes through [`select`] -> [`streamer`] (request, receive) -> [`cache`] (pages) -> [`frame`] (arrays for the
+//! ray-caster).
 
 pub mod cache;
 pub mod camera;

@@ -2,7 +2,7 @@
 
 use insula_protocol::{Manifest, manifest::CityCounts};
 
-/// A city of full depth `depth` without a CRS: leaves of 64 m, columns of 1 m, origin at zero.
+/// A city of depth `depth` without a CRS: leaves of 64 m, columns of 1 m, origin at zero.
 pub fn manifest(depth: u8) -> Manifest {
     let side_m = 64.0 * f64::from(1u32 << depth);
     Manifest {

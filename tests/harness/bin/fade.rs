@@ -154,7 +154,7 @@ fn refine(
     let size_px = [args.width, args.width * 9 / 16];
     let view = |turn_deg: f64| {
         let ahead = DQuat::from_rotation_z(turn_deg.to_radians()) * (target - position);
-        let camera = Camera::look(position, position + ahead, DVec3::Z, 1.0).context("the camera looks nowhere")?;
+        let camera = Camera::look_at(position, position + ahead, DVec3::Z, 1.0).context("the camera looks nowhere")?;
         let [width_px, height_px] = size_px;
         Ok::<_, anyhow::Error>(View {
             camera,

@@ -113,7 +113,7 @@ fn main() -> Result<()> {
         Some(path) => insula_client::camera_files::read_camera(path)?,
         None => {
             let view = Stand::Street.camera();
-            Camera::look(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
+            Camera::look_at(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
                 .context("looks nowhere")?
         }
     };
@@ -191,20 +191,20 @@ fn shot(args: &Args, camera: &Camera) -> FrameRequest {
 /// Draws without telling the session what was hit.
 fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
     let data = session.frame_data(shot, &RenderSettings::default());
-    let cut = session.selection().cut.clone();
+    let cut = session.selection().draw_tiles.clone();
     Ok((session.adapter_mut().draw(&data)?, cut))
 }
 
 fn cost(session: &Session, pixels: &Pixels, cut: &[DrawTile], secs: f64) -> Cost {
     let tree = session.tree();
-    let key = |item: &DrawTile| match item.mesh {
-        Some(lod) => TileKey::mesh(tree.node(item.square).id, lod),
-        None => TileKey::block_map(tree.node(item.from).id),
+    let key = |item: &DrawTile| match item.mesh_lod {
+        Some(lod) => TileKey::mesh(tree.node(item.node).id, lod),
+        None => TileKey::block_map(tree.node(item.source).id),
     };
     let hits: HashSet<u32> = pixels.hit.iter().copied().collect();
     let hit: Vec<&DrawTile> = (0..).zip(cut).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
     let seen: HashSet<TileKey> = hit.iter().map(|item| key(item)).collect();
-    let ids = hit.iter().map(|item| tree.node(item.square).id);
+    let ids = hit.iter().map(|item| tree.node(item.node).id);
     let above: HashSet<TileId> =
         ids.flat_map(|id| (0..id.level()).filter_map(move |level| id.ancestor(level))).collect();
     let drawn: HashSet<TileKey> = cut.iter().map(key).collect();

@@ -145,7 +145,7 @@ fn look(
     leaves: &BTreeSet<TileId>,
 ) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
     let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
-    let camera = Camera::look(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
+    let camera = Camera::look_at(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
     let shot = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
     let server = format!("http://{address}");
     let mut all = open(Path::new(&server), CACHE_MIB)?;
@@ -179,7 +179,7 @@ fn look(
         ..Fetched::default()
     };
     let drawn: BTreeSet<TileId> =
-        session.selection().cut.iter().map(|item| session.tree().node(item.from).id).collect();
+        session.selection().draw_tiles.iter().map(|item| session.tree().node(item.source).id).collect();
     let mut levels = Levels::new();
     levels.resize(usize::from(depth) + 1, Default::default());
     for node in session.tree().nodes() {
@@ -207,7 +207,8 @@ fn look(
 /// The picture, and nodes that a ray hits.
 fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, BTreeSet<TileId>)> {
     let data = session.frame_data(shot, &RenderSettings::default());
-    let squares: Vec<TileId> = session.selection().cut.iter().map(|item| session.tree().node(item.square).id).collect();
+    let squares: Vec<TileId> =
+        session.selection().draw_tiles.iter().map(|item| session.tree().node(item.node).id).collect();
     let pixels = session.adapter_mut().draw(&data)?;
     let hit = pixels.hit.iter().filter_map(|at| squares.get(*at as usize).copied()).collect();
     Ok((pixels, hit))

@@ -133,7 +133,9 @@ impl Mesh {
         queue.write_buffer(&self.view, 0, bytemuck::cast_slice(&words));
         let planes = crate::baked::planes(camera, picture);
         let mut seen: Vec<(f64, usize)> = (0..self.tiles.len())
-            .filter(|i| insula_viewer::select::cull::in_view(&planes, self.tiles[*i].centre, self.tiles[*i].half))
+            .filter(|i| {
+                insula_viewer::select::cull::is_box_in_view(&planes, self.tiles[*i].centre, self.tiles[*i].half)
+            })
             .map(|i| ((self.tiles[i].centre - eye).length(), i))
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));

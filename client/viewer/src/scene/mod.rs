@@ -1,9 +1,9 @@
-//! What is known of a city: which nodes exist, where, how wrong, and what has been fetched of them.
-//!
-//! In: subtrees and events from `stream`. Out: [`SceneTree`]. Next: `select`.
+//! The scene tree: which nodes of a city are known, their bounds and errors, and the states of their tiles.
 
+mod key;
 pub mod tile;
-pub mod tree;
+mod tree;
 
+pub use key::TileKey;
 pub use tile::{TileEvent, TileRecord, TileState};
-pub use tree::{LeafLod, NodeIndex, SceneTree, TileKey, TreeNode};
+pub use tree::{LeafLod, NodeIndex, SceneTree, TreeNode};

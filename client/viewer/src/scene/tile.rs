@@ -1,7 +1,5 @@
 //! The state of one tile, and the only function that changes it.
 //!
-//! In: [`TileEvent`]. Out: [`TileState`]. Next: `tree` keeps one a tile, `select` reads them.
-//!
 //! ```text
 //!            Want          Start           Arrive           Upload
 //!  Unknown ---------> Queued ------> Loading -------> Decoded -------> Resident
@@ -14,80 +12,74 @@
 //!     |                 |  has passed)   |                         |
 //!     |                 +----------------|-------------------------+
 //!     |                                  | Refuse, third Damage
-//!     |                                  +------------------> Bad   (for good: its parent stays)
+//!     |                                  +------------------> Bad   (final: its parent is drawn)
 //! ```
 
 use std::time::Duration;
 
-/// Damaged answers after which a tile counts as bad.
+/// Number of damaged responses after which a tile is bad.
 pub const DAMAGE_LIMIT: u8 = 3;
-const WAIT_FIRST: Duration = Duration::from_millis(100);
-const WAIT_MOST: Duration = Duration::from_secs(2);
-/// Longest wait that a server's Retry-After is believed.
-pub const RETRY_AFTER_MOST: Duration = Duration::from_secs(60);
+const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
+const MAX_RETRY_DELAY: Duration = Duration::from_secs(2);
+/// Longest delay that is accepted from a server's `Retry-After`.
+pub const MAX_RETRY_AFTER: Duration = Duration::from_secs(60);
 
 /// Where a tile is on its way from the server to the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TileState {
-    /// Not here, not asked for.
+    /// Neither resident nor wanted.
     #[default]
     Unknown,
-    /// Asked for, no request yet.
+    /// Wanted; no request has started.
     Queued,
-    /// A request (or its decoding) is under way.
+    /// Being fetched or decoded.
     Loading,
-    /// Decoded, not yet in the cache.
-    DecodedTile,
-    /// In the cache (for subtrees: in the tree).
+    /// Decoded, but not yet in the cache.
+    Decoded,
+    /// In the cache; for a subtree, in the scene tree.
     Resident,
-    /// A request went wrong; another may start at `retry_at`.
+    /// A request failed. Another one may start at `retry_at`.
     Failed {
         /// Failures in a row.
         attempts: u8,
-        /// Not before.
         retry_at: Duration,
     },
-    /// Given up: it does not exist, or stays damaged.
+    /// Given up: the tile does not exist, or was damaged repeatedly.
     Bad,
 }
 
-/// What happens to a tile.
+/// What happens to a tile. Times are durations since the session's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TileEvent {
-    /// The selection wants it.
-    Want {
-        /// The time.
-        now: Duration,
-    },
+    /// A selection requests it.
+    Want { now: Duration },
     /// A request starts.
     Start,
-    /// Its bytes came and decode.
+    /// It was fetched and decoded.
     Arrive,
-    /// It is in the cache.
+    /// It was written to the cache.
     Upload,
-    /// No longer wanted, no room, or evicted.
+    /// It is no longer wanted, does not fit into the cache, or was evicted.
     Drop,
-    /// The request failed: network, or a server that is busy or ill.
+    /// The request failed: a network error, or a server that is overloaded or failing.
     Fail {
-        /// The time.
         now: Duration,
-        /// The server's wish.
+        /// Delay that the server asks for.
         retry_after: Option<Duration>,
-        /// 0 to 1: spreads the waits of many tiles and many clients.
+        /// Random number in 0..1, which spreads the retries of many tiles and many clients.
         jitter: f64,
     },
-    /// Bytes came that do not decode.
+    /// The response does not decode.
     Damage {
-        /// The time.
         now: Duration,
-        /// 0 to 1.
+        /// Random number in 0..1.
         jitter: f64,
     },
-    /// The server says that there is no such tile.
+    /// The server has no such tile.
     Refuse,
 }
 
-/// A tile's state and its record.
+/// A tile's state, and its failures so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TileRecord {
     state: TileState,
@@ -96,38 +88,38 @@ pub struct TileRecord {
 }
 
 impl TileRecord {
-    /// Where it is.
+    /// The present state.
     pub fn state(&self) -> TileState {
         self.state
     }
 
-    /// Whether it can be drawn (or, for a subtree, descended).
+    /// Whether the tile can be drawn or, for a subtree, descended.
     pub fn is_resident(&self) -> bool {
         self.state == TileState::Resident
     }
 
-    /// Whether there is no point in asking for it.
+    /// Whether a request would be pointless.
     pub fn is_bad(&self) -> bool {
         self.state == TileState::Bad
     }
 
-    /// Applies `event`; `false` (and no change) if it means nothing in this state. Nothing else changes a tile.
+    /// Applies an event. Returns `false`, and changes nothing, if the event has no meaning in the present state.
     pub fn apply(&mut self, event: TileEvent) -> bool {
         use TileState as S;
         let next = match (self.state, event) {
             (S::Unknown, TileEvent::Want { .. }) => S::Queued,
             (S::Failed { retry_at, .. }, TileEvent::Want { now }) if now >= retry_at => S::Queued,
             (S::Queued, TileEvent::Start) => S::Loading,
-            (S::Loading, TileEvent::Arrive) => S::DecodedTile,
-            (S::DecodedTile, TileEvent::Upload) => {
+            (S::Loading, TileEvent::Arrive) => S::Decoded,
+            (S::Decoded, TileEvent::Upload) => {
                 *self = Self::default();
                 S::Resident
             }
-            (S::Queued | S::Loading | S::DecodedTile | S::Resident, TileEvent::Drop) => S::Unknown,
-            (S::Loading, TileEvent::Fail { now, retry_after, jitter }) => self.failed(now, retry_after, jitter),
+            (S::Queued | S::Loading | S::Decoded | S::Resident, TileEvent::Drop) => S::Unknown,
+            (S::Loading, TileEvent::Fail { now, retry_after, jitter }) => self.record_failure(now, retry_after, jitter),
             (S::Loading, TileEvent::Damage { now, jitter }) => {
                 self.damaged += 1;
-                if self.damaged >= DAMAGE_LIMIT { S::Bad } else { self.failed(now, None, jitter) }
+                if self.damaged >= DAMAGE_LIMIT { S::Bad } else { self.record_failure(now, None, jitter) }
             }
             (S::Loading, TileEvent::Refuse) => S::Bad,
             _ => return false,
@@ -136,16 +128,17 @@ impl TileRecord {
         true
     }
 
-    fn failed(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) -> TileState {
+    fn record_failure(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) -> TileState {
         self.attempts = self.attempts.saturating_add(1);
-        let wait = retry_after.map_or_else(|| wait_after(self.attempts, jitter), |wait| wait.min(RETRY_AFTER_MOST));
-        TileState::Failed { attempts: self.attempts, retry_at: now + wait }
+        let delay = retry_after.map_or_else(|| retry_delay(self.attempts, jitter), |delay| delay.min(MAX_RETRY_AFTER));
+        TileState::Failed { attempts: self.attempts, retry_at: now + delay }
     }
 }
 
-/// How long to wait after the `attempts`th failure in a row: doubling from 100 ms to 2 s, less up to half by `jitter`.
-pub fn wait_after(attempts: u8, jitter: f64) -> Duration {
-    let full = WAIT_FIRST.saturating_mul(1 << attempts.saturating_sub(1).min(10)).min(WAIT_MOST);
+/// Delay before a retry after `attempts` failures in a row: doubles from 100 ms to 2 s, reduced by up to half of it by `jitter`
+/// (0 to 1).
+pub fn retry_delay(attempts: u8, jitter: f64) -> Duration {
+    let full = FIRST_RETRY_DELAY.saturating_mul(1 << attempts.saturating_sub(1).min(10)).min(MAX_RETRY_DELAY);
     full.mul_f64(1.0 - 0.5 * jitter.clamp(0.0, 1.0))
 }
 
@@ -154,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_straight_way() {
+    fn passes_all_states_in_order() {
         let now = Duration::from_secs(100);
         let mut tile = TileRecord::default();
         for event in [TileEvent::Want { now }, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload] {
@@ -167,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn failures_wait_longer_and_longer_but_never_give_up() {
+    fn retry_delays_grow_and_retries_never_end() {
         let mut now = Duration::from_secs(100);
         let mut tile = TileRecord::default();
         let mut last = Duration::ZERO;
@@ -177,14 +170,14 @@ mod tests {
             let TileState::Failed { attempts, retry_at } = tile.state() else { panic!("{tile:?}") };
             assert_eq!(attempts, attempt);
             assert!(!tile.apply(TileEvent::Want { now }), "too early");
-            assert!(retry_at - now >= last && retry_at - now <= WAIT_MOST);
+            assert!(retry_at - now >= last && retry_at - now <= MAX_RETRY_DELAY);
             last = retry_at - now;
             now = retry_at;
         }
     }
 
     #[test]
-    fn damage_is_bad_at_the_third_time_and_retry_after_is_obeyed() {
+    fn third_damage_is_final_and_retry_after_is_obeyed() {
         let mut now = Duration::from_secs(100);
         let mut tile = TileRecord::default();
         for time in 1..=DAMAGE_LIMIT {
@@ -192,7 +185,7 @@ mod tests {
             tile.apply(TileEvent::Start);
             tile.apply(TileEvent::Damage { now, jitter: 0.3 });
             assert_eq!(tile.is_bad(), time == DAMAGE_LIMIT);
-            now += WAIT_MOST;
+            now += MAX_RETRY_DELAY;
         }
         assert!(!tile.apply(TileEvent::Want { now }));
         let mut tile = TileRecord::default();

@@ -1,8 +1,9 @@
-//! The nodes that subtrees told of, in one array, with their tiles' states.
-//!
-//! In: a manifest, [`Subtree`]s, [`TileEvent`]s. Out: [`SceneTree`]. Next: `select` walks it.
+//! The known nodes of a city in one array, with the states of their tiles.
 
-use super::tile::{TileEvent, TileRecord};
+use super::{
+    key::TileKey,
+    tile::{TileEvent, TileRecord},
+};
 use glam::DVec3;
 use insula_protocol::{
     Manifest, Subtree, TileId, TileKind,
@@ -11,91 +12,52 @@ use insula_protocol::{
 use insula_shaders::mesh::pages_guess;
 use std::collections::HashMap;
 
-/// Pages that a node is thought to take until it has been decoded once.
-const PAGES_GUESS: u32 = 6;
+/// Pages that a V-BlockMap is assumed to take until [`MIN_SAMPLES`] have been decoded. After that, the average is assumed.
+const DEFAULT_PAGES: u32 = 6;
+const MIN_SAMPLES: u64 = 8;
 
-/// Place of a node in [`SceneTree::nodes`]; stays valid for good.
+/// Index of a node in [`SceneTree::nodes`]. Stays valid for the life of the tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeIndex(pub u32);
 
-/// Names anything that can be fetched.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct TileKey {
-    /// V-BlockMap, subtree or mesh, as 0, 1 or 2 (so that keys have an order).
-    kind: u8,
-    /// Which node.
-    pub id: TileId,
-    /// Which of a mesh's levels of detail, 0 the finest; else 0.
-    pub lod: u8,
-}
-
-impl TileKey {
-    /// A node's V-BlockMap.
-    pub const fn block_map(id: TileId) -> Self {
-        Self { kind: 0, id, lod: 0 }
-    }
-
-    /// The subtree below a node.
-    pub const fn subtree(id: TileId) -> Self {
-        Self { kind: 1, id, lod: 0 }
-    }
-
-    /// A level of detail of a leaf's mesh.
-    pub const fn mesh(id: TileId, lod: u8) -> Self {
-        Self { kind: 2, id, lod }
-    }
-
-    /// The archive it comes from.
-    pub const fn layer(self) -> TileKind {
-        match self.kind {
-            0 => TileKind::BlockMap,
-            1 => TileKind::Subtree,
-            _ => TileKind::Mesh,
-        }
-    }
-}
-
-/// One known node. Lengths in metres, world coordinates.
+/// A known node. Lengths in metres, world coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TreeNode {
-    /// Which.
     pub id: TileId,
-    /// Middle of its box.
+    /// Centre of the node's box.
     pub centre: DVec3,
-    /// Half of its box's sides.
+    /// Half of the box's sides.
     pub half: DVec3,
-    /// World error.
+    /// World-space error of the V-BlockMap.
     pub error_m: f64,
-    /// Radius around `centre`; the sphere holds the children's.
+    /// Radius of the bounding sphere around `centre`, which contains the spheres of all children.
     pub radius_m: f64,
-    /// The node that it is a quarter of.
     pub parent: Option<NodeIndex>,
-    /// Which children exist.
+    /// Bit q is set if quadrant q has a child.
     pub child_mask: u8,
-    /// Where they are, once a subtree told of them.
+    /// Known children, by quadrant.
     pub children: [Option<NodeIndex>; 4],
-    /// Bytes of its V-BlockMap on the wire.
+    /// Size of the compressed V-BlockMap.
     pub bytes: u32,
-    /// Pages it takes, once decoded.
+    /// Cache pages of the V-BlockMap, once it has been decoded.
     pub pages: Option<u32>,
-    /// Its V-BlockMap.
+    /// State of the V-BlockMap.
     pub tile: TileRecord,
-    /// Its mesh, the finest level of detail first; only leaves have one.
+    /// Levels of detail of the node's mesh, finest first. Only leaves have meshes.
     pub lods: Vec<LeafLod>,
 }
 
-/// One level of detail of a leaf's mesh.
+/// A level of detail of a leaf's mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafLod {
-    /// World error.
+    /// World-space error in metres.
     pub error_m: f64,
-    /// Bytes on the wire.
+    /// Size of the compressed mesh.
     pub bytes: u32,
-    /// Triangles.
     pub triangles: u32,
-    /// Pages it takes, or is thought to.
+    /// Cache pages; an estimate until the mesh has been decoded.
     pub pages: u32,
-    /// Its tile.
+    /// State of the mesh.
     pub tile: TileRecord,
 }
 
@@ -107,22 +69,28 @@ impl LeafLod {
     }
 }
 
-/// Everything known of one city's nodes.
+/// Everything known about the nodes of one city.
 #[derive(Debug, Clone)]
 pub struct SceneTree {
     manifest: Manifest,
     nodes: Vec<TreeNode>,
-    /// The root's V-BlockMap until the root is known: it may come before its subtree.
+    /// State of the root's V-BlockMap while the root is unknown: it may arrive before the subtree.
     root_tile: TileRecord,
     index: HashMap<TileId, NodeIndex>,
     subtrees: HashMap<TileId, TileRecord>,
-    pages_seen: (u64, u64),
-    /// Whether leaves' meshes count.
-    meshes: bool,
+    decoded: DecodedPages,
+    has_meshes: bool,
+}
+
+/// Total pages of the V-BlockMaps that have been decoded.
+#[derive(Debug, Clone, Copy, Default)]
+struct DecodedPages {
+    pages: u64,
+    nodes: u64,
 }
 
 impl SceneTree {
-    /// Knows nothing but the manifest (which [`Manifest::check`] has passed).
+    /// A tree without nodes. `manifest` must have passed [`Manifest::check`].
     pub fn new(manifest: Manifest) -> Self {
         Self {
             manifest,
@@ -130,34 +98,34 @@ impl SceneTree {
             root_tile: TileRecord::default(),
             index: HashMap::new(),
             subtrees: HashMap::new(),
-            pages_seen: (0, 0),
-            meshes: true,
+            decoded: DecodedPages::default(),
+            has_meshes: true,
         }
     }
 
-    /// The same, which knows of meshes or does not.
-    pub fn with_meshes(self, meshes: bool) -> Self {
-        Self { meshes, ..self }
+    /// The same tree, with or without leaves' meshes. To be called before any subtree is merged.
+    pub fn with_meshes(self, has_meshes: bool) -> Self {
+        Self { has_meshes, ..self }
     }
 
-    /// The city.
+    /// The city's manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// The root, once its subtree is here.
+    /// The root, once its subtree has been merged.
     pub fn root(&self) -> Option<NodeIndex> {
         self.find(TileId::ROOT)
     }
 
-    /// Where `id` is.
+    /// The index of a known node.
     pub fn find(&self, id: TileId) -> Option<NodeIndex> {
         self.index.get(&id).copied()
     }
 
     /// A node.
-    pub fn node(&self, at: NodeIndex) -> &TreeNode {
-        &self.nodes[at.0 as usize]
+    pub fn node(&self, index: NodeIndex) -> &TreeNode {
+        &self.nodes[index.0 as usize]
     }
 
     /// All known nodes.
@@ -165,39 +133,39 @@ impl SceneTree {
         &self.nodes
     }
 
-    /// State of a subtree tile.
+    /// State of the subtree below `root`.
     pub fn subtree(&self, root: TileId) -> TileRecord {
         self.subtrees.get(&root).copied().unwrap_or_default()
     }
 
-    /// Pages that a node takes, or is thought to.
-    pub fn pages_of(&self, at: NodeIndex) -> u32 {
-        let (pages, nodes) = self.pages_seen;
-        let guess = if nodes >= 8 { pages.div_ceil(nodes) as u32 } else { PAGES_GUESS };
-        self.node(at).pages.unwrap_or(guess)
+    /// Cache pages of a node's V-BlockMap; an estimate until it has been decoded once.
+    pub fn node_pages(&self, index: NodeIndex) -> u32 {
+        let DecodedPages { pages, nodes } = self.decoded;
+        let estimate = if nodes >= MIN_SAMPLES { pages.div_ceil(nodes) as u32 } else { DEFAULT_PAGES };
+        self.node(index).pages.unwrap_or(estimate)
     }
 
-    /// Pages that a tile takes, or is thought to.
-    pub fn pages_of_tile(&self, key: TileKey) -> u32 {
-        let Some(at) = self.find(key.id) else { return PAGES_GUESS };
+    /// Cache pages of a tile; an estimate until it has been decoded once.
+    pub fn tile_pages(&self, key: TileKey) -> u32 {
+        let Some(index) = self.find(key.id) else { return DEFAULT_PAGES };
         match key.layer() {
             TileKind::Subtree => 0,
-            TileKind::BlockMap => self.pages_of(at),
-            TileKind::Mesh => self.node(at).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
+            TileKind::BlockMap => self.node_pages(index),
+            TileKind::Mesh => self.node(index).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
         }
     }
 
-    /// Remembers how many pages a node takes.
+    /// Records the cache pages of a decoded V-BlockMap.
     pub fn set_pages(&mut self, id: TileId, pages: u32) {
-        if let Some(at) = self.find(id)
-            && self.nodes[at.0 as usize].pages.replace(pages).is_none()
+        if let Some(index) = self.find(id)
+            && self.nodes[index.0 as usize].pages.replace(pages).is_none()
         {
-            self.pages_seen.0 += u64::from(pages);
-            self.pages_seen.1 += 1;
+            self.decoded.pages += u64::from(pages);
+            self.decoded.nodes += 1;
         }
     }
 
-    /// Remembers how many pages a mesh takes.
+    /// Records the cache pages of a decoded mesh.
     pub fn set_mesh_pages(&mut self, key: TileKey, pages: u32) {
         if let Some(lod) = self.lod_mut(key) {
             lod.pages = pages;
@@ -205,16 +173,16 @@ impl SceneTree {
     }
 
     fn lod_mut(&mut self, key: TileKey) -> Option<&mut LeafLod> {
-        let at = self.find(key.id)?;
-        self.nodes[at.0 as usize].lods.get_mut(usize::from(key.lod))
+        let index = self.find(key.id)?;
+        self.nodes[index.0 as usize].lods.get_mut(usize::from(key.lod))
     }
 
-    /// State of anything.
+    /// State of a tile; `None` if its node or level of detail is unknown.
     pub fn tile(&self, key: TileKey) -> Option<TileRecord> {
         match key.layer() {
             TileKind::Subtree => Some(self.subtree(key.id)),
             TileKind::BlockMap => match self.find(key.id) {
-                Some(at) => Some(self.node(at).tile),
+                Some(index) => Some(self.node(index).tile),
                 None => (key.id == TileId::ROOT).then_some(self.root_tile),
             },
             TileKind::Mesh => {
@@ -224,24 +192,25 @@ impl SceneTree {
         }
     }
 
-    /// Hands an event to a tile; `false` if it means nothing there.
+    /// Applies an event to a tile. Returns `false`, and changes nothing, if the tile is unknown or the event has no meaning in its
+    /// state.
     pub fn apply(&mut self, key: TileKey, event: TileEvent) -> bool {
         match key.layer() {
             TileKind::Subtree => self.subtrees.entry(key.id).or_default().apply(event),
             TileKind::BlockMap => match self.find(key.id) {
-                Some(at) => self.nodes[at.0 as usize].tile.apply(event),
+                Some(index) => self.nodes[index.0 as usize].tile.apply(event),
                 None => key.id == TileId::ROOT && self.root_tile.apply(event),
             },
             TileKind::Mesh => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
         }
     }
 
-    /// South-west corner and side of a node's square.
-    pub fn square(&self, id: TileId) -> ([f64; 3], f64) {
+    /// South-west corner and side, in metres, of a node's area.
+    pub fn corner_and_side(&self, id: TileId) -> ([f64; 3], f64) {
         (self.manifest.node_corner(id), self.manifest.node_side_m(id.level()))
     }
 
-    /// Adds a subtree's nodes. Nodes deeper than the manifest says are left out.
+    /// Adds a subtree's nodes. Ignores nodes that are known, whose parent is unknown, or that are deeper than the manifest allows.
     pub fn merge(&mut self, subtree: &Subtree) {
         for info in &subtree.nodes {
             if info.id.level() > self.manifest.depth || self.index.contains_key(&info.id) {
@@ -251,29 +220,30 @@ impl SceneTree {
             if info.id != TileId::ROOT && parent.is_none() {
                 continue;
             }
-            let at = NodeIndex(self.nodes.len() as u32);
-            let node = TreeNode { parent, ..self.make(info) };
+            let index = NodeIndex(self.nodes.len() as u32);
+            let node = TreeNode { parent, ..self.new_node(info) };
             self.nodes.push(node);
-            self.index.insert(info.id, at);
+            self.index.insert(info.id, index);
             if let Some(parent) = parent {
-                self.nodes[parent.0 as usize].children[info.id.quadrant()] = Some(at);
+                self.nodes[parent.0 as usize].children[info.id.quadrant()] = Some(index);
             }
         }
-        for mesh in subtree.meshes.iter().filter(|_| self.meshes) {
-            let Some(at) = self.find(mesh.id) else { continue };
-            let node = &mut self.nodes[at.0 as usize];
+        for mesh in subtree.meshes.iter().filter(|_| self.has_meshes) {
+            let Some(index) = self.find(mesh.id) else { continue };
+            let node = &mut self.nodes[index.0 as usize];
             if node.child_mask == 0 && node.lods.is_empty() {
                 node.lods = mesh.lods.iter().map(LeafLod::new).collect();
             }
         }
     }
 
-    fn make(&self, info: &NodeInfo) -> TreeNode {
-        let (corner, side_m) = self.square(info.id);
+    /// A node without a parent.
+    fn new_node(&self, info: &NodeInfo) -> TreeNode {
+        let (corner, side_m) = self.corner_and_side(info.id);
         let (z_min_m, z_max_m) = (f64::from(info.z_min_m), f64::from(info.z_max_m));
         let centre = DVec3::from(corner) + DVec3::new(side_m * 0.5, side_m * 0.5, (z_min_m + z_max_m) * 0.5);
         let half = DVec3::new(side_m, side_m, z_max_m - z_min_m) * 0.5;
-        let leaf = info.id.level() >= self.manifest.depth;
+        let is_leaf = info.id.level() >= self.manifest.depth;
         TreeNode {
             id: info.id,
             centre,
@@ -281,7 +251,7 @@ impl SceneTree {
             error_m: f64::from(info.error_m),
             radius_m: f64::from(info.radius_m),
             parent: None,
-            child_mask: if leaf { 0 } else { info.child_mask },
+            child_mask: if is_leaf { 0 } else { info.child_mask },
             children: [None; 4],
             bytes: info.blockmap_bytes,
             pages: None,

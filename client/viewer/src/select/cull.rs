@@ -1,25 +1,23 @@
-//! Which boxes a view can see.
-//!
-//! In: planes, a box. Out: yes or no. Next: `select` visits what is in view.
+//! Frustum culling of boxes, given by their `centre` and the `half` of their sides.
 
 use crate::camera::FrustumPlane;
 use glam::DVec3;
 
-/// Whether any of the box (`centre`, `half` sides) may lie inside all planes. Conservative: may say yes to a box near a
-/// corner of the frustum, never no to one that is seen.
-pub fn in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3) -> bool {
+/// Whether any part of a box may be in view. Conservative: never `false` for a box in view, but possibly `true` for a box
+/// outside, near a corner of the frustum.
+pub fn is_box_in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3) -> bool {
     planes.iter().all(|p| p.normal.dot(centre) + p.offset + p.normal.abs().dot(half) >= 0.0)
 }
 
-/// The same for all places that the box passes on its way by `way`.
-pub fn hull_in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3, way: DVec3) -> bool {
+/// Like [`is_box_in_view`], for the volume that a box sweeps when it moves by `sweep`.
+pub fn is_swept_box_in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3, sweep: DVec3) -> bool {
     let reach =
-        |p: &FrustumPlane| p.normal.dot(centre) + p.offset + p.normal.abs().dot(half) + p.normal.dot(way).max(0.0);
+        |p: &FrustumPlane| p.normal.dot(centre) + p.offset + p.normal.abs().dot(half) + p.normal.dot(sweep).max(0.0);
     planes.iter().all(|p| reach(p) >= 0.0)
 }
 
-/// Whether all of the box lies inside all planes.
-pub fn wholly_in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3) -> bool {
+/// Whether all of a box is in view.
+pub fn is_box_inside_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3) -> bool {
     planes.iter().all(|p| p.normal.dot(centre) + p.offset - p.normal.abs().dot(half) >= 0.0)
 }
 
@@ -28,25 +26,26 @@ mod tests {
     use super::*;
     use crate::camera::{Camera, View};
 
-    #[test]
-    fn a_box_is_kept_if_its_shadow_is_seen() {
-        let camera = Camera::look(DVec3::new(0.0, 0.0, 10.0), DVec3::new(0.0, 100.0, 0.0), DVec3::Z, 1.0).unwrap();
-        let view = View { camera, width_px: 320, height_px: 180, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
-        let planes = view.planes();
-        let half = DVec3::splat(2.0);
-        let behind = DVec3::new(0.0, -30.0, 30.0);
-        assert!(!in_view(&planes, behind, half));
-        assert!(!hull_in_view(&planes, behind, half, DVec3::new(0.0, -30.0, -30.0)), "away from the picture");
-        assert!(hull_in_view(&planes, behind, half, DVec3::new(0.0, 60.0, -30.0)), "into the picture");
-        assert!(hull_in_view(&planes, DVec3::new(0.0, 50.0, 0.0), half, DVec3::ZERO), "itself");
+    fn planes(position: [f64; 3], target: [f64; 3]) -> [FrustumPlane; 5] {
+        let camera = Camera::look_at(position.into(), target.into(), DVec3::Z, 1.0).unwrap();
+        View { camera, width_px: 320, height_px: 180, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 }.planes()
     }
 
     #[test]
-    fn a_seen_point_is_never_culled() {
-        let camera = Camera::look(DVec3::new(10.0, -5.0, 30.0), DVec3::new(40.0, 60.0, 0.0), DVec3::Z, 1.0).unwrap();
-        let view = View { camera, width_px: 320, height_px: 180, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
-        let planes = view.planes();
-        let (mut seen, mut culled) = (0, 0);
+    fn swept_box_is_in_view_if_its_shadow_is() {
+        let planes = planes([0.0, 0.0, 10.0], [0.0, 100.0, 0.0]);
+        let half = DVec3::splat(2.0);
+        let behind = DVec3::new(0.0, -30.0, 30.0);
+        assert!(!is_box_in_view(&planes, behind, half));
+        assert!(!is_swept_box_in_view(&planes, behind, half, DVec3::new(0.0, -30.0, -30.0)), "away from the view");
+        assert!(is_swept_box_in_view(&planes, behind, half, DVec3::new(0.0, 60.0, -30.0)), "into the view");
+        assert!(is_swept_box_in_view(&planes, DVec3::new(0.0, 50.0, 0.0), half, DVec3::ZERO), "no movement");
+    }
+
+    #[test]
+    fn boxes_in_view_are_never_culled() {
+        let planes = planes([10.0, -5.0, 30.0], [40.0, 60.0, 0.0]);
+        let (mut in_view, mut culled) = (0, 0);
         for i in 0..20_000u32 {
             let r = |k: u32| f64::from(i.wrapping_mul(2_654_435_761).rotate_left(k * 7) % 1000) / 10.0 - 50.0;
             let (centre, half) = (DVec3::new(r(1), r(2), r(3)), DVec3::new(r(4), r(5), r(1)).abs() * 0.1);
@@ -56,12 +55,14 @@ mod tests {
             });
             let inside = |p: DVec3| planes.iter().all(|plane| plane.normal.dot(p) + plane.offset >= 0.0);
             let any = corners.into_iter().any(inside);
-            let kept = in_view(&planes, centre, half);
+            let kept = is_box_in_view(&planes, centre, half);
             assert!(kept || !any);
-            assert!(!wholly_in_view(&planes, centre, half) || kept && inside(centre + half) && inside(centre - half));
-            seen += u32::from(any);
+            assert!(
+                !is_box_inside_view(&planes, centre, half) || kept && inside(centre + half) && inside(centre - half)
+            );
+            in_view += u32::from(any);
             culled += u32::from(!kept);
         }
-        assert!(seen > 500 && culled > 5000, "{seen} {culled}");
+        assert!(in_view > 500 && culled > 5000, "{in_view} {culled}");
     }
 }

@@ -1,130 +1,127 @@
-//! What stands in front of what, as far as boxes tell.
+//! Which boxes other boxes may occlude, seen from the eye.
 //!
-//! In: the boxes of tiles that are on their way. Out: which of them those before may hide. Next: `session::flow` asks for the
-//! others first.
-//!
-//! Pure. The horizon around the eye is cut into 64 sectors like a cake; boxes are taken from the nearest to the farthest, and
-//! each raises the horizon of the sectors that it reaches into. A box below the horizon of all its sectors may be hidden.
+//! The horizon around the eye is divided into 64 sectors. Boxes are taken from the nearest to the farthest, and each raises the
+//! horizon of the sectors that it reaches into. A box below the horizon of all its sectors may be occluded.
 
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Parts of the horizon.
+/// Parts of the horizon, of equal angle.
 const SECTORS: usize = 64;
-/// In front stands what is nearer by so many times, and by [`MARGIN_M`]: what lies side by side waits for nothing.
-const TIMES: f64 = 2.0;
-/// Whoever stands where tiles meet is in all of them.
+/// A box can only be occluded by boxes that are nearer by this factor and by [`MARGIN_M`]: neighbours do not occlude each other.
+const DISTANCE_FACTOR: f64 = 2.0;
+/// Distances below this count as inside, in metres: an eye where tiles meet is inside all of them.
 const MARGIN_M: f64 = 1.0;
 
-/// A node's box.
+/// The bounding box of a tile's content, in world coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Occluder {
-    /// Middle.
     pub centre: DVec3,
-    /// Half of its sides.
+    /// Half of the box's sides.
     pub half: DVec3,
 }
 
 impl Occluder {
-    /// Metres from the eye to the nearest place of its square.
-    fn near_m(&self, eye: DVec3) -> f64 {
+    /// Horizontal distance from the eye to the nearest point of the box.
+    fn distance_m(&self, eye: DVec3) -> f64 {
         ((eye - self.centre).abs() - self.half).max(DVec3::ZERO).truncate().length()
     }
 
-    /// The highest angle at which any of it can be seen, as rise by run.
+    /// The steepest slope (rise over run) at which any part of the box can be seen.
     fn slope(&self, eye: DVec3) -> f64 {
-        let rise = self.centre.z + self.half.z - eye.z;
-        let far_m = ((eye - self.centre).abs() + self.half).truncate().length();
-        rise / if rise > 0.0 { self.near_m(eye) } else { far_m }
+        let rise_m = self.centre.z + self.half.z - eye.z;
+        let farthest_m = ((eye - self.centre).abs() + self.half).truncate().length();
+        rise_m / if rise_m > 0.0 { self.distance_m(eye) } else { farthest_m }
     }
 
-    /// Its sectors, which may begin below 0 or end behind the last; all of them around the eye.
+    /// The sectors that the box reaches into, all of them if the eye is inside. They may begin below 0 or end above the last.
     fn sectors(&self, eye: DVec3) -> std::ops::RangeInclusive<i64> {
-        if self.near_m(eye) <= MARGIN_M {
+        if self.distance_m(eye) <= MARGIN_M {
             return 0..=SECTORS as i64 - 1;
         }
-        let to = (self.centre - eye).truncate();
+        let to_centre = (self.centre - eye).truncate();
         let half = self.half.truncate();
-        let corners =
-            [half, -half, DVec2::new(half.x, -half.y), DVec2::new(-half.x, half.y)].map(|h| to.angle_to(to + h));
-        let least = corners.into_iter().fold(f64::INFINITY, f64::min);
-        let most = corners.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        let sector = |angle: f64| ((to.to_angle() + angle) / TAU * SECTORS as f64).floor() as i64;
-        sector(least)..=sector(most)
+        let corners = [half, -half, DVec2::new(half.x, -half.y), DVec2::new(-half.x, half.y)];
+        let angles = corners.map(|corner| to_centre.angle_to(to_centre + corner));
+        let min = angles.into_iter().fold(f64::INFINITY, f64::min);
+        let max = angles.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let sector = |angle: f64| ((to_centre.to_angle() + angle) / TAU * SECTORS as f64).floor() as i64;
+        sector(min)..=sector(max)
     }
 }
 
-/// For each box, whether those before it may hide all of it.
-pub fn may_be_hidden(eye: DVec3, solids: &[Occluder]) -> Vec<bool> {
-    let near_m: Vec<f64> = solids.iter().map(|solid| solid.near_m(eye)).collect();
-    let mut order: Vec<usize> = (0..solids.len()).collect();
-    order.sort_by(|a, b| near_m[*a].total_cmp(&near_m[*b]));
-    let mut in_front = order.iter().peekable();
+/// For each box, whether nearer boxes may occlude all of it.
+pub fn may_be_occluded(eye: DVec3, boxes: &[Occluder]) -> Vec<bool> {
+    let distances_m: Vec<f64> = boxes.iter().map(|occluder| occluder.distance_m(eye)).collect();
+    let mut by_distance: Vec<usize> = (0..boxes.len()).collect();
+    by_distance.sort_by(|a, b| distances_m[*a].total_cmp(&distances_m[*b]));
+    let mut nearer = by_distance.iter().peekable();
     let mut horizon = [f64::NEG_INFINITY; SECTORS];
-    let place = |sector: i64| sector.rem_euclid(SECTORS as i64) as usize;
-    let mut hidden = vec![false; solids.len()];
-    for i in &order {
-        while let Some(front) = in_front.next_if(|front| near_m[**front] * TIMES + MARGIN_M < near_m[*i]) {
-            let slope = solids[*front].slope(eye);
-            solids[*front].sectors(eye).for_each(|at| horizon[place(at)] = horizon[place(at)].max(slope));
+    let wrap = |sector: i64| sector.rem_euclid(SECTORS as i64) as usize;
+    let mut occluded = vec![false; boxes.len()];
+    for i in &by_distance {
+        let is_in_front = |other: &&usize| distances_m[**other] * DISTANCE_FACTOR + MARGIN_M < distances_m[*i];
+        while let Some(front) = nearer.next_if(is_in_front) {
+            let slope = boxes[*front].slope(eye);
+            boxes[*front].sectors(eye).for_each(|sector| horizon[wrap(sector)] = horizon[wrap(sector)].max(slope));
         }
-        let slope = solids[*i].slope(eye);
-        hidden[*i] = solids[*i].sectors(eye).all(|at| slope <= horizon[place(at)]);
+        let slope = boxes[*i].slope(eye);
+        occluded[*i] = boxes[*i].sectors(eye).all(|sector| slope <= horizon[wrap(sector)]);
     }
-    hidden
+    occluded
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::select::horizon_culling::*;
+    use super::*;
 
     const EYE: DVec3 = DVec3::new(100.0, -50.0, 2.0);
 
-    /// A block of 60 m, `away_m` from the eye to its middle, at an angle and up to a height above the ground.
-    fn block(away_m: f64, degrees: f64, height_m: f64) -> Occluder {
-        let to = DVec2::from_angle(degrees.to_radians()) * away_m;
+    /// A block with sides of 60 m on the ground: distance from the eye to its middle, direction, and height.
+    fn block(distance_m: f64, degrees: f64, height_m: f64) -> Occluder {
+        let to = DVec2::from_angle(degrees.to_radians()) * distance_m;
         let z = height_m * 0.5;
         Occluder { centre: DVec3::new(EYE.x + to.x, EYE.y + to.y, z), half: DVec3::new(30.0, 30.0, z) }
     }
 
     #[test]
-    fn what_is_lower_and_behind_may_be_hidden_all_around() {
+    fn lower_boxes_behind_may_be_occluded_in_every_direction() {
         for degrees in (0..360).step_by(7).map(f64::from) {
             let front = block(100.0, degrees, 20.0);
             // 18 m above the eye after 55 to 70 m: 120 to 155 m above it after 470 m.
             let [low, high] = [50.0, 200.0].map(|height_m| block(500.0, degrees, height_m));
-            assert_eq!(may_be_hidden(EYE, &[low, high, front]), [true, false, false], "{degrees}");
-            // Whatever its height: it is beside, or it is in front of nothing.
+            assert_eq!(may_be_occluded(EYE, &[low, high, front]), [true, false, false], "{degrees}");
+            // Boxes beside the front box, or not far enough behind it, are not occluded whatever their height.
             let beside = block(500.0, degrees + 60.0, 5.0);
-            assert_eq!(may_be_hidden(EYE, &[front, beside]), [false, false], "{degrees}");
-            let side_by_side = [block(110.0, degrees, 5.0), front];
-            assert_eq!(may_be_hidden(EYE, &side_by_side), [false, false], "{degrees}");
+            assert_eq!(may_be_occluded(EYE, &[front, beside]), [false, false], "{degrees}");
+            let next_to = [block(110.0, degrees, 5.0), front];
+            assert_eq!(may_be_occluded(EYE, &next_to), [false, false], "{degrees}");
         }
     }
 
     #[test]
-    fn what_stands_before_the_middle_of_a_row_hides_the_middle() {
-        // Blocks far away, 10 degrees from one to the next, and one in front of them that is 23 degrees wide to both sides.
+    fn box_in_front_of_a_row_occludes_its_middle() {
+        // Distant blocks, 10 degrees from one to the next, and one in front of them that reaches 23 degrees to both sides.
         let row: Vec<Occluder> = (-3..=3).map(|i| block(1000.0, f64::from(i) * 10.0, 10.0)).collect();
-        let solids: Vec<Occluder> = row.into_iter().chain([block(100.0, 0.0, 20.0)]).collect();
-        assert_eq!(may_be_hidden(EYE, &solids), [false, true, true, true, true, true, false, false]);
+        let boxes: Vec<Occluder> = row.into_iter().chain([block(100.0, 0.0, 20.0)]).collect();
+        assert_eq!(may_be_occluded(EYE, &boxes), [false, true, true, true, true, true, false, false]);
     }
 
     #[test]
-    fn from_above_the_roofs_nothing_hides_anything() {
+    fn nothing_is_occluded_from_above_the_roofs() {
         let eye = EYE.with_z(500.0);
-        let rows = [100.0, 300.0, 1000.0, 3000.0].map(|away_m| block(away_m, 20.0, 200.0));
-        assert_eq!(may_be_hidden(eye, &rows), [false; 4]);
+        let row = [100.0, 300.0, 1000.0, 3000.0].map(|distance_m| block(distance_m, 20.0, 200.0));
+        assert_eq!(may_be_occluded(eye, &row), [false; 4]);
     }
 
     #[test]
-    fn where_one_stands_hides_all_the_rest() {
-        // Nothing is known of what is inside, and the highest of it may be before the eyes.
+    fn box_around_the_eye_may_occlude_everything() {
+        // What is inside is unknown, and its highest part may be right in front of the eye.
         let own = Occluder { centre: EYE.with_z(10.0), half: DVec3::new(30.0, 30.0, 10.0) };
         let tower = block(300.0, 200.0, 300.0);
-        assert_eq!(may_be_hidden(EYE, &[tower, own]), [true, false]);
-        // But not who stands on its roof.
-        assert_eq!(may_be_hidden(EYE.with_z(25.0), &[tower, own]), [false, false]);
-        assert!(may_be_hidden(EYE, &[]).is_empty());
+        assert_eq!(may_be_occluded(EYE, &[tower, own]), [true, false]);
+        // An eye above its roof sees over it.
+        assert_eq!(may_be_occluded(EYE.with_z(25.0), &[tower, own]), [false, false]);
+        assert!(may_be_occluded(EYE, &[]).is_empty());
     }
 }

@@ -1,120 +1,88 @@
 //! Which leaves are drawn as meshes, and at which level of detail.
 //!
-//! In: a leaf of the cut that is seen and whose V-BlockMap is not good enough. Out: the level of detail to ask for, the one to
-//! draw. Next: `select` cuts and wants.
-//!
-//! The coarsest one within tau serves, else the finest; while it is not here, the nearest one that is, else the V-BlockMap.
-//! Where a leaf's V-BlockMap is within tau, that is drawn: both look the same from there.
+//! A visible leaf whose V-BlockMap exceeds tau asks for the coarsest level of detail within tau, or for the finest if none is.
+//! Until that is resident, the nearest resident level is drawn, coarser ones first; else the V-BlockMap. A resident V-BlockMap
+//! within tau is drawn instead of a mesh: both look the same from there.
 
-use super::{Selection, SelectionScratch, Visit, Visitor, error, priority, priority::TileRequest};
-use crate::{
-    camera::{NEAR_M, View},
-    scene::{LeafLod, NodeIndex, SceneTree, TileKey, TileRecord, TileState, TreeNode},
+use super::{
+    context::{SelectionContext, is_alternate_level},
+    priority::{self, RequestReason, TileRequest},
+    selection::Selection,
+    visited::{Cover, Visit},
 };
+use crate::scene::{LeafLod, NodeIndex, SceneTree, TileKey, TreeNode};
 
-/// Projected error of a level of detail, by its leaf's sphere.
-fn error_px(node: &TreeNode, lod: &LeafLod, view: &View) -> f64 {
-    error::error_px(lod.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
+/// The level of detail that is drawn in a leaf's area.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DrawnLod {
+    pub(super) lod: u8,
+    pub(super) error_px: f64,
 }
 
-/// Whether a node can be drawn by itself, from its columns or its mesh.
-pub(super) fn is_here(node: &TreeNode) -> bool {
-    node.tile.is_resident() || node.lods.iter().any(|lod| lod.tile.is_resident())
+/// The levels of detail that a leaf may ask for, best first: the best one, and those coarser than it; bad ones left out.
+pub(super) fn usable_lods(ctx: &SelectionContext<'_>, leaf: &TreeNode) -> impl Iterator<Item = usize> {
+    (best_lod(ctx, leaf)..leaf.lods.len()).filter(|lod| !leaf.lods[*lod].tile.is_bad())
 }
 
-/// Whether a tile is here, or will be in a moment.
-pub(super) fn is_under_way(tile: TileRecord) -> bool {
-    matches!(tile.state(), TileState::Loading | TileState::DecodedTile | TileState::Resident)
+/// The coarsest resident level of detail within tau; else the coarsest within tau; else the finest.
+fn best_lod(ctx: &SelectionContext<'_>, leaf: &TreeNode) -> usize {
+    let is_good = |lod: &LeafLod| !lod.tile.is_bad() && ctx.lod_error_px(leaf, lod) <= ctx.view.tau_px;
+    let resident = leaf.lods.iter().rposition(|lod| lod.tile.is_resident() && is_good(lod));
+    resident.or_else(|| leaf.lods.iter().rposition(is_good)).unwrap_or(0)
 }
 
-impl Visitor<'_> {
-    /// Whether a leaf passes from what it lies in to its mesh: where rays tell which squares are seen, its own columns would be
-    /// drawn only until its mesh is here. Those that are here or under way are drawn.
-    pub(super) fn goes_without_columns(&self, node: &TreeNode) -> bool {
-        let usable = |lod: &LeafLod| !lod.tile.is_bad();
-        self.sight.is_fed()
-            && !is_under_way(node.tile)
-            && node.lods.iter().any(usable)
-            && self.error_px(node) > self.view.tau_px
-    }
-
-    /// Notes which level of detail a visited leaf needs; `false` if the budget has no room for any.
-    pub(super) fn ask_mesh(&self, visit: u32, scratch: &mut SelectionScratch, selection: &mut Selection) -> bool {
-        let visit = &mut scratch.visits[visit as usize];
-        let node = self.tree.node(visit.at);
-        let best = best(node, self.view);
-        let without = visit.asked && self.goes_without_columns(node);
-        let pages = selection.counters.pages - if without { self.tree.pages_of(visit.at) } else { 0 };
-        let room = self.view.budget_pages.saturating_sub(pages);
-        let mut there = (best..node.lods.len()).filter(|lod| !node.lods[*lod].tile.is_bad()).peekable();
-        if there.peek().is_none() {
-            return true;
-        }
-        let Some(lod) = there.find(|lod| node.lods[*lod].pages <= room) else { return false };
-        selection.counters.pages = pages + node.lods[lod].pages;
-        visit.mesh = Some(lod as u8);
-        visit.asked &= !without;
-        true
-    }
-}
-
-/// The coarsest level of detail within tau, of those that are here if there are any; else the finest.
-fn best(node: &TreeNode, view: &View) -> usize {
-    let good = |lod: &LeafLod| !lod.tile.is_bad() && error_px(node, lod, view) <= view.tau_px;
-    let here = node.lods.iter().rposition(|lod| lod.tile.is_resident() && good(lod));
-    here.or_else(|| node.lods.iter().rposition(good)).unwrap_or(0)
-}
-
-/// The level of detail that is drawn in the square of `visit`, and how wrong it is.
-pub(super) fn drawn(visit: &Visit, view: &View, tree: &SceneTree) -> Option<(u8, f64)> {
-    let node = tree.node(visit.at);
-    if node.tile.is_resident() && visit.error_px <= view.tau_px {
+/// The level of detail that is drawn in the area of `visit`, if any.
+pub(super) fn drawn_lod(ctx: &SelectionContext<'_>, visit: &Visit) -> Option<DrawnLod> {
+    let leaf = ctx.tree.node(visit.node);
+    if leaf.tile.is_resident() && visit.error_px <= ctx.view.tau_px {
         return None;
     }
-    let here = |lod: &usize| node.lods[*lod].tile.is_resident();
-    let asked = usize::from(visit.mesh.unwrap_or(0));
-    let lod = (asked..node.lods.len()).find(here).or_else(|| (0..asked).rev().find(here))?;
-    Some((lod as u8, error_px(node, &node.lods[lod], view)))
+    let is_resident = |lod: &usize| leaf.lods[*lod].tile.is_resident();
+    let requested = usize::from(visit.mesh_lod.unwrap_or(0));
+    let mut coarser = requested..leaf.lods.len();
+    let lod = coarser.find(is_resident).or_else(|| (0..requested).rev().find(is_resident))?;
+    Some(DrawnLod { lod: lod as u8, error_px: ctx.lod_error_px(leaf, &leaf.lods[lod]) })
 }
 
-/// Whose columns tell how much sky the mesh of a leaf sees: those of the nearest node above it that no way to it passes over,
-/// be the leaf's own here or not, so that a picture does not depend on how it was come to. None if that is not here.
-pub(super) fn told_by(leaf: NodeIndex, tree: &SceneTree) -> Option<NodeIndex> {
-    let mut above = std::iter::successors(tree.node(leaf).parent, |at| tree.node(*at).parent);
-    above.find(|at| !super::is_step(tree.node(*at), tree)).filter(|at| tree.node(*at).tile.is_resident())
+/// The node whose columns tell how much sky a leaf's mesh sees: its nearest ancestor on a level that is never skipped. The
+/// leaf's own columns are not used even if they are resident, so that a frame does not depend on what was fetched before.
+/// `None` if the ancestor is not resident.
+pub(super) fn sky_source(leaf: NodeIndex, tree: &SceneTree) -> Option<NodeIndex> {
+    let mut ancestors = std::iter::successors(tree.node(leaf).parent, |index| tree.node(*index).parent);
+    let ancestor = ancestors.find(|index| !is_alternate_level(tree.node(*index), tree));
+    ancestor.filter(|index| tree.node(*index).tile.is_resident())
 }
 
-/// Counts what is drawn, and keeps what was asked for.
-pub(super) fn count(visit: &Visit, drawn: Option<u8>, tree: &SceneTree, selection: &mut Selection) {
-    let node = tree.node(visit.at);
-    if let Some(lod) = drawn.and_then(|lod| node.lods.get(usize::from(lod))) {
-        selection.counters.meshes += 1;
-        selection.counters.triangles += u64::from(lod.triangles);
+/// Counts a mesh in the draw list, and marks it as used if it is the level that the view asks for.
+pub(super) fn record_drawn_lod(visit: &Visit, drawn: Option<u8>, tree: &SceneTree, selection: &mut Selection) {
+    let leaf = tree.node(visit.node);
+    let Some(lod) = drawn else { return };
+    if let Some(leaf_lod) = leaf.lods.get(usize::from(lod)) {
+        selection.stats.meshes += 1;
+        selection.stats.triangles += u64::from(leaf_lod.triangles);
     }
-    // What is drawn only because it is here may go at any time: the V-BlockMap is drawn then.
-    if let Some(lod) = drawn.filter(|_| drawn == visit.mesh) {
-        selection.used_meshes.push(TileKey::mesh(node.id, lod));
+    // Another level is drawn only because it is resident, and may be evicted at any time: the V-BlockMap is drawn then.
+    if drawn == visit.mesh_lod {
+        selection.used_meshes.push(TileKey::mesh(leaf.id, lod));
     }
 }
 
-/// The mesh that `visit` asks for, if it is missing. Its V-BlockMap comes first if that is asked for, too.
-pub(super) fn wanted(
+/// The request for the mesh that `visit` asks for, if it is missing. A requested V-BlockMap comes first.
+pub(super) fn mesh_request(
+    ctx: &SelectionContext<'_>,
     visit: &Visit,
-    cover: Option<(NodeIndex, f64)>,
-    view: &View,
-    tree: &SceneTree,
+    cover: Option<Cover>,
     tau_px: f64,
 ) -> Option<TileRequest> {
-    let node = tree.node(visit.at);
-    let lod = visit.mesh?;
-    let tile = node.lods.get(usize::from(lod))?.tile;
-    if visit.asked && !node.tile.is_resident() || tile.is_resident() || tile.is_bad() {
+    let leaf = ctx.tree.node(visit.node);
+    let lod = visit.mesh_lod?;
+    let tile = leaf.lods.get(usize::from(lod))?.tile;
+    let is_block_map_missing = visit.request.is_some() && !leaf.tile.is_resident();
+    if is_block_map_missing || tile.is_resident() || tile.is_bad() {
         return None;
     }
-    let drawn_px = match drawn(visit, view, tree) {
-        Some((_, error_px)) => Some(error_px),
-        None => cover.map(|(_, error_px)| error_px),
-    };
-    let weight = priority::weight(visit.error_px, node.centre, view);
-    Some(TileRequest { key: TileKey::mesh(node.id, lod), group: priority::group(drawn_px, tau_px), weight })
+    let drawn_error_px = drawn_lod(ctx, visit).map(|mesh| mesh.error_px).or(cover.map(|cover| cover.error_px));
+    let weight_px = priority::weight_px(visit.error_px, leaf.centre, ctx.view);
+    let group = priority::group_in_view(drawn_error_px, tau_px);
+    Some(TileRequest { key: TileKey::mesh(leaf.id, lod), group, reason: RequestReason::Mesh, weight_px })
 }

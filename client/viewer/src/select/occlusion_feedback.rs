@@ -1,192 +1,198 @@
-//! What the rays of the last pictures hit, and so which nodes are hidden behind others (design 7).
+//! Occlusion feedback: which nodes the rays of the last frames hit, and so which nodes are occluded.
 //!
-//! In: per square of a drawn cut, the pixels that hit it. Out: [`OcclusionFeedback`]. Next: `select` asks what is seen.
+//! For each frame, the ray-caster counts the pixels that hit each node of the draw list. [`OcclusionFeedback::update`] takes the
+//! counts in; [`OcclusionFeedback::visibility`] tells what follows for a node:
 //!
-//! Pure. A square is **seen** if a ray hit it in one of the last pictures; **hidden** if it was drawn in the last one, wholly
-//! inside the picture or from this very view, and nothing hit it, nor what lies beside it; else nobody knows. Until the first
-//! picture is told of, everything counts as seen.
+//! | visibility | condition |
+//! |---|---|
+//! | visible | a ray hit it, or something in it, in one of the last [`LINGER_FRAMES`] frames; while the camera is still, see below |
+//! | unknown | it lies next to a node that was hit recently, and the camera moves; or it was not wholly inside the last frame, and the camera has moved; or it was not drawn in the last frame, but lies in a node that is not occluded |
+//! | occluded | it was drawn in the last frame and not hit; or it was not drawn, but lies in an occluded node |
+//!
+//! While the camera is still and tiles are missing, only the last frame counts: what coarse columns let through, finer ones may
+//! occlude. Once a frame had all its tiles, all frames since then count: visible nodes only become more, so the frame settles.
+//! Before the first feedback, all nodes are visible.
 
-use crate::select::cull;
+use super::cull;
 use crate::{
     camera::{FrustumPlane, View},
     scene::{NodeIndex, SceneTree},
 };
 use insula_protocol::TileId;
 
-/// Pictures that a square stays seen after its last hit, while the camera moves. While it stands and tiles still come, only the
-/// last picture counts: what coarse buildings let through, finer ones may hide.
-const LINGER: u32 = 12;
+/// Number of frames for which a node stays visible after its last hit, while the camera moves.
+const LINGER_FRAMES: u32 = 12;
 
-/// A square that takes a smaller share of the picture's pixels contributes nothing. At least one pixel counts.
-const CONTRIBUTES: f64 = 1.0 / 300_000.0;
+/// Nodes that cover a smaller share of the frame's pixels contribute nothing. At least one pixel is needed.
+const MIN_PIXEL_SHARE: f64 = 1.0 / 300_000.0;
 
-/// What is known of a square.
+/// What is known about the visibility of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Visibility {
-    /// Hit.
-    Seen,
-    /// Beside what was hit; or not drawn in the last picture as it would be now: it came into the frustum, or it lay in a
-    /// square that was drawn. The next picture tells.
+    /// A ray hit it.
+    Visible,
+    /// The next frame tells.
     Unknown,
-    /// Drawn and not hit.
-    Hidden,
+    /// It was drawn, and no ray hit it.
+    Occluded,
 }
 
-/// The squares that a picture was drawn with, to be told of with the pixels that hit each.
+/// The nodes that a frame was drawn with: the pixels that hit each are to be counted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OcclusionQuery {
-    /// In the order of the ray-caster's nodes; one that is drawn in parts or by two nodes is named for each.
-    pub squares: Vec<NodeIndex>,
-    /// What was looked at.
+    /// In the order of the ray-caster's nodes. A node that is drawn more than once is listed more than once.
+    pub nodes: Vec<NodeIndex>,
+    /// View of the frame.
     pub view: View,
-    /// Which selection that was.
+    /// Number of the frame's draw list.
     pub generation: u64,
 }
 
-/// Hits of the last pictures. Numbers count pictures from 1; 0 is never.
+/// The hits of the last frames. Frames are numbered from 1; 0 means never.
 #[derive(Debug, Clone, Default)]
 pub struct OcclusionFeedback {
-    picture: u32,
-    /// The first picture of this view; 0 if there was no other view yet.
-    stood: u32,
-    /// The first picture, since the camera stands, to which nothing was missing. From then on what was seen stays seen: the
-    /// squares that are seen only become more, and the picture comes to rest.
-    rest: Option<u32>,
-    view: Option<View>,
-    planes: Option<[FrustumPlane; 5]>,
-    /// Per node: the last picture in which it, or something in it, was hit.
+    frame: u32,
+    /// First frame of the present view; 0 if there was no other view before.
+    still_since: u32,
+    /// First frame, since the camera is still, that lacked no tile.
+    complete_since: Option<u32>,
+    last: Option<LastFrame>,
+    /// Draw list of the last frame, and the most pixels that it was drawn with.
+    covered: Option<(u64, u64)>,
+    /// For each node, the last frame in which it, or something in it, was hit.
     hit: Vec<u32>,
-    /// Per node: the last picture in which it, or something in it, lay beside what was hit.
-    beside: Vec<u32>,
-    /// Per node: the last picture in which it, or something in it, was drawn.
+    /// For each node, the last frame in which it, or something in it, was next to a node that was hit.
+    near_hit: Vec<u32>,
+    /// For each node, the last frame in which it, or something in it, was drawn.
     drawn: Vec<u32>,
-    /// Per node: pixels of the picture that is taken in.
+    /// For each node, pixels of the present frame. All zero outside of [`OcclusionFeedback::update`].
     pixels: Vec<u32>,
-    /// The selection that the last picture was of, and its finest picture's pixels.
-    looked: Option<(u64, u64)>,
-    hits: usize,
+    hit_count: usize,
+}
+
+#[derive(Debug, Clone)]
+struct LastFrame {
+    view: View,
+    planes: [FrustumPlane; 5],
 }
 
 impl OcclusionFeedback {
-    /// Takes in a picture: `pixels` are those that hit each square of `asked`; `whole` if no tile was missing.
-    pub fn feed(&mut self, asked: &OcclusionQuery, pixels: &[u32], whole: bool, tree: &SceneTree) {
-        // Of the first picture nobody knows that the camera moves.
-        let same = self.view.is_none_or(|view| same_place(&view, &asked.view));
-        self.picture += 1;
-        self.stood = if same { self.stood } else { self.picture };
-        self.rest = self.rest.filter(|_| same).or(whole.then_some(self.picture));
-        self.view = Some(asked.view);
-        self.planes = Some(asked.view.planes());
-        let pixels_of = |view: &View| u64::from(view.width_px) * u64::from(view.height_px);
-        let before = self.looked.filter(|(generation, _)| *generation == asked.generation);
-        self.looked = Some((asked.generation, pixels_of(&asked.view).max(before.map_or(0, |(_, most)| most))));
-        self.hit.resize(tree.nodes().len(), 0);
-        self.beside.resize(tree.nodes().len(), 0);
-        self.drawn.resize(tree.nodes().len(), 0);
-        self.pixels.resize(tree.nodes().len(), 0);
-        self.hits = 0;
-        for (at, pixels) in asked.squares.iter().zip(pixels) {
-            self.pixels[at.0 as usize] += *pixels;
+    /// Takes in a frame. `pixels` holds the pixels that hit each node of `query`; `is_complete` tells whether no tile was
+    /// missing.
+    pub fn update(&mut self, query: &OcclusionQuery, pixels: &[u32], is_complete: bool, tree: &SceneTree) {
+        let frame_pixels = u64::from(query.view.width_px) * u64::from(query.view.height_px);
+        self.begin_frame(query, frame_pixels, is_complete);
+        for marks in [&mut self.hit, &mut self.near_hit, &mut self.drawn, &mut self.pixels] {
+            marks.resize(tree.nodes().len(), 0);
         }
-        let least = ((pixels_of(&asked.view) as f64 * CONTRIBUTES) as u32).max(1);
-        for at in &asked.squares {
-            stamp(&mut self.drawn, tree, Some(*at), self.picture);
-            if std::mem::take(&mut self.pixels[at.0 as usize]) >= least {
-                self.hits += 1;
-                stamp(&mut self.hit, tree, Some(*at), self.picture);
-                for beside in around(tree.node(*at).id) {
-                    stamp(&mut self.beside, tree, tree.find(beside), self.picture);
+        for (node, pixels) in query.nodes.iter().zip(pixels) {
+            self.pixels[node.0 as usize] += *pixels;
+        }
+        self.hit_count = 0;
+        let min_pixels = ((frame_pixels as f64 * MIN_PIXEL_SHARE) as u32).max(1);
+        for node in &query.nodes {
+            mark_with_ancestors(&mut self.drawn, tree, Some(*node), self.frame);
+            if std::mem::take(&mut self.pixels[node.0 as usize]) >= min_pixels {
+                self.hit_count += 1;
+                mark_with_ancestors(&mut self.hit, tree, Some(*node), self.frame);
+                for neighbour in neighbours(tree.node(*node).id) {
+                    mark_with_ancestors(&mut self.near_hit, tree, tree.find(neighbour), self.frame);
                 }
             }
         }
     }
 
-    /// What is known, for another view of which there is no picture yet.
-    pub fn for_another(&self) -> Self {
-        Self { looked: None, ..self.clone() }
+    fn begin_frame(&mut self, query: &OcclusionQuery, frame_pixels: u64, is_complete: bool) {
+        // Nothing tells whether the camera moved before the first frame.
+        let is_same_view = self.last.as_ref().is_none_or(|last| has_same_rays(&last.view, &query.view));
+        self.frame += 1;
+        self.still_since = if is_same_view { self.still_since } else { self.frame };
+        self.complete_since = self.complete_since.filter(|_| is_same_view).or(is_complete.then_some(self.frame));
+        self.last = Some(LastFrame { view: query.view, planes: query.view.planes() });
+        let before = self.covered.filter(|(generation, _)| *generation == query.generation);
+        self.covered = Some((query.generation, frame_pixels.max(before.map_or(0, |(_, most)| most))));
     }
 
-    /// Forgets everything: a new place altogether.
-    pub fn clear(&mut self) {
-        *self = Self::default();
+    /// A copy for another view, of which there is no frame yet.
+    pub fn for_other_view(&self) -> Self {
+        Self { covered: None, ..self.clone() }
     }
 
-    /// Whether any picture was told of.
-    pub fn is_fed(&self) -> bool {
-        self.picture > 0
+    /// Whether any frame was taken in.
+    pub fn has_feedback(&self) -> bool {
+        self.frame > 0
     }
 
-    /// Whether the last picture was of this selection, with at least so many pixels along its sides.
-    pub fn has_looked(&self, generation: u64, size_px: [u32; 2]) -> bool {
+    /// Whether the last frame was of draw list `generation`, with at least as many pixels as `size_px`.
+    pub fn covers(&self, generation: u64, size_px: [u32; 2]) -> bool {
         let pixels = size_px.map(u64::from).iter().product();
-        self.looked.is_some_and(|(looked, most)| looked == generation && most >= pixels)
+        self.covered.is_some_and(|(covered, most)| covered == generation && most >= pixels)
     }
 
-    /// Squares that the last picture's rays hit.
-    pub fn hits(&self) -> usize {
-        self.hits
+    /// Number of entries of the last query whose nodes were hit.
+    pub fn hit_count(&self) -> usize {
+        self.hit_count
     }
 
-    /// Whether the last two pictures were of this view (or there was but one): nothing will come into view.
-    pub(super) fn stands(&self, view: &View) -> bool {
-        self.stood < self.picture && self.view.is_some_and(|last| same_place(&last, view))
+    /// Whether the last two frames were of this view (or the only one was): nothing new will come into view.
+    pub(super) fn is_camera_still(&self, view: &View) -> bool {
+        self.still_since < self.frame && self.last.as_ref().is_some_and(|last| has_same_rays(&last.view, view))
     }
 
-    /// Whether a ray hit a square, or something in it, in any picture since the camera stands.
-    pub(super) fn was_seen(&self, at: NodeIndex) -> bool {
-        self.hit.get(at.0 as usize).is_some_and(|mark| *mark >= self.stood.max(1))
+    /// Whether a ray has hit a node, or something in it, since the camera is still.
+    pub(super) fn was_visible(&self, node: NodeIndex) -> bool {
+        self.hit.get(node.0 as usize).is_some_and(|frame| *frame >= self.still_since.max(1))
     }
 
-    /// What is known of the square of `at` in `view`; `parent` is what is known of its parent.
-    pub(super) fn of(&self, at: NodeIndex, tree: &SceneTree, view: &View, parent: Visibility) -> Visibility {
-        let Some((planes, tested)) = self.planes.as_ref().zip(self.view.as_ref()) else { return Visibility::Seen };
-        let place = at.0 as usize;
-        let lately = |marks: &[u32]| marks.get(place).is_some_and(|mark| *mark >= self.since());
-        if lately(&self.hit) {
-            return Visibility::Seen;
+    /// The visibility of a node in `view`; `parent` is that of its parent.
+    pub(super) fn visibility(&self, index: NodeIndex, tree: &SceneTree, view: &View, parent: Visibility) -> Visibility {
+        let Some(last) = &self.last else { return Visibility::Visible };
+        let is_recent = |marks: &[u32]| marks.get(index.0 as usize).is_some_and(|frame| *frame >= self.first_frame());
+        if is_recent(&self.hit) {
+            return Visibility::Visible;
         }
-        let node = tree.node(at);
-        let moved = !same_place(tested, view);
-        // A camera that stands sees nothing new beside what it sees.
-        let beside = lately(&self.beside) && !self.stands(view);
-        if beside || moved && !cull::wholly_in_view(planes, node.centre, node.half) {
+        let node = tree.node(index);
+        let is_near_hit = is_recent(&self.near_hit) && !self.is_camera_still(view);
+        let was_inside_last_frame =
+            || has_same_rays(&last.view, view) || cull::is_box_inside_view(&last.planes, node.centre, node.half);
+        if is_near_hit || !was_inside_last_frame() {
             return Visibility::Unknown;
         }
-        match self.drawn.get(place) {
-            Some(drawn) if *drawn == self.picture => Visibility::Hidden,
-            // It lay in a drawn square. What lay in a hidden one is hidden.
-            _ if parent == Visibility::Hidden => Visibility::Hidden,
+        match self.drawn.get(index.0 as usize) {
+            Some(frame) if *frame == self.frame => Visibility::Occluded,
+            _ if parent == Visibility::Occluded => Visibility::Occluded,
             _ => Visibility::Unknown,
         }
     }
 
-    /// The picture since which hits count.
-    fn since(&self) -> u32 {
-        let lately = if self.stood < self.picture { self.picture } else { self.picture.saturating_sub(LINGER - 1) };
-        self.rest.unwrap_or(u32::MAX).min(lately).max(1)
+    /// The first frame whose hits count.
+    fn first_frame(&self) -> u32 {
+        let is_still = self.still_since < self.frame;
+        let recent = if is_still { self.frame } else { self.frame.saturating_sub(LINGER_FRAMES - 1) };
+        self.complete_since.unwrap_or(u32::MAX).min(recent).max(1)
     }
 }
 
-/// Marks a node and those that it lies in.
-fn stamp(marks: &mut [u32], tree: &SceneTree, mut at: Option<NodeIndex>, picture: u32) {
-    while let Some(node) = at
-        && let Some(mark) = marks.get_mut(node.0 as usize)
-        && *mark != picture
+/// Marks a node and its ancestors with a frame.
+fn mark_with_ancestors(marks: &mut [u32], tree: &SceneTree, mut node: Option<NodeIndex>, frame: u32) {
+    while let Some(index) = node
+        && let Some(mark) = marks.get_mut(index.0 as usize)
+        && *mark != frame
     {
-        *mark = picture;
-        at = tree.node(node).parent;
+        *mark = frame;
+        node = tree.node(index).parent;
     }
 }
 
-/// The eight squares around one, as far as there are any.
-fn around(id: TileId) -> impl Iterator<Item = TileId> {
-    let places = (0..9u32).filter(|i| *i != 4).map(|i| (i % 3, i / 3));
-    places.filter_map(move |(dx, dy)| {
+/// The up to eight nodes around a node, on its level.
+fn neighbours(id: TileId) -> impl Iterator<Item = TileId> {
+    let offsets = (0..9u32).filter(|i| *i != 4).map(|i| (i % 3, i / 3));
+    offsets.filter_map(move |(dx, dy)| {
         TileId::new(id.level(), (id.x() + dx).checked_sub(1)?, (id.y() + dy).checked_sub(1)?)
     })
 }
 
-/// Whether two views' rays are the same ones, but for how many there are.
-fn same_place(a: &View, b: &View) -> bool {
+/// Whether two views have the same rays, except for their number.
+fn has_same_rays(a: &View, b: &View) -> bool {
     a.camera == b.camera && (a.aspect() - b.aspect()).abs() < 0.02
 }

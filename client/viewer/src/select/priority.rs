@@ -1,54 +1,94 @@
-//! What to fetch first.
-//!
-//! In: a missing tile, what is drawn in its place. Out: [`TileRequest`] in order. Next: `stream::queue`.
+//! Requests for tiles, and the order in which they are fetched.
 
 use crate::{camera::View, scene::TileKey};
 use glam::DVec3;
+use std::cmp::Ordering;
 
-/// Drawn coarser than this many times tau: urgent.
-const URGENT_TIMES_TAU: f64 = 4.0;
+/// A tile is urgent if what is drawn instead of it has more than this multiple of tau as its error: two levels too coarse.
+const URGENT_TAU_FACTOR: f64 = 4.0;
 
-/// Why a tile is wanted; the groups are served in this order.
+/// First criterion of the order: groups are served one after the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PriorityGroup {
-    /// On screen, nothing or something two levels too coarse is drawn in its place: everybody sees that.
+    /// In view, and nothing or something much too coarse is drawn instead: everybody sees that.
     Urgent,
-    /// On screen, something a little too coarse is drawn in its place.
+    /// In view, and something a little too coarse is drawn instead.
     Normal,
-    /// Out of the picture, its shadow is in it.
+    /// Out of view, but its shadow may be in view.
     Shadow,
-    /// Where the camera will be in a moment.
+    /// Needed soon, where the camera is heading.
     Preload,
+}
+
+/// Why a tile is requested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RequestReason {
+    /// Everything else depends on it: the root's tile and subtree, and the subtrees around the eye. First in its group.
+    EntryPoint,
+    /// A subtree without which a node in view cannot be refined.
+    UnknownChildren,
+    /// The error is so large that the tile is requested before its visibility is known.
+    LargeError,
+    /// The last frames' rays hit the node.
+    Visible,
+    /// The mesh of a visible leaf.
+    Mesh,
+    /// Its shadow may be in view.
+    ShadowCaster,
 }
 
 /// A tile to fetch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TileRequest {
-    /// What.
     pub key: TileKey,
-    /// First order.
     pub group: PriorityGroup,
-    /// Second order, largest first.
-    pub weight: f64,
+    pub reason: RequestReason,
+    /// Order within the group, largest first: a screen-space error in pixels. Unused for [`RequestReason::EntryPoint`].
+    pub weight_px: f64,
 }
 
-/// The group of a tile in whose place something with `drawn_error_px` is drawn (`None`: nothing).
-pub fn group(drawn_error_px: Option<f64>, tau_px: f64) -> PriorityGroup {
+impl TileRequest {
+    /// An urgent request for a tile that everything else depends on.
+    pub fn entry_point(key: TileKey) -> Self {
+        Self { key, group: PriorityGroup::Urgent, reason: RequestReason::EntryPoint, weight_px: 0.0 }
+    }
+
+    /// Whether the request's weight exceeds `error_px`; entry points exceed any error.
+    pub fn exceeds(&self, error_px: f64) -> bool {
+        self.is_entry_point() || self.weight_px > error_px
+    }
+
+    fn is_entry_point(&self) -> bool {
+        self.reason == RequestReason::EntryPoint
+    }
+
+    /// By group, then entry points, then weight; ties are broken by the key, so that equal views give equal orders.
+    fn cmp_priority(&self, other: &Self) -> Ordering {
+        (self.group.cmp(&other.group))
+            .then(other.is_entry_point().cmp(&self.is_entry_point()))
+            .then(other.weight_px.total_cmp(&self.weight_px))
+            .then(self.key.cmp(&other.key))
+    }
+}
+
+/// The group of a tile in view; `drawn_error_px` is the error of what is drawn instead, `None` if nothing is.
+pub fn group_in_view(drawn_error_px: Option<f64>, tau_px: f64) -> PriorityGroup {
     match drawn_error_px {
-        Some(error) if error <= tau_px * URGENT_TIMES_TAU => PriorityGroup::Normal,
+        Some(error_px) if error_px <= tau_px * URGENT_TAU_FACTOR => PriorityGroup::Normal,
         _ => PriorityGroup::Urgent,
     }
 }
 
-/// `error_px`, down to half of it at the picture's edge: what one looks at comes first.
-pub fn weight(error_px: f64, centre: DVec3, view: &View) -> f64 {
+/// The weight of a tile with error `error_px` and centre `centre`: the error, falling to half of it away from the view's
+/// direction, because the middle of the frame matters most.
+pub fn weight_px(error_px: f64, centre: DVec3, view: &View) -> f64 {
     let towards = (centre - view.camera.position).normalize_or(view.camera.forward);
     error_px * (0.5 + 0.5 * towards.dot(view.camera.forward).max(0.0))
 }
 
-/// Sorts by group, then weight, then name, so that equal views ask in equal order.
-pub fn sort(wanted: &mut [TileRequest]) {
-    wanted.sort_by(|a, b| a.group.cmp(&b.group).then(b.weight.total_cmp(&a.weight)).then(a.key.cmp(&b.key)));
+/// Sorts requests, most important first.
+pub fn sort(requests: &mut [TileRequest]) {
+    requests.sort_by(TileRequest::cmp_priority);
 }
 
 #[cfg(test)]
@@ -57,10 +97,10 @@ mod tests {
     use insula_protocol::TileId;
 
     #[test]
-    fn holes_come_before_blur_before_the_future() {
-        assert_eq!(group(None, 1.0), PriorityGroup::Urgent);
-        assert_eq!(group(Some(4.5), 1.0), PriorityGroup::Urgent);
-        assert_eq!(group(Some(3.0), 1.0), PriorityGroup::Normal);
+    fn sorts_by_group_then_entry_point_then_weight() {
+        assert_eq!(group_in_view(None, 1.0), PriorityGroup::Urgent);
+        assert_eq!(group_in_view(Some(4.5), 1.0), PriorityGroup::Urgent);
+        assert_eq!(group_in_view(Some(3.0), 1.0), PriorityGroup::Normal);
         let key = TileKey::block_map(TileId::ROOT);
         let mut all = [
             (PriorityGroup::Preload, 9.0),
@@ -68,8 +108,10 @@ mod tests {
             (PriorityGroup::Normal, 2.0),
             (PriorityGroup::Urgent, 0.1),
         ]
-        .map(|(group, weight)| TileRequest { key, group, weight });
+        .map(|(group, weight_px)| TileRequest { key, group, reason: RequestReason::Visible, weight_px })
+        .to_vec();
+        all.push(TileRequest::entry_point(key));
         sort(&mut all);
-        assert_eq!(all.map(|w| w.weight), [0.1, 2.0, 1.0, 9.0]);
+        assert_eq!(all.iter().map(|w| w.weight_px).collect::<Vec<_>>(), [0.0, 0.1, 2.0, 1.0, 9.0]);
     }
 }

@@ -1,71 +1,63 @@
-//! Which nodes may cast a shadow into the picture: a cut of its own beside that of what is seen.
+//! Which nodes may cast a shadow into view: a selection of its own beside that of the view.
 //!
-//! In: [`View`], the direction to the sun, [`SceneTree`]. Out: [`ShadowCasters`]. Next: `session` has them fetched, `render::frame` draws
-//! them with the cut.
-//!
-//! A box casts where it lies if it is drawn along the light until below all ground; so it counts if that hull meets the
-//! frustum, wherever the box itself is. What is in the picture as well is drawn as finely as the picture asks for: this cut
-//! only fills what that one leaves out, and is coarser.
+//! The shadow volume of a node is its box, swept along the light until it is below all ground, or for [`MAX_SHADOW_M`]. A node
+//! is selected if its shadow volume meets the frustum and, where occlusion is known, a node that is not occluded. Nodes that are
+//! also in view are drawn as finely as the view asks for; the shadow casters fill in the rest, more coarsely.
 
-use crate::select::{
-    Selection, cull, error,
-    priority::{self, TileRequest},
+use super::{
+    cull,
+    priority::{self, PriorityGroup, RequestReason, TileRequest},
+    screen_error::ErrorMetric,
+    selection::Selection,
 };
 use crate::{
-    camera::{FrustumPlane, NEAR_M, View},
+    camera::{FrustumPlane, View},
     scene::{NodeIndex, SceneTree, TileKey, TreeNode},
 };
 use glam::DVec3;
 use insula_protocol::Subtree;
 use std::collections::HashSet;
 
-/// A shadow's edge may be wrong by so many times tau.
-pub const CASTERS_TIMES_TAU: f64 = 3.0;
-/// Longest shadow that is cast, in metres: a low sun's would reach over the whole city, and haze takes them.
-pub const SHADOW_M: f64 = 3000.0;
-/// Times that tau is doubled, at most, for want of memory.
-const DOUBLINGS: u32 = 8;
+/// The edge of a shadow may be wrong by this multiple of tau.
+pub const SHADOW_TAU_FACTOR: f64 = 3.0;
+/// Longest shadow, in metres. A low sun's shadows would cross the whole city; haze hides them.
+pub const MAX_SHADOW_M: f64 = 3000.0;
+/// Number of times that the error threshold is doubled, at most, until the shadow casters fit into the budget.
+const MAX_DOUBLINGS: u32 = 8;
 
-/// What a frame's rays towards the sun need.
+/// What the rays towards the sun need, besides the draw list.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ShadowCasters {
-    /// Resident nodes, the coarser before the finer ones that lie in them. Not to be evicted.
+    /// Resident nodes, ancestors before their descendants. Must not be evicted.
     pub nodes: Vec<NodeIndex>,
-    /// Tiles to fetch, in order.
-    pub wanted: Vec<TileRequest>,
-    /// Pages that all of them take.
+    /// Tiles to fetch, most important first.
+    pub requests: Vec<TileRequest>,
     pages: u32,
     visited: u32,
 }
 
-struct Walker<'a> {
-    view: &'a View,
-    tree: &'a SceneTree,
-    planes: [FrustumPlane; 5],
-    sun: DVec3,
-    /// What shadows may fall on; everything in the picture if nobody knows.
-    receivers: Option<&'a [NodeIndex]>,
-    /// Leaves that cast as the picture shows them.
-    meshed: HashSet<NodeIndex>,
-    /// Shadows end here.
-    low_m: f64,
-    tau_px: f64,
-}
-
-/// Casters of one frame; `sun` is a unit vector. Shadows fall on the squares of `picture` that are seen (`None`: all in the
-/// frustum); its meshes cast their own. The budget is `view`'s; tau rises until they fit. None by night.
-pub fn casters(view: &View, sun: DVec3, tree: &SceneTree, picture: Option<&Selection>) -> ShadowCasters {
+/// The shadow casters of a frame; none while the sun is below the horizon.
+///
+/// `sun` is a unit vector towards the sun. Shadows fall on the nodes of `selection` that are not occluded, or on everything in
+/// view without one; leaves that it draws as meshes cast their own shadows. The budget is that of `view`: the error threshold
+/// doubles until the shadow casters fit.
+pub fn shadow_casters(view: &View, sun: DVec3, tree: &SceneTree, selection: Option<&Selection>) -> ShadowCasters {
     let Some(root) = tree.root().filter(|_| sun.z > 0.0) else { return ShadowCasters::default() };
     let node = tree.node(root);
-    let low_m = node.centre.z - node.half.z;
-    let tau_px = view.tau_px * CASTERS_TIMES_TAU;
-    let receivers = picture.map(|picture| &picture.seen[..]);
-    let meshed = picture.into_iter().flat_map(|picture| picture.meshed.iter().copied()).collect();
-    let mut walker = Walker { view, tree, planes: view.planes(), sun, receivers, meshed, low_m, tau_px };
-    for _ in 0..DOUBLINGS {
-        let mut casters = ShadowCasters::default();
-        if walker.walk(root, &mut casters) {
-            priority::sort(&mut casters.wanted);
+    let mut walker = ShadowWalker {
+        view,
+        tree,
+        planes: view.planes(),
+        metric: ErrorMetric::new(view),
+        sun,
+        receivers: selection.map(|selection| &selection.unoccluded[..]),
+        mesh_leaves: selection.into_iter().flat_map(|selection| selection.mesh_leaves.iter().copied()).collect(),
+        lowest_m: node.centre.z - node.half.z,
+        tau_px: view.tau_px * SHADOW_TAU_FACTOR,
+    };
+    for _ in 0..MAX_DOUBLINGS {
+        if let Some(mut casters) = walker.walk(root) {
+            priority::sort(&mut casters.requests);
             return casters;
         }
         walker.tau_px *= 2.0;
@@ -73,66 +65,90 @@ pub fn casters(view: &View, sun: DVec3, tree: &SceneTree, picture: Option<&Selec
     ShadowCasters::default()
 }
 
-impl Walker<'_> {
-    /// From `root` down; whether all of it is within the budget.
-    fn walk(&self, root: NodeIndex, casters: &mut ShadowCasters) -> bool {
+struct ShadowWalker<'a> {
+    view: &'a View,
+    tree: &'a SceneTree,
+    planes: [FrustumPlane; 5],
+    metric: ErrorMetric,
+    sun: DVec3,
+    /// Nodes that shadows may fall on; `None` if everything in view counts.
+    receivers: Option<&'a [NodeIndex]>,
+    /// Leaves that cast shadows as meshes already.
+    mesh_leaves: HashSet<NodeIndex>,
+    /// Height at which all shadows end.
+    lowest_m: f64,
+    tau_px: f64,
+}
+
+impl ShadowWalker<'_> {
+    /// Selects from `root` down; `None` if the result exceeds the budget.
+    fn walk(&self, root: NodeIndex) -> Option<ShadowCasters> {
+        let mut casters = ShadowCasters::default();
         let mut open = vec![root];
-        while let Some(at) = open.pop() {
-            let node = self.tree.node(at);
-            let hull = self.hull(node.centre, node.half);
-            let in_view = cull::hull_in_view(&self.planes, node.centre, node.half, hull);
-            if self.meshed.contains(&at) || !in_view || !self.is_received(node, hull) {
+        while let Some(index) = open.pop() {
+            let node = self.tree.node(index);
+            let sweep = self.shadow_sweep(node);
+            if self.mesh_leaves.contains(&index)
+                || !cull::is_swept_box_in_view(&self.planes, node.centre, node.half, sweep)
+                || !self.may_shade_receiver(node, sweep)
+            {
                 continue;
             }
-            casters.pages += self.tree.pages_of(at);
+            casters.pages += self.tree.node_pages(index);
             casters.visited += 1;
             if casters.pages > self.view.budget_pages || casters.visited > self.view.budget_nodes {
-                return false;
+                return None;
             }
-            let error_px = self.error_px(node, hull);
-            let want = |key| TileRequest { key, group: priority::PriorityGroup::Shadow, weight: error_px };
-            match node.tile.is_resident() {
-                true => casters.nodes.push(at),
-                false if !node.tile.is_bad() => casters.wanted.push(want(TileKey::block_map(node.id))),
-                false => {}
+            let error_px = self.error_px(node, sweep);
+            if node.tile.is_resident() {
+                casters.nodes.push(index);
+            } else if !node.tile.is_bad() {
+                casters.requests.push(request(TileKey::block_map(node.id), error_px));
             }
-            if error_px <= self.tau_px {
-                continue;
+            if error_px > self.tau_px {
+                self.refine(node, error_px, &mut open, &mut casters);
             }
-            let there = (0..4).filter(|q| node.child_mask >> q & 1 == 1);
-            let known: Vec<NodeIndex> = there.clone().filter_map(|q| node.children[q]).collect();
-            if known.len() < there.count() && !self.tree.subtree(Subtree::root_of(node.id)).is_bad() {
-                casters.wanted.push(want(TileKey::subtree(Subtree::root_of(node.id))));
-            }
-            open.extend(known);
         }
-        true
+        Some(casters)
     }
 
-    /// Whether a node's shadow may fall on anything that is seen.
-    fn is_received(&self, node: &TreeNode, hull: DVec3) -> bool {
+    /// Adds the known children of a node, and requests its subtree if there are others.
+    fn refine(&self, node: &TreeNode, error_px: f64, open: &mut Vec<NodeIndex>, casters: &mut ShadowCasters) {
+        let existing = (0..4).filter(|q| node.child_mask >> q & 1 == 1);
+        let known: Vec<NodeIndex> = existing.clone().filter_map(|q| node.children[q]).collect();
+        let subtree = Subtree::root_of(node.id);
+        if known.len() < existing.count() && !self.tree.subtree(subtree).is_bad() {
+            casters.requests.push(request(TileKey::subtree(subtree), error_px));
+        }
+        open.extend(known);
+    }
+
+    /// Whether the shadow of a node may fall on a receiver.
+    fn may_shade_receiver(&self, node: &TreeNode, sweep: DVec3) -> bool {
         let Some(receivers) = self.receivers else { return true };
-        let (low, high) = (DVec3::ZERO.min(hull), DVec3::ZERO.max(hull));
-        // What lies beside the way of the light.
-        let side = DVec3::new(-hull.y, hull.x, 0.0).normalize_or_zero();
-        receivers.iter().map(|at| self.tree.node(*at)).any(|on| {
-            let (apart, reach) = (on.centre - node.centre, on.half + node.half);
-            let along = apart.cmpge(low - reach).all() && apart.cmple(high + reach).all();
-            along && side.dot(apart).abs() <= side.abs().dot(reach)
+        let (low, high) = (DVec3::ZERO.min(sweep), DVec3::ZERO.max(sweep));
+        let across = DVec3::new(-sweep.y, sweep.x, 0.0).normalize_or_zero();
+        receivers.iter().map(|index| self.tree.node(*index)).any(|receiver| {
+            let (offset, reach) = (receiver.centre - node.centre, receiver.half + node.half);
+            let is_along = offset.cmpge(low - reach).all() && offset.cmple(high + reach).all();
+            is_along && across.dot(offset).abs() <= across.abs().dot(reach)
         })
     }
 
-    /// From a box along the light as far as its shadow goes.
-    fn hull(&self, centre: DVec3, half: DVec3) -> DVec3 {
-        let fall_m = (centre.z + half.z - self.low_m).max(0.0);
-        -self.sun * (fall_m / self.sun.z).min(SHADOW_M)
+    /// The vector along which a node's box is swept to give its shadow volume.
+    fn shadow_sweep(&self, node: &TreeNode) -> DVec3 {
+        let fall_m = (node.centre.z + node.half.z - self.lowest_m).max(0.0);
+        -self.sun * (fall_m / self.sun.z).min(MAX_SHADOW_M)
     }
 
-    /// How wrong its shadow may look where that is nearest.
-    fn error_px(&self, node: &TreeNode, hull: DVec3) -> f64 {
+    /// Screen-space error of a node's shadow where that is nearest to the eye.
+    fn error_px(&self, node: &TreeNode, sweep: DVec3) -> f64 {
         let to_eye = self.view.camera.position - node.centre;
-        let along = (to_eye.dot(hull) / hull.length_squared().max(1e-12)).clamp(0.0, 1.0);
-        let nearest = node.centre + hull * along;
-        error::error_px(node.error_m, nearest, node.radius_m, self.view.camera.position, self.view.focal_px(), NEAR_M)
+        let along = (to_eye.dot(sweep) / sweep.length_squared().max(1e-12)).clamp(0.0, 1.0);
+        self.metric.error_px(node.error_m, node.centre + sweep * along, node.radius_m)
     }
+}
+
+fn request(key: TileKey, weight_px: f64) -> TileRequest {
+    TileRequest { key, group: PriorityGroup::Shadow, reason: RequestReason::ShadowCaster, weight_px }
 }

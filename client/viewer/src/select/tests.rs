@@ -7,14 +7,16 @@ mod meshes;
 use super::*;
 use crate::{
     camera::Camera,
-    scene::{TileEvent, TileState},
+    scene::{NodeIndex, TileEvent, TileKey, TileState, TreeNode},
     test_support,
 };
+use glam::DVec3;
 use insula_protocol::{
-    Manifest, Subtree,
+    Manifest, Subtree, TileId,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use occlusion_feedback::OcclusionQuery;
+use screen_error::ErrorMetric;
 use std::{collections::HashSet, time::Duration};
 
 const DEPTH: u8 = 5;
@@ -77,7 +79,7 @@ fn with_meshes(mut subtree: Subtree) -> Subtree {
 pub(crate) fn view(position: [f64; 3], target: [f64; 3]) -> View {
     let world = DVec3::new(500_000.0, 4_000_000.0, 10.0);
     let (position, target) = (DVec3::from(position) + world, DVec3::from(target) + world);
-    let camera = Camera::look(position, target, DVec3::Z, 1.0).unwrap();
+    let camera = Camera::look_at(position, target, DVec3::Z, 1.0).unwrap();
     View { camera, width_px: 640, height_px: 360, tau_px: 1.0, budget_pages: 1_000_000, budget_nodes: 100_000 }
 }
 
@@ -102,7 +104,7 @@ fn select(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch) -> Sele
 
 /// Whose tiles are drawn, each once.
 fn ids(tree: &SceneTree, selection: &Selection) -> Vec<TileId> {
-    let mut ids: Vec<TileId> = selection.cut.iter().map(|item| tree.node(item.from).id).collect();
+    let mut ids: Vec<TileId> = selection.draw_tiles.iter().map(|item| tree.node(item.source).id).collect();
     ids.sort();
     ids.dedup();
     ids
@@ -111,11 +113,11 @@ fn ids(tree: &SceneTree, selection: &Selection) -> Vec<TileId> {
 /// Every leaf in view has exactly one of its line (itself and its ancestors) in the cut, and that is drawn from a resident
 /// tile of its own line.
 fn assert_whole(tree: &SceneTree, view: &View, selection: &Selection, frame: usize) {
-    let cut: HashSet<TileId> = selection.cut.iter().map(|item| tree.node(item.square).id).collect();
-    assert_eq!(cut.len(), selection.cut.len(), "frame {frame}: a square is drawn twice");
-    for item in &selection.cut {
-        let [square, from] = [item.square, item.from].map(|at| tree.node(at));
-        if let Some(lod) = item.mesh {
+    let cut: HashSet<TileId> = selection.draw_tiles.iter().map(|item| tree.node(item.node).id).collect();
+    assert_eq!(cut.len(), selection.draw_tiles.len(), "frame {frame}: a square is drawn twice");
+    for item in &selection.draw_tiles {
+        let [square, from] = [item.node, item.source].map(|at| tree.node(at));
+        if let Some(lod) = item.mesh_lod {
             let here = square.lods[usize::from(lod)].tile.is_resident();
             assert!(here, "frame {frame}: {} has no such mesh", square.id);
         }
@@ -131,7 +133,7 @@ fn assert_whole(tree: &SceneTree, view: &View, selection: &Selection, frame: usi
         let mut quarters = (0..4)
             .filter(|q| node.child_mask == 0 || node.child_mask >> q & 1 == 1)
             .map(|q| node.centre + DVec3::new(f64::from(q & 1) - 0.5, f64::from(q >> 1) - 0.5, 0.0) * node.half);
-        if leaf && quarters.any(|at| cull::in_view(&planes, at, node.half * DVec3::new(0.5, 0.5, 1.0))) {
+        if leaf && quarters.any(|at| cull::is_box_in_view(&planes, at, node.half * DVec3::new(0.5, 0.5, 1.0))) {
             assert_eq!(drawn, 1, "frame {frame}: a hole at {}", node.id);
         }
     }
@@ -145,13 +147,13 @@ fn converge(tree: &mut SceneTree, view: &View, count: usize) -> (usize, Selectio
         let selection = select(view, tree, &mut scratch);
         if frame > 0 {
             assert_whole(tree, view, &selection, frame);
-            assert!(selection.counters.worst_error_px <= worst, "coarser than the frame before");
-            worst = selection.counters.worst_error_px;
+            assert!(selection.stats.worst_error_px <= worst, "coarser than the frame before");
+            worst = selection.stats.worst_error_px;
         }
-        if selection.wanted.is_empty() {
+        if selection.requests.is_empty() {
             return (frame, selection);
         }
-        selection.wanted.iter().take(if frame == 0 { 1 } else { count }).for_each(|w| load(tree, w.key));
+        selection.requests.iter().take(if frame == 0 { 1 } else { count }).for_each(|w| load(tree, w.key));
     }
     panic!("never converges");
 }
@@ -163,7 +165,7 @@ fn every_frame_is_whole_and_finer_than_the_last() {
         let view = view([1000.0, -300.0, 200.0], [1000.0, 1000.0, 0.0]);
         let (frames, selection) = converge(&mut tree, &view, count);
         assert!(frames > 10, "{frames}");
-        assert!(selection.counters.worst_error_px <= 1.0 || ids(&tree, &selection).iter().any(|i| i.level() == DEPTH));
+        assert!(selection.stats.worst_error_px <= 1.0 || ids(&tree, &selection).iter().any(|i| i.level() == DEPTH));
         assert!(ids(&tree, &selection).iter().any(|id| id.level() < DEPTH), "far nodes stay coarse");
     }
 }
@@ -173,14 +175,14 @@ fn what_is_behind_is_neither_drawn_nor_asked_for() {
     let mut tree = tree();
     let view = view([1024.0, 1024.0, 50.0], [1024.0, 3000.0, 50.0]);
     let (_, selection) = converge(&mut tree, &view, 12);
-    assert!(selection.counters.culled > 0);
-    for at in &selection.cut {
-        let node = tree.node(at.square);
+    assert!(selection.stats.culled > 0);
+    for at in &selection.draw_tiles {
+        let node = tree.node(at.node);
         assert!(node.centre.y + node.half.y >= 4_000_000.0 + 1024.0 - 1e-6, "{}", node.id);
     }
     let away = super::tests::view([1024.0, -500.0, 50.0], [1024.0, -3000.0, 50.0]);
     let selection = select(&away, &tree, &mut SelectionScratch::default());
-    assert!(selection.cut.is_empty() && selection.wanted.is_empty());
+    assert!(selection.draw_tiles.is_empty() && selection.requests.is_empty());
 }
 
 #[test]
@@ -195,9 +197,9 @@ fn turning_and_moving_never_makes_a_hole() {
         let view = view(eye, target);
         let selection = select(&view, &tree, &mut scratch);
         assert_whole(&tree, &view, &selection, frame);
-        selection.wanted.iter().take(4).for_each(|w| load(&mut tree, w.key));
+        selection.requests.iter().take(4).for_each(|w| load(&mut tree, w.key));
         // What this view does not need may vanish at any time (but for the root, which every view uses).
-        let used: Vec<TileId> = selection.used.iter().map(|at| tree.node(*at).id).collect();
+        let used: Vec<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
         let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
         for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
             tree.apply(TileKey::block_map(id), TileEvent::Drop);
@@ -214,8 +216,8 @@ fn a_square_waits_for_its_own_tile_alone() {
     let children: Vec<TileId> = TileId::ROOT.children().collect();
     for here in 0..=4 {
         let selection = select(&view, &tree, &mut scratch);
-        for item in &selection.cut {
-            let [square, from] = [item.square, item.from].map(|at| tree.node(at).id);
+        for item in &selection.draw_tiles {
+            let [square, from] = [item.node, item.source].map(|at| tree.node(at).id);
             let own = children[..here].iter().copied().find(|child| square.ancestor(1) == Some(*child));
             assert_eq!(from, own.unwrap_or(TileId::ROOT), "{square}");
         }
@@ -230,7 +232,7 @@ fn a_bad_tile_keeps_its_parent_and_the_rest_converges() {
     refuse(&mut tree, TileKey::block_map(bad));
     let view = view([600.0, 100.0, 300.0], [700.0, 700.0, 0.0]);
     let (_, selection) = converge(&mut tree, &view, 5);
-    assert!(selection.counters.blocked > 0);
+    assert!(selection.stats.blocked > 0);
     let cut = ids(&tree, &selection);
     assert!(cut.contains(&bad.parent().unwrap()), "{cut:?}");
 }
@@ -244,7 +246,7 @@ fn missing_subtrees_are_asked_for_and_their_node_stays() {
     // The whole line below the eye at once: a jump takes two round trips however deep the city is.
     // The root's own tile comes with them.
     let line = [TileId::new(5, 0, 0).unwrap(), TileId::ROOT].map(TileKey::subtree);
-    let mut keys: Vec<TileKey> = first.wanted.iter().map(|w| w.key).collect();
+    let mut keys: Vec<TileKey> = first.requests.iter().map(|w| w.key).collect();
     keys.sort_by(|a, b| b.cmp(a));
     assert_eq!(keys, [line[0], line[1], TileKey::block_map(TileId::ROOT)]);
     load(&mut tree, TileKey::block_map(TileId::ROOT));
@@ -253,18 +255,18 @@ fn missing_subtrees_are_asked_for_and_their_node_stays() {
     for _ in 0..100 {
         let selection = select(&view, &tree, &mut scratch);
         let maps: Vec<TileKey> =
-            selection.wanted.iter().map(|w| w.key).filter(|k| *k == TileKey::block_map(k.id)).collect();
+            selection.requests.iter().map(|w| w.key).filter(|k| *k == TileKey::block_map(k.id)).collect();
         if maps.is_empty() {
             break;
         }
         maps.into_iter().for_each(|key| load(&mut tree, key));
     }
     let selection = select(&view, &tree, &mut scratch);
-    assert!(!selection.wanted.is_empty() && selection.wanted.iter().all(|w| w.key == TileKey::subtree(w.key.id)));
+    assert!(!selection.requests.is_empty() && selection.requests.iter().all(|w| w.key == TileKey::subtree(w.key.id)));
     assert!(ids(&tree, &selection).iter().any(|id| id.level() == 5));
     assert_whole(&tree, &view, &selection, 0);
     // One of them is missing on the server: its node stays, without end.
-    let lost = selection.wanted[0].key;
+    let lost = selection.requests[0].key;
     refuse(&mut tree, lost);
     all[1..].iter().filter(|s| s.nodes[0].id != lost.id).for_each(|s| tree.merge(s));
     let (_, selection) = converge(&mut tree, &view, 12);
@@ -287,12 +289,12 @@ fn a_small_budget_raises_tau_and_a_larger_one_lets_it_fall() {
         let mut view = view([1000.0, -100.0, 80.0], [1000.0, 1000.0, 0.0]);
         view.budget_pages = budget_pages;
         let (_, selection) = converge(&mut tree, &view, 6);
-        let counters = selection.counters;
+        let counters = selection.stats;
         assert!(counters.pages <= budget_pages, "{counters:?}");
         assert!(counters.tau_px <= last && counters.tau_px >= 1.0, "{counters:?}");
         last = counters.tau_px;
         // Standing still asks for nothing more: no thrashing.
-        assert!(select(&view, &tree, &mut SelectionScratch::default()).wanted.is_empty());
+        assert!(select(&view, &tree, &mut SelectionScratch::default()).requests.is_empty());
     }
     assert_eq!(last, 1.0);
 }
@@ -301,7 +303,7 @@ fn a_small_budget_raises_tau_and_a_larger_one_lets_it_fall() {
 fn the_root_is_asked_for_alone() {
     let view = view([100.0, 100.0, 80.0], [700.0, 900.0, 0.0]);
     let selection = select(&view, &tree(), &mut SelectionScratch::default());
-    assert_eq!(selection.wanted.iter().map(|w| w.key).collect::<Vec<_>>(), [TileKey::block_map(TileId::ROOT)]);
+    assert_eq!(selection.requests.iter().map(|w| w.key).collect::<Vec<_>>(), [TileKey::block_map(TileId::ROOT)]);
 }
 
 #[test]
@@ -313,7 +315,7 @@ fn the_same_view_gives_the_same_selection() {
     let first = select(&view, &tree, &mut scratch);
     select(&super::tests::view([900.0, 100.0, 80.0], [700.0, 900.0, 0.0]), &tree, &mut scratch);
     assert_eq!(select(&view, &tree, &mut scratch), first);
-    assert!(first.wanted.len() > 20);
+    assert!(first.requests.len() > 20);
 }
 
 /// Whatever stands between a place in the picture and the sun is among the casters, and not the whole city is.
@@ -322,10 +324,10 @@ fn what_casts_into_the_picture_is_there() {
     let mut tree = tree();
     let view = view([300.0, 300.0, 25.0], [700.0, 900.0, 0.0]);
     let sun = DVec3::new(0.7, -0.5, 0.25).normalize_or(DVec3::Z);
-    let mut found = shadow_casters::casters(&view, sun, &tree, None);
-    while !found.wanted.is_empty() {
-        found.wanted.iter().for_each(|wanted| load(&mut tree, wanted.key));
-        found = shadow_casters::casters(&view, sun, &tree, None);
+    let mut found = shadow_casters::shadow_casters(&view, sun, &tree, None);
+    while !found.requests.is_empty() {
+        found.requests.iter().for_each(|wanted| load(&mut tree, wanted.key));
+        found = shadow_casters::shadow_casters(&view, sun, &tree, None);
     }
     let cast: Vec<TileId> = found.nodes.iter().map(|at| tree.node(*at).id).collect();
     let (planes, origin) = (view.planes(), DVec3::new(500_000.0, 4_000_000.0, 10.0));
@@ -349,9 +351,12 @@ fn what_casts_into_the_picture_is_there() {
     assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.nodes().len());
     // Only what shades the squares that are seen.
     let seen = vec![tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
-    let one = Selection { seen, ..Selection::default() };
-    let shading: Vec<TileId> =
-        shadow_casters::casters(&view, sun, &tree, Some(&one)).nodes.iter().map(|at| tree.node(*at).id).collect();
+    let one = Selection { unoccluded: seen, ..Selection::default() };
+    let shading: Vec<TileId> = shadow_casters::shadow_casters(&view, sun, &tree, Some(&one))
+        .nodes
+        .iter()
+        .map(|at| tree.node(*at).id)
+        .collect();
     assert!(!shading.is_empty() && shading.len() * 4 < cast.len(), "{} of {}", shading.len(), cast.len());
     let middle = DVec3::new(9.5 * 64.0, 11.5 * 64.0, 0.1);
     for up in 1..30 {
@@ -360,10 +365,10 @@ fn what_casts_into_the_picture_is_there() {
         assert!((2..=DEPTH).any(|level| shading.contains(&leaf.ancestor(level).unwrap())), "{leaf}");
     }
     let tight = View { budget_pages: 200, ..view };
-    let fewer = shadow_casters::casters(&tight, sun, &tree, None).nodes.len();
+    let fewer = shadow_casters::shadow_casters(&tight, sun, &tree, None).nodes.len();
     assert!(fewer > 0 && fewer < cast.len(), "{fewer} within a budget");
     assert_eq!(
-        shadow_casters::casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree, None),
+        shadow_casters::shadow_casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree, None),
         shadow_casters::ShadowCasters::default(),
         "by night"
     );
@@ -378,9 +383,14 @@ fn look(
     generation: u64,
     hit: impl Fn(TileId) -> bool,
 ) {
-    let squares: Vec<NodeIndex> = selection.cut.iter().map(|item| item.square).collect();
+    let squares: Vec<NodeIndex> = selection.draw_tiles.iter().map(|item| item.node).collect();
     let pixels: Vec<u32> = squares.iter().map(|at| u32::from(hit(tree.node(*at).id))).collect();
-    sight.feed(&OcclusionQuery { squares, view: *view, generation }, &pixels, selection.wanted.is_empty(), tree);
+    sight.update(
+        &OcclusionQuery { nodes: squares, view: *view, generation },
+        &pixels,
+        selection.requests.is_empty(),
+        tree,
+    );
 }
 
 /// Looks and fetches in turn until nothing is wanted.
@@ -396,9 +406,11 @@ fn converge_looking(
         if frame > 0 {
             assert_whole(tree, view, &selection, frame);
         }
-        selection.wanted.iter().take(3).for_each(|w| load(tree, w.key));
+        selection.requests.iter().take(3).for_each(|w| load(tree, w.key));
         look(sight, tree, view, &selection, frame as u64, &hit);
-        if selection.wanted.is_empty() && super::select(view, tree, sight, &mut scratch).cut == selection.cut {
+        if selection.requests.is_empty()
+            && super::select(view, tree, sight, &mut scratch).draw_tiles == selection.draw_tiles
+        {
             return selection;
         }
     }
@@ -443,7 +455,7 @@ fn there_is_never_a_hole() {
                 let selection = super::select(&view, &tree, &sight, &mut scratch);
                 assert_whole(&tree, &view, &selection, frame);
                 fade::step(&mut fades, &tree, &selection, random(300) as f64 / 1e3);
-                for wanted in &selection.wanted {
+                for wanted in &selection.requests {
                     let key = wanted.key;
                     if !tree.apply(key, TileEvent::Want { now }) || !tree.apply(key, TileEvent::Start) {
                         continue;
@@ -456,7 +468,7 @@ fn there_is_never_a_hole() {
                         6..20 => tree.apply(key, TileEvent::Drop),
                         _ => tree.apply(key, TileEvent::Arrive),
                     };
-                    if tree.tile(key).unwrap().state() != TileState::DecodedTile {
+                    if tree.tile(key).unwrap().state() != TileState::Decoded {
                         continue;
                     }
                     let subtree = all.iter().position(|s| key == TileKey::subtree(s.nodes[0].id));
@@ -476,7 +488,7 @@ fn there_is_never_a_hole() {
                     let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt).is_multiple_of(3);
                     look(&mut sight, &tree, &view, &selection, frame as u64 * 4 + step, hit);
                 }
-                let used: HashSet<TileId> = selection.used.iter().map(|at| tree.node(*at).id).collect();
+                let used: HashSet<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
                 let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
                 for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
                     if random(3) == 0 {

@@ -1,242 +1,265 @@
-//! What squares show while they pass from one level of detail to another (design 8).
+//! Cross-fades: what nodes show while they pass from one level of detail to another.
 //!
-//! In: [`Selection`], which tiles are resident, seconds since the last frame. Out: [`Transition`] squares, some with two faces and
-//! a share. Next: `render::frame` makes nodes of them; each ray sees one of the two (`insula_shaders::grid`).
+//! A node that is drawn from another source than in the last frame cross-fades in [`FADE_SECS`]. If its target changes meanwhile,
+//! the next cross-fade starts when the present one has ended. Finer nodes that a coarser one replaces stay, inside its area,
+//! until they have faded. What was not drawn in the last frame, or was occluded until now, is shown at once.
 //!
-//! Pure: the time is handed in. A square that is drawn otherwise than in the last frame passes in [`FADE_SECS`] from what it
-//! showed to what it shall show; if that changes meanwhile, it passes on from there when it has arrived. Squares that a coarser
-//! one replaces stay, in it, until they have passed. What was not drawn before, or hidden until now, is right
-//! at once.
+//! Each ray sees either the old or the new source (`insula_shaders::grid`), so a node in transition has two sources and the
+//! number of rays that see the old one. The time is passed in.
 
-use crate::select::{Selection, error};
+use super::{screen_error::ErrorMetric, selection::Selection};
 use crate::{
-    camera::{NEAR_M, View},
+    camera::View,
     scene::{NodeIndex, SceneTree},
 };
 use insula_shaders::layout::FADE_RAYS;
 
-/// How long a square takes to pass, in seconds.
+/// Duration of a cross-fade, in seconds.
 pub const FADE_SECS: f64 = 0.25;
-/// Most squares that pass at a time; what is over that passes at once.
-pub const FADES: usize = 4096;
-/// Share from which on enough rays see what is new to tell what that hides.
-const TOLD: f64 = 0.25;
+/// Most nodes that cross-fade at a time; further ones change at once.
+pub const MAX_FADING: usize = 4096;
+/// Progress at which enough rays see the new source to ask again which nodes are visible.
+const FEEDBACK_PROGRESS: f64 = 0.25;
 
-/// What is drawn in a square.
+/// What is drawn in a node's area.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DrawSource {
-    /// Whose tile: the square's own or an ancestor's.
-    pub from: NodeIndex,
-    /// Which level of detail of the square's mesh in place of that.
-    pub mesh: Option<u8>,
+    /// Node whose V-BlockMap is drawn: the node itself or an ancestor.
+    pub source: NodeIndex,
+    /// Level of detail of the node's mesh that is drawn instead.
+    pub mesh_lod: Option<u8>,
 }
 
 impl DrawSource {
-    fn is_here(self, square: NodeIndex, tree: &SceneTree) -> bool {
-        let lods = &tree.node(square).lods;
-        let mesh_is_here = |lod: u8| lods.get(usize::from(lod)).is_some_and(|lod| lod.tile.is_resident());
-        tree.node(self.from).tile.is_resident() && self.mesh.is_none_or(mesh_is_here)
+    fn is_resident(self, node: NodeIndex, tree: &SceneTree) -> bool {
+        let lods = &tree.node(node).lods;
+        let is_lod_resident = |lod: u8| lods.get(usize::from(lod)).is_some_and(|lod| lod.tile.is_resident());
+        tree.node(self.source).tile.is_resident() && self.mesh_lod.is_none_or(is_lod_resident)
     }
 
-    /// Its projected error in `square`.
-    pub fn error_px(self, square: NodeIndex, tree: &SceneTree, view: &View) -> f64 {
-        let node = tree.node(if self.mesh.is_some() { square } else { self.from });
-        let lod = self.mesh.and_then(|lod| node.lods.get(usize::from(lod)));
-        let error_m = lod.map_or(node.error_m, |lod| lod.error_m);
-        error::error_px(error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
+    /// Screen-space error in pixels when drawn in the area of `node`.
+    pub fn error_px(self, node: NodeIndex, tree: &SceneTree, view: &View) -> f64 {
+        let drawn = tree.node(if self.mesh_lod.is_some() { node } else { self.source });
+        let lod = self.mesh_lod.and_then(|lod| drawn.lods.get(usize::from(lod)));
+        let error_m = lod.map_or(drawn.error_m, |lod| lod.error_m);
+        ErrorMetric::new(view).error_px(error_m, drawn.centre, drawn.radius_m)
     }
 }
 
-/// A square of a picture.
+/// A node of a frame, and its cross-fade if it is in one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transition {
-    /// Which.
-    pub square: NodeIndex,
-    /// The square of the cut that it is, or lies in.
-    pub of: NodeIndex,
-    /// Whether that is not known to be hidden.
-    pub seen: bool,
-    face: DrawSource,
-    /// What it passes to, and how far it is: 0 to 1.
-    to: Option<(DrawSource, f64)>,
+    pub node: NodeIndex,
+    /// The node of the draw list that `node` is, or lies in.
+    pub owner: NodeIndex,
+    /// Whether `owner` is visible, or its visibility is unknown.
+    pub is_unoccluded: bool,
+    current: DrawSource,
+    fade: Option<Fade>,
+}
+
+/// A cross-fade under way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Fade {
+    target: DrawSource,
+    /// 0 to 1.
+    progress: f64,
 }
 
 impl Transition {
-    /// What is drawn, and what so many of [`FADE_RAYS`] rays see in place of it.
-    pub fn faces(&self) -> (DrawSource, Option<(DrawSource, u8)>) {
-        match self.to {
-            Some((to, share)) if share > 0.0 => {
-                let rays = (f64::from(FADE_RAYS) * (1.0 - share)).round() as u8;
-                (to, Some((self.face, rays.clamp(1, FADE_RAYS as u8 - 1))))
+    /// The source that is drawn; and while the node fades, the old source and how many of [`FADE_RAYS`] rays see that instead.
+    pub fn sources(&self) -> (DrawSource, Option<(DrawSource, u8)>) {
+        match self.fade {
+            Some(Fade { target, progress }) if progress > 0.0 => {
+                let rays = (f64::from(FADE_RAYS) * (1.0 - progress)).round() as u8;
+                (target, Some((self.current, rays.clamp(1, FADE_RAYS as u8 - 1))))
             }
-            _ => (self.face, None),
+            _ => (self.current, None),
         }
     }
 
-    /// Whether what comes now, which is seen or not, comes by and by. What was hidden until now has nothing to come from. What
-    /// stays hidden has: at once, it might show over what hides it and is still to come.
-    fn fades_into(&self, seen: bool) -> bool {
-        self.seen || !seen || self.passes()
+    /// Whether the node cross-fades, or starts to in the next frame.
+    pub fn is_fading(&self) -> bool {
+        self.fade.is_some()
     }
 
-    /// Whether it shows, or is about to show, something else.
-    pub fn passes(&self) -> bool {
-        self.to.is_some()
+    /// Whether what replaces this node cross-fades with it. What was occluded and becomes visible does not: there is nothing to
+    /// fade from. What stays occluded does: shown at once, it might show above an occluder that is still to come.
+    fn can_fade_into(&self, is_unoccluded: bool) -> bool {
+        self.is_unoccluded || !is_unoccluded || self.is_fading()
     }
 }
 
-/// Places of squares in a list, by node.
+/// Positions in a list of transitions, by node.
 #[derive(Debug, Clone, Default)]
-struct Places(Vec<u32>);
+struct TransitionIndex(Vec<u32>);
 
-impl Places {
-    fn get(&self, at: NodeIndex) -> Option<usize> {
-        (*self.0.get(at.0 as usize)? as usize).checked_sub(1)
+impl TransitionIndex {
+    fn get(&self, node: NodeIndex) -> Option<usize> {
+        (*self.0.get(node.0 as usize)? as usize).checked_sub(1)
     }
 
-    fn set(&mut self, at: NodeIndex, place: usize) {
-        if let Some(slot) = self.0.get_mut(at.0 as usize) {
-            *slot = place as u32 + 1;
+    fn set(&mut self, node: NodeIndex, position: usize) {
+        if let Some(slot) = self.0.get_mut(node.0 as usize) {
+            *slot = position as u32 + 1;
         }
     }
 
-    fn clear(&mut self, squares: &[Transition]) {
-        for slot in squares.iter().map(|s| s.square.0 as usize) {
-            if let Some(slot) = self.0.get_mut(slot) {
+    fn clear(&mut self, transitions: &[Transition]) {
+        for node in transitions.iter().map(|t| t.node.0 as usize) {
+            if let Some(slot) = self.0.get_mut(node) {
                 *slot = 0;
             }
         }
     }
 
-    /// The place of `at` or of the nearest of what it lies in.
-    fn over(&self, at: NodeIndex, tree: &SceneTree) -> Option<usize> {
-        std::iter::successors(Some(at), |at| tree.node(*at).parent).find_map(|at| self.get(at))
+    /// The position of `node`, or of its nearest ancestor in the list.
+    fn find_covering(&self, node: NodeIndex, tree: &SceneTree) -> Option<usize> {
+        std::iter::successors(Some(node), |node| tree.node(*node).parent).find_map(|node| self.get(node))
     }
 }
 
 /// What the last frame showed.
 #[derive(Debug, Clone, Default)]
 pub struct Transitions {
-    on: bool,
-    shown: Vec<Transition>,
-    places: Places,
-    passing: usize,
-    /// Memory that is used again.
-    spare: (Vec<Transition>, Places),
+    is_enabled: bool,
+    tiles: Vec<Transition>,
+    index: TransitionIndex,
+    fading_count: usize,
+    /// Memory that the next step reuses.
+    spare: (Vec<Transition>, TransitionIndex),
 }
 
 impl Transitions {
-    /// Whether squares pass; else all is as it shall be at once.
-    pub fn set(&mut self, on: bool) {
-        self.on = on;
+    /// Whether nodes cross-fade. Off by default: all changes are shown at once.
+    pub fn set_enabled(&mut self, is_enabled: bool) {
+        self.is_enabled = is_enabled;
     }
 
-    /// Whether they do.
-    pub fn is_on(&self) -> bool {
-        self.on
+    /// Whether nodes cross-fade.
+    pub fn is_enabled(&self) -> bool {
+        self.is_enabled
     }
 
-    /// The squares of the last step: those of the cut, and finer ones in some of them that have not passed yet.
-    pub fn shown(&self) -> &[Transition] {
-        &self.shown
+    /// The nodes of the last step: those of the draw list, and after them finer ones that have not faded yet.
+    pub fn tiles(&self) -> &[Transition] {
+        &self.tiles
     }
 
-    /// The square of the last step that `at` is or lies in.
-    pub fn over(&self, at: NodeIndex, tree: &SceneTree) -> Option<&Transition> {
-        self.shown.get(self.places.over(at, tree)?)
+    /// The entry of the last step that is `node`, or its nearest ancestor.
+    pub fn covering(&self, node: NodeIndex, tree: &SceneTree) -> Option<&Transition> {
+        self.tiles.get(self.index.find_covering(node, tree)?)
     }
 
-    /// How many squares pass.
-    pub fn passing(&self) -> usize {
-        self.passing
+    /// Number of nodes that cross-fade.
+    pub fn fading_count(&self) -> usize {
+        self.fading_count
     }
 
-    /// What squares that pass show, and which those are: worth keeping, but not for any price.
-    pub fn kept(&self) -> impl Iterator<Item = (NodeIndex, DrawSource)> {
-        let passing = self.shown.iter().filter(|_| self.passing > 0);
-        passing.filter_map(|s| s.to.map(|(to, _)| [(s.square, s.face), (s.square, to)])).flatten()
+    /// The nodes that cross-fade, each with its old and its new source.
+    pub fn fading_sources(&self) -> impl Iterator<Item = (NodeIndex, DrawSource)> {
+        let fading = self.tiles.iter().filter(|_| self.fading_count > 0);
+        fading.filter_map(|t| t.fade.map(|fade| [(t.node, t.current), (t.node, fade.target)])).flatten()
     }
 
-    /// The next step shows everything as it shall be.
-    pub fn forget(&mut self) {
-        self.places.clear(&self.shown);
-        self.shown.clear();
-        self.passing = 0;
+    /// Forgets the last step: the next one shows everything at once.
+    pub fn reset(&mut self) {
+        self.index.clear(&self.tiles);
+        self.tiles.clear();
+        self.fading_count = 0;
     }
 
-    /// `secs` after the last step; whether rays see enough that they did not to be asked again what they hit.
+    /// Advances to a new frame, `secs` after the last one. Returns whether occlusion must be asked for again, because rays now see
+    /// enough that they did not see before.
     pub fn step(&mut self, selection: &Selection, tree: &SceneTree, secs: f64) -> bool {
-        if !self.on {
-            self.forget();
+        if !self.is_enabled {
+            self.reset();
         }
-        let before = std::mem::take(&mut self.shown);
-        let (mut after, mut owners) = std::mem::take(&mut self.spare);
+        let before = std::mem::take(&mut self.tiles);
+        let (mut after, mut index) = std::mem::take(&mut self.spare);
         after.clear();
-        owners.0.resize(tree.nodes().len(), 0);
-        let mut step = Step { tree, secs, passing: 0, told: false };
-        let mut seen = selection.seen.iter().peekable();
-        for item in &selection.cut {
-            let face = DrawSource { from: item.from, mesh: item.mesh };
-            let seen = seen.next_if_eq(&&item.square).is_some();
-            let mut square = Transition { square: item.square, of: item.square, seen, face, to: None };
-            let was = self.places.over(item.square, tree).map(|place| before[place]);
-            if let Some(was) = was.filter(|was| was.fades_into(seen)) {
-                (square.face, square.to) = (was.face, was.to);
-                step.go_on(&mut square, face);
-            }
-            owners.set(square.square, after.len());
-            after.push(square);
+        index.0.resize(tree.nodes().len(), 0);
+        let mut step = TransitionStep { tree, secs, fading_count: 0, needs_feedback: false, after, index };
+        step.add_draw_list(selection, &before, &self.index);
+        step.add_finer_nodes(&before);
+        let TransitionStep { fading_count, needs_feedback, after, mut index, .. } = step;
+        self.index.clear(&before);
+        for (position, transition) in after.iter().enumerate() {
+            index.set(transition.node, position);
         }
-        // Finer squares, where the cut has become coarser.
-        for was in before.iter().filter(|was| owners.get(was.square).is_none()) {
-            let owner =
-                owners.over(was.square, tree).map(|place| after[place]).filter(|owner| was.fades_into(owner.seen));
-            let Some(owner) = owner else { continue };
-            let mut square = Transition { of: owner.square, seen: owner.seen, ..*was };
-            step.go_on(&mut square, owner.to.map_or(owner.face, |(to, _)| to));
-            if square.passes() || owner.passes() && step.passing < FADES {
-                step.passing += usize::from(!square.passes());
-                after.push(square);
-            }
-        }
-        self.places.clear(&before);
-        for (place, square) in after.iter().enumerate() {
-            owners.set(square.square, place);
-        }
-        self.spare = (before, std::mem::replace(&mut self.places, owners));
-        (self.shown, self.passing) = (after, step.passing);
-        step.told
+        self.spare = (before, std::mem::replace(&mut self.index, index));
+        (self.tiles, self.fading_count) = (after, fading_count);
+        needs_feedback
     }
 }
 
-/// One step's way through the squares.
-struct Step<'a> {
+/// One step, under way.
+struct TransitionStep<'a> {
     tree: &'a SceneTree,
     secs: f64,
-    passing: usize,
-    told: bool,
+    fading_count: usize,
+    needs_feedback: bool,
+    after: Vec<Transition>,
+    /// Positions in `after` of the draw list's nodes.
+    index: TransitionIndex,
 }
 
-impl Step<'_> {
-    /// Brings a square nearer to what it shall show.
-    fn go_on(&mut self, square: &mut Transition, shall: DrawSource) {
-        if let Some((to, share)) = square.to {
-            let further = share + self.secs / FADE_SECS;
-            square.to = (further < 1.0).then_some((to, further));
-            if square.to.is_none() {
-                square.face = to;
+impl TransitionStep<'_> {
+    /// Adds the nodes of the draw list. Those that were drawn before, or lie in a node that was, continue from there.
+    fn add_draw_list(&mut self, selection: &Selection, before: &[Transition], before_index: &TransitionIndex) {
+        let mut unoccluded = selection.unoccluded.iter().peekable();
+        for tile in &selection.draw_tiles {
+            let target = DrawSource { source: tile.source, mesh_lod: tile.mesh_lod };
+            let is_unoccluded = unoccluded.next_if_eq(&&tile.node).is_some();
+            let mut transition =
+                Transition { node: tile.node, owner: tile.node, is_unoccluded, current: target, fade: None };
+            let was = before_index.find_covering(tile.node, self.tree).map(|position| before[position]);
+            if let Some(was) = was.filter(|was| was.can_fade_into(is_unoccluded)) {
+                (transition.current, transition.fade) = (was.current, was.fade);
+                self.advance(&mut transition, target);
             }
-            self.told |= share < TOLD && further >= TOLD || further >= 1.0;
+            self.index.set(tile.node, self.after.len());
+            self.after.push(transition);
         }
-        if square.to.is_none() && square.face != shall {
-            square.to = Some((shall, 0.0));
+    }
+
+    /// Adds finer nodes that nodes of the draw list replace, as long as they or those fade.
+    fn add_finer_nodes(&mut self, before: &[Transition]) {
+        for was in before {
+            if self.index.get(was.node).is_some() {
+                continue;
+            }
+            let owner = self.index.find_covering(was.node, self.tree).map(|position| self.after[position]);
+            let Some(owner) = owner.filter(|owner| was.can_fade_into(owner.is_unoccluded)) else { continue };
+            let mut transition = Transition { owner: owner.node, is_unoccluded: owner.is_unoccluded, ..*was };
+            self.advance(&mut transition, owner.fade.map_or(owner.current, |fade| fade.target));
+            if transition.is_fading() || owner.is_fading() && self.fading_count < MAX_FADING {
+                self.fading_count += usize::from(!transition.is_fading());
+                self.after.push(transition);
+            }
         }
-        let is_here = |face: DrawSource| face.is_here(square.square, self.tree);
-        let both_here = square.to.is_none_or(|(to, _)| is_here(to) && is_here(square.face));
-        if !both_here || square.passes() && self.passing >= FADES {
-            (square.face, square.to) = (shall, None);
-            self.told = true;
+    }
+
+    /// Advances a cross-fade, or starts one if the node does not show `target`.
+    fn advance(&mut self, transition: &mut Transition, target: DrawSource) {
+        if let Some(Fade { target, progress: before }) = transition.fade {
+            let progress = before + self.secs / FADE_SECS;
+            transition.fade = (progress < 1.0).then_some(Fade { target, progress });
+            if transition.fade.is_none() {
+                transition.current = target;
+            }
+            self.needs_feedback |= before < FEEDBACK_PROGRESS && progress >= FEEDBACK_PROGRESS || progress >= 1.0;
         }
-        self.passing += usize::from(square.passes());
+        if transition.fade.is_none() && transition.current != target {
+            transition.fade = Some(Fade { target, progress: 0.0 });
+        }
+        let is_resident = |source: DrawSource| source.is_resident(transition.node, self.tree);
+        let are_resident =
+            transition.fade.is_none_or(|fade| is_resident(fade.target) && is_resident(transition.current));
+        if !are_resident || transition.is_fading() && self.fading_count >= MAX_FADING {
+            (transition.current, transition.fade) = (target, None);
+            self.needs_feedback = true;
+        }
+        self.fading_count += usize::from(transition.is_fading());
     }
 }

@@ -1,61 +1,70 @@
-//! Tau while the cache is full: it rises smoothly to what fits, and falls back.
+//! The adaptive error threshold: raises tau smoothly while the cache is full, and lowers it again when there is room.
 //!
-//! In: what a selection reached, how full it made the cache. Out: how many times what was asked for. Next: `flow` selects
-//! with it.
-//!
-//! A selection by itself never exceeds its budget, but where it breaks off may differ from frame to frame. With a tau
-//! that just fits it does not break off, so nothing comes and goes at the limit.
+//! A selection never exceeds its budget, but where it stops refining may differ from frame to frame. With a tau that just fits
+//! it does not stop early, so nothing appears and disappears at the limit.
 
-/// How many times larger it becomes in a second, and smaller.
-const RISE: f64 = 8.0;
-const FALL: f64 = 1.5;
-/// It falls while less than this share of the budget is taken.
-const ROOM: f64 = 0.9;
-/// What has come so near is there.
-const NEAR: f64 = 1.001;
-/// Longest time that counts, in seconds: after a pause it must not leap.
-const LEAP_SECS: f64 = 0.1;
+/// Factor by which the threshold may rise in a second.
+const RISE_PER_SEC: f64 = 8.0;
+/// Factor by which it may fall in a second.
+const FALL_PER_SEC: f64 = 1.5;
+/// It falls only while a selection takes less than this share of its budget.
+const MAX_BUDGET_SHARE: f64 = 0.9;
+/// Relative difference that counts as none.
+const TOLERANCE: f64 = 1.001;
+/// Longest time that one frame counts for, in seconds: the threshold must not jump after a pause.
+const MAX_STEP_SECS: f64 = 0.1;
 
-/// What tau is multiplied by.
+/// What the requested tau is multiplied by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AdaptiveThreshold {
-    times: f64,
-    /// It had to rise since the camera moved last: to fall again would be to and fro.
-    rose: bool,
-    moves: bool,
+    factor: f64,
+    /// It has risen since the camera last moved. It must not fall before the camera moves again, or it would oscillate.
+    has_risen: bool,
+    is_changing: bool,
+}
+
+/// What a selection tells about its threshold.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SelectionOutcome {
+    /// Error threshold that the selection reached, divided by the requested tau.
+    pub(super) factor: f64,
+    /// Share of the budget that it took.
+    pub(super) budget_share: f64,
+    /// Seconds since the last selection.
+    pub(super) secs: f64,
+    /// Whether the last selection was of another view.
+    pub(super) has_moved: bool,
 }
 
 impl Default for AdaptiveThreshold {
     fn default() -> Self {
-        Self { times: 1.0, rose: false, moves: false }
+        Self { factor: 1.0, has_risen: false, is_changing: false }
     }
 }
 
 impl AdaptiveThreshold {
-    /// At least 1.
-    pub(super) fn times(&self) -> f64 {
-        self.times
+    /// The factor for the next selection, at least 1.
+    pub(super) fn factor(&self) -> f64 {
+        self.factor
     }
 
-    /// Whether the next selection will be made with another one.
-    pub(super) fn moves(&self) -> bool {
-        self.moves
+    /// Whether the next selection has another factor than the last one.
+    pub(super) fn is_changing(&self) -> bool {
+        self.is_changing
     }
 
-    /// A selection reached `times` what was asked for and took `share` of its budget; `secs` since the last one, `moved`
-    /// if that was of another view.
-    pub(super) fn learn(&mut self, times: f64, share: f64, secs: f64, moved: bool) {
-        let secs = secs.clamp(0.0, LEAP_SECS);
-        self.rose &= !moved;
-        if times > self.times * NEAR {
-            self.times = (self.times * RISE.powf(secs)).min(times);
-            self.rose = true;
-            self.moves = true;
-        } else if self.times > 1.0 && share < ROOM && !self.rose {
-            self.times = (self.times / FALL.powf(secs)).max(1.0);
-            self.moves = true;
+    /// Adapts the factor to a selection.
+    pub(super) fn update(&mut self, outcome: SelectionOutcome) {
+        let secs = outcome.secs.clamp(0.0, MAX_STEP_SECS);
+        self.has_risen &= !outcome.has_moved;
+        self.is_changing = true;
+        if outcome.factor > self.factor * TOLERANCE {
+            self.factor = (self.factor * RISE_PER_SEC.powf(secs)).min(outcome.factor);
+            self.has_risen = true;
+        } else if self.factor > 1.0 && outcome.budget_share < MAX_BUDGET_SHARE && !self.has_risen {
+            self.factor = (self.factor / FALL_PER_SEC.powf(secs)).max(1.0);
         } else {
-            self.moves = false;
+            self.is_changing = false;
         }
     }
 }
@@ -64,50 +73,57 @@ impl AdaptiveThreshold {
 mod tests {
     use super::*;
 
-    /// A selection that takes its whole budget at four times what is asked for, and less with a larger tau.
-    fn select(raised: &AdaptiveThreshold, fits: f64) -> (f64, f64) {
-        if raised.times() < fits { (fits, 0.99) } else { (raised.times(), fits / raised.times()) }
+    fn outcome(factor: f64, budget_share: f64, has_moved: bool) -> SelectionOutcome {
+        SelectionOutcome { factor, budget_share, secs: 0.016, has_moved }
+    }
+
+    /// A selection that just fits into its budget at factor `fits`, and takes less with a larger factor.
+    fn select(threshold: &AdaptiveThreshold, fits: f64, has_moved: bool) -> SelectionOutcome {
+        match threshold.factor() < fits {
+            true => outcome(fits, 0.99, has_moved),
+            false => outcome(threshold.factor(), fits / threshold.factor(), has_moved),
+        }
     }
 
     #[test]
-    fn it_rises_to_what_fits_rests_and_falls_back() {
-        let mut raised = AdaptiveThreshold::default();
-        let frames = |raised: &mut AdaptiveThreshold, fits: f64, moved: bool| {
+    fn rises_to_what_fits_settles_and_falls_back() {
+        let mut threshold = AdaptiveThreshold::default();
+        let frames_until_settled = |threshold: &mut AdaptiveThreshold, fits: f64, has_moved: bool| {
             for frame in 1..1000 {
-                let before = raised.times();
-                let (times, share) = select(raised, fits);
-                raised.learn(times, share, 0.016, moved);
-                assert!((0.98..1.05).contains(&(raised.times() / before)), "a leap");
-                if !raised.moves() {
+                let before = threshold.factor();
+                threshold.update(select(threshold, fits, has_moved));
+                assert!((0.98..1.05).contains(&(threshold.factor() / before)), "it jumps");
+                if !threshold.is_changing() {
                     return frame;
                 }
             }
-            panic!("never rests: {raised:?}");
+            panic!("never settles: {threshold:?}");
         };
-        assert!(frames(&mut raised, 4.0, false) > 10);
-        assert!((4.0 / NEAR..=4.0).contains(&raised.times()));
-        // A camera that flies on over what takes as much: nothing changes.
-        assert_eq!(frames(&mut raised, 4.0, true), 1);
-        // It comes to where more fits.
-        assert!(frames(&mut raised, 2.0, true) > 10);
-        assert!((2.0..2.3).contains(&raised.times()), "{raised:?}");
-        frames(&mut raised, 0.5, true);
-        assert_eq!(raised.times(), 1.0);
+        assert!(frames_until_settled(&mut threshold, 4.0, false) > 10);
+        assert!((4.0 / TOLERANCE..=4.0).contains(&threshold.factor()));
+        // The camera moves on, and the view needs as much as before.
+        assert_eq!(frames_until_settled(&mut threshold, 4.0, true), 1);
+        // The view needs less.
+        assert!(frames_until_settled(&mut threshold, 2.0, true) > 10);
+        assert!((2.0..2.3).contains(&threshold.factor()), "{threshold:?}");
+        frames_until_settled(&mut threshold, 0.5, true);
+        assert_eq!(threshold.factor(), 1.0);
     }
 
     #[test]
-    fn a_camera_that_stands_does_not_go_to_and_fro() {
-        let mut raised = AdaptiveThreshold::default();
-        // Steps so coarse that either too much is taken or far too little.
-        let coarse =
-            |raised: &AdaptiveThreshold| if raised.times() < 3.0 { (3.0, 0.99) } else { (raised.times(), 0.4) };
+    fn does_not_oscillate_while_the_camera_is_still() {
+        let mut threshold = AdaptiveThreshold::default();
+        // So coarse a step that the selection takes either too much or far too little.
+        let select = |threshold: &AdaptiveThreshold| match threshold.factor() < 3.0 {
+            true => outcome(3.0, 0.99, false),
+            false => outcome(threshold.factor(), 0.4, false),
+        };
         let mut last = 0.0;
         for _ in 0..1000 {
-            let (times, share) = coarse(&raised);
-            raised.learn(times, share, 0.016, false);
-            assert!(raised.times() >= last);
-            last = raised.times();
+            threshold.update(select(&threshold));
+            assert!(threshold.factor() >= last);
+            last = threshold.factor();
         }
-        assert!(!raised.moves() && (3.0 / NEAR..=3.0).contains(&raised.times()), "{raised:?}");
+        assert!(!threshold.is_changing() && (3.0 / TOLERANCE..=3.0).contains(&threshold.factor()), "{threshold:?}");
     }
 }

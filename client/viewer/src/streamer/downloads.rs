@@ -1,7 +1,7 @@
 //! Requests in flight: starts and cancels them, and turns their outcomes into tile states and [`Arrival`]s.
 //!
 //! Fetching and decoding happen elsewhere, behind [`TileFetcher`]. Everything is bounded: requests in flight by
-//! [`RequestQueue`], decoded tiles that wait by the fetcher.
+//! [`RequestQueue`], decoded tiles by the fetcher.
 
 use super::request_queue::{RequestPlan, RequestQueue};
 use crate::{
@@ -45,8 +45,8 @@ pub enum FetchError {
 }
 
 impl FetchError {
-    /// Whether the source itself responds: the fault is this tile's alone.
-    fn is_of_tile(&self) -> bool {
+    /// Whether only this tile is at fault: the source itself responds.
+    fn is_of_tile_alone(&self) -> bool {
         matches!(self, Self::Missing | Self::Damaged(_) | Self::Broken)
     }
 
@@ -124,7 +124,7 @@ pub struct Downloads<F> {
 }
 
 impl<F: TileFetcher> Downloads<F> {
-    /// With at most `limit` requests in flight to begin with; the limit adapts to the connection.
+    /// No requests yet. At most `limit` are in flight to begin with; the limit adapts to the connection.
     pub fn new(fetcher: F, limit: usize) -> Self {
         Self {
             fetcher,
@@ -153,7 +153,7 @@ impl<F: TileFetcher> Downloads<F> {
         start.len()
     }
 
-    /// The next arrival, if any. Failures on the way change the state of their tile.
+    /// The next arrival, if any. Requests that failed before it change the state of their tile.
     pub fn poll(&mut self, tree: &mut SceneTree, now: Duration) -> Option<Arrival> {
         loop {
             let FetchOutcome { key, ticket, is_local, duration, result } = self.fetcher.poll()?;
@@ -161,7 +161,7 @@ impl<F: TileFetcher> Downloads<F> {
                 continue; // Cancelled after it had finished.
             }
             self.in_flight.remove(&key);
-            self.queue.finished(key);
+            self.queue.request_ended(key);
             match result {
                 Ok(decoded) => {
                     if !is_local {
@@ -188,7 +188,7 @@ impl<F: TileFetcher> Downloads<F> {
     fn failed(&mut self, tree: &mut SceneTree, key: TileKey, error: &FetchError, now: Duration) {
         tracing::debug!("{} {}: {error}", key.layer().path_segment(), key.id);
         let jitter = self.fetcher.jitter();
-        if error.is_of_tile() {
+        if error.is_of_tile_alone() {
             self.source_responded();
         } else {
             self.queue.backoff.failed(now, error.retry_after(), jitter);
@@ -237,8 +237,8 @@ impl<F: TileFetcher> Downloads<F> {
         self.fatal.as_deref()
     }
 
-    /// When the next retry may start although nothing arrives.
+    /// When the next retry may start, while the source does not respond.
     pub fn retry_at(&self) -> Option<Duration> {
-        self.queue.backoff.blocked_until()
+        self.queue.backoff.retry_at()
     }
 }

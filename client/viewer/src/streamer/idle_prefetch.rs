@@ -2,10 +2,11 @@
 //! are fetched.
 //!
 //! Each side view is selected like the frame itself, by what its own rays hit, so that occluded tiles are not fetched. Its
-//! occlusion feedback starts from that of the frame and is refined by small frames, which the shell draws but does not show.
+//! occlusion feedback starts from that of the frame. Small frames, which the shell draws but does not show, refine it.
 
-use super::{FrameRequest, Streamer, TileFetcher};
+use super::frame_request::FrameRequest;
 use crate::{
+    cache::AtlasCache,
     camera::{Camera, View},
     frame::{FrameData, FrameInputs, RenderSettings},
     scene::SceneTree,
@@ -19,13 +20,14 @@ use crate::{
 
 /// Turns to the left and to the right of the view whose tiles are prefetched, in degrees.
 const TURNS_DEG: [f64; 2] = [30.0, -30.0];
-/// Side views are drawn with this fraction of the frame's width and height: enough to tell what occludes what while tiles
-/// are missing.
-pub const SMALLER: u32 = 4;
+/// Frames that are drawn only for their feedback have the width and height of the view divided by this: enough to tell what
+/// occludes what while tiles are missing.
+pub const FEEDBACK_DOWNSCALE: u32 = 4;
 
 /// Next step of the idle prefetch.
 pub enum LookaheadState {
-    /// A small frame must be drawn, and its hits reported with [`Streamer::report_prefetch_hits`].
+    /// A small frame must be drawn, and its hits reported with
+    /// [`Streamer::report_prefetch_hits`](super::Streamer::report_prefetch_hits).
     Draw(Box<FrameData>),
     /// Tiles are on their way.
     Waiting,
@@ -33,16 +35,16 @@ pub enum LookaheadState {
     Done,
 }
 
-/// Side views of a frame that is complete.
+/// The side views of a complete frame, one after the other.
 #[derive(Debug, Default)]
 pub(super) struct Lookahead {
     /// The frame that the side views belong to.
-    of: Option<FrameRequest>,
+    request: Option<FrameRequest>,
     /// Number of side views that are complete.
     done: usize,
     feedback: OcclusionFeedback,
     selection: Selection,
-    /// Side views do not cross-fade: this shows the selection as it is.
+    /// Shows the selection as it is: side views do not cross-fade.
     transitions: Transitions,
     /// Counts draw lists that differ from the one before.
     generation: u64,
@@ -51,43 +53,43 @@ pub(super) struct Lookahead {
 impl Lookahead {
     /// Whether the side views are those of `request`.
     pub(super) fn is_of(&self, request: &FrameRequest) -> bool {
-        self.of.as_ref() == Some(request)
+        self.request.as_ref() == Some(request)
     }
 
-    /// Starts with the first side view of `request`, knowing what the rays of its frame hit.
-    fn begin(&mut self, request: &FrameRequest, feedback: &OcclusionFeedback) {
-        let (of, feedback) = (Some(*request), feedback.for_another());
-        *self = Self { of, feedback, generation: self.generation + 1, ..Self::default() };
+    /// Starts with the first side view of `request`. `feedback` is that of its frame.
+    pub(super) fn begin(&mut self, request: &FrameRequest, feedback: &OcclusionFeedback) {
+        let (request, feedback) = (Some(*request), feedback.for_other_view());
+        *self = Self { request, feedback, generation: self.generation + 1, ..Self::default() };
     }
 
-    /// Drops all side views: the frame changes.
-    pub(super) fn forget(&mut self) {
-        self.of = None;
+    /// Drops all side views, because the frame changes.
+    pub(super) fn reset(&mut self) {
+        self.request = None;
         self.end();
     }
 
-    /// Stops prefetching for this frame.
-    fn end(&mut self) {
+    /// Ends the prefetch for this frame.
+    pub(super) fn end(&mut self) {
         self.done = TURNS_DEG.len();
         self.selection = Selection::default();
     }
 
     /// Goes on to the next side view.
-    fn next(&mut self, feedback: &OcclusionFeedback) {
+    pub(super) fn next(&mut self, feedback: &OcclusionFeedback) {
         self.done += 1;
         self.generation += 1;
-        self.feedback = feedback.for_another();
+        self.feedback = feedback.for_other_view();
         self.selection = Selection::default();
     }
 
-    /// Camera of the current side view.
-    fn camera(&self) -> Option<Camera> {
-        Some(self.of?.camera.turned(*TURNS_DEG.get(self.done)?))
+    /// Camera of the current side view; `None` if all are complete.
+    pub(super) fn camera(&self) -> Option<Camera> {
+        Some(self.request?.camera.turned(*TURNS_DEG.get(self.done)?))
     }
 
-    fn select(&mut self, view: &View, tree: &SceneTree, scratch: &mut SelectionScratch) {
+    pub(super) fn select(&mut self, view: &View, tree: &SceneTree, scratch: &mut SelectionScratch) {
         let selection = select(view, tree, &self.feedback, scratch);
-        self.generation += u64::from(selection.cut != self.selection.cut);
+        self.generation += u64::from(selection.draw_tiles != self.selection.draw_tiles);
         self.selection = selection;
         self.transitions.step(&self.selection, tree, 0.0);
     }
@@ -97,61 +99,30 @@ impl Lookahead {
         &self.selection
     }
 
-    fn has_feedback(&self, size_px: [u32; 2]) -> bool {
-        self.feedback.has_looked(self.generation, size_px)
-    }
-}
-
-impl<F: TileFetcher> Streamer<F> {
-    /// Next step of the idle prefetch for a request whose frame is complete. To be called after [`Streamer::update`] with the same
-    /// request until it is done.
-    pub fn prefetch(&mut self, request: &FrameRequest) -> LookaheadState {
-        if self.last_request != Some(*request) || !self.is_settled() || self.is_blind() {
-            return LookaheadState::Done;
-        }
-        if !self.lookahead.is_of(request) {
-            self.lookahead.begin(request, &self.feedback);
-            self.select_prefetch(request);
-        }
-        let small = FrameRequest { size_px: request.size_px.map(|side| (side / SMALLER).max(1)), ..*request };
-        while let Some(camera) = self.lookahead.camera() {
-            if !self.lookahead.has_feedback(small.size_px) {
-                let Lookahead { transitions, generation, .. } = &self.lookahead;
-                let inputs = FrameInputs { fades: transitions, casters: &[], generation: *generation, error_px: 0.0 };
-                let view = self.view(&small, camera);
-                let settings = RenderSettings::default();
-                return LookaheadState::Draw(FrameData::new(inputs, &self.tree, &self.cache, &view, &settings).into());
-            }
-            if !self.is_prefetch_fetched() {
-                return LookaheadState::Waiting;
-            }
-            self.lookahead.next(&self.feedback);
-            self.select_prefetch(request);
-        }
-        LookaheadState::Done
+    /// Whether the hits of the current selection are known from a frame of at least this size.
+    pub(super) fn has_feedback(&self, size_px: [u32; 2]) -> bool {
+        self.feedback.covers(self.generation, size_px)
     }
 
-    /// Takes in what the rays of a side view's frame hit.
-    pub fn report_prefetch_hits(&mut self, request: &FrameRequest, query: &OcclusionQuery, pixels: &[u32]) {
-        let is_complete = self.is_prefetch_fetched();
-        self.lookahead.feedback.feed(query, pixels, is_complete, &self.tree);
-        self.occlusion_gate.told_all();
-        self.select_prefetch(request);
+    /// Takes in the hits of a frame of the current side view.
+    pub(super) fn update_feedback(
+        &mut self,
+        query: &OcclusionQuery,
+        pixels: &[u32],
+        is_complete: bool,
+        tree: &SceneTree,
+    ) {
+        self.feedback.update(query, pixels, is_complete, tree);
     }
 
-    fn is_prefetch_fetched(&self) -> bool {
-        self.lookahead.selection.wanted.is_empty() && self.uploads.is_empty()
-    }
-
-    /// Selects the current side view; ends the prefetch when its next tile does not fit into free pages.
-    pub(super) fn select_prefetch(&mut self, request: &FrameRequest) {
-        if let Some(camera) = self.lookahead.camera() {
-            let view = self.view(request, camera);
-            self.lookahead.select(&view, &self.tree, &mut self.scratch);
-        }
-        let first = self.lookahead.selection.wanted.first();
-        if self.uploads.is_empty() && first.is_some_and(|w| self.tree.pages_of_tile(w.key) > self.spare_pages()) {
-            self.lookahead.end();
-        }
+    /// Arrays for the ray-caster, for a frame of the current selection.
+    pub(super) fn frame_data(&self, tree: &SceneTree, cache: &AtlasCache, view: &View) -> FrameData {
+        let inputs = FrameInputs {
+            transitions: &self.transitions,
+            shadow_casters: &[],
+            generation: self.generation,
+            error_px: 0.0,
+        };
+        FrameData::new(inputs, tree, cache, view, &RenderSettings::default())
     }
 }

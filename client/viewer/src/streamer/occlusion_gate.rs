@@ -1,99 +1,108 @@
-//! What waits for what stands in front of it.
+//! The occlusion gate: holds back requests for tiles that may turn out to be occluded.
 //!
-//! In: tiles that are wanted, those on their way, those that came and no picture has looked at yet. Out: what to ask for now.
-//! Next: `flow` asks.
-//!
-//! Coarse columns let rays through that finer ones stop: what a ray hits behind a tile that is still to come may not be seen
-//! once that is here. So it waits, but never for long.
+//! Coarse columns let rays through that finer ones stop. So a tile behind one that is still on its way may no longer be visible
+//! when that has arrived. It waits until a frame has been drawn with what lies in front of it, but never for long.
 
 use crate::{
     camera::View,
     scene::{SceneTree, TileKey, TileState},
     select::{
-        HIDDEN_TIMES_TAU,
-        horizon_culling::{Occluder, may_be_hidden},
+        OCCLUDED_TAU_FACTOR,
+        horizon_culling::{Occluder, may_be_occluded},
         priority::{PriorityGroup, TileRequest},
     },
 };
 use insula_protocol::TileKind;
 use std::{collections::HashSet, time::Duration};
 
-/// What may be hidden waits no longer than this for an answer, nor for the picture after it: a slow one must not hold up others.
-const PATIENCE_IN_FRONT: Duration = Duration::from_millis(250);
+/// Longest time that a tile is waited for, and that the frame after its arrival is waited for.
+const PATIENCE: Duration = Duration::from_millis(250);
 
-/// A tile that came, and the first selection that can draw it: no picture has told yet what it hides.
+/// A tile that arrived, and that no frame with feedback has shown yet.
 #[derive(Debug)]
-struct Newcomer {
+struct UnseenTile {
     key: TileKey,
+    /// The first draw list that can contain it.
     generation: u64,
-    since: Duration,
+    arrived_at: Duration,
 }
 
-/// Tiles that came and no picture has looked at yet.
 #[derive(Debug, Default)]
 pub(super) struct OcclusionGate {
-    newcomers: Vec<Newcomer>,
+    unseen: Vec<UnseenTile>,
+}
+
+/// What the gate needs to know about tiles.
+pub(super) struct GateInputs<'a, S> {
+    pub(super) tree: &'a SceneTree,
+    pub(super) view: &'a View,
+    /// When the request for a tile started, if it is in flight.
+    pub(super) started_at: S,
+    pub(super) now: Duration,
 }
 
 impl OcclusionGate {
-    /// A tile came, which selections from `generation` on can draw.
-    pub(super) fn came(&mut self, key: TileKey, generation: u64, now: Duration) {
-        self.newcomers.push(Newcomer { key, generation, since: now });
+    /// Records that a tile has arrived; draw lists from `generation` on can contain it.
+    pub(super) fn tile_arrived(&mut self, key: TileKey, generation: u64, now: Duration) {
+        self.unseen.push(UnseenTile { key, generation, arrived_at: now });
     }
 
-    /// A picture of a selection has told what is seen.
-    pub(super) fn told(&mut self, generation: u64) {
-        self.newcomers.retain(|newcomer| newcomer.generation > generation);
+    /// Records that feedback of a draw list was taken in.
+    pub(super) fn feedback_received(&mut self, generation: u64) {
+        self.unseen.retain(|tile| tile.generation > generation);
     }
 
-    /// A picture of all that is here has told what is seen beside it.
-    pub(super) fn told_all(&mut self) {
-        self.newcomers.clear();
+    /// Records that feedback was taken in of a frame with all resident tiles.
+    pub(super) fn complete_feedback_received(&mut self) {
+        self.unseen.clear();
     }
 
-    /// Gives up those that no picture comes to look at.
-    pub(super) fn pass(&mut self, now: Duration) {
-        self.newcomers.retain(|newcomer| !is_late(newcomer.since, now));
+    /// Stops waiting for frames that take too long.
+    pub(super) fn drop_expired(&mut self, now: Duration) {
+        self.unseen.retain(|tile| !is_expired(tile.arrived_at, now));
     }
 
-    /// Which of `wanted` are to be asked for now: none that may be hidden by what is on its way of `all` that is wanted, or came
-    /// and no picture has looked at yet. Rays may tell that nobody sees it. `begun` tells since when a tile is under way.
-    pub(super) fn front(
+    /// Removes from `requests` the tiles that may be occluded by tiles in front of them, as long as those are among the `all` that
+    /// are wanted and on their way, or have arrived and no frame with feedback has shown them.
+    pub(super) fn filter(
         &self,
         all: &[TileRequest],
-        mut wanted: Vec<TileRequest>,
-        (tree, view): (&SceneTree, &View),
-        begun: impl Fn(TileKey) -> Option<Duration>,
-        now: Duration,
+        mut requests: Vec<TileRequest>,
+        inputs: &GateInputs<'_, impl Fn(TileKey) -> Option<Duration>>,
     ) -> Vec<TileRequest> {
+        let tree = inputs.tree;
         let state = |key: TileKey| tree.tile(key).map(|tile| tile.state());
-        let stands = |w: &&TileRequest| {
-            let of_picture = w.group <= PriorityGroup::Normal && w.key.layer() != TileKind::Subtree;
-            // One that failed may come any time, or never.
-            let failed = matches!(state(w.key), Some(TileState::Failed { .. }));
-            of_picture && !failed && !begun(w.key).is_some_and(|since| is_late(since, now))
+        let is_on_its_way = |request: &&TileRequest| {
+            let is_in_view = request.group <= PriorityGroup::Normal && request.key.layer() != TileKind::Subtree;
+            // A failed tile may arrive at any time, or never.
+            let has_failed = matches!(state(request.key), Some(TileState::Failed { .. }));
+            let is_late = (inputs.started_at)(request.key).is_some_and(|since| is_expired(since, inputs.now));
+            is_in_view && !has_failed && !is_late
         };
-        let coming = all.iter().filter(stands).map(|w| w.key);
-        let came = self.newcomers.iter().map(|newcomer| newcomer.key);
-        let place = |key: TileKey| tree.find(key.id).map(|at| (key, tree.node(at)));
-        let (keys, solids): (Vec<TileKey>, Vec<Occluder>) = coming
-            .chain(came)
-            .filter_map(place)
+        let coming = all.iter().filter(is_on_its_way).map(|request| request.key);
+        let unseen = self.unseen.iter().map(|tile| tile.key);
+        let bounds = |key: TileKey| tree.find(key.id).map(|index| (key, tree.node(index)));
+        let (keys, boxes): (Vec<TileKey>, Vec<Occluder>) = coming
+            .chain(unseen)
+            .filter_map(bounds)
             .map(|(key, node)| (key, Occluder { centre: node.centre, half: node.half }))
             .unzip();
-        let hidden = may_be_hidden(view.camera.position, &solids);
-        let waits: HashSet<TileKey> =
-            keys.into_iter().zip(hidden).filter(|(_, hidden)| *hidden).map(|(key, _)| key).collect();
-        // What is so wrong is all that there is to be seen yet.
-        let most_px = HIDDEN_TIMES_TAU * view.tau_px;
-        let is_loading = |key: TileKey| state(key) == Some(TileState::Loading);
-        wanted.retain(|w| !waits.contains(&w.key) || w.weight > most_px || is_loading(w.key));
-        wanted
+        let occluded = may_be_occluded(inputs.view.camera.position, &boxes);
+        let waiting: HashSet<TileKey> =
+            keys.into_iter().zip(occluded).filter(|(_, occluded)| *occluded).map(|(key, _)| key).collect();
+        // A tile with so large an error is requested whether it is occluded or not.
+        let large_error_px = OCCLUDED_TAU_FACTOR * inputs.view.tau_px;
+        requests.retain(|request| {
+            !waiting.contains(&request.key)
+                || request.exceeds(large_error_px)
+                || state(request.key) == Some(TileState::Loading)
+        });
+        requests
     }
 }
 
-fn is_late(since: Duration, now: Duration) -> bool {
-    now.saturating_sub(since) > PATIENCE_IN_FRONT
+fn is_expired(since: Duration, now: Duration) -> bool {
+    now.saturating_sub(since) > PATIENCE
 }
 
 #[cfg(test)]
@@ -101,56 +110,73 @@ mod tests {
     use super::*;
     use crate::{
         scene::TileEvent,
-        select::tests::{load, tree, view},
+        select::{
+            priority::RequestReason,
+            tests::{load, tree, view},
+        },
     };
     use insula_protocol::TileId;
 
-    /// Leaves of 64 m, 30 m high: before the eye, half a kilometre behind that, and beside it.
-    const PLACES: [(u32, u32); 3] = [(16, 0), (16, 8), (26, 0)];
+    const NOW: Duration = Duration::from_secs(100);
+
+    /// Leaves of 64 m, 30 m high: in front of the eye, half a kilometre behind that, and beside it.
+    fn leaves() -> [TileKey; 3] {
+        [(16, 0), (16, 8), (26, 0)].map(|(x, y)| TileKey::block_map(TileId::new(5, x, y).unwrap()))
+    }
+
+    fn request(key: TileKey) -> TileRequest {
+        TileRequest { key, group: PriorityGroup::Normal, reason: RequestReason::Visible, weight_px: 2.0 }
+    }
+
+    /// The requests of `all` that pass; the front leaf has been in flight for `front_ms`, if that is given.
+    fn passing(gate: &OcclusionGate, tree: &SceneTree, all: &[TileRequest], front_ms: Option<u64>) -> Vec<TileKey> {
+        let [front, ..] = leaves();
+        let started_at = |key: TileKey| {
+            front_ms.filter(|_| key == front).and_then(|millis| NOW.checked_sub(Duration::from_millis(millis)))
+        };
+        let view = view([1056.0, -10.0, 2.0], [1056.0, 1000.0, 2.0]);
+        let inputs = GateInputs { tree, view: &view, started_at, now: NOW };
+        gate.filter(all, all.to_vec(), &inputs).into_iter().map(|request| request.key).collect()
+    }
 
     #[test]
-    fn what_may_be_hidden_waits_until_what_is_in_front_was_looked_at() {
-        let [front, behind, beside] = PLACES.map(|(x, y)| TileKey::block_map(TileId::new(5, x, y).unwrap()));
-        let view = view([1056.0, -10.0, 2.0], [1056.0, 1000.0, 2.0]);
-        let want = |key: TileKey| TileRequest { key, group: PriorityGroup::Normal, weight: 2.0 };
-        let all = [behind, front, beside].map(want);
-        let (mut tree, mut wave, now) = (tree(), OcclusionGate::default(), Duration::from_secs(100));
-        let asked = |wave: &OcclusionGate, tree: &SceneTree, all: &[TileRequest], begun: Option<Duration>| {
-            let begun = |key: TileKey| begun.filter(|_| key == front);
-            let front = wave.front(all, all.to_vec(), (tree, &view), begun, now);
-            front.into_iter().map(|w| w.key).collect::<Vec<_>>()
-        };
-        assert_eq!(asked(&wave, &tree, &all, None), [front, beside], "in their order");
-        // Whoever is under way stays so; what is very wrong and what is not for the picture do not wait.
-        for (weight, group) in
+    fn occludable_tiles_wait_for_tiles_in_front_of_them() {
+        let [front, behind, beside] = leaves();
+        let all = [behind, front, beside].map(request);
+        let (mut tree, gate) = (tree(), OcclusionGate::default());
+        assert_eq!(passing(&gate, &tree, &all, None), [front, beside], "in their order");
+        // Tiles with a large error, and tiles out of view, do not wait.
+        for (weight_px, group) in
             [(65.0, PriorityGroup::Urgent), (2.0, PriorityGroup::Shadow), (2.0, PriorityGroup::Preload)]
         {
-            let free = [TileRequest { weight, group, ..want(behind) }, want(front)];
-            assert_eq!(asked(&wave, &tree, &free, None), [behind, front]);
+            let free = [TileRequest { weight_px, group, ..request(behind) }, request(front)];
+            assert_eq!(passing(&gate, &tree, &free, None), [behind, front]);
         }
-        for event in [TileEvent::Want { now }, TileEvent::Start] {
+        for event in [TileEvent::Want { now: NOW }, TileEvent::Start] {
             assert!(tree.apply(front, event));
         }
-        let ago = |millis: u64| now.checked_sub(Duration::from_millis(millis));
-        assert_eq!(asked(&wave, &tree, &all, ago(100)), [front, beside]);
-        assert_eq!(asked(&wave, &tree, &all, ago(300)), [behind, front, beside], "too slow to be waited for");
-        let mut failed = tree.clone();
-        assert!(failed.apply(front, TileEvent::Fail { now, retry_after: None, jitter: 0.0 }));
-        assert_eq!(asked(&wave, &failed, &all, None), [behind, front, beside]);
-        // It is here: until a picture that it is in was looked at.
-        assert!(tree.apply(front, TileEvent::Drop));
+        assert_eq!(passing(&gate, &tree, &all, Some(100)), [front, beside]);
+        assert_eq!(passing(&gate, &tree, &all, Some(300)), [behind, front, beside], "too slow to wait for");
+        assert!(tree.apply(front, TileEvent::Fail { now: NOW, retry_after: None, jitter: 0.0 }));
+        assert_eq!(passing(&gate, &tree, &all, None), [behind, front, beside]);
+    }
+
+    #[test]
+    fn occludable_tiles_wait_until_a_frame_shows_the_tiles_in_front() {
+        let [front, behind, beside] = leaves();
+        let (mut tree, mut gate) = (tree(), OcclusionGate::default());
         load(&mut tree, front);
-        let rest = [behind, beside].map(want);
-        assert_eq!(asked(&wave, &tree, &rest, None), [behind, beside]);
-        wave.came(front, 5, now);
-        wave.told(4);
-        assert_eq!(asked(&wave, &tree, &rest, None), [beside]);
-        wave.told(5);
-        assert_eq!(asked(&wave, &tree, &rest, None), [behind, beside]);
-        wave.came(front, 6, now);
-        wave.pass(now + Duration::from_millis(200));
-        assert_eq!(asked(&wave, &tree, &rest, None), [beside]);
-        wave.pass(now + Duration::from_millis(300));
-        assert_eq!(asked(&wave, &tree, &rest, None), [behind, beside], "nobody comes to look");
+        let rest = [behind, beside].map(request);
+        assert_eq!(passing(&gate, &tree, &rest, None), [behind, beside]);
+        gate.tile_arrived(front, 5, NOW);
+        gate.feedback_received(4);
+        assert_eq!(passing(&gate, &tree, &rest, None), [beside]);
+        gate.feedback_received(5);
+        assert_eq!(passing(&gate, &tree, &rest, None), [behind, beside]);
+        gate.tile_arrived(front, 6, NOW);
+        gate.drop_expired(NOW + Duration::from_millis(200));
+        assert_eq!(passing(&gate, &tree, &rest, None), [beside]);
+        gate.drop_expired(NOW + Duration::from_millis(300));
+        assert_eq!(passing(&gate, &tree, &rest, None), [behind, beside], "no feedback arrives");
     }
 }

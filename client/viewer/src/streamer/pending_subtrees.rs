@@ -1,12 +1,12 @@
-//! Subtrees that arrived before the subtree that they belong below.
+//! Subtrees that arrived before the subtree above them.
 //!
-//! A jump to an unknown place requests the subtrees of all levels at once, so they arrive in any order. There are few: one for
-//! each level of subtrees.
+//! After a jump to an unknown place, the subtrees of all levels are requested at once, so they arrive in any order. There are few
+//! of them: one for each level of subtrees.
 
 use crate::scene::{SceneTree, TileEvent, TileKey};
 use insula_protocol::{Subtree, TileId};
 
-/// Subtrees that may wait; beyond that the oldest is dropped and requested again.
+/// Most subtrees that wait. Beyond that, the oldest is dropped, and requested again.
 const CAPACITY: usize = 16;
 
 #[derive(Debug, Default)]
@@ -17,8 +17,8 @@ impl PendingSubtrees {
     pub(super) fn push(&mut self, key: TileKey, subtree: Subtree, tree: &mut SceneTree) -> u64 {
         self.0.push((key, subtree));
         let mut merged = 0;
-        while let Some(at) = self.0.iter().position(|(key, _)| has_parent(*key, tree)) {
-            let (key, subtree) = self.0.swap_remove(at);
+        while let Some(position) = self.0.iter().position(|(key, _)| is_root_known(*key, tree)) {
+            let (key, subtree) = self.0.swap_remove(position);
             tree.merge(&subtree);
             tree.apply(key, TileEvent::Upload);
             merged += 1;
@@ -31,6 +31,6 @@ impl PendingSubtrees {
     }
 }
 
-fn has_parent(key: TileKey, tree: &SceneTree) -> bool {
-    key.id == TileId::ROOT || tree.find(key.id).is_some()
+fn is_root_known(subtree: TileKey, tree: &SceneTree) -> bool {
+    subtree.id == TileId::ROOT || tree.find(subtree.id).is_some()
 }

@@ -1,172 +1,175 @@
-//! Which requests to start and which to cancel, frame by frame.
-//!
-//! In: [`TileRequest`] in order, the tree's states. Out: [`RequestPlan`]. Next: `stream` does it.
+//! Decides, frame by frame, which requests to start and which to cancel.
 
 use crate::{
     scene::{
         SceneTree, TileEvent, TileKey, TileState,
-        tile::{RETRY_AFTER_MOST, wait_after},
+        tile::{MAX_RETRY_AFTER, retry_delay},
     },
     select::priority::TileRequest,
 };
 use std::{collections::HashSet, time::Duration};
 
-/// Most requests in flight, of those at the beginning.
-const WINDOW_TIMES: usize = 4;
-/// A line that is as short as this is full with few requests.
-const NEAR: Duration = Duration::from_millis(10);
-/// Answers may take so much longer by chance.
+/// Most requests in flight, as a multiple of the initial limit.
+const MAX_LIMIT_FACTOR: usize = 4;
+/// A connection with responses as fast as this is busy with few requests.
+const FAST_RESPONSE: Duration = Duration::from_millis(10);
+/// Random variation of response times.
 const NOISE: Duration = Duration::from_millis(5);
 
-/// What to do in this frame.
+/// Requests to cancel and to start now.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct RequestPlan {
-    /// Under way, no longer wanted.
     pub cancel: Vec<TileKey>,
-    /// Wanted most, as many as may be in flight.
+    /// Most important first.
     pub start: Vec<TileKey>,
 }
 
-/// What is queued and what is under way.
+/// The tiles that are queued, and those whose requests are in flight.
 #[derive(Debug)]
 pub struct RequestQueue {
-    /// How many requests may be in flight.
     pub concurrency: ConcurrencyLimit,
-    queued: HashSet<TileKey>,
-    flying: HashSet<TileKey>,
-    /// Closed while the server does not answer.
     pub backoff: Backoff,
+    queued: HashSet<TileKey>,
+    in_flight: HashSet<TileKey>,
 }
 
 impl RequestQueue {
-    /// With `least` requests in flight to begin with.
-    pub fn new(least: usize) -> Self {
-        let concurrency = ConcurrencyLimit::new(least);
-        Self { concurrency, queued: HashSet::new(), flying: HashSet::new(), backoff: Backoff::default() }
+    /// With at most `limit` requests in flight to begin with.
+    pub fn new(limit: usize) -> Self {
+        Self {
+            concurrency: ConcurrencyLimit::new(limit),
+            backoff: Backoff::default(),
+            queued: HashSet::new(),
+            in_flight: HashSet::new(),
+        }
     }
 
-    /// Brings the tiles' states in line with `wanted`, and says what follows. `near`: what needs no network may start while
-    /// the server does not answer.
+    /// Brings the states of the tiles in line with `wanted`, and plans the requests. Tiles that are `is_local`, that is, can be had
+    /// without the network, may start even while the server does not respond.
     pub fn plan(
         &mut self,
         tree: &mut SceneTree,
         wanted: &[TileRequest],
         now: Duration,
-        near: impl Fn(TileKey) -> bool,
+        is_local: impl Fn(TileKey) -> bool,
     ) -> RequestPlan {
         let mut plan = RequestPlan::default();
-        let keys: HashSet<TileKey> = wanted.iter().map(|w| w.key).collect();
+        let keys: HashSet<TileKey> = wanted.iter().map(|request| request.key).collect();
         for key in self.queued.extract_if(|key| !keys.contains(key)) {
             tree.apply(key, TileEvent::Drop);
         }
-        for key in self.flying.extract_if(|key| !keys.contains(key)) {
+        for key in self.in_flight.extract_if(|key| !keys.contains(key)) {
             tree.apply(key, TileEvent::Drop);
             plan.cancel.push(key);
         }
         let limit = self.concurrency.limit();
-        let open = self.backoff.limit(now, limit);
+        let network_limit = self.backoff.limit(now, limit);
         for TileRequest { key, .. } in wanted {
             if tree.apply(*key, TileEvent::Want { now }) {
                 self.queued.insert(*key);
             }
-            let queued = tree.tile(*key).is_some_and(|tile| tile.state() == TileState::Queued);
-            let room = |limit: usize| self.flying.len() < limit;
-            let may_start = queued && (room(open) || open < limit && room(limit) && near(*key));
+            let is_queued = tree.tile(*key).is_some_and(|tile| tile.state() == TileState::Queued);
+            let is_below = |limit: usize| self.in_flight.len() < limit;
+            let may_start =
+                is_queued && (is_below(network_limit) || network_limit < limit && is_below(limit) && is_local(*key));
             if may_start && tree.apply(*key, TileEvent::Start) {
                 self.queued.remove(key);
-                self.flying.insert(*key);
+                self.in_flight.insert(*key);
                 plan.start.push(*key);
             }
         }
         plan
     }
 
-    /// A request is over, well or not.
-    pub fn finished(&mut self, key: TileKey) {
-        self.flying.remove(&key);
+    /// Records that a request has ended, successfully or not.
+    pub fn request_ended(&mut self, key: TileKey) {
+        self.in_flight.remove(&key);
     }
 }
 
-/// As many requests in flight as keep the line full: more while answers take no longer for it, fewer when they do. Every
-/// answer that is queued on the line delays what is wanted more by the time that it comes.
+/// Adapts the number of requests in flight to the connection: more while responses take no longer for it, fewer when they do.
+/// Each response that waits on the connection delays more important ones.
 #[derive(Debug)]
 pub struct ConcurrencyLimit {
-    least: usize,
+    min_limit: usize,
     limit: usize,
-    /// What an answer takes that waits for no other.
+    /// Duration of a response that waits for no other.
     fastest: Duration,
 }
 
 impl ConcurrencyLimit {
-    fn new(least: usize) -> Self {
-        let least = least.max(1);
-        Self { least, limit: least, fastest: Duration::MAX }
+    fn new(limit: usize) -> Self {
+        let min_limit = limit.max(1);
+        Self { min_limit, limit: min_limit, fastest: Duration::MAX }
     }
 
-    /// How many may be in flight.
+    /// Number of requests that may be in flight.
     pub fn limit(&self) -> usize {
         self.limit
     }
 
-    /// An answer came `took` after it was asked for.
+    /// Records a response that came `took` after its request.
     pub fn succeeded(&mut self, took: Duration) {
-        // Forgotten in time: the way may have become longer.
+        // The fastest response is forgotten gradually: the connection may have become slower.
         self.fastest = self.fastest.saturating_add(self.fastest / 256).min(took);
-        if self.fastest > NEAR && took < self.fastest + self.fastest / 2 + NOISE {
-            self.limit = (self.limit + 1).min(self.least * WINDOW_TIMES);
+        if self.fastest > FAST_RESPONSE && took < self.fastest + self.fastest / 2 + NOISE {
+            self.limit = (self.limit + 1).min(self.min_limit * MAX_LIMIT_FACTOR);
         } else if took > self.fastest * 3 + NOISE {
-            self.limit = (self.limit - 1).max(self.least);
+            self.limit = (self.limit - 1).max(self.min_limit);
         }
     }
 
-    /// A request failed for no fault of its own.
+    /// Records a request that failed through the fault of the network or the server.
     pub fn failed(&mut self) {
-        self.limit = (self.limit / 2).max(self.least);
+        self.limit = (self.limit / 2).max(self.min_limit);
     }
 }
 
-/// Keeps a dead or busy server from being asked by every tile at once: one request tries, the others wait.
+/// Protects a server that does not respond, or is overloaded: after a delay, one request tries, while the others wait.
 #[derive(Debug, Default)]
 pub struct Backoff {
     failures: u8,
-    open_at: Option<Duration>,
+    retry_at: Option<Duration>,
 }
 
 impl Backoff {
-    /// How many requests may be in flight.
+    /// Number of requests that may be in flight, of `limit`.
     fn limit(&self, now: Duration, limit: usize) -> usize {
-        match self.open_at {
-            Some(open_at) if now < open_at => 0,
+        match self.retry_at {
+            Some(retry_at) if now < retry_at => 0,
             Some(_) => 1,
             None => limit,
         }
     }
 
-    /// A request failed; requests that were sent together fail together and count once.
+    /// Records a failed request. Requests that started together fail together and count once.
     pub fn failed(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) {
-        if self.open_at.is_some_and(|open_at| now < open_at) {
+        if self.retry_at.is_some_and(|retry_at| now < retry_at) {
             return;
         }
         self.failures = self.failures.saturating_add(1);
-        let wait = retry_after.map_or_else(|| wait_after(self.failures, jitter), |wait| wait.min(RETRY_AFTER_MOST));
-        self.open_at = Some(now + wait);
+        let delay = retry_after.map_or_else(|| retry_delay(self.failures, jitter), |delay| delay.min(MAX_RETRY_AFTER));
+        self.retry_at = Some(now + delay);
     }
 
-    /// The server answers.
+    /// Records a response.
     pub fn succeeded(&mut self) {
         *self = Self::default();
     }
 
-    /// When the next request may start, if not now.
-    pub fn blocked_until(&self) -> Option<Duration> {
-        self.open_at
+    /// When the next request may start, while the server does not respond.
+    pub fn retry_at(&self) -> Option<Duration> {
+        self.retry_at
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{select::priority::PriorityGroup, test_support};
+    use crate::{
+        select::priority::{PriorityGroup, RequestReason},
+        test_support,
+    };
     use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
 
     fn tree() -> SceneTree {
@@ -187,8 +190,13 @@ mod tests {
     }
 
     fn wanted(quadrants: &[usize]) -> Vec<TileRequest> {
-        let key = |q: &usize| TileKey::block_map(TileId::ROOT.child(*q).unwrap());
-        quadrants.iter().map(|q| TileRequest { key: key(q), group: PriorityGroup::Normal, weight: 1.0 }).collect()
+        let request = |quadrant: &usize| TileRequest {
+            key: TileKey::block_map(TileId::ROOT.child(*quadrant).unwrap()),
+            group: PriorityGroup::Normal,
+            reason: RequestReason::Visible,
+            weight_px: 1.0,
+        };
+        quadrants.iter().map(request).collect()
     }
 
     #[test]
@@ -202,24 +210,21 @@ mod tests {
         let plan = queue.plan(&mut tree, &fewer, now, |_| false);
         assert_eq!((plan.cancel, plan.start), (vec![all[0].key], vec![fewer[1].key]));
         assert_eq!(tree.tile(all[0].key).unwrap().state(), TileState::Unknown);
-        assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Unknown, "queued and forgotten");
-        queue.finished(fewer[0].key);
+        assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Unknown, "no longer queued");
+        queue.request_ended(fewer[0].key);
         tree.apply(fewer[0].key, TileEvent::Refuse);
-        assert_eq!(
-            queue.plan(&mut tree, &fewer, now, |_| false),
-            RequestPlan::default(),
-            "bad tiles are not asked for again"
-        );
+        let plan = queue.plan(&mut tree, &fewer, now, |_| false);
+        assert_eq!(plan, RequestPlan::default(), "bad tiles are not requested again");
     }
 
     #[test]
-    fn a_dead_server_is_asked_by_one_request_at_a_time() {
+    fn dead_server_gets_one_request_at_a_time() {
         let (mut tree, mut queue, mut now) = (tree(), RequestQueue::new(4), Duration::from_secs(100));
         let all = wanted(&[0, 1, 2, 3]);
         assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start.len(), 4);
-        for want in &all {
-            queue.finished(want.key);
-            tree.apply(want.key, TileEvent::Fail { now, retry_after: None, jitter: 0.5 });
+        for request in &all {
+            queue.request_ended(request.key);
+            tree.apply(request.key, TileEvent::Fail { now, retry_after: None, jitter: 0.5 });
             queue.backoff.failed(now, None, 0.5);
         }
         assert_eq!(queue.backoff.failures, 1);
@@ -231,28 +236,28 @@ mod tests {
     }
 
     #[test]
-    fn more_requests_fly_while_that_delays_none() {
+    fn concurrency_grows_while_responses_are_not_delayed() {
         let ms = Duration::from_millis;
-        let mut window = ConcurrencyLimit::new(12);
-        (0..1000).for_each(|_| window.succeeded(ms(52)));
-        assert_eq!(window.limit(), 48);
-        (0..10).for_each(|_| window.succeeded(ms(400)));
-        assert_eq!(window.limit(), 38, "the line is full");
-        (0..10).for_each(|_| window.succeeded(ms(120)));
-        assert_eq!(window.limit(), 38);
-        (0..3).for_each(|_| window.failed());
-        assert_eq!(window.limit(), 12);
-        (0..1000).for_each(|_| window.succeeded(ms(1)));
-        assert_eq!(window.limit(), 12, "what is near is quick with few");
+        let mut limit = ConcurrencyLimit::new(12);
+        (0..1000).for_each(|_| limit.succeeded(ms(52)));
+        assert_eq!(limit.limit(), 48);
+        (0..10).for_each(|_| limit.succeeded(ms(400)));
+        assert_eq!(limit.limit(), 38, "responses queue on the connection");
+        (0..10).for_each(|_| limit.succeeded(ms(120)));
+        assert_eq!(limit.limit(), 38);
+        (0..3).for_each(|_| limit.failed());
+        assert_eq!(limit.limit(), 12);
+        (0..1000).for_each(|_| limit.succeeded(ms(1)));
+        assert_eq!(limit.limit(), 12, "few requests suffice for a nearby server");
     }
 
     #[test]
-    fn a_busy_server_is_left_alone_as_long_as_it_asks() {
-        let (mut gate, now) = (Backoff::default(), Duration::from_secs(100));
-        gate.failed(now, Some(Duration::from_secs(5)), 0.0);
-        assert_eq!(gate.limit(now + Duration::from_millis(4900), 8), 0);
-        assert_eq!(gate.limit(now + Duration::from_secs(5), 8), 1);
-        gate.failed(now + Duration::from_secs(6), Some(Duration::from_secs(9999)), 0.0);
-        assert_eq!(gate.limit(now + Duration::from_secs(66), 8), 1);
+    fn busy_server_gets_no_request_until_its_retry_after() {
+        let (mut backoff, now) = (Backoff::default(), Duration::from_secs(100));
+        backoff.failed(now, Some(Duration::from_secs(5)), 0.0);
+        assert_eq!(backoff.limit(now + Duration::from_millis(4900), 8), 0);
+        assert_eq!(backoff.limit(now + Duration::from_secs(5), 8), 1);
+        backoff.failed(now + Duration::from_secs(6), Some(Duration::from_secs(9999)), 0.0);
+        assert_eq!(backoff.limit(now + Duration::from_secs(66), 8), 1);
     }
 }

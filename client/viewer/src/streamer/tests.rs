@@ -2,12 +2,13 @@
 
 use super::*;
 use crate::{
-    scene::{TileKey, TileState},
+    scene::TileState,
     select::{
         priority::TileRequest,
         tests::{load, tree, view},
     },
 };
+use insula_protocol::TileId;
 
 /// Never responds, or always with an error.
 struct Unresponsive {
@@ -48,30 +49,31 @@ fn after_first_frame(fails: bool) -> (Streamer<Unresponsive>, FrameRequest) {
     let camera = view([1030.0, -10.0, 2.0], [1030.0, 3000.0, 2.0]).camera;
     let request = FrameRequest { camera, heading: None, size_px: [640, 360], tau_px: 1.0 };
     streamer.select_and_request(&request, NOW);
-    let squares: Vec<_> = streamer.selection.cut.iter().map(|item| item.square).collect();
-    let pixels = vec![9; squares.len()];
-    let query = OcclusionQuery { squares, view: streamer.view(&request, camera), generation: 1 };
+    let nodes: Vec<_> = streamer.selection.draw_tiles.iter().map(|tile| tile.node).collect();
+    let pixels = vec![9; nodes.len()];
+    let query = OcclusionQuery { nodes, view: streamer.view(&request, camera), generation: 1 };
     streamer.report_hits(&query, &pixels);
     (streamer, request)
 }
 
 /// Tiles that are wanted and not requested.
 fn waiting(streamer: &Streamer<Unresponsive>) -> Vec<TileRequest> {
-    let unknown = |w: &&TileRequest| streamer.tree.tile(w.key).is_some_and(|tile| tile.state() == TileState::Unknown);
-    streamer.selection.wanted.iter().filter(unknown).copied().collect()
+    let is_waiting =
+        |w: &&TileRequest| streamer.tree().tile(w.key).is_some_and(|tile| tile.state() == TileState::Unknown);
+    streamer.selection.requests.iter().filter(is_waiting).copied().collect()
 }
 
 #[test]
-fn possibly_occluded_tiles_wait_unless_the_source_does_not_respond() {
+fn occludable_tiles_wait_unless_the_source_does_not_respond() {
     let (mut streamer, request) = after_first_frame(false);
     streamer.select_and_request(&request, NOW);
-    let (waits, wanted) = (waiting(&streamer).len(), streamer.selection.wanted.len());
+    let (waits, wanted) = (waiting(&streamer).len(), streamer.selection.requests.len());
     assert!(waits * 2 > wanted && waits < wanted, "{waits} of {wanted} wait");
 
     let (mut streamer, request) = after_first_frame(true);
     streamer.select_and_request(&request, NOW);
-    assert!(streamer.downloads.poll(&mut streamer.tree, NOW).is_none());
+    assert!(streamer.downloads.poll(&mut streamer.tiles.tree, NOW).is_none());
     assert_eq!(streamer.downloads.failing_since(), Some(NOW));
     streamer.select_and_request(&request, NOW);
-    assert!(streamer.selection.wanted.len() * 2 > wanted && waiting(&streamer).is_empty());
+    assert!(streamer.selection.requests.len() * 2 > wanted && waiting(&streamer).is_empty());
 }

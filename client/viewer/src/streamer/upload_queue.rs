@@ -1,9 +1,9 @@
-//! Decoded tiles that wait for their place in the cache.
+//! Decoded tiles that wait for their upload to the cache.
 //!
-//! Bounded: [`UploadQueue::has_room`] tells whether further arrivals may be taken in. A frame uploads only as many bytes as it
-//! has time for.
+//! The queue is bounded: arrivals are taken in only while [`UploadQueue::has_room`]. A frame uploads only as many bytes as it has
+//! time for.
 
-use super::TileCounts;
+use super::tile_store::TileCounts;
 use crate::{
     cache::{AtlasCache, InsertResult, PAGE_BYTES, PackedTile, Upload},
     scene::{SceneTree, TileEvent, TileKey},
@@ -14,11 +14,11 @@ use std::{
     time::Duration,
 };
 
-/// Upload bandwidth that frames may use, in bytes a second.
+/// Bandwidth of uploads.
 const UPLOAD_BYTES_PER_SEC: f64 = 512e6;
-/// Least and most bytes of one frame. A single tile may exceed them.
+/// Least and most bytes that a frame may upload, whatever its duration. Its last tile may exceed them.
 const FRAME_BYTES: Range<f64> = 8e6..64e6;
-/// Bytes of decoded tiles that may wait.
+/// Bytes of waiting tiles above which no arrival is taken in.
 const CAPACITY_BYTES: u64 = 32 << 20;
 
 /// Decoded tiles in the order of their arrival.
@@ -63,7 +63,7 @@ impl UploadQueue {
         self.waiting.push_back((key, tile));
     }
 
-    /// Places as many tiles into the cache as the frame has time for, and returns them.
+    /// Moves as many tiles into the cache as the frame has time for. Returns their keys, also of tiles that did not fit.
     pub(super) fn flush(
         &mut self,
         target: UploadTarget<'_, impl Upload>,
@@ -72,16 +72,16 @@ impl UploadQueue {
     ) -> Vec<TileKey> {
         let UploadTarget { tree, cache, upload } = target;
         let secs = now.saturating_sub(self.uploaded_at).as_secs_f64();
-        let most = (secs * UPLOAD_BYTES_PER_SEC).clamp(FRAME_BYTES.start, FRAME_BYTES.end) as u64;
+        let max_bytes = (secs * UPLOAD_BYTES_PER_SEC).clamp(FRAME_BYTES.start, FRAME_BYTES.end) as u64;
         self.uploaded_at = now;
         let (mut bytes, mut keys) = (0, Vec::new());
-        while bytes < most
+        while bytes < max_bytes
             && let Some((key, tile)) = self.waiting.pop_front()
         {
             self.waiting_bytes -= bytes_of(&tile);
             bytes += bytes_of(&tile);
             let is_mesh = matches!(tile, PackedTile::Mesh(_));
-            let (event, evicted) = match cache.place(key, tile, upload) {
+            let (event, evicted) = match cache.insert(key, tile, upload) {
                 InsertResult::Inserted { evicted } => (TileEvent::Upload, evicted),
                 InsertResult::Full { evicted } => (TileEvent::Drop, evicted),
             };

@@ -16,14 +16,13 @@ fn what_is_hidden_is_neither_fetched_nor_drawn_finely() {
     let (mut few, mut sight) = (tree(), OcclusionFeedback::default());
     let selection = converge_looking(&mut few, &mut sight, &view, near);
     assert!(fetched(&few) * 2 < fetched(&all), "{} of {}", fetched(&few), fetched(&all));
-    assert!(selection.counters.hidden > 0 && sight.hits() > 0);
-    for item in &selection.cut {
-        let node = few.node(item.square);
-        let error_px =
-            error::error_px(node.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M);
+    assert!(selection.stats.not_visible > 0 && sight.hit_count() > 0);
+    for item in &selection.draw_tiles {
+        let node = few.node(item.node);
+        let error_px = ErrorMetric::new(&view).error_px(node.error_m, node.centre, node.radius_m);
         // What is seen is as good as without occlusion; what is not is within its own bound.
         if near(node.id) {
-            assert!(item.from == item.square && (error_px <= 1.0 || node.id.level() == DEPTH), "{}", node.id);
+            assert!(item.source == item.node && (error_px <= 1.0 || node.id.level() == DEPTH), "{}", node.id);
         }
     }
     // The wall falls: all of it comes, and the picture is that of the frustum alone.
@@ -67,7 +66,8 @@ fn nothing_that_was_seen_becomes_coarser_while_the_camera_stands() {
             let selection = super::super::select(&view, &tree, &sight, &mut SelectionScratch::default());
             assert_whole(&tree, &view, &selection, frame as usize);
             let id = |at: NodeIndex| tree.node(at).id;
-            let cut: Vec<[TileId; 2]> = selection.cut.iter().map(|item| [id(item.square), id(item.from)]).collect();
+            let cut: Vec<[TileId; 2]> =
+                selection.draw_tiles.iter().map(|item| [id(item.node), id(item.source)]).collect();
             let lies_in = |a: TileId, b: TileId| a.ancestor(b.level()) == Some(b);
             for [square, from] in &cut {
                 let coarser = |[other, fine]: &&[TileId; 2]| {
@@ -76,7 +76,7 @@ fn nothing_that_was_seen_becomes_coarser_while_the_camera_stands() {
                 let finer = seen.iter().find(coarser);
                 assert_eq!(finer, None, "of {seed} in frame {frame}: {square} is drawn from {from}");
             }
-            selection.wanted.iter().take(2).for_each(|w| load(&mut tree, w.key));
+            selection.requests.iter().take(2).for_each(|w| load(&mut tree, w.key));
             let hit = |id: TileId| {
                 let name = u64::from(id.x()) * 31 + u64::from(id.y()) * 17 + u64::from(id.level()) * 7;
                 (name ^ frame).wrapping_mul(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15)) >> 62 == 0
@@ -98,18 +98,19 @@ fn what_a_turn_brings_is_drawn_as_finely_as_it_is_here() {
     let mut sight = OcclusionFeedback::default();
     converge_looking(&mut tree, &mut sight, &north, |id| id.y().is_multiple_of(8));
     let selection = super::super::select(&north, &tree, &sight, &mut SelectionScratch::default());
-    assert!(selection.counters.hidden > 0 && selection.wanted.is_empty());
+    assert!(selection.stats.not_visible > 0 && selection.requests.is_empty());
     let turned = super::super::select(&east, &tree, &sight, &mut SelectionScratch::default());
     assert_whole(&tree, &east, &turned, 0);
-    assert!(turned.wanted.is_empty(), "what nobody has seen yet is not fetched");
+    assert!(turned.requests.is_empty(), "what nobody has seen yet is not fetched");
     let frustum = select(&east, &tree, &mut SelectionScratch::default());
     let new = |selection: &Selection| {
         let planes = north.planes();
         let outside = |item: &&DrawTile| {
-            let node = tree.node(item.square);
-            !cull::wholly_in_view(&planes, node.centre, node.half)
+            let node = tree.node(item.node);
+            !cull::is_box_inside_view(&planes, node.centre, node.half)
         };
-        let mut ids: Vec<TileId> = selection.cut.iter().filter(outside).map(|item| tree.node(item.from).id).collect();
+        let mut ids: Vec<TileId> =
+            selection.draw_tiles.iter().filter(outside).map(|item| tree.node(item.source).id).collect();
         ids.sort();
         ids
     };
@@ -130,7 +131,8 @@ fn what_was_seen_stays_as_fine_in_a_turn() {
         x < 1060.0 && x + side > 1000.0 && y < 1300.0 && y + side > 1015.0
     };
     let before = converge_looking(&mut tree, &mut sight, &north, near);
-    let seen = before.cut.iter().filter(|item| near(tree.node(item.square).id)).map(|item| tree.node(item.from).id);
+    let seen =
+        before.draw_tiles.iter().filter(|item| near(tree.node(item.node).id)).map(|item| tree.node(item.source).id);
     let seen: Vec<TileId> = seen.collect();
     assert!(seen.iter().filter(|id| id.level() == DEPTH).count() >= 4, "{seen:?}");
     let mut missing = 0;
@@ -139,11 +141,15 @@ fn what_was_seen_stays_as_fine_in_a_turn() {
         let turned = view(eye, [eye[0] + 1000.0 * sin, eye[1] + 1000.0 * cos, 20.0]);
         let after = super::super::select(&turned, &tree, &sight, &mut SelectionScratch::default());
         assert_whole(&tree, &turned, &after, 0);
-        missing += after.wanted.len();
+        missing += after.requests.len();
         let planes = turned.planes();
         for node in seen.iter().filter_map(|id| tree.find(*id)).map(|at| tree.node(at)) {
-            let drawn = after.cut.iter().any(|item| tree.node(item.from).id == node.id);
-            assert!(drawn || !cull::in_view(&planes, node.centre, node.half), "{} after {degrees} degrees", node.id);
+            let drawn = after.draw_tiles.iter().any(|item| tree.node(item.source).id == node.id);
+            assert!(
+                drawn || !cull::is_box_in_view(&planes, node.centre, node.half),
+                "{} after {degrees} degrees",
+                node.id
+            );
         }
     }
     assert!(missing > 0, "something that is not here comes into view");
@@ -161,11 +167,9 @@ fn what_was_seen_stays_as_fine_until_the_coarser_is_here() {
     look(&mut sight, &tree, &near, &select(&near, &tree, &mut SelectionScratch::default()), 0, hit);
     let before = converge_looking(&mut tree, &mut sight, &near, hit);
     let leaves: Vec<DrawTile> =
-        before.cut.iter().filter(|item| tree.node(item.from).id.level() == DEPTH).copied().collect();
+        before.draw_tiles.iter().filter(|item| tree.node(item.source).id.level() == DEPTH).copied().collect();
     assert!(leaves.len() > 5, "{}", leaves.len());
-    let px = |node: &TreeNode| {
-        error::error_px(node.error_m, node.centre, node.radius_m, near.camera.position, near.focal_px(), NEAR_M)
-    };
+    let px = |node: &TreeNode| ErrorMetric::new(&near).error_px(node.error_m, node.centre, node.radius_m);
     let mut waited = 0;
     for tau_px in [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0] {
         let back = View { tau_px, ..near };
@@ -173,13 +177,13 @@ fn what_was_seen_stays_as_fine_until_the_coarser_is_here() {
         assert_whole(&tree, &back, &after, 0);
         // Their parents would do and are not here; what is above those would not do.
         let waits = |item: &&DrawTile| {
-            let mut above = std::iter::successors(tree.node(item.square).parent, |at| tree.node(*at).parent);
+            let mut above = std::iter::successors(tree.node(item.node).parent, |at| tree.node(*at).parent);
             let parent = above.next().map(|at| tree.node(at));
             parent.is_some_and(|parent| px(parent) <= tau_px && !parent.tile.is_resident())
                 && above.next().is_some_and(|at| px(tree.node(at)) > tau_px)
         };
         for item in leaves.iter().filter(waits) {
-            assert!(after.cut.contains(item), "{} at {tau_px}", tree.node(item.square).id);
+            assert!(after.draw_tiles.contains(item), "{} at {tau_px}", tree.node(item.node).id);
             waited += 1;
         }
     }

@@ -8,32 +8,30 @@ fn near_leaves_are_drawn_as_meshes_as_fine_as_they_must_be() {
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
     let view = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
     let (_, selection) = converge(&mut tree, &view, 3);
-    let px = |node: &TreeNode, error_m: f64| {
-        error::error_px(error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
-    };
+    let px = |node: &TreeNode, error_m: f64| ErrorMetric::new(&view).error_px(error_m, node.centre, node.radius_m);
     let mut drawn = [0; 4];
-    for item in selection.cut.iter().filter(|item| tree.node(item.square).id.level() == DEPTH) {
-        let node = tree.node(item.square);
+    for item in selection.draw_tiles.iter().filter(|item| tree.node(item.node).id.level() == DEPTH) {
+        let node = tree.node(item.node);
         let wanted = match px(node, node.error_m) > 1.0 {
             true => Some(node.lods.iter().rposition(|lod| px(node, lod.error_m) <= 1.0).unwrap_or(0) as u8),
             false => None,
         };
-        assert_eq!(item.mesh, wanted, "{}", node.id);
-        drawn[item.mesh.map_or(3, usize::from)] += 1;
+        assert_eq!(item.mesh_lod, wanted, "{}", node.id);
+        drawn[item.mesh_lod.map_or(3, usize::from)] += 1;
     }
     assert!(drawn.iter().all(|n| *n > 0), "{drawn:?}");
-    assert_eq!(selection.counters.meshes, drawn[..3].iter().sum::<u32>());
-    assert_eq!(selection.used_meshes.len() as u32, selection.counters.meshes);
+    assert_eq!(selection.stats.meshes, drawn[..3].iter().sum::<u32>());
+    assert_eq!(selection.used_meshes.len() as u32, selection.stats.meshes);
     // A finer one that is here serves as well: nothing is fetched on the way back.
     let back = super::view([1030.0, 950.0, 25.0], [1030.0, 3000.0, 20.0]);
     let behind = select(&back, &tree, &mut SelectionScratch::default());
-    assert!(behind.wanted.iter().all(|w| {
+    assert!(behind.requests.iter().all(|w| {
         tree.find(w.key.id).is_none_or(|at| tree.node(at).lods.iter().all(|lod| !lod.tile.is_resident()))
     }));
     // Less memory: never over the budget, and tau says so.
     let tight = View { budget_pages: 500, ..view };
     let selection = select(&tight, &tree, &mut SelectionScratch::default());
-    assert!(selection.counters.pages <= 500 && selection.counters.tau_px > 1.0, "{:?}", selection.counters);
+    assert!(selection.stats.pages <= 500 && selection.stats.tau_px > 1.0, "{:?}", selection.stats);
     let mut plain = SceneTree::new(manifest(DEPTH)).with_meshes(false);
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| plain.merge(&with_meshes(s)));
     assert!(plain.nodes().iter().all(|node| node.lods.is_empty()));
@@ -53,34 +51,32 @@ fn seen_leaves_go_without_columns() {
     load(&mut tree, TileKey::block_map(TileId::ROOT));
     look(&mut sight, &tree, &near, &select(&near, &tree, &mut SelectionScratch::default()), 0, hit);
     let selection = converge_looking(&mut tree, &mut sight, &near, hit);
-    let px = |node: &TreeNode, view: &View| {
-        error::error_px(node.error_m, node.centre, node.radius_m, view.camera.position, view.focal_px(), NEAR_M)
-    };
+    let px = |node: &TreeNode, view: &View| ErrorMetric::new(&view).error_px(node.error_m, node.centre, node.radius_m);
     let mut meshes = 0;
-    for item in &selection.cut {
-        let node = tree.node(item.square);
-        let mesh = hit(node.id) && node.id.level() == DEPTH && px(node, &near) > 1.0 && item.square != lost;
-        assert_eq!(item.mesh.is_some(), mesh, "{}", node.id);
-        assert!(!mesh || item.from != item.square && !node.tile.is_resident(), "{} has columns, too", node.id);
-        assert_eq!(selection.meshed.contains(&item.square), mesh);
+    for item in &selection.draw_tiles {
+        let node = tree.node(item.node);
+        let mesh = hit(node.id) && node.id.level() == DEPTH && px(node, &near) > 1.0 && item.node != lost;
+        assert_eq!(item.mesh_lod.is_some(), mesh, "{}", node.id);
+        assert!(!mesh || item.source != item.node && !node.tile.is_resident(), "{} has columns, too", node.id);
+        assert_eq!(selection.mesh_leaves.contains(&item.node), mesh);
         meshes += u32::from(mesh);
     }
-    assert!(meshes > 5 && selection.counters.meshes == meshes, "{meshes}");
+    assert!(meshes > 5 && selection.stats.meshes == meshes, "{meshes}");
     // The same columns tell of their sky, whatever else comes.
     let mut full = tree.clone();
     let missing: Vec<TileKey> =
         full.nodes().iter().filter(|n| !n.tile.is_resident()).map(|n| TileKey::block_map(n.id)).collect();
     missing.into_iter().for_each(|key| load(&mut full, key));
     let of_meshes = |tree: &SceneTree, selection: &Selection| {
-        let meshes = selection.cut.iter().filter(|item| item.mesh.is_some());
-        meshes.map(|item| [item.square, item.from].map(|at| tree.node(at).id)).collect::<HashSet<_>>()
+        let meshes = selection.draw_tiles.iter().filter(|item| item.mesh_lod.is_some());
+        meshes.map(|item| [item.node, item.source].map(|at| tree.node(at).id)).collect::<HashSet<_>>()
     };
     let told = of_meshes(&tree, &selection);
     assert!(told.iter().all(|[leaf, by]| leaf.ancestor(DEPTH - 2) == Some(*by)), "{told:?}");
     let after = crate::select::select(&near, &full, &sight, &mut SelectionScratch::default());
     assert!(told.is_subset(&of_meshes(&full, &after)));
     // Their parents are passed over, but for those that were wanted before anybody saw what is in them.
-    let meshed = selection.meshed.iter().filter_map(|at| tree.node(*at).parent);
+    let meshed = selection.mesh_leaves.iter().filter_map(|at| tree.node(*at).parent);
     let passed_over = meshed.filter(|at| !tree.node(*at).tile.is_resident()).count() as u32;
     assert!(passed_over * 4 > meshes, "{passed_over} of {meshes}");
     assert!(tree.node(lost).tile.is_resident(), "no mesh: its columns");
@@ -89,16 +85,16 @@ fn seen_leaves_go_without_columns() {
     let back = View { tau_px: 40.0, ..near };
     let first = crate::select::select(&back, &tree, &sight, &mut SelectionScratch::default());
     assert_whole(&tree, &back, &first, 0);
-    let waits = |item: &&DrawTile| tree.node(item.square).id.level() == DEPTH && item.mesh.is_some();
+    let waits = |item: &&DrawTile| tree.node(item.node).id.level() == DEPTH && item.mesh_lod.is_some();
     let waiting: Vec<&DrawTile> =
-        first.cut.iter().filter(waits).filter(|i| px(tree.node(i.square), &back) <= 40.0).collect();
-    let wanted = |at: NodeIndex| first.wanted.iter().any(|w| w.key == TileKey::block_map(tree.node(at).id));
+        first.draw_tiles.iter().filter(waits).filter(|i| px(tree.node(i.node), &back) <= 40.0).collect();
+    let wanted = |at: NodeIndex| first.requests.iter().any(|w| w.key == TileKey::block_map(tree.node(at).id));
     // Or what they lie in, if that would do.
-    let comes = |item: &&DrawTile| wanted(item.square) || tree.node(item.square).parent.is_some_and(wanted);
+    let comes = |item: &&DrawTile| wanted(item.node) || tree.node(item.node).parent.is_some_and(wanted);
     assert!(waiting.iter().all(comes), "{}", waiting.len());
-    let waiting: Vec<NodeIndex> = waiting.iter().map(|item| item.square).filter(|at| wanted(*at)).collect();
+    let waiting: Vec<NodeIndex> = waiting.iter().map(|item| item.node).filter(|at| wanted(*at)).collect();
     assert!(!waiting.is_empty());
     let rest = converge_looking(&mut tree, &mut sight, &back, hit);
-    let columns = |item: &&DrawTile| waiting.contains(&item.square);
-    assert!(rest.cut.iter().filter(columns).all(|item| item.mesh.is_none() && item.from == item.square));
+    let columns = |item: &&DrawTile| waiting.contains(&item.node);
+    assert!(rest.draw_tiles.iter().filter(columns).all(|item| item.mesh_lod.is_none() && item.source == item.node));
 }

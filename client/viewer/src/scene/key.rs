@@ -1,0 +1,40 @@
+//! Names of tiles.
+
+use insula_protocol::{TileId, TileKind};
+
+/// Names a tile: a V-BlockMap, a subtree, or a level of detail of a mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TileKey {
+    /// 0 for V-BlockMaps, 1 for subtrees, 2 for meshes: the first criterion of the order.
+    kind: u8,
+    /// The node; for a subtree, its root.
+    pub id: TileId,
+    /// Level of detail of a mesh, 0 being the finest; 0 for other tiles.
+    pub lod: u8,
+}
+
+impl TileKey {
+    /// A node's V-BlockMap.
+    pub const fn block_map(id: TileId) -> Self {
+        Self { kind: 0, id, lod: 0 }
+    }
+
+    /// The subtree below a node.
+    pub const fn subtree(id: TileId) -> Self {
+        Self { kind: 1, id, lod: 0 }
+    }
+
+    /// A level of detail of a leaf's mesh.
+    pub const fn mesh(id: TileId, lod: u8) -> Self {
+        Self { kind: 2, id, lod }
+    }
+
+    /// The archive that holds the tile.
+    pub const fn layer(self) -> TileKind {
+        match self.kind {
+            0 => TileKind::BlockMap,
+            1 => TileKind::Subtree,
+            _ => TileKind::Mesh,
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! The tiles of a session: the scene tree, the cache, and decoded tiles on their way to them.
+
+use super::{
+    downloads::{Arrival, Downloads, TileFetcher},
+    pending_subtrees::PendingSubtrees,
+    upload_queue::{UploadQueue, UploadTarget},
+};
+use crate::{
+    cache::{AtlasCache, PackedTile, Upload},
+    scene::{SceneTree, TileKey},
+};
+use serde::Serialize;
+use std::time::Duration;
+
+/// Share of the cache that prefetching leaves free.
+const SPARE_SHARE: f64 = 0.1;
+
+/// Tiles that became resident, by kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct TileCounts {
+    pub blockmaps: u64,
+    pub subtrees: u64,
+    /// Meshes of leaves; each level of detail counts.
+    pub meshes: u64,
+    /// Tiles that were given up: missing on the server, or damaged repeatedly.
+    pub bad: u64,
+}
+
+pub(super) struct TileStore {
+    pub(super) tree: SceneTree,
+    pub(super) cache: AtlasCache,
+    pub(super) uploads: UploadQueue,
+    pub(super) counts: TileCounts,
+    pending_subtrees: PendingSubtrees,
+}
+
+/// Result of [`TileStore::receive`].
+pub(super) struct Received {
+    pub(super) has_tiles: bool,
+    /// Nodes became known.
+    pub(super) has_nodes: bool,
+}
+
+impl TileStore {
+    /// A store with an empty cache of `pages` pages.
+    pub(super) fn new(tree: SceneTree, pages: u32) -> Self {
+        Self {
+            tree,
+            cache: AtlasCache::new(pages),
+            uploads: UploadQueue::default(),
+            counts: TileCounts::default(),
+            pending_subtrees: PendingSubtrees::default(),
+        }
+    }
+
+    /// Takes in what has arrived: merges subtrees into the tree, and queues other tiles for their upload.
+    pub(super) fn receive<F: TileFetcher>(&mut self, downloads: &mut Downloads<F>, now: Duration) -> Received {
+        let known_nodes = self.tree.nodes().len();
+        let mut has_tiles = false;
+        while self.uploads.has_room()
+            && let Some(arrival) = downloads.poll(&mut self.tree, now)
+        {
+            has_tiles = true;
+            match arrival {
+                Arrival::Subtree(key, subtree) => {
+                    self.counts.subtrees += self.pending_subtrees.push(key, subtree, &mut self.tree);
+                }
+                Arrival::Node(key, node) => {
+                    self.tree.set_pages(key.id, node.pages.len() as u32);
+                    self.uploads.push(key, PackedTile::Node(node));
+                }
+                Arrival::Mesh(key, mesh) => {
+                    self.tree.set_mesh_pages(key, mesh.pages.len() as u32);
+                    self.uploads.push(key, PackedTile::Mesh(mesh));
+                }
+            }
+        }
+        Received { has_tiles, has_nodes: self.tree.nodes().len() > known_nodes }
+    }
+
+    /// Uploads as many tiles as a frame has time for. Returns their keys.
+    pub(super) fn upload(&mut self, upload: &mut impl Upload, now: Duration) -> Vec<TileKey> {
+        let target = UploadTarget { tree: &mut self.tree, cache: &mut self.cache, upload };
+        self.uploads.flush(target, &mut self.counts, now)
+    }
+
+    /// Pages that prefetching may fill.
+    pub(super) fn spare_pages(&self) -> u32 {
+        let reserved = (SPARE_SHARE * f64::from(self.cache.capacity_pages())) as u32;
+        self.cache.free_pages().saturating_sub(reserved).saturating_sub(self.uploads.pages())
+    }
+}
