@@ -1,7 +1,7 @@
 //! Triangle meshes: a half-edge structure, and a codec of a few bits per triangle (`docs/formats.md`, "Meshes").
 //!
 //! The codec writes connectivity first and then positions and attributes in the traversal order of the triangles. Each
-//! part is one function that both writes and reads, over a [`SymbolCoder`](crate::codec::rans::SymbolCoder).
+//! part is one function that both writes and reads, over a `SymbolCoder`.
 
 mod active_lists;
 mod architectural_positions;

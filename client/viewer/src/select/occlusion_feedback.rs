@@ -1,11 +1,11 @@
 //! Occlusion feedback: which nodes the rays of the last frames hit, and so which nodes are occluded.
 //!
 //! For each frame, the ray-caster counts the pixels that hit each node of the draw list. [`OcclusionFeedback::update`] takes the
-//! counts in; [`OcclusionFeedback::visibility`] tells what follows for a node:
+//! counts in; `OcclusionFeedback::visibility` tells what follows for a node:
 //!
 //! | visibility | condition |
 //! |---|---|
-//! | visible | a ray hit it, or something in it, in one of the last [`LINGER_FRAMES`] frames; while the camera is still, see below |
+//! | visible | a ray hit it, or something in it, in one of the last `LINGER_FRAMES` frames; while the camera is still, see below |
 //! | unknown | it lies next to a node that was hit recently, and the camera moves; or it was not wholly inside the last frame, and the camera has moved; or it was not drawn in the last frame, but lies in a node that is not occluded |
 //! | occluded | it was drawn in the last frame and not hit; or it was not drawn, but lies in an occluded node |
 //!

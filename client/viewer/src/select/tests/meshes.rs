@@ -51,7 +51,7 @@ fn seen_leaves_go_without_columns() {
     load(&mut tree, TileKey::block_map(TileId::ROOT));
     look(&mut sight, &tree, &near, &select(&near, &tree, &mut SelectionScratch::default()), 0, hit);
     let selection = converge_looking(&mut tree, &mut sight, &near, hit);
-    let px = |node: &TreeNode, view: &View| ErrorMetric::new(&view).error_px(node.error_m, node.centre, node.radius_m);
+    let px = |node: &TreeNode, view: &View| ErrorMetric::new(view).error_px(node.error_m, node.centre, node.radius_m);
     let mut meshes = 0;
     for item in &selection.draw_tiles {
         let node = tree.node(item.node);
