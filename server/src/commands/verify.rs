@@ -7,10 +7,7 @@ use insula_protocol::{
     subtree::{MeshLod, NodeInfo},
     tile,
 };
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    io::Cursor,
-};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Runs `verify` and prints the faults, one per line. Fails if the city cannot be opened or has faults.
 pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
@@ -141,13 +138,7 @@ fn check_mesh(id: TileId, number: u8, bytes: &[u8], listed: &MeshLod) -> Result<
     if found != expected {
         return Err(format!("{found:?} bytes, triangles and pixels, its subtree lists {expected:?}"));
     }
-    let Some(texture) = tile.texture else { return Ok(()) };
-    let reader = image::ImageReader::new(Cursor::new(&texture.bytes)).with_guessed_format();
-    let size = reader.map_err(|error| error.to_string())?.into_dimensions().map_err(|error| error.to_string())?;
-    if size != (texture.size_px[0].into(), texture.size_px[1].into()) {
-        return Err(format!("its texture has {size:?} pixels, its header says {:?}", texture.size_px));
-    }
-    image::load_from_memory(&texture.bytes).map(drop).map_err(|error| error.to_string())
+    tile.texture.map_or(Ok(()), |texture| texture.decode().map(drop).map_err(|error| error.to_string()))
 }
 
 /// Checks that nodes and V-BlockMaps are the same set with the same sizes, and that no node's error exceeds its parent's.

@@ -4,10 +4,12 @@
 //! signal-to-noise ratio (PSNR) over the texels that triangles show. Textures with few colours are also tried without
 //! loss.
 
-use std::{collections::HashSet, io::Cursor};
+use std::collections::HashSet;
 
-use image::ImageFormat;
-use insula_protocol::{blockmap::Quality, mesh_tile::MAX_PART_BYTES};
+use insula_protocol::{
+    blockmap::Quality,
+    mesh_tile::{MAX_PART_BYTES, decode_webp},
+};
 use webp::{Encoder, WebPConfig};
 
 /// Decibels that textures may lose more than columns. Their texels are finer, and their errors are averaged on the
@@ -110,9 +112,7 @@ impl MaskedTexture<'_> {
 
     /// PSNR of the shown texels, decoded as the client will decode them.
     fn psnr_db(&self, file: &[u8]) -> Option<f64> {
-        let mut reader = image::ImageReader::new(Cursor::new(file));
-        reader.set_format(ImageFormat::WebP);
-        let decoded = reader.decode().ok()?.into_rgb8();
+        let decoded = decode_webp(file, self.size).ok()?;
         let (mut squares, mut count) = (0u64, 0u64);
         let texels = self.rgb.as_chunks::<3>().0.iter().zip(decoded.as_chunks::<3>().0);
         for ((a, b), _) in texels.zip(self.is_shown).filter(|(_, is_shown)| **is_shown) {
