@@ -1,6 +1,4 @@
 //! A baked city's meshes, drawn by the client's rule or all at one level of detail.
-//!
-//! In: a baked city, a camera. Out: a cut with meshes. Next: what compares pictures.
 
 use crate::{
     baked::Baked,

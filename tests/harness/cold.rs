@@ -1,6 +1,4 @@
 //! A client in memory, whose tiles come so many a frame, at its own time: cold at first, converged at last.
-//!
-//! In: a baked city, a view a frame. Out: the frame's arrays, or its picture. Next: what compares consecutive pictures.
 
 use crate::baked::Baked;
 use anyhow::{Context, Result};

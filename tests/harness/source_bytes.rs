@@ -1,7 +1,5 @@
 //! What of a city's own files belongs to some of its leaves.
 //!
-//! In: city files, where leaves lie. Out: [`SourceBytes`] of any set of leaves. Next: what compares them with what was fetched.
-//!
 //! A face belongs to a leaf if any of it lies in the leaf's square, borders included.
 //!
 //! - **OBJ**: a leaf's faces, each with all of its line, and the lines of the vertices, texture coordinates and normals that

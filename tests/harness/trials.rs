@@ -1,6 +1,4 @@
 //! Tests with and without a graphics device in one program.
-//!
-//! In: tests. Out: what libtest would say, those that need a device ignored where there is none. Next: whoever runs them.
 
 use crate::gpu::{Gpu, adapter_is_required};
 use anyhow::Result;

@@ -1,7 +1,7 @@
 //! Reads city files of several formats into one city.
 //!
-//! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`]. Next:
-//! `partition`.
+//! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
+//! Next: `partition`.
 
 mod cityjson;
 mod context;

@@ -1,8 +1,8 @@
 //! Writes the final files of a city.
 //!
 //! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are meshes, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder. Next:
-//! `ScratchFolder::publish` renames them to the output.
+//! `meshes.pmtiles` if there are meshes, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder.
+//! Next: `ScratchFolder::publish` renames them to the output.
 
 use std::{
     collections::HashMap,
