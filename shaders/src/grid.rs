@@ -5,7 +5,8 @@
 //! the cost of a step does not depend on the depth of the city's tree. The finer levels reach only as far as the draw
 //! list has mixed squares.
 //!
-//! A node may lie in the square of a coarser one: the finer one is drawn there, the coarser one in the rest of its square.
+//! A node may lie in the square of a coarser one. The finer one is drawn there, the coarser one in the rest of its
+//! square.
 //!
 //! A square that cross-fades has two nodes and a share. Each ray sees one of the two, chosen by the ray's threshold. So
 //! there are no holes, and no node is seen through another.

@@ -118,8 +118,8 @@ fn column_sky(ray: &mut Ray<'_>, node: &DrawNode, cell: IVec2, z: f32, upwards: 
         if !near_top {
             return Vec2::ZERO;
         }
-        // The occlusion of walls does not apply to roofs. That of a roof applies to walls with a small weight, and halved,
-        // because walls see half of the sky.
+        // The occlusion of walls does not apply to roofs. That of a roof applies to walls with a small weight, and
+        // halved, because walls see half of the sky.
         let known = if upwards > ROOF_NORMAL_Z { Vec2::ONE } else { Vec2::new(0.5, ROOF_WEIGHT_ON_WALL) };
         return Vec2::new(ao(ray.read_word(planes[ROOF_PLANE] + i)), 1.0) * known;
     }
