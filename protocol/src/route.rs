@@ -48,7 +48,7 @@ pub struct TileRoute<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum RouteError {
     /// The path has the shape of no address.
-    #[error("no address has this shape")]
+    #[error("the path matches no route")]
     Unknown,
     /// The path has the shape of a tile's address, but its numbers are invalid.
     #[error("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3")]

@@ -98,7 +98,7 @@ impl ReloadTask {
         }
         let failures: BTreeSet<String> = found.failures.iter().map(ToString::to_string).collect();
         for failure in failures.difference(&self.known_failures) {
-            tracing::error!(failure, "cannot open a city: the version that is served stays");
+            tracing::error!(failure, "cannot open a city: its current version stays in use");
             self.state.metrics().reloaded("failed");
         }
         self.known_failures = failures;

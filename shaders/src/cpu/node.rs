@@ -8,8 +8,8 @@ use crate::layout::{DrawNode, PAGE_WORDS, QUARTER_MAX, SUMMARY_WORDS};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::NODE_CELLS;
 
-/// Makes `ray.node` and returns where the ray is between the node's lowest and highest point; the first is larger if
-/// nowhere.
+/// Sets `ray.node`, and returns the interval of the ray between the node's lowest and highest point. Empty if the first
+/// value is larger.
 #[inline]
 pub(super) fn enter_node(ray: &mut Ray<'_>, index: u32, t_in: f32, t_out: f32) -> [f32; 2] {
     let Some(node) = ray.scene.nodes.get(index as usize) else { return [1.0, 0.0] };

@@ -46,7 +46,7 @@ struct GridWalk {
     t: f32,
     /// Entries of the grid that were read.
     steps: u32,
-    /// No further square is to be read.
+    /// Whether the walk has ended.
     done: bool,
 }
 
@@ -90,7 +90,7 @@ struct CellCrossing {
 /// Highest points of a block's quads of 2 x 2 cells, in height codes.
 #[derive(Debug, Clone, Copy, Default)]
 struct QuadTops {
-    /// Of the block, with a margin of one code, so that rounding hides nothing.
+    /// Highest point of the block, with a margin of one code for rounding.
     lowest: f32,
     highest: f32,
     /// Height of one unit of a quad's six bits.

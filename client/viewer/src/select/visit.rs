@@ -18,7 +18,7 @@
 //! | unknown | otherwise | draw as it is | the next frame's rays tell whether it is visible |
 //! | occluded | the camera is still, and a ray has hit it since | refine into known children | drawn coarser, it would show above its occluder, be hit, become finer, be occluded again, and so on |
 //! | occluded | the camera moves, and the error is over 64 tau | refine | it may come into view: it must not be coarser than that |
-//! | occluded | otherwise | draw as it is | nobody sees it |
+//! | occluded | otherwise | draw as it is | it is not visible |
 //!
 //! A leaf with a mesh that is not visible is drawn as it is. A node that should be refined is drawn as it is, too, if
 //!

@@ -1,4 +1,4 @@
-//! What a session tells about itself.
+//! The state of a session.
 
 use super::{
     Streamer,

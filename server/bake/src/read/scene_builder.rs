@@ -34,7 +34,7 @@ struct PendingObject {
     anchor: [f64; 3],
     /// Minimum of the corners relative to the anchor.
     min: [f32; 3],
-    /// Maximum likewise.
+    /// Maximum of the corners relative to the anchor.
     max: [f32; 3],
     triangles: u64,
 }

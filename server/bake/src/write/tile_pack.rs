@@ -59,7 +59,7 @@ pub(crate) struct EncodedTile {
     pub(crate) id: TileId,
     /// Lowest point of the node and its descendants, metres above the city's origin.
     pub(crate) z_min_m: f32,
-    /// Highest point likewise.
+    /// Highest point of the node and its descendants, metres above the city's origin.
     pub(crate) z_max_m: f32,
     pub(crate) bytes: Vec<u8>,
 }
