@@ -41,6 +41,7 @@ pub(super) fn planes_of(node: &DrawNode) -> [usize; 4] {
 }
 
 /// Highest point, with a margin of one code, of the quarters of a node that a ray crosses between two places in it.
+#[inline]
 fn highest_on(node: &DrawNode, a: Vec2, b: Vec2) -> f32 {
     let half = NODE_CELLS as f32 / 2.0;
     let quarter = |p: Vec2| usize::from(p.x >= half) + 2 * usize::from(p.y >= half);
