@@ -2,7 +2,7 @@
 
 use crate::view::{Camera, Picture};
 use glam::{DVec3, Vec2, Vec3};
-use insula_protocol::{BlockMap, NODE_CELLS, TileId};
+use insula_protocol::{BlockMap, NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     cpu::raycast::{self, Pixels, SceneRef},
     grid::{self, GridBuilder},
@@ -10,9 +10,6 @@ use insula_shaders::{
     mesh::{PackedMesh, leaf_offset},
     pack::PackedNode,
 };
-
-/// Half the diagonal of a cube of side 1: a voxel's error.
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
 /// Where a city lies.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -157,7 +154,7 @@ impl Cut {
             root_corner: DVec3::from(self.place.origin) - DVec3::from(p),
             root_side_m: self.place.root_side_m,
             // For a tolerance of one pixel; only a hint.
-            root_distance_m: HALF_DIAGONAL * self.place.root_side_m / NODE_CELLS as f64 * focal_px,
+            root_distance_m: voxel_error_m(self.place.root_side_m / NODE_CELLS as f64) * focal_px,
         };
         let mut builder = GridBuilder::default();
         let grid = builder.build_fading(&place, &ids, &shares, &nodes);

@@ -1,6 +1,6 @@
 //! A slow link: a TCP proxy with a bandwidth shared by all connections and a delay each way.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use std::{
     io,
     net::SocketAddr,
@@ -53,9 +53,8 @@ pub struct Proxy {
 
 impl Proxy {
     /// Listens on a free port and forwards to `upstream`, which need not be there all the time.
-    pub fn start(upstream: &str, link: Link) -> Result<Self> {
+    pub fn start(upstream: SocketAddr, link: Link) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-        let upstream = upstream.parse().with_context(|| upstream.to_owned())?;
         let shared = Arc::new(Shared {
             upstream,
             link,

@@ -4,7 +4,7 @@
 use anyhow::{Context, Result, ensure};
 use insula_tests::{
     fixtures,
-    programs::{Served, program, run},
+    programs::{ServerProcess, program, run},
 };
 use serde_json::{Value, json};
 use std::{
@@ -281,7 +281,7 @@ fn a_damaged_city_is_still_drawn_where_it_is_whole() -> Result<()> {
     let at = bytes.len() - 40;
     bytes[at] ^= 0x20;
     fs::write(&path, &bytes)?;
-    let server = Served::start(&city, "127.0.0.1:0")?;
+    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
     let camera = json!({ "position": [84140.0, 446900.0, 120.0], "target": [84140.0, 447140.0, 0.0],
         "up": [0, 0, 1], "fov_y_deg": 60 });
     let camera = bench.write("camera.json", camera.to_string())?;
@@ -314,15 +314,17 @@ fn addresses_that_lead_nowhere() -> Result<()> {
     let mute = TcpListener::bind("127.0.0.1:0")?;
     fails("nobody answers", &snapshot(&bench, &format!("http://{}", mute.local_addr()?), &camera)?)?;
     let city = town(&bench)?;
-    let server = Served::start(&city, "127.0.0.1:0")?;
+    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
     fails("no such city", &snapshot(&bench, &format!("http://{}/v1/cities/atlantis", server.address), &camera)?)?;
     let broken = bench.write("broken.json", "{\"position\":[0,0")?;
     let output = snapshot(&bench, &format!("http://{}", server.address), &broken)?;
     ensure!(output.status.code() == Some(2) && output.stderr.starts_with(b"error: "), "a camera cut short: {output:?}");
-    let taken =
-        run(Command::new(program("insula-server")?).arg("serve").arg(&city).args(["--listen", &server.address]))?;
+    let taken = run(Command::new(program("insula-server")?)
+        .arg("serve")
+        .arg(&city)
+        .args(["--listen", &server.address.to_string()]))?;
     let line = fails("a port in use", &taken)?;
-    ensure!(line.contains(&server.address), "{line}");
+    ensure!(line.contains(&server.address.to_string()), "{line}");
     ensure!(!bench.path("a.png").exists(), "a picture of nothing was written");
     Ok(())
 }

@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use insula_tests::{
     fixtures,
-    programs::Served,
+    programs::ServerProcess,
     proxy::{Link, Proxy},
     twin,
     viewer::{Viewer, overlook},
@@ -16,15 +16,15 @@ const LINK: Link = Link { bits_per_sec: 1.5e6, round_trip: Duration::from_millis
 #[test]
 fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
     let city = fixtures::baked_chiba()?;
-    let server = Served::start(&city, "127.0.0.1:0")?;
-    let address = server.address.clone();
-    let proxy = Proxy::start(&address, LINK)?;
+    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
+    let address = server.address;
+    let proxy = Proxy::start(address, LINK)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     viewer.until(Duration::from_secs(30), |viewer| {
         Ok(viewer.session.selection().stats.drawn >= 4 && viewer.loading().len() >= 4)
     })?;
-    server.kill()?;
+    drop(server);
     let (before, begin) = (viewer.session.selection().stats, Instant::now());
     while begin.elapsed() < Duration::from_secs(2) {
         viewer.step()?;
@@ -34,11 +34,11 @@ fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
     ensure!(!viewer.session.is_settled(), "nothing was in flight when the server was killed");
     let picture = viewer.draw()?;
     ensure!(picture.distance.iter().any(|d| d.is_finite()), "nothing is drawn while the server is away");
-    let _server = Served::start(&city, &address)?;
+    let _server = ServerProcess::serve(&city, &address.to_string())?;
     viewer.until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))?;
     ensure!(viewer.session.report(1.0).tiles.bad == 0, "tiles were given up");
     // As good as if nothing had happened.
-    let undisturbed = Served::start(&city, "127.0.0.1:0")?;
+    let undisturbed = ServerProcess::serve(&city, "127.0.0.1:0")?;
     let mut other = Viewer::connect(&format!("http://{}", undisturbed.address), |manifest| overlook(manifest, false))?;
     other.until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))?;
     let difference = twin::compare(&other.draw()?, &viewer.draw()?);

@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 use insula_shaders::{cpu::raycast::Pixels, layout::NO_NODE};
 use insula_tests::{
     fixtures,
-    programs::Served,
+    programs::ServerProcess,
     proxy::{Link, Proxy},
     viewer::{Viewer, overlook},
 };
@@ -21,8 +21,8 @@ const FIRST_SHARE: f64 = 0.05;
 
 #[test]
 fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
-    let server = Served::start(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
-    let proxy = Proxy::start(&server.address, LINK)?;
+    let server = ServerProcess::serve(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
+    let proxy = Proxy::start(server.address, LINK)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     let mut first_bytes = None;
@@ -103,8 +103,8 @@ fn like(a: &Pixels, b: &Pixels) -> f64 {
 
 #[test]
 fn a_camera_turned_away_lets_go_of_what_it_wanted() -> Result<()> {
-    let server = Served::start(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
-    let proxy = Proxy::start(&server.address, LINK)?;
+    let server = ServerProcess::serve(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
+    let proxy = Proxy::start(server.address, LINK)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     let away = overlook(viewer.session.tree().manifest(), true);

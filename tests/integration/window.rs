@@ -9,7 +9,7 @@ use insula_client::ui::{settings::UserSettings, view_link::ViewLink};
 use insula_tests::{
     fixtures,
     gpu::{Gpu, adapter_is_required},
-    programs::{Served, program},
+    programs::{ServerProcess, program},
 };
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::{
@@ -238,9 +238,9 @@ fn a_person_drives_the_window() -> Result<()> {
     let settings_at = folder.path().join("insula").join("settings.json");
     std::fs::create_dir_all(folder.path().join("insula"))?;
     std::fs::write(&settings_at, "{ damaged")?;
-    let server = Served::start(&city, "127.0.0.1:0")?;
-    let address = server.address.clone();
-    server.kill()?;
+    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
+    let address = server.address.to_string();
+    drop(server);
     let screen = Screen::start()?;
 
     // Nobody answers: the window says so and tries again.
@@ -248,7 +248,7 @@ fn a_person_drives_the_window() -> Result<()> {
     person.says("settings cannot be used", 0)?;
     person.says("not connected: ", 0)?;
     person.look("1-connecting")?;
-    let server = Served::start(&city, &address)?;
+    let server = ServerProcess::serve(&city, &address)?;
     person.says("status: ready", 0)?;
 
     let resized = person.look_after("2-resized", |p| p.xdotool(&["windowsize", &p.window, "640", "400"]))?;
@@ -273,7 +273,7 @@ fn a_person_drives_the_window() -> Result<()> {
     ensure!(folder.path().join("insula").join("settings.damaged.json").is_file(), "the damaged file is lost");
 
     // The link opens the same view in another window, of the size that was kept.
-    let _server = Served::start(&city, &address)?;
+    let _server = ServerProcess::serve(&city, &address)?;
     let mut other = Person::start(&screen, folder.path(), &link)?;
     other.says("frame settled", 0)?;
     let same = other.look("10-link")?;
@@ -327,8 +327,8 @@ fn copy_a_link(person: &mut Person) -> Result<(String, RgbImage)> {
     Ok((link, person.look("8-view")?))
 }
 
-fn lose_the_server(person: &mut Person, server: Served, city: &Path, address: &str) -> Result<()> {
-    server.kill()?;
+fn lose_the_server(person: &mut Person, server: ServerProcess, city: &Path, address: &str) -> Result<()> {
+    drop(server);
     let said = person.all_said().len();
     // Nearer, so that finer tiles are wanted.
     for _ in 0..14 {
@@ -338,9 +338,9 @@ fn lose_the_server(person: &mut Person, server: Served, city: &Path, address: &s
     let gone = person.look("9-reconnecting")?;
     ensure!(colours(&gone) > 30, "what was there is not drawn any more");
     let said = person.all_said().len();
-    let server = Served::start(city, address)?;
+    let _server = ServerProcess::serve(city, address)?;
     person.says("status: ready", said)?;
     person.says("frame settled", said)?;
     person.look("9-reconnected")?;
-    server.kill()
+    Ok(())
 }

@@ -11,7 +11,7 @@ use insula_bake::{
     read::ReadReport,
     scene::{ObjectKind, Scene, SceneObject, SceneTriangle},
 };
-use insula_protocol::{BlockMap, Manifest, TileId, manifest::Attribution, subtree::NodeInfo};
+use insula_protocol::{BlockMap, Manifest, TileId, blockmap::voxel_error_m, manifest::Attribution, subtree::NodeInfo};
 use support::{BakedCity, COARSE_CELL_M, TestFolder, bake, city, coarse_options, files, options, partial};
 
 #[test]
@@ -58,7 +58,7 @@ fn every_node_has_a_tile_and_bounds_and_errors_nest() {
                 .map(|code| (map.z_base_m() + f64::from(code) * f64::from(map.z_step_m())) as f32);
             assert!(low >= node.z_min_m && high <= node.z_max_m, "a column of {id} is outside its node");
         }
-        assert!(f64::from(node.error_m) > 0.8660 * manifest.cell_m_at(id.level()));
+        assert!(node.error_m >= voxel_error_m(manifest.cell_m_at(id.level())) as f32);
         assert_eq!(node.child_mask == 0, id.level() == manifest.depth);
         for child in id.children().filter_map(|child| nodes.get(&child)) {
             assert!(node.child_mask >> child.id.quadrant() & 1 == 1);

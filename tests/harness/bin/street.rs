@@ -17,7 +17,7 @@ use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
     cameras::{self, Stand},
     fidelity,
-    programs::Served,
+    programs::ServerProcess,
     source_bytes::Source,
     truth::Truth,
     view,
@@ -75,7 +75,7 @@ fn main() -> Result<()> {
     let args = Args::parse();
     let truth = Truth::new(fidelity::read(&args.inputs)?);
     let store = CityStore::open(&args.city)?;
-    let served = Served::start(&args.city, "127.0.0.1:0")?;
+    let served = ServerProcess::serve(&args.city, "127.0.0.1:0")?;
     let depth = store.manifest().depth;
     let leaves: BTreeSet<TileId> =
         store.blockmaps().lengths().map(|(id, _)| id).filter(|id| id.level() == depth).collect();
@@ -93,7 +93,7 @@ fn main() -> Result<()> {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (number, station) in cameras::of(&truth).into_iter().enumerate().filter(|s| s.1.stand == Stand::Street) {
-        let (fetched, shown, levels) = look(&args, (number, &station.camera), (&store, &served.address), &leaves)?;
+        let (fetched, shown, levels) = look(&args, (number, &station.camera), (&store, served.address), &leaves)?;
         let of = source.of(&shown);
         let kb = |bytes: u64| bytes as f64 / 1e3;
         let times = |bytes: f64| bytes / fetched.all as f64;
@@ -141,7 +141,7 @@ type Levels = Vec<[Pile; 3]>;
 fn look(
     args: &Args,
     (number, camera): (usize, &view::Camera),
-    (store, address): (&CityStore, &str),
+    (store, address): (&CityStore, std::net::SocketAddr),
     leaves: &BTreeSet<TileId>,
 ) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
     let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
