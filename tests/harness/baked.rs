@@ -1,8 +1,8 @@
 //! A baked city read straight from its folder, without HTTP or cache: what a client that has fetched everything would draw.
 
 use crate::{
-    cut::{Cut, Place},
-    view::{Camera, Picture},
+    draw_list::{CityArea, DrawList},
+    view::{Camera, FrameSpec},
 };
 use anyhow::{Context, Result};
 use glam::DVec3;
@@ -23,9 +23,9 @@ use std::{
 /// Nearest distance in the projected error.
 const NEAR_M: f64 = 1.0;
 
-/// What bounds a picture's view.
-pub fn planes(camera: &Camera, picture: &Picture) -> [FrustumPlane; 5] {
-    let axes = camera.axes(picture);
+/// What bounds a frame's view.
+pub fn planes(camera: &Camera, spec: &FrameSpec) -> [FrustumPlane; 5] {
+    let axes = camera.axes(spec);
     let unit = |v: DVec3| v.normalize_or(DVec3::X);
     let client = insula_viewer::camera::Camera {
         position: camera.position.into(),
@@ -34,11 +34,10 @@ pub fn planes(camera: &Camera, picture: &Picture) -> [FrustumPlane; 5] {
         up: unit(axes.up),
         fov_y_rad: camera.fov_y_deg.to_radians(),
     };
-    let (width_px, height_px) = (picture.width_px, picture.height_px);
+    let (width_px, height_px) = (spec.width_px, spec.height_px);
     View { camera: client, width_px, height_px, tau_px: 1.0, budget_pages: 0, budget_nodes: 0 }.planes()
 }
 
-/// A baked city.
 pub struct Baked {
     pub(crate) store: CityStore,
     pub(crate) nodes: HashMap<TileId, NodeInfo>,
@@ -59,7 +58,6 @@ impl Baked {
         Ok(Self { store, nodes, meshes })
     }
 
-    /// The manifest.
     pub fn manifest(&self) -> &Manifest {
         self.store.manifest()
     }
@@ -82,8 +80,8 @@ impl Baked {
     }
 
     /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
-    pub fn select(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
-        let px_per_rad = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+    pub fn select(&self, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Vec<TileId> {
+        let px_per_rad = f64::from(spec.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
         let eye = DVec3::from(camera.position);
         let mut chosen = Vec::new();
         let mut open = vec![TileId::ROOT];
@@ -103,10 +101,10 @@ impl Baked {
         chosen
     }
 
-    /// Those of [`Baked::select`] that are in the picture: what a client draws that has fetched everything.
-    pub fn select_in_view(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
-        let planes = planes(camera, picture);
-        let mut chosen = self.select(camera, picture, tau_px);
+    /// Those of [`Baked::select`] that are in the frame: what a client draws that has fetched everything.
+    pub fn select_in_view(&self, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Vec<TileId> {
+        let planes = planes(camera, spec);
+        let mut chosen = self.select(camera, spec, tau_px);
         chosen.retain(|id| {
             let Some(node) = self.nodes.get(id) else { return false };
             let half_m = self.manifest().node_side_m(id.level()) / 2.0;
@@ -118,7 +116,6 @@ impl Baked {
         chosen
     }
 
-    /// Decodes all leaves.
     pub fn leaves(&self) -> Result<BTreeMap<TileId, BlockMap>> {
         let depth = self.manifest().depth;
         let leaves = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == depth);
@@ -127,17 +124,15 @@ impl Baked {
             .collect()
     }
 
-    /// Decodes these nodes.
-    pub fn cut(&self, ids: &[TileId]) -> Result<Cut> {
+    pub fn draw_list(&self, ids: &[TileId]) -> Result<DrawList> {
         let manifest = self.manifest();
-        let mut cut = Cut::new(Place { origin: manifest.origin, root_side_m: manifest.root_side_m });
+        let mut draw_list = DrawList::new(CityArea { origin: manifest.origin, root_side_m: manifest.root_side_m });
         for id in ids {
-            cut.add(&self.map(*id)?);
+            draw_list.add(&self.map(*id)?);
         }
-        Ok(cut)
+        Ok(draw_list)
     }
 
-    /// A node's tile.
     pub fn map(&self, id: TileId) -> Result<BlockMap> {
         let bytes = self.store.tile(TileKind::BlockMap, id)?.with_context(|| format!("no tile {id}"))?;
         BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))

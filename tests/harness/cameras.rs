@@ -4,7 +4,7 @@
 use crate::{
     rng::Rng,
     truth::Truth,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use glam::{DVec2, DVec3};
 use insula_bake::scene::ObjectKind;
@@ -13,30 +13,25 @@ use serde::Serialize;
 
 /// Height of an eye above what it stands on.
 const EYE_M: f64 = 2.0;
-/// Cameras of a kind.
 const EACH: usize = 4;
 /// Places that are tried for one camera.
 const TRIES: usize = 400;
-/// Coarse picture that judges a view.
-const JUDGE: Picture = Picture { width_px: 24, height_px: 14, shading: Shading::Albedo, samples: 1 };
+/// Coarse frame that judges a view.
+const JUDGE: FrameSpec = FrameSpec { width_px: 24, height_px: 14, shading: Shading::Albedo, samples: 1 };
 
 /// Where a camera stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum Stand {
     /// Over the city, looking down at an angle.
     Aerial,
-    /// On a roof.
     Roof,
-    /// On the ground.
     Street,
 }
 
 /// A camera and where it stands.
 #[derive(Debug, Clone, Copy)]
 pub struct Station {
-    /// Where.
     pub stand: Stand,
-    /// In the source's coordinates.
     pub camera: Camera,
 }
 

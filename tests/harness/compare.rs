@@ -1,9 +1,9 @@
-//! How true a picture is to the source.
+//! How true a frame is to the source.
 
 use crate::{
     rng::Rng,
     truth::Truth,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use anyhow::{Context, Result};
 use blazediff_ssim::{Plane, SsimOptions};
@@ -19,23 +19,22 @@ pub const SAMPLES: usize = 5000;
 /// Deviations beyond this many cells are all alike.
 const MOST_CELLS: f64 = 64.0;
 
-/// Shorter side from which on SSIM would be measured in a smaller picture.
+/// Shorter side from which on SSIM would be measured in a smaller frame.
 const LARGE_PX: usize = 384;
 /// Fewer pixels than this say nothing about colours.
 const LEAST_PX: usize = 1000;
 /// PSNR of what is the same.
 const SAME_DB: f64 = 99.0;
-/// How much colour differences are brightened in pictures.
+/// How much colour differences are brightened in frames.
 const BRIGHTER: i32 = 4;
 
-/// How one picture compares.
+/// How one frame compares.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Score {
     /// Silhouettes: pixels hit in both over pixels hit in either.
     pub iou: f64,
     /// Median of the distances from hit points to the source, in cells.
     pub median_cells: f64,
-    /// Their 95th percentile.
     pub p95_cells: f64,
     /// Colours where both were hit.
     pub colour: Option<Colour>,
@@ -43,15 +42,14 @@ pub struct Score {
     pub textured: Option<Colour>,
 }
 
-/// How true colours are, over some of a picture's pixels.
+/// How true colours are, over some of a frame's pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Colour {
-    /// How many pixels.
     pub pixels: usize,
     /// Peak signal to noise over red, green and blue in sRGB, in dB.
     pub psnr_db: f64,
     /// Structural similarity of the luma (Wang, Bovik, Sheikh and Simoncelli 2004: Gaussian windows of 11 x 11 pixels):
-    /// of the whole pictures, averaged over the pixels.
+    /// of the whole frames, averaged over the pixels.
     pub ssim: f64,
 }
 
@@ -81,8 +79,8 @@ pub fn colour(truth: &Pixels, drawn: &Pixels, counts: impl Fn(usize) -> bool) ->
     Ok(Some(Colour { pixels: counted.len(), psnr_db, ssim }))
 }
 
-/// Mean of the similarity at these pixels; a window that would reach over the picture's edge is moved inside.
-/// Large pictures are measured in quarters: as wholes they would be measured coarser.
+/// Mean of the similarity at these pixels; a window that would reach over the frame's edge is moved inside.
+/// Large frames are measured in quarters: as wholes they would be measured coarser.
 fn ssim(truth: &Pixels, drawn: &Pixels, counted: &[usize]) -> Result<f64> {
     let options = SsimOptions::default();
     let (width, height) = (truth.width_px as usize, truth.height_px as usize);
@@ -103,7 +101,7 @@ fn ssim(truth: &Pixels, drawn: &Pixels, counted: &[usize]) -> Result<f64> {
     let margin = options.window_size / 2;
     anyhow::ensure!(
         similar.map_width + 2 * margin == width && similar.map_height + 2 * margin == height,
-        "SSIM was measured in a smaller picture: {width} x {height} is too large"
+        "SSIM was measured in a smaller frame: {width} x {height} is too large"
     );
     let inside = |at: usize, size: usize| at.saturating_sub(margin).min(size - 1);
     let at =
@@ -111,14 +109,12 @@ fn ssim(truth: &Pixels, drawn: &Pixels, counted: &[usize]) -> Result<f64> {
     Ok(counted.iter().map(|i| f64::from(similar.map[at(i)])).sum::<f64>() / counted.len() as f64)
 }
 
-/// A part's colours.
 fn part(of: &Pixels, x: &Range<usize>, y: &Range<usize>) -> Pixels {
     let row = |y: usize| of.colour[y * of.width_px as usize..][x.clone()].iter().copied();
     let (width_px, height_px) = (x.len() as u32, y.len() as u32);
     Pixels { width_px, height_px, colour: y.clone().flat_map(row).collect(), ..Pixels::default() }
 }
 
-/// Luma of ITU-R BT.601.
 fn luma(pixels: &Pixels) -> Plane {
     let weigh = |word: &u32| {
         let [r, g, b, _] = word.to_le_bytes().map(f32::from);
@@ -129,7 +125,7 @@ fn luma(pixels: &Pixels) -> Plane {
 }
 
 /// Distances in cells from hit points of `drawn` to the source, ascending; [`SAMPLES`] of them, drawn at random.
-pub fn deviations(truth: &Truth, camera: &Camera, picture: &Picture, drawn: &Pixels, cell_m: f64) -> Vec<f64> {
+pub fn deviations(truth: &Truth, camera: &Camera, spec: &FrameSpec, drawn: &Pixels, cell_m: f64) -> Vec<f64> {
     let hit: Vec<u32> = (0..drawn.distance.len() as u32).filter(|i| drawn.distance[*i as usize].is_finite()).collect();
     let mut rng = Rng::new(42);
     let chosen: Vec<u32> = (0..SAMPLES.min(hit.len() * 4)).map(|_| hit[rng.below(hit.len())]).collect();
@@ -137,7 +133,7 @@ pub fn deviations(truth: &Truth, camera: &Camera, picture: &Picture, drawn: &Pix
     let mut cells: Vec<f64> = chosen
         .par_iter()
         .map(|i| {
-            let d = camera.ray(picture, i % picture.width_px, i / picture.width_px);
+            let d = camera.ray(spec, i % spec.width_px, i / spec.width_px);
             let p = o + d * f64::from(drawn.distance[*i as usize]);
             truth.distance_to_surface(p, MOST_CELLS * cell_m).min(MOST_CELLS * cell_m) / cell_m
         })
@@ -152,32 +148,32 @@ pub fn percentile(values: &[f64], p: f64) -> f64 {
     values.get((last as f64 * p).round() as usize).copied().unwrap_or(f64::INFINITY)
 }
 
-/// All figures of one picture, given its [`deviations`] and where the source is `textured`.
-pub fn score(meant: &Pixels, drawn: &Pixels, textured: &[bool], cells: &[f64]) -> Result<Score> {
-    let both = |i: usize| meant.distance[i].is_finite() && drawn.distance[i].is_finite();
+/// All figures of one frame, given its [`deviations`] and where the source is `textured`.
+pub fn score(reference: &Pixels, drawn: &Pixels, textured: &[bool], cells: &[f64]) -> Result<Score> {
+    let both = |i: usize| reference.distance[i].is_finite() && drawn.distance[i].is_finite();
     Ok(Score {
-        iou: silhouette_iou(meant, drawn),
+        iou: silhouette_iou(reference, drawn),
         median_cells: percentile(cells, 0.5),
         p95_cells: percentile(cells, 0.95),
-        colour: colour(meant, drawn, both)?,
-        textured: colour(meant, drawn, |i| textured[i] && both(i))?,
+        colour: colour(reference, drawn, both)?,
+        textured: colour(reference, drawn, |i| textured[i] && both(i))?,
     })
 }
 
 /// Truth and drawn side by side; below them how distances differ (red is lacking, blue is too much, else bright: white by
 /// four cells) and how colours do, four times as bright.
-pub fn side_by_side(meant: &Pixels, drawn: &Pixels, cell_m: f64) -> RgbImage {
-    let (width, height) = (meant.width_px, meant.height_px);
+pub fn side_by_side(reference: &Pixels, drawn: &Pixels, cell_m: f64) -> RgbImage {
+    let (width, height) = (reference.width_px, reference.height_px);
     let colour = |word: u32| {
         let [r, g, b, _] = word.to_le_bytes();
         [r, g, b]
     };
     RgbImage::from_fn(width * 2, height * 2, |x, y| {
         let i = (y % height * width + x % width) as usize;
-        let (a, b) = (meant.distance[i], drawn.distance[i]);
-        let (meant, drawn) = (colour(meant.colour[i]), colour(drawn.colour[i]));
+        let (a, b) = (reference.distance[i], drawn.distance[i]);
+        let (reference, drawn) = (colour(reference.colour[i]), colour(drawn.colour[i]));
         Rgb(match (x / width, y / height) {
-            (0, 0) => meant,
+            (0, 0) => reference,
             (_, 0) => drawn,
             (column, _) => match (a.is_finite(), b.is_finite()) {
                 (true, false) => [255, 40, 40],
@@ -185,7 +181,7 @@ pub fn side_by_side(meant: &Pixels, drawn: &Pixels, cell_m: f64) -> RgbImage {
                 (false, false) => [0, 0, 30],
                 _ if column == 0 => [(f64::from((a - b).abs()) / (4.0 * cell_m) * 255.0).min(255.0) as u8; 3],
                 _ => std::array::from_fn(|k| {
-                    ((i32::from(meant[k]) - i32::from(drawn[k])).abs() * BRIGHTER).min(255) as u8
+                    ((i32::from(reference[k]) - i32::from(drawn[k])).abs() * BRIGHTER).min(255) as u8
                 }),
             },
         })
@@ -196,7 +192,7 @@ pub fn side_by_side(meant: &Pixels, drawn: &Pixels, cell_m: f64) -> RgbImage {
 mod tests {
     use super::*;
 
-    fn picture(distance: &[f32], colour: u32) -> Pixels {
+    fn spec(distance: &[f32], colour: u32) -> Pixels {
         let count = distance.len();
         let (width_px, height_px) = (count as u32, 1);
         Pixels { width_px, height_px, colour: vec![colour; count], distance: distance.to_vec(), hit: vec![0; count] }
@@ -205,7 +201,7 @@ mod tests {
     #[test]
     fn figures_are_what_they_say() {
         let inf = f32::INFINITY;
-        let (a, b) = (picture(&[1.0, 1.0, inf, inf], 0), picture(&[1.0, inf, 1.0, inf], 0));
+        let (a, b) = (spec(&[1.0, 1.0, inf, inf], 0), spec(&[1.0, inf, 1.0, inf], 0));
         assert!((silhouette_iou(&a, &b) - 1.0 / 3.0).abs() < 1e-12);
         let values: Vec<f64> = (0..=100).map(f64::from).collect();
         assert_eq!((percentile(&values, 0.5), percentile(&values, 0.95)), (50.0, 95.0));
@@ -225,18 +221,18 @@ mod tests {
         let flat = grey(|_, _| 0);
         let ten = colour(&flat, &grey(|_, _| 10), |_| true).unwrap().unwrap();
         assert!((ten.psnr_db - 28.13).abs() < 0.01, "{ten:?}");
-        // Two flat pictures: only their means differ, by the formula's first factor.
+        // Two flat frames: only their means differ, by the formula's first factor.
         let c1 = (0.01f64 * 255.0).powi(2);
         assert!((ten.ssim - c1 / (100.0 + c1)).abs() < 1e-4, "{ten:?}");
 
-        // Stripes that the drawn picture has lost in its left half.
+        // Stripes that the drawn frame has lost in its left half.
         let stripes = |x: u32| if x % 4 < 2 { 80 } else { 160 };
-        let (meant, drawn) = (grey(|x, _| stripes(x)), grey(|x, _| if x < 32 { 120 } else { stripes(x) }));
+        let (reference, drawn) = (grey(|x, _| stripes(x)), grey(|x, _| if x < 32 { 120 } else { stripes(x) }));
         let part =
-            |range: std::ops::Range<usize>| colour(&meant, &drawn, |i| range.contains(&(i % 64))).unwrap().unwrap();
+            |range: std::ops::Range<usize>| colour(&reference, &drawn, |i| range.contains(&(i % 64))).unwrap().unwrap();
         let (left, right) = (part(0..26), part(38..64));
         assert!((right.psnr_db, right.ssim) == (SAME_DB, 1.0) && right.pixels == 26 * 64, "{right:?}");
         assert!((left.psnr_db - 16.09).abs() < 0.01 && left.ssim < 0.1, "{left:?}");
-        assert_eq!(colour(&meant, &drawn, |i| i < LEAST_PX - 1).unwrap(), None);
+        assert_eq!(colour(&reference, &drawn, |i| i < LEAST_PX - 1).unwrap(), None);
     }
 }

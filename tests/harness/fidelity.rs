@@ -4,11 +4,11 @@ use crate::{
     baked::Baked,
     cameras::{self, Stand, Station},
     compare::{self, Colour, Score},
-    cut::Cut,
+    draw_list::DrawList,
     fixtures,
     gpu::Gpu,
     truth::Truth,
-    view::Picture,
+    view::FrameSpec,
 };
 use anyhow::{Context, Result};
 use insula_bake::{
@@ -23,44 +23,37 @@ use std::path::{Path, PathBuf};
 
 /// What is drawn, and how.
 #[derive(Debug, Clone, Copy)]
-pub struct Manner<'a> {
-    /// Tolerated errors.
+pub struct MeasureOptions<'a> {
     pub taus_px: &'a [f64],
     /// Whether leaves' meshes are drawn.
     pub meshes: bool,
-    /// Of these cameras only.
     pub stand: Option<Stand>,
-    /// The pictures' size; one ray through the middle of each pixel.
-    pub picture: Picture,
+    /// The frames' size; one ray through the middle of each pixel.
+    pub spec: FrameSpec,
 }
 
-impl<'a> Manner<'a> {
-    /// All cameras, without meshes.
+impl<'a> MeasureOptions<'a> {
     pub fn plain(taus_px: &'a [f64]) -> Self {
-        Self { taus_px, meshes: false, stand: None, picture: PICTURE }
+        Self { taus_px, meshes: false, stand: None, spec: FRAME }
     }
 }
 
-/// The pictures' size unless another is given; one ray through the middle of each pixel.
-pub const PICTURE: Picture = Picture { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
+/// The frames' size unless another is given; one ray through the middle of each pixel.
+pub const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
 /// Rays along a pixel's side for the colours that are meant; those that are drawn are as `insula snapshot` draws them.
 const MEANT_SIDE: u32 = 4;
 // Then distances are those of the rays through the pixels' middles.
 const _: () = assert!(STILL_SAMPLES % 2 == 1);
 
-/// One picture and how it compares.
+/// One frame and how it compares.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// The camera.
     pub station: Station,
-    /// Tolerated error.
     pub tau_px: f64,
-    /// Nodes drawn.
     pub nodes: usize,
-    /// The figures.
     pub score: Score,
     /// What the source looks like: colours of 16 rays a pixel, distances of the one through its middle.
-    pub meant: Pixels,
+    pub reference: Pixels,
     /// What the baked city looks like: as `insula snapshot` draws it, distances of the rays through the pixels' middles.
     pub drawn: Pixels,
 }
@@ -71,7 +64,6 @@ pub fn read(inputs: &[PathBuf]) -> Result<Scene> {
     Ok(insula_bake::read::read(inputs, &options, &|_| ())?.0)
 }
 
-/// Bakes into `out`.
 pub fn bake(inputs: &[PathBuf], out: &Path, cell_m: f64) -> Result<()> {
     let options = BakeOptions { inputs: inputs.to_vec(), out: out.to_owned(), cell_m, ..BakeOptions::default() };
     insula_bake::bake(&options, &Silent).context("bake")?;
@@ -99,45 +91,45 @@ pub fn real_cities() -> Vec<(&'static str, Vec<PathBuf>)> {
     all.into_iter().flatten().collect()
 }
 
-/// Nodes of a cut, and at which levels of detail their meshes are drawn.
+/// Nodes of a draw list, and at which levels of detail their meshes are drawn.
 type Leaves = Vec<(TileId, Option<u8>)>;
 
 /// Draws all cameras at all taus; `with` is told each as soon as it is there.
 pub fn measure(
     truth: &Truth,
     baked: &Baked,
-    manner: &Manner<'_>,
+    options: &MeasureOptions<'_>,
     gpu: Option<&Gpu>,
     mut with: impl FnMut(usize, &View) -> Result<()>,
 ) -> Result<Vec<Summary>> {
     let mut summaries: Vec<Summary> =
-        manner.taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![], cells: vec![] }).collect();
-    let picture = manner.picture;
-    let mut last: Option<(Leaves, Cut)> = None;
+        options.taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![], cells: vec![] }).collect();
+    let spec = options.spec;
+    let mut last: Option<(Leaves, DrawList)> = None;
     for (number, station) in cameras::of(truth).into_iter().enumerate() {
-        if manner.stand.is_some_and(|stand| stand != station.stand) {
+        if options.stand.is_some_and(|stand| stand != station.stand) {
             continue;
         }
         let camera = station.camera;
-        let mut meant = truth.render(&camera, &picture);
+        let mut reference = truth.render(&camera, &spec);
         let textured;
-        (meant.colour, textured) = truth.albedo(&camera, &picture, MEANT_SIDE);
+        (reference.colour, textured) = truth.albedo(&camera, &spec, MEANT_SIDE);
         for summary in &mut summaries {
-            let lod = |id| if manner.meshes { baked.drawn_lod(id, &camera, &picture, summary.tau_px) } else { None };
-            let ids = baked.select(&camera, &picture, summary.tau_px);
+            let lod = |id| if options.meshes { baked.drawn_lod(id, &camera, &spec, summary.tau_px) } else { None };
+            let ids = baked.select(&camera, &spec, summary.tau_px);
             let key: Leaves = ids.iter().map(|id| (*id, lod(*id))).collect();
             if last.as_ref().is_none_or(|(made, _)| *made != key) {
-                last = Some((key, baked.cut_with_meshes(&ids, lod)?));
+                last = Some((key, baked.draw_list_with_meshes(&ids, lod)?));
             }
-            let (_, cut) = last.as_ref().context("no cut")?;
-            let scene = cut.scene(&camera, &Picture { samples: STILL_SAMPLES, ..picture });
+            let (_, draw_list) = last.as_ref().context("no draw list")?;
+            let scene = draw_list.scene(&camera, &FrameSpec { samples: STILL_SAMPLES, ..spec });
             let drawn = gpu.map_or_else(|| Ok(scene.render()), |gpu| gpu.render(&scene))?;
-            let cells = compare::deviations(truth, &camera, &picture, &drawn, baked.manifest().cell_m);
-            let score = compare::score(&meant, &drawn, &textured, &cells)?;
+            let cells = compare::deviations(truth, &camera, &spec, &drawn, baked.manifest().cell_m);
+            let score = compare::score(&reference, &drawn, &textured, &cells)?;
             summary.views.push((station.stand, score));
             summary.cells.extend(cells);
-            let (tau_px, nodes, meant) = (summary.tau_px, ids.len(), meant.clone());
-            with(number, &View { station, tau_px, nodes, score, meant, drawn })?;
+            let (tau_px, nodes, reference) = (summary.tau_px, ids.len(), reference.clone());
+            with(number, &View { station, tau_px, nodes, score, reference, drawn })?;
         }
     }
     Ok(summaries)
@@ -146,7 +138,6 @@ pub fn measure(
 /// All views at one tau.
 #[derive(Debug, Clone)]
 pub struct Summary {
-    /// Tolerated error.
     pub tau_px: f64,
     /// Where the cameras stand, and their figures.
     pub views: Vec<(Stand, Score)>,
@@ -187,13 +178,9 @@ impl Summary {
 /// What a baked city takes, in bytes of its V-BlockMap tiles.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Size {
-    /// Leaves.
     pub leaves: usize,
-    /// Nodes of all levels.
     pub nodes: usize,
-    /// Mean of the leaves.
     pub bytes_per_leaf: f64,
-    /// Mean of all nodes.
     pub bytes_per_node: f64,
     /// All nodes, over the source's buildings.
     pub bytes_per_building: f64,

@@ -39,7 +39,6 @@ pub fn city_json(per_side: usize) -> Value {
     })
 }
 
-/// Writes [`city_json`] into `folder`.
 pub fn write_city_json(folder: &Path, per_side: usize) -> Result<PathBuf> {
     let path = folder.join("town.city.json");
     fs::write(&path, city_json(per_side).to_string()).context("town.city.json")?;

@@ -1,6 +1,6 @@
 //! A graphics device for tests, or the reason why there is none.
 
-use crate::cut::Scene;
+use crate::draw_list::Scene;
 use anyhow::{Context, Result};
 use insula_shaders::{
     cpu::raycast::Pixels,
@@ -12,14 +12,11 @@ use std::sync::{Mutex, PoisonError};
 /// A device, its queue and what it calls itself.
 #[derive(Debug)]
 pub struct Gpu {
-    /// Makes things.
     pub device: wgpu::Device,
-    /// Takes work.
     pub queue: wgpu::Queue,
-    /// Made once, and again when a scene is larger: its shader takes longer to compile than a picture to draw.
-    /// One picture at a time: error scopes are the device's, not a thread's.
+    /// Made once, and again when a scene is larger: its shader takes longer to compile than a frame to draw.
+    /// One frame at a time: error scopes are the device's, not a thread's.
     raycaster: Mutex<Option<Raycaster>>,
-    /// Adapter and backend.
     pub name: String,
 }
 
@@ -40,7 +37,7 @@ impl Gpu {
         Ok(Self { device, queue, raycaster: Mutex::new(None), name: format!("{} ({})", info.name, info.backend) })
     }
 
-    /// The GPU's picture of a scene; any validation error is an error.
+    /// The GPU's frame of a scene; any validation error is an error.
     pub fn render(&self, scene: &Scene<'_>) -> Result<Pixels> {
         let mut raycaster = self.raycaster.lock().unwrap_or_else(PoisonError::into_inner);
         let guard = self.device.push_error_scope(wgpu::ErrorFilter::Validation);

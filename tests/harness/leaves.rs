@@ -58,7 +58,7 @@ fn mesh(triangles: &[[Point; 3]], bits: u8) -> Mesh {
     mesh
 }
 
-/// What of a polygon lies at or below, or at or above, a coordinate. Cuts of an edge are the same from both sides.
+/// What of a polygon lies at or below, or at or above, a coordinate. Draw lists of an edge are the same from both sides.
 fn clip(polygon: &[Point], axis: usize, at: f64, below: bool) -> Vec<Point> {
     let is_in = |p: &Point| if below { p[axis] <= at } else { p[axis] >= at };
     let mut out = Vec::with_capacity(polygon.len() + 1);
@@ -70,10 +70,10 @@ fn clip(polygon: &[Point], axis: usize, at: f64, below: bool) -> Vec<Point> {
         if is_in(a) != is_in(b) {
             let (low, high) = if a < b { (a, b) } else { (b, a) };
             let share = (at - low[axis]) / (high[axis] - low[axis]);
-            let mut cut: Point = std::array::from_fn(|k| low[k] + (high[k] - low[k]) * share);
-            cut[axis] = at;
-            if cut != *a && cut != *b {
-                out.push(cut);
+            let mut draw_list: Point = std::array::from_fn(|k| low[k] + (high[k] - low[k]) * share);
+            draw_list[axis] = at;
+            if draw_list != *a && draw_list != *b {
+                out.push(draw_list);
             }
         }
     }

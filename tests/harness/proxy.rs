@@ -28,7 +28,6 @@ const CHUNKS: usize = 32;
 pub struct Link {
     /// Towards the client, all connections together.
     pub bits_per_sec: f64,
-    /// There and back.
     pub round_trip: Duration,
 }
 
@@ -45,7 +44,6 @@ struct Shared {
 
 /// A running proxy; its connections end with it.
 pub struct Proxy {
-    /// Where it listens.
     pub address: SocketAddr,
     shared: Arc<Shared>,
     runtime: Option<Runtime>,
@@ -74,7 +72,6 @@ impl Proxy {
         self.shared.bytes.load(Ordering::Relaxed)
     }
 
-    /// Connections made so far.
     pub fn connections(&self) -> u64 {
         self.shared.connections.load(Ordering::Relaxed)
     }

@@ -1,7 +1,7 @@
-//! Random cities: cuts of one to three levels with every kind of column, and cameras that look at them from everywhere.
+//! Random cities: draw lists of one to three levels with every kind of column, and cameras that look at them from everywhere.
 
 use crate::{
-    cut::{Cut, Place},
+    draw_list::{CityArea, DrawList},
     rng::Rng,
     view::Camera,
 };
@@ -16,15 +16,13 @@ use insula_protocol::{
     octahedral,
 };
 
-/// A random cut and the maps that it was made of.
+/// A random draw list and the maps that it was made of.
 #[derive(Debug, Clone)]
 pub struct RandomCity {
-    /// Where it lies.
-    pub place: Place,
-    /// The nodes drawn.
+    pub area: CityArea,
     pub maps: Vec<BlockMap>,
     /// The same, ready to be drawn.
-    pub cut: Cut,
+    pub draw_list: DrawList,
 }
 
 /// How the columns of a node stand.
@@ -34,7 +32,6 @@ struct Style {
     density: f64,
     /// Share of columns with a strip.
     exposed: f64,
-    /// Share of sloped tops.
     inclined: f64,
     /// Side of squares of equal columns, in cells.
     patch: usize,
@@ -42,26 +39,25 @@ struct Style {
     height: u16,
 }
 
-/// A city of `seed`.
 pub fn city(seed: u64) -> Result<RandomCity> {
     let mut rng = Rng::new(seed);
     let depth = 1 + rng.below(3) as u8;
     let cell_m = [0.5, 1.0, 2.0][rng.below(3)];
     let root_side_m = cell_m * (NODE_CELLS << depth) as f64;
     let origin = [rng.range(-1e5, 1e5).round(), rng.range(-1e5, 1e5).round(), rng.range(-50.0, 50.0).round()];
-    let place = Place { origin, root_side_m };
+    let area = CityArea { origin, root_side_m };
     let mut maps = Vec::new();
     grow(&mut rng, TileId::ROOT, depth, cell_m, &mut maps)?;
-    let mut cut = Cut::new(place);
-    maps.iter().for_each(|map| cut.add(map));
-    Ok(RandomCity { place, maps, cut })
+    let mut draw_list = DrawList::new(area);
+    maps.iter().for_each(|map| draw_list.add(map));
+    Ok(RandomCity { area, maps, draw_list })
 }
 
 /// The same city, each square of which passes from one map to another: of 64 rays, `share` see the other one. Every third of
-/// those is a part of a coarser map. With cuts of the one maps alone and of the other.
-pub fn fading(city: &RandomCity, seed: u64, share: u8) -> Result<[Cut; 3]> {
+/// those is a part of a coarser map. With draw lists of the one maps alone and of the other.
+pub fn fading(city: &RandomCity, seed: u64, share: u8) -> Result<[DrawList; 3]> {
     let mut rng = Rng::new(seed);
-    let [mut both, mut new, mut old] = [(); 3].map(|()| Cut::new(city.place));
+    let [mut both, mut new, mut old] = [(); 3].map(|()| DrawList::new(city.area));
     for map in &city.maps {
         let id = map.id.parent().filter(|_| rng.chance(0.3)).unwrap_or(map.id);
         let times = f64::from(1u32 << (map.id.level() - id.level()));
@@ -171,22 +167,17 @@ pub enum Pose {
     Inside,
     /// Low over the tops, looking almost level.
     Grazing,
-    /// Straight down.
     Down,
-    /// Straight up.
     Up,
     /// Exactly along an axis, from the edge of a cell.
     AlongAxis,
     /// Exactly along a diagonal, from the corner of a cell.
     Diagonal,
-    /// From outside.
     Outside,
-    /// Upwards from under everything.
     Below,
 }
 
 impl Pose {
-    /// All.
     pub const ALL: [Self; 9] = [
         Self::Above,
         Self::Inside,
@@ -202,7 +193,7 @@ impl Pose {
 
 /// A camera in `pose`, somewhere in the city.
 pub fn camera(rng: &mut Rng, city: &RandomCity, pose: Pose) -> Camera {
-    let side = city.place.root_side_m;
+    let side = city.area.root_side_m;
     let tallest_m = city.maps.iter().map(top_m).fold(1.0, f64::max);
     let somewhere = |rng: &mut Rng, low: f64, high: f64| {
         DVec3::new(rng.range(0.0, side), rng.range(0.0, side), rng.range(low, high))
@@ -236,7 +227,7 @@ pub fn camera(rng: &mut Rng, city: &RandomCity, pose: Pose) -> Camera {
         }
         Pose::Below => (somewhere(rng, -side, -12.0), somewhere(rng, 0.0, tallest_m)),
     };
-    let origin = DVec3::from(city.place.origin);
+    let origin = DVec3::from(city.area.origin);
     Camera { fov_y_deg: rng.range(25.0, 95.0), ..Camera::looking(origin + position, origin + target) }
 }
 

@@ -12,9 +12,7 @@ use insula_shaders::mesh::{MeshTexture, PackedMesh};
 /// A node's mesh.
 #[derive(Debug, Clone)]
 pub struct RandomMesh {
-    /// Which node.
     pub id: TileId,
-    /// Relative to its corner.
     pub mesh: Mesh,
     /// What its texture coordinates point into.
     pub texture: Option<MeshTexture>,
@@ -27,9 +25,9 @@ pub fn add(city: &mut RandomCity, rng: &mut Rng, share: f64) -> Result<Vec<Rando
         if !rng.chance(share) {
             continue;
         }
-        let side_m = city.place.root_side_m / f64::from(1u32 << map.id.level());
+        let side_m = city.area.root_side_m / f64::from(1u32 << map.id.level());
         let made = mesh(rng, map.id, side_m, map.z_base_m());
-        city.cut.add_mesh(map.id, PackedMesh::new(&made.mesh, made.texture.as_ref()).context("a random mesh")?);
+        city.draw_list.add_mesh(map.id, PackedMesh::new(&made.mesh, made.texture.as_ref()).context("a random mesh")?);
         meshes.push(made);
     }
     Ok(meshes)
@@ -64,7 +62,7 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
         }
         triangles.push([first, first + 1, first + 2]);
     }
-    let texture = rng.chance(0.6).then(|| picture(rng));
+    let texture = rng.chance(0.6).then(|| texture(rng));
     let (kind, components, bits) =
         if texture.is_some() { (AttributeKind::TexCoord, 2, 12) } else { (AttributeKind::Colour, 3, 8) };
     let value = |rng: &mut Rng| {
@@ -80,7 +78,7 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
 }
 
 /// Large spots, so that not every pixel lies on an edge.
-fn picture(rng: &mut Rng) -> MeshTexture {
+fn texture(rng: &mut Rng) -> MeshTexture {
     let (width_px, height_px) = (1 + rng.below(200) as u32, 1 + rng.below(200) as u32);
     let spots: Vec<u32> = (0..64).map(|_| rng.below(1 << 24) as u32).collect();
     let spot = |x: u32, y: u32| spots[(x * 4 / width_px + y * 4 / height_px * 8) as usize];
@@ -93,8 +91,8 @@ fn picture(rng: &mut Rng) -> MeshTexture {
 pub fn nearest(city: &RandomCity, meshes: &[RandomMesh], eye: DVec3, dir: DVec3, slack: f64) -> Option<(f64, Vec3)> {
     let mut best: Option<(f64, Vec3)> = None;
     for RandomMesh { id, mesh, .. } in meshes {
-        let side_m = city.place.root_side_m / f64::from(1u32 << id.level());
-        let corner = DVec3::from(city.place.origin) + DVec3::new(f64::from(id.x()), f64::from(id.y()), 0.0) * side_m;
+        let side_m = city.area.root_side_m / f64::from(1u32 << id.level());
+        let corner = DVec3::from(city.area.origin) + DVec3::new(f64::from(id.x()), f64::from(id.y()), 0.0) * side_m;
         let places: Vec<DVec3> = mesh.positions_m().map(|p| corner + DVec3::from(p)).collect();
         for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|at| places[at as usize])) {
             let (e1, e2, from) = (b - a, c - a, eye - a);

@@ -30,13 +30,11 @@ const GRAIN_PX: u32 = 2;
 /// Bytes of the source.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SourceBytes {
-    /// Of text.
     pub text: f64,
     /// Of pictures, by their whole area.
     pub pictures: f64,
     /// Of pictures, by what is used of their area.
     pub pictures_used: f64,
-    /// Of whole files.
     pub files: f64,
 }
 
@@ -120,7 +118,6 @@ pub struct Source {
     /// Of files that are not taken apart: bytes, and of each triangle its leaves.
     rest_bytes: u64,
     triangles: Vec<BTreeSet<TileId>>,
-    /// All of the files.
     pub whole_bytes: u64,
 }
 

@@ -7,7 +7,6 @@ use std::{
     process::Command,
 };
 
-/// Root of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
@@ -53,7 +52,6 @@ impl CrateModules {
         Self(files.iter().filter_map(module).collect())
     }
 
-    /// Number of modules.
     pub fn len(&self) -> usize {
         self.0.len()
     }

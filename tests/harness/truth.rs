@@ -1,6 +1,6 @@
 //! The source itself, ray-traced: what a perfect bake would look like.
 
-use crate::view::{Camera, Picture};
+use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec3, Vec3A};
 use insula_bake::scene::{Scene, SceneTexture};
 use insula_shaders::{
@@ -25,7 +25,6 @@ const SLACK: f64 = 1e-6;
 
 /// A scene and its BVH.
 pub struct Truth {
-    /// The source's triangles.
     pub scene: Scene,
     bvh: Bvh2,
 }
@@ -33,14 +32,12 @@ pub struct Truth {
 /// Where a ray met the source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Along the ray.
     pub distance_m: f64,
     /// Index into the scene's triangles.
     pub triangle: u32,
 }
 
 impl Truth {
-    /// Builds the BVH.
     pub fn new(scene: Scene) -> Self {
         let corner = |c: [f32; 3]| Vec3A::from_array(c);
         let triangles: Vec<Triangle> = scene
@@ -52,7 +49,6 @@ impl Truth {
         Self { scene, bvh }
     }
 
-    /// Bounds in scene coordinates.
     pub fn bounds(&self) -> [DVec3; 2] {
         let corners = self.scene.triangles.iter().flat_map(|t| t.corners);
         corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], c| {
@@ -93,20 +89,20 @@ impl Truth {
         self.scene.triangles[triangle as usize].corners.map(|c| DVec3::from(c.map(f64::from)))
     }
 
-    /// The source's picture: albedo, distance, and the triangle as `hit`.
-    pub fn render(&self, camera: &Camera, picture: &Picture) -> Pixels {
+    /// The source's frame: albedo, distance, and the triangle as `hit`.
+    pub fn render(&self, camera: &Camera, spec: &FrameSpec) -> Pixels {
         let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
-        let axes = camera.axes(picture);
-        let pixels = picture.width_px * picture.height_px;
+        let axes = camera.axes(spec);
+        let pixels = spec.width_px * spec.height_px;
         let seen: Vec<(u32, f32, u32)> = (0..pixels)
             .into_par_iter()
             .map(|i| {
-                let d = axes.ray(picture, i % picture.width_px, i / picture.width_px);
+                let d = axes.ray(spec, i % spec.width_px, i / spec.width_px);
                 let Some(hit) = self.cast(o, d) else { return (SKY, f32::INFINITY, NO_NODE) };
                 (self.colour(&hit, o, d), hit.distance_m as f32, hit.triangle)
             })
             .collect();
-        let mut out = Pixels { width_px: picture.width_px, height_px: picture.height_px, ..Pixels::default() };
+        let mut out = Pixels { width_px: spec.width_px, height_px: spec.height_px, ..Pixels::default() };
         for (colour, distance, hit) in seen {
             out.colour.push(colour);
             out.distance.push(distance);
@@ -117,13 +113,13 @@ impl Truth {
 
     /// The source's albedo with `side` x `side` rays a pixel, averaged in linear light and before the same sky as the
     /// ray-caster does it; and for each pixel whether all rays met a textured surface.
-    pub fn albedo(&self, camera: &Camera, picture: &Picture, side: u32) -> (Vec<u32>, Vec<bool>) {
+    pub fn albedo(&self, camera: &Camera, spec: &FrameSpec, side: u32) -> (Vec<u32>, Vec<bool>) {
         let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
-        let fine = Picture { width_px: picture.width_px * side, height_px: picture.height_px * side, ..*picture };
+        let fine = FrameSpec { width_px: spec.width_px * side, height_px: spec.height_px * side, ..*spec };
         let axes = camera.axes(&fine);
         let frame = camera.frame(&fine);
         let pixel = |i: u32| {
-            let (x, y) = (i % picture.width_px * side, i / picture.width_px * side);
+            let (x, y) = (i % spec.width_px * side, i / spec.width_px * side);
             let (mut sum, mut textured) = (Vec3::ZERO, true);
             for s in 0..side * side {
                 let d = axes.ray(&fine, x + s % side, y + s / side);
@@ -136,7 +132,7 @@ impl Truth {
             }
             (encode_srgb(sum / (side * side) as f32), textured)
         };
-        (0..picture.width_px * picture.height_px).into_par_iter().map(pixel).unzip()
+        (0..spec.width_px * spec.height_px).into_par_iter().map(pixel).unzip()
     }
 
     fn is_textured(&self, triangle: u32) -> bool {
@@ -201,7 +197,7 @@ impl Truth {
     }
 }
 
-/// What stands for the sky in the truth's pictures.
+/// What stands for the sky in the truth's frames.
 const SKY: u32 = 0xffe6_d2be;
 
 fn product(a: u8, b: u8) -> u8 {

@@ -1,6 +1,6 @@
-//! Whether two ray-casters drew the same picture.
+//! Whether two ray-casters drew the same frame.
 
-use crate::cut::Scene;
+use crate::draw_list::Scene;
 use insula_shaders::cpu::raycast::Pixels;
 
 /// Most that a colour channel may differ.
@@ -12,14 +12,13 @@ pub const AGREEING_SHARE: f64 = 0.998;
 /// Relative difference of neighbouring distances that makes an edge.
 const EDGE_SHARE: f32 = 0.03;
 
-/// How two pictures differ.
+/// How two frames differ.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Difference {
-    /// Pixels compared.
     pub pixels: usize,
     /// Pixels that differ in colour or distance.
     pub differing: usize,
-    /// Those of them that lie on no edge of the first picture: x, y.
+    /// Those of them that lie on no edge of the first frame: x, y.
     pub off_edge: Vec<[u32; 2]>,
 }
 
@@ -41,7 +40,7 @@ impl Difference {
 /// hundredth of a millimetre.
 const CLOSE_UPS_PX: [f32; 3] = [5e-3, 1e-3, 1e-4];
 
-/// Compares the GPU's picture of `scene` with the CPU's. Some edges are finer than a pixel (between two texels far away, or
+/// Compares the GPU's frame of `scene` with the CPU's. Some edges are finer than a pixel (between two texels far away, or
 /// the seam of two cells of one wall): a pixel lies on one if the CPU's rays close around its own differ.
 pub fn compare_twins(scene: &Scene<'_>, on_cpu: &Pixels, on_gpu: &Pixels) -> Difference {
     let mut difference = compare(on_cpu, on_gpu);
@@ -59,7 +58,7 @@ fn holds_edge(near: &Pixels) -> bool {
         || !near.distance.iter().all(|near| same_distance(*near, distance, EDGE_SHARE))
 }
 
-/// Compares `other` with `first`; pictures of different sizes differ everywhere.
+/// Compares `other` with `first`; frames of different sizes differ everywhere.
 pub fn compare(first: &Pixels, other: &Pixels) -> Difference {
     let pixels = first.colour.len();
     if first.width_px != other.width_px || pixels != other.colour.len() || pixels == 0 {
@@ -89,16 +88,16 @@ fn same_distance(a: f32, b: f32, share: f32) -> bool {
 }
 
 /// Whether the 3 x 3 pixels around hold the other colour at a distance between theirs, or a jump in distance.
-fn on_edge(picture: &Pixels, at: usize, colour: u32, distance: f32) -> bool {
-    let (width, height) = (picture.width_px as usize, picture.height_px as usize);
+fn on_edge(spec: &Pixels, at: usize, colour: u32, distance: f32) -> bool {
+    let (width, height) = (spec.width_px as usize, spec.height_px as usize);
     let (x, y) = (at % width, at / width);
     let around = (y.saturating_sub(1)..(y + 2).min(height))
         .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
     let around: Vec<usize> = around.into_iter().filter(|near| *near != at).collect();
-    let here = picture.distance[at];
-    let low = around.iter().map(|near| picture.distance[*near]).fold(here, f32::min) * (1.0 - DISTANCE_SHARE);
-    let high = around.iter().map(|near| picture.distance[*near]).fold(here, f32::max) * (1.0 + DISTANCE_SHARE);
-    let holds_colour = around.iter().any(|near| same_colour(picture.colour[*near], colour, 4 * COLOUR_STEPS));
-    let jumps = around.iter().any(|near| !same_distance(picture.distance[*near], here, EDGE_SHARE));
+    let here = spec.distance[at];
+    let low = around.iter().map(|near| spec.distance[*near]).fold(here, f32::min) * (1.0 - DISTANCE_SHARE);
+    let high = around.iter().map(|near| spec.distance[*near]).fold(here, f32::max) * (1.0 + DISTANCE_SHARE);
+    let holds_colour = around.iter().any(|near| same_colour(spec.colour[*near], colour, 4 * COLOUR_STEPS));
+    let jumps = around.iter().any(|near| !same_distance(spec.distance[*near], here, EDGE_SHARE));
     jumps || (holds_colour && (low..=high).contains(&distance))
 }

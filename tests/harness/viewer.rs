@@ -18,9 +18,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Picture size.
 const SIZE_PX: [u32; 2] = [640, 360];
-/// Between two frames.
 const FRAME: Duration = Duration::from_millis(5);
 
 /// A session over a city at any place, which draws with the CPU.
@@ -34,9 +32,9 @@ pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> R
 }
 
 /// Fetches all that is in the frustum, seen or not: nothing is drawn.
-pub fn fetch_all(session: &mut Session, shot: &FrameRequest, timeout: Duration) -> Result<()> {
+pub fn fetch_all(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
     loop {
-        session.update(shot);
+        session.update(request);
         session.check(timeout)?;
         if session.is_fetched() {
             return Ok(());
@@ -59,29 +57,26 @@ fn global(cache_mib: u32) -> GlobalArgs {
 
 /// A client that draws with the CPU.
 pub struct Viewer {
-    /// The client.
     pub session: Session,
-    /// What it looks at.
-    pub shot: FrameRequest,
+    pub request: FrameRequest,
 }
 
 impl Viewer {
     /// Connects; `camera` is chosen once the city is known.
     pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
         let session = open_session(url, &global(256), None, None)?;
-        let shot = shot(&camera(session.tree().manifest()))?;
-        Ok(Self { session, shot })
+        let request = request(&camera(session.tree().manifest()))?;
+        Ok(Self { session, request })
     }
 
-    /// Turns to another view.
     pub fn look(&mut self, camera: &Camera) -> Result<()> {
-        self.shot = shot(camera)?;
+        self.request = request(camera)?;
         Ok(())
     }
 
-    /// One frame, then a pause. Once a picture was drawn, it is drawn again whenever what is drawn changes.
+    /// One frame, then a pause. Once a frame was drawn, it is drawn again whenever what is drawn changes.
     pub fn step(&mut self) -> Result<()> {
-        self.session.update(&self.shot);
+        self.session.update(&self.request);
         if self.session.feedback().has_feedback() && !self.session.has_feedback(SIZE_PX) {
             self.draw()?;
         }
@@ -102,10 +97,10 @@ impl Viewer {
         }
     }
 
-    /// The picture of the last frame's cut.
+    /// The frame of the last frame's draw list.
     pub fn draw(&mut self) -> Result<Pixels> {
         let look = RenderSettings { samples: 1, ..RenderSettings::default() };
-        Ok(self.session.draw(&self.shot, &look)?)
+        Ok(self.session.draw(&self.request, &look)?)
     }
 
     /// Tiles of which a request is under way.
@@ -115,7 +110,7 @@ impl Viewer {
     }
 }
 
-fn shot(view: &Camera) -> Result<FrameRequest> {
+fn request(view: &Camera) -> Result<FrameRequest> {
     let [position, target, up] = [view.position, view.target, view.up].map(DVec3::from);
     let camera = camera::Camera::look_at(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
     Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })

@@ -4,7 +4,7 @@ use crate::{
     baked::Baked,
     compare,
     truth::Truth,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
@@ -22,8 +22,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The pictures' size.
-pub const PICTURE: Picture = Picture { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
+pub const FRAME: FrameSpec = FrameSpec { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
 /// Distances that differ by less than this many cells agree.
 const NEAR_CELLS: f64 = 2.0;
 /// Colours whose channels differ by less agree.
@@ -31,17 +30,11 @@ const NEAR_COLOUR: u8 = 40;
 
 /// Colours that no two faces of a thing share, so that a wrong one shows.
 pub mod paint {
-    /// What faces up.
     pub const ROOF: [u8; 3] = [190, 70, 60];
-    /// What stands.
     pub const WALL: [u8; 3] = [220, 210, 180];
-    /// What faces down.
     pub const UNDER: [u8; 3] = [60, 110, 190];
-    /// Plants.
     pub const GREEN: [u8; 3] = [70, 140, 60];
-    /// Water and the like.
     pub const BLUE: [u8; 3] = [90, 140, 190];
-    /// Ground.
     pub const GROUND: [u8; 3] = [150, 150, 130];
 }
 
@@ -88,7 +81,6 @@ impl Shapes {
         self
     }
 
-    /// A closed box.
     pub fn cuboid(&mut self, low: [f64; 3], high: [f64; 3]) -> &mut Self {
         self.prism(&rectangle([low[0], low[1]], [high[0], high[1]]), [low[2], high[2]])
     }
@@ -138,7 +130,6 @@ impl Shapes {
     }
 }
 
-/// A rectangle's corners, counter-clockwise.
 pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Vec<DVec2> {
     [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]].map(DVec2::from).into()
 }
@@ -157,7 +148,7 @@ pub fn around(target: [f64; 3], distance_m: f64, angle_deg: f64, up_deg: f64) ->
 
 /// How a thing compares, over all its views.
 #[derive(Debug, Clone, Copy)]
-pub struct Judged {
+pub struct ShapeScore {
     /// Silhouettes: pixels hit in both over pixels hit in either.
     pub iou: f64,
     /// Of the pixels hit in both, the share whose distances agree.
@@ -166,7 +157,7 @@ pub struct Judged {
     pub coloured: f64,
 }
 
-impl Judged {
+impl ShapeScore {
     /// An error that says all if one is below its bound.
     pub fn at_least(self, iou: f64, near: f64, coloured: f64) -> Result<()> {
         ensure!(
@@ -178,77 +169,74 @@ impl Judged {
 }
 
 /// A thing that was baked.
-pub struct Thing {
-    /// Its triangles.
+pub struct BakedShape {
     pub truth: Truth,
     /// The city that came of them.
     pub baked: Baked,
-    /// Where its picture goes.
-    picture: PathBuf,
+    spec: PathBuf,
     _folder: tempfile::TempDir,
 }
 
-impl Thing {
-    /// Bakes; pictures will be `target/zoo/NAME.png`.
+impl BakedShape {
+    /// Bakes; frames will be `target/zoo/NAME.png`.
     pub fn bake(name: &str, scene: Scene, cell_m: f64) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let out = folder.path().join("city");
         let options = BakeOptions { out: out.clone(), cell_m, ..BakeOptions::default() };
         insula_bake::bake_scene(scene.clone(), ReadReport::default(), &options, &Silent).context("bake")?;
-        let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
-        fs::create_dir_all(&pictures)?;
+        let frames = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
+        fs::create_dir_all(&frames)?;
         Ok(Self {
             truth: Truth::new(scene),
             baked: Baked::open(&out)?,
-            picture: pictures.join(format!("{name}.png")),
+            spec: frames.join(format!("{name}.png")),
             _folder: folder,
         })
     }
 
-    /// Its leaves.
     pub fn leaves(&self) -> Result<Vec<BlockMap>> {
         self.baked.maps(self.baked.manifest().depth)
     }
 
     /// Draws it from the nodes that `tau_px` asks for.
     pub fn draw(&self, camera: &Camera, tau_px: f64, shading: Shading) -> Result<Pixels> {
-        let ids = self.baked.select(camera, &PICTURE, tau_px);
-        Ok(self.baked.cut(&ids)?.scene(camera, &Picture { shading, ..PICTURE }).render())
+        let ids = self.baked.select(camera, &FRAME, tau_px);
+        Ok(self.baked.draw_list(&ids)?.scene(camera, &FrameSpec { shading, ..FRAME }).render())
     }
 
     /// Compares all views and writes them, one below the other: truth, drawn, lit.
-    pub fn judge(&self, cameras: &[Camera]) -> Result<Judged> {
+    pub fn score(&self, cameras: &[Camera]) -> Result<ShapeScore> {
         let (mut both, mut either, mut near, mut coloured) = (0.0, 0.0, 0.0, 0.0);
-        let (width, height) = (PICTURE.width_px, PICTURE.height_px);
-        let mut picture = RgbImage::new(3 * width, height * cameras.len() as u32);
+        let (width, height) = (FRAME.width_px, FRAME.height_px);
+        let mut spec = RgbImage::new(3 * width, height * cameras.len() as u32);
         let cell_m = self.baked.manifest().cell_m;
         for (row, camera) in cameras.iter().enumerate() {
-            let meant = self.truth.render(camera, &PICTURE);
+            let reference = self.truth.render(camera, &FRAME);
             let drawn = self.draw(camera, 0.01, Shading::Albedo)?;
             let lit = self.draw(camera, 0.01, Shading::Lit)?;
-            for i in 0..meant.colour.len() {
-                let (a, b) = (f64::from(meant.distance[i]), f64::from(drawn.distance[i]));
+            for i in 0..reference.colour.len() {
+                let (a, b) = (f64::from(reference.distance[i]), f64::from(drawn.distance[i]));
                 either += f64::from(a.is_finite() || b.is_finite());
                 if a.is_finite() && b.is_finite() {
                     both += 1.0;
                     if (a - b).abs() < NEAR_CELLS * cell_m {
                         near += 1.0;
-                        coloured += f64::from(alike(meant.colour[i], drawn.colour[i]));
+                        coloured += f64::from(alike(reference.colour[i], drawn.colour[i]));
                     }
                 }
                 let (x, y) = (i as u32 % width, i as u32 / width + row as u32 * height);
-                for (column, pixels) in [&meant, &drawn, &lit].into_iter().enumerate() {
+                for (column, pixels) in [&reference, &drawn, &lit].into_iter().enumerate() {
                     let [r, g, b, _] = pixels.colour[i].to_le_bytes();
-                    picture.put_pixel(x + column as u32 * width, y, Rgb([r, g, b]));
+                    spec.put_pixel(x + column as u32 * width, y, Rgb([r, g, b]));
                 }
             }
             ensure!(
-                compare::silhouette_iou(&meant, &meant) == 1.0 && either > 1000.0,
-                "the thing is not in the picture"
+                compare::silhouette_iou(&reference, &reference) == 1.0 && either > 1000.0,
+                "the thing is not in the frame"
             );
         }
-        picture.save(&self.picture)?;
-        Ok(Judged { iou: both / either, near: near / both, coloured: coloured / near })
+        spec.save(&self.spec)?;
+        Ok(ShapeScore { iou: both / either, near: near / both, coloured: coloured / near })
     }
 }
 

@@ -15,7 +15,6 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// Spoils a geometry.
 type Fault = fn(&mut Value);
 
 /// A folder to make things in.
@@ -222,7 +221,6 @@ fn a_full_disk() -> Result<()> {
     Ok(())
 }
 
-/// A baked town.
 fn town(bench: &Bench) -> Result<PathBuf> {
     let input = fixtures::write_city_json(bench.folder.path(), 8)?;
     let output = bench.bake(&input)?;

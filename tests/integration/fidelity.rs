@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use insula_tests::{
     baked::Baked,
     cameras::Stand,
-    fidelity::{self, Manner, Summary},
+    fidelity::{self, MeasureOptions, Summary},
     truth::Truth,
 };
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -28,7 +28,7 @@ fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
     // Meshes are not drawn here, but other tests need those of Chiba.
     let city = fidelity::baked(name, inputs, name == "chiba-textured")?;
     let (truth, baked) = (Truth::new(fidelity::read(inputs)?), Baked::open(&city)?);
-    let summaries = fidelity::measure(&truth, &baked, &Manner::plain(&[0.1, 1.0]), None, |_, _| Ok(()))?;
+    let summaries = fidelity::measure(&truth, &baked, &MeasureOptions::plain(&[0.1, 1.0]), None, |_, _| Ok(()))?;
     let [finest, one] = &summaries[..] else { anyhow::bail!("two taus were asked for") };
     ensure!(finest.views.len() == 12, "{} cameras found a place to stand", finest.views.len());
     let figures = format!("{}; {}", figures(finest), figures(one));

@@ -29,11 +29,11 @@ fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
     while begin.elapsed() < Duration::from_secs(2) {
         viewer.step()?;
         let now = viewer.session.selection().stats;
-        ensure!(now.worst_error_px <= before.worst_error_px, "the picture got worse: {now:?} after {before:?}");
+        ensure!(now.worst_error_px <= before.worst_error_px, "the frame got worse: {now:?} after {before:?}");
     }
     ensure!(!viewer.session.is_settled(), "nothing was in flight when the server was killed");
-    let picture = viewer.draw()?;
-    ensure!(picture.distance.iter().any(|d| d.is_finite()), "nothing is drawn while the server is away");
+    let spec = viewer.draw()?;
+    ensure!(spec.distance.iter().any(|d| d.is_finite()), "nothing is drawn while the server is away");
     let _server = ServerProcess::serve(&city, &address.to_string())?;
     viewer.until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))?;
     ensure!(viewer.session.report(1.0).tiles.bad == 0, "tiles were given up");

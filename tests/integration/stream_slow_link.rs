@@ -13,10 +13,10 @@ use insula_tests::{
 use std::time::Duration;
 
 const LINK: Link = Link { bits_per_sec: 6e5, round_trip: Duration::from_millis(80) };
-/// Pixels a picture may lack though the city is all around them in the last one: a pole or two that coarse levels do not
+/// Pixels a frame may lack though the city is all around them in the last one: a pole or two that coarse levels do not
 /// keep. A single node that is not there is thousands.
 const MOST_HOLES: usize = 640 * 360 / 5000;
-/// Largest part of all bytes that may pass before there is a picture.
+/// Largest part of all bytes that may pass before there is a frame.
 const FIRST_SHARE: f64 = 0.05;
 
 #[test]
@@ -26,43 +26,43 @@ fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     let mut first_bytes = None;
-    let mut pictures: Vec<(f64, Pixels)> = Vec::new();
+    let mut frames: Vec<(f64, Pixels)> = Vec::new();
     viewer.until(Duration::from_secs(60), |viewer| {
         let counters = viewer.session.selection().stats;
         if counters.drawn > 0 {
             first_bytes.get_or_insert(proxy.bytes());
-            // A picture whenever it may have changed.
-            if pictures.last().is_none_or(|(worst_px, _)| counters.worst_error_px != *worst_px) {
-                pictures.push((counters.worst_error_px, viewer.draw()?));
+            // A frame whenever it may have changed.
+            if frames.last().is_none_or(|(worst_px, _)| counters.worst_error_px != *worst_px) {
+                frames.push((counters.worst_error_px, viewer.draw()?));
             }
         }
         Ok(viewer.session.is_settled())
     })?;
     let last = viewer.draw()?;
     let (first_bytes, all_bytes) = (first_bytes.unwrap_or(u64::MAX), proxy.bytes());
-    println!("first picture after {first_bytes} bytes of {all_bytes}, {} stages", pictures.len());
+    println!("first frame after {first_bytes} bytes of {all_bytes}, {} stages", frames.len());
     ensure!(
         first_bytes as f64 <= FIRST_SHARE * all_bytes as f64,
-        "first picture after {first_bytes} of {all_bytes} bytes"
+        "first frame after {first_bytes} of {all_bytes} bytes"
     );
-    // How many more there are depends on how long a picture takes.
-    ensure!(pictures.len() > 2, "only {} stages: the link is not slow", pictures.len());
+    // How many more there are depends on how long a frame takes.
+    ensure!(frames.len() > 2, "only {} stages: the link is not slow", frames.len());
     let mut likeness = 0.0;
-    for (stage, (worst_px, picture)) in pictures.iter().enumerate() {
-        let holes = holes(picture, &last, *worst_px);
+    for (stage, (worst_px, spec)) in frames.iter().enumerate() {
+        let holes = holes(spec, &last, *worst_px);
         ensure!(holes <= MOST_HOLES, "stage {stage}: {holes} pixels are holes at {worst_px} px");
-        let now = like(picture, &last);
+        let now = like(spec, &last);
         ensure!(now >= likeness - 0.01, "stage {stage} is worse than the one before: {now:.4} after {likeness:.4}");
         likeness = now;
     }
     ensure!(holes_would_be_seen(&last), "a missing node would go unseen");
     // Not at each step: what was hidden behind coarse buildings may be seen beside fine ones, and is coarse at first.
-    ensure!(pictures.last().is_some_and(|(worst_px, _)| *worst_px < pictures[0].0), "the worst error has not fallen");
-    ensure!(like(&pictures[0].1, &last) < likeness, "the first picture was as good as the last");
+    ensure!(frames.last().is_some_and(|(worst_px, _)| *worst_px < frames[0].0), "the worst error has not fallen");
+    ensure!(like(&frames[0].1, &last) < likeness, "the first frame was as good as the last");
     Ok(())
 }
 
-/// The check above can fail: the last picture without the node that most of it shows has holes.
+/// The check above can fail: the last frame without the node that most of it shows has holes.
 fn holes_would_be_seen(last: &Pixels) -> bool {
     let mut counts = std::collections::BTreeMap::<u32, usize>::new();
     last.hit.iter().filter(|node| **node != NO_NODE).for_each(|node| *counts.entry(*node).or_default() += 1);
@@ -74,8 +74,8 @@ fn holes_would_be_seen(last: &Pixels) -> bool {
     holes(&without, last, 1.0) > MOST_HOLES
 }
 
-/// Pixels where the sky shows although in the last picture the city is all around, further than what is drawn may err.
-fn holes(picture: &Pixels, last: &Pixels, worst_px: f64) -> usize {
+/// Pixels where the sky shows although in the last frame the city is all around, further than what is drawn may err.
+fn holes(spec: &Pixels, last: &Pixels, worst_px: f64) -> usize {
     let reach = worst_px.ceil() as i64 + 1;
     let (width, height) = (i64::from(last.width_px), i64::from(last.height_px));
     let inside = |x: i64, y: i64| {
@@ -85,11 +85,11 @@ fn holes(picture: &Pixels, last: &Pixels, worst_px: f64) -> usize {
             seen && last.distance[(y * width + x) as usize].is_finite()
         })
     };
-    let sky = (0..width * height).filter(|i| picture.distance[*i as usize].is_infinite());
+    let sky = (0..width * height).filter(|i| spec.distance[*i as usize].is_infinite());
     sky.filter(|i| inside(i % width, i / width)).count()
 }
 
-/// 1 where pictures are the same, less the more their colours differ.
+/// 1 where frames are the same, less the more their colours differ.
 fn like(a: &Pixels, b: &Pixels) -> f64 {
     let difference: u64 = a
         .colour

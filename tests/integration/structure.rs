@@ -17,7 +17,6 @@ const CRATES: [&str; 8] = [
     "server/src",
     "tests/harness",
 ];
-/// Longest functions, in lines.
 const MAX_RUST_FUNCTION: usize = 80;
 const MAX_WGSL_FUNCTION: usize = 90;
 /// Type names that may have more than one definition, in crates or modules that never meet. No domain words.

@@ -4,7 +4,6 @@
 
 use insula_tests::source_code::{is_test, tracked_files, without_inline_tests};
 
-/// Longest source file.
 const MAX_LINES: usize = 600;
 
 fn is_source(name: &str) -> bool {

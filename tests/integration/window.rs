@@ -135,7 +135,6 @@ impl Person {
         self.xdotool(&["mousemove", "--window", &self.window, &x, &y, "sleep", "0.1", "click", button])
     }
 
-    /// Asks again and again.
     fn until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
         let begin = Instant::now();
         while !done(self)? {
@@ -162,7 +161,6 @@ impl Person {
         found.context("said")
     }
 
-    /// What the window shows.
     fn look(&self, name: &str) -> Result<RgbImage> {
         let path = self.pictures.join(format!("{name}.png"));
         self.tool("import", &["-window", &self.window, &path.to_string_lossy()])?;
@@ -188,7 +186,6 @@ impl Person {
         Ok(after)
     }
 
-    /// Escape; the exit code.
     fn quit(&mut self) -> Result<i32> {
         self.key("Escape")?;
         let begin = Instant::now();

@@ -1,15 +1,15 @@
-//! How much pictures leap while a standing camera's city refines: the difference of consecutive frames at 60 a second, where
+//! How much frames leap while a standing camera's city refines: the difference of consecutive frames at 60 a second, where
 //! levels of detail fade into each other and where they do not, beside that of a slow pan.
 //!
 //! `cargo run --release -p insula-tests --bin fade -- CITY... --report fade.json`: each CITY is a baked folder, and begins without
-//! a tile. A leap is looked for in squares of 16 x 16 pixels, too: what is refined is a part of the picture.
+//! a tile. A leap is looked for in squares of 16 x 16 pixels, too: what is refined is a part of the frame.
 
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::{DQuat, DVec2, DVec3};
 use insula_client::image_files::write_png;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_tests::{baked::Baked, cold::Cold};
+use insula_tests::{baked::Baked, stepped_client::SteppedClient};
 use insula_viewer::{
     camera::{Camera, View},
     frame::{MOVING_SAMPLES, RenderSettings},
@@ -18,7 +18,7 @@ use serde::Serialize;
 use std::{fs, path::PathBuf};
 
 const FRAME_SECS: f64 = 1.0 / 60.0;
-/// Side of the parts of a picture that are looked at by themselves.
+/// Side of the parts of a frame that are looked at by themselves.
 const BLOCK_PX: u32 = 16;
 /// No city takes more frames.
 const FRAMES: usize = 20_000;
@@ -32,7 +32,7 @@ struct Args {
     /// Tiles that come in a frame: two are about 20 Mbit/s.
     #[arg(long, default_value_t = 2)]
     tiles: usize,
-    /// Width of a picture; its height is nine sixteenths.
+    /// Width of a frame; its height is nine sixteenths.
     #[arg(long, default_value_t = 320)]
     width: u32,
     /// Rays along a pixel's side.
@@ -47,9 +47,9 @@ struct Args {
     /// Only this view.
     #[arg(long)]
     view: Option<String>,
-    /// Write every frame that fades as a picture into this folder.
+    /// Write every frame that fades as a frame into this folder.
     #[arg(long)]
-    pictures: Option<PathBuf>,
+    frames: Option<PathBuf>,
     /// Write all figures as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -60,7 +60,7 @@ struct Args {
 struct Leaps {
     frames: usize,
     /// Largest of a frame's means.
-    picture: f64,
+    spec: f64,
     /// Largest of all blocks' means, and the largest that one in a hundred blocks exceeds in any frame.
     block: f64,
     block_99: f64,
@@ -81,7 +81,7 @@ impl Leaps {
         let mut means: Vec<f64> = sums.iter().map(|(sum, count)| sum / count).collect();
         means.sort_by(f64::total_cmp);
         self.frames += 1;
-        self.picture = self.picture.max(sum / count);
+        self.spec = self.spec.max(sum / count);
         self.block = self.block.max(means.last().copied().unwrap_or(0.0));
         self.block_99 = self.block_99.max(means[(means.len() - 1) * 99 / 100]);
     }
@@ -100,7 +100,7 @@ struct Row {
 fn main() -> Result<()> {
     let args = Args::parse();
     let mut rows: Vec<Row> = Vec::new();
-    println!("largest difference of consecutive frames: picture, 1 in 100 blocks, worst block (255ths of a channel)");
+    println!("largest difference of consecutive frames: frame, 1 in 100 blocks, worst block (255ths of a channel)");
     for folder in &args.cities {
         let city = Baked::open(folder)?;
         for (view, camera) in
@@ -108,7 +108,7 @@ fn main() -> Result<()> {
         {
             let (at_once, _) = refine(&args, &city, view, camera, false)?;
             let (fading, pan) = refine(&args, &city, view, camera, true)?;
-            let text = |l: &Leaps| format!("{:5.2} {:5.1} {:5.1}", l.picture, l.block_99, l.block);
+            let text = |l: &Leaps| format!("{:5.2} {:5.1} {:5.1}", l.spec, l.block_99, l.block);
             println!(
                 "{:8} {:6}: at once {} ({} frames); fading {} ({}); pan {}",
                 city.manifest().name,
@@ -148,9 +148,9 @@ fn refine(
     city: &Baked,
     name: &str,
     [position, target]: [DVec3; 2],
-    fades: bool,
+    transitions: bool,
 ) -> Result<(Leaps, Leaps)> {
-    let mut cold = Cold::new(city, fades)?;
+    let mut client = SteppedClient::new(city, transitions)?;
     let size_px = [args.width, args.width * 9 / 16];
     let view = |turn_deg: f64| {
         let ahead = DQuat::from_rotation_z(turn_deg.to_radians()) * (target - position);
@@ -169,20 +169,20 @@ fn refine(
     let mut leaps = Leaps::default();
     let mut last: Option<Pixels> = None;
     for frame in 0..FRAMES {
-        let (data, changed) = cold.frame(&view(0.0)?, &look, args.tiles, FRAME_SECS)?;
+        let (data, changed) = client.frame(&view(0.0)?, &look, args.tiles, FRAME_SECS)?;
         if data.nodes.is_empty() {
             continue;
         }
-        if !changed && cold.is_at_rest(size_px) {
+        if !changed && client.is_at_rest(size_px) {
             break;
         }
         if !changed && last.is_some() {
             // What its rays hit may not be known yet.
-            cold.draw(&data);
+            client.draw(&data);
             continue;
         }
-        let pixels = cold.draw(&data);
-        if let (Some(folder), true) = (&args.pictures, fades) {
+        let pixels = client.draw(&data);
+        if let (Some(folder), true) = (&args.frames, transitions) {
             let path = folder.join(format!("{}-{name}-{frame:04}.png", city.manifest().name));
             write_png(&path, &pixels)?;
         }
@@ -192,9 +192,9 @@ fn refine(
         last = Some(pixels);
     }
     let mut pan = Leaps::default();
-    for i in 1..if fades { 4 } else { 1 } {
-        let (data, _) = cold.frame(&view(args.turn * f64::from(i))?, &look, usize::MAX, 1.0)?;
-        let pixels = cold.draw(&data);
+    for i in 1..if transitions { 4 } else { 1 } {
+        let (data, _) = client.frame(&view(args.turn * f64::from(i))?, &look, usize::MAX, 1.0)?;
+        let pixels = client.draw(&data);
         if let Some(last) = &last {
             pan.learn(last, &pixels);
         }

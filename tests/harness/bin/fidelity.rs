@@ -8,10 +8,10 @@ use insula_tests::{
     baked::Baked,
     cameras::Stand,
     compare::{self, Colour, Score},
-    fidelity::{self, Manner, Size, Summary, View},
+    fidelity::{self, MeasureOptions, Size, Summary, View},
     gpu::Gpu,
     truth::Truth,
-    view::Picture,
+    view::FrameSpec,
 };
 use serde::Serialize;
 use std::{fs, path::PathBuf, time::Instant};
@@ -25,7 +25,7 @@ struct Args {
     /// Side of a leaf's column in metres.
     #[arg(long, default_value_t = 1.0)]
     cell: f64,
-    /// Folder for the pictures (truth, baked, differences) and the baked city.
+    /// Folder for the frames (truth, baked, differences) and the baked city.
     #[arg(long)]
     out: PathBuf,
     /// Tolerated errors in pixels.
@@ -43,8 +43,8 @@ struct Args {
     /// Only the cameras in the street.
     #[arg(long)]
     street: bool,
-    /// The pictures' width and height.
-    #[arg(long, num_args = 2, default_values_t = [fidelity::PICTURE.width_px, fidelity::PICTURE.height_px])]
+    /// The frames' width and height.
+    #[arg(long, num_args = 2, default_values_t = [fidelity::FRAME.width_px, fidelity::FRAME.height_px])]
     size: Vec<u32>,
     /// Write all figures as JSON.
     #[arg(long)]
@@ -69,7 +69,7 @@ struct CameraReport {
     tau_px: f64,
     nodes: usize,
     score: Score,
-    picture: String,
+    spec: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -80,7 +80,6 @@ struct SummaryReport {
     aerial_iou_worst: f64,
     deviation_median_cells: f64,
     deviation_p95_cells: f64,
-    /// Means over the cameras.
     colour: Option<Colour>,
     textured: Option<Colour>,
     aerial_textured: Option<Colour>,
@@ -120,16 +119,16 @@ fn main() -> Result<()> {
     let mut cameras = Vec::new();
     println!("camera       tau  nodes    IoU  median    p95 | all: PSNR  SSIM | textured:   px  PSNR  SSIM");
     let started = Instant::now();
-    let picture = Picture { width_px: args.size[0], height_px: args.size[1], ..fidelity::PICTURE };
+    let spec = FrameSpec { width_px: args.size[0], height_px: args.size[1], ..fidelity::FRAME };
     let stand = args.street.then_some(Stand::Street);
-    let manner = Manner { taus_px: &args.tau, meshes: args.meshes, stand, picture };
-    let summaries = fidelity::measure(&truth, &baked, &manner, gpu.as_ref(), |number, view| {
+    let options = MeasureOptions { taus_px: &args.tau, meshes: args.meshes, stand, spec };
+    let summaries = fidelity::measure(&truth, &baked, &options, gpu.as_ref(), |number, view| {
         print_view(number, view);
         let (stand, tau_px, nodes, score) = (view.station.stand, view.tau_px, view.nodes, view.score);
-        let picture = format!("{number:02}-{stand:?}-tau{tau_px}.png").to_lowercase();
-        compare::side_by_side(&view.meant, &view.drawn, args.cell).save(args.out.join(&picture))?;
+        let spec = format!("{number:02}-{stand:?}-tau{tau_px}.png").to_lowercase();
+        compare::side_by_side(&view.reference, &view.drawn, args.cell).save(args.out.join(&spec))?;
         let camera = serde_json::to_string(&view.station.camera)?;
-        cameras.push(CameraReport { number, stand, tau_px, nodes, score, picture });
+        cameras.push(CameraReport { number, stand, tau_px, nodes, score, spec });
         Ok(fs::write(args.out.join(format!("{number:02}-camera.json")), camera)?)
     })?;
     println!("drawn and compared in {:.1} s", started.elapsed().as_secs_f64());

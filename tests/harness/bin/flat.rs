@@ -13,13 +13,13 @@ use insula_shaders::{
 };
 use insula_tests::{
     baked::Baked,
-    cut::{Cut, Scene},
+    draw_list::{DrawList, Scene},
     gpu::Gpu,
     synth::{
         City, Stand,
         mesh::{Mesh, Target},
     },
-    view::Picture,
+    view::FrameSpec,
 };
 use serde::Serialize;
 use std::{
@@ -37,9 +37,9 @@ struct Args {
     /// Their buildings.
     #[arg(long, value_delimiter = ',', default_value = "1000,10000,100000,1000000")]
     sizes: Vec<u64>,
-    /// Picture sizes.
+    /// Frame sizes.
     #[arg(long, value_delimiter = ',', default_value = "640x360,1280x720")]
-    pictures: Vec<String>,
+    frames: Vec<String>,
     /// Views.
     #[arg(long, value_delimiter = ',', default_value = "street,roof,aerial", value_parser = Stand::ALL.map(Stand::word))]
     views: Vec<String>,
@@ -59,7 +59,7 @@ struct Args {
     /// Do not draw with the CPU's ray-caster.
     #[arg(long)]
     no_cpu: bool,
-    /// Folder for one picture of each view.
+    /// Folder for one frame of each view.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Write all figures as JSON.
@@ -71,9 +71,9 @@ struct Args {
 #[derive(Debug, Serialize, Clone)]
 struct Row {
     stand: &'static str,
-    picture: String,
+    spec: String,
     buildings: u64,
-    nodes_in_cut: usize,
+    nodes_drawn: usize,
     grid_entries: usize,
     covered_share: f64,
     gpu_ms: f64,
@@ -89,7 +89,7 @@ struct Row {
     common_fetches_per_ray: f64,
 }
 
-/// Every picture is drawn so often in a round, by whatever draws it.
+/// Every frame is drawn so often in a round, by whatever draws it.
 const TIMES: usize = 5;
 
 fn main() -> Result<()> {
@@ -99,10 +99,10 @@ fn main() -> Result<()> {
     let cities = args.sizes.iter().map(|n| open(&args.cities, *n)).collect::<Result<Vec<_>>>()?;
     let meshes = if args.no_triangles { Vec::new() } else { meshes(&gpu, &args.sizes)? };
     let mut rows = Vec::new();
-    for picture in &args.pictures {
-        let picture = parse(picture)?;
+    for spec in &args.frames {
+        let spec = parse(spec)?;
         for stand in Stand::ALL.into_iter().filter(|stand| args.views.iter().any(|word| word == stand.word())) {
-            rows.extend(view(&args, &gpu, (&cities, &meshes), stand, &picture)?);
+            rows.extend(view(&args, &gpu, (&cities, &meshes), stand, &spec)?);
         }
     }
     summary(&rows, &args.sizes);
@@ -130,9 +130,9 @@ fn meshes(gpu: &Gpu, sizes: &[u64]) -> Result<Vec<Mesh>> {
     sizes.iter().map(|n| Mesh::new(&gpu.device, &gpu.queue, &City::new(*n, 1.0)?)).collect()
 }
 
-fn parse(text: &str) -> Result<Picture> {
+fn parse(text: &str) -> Result<FrameSpec> {
     let (width, height) = text.split_once('x').with_context(|| format!("{text}: write WIDTHxHEIGHT"))?;
-    Ok(Picture { width_px: width.parse()?, height_px: height.parse()?, shading: Shading::Lit, samples: 1 })
+    Ok(FrameSpec { width_px: width.parse()?, height_px: height.parse()?, shading: Shading::Lit, samples: 1 })
 }
 
 fn view(
@@ -140,14 +140,16 @@ fn view(
     gpu: &Gpu,
     (cities, meshes): (&[Baked], &[Mesh]),
     stand: Stand,
-    picture: &Picture,
+    spec: &FrameSpec,
 ) -> Result<Vec<Row>> {
     let camera = stand.camera();
-    let cuts: Vec<Cut> =
-        cities.iter().map(|city| city.cut(&city.select_in_view(&camera, picture, args.tau))).collect::<Result<_>>()?;
-    let scenes: Vec<Scene<'_>> = cuts.iter().map(|cut| cut.scene(&camera, picture)).collect();
+    let draw_lists: Vec<DrawList> = cities
+        .iter()
+        .map(|city| city.draw_list(&city.select_in_view(&camera, spec, args.tau)))
+        .collect::<Result<_>>()?;
+    let scenes: Vec<Scene<'_>> = draw_lists.iter().map(|draw_list| draw_list.scene(&camera, spec)).collect();
     let mut casters: Vec<Raycaster> = scenes.iter().map(|scene| gpu.raycaster(scene)).collect();
-    let target = Target::new(&gpu.device, picture);
+    let target = Target::new(&gpu.device, spec);
     let mut rows = Vec::new();
     let mut common = Vec::new();
     for (i, scene) in scenes.iter().enumerate() {
@@ -156,9 +158,9 @@ fn view(
         let counted = count(&scene.as_ref());
         compare_counts(gpu, &mut casters[i], scene, counted)?;
         if let Some(out) = &args.out {
-            let name = format!("{}-{}-{}.png", stand.word(), picture.height_px, args.sizes[i]);
+            let name = format!("{}-{}-{}.png", stand.word(), spec.height_px, args.sizes[i]);
             let bytes: Vec<u8> = pixels.colour.iter().flat_map(|word| word.to_le_bytes()).collect();
-            let image = image::RgbaImage::from_raw(picture.width_px, picture.height_px, bytes).context("size")?;
+            let image = image::RgbaImage::from_raw(spec.width_px, spec.height_px, bytes).context("size")?;
             fs::create_dir_all(out)?;
             image.save(out.join(name))?;
         }
@@ -171,9 +173,9 @@ fn view(
         let per_ray = |n: u64| n as f64 / counted.rays as f64;
         rows.push(Row {
             stand: stand.word(),
-            picture: format!("{}x{}", picture.width_px, picture.height_px),
+            spec: format!("{}x{}", spec.width_px, spec.height_px),
             buildings: args.sizes[i],
-            nodes_in_cut: scene.nodes.len(),
+            nodes_drawn: scene.nodes.len(),
             grid_entries: scene.grid.len(),
             covered_share: covered as f64 / pixels.distance.len() as f64,
             gpu_ms: f64::INFINITY,
@@ -201,7 +203,7 @@ fn view(
             if let Some(mesh) = meshes.get(i) {
                 let ms = time(args, || {
                     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-                    row.triangles = Some(mesh.draw(&gpu.queue, &mut encoder, &target, &camera, picture));
+                    row.triangles = Some(mesh.draw(&gpu.queue, &mut encoder, &target, &camera, spec));
                     finish(gpu, encoder)
                 })?;
                 row.triangles_ms = Some(row.triangles_ms.map_or(ms, |best: f64| best.min(ms)));
@@ -265,16 +267,16 @@ fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: 
 fn print(row: &Row) {
     let ms = |value: Option<f64>| value.map_or("-".into(), |ms| format!("{ms:.1}"));
     println!(
-        "{:6} {:>9} {:>8}: device {:6.1} ms, cpu {:>6} ms, triangles {:>7} ms ({:>8}); covered {:.3}, cut {:5}; a ray: {:.2} nodes, {:.2} steps, {:.1} fetches, {:.1} cells",
+        "{:6} {:>9} {:>8}: device {:6.1} ms, cpu {:>6} ms, triangles {:>7} ms ({:>8}); covered {:.3}, draw list {:5}; a ray: {:.2} nodes, {:.2} steps, {:.1} fetches, {:.1} cells",
         row.stand,
-        row.picture,
+        row.spec,
         row.buildings,
         row.gpu_ms,
         ms(row.cpu_ms),
         ms(row.triangles_ms),
         row.triangles.unwrap_or(0),
         row.covered_share,
-        row.nodes_in_cut,
+        row.nodes_drawn,
         row.nodes_per_ray,
         row.steps_per_ray,
         row.fetches_per_ray,
@@ -285,7 +287,7 @@ fn print(row: &Row) {
 /// The largest city against the smallest, and against triangles.
 fn summary(rows: &[Row], sizes: &[u64]) {
     println!(
-        "\n| view | picture | device, largest / smallest | a covered pixel | cpu | fetches | steps | where the smallest covers: fetches | steps | against triangles, by size |"
+        "\n| view | frame | device, largest / smallest | a covered pixel | cpu | fetches | steps | where the smallest covers: fetches | steps | against triangles, by size |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for rows in rows.chunks(sizes.len()) {
@@ -299,7 +301,7 @@ fn summary(rows: &[Row], sizes: &[u64]) {
         println!(
             "| {} | {} | {:.2} | {:.2} | {cpu} | {:.2} | {:+.2} | {:.2} | {:+.2} | {} |",
             first.stand,
-            first.picture,
+            first.spec,
             last.gpu_ms / first.gpu_ms,
             last.gpu_ms / first.gpu_ms * covered,
             last.fetches_per_ray / first.fetches_per_ray,

@@ -15,8 +15,8 @@ use insula_shaders::{
 };
 use insula_tests::{
     baked::Baked,
-    cut::Cut,
-    view::{Camera, Picture},
+    draw_list::DrawList,
+    view::{Camera, FrameSpec},
 };
 use serde::Serialize;
 use std::{fs, path::PathBuf};
@@ -33,7 +33,7 @@ struct Args {
     /// Rays along a pixel's side that are compared with the truth.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3,4")]
     rays: Vec<u32>,
-    /// Width of a picture; its height is nine sixteenths.
+    /// Width of a frame; its height is nine sixteenths.
     #[arg(long, default_value_t = 640)]
     width: u32,
     /// Degrees between two frames.
@@ -99,15 +99,15 @@ fn cameras(city: &Baked) -> [(&'static str, Camera); 3] {
 }
 
 fn pan(args: &Args, city: &Baked, view: &'static str, camera: Camera) -> Result<Row> {
-    let picture = Picture { width_px: args.width, height_px: args.width * 9 / 16, shading: Shading::Lit, samples: 1 };
-    // All around, so that turning needs no other cut.
-    let cut = city.cut(&city.select(&camera, &picture, 1.0))?;
+    let spec = FrameSpec { width_px: args.width, height_px: args.width * 9 / 16, shading: Shading::Lit, samples: 1 };
+    // All around, so that turning needs no other draw list.
+    let draw_list = city.draw_list(&city.select(&camera, &spec, 1.0))?;
     let turned: Vec<Camera> = (0..args.frames).map(|i| turn(&camera, args.turn * i as f64)).collect();
-    let truth = apart(turned.iter().map(|camera| supersampled(args, &cut, camera, &picture, city)))?;
+    let truth = apart(turned.iter().map(|camera| supersampled(args, &draw_list, camera, &spec, city)))?;
     let mut drawn = Vec::new();
     for rays in &args.rays {
-        let picture = Picture { samples: (*rays).min(MAX_SAMPLES), ..picture };
-        let apart = apart(turned.iter().map(|camera| draw(args, &cut, camera, &picture, city)))?;
+        let spec = FrameSpec { samples: (*rays).min(MAX_SAMPLES), ..spec };
+        let apart = apart(turned.iter().map(|camera| draw(args, &draw_list, camera, &spec, city)))?;
         drawn.push((*rays, apart, apart / truth));
     }
     Ok(Row { city: city.manifest().name.clone(), view, truth, drawn })
@@ -120,26 +120,26 @@ fn turn(camera: &Camera, degrees: f64) -> Camera {
     Camera { target: (position + ahead).into(), ..*camera }
 }
 
-fn draw(args: &Args, cut: &Cut, camera: &Camera, picture: &Picture, city: &Baked) -> Pixels {
-    let mut scene = cut.scene(camera, picture);
+fn draw(args: &Args, draw_list: &DrawList, camera: &Camera, spec: &FrameSpec, city: &Baked) -> Pixels {
+    let mut scene = draw_list.scene(camera, spec);
     scene.frame.ground = 1;
     scene.frame.ground_z_m = (city.manifest().ground_z_m - camera.position[2]) as f32;
     scene.frame.shadow_m = args.shadows;
     scene.render()
 }
 
-/// Many rays a pixel: a larger picture, averaged in linear light.
-fn supersampled(args: &Args, cut: &Cut, camera: &Camera, picture: &Picture, city: &Baked) -> Pixels {
+/// Many rays a pixel: a larger frame, averaged in linear light.
+fn supersampled(args: &Args, draw_list: &DrawList, camera: &Camera, spec: &FrameSpec, city: &Baked) -> Pixels {
     let side = TRUTH_RAYS / MAX_SAMPLES;
-    let (width_px, height_px) = (picture.width_px * side, picture.height_px * side);
-    let large = Picture { width_px, height_px, samples: MAX_SAMPLES, ..*picture };
-    let large = draw(args, cut, camera, &large, city);
-    let colour = (0..picture.width_px * picture.height_px).map(|i| {
-        let (x, y) = (i % picture.width_px * side, i / picture.width_px * side);
+    let (width_px, height_px) = (spec.width_px * side, spec.height_px * side);
+    let large = FrameSpec { width_px, height_px, samples: MAX_SAMPLES, ..*spec };
+    let large = draw(args, draw_list, camera, &large, city);
+    let colour = (0..spec.width_px * spec.height_px).map(|i| {
+        let (x, y) = (i % spec.width_px * side, i / spec.width_px * side);
         let part = (0..side * side).map(|k| large.colour[((y + k / side) * width_px + x + k % side) as usize]);
         encode_srgb(part.map(linear_of).sum::<glam::Vec3>() / (side * side) as f32)
     });
-    Pixels { width_px: picture.width_px, height_px: picture.height_px, colour: colour.collect(), ..Pixels::default() }
+    Pixels { width_px: spec.width_px, height_px: spec.height_px, colour: colour.collect(), ..Pixels::default() }
 }
 
 /// Mean absolute difference of each frame and the next.

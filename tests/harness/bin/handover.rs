@@ -1,4 +1,4 @@
-//! How much a picture changes where leaves pass from columns to meshes, beside what a camera's motion of one pixel changes.
+//! How much a frame changes where leaves pass from columns to meshes, beside what a camera's motion of one pixel changes.
 //!
 //! `cargo run --release -p insula-tests --bin handover -- CITY_INPUTS... --city CITY`
 
@@ -10,10 +10,10 @@ use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_tests::{
     baked::Baked,
     cameras,
-    cut::Cut,
+    draw_list::DrawList,
     fidelity,
     truth::Truth,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use insula_viewer::frame::STILL_SAMPLES;
 use std::{collections::HashSet, path::PathBuf};
@@ -35,7 +35,7 @@ struct Args {
     shadows: f32,
 }
 
-const PICTURE: Picture = Picture { width_px: 640, height_px: 360, shading: Shading::Lit, samples: STILL_SAMPLES };
+const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Lit, samples: STILL_SAMPLES };
 /// Leaves count whose error is so much off the one at which they pass, at most.
 const AROUND: f64 = 1.25;
 
@@ -51,8 +51,8 @@ fn difference(a: &Pixels, b: &Pixels, of: &[usize]) -> f64 {
 fn main() -> Result<()> {
     let args = Args::parse();
     let (truth, baked) = (Truth::new(fidelity::read(&args.inputs)?), Baked::open(&args.city)?);
-    let draw = |cut: &Cut, camera: &Camera| {
-        let mut scene = cut.scene(camera, &PICTURE);
+    let draw = |draw_list: &DrawList, camera: &Camera| {
+        let mut scene = draw_list.scene(camera, &FRAME);
         scene.frame.shadow_m = args.shadows;
         scene.render()
     };
@@ -61,19 +61,19 @@ fn main() -> Result<()> {
         let (mut pixels, mut sums) = (0, [0.0; 3]);
         for station in cameras::of(&truth) {
             let camera = station.camera;
-            let ids = baked.select(&camera, &PICTURE, 1.0f64.min(*at_px));
+            let ids = baked.select(&camera, &FRAME, 1.0f64.min(*at_px));
             let passing: HashSet<TileId> = ids
                 .iter()
                 .copied()
-                .filter(|id| baked.passes(*id, &camera, &PICTURE, at_px / AROUND..at_px * AROUND))
+                .filter(|id| baked.passes(*id, &camera, &FRAME, at_px / AROUND..at_px * AROUND))
                 .collect();
-            let before = baked.cut_with_meshes(&ids, |id| match passing.contains(&id) {
+            let before = baked.draw_list_with_meshes(&ids, |id| match passing.contains(&id) {
                 true => None,
-                false => baked.drawn_lod(id, &camera, &PICTURE, *at_px),
+                false => baked.drawn_lod(id, &camera, &FRAME, *at_px),
             })?;
-            let after = baked.cut_with_meshes(&ids, |id| match passing.contains(&id) {
-                true => baked.drawn_lod(id, &camera, &PICTURE, at_px / AROUND),
-                false => baked.drawn_lod(id, &camera, &PICTURE, *at_px),
+            let after = baked.draw_list_with_meshes(&ids, |id| match passing.contains(&id) {
+                true => baked.drawn_lod(id, &camera, &FRAME, at_px / AROUND),
+                false => baked.drawn_lod(id, &camera, &FRAME, *at_px),
             })?;
             let (columns, meshes) = (draw(&before, &camera), draw(&after, &camera));
             let of: Vec<usize> = (0..columns.hit.len())
@@ -83,7 +83,7 @@ fn main() -> Result<()> {
                 continue;
             }
             let away_m = of.iter().map(|at| f64::from(columns.distance[*at])).sum::<f64>() / of.len() as f64;
-            let step = camera.axes(&PICTURE).right * (2.0 / f64::from(PICTURE.width_px) * away_m);
+            let step = camera.axes(&FRAME).right * (2.0 / f64::from(FRAME.width_px) * away_m);
             let moved = |v: [f64; 3]| (DVec3::from(v) + step).to_array();
             let moved = Camera { position: moved(camera.position), target: moved(camera.target), ..camera };
             let of_each = [

@@ -38,10 +38,10 @@ struct Args {
     /// Directions that are looked at, evenly all around.
     #[arg(long, default_value_t = 4)]
     directions: u32,
-    /// Picture width.
+    /// Frame width.
     #[arg(long, default_value_t = 1280)]
     width: u32,
-    /// Picture height.
+    /// Frame height.
     #[arg(long, default_value_t = 720)]
     height: u32,
     /// Tolerated error in pixels.
@@ -56,7 +56,7 @@ struct Args {
     /// Write all figures as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Write the pictures into this folder.
+    /// Write the frames into this folder.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -124,7 +124,7 @@ fn main() -> Result<()> {
         let Row { frustum: f, occlusion: o, .. } = &row;
         println!(
             "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), of those drawn {:.1} % ({:.1} %), \
-             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, city in one picture only {:.4} %",
+             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, city in one frame only {:.4} %",
             o.drawn,
             f.drawn,
             o.fetched,
@@ -184,30 +184,30 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-fn shot(args: &Args, camera: &Camera) -> FrameRequest {
+fn request(args: &Args, camera: &Camera) -> FrameRequest {
     FrameRequest { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
 }
 
 /// Draws without telling the session what was hit.
-fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
-    let data = session.frame_data(shot, &RenderSettings::default());
-    let cut = session.selection().draw_tiles.clone();
-    Ok((session.adapter_mut().draw(&data)?, cut))
+fn draw(session: &mut Session, request: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
+    let data = session.frame_data(request, &RenderSettings::default());
+    let draw_list = session.selection().draw_tiles.clone();
+    Ok((session.adapter_mut().draw(&data)?, draw_list))
 }
 
-fn cost(session: &Session, pixels: &Pixels, cut: &[DrawTile], secs: f64) -> Cost {
+fn cost(session: &Session, pixels: &Pixels, draw_list: &[DrawTile], secs: f64) -> Cost {
     let tree = session.tree();
     let key = |item: &DrawTile| match item.mesh_lod {
         Some(lod) => TileKey::mesh(tree.node(item.node).id, lod),
         None => TileKey::block_map(tree.node(item.source).id),
     };
     let hits: HashSet<u32> = pixels.hit.iter().copied().collect();
-    let hit: Vec<&DrawTile> = (0..).zip(cut).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
+    let hit: Vec<&DrawTile> = (0..).zip(draw_list).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
     let seen: HashSet<TileKey> = hit.iter().map(|item| key(item)).collect();
     let ids = hit.iter().map(|item| tree.node(item.node).id);
     let above: HashSet<TileId> =
         ids.flat_map(|id| (0..id.level()).filter_map(move |level| id.ancestor(level))).collect();
-    let drawn: HashSet<TileKey> = cut.iter().map(key).collect();
+    let drawn: HashSet<TileKey> = draw_list.iter().map(key).collect();
     let mut fetched = Vec::new();
     for node in tree.nodes() {
         fetched.extend(node.tile.is_resident().then_some((TileKey::block_map(node.id), node.bytes)));
@@ -235,21 +235,21 @@ fn cost(session: &Session, pixels: &Pixels, cut: &[DrawTile], secs: f64) -> Cost
 }
 
 fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
-    let (ahead, city) = (shot(args, camera), &args.city);
+    let (ahead, city) = (request(args, camera), &args.city);
     let mut all = open(city, CACHE_MIB)?;
     let begin = Instant::now();
     fetch_all(&mut all, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
-    let (truth, cut) = picture(&mut all, &ahead)?;
-    let frustum = cost(&all, &truth, &cut, secs);
+    let (truth, draw_list) = draw(&mut all, &ahead)?;
+    let frustum = cost(&all, &truth, &draw_list, secs);
 
     let link = |mbit| SimulatedLink::new(Some(mbit), Duration::from_millis(args.rtt.unwrap_or(0)), 0.0);
     let mut few = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
     let begin = Instant::now();
     settle(&mut few, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
-    let (seen, cut) = picture(&mut few, &ahead)?;
-    let occlusion = cost(&few, &seen, &cut, secs);
+    let (seen, draw_list) = draw(&mut few, &ahead)?;
+    let occlusion = cost(&few, &seen, &draw_list, secs);
     let apart = compare_frames(&seen, &truth);
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
@@ -259,20 +259,20 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
 
     let mut turns = Vec::new();
     for degrees in [3.0, 30.0] {
-        let beside = shot(args, &camera.turned(degrees));
+        let beside = request(args, &camera.turned(degrees));
         let mut reference = open(city, CACHE_MIB)?;
         fetch_all(&mut reference, &beside, TIMEOUT)?;
         fetch_all(&mut reference, &ahead, TIMEOUT)?;
         fetch_all(&mut reference, &beside, TIMEOUT)?;
-        let (truth, _) = picture(&mut reference, &beside)?;
+        let (truth, _) = draw(&mut reference, &beside)?;
         // The same client begins to look, ahead, until that rests; then it turns.
         settle(&mut reference, &ahead, TIMEOUT)?;
         reference.update(&beside);
-        let warm = compare_frames(&picture(&mut reference, &beside)?.0, &truth);
+        let warm = compare_frames(&draw(&mut reference, &beside)?.0, &truth);
         let mut cold = open(city, CACHE_MIB)?;
         settle(&mut cold, &ahead, TIMEOUT)?;
         cold.update(&beside);
-        let cold_px = picture(&mut cold, &beside)?.0;
+        let cold_px = draw(&mut cold, &beside)?.0;
         if let Some(out) = &args.out {
             insula_client::image_files::write_png(&out.join(format!("{direction}-{degrees}-cold.png")), &cold_px)?;
             insula_client::image_files::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
@@ -288,7 +288,7 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         let rested_secs = begin.elapsed().as_secs_f64();
         rested.update(&beside);
         let rested_bytes = rested.report(1.0).bytes_fetched;
-        let rested = compare_frames(&picture(&mut rested, &beside)?.0, &truth);
+        let rested = compare_frames(&draw(&mut rested, &beside)?.0, &truth);
         turns.push(Turn {
             degrees,
             wrong_share: warm.wrong_share,

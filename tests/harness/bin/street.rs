@@ -1,8 +1,8 @@
 //! Bytes of a view in the street beside those of the source's own files.
 //!
 //! `cargo run --release -p insula-tests --bin street -- CITY_INPUTS... --city CITY`: of each camera that the bench of fidelity
-//! has in the street, what a client that begins with nothing fetches until its picture cannot get better (manifest, subtrees,
-//! columns of all levels, meshes), against what of the source's files belongs to the leaves that the picture shows: those
+//! has in the street, what a client that begins with nothing fetches until its frame cannot get better (manifest, subtrees,
+//! columns of all levels, meshes), against what of the source's files belongs to the leaves that the frame shows: those
 //! that a ray hits once all in the frustum is here, and of a coarser node those below it. Which bytes belong to a leaf:
 //! `insula_tests::source_bytes`. Beside it, plainly: all of the source's bytes times the share of its leaves; and those of the
 //! source's whole files that have any of it.
@@ -39,13 +39,13 @@ struct Args {
     /// The same, baked.
     #[arg(long)]
     city: PathBuf,
-    /// The pictures' width and height.
+    /// The frames' width and height.
     #[arg(long, num_args = 2, default_values_t = [1280, 720])]
     size: Vec<u32>,
     /// Tolerated error in pixels.
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
-    /// Write the pictures, and those of all that is in the frustum, into this folder.
+    /// Write the frames, and those of all that is in the frustum, into this folder.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Says how many columns of each level were fetched, too.
@@ -64,7 +64,7 @@ struct Fetched {
     /// Those of them that are no leaves'.
     coarser: u64,
     meshes: u64,
-    /// Leaves that the picture shows, and leaves drawn as meshes.
+    /// Leaves that the frame shows, and leaves drawn as meshes.
     leaves: usize,
     drawn_meshes: u32,
     /// Pixels that differ from those of a client that fetched all in the frustum.
@@ -82,14 +82,14 @@ fn main() -> Result<()> {
     let source = Source::read(&args.inputs, &truth.scene, store.manifest())?;
     let all = source.of(&leaves);
     println!(
-        "source: {} kB; of its {} leaves {:.0} kB of text, {:.0} kB of pictures' area",
+        "source: {} kB; of its {} leaves {:.0} kB of text, {:.0} kB of frames' area",
         source.whole_bytes / 1000,
         leaves.len(),
         all.text / 1e3,
-        all.pictures / 1e3
+        all.frames / 1e3
     );
     println!(
-        "| camera | fetched kB | columns | no leaves' | meshes | rest | leaves | as meshes | text kB | pictures kB | times | by used area | by leaves | by files | wrong % |"
+        "| camera | fetched kB | columns | no leaves' | meshes | rest | leaves | as meshes | text kB | frames kB | times | by used area | by leaves | by files | wrong % |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (number, station) in cameras::of(&truth).into_iter().enumerate().filter(|s| s.1.stand == Stand::Street) {
@@ -107,8 +107,8 @@ fn main() -> Result<()> {
             fetched.leaves,
             fetched.drawn_meshes,
             of.text / 1e3,
-            of.pictures / 1e3,
-            times(of.text + of.pictures),
+            of.frames / 1e3,
+            times(of.text + of.frames),
             times(of.text + of.pictures_used),
             times(source.whole_bytes as f64 * shown.len() as f64 / leaves.len().max(1) as f64),
             times(of.files),
@@ -146,14 +146,14 @@ fn look(
 ) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
     let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
     let camera = Camera::look_at(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
-    let shot = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
+    let request = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
     let server = format!("http://{address}");
     let mut all = open(Path::new(&server), CACHE_MIB)?;
-    fetch_all(&mut all, &shot, TIMEOUT)?;
-    let (truth, hit) = picture(&mut all, &shot)?;
+    fetch_all(&mut all, &request, TIMEOUT)?;
+    let (truth, hit) = draw(&mut all, &request)?;
     let mut session = open(Path::new(&server), CACHE_MIB)?;
-    settle(&mut session, &shot, TIMEOUT)?;
-    let (seen, _) = picture(&mut session, &shot)?;
+    settle(&mut session, &request, TIMEOUT)?;
+    let (seen, _) = draw(&mut session, &request)?;
     let apart = compare_frames(&seen, &truth);
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
@@ -204,9 +204,9 @@ fn look(
     Ok((fetched, shown, levels))
 }
 
-/// The picture, and nodes that a ray hits.
-fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, BTreeSet<TileId>)> {
-    let data = session.frame_data(shot, &RenderSettings::default());
+/// The frame, and nodes that a ray hits.
+fn draw(session: &mut Session, request: &FrameRequest) -> Result<(Pixels, BTreeSet<TileId>)> {
+    let data = session.frame_data(request, &RenderSettings::default());
     let squares: Vec<TileId> =
         session.selection().draw_tiles.iter().map(|item| session.tree().node(item.node).id).collect();
     let pixels = session.adapter_mut().draw(&data)?;

@@ -10,7 +10,6 @@ pub const GROUND_TRIANGLES: u64 = 6;
 /// What a roof is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Roof {
-    /// Level.
     Flat,
     /// Two slopes; the ridge runs along `axis` and is so much higher than the eaves.
     Gable(f64),
@@ -19,7 +18,6 @@ pub enum Roof {
 /// A box, perhaps in the air, perhaps with a pitched roof.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Middle, city metres.
     pub centre: DVec2,
     /// Unit vector along its length.
     pub axis: DVec2,
@@ -27,13 +25,10 @@ pub struct Part {
     pub half: DVec2,
     /// 0, or higher if it hangs.
     pub bottom_m: f64,
-    /// Top of the walls.
     pub eaves_m: f64,
-    /// What is above them.
     pub roof: Roof,
     /// Colour of the walls, 8-bit sRGB.
     pub wall: [u8; 3],
-    /// Colour from above.
     pub top: [u8; 3],
     /// Whether its walls have windows.
     pub windows: bool,
@@ -82,18 +77,13 @@ pub struct Block {
     pub streets: [DVec2; 2],
     /// South-west corner of what is not street.
     pub low: DVec2,
-    /// North-east corner.
     pub high: DVec2,
-    /// Colour of its ground.
     pub ground: [u8; 3],
-    /// Buildings.
     pub buildings: Vec<Building>,
-    /// Crowns of trees.
     pub trees: Vec<Part>,
 }
 
 impl Block {
-    /// All boxes.
     pub fn parts(&self) -> impl Iterator<Item = &Part> {
         self.buildings.iter().flat_map(|b| &b.parts).chain(&self.trees)
     }
@@ -103,7 +93,6 @@ impl Block {
         GROUND_TRIANGLES + self.parts().map(super::triangles::count).sum::<u64>()
     }
 
-    /// Leaves the ground alone.
     pub fn clear(&mut self) {
         self.buildings.clear();
         self.trees.clear();
@@ -125,7 +114,6 @@ const FLATS: [[u8; 3]; 4] = [[128, 126, 122], [150, 146, 138], [104, 106, 108], 
 const GLASS: [[u8; 3]; 4] = [[110, 130, 146], [140, 150, 156], [84, 98, 112], [170, 172, 168]];
 const CROWNS: [[u8; 3]; 3] = [[74, 104, 56], [92, 118, 60], [62, 90, 52]];
 
-/// The block `i`, `j`.
 pub fn block(i: i32, j: i32) -> Block {
     let mut rng = Rng::new(key(i, j) ^ 0x5bd1_e995);
     let west_south = DVec2::new(street(0, i), street(1, j));

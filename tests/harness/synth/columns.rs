@@ -12,11 +12,9 @@ use insula_bake::columns::voxels::{
 use insula_protocol::{NODE_CELLS, TileId, blockmap::COLUMNS};
 use std::sync::OnceLock;
 
-/// Samples of a cell.
 const ALL: usize = SUB * SUB;
 /// Fewest samples that a wall's own column is made for.
 const FEWEST: usize = 2;
-/// A storey.
 const STOREY_M: f64 = 3.2;
 /// Windows of a row from one to the next.
 const WINDOW_M: f64 = 2.6;
@@ -34,7 +32,6 @@ struct Cell {
     roof: [u8; 3],
     /// Colour of what is beyond the plane.
     outer: [u8; 3],
-    /// Colour of the ground.
     ground: [u8; 3],
 }
 

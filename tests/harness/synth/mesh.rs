@@ -6,7 +6,7 @@ use super::{
     City,
     triangles::{self, Corner},
 };
-use crate::view::{Camera, Picture};
+use crate::view::{Camera, FrameSpec};
 use anyhow::Result;
 use glam::{DVec2, DVec3, Vec3};
 use std::ops::Range;
@@ -15,11 +15,8 @@ use std::ops::Range;
 const TILE_BLOCKS: i32 = 4;
 /// Steps of a corner's place in a metre.
 const STEPS_PER_M: f32 = 128.0;
-/// Bytes of a corner.
 const CORNER_BYTES: usize = 8;
-/// Corners of one buffer.
 const BUFFER_CORNERS: usize = 12 << 20;
-/// Nearest that is drawn.
 const NEAR_M: f32 = 0.3;
 
 const WGSL: &str = "
@@ -66,7 +63,7 @@ pub struct Mesh {
     pub triangles: u64,
 }
 
-/// Where a picture is drawn to.
+/// Where a frame is drawn to.
 #[derive(Debug)]
 pub struct Target {
     colour: wgpu::Texture,
@@ -74,7 +71,6 @@ pub struct Target {
 }
 
 impl Mesh {
-    /// Uploads the city.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, city: &City) -> Result<Self> {
         let mut maker =
             Maker { device, queue, tiles: Vec::new(), buffers: Vec::new(), pending: Vec::new(), corners: 0 };
@@ -110,17 +106,17 @@ impl Mesh {
         Ok(Self { tiles, buffers, pipeline, view, bind_group, triangles: corners / 3 })
     }
 
-    /// Records a picture; returns how many triangles are in it.
+    /// Records a frame; returns how many triangles are in it.
     pub fn draw(
         &self,
         queue: &wgpu::Queue,
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
         camera: &Camera,
-        picture: &Picture,
+        spec: &FrameSpec,
     ) -> u64 {
         let eye = DVec3::from(camera.position);
-        let axes = camera.axes(picture);
+        let axes = camera.axes(spec);
         // Reversed depth without a far end.
         let row = |axis: DVec3, w: f64| axis.extend(w - axis.dot(eye));
         let (x, y) = (axes.right / axes.right.length_squared(), axes.up / axes.up.length_squared());
@@ -131,7 +127,7 @@ impl Mesh {
         let mut words: Vec<f32> = (0..4).flat_map(column).collect();
         words.extend(sun.to_array());
         queue.write_buffer(&self.view, 0, bytemuck::cast_slice(&words));
-        let planes = crate::baked::planes(camera, picture);
+        let planes = crate::baked::planes(camera, spec);
         let mut seen: Vec<(f64, usize)> = (0..self.tiles.len())
             .filter(|i| {
                 insula_viewer::select::cull::is_box_in_view(&planes, self.tiles[*i].centre, self.tiles[*i].half)
@@ -172,12 +168,11 @@ impl Mesh {
 }
 
 impl Target {
-    /// Of a picture's size.
-    pub fn new(device: &wgpu::Device, picture: &Picture) -> Self {
+    pub fn new(device: &wgpu::Device, spec: &FrameSpec) -> Self {
         let texture = |format, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: None,
-                size: wgpu::Extent3d { width: picture.width_px, height: picture.height_px, depth_or_array_layers: 1 },
+                size: wgpu::Extent3d { width: spec.width_px, height: spec.height_px, depth_or_array_layers: 1 },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -193,7 +188,6 @@ impl Target {
         }
     }
 
-    /// The picture.
     pub fn colour(&self) -> &wgpu::Texture {
         &self.colour
     }

@@ -27,7 +27,6 @@ pub const HIGHEST_M: f64 = 190.0;
 /// A plan on the quadtree's grid.
 #[derive(Debug, Clone)]
 pub struct City {
-    /// What stands where.
     pub plan: Plan,
     /// Where nodes lie; the middle of the root square is the middle of the city.
     pub grid: CityGrid,
@@ -46,7 +45,6 @@ impl City {
         Ok(Self { plan, grid: CityGrid { corner: [-half, -half, 0.0], depth, cell_m } })
     }
 
-    /// Writes the city's folder.
     pub fn write(&self, out: &Path, threads: Option<usize>, progress: &dyn Progress) -> Result<Manifest> {
         let [low, high] = self.plan.bounds();
         let totals = self.plan.totals();
@@ -91,10 +89,8 @@ pub enum Stand {
 }
 
 impl Stand {
-    /// All.
     pub const ALL: [Self; 3] = [Self::Street, Self::Roof, Self::Aerial];
 
-    /// As tables name it.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Street => "street",
@@ -103,7 +99,6 @@ impl Stand {
         }
     }
 
-    /// The camera.
     pub fn camera(self) -> Camera {
         let street = DVec2::new(plan::street(0, 0), plan::street(1, 0) + 30.0);
         let (position, ahead) = match self {

@@ -19,7 +19,6 @@ const RIM_M: f64 = 12.0;
 /// How much a city holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Totals {
-    /// Buildings.
     pub buildings: u64,
     /// Triangles of buildings, trees and ground.
     pub triangles: u64,
@@ -92,7 +91,6 @@ impl Plan {
         plan
     }
 
-    /// How much there is.
     pub fn totals(&self) -> Totals {
         self.totals
     }

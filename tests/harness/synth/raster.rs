@@ -19,17 +19,14 @@ const STREET: [u8; 3] = [88, 88, 90];
 /// One vertical line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Highest point.
     pub top_m: f32,
     /// Index of the part that has it, or [`GROUND`], or [`OUTSIDE`].
     pub part: u32,
     /// Top of what is under a part that hangs here; NaN if it does not.
     pub under_m: f32,
-    /// Colour of the ground.
     pub ground: [u8; 3],
 }
 
-/// No part is here.
 pub const GROUND: u32 = u32::MAX;
 /// Not even ground is here.
 pub const OUTSIDE: u32 = u32::MAX - 1;
@@ -37,10 +34,8 @@ pub const OUTSIDE: u32 = u32::MAX - 1;
 /// All of a node and one cell around.
 #[derive(Debug, Clone)]
 pub struct Raster {
-    /// Side of a cell.
     pub cell_m: f64,
     low: DVec2,
-    /// What samples refer to.
     pub parts: Vec<Part>,
     samples: Vec<Sample>,
 }
@@ -75,7 +70,6 @@ impl Raster {
         std::array::from_fn(|k| self.samples[(y + k / SUB) * SIDE + x + k % SUB])
     }
 
-    /// Middle of a cell.
     pub fn centre(&self, x: i32, y: i32) -> DVec2 {
         self.low + (DVec2::new(f64::from(x), f64::from(y)) + 1.5) * self.cell_m
     }

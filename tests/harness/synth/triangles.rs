@@ -6,17 +6,13 @@ use glam::{DVec2, DVec3, Vec3};
 /// A corner: place relative to an origin, colour in 8-bit sRGB, normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corner {
-    /// Metres from the origin.
     pub p: Vec3,
-    /// Unit vector.
     pub normal: Vec3,
-    /// 8-bit sRGB.
     pub rgb: [u8; 3],
 }
 
 const STREET: [u8; 3] = [88, 88, 90];
 
-/// Triangles of a box.
 pub fn count(part: &Part) -> u64 {
     let roof = match part.roof {
         Roof::Flat => 2,

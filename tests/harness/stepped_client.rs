@@ -1,6 +1,6 @@
 //! A client in memory, whose tiles come so many a frame, at its own time: cold at first, converged at last.
 //!
-//! In: a baked city, a view a frame. Out: the frame's arrays, or its picture. Next: what compares consecutive pictures.
+//! In: a baked city, a view a frame. Out: the frame's arrays, or its frame. Next: what compares consecutive frames.
 
 use crate::baked::Baked;
 use anyhow::{Context, Result};
@@ -20,28 +20,26 @@ use insula_viewer::{
 };
 use std::time::Duration;
 
-/// Memory for tiles.
 const CACHE_BYTES: u64 = 512 << 20;
 
 /// A client that knows a city's subtrees and has none of its tiles.
-pub struct Cold<'a> {
+pub struct SteppedClient<'a> {
     city: &'a Baked,
     tree: SceneTree,
     cache: AtlasCache,
     adapter: CpuAdapter,
-    sight: OcclusionFeedback,
+    feedback: OcclusionFeedback,
     /// What passes from one level of detail to another.
-    pub fades: Transitions,
+    pub transitions: Transitions,
     scratch: SelectionScratch,
-    /// The last frame's.
     pub selection: Selection,
     generation: u64,
     now: Duration,
 }
 
-impl<'a> Cold<'a> {
+impl<'a> SteppedClient<'a> {
     /// Without a tile. `fades`: whether levels of detail fade into each other.
-    pub fn new(city: &'a Baked, fades: bool) -> Result<Self> {
+    pub fn new(city: &'a Baked, transitions: bool) -> Result<Self> {
         let mut tree = SceneTree::new(city.manifest().clone());
         let now = Duration::ZERO;
         for (id, bytes) in city.store.subtrees().tiles() {
@@ -54,14 +52,14 @@ impl<'a> Cold<'a> {
             tree,
             cache: AtlasCache::new(pages),
             adapter: CpuAdapter::new(pages),
-            sight: OcclusionFeedback::default(),
-            fades: Transitions::default(),
+            feedback: OcclusionFeedback::default(),
+            transitions: Transitions::default(),
             scratch: SelectionScratch::default(),
             selection: Selection::default(),
             generation: 0,
             now,
         };
-        made.fades.set_enabled(fades);
+        made.transitions.set_enabled(transitions);
         Ok(made)
     }
 
@@ -73,22 +71,22 @@ impl<'a> Cold<'a> {
         for key in wanted {
             self.fetch(key)?;
         }
-        let changed = self.turn(view) || self.fades.fading_count() > 0;
-        self.generation += u64::from(self.fades.step(&self.selection, &self.tree, secs));
+        let changed = self.turn(view) || self.transitions.fading_count() > 0;
+        self.generation += u64::from(self.transitions.step(&self.selection, &self.tree, secs));
         let casters =
             look.shadow_casting_sun().map(|sun| shadow_casters(view, sun, &self.tree, None)).unwrap_or_default();
         let drawn = FrameInputs {
-            transitions: &self.fades,
+            transitions: &self.transitions,
             shadow_casters: &casters.nodes,
             generation: self.generation,
             error_px: 0.0,
         };
         let data = FrameData::new(drawn, &self.tree, &self.cache, view, look);
-        Ok((data, changed || self.fades.fading_count() > 0))
+        Ok((data, changed || self.transitions.fading_count() > 0))
     }
 
     fn turn(&mut self, view: &View) -> bool {
-        let selection = select(view, &self.tree, &self.sight, &mut self.scratch);
+        let selection = select(view, &self.tree, &self.feedback, &mut self.scratch);
         let changed = selection.draw_tiles != self.selection.draw_tiles;
         self.generation += u64::from(changed);
         self.selection = selection;
@@ -115,17 +113,17 @@ impl<'a> Cold<'a> {
     pub fn draw(&mut self, data: &FrameData) -> Pixels {
         let pixels = self.adapter.draw(data);
         let size_px = [pixels.width_px, pixels.height_px];
-        if !self.sight.covers(data.query.generation, size_px) {
+        if !self.feedback.covers(data.query.generation, size_px) {
             let whole = self.selection.requests.is_empty();
-            self.sight.update(&data.query, &hit_counts(&pixels.hit, data.nodes.len()), whole, &self.tree);
+            self.feedback.update(&data.query, &hit_counts(&pixels.hit, data.nodes.len()), whole, &self.tree);
         }
         pixels
     }
 
     /// Whether nothing more will change while the view stays.
     pub fn is_at_rest(&self, size_px: [u32; 2]) -> bool {
-        let looked = self.sight.covers(self.generation, size_px);
-        self.selection.requests.is_empty() && self.fades.fading_count() == 0 && looked
+        let looked = self.feedback.covers(self.generation, size_px);
+        self.selection.requests.is_empty() && self.transitions.fading_count() == 0 && looked
     }
 }
 

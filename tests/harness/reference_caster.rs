@@ -1,7 +1,7 @@
 //! What a V-BlockMap looks like, said in the plainest way: every solid of every column is tested against every ray, in f64,
 //! and what they show is gathered front to back. No tree, no summaries, no pages, no stepping.
 
-use crate::{cut::Place, view::Camera};
+use crate::{draw_list::CityArea, view::Camera};
 use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel,
@@ -14,12 +14,11 @@ const OPAQUE: f64 = 0.02;
 
 /// What a ray sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub struct ReferencePixel {
     /// Metres to where half of the light is gone; infinity if it never is.
     pub distance_m: f64,
     /// Colours in linear light, weighted by what they cover.
     pub rgb: DVec3,
-    /// Light that passed all.
     pub left: f64,
 }
 
@@ -60,38 +59,40 @@ enum Within {
 
 #[derive(Debug, Clone)]
 enum Wall {
-    /// One colour all over.
     Plain(Texel),
     /// Opaque or transparent texels; row `first` begins at `base_m`, each is a cell high; only rows in `rows` belong here.
-    Strip { texels: Vec<Texel>, base_m: f64, holes: bool },
+    Strip {
+        texels: Vec<Texel>,
+        base_m: f64,
+        holes: bool,
+    },
 }
 
 /// All solids of a city, in metres above the place's origin.
 #[derive(Debug, Clone)]
-pub struct Naive {
-    place: Place,
+pub struct ReferenceCaster {
+    area: CityArea,
     solids: Vec<Solid>,
 }
 
-impl Naive {
-    /// Takes the maps apart.
-    pub fn new(place: Place, maps: &[BlockMap]) -> Self {
+impl ReferenceCaster {
+    pub fn new(area: CityArea, maps: &[BlockMap]) -> Self {
         let mut solids = Vec::new();
         for map in maps {
-            take_apart(place, map, &mut solids);
+            take_apart(area, map, &mut solids);
         }
-        Self { place, solids }
+        Self { area, solids }
     }
 
     /// Looks from `camera` along the unit vector `dir`.
-    pub fn look(&self, camera: &Camera, dir: DVec3) -> Seen {
-        let o = DVec3::from(camera.position) - DVec3::from(self.place.origin);
+    pub fn look(&self, camera: &Camera, dir: DVec3) -> ReferencePixel {
+        let o = DVec3::from(camera.position) - DVec3::from(self.area.origin);
         let mut events = Vec::new();
         for solid in &self.solids {
             solid.meet(o, dir, &mut events);
         }
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut seen = Seen { distance_m: f64::INFINITY, rgb: DVec3::ZERO, left: 1.0 };
+        let mut seen = ReferencePixel { distance_m: f64::INFINITY, rgb: DVec3::ZERO, left: 1.0 };
         for (t, texel, alpha) in events {
             seen.rgb += linear(texel) * alpha * seen.left;
             let before = seen.left;
@@ -115,8 +116,8 @@ fn linear(texel: Texel) -> DVec3 {
     DVec3::new(r, g, b)
 }
 
-fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
-    let side_m = place.root_side_m / f64::from(1u32 << map.id.level());
+fn take_apart(area: CityArea, map: &BlockMap, solids: &mut Vec<Solid>) {
+    let side_m = area.root_side_m / f64::from(1u32 << map.id.level());
     let corner = DVec2::new(f64::from(map.id.x()), f64::from(map.id.y())) * side_m;
     let cell_m = side_m / NODE_CELLS as f64;
     let step_m = cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u32 << map.z_shift);

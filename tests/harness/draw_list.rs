@@ -1,6 +1,6 @@
-//! A cut of a city in memory, as the client's cache would lay it out, but without limits.
+//! A draw list of a city in memory, as the client's cache would lay it out, but without limits.
 
-use crate::view::{Camera, Picture};
+use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec2, Vec3};
 use insula_protocol::{BlockMap, NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
@@ -13,7 +13,7 @@ use insula_shaders::{
 
 /// Where a city lies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct CityArea {
     /// South-west corner of the root and the height that nodes' heights are relative to, world metres.
     pub origin: [f64; 3],
     /// Side of the root square.
@@ -33,28 +33,25 @@ struct Drawn {
     z_shift: u32,
     /// 1 + place of its mesh, in fours.
     mesh: u32,
-    /// Which square shows it.
     square: TileId,
     /// How many of 64 rays see the next one in its place.
     share: u8,
 }
 
-/// Nodes of one cut; none may contain another.
+/// Nodes of one draw list; none may contain another.
 #[derive(Debug, Clone)]
-pub struct Cut {
-    place: Place,
+pub struct DrawList {
+    area: CityArea,
     drawn: Vec<Drawn>,
     summaries: Vec<u32>,
     atlas: Vec<u32>,
 }
 
-impl Cut {
-    /// Without nodes.
-    pub fn new(place: Place) -> Self {
-        Self { place, drawn: Vec::new(), summaries: Vec::new(), atlas: Vec::new() }
+impl DrawList {
+    pub fn new(area: CityArea) -> Self {
+        Self { area, drawn: Vec::new(), summaries: Vec::new(), atlas: Vec::new() }
     }
 
-    /// Adds a node.
     pub fn add(&mut self, map: &BlockMap) {
         self.add_in(map.id, map);
     }
@@ -111,27 +108,26 @@ impl Cut {
         self.drawn.len()
     }
 
-    /// Whether none is.
     pub fn is_empty(&self) -> bool {
         self.drawn.is_empty()
     }
 
-    /// Which node a picture's `hit` names.
+    /// Which node a frame's `hit` names.
     pub fn id(&self, hit: u32) -> Option<TileId> {
         self.drawn.get(hit as usize).map(|drawn| drawn.id)
     }
 
-    /// The cut as the ray-caster wants it for this camera.
-    pub fn scene(&self, camera: &Camera, picture: &Picture) -> Scene<'_> {
+    /// The draw list as the ray-caster wants it for this camera.
+    pub fn scene(&self, camera: &Camera, spec: &FrameSpec) -> Scene<'_> {
         let p = camera.position;
         let relative = |x: f64, y: f64, z: f64| {
-            let [ox, oy, oz] = self.place.origin;
+            let [ox, oy, oz] = self.area.origin;
             [(ox + x - p[0]) as f32, (oy + y - p[1]) as f32, (oz + z - p[2]) as f32]
         };
         let nodes = self.drawn.iter().enumerate().map(|(slot, drawn)| {
             // A mesh lies in its leaf, whosever columns tell of the sky.
             let id = if drawn.mesh == 0 { drawn.id } else { drawn.square };
-            let side_m = self.place.root_side_m / f64::from(1u32 << id.level());
+            let side_m = self.area.root_side_m / f64::from(1u32 << id.level());
             let (x, y) = (f64::from(id.x()) * side_m, f64::from(id.y()) * side_m);
             DrawNode {
                 corner: relative(x, y, drawn.z_base_m),
@@ -149,42 +145,39 @@ impl Cut {
         });
         let nodes: Vec<DrawNode> = nodes.collect();
         let (ids, shares): (Vec<TileId>, Vec<u8>) = self.drawn.iter().map(|drawn| (drawn.square, drawn.share)).unzip();
-        let focal_px = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
-        let place = grid::GridFrame {
-            root_corner: DVec3::from(self.place.origin) - DVec3::from(p),
-            root_side_m: self.place.root_side_m,
+        let focal_px = f64::from(spec.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+        let area = grid::GridFrame {
+            root_corner: DVec3::from(self.area.origin) - DVec3::from(p),
+            root_side_m: self.area.root_side_m,
             // For a tolerance of one pixel; only a hint.
-            root_distance_m: voxel_error_m(self.place.root_side_m / NODE_CELLS as f64) * focal_px,
+            root_distance_m: voxel_error_m(self.area.root_side_m / NODE_CELLS as f64) * focal_px,
         };
         let mut builder = GridBuilder::default();
-        let grid = builder.build_fading(&place, &ids, &shares, &nodes);
-        let mut frame = camera.frame(picture);
+        let grid = builder.build_fading(&area, &ids, &shares, &nodes);
+        let mut frame = camera.frame(spec);
         grid.head.write(&mut frame);
-        Scene { frame, nodes, grid: grid.entries.clone(), cut: self }
+        Scene { frame, nodes, grid: grid.entries.clone(), draw_list: self }
     }
 }
 
-/// A cut seen by a camera.
+/// A draw list seen by a camera.
 #[derive(Debug, Clone)]
 pub struct Scene<'a> {
-    /// Camera, light, root.
     pub frame: FrameUniform,
     /// Nodes relative to the camera.
     pub nodes: Vec<DrawNode>,
-    /// Where rays find them.
     pub grid: Vec<[u32; 2]>,
-    cut: &'a Cut,
+    draw_list: &'a DrawList,
 }
 
 impl Scene<'_> {
-    /// What both ray-casters read.
     pub fn as_ref(&self) -> SceneRef<'_> {
         SceneRef {
             frame: &self.frame,
             grid: &self.grid,
             nodes: &self.nodes,
-            summaries: &self.cut.summaries,
-            atlas: &self.cut.atlas,
+            summaries: &self.draw_list.summaries,
+            atlas: &self.draw_list.atlas,
         }
     }
 
@@ -202,14 +195,13 @@ impl Scene<'_> {
         near
     }
 
-    /// The CPU's picture.
     pub fn render(&self) -> Pixels {
         raycast::render(&self.as_ref())
     }
 
     /// Resident nodes and pages, for the GPU's capacity.
     pub fn slots_and_pages(&self) -> (u32, u32) {
-        let pages = self.cut.atlas.len() / PAGE_WORDS;
-        ((self.cut.summaries.len() / SUMMARY_WORDS) as u32, pages as u32)
+        let pages = self.draw_list.atlas.len() / PAGE_WORDS;
+        ((self.draw_list.summaries.len() / SUMMARY_WORDS) as u32, pages as u32)
     }
 }
