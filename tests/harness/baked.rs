@@ -1,4 +1,4 @@
-//! A baked city read straight from its folder, without HTTP or cache: what a client that has fetched everything would draw.
+//! A baked city read from its folder, without HTTP or cache: the tiles of a client that has fetched everything.
 
 use crate::{
     draw_list::{CityArea, DrawList},
@@ -20,10 +20,10 @@ use std::{
     path::Path,
 };
 
-/// Nearest distance in the projected error.
+/// Least distance in the projected error, as in the client.
 const NEAR_M: f64 = 1.0;
 
-/// What bounds a frame's view.
+/// The planes of a view frustum.
 pub fn planes(camera: &Camera, spec: &FrameSpec) -> [FrustumPlane; 5] {
     let axes = camera.axes(spec);
     let unit = |v: DVec3| v.normalize_or(DVec3::X);
@@ -41,7 +41,7 @@ pub fn planes(camera: &Camera, spec: &FrameSpec) -> [FrustumPlane; 5] {
 pub struct Baked {
     pub(crate) store: CityStore,
     pub(crate) nodes: HashMap<TileId, NodeInfo>,
-    /// Leaves' levels of detail, the finest first.
+    /// Meshes of leaves by level of detail, the finest first.
     pub(crate) meshes: HashMap<TileId, Vec<MeshLod>>,
 }
 
@@ -62,7 +62,7 @@ impl Baked {
         self.store.manifest()
     }
 
-    /// Nodes a level, and bytes of their tiles.
+    /// Number of nodes and bytes of their tiles, by level.
     pub fn levels(&self) -> BTreeMap<u8, (usize, usize)> {
         let mut levels = BTreeMap::new();
         for (id, bytes) in self.store.blockmaps().lengths() {
@@ -79,7 +79,7 @@ impl Baked {
         tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))).collect()
     }
 
-    /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
+    /// The nodes that a view needs at `tau_px`, in all directions (docs/selection.md).
     pub fn select(&self, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Vec<TileId> {
         let px_per_rad = f64::from(spec.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
         let eye = DVec3::from(camera.position);
@@ -101,7 +101,7 @@ impl Baked {
         chosen
     }
 
-    /// Those of [`Baked::select`] that are in the frame: what a client draws that has fetched everything.
+    /// Those of [`Baked::select`] that are in the view frustum.
     pub fn select_in_view(&self, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Vec<TileId> {
         let planes = planes(camera, spec);
         let mut chosen = self.select(camera, spec, tau_px);

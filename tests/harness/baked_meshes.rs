@@ -1,6 +1,4 @@
-//! A baked city's meshes, drawn by the client's rule or all at one level of detail.
-//!
-//! In: a baked city, a camera. Out: a draw list with meshes. Next: what compares frames.
+//! Meshes of a baked city, drawn by the client's rule or all at one level of detail.
 
 use crate::{
     baked::Baked,
@@ -22,7 +20,7 @@ use std::{
 };
 
 impl Baked {
-    /// Levels of detail of a leaf's mesh; 0 if it has none.
+    /// Number of a leaf's levels of detail; 0 without a mesh.
     pub fn lods(&self, id: TileId) -> u8 {
         self.meshes.get(&id).map_or(0, |lods| lods.len() as u8)
     }
@@ -32,7 +30,7 @@ impl Baked {
         self.meshes.get(&id)?.get(usize::from(lod)).map(|lod| (lod.bytes, lod.triangles, lod.error_m))
     }
 
-    /// Which level of detail a leaf is drawn at, by the client's rule; `None`: its V-BlockMap.
+    /// The level of detail that the client draws for a leaf; `None` for its V-BlockMap.
     pub fn drawn_lod(&self, id: TileId, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Option<u8> {
         let (lods, node) = (self.meshes.get(&id)?, self.nodes.get(&id)?);
         let focal_px = f64::from(spec.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
@@ -45,13 +43,13 @@ impl Baked {
         (px(node.error_m) > tau_px).then_some(good as u8)
     }
 
-    /// Whether a leaf's V-BlockMap is wrong by so many pixels.
+    /// Whether the projected error of a leaf's V-BlockMap lies in `px`.
     pub fn passes(&self, id: TileId, camera: &Camera, spec: &FrameSpec, px: Range<f64>) -> bool {
         let above = |px: f64| self.drawn_lod(id, camera, spec, px).is_some();
         above(px.start) && !above(px.end)
     }
 
-    /// A leaf's mesh, as the client decodes it.
+    /// A leaf's mesh, decoded as the client does it.
     pub fn mesh(&self, id: TileId, lod: u8) -> Result<PackedMesh> {
         let place = mesh_tile::archive_id(id, lod).context("no such mesh")?;
         let bytes = self.store.tile(TileKind::Mesh, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
@@ -61,7 +59,8 @@ impl Baked {
         }
     }
 
-    /// These nodes; `lod` says which of them are drawn as meshes, whose sky the columns tell that the client lets tell.
+    /// Draws these nodes. A node for which `lod` returns a level of detail is drawn as a mesh, with the sky occlusion of the
+    /// columns two levels above it, as in the client.
     pub fn draw_list_with_meshes(&self, ids: &[TileId], lod: impl Fn(TileId) -> Option<u8>) -> Result<DrawList> {
         let mut draw_list = self.draw_list(&[])?;
         let mut told = HashMap::new();

@@ -1,4 +1,4 @@
-//! A draw list of a city in memory, as the client's cache would lay it out, but without limits.
+//! Nodes to draw, in memory as the client's cache lays them out, without limits.
 
 use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec2, Vec3};
@@ -11,16 +11,14 @@ use insula_shaders::{
     pack::PackedNode,
 };
 
-/// Where a city lies.
+/// Position and size of a city.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CityArea {
-    /// South-west corner of the root and the height that nodes' heights are relative to, world metres.
+    /// South-west corner of the root, and the height that heights of nodes are relative to, in world metres.
     pub origin: [f64; 3],
-    /// Side of the root square.
     pub root_side_m: f64,
 }
 
-/// A node that is drawn.
 #[derive(Debug, Clone)]
 struct Drawn {
     id: TileId,
@@ -31,14 +29,14 @@ struct Drawn {
     z_range: [f32; 2],
     below: [u8; 4],
     z_shift: u32,
-    /// 1 + place of its mesh, in fours.
+    /// 1 + position of its mesh in the atlas, in units of four words; 0 without a mesh.
     mesh: u32,
     square: TileId,
-    /// How many of 64 rays see the next one in its place.
+    /// How many of 64 rays see the next node instead, during a cross-fade.
     share: u8,
 }
 
-/// Nodes of one draw list; none may contain another.
+/// None of the nodes may contain another.
 #[derive(Debug, Clone)]
 pub struct DrawList {
     area: CityArea,
@@ -56,7 +54,7 @@ impl DrawList {
         self.add_in(map.id, map);
     }
 
-    /// Adds the part of a node that lies in `square`.
+    /// Adds a node, of which only the part in `square` is drawn.
     pub fn add_in(&mut self, square: TileId, map: &BlockMap) {
         let mut packed = PackedNode::new(map);
         let first = (self.atlas.len() / PAGE_WORDS) as u32;
@@ -81,7 +79,7 @@ impl DrawList {
         });
     }
 
-    /// Of 64 rays, `share` see this node (of the same square, or of one that holds it) in place of the one added last.
+    /// Adds the other side of a cross-fade: of 64 rays, `share` see this node instead of the one added last, in the same square.
     pub fn add_behind(&mut self, map: &BlockMap, share: u8) {
         let Some(front) = self.drawn.last_mut() else { return };
         front.share = share;
@@ -89,7 +87,7 @@ impl DrawList {
         self.add_in(square, map);
     }
 
-    /// Draws the mesh of `leaf`, which was added by itself or as a part of another node.
+    /// Draws `leaf`, which was added before, as a mesh.
     pub fn add_mesh(&mut self, leaf: TileId, mut mesh: PackedMesh) {
         let Some(drawn) = self.drawn.iter_mut().find(|drawn| drawn.square == leaf) else { return };
         let first = (self.atlas.len() / PAGE_WORDS) as u32;
@@ -103,7 +101,6 @@ impl DrawList {
         }
     }
 
-    /// How many nodes are drawn.
     pub fn len(&self) -> usize {
         self.drawn.len()
     }
@@ -112,12 +109,12 @@ impl DrawList {
         self.drawn.is_empty()
     }
 
-    /// Which node a frame's `hit` names.
+    /// The node of a pixel's `hit`.
     pub fn id(&self, hit: u32) -> Option<TileId> {
         self.drawn.get(hit as usize).map(|drawn| drawn.id)
     }
 
-    /// The draw list as the ray-caster wants it for this camera.
+    /// The input of the ray-caster for this camera.
     pub fn scene(&self, camera: &Camera, spec: &FrameSpec) -> Scene<'_> {
         let p = camera.position;
         let relative = |x: f64, y: f64, z: f64| {
@@ -125,7 +122,7 @@ impl DrawList {
             [(ox + x - p[0]) as f32, (oy + y - p[1]) as f32, (oz + z - p[2]) as f32]
         };
         let nodes = self.drawn.iter().enumerate().map(|(slot, drawn)| {
-            // A mesh lies in its leaf, whosever columns tell of the sky.
+            // A mesh lies in its leaf, even if its sky occlusion is that of an ancestor's columns.
             let id = if drawn.mesh == 0 { drawn.id } else { drawn.square };
             let side_m = self.area.root_side_m / f64::from(1u32 << id.level());
             let (x, y) = (f64::from(id.x()) * side_m, f64::from(id.y()) * side_m);
@@ -149,7 +146,7 @@ impl DrawList {
         let area = grid::GridFrame {
             root_corner: DVec3::from(self.area.origin) - DVec3::from(p),
             root_side_m: self.area.root_side_m,
-            // For a tolerance of one pixel; only a hint.
+            // For a tolerance of one pixel; the value only affects speed.
             root_distance_m: voxel_error_m(self.area.root_side_m / NODE_CELLS as f64) * focal_px,
         };
         let mut builder = GridBuilder::default();
@@ -160,11 +157,11 @@ impl DrawList {
     }
 }
 
-/// A draw list seen by a camera.
+/// The input of the ray-casters for one view.
 #[derive(Debug, Clone)]
 pub struct Scene<'a> {
     pub frame: FrameUniform,
-    /// Nodes relative to the camera.
+    /// Positions relative to the camera.
     pub nodes: Vec<DrawNode>,
     pub grid: Vec<[u32; 2]>,
     draw_list: &'a DrawList,
@@ -181,7 +178,7 @@ impl Scene<'_> {
         }
     }
 
-    /// The same, but only the part of pixel `x`, `y` within `share_px` of its middle, in 17 x 17 rays.
+    /// The same scene within `share_px` of the centre of pixel `x`, `y`, with 17 x 17 rays.
     pub fn close_up(&self, [x, y]: [u32; 2], share_px: f32) -> Self {
         let mut near = self.clone();
         let frame = &mut near.frame;
@@ -199,7 +196,7 @@ impl Scene<'_> {
         raycast::render(&self.as_ref())
     }
 
-    /// Resident nodes and pages, for the GPU's capacity.
+    /// Numbers of nodes and pages that a GPU must hold.
     pub fn slots_and_pages(&self) -> (u32, u32) {
         let pages = self.draw_list.atlas.len() / PAGE_WORDS;
         ((self.draw_list.summaries.len() / SUMMARY_WORDS) as u32, pages as u32)

@@ -1,9 +1,9 @@
-//! Distances as PFM files: little-endian, rows from the bottom, as the format has it.
+//! Images of distances as PFM files: little-endian, rows from the bottom.
 
 use anyhow::{Context, Result, bail};
 use std::{fs, path::Path};
 
-/// A frame of one number a pixel, rows from the top.
+/// One number per pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pfm {
     pub width_px: u32,

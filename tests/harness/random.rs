@@ -1,4 +1,4 @@
-//! Random cities: draw lists of one to three levels with every kind of column, and cameras that look at them from everywhere.
+//! Random cities of one to three levels with all kinds of columns, and random cameras.
 
 use crate::{
     draw_list::{CityArea, DrawList},
@@ -16,26 +16,25 @@ use insula_protocol::{
     octahedral,
 };
 
-/// A random draw list and the maps that it was made of.
 #[derive(Debug, Clone)]
 pub struct RandomCity {
     pub area: CityArea,
     pub maps: Vec<BlockMap>,
-    /// The same, ready to be drawn.
+    /// The maps, ready to be drawn.
     pub draw_list: DrawList,
 }
 
-/// How the columns of a node stand.
+/// Parameters of a node's columns.
 #[derive(Debug, Clone, Copy)]
 struct Style {
-    /// Share of cells with a column of their own.
+    /// Share of cells with a column.
     density: f64,
-    /// Share of columns with a strip.
+    /// Share of columns with a wall strip.
     exposed: f64,
     inclined: f64,
-    /// Side of squares of equal columns, in cells.
+    /// Side of the squares of equal columns, in cells.
     patch: usize,
-    /// Most codes a column is high.
+    /// Largest height, in codes.
     height: u16,
 }
 
@@ -53,8 +52,8 @@ pub fn city(seed: u64) -> Result<RandomCity> {
     Ok(RandomCity { area, maps, draw_list })
 }
 
-/// The same city, each square of which passes from one map to another: of 64 rays, `share` see the other one. Every third of
-/// those is a part of a coarser map. With draw lists of the one maps alone and of the other.
+/// Three draw lists of a cross-fade: both sides, the new one and the old one. Each square has two maps, of which `share` of 64
+/// rays see the second. A third of the second ones are parts of coarser maps.
 pub fn fading(city: &RandomCity, seed: u64, share: u8) -> Result<[DrawList; 3]> {
     let mut rng = Rng::new(seed);
     let [mut both, mut new, mut old] = [(); 3].map(|()| DrawList::new(city.area));
@@ -158,20 +157,20 @@ fn texel(rng: &mut Rng, alpha: u8) -> Texel {
     Texel::new(rgb, rng.below(64) as u8, alpha)
 }
 
-/// What a random camera does.
+/// Position and direction of a random camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pose {
-    /// From above at an angle.
+    /// Above the city, looking down at an angle.
     Above,
-    /// In the middle of everything, perhaps inside a column.
+    /// In the middle of the city, perhaps inside a column.
     Inside,
-    /// Low over the tops, looking almost level.
+    /// Just above the roofs, almost level.
     Grazing,
     Down,
     Up,
-    /// Exactly along an axis, from the edge of a cell.
+    /// Along an axis, from the edge of a cell.
     AlongAxis,
-    /// Exactly along a diagonal, from the corner of a cell.
+    /// Along a diagonal, from the corner of a cell.
     Diagonal,
     Outside,
     Below,
@@ -191,7 +190,7 @@ impl Pose {
     ];
 }
 
-/// A camera in `pose`, somewhere in the city.
+/// A random camera.
 pub fn camera(rng: &mut Rng, city: &RandomCity, pose: Pose) -> Camera {
     let side = city.area.root_side_m;
     let tallest_m = city.maps.iter().map(top_m).fold(1.0, f64::max);

@@ -1,4 +1,4 @@
-//! Random meshes for the nodes of a random city: boxes, loose triangles, slivers, with colours or a texture.
+//! Random meshes for nodes of a random city: boxes, loose triangles and slivers, with colours or a texture.
 
 use crate::{random::RandomCity, rng::Rng};
 use anyhow::{Context, Result};
@@ -9,16 +9,15 @@ use insula_protocol::{
 };
 use insula_shaders::mesh::{MeshTexture, PackedMesh};
 
-/// A node's mesh.
 #[derive(Debug, Clone)]
 pub struct RandomMesh {
     pub id: TileId,
     pub mesh: Mesh,
-    /// What its texture coordinates point into.
+    /// Image of its texture coordinates.
     pub texture: Option<MeshTexture>,
 }
 
-/// Gives some nodes of `city` a mesh in place of their columns.
+/// Draws a share of the nodes of `city` as random meshes.
 pub fn add(city: &mut RandomCity, rng: &mut Rng, share: f64) -> Result<Vec<RandomMesh>> {
     let mut meshes = Vec::new();
     for map in &city.maps {
@@ -77,7 +76,7 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
     RandomMesh { id, mesh: Mesh { grid, positions, triangles, attributes }, texture }
 }
 
-/// Large spots, so that not every pixel lies on an edge.
+/// Large spots, so that few pixels lie on an edge.
 fn texture(rng: &mut Rng) -> MeshTexture {
     let (width_px, height_px) = (1 + rng.below(200) as u32, 1 + rng.below(200) as u32);
     let spots: Vec<u32> = (0..64).map(|_| rng.below(1 << 24) as u32).collect();
@@ -86,8 +85,8 @@ fn texture(rng: &mut Rng) -> MeshTexture {
     MeshTexture { width_px, height_px, texels }
 }
 
-/// Distance along `dir` from `eye` (city coordinates) to the nearest triangle of all meshes and its normal, every triangle
-/// tested by itself, in f64; `slack` is by how much of a triangle a ray may pass beside it.
+/// The distance along `dir` from `eye` to the nearest triangle of all meshes, and its normal. Every triangle is tested, in f64.
+/// `slack` enlarges the triangles, in barycentric coordinates.
 pub fn nearest(city: &RandomCity, meshes: &[RandomMesh], eye: DVec3, dir: DVec3, slack: f64) -> Option<(f64, Vec3)> {
     let mut best: Option<(f64, Vec3)> = None;
     for RandomMesh { id, mesh, .. } in meshes {

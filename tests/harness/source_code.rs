@@ -208,15 +208,17 @@ fn defined_type(line: &str) -> Option<&str> {
     (is_type && name.starts_with(|c: char| c.is_ascii_uppercase())).then_some(name)
 }
 
-/// Functions of a file that rustfmt (or its like for WGSL) laid out: name and number of lines.
+/// Name and number of lines of each function in formatted Rust or WGSL.
 pub fn function_lengths(text: &str) -> Vec<(String, usize)> {
     let lines: Vec<&str> = text.lines().collect();
     let length = |(at, line): (usize, &&str)| {
         let name = function_name(line)?;
+        if line.trim_end().ends_with(['}', ';']) {
+            return Some((name.to_owned(), 1));
+        }
         let indent = &line[..line.len() - line.trim_start().len()];
         let end = lines[at..].iter().position(|l| l.strip_prefix(indent).is_some_and(|l| l.starts_with('}')))?;
-        let one_line = line.trim_end().ends_with('}') || line.trim_end().ends_with(';');
-        Some((name.to_owned(), if one_line { 1 } else { end + 1 }))
+        Some((name.to_owned(), end + 1))
     };
     lines.iter().enumerate().filter_map(length).collect()
 }

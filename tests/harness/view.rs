@@ -1,32 +1,29 @@
-//! Cameras, as files have them and as the ray-caster does.
+//! Cameras as JSON files and for the ray-caster.
 
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use insula_shaders::layout::{FrameUniform, Light, Shading};
 use serde::{Deserialize, Serialize};
 
-/// A camera in the source's own coordinates: the JSON of `insula snapshot --camera`.
+/// A camera in the source's coordinates: the JSON of `insula snapshot --camera`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     pub position: [f64; 3],
-    /// What it looks at.
     pub target: [f64; 3],
     pub up: [f64; 3],
-    /// Vertical angle of view in degrees.
     pub fov_y_deg: f64,
 }
 
-/// A frame's size and what it shows.
+/// Size and contents of a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameSpec {
     pub width_px: u32,
     pub height_px: u32,
     pub shading: Shading,
-    /// Rays along a pixel's side.
     pub samples: u32,
 }
 
-/// Axes of a camera: forward is a unit vector, `right` and `up` reach to the frame's edges.
+/// Axes of a camera. `forward` has length 1; `right` and `up` reach from the centre to the edges of the frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Axes {
     pub forward: DVec3,
@@ -35,7 +32,7 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Unit vector through the middle of pixel `x`, `y`.
+    /// The direction through the centre of a pixel.
     pub fn ray(&self, spec: &FrameSpec, x: u32, y: u32) -> DVec3 {
         let ndc_x = (f64::from(x) + 0.5) / f64::from(spec.width_px) * 2.0 - 1.0;
         let ndc_y = (f64::from(y) + 0.5) / f64::from(spec.height_px) * 2.0 - 1.0;
@@ -44,12 +41,12 @@ impl Axes {
 }
 
 impl Camera {
-    /// Sixty degrees, z up.
+    /// A camera with a vertical field of view of 60 degrees.
     pub fn looking(position: DVec3, target: DVec3) -> Self {
         Self { position: position.into(), target: target.into(), up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 }
     }
 
-    /// The camera's axes; if it looks along its own `up`, north is up.
+    /// Axes for a frame. If the camera looks along its `up`, north is up.
     pub fn axes(&self, spec: &FrameSpec) -> Axes {
         let forward = (DVec3::from(self.target) - DVec3::from(self.position)).normalize_or(DVec3::Y);
         let mut right = forward.cross(self.up.into());
@@ -63,12 +60,11 @@ impl Camera {
         Axes { forward, right: right * tan_y * aspect, up: up * tan_y }
     }
 
-    /// Unit vector through the middle of pixel `x`, `y`.
     pub fn ray(&self, spec: &FrameSpec, x: u32, y: u32) -> DVec3 {
         self.axes(spec).ray(spec, x, y)
     }
 
-    /// The ray-caster's frame without its city: root and corner are still to be set.
+    /// The ray-caster's uniforms, without those of the city.
     pub fn frame(&self, spec: &FrameSpec) -> FrameUniform {
         let axes = self.axes(spec);
         let sun = Vec3::new(0.45, -0.55, 0.704).normalize_or(Vec3::Z);

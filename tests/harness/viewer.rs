@@ -1,4 +1,4 @@
-//! A client in this process, frame by frame.
+//! A client in this process, stepped frame by frame.
 
 use crate::view::Camera;
 use anyhow::{Context, Result, ensure};
@@ -21,17 +21,17 @@ use std::{
 const SIZE_PX: [u32; 2] = [640, 360];
 const FRAME: Duration = Duration::from_millis(5);
 
-/// A session over a city at any place, which draws with the CPU.
+/// Opens a city at any place, drawn with the CPU.
 pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
     open_over(None, place, cache_mib)
 }
 
-/// The same over a simulated link.
+/// The same with a simulated link.
 pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> Result<Session> {
     Ok(open_session(&place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
 }
 
-/// Fetches all that is in the frustum, seen or not: nothing is drawn.
+/// Fetches all tiles in the view frustum, occluded or not.
 pub fn fetch_all(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
     loop {
         session.update(request);
@@ -62,19 +62,19 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Connects; `camera` is chosen once the city is known.
+    /// Connects and sets the camera.
     pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
         let session = open_session(url, &global(256), None, None)?;
         let request = request(&camera(session.tree().manifest()))?;
         Ok(Self { session, request })
     }
 
-    pub fn look(&mut self, camera: &Camera) -> Result<()> {
+    pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
         self.request = request(camera)?;
         Ok(())
     }
 
-    /// One frame, then a pause. Once a frame was drawn, it is drawn again whenever what is drawn changes.
+    /// Runs one frame, then pauses. After the first frame is drawn, draws again whenever the draw list has changed.
     pub fn step(&mut self) -> Result<()> {
         self.session.update(&self.request);
         if self.session.feedback().has_feedback() && !self.session.has_feedback(SIZE_PX) {
@@ -84,8 +84,8 @@ impl Viewer {
         Ok(())
     }
 
-    /// Frames until `done`; an error after `most`.
-    pub fn until(&mut self, most: Duration, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
+    /// Runs frames until `done`. Fails after `max_time`.
+    pub fn step_until(&mut self, max_time: Duration, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
         let begin = Instant::now();
         loop {
             self.step()?;
@@ -93,17 +93,17 @@ impl Viewer {
                 return Ok(());
             }
             let selection = self.session.selection();
-            ensure!(begin.elapsed() < most, "not within {most:?}: {:?}", selection.stats);
+            ensure!(begin.elapsed() < max_time, "not within {max_time:?}: {:?}", selection.stats);
         }
     }
 
-    /// The frame of the last frame's draw list.
+    /// Draws the last frame.
     pub fn draw(&mut self) -> Result<Pixels> {
-        let look = RenderSettings { samples: 1, ..RenderSettings::default() };
-        Ok(self.session.draw(&self.request, &look)?)
+        let set_camera = RenderSettings { samples: 1, ..RenderSettings::default() };
+        Ok(self.session.draw(&self.request, &set_camera)?)
     }
 
-    /// Tiles of which a request is under way.
+    /// Tiles that are being fetched.
     pub fn loading(&self) -> Vec<TileId> {
         let nodes = self.session.tree().nodes().iter();
         nodes.filter(|node| node.tile.state() == TileState::Loading).map(|node| node.id).collect()
@@ -116,7 +116,7 @@ fn request(view: &Camera) -> Result<FrameRequest> {
     Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
 }
 
-/// The city from above, from the south; `turned_away`: from the same place, the other way.
+/// Shows the city from the south and above; with `turned_away`, looks in the opposite direction from the same position.
 pub fn overlook(manifest: &Manifest, turned_away: bool) -> Camera {
     let [low, high] = manifest.bounds.map(DVec3::from);
     let size = high - low;

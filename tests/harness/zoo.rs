@@ -1,4 +1,4 @@
-//! Small scenes of single things, drawn from what was baked beside their ray-traced truth, and how they compare.
+//! Small scenes of single shapes: baked, drawn, and compared with their ray-traced source.
 
 use crate::{
     baked::Baked,
@@ -23,12 +23,12 @@ use std::{
 };
 
 pub const FRAME: FrameSpec = FrameSpec { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
-/// Distances that differ by less than this many cells agree.
+/// Largest difference of equal distances, in cells.
 const NEAR_CELLS: f64 = 2.0;
-/// Colours whose channels differ by less agree.
+/// Largest difference of equal colours, per channel.
 const NEAR_COLOUR: u8 = 40;
 
-/// Colours that no two faces of a thing share, so that a wrong one shows.
+/// Colours by orientation, so that a wrong surface is detected.
 pub mod paint {
     pub const ROOF: [u8; 3] = [190, 70, 60];
     pub const WALL: [u8; 3] = [220, 210, 180];
@@ -38,7 +38,7 @@ pub mod paint {
     pub const GROUND: [u8; 3] = [150, 150, 130];
 }
 
-/// Shapes in metres that become a scene.
+/// A scene under construction. Lengths in metres.
 #[derive(Debug, Default)]
 pub struct Shapes {
     faces: Vec<([DVec3; 3], [u8; 3], u32)>,
@@ -46,13 +46,13 @@ pub struct Shapes {
 }
 
 impl Shapes {
-    /// What follows is an object of its own.
+    /// Starts a new object.
     pub fn object(&mut self, kind: ObjectKind) -> &mut Self {
         self.kinds.push(kind);
         self
     }
 
-    /// A flat polygon that is convex; counter-clockwise seen from outside.
+    /// A flat convex polygon, counter-clockwise from outside.
     pub fn face(&mut self, corners: &[DVec3], rgb: [u8; 3]) -> &mut Self {
         if self.kinds.is_empty() {
             self.kinds.push(ObjectKind::Building);
@@ -64,7 +64,7 @@ impl Shapes {
         self
     }
 
-    /// A closed prism over a convex outline (counter-clockwise from above), from one height to another.
+    /// A closed prism on a convex outline (counter-clockwise from above).
     pub fn prism(&mut self, outline: &[DVec2], z_m: [f64; 2]) -> &mut Self {
         let ring = |z: f64| outline.iter().map(|p| p.extend(z)).collect::<Vec<_>>();
         let (low, high) = (ring(z_m[0]), ring(z_m[1]));
@@ -72,7 +72,7 @@ impl Shapes {
         self.walls(&low, &high)
     }
 
-    /// Only the sides between two rings.
+    /// The sides between two rings.
     pub fn walls(&mut self, low: &[DVec3], high: &[DVec3]) -> &mut Self {
         for i in 0..low.len() {
             let next = (i + 1) % low.len();
@@ -85,7 +85,7 @@ impl Shapes {
         self.prism(&rectangle([low[0], low[1]], [high[0], high[1]]), [low[2], high[2]])
     }
 
-    /// A closed cone or, with many rings, a half or a whole sphere: rings of radius and height from below to above.
+    /// A closed body of revolution: rings of radius and height from bottom to top.
     pub fn turned(&mut self, middle: DVec2, rings: &[[f64; 2]], rgb: [u8; 3]) -> &mut Self {
         let ring = |[radius, z]: [f64; 2]| {
             (0..24).map(move |k| (middle + DVec2::from_angle(f64::from(k) / 24.0 * TAU) * radius).extend(z))
@@ -105,7 +105,7 @@ impl Shapes {
         self
     }
 
-    /// The scene; the world position of the shapes' zero is `origin`.
+    /// The scene; `origin` is the world position of the shapes' zero.
     pub fn scene(&self, origin: [f64; 3]) -> Scene {
         let mut scene = Scene { origin, ..Scene::default() };
         for kind in &self.kinds {
@@ -134,32 +134,32 @@ pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Vec<DVec2> {
     [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]].map(DVec2::from).into()
 }
 
-/// Points turned around the origin.
+/// Rotates points around the origin.
 pub fn turned(outline: &[DVec2], degrees: f64) -> Vec<DVec2> {
     outline.iter().map(|p| DVec2::from_angle(degrees.to_radians()).rotate(*p)).collect()
 }
 
-/// A camera around `target`: from so far, from which compass angle (0 is from the east, 90 from the north), so steep.
-pub fn around(target: [f64; 3], distance_m: f64, angle_deg: f64, up_deg: f64) -> Camera {
+/// A camera around `target`. `angle_deg` is 0 in the east and 90 in the north.
+pub fn orbit_camera(target: [f64; 3], distance_m: f64, angle_deg: f64, up_deg: f64) -> Camera {
     let (angle, up) = (angle_deg.to_radians(), up_deg.to_radians());
     let away = DVec3::new(angle.cos() * up.cos(), angle.sin() * up.cos(), up.sin());
     Camera::looking(DVec3::from(target) + away * distance_m, target.into())
 }
 
-/// How a thing compares, over all its views.
+/// Measures of a shape over all its views.
 #[derive(Debug, Clone, Copy)]
 pub struct ShapeScore {
     /// Silhouettes: pixels hit in both over pixels hit in either.
     pub iou: f64,
-    /// Of the pixels hit in both, the share whose distances agree.
+    /// Of the pixels hit in both, the share with equal distances.
     pub near: f64,
-    /// Of those, the share whose colours agree.
+    /// Of those, the share with equal colours.
     pub coloured: f64,
 }
 
 impl ShapeScore {
-    /// An error that says all if one is below its bound.
-    pub fn at_least(self, iou: f64, near: f64, coloured: f64) -> Result<()> {
+    /// Fails if a measure is below its bound.
+    pub fn ensure_at_least(self, iou: f64, near: f64, coloured: f64) -> Result<()> {
         ensure!(
             self.iou >= iou && self.near >= near && self.coloured >= coloured,
             "{self:?}, wanted {iou} {near} {coloured}"
@@ -168,17 +168,15 @@ impl ShapeScore {
     }
 }
 
-/// A thing that was baked.
 pub struct BakedShape {
     pub truth: Truth,
-    /// The city that came of them.
     pub baked: Baked,
     spec: PathBuf,
     _folder: tempfile::TempDir,
 }
 
 impl BakedShape {
-    /// Bakes; frames will be `target/zoo/NAME.png`.
+    /// Bakes a scene. [`Self::compare`] writes `target/zoo/NAME.png`.
     pub fn bake(name: &str, scene: Scene, cell_m: f64) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let out = folder.path().join("city");
@@ -198,13 +196,13 @@ impl BakedShape {
         self.baked.maps(self.baked.manifest().depth)
     }
 
-    /// Draws it from the nodes that `tau_px` asks for.
+    /// Draws the nodes that `tau_px` requires.
     pub fn draw(&self, camera: &Camera, tau_px: f64, shading: Shading) -> Result<Pixels> {
         let ids = self.baked.select(camera, &FRAME, tau_px);
         Ok(self.baked.draw_list(&ids)?.scene(camera, &FrameSpec { shading, ..FRAME }).render())
     }
 
-    /// Compares all views and writes them, one below the other: truth, drawn, lit.
+    /// Compares all views and writes an image of them: source, drawn, lit.
     pub fn score(&self, cameras: &[Camera]) -> Result<ShapeScore> {
         let (mut both, mut either, mut near, mut coloured) = (0.0, 0.0, 0.0, 0.0);
         let (width, height) = (FRAME.width_px, FRAME.height_px);

@@ -18,7 +18,7 @@ use insula_client::{
 use insula_shaders::cpu::raycast::Pixels;
 use insula_test_support::faulty_host::{FaultyHost, HostFaults};
 use insula_tests::{
-    synth::{City, Stand},
+    synth::{City, Viewpoint},
     viewer::{fetch_all, open},
 };
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
@@ -42,7 +42,7 @@ fn city() -> PathBuf {
 }
 
 fn request() -> FrameRequest {
-    let view = Stand::Roof.camera();
+    let view = Viewpoint::Roof.camera();
     let camera = Camera::look_at(view.position.into(), view.target.into(), glam::DVec3::Z, 1.0).unwrap();
     FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0 }
 }

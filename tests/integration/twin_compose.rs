@@ -1,5 +1,4 @@
-//! Composition: the ray-caster's pixels arrive on a render target, in sRGB and in other formats, scaled to the nearest
-//! pixel.
+//! Composition: the pixels of the ray-caster reach a render target, in sRGB and other formats, scaled to the nearest pixel.
 
 use anyhow::Result;
 use insula_shaders::{
@@ -20,7 +19,7 @@ fn main() {
 }
 
 const FRAME_PX: [u32; 2] = [97, 61];
-/// Of the frame's size, larger, smaller.
+/// The size of the frame, larger and smaller.
 const TARGETS_PX: [[u32; 2]; 3] = [FRAME_PX, [192, 122], [64, 33]];
 
 fn target_shows_the_pixels_of_the_ray_caster(gpu: &Gpu) -> Result<()> {
@@ -57,7 +56,7 @@ fn nearest_pixel(frame: &Pixels, at: [u32; 2], target_px: [u32; 2]) -> u32 {
     frame.colour[(y * FRAME_PX[0] + x) as usize]
 }
 
-/// Texels of a target of that format and size, row by row.
+/// Texels of a target with that format and size, row by row.
 fn compose(
     gpu: &Gpu,
     raycaster: &Raycaster,

@@ -1,4 +1,4 @@
-//! Meshes: WGSL draws what the CPU draws, and the CPU hits the triangle that all of them tested one by one would give.
+//! Meshes: the GPU draws what the CPU draws, and the CPU hits the triangle that an exhaustive search finds.
 
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
@@ -28,14 +28,14 @@ fn main() {
     Trials::open()
         .on_gpu("gpu_draws_meshes_as_the_cpu_does", gpu_draws_meshes_as_the_cpu_does)
         .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
-        .plain("cpu_hits_what_every_triangle_by_itself_would_show", cpu_hits_what_every_triangle_by_itself_would_show)
-        .plain("a_mesh_sees_the_sky_of_the_columns_that_it_lies_in", a_mesh_sees_the_sky_of_the_columns_that_it_lies_in)
+        .plain("cpu_hits_what_an_exhaustive_search_hits", cpu_hits_what_an_exhaustive_search_hits)
+        .plain("a_mesh_has_the_sky_occlusion_of_its_columns", a_mesh_has_the_sky_occlusion_of_its_columns)
         .run()
 }
 
 type City = (RandomCity, Vec<RandomMesh>);
 
-/// Cities of meshes alone, and of meshes beside columns; in some, coarser columns tell a third of the meshes of the sky.
+/// Cities of meshes only, and of meshes and columns. In some, a third of the meshes has the sky occlusion of coarser columns.
 fn cities() -> &'static [City] {
     static MADE: OnceLock<Vec<City>> = OnceLock::new();
     MADE.get_or_init(|| {
@@ -106,10 +106,10 @@ fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
-/// Distance and normal of nearly every pixel; the rest graze an edge.
-fn cpu_hits_what_every_triangle_by_itself_would_show() -> Result<()> {
+/// Distances and normals agree, except at the edges of triangles.
+fn cpu_hits_what_an_exhaustive_search_hits() -> Result<()> {
     let (mut rays, mut hits, mut turned) = (0, 0, 0);
-    // Where all is mesh, nothing else is in the way.
+    // In a city of meshes only, nothing occludes the triangles.
     for (seed, (city, meshes)) in cities().iter().enumerate().step_by(2) {
         let mut rng = Rng::new(6000 + seed as u64);
         for pose in Pose::ALL {
@@ -154,8 +154,8 @@ fn cpu_hits_what_every_triangle_by_itself_would_show() -> Result<()> {
     Ok(())
 }
 
-/// A flat roof over a part of a coarser tile is as light as that part of the tile's columns.
-fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
+/// A flat roof over a part of a coarser tile has the sky occlusion of that part's columns.
+fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
     let area = CityArea { origin: [0.0; 3], root_side_m: 512.0 };
     let column = |i: usize| {
         let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);

@@ -1,4 +1,4 @@
-//! The ray-caster's twins: WGSL draws what the CPU draws, and the CPU draws what every solid tested by itself would show.
+//! The ray-caster: the GPU draws what the CPU draws, and the CPU draws what the reference ray-caster draws.
 
 use anyhow::Result;
 use glam::{DVec3, Vec3};
@@ -27,7 +27,7 @@ use insula_tests::{
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Odd, so that one ray goes exactly where the camera looks.
+/// Odd sizes, so that one ray has exactly the direction of the camera.
 const FRAME: FrameSpec = FrameSpec { width_px: 241, height_px: 135, shading: Shading::Lit, samples: 1 };
 const CITIES: u64 = 16;
 
@@ -36,14 +36,14 @@ fn main() {
         .on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws)
         .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
         .on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour)
-        .on_gpu("gpu_and_cpu_agree_while_squares_fade", gpu_and_cpu_agree_while_squares_fade)
-        .on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen)
-        .plain("each_ray_sees_one_of_two_worlds", each_ray_sees_one_of_two_worlds)
-        .plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show)
-        .plain("low_quarters_cost_nothing_and_hide_nothing", low_quarters_cost_nothing_and_hide_nothing)
+        .on_gpu("gpu_and_cpu_agree_during_cross_fades", gpu_and_cpu_agree_during_cross_fades)
+        .on_gpu("one_altered_gpu_pixel_is_detected", one_altered_gpu_pixel_is_detected)
+        .plain("each_ray_of_a_cross_fade_sees_one_side", each_ray_of_a_cross_fade_sees_one_side)
+        .plain("cpu_draws_what_the_reference_caster_draws", cpu_draws_what_the_reference_caster_draws)
+        .plain("low_quarters_are_skipped_and_change_no_pixel", low_quarters_are_skipped_and_change_no_pixel)
         .plain("a_wall_casts_a_shadow_as_long_as_it_is_high", a_wall_casts_a_shadow_as_long_as_it_is_high)
-        .plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen)
-        .plain("a_missing_or_cut_picture_is_seen", a_missing_or_cut_picture_is_seen)
+        .plain("one_altered_pixel_is_detected", one_altered_pixel_is_detected)
+        .plain("missing_or_truncated_frames_are_detected", missing_or_truncated_frames_are_detected)
         .run()
 }
 
@@ -52,7 +52,7 @@ fn cities() -> &'static [RandomCity] {
     CITIES_MADE.get_or_init(|| (0..CITIES).map(|seed| random::city(seed).expect("random cities are valid")).collect())
 }
 
-/// Compares both twins' frames of one view; `what` names it in errors.
+/// Compares the frames of both ray-casters. `what` names the view in errors.
 fn twins_agree(
     gpu: &Gpu,
     city: &RandomCity,
@@ -115,7 +115,7 @@ fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
-/// Towards the sun and away from it, from noon to night, in clear air and in thick.
+/// Towards the sun and away from it, from noon to night, in clear air and in haze.
 fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
     let city = &cities()[1];
     for (i, height) in [1.2f32, 0.2, 0.02, -0.05, -0.6].into_iter().enumerate() {
@@ -137,7 +137,7 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
-fn gpu_and_cpu_agree_while_squares_fade(gpu: &Gpu) -> Result<()> {
+fn gpu_and_cpu_agree_during_cross_fades(gpu: &Gpu) -> Result<()> {
     for (seed, city) in cities().iter().enumerate().take(6) {
         let mut rng = Rng::new(5000 + seed as u64);
         let share = [1, 20, 32, 63][rng.below(4)];
@@ -151,7 +151,7 @@ fn gpu_and_cpu_agree_while_squares_fade(gpu: &Gpu) -> Result<()> {
             if samples == 1 {
                 scenes_agree(gpu, &scene, &spec, &camera, &what)?;
             } else {
-                // Edges between the rays of one pixel are not looked for.
+                // Edges between the rays of one pixel are not searched for.
                 let differing = twin::compare(&scene.render(), &gpu.render(&scene)?).differing;
                 anyhow::ensure!(differing * 500 < scene.render().hit.len(), "{what}: {differing} pixels differ");
             }
@@ -160,9 +160,9 @@ fn gpu_and_cpu_agree_while_squares_fade(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
-/// A frame of squares that fade is made of rays of the new frame and of the old one, as many as the share says, in every
-/// place; rays towards the sun stay in their own world.
-fn each_ray_sees_one_of_two_worlds() -> Result<()> {
+/// During a cross-fade, a frame consists of rays of the new frame and of the old one, in the given proportion everywhere. Rays
+/// towards the sun stay on their side of the cross-fade.
+fn each_ray_of_a_cross_fade_sees_one_side() -> Result<()> {
     let mut seen = [0usize; 4];
     for (seed, city) in cities().iter().enumerate() {
         let mut rng = Rng::new(7000 + seed as u64);
@@ -206,14 +206,14 @@ fn each_ray_sees_one_of_two_worlds() -> Result<()> {
                 }
             }
         }
-        // In every block of 8 x 8 pixels, sixteen rays see the old world.
+        // In every block of 8 x 8 pixels, sixteen rays see the old frame.
         let draw_lists = random::fading(city, 9000 + seed as u64, 16)?;
         let camera = random::camera(&mut rng, city, Pose::Above);
         let hit = draw_lists[0].scene(&camera, &FRAME).render().hit;
         for (x, y) in (0..FRAME.width_px / 8).flat_map(|x| (0..FRAME.height_px / 8).map(move |y| (x * 8, y * 8))) {
             let block = (0..64).map(|i| hit[((y + i / 8) * FRAME.width_px + x + i % 8) as usize]);
             let block: Vec<u32> = block.filter(|node| *node != insula_shaders::layout::NO_NODE).collect();
-            // Nodes of both worlds stand in turn.
+            // Nodes of the new and the old frame alternate.
             let behind = block.iter().filter(|node| *node % 2 == 1).count();
             anyhow::ensure!(block.len() < 64 || behind == 16, "{behind} of {} at {x}, {y}, city {seed}", block.len());
         }
@@ -224,7 +224,7 @@ fn each_ray_sees_one_of_two_worlds() -> Result<()> {
     Ok(())
 }
 
-/// Ten metres of wall across a plain, the sun 45 degrees high behind it, the camera over it.
+/// A wall of ten metres across a plain, with the sun 45 degrees high behind it and the camera above it.
 fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
     let texel = Texel::new([128; 3], 63, 3);
     let up = octahedral::encode([0.0, 0.0, 1.0]);
@@ -265,8 +265,8 @@ fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
     Ok(())
 }
 
-/// The comparison above can fail: the GPU's own frame with one pixel altered does.
-fn one_altered_pixel_of_the_gpu_is_seen(gpu: &Gpu) -> Result<()> {
+/// The comparison finds one altered pixel in a GPU frame.
+fn one_altered_gpu_pixel_is_detected(gpu: &Gpu) -> Result<()> {
     let city = &cities()[0];
     let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
     let scene = city.draw_list.scene(&camera, &FRAME);
@@ -278,57 +278,57 @@ fn one_altered_pixel_of_the_gpu_is_seen(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
-/// A pixel whose neighbourhood is all alike.
-fn flat_pixel(spec: &Pixels) -> Result<usize> {
-    let (width, height) = (spec.width_px as usize, spec.height_px as usize);
+/// A pixel whose neighbours are all like it.
+fn flat_pixel(frame: &Pixels) -> Result<usize> {
+    let (width, height) = (frame.width_px as usize, frame.height_px as usize);
     let flat = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x)).find(|i| {
         let around = [i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1];
         around.iter().all(|n| {
-            let alike = spec.hit[*n] == spec.hit[*i] && spec.colour[*n] == spec.colour[*i];
-            alike && spec.distance[*i].is_finite() && (spec.distance[*n] / spec.distance[*i] - 1.0).abs() < 0.01
+            let alike = frame.hit[*n] == frame.hit[*i] && frame.colour[*n] == frame.colour[*i];
+            alike && frame.distance[*i].is_finite() && (frame.distance[*n] / frame.distance[*i] - 1.0).abs() < 0.01
         })
     });
     flat.ok_or_else(|| anyhow::anyhow!("no flat pixel in the frame"))
 }
 
-fn one_altered_pixel_is_seen() -> Result<()> {
+fn one_altered_pixel_is_detected() -> Result<()> {
     let city = &cities()[0];
     let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
-    let spec = city.draw_list.scene(&camera, &FRAME).render();
-    anyhow::ensure!(twin::compare(&spec, &spec).check().is_ok(), "a frame differs from itself");
-    let i = flat_pixel(&spec)?;
-    let mut colour = spec.clone();
+    let frame = city.draw_list.scene(&camera, &FRAME).render();
+    anyhow::ensure!(twin::compare(&frame, &frame).check().is_ok(), "a frame differs from itself");
+    let i = flat_pixel(&frame)?;
+    let mut colour = frame.clone();
     colour.colour[i] ^= 0x40;
-    let mut distance = spec.clone();
+    let mut distance = frame.clone();
     distance.distance[i] = if distance.distance[i].is_finite() { distance.distance[i] * 1.05 } else { 1e4 };
-    let mut not_a_number = spec.clone();
+    let mut not_a_number = frame.clone();
     not_a_number.distance[i] = f32::NAN;
     for (what, altered) in [("colour", colour), ("distance", distance), ("NaN", not_a_number)] {
-        anyhow::ensure!(twin::compare(&spec, &altered).check().is_err(), "an altered pixel went unseen: {what}");
+        anyhow::ensure!(twin::compare(&frame, &altered).check().is_err(), "an altered pixel went unseen: {what}");
     }
     Ok(())
 }
 
-fn a_missing_or_cut_picture_is_seen() -> Result<()> {
+fn missing_or_truncated_frames_are_detected() -> Result<()> {
     let city = &cities()[0];
     let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
-    let spec = city.draw_list.scene(&camera, &FRAME).render();
-    let mut short = spec.clone();
+    let frame = city.draw_list.scene(&camera, &FRAME).render();
+    let mut short = frame.clone();
     short.colour.pop();
-    let mut narrow = spec.clone();
+    let mut narrow = frame.clone();
     narrow.width_px -= 1;
     for altered in [Pixels::default(), short, narrow] {
-        anyhow::ensure!(twin::compare(&spec, &altered).check().is_err(), "a frame of another size was accepted");
-        anyhow::ensure!(twin::compare(&altered, &spec).check().is_err(), "a frame of another size was accepted");
+        anyhow::ensure!(twin::compare(&frame, &altered).check().is_err(), "a frame of another size was accepted");
+        anyhow::ensure!(twin::compare(&altered, &frame).check().is_err(), "a frame of another size was accepted");
     }
     Ok(())
 }
 
-/// Rays that start on the very edge of a cell may take either side; all others must agree with the reference, or with a
-/// reference ray that is turned by a few millionths.
-fn cpu_draws_what_every_solid_by_itself_would_show() -> Result<()> {
+/// A ray that starts on the border of a cell may be on either side. All others agree with the reference, or with a reference
+/// ray that is rotated by a few millionths.
+fn cpu_draws_what_the_reference_caster_draws() -> Result<()> {
     let spec = FrameSpec { width_px: 49, height_px: 33, shading: Shading::Albedo, samples: 1 };
-    let (mut rays, mut turned, mut hits) = (0, 0, 0);
+    let (mut rays, mut rotated, mut hits) = (0, 0, 0);
     for (seed, city) in cities().iter().enumerate() {
         let reference_caster = ReferenceCaster::new(city.area, &city.maps);
         let mut rng = Rng::new(3000 + seed as u64);
@@ -338,12 +338,12 @@ fn cpu_draws_what_every_solid_by_itself_would_show() -> Result<()> {
             let drawn = scene.render();
             let verdicts: Vec<Verdict> = (0..spec.width_px * spec.height_px)
                 .into_par_iter()
-                .map(|i| score(&reference_caster, &camera, &spec, &scene.frame, &drawn, i))
+                .map(|i| compare_with_reference(&reference_caster, &camera, &spec, &scene.frame, &drawn, i))
                 .collect();
-            if let Some(i) = verdicts.iter().position(|v| *v == Verdict::Wrong) {
+            if let Some(i) = verdicts.iter().position(|v| *v == Verdict::Different) {
                 let (x, y) = (i as u32 % spec.width_px, i as u32 / spec.width_px);
-                let seen = reference_caster.look(&camera, camera.ray(&spec, x, y));
-                let wrong = verdicts.iter().filter(|v| **v == Verdict::Wrong).count();
+                let seen = reference_caster.cast(&camera, camera.ray(&spec, x, y));
+                let wrong = verdicts.iter().filter(|v| **v == Verdict::Different).count();
                 anyhow::bail!(
                     "city {seed}, {pose:?}: {wrong} wrong, first at {x}, {y}: drawn {:08x} {}, meant {seen:?}\n{camera:?}",
                     drawn.colour[i],
@@ -351,19 +351,19 @@ fn cpu_draws_what_every_solid_by_itself_would_show() -> Result<()> {
                 );
             }
             rays += verdicts.len();
-            turned += verdicts.iter().filter(|v| **v == Verdict::Turned).count();
+            rotated += verdicts.iter().filter(|v| **v == Verdict::EqualIfRotated).count();
             hits += drawn.distance.iter().filter(|d| d.is_finite()).count();
         }
     }
-    println!("{rays} rays, {hits} hits, {turned} on edges");
-    anyhow::ensure!(turned * 100 < rays, "{turned} of {rays} rays agree only when turned");
+    println!("{rays} rays, {hits} hits, {rotated} on edges");
+    anyhow::ensure!(rotated * 100 < rays, "{rotated} of {rays} rays agree only when turned");
     anyhow::ensure!(hits * 4 > rays, "only {hits} of {rays} rays hit anything");
     Ok(())
 }
 
-/// That a ray knows how high a node's quarters are saves visits and changes no pixel: random cities, and a node with one tower
-/// beside its middle, seen past the middle from all around.
-fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
+/// The heights of a node's quarters save visits and change no pixel: in random cities, and in a node with one tower beside its
+/// centre, seen past the centre from all sides.
+fn low_quarters_are_skipped_and_change_no_pixel() -> Result<()> {
     let (mut with, mut without) = (0, 0);
     let mut compare = |draw_list: &DrawList, camera: &Camera, what: &str| {
         let scene = draw_list.scene(camera, &FRAME);
@@ -404,12 +404,12 @@ fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
-    Right,
-    Turned,
-    Wrong,
+    Equal,
+    EqualIfRotated,
+    Different,
 }
 
-fn score(
+fn compare_with_reference(
     reference_caster: &ReferenceCaster,
     camera: &Camera,
     spec: &FrameSpec,
@@ -419,32 +419,33 @@ fn score(
 ) -> Verdict {
     let dir = camera.ray(spec, i % spec.width_px, i / spec.width_px);
     let agrees = |seen: ReferencePixel| {
-        let (drawn_m, meant_m) = (f64::from(drawn.distance[i as usize]), seen.distance_m);
-        if drawn_m.is_finite() != meant_m.is_finite() {
+        let (drawn_m, reference_m) = (f64::from(drawn.distance[i as usize]), seen.distance_m);
+        if drawn_m.is_finite() != reference_m.is_finite() {
             return false;
         }
-        if meant_m.is_finite() && (drawn_m - meant_m).abs() > 2e-3 + 1e-3 * meant_m {
+        if reference_m.is_finite() && (drawn_m - reference_m).abs() > 2e-3 + 1e-3 * reference_m {
             return false;
         }
         let mut rgb = seen.rgb.as_vec3();
-        if seen.left > 0.02 {
-            rgb += background(frame, dir.as_vec3(), &Airlight::new(frame, dir.as_vec3())).sky * seen.left as f32;
+        if seen.transmittance > 0.02 {
+            rgb +=
+                background(frame, dir.as_vec3(), &Airlight::new(frame, dir.as_vec3())).sky * seen.transmittance as f32;
         }
         let reference = encode_srgb(rgb).to_le_bytes();
         drawn.colour[i as usize].to_le_bytes().iter().zip(reference).all(|(a, b)| a.abs_diff(b) <= 3)
     };
-    if agrees(reference_caster.look(camera, dir)) {
-        return Verdict::Right;
+    if agrees(reference_caster.cast(camera, dir)) {
+        return Verdict::Equal;
     }
     let (side, up) = dir.any_orthonormal_pair();
-    let turns = (0..24).map(|k| {
+    let rotations = (0..24).map(|k| {
         let angle = f64::from(k % 8) * std::f64::consts::FRAC_PI_4;
-        let by = [2e-6, 2e-5, 1e-4][k as usize / 8];
-        (dir + (side * angle.cos() + up * angle.sin()) * by).normalize_or(dir)
+        let offset = [2e-6, 2e-5, 1e-4][k as usize / 8];
+        (dir + (side * angle.cos() + up * angle.sin()) * offset).normalize_or(dir)
     });
-    if turns.into_iter().any(|turn| agrees(reference_caster.look(camera, turn))) {
-        Verdict::Turned
+    if rotations.into_iter().any(|rotated| agrees(reference_caster.cast(camera, rotated))) {
+        Verdict::EqualIfRotated
     } else {
-        Verdict::Wrong
+        Verdict::Different
     }
 }

@@ -1,8 +1,8 @@
-//! How much frames leap while a standing camera's city refines: the difference of consecutive frames at 60 a second, where
-//! levels of detail fade into each other and where they do not, beside that of a slow pan.
+//! Measures how much frames jump while a city loads in front of a fixed camera: the difference of consecutive frames at 60 per
+//! second, with and without cross-fades, compared with that of a slow pan.
 //!
-//! `cargo run --release -p insula-tests --bin fade -- CITY... --report fade.json`: each CITY is a baked folder, and begins without
-//! a tile. A leap is looked for in squares of 16 x 16 pixels, too: what is refined is a part of the frame.
+//! `cargo run --release -p insula-tests --bin fade -- CITY... --report fade.json`: each CITY is a baked folder. Differences are
+//! also measured in blocks of 16 x 16 pixels, because refinement changes parts of a frame.
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -18,50 +18,50 @@ use serde::Serialize;
 use std::{fs, path::PathBuf};
 
 const FRAME_SECS: f64 = 1.0 / 60.0;
-/// Side of the parts of a frame that are looked at by themselves.
+/// Side of the blocks that are measured separately.
 const BLOCK_PX: u32 = 16;
-/// No city takes more frames.
+/// Most frames per city.
 const FRAMES: usize = 20_000;
 
-/// Lets cities come, and looks at each frame.
+/// Measures the differences of consecutive frames while cities load
 #[derive(Debug, Parser)]
 struct Args {
     /// Baked cities.
     #[arg(required = true)]
     cities: Vec<PathBuf>,
-    /// Tiles that come in a frame: two are about 20 Mbit/s.
+    /// Tiles that are loaded per frame: two are about 20 Mbit/s
     #[arg(long, default_value_t = 2)]
     tiles: usize,
-    /// Width of a frame; its height is nine sixteenths.
+    /// Width of a frame in pixels; its height is 9/16 of it
     #[arg(long, default_value_t = 320)]
     width: u32,
-    /// Rays along a pixel's side.
+    /// Rays along a pixel's side
     #[arg(long, default_value_t = MOVING_SAMPLES)]
     rays: u32,
-    /// Degrees between two frames of the pan: 0.1 are 6 a second.
+    /// Rotation of the pan per frame in degrees: 0.1 is 6 per second
     #[arg(long, default_value_t = 0.1)]
     turn: f64,
-    /// Reach of shadows in metres, 0 for none.
+    /// Reach of shadows in metres, 0 for none
     #[arg(long, default_value_t = 0.0)]
     shadows: f64,
-    /// Only this view.
+    /// Only this view
     #[arg(long)]
     view: Option<String>,
-    /// Write every frame that fades as a frame into this folder.
+    /// Write every frame of a cross-fade into this folder
     #[arg(long)]
     frames: Option<PathBuf>,
-    /// Write all figures as JSON.
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
 }
 
-/// How far consecutive frames are apart, in 255ths of a channel.
+/// Differences of consecutive frames, in 255ths of a channel.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 struct Leaps {
     frames: usize,
-    /// Largest of a frame's means.
+    /// Largest mean difference of a frame.
     spec: f64,
-    /// Largest of all blocks' means, and the largest that one in a hundred blocks exceeds in any frame.
+    /// Largest mean difference of a block, and the largest that one in a hundred blocks of a frame exceeds.
     block: f64,
     block_99: f64,
 }
@@ -87,7 +87,6 @@ impl Leaps {
     }
 }
 
-/// One view.
 #[derive(Debug, Serialize)]
 struct Row {
     city: String,
@@ -128,7 +127,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// In a street, over the roofs and from the air, in the middle of the city.
+/// Views in a street, above the roofs and from the air, in the middle of the city.
 fn cameras(city: &Baked) -> [(&'static str, [DVec3; 2]); 3] {
     let manifest = city.manifest();
     let [low, high] = manifest.focus.map(DVec2::from);
@@ -142,7 +141,7 @@ fn cameras(city: &Baked) -> [(&'static str, [DVec3; 2]); 3] {
     ]
 }
 
-/// Lets a city come; how far its frames are apart, and those of a slow pan at its end.
+/// Loads a city. Returns the differences of its frames, and of a slow pan at the end.
 fn refine(
     args: &Args,
     city: &Baked,
@@ -177,7 +176,7 @@ fn refine(
             break;
         }
         if !changed && last.is_some() {
-            // What its rays hit may not be known yet.
+            // The hits of its rays may not be known yet.
             client.draw(&data);
             continue;
         }

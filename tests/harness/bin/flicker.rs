@@ -1,7 +1,7 @@
-//! How much a slow pan shimmers: the mean difference of consecutive frames, against that of the supersampled truth.
+//! Measures how much a slow pan flickers: the mean difference of consecutive frames, compared with supersampled frames.
 //!
-//! `cargo run --release -p insula-tests --bin flicker -- CITY... --report flicker.json`: each CITY is a baked folder. A frame of
-//! too few rays a pixel differs from the next one by what its rays happen to hit, besides by what moved.
+//! `cargo run --release -p insula-tests --bin flicker -- CITY... --report flicker.json`: each CITY is a baked folder. With few
+//! rays per pixel, frames differ by what the rays happen to hit, in addition to the motion.
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -21,43 +21,42 @@ use insula_tests::{
 use serde::Serialize;
 use std::{fs, path::PathBuf};
 
-/// The truth has so many rays along a pixel's side.
+/// Rays along a pixel's side in the supersampled frames.
 const TRUTH_RAYS: u32 = 8;
 
-/// Pans slowly, with few rays a pixel and with many.
+/// Compares slow pans with few and many rays per pixel
 #[derive(Debug, Parser)]
 struct Args {
-    /// Baked cities.
+    /// Baked cities
     #[arg(required = true)]
     cities: Vec<PathBuf>,
-    /// Rays along a pixel's side that are compared with the truth.
+    /// Rays along a pixel's side to compare
     #[arg(long, value_delimiter = ',', default_value = "1,2,3,4")]
     rays: Vec<u32>,
-    /// Width of a frame; its height is nine sixteenths.
+    /// Width of a frame in pixels; its height is 9/16 of it
     #[arg(long, default_value_t = 640)]
     width: u32,
-    /// Degrees between two frames.
+    /// Degrees between two frames
     #[arg(long, default_value_t = 0.1)]
     turn: f64,
-    /// Frames of a pan.
+    /// Frames of a pan
     #[arg(long, default_value_t = 4)]
     frames: usize,
-    /// Reach of shadows in metres, 0 for none.
+    /// Reach of shadows in metres, 0 for none
     #[arg(long, default_value_t = 3000.0)]
     shadows: f32,
-    /// Write all figures as JSON.
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
 }
 
-/// One pan.
 #[derive(Debug, Serialize)]
 struct Row {
     city: String,
     view: &'static str,
-    /// Mean absolute difference of consecutive frames over red, green and blue, in 255ths.
+    /// Mean absolute difference of consecutive supersampled frames over red, green and blue, in 255ths.
     truth: f64,
-    /// The same for each number of rays along a side, and its ratio to the truth's.
+    /// The same for each number of rays along a side, and its ratio to `truth`.
     drawn: Vec<(u32, f64, f64)>,
 }
 
@@ -84,7 +83,6 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// In a street, over the roofs and from the air, in the middle of the city.
 fn cameras(city: &Baked) -> [(&'static str, Camera); 3] {
     let manifest = city.manifest();
     let [low, high] = manifest.focus.map(DVec2::from);
@@ -100,7 +98,7 @@ fn cameras(city: &Baked) -> [(&'static str, Camera); 3] {
 
 fn pan(args: &Args, city: &Baked, view: &'static str, camera: Camera) -> Result<Row> {
     let spec = FrameSpec { width_px: args.width, height_px: args.width * 9 / 16, shading: Shading::Lit, samples: 1 };
-    // All around, so that turning needs no other draw list.
+    // In all directions, so that the draw list does not change.
     let draw_list = city.draw_list(&city.select(&camera, &spec, 1.0))?;
     let turned: Vec<Camera> = (0..args.frames).map(|i| turn(&camera, args.turn * i as f64)).collect();
     let truth = apart(turned.iter().map(|camera| supersampled(args, &draw_list, camera, &spec, city)))?;
@@ -113,7 +111,7 @@ fn pan(args: &Args, city: &Baked, view: &'static str, camera: Camera) -> Result<
     Ok(Row { city: city.manifest().name.clone(), view, truth, drawn })
 }
 
-/// The camera, turned around the vertical.
+/// Rotates the camera around the vertical axis.
 fn turn(camera: &Camera, degrees: f64) -> Camera {
     let position = DVec3::from(camera.position);
     let ahead = DQuat::from_rotation_z(degrees.to_radians()) * (DVec3::from(camera.target) - position);
@@ -128,7 +126,7 @@ fn draw(args: &Args, draw_list: &DrawList, camera: &Camera, spec: &FrameSpec, ci
     scene.render()
 }
 
-/// Many rays a pixel: a larger frame, averaged in linear light.
+/// A larger frame, averaged in linear light.
 fn supersampled(args: &Args, draw_list: &DrawList, camera: &Camera, spec: &FrameSpec, city: &Baked) -> Pixels {
     let side = TRUTH_RAYS / MAX_SAMPLES;
     let (width_px, height_px) = (spec.width_px * side, spec.height_px * side);
@@ -142,7 +140,7 @@ fn supersampled(args: &Args, draw_list: &DrawList, camera: &Camera, spec: &Frame
     Pixels { width_px: spec.width_px, height_px: spec.height_px, colour: colour.collect(), ..Pixels::default() }
 }
 
-/// Mean absolute difference of each frame and the next.
+/// Mean absolute difference of consecutive frames.
 fn apart(frames: impl Iterator<Item = Pixels>) -> Result<f64> {
     let frames: Vec<Pixels> = frames.collect();
     let (mut sum, mut count) = (0u64, 0u64);

@@ -1,4 +1,4 @@
-//! How much a frame changes where leaves pass from columns to meshes, beside what a camera's motion of one pixel changes.
+//! Measures how much a frame changes when leaves switch from columns to meshes, compared with a camera motion of one pixel.
 //!
 //! `cargo run --release -p insula-tests --bin handover -- CITY_INPUTS... --city CITY`
 
@@ -18,28 +18,28 @@ use insula_tests::{
 use insula_viewer::frame::STILL_SAMPLES;
 use std::{collections::HashSet, path::PathBuf};
 
-/// Sweeps the distance at which leaves pass from columns to meshes.
+/// Varies the projected error at which leaves switch from columns to meshes
 #[derive(Debug, Parser)]
 struct Args {
-    /// City files.
+    /// City files
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// The same, baked with meshes.
+    /// The same city, baked with meshes
     #[arg(long)]
     city: PathBuf,
-    /// Projected errors of the V-BlockMap at which leaves pass, in pixels.
+    /// Projected errors of the V-BlockMap at which leaves switch, in pixels
     #[arg(long, value_delimiter = ',', default_value = "0.5,1,2,4")]
     at: Vec<f64>,
-    /// Reach of shadows in metres, 0 for none.
+    /// Reach of shadows in metres, 0 for none
     #[arg(long, default_value_t = 0.0)]
     shadows: f32,
 }
 
 const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Lit, samples: STILL_SAMPLES };
-/// Leaves count whose error is so much off the one at which they pass, at most.
+/// Largest ratio of a leaf's projected error to that of the switch.
 const AROUND: f64 = 1.25;
 
-/// Mean difference of the channels over `of`'s pixels, in 255ths.
+/// Mean difference of the channels over the pixels `of`, in 255ths.
 fn difference(a: &Pixels, b: &Pixels, of: &[usize]) -> f64 {
     let apart = |at: &usize| {
         let (a, b) = (a.colour[*at].to_le_bytes(), b.colour[*at].to_le_bytes());
@@ -59,7 +59,7 @@ fn main() -> Result<()> {
     println!("passing at px | pixels | switch | motion of a pixel: columns, meshes (mean of the channels, 255ths)");
     for at_px in &args.at {
         let (mut pixels, mut sums) = (0, [0.0; 3]);
-        for station in cameras::of(&truth) {
+        for station in cameras::stations(&truth) {
             let camera = station.camera;
             let ids = baked.select(&camera, &FRAME, 1.0f64.min(*at_px));
             let passing: HashSet<TileId> = ids
@@ -93,7 +93,7 @@ fn main() -> Result<()> {
             ];
             println!(
                 "  {:?} {at_px}: {} px, {:.2} | {:.2} {:.2}",
-                station.stand,
+                station.kind,
                 of.len(),
                 of_each[0],
                 of_each[1],

@@ -1,7 +1,7 @@
-//! What is drawn and fetched that nobody sees, and whether anything is missed when the camera turns.
+//! Measures how much is drawn and fetched that is occluded, and what is missing when the camera turns.
 //!
-//! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, such as `synth` makes. Against a
-//! client that culls by the frustum alone.
+//! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, for example of `synth`. Compares with
+//! a client that culls by the view frustum only.
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -15,7 +15,7 @@ use insula_client::{
 use insula_protocol::TileId;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
-    synth::Stand,
+    synth::Viewpoint,
     viewer::{fetch_all, open, open_over},
 };
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::TileKey, select::DrawTile, streamer::FrameRequest};
@@ -26,37 +26,37 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Compares occlusion with frustum culling alone.
+/// Compares occlusion culling with frustum culling alone
 #[derive(Debug, Parser)]
 struct Args {
-    /// The city.
+    /// Folder of the baked city
     #[arg(long)]
     city: PathBuf,
-    /// A camera file; the street of the synthetic cities unless given.
+    /// Camera file (default: the street of the synthetic cities)
     #[arg(long)]
     camera: Option<PathBuf>,
-    /// Directions that are looked at, evenly all around.
+    /// Number of directions, evenly distributed
     #[arg(long, default_value_t = 4)]
     directions: u32,
-    /// Frame width.
+    /// Frame width in pixels
     #[arg(long, default_value_t = 1280)]
     width: u32,
-    /// Frame height.
+    /// Frame height in pixels
     #[arg(long, default_value_t = 720)]
     height: u32,
-    /// Tolerated error in pixels.
+    /// Tolerated error in pixels
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
-    /// Simulated network of the client that looks: megabits a second.
+    /// Bandwidth of the simulated network in Mbit/s
     #[arg(long)]
     bandwidth: Option<f64>,
-    /// Milliseconds before each answer.
+    /// Round-trip time of the simulated network in milliseconds
     #[arg(long, requires = "bandwidth")]
     rtt: Option<u64>,
-    /// Write all figures as JSON.
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Write the frames into this folder.
+    /// Write the frames into this folder
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -69,12 +69,12 @@ struct Cost {
     drawn: usize,
     fetched: usize,
     unhit_share: f64,
-    /// Of what is drawn alone.
+    /// Of the drawn tiles only.
     drawn_unhit_share: f64,
     bytes: u64,
     requests: u64,
     secs: f64,
-    /// Bytes of the tiles that rays hit, of those above them, and of the others.
+    /// Bytes of the tiles that rays hit, of their ancestors, and of the others.
     seen_bytes: u64,
     above_bytes: u64,
     occluded_bytes: u64,
@@ -83,13 +83,13 @@ struct Cost {
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 struct Turn {
     degrees: f64,
-    /// With all at hand: what the decision alone costs.
+    /// With all tiles resident: the cost of the selection alone.
     wrong_share: f64,
     holes_share: f64,
-    /// With only what the view before had fetched.
+    /// With the tiles of the previous view.
     cold_wrong_share: f64,
     cold_holes_share: f64,
-    /// With what the view before had fetched and, while it rested, what lies beside it.
+    /// With the tiles of the previous view and of idle prefetch.
     rested_wrong_share: f64,
     rested_holes_share: f64,
     rested_bytes: u64,
@@ -112,7 +112,7 @@ fn main() -> Result<()> {
     let camera = match &args.camera {
         Some(path) => insula_client::camera_files::read_camera(path)?,
         None => {
-            let view = Stand::Street.camera();
+            let view = Viewpoint::Street.camera();
             Camera::look_at(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
                 .context("looks nowhere")?
         }
@@ -120,7 +120,7 @@ fn main() -> Result<()> {
     let mut rows = Vec::new();
     for direction in 0..args.directions {
         let degrees = 360.0 * f64::from(direction) / f64::from(args.directions);
-        let row = look(&args, &camera.turned(degrees), direction)?;
+        let row = measure_direction(&args, &camera.turned(degrees), direction)?;
         let Row { frustum: f, occlusion: o, .. } = &row;
         println!(
             "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), of those drawn {:.1} % ({:.1} %), \
@@ -188,7 +188,7 @@ fn request(args: &Args, camera: &Camera) -> FrameRequest {
     FrameRequest { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
 }
 
-/// Draws without telling the session what was hit.
+/// Draws without occlusion feedback.
 fn draw(session: &mut Session, request: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
     let data = session.frame_data(request, &RenderSettings::default());
     let draw_list = session.selection().draw_tiles.clone();
@@ -234,7 +234,7 @@ fn cost(session: &Session, pixels: &Pixels, draw_list: &[DrawTile], secs: f64) -
     }
 }
 
-fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
+fn measure_direction(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
     let (ahead, city) = (request(args, camera), &args.city);
     let mut all = open(city, CACHE_MIB)?;
     let begin = Instant::now();
@@ -265,7 +265,7 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         fetch_all(&mut reference, &ahead, TIMEOUT)?;
         fetch_all(&mut reference, &beside, TIMEOUT)?;
         let (truth, _) = draw(&mut reference, &beside)?;
-        // The same client begins to look, ahead, until that rests; then it turns.
+        // The same client settles ahead, then turns.
         settle(&mut reference, &ahead, TIMEOUT)?;
         reference.update(&beside);
         let warm = compare_frames(&draw(&mut reference, &beside)?.0, &truth);
