@@ -62,13 +62,13 @@ pub fn no_descriptors() {
 
 /// 250 clients send their headers a byte at a time.
 pub fn slow_headers() {
-    let (_folder, server) = server::start_small_city(&["limits.connections=300", "limits.header_secs=2"]);
+    let (_folder, server) = server::start_small_city(&["limits.connections=300", "limits.header_secs=1"]);
     let (_, path) = &tile_paths(small_city::VERSION)[0];
     let start = Instant::now();
     let mut slow: Vec<TcpStream> = Vec::new();
     let mut longest = Duration::ZERO;
     // Three times the time that a client has for its headers.
-    while start.elapsed() < Duration::from_secs(6) {
+    while start.elapsed() < Duration::from_secs(3) {
         while slow.len() < 250 {
             let mut stream = TcpStream::connect(server.address).unwrap();
             stream.write_all(b"GET / HTTP/1.1\r\nX: ").unwrap();

@@ -5,7 +5,7 @@ use crate::{
     view::{Camera, FrameSpec},
 };
 use anyhow::{Context, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, Manifest, Subtree, TileId, TileKind,
     subtree::{MeshLod, NodeInfo},
@@ -77,6 +77,21 @@ impl Baked {
     pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
         let tiles = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == level);
         tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))).collect()
+    }
+
+    /// Position and target of views in the middle of the city: in a street, above the roofs, from the air, from afar.
+    pub fn overviews(&self) -> [(&'static str, [DVec3; 2]); 4] {
+        let manifest = self.manifest();
+        let [low, high] = manifest.focus.map(DVec2::from);
+        let (middle, ground) = ((low + high) / 2.0, manifest.ground_z_m);
+        let reach = (high - low).min_element().min(1200.0);
+        let at = |x: f64, y: f64, up: f64| (middle + DVec2::new(x, y)).extend(ground + up);
+        [
+            ("street", [at(-60.0, -60.0, 8.0), at(60.0, 60.0, 6.0)]),
+            ("roof", [at(-100.0, -100.0, 60.0), at(100.0, 100.0, 20.0)]),
+            ("air", [at(-0.2 * reach, -0.8 * reach, 0.5 * reach), at(0.0, 0.0, 0.0)]),
+            ("far", [at(-0.5 * reach, -1.6 * reach, 0.35 * reach), at(0.0, 0.0, 0.0)]),
+        ]
     }
 
     /// The nodes that a view needs at `tau_px`, in all directions (docs/selection.md).

@@ -51,7 +51,7 @@ impl Baked {
 
     /// A leaf's mesh, decoded as the client does it.
     pub fn mesh(&self, id: TileId, lod: u8) -> Result<PackedMesh> {
-        let place = mesh_tile::archive_id(id, lod).context("no such mesh")?;
+        let place = mesh_tile::archive_id(id, lod).context("the level of detail is too high")?;
         let bytes = self.store.tile(TileKind::Mesh, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
         match decode(TileKey::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
             DecodedTile::Mesh(mesh) => Ok(*mesh),

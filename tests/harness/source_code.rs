@@ -41,12 +41,13 @@ impl CrateModules {
     /// The modules below `source` (a folder such as `protocol/src`), tests left out.
     pub fn new(files: &BTreeMap<String, String>, source: &str) -> Self {
         let module = |(name, text): (&String, &String)| {
-            let inner = name.strip_prefix(source)?.strip_prefix('/')?.strip_suffix(".rs")?;
+            let file = name.strip_prefix(source)?.strip_prefix('/')?;
+            let inner = file.strip_suffix(".rs")?;
             let mut path: Vec<String> = inner.split('/').map(str::to_owned).collect();
             if matches!(path.last().map(String::as_str), Some("lib" | "main" | "mod")) {
                 path.pop();
             }
-            let is_kept = !is_test(name) && !inner.ends_with("main");
+            let is_kept = !is_test(file) && !inner.ends_with("main");
             is_kept.then(|| (path, without_inline_tests(text).to_owned()))
         };
         Self(files.iter().filter_map(module).collect())

@@ -1,5 +1,6 @@
 //! Cameras as JSON files and for the ray-caster.
 
+use anyhow::{Context, Result};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use insula_shaders::layout::{FrameUniform, Light, Shading};
@@ -44,6 +45,13 @@ impl Camera {
     /// A camera with a vertical field of view of 60 degrees.
     pub fn looking(position: DVec3, target: DVec3) -> Self {
         Self { position: position.into(), target: target.into(), up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 }
+    }
+
+    /// The same camera for a session. Fails without a valid direction.
+    pub fn to_viewer(&self) -> Result<insula_viewer::camera::Camera> {
+        let [position, target, up] = [self.position, self.target, self.up].map(DVec3::from);
+        let camera = insula_viewer::camera::Camera::look_at(position, target, up, self.fov_y_deg.to_radians());
+        camera.with_context(|| format!("no valid view direction: {self:?}"))
     }
 
     /// Axes for a frame. If the camera looks along its `up`, north is up.

@@ -111,8 +111,7 @@ impl Viewer {
 }
 
 fn request(view: &Camera) -> Result<FrameRequest> {
-    let [position, target, up] = [view.position, view.target, view.up].map(DVec3::from);
-    let camera = camera::Camera::look_at(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
+    let camera = view.to_viewer()?;
     Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
 }
 

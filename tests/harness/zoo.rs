@@ -162,7 +162,7 @@ impl ShapeScore {
     pub fn ensure_at_least(self, iou: f64, near: f64, coloured: f64) -> Result<()> {
         ensure!(
             self.iou >= iou && self.near >= near && self.coloured >= coloured,
-            "{self:?}, wanted {iou} {near} {coloured}"
+            "{self:?}, at least {iou}, {near}, {coloured} are required"
         );
         Ok(())
     }

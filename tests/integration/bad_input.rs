@@ -52,7 +52,7 @@ impl Bench {
     /// Asserts that a bake fails and leaves no city. Returns the error.
     fn bake_fails(&self, what: &str, input: &Path) -> Result<String> {
         let line = fails(what, &self.bake(input)?)?;
-        ensure!(!self.path("city").exists(), "{what}: half a city is left");
+        ensure!(!self.path("city").exists(), "{what}: an incomplete city is left");
         Ok(line)
     }
 
@@ -122,7 +122,7 @@ fn empty_cities_are_errors() -> Result<()> {
     bench.bake_fails("an empty sequence", &bench.write("empty.city.jsonl", "")?)?;
     bench.bake_fails("an empty folder", bench.folder.path().join("none").as_path())?;
     bench.bake_fails("some other file", &bench.write("a.city.json", "{\"type\":\"FeatureCollection\"}")?)?;
-    bench.bake_fails("a picture for a city", &bench.write("b.city.json", [0x89, b'P', b'N', b'G', 0xff, 0xfe])?)?;
+    bench.bake_fails("an image as a city", &bench.write("b.city.json", [0x89, b'P', b'N', b'G', 0xff, 0xfe])?)?;
     Ok(())
 }
 
@@ -140,7 +140,7 @@ fn faults_of_single_objects_are_skipped_and_reported() -> Result<()> {
         fault(&mut town["CityObjects"]["house-0"]["geometry"][0]);
         let bench = Bench::new()?;
         let report = bench.bake_skips(what, &bench.write("town.city.json", town.to_string())?)?;
-        ensure!(reports_skips(&report), "{what}: the report says nothing of it: {report}");
+        ensure!(reports_skips(&report), "{what}: the report does not mention it: {report}");
     }
     Ok(())
 }
@@ -162,7 +162,7 @@ fn invalid_numbers_are_errors_or_skipped() -> Result<()> {
         let bench = Bench::new()?;
         let text = format!("{house}v {number} 5 5\nf 1 2 3\nf 1 3 4\nf 1 2 5\n");
         let report = bench.bake_skips(number, &bench.write("house.obj", text)?)?;
-        ensure!(reports_skips(&report), "{number}: the report says nothing of it: {report}");
+        ensure!(reports_skips(&report), "{number}: the report does not mention it: {report}");
     }
     Ok(())
 }
@@ -177,10 +177,10 @@ fn dangling_references_in_obj_are_skipped_or_errors() -> Result<()> {
         // Either the face is skipped and reported, or the file is an error.
         if output.status.success() {
             let report: Value = serde_json::from_slice(&fs::read(bench.path("report.json"))?)?;
-            ensure!(reports_skips(&report), "{what}: the report says nothing of it: {report}");
+            ensure!(reports_skips(&report), "{what}: the report does not mention it: {report}");
         } else {
             fails(what, &output)?;
-            ensure!(!bench.path("city").exists(), "{what}: half a city is left");
+            ensure!(!bench.path("city").exists(), "{what}: an incomplete city is left");
         }
     }
     let bench = Bench::new()?;
@@ -192,7 +192,7 @@ fn dangling_references_in_obj_are_skipped_or_errors() -> Result<()> {
     let report = bench.bake_skips("missing textures", &bench.write("house.obj", text)?)?.to_string();
     ensure!(
         report.contains("gone.jpg") && report.contains("broken.jpg"),
-        "the report names no missing picture: {report}"
+        "the report names no missing texture: {report}"
     );
     Ok(())
 }
@@ -212,7 +212,7 @@ fn a_full_disk_is_an_error() -> Result<()> {
         let what = format!("files of at most {kilobytes} KiB");
         let line = fails(&what, &output)?;
         ensure!(line.contains("disk"), "{what}: {line}");
-        ensure!(!bench.path("city").exists(), "{what}: half a city is left");
+        ensure!(!bench.path("city").exists(), "{what}: an incomplete city is left");
     }
     let out = bench.path("no-folder/city");
     fs::write(bench.path("no-folder"), "a file")?;
@@ -238,14 +238,14 @@ fn truncated_or_altered_archives_are_detected() -> Result<()> {
         ensure!(!error.contains("panicked"), "{what}: {error}");
         Ok(output)
     };
-    ensure!(verify("a whole city")?.status.success(), "a whole city is called bad");
+    ensure!(verify("an intact city")?.status.success(), "an intact city is reported as damaged");
     for name in ["blockmaps.pmtiles", "subtrees.pmtiles", "city.json"] {
         let path = city.join(name);
         let whole = fs::read(&path)?;
         for share in [0.0, 0.02, 0.5, 0.95] {
             fs::write(&path, &whole[..(whole.len() as f64 * share) as usize])?;
             let what = format!("{name} cut at {share}");
-            ensure!(verify(&what)?.status.code() == Some(1), "{what} went unseen");
+            ensure!(verify(&what)?.status.code() == Some(1), "{what} is not detected");
             let served =
                 run(Command::new(program("insula-server")?).arg("serve").arg(&city).args(["--listen", "127.0.0.1:0"]));
             // If the directories are intact, the server starts: only `verify` finds the truncation. Then it has to be killed.
@@ -265,7 +265,7 @@ fn truncated_or_altered_archives_are_detected() -> Result<()> {
         altered[start + (length as f64 * share) as usize] ^= 0x20;
         fs::write(&path, &altered)?;
         let output = verify("a flipped bit")?;
-        ensure!(output.status.code() == Some(1), "a flipped bit at {share} went unseen");
+        ensure!(output.status.code() == Some(1), "a flipped bit at {share} is not detected");
     }
     Ok(())
 }
@@ -306,11 +306,11 @@ fn unusable_addresses_are_errors() -> Result<()> {
     let camera = bench.write("camera.json", r#"{"position":[0,0,9],"target":[9,9,0],"up":[0,0,1],"fov_y_deg":60}"#)?;
     // Nothing listens on a port that was just closed.
     let free = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
-    fails("nobody listens", &snapshot(&bench, &format!("http://{free}"), &camera)?)?;
+    fails("nothing listens", &snapshot(&bench, &format!("http://{free}"), &camera)?)?;
     fails("no such host", &snapshot(&bench, "http://no-such-host.invalid:7700", &camera)?)?;
     // Listens, but does not respond.
     let mute = TcpListener::bind("127.0.0.1:0")?;
-    fails("nobody answers", &snapshot(&bench, &format!("http://{}", mute.local_addr()?), &camera)?)?;
+    fails("no response", &snapshot(&bench, &format!("http://{}", mute.local_addr()?), &camera)?)?;
     let city = town(&bench)?;
     let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
     fails("no such city", &snapshot(&bench, &format!("http://{}/v1/cities/atlantis", server.address), &camera)?)?;
@@ -323,6 +323,6 @@ fn unusable_addresses_are_errors() -> Result<()> {
         .args(["--listen", &server.address.to_string()]))?;
     let line = fails("a port in use", &taken)?;
     ensure!(line.contains(&server.address.to_string()), "{line}");
-    ensure!(!bench.path("a.png").exists(), "a picture of nothing was written");
+    ensure!(!bench.path("a.png").exists(), "an image was written");
     Ok(())
 }

@@ -29,7 +29,7 @@ fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
     let city = fidelity::baked(name, inputs, name == "chiba-textured")?;
     let (truth, baked) = (Truth::new(fidelity::read(inputs)?), Baked::open(&city)?);
     let summaries = fidelity::measure(&truth, &baked, &MeasureOptions::plain(&[0.1, 1.0]), None, |_, _| Ok(()))?;
-    let [finest, one] = &summaries[..] else { anyhow::bail!("two taus were asked for") };
+    let [finest, one] = &summaries[..] else { anyhow::bail!("two tolerances are expected") };
     ensure!(finest.views.len() == 12, "{} cameras found a place to stand", finest.views.len());
     let figures = format!("{}; {}", figures(finest), figures(one));
     println!("{name}: {figures}");

@@ -44,7 +44,7 @@ fn scan(path: &Path) -> Result<()> {
         let goal = model.triangles.len() / share;
         let out = simplify(&model, Goal { triangles: goal, error: f64::INFINITY }, |_| false);
         let found = out.model.triangles.len();
-        ensure!(found.abs_diff(goal) * 100 <= goal, "{found} triangles where {goal} were asked for");
+        ensure!(found.abs_diff(goal) * 100 <= goal, "{found} triangles, {goal} are requested");
         let after = HalfEdgeMesh::new(&out.model.triangles, out.model.positions.len() as u32);
         ensure!(after.is_sound() && after.euler() == before.euler(), "{} is {}", after.euler(), before.euler());
         ensure!(after.report.borders == before.report.borders, "{} borders", after.report.borders);

@@ -6,7 +6,7 @@
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec3};
 use insula_client::image_files::write_png;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{baked::Baked, stepped_client::SteppedClient};
@@ -57,17 +57,17 @@ struct Args {
 
 /// Differences of consecutive frames, in 255ths of a channel.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
-struct Leaps {
+struct Differences {
     frames: usize,
     /// Largest mean difference of a frame.
-    spec: f64,
+    frame: f64,
     /// Largest mean difference of a block, and the largest that one in a hundred blocks of a frame exceeds.
     block: f64,
     block_99: f64,
 }
 
-impl Leaps {
-    fn learn(&mut self, a: &Pixels, b: &Pixels) {
+impl Differences {
+    fn add(&mut self, a: &Pixels, b: &Pixels) {
         let across = a.width_px.div_ceil(BLOCK_PX);
         let mut sums = vec![(0.0, 0.0); (across * a.height_px.div_ceil(BLOCK_PX)) as usize];
         for (i, (a, c)) in a.colour.iter().zip(&b.colour).enumerate() {
@@ -81,7 +81,7 @@ impl Leaps {
         let mut means: Vec<f64> = sums.iter().map(|(sum, count)| sum / count).collect();
         means.sort_by(f64::total_cmp);
         self.frames += 1;
-        self.spec = self.spec.max(sum / count);
+        self.frame = self.frame.max(sum / count);
         self.block = self.block.max(means.last().copied().unwrap_or(0.0));
         self.block_99 = self.block_99.max(means[(means.len() - 1) * 99 / 100]);
     }
@@ -91,9 +91,9 @@ impl Leaps {
 struct Row {
     city: String,
     view: &'static str,
-    at_once: Leaps,
-    fading: Leaps,
-    pan: Leaps,
+    without_fades: Differences,
+    with_fades: Differences,
+    pan: Differences,
 }
 
 fn main() -> Result<()> {
@@ -103,42 +103,28 @@ fn main() -> Result<()> {
     for folder in &args.cities {
         let city = Baked::open(folder)?;
         for (view, camera) in
-            cameras(&city).into_iter().filter(|(view, _)| args.view.as_deref().is_none_or(|v| v == *view))
+            city.overviews().into_iter().take(3).filter(|(view, _)| args.view.as_deref().is_none_or(|v| v == *view))
         {
-            let (at_once, _) = refine(&args, &city, view, camera, false)?;
-            let (fading, pan) = refine(&args, &city, view, camera, true)?;
-            let text = |l: &Leaps| format!("{:5.2} {:5.1} {:5.1}", l.spec, l.block_99, l.block);
+            let (without_fades, _) = refine(&args, &city, view, camera, false)?;
+            let (with_fades, pan) = refine(&args, &city, view, camera, true)?;
+            let text = |l: &Differences| format!("{:5.2} {:5.1} {:5.1}", l.frame, l.block_99, l.block);
             println!(
                 "{:8} {:6}: at once {} ({} frames); fading {} ({}); pan {}",
                 city.manifest().name,
                 view,
-                text(&at_once),
-                at_once.frames,
-                text(&fading),
-                fading.frames,
+                text(&without_fades),
+                without_fades.frames,
+                text(&with_fades),
+                with_fades.frames,
                 text(&pan)
             );
-            rows.push(Row { city: city.manifest().name.clone(), view, at_once, fading, pan });
+            rows.push(Row { city: city.manifest().name.clone(), view, without_fades, with_fades, pan });
         }
     }
     if let Some(report) = &args.report {
         fs::write(report, serde_json::to_vec_pretty(&rows)?)?;
     }
     Ok(())
-}
-
-/// Views in a street, above the roofs and from the air, in the middle of the city.
-fn cameras(city: &Baked) -> [(&'static str, [DVec3; 2]); 3] {
-    let manifest = city.manifest();
-    let [low, high] = manifest.focus.map(DVec2::from);
-    let (middle, ground) = ((low + high) / 2.0, manifest.ground_z_m);
-    let away = (high - low).min_element().min(1200.0);
-    let at = |by: DVec2, up: f64| (middle + by).extend(ground + up);
-    [
-        ("street", [at(DVec2::new(-60.0, -60.0), 8.0), at(DVec2::new(60.0, 60.0), 6.0)]),
-        ("roof", [at(DVec2::new(-100.0, -100.0), 60.0), at(DVec2::new(100.0, 100.0), 20.0)]),
-        ("air", [at(DVec2::new(-0.2, -0.8) * away, 0.5 * away), at(DVec2::ZERO, 0.0)]),
-    ]
 }
 
 /// Loads a city. Returns the differences of its frames, and of a slow pan at the end.
@@ -148,12 +134,12 @@ fn refine(
     name: &str,
     [position, target]: [DVec3; 2],
     transitions: bool,
-) -> Result<(Leaps, Leaps)> {
+) -> Result<(Differences, Differences)> {
     let mut client = SteppedClient::new(city, transitions)?;
     let size_px = [args.width, args.width * 9 / 16];
     let view = |turn_deg: f64| {
         let ahead = DQuat::from_rotation_z(turn_deg.to_radians()) * (target - position);
-        let camera = Camera::look_at(position, position + ahead, DVec3::Z, 1.0).context("the camera looks nowhere")?;
+        let camera = Camera::look_at(position, position + ahead, DVec3::Z, 1.0).context("no valid view direction")?;
         let [width_px, height_px] = size_px;
         Ok::<_, anyhow::Error>(View {
             camera,
@@ -165,7 +151,7 @@ fn refine(
         })
     };
     let look = RenderSettings { samples: args.rays, shadow_m: args.shadows, ..RenderSettings::default() };
-    let mut leaps = Leaps::default();
+    let mut differences = Differences::default();
     let mut last: Option<Pixels> = None;
     for frame in 0..FRAMES {
         let (data, changed) = client.frame(&view(0.0)?, &look, args.tiles, FRAME_SECS)?;
@@ -186,18 +172,18 @@ fn refine(
             write_png(&path, &pixels)?;
         }
         if let Some(last) = &last {
-            leaps.learn(last, &pixels);
+            differences.add(last, &pixels);
         }
         last = Some(pixels);
     }
-    let mut pan = Leaps::default();
+    let mut pan = Differences::default();
     for i in 1..if transitions { 4 } else { 1 } {
         let (data, _) = client.frame(&view(args.turn * f64::from(i))?, &look, usize::MAX, 1.0)?;
         let pixels = client.draw(&data);
         if let Some(last) = &last {
-            pan.learn(last, &pixels);
+            pan.add(last, &pixels);
         }
         last = Some(pixels);
     }
-    Ok((leaps, pan))
+    Ok((differences, pan))
 }

@@ -15,11 +15,11 @@ use insula_tests::{
     baked::Baked,
     draw_list::{DrawList, Scene},
     gpu::Gpu,
-    measure_view::FrameSpec,
     synth::{
         City, Viewpoint,
         mesh::{Mesh, Target},
     },
+    view::FrameSpec,
 };
 use serde::Serialize;
 use std::{

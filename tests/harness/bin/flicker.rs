@@ -5,7 +5,7 @@
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec3};
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
@@ -65,8 +65,8 @@ fn main() -> Result<()> {
     let mut rows = Vec::new();
     for folder in &args.cities {
         let city = Baked::open(folder)?;
-        for (view, camera) in cameras(&city) {
-            let row = pan(&args, &city, view, camera)?;
+        for (view, [position, target]) in city.overviews().into_iter().skip(1) {
+            let row = pan(&args, &city, view, Camera::looking(position, target))?;
             let drawn: Vec<String> = row.drawn.iter().map(|(n, d, r)| format!("{n} x {n}: {d:.2} ({r:.2})")).collect();
             println!("{:8} {:6}: truth {:.2}; {}", row.city, row.view, row.truth, drawn.join(", "));
             rows.push(row);
@@ -81,19 +81,6 @@ fn main() -> Result<()> {
         fs::write(report, serde_json::to_vec_pretty(&rows)?)?;
     }
     Ok(())
-}
-
-fn cameras(city: &Baked) -> [(&'static str, Camera); 3] {
-    let manifest = city.manifest();
-    let [low, high] = manifest.focus.map(DVec2::from);
-    let (middle, ground) = ((low + high) / 2.0, manifest.ground_z_m);
-    let away = (high - low).min_element().min(1200.0);
-    let at = |by: DVec2, up: f64| (middle + by).extend(ground + up);
-    [
-        ("roof", Camera::looking(at(DVec2::new(-100.0, -100.0), 60.0), at(DVec2::new(100.0, 100.0), 20.0))),
-        ("air", Camera::looking(at(DVec2::new(-0.2, -0.8) * away, 0.5 * away), at(DVec2::ZERO, 0.0))),
-        ("far", Camera::looking(at(DVec2::new(-0.5, -1.6) * away, 0.35 * away), at(DVec2::ZERO, 0.0))),
-    ]
 }
 
 fn pan(args: &Args, city: &Baked, view: &'static str, camera: Camera) -> Result<Row> {

@@ -3,9 +3,8 @@
 //! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, for example of `synth`. Compares with
 //! a client that culls by the view frustum only.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Parser;
-use glam::DVec3;
 use insula_client::{
     commands::headless::settle,
     report::compare_frames,
@@ -111,11 +110,7 @@ fn main() -> Result<()> {
     let args = Args::parse();
     let camera = match &args.camera {
         Some(path) => insula_client::camera_files::read_camera(path)?,
-        None => {
-            let view = Viewpoint::Street.camera();
-            Camera::look_at(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
-                .context("looks nowhere")?
-        }
+        None => Viewpoint::Street.camera().to_viewer()?,
     };
     let mut rows = Vec::new();
     for direction in 0..args.directions {

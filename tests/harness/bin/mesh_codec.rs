@@ -55,7 +55,7 @@ fn main() -> Result<()> {
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for path in &args.scan {
-        let format = ModelFormat::of(path).context("a name that ends in .ply, .off or .obj is wanted")?;
+        let format = ModelFormat::of(path).context("the name must end in .ply, .off or .obj")?;
         let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
         model.weld();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

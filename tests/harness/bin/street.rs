@@ -145,8 +145,7 @@ fn measure_view(
     (store, address): (&CityStore, std::net::SocketAddr),
     leaves: &BTreeSet<TileId>,
 ) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
-    let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
-    let camera = Camera::look_at(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
+    let camera = camera.to_viewer()?;
     let request = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
     let server = format!("http://{address}");
     let mut all = open(Path::new(&server), CACHE_MIB)?;

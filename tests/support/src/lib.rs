@@ -3,6 +3,7 @@
 
 pub mod bucket;
 pub mod faulty_host;
+pub mod folder;
 pub mod programs;
 pub mod rng;
 #[cfg(feature = "city")]

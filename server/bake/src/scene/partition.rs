@@ -240,11 +240,8 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        scene::{Material, ObjectKind, Scene, SceneObject},
-        test_folder::TestFolder,
-    };
-    use insula_test_support::rng::Rng;
+    use crate::scene::{Material, ObjectKind, Scene, SceneObject};
+    use insula_test_support::{folder::TestFolder, rng::Rng};
 
     fn triangle(corners: [[f32; 3]; 3]) -> SceneTriangle {
         SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
