@@ -1,7 +1,7 @@
 //! A client in this process, stepped frame by frame.
 
 use crate::view::Camera;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use glam::DVec3;
 use insula_client::{
     args::GlobalArgs,
@@ -12,7 +12,7 @@ use insula_client::{
 };
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
-use insula_viewer::{camera, frame::RenderSettings, scene::tile::TileState, streamer::FrameRequest};
+use insula_viewer::{frame::RenderSettings, scene::tile::TileState, streamer::FrameRequest};
 use std::{
     path::Path,
     time::{Duration, Instant},

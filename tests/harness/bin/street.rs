@@ -6,9 +6,8 @@
 //! `insula_tests::source_bytes`. For comparison: the source's bytes times the fraction of visible leaves, and the bytes of whole
 //! files with a visible part.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Parser;
-use glam::DVec3;
 use insula_client::{commands::headless::settle, image_files::write_png, report::compare_frames, session::Session};
 use insula_protocol::{TileId, mesh_tile, tile::TileKind};
 use insula_server::store::CityStore;
@@ -22,7 +21,7 @@ use insula_tests::{
     view,
     viewer::{fetch_all, open},
 };
-use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest};
+use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
 use std::{
     collections::{BTreeSet, HashMap},
     path::{Path, PathBuf},
