@@ -41,7 +41,7 @@ impl<'a> MeasureOptions<'a> {
 /// The default of [`MeasureOptions::spec`].
 pub const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
 /// Rays along a pixel's side for the reference colours. Drawn colours have as many as `insula snapshot` uses.
-const MEANT_SIDE: u32 = 4;
+const REFERENCE_SIDE: u32 = 4;
 // With an odd number, one ray goes through the pixel's centre; its distance is compared.
 const _: () = assert!(STILL_SAMPLES % 2 == 1);
 
@@ -113,7 +113,7 @@ pub fn measure(
         let camera = station.camera;
         let mut reference = truth.render(&camera, &spec);
         let textured;
-        (reference.colour, textured) = truth.albedo(&camera, &spec, MEANT_SIDE);
+        (reference.colour, textured) = truth.albedo(&camera, &spec, REFERENCE_SIDE);
         for summary in &mut summaries {
             let lod = |id| if options.meshes { baked.drawn_lod(id, &camera, &spec, summary.tau_px) } else { None };
             let ids = baked.select(&camera, &spec, summary.tau_px);

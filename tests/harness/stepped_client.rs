@@ -107,7 +107,7 @@ impl<'a> SteppedClient<'a> {
         };
         match self.cache.insert(key, packed, &mut self.adapter) {
             InsertResult::Inserted { evicted } if evicted.is_empty() => make_resident(&mut self.tree, key, self.now),
-            _ => anyhow::bail!("the view needs more memory than there is"),
+            _ => anyhow::bail!("the view needs more memory than the cache has"),
         }
         Ok(())
     }
@@ -117,16 +117,16 @@ impl<'a> SteppedClient<'a> {
         let pixels = self.adapter.draw(data);
         let size_px = [pixels.width_px, pixels.height_px];
         if !self.feedback.covers(data.query.generation, size_px) {
-            let whole = self.selection.requests.is_empty();
-            self.feedback.update(&data.query, &hit_counts(&pixels.hit, data.nodes.len()), whole, &self.tree);
+            let is_complete = self.selection.requests.is_empty();
+            self.feedback.update(&data.query, &hit_counts(&pixels.hit, data.nodes.len()), is_complete, &self.tree);
         }
         pixels
     }
 
     /// Whether nothing will change while the view stays the same.
     pub fn is_at_rest(&self, size_px: [u32; 2]) -> bool {
-        let looked = self.feedback.covers(self.generation, size_px);
-        self.selection.requests.is_empty() && self.transitions.fading_count() == 0 && looked
+        let has_feedback = self.feedback.covers(self.generation, size_px);
+        self.selection.requests.is_empty() && self.transitions.fading_count() == 0 && has_feedback
     }
 }
 

@@ -68,7 +68,7 @@ struct CameraReport {
     tau_px: f64,
     nodes: usize,
     score: Score,
-    spec: String,
+    image: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -124,10 +124,10 @@ fn main() -> Result<()> {
     let summaries = fidelity::measure(&truth, &baked, &options, gpu.as_ref(), |number, view| {
         print_view(number, view);
         let (kind, tau_px, nodes, score) = (view.station.kind, view.tau_px, view.nodes, view.score);
-        let spec = format!("{number:02}-{kind:?}-tau{tau_px}.png").to_lowercase();
-        compare::side_by_side(&view.reference, &view.drawn, args.cell).save(args.out.join(&spec))?;
+        let image = format!("{number:02}-{kind:?}-tau{tau_px}.png").to_lowercase();
+        compare::side_by_side(&view.reference, &view.drawn, args.cell).save(args.out.join(&image))?;
         let camera = serde_json::to_string(&view.station.camera)?;
-        cameras.push(CameraReport { number, kind, tau_px, nodes, score, spec });
+        cameras.push(CameraReport { number, kind, tau_px, nodes, score, image });
         Ok(fs::write(args.out.join(format!("{number:02}-camera.json")), camera)?)
     })?;
     println!("drawn and compared in {:.1} s", started.elapsed().as_secs_f64());
