@@ -2,13 +2,12 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
 use insula_server::{
     config::ServeConfig,
     http::{AppState, HttpServer, ServeError, serve},
     store::Store,
 };
+use insula_test_support::small_city;
 use std::{
     net::SocketAddr,
     path::Path,
@@ -40,7 +39,7 @@ struct TestServer {
 impl TestServer {
     async fn start(change: impl FnOnce(&mut ServeConfig)) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        common::write_city(&folder.path().join("two"), "two");
+        small_city::write_city(&folder.path().join("two"), "two");
         let mut config = ServeConfig { threads: 2, drain_secs: 1, ..ServeConfig::default() };
         config.reload.watch_secs = 0;
         change(&mut config);
@@ -276,8 +275,8 @@ async fn private_cities_need_a_token() {
 /// Replaces the city as the bake does: by two renames.
 fn publish(folder: &Path, version: &str) {
     let (next, old, current) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
-    common::write_city(&next, "two");
-    let mut manifest = common::manifest("two");
+    small_city::write_city(&next, "two");
+    let mut manifest = small_city::manifest("two");
     manifest.version = version.into();
     std::fs::write(next.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     std::fs::rename(&current, &old).unwrap();
@@ -302,7 +301,7 @@ async fn a_new_version_replaces_the_old_one_which_stays_available() {
     server.reload().await;
     assert!(get_tile("d").await.starts_with("HTTP/1.1 200"), "a damaged city replaces nothing");
     std::fs::remove_dir_all(server.folder.path().join("two")).unwrap();
-    common::write_city(&server.folder.path().join("three"), "three");
+    small_city::write_city(&server.folder.path().join("three"), "three");
     for checks in 1..=2 {
         server.reload().await;
         assert!(get_tile("d").await.starts_with("HTTP/1.1 200"), "removed after {checks} checks");
@@ -316,7 +315,7 @@ async fn a_new_version_replaces_the_old_one_which_stays_available() {
 /// The embedding interface: `serve` with a future that ends it.
 #[tokio::test]
 async fn shutdown_drops_requests_that_do_not_finish_in_time() {
-    let store = Store::open(&[common::shared_city()]).unwrap();
+    let store = Store::open(&[small_city::shared_city()]).unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();

@@ -13,8 +13,6 @@ pub mod report;
 pub mod sample;
 pub mod scene;
 pub mod simplify;
-#[cfg(test)]
-mod test_folder;
 pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};

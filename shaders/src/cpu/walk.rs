@@ -35,8 +35,6 @@ struct GridWalk {
     z: f32,
     dz: f32,
     /// 1 along the axes on which the ray's coordinate grows, else 0.
-    ahead: Vec2,
-    /// The same in whole squares.
     forward: IVec2,
     t_end: f32,
     /// Along the grid's side.
@@ -183,7 +181,7 @@ impl GridWalk {
         let square = (floor2(o + d * t) + eye_cell).clamp(IVec2::ZERO, IVec2::splat(squares - 1));
         let level = level_at(frame, segment.eye_m + t);
         let forward = ahead.as_ivec2();
-        let walk = Self { o, d, inv, z, dz, ahead, forward, t_end, squares, square, level, t, steps: 0, done: false };
+        let walk = Self { o, d, inv, z, dz, forward, t_end, squares, square, level, t, steps: 0, done: false };
         (t < t_end).then_some(walk)
     }
 

@@ -137,6 +137,7 @@ impl BvhBuilder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::rng::Rng;
 
     /// Depth below a child, whose triangles are checked to be in their boxes and each in one leaf.
     fn check(tree: &Bvh, child: &BvhChild, corners: &[[[u32; 3]; 3]], seen: &mut [u32]) -> usize {
@@ -155,11 +156,8 @@ mod tests {
 
     #[test]
     fn every_triangle_is_in_one_leaf_and_trees_fit_the_stack() {
-        let mut n = 1u32;
-        let mut random = |below: u32| {
-            n = n.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (n >> 8) % below
-        };
+        let mut rng = Rng::new(1);
+        let mut random = |below: u32| rng.below_u32(below);
         for (count, side) in [(0, 9), (1, 9), (3, 9), (4, 1), (700, 1), (700, 4), (3000, 60_000)] {
             let mut corners: Vec<[[u32; 3]; 3]> = (0..count)
                 .map(|_| {

@@ -102,9 +102,11 @@ pub(super) fn place(levels: &[MeshTexture], words: &mut Vec<u32>, table: usize) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::rng::Rng;
 
     fn texture(width_px: u32, height_px: u32) -> MeshTexture {
-        let texels = (0..width_px * height_px).map(|i| i.wrapping_mul(2_654_435_761) & 0xff_ffff).collect();
+        let mut rng = Rng::new(1);
+        let texels = (0..width_px * height_px).map(|_| rng.below_u32(1 << 24)).collect();
         MeshTexture { width_px, height_px, texels }
     }
 

@@ -15,6 +15,7 @@ use insula_protocol::{
     Manifest, Subtree, TileId,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
+use insula_test_support::rng::Rng;
 use occlusion_feedback::OcclusionQuery;
 use screen_error::ErrorMetric;
 use std::{collections::HashSet, time::Duration};
@@ -417,94 +418,119 @@ fn converge_looking(
     panic!("never at rest");
 }
 
-/// Any tree, any order of arrivals (subtrees before and after what they hang on), failures that pass and that stay,
-/// evictions, cameras, budgets and hits: what the root covers is covered.
-#[test]
-fn there_is_never_a_hole() {
-    let mut scratch = SelectionScratch::default();
-    let mut deepened = 0;
-    for seed in 0..80u64 {
-        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-        let mut random = move |n: u64| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 11) % n
-        };
-        // Every fourth city is deep, of several subtrees that are asked for one by one.
-        let deep = seed % 4 == 0;
-        let gaps = if deep { 2 } else { random(5) + 2 };
-        let depth = if deep { 7 } else { DEPTH };
-        let mut all = subtrees(depth, |id| id.level() > 1 && u64::from(id.x() * 7 + id.y() * 13).is_multiple_of(gaps));
+/// A random city whose tiles arrive in any order.
+struct RandomCity {
+    tree: SceneTree,
+    /// Subtrees that have not arrived.
+    missing: Vec<Subtree>,
+    rng: Rng,
+    now: Duration,
+}
+
+impl RandomCity {
+    /// Every fourth city has several subtrees, every second one has meshes.
+    fn new(seed: u64) -> Self {
+        let mut rng = Rng::new(seed);
+        let is_deep = seed.is_multiple_of(4);
+        let (depth, gaps) = if is_deep { (7, 2) } else { (DEPTH, rng.below_u32(5) + 2) };
+        let mut missing = subtrees(depth, |id| id.level() > 1 && (id.x() * 7 + id.y() * 13).is_multiple_of(gaps));
         if seed % 2 == 1 {
-            all = all.into_iter().map(with_meshes).collect();
+            missing = missing.into_iter().map(with_meshes).collect();
         }
         let mut tree = SceneTree::new(manifest(depth));
         load(&mut tree, TileKey::subtree(TileId::ROOT));
-        tree.merge(&all.remove(0));
+        tree.merge(&missing.remove(0));
         load(&mut tree, TileKey::block_map(TileId::ROOT));
-        let (mut sight, mut fades, mut now) = (OcclusionFeedback::default(), fade::on(), Duration::from_secs(100));
-        for frame in 0..if deep { 25 } else { 60 } {
-            let mut place = |most: u64| random(most) as f64;
-            let eye = [place(2400) - 200.0, place(2400) - 200.0, place(300) + 1.0];
-            let mut view = view(eye, [place(2048), place(2048), place(40)]);
-            view.budget_pages = 60 + random(2000) as u32;
-            view.tau_px = [0.5, 1.0, 4.0][random(3) as usize];
-            for step in 0..4 {
-                now += Duration::from_millis(random(300));
-                let selection = super::select(&view, &tree, &sight, &mut scratch);
-                assert_whole(&tree, &view, &selection, frame);
-                fade::step(&mut fades, &tree, &selection, random(300) as f64 / 1e3);
-                for wanted in &selection.requests {
-                    let key = wanted.key;
-                    if !tree.apply(key, TileEvent::Want { now }) || !tree.apply(key, TileEvent::Start) {
-                        continue;
-                    }
-                    let jitter = random(100) as f64 / 100.0;
-                    match random(40) {
-                        0 if random(10) == 0 => tree.apply(key, TileEvent::Refuse),
-                        1..4 => tree.apply(key, TileEvent::Fail { now, retry_after: None, jitter }),
-                        4..6 => tree.apply(key, TileEvent::Damage { now, jitter }),
-                        6..20 => tree.apply(key, TileEvent::Drop),
-                        _ => tree.apply(key, TileEvent::Arrive),
-                    };
-                    if tree.tile(key).unwrap().state() != TileState::Decoded {
-                        continue;
-                    }
-                    let subtree = all.iter().position(|s| key == TileKey::subtree(s.nodes[0].id));
-                    let hangs = tree.find(key.id).is_some();
-                    match subtree {
-                        Some(at) if hangs => tree.merge(&all.swap_remove(at)),
-                        _ if key == TileKey::subtree(key.id) => {
-                            tree.apply(key, TileEvent::Drop);
-                            continue;
-                        }
-                        _ => {}
-                    }
-                    tree.apply(key, TileEvent::Upload);
-                }
-                let salt = random(1000) as u32;
-                if random(3) > 0 {
-                    let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt).is_multiple_of(3);
-                    look(&mut sight, &tree, &view, &selection, frame as u64 * 4 + step, hit);
-                }
-                let used: HashSet<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
-                let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
-                for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
-                    if random(3) == 0 {
-                        tree.apply(TileKey::block_map(id), TileEvent::Drop);
-                    }
-                }
-                let leaves: Vec<TileId> = tree.nodes().iter().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
-                let meshes = leaves.into_iter().flat_map(|id| (0..3).map(move |lod| TileKey::mesh(id, lod)));
-                for key in meshes.filter(|key| !selection.used_meshes.contains(key)) {
-                    if random(5) == 0 && tree.tile(key).is_some_and(|tile| tile.is_resident()) {
-                        tree.apply(key, TileEvent::Drop);
-                    }
+        Self { tree, missing, rng, now: Duration::from_secs(100) }
+    }
+
+    fn view(&mut self) -> View {
+        let mut place = |low: f64, high: f64| self.rng.range(low, high);
+        let eye = [place(-200.0, 2200.0), place(-200.0, 2200.0), place(1.0, 301.0)];
+        let mut view = view(eye, [place(0.0, 2048.0), place(0.0, 2048.0), place(0.0, 40.0)]);
+        view.budget_pages = 60 + self.rng.below_u32(2000);
+        view.tau_px = [0.5, 1.0, 4.0][self.rng.below(3)];
+        view
+    }
+
+    /// A request ends at random: by arrival, loss, damage or refusal.
+    fn respond(&mut self, key: TileKey) {
+        let now = self.now;
+        if !self.tree.apply(key, TileEvent::Want { now }) || !self.tree.apply(key, TileEvent::Start) {
+            return;
+        }
+        let jitter = self.rng.unit();
+        let event = match self.rng.below(40) {
+            0 if self.rng.one_in(10) => TileEvent::Refuse,
+            1..4 => TileEvent::Fail { now, retry_after: None, jitter },
+            4..6 => TileEvent::Damage { now, jitter },
+            6..20 => TileEvent::Drop,
+            _ => TileEvent::Arrive,
+        };
+        self.tree.apply(key, event);
+        if self.tree.tile(key).unwrap().state() != TileState::Decoded {
+            return;
+        }
+        if key == TileKey::subtree(key.id) {
+            // A subtree cannot be merged before its parent.
+            let has_parent = self.tree.find(key.id).is_some();
+            let missing = self.missing.iter().position(|subtree| subtree.nodes[0].id == key.id);
+            let Some(at) = missing.filter(|_| has_parent) else {
+                self.tree.apply(key, TileEvent::Drop);
+                return;
+            };
+            self.tree.merge(&self.missing.swap_remove(at));
+        }
+        self.tree.apply(key, TileEvent::Upload);
+    }
+
+    /// Evicts some tiles that the selection does not use.
+    fn evict(&mut self, selection: &Selection) {
+        let used: HashSet<NodeIndex> = selection.used_nodes.iter().copied().collect();
+        let nodes = || (0..).map(NodeIndex).zip(self.tree.nodes());
+        let unused = nodes().filter(|(at, node)| node.tile.is_resident() && !used.contains(at));
+        let block_maps: Vec<TileId> = unused.map(|(_, node)| node.id).filter(|id| *id != TileId::ROOT).collect();
+        let with_lods = nodes().filter(|(_, node)| !node.lods.is_empty());
+        let mut meshes: Vec<_> =
+            with_lods.flat_map(|(_, node)| (0..3).map(move |lod| TileKey::mesh(node.id, lod))).collect();
+        meshes.retain(|key| {
+            !selection.used_meshes.contains(key) && self.tree.tile(*key).is_some_and(|tile| tile.is_resident())
+        });
+        for (keys, chance) in [(block_maps.into_iter().map(TileKey::block_map).collect(), 3), (meshes, 5)] {
+            for key in keys {
+                if self.rng.one_in(chance) {
+                    self.tree.apply(key, TileEvent::Drop);
                 }
             }
         }
-        deepened += usize::from(tree.nodes().iter().any(|node| node.id.level() > DEPTH));
     }
-    assert!(deepened >= 5, "only in {deepened} cities a subtree came");
+}
+
+/// Whatever the tree, the order of arrivals, failures, evictions, cameras, budgets and hits: what the root covers is covered.
+#[test]
+fn there_is_never_a_hole() {
+    let mut scratch = SelectionScratch::default();
+    let mut deep_cities = 0;
+    for seed in 0..80u64 {
+        let mut city = RandomCity::new(seed);
+        let (mut feedback, mut fades) = (OcclusionFeedback::default(), fade::on());
+        for frame in 0..if seed.is_multiple_of(4) { 25 } else { 60 } {
+            let view = city.view();
+            for step in 0..4 {
+                city.now += Duration::from_millis(city.rng.below(300) as u64);
+                let selection = super::select(&view, &city.tree, &feedback, &mut scratch);
+                assert_whole(&city.tree, &view, &selection, frame);
+                fade::step(&mut fades, &city.tree, &selection, city.rng.range(0.0, 0.3));
+                selection.requests.iter().for_each(|request| city.respond(request.key));
+                let salt = city.rng.below_u32(1000);
+                if !city.rng.one_in(3) {
+                    let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt).is_multiple_of(3);
+                    look(&mut feedback, &city.tree, &view, &selection, frame as u64 * 4 + step, hit);
+                }
+                city.evict(&selection);
+            }
+        }
+        deep_cities += usize::from(city.tree.nodes().iter().any(|node| node.id.level() > DEPTH));
+    }
+    assert!(deep_cities >= 5, "a subtree below the first arrived in {deep_cities} cities only");
 }

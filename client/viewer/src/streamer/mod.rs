@@ -46,8 +46,8 @@ pub use idle_prefetch::{FEEDBACK_DOWNSCALE, LookaheadState};
 use occlusion_gate::OcclusionGate;
 use request_policy::RequestPolicy;
 use std::{collections::HashSet, time::Duration};
-pub use tile_store::TileCounts;
 use tile_store::TileStore;
+pub use upload_queue::TileCounts;
 
 /// Share of the cache that one view may fill. The rest keeps what was needed recently.
 const BUDGET_SHARE: f64 = 0.85;

@@ -4,7 +4,7 @@ use super::{
     Streamer,
     downloads::{Downloads, TileFetcher},
     error::StreamError,
-    tile_store::TileCounts,
+    upload_queue::TileCounts,
 };
 use crate::{
     cache::AtlasCache,

@@ -3,28 +3,16 @@
 use super::{
     downloads::{Arrival, Downloads, TileFetcher},
     pending_subtrees::PendingSubtrees,
-    upload_queue::{UploadQueue, UploadTarget},
+    upload_queue::{TileCounts, UploadQueue, UploadTarget},
 };
 use crate::{
     cache::{AtlasCache, PackedTile, Upload},
     scene::{SceneTree, TileKey},
 };
-use serde::Serialize;
 use std::time::Duration;
 
 /// Share of the cache that prefetching leaves free.
 const SPARE_SHARE: f64 = 0.1;
-
-/// Tiles that became resident, by kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct TileCounts {
-    pub blockmaps: u64,
-    pub subtrees: u64,
-    /// Meshes of leaves; each level of detail counts.
-    pub meshes: u64,
-    /// Tiles that were given up: missing on the server, or damaged repeatedly.
-    pub bad: u64,
-}
 
 pub(super) struct TileStore {
     pub(super) tree: SceneTree,

@@ -3,11 +3,11 @@
 //! The queue is bounded: arrivals are taken in only while [`UploadQueue::has_room`]. A frame uploads only as many bytes as it has
 //! time for.
 
-use super::tile_store::TileCounts;
 use crate::{
     cache::{AtlasCache, InsertResult, PAGE_BYTES, PackedTile, Upload},
     scene::{SceneTree, TileEvent, TileKey},
 };
+use serde::Serialize;
 use std::{
     collections::{HashSet, VecDeque},
     ops::Range,
@@ -20,6 +20,17 @@ const UPLOAD_BYTES_PER_SEC: f64 = 512e6;
 const FRAME_BYTES: Range<f64> = 8e6..64e6;
 /// Bytes of waiting tiles above which no arrival is taken in.
 const CAPACITY_BYTES: u64 = 32 << 20;
+
+/// Tiles that became resident, by kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct TileCounts {
+    pub blockmaps: u64,
+    pub subtrees: u64,
+    /// Meshes of leaves; each level of detail counts.
+    pub meshes: u64,
+    /// Tiles that were given up: missing on the server, or damaged repeatedly.
+    pub bad: u64,
+}
 
 /// Decoded tiles in the order of their arrival.
 #[derive(Debug, Default)]

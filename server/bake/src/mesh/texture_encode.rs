@@ -149,14 +149,14 @@ fn quality_of_quantiser(quantiser: i32) -> f32 {
 mod tests {
     use super::*;
     use crate::mesh::texture_fill::fill_unknown_texels;
+    use insula_test_support::rng::Rng;
 
     /// Waves with some noise.
     fn waves(width: u32, height: u32) -> Vec<u8> {
-        let mut seed = 1u32;
+        let mut rng = Rng::new(1);
         let mut texel = |i: u32| {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let (x, y) = ((i % width) as f32, (i / width) as f32);
-            let light = 120.0 + 70.0 * (x / 2.0).sin() * (y / 3.0).cos() + (seed >> 30) as f32;
+            let light = 120.0 + 70.0 * (x / 2.0).sin() * (y / 3.0).cos() + rng.below(4) as f32;
             [light as u8, (light * 0.9) as u8, (light * 0.7) as u8]
         };
         (0..width * height).flat_map(&mut texel).collect()

@@ -240,10 +240,8 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        scene::{Material, ObjectKind, Scene, SceneObject},
-        test_folder::TestFolder,
-    };
+    use crate::scene::{Material, ObjectKind, Scene, SceneObject};
+    use insula_test_support::{folder::TestFolder, rng::Rng};
 
     fn triangle(corners: [[f32; 3]; 3]) -> SceneTriangle {
         SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
@@ -318,11 +316,8 @@ mod tests {
 
     #[test]
     fn every_point_of_every_triangle_lies_in_a_marked_leaf() {
-        let mut seed = 7u32;
-        let mut random = || {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (seed >> 8) as f32 / (1 << 24) as f32 * 2047.0
-        };
+        let mut rng = Rng::new(7);
+        let mut random = || rng.range(0.0, 2047.0) as f32;
         let triangles: Vec<_> =
             (0..200).map(|_| triangle(std::array::from_fn(|_| [random(), random(), 0.0]))).collect();
         let (partition, _folder) = partition("random", &triangles, 64.0, 1 << 20);

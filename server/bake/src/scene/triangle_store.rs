@@ -114,7 +114,7 @@ impl TriangleStore {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
     use std::fs;
 
     fn triangle(i: u32) -> SceneTriangle {

@@ -48,7 +48,7 @@ fn archive_error(path: &Path, cause: PmtError) -> BakeError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
 
     #[test]
     fn equal_tiles_are_stored_once_in_an_order_independent_of_the_ids() {

@@ -77,7 +77,7 @@ impl Fingerprints {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
 
     #[test]
     fn file_round_trips_and_damage_is_detected() {

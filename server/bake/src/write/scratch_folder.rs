@@ -178,7 +178,7 @@ fn check_out(out: &Path) -> Result<(), BakeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
 
     fn input(scene: &str) -> InputHashes {
         InputHashes { settings: "s".into(), scene: scene.into() }

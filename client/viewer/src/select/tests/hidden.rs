@@ -78,8 +78,8 @@ fn nothing_that_was_seen_becomes_coarser_while_the_camera_stands() {
             }
             selection.requests.iter().take(2).for_each(|w| load(&mut tree, w.key));
             let hit = |id: TileId| {
-                let name = u64::from(id.x()) * 31 + u64::from(id.y()) * 17 + u64::from(id.level()) * 7;
-                (name ^ frame).wrapping_mul(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15)) >> 62 == 0
+                let tile = u64::from(id.level()) << 40 | u64::from(id.y()) << 20 | u64::from(id.x());
+                Rng::new(Rng::new(tile).bits() ^ frame << 32 ^ seed).chance(0.25)
             };
             seen.extend(cut.into_iter().filter(|[square, _]| hit(*square)));
             look(&mut sight, &tree, &view, &selection, frame, hit);
