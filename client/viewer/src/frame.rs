@@ -15,7 +15,7 @@ use crate::{
 };
 use bytemuck::Zeroable;
 use glam::DVec3;
-use insula_protocol::TileId;
+use insula_protocol::{TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     grid::{GridBuilder, GridFrame},
     layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
@@ -28,9 +28,6 @@ pub const STILL_SAMPLES: u32 = 3;
 /// Rays along a pixel's side while the camera moves, on a device that is fast enough: with one ray a slow pan shimmers
 /// (docs/measurements.md).
 pub const MOVING_SAMPLES: u32 = 2;
-
-/// Half the diagonal of a cube of side 1: the error of a voxel (Vacca 2008, section 3.6.2).
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
 /// How a frame is rendered, apart from the view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +46,7 @@ pub struct RenderSettings {
 
 impl RenderSettings {
     /// Lit by a sun in direction `sun`, with haze that absorbs half of the light within `haze_half_m`. One ray a pixel, no shadows.
-    pub fn lit_by(sun: DVec3, haze_half_m: f64) -> Self {
+    pub(crate) fn lit_by(sun: DVec3, haze_half_m: f64) -> Self {
         let light = Light::of_sun(sun.as_vec3(), haze_half_m as f32);
         Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0 }
     }
@@ -107,14 +104,14 @@ impl FrameData {
         let mut frame = frame_uniform(tree, view, settings);
         let list = NodeList::new(&inputs, tree, cache, view);
         let manifest = tree.manifest();
-        let root_error_m = HALF_DIAGONAL * manifest.cell_m_at(0);
-        let place = GridFrame {
+        let root_error_m = voxel_error_m(manifest.cell_m_at(0));
+        let grid_frame = GridFrame {
             root_corner: DVec3::from(manifest.origin) - view.camera.position,
             root_side_m: manifest.root_side_m,
             root_distance_m: root_error_m * view.focal_px() / view.tau_px.max(1e-3),
         };
         let mut builder = GridBuilder::default();
-        let grid = builder.build_fading(&place, &list.ids, &list.fade_rays, &list.nodes);
+        let grid = builder.build_fading(&grid_frame, &list.ids, &list.fade_rays, &list.nodes);
         grid.head.write(&mut frame);
         Self {
             frame,

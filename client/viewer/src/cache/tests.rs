@@ -1,4 +1,4 @@
-//! The cache with a atlas atlas.
+//! The cache with an atlas in plain memory.
 
 use super::*;
 use insula_protocol::{
@@ -154,7 +154,7 @@ fn a_thousand_frames_leak_no_page_and_stay_within_capacity() {
         for (id, mark) in &marks {
             assert_eq!(read_mark(&cache, &atlas, *id), Some(*mark), "frame {frame}");
         }
-        assert_eq!(marks.len(), cache.len());
+        assert_eq!(marks.len(), cache.tile_count());
     }
     assert!(cache.peak_bytes() <= 37 * PAGE_BYTES && cache.peak_bytes() > 30 * PAGE_BYTES);
 }

@@ -10,12 +10,10 @@ use super::{
 };
 use crate::scene::TileKey;
 use glam::DVec3;
-use insula_protocol::{Subtree, TileId, subtree::LEVELS};
+use insula_protocol::{Subtree, TileId, blockmap::voxel_error_m, subtree::LEVELS};
 
 /// Distance at which the weight of a tile that is requested as visible has fallen to half, in metres.
 const HALF_WEIGHT_M: f64 = 64.0;
-/// Least error of a node in columns: half the diagonal of a voxel with side 1.
-const HALF_DIAGONAL: f64 = 0.866;
 
 /// Requests tiles that every selection depends on, whatever it visits.
 pub(super) fn request_entry_points(ctx: &SelectionContext<'_>, selection: &mut Selection) {
@@ -39,7 +37,7 @@ fn request_subtrees_at_eye(ctx: &SelectionContext<'_>, selection: &mut Selection
         let nodes_across = f64::from(1u32 << level);
         let (x, y) = ((in_root.x * nodes_across) as u32, (in_root.y * nodes_across) as u32);
         let Some(id) = TileId::new(level, x, y) else { return };
-        let is_too_coarse = HALF_DIAGONAL * manifest.cell_m_at(level) * view.focal_px() / height_m > view.tau_px;
+        let is_too_coarse = voxel_error_m(manifest.cell_m_at(level)) * view.focal_px() / height_m > view.tau_px;
         let is_parent_known = id.parent().map(Subtree::root_of).is_some_and(|root| tree.subtree(root).is_resident());
         let may_exist = match tree.find(id) {
             Some(index) => tree.node(index).child_mask != 0,

@@ -8,14 +8,14 @@
 //! Times are durations since the session's start.
 
 mod adaptive_threshold;
-pub mod downloads;
+mod downloads;
 mod error;
 mod frame_request;
 mod idle_prefetch;
 mod occlusion_gate;
 mod pending_subtrees;
 mod request_policy;
-pub mod request_queue;
+mod request_queue;
 mod status;
 #[cfg(test)]
 mod tests;
@@ -37,7 +37,7 @@ use crate::{
     },
 };
 use adaptive_threshold::{AdaptiveThreshold, SelectionOutcome};
-pub use downloads::{Arrival, Downloads, FetchError, FetchOutcome, TileFetcher};
+pub use downloads::{Downloads, FetchError, FetchOutcome, TileFetcher};
 pub use error::StreamError;
 pub use frame_request::FrameRequest;
 use glam::DVec3;

@@ -41,7 +41,7 @@ impl<F: TileFetcher> RequestPolicy<'_, F> {
     /// Requests before any feedback.
     pub(super) fn before_feedback(&self, wanted: &[TileRequest]) -> Vec<TileRequest> {
         let large_error_px = OCCLUDED_TAU_FACTOR * self.tau_px;
-        let is_coarse_subtree = |w: &TileRequest| w.key.layer() == TileKind::Subtree && w.exceeds(large_error_px);
+        let is_coarse_subtree = |w: &TileRequest| w.key.kind() == TileKind::Subtree && w.exceeds(large_error_px);
         let root = TileKey::block_map(TileId::ROOT);
         let is_first = |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || self.is_loading(w.key);
         wanted.iter().filter(is_first).copied().collect()
