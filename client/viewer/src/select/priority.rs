@@ -10,7 +10,7 @@ const URGENT_TAU_FACTOR: f64 = 4.0;
 /// First criterion of the order: groups are served one after the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PriorityGroup {
-    /// In view, and nothing or something much too coarse is drawn instead: everybody sees that.
+    /// In view, and nothing or something much too coarse is drawn instead.
     Urgent,
     /// In view, and something a little too coarse is drawn instead.
     Normal,

@@ -18,7 +18,7 @@ use insula_shaders::layout::FADE_RAYS;
 pub(super) const FADE_SECS: f64 = 0.25;
 /// Most nodes that cross-fade at a time; further ones change at once.
 pub const MAX_FADING: usize = 4096;
-/// Progress at which enough rays see the new source to ask again which nodes are visible.
+/// Progress at which enough rays see the new source to require new feedback.
 const FEEDBACK_PROGRESS: f64 = 0.25;
 
 /// What is drawn in a node's area.
@@ -169,7 +169,7 @@ impl Transitions {
         self.fading_count = 0;
     }
 
-    /// Advances to a new frame, `secs` after the last one. Returns whether occlusion must be asked for again, because rays now see
+    /// Advances to a new frame, `secs` after the last one. Returns whether new feedback is needed, because rays now see
     /// enough that they did not see before.
     pub fn step(&mut self, selection: &Selection, tree: &SceneTree, secs: f64) -> bool {
         if !self.is_enabled {
