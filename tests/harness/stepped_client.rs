@@ -6,7 +6,7 @@ use insula_client::render::CpuAdapter;
 use insula_protocol::{Subtree, TileKind, mesh_tile};
 use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use insula_viewer::{
-    cache::{AtlasCache, InsertResult, PackedTile, pages_for},
+    cache::{AtlasCache, InsertResult, pages_for},
     camera::View,
     decode::{DecodedTile, decode},
     frame::{FrameData, FrameInputs, RenderSettings},
@@ -97,12 +97,11 @@ impl<'a> SteppedClient<'a> {
     }
 
     fn fetch(&mut self, key: TileKey) -> Result<()> {
-        let place = if key.layer() == TileKind::Mesh { mesh_tile::archive_id(key.id, key.lod) } else { Some(key.id) };
+        let place = if key.kind() == TileKind::Mesh { mesh_tile::archive_id(key.id, key.lod) } else { Some(key.id) };
         let place = place.with_context(|| format!("{key:?}"))?;
-        let bytes = self.city.store.tile(key.layer(), place)?.with_context(|| format!("no {key:?}"))?;
+        let bytes = self.city.store.tile(key.kind(), place)?.with_context(|| format!("no {key:?}"))?;
         let packed = match decode(key, &bytes).with_context(|| format!("{key:?}"))? {
-            DecodedTile::Node(node) => PackedTile::Node(node),
-            DecodedTile::Mesh(mesh) => PackedTile::Mesh(mesh),
+            DecodedTile::Packed(tile) => tile,
             DecodedTile::Subtree(_) => return Ok(()),
         };
         match self.cache.insert(key, packed, &mut self.adapter) {

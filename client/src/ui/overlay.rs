@@ -65,7 +65,7 @@ impl OverlayTexts {
             ("frame", format!("{:.1} ms", frame_time.as_secs_f64() * 1e3)),
             ("drawn", format!("{} nodes, error {:.1} px", counters.drawn, counters.worst_error_px)),
             ("meshes", format!("{}, {} triangles", counters.meshes, counters.triangles)),
-            ("resident", format!("{} tiles, {}", session.cache().len(), mib(session.cache().used_bytes()))),
+            ("resident", format!("{} tiles, {}", session.cache().tile_count(), mib(session.cache().used_bytes()))),
             (
                 "wanted",
                 format!("{}, {} in flight", session.selection().requests.len(), session.downloads().in_flight()),

@@ -2,7 +2,7 @@
 //!
 //! In: bytes from an untrusted source. Out: [`DecodedTile`]. Next: `cache`, `scene`.
 
-use crate::scene::TileKey;
+use crate::{cache::PackedTile, scene::TileKey};
 use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind};
 use insula_shaders::{
     mesh::{MeshTexture, PackedMesh},
@@ -12,17 +12,15 @@ use insula_shaders::{
 /// The content of a tile.
 #[derive(Debug)]
 pub enum DecodedTile {
-    /// A V-BlockMap, ready for the atlas.
-    Node(Box<PackedNode>),
-    /// A leaf's mesh, ready for the atlas.
-    Mesh(Box<PackedMesh>),
+    /// A V-BlockMap or a mesh, ready for the atlas.
+    Packed(PackedTile),
     /// A subtree, ready for the scene tree.
     Subtree(Subtree),
 }
 
 /// Decodes a tile. Fails if the bytes do not decode, or are those of another tile than `key`.
 pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
-    match key.layer() {
+    match key.kind() {
         TileKind::Subtree => {
             let subtree = Subtree::decode(bytes)?;
             let is_requested = subtree.nodes.first().is_some_and(|root| root.id == key.id);
@@ -32,15 +30,14 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
         }
         TileKind::BlockMap => {
             let map = BlockMap::decode(key.id, bytes)?;
-            Ok(DecodedTile::Node(Box::new(PackedNode::new(&map))))
+            Ok(DecodedTile::Packed(PackedTile::Node(Box::new(PackedNode::new(&map)))))
         }
         TileKind::Mesh => {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
             let texture = texture.as_ref().map(MeshTexture::decode).transpose()?;
             let packed = PackedMesh::new(&mesh, texture.as_ref());
-            packed
-                .map(|mesh| DecodedTile::Mesh(Box::new(mesh)))
-                .map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
+            let mesh = packed.map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))?;
+            Ok(DecodedTile::Packed(PackedTile::Mesh(Box::new(mesh))))
         }
     }
 }
@@ -65,9 +62,8 @@ mod tests {
             mesh_tile::cuboid([0.0; 3], [9.0; 3], [0; 3], texture).encode(id, 1).unwrap()
         };
         let webp = webp.into_inner();
-        let Ok(DecodedTile::Mesh(mesh)) = decode(TileKey::mesh(id, 1), &tile([70, 30], webp.clone())) else {
-            panic!("the tile is valid")
-        };
+        let decoded = decode(TileKey::mesh(id, 1), &tile([70, 30], webp.clone()));
+        let Ok(DecodedTile::Packed(PackedTile::Mesh(mesh))) = decoded else { panic!("the tile is valid") };
         assert_eq!(mesh.triangles, 12);
         assert!(decode(TileKey::mesh(id, 0), &tile([70, 30], webp.clone())).is_err(), "another level of detail");
         for (size_px, bytes) in [([70, 31], webp.clone()), ([35, 15], webp.clone()), ([70, 30], webp[..60].to_vec())] {
@@ -79,7 +75,7 @@ mod tests {
     fn refuses_a_tile_of_another_kind() {
         let id = TileId::new(3, 1, 2).unwrap();
         let bytes = BlockMap::empty(id, 1.0, 0, 0).encode().unwrap();
-        assert!(matches!(decode(TileKey::block_map(id), &bytes), Ok(DecodedTile::Node(_))));
+        assert!(matches!(decode(TileKey::block_map(id), &bytes), Ok(DecodedTile::Packed(_))));
         assert!(decode(TileKey::subtree(TileId::ROOT), &bytes).is_err());
     }
 }

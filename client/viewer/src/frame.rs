@@ -46,7 +46,7 @@ pub struct RenderSettings {
 
 impl RenderSettings {
     /// Lit by a sun in direction `sun`, with haze that absorbs half of the light within `haze_half_m`. One ray a pixel, no shadows.
-    pub fn lit_by(sun: DVec3, haze_half_m: f64) -> Self {
+    pub(crate) fn lit_by(sun: DVec3, haze_half_m: f64) -> Self {
         let light = Light::of_sun(sun.as_vec3(), haze_half_m as f32);
         Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0 }
     }
@@ -105,13 +105,13 @@ impl FrameData {
         let list = NodeList::new(&inputs, tree, cache, view);
         let manifest = tree.manifest();
         let root_error_m = voxel_error_m(manifest.cell_m_at(0));
-        let place = GridFrame {
+        let grid_frame = GridFrame {
             root_corner: DVec3::from(manifest.origin) - view.camera.position,
             root_side_m: manifest.root_side_m,
             root_distance_m: root_error_m * view.focal_px() / view.tau_px.max(1e-3),
         };
         let mut builder = GridBuilder::default();
-        let grid = builder.build_fading(&place, &list.ids, &list.fade_rays, &list.nodes);
+        let grid = builder.build_fading(&grid_frame, &list.ids, &list.fade_rays, &list.nodes);
         grid.head.write(&mut frame);
         Self {
             frame,

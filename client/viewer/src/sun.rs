@@ -113,7 +113,7 @@ impl Bearing {
 
 impl SiteLocation {
     /// Location of the city's centre; without a known CRS, 40 degrees north.
-    pub fn from_manifest(manifest: &Manifest) -> Self {
+    fn from_manifest(manifest: &Manifest) -> Self {
         let [low, high] = manifest.focus.map(DVec2::from);
         let located = manifest.crs.as_deref().and_then(|crs| locate(crs, (low + high) * 0.5));
         located.unwrap_or(Self { location: DEFAULT_LOCATION, north_deg: 0.0, is_known: false })
@@ -208,7 +208,7 @@ impl Daylight {
     }
 
     /// Sets date and hour, and releases a fixed bearing.
-    pub fn set_time(&mut self, time: &SunTime) {
+    fn set_time(&mut self, time: &SunTime) {
         let since_midnight = f64::from(time.at.num_seconds_from_midnight()) / 3600.0;
         let ahead = if time.is_universal { self.site.location.longitude / 15.0 } else { 0.0 };
         (self.date, self.hour, self.fixed_bearing) = (time.at.date(), 0.0, None);

@@ -22,12 +22,12 @@ impl ArchivedCity {
 impl TileSource for ArchivedCity {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         Box::pin(async move {
-            let id = match key.layer() {
+            let id = match key.kind() {
                 TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
                 TileKind::BlockMap | TileKind::Subtree => key.id,
             };
-            let bytes = self.city.archive(key.layer()).tile(id).await.map_err(from_archive)?;
-            bytes.filter(|bytes| bytes.len() <= max_tile_bytes(key.layer())).ok_or(FetchError::Missing)
+            let bytes = self.city.archive(key.kind()).tile(id).await.map_err(from_archive)?;
+            bytes.filter(|bytes| bytes.len() <= max_tile_bytes(key.kind())).ok_or(FetchError::Missing)
         })
     }
 

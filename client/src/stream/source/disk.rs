@@ -36,8 +36,8 @@ impl CachedCity {
 
     fn cache_key(&self, key: TileKey) -> String {
         let id = key.id;
-        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.layer().path_segment(), id.level(), id.x(), id.y());
-        if key.layer() == TileKind::Mesh { format!("{tile}-{}", key.lod) } else { tile }
+        let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.kind().path_segment(), id.level(), id.x(), id.y());
+        if key.kind() == TileKind::Mesh { format!("{tile}-{}", key.lod) } else { tile }
     }
 }
 

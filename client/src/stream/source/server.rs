@@ -26,12 +26,12 @@ impl ServerSource {
 
 impl TileSource for ServerSource {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
-        let path = match key.layer() {
+        let path = match key.kind() {
             TileKind::Mesh => route::mesh(&self.name, &self.version, key.id, key.lod),
-            layer => route::tile(&self.name, &self.version, layer, key.id),
+            kind => route::tile(&self.name, &self.version, kind, key.id),
         };
         let url = format!("{}{path}", self.base);
-        Box::pin(async move { self.http.get(&url, max_tile_bytes(key.layer())).await })
+        Box::pin(async move { self.http.get(&url, max_tile_bytes(key.kind())).await })
     }
 
     fn location(&self) -> &str {

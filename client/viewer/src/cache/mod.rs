@@ -154,7 +154,7 @@ impl AtlasCache {
     }
 
     /// Makes a tile the most recently used one without pinning it. To be called before this frame's [`AtlasCache::pin`]s.
-    pub fn promote(&mut self, key: TileKey) {
+    pub(crate) fn promote(&mut self, key: TileKey) {
         self.entries.promote(&key);
     }
 
@@ -219,13 +219,8 @@ impl AtlasCache {
     }
 
     /// Number of resident tiles.
-    pub fn len(&self) -> usize {
+    pub fn tile_count(&self) -> usize {
         self.entries.len()
-    }
-
-    /// Whether nothing is resident.
-    pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
     }
 
     /// Number of pages, free or not.
@@ -234,7 +229,7 @@ impl AtlasCache {
     }
 
     /// Number of free pages.
-    pub fn free_pages(&self) -> u32 {
+    pub(crate) fn free_pages(&self) -> u32 {
         self.pages.free()
     }
 

@@ -1,8 +1,8 @@
-//! Names of tiles.
+//! Keys of tiles.
 
 use insula_protocol::{TileId, TileKind};
 
-/// Names a tile: a V-BlockMap, a subtree, or a level of detail of a mesh.
+/// Identifies a tile: a V-BlockMap, a subtree, or a level of detail of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TileKey {
     /// 0 for V-BlockMaps, 1 for subtrees, 2 for meshes: the first criterion of the order.
@@ -29,8 +29,8 @@ impl TileKey {
         Self { kind: 2, id, lod }
     }
 
-    /// The archive that holds the tile.
-    pub const fn layer(self) -> TileKind {
+    /// What the tile holds.
+    pub const fn kind(self) -> TileKind {
         match self.kind {
             0 => TileKind::BlockMap,
             1 => TileKind::Subtree,

@@ -18,11 +18,11 @@
 use std::time::Duration;
 
 /// Number of damaged responses after which a tile is bad.
-pub const DAMAGE_LIMIT: u8 = 3;
+const DAMAGE_LIMIT: u8 = 3;
 const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(2);
 /// Longest delay that is accepted from a server's `Retry-After`.
-pub const MAX_RETRY_AFTER: Duration = Duration::from_secs(60);
+pub(crate) const MAX_RETRY_AFTER: Duration = Duration::from_secs(60);
 
 /// Where a tile is on its way from the server to the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

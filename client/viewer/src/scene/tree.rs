@@ -139,36 +139,33 @@ impl SceneTree {
     }
 
     /// Cache pages of a node's V-BlockMap; an estimate until it has been decoded once.
-    pub fn node_pages(&self, index: NodeIndex) -> u32 {
+    pub(crate) fn node_pages(&self, index: NodeIndex) -> u32 {
         let DecodedPages { pages, nodes } = self.decoded;
         let estimate = if nodes >= MIN_SAMPLES { pages.div_ceil(nodes) as u32 } else { DEFAULT_PAGES };
         self.node(index).pages.unwrap_or(estimate)
     }
 
     /// Cache pages of a tile; an estimate until it has been decoded once.
-    pub fn tile_pages(&self, key: TileKey) -> u32 {
+    pub(crate) fn tile_pages(&self, key: TileKey) -> u32 {
         let Some(index) = self.find(key.id) else { return DEFAULT_PAGES };
-        match key.layer() {
+        match key.kind() {
             TileKind::Subtree => 0,
             TileKind::BlockMap => self.node_pages(index),
             TileKind::Mesh => self.node(index).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
         }
     }
 
-    /// Records the cache pages of a decoded V-BlockMap.
-    pub fn set_pages(&mut self, id: TileId, pages: u32) {
-        if let Some(index) = self.find(id)
+    /// Records the cache pages of a decoded V-BlockMap or mesh.
+    pub(crate) fn set_pages(&mut self, key: TileKey, pages: u32) {
+        if key.kind() == TileKind::Mesh {
+            if let Some(lod) = self.lod_mut(key) {
+                lod.pages = pages;
+            }
+        } else if let Some(index) = self.find(key.id)
             && self.nodes[index.0 as usize].pages.replace(pages).is_none()
         {
             self.decoded.pages += u64::from(pages);
             self.decoded.nodes += 1;
-        }
-    }
-
-    /// Records the cache pages of a decoded mesh.
-    pub fn set_mesh_pages(&mut self, key: TileKey, pages: u32) {
-        if let Some(lod) = self.lod_mut(key) {
-            lod.pages = pages;
         }
     }
 
@@ -179,7 +176,7 @@ impl SceneTree {
 
     /// State of a tile; `None` if its node or level of detail is unknown.
     pub fn tile(&self, key: TileKey) -> Option<TileRecord> {
-        match key.layer() {
+        match key.kind() {
             TileKind::Subtree => Some(self.subtree(key.id)),
             TileKind::BlockMap => match self.find(key.id) {
                 Some(index) => Some(self.node(index).tile),
@@ -195,7 +192,7 @@ impl SceneTree {
     /// Applies an event to a tile. Returns `false`, and changes nothing, if the tile is unknown or the event has no meaning in its
     /// state.
     pub fn apply(&mut self, key: TileKey, event: TileEvent) -> bool {
-        match key.layer() {
+        match key.kind() {
             TileKind::Subtree => self.subtrees.entry(key.id).or_default().apply(event),
             TileKind::BlockMap => match self.find(key.id) {
                 Some(index) => self.nodes[index.0 as usize].tile.apply(event),
@@ -206,7 +203,7 @@ impl SceneTree {
     }
 
     /// South-west corner and side, in metres, of a node's area.
-    pub fn corner_and_side(&self, id: TileId) -> ([f64; 3], f64) {
+    pub(crate) fn corner_and_side(&self, id: TileId) -> ([f64; 3], f64) {
         (self.manifest.node_corner(id), self.manifest.node_side_m(id.level()))
     }
 

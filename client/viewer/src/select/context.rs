@@ -12,9 +12,9 @@ use crate::{
 
 /// A node whose visibility is unknown is requested only while its parent's error exceeds this multiple of tau. This bounds how
 /// coarse a node is when it comes into view.
-pub const UNKNOWN_TAU_FACTOR: f64 = 16.0;
+const UNKNOWN_TAU_FACTOR: f64 = 16.0;
 /// The same for occluded nodes.
-pub const OCCLUDED_TAU_FACTOR: f64 = 64.0;
+pub(crate) const OCCLUDED_TAU_FACTOR: f64 = 64.0;
 
 /// The inputs of one selection, and values derived from them.
 pub(super) struct SelectionContext<'a> {

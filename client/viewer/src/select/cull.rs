@@ -10,14 +10,14 @@ pub fn is_box_in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3) ->
 }
 
 /// Like [`is_box_in_view`], for the volume that a box sweeps when it moves by `sweep`.
-pub fn is_swept_box_in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3, sweep: DVec3) -> bool {
+pub(super) fn is_swept_box_in_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3, sweep: DVec3) -> bool {
     let reach =
         |p: &FrustumPlane| p.normal.dot(centre) + p.offset + p.normal.abs().dot(half) + p.normal.dot(sweep).max(0.0);
     planes.iter().all(|p| reach(p) >= 0.0)
 }
 
 /// Whether all of a box is in view.
-pub fn is_box_inside_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3) -> bool {
+pub(super) fn is_box_inside_view(planes: &[FrustumPlane; 5], centre: DVec3, half: DVec3) -> bool {
     planes.iter().all(|p| p.normal.dot(centre) + p.offset - p.normal.abs().dot(half) >= 0.0)
 }
 

@@ -15,10 +15,10 @@ const MARGIN_M: f64 = 1.0;
 
 /// The bounding box of a tile's content, in world coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Occluder {
-    pub centre: DVec3,
+pub(crate) struct Occluder {
+    pub(crate) centre: DVec3,
     /// Half of the box's sides.
-    pub half: DVec3,
+    pub(crate) half: DVec3,
 }
 
 impl Occluder {
@@ -51,7 +51,7 @@ impl Occluder {
 }
 
 /// For each box, whether nearer boxes may occlude all of it.
-pub fn may_be_occluded(eye: DVec3, boxes: &[Occluder]) -> Vec<bool> {
+pub(crate) fn may_be_occluded(eye: DVec3, boxes: &[Occluder]) -> Vec<bool> {
     let distances_m: Vec<f64> = boxes.iter().map(|occluder| occluder.distance_m(eye)).collect();
     let mut by_distance: Vec<usize> = (0..boxes.len()).collect();
     by_distance.sort_by(|a, b| distances_m[*a].total_cmp(&distances_m[*b]));

@@ -16,7 +16,7 @@
 mod context;
 pub mod cull;
 mod draw_list;
-pub mod horizon_culling;
+pub(crate) mod horizon_culling;
 mod meshes;
 pub mod occlusion_feedback;
 pub mod priority;
@@ -31,8 +31,8 @@ mod visit;
 mod visited;
 
 use crate::{camera::View, scene::SceneTree};
+pub(crate) use context::OCCLUDED_TAU_FACTOR;
 use context::SelectionContext;
-pub use context::{OCCLUDED_TAU_FACTOR, UNKNOWN_TAU_FACTOR};
 use occlusion_feedback::OcclusionFeedback;
 pub use selection::{DrawTile, Selection, SelectionStats};
 pub use visited::SelectionScratch;

@@ -67,7 +67,6 @@ pub struct OcclusionFeedback {
     drawn: Vec<u32>,
     /// For each node, pixels of the present frame. All zero outside of [`OcclusionFeedback::update`].
     pixels: Vec<u32>,
-    hit_count: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -88,12 +87,10 @@ impl OcclusionFeedback {
         for (node, pixels) in query.nodes.iter().zip(pixels) {
             self.pixels[node.0 as usize] += *pixels;
         }
-        self.hit_count = 0;
         let min_pixels = ((frame_pixels as f64 * MIN_PIXEL_SHARE) as u32).max(1);
         for node in &query.nodes {
             mark_with_ancestors(&mut self.drawn, tree, Some(*node), self.frame);
             if std::mem::take(&mut self.pixels[node.0 as usize]) >= min_pixels {
-                self.hit_count += 1;
                 mark_with_ancestors(&mut self.hit, tree, Some(*node), self.frame);
                 for neighbour in neighbours(tree.node(*node).id) {
                     mark_with_ancestors(&mut self.near_hit, tree, tree.find(neighbour), self.frame);
@@ -114,7 +111,7 @@ impl OcclusionFeedback {
     }
 
     /// A copy for another view, of which there is no frame yet.
-    pub fn for_other_view(&self) -> Self {
+    pub(crate) fn for_other_view(&self) -> Self {
         Self { covered: None, ..self.clone() }
     }
 
@@ -127,11 +124,6 @@ impl OcclusionFeedback {
     pub fn covers(&self, generation: u64, size_px: [u32; 2]) -> bool {
         let pixels = size_px.map(u64::from).iter().product();
         self.covered.is_some_and(|(covered, most)| covered == generation && most >= pixels)
-    }
-
-    /// Number of entries of the last query whose nodes were hit.
-    pub fn hit_count(&self) -> usize {
-        self.hit_count
     }
 
     /// Whether the last two frames were of this view (or the only one was): nothing new will come into view.

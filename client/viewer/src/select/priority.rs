@@ -10,7 +10,7 @@ const URGENT_TAU_FACTOR: f64 = 4.0;
 /// First criterion of the order: groups are served one after the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PriorityGroup {
-    /// In view, and nothing or something much too coarse is drawn instead: everybody sees that.
+    /// In view, and nothing or something much too coarse is drawn instead.
     Urgent,
     /// In view, and something a little too coarse is drawn instead.
     Normal,
@@ -49,12 +49,12 @@ pub struct TileRequest {
 
 impl TileRequest {
     /// An urgent request for a tile that everything else depends on.
-    pub fn entry_point(key: TileKey) -> Self {
+    pub(super) fn entry_point(key: TileKey) -> Self {
         Self { key, group: PriorityGroup::Urgent, reason: RequestReason::EntryPoint, weight_px: 0.0 }
     }
 
     /// Whether the request's weight exceeds `error_px`; entry points exceed any error.
-    pub fn exceeds(&self, error_px: f64) -> bool {
+    pub(crate) fn exceeds(&self, error_px: f64) -> bool {
         self.is_entry_point() || self.weight_px > error_px
     }
 
@@ -72,7 +72,7 @@ impl TileRequest {
 }
 
 /// The group of a tile in view; `drawn_error_px` is the error of what is drawn instead, `None` if nothing is.
-pub fn group_in_view(drawn_error_px: Option<f64>, tau_px: f64) -> PriorityGroup {
+pub(super) fn group_in_view(drawn_error_px: Option<f64>, tau_px: f64) -> PriorityGroup {
     match drawn_error_px {
         Some(error_px) if error_px <= tau_px * URGENT_TAU_FACTOR => PriorityGroup::Normal,
         _ => PriorityGroup::Urgent,
@@ -81,13 +81,13 @@ pub fn group_in_view(drawn_error_px: Option<f64>, tau_px: f64) -> PriorityGroup 
 
 /// The weight of a tile with error `error_px` and centre `centre`: the error, falling to half of it away from the view's
 /// direction, because the middle of the frame matters most.
-pub fn weight_px(error_px: f64, centre: DVec3, view: &View) -> f64 {
+pub(super) fn weight_px(error_px: f64, centre: DVec3, view: &View) -> f64 {
     let towards = (centre - view.camera.position).normalize_or(view.camera.forward);
     error_px * (0.5 + 0.5 * towards.dot(view.camera.forward).max(0.0))
 }
 
 /// Sorts requests, most important first.
-pub fn sort(requests: &mut [TileRequest]) {
+pub(super) fn sort(requests: &mut [TileRequest]) {
     requests.sort_by(TileRequest::cmp_priority);
 }
 

@@ -4,7 +4,7 @@ use crate::camera::View;
 use glam::DVec3;
 
 /// Smallest distance at which an error is measured, in metres.
-pub const MIN_DISTANCE_M: f64 = 1.0;
+pub(super) const MIN_DISTANCE_M: f64 = 1.0;
 
 /// Projects world-space errors to pixels, for one view.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -19,9 +19,9 @@ use insula_protocol::Subtree;
 use std::collections::HashSet;
 
 /// The edge of a shadow may be wrong by this multiple of tau.
-pub const SHADOW_TAU_FACTOR: f64 = 3.0;
+const SHADOW_TAU_FACTOR: f64 = 3.0;
 /// Longest shadow, in metres. A low sun's shadows would cross the whole city; haze hides them.
-pub const MAX_SHADOW_M: f64 = 3000.0;
+pub(crate) const MAX_SHADOW_M: f64 = 3000.0;
 /// Number of times that the error threshold is doubled, at most, until the shadow casters fit into the budget.
 const MAX_DOUBLINGS: u32 = 8;
 

@@ -1,13 +1,16 @@
-//! Frame by frame, with trees built by hand.
+//! Selections frame by frame, in hand-made trees.
 
-mod fade;
-mod hidden;
 mod meshes;
+mod occlusion;
+mod random;
+mod refinement;
+mod shadows;
+mod transitions;
 
 use super::*;
 use crate::{
     camera::Camera,
-    scene::{NodeIndex, TileEvent, TileKey, TileState, TreeNode},
+    scene::{NodeIndex, TileEvent, TileKey, TreeNode},
     test_support,
 };
 use glam::DVec3;
@@ -15,43 +18,40 @@ use insula_protocol::{
     Manifest, Subtree, TileId,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
-use insula_test_support::rng::Rng;
 use occlusion_feedback::OcclusionQuery;
 use screen_error::ErrorMetric;
 use std::{collections::HashSet, time::Duration};
 
 const DEPTH: u8 = 5;
 const SIDE_M: f64 = 64.0 * 32.0;
+const ORIGIN: DVec3 = DVec3::new(500_000.0, 4_000_000.0, 10.0);
+const NOW: Duration = Duration::from_secs(100);
 
 fn manifest(depth: u8) -> Manifest {
-    let (origin, focus) = ([500_000.0, 4_000_000.0, 10.0], [[0.0; 2], [1.0; 2]]);
-    Manifest { origin, focus, bounds: [[0.0; 3]; 2], ..test_support::manifest(depth) }
+    Manifest { origin: ORIGIN.to_array(), bounds: [[0.0; 3]; 2], ..test_support::manifest(depth) }
 }
 
-/// A full tree down to `to` (some quadrants left out by `skip`), as subtrees.
-fn subtrees(to: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
+/// The subtrees of a full tree of `depth`, without the nodes that `skip` names and what lies below them.
+fn subtrees(depth: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
     let mut roots = vec![TileId::ROOT];
     let mut all = Vec::new();
     while let Some(root) = roots.pop() {
         let (mut ids, mut nodes, mut next) = (vec![root], Vec::new(), 0);
         while let Some(&id) = ids.get(next) {
             next += 1;
-            let children: Vec<TileId> = id.children().filter(|c| c.level() <= to && !skip(*c)).collect();
+            let children: Vec<TileId> = id.children().filter(|c| c.level() <= depth && !skip(*c)).collect();
             let child_mask = children.iter().fold(0, |mask, c| mask | 1 << c.quadrant());
-            let side = SIDE_M as f32 / f32::from(1u16 << id.level());
-            let (z_min_m, z_max_m) = (0.0, 30.0);
-            let radius_m = (side * side * 0.5 + 15.0 * 15.0).sqrt();
+            let side_m = SIDE_M as f32 / f32::from(1u16 << id.level());
             nodes.push(NodeInfo {
                 id,
                 child_mask,
-                z_min_m,
-                z_max_m,
-                error_m: side / 64.0,
-                radius_m,
+                z_min_m: 0.0,
+                z_max_m: 30.0,
+                error_m: side_m / 64.0,
+                radius_m: (side_m * side_m * 0.5 + 15.0 * 15.0).sqrt(),
                 blockmap_bytes: 1,
             });
-            let last = id.level() == root.level() + 5;
-            if !last {
+            if id.level() < root.level() + 5 {
                 ids.extend(children);
             } else if child_mask != 0 {
                 roots.push(id);
@@ -62,13 +62,7 @@ fn subtrees(to: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
     all
 }
 
-pub(crate) fn tree() -> SceneTree {
-    let mut tree = SceneTree::new(manifest(DEPTH));
-    subtrees(DEPTH, |_| false).iter().for_each(|s| tree.merge(s));
-    tree
-}
-
-/// Every leaf has a mesh of three levels of detail.
+/// Gives each leaf a mesh of three levels of detail.
 fn with_meshes(mut subtree: Subtree) -> Subtree {
     let lod = |error_m: f32| MeshLod { error_m, bytes: 1, triangles: 900, texture_px: 0 };
     let leaves = subtree.nodes.iter().filter(|node| node.child_mask == 0);
@@ -77,79 +71,121 @@ fn with_meshes(mut subtree: Subtree) -> Subtree {
     subtree
 }
 
+/// A full tree without resident tiles.
+pub(crate) fn tree() -> SceneTree {
+    let mut tree = SceneTree::new(manifest(DEPTH));
+    subtrees(DEPTH, |_| false).iter().for_each(|s| tree.merge(s));
+    tree
+}
+
+/// A view of 640 x 360 pixels with a large budget. Coordinates are relative to the city's origin.
 pub(crate) fn view(position: [f64; 3], target: [f64; 3]) -> View {
-    let world = DVec3::new(500_000.0, 4_000_000.0, 10.0);
-    let (position, target) = (DVec3::from(position) + world, DVec3::from(target) + world);
+    let (position, target) = (DVec3::from(position) + ORIGIN, DVec3::from(target) + ORIGIN);
     let camera = Camera::look_at(position, target, DVec3::Z, 1.0).unwrap();
     View { camera, width_px: 640, height_px: 360, tau_px: 1.0, budget_pages: 1_000_000, budget_nodes: 100_000 }
 }
 
+/// A view to the north from the middle of the city, 20 m above the ground.
+fn street_view() -> View {
+    view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0])
+}
+
+fn apply_all(tree: &mut SceneTree, key: TileKey, events: &[TileEvent]) {
+    for event in events {
+        assert!(tree.apply(key, *event), "{key:?} {event:?}");
+    }
+}
+
+/// Makes a tile resident.
 pub(crate) fn load(tree: &mut SceneTree, key: TileKey) {
-    for event in
-        [TileEvent::Want { now: Duration::from_secs(100) }, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload]
-    {
-        assert!(tree.apply(key, event), "{key:?} {event:?}");
-    }
+    let want = TileEvent::Want { now: NOW };
+    apply_all(tree, key, &[want, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload]);
 }
 
+fn load_root(tree: &mut SceneTree) {
+    load(tree, TileKey::block_map(TileId::ROOT));
+}
+
+/// Makes a tile bad.
 fn refuse(tree: &mut SceneTree, key: TileKey) {
-    for event in [TileEvent::Want { now: Duration::from_secs(100) }, TileEvent::Start, TileEvent::Refuse] {
-        assert!(tree.apply(key, event));
-    }
+    apply_all(tree, key, &[TileEvent::Want { now: NOW }, TileEvent::Start, TileEvent::Refuse]);
 }
 
-/// By the frustum alone.
-fn select(view: &View, tree: &SceneTree, scratch: &mut SelectionScratch) -> Selection {
-    super::select(view, tree, &OcclusionFeedback::default(), scratch)
+/// Selects with occlusion feedback.
+fn select_with(view: &View, tree: &SceneTree, feedback: &OcclusionFeedback) -> Selection {
+    select(view, tree, feedback, &mut SelectionScratch::default())
 }
 
-/// Whose tiles are drawn, each once.
-fn ids(tree: &SceneTree, selection: &Selection) -> Vec<TileId> {
-    let mut ids: Vec<TileId> = selection.draw_tiles.iter().map(|item| tree.node(item.source).id).collect();
+/// Selects without occlusion feedback: everything in the frustum is visible.
+fn select_in_view(view: &View, tree: &SceneTree) -> Selection {
+    select_with(view, tree, &OcclusionFeedback::default())
+}
+
+fn ids_of<'a>(tree: &SceneTree, nodes: impl IntoIterator<Item = &'a NodeIndex>) -> Vec<TileId> {
+    nodes.into_iter().map(|node| tree.node(*node).id).collect()
+}
+
+/// The nodes whose tiles are drawn, sorted, each once.
+fn drawn_sources(tree: &SceneTree, selection: &Selection) -> Vec<TileId> {
+    let mut ids = ids_of(tree, selection.draw_tiles.iter().map(|tile| &tile.source));
     ids.sort();
     ids.dedup();
     ids
 }
 
-/// Every leaf in view has exactly one of its line (itself and its ancestors) in the cut, and that is drawn from a resident
-/// tile of its own line.
-fn assert_whole(tree: &SceneTree, view: &View, selection: &Selection, frame: usize) {
-    let cut: HashSet<TileId> = selection.draw_tiles.iter().map(|item| tree.node(item.node).id).collect();
-    assert_eq!(cut.len(), selection.draw_tiles.len(), "frame {frame}: a square is drawn twice");
-    for item in &selection.draw_tiles {
-        let [square, from] = [item.node, item.source].map(|at| tree.node(at));
-        if let Some(lod) = item.mesh_lod {
-            let here = square.lods[usize::from(lod)].tile.is_resident();
-            assert!(here, "frame {frame}: {} has no such mesh", square.id);
+fn resident_nodes(tree: &SceneTree) -> Vec<TileId> {
+    tree.nodes().iter().filter(|node| node.tile.is_resident()).map(|node| node.id).collect()
+}
+
+fn error_px(view: &View, node: &TreeNode, error_m: f64) -> f64 {
+    ErrorMetric::new(view).error_px(error_m, node.centre, node.radius_m)
+}
+
+/// The corners `[min, max]` of a node's area, relative to the city's origin, in metres.
+fn area(id: TileId) -> [[f64; 2]; 2] {
+    let side_m = SIDE_M / f64::from(1u32 << id.level());
+    let min = [id.x(), id.y()].map(|i| f64::from(i) * side_m);
+    [min, min.map(|v| v + side_m)]
+}
+
+/// Asserts that the draw list contains exactly one of each leaf in view and its ancestors, and that each of its entries is drawn
+/// from a resident tile of its node or of an ancestor.
+fn assert_no_holes(tree: &SceneTree, view: &View, selection: &Selection, frame: usize) {
+    let draw_list: HashSet<TileId> = selection.draw_tiles.iter().map(|tile| tree.node(tile.node).id).collect();
+    assert_eq!(draw_list.len(), selection.draw_tiles.len(), "frame {frame}: a node is drawn twice");
+    for tile in &selection.draw_tiles {
+        let [node, source] = [tile.node, tile.source].map(|index| tree.node(index));
+        if let Some(lod) = tile.mesh_lod {
+            assert!(node.lods[usize::from(lod)].tile.is_resident(), "frame {frame}: {} has no such mesh", node.id);
         }
-        assert!(from.tile.is_resident() && square.id.ancestor(from.id.level()) == Some(from.id), "frame {frame}");
+        assert!(source.tile.is_resident() && node.id.ancestor(source.id.level()) == Some(source.id), "frame {frame}");
     }
     let planes = view.planes();
     for node in tree.nodes() {
-        let line = (0..=node.id.level()).filter_map(|l| node.id.ancestor(l));
-        let drawn = line.filter(|id| cut.contains(id)).count();
+        let line = (0..=node.id.level()).filter_map(|level| node.id.ancestor(level));
+        let drawn = line.filter(|id| draw_list.contains(id)).count();
         assert!(drawn <= 1, "frame {frame}: {} is drawn {drawn} times", node.id);
-        let leaf = node.children.iter().all(Option::is_none);
-        // In view with all its ancestors' boxes, which hold it; of what is not known yet, what exists of it.
-        let mut quarters = (0..4)
+        let has_no_known_child = node.children.iter().all(Option::is_none);
+        // Of a node whose children are unknown, only the quadrants that exist count.
+        let mut quadrants = (0..4)
             .filter(|q| node.child_mask == 0 || node.child_mask >> q & 1 == 1)
             .map(|q| node.centre + DVec3::new(f64::from(q & 1) - 0.5, f64::from(q >> 1) - 0.5, 0.0) * node.half);
-        if leaf && quarters.any(|at| cull::is_box_in_view(&planes, at, node.half * DVec3::new(0.5, 0.5, 1.0))) {
+        let half = node.half * DVec3::new(0.5, 0.5, 1.0);
+        if has_no_known_child && quadrants.any(|centre| cull::is_box_in_view(&planes, centre, half)) {
             assert_eq!(drawn, 1, "frame {frame}: a hole at {}", node.id);
         }
     }
 }
 
-/// Fetches `count` wanted tiles at once; returns how many frames until nothing is wanted.
+/// Loads `count` requested tiles a frame until nothing is requested. Returns the number of frames and the last selection.
 fn converge(tree: &mut SceneTree, view: &View, count: usize) -> (usize, Selection) {
-    let mut scratch = SelectionScratch::default();
-    let mut worst = f64::INFINITY;
+    let mut worst_px = f64::INFINITY;
     for frame in 0..10_000 {
-        let selection = select(view, tree, &mut scratch);
+        let selection = select_in_view(view, tree);
         if frame > 0 {
-            assert_whole(tree, view, &selection, frame);
-            assert!(selection.stats.worst_error_px <= worst, "coarser than the frame before");
-            worst = selection.stats.worst_error_px;
+            assert_no_holes(tree, view, &selection, frame);
+            assert!(selection.stats.worst_error_px <= worst_px, "coarser than the frame before");
+            worst_px = selection.stats.worst_error_px;
         }
         if selection.requests.is_empty() {
             return (frame, selection);
@@ -159,378 +195,50 @@ fn converge(tree: &mut SceneTree, view: &View, count: usize) -> (usize, Selectio
     panic!("never converges");
 }
 
-#[test]
-fn every_frame_is_whole_and_finer_than_the_last() {
-    for count in [1, 3, 12] {
-        let mut tree = tree();
-        let view = view([1000.0, -300.0, 200.0], [1000.0, 1000.0, 0.0]);
-        let (frames, selection) = converge(&mut tree, &view, count);
-        assert!(frames > 10, "{frames}");
-        assert!(selection.stats.worst_error_px <= 1.0 || ids(&tree, &selection).iter().any(|i| i.level() == DEPTH));
-        assert!(ids(&tree, &selection).iter().any(|id| id.level() < DEPTH), "far nodes stay coarse");
-    }
-}
-
-#[test]
-fn what_is_behind_is_neither_drawn_nor_asked_for() {
-    let mut tree = tree();
-    let view = view([1024.0, 1024.0, 50.0], [1024.0, 3000.0, 50.0]);
-    let (_, selection) = converge(&mut tree, &view, 12);
-    assert!(selection.stats.culled > 0);
-    for at in &selection.draw_tiles {
-        let node = tree.node(at.node);
-        assert!(node.centre.y + node.half.y >= 4_000_000.0 + 1024.0 - 1e-6, "{}", node.id);
-    }
-    let away = super::tests::view([1024.0, -500.0, 50.0], [1024.0, -3000.0, 50.0]);
-    let selection = select(&away, &tree, &mut SelectionScratch::default());
-    assert!(selection.draw_tiles.is_empty() && selection.requests.is_empty());
-}
-
-#[test]
-fn turning_and_moving_never_makes_a_hole() {
-    let mut tree = tree();
-    let mut scratch = SelectionScratch::default();
-    load(&mut tree, TileKey::block_map(TileId::ROOT));
-    for frame in 0..400 {
-        let a = frame as f64 * 0.09;
-        let eye = [1024.0 + 700.0 * (a * 0.37).cos(), 1024.0 + 700.0 * (a * 0.23).sin(), 60.0 + 50.0 * a.sin()];
-        let target = [eye[0] + a.cos(), eye[1] + a.sin(), eye[2] - 0.3];
-        let view = view(eye, target);
-        let selection = select(&view, &tree, &mut scratch);
-        assert_whole(&tree, &view, &selection, frame);
-        selection.requests.iter().take(4).for_each(|w| load(&mut tree, w.key));
-        // What this view does not need may vanish at any time (but for the root, which every view uses).
-        let used: Vec<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
-        let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
-        for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
-            tree.apply(TileKey::block_map(id), TileEvent::Drop);
-        }
-    }
-}
-
-#[test]
-fn a_square_waits_for_its_own_tile_alone() {
-    let mut tree = tree();
-    let view = view([1024.0, 1024.0, 2200.0], [1024.0, 1024.1, 0.0]);
-    let mut scratch = SelectionScratch::default();
-    load(&mut tree, TileKey::block_map(TileId::ROOT));
-    let children: Vec<TileId> = TileId::ROOT.children().collect();
-    for here in 0..=4 {
-        let selection = select(&view, &tree, &mut scratch);
-        for item in &selection.draw_tiles {
-            let [square, from] = [item.node, item.source].map(|at| tree.node(at).id);
-            let own = children[..here].iter().copied().find(|child| square.ancestor(1) == Some(*child));
-            assert_eq!(from, own.unwrap_or(TileId::ROOT), "{square}");
-        }
-        children.get(here).into_iter().for_each(|child| load(&mut tree, TileKey::block_map(*child)));
-    }
-}
-
-#[test]
-fn a_bad_tile_keeps_its_parent_and_the_rest_converges() {
-    let mut tree = tree();
-    let bad = TileId::new(2, 1, 1).unwrap();
-    refuse(&mut tree, TileKey::block_map(bad));
-    let view = view([600.0, 100.0, 300.0], [700.0, 700.0, 0.0]);
-    let (_, selection) = converge(&mut tree, &view, 5);
-    assert!(selection.stats.blocked > 0);
-    let cut = ids(&tree, &selection);
-    assert!(cut.contains(&bad.parent().unwrap()), "{cut:?}");
-}
-
-#[test]
-fn missing_subtrees_are_asked_for_and_their_node_stays() {
-    let mut tree = SceneTree::new(manifest(7));
-    let mut scratch = SelectionScratch::default();
-    let view = view([10.0, 10.0, 40.0], [80.0, 90.0, 0.0]);
-    let first = select(&view, &tree, &mut scratch);
-    // The whole line below the eye at once: a jump takes two round trips however deep the city is.
-    // The root's own tile comes with them.
-    let line = [TileId::new(5, 0, 0).unwrap(), TileId::ROOT].map(TileKey::subtree);
-    let mut keys: Vec<TileKey> = first.requests.iter().map(|w| w.key).collect();
-    keys.sort_by(|a, b| b.cmp(a));
-    assert_eq!(keys, [line[0], line[1], TileKey::block_map(TileId::ROOT)]);
-    load(&mut tree, TileKey::block_map(TileId::ROOT));
-    let all = subtrees(7, |_| false);
-    tree.merge(&all[0]);
-    for _ in 0..100 {
-        let selection = select(&view, &tree, &mut scratch);
-        let maps: Vec<TileKey> =
-            selection.requests.iter().map(|w| w.key).filter(|k| *k == TileKey::block_map(k.id)).collect();
-        if maps.is_empty() {
-            break;
-        }
-        maps.into_iter().for_each(|key| load(&mut tree, key));
-    }
-    let selection = select(&view, &tree, &mut scratch);
-    assert!(!selection.requests.is_empty() && selection.requests.iter().all(|w| w.key == TileKey::subtree(w.key.id)));
-    assert!(ids(&tree, &selection).iter().any(|id| id.level() == 5));
-    assert_whole(&tree, &view, &selection, 0);
-    // One of them is missing on the server: its node stays, without end.
-    let lost = selection.requests[0].key;
-    refuse(&mut tree, lost);
-    all[1..].iter().filter(|s| s.nodes[0].id != lost.id).for_each(|s| tree.merge(s));
-    let (_, selection) = converge(&mut tree, &view, 12);
-    assert!(ids(&tree, &selection).contains(&lost.id));
-}
-
-#[test]
-fn nodes_that_do_not_exist_are_no_holes() {
-    let mut tree = SceneTree::new(manifest(DEPTH));
-    subtrees(DEPTH, |id| id.level() > 1 && (id.x() + id.y()) % 3 == 0).iter().for_each(|s| tree.merge(s));
-    let view = view([500.0, -200.0, 150.0], [900.0, 900.0, 0.0]);
-    converge(&mut tree, &view, 4);
-}
-
-#[test]
-fn a_small_budget_raises_tau_and_a_larger_one_lets_it_fall() {
-    let mut last = f64::INFINITY;
-    for budget_pages in [30, 60, 120, 240, 480, 5000] {
-        let mut tree = tree();
-        let mut view = view([1000.0, -100.0, 80.0], [1000.0, 1000.0, 0.0]);
-        view.budget_pages = budget_pages;
-        let (_, selection) = converge(&mut tree, &view, 6);
-        let counters = selection.stats;
-        assert!(counters.pages <= budget_pages, "{counters:?}");
-        assert!(counters.tau_px <= last && counters.tau_px >= 1.0, "{counters:?}");
-        last = counters.tau_px;
-        // Standing still asks for nothing more: no thrashing.
-        assert!(select(&view, &tree, &mut SelectionScratch::default()).requests.is_empty());
-    }
-    assert_eq!(last, 1.0);
-}
-
-#[test]
-fn the_root_is_asked_for_alone() {
-    let view = view([100.0, 100.0, 80.0], [700.0, 900.0, 0.0]);
-    let selection = select(&view, &tree(), &mut SelectionScratch::default());
-    assert_eq!(selection.requests.iter().map(|w| w.key).collect::<Vec<_>>(), [TileKey::block_map(TileId::ROOT)]);
-}
-
-#[test]
-fn the_same_view_gives_the_same_selection() {
-    let mut tree = tree();
-    load(&mut tree, TileKey::block_map(TileId::ROOT));
-    let view = view([100.0, 100.0, 80.0], [700.0, 900.0, 0.0]);
-    let mut scratch = SelectionScratch::default();
-    let first = select(&view, &tree, &mut scratch);
-    select(&super::tests::view([900.0, 100.0, 80.0], [700.0, 900.0, 0.0]), &tree, &mut scratch);
-    assert_eq!(select(&view, &tree, &mut scratch), first);
-    assert!(first.requests.len() > 20);
-}
-
-/// Whatever stands between a place in the picture and the sun is among the casters, and not the whole city is.
-#[test]
-fn what_casts_into_the_picture_is_there() {
-    let mut tree = tree();
-    let view = view([300.0, 300.0, 25.0], [700.0, 900.0, 0.0]);
-    let sun = DVec3::new(0.7, -0.5, 0.25).normalize_or(DVec3::Z);
-    let mut found = shadow_casters::shadow_casters(&view, sun, &tree, None);
-    while !found.requests.is_empty() {
-        found.requests.iter().for_each(|wanted| load(&mut tree, wanted.key));
-        found = shadow_casters::shadow_casters(&view, sun, &tree, None);
-    }
-    let cast: Vec<TileId> = found.nodes.iter().map(|at| tree.node(*at).id).collect();
-    let (planes, origin) = (view.planes(), DVec3::new(500_000.0, 4_000_000.0, 10.0));
-    let mut asked = 0;
-    for i in 0..40_000u32 {
-        let ground = origin + DVec3::new(f64::from(i % 200) * 10.0 + 5.0, f64::from(i / 200) * 10.0 + 5.0, 0.1);
-        if !planes.iter().all(|plane| plane.normal.dot(ground) + plane.offset >= 0.0) {
-            continue;
-        }
-        for up in 1..30 {
-            let p = ground + sun * (f64::from(up) / sun.z) - origin;
-            if p.x.min(p.y) < 0.0 || p.x.max(p.y) >= SIDE_M {
-                break;
-            }
-            let leaf = TileId::new(DEPTH, (p.x / 64.0) as u32, (p.y / 64.0) as u32).unwrap();
-            assert!((2..=DEPTH).any(|level| cast.contains(&leaf.ancestor(level).unwrap())), "{ground} {leaf}");
-            asked += 1;
-        }
-    }
-    assert!(asked > 10_000, "{asked}");
-    assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.nodes().len());
-    // Only what shades the squares that are seen.
-    let seen = vec![tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
-    let one = Selection { unoccluded: seen, ..Selection::default() };
-    let shading: Vec<TileId> = shadow_casters::shadow_casters(&view, sun, &tree, Some(&one))
-        .nodes
-        .iter()
-        .map(|at| tree.node(*at).id)
-        .collect();
-    assert!(!shading.is_empty() && shading.len() * 4 < cast.len(), "{} of {}", shading.len(), cast.len());
-    let middle = DVec3::new(9.5 * 64.0, 11.5 * 64.0, 0.1);
-    for up in 1..30 {
-        let p = middle + sun * (f64::from(up) / sun.z);
-        let leaf = TileId::new(DEPTH, (p.x / 64.0) as u32, (p.y / 64.0) as u32).unwrap();
-        assert!((2..=DEPTH).any(|level| shading.contains(&leaf.ancestor(level).unwrap())), "{leaf}");
-    }
-    let tight = View { budget_pages: 200, ..view };
-    let fewer = shadow_casters::shadow_casters(&tight, sun, &tree, None).nodes.len();
-    assert!(fewer > 0 && fewer < cast.len(), "{fewer} within a budget");
-    assert_eq!(
-        shadow_casters::shadow_casters(&view, DVec3::new(0.6, 0.0, -0.8), &tree, None),
-        shadow_casters::ShadowCasters::default(),
-        "by night"
-    );
-}
-
-/// Tells `sight` that of a cut only those squares were hit.
-fn look(
-    sight: &mut OcclusionFeedback,
+/// Reports a frame whose rays hit only the nodes of the draw list that `is_hit` names.
+fn report(
+    feedback: &mut OcclusionFeedback,
     tree: &SceneTree,
     view: &View,
     selection: &Selection,
-    generation: u64,
-    hit: impl Fn(TileId) -> bool,
+    is_hit: impl Fn(TileId) -> bool,
 ) {
-    let squares: Vec<NodeIndex> = selection.draw_tiles.iter().map(|item| item.node).collect();
-    let pixels: Vec<u32> = squares.iter().map(|at| u32::from(hit(tree.node(*at).id))).collect();
-    sight.update(
-        &OcclusionQuery { nodes: squares, view: *view, generation },
-        &pixels,
-        selection.requests.is_empty(),
-        tree,
-    );
+    let nodes: Vec<NodeIndex> = selection.draw_tiles.iter().map(|tile| tile.node).collect();
+    let pixels: Vec<u32> = nodes.iter().map(|node| u32::from(is_hit(tree.node(*node).id))).collect();
+    let query = OcclusionQuery { nodes, view: *view, generation: 0 };
+    feedback.update(&query, &pixels, selection.requests.is_empty(), tree);
 }
 
-/// Looks and fetches in turn until nothing is wanted.
-fn converge_looking(
+/// Loads the root, and reports a frame in which only that is resident.
+fn report_first_frame(
+    feedback: &mut OcclusionFeedback,
     tree: &mut SceneTree,
-    sight: &mut OcclusionFeedback,
     view: &View,
-    hit: impl Fn(TileId) -> bool,
+    is_hit: impl Fn(TileId) -> bool,
+) {
+    load_root(tree);
+    report(feedback, tree, view, &select_in_view(view, tree), is_hit);
+}
+
+/// Like [`converge`], with occlusion feedback after each frame.
+fn converge_with(
+    feedback: &mut OcclusionFeedback,
+    tree: &mut SceneTree,
+    view: &View,
+    is_hit: impl Fn(TileId) -> bool,
 ) -> Selection {
-    let mut scratch = SelectionScratch::default();
     for frame in 0..1000 {
-        let selection = super::select(view, tree, sight, &mut scratch);
+        let selection = select_with(view, tree, feedback);
         if frame > 0 {
-            assert_whole(tree, view, &selection, frame);
+            assert_no_holes(tree, view, &selection, frame);
         }
         selection.requests.iter().take(3).for_each(|w| load(tree, w.key));
-        look(sight, tree, view, &selection, frame as u64, &hit);
-        if selection.requests.is_empty()
-            && super::select(view, tree, sight, &mut scratch).draw_tiles == selection.draw_tiles
-        {
+        report(feedback, tree, view, &selection, &is_hit);
+        let has_settled =
+            selection.requests.is_empty() && select_with(view, tree, feedback).draw_tiles == selection.draw_tiles;
+        if has_settled {
             return selection;
         }
     }
-    panic!("never at rest");
-}
-
-/// A random city whose tiles arrive in any order.
-struct RandomCity {
-    tree: SceneTree,
-    /// Subtrees that have not arrived.
-    missing: Vec<Subtree>,
-    rng: Rng,
-    now: Duration,
-}
-
-impl RandomCity {
-    /// Every fourth city has several subtrees, every second one has meshes.
-    fn new(seed: u64) -> Self {
-        let mut rng = Rng::new(seed);
-        let is_deep = seed.is_multiple_of(4);
-        let (depth, gaps) = if is_deep { (7, 2) } else { (DEPTH, rng.below_u32(5) + 2) };
-        let mut missing = subtrees(depth, |id| id.level() > 1 && (id.x() * 7 + id.y() * 13).is_multiple_of(gaps));
-        if seed % 2 == 1 {
-            missing = missing.into_iter().map(with_meshes).collect();
-        }
-        let mut tree = SceneTree::new(manifest(depth));
-        load(&mut tree, TileKey::subtree(TileId::ROOT));
-        tree.merge(&missing.remove(0));
-        load(&mut tree, TileKey::block_map(TileId::ROOT));
-        Self { tree, missing, rng, now: Duration::from_secs(100) }
-    }
-
-    fn view(&mut self) -> View {
-        let mut place = |low: f64, high: f64| self.rng.range(low, high);
-        let eye = [place(-200.0, 2200.0), place(-200.0, 2200.0), place(1.0, 301.0)];
-        let mut view = view(eye, [place(0.0, 2048.0), place(0.0, 2048.0), place(0.0, 40.0)]);
-        view.budget_pages = 60 + self.rng.below_u32(2000);
-        view.tau_px = [0.5, 1.0, 4.0][self.rng.below(3)];
-        view
-    }
-
-    /// A request ends at random: by arrival, loss, damage or refusal.
-    fn respond(&mut self, key: TileKey) {
-        let now = self.now;
-        if !self.tree.apply(key, TileEvent::Want { now }) || !self.tree.apply(key, TileEvent::Start) {
-            return;
-        }
-        let jitter = self.rng.unit();
-        let event = match self.rng.below(40) {
-            0 if self.rng.one_in(10) => TileEvent::Refuse,
-            1..4 => TileEvent::Fail { now, retry_after: None, jitter },
-            4..6 => TileEvent::Damage { now, jitter },
-            6..20 => TileEvent::Drop,
-            _ => TileEvent::Arrive,
-        };
-        self.tree.apply(key, event);
-        if self.tree.tile(key).unwrap().state() != TileState::Decoded {
-            return;
-        }
-        if key == TileKey::subtree(key.id) {
-            // A subtree cannot be merged before its parent.
-            let has_parent = self.tree.find(key.id).is_some();
-            let missing = self.missing.iter().position(|subtree| subtree.nodes[0].id == key.id);
-            let Some(at) = missing.filter(|_| has_parent) else {
-                self.tree.apply(key, TileEvent::Drop);
-                return;
-            };
-            self.tree.merge(&self.missing.swap_remove(at));
-        }
-        self.tree.apply(key, TileEvent::Upload);
-    }
-
-    /// Evicts some tiles that the selection does not use.
-    fn evict(&mut self, selection: &Selection) {
-        let used: HashSet<NodeIndex> = selection.used_nodes.iter().copied().collect();
-        let nodes = || (0..).map(NodeIndex).zip(self.tree.nodes());
-        let unused = nodes().filter(|(at, node)| node.tile.is_resident() && !used.contains(at));
-        let block_maps: Vec<TileId> = unused.map(|(_, node)| node.id).filter(|id| *id != TileId::ROOT).collect();
-        let with_lods = nodes().filter(|(_, node)| !node.lods.is_empty());
-        let mut meshes: Vec<_> =
-            with_lods.flat_map(|(_, node)| (0..3).map(move |lod| TileKey::mesh(node.id, lod))).collect();
-        meshes.retain(|key| {
-            !selection.used_meshes.contains(key) && self.tree.tile(*key).is_some_and(|tile| tile.is_resident())
-        });
-        for (keys, chance) in [(block_maps.into_iter().map(TileKey::block_map).collect(), 3), (meshes, 5)] {
-            for key in keys {
-                if self.rng.one_in(chance) {
-                    self.tree.apply(key, TileEvent::Drop);
-                }
-            }
-        }
-    }
-}
-
-/// Whatever the tree, the order of arrivals, failures, evictions, cameras, budgets and hits: what the root covers is covered.
-#[test]
-fn there_is_never_a_hole() {
-    let mut scratch = SelectionScratch::default();
-    let mut deep_cities = 0;
-    for seed in 0..80u64 {
-        let mut city = RandomCity::new(seed);
-        let (mut feedback, mut fades) = (OcclusionFeedback::default(), fade::on());
-        for frame in 0..if seed.is_multiple_of(4) { 25 } else { 60 } {
-            let view = city.view();
-            for step in 0..4 {
-                city.now += Duration::from_millis(city.rng.below(300) as u64);
-                let selection = super::select(&view, &city.tree, &feedback, &mut scratch);
-                assert_whole(&city.tree, &view, &selection, frame);
-                fade::step(&mut fades, &city.tree, &selection, city.rng.range(0.0, 0.3));
-                selection.requests.iter().for_each(|request| city.respond(request.key));
-                let salt = city.rng.below_u32(1000);
-                if !city.rng.one_in(3) {
-                    let hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt).is_multiple_of(3);
-                    look(&mut feedback, &city.tree, &view, &selection, frame as u64 * 4 + step, hit);
-                }
-                city.evict(&selection);
-            }
-        }
-        deep_cities += usize::from(city.tree.nodes().iter().any(|node| node.id.level() > DEPTH));
-    }
-    assert!(deep_cities >= 5, "a subtree below the first arrived in {deep_cities} cities only");
+    panic!("never settles");
 }

@@ -15,10 +15,10 @@ use crate::{
 use insula_shaders::layout::FADE_RAYS;
 
 /// Duration of a cross-fade, in seconds.
-pub const FADE_SECS: f64 = 0.25;
+pub(super) const FADE_SECS: f64 = 0.25;
 /// Most nodes that cross-fade at a time; further ones change at once.
 pub const MAX_FADING: usize = 4096;
-/// Progress at which enough rays see the new source to ask again which nodes are visible.
+/// Progress at which enough rays see the new source to require new feedback.
 const FEEDBACK_PROGRESS: f64 = 0.25;
 
 /// What is drawn in a node's area.
@@ -38,7 +38,7 @@ impl DrawSource {
     }
 
     /// Screen-space error in pixels when drawn in the area of `node`.
-    pub fn error_px(self, node: NodeIndex, tree: &SceneTree, view: &View) -> f64 {
+    pub(crate) fn error_px(self, node: NodeIndex, tree: &SceneTree, view: &View) -> f64 {
         let drawn = tree.node(if self.mesh_lod.is_some() { node } else { self.source });
         let lod = self.mesh_lod.and_then(|lod| drawn.lods.get(usize::from(lod)));
         let error_m = lod.map_or(drawn.error_m, |lod| lod.error_m);
@@ -79,7 +79,7 @@ impl Transition {
     }
 
     /// Whether the node cross-fades, or starts to in the next frame.
-    pub fn is_fading(&self) -> bool {
+    pub(crate) fn is_fading(&self) -> bool {
         self.fade.is_some()
     }
 
@@ -137,7 +137,7 @@ impl Transitions {
     }
 
     /// Whether nodes cross-fade.
-    pub fn is_enabled(&self) -> bool {
+    pub(crate) fn is_enabled(&self) -> bool {
         self.is_enabled
     }
 
@@ -147,7 +147,7 @@ impl Transitions {
     }
 
     /// The entry of the last step that is `node`, or its nearest ancestor.
-    pub fn covering(&self, node: NodeIndex, tree: &SceneTree) -> Option<&Transition> {
+    pub(crate) fn covering(&self, node: NodeIndex, tree: &SceneTree) -> Option<&Transition> {
         self.tiles.get(self.index.find_covering(node, tree)?)
     }
 
@@ -157,19 +157,19 @@ impl Transitions {
     }
 
     /// The nodes that cross-fade, each with its old and its new source.
-    pub fn fading_sources(&self) -> impl Iterator<Item = (NodeIndex, DrawSource)> {
+    pub(crate) fn fading_sources(&self) -> impl Iterator<Item = (NodeIndex, DrawSource)> {
         let fading = self.tiles.iter().filter(|_| self.fading_count > 0);
         fading.filter_map(|t| t.fade.map(|fade| [(t.node, t.current), (t.node, fade.target)])).flatten()
     }
 
     /// Forgets the last step: the next one shows everything at once.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.index.clear(&self.tiles);
         self.tiles.clear();
         self.fading_count = 0;
     }
 
-    /// Advances to a new frame, `secs` after the last one. Returns whether occlusion must be asked for again, because rays now see
+    /// Advances to a new frame, `secs` after the last one. Returns whether new feedback is needed, because rays now see
     /// enough that they did not see before.
     pub fn step(&mut self, selection: &Selection, tree: &SceneTree, secs: f64) -> bool {
         if !self.is_enabled {

@@ -1,4 +1,4 @@
-//! Requests in flight: starts and cancels them, and turns their outcomes into tile states and [`Arrival`]s.
+//! Requests in flight: starts and cancels them, and turns their outcomes into tile states and decoded tiles.
 //!
 //! Fetching and decoding happen elsewhere, behind [`TileFetcher`]. Everything is bounded: requests in flight by
 //! [`RequestQueue`], decoded tiles by the fetcher.
@@ -9,8 +9,7 @@ use crate::{
     scene::{SceneTree, TileEvent, TileKey},
     select::priority::TileRequest,
 };
-use insula_protocol::{DecodeError, Subtree};
-use insula_shaders::{mesh::PackedMesh, pack::PackedNode};
+use insula_protocol::DecodeError;
 use std::{collections::HashMap, time::Duration};
 
 /// Why a tile could not be fetched.
@@ -95,17 +94,6 @@ pub trait TileFetcher {
     fn jitter(&mut self) -> f64;
 }
 
-/// A tile that was fetched and decoded.
-#[derive(Debug)]
-pub enum Arrival {
-    /// A V-BlockMap, to be placed in the cache.
-    Node(TileKey, Box<PackedNode>),
-    /// One level of detail of a leaf's mesh, to be placed in the cache.
-    Mesh(TileKey, Box<PackedMesh>),
-    /// A subtree, to be merged into the scene tree.
-    Subtree(TileKey, Subtree),
-}
-
 struct InFlight {
     ticket: u64,
     since: Duration,
@@ -138,7 +126,7 @@ impl<F: TileFetcher> Downloads<F> {
     }
 
     /// Cancels requests that are no longer wanted and starts the most important others. Returns how many were started.
-    pub fn request(&mut self, tree: &mut SceneTree, wanted: &[TileRequest], now: Duration) -> usize {
+    pub(super) fn request(&mut self, tree: &mut SceneTree, wanted: &[TileRequest], now: Duration) -> usize {
         let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, now, |key| self.fetcher.is_local(key));
         for key in cancel {
             if self.in_flight.remove(&key).is_some() {
@@ -153,8 +141,8 @@ impl<F: TileFetcher> Downloads<F> {
         start.len()
     }
 
-    /// The next arrival, if any. Requests that failed before it change the state of their tile.
-    pub fn poll(&mut self, tree: &mut SceneTree, now: Duration) -> Option<Arrival> {
+    /// The next tile that was fetched and decoded, if any. Requests that failed before it change the state of their tile.
+    pub(super) fn poll(&mut self, tree: &mut SceneTree, now: Duration) -> Option<(TileKey, DecodedTile)> {
         loop {
             let FetchOutcome { key, ticket, is_local, duration, result } = self.fetcher.poll()?;
             if self.in_flight.get(&key).is_none_or(|flight| flight.ticket != ticket) {
@@ -169,11 +157,7 @@ impl<F: TileFetcher> Downloads<F> {
                         self.queue.concurrency.succeeded(duration);
                     }
                     tree.apply(key, TileEvent::Arrive);
-                    return Some(match decoded {
-                        DecodedTile::Node(node) => Arrival::Node(key, node),
-                        DecodedTile::Mesh(mesh) => Arrival::Mesh(key, mesh),
-                        DecodedTile::Subtree(subtree) => Arrival::Subtree(key, subtree),
-                    });
+                    return Some((key, decoded));
                 }
                 Err(error) => self.failed(tree, key, &error, now),
             }
@@ -186,7 +170,7 @@ impl<F: TileFetcher> Downloads<F> {
     }
 
     fn failed(&mut self, tree: &mut SceneTree, key: TileKey, error: &FetchError, now: Duration) {
-        tracing::debug!("{} {}: {error}", key.layer().path_segment(), key.id);
+        tracing::debug!("{} {}: {error}", key.kind().path_segment(), key.id);
         let jitter = self.fetcher.jitter();
         if error.is_of_tile_alone() {
             self.source_responded();
@@ -208,12 +192,12 @@ impl<F: TileFetcher> Downloads<F> {
     }
 
     /// Number of requests that may be in flight.
-    pub fn limit(&self) -> usize {
+    pub(super) fn limit(&self) -> usize {
         self.queue.concurrency.limit()
     }
 
     /// When the request for a tile started, if it is in flight.
-    pub fn started_at(&self, key: TileKey) -> Option<Duration> {
+    pub(super) fn started_at(&self, key: TileKey) -> Option<Duration> {
         self.in_flight.get(&key).map(|flight| flight.since)
     }
 
@@ -233,7 +217,7 @@ impl<F: TileFetcher> Downloads<F> {
     }
 
     /// Why the source will never serve the city, if so.
-    pub fn fatal_error(&self) -> Option<&str> {
+    pub(super) fn fatal_error(&self) -> Option<&str> {
         self.fatal.as_deref()
     }
 

@@ -10,12 +10,7 @@ use crate::{
     camera::{Camera, View},
     frame::{FrameData, FrameInputs, RenderSettings},
     scene::SceneTree,
-    select::{
-        Selection, SelectionScratch,
-        occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
-        select,
-        transitions::Transitions,
-    },
+    select::{Selection, SelectionScratch, occlusion_feedback::OcclusionFeedback, select, transitions::Transitions},
 };
 
 /// Turns to the left and to the right of the view whose tiles are prefetched, in degrees.
@@ -42,8 +37,9 @@ pub(super) struct Lookahead {
     request: Option<FrameRequest>,
     /// Number of side views that are complete.
     done: usize,
-    feedback: OcclusionFeedback,
-    selection: Selection,
+    pub(super) feedback: OcclusionFeedback,
+    /// Selection of the current side view.
+    pub(super) selection: Selection,
     /// Shows the selection as it is: side views do not cross-fade.
     transitions: Transitions,
     /// Counts draw lists that differ from the one before.
@@ -94,25 +90,9 @@ impl Lookahead {
         self.transitions.step(&self.selection, tree, 0.0);
     }
 
-    /// Selection of the current side view.
-    pub(super) fn selection(&self) -> &Selection {
-        &self.selection
-    }
-
     /// Whether the hits of the current selection are known from a frame of at least this size.
     pub(super) fn has_feedback(&self, size_px: [u32; 2]) -> bool {
         self.feedback.covers(self.generation, size_px)
-    }
-
-    /// Takes in the hits of a frame of the current side view.
-    pub(super) fn update_feedback(
-        &mut self,
-        query: &OcclusionQuery,
-        pixels: &[u32],
-        is_complete: bool,
-        tree: &SceneTree,
-    ) {
-        self.feedback.update(query, pixels, is_complete, tree);
     }
 
     /// Arrays for the ray-caster, for a frame of the current selection.

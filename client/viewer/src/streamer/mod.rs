@@ -8,14 +8,14 @@
 //! Times are durations since the session's start.
 
 mod adaptive_threshold;
-pub mod downloads;
+mod downloads;
 mod error;
 mod frame_request;
 mod idle_prefetch;
 mod occlusion_gate;
 mod pending_subtrees;
 mod request_policy;
-pub mod request_queue;
+mod request_queue;
 mod status;
 #[cfg(test)]
 mod tests;
@@ -30,21 +30,21 @@ use crate::{
     select::{
         Selection, SelectionScratch,
         occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
-        priority::PriorityGroup,
+        priority::{PriorityGroup, TileRequest},
         select,
         shadow_casters::{ShadowCasters, shadow_casters},
         transitions::Transitions,
     },
 };
 use adaptive_threshold::{AdaptiveThreshold, SelectionOutcome};
-pub use downloads::{Arrival, Downloads, FetchError, FetchOutcome, TileFetcher};
+pub use downloads::{Downloads, FetchError, FetchOutcome, TileFetcher};
 pub use error::StreamError;
 pub use frame_request::FrameRequest;
 use glam::DVec3;
 use idle_prefetch::Lookahead;
 pub use idle_prefetch::{FEEDBACK_DOWNSCALE, LookaheadState};
 use occlusion_gate::OcclusionGate;
-use request_policy::RequestPolicy;
+use request_policy::{RequestPhase, RequestPolicy};
 use std::{collections::HashSet, time::Duration};
 use tile_store::TileStore;
 pub use upload_queue::TileCounts;
@@ -146,14 +146,8 @@ impl<F: TileFetcher> Streamer<F> {
     pub fn select_and_request(&mut self, request: &FrameRequest, now: Duration) {
         self.select(request, now);
         let is_waiting = self.is_blind() && self.blind_frames < MAX_BLIND_FRAMES;
-        let policy = self.request_policy(request, now);
-        let requests = if self.lookahead.is_of(request) {
-            policy.for_prefetch(&self.lookahead.selection().requests, self.tiles.spare_pages())
-        } else if is_waiting {
-            policy.before_feedback(&self.selection.requests)
-        } else {
-            policy.between_frames(&self.selection.requests)
-        };
+        let phase = if is_waiting { RequestPhase::BeforeFeedback } else { RequestPhase::BetweenFrames };
+        let requests = self.choose_requests(request, phase, now);
         self.blind_frames += u32::from(is_waiting && !self.selection.draw_tiles.is_empty());
         self.downloads.request(&mut self.tiles.tree, &requests, now);
     }
@@ -174,25 +168,27 @@ impl<F: TileFetcher> Streamer<F> {
         if self.receive(now) {
             self.select(&request, now);
         }
-        let policy = self.request_policy(&request, now);
-        let requests = if self.lookahead.is_of(&request) {
-            policy.for_prefetch(&self.lookahead.selection().requests, self.tiles.spare_pages())
-        } else if self.is_blind() {
-            policy.before_feedback(&self.selection.requests)
-        } else {
-            policy.while_drawing(&self.selection.requests, *fine)
-        };
+        let phase =
+            if self.is_blind() { RequestPhase::BeforeFeedback } else { RequestPhase::WhileDrawing { fine: *fine } };
+        let requests = self.choose_requests(&request, phase, now);
         *fine = fine.saturating_sub(self.downloads.request(&mut self.tiles.tree, &requests, now));
     }
 
-    fn request_policy(&self, request: &FrameRequest, now: Duration) -> RequestPolicy<'_, F> {
-        RequestPolicy {
+    /// The tiles to request now: those of the idle prefetch while that runs, else those of the frame in this `phase`.
+    fn choose_requests(&self, request: &FrameRequest, phase: RequestPhase, now: Duration) -> Vec<TileRequest> {
+        let policy = RequestPolicy {
             tree: &self.tiles.tree,
             downloads: &self.downloads,
             gate: &self.occlusion_gate,
             view: self.last_view.as_ref().filter(|_| !self.is_blind()),
             tau_px: request.tau_px,
             now,
+        };
+        if self.lookahead.is_of(request) {
+            let spare_pages = self.tiles.spare_pages();
+            policy.choose(&self.lookahead.selection.requests, RequestPhase::Prefetch { spare_pages })
+        } else {
+            policy.choose(&self.selection.requests, phase)
         }
     }
 
@@ -332,7 +328,7 @@ impl<F: TileFetcher> Streamer<F> {
     /// Takes in what the rays of a side view's frame hit.
     pub fn report_prefetch_hits(&mut self, request: &FrameRequest, query: &OcclusionQuery, pixels: &[u32]) {
         let is_complete = self.is_prefetch_fetched();
-        self.lookahead.update_feedback(query, pixels, is_complete, &self.tiles.tree);
+        self.lookahead.feedback.update(query, pixels, is_complete, &self.tiles.tree);
         self.occlusion_gate.complete_feedback_received();
         self.select_prefetch(request);
     }
@@ -343,7 +339,7 @@ impl<F: TileFetcher> Streamer<F> {
             let view = self.view(request, camera);
             self.lookahead.select(&view, &self.tiles.tree, &mut self.scratch);
         }
-        let next = self.lookahead.selection().requests.first();
+        let next = self.lookahead.selection.requests.first();
         let does_not_fit = |key| self.tiles.tree.tile_pages(key) > self.tiles.spare_pages();
         if self.tiles.uploads.is_empty() && next.is_some_and(|w| does_not_fit(w.key)) {
             self.lookahead.end();

@@ -2,8 +2,8 @@
 //!
 //! | phase | requested |
 //! |---|---|
-//! | no feedback has been taken in yet | the root's tile, subtrees with a large error, requests in flight |
-//! | a frame is being drawn | tiles with a large error, requests in flight, and a bounded number of other tiles |
+//! | before feedback | the root's tile, subtrees with a large error, requests in flight |
+//! | while drawing | tiles with a large error, requests in flight, and a bounded number of other tiles |
 //! | between frames | everything |
 //! | idle prefetch | what fits into free cache pages |
 //!
@@ -37,23 +37,41 @@ pub(super) struct RequestPolicy<'a, F> {
     pub(super) now: Duration,
 }
 
+/// A row of the table above.
+pub(super) enum RequestPhase {
+    /// No occlusion feedback has been taken in yet.
+    BeforeFeedback,
+    /// At most `fine` of the tiles without a large error are requested, most important first.
+    WhileDrawing {
+        fine: usize,
+    },
+    BetweenFrames,
+    /// The first tiles that fit into `spare_pages` are requested.
+    Prefetch {
+        spare_pages: u32,
+    },
+}
+
 impl<F: TileFetcher> RequestPolicy<'_, F> {
-    /// Requests before any feedback.
-    pub(super) fn before_feedback(&self, wanted: &[TileRequest]) -> Vec<TileRequest> {
+    /// The tiles of `wanted` that are requested in a phase.
+    pub(super) fn choose(&self, wanted: &[TileRequest], phase: RequestPhase) -> Vec<TileRequest> {
+        match phase {
+            RequestPhase::BeforeFeedback => self.before_feedback(wanted),
+            RequestPhase::WhileDrawing { fine } => self.pass_gate(wanted, self.while_drawing(wanted, fine)),
+            RequestPhase::BetweenFrames => self.pass_gate(wanted, wanted.to_vec()),
+            RequestPhase::Prefetch { spare_pages } => self.pass_gate(wanted, self.that_fit(wanted, spare_pages)),
+        }
+    }
+
+    fn before_feedback(&self, wanted: &[TileRequest]) -> Vec<TileRequest> {
         let large_error_px = OCCLUDED_TAU_FACTOR * self.tau_px;
-        let is_coarse_subtree = |w: &TileRequest| w.key.layer() == TileKind::Subtree && w.exceeds(large_error_px);
+        let is_coarse_subtree = |w: &TileRequest| w.key.kind() == TileKind::Subtree && w.exceeds(large_error_px);
         let root = TileKey::block_map(TileId::ROOT);
         let is_first = |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || self.is_loading(w.key);
         wanted.iter().filter(is_first).copied().collect()
     }
 
-    /// Requests between two frames.
-    pub(super) fn between_frames(&self, wanted: &[TileRequest]) -> Vec<TileRequest> {
-        self.pass_gate(wanted, wanted.to_vec())
-    }
-
-    /// Requests while a frame is drawn: at most `fine` of the tiles without a large error, most important first.
-    pub(super) fn while_drawing(&self, wanted: &[TileRequest], mut fine: usize) -> Vec<TileRequest> {
+    fn while_drawing(&self, wanted: &[TileRequest], mut fine: usize) -> Vec<TileRequest> {
         let coarse_px = COARSE_TAU_FACTOR * self.tau_px;
         let is_taken = |w: &&TileRequest| {
             let is_free = w.exceeds(coarse_px) || self.is_loading(w.key);
@@ -61,19 +79,17 @@ impl<F: TileFetcher> RequestPolicy<'_, F> {
             fine -= usize::from(is_taken && !is_free);
             is_taken
         };
-        self.pass_gate(wanted, wanted.iter().filter(is_taken).copied().collect())
+        wanted.iter().filter(is_taken).copied().collect()
     }
 
-    /// Requests of the idle prefetch: the first that fit into `spare_pages`.
-    pub(super) fn for_prefetch(&self, wanted: &[TileRequest], mut spare_pages: u32) -> Vec<TileRequest> {
+    fn that_fit(&self, wanted: &[TileRequest], mut spare_pages: u32) -> Vec<TileRequest> {
         let mut fits = |w: &&TileRequest| {
             let pages = self.tree.tile_pages(w.key);
             let fits = pages <= spare_pages;
             spare_pages = spare_pages.saturating_sub(pages);
             fits
         };
-        let fitting = wanted.iter().take_while(|w| fits(w)).copied().collect();
-        self.pass_gate(wanted, fitting)
+        wanted.iter().take_while(|w| fits(w)).copied().collect()
     }
 
     /// `requests` without those that tiles of `all` may occlude.

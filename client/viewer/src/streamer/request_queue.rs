@@ -18,24 +18,24 @@ const NOISE: Duration = Duration::from_millis(5);
 
 /// Requests to cancel and to start now.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct RequestPlan {
-    pub cancel: Vec<TileKey>,
+pub(super) struct RequestPlan {
+    pub(super) cancel: Vec<TileKey>,
     /// Most important first.
-    pub start: Vec<TileKey>,
+    pub(super) start: Vec<TileKey>,
 }
 
 /// The tiles that are queued, and those whose requests are in flight.
 #[derive(Debug)]
-pub struct RequestQueue {
-    pub concurrency: ConcurrencyLimit,
-    pub backoff: Backoff,
+pub(super) struct RequestQueue {
+    pub(super) concurrency: ConcurrencyLimit,
+    pub(super) backoff: Backoff,
     queued: HashSet<TileKey>,
     in_flight: HashSet<TileKey>,
 }
 
 impl RequestQueue {
     /// With at most `limit` requests in flight to begin with.
-    pub fn new(limit: usize) -> Self {
+    pub(super) fn new(limit: usize) -> Self {
         Self {
             concurrency: ConcurrencyLimit::new(limit),
             backoff: Backoff::default(),
@@ -46,7 +46,7 @@ impl RequestQueue {
 
     /// Brings the states of the tiles in line with `wanted`, and plans the requests. Tiles that are `is_local`, that is, can be had
     /// without the network, may start even while the server does not respond.
-    pub fn plan(
+    pub(super) fn plan(
         &mut self,
         tree: &mut SceneTree,
         wanted: &[TileRequest],
@@ -82,7 +82,7 @@ impl RequestQueue {
     }
 
     /// Records that a request has ended, successfully or not.
-    pub fn request_ended(&mut self, key: TileKey) {
+    pub(super) fn request_ended(&mut self, key: TileKey) {
         self.in_flight.remove(&key);
     }
 }
@@ -90,7 +90,7 @@ impl RequestQueue {
 /// Adapts the number of requests in flight to the connection: more while responses take no longer for it, fewer when they do.
 /// Each response that waits on the connection delays more important ones.
 #[derive(Debug)]
-pub struct ConcurrencyLimit {
+pub(super) struct ConcurrencyLimit {
     min_limit: usize,
     limit: usize,
     /// Duration of a response that waits for no other.
@@ -104,12 +104,12 @@ impl ConcurrencyLimit {
     }
 
     /// Number of requests that may be in flight.
-    pub fn limit(&self) -> usize {
+    pub(super) fn limit(&self) -> usize {
         self.limit
     }
 
     /// Records a response that came `took` after its request.
-    pub fn succeeded(&mut self, took: Duration) {
+    pub(super) fn succeeded(&mut self, took: Duration) {
         // The fastest response is forgotten gradually: the connection may have become slower.
         self.fastest = self.fastest.saturating_add(self.fastest / 256).min(took);
         if self.fastest > FAST_RESPONSE && took < self.fastest + self.fastest / 2 + NOISE {
@@ -120,14 +120,14 @@ impl ConcurrencyLimit {
     }
 
     /// Records a request that failed through the fault of the network or the server.
-    pub fn failed(&mut self) {
+    pub(super) fn failed(&mut self) {
         self.limit = (self.limit / 2).max(self.min_limit);
     }
 }
 
 /// Protects a server that does not respond, or is overloaded: after a delay, one request tries, while the others wait.
 #[derive(Debug, Default)]
-pub struct Backoff {
+pub(super) struct Backoff {
     failures: u8,
     retry_at: Option<Duration>,
 }
@@ -143,7 +143,7 @@ impl Backoff {
     }
 
     /// Records a failed request. Requests that started together fail together and count once.
-    pub fn failed(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) {
+    pub(super) fn failed(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) {
         if self.retry_at.is_some_and(|retry_at| now < retry_at) {
             return;
         }
@@ -153,12 +153,12 @@ impl Backoff {
     }
 
     /// Records a response.
-    pub fn succeeded(&mut self) {
+    pub(super) fn succeeded(&mut self) {
         *self = Self::default();
     }
 
     /// When the next request may start, while the server does not respond.
-    pub fn retry_at(&self) -> Option<Duration> {
+    pub(super) fn retry_at(&self) -> Option<Duration> {
         self.retry_at
     }
 }

@@ -40,7 +40,7 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Whether everything that the current side view of the idle prefetch asks for is resident.
     pub(super) fn is_prefetch_fetched(&self) -> bool {
-        self.lookahead.selection().requests.is_empty() && self.tiles.uploads.is_empty()
+        self.lookahead.selection.requests.is_empty() && self.tiles.uploads.is_empty()
     }
 
     /// Whether the hits of the last selection are known from a frame of at least this size, and changed nothing.
@@ -111,11 +111,11 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Number of tiles that were evicted from the cache so far.
     pub fn evicted(&self) -> u64 {
-        self.tiles.uploads.evicted()
+        self.tiles.uploads.evicted
     }
 
     /// Number of tiles that were fetched again after their eviction.
     pub fn fetched_again(&self) -> u64 {
-        self.tiles.uploads.fetched_again()
+        self.tiles.uploads.fetched_again
     }
 }

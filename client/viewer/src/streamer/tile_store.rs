@@ -1,12 +1,13 @@
 //! The tiles of a session: the scene tree, the cache, and decoded tiles on their way to them.
 
 use super::{
-    downloads::{Arrival, Downloads, TileFetcher},
+    downloads::{Downloads, TileFetcher},
     pending_subtrees::PendingSubtrees,
     upload_queue::{TileCounts, UploadQueue, UploadTarget},
 };
 use crate::{
-    cache::{AtlasCache, PackedTile, Upload},
+    cache::{AtlasCache, Upload},
+    decode::DecodedTile,
     scene::{SceneTree, TileKey},
 };
 use std::time::Duration;
@@ -46,20 +47,16 @@ impl TileStore {
         let known_nodes = self.tree.nodes().len();
         let mut has_tiles = false;
         while self.uploads.has_room()
-            && let Some(arrival) = downloads.poll(&mut self.tree, now)
+            && let Some((key, decoded)) = downloads.poll(&mut self.tree, now)
         {
             has_tiles = true;
-            match arrival {
-                Arrival::Subtree(key, subtree) => {
+            match decoded {
+                DecodedTile::Subtree(subtree) => {
                     self.counts.subtrees += self.pending_subtrees.push(key, subtree, &mut self.tree);
                 }
-                Arrival::Node(key, node) => {
-                    self.tree.set_pages(key.id, node.pages.len() as u32);
-                    self.uploads.push(key, PackedTile::Node(node));
-                }
-                Arrival::Mesh(key, mesh) => {
-                    self.tree.set_mesh_pages(key, mesh.pages.len() as u32);
-                    self.uploads.push(key, PackedTile::Mesh(mesh));
+                DecodedTile::Packed(tile) => {
+                    self.tree.set_pages(key, tile.pages().len() as u32);
+                    self.uploads.push(key, tile);
                 }
             }
         }

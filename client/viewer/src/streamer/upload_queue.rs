@@ -40,8 +40,10 @@ pub(super) struct UploadQueue {
     uploaded_at: Duration,
     /// Tiles that have been evicted at least once.
     evicted_keys: HashSet<TileKey>,
-    evicted: u64,
-    fetched_again: u64,
+    /// Evictions so far.
+    pub(super) evicted: u64,
+    /// Tiles that were uploaded again after their eviction.
+    pub(super) fetched_again: u64,
 }
 
 impl UploadQueue {
@@ -57,16 +59,6 @@ impl UploadQueue {
     /// Pages that the waiting tiles will take.
     pub(super) fn pages(&self) -> u32 {
         (self.waiting_bytes / PAGE_BYTES) as u32
-    }
-
-    /// Evictions so far.
-    pub(super) fn evicted(&self) -> u64 {
-        self.evicted
-    }
-
-    /// Tiles that were uploaded again after their eviction.
-    pub(super) fn fetched_again(&self) -> u64 {
-        self.fetched_again
     }
 
     pub(super) fn push(&mut self, key: TileKey, tile: PackedTile) {

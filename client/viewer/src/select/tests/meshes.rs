@@ -2,99 +2,124 @@
 
 use super::*;
 
-#[test]
-fn near_leaves_are_drawn_as_meshes_as_fine_as_they_must_be() {
+fn tree_with_meshes() -> SceneTree {
     let mut tree = SceneTree::new(manifest(DEPTH));
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
-    let view = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
+    tree
+}
+
+#[test]
+fn near_leaves_are_drawn_as_the_coarsest_mesh_within_tau() {
+    let mut tree = tree_with_meshes();
+    let view = street_view();
     let (_, selection) = converge(&mut tree, &view, 3);
-    let px = |node: &TreeNode, error_m: f64| ErrorMetric::new(&view).error_px(error_m, node.centre, node.radius_m);
+    let is_accurate = |node: &TreeNode, error_m: f64| error_px(&view, node, error_m) <= 1.0;
     let mut drawn = [0; 4];
-    for item in selection.draw_tiles.iter().filter(|item| tree.node(item.node).id.level() == DEPTH) {
-        let node = tree.node(item.node);
-        let wanted = match px(node, node.error_m) > 1.0 {
-            true => Some(node.lods.iter().rposition(|lod| px(node, lod.error_m) <= 1.0).unwrap_or(0) as u8),
-            false => None,
-        };
-        assert_eq!(item.mesh_lod, wanted, "{}", node.id);
-        drawn[item.mesh_lod.map_or(3, usize::from)] += 1;
+    for tile in selection.draw_tiles.iter().filter(|tile| tree.node(tile.node).id.level() == DEPTH) {
+        let node = tree.node(tile.node);
+        let best_lod = node.lods.iter().rposition(|lod| is_accurate(node, lod.error_m)).unwrap_or(0) as u8;
+        assert_eq!(tile.mesh_lod, (!is_accurate(node, node.error_m)).then_some(best_lod), "{}", node.id);
+        drawn[tile.mesh_lod.map_or(3, usize::from)] += 1;
     }
     assert!(drawn.iter().all(|n| *n > 0), "{drawn:?}");
     assert_eq!(selection.stats.meshes, drawn[..3].iter().sum::<u32>());
     assert_eq!(selection.used_meshes.len() as u32, selection.stats.meshes);
-    // A finer one that is here serves as well: nothing is fetched on the way back.
+
     let back = super::view([1030.0, 950.0, 25.0], [1030.0, 3000.0, 20.0]);
-    let behind = select(&back, &tree, &mut SelectionScratch::default());
-    assert!(behind.requests.iter().all(|w| {
-        tree.find(w.key.id).is_none_or(|at| tree.node(at).lods.iter().all(|lod| !lod.tile.is_resident()))
-    }));
-    // Less memory: never over the budget, and tau says so.
-    let tight = View { budget_pages: 500, ..view };
-    let selection = select(&tight, &tree, &mut SelectionScratch::default());
-    assert!(selection.stats.pages <= 500 && selection.stats.tau_px > 1.0, "{:?}", selection.stats);
-    let mut plain = SceneTree::new(manifest(DEPTH)).with_meshes(false);
-    subtrees(DEPTH, |_| false).into_iter().for_each(|s| plain.merge(&with_meshes(s)));
-    assert!(plain.nodes().iter().all(|node| node.lods.is_empty()));
+    let has_resident_mesh =
+        |id: TileId| tree.find(id).is_some_and(|i| tree.node(i).lods.iter().any(|lod| lod.tile.is_resident()));
+    let requests = select_in_view(&back, &tree).requests;
+    assert!(requests.iter().all(|w| !has_resident_mesh(w.key.id)), "a finer resident mesh is drawn instead");
+
+    let stats = select_in_view(&View { budget_pages: 500, ..view }, &tree).stats;
+    assert!(stats.pages <= 500 && stats.tau_px > 1.0, "{stats:?}");
 }
 
-/// A leaf that rays hit passes from what it lies in to its mesh; its columns come if the mesh is lost, or once they are enough.
 #[test]
-fn seen_leaves_go_without_columns() {
-    let mut tree = SceneTree::new(manifest(DEPTH));
+fn meshes_can_be_disabled() {
+    let mut tree = SceneTree::new(manifest(DEPTH)).with_meshes(false);
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
-    let near = view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0]);
-    let lost = tree.find(TileId::new(DEPTH, 16, 16).unwrap()).unwrap();
-    let lost_id = tree.node(lost).id;
-    (0..3).for_each(|lod| refuse(&mut tree, TileKey::mesh(lost_id, lod)));
-    let hit = |id: TileId| id.x().abs_diff(16 >> (DEPTH - id.level())) < 3;
-    let mut sight = OcclusionFeedback::default();
-    load(&mut tree, TileKey::block_map(TileId::ROOT));
-    look(&mut sight, &tree, &near, &select(&near, &tree, &mut SelectionScratch::default()), 0, hit);
-    let selection = converge_looking(&mut tree, &mut sight, &near, hit);
-    let px = |node: &TreeNode, view: &View| ErrorMetric::new(view).error_px(node.error_m, node.centre, node.radius_m);
-    let mut meshes = 0;
-    for item in &selection.draw_tiles {
-        let node = tree.node(item.node);
-        let mesh = hit(node.id) && node.id.level() == DEPTH && px(node, &near) > 1.0 && item.node != lost;
-        assert_eq!(item.mesh_lod.is_some(), mesh, "{}", node.id);
-        assert!(!mesh || item.source != item.node && !node.tile.is_resident(), "{} has columns, too", node.id);
-        assert_eq!(selection.mesh_leaves.contains(&item.node), mesh);
-        meshes += u32::from(mesh);
+    assert!(tree.nodes().iter().all(|node| node.lods.is_empty()));
+}
+
+/// A tree, feedback and selection after all visible leaves but `lost` got their meshes.
+struct ConvergedMeshes {
+    tree: SceneTree,
+    feedback: OcclusionFeedback,
+    selection: Selection,
+    /// Its mesh is bad.
+    lost: NodeIndex,
+}
+
+fn is_hit(id: TileId) -> bool {
+    id.x().abs_diff(16 >> (DEPTH - id.level())) < 3
+}
+
+fn converge_meshes() -> ConvergedMeshes {
+    let (mut tree, mut feedback) = (tree_with_meshes(), OcclusionFeedback::default());
+    let id = TileId::new(DEPTH, 16, 16).unwrap();
+    (0..3).for_each(|lod| refuse(&mut tree, TileKey::mesh(id, lod)));
+    report_first_frame(&mut feedback, &mut tree, &street_view(), is_hit);
+    let selection = converge_with(&mut feedback, &mut tree, &street_view(), is_hit);
+    ConvergedMeshes { lost: tree.find(id).unwrap(), tree, feedback, selection }
+}
+
+#[test]
+fn visible_leaves_are_refined_to_meshes_without_fetching_their_columns() {
+    let ConvergedMeshes { tree, selection, lost, .. } = converge_meshes();
+    for tile in &selection.draw_tiles {
+        let node = tree.node(tile.node);
+        let is_near_leaf = node.id.level() == DEPTH && error_px(&street_view(), node, node.error_m) > 1.0;
+        let has_mesh = is_hit(node.id) && is_near_leaf && tile.node != lost;
+        assert_eq!(tile.mesh_lod.is_some(), has_mesh, "{}", node.id);
+        assert!(!has_mesh || tile.source != tile.node && !node.tile.is_resident(), "{} has columns, too", node.id);
+        assert_eq!(selection.mesh_leaves.contains(&tile.node), has_mesh);
     }
-    assert!(meshes > 5 && selection.stats.meshes == meshes, "{meshes}");
-    // The same columns tell of their sky, whatever else comes.
-    let mut full = tree.clone();
-    let missing: Vec<TileKey> =
-        full.nodes().iter().filter(|n| !n.tile.is_resident()).map(|n| TileKey::block_map(n.id)).collect();
-    missing.into_iter().for_each(|key| load(&mut full, key));
-    let of_meshes = |tree: &SceneTree, selection: &Selection| {
-        let meshes = selection.draw_tiles.iter().filter(|item| item.mesh_lod.is_some());
-        meshes.map(|item| [item.node, item.source].map(|at| tree.node(at).id)).collect::<HashSet<_>>()
+    let meshes = selection.mesh_leaves.len();
+    assert!(meshes > 5 && selection.stats.meshes as usize == meshes && selection.used_meshes.len() == meshes);
+    assert!(tree.node(lost).tile.is_resident(), "without a mesh, the columns are fetched");
+    // Their parents are of a skipped level. Some were requested before the first feedback.
+    let parents = selection.mesh_leaves.iter().filter_map(|index| tree.node(*index).parent);
+    let skipped = parents.filter(|index| !tree.node(*index).tile.is_resident()).count();
+    assert!(skipped * 4 > meshes, "{skipped} of {meshes}");
+}
+
+#[test]
+fn sky_of_a_mesh_comes_from_the_same_node_whatever_is_resident() {
+    let ConvergedMeshes { tree, feedback, selection, .. } = converge_meshes();
+    let sky_sources = |tree: &SceneTree, selection: &Selection| -> HashSet<[TileId; 2]> {
+        let meshes = selection.draw_tiles.iter().filter(|tile| tile.mesh_lod.is_some());
+        meshes.map(|tile| [tile.node, tile.source].map(|index| tree.node(index).id)).collect()
     };
-    let told = of_meshes(&tree, &selection);
-    assert!(told.iter().all(|[leaf, by]| leaf.ancestor(DEPTH - 2) == Some(*by)), "{told:?}");
-    let after = crate::select::select(&near, &full, &sight, &mut SelectionScratch::default());
-    assert!(told.is_subset(&of_meshes(&full, &after)));
-    // Their parents are passed over, but for those that were wanted before anybody saw what is in them.
-    let meshed = selection.mesh_leaves.iter().filter_map(|at| tree.node(*at).parent);
-    let passed_over = meshed.filter(|at| !tree.node(*at).tile.is_resident()).count() as u32;
-    assert!(passed_over * 4 > meshes, "{passed_over} of {meshes}");
-    assert!(tree.node(lost).tile.is_resident(), "no mesh: its columns");
-    assert!(selection.used_meshes.len() == meshes as usize);
-    // Back to where columns are enough: they are asked for, and until they are here the mesh is drawn.
-    let back = View { tau_px: 40.0, ..near };
-    let first = crate::select::select(&back, &tree, &sight, &mut SelectionScratch::default());
-    assert_whole(&tree, &back, &first, 0);
-    let waits = |item: &&DrawTile| tree.node(item.node).id.level() == DEPTH && item.mesh_lod.is_some();
-    let waiting: Vec<&DrawTile> =
-        first.draw_tiles.iter().filter(waits).filter(|i| px(tree.node(i.node), &back) <= 40.0).collect();
-    let wanted = |at: NodeIndex| first.requests.iter().any(|w| w.key == TileKey::block_map(tree.node(at).id));
-    // Or what they lie in, if that would do.
-    let comes = |item: &&DrawTile| wanted(item.node) || tree.node(item.node).parent.is_some_and(wanted);
-    assert!(waiting.iter().all(comes), "{}", waiting.len());
-    let waiting: Vec<NodeIndex> = waiting.iter().map(|item| item.node).filter(|at| wanted(*at)).collect();
+    let before = sky_sources(&tree, &selection);
+    assert!(before.iter().all(|[leaf, source]| leaf.ancestor(DEPTH - 2) == Some(*source)), "{before:?}");
+    let mut full = tree.clone();
+    for node in tree.nodes().iter().filter(|node| !node.tile.is_resident()) {
+        load(&mut full, TileKey::block_map(node.id));
+    }
+    let after = select_with(&street_view(), &full, &feedback);
+    assert!(before.is_subset(&sky_sources(&full, &after)));
+}
+
+#[test]
+fn meshes_are_drawn_until_the_columns_are_resident_when_the_camera_moves_away() {
+    let ConvergedMeshes { mut tree, mut feedback, .. } = converge_meshes();
+    let away = View { tau_px: 40.0, ..street_view() };
+    let first = select_with(&away, &tree, &feedback);
+    assert_no_holes(&tree, &away, &first, 0);
+    let is_accurate_leaf = |node: &TreeNode| node.id.level() == DEPTH && error_px(&away, node, node.error_m) <= 40.0;
+    let is_waiting = |tile: &&DrawTile| tile.mesh_lod.is_some() && is_accurate_leaf(tree.node(tile.node));
+    let waiting: Vec<NodeIndex> = first.draw_tiles.iter().filter(is_waiting).map(|tile| tile.node).collect();
+    let is_requested = |node: NodeIndex| {
+        let key = TileKey::block_map(tree.node(node).id);
+        first.requests.iter().any(|w| w.key == key)
+    };
+    for node in &waiting {
+        assert!(is_requested(*node) || tree.node(*node).parent.is_some_and(is_requested), "{node:?}");
+    }
+    let waiting: Vec<NodeIndex> = waiting.into_iter().filter(|node| is_requested(*node)).collect();
     assert!(!waiting.is_empty());
-    let rest = converge_looking(&mut tree, &mut sight, &back, hit);
-    let columns = |item: &&DrawTile| waiting.contains(&item.node);
-    assert!(rest.draw_tiles.iter().filter(columns).all(|item| item.mesh_lod.is_none() && item.source == item.node));
+    let settled = converge_with(&mut feedback, &mut tree, &away, is_hit);
+    let mut tiles = settled.draw_tiles.iter().filter(|tile| waiting.contains(&tile.node));
+    assert!(tiles.all(|tile| tile.mesh_lod.is_none() && tile.source == tile.node));
 }
