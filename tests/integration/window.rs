@@ -135,7 +135,8 @@ impl Client {
         self.xdotool(&["mousemove", "--window", &self.window, &x, &y, "sleep", "0.1", "click", button])
     }
 
-    fn until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
+    /// Polls `done` while the client runs.
+    fn wait_until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
         let begin = Instant::now();
         while !done(self)? {
             if let Some(status) = self.program.try_wait()? {

@@ -1,6 +1,6 @@
 //! The buildings of a block: rows of houses, courtyards, towers, squares with trees, halls.
 
-use super::plan::{half_street, key, street};
+use super::streets::{half_street, key, street};
 use crate::rng::Rng;
 use glam::{DVec2, Vec2};
 

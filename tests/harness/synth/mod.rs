@@ -9,6 +9,7 @@ pub mod columns;
 pub mod mesh;
 pub mod plan;
 pub mod raster;
+pub mod streets;
 pub mod triangles;
 
 use crate::view::Camera;
@@ -99,7 +100,7 @@ impl Viewpoint {
     }
 
     pub fn camera(self) -> Camera {
-        let street = DVec2::new(plan::street(0, 0), plan::street(1, 0) + 30.0);
+        let street = DVec2::new(streets::street(0, 0), streets::street(1, 0) + 30.0);
         let (position, ahead) = match self {
             Self::Street => (street.extend(1.7), DVec3::new(0.06, 1.0, 0.02)),
             Self::Roof => (street.extend(32.0), DVec3::new(0.55, 1.0, -0.08)),

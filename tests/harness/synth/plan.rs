@@ -3,16 +3,12 @@
 //! Blocks are numbered in two directions, with 0, 0 in the centre. Distances of streets vary a little. The city consists of
 //! rings of blocks; the last blocks of the outermost ring are empty when the number of buildings is reached.
 
-use super::blocks::{self, Block};
-use crate::rng::Rng;
+use super::{
+    blocks::{self, Block},
+    streets::{JITTER_M, PITCH_M, street},
+};
 use glam::DVec2;
 
-/// Mean distance of streets along x and y.
-pub const PITCH_M: [f64; 2] = [88.0, 72.0];
-/// Largest displacement of a street.
-const JITTER_M: f64 = 7.0;
-/// Half the width of a street, and of every fifth one.
-const HALF_STREET_M: [f64; 2] = [4.5, 10.0];
 /// Ground beyond the outermost streets.
 const RIM_M: f64 = 12.0;
 
@@ -31,20 +27,6 @@ pub struct Plan {
     /// Number of buildings in the last of them.
     last_buildings: usize,
     totals: Totals,
-}
-
-/// Centre line of a street. `axis` 0: northbound streets, at x; 1: eastbound streets, at y.
-pub fn street(axis: usize, i: i32) -> f64 {
-    f64::from(i) * PITCH_M[axis] + Rng::new(key(i, 7 + axis as i32)).range(-JITTER_M, JITTER_M)
-}
-
-pub fn half_street(i: i32) -> f64 {
-    HALF_STREET_M[usize::from(i.rem_euclid(5) == 0)]
-}
-
-/// A seed made of two numbers.
-pub fn key(a: i32, b: i32) -> u64 {
-    u64::from(a as u32) << 32 | u64::from(b as u32)
 }
 
 /// The blocks of a ring, in order.
@@ -131,6 +113,7 @@ impl Plan {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::synth::streets::half_street;
 
     #[test]
     fn a_plan_has_the_requested_number_of_buildings() {
