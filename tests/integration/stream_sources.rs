@@ -89,9 +89,11 @@ fn a_folder_and_plain_hosts_give_the_same_frame() -> Result<()> {
     Ok(())
 }
 
+type SetFault = fn(&HostFaults);
+
 #[test]
 fn unsuitable_hosts_are_errors_of_one_line() -> Result<()> {
-    let faults: [(&str, fn(&HostFaults)); 3] = [
+    let faults: [(&str, SetFault); 3] = [
         ("ranges", |faults| faults.ignores_ranges.store(true, Relaxed)),
         ("replaced", |faults| faults.replaced_after.store(8, Relaxed)),
         ("range", |faults| faults.shifts_ranges.store(true, Relaxed)),
