@@ -1,22 +1,28 @@
 //! Handles one request: the checks in their order, then a tile or the router.
 
 use super::{
+    access_control::{AccessRequest, Credentials},
     connection_state::ConnectionState,
+    health::ForOperators,
     problem::Problem,
-    request_guard::{GuardedBody, RequestGuard, RequestLogEntry, ResponseBody},
-    response::with_cors,
-    router::{ALLOWED_METHODS, router},
+    request_guard::{RequestGuard, RequestLogEntry},
+    request_host::check_host,
+    response::{NO_REFERRER, with_cors},
+    response_body::{GuardedBody, ResponseBody, ResponsePiece},
+    router::{ALLOWED_METHODS, NO_ROUTE, router},
     state::AppState,
     tile::RequestedTile,
     tile_cache::TileCache,
 };
 use axum::{
-    Router,
+    Extension, Router,
     body::Body,
     http::{
         HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
     },
 };
+use http_body::Frame;
+use http_body_util::BodyExt;
 use insula_protocol::route::{Route, RouteError, RouteTemplate};
 use std::{
     convert::Infallible,
@@ -47,6 +53,27 @@ struct ServiceShared {
     state: AppState,
     router: Router,
     tiles: TileCache,
+    served: ServedRoutes,
+}
+
+/// The routes of a listener.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum ServedRoutes {
+    All,
+    /// `/metrics` has moved to the listener for operators.
+    WithoutMetrics,
+    /// Health and metrics only.
+    Operational,
+}
+
+impl ServedRoutes {
+    fn includes(self, route: RouteTemplate) -> bool {
+        match self {
+            Self::All => true,
+            Self::WithoutMetrics => route != RouteTemplate::Metrics,
+            Self::Operational => route.is_operational(),
+        }
+    }
 }
 
 /// A response that is ready, or a future of one.
@@ -68,10 +95,26 @@ impl Future for ResponseFuture {
 }
 
 impl HttpService {
-    /// A service with one tile cache of the configured size.
+    /// A service of all routes with one tile cache of the configured size.
     pub fn new(state: AppState) -> Self {
-        let tiles = TileCache::new(state.limits().tile_bytes);
-        Self(Arc::new(ServiceShared { router: router(state.clone()), state, tiles }))
+        let max_bytes = state.limits().tile_bytes;
+        Self::with_routes(router(state.clone()), state, ServedRoutes::All, max_bytes)
+    }
+
+    fn with_routes(router: Router, state: AppState, served: ServedRoutes, tile_cache_bytes: usize) -> Self {
+        Self(Arc::new(ServiceShared { state, router, tiles: TileCache::new(tile_cache_bytes), served }))
+    }
+
+    /// The same without `/metrics`.
+    pub(super) fn without_metrics(&self) -> Self {
+        let (router, state) = (self.0.router.clone(), self.0.state.clone());
+        Self::with_routes(router, state, ServedRoutes::WithoutMetrics, self.state().limits().tile_bytes)
+    }
+
+    /// A service of health and metrics only, for operators.
+    pub(super) fn for_operators(&self) -> Self {
+        let router = self.0.router.clone().layer(Extension(ForOperators));
+        Self::with_routes(router, self.0.state.clone(), ServedRoutes::Operational, 0)
     }
 
     /// State that all requests share.
@@ -81,21 +124,26 @@ impl HttpService {
 
     /// The service of one of several threads, with a tile cache of its own: its share of the configured size.
     pub(super) fn for_thread(&self, threads: usize) -> Self {
-        let tiles = TileCache::new(self.state().limits().tile_bytes / threads.max(1));
-        Self(Arc::new(ServiceShared { state: self.0.state.clone(), router: self.0.router.clone(), tiles }))
+        let tile_cache_bytes = self.state().limits().tile_bytes / threads.max(1);
+        Self::with_routes(self.0.router.clone(), self.0.state.clone(), self.0.served, tile_cache_bytes)
     }
 
     /// Responds to a request. Its body is not read.
     pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
         let route = RouteTemplate::of_path(parts.uri.path());
-        let is_over_limit = connection.is_some_and(|connection| connection.is_over_limit());
+        let over_limit = connection.filter(|connection| connection.is_over_limit());
+        if let Some(connection) = over_limit {
+            connection.start_shutdown();
+        }
+        let is_stream = parts.version == Version::HTTP_2;
         let pending = PendingRequest {
-            guard: RequestGuard::new(self.state(), connection, route),
+            guard: RequestGuard::new(self.state(), connection, route, is_stream),
             id: request_id(self.state(), &parts.headers),
             method: parts.method.clone(),
             uri: parts.uri.clone(),
+            allows_any_origin: self.state().allows_any_origin() && !route.is_operational(),
             // What follows an unread body cannot be parsed as a request.
-            must_close: (is_over_limit || has_body(&parts.headers)) && parts.version != Version::HTTP_2,
+            must_close: (over_limit.is_some() || has_body(&parts.headers)) && !is_stream,
         };
         match self.admit(connection, route, &parts) {
             Ok(()) => self.dispatch(route, parts, pending),
@@ -104,8 +152,12 @@ impl HttpService {
     }
 
     fn dispatch(&self, route: RouteTemplate, parts: Parts, mut pending: PendingRequest) -> ResponseFuture {
+        if !self.0.served.includes(route) {
+            return pending.ready(Err(NO_ROUTE));
+        }
         if parts.method == Method::OPTIONS {
-            return pending.ready(Ok(preflight()));
+            let response = preflight(pending.allows_any_origin);
+            return pending.ready(Ok(response));
         }
         if !route.is_operational() && !pending.guard.try_enter() {
             return pending.ready(Err(too_busy()));
@@ -134,28 +186,31 @@ impl HttpService {
 
     /// The requested tile; `None` for other routes. Fails with 400, 401 or 404.
     fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<RequestedTile, Problem>> {
-        let (state, path, headers) = (self.state(), parts.uri.path(), &parts.headers);
+        let (state, path) = (self.state(), parts.uri.path());
+        let credentials = Credentials::new(&parts.headers, &parts.uri);
         match Route::parse(path) {
-            Ok(Route::Tile(tile)) => Some(RequestedTile::resolve(state, tile, headers)),
+            Ok(Route::Tile(tile)) => Some(RequestedTile::resolve(state, tile, credentials)),
             Err(RouteError::InvalidTile) => Some(Err(INVALID_TILE)),
             // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
             Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {
                 let city = path.split('/').nth(3).unwrap_or_default();
-                let denied = state.catalog().access().authorize(city, headers).err();
+                let request = AccessRequest { route, city, version: None };
+                let denied = state.catalog().access().authorize(credentials, request).err();
                 Some(Err(denied.unwrap_or(Problem::not_found("there is no such city or version"))))
             }
             _ => None,
         }
     }
 
-    /// Checks that precede routing. Fails with 503, 431, 400 or 429.
+    /// Checks that precede routing. Fails with 503, 431, 400, 421 or 429.
     fn admit(
         &self,
         connection: Option<&Arc<ConnectionState>>,
         route: RouteTemplate,
         parts: &Parts,
     ) -> Result<(), Problem> {
-        if connection.is_some_and(|connection| connection.is_over_limit()) {
+        // An orchestrator would restart a server that is merely busy.
+        if connection.is_some_and(|connection| connection.is_over_limit()) && !route.is_operational() {
             return Err(Problem::unavailable("too many connections: retry in a second"));
         }
         if parts.headers.len() > self.state().limits().headers {
@@ -164,6 +219,7 @@ impl HttpService {
         if has_body(&parts.headers) {
             return Err(Problem::bad_request("requests must not have a body"));
         }
+        check_host(connection, parts, self.state().hosts())?;
         match connection.and_then(|connection| connection.ip()) {
             Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip),
             _ => Ok(()),
@@ -177,6 +233,7 @@ struct PendingRequest {
     id: HeaderValue,
     method: Method,
     uri: Uri,
+    allows_any_origin: bool,
     /// The connection ends with this response.
     must_close: bool,
 }
@@ -194,14 +251,21 @@ impl PendingRequest {
         };
         let code = response.status().as_u16();
         let headers = response.headers_mut();
-        if !headers.contains_key(header::ACCESS_CONTROL_ALLOW_ORIGIN) {
+        if self.allows_any_origin && !headers.contains_key(header::ACCESS_CONTROL_ALLOW_ORIGIN) {
             *headers = with_cors(std::mem::take(headers));
+        }
+        if self.uri.query().is_some() {
+            headers.insert(header::REFERRER_POLICY, NO_REFERRER);
         }
         if self.must_close {
             headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
         }
         if self.guard.set_code(code) {
-            self.guard.set_log_entry(RequestLogEntry { id: self.id.clone(), method: self.method, uri: self.uri });
+            self.guard.set_log_entry(RequestLogEntry {
+                id: self.id.clone(),
+                method: self.method,
+                path: self.uri.path().to_owned(),
+            });
         }
         headers.insert(REQUEST_ID, self.id);
         response.map(|body| GuardedBody::new(body, self.guard))
@@ -218,14 +282,16 @@ fn has_body(headers: &HeaderMap) -> bool {
     length || headers.contains_key(header::TRANSFER_ENCODING)
 }
 
-fn preflight() -> Response<ResponseBody> {
+fn preflight(allows_any_origin: bool) -> Response<ResponseBody> {
     let mut response = Response::new(ResponseBody::Full(Default::default()));
     *response.status_mut() = StatusCode::NO_CONTENT;
     let headers = response.headers_mut();
     headers.insert(header::ALLOW, ALLOWED_METHODS);
-    headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, ALLOWED_METHODS);
-    headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ALLOWED_HEADERS);
-    headers.insert(header::ACCESS_CONTROL_MAX_AGE, HeaderValue::from_static("86400"));
+    if allows_any_origin {
+        headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, ALLOWED_METHODS);
+        headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ALLOWED_HEADERS);
+        headers.insert(header::ACCESS_CONTROL_MAX_AGE, HeaderValue::from_static("86400"));
+    }
     response
 }
 
@@ -248,6 +314,7 @@ impl Service<Request<Body>> for HttpService {
     fn call(&mut self, request: Request<Body>) -> Self::Future {
         let service = self.clone();
         let response = service.respond(None, request.into_parts().0);
-        Box::pin(async move { response.await.map(|response| response.map(Body::new)) })
+        let without_guard = |frame: Frame<ResponsePiece>| frame.map_data(ResponsePiece::into_bytes);
+        Box::pin(async move { response.await.map(|response| response.map(|b| Body::new(b.map_frame(without_guard)))) })
     }
 }
