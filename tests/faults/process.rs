@@ -48,10 +48,13 @@ pub(crate) fn no_descriptors() {
     });
 }
 
+/// One address makes all connections here, and may have more than its share.
+const SLOW_HEADERS: [&str; 3] = ["limits.connections=300", "limits.client_connections=300", "limits.header_secs=2"];
+
 pub(crate) fn slow_headers() {
     let folder = tempfile::tempdir().unwrap();
     common::write_city(folder.path(), "two");
-    let server = Served::start(text(folder.path()), &["limits.connections=300", "limits.header_secs=2"]);
+    let server = Served::start(text(folder.path()), &SLOW_HEADERS);
     let (_, path) = &addresses(common::VERSION)[0];
     // More of them than there are places, for longer than one of them is allowed.
     let start = Instant::now();

@@ -122,19 +122,35 @@ impl HttpBody for GuardedBody {
     }
 }
 
+/// The same body in plain bytes, for callers that hold it themselves: a piece is sent when it is taken.
+pub(super) struct PlainBody(pub(super) GuardedBody);
+
+impl HttpBody for PlainBody {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let frame = ready!(Pin::new(&mut self.0).poll_frame(context));
+        Poll::Ready(frame.map(|frame| frame.map(|frame| frame.map_data(|piece| piece.bytes))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.0.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.0.size_hint()
+    }
+}
+
 /// A piece of a body. The connection drops it when it has sent its last byte.
 pub(super) struct ResponsePiece {
     bytes: Bytes,
     stream: Option<Arc<StreamProgress>>,
     guard: Option<RequestGuard>,
-}
-
-impl ResponsePiece {
-    /// The bytes without the guard.
-    pub(super) fn into_bytes(self) -> Bytes {
-        drop(self.guard);
-        self.bytes
-    }
 }
 
 impl Buf for ResponsePiece {
@@ -151,5 +167,45 @@ impl Buf for ResponsePiece {
             stream.bytes_taken(count);
         }
         self.bytes.advance(count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{config::ServeConfig, http::state::AppState, store::Store};
+    use insula_protocol::route::RouteTemplate;
+    use std::task::Waker;
+
+    #[test]
+    fn a_large_body_is_counted_until_its_last_piece_is_sent() {
+        let mut config = ServeConfig::default();
+        (config.limits.in_flight, config.limits.in_flight_bytes) = (1, 20 << 20);
+        let state = AppState::new(Store::default(), &config);
+        for routed in [false, true] {
+            let mut guard = RequestGuard::new(&state, None, RouteTemplate::Cities, false);
+            assert!(guard.try_enter() && guard.try_reserve(20 << 20));
+            let bytes = Bytes::from(vec![7; (20 << 20) - 5]);
+            let body = if routed { ResponseBody::Routed(bytes.into()) } else { ResponseBody::Full(bytes) };
+            let mut body = Box::pin(GuardedBody::new(body, guard));
+            let (mut taken, mut last) = (0, None);
+            while let Poll::Ready(Some(Ok(frame))) = body.as_mut().poll_frame(&mut Context::from_waker(Waker::noop())) {
+                let mut piece = frame.into_data().unwrap_or_else(|_| panic!("no trailers"));
+                assert!(piece.remaining() <= PIECE_BYTES);
+                taken += piece.remaining();
+                piece.advance(piece.remaining());
+                last = Some(piece);
+                if body.is_end_stream() {
+                    break;
+                }
+                assert_eq!(state.in_flight().requests(), 1);
+            }
+            assert_eq!(taken, (20 << 20) - 5);
+            drop(body);
+            assert_eq!(state.in_flight().requests(), 1, "the last piece is not sent");
+            assert!(!state.in_flight().try_reserve(1));
+            drop(last);
+            assert_eq!(state.in_flight().requests(), 0);
+        }
     }
 }

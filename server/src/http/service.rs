@@ -8,7 +8,7 @@ use super::{
     request_guard::{RequestGuard, RequestLogEntry},
     request_host::check_host,
     response::{NO_REFERRER, with_cors},
-    response_body::{GuardedBody, ResponseBody, ResponsePiece},
+    response_body::{GuardedBody, PlainBody, ResponseBody},
     router::{ALLOWED_METHODS, NO_ROUTE, router},
     state::AppState,
     tile::RequestedTile,
@@ -21,8 +21,6 @@ use axum::{
         HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
     },
 };
-use http_body::Frame;
-use http_body_util::BodyExt;
 use insula_protocol::route::{Route, RouteError, RouteTemplate};
 use std::{
     convert::Infallible,
@@ -314,7 +312,6 @@ impl Service<Request<Body>> for HttpService {
     fn call(&mut self, request: Request<Body>) -> Self::Future {
         let service = self.clone();
         let response = service.respond(None, request.into_parts().0);
-        let without_guard = |frame: Frame<ResponsePiece>| frame.map_data(ResponsePiece::into_bytes);
-        Box::pin(async move { response.await.map(|response| response.map(|b| Body::new(b.map_frame(without_guard)))) })
+        Box::pin(async move { response.await.map(|response| response.map(|body| Body::new(PlainBody(body)))) })
     }
 }
