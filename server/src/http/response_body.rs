@@ -49,11 +49,11 @@ pub(super) struct GuardedBody {
     /// What was taken from `body` and not yet passed on.
     rest: Bytes,
     /// `None` after the last piece.
-    guard: Option<RequestGuard>,
+    guard: Option<Box<RequestGuard>>,
 }
 
 impl GuardedBody {
-    pub(super) fn new(body: ResponseBody, guard: RequestGuard) -> Self {
+    pub(super) fn new(body: ResponseBody, guard: Box<RequestGuard>) -> Self {
         guard.response_started();
         Self { body, rest: Bytes::new(), guard: Some(guard) }
     }
@@ -150,7 +150,7 @@ impl HttpBody for PlainBody {
 pub(super) struct ResponsePiece {
     bytes: Bytes,
     stream: Option<Arc<StreamProgress>>,
-    guard: Option<RequestGuard>,
+    guard: Option<Box<RequestGuard>>,
 }
 
 impl Buf for ResponsePiece {
@@ -183,7 +183,7 @@ mod tests {
         (config.limits.in_flight, config.limits.in_flight_bytes) = (1, 20 << 20);
         let state = AppState::new(Store::default(), &config);
         for routed in [false, true] {
-            let mut guard = RequestGuard::new(&state, None, RouteTemplate::Cities, false);
+            let mut guard = Box::new(RequestGuard::new(&state, None, RouteTemplate::Cities, false));
             assert!(guard.try_enter() && guard.try_reserve(20 << 20));
             let bytes = Bytes::from(vec![7; (20 << 20) - 5]);
             let body = if routed { ResponseBody::Routed(bytes.into()) } else { ResponseBody::Full(bytes) };

@@ -128,14 +128,16 @@ impl HttpService {
 
     /// Responds to a request. Its body is not read.
     pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
-        let route = RouteTemplate::of_path(parts.uri.path());
+        let path = parts.uri.path();
+        let parsed = Route::parse(path);
+        let route = parsed.map_or_else(|_| RouteTemplate::of_path(path), |route| route.template());
         let over_limit = connection.filter(|connection| connection.is_over_limit());
         if let Some(connection) = over_limit {
             connection.start_shutdown();
         }
         let is_stream = parts.version == Version::HTTP_2;
-        let pending = PendingRequest {
-            guard: RequestGuard::new(self.state(), connection, route, is_stream),
+        let mut pending = PendingRequest {
+            guard: Box::new(RequestGuard::new(self.state(), connection, route, is_stream)),
             id: request_id(self.state(), &parts.headers),
             method: parts.method.clone(),
             uri: parts.uri.clone(),
@@ -143,60 +145,74 @@ impl HttpService {
             // What follows an unread body cannot be parsed as a request.
             must_close: (over_limit.is_some() || has_body(&parts.headers)) && !is_stream,
         };
-        match self.admit(connection, route, &parts) {
-            Ok(()) => self.dispatch(route, parts, pending),
-            Err(problem) => pending.ready(Err(problem)),
+        let target = match self.admit(connection, route, &parts) {
+            Ok(()) => self.target(parsed, route, &parts, &mut pending),
+            Err(problem) => RequestTarget::Problem(problem),
+        };
+        match target {
+            RequestTarget::Tile(tile) => self.respond_with_tile(tile, parts, pending),
+            RequestTarget::Router => {
+                let router = self.0.router.clone();
+                ResponseFuture::Pending(Box::pin(async move {
+                    let Ok(response) = router.oneshot(Request::from_parts(parts, Body::empty())).await;
+                    pending.finish(Ok(response.map(ResponseBody::Routed)))
+                }))
+            }
+            RequestTarget::Preflight => {
+                let response = preflight(pending.allows_any_origin);
+                pending.ready(Ok(response))
+            }
+            RequestTarget::Problem(problem) => pending.ready(Err(problem)),
         }
     }
 
-    fn dispatch(&self, route: RouteTemplate, parts: Parts, mut pending: PendingRequest) -> ResponseFuture {
-        if !self.0.served.includes(route) {
-            return pending.ready(Err(NO_ROUTE));
-        }
-        if parts.method == Method::OPTIONS {
-            let response = preflight(pending.allows_any_origin);
-            return pending.ready(Ok(response));
-        }
-        if !route.is_operational() && !pending.guard.try_enter() {
-            return pending.ready(Err(too_busy()));
+    fn respond_with_tile(&self, tile: RequestedTile, parts: Parts, pending: PendingRequest) -> ResponseFuture {
+        if let Some(response) = tile.cached_response(&self.0.tiles, &parts) {
+            return pending.ready(Ok(response.map(ResponseBody::Full)));
         }
         let service = self.clone();
-        let is_read = parts.method == Method::GET || parts.method == Method::HEAD;
-        let Some(tile) = self.tile_request(route, &parts).filter(|_| is_read) else {
-            return ResponseFuture::Pending(Box::pin(async move {
-                let request = Request::from_parts(parts, Body::empty());
-                let Ok(response) = service.0.router.clone().oneshot(request).await;
-                pending.finish(Ok(response.map(ResponseBody::Routed)))
-            }));
-        };
-        let tile = match tile {
-            Ok(tile) => tile,
-            Err(problem) => return pending.ready(Err(problem)),
-        };
-        match tile.cached_response(&self.0.tiles, &parts) {
-            Some(response) => pending.ready(Ok(response.map(ResponseBody::Full))),
-            None => ResponseFuture::Pending(Box::pin(async move {
-                let response = tile.read(service.state(), &service.0.tiles, &parts).await;
-                pending.finish(response.map(|response| response.map(ResponseBody::Full)))
-            })),
-        }
+        ResponseFuture::Pending(Box::pin(async move {
+            let response = tile.read(service.state(), &service.0.tiles, &parts).await;
+            pending.finish(response.map(|response| response.map(ResponseBody::Full)))
+        }))
     }
 
-    /// The requested tile; `None` for other routes. Fails with 400, 401 or 404.
-    fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<RequestedTile, Problem>> {
-        let (state, path) = (self.state(), parts.uri.path());
-        let credentials = Credentials::new(&parts.headers, &parts.uri);
-        match Route::parse(path) {
-            Ok(Route::Tile(tile)) => Some(RequestedTile::resolve(state, tile, credentials)),
-            Err(RouteError::InvalidTile) => Some(Err(INVALID_TILE)),
+    /// What responds to a request, which enters the budget of requests in flight.
+    fn target(
+        &self,
+        parsed: Result<Route<'_>, RouteError>,
+        route: RouteTemplate,
+        parts: &Parts,
+        pending: &mut PendingRequest,
+    ) -> RequestTarget {
+        if !self.0.served.includes(route) {
+            return RequestTarget::Problem(NO_ROUTE);
+        }
+        if parts.method == Method::OPTIONS {
+            return RequestTarget::Preflight;
+        }
+        if !route.is_operational() && !pending.guard.try_enter() {
+            return RequestTarget::Problem(too_busy());
+        }
+        if parts.method != Method::GET && parts.method != Method::HEAD {
+            return RequestTarget::Router;
+        }
+        let (state, credentials) = (self.state(), Credentials::new(&parts.headers, &parts.uri));
+        match parsed {
+            Ok(Route::Tile(tile)) => match RequestedTile::resolve(state, tile, credentials) {
+                Ok(tile) => RequestTarget::Tile(tile),
+                Err(problem) => RequestTarget::Problem(problem),
+            },
+            Err(RouteError::InvalidTile) => RequestTarget::Problem(INVALID_TILE),
             // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
             Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {
-                let city = path.split('/').nth(3).unwrap_or_default();
+                let city = parts.uri.path().split('/').nth(3).unwrap_or_default();
                 let request = AccessRequest { route, city, version: None };
                 let denied = state.catalog().access().authorize(credentials, request).err();
-                Some(Err(denied.unwrap_or(Problem::not_found("there is no such city or version"))))
+                let unknown = Problem::not_found("there is no such city or version");
+                RequestTarget::Problem(denied.unwrap_or(unknown))
             }
-            _ => None,
+            _ => RequestTarget::Router,
         }
     }
 
@@ -225,9 +241,17 @@ impl HttpService {
     }
 }
 
+/// What responds to a request.
+enum RequestTarget {
+    Tile(RequestedTile),
+    Router,
+    Preflight,
+    Problem(Problem),
+}
+
 /// What is kept of a request until its response exists.
 struct PendingRequest {
-    guard: RequestGuard,
+    guard: Box<RequestGuard>,
     id: HeaderValue,
     method: Method,
     uri: Uri,

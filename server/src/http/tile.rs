@@ -37,18 +37,17 @@ impl RequestedTile {
         credentials: Credentials<'_>,
     ) -> Result<Self, Problem> {
         let catalog = state.catalog();
-        let current = catalog.store().city(route.city);
+        let found = catalog.store().version(route.city, route.version);
+        let is_known = found.is_some() || catalog.store().city(route.city).is_some();
         let request = AccessRequest {
             route: Route::Tile(route).template(),
             city: route.city,
-            version: current.map(|_| route.version),
+            version: is_known.then_some(route.version),
         };
         let access = catalog.access().authorize(credentials, request)?;
-        let city = match catalog.store().version(route.city, route.version) {
+        let city = match found {
             Some(city) => Arc::clone(city),
-            None if current.is_none() => {
-                return Err(Problem::not_found("there is no such city"));
-            }
+            None if !is_known => return Err(Problem::not_found("there is no such city")),
             None => {
                 return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
             }
