@@ -66,6 +66,7 @@ impl ConnectionState {
         if over_limit {
             timeouts.header = timeouts.header.min(OVER_LIMIT_TIMEOUT);
             timeouts.idle = timeouts.idle.min(OVER_LIMIT_TIMEOUT);
+            timeouts.write = timeouts.write.min(OVER_LIMIT_TIMEOUT);
         }
         Self {
             ip,

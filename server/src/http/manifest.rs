@@ -21,6 +21,7 @@ use std::num::NonZeroUsize;
 
 /// Cities that a page of the list may have at most.
 const MAX_PAGE_CITIES: usize = 1000;
+const INVALID_LIMIT: Problem = Problem::bad_request("limit must be a number from 1 to 1000");
 
 /// `/v1/cities`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`.
 pub(super) async fn list_cities(
@@ -52,21 +53,22 @@ pub(super) async fn list_cities(
     Ok(response)
 }
 
-/// The page that a query asks for. Other parameters are ignored.
+/// The page that a query asks for. Other parameters are ignored. Fails with 400 for values that are invalid or given twice.
 pub(super) fn page_request(query: &str) -> Result<PageRequest<'_>, Problem> {
-    let mut request = PageRequest::default();
-    for (key, value) in query.split('&').filter_map(|pair| pair.split_once('=')) {
+    let (mut after, mut limit) = (None, None);
+    for (key, value) in query.split('&').map(|pair| pair.split_once('=').unwrap_or((pair, ""))) {
         match key {
-            "after" if is_name(value) => request.after = Some(value),
-            "limit" => {
-                let limit = value.parse().ok().filter(|limit: &NonZeroUsize| limit.get() <= MAX_PAGE_CITIES);
-                request.limit = limit.ok_or(Problem::bad_request("limit must be a number from 1 to 1000"))?;
-            }
+            "after" if after.is_none() && is_name(value) => after = Some(value),
             "after" => return Err(Problem::bad_request("after must be the name of a city")),
+            "limit" if limit.is_none() => {
+                limit = value.parse().ok().filter(|limit: &NonZeroUsize| limit.get() <= MAX_PAGE_CITIES);
+                limit.ok_or(INVALID_LIMIT)?;
+            }
+            "limit" => return Err(INVALID_LIMIT),
             _ => {}
         }
     }
-    Ok(request)
+    Ok(PageRequest { after, limit: limit.unwrap_or(PAGE_CITIES) })
 }
 
 /// `/v1/openapi.json`
