@@ -15,15 +15,18 @@ use insula_client::{
         source::disk::{CachedCity, EXTENSION},
     },
 };
+use insula_server::{config::ServeConfig, http::HttpServer, store::Store};
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
     host::{Host, Manner},
+    programs::{program, run},
     synth::{City, Stand},
     viewer::{fetch_all, open},
 };
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
+    process::Command,
     sync::{Arc, OnceLock},
     time::{Duration, Instant},
 };
@@ -84,6 +87,33 @@ fn a_folder_and_plain_hosts_give_the_same_picture() -> Result<()> {
         let asked = session.report(1.0).requests;
         ensure!(manner != Manner::Well || asked <= tiles.blockmaps * 2 + tiles.subtrees + 8, "{asked} for {tiles:?}");
     }
+    Ok(())
+}
+
+/// A server of the city, which is private, ends with its runtime. Returns the address of the manifest, and a link to it.
+fn private_server(runtime: &tokio::runtime::Runtime, keys: &Path) -> Result<(String, String)> {
+    std::fs::write(keys, "key 0123456789abcdef0123456789abcdef\n")?;
+    let mut config = ServeConfig::default();
+    config.access.share_keys = Some(keys.to_owned());
+    let server = HttpServer::new(Store::open(&[city()])?, &config)?;
+    let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0"))?;
+    let url = format!("http://{}", listener.local_addr()?);
+    runtime.spawn(server.run(listener, std::future::pending()));
+    let mut sign = Command::new(program("insula-server")?);
+    sign.args(["sign", "--city", "town", "--expires", "1h", "--url", &url, "--keys"]).arg(keys);
+    let link = String::from_utf8(run(&mut sign)?.stdout)?;
+    Ok((format!("{url}/v1/cities/town"), link.trim_end().to_owned()))
+}
+
+#[test]
+fn a_share_link_opens_a_private_city() -> Result<()> {
+    let (runtime, folder) = (tokio::runtime::Runtime::new()?, tempfile::tempdir()?);
+    let (address, link) = private_server(&runtime, &folder.path().join("keys"))?;
+    ensure!(headless::open_session(&address, &global(1), None, None).is_err(), "it is not private");
+    let from_link = settle(&mut headless::open_session(&link, &global(3), None, None)?)?;
+    ensure!(from_link == settle(&mut open(&city(), 256)?)?, "the pictures differ");
+    let error = headless::open_session(&format!("{link}0"), &global(1), None, None).err().map(|e| e.to_string());
+    ensure!(error.as_ref().is_some_and(|text| !text.contains("share")), "the link is in a message: {error:?}");
     Ok(())
 }
 
