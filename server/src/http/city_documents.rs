@@ -3,19 +3,18 @@
 use super::{
     access_control::AccessControl,
     content_encoding::EncodedContent,
+    page_request::PageRequest,
     representation::{REVALIDATE, REVALIDATE_PRIVATE},
 };
 use crate::store::{CityStore, Store};
 use axum::http::HeaderValue;
 use insula_protocol::{Manifest, codec::bincode, manifest::Attribution, route};
 use serde::Serialize;
-use std::{collections::BTreeMap, num::NonZeroUsize, ops::Bound, sync::Arc};
+use std::{collections::BTreeMap, ops::Bound, sync::Arc};
 
 pub(super) const JSON: &str = "application/json";
 pub(super) const BINCODE: &str = "application/x-bincode";
 
-/// Cities on a page of the list, unless the request says otherwise.
-pub(super) const PAGE_CITIES: NonZeroUsize = NonZeroUsize::new(100).unwrap();
 /// A page ends early at this size.
 const PAGE_BYTES: usize = 1 << 20;
 
@@ -48,20 +47,6 @@ pub(super) struct ListPage {
     pub(super) content: EncodedContent,
     /// The last city of this page, if there are more.
     pub(super) last: Option<String>,
-}
-
-/// Which part of the list a request wants.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct PageRequest<'a> {
-    /// Only cities that sort after this name.
-    pub(super) after: Option<&'a str>,
-    pub(super) limit: NonZeroUsize,
-}
-
-impl Default for PageRequest<'_> {
-    fn default() -> Self {
-        Self { after: None, limit: PAGE_CITIES }
-    }
 }
 
 #[derive(Serialize)]

@@ -13,6 +13,17 @@ use std::{
     },
 };
 
+/// What a connection is there for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ConnectionClass {
+    /// Its requests are served.
+    Served,
+    /// There are too many connections: its requests are rejected, except for health and metrics.
+    OverLimit,
+    /// The same for a client that has its share of both: it may still ask for health. No share limits this class.
+    Reserved,
+}
+
 /// All clients with open connections.
 #[derive(Debug)]
 pub(super) struct ClientTable {
@@ -45,7 +56,7 @@ pub(super) struct ClientSlot {
     table: Arc<ClientTable>,
     network: IpAddr,
     usage: Arc<ClientUsage>,
-    is_over_limit: bool,
+    class: ConnectionClass,
 }
 
 /// The default share of one client: three quarters, at least 1.
@@ -67,7 +78,7 @@ impl ClientTable {
     }
 
     /// Counts a connection. `None` if the client has its share of this kind of connection.
-    pub(super) fn connect(self: &Arc<Self>, ip: IpAddr, is_over_limit: bool) -> Option<ClientSlot> {
+    pub(super) fn connect(self: &Arc<Self>, ip: IpAddr, class: ConnectionClass) -> Option<ClientSlot> {
         let network = client_network(ip);
         let ClientShares { connections, over_limit, requests, bytes } = self.shares;
         let mut clients = self.lock();
@@ -78,14 +89,18 @@ impl ClientTable {
                 in_flight: InFlightBudget::new(requests, bytes),
             })
         });
-        let max = if is_over_limit { over_limit } else { connections };
+        let max = match class {
+            ConnectionClass::Served => connections,
+            ConnectionClass::OverLimit => over_limit,
+            ConnectionClass::Reserved => usize::MAX,
+        };
         // The count changes under the lock only.
-        let counter = usage.counter(is_over_limit);
+        let counter = usage.counter(class);
         if counter.load(Relaxed) >= max {
             return None;
         }
         counter.fetch_add(1, Relaxed);
-        Some(ClientSlot { table: self.clone(), network, usage: usage.clone(), is_over_limit })
+        Some(ClientSlot { table: self.clone(), network, usage: usage.clone(), class })
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<IpAddr, Arc<ClientUsage>>> {
@@ -99,8 +114,8 @@ impl ClientUsage {
         &self.in_flight
     }
 
-    fn counter(&self, is_over_limit: bool) -> &AtomicUsize {
-        if is_over_limit { &self.over_limit } else { &self.connections }
+    fn counter(&self, class: ConnectionClass) -> &AtomicUsize {
+        if class == ConnectionClass::Served { &self.connections } else { &self.over_limit }
     }
 }
 
@@ -113,7 +128,7 @@ impl ClientSlot {
 impl Drop for ClientSlot {
     fn drop(&mut self) {
         let mut clients = self.table.lock();
-        self.usage.counter(self.is_over_limit).fetch_sub(1, Relaxed);
+        self.usage.counter(self.class).fetch_sub(1, Relaxed);
         if self.usage.connections.load(Relaxed) + self.usage.over_limit.load(Relaxed) == 0 {
             clients.remove(&self.network);
         }
@@ -133,20 +148,25 @@ pub(super) fn client_network(ip: IpAddr) -> IpAddr {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{
+        ConnectionClass::{OverLimit, Reserved, Served},
+        *,
+    };
 
     #[test]
     fn a_client_gets_its_share_and_is_forgotten_when_it_leaves() {
         let limits = LimitsConfig { connections: 4, client_in_flight: 7, ..LimitsConfig::default() };
         let table = Arc::new(ClientTable::new(&limits, 2));
         let [one, same, other] = ["2001:db8::1", "2001:db8::2", "192.0.2.1"].map(|ip| ip.parse().unwrap());
-        let mut slots: Vec<_> = [one, same, one].iter().map(|ip| table.connect(*ip, false).unwrap()).collect();
-        assert!(table.connect(same, false).is_none(), "three quarters of four");
-        assert!(table.connect(other, false).is_some());
+        let mut slots: Vec<_> = [one, same, one].iter().map(|ip| table.connect(*ip, Served).unwrap()).collect();
+        assert!(table.connect(same, Served).is_none(), "three quarters of four");
+        assert!(table.connect(other, Served).is_some());
         assert!((0..7).all(|_| slots[0].usage().in_flight().try_enter()));
         assert!(!slots[1].usage().in_flight().try_enter(), "a /64 network is one client");
-        slots.push(table.connect(one, true).unwrap());
-        assert!(table.connect(one, true).is_none());
+        slots.push(table.connect(one, OverLimit).unwrap());
+        assert!(table.connect(one, OverLimit).is_none());
+        slots.extend((0..5).filter_map(|_| table.connect(one, Reserved)));
+        assert_eq!(slots.len(), 9);
         slots.clear();
         assert!(table.lock().is_empty());
     }

@@ -2,7 +2,7 @@
 
 use super::{
     access_control::Credentials,
-    manifest::page_request,
+    page_request::page_request,
     problem::Problem,
     representation::{REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
     request_host::request_host,

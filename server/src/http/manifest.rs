@@ -2,8 +2,9 @@
 
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
-    city_documents::{BINCODE, JSON, ListPage, PAGE_CITIES, PageRequest},
+    city_documents::{BINCODE, JSON, ListPage},
     index_page,
+    page_request::{PageRequest, page_request},
     problem::Problem,
     state::AppState,
 };
@@ -13,15 +14,7 @@ use axum::{
     http::{HeaderMap, HeaderValue, Method, Uri, header},
     response::Response,
 };
-use insula_protocol::{
-    manifest::is_name,
-    route::{CITIES, RouteTemplate},
-};
-use std::num::NonZeroUsize;
-
-/// Cities that a page of the list may have at most.
-const MAX_PAGE_CITIES: usize = 1000;
-const INVALID_LIMIT: Problem = Problem::bad_request("limit must be a number from 1 to 1000");
+use insula_protocol::route::{CITIES, RouteTemplate};
 
 /// `/v1/cities`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`.
 pub(super) async fn list_cities(
@@ -36,7 +29,7 @@ pub(super) async fn list_cities(
     let has_token = access.has_token(credentials);
     let shared = access.shared(credentials).filter(|_| !has_token);
     let made;
-    let page = if request.after.is_none() && request.limit == PAGE_CITIES && shared.is_none() {
+    let page = if request == PageRequest::default() && shared.is_none() {
         if has_token { &documents.full_list } else { &documents.public_list }
     } else {
         let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
@@ -51,24 +44,6 @@ pub(super) async fn list_cities(
         response.headers_mut().extend(HeaderValue::try_from(link).map(|link| (header::LINK, link)));
     }
     Ok(response)
-}
-
-/// The page that a query asks for. Other parameters are ignored. Fails with 400 for values that are invalid or given twice.
-pub(super) fn page_request(query: &str) -> Result<PageRequest<'_>, Problem> {
-    let (mut after, mut limit) = (None, None);
-    for (key, value) in query.split('&').map(|pair| pair.split_once('=').unwrap_or((pair, ""))) {
-        match key {
-            "after" if after.is_none() && is_name(value) => after = Some(value),
-            "after" => return Err(Problem::bad_request("after must be the name of a city")),
-            "limit" if limit.is_none() => {
-                limit = value.parse().ok().filter(|limit: &NonZeroUsize| limit.get() <= MAX_PAGE_CITIES);
-                limit.ok_or(INVALID_LIMIT)?;
-            }
-            "limit" => return Err(INVALID_LIMIT),
-            _ => {}
-        }
-    }
-    Ok(PageRequest { after, limit: limit.unwrap_or(PAGE_CITIES) })
 }
 
 /// `/v1/openapi.json`

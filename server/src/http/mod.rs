@@ -23,6 +23,7 @@ mod log_limit;
 mod manifest;
 mod metrics;
 mod operations;
+mod page_request;
 mod problem;
 mod rate_limit;
 mod reload;

@@ -2,7 +2,7 @@
 
 use super::{
     access_control::AccessControl,
-    client_usage::{ClientSlot, ClientTable},
+    client_usage::{ClientSlot, ClientTable, ConnectionClass},
     operations::OperationsListener,
     reload::ReloadTask,
     service::HttpService,
@@ -28,6 +28,8 @@ use tokio::{
 /// Of `limits.connections`, this fraction (1/n) may be open in addition: their requests are rejected with 503, except for health
 /// and metrics. Further connections wait in the system's accept queue.
 const OVER_LIMIT_FRACTION: usize = 4;
+/// Further connections, for clients that have their share of both kinds and may still ask for health.
+const RESERVED_CONNECTIONS: usize = 16;
 /// Pause after a failed `accept`: the usual cause is a temporary lack of file descriptors.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
@@ -158,6 +160,7 @@ struct ConnectionAcceptor {
     clients: Arc<ClientTable>,
     served: Arc<Semaphore>,
     over_limit: Arc<Semaphore>,
+    reserved: Arc<Semaphore>,
 }
 
 impl ConnectionAcceptor {
@@ -169,6 +172,7 @@ impl ConnectionAcceptor {
             clients: Arc::new(ClientTable::new(state.limits(), over_limit)),
             served: Arc::new(Semaphore::new(connections)),
             over_limit: Arc::new(Semaphore::new(over_limit)),
+            reserved: Arc::new(Semaphore::new(RESERVED_CONNECTIONS)),
         }
     }
 
@@ -182,16 +186,22 @@ impl ConnectionAcceptor {
         }
         .map_err(io::Error::other)?;
         let (stream, peer) = self.listener.accept().await?;
-        let slot = self.slot(peer.ip(), false).or_else(|| self.slot(peer.ip(), true));
+        let classes = [ConnectionClass::Served, ConnectionClass::OverLimit, ConnectionClass::Reserved];
+        let slot = classes.into_iter().find_map(|class| self.slot(peer.ip(), class));
         let Some((permit, client, over_limit)) = slot else { return Ok(None) };
         Ok(Some(AcceptedConnection { stream: deregister(stream)?, ip: peer.ip(), client, over_limit, permit }))
     }
 
-    /// Takes a slot of one kind. `None` if there is none, or if the client has its share.
-    fn slot(&self, ip: IpAddr, over_limit: bool) -> Option<(OwnedSemaphorePermit, ClientSlot, bool)> {
-        let permits = if over_limit { &self.over_limit } else { &self.served };
+    /// Takes a slot of one class. `None` if there is none, or if the client has its share. Also returns whether the connection's
+    /// requests are rejected.
+    fn slot(&self, ip: IpAddr, class: ConnectionClass) -> Option<(OwnedSemaphorePermit, ClientSlot, bool)> {
+        let permits = match class {
+            ConnectionClass::Served => &self.served,
+            ConnectionClass::OverLimit => &self.over_limit,
+            ConnectionClass::Reserved => &self.reserved,
+        };
         let permit = permits.clone().try_acquire_owned().ok()?;
-        Some((permit, self.clients.connect(ip, over_limit)?, over_limit))
+        Some((permit, self.clients.connect(ip, class)?, class != ConnectionClass::Served))
     }
 }
 
