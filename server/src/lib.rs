@@ -6,5 +6,7 @@ pub mod args;
 pub mod commands;
 pub mod config;
 pub mod http;
+mod secret_file;
+pub mod share_link;
 pub mod store;
 pub mod telemetry;

@@ -134,24 +134,25 @@ fn usage_errors_are_one_line_and_exit_2() {
         &["serve", "a", "--listen", "nowhere"],
         &["inspect", "a", "--tile", "1/2/3", "--png", "p"],
         &["inspect", "a", "--tile", "1/1/1"],
+        &["sign", "--city", "a", "--expires", "7d"],
         &["bake", "a"],
         &["bake", "a", "--out", "b", "--cell", "-1"],
     ] {
         let (line, code) = failure(args);
         assert_eq!(code, Some(2), "{args:?}");
-        assert!(line.contains("--help"), "{line}");
+        assert!(line.contains("--help") || line.contains("--keys"), "{line}");
     }
     assert_eq!(run(&[]).status.code(), Some(2));
 }
 
 #[test]
 fn every_help_has_an_example() {
-    for args in
-        [&["--help"][..], &["bake", "--help"], &["serve", "--help"], &["inspect", "--help"], &["verify", "--help"]]
-    {
-        let output = run(args);
+    for command in ["", "bake", "serve", "sign", "inspect", "verify"] {
+        let args = [command, "--help"];
+        let output = run(&args[usize::from(command.is_empty())..]);
         assert_eq!(output.status.code(), Some(0));
-        assert!(String::from_utf8(output.stdout).unwrap().contains("Example:\n  insula-server "), "{args:?}");
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("Example:\n  insula-server ") || text.contains("Example:\n  echo "), "{command}");
     }
     assert_eq!(run(&["--version"]).status.code(), Some(0));
 }

@@ -363,6 +363,78 @@ async fn city_list_and_page_name_the_sources() {
 }
 
 #[tokio::test]
+async fn a_long_list_comes_in_pages() {
+    let folder = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (100..205).map(|number| format!("c{number}")).collect();
+    for name in &names {
+        small_city::write_city(&folder.path().join(name), name);
+    }
+    let service = HttpService::new(state(folder.path(), |_| {}));
+    let page = async |path: &str| {
+        let response = get_from(&service, path).await;
+        let next = response.header("link").strip_prefix('<').and_then(|link| link.strip_suffix(">; rel=\"next\""));
+        let list: serde_json::Value = serde_json::from_slice(&response.body).unwrap();
+        let entries = list.as_array().unwrap();
+        let names: Vec<_> = entries.iter().map(|entry| entry["name"].as_str().unwrap().to_owned()).collect();
+        (names, next.map(str::to_owned))
+    };
+    for (first, pages) in [("/v1/cities", 2), ("/v1/cities?limit=40", 3), ("/v1/cities?limit=1000", 1)] {
+        let (mut all, mut path, mut count) = (Vec::new(), Some(first.to_owned()), 0);
+        while let Some(at) = path {
+            let (names, next) = page(&at).await;
+            all.extend(names);
+            (path, count) = (next, count + 1);
+        }
+        assert_eq!((all, count), (names.clone(), pages), "{first}");
+    }
+    assert_eq!(page("/v1/cities?after=c203").await, (vec!["c204".to_owned()], None));
+    for invalid in ["limit=0", "limit=1001", "limit=x", "limit", "limit=5&limit=5", "after=", "after=A", "after=../x"] {
+        get_from(&service, &format!("/v1/cities?{invalid}")).await.assert_problem(400);
+        get_from(&service, &format!("/?{invalid}")).await.assert_problem(400);
+    }
+    let html = get_from(&service, "/").await;
+    assert!(html.text().contains("/v1/cities/c199\"") && !html.text().contains("/v1/cities/c200\""));
+    assert!(html.text().contains("/?limit=100&amp;after=c199"), "a link to the next page");
+}
+
+#[tokio::test]
+async fn responses_for_operators_have_no_cors_headers() {
+    for path in ["/metrics", "/healthz", "/readyz"] {
+        for method in [Method::GET, Method::OPTIONS, Method::POST] {
+            let response = request(method, path, &[("origin", "https://evil.example")]).await;
+            assert!(!response.headers.keys().any(|name| name.as_str().starts_with("access-control")), "{path}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn the_page_names_scheme_and_host_of_the_request() {
+    let page = get("http://cities.example.org:8080/").await;
+    assert!(page.text().contains("insula view http://cities.example.org:8080/v1"), "HTTP/2 has no Host header");
+    assert_eq!(page.header("referrer-policy"), "no-referrer");
+    let service =
+        HttpService::new(state(small_city::shared_city(), |config| config.tls.certificate = Some("c".into())));
+    let page = request_from(&service, Method::GET, "/", &[("host", "h")]).await;
+    assert!(page.text().contains("insula view https://h/v1"));
+}
+
+#[tokio::test]
+async fn a_flood_of_failures_is_not_a_flood_of_messages() {
+    let service = HttpService::new(state(small_city::shared_city(), |config| config.limits.in_flight = 1));
+    let held = service.clone().oneshot(Request::get(TILE).body(Body::empty()).unwrap()).await.unwrap();
+    for _ in 0..200 {
+        get_from(&service, TILE).await.assert_problem(503);
+    }
+    drop(held);
+    let metrics = get_from(&service, "/metrics").await;
+    let suppressed = metrics
+        .text()
+        .lines()
+        .find_map(|line| line.strip_prefix("insula_log_suppressed_total{kind=\"request\"} ")?.parse::<u32>().ok());
+    assert!(suppressed.is_some_and(|count| count >= 100), "{}", metrics.text());
+}
+
+#[tokio::test]
 async fn any_origin_may_read() {
     for path in [TILE, "/v1/cities/two", "/v1/cities/three", "/v1/cities/two/0123456789abcdef/blockmaps/9/x/0"] {
         let response = request(Method::GET, path, &[("origin", "https://example.org")]).await;

@@ -2,8 +2,15 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use insula_protocol::{TileKind, mesh_tile};
-use insula_server::store::{CityStore, Store, StoreError};
+use insula_server::{
+    config::BlockCacheConfig,
+    store::{CityStore, Store, StoreError},
+};
 use insula_test_support::small_city;
+use std::{
+    io::{Read, Write},
+    net::TcpListener,
+};
 
 #[test]
 fn a_folder_of_cities_opens_all_of_them() {
@@ -34,4 +41,22 @@ fn meshes_are_optional() {
     let city = CityStore::open(folder.path()).unwrap();
     assert!(city.archive(TileKind::Mesh).is_none());
     assert_eq!(city.tile(TileKind::Mesh, id).unwrap(), None);
+}
+
+#[tokio::test]
+async fn a_web_server_cannot_redirect_to_another_host() {
+    let (hostile, victim) = (TcpListener::bind("127.0.0.1:0").unwrap(), TcpListener::bind("127.0.0.2:0").unwrap());
+    victim.set_nonblocking(true).unwrap();
+    let url = format!("http://{}/city", hostile.local_addr().unwrap());
+    let location = format!("http://{}/latest/meta-data", victim.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for mut stream in hostile.incoming().flatten() {
+            let _ = stream.read(&mut [0; 4096]);
+            let _ = write!(stream, "HTTP/1.1 302 Found\r\nLocation: {location}\r\nContent-Length: 0\r\n\r\n");
+        }
+    });
+    let cache = BlockCacheConfig { timeout_secs: 1, ..BlockCacheConfig::default() };
+    let opened = Store::open_anywhere(&[url.into()], &cache).await;
+    assert!(matches!(opened, Err(StoreError::Remote { .. })));
+    assert_eq!(victim.accept().unwrap_err().kind(), std::io::ErrorKind::WouldBlock, "the victim was asked");
 }

@@ -173,6 +173,6 @@ fn packages_do_not_use_banned_libraries() {
         &names("insula-viewer"),
     );
     check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));
-    check("insula-server", &[&graphics[..], &["reqwest"]].concat(), &names("insula-server"));
+    check("insula-server", &graphics, &names("insula-server"));
     check("insula-client", &["axum", "pmtiles"], &names("insula-client"));
 }

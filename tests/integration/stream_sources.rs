@@ -15,8 +15,12 @@ use insula_client::{
         source::disk::{CachedCity, EXTENSION},
     },
 };
+use insula_server::{config::ServeConfig, http::HttpServer, store::Store};
 use insula_shaders::cpu::raycast::Pixels;
-use insula_test_support::faulty_host::{FaultyHost, HostFaults};
+use insula_test_support::{
+    faulty_host::{FaultyHost, HostFaults},
+    programs::{program, run},
+};
 use insula_tests::{
     synth::{City, Viewpoint},
     viewer::{fetch_all, open},
@@ -24,7 +28,8 @@ use insula_tests::{
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
 use std::{
     collections::HashSet,
-    path::PathBuf,
+    path::{Path, PathBuf},
+    process::Command,
     sync::{Arc, OnceLock, atomic::Ordering::Relaxed},
     time::{Duration, Instant},
 };
@@ -86,6 +91,33 @@ fn a_folder_and_plain_hosts_give_the_same_frame() -> Result<()> {
         let max_requests = report.tiles.blockmaps * 2 + report.tiles.subtrees + 8;
         ensure!(truncates || report.requests <= max_requests, "{} requests for {:?}", report.requests, report.tiles);
     }
+    Ok(())
+}
+
+/// A server of the city, which is private, ends with its runtime. Returns the address of the manifest, and a link to it.
+fn private_server(runtime: &tokio::runtime::Runtime, keys: &Path) -> Result<(String, String)> {
+    std::fs::write(keys, "key 0123456789abcdef0123456789abcdef\n")?;
+    let mut config = ServeConfig::default();
+    config.access.share_keys = Some(keys.to_owned());
+    let server = HttpServer::new(Store::open(&[city()])?, &config)?;
+    let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0"))?;
+    let url = format!("http://{}", listener.local_addr()?);
+    runtime.spawn(server.run(listener, std::future::pending()));
+    let mut sign = Command::new(program("insula-server")?);
+    sign.args(["sign", "--city", "town", "--expires", "1h", "--url", &url, "--keys"]).arg(keys);
+    let link = String::from_utf8(run(&mut sign)?.stdout)?;
+    Ok((format!("{url}/v1/cities/town"), link.trim_end().to_owned()))
+}
+
+#[test]
+fn a_share_link_opens_a_private_city() -> Result<()> {
+    let (runtime, folder) = (tokio::runtime::Runtime::new()?, tempfile::tempdir()?);
+    let (address, link) = private_server(&runtime, &folder.path().join("keys"))?;
+    ensure!(headless::open_session(&address, &options(1), None, None).is_err(), "it is not private");
+    let from_link = settle(&mut headless::open_session(&link, &options(3), None, None)?)?;
+    ensure!(from_link == settle(&mut open(&city(), 256)?)?, "the frames differ");
+    let error = headless::open_session(&format!("{link}0"), &options(1), None, None).err().map(|e| e.to_string());
+    ensure!(error.as_ref().is_some_and(|text| !text.contains("share")), "the link is in a message: {error:?}");
     Ok(())
 }
 

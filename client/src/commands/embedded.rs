@@ -3,7 +3,11 @@
 use crate::error::{ClientError, Result};
 use insula_bake::{BakeOptions, Progress, read::Palette};
 use insula_protocol::manifest::{Attribution, to_name};
-use insula_server::{config::ServeConfig, http, store::Store};
+use insula_server::{
+    config::{CorsPolicy, ServeConfig},
+    http,
+    store::Store,
+};
 use std::{
     collections::hash_map::DefaultHasher,
     fs,
@@ -159,7 +163,10 @@ pub(super) fn serve(folder: &Path) -> Result<EmbeddedServer> {
     let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).map_err(|e| failed(&e))?;
     let url = format!("http://{}", listener.local_addr().map_err(|e| failed(&e))?);
     runtime.spawn(async move {
-        let config = ServeConfig::default();
+        // Only programs of this machine may read the city: no page of a browser, under whatever name it reaches the loopback.
+        let mut config = ServeConfig::default();
+        config.access.cors = CorsPolicy::None;
+        config.access.hosts = vec!["127.0.0.1".into()];
         if let Err(error) = http::serve(listener, store, &config, std::future::pending::<()>()).await {
             tracing::error!("the embedded server ended: {error}");
         }

@@ -53,17 +53,22 @@ pub struct OpenOptions {
 /// Opens the city at `location`. Blocks until its manifest is read. Fails if the server does not respond, or if there is no
 /// such city, or if the server has several and none is named.
 pub fn open_city(http: &Arc<Http>, location: CityLocation, options: &OpenOptions) -> Result<OpenedCity> {
-    let opener = CityOpener { http, options };
+    let mut opener = CityOpener { http, options, query: String::new() };
     match location {
         CityLocation::Folder(path) => opener.local_folder(&path),
         CityLocation::WebFolder(base) => opener.web_folder(&base),
-        CityLocation::Server { base, name, is_bare_host } => opener.server(&base, name, is_bare_host),
+        CityLocation::Server { base, name, share, is_bare_host } => {
+            opener.query = share.map(|share| format!("?share={share}")).unwrap_or_default();
+            opener.server(&base, name, is_bare_host)
+        }
     }
 }
 
 struct CityOpener<'a> {
     http: &'a Arc<Http>,
     options: &'a OpenOptions,
+    /// Appended to each address that is requested, and shown in no message: the share link, or empty.
+    query: String,
 }
 
 impl CityOpener<'_> {
@@ -102,7 +107,7 @@ impl CityOpener<'_> {
         };
         let url = format!("{base}{}", route::manifest(&name));
         let manifest = self.fetch_manifest(&url)?;
-        let source = Arc::new(ServerSource::new(self.http.clone(), base, &manifest));
+        let source = Arc::new(ServerSource::new(self.http.clone(), base, &self.query, &manifest));
         Ok(self.with_disk_cache(url, manifest, source))
     }
 
@@ -139,8 +144,9 @@ impl CityOpener<'_> {
         let cached = disk_cache.as_ref().and_then(|disk| disk.read(&cache_name));
         let timeout = if cached.is_some() { OFFLINE_AFTER.min(*timeout) } else { *timeout };
         let mut attempts = 0u8;
+        let request_url = format!("{url}{}", self.query);
         loop {
-            match self.http.block_on(self.http.get(url, MAX_MANIFEST_BYTES)) {
+            match self.http.block_on(self.http.get(&request_url, MAX_MANIFEST_BYTES)) {
                 Ok(bytes) => {
                     if let Some(disk) = disk_cache
                         && let Err(error) = disk.replace(&cache_name, &bytes)

@@ -6,7 +6,8 @@
 use super::{
     city::{CityStamp, CityStore},
     error::StoreError,
-    requests::{RemoteObject, StoreRequests},
+    requests::{RemoteObject, StoreRequests, read_body},
+    same_host::SameHostConnector,
 };
 use insula_archive::{
     Archive, BakedCity, CityArchives, CityError,
@@ -49,7 +50,8 @@ impl RemoteCity {
                 Arc::new(builder.with_retry(retry).with_client_options(options).build().map_err(failed)?)
             }
             "http" | "https" => {
-                let builder = HttpBuilder::new().with_url(format!("{scheme}://{host}"));
+                let connector = SameHostConnector { timeout: requests.timeout() };
+                let builder = HttpBuilder::new().with_url(format!("{scheme}://{host}")).with_http_connector(connector);
                 Arc::new(builder.with_retry(retry).with_client_options(options).build().map_err(failed)?)
             }
             _ => return Err(wrong("only s3, http and https are known".into())),
@@ -72,7 +74,8 @@ impl RemoteCity {
         if got.meta.size > MAX_MANIFEST_BYTES as u64 {
             return Err(wrong(format!("the manifest is larger than {MAX_MANIFEST_BYTES} bytes")).into());
         }
-        let text = got.bytes().await.map_err(failed)?;
+        // The length above is what the server says.
+        let text = read_body(got, MAX_MANIFEST_BYTES).await.map_err(failed)?;
         let stamp = CityStamp::Remote(blake3::hash(&text));
         if known == Some(&stamp) {
             return Ok(None);
