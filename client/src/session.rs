@@ -372,7 +372,7 @@ impl Session {
         let manifest = tree.manifest();
         let bad_meshes = |node: &TreeNode| node.lods.iter().filter(|lod| lod.tile.is_bad()).count();
         let bad_tiles = |node: &TreeNode| usize::from(node.tile.is_bad()) + bad_meshes(node);
-        let bad = tree.nodes().iter().map(bad_tiles).sum::<usize>() as u64;
+        let bad = tree.nodes().map(bad_tiles).sum::<usize>() as u64;
         let stats = self.selection().stats;
         let secs = |time: Option<Duration>| time.map(|t| t.as_secs_f64());
         RunReport {

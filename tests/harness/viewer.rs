@@ -110,7 +110,7 @@ impl Viewer {
 
     /// Tiles of which a request is under way.
     pub fn loading(&self) -> Vec<TileId> {
-        let nodes = self.session.tree().nodes().iter();
+        let nodes = self.session.tree().nodes();
         nodes.filter(|node| node.tile.state() == TileState::Loading).map(|node| node.id).collect()
     }
 }

@@ -9,16 +9,24 @@ use super::{
     requests::{RemoteObject, StoreRequests},
 };
 use insula_archive::{
-    Archive, BakedCity, CityArchives, CityError,
+    Archive, BakedCity, CityArchives, CityError, ReadError,
     block_cache::BlockCache,
     city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, parse_manifest},
+    limits::MAX_OPENING_TIME,
 };
 use insula_protocol::TileKind;
 use object_store::{
     ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig, aws::AmazonS3Builder, http::HttpBuilder,
     path::Path,
 };
-use std::{sync::Arc, time::Duration};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::{
+    runtime::Handle,
+    task::{JoinError, spawn_blocking},
+};
 
 const CONNECT: Duration = Duration::from_secs(5);
 
@@ -111,7 +119,12 @@ impl RemoteCity {
         let id = hash.as_bytes()[..16].iter().fold(0, |id, byte| id << 8 | u128::from(*byte));
         let (requests, store) = (self.requests.clone(), self.store.clone());
         let object = RemoteObject { requests, store, path, tag: meta.e_tag, length: meta.size, id };
-        let archive = Archive::load(self.cache.source(Arc::new(object))).await;
+        let source = self.cache.source(Arc::new(object));
+        // Directories are parsed on a thread of their own, because this one may accept connections.
+        let (runtime, deadline) = (Handle::current(), Instant::now() + MAX_OPENING_TIME);
+        let load = move || runtime.block_on(Archive::load(source, Some(deadline)));
+        let interrupted = |error: JoinError| Err(ReadError::Failed(error.to_string()).into());
+        let archive = spawn_blocking(load).await.unwrap_or_else(interrupted);
         Ok(Some(archive.map_err(|source| CityError::Archive { location, source })?))
     }
 }

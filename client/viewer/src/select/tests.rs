@@ -200,7 +200,7 @@ fn turning_and_moving_never_makes_a_hole() {
         selection.requests.iter().take(4).for_each(|w| load(&mut tree, w.key));
         // What this view does not need may vanish at any time (but for the root, which every view uses).
         let used: Vec<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
-        let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
+        let all: Vec<TileId> = tree.nodes().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
         for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
             tree.apply(TileKey::block_map(id), TileEvent::Drop);
         }
@@ -348,7 +348,7 @@ fn what_casts_into_the_picture_is_there() {
         }
     }
     assert!(asked > 10_000, "{asked}");
-    assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.nodes().len());
+    assert!(cast.len() < 400 && cast.iter().any(|id| id.level() == DEPTH), "{} of {}", cast.len(), tree.len());
     // Only what shades the squares that are seen.
     let seen = vec![tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap()];
     let one = Selection { unoccluded: seen, ..Selection::default() };
@@ -489,13 +489,13 @@ fn there_is_never_a_hole() {
                     look(&mut sight, &tree, &view, &selection, frame as u64 * 4 + step, hit);
                 }
                 let used: HashSet<TileId> = selection.used_nodes.iter().map(|at| tree.node(*at).id).collect();
-                let all: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
+                let all: Vec<TileId> = tree.nodes().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
                 for id in all.into_iter().filter(|id| *id != TileId::ROOT && !used.contains(id)) {
                     if random(3) == 0 {
                         tree.apply(TileKey::block_map(id), TileEvent::Drop);
                     }
                 }
-                let leaves: Vec<TileId> = tree.nodes().iter().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
+                let leaves: Vec<TileId> = tree.nodes().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
                 let meshes = leaves.into_iter().flat_map(|id| (0..3).map(move |lod| TileKey::mesh(id, lod)));
                 for key in meshes.filter(|key| !selection.used_meshes.contains(key)) {
                     if random(5) == 0 && tree.tile(key).is_some_and(|tile| tile.is_resident()) {
@@ -504,7 +504,7 @@ fn there_is_never_a_hole() {
                 }
             }
         }
-        deepened += usize::from(tree.nodes().iter().any(|node| node.id.level() > DEPTH));
+        deepened += usize::from(tree.nodes().any(|node| node.id.level() > DEPTH));
     }
     assert!(deepened >= 5, "only in {deepened} cities a subtree came");
 }

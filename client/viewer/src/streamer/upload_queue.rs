@@ -20,6 +20,8 @@ const UPLOAD_BYTES_PER_SEC: f64 = 512e6;
 const FRAME_BYTES: Range<f64> = 8e6..64e6;
 /// Bytes of waiting tiles above which no arrival is taken in.
 const CAPACITY_BYTES: u64 = 32 << 20;
+/// Evicted tiles that are remembered for the count of those that are fetched again.
+const MAX_EVICTED_KEYS: usize = 1 << 17;
 
 /// Decoded tiles in the order of their arrival.
 #[derive(Debug, Default)]
@@ -27,7 +29,7 @@ pub(super) struct UploadQueue {
     waiting: VecDeque<(TileKey, PackedTile)>,
     waiting_bytes: u64,
     uploaded_at: Duration,
-    /// Tiles that have been evicted at least once.
+    /// Tiles that have been evicted at least once, the first [`MAX_EVICTED_KEYS`] of them.
     evicted_keys: HashSet<TileKey>,
     evicted: u64,
     fetched_again: u64,
@@ -89,14 +91,29 @@ impl UploadQueue {
             *count += u64::from(event == TileEvent::Upload);
             self.fetched_again += u64::from(self.evicted_keys.contains(&key));
             self.evicted += evicted.len() as u64;
-            tree.apply(key, event);
+            if !tree.apply(key, event) {
+                // Its node was evicted meanwhile.
+                cache.remove(key);
+            }
             keys.push(key);
             for key in evicted {
-                self.evicted_keys.insert(key);
+                self.record_eviction(key);
                 tree.apply(key, TileEvent::Drop);
             }
         }
         keys
+    }
+
+    /// Counts a tile that was evicted together with its node.
+    pub(super) fn tile_evicted(&mut self, key: TileKey) {
+        self.evicted += 1;
+        self.record_eviction(key);
+    }
+
+    fn record_eviction(&mut self, key: TileKey) {
+        if self.evicted_keys.len() < MAX_EVICTED_KEYS {
+            self.evicted_keys.insert(key);
+        }
     }
 }
 

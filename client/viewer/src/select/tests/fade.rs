@@ -40,15 +40,14 @@ pub(super) fn step(fades: &mut Transitions, tree: &SceneTree, selection: &Select
 }
 
 fn all_of(tree: &mut SceneTree, level: u8) {
-    let ids: Vec<TileId> = tree.nodes().iter().map(|node| node.id).filter(|id| id.level() == level).collect();
+    let ids: Vec<TileId> = tree.nodes().map(|node| node.id).filter(|id| id.level() == level).collect();
     ids.into_iter().for_each(|id| load(tree, TileKey::block_map(id)));
 }
 
 /// The cut for a level, all squares of which are here.
 fn cut_at(tree: &SceneTree, level: u8) -> Selection {
     let at_level = |node: &&TreeNode| node.id.level() == level;
-    let squares: Vec<NodeIndex> =
-        tree.nodes().iter().filter(at_level).map(|node| tree.find(node.id).unwrap()).collect();
+    let squares: Vec<NodeIndex> = tree.nodes().filter(at_level).map(|node| tree.find(node.id).unwrap()).collect();
     let cut = squares.iter().map(|at| DrawTile { node: *at, source: *at, mesh_lod: None }).collect();
     Selection { draw_tiles: cut, unoccluded: squares, ..Selection::default() }
 }

@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn what_is_hidden_is_neither_fetched_nor_drawn_finely() {
     let view = view([1024.0, 10.0, 10.0], [1024.0, 1000.0, 10.0]);
-    let fetched = |tree: &SceneTree| tree.nodes().iter().filter(|n| n.tile.is_resident()).count();
+    let fetched = |tree: &SceneTree| tree.nodes().filter(|n| n.tile.is_resident()).count();
     let mut all = tree();
     converge(&mut all, &view, 5);
     // A wall: nothing is seen that is farther north than 200 m.
@@ -46,7 +46,7 @@ fn what_is_hidden_beside_what_is_seen_is_not_fetched_while_the_camera_stands() {
     load(&mut tree, TileKey::block_map(TileId::ROOT));
     look(&mut sight, &tree, &view, &select(&view, &tree, &mut SelectionScratch::default()), 0, near);
     converge_looking(&mut tree, &mut sight, &view, near);
-    let here: Vec<TileId> = tree.nodes().iter().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
+    let here: Vec<TileId> = tree.nodes().filter(|n| n.tile.is_resident()).map(|n| n.id).collect();
     assert!(here.iter().filter(|id| id.level() == DEPTH).count() > 4, "{here:?}");
     let unseen: Vec<&TileId> = here.iter().filter(|id| !near(**id)).collect();
     assert!(unseen.is_empty(), "{unseen:?}");

@@ -34,7 +34,7 @@ fn near_leaves_are_drawn_as_meshes_as_fine_as_they_must_be() {
     assert!(selection.stats.pages <= 500 && selection.stats.tau_px > 1.0, "{:?}", selection.stats);
     let mut plain = SceneTree::new(manifest(DEPTH)).with_meshes(false);
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| plain.merge(&with_meshes(s)));
-    assert!(plain.nodes().iter().all(|node| node.lods.is_empty()));
+    assert!(plain.nodes().all(|node| node.lods.is_empty()));
 }
 
 /// A leaf that rays hit passes from what it lies in to its mesh; its columns come if the mesh is lost, or once they are enough.
@@ -65,7 +65,7 @@ fn seen_leaves_go_without_columns() {
     // The same columns tell of their sky, whatever else comes.
     let mut full = tree.clone();
     let missing: Vec<TileKey> =
-        full.nodes().iter().filter(|n| !n.tile.is_resident()).map(|n| TileKey::block_map(n.id)).collect();
+        full.nodes().filter(|n| !n.tile.is_resident()).map(|n| TileKey::block_map(n.id)).collect();
     missing.into_iter().for_each(|key| load(&mut full, key));
     let of_meshes = |tree: &SceneTree, selection: &Selection| {
         let meshes = selection.draw_tiles.iter().filter(|item| item.mesh_lod.is_some());
