@@ -34,6 +34,21 @@ pub fn printable_lines(text: &str) -> String {
     text.split_inclusive('\n').map(|line| line.strip_suffix('\n').map_or(printable(line), end_line)).collect()
 }
 
+/// JSON with all that [`printable`] escapes as JSON's own escapes, so that it stays the same value.
+pub fn printable_json(json: &str) -> String {
+    let mut safe = String::with_capacity(json.len());
+    for c in json.chars() {
+        // Outside of strings there is no unsafe character but the line break.
+        if is_unsafe(c) && c != '\n' {
+            let mut units = [0; 2];
+            c.encode_utf16(&mut units).iter().for_each(|unit| safe.push_str(&format!("\\u{unit:04x}")));
+        } else {
+            safe.push(c);
+        }
+    }
+    safe
+}
+
 fn end_line(line: &str) -> Cow<'_, str> {
     (printable(line) + "\n").into_owned().into()
 }
@@ -70,6 +85,14 @@ mod tests {
             let text = c.to_string();
             assert!(!printable(&text).chars().any(is_unsafe), "{c:?}");
         }
+    }
+
+    #[test]
+    fn json_stays_the_same_value() {
+        let value = serde_json::json!({ "title": "\u{9b}31m \u{202e}x \u{e0041} \u{1b}", "n": [1, "é\n"] });
+        let safe = printable_json(&serde_json::to_string_pretty(&value).unwrap());
+        assert!(safe.lines().all(|line| printable(line) == line), "{safe}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&safe).unwrap(), value);
     }
 
     #[test]

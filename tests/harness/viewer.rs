@@ -54,6 +54,7 @@ fn global(cache_mib: u32) -> GlobalArgs {
         city: None,
         tau: 1.0,
         timeout: 20,
+        follow_redirects: false,
     }
 }
 

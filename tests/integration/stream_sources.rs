@@ -60,6 +60,7 @@ fn global(timeout: u32) -> GlobalArgs {
         city: None,
         tau: 1.0,
         timeout,
+        follow_redirects: false,
     }
 }
 
@@ -105,11 +106,12 @@ fn hosts_that_cannot_are_errors_in_words() -> Result<()> {
 #[test]
 fn a_visited_city_needs_no_network() -> Result<()> {
     let kept = tempfile::tempdir()?;
-    let session = |url: &str| -> Result<Session> {
+    // `address` stands for the one that the tiles are kept under.
+    let session_at = |url: &str, address: &str| -> Result<Session> {
         let http = Arc::new(Http::new(None)?);
         let found = connect(&http, url, &global(3))?;
         let cache = Arc::new(DiskCache::open(kept.path(), EXTENSION, 64 << 20)?);
-        let source = Arc::new(CachedCity::new(found.source, cache, &found.manifest));
+        let source = Arc::new(CachedCity::new(found.source, cache, address, &found.manifest));
         let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
         Ok(Session::new(
             SceneTree::new(found.manifest),
@@ -118,6 +120,7 @@ fn a_visited_city_needs_no_network() -> Result<()> {
             Instant::now(),
         ))
     };
+    let session = |url: &str| session_at(url, url);
     let good = host(Manner::Well)?;
     let town = format!("{}/town/", good.url);
     let first = settle(&mut session(&town)?)?;
@@ -132,7 +135,8 @@ fn a_visited_city_needs_no_network() -> Result<()> {
     std::fs::create_dir(bare.path().join("town"))?;
     std::fs::copy(city().join("city.json"), bare.path().join("town/city.json"))?;
     let dead = format!("{}/town/", Host::start(bare.path(), Manner::Well)?.url);
-    ensure!(settle(&mut session(&dead)?)?.colour == first.colour);
+    ensure!(settle(&mut session_at(&dead, &town)?)?.colour == first.colour);
+    ensure!(settle(&mut session(&dead)?).is_err(), "tiles of another host are shown");
     for entry in std::fs::read_dir(kept.path())?.flatten().take(5) {
         let mut bytes = std::fs::read(entry.path())?;
         let middle = bytes.len() / 2;
