@@ -23,7 +23,7 @@ pub struct GlobalArgs {
     /// Ray-caster: `auto` uses a GPU if one works and the CPU otherwise, `gpu` fails without a GPU.
     #[arg(long, value_enum, default_value = "auto", global = true)]
     pub adapter: AdapterChoice,
-    /// Size of the tile cache in MiB; never exceeded. What is known of the city's nodes takes at most a quarter of it more.
+    /// Size of the tile cache in MiB; never exceeded. What is known of the city's nodes takes at most a quarter of it, or 16 MiB, more.
     #[arg(long, default_value = "256", value_name = "MIB", value_parser = clap::value_parser!(u32).range(8..=65_536), global = true)]
     pub cache_mib: u32,
     /// Keep fetched tiles in the user's cache folder, at most this many MiB. A visited city then opens without a network.

@@ -3,10 +3,10 @@
 use super::simulated_link::SimulatedLink;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
-use insula_protocol::DecodeError;
+use insula_protocol::{DecodeError, route::is_same_host};
 use insula_viewer::streamer::FetchError;
 use reqwest::{
-    StatusCode, Url,
+    StatusCode,
     header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, LOCATION, RANGE, RETRY_AFTER},
     redirect::Policy,
 };
@@ -215,23 +215,16 @@ fn lost_on_link() -> FetchError {
     FetchError::Network("lost on the simulated link".into())
 }
 
-/// Follows redirects to the host that was asked, and to others only if `follow_all`. Where a host redirects is its choice, and
-/// this machine may reach addresses that the host cannot: its own, and those of its private network.
+/// Follows redirects to the host that was asked, and to others only if `follow_all`; see [`is_same_host`].
 fn redirect_policy(follow_all: bool) -> Policy {
     Policy::custom(move |attempt| {
         if attempt.previous().len() > MAX_REDIRECTS {
             return attempt.error("too many redirects");
         }
-        let is_allowed = attempt.previous().last().is_some_and(|from| is_same_host(from, attempt.url()));
+        let is_allowed =
+            attempt.previous().last().is_some_and(|from| is_same_host(from.as_str(), attempt.url().as_str()));
         if follow_all || is_allowed { attempt.follow() } else { attempt.stop() }
     })
-}
-
-/// Whether two addresses are of one host and port, or the second is the encrypted one of the first.
-fn is_same_host(from: &Url, to: &Url) -> bool {
-    let is_same_port = from.scheme() == to.scheme() && from.port_or_known_default() == to.port_or_known_default();
-    let is_upgrade = (from.scheme(), to.scheme()) == ("http", "https") && from.port().is_none() && to.port().is_none();
-    from.host_str() == to.host_str() && (is_same_port || is_upgrade)
 }
 
 fn network_error(error: reqwest::Error) -> FetchError {
@@ -356,25 +349,6 @@ mod tests {
                 Err(FetchError::Unusable(why)) => assert!(!follow_redirects && why.contains(&secret), "{why}"),
                 other => panic!("{other:?}"),
             }
-        }
-    }
-
-    #[test]
-    fn redirects_within_a_host_and_to_its_encrypted_port_are_followed() {
-        let is_same = |from: &str, to: &str| is_same_host(&from.parse().unwrap(), &to.parse().unwrap());
-        for (from, to) in
-            [("http://h/a", "http://H:80/b"), ("http://h/a", "https://h/a"), ("https://h:7/", "https://h:7/b")]
-        {
-            assert!(is_same(from, to), "{from} {to}");
-        }
-        for (from, to) in [
-            ("https://h/a", "http://h/a"),
-            ("http://h/a", "http://127.0.0.1/a"),
-            ("http://h:7/", "http://h:8/"),
-            ("http://h:7/", "https://h/"),
-            ("http://h/a", "http://h.evil/a"),
-        ] {
-            assert!(!is_same(from, to), "{from} {to}");
         }
     }
 

@@ -47,6 +47,10 @@ impl BakedCity {
             if archive.deepest_level() > city.manifest.depth + extra_levels {
                 return damage("it has tiles below the depth that city.json gives");
             }
+            // Only V-BlockMaps do not name their node and may be equal. A run of millions would take a program hours to read.
+            if kind != TileKind::BlockMap && archive.has_runs() {
+                return damage("several nodes share a tile that names its node");
+            }
             if archive.longest_tile_bytes() as usize > max_tile_bytes(kind) {
                 return damage("a tile is longer than any tile may be");
             }

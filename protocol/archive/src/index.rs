@@ -92,6 +92,11 @@ impl Archive {
         self.longest_tile_bytes
     }
 
+    /// Whether tiles of consecutive nodes are equal and share an entry.
+    pub fn has_runs(&self) -> bool {
+        self.entries.iter().any(|entry| entry.run > 1)
+    }
+
     /// Number of tiles.
     pub fn len(&self) -> u64 {
         self.entries.iter().map(|entry| u64::from(entry.run)).sum()

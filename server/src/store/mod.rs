@@ -8,6 +8,7 @@
 mod cities;
 mod city;
 mod error;
+mod http_client;
 mod reload;
 mod remote;
 mod requests;

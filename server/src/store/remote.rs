@@ -6,6 +6,7 @@
 use super::{
     city::{CityStamp, CityStore},
     error::StoreError,
+    http_client::SameHostConnector,
     requests::{RemoteObject, StoreRequests},
 };
 use insula_archive::{
@@ -19,16 +20,11 @@ use object_store::{
     ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig, aws::AmazonS3Builder, http::HttpBuilder,
     path::Path,
 };
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, time::Instant};
 use tokio::{
     runtime::Handle,
     task::{JoinError, spawn_blocking},
 };
-
-const CONNECT: Duration = Duration::from_secs(5);
 
 /// A city's URL, and where it is in its store.
 #[derive(Debug, Clone)]
@@ -50,15 +46,17 @@ impl RemoteCity {
         let (host, folder) = rest.split_once('/').unwrap_or((rest, ""));
         // `StoreRequests` repeats requests; two layers of retries would multiply.
         let retry = RetryConfig { max_retries: 0, ..RetryConfig::default() };
-        let options = ClientOptions::new().with_connect_timeout(CONNECT).with_allow_http(true);
+        let options = ClientOptions::new().with_allow_http(true);
         let store: Arc<dyn ObjectStore> = match scheme {
             "s3" => {
                 let builder = AmazonS3Builder::from_env().with_bucket_name(host);
-                Arc::new(builder.with_retry(retry).with_client_options(options).build().map_err(failed)?)
+                let builder = builder.with_retry(retry).with_client_options(options);
+                Arc::new(builder.with_http_connector(SameHostConnector).build().map_err(failed)?)
             }
             "http" | "https" => {
                 let builder = HttpBuilder::new().with_url(format!("{scheme}://{host}"));
-                Arc::new(builder.with_retry(retry).with_client_options(options).build().map_err(failed)?)
+                let builder = builder.with_retry(retry).with_client_options(options);
+                Arc::new(builder.with_http_connector(SameHostConnector).build().map_err(failed)?)
             }
             _ => return Err(wrong("only s3, http and https are known".into())),
         };

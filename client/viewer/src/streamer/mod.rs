@@ -19,8 +19,6 @@ pub mod request_queue;
 mod status;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod tests_deep_city;
 mod tile_store;
 mod upload_queue;
 

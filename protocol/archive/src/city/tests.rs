@@ -126,6 +126,19 @@ fn manifests_that_lie_are_refused() {
 }
 
 #[test]
+fn subtrees_and_meshes_that_share_a_tile_are_refused() {
+    let folder = folder();
+    let tiles = [(0, 0), (0, 1), (1, 1)].map(|(x, y)| (id(1, x, y), tile(TileKind::BlockMap)));
+    write_archive(folder.path(), TileKind::BlockMap, &tiles);
+    BakedCity::open(folder.path()).unwrap();
+    for kind in [TileKind::Mesh, TileKind::Subtree] {
+        write_archive(folder.path(), kind, &tiles);
+        let text = refusal(folder.path());
+        assert!(text.contains(kind.file_name()) && text.contains("share a tile"), "{text}");
+    }
+}
+
+#[test]
 fn tiles_longer_than_their_kind_may_be_are_refused() {
     let folder = folder();
     let longest = max_tile_bytes(TileKind::Subtree);

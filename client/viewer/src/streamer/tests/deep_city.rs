@@ -1,6 +1,6 @@
 //! A city of 20 levels, full everywhere: more nodes than any memory holds.
 
-use super::*;
+use super::super::*;
 use crate::{camera::Camera, decode::DecodedTile, scene::MAX_SUBTREE_BYTES, test_support::manifest};
 use glam::DVec3;
 use insula_protocol::{
@@ -17,7 +17,7 @@ const CACHE_PAGES: u32 = 4000;
 
 /// Answers every request at the next poll.
 #[derive(Default)]
-struct GeneratedCity {
+struct DeepCityFetcher {
     waiting: VecDeque<(TileKey, u64)>,
     subtrees: u64,
 }
@@ -42,7 +42,7 @@ fn block_map() -> Box<PackedNode> {
     Box::new(PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap()))
 }
 
-impl TileFetcher for GeneratedCity {
+impl TileFetcher for DeepCityFetcher {
     fn start(&mut self, key: TileKey, ticket: u64) {
         self.waiting.push_back((key, ticket));
     }
@@ -79,14 +79,14 @@ impl Upload for NoAtlas {
     fn write_summary(&mut self, _: u32, _: &[u32; SUMMARY_WORDS]) {}
 }
 
-struct Flight {
-    streamer: Streamer<GeneratedCity>,
+struct DeepCityTour {
+    streamer: Streamer<DeepCityFetcher>,
     now: Duration,
 }
 
-impl Flight {
+impl DeepCityTour {
     fn new() -> Self {
-        let downloads = Downloads::new(GeneratedCity::default(), 12);
+        let downloads = Downloads::new(DeepCityFetcher::default(), 12);
         let streamer = Streamer::new(SceneTree::new(manifest(DEPTH)), downloads, CACHE_PAGES);
         Self { streamer, now: Duration::from_secs(100) }
     }
@@ -123,49 +123,48 @@ impl Flight {
 
 #[test]
 fn the_tree_stays_bounded_and_evicted_places_come_back_as_they_were() {
-    let mut flight = Flight::new();
-    let first = flight.stop_at(0);
+    let mut tour = DeepCityTour::new();
+    let first = tour.stop_at(0);
     assert!(first.iter().any(|(node, source)| node == source && node.level() == DEPTH), "{first:?}");
-    let subtrees_at_first = flight.streamer.tiles.counts.subtrees;
+    let subtrees_at_first = tour.streamer.tiles.counts.subtrees;
     let mut stop = 0;
     // Until four times the memory has passed through.
-    while flight.streamer.tiles.counts.subtrees * (MAX_SUBTREE_BYTES as u64)
-        < 4 * flight.streamer.tree().max_bytes() as u64
+    while tour.streamer.tiles.counts.subtrees * (MAX_SUBTREE_BYTES as u64) < 4 * tour.streamer.tree().max_bytes() as u64
     {
         stop += 1;
-        flight.stop_at(stop);
+        tour.stop_at(stop);
     }
-    let before = flight.streamer.tiles.counts.subtrees;
-    assert!(flight.stop_at(0) == first, "another draw list than at first");
-    let fetched_again = flight.streamer.tiles.counts.subtrees - before;
+    let before = tour.streamer.tiles.counts.subtrees;
+    assert!(tour.stop_at(0) == first, "another draw list than at first");
+    let fetched_again = tour.streamer.tiles.counts.subtrees - before;
     assert!(fetched_again > 0 && fetched_again <= subtrees_at_first, "{fetched_again} of {subtrees_at_first}");
-    assert!(flight.streamer.fetched_again() > 0);
+    assert!(tour.streamer.fetched_again() > 0);
 }
 
 #[test]
 fn a_view_that_needs_more_subtrees_than_fit_settles_with_those_that_do() {
-    let mut flight = Flight::new();
-    flight.streamer.tiles.tree.set_max_bytes(5 * MAX_SUBTREE_BYTES);
+    let mut tour = DeepCityTour::new();
+    tour.streamer.tiles.tree.set_max_bytes(5 * MAX_SUBTREE_BYTES);
     for stop in [0, 1, 2, 0] {
-        assert!(!flight.stop_at(stop).is_empty());
-        let requests = flight.streamer.downloads.fetcher().subtrees;
-        flight.stop_at(stop);
-        assert_eq!(flight.streamer.downloads.fetcher().subtrees, requests, "a settled view fetches nothing");
+        assert!(!tour.stop_at(stop).is_empty());
+        let requests = tour.streamer.downloads.fetcher().subtrees;
+        tour.stop_at(stop);
+        assert_eq!(tour.streamer.downloads.fetcher().subtrees, requests, "a settled view fetches nothing");
     }
 }
 
 #[test]
 fn hits_of_evicted_nodes_are_ignored() {
-    let mut flight = Flight::new();
-    flight.streamer.tiles.tree.set_max_bytes(8 * MAX_SUBTREE_BYTES);
-    flight.stop_at(0);
-    let nodes: Vec<_> = flight.streamer.selection.draw_tiles.iter().map(|tile| tile.node).collect();
-    let view = flight.streamer.last_view.unwrap();
-    (1..20).for_each(|stop| drop(flight.stop_at(stop)));
-    assert!(nodes.iter().any(|node| !flight.streamer.tree().is_known(*node)));
+    let mut tour = DeepCityTour::new();
+    tour.streamer.tiles.tree.set_max_bytes(8 * MAX_SUBTREE_BYTES);
+    tour.stop_at(0);
+    let nodes: Vec<_> = tour.streamer.selection.draw_tiles.iter().map(|tile| tile.node).collect();
+    let view = tour.streamer.last_view.unwrap();
+    (1..20).for_each(|stop| drop(tour.stop_at(stop)));
+    assert!(nodes.iter().any(|node| !tour.streamer.tree().is_known(*node)));
     let pixels = vec![9; nodes.len()];
-    flight.streamer.report_hits(&OcclusionQuery { nodes, view, generation: 1 }, &pixels);
-    let request = flight.streamer.last_request.unwrap();
-    flight.streamer.update(&request, &mut NoAtlas, flight.now);
-    assert!(!flight.streamer.selection.draw_tiles.is_empty());
+    tour.streamer.report_hits(&OcclusionQuery { nodes, view, generation: 1 }, &pixels);
+    let request = tour.streamer.last_request.unwrap();
+    tour.streamer.update(&request, &mut NoAtlas, tour.now);
+    assert!(!tour.streamer.selection.draw_tiles.is_empty());
 }
