@@ -28,7 +28,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     // This thread accepts connections and reloads cities; the workers have threads of their own.
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system_error("start threads"))?;
-    runtime.block_on(async {
+    let served = runtime.block_on(async {
         // Registered before the line is printed, so that its reader can stop the server at once.
         let signals = ShutdownSignals::register().map_err(system_error("register signal handlers"))?;
         let store = Store::open_anywhere(&args.cities, &config.cache).await?;
@@ -40,7 +40,10 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
         print(&format!("listening on {}://{address}\n", server.scheme()));
         let shutdown = signals.wait(server.reload_signal());
         server.run(listener, shutdown).await.map_err(CommandError::from)
-    })
+    });
+    // A city that is being opened must not delay the end.
+    runtime.shutdown_background();
+    served
 }
 
 /// Registered handlers of the signals that end the server or reload its cities.

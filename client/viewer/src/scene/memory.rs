@@ -130,14 +130,18 @@ impl SceneTree {
         self.memory.used_bytes = 0;
     }
 
-    /// Marks the subtrees that list a node and its children as in use.
+    /// Marks the subtree below a visited node as in use. That which lists the node is marked by the visit of its ancestors.
+    pub(crate) fn mark_visited(&mut self, index: NodeIndex) {
+        let id = self.node(index).id;
+        if Subtree::is_root(id) {
+            self.memory.mark_used(id);
+        }
+    }
+
+    /// Marks the subtree that lists a node as in use, if the node is known.
     pub(crate) fn mark_used(&mut self, index: NodeIndex) {
         if self.is_known(index) {
-            let id = self.node(index).id;
-            self.memory.mark_used(listing_subtree(id));
-            if Subtree::is_root(id) {
-                self.memory.mark_used(id);
-            }
+            self.memory.mark_used(listing_subtree(self.node(index).id));
         }
     }
 

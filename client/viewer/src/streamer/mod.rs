@@ -235,7 +235,8 @@ impl<F: TileFetcher> Streamer<F> {
         let tree = &mut self.tiles.tree;
         tree.begin_frame();
         let visited = self.scratch.visited_nodes().chain(self.casters.visited.iter().copied());
-        visited.chain(self.transitions.fading_sources().map(|(node, _)| node)).for_each(|node| tree.mark_used(node));
+        visited.for_each(|node| tree.mark_visited(node));
+        self.transitions.fading_sources().for_each(|(node, _)| tree.mark_used(node));
         self.selection.used_subtrees.iter().for_each(|root| tree.mark_subtree_used(*root));
         let mut requestable = tree.requestable_subtrees();
         self.selection.requests.retain(|request| {
