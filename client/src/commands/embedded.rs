@@ -224,7 +224,7 @@ mod tests {
         }
         symlink(&city, deepest.join("top")).unwrap();
         fs::write(deepest.join("a.obj"), "v 0 0 0").unwrap();
-        let key = || cache_key(&[city.clone()], None, 1.0).unwrap();
+        let key = || cache_key(std::slice::from_ref(&city), None, 1.0).unwrap();
         let before = key();
         assert_eq!(key(), before);
         fs::write(deepest.join("a.obj"), "v 0 0 0\nv 1 1 1").unwrap();
