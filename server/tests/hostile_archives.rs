@@ -12,6 +12,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// Writes something hostile at a path.
+type Attack = fn(&Path);
+
 const RETENTION: RetentionPolicy = RetentionPolicy { time: Duration::from_secs(60), versions: 2 };
 
 /// An archive of 15 kB: each of 1,000 pointers of its leaf directory leads to that directory again.
@@ -65,7 +68,7 @@ fn replace_by_huge_entry(archive: &Path) {
 
 #[tokio::test]
 async fn hostile_archives_do_not_replace_the_city_that_is_served() {
-    let attacks: [(&str, fn(&Path)); 3] = [
+    let attacks: [(&str, Attack); 3] = [
         ("twice", replace_by_nested_pointers),
         ("regular file", replace_by_pipe),
         ("longer than any tile", replace_by_huge_entry),
