@@ -170,6 +170,6 @@ fn rooms_keep_out_what_they_must_not_know() {
         &names("insula-viewer"),
     );
     check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));
-    check("insula-server", &[&graphics[..], &["reqwest"]].concat(), &names("insula-server"));
+    check("insula-server", &graphics, &names("insula-server"));
     check("insula-client", &["axum", "pmtiles"], &names("insula-client"));
 }

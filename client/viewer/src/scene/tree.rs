@@ -17,6 +17,11 @@ use std::{collections::HashMap, num::NonZeroU32};
 const DEFAULT_PAGES: u32 = 6;
 const MIN_SAMPLES: u64 = 8;
 
+/// Memory for a node: its slot, its entry in the index by id, and what selections record about it.
+pub(super) const NODE_BYTES: usize = size_of::<NodeSlot>() + 2 * size_of::<(TileId, NodeIndex)>() + 64;
+/// Memory for a leaf's level of detail.
+pub(super) const LOD_BYTES: usize = size_of::<LeafLod>();
+
 /// Index of a known node. Stays valid until the node is evicted, and never names another node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeIndex {
@@ -284,7 +289,7 @@ impl SceneTree {
             }
             let node = TreeNode { parent, ..self.new_node(info) };
             let index = self.insert(node);
-            self.memory.node_added(info.id);
+            self.memory.add_node(info.id, NODE_BYTES);
             if let Some(parent) = parent {
                 self.node_mut(parent).children[info.id.quadrant()] = Some(index);
             }
@@ -295,7 +300,7 @@ impl SceneTree {
             let node = self.node_mut(index);
             if node.child_mask == 0 && node.lods.is_empty() {
                 node.lods = mesh.lods.iter().map(LeafLod::new).collect();
-                self.memory.lods_added(mesh.id, mesh.lods.len());
+                self.memory.add_bytes(mesh.id, mesh.lods.len() * LOD_BYTES);
             }
         }
     }
