@@ -52,6 +52,7 @@ fn global(cache_mib: u32) -> GlobalArgs {
         city: None,
         tau: 1.0,
         timeout: 20,
+        follow_redirects: false,
     }
 }
 
@@ -105,7 +106,7 @@ impl Viewer {
 
     /// Tiles that are being fetched.
     pub fn loading(&self) -> Vec<TileId> {
-        let nodes = self.session.tree().nodes().iter();
+        let nodes = self.session.tree().nodes();
         nodes.filter(|node| node.tile.state() == TileState::Loading).map(|node| node.id).collect()
     }
 }

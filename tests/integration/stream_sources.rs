@@ -66,6 +66,7 @@ fn options(timeout: u32) -> GlobalArgs {
         city: None,
         tau: 1.0,
         timeout,
+        follow_redirects: false,
     }
 }
 
@@ -146,11 +147,12 @@ fn unsuitable_hosts_are_errors_of_one_line() -> Result<()> {
 #[test]
 fn a_visited_city_needs_no_network() -> Result<()> {
     let cache_folder = tempfile::tempdir()?;
-    let session = |url: &str| -> Result<Session> {
+    // `address` stands for the one that the tiles are cached under.
+    let session_at = |url: &str, address: &str| -> Result<Session> {
         let http = Arc::new(Http::new(None)?);
         let found = connect(&http, url, &options(3))?;
         let cache = Arc::new(DiskCache::open(cache_folder.path(), EXTENSION, 64 << 20)?);
-        let source = Arc::new(CachedCity::new(found.source, cache, &found.manifest));
+        let source = Arc::new(CachedCity::new(found.source, cache, address, &found.manifest));
         let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
         Ok(Session::new(
             SceneTree::new(found.manifest),
@@ -159,6 +161,7 @@ fn a_visited_city_needs_no_network() -> Result<()> {
             Instant::now(),
         ))
     };
+    let session = |url: &str| session_at(url, url);
     let host = start_host();
     let url = format!("{}/town/", host.url());
     let first = settle(&mut session(&url)?)?;
@@ -171,7 +174,8 @@ fn a_visited_city_needs_no_network() -> Result<()> {
     std::fs::create_dir(manifest_only.path().join("town"))?;
     std::fs::copy(city().join("city.json"), manifest_only.path().join("town/city.json"))?;
     let url_without_tiles = format!("{}/town/", FaultyHost::start(manifest_only.path()).url());
-    ensure!(settle(&mut session(&url_without_tiles)?)?.colour == first.colour);
+    ensure!(settle(&mut session_at(&url_without_tiles, &url)?)?.colour == first.colour);
+    ensure!(settle(&mut session(&url_without_tiles)?).is_err(), "tiles of another host are drawn");
     for entry in std::fs::read_dir(cache_folder.path())?.flatten().take(5) {
         let mut bytes = std::fs::read(entry.path())?;
         let middle = bytes.len() / 2;

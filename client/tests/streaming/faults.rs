@@ -6,7 +6,7 @@ use super::{
     test_server::{Reply, TestServer},
     viewers::{WIDTH_PX, draw_until_settled, open_session, open_session_with, settle, street},
 };
-use insula_client::{session::Session, stream::fetch::HttpTimeouts};
+use insula_client::{session::Session, stream::fetch::HttpOptions};
 use insula_protocol::{TileId, route, tile::TileKind};
 use insula_test_support::rng::Rng;
 use insula_viewer::frame::RenderSettings;
@@ -95,8 +95,8 @@ fn slow_bodies_are_abandoned_and_fetched_again() {
         let is_slow = times == 0 && path.contains("blockmaps") && random_below(4, path, 0) == 0;
         if is_slow { Reply::Trickle } else { Reply::Intact }
     });
-    let timeouts = HttpTimeouts { body: Duration::from_millis(500), ..HttpTimeouts::default() };
-    let mut session = open_session_with(&server, 64, timeouts);
+    let options = HttpOptions { body: Duration::from_millis(500), ..HttpOptions::default() };
+    let mut session = open_session_with(&server, 64, options);
     assert_eq!(draw_until_settled(&mut session), REFERENCE.colours);
     let (found, intact) = (server.requests(), REFERENCE.requests);
     assert!(found > intact && found <= intact * 2, "{found} requests, {intact} without faults");

@@ -1,10 +1,21 @@
 //! Output to standard output and files.
 
 use super::error::CommandError;
+use insula_protocol::text::{printable_json, printable_lines};
 use std::{io::Write, path::Path};
 
-/// Prints to standard output. Errors are ignored, so that a closed pipe (`| head`) does not fail the command.
+/// Prints lines to standard output, without anything that a terminal obeys. Errors are ignored, so that a closed pipe
+/// (`| head`) does not fail the command.
 pub(super) fn print(text: &str) {
+    write_out(&printable_lines(text));
+}
+
+/// Prints JSON, as [`print`] does.
+pub(super) fn print_json(json: &str) {
+    write_out(&(printable_json(json) + "\n"));
+}
+
+fn write_out(text: &str) {
     let mut out = std::io::stdout().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }

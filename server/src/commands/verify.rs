@@ -5,6 +5,7 @@ use crate::{args::VerifyArgs, store::CityStore};
 use insula_protocol::{
     BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     subtree::{MeshLod, NodeInfo},
+    text::printable,
     tile,
 };
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,7 +19,7 @@ pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
         print(&format!("{}: {tiles} tiles, no faults\n", city.manifest().name));
         return Ok(());
     }
-    print(&faults.iter().map(|fault| format!("{fault}\n")).collect::<String>());
+    print(&faults.iter().map(|fault| printable(fault) + "\n").collect::<String>());
     Err(CommandError::Faults { path: args.city.clone(), faults: faults.len() })
 }
 

@@ -112,7 +112,7 @@ impl RandomSession {
                 tree.apply(TileKey::block_map(id), TileEvent::Drop);
             }
         }
-        let leaves: Vec<TileId> = tree.nodes().iter().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
+        let leaves: Vec<TileId> = tree.nodes().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
         let meshes = leaves.into_iter().flat_map(|id| (0..3).map(move |lod| TileKey::mesh(id, lod)));
         for key in meshes.filter(|key| !selection.used_meshes.contains(key)) {
             if random.below(5) == 0 && tree.tile(key).is_some_and(|tile| tile.is_resident()) {
@@ -132,7 +132,7 @@ fn random_sessions_have_no_holes() {
             let view = session.view();
             (0..4).for_each(|_| session.frame(&view, frame, &mut scratch));
         }
-        deepened += usize::from(session.tree.nodes().iter().any(|node| node.id.level() > DEPTH));
+        deepened += usize::from(session.tree.nodes().any(|node| node.id.level() > DEPTH));
     }
     assert!(deepened >= 5, "subtrees arrived in {deepened} cities only");
 }
