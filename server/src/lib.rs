@@ -6,5 +6,6 @@ pub mod args;
 pub mod commands;
 pub mod config;
 pub mod http;
+pub mod memory;
 pub mod store;
 pub mod telemetry;

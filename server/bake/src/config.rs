@@ -28,6 +28,15 @@ pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
 const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
 /// The program and a single block need this much.
 const MIN_MEMORY_BYTES: u64 = 64 << 20;
+/// Memory besides `--memory` for what is not estimated beforehand. With the program and the allocator's overhead a bake
+/// stays within 512 MiB more than `--memory`.
+const RESERVE_BYTES: u64 = 384 << 20;
+/// The part of the reserve that a single block may need.
+const BLOCK_RESERVE_BYTES: usize = 320 << 20;
+/// The part of the reserve that a document may need.
+const DOCUMENT_RESERVE_BYTES: u64 = 192 << 20;
+/// Memory of a block's entry while the city is partitioned.
+const BLOCK_ENTRY_BYTES: usize = 200;
 /// Default quality of colours and occlusion.
 pub const QUALITY_DB: f32 = 36.0;
 /// Below, images show strong artefacts; above, `lossless` is smaller.
@@ -62,6 +71,8 @@ pub struct BakeOptions {
     pub obj_up: ObjUpAxis,
     /// Colours of surfaces that have none in the source.
     pub palette: Palette,
+    /// Folders from which textures and material libraries may be read besides the source's own.
+    pub texture_roots: Vec<PathBuf>,
     /// Sampling of leaves.
     pub sample: SampleSettings,
     /// Allowed loss of colours and occlusion in the tiles.
@@ -85,11 +96,26 @@ impl Default for BakeOptions {
             attribution: Vec::new(),
             obj_up: ObjUpAxis::default(),
             palette: Palette::default(),
+            texture_roots: Vec::new(),
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),
             meshes: true,
         }
     }
+}
+
+impl BakeOptions {
+    /// Memory that a bake with these options allocates at most, in bytes: the requested or default memory, and a
+    /// reserve for what is not estimated beforehand. A program that sets a limit of its own sets it here.
+    #[must_use]
+    pub fn memory_limit_bytes(&self) -> u64 {
+        let threads = self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        self.memory_bytes.unwrap_or(default_memory(threads)).saturating_add(RESERVE_BYTES)
+    }
+}
+
+fn default_memory(threads: usize) -> u64 {
+    DEFAULT_MEMORY_BYTES.max(MEMORY_BYTES_PER_THREAD * threads as u64)
 }
 
 /// Validated options.
@@ -162,6 +188,26 @@ impl BakeConfig {
         self.memory_bytes / 4
     }
 
+    /// A block that needs more is refused.
+    pub(crate) fn max_block_bytes(&self) -> usize {
+        self.block_bytes().saturating_add(BLOCK_RESERVE_BYTES)
+    }
+
+    /// Most blocks of leaves that a city may have: each has an entry and a buffer while the city is partitioned.
+    pub(crate) fn max_blocks(&self) -> usize {
+        self.memory_bytes / 4 / BLOCK_ENTRY_BYTES
+    }
+
+    /// Largest document that is held in memory while it is read.
+    pub(crate) fn max_document_bytes(&self) -> u64 {
+        (self.memory_bytes as u64).saturating_add(DOCUMENT_RESERVE_BYTES)
+    }
+
+    /// Longest line of a sequence, or largest feature of a document: its parsed form is several times larger.
+    pub(crate) fn max_line_bytes(&self) -> u64 {
+        self.max_document_bytes() / 8
+    }
+
     /// Memory of all blocks in progress together. The rest is for the program, textures in use and the allocator's
     /// overhead.
     pub(crate) fn block_bytes(&self) -> usize {
@@ -170,7 +216,7 @@ impl BakeConfig {
 }
 
 fn check_memory(requested: Option<u64>, threads: usize) -> Result<usize, BakeError> {
-    let bytes = requested.unwrap_or(DEFAULT_MEMORY_BYTES.max(MEMORY_BYTES_PER_THREAD * threads as u64));
+    let bytes = requested.unwrap_or(default_memory(threads));
     if bytes < MIN_MEMORY_BYTES {
         let advice = format!("give at least {} MiB", MIN_MEMORY_BYTES >> 20);
         return Err(BakeError::Option { option: "--memory", value: bytes.to_string(), advice });

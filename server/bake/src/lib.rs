@@ -13,6 +13,7 @@ pub mod report;
 pub mod sample;
 pub mod scene;
 pub mod simplify;
+pub mod subject;
 #[cfg(test)]
 mod test_folder;
 pub mod write;

@@ -2,7 +2,7 @@
 
 use super::{
     error::CommandError,
-    output::{human_bytes, print, write},
+    output::{human_bytes, print, refuse_input, write},
 };
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
@@ -65,6 +65,7 @@ fn describe_repairs(report: &RepairReport) -> String {
 
 /// Runs `compress`. Fails if the input is not a mesh or a file cannot be read or written.
 pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
+    refuse_input(&args.output, &args.input)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let start = Instant::now();
     let encoded = with_spinner("compress", || quantise::to_mesh(&model, args.bits, args.texcoord_bits).encode());
@@ -89,6 +90,7 @@ pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
 /// Runs `decompress`. Fails if the input is damaged or not from `compress`, or a file cannot be read or written.
 pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
+    refuse_input(&args.output, &args.input)?;
     let file = read_bytes(&args.input)?;
     let coded = file.strip_prefix(MAGIC).and_then(|rest| rest.split_last_chunk::<4>());
     let (coded, sum) = coded.ok_or_else(|| mesh_error(&args.input, &"not a file of `insula-server compress`"))?;
@@ -105,6 +107,7 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
 /// Runs `simplify`. Fails if the input is not a mesh or a file cannot be read or written.
 pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
+    refuse_input(&args.output, &args.input)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let before = model.triangles.len();
     let triangles = args.ratio.map_or(0, |ratio| (before as f64 * ratio).round() as usize);

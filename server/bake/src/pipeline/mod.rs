@@ -30,6 +30,7 @@ use crate::{
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
+        ownership::check_inputs,
         scratch_folder::{InputHashes, ScratchFolder},
     },
 };
@@ -44,6 +45,7 @@ use update::PreviousCity;
 /// finished work stays in `CITY.partial`, where a bake with `options.resume` continues.
 pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
+    check_inputs(&config.out, &options.inputs)?;
     let mut run = BakeRun::new(&config, progress)?;
     let (city, read) = run.read(options)?;
     run.bake(city, read)
@@ -78,8 +80,16 @@ impl<'a> BakeRun<'a> {
 
     /// Reads the inputs into the scratch folder.
     fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, ReadReport), BakeError> {
-        let (obj_up, palette) = (options.obj_up, options.palette.clone());
-        let read_options = ReadOptions { obj_up, palette, ..ReadOptions::default() };
+        let defaults = ReadOptions::default();
+        let read_options = ReadOptions {
+            obj_up: options.obj_up,
+            palette: options.palette.clone(),
+            texture_roots: options.texture_roots.clone(),
+            cell_m: self.config.cell_m,
+            max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
+            max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
+            ..defaults
+        };
         let folder = self.scratch.scene_folder()?;
         let scratch = ScratchOptions { folder: &folder, texture_cache_bytes: self.config.texture_cache_bytes() };
         // The reader reports bytes since the start; a step of the stage is a byte.

@@ -22,7 +22,7 @@ pub(crate) fn write(
         ordered.push((pmtiles::TileId::from(coord), coord, *id));
     }
     ordered.sort_unstable_by_key(|(order, ..)| *order);
-    let file = fs::File::create(path).map_err(|cause| BakeError::io(path, "written", cause))?;
+    let file = fs::File::create_new(path).map_err(|cause| BakeError::io(path, "written", cause))?;
     let max_zoom = ids.iter().map(|id| id.level()).max().unwrap_or(0);
     let mut writer = PmTilesWriter::new(TileType::Unknown)
         .tile_compression(Compression::None)
