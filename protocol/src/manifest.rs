@@ -5,6 +5,13 @@ use serde::{Deserialize, Serialize};
 /// Version of the manifest and of the city folder's layout.
 pub const FORMAT_VERSION: u32 = 1;
 
+/// Longest text of a manifest in bytes: title, coordinate system, and each text of an attribution.
+pub const MAX_TEXT_BYTES: usize = 4096;
+/// Most attributions.
+pub const MAX_ATTRIBUTIONS: usize = 256;
+/// Most bytes of all texts together, so that a manifest stays below a megabyte however its characters are escaped.
+pub const MAX_ALL_TEXT_BYTES: usize = 128 << 10;
+
 /// A baked city. JSON on disk and over HTTP, or bincode over HTTP for `Accept: application/x-bincode`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
@@ -69,6 +76,13 @@ pub struct Attribution {
     pub url: Option<String>,
 }
 
+impl Attribution {
+    /// All texts.
+    pub fn texts(&self) -> impl Iterator<Item = &String> + Clone {
+        std::iter::once(&self.text).chain(&self.licence).chain(&self.url)
+    }
+}
+
 impl Manifest {
     /// Checks a manifest from an untrusted source. Fails with the first rule that it breaks.
     pub fn check(&self) -> Result<(), String> {
@@ -102,6 +116,24 @@ impl Manifest {
         if !is_name(&self.name) || !is_name(&self.version) {
             return Err("name or version is not 1 to 64 characters of a-z, 0-9, _ and -".into());
         }
+        self.check_texts()
+    }
+
+    /// Fails if a text or a list is longer than the limits.
+    fn check_texts(&self) -> Result<(), String> {
+        let attributions = self.attribution.iter().flat_map(Attribution::texts);
+        let texts = [&self.title, &self.settings].into_iter().chain(&self.crs).chain(attributions);
+        let lengths = || texts.clone().map(String::len);
+        if lengths().any(|length| length > MAX_TEXT_BYTES) {
+            return Err(format!("a text is longer than {MAX_TEXT_BYTES} bytes"));
+        }
+        if lengths().sum::<usize>() > MAX_ALL_TEXT_BYTES || self.attribution.len() > MAX_ATTRIBUTIONS {
+            return Err(format!("more than {MAX_ATTRIBUTIONS} attributions or {MAX_ALL_TEXT_BYTES} bytes of texts"));
+        }
+        let levels = usize::from(self.depth) + 1;
+        if self.counts.nodes_per_level.len() > levels || self.counts.bytes_per_level.len() > levels {
+            return Err("it counts more levels than the city has".into());
+        }
         Ok(())
     }
 
@@ -131,6 +163,11 @@ impl Manifest {
 pub fn is_name(name: &str) -> bool {
     (1..=64).contains(&name.len())
         && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_' || b == b'-')
+}
+
+/// The text's beginning, if it is longer than [`MAX_TEXT_BYTES`].
+pub fn shorten_text(text: &str) -> &str {
+    &text[..text.floor_char_boundary(MAX_TEXT_BYTES)]
 }
 
 /// Turns any text into a name that [`is_name`] accepts.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use insula_protocol::{
     NODE_CELLS,
     blockmap::Quality,
-    manifest::{self, Attribution},
+    manifest::{self, Attribution, MAX_TEXT_BYTES},
     tile,
 };
 use serde::Serialize;
@@ -42,6 +42,8 @@ pub const QUALITY_DB: f32 = 36.0;
 /// Below, images show strong artefacts; above, `lossless` is smaller.
 const QUALITY_RANGE_DB: std::ops::RangeInclusive<f32> = 20.0..=60.0;
 const MAX_THREADS: usize = 1024;
+/// Most attributions in the options. Their texts fit into a manifest at any length.
+const MAX_OPTION_ATTRIBUTIONS: usize = 8;
 
 /// The options of a bake.
 #[derive(Debug, Clone)]
@@ -156,6 +158,7 @@ impl BakeConfig {
             let advice = "give the name of the city folder to write, for example cities/delft".into();
             return Err(BakeError::Option { option: "--out", value: options.out.display().to_string(), advice });
         };
+        check_texts(options)?;
         let threads = check_threads(options.threads)?;
         options.sample.visibility.check().map_err(|advice| {
             let value = format!("{:?}", options.sample.visibility).to_lowercase();
@@ -213,6 +216,32 @@ impl BakeConfig {
     pub(crate) fn block_bytes(&self) -> usize {
         self.memory_bytes / 2
     }
+}
+
+fn check_texts(options: &BakeOptions) -> Result<(), BakeError> {
+    let title = options.title.iter().map(|text| ("--title", text));
+    let attributions = options.attribution.iter().flat_map(|attribution| {
+        let Attribution { text, licence, url } = attribution;
+        let [licence, url] = [("--licence", licence), ("--source-url", url)]
+            .map(|(name, text)| text.iter().map(move |text| (name, text)));
+        std::iter::once(("--attribution", text)).chain(licence).chain(url)
+    });
+    for (option, text) in title.chain(attributions) {
+        if text.len() > MAX_TEXT_BYTES {
+            let (value, advice) =
+                (text.chars().take(60).collect::<String>() + "...", format!("give at most {MAX_TEXT_BYTES} bytes"));
+            return Err(BakeError::Option { option, value, advice });
+        }
+    }
+    if options.attribution.len() > MAX_OPTION_ATTRIBUTIONS {
+        let value = options.attribution.len().to_string();
+        return Err(BakeError::Option {
+            option: "--attribution",
+            value,
+            advice: format!("give at most {MAX_OPTION_ATTRIBUTIONS}"),
+        });
+    }
+    Ok(())
 }
 
 fn check_memory(requested: Option<u64>, threads: usize) -> Result<usize, BakeError> {
@@ -332,6 +361,7 @@ mod tests {
             BakeOptions { name: Some("Den Haag".into()), ..options() },
             BakeOptions { quality: Quality::Decibels(f32::NAN), ..options() },
             BakeOptions { out: "..".into(), ..options() },
+            BakeOptions { title: Some("x".repeat(5000)), ..options() },
             BakeOptions { out: "".into(), ..options() },
         ];
         for options in wrong {

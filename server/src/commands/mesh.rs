@@ -12,6 +12,7 @@ use insula_bake::{
 };
 use insula_protocol::mesh::{Mesh, half_edge::RepairReport};
 use std::{
+    io::Read,
     path::Path,
     time::{Duration, Instant},
 };
@@ -29,7 +30,11 @@ fn format_of(path: &Path) -> Result<ModelFormat, CommandError> {
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
-    std::fs::read(path).map_err(|error| mesh_error(path, &error))
+    // A device or a pipe may have no end.
+    let mut bytes = Vec::new();
+    let file = insula_archive::file::open_regular(path);
+    file.and_then(|mut file| file.read_to_end(&mut bytes)).map_err(|error| mesh_error(path, &error))?;
+    Ok(bytes)
 }
 
 /// Reads a mesh and welds vertices at the same position.

@@ -40,7 +40,8 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// Fails if writing `output` would overwrite the file `input`, also by another name or link.
 pub(super) fn refuse_input(output: &Path, input: &Path) -> Result<(), CommandError> {
-    let is_same_path = fs::canonicalize(output).is_ok_and(|found| fs::canonicalize(input).is_ok_and(|other| found == other));
+    let is_same_path =
+        fs::canonicalize(output).is_ok_and(|found| fs::canonicalize(input).is_ok_and(|other| found == other));
     if is_same_path || is_same_file(output, input) {
         let reason = format!("it is the input {}; give another name", input.display());
         return Err(CommandError::Usage(format!("{}: {reason}", output.display())));

@@ -173,8 +173,8 @@ macro_rules! questions {
 impl Float for CountedFloat {
     constants!(nan, infinity, neg_infinity, neg_zero, min_value, min_positive_value, epsilon, max_value);
     unary!(
-        floor, ceil, round, trunc, fract, abs, signum, recip, sqrt, exp, exp2, ln, log2, log10, cbrt, sin, cos, tan, asin, acos,
-        atan, exp_m1, ln_1p, sinh, cosh, tanh, asinh, acosh, atanh
+        floor, ceil, round, trunc, fract, abs, signum, recip, sqrt, exp, exp2, ln, log2, log10, cbrt, sin, cos, tan,
+        asin, acos, atan, exp_m1, ln_1p, sinh, cosh, tanh, asinh, acosh, atanh
     );
     binary!(powf, log, max, min, abs_sub, hypot, atan2);
     questions!(is_nan, is_infinite, is_finite, is_normal, is_sign_positive, is_sign_negative);

@@ -59,7 +59,11 @@ impl Triangulator {
     /// area or exceeds a limit.
     ///
     /// The plane is that of Newell's normal, so a slightly bent polygon is triangulated in its best plane.
-    pub(crate) fn triangulate(&mut self, points: &[[f64; 3]], hole_starts: &[u32]) -> Result<&[[u32; 3]], PolygonFault> {
+    pub(crate) fn triangulate(
+        &mut self,
+        points: &[[f64; 3]],
+        hole_starts: &[u32],
+    ) -> Result<&[[u32; 3]], PolygonFault> {
         let outer_len = hole_starts.first().map_or(points.len(), |&start| start as usize);
         if points.len() > MAX_CORNERS {
             return Err(PolygonFault::TooLarge);

@@ -38,6 +38,9 @@ const MAX_BLOCK_HEIGHT_CELLS: f64 = 32_768.0;
 /// An object that is smaller in all directions, in cells, may fall between the lines that sample it.
 const MIN_CELLS: f32 = 0.25;
 
+/// Longer identifiers are cut: they are in memory until all sources are read.
+const MAX_ID_BYTES: usize = 1024;
+
 struct PendingObject {
     id: String,
     kind: ObjectKind,
@@ -75,19 +78,25 @@ impl PendingObject {
     /// Why the object cannot be baked with cells of this size, with details; `None` if it can.
     fn size_fault(&self, cell_m: f64) -> Option<(&'static str, String)> {
         let extent_m: [f64; 3] = std::array::from_fn(|axis| self.extent_m(axis));
-        if let Some(largest_m) = extent_m.into_iter().reduce(f64::max).filter(|extent_m| *extent_m > 2.0 * MAX_DISTANCE_M) {
+        if let Some(largest_m) =
+            extent_m.into_iter().reduce(f64::max).filter(|extent_m| *extent_m > 2.0 * MAX_DISTANCE_M)
+        {
             return Some(("larger than 400 km", format!("{:.0} km", largest_m / 1000.0)));
         }
         let block_m = cell_m * (NODE_CELLS as u32 * BLOCK_LEAVES) as f64;
         let [share_x, share_y] = [0, 1].map(|axis: usize| (block_m / extent_m[axis]).min(1.0));
         let height_cells = extent_m[2] * share_x.min(share_y) / cell_m;
         if height_cells > MAX_BLOCK_HEIGHT_CELLS {
-            let detail = format!("{height_cells:.0} cells high in one block, the limit is {MAX_BLOCK_HEIGHT_CELLS}; use a larger --cell");
+            let detail = format!(
+                "{height_cells:.0} cells high in one block, the limit is {MAX_BLOCK_HEIGHT_CELLS}; use a larger --cell"
+            );
             return Some(("too tall for the cell size", detail));
         }
         let cells = self.surface_m2 * share_x * share_y / (cell_m * cell_m);
         (cells > MAX_BLOCK_CELLS).then(|| {
-            let detail = format!("{cells:.0} cells of surface in one block, the limit is {MAX_BLOCK_CELLS:.0}; use a larger --cell");
+            let detail = format!(
+                "{cells:.0} cells of surface in one block, the limit is {MAX_BLOCK_CELLS:.0}; use a larger --cell"
+            );
             ("too much surface for the cell size", detail)
         })
     }
@@ -113,7 +122,8 @@ impl OpenObject {
     fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
         let Self { kind, anchor, min, max, surface_m2, triangles } = self;
         let anchor = anchor?;
-        Some(PendingObject { id: id.to_owned(), kind, source, is_dropped: false, surface_m2, anchor, min, max, triangles })
+        let id = id[..id.floor_char_boundary(MAX_ID_BYTES)].to_owned();
+        Some(PendingObject { id, kind, source, is_dropped: false, surface_m2, anchor, min, max, triangles })
     }
 }
 
@@ -148,22 +158,16 @@ impl SceneBuilder {
         index
     }
 
-    /// Adds an object and counts it in the report. Every corner must be valid (see [`is_valid_position`]). An object
-    /// without triangles is not added, one that is too large for the cell size is left out.
-    pub(crate) fn add(
-        &mut self,
-        source: usize,
-        id: &str,
-        kind: ObjectKind,
-        faces: &[WorldTriangle],
-        report: &mut SourceReport,
-    ) {
+    /// Adds a whole object.
+    #[cfg(test)]
+    fn add(&mut self, source: usize, id: &str, kind: ObjectKind, faces: &[WorldTriangle], report: &mut SourceReport) {
         let mut open = OpenObject::new(kind);
         self.push(&mut open, faces);
         self.close(source, id, open, report);
     }
 
-    /// Adds triangles to an object that is closed later. Every corner must be valid. Only one object may be open.
+    /// Adds triangles to an object that is closed later. Every corner must be valid (see
+    /// [`is_valid_position`]). Only one object may be open.
     pub(crate) fn push(&mut self, open: &mut OpenObject, faces: &[WorldTriangle]) {
         let Some(first) = faces.first() else { return };
         let anchor = *open.anchor.get_or_insert(first.corners[0]);
@@ -184,7 +188,8 @@ impl SceneBuilder {
         open.triangles += faces.len() as u64;
     }
 
-    /// Ends an object and counts it in the report. One that is too large for the cell size is left out.
+    /// Ends an object and counts it in the report. One without triangles is not added, one that is too large for the
+    /// cell size is left out.
     pub(crate) fn close(&mut self, source: usize, id: &str, open: OpenObject, report: &mut SourceReport) {
         let Some(mut object) = open.into_pending(source, id) else { return };
         if let Some((reason, detail)) = object.size_fault(self.cell_m) {
@@ -263,7 +268,8 @@ impl SceneBuilder {
     /// For each object its distance from the median object in metres, if that is too far.
     fn find_too_far(&self) -> Vec<Option<f64>> {
         let middle: [f64; 3] = std::array::from_fn(|axis| {
-            let mut values: Vec<f64> = self.pending.iter().filter(|object| !object.is_dropped).map(|object| object.anchor[axis]).collect();
+            let mut values: Vec<f64> =
+                self.pending.iter().filter(|object| !object.is_dropped).map(|object| object.anchor[axis]).collect();
             let half = values.len() / 2;
             if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(half, f64::total_cmp).1 }
         });

@@ -16,7 +16,10 @@ const MAX_CHARS: usize = 80;
 pub(crate) enum ObjectNames {
     Memory(Vec<String>),
     /// One per line. `None` if the file could not be written: a message then gives the object's number.
-    File { path: PathBuf, writer: Option<BufWriter<File>> },
+    File {
+        path: PathBuf,
+        writer: Option<BufWriter<File>>,
+    },
 }
 
 impl ObjectNames {

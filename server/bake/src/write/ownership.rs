@@ -26,7 +26,9 @@ type Rule = fn(&str, fs::FileType) -> bool;
 
 /// Whether a name is that of a city's file.
 fn is_city_file(name: &str) -> bool {
-    name == MANIFEST_FILE || name == fingerprints::FILE_NAME || TileKind::ALL.iter().any(|kind| kind.file_name() == name)
+    name == MANIFEST_FILE
+        || name == fingerprints::FILE_NAME
+        || TileKind::ALL.iter().any(|kind| kind.file_name() == name)
 }
 
 fn in_city(name: &str, kind: fs::FileType) -> bool {
@@ -129,7 +131,8 @@ pub(super) fn claim_scratch(root: &Path) -> Result<(), BakeError> {
         Some(_) => {}
     }
     let marker = root.join(MARKER_FILE);
-    let is_marked = kind_of(&marker)?.is_some_and(|kind| kind.is_file()) && fs::read(&marker).is_ok_and(|text| text == MARKER);
+    let is_marked =
+        kind_of(&marker)?.is_some_and(|kind| kind.is_file()) && fs::read(&marker).is_ok_and(|text| text == MARKER);
     // A bake that was killed before it wrote the marker left an empty folder, or an empty marker.
     let rule: Rule = if is_marked { in_scratch } else { |name, kind| name == MARKER_FILE && kind.is_file() };
     if let Some(unknown) = unknown_entry(root, rule)? {
@@ -204,7 +207,10 @@ pub(crate) fn canonical(path: &Path) -> PathBuf {
 /// Fails if the folder cannot be renamed because a file system is mounted on it. That would show only after the bake.
 pub(super) fn check_mount(folder: &Path) -> Result<(), BakeError> {
     if kind_of(folder)?.is_some() && is_mount_point(folder) {
-        return Err(refuse(folder, "a file system is mounted on it, so it cannot be replaced as a whole; name a folder in it"));
+        return Err(refuse(
+            folder,
+            "a file system is mounted on it, so it cannot be replaced as a whole; name a folder in it",
+        ));
     }
     Ok(())
 }

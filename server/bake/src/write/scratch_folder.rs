@@ -310,7 +310,8 @@ mod tests {
         assert!(refused(&folder.path, &out).contains("city.partial"));
         fs::remove_dir_all(&root).unwrap();
         start(&out, "a", false);
-        for (name, part) in [("notes.txt", "city.partial"), ("packs/notes.txt", "packs"), ("replaced/notes.txt", "replaced")]
+        for (name, part) in
+            [("notes.txt", "city.partial"), ("packs/notes.txt", "packs"), ("replaced/notes.txt", "replaced")]
         {
             let path = root.join(name);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -337,7 +338,9 @@ mod tests {
             fs::remove_file(link).unwrap();
         }
         start(&out, "a", false);
-        for (name, to) in [("lock", &target), ("state.json", &target), ("packs", &mine), ("city", &mine), ("spool", &mine)] {
+        for (name, to) in
+            [("lock", &target), ("state.json", &target), ("packs", &mine), ("city", &mine), ("spool", &mine)]
+        {
             let path = root.join(name);
             let _ = fs::remove_file(&path);
             let _ = fs::remove_dir_all(&path);
@@ -345,6 +348,13 @@ mod tests {
             refused(&folder.path, &out);
             fs::remove_file(&path).unwrap();
         }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn mount_point_is_refused_before_the_bake() {
+        let error = ScratchFolder::lock(Path::new("/proc")).unwrap_err();
+        assert!(matches!(&error, BakeError::Out { .. }) && error.to_string().contains("mounted"), "{error}");
     }
 
     #[test]
