@@ -12,9 +12,9 @@ pub(crate) const MAX_CORNERS: usize = 1 << 20;
 /// Polygons with more corners are triangulated under a limit of steps. Below, the worst case takes no time.
 const UNLIMITED_CORNERS: usize = 256;
 /// Steps that every polygon may take, about half a second.
-const MAX_STEPS: u64 = 100_000_000;
-/// Further steps per corner. Polygons of real cities take less than 500.
-const MAX_STEPS_PER_CORNER: u64 = 2000;
+const MAX_STEPS: u64 = 200_000_000;
+/// Further steps per corner: 5,000 holes of four corners are within the limit.
+const MAX_STEPS_PER_CORNER: u64 = 20_000;
 
 /// Kind of a polygon without area in a report.
 pub(crate) const NO_AREA: &str = "polygon without area";
@@ -204,14 +204,14 @@ mod tests {
         // Holes at random places cross each other.
         let mut points = vec![[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1000.0, 0.0], [0.0, 1000.0, 0.0]];
         let mut starts = Vec::new();
-        for _ in 0..30_000 {
+        for _ in 0..12_000 {
             let [x, y] = [random() * 990.0, random() * 990.0];
             starts.push(points.len() as u32);
             points.extend([[x, y, 0.0], [x, y + 9.0, 0.0], [x + 9.0, y + 9.0, 0.0], [x + 9.0, y, 0.0]]);
         }
         assert!(Triangulator::new().triangulate(&points, &starts).is_err_and(|fault| fault != PolygonFault::NoArea));
         assert!(Triangulator::new().triangulate(&vec![[0.0; 3]; MAX_CORNERS + 1], &[]) == Err(PolygonFault::TooLarge));
-        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+        assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
     }
 
     #[test]
