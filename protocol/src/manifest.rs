@@ -184,3 +184,66 @@ pub fn to_name(text: &str) -> String {
     let name = name.trim_matches('-').to_owned();
     if name.is_empty() { "city".into() } else { name }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn manifest() -> Manifest {
+        Manifest {
+            format_version: FORMAT_VERSION,
+            name: "town".into(),
+            title: "x".repeat(MAX_TEXT_BYTES),
+            version: "0123456789abcdef".into(),
+            crs: None,
+            origin: [0.0; 3],
+            root_side_m: 64.0,
+            depth: 0,
+            node_cells: crate::NODE_CELLS as u16,
+            cell_m: 1.0,
+            bounds: [[0.0; 3]; 2],
+            focus: [[0.0; 2]; 2],
+            ground_z_m: 0.0,
+            has_terrain: false,
+            counts: CityCounts::default(),
+            attribution: Vec::new(),
+            tile_version: 1,
+            settings: String::new(),
+        }
+    }
+
+    #[test]
+    fn long_texts_and_lists_are_refused() {
+        assert_eq!(manifest().check(), Ok(()));
+        let attribution = |length: usize| Attribution { text: "x".repeat(length), licence: None, url: None };
+        let changes: [&dyn Fn(&mut Manifest); 6] = [
+            &|manifest| manifest.title.push('x'),
+            &|manifest| manifest.crs = Some("x".repeat(MAX_TEXT_BYTES + 1)),
+            &|manifest| manifest.attribution = vec![attribution(MAX_TEXT_BYTES + 1)],
+            &|manifest| manifest.attribution = vec![attribution(1); MAX_ATTRIBUTIONS + 1],
+            &|manifest| manifest.attribution = vec![attribution(MAX_TEXT_BYTES); 32],
+            &|manifest| manifest.counts.nodes_per_level = vec![1; 2],
+        ];
+        for (i, change) in changes.into_iter().enumerate() {
+            let mut manifest = manifest();
+            change(&mut manifest);
+            assert!(manifest.check().is_err(), "change {i}");
+        }
+    }
+
+    #[test]
+    fn largest_manifest_has_less_than_a_megabyte_however_it_is_escaped() {
+        let text = "\u{1}".repeat(MAX_TEXT_BYTES);
+        let attribution = Attribution { text: text.clone(), licence: None, url: None };
+        let manifest = Manifest { title: text, attribution: vec![attribution; 31], ..manifest() };
+        assert_eq!(manifest.check(), Ok(()));
+        assert!(serde_json::to_vec_pretty(&manifest).unwrap().len() < crate::codec::bincode::LIMIT);
+    }
+
+    #[test]
+    fn text_is_cut_between_characters() {
+        assert_eq!(shorten_text("short"), "short");
+        let odd = "x".to_owned() + &"\u{e4}".repeat(MAX_TEXT_BYTES);
+        assert_eq!(shorten_text(&odd).len(), MAX_TEXT_BYTES - 1);
+    }
+}

@@ -11,8 +11,9 @@ use crate::{
     hash::{ShortHash, short_hash},
     scene::{
         ObjectKind, Scene, SceneObject, SceneTriangle,
+        block_content::BlockContent,
         grid::{BLOCK_LEAVES, CityGrid},
-        partition::{BlockContent, LeafBlock, Partition},
+        partition::{LeafBlock, Partition},
         scratch_scene::ScratchScene,
         triangle_store::{RECORD_BYTES, to_record},
     },

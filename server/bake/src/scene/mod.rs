@@ -1,5 +1,6 @@
 //! The triangles of a city, whatever format they were read from.
 
+pub(crate) mod block_content;
 pub mod grid;
 pub(crate) mod object_names;
 pub(crate) mod partition;
