@@ -3,12 +3,17 @@
 //! Entries are classified without following links, so a planted link is an unknown entry like any other file.
 
 use std::{
-    fs, io,
+    fs,
+    io::{self, Read},
     path::{Path, PathBuf},
 };
 
-use insula_archive::city::{MANIFEST_FILE, read_manifest};
+use insula_archive::{
+    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES},
+    file::open_regular,
+};
 use insula_protocol::TileKind;
+use serde::Deserialize;
 
 use super::{
     files::{remove_file, remove_folder},
@@ -92,7 +97,7 @@ fn kind_of(path: &Path) -> Result<Option<fs::FileType>, BakeError> {
     }
 }
 
-/// Fails unless `out` does not exist, is an empty folder, or has a valid manifest and no files but those of a city:
+/// Fails unless `out` does not exist, is an empty folder, or has a manifest and no files but those of a city:
 /// nothing else is ever replaced.
 pub(super) fn check_out(out: &Path) -> Result<(), BakeError> {
     match kind_of(out)? {
@@ -105,10 +110,26 @@ pub(super) fn check_out(out: &Path) -> Result<(), BakeError> {
         return Err(refuse(&unknown, "is not a file of a city, and the bake would remove it"));
     }
     let is_empty = fs::read_dir(out).map_err(|cause| BakeError::io(out, "read", cause))?.next().is_none();
-    if is_empty || read_manifest(out).is_ok() {
+    if is_empty || has_manifest(out) {
         return Ok(());
     }
     Err(refuse(&out.join(MANIFEST_FILE), "is not the manifest of a city, so the folder is not replaced"))
+}
+
+/// Whether a folder has the manifest of a city, also of another version of the program, which may not be able to open it.
+fn has_manifest(folder: &Path) -> bool {
+    /// Members that every manifest has had, and that no other JSON has together.
+    #[derive(Deserialize)]
+    #[expect(dead_code, reason = "only their presence and types matter")]
+    struct ManifestMembers {
+        format_version: u32,
+        version: String,
+        root_side_m: f64,
+        tile_version: u16,
+        settings: String,
+    }
+    let file = open_regular(&folder.join(MANIFEST_FILE)).map(|file| file.take(MAX_MANIFEST_BYTES as u64));
+    file.is_ok_and(|file| serde_json::from_reader::<_, ManifestMembers>(io::BufReader::new(file)).is_ok())
 }
 
 /// Removes a city that [`check_out`] accepts. Fails, and keeps the folder, if it contains anything else.

@@ -294,6 +294,9 @@ mod tests {
         }
         write_manifest(&out, "a");
         assert!(ScratchFolder::lock(&out).is_ok());
+        let text = fs::read_to_string(out.join("city.json")).unwrap();
+        fs::write(out.join("city.json"), text.replace("\"format_version\":1", "\"format_version\":99")).unwrap();
+        assert!(ScratchFolder::lock(&out).is_ok(), "a city of another version");
         fs::write(out.join("letters.txt"), "dear").unwrap();
         assert!(refused(&folder.path, &out).contains("letters.txt"));
         fs::remove_file(out.join("letters.txt")).unwrap();
