@@ -157,6 +157,9 @@ pub struct BakeArgs {
     /// Colours for surfaces, objects and materials that have none
     #[arg(long, value_name = "FILE.json")]
     pub palette: Option<PathBuf>,
+    /// Folder from which textures may be read besides those of the inputs; may be repeated
+    #[arg(long, value_name = "DIR")]
+    pub texture_root: Vec<PathBuf>,
     /// Device that renders the visibility maps; gpu needs a program built with feature `gpu`
     #[arg(long, value_enum, default_value = "cpu")]
     pub visibility: VisibilityRenderer,

@@ -4,12 +4,14 @@ use clap::{Parser, error::ErrorKind};
 use insula_protocol::text::printable;
 use insula_server::{
     args::{Args, ServerCommand},
-    commands, telemetry,
+    commands,
+    memory::LimitedAllocator,
+    telemetry,
 };
 use std::process::ExitCode;
 
 #[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+static ALLOCATOR: LimitedAllocator = LimitedAllocator;
 
 fn main() -> ExitCode {
     let args = match Args::try_parse() {

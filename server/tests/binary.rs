@@ -185,6 +185,7 @@ fn inspect_shows_a_city_and_draws_a_node() {
 fn verify_finds_every_kind_of_damage() {
     let verify = |damage: &dyn Fn(&Path)| {
         let city = small_city::temporary_city();
+        small_city::set_version(city.path());
         damage(city.path());
         let output = run(&["verify", text(city.path())]);
         (output.status.code(), String::from_utf8(output.stdout).unwrap())
@@ -211,6 +212,12 @@ fn verify_finds_every_kind_of_damage() {
         let mut manifest = small_city::manifest("two");
         manifest.counts.nodes_per_level = vec![1, 4];
         std::fs::write(city.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    });
+    // Each part is intact, but the title was changed after the bake.
+    assert_finds("city.json: its version is", &|city| {
+        let path = city.join("city.json");
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, text.replace("\"title\": \"", "\"title\": \"New ")).unwrap();
     });
     assert_finds("subtrees/0/0/0: truncated", &|city| {
         let tile = small_city::subtree();

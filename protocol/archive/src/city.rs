@@ -9,6 +9,12 @@ use insula_protocol::{
     tile::{self, TileReader},
 };
 
+#[cfg(feature = "fs")]
+mod version;
+
+#[cfg(feature = "fs")]
+pub use version::content_version;
+
 /// The manifest's file name in a city's folder.
 pub const MANIFEST_FILE: &str = "city.json";
 /// Largest manifest.

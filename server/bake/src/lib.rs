@@ -13,6 +13,7 @@ pub mod report;
 pub mod sample;
 pub mod scene;
 pub mod simplify;
+pub mod subject;
 pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};

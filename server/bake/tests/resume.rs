@@ -99,7 +99,7 @@ fn packs_are_discarded_without_resume_or_with_different_settings() {
     let folder = TestFolder::new("discard");
     let out = out_folder(&folder, "stale");
     interrupt(&out, "sample", 1);
-    fs::write(partial(&out).join("packs/foreign"), "x").unwrap();
+    fs::write(partial(&out).join("packs/foreign.pack"), "x").unwrap();
     let report = bake(&coarse_options(&out), &Silent).unwrap();
     assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Discarded, 0));
     let expected = files(&out);

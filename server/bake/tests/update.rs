@@ -119,16 +119,14 @@ fn damaged_city_is_repaired() {
         bake(&updating(coarse_options(&out)), &Silent).unwrap();
         assert!(files(&out) == good.files, "{damage}");
     };
-    for (name, bytes) in &good.files {
+    // Without a valid city.json the folder is not a city and is not replaced.
+    for (name, bytes) in good.files.iter().filter(|(name, _)| *name != "city.json") {
         for length in [bytes.len() / 2, 0] {
             fs::write(out.join(name), &bytes[..length]).unwrap();
             check(&format!("{name} cut to {length} bytes"));
         }
-        // Without city.json the folder is not a city and is not replaced.
-        if name != "city.json" {
-            fs::remove_file(out.join(name)).unwrap();
-            check(&format!("missing {name}"));
-        }
+        fs::remove_file(out.join(name)).unwrap();
+        check(&format!("missing {name}"));
     }
     let mut flipped = good.files["blockmaps.pmtiles"].clone();
     let tile = flipped.len() - 100;

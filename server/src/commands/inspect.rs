@@ -3,7 +3,7 @@
 use super::{
     error::CommandError,
     map_image,
-    output::{human_bytes, print, print_json, write},
+    output::{human_bytes, print, print_json, refuse_inside, write},
     stats::{CityStats, LevelStats, MeshLodStats},
 };
 use crate::{args::InspectArgs, store::CityStore};
@@ -15,6 +15,7 @@ use std::{fmt::Write, io::Cursor, path::Path};
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     if let (Some(tile), Some(png)) = (args.tile, &args.png) {
+        refuse_inside(png, &args.city)?;
         return write_map_image(&city, tile, png);
     }
     let stats = CityStats::collect(&city);

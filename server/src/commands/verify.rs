@@ -2,18 +2,23 @@
 
 use super::{error::CommandError, output::print};
 use crate::{args::VerifyArgs, store::CityStore};
+use insula_archive::city::content_version;
 use insula_protocol::{
     BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     subtree::{MeshLod, NodeInfo},
     text::printable,
     tile,
 };
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
 
 /// Runs `verify` and prints the faults, one per line. Fails if the city cannot be opened or has faults.
 pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
-    let faults = find_faults(&city);
+    let mut faults = find_faults(&city);
+    check_version(&args.city, &city.manifest().version, &mut faults);
     if faults.is_empty() {
         let tiles: u64 = city.archives().map(|(_, archive)| archive.len()).sum();
         print(&format!("{}: {tiles} tiles, no faults\n", city.manifest().name));
@@ -21,6 +26,17 @@ pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     }
     print(&faults.iter().map(|fault| printable(fault) + "\n").collect::<String>());
     Err(CommandError::Faults { path: args.city.clone(), faults: faults.len() })
+}
+
+/// Checks that the files are those of one bake: the version is a hash of all of them.
+fn check_version(folder: &Path, stated: &str, faults: &mut Vec<String>) {
+    match content_version(folder, stated) {
+        Ok(found) if found == stated => {}
+        Ok(found) => faults.push(format!(
+            "city.json: its version is {stated}, the files have {found}: one of them is of another bake, or was changed"
+        )),
+        Err(error) => faults.push(format!("city.json: its version cannot be checked: {error}")),
+    }
 }
 
 /// The faults of a city, one line each, those of tiles first.

@@ -128,6 +128,13 @@ pub fn write_city(folder: &Path, name: &str) {
     write_archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree())]);
 }
 
+/// Gives a city the version that its files have, as a bake does.
+pub fn set_version(folder: &Path) {
+    let path = folder.join("city.json");
+    let version = insula_archive::city::content_version(folder, VERSION).unwrap();
+    std::fs::write(&path, std::fs::read_to_string(&path).unwrap().replace(VERSION, &version)).unwrap();
+}
+
 /// A city named "two" in a temporary folder, for a test that changes it.
 pub fn temporary_city() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
