@@ -2,7 +2,7 @@
 //! of a signal.
 //!
 //! Each thread counts its own allocations and adds them to the common count in batches, so that the count costs nothing that
-//! can be measured. It is right to [`BATCH_BYTES`] per thread.
+//! can be measured. It is right to `BATCH_BYTES` per thread.
 
 use mimalloc::MiMalloc;
 use std::{
