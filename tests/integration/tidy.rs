@@ -112,3 +112,35 @@ fn twins_have_the_same_name() {
         }
     }
 }
+
+/// The names in backticks without a path or an option.
+fn quoted_names(text: &str) -> impl Iterator<Item = &str> {
+    let is_name = |name: &&str| name.contains('_') && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    text.split('`').skip(1).step_by(2).filter(is_name)
+}
+
+#[test]
+fn tests_named_by_the_security_page_exist() {
+    let files = tracked_files().unwrap();
+    let sources: String =
+        files.iter().filter(|(name, _)| name.ends_with(".rs")).map(|(_, text)| text.as_str()).collect();
+    let mut count = 0;
+    for name in quoted_names(&files["SECURITY.md"]) {
+        assert!(sources.contains(&format!("fn {name}(")), "SECURITY.md names the test {name}, which does not exist");
+        count += 1;
+    }
+    assert!(count > 40, "only {count} tests in SECURITY.md");
+}
+
+#[test]
+fn links_between_pages_resolve() {
+    let files = tracked_files().unwrap();
+    for (name, text) in files.iter().filter(|(name, _)| name.ends_with(".md")) {
+        let targets = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
+        for target in targets.filter(|target| !target.is_empty() && !target.contains("://") && !target.contains(' ')) {
+            let folder = std::path::Path::new(name).parent().unwrap();
+            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder).join(target);
+            assert!(path.exists(), "{name} links to {target}, which does not exist");
+        }
+    }
+}

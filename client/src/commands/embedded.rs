@@ -112,6 +112,12 @@ pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
     if Store::open(&[&out]).is_ok() {
         return Ok(out);
     }
+    // The name of a folder in this cache is ours alone, and a bake does not replace a city that it cannot read.
+    if let Err(error) = fs::remove_dir_all(&out)
+        && error.kind() != std::io::ErrorKind::NotFound
+    {
+        return Err(ClientError::file(&out)(error));
+    }
     eprintln!("{}", printable(&format!("baking {name} into {} (once)", out.display())));
     let options = BakeOptions {
         inputs: job.inputs.clone(),
