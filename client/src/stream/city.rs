@@ -152,7 +152,7 @@ impl CityOpener<'_> {
                 Err(FetchError::Missing) => return Ok(None),
                 Err(error) => {
                     attempts = attempts.saturating_add(1);
-                    let wait = retry_delay(attempts, jitter());
+                    let wait = retry_delay(attempts, None, jitter());
                     if start.elapsed() + wait <= timeout {
                         std::thread::sleep(wait);
                         continue;
