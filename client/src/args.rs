@@ -1,6 +1,6 @@
 //! The command line of `insula`.
 
-use crate::render::AdapterChoice;
+use crate::{render::AdapterChoice, stream::fetch::HttpOptions};
 use clap::{Args, Parser, Subcommand};
 use insula_shaders::layout::Shading;
 use insula_viewer::sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time};
@@ -23,7 +23,7 @@ pub struct GlobalArgs {
     /// Ray-caster: `auto` uses a GPU if one works and the CPU otherwise, `gpu` fails without a GPU.
     #[arg(long, value_enum, default_value = "auto", global = true)]
     pub adapter: AdapterChoice,
-    /// Size of the tile cache in MiB; never exceeded.
+    /// Size of the tile cache in MiB; never exceeded. What is known of the city's nodes takes at most a quarter of it, or 16 MiB, more.
     #[arg(long, default_value = "256", value_name = "MIB", value_parser = clap::value_parser!(u32).range(8..=65_536), global = true)]
     pub cache_mib: u32,
     /// Keep fetched tiles in the user's cache folder, at most this many MiB. A visited city then opens without a network.
@@ -41,11 +41,19 @@ pub struct GlobalArgs {
     /// Fail when the server has not responded for this many seconds. A window keeps trying instead.
     #[arg(long, default_value = "30", value_name = "SECS", value_parser = clap::value_parser!(u32).range(1..=86_400), global = true)]
     pub timeout: u32,
+    /// Follow redirects to other hosts, also to addresses of this machine and of its private network.
+    #[arg(long, global = true)]
+    pub follow_redirects: bool,
 }
 
 impl GlobalArgs {
     /// Default of `--tau`, in pixels.
     pub const DEFAULT_TAU_PX: f64 = 1.0;
+
+    /// Options of all requests.
+    pub fn http_options(&self) -> HttpOptions {
+        HttpOptions { follow_redirects: self.follow_redirects, ..HttpOptions::default() }
+    }
 }
 
 /// Commands of `insula`.

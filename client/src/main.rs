@@ -2,7 +2,9 @@
 
 use clap::Parser;
 use insula_client::{args::Cli, commands};
-use std::process::ExitCode;
+use insula_protocol::text::printable;
+use std::{io::IsTerminal, process::ExitCode};
+use tracing_subscriber::{field::MakeExt, fmt::format};
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -15,11 +17,16 @@ fn main() -> ExitCode {
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,wgpu_hal=off"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let fields = format::debug_fn(|writer, field, value| match field.name() {
+        "message" => write!(writer, "{}", printable(&format!("{value:?}"))),
+        name => write!(writer, "{name}={}", printable(&format!("{value:?}"))),
+    });
+    let log = tracing_subscriber::fmt().fmt_fields(fields.delimited(" ")).with_env_filter(filter);
+    log.with_ansi(std::io::stderr().is_terminal()).with_writer(std::io::stderr).init();
     match commands::run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", error.to_string().replace('\n', " "));
+            eprintln!("error: {}", printable(&error.to_string()));
             ExitCode::from(error.exit_code())
         }
     }
@@ -32,6 +39,6 @@ fn usage_error(error: &clap::Error) -> ExitCode {
     // Without any arguments, clap prints the help text instead of an error.
     let first = if first.starts_with("error:") { first } else { "error: no command given" };
     let line = first.split_whitespace().collect::<Vec<_>>().join(" ");
-    eprintln!("{line}: see insula --help");
+    eprintln!("{}: see insula --help", printable(&line));
     ExitCode::from(2)
 }

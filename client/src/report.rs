@@ -4,6 +4,7 @@ use crate::{
     error::{ClientError, Result},
     render::AdapterInfo,
 };
+use insula_protocol::text::printable_json;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::streamer::TileCounts;
 use serde::Serialize;
@@ -169,7 +170,7 @@ impl FlightReport {
         match path {
             Some(path) => write_json(self, path),
             None => {
-                println!("{}", to_json(self)?);
+                println!("{}", printable_json(&to_json(self)?));
                 Ok(())
             }
         }

@@ -35,6 +35,8 @@ use std::{
 const MAX_FRAME_TIMES: usize = 100_000;
 /// A frame whose errors are at most this multiple of tau counts as nearly converged.
 const NEAR_TIMES_TAU: f64 = 4.0;
+/// Requests that are answered, but so slowly that nothing is complete, fail after this multiple of the timeout.
+const SLOW_TIMES_TIMEOUT: u32 = 10;
 /// Interval of checks for due retries while nothing arrives.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
@@ -230,19 +232,28 @@ impl Session {
 
 /// State of the session.
 impl Session {
-    /// Fails if the city has no usable root, or the server has not responded for `timeout`.
+    /// Fails if the city has no usable root, if the server has not responded for `timeout`, or if no response has been complete
+    /// for ten times as long.
     pub fn check(&self, timeout: Duration) -> Result<()> {
         self.streamer.check().map_err(|e| ClientError::Server(e.to_string()))?;
         let downloads = self.downloads();
+        let has_lasted = |since: Option<Duration>, limit: Duration| {
+            since.is_some_and(|since| self.started.elapsed().saturating_sub(since) >= limit)
+        };
+        let slow_limit = timeout.saturating_mul(SLOW_TIMES_TIMEOUT);
+        if has_lasted(downloads.waiting_since(), slow_limit) {
+            let (location, secs) = (downloads.fetcher().location(), slow_limit.as_secs());
+            return Err(ClientError::Server(format!(
+                "{location} has sent no complete tile for {secs} s: check the network, or raise --timeout"
+            )));
+        }
         match downloads.failing_since() {
-            Some(since) if self.started.elapsed().saturating_sub(since) >= timeout => {
-                Err(ClientError::Server(format!(
-                    "no response from {} for {} s ({}): check that the server runs, or raise --timeout",
-                    downloads.fetcher().location(),
-                    timeout.as_secs(),
-                    downloads.last_error()
-                )))
-            }
+            since if has_lasted(since, timeout) => Err(ClientError::Server(format!(
+                "no response from {} for {} s ({}): check that the server runs, or raise --timeout",
+                downloads.fetcher().location(),
+                timeout.as_secs(),
+                downloads.last_error()
+            ))),
             _ => Ok(()),
         }
     }
@@ -372,7 +383,7 @@ impl Session {
         let manifest = tree.manifest();
         let bad_meshes = |node: &TreeNode| node.lods.iter().filter(|lod| lod.tile.is_bad()).count();
         let bad_tiles = |node: &TreeNode| usize::from(node.tile.is_bad()) + bad_meshes(node);
-        let bad = tree.nodes().iter().map(bad_tiles).sum::<usize>() as u64;
+        let bad = tree.nodes().map(bad_tiles).sum::<usize>() as u64;
         let stats = self.selection().stats;
         let secs = |time: Option<Duration>| time.map(|t| t.as_secs_f64());
         RunReport {

@@ -14,6 +14,7 @@ pub mod octahedral;
 pub mod route;
 pub mod subtree;
 pub mod texel;
+pub mod text;
 pub mod tile;
 pub mod tile_id;
 

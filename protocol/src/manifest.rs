@@ -5,6 +5,13 @@ use serde::{Deserialize, Serialize};
 /// Version of the manifest and of the city folder's layout.
 pub const FORMAT_VERSION: u32 = 1;
 
+/// Longest text of a manifest in bytes: title, coordinate system, and each text of an attribution.
+pub const MAX_TEXT_BYTES: usize = 4096;
+/// Most attributions.
+pub const MAX_ATTRIBUTIONS: usize = 256;
+/// Most bytes of all texts together, so that a manifest stays below a megabyte however its characters are escaped.
+pub const MAX_ALL_TEXT_BYTES: usize = 128 << 10;
+
 /// A baked city. JSON on disk and over HTTP, or bincode over HTTP for `Accept: application/x-bincode`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
@@ -69,6 +76,13 @@ pub struct Attribution {
     pub url: Option<String>,
 }
 
+impl Attribution {
+    /// All texts.
+    pub fn texts(&self) -> impl Iterator<Item = &String> + Clone {
+        std::iter::once(&self.text).chain(&self.licence).chain(&self.url)
+    }
+}
+
 impl Manifest {
     /// Checks a manifest from an untrusted source. Fails with the first rule that it breaks.
     pub fn check(&self) -> Result<(), String> {
@@ -102,6 +116,24 @@ impl Manifest {
         if !is_name(&self.name) || !is_name(&self.version) {
             return Err("name or version is not 1 to 64 characters of a-z, 0-9, _ and -".into());
         }
+        self.check_texts()
+    }
+
+    /// Fails if a text or a list is longer than the limits.
+    fn check_texts(&self) -> Result<(), String> {
+        let attributions = self.attribution.iter().flat_map(Attribution::texts);
+        let texts = [&self.title, &self.settings].into_iter().chain(&self.crs).chain(attributions);
+        let lengths = || texts.clone().map(String::len);
+        if lengths().any(|length| length > MAX_TEXT_BYTES) {
+            return Err(format!("a text is longer than {MAX_TEXT_BYTES} bytes"));
+        }
+        if lengths().sum::<usize>() > MAX_ALL_TEXT_BYTES || self.attribution.len() > MAX_ATTRIBUTIONS {
+            return Err(format!("more than {MAX_ATTRIBUTIONS} attributions or {MAX_ALL_TEXT_BYTES} bytes of texts"));
+        }
+        let levels = usize::from(self.depth) + 1;
+        if self.counts.nodes_per_level.len() > levels || self.counts.bytes_per_level.len() > levels {
+            return Err("it counts more levels than the city has".into());
+        }
         Ok(())
     }
 
@@ -133,6 +165,11 @@ pub fn is_name(name: &str) -> bool {
         && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_' || b == b'-')
 }
 
+/// The text's beginning, if it is longer than [`MAX_TEXT_BYTES`].
+pub fn shorten_text(text: &str) -> &str {
+    &text[..text.floor_char_boundary(MAX_TEXT_BYTES)]
+}
+
 /// Turns any text into a name that [`is_name`] accepts.
 pub fn to_name(text: &str) -> String {
     let mut name: String = text
@@ -146,4 +183,67 @@ pub fn to_name(text: &str) -> String {
     }
     let name = name.trim_matches('-').to_owned();
     if name.is_empty() { "city".into() } else { name }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn manifest() -> Manifest {
+        Manifest {
+            format_version: FORMAT_VERSION,
+            name: "town".into(),
+            title: "x".repeat(MAX_TEXT_BYTES),
+            version: "0123456789abcdef".into(),
+            crs: None,
+            origin: [0.0; 3],
+            root_side_m: 64.0,
+            depth: 0,
+            node_cells: crate::NODE_CELLS as u16,
+            cell_m: 1.0,
+            bounds: [[0.0; 3]; 2],
+            focus: [[0.0; 2]; 2],
+            ground_z_m: 0.0,
+            has_terrain: false,
+            counts: CityCounts::default(),
+            attribution: Vec::new(),
+            tile_version: 1,
+            settings: String::new(),
+        }
+    }
+
+    #[test]
+    fn long_texts_and_lists_are_refused() {
+        assert_eq!(manifest().check(), Ok(()));
+        let attribution = |length: usize| Attribution { text: "x".repeat(length), licence: None, url: None };
+        let changes: [&dyn Fn(&mut Manifest); 6] = [
+            &|manifest| manifest.title.push('x'),
+            &|manifest| manifest.crs = Some("x".repeat(MAX_TEXT_BYTES + 1)),
+            &|manifest| manifest.attribution = vec![attribution(MAX_TEXT_BYTES + 1)],
+            &|manifest| manifest.attribution = vec![attribution(1); MAX_ATTRIBUTIONS + 1],
+            &|manifest| manifest.attribution = vec![attribution(MAX_TEXT_BYTES); 32],
+            &|manifest| manifest.counts.nodes_per_level = vec![1; 2],
+        ];
+        for (i, change) in changes.into_iter().enumerate() {
+            let mut manifest = manifest();
+            change(&mut manifest);
+            assert!(manifest.check().is_err(), "change {i}");
+        }
+    }
+
+    #[test]
+    fn largest_manifest_has_less_than_a_megabyte_however_it_is_escaped() {
+        let text = "\u{1}".repeat(MAX_TEXT_BYTES);
+        let attribution = Attribution { text: text.clone(), licence: None, url: None };
+        let manifest = Manifest { title: text, attribution: vec![attribution; 31], ..manifest() };
+        assert_eq!(manifest.check(), Ok(()));
+        assert!(serde_json::to_vec_pretty(&manifest).unwrap().len() < crate::codec::bincode::LIMIT);
+    }
+
+    #[test]
+    fn text_is_cut_between_characters() {
+        assert_eq!(shorten_text("short"), "short");
+        let odd = "x".to_owned() + &"\u{e4}".repeat(MAX_TEXT_BYTES);
+        assert_eq!(shorten_text(&odd).len(), MAX_TEXT_BYTES - 1);
+    }
 }

@@ -48,7 +48,7 @@ pub struct TileRoute<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum RouteError {
     /// The path has the shape of no address.
-    #[error("no address has this shape")]
+    #[error("the path matches no route")]
     Unknown,
     /// The path has the shape of a tile's address, but its numbers are invalid.
     #[error("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3")]
@@ -265,4 +265,23 @@ pub fn archive_tile(city: &str, version: &str, kind: TileKind, id: TileId, depth
         TileKind::Mesh => mesh_tile::from_archive_id(id, depth).map(|(leaf, lod)| mesh(city, version, leaf, lod)),
         TileKind::Subtree | TileKind::BlockMap => Some(tile(city, version, kind, id)),
     }
+}
+
+/// Whether two URLs, written as the URL standard normalises them, are of one host and port, or the second is the encrypted
+/// one of the first. Clients follow redirects only between such addresses: a host could otherwise lead them to addresses
+/// that it cannot reach itself, such as those of their own machine and private network.
+pub fn is_same_host(from: &str, to: &str) -> bool {
+    let (Some((from_scheme, from)), Some((to_scheme, to))) = (scheme_and_host(from), scheme_and_host(to)) else {
+        return false;
+    };
+    let has_port = from.rsplit(']').next().is_some_and(|end| end.contains(':'));
+    let is_upgrade = (from_scheme, to_scheme) == ("http", "https") && !has_port;
+    from == to && (from_scheme == to_scheme || is_upgrade)
+}
+
+/// The scheme of a URL, and its host with the port if there is one.
+fn scheme_and_host(url: &str) -> Option<(&str, &str)> {
+    let (scheme, rest) = url.split_once("://")?;
+    let authority = rest.split(['/', '?', '#']).next()?;
+    Some((scheme, authority.rsplit('@').next()?))
 }

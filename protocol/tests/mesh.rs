@@ -3,26 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use insula_protocol::mesh::{Attribute, AttributeKind, EncodedMesh, Mesh, PositionGrid, half_edge::HalfEdgeMesh};
-
-/// A random number generator (xorshift) that gives the same meshes on every machine.
-struct Dice(u64);
-
-impl Dice {
-    fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
-    }
-
-    fn below(&mut self, limit: u32) -> u32 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0 >> 33) % u64::from(limit.max(1))) as u32
-    }
-
-    fn one_in(&mut self, chances: u32) -> bool {
-        self.below(chances) == 0
-    }
-}
+use insula_test_support::rng::Rng;
 
 /// Triangles of a mesh under construction.
 #[derive(Default)]
@@ -33,25 +14,25 @@ struct Soup {
 
 impl Soup {
     /// Adds a sheet of quads: open, or closed to a tube or torus; some are omitted.
-    fn sheet(&mut self, dice: &mut Dice, most: u32) {
-        let (w, h) = (3 + dice.below(most), 3 + dice.below(most));
-        let (round, over) = (dice.one_in(2), dice.one_in(2));
+    fn sheet(&mut self, rng: &mut Rng, most: u32) {
+        let (w, h) = (3 + rng.below_u32(most), 3 + rng.below_u32(most));
+        let (round, over) = (rng.one_in(2), rng.one_in(2));
         let first = self.positions.len() as u32;
         for i in 0..w * h {
             self.positions.push([
-                200 + i % w * 9 + dice.below(4),
-                200 + i / w * 9 + dice.below(4),
-                300 + dice.below(9),
+                200 + i % w * 9 + rng.below_u32(4),
+                200 + i / w * 9 + rng.below_u32(4),
+                300 + rng.below_u32(9),
             ]);
         }
-        let holes = dice.below(8);
+        let holes = rng.below_u32(8);
         for y in 0..if over { h } else { h - 1 } {
             for x in 0..if round { w } else { w - 1 } {
                 let at = |x: u32, y: u32| first + y % h * w + x % w;
                 let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
-                let pair = if dice.one_in(3) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+                let pair = if rng.one_in(3) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
                 for triangle in pair {
-                    if holes == 0 || !dice.one_in(2 + holes) {
+                    if holes == 0 || !rng.one_in(2 + holes) {
                         self.triangles.push(triangle);
                     }
                 }
@@ -60,7 +41,7 @@ impl Soup {
     }
 
     /// Adds boxes, some with a corner at a vertex of another.
-    fn boxes(&mut self, dice: &mut Dice, most: u32) {
+    fn boxes(&mut self, rng: &mut Rng, most: u32) {
         const SIDES: [[u32; 3]; 12] = [
             [0, 1, 5],
             [0, 5, 4],
@@ -75,53 +56,53 @@ impl Soup {
             [0, 3, 1],
             [0, 2, 3],
         ];
-        for _ in 0..1 + dice.below(most) {
-            let (x, y, z) = (dice.below(3000), dice.below(3000), 20 + dice.below(600));
-            let (w, d) = (10 + dice.below(300), 10 + dice.below(300));
+        for _ in 0..1 + rng.below_u32(most) {
+            let (x, y, z) = (rng.below_u32(3000), rng.below_u32(3000), 20 + rng.below_u32(600));
+            let (w, d) = (10 + rng.below_u32(300), 10 + rng.below_u32(300));
             let corners: Vec<u32> = (0..8)
                 .map(|i| {
-                    if !self.positions.is_empty() && dice.one_in(12) {
-                        return dice.below(self.positions.len() as u32);
+                    if !self.positions.is_empty() && rng.one_in(12) {
+                        return rng.below_u32(self.positions.len() as u32);
                     }
                     self.positions.push([x + (i & 1) * w, y + (i >> 1 & 1) * d, (i >> 2) * z]);
                     self.positions.len() as u32 - 1
                 })
                 .collect();
-            let open = dice.one_in(3);
+            let open = rng.one_in(3);
             self.triangles.extend(SIDES[..if open { 10 } else { 12 }].iter().map(|t| t.map(|i| corners[i as usize])));
         }
     }
 
     /// Adds triangles between random vertices, which are rarely manifold.
-    fn random_triangles(&mut self, dice: &mut Dice, most: u32) {
+    fn random_triangles(&mut self, rng: &mut Rng, most: u32) {
         let first = self.positions.len() as u32;
-        let vertices = 3 + dice.below(most);
-        self.positions.extend((0..vertices).map(|_| [0; 3].map(|_| dice.below(4096))));
-        for _ in 0..1 + dice.below(3 * most) {
-            self.triangles.push([0; 3].map(|_| first + dice.below(vertices)));
+        let vertices = 3 + rng.below_u32(most);
+        self.positions.extend((0..vertices).map(|_| [0; 3].map(|_| rng.below_u32(4096))));
+        for _ in 0..1 + rng.below_u32(3 * most) {
+            self.triangles.push([0; 3].map(|_| first + rng.below_u32(vertices)));
         }
     }
 
     /// Merges some vertices, and reverses and duplicates some triangles.
-    fn disturb(&mut self, dice: &mut Dice) {
-        for _ in 0..dice.below(4) {
+    fn disturb(&mut self, rng: &mut Rng) {
+        for _ in 0..rng.below_u32(4) {
             let vertices = self.positions.len() as u32;
-            let (from, to) = (dice.below(vertices), dice.below(vertices));
+            let (from, to) = (rng.below_u32(vertices), rng.below_u32(vertices));
             self.triangles.as_flattened_mut().iter_mut().filter(|v| **v == from).for_each(|v| *v = to);
         }
-        for _ in 0..dice.below(4) {
-            let t = dice.below(self.triangles.len() as u32) as usize;
+        for _ in 0..rng.below_u32(4) {
+            let t = rng.below_u32(self.triangles.len() as u32) as usize;
             self.triangles[t].swap(0, 1);
-            let t = dice.below(self.triangles.len() as u32) as usize;
+            let t = rng.below_u32(self.triangles.len() as u32) as usize;
             self.triangles.push(self.triangles[t]);
         }
     }
 }
 
-fn attribute(dice: &mut Dice, kind: AttributeKind, soup: &Soup) -> Attribute {
+fn attribute(rng: &mut Rng, kind: AttributeKind, soup: &Soup) -> Attribute {
     let components = if kind == AttributeKind::Colour { 3 } else { 2 };
-    let bits = 6 + dice.below(11) as u8;
-    let seams = 1 + dice.below(20);
+    let bits = 6 + rng.below_u32(11) as u8;
+    let seams = 1 + rng.below_u32(20);
     let own: Vec<[u32; 4]> = soup
         .positions
         .iter()
@@ -129,10 +110,10 @@ fn attribute(dice: &mut Dice, kind: AttributeKind, soup: &Soup) -> Attribute {
         .collect();
     let mut values = own.clone();
     let corners = soup.triangles.as_flattened().iter().map(|vertex| {
-        if !dice.one_in(seams) {
+        if !rng.one_in(seams) {
             return *vertex;
         }
-        values.push(std::array::from_fn(|c| if c < components { dice.below(1 << bits) } else { 0 }));
+        values.push(std::array::from_fn(|c| if c < components { rng.below_u32(1 << bits) } else { 0 }));
         values.len() as u32 - 1
     });
     let corners = corners.collect();
@@ -140,25 +121,25 @@ fn attribute(dice: &mut Dice, kind: AttributeKind, soup: &Soup) -> Attribute {
 }
 
 fn random(seed: u64, most: u32) -> Mesh {
-    let mut dice = Dice::new(seed);
+    let mut rng = Rng::new(seed);
     let mut soup = Soup::default();
-    for _ in 0..1 + dice.below(5) {
-        match dice.below(3) {
-            0 => soup.sheet(&mut dice, most),
-            1 => soup.boxes(&mut dice, most),
-            _ => soup.random_triangles(&mut dice, most),
+    for _ in 0..1 + rng.below_u32(5) {
+        match rng.below_u32(3) {
+            0 => soup.sheet(&mut rng, most),
+            1 => soup.boxes(&mut rng, most),
+            _ => soup.random_triangles(&mut rng, most),
         }
     }
-    soup.disturb(&mut dice);
+    soup.disturb(&mut rng);
     let kinds = [AttributeKind::Normal, AttributeKind::Colour, AttributeKind::TexCoord, AttributeKind::Other];
     let mut attributes = Vec::new();
     for kind in kinds {
-        if dice.one_in(4) {
-            attributes.push(attribute(&mut dice, kind, &soup));
+        if rng.one_in(4) {
+            attributes.push(attribute(&mut rng, kind, &soup));
         }
     }
-    let min = if dice.one_in(2) { [0.0, -5.5, 12.0] } else { [84_123.456, 447_000.1, -1.2] };
-    let bits = 12 + dice.below(5) as u8;
+    let min = if rng.one_in(2) { [0.0, -5.5, 12.0] } else { [84_123.456, 447_000.1, -1.2] };
+    let bits = 12 + rng.below_u32(5) as u8;
     Mesh {
         grid: PositionGrid { min, step: 0.015625, bits },
         positions: soup.positions,
@@ -259,15 +240,15 @@ fn truncated_and_extra_bytes_are_refused() {
 fn mutated_bytes_decode_to_a_valid_mesh_or_an_error() {
     let count: u64 = std::env::var("INSULA_MUTATIONS").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000);
     let originals: Vec<Vec<u8>> = (0..64).map(|seed| random(seed, 9).encode().unwrap().bytes).collect();
-    let mut dice = Dice::new(99);
+    let mut rng = Rng::new(99);
     let mut read = 0;
     for _ in 0..count {
-        let mut bytes = originals[dice.below(64) as usize].clone();
-        for _ in 0..1 + dice.below(4) {
-            let at = dice.below(bytes.len() as u32) as usize;
-            match dice.below(4) {
-                0 => bytes[at] ^= 1 << dice.below(8),
-                1 => bytes[at] = dice.below(256) as u8,
+        let mut bytes = originals[rng.below_u32(64) as usize].clone();
+        for _ in 0..1 + rng.below_u32(4) {
+            let at = rng.below_u32(bytes.len() as u32) as usize;
+            match rng.below_u32(4) {
+                0 => bytes[at] ^= 1 << rng.below_u32(8),
+                1 => bytes[at] = rng.below_u32(256) as u8,
                 2 => bytes.truncate(at.max(1)),
                 _ => bytes[at..].rotate_left(1),
             }

@@ -174,3 +174,29 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn only_addresses_of_one_host_are_the_same_host() {
+    for (from, to) in [
+        ("http://h/a", "http://h/b?c"),
+        ("http://h/a", "https://h/a"),
+        ("https://h:7/", "https://u:p@h:7/b"),
+        ("http://[::1]/", "https://[::1]/"),
+    ] {
+        assert!(route::is_same_host(from, to), "{from} {to}");
+    }
+    for (from, to) in [
+        ("https://h/a", "http://h/a"),
+        ("http://h/a", "http://127.0.0.1/a"),
+        ("http://h:7/", "http://h:8/"),
+        ("http://h:7/", "https://h:7/"),
+        ("http://[::1]:7/", "https://[::1]:7/"),
+        ("http://h/a", "http://h.evil/a"),
+        ("http://h/a", "http://h@evil/a"),
+        ("http://h/a", "http://evil?http://h/a"),
+        ("http://h/a", "file:///h/a"),
+        ("h", "h"),
+    ] {
+        assert!(!route::is_same_host(from, to), "{from} {to}");
+    }
+}

@@ -1,9 +1,12 @@
 //! The command line as it is typed. `serve` turns its part into a [`ServeConfig`](crate::config::ServeConfig).
 
-use crate::config::{DEFAULT_LISTEN, check_address};
+use crate::{
+    config::{DEFAULT_LISTEN, check_address},
+    share_link::{self, parse_lifetime, parse_version},
+};
 use clap::{Parser, Subcommand, ValueEnum};
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 const EXAMPLE: &str = "Example:\n  insula-server bake delft.city.json --out delft\n  insula-server serve delft";
 
@@ -28,6 +31,11 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server serve cities/delft cities/chiba --listen 0.0.0.0:7700\n\nSettings are read from a TOML file, then from the environment (limits.in_flight is INSULA_SERVE_LIMITS_IN_FLIGHT),\nthen from --set; later values override earlier ones. --print-config prints all settings with their documentation.\nSIGHUP reloads cities, certificate and tokens. Replace a city's folder by renaming, as bake does.\nThe log goes to standard error; RUST_LOG sets its level."
     )]
     Serve(ServeArgs),
+    /// Print a link that opens a private city for a time
+    #[command(
+        after_help = "Example:\n  echo \"2026-11 $(openssl rand -hex 32)\" >> share.keys\n  insula-server sign --keys share.keys --city delft --expires 7d --url https://cities.example.org\n\nA server that has the same file as access.share_keys accepts the link. The last key of the file signs; all verify.\nRemove a key to end its links. Who has a link has the city: send it over a private channel."
+    )]
+    Sign(SignArgs),
     /// Show the contents of a city
     #[command(
         after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png"
@@ -149,6 +157,9 @@ pub struct BakeArgs {
     /// Colours for surfaces, objects and materials that have none
     #[arg(long, value_name = "FILE.json")]
     pub palette: Option<PathBuf>,
+    /// Folder from which textures may be read besides those of the inputs; may be repeated
+    #[arg(long, value_name = "DIR")]
+    pub texture_root: Vec<PathBuf>,
     /// Device that renders the visibility maps; gpu needs a program built with feature `gpu`
     #[arg(long, value_enum, default_value = "cpu")]
     pub visibility: VisibilityRenderer,
@@ -179,6 +190,9 @@ pub struct ServeArgs {
     /// Address to listen on; port 0 picks a free one [default: 127.0.0.1:7700]
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_address)]
     pub listen: Option<String>,
+    /// Address of a listener for /healthz, /readyz and /metrics alone [default: all at --listen]
+    #[arg(long, value_name = "HOST:PORT", value_parser = parse_address)]
+    pub metrics_address: Option<String>,
     /// TOML file of settings
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
@@ -189,6 +203,39 @@ pub struct ServeArgs {
     #[arg(long)]
     pub print_config: bool,
 }
+
+/// Arguments of `sign`.
+#[derive(Debug, clap::Args)]
+pub struct SignArgs {
+    /// Name of the city
+    #[arg(long, value_name = "C", value_parser = parse_name)]
+    pub city: String,
+    /// Lifetime of the link, as in 30m, 12h, 7d or 4w
+    #[arg(long, value_name = "TIME", value_parser = parse_lifetime)]
+    pub expires: Duration,
+    /// Area that the link opens, in metres of the city's reference system [default: all]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
+    pub bbox: Option<ShareArea>,
+    /// Page, manifest and tiles only
+    #[arg(long)]
+    pub read_only: bool,
+    /// Version that the link opens; may end with * [default: all versions]
+    #[arg(long, value_name = "V", default_value = "*", hide_default_value = true, value_parser = parse_version)]
+    pub version: String,
+    /// Address of the server, which the link begins with
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7700", value_parser = parse_origin)]
+    pub url: String,
+    /// File of keys, one "ID SECRET" per line [default: access.share_keys of the settings]
+    #[arg(long, value_name = "FILE")]
+    pub keys: Option<PathBuf>,
+    /// TOML file of settings
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
+
+/// `[x0, y0, x1, y1]` in millimetres.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ShareArea(pub [i64; 4]);
 
 /// Arguments of `inspect`.
 #[derive(Debug, clap::Args)]
@@ -268,6 +315,21 @@ fn parse_address(text: &str) -> Result<String, String> {
     check_address(text).map(|()| text.to_owned()).map_err(|_| format!("expected HOST:PORT, such as {DEFAULT_LISTEN}"))
 }
 
+fn parse_area(text: &str) -> Result<ShareArea, String> {
+    share_link::parse_area(text).map(ShareArea)
+}
+
+/// Parses `http://HOST[:PORT]` or `https://...`. Fails if there is more, such as a path.
+fn parse_origin(text: &str) -> Result<String, String> {
+    let origin = text.strip_suffix('/').unwrap_or(text);
+    let host = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"));
+    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:[]".contains(&byte);
+    match host {
+        Some(host) if !host.is_empty() && host.bytes().all(is_allowed) => Ok(origin.to_owned()),
+        _ => Err("expected http://HOST or https://HOST, with a port if it needs one".into()),
+    }
+}
+
 fn parse_tile(text: &str) -> Result<TileId, String> {
     let mut parts = text.split('/').map(str::parse::<u32>);
     let id = match (parts.next(), parts.next(), parts.next(), parts.next()) {
@@ -302,6 +364,7 @@ mod tests {
         );
         assert!(parse("insula-server bake a --out c --update --memory 600MiB").is_ok());
         assert!(parse("insula-server serve a b --listen localhost:0 --config c.json").is_ok());
+        assert!(parse("insula-server sign --city a --expires 7d --bbox -1,2,3,4 --read-only --version ab*").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
         assert!(parse("insula-server compress a.ply b --bits 16").is_ok());
         assert!(parse("insula-server simplify a.ply b.obj --error 0.5").is_ok());
@@ -321,6 +384,13 @@ mod tests {
             "insula-server serve",
             "insula-server serve a --listen 7700",
             "insula-server serve a --listen h:70000",
+            "insula-server serve a --metrics-address 7700",
+            "insula-server sign --city a",
+            "insula-server sign --city A --expires 7d",
+            "insula-server sign --city a --expires 7",
+            "insula-server sign --city a --expires 7d --bbox 1,2,3",
+            "insula-server sign --city a --expires 7d --url h:80",
+            "insula-server sign --city a --expires 7d --url http://h/x",
             "insula-server inspect a --tile 1/2/0 --png p",
             "insula-server inspect a --tile 1/1/0",
             "insula-server inspect a --png p",

@@ -6,5 +6,8 @@ pub mod args;
 pub mod commands;
 pub mod config;
 pub mod http;
+pub mod memory;
+mod secret_file;
+pub mod share_link;
 pub mod store;
 pub mod telemetry;

@@ -1,14 +1,17 @@
 //! `insula-server`: bakes, serves, inspects and verifies cities.
 
 use clap::{Parser, error::ErrorKind};
+use insula_protocol::text::printable;
 use insula_server::{
     args::{Args, ServerCommand},
-    commands, telemetry,
+    commands,
+    memory::LimitedAllocator,
+    telemetry,
 };
 use std::process::ExitCode;
 
 #[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+static ALLOCATOR: LimitedAllocator = LimitedAllocator;
 
 fn main() -> ExitCode {
     let args = match Args::try_parse() {
@@ -22,7 +25,7 @@ fn main() -> ExitCode {
     match commands::run(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", one_line(&error.to_string()));
+            eprintln!("error: {}", printable(&one_line(&error.to_string())));
             ExitCode::from(error.exit_code())
         }
     }
@@ -36,7 +39,7 @@ fn report_usage(error: &clap::Error) -> ExitCode {
     } else {
         let text = error.render().to_string();
         let message = text.split("\nUsage:").next().and_then(|text| text.split("\nFor more").next());
-        eprintln!("{}; see --help", one_line(message.unwrap_or_default()));
+        eprintln!("{}; see --help", printable(&one_line(message.unwrap_or_default())));
     }
     if is_requested { ExitCode::SUCCESS } else { ExitCode::from(2) }
 }

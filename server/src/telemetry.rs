@@ -1,7 +1,12 @@
 //! The log on standard error.
 
+use insula_protocol::text::printable;
 use std::io::IsTerminal;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::{
+    EnvFilter,
+    field::MakeExt,
+    fmt::{FormatFields, format},
+};
 
 /// Starts logging at `level`, which `RUST_LOG` overrides, as text or JSON lines. Further calls have no effect. Only programs
 /// call this: in a library it would override the choice of the program that embeds it.
@@ -11,6 +16,53 @@ pub fn start(level: &str, json: bool) {
     let _ = if json {
         subscriber.json().flatten_event(true).with_current_span(false).with_span_list(false).try_init()
     } else {
-        subscriber.with_ansi(std::io::stderr().is_terminal()).try_init()
+        subscriber.fmt_fields(printable_fields()).with_ansi(std::io::stderr().is_terminal()).try_init()
     };
+}
+
+/// Writes fields as tracing does, but on one line and without anything that a terminal obeys: errors quote what is in files.
+fn printable_fields() -> impl for<'writer> FormatFields<'writer> + Send + Sync + 'static {
+    let fields = format::debug_fn(|writer, field, value| match field.name() {
+        "message" => write!(writer, "{}", printable(&format!("{value:?}"))),
+        name => write!(writer, "{name}={}", printable(&format!("{value:?}"))),
+    });
+    fields.delimited(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{
+        io::Write,
+        sync::{Arc, Mutex},
+    };
+
+    #[derive(Clone, Default)]
+    struct Log(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Log {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn outside_text_stays_on_its_line_and_controls_no_terminal() {
+        let log = Log::default();
+        let writer = log.clone();
+        let subscriber = tracing_subscriber::fmt().fmt_fields(printable_fields()).with_ansi(false);
+        let subscriber = subscriber.with_writer(move || writer.clone()).finish();
+        let evil = "a\u{1b}[2J\u{9b}31m\nERROR forged\u{202e}";
+        tracing::subscriber::with_default(subscriber, || {
+            tracing::error!(error = %evil, name = evil, "cannot open {evil}");
+        });
+        let text = String::from_utf8(log.0.lock().unwrap().clone()).unwrap();
+        let line = text.strip_suffix('\n').unwrap();
+        assert_eq!(printable(line), line);
+        assert!(line.contains("cannot open a\\u{1b}[2J\\u{9b}31m ERROR forged\\u{202e} error=a\\u{1b}"), "{line}");
+    }
 }

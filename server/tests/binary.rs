@@ -1,13 +1,15 @@
 //! The built program, driven from outside.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
+use insula_test_support::{
+    programs::{ServerProcess, path_text as text, wait_until},
+    small_city,
+};
 use std::{
-    io::{BufRead, BufReader, Read, Write},
+    io::{Read, Write},
     net::TcpStream,
     path::Path,
-    process::{Child, ChildStdout, Command, Output, Stdio},
+    process::{Command, Output, Stdio},
     time::{Duration, Instant},
 };
 
@@ -29,97 +31,42 @@ fn failure(args: &[&str]) -> (String, Option<i32>) {
     (text, output.status.code())
 }
 
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
+/// Serves the shared city.
+fn start_server() -> ServerProcess {
+    ServerProcess::start(&mut program(), text(small_city::shared_city()), "127.0.0.1:0", &[]).unwrap()
 }
 
-/// Polls `condition` for at most 15 s.
-#[track_caller]
-fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(15);
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what}: not within 15 s");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+fn connect(server: &ServerProcess) -> TcpStream {
+    let stream = TcpStream::connect(server.address).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    stream
 }
 
-/// A server of the shared city; killed when dropped.
-struct ServerProcess {
-    child: Child,
-    stdout: BufReader<ChildStdout>,
-    address: String,
-}
-
-impl ServerProcess {
-    fn start() -> Self {
-        let mut child = program()
-            .args(["serve", text(common::shared_city()), "--listen", "127.0.0.1:0"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut stdout = BufReader::new(child.stdout.take().unwrap());
-        let mut line = String::new();
-        stdout.read_line(&mut line).unwrap();
-        let address = line.trim_end().strip_prefix("listening on http://").expect(&line).to_owned();
-        Self { child, stdout, address }
-    }
-
-    fn connect(&self) -> TcpStream {
-        let stream = TcpStream::connect(&self.address).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-        stream
-    }
-
-    fn get(&self, path: &str) -> String {
-        let mut stream = self.connect();
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").unwrap();
-        let mut response = Vec::new();
-        stream.read_to_end(&mut response).unwrap();
-        String::from_utf8_lossy(&response).into_owned()
-    }
-
-    fn signal(&self, name: &str) {
-        assert!(Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap().success());
-    }
-
-    /// Waits for the end of the process. Returns its exit code and the rest of its standard output.
-    fn wait(mut self) -> (Option<i32>, String) {
-        let mut status = None;
-        wait_until("the end of the server", || {
-            status = self.child.try_wait().unwrap();
-            status.is_some()
-        });
-        let mut rest = String::new();
-        self.stdout.read_to_string(&mut rest).unwrap();
-        (status.unwrap().code(), rest)
-    }
-}
-
-impl Drop for ServerProcess {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+fn get(server: &ServerProcess, path: &str) -> String {
+    let mut stream = connect(server);
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").unwrap();
+    let mut response = Vec::new();
+    stream.read_to_end(&mut response).unwrap();
+    String::from_utf8_lossy(&response).into_owned()
 }
 
 #[test]
 fn port_0_picks_a_port_and_serves() {
-    let server = ServerProcess::start();
-    assert!(!server.address.ends_with(":0"), "{}", server.address);
-    assert!(server.get("/readyz").starts_with("HTTP/1.1 200"));
-    let response = server.get("/v1/cities/two/0123456789abcdef/blockmaps/0/0/0");
+    let server = start_server();
+    assert_ne!(server.address.port(), 0);
+    assert!(get(&server, "/readyz").starts_with("HTTP/1.1 200"));
+    let response = get(&server, "/v1/cities/two/0123456789abcdef/blockmaps/0/0/0");
     assert!(response.starts_with("HTTP/1.1 200") && response.contains("INSU"), "{response}");
-    assert!(server.get("/v1/cities/..%2f..%2fetc%2fpasswd").starts_with("HTTP/1.1 404"));
-    let (line, code) = failure(&["serve", text(common::shared_city()), "--listen", &server.address]);
+    assert!(get(&server, "/v1/cities/..%2f..%2fetc%2fpasswd").starts_with("HTTP/1.1 404"));
+    let (line, code) = failure(&["serve", text(small_city::shared_city()), "--listen", &server.address.to_string()]);
     assert_eq!(code, Some(1), "the port is in use");
-    assert!(line.contains(&server.address) && line.contains("--listen"), "{line}");
+    assert!(line.contains(&server.address.to_string()) && line.contains("--listen"), "{line}");
 }
 
 #[test]
 fn http_2_is_supported() {
-    let server = ServerProcess::start();
-    let mut stream = server.connect();
+    let server = start_server();
+    let mut stream = connect(&server);
     // The preface and an empty SETTINGS frame. The server's first frame must be SETTINGS (type 4) as well.
     stream.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").unwrap();
     let mut frame = [0; 9];
@@ -129,24 +76,24 @@ fn http_2_is_supported() {
 
 /// Sends a signal while one connection idles and another has sent half a request, which must still be served.
 fn assert_signal_drains_and_ends(signal: &str) {
-    let server = ServerProcess::start();
-    let mut idle = server.connect();
+    let server = start_server();
+    let mut idle = connect(&server);
     write!(idle, "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
     idle.read_exact(&mut [0; 15]).unwrap();
-    let mut busy = server.connect();
+    let mut busy = connect(&server);
     write!(busy, "GET /v1/cities/two HTTP/1.1\r\nHost: x\r\n").unwrap();
-    wait_until("three connections", || server.get("/metrics").contains("insula_connections 3\n"));
+    wait_until("three connections", || get(&server, "/metrics").contains("insula_connections 3\n"));
     // No metric tells when the half request has been read.
     std::thread::sleep(Duration::from_millis(100));
     let start = Instant::now();
     server.signal(signal);
-    wait_until("no new connections", || TcpStream::connect(&server.address).is_err());
+    wait_until("no new connections", || TcpStream::connect(server.address).is_err());
     write!(busy, "\r\n").unwrap();
     let mut response = String::new();
     busy.read_to_string(&mut response).unwrap();
     assert!(response.starts_with("HTTP/1.1 200") && response.contains("EPSG:7415"), "{response:?}");
-    let (code, rest) = server.wait();
-    assert_eq!((code, rest.as_str()), (Some(0), ""), "exactly one line on standard output");
+    let (status, rest) = server.wait();
+    assert_eq!((status.code(), rest.as_str()), (Some(0), ""), "exactly one line on standard output");
     assert!(start.elapsed() < Duration::from_secs(9), "it waited for the idle connection");
 }
 
@@ -170,7 +117,7 @@ fn cities_and_configs_that_cannot_be_used_are_one_line() {
         assert!(line.contains("missing"), "{line}");
     }
     assert!(failure(&["serve", text(folder.path())]).0.contains("city.json"));
-    common::write_city(&missing, "two");
+    small_city::write_city(&missing, "two");
     std::fs::write(missing.join("blockmaps.pmtiles"), b"PMTiles\x03 and then nothing").unwrap();
     assert!(failure(&["serve", text(&missing)]).0.contains("blockmaps.pmtiles"));
     let config = folder.path().join("config.toml");
@@ -187,31 +134,32 @@ fn usage_errors_are_one_line_and_exit_2() {
         &["serve", "a", "--listen", "nowhere"],
         &["inspect", "a", "--tile", "1/2/3", "--png", "p"],
         &["inspect", "a", "--tile", "1/1/1"],
+        &["sign", "--city", "a", "--expires", "7d"],
         &["bake", "a"],
         &["bake", "a", "--out", "b", "--cell", "-1"],
     ] {
         let (line, code) = failure(args);
         assert_eq!(code, Some(2), "{args:?}");
-        assert!(line.contains("--help"), "{line}");
+        assert!(line.contains("--help") || line.contains("--keys"), "{line}");
     }
     assert_eq!(run(&[]).status.code(), Some(2));
 }
 
 #[test]
 fn every_help_has_an_example() {
-    for args in
-        [&["--help"][..], &["bake", "--help"], &["serve", "--help"], &["inspect", "--help"], &["verify", "--help"]]
-    {
-        let output = run(args);
+    for command in ["", "bake", "serve", "sign", "inspect", "verify"] {
+        let args = [command, "--help"];
+        let output = run(&args[usize::from(command.is_empty())..]);
         assert_eq!(output.status.code(), Some(0));
-        assert!(String::from_utf8(output.stdout).unwrap().contains("Example:\n  insula-server "), "{args:?}");
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("Example:\n  insula-server ") || text.contains("Example:\n  echo "), "{command}");
     }
     assert_eq!(run(&["--version"]).status.code(), Some(0));
 }
 
 #[test]
 fn inspect_shows_a_city_and_draws_a_node() {
-    let (city, folder) = (text(common::shared_city()), tempfile::tempdir().unwrap());
+    let (city, folder) = (text(small_city::shared_city()), tempfile::tempdir().unwrap());
     let output = run(&["inspect", city]);
     let table = String::from_utf8(output.stdout).unwrap();
     for word in ["two", "EPSG:7415", "3D BAG", "CC BY 4.0", "1.000 to 1.000", "2 nodes"] {
@@ -220,7 +168,7 @@ fn inspect_shows_a_city_and_draws_a_node() {
     let json: serde_json::Value = serde_json::from_slice(&run(&["inspect", city, "--json"]).stdout).unwrap();
     assert_eq!(json["levels"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["levels"][1]["nodes"], 1);
-    assert_eq!(json["levels"][1]["bytes_max"], common::blockmap(common::child()).len());
+    assert_eq!(json["levels"][1]["bytes_max"], small_city::blockmap(small_city::child()).len());
     assert_eq!(json["levels"][0]["error_m_max"], 2.0);
     assert_eq!(json["manifest"]["name"], "two");
     let png = folder.path().join("node.png");
@@ -236,7 +184,8 @@ fn inspect_shows_a_city_and_draws_a_node() {
 #[test]
 fn verify_finds_every_kind_of_damage() {
     let verify = |damage: &dyn Fn(&Path)| {
-        let city = common::temporary_city();
+        let city = small_city::temporary_city();
+        small_city::set_version(city.path());
         damage(city.path());
         let output = run(&["verify", text(city.path())]);
         (output.status.code(), String::from_utf8(output.stdout).unwrap())
@@ -248,25 +197,31 @@ fn verify_finds_every_kind_of_damage() {
     assert_eq!(verify(&|_| {}).0, Some(0));
     let blockmaps = |tiles: &[_]| {
         let tiles = tiles.to_vec();
-        move |city: &Path| common::write_archive(&city.join("blockmaps.pmtiles"), &tiles)
+        move |city: &Path| small_city::write_archive(&city.join("blockmaps.pmtiles"), &tiles)
     };
-    let [root, child] = <[_; 2]>::try_from(common::blockmaps()).unwrap();
+    let [root, child] = <[_; 2]>::try_from(small_city::blockmaps()).unwrap();
     let mut flipped = child.clone();
     *flipped.1.last_mut().unwrap() ^= 1;
     assert_finds("blockmaps/1/1/1: checksum", &blockmaps(&[root.clone(), flipped]));
     assert_finds("blockmaps/1/1/1: missing", &blockmaps(std::slice::from_ref(&root)));
     let stray = insula_protocol::TileId::new(1, 0, 0).unwrap();
-    let tiles = [root.clone(), (stray, common::blockmap(stray)), child.clone()];
+    let tiles = [root.clone(), (stray, small_city::blockmap(stray)), child.clone()];
     assert_finds("blockmaps/1/0/0: unused", &blockmaps(&tiles));
     assert_finds("blockmaps/1/1/1: its columns are 2 m wide", &blockmaps(&[root.clone(), (child.0, root.1.clone())]));
     assert_finds("city.json: it counts", &|city| {
-        let mut manifest = common::manifest("two");
+        let mut manifest = small_city::manifest("two");
         manifest.counts.nodes_per_level = vec![1, 4];
         std::fs::write(city.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     });
+    // Each part is intact, but the title was changed after the bake.
+    assert_finds("city.json: its version is", &|city| {
+        let path = city.join("city.json");
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, text.replace("\"title\": \"", "\"title\": \"New ")).unwrap();
+    });
     assert_finds("subtrees/0/0/0: truncated", &|city| {
-        let tile = common::subtree();
-        common::write_archive(&city.join("subtrees.pmtiles"), &[(root.0, tile[..tile.len() - 1].to_vec())]);
+        let tile = small_city::subtree();
+        small_city::write_archive(&city.join("subtrees.pmtiles"), &[(root.0, tile[..tile.len() - 1].to_vec())]);
     });
     // The archive is intact, but a byte of a tile in it has changed.
     assert_finds("blockmaps/", &|city| {

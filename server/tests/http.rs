@@ -1,8 +1,6 @@
 //! All routes, tested without a port.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
 use axum::{
     body::Body,
     http::{HeaderMap, Method, Request, StatusCode},
@@ -18,6 +16,7 @@ use insula_server::{
     http::{AppState, HttpService},
     store::Store,
 };
+use insula_test_support::small_city;
 use std::{borrow::Cow, collections::BTreeSet, os::unix::fs::FileExt, path::Path, sync::OnceLock};
 use tower::ServiceExt;
 
@@ -76,7 +75,7 @@ async fn get_from(service: &HttpService, path: &str) -> TestResponse {
 /// Sends a request to a service that all tests share.
 async fn request(method: Method, path: &str, headers: &[(&str, &str)]) -> TestResponse {
     static SERVICE: OnceLock<HttpService> = OnceLock::new();
-    let service = SERVICE.get_or_init(|| HttpService::new(state(common::shared_city(), |_| {})));
+    let service = SERVICE.get_or_init(|| HttpService::new(state(small_city::shared_city(), |_| {})));
     request_from(service, method, path, headers).await
 }
 
@@ -86,8 +85,8 @@ async fn get(path: &str) -> TestResponse {
 
 #[tokio::test]
 async fn tiles_are_immutable_and_byte_for_byte() {
-    for (id, bytes) in common::blockmaps() {
-        let path = route::tile("two", common::VERSION, TileKind::BlockMap, id);
+    for (id, bytes) in small_city::blockmaps() {
+        let path = route::tile("two", small_city::VERSION, TileKind::BlockMap, id);
         let response = get(&path).await;
         assert_eq!((response.status, &response.body), (StatusCode::OK, &bytes), "{path}");
         assert_eq!(response.header("cache-control"), IMMUTABLE);
@@ -98,7 +97,7 @@ async fn tiles_are_immutable_and_byte_for_byte() {
         assert!(etag.starts_with('"') && etag.ends_with('"') && etag.len() > 10, "{etag}");
         assert_eq!(get(&path).await.header("etag"), etag, "stable");
     }
-    assert_eq!(get("/v1/cities/two/0123456789abcdef/subtrees/0/0/0").await.body, common::subtree());
+    assert_eq!(get("/v1/cities/two/0123456789abcdef/subtrees/0/0/0").await.body, small_city::subtree());
     let tags = [get(TILE).await, get("/v1/cities/two/0123456789abcdef/blockmaps/0/0/0").await];
     assert_ne!(tags[0].header("etag"), tags[1].header("etag"));
 }
@@ -182,11 +181,11 @@ async fn invalid_tile_numbers_are_400() {
 
 #[tokio::test]
 async fn meshes_are_served_by_level_of_detail() {
-    let folder = common::temporary_city_with_meshes();
+    let folder = small_city::temporary_city_with_meshes();
     let service = HttpService::new(state(folder.path(), |_| {}));
     let mut tags = Vec::new();
-    for (lod, bytes) in common::meshes() {
-        let path = route::mesh("two", common::VERSION, common::child(), lod);
+    for (lod, bytes) in small_city::meshes() {
+        let path = route::mesh("two", small_city::VERSION, small_city::child(), lod);
         let response = get_from(&service, &path).await;
         assert_eq!((response.status, &response.body), (StatusCode::OK, &bytes), "{path}");
         assert_eq!(response.header("cache-control"), IMMUTABLE);
@@ -224,13 +223,13 @@ async fn assert_damage_is_found(service: &HttpService, archive: &Path, path: &st
 
 #[tokio::test]
 async fn a_tile_that_is_damaged_on_disk_is_never_served() {
-    let folder = common::temporary_city_with_meshes();
+    let folder = small_city::temporary_city_with_meshes();
     let service = HttpService::new(state(folder.path(), |config| config.limits.tile_bytes = 0));
-    let (id, blockmap) = common::blockmaps().remove(1);
-    let path = route::tile("two", common::VERSION, TileKind::BlockMap, id);
+    let (id, blockmap) = small_city::blockmaps().remove(1);
+    let path = route::tile("two", small_city::VERSION, TileKind::BlockMap, id);
     assert_damage_is_found(&service, &folder.path().join("blockmaps.pmtiles"), &path, &blockmap).await;
-    let (lod, mesh) = common::meshes().remove(1);
-    let path = route::mesh("two", common::VERSION, common::child(), lod);
+    let (lod, mesh) = small_city::meshes().remove(1);
+    let path = route::mesh("two", small_city::VERSION, small_city::child(), lod);
     assert_damage_is_found(&service, &folder.path().join("meshes.pmtiles"), &path, &mesh).await;
     let metrics = get_from(&service, "/metrics").await;
     let line = format!("insula_tile_failures_total{{kind=\"damaged\"}} {}", blockmap.len() + mesh.len());
@@ -312,7 +311,7 @@ async fn manifests_are_json_or_bincode() {
     let json = get("/v1/cities/two").await;
     assert_eq!((json.header("content-type"), json.header("cache-control")), ("application/json", "no-cache"));
     let manifest: Manifest = serde_json::from_slice(&json.body).unwrap();
-    assert_eq!(manifest, common::manifest("two"));
+    assert_eq!(manifest, small_city::manifest("two"));
     let bincode = request(Method::GET, "/v1/cities/two", &[("accept", "application/x-bincode")]).await;
     assert_eq!(bincode.header("content-type"), "application/x-bincode");
     assert_eq!(bincode::from_bytes::<Manifest>(&bincode.body).unwrap(), manifest);
@@ -350,7 +349,7 @@ async fn city_list_and_page_name_the_sources() {
     assert_eq!(list.as_array().map(Vec::len), Some(1));
     assert_eq!(list[0]["name"], "two");
     assert_eq!(list[0]["manifest"], "/v1/cities/two");
-    assert_eq!(list[0]["version"], common::VERSION);
+    assert_eq!(list[0]["version"], small_city::VERSION);
     assert_eq!(list[0]["attribution"][0]["licence"], "CC BY 4.0");
     let page = request(Method::GET, "/", &[("host", "127.0.0.1:7700")]).await;
     assert_eq!(page.header("content-type"), "text/html; charset=utf-8");
@@ -361,6 +360,78 @@ async fn city_list_and_page_name_the_sources() {
     assert!(html.contains("Two &lt;b&gt;nodes") && !html.contains("<b>"), "titles are escaped");
     let page = request(Method::GET, "/", &[("host", "x\"><script>")]).await;
     assert!(!page.text().contains("<script>"));
+}
+
+#[tokio::test]
+async fn a_long_list_comes_in_pages() {
+    let folder = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (100..205).map(|number| format!("c{number}")).collect();
+    for name in &names {
+        small_city::write_city(&folder.path().join(name), name);
+    }
+    let service = HttpService::new(state(folder.path(), |_| {}));
+    let page = async |path: &str| {
+        let response = get_from(&service, path).await;
+        let next = response.header("link").strip_prefix('<').and_then(|link| link.strip_suffix(">; rel=\"next\""));
+        let list: serde_json::Value = serde_json::from_slice(&response.body).unwrap();
+        let entries = list.as_array().unwrap();
+        let names: Vec<_> = entries.iter().map(|entry| entry["name"].as_str().unwrap().to_owned()).collect();
+        (names, next.map(str::to_owned))
+    };
+    for (first, pages) in [("/v1/cities", 2), ("/v1/cities?limit=40", 3), ("/v1/cities?limit=1000", 1)] {
+        let (mut all, mut path, mut count) = (Vec::new(), Some(first.to_owned()), 0);
+        while let Some(at) = path {
+            let (names, next) = page(&at).await;
+            all.extend(names);
+            (path, count) = (next, count + 1);
+        }
+        assert_eq!((all, count), (names.clone(), pages), "{first}");
+    }
+    assert_eq!(page("/v1/cities?after=c203").await, (vec!["c204".to_owned()], None));
+    for invalid in ["limit=0", "limit=1001", "limit=x", "limit", "limit=5&limit=5", "after=", "after=A", "after=../x"] {
+        get_from(&service, &format!("/v1/cities?{invalid}")).await.assert_problem(400);
+        get_from(&service, &format!("/?{invalid}")).await.assert_problem(400);
+    }
+    let html = get_from(&service, "/").await;
+    assert!(html.text().contains("/v1/cities/c199\"") && !html.text().contains("/v1/cities/c200\""));
+    assert!(html.text().contains("/?limit=100&amp;after=c199"), "a link to the next page");
+}
+
+#[tokio::test]
+async fn responses_for_operators_have_no_cors_headers() {
+    for path in ["/metrics", "/healthz", "/readyz"] {
+        for method in [Method::GET, Method::OPTIONS, Method::POST] {
+            let response = request(method, path, &[("origin", "https://evil.example")]).await;
+            assert!(!response.headers.keys().any(|name| name.as_str().starts_with("access-control")), "{path}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn the_page_names_scheme_and_host_of_the_request() {
+    let page = get("http://cities.example.org:8080/").await;
+    assert!(page.text().contains("insula view http://cities.example.org:8080/v1"), "HTTP/2 has no Host header");
+    assert_eq!(page.header("referrer-policy"), "no-referrer");
+    let service =
+        HttpService::new(state(small_city::shared_city(), |config| config.tls.certificate = Some("c".into())));
+    let page = request_from(&service, Method::GET, "/", &[("host", "h")]).await;
+    assert!(page.text().contains("insula view https://h/v1"));
+}
+
+#[tokio::test]
+async fn a_flood_of_failures_is_not_a_flood_of_messages() {
+    let service = HttpService::new(state(small_city::shared_city(), |config| config.limits.in_flight = 1));
+    let held = service.clone().oneshot(Request::get(TILE).body(Body::empty()).unwrap()).await.unwrap();
+    for _ in 0..200 {
+        get_from(&service, TILE).await.assert_problem(503);
+    }
+    drop(held);
+    let metrics = get_from(&service, "/metrics").await;
+    let suppressed = metrics
+        .text()
+        .lines()
+        .find_map(|line| line.strip_prefix("insula_log_suppressed_total{kind=\"request\"} ")?.parse::<u32>().ok());
+    assert!(suppressed.is_some_and(|count| count >= 100), "{}", metrics.text());
 }
 
 #[tokio::test]
@@ -394,7 +465,7 @@ async fn every_response_has_a_request_id() {
 
 #[tokio::test]
 async fn too_much_at_once_is_503() {
-    let service = HttpService::new(state(common::shared_city(), |config| config.limits.in_flight = 1));
+    let service = HttpService::new(state(small_city::shared_city(), |config| config.limits.in_flight = 1));
     // A response whose body is not read stays in flight.
     let held = service.clone().oneshot(Request::get(TILE).body(Body::empty()).unwrap()).await.unwrap();
     for path in [TILE, "/v1/cities", "/"] {
@@ -412,7 +483,7 @@ async fn too_much_at_once_is_503() {
 
 #[tokio::test]
 async fn readiness_ends_with_draining() {
-    let state = state(common::shared_city(), |_| {});
+    let state = state(small_city::shared_city(), |_| {});
     let service = HttpService::new(state.clone());
     assert_eq!(get_from(&service, "/healthz").await.status, StatusCode::OK);
     assert_eq!(get_from(&service, "/readyz").await.status, StatusCode::OK);
@@ -431,7 +502,7 @@ async fn without_cities_it_is_not_ready() {
 
 #[tokio::test]
 async fn metrics_count_requests_and_bytes() {
-    let service = HttpService::new(state(common::shared_city(), |_| {}));
+    let service = HttpService::new(state(small_city::shared_city(), |_| {}));
     let get = |path: &'static str| get_from(&service, path);
     let bytes = get(TILE).await.body.len() + get(TILE).await.body.len();
     get("/v1/cities/two/0123456789abcdef/blockmaps/9/x/0").await;

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 #![cfg(feature = "bake")]
 
+use insula_test_support::rng::Rng;
 use std::{
     collections::BTreeMap,
     fmt::Write,
@@ -31,17 +32,6 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     names(folder).into_iter().map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()
 }
 
-/// A linear congruential generator, so that the moments of the kills depend on the seed only.
-struct Random(u64);
-
-impl Random {
-    /// A number from 0 to 1.
-    fn fraction(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f64 / (1 << 24) as f64
-    }
-}
-
 /// Runs `times` bakes, each killed one to three times and then resumed. Every second one updates a city of `before`.
 fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
     let folder = tempfile::tempdir().unwrap();
@@ -59,7 +49,7 @@ fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
     assert!(bake(before, &old, &temporary, &["--cell", cell]).status().unwrap().success());
     let (expected, old) = (files(&whole), files(&old));
     assert!(expected != old);
-    let (mut random, mut kills) = (Random(7), 0);
+    let (mut random, mut kills) = (Rng::new(7), 0);
     for run in 0..times {
         let out = city_folder(&format!("run-{run}"));
         let mut options = vec!["--cell", cell, "--resume"];
@@ -70,7 +60,7 @@ fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
         }
         for _ in 0..1 + run % 3 {
             let mut child = bake(input, &out, &temporary, &options).spawn().unwrap();
-            thread::sleep(whole_time.mul_f64(random.fraction()).max(Duration::from_millis(1)));
+            thread::sleep(whole_time.mul_f64(random.unit()).max(Duration::from_millis(1)));
             kills += u32::from(child.try_wait().unwrap().is_none());
             child.kill().unwrap();
             child.wait().unwrap();

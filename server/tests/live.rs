@@ -2,115 +2,22 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
+mod test_server;
 
-use insula_server::{
-    config::ServeConfig,
-    http::{AppState, HttpServer, ServeError, serve},
-    store::Store,
-};
+use insula_server::{config::ServeConfig, http::serve, store::Store};
+use insula_test_support::small_city;
 use std::{
-    net::SocketAddr,
     path::Path,
     sync::Arc,
     time::{Duration, Instant},
 };
+use test_server::{PATIENCE, TILE, TestServer, assert_problem, exchange};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::{TcpListener, TcpStream},
-    sync::{Notify, oneshot},
-    task::JoinHandle,
+    sync::oneshot,
     time::{sleep, timeout},
 };
-
-const TILE: &str = "/v1/cities/two/0123456789abcdef/blockmaps/1/1/1";
-/// Longest wait for anything that must happen.
-const PATIENCE: Duration = Duration::from_secs(5);
-
-/// A running server with a folder of cities, of which one is named "two".
-struct TestServer {
-    folder: tempfile::TempDir,
-    address: SocketAddr,
-    state: AppState,
-    reload_signal: Arc<Notify>,
-    stop: oneshot::Sender<()>,
-    task: JoinHandle<Result<(), ServeError>>,
-}
-
-impl TestServer {
-    async fn start(change: impl FnOnce(&mut ServeConfig)) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        common::write_city(&folder.path().join("two"), "two");
-        let mut config = ServeConfig { threads: 2, drain_secs: 1, ..ServeConfig::default() };
-        config.reload.watch_secs = 0;
-        change(&mut config);
-        let server = HttpServer::new(Store::open(&[folder.path()]).unwrap(), &config).unwrap();
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let (address, state) = (listener.local_addr().unwrap(), server.state().clone());
-        let reload_signal = server.reload_signal();
-        let (stop, stopped) = oneshot::channel::<()>();
-        let task = tokio::spawn(server.run(listener, async {
-            let _ = stopped.await;
-        }));
-        Self { folder, address, state, reload_signal, stop, task }
-    }
-
-    async fn connect(&self) -> TcpStream {
-        TcpStream::connect(self.address).await.unwrap()
-    }
-
-    /// Sends one request on a new connection.
-    async fn get(&self, path: &str, headers: &str) -> String {
-        let mut stream = self.connect().await;
-        exchange(&mut stream, &format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n{headers}\r\n")).await
-    }
-
-    /// Repeats a request until its response is as expected.
-    async fn get_until(&self, path: &str, is_expected: impl Fn(&str) -> bool) {
-        let deadline = Instant::now() + PATIENCE;
-        loop {
-            let response = self.get(path, "").await;
-            if is_expected(&response) {
-                return;
-            }
-            assert!(Instant::now() < deadline, "{path}: {response}");
-            sleep(Duration::from_millis(20)).await;
-        }
-    }
-
-    /// Makes the server check cities, certificate and tokens, and waits until it has: each check replaces the catalog.
-    async fn reload(&self) {
-        let before = Arc::clone(&self.state.catalog());
-        self.reload_signal.notify_one();
-        let deadline = Instant::now() + PATIENCE;
-        while Arc::ptr_eq(&before, &self.state.catalog()) {
-            assert!(Instant::now() < deadline, "no reload");
-            sleep(Duration::from_millis(5)).await;
-        }
-    }
-
-    async fn stop(self) {
-        self.stop.send(()).unwrap();
-        timeout(PATIENCE, self.task).await.unwrap().unwrap().unwrap();
-    }
-}
-
-/// Sends a request. Returns everything that the server sends until it closes the connection.
-async fn exchange(stream: &mut (impl AsyncReadExt + AsyncWriteExt + Unpin), request: &str) -> String {
-    stream.write_all(request.as_bytes()).await.unwrap();
-    let mut response = Vec::new();
-    let _ = timeout(PATIENCE, stream.read_to_end(&mut response)).await.expect("the server does not close");
-    String::from_utf8_lossy(&response).into_owned()
-}
-
-#[track_caller]
-fn assert_problem(response: &str, status: u16) {
-    assert!(response.starts_with(&format!("HTTP/1.1 {status} ")), "{response}");
-    assert!(response.contains("content-type: application/problem+json\r\n"), "{response}");
-    let body = response.split_once("\r\n\r\n").unwrap().1;
-    let problem: serde_json::Value = serde_json::from_str(body).unwrap();
-    assert_eq!(problem["status"], status);
-}
 
 #[tokio::test]
 async fn malformed_requests_are_problems() {
@@ -208,7 +115,8 @@ async fn slow_clients_are_closed() {
 
 #[tokio::test]
 async fn connections_over_the_limit_are_503() {
-    let server = TestServer::start(|config| config.limits.connections = 8).await;
+    let server =
+        TestServer::start(|config| (config.limits.connections, config.limits.client_connections) = (8, 8)).await;
     let mut held = Vec::new();
     for _ in 0..8 {
         let mut stream = server.connect().await;
@@ -238,46 +146,11 @@ async fn a_client_over_its_rate_is_429() {
     server.stop().await;
 }
 
-#[tokio::test]
-async fn private_cities_need_a_token() {
-    let tokens = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(tokens.path(), "# the office\n0123456789abcdef-office\n").unwrap();
-    let server = TestServer::start(|config| config.access.tokens = Some(tokens.path().to_owned())).await;
-    let token = "Authorization: Bearer 0123456789abcdef-office\r\n";
-    let invalid_name = "/v1/cities/T/v/blockmaps/0/0/0";
-    for path in [TILE, "/v1/cities/two", "/v1/cities/three", invalid_name] {
-        for headers in [
-            "",
-            "Authorization: Bearer 0123456789abcdef-offic\r\n",
-            "Authorization: Basic 0123456789abcdef-office\r\n",
-            "Authorization: x\r\n",
-        ] {
-            let response = server.get(path, headers).await;
-            assert_problem(&response, 401);
-            assert!(response.contains("www-authenticate: Bearer"), "{response}");
-        }
-    }
-    let tile = server.get(TILE, token).await;
-    assert!(tile.starts_with("HTTP/1.1 200") && tile.contains("cache-control: private, max-age"), "{tile}");
-    assert!(server.get("/v1/cities/two", token).await.contains("cache-control: private, no-cache"));
-    for path in ["/v1/cities/three", invalid_name] {
-        assert_problem(&server.get(path, token).await, 404);
-    }
-    assert!(server.get("/v1/cities", "").await.ends_with("[]"));
-    assert!(server.get("/v1/cities", token).await.contains("\"two\""));
-    assert!(!server.get("/", "").await.contains("Two") && server.get("/", token).await.contains("Two"));
-    // The old token ends with the reload of another file.
-    std::fs::write(tokens.path(), "fedcba9876543210-office\n").unwrap();
-    server.reload().await;
-    assert_problem(&server.get(TILE, token).await, 401);
-    server.stop().await;
-}
-
 /// Replaces the city as the bake does: by two renames.
 fn publish(folder: &Path, version: &str) {
     let (next, old, current) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
-    common::write_city(&next, "two");
-    let mut manifest = common::manifest("two");
+    small_city::write_city(&next, "two");
+    let mut manifest = small_city::manifest("two");
     manifest.version = version.into();
     std::fs::write(next.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     std::fs::rename(&current, &old).unwrap();
@@ -302,7 +175,7 @@ async fn a_new_version_replaces_the_old_one_which_stays_available() {
     server.reload().await;
     assert!(get_tile("d").await.starts_with("HTTP/1.1 200"), "a damaged city replaces nothing");
     std::fs::remove_dir_all(server.folder.path().join("two")).unwrap();
-    common::write_city(&server.folder.path().join("three"), "three");
+    small_city::write_city(&server.folder.path().join("three"), "three");
     for checks in 1..=2 {
         server.reload().await;
         assert!(get_tile("d").await.starts_with("HTTP/1.1 200"), "removed after {checks} checks");
@@ -316,7 +189,7 @@ async fn a_new_version_replaces_the_old_one_which_stays_available() {
 /// The embedding interface: `serve` with a future that ends it.
 #[tokio::test]
 async fn shutdown_drops_requests_that_do_not_finish_in_time() {
-    let store = Store::open(&[common::shared_city()]).unwrap();
+    let store = Store::open(&[small_city::shared_city()]).unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();

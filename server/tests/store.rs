@@ -1,17 +1,23 @@
 //! Folders of cities. What one city must be is tested in `insula-archive`.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
 use insula_protocol::{TileKind, mesh_tile};
-use insula_server::store::{CityStore, Store, StoreError};
+use insula_server::{
+    config::BlockCacheConfig,
+    store::{CityStore, Store, StoreError},
+};
+use insula_test_support::small_city;
+use std::{
+    io::{Read, Write},
+    net::TcpListener,
+};
 
 #[test]
 fn a_folder_of_cities_opens_all_of_them() {
     let root = tempfile::tempdir().unwrap();
     assert!(matches!(Store::open(&[root.path()]), Err(StoreError::NoCity(_))));
     for name in ["b", "a"] {
-        common::write_city(&root.path().join(name), name);
+        small_city::write_city(&root.path().join(name), name);
     }
     std::fs::create_dir(root.path().join("other")).unwrap();
     let store = Store::open(&[root.path()]).unwrap();
@@ -25,14 +31,32 @@ fn a_folder_of_cities_opens_all_of_them() {
 
 #[test]
 fn meshes_are_optional() {
-    let folder = common::temporary_city_with_meshes();
+    let folder = small_city::temporary_city_with_meshes();
     let archive = folder.path().join(TileKind::Mesh.file_name());
     let city = CityStore::open(folder.path()).unwrap();
     assert_eq!(city.archive(TileKind::Mesh).unwrap().len(), 2);
-    let id = mesh_tile::archive_id(common::child(), 1).unwrap();
-    assert_eq!(city.tile(TileKind::Mesh, id).unwrap().unwrap(), common::meshes()[1].1);
+    let id = mesh_tile::archive_id(small_city::child(), 1).unwrap();
+    assert_eq!(city.tile(TileKind::Mesh, id).unwrap().unwrap(), small_city::meshes()[1].1);
     std::fs::remove_file(&archive).unwrap();
     let city = CityStore::open(folder.path()).unwrap();
     assert!(city.archive(TileKind::Mesh).is_none());
     assert_eq!(city.tile(TileKind::Mesh, id).unwrap(), None);
+}
+
+#[tokio::test]
+async fn a_web_server_cannot_redirect_to_another_host() {
+    let (hostile, victim) = (TcpListener::bind("127.0.0.1:0").unwrap(), TcpListener::bind("127.0.0.2:0").unwrap());
+    victim.set_nonblocking(true).unwrap();
+    let url = format!("http://{}/city", hostile.local_addr().unwrap());
+    let location = format!("http://{}/latest/meta-data", victim.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for mut stream in hostile.incoming().flatten() {
+            let _ = stream.read(&mut [0; 4096]);
+            let _ = write!(stream, "HTTP/1.1 302 Found\r\nLocation: {location}\r\nContent-Length: 0\r\n\r\n");
+        }
+    });
+    let cache = BlockCacheConfig { timeout_secs: 1, ..BlockCacheConfig::default() };
+    let opened = Store::open_anywhere(&[url.into()], &cache).await;
+    assert!(matches!(opened, Err(StoreError::Remote { .. })));
+    assert_eq!(victim.accept().unwrap_err().kind(), std::io::ErrorKind::WouldBlock, "the victim was asked");
 }

@@ -5,10 +5,11 @@
 //! the cost of a step does not depend on the depth of the city's tree. The finer levels reach only as far as the draw
 //! list has mixed squares.
 //!
-//! A node may lie in the square of another: the finer one is drawn, the coarser one in the rest of its square.
+//! A node may lie in the square of a coarser one. The finer one is drawn there, the coarser one in the rest of its
+//! square.
 //!
-//! A square that cross-fades from one node to another has both, and a share. Each ray sees one of them whole, which one
-//! depends on the ray's threshold. So there are no holes, and no node is seen through another.
+//! A square that cross-fades has two nodes and a share. Each ray sees one of the two, chosen by the ray's threshold. So
+//! there are no holes, and no node is seen through another.
 
 use crate::layout::{
     DrawNode, FADE_RAYS, FrameUniform, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODES,
@@ -69,7 +70,7 @@ impl GridHeader {
 
 /// Largest height of an entry, in steps.
 pub const Z_TOP: f32 = 65535.0;
-/// No node, no child.
+/// Index that means no node, or no child.
 const NONE: u32 = u32::MAX;
 
 /// A node of the quadtree from which the grid is built.
@@ -79,7 +80,7 @@ struct QuadtreeNode {
     child: [u32; 4],
 }
 
-/// A square: its level, finest 0, and its place.
+/// A square: its level, finest 0, and its position.
 #[derive(Debug, Clone, Copy)]
 struct GridSquare {
     k: u32,
@@ -263,7 +264,7 @@ impl GridBuilder {
 fn header(frame: &GridFrame, finest: u8) -> GridHeader {
     let squares = f64::from(1u32 << finest);
     let side_m = frame.root_side_m / squares;
-    // From far outside the city is a point: the square need not be right, only finite.
+    // Far outside, the city is a point: the square need not be exact, only finite.
     let eye = [-frame.root_corner.x / side_m, -frame.root_corner.y / side_m].map(|v| v.clamp(-1e6, 1e6));
     GridHeader {
         eye: eye.map(|v| (v - v.floor()) as f32),
@@ -303,7 +304,7 @@ mod tests {
         inside.then(|| grid.entries[(base + (y << log2) + x) as usize])
     }
 
-    /// What a walk finds that begins at level `k`: the node, and the level of the square that it fills.
+    /// The result of a walk that begins at level `k`: the node, and the level of the square that it fills.
     fn found(grid: &NodeGrid, mut k: u32, x: i32, y: i32) -> Option<(u32, u32)> {
         while entry(grid, k, x, y).is_none() {
             k += 1;
@@ -390,7 +391,7 @@ mod tests {
 
     #[test]
     fn finer_windows_end_where_squares_are_not_mixed() {
-        // One node of the finest level at the camera, the rest coarser and coarser.
+        // One node of the finest level at the camera, ever coarser ones around it.
         let mut ids = vec![];
         for level in 1..=8u8 {
             ids.extend([id(level, 1, 0), id(level, 0, 1), id(level, 1, 1)]);

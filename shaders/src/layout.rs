@@ -74,7 +74,7 @@ pub(crate) const GRID_SHARE_MASK: u32 = FADE_RAYS - 1;
 pub const GRID_NODES: usize = 1 << GRID_SHARE_SHIFT;
 /// The node's index in a grid entry.
 pub(crate) const GRID_NODE_MASK: u32 = GRID_NODES as u32 - 1;
-/// Rays side by side, each of which cross-fades from one node to another at a share of its own.
+/// Number of thresholds of rays. Each ray changes from one node to another at its own share.
 pub const FADE_RAYS: u32 = 64;
 /// Flag of a [surface](crate::cpu::shade::SurfaceSample) that belongs to a mesh. No column has this bit.
 pub const MESH_FLAG: u32 = 128;
@@ -170,15 +170,15 @@ pub struct FrameUniform {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Light {
-    /// Of the sun on a surface that faces it.
+    /// Irradiance from the sun on a surface that faces it.
     pub sun: [f32; 4],
-    /// Of the open sky on a surface that faces up.
+    /// Irradiance from the open sky on a surface that faces up.
     pub sky_up: [f32; 4],
-    /// Of the open sky on walls, the mean of all directions, doubled: a wall sees half the sky.
+    /// Irradiance from the open sky on walls, as twice the mean of all azimuths, because a wall sees half of the sky.
     pub sky_wall: [f32; 4],
-    /// What walls towards the sun receive above that mean, doubled too.
+    /// What walls towards the sun receive above that mean, also doubled.
     pub sky_side: [f32; 4],
-    /// Reflected by ground and walls.
+    /// Irradiance reflected by ground and walls.
     pub bounce: [f32; 4],
     /// Radiance of the sky overhead.
     pub zenith: [f32; 4],
@@ -194,7 +194,7 @@ pub struct Light {
     pub side: [f32; 2],
     /// 1 if the sun's disc is above the horizon, else 0.
     pub disc: f32,
-    /// 0, from which WGSL makes infinity.
+    /// Always 0. WGSL derives infinity from it.
     pub zero: f32,
 }
 
@@ -241,8 +241,8 @@ impl DrawNode {
         slot << SLOT_SHIFT | z_shift
     }
 
-    /// Pages, below 2^24, and per quarter (south-west, south-east, north-west, north-east) how far its highest point
-    /// lies below the node's, in 255ths of the node's height. With it rays pass over low quarters without reading their
+    /// Pages, below 2^24, and for each quarter (south-west, south-east, north-west, north-east) how far its highest
+    /// point is below the node's, in 255ths of the node's height. Rays pass over low quarters without reading their
     /// blocks.
     pub fn pages_and_quarters(pages: [u32; 4], below: [u8; 4]) -> [u32; 4] {
         std::array::from_fn(|i| pages[i] | u32::from(below[i]) << QUARTER_SHIFT)

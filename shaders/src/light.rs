@@ -40,7 +40,7 @@ const SKY_GAIN: DVec3 = DVec3::new(1.25, 1.3, 1.6);
 const STEPS: u32 = 24;
 /// Steps along a ray to the sun.
 const SUN_STEPS: u32 = 12;
-/// Brightness of a frame.
+/// Exposure of a frame.
 const KEY: f64 = 1.7;
 /// How far the exposure follows the light: 1 would make night as bright as day.
 const ADAPTATION: f64 = 0.86;
@@ -139,7 +139,7 @@ fn exposure(light: DVec3) -> DVec3 {
 fn sun_light(sun: DVec3) -> DVec3 {
     let height_deg = sun.z.clamp(-1.0, 1.0).asin().to_degrees();
     let share = ((height_deg + 0.8) / 1.1).clamp(0.0, 1.0);
-    // Below the horizon the last light comes along it.
+    // With the sun below the horizon, the last light comes along the horizon.
     let visible = sun.with_z(sun.z.max(0.001)).normalize_or(DVec3::Z);
     transmittance(EYE_M, visible.z) * share
 }

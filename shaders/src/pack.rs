@@ -63,7 +63,7 @@ pub struct PackedNode {
     pub z_base_m: f64,
     /// Lowest and highest point in height codes, slopes included.
     pub z_range: [f32; 2],
-    /// How far its quarters lie below it, for
+    /// How far its quarters are below it, for
     /// [`DrawNode::pages_and_quarters`](crate::layout::DrawNode::pages_and_quarters).
     pub below: [u8; 4],
     /// The map's `z_shift`.
@@ -116,7 +116,7 @@ pub fn head_words(flags: u8) -> usize {
     (usize::from(flags & flag::CLIPPED != 0) + usize::from(flags & flag::GAP != 0)) * 2
 }
 
-/// Lays strips out one after the other, none across a page.
+/// Places strips one after the other, none across a page boundary.
 #[derive(Default)]
 struct StripLayout {
     pages: usize,
@@ -203,7 +203,7 @@ impl PackedNode {
 
 /// Bounds of a node's height, for rays that pass above or below its parts.
 struct NodeSummary {
-    /// As [`SUMMARY_WORDS`] says.
+    /// See [`SUMMARY_WORDS`].
     words: [u32; SUMMARY_WORDS],
     /// Lowest and highest point in height codes, slopes included.
     z_range: [f32; 2],

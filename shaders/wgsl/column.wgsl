@@ -16,13 +16,13 @@ const LOWER_SOLID: u32 = 1u;
 // Beyond the plane that clips the column.
 const OUTER_SOLID: u32 = 2u;
 
-// The column that the walk is at: its word of the first plane, and how its top rises, in height codes per cell.
+// The column that the walk is at: its word of the first plane, and the slope of its top in height codes per cell.
 struct ColumnVisit {
     walk: u32,
     slope: vec2<f32>,
 }
 
-// Where the ray is inside of a solid: from `s` to `e`, entered through `face`. Empty if `s >= e`.
+// The interval of the ray inside a solid: from `s` to `e`, entered through `face`. Empty if `s >= e`.
 struct SolidSpan {
     s: f32,
     e: f32,
@@ -122,7 +122,7 @@ fn meets(cell: vec2<i32>, ta: f32, te: f32) -> bool {
         let ze = z_at(e);
         let over = vec2<f32>(zs - top_at(s, top, slope, centre), ze - top_at(e, top, slope, centre));
         let span = clip_to_solid(s, e, over, vec2<f32>(zs - bottom, ze - bottom));
-        // An eye inside of a column (less than half a cell in front of a wall) sees out of it.
+        // An eye inside a column (less than half a cell in front of a wall) sees out of it.
         let inside = span.s <= 0.0 && span.face == SIDE_FACE;
         found_one = !missing && s < e && span.s < span.e && !inside;
         found = FoundSolid(span, attributes, strip, solid, split.walls[part], bottom, top, z_min);

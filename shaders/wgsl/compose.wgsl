@@ -27,7 +27,7 @@ fn compose_srgb(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32
     return pixel(position);
 }
 
-// For sRGB targets, which encode what they are given.
+// For sRGB targets, which encode linear values.
 @fragment
 fn compose_linear(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     return vec4<f32>(linear_of_srgb(pixel(position).rgb), 1.0);

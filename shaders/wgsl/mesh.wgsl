@@ -12,7 +12,7 @@ struct MeshRay {
 // The nearest triangle so far.
 struct MeshHit {
     t: f32,
-    // Its place in the atlas, in vec4s; 0 if there is none.
+    // Its address in the atlas, in vec4s; 0 if there is none.
     triangle: u32,
     u: f32,
     v: f32,
@@ -45,7 +45,7 @@ fn walk_mesh(index: u32) {
     if span.x > span.y || span.x > segment.reach_m {
         return;
     }
-    // Numbers are smallest, and so most exact, where the box begins.
+    // Numbers are smallest where the box begins, so rounding errors are too.
     mesh_ray.o += d * span.x;
     mesh_ray.enter_m = span.x;
     mesh_hit = MeshHit(min(segment.reach_m, span.y + 1.0) - span.x, 0u, 0.0, 0.0);
@@ -60,7 +60,7 @@ fn walk_mesh(index: u32) {
     hit_triangle(index, step_m, info);
 }
 
-// Where the ray is in a box, in metres; the first is larger if nowhere.
+// The interval of the ray inside a box, in metres. Empty if the first value is larger.
 fn box_span(words: vec4<u32>) -> vec2<f32> {
     let low = (vec3<f32>(words.xyz & vec3<u32>(0xffffu)) - BOX_SLACK - mesh_ray.o) * mesh_ray.inv;
     let high = (vec3<f32>(words.xyz >> vec3<u32>(16u)) + BOX_SLACK - mesh_ray.o) * mesh_ray.inv;
@@ -69,7 +69,7 @@ fn box_span(words: vec4<u32>) -> vec2<f32> {
     return vec2<f32>(max(max(max(begin.x, begin.y), begin.z), 0.0), min(min(end.x, end.y), end.z));
 }
 
-// Makes `mesh_hit` the nearest triangle; towards the sun, any.
+// Sets `mesh_hit` to the nearest triangle, or towards the sun to any triangle.
 fn nearest_triangle(root: u32) {
     var stack: array<PendingHalf, TRAVERSAL_STACK>;
     var height = 0u;

@@ -91,7 +91,8 @@ fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
         if !near_top {
             return vec2<f32>(0.0);
         }
-        // Walls say nothing about a roof, and a roof little about walls, which see half of its sky.
+        // The occlusion of walls does not apply to roofs. That of a roof applies to walls with a small weight, and
+        // halved, because walls see half of the sky.
         let known = select(vec2<f32>(0.5, ROOF_WEIGHT_ON_WALL), vec2<f32>(1.0), upwards > ROOF_NORMAL_Z);
         return vec2<f32>(ao_of(read_word(planes[ROOF_PLANE] + i)) / AO_MAX, 1.0) * known;
     }

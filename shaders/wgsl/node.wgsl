@@ -1,7 +1,7 @@
 // How a ray enters a node. CPU twin: src/cpu/node.rs.
 
-// Makes `node_ray` and returns where the ray is between the node's lowest and highest point; the first is larger if
-// nowhere.
+// Sets `node_ray`, and returns the interval of the ray between the node's lowest and highest point. Empty if the first
+// value is larger.
 fn enter_node(index: u32, t_in: f32, t_out: f32) -> vec2<f32> {
     let corner_and_cell_m = nodes[index].corner_and_cell_m;
     let heights = nodes[index].heights;

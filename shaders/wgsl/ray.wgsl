@@ -25,7 +25,7 @@ struct RaySegment {
     reach_m: f32,
     // Distance from the eye to the origin.
     eye_m: f32,
-    // It only asks whether anything is in the way.
+    // Whether this is a shadow segment, which only tests whether anything is in the way.
     to_sun: bool,
 }
 
@@ -36,10 +36,10 @@ struct RayHit {
     ao: f32,
     normal: vec3<f32>,
     mean_m: f32,
-    // Of the surface that took the light below one half.
+    // Of the surface at which the transmittance fell below one half.
     flags: u32,
     level: u32,
-    // Share of the light that is still to come from behind.
+    // Transmittance: share of the light that comes from behind these surfaces.
     transmittance: f32,
     distance_m: f32,
     node: u32,

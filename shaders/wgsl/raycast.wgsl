@@ -66,7 +66,7 @@ fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {
     return normalize(frame.forward + frame.right * ndc.x - frame.up * ndc.y);
 }
 
-// Both segments in one loop, so that the walk's code is there only once.
+// Both segments share one loop, so that the walk's code exists only once.
 fn trace(dir: vec3<f32>) -> TracedRay {
     let infinity = bitcast<f32>(infinity_bits());
     var seen = RayHit();

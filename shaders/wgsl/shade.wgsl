@@ -12,7 +12,7 @@ struct Airlight {
     glow: vec3<f32>,
 }
 
-// Computed once a ray: where every lane reads for itself, reading the light costs more than computing with it.
+// Computed once per ray: where each lane reads for itself, reading the light costs more than computing with it.
 var<private> airlight: Airlight;
 
 // A distance that no ray reaches, where Rust uses infinity.

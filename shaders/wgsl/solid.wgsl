@@ -18,7 +18,7 @@ fn hit_solid(cell: vec2<i32>) {
     let outer = solid == OUTER_SOLID;
     let roof = solid == UPPER_SOLID && span.face == TOP_FACE;
     let has_rows = !outer && !roof && (flags & EXPOSED) != 0u;
-    // One read serves every kind of texel: found first is where it is.
+    // The address is found first, so that one read serves every kind of texel.
     var texel_at = select(node_ray.planes[ROOF_PLANE] + i, found.strip + 1u, outer);
     var wall = select(NO_WALL, found.wall, has_rows && side);
     if !outer && !has_rows && side {

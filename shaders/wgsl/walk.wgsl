@@ -58,7 +58,7 @@ struct Walk {
     t: f32,
     // Entries of the grid that were read.
     steps: u32,
-    // No further square is to be read.
+    // Whether the walk has ended.
     done: bool,
     // The next square, the level to look it up at, and where the ray leaves the present one.
     square: vec2<i32>,
@@ -82,7 +82,7 @@ struct Walk {
 
 // Highest points of a block's quads of 2 x 2 cells, in height codes.
 struct QuadTops {
-    // Of the block, with a margin of one code, so that rounding hides nothing.
+    // Highest point of the block, with a margin of one code for rounding.
     lowest: f32,
     highest: f32,
     // Height of one unit of a quad's six bits.

@@ -1,6 +1,7 @@
-//! A client that checks what it gets.
+//! An HTTP client that checks the tiles that it gets.
 
 use insula_protocol::{TileId, TileKind, route, tile::TileReader};
+use insula_test_support::small_city;
 use std::{
     io::{self, BufRead, BufReader, Read, Write},
     net::{SocketAddr, TcpStream},
@@ -8,13 +9,12 @@ use std::{
     time::Duration,
 };
 
-/// What came back.
-pub(crate) struct Answer {
+pub(crate) struct Response {
     pub(crate) status: u16,
     pub(crate) body: Vec<u8>,
 }
 
-/// One connection that is kept.
+/// A connection that is kept between requests.
 pub(crate) struct Connection {
     address: SocketAddr,
     stream: Option<BufReader<TcpStream>>,
@@ -25,16 +25,16 @@ impl Connection {
         Self { address, stream: None }
     }
 
-    /// Errors: no connection, or half an answer; the next request makes a new connection.
-    pub(crate) fn get(&mut self, path: &str) -> io::Result<Answer> {
-        let answer = self.try_get(path);
-        if answer.is_err() {
+    /// Fails without a connection and if the response is incomplete; the next request opens a new connection.
+    pub(crate) fn get(&mut self, path: &str) -> io::Result<Response> {
+        let response = self.try_get(path);
+        if response.is_err() {
             self.stream = None;
         }
-        answer
+        response
     }
 
-    fn try_get(&mut self, path: &str) -> io::Result<Answer> {
+    fn try_get(&mut self, path: &str) -> io::Result<Response> {
         if self.stream.is_none() {
             let stream = TcpStream::connect_timeout(&self.address, Duration::from_secs(5))?;
             stream.set_read_timeout(Some(Duration::from_secs(30)))?;
@@ -43,11 +43,11 @@ impl Connection {
         }
         let stream = self.stream.as_mut().unwrap();
         write!(stream.get_mut(), "GET {path} HTTP/1.1\r\nHost: x\r\n\r\n")?;
-        let bad = || io::Error::from(io::ErrorKind::InvalidData);
+        let invalid = || io::Error::from(io::ErrorKind::InvalidData);
         let mut line = String::new();
         stream.read_line(&mut line)?;
-        let status = line.split(' ').nth(1).and_then(|code| code.parse().ok()).ok_or_else(bad)?;
-        let (mut length, mut close) = (0, false);
+        let status = line.split(' ').nth(1).and_then(|code| code.parse().ok()).ok_or_else(invalid)?;
+        let (mut length, mut is_closed) = (0, false);
         loop {
             line.clear();
             if stream.read_line(&mut line)? == 0 {
@@ -58,57 +58,68 @@ impl Connection {
                 break;
             }
             if let Some(value) = lower.strip_prefix("content-length:") {
-                length = value.trim().parse().map_err(|_| bad())?;
+                length = value.trim().parse().map_err(|_| invalid())?;
             }
-            close |= lower == "connection: close";
+            is_closed |= lower == "connection: close";
         }
         let mut body = vec![0; length];
         stream.read_exact(&mut body)?;
-        if close {
+        if is_closed {
             self.stream = None;
         }
-        Ok(Answer { status, body })
+        Ok(Response { status, body })
+    }
+
+    /// Whether a tile is served with valid checksums. Fails as [`Self::get`] does.
+    pub(crate) fn serves(&mut self, kind: TileKind, path: &str) -> io::Result<bool> {
+        let response = self.get(path)?;
+        Ok(response.status == 200 && is_intact(kind, &response.body))
+    }
+
+    /// Whether all tiles of the small city are served with valid checksums.
+    pub(crate) fn serves_all(&mut self, version: &str) -> bool {
+        tile_paths(version).iter().all(|(kind, path)| self.serves(*kind, path).unwrap_or(false))
     }
 }
 
-/// What several clients saw together.
+/// Responses that several clients got together.
 #[derive(Default)]
-pub(crate) struct Seen {
-    pub(crate) whole: AtomicU64,
+pub(crate) struct ResponseCounts {
+    pub(crate) intact: AtomicU64,
     pub(crate) refused: AtomicU64,
+    /// Lost connections and incomplete responses.
     pub(crate) broken: AtomicU64,
     pub(crate) wrong: AtomicU64,
 }
 
-/// Every address of a city that `common::write_city` wrote, with its layer.
-pub(crate) fn addresses(version: &str) -> Vec<(TileKind, String)> {
-    let blockmaps = crate::common::blockmaps().into_iter().map(|(id, _)| (TileKind::BlockMap, id));
+/// The paths of all tiles of the small city.
+pub(crate) fn tile_paths(version: &str) -> Vec<(TileKind, String)> {
+    let blockmaps = small_city::blockmaps().into_iter().map(|(id, _)| (TileKind::BlockMap, id));
     let all = blockmaps.chain([(TileKind::Subtree, TileId::ROOT)]);
-    all.map(|(layer, id)| (layer, route::tile("two", version, layer, id))).collect()
+    all.map(|(kind, id)| (kind, route::tile("two", version, kind, id))).collect()
 }
 
 /// Whether every checksum in a tile is right.
-pub(crate) fn is_whole(layer: TileKind, bytes: &[u8]) -> bool {
-    let kind = if layer == TileKind::Subtree { TileKind::Subtree } else { TileKind::BlockMap };
+pub(crate) fn is_intact(kind: TileKind, bytes: &[u8]) -> bool {
     TileReader::new(bytes, kind).is_ok()
 }
 
-/// Four clients ask for all tiles, again and again, while `fault` happens.
-pub(crate) fn while_asking(address: SocketAddr, fault: impl FnOnce()) -> Seen {
-    let (seen, stop) = (Seen::default(), AtomicBool::new(false));
+/// Four clients request all tiles of the small city again and again while `fault` runs.
+pub(crate) fn request_during(address: SocketAddr, fault: impl FnOnce(&ResponseCounts)) -> ResponseCounts {
+    let (counts, stop) = (ResponseCounts::default(), AtomicBool::new(false));
     std::thread::scope(|scope| {
         for _ in 0..4 {
             scope.spawn(|| {
                 let mut connection = Connection::new(address);
                 while !stop.load(Relaxed) {
-                    for (layer, path) in addresses(crate::common::VERSION) {
+                    for (kind, path) in tile_paths(small_city::VERSION) {
                         let count = match connection.get(&path) {
-                            Ok(answer) if answer.status == 200 && is_whole(layer, &answer.body) => &seen.whole,
-                            Ok(answer) if answer.status == 200 => &seen.wrong,
-                            Ok(_) => &seen.refused,
+                            Ok(response) if response.status != 200 => &counts.refused,
+                            Ok(response) if is_intact(kind, &response.body) => &counts.intact,
+                            Ok(_) => &counts.wrong,
                             Err(_) => {
                                 std::thread::sleep(Duration::from_millis(5));
-                                &seen.broken
+                                &counts.broken
                             }
                         };
                         count.fetch_add(1, Relaxed);
@@ -116,8 +127,9 @@ pub(crate) fn while_asking(address: SocketAddr, fault: impl FnOnce()) -> Seen {
                 }
             });
         }
-        fault();
+        fault(&counts);
         stop.store(true, Relaxed);
     });
-    seen
+    assert_eq!(counts.wrong.load(Relaxed), 0, "wrong bytes were served");
+    counts
 }

@@ -1,22 +1,8 @@
-//! What goes wrong around a server: each fault is made for real, and every byte that a client got is checked.
-//!
-//! `cargo test --release -p insula-server --test faults`. What wants a program that is not there is reported as ignored.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
+//! Runs the faults: `cargo test --release -p insula-faults`, after `cargo build --release -p insula-server`. A test that
+//! needs a program that is not installed is reported as ignored.
 
-#[allow(dead_code, unreachable_pub, reason = "the tests of the whole use more of it")]
-#[path = "../harness/bucket.rs"]
-mod bucket;
-mod client;
-#[path = "../../server/tests/common/mod.rs"]
-mod common;
-mod contract;
-mod disk;
-mod origin;
-mod process;
-mod program;
-mod store;
-mod swap;
-
+use insula_faults::{contract, disk, process, store, swap};
+use insula_test_support::programs::find_installed;
 use libtest_mimic::{Arguments, Trial};
 
 fn main() {
@@ -26,27 +12,24 @@ fn main() {
             Ok(())
         })
     };
-    let moto = program::find("moto_server");
-    let mut trials = vec![
-        trial("archives_cut_and_altered_under_load_give_no_wrong_byte", disk::cut_and_altered),
-        trial("a_disk_cache_that_is_damaged_or_gone_gives_no_wrong_byte", disk::cache_damaged_and_gone),
-        trial("killed_under_load_it_comes_back_and_gives_no_wrong_byte", process::killed),
-        trial("without_file_descriptors_it_goes_on", process::no_descriptors),
-        trial("slow_headers_from_many_do_not_keep_others_out", process::slow_headers),
-        trial("two_hundred_versions_under_load", swap::two_hundred),
-        trial("a_store_that_fails_a_third_of_the_time_is_only_slow", store::failing),
-        trial("a_store_that_is_gone_is_503_and_comes_back", store::gone),
-        trial("a_store_that_gives_wrong_bytes_gives_none", store::lying),
+    let trial_if = |is_possible: bool, name: &str, test: fn()| trial(name, test).with_ignored_flag(!is_possible);
+    let has = |name: &str| find_installed(name).is_some();
+    let trials = vec![
+        trial("truncated_and_altered_archives_give_no_wrong_byte", disk::truncated_and_altered),
+        trial("a_damaged_or_removed_disk_cache_gives_no_wrong_byte", disk::cache_damaged_and_removed),
+        trial("a_server_killed_under_load_restarts_and_gives_no_wrong_byte", process::killed),
+        trial("a_server_without_file_descriptors_recovers", process::no_descriptors),
+        trial("clients_with_slow_headers_do_not_block_others", process::slow_headers),
+        trial_if(has("prlimit"), "a_server_at_its_memory_limit_gives_no_wrong_byte", process::no_memory),
+        trial_if(process::libfaketime().is_some(), "a_jumping_clock_breaks_no_request", process::clock_jumps),
+        trial("two_hundred_versions_are_replaced_under_load", swap::two_hundred),
+        trial("a_store_that_fails_for_a_third_of_requests_is_only_slow", store::failing),
+        trial("an_unreachable_store_is_503_until_it_is_back", store::gone),
+        trial("wrong_bytes_of_a_store_are_not_served", store::lying),
         trial("a_thousand_requests_for_one_block_are_one_fetch", store::coalesced),
-        trial("an_object_replaced_under_the_server_is_never_mixed", store::replaced),
+        trial("a_replaced_object_is_never_mixed_with_the_old_one", store::replaced),
+        trial_if(has("moto_server"), "every_tile_is_served_from_s3", store::s3),
+        trial_if(has("schemathesis"), "responses_match_the_openapi_document", contract::matches_openapi),
     ];
-    let (prlimit, clock) = (program::find("prlimit"), process::libfaketime());
-    trials.push(
-        trial("at_its_limit_of_memory_it_gives_no_wrong_byte", process::no_memory).with_ignored_flag(prlimit.is_none()),
-    );
-    trials.push(trial("a_clock_that_jumps_troubles_nobody", process::clock_jumps).with_ignored_flag(clock.is_none()));
-    let schemathesis = program::find("schemathesis");
-    trials.push(trial("the_openapi_document_is_kept", contract::kept).with_ignored_flag(schemathesis.is_none()));
-    trials.push(trial("s3_by_moto_serves_every_tile", store::s3).with_ignored_flag(moto.is_none()));
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

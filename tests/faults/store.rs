@@ -1,178 +1,173 @@
-//! Cities in stores that are well, slow, failing, gone, lying, and replaced.
+//! Stores that are slow, failing, unreachable, wrong or replaced.
 
 use crate::{
-    bucket,
-    client::{Connection, addresses, is_whole},
-    common,
-    origin::Origin,
-    program::{Served, until},
+    client::{Connection, is_intact, tile_paths},
+    server::{self, ANY_PORT, metric},
 };
 use axum::{body::Body, http::Request};
 use http_body_util::BodyExt;
+use insula_protocol::Manifest;
 use insula_server::{
     config::ServeConfig,
     http::{AppState, HttpService},
-    store::Store,
+    store::{CityStore, Store},
+};
+use insula_test_support::{
+    bucket,
+    faulty_host::FaultyHost,
+    programs::{ServerProcess, wait_until},
+    small_city,
 };
 use std::{
     fs,
+    net::SocketAddr,
+    path::PathBuf,
     sync::atomic::Ordering::Relaxed,
     time::{Duration, Instant},
 };
 use tower::ServiceExt;
 
-/// So that each tile is read from the store each time.
+/// Settings without caches: each request reads its tile from the store.
 const COLD: [&str; 3] = ["cache.memory_bytes=0", "limits.tile_bytes=0", "cache.block_bytes=4096"];
 
-fn origin() -> (tempfile::TempDir, Origin) {
-    let folder = tempfile::tempdir().unwrap();
-    common::write_city(folder.path(), "two");
-    let origin = Origin::start(folder.path());
-    (folder, origin)
+fn hosted_city() -> (tempfile::TempDir, FaultyHost) {
+    let folder = small_city::temporary_city();
+    let host = FaultyHost::start(folder.path());
+    (folder, host)
 }
 
-/// Answers by status; a tile that is not whole is a failure at once.
-fn ask(server: &Served, rounds: usize) -> (usize, usize) {
-    let mut connection = Connection::new(server.address);
-    let (mut good, mut bad) = (0, 0);
+/// Requests all tiles `rounds` times. Returns the numbers of intact tiles and of refusals; a damaged tile panics.
+fn request_tiles(address: SocketAddr, rounds: usize) -> (usize, usize) {
+    let mut connection = Connection::new(address);
+    let (mut intact, mut refused) = (0, 0);
     for _ in 0..rounds {
-        for (layer, path) in addresses(common::VERSION) {
-            let answer = connection.get(&path).unwrap();
-            if answer.status == 200 {
-                assert!(is_whole(layer, &answer.body), "wrong bytes at {path}");
-                good += 1;
+        for (kind, path) in tile_paths(small_city::VERSION) {
+            let response = connection.get(&path).unwrap();
+            if response.status == 200 {
+                assert!(is_intact(kind, &response.body), "wrong bytes at {path}");
+                intact += 1;
             } else {
-                bad += 1;
+                refused += 1;
             }
         }
     }
-    (good, bad)
+    (intact, refused)
 }
 
-pub(crate) fn failing() {
-    let (_folder, origin) = origin();
-    origin.faults.failing_percent.store(30, Relaxed);
-    origin.faults.slow_millis.store(2, Relaxed);
-    let server = Served::start(&origin.url(), &COLD);
-    assert_eq!(ask(&server, 150), (450, 0));
-    let failed = server.metric("insula_store_fetches_total{outcome=\"failed\"}");
-    let all = failed + server.metric("insula_store_fetches_total{outcome=\"ok\"}");
-    println!("{failed} of {all} fetches failed, no answer did");
-    assert!((0.15..0.45).contains(&(failed / all)), "{failed} of {all}: the test tests something else");
+/// 30% of the store's responses fail.
+pub fn failing() {
+    let (_folder, host) = hosted_city();
+    host.faults.failing_percent.store(30, Relaxed);
+    host.faults.delay_ms.store(2, Relaxed);
+    let server = server::start(&host.url(), &COLD);
+    assert_eq!(request_tiles(server.address, 150), (450, 0));
+    let fetches = |outcome| metric(server.address, &format!("insula_store_fetches_total{{outcome=\"{outcome}\"}}"));
+    let (failed, all) = (fetches("failed"), fetches("failed") + fetches("ok"));
+    println!("{failed} of {all} fetches failed, all requests succeeded");
+    assert!((0.15..0.45).contains(&(failed / all)), "{failed} of {all} fetches failed: the test tests something else");
 }
 
-pub(crate) fn gone() {
-    let (_folder, origin) = origin();
-    let settings = [&COLD[..], &["cache.timeout_secs=1"]].concat();
-    let server = Served::start(&origin.url(), &settings);
-    assert_eq!(ask(&server, 1), (3, 0));
-    origin.faults.gone.store(true, Relaxed);
+/// The store closes all connections for some time.
+pub fn gone() {
+    let (_folder, host) = hosted_city();
+    let server = server::start(&host.url(), &[&COLD[..], &["cache.timeout_secs=1"]].concat());
+    assert_eq!(request_tiles(server.address, 1), (3, 0));
+    host.faults.is_gone.store(true, Relaxed);
     let start = Instant::now();
-    assert_eq!(ask(&server, 1), (0, 3));
-    assert!(start.elapsed() < Duration::from_secs(6), "three answers took {:?}", start.elapsed());
-    assert_eq!(Connection::new(server.address).get("/readyz").unwrap().status, 200, "other cities may be well");
-    origin.faults.gone.store(false, Relaxed);
-    assert_eq!(ask(&server, 5), (15, 0), "it is back at once");
+    assert_eq!(request_tiles(server.address, 1), (0, 3));
+    assert!(start.elapsed() < Duration::from_secs(6), "three responses took {:?}", start.elapsed());
+    let ready = Connection::new(server.address).get("/readyz").unwrap();
+    assert_eq!(ready.status, 200, "other cities may be available");
+    host.faults.is_gone.store(false, Relaxed);
+    assert_eq!(request_tiles(server.address, 5), (15, 0), "tiles are served again at once");
 }
 
-pub(crate) fn lying() {
-    let (_folder, origin) = origin();
-    let server = Served::start(&origin.url(), &COLD);
-    origin.faults.lying_percent.store(30, Relaxed);
-    let (good, bad) = ask(&server, 150);
-    println!("{good} tiles, {bad} refused");
-    assert!(good > 300, "what is wrong is read once more");
-    assert!(bad > 0 || good == 450);
-    origin.faults.lying_percent.store(100, Relaxed);
-    assert!(ask(&server, 5).1 > 0, "nothing but lies: the test tests nothing");
-    assert!(server.metric("insula_tile_failures_total{kind=\"damaged\"}") > 0.0);
+/// The store alters a byte in 30%, then in all of its responses.
+pub fn lying() {
+    let (_folder, host) = hosted_city();
+    let server = server::start(&host.url(), &COLD);
+    host.faults.lying_percent.store(30, Relaxed);
+    let (intact, refused) = request_tiles(server.address, 150);
+    println!("{intact} tiles, {refused} refused");
+    assert!(intact > 300, "a damaged tile is read once more");
+    host.faults.lying_percent.store(100, Relaxed);
+    assert!(request_tiles(server.address, 5).1 > 0, "no tile is refused: the test tests nothing");
+    assert!(metric(server.address, "insula_tile_failures_total{kind=\"damaged\"}") > 0.0);
 }
 
-pub(crate) fn coalesced() {
-    let (folder, origin) = origin();
-    let (layer, path) = addresses(common::VERSION)[0].clone();
+/// A thousand requests wait for the same block of a slow store.
+pub fn coalesced() {
+    let (folder, host) = hosted_city();
+    let (kind, path) = tile_paths(small_city::VERSION)[0].clone();
     let archive = fs::read(folder.path().join("blockmaps.pmtiles")).unwrap();
     let tile_at = archive.windows(4).position(|window| window == b"INSU").unwrap();
-    assert!(tile_at >= 4096, "its block was read with the directories: the test tests nothing");
+    assert!(tile_at >= 4096, "its block is read with the directories: the test tests nothing");
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(4).enable_all().build().unwrap();
     runtime.block_on(async {
         let mut config = ServeConfig::default();
         (config.cache.block_bytes, config.limits.tile_bytes) = (4096, 0);
-        let store = Store::open_anywhere(&[origin.url().into()], &config.cache).await.unwrap();
+        let store = Store::open_anywhere(&[host.url().into()], &config.cache).await.unwrap();
         let app = HttpService::new(AppState::new(store, &config));
-        origin.faults.slow_millis.store(300, Relaxed);
-        let before = origin.fetches();
+        host.faults.delay_ms.store(300, Relaxed);
+        let before = host.range_requests();
         let mut all = tokio::task::JoinSet::new();
         for _ in 0..1000 {
             let request = Request::get(&path).body(Body::empty()).unwrap();
             all.spawn(app.clone().oneshot(request));
         }
-        let mut good = 0;
-        while let Some(answer) = all.join_next().await {
-            let body = answer.unwrap().unwrap().into_body().collect().await.unwrap().to_bytes();
-            good += usize::from(is_whole(layer, &body));
+        let mut intact = 0;
+        while let Some(response) = all.join_next().await {
+            let body = response.unwrap().unwrap().into_body().collect().await.unwrap().to_bytes();
+            intact += usize::from(is_intact(kind, &body));
         }
-        println!("{good} tiles of one block, {} fetches", origin.fetches() - before);
-        assert_eq!((good, origin.fetches() - before), (1000, 1));
+        assert_eq!((intact, host.range_requests() - before), (1000, 1), "intact tiles and fetches");
     });
 }
 
-pub(crate) fn replaced() {
-    let (folder, origin) = origin();
-    let server = Served::start(&origin.url(), &COLD);
-    assert_eq!(ask(&server, 1), (3, 0));
-    // In place, which is how not to do it: the old version's bytes are gone, so that its tiles are refused.
+/// The archive is replaced in place, then as a new version.
+pub fn replaced() {
+    let (folder, host) = hosted_city();
+    let server = server::start(&host.url(), &COLD);
+    assert_eq!(request_tiles(server.address, 1), (3, 0));
+    // Replaced in place, against the manual: the ETag changes, so tiles of the old version are refused.
     let path = folder.path().join("blockmaps.pmtiles");
     let bytes = fs::read(&path).unwrap();
     std::thread::sleep(Duration::from_millis(20));
     fs::write(&path, &bytes).unwrap();
-    let (good, bad) = ask(&server, 1);
-    assert_eq!((good, bad), (1, 2), "what is another object now is not served as the old one");
-    // As the manual says: archives in a folder of the version's name, the manifest last.
+    assert_eq!(request_tiles(server.address, 1), (1, 2), "a replaced object is not served as the old one");
+    // As the manual says: archives in a folder named after the version, and the manifest last.
     let below = folder.path().join("b");
     fs::create_dir(&below).unwrap();
     for name in ["blockmaps.pmtiles", "subtrees.pmtiles"] {
         fs::copy(folder.path().join(name), below.join(name)).unwrap();
     }
-    let manifest = insula_protocol::Manifest { version: "b".into(), ..common::manifest("two") };
+    let manifest = Manifest { version: "b".into(), ..small_city::manifest("two") };
     fs::write(folder.path().join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
     server.signal("-HUP");
-    let mut connection = Connection::new(server.address);
-    until("the new version", || {
-        addresses("b").iter().all(|(layer, path)| {
-            let answer = connection.get(path).unwrap();
-            answer.status == 200 && is_whole(*layer, &answer.body)
-        })
-    });
+    wait_until("the new version", || Connection::new(server.address).serves_all("b"));
 }
 
-pub(crate) fn s3() {
+/// Serves every tile of a city from S3 (moto); of the city in `INSULA_FAULTS_CITY` if that is set.
+pub fn s3() {
     let folder = tempfile::tempdir().unwrap();
-    // A real city, if one is named, else a small one.
-    let city = std::env::var_os("INSULA_FAULTS_CITY").map_or_else(
-        || {
-            let city = folder.path().join("two");
-            fs::create_dir(&city).unwrap();
-            common::write_city(&city, "two");
-            city
-        },
-        Into::into,
-    );
-    let place = bucket::put(&city).unwrap();
+    let city = std::env::var_os("INSULA_FAULTS_CITY").map(PathBuf::from).unwrap_or_else(|| {
+        small_city::write_city(&folder.path().join("two"), "two");
+        folder.path().join("two")
+    });
+    let uploaded = bucket::upload(&city).unwrap();
     let settings = ["cache.block_bytes=4096", "limits.tile_bytes=0"];
-    let server = Served::start_in(&place.environment, &place.url, &settings);
-    let local = insula_server::store::CityStore::open(&city).unwrap();
+    let mut command = server::command();
+    command.envs(uploaded.environment);
+    let server = ServerProcess::start(&mut command, &uploaded.url, ANY_PORT, &settings).unwrap();
+    let local = CityStore::open(&city).unwrap();
+    let manifest = local.manifest();
     let mut connection = Connection::new(server.address);
-    let mut tiles = 0;
-    for (layer, archive) in local.archives() {
+    for (kind, archive) in local.archives() {
         for (id, bytes) in archive.tiles() {
-            let manifest = local.manifest();
             let (name, version) = (&manifest.name, &manifest.version);
-            let path = insula_protocol::route::archive_tile(name, version, layer, id, manifest.depth).unwrap();
-            let answer = connection.get(&path).unwrap();
-            assert!(answer.status == 200 && answer.body == bytes.unwrap(), "{path}: {}", answer.status);
-            tiles += 1;
+            let path = insula_protocol::route::archive_tile(name, version, kind, id, manifest.depth).unwrap();
+            let response = connection.get(&path).unwrap();
+            assert!(response.status == 200 && response.body == bytes.unwrap(), "{path}: {}", response.status);
         }
     }
-    println!("{tiles} tiles through S3");
 }

@@ -1,11 +1,15 @@
-//! Versions that replace one another under load.
+//! Versions of a city that replace one another under load.
 
-use crate::{
-    client::Connection,
-    common,
-    program::{Served, text, until},
+use crate::{client::Connection, server};
+use insula_protocol::{
+    BlockMap, Manifest, Texel, TileId, TileKind,
+    blockmap::{COLUMNS, MapColumn},
+    route,
 };
-use insula_protocol::{BlockMap, Manifest, Texel, TileId, TileKind, blockmap::COLUMNS, blockmap::MapColumn, route};
+use insula_test_support::{
+    programs::{path_text, wait_until},
+    small_city,
+};
 use std::{
     fs,
     path::Path,
@@ -14,7 +18,7 @@ use std::{
 
 const VERSIONS: u32 = 200;
 
-/// A tile that says of which version it is.
+/// A tile whose first columns are the digits of its version.
 fn tile(id: TileId, version: u32) -> Vec<u8> {
     let mut columns = vec![None; COLUMNS];
     for (at, digit) in format!("{version:04}").bytes().enumerate() {
@@ -30,47 +34,42 @@ fn name(version: u32) -> String {
     format!("v{version:04}")
 }
 
-/// Writes a version beside the folder and puts it in its place, as the bake does.
+/// Writes a version beside the city and renames it, as the bake does.
 fn publish(folder: &Path, version: u32) {
-    let (next, old, here) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
-    common::write_city(&next, "two");
-    let manifest = Manifest { version: name(version), ..common::manifest("two") };
+    let (next, old, city) = (folder.join(".next"), folder.join(".old"), folder.join("two"));
+    small_city::write_city(&next, "two");
+    let manifest = Manifest { version: name(version), ..small_city::manifest("two") };
     fs::write(next.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
-    let tiles: Vec<_> = [TileId::ROOT, common::child()].map(|id| (id, tile(id, version))).to_vec();
-    common::write_archive(&next.join("blockmaps.pmtiles"), &tiles);
-    if here.exists() {
-        fs::rename(&here, &old).unwrap();
+    let tiles: Vec<_> = [TileId::ROOT, small_city::child()].map(|id| (id, tile(id, version))).to_vec();
+    small_city::write_archive(&next.join("blockmaps.pmtiles"), &tiles);
+    if city.exists() {
+        fs::rename(&city, &old).unwrap();
     }
-    fs::rename(&next, &here).unwrap();
+    fs::rename(&next, &city).unwrap();
     let _ = fs::remove_dir_all(&old);
 }
 
-pub(crate) fn two_hundred() {
+/// Publishes 200 versions while four clients request tiles of the newest one.
+pub fn two_hundred() {
     let folder = tempfile::tempdir().unwrap();
     publish(folder.path(), 0);
     let settings = ["reload.watch_secs=0", "reload.keep_versions=4", "reload.keep_secs=1"];
-    let server = Served::start(text(folder.path()), &settings);
-    let (asked, stop) = (AtomicU64::new(0), AtomicBool::new(false));
-    // All threads have begun once one has answered.
-    assert_eq!(Connection::new(server.address).get("/readyz").unwrap().status, 200);
-    std::thread::sleep(std::time::Duration::from_millis(300));
-    let before = server.descriptors();
+    let server = server::start(path_text(folder.path()), &settings);
+    // The number of descriptors is stable when all threads of the server run.
+    let mut before = 0;
+    wait_until("a stable number of file descriptors", || {
+        assert_eq!(Connection::new(server.address).get("/readyz").unwrap().status, 200);
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        std::mem::replace(&mut before, server.descriptors()) == before
+    });
+    let (tiles, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     std::thread::scope(|scope| {
         for _ in 0..4 {
             scope.spawn(|| {
                 let mut connection = Connection::new(server.address);
                 while !stop.load(Relaxed) {
-                    let answer = connection.get("/v1/cities/two").unwrap();
-                    assert_eq!(answer.status, 200);
-                    let manifest: Manifest = serde_json::from_slice(&answer.body).unwrap();
-                    let version: u32 = manifest.version[1..].parse().unwrap();
-                    for id in [TileId::ROOT, common::child(), TileId::ROOT] {
-                        let path = route::tile("two", &manifest.version, TileKind::BlockMap, id);
-                        let answer = connection.get(&path).unwrap();
-                        assert_eq!(answer.status, 200, "{path}");
-                        assert_eq!(answer.body, tile(id, version), "a tile of another version at {path}");
-                        asked.fetch_add(1, Relaxed);
-                    }
+                    request_newest(&mut connection);
+                    tiles.fetch_add(3, Relaxed);
                 }
             });
         }
@@ -78,18 +77,32 @@ pub(crate) fn two_hundred() {
         for version in 1..=VERSIONS {
             publish(folder.path(), version);
             server.signal("-HUP");
-            until("the new version", || {
-                let answer = connection.get("/v1/cities/two").unwrap();
-                String::from_utf8(answer.body).unwrap().contains(&format!("\"{}\"", name(version)))
+            wait_until("the new version", || {
+                let response = connection.get("/v1/cities/two").unwrap();
+                String::from_utf8(response.body).unwrap().contains(&format!("\"{}\"", name(version)))
             });
         }
         stop.store(true, Relaxed);
     });
-    println!("{VERSIONS} versions, {} tiles", asked.load(Relaxed));
-    assert!(asked.load(Relaxed) > 100);
-    // Old versions are closed after a second, at the next look.
-    until("no file handle is leaked", || {
+    println!("{VERSIONS} versions, {} tiles", tiles.load(Relaxed));
+    assert!(tiles.load(Relaxed) > 100);
+    // Old versions are closed at the first reload after a second.
+    wait_until("no file handle is leaked", || {
         server.signal("-HUP");
         server.descriptors() <= before
     });
+}
+
+/// Requests the manifest and three tiles of its version. Panics unless all belong to that version.
+fn request_newest(connection: &mut Connection) {
+    let response = connection.get("/v1/cities/two").unwrap();
+    assert_eq!(response.status, 200);
+    let manifest: Manifest = serde_json::from_slice(&response.body).unwrap();
+    let version: u32 = manifest.version[1..].parse().unwrap();
+    for id in [TileId::ROOT, small_city::child(), TileId::ROOT] {
+        let path = route::tile("two", &manifest.version, TileKind::BlockMap, id);
+        let response = connection.get(&path).unwrap();
+        assert_eq!(response.status, 200, "{path}");
+        assert_eq!(response.body, tile(id, version), "a tile of another version at {path}");
+    }
 }

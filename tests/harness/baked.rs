@@ -1,11 +1,11 @@
-//! A baked city read straight from its folder, without HTTP or cache: what a client that has fetched everything would draw.
+//! A baked city read from its folder, without HTTP or cache: the tiles of a client that has fetched everything.
 
 use crate::{
-    cut::{Cut, Place},
-    view::{Camera, Picture},
+    draw_list::{CityArea, DrawList},
+    view::{Camera, FrameSpec},
 };
 use anyhow::{Context, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, Manifest, Subtree, TileId, TileKind,
     subtree::{MeshLod, NodeInfo},
@@ -20,12 +20,12 @@ use std::{
     path::Path,
 };
 
-/// Nearest distance in the projected error.
+/// Least distance in the projected error, as in the client.
 const NEAR_M: f64 = 1.0;
 
-/// What bounds a picture's view.
-pub fn planes(camera: &Camera, picture: &Picture) -> [FrustumPlane; 5] {
-    let axes = camera.axes(picture);
+/// The planes of a view frustum.
+pub fn planes(camera: &Camera, spec: &FrameSpec) -> [FrustumPlane; 5] {
+    let axes = camera.axes(spec);
     let unit = |v: DVec3| v.normalize_or(DVec3::X);
     let client = insula_viewer::camera::Camera {
         position: camera.position.into(),
@@ -34,15 +34,14 @@ pub fn planes(camera: &Camera, picture: &Picture) -> [FrustumPlane; 5] {
         up: unit(axes.up),
         fov_y_rad: camera.fov_y_deg.to_radians(),
     };
-    let (width_px, height_px) = (picture.width_px, picture.height_px);
+    let (width_px, height_px) = (spec.width_px, spec.height_px);
     View { camera: client, width_px, height_px, tau_px: 1.0, budget_pages: 0, budget_nodes: 0 }.planes()
 }
 
-/// A baked city.
 pub struct Baked {
     pub(crate) store: CityStore,
     pub(crate) nodes: HashMap<TileId, NodeInfo>,
-    /// Leaves' levels of detail, the finest first.
+    /// Meshes of leaves by level of detail, the finest first.
     pub(crate) meshes: HashMap<TileId, Vec<MeshLod>>,
 }
 
@@ -59,12 +58,11 @@ impl Baked {
         Ok(Self { store, nodes, meshes })
     }
 
-    /// The manifest.
     pub fn manifest(&self) -> &Manifest {
         self.store.manifest()
     }
 
-    /// Nodes a level, and bytes of their tiles.
+    /// Number of nodes and bytes of their tiles, by level.
     pub fn levels(&self) -> BTreeMap<u8, (usize, usize)> {
         let mut levels = BTreeMap::new();
         for (id, bytes) in self.store.blockmaps().lengths() {
@@ -81,9 +79,24 @@ impl Baked {
         tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))).collect()
     }
 
-    /// The nodes that a camera's view needs at `tau_px`, by the rule of design 4, in no direction left out.
-    pub fn select(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
-        let px_per_rad = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+    /// Position and target of views in the middle of the city: in a street, above the roofs, from the air, from afar.
+    pub fn overviews(&self) -> [(&'static str, [DVec3; 2]); 4] {
+        let manifest = self.manifest();
+        let [low, high] = manifest.focus.map(DVec2::from);
+        let (middle, ground) = ((low + high) / 2.0, manifest.ground_z_m);
+        let reach = (high - low).min_element().min(1200.0);
+        let at = |x: f64, y: f64, up: f64| (middle + DVec2::new(x, y)).extend(ground + up);
+        [
+            ("street", [at(-60.0, -60.0, 8.0), at(60.0, 60.0, 6.0)]),
+            ("roof", [at(-100.0, -100.0, 60.0), at(100.0, 100.0, 20.0)]),
+            ("air", [at(-0.2 * reach, -0.8 * reach, 0.5 * reach), at(0.0, 0.0, 0.0)]),
+            ("far", [at(-0.5 * reach, -1.6 * reach, 0.35 * reach), at(0.0, 0.0, 0.0)]),
+        ]
+    }
+
+    /// The nodes that a view needs at `tau_px`, in all directions (docs/selection.md).
+    pub fn select(&self, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Vec<TileId> {
+        let px_per_rad = f64::from(spec.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
         let eye = DVec3::from(camera.position);
         let mut chosen = Vec::new();
         let mut open = vec![TileId::ROOT];
@@ -103,10 +116,10 @@ impl Baked {
         chosen
     }
 
-    /// Those of [`Baked::select`] that are in the picture: what a client draws that has fetched everything.
-    pub fn select_in_view(&self, camera: &Camera, picture: &Picture, tau_px: f64) -> Vec<TileId> {
-        let planes = planes(camera, picture);
-        let mut chosen = self.select(camera, picture, tau_px);
+    /// Those of [`Baked::select`] that are in the view frustum.
+    pub fn select_in_view(&self, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Vec<TileId> {
+        let planes = planes(camera, spec);
+        let mut chosen = self.select(camera, spec, tau_px);
         chosen.retain(|id| {
             let Some(node) = self.nodes.get(id) else { return false };
             let half_m = self.manifest().node_side_m(id.level()) / 2.0;
@@ -118,7 +131,6 @@ impl Baked {
         chosen
     }
 
-    /// Decodes all leaves.
     pub fn leaves(&self) -> Result<BTreeMap<TileId, BlockMap>> {
         let depth = self.manifest().depth;
         let leaves = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == depth);
@@ -127,17 +139,15 @@ impl Baked {
             .collect()
     }
 
-    /// Decodes these nodes.
-    pub fn cut(&self, ids: &[TileId]) -> Result<Cut> {
+    pub fn draw_list(&self, ids: &[TileId]) -> Result<DrawList> {
         let manifest = self.manifest();
-        let mut cut = Cut::new(Place { origin: manifest.origin, root_side_m: manifest.root_side_m });
+        let mut draw_list = DrawList::new(CityArea { origin: manifest.origin, root_side_m: manifest.root_side_m });
         for id in ids {
-            cut.add(&self.map(*id)?);
+            draw_list.add(&self.map(*id)?);
         }
-        Ok(cut)
+        Ok(draw_list)
     }
 
-    /// A node's tile.
     pub fn map(&self, id: TileId) -> Result<BlockMap> {
         let bytes = self.store.tile(TileKind::BlockMap, id)?.with_context(|| format!("no tile {id}"))?;
         BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))

@@ -1,11 +1,9 @@
-//! A baked city's meshes, drawn by the client's rule or all at one level of detail.
-//!
-//! In: a baked city, a camera. Out: a cut with meshes. Next: what compares pictures.
+//! Meshes of a baked city, drawn by the client's rule or all at one level of detail.
 
 use crate::{
     baked::Baked,
-    cut::Cut,
-    view::{Camera, Picture},
+    draw_list::DrawList,
+    view::{Camera, FrameSpec},
 };
 use anyhow::{Context, Result};
 use glam::DVec3;
@@ -23,7 +21,7 @@ use std::{
 };
 
 impl Baked {
-    /// Levels of detail of a leaf's mesh; 0 if it has none.
+    /// Number of a leaf's levels of detail; 0 without a mesh.
     pub fn lods(&self, id: TileId) -> u8 {
         self.meshes.get(&id).map_or(0, |lods| lods.len() as u8)
     }
@@ -33,10 +31,10 @@ impl Baked {
         self.meshes.get(&id)?.get(usize::from(lod)).map(|lod| (lod.bytes, lod.triangles, lod.error_m))
     }
 
-    /// Which level of detail a leaf is drawn at, by the client's rule; `None`: its V-BlockMap.
-    pub fn drawn_lod(&self, id: TileId, camera: &Camera, picture: &Picture, tau_px: f64) -> Option<u8> {
+    /// The level of detail that the client draws for a leaf; `None` for its V-BlockMap.
+    pub fn drawn_lod(&self, id: TileId, camera: &Camera, spec: &FrameSpec, tau_px: f64) -> Option<u8> {
         let (lods, node) = (self.meshes.get(&id)?, self.nodes.get(&id)?);
-        let focal_px = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+        let focal_px = f64::from(spec.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
         let half_m = self.manifest().node_side_m(id.level()) / 2.0;
         let middle_m = f64::from(node.z_min_m + node.z_max_m) / 2.0;
         let centre = DVec3::from(self.manifest().node_corner(id)) + DVec3::new(half_m, half_m, middle_m);
@@ -46,15 +44,15 @@ impl Baked {
         (px(node.error_m) > tau_px).then_some(good as u8)
     }
 
-    /// Whether a leaf's V-BlockMap is wrong by so many pixels.
-    pub fn passes(&self, id: TileId, camera: &Camera, picture: &Picture, px: Range<f64>) -> bool {
-        let above = |px: f64| self.drawn_lod(id, camera, picture, px).is_some();
+    /// Whether the projected error of a leaf's V-BlockMap lies in `px`.
+    pub fn passes(&self, id: TileId, camera: &Camera, spec: &FrameSpec, px: Range<f64>) -> bool {
+        let above = |px: f64| self.drawn_lod(id, camera, spec, px).is_some();
         above(px.start) && !above(px.end)
     }
 
-    /// A leaf's mesh, as the client decodes it.
+    /// A leaf's mesh, decoded as the client does it.
     pub fn mesh(&self, id: TileId, lod: u8) -> Result<PackedMesh> {
-        let place = mesh_tile::archive_id(id, lod).context("no such mesh")?;
+        let place = mesh_tile::archive_id(id, lod).context("the level of detail is too high")?;
         let bytes = self.store.tile(TileKind::Mesh, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
         match decode(TileKey::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
             DecodedTile::Packed(PackedTile::Mesh(mesh)) => Ok(*mesh),
@@ -62,13 +60,14 @@ impl Baked {
         }
     }
 
-    /// These nodes; `lod` says which of them are drawn as meshes, whose sky the columns tell that the client lets tell.
-    pub fn cut_with_meshes(&self, ids: &[TileId], lod: impl Fn(TileId) -> Option<u8>) -> Result<Cut> {
-        let mut cut = self.cut(&[])?;
+    /// Draws these nodes. A node for which `lod` returns a level of detail is drawn as a mesh, with the sky occlusion of the
+    /// columns two levels above it, as in the client.
+    pub fn draw_list_with_meshes(&self, ids: &[TileId], lod: impl Fn(TileId) -> Option<u8>) -> Result<DrawList> {
+        let mut draw_list = self.draw_list(&[])?;
         let mut told = HashMap::new();
         for id in ids {
             let Some(lod) = lod(*id).filter(|_| self.lods(*id) > 0) else {
-                cut.add(&self.map(*id)?);
+                draw_list.add(&self.map(*id)?);
                 continue;
             };
             let by = id.ancestor(id.level().saturating_sub(2)).context("no such level")?;
@@ -76,9 +75,9 @@ impl Baked {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(new) => new.insert(self.map(by)?),
             };
-            cut.add_in(*id, map);
-            cut.add_mesh(*id, self.mesh(*id, lod.min(self.lods(*id) - 1))?);
+            draw_list.add_in(*id, map);
+            draw_list.add_mesh(*id, self.mesh(*id, lod.min(self.lods(*id) - 1))?);
         }
-        Ok(cut)
+        Ok(draw_list)
     }
 }

@@ -1,14 +1,14 @@
-//! A city's twelve cameras, drawn from the baked city and from its source, and how they compare.
+//! Twelve views of a city, drawn from the baked city and from its source, and how they differ.
 
 use crate::{
     baked::Baked,
-    cameras::{self, Stand, Station},
+    cameras::{self, Station, StationKind},
     compare::{self, Colour, Score},
-    cut::Cut,
+    draw_list::DrawList,
     fixtures,
     gpu::Gpu,
     truth::Truth,
-    view::Picture,
+    view::FrameSpec,
 };
 use anyhow::{Context, Result};
 use insula_bake::{
@@ -21,69 +21,61 @@ use insula_viewer::frame::STILL_SAMPLES;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// What is drawn, and how.
+/// Which views are drawn, and how.
 #[derive(Debug, Clone, Copy)]
-pub struct Manner<'a> {
-    /// Tolerated errors.
+pub struct MeasureOptions<'a> {
     pub taus_px: &'a [f64],
-    /// Whether leaves' meshes are drawn.
+    /// Whether leaves are drawn as meshes where the client does.
     pub meshes: bool,
-    /// Of these cameras only.
-    pub stand: Option<Stand>,
-    /// The pictures' size; one ray through the middle of each pixel.
-    pub picture: Picture,
+    pub kind: Option<StationKind>,
+    /// Size of the frames; one ray through the centre of each pixel.
+    pub spec: FrameSpec,
 }
 
-impl<'a> Manner<'a> {
-    /// All cameras, without meshes.
+impl<'a> MeasureOptions<'a> {
     pub fn plain(taus_px: &'a [f64]) -> Self {
-        Self { taus_px, meshes: false, stand: None, picture: PICTURE }
+        Self { taus_px, meshes: false, kind: None, spec: FRAME }
     }
 }
 
-/// The pictures' size unless another is given; one ray through the middle of each pixel.
-pub const PICTURE: Picture = Picture { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
-/// Rays along a pixel's side for the colours that are meant; those that are drawn are as `insula snapshot` draws them.
-const MEANT_SIDE: u32 = 4;
-// Then distances are those of the rays through the pixels' middles.
+/// The default of [`MeasureOptions::spec`].
+pub const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
+/// Rays along a pixel's side for the reference colours. Drawn colours have as many as `insula snapshot` uses.
+const REFERENCE_SIDE: u32 = 4;
+// With an odd number, one ray goes through the pixel's centre; its distance is compared.
 const _: () = assert!(STILL_SAMPLES % 2 == 1);
 
-/// One picture and how it compares.
+/// A view and its measures.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// The camera.
     pub station: Station,
-    /// Tolerated error.
     pub tau_px: f64,
-    /// Nodes drawn.
     pub nodes: usize,
-    /// The figures.
     pub score: Score,
-    /// What the source looks like: colours of 16 rays a pixel, distances of the one through its middle.
-    pub meant: Pixels,
-    /// What the baked city looks like: as `insula snapshot` draws it, distances of the rays through the pixels' middles.
+    /// The source: colours of 16 rays per pixel, distances of the ray through its centre.
+    pub reference: Pixels,
+    /// The baked city, as `insula snapshot` draws it.
     pub drawn: Pixels,
 }
 
-/// Reads city files as the bake does.
+/// Reads city files with the options of the bake.
 pub fn read(inputs: &[PathBuf]) -> Result<Scene> {
     let options = insula_bake::read::ReadOptions::default();
     Ok(insula_bake::read::read(inputs, &options, &|_| ())?.0)
 }
 
-/// Bakes into `out`.
 pub fn bake(inputs: &[PathBuf], out: &Path, cell_m: f64) -> Result<()> {
     let options = BakeOptions { inputs: inputs.to_vec(), out: out.to_owned(), cell_m, ..BakeOptions::default() };
     insula_bake::bake(&options, &Silent).context("bake")?;
     Ok(())
 }
 
-/// A city baked at 1 m, shared by all tests.
+/// A city baked at 1 m and shared by all tests.
 pub fn baked(name: &str, inputs: &[PathBuf], meshes: bool) -> Result<PathBuf> {
     fixtures::baked(name, &BakeOptions { inputs: inputs.to_vec(), cell_m: 1.0, meshes, ..BakeOptions::default() })
 }
 
-/// The three real cities beside the workspace, by name; of those that are not there, only the bundled one is given.
+/// The three real cities beside the workspace, by name. Only the bundled one is always there.
 pub fn real_cities() -> Vec<(&'static str, Vec<PathBuf>)> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     let city = |name: &'static str, files: &[&str]| {
@@ -99,83 +91,80 @@ pub fn real_cities() -> Vec<(&'static str, Vec<PathBuf>)> {
     all.into_iter().flatten().collect()
 }
 
-/// Nodes of a cut, and at which levels of detail their meshes are drawn.
+/// Nodes with the level of detail of their meshes.
 type Leaves = Vec<(TileId, Option<u8>)>;
 
-/// Draws all cameras at all taus; `with` is told each as soon as it is there.
+/// Draws all cameras at all tolerances. Calls `with` after each view.
 pub fn measure(
     truth: &Truth,
     baked: &Baked,
-    manner: &Manner<'_>,
+    options: &MeasureOptions<'_>,
     gpu: Option<&Gpu>,
     mut with: impl FnMut(usize, &View) -> Result<()>,
 ) -> Result<Vec<Summary>> {
     let mut summaries: Vec<Summary> =
-        manner.taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![], cells: vec![] }).collect();
-    let picture = manner.picture;
-    let mut last: Option<(Leaves, Cut)> = None;
-    for (number, station) in cameras::of(truth).into_iter().enumerate() {
-        if manner.stand.is_some_and(|stand| stand != station.stand) {
+        options.taus_px.iter().map(|tau_px| Summary { tau_px: *tau_px, views: vec![], cells: vec![] }).collect();
+    let spec = options.spec;
+    let mut last: Option<(Leaves, DrawList)> = None;
+    for (number, station) in cameras::stations(truth).into_iter().enumerate() {
+        if options.kind.is_some_and(|kind| kind != station.kind) {
             continue;
         }
         let camera = station.camera;
-        let mut meant = truth.render(&camera, &picture);
+        let mut reference = truth.render(&camera, &spec);
         let textured;
-        (meant.colour, textured) = truth.albedo(&camera, &picture, MEANT_SIDE);
+        (reference.colour, textured) = truth.albedo(&camera, &spec, REFERENCE_SIDE);
         for summary in &mut summaries {
-            let lod = |id| if manner.meshes { baked.drawn_lod(id, &camera, &picture, summary.tau_px) } else { None };
-            let ids = baked.select(&camera, &picture, summary.tau_px);
+            let lod = |id| if options.meshes { baked.drawn_lod(id, &camera, &spec, summary.tau_px) } else { None };
+            let ids = baked.select(&camera, &spec, summary.tau_px);
             let key: Leaves = ids.iter().map(|id| (*id, lod(*id))).collect();
             if last.as_ref().is_none_or(|(made, _)| *made != key) {
-                last = Some((key, baked.cut_with_meshes(&ids, lod)?));
+                last = Some((key, baked.draw_list_with_meshes(&ids, lod)?));
             }
-            let (_, cut) = last.as_ref().context("no cut")?;
-            let scene = cut.scene(&camera, &Picture { samples: STILL_SAMPLES, ..picture });
+            let (_, draw_list) = last.as_ref().context("no draw list")?;
+            let scene = draw_list.scene(&camera, &FrameSpec { samples: STILL_SAMPLES, ..spec });
             let drawn = gpu.map_or_else(|| Ok(scene.render()), |gpu| gpu.render(&scene))?;
-            let cells = compare::deviations(truth, &camera, &picture, &drawn, baked.manifest().cell_m);
-            let score = compare::score(&meant, &drawn, &textured, &cells)?;
-            summary.views.push((station.stand, score));
+            let cells = compare::deviations(truth, &camera, &spec, &drawn, baked.manifest().cell_m);
+            let score = compare::score(&reference, &drawn, &textured, &cells)?;
+            summary.views.push((station.kind, score));
             summary.cells.extend(cells);
-            let (tau_px, nodes, meant) = (summary.tau_px, ids.len(), meant.clone());
-            with(number, &View { station, tau_px, nodes, score, meant, drawn })?;
+            let (tau_px, nodes, reference) = (summary.tau_px, ids.len(), reference.clone());
+            with(number, &View { station, tau_px, nodes, score, reference, drawn })?;
         }
     }
     Ok(summaries)
 }
 
-/// All views at one tau.
+/// All views at one tolerance.
 #[derive(Debug, Clone)]
 pub struct Summary {
-    /// Tolerated error.
     pub tau_px: f64,
-    /// Where the cameras stand, and their figures.
-    pub views: Vec<(Stand, Score)>,
-    /// Deviations of all views, in cells.
+    pub views: Vec<(StationKind, Score)>,
+    /// Ascending within each view, in cells.
     pub cells: Vec<f64>,
 }
 
 impl Summary {
-    /// Lowest and mean silhouette IoU, of cameras of one kind or of all.
-    pub fn iou(&self, stand: Option<Stand>) -> [f64; 2] {
-        let of: Vec<f64> =
-            self.views.iter().filter(|v| stand.is_none_or(|stand| v.0 == stand)).map(|v| v.1.iou).collect();
+    /// Lowest and mean silhouette IoU of the cameras of one kind, or of all.
+    pub fn iou(&self, kind: Option<StationKind>) -> [f64; 2] {
+        let of: Vec<f64> = self.views.iter().filter(|v| kind.is_none_or(|kind| v.0 == kind)).map(|v| v.1.iou).collect();
         let worst = of.iter().copied().fold(f64::INFINITY, f64::min);
         [worst, of.iter().sum::<f64>() / of.len().max(1) as f64]
     }
 
-    /// Median and 95th percentile of the deviations of all views together, in cells.
+    /// Median and 95th percentile of the deviations of all views, in cells.
     pub fn deviation_cells(&self) -> [f64; 2] {
         let mut cells = self.cells.clone();
         cells.sort_by(f64::total_cmp);
         [compare::percentile(&cells, 0.5), compare::percentile(&cells, 0.95)]
     }
 
-    /// Means over the cameras of one kind, or of all: of the colours of `textured` pixels or of all that show the city.
-    pub fn colour(&self, stand: Option<Stand>, textured: bool) -> Option<Colour> {
+    /// Means over the cameras of one kind, or of all: over textured pixels, or over all pixels that show the city.
+    pub fn colour(&self, kind: Option<StationKind>, textured: bool) -> Option<Colour> {
         let of: Vec<Colour> = self
             .views
             .iter()
-            .filter(|view| stand.is_none_or(|stand| view.0 == stand))
+            .filter(|view| kind.is_none_or(|kind| view.0 == kind))
             .filter_map(|view| if textured { view.1.textured } else { view.1.colour })
             .collect();
         let mean = |value: fn(&Colour) -> f64| of.iter().map(value).sum::<f64>() / of.len() as f64;
@@ -184,26 +173,22 @@ impl Summary {
     }
 }
 
-/// What a baked city takes, in bytes of its V-BlockMap tiles.
+/// Sizes of a baked city in bytes of V-BlockMap tiles.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Size {
-    /// Leaves.
     pub leaves: usize,
-    /// Nodes of all levels.
     pub nodes: usize,
-    /// Mean of the leaves.
     pub bytes_per_leaf: f64,
-    /// Mean of all nodes.
     pub bytes_per_node: f64,
-    /// All nodes, over the source's buildings.
+    /// All nodes, per building of the source.
     pub bytes_per_building: f64,
-    /// All nodes, over the square kilometres that leaves cover.
+    /// All nodes, per square kilometre that leaves cover.
     pub bytes_per_km2: f64,
 }
 
 impl Size {
-    /// Of a city that was baked from `scene`.
-    pub fn of(baked: &Baked, scene: &Scene) -> Self {
+    /// Sizes of a city that was baked from `scene`.
+    pub fn new(baked: &Baked, scene: &Scene) -> Self {
         let levels = baked.levels();
         let (leaves, leaf_bytes) = levels.last_key_value().map_or((0, 0), |(_, level)| *level);
         let (nodes, bytes) = levels.values().fold((0, 0), |sum, level| (sum.0 + level.0, sum.1 + level.1));

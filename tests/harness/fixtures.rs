@@ -1,4 +1,4 @@
-//! Small cities for tests: one that is written here, one that is real.
+//! Small cities for tests: a generated one and a real one.
 
 use crate::{programs::program, rng::Rng};
 use anyhow::{Context, Result};
@@ -9,7 +9,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// A cube of `side_m` at `x`, `y`, as a CityJSON solid with vertices from `first` on.
+/// A cuboid at `x`, `y` as a CityJSON solid, whose vertices are numbered from `first`.
 fn block(x: f64, y: f64, side_m: f64, height_m: f64, first: usize) -> (Vec<[i64; 3]>, Value) {
     let corner = |dx: f64, dy: f64, z: f64| [(x + dx) * 1000.0, (y + dy) * 1000.0, z * 1000.0].map(|v| v as i64);
     let square = [(0.0, 0.0), (side_m, 0.0), (side_m, side_m), (0.0, side_m)];
@@ -19,7 +19,7 @@ fn block(x: f64, y: f64, side_m: f64, height_m: f64, first: usize) -> (Vec<[i64;
     (vertices, json!({ "type": "Solid", "lod": "2.2", "boundaries": [faces] }))
 }
 
-/// CityJSON 2.0 with `per_side` x `per_side` blocks of houses, 40 m apart.
+/// CityJSON 2.0 with `per_side` x `per_side` cuboids, 40 m apart.
 pub fn city_json(per_side: usize) -> Value {
     let mut rng = Rng::new(11);
     let (mut vertices, mut objects) = (Vec::new(), serde_json::Map::new());
@@ -39,14 +39,13 @@ pub fn city_json(per_side: usize) -> Value {
     })
 }
 
-/// Writes [`city_json`] into `folder`.
 pub fn write_city_json(folder: &Path, per_side: usize) -> Result<PathBuf> {
     let path = folder.join("town.city.json");
     fs::write(&path, city_json(per_side).to_string()).context("town.city.json")?;
     Ok(path)
 }
 
-/// A textured part of the bundled city of Chiba.
+/// One of the three textured parts of the bundled city (Chiba).
 pub fn chiba_quarter() -> Result<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/demo/chiba/chiba_70.obj.gz");
     anyhow::ensure!(path.is_file(), "{} is missing", path.display());
@@ -59,15 +58,15 @@ pub fn chiba() -> Result<Vec<PathBuf>> {
     Ok(["chiba_64", "chiba_68", "chiba_70"].map(|name| folder.join(format!("{name}.obj.gz"))).into())
 }
 
-/// The whole bundled city, baked at 1 m with coarse occlusion: for tests of what comes after the bake. Not to be changed.
+/// The bundled city baked at 1 m with few occlusion directions, for tests that do not depend on the bake. Read only.
 pub fn baked_chiba() -> Result<PathBuf> {
     let sample = SampleSettings { sky_directions: 16, low_directions: 16, ..SampleSettings::default() };
     baked("chiba", &BakeOptions { inputs: chiba()?, sample, ..BakeOptions::default() })
 }
 
-/// A city that is baked once by each build and shared by all tests. Not to be changed.
+/// A city that each build bakes once and all tests share. Read only.
 ///
-/// It is kept below the build's folder, under a name made from the programs' bytes and the options. Fails if the bake does.
+/// It is in the build's folder, under a hash of the server program and the options. Fails if the bake fails.
 pub fn baked(name: &str, options: &BakeOptions) -> Result<PathBuf> {
     let program = program("insula-server").or_else(|_| std::env::current_exe().map_err(anyhow::Error::from))?;
     let build = program.parent().context("the program lies in no folder")?;
@@ -75,7 +74,7 @@ pub fn baked(name: &str, options: &BakeOptions) -> Result<PathBuf> {
     key.update(&fs::read(&program)?).update(format!("{name} {options:?}").as_bytes());
     let folder = build.join("test-cities").join(&key.finalize().to_hex()[..16]);
     fs::create_dir_all(&folder)?;
-    // Test programs may run at the same time.
+    // Other test programs may run at the same time.
     let lock = fs::File::create(folder.join("lock"))?;
     lock.lock()?;
     let city = folder.join(name);

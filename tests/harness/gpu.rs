@@ -1,6 +1,6 @@
-//! A graphics device for tests, or the reason why there is none.
+//! A GPU for tests.
 
-use crate::cut::Scene;
+use crate::draw_list::Scene;
 use anyhow::{Context, Result};
 use insula_shaders::{
     cpu::raycast::Pixels,
@@ -9,21 +9,17 @@ use insula_shaders::{
 };
 use std::sync::{Mutex, PoisonError};
 
-/// A device, its queue and what it calls itself.
 #[derive(Debug)]
 pub struct Gpu {
-    /// Makes things.
     pub device: wgpu::Device,
-    /// Takes work.
     pub queue: wgpu::Queue,
-    /// Made once, and again when a scene is larger: its shader takes longer to compile than a picture to draw.
-    /// One picture at a time: error scopes are the device's, not a thread's.
+    /// Kept between frames, and replaced for a larger scene, because compiling its shader takes longer than a frame. Locked,
+    /// because error scopes belong to the device, not to a thread.
     raycaster: Mutex<Option<Raycaster>>,
-    /// Adapter and backend.
     pub name: String,
 }
 
-/// Whether a missing adapter is a failure (`INSULA_REQUIRE_ADAPTER=1`, as in CI) rather than a reason to ignore a test.
+/// Whether a missing adapter fails a test (`INSULA_REQUIRE_ADAPTER=1`, as in CI) instead of ignoring it.
 pub fn adapter_is_required() -> bool {
     std::env::var("INSULA_REQUIRE_ADAPTER").is_ok_and(|v| v == "1")
 }
@@ -40,7 +36,7 @@ impl Gpu {
         Ok(Self { device, queue, raycaster: Mutex::new(None), name: format!("{} ({})", info.name, info.backend) })
     }
 
-    /// The GPU's picture of a scene; any validation error is an error.
+    /// Draws a scene. Fails at any validation error.
     pub fn render(&self, scene: &Scene<'_>) -> Result<Pixels> {
         let mut raycaster = self.raycaster.lock().unwrap_or_else(PoisonError::into_inner);
         let guard = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -51,22 +47,22 @@ impl Gpu {
         pixels
     }
 
-    fn draw(&self, made: &mut Option<Raycaster>, scene: &Scene<'_>) -> Result<Pixels> {
+    fn draw(&self, cached: &mut Option<Raycaster>, scene: &Scene<'_>) -> Result<Pixels> {
         let data = scene.as_ref();
-        let wanted = capacity(scene);
-        if !made.as_ref().is_some_and(|raycaster| holds(raycaster.capacity(), wanted)) {
-            *made = Some(Raycaster::new(&self.device, wanted));
+        let needed = capacity(scene);
+        if !cached.as_ref().is_some_and(|raycaster| is_large_enough(raycaster.capacity(), needed)) {
+            *cached = Some(Raycaster::new(&self.device, needed));
         }
-        let raycaster = made.as_mut().context("no ray-caster")?;
+        let raycaster = cached.as_mut().context("no ray-caster")?;
         self.upload(raycaster, scene);
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        let on = DeviceQueue { device: &self.device, queue: &self.queue };
-        raycaster.render(on, &mut encoder, data.frame, data.grid, data.nodes)?;
+        let device_queue = DeviceQueue { device: &self.device, queue: &self.queue };
+        raycaster.render(device_queue, &mut encoder, data.frame, data.grid, data.nodes)?;
         self.queue.submit([encoder.finish()]);
         Ok(raycaster.read_back(&self.device, &self.queue)?)
     }
 
-    /// A ray-caster that holds all of a scene.
+    /// A new ray-caster with a scene uploaded.
     pub fn raycaster(&self, scene: &Scene<'_>) -> Raycaster {
         let mut raycaster = Raycaster::new(&self.device, capacity(scene));
         self.upload(&mut raycaster, scene);
@@ -90,6 +86,6 @@ fn capacity(scene: &Scene<'_>) -> Capacity {
     Capacity { atlas_pages, slots, nodes: scene.nodes.len() as u32 }
 }
 
-fn holds(has: Capacity, wanted: Capacity) -> bool {
-    has.atlas_pages >= wanted.atlas_pages && has.slots >= wanted.slots && has.nodes >= wanted.nodes
+fn is_large_enough(has: Capacity, needed: Capacity) -> bool {
+    has.atlas_pages >= needed.atlas_pages && has.slots >= needed.slots && has.nodes >= needed.nodes
 }

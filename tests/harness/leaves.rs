@@ -1,6 +1,4 @@
-//! A city's triangles, leaf by leaf: clipped to squares, on a grid of their own.
-//!
-//! The mesh codec is measured and tested with them.
+//! The triangles of a city by leaf, clipped to squares and quantised, for tests and measurements of the mesh codec.
 
 use insula_bake::scene::Scene;
 use insula_protocol::mesh::{Mesh, PositionGrid};
@@ -8,7 +6,7 @@ use std::collections::{BTreeMap, HashMap};
 
 type Point = [f64; 3];
 
-/// The city in squares of `side_m`, each with vertices on a grid of so many bits; vertices at one point are one.
+/// The meshes of squares of `side_m`, quantised to `bits` bits. Vertices at one position are merged.
 pub fn leaves(scene: &Scene, side_m: f64, bits: u8) -> Vec<Mesh> {
     let mut squares: BTreeMap<[i64; 2], Vec<[Point; 3]>> = BTreeMap::new();
     for triangle in &scene.triangles {
@@ -33,8 +31,8 @@ pub fn leaves(scene: &Scene, side_m: f64, bits: u8) -> Vec<Mesh> {
     squares.values().map(|triangles| mesh(triangles, bits)).filter(|mesh| !mesh.triangles.is_empty()).collect()
 }
 
-/// All of the city as one mesh.
-pub fn whole(scene: &Scene, bits: u8) -> Mesh {
+/// The whole city as one mesh.
+pub fn whole_mesh(scene: &Scene, bits: u8) -> Mesh {
     let triangles: Vec<_> = scene.triangles.iter().map(|t| t.corners.map(|corner| corner.map(f64::from))).collect();
     mesh(&triangles, bits)
 }
@@ -58,7 +56,7 @@ fn mesh(triangles: &[[Point; 3]], bits: u8) -> Mesh {
     mesh
 }
 
-/// What of a polygon lies at or below, or at or above, a coordinate. Cuts of an edge are the same from both sides.
+/// The part of a polygon at or below, or at or above, a coordinate. An edge is split at the same point from both sides.
 fn clip(polygon: &[Point], axis: usize, at: f64, below: bool) -> Vec<Point> {
     let is_in = |p: &Point| if below { p[axis] <= at } else { p[axis] >= at };
     let mut out = Vec::with_capacity(polygon.len() + 1);
@@ -70,10 +68,10 @@ fn clip(polygon: &[Point], axis: usize, at: f64, below: bool) -> Vec<Point> {
         if is_in(a) != is_in(b) {
             let (low, high) = if a < b { (a, b) } else { (b, a) };
             let share = (at - low[axis]) / (high[axis] - low[axis]);
-            let mut cut: Point = std::array::from_fn(|k| low[k] + (high[k] - low[k]) * share);
-            cut[axis] = at;
-            if cut != *a && cut != *b {
-                out.push(cut);
+            let mut draw_list: Point = std::array::from_fn(|k| low[k] + (high[k] - low[k]) * share);
+            draw_list[axis] = at;
+            if draw_list != *a && draw_list != *b {
+                out.push(draw_list);
             }
         }
     }

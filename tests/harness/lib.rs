@@ -3,25 +3,21 @@
 
 pub mod baked;
 mod baked_meshes;
-pub mod bucket;
 pub mod cameras;
-pub mod cold;
 pub mod compare;
-pub mod cut;
+pub mod draw_list;
 pub mod fidelity;
 pub mod fixtures;
 pub mod gpu;
-pub mod host;
 pub mod leaves;
-pub mod naive;
 pub mod pfm;
-pub mod programs;
 pub mod proxy;
 pub mod random;
 pub mod random_mesh;
-pub mod rng;
+pub mod reference_caster;
 pub mod source_bytes;
 pub mod source_code;
+pub mod stepped_client;
 pub mod synth;
 pub mod trials;
 pub mod truth;
@@ -29,3 +25,5 @@ pub mod twin;
 pub mod view;
 pub mod viewer;
 pub mod zoo;
+
+pub use insula_test_support::{programs, rng};

@@ -1,21 +1,18 @@
-//! Distances as PFM files: little-endian, rows from the bottom, as the format has it.
+//! Images of distances as PFM files: little-endian, rows from the bottom.
 
 use anyhow::{Context, Result, bail};
 use std::{fs, path::Path};
 
-/// A picture of one number a pixel, rows from the top.
+/// One number per pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pfm {
-    /// Width.
     pub width_px: u32,
-    /// Height.
     pub height_px: u32,
     /// Row by row from the top.
     pub values: Vec<f32>,
 }
 
 impl Pfm {
-    /// Reads `Pf`, little-endian.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = fs::read(path).with_context(|| path.display().to_string())?;
         let mut at = 0;
@@ -38,7 +35,6 @@ impl Pfm {
         Ok(Self { width_px, height_px, values })
     }
 
-    /// Writes `Pf`, little-endian.
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut bytes = format!("Pf\n{} {}\n-1.0\n", self.width_px, self.height_px).into_bytes();
         for row in self.values.chunks_exact(self.width_px as usize).rev() {

@@ -1,6 +1,6 @@
-//! A slow link: a TCP proxy with a bandwidth shared by all connections and a delay each way.
+//! A slow link: a TCP proxy with a delay in each direction and a bandwidth that all connections share.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use std::{
     io,
     net::SocketAddr,
@@ -18,17 +18,15 @@ use tokio::{
     time::{Instant, sleep_until},
 };
 
-/// Bytes that pass at once; small, so that connections share the link fairly.
+/// Bytes that are forwarded at once; few, so that connections share the link fairly.
 const CHUNK_BYTES: usize = 1460;
-/// Chunks under way in one direction of one connection: the link's buffer.
+/// Chunks in flight per direction of a connection.
 const CHUNKS: usize = 32;
 
-/// What a link is like.
 #[derive(Debug, Clone, Copy)]
 pub struct Link {
-    /// Towards the client, all connections together.
+    /// Of all connections together, towards the client.
     pub bits_per_sec: f64,
-    /// There and back.
     pub round_trip: Duration,
 }
 
@@ -36,33 +34,31 @@ pub struct Link {
 struct Shared {
     upstream: SocketAddr,
     link: Link,
-    /// When the link is free again.
+    /// When the link has sent everything that is queued.
     free_at: Mutex<Instant>,
     bytes: AtomicU64,
     connections: AtomicU64,
-    cut_short: AtomicU64,
+    aborted: AtomicU64,
 }
 
-/// A running proxy; its connections end with it.
+/// A running proxy. Its connections end when it is dropped.
 pub struct Proxy {
-    /// Where it listens.
     pub address: SocketAddr,
     shared: Arc<Shared>,
     runtime: Option<Runtime>,
 }
 
 impl Proxy {
-    /// Listens on a free port and forwards to `upstream`, which need not be there all the time.
-    pub fn start(upstream: &str, link: Link) -> Result<Self> {
+    /// Listens on a free port. Connects to `upstream` for each connection; it need not be reachable all the time.
+    pub fn start(upstream: SocketAddr, link: Link) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-        let upstream = upstream.parse().with_context(|| upstream.to_owned())?;
         let shared = Arc::new(Shared {
             upstream,
             link,
             free_at: Mutex::new(Instant::now()),
             bytes: AtomicU64::new(0),
             connections: AtomicU64::new(0),
-            cut_short: AtomicU64::new(0),
+            aborted: AtomicU64::new(0),
         });
         let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0"))?;
         let address = listener.local_addr()?;
@@ -70,19 +66,18 @@ impl Proxy {
         Ok(Self { address, shared, runtime: Some(runtime) })
     }
 
-    /// Bytes that have reached the client.
+    /// Bytes that the client has received.
     pub fn bytes(&self) -> u64 {
         self.shared.bytes.load(Ordering::Relaxed)
     }
 
-    /// Connections made so far.
     pub fn connections(&self) -> u64 {
         self.shared.connections.load(Ordering::Relaxed)
     }
 
-    /// Connections that the client closed while an answer was on its way.
-    pub fn cut_short(&self) -> u64 {
-        self.shared.cut_short.load(Ordering::Relaxed)
+    /// Connections that the client closed during a response.
+    pub fn aborted(&self) -> u64 {
+        self.shared.aborted.load(Ordering::Relaxed)
     }
 }
 
@@ -107,14 +102,14 @@ async fn connection(client: TcpStream, shared: Arc<Shared>) -> io::Result<()> {
     server.set_nodelay(true)?;
     let (from_client, to_client) = client.into_split();
     let (from_server, to_server) = server.into_split();
-    let up = pass(from_client, to_server, shared.clone(), false);
-    let down = pass(from_server, to_client, shared.clone(), true);
+    let up = forward(from_client, to_server, shared.clone(), false);
+    let down = forward(from_server, to_client, shared.clone(), true);
     tokio::join!(up, down);
     Ok(())
 }
 
-/// Forwards one direction: each chunk arrives half a round trip after it was sent, and no faster than the link lets it.
-async fn pass(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, shared: Arc<Shared>, to_client: bool) {
+/// Forwards one direction: a chunk arrives half a round trip after it was sent, or when the link has capacity.
+async fn forward(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, shared: Arc<Shared>, to_client: bool) {
     let (sender, mut receiver) = mpsc::channel::<(Instant, Vec<u8>)>(CHUNKS);
     let delay = shared.link.round_trip / 2;
     let read = async move {
@@ -129,10 +124,10 @@ async fn pass(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, shared: Arc<Share
         while let Some((due, chunk)) = receiver.recv().await {
             sleep_until(due).await;
             if to_client {
-                shared.slot(chunk.len()).await;
+                shared.wait_for_capacity(chunk.len()).await;
             }
             if to.write_all(&chunk).await.is_err() {
-                shared.cut_short.fetch_add(u64::from(to_client), Ordering::Relaxed);
+                shared.aborted.fetch_add(u64::from(to_client), Ordering::Relaxed);
                 receiver.close();
                 return;
             }
@@ -142,14 +137,14 @@ async fn pass(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, shared: Arc<Share
     };
     tokio::select! {
         () = write => {}
-        // All is read: what is under way still has to arrive, which `write` sees to when it is polled on.
+        // Everything is read, but chunks in flight must still be written.
         () = async { read.await; std::future::pending::<()>().await } => {}
     }
 }
 
 impl Shared {
-    /// Waits until the link has carried `bytes` more.
-    async fn slot(&self, bytes: usize) {
+    /// Waits until the link has sent `bytes` more.
+    async fn wait_for_capacity(&self, bytes: usize) {
         let takes = Duration::from_secs_f64(bytes as f64 * 8.0 / self.link.bits_per_sec);
         let mut free_at = self.free_at.lock().await;
         let at = (*free_at).max(Instant::now()) + takes;

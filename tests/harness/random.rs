@@ -1,7 +1,7 @@
-//! Random cities: cuts of one to three levels with every kind of column, and cameras that look at them from everywhere.
+//! Random cities of one to three levels with all kinds of columns, and random cameras.
 
 use crate::{
-    cut::{Cut, Place},
+    draw_list::{CityArea, DrawList},
     rng::Rng,
     view::Camera,
 };
@@ -16,52 +16,47 @@ use insula_protocol::{
     octahedral,
 };
 
-/// A random cut and the maps that it was made of.
 #[derive(Debug, Clone)]
 pub struct RandomCity {
-    /// Where it lies.
-    pub place: Place,
-    /// The nodes drawn.
+    pub area: CityArea,
     pub maps: Vec<BlockMap>,
-    /// The same, ready to be drawn.
-    pub cut: Cut,
+    /// The maps, ready to be drawn.
+    pub draw_list: DrawList,
 }
 
-/// How the columns of a node stand.
+/// Parameters of a node's columns.
 #[derive(Debug, Clone, Copy)]
 struct Style {
-    /// Share of cells with a column of their own.
+    /// Share of cells with a column.
     density: f64,
-    /// Share of columns with a strip.
+    /// Share of columns with a wall strip.
     exposed: f64,
-    /// Share of sloped tops.
     inclined: f64,
-    /// Side of squares of equal columns, in cells.
+    /// Side of the squares of equal columns, in cells.
     patch: usize,
-    /// Most codes a column is high.
+    /// Largest height, in codes.
     height: u16,
 }
 
-/// A city of `seed`.
 pub fn city(seed: u64) -> Result<RandomCity> {
     let mut rng = Rng::new(seed);
     let depth = 1 + rng.below(3) as u8;
     let cell_m = [0.5, 1.0, 2.0][rng.below(3)];
     let root_side_m = cell_m * (NODE_CELLS << depth) as f64;
     let origin = [rng.range(-1e5, 1e5).round(), rng.range(-1e5, 1e5).round(), rng.range(-50.0, 50.0).round()];
-    let place = Place { origin, root_side_m };
+    let area = CityArea { origin, root_side_m };
     let mut maps = Vec::new();
     grow(&mut rng, TileId::ROOT, depth, cell_m, &mut maps)?;
-    let mut cut = Cut::new(place);
-    maps.iter().for_each(|map| cut.add(map));
-    Ok(RandomCity { place, maps, cut })
+    let mut draw_list = DrawList::new(area);
+    maps.iter().for_each(|map| draw_list.add(map));
+    Ok(RandomCity { area, maps, draw_list })
 }
 
-/// The same city, each square of which passes from one map to another: of 64 rays, `share` see the other one. Every third of
-/// those is a part of a coarser map. With cuts of the one maps alone and of the other.
-pub fn fading(city: &RandomCity, seed: u64, share: u8) -> Result<[Cut; 3]> {
+/// Three draw lists of a cross-fade: both sides, the new one and the old one. Each square has two maps, of which `share` of 64
+/// rays see the second. A third of the second ones are parts of coarser maps.
+pub fn fading(city: &RandomCity, seed: u64, share: u8) -> Result<[DrawList; 3]> {
     let mut rng = Rng::new(seed);
-    let [mut both, mut new, mut old] = [(); 3].map(|()| Cut::new(city.place));
+    let [mut both, mut new, mut old] = [(); 3].map(|()| DrawList::new(city.area));
     for map in &city.maps {
         let id = map.id.parent().filter(|_| rng.chance(0.3)).unwrap_or(map.id);
         let times = f64::from(1u32 << (map.id.level() - id.level()));
@@ -162,31 +157,26 @@ fn texel(rng: &mut Rng, alpha: u8) -> Texel {
     Texel::new(rgb, rng.below(64) as u8, alpha)
 }
 
-/// What a random camera does.
+/// Position and direction of a random camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pose {
-    /// From above at an angle.
+    /// Above the city, looking down at an angle.
     Above,
-    /// In the middle of everything, perhaps inside a column.
+    /// In the middle of the city, perhaps inside a column.
     Inside,
-    /// Low over the tops, looking almost level.
+    /// Just above the roofs, almost level.
     Grazing,
-    /// Straight down.
     Down,
-    /// Straight up.
     Up,
-    /// Exactly along an axis, from the edge of a cell.
+    /// Along an axis, from the edge of a cell.
     AlongAxis,
-    /// Exactly along a diagonal, from the corner of a cell.
+    /// Along a diagonal, from the corner of a cell.
     Diagonal,
-    /// From outside.
     Outside,
-    /// Upwards from under everything.
     Below,
 }
 
 impl Pose {
-    /// All.
     pub const ALL: [Self; 9] = [
         Self::Above,
         Self::Inside,
@@ -200,9 +190,9 @@ impl Pose {
     ];
 }
 
-/// A camera in `pose`, somewhere in the city.
+/// A random camera.
 pub fn camera(rng: &mut Rng, city: &RandomCity, pose: Pose) -> Camera {
-    let side = city.place.root_side_m;
+    let side = city.area.root_side_m;
     let tallest_m = city.maps.iter().map(top_m).fold(1.0, f64::max);
     let somewhere = |rng: &mut Rng, low: f64, high: f64| {
         DVec3::new(rng.range(0.0, side), rng.range(0.0, side), rng.range(low, high))
@@ -236,7 +226,7 @@ pub fn camera(rng: &mut Rng, city: &RandomCity, pose: Pose) -> Camera {
         }
         Pose::Below => (somewhere(rng, -side, -12.0), somewhere(rng, 0.0, tallest_m)),
     };
-    let origin = DVec3::from(city.place.origin);
+    let origin = DVec3::from(city.area.origin);
     Camera { fov_y_deg: rng.range(25.0, 95.0), ..Camera::looking(origin + position, origin + target) }
 }
 

@@ -1,4 +1,4 @@
-//! Random meshes for the nodes of a random city: boxes, loose triangles, slivers, with colours or a texture.
+//! Random meshes for nodes of a random city: boxes, loose triangles and slivers, with colours or a texture.
 
 use crate::{random::RandomCity, rng::Rng};
 use anyhow::{Context, Result};
@@ -9,27 +9,24 @@ use insula_protocol::{
 };
 use insula_shaders::mesh::{MeshTexture, PackedMesh};
 
-/// A node's mesh.
 #[derive(Debug, Clone)]
 pub struct RandomMesh {
-    /// Which node.
     pub id: TileId,
-    /// Relative to its corner.
     pub mesh: Mesh,
-    /// What its texture coordinates point into.
+    /// Image of its texture coordinates.
     pub texture: Option<MeshTexture>,
 }
 
-/// Gives some nodes of `city` a mesh in place of their columns.
+/// Draws a share of the nodes of `city` as random meshes.
 pub fn add(city: &mut RandomCity, rng: &mut Rng, share: f64) -> Result<Vec<RandomMesh>> {
     let mut meshes = Vec::new();
     for map in &city.maps {
         if !rng.chance(share) {
             continue;
         }
-        let side_m = city.place.root_side_m / f64::from(1u32 << map.id.level());
+        let side_m = city.area.root_side_m / f64::from(1u32 << map.id.level());
         let made = mesh(rng, map.id, side_m, map.z_base_m());
-        city.cut.add_mesh(map.id, PackedMesh::new(&made.mesh, made.texture.as_ref()).context("a random mesh")?);
+        city.draw_list.add_mesh(map.id, PackedMesh::new(&made.mesh, made.texture.as_ref()).context("a random mesh")?);
         meshes.push(made);
     }
     Ok(meshes)
@@ -64,7 +61,7 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
         }
         triangles.push([first, first + 1, first + 2]);
     }
-    let texture = rng.chance(0.6).then(|| picture(rng));
+    let texture = rng.chance(0.6).then(|| texture(rng));
     let (kind, components, bits) =
         if texture.is_some() { (AttributeKind::TexCoord, 2, 12) } else { (AttributeKind::Colour, 3, 8) };
     let value = |rng: &mut Rng| {
@@ -79,8 +76,8 @@ fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
     RandomMesh { id, mesh: Mesh { grid, positions, triangles, attributes }, texture }
 }
 
-/// Large spots, so that not every pixel lies on an edge.
-fn picture(rng: &mut Rng) -> MeshTexture {
+/// Large spots, so that few pixels lie on an edge.
+fn texture(rng: &mut Rng) -> MeshTexture {
     let (width_px, height_px) = (1 + rng.below(200) as u32, 1 + rng.below(200) as u32);
     let spots: Vec<u32> = (0..64).map(|_| rng.below(1 << 24) as u32).collect();
     let spot = |x: u32, y: u32| spots[(x * 4 / width_px + y * 4 / height_px * 8) as usize];
@@ -88,13 +85,13 @@ fn picture(rng: &mut Rng) -> MeshTexture {
     MeshTexture { width_px, height_px, texels }
 }
 
-/// Distance along `dir` from `eye` (city coordinates) to the nearest triangle of all meshes and its normal, every triangle
-/// tested by itself, in f64; `slack` is by how much of a triangle a ray may pass beside it.
+/// The distance along `dir` from `eye` to the nearest triangle of all meshes, and its normal. Every triangle is tested, in f64.
+/// `slack` enlarges the triangles, in barycentric coordinates.
 pub fn nearest(city: &RandomCity, meshes: &[RandomMesh], eye: DVec3, dir: DVec3, slack: f64) -> Option<(f64, Vec3)> {
     let mut best: Option<(f64, Vec3)> = None;
     for RandomMesh { id, mesh, .. } in meshes {
-        let side_m = city.place.root_side_m / f64::from(1u32 << id.level());
-        let corner = DVec3::from(city.place.origin) + DVec3::new(f64::from(id.x()), f64::from(id.y()), 0.0) * side_m;
+        let side_m = city.area.root_side_m / f64::from(1u32 << id.level());
+        let corner = DVec3::from(city.area.origin) + DVec3::new(f64::from(id.x()), f64::from(id.y()), 0.0) * side_m;
         let places: Vec<DVec3> = mesh.positions_m().map(|p| corner + DVec3::from(p)).collect();
         for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|at| places[at as usize])) {
             let (e1, e2, from) = (b - a, c - a, eye - a);

@@ -1,18 +1,16 @@
-//! What of a city's own files belongs to some of its leaves.
+//! How many bytes of a city's source files belong to some of its leaves.
 //!
-//! In: city files, where leaves lie. Out: [`SourceBytes`] of any set of leaves. Next: what compares them with what was fetched.
+//! A face belongs to each leaf that it touches, borders included.
 //!
-//! A face belongs to a leaf if any of it lies in the leaf's square, borders included.
+//! - **OBJ**: the lines of a leaf's faces, and of the vertices, texture coordinates and normals that they use, each once. Other
+//!   lines do not count.
+//! - **Textures**: the file's bytes times the fraction of its texels that the faces show within the leaves. For
+//!   [`SourceBytes::textures_used`], the fraction is of the texels that any face of the city shows, because other texels cost
+//!   little in a compressed file.
+//! - **Other formats**: the file's bytes times the fraction of the city's triangles in the leaves.
 //!
-//! - **OBJ**: a leaf's faces, each with all of its line, and the lines of the vertices, texture coordinates and normals that
-//!   they use, each once. Comments, groups and materials count for nothing.
-//! - **Pictures**: a file's bytes times the share of its texels that the leaves' faces show, as far as they lie in the leaves;
-//!   a texel counts once. [`SourceBytes::pictures_used`] divides by the texels that any face of the city shows instead: what
-//!   no face shows costs a file little, but not nothing.
-//! - **CityJSON** and all else: a file's bytes times the leaves' share of the city's triangles.
-//!
-//! [`SourceBytes::files`] is what a viewer of the source fetches, who cannot ask for a part of a file: every OBJ file with a face
-//! in the leaves and its library of materials, every picture that those faces show there, all other files if any triangle lies there.
+//! [`SourceBytes::files`] counts whole files, because a viewer of the source cannot fetch parts: each OBJ file with a face in
+//! the leaves and its material library, each texture that is visible in them, and all other files if they contain a triangle.
 
 use anyhow::{Context, Result, bail};
 use glam::DVec2;
@@ -24,23 +22,20 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Texels of a source's picture are looked at in squares of so many a side.
+/// Side of the squares of texels that are treated as one, in pixels.
 const GRAIN_PX: u32 = 2;
 
-/// Bytes of the source.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SourceBytes {
-    /// Of text.
     pub text: f64,
-    /// Of pictures, by their whole area.
-    pub pictures: f64,
-    /// Of pictures, by what is used of their area.
-    pub pictures_used: f64,
-    /// Of whole files.
+    /// By area of the textures.
+    pub textures: f64,
+    /// By area that any face shows.
+    pub textures_used: f64,
     pub files: f64,
 }
 
-/// Where leaves lie.
+/// Positions of the leaves.
 #[derive(Debug, Clone, Copy)]
 struct Squares {
     corner: DVec2,
@@ -54,15 +49,15 @@ impl Squares {
         Self { corner: DVec2::new(x, y), side_m: manifest.node_side_m(manifest.depth), depth: manifest.depth }
     }
 
-    /// The leaves that a triangle lies in.
-    fn of(&self, corners: [DVec2; 3]) -> Vec<TileId> {
+    /// The leaves that a triangle touches.
+    fn leaves_of(&self, corners: [DVec2; 3]) -> Vec<TileId> {
         let p = corners.map(|p| (p - self.corner) / self.side_m);
         let (low, high) = (p[0].min(p[1]).min(p[2]), p[0].max(p[1]).max(p[2]));
         let along = |low: f64, high: f64| (low.ceil() as i64 - 1).max(0)..=(high.floor() as i64).max(0);
         let mut leaves = Vec::new();
         for (x, y) in along(low.y, high.y).flat_map(|y| along(low.x, high.x).map(move |x| (x, y))) {
             let square = DVec2::new(x as f64, y as f64);
-            if meets(p, square) {
+            if touches(p, square) {
                 leaves.extend(TileId::new(self.depth, x as u32, y as u32));
             }
         }
@@ -75,8 +70,8 @@ impl Squares {
     }
 }
 
-/// Whether a triangle meets the square of side 1 at `low`: no line along a side of either parts them.
-fn meets(p: [DVec2; 3], low: DVec2) -> bool {
+/// Whether a triangle touches the square of side 1 at `low` (separating axis test).
+fn touches(p: [DVec2; 3], low: DVec2) -> bool {
     let corners = [low, low + DVec2::X, low + DVec2::Y, low + DVec2::ONE];
     let range = |of: &[DVec2], axis: DVec2| {
         of.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], p| {
@@ -90,42 +85,40 @@ fn meets(p: [DVec2; 3], low: DVec2) -> bool {
     })
 }
 
-/// Places, and the lines that they are from.
+/// Positions in the file, with the numbers of their lines.
 type Numbered = Vec<(DVec2, usize)>;
 
-/// A line of text that is needed by some leaves.
 #[derive(Debug, Default)]
 struct Line {
     bytes: usize,
     leaves: BTreeSet<TileId>,
-    /// Which of the files of text.
+    /// Index into [`Source::files`].
     file: usize,
 }
 
 #[derive(Debug)]
-struct Picture {
+struct SourceTexture {
     bytes: u64,
     size: [u32; 2],
-    /// Of each square of texels, the leaves that show it.
+    /// The leaves that show each square of texels.
     shown: HashMap<u32, BTreeSet<TileId>>,
 }
 
-/// All of a source, by leaf.
+/// The bytes of a source by leaf.
 #[derive(Debug, Default)]
 pub struct Source {
     lines: Vec<Line>,
-    /// Bytes of each OBJ file and its library.
+    /// Bytes of each OBJ file and its material library.
     files: Vec<u64>,
-    pictures: Vec<Picture>,
-    /// Of files that are not taken apart: bytes, and of each triangle its leaves.
+    textures: Vec<SourceTexture>,
+    /// Bytes of other files, and the leaves of each of their triangles.
     rest_bytes: u64,
     triangles: Vec<BTreeSet<TileId>>,
-    /// All of the files.
     pub whole_bytes: u64,
 }
 
 impl Source {
-    /// Reads `inputs`: OBJ files with what they refer to, or others, whose triangles are `scene`'s.
+    /// Reads `inputs`: OBJ files with their materials and textures, or other files, whose triangles are those of `scene`.
     pub fn read(inputs: &[PathBuf], scene: &Scene, manifest: &Manifest) -> Result<Self> {
         let squares = Squares::new(manifest);
         let mut source = Self::default();
@@ -141,13 +134,13 @@ impl Source {
             let origin = DVec2::new(scene.origin[0], scene.origin[1]);
             let place = |c: [f32; 3]| origin + DVec2::new(f64::from(c[0]), f64::from(c[1]));
             source.triangles =
-                scene.triangles.iter().map(|t| squares.of(t.corners.map(place)).into_iter().collect()).collect();
+                scene.triangles.iter().map(|t| squares.leaves_of(t.corners.map(place)).into_iter().collect()).collect();
         }
         Ok(source)
     }
 
-    /// What belongs to these leaves.
-    pub fn of(&self, leaves: &BTreeSet<TileId>) -> SourceBytes {
+    /// The bytes that belong to these leaves.
+    pub fn bytes_of(&self, leaves: &BTreeSet<TileId>) -> SourceBytes {
         let is_of = |of: &BTreeSet<TileId>| !of.is_disjoint(leaves);
         let lines: usize = self.lines.iter().filter(|line| is_of(&line.leaves)).map(|line| line.bytes).sum();
         let count = self.triangles.iter().filter(|of| is_of(of)).count() as f64;
@@ -157,12 +150,12 @@ impl Source {
             self.lines.iter().filter(|line| is_of(&line.leaves)).map(|line| line.file).collect();
         let rest_bytes = if count > 0.0 { self.rest_bytes } else { 0 };
         bytes.files = (files.iter().map(|file| self.files[*file]).sum::<u64>() + rest_bytes) as f64;
-        for picture in &self.pictures {
-            let shown = picture.shown.values().filter(|of| is_of(of)).count() as f64;
-            bytes.files += if shown > 0.0 { picture.bytes as f64 } else { 0.0 };
-            let [across, up] = picture.size.map(|side| side.div_ceil(GRAIN_PX));
-            bytes.pictures += picture.bytes as f64 * shown / f64::from(across * up);
-            bytes.pictures_used += picture.bytes as f64 * shown / picture.shown.len().max(1) as f64;
+        for texture in &self.textures {
+            let shown = texture.shown.values().filter(|of| is_of(of)).count() as f64;
+            bytes.files += if shown > 0.0 { texture.bytes as f64 } else { 0.0 };
+            let [across, up] = texture.size.map(|side| side.div_ceil(GRAIN_PX));
+            bytes.textures += texture.bytes as f64 * shown / f64::from(across * up);
+            bytes.textures_used += texture.bytes as f64 * shown / texture.shown.len().max(1) as f64;
         }
         bytes
     }
@@ -171,7 +164,7 @@ impl Source {
         let text = fs::read_to_string(path)?;
         let file = self.files.len();
         self.files.push(text.len() as u64);
-        let mut pictures = BTreeMap::new();
+        let mut textures = BTreeMap::new();
         let mut material = None;
         let (mut points, mut places, mut normals) = (Numbered::new(), Numbered::new(), Vec::new());
         for text in text.split_inclusive('\n') {
@@ -193,14 +186,14 @@ impl Source {
                         [place(p, &points), place(t, &places), normals.get(n.wrapping_sub(1)).copied()]
                     });
                     used.flatten().for_each(|line| self.lines[line].leaves.extend(&of));
-                    if let Some(picture) = material.and_then(|name: &str| pictures.get(name)) {
-                        let picture: &mut Picture = &mut self.pictures[*picture];
+                    if let Some(texture) = material.and_then(|name: &str| textures.get(name)) {
+                        let texture: &mut SourceTexture = &mut self.textures[*texture];
                         for k in 2..corners.len() {
                             let at = [0, k - 1, k].map(|k| {
                                 Some((points.get(corners[k][0] - 1)?.0, places.get(corners[k][1].wrapping_sub(1))?.0))
                             });
                             if let [Some(a), Some(b), Some(c)] = at {
-                                picture.show([a, b, c], squares);
+                                texture.show([a, b, c], squares);
                             }
                         }
                     }
@@ -213,7 +206,7 @@ impl Source {
                     let bytes = fs::metadata(&library)?.len();
                     self.whole_bytes += bytes;
                     self.files[file] += bytes;
-                    self.library(&library, &mut pictures)?;
+                    self.library(&library, &mut textures)?;
                     continue;
                 }
                 _ => continue,
@@ -223,7 +216,7 @@ impl Source {
         Ok(())
     }
 
-    fn library(&mut self, path: &Path, pictures: &mut BTreeMap<String, usize>) -> Result<()> {
+    fn library(&mut self, path: &Path, textures: &mut BTreeMap<String, usize>) -> Result<()> {
         let mut name = String::new();
         for line in fs::read_to_string(path)?.lines() {
             match line.trim().split_once(char::is_whitespace) {
@@ -233,8 +226,8 @@ impl Source {
                     let bytes = fs::metadata(&file)?.len();
                     let (width, height) = image::image_dimensions(&file)?;
                     self.whole_bytes += bytes;
-                    pictures.insert(name.clone(), self.pictures.len());
-                    self.pictures.push(Picture { bytes, size: [width, height], shown: HashMap::new() });
+                    textures.insert(name.clone(), self.textures.len());
+                    self.textures.push(SourceTexture { bytes, size: [width, height], shown: HashMap::new() });
                 }
                 _ => {}
             }
@@ -243,7 +236,7 @@ impl Source {
     }
 }
 
-/// Numbers of a corner's vertex, texture coordinate and normal; 0: none.
+/// Numbers of a corner's vertex, texture coordinate and normal; 0 if missing.
 fn corner(word: &str) -> Result<[usize; 3]> {
     let mut numbers = [0; 3];
     for (number, digits) in numbers.iter_mut().zip(word.split('/')) {
@@ -260,13 +253,13 @@ fn face(corners: &[[usize; 3]], points: &Numbered, squares: Squares) -> Result<B
     let place = |k: usize| points.get(corners[k][0] - 1).map(|point| point.0).context("a vertex that is not there");
     let mut leaves = BTreeSet::new();
     for k in 2..corners.len() {
-        leaves.extend(squares.of([place(0)?, place(k - 1)?, place(k)?]));
+        leaves.extend(squares.leaves_of([place(0)?, place(k - 1)?, place(k)?]));
     }
     Ok(leaves)
 }
 
-impl Picture {
-    /// Notes which leaves show which texels; each corner is a place on the ground and one in the picture.
+impl SourceTexture {
+    /// Records which leaves show which texels. Each corner has a position on the ground and a texture coordinate.
     fn show(&mut self, corners: [(DVec2, DVec2); 3], squares: Squares) {
         let [across, up] = self.size.map(|side| side.div_ceil(GRAIN_PX));
         let size = DVec2::new(f64::from(across), f64::from(up));
@@ -292,9 +285,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_triangle_is_in_the_squares_that_it_meets() {
+    fn a_triangle_is_in_the_leaves_that_it_touches() {
         let squares = Squares { corner: DVec2::new(10.0, 20.0), side_m: 2.0, depth: 3 };
-        let of = |p: [[f64; 2]; 3]| squares.of(p.map(DVec2::from)).len();
+        let of = |p: [[f64; 2]; 3]| squares.leaves_of(p.map(DVec2::from)).len();
         assert_eq!(of([[10.5, 20.5], [11.0, 20.5], [10.5, 21.0]]), 1);
         assert_eq!(of([[10.5, 20.5], [13.4, 20.5], [10.5, 23.4]]), 3, "not the one across the slope");
         assert_eq!(of([[11.0, 21.0], [13.0, 21.0], [11.0, 21.0]]), 2, "a wall");
@@ -302,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sheet_over_two_leaves_is_half_of_each() {
+    fn a_surface_over_two_leaves_counts_half_for_each() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
         write(
@@ -314,15 +307,15 @@ mod tests {
         let squares = Squares { corner: DVec2::ZERO, side_m: 2.0, depth: 1 };
         let mut source = Source::default();
         source.obj(&folder.path().join("a.obj"), squares).unwrap();
-        let picture = source.pictures[0].bytes as f64;
-        let [west, east] = [0, 1].map(|x| source.of(&BTreeSet::from([TileId::new(1, x, 0).unwrap()])));
+        let texture = source.textures[0].bytes as f64;
+        let [west, east] = [0, 1].map(|x| source.bytes_of(&BTreeSet::from([TileId::new(1, x, 0).unwrap()])));
         assert_eq!(west, east);
         assert_eq!(west.text, 80.0);
-        assert!((west.pictures / picture - 0.25).abs() < 0.01 && (west.pictures_used / picture - 0.5).abs() < 0.02);
-        let none = source.of(&BTreeSet::from([TileId::new(1, 1, 1).unwrap()]));
-        assert_eq!(none.pictures, 0.0);
+        assert!((west.textures / texture - 0.25).abs() < 0.01 && (west.textures_used / texture - 0.5).abs() < 0.02);
+        let none = source.bytes_of(&BTreeSet::from([TileId::new(1, 1, 1).unwrap()]));
+        assert_eq!(none.textures, 0.0);
         let bytes = |name: &str| fs::metadata(folder.path().join(name)).unwrap().len();
         let whole = ["a.obj", "a.mtl", "a.png"].map(bytes).iter().sum::<u64>();
-        assert_eq!([west.files, none.files], [whole as f64, whole as f64 - picture]);
+        assert_eq!([west.files, none.files], [whole as f64, whole as f64 - texture]);
     }
 }

@@ -7,7 +7,6 @@ use std::{
     process::Command,
 };
 
-/// Root of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
@@ -42,18 +41,18 @@ impl CrateModules {
     /// The modules below `source` (a folder such as `protocol/src`), tests left out.
     pub fn new(files: &BTreeMap<String, String>, source: &str) -> Self {
         let module = |(name, text): (&String, &String)| {
-            let inner = name.strip_prefix(source)?.strip_prefix('/')?.strip_suffix(".rs")?;
+            let file = name.strip_prefix(source)?.strip_prefix('/')?;
+            let inner = file.strip_suffix(".rs")?;
             let mut path: Vec<String> = inner.split('/').map(str::to_owned).collect();
             if matches!(path.last().map(String::as_str), Some("lib" | "main" | "mod")) {
                 path.pop();
             }
-            let is_kept = !is_test(name) && !inner.ends_with("main");
+            let is_kept = !is_test(file) && !inner.ends_with("main");
             is_kept.then(|| (path, without_inline_tests(text).to_owned()))
         };
         Self(files.iter().filter_map(module).collect())
     }
 
-    /// Number of modules.
     pub fn len(&self) -> usize {
         self.0.len()
     }
@@ -210,15 +209,17 @@ fn defined_type(line: &str) -> Option<&str> {
     (is_type && name.starts_with(|c: char| c.is_ascii_uppercase())).then_some(name)
 }
 
-/// Functions of a file that rustfmt (or its like for WGSL) laid out: name and number of lines.
+/// Name and number of lines of each function in formatted Rust or WGSL.
 pub fn function_lengths(text: &str) -> Vec<(String, usize)> {
     let lines: Vec<&str> = text.lines().collect();
     let length = |(at, line): (usize, &&str)| {
         let name = function_name(line)?;
+        if line.trim_end().ends_with(['}', ';']) {
+            return Some((name.to_owned(), 1));
+        }
         let indent = &line[..line.len() - line.trim_start().len()];
         let end = lines[at..].iter().position(|l| l.strip_prefix(indent).is_some_and(|l| l.starts_with('}')))?;
-        let one_line = line.trim_end().ends_with('}') || line.trim_end().ends_with(';');
-        Some((name.to_owned(), if one_line { 1 } else { end + 1 }))
+        Some((name.to_owned(), end + 1))
     };
     lines.iter().enumerate().filter_map(length).collect()
 }

@@ -1,13 +1,10 @@
-//! Tests with and without a graphics device in one program.
-//!
-//! In: tests. Out: what libtest would say, those that need a device ignored where there is none. Next: whoever runs them.
+//! Tests with and without a GPU in one program. Without a GPU, those that need one are reported as ignored.
 
 use crate::gpu::{Gpu, adapter_is_required};
 use anyhow::Result;
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::sync::Arc;
 
-/// Tests, and the device that some of them need.
 #[derive(Debug)]
 pub struct Trials {
     gpu: Arc<Result<Gpu>>,
@@ -15,7 +12,7 @@ pub struct Trials {
 }
 
 impl Trials {
-    /// Asks for a device, once and before any test: that is what decides whether those that need it count as ignored.
+    /// Opens the GPU before any test, because that decides which tests are ignored.
     pub fn open() -> Self {
         let gpu = Gpu::open();
         if let Err(error) = &gpu {
@@ -24,7 +21,7 @@ impl Trials {
         Self { gpu: Arc::new(gpu), tests: Vec::new() }
     }
 
-    /// A test that needs the device.
+    /// Adds a test that needs the GPU.
     #[must_use]
     pub fn on_gpu(mut self, name: &str, test: fn(&Gpu) -> Result<()>) -> Self {
         let gpu = self.gpu.clone();
@@ -37,7 +34,7 @@ impl Trials {
         self
     }
 
-    /// A test that needs none.
+    /// Adds a test that does not.
     #[must_use]
     pub fn plain(mut self, name: &str, test: fn() -> Result<()>) -> Self {
         let run = move || test().map_err(|e| Failed::from(format!("{e:#}")));
@@ -45,7 +42,7 @@ impl Trials {
         self
     }
 
-    /// Runs them as the command line says, and ends the program.
+    /// Runs the tests that the command line selects, and exits.
     pub fn run(self) -> ! {
         libtest_mimic::run(&Arguments::from_args(), self.tests).exit()
     }

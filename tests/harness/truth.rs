@@ -1,8 +1,8 @@
-//! The source itself, ray-traced: what a perfect bake would look like.
+//! Ground truth: the source's triangles, ray-traced.
 
-use crate::view::{Camera, Picture};
+use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec3, Vec3A};
-use insula_bake::scene::{Scene, SceneTexture};
+use insula_bake::scene::{Scene, SceneTexture, SceneTriangle};
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
@@ -20,27 +20,23 @@ use obvhs::{
 use rayon::prelude::*;
 use std::time::Duration;
 
-/// Slack of barycentric coordinates, so that no ray slips between two triangles.
+/// Tolerance of barycentric coordinates, so that no ray passes between two triangles.
 const SLACK: f64 = 1e-6;
 
-/// A scene and its BVH.
+/// A scene with a BVH.
 pub struct Truth {
-    /// The source's triangles.
     pub scene: Scene,
     bvh: Bvh2,
 }
 
-/// Where a ray met the source.
+/// A ray's hit of the source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Along the ray.
     pub distance_m: f64,
-    /// Index into the scene's triangles.
     pub triangle: u32,
 }
 
 impl Truth {
-    /// Builds the BVH.
     pub fn new(scene: Scene) -> Self {
         let corner = |c: [f32; 3]| Vec3A::from_array(c);
         let triangles: Vec<Triangle> = scene
@@ -52,7 +48,13 @@ impl Truth {
         Self { scene, bvh }
     }
 
-    /// Bounds in scene coordinates.
+    /// Triangles without objects and materials.
+    pub fn of_triangles(triangles: &[[[f32; 3]; 3]]) -> Self {
+        let triangle =
+            |corners: &[[f32; 3]; 3]| SceneTriangle { corners: *corners, uv: [[0.0; 2]; 3], material: 0, object: 0 };
+        Self::new(Scene { triangles: triangles.iter().map(triangle).collect(), ..Scene::default() })
+    }
+
     pub fn bounds(&self) -> [DVec3; 2] {
         let corners = self.scene.triangles.iter().flat_map(|t| t.corners);
         corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], c| {
@@ -61,19 +63,19 @@ impl Truth {
         })
     }
 
-    /// The nearest triangle from `o` (scene coordinates) along the unit vector `d`.
+    /// The nearest hit from `o` (scene coordinates) along the unit vector `d`.
     pub fn cast(&self, o: DVec3, d: DVec3) -> Option<Hit> {
         let ray = Ray::new_inf(o.as_vec3a(), d.as_vec3a());
         let mut hit = RayHit::none();
         self.bvh.ray_traverse(ray, &mut hit, |_, at| {
-            self.meet(self.bvh.primitive_indices[at], o, d).map_or(f32::INFINITY, |(t, ..)| t as f32)
+            self.intersect(self.bvh.primitive_indices[at], o, d).map_or(f32::INFINITY, |(t, ..)| t as f32)
         });
         let triangle = *self.bvh.primitive_indices.get(hit.primitive_id as usize)?;
-        self.meet(triangle, o, d).map(|(distance_m, ..)| Hit { distance_m, triangle })
+        self.intersect(triangle, o, d).map(|(distance_m, ..)| Hit { distance_m, triangle })
     }
 
-    /// Distance and the weights of the second and third corner (Moller and Trumbore 1997), in f64.
-    fn meet(&self, triangle: u32, o: DVec3, d: DVec3) -> Option<(f64, f64, f64)> {
+    /// Distance and the weights of the second and third corner (Moller and Trumbore 1997).
+    fn intersect(&self, triangle: u32, o: DVec3, d: DVec3) -> Option<(f64, f64, f64)> {
         let [a, b, c] = self.corners(triangle);
         let (e1, e2) = (b - a, c - a);
         let p = d.cross(e2);
@@ -93,20 +95,20 @@ impl Truth {
         self.scene.triangles[triangle as usize].corners.map(|c| DVec3::from(c.map(f64::from)))
     }
 
-    /// The source's picture: albedo, distance, and the triangle as `hit`.
-    pub fn render(&self, camera: &Camera, picture: &Picture) -> Pixels {
+    /// Renders the source: albedo, distance, and the index of the triangle as `hit`.
+    pub fn render(&self, camera: &Camera, spec: &FrameSpec) -> Pixels {
         let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
-        let axes = camera.axes(picture);
-        let pixels = picture.width_px * picture.height_px;
+        let axes = camera.axes(spec);
+        let pixels = spec.width_px * spec.height_px;
         let seen: Vec<(u32, f32, u32)> = (0..pixels)
             .into_par_iter()
             .map(|i| {
-                let d = axes.ray(picture, i % picture.width_px, i / picture.width_px);
+                let d = axes.ray(spec, i % spec.width_px, i / spec.width_px);
                 let Some(hit) = self.cast(o, d) else { return (SKY, f32::INFINITY, NO_NODE) };
                 (self.colour(&hit, o, d), hit.distance_m as f32, hit.triangle)
             })
             .collect();
-        let mut out = Pixels { width_px: picture.width_px, height_px: picture.height_px, ..Pixels::default() };
+        let mut out = Pixels { width_px: spec.width_px, height_px: spec.height_px, ..Pixels::default() };
         for (colour, distance, hit) in seen {
             out.colour.push(colour);
             out.distance.push(distance);
@@ -115,15 +117,15 @@ impl Truth {
         out
     }
 
-    /// The source's albedo with `side` x `side` rays a pixel, averaged in linear light and before the same sky as the
-    /// ray-caster does it; and for each pixel whether all rays met a textured surface.
-    pub fn albedo(&self, camera: &Camera, picture: &Picture, side: u32) -> (Vec<u32>, Vec<bool>) {
+    /// The source's albedo with `side` x `side` rays per pixel, averaged in linear light in front of the ray-caster's sky; and
+    /// for each pixel whether all rays hit a textured surface.
+    pub fn albedo(&self, camera: &Camera, spec: &FrameSpec, side: u32) -> (Vec<u32>, Vec<bool>) {
         let o = DVec3::from(camera.position) - DVec3::from(self.scene.origin);
-        let fine = Picture { width_px: picture.width_px * side, height_px: picture.height_px * side, ..*picture };
+        let fine = FrameSpec { width_px: spec.width_px * side, height_px: spec.height_px * side, ..*spec };
         let axes = camera.axes(&fine);
         let frame = camera.frame(&fine);
         let pixel = |i: u32| {
-            let (x, y) = (i % picture.width_px * side, i / picture.width_px * side);
+            let (x, y) = (i % spec.width_px * side, i / spec.width_px * side);
             let (mut sum, mut textured) = (Vec3::ZERO, true);
             for s in 0..side * side {
                 let d = axes.ray(&fine, x + s % side, y + s / side);
@@ -136,7 +138,7 @@ impl Truth {
             }
             (encode_srgb(sum / (side * side) as f32), textured)
         };
-        (0..picture.width_px * picture.height_px).into_par_iter().map(pixel).unzip()
+        (0..spec.width_px * spec.height_px).into_par_iter().map(pixel).unzip()
     }
 
     fn is_textured(&self, triangle: u32) -> bool {
@@ -149,7 +151,7 @@ impl Truth {
         let triangle = &self.scene.triangles[hit.triangle as usize];
         let Some(material) = self.scene.materials.get(triangle.material as usize) else { return SKY };
         let mut rgb = material.rgb;
-        if let (Some(texture), Some((_, u, v))) = (&material.texture, self.meet(hit.triangle, o, d)) {
+        if let (Some(texture), Some((_, u, v))) = (&material.texture, self.intersect(hit.triangle, o, d)) {
             let [a, b, c] = triangle.uv.map(|uv| uv.map(f64::from));
             let at = [0, 1].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v);
             let texel = nearest(texture, at);
@@ -158,11 +160,13 @@ impl Truth {
         u32::from_le_bytes([rgb[0], rgb[1], rgb[2], 255])
     }
 
-    /// Distance from `p` (scene coordinates) to the nearest triangle; infinity if it is over `most_m`.
-    pub fn distance_to_surface(&self, p: DVec3, most_m: f64) -> f64 {
-        let mut reach_m = (most_m / 64.0).max(1e-3);
+    /// Distance from `p` (scene coordinates) to the nearest triangle; infinity beyond `most_m`. Searches within `start_m`
+    /// first.
+    pub fn distance_to_surface(&self, p: DVec3, start_m: f64, most_m: f64) -> f64 {
+        let mut reach_m = start_m;
         loop {
-            let reach = Vec3A::splat(reach_m as f32 + 1e-3);
+            // Bounds are in f32.
+            let reach = Vec3A::splat(reach_m as f32 * 1.001 + p.abs().max_element() as f32 * 1e-6);
             let mut best = f64::INFINITY;
             self.bvh.aabb_traverse(Aabb::new(p.as_vec3a() - reach, p.as_vec3a() + reach), |bvh, node| {
                 let node = &bvh.nodes[node as usize];
@@ -182,7 +186,7 @@ impl Truth {
         }
     }
 
-    /// Whether any triangle's box comes within `reach_m` of `p` in x and y, between the heights `z_m`.
+    /// Whether the bounds of any triangle come within `reach_m` of `p` in x and y, between the heights `z_m`.
     pub fn anything_near(&self, p: DVec3, reach_m: f64, z_m: [f64; 2]) -> bool {
         let low = DVec3::new(p.x - reach_m, p.y - reach_m, z_m[0]);
         let high = DVec3::new(p.x + reach_m, p.y + reach_m, z_m[1]);
@@ -201,7 +205,7 @@ impl Truth {
     }
 }
 
-/// What stands for the sky in the truth's pictures.
+/// Colour of the sky.
 const SKY: u32 = 0xffe6_d2be;
 
 fn product(a: u8, b: u8) -> u8 {
@@ -214,7 +218,7 @@ fn nearest(texture: &SceneTexture, [u, v]: [f64; 2]) -> [u8; 3] {
     texture.rgb.get(y * texture.width as usize + x).copied().unwrap_or_default()
 }
 
-/// The point of a triangle nearest to `p` (Ericson, *Real-Time Collision Detection*, 5.1.5).
+/// The nearest point of a triangle to `p` (Ericson, *Real-Time Collision Detection*, 5.1.5).
 pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

@@ -1,30 +1,29 @@
-//! Whether two ray-casters drew the same picture.
+//! Compares the frames of two ray-casters.
 
-use crate::cut::Scene;
+use crate::draw_list::Scene;
 use insula_shaders::cpu::raycast::Pixels;
 
-/// Most that a colour channel may differ.
+/// Largest allowed difference of a colour channel.
 pub const COLOUR_STEPS: u8 = 2;
-/// Most that distances may differ, relative.
+/// Largest allowed relative difference of distances.
 pub const DISTANCE_SHARE: f32 = 1e-3;
-/// Share of pixels that must agree.
+/// Least share of pixels that must agree.
 pub const AGREEING_SHARE: f64 = 0.998;
-/// Relative difference of neighbouring distances that makes an edge.
+/// Relative difference of neighbouring distances at an edge.
 const EDGE_SHARE: f32 = 0.03;
 
-/// How two pictures differ.
+/// Differences of two frames.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Difference {
-    /// Pixels compared.
     pub pixels: usize,
     /// Pixels that differ in colour or distance.
     pub differing: usize,
-    /// Those of them that lie on no edge of the first picture: x, y.
+    /// Differing pixels that lie on no edge of the first frame: x, y.
     pub off_edge: Vec<[u32; 2]>,
 }
 
 impl Difference {
-    /// An error that says what is wrong, unless almost all pixels agree and the rest lie on edges.
+    /// Fails unless almost all pixels agree and the others lie on edges.
     pub fn check(&self) -> Result<(), String> {
         let agreeing = 1.0 - self.differing as f64 / self.pixels.max(1) as f64;
         if agreeing < AGREEING_SHARE {
@@ -37,12 +36,12 @@ impl Difference {
     }
 }
 
-/// Half the width of what is looked at around a pixel's own ray, in pixels: f32 sees a wall a hundred metres away to a
-/// hundredth of a millimetre.
+/// Half widths of the surroundings of a ray that are searched for edges, in pixels. f32 locates a wall 100 m away to within
+/// 0.01 mm.
 const CLOSE_UPS_PX: [f32; 3] = [5e-3, 1e-3, 1e-4];
 
-/// Compares the GPU's picture of `scene` with the CPU's. Some edges are finer than a pixel (between two texels far away, or
-/// the seam of two cells of one wall): a pixel lies on one if the CPU's rays close around its own differ.
+/// Compares the GPU's frame of `scene` with the CPU's. Edges can be finer than a pixel, for example between two distant texels:
+/// a pixel also lies on an edge if rays of the CPU close to its own differ.
 pub fn compare_twins(scene: &Scene<'_>, on_cpu: &Pixels, on_gpu: &Pixels) -> Difference {
     let mut difference = compare(on_cpu, on_gpu);
     if on_cpu.colour.len() == on_gpu.colour.len() && scene.frame.samples == 1 {
@@ -59,7 +58,7 @@ fn holds_edge(near: &Pixels) -> bool {
         || !near.distance.iter().all(|near| same_distance(*near, distance, EDGE_SHARE))
 }
 
-/// Compares `other` with `first`; pictures of different sizes differ everywhere.
+/// Compares two frames. Frames of different sizes differ everywhere.
 pub fn compare(first: &Pixels, other: &Pixels) -> Difference {
     let pixels = first.colour.len();
     if first.width_px != other.width_px || pixels != other.colour.len() || pixels == 0 {
@@ -88,17 +87,17 @@ fn same_distance(a: f32, b: f32, share: f32) -> bool {
     a == b || (a - b).abs() <= share * a.abs().max(b.abs()) || (a.abs() < 1e-3 && b.abs() < 1e-3)
 }
 
-/// Whether the 3 x 3 pixels around hold the other colour at a distance between theirs, or a jump in distance.
-fn on_edge(picture: &Pixels, at: usize, colour: u32, distance: f32) -> bool {
-    let (width, height) = (picture.width_px as usize, picture.height_px as usize);
+/// Whether the 3 x 3 pixels around `at` contain the other colour at a distance between theirs, or a jump of the distance.
+fn on_edge(frame: &Pixels, at: usize, colour: u32, distance: f32) -> bool {
+    let (width, height) = (frame.width_px as usize, frame.height_px as usize);
     let (x, y) = (at % width, at / width);
     let around = (y.saturating_sub(1)..(y + 2).min(height))
         .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
     let around: Vec<usize> = around.into_iter().filter(|near| *near != at).collect();
-    let here = picture.distance[at];
-    let low = around.iter().map(|near| picture.distance[*near]).fold(here, f32::min) * (1.0 - DISTANCE_SHARE);
-    let high = around.iter().map(|near| picture.distance[*near]).fold(here, f32::max) * (1.0 + DISTANCE_SHARE);
-    let holds_colour = around.iter().any(|near| same_colour(picture.colour[*near], colour, 4 * COLOUR_STEPS));
-    let jumps = around.iter().any(|near| !same_distance(picture.distance[*near], here, EDGE_SHARE));
+    let here = frame.distance[at];
+    let low = around.iter().map(|near| frame.distance[*near]).fold(here, f32::min) * (1.0 - DISTANCE_SHARE);
+    let high = around.iter().map(|near| frame.distance[*near]).fold(here, f32::max) * (1.0 + DISTANCE_SHARE);
+    let holds_colour = around.iter().any(|near| same_colour(frame.colour[*near], colour, 4 * COLOUR_STEPS));
+    let jumps = around.iter().any(|near| !same_distance(frame.distance[*near], here, EDGE_SHARE));
     jumps || (holds_colour && (low..=high).contains(&distance))
 }

@@ -1,64 +1,61 @@
-//! Cameras, as files have them and as the ray-caster does.
+//! Cameras as JSON files and for the ray-caster.
 
+use anyhow::{Context, Result};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use insula_shaders::layout::{FrameUniform, Light, Shading};
 use serde::{Deserialize, Serialize};
 
-/// A camera in the source's own coordinates: the JSON of `insula snapshot --camera`.
+/// A camera in the source's coordinates: the JSON of `insula snapshot --camera`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// Where it is, metres.
     pub position: [f64; 3],
-    /// What it looks at.
     pub target: [f64; 3],
-    /// Which way is up.
     pub up: [f64; 3],
-    /// Vertical angle of view in degrees.
     pub fov_y_deg: f64,
 }
 
-/// A picture's size and what it shows.
+/// Size and contents of a frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Picture {
-    /// Width.
+pub struct FrameSpec {
     pub width_px: u32,
-    /// Height.
     pub height_px: u32,
-    /// What a pixel shows.
     pub shading: Shading,
-    /// Rays along a pixel's side.
     pub samples: u32,
 }
 
-/// Axes of a camera: forward is a unit vector, `right` and `up` reach to the picture's edges.
+/// Axes of a camera. `forward` has length 1; `right` and `up` reach from the centre to the edges of the frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Axes {
-    /// Through the picture's centre.
     pub forward: DVec3,
-    /// To the right edge.
     pub right: DVec3,
-    /// To the upper edge.
     pub up: DVec3,
 }
 
 impl Axes {
-    /// Unit vector through the middle of pixel `x`, `y`.
-    pub fn ray(&self, picture: &Picture, x: u32, y: u32) -> DVec3 {
-        let ndc_x = (f64::from(x) + 0.5) / f64::from(picture.width_px) * 2.0 - 1.0;
-        let ndc_y = (f64::from(y) + 0.5) / f64::from(picture.height_px) * 2.0 - 1.0;
+    /// The direction through the centre of a pixel.
+    pub fn ray(&self, spec: &FrameSpec, x: u32, y: u32) -> DVec3 {
+        let ndc_x = (f64::from(x) + 0.5) / f64::from(spec.width_px) * 2.0 - 1.0;
+        let ndc_y = (f64::from(y) + 0.5) / f64::from(spec.height_px) * 2.0 - 1.0;
         (self.forward + self.right * ndc_x - self.up * ndc_y).normalize_or(DVec3::X)
     }
 }
 
 impl Camera {
-    /// Sixty degrees, z up.
+    /// A camera with a vertical field of view of 60 degrees.
     pub fn looking(position: DVec3, target: DVec3) -> Self {
         Self { position: position.into(), target: target.into(), up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 }
     }
 
-    /// The camera's axes; if it looks along its own `up`, north is up.
-    pub fn axes(&self, picture: &Picture) -> Axes {
+    /// The same camera for a session. Fails without a valid direction.
+    pub fn to_viewer(&self) -> Result<insula_viewer::camera::Camera> {
+        let [position, target, up] = [self.position, self.target, self.up].map(DVec3::from);
+        let camera = insula_viewer::camera::Camera::look_at(position, target, up, self.fov_y_deg.to_radians());
+        camera.with_context(|| format!("no valid view direction: {self:?}"))
+    }
+
+    /// Axes for a frame. If the camera looks along its `up`, north is up.
+    pub fn axes(&self, spec: &FrameSpec) -> Axes {
         let forward = (DVec3::from(self.target) - DVec3::from(self.position)).normalize_or(DVec3::Y);
         let mut right = forward.cross(self.up.into());
         if right.length() < 1e-9 {
@@ -67,29 +64,28 @@ impl Camera {
         let right = right.normalize_or(DVec3::X);
         let up = right.cross(forward);
         let tan_y = (self.fov_y_deg.to_radians() / 2.0).tan();
-        let aspect = f64::from(picture.width_px) / f64::from(picture.height_px);
+        let aspect = f64::from(spec.width_px) / f64::from(spec.height_px);
         Axes { forward, right: right * tan_y * aspect, up: up * tan_y }
     }
 
-    /// Unit vector through the middle of pixel `x`, `y`.
-    pub fn ray(&self, picture: &Picture, x: u32, y: u32) -> DVec3 {
-        self.axes(picture).ray(picture, x, y)
+    pub fn ray(&self, spec: &FrameSpec, x: u32, y: u32) -> DVec3 {
+        self.axes(spec).ray(spec, x, y)
     }
 
-    /// The ray-caster's frame without its city: root and corner are still to be set.
-    pub fn frame(&self, picture: &Picture) -> FrameUniform {
-        let axes = self.axes(picture);
+    /// The ray-caster's uniforms, without those of the city.
+    pub fn frame(&self, spec: &FrameSpec) -> FrameUniform {
+        let axes = self.axes(spec);
         let sun = Vec3::new(0.45, -0.55, 0.704).normalize_or(Vec3::Z);
         FrameUniform {
             forward: axes.forward.as_vec3().into(),
-            width_px: picture.width_px,
+            width_px: spec.width_px,
             right: axes.right.as_vec3().into(),
-            height_px: picture.height_px,
+            height_px: spec.height_px,
             up: axes.up.as_vec3().into(),
             sun: sun.into(),
             light: Light::of_sun(sun, 4000.0),
-            shading: picture.shading as u32,
-            samples: picture.samples,
+            shading: spec.shading as u32,
+            samples: spec.samples,
             ..FrameUniform::zeroed()
         }
     }

@@ -1,7 +1,7 @@
-//! A client in this process, frame by frame.
+//! A client in this process, stepped frame by frame.
 
 use crate::view::Camera;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use glam::DVec3;
 use insula_client::{
     args::GlobalArgs,
@@ -12,31 +12,29 @@ use insula_client::{
 };
 use insula_protocol::{Manifest, TileId};
 use insula_shaders::cpu::raycast::Pixels;
-use insula_viewer::{camera, frame::RenderSettings, scene::tile::TileState, streamer::FrameRequest};
+use insula_viewer::{frame::RenderSettings, scene::tile::TileState, streamer::FrameRequest};
 use std::{
     path::Path,
     time::{Duration, Instant},
 };
 
-/// Picture size.
 const SIZE_PX: [u32; 2] = [640, 360];
-/// Between two frames.
 const FRAME: Duration = Duration::from_millis(5);
 
-/// A session over a city at any place, which draws with the CPU.
+/// Opens a city at any place, drawn with the CPU.
 pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
     open_over(None, place, cache_mib)
 }
 
-/// The same over a simulated link.
+/// The same with a simulated link.
 pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> Result<Session> {
     Ok(open_session(&place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
 }
 
-/// Fetches all that is in the frustum, seen or not: nothing is drawn.
-pub fn fetch_all(session: &mut Session, shot: &FrameRequest, timeout: Duration) -> Result<()> {
+/// Fetches all tiles in the view frustum, occluded or not.
+pub fn fetch_all(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
     loop {
-        session.update(shot);
+        session.update(request);
         session.check(timeout)?;
         if session.is_fetched() {
             return Ok(());
@@ -54,34 +52,32 @@ fn global(cache_mib: u32) -> GlobalArgs {
         city: None,
         tau: 1.0,
         timeout: 20,
+        follow_redirects: false,
     }
 }
 
 /// A client that draws with the CPU.
 pub struct Viewer {
-    /// The client.
     pub session: Session,
-    /// What it looks at.
-    pub shot: FrameRequest,
+    pub request: FrameRequest,
 }
 
 impl Viewer {
-    /// Connects; `camera` is chosen once the city is known.
+    /// Connects and sets the camera.
     pub fn connect(url: &str, camera: impl FnOnce(&Manifest) -> Camera) -> Result<Self> {
         let session = open_session(url, &global(256), None, None)?;
-        let shot = shot(&camera(session.tree().manifest()))?;
-        Ok(Self { session, shot })
+        let request = request(&camera(session.tree().manifest()))?;
+        Ok(Self { session, request })
     }
 
-    /// Turns to another view.
-    pub fn look(&mut self, camera: &Camera) -> Result<()> {
-        self.shot = shot(camera)?;
+    pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
+        self.request = request(camera)?;
         Ok(())
     }
 
-    /// One frame, then a pause. Once a picture was drawn, it is drawn again whenever what is drawn changes.
+    /// Runs one frame, then pauses. After the first frame is drawn, draws again whenever the draw list has changed.
     pub fn step(&mut self) -> Result<()> {
-        self.session.update(&self.shot);
+        self.session.update(&self.request);
         if self.session.feedback().has_feedback() && !self.session.has_feedback(SIZE_PX) {
             self.draw()?;
         }
@@ -89,8 +85,8 @@ impl Viewer {
         Ok(())
     }
 
-    /// Frames until `done`; an error after `most`.
-    pub fn until(&mut self, most: Duration, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
+    /// Runs frames until `done`. Fails after `max_time`.
+    pub fn step_until(&mut self, max_time: Duration, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
         let begin = Instant::now();
         loop {
             self.step()?;
@@ -98,30 +94,29 @@ impl Viewer {
                 return Ok(());
             }
             let selection = self.session.selection();
-            ensure!(begin.elapsed() < most, "not within {most:?}: {:?}", selection.stats);
+            ensure!(begin.elapsed() < max_time, "not within {max_time:?}: {:?}", selection.stats);
         }
     }
 
-    /// The picture of the last frame's cut.
+    /// Draws the last frame.
     pub fn draw(&mut self) -> Result<Pixels> {
-        let look = RenderSettings { samples: 1, ..RenderSettings::default() };
-        Ok(self.session.draw(&self.shot, &look)?)
+        let set_camera = RenderSettings { samples: 1, ..RenderSettings::default() };
+        Ok(self.session.draw(&self.request, &set_camera)?)
     }
 
-    /// Tiles of which a request is under way.
+    /// Tiles that are being fetched.
     pub fn loading(&self) -> Vec<TileId> {
-        let nodes = self.session.tree().nodes().iter();
+        let nodes = self.session.tree().nodes();
         nodes.filter(|node| node.tile.state() == TileState::Loading).map(|node| node.id).collect()
     }
 }
 
-fn shot(view: &Camera) -> Result<FrameRequest> {
-    let [position, target, up] = [view.position, view.target, view.up].map(DVec3::from);
-    let camera = camera::Camera::look_at(position, target, up, view.fov_y_deg.to_radians()).context("looks nowhere")?;
+fn request(view: &Camera) -> Result<FrameRequest> {
+    let camera = view.to_viewer()?;
     Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
 }
 
-/// The city from above, from the south; `turned_away`: from the same place, the other way.
+/// Shows the city from the south and above; with `turned_away`, looks in the opposite direction from the same position.
 pub fn overlook(manifest: &Manifest, turned_away: bool) -> Camera {
     let [low, high] = manifest.bounds.map(DVec3::from);
     let size = high - low;

@@ -1,10 +1,9 @@
-//! Small scenes of single things, drawn from what was baked beside their ray-traced truth, and how they compare.
+//! Small scenes of single shapes: baked, drawn, and compared with their ray-traced source.
 
 use crate::{
     baked::Baked,
-    compare,
     truth::Truth,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
@@ -22,30 +21,23 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The pictures' size.
-pub const PICTURE: Picture = Picture { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
-/// Distances that differ by less than this many cells agree.
+pub const FRAME: FrameSpec = FrameSpec { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
+/// Largest difference of equal distances, in cells.
 const NEAR_CELLS: f64 = 2.0;
-/// Colours whose channels differ by less agree.
+/// Largest difference of equal colours, per channel.
 const NEAR_COLOUR: u8 = 40;
 
-/// Colours that no two faces of a thing share, so that a wrong one shows.
+/// Colours by orientation, so that a wrong surface is detected.
 pub mod paint {
-    /// What faces up.
     pub const ROOF: [u8; 3] = [190, 70, 60];
-    /// What stands.
     pub const WALL: [u8; 3] = [220, 210, 180];
-    /// What faces down.
     pub const UNDER: [u8; 3] = [60, 110, 190];
-    /// Plants.
     pub const GREEN: [u8; 3] = [70, 140, 60];
-    /// Water and the like.
     pub const BLUE: [u8; 3] = [90, 140, 190];
-    /// Ground.
     pub const GROUND: [u8; 3] = [150, 150, 130];
 }
 
-/// Shapes in metres that become a scene.
+/// A scene under construction. Lengths in metres.
 #[derive(Debug, Default)]
 pub struct Shapes {
     faces: Vec<([DVec3; 3], [u8; 3], u32)>,
@@ -53,13 +45,13 @@ pub struct Shapes {
 }
 
 impl Shapes {
-    /// What follows is an object of its own.
+    /// Starts a new object.
     pub fn object(&mut self, kind: ObjectKind) -> &mut Self {
         self.kinds.push(kind);
         self
     }
 
-    /// A flat polygon that is convex; counter-clockwise seen from outside.
+    /// A flat convex polygon, counter-clockwise from outside.
     pub fn face(&mut self, corners: &[DVec3], rgb: [u8; 3]) -> &mut Self {
         if self.kinds.is_empty() {
             self.kinds.push(ObjectKind::Building);
@@ -71,7 +63,7 @@ impl Shapes {
         self
     }
 
-    /// A closed prism over a convex outline (counter-clockwise from above), from one height to another.
+    /// A closed prism on a convex outline (counter-clockwise from above).
     pub fn prism(&mut self, outline: &[DVec2], z_m: [f64; 2]) -> &mut Self {
         let ring = |z: f64| outline.iter().map(|p| p.extend(z)).collect::<Vec<_>>();
         let (low, high) = (ring(z_m[0]), ring(z_m[1]));
@@ -79,7 +71,7 @@ impl Shapes {
         self.walls(&low, &high)
     }
 
-    /// Only the sides between two rings.
+    /// The sides between two rings.
     pub fn walls(&mut self, low: &[DVec3], high: &[DVec3]) -> &mut Self {
         for i in 0..low.len() {
             let next = (i + 1) % low.len();
@@ -88,12 +80,11 @@ impl Shapes {
         self
     }
 
-    /// A closed box.
     pub fn cuboid(&mut self, low: [f64; 3], high: [f64; 3]) -> &mut Self {
         self.prism(&rectangle([low[0], low[1]], [high[0], high[1]]), [low[2], high[2]])
     }
 
-    /// A closed cone or, with many rings, a half or a whole sphere: rings of radius and height from below to above.
+    /// A closed body of revolution: rings of radius and height from bottom to top.
     pub fn turned(&mut self, middle: DVec2, rings: &[[f64; 2]], rgb: [u8; 3]) -> &mut Self {
         let ring = |[radius, z]: [f64; 2]| {
             (0..24).map(move |k| (middle + DVec2::from_angle(f64::from(k) / 24.0 * TAU) * radius).extend(z))
@@ -113,7 +104,7 @@ impl Shapes {
         self
     }
 
-    /// The scene; the world position of the shapes' zero is `origin`.
+    /// The scene; `origin` is the world position of the shapes' zero.
     pub fn scene(&self, origin: [f64; 3]) -> Scene {
         let mut scene = Scene { origin, ..Scene::default() };
         for kind in &self.kinds {
@@ -138,117 +129,108 @@ impl Shapes {
     }
 }
 
-/// A rectangle's corners, counter-clockwise.
 pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Vec<DVec2> {
     [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]].map(DVec2::from).into()
 }
 
-/// Points turned around the origin.
+/// Rotates points around the origin.
 pub fn turned(outline: &[DVec2], degrees: f64) -> Vec<DVec2> {
     outline.iter().map(|p| DVec2::from_angle(degrees.to_radians()).rotate(*p)).collect()
 }
 
-/// A camera around `target`: from so far, from which compass angle (0 is from the east, 90 from the north), so steep.
-pub fn around(target: [f64; 3], distance_m: f64, angle_deg: f64, up_deg: f64) -> Camera {
+/// A camera around `target`. `angle_deg` is 0 in the east and 90 in the north.
+pub fn orbit_camera(target: [f64; 3], distance_m: f64, angle_deg: f64, up_deg: f64) -> Camera {
     let (angle, up) = (angle_deg.to_radians(), up_deg.to_radians());
     let away = DVec3::new(angle.cos() * up.cos(), angle.sin() * up.cos(), up.sin());
     Camera::looking(DVec3::from(target) + away * distance_m, target.into())
 }
 
-/// How a thing compares, over all its views.
+/// Measures of a shape over all its views.
 #[derive(Debug, Clone, Copy)]
-pub struct Judged {
+pub struct ShapeScore {
     /// Silhouettes: pixels hit in both over pixels hit in either.
     pub iou: f64,
-    /// Of the pixels hit in both, the share whose distances agree.
+    /// Of the pixels hit in both, the share with equal distances.
     pub near: f64,
-    /// Of those, the share whose colours agree.
+    /// Of those, the share with equal colours.
     pub coloured: f64,
 }
 
-impl Judged {
-    /// An error that says all if one is below its bound.
-    pub fn at_least(self, iou: f64, near: f64, coloured: f64) -> Result<()> {
+impl ShapeScore {
+    /// Fails if a measure is below its bound.
+    pub fn ensure_at_least(self, iou: f64, near: f64, coloured: f64) -> Result<()> {
         ensure!(
             self.iou >= iou && self.near >= near && self.coloured >= coloured,
-            "{self:?}, wanted {iou} {near} {coloured}"
+            "{self:?}, at least {iou}, {near}, {coloured} are required"
         );
         Ok(())
     }
 }
 
-/// A thing that was baked.
-pub struct Thing {
-    /// Its triangles.
+pub struct BakedShape {
     pub truth: Truth,
-    /// The city that came of them.
     pub baked: Baked,
-    /// Where its picture goes.
-    picture: PathBuf,
+    image_path: PathBuf,
     _folder: tempfile::TempDir,
 }
 
-impl Thing {
-    /// Bakes; pictures will be `target/zoo/NAME.png`.
+impl BakedShape {
+    /// Bakes a scene. [`Self::score`] writes `target/zoo/NAME.png`.
     pub fn bake(name: &str, scene: Scene, cell_m: f64) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let out = folder.path().join("city");
         let options = BakeOptions { out: out.clone(), cell_m, ..BakeOptions::default() };
         insula_bake::bake_scene(scene.clone(), ReadReport::default(), &options, &Silent).context("bake")?;
-        let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
-        fs::create_dir_all(&pictures)?;
+        let frames = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
+        fs::create_dir_all(&frames)?;
         Ok(Self {
             truth: Truth::new(scene),
             baked: Baked::open(&out)?,
-            picture: pictures.join(format!("{name}.png")),
+            image_path: frames.join(format!("{name}.png")),
             _folder: folder,
         })
     }
 
-    /// Its leaves.
     pub fn leaves(&self) -> Result<Vec<BlockMap>> {
         self.baked.maps(self.baked.manifest().depth)
     }
 
-    /// Draws it from the nodes that `tau_px` asks for.
+    /// Draws the nodes that `tau_px` requires.
     pub fn draw(&self, camera: &Camera, tau_px: f64, shading: Shading) -> Result<Pixels> {
-        let ids = self.baked.select(camera, &PICTURE, tau_px);
-        Ok(self.baked.cut(&ids)?.scene(camera, &Picture { shading, ..PICTURE }).render())
+        let ids = self.baked.select(camera, &FRAME, tau_px);
+        Ok(self.baked.draw_list(&ids)?.scene(camera, &FrameSpec { shading, ..FRAME }).render())
     }
 
-    /// Compares all views and writes them, one below the other: truth, drawn, lit.
-    pub fn judge(&self, cameras: &[Camera]) -> Result<Judged> {
+    /// Compares all views and writes an image of them: source, drawn, lit.
+    pub fn score(&self, cameras: &[Camera]) -> Result<ShapeScore> {
         let (mut both, mut either, mut near, mut coloured) = (0.0, 0.0, 0.0, 0.0);
-        let (width, height) = (PICTURE.width_px, PICTURE.height_px);
-        let mut picture = RgbImage::new(3 * width, height * cameras.len() as u32);
+        let (width, height) = (FRAME.width_px, FRAME.height_px);
+        let mut image = RgbImage::new(3 * width, height * cameras.len() as u32);
         let cell_m = self.baked.manifest().cell_m;
         for (row, camera) in cameras.iter().enumerate() {
-            let meant = self.truth.render(camera, &PICTURE);
+            let reference = self.truth.render(camera, &FRAME);
             let drawn = self.draw(camera, 0.01, Shading::Albedo)?;
             let lit = self.draw(camera, 0.01, Shading::Lit)?;
-            for i in 0..meant.colour.len() {
-                let (a, b) = (f64::from(meant.distance[i]), f64::from(drawn.distance[i]));
+            for i in 0..reference.colour.len() {
+                let (a, b) = (f64::from(reference.distance[i]), f64::from(drawn.distance[i]));
                 either += f64::from(a.is_finite() || b.is_finite());
                 if a.is_finite() && b.is_finite() {
                     both += 1.0;
                     if (a - b).abs() < NEAR_CELLS * cell_m {
                         near += 1.0;
-                        coloured += f64::from(alike(meant.colour[i], drawn.colour[i]));
+                        coloured += f64::from(alike(reference.colour[i], drawn.colour[i]));
                     }
                 }
                 let (x, y) = (i as u32 % width, i as u32 / width + row as u32 * height);
-                for (column, pixels) in [&meant, &drawn, &lit].into_iter().enumerate() {
+                for (column, pixels) in [&reference, &drawn, &lit].into_iter().enumerate() {
                     let [r, g, b, _] = pixels.colour[i].to_le_bytes();
-                    picture.put_pixel(x + column as u32 * width, y, Rgb([r, g, b]));
+                    image.put_pixel(x + column as u32 * width, y, Rgb([r, g, b]));
                 }
             }
-            ensure!(
-                compare::silhouette_iou(&meant, &meant) == 1.0 && either > 1000.0,
-                "the thing is not in the picture"
-            );
+            ensure!(either > 1000.0, "the shape is not in the frame");
         }
-        picture.save(&self.picture)?;
-        Ok(Judged { iou: both / either, near: near / both, coloured: coloured / near })
+        image.save(&self.image_path)?;
+        Ok(ShapeScore { iou: both / either, near: near / both, coloured: coloured / near })
     }
 }
 

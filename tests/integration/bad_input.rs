@@ -1,10 +1,10 @@
-//! Whatever is wrong with what the programs are given: one line that says so and exit code 1, or a reported skip; never a
-//! panic, never half a city.
+//! Invalid input of the programs: an error of one line and exit code 1, or a reported skip. Never a panic, never an incomplete
+//! city.
 
 use anyhow::{Context, Result, ensure};
 use insula_tests::{
     fixtures,
-    programs::{Served, program, run},
+    programs::{ServerProcess, program, run},
 };
 use serde_json::{Value, json};
 use std::{
@@ -15,10 +15,9 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// Spoils a geometry.
 type Fault = fn(&mut Value);
 
-/// A folder to make things in.
+/// A temporary folder.
 struct Bench {
     folder: TempDir,
 }
@@ -38,7 +37,7 @@ impl Bench {
         Ok(path)
     }
 
-    /// Bakes `input` into `city`, with a report.
+    /// Bakes `input` to `city`, with a report.
     fn bake(&self, input: &Path) -> Result<Output> {
         let [out, report] = ["city", "report.json"].map(|name| self.path(name));
         run(Command::new(program("insula-server")?)
@@ -50,14 +49,14 @@ impl Bench {
             .arg(report))
     }
 
-    /// A bake that must fail, and leave nothing that could be taken for a city.
+    /// Asserts that a bake fails and leaves no city. Returns the error.
     fn bake_fails(&self, what: &str, input: &Path) -> Result<String> {
         let line = fails(what, &self.bake(input)?)?;
-        ensure!(!self.path("city").exists(), "{what}: half a city is left");
+        ensure!(!self.path("city").exists(), "{what}: an incomplete city is left");
         Ok(line)
     }
 
-    /// A bake that must succeed in spite of a fault, say so in its report, and make a city that is whole.
+    /// Asserts that a bake succeeds, reports a skip, and makes a valid city. Returns the report.
     fn bake_skips(&self, what: &str, input: &Path) -> Result<Value> {
         let output = self.bake(input)?;
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -69,7 +68,7 @@ impl Bench {
     }
 }
 
-/// Exit code 1 and one line; the line.
+/// Asserts exit code 1 and one line on standard error. Returns the line.
 fn fails(what: &str, output: &Output) -> Result<String> {
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     ensure!(output.status.code() == Some(1), "{what}: {:?}: {error}", output.status);
@@ -81,28 +80,28 @@ fn fails(what: &str, output: &Output) -> Result<String> {
     Ok(lines[0].to_owned())
 }
 
-/// Whether the report tells of something that was left out.
-fn tells_of_skips(report: &Value) -> bool {
+/// Whether the report mentions that something was skipped.
+fn reports_skips(report: &Value) -> bool {
     let text = report.to_string();
-    text.contains("skipped") && (find_positive(report, "skipped") || find_positive(report, "count"))
+    text.contains("skipped") && (has_positive(report, "skipped") || has_positive(report, "count"))
 }
 
-/// Whether any number, or any list, under a key that holds `word` is more than nothing.
-fn find_positive(value: &Value, word: &str) -> bool {
+/// Whether any key that contains `word` has a positive number, or a list or object that is not empty.
+fn has_positive(value: &Value, word: &str) -> bool {
     match value {
         Value::Object(map) => map.iter().any(|(key, value)| {
             let more = value.as_u64().is_some_and(|n| n > 0)
                 || value.as_array().is_some_and(|list| !list.is_empty())
                 || value.as_object().is_some_and(|map| !map.is_empty());
-            (key.contains(word) && more) || find_positive(value, word)
+            (key.contains(word) && more) || has_positive(value, word)
         }),
-        Value::Array(list) => list.iter().any(|value| find_positive(value, word)),
+        Value::Array(list) => list.iter().any(|value| has_positive(value, word)),
         _ => false,
     }
 }
 
 #[test]
-fn truncated_json() -> Result<()> {
+fn truncated_json_is_an_error() -> Result<()> {
     let whole = fixtures::city_json(3).to_string();
     for share in [0.0, 0.1, 0.5, 0.9, 0.999] {
         let bench = Bench::new()?;
@@ -114,7 +113,7 @@ fn truncated_json() -> Result<()> {
 }
 
 #[test]
-fn cities_without_anything() -> Result<()> {
+fn empty_cities_are_errors() -> Result<()> {
     let nothing = json!({ "type": "CityJSON", "version": "2.0", "CityObjects": {}, "vertices": [],
         "transform": { "scale": [1.0, 1.0, 1.0], "translate": [0.0, 0.0, 0.0] } });
     let bench = Bench::new()?;
@@ -123,7 +122,7 @@ fn cities_without_anything() -> Result<()> {
     bench.bake_fails("an empty sequence", &bench.write("empty.city.jsonl", "")?)?;
     bench.bake_fails("an empty folder", bench.folder.path().join("none").as_path())?;
     bench.bake_fails("some other file", &bench.write("a.city.json", "{\"type\":\"FeatureCollection\"}")?)?;
-    bench.bake_fails("a picture for a city", &bench.write("b.city.json", [0x89, b'P', b'N', b'G', 0xff, 0xfe])?)?;
+    bench.bake_fails("an image as a city", &bench.write("b.city.json", [0x89, b'P', b'N', b'G', 0xff, 0xfe])?)?;
     Ok(())
 }
 
@@ -141,15 +140,15 @@ fn faults_of_single_objects_are_skipped_and_reported() -> Result<()> {
         fault(&mut town["CityObjects"]["house-0"]["geometry"][0]);
         let bench = Bench::new()?;
         let report = bench.bake_skips(what, &bench.write("town.city.json", town.to_string())?)?;
-        ensure!(tells_of_skips(&report), "{what}: the report says nothing of it: {report}");
+        ensure!(reports_skips(&report), "{what}: the report does not mention it: {report}");
     }
     Ok(())
 }
 
 #[test]
-fn numbers_that_are_none() -> Result<()> {
+fn invalid_numbers_are_errors_or_skipped() -> Result<()> {
     let bench = Bench::new()?;
-    // 1e300 as a vertex, as a scale, as a translation; NaN is no JSON at all.
+    // 1e300 as translation and as scale. NaN is not valid JSON.
     let mut town = fixtures::city_json(3);
     town["transform"]["translate"][0] = json!(1e300);
     bench.bake_fails("a translation of 1e300", &bench.write("a.city.json", town.to_string())?)?;
@@ -163,25 +162,25 @@ fn numbers_that_are_none() -> Result<()> {
         let bench = Bench::new()?;
         let text = format!("{house}v {number} 5 5\nf 1 2 3\nf 1 3 4\nf 1 2 5\n");
         let report = bench.bake_skips(number, &bench.write("house.obj", text)?)?;
-        ensure!(tells_of_skips(&report), "{number}: the report says nothing of it: {report}");
+        ensure!(reports_skips(&report), "{number}: the report does not mention it: {report}");
     }
     Ok(())
 }
 
 #[test]
-fn obj_files_that_name_what_is_not_there() -> Result<()> {
+fn dangling_references_in_obj_are_skipped_or_errors() -> Result<()> {
     let house = "v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 9\nf 1 2 3\nf 1 3 4\n";
     for (what, more) in [("a face out of range", "f 1 2 9999\n"), ("a face that counts back too far", "f -1 -2 -99\n")]
     {
         let bench = Bench::new()?;
         let output = bench.bake(&bench.write("house.obj", format!("{house}{more}"))?)?;
-        // Either the face is left out and reported, or the file is refused; both say so.
+        // Either the face is skipped and reported, or the file is an error.
         if output.status.success() {
             let report: Value = serde_json::from_slice(&fs::read(bench.path("report.json"))?)?;
-            ensure!(tells_of_skips(&report), "{what}: the report says nothing of it: {report}");
+            ensure!(reports_skips(&report), "{what}: the report does not mention it: {report}");
         } else {
             fails(what, &output)?;
-            ensure!(!bench.path("city").exists(), "{what}: half a city is left");
+            ensure!(!bench.path("city").exists(), "{what}: an incomplete city is left");
         }
     }
     let bench = Bench::new()?;
@@ -193,17 +192,17 @@ fn obj_files_that_name_what_is_not_there() -> Result<()> {
     let report = bench.bake_skips("missing textures", &bench.write("house.obj", text)?)?.to_string();
     ensure!(
         report.contains("gone.jpg") && report.contains("broken.jpg"),
-        "the report names no missing picture: {report}"
+        "the report names no missing texture: {report}"
     );
     Ok(())
 }
 
 #[test]
-fn a_full_disk() -> Result<()> {
+fn a_full_disk_is_an_error() -> Result<()> {
     let bench = Bench::new()?;
     let input = fixtures::write_city_json(bench.folder.path(), 14)?;
     for kilobytes in [1, 8, 24, 64] {
-        // A limit on the size of files, not the signal that comes with it, is what a full disk looks like.
+        // With SIGXFSZ ignored, a limit on file sizes fails writes as a full disk does.
         let script = format!("trap '' XFSZ; ulimit -f {kilobytes}; exec \"$0\" bake \"$1\" --out \"$2\"");
         let output = run(Command::new("bash")
             .args(["-c", &script])
@@ -213,7 +212,7 @@ fn a_full_disk() -> Result<()> {
         let what = format!("files of at most {kilobytes} KiB");
         let line = fails(&what, &output)?;
         ensure!(line.contains("disk"), "{what}: {line}");
-        ensure!(!bench.path("city").exists(), "{what}: half a city is left");
+        ensure!(!bench.path("city").exists(), "{what}: an incomplete city is left");
     }
     let out = bench.path("no-folder/city");
     fs::write(bench.path("no-folder"), "a file")?;
@@ -222,7 +221,6 @@ fn a_full_disk() -> Result<()> {
     Ok(())
 }
 
-/// A baked town.
 fn town(bench: &Bench) -> Result<PathBuf> {
     let input = fixtures::write_city_json(bench.folder.path(), 8)?;
     let output = bench.bake(&input)?;
@@ -231,7 +229,7 @@ fn town(bench: &Bench) -> Result<PathBuf> {
 }
 
 #[test]
-fn archives_that_were_cut_or_altered() -> Result<()> {
+fn truncated_or_altered_archives_are_detected() -> Result<()> {
     let bench = Bench::new()?;
     let city = town(&bench)?;
     let verify = |what: &str| -> Result<Output> {
@@ -240,17 +238,17 @@ fn archives_that_were_cut_or_altered() -> Result<()> {
         ensure!(!error.contains("panicked"), "{what}: {error}");
         Ok(output)
     };
-    ensure!(verify("a whole city")?.status.success(), "a whole city is called bad");
+    ensure!(verify("an intact city")?.status.success(), "an intact city is reported as damaged");
     for name in ["blockmaps.pmtiles", "subtrees.pmtiles", "city.json"] {
         let path = city.join(name);
         let whole = fs::read(&path)?;
         for share in [0.0, 0.02, 0.5, 0.95] {
             fs::write(&path, &whole[..(whole.len() as f64 * share) as usize])?;
             let what = format!("{name} cut at {share}");
-            ensure!(verify(&what)?.status.code() == Some(1), "{what} went unseen");
+            ensure!(verify(&what)?.status.code() == Some(1), "{what} is not detected");
             let served =
                 run(Command::new(program("insula-server")?).arg("serve").arg(&city).args(["--listen", "127.0.0.1:0"]));
-            // A cut that leaves all directories whole is only seen by verify; then the server would run on.
+            // If the directories are intact, the server starts: only `verify` finds the truncation. Then it has to be killed.
             if let Ok(served) = served {
                 fails(&what, &served)?;
             }
@@ -259,7 +257,7 @@ fn archives_that_were_cut_or_altered() -> Result<()> {
     }
     let path = city.join("blockmaps.pmtiles");
     let whole = fs::read(&path)?;
-    // Where a PMTiles v3 header says that the tiles lie; before them there are bytes that nothing reads.
+    // Offset and length of the tile data in the header of PMTiles v3. Some bytes before it are not used.
     let number = |at: usize| whole[at..at + 8].iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
     let (start, length) = (number(56), number(64));
     for share in [0.3, 0.6, 0.9] {
@@ -267,13 +265,13 @@ fn archives_that_were_cut_or_altered() -> Result<()> {
         altered[start + (length as f64 * share) as usize] ^= 0x20;
         fs::write(&path, &altered)?;
         let output = verify("a flipped bit")?;
-        ensure!(output.status.code() == Some(1), "a flipped bit at {share} went unseen");
+        ensure!(output.status.code() == Some(1), "a flipped bit at {share} is not detected");
     }
     Ok(())
 }
 
 #[test]
-fn a_damaged_city_is_still_drawn_where_it_is_whole() -> Result<()> {
+fn intact_tiles_of_a_damaged_city_are_drawn() -> Result<()> {
     let bench = Bench::new()?;
     let city = town(&bench)?;
     let path = city.join("blockmaps.pmtiles");
@@ -281,7 +279,7 @@ fn a_damaged_city_is_still_drawn_where_it_is_whole() -> Result<()> {
     let at = bytes.len() - 40;
     bytes[at] ^= 0x20;
     fs::write(&path, &bytes)?;
-    let server = Served::start(&city, "127.0.0.1:0")?;
+    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
     let camera = json!({ "position": [84140.0, 446900.0, 120.0], "target": [84140.0, 447140.0, 0.0],
         "up": [0, 0, 1], "fov_y_deg": 60 });
     let camera = bench.write("camera.json", camera.to_string())?;
@@ -303,26 +301,28 @@ fn snapshot(bench: &Bench, url: &str, camera: &Path) -> Result<Output> {
 }
 
 #[test]
-fn addresses_that_lead_nowhere() -> Result<()> {
+fn unusable_addresses_are_errors() -> Result<()> {
     let bench = Bench::new()?;
     let camera = bench.write("camera.json", r#"{"position":[0,0,9],"target":[9,9,0],"up":[0,0,1],"fov_y_deg":60}"#)?;
-    // Nobody listens on a port that was just given back.
+    // Nothing listens on a port that was just closed.
     let free = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
-    fails("nobody listens", &snapshot(&bench, &format!("http://{free}"), &camera)?)?;
+    fails("nothing listens", &snapshot(&bench, &format!("http://{free}"), &camera)?)?;
     fails("no such host", &snapshot(&bench, "http://no-such-host.invalid:7700", &camera)?)?;
-    // Somebody listens, but speaks no HTTP.
+    // Listens, but does not respond.
     let mute = TcpListener::bind("127.0.0.1:0")?;
-    fails("nobody answers", &snapshot(&bench, &format!("http://{}", mute.local_addr()?), &camera)?)?;
+    fails("no response", &snapshot(&bench, &format!("http://{}", mute.local_addr()?), &camera)?)?;
     let city = town(&bench)?;
-    let server = Served::start(&city, "127.0.0.1:0")?;
+    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
     fails("no such city", &snapshot(&bench, &format!("http://{}/v1/cities/atlantis", server.address), &camera)?)?;
     let broken = bench.write("broken.json", "{\"position\":[0,0")?;
     let output = snapshot(&bench, &format!("http://{}", server.address), &broken)?;
     ensure!(output.status.code() == Some(2) && output.stderr.starts_with(b"error: "), "a camera cut short: {output:?}");
-    let taken =
-        run(Command::new(program("insula-server")?).arg("serve").arg(&city).args(["--listen", &server.address]))?;
+    let taken = run(Command::new(program("insula-server")?)
+        .arg("serve")
+        .arg(&city)
+        .args(["--listen", &server.address.to_string()]))?;
     let line = fails("a port in use", &taken)?;
-    ensure!(line.contains(&server.address), "{line}");
-    ensure!(!bench.path("a.png").exists(), "a picture of nothing was written");
+    ensure!(line.contains(&server.address.to_string()), "{line}");
+    ensure!(!bench.path("a.png").exists(), "an image was written");
     Ok(())
 }

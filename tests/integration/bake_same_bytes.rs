@@ -1,4 +1,4 @@
-//! The same input gives the same bytes, however often and with however many threads.
+//! The same input gives the same bytes, with any number of threads.
 
 use anyhow::{Context, Result, ensure};
 use insula_bake::{BakeOptions, Silent};
@@ -9,7 +9,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Every file of a city.
 fn files(city: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
     let mut files = BTreeMap::new();
     for entry in fs::read_dir(city)? {
@@ -22,11 +21,11 @@ fn files(city: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
 }
 
 /// Bakes with one thread, with two, and with two again.
-fn all_alike(inputs: &[PathBuf], cell_m: f64) -> Result<()> {
+fn check_same_bytes(inputs: &[PathBuf], cell_m: f64) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let mut first: Option<BTreeMap<String, Vec<u8>>> = None;
     for (turn, threads) in [1, 2, 2].into_iter().enumerate() {
-        // The same name in other folders: a city is called as its folder is.
+        // In different folders of the same name, because the folder's name is the city's name.
         let out = folder.path().join(turn.to_string()).join("city");
         fs::create_dir_all(out.parent().context("no parent")?)?;
         let options = BakeOptions {
@@ -51,12 +50,12 @@ fn all_alike(inputs: &[PathBuf], cell_m: f64) -> Result<()> {
 }
 
 #[test]
-fn a_textured_quarter() -> Result<()> {
-    all_alike(&[fixtures::chiba_quarter()?], 1.0)
+fn a_textured_part_bakes_to_the_same_bytes() -> Result<()> {
+    check_same_bytes(&[fixtures::chiba_quarter()?], 1.0)
 }
 
 #[test]
-fn a_town_of_blocks() -> Result<()> {
+fn a_town_of_blocks_bakes_to_the_same_bytes() -> Result<()> {
     let folder = tempfile::tempdir()?;
-    all_alike(&[fixtures::write_city_json(folder.path(), 14)?], 1.0)
+    check_same_bytes(&[fixtures::write_city_json(folder.path(), 14)?], 1.0)
 }

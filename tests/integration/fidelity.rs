@@ -1,17 +1,17 @@
-//! True to the source: twelve views of each real city, drawn from what was baked, against its ray-traced triangles.
+//! Baked cities look like their sources: twelve views of each real city against its ray-traced triangles, within bounds.
 
 use anyhow::{Result, ensure};
 use insula_tests::{
     baked::Baked,
-    cameras::Stand,
-    fidelity::{self, Manner, Summary},
+    cameras::StationKind,
+    fidelity::{self, MeasureOptions, Summary},
     truth::Truth,
 };
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::path::PathBuf;
 
 fn main() {
-    // One after the other: a bake takes all cores anyway, and its memory once.
+    // One after another: a bake uses all cores, and only one should be in memory.
     let arguments = Arguments { test_threads: Some(1), ..Arguments::from_args() };
     let found = fidelity::real_cities();
     let tests = ["chiba-textured", "delft-3dbag", "denhaag-cityjson"].map(|name| {
@@ -25,11 +25,11 @@ fn main() {
 
 fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
     ensure!(!inputs.is_empty(), "{name} is not on this machine");
-    // Meshes are not drawn here, but other tests need those of Chiba.
+    // Meshes are not drawn here, but other tests share Chiba with them.
     let city = fidelity::baked(name, inputs, name == "chiba-textured")?;
     let (truth, baked) = (Truth::new(fidelity::read(inputs)?), Baked::open(&city)?);
-    let summaries = fidelity::measure(&truth, &baked, &Manner::plain(&[0.1, 1.0]), None, |_, _| Ok(()))?;
-    let [finest, one] = &summaries[..] else { anyhow::bail!("two taus were asked for") };
+    let summaries = fidelity::measure(&truth, &baked, &MeasureOptions::plain(&[0.1, 1.0]), None, |_, _| Ok(()))?;
+    let [finest, one] = &summaries[..] else { anyhow::bail!("two tolerances are expected") };
     ensure!(finest.views.len() == 12, "{} cameras found a place to stand", finest.views.len());
     let figures = format!("{}; {}", figures(finest), figures(one));
     println!("{name}: {figures}");
@@ -37,10 +37,10 @@ fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
     ensure!(worst >= 0.96 && mean >= 0.982, "silhouettes at the finest level: {figures}");
     let [median, p95] = finest.deviation_cells();
     ensure!(median <= 0.12 && p95 <= 0.7, "deviations at the finest level: {figures}");
-    let [aerial, _] = one.iou(Some(Stand::Aerial));
+    let [aerial, _] = one.iou(Some(StationKind::Aerial));
     ensure!(aerial >= 0.95, "silhouettes from the air: {figures}");
     ensure!(one.deviation_cells()[1] <= 1.5, "deviations at one pixel: {figures}");
-    match finest.colour(Some(Stand::Aerial), true) {
+    match finest.colour(Some(StationKind::Aerial), true) {
         Some(colour) => ensure!(colour.psnr_db >= 27.0 && colour.ssim >= 0.91, "textures from the air: {figures}"),
         None => ensure!(name != "chiba-textured", "no textured pixel in any view"),
     }
@@ -48,9 +48,10 @@ fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
 }
 
 fn figures(of: &Summary) -> String {
-    let ([worst, mean], [aerial, _]) = (of.iou(None), of.iou(Some(Stand::Aerial)));
+    let ([worst, mean], [aerial, _]) = (of.iou(None), of.iou(Some(StationKind::Aerial)));
     let [median, p95] = of.deviation_cells();
-    let colour = of.colour(Some(Stand::Aerial), true).map(|c| format!(", {:.2} dB, SSIM {:.4}", c.psnr_db, c.ssim));
+    let colour =
+        of.colour(Some(StationKind::Aerial), true).map(|c| format!(", {:.2} dB, SSIM {:.4}", c.psnr_db, c.ssim));
     format!(
         "tau {}: IoU worst {worst:.4}, mean {mean:.4}, aerial worst {aerial:.4}, median {median:.3}, p95 {p95:.3} cells{}",
         of.tau_px,

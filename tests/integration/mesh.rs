@@ -1,5 +1,5 @@
-//! Real meshes come back from the codec as they were: scans, and every leaf of the real cities. Those that are not on this
-//! machine are reported as ignored.
+//! Real meshes round trip: scans, and every leaf of the real cities. Those that are not on this machine are reported as
+//! ignored.
 
 use anyhow::{Context, Result, ensure};
 use insula_bake::{
@@ -31,24 +31,24 @@ fn main() {
     libtest_mimic::run(&arguments, tests).exit();
 }
 
-/// At all numbers of bits; and what is left of it after simplification.
+/// With all numbers of bits, and after simplification.
 fn scan(path: &Path) -> Result<()> {
     let format = ModelFormat::of(path).context("a name that is known")?;
     let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
     model.weld();
     for bits in [8, 10, 12, 14, 16] {
-        comes_back(&quantise::to_mesh(&model, bits, bits))?;
+        check_round_trip(&quantise::to_mesh(&model, bits, bits))?;
     }
     let before = HalfEdgeMesh::new(&model.triangles, model.positions.len() as u32);
     for share in [2, 10, 100] {
         let goal = model.triangles.len() / share;
         let out = simplify(&model, Goal { triangles: goal, error: f64::INFINITY }, |_| false);
         let found = out.model.triangles.len();
-        ensure!(found.abs_diff(goal) * 100 <= goal, "{found} triangles where {goal} were asked for");
+        ensure!(found.abs_diff(goal) * 100 <= goal, "{found} triangles, {goal} are requested");
         let after = HalfEdgeMesh::new(&out.model.triangles, out.model.positions.len() as u32);
         ensure!(after.is_sound() && after.euler() == before.euler(), "{} is {}", after.euler(), before.euler());
         ensure!(after.report.borders == before.report.borders, "{} borders", after.report.borders);
-        comes_back(&quantise::to_mesh(&out.model, 12, 12))?;
+        check_round_trip(&quantise::to_mesh(&out.model, 12, 12))?;
     }
     Ok(())
 }
@@ -57,11 +57,11 @@ fn city(inputs: &[PathBuf]) -> Result<()> {
     let scene = fidelity::read(inputs)?;
     let meshes = leaves::leaves(&scene, 64.0, 12);
     ensure!(meshes.len() > 50, "only {} leaves", meshes.len());
-    meshes.iter().try_for_each(comes_back)?;
-    comes_back(&leaves::whole(&scene, 16))
+    meshes.iter().try_for_each(check_round_trip)?;
+    check_round_trip(&leaves::whole_mesh(&scene, 16))
 }
 
-fn comes_back(mesh: &Mesh) -> Result<()> {
+fn check_round_trip(mesh: &Mesh) -> Result<()> {
     let encoded = mesh.encode()?;
     let back = Mesh::decode(&encoded.bytes)?;
     let positions = encoded.vertices.iter().map(|vertex| mesh.positions[*vertex as usize]);

@@ -1,4 +1,4 @@
-//! Streaming over 0.6 Mbit/s and 80 ms: something whole at once, then better and better; what is out of sight is let go.
+//! Streaming over a link of 0.6 Mbit/s and 80 ms: an early complete frame, steady refinement, cancelled requests.
 
 #![allow(clippy::unwrap_used)]
 
@@ -6,76 +6,79 @@ use anyhow::{Result, ensure};
 use insula_shaders::{cpu::raycast::Pixels, layout::NO_NODE};
 use insula_tests::{
     fixtures,
-    programs::Served,
+    programs::{ServerProcess, wait_until},
     proxy::{Link, Proxy},
     viewer::{Viewer, overlook},
 };
 use std::time::Duration;
 
 const LINK: Link = Link { bits_per_sec: 6e5, round_trip: Duration::from_millis(80) };
-/// Pixels a picture may lack though the city is all around them in the last one: a pole or two that coarse levels do not
-/// keep. A single node that is not there is thousands.
-const MOST_HOLES: usize = 640 * 360 / 5000;
-/// Largest part of all bytes that may pass before there is a picture.
-const FIRST_SHARE: f64 = 0.05;
+/// Most pixels of a frame that may be holes: coarse levels lack thin things such as poles. A missing node has thousands of
+/// pixels.
+const MAX_HOLES: usize = 640 * 360 / 5000;
+/// Largest part of all bytes that may arrive before the first frame.
+const MAX_FIRST_SHARE: f64 = 0.05;
 
 #[test]
-fn a_whole_picture_at_once_then_better_and_better() -> Result<()> {
-    let server = Served::start(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
-    let proxy = Proxy::start(&server.address, LINK)?;
+fn an_early_complete_frame_is_refined_steadily() -> Result<()> {
+    let server = ServerProcess::serve(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
+    let proxy = Proxy::start(server.address, LINK)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     let mut first_bytes = None;
-    let mut pictures: Vec<(f64, Pixels)> = Vec::new();
-    viewer.until(Duration::from_secs(60), |viewer| {
+    let mut frames: Vec<(f64, Pixels)> = Vec::new();
+    viewer.step_until(Duration::from_secs(60), |viewer| {
         let counters = viewer.session.selection().stats;
         if counters.drawn > 0 {
             first_bytes.get_or_insert(proxy.bytes());
-            // A picture whenever it may have changed.
-            if pictures.last().is_none_or(|(worst_px, _)| counters.worst_error_px != *worst_px) {
-                pictures.push((counters.worst_error_px, viewer.draw()?));
+            // Draws whenever the frame may have changed.
+            if frames.last().is_none_or(|(worst_px, _)| counters.worst_error_px != *worst_px) {
+                frames.push((counters.worst_error_px, viewer.draw()?));
             }
         }
         Ok(viewer.session.is_settled())
     })?;
     let last = viewer.draw()?;
     let (first_bytes, all_bytes) = (first_bytes.unwrap_or(u64::MAX), proxy.bytes());
-    println!("first picture after {first_bytes} bytes of {all_bytes}, {} stages", pictures.len());
+    println!("first frame after {first_bytes} bytes of {all_bytes}, {} stages", frames.len());
     ensure!(
-        first_bytes as f64 <= FIRST_SHARE * all_bytes as f64,
-        "first picture after {first_bytes} of {all_bytes} bytes"
+        first_bytes as f64 <= MAX_FIRST_SHARE * all_bytes as f64,
+        "first frame after {first_bytes} of {all_bytes} bytes"
     );
-    // How many more there are depends on how long a picture takes.
-    ensure!(pictures.len() > 2, "only {} stages: the link is not slow", pictures.len());
-    let mut likeness = 0.0;
-    for (stage, (worst_px, picture)) in pictures.iter().enumerate() {
-        let holes = holes(picture, &last, *worst_px);
-        ensure!(holes <= MOST_HOLES, "stage {stage}: {holes} pixels are holes at {worst_px} px");
-        let now = like(picture, &last);
-        ensure!(now >= likeness - 0.01, "stage {stage} is worse than the one before: {now:.4} after {likeness:.4}");
-        likeness = now;
+    // How many more depends on the time that a frame takes.
+    ensure!(frames.len() > 2, "only {} stages: the link is not slow", frames.len());
+    let mut best_similarity = 0.0;
+    for (stage, (worst_px, frame)) in frames.iter().enumerate() {
+        let holes = holes(frame, &last, *worst_px);
+        ensure!(holes <= MAX_HOLES, "stage {stage}: {holes} pixels are holes at {worst_px} px");
+        let now = similarity(frame, &last);
+        ensure!(
+            now >= best_similarity - 0.01,
+            "stage {stage} is worse than the one before: {now:.4} after {best_similarity:.4}"
+        );
+        best_similarity = now;
     }
-    ensure!(holes_would_be_seen(&last), "a missing node would go unseen");
-    // Not at each step: what was hidden behind coarse buildings may be seen beside fine ones, and is coarse at first.
-    ensure!(pictures.last().is_some_and(|(worst_px, _)| *worst_px < pictures[0].0), "the worst error has not fallen");
-    ensure!(like(&pictures[0].1, &last) < likeness, "the first picture was as good as the last");
+    ensure!(check_detects_holes(&last), "the check does not find a missing node");
+    // Not in each step: a node that becomes visible beside refined buildings is coarse at first.
+    ensure!(frames.last().is_some_and(|(worst_px, _)| *worst_px < frames[0].0), "the worst error has not fallen");
+    ensure!(similarity(&frames[0].1, &last) < best_similarity, "the first frame was as good as the last");
     Ok(())
 }
 
-/// The check above can fail: the last picture without the node that most of it shows has holes.
-fn holes_would_be_seen(last: &Pixels) -> bool {
+/// The check finds a hole: the last frame without the node that covers most of it.
+fn check_detects_holes(last: &Pixels) -> bool {
     let mut counts = std::collections::BTreeMap::<u32, usize>::new();
     last.hit.iter().filter(|node| **node != NO_NODE).for_each(|node| *counts.entry(*node).or_default() += 1);
-    let most = counts.into_iter().max_by_key(|(_, pixels)| *pixels).map(|(node, _)| node);
+    let largest = counts.into_iter().max_by_key(|(_, pixels)| *pixels).map(|(node, _)| node);
     let mut without = last.clone();
-    for i in (0..without.hit.len()).filter(|i| Some(last.hit[*i]) == most) {
+    for i in (0..without.hit.len()).filter(|i| Some(last.hit[*i]) == largest) {
         without.distance[i] = f32::INFINITY;
     }
-    holes(&without, last, 1.0) > MOST_HOLES
+    holes(&without, last, 1.0) > MAX_HOLES
 }
 
-/// Pixels where the sky shows although in the last picture the city is all around, further than what is drawn may err.
-fn holes(picture: &Pixels, last: &Pixels, worst_px: f64) -> usize {
+/// Sky pixels in places where the last frame shows the city all around, beyond the tolerated error.
+fn holes(frame: &Pixels, last: &Pixels, worst_px: f64) -> usize {
     let reach = worst_px.ceil() as i64 + 1;
     let (width, height) = (i64::from(last.width_px), i64::from(last.height_px));
     let inside = |x: i64, y: i64| {
@@ -85,12 +88,12 @@ fn holes(picture: &Pixels, last: &Pixels, worst_px: f64) -> usize {
             seen && last.distance[(y * width + x) as usize].is_finite()
         })
     };
-    let sky = (0..width * height).filter(|i| picture.distance[*i as usize].is_infinite());
+    let sky = (0..width * height).filter(|i| frame.distance[*i as usize].is_infinite());
     sky.filter(|i| inside(i % width, i / width)).count()
 }
 
-/// 1 where pictures are the same, less the more their colours differ.
-fn like(a: &Pixels, b: &Pixels) -> f64 {
+/// 1 for equal frames, less for larger differences of colours.
+fn similarity(a: &Pixels, b: &Pixels) -> f64 {
     let difference: u64 = a
         .colour
         .iter()
@@ -102,27 +105,31 @@ fn like(a: &Pixels, b: &Pixels) -> f64 {
 }
 
 #[test]
-fn a_camera_turned_away_lets_go_of_what_it_wanted() -> Result<()> {
-    let server = Served::start(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
-    let proxy = Proxy::start(&server.address, LINK)?;
+fn turning_away_cancels_requests() -> Result<()> {
+    let server = ServerProcess::serve(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
+    let proxy = Proxy::start(server.address, LINK)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     let away = overlook(viewer.session.tree().manifest(), true);
-    viewer.until(Duration::from_secs(30), |viewer| Ok(viewer.loading().len() >= 8))?;
-    let wanted = viewer.loading();
-    viewer.look(&away)?;
+    viewer.step_until(Duration::from_secs(30), |viewer| Ok(viewer.loading().len() >= 8))?;
+    let before = viewer.loading();
+    viewer.set_camera(&away)?;
     viewer.step()?;
-    let still: Vec<_> = viewer.loading().into_iter().filter(|id| wanted.contains(id)).collect();
+    let still: Vec<_> = viewer.loading().into_iter().filter(|id| before.contains(id)).collect();
     let selected = &viewer.session.selection().requests;
-    let unwanted = still.iter().filter(|id| !selected.iter().any(|w| w.key.id == **id)).count();
-    ensure!(unwanted == 0, "{unwanted} of {} requests go on for tiles that nobody wants", wanted.len());
-    ensure!(still.len() < wanted.len(), "the other view wants the same {} tiles", wanted.len());
-    viewer.until(Duration::from_secs(30), |viewer| Ok(viewer.session.is_settled()))?;
-    let begun = proxy.bytes();
-    std::thread::sleep(Duration::from_millis(500));
-    ensure!(proxy.bytes() - begun < 64 << 10, "bytes for the old view still arrive");
-    // And back again: nothing was lost for good.
+    let stale = still.iter().filter(|id| !selected.iter().any(|request| request.key.id == **id)).count();
+    ensure!(stale == 0, "{stale} of {} requests continue, although the view does not need them", before.len());
+    ensure!(still.len() < before.len(), "the other view needs the same {} tiles", before.len());
+    viewer.step_until(Duration::from_secs(30), |viewer| Ok(viewer.session.is_settled()))?;
+    let settled = proxy.bytes();
+    let mut last = settled;
+    wait_until("the end of cancelled responses", || {
+        std::thread::sleep(Duration::from_millis(90));
+        std::mem::replace(&mut last, proxy.bytes()) == proxy.bytes()
+    });
+    ensure!(last - settled < 64 << 10, "{} bytes arrived for the old view", last - settled);
+    // Turns back: nothing is lost permanently.
     let back = overlook(viewer.session.tree().manifest(), false);
-    viewer.look(&back)?;
-    viewer.until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))
+    viewer.set_camera(&back)?;
+    viewer.step_until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))
 }

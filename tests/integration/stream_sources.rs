@@ -1,4 +1,4 @@
-//! A city without a server: from its folder, from plain hosts that are well and ill, from the disk when nobody answers.
+//! A city without a server: from its folder, from plain web hosts with faults, and from the disk cache.
 
 #![allow(clippy::unwrap_used)]
 
@@ -15,16 +15,22 @@ use insula_client::{
         source::disk::{CachedCity, EXTENSION},
     },
 };
+use insula_server::{config::ServeConfig, http::HttpServer, store::Store};
 use insula_shaders::cpu::raycast::Pixels;
+use insula_test_support::{
+    faulty_host::{FaultyHost, HostFaults},
+    programs::{program, run},
+};
 use insula_tests::{
-    host::{Host, Manner},
-    synth::{City, Stand},
+    synth::{City, Viewpoint},
     viewer::{fetch_all, open},
 };
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
 use std::{
-    path::PathBuf,
-    sync::{Arc, OnceLock},
+    collections::HashSet,
+    path::{Path, PathBuf},
+    process::Command,
+    sync::{Arc, OnceLock, atomic::Ordering::Relaxed},
     time::{Duration, Instant},
 };
 use tempfile::TempDir;
@@ -40,18 +46,18 @@ fn city() -> PathBuf {
     folder.path().join("town")
 }
 
-fn shot() -> FrameRequest {
-    let view = Stand::Roof.camera();
+fn request() -> FrameRequest {
+    let view = Viewpoint::Roof.camera();
     let camera = Camera::look_at(view.position.into(), view.target.into(), glam::DVec3::Z, 1.0).unwrap();
     FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0 }
 }
 
 fn settle(session: &mut Session) -> Result<Pixels> {
-    headless::settle(session, &shot(), Duration::from_secs(3))?;
-    Ok(session.draw(&shot(), &RenderSettings::default())?)
+    headless::settle(session, &request(), Duration::from_secs(3))?;
+    Ok(session.draw(&request(), &RenderSettings::default())?)
 }
 
-fn global(timeout: u32) -> GlobalArgs {
+fn options(timeout: u32) -> GlobalArgs {
     GlobalArgs {
         adapter: AdapterChoice::Cpu,
         no_meshes: false,
@@ -60,56 +66,93 @@ fn global(timeout: u32) -> GlobalArgs {
         city: None,
         tau: 1.0,
         timeout,
+        follow_redirects: false,
     }
 }
 
-fn web(host: &Host) -> Result<Session> {
-    Ok(headless::open_session(&format!("{}/town/", host.url), &global(3), None, None)?)
+fn open_hosted(host: &FaultyHost) -> Result<Session> {
+    Ok(headless::open_session(&format!("{}/town/", host.url()), &options(3), None, None)?)
 }
 
-fn host(manner: Manner) -> Result<Host> {
-    Host::start(city().parent().unwrap(), manner)
+fn start_host() -> FaultyHost {
+    FaultyHost::start(city().parent().unwrap())
 }
 
 #[test]
-fn a_folder_and_plain_hosts_give_the_same_picture() -> Result<()> {
+fn a_folder_and_plain_hosts_give_the_same_frame() -> Result<()> {
     let from_folder = settle(&mut open(&city(), 256)?)?;
-    ensure!(from_folder.hit.iter().collect::<std::collections::HashSet<_>>().len() > 10, "little is seen");
-    for manner in [Manner::Well, Manner::Breaks] {
-        let host = host(manner)?;
-        let mut session = web(&host)?;
-        ensure!(settle(&mut session)?.colour == from_folder.colour, "{manner:?}");
-        // Two archives are opened once, and every tile is one request: directories are kept.
-        let tiles = session.report(1.0).tiles;
-        let asked = session.report(1.0).requests;
-        ensure!(manner != Manner::Well || asked <= tiles.blockmaps * 2 + tiles.subtrees + 8, "{asked} for {tiles:?}");
+    ensure!(from_folder.hit.iter().collect::<HashSet<_>>().len() > 10, "the frame shows few tiles");
+    for truncates in [false, true] {
+        let host = start_host();
+        host.faults.truncates_every_third.store(truncates, Relaxed);
+        let mut session = open_hosted(&host)?;
+        ensure!(settle(&mut session)?.colour == from_folder.colour, "truncated responses: {truncates}");
+        // Archives are opened once, and each tile is one request, because directories are kept.
+        let report = session.report(1.0);
+        let max_requests = report.tiles.blockmaps * 2 + report.tiles.subtrees + 8;
+        ensure!(truncates || report.requests <= max_requests, "{} requests for {:?}", report.requests, report.tiles);
     }
     Ok(())
+}
+
+/// A server of the city, which is private, ends with its runtime. Returns the address of the manifest, and a link to it.
+fn private_server(runtime: &tokio::runtime::Runtime, keys: &Path) -> Result<(String, String)> {
+    std::fs::write(keys, "key 0123456789abcdef0123456789abcdef\n")?;
+    let mut config = ServeConfig::default();
+    config.access.share_keys = Some(keys.to_owned());
+    let server = HttpServer::new(Store::open(&[city()])?, &config)?;
+    let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0"))?;
+    let url = format!("http://{}", listener.local_addr()?);
+    runtime.spawn(server.run(listener, std::future::pending()));
+    let mut sign = Command::new(program("insula-server")?);
+    sign.args(["sign", "--city", "town", "--expires", "1h", "--url", &url, "--keys"]).arg(keys);
+    let link = String::from_utf8(run(&mut sign)?.stdout)?;
+    Ok((format!("{url}/v1/cities/town"), link.trim_end().to_owned()))
 }
 
 #[test]
-fn hosts_that_cannot_are_errors_in_words() -> Result<()> {
-    for (manner, word) in [(Manner::Whole, "ranges"), (Manner::Replaces(8), "replaced"), (Manner::Beside, "range")] {
-        let host = host(manner)?;
-        let begin = Instant::now();
-        let error = settle(&mut web(&host)?).expect_err("this host gives no city").to_string();
-        ensure!(error.contains(word) && !error.contains('\n'), "{manner:?}: {error}");
-        ensure!(host.requests() < 60, "{manner:?}: {} requests in {:?}", host.requests(), begin.elapsed());
-    }
-    let nothing = headless::open_session(&format!("{}/nowhere/", host(Manner::Well)?.url), &global(3), None, None);
-    ensure!(nothing.err().is_some_and(|e| e.to_string().contains("no such city")));
+fn a_share_link_opens_a_private_city() -> Result<()> {
+    let (runtime, folder) = (tokio::runtime::Runtime::new()?, tempfile::tempdir()?);
+    let (address, link) = private_server(&runtime, &folder.path().join("keys"))?;
+    ensure!(headless::open_session(&address, &options(1), None, None).is_err(), "it is not private");
+    let from_link = settle(&mut headless::open_session(&link, &options(3), None, None)?)?;
+    ensure!(from_link == settle(&mut open(&city(), 256)?)?, "the frames differ");
+    let error = headless::open_session(&format!("{link}0"), &options(1), None, None).err().map(|e| e.to_string());
+    ensure!(error.as_ref().is_some_and(|text| !text.contains("share")), "the link is in a message: {error:?}");
     Ok(())
 }
 
-/// What was fetched once is there when nobody answers, and what is damaged on the disk is not shown.
+type SetFault = fn(&HostFaults);
+
+#[test]
+fn unsuitable_hosts_are_errors_of_one_line() -> Result<()> {
+    let faults: [(&str, SetFault); 3] = [
+        ("ranges", |faults| faults.ignores_ranges.store(true, Relaxed)),
+        ("replaced", |faults| faults.replaced_after.store(8, Relaxed)),
+        ("range", |faults| faults.shifts_ranges.store(true, Relaxed)),
+    ];
+    for (word, set_fault) in faults {
+        let host = start_host();
+        set_fault(&host.faults);
+        let error = settle(&mut open_hosted(&host)?).expect_err("the host is unsuitable").to_string();
+        ensure!(error.contains(word) && !error.contains('\n'), "{word:?} is expected: {error}");
+        ensure!(host.requests() < 60, "{word:?}: {} requests", host.requests());
+    }
+    let missing = headless::open_session(&format!("{}/nowhere/", start_host().url()), &options(3), None, None);
+    ensure!(missing.err().is_some_and(|error| error.to_string().contains("no such city")));
+    Ok(())
+}
+
+/// Tiles in the disk cache are not fetched again, unless they are damaged.
 #[test]
 fn a_visited_city_needs_no_network() -> Result<()> {
-    let kept = tempfile::tempdir()?;
-    let session = |url: &str| -> Result<Session> {
+    let cache_folder = tempfile::tempdir()?;
+    // `address` stands for the one that the tiles are cached under.
+    let session_at = |url: &str, address: &str| -> Result<Session> {
         let http = Arc::new(Http::new(None)?);
-        let found = connect(&http, url, &global(3))?;
-        let cache = Arc::new(DiskCache::open(kept.path(), EXTENSION, 64 << 20)?);
-        let source = Arc::new(CachedCity::new(found.source, cache, &found.manifest));
+        let found = connect(&http, url, &options(3))?;
+        let cache = Arc::new(DiskCache::open(cache_folder.path(), EXTENSION, 64 << 20)?);
+        let source = Arc::new(CachedCity::new(found.source, cache, address, &found.manifest));
         let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
         Ok(Session::new(
             SceneTree::new(found.manifest),
@@ -118,29 +161,29 @@ fn a_visited_city_needs_no_network() -> Result<()> {
             Instant::now(),
         ))
     };
-    let good = host(Manner::Well)?;
-    let town = format!("{}/town/", good.url);
-    let first = settle(&mut session(&town)?)?;
-    // What was asked for depends on what came when: on the disk shall be all that the view can ask for.
-    fetch_all(&mut session(&town)?, &shot(), Duration::from_secs(20))?;
-    let asked = good.requests();
-    let mut again = session(&town)?;
-    ensure!(settle(&mut again)?.colour == first.colour);
-    ensure!(good.requests() == asked + 1, "only the manifest is asked for again: {}", good.requests() - asked);
-    // A host that gives nothing but the manifest.
-    let bare = tempfile::tempdir()?;
-    std::fs::create_dir(bare.path().join("town"))?;
-    std::fs::copy(city().join("city.json"), bare.path().join("town/city.json"))?;
-    let dead = format!("{}/town/", Host::start(bare.path(), Manner::Well)?.url);
-    ensure!(settle(&mut session(&dead)?)?.colour == first.colour);
-    for entry in std::fs::read_dir(kept.path())?.flatten().take(5) {
+    let session = |url: &str| session_at(url, url);
+    let host = start_host();
+    let url = format!("{}/town/", host.url());
+    let first = settle(&mut session(&url)?)?;
+    // Which tiles are requested depends on the order of arrival, so cache all tiles that the view can request.
+    fetch_all(&mut session(&url)?, &request(), Duration::from_secs(20))?;
+    let before = host.requests();
+    ensure!(settle(&mut session(&url)?)?.colour == first.colour);
+    ensure!(host.requests() == before + 1, "{} requests, only the manifest is expected", host.requests() - before);
+    let manifest_only = tempfile::tempdir()?;
+    std::fs::create_dir(manifest_only.path().join("town"))?;
+    std::fs::copy(city().join("city.json"), manifest_only.path().join("town/city.json"))?;
+    let url_without_tiles = format!("{}/town/", FaultyHost::start(manifest_only.path()).url());
+    ensure!(settle(&mut session_at(&url_without_tiles, &url)?)?.colour == first.colour);
+    ensure!(settle(&mut session(&url_without_tiles)?).is_err(), "tiles of another host are drawn");
+    for entry in std::fs::read_dir(cache_folder.path())?.flatten().take(5) {
         let mut bytes = std::fs::read(entry.path())?;
         let middle = bytes.len() / 2;
         bytes[middle] ^= 1;
         std::fs::write(entry.path(), bytes)?;
     }
-    let asked = good.requests();
-    ensure!(settle(&mut session(&town)?)?.colour == first.colour);
-    ensure!(good.requests() > asked + 1, "what is damaged is fetched again");
+    let before = host.requests();
+    ensure!(settle(&mut session(&url)?)?.colour == first.colour);
+    ensure!(host.requests() > before + 1, "damaged tiles are fetched again");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Cities by rule are the same every time, are whole, and stand where the plan says.
+//! Generated cities are the same in every run, valid, and as planned.
 #![allow(clippy::unwrap_used)]
 
 use glam::{DVec2, DVec3};
@@ -13,7 +13,7 @@ use insula_tests::{
 use std::{fs, path::Path, process::Command};
 
 const BUILDINGS: u64 = 300;
-/// The middle and eight places around it.
+/// The centre and eight points around it.
 const AROUND: [[f64; 2]; 9] =
     [[0.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
 
@@ -22,7 +22,7 @@ fn make(out: &Path, threads: usize) {
 }
 
 #[test]
-fn the_same_bytes_twice_and_every_tile_is_good() {
+fn generated_cities_are_reproducible_and_valid() {
     let folder = tempfile::tempdir().unwrap();
     let [first, second] = ["one/city", "two/city"].map(|name| folder.path().join(name));
     for out in [&first, &second] {
@@ -37,7 +37,7 @@ fn the_same_bytes_twice_and_every_tile_is_good() {
     assert!(output.unwrap().status.success());
 }
 
-/// Away from walls, a column is as high as the triangles there.
+/// Away from walls, columns are as high as the triangles.
 #[test]
 fn columns_are_as_high_as_the_triangles() {
     let folder = tempfile::tempdir().unwrap();
@@ -50,7 +50,7 @@ fn columns_are_as_high_as_the_triangles() {
     let [low, high] = plan.bounds();
     let mut corners = Vec::new();
     for at in plan.blocks_in(low, high) {
-        triangles::of_block(&plan.block(at).unwrap(), DVec3::ZERO, &mut corners);
+        triangles::push_block(&plan.block(at).unwrap(), DVec3::ZERO, &mut corners);
     }
     assert_eq!(corners.len() as u64, 3 * manifest.counts.triangles);
     let (mut rng, mut raised, mut compared) = (Rng::new(5), 0, 0);
@@ -75,7 +75,7 @@ fn columns_are_as_high_as_the_triangles() {
     assert!(compared > 1000 && raised > 200, "{compared} places, {raised} of them on buildings");
 }
 
-/// Highest point of the triangles over a place.
+/// Height of the triangles at a position.
 fn highest(corners: &[triangles::Corner], p: DVec2) -> f64 {
     let over = corners.as_chunks::<3>().0.iter().filter_map(|[a, b, c]| {
         let [a, b, c] = [a, b, c].map(|corner| corner.p.as_dvec3());

@@ -4,7 +4,6 @@
 
 use insula_tests::source_code::{is_test, tracked_files, without_inline_tests};
 
-/// Longest source file.
 const MAX_LINES: usize = 600;
 
 fn is_source(name: &str) -> bool {
@@ -19,7 +18,7 @@ fn stages(architecture: &str) -> Vec<&str> {
 }
 
 #[test]
-fn pipeline_stages_and_only_they_say_in_out_next() {
+fn only_pipeline_stages_have_in_out_and_next() {
     let files = tracked_files().unwrap();
     let stages = stages(&files["docs/architecture.md"]);
     assert!(stages.len() > 10, "only {} stages in docs/architecture.md", stages.len());
@@ -37,7 +36,7 @@ fn pipeline_stages_and_only_they_say_in_out_next() {
 }
 
 #[test]
-fn every_module_says_what_it_is() {
+fn every_module_has_a_doc() {
     for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| name.ends_with(".rs")) {
         assert!(text.starts_with("//!"), "{name} has no doc");
     }
@@ -64,7 +63,7 @@ fn public_items_have_docs() {
 }
 
 #[test]
-fn no_file_is_too_long_to_read() {
+fn no_file_is_too_long() {
     for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| is_source(name)) {
         let lines = text.lines().count();
         assert!(lines <= MAX_LINES, "{name} has {lines} lines, {MAX_LINES} are allowed: split it");
@@ -72,7 +71,7 @@ fn no_file_is_too_long_to_read() {
 }
 
 #[test]
-fn nothing_is_left_to_do_in_comments() {
+fn no_unfinished_work_is_marked() {
     for (name, text) in tracked_files().unwrap() {
         for word in [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("XX", "X:"), concat!("dbg", "!(")] {
             assert!(!text.contains(word), "{name} says {word}");
@@ -80,9 +79,9 @@ fn nothing_is_left_to_do_in_comments() {
     }
 }
 
-/// Paths of one machine, hosts of one network: of no use to anybody else.
+/// Paths and hosts that exist on one machine or network only.
 #[test]
-fn nothing_names_a_machine() {
+fn no_file_names_a_machine() {
     let banned = [
         concat!("/wo", "rk/"),
         concat!("/ro", "ot/"),

@@ -1,5 +1,4 @@
-//! Composition: the ray-caster's pixels arrive on a render target, in sRGB and in other formats, scaled to the nearest
-//! pixel.
+//! Composition: the pixels of the ray-caster reach a render target, in sRGB and other formats, scaled to the nearest pixel.
 
 use anyhow::Result;
 use insula_shaders::{
@@ -12,7 +11,7 @@ use insula_tests::{
     random::{self, Pose},
     rng::Rng,
     trials::Trials,
-    view::Picture,
+    view::FrameSpec,
 };
 
 fn main() {
@@ -20,13 +19,13 @@ fn main() {
 }
 
 const FRAME_PX: [u32; 2] = [97, 61];
-/// Of the frame's size, larger, smaller.
+/// The size of the frame, larger and smaller.
 const TARGETS_PX: [[u32; 2]; 3] = [FRAME_PX, [192, 122], [64, 33]];
 
 fn target_shows_the_pixels_of_the_ray_caster(gpu: &Gpu) -> Result<()> {
     let city = random::city(2)?;
-    let picture = Picture { width_px: FRAME_PX[0], height_px: FRAME_PX[1], shading: Shading::Lit, samples: 1 };
-    let scene = city.cut.scene(&random::camera(&mut Rng::new(5), &city, Pose::Above), &picture);
+    let spec = FrameSpec { width_px: FRAME_PX[0], height_px: FRAME_PX[1], shading: Shading::Lit, samples: 1 };
+    let scene = city.draw_list.scene(&random::camera(&mut Rng::new(5), &city, Pose::Above), &spec);
     let (data, mut raycaster) = (scene.as_ref(), gpu.raycaster(&scene));
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let on = DeviceQueue { device: &gpu.device, queue: &gpu.queue };
@@ -40,9 +39,12 @@ fn target_shows_the_pixels_of_the_ray_caster(gpu: &Gpu) -> Result<()> {
         for target_px in TARGETS_PX {
             let found = compose(gpu, &raycaster, format, target_px)?;
             for (i, found) in (0..).zip(&found) {
-                let meant = nearest_pixel(&frame, [i % target_px[0], i / target_px[0]], target_px).to_le_bytes();
-                let differs = found.to_le_bytes().iter().zip(meant).any(|(a, b)| a.abs_diff(b) > steps);
-                anyhow::ensure!(!differs, "{format:?}, {target_px:?}, pixel {i}: {found:08x} instead of {meant:02x?}");
+                let reference = nearest_pixel(&frame, [i % target_px[0], i / target_px[0]], target_px).to_le_bytes();
+                let differs = found.to_le_bytes().iter().zip(reference).any(|(a, b)| a.abs_diff(b) > steps);
+                anyhow::ensure!(
+                    !differs,
+                    "{format:?}, {target_px:?}, pixel {i}: {found:08x} instead of {reference:02x?}"
+                );
             }
         }
     }
@@ -54,7 +56,7 @@ fn nearest_pixel(frame: &Pixels, at: [u32; 2], target_px: [u32; 2]) -> u32 {
     frame.colour[(y * FRAME_PX[0] + x) as usize]
 }
 
-/// Texels of a target of that format and size, row by row.
+/// Texels of a target with that format and size, row by row.
 fn compose(
     gpu: &Gpu,
     raycaster: &Raycaster,

@@ -7,12 +7,12 @@ use insula_shaders::{
     layout::{NO_NODE, Shading},
 };
 use insula_tests::{
-    cut::Scene,
+    draw_list::Scene,
     gpu::Gpu,
     random::{self, Pose},
     rng::Rng,
     trials::Trials,
-    view::Picture,
+    view::FrameSpec,
 };
 
 fn main() {
@@ -31,8 +31,8 @@ fn gpu_counts_the_same_hits_as_the_cpu(gpu: &Gpu) -> Result<()> {
         let city = random::city(seed)?;
         let mut rng = Rng::new(9000 + seed);
         for (pose, [width_px, height_px]) in Pose::ALL.into_iter().zip(SIZES_PX.into_iter().cycle()) {
-            let picture = Picture { width_px, height_px, shading: Shading::Lit, samples: 1 };
-            let scene = city.cut.scene(&random::camera(&mut rng, &city, pose), &picture);
+            let spec = FrameSpec { width_px, height_px, shading: Shading::Lit, samples: 1 };
+            let scene = city.draw_list.scene(&random::camera(&mut rng, &city, pose), &spec);
             let mut raycaster = gpu.raycaster(&scene);
             let mut pass = HitCounts::new(&gpu.device, scene.nodes.len() as u32);
             anyhow::ensure!(encode(gpu, &mut raycaster, &mut pass, &scene)?, "nothing was recorded");
@@ -53,8 +53,8 @@ fn gpu_counts_the_same_hits_as_the_cpu(gpu: &Gpu) -> Result<()> {
 
 fn one_count_is_in_flight_at_a_time(gpu: &Gpu) -> Result<()> {
     let city = random::city(1)?;
-    let picture = Picture { width_px: 32, height_px: 32, shading: Shading::Lit, samples: 1 };
-    let scene = city.cut.scene(&random::camera(&mut Rng::new(3), &city, Pose::Above), &picture);
+    let spec = FrameSpec { width_px: 32, height_px: 32, shading: Shading::Lit, samples: 1 };
+    let scene = city.draw_list.scene(&random::camera(&mut Rng::new(3), &city, Pose::Above), &spec);
     let mut raycaster = gpu.raycaster(&scene);
     let mut pass = HitCounts::new(&gpu.device, scene.nodes.len() as u32);
     anyhow::ensure!(pass.take(&gpu.device).is_none(), "a count that was not requested");

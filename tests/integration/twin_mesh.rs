@@ -1,4 +1,4 @@
-//! Meshes: WGSL draws what the CPU draws, and the CPU hits the triangle that all of them tested one by one would give.
+//! Meshes: the GPU draws what the CPU draws, and the CPU hits the triangle that an exhaustive search finds.
 
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
@@ -10,39 +10,39 @@ use insula_protocol::{
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading, mesh::PackedMesh};
 use insula_tests::{
-    cut::{Cut, Place},
+    draw_list::{CityArea, DrawList},
     gpu::Gpu,
     random::{self, Pose, RandomCity},
     random_mesh::{self, RandomMesh},
     rng::Rng,
     trials::Trials,
     twin,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use std::sync::OnceLock;
 
-const PICTURE: Picture = Picture { width_px: 161, height_px: 91, shading: Shading::Lit, samples: 1 };
+const FRAME: FrameSpec = FrameSpec { width_px: 161, height_px: 91, shading: Shading::Lit, samples: 1 };
 const CITIES: u64 = 12;
 
 fn main() {
     Trials::open()
         .on_gpu("gpu_draws_meshes_as_the_cpu_does", gpu_draws_meshes_as_the_cpu_does)
         .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
-        .plain("cpu_hits_what_every_triangle_by_itself_would_show", cpu_hits_what_every_triangle_by_itself_would_show)
-        .plain("a_mesh_sees_the_sky_of_the_columns_that_it_lies_in", a_mesh_sees_the_sky_of_the_columns_that_it_lies_in)
+        .plain("cpu_hits_what_an_exhaustive_search_hits", cpu_hits_what_an_exhaustive_search_hits)
+        .plain("a_mesh_has_the_sky_occlusion_of_its_columns", a_mesh_has_the_sky_occlusion_of_its_columns)
         .run()
 }
 
 type City = (RandomCity, Vec<RandomMesh>);
 
-/// Cities of meshes alone, and of meshes beside columns; in some, coarser columns tell a third of the meshes of the sky.
+/// Cities of meshes only, and of meshes and columns. In some, a third of the meshes has the sky occlusion of coarser columns.
 fn cities() -> &'static [City] {
     static MADE: OnceLock<Vec<City>> = OnceLock::new();
     MADE.get_or_init(|| {
         let make = |seed: u64| -> Result<City> {
             let mut city = random::city(seed)?;
             if seed % 4 > 1 {
-                [_, _, city.cut] = random::fading(&city, seed + 700, 1)?;
+                [_, _, city.draw_list] = random::fading(&city, seed + 700, 1)?;
             }
             let meshes =
                 random_mesh::add(&mut city, &mut Rng::new(seed + 500), if seed.is_multiple_of(2) { 1.0 } else { 0.5 })?;
@@ -56,17 +56,17 @@ fn twins_agree(
     gpu: &Gpu,
     city: &RandomCity,
     camera: &Camera,
-    picture: &Picture,
+    spec: &FrameSpec,
     shadow_m: f32,
     what: &str,
 ) -> Result<twin::Difference> {
-    let mut scene = city.cut.scene(camera, picture);
+    let mut scene = city.draw_list.scene(camera, spec);
     scene.frame.shadow_m = shadow_m;
     let (on_cpu, on_gpu) = (scene.render(), gpu.render(&scene)?);
     let difference = twin::compare_twins(&scene, &on_cpu, &on_gpu);
     if let Err(error) = difference.check() {
         let at = difference.off_edge.first().copied().unwrap_or_default();
-        let i = (at[1] * picture.width_px + at[0]) as usize;
+        let i = (at[1] * spec.width_px + at[0]) as usize;
         let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
         anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
     }
@@ -81,7 +81,7 @@ fn gpu_draws_meshes_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
             let camera = random::camera(&mut rng, city, pose);
             let shadow_m = if seed % 3 == 0 { 500.0 } else { 0.0 };
             let what = format!("city {seed}, {pose:?}");
-            let difference = twins_agree(gpu, city, &camera, &PICTURE, shadow_m, &what)?;
+            let difference = twins_agree(gpu, city, &camera, &FRAME, shadow_m, &what)?;
             pixels += difference.pixels;
             differing += difference.differing;
         }
@@ -97,31 +97,31 @@ fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
             for samples in [1, 3] {
                 let pose = Pose::ALL[rng.below(Pose::ALL.len())];
                 let camera = random::camera(&mut rng, city, pose);
-                let picture = Picture { shading, samples, ..PICTURE };
+                let spec = FrameSpec { shading, samples, ..FRAME };
                 let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
-                twins_agree(gpu, city, &camera, &picture, 0.0, &what)?;
+                twins_agree(gpu, city, &camera, &spec, 0.0, &what)?;
             }
         }
     }
     Ok(())
 }
 
-/// Distance and normal of nearly every pixel; the rest graze an edge.
-fn cpu_hits_what_every_triangle_by_itself_would_show() -> Result<()> {
+/// Distances and normals agree, except at the edges of triangles.
+fn cpu_hits_what_an_exhaustive_search_hits() -> Result<()> {
     let (mut rays, mut hits, mut turned) = (0, 0, 0);
-    // Where all is mesh, nothing else is in the way.
+    // In a city of meshes only, nothing occludes the triangles.
     for (seed, (city, meshes)) in cities().iter().enumerate().step_by(2) {
         let mut rng = Rng::new(6000 + seed as u64);
         for pose in Pose::ALL {
             let camera = random::camera(&mut rng, city, pose);
-            let picture = Picture { shading: Shading::Normal, width_px: 61, height_px: 41, ..PICTURE };
-            let drawn = city.cut.scene(&camera, &picture).render();
-            for i in 0..picture.width_px * picture.height_px {
-                let dir = camera.ray(&picture, i % picture.width_px, i / picture.width_px);
+            let spec = FrameSpec { shading: Shading::Normal, width_px: 61, height_px: 41, ..FRAME };
+            let drawn = city.draw_list.scene(&camera, &spec).render();
+            for i in 0..spec.width_px * spec.height_px {
+                let dir = camera.ray(&spec, i % spec.width_px, i / spec.width_px);
                 let agrees = |dir: DVec3, slack: f64| {
-                    let meant = random_mesh::nearest(city, meshes, DVec3::from(camera.position), dir, slack);
+                    let reference = random_mesh::nearest(city, meshes, DVec3::from(camera.position), dir, slack);
                     let (drawn_m, rgb) = (drawn.distance[i as usize], drawn.colour[i as usize].to_le_bytes());
-                    match meant {
+                    match reference {
                         Some((metres, normal)) => {
                             let near = f64::from(drawn_m) - metres;
                             let same = (normal * 0.5 + 0.5).to_array().map(encode);
@@ -154,9 +154,9 @@ fn cpu_hits_what_every_triangle_by_itself_would_show() -> Result<()> {
     Ok(())
 }
 
-/// A flat roof over a part of a coarser tile is as light as that part of the tile's columns.
-fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
-    let place = Place { origin: [0.0; 3], root_side_m: 512.0 };
+/// A flat roof over a part of a coarser tile has the sky occlusion of that part's columns.
+fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
+    let area = CityArea { origin: [0.0; 3], root_side_m: 512.0 };
     let column = |i: usize| {
         let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
         let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8, 3);
@@ -180,7 +180,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
     let height_m = map.z_base_m() + 32.0 * f64::from(map.z_step_m());
     for leaf in [[1, 0, 0], [1, 1, 0], [2, 1, 3], [3, 5, 2]].map(|[level, x, y]| TileId::new(level as u8, x, y)) {
         let leaf = leaf.context("a leaf")?;
-        let side_m = place.root_side_m / f64::from(1u32 << leaf.level());
+        let side_m = area.root_side_m / f64::from(1u32 << leaf.level());
         let values = vec![[255, 255, 255, 0]];
         let attributes = vec![Attribute {
             kind: AttributeKind::Colour,
@@ -193,7 +193,7 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         let grid = PositionGrid { min: [0.0, 0.0, height_m], step: side_m / 1023.0, bits: 10 };
         let positions = vec![[0, 0, 0], [1023, 0, 0], [1023, 1023, 0], [0, 1023, 0]];
         let mesh = Mesh { grid, positions, triangles: vec![[0, 1, 2], [0, 2, 3]], attributes };
-        let mut alone = Cut::new(place);
+        let mut alone = DrawList::new(area);
         alone.add_in(leaf, &map);
         let mut meshed = alone.clone();
         meshed.add_mesh(leaf, PackedMesh::new(&mesh, None)?);
@@ -201,8 +201,8 @@ fn a_mesh_sees_the_sky_of_the_columns_that_it_lies_in() -> Result<()> {
         let (x, y) = (middle(leaf.x()), middle(leaf.y()));
         let camera =
             Camera { position: [x, y, 3.0 * side_m], target: [x, y, 0.0], up: [0.0, 1.0, 0.0], fov_y_deg: 15.0 };
-        let picture = Picture { shading: Shading::Ao, width_px: 64, height_px: 64, samples: 3 };
-        let [columns, mesh] = [alone, meshed].map(|cut| cut.scene(&camera, &picture).render());
+        let spec = FrameSpec { shading: Shading::Ao, width_px: 64, height_px: 64, samples: 3 };
+        let [columns, mesh] = [alone, meshed].map(|draw_list| draw_list.scene(&camera, &spec).render());
         let light = |p: &Pixels| p.colour.iter().map(|rgb| f64::from(rgb & 255)).sum::<f64>() / 4096.0;
         let apart = columns.colour.iter().zip(&mesh.colour).map(|(a, b)| (a & 255).abs_diff(b & 255)).max();
         anyhow::ensure!(mesh.hit.iter().all(|hit| *hit == 0) && light(&mesh) > 20.0);

@@ -1,4 +1,4 @@
-//! The ray-caster's twins: WGSL draws what the CPU draws, and the CPU draws what every solid tested by itself would show.
+//! The ray-caster: the GPU draws what the CPU draws, and the CPU draws what the reference ray-caster draws.
 
 use anyhow::Result;
 use glam::{DVec3, Vec3};
@@ -15,20 +15,20 @@ use insula_shaders::{
     layout::{Light, Shading},
 };
 use insula_tests::{
-    cut::{Cut, Place, Scene},
+    draw_list::{CityArea, DrawList, Scene},
     gpu::Gpu,
-    naive::{Naive, Seen},
     random::{self, Pose, RandomCity},
+    reference_caster::{ReferenceCaster, ReferencePixel},
     rng::Rng,
     trials::Trials,
     twin,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Odd, so that one ray goes exactly where the camera looks.
-const PICTURE: Picture = Picture { width_px: 241, height_px: 135, shading: Shading::Lit, samples: 1 };
+/// Odd sizes, so that one ray has exactly the direction of the camera.
+const FRAME: FrameSpec = FrameSpec { width_px: 241, height_px: 135, shading: Shading::Lit, samples: 1 };
 const CITIES: u64 = 16;
 
 fn main() {
@@ -36,14 +36,14 @@ fn main() {
         .on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws)
         .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
         .on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour)
-        .on_gpu("gpu_and_cpu_agree_while_squares_fade", gpu_and_cpu_agree_while_squares_fade)
-        .on_gpu("one_altered_pixel_of_the_gpu_is_seen", one_altered_pixel_of_the_gpu_is_seen)
-        .plain("each_ray_sees_one_of_two_worlds", each_ray_sees_one_of_two_worlds)
-        .plain("cpu_draws_what_every_solid_by_itself_would_show", cpu_draws_what_every_solid_by_itself_would_show)
-        .plain("low_quarters_cost_nothing_and_hide_nothing", low_quarters_cost_nothing_and_hide_nothing)
+        .on_gpu("gpu_and_cpu_agree_during_cross_fades", gpu_and_cpu_agree_during_cross_fades)
+        .on_gpu("one_altered_gpu_pixel_is_detected", one_altered_gpu_pixel_is_detected)
+        .plain("each_ray_of_a_cross_fade_sees_one_side", each_ray_of_a_cross_fade_sees_one_side)
+        .plain("cpu_draws_what_the_reference_caster_draws", cpu_draws_what_the_reference_caster_draws)
+        .plain("low_quarters_are_skipped_and_change_no_pixel", low_quarters_are_skipped_and_change_no_pixel)
         .plain("a_wall_casts_a_shadow_as_long_as_it_is_high", a_wall_casts_a_shadow_as_long_as_it_is_high)
-        .plain("one_altered_pixel_is_seen", one_altered_pixel_is_seen)
-        .plain("a_missing_or_cut_picture_is_seen", a_missing_or_cut_picture_is_seen)
+        .plain("one_altered_pixel_is_detected", one_altered_pixel_is_detected)
+        .plain("missing_or_truncated_frames_are_detected", missing_or_truncated_frames_are_detected)
         .run()
 }
 
@@ -52,24 +52,24 @@ fn cities() -> &'static [RandomCity] {
     CITIES_MADE.get_or_init(|| (0..CITIES).map(|seed| random::city(seed).expect("random cities are valid")).collect())
 }
 
-/// Compares both twins' pictures of one view; `what` names it in errors.
+/// Compares the frames of both ray-casters. `what` names the view in errors.
 fn twins_agree(
     gpu: &Gpu,
     city: &RandomCity,
     camera: &Camera,
-    picture: &Picture,
+    spec: &FrameSpec,
     what: &str,
 ) -> Result<twin::Difference> {
-    let mut scene = city.cut.scene(camera, picture);
-    scene.frame.ground = picture.samples % 2;
-    scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
-    scenes_agree(gpu, &scene, picture, camera, what)
+    let mut scene = city.draw_list.scene(camera, spec);
+    scene.frame.ground = spec.samples % 2;
+    scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
+    scenes_agree(gpu, &scene, spec, camera, what)
 }
 
 fn scenes_agree(
     gpu: &Gpu,
     scene: &Scene<'_>,
-    picture: &Picture,
+    spec: &FrameSpec,
     camera: &Camera,
     what: &str,
 ) -> Result<twin::Difference> {
@@ -77,7 +77,7 @@ fn scenes_agree(
     let difference = twin::compare_twins(scene, &on_cpu, &on_gpu);
     if let Err(error) = difference.check() {
         let at = difference.off_edge.first().copied().unwrap_or_default();
-        let i = (at[1] * picture.width_px + at[0]) as usize;
+        let i = (at[1] * spec.width_px + at[0]) as usize;
         let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
         anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
     }
@@ -90,7 +90,7 @@ fn gpu_draws_what_the_cpu_draws(gpu: &Gpu) -> Result<()> {
         let mut rng = Rng::new(1000 + seed as u64);
         for pose in Pose::ALL {
             let camera = random::camera(&mut rng, city, pose);
-            let difference = twins_agree(gpu, city, &camera, &PICTURE, &format!("city {seed}, {pose:?}"))?;
+            let difference = twins_agree(gpu, city, &camera, &FRAME, &format!("city {seed}, {pose:?}"))?;
             pixels += difference.pixels;
             differing += difference.differing;
         }
@@ -106,16 +106,16 @@ fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
             for samples in [1, 3] {
                 let pose = Pose::ALL[rng.below(Pose::ALL.len())];
                 let camera = random::camera(&mut rng, city, pose);
-                let picture = Picture { shading, samples, ..PICTURE };
+                let spec = FrameSpec { shading, samples, ..FRAME };
                 let what = format!("city {seed}, {pose:?}, {}, {samples} samples", shading.word());
-                twins_agree(gpu, city, &camera, &picture, &what)?;
+                twins_agree(gpu, city, &camera, &spec, &what)?;
             }
         }
     }
     Ok(())
 }
 
-/// Towards the sun and away from it, from noon to night, in clear air and in thick.
+/// Towards the sun and away from it, from noon to night, in clear air and in haze.
 fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
     let city = &cities()[1];
     for (i, height) in [1.2f32, 0.2, 0.02, -0.05, -0.6].into_iter().enumerate() {
@@ -124,34 +124,34 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             [(Pose::Grazing, 50.0, 0.0), (Pose::Above, 5000.0, 0.0), (Pose::Above, 5000.0, 3e3)]
         {
             let camera = random::camera(&mut rng, city, pose);
-            let mut scene = city.cut.scene(&camera, &PICTURE);
+            let mut scene = city.draw_list.scene(&camera, &FRAME);
             scene.frame.ground = 1;
-            scene.frame.ground_z_m = -(camera.position[2] - city.place.origin[2]) as f32;
+            scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
             let ahead = Vec3::from(scene.frame.forward).with_z(0.0).normalize_or(Vec3::X);
             let sun = (ahead * if i % 2 == 0 { 1.0 } else { -1.0 } * height.cos()).with_z(height.sin());
             (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, half_m));
             scene.frame.shadow_m = shadow_m;
-            scenes_agree(gpu, &scene, &PICTURE, &camera, &format!("sun {height} high, {pose:?}"))?;
+            scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}"))?;
         }
     }
     Ok(())
 }
 
-fn gpu_and_cpu_agree_while_squares_fade(gpu: &Gpu) -> Result<()> {
+fn gpu_and_cpu_agree_during_cross_fades(gpu: &Gpu) -> Result<()> {
     for (seed, city) in cities().iter().enumerate().take(6) {
         let mut rng = Rng::new(5000 + seed as u64);
         let share = [1, 20, 32, 63][rng.below(4)];
         let [both, ..] = random::fading(city, 6000 + seed as u64, share)?;
         for (pose, samples) in [(Pose::Above, 1), (Pose::Grazing, 1), (Pose::Outside, 2), (Pose::Inside, 3)] {
             let camera = random::camera(&mut rng, city, pose);
-            let picture = Picture { samples, ..PICTURE };
-            let mut scene = both.scene(&camera, &picture);
+            let spec = FrameSpec { samples, ..FRAME };
+            let mut scene = both.scene(&camera, &spec);
             scene.frame.shadow_m = if pose == Pose::Above { 1e3 } else { 0.0 };
             let what = format!("city {seed}, {pose:?}, {share} of 64");
             if samples == 1 {
-                scenes_agree(gpu, &scene, &picture, &camera, &what)?;
+                scenes_agree(gpu, &scene, &spec, &camera, &what)?;
             } else {
-                // Edges between the rays of one pixel are not looked for.
+                // Edges between the rays of one pixel are not searched for.
                 let differing = twin::compare(&scene.render(), &gpu.render(&scene)?).differing;
                 anyhow::ensure!(differing * 500 < scene.render().hit.len(), "{what}: {differing} pixels differ");
             }
@@ -160,22 +160,22 @@ fn gpu_and_cpu_agree_while_squares_fade(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
-/// A picture of squares that fade is made of rays of the new picture and of the old one, as many as the share says, in every
-/// place; rays towards the sun stay in their own world.
-fn each_ray_sees_one_of_two_worlds() -> Result<()> {
+/// During a cross-fade, a frame consists of rays of the new frame and of the old one, in the given proportion everywhere. Rays
+/// towards the sun stay on their side of the cross-fade.
+fn each_ray_of_a_cross_fade_sees_one_side() -> Result<()> {
     let mut seen = [0usize; 4];
     for (seed, city) in cities().iter().enumerate() {
         let mut rng = Rng::new(7000 + seed as u64);
         for share in [1u8, 16, 40, 63] {
-            let cuts = random::fading(city, 8000 + seed as u64, share)?;
+            let draw_lists = random::fading(city, 8000 + seed as u64, share)?;
             let pose = Pose::ALL[rng.below(Pose::ALL.len())];
             let camera = random::camera(&mut rng, city, pose);
-            let draw = |cut: &Cut| {
-                let mut scene = cut.scene(&camera, &PICTURE);
+            let draw = |draw_list: &DrawList| {
+                let mut scene = draw_list.scene(&camera, &FRAME);
                 scene.frame.shadow_m = 1e3;
                 scene.render()
             };
-            let [both, new, old] = [draw(&cuts[0]), draw(&cuts[1]), draw(&cuts[2])];
+            let [both, new, old] = [draw(&draw_lists[0]), draw(&draw_lists[1]), draw(&draw_lists[2])];
             let near = |a: u32, b: u32| a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= 1);
             let same = |a: &Pixels, i: usize| {
                 let (a_m, b_m) = (a.distance[i], both.distance[i]);
@@ -186,45 +186,29 @@ fn each_ray_sees_one_of_two_worlds() -> Result<()> {
                     (true, true) => seen[0] += 1,
                     (true, false) => seen[1] += 1,
                     (false, true) => seen[2] += usize::from(share == 16),
-                    (false, false) => {
-                        seen[3] += 1;
-                        if seen[3] % 100 == 1 {
-                            println!(
-                                "{seed} {share} {pose:?} {i} both {:08x} {} {} new {:08x} {} {} old {:08x} {} {}",
-                                both.colour[i],
-                                both.distance[i],
-                                both.hit[i],
-                                new.colour[i],
-                                new.distance[i],
-                                new.hit[i],
-                                old.colour[i],
-                                old.distance[i],
-                                old.hit[i]
-                            );
-                        }
-                    }
+                    (false, false) => seen[3] += 1,
                 }
             }
         }
-        // In every block of 8 x 8 pixels, sixteen rays see the old world.
-        let cuts = random::fading(city, 9000 + seed as u64, 16)?;
+        // In every block of 8 x 8 pixels, sixteen rays see the old frame.
+        let draw_lists = random::fading(city, 9000 + seed as u64, 16)?;
         let camera = random::camera(&mut rng, city, Pose::Above);
-        let hit = cuts[0].scene(&camera, &PICTURE).render().hit;
-        for (x, y) in (0..PICTURE.width_px / 8).flat_map(|x| (0..PICTURE.height_px / 8).map(move |y| (x * 8, y * 8))) {
-            let block = (0..64).map(|i| hit[((y + i / 8) * PICTURE.width_px + x + i % 8) as usize]);
+        let hit = draw_lists[0].scene(&camera, &FRAME).render().hit;
+        for (x, y) in (0..FRAME.width_px / 8).flat_map(|x| (0..FRAME.height_px / 8).map(move |y| (x * 8, y * 8))) {
+            let block = (0..64).map(|i| hit[((y + i / 8) * FRAME.width_px + x + i % 8) as usize]);
             let block: Vec<u32> = block.filter(|node| *node != insula_shaders::layout::NO_NODE).collect();
-            // Nodes of both worlds stand in turn.
+            // Nodes of the new and the old frame alternate.
             let behind = block.iter().filter(|node| *node % 2 == 1).count();
             anyhow::ensure!(block.len() < 64 || behind == 16, "{behind} of {} at {x}, {y}, city {seed}", block.len());
         }
     }
-    println!("{seen:?} pixels: of both, new, old, neither");
+    println!("{seen:?} pixels: in both, new, old, neither");
     anyhow::ensure!(seen[1] > 10_000 && seen[2] > 1000, "{seen:?}");
-    anyhow::ensure!(seen[3] * 1000 < seen[0] + seen[1], "{seen:?}: a pixel shows what neither world does");
+    anyhow::ensure!(seen[3] * 1000 < seen[0] + seen[1], "{seen:?}: a pixel shows neither frame");
     Ok(())
 }
 
-/// Ten metres of wall across a plain, the sun 45 degrees high behind it, the camera over it.
+/// A wall of ten metres across a plain, with the sun 45 degrees high behind it and the camera above it.
 fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
     let texel = Texel::new([128; 3], 63, 3);
     let up = octahedral::encode([0.0, 0.0, 1.0]);
@@ -235,19 +219,19 @@ fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
             Some(if i % NODE_CELLS == 32 { MapColumn { z_max: 16 * 11, strip, ..plain } } else { plain })
         })
         .collect();
-    let mut cut = Cut::new(Place { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
-    cut.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
+    let mut draw_list = DrawList::new(CityArea { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
+    draw_list.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
     let camera = Camera::looking(DVec3::new(32.0, 32.0, 60.0), DVec3::new(32.0, 32.0, 0.0));
-    let mut scene = cut.scene(&camera, &PICTURE);
+    let mut scene = draw_list.scene(&camera, &FRAME);
     let sun = Vec3::new(1.0, 0.0, 1.0).normalize_or(Vec3::Z);
     (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, 1e6));
     let bare = scene.render();
     scene.frame.shadow_m = 1000.0;
     let shaded = scene.render();
     let (mut dark, mut bright) = (0, 0);
-    for i in 0..PICTURE.width_px * PICTURE.height_px {
+    for i in 0..FRAME.width_px * FRAME.height_px {
         let at = i as usize;
-        let ray = camera.ray(&PICTURE, i % PICTURE.width_px, i / PICTURE.width_px);
+        let ray = camera.ray(&FRAME, i % FRAME.width_px, i / FRAME.width_px);
         let p = DVec3::from(camera.position) + ray * f64::from(shaded.distance[at]);
         if !p.is_finite() || p.z > 1.5 {
             continue;
@@ -265,87 +249,85 @@ fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
     Ok(())
 }
 
-/// The comparison above can fail: the GPU's own picture with one pixel altered does.
-fn one_altered_pixel_of_the_gpu_is_seen(gpu: &Gpu) -> Result<()> {
+/// The comparison finds one altered pixel in a GPU frame.
+fn one_altered_gpu_pixel_is_detected(gpu: &Gpu) -> Result<()> {
     let city = &cities()[0];
     let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
-    let scene = city.cut.scene(&camera, &PICTURE);
+    let scene = city.draw_list.scene(&camera, &FRAME);
     let on_cpu = scene.render();
     let mut on_gpu = gpu.render(&scene)?;
     let i = flat_pixel(&on_cpu)?;
     on_gpu.colour[i] ^= 0x40;
-    anyhow::ensure!(twin::compare_twins(&scene, &on_cpu, &on_gpu).check().is_err(), "an altered pixel went unseen");
+    anyhow::ensure!(twin::compare_twins(&scene, &on_cpu, &on_gpu).check().is_err(), "an altered pixel is not detected");
     Ok(())
 }
 
-/// A pixel whose neighbourhood is all alike.
-fn flat_pixel(picture: &Pixels) -> Result<usize> {
-    let (width, height) = (picture.width_px as usize, picture.height_px as usize);
+/// A pixel whose neighbours are all like it.
+fn flat_pixel(frame: &Pixels) -> Result<usize> {
+    let (width, height) = (frame.width_px as usize, frame.height_px as usize);
     let flat = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x)).find(|i| {
         let around = [i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1];
         around.iter().all(|n| {
-            let alike = picture.hit[*n] == picture.hit[*i] && picture.colour[*n] == picture.colour[*i];
-            alike
-                && picture.distance[*i].is_finite()
-                && (picture.distance[*n] / picture.distance[*i] - 1.0).abs() < 0.01
+            let alike = frame.hit[*n] == frame.hit[*i] && frame.colour[*n] == frame.colour[*i];
+            alike && frame.distance[*i].is_finite() && (frame.distance[*n] / frame.distance[*i] - 1.0).abs() < 0.01
         })
     });
-    flat.ok_or_else(|| anyhow::anyhow!("no flat pixel in the picture"))
+    flat.ok_or_else(|| anyhow::anyhow!("no flat pixel in the frame"))
 }
 
-fn one_altered_pixel_is_seen() -> Result<()> {
+fn one_altered_pixel_is_detected() -> Result<()> {
     let city = &cities()[0];
     let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
-    let picture = city.cut.scene(&camera, &PICTURE).render();
-    anyhow::ensure!(twin::compare(&picture, &picture).check().is_ok(), "a picture differs from itself");
-    let i = flat_pixel(&picture)?;
-    let mut colour = picture.clone();
+    let frame = city.draw_list.scene(&camera, &FRAME).render();
+    anyhow::ensure!(twin::compare(&frame, &frame).check().is_ok(), "a frame differs from itself");
+    let i = flat_pixel(&frame)?;
+    let mut colour = frame.clone();
     colour.colour[i] ^= 0x40;
-    let mut distance = picture.clone();
+    let mut distance = frame.clone();
     distance.distance[i] = if distance.distance[i].is_finite() { distance.distance[i] * 1.05 } else { 1e4 };
-    let mut not_a_number = picture.clone();
+    let mut not_a_number = frame.clone();
     not_a_number.distance[i] = f32::NAN;
     for (what, altered) in [("colour", colour), ("distance", distance), ("NaN", not_a_number)] {
-        anyhow::ensure!(twin::compare(&picture, &altered).check().is_err(), "an altered pixel went unseen: {what}");
+        anyhow::ensure!(twin::compare(&frame, &altered).check().is_err(), "an altered pixel is not detected: {what}");
     }
     Ok(())
 }
 
-fn a_missing_or_cut_picture_is_seen() -> Result<()> {
+fn missing_or_truncated_frames_are_detected() -> Result<()> {
     let city = &cities()[0];
     let camera = random::camera(&mut Rng::new(7), city, Pose::Above);
-    let picture = city.cut.scene(&camera, &PICTURE).render();
-    let mut short = picture.clone();
+    let frame = city.draw_list.scene(&camera, &FRAME).render();
+    let mut short = frame.clone();
     short.colour.pop();
-    let mut narrow = picture.clone();
+    let mut narrow = frame.clone();
     narrow.width_px -= 1;
     for altered in [Pixels::default(), short, narrow] {
-        anyhow::ensure!(twin::compare(&picture, &altered).check().is_err(), "a picture of another size was accepted");
-        anyhow::ensure!(twin::compare(&altered, &picture).check().is_err(), "a picture of another size was accepted");
+        anyhow::ensure!(twin::compare(&frame, &altered).check().is_err(), "a frame of another size was accepted");
+        anyhow::ensure!(twin::compare(&altered, &frame).check().is_err(), "a frame of another size was accepted");
     }
     Ok(())
 }
 
-/// Rays that start on the very edge of a cell may take either side; all others must agree with the reference, or with a
-/// reference ray that is turned by a few millionths.
-fn cpu_draws_what_every_solid_by_itself_would_show() -> Result<()> {
-    let picture = Picture { width_px: 49, height_px: 33, shading: Shading::Albedo, samples: 1 };
-    let (mut rays, mut turned, mut hits) = (0, 0, 0);
+/// A ray that starts on the border of a cell may be on either side. All others agree with the reference, or with a reference
+/// ray that is rotated by a few millionths.
+fn cpu_draws_what_the_reference_caster_draws() -> Result<()> {
+    let spec = FrameSpec { width_px: 49, height_px: 33, shading: Shading::Albedo, samples: 1 };
+    let (mut rays, mut rotated, mut hits) = (0, 0, 0);
     for (seed, city) in cities().iter().enumerate() {
-        let naive = Naive::new(city.place, &city.maps);
+        let reference_caster = ReferenceCaster::new(city.area, &city.maps);
         let mut rng = Rng::new(3000 + seed as u64);
         for pose in Pose::ALL {
             let camera = random::camera(&mut rng, city, pose);
-            let scene = city.cut.scene(&camera, &picture);
+            let scene = city.draw_list.scene(&camera, &spec);
             let drawn = scene.render();
-            let verdicts: Vec<Verdict> = (0..picture.width_px * picture.height_px)
+            let verdicts: Vec<Verdict> = (0..spec.width_px * spec.height_px)
                 .into_par_iter()
-                .map(|i| judge(&naive, &camera, &picture, &scene.frame, &drawn, i))
+                .map(|i| compare_with_reference(&reference_caster, &camera, &spec, &scene.frame, &drawn, i))
                 .collect();
-            if let Some(i) = verdicts.iter().position(|v| *v == Verdict::Wrong) {
-                let (x, y) = (i as u32 % picture.width_px, i as u32 / picture.width_px);
-                let seen = naive.look(&camera, camera.ray(&picture, x, y));
-                let wrong = verdicts.iter().filter(|v| **v == Verdict::Wrong).count();
+            if let Some(i) = verdicts.iter().position(|v| *v == Verdict::Different) {
+                let (x, y) = (i as u32 % spec.width_px, i as u32 / spec.width_px);
+                let seen = reference_caster.cast(&camera, camera.ray(&spec, x, y));
+                let wrong = verdicts.iter().filter(|v| **v == Verdict::Different).count();
                 anyhow::bail!(
                     "city {seed}, {pose:?}: {wrong} wrong, first at {x}, {y}: drawn {:08x} {}, meant {seen:?}\n{camera:?}",
                     drawn.colour[i],
@@ -353,22 +335,22 @@ fn cpu_draws_what_every_solid_by_itself_would_show() -> Result<()> {
                 );
             }
             rays += verdicts.len();
-            turned += verdicts.iter().filter(|v| **v == Verdict::Turned).count();
+            rotated += verdicts.iter().filter(|v| **v == Verdict::EqualIfRotated).count();
             hits += drawn.distance.iter().filter(|d| d.is_finite()).count();
         }
     }
-    println!("{rays} rays, {hits} hits, {turned} on edges");
-    anyhow::ensure!(turned * 100 < rays, "{turned} of {rays} rays agree only when turned");
+    println!("{rays} rays, {hits} hits, {rotated} on edges");
+    anyhow::ensure!(rotated * 100 < rays, "{rotated} of {rays} rays agree only when turned");
     anyhow::ensure!(hits * 4 > rays, "only {hits} of {rays} rays hit anything");
     Ok(())
 }
 
-/// That a ray knows how high a node's quarters are saves visits and changes no pixel: random cities, and a node with one tower
-/// beside its middle, seen past the middle from all around.
-fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
+/// The heights of a node's quarters save visits and change no pixel: in random cities, and in a node with one tower beside its
+/// centre, seen past the centre from all sides.
+fn low_quarters_are_skipped_and_change_no_pixel() -> Result<()> {
     let (mut with, mut without) = (0, 0);
-    let mut compare = |cut: &Cut, camera: &Camera, what: &str| {
-        let scene = cut.scene(camera, &PICTURE);
+    let mut compare = |draw_list: &DrawList, camera: &Camera, what: &str| {
+        let scene = draw_list.scene(camera, &FRAME);
         let mut blind = scene.clone();
         for word in blind.nodes.iter_mut().flat_map(|node| &mut node.pages) {
             *word &= 0xff_ffff;
@@ -382,7 +364,7 @@ fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
     for (seed, city) in cities().iter().enumerate() {
         let mut rng = Rng::new(7000 + seed as u64);
         for pose in Pose::ALL {
-            compare(&city.cut, &random::camera(&mut rng, city, pose), &format!("city {seed}, {pose:?}"))?;
+            compare(&city.draw_list, &random::camera(&mut rng, city, pose), &format!("city {seed}, {pose:?}"))?;
         }
     }
     let plain = MapColumn { z_max: 16, roof: Texel::new([128; 3], 63, 3), ..MapColumn::default() };
@@ -391,12 +373,12 @@ fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
         let columns: Vec<_> = (0..COLUMNS)
             .map(|i| Some(MapColumn { z_max: if is_tower(i) { 16 * 40 } else { 16 }, ..plain.clone() }))
             .collect();
-        let mut cut = Cut::new(Place { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
-        cut.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
+        let mut draw_list = DrawList::new(CityArea { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
+        draw_list.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
         for azimuth in 0..32 {
             let towards = DVec3::from((glam::DVec2::from_angle(f64::from(azimuth) * 0.2), 0.0));
             let middle = DVec3::new(32.0, 32.0, 20.0);
-            compare(&cut, &Camera::looking(middle - towards * 60.0, middle), &format!("tower at {tower:?}"))?;
+            compare(&draw_list, &Camera::looking(middle - towards * 60.0, middle), &format!("tower at {tower:?}"))?;
         }
     }
     println!("{with} of {without} visits");
@@ -406,43 +388,48 @@ fn low_quarters_cost_nothing_and_hide_nothing() -> Result<()> {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
-    Right,
-    Turned,
-    Wrong,
+    Equal,
+    EqualIfRotated,
+    Different,
 }
 
-fn judge(
-    naive: &Naive,
+fn compare_with_reference(
+    reference_caster: &ReferenceCaster,
     camera: &Camera,
-    picture: &Picture,
+    spec: &FrameSpec,
     frame: &insula_shaders::layout::FrameUniform,
     drawn: &Pixels,
     i: u32,
 ) -> Verdict {
-    let dir = camera.ray(picture, i % picture.width_px, i / picture.width_px);
-    let agrees = |seen: Seen| {
-        let (drawn_m, meant_m) = (f64::from(drawn.distance[i as usize]), seen.distance_m);
-        if drawn_m.is_finite() != meant_m.is_finite() {
+    let dir = camera.ray(spec, i % spec.width_px, i / spec.width_px);
+    let agrees = |seen: ReferencePixel| {
+        let (drawn_m, reference_m) = (f64::from(drawn.distance[i as usize]), seen.distance_m);
+        if drawn_m.is_finite() != reference_m.is_finite() {
             return false;
         }
-        if meant_m.is_finite() && (drawn_m - meant_m).abs() > 2e-3 + 1e-3 * meant_m {
+        if reference_m.is_finite() && (drawn_m - reference_m).abs() > 2e-3 + 1e-3 * reference_m {
             return false;
         }
         let mut rgb = seen.rgb.as_vec3();
-        if seen.left > 0.02 {
-            rgb += background(frame, dir.as_vec3(), &Airlight::new(frame, dir.as_vec3())).sky * seen.left as f32;
+        if seen.transmittance > 0.02 {
+            rgb +=
+                background(frame, dir.as_vec3(), &Airlight::new(frame, dir.as_vec3())).sky * seen.transmittance as f32;
         }
-        let meant = encode_srgb(rgb).to_le_bytes();
-        drawn.colour[i as usize].to_le_bytes().iter().zip(meant).all(|(a, b)| a.abs_diff(b) <= 3)
+        let reference = encode_srgb(rgb).to_le_bytes();
+        drawn.colour[i as usize].to_le_bytes().iter().zip(reference).all(|(a, b)| a.abs_diff(b) <= 3)
     };
-    if agrees(naive.look(camera, dir)) {
-        return Verdict::Right;
+    if agrees(reference_caster.cast(camera, dir)) {
+        return Verdict::Equal;
     }
     let (side, up) = dir.any_orthonormal_pair();
-    let turns = (0..24).map(|k| {
+    let rotations = (0..24).map(|k| {
         let angle = f64::from(k % 8) * std::f64::consts::FRAC_PI_4;
-        let by = [2e-6, 2e-5, 1e-4][k as usize / 8];
-        (dir + (side * angle.cos() + up * angle.sin()) * by).normalize_or(dir)
+        let offset = [2e-6, 2e-5, 1e-4][k as usize / 8];
+        (dir + (side * angle.cos() + up * angle.sin()) * offset).normalize_or(dir)
     });
-    if turns.into_iter().any(|turn| agrees(naive.look(camera, turn))) { Verdict::Turned } else { Verdict::Wrong }
+    if rotations.into_iter().any(|rotated| agrees(reference_caster.cast(camera, rotated))) {
+        Verdict::EqualIfRotated
+    } else {
+        Verdict::Different
+    }
 }

@@ -1,4 +1,4 @@
-//! What the bake sees on a graphics device is what it sees on the processor: the same columns, within texels on edges.
+//! Visibility on a GPU gives the same bake as on the CPU, except for texels on edges.
 
 use anyhow::{Context, Result};
 use insula_bake::{
@@ -9,16 +9,16 @@ use insula_protocol::{BlockMap, TileId, blockmap::flag};
 use insula_tests::{baked::Baked, fixtures, gpu::Gpu, trials::Trials};
 use std::collections::BTreeMap;
 
-/// Share of columns whose heights or kind may differ.
+/// Largest share of columns whose heights or flags differ.
 const COLUMNS_OFF: f64 = 0.002;
-/// Mean difference of the roofs' occlusion, of 63.
+/// Largest mean difference of the roofs' occlusion, of 63.
 const OCCLUSION_OFF: f64 = 0.5;
 
 fn main() {
-    Trials::open().on_gpu("device_and_processor_see_the_same", device_and_processor_see_the_same).run()
+    Trials::open().on_gpu("gpu_and_cpu_visibility_give_the_same_bake", gpu_and_cpu_visibility_give_the_same_bake).run()
 }
 
-fn device_and_processor_see_the_same(_: &Gpu) -> Result<()> {
+fn gpu_and_cpu_visibility_give_the_same_bake(_: &Gpu) -> Result<()> {
     let folder = tempfile::tempdir().context("a folder")?;
     let maps = |visibility: VisibilityBackend| -> Result<BTreeMap<TileId, BlockMap>> {
         let sample = SampleSettings { visibility, ..SampleSettings::default() };

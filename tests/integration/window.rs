@@ -1,7 +1,7 @@
-//! The window, driven as a person would: keys, mouse, a second start, a server that goes away.
+//! The window, controlled as by a user: keyboard, mouse, a restart, a server that stops.
 //!
-//! It runs in a virtual screen (Xvfb) by xdotool, and looks at screenshots. Without these, or without a driver that can present,
-//! it is reported as ignored. Pictures are left in `target/window`.
+//! Runs on a virtual screen (Xvfb) with xdotool and compares screenshots, which stay in `target/window`. Without these
+//! programs or a graphics driver, the test is reported as ignored.
 
 use anyhow::{Context, Result, bail, ensure};
 use image::RgbImage;
@@ -9,7 +9,7 @@ use insula_client::ui::{settings::UserSettings, view_link::ViewLink};
 use insula_tests::{
     fixtures,
     gpu::{Gpu, adapter_is_required},
-    programs::{Served, program},
+    programs::{ServerProcess, find_installed, program},
 };
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::{
@@ -20,26 +20,26 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Longest that anything may take that a person waits for; much of it is the software driver's.
-const MOST: Duration = Duration::from_secs(30);
+/// Longest wait for a change; with a software driver, frames take long.
+const MAX_WAIT: Duration = Duration::from_secs(30);
+/// Longer than a message is shown.
+const MESSAGE_TIME: Duration = Duration::from_secs(6);
 const TOOLS: [&str; 3] = ["Xvfb", "xdotool", "import"];
 
 fn main() {
     let arguments = Arguments::from_args();
-    let missing: Vec<&str> = TOOLS.into_iter().filter(|tool| !is_installed(tool)).collect();
+    let missing: Vec<&str> = TOOLS.into_iter().filter(|tool| find_installed(tool).is_none()).collect();
     let driver = Gpu::open();
     if !missing.is_empty() || driver.is_err() {
-        eprintln!("no window can be driven: missing {missing:?}, driver: {:?}", driver.as_ref().map(|gpu| &gpu.name));
+        eprintln!(
+            "the window test cannot run: missing {missing:?}, driver: {:?}",
+            driver.as_ref().map(|gpu| &gpu.name)
+        );
     }
     let ignored = !missing.is_empty() || driver.is_err() && !adapter_is_required();
-    let run = || a_person_drives_the_window().map_err(|e| Failed::from(format!("{e:#}")));
-    let tests = vec![Trial::test("a_person_drives_the_window", run).with_ignored_flag(ignored)];
+    let run = || a_user_controls_the_window().map_err(|e| Failed::from(format!("{e:#}")));
+    let tests = vec![Trial::test("a_user_controls_the_window", run).with_ignored_flag(ignored)];
     libtest_mimic::run(&arguments, tests).exit();
-}
-
-fn is_installed(tool: &str) -> bool {
-    let paths = std::env::var_os("PATH").unwrap_or_default();
-    std::env::split_paths(&paths).any(|folder| folder.join(tool).is_file())
 }
 
 /// A virtual screen; ended when dropped.
@@ -51,7 +51,7 @@ struct Screen {
 impl Screen {
     fn start() -> Result<Self> {
         let mut xvfb = Command::new("Xvfb")
-            // Without its reset, which who connects meanwhile does not survive, whenever the last client goes.
+            // A reset after the last client would end clients that connect meanwhile.
             .args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp", "-noreset"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -71,16 +71,16 @@ impl Drop for Screen {
     }
 }
 
-/// The program with its window, and what it said.
-struct Person {
+/// A running client with its window and its output.
+struct Client {
     program: Child,
     display: String,
     window: String,
-    said: Arc<Mutex<Vec<String>>>,
-    pictures: PathBuf,
+    output: Arc<Mutex<Vec<String>>>,
+    screenshots: PathBuf,
 }
 
-impl Person {
+impl Client {
     /// Starts `insula view ADDRESS` in `folder`, which has its settings too, and waits for the window.
     fn start(screen: &Screen, folder: &Path, address: &str) -> Result<Self> {
         let mut program = Command::new(program("insula")?)
@@ -95,19 +95,19 @@ impl Person {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()?;
-        let said = Arc::new(Mutex::new(Vec::new()));
-        listen(program.stdout.take(), &said);
-        listen(program.stderr.take(), &said);
-        let pictures = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("window");
-        std::fs::create_dir_all(&pictures)?;
-        let mut person = Self { program, display: screen.display.clone(), window: String::new(), said, pictures };
-        let pid = person.program.id().to_string();
-        person.until("a window", |person| {
-            let found = person.tool("xdotool", &["search", "--pid", &pid]).unwrap_or_default();
-            person.window = found.lines().last().unwrap_or_default().to_owned();
-            Ok(!person.window.is_empty())
+        let output = Arc::new(Mutex::new(Vec::new()));
+        collect_lines(program.stdout.take(), &output);
+        collect_lines(program.stderr.take(), &output);
+        let screenshots = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("window");
+        std::fs::create_dir_all(&screenshots)?;
+        let mut client = Self { program, display: screen.display.clone(), window: String::new(), output, screenshots };
+        let pid = client.program.id().to_string();
+        client.wait_until("a window", |client| {
+            let found = client.tool("xdotool", &["search", "--pid", &pid]).unwrap_or_default();
+            client.window = found.lines().last().unwrap_or_default().to_owned();
+            Ok(!client.window.is_empty())
         })?;
-        Ok(person)
+        Ok(client)
     }
 
     fn tool(&self, tool: &str, arguments: &[&str]) -> Result<String> {
@@ -135,60 +135,63 @@ impl Person {
         self.xdotool(&["mousemove", "--window", &self.window, &x, &y, "sleep", "0.1", "click", button])
     }
 
-    /// Asks again and again.
-    fn until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
+    /// Polls `done` while the client runs.
+    fn wait_until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
         let begin = Instant::now();
         while !done(self)? {
             if let Some(status) = self.program.try_wait()? {
-                bail!("waiting for {what}: the program ended with {status}: {:?}", self.all_said());
+                bail!("waiting for {what}: the program ended with {status}: {:?}", self.lines());
             }
-            ensure!(begin.elapsed() < MOST, "no {what} within {MOST:?}: {:?}", self.all_said());
+            ensure!(begin.elapsed() < MAX_WAIT, "no {what} within {MAX_WAIT:?}: {:?}", self.lines());
             std::thread::sleep(Duration::from_millis(50));
         }
         Ok(())
     }
 
-    fn all_said(&self) -> Vec<String> {
-        self.said.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    fn lines(&self) -> Vec<String> {
+        self.output.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Waits until it says something with `words` in it, after `after` lines.
-    fn says(&mut self, words: &str, after: usize) -> Result<String> {
+    /// Waits for a line of output that contains `words`, after the first `after` lines.
+    fn wait_for_line(&mut self, words: &str, after: usize) -> Result<String> {
         let mut found = None;
-        self.until(words, |person| {
-            found = person.all_said().into_iter().skip(after).find(|line| line.contains(words));
+        self.wait_until(words, |client| {
+            found = client.lines().into_iter().skip(after).find(|line| line.contains(words));
             Ok(found.is_some())
         })?;
-        found.context("said")
+        found.context("no line")
     }
 
-    /// What the window shows.
-    fn look(&self, name: &str) -> Result<RgbImage> {
-        let path = self.pictures.join(format!("{name}.png"));
+    fn screenshot(&self, name: &str) -> Result<RgbImage> {
+        let path = self.screenshots.join(format!("{name}.png"));
         self.tool("import", &["-window", &self.window, &path.to_string_lossy()])?;
         Ok(image::open(path)?.to_rgb8())
     }
 
-    /// Does something and looks once the picture is as good as it gets again.
-    fn look_after(&mut self, name: &str, action: impl FnOnce(&mut Self) -> Result<()>) -> Result<RgbImage> {
-        let said = self.all_said().len();
+    /// Runs `action`, and takes a screenshot of the next settled frame.
+    fn screenshot_after(&mut self, name: &str, action: impl FnOnce(&mut Self) -> Result<()>) -> Result<RgbImage> {
+        let before = self.lines().len();
         action(self)?;
-        self.says("frame settled", said)?;
-        self.look(name)
+        self.wait_for_line("frame settled", before)?;
+        self.screenshot(name)
     }
 
-    /// Does something and looks until the picture is another one than `before`.
-    fn changes(&mut self, name: &str, before: &RgbImage, action: impl FnOnce(&Self) -> Result<()>) -> Result<RgbImage> {
+    /// Runs `action`, and takes screenshots until one differs from `before`.
+    fn screenshot_of_change(
+        &mut self,
+        name: &str,
+        before: &RgbImage,
+        action: impl FnOnce(&Self) -> Result<()>,
+    ) -> Result<RgbImage> {
         action(self)?;
         let mut after = before.clone();
-        self.until(name, |person| {
-            after = person.look(name)?;
+        self.wait_until(name, |client| {
+            after = client.screenshot(name)?;
             Ok(difference(before, &after) > 0.05)
         })?;
         Ok(after)
     }
 
-    /// Escape; the exit code.
     fn quit(&mut self) -> Result<i32> {
         self.key("Escape")?;
         let begin = Instant::now();
@@ -196,29 +199,29 @@ impl Person {
             if let Some(status) = self.program.try_wait()? {
                 return status.code().context("killed");
             }
-            ensure!(begin.elapsed() < MOST, "Escape does not end it");
+            ensure!(begin.elapsed() < MAX_WAIT, "Escape does not end the client");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 }
 
-impl Drop for Person {
+impl Drop for Client {
     fn drop(&mut self) {
         let _ = self.program.kill();
         let _ = self.program.wait();
     }
 }
 
-fn listen(output: Option<impl std::io::Read + Send + 'static>, said: &Arc<Mutex<Vec<String>>>) {
-    let (Some(output), said) = (output, said.clone()) else { return };
+fn collect_lines(stream: Option<impl std::io::Read + Send + 'static>, lines: &Arc<Mutex<Vec<String>>>) {
+    let (Some(stream), lines) = (stream, lines.clone()) else { return };
     std::thread::spawn(move || {
-        for line in BufReader::new(output).lines().map_while(Result::ok) {
-            said.lock().unwrap_or_else(PoisonError::into_inner).push(line);
+        for line in BufReader::new(stream).lines().map_while(Result::ok) {
+            lines.lock().unwrap_or_else(PoisonError::into_inner).push(line);
         }
     });
 }
 
-/// Share of pixels that differ by more than a hair.
+/// Share of pixels that differ visibly.
 fn difference(a: &RgbImage, b: &RgbImage) -> f64 {
     if a.dimensions() != b.dimensions() {
         return 1.0;
@@ -227,120 +230,120 @@ fn difference(a: &RgbImage, b: &RgbImage) -> f64 {
     a.pixels().zip(b.pixels()).filter(|pair| differs(*pair)).count() as f64 / (a.width() * a.height()) as f64
 }
 
-/// Colours, in steps of 16: an empty window has one.
-fn colours(picture: &RgbImage) -> usize {
-    picture.pixels().map(|p| p.0.map(|c| c / 16)).collect::<std::collections::HashSet<_>>().len()
+/// Number of colours in steps of 16; an empty window has one.
+fn colours(screenshot: &RgbImage) -> usize {
+    screenshot.pixels().map(|p| p.0.map(|c| c / 16)).collect::<std::collections::HashSet<_>>().len()
 }
 
-fn a_person_drives_the_window() -> Result<()> {
+fn a_user_controls_the_window() -> Result<()> {
     let folder = tempfile::tempdir()?;
     let city = fixtures::baked_chiba()?;
     let settings_at = folder.path().join("insula").join("settings.json");
     std::fs::create_dir_all(folder.path().join("insula"))?;
     std::fs::write(&settings_at, "{ damaged")?;
-    let server = Served::start(&city, "127.0.0.1:0")?;
-    let address = server.address.clone();
-    server.kill()?;
+    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
+    let address = server.address.to_string();
+    drop(server);
     let screen = Screen::start()?;
 
-    // Nobody answers: the window says so and tries again.
-    let mut person = Person::start(&screen, folder.path(), &format!("http://{address}/v1/cities/chiba"))?;
-    person.says("settings cannot be used", 0)?;
-    person.says("not connected: ", 0)?;
-    person.look("1-connecting")?;
-    let server = Served::start(&city, &address)?;
-    person.says("status: ready", 0)?;
+    // The server is down: the window reports it and tries again.
+    let mut client = Client::start(&screen, folder.path(), &format!("http://{address}/v1/cities/chiba"))?;
+    client.wait_for_line("settings cannot be used", 0)?;
+    client.wait_for_line("not connected: ", 0)?;
+    client.screenshot("1-connecting")?;
+    let server = ServerProcess::serve(&city, &address)?;
+    client.wait_for_line("status: ready", 0)?;
 
-    let resized = person.look_after("2-resized", |p| p.xdotool(&["windowsize", &p.window, "640", "400"]))?;
+    let resized = client.screenshot_after("2-resized", |p| p.xdotool(&["windowsize", &p.window, "640", "400"]))?;
     ensure!(resized.dimensions() == (640, 400) && colours(&resized) > 30, "{:?}", resized.dimensions());
-    // Counters and map away, then the picture is the city's alone.
-    person.key("n")?;
-    let before = person.look_after("3-open", |p| p.key("o"))?;
+    // Hides the overlay and the map.
+    client.key("n")?;
+    let before = client.screenshot_after("3-open", |p| p.key("o"))?;
     ensure!(colours(&before) > 30, "the window is empty: {} colours", colours(&before));
-    let moved = person.changes("4-moved-by-w", &before, |p| p.hold("w", Duration::from_millis(700)))?;
-    person.changes("5-higher-by-page-up", &moved, |p| p.hold("Page_Up", Duration::from_millis(500)))?;
+    let moved = client.screenshot_of_change("4-moved-by-w", &before, |p| p.hold("w", Duration::from_millis(700)))?;
+    client.screenshot_of_change("5-higher-by-page-up", &moved, |p| p.hold("Page_Up", Duration::from_millis(500)))?;
 
-    fill_the_screen_and_keep(&mut person)?;
-    measure_and_record(&mut person)?;
-    let (link, view) = copy_a_link(&mut person)?;
-    lose_the_server(&mut person, server, &city, &address)?;
+    toggle_full_screen_and_bookmark(&mut client)?;
+    measure_and_record(&mut client)?;
+    let (link, view) = copy_a_link(&mut client)?;
+    stop_and_restart_server(&mut client, server, &city, &address)?;
 
-    ensure!(person.quit()? == 0, "Escape ends it with an error");
+    ensure!(client.quit()? == 0, "after Escape, the exit code is not 0");
     let (settings, note) = UserSettings::load(&settings_at);
-    ensure!(note.is_none() && settings.window == [640, 400], "kept: {settings:?} {note:?}");
-    ensure!(settings.bookmarks.get("chiba").is_some_and(|b| b.len() == 1), "kept: {settings:?}");
-    ensure!(!settings.overlay && !settings.minimap, "kept: {settings:?}");
-    ensure!(folder.path().join("insula").join("settings.damaged.json").is_file(), "the damaged file is lost");
+    ensure!(note.is_none() && settings.window == [640, 400], "the settings are {settings:?} {note:?}");
+    ensure!(settings.bookmarks.get("chiba").is_some_and(|b| b.len() == 1), "the settings are {settings:?}");
+    ensure!(!settings.overlay && !settings.minimap, "the settings are {settings:?}");
+    ensure!(folder.path().join("insula").join("settings.damaged.json").is_file(), "the damaged file was not saved");
 
-    // The link opens the same view in another window, of the size that was kept.
-    let _server = Served::start(&city, &address)?;
-    let mut other = Person::start(&screen, folder.path(), &link)?;
-    other.says("frame settled", 0)?;
-    let same = other.look("10-link")?;
-    // What a turn would show comes while the picture rests, which is not drawn again for that.
-    other.says("idle prefetch done", 0)?;
-    let rests = other.all_said().iter().filter(|line| line.contains("frame settled")).count();
-    std::thread::sleep(Duration::from_secs(1));
-    let later = other.all_said().iter().filter(|line| line.contains("frame settled")).count();
-    ensure!(later == rests && difference(&same, &other.look("11-looked-around")?) < 0.02, "it is drawn again: {later}");
+    // The link opens the same view in a second window of the saved size.
+    let _server = ServerProcess::serve(&city, &address)?;
+    let mut other = Client::start(&screen, folder.path(), &link)?;
+    other.wait_for_line("frame settled", 0)?;
+    let same = other.screenshot("10-link")?;
+    // Idle prefetch does not change the frame, which is not drawn again.
+    other.wait_for_line("idle prefetch done", 0)?;
+    let settled = |client: &Client| client.lines().iter().filter(|line| line.contains("frame settled")).count();
+    let before = settled(&other);
+    ensure!(difference(&same, &other.screenshot("11-idle-prefetch")?) < 0.02, "the frame changed during idle prefetch");
+    ensure!(settled(&other) == before, "the frame was drawn again after idle prefetch");
     ensure!(difference(&view, &same) < 0.02, "the link opens another view: {}", difference(&view, &same));
-    ensure!(other.quit()? == 0, "Escape ends it with an error");
+    ensure!(other.quit()? == 0, "after Escape, the exit code is not 0");
     Ok(())
 }
 
-fn fill_the_screen_and_keep(person: &mut Person) -> Result<()> {
-    // No window manager is here to fill the screen: it must ask for it, go on, and take it back.
-    person.key("F11")?;
-    person.look("6-full-screen")?;
-    person.key("F11")?;
-    person.key("b")?;
-    person.says("saved as View 1", 0)?;
+fn toggle_full_screen_and_bookmark(client: &mut Client) -> Result<()> {
+    // Without a window manager, the request has no effect; the client must continue.
+    client.key("F11")?;
+    client.screenshot("6-full-screen")?;
+    client.key("F11")?;
+    client.key("b")?;
+    client.wait_for_line("saved as View 1", 0)?;
     Ok(())
 }
 
-fn measure_and_record(person: &mut Person) -> Result<()> {
-    person.key("m")?;
-    person.click(300, 240, "1")?;
-    person.says("click a second point", 0)?;
-    person.click(420, 290, "1")?;
-    let apart = person.says("m apart", 0)?;
+fn measure_and_record(client: &mut Client) -> Result<()> {
+    client.key("m")?;
+    client.click(300, 240, "1")?;
+    client.wait_for_line("click a second point", 0)?;
+    client.click(420, 290, "1")?;
+    let apart = client.wait_for_line("m apart", 0)?;
     let metres: f64 = apart.split("measure: ").nth(1).and_then(|t| t.split(' ').next()).context("metres")?.parse()?;
     ensure!((5.0..3000.0).contains(&metres), "{apart}");
-    person.look("7-measured")?;
-    person.key("m")?;
-    person.key("r")?;
-    person.says("recording", 0)?;
-    person.hold("d", Duration::from_millis(600))?;
-    person.key("r")?;
-    let wrote = person.says("insula-path-0001.json", 0)?;
+    client.screenshot("7-measured")?;
+    client.key("m")?;
+    client.key("r")?;
+    client.wait_for_line("recording", 0)?;
+    client.hold("d", Duration::from_millis(600))?;
+    client.key("r")?;
+    let wrote = client.wait_for_line("insula-path-0001.json", 0)?;
     let path = insula_client::camera_files::read_path(Path::new(wrote.trim_start_matches("wrote ")))?;
     ensure!(path.seconds > 0.5 && path.keys.len() >= 3, "{path:?}");
     Ok(())
 }
 
-fn copy_a_link(person: &mut Person) -> Result<(String, RgbImage)> {
-    person.key("c")?;
-    let link = person.says("copied insula://", 0)?.trim_start_matches("copied ").to_owned();
+fn copy_a_link(client: &mut Client) -> Result<(String, RgbImage)> {
+    client.key("c")?;
+    let link = client.wait_for_line("copied insula://", 0)?.trim_start_matches("copied ").to_owned();
     ensure!(ViewLink::parse(&link)?.camera.is_some(), "{link}");
-    // The message goes away by itself.
-    std::thread::sleep(Duration::from_secs(6));
-    Ok((link, person.look("8-view")?))
+    // No line of output tells when the message disappears.
+    std::thread::sleep(MESSAGE_TIME);
+    Ok((link, client.screenshot("8-view")?))
 }
 
-fn lose_the_server(person: &mut Person, server: Served, city: &Path, address: &str) -> Result<()> {
-    server.kill()?;
-    let said = person.all_said().len();
-    // Nearer, so that finer tiles are wanted.
+fn stop_and_restart_server(client: &mut Client, server: ServerProcess, city: &Path, address: &str) -> Result<()> {
+    drop(server);
+    let before = client.lines().len();
+    // Moves closer, so that finer tiles are requested.
     for _ in 0..14 {
-        person.click(320, 220, "4")?;
+        client.click(320, 220, "4")?;
     }
-    person.says("reconnecting", said)?;
-    let gone = person.look("9-reconnecting")?;
-    ensure!(colours(&gone) > 30, "what was there is not drawn any more");
-    let said = person.all_said().len();
-    let server = Served::start(city, address)?;
-    person.says("status: ready", said)?;
-    person.says("frame settled", said)?;
-    person.look("9-reconnected")?;
-    server.kill()
+    client.wait_for_line("reconnecting", before)?;
+    let gone = client.screenshot("9-reconnecting")?;
+    ensure!(colours(&gone) > 30, "resident tiles are no longer drawn");
+    let before = client.lines().len();
+    let _server = ServerProcess::serve(city, address)?;
+    client.wait_for_line("status: ready", before)?;
+    client.wait_for_line("frame settled", before)?;
+    client.screenshot("9-reconnected")?;
+    Ok(())
 }

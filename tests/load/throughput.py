@@ -44,6 +44,17 @@ def free_port():
         return s.getsockname()[1]
 
 
+def wait_until_open(port):
+    import socket
+
+    for _ in range(200):
+        try:
+            return socket.create_connection(("127.0.0.1", port), 1).close()
+        except OSError:
+            time.sleep(0.05)
+    sys.exit("nginx does not listen")
+
+
 def wrk(url, paths, seconds, connections, threads):
     command = ["wrk", f"-t{threads}", f"-c{connections}", f"-d{seconds}s", "--latency", "-s", str(HERE / "tiles.lua"), url]
     output = subprocess.run(command, env=dict(os.environ, PATHS=str(paths)), capture_output=True, text=True, check=True).stdout
@@ -94,7 +105,7 @@ def main():
         )
         started.append(insula)
         urls = {"insula": insula.stdout.readline().split()[-1], "nginx": f"{scheme}://127.0.0.1:{port}"}
-        time.sleep(1)
+        wait_until_open(port)
         # The comparison is valid only if both servers send the same bytes.
         path = paths.read_text().split()[-1]
         context = ssl._create_unverified_context()

@@ -9,7 +9,7 @@ use crate::{
     args::{DemoArgs, GlobalArgs, ViewArgs},
     error::{ClientError, Result},
 };
-use insula_protocol::manifest::Attribution;
+use insula_protocol::{manifest::Attribution, text::printable};
 use insula_shaders::layout::Shading;
 use insula_viewer::{camera::Camera, streamer::FrameRequest, sun::Daylight};
 use serde::Deserialize;
@@ -39,7 +39,9 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let server = serve(&bake_cached(&unpack_demo()?)?)?;
     if !args.headless && has_screen() {
         match view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global) {
-            Err(ClientError::Graphics(reason)) => eprintln!("note: {reason}; writing an image instead"),
+            Err(ClientError::Graphics(reason)) => {
+                eprintln!("note: {}; writing an image instead", printable(&reason));
+            }
             ended => return ended,
         }
     }
@@ -50,9 +52,10 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
     render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &args.out)?;
     let out = args.out.canonicalize().unwrap_or_else(|_| args.out.clone());
-    println!("wrote {} (drawn by {})", out.display(), session.adapter_info().name);
+    let note = format!("wrote {} (drawn by {})", out.display(), session.adapter_info().name);
+    println!("{}", printable(&note));
     for source in &session.tree().manifest().attribution {
-        println!("source: {}", source.text);
+        println!("source: {}", printable(&source.text));
     }
     Ok(())
 }

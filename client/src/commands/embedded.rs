@@ -2,8 +2,15 @@
 
 use crate::error::{ClientError, Result};
 use insula_bake::{BakeOptions, Progress, read::Palette};
-use insula_protocol::manifest::{Attribution, to_name};
-use insula_server::{config::ServeConfig, http, store::Store};
+use insula_protocol::{
+    manifest::{Attribution, to_name},
+    text::printable,
+};
+use insula_server::{
+    config::{CorsPolicy, ServeConfig},
+    http,
+    store::Store,
+};
 use std::{
     collections::hash_map::DefaultHasher,
     fs,
@@ -13,6 +20,9 @@ use std::{
     sync::Mutex,
     time::{Duration, SystemTime},
 };
+
+/// Most files and folders below an input folder.
+const MAX_INPUT_FILES: usize = 1 << 20;
 
 /// Inputs and settings of a bake.
 #[derive(Debug, Clone, Default)]
@@ -56,18 +66,39 @@ pub(super) fn cache_key(inputs: &[PathBuf], palette: Option<&Path>, cell_m: f64)
     Ok(hasher.finish())
 }
 
-fn hash_path(path: &Path, hasher: &mut DefaultHasher) -> Result<()> {
-    let path = path.canonicalize().map_err(ClientError::file(path))?;
-    let metadata = fs::metadata(&path).map_err(ClientError::file(&path))?;
-    path.hash(hasher);
-    if metadata.is_dir() {
-        let entries: std::io::Result<Vec<_>> = fs::read_dir(&path).and_then(Iterator::collect);
-        let mut paths: Vec<PathBuf> = entries.map_err(ClientError::file(&path))?.iter().map(|e| e.path()).collect();
-        paths.sort();
-        return paths.iter().try_for_each(|path| hash_path(path, hasher));
+/// Hashes a file, or all files below a folder. Links to folders are not followed below the input: one may lead to a folder
+/// above it, or out of it. Fails if a file cannot be read, or if there are too many.
+fn hash_path(input: &Path, hasher: &mut DefaultHasher) -> Result<()> {
+    let input = input.canonicalize().map_err(ClientError::file(input))?;
+    let mut waiting = vec![input.clone()];
+    let mut count = 0usize;
+    while let Some(path) = waiting.pop() {
+        count += 1;
+        if count > MAX_INPUT_FILES {
+            let (input, limit) = (input.display(), MAX_INPUT_FILES);
+            return Err(ClientError::Usage(format!(
+                "{input}: more than {limit} files: name the city files themselves"
+            )));
+        }
+        path.hash(hasher);
+        let is_link = path.is_symlink();
+        let metadata = match fs::metadata(&path) {
+            // A link that leads nowhere is no input.
+            Err(_) if is_link => continue,
+            metadata => metadata.map_err(ClientError::file(&path))?,
+        };
+        if metadata.is_dir() && is_link {
+            fs::read_link(&path).map_err(ClientError::file(&path))?.hash(hasher);
+        } else if metadata.is_dir() {
+            let entries: std::io::Result<Vec<_>> = fs::read_dir(&path).and_then(Iterator::collect);
+            let mut paths: Vec<PathBuf> = entries.map_err(ClientError::file(&path))?.iter().map(|e| e.path()).collect();
+            paths.sort();
+            waiting.extend(paths.into_iter().rev());
+        } else {
+            let modified = metadata.modified().ok().and_then(|t| t.duration_since(SystemTime::UNIX_EPOCH).ok());
+            (metadata.len(), modified).hash(hasher);
+        }
     }
-    let modified = metadata.modified().ok().and_then(|t| t.duration_since(SystemTime::UNIX_EPOCH).ok());
-    (metadata.len(), modified).hash(hasher);
     Ok(())
 }
 
@@ -81,7 +112,7 @@ pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
     if Store::open(&[&out]).is_ok() {
         return Ok(out);
     }
-    eprintln!("baking {name} into {} (once)", out.display());
+    eprintln!("{}", printable(&format!("baking {name} into {} (once)", out.display())));
     let options = BakeOptions {
         inputs: job.inputs.clone(),
         out: out.clone(),
@@ -134,7 +165,7 @@ impl Progress for TerminalProgress {
         let percent = (progress.done * 100).checked_div(progress.total).unwrap_or(0);
         if progress.printed_percent != Some(percent) && std::io::stderr().is_terminal() {
             progress.printed_percent = Some(percent);
-            eprint!("\r\x1b[K{} {percent}%", progress.stage);
+            eprint!("\r\x1b[K{} {percent}%", printable(&progress.stage));
         }
     }
 }
@@ -159,7 +190,10 @@ pub(super) fn serve(folder: &Path) -> Result<EmbeddedServer> {
     let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).map_err(|e| failed(&e))?;
     let url = format!("http://{}", listener.local_addr().map_err(|e| failed(&e))?);
     runtime.spawn(async move {
-        let config = ServeConfig::default();
+        // Only programs of this machine may read the city: no page of a browser, under whatever name it reaches the loopback.
+        let mut config = ServeConfig::default();
+        config.access.cors = CorsPolicy::None;
+        config.access.hosts = vec!["127.0.0.1".into()];
         if let Err(error) = http::serve(listener, store, &config, std::future::pending::<()>()).await {
             tracing::error!("the embedded server ended: {error}");
         }
@@ -172,5 +206,39 @@ impl Drop for EmbeddedServer {
         if let Some(runtime) = self.runtime.take() {
             runtime.shutdown_timeout(Duration::from_millis(200));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn folders_that_link_to_themselves_or_nest_deeply_are_hashed() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let city = folder.path().join("city");
+        let deepest = (0..300).fold(city.clone(), |path, _| path.join("d"));
+        fs::create_dir_all(&deepest).unwrap();
+        for (link, target) in [
+            ("self", city.as_path()),
+            ("above", folder.path()),
+            ("circle", Path::new("circle")),
+            ("all", Path::new("/")),
+        ] {
+            symlink(target, city.join(link)).unwrap();
+        }
+        symlink(&city, deepest.join("top")).unwrap();
+        fs::write(deepest.join("a.obj"), "v 0 0 0").unwrap();
+        let key = || cache_key(std::slice::from_ref(&city), None, 1.0).unwrap();
+        let before = key();
+        assert_eq!(key(), before);
+        fs::write(deepest.join("a.obj"), "v 0 0 0\nv 1 1 1").unwrap();
+        assert_ne!(key(), before, "a file below has changed");
+        // An input that is a link itself is followed.
+        let inputs = [folder.path().join("link")];
+        symlink(&city, &inputs[0]).unwrap();
+        assert_eq!(cache_key(&inputs, None, 1.0).unwrap(), key());
     }
 }

@@ -34,7 +34,7 @@ const COMPARE_CACHE_MIB: u32 = 512;
 pub(super) fn run(args: &FlyArgs, global: &GlobalArgs) -> Result<()> {
     let path = read_path(&args.path)?;
     let first = frame_request(&path, args, global, 0.0)?;
-    let http = Http::new(simulated_link(args))?;
+    let http = Http::with_options(simulated_link(args), global.http_options())?;
     let mut session = open_session(&args.server, global, Some(http), Some(&first))?;
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
     let settings = daylight.render_settings(Shading::Lit, MOVING_SAMPLES);

@@ -42,7 +42,7 @@ pub fn open_session(
     let opening = std::thread::spawn(move || Adapter::headless(choice, cache_bytes));
     let http = Arc::new(match http {
         Some(http) => http,
-        None => Http::new(None)?,
+        None => Http::with_options(None, global.http_options())?,
     });
     let city = connect(&http, location, global)?;
     let downloads = BackgroundFetcher::downloads(http, city.source, INITIAL_REQUESTS, None);

@@ -26,7 +26,7 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     CityLocation::parse(&link.address)?;
     let path = args.path.as_deref().map(read_path).transpose()?;
     let event_loop = event_loop::event_loop()?;
-    let http = Arc::new(Http::new(None)?);
+    let http = Arc::new(Http::with_options(None, global.http_options())?);
     let has_sun = args.sun.time.is_some() || args.sun.sun.is_some();
     let sun = if has_sun { args.sun } else { SunArgs { time: link.time, ..args.sun } }.into();
     let options = WindowOptions {

@@ -6,6 +6,7 @@ use super::{
     gpu::{GpuAdapter, GpuDevice},
 };
 use crate::error::{ClientError, Result};
+use insula_protocol::text::printable;
 use insula_shaders::{
     cpu::raycast::{Pixels, RayCounts},
     layout::SUMMARY_WORDS,
@@ -70,7 +71,10 @@ impl Adapter {
                 if let (AdapterChoice::Auto, Adapter::Gpu(gpu)) = (choice, &opened.adapter)
                     && gpu.device.is_software()
                 {
-                    eprintln!("note: {} is a software driver, --adapter cpu may be faster", opened.info.name);
+                    eprintln!(
+                        "note: {} is a software driver, --adapter cpu may be faster",
+                        printable(&opened.info.name)
+                    );
                 }
                 Ok(opened)
             }

@@ -16,6 +16,7 @@ use insula_protocol::{
     Manifest,
     manifest::is_name,
     route::{self, CITIES},
+    text::printable,
 };
 use insula_viewer::{scene::tile::retry_delay, streamer::FetchError};
 use std::{
@@ -53,17 +54,22 @@ pub struct OpenOptions {
 /// Opens the city at `location`. Blocks until its manifest is read. Fails if the server does not respond, or if there is no
 /// such city, or if the server has several and none is named.
 pub fn open_city(http: &Arc<Http>, location: CityLocation, options: &OpenOptions) -> Result<OpenedCity> {
-    let opener = CityOpener { http, options };
+    let mut opener = CityOpener { http, options, query: String::new() };
     match location {
         CityLocation::Folder(path) => opener.local_folder(&path),
         CityLocation::WebFolder(base) => opener.web_folder(&base),
-        CityLocation::Server { base, name, is_bare_host } => opener.server(&base, name, is_bare_host),
+        CityLocation::Server { base, name, share, is_bare_host } => {
+            opener.query = share.map(|share| format!("?share={share}")).unwrap_or_default();
+            opener.server(&base, name, is_bare_host)
+        }
     }
 }
 
 struct CityOpener<'a> {
     http: &'a Arc<Http>,
     options: &'a OpenOptions,
+    /// Appended to each address that is requested, and shown in no message: the share link, or empty.
+    query: String,
 }
 
 impl CityOpener<'_> {
@@ -102,7 +108,13 @@ impl CityOpener<'_> {
         };
         let url = format!("{base}{}", route::manifest(&name));
         let manifest = self.fetch_manifest(&url)?;
-        let source = Arc::new(ServerSource::new(self.http.clone(), base, &manifest));
+        if manifest.name != name {
+            return Err(ClientError::Server(format!(
+                "{url}: the server sent city {} instead: check the address, and do not trust this server",
+                manifest.name
+            )));
+        }
+        let source = Arc::new(ServerSource::new(self.http.clone(), base, &self.query, &manifest));
         Ok(self.with_disk_cache(url, manifest, source))
     }
 
@@ -119,7 +131,7 @@ impl CityOpener<'_> {
 
     fn with_disk_cache(&self, address: String, manifest: Manifest, source: Arc<dyn TileSource>) -> OpenedCity {
         let source = match &self.options.disk_cache {
-            Some(folder) => Arc::new(CachedCity::new(source, folder.clone(), &manifest)),
+            Some(folder) => Arc::new(CachedCity::new(source, folder.clone(), &address, &manifest)),
             None => source,
         };
         OpenedCity { address, manifest, source }
@@ -130,8 +142,15 @@ impl CityOpener<'_> {
         parse_manifest(&json).map_err(|error| ClientError::Server(format!("{url}: invalid manifest: {error}")))
     }
 
-    /// Fetches a small file, with retries until the timeout because the server may be starting. `None` if there is no such
-    /// file. If the server does not respond, returns the copy in the disk cache.
+    /// Fetches a small file. Fails at `deadline` even if the response is still arriving.
+    async fn get_until(&self, deadline: Instant, url: &str) -> Result<Bytes, FetchError> {
+        let response = tokio::time::timeout_at(deadline.into(), self.http.get(url, MAX_MANIFEST_BYTES)).await;
+        response.unwrap_or_else(|_| Err(FetchError::Network("the response is too slow".into())))
+    }
+
+    /// Fetches a small file, with retries until the timeout because the server may be starting. Whatever the server does, this
+    /// ends with the timeout. `None` if there is no such file. If the server does not respond, returns the copy in the disk
+    /// cache.
     fn fetch(&self, url: &str) -> Result<Option<Bytes>> {
         let start = Instant::now();
         let OpenOptions { disk_cache, timeout, .. } = self.options;
@@ -139,8 +158,9 @@ impl CityOpener<'_> {
         let cached = disk_cache.as_ref().and_then(|disk| disk.read(&cache_name));
         let timeout = if cached.is_some() { OFFLINE_AFTER.min(*timeout) } else { *timeout };
         let mut attempts = 0u8;
+        let request_url = format!("{url}{}", self.query);
         loop {
-            match self.http.block_on(self.http.get(url, MAX_MANIFEST_BYTES)) {
+            match self.http.block_on(self.get_until(start + timeout, &request_url)) {
                 Ok(bytes) => {
                     if let Some(disk) = disk_cache
                         && let Err(error) = disk.replace(&cache_name, &bytes)
@@ -152,14 +172,22 @@ impl CityOpener<'_> {
                 Err(FetchError::Missing) => return Ok(None),
                 Err(error) => {
                     attempts = attempts.saturating_add(1);
-                    let wait = retry_delay(attempts, None, jitter());
-                    if start.elapsed() + wait <= timeout {
+                    let wait = match &error {
+                        FetchError::Busy { retry_after: Some(wait), .. } => *wait,
+                        _ => retry_delay(attempts, None, jitter()),
+                    };
+                    let is_final = matches!(error, FetchError::Unusable(_));
+                    if !is_final && start.elapsed().saturating_add(wait) <= timeout {
                         std::thread::sleep(wait);
                         continue;
                     }
                     if let Some(cached) = cached {
-                        eprintln!("note: {url}: no response ({error}), using the disk cache");
+                        let note = format!("note: {url}: no response ({error}), using the disk cache");
+                        eprintln!("{}", printable(&note));
                         return Ok(Some(cached));
+                    }
+                    if is_final {
+                        return Err(ClientError::Server(error.to_string()));
                     }
                     let secs = timeout.as_secs();
                     return Err(ClientError::Server(format!(
@@ -200,6 +228,60 @@ fn city_names(list: &serde_json::Value) -> Option<Vec<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::{
+        io::{Read, Write},
+        net::TcpListener,
+    };
+
+    /// Answers every request with `head` and then a byte of `body` each `pause`, until the client gives up.
+    fn serve_slowly(head: &'static str, body: Vec<u8>, pause: Duration) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let base = format!("http://{}", listener.local_addr().unwrap());
+        std::thread::spawn(move || {
+            for mut stream in listener.incoming().flatten() {
+                let _ = stream.read(&mut [0; 2048]);
+                let _ = stream.write_all(head.as_bytes());
+                let is_sent = |byte: &u8| {
+                    std::thread::sleep(pause);
+                    stream.write_all(&[*byte]).is_ok()
+                };
+                let _ = body.iter().all(is_sent);
+            }
+        });
+        base
+    }
+
+    fn open(base: &str, name: Option<&str>, timeout: Duration) -> Result<OpenedCity> {
+        let http = Arc::new(Http::new(None).unwrap());
+        let location =
+            CityLocation::Server { base: base.into(), name: name.map(str::to_owned), is_bare_host: false, share: None };
+        open_city(&http, location, &OpenOptions { city: None, disk_cache: None, timeout })
+    }
+
+    #[test]
+    fn slow_and_busy_servers_are_given_up_at_the_timeout() {
+        let timeout = Duration::from_millis(700);
+        let drip = "HTTP/1.1 200 OK\r\ncontent-length: 4000\r\n\r\n";
+        let busy = "HTTP/1.1 503 Busy\r\nretry-after: 3600\r\nconnection: close\r\ncontent-length: 0\r\n\r\n";
+        for (head, bytes) in [(drip, 4000), (busy, 0)] {
+            let base = serve_slowly(head, vec![b' '; bytes], Duration::from_millis(20));
+            for name in [None, Some("town")] {
+                let begin = Instant::now();
+                assert_eq!(open(&base, name, timeout).unwrap_err().exit_code(), 1);
+                assert!(begin.elapsed() < Duration::from_secs(10), "{name:?}: {:?}", begin.elapsed());
+            }
+        }
+    }
+
+    #[test]
+    fn a_manifest_of_another_city_is_refused() {
+        let manifest = insula_viewer::test_support::manifest(3);
+        let body = serde_json::to_vec(&manifest).unwrap();
+        let head = "HTTP/1.1 200 OK\r\nconnection: close\r\n\r\n";
+        let serve = || serve_slowly(head, body.clone(), Duration::ZERO);
+        let error = open(&serve(), Some("town"), Duration::from_secs(5)).unwrap_err();
+        assert!(error.to_string().contains("sent city test instead"), "{error}");
+    }
 
     #[test]
     fn only_a_list_of_one_city_needs_no_name() {

@@ -3,11 +3,12 @@
 use super::simulated_link::SimulatedLink;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
-use insula_protocol::DecodeError;
+use insula_protocol::{DecodeError, route::is_same_host};
 use insula_viewer::streamer::FetchError;
 use reqwest::{
     StatusCode,
-    header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, RANGE, RETRY_AFTER},
+    header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, LOCATION, RANGE, RETRY_AFTER},
+    redirect::Policy,
 };
 use std::{
     future::Future,
@@ -20,9 +21,14 @@ use tokio::time::{Instant, timeout_at};
 /// A response body may take one second longer for this many bytes received.
 const MIN_BODY_BYTES_PER_SEC: f64 = 256.0;
 
-/// Time limits of a request.
+/// Longest time for a response body, whatever its length.
+const MAX_BODY_TIME: Duration = Duration::from_secs(600);
+/// Most redirects of a request.
+const MAX_REDIRECTS: usize = 5;
+
+/// Time limits of a request, and whether it may be redirected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct HttpTimeouts {
+pub struct HttpOptions {
     /// Limit for opening a connection.
     pub connect: Duration,
     /// Limit for the time between two reads.
@@ -30,6 +36,8 @@ pub struct HttpTimeouts {
     /// Limit for a whole response body, before the allowance for its length. A response that arrives byte by byte would
     /// otherwise occupy a request for long.
     pub body: Duration,
+    /// Whether redirects to other hosts are followed (`--follow-redirects`). They may lead into the network of this machine.
+    pub follow_redirects: bool,
 }
 
 /// Part of a file.
@@ -42,9 +50,10 @@ pub(super) struct RangeResponse {
     pub(super) file_bytes: Option<u64>,
 }
 
-impl Default for HttpTimeouts {
+impl Default for HttpOptions {
     fn default() -> Self {
-        Self { connect: Duration::from_secs(5), read: Duration::from_secs(15), body: Duration::from_secs(8) }
+        let [connect, read, body] = [5, 15, 8].map(Duration::from_secs);
+        Self { connect, read, body, follow_redirects: false }
     }
 }
 
@@ -63,11 +72,11 @@ pub struct Http {
 impl Http {
     /// Starts two network threads. All traffic passes `link` if there is one. Fails if the threads cannot be started.
     pub fn new(link: Option<SimulatedLink>) -> Result<Self> {
-        Self::with_timeouts(link, HttpTimeouts::default())
+        Self::with_options(link, HttpOptions::default())
     }
 
-    /// Like [`Http::new`] with other time limits.
-    pub fn with_timeouts(link: Option<SimulatedLink>, timeouts: HttpTimeouts) -> Result<Self> {
+    /// Like [`Http::new`] with other options.
+    pub fn with_options(link: Option<SimulatedLink>, options: HttpOptions) -> Result<Self> {
         let failed = |e: &dyn std::fmt::Display| ClientError::Failed(format!("the network cannot be set up: {e}"));
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(2)
@@ -77,14 +86,15 @@ impl Http {
             .build()
             .map_err(|e| failed(&e))?;
         let client = reqwest::Client::builder()
-            .connect_timeout(timeouts.connect)
-            .read_timeout(timeouts.read)
+            .connect_timeout(options.connect)
+            .read_timeout(options.read)
+            .redirect(redirect_policy(options.follow_redirects))
             .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
             .build()
             .map_err(|e| failed(&e))?;
         let (requests, bytes) = (AtomicU64::new(0), AtomicU64::new(0));
         let handle = runtime.handle().clone();
-        Ok(Self { runtime: Some(runtime), handle, client, link, body_timeout: timeouts.body, requests, bytes })
+        Ok(Self { runtime: Some(runtime), handle, client, link, body_timeout: options.body, requests, bytes })
     }
 
     /// Runs `future` on the network threads.
@@ -152,7 +162,7 @@ impl Http {
         let begin = Instant::now();
         loop {
             let limit = self.body_timeout + Duration::from_secs_f64(body.len() as f64 / MIN_BODY_BYTES_PER_SEC);
-            let chunk = timeout_at(begin + limit, response.chunk()).await;
+            let chunk = timeout_at(begin + limit.min(MAX_BODY_TIME), response.chunk()).await;
             let chunk = chunk.map_err(|_| FetchError::Network("the response body is too slow".into()))?;
             let Some(chunk) = chunk.map_err(network_error)? else { break };
             self.bytes.fetch_add(chunk.len() as u64, Ordering::Relaxed);
@@ -205,6 +215,18 @@ fn lost_on_link() -> FetchError {
     FetchError::Network("lost on the simulated link".into())
 }
 
+/// Follows redirects to the host that was asked, and to others only if `follow_all`; see [`is_same_host`].
+fn redirect_policy(follow_all: bool) -> Policy {
+    Policy::custom(move |attempt| {
+        if attempt.previous().len() > MAX_REDIRECTS {
+            return attempt.error("too many redirects");
+        }
+        let is_allowed =
+            attempt.previous().last().is_some_and(|from| is_same_host(from.as_str(), attempt.url().as_str()));
+        if follow_all || is_allowed { attempt.follow() } else { attempt.stop() }
+    })
+}
+
 fn network_error(error: reqwest::Error) -> FetchError {
     // The innermost cause is the most specific one ("connection refused").
     let mut cause: &dyn std::error::Error = &error;
@@ -220,6 +242,14 @@ fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
         StatusCode::OK | StatusCode::PARTIAL_CONTENT => Ok(()),
         StatusCode::REQUEST_TIMEOUT | StatusCode::TOO_MANY_REQUESTS | StatusCode::TOO_EARLY => {
             Err(busy_error(response))
+        }
+        _ if status.is_redirection() => {
+            let to =
+                response.headers().get(LOCATION).map_or("nowhere".into(), |to| String::from_utf8_lossy(to.as_bytes()));
+            Err(FetchError::Unusable(format!(
+                "{} redirects to {to}, another host: use that address if you trust it, or --follow-redirects",
+                response.url()
+            )))
         }
         _ if status.is_client_error() => Err(FetchError::Missing),
         // Temporary failures are 502, 503 or 504. A 500 means that the server cannot read this tile.
@@ -304,6 +334,22 @@ mod tests {
         assert!(matches!(cut_off, Err(FetchError::Network(_))), "{cut_off:?}");
         assert!(matches!(get(), Err(FetchError::Network(_))), "the server is gone");
         assert_eq!((http.requests(), http.bytes()), (6, 5 + 4));
+    }
+
+    #[test]
+    fn other_hosts_are_reached_only_if_redirects_are_asked_for() {
+        // Another port of the loopback interface: a private address, and not the one that was asked.
+        let redirect = |to: &str| response(&format!("302 Found\r\nlocation: {to}"), "");
+        for follow_redirects in [false, true] {
+            let secret = serve(vec![response("200 OK", "secret")]);
+            let public = serve(vec![redirect("/elsewhere"), redirect(&secret)]);
+            let http = Http::with_options(None, HttpOptions { follow_redirects, ..HttpOptions::default() }).unwrap();
+            match http.block_on(http.get(&public, 100)) {
+                Ok(body) => assert!(follow_redirects && body == "secret"),
+                Err(FetchError::Unusable(why)) => assert!(!follow_redirects && why.contains(&secret), "{why}"),
+                other => panic!("{other:?}"),
+            }
+        }
     }
 
     #[test]

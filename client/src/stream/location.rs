@@ -14,6 +14,8 @@ pub enum CityLocation {
         base: String,
         /// Name of the city, if the URL has one.
         name: Option<String>,
+        /// Value of `?share=`, which opens a private city. It is a secret: no message shows it.
+        share: Option<String>,
         /// Whether the URL is a host without a path: it may also be a web host with a baked city in its root.
         is_bare_host: bool,
     },
@@ -26,6 +28,10 @@ pub enum CityLocation {
 impl CityLocation {
     /// Parses a URL or a path. Fails if it cannot be a city.
     pub fn parse(text: &str) -> Result<Self> {
+        let (text, query) = match text.split_once('?') {
+            Some((address, query)) if address.contains("://") => (address, Some(query)),
+            _ => (text, None),
+        };
         let invalid = || {
             ClientError::Usage(format!(
                 "{text}: not a city: write http://host:port, http://host:port{CITIES}/NAME, the URL of a baked folder on a \
@@ -47,6 +53,7 @@ impl CityLocation {
         if base.len() == scheme_end || text.contains(is_banned) {
             return Err(invalid());
         }
+        let share = query.map(|query| parse_share(query).ok_or_else(invalid)).transpose()?;
         let path = path.trim_end_matches('/');
         let name = match path.strip_prefix(CITIES) {
             Some("") => None,
@@ -55,13 +62,21 @@ impl CityLocation {
                 _ => return Err(invalid()),
             },
             None if path.is_empty() => None,
+            None if share.is_some() => return Err(invalid()),
             None => {
                 let folder = path.strip_suffix(MANIFEST_FILE).map_or(path, |folder| folder.trim_end_matches('/'));
                 return Ok(Self::WebFolder(format!("{base}{folder}")));
             }
         };
-        Ok(Self::Server { base: base.to_owned(), name, is_bare_host: path.is_empty() })
+        Ok(Self::Server { base: base.to_owned(), name, share, is_bare_host: path.is_empty() })
     }
+}
+
+/// The value of `share=VALUE`, if that is the whole query and could be a share link.
+fn parse_share(query: &str) -> Option<String> {
+    let share = query.strip_prefix("share=")?;
+    let is_link = !share.is_empty() && share.bytes().all(|b| b.is_ascii_alphanumeric() || b"-._~".contains(&b));
+    is_link.then(|| share.to_owned())
 }
 
 #[cfg(test)]
@@ -73,6 +88,7 @@ mod tests {
         let server = |base: &str, name: Option<&str>, is_bare_host| CityLocation::Server {
             base: base.into(),
             name: name.map(str::to_owned),
+            share: None,
             is_bare_host,
         };
         let parsed = |text: &str| CityLocation::parse(text).unwrap();
@@ -82,6 +98,24 @@ mod tests {
         assert_eq!(parsed("http://h:1/v1/cities/the_hague"), server("http://h:1", Some("the_hague"), false));
         for web in ["https://h/maps/delft", "https://h/maps/delft/", "https://h/maps/delft/city.json"] {
             assert_eq!(parsed(web), CityLocation::WebFolder("https://h/maps/delft".into()));
+        }
+    }
+
+    #[test]
+    fn a_share_link_is_a_server_with_a_secret() {
+        let link = "s1.k.delft.~.99.r~-1~0~2~3.00ff";
+        let expected = CityLocation::Server {
+            base: "https://h".into(),
+            name: Some("delft".into()),
+            share: Some(link.into()),
+            is_bare_host: false,
+        };
+        assert_eq!(CityLocation::parse(&format!("https://h/v1/cities/delft?share={link}")).unwrap(), expected);
+        for invalid in
+            ["https://h/v1/cities/A?share=secret", "https://h/maps/delft?share=secret", "https://h?share=secret&"]
+        {
+            let error = CityLocation::parse(invalid).unwrap_err();
+            assert!(error.exit_code() == 2 && !error.to_string().contains("secret"), "{error}");
         }
     }
 

@@ -13,6 +13,7 @@ use super::{
 };
 use crate::session::Session;
 use glam::DVec3;
+use insula_protocol::text::printable;
 use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
 use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest, sun::Daylight};
 use std::time::Instant;
@@ -93,7 +94,7 @@ impl CityView {
 
     /// Shows a message for a few seconds, and prints it to standard output.
     pub(super) fn show_message(&mut self, text: String) {
-        println!("{text}");
+        println!("{}", printable(&text));
         self.display.message = Some(TimedMessage { text, until: Instant::now() + MESSAGE_TIME });
     }
 

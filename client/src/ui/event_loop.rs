@@ -19,6 +19,7 @@ use crate::{
     session::Session,
 };
 use insula_protocol::Manifest;
+use insula_protocol::text::printable;
 use insula_viewer::{
     camera::Camera,
     sun::{Daylight, SunOptions, parse_time},
@@ -96,7 +97,7 @@ pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: 
     let settings_path = UserSettings::path();
     let (settings, note) = settings_path.as_deref().map(UserSettings::load).unwrap_or_default();
     if let Some(note) = &note {
-        eprintln!("note: {note}");
+        eprintln!("note: {}", printable(note));
     }
     let mut app = ViewerApp {
         connector: Connector { connect, proxy: event_loop.create_proxy(), error: None, retry_at: None },
@@ -142,7 +143,7 @@ impl Connector {
 
     fn failed(&mut self, error: &ClientError) {
         tracing::info!("not connected: {error}");
-        self.error = Some(error.to_string());
+        self.error = Some(printable(&error.to_string()).into_owned());
         self.retry_at = Some(Instant::now() + RECONNECT_AFTER);
     }
 }
@@ -256,7 +257,7 @@ impl ViewerApp {
         }
         sun.shadows = sun.shadows.or(Some(self.settings.shadows));
         let [width, height] = window.surface.size_px().map(f64::from);
-        window.window.set_title(&format!("{} - Insula", city.manifest.title));
+        window.window.set_title(&format!("{} - Insula", printable(&city.manifest.title)));
         let setup = CityViewSetup {
             daylight: Daylight::new(&sun, &city.manifest),
             session: (city.open_session)(window.open_adapter(self.options.adapter, self.options.cache_bytes)),
@@ -284,7 +285,7 @@ impl ViewerApp {
         if let Some(path) = &self.settings_path
             && let Err(error) = self.settings.store(path)
         {
-            eprintln!("note: the settings are not saved: {error}");
+            eprintln!("note: the settings are not saved: {}", printable(&error.to_string()));
         }
     }
 

@@ -8,6 +8,7 @@ use super::{
 use crate::session::Session;
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
+use insula_protocol::text::printable;
 use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
 use insula_viewer::sun::Daylight;
 use std::{
@@ -90,7 +91,8 @@ impl OverlayTexts {
             Some(licence) => format!("{} ({licence})", a.text),
             None => a.text.clone(),
         });
-        Self { counters: lines, attribution: sources.collect::<Vec<_>>().join("; "), title: manifest.title.clone() }
+        let attribution = printable(&sources.collect::<Vec<_>>().join("; ")).into_owned();
+        Self { counters: lines, attribution, title: printable(&manifest.title).into_owned() }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The state of streaming as the user sees it.
 
 use crate::session::Session;
+use insula_protocol::text::printable;
 use std::time::Duration;
 
 /// The user is informed after the server has not responded for this time.
@@ -42,7 +43,7 @@ impl StreamStatus {
                 let error = session.downloads().last_error();
                 Some(format!("reconnecting: the server has not responded for {secs} s ({error}); retrying"))
             }
-            Self::Failed => session.check(Duration::MAX).err().map(|error| error.to_string()),
+            Self::Failed => session.check(Duration::MAX).err().map(|error| printable(&error.to_string()).into_owned()),
         }
     }
 }

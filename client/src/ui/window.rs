@@ -5,6 +5,7 @@ use crate::{
     error::{ClientError, Result},
     render::{AdapterChoice, GpuAdapter, OpenedAdapter},
 };
+use insula_protocol::text::printable;
 use insula_viewer::cache::pages_for;
 use std::{sync::Arc, time::Duration};
 use winit::{
@@ -109,7 +110,8 @@ impl ViewerWindow {
         let pages = pages_for(cache_bytes);
         let device = self.surface.device();
         if choice == AdapterChoice::Auto && device.is_software() {
-            eprintln!("note: {} is a software driver, using the CPU ray-caster instead", device.info().name);
+            let name = &device.info().name;
+            eprintln!("note: {} is a software driver, using the CPU ray-caster instead", printable(name));
         } else if choice != AdapterChoice::Cpu {
             match GpuAdapter::new(device.clone(), pages) {
                 Ok(gpu) => return OpenedAdapter::gpu(gpu),

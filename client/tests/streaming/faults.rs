@@ -6,8 +6,9 @@ use super::{
     test_server::{Reply, TestServer},
     viewers::{WIDTH_PX, draw_until_settled, open_session, open_session_with, settle, street},
 };
-use insula_client::{session::Session, stream::fetch::HttpTimeouts};
+use insula_client::{session::Session, stream::fetch::HttpOptions};
 use insula_protocol::{TileId, route, tile::TileKind};
+use insula_test_support::rng::Rng;
 use insula_viewer::frame::RenderSettings;
 use std::{
     sync::{
@@ -17,10 +18,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// A pseudo-random number that depends on its arguments only.
-fn chance(path: &str, times: u32) -> u32 {
-    let hash = path.bytes().fold(2_166_136_261u32, |h, b| (h ^ u32::from(b)).wrapping_mul(16_777_619));
-    (hash ^ times.wrapping_mul(0x9e37_79b9)).wrapping_mul(0x85eb_ca6b) >> 16
+/// A random number from 0 to `n - 1` that depends on the path and the number of earlier requests for it.
+fn random_below(n: usize, path: &str, times: u32) -> usize {
+    let hash = path.bytes().fold(u64::from(times), |hash, byte| Rng::new(hash ^ u64::from(byte)).bits());
+    Rng::new(hash).below(n)
 }
 
 fn block_map_path(level: u8, x: u32, y: u32) -> String {
@@ -47,7 +48,7 @@ fn failed_responses_are_retried_until_the_frame_is_complete() {
 
 #[test]
 fn lost_and_damaged_responses_change_no_pixel() {
-    let server = TestServer::with_policy(city(), |path, times| match chance(path, times) % 20 {
+    let server = TestServer::with_policy(city(), |path, times| match random_below(20, path, times) {
         _ if !path.contains(&format!("/{VERSION}/")) => Reply::Intact,
         0 | 1 => Reply::Truncated,
         2 => Reply::Damaged,
@@ -91,11 +92,11 @@ fn retry_after_is_obeyed_for_503() {
 #[test]
 fn slow_bodies_are_abandoned_and_fetched_again() {
     let server = TestServer::with_policy(city(), |path, times| {
-        let is_slow = times == 0 && path.contains("blockmaps") && chance(path, 0).is_multiple_of(4);
+        let is_slow = times == 0 && path.contains("blockmaps") && random_below(4, path, 0) == 0;
         if is_slow { Reply::Trickle } else { Reply::Intact }
     });
-    let timeouts = HttpTimeouts { body: Duration::from_millis(500), ..HttpTimeouts::default() };
-    let mut session = open_session_with(&server, 64, timeouts);
+    let options = HttpOptions { body: Duration::from_millis(500), ..HttpOptions::default() };
+    let mut session = open_session_with(&server, 64, options);
     assert_eq!(draw_until_settled(&mut session), REFERENCE.colours);
     let (found, intact) = (server.requests(), REFERENCE.requests);
     assert!(found > intact && found <= intact * 2, "{found} requests, {intact} without faults");

@@ -9,7 +9,7 @@ use insula_client::{
     session::Session,
     stream::{
         BackgroundFetcher,
-        fetch::{Http, HttpTimeouts},
+        fetch::{Http, HttpOptions},
     },
 };
 use insula_viewer::{
@@ -40,6 +40,7 @@ pub(crate) fn global_args() -> GlobalArgs {
         city: None,
         tau: 1.0,
         timeout: 5,
+        follow_redirects: false,
     }
 }
 
@@ -62,20 +63,20 @@ pub(crate) fn sideways(step: u32, step_m: f64) -> FrameRequest {
 }
 
 pub(crate) fn open_session(server: &TestServer, cache_mib: u64) -> Session {
-    open_session_with(server, cache_mib, HttpTimeouts::default())
+    open_session_with(server, cache_mib, HttpOptions::default())
 }
 
-pub(crate) fn open_session_with(server: &TestServer, cache_mib: u64, timeouts: HttpTimeouts) -> Session {
-    let (tree, downloads, opened) = connect_to(server, cache_mib, timeouts);
+pub(crate) fn open_session_with(server: &TestServer, cache_mib: u64, options: HttpOptions) -> Session {
+    let (tree, downloads, opened) = connect_to(server, cache_mib, options);
     Session::new(tree, downloads, opened, Instant::now())
 }
 
 fn connect_to(
     server: &TestServer,
     cache_mib: u64,
-    timeouts: HttpTimeouts,
+    options: HttpOptions,
 ) -> (SceneTree, Downloads<BackgroundFetcher>, OpenedAdapter) {
-    let http = Arc::new(Http::with_timeouts(None, timeouts).unwrap());
+    let http = Arc::new(Http::with_options(None, options).unwrap());
     let city = connect(&http, &server.url, &global_args()).unwrap();
     let downloads = BackgroundFetcher::downloads(http, city.source, 12, None);
     (SceneTree::new(city.manifest), downloads, Adapter::headless(AdapterChoice::Cpu, cache_mib << 20).unwrap())
@@ -137,7 +138,7 @@ impl FastClockViewer {
     const STEP: Duration = Duration::from_millis(50);
 
     pub(crate) fn new(server: &TestServer, cache_mib: u64) -> Self {
-        let (tree, downloads, opened) = connect_to(server, cache_mib, HttpTimeouts::default());
+        let (tree, downloads, opened) = connect_to(server, cache_mib, HttpOptions::default());
         let streamer = Streamer::new(tree, downloads, opened.pages);
         Self { streamer, adapter: opened.adapter, started: Instant::now(), ahead: Duration::ZERO }
     }

@@ -161,7 +161,8 @@ impl<'a> NodeList<'a> {
             owners: Vec::with_capacity(capacity),
             fading_error_px: 0.0,
         };
-        for tile in transitions.tiles() {
+        // Finer nodes than those of the draw list may have been evicted since the last step.
+        for tile in transitions.tiles().iter().filter(|tile| tree.is_known(tile.node)) {
             let (drawn, fading_out) = tile.sources();
             let entry = ListEntry { node: tile.node, owner: tile.owner, drawn };
             if !list.push(entry) {

@@ -120,7 +120,7 @@ impl BlockCache {
         Ok(bytes.freeze())
     }
 
-    /// All who want a block that is being loaded wait for it.
+    /// A block, from memory or loaded. Concurrent readers of one block share one load.
     async fn block(&self, object: &dyn BlockObject, key: BlockKey) -> Result<Bytes, ReadError> {
         let entry = self.memory.entry(key).or_try_insert_with(self.load(object, key)).await;
         let entry = entry.map_err(|error: Arc<ReadError>| (*error).clone())?;

@@ -1,6 +1,6 @@
 //! A baked city: its manifest and its archives.
 
-use crate::{Archive, ArchiveError, CityError, ReadError};
+use crate::{Archive, ArchiveError, CityError, ReadError, limits::max_tile_bytes};
 use bytes::Bytes;
 use insula_protocol::{
     Manifest, TileId, TileKind,
@@ -8,6 +8,12 @@ use insula_protocol::{
     mesh_tile::MAX_LODS,
     tile::{self, TileReader},
 };
+
+#[cfg(feature = "fs")]
+mod version;
+
+#[cfg(feature = "fs")]
+pub use version::content_version;
 
 /// The manifest's file name in a city's folder.
 pub const MANIFEST_FILE: &str = "city.json";
@@ -40,9 +46,19 @@ impl BakedCity {
         for (kind, archive) in city.archives() {
             // Each level of detail of the meshes has its own level of the archive, from the leaves' level on.
             let extra_levels = if kind == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
+            let damage = |what| {
+                let source = ArchiveError::Directory(what);
+                Err(CityError::Archive { location: city.path_of(kind.file_name()), source })
+            };
             if archive.deepest_level() > city.manifest.depth + extra_levels {
-                let source = ArchiveError::Directory("it has tiles below the depth that city.json gives");
-                return Err(CityError::Archive { location: city.path_of(kind.file_name()), source });
+                return damage("it has tiles below the depth that city.json gives");
+            }
+            // Only V-BlockMaps do not name their node and may be equal. A run of millions would take a program hours to read.
+            if kind != TileKind::BlockMap && archive.has_runs() {
+                return damage("several nodes share a tile that names its node");
+            }
+            if archive.longest_tile_bytes() as usize > max_tile_bytes(kind) {
+                return damage("a tile is longer than any tile may be");
             }
         }
         if city.manifest.tile_version != tile::VERSION {
@@ -53,11 +69,13 @@ impl BakedCity {
         Ok(city)
     }
 
-    /// Opens a folder with `city.json` and its archives.
+    /// Opens a folder with `city.json` and its archives. Fails if that takes longer than
+    /// [`MAX_OPENING_TIME`](crate::limits::MAX_OPENING_TIME).
     #[cfg(feature = "fs")]
     pub fn open(folder: &std::path::Path) -> Result<Self, CityError> {
         let manifest = read_manifest(folder)?;
-        let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()));
+        let deadline = std::time::Instant::now() + crate::limits::MAX_OPENING_TIME;
+        let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()), deadline);
         let meshes = match open(TileKind::Mesh) {
             Err(CityError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => None,
             meshes => Some(meshes?),

@@ -3,17 +3,21 @@
 //! <https://github.com/protomaps/PMTiles/blob/main/spec/v3/spec.md>. The `pmtiles` crate checks less, hides the offsets of
 //! entries and needs an asynchronous runtime.
 
-use crate::{ArchiveError, limits::MAX_TILE_BYTES};
+use crate::{
+    ArchiveError,
+    limits::{MAX_READ_BYTES, MAX_TILE_BYTES},
+};
 use insula_protocol::{TileId, tile_id::MAX_LEVEL};
 use std::{io::Read, ops::Range};
 
 pub(crate) const HEADER_BYTES: u64 = 127;
 /// Most tiles in an archive: 24 bytes each, 1.6 GB of index. Equal tiles in a row share an entry.
 pub(crate) const MAX_TILES: u64 = 1 << 26;
-/// Largest section of packed leaf directories, which [`crate::Archive`] reads at once.
+/// Largest section of packed leaf directories.
 const MAX_LEAVES_BYTES: u64 = 512 << 20;
 /// Largest packed directory.
 const MAX_PACKED_BYTES: u64 = 4 << 20;
+const _: () = assert!(MAX_PACKED_BYTES <= MAX_READ_BYTES);
 /// Most entries of a directory.
 const MAX_DIRECTORY_ENTRIES: u64 = 1 << 20;
 /// Most bytes of an unpacked entry: two numbers of 10 bytes and two of 5.

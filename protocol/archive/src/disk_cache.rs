@@ -4,7 +4,7 @@
 //! modification time is that of its last use. So the cache survives restarts, several processes may share it, and a full or
 //! failing disk costs a fetch but gives no wrong byte. The files that were used longest ago are removed first.
 
-use crate::file::open_regular;
+use crate::{file::open_regular, limits::MAX_READ_BYTES};
 use bytes::Bytes;
 use std::{
     collections::HashMap,
@@ -20,6 +20,8 @@ use std::{
 
 const CHECKSUM_BYTES: usize = 32;
 const MAX_KEY_BYTES: usize = 200;
+/// Longest file, however large the cache is.
+const MAX_FILE_BYTES: u64 = MAX_READ_BYTES + CHECKSUM_BYTES as u64;
 /// Most files, however small.
 const MAX_FILES: usize = 1 << 20;
 /// Age from which an unfinished file was left by an interrupted process.
@@ -95,7 +97,7 @@ impl DiskCache {
     pub fn read(&self, key: &str) -> Option<Bytes> {
         let path = self.path(key).ok()?;
         let mut whole = Vec::new();
-        if open_regular(&path).and_then(|file| file.take(self.max_bytes).read_to_end(&mut whole)).is_err() {
+        if open_regular(&path).and_then(|file| file.take(self.max_file_bytes()).read_to_end(&mut whole)).is_err() {
             self.index().files.remove(key);
             return None;
         }
@@ -111,10 +113,14 @@ impl DiskCache {
         Some(Bytes::from(whole).slice(CHECKSUM_BYTES..))
     }
 
-    /// Stores `bytes` under `key`, unless the key is cached or the bytes are more than the whole cache may have.
+    fn max_file_bytes(&self) -> u64 {
+        self.max_bytes.min(MAX_FILE_BYTES)
+    }
+
+    /// Stores `bytes` under `key`, unless the key is cached or the bytes are more than a file or the whole cache may have.
     pub fn write(&self, key: &str, bytes: &[u8]) -> io::Result<()> {
         let (path, length) = (self.path(key)?, (CHECKSUM_BYTES + bytes.len()) as u64);
-        if length > self.max_bytes || self.contains(key) {
+        if length > self.max_file_bytes() || self.contains(key) {
             return Ok(());
         }
         let serial = self.serial.fetch_add(1, Ordering::Relaxed);
@@ -270,6 +276,19 @@ mod tests {
             assert!(cache.read("a").is_none() && !path.exists());
         }
         assert_eq!(cache.bytes(), 0);
+    }
+
+    #[test]
+    fn files_of_any_length_are_read_within_a_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = cache(folder.path(), 1 << 50);
+        let path = folder.path().join("a.tile");
+        cache.write("a", b"a").unwrap();
+        // A terabyte that takes no room on the disk.
+        File::options().write(true).open(&path).unwrap().set_len(1 << 40).unwrap();
+        assert!(cache.read("a").is_none() && !path.exists());
+        cache.write("b", &vec![0; MAX_READ_BYTES as usize + 1]).unwrap();
+        assert!(!cache.contains("b"));
     }
 
     #[test]

@@ -45,6 +45,10 @@ pub enum ArchiveError {
     /// More tiles than the program holds in memory, or than the file has bytes.
     #[error("its directory exceeds the limit of {0} tiles")]
     TooMany(u64),
+    #[error("this machine has too little memory for its directory of more than {0} tiles")]
+    Memory(u64),
+    #[error("its directories could not be read in time")]
+    TooSlow,
     #[error(transparent)]
     Read(#[from] ReadError),
 }

@@ -1,15 +1,12 @@
 //! Regular files of this machine.
 
-use crate::{RangeRead, RangeSource, ReadError};
+use crate::{RangeRead, RangeSource, ReadError, limits::MAX_READ_BYTES};
 use std::{
     fs::{self, File},
     io,
     ops::Range,
     path::Path,
 };
-
-/// Most bytes of one read; checked before memory is allocated.
-const MAX_READ_BYTES: u64 = 1 << 30;
 
 /// Opens a regular file for reading. Fails for pipes, devices and folders, without waiting for the other end of a pipe.
 pub fn open_regular(path: &Path) -> io::Result<File> {

@@ -10,7 +10,7 @@ use crate::{
 };
 use bytes::Bytes;
 use insula_protocol::TileId;
-use std::{collections::HashSet, ops::Range};
+use std::{collections::HashSet, ops::Range, time::Instant};
 
 /// An archive whose directories have been read and checked: every tile lies inside the file.
 #[derive(Debug)]
@@ -18,33 +18,32 @@ pub struct Archive {
     source: SharedSource,
     length: u64,
     entries: Vec<DirectoryEntry>,
+    longest_tile_bytes: u32,
 }
 
 impl Archive {
-    /// Opens a file and reads its directories.
+    /// Opens a file and reads its directories. Fails if that takes until `deadline`.
     #[cfg(feature = "fs")]
-    pub fn open(path: &std::path::Path) -> Result<Self, crate::CityError> {
+    pub fn open(path: &std::path::Path, deadline: Instant) -> Result<Self, crate::CityError> {
         use crate::{CityError, file::FileSource};
         use futures_util::FutureExt as _;
         let source = FileSource::open(path).map_err(|source| CityError::Io { path: path.to_owned(), source })?;
-        let loaded = Self::load(std::sync::Arc::new(source)).now_or_never();
+        let loaded = Self::load(std::sync::Arc::new(source), Some(deadline)).now_or_never();
         let waits = || Err(ReadError::Failed("a file does not answer at once".into()).into());
         let location = || path.display().to_string();
         loaded.unwrap_or_else(waits).map_err(|source| CityError::Archive { location: location(), source })
     }
 
-    /// Reads the directories of an archive. The length of the source must be known.
-    pub async fn load(source: SharedSource) -> Result<Self, ArchiveError> {
+    /// Reads the directories of an archive. The length of the source must be known. Fails if that takes until `deadline`.
+    pub async fn load(source: SharedSource, deadline: Option<Instant>) -> Result<Self, ArchiveError> {
         let length = source.length().ok_or_else(|| ReadError::Failed("the length is unknown".into()))?;
         let first = read_exactly(&source, 0..length.min(HEADER_BYTES)).await?;
         let header = ArchiveHeader::read(&first, Some(length))?;
         let root = read_exactly(&source, header.root.clone()).await?;
-        let leaves = read_exactly(&source, header.leaves.clone()).await?;
-        let budget = DirectoryBudget::of_archive(length);
-        let mut loader =
-            DirectoryLoader { header, leaves, budget, visited: HashSet::new(), tiles: 0, entries: Vec::new() };
-        loader.add(&root, 0)?;
-        Ok(Self { source, length, entries: loader.entries })
+        let mut loader = DirectoryLoader::new(source.clone(), header, DirectoryBudget::of_archive(length), deadline);
+        loader.load(&root).await?;
+        let longest_tile_bytes = loader.entries.iter().map(|entry| entry.length).max().unwrap_or(0);
+        Ok(Self { source, length, entries: loader.entries, longest_tile_bytes })
     }
 
     /// Where the bytes of a tile are. `None` if there is no such tile.
@@ -88,6 +87,16 @@ impl Archive {
         self.entries.last().and_then(|last| tile_id(last.end() - 1)).map_or(0, TileId::level)
     }
 
+    /// Length of the longest tile in bytes.
+    pub fn longest_tile_bytes(&self) -> u32 {
+        self.longest_tile_bytes
+    }
+
+    /// Whether tiles of consecutive nodes are equal and share an entry.
+    pub fn has_runs(&self) -> bool {
+        self.entries.iter().any(|entry| entry.run > 1)
+    }
+
     /// Number of tiles.
     pub fn len(&self) -> u64 {
         self.entries.iter().map(|entry| u64::from(entry.run)).sum()
@@ -106,40 +115,72 @@ impl Archive {
 
 /// Collects the tiles of nested directories.
 struct DirectoryLoader {
+    source: SharedSource,
     header: ArchiveHeader,
-    leaves: Bytes,
     budget: DirectoryBudget,
+    deadline: Option<Instant>,
     /// Offsets of leaf directories. Each is listed once in a valid archive, so a repetition is a cycle or a bomb.
     visited: HashSet<u64>,
+    /// Bytes of the section of leaf directories that are left: in a valid archive, leaf directories do not overlap.
+    packed_bytes: u64,
     tiles: u64,
     entries: Vec<DirectoryEntry>,
 }
 
 impl DirectoryLoader {
-    fn add(&mut self, packed: &[u8], depth: u8) -> Result<(), ArchiveError> {
-        let bad = |what| Err(ArchiveError::Directory(what));
-        for entry in self.header.unpack(packed, &mut self.budget)? {
+    fn new(source: SharedSource, header: ArchiveHeader, budget: DirectoryBudget, deadline: Option<Instant>) -> Self {
+        let packed_bytes = header.leaves.end - header.leaves.start;
+        let (visited, entries) = (HashSet::new(), Vec::new());
+        Self { source, header, budget, deadline, visited, packed_bytes, tiles: 0, entries }
+    }
+
+    /// Reads all directories, depth first. One directory of each depth is in memory.
+    async fn load(&mut self, root: &[u8]) -> Result<(), ArchiveError> {
+        let mut open = vec![self.header.unpack(root, &mut self.budget)?.into_iter()];
+        while let Some(directory) = open.last_mut() {
+            let Some(entry) = directory.next() else {
+                open.pop();
+                continue;
+            };
             if self.entries.last().is_some_and(|last| last.end() > entry.number) {
-                return bad("its tiles are not in order");
+                return Err(ArchiveError::Directory("its tiles are not in order"));
             }
             if !entry.is_leaf() {
-                // A run takes a few bytes however long it is, but whoever lists all tiles must come to an end.
-                self.tiles += u64::from(entry.run);
-                if self.tiles > MAX_TILES {
-                    return Err(ArchiveError::TooMany(MAX_TILES));
-                }
-                self.entries.push(entry);
+                self.add_tiles(entry)?;
                 continue;
             }
-            if depth >= MAX_LEAF_DEPTH {
-                return bad("leaf directories are nested too deeply");
+            if open.len() > usize::from(MAX_LEAF_DEPTH) {
+                return Err(ArchiveError::Directory("leaf directories are nested too deeply"));
             }
-            if !self.visited.insert(entry.offset) {
-                return bad("a leaf directory is listed twice");
-            }
-            let start = (entry.offset - self.header.leaves.start) as usize;
-            let packed = self.leaves.slice(start..start + entry.length as usize);
-            self.add(&packed, depth + 1)?;
+            self.check_leaf(&entry)?;
+            let packed = read_exactly(&self.source, entry.bytes()).await?;
+            open.push(self.header.unpack(&packed, &mut self.budget)?.into_iter());
+        }
+        Ok(())
+    }
+
+    fn add_tiles(&mut self, entry: DirectoryEntry) -> Result<(), ArchiveError> {
+        // A run takes a few bytes however long it is, but whoever lists all tiles must come to an end.
+        self.tiles += u64::from(entry.run);
+        if self.tiles > MAX_TILES {
+            return Err(ArchiveError::TooMany(MAX_TILES));
+        }
+        self.entries.try_reserve(1).map_err(|_| ArchiveError::Memory(self.tiles))?;
+        self.entries.push(entry);
+        Ok(())
+    }
+
+    fn check_leaf(&mut self, leaf: &DirectoryEntry) -> Result<(), ArchiveError> {
+        let bad = |what| Err(ArchiveError::Directory(what));
+        if !self.visited.insert(leaf.offset) {
+            return bad("a leaf directory is listed twice");
+        }
+        let Some(packed_bytes) = self.packed_bytes.checked_sub(u64::from(leaf.length)) else {
+            return bad("leaf directories overlap");
+        };
+        self.packed_bytes = packed_bytes;
+        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            return Err(ArchiveError::TooSlow);
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use crate::{
     ArchiveError,
     directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number},
+    limits::max_tile_bytes,
     source::{BoxFuture, SharedSource, read_exactly},
 };
 use bytes::Bytes;
@@ -27,6 +28,7 @@ const RESIDENT_BYTES: usize = 32 << 20;
 #[derive(Debug)]
 pub struct LazyArchive {
     source: SharedSource,
+    max_tile_bytes: usize,
     cache: Arc<Mutex<DirectoryCache>>,
 }
 
@@ -49,15 +51,18 @@ struct DirectoryCache {
 }
 
 impl LazyArchive {
-    /// Reads nothing yet.
-    pub fn new(source: SharedSource) -> Self {
+    /// Reads nothing yet. Tiles of more than `max_tile_bytes` will not be read.
+    pub fn new(source: SharedSource, max_tile_bytes: usize) -> Self {
         let cache = DirectoryCache { resident: LruCache::unbounded(), resident_bytes: 0, pending: HashMap::new() };
-        Self { source, cache: Arc::new(Mutex::new(cache)) }
+        Self { source, max_tile_bytes, cache: Arc::new(Mutex::new(cache)) }
     }
 
-    /// Reads a tile, unchecked. `None` if there is no such tile.
+    /// Reads a tile, unchecked. `None` if there is no such tile. Fails without reading if it is too long.
     pub async fn tile(&self, id: TileId) -> Result<Option<Bytes>, ArchiveError> {
         let Some(range) = self.find(tile_number(id)).await? else { return Ok(None) };
+        if range.end - range.start > self.max_tile_bytes as u64 {
+            return Err(ArchiveError::Directory("a tile is longer than any tile may be"));
+        }
         Ok(Some(read_exactly(&self.source, range).await?))
     }
 
@@ -162,7 +167,7 @@ pub struct LazyCity {
 impl LazyCity {
     /// `open` returns the source of each archive.
     pub fn new(open: impl Fn(TileKind) -> SharedSource) -> Self {
-        let archive = |kind| LazyArchive::new(open(kind));
+        let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind));
         let [subtrees, blockmaps, meshes] = [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh].map(archive);
         Self { subtrees, blockmaps, meshes }
     }

@@ -1,6 +1,13 @@
-//! Largest tiles that a program accepts.
+//! Limits of what a program accepts from an archive.
 
 use insula_protocol::{TileKind, mesh_tile};
+use std::time::Duration;
+
+/// Longest time for reading the directories of a city. Those of ten million tiles take a second.
+pub const MAX_OPENING_TIME: Duration = Duration::from_secs(30);
+/// Largest range that is read at once, a tile or a directory; checked before memory is allocated.
+pub const MAX_READ_BYTES: u64 = 16 << 20;
+const _: () = assert!(MAX_READ_BYTES >= MAX_TILE_BYTES as u64);
 
 /// Largest subtree tile: 1,365 nodes of 21 bytes, meshes of 1,024 leaves of 77 bytes, and a header.
 const MAX_SUBTREE_BYTES: usize = 128 << 10;

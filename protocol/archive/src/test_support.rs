@@ -30,7 +30,7 @@ pub(crate) fn archive(tiles: &[(TileId, Vec<u8>)]) -> Vec<u8> {
     file.into_inner()
 }
 
-/// 16,384 tiles of irregular lengths, so many that the directory does not fit into the root.
+/// 16,384 tiles of irregular lengths: their directory does not fit into the root.
 pub(crate) fn archive_with_leaves() -> (Vec<u8>, Vec<(TileId, Vec<u8>)>) {
     let ids = (0..1u32 << 14).map(|i| id(7, i % 128, i / 128));
     let bytes = |id: TileId| format!("{id} {}", "x".repeat((id.x() * 7919 + id.y() * 104_729) as usize % 97));
@@ -86,9 +86,9 @@ pub(crate) struct MemorySource {
     pub(crate) bytes: Mutex<Bytes>,
     pub(crate) reads: Mutex<Vec<Range<u64>>>,
     pub(crate) invalidated: AtomicU64,
-    /// Answers after a millisecond, as a network does.
+    /// Responds after a millisecond, like a network.
     pub(crate) is_remote: bool,
-    /// So many reads fail from now on.
+    /// Number of further reads that fail.
     pub(crate) failures: AtomicU32,
 }
 

@@ -4,8 +4,10 @@
 //! There are no normals: triangles are flat.
 
 mod cuboid;
+mod texture;
 
 pub use cuboid::cuboid;
+pub use texture::decode_webp;
 
 use crate::{
     TileId, TileKind,
@@ -42,7 +44,7 @@ pub struct MeshTile {
     pub texture: Option<TileTexture>,
 }
 
-/// A compressed image. Readers must check its size when they decompress it.
+/// A compressed image; [`TileTexture::decode`] decompresses it within its stated size.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TileTexture {
     /// Width and height, 1 to [`MAX_TEXTURE_SIDE_PX`].

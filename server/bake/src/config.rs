@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use insula_protocol::{
     NODE_CELLS,
     blockmap::Quality,
-    manifest::{self, Attribution},
+    manifest::{self, Attribution, MAX_TEXT_BYTES},
     tile,
 };
 use serde::Serialize;
@@ -28,11 +28,22 @@ pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
 const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
 /// The program and a single block need this much.
 const MIN_MEMORY_BYTES: u64 = 64 << 20;
+/// Memory besides `--memory` for what is not estimated beforehand. With the program and the allocator's overhead a bake
+/// stays within 512 MiB more than `--memory`.
+const RESERVE_BYTES: u64 = 384 << 20;
+/// The part of the reserve that a single block may need.
+const BLOCK_RESERVE_BYTES: usize = 320 << 20;
+/// The part of the reserve that a document may need.
+const DOCUMENT_RESERVE_BYTES: u64 = 192 << 20;
+/// Memory of a block's entry while the city is partitioned.
+const BLOCK_ENTRY_BYTES: usize = 200;
 /// Default quality of colours and occlusion.
 pub const QUALITY_DB: f32 = 36.0;
 /// Below, images show strong artefacts; above, `lossless` is smaller.
 const QUALITY_RANGE_DB: std::ops::RangeInclusive<f32> = 20.0..=60.0;
 const MAX_THREADS: usize = 1024;
+/// Most attributions in the options. Their texts fit into a manifest at any length.
+const MAX_OPTION_ATTRIBUTIONS: usize = 8;
 
 /// The options of a bake.
 #[derive(Debug, Clone)]
@@ -62,6 +73,8 @@ pub struct BakeOptions {
     pub obj_up: ObjUpAxis,
     /// Colours of surfaces that have none in the source.
     pub palette: Palette,
+    /// Folders from which textures and material libraries may be read besides the source's own.
+    pub texture_roots: Vec<PathBuf>,
     /// Sampling of leaves.
     pub sample: SampleSettings,
     /// Allowed loss of colours and occlusion in the tiles.
@@ -85,11 +98,26 @@ impl Default for BakeOptions {
             attribution: Vec::new(),
             obj_up: ObjUpAxis::default(),
             palette: Palette::default(),
+            texture_roots: Vec::new(),
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),
             meshes: true,
         }
     }
+}
+
+impl BakeOptions {
+    /// Memory that a bake with these options allocates at most, in bytes: the requested or default memory, and a
+    /// reserve for what is not estimated beforehand. A program that sets a limit of its own sets it here.
+    #[must_use]
+    pub fn memory_limit_bytes(&self) -> u64 {
+        let threads = self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        self.memory_bytes.unwrap_or(default_memory(threads)).saturating_add(RESERVE_BYTES)
+    }
+}
+
+fn default_memory(threads: usize) -> u64 {
+    DEFAULT_MEMORY_BYTES.max(MEMORY_BYTES_PER_THREAD * threads as u64)
 }
 
 /// Validated options.
@@ -130,6 +158,7 @@ impl BakeConfig {
             let advice = "give the name of the city folder to write, for example cities/delft".into();
             return Err(BakeError::Option { option: "--out", value: options.out.display().to_string(), advice });
         };
+        check_texts(options)?;
         let threads = check_threads(options.threads)?;
         options.sample.visibility.check().map_err(|advice| {
             let value = format!("{:?}", options.sample.visibility).to_lowercase();
@@ -162,6 +191,26 @@ impl BakeConfig {
         self.memory_bytes / 4
     }
 
+    /// A block that needs more is refused.
+    pub(crate) fn max_block_bytes(&self) -> usize {
+        self.block_bytes().saturating_add(BLOCK_RESERVE_BYTES)
+    }
+
+    /// Most blocks of leaves that a city may have: each has an entry and a buffer while the city is partitioned.
+    pub(crate) fn max_blocks(&self) -> usize {
+        self.memory_bytes / 4 / BLOCK_ENTRY_BYTES
+    }
+
+    /// Largest document that is held in memory while it is read.
+    pub(crate) fn max_document_bytes(&self) -> u64 {
+        (self.memory_bytes as u64).saturating_add(DOCUMENT_RESERVE_BYTES)
+    }
+
+    /// Longest line of a sequence, or largest feature of a document: its parsed form is several times larger.
+    pub(crate) fn max_line_bytes(&self) -> u64 {
+        self.max_document_bytes() / 8
+    }
+
     /// Memory of all blocks in progress together. The rest is for the program, textures in use and the allocator's
     /// overhead.
     pub(crate) fn block_bytes(&self) -> usize {
@@ -169,8 +218,34 @@ impl BakeConfig {
     }
 }
 
+fn check_texts(options: &BakeOptions) -> Result<(), BakeError> {
+    let title = options.title.iter().map(|text| ("--title", text));
+    let attributions = options.attribution.iter().flat_map(|attribution| {
+        let Attribution { text, licence, url } = attribution;
+        let [licence, url] = [("--licence", licence), ("--source-url", url)]
+            .map(|(name, text)| text.iter().map(move |text| (name, text)));
+        std::iter::once(("--attribution", text)).chain(licence).chain(url)
+    });
+    for (option, text) in title.chain(attributions) {
+        if text.len() > MAX_TEXT_BYTES {
+            let (value, advice) =
+                (text.chars().take(60).collect::<String>() + "...", format!("give at most {MAX_TEXT_BYTES} bytes"));
+            return Err(BakeError::Option { option, value, advice });
+        }
+    }
+    if options.attribution.len() > MAX_OPTION_ATTRIBUTIONS {
+        let value = options.attribution.len().to_string();
+        return Err(BakeError::Option {
+            option: "--attribution",
+            value,
+            advice: format!("give at most {MAX_OPTION_ATTRIBUTIONS}"),
+        });
+    }
+    Ok(())
+}
+
 fn check_memory(requested: Option<u64>, threads: usize) -> Result<usize, BakeError> {
-    let bytes = requested.unwrap_or(DEFAULT_MEMORY_BYTES.max(MEMORY_BYTES_PER_THREAD * threads as u64));
+    let bytes = requested.unwrap_or(default_memory(threads));
     if bytes < MIN_MEMORY_BYTES {
         let advice = format!("give at least {} MiB", MIN_MEMORY_BYTES >> 20);
         return Err(BakeError::Option { option: "--memory", value: bytes.to_string(), advice });
@@ -286,6 +361,7 @@ mod tests {
             BakeOptions { name: Some("Den Haag".into()), ..options() },
             BakeOptions { quality: Quality::Decibels(f32::NAN), ..options() },
             BakeOptions { out: "..".into(), ..options() },
+            BakeOptions { title: Some("x".repeat(5000)), ..options() },
             BakeOptions { out: "".into(), ..options() },
         ];
         for options in wrong {

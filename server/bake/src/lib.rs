@@ -13,8 +13,7 @@ pub mod report;
 pub mod sample;
 pub mod scene;
 pub mod simplify;
-#[cfg(test)]
-mod test_folder;
+pub mod subject;
 pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};

@@ -18,7 +18,8 @@ use std::{
 };
 
 use insula_bake::{BakeError, BakeOptions, Progress, Silent, report::ResumeStatus};
-use support::{BakedCity, TestFolder, bake, coarse_options, files, options, partial};
+use insula_test_support::folder::TestFolder;
+use support::{BakedCity, bake, coarse_options, files, options, out_folder, partial};
 
 /// Panics at a step of a stage.
 struct StopAt {
@@ -63,7 +64,7 @@ fn resume(out: &Path) -> BakeOptions {
 fn resumed_bake_gives_the_same_bytes_wherever_it_was_interrupted() {
     let folder = TestFolder::new("resume");
     for (stage, step) in [("sample", 3), ("sample", 8), ("level 5", 2), ("level 2", 1), ("write", 1), ("write", 20)] {
-        let out = folder.out(&format!("{stage}-{step}"));
+        let out = out_folder(&folder, &format!("{stage}-{step}"));
         interrupt(&out, stage, step);
         let report = bake(&resume(&out), &Silent).unwrap();
         assert_eq!(report.start, ResumeStatus::Resumed);
@@ -77,7 +78,7 @@ fn resumed_bake_gives_the_same_bytes_wherever_it_was_interrupted() {
 #[test]
 fn damaged_packs_are_baked_again() {
     let folder = TestFolder::new("damaged");
-    let out = folder.out("damaged");
+    let out = out_folder(&folder, "damaged");
     interrupt(&out, "level 3", 1);
     let packs = partial(&out).join("packs");
     for (i, pack) in fs::read_dir(&packs).unwrap().enumerate() {
@@ -96,20 +97,20 @@ fn damaged_packs_are_baked_again() {
 #[test]
 fn packs_are_discarded_without_resume_or_with_different_settings() {
     let folder = TestFolder::new("discard");
-    let out = folder.out("stale");
+    let out = out_folder(&folder, "stale");
     interrupt(&out, "sample", 1);
-    fs::write(partial(&out).join("packs/foreign"), "x").unwrap();
+    fs::write(partial(&out).join("packs/foreign.pack"), "x").unwrap();
     let report = bake(&coarse_options(&out), &Silent).unwrap();
     assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Discarded, 0));
     let expected = files(&out);
 
-    let out = folder.out("mismatch");
+    let out = out_folder(&folder, "mismatch");
     interrupt(&out, "sample", 1);
     let report = bake(&BakeOptions { resume: true, ..coarse_options(&out) }, &Silent).unwrap();
     assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Mismatch, 0));
     assert!(files(&out) == expected);
 
-    let report = bake(&BakeOptions { resume: true, ..coarse_options(&folder.out("fresh")) }, &Silent).unwrap();
+    let report = bake(&BakeOptions { resume: true, ..coarse_options(&out_folder(&folder, "fresh")) }, &Silent).unwrap();
     assert_eq!(report.start, ResumeStatus::Fresh);
 }
 
@@ -173,7 +174,7 @@ fn child_that_is_killed() {
 #[test]
 fn killed_bake_is_resumed() {
     let folder = TestFolder::new("killed");
-    let out = folder.out("killed");
+    let out = out_folder(&folder, "killed");
     // With two threads, the first child finishes two or three of five blocks. The second resumes these.
     for block in ["2", "4"] {
         let mut child = child(None, "child_that_is_killed", &out).env(CHILD_BLOCK, block).spawn().unwrap();
@@ -206,7 +207,7 @@ fn child_on_a_full_disk() {
 #[cfg(unix)]
 fn full_disk_leaves_no_city() {
     let folder = TestFolder::new("full");
-    let out = folder.out("full");
+    let out = out_folder(&folder, "full");
     // Files of at most 8 KiB (16 KiB where the shell counts in KiB): the header of an archive is larger.
     let script = "trap '' XFSZ; ulimit -f 16; exec \"$0\" \"$@\"";
     let status = child(Some(script), "child_on_a_full_disk", &out).status().unwrap();

@@ -11,8 +11,9 @@ use insula_bake::{
     read::ReadReport,
     scene::{ObjectKind, Scene, SceneObject, SceneTriangle},
 };
-use insula_protocol::{BlockMap, Manifest, TileId, manifest::Attribution, subtree::NodeInfo};
-use support::{BakedCity, COARSE_CELL_M, TestFolder, bake, city, coarse_options, files, options, partial};
+use insula_protocol::{BlockMap, Manifest, TileId, blockmap::voxel_error_m, manifest::Attribution, subtree::NodeInfo};
+use insula_test_support::folder::TestFolder;
+use support::{BakedCity, COARSE_CELL_M, bake, city, coarse_options, files, options, out_folder, partial};
 
 #[test]
 fn number_of_threads_does_not_change_the_bytes() {
@@ -58,7 +59,7 @@ fn every_node_has_a_tile_and_bounds_and_errors_nest() {
                 .map(|code| (map.z_base_m() + f64::from(code) * f64::from(map.z_step_m())) as f32);
             assert!(low >= node.z_min_m && high <= node.z_max_m, "a column of {id} is outside its node");
         }
-        assert!(f64::from(node.error_m) > 0.8660 * manifest.cell_m_at(id.level()));
+        assert!(node.error_m >= voxel_error_m(manifest.cell_m_at(id.level())) as f32);
         assert_eq!(node.child_mask == 0, id.level() == manifest.depth);
         for child in id.children().filter_map(|child| nodes.get(&child)) {
             assert!(node.child_mask >> child.id.quadrant() & 1 == 1);
@@ -145,7 +146,7 @@ impl Progress for PreviousCityCheck<'_> {
 #[test]
 fn previous_city_is_replaced_after_the_last_stage() {
     let folder = TestFolder::new("replace");
-    let out = folder.out("city");
+    let out = out_folder(&folder, "city");
     bake(&BakeOptions { cell_m: 2.0 * COARSE_CELL_M, ..options(&out, 2) }, &Silent).unwrap();
     let previous = files(&out);
     let check = PreviousCityCheck { city: &out, manifest: previous["city.json"].clone(), stages: Mutex::default() };
@@ -161,7 +162,7 @@ fn previous_city_is_replaced_after_the_last_stage() {
 #[test]
 fn folder_without_a_city_is_not_replaced_unless_empty() {
     let folder = TestFolder::new("foreign");
-    let out = folder.out("city");
+    let out = out_folder(&folder, "city");
     fs::create_dir_all(&out).unwrap();
     fs::write(out.join("letter.txt"), "dear").unwrap();
     let error = bake(&coarse_options(&out), &Silent).unwrap_err();
@@ -174,7 +175,7 @@ fn folder_without_a_city_is_not_replaced_unless_empty() {
 #[test]
 fn too_wide_or_invalid_scene_is_an_error_of_one_line() {
     let folder = TestFolder::new("wide");
-    let out = folder.out("city");
+    let out = out_folder(&folder, "city");
     let mut wide = city();
     wide.triangles[0].corners[0][0] = 1e9;
     let mut broken = city();

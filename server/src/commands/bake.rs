@@ -2,9 +2,12 @@
 
 use super::{
     error::CommandError,
-    output::{human_bytes, print, write},
+    output::{human_bytes, print, refuse_input, refuse_inside, write},
 };
-use crate::args::{BakeArgs, UpAxis, VisibilityRenderer};
+use crate::{
+    args::{BakeArgs, UpAxis, VisibilityRenderer},
+    memory,
+};
 use indicatif::{ProgressBar, ProgressStyle};
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, Progress,
@@ -13,7 +16,8 @@ use insula_bake::{
 };
 use insula_protocol::manifest::Attribution;
 use std::{
-    io::IsTerminal,
+    io::{IsTerminal, Read},
+    path::Path,
     sync::{Mutex, PoisonError},
     time::Duration,
 };
@@ -23,14 +27,22 @@ const SPINNER_TEMPLATE: &str = "{prefix:>10} {spinner} {elapsed}";
 /// Progress template of a stage with a known number of steps.
 const BAR_TEMPLATE: &str = "{prefix:>10} {wide_bar} {percent:>3}% {elapsed}, {eta} left";
 
+/// Longer files are not taken for a report.
+const MAX_REPORT_BYTES: u64 = 64 << 20;
+
 /// Runs `bake`: writes the city and the report, and prints a summary. Fails if the bake fails or the report cannot be written.
 pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     let palette = match &args.palette {
         Some(path) => Palette::read(path).map_err(|error| CommandError::Bake(error.to_string()))?,
         None => Palette::default(),
     };
+    if let Some(report) = &args.report {
+        check_report(report, args)?;
+    }
     let progress = ProgressBars::default();
-    let result = insula_bake::bake(&options(args, palette), &progress);
+    let options = options(args, palette);
+    memory::set_limit(options.memory_limit_bytes());
+    let result = insula_bake::bake(&options, &progress);
     progress.clear();
     let report = result.map_err(|error| match error {
         BakeError::Option { .. } => CommandError::Usage(error.to_string()),
@@ -43,6 +55,34 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     }
     print(&summary(&report, args));
     Ok(())
+}
+
+/// Fails if the report would overwrite anything but an earlier report, or would lie in the city. Checked before the bake,
+/// whose hours would otherwise be lost.
+fn check_report(report: &Path, args: &BakeArgs) -> Result<(), CommandError> {
+    let inputs = args.inputs.iter().chain(&args.palette);
+    inputs.into_iter().try_for_each(|input| refuse_input(report, input))?;
+    refuse_inside(report, &args.out)?;
+    let name = args.out.file_name().unwrap_or_default().to_string_lossy();
+    refuse_inside(report, &args.out.with_file_name(format!("{name}.partial")))?;
+    if report.is_dir() || report.is_file() && !is_report(report) {
+        let reason = "it exists and is not a report of a bake; give another --report";
+        return Err(CommandError::Usage(format!("{}: {reason}", report.display())));
+    }
+    Ok(())
+}
+
+/// Whether a file is a report of an earlier bake.
+fn is_report(path: &Path) -> bool {
+    /// Members of a report that other JSON does not have.
+    #[derive(serde::Deserialize)]
+    #[expect(dead_code, reason = "only their presence matters")]
+    struct ReportMembers {
+        blocks_baked: u64,
+        city_bytes: u64,
+    }
+    let file = std::fs::File::open(path).map(|file| std::io::BufReader::new(file.take(MAX_REPORT_BYTES)));
+    file.is_ok_and(|file| serde_json::from_reader::<_, ReportMembers>(file).is_ok())
 }
 
 fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
@@ -69,6 +109,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
             UpAxis::Y => ObjUpAxis::Y,
         },
         palette,
+        texture_roots: args.texture_root.clone(),
         sample: SampleSettings {
             visibility: match args.visibility {
                 VisibilityRenderer::Cpu => VisibilityBackend::Cpu,

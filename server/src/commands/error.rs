@@ -31,6 +31,8 @@ pub enum CommandError {
     #[error("{0}")]
     Bake(String),
     #[error("{0}")]
+    Keys(String),
+    #[error("{0}")]
     Usage(String),
 }
 

@@ -3,25 +3,26 @@
 use super::{
     error::CommandError,
     map_image,
-    output::{human_bytes, print, write},
+    output::{human_bytes, print, print_json, refuse_inside, write},
     stats::{CityStats, LevelStats, MeshLodStats},
 };
 use crate::{args::InspectArgs, store::CityStore};
 use image::ImageFormat;
-use insula_protocol::{BlockMap, TileId, TileKind, manifest::Attribution};
+use insula_protocol::{BlockMap, TileId, TileKind, manifest::Attribution, text::printable};
 use std::{fmt::Write, io::Cursor, path::Path};
 
 /// Runs `inspect`. Fails if the city cannot be opened, the tile is missing or damaged, or the image cannot be written.
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     if let (Some(tile), Some(png)) = (args.tile, &args.png) {
+        refuse_inside(png, &args.city)?;
         return write_map_image(&city, tile, png);
     }
     let stats = CityStats::collect(&city);
     if args.json {
         let json = serde_json::to_string_pretty(&stats)
             .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?;
-        print(&(json + "\n"));
+        print_json(&json);
     } else {
         print(&to_table(&stats));
     }
@@ -48,7 +49,7 @@ fn to_table(stats: &CityStats<'_>) -> String {
     let nodes: u64 = stats.levels.iter().map(|level| level.nodes).sum();
     let mut out = String::new();
     let mut line = |name: &str, value: String| {
-        let _ = writeln!(out, "{name:<12}{value}");
+        let _ = writeln!(out, "{name:<12}{}", printable(&value));
     };
     line("name", manifest.name.clone());
     line("title", manifest.title.clone());

@@ -2,7 +2,7 @@
 
 use super::{
     error::CommandError,
-    output::{human_bytes, print, write},
+    output::{human_bytes, print, refuse_input, write},
 };
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
@@ -12,6 +12,7 @@ use insula_bake::{
 };
 use insula_protocol::mesh::{Mesh, half_edge::RepairReport};
 use std::{
+    io::Read,
     path::Path,
     time::{Duration, Instant},
 };
@@ -29,7 +30,11 @@ fn format_of(path: &Path) -> Result<ModelFormat, CommandError> {
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
-    std::fs::read(path).map_err(|error| mesh_error(path, &error))
+    // A device or a pipe may have no end.
+    let mut bytes = Vec::new();
+    let file = insula_archive::file::open_regular(path);
+    file.and_then(|mut file| file.read_to_end(&mut bytes)).map_err(|error| mesh_error(path, &error))?;
+    Ok(bytes)
 }
 
 /// Reads a mesh and welds vertices at the same position.
@@ -65,6 +70,7 @@ fn describe_repairs(report: &RepairReport) -> String {
 
 /// Runs `compress`. Fails if the input is not a mesh or a file cannot be read or written.
 pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
+    refuse_input(&args.output, &args.input)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let start = Instant::now();
     let encoded = with_spinner("compress", || quantise::to_mesh(&model, args.bits, args.texcoord_bits).encode());
@@ -89,6 +95,7 @@ pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
 /// Runs `decompress`. Fails if the input is damaged or not from `compress`, or a file cannot be read or written.
 pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
+    refuse_input(&args.output, &args.input)?;
     let file = read_bytes(&args.input)?;
     let coded = file.strip_prefix(MAGIC).and_then(|rest| rest.split_last_chunk::<4>());
     let (coded, sum) = coded.ok_or_else(|| mesh_error(&args.input, &"not a file of `insula-server compress`"))?;
@@ -105,6 +112,7 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
 /// Runs `simplify`. Fails if the input is not a mesh or a file cannot be read or written.
 pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
+    refuse_input(&args.output, &args.input)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let before = model.triangles.len();
     let triangles = args.ratio.map_or(0, |ratio| (before as f64 * ratio).round() as usize);

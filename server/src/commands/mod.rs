@@ -9,6 +9,7 @@ mod map_image;
 mod mesh;
 mod output;
 mod serve;
+mod sign;
 mod stats;
 mod verify;
 
@@ -20,6 +21,7 @@ use crate::args::{Args, ServerCommand};
 pub fn run(args: Args) -> Result<(), CommandError> {
     match args.command {
         ServerCommand::Serve(args) => serve::run(&args),
+        ServerCommand::Sign(args) => sign::run(&args),
         ServerCommand::Inspect(args) => inspect::run(&args),
         ServerCommand::Verify(args) => verify::run(&args),
         #[cfg(feature = "bake")]

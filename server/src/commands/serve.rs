@@ -3,7 +3,7 @@
 use super::{error::CommandError, output::print};
 use crate::{
     args::ServeArgs,
-    config::{LogFormat, ServeConfig},
+    config::{LogFormat, ServeConfig, environment},
     http::HttpServer,
     store::Store,
     telemetry,
@@ -15,10 +15,9 @@ use tokio::{net::TcpListener, sync::Notify};
 /// cannot be opened, or the address cannot be bound.
 pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     let listen = args.listen.iter().map(|listen| format!("listen={listen}"));
-    let settings: Vec<String> = args.set.iter().cloned().chain(listen).collect();
-    // Variables that are not UTF-8 cannot be ours.
-    let environment = std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?)));
-    let config = ServeConfig::load(args.config.as_deref(), environment, &settings)?;
+    let metrics = args.metrics_address.iter().map(|address| format!("metrics_address={address}"));
+    let settings: Vec<String> = args.set.iter().cloned().chain(listen).chain(metrics).collect();
+    let config = ServeConfig::load(args.config.as_deref(), environment(), &settings)?;
     if args.print_config {
         print(&config.to_toml());
         return Ok(());
@@ -28,7 +27,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     // This thread accepts connections and reloads cities; the workers have threads of their own.
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system_error("start threads"))?;
-    runtime.block_on(async {
+    let result = runtime.block_on(async {
         // Registered before the line is printed, so that its reader can stop the server at once.
         let signals = ShutdownSignals::register().map_err(system_error("register signal handlers"))?;
         let store = Store::open_anywhere(&args.cities, &config.cache).await?;
@@ -37,10 +36,16 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
         let address = listener.local_addr().map_err(listen_error)?;
         tracing::info!(cities = store.cities().len(), threads = config.worker_threads(), "serving");
         let server = HttpServer::new(store, &config)?;
+        if let Some(address) = server.metrics_address() {
+            tracing::info!(%address, "serving health and metrics");
+        }
         print(&format!("listening on {}://{address}\n", server.scheme()));
         let shutdown = signals.wait(server.reload_signal());
         server.run(listener, shutdown).await.map_err(CommandError::from)
-    })
+    });
+    // Blocking work may wait for a disk that does not respond.
+    runtime.shutdown_background();
+    result
 }
 
 /// Registered handlers of the signals that end the server or reload its cities.

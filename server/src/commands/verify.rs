@@ -2,27 +2,41 @@
 
 use super::{error::CommandError, output::print};
 use crate::{args::VerifyArgs, store::CityStore};
+use insula_archive::city::content_version;
 use insula_protocol::{
     BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     subtree::{MeshLod, NodeInfo},
+    text::printable,
     tile,
 };
 use std::{
     collections::{BTreeMap, BTreeSet},
-    io::Cursor,
+    path::Path,
 };
 
 /// Runs `verify` and prints the faults, one per line. Fails if the city cannot be opened or has faults.
 pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
-    let faults = find_faults(&city);
+    let mut faults = find_faults(&city);
+    check_version(&args.city, &city.manifest().version, &mut faults);
     if faults.is_empty() {
         let tiles: u64 = city.archives().map(|(_, archive)| archive.len()).sum();
         print(&format!("{}: {tiles} tiles, no faults\n", city.manifest().name));
         return Ok(());
     }
-    print(&faults.iter().map(|fault| format!("{fault}\n")).collect::<String>());
+    print(&faults.iter().map(|fault| printable(fault) + "\n").collect::<String>());
     Err(CommandError::Faults { path: args.city.clone(), faults: faults.len() })
+}
+
+/// Checks that the files are those of one bake: the version is a hash of all of them.
+fn check_version(folder: &Path, stated: &str, faults: &mut Vec<String>) {
+    match content_version(folder, stated) {
+        Ok(found) if found == stated => {}
+        Ok(found) => faults.push(format!(
+            "city.json: its version is {stated}, the files have {found}: one of them is of another bake, or was changed"
+        )),
+        Err(error) => faults.push(format!("city.json: its version cannot be checked: {error}")),
+    }
 }
 
 /// The faults of a city, one line each, those of tiles first.
@@ -141,13 +155,7 @@ fn check_mesh(id: TileId, number: u8, bytes: &[u8], listed: &MeshLod) -> Result<
     if found != expected {
         return Err(format!("{found:?} bytes, triangles and pixels, its subtree lists {expected:?}"));
     }
-    let Some(texture) = tile.texture else { return Ok(()) };
-    let reader = image::ImageReader::new(Cursor::new(&texture.bytes)).with_guessed_format();
-    let size = reader.map_err(|error| error.to_string())?.into_dimensions().map_err(|error| error.to_string())?;
-    if size != (texture.size_px[0].into(), texture.size_px[1].into()) {
-        return Err(format!("its texture has {size:?} pixels, its header says {:?}", texture.size_px));
-    }
-    image::load_from_memory(&texture.bytes).map(drop).map_err(|error| error.to_string())
+    tile.texture.map_or(Ok(()), |texture| texture.decode().map(drop).map_err(|error| error.to_string()))
 }
 
 /// Checks that nodes and V-BlockMaps are the same set with the same sizes, and that no node's error exceeds its parent's.

@@ -1,12 +1,13 @@
 //! Table of all settings: name, documentation, range, and conversion from and to text.
 
-use super::settings::{DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
+use super::settings::{CorsPolicy, DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
 use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with its documentation, in the order of `--print-config`.
-pub(super) const SETTINGS: [(&str, &str); 30] = [
+pub(super) const SETTINGS: [(&str, &str); 37] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
+    ("metrics_address", "HOST:PORT of a listener for /healthz, /readyz and /metrics alone; \"\": all at listen"),
     ("threads", "number of worker threads; 0: one per core"),
     ("drain_secs", "seconds that requests in flight may take to finish at shutdown"),
     ("tls.certificate", "PEM file of the certificate and its chain; \"\": no TLS"),
@@ -14,15 +15,21 @@ pub(super) const SETTINGS: [(&str, &str); 30] = [
     ("reload.watch_secs", "seconds between checks for changed cities; 0: only at SIGHUP"),
     ("reload.keep_secs", "seconds for which a replaced version is still served"),
     ("reload.keep_versions", "replaced versions per city that are still served"),
-    ("limits.connections", "open connections; further ones are rejected with 503 and closed"),
+    ("limits.connections", "open connections; further ones are rejected with 503, except for health, and closed"),
+    ("limits.client_connections", "open connections per client address; 0: three quarters of limits.connections"),
     ("limits.in_flight", "requests in flight, without health and metrics; further ones are rejected with 503"),
     ("limits.in_flight_bytes", "bytes of responses that wait to be sent; requests over it are rejected with 503"),
+    ("limits.client_in_flight", "requests in flight per client address; 0: three quarters of limits.in_flight"),
+    ("limits.client_in_flight_bytes", "the same for bytes; 0: three quarters of limits.in_flight_bytes"),
     ("limits.tile_bytes", "bytes of the cache of recently sent tiles"),
     ("limits.header_bytes", "bytes of a request's line and headers"),
     ("limits.headers", "number of headers of a request"),
     ("limits.header_secs", "seconds within which a request's headers must arrive"),
     ("limits.idle_secs", "seconds that a connection may idle between requests"),
-    ("limits.write_secs", "seconds within which a client must take 16 KiB of what waits for it"),
+    (
+        "limits.write_secs",
+        "seconds within which a client must take 16 KiB of what waits for it, per connection and HTTP/2 stream",
+    ),
     ("limits.streams", "concurrent requests per HTTP/2 connection"),
     ("limits.client_rate", "requests per second and client address; 0: no limit"),
     ("limits.client_burst", "requests that an address may make at once before that rate applies"),
@@ -33,7 +40,10 @@ pub(super) const SETTINGS: [(&str, &str); 30] = [
     ("cache.fetches", "concurrent requests to remote stores"),
     ("cache.timeout_secs", "seconds for which a store that fails or does not respond is retried"),
     ("access.tokens", "file of bearer tokens, one per line; \"\": all cities are public"),
-    ("access.private", "names of the cities that need a token; []: all of them, if there are tokens"),
+    ("access.share_keys", "file of keys for share links, one \"ID SECRET\" per line, newest last; \"\": no links"),
+    ("access.private", "names of the cities that need a token or link; []: all of them, if one of the files is set"),
+    ("access.cors", "which pages of other origins may read responses: \"any\", \"none\""),
+    ("access.hosts", "hosts that requests may name, as in [\"cities.example.org\"]; []: any"),
     ("log.format", "\"text\" or \"json\""),
     ("log.requests", "which requests are logged: \"none\", \"errors\" (5xx), \"all\""),
 ];
@@ -41,6 +51,7 @@ pub(super) const SETTINGS: [(&str, &str); 30] = [
 /// The field of a setting, with its range.
 enum SettingField<'a> {
     Address(&'a mut String),
+    OptionalAddress(&'a mut Option<String>),
     File(&'a mut Option<PathBuf>),
     Names(&'a mut Vec<String>),
     Usize(&'a mut usize, RangeInclusive<usize>),
@@ -49,8 +60,11 @@ enum SettingField<'a> {
     Rate(&'a mut f64),
     Format(&'a mut LogFormat),
     Requests(&'a mut LogRequests),
+    Cors(&'a mut CorsPolicy),
+    Hosts(&'a mut Vec<String>),
 }
 
+const CORS: [(&str, CorsPolicy); 2] = [("any", CorsPolicy::Any), ("none", CorsPolicy::None)];
 const FORMATS: [(&str, LogFormat); 2] = [("text", LogFormat::Text), ("json", LogFormat::Json)];
 const REQUESTS: [(&str, LogRequests); 3] =
     [("none", LogRequests::None), ("errors", LogRequests::Errors), ("all", LogRequests::All)];
@@ -60,6 +74,7 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
     let limits = &mut config.limits;
     Some(match key {
         "listen" => SettingField::Address(&mut config.listen),
+        "metrics_address" => SettingField::OptionalAddress(&mut config.metrics_address),
         "threads" => SettingField::Usize(&mut config.threads, 0..=1024),
         "drain_secs" => SettingField::U64(&mut config.drain_secs, 0..=DAY),
         "tls.certificate" => SettingField::File(&mut config.tls.certificate),
@@ -68,6 +83,9 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "reload.keep_secs" => SettingField::U64(&mut config.reload.keep_secs, 0..=30 * DAY),
         "reload.keep_versions" => SettingField::Usize(&mut config.reload.keep_versions, 0..=1000),
         "limits.connections" => SettingField::Usize(&mut limits.connections, 1..=1_000_000),
+        "limits.client_connections" => SettingField::Usize(&mut limits.client_connections, 0..=1_000_000),
+        "limits.client_in_flight" => SettingField::Usize(&mut limits.client_in_flight, 0..=1_000_000),
+        "limits.client_in_flight_bytes" => SettingField::Usize(&mut limits.client_in_flight_bytes, 0..=1 << 40),
         "limits.in_flight" => SettingField::Usize(&mut limits.in_flight, 1..=1_000_000),
         "limits.in_flight_bytes" => SettingField::Usize(&mut limits.in_flight_bytes, 1 << 20..=1 << 40),
         "limits.tile_bytes" => SettingField::Usize(&mut limits.tile_bytes, 0..=1 << 40),
@@ -86,6 +104,9 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "cache.fetches" => SettingField::Usize(&mut config.cache.fetches, 1..=10_000),
         "cache.timeout_secs" => SettingField::U64(&mut config.cache.timeout_secs, 1..=3600),
         "access.tokens" => SettingField::File(&mut config.access.tokens),
+        "access.share_keys" => SettingField::File(&mut config.access.share_keys),
+        "access.cors" => SettingField::Cors(&mut config.access.cors),
+        "access.hosts" => SettingField::Hosts(&mut config.access.hosts),
         "access.private" => SettingField::Names(&mut config.access.private),
         "log.format" => SettingField::Format(&mut config.log.format),
         "log.requests" => SettingField::Requests(&mut config.log.requests),
@@ -118,14 +139,21 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
             check_address(text)?;
             *field = text.clone();
         }
+        (SettingField::OptionalAddress(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
+            if !text.is_empty() {
+                check_address(text)?;
+            }
+            *field = (!text.is_empty()).then(|| text.clone());
+        }
         (SettingField::File(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
             *field = (!text.is_empty()).then(|| PathBuf::from(text));
         }
         (SettingField::Names(field), RawValue::List(names)) => *field = checked_names(names)?,
         (SettingField::Names(field), RawValue::Untyped(text)) => {
-            let names: Vec<String> = text.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect();
-            *field = checked_names(&names)?;
+            *field = checked_names(&split_list(text))?;
         }
+        (SettingField::Hosts(field), RawValue::List(hosts)) => *field = checked_hosts(hosts)?,
+        (SettingField::Hosts(field), RawValue::Untyped(text)) => *field = checked_hosts(&split_list(text))?,
         (SettingField::Usize(field, range), RawValue::Number(text) | RawValue::Untyped(text)) => {
             *field = parse_integer(text, &range)?
         }
@@ -145,9 +173,13 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
         (SettingField::Requests(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
             *field = parse_choice(text, &REQUESTS)?
         }
+        (SettingField::Cors(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
+            *field = parse_choice(text, &CORS)?
+        }
         (SettingField::Usize(..) | SettingField::U64(..) | SettingField::U32(..) | SettingField::Rate(_), _) => {
             return Err("expected a number without quotes".into());
         }
+        (SettingField::Hosts(_), _) => return Err("expected a list of hosts, such as [\"localhost\"]".into()),
         (SettingField::Names(_), _) => return Err("expected a list of names, such as [\"delft\"]".into()),
         _ => return Err("expected a text in quotes".into()),
     }
@@ -158,21 +190,40 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
 pub(super) fn get(config: &mut ServeConfig, key: &str) -> String {
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let word = |found: Option<&str>| quoted(found.unwrap_or_default());
+    let list = |all: &[String]| format!("[{}]", all.iter().map(|text| quoted(text)).collect::<Vec<_>>().join(", "));
     match field(config, key) {
         Some(SettingField::Address(text)) => quoted(text),
         Some(SettingField::File(path)) => {
             quoted(&path.as_ref().map(|path| path.display().to_string()).unwrap_or_default())
         }
-        Some(SettingField::Names(names)) => {
-            format!("[{}]", names.iter().map(|n| quoted(n)).collect::<Vec<_>>().join(", "))
-        }
+        Some(SettingField::Names(all) | SettingField::Hosts(all)) => list(all),
+        Some(SettingField::OptionalAddress(address)) => quoted(address.as_deref().unwrap_or_default()),
         Some(SettingField::Usize(size, _)) => size.to_string(),
         Some(SettingField::U64(number, _)) => number.to_string(),
         Some(SettingField::U32(number, _)) => number.to_string(),
         Some(SettingField::Rate(rate)) => format!("{rate:?}"),
         Some(SettingField::Format(format)) => word(FORMATS.iter().find(|(_, f)| f == format).map(|(word, _)| *word)),
         Some(SettingField::Requests(which)) => word(REQUESTS.iter().find(|(_, r)| r == which).map(|(word, _)| *word)),
+        Some(SettingField::Cors(cors)) => word(CORS.iter().find(|(_, c)| c == cors).map(|(word, _)| *word)),
         None => String::new(),
+    }
+}
+
+fn split_list(text: &str) -> Vec<String> {
+    text.split(',').filter(|item| !item.is_empty()).map(str::to_owned).collect()
+}
+
+fn checked_hosts(hosts: &[String]) -> Result<Vec<String>, String> {
+    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:[]".contains(&byte);
+    let is_host = |host: &&String| {
+        let has_port = host.rsplit_once(':').is_some_and(|(name, port)| {
+            !name.ends_with(':') && !port.ends_with(']') && port.bytes().all(|b| b.is_ascii_digit())
+        });
+        !host.is_empty() && host.bytes().all(is_allowed) && !has_port
+    };
+    match hosts.iter().find(|host| !is_host(host)) {
+        Some(invalid) => Err(format!("{invalid:?} is not a host without port, such as \"localhost\" or \"[::1]\"")),
+        None => Ok(hosts.to_vec()),
     }
 }
 

@@ -11,6 +11,11 @@ use toml::de::{DeTable, DeValue};
 const PREFIX: &str = "INSULA_SERVE_";
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
+/// The variables of this process. Those that are not UTF-8 cannot be ours.
+pub(crate) fn environment() -> impl Iterator<Item = (String, String)> {
+    std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+}
+
 /// An invalid setting: where it was given, and what is wrong.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("cannot use the settings: {place}: {reason}; `insula-server serve --print-config` shows all keys")]
@@ -164,6 +169,8 @@ mod tests {
             ("\n[log]\nformat = \"xml\"", ["line 3, log.format", "\"text\", \"json\""]),
             ("[access]\nprivate = [1]", ["line 2, access.private", "list of names"]),
             ("[access]\nprivate = [\"Delft\"]", ["line 2, access.private", "Delft"]),
+            ("[access]\nhosts = [\"a:80\"]", ["line 2, access.hosts", "without port"]),
+            ("metrics_address = \"here\"", ["line 1, metrics_address", "HOST:PORT"]),
             ("threads = true", ["line 1, threads", "number"]),
             ("threads = 1\nthreads = 2", ["line 2", "duplicate"]),
             ("[limits", ["line 1", ""]),
@@ -189,7 +196,11 @@ mod tests {
         let odd = [
             "listen=[::1]:0",
             "access.tokens=/a \"b\"\\c",
+            "access.share_keys=keys",
             "access.private=a,b-c",
+            "access.cors=none",
+            "access.hosts=localhost,[::1]",
+            "metrics_address=127.0.0.1:0",
             "limits.client_rate=0.5",
             "log.format=json",
             "log.requests=all",

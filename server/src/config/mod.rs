@@ -9,7 +9,8 @@ mod settings;
 
 pub use keys::check_address;
 pub use load::ConfigError;
+pub(crate) use load::environment;
 pub use settings::{
-    AccessConfig, BlockCacheConfig, DEFAULT_LISTEN, LimitsConfig, LogConfig, LogFormat, LogRequests, ReloadConfig,
-    ServeConfig, TlsConfig,
+    AccessConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, LimitsConfig, LogConfig, LogFormat, LogRequests,
+    ReloadConfig, ServeConfig, TlsConfig,
 };

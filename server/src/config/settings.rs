@@ -10,6 +10,8 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7700";
 pub struct ServeConfig {
     /// `HOST:PORT`; port 0 picks a free one.
     pub listen: String,
+    /// `HOST:PORT` of a listener for health and metrics alone; `None` to serve both at `listen`.
+    pub metrics_address: Option<String>,
     /// Number of worker threads; 0 for one per core.
     pub threads: usize,
     pub drain_secs: u64,
@@ -45,9 +47,15 @@ pub struct ReloadConfig {
 #[derive(Debug, Clone, PartialEq)]
 pub struct LimitsConfig {
     pub connections: usize,
+    /// Open connections per client address; 0 for three quarters of `connections`.
+    pub client_connections: usize,
     /// Requests in flight, without those for health and metrics.
     pub in_flight: usize,
     pub in_flight_bytes: usize,
+    /// Requests in flight per client address; 0 for three quarters of `in_flight`.
+    pub client_in_flight: usize,
+    /// Bytes of responses in flight per client address; 0 for three quarters of `in_flight_bytes`.
+    pub client_in_flight_bytes: usize,
     /// Size of the tile caches of all threads together.
     pub tile_bytes: usize,
     pub header_bytes: usize,
@@ -56,7 +64,7 @@ pub struct LimitsConfig {
     /// Seconds from a request's first byte (at first: from the connection) to the end of its headers.
     pub header_secs: u64,
     pub idle_secs: u64,
-    /// Seconds in which a client must take at least 16 KiB of what waits for it.
+    /// Seconds in which a client must take at least 16 KiB of what waits for it on a connection, and on each HTTP/2 stream.
     pub write_secs: u64,
     /// Concurrent requests per HTTP/2 connection.
     pub streams: u32,
@@ -81,13 +89,33 @@ pub struct BlockCacheConfig {
     pub timeout_secs: u64,
 }
 
-/// Private cities.
+/// Who may read what.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct AccessConfig {
     /// File of bearer tokens, one per line.
     pub tokens: Option<PathBuf>,
-    /// Names of the cities that need a token. If empty while there are tokens, all cities need one.
+    /// File of the keys that sign share links, one per line.
+    pub share_keys: Option<PathBuf>,
+    /// Names of the cities that need a token or a link. If empty while one of the files is set, all cities need one.
     pub private: Vec<String>,
+    pub cors: CorsPolicy,
+    /// Hosts that requests may name; empty for any.
+    pub hosts: Vec<String>,
+}
+
+/// Which pages of other origins may read responses.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum CorsPolicy {
+    #[default]
+    Any,
+    None,
+}
+
+impl AccessConfig {
+    /// Whether there are private cities.
+    pub(crate) fn is_restricted(&self) -> bool {
+        self.tokens.is_some() || self.share_keys.is_some()
+    }
 }
 
 /// The log on standard error.
@@ -118,6 +146,7 @@ impl Default for ServeConfig {
     fn default() -> Self {
         Self {
             listen: DEFAULT_LISTEN.into(),
+            metrics_address: None,
             threads: 0,
             drain_secs: 10,
             tls: TlsConfig::default(),
@@ -147,8 +176,11 @@ impl Default for LimitsConfig {
     fn default() -> Self {
         Self {
             connections: 8192,
+            client_connections: 0,
             in_flight: 1024,
             in_flight_bytes: 256 << 20,
+            client_in_flight: 0,
+            client_in_flight_bytes: 0,
             tile_bytes: 64 << 20,
             header_bytes: 16 << 10,
             headers: 64,
@@ -183,8 +215,10 @@ impl ServeConfig {
             (None, Some(_)) => return Err("tls.key is set, tls.certificate is not: set both or none".into()),
             _ => {}
         }
-        if !self.access.private.is_empty() && self.access.tokens.is_none() {
-            return Err("access.private names cities, but without access.tokens no client could open them".into());
+        if !self.access.private.is_empty() && !self.access.is_restricted() {
+            return Err("access.private names cities, but without access.tokens or access.share_keys no client could \
+                        open them"
+                .into());
         }
         Ok(())
     }

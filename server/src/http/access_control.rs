@@ -1,81 +1,147 @@
-//! Bearer tokens and private cities.
+//! Bearer tokens, share links and private cities.
 //!
-//! Tokens are stored and compared as BLAKE3 hashes, whose comparison takes constant time. They never reach the log: they are
-//! not part of a path, and headers are not logged.
+//! Tokens are stored and compared as BLAKE3 hashes, whose comparison takes constant time. Neither they nor share links reach the
+//! log: they are not part of a path, and headers and queries are not logged.
 
 use super::problem::Problem;
-use crate::config;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use std::{collections::BTreeSet, io, path::Path};
+use crate::{
+    config,
+    secret_file::SecretFile,
+    share_link::{self, ShareGrant, ShareKeys, ShareScope},
+};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use insula_protocol::route::RouteTemplate;
+use std::{collections::BTreeSet, path::Path, time::SystemTime};
 
-const MAX_FILE_BYTES: u64 = 1 << 20;
 /// 16 random characters carry at least 64 bits.
 const MIN_TOKEN_BYTES: usize = 16;
 
-/// The accepted tokens and the cities that need one.
-#[derive(Debug, Default)]
+/// The accepted tokens and share links, and the cities that need one.
+#[derive(Debug, Default, PartialEq)]
 pub(super) struct AccessControl {
-    tokens: Vec<blake3::Hash>,
-    /// If empty and there are tokens, all cities are private.
+    /// Tokens or share links are configured. Their files may be empty: then nothing opens a private city.
+    is_restricted: bool,
+    tokens: BTreeSet<[u8; 32]>,
+    share_keys: ShareKeys,
+    /// If empty, all cities are private.
     private: BTreeSet<String>,
 }
 
-/// How a request was granted access to a city; decides how its responses may be cached.
+/// How a request was granted access to a city.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CityAccess {
     Public,
-    Private,
+    Token,
+    Link(ShareScope),
+}
+
+/// What a request shows to open private cities.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Credentials<'a> {
+    headers: &'a HeaderMap,
+    link: Option<&'a str>,
+}
+
+/// A city or a version of it that a request asks for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AccessRequest<'a> {
+    pub(super) route: RouteTemplate,
+    pub(super) city: &'a str,
+    /// `None` if there is no such city.
+    pub(super) version: Option<&'a str>,
+}
+
+impl<'a> Credentials<'a> {
+    pub(super) fn new(headers: &'a HeaderMap, uri: &'a Uri) -> Self {
+        Self { headers, link: uri.query().and_then(share_link::from_query) }
+    }
+}
+
+impl CityAccess {
+    pub(super) fn is_public(self) -> bool {
+        self == Self::Public
+    }
 }
 
 impl AccessControl {
-    /// Reads the token file. Fails if it cannot be read, holds no token, or holds one that is too short.
-    pub(super) fn load(config: &config::AccessConfig) -> io::Result<Self> {
-        let Some(path) = &config.tokens else { return Ok(Self::default()) };
-        let tokens = read_tokens(path)?;
-        Ok(Self { tokens, private: config.private.iter().cloned().collect() })
+    /// Reads the files of tokens and keys. Also returns what is wrong with them: what they do not list opens nothing.
+    pub(super) fn load(config: &config::AccessConfig) -> (Self, Vec<String>) {
+        let mut access = Self { is_restricted: config.is_restricted(), ..Self::default() };
+        access.private = config.private.iter().cloned().collect();
+        let mut faults = Vec::new();
+        if let Some(path) = &config.tokens {
+            let tokens = read_tokens(path);
+            access.tokens.extend(tokens.entries);
+            faults.extend(tokens.faults);
+        }
+        if let Some(path) = &config.share_keys {
+            let (keys, key_faults) = ShareKeys::read(path);
+            access.share_keys = keys;
+            faults.extend(key_faults);
+        }
+        (access, faults)
     }
 
-    /// Whether the city needs a token.
-    pub(super) fn is_private(&self, city: &str) -> bool {
-        !self.tokens.is_empty() && (self.private.is_empty() || self.private.contains(city))
+    /// Whether there are tokens or keys, or none are configured.
+    pub(super) fn is_usable(&self) -> bool {
+        !self.is_restricted || !self.tokens.is_empty() || !self.share_keys.is_empty()
+    }
+
+    /// Whether a city of this name needs no token.
+    pub(super) fn is_public(&self, city: &str) -> bool {
+        !self.is_restricted || !(self.private.is_empty() || self.private.contains(city))
     }
 
     /// Whether the request has a valid token. Compares with every token, so that the time does not depend on the match.
-    pub(super) fn has_token(&self, headers: &HeaderMap) -> bool {
-        let value = headers.get(header::AUTHORIZATION).map(HeaderValue::as_bytes).unwrap_or_default();
+    pub(super) fn has_token(&self, credentials: Credentials<'_>) -> bool {
+        let value = credentials.headers.get(header::AUTHORIZATION).map(HeaderValue::as_bytes).unwrap_or_default();
         let Some((scheme, token)) = value.split_at_checked(7) else { return false };
         let given = blake3::hash(token.trim_ascii());
-        let found = self.tokens.iter().fold(false, |found, token| found | (*token == given));
+        let tokens = self.tokens.iter().map(|token| blake3::Hash::from_bytes(*token));
+        let found = tokens.fold(false, |found, token| found | (token == given));
         found && scheme.eq_ignore_ascii_case(b"bearer ")
     }
 
-    /// Grants access to a city. Fails with 401 for a private city without a token, even if the city does not exist.
-    pub(super) fn authorize(&self, city: &str, headers: &HeaderMap) -> Result<CityAccess, Problem> {
-        if !self.is_private(city) {
-            Ok(CityAccess::Public)
-        } else if self.has_token(headers) {
-            Ok(CityAccess::Private)
-        } else {
-            let challenge = HeaderValue::from_static("Bearer realm=\"insula\"");
-            let detail = "this city is not public: send a bearer token";
-            Err(Problem::new(StatusCode::UNAUTHORIZED, detail).with(header::WWW_AUTHENTICATE, challenge))
+    /// What the request's share link opens, if it has a valid one.
+    pub(super) fn shared(&self, credentials: Credentials<'_>) -> Option<ShareGrant> {
+        self.share_keys.verify(credentials.link?, SystemTime::now())
+    }
+
+    /// Grants access to a city. Without a token or link, fails with the same 401 for a private city as for one that does not
+    /// exist, so that names cannot be guessed. A public server responds to the latter with 404, after this.
+    pub(super) fn authorize(
+        &self,
+        credentials: Credentials<'_>,
+        request: AccessRequest<'_>,
+    ) -> Result<CityAccess, Problem> {
+        if !self.is_restricted || (request.version.is_some() && self.is_public(request.city)) {
+            return Ok(CityAccess::Public);
+        }
+        if self.has_token(credentials) {
+            return Ok(CityAccess::Token);
+        }
+        let is_admitted = |grant: &ShareGrant| {
+            grant.city == request.city
+                && request.version.is_some_and(|version| grant.admits_version(version))
+                && grant.scope.admits_route(request.route)
+        };
+        match self.shared(credentials).filter(is_admitted) {
+            Some(grant) => Ok(CityAccess::Link(grant.scope)),
+            None => Err(unauthorized()),
         }
     }
 }
 
-fn read_tokens(path: &Path) -> io::Result<Vec<blake3::Hash>> {
-    let invalid = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
-    if std::fs::metadata(path)?.len() > MAX_FILE_BYTES {
-        return Err(invalid("the token file is larger than 1 MiB"));
-    }
-    let text = std::fs::read_to_string(path)?;
-    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
-    let mut tokens = Vec::new();
-    for token in lines {
-        if token.len() < MIN_TOKEN_BYTES || !token.bytes().all(|b| b.is_ascii_graphic()) {
-            return Err(invalid("a token must be one line of at least 16 visible characters without spaces"));
-        }
-        tokens.push(blake3::hash(token.as_bytes()));
-    }
-    if tokens.is_empty() { Err(invalid("the token file contains no token")) } else { Ok(tokens) }
+fn unauthorized() -> Problem {
+    let challenge = HeaderValue::from_static("Bearer realm=\"insula\"");
+    let detail = "there is no public city of this name: send a bearer token, or open a valid link to a private one";
+    Problem::new(StatusCode::UNAUTHORIZED, detail).with(header::WWW_AUTHENTICATE, challenge)
+}
+
+fn read_tokens(path: &Path) -> SecretFile<[u8; 32]> {
+    SecretFile::read(path, |token| {
+        let is_valid = token.len() >= MIN_TOKEN_BYTES && token.bytes().all(|byte| byte.is_ascii_graphic());
+        let hash = is_valid.then(|| *blake3::hash(token.as_bytes()).as_bytes());
+        hash.ok_or("a token must be one line of at least 16 visible characters without spaces")
+    })
 }

@@ -2,18 +2,30 @@
 
 use super::{access_control::AccessControl, city_documents::CityDocuments};
 use crate::store::Store;
+use std::sync::Arc;
 
 /// Open cities, their documents and their access rules; replaced as one value.
 #[derive(Debug)]
 pub struct Catalog {
     store: Store,
-    documents: CityDocuments,
-    access: AccessControl,
+    documents: Arc<CityDocuments>,
+    access: Arc<AccessControl>,
 }
 
 impl Catalog {
     pub(super) fn new(store: Store, access: AccessControl) -> Self {
-        Self { documents: CityDocuments::new(&store, &access), store, access }
+        let documents = Arc::new(CityDocuments::new(&store, &access, None));
+        Self { store, documents, access: Arc::new(access) }
+    }
+
+    /// The same cities with other tokens and keys.
+    pub(super) fn with_access(&self, access: AccessControl) -> Self {
+        Self { store: self.store.clone(), documents: self.documents.clone(), access: Arc::new(access) }
+    }
+
+    /// Other cities with the same access rules. `documents` are those of `store`.
+    pub(super) fn with_cities(&self, store: Store, documents: Arc<CityDocuments>) -> Self {
+        Self { store, documents, access: self.access.clone() }
     }
 
     /// The open cities.
@@ -21,11 +33,11 @@ impl Catalog {
         &self.store
     }
 
-    pub(super) fn documents(&self) -> &CityDocuments {
+    pub(super) fn documents(&self) -> &Arc<CityDocuments> {
         &self.documents
     }
 
-    pub(super) fn access(&self) -> &AccessControl {
+    pub(super) fn access(&self) -> &Arc<AccessControl> {
         &self.access
     }
 }

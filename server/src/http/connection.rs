@@ -1,10 +1,12 @@
 //! Serves one connection: HTTP/1.1 or HTTP/2, chosen by its first bytes, with slow clients detected.
 
-use super::{connection_state::ConnectionState, problem::Problem, service::HttpService};
+use super::{
+    connection_state::ConnectionState, problem::Problem, service::HttpService, stream_progress::StreamExecutor,
+};
 use axum::http::{Request, StatusCode};
 use hyper::{body::Incoming, service::service_fn};
 use hyper_util::{
-    rt::{TokioExecutor, TokioIo, TokioTimer},
+    rt::{TokioIo, TokioTimer},
     server::conn::auto,
 };
 use std::{
@@ -24,9 +26,9 @@ const WRITES_PER_YIELD: u32 = 32;
 const PING_INTERVAL: Duration = Duration::from_secs(30);
 
 /// hyper's settings for all connections of a thread.
-pub(super) fn connection_builder(service: &HttpService) -> auto::Builder<TokioExecutor> {
+pub(super) fn connection_builder(service: &HttpService) -> auto::Builder<StreamExecutor> {
     let limits = service.state().limits();
-    let mut builder = auto::Builder::new(TokioExecutor::new());
+    let mut builder = auto::Builder::new(StreamExecutor);
     // The worker's reaper checks the header timeout: that is cheaper than a timer per request.
     builder.http1().header_read_timeout(None).max_buf_size(limits.header_bytes);
     builder
@@ -41,7 +43,7 @@ pub(super) fn connection_builder(service: &HttpService) -> auto::Builder<TokioEx
 /// Serves one connection until it ends, or until `state` asks for a shutdown and the requests in progress are answered.
 pub(super) async fn serve<S>(
     stream: S,
-    builder: &auto::Builder<TokioExecutor>,
+    builder: &auto::Builder<StreamExecutor>,
     service: HttpService,
     state: Arc<ConnectionState>,
 ) where

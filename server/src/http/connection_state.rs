@@ -1,30 +1,38 @@
 //! Progress of one connection, and the timeouts that close it.
 
+use super::{
+    client_usage::ClientUsage,
+    stream_progress::{MIN_TAKEN_BYTES, StreamProgress},
+};
+use slab::Slab;
 use std::{
     net::IpAddr,
     sync::{
-        Arc, OnceLock,
+        Arc, Mutex, MutexGuard, OnceLock, PoisonError,
         atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed},
     },
     task::Waker,
     time::Duration,
 };
 
-/// While bytes wait for a client, it must take at least this many per `limits.write_secs`.
-const MIN_TAKEN_BYTES: u64 = 16 << 10;
+/// Time limit of a connection over the limit: it is there for one request, which is rejected unless it is for health.
+const OVER_LIMIT_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// What one connection is doing and since when. Times are milliseconds of `clock_ms`; 0 means "not running".
 #[derive(Debug)]
 pub(super) struct ConnectionState {
     ip: Option<IpAddr>,
+    client: Option<Arc<ClientUsage>>,
     over_limit: bool,
     /// Shared by the worker's connections. The worker advances it a few times per second, so that reading the time needs no
     /// system call.
     clock_ms: Arc<AtomicU64>,
     timeouts: ClientTimeouts,
     requests_in_progress: AtomicU32,
-    /// Several requests ran at once: this is HTTP/2, whose peers also send frames between requests.
+    /// A request came by HTTP/2, whose peers also send frames between requests.
     is_multiplexed: AtomicBool,
+    /// HTTP/2 streams with a request.
+    streams: Mutex<Slab<Arc<StreamProgress>>>,
     /// When the last request ended.
     idle_since_ms: AtomicU64,
     /// When the first byte of the next request arrived; for the first request, when the connection was accepted.
@@ -49,18 +57,26 @@ impl ConnectionState {
     /// `over_limit`: there are too many connections, and every request on this one is rejected.
     pub(super) fn new(
         ip: Option<IpAddr>,
+        client: Option<Arc<ClientUsage>>,
         over_limit: bool,
         clock_ms: Arc<AtomicU64>,
-        timeouts: ClientTimeouts,
+        mut timeouts: ClientTimeouts,
     ) -> Self {
         let now_ms = clock_ms.load(Relaxed);
+        if over_limit {
+            timeouts.header = timeouts.header.min(OVER_LIMIT_TIMEOUT);
+            timeouts.idle = timeouts.idle.min(OVER_LIMIT_TIMEOUT);
+            timeouts.write = timeouts.write.min(OVER_LIMIT_TIMEOUT);
+        }
         Self {
             ip,
+            client,
             over_limit,
             clock_ms,
             timeouts,
             requests_in_progress: AtomicU32::new(0),
             is_multiplexed: AtomicBool::new(false),
+            streams: Mutex::default(),
             idle_since_ms: AtomicU64::new(0),
             first_byte_ms: AtomicU64::new(now_ms),
             stalled_since_ms: AtomicU64::new(0),
@@ -73,6 +89,11 @@ impl ConnectionState {
 
     pub(super) fn ip(&self) -> Option<IpAddr> {
         self.ip
+    }
+
+    /// What the client uses of the limits, if its address is known.
+    pub(super) fn client(&self) -> Option<&ClientUsage> {
+        self.client.as_deref()
     }
 
     pub(super) fn is_over_limit(&self) -> bool {
@@ -103,15 +124,49 @@ impl ConnectionState {
         self.is_shutting_down.load(Relaxed)
     }
 
-    fn now_ms(&self) -> u64 {
+    pub(super) fn now_ms(&self) -> u64 {
         self.clock_ms.load(Relaxed)
     }
 
     pub(super) fn request_started(&self) {
-        if self.requests_in_progress.fetch_add(1, Relaxed) > 0 {
-            self.is_multiplexed.store(true, Relaxed);
-        }
+        self.requests_in_progress.fetch_add(1, Relaxed);
         self.first_byte_ms.store(0, Relaxed);
+    }
+
+    /// Watches the stream of an HTTP/2 request until [`Self::stream_ended`]. Must be called where hyper calls the service.
+    pub(super) fn stream_started(&self) -> (usize, Arc<StreamProgress>) {
+        self.is_multiplexed.store(true, Relaxed);
+        let stream = StreamProgress::for_request();
+        (self.streams().insert(stream.clone()), stream)
+    }
+
+    pub(super) fn stream_ended(&self, key: usize) {
+        self.streams().try_remove(key);
+    }
+
+    fn streams(&self) -> MutexGuard<'_, Slab<Arc<StreamProgress>>> {
+        self.streams.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Resets HTTP/2 streams whose client takes too little of the response. Returns their number.
+    pub(super) fn reset_stalled_streams(&self) -> usize {
+        let now_ms = self.now_ms();
+        // The network is slow then, and no single stream is to blame.
+        let is_stalled = self.stalled_since_ms.load(Relaxed) != 0;
+        // Not reset under the lock, which the end of a stream takes.
+        let stalled: Vec<_> = {
+            let streams = self.streams();
+            if is_stalled {
+                streams.iter().filter(|(_, stream)| stream.has_response()).for_each(|(_, s)| s.restart(now_ms));
+            }
+            let stalled = streams.iter().filter(|(_, stream)| stream.has_stalled(now_ms, self.timeouts.write));
+            stalled.map(|(_, stream)| stream.clone()).collect()
+        };
+        let reset = stalled.iter().filter(|stream| stream.reset()).count();
+        if reset < stalled.len() {
+            let _ = self.timeout_kind.set("stream");
+        }
+        reset
     }
 
     pub(super) fn request_ended(&self) {
@@ -163,7 +218,9 @@ impl ConnectionState {
         };
         let stalled_since_ms = self.stalled_since_ms.load(Relaxed);
         let is_waiting = self.requests_in_progress.load(Relaxed) == 0 && stalled_since_ms == 0;
-        let kind = if expired(stalled_since_ms, write) {
+        let kind = if self.timeout_kind.get().is_some() {
+            return true;
+        } else if expired(stalled_since_ms, write) {
             "reading"
         } else if is_waiting && !self.is_multiplexed.load(Relaxed) && expired(self.first_byte_ms.load(Relaxed), header)
         {

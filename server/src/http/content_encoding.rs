@@ -41,6 +41,19 @@ impl EncodedContent {
         Self(all)
     }
 
+    /// `body` in no coding, for content that is made for one request.
+    pub(super) fn uncompressed(body: Vec<u8>, content_type: &'static str, cache_control: HeaderValue) -> Self {
+        let identity = Representation {
+            etag: etag_of(&body),
+            body: Bytes::from(body),
+            content_type: HeaderValue::from_static(content_type),
+            cache_control,
+            encoding: None,
+            vary: Some(HeaderValue::from_static("accept-encoding")),
+        };
+        Self(vec![("identity", identity)])
+    }
+
     /// The coding that the client prefers; among equally preferred ones the smallest.
     pub(super) fn select(&self, headers: &HeaderMap) -> &Representation {
         let accepted = accepted_codings(headers);

@@ -1,13 +1,18 @@
 //! Liveness, readiness and metrics: `/healthz`, `/readyz`, `/metrics`.
 
-use super::{problem::Problem, state::AppState};
+use super::{access_control::Credentials, metrics::CurrentCounts, problem::Problem, state::AppState};
 use axum::{
+    Extension,
     extract::State,
-    http::header,
+    http::{HeaderMap, Uri, header},
     response::{IntoResponse, Response},
 };
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
+
+/// Marks requests that came by the listener for operators.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ForOperators;
 
 /// Always 200 while the process can respond.
 pub(super) async fn alive() -> Response {
@@ -23,9 +28,23 @@ pub(super) async fn ready(State(state): State<AppState>) -> Result<Response, Pro
     }
 }
 
-/// All metrics as OpenMetrics 1.0 text.
-pub(super) async fn metrics(State(state): State<AppState>) -> Response {
+/// All metrics as OpenMetrics 1.0 text. Private cities are counted for operators only: on `metrics_address`, or with a token.
+pub(super) async fn metrics(
+    State(state): State<AppState>,
+    operators: Option<Extension<ForOperators>>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Response {
     let content_type = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    let text = state.metrics().to_open_metrics(state.in_flight().requests());
+    let catalog = state.catalog();
+    let (store, access) = (catalog.store(), catalog.access());
+    let sees_all = operators.is_some() || access.has_token(Credentials::new(&headers, &uri));
+    let is_counted = |name: &str| sees_all || access.is_public(name);
+    let now = CurrentCounts {
+        in_flight: state.in_flight().requests(),
+        cities: store.cities().filter(|city| is_counted(&city.manifest().name)).count(),
+        older_versions: store.older_versions(is_counted),
+    };
+    let text = state.metrics().to_open_metrics(now);
     ([NO_STORE, (header::CONTENT_TYPE, content_type)], text).into_response()
 }

@@ -31,6 +31,11 @@ impl InFlightBudget {
         try_add(&self.bytes, bytes, self.max_bytes)
     }
 
+    /// Removes bytes that [`Self::try_reserve`] added.
+    pub(super) fn unreserve(&self, bytes: usize) {
+        self.bytes.fetch_sub(bytes, Relaxed);
+    }
+
     /// Removes a request and the bytes that were reserved for it.
     pub(super) fn release(&self, bytes: usize) {
         self.requests.fetch_sub(1, Relaxed);

@@ -1,54 +1,102 @@
 //! The city list, manifests as JSON or bincode, and the OpenAPI document.
 
 use super::{
-    city_documents::{BINCODE, JSON},
+    access_control::{AccessRequest, CityAccess, Credentials},
+    city_documents::{BINCODE, JSON, ListPage},
+    index_page,
+    page_request::{PageRequest, page_request},
     problem::Problem,
     state::AppState,
 };
 use axum::{
+    body::Body,
     extract::{Path, State, rejection::PathRejection},
-    http::{HeaderMap, Method, header},
-    response::{IntoResponse, Response},
+    http::{HeaderMap, HeaderValue, Method, Uri, header},
+    response::Response,
 };
+use insula_protocol::route::{CITIES, RouteTemplate};
 
-/// `/v1/cities`: the cities that the request may see.
-pub(super) async fn list_cities(State(state): State<AppState>, method: Method, headers: HeaderMap) -> Response {
+/// `/v1/cities`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`.
+pub(super) async fn list_cities(
+    State(state): State<AppState>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let request = page_request(uri.query().unwrap_or_default())?;
     let catalog = state.catalog();
-    let documents = catalog.documents();
-    let list = if catalog.access().has_token(&headers) { &documents.full_list } else { &documents.public_list };
-    list.select(&headers).clone().respond(&method, &headers).into_response()
+    let (access, documents, credentials) = (catalog.access(), catalog.documents(), Credentials::new(&headers, &uri));
+    let has_token = access.has_token(credentials);
+    let shared = access.shared(credentials).filter(|_| !has_token);
+    let made;
+    let page = if request == PageRequest::default() && shared.is_none() {
+        if has_token { &documents.full_list } else { &documents.public_list }
+    } else {
+        let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
+        let is_listed = |name: &str| has_token || access.is_public(name) || is_shared(name);
+        let is_public = !has_token && shared.is_none();
+        made = ListPage::uncompressed(catalog.store(), request, &is_listed, is_public);
+        &made
+    };
+    let mut response = page.content.select(&headers).clone().respond(&method, &headers).map(Body::from);
+    if let Some(last) = &page.last {
+        let link = format!("<{CITIES}?limit={}&after={last}>; rel=\"next\"", request.limit);
+        response.headers_mut().extend(HeaderValue::try_from(link).map(|link| (header::LINK, link)));
+    }
+    Ok(response)
 }
 
 /// `/v1/openapi.json`
 pub(super) async fn openapi(State(state): State<AppState>, method: Method, headers: HeaderMap) -> Response {
     let catalog = state.catalog();
-    catalog.documents().openapi.select(&headers).clone().respond(&method, &headers).into_response()
+    catalog.documents().openapi.select(&headers).clone().respond(&method, &headers).map(Body::from)
 }
 
-/// `/v1/cities/{city}`. Fails with 400 for a name that is not UTF-8, 401 without a required token, 404 for an unknown city.
+/// `/v1/cities/{city}`; for a browser that opens a share link, a page. Fails with 400 for a name that is not UTF-8, 401 without a
+/// required token, 404 for an unknown city.
 pub(super) async fn manifest(
     State(state): State<AppState>,
     city: Result<Path<String>, PathRejection>,
     method: Method,
+    uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let Path(city) = city.map_err(|_| Problem::bad_request("the path is not UTF-8 text"))?;
+    let Path(name) = city.map_err(|_| Problem::bad_request("the path is not UTF-8 text"))?;
     let catalog = state.catalog();
-    catalog.access().authorize(&city, &headers)?;
-    let documents = catalog.documents();
-    let bincode = if prefers_bincode(&headers) { documents.bincode.get(&city) } else { None };
-    let found = bincode.or_else(|| documents.json.get(&city)).ok_or(Problem::not_found("there is no such city"))?;
-    Ok(found.select(&headers).clone().respond(&method, &headers).into_response())
+    let city = catalog.store().city(&name);
+    let version = city.map(|city| city.manifest().version.as_str());
+    let request = AccessRequest { route: RouteTemplate::Manifest, city: &name, version };
+    let access = catalog.access().authorize(Credentials::new(&headers, &uri), request)?;
+    let not_found = Problem::not_found("there is no such city");
+    if let (CityAccess::Link(_), Some(city)) = (access, city)
+        && accepts(&headers, "text/html") > 0.0
+    {
+        return Ok(index_page::shared_city(&state, city, &method, &uri, &headers));
+    }
+    let document = catalog.documents().city(&name).ok_or(not_found)?;
+    let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&headers));
+    Ok(bincode.unwrap_or(&document.json).select(&headers).clone().respond(&method, &headers).map(Body::from))
+}
+
+/// The quality with which `Accept` names exactly this media type; 0 if it does not.
+fn accepts(headers: &HeaderMap, media: &str) -> f32 {
+    accepted_media(headers).find(|(name, _)| name.eq_ignore_ascii_case(media)).map_or(0.0, |(_, quality)| quality)
+}
+
+/// Names and quality values in `Accept`.
+fn accepted_media(headers: &HeaderMap) -> impl Iterator<Item = (&str, f32)> {
+    let values = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
+    values.flat_map(|list| list.split(',')).map(|item| {
+        let mut parts = item.split(';').map(str::trim);
+        let name = parts.next().unwrap_or_default();
+        (name, parts.find_map(|part| part.strip_prefix("q=")).map_or(1.0, |q| q.parse().unwrap_or(0.0)))
+    })
 }
 
 /// Whether `Accept` ranks bincode at least as high as JSON. Wildcards count for JSON, because browsers send them.
 fn prefers_bincode(headers: &HeaderMap) -> bool {
     let (mut bincode, mut json) = (0.0f32, 0.0f32);
-    let values = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
-    for item in values.flat_map(|list| list.split(',')) {
-        let mut parts = item.split(';').map(str::trim);
-        let media = parts.next().unwrap_or_default();
-        let quality = parts.find_map(|part| part.strip_prefix("q=")).map_or(1.0, |q| q.parse().unwrap_or(0.0));
+    for (media, quality) in accepted_media(headers) {
         if media.eq_ignore_ascii_case(BINCODE) {
             bincode = quality;
         } else if media.eq_ignore_ascii_case(JSON) || media == "application/*" || media == "*/*" {

@@ -2,7 +2,7 @@
 //!
 //! Routes and status codes are fixed sets, so that clients cannot create labels. Each server has its own registry.
 
-use crate::store::{Store, StoreMetrics};
+use crate::store::StoreMetrics;
 use insula_archive::ReadError;
 use insula_protocol::route::RouteTemplate;
 use prometheus_client::{
@@ -10,10 +10,13 @@ use prometheus_client::{
     metrics::{counter::Counter, family::Family, gauge::Gauge, histogram::Histogram},
     registry::Registry,
 };
-use std::{sync::OnceLock, time::Duration};
+use std::{
+    sync::{Mutex, OnceLock, PoisonError},
+    time::Duration,
+};
 
 /// Status codes as labels. 0 is a request that ended without a response, 999 any other code.
-const CODES: [u16; 15] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 416, 429, 431, 500, 503, 999];
+const CODES: [u16; 16] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 416, 421, 429, 431, 500, 503, 999];
 /// Upper bounds of the histogram's buckets, in seconds.
 const BUCKETS_SECS: [f64; 13] = [5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1e-2, 2.5e-2, 0.1, 0.5, 2.5, 10.0];
 
@@ -53,11 +56,23 @@ pub(super) struct HttpMetrics {
     in_flight: Gauge,
     connections: Gauge,
     connections_over: Counter,
+    connections_refused: Counter,
     timeouts: Family<KindLabels, Counter>,
     read_failures: Family<KindLabels, Counter>,
     reloads: Family<KindLabels, Counter>,
+    log_suppressed: Family<KindLabels, Counter>,
     cities: Gauge,
     older_versions: Gauge,
+    encoding: Mutex<()>,
+}
+
+/// Numbers that are read when the metrics are requested.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CurrentCounts {
+    pub(super) in_flight: usize,
+    /// Cities and older versions that the request may see.
+    pub(super) cities: usize,
+    pub(super) older_versions: usize,
 }
 
 impl HttpMetrics {
@@ -72,11 +87,14 @@ impl HttpMetrics {
             in_flight: Gauge::default(),
             connections: Gauge::default(),
             connections_over: Counter::default(),
+            connections_refused: Counter::default(),
             timeouts: Family::default(),
             read_failures: Family::default(),
             reloads: Family::default(),
+            log_suppressed: Family::default(),
             cities: Gauge::default(),
             older_versions: Gauge::default(),
+            encoding: Mutex::default(),
         };
         metrics.register();
         if let Some(stores) = stores {
@@ -95,11 +113,15 @@ impl HttpMetrics {
         to.register("connections", "Open connections", self.connections.clone());
         let help = "Connections over the limit, rejected with 503";
         to.register("connections_over_limit", help, self.connections_over.clone());
-        let help = "Connections closed because of a slow client, by the timeout that expired";
+        let help = "Connections closed at once, because their client has its share of those over the limit";
+        to.register("connections_refused", help, self.connections_refused.clone());
+        let help = "Connections and HTTP/2 streams closed because of a slow client, by the timeout that expired";
         to.register("client_timeouts", help, self.timeouts.clone());
         let help = "Tiles that could not be served, by cause";
         to.register("tile_failures", help, self.read_failures.clone());
         to.register("reloads", "Changes of cities, certificate and tokens, by outcome", self.reloads.clone());
+        let help = "Messages that were not logged because there were too many of their kind";
+        to.register("log_suppressed", help, self.log_suppressed.clone());
         to.register("cities", "Open cities", self.cities.clone());
         to.register("older_versions", "Replaced versions that are still served", self.older_versions.clone());
     }
@@ -139,6 +161,23 @@ impl HttpMetrics {
         }
     }
 
+    /// Counts HTTP/2 streams that were reset because their clients took too little of the response.
+    pub(super) fn streams_reset(&self, count: usize) {
+        if count > 0 {
+            self.timeouts.get_or_create(&KindLabels { kind: "stream" }).inc_by(count as u64);
+        }
+    }
+
+    /// Counts a connection that was closed unserved: its client has its share of those over the limit as well.
+    pub(super) fn connection_refused(&self) {
+        self.connections_refused.inc();
+    }
+
+    /// Counts a message that was not logged because there were too many of its kind.
+    pub(super) fn log_suppressed(&self, kind: &'static str) {
+        self.log_suppressed.get_or_create(&KindLabels { kind }).inc();
+    }
+
     /// Counts a tile that could not be served.
     pub(super) fn read_failed(&self, error: &ReadError) {
         let kind = match error {
@@ -154,15 +193,13 @@ impl HttpMetrics {
         self.reloads.get_or_create(&KindLabels { kind: outcome }).inc();
     }
 
-    /// Sets the gauges of open cities and versions.
-    pub(super) fn set_cities(&self, store: &Store) {
-        self.cities.set(store.cities().len() as i64);
-        self.older_versions.set(store.older_versions() as i64);
-    }
-
     /// All metrics as OpenMetrics text.
-    pub(super) fn to_open_metrics(&self, in_flight: usize) -> String {
-        self.in_flight.set(in_flight as i64);
+    pub(super) fn to_open_metrics(&self, now: CurrentCounts) -> String {
+        // Two requests may see different cities.
+        let _exclusive = self.encoding.lock().unwrap_or_else(PoisonError::into_inner);
+        self.in_flight.set(now.in_flight as i64);
+        self.cities.set(now.cities as i64);
+        self.older_versions.set(now.older_versions as i64);
         let mut out = String::new();
         // Writing to a `String` cannot fail.
         let _ = encode(&mut out, &self.registry);

@@ -3,6 +3,7 @@
 //! ```text
 //! server -> worker -> (tls) -> connection -> service -> tile          nearly all requests
 //!                                                   \-> router -> manifest, index_page, health
+//! operations -> service -> router                             a listener of its own for health and metrics
 //! ```
 //!
 //! The parts of a URL are only looked up in maps that were built when the cities were opened. None of them is ever used as a
@@ -11,24 +12,31 @@
 mod access_control;
 mod catalog;
 mod city_documents;
+mod client_usage;
 mod connection;
 mod connection_state;
 mod content_encoding;
 mod health;
 mod in_flight;
 mod index_page;
+mod log_limit;
 mod manifest;
 mod metrics;
+mod operations;
+mod page_request;
 mod problem;
 mod rate_limit;
 mod reload;
 mod representation;
 mod request_guard;
+mod request_host;
 mod response;
+mod response_body;
 mod router;
 mod server;
 mod service;
 mod state;
+mod stream_progress;
 mod tile;
 mod tile_cache;
 mod tls;

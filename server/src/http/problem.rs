@@ -4,10 +4,10 @@
 
 use super::response::FullResponse;
 use axum::{
+    body::Body,
     http::{HeaderName, HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
-use http_body_util::Full;
 use serde::Serialize;
 
 /// An HTTP error with a fixed explanation and at most one extra header.
@@ -54,7 +54,7 @@ impl Problem {
     }
 
     pub(super) fn respond(self) -> FullResponse {
-        let mut response = FullResponse::new(Full::new(self.body().into()));
+        let mut response = FullResponse::new(self.body().into());
         *response.status_mut() = self.status;
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
@@ -92,6 +92,6 @@ impl Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        self.respond().into_response()
+        self.respond().map(Body::from)
     }
 }

@@ -1,12 +1,10 @@
 //! Request rate limit per client address: a token bucket each. Off by default.
-//!
-//! An IPv6 client usually owns a whole /64 network, so only the first 64 bits of its address count.
 
-use super::problem::Problem;
+use super::{client_usage::client_network, problem::Problem};
 use axum::http::{HeaderValue, StatusCode, header};
 use lru::LruCache;
 use std::{
-    net::{IpAddr, Ipv6Addr},
+    net::IpAddr,
     num::NonZeroUsize,
     sync::{Mutex, PoisonError},
     time::Instant,
@@ -55,16 +53,6 @@ impl RateLimiter {
         let wait_secs = ((1.0 - bucket.tokens) / self.refill_per_sec).ceil().clamp(1.0, 3600.0) as u64;
         let detail = "too many requests from this address: retry later";
         Err(Problem::new(StatusCode::TOO_MANY_REQUESTS, detail).with(header::RETRY_AFTER, HeaderValue::from(wait_secs)))
-    }
-}
-
-fn client_network(ip: IpAddr) -> IpAddr {
-    match ip.to_canonical() {
-        IpAddr::V6(ip) => {
-            let [a, b, c, d, ..] = ip.segments();
-            IpAddr::V6(Ipv6Addr::new(a, b, c, d, 0, 0, 0, 0))
-        }
-        v4 => v4,
     }
 }
 

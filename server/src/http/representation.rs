@@ -3,7 +3,6 @@
 use super::{problem::Problem, response::FullResponse};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use bytes::Bytes;
-use http_body_util::Full;
 use std::ops::Range;
 
 /// `Cache-Control` of public content that never changes under its URL.
@@ -74,7 +73,7 @@ impl Representation {
 
     fn with_body(&self, status: StatusCode, body: Bytes) -> FullResponse {
         let length = body.len();
-        let mut response = FullResponse::new(Full::new(body));
+        let mut response = FullResponse::new(body);
         *response.status_mut() = status;
         let headers = response.headers_mut();
         headers.reserve(12);

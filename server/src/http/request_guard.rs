@@ -1,24 +1,18 @@
 //! What a request holds until its response is sent: its place in the limits, its metrics and its log entry.
 
-use super::{connection_state::ConnectionState, state::AppState};
-use axum::{
-    body::{Body, Bytes, HttpBody},
-    http::{HeaderValue, Method, Uri},
+use super::{
+    connection_state::ConnectionState, in_flight::InFlightBudget, state::AppState, stream_progress::StreamProgress,
 };
-use http_body::{Frame, SizeHint};
-use http_body_util::Full;
+use axum::http::{HeaderValue, Method};
 use insula_protocol::route::RouteTemplate;
-use std::{
-    pin::Pin,
-    sync::Arc,
-    task::{Context, Poll, ready},
-    time::Instant,
-};
+use std::{sync::Arc, time::Instant};
 
 /// Resources of one request. Dropping it releases them and records the request, however it ended.
 pub(super) struct RequestGuard {
     state: AppState,
     connection: Option<Arc<ConnectionState>>,
+    /// Of a request by HTTP/2: its stream, and the key of the stream in its connection.
+    stream: Option<(usize, Arc<StreamProgress>)>,
     started: Instant,
     route: RouteTemplate,
     /// Status code; 0 while there is no response.
@@ -29,21 +23,28 @@ pub(super) struct RequestGuard {
     log_entry: Option<Box<RequestLogEntry>>,
 }
 
-/// The parts of a request that the log names.
+/// The parts of a request that the log names. The query is none of them: it may hold a share link.
 pub(super) struct RequestLogEntry {
     pub(super) id: HeaderValue,
     pub(super) method: Method,
-    pub(super) uri: Uri,
+    pub(super) path: String,
 }
 
 impl RequestGuard {
-    pub(super) fn new(state: &AppState, connection: Option<&Arc<ConnectionState>>, route: RouteTemplate) -> Self {
+    /// `is_stream`: the request came by HTTP/2. Must be called where hyper calls the service.
+    pub(super) fn new(
+        state: &AppState,
+        connection: Option<&Arc<ConnectionState>>,
+        route: RouteTemplate,
+        is_stream: bool,
+    ) -> Self {
         if let Some(connection) = connection {
             connection.request_started();
         }
         Self {
             state: state.clone(),
             connection: connection.cloned(),
+            stream: connection.filter(|_| is_stream).map(|connection| connection.stream_started()),
             started: Instant::now(),
             route,
             code: 0,
@@ -63,19 +64,52 @@ impl RequestGuard {
         self.log_entry = Some(Box::new(entry));
     }
 
-    /// Adds the request to the in-flight budget. `false`: the budget is exhausted.
+    /// Adds the request to the budgets in flight, of all clients and of this one. `false`: one of them is exhausted.
     pub(super) fn try_enter(&mut self) -> bool {
-        let entered = self.state.in_flight().try_enter();
+        let all = self.state.in_flight();
+        let entered = all.try_enter();
+        if entered && !self.client_budget().is_none_or(InFlightBudget::try_enter) {
+            all.release(0);
+            return false;
+        }
         self.reserved_bytes = entered.then_some(0);
         entered
     }
 
-    /// Reserves bytes of the response, if the request is part of the budget. `false`: the budget is exhausted.
+    /// Reserves bytes of the response, if the request is part of the budgets. `false`: one of them is exhausted.
     pub(super) fn try_reserve(&mut self, bytes: usize) -> bool {
-        let Some(reserved_bytes) = &mut self.reserved_bytes else { return true };
-        let fits = self.state.in_flight().try_reserve(bytes);
-        *reserved_bytes += if fits { bytes } else { 0 };
-        fits
+        let Some(reserved_bytes) = self.reserved_bytes else { return true };
+        let all = self.state.in_flight();
+        if !all.try_reserve(bytes) {
+            return false;
+        }
+        if !self.client_budget().is_none_or(|client| client.try_reserve(bytes)) {
+            all.unreserve(bytes);
+            return false;
+        }
+        self.reserved_bytes = Some(reserved_bytes + bytes);
+        true
+    }
+
+    fn client_budget(&self) -> Option<&InFlightBudget> {
+        Some(self.connection.as_ref()?.client()?.in_flight())
+    }
+
+    /// Starts the deadline of the response.
+    pub(super) fn response_started(&self) {
+        if let (Some((_, stream)), Some(connection)) = (&self.stream, &self.connection) {
+            stream.restart(connection.now_ms());
+        }
+    }
+
+    /// Counts bytes of the response that were passed to the connection.
+    pub(super) fn bytes_sent(&mut self, bytes: usize) {
+        self.sent_bytes += bytes as u64;
+    }
+
+    /// How far the client has taken the response, if it came by HTTP/2.
+    pub(super) fn stream(&self) -> Option<&Arc<StreamProgress>> {
+        self.stream.as_ref().map(|(_, stream)| stream)
     }
 }
 
@@ -83,79 +117,22 @@ impl Drop for RequestGuard {
     fn drop(&mut self) {
         if let Some(bytes) = self.reserved_bytes {
             self.state.in_flight().release(bytes);
+            if let Some(client) = self.client_budget() {
+                client.release(bytes);
+            }
         }
         if let Some(connection) = &self.connection {
             connection.request_ended();
+            if let Some((key, _)) = self.stream {
+                connection.stream_ended(key);
+            }
         }
         let elapsed = self.started.elapsed();
         self.state.metrics().request_ended(self.route, self.code, self.sent_bytes, elapsed);
         if let Some(entry) = &self.log_entry {
             let id = entry.id.to_str().unwrap_or_default();
             let (code, bytes, micros) = (self.code, self.sent_bytes, elapsed.as_micros() as u64);
-            tracing::info!(id, method = %entry.method, path = entry.uri.path(), code, bytes, micros, "request");
+            tracing::info!(id, method = %entry.method, path = entry.path, code, bytes, micros, "request");
         }
-    }
-}
-
-/// A response body with its request's guard, which it drops when the connection has taken the last byte.
-pub(super) struct GuardedBody {
-    body: ResponseBody,
-    guard: RequestGuard,
-}
-
-/// A body in memory, or one of the router's.
-pub(super) enum ResponseBody {
-    Full(Full<Bytes>),
-    Routed(Body),
-}
-
-impl ResponseBody {
-    pub(super) fn len(&self) -> usize {
-        self.size_hint().lower() as usize
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        match self {
-            Self::Full(body) => body.size_hint(),
-            Self::Routed(body) => body.size_hint(),
-        }
-    }
-}
-
-impl GuardedBody {
-    pub(super) fn new(body: ResponseBody, guard: RequestGuard) -> Self {
-        Self { body, guard }
-    }
-}
-
-impl HttpBody for GuardedBody {
-    type Data = Bytes;
-    type Error = axum::Error;
-
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        let frame = match &mut self.body {
-            ResponseBody::Full(body) => {
-                ready!(Pin::new(body).poll_frame(context)).map(|frame| frame.map_err(|e| match e {}))
-            }
-            ResponseBody::Routed(body) => ready!(Pin::new(body).poll_frame(context)),
-        };
-        if let Some(Ok(frame)) = &frame {
-            self.guard.sent_bytes += frame.data_ref().map_or(0, Bytes::len) as u64;
-        }
-        Poll::Ready(frame)
-    }
-
-    fn is_end_stream(&self) -> bool {
-        match &self.body {
-            ResponseBody::Full(body) => body.is_end_stream(),
-            ResponseBody::Routed(body) => body.is_end_stream(),
-        }
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.body.size_hint()
     }
 }

@@ -4,12 +4,14 @@ use axum::{
     body::Bytes,
     http::{HeaderMap, HeaderValue, Response, header},
 };
-use http_body_util::Full;
 
 const ANY: HeaderValue = HeaderValue::from_static("*");
 
+/// Value of `Referrer-Policy`: the address may hold a share link.
+pub(super) const NO_REFERRER: HeaderValue = HeaderValue::from_static("no-referrer");
+
 /// A response whose whole body is in memory.
-pub(super) type FullResponse = Response<Full<Bytes>>;
+pub(super) type FullResponse = Response<Bytes>;
 
 /// Lets pages of any origin read the response. This exposes nothing: browsers do not send bearer tokens by themselves.
 pub(super) fn with_cors(mut headers: HeaderMap) -> HeaderMap {

@@ -40,8 +40,12 @@ fn handler(template: RouteTemplate) -> MethodRouter<AppState> {
     }
 }
 
+/// The response to requests for addresses that do not exist.
+pub(super) const NO_ROUTE: Problem =
+    Problem::not_found("there is nothing at this path; the cities are listed at /v1/cities");
+
 async fn not_found() -> Problem {
-    Problem::not_found("there is nothing at this path; the cities are listed at /v1/cities")
+    NO_ROUTE
 }
 
 async fn method_not_allowed() -> Problem {

@@ -2,23 +2,34 @@
 
 use super::{
     access_control::AccessControl,
+    client_usage::{ClientSlot, ClientTable, ConnectionClass},
+    operations::OperationsListener,
     reload::ReloadTask,
     service::HttpService,
-    state::AppState,
+    state::{AppState, MessageKind},
     tls::TlsIdentity,
     worker::{AcceptedConnection, WorkerPool},
 };
 use crate::{config::ServeConfig, store::Store};
-use std::{future::Future, io, pin::pin, sync::Arc, time::Duration};
+use std::{
+    future::Future,
+    io,
+    net::{IpAddr, SocketAddr},
+    pin::pin,
+    sync::Arc,
+    time::Duration,
+};
 use tokio::{
     net::{TcpListener, TcpStream},
-    sync::{Notify, Semaphore},
+    sync::{Notify, OwnedSemaphorePermit, Semaphore},
     time::sleep,
 };
 
-/// Of `limits.connections`, this fraction (1/n) may be open in addition to be rejected with 503. Further connections wait in
-/// the system's accept queue.
+/// Of `limits.connections`, this fraction (1/n) may be open in addition: their requests are rejected with 503, except for health
+/// and metrics. Further connections wait in the system's accept queue.
 const OVER_LIMIT_FRACTION: usize = 4;
+/// Further connections, for clients that have their share of both kinds and may still ask for health.
+const RESERVED_CONNECTIONS: usize = 16;
 /// Pause after a failed `accept`: the usual cause is a temporary lack of file descriptors.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
@@ -27,8 +38,11 @@ const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 pub enum ServeError {
     #[error("cannot use tls.certificate or tls.key: {0}; both must be PEM files")]
     Tls(io::Error),
-    #[error("cannot use access.tokens: {0}")]
-    Tokens(io::Error),
+    /// No token and no key could be read: private cities could not be opened.
+    #[error("cannot use access.tokens or access.share_keys: {0}")]
+    Access(String),
+    #[error("cannot listen on metrics_address {address}: {source}; use another one, port 0 picks a free one")]
+    Metrics { address: String, source: io::Error },
     #[error("cannot start the server's threads: {0}")]
     System(#[from] io::Error),
 }
@@ -38,6 +52,7 @@ pub enum ServeError {
 pub struct HttpServer {
     service: HttpService,
     tls: Option<Arc<TlsIdentity>>,
+    operations: Option<OperationsListener>,
     config: ServeConfig,
     reload_signal: Arc<Notify>,
 }
@@ -55,12 +70,31 @@ pub async fn serve(
 }
 
 impl HttpServer {
-    /// Reads certificate, key and tokens. Fails if one of them is configured and cannot be used.
+    /// Reads certificate, key, tokens and keys of share links, and binds the listener for operators. Fails if one of them is
+    /// configured and cannot be used.
     pub fn new(store: Store, config: &ServeConfig) -> Result<Self, ServeError> {
         let tls = TlsIdentity::load(&config.tls).map_err(ServeError::Tls)?.map(Arc::new);
-        let access = AccessControl::load(&config.access).map_err(ServeError::Tokens)?;
+        let (access, faults) = AccessControl::load(&config.access);
+        if !access.is_usable() {
+            return Err(ServeError::Access(faults.join("; ")));
+        }
+        for fault in faults {
+            tracing::error!(fault, "part of the tokens and keys cannot be used");
+        }
+        let operations = match &config.metrics_address {
+            Some(address) => Some(
+                OperationsListener::bind(address)
+                    .map_err(|source| ServeError::Metrics { address: address.clone(), source })?,
+            ),
+            None => None,
+        };
         let service = HttpService::new(AppState::with_access(store, config, access));
-        Ok(Self { service, tls, config: config.clone(), reload_signal: Arc::default() })
+        Ok(Self { service, tls, operations, config: config.clone(), reload_signal: Arc::default() })
+    }
+
+    /// Address of the listener for operators, if there is one.
+    pub fn metrics_address(&self) -> Option<SocketAddr> {
+        self.operations.as_ref().map(|operations| operations.address)
     }
 
     /// State that all requests share.
@@ -80,10 +114,13 @@ impl HttpServer {
 
     /// Serves as [`serve`] does. Fails if the system refuses threads.
     pub async fn run(self, listener: TcpListener, shutdown: impl Future<Output = ()>) -> Result<(), ServeError> {
-        let workers = WorkerPool::start(&self.service, self.tls.as_ref(), &self.config)?;
-        let reload = ReloadTask::new(self.state().clone(), self.tls.clone(), self.config.clone(), self.reload_signal());
-        let reload = tokio::spawn(reload.run());
-        let acceptor = ConnectionAcceptor::new(listener, self.config.limits.connections);
+        let (state, reload_signal) = (self.state().clone(), self.reload_signal());
+        let operators = self.service.for_operators();
+        let service = if self.operations.is_some() { self.service.without_metrics() } else { self.service };
+        let workers = WorkerPool::start(&service, self.tls.as_ref(), &self.config)?;
+        let reload = ReloadTask::new(state.clone(), self.tls, self.config.clone(), reload_signal).start()?;
+        let operations = self.operations.map(|operations| tokio::spawn(operations.serve(operators)));
+        let acceptor = ConnectionAcceptor::new(listener, state.clone());
         let mut shutdown = pin!(shutdown);
         loop {
             let accepted = tokio::select! {
@@ -91,41 +128,57 @@ impl HttpServer {
                 accepted = acceptor.accept() => accepted,
             };
             match accepted {
-                Ok(connection) => {
+                Ok(Some(connection)) => {
                     if !workers.assign(connection).await {
                         break;
                     }
                 }
+                Ok(None) => state.metrics().connection_refused(),
                 Err(error) => {
-                    tracing::warn!(%error, "cannot accept a connection");
+                    if state.admits_message(MessageKind::FailedAccept) {
+                        tracing::warn!(%error, "cannot accept a connection");
+                    }
                     sleep(ACCEPT_RETRY_DELAY).await;
                 }
             }
         }
         drop(acceptor);
-        reload.abort();
-        self.state().start_draining();
+        drop(reload);
+        state.start_draining();
         tracing::info!("shutting down: waiting for requests in flight");
         workers.join().await;
+        if let Some(operations) = operations {
+            operations.abort();
+        }
         Ok(())
     }
 }
 
-/// A listener that bounds the number of open connections.
+/// A listener that bounds the number of open connections, in total and per client.
 struct ConnectionAcceptor {
     listener: TcpListener,
+    clients: Arc<ClientTable>,
     served: Arc<Semaphore>,
     over_limit: Arc<Semaphore>,
+    reserved: Arc<Semaphore>,
 }
 
 impl ConnectionAcceptor {
-    fn new(listener: TcpListener, connections: usize) -> Self {
-        let served = Arc::new(Semaphore::new(connections));
-        Self { listener, served, over_limit: Arc::new(Semaphore::new((connections / OVER_LIMIT_FRACTION).max(1))) }
+    fn new(listener: TcpListener, state: AppState) -> Self {
+        let connections = state.limits().connections;
+        let over_limit = (connections / OVER_LIMIT_FRACTION).max(2);
+        Self {
+            listener,
+            clients: Arc::new(ClientTable::new(state.limits(), over_limit)),
+            served: Arc::new(Semaphore::new(connections)),
+            over_limit: Arc::new(Semaphore::new(over_limit)),
+            reserved: Arc::new(Semaphore::new(RESERVED_CONNECTIONS)),
+        }
     }
 
-    /// Waits for a free slot and a connection. Fails if the system cannot accept.
-    async fn accept(&self) -> io::Result<AcceptedConnection> {
+    /// Waits for a free slot and a connection. `None`: the client has its share of all slots, and the connection was closed.
+    /// Fails if the system cannot accept.
+    async fn accept(&self) -> io::Result<Option<AcceptedConnection>> {
         // Only this task takes permits, so the one seen here is still free below.
         tokio::select! {
             permit = self.served.acquire() => permit.map(drop),
@@ -133,11 +186,22 @@ impl ConnectionAcceptor {
         }
         .map_err(io::Error::other)?;
         let (stream, peer) = self.listener.accept().await?;
-        let (permit, over_limit) = match Arc::clone(&self.served).try_acquire_owned() {
-            Ok(permit) => (permit, false),
-            Err(_) => (Arc::clone(&self.over_limit).try_acquire_owned().map_err(io::Error::other)?, true),
+        let classes = [ConnectionClass::Served, ConnectionClass::OverLimit, ConnectionClass::Reserved];
+        let slot = classes.into_iter().find_map(|class| self.slot(peer.ip(), class));
+        let Some((permit, client, over_limit)) = slot else { return Ok(None) };
+        Ok(Some(AcceptedConnection { stream: deregister(stream)?, ip: peer.ip(), client, over_limit, permit }))
+    }
+
+    /// Takes a slot of one class. `None` if there is none, or if the client has its share. Also returns whether the connection's
+    /// requests are rejected.
+    fn slot(&self, ip: IpAddr, class: ConnectionClass) -> Option<(OwnedSemaphorePermit, ClientSlot, bool)> {
+        let permits = match class {
+            ConnectionClass::Served => &self.served,
+            ConnectionClass::OverLimit => &self.over_limit,
+            ConnectionClass::Reserved => &self.reserved,
         };
-        Ok(AcceptedConnection { stream: deregister(stream)?, ip: Some(peer.ip()), over_limit, permit })
+        let permit = permits.clone().try_acquire_owned().ok()?;
+        Some((permit, self.clients.connect(ip, class)?, class != ConnectionClass::Served))
     }
 }
 

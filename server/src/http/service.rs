@@ -1,17 +1,21 @@
 //! Handles one request: the checks in their order, then a tile or the router.
 
 use super::{
+    access_control::{AccessRequest, Credentials},
     connection_state::ConnectionState,
+    health::ForOperators,
     problem::Problem,
-    request_guard::{GuardedBody, RequestGuard, RequestLogEntry, ResponseBody},
-    response::with_cors,
-    router::{ALLOWED_METHODS, router},
+    request_guard::{RequestGuard, RequestLogEntry},
+    request_host::check_host,
+    response::{NO_REFERRER, with_cors},
+    response_body::{GuardedBody, PlainBody, ResponseBody},
+    router::{ALLOWED_METHODS, NO_ROUTE, router},
     state::AppState,
     tile::RequestedTile,
     tile_cache::TileCache,
 };
 use axum::{
-    Router,
+    Extension, Router,
     body::Body,
     http::{
         HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
@@ -47,6 +51,27 @@ struct ServiceShared {
     state: AppState,
     router: Router,
     tiles: TileCache,
+    served: ServedRoutes,
+}
+
+/// The routes of a listener.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum ServedRoutes {
+    All,
+    /// `/metrics` has moved to the listener for operators.
+    WithoutMetrics,
+    /// Health and metrics only.
+    Operational,
+}
+
+impl ServedRoutes {
+    fn includes(self, route: RouteTemplate) -> bool {
+        match self {
+            Self::All => true,
+            Self::WithoutMetrics => route != RouteTemplate::Metrics,
+            Self::Operational => route.is_operational(),
+        }
+    }
 }
 
 /// A response that is ready, or a future of one.
@@ -68,10 +93,26 @@ impl Future for ResponseFuture {
 }
 
 impl HttpService {
-    /// A service with one tile cache of the configured size.
+    /// A service of all routes with one tile cache of the configured size.
     pub fn new(state: AppState) -> Self {
-        let tiles = TileCache::new(state.limits().tile_bytes);
-        Self(Arc::new(ServiceShared { router: router(state.clone()), state, tiles }))
+        let max_bytes = state.limits().tile_bytes;
+        Self::with_routes(router(state.clone()), state, ServedRoutes::All, max_bytes)
+    }
+
+    fn with_routes(router: Router, state: AppState, served: ServedRoutes, tile_cache_bytes: usize) -> Self {
+        Self(Arc::new(ServiceShared { state, router, tiles: TileCache::new(tile_cache_bytes), served }))
+    }
+
+    /// The same without `/metrics`.
+    pub(super) fn without_metrics(&self) -> Self {
+        let (router, state) = (self.0.router.clone(), self.0.state.clone());
+        Self::with_routes(router, state, ServedRoutes::WithoutMetrics, self.state().limits().tile_bytes)
+    }
+
+    /// A service of health and metrics only, for operators.
+    pub(super) fn for_operators(&self) -> Self {
+        let router = self.0.router.clone().layer(Extension(ForOperators));
+        Self::with_routes(router, self.0.state.clone(), ServedRoutes::Operational, 0)
     }
 
     /// State that all requests share.
@@ -81,81 +122,109 @@ impl HttpService {
 
     /// The service of one of several threads, with a tile cache of its own: its share of the configured size.
     pub(super) fn for_thread(&self, threads: usize) -> Self {
-        let tiles = TileCache::new(self.state().limits().tile_bytes / threads.max(1));
-        Self(Arc::new(ServiceShared { state: self.0.state.clone(), router: self.0.router.clone(), tiles }))
+        let tile_cache_bytes = self.state().limits().tile_bytes / threads.max(1);
+        Self::with_routes(self.0.router.clone(), self.0.state.clone(), self.0.served, tile_cache_bytes)
     }
 
     /// Responds to a request. Its body is not read.
     pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
-        let route = RouteTemplate::of_path(parts.uri.path());
-        let is_over_limit = connection.is_some_and(|connection| connection.is_over_limit());
-        let pending = PendingRequest {
-            guard: RequestGuard::new(self.state(), connection, route),
+        let path = parts.uri.path();
+        let parsed = Route::parse(path);
+        let route = parsed.map_or_else(|_| RouteTemplate::of_path(path), |route| route.template());
+        let over_limit = connection.filter(|connection| connection.is_over_limit());
+        if let Some(connection) = over_limit {
+            connection.start_shutdown();
+        }
+        let is_stream = parts.version == Version::HTTP_2;
+        let mut pending = PendingRequest {
+            guard: Box::new(RequestGuard::new(self.state(), connection, route, is_stream)),
             id: request_id(self.state(), &parts.headers),
             method: parts.method.clone(),
             uri: parts.uri.clone(),
+            allows_any_origin: self.state().allows_any_origin() && !route.is_operational(),
             // What follows an unread body cannot be parsed as a request.
-            must_close: (is_over_limit || has_body(&parts.headers)) && parts.version != Version::HTTP_2,
+            must_close: (over_limit.is_some() || has_body(&parts.headers)) && !is_stream,
         };
-        match self.admit(connection, route, &parts) {
-            Ok(()) => self.dispatch(route, parts, pending),
-            Err(problem) => pending.ready(Err(problem)),
+        let target = match self.admit(connection, route, &parts) {
+            Ok(()) => self.target(parsed, route, &parts, &mut pending),
+            Err(problem) => RequestTarget::Problem(problem),
+        };
+        match target {
+            RequestTarget::Tile(tile) => self.respond_with_tile(tile, parts, pending),
+            RequestTarget::Router => {
+                let router = self.0.router.clone();
+                ResponseFuture::Pending(Box::pin(async move {
+                    let Ok(response) = router.oneshot(Request::from_parts(parts, Body::empty())).await;
+                    pending.finish(Ok(response.map(ResponseBody::Routed)))
+                }))
+            }
+            RequestTarget::Preflight => {
+                let response = preflight(pending.allows_any_origin);
+                pending.ready(Ok(response))
+            }
+            RequestTarget::Problem(problem) => pending.ready(Err(problem)),
         }
     }
 
-    fn dispatch(&self, route: RouteTemplate, parts: Parts, mut pending: PendingRequest) -> ResponseFuture {
-        if parts.method == Method::OPTIONS {
-            return pending.ready(Ok(preflight()));
-        }
-        if !route.is_operational() && !pending.guard.try_enter() {
-            return pending.ready(Err(too_busy()));
+    fn respond_with_tile(&self, tile: RequestedTile, parts: Parts, pending: PendingRequest) -> ResponseFuture {
+        if let Some(response) = tile.cached_response(&self.0.tiles, &parts) {
+            return pending.ready(Ok(response.map(ResponseBody::Full)));
         }
         let service = self.clone();
-        let is_read = parts.method == Method::GET || parts.method == Method::HEAD;
-        let Some(tile) = self.tile_request(route, &parts).filter(|_| is_read) else {
-            return ResponseFuture::Pending(Box::pin(async move {
-                let request = Request::from_parts(parts, Body::empty());
-                let Ok(response) = service.0.router.clone().oneshot(request).await;
-                pending.finish(Ok(response.map(ResponseBody::Routed)))
-            }));
-        };
-        let tile = match tile {
-            Ok(tile) => tile,
-            Err(problem) => return pending.ready(Err(problem)),
-        };
-        match tile.cached_response(&self.0.tiles, &parts) {
-            Some(response) => pending.ready(Ok(response.map(ResponseBody::Full))),
-            None => ResponseFuture::Pending(Box::pin(async move {
-                let response = tile.read(service.state(), &service.0.tiles, &parts).await;
-                pending.finish(response.map(|response| response.map(ResponseBody::Full)))
-            })),
-        }
+        ResponseFuture::Pending(Box::pin(async move {
+            let response = tile.read(service.state(), &service.0.tiles, &parts).await;
+            pending.finish(response.map(|response| response.map(ResponseBody::Full)))
+        }))
     }
 
-    /// The requested tile; `None` for other routes. Fails with 400, 401 or 404.
-    fn tile_request(&self, route: RouteTemplate, parts: &Parts) -> Option<Result<RequestedTile, Problem>> {
-        let (state, path, headers) = (self.state(), parts.uri.path(), &parts.headers);
-        match Route::parse(path) {
-            Ok(Route::Tile(tile)) => Some(RequestedTile::resolve(state, tile, headers)),
-            Err(RouteError::InvalidTile) => Some(Err(INVALID_TILE)),
+    /// What responds to a request, which enters the budget of requests in flight.
+    fn target(
+        &self,
+        parsed: Result<Route<'_>, RouteError>,
+        route: RouteTemplate,
+        parts: &Parts,
+        pending: &mut PendingRequest,
+    ) -> RequestTarget {
+        if !self.0.served.includes(route) {
+            return RequestTarget::Problem(NO_ROUTE);
+        }
+        if parts.method == Method::OPTIONS {
+            return RequestTarget::Preflight;
+        }
+        if !route.is_operational() && !pending.guard.try_enter() {
+            return RequestTarget::Problem(too_busy());
+        }
+        if parts.method != Method::GET && parts.method != Method::HEAD {
+            return RequestTarget::Router;
+        }
+        let (state, credentials) = (self.state(), Credentials::new(&parts.headers, &parts.uri));
+        match parsed {
+            Ok(Route::Tile(tile)) => match RequestedTile::resolve(state, tile, credentials) {
+                Ok(tile) => RequestTarget::Tile(tile),
+                Err(problem) => RequestTarget::Problem(problem),
+            },
+            Err(RouteError::InvalidTile) => RequestTarget::Problem(INVALID_TILE),
             // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
             Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {
-                let city = path.split('/').nth(3).unwrap_or_default();
-                let denied = state.catalog().access().authorize(city, headers).err();
-                Some(Err(denied.unwrap_or(Problem::not_found("there is no such city or version"))))
+                let city = parts.uri.path().split('/').nth(3).unwrap_or_default();
+                let request = AccessRequest { route, city, version: None };
+                let denied = state.catalog().access().authorize(credentials, request).err();
+                let unknown = Problem::not_found("there is no such city or version");
+                RequestTarget::Problem(denied.unwrap_or(unknown))
             }
-            _ => None,
+            _ => RequestTarget::Router,
         }
     }
 
-    /// Checks that precede routing. Fails with 503, 431, 400 or 429.
+    /// Checks that precede routing. Fails with 503, 431, 400, 421 or 429.
     fn admit(
         &self,
         connection: Option<&Arc<ConnectionState>>,
         route: RouteTemplate,
         parts: &Parts,
     ) -> Result<(), Problem> {
-        if connection.is_some_and(|connection| connection.is_over_limit()) {
+        // An orchestrator would restart a server that is merely busy.
+        if connection.is_some_and(|connection| connection.is_over_limit()) && !route.is_operational() {
             return Err(Problem::unavailable("too many connections: retry in a second"));
         }
         if parts.headers.len() > self.state().limits().headers {
@@ -164,6 +233,7 @@ impl HttpService {
         if has_body(&parts.headers) {
             return Err(Problem::bad_request("requests must not have a body"));
         }
+        check_host(connection, parts, self.state().hosts())?;
         match connection.and_then(|connection| connection.ip()) {
             Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip),
             _ => Ok(()),
@@ -171,12 +241,21 @@ impl HttpService {
     }
 }
 
+/// What responds to a request.
+enum RequestTarget {
+    Tile(RequestedTile),
+    Router,
+    Preflight,
+    Problem(Problem),
+}
+
 /// What is kept of a request until its response exists.
 struct PendingRequest {
-    guard: RequestGuard,
+    guard: Box<RequestGuard>,
     id: HeaderValue,
     method: Method,
     uri: Uri,
+    allows_any_origin: bool,
     /// The connection ends with this response.
     must_close: bool,
 }
@@ -194,14 +273,21 @@ impl PendingRequest {
         };
         let code = response.status().as_u16();
         let headers = response.headers_mut();
-        if !headers.contains_key(header::ACCESS_CONTROL_ALLOW_ORIGIN) {
+        if self.allows_any_origin && !headers.contains_key(header::ACCESS_CONTROL_ALLOW_ORIGIN) {
             *headers = with_cors(std::mem::take(headers));
+        }
+        if self.uri.query().is_some() {
+            headers.insert(header::REFERRER_POLICY, NO_REFERRER);
         }
         if self.must_close {
             headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
         }
         if self.guard.set_code(code) {
-            self.guard.set_log_entry(RequestLogEntry { id: self.id.clone(), method: self.method, uri: self.uri });
+            self.guard.set_log_entry(RequestLogEntry {
+                id: self.id.clone(),
+                method: self.method,
+                path: self.uri.path().to_owned(),
+            });
         }
         headers.insert(REQUEST_ID, self.id);
         response.map(|body| GuardedBody::new(body, self.guard))
@@ -218,14 +304,16 @@ fn has_body(headers: &HeaderMap) -> bool {
     length || headers.contains_key(header::TRANSFER_ENCODING)
 }
 
-fn preflight() -> Response<ResponseBody> {
+fn preflight(allows_any_origin: bool) -> Response<ResponseBody> {
     let mut response = Response::new(ResponseBody::Full(Default::default()));
     *response.status_mut() = StatusCode::NO_CONTENT;
     let headers = response.headers_mut();
     headers.insert(header::ALLOW, ALLOWED_METHODS);
-    headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, ALLOWED_METHODS);
-    headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ALLOWED_HEADERS);
-    headers.insert(header::ACCESS_CONTROL_MAX_AGE, HeaderValue::from_static("86400"));
+    if allows_any_origin {
+        headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, ALLOWED_METHODS);
+        headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ALLOWED_HEADERS);
+        headers.insert(header::ACCESS_CONTROL_MAX_AGE, HeaderValue::from_static("86400"));
+    }
     response
 }
 
@@ -248,6 +336,6 @@ impl Service<Request<Body>> for HttpService {
     fn call(&mut self, request: Request<Body>) -> Self::Future {
         let service = self.clone();
         let response = service.respond(None, request.into_parts().0);
-        Box::pin(async move { response.await.map(|response| response.map(Body::new)) })
+        Box::pin(async move { response.await.map(|response| response.map(|body| Body::new(PlainBody(body)))) })
     }
 }

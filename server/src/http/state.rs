@@ -1,11 +1,11 @@
 //! State that all requests share.
 
 use super::{
-    access_control::AccessControl, catalog::Catalog, in_flight::InFlightBudget, metrics::HttpMetrics,
-    rate_limit::RateLimiter,
+    access_control::AccessControl, catalog::Catalog, city_documents::CityDocuments, in_flight::InFlightBudget,
+    log_limit::LogLimit, metrics::HttpMetrics, rate_limit::RateLimiter,
 };
 use crate::{
-    config::{LimitsConfig, LogRequests, ServeConfig},
+    config::{CorsPolicy, LimitsConfig, LogRequests, ServeConfig},
     store::Store,
 };
 use arc_swap::{ArcSwap, Guard};
@@ -30,10 +30,32 @@ struct SharedState {
     in_flight: InFlightBudget,
     limits: LimitsConfig,
     logged_requests: LogRequests,
+    log_limits: [LogLimit; 3],
+    scheme: &'static str,
+    allows_any_origin: bool,
+    hosts: Vec<String>,
     is_draining: AtomicBool,
     /// First part of request ids. Differs between starts, so that the ids of two servers differ.
     start_id: u32,
     next_request: AtomicU64,
+}
+
+/// Messages that clients can cause, which are therefore limited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum MessageKind {
+    FailedRequest,
+    TileFailure,
+    FailedAccept,
+}
+
+impl MessageKind {
+    const fn label(self) -> &'static str {
+        match self {
+            Self::FailedRequest => "request",
+            Self::TileFailure => "tile",
+            Self::FailedAccept => "accept",
+        }
+    }
 }
 
 impl AppState {
@@ -45,25 +67,34 @@ impl AppState {
     pub(super) fn with_access(store: Store, config: &ServeConfig, access: AccessControl) -> Self {
         let store_metrics = store.metrics().cloned();
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let state = Self(Arc::new(SharedState {
+        Self(Arc::new(SharedState {
             catalog: ArcSwap::from_pointee(Catalog::new(store, access)),
             metrics: HttpMetrics::new(store_metrics.as_ref()),
             rate_limiter: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
             in_flight: InFlightBudget::new(config.limits.in_flight, config.limits.in_flight_bytes),
             limits: config.limits.clone(),
             logged_requests: config.log.requests,
+            log_limits: Default::default(),
+            scheme: if config.tls.certificate.is_some() { "https" } else { "http" },
+            allows_any_origin: config.access.cors == CorsPolicy::Any,
+            hosts: config.access.hosts.clone(),
             is_draining: AtomicBool::new(false),
             start_id: (since_epoch.as_millis() as u32) ^ std::process::id().rotate_left(16),
             next_request: AtomicU64::new(0),
-        }));
-        state.metrics().set_cities(state.catalog().store());
-        state
+        }))
     }
 
-    /// Replaces cities and access rules for new requests. Requests in progress keep the old ones.
-    pub(super) fn replace(&self, store: Store, access: AccessControl) {
-        self.0.metrics.set_cities(&store);
-        self.0.catalog.store(Arc::new(Catalog::new(store, access)));
+    /// Replaces cities for new requests. Requests in progress keep the old ones. `documents` are those of `store`.
+    pub(super) fn replace_cities(&self, store: Store, documents: Arc<CityDocuments>) {
+        self.0.catalog.rcu(|catalog| catalog.with_cities(store.clone(), documents.clone()));
+    }
+
+    /// Replaces tokens and keys for new requests, if they differ from the current ones.
+    pub(super) fn replace_access(&self, access: AccessControl) {
+        let catalog = self.0.catalog.load_full();
+        if **catalog.access() != access {
+            self.0.catalog.store(Arc::new(catalog.with_access(access)));
+        }
     }
 
     /// Makes `/readyz` fail, so that a load balancer sends its requests elsewhere.
@@ -97,13 +128,37 @@ impl AppState {
         &self.0.limits
     }
 
-    /// Whether requests that end with this status code are logged.
+    /// Whether a request that ends with this status code is logged now.
     pub(super) fn must_log(&self, code: u16) -> bool {
         match self.0.logged_requests {
             LogRequests::None => false,
-            LogRequests::Errors => code >= 500,
+            LogRequests::Errors => code >= 500 && self.admits_message(MessageKind::FailedRequest),
             LogRequests::All => true,
         }
+    }
+
+    /// Whether a message of this kind is logged now. Counts the others.
+    pub(super) fn admits_message(&self, kind: MessageKind) -> bool {
+        let admitted = self.0.log_limits[kind as usize].admit(kind.label());
+        if !admitted {
+            self.0.metrics.log_suppressed(kind.label());
+        }
+        admitted
+    }
+
+    /// `https` or `http`.
+    pub(super) fn scheme(&self) -> &'static str {
+        self.0.scheme
+    }
+
+    /// Whether pages of any origin may read responses.
+    pub(super) fn allows_any_origin(&self) -> bool {
+        self.0.allows_any_origin
+    }
+
+    /// The hosts that requests may name; empty for any.
+    pub(super) fn hosts(&self) -> &[String] {
+        &self.0.hosts
     }
 
     /// A new request id: 24 hexadecimal digits.

@@ -3,19 +3,21 @@
 //! In: a [`TileRoute`]. Out: the tile's bytes as the archive holds them, with valid checksums. Next: the client's decoder.
 
 use super::{
-    access_control::CityAccess,
+    access_control::{AccessRequest, CityAccess, Credentials},
     problem::Problem,
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_unconditional, quoted},
     response::{FullResponse, with_cors},
-    state::AppState,
+    state::{AppState, MessageKind},
     tile_cache::{CachedTile, TileCache, TileCacheKey},
 };
 use crate::store::CityStore;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
 use bytes::Bytes;
-use http_body_util::Full;
 use insula_archive::ReadError;
-use insula_protocol::{TileId, TileKind, mesh_tile, route::TileRoute};
+use insula_protocol::{
+    TileId, TileKind, mesh_tile,
+    route::{Route, TileRoute},
+};
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
@@ -29,18 +31,32 @@ pub(super) struct RequestedTile {
 
 impl RequestedTile {
     /// Looks up city and version. Fails with 401 without a required token, or 404.
-    pub(super) fn resolve(state: &AppState, route: TileRoute<'_>, headers: &HeaderMap) -> Result<Self, Problem> {
+    pub(super) fn resolve(
+        state: &AppState,
+        route: TileRoute<'_>,
+        credentials: Credentials<'_>,
+    ) -> Result<Self, Problem> {
         let catalog = state.catalog();
-        let access = catalog.access().authorize(route.city, headers)?;
-        let city = match catalog.store().version(route.city, route.version) {
+        let found = catalog.store().version(route.city, route.version);
+        let is_known = found.is_some() || catalog.store().city(route.city).is_some();
+        let request = AccessRequest {
+            route: Route::Tile(route).template(),
+            city: route.city,
+            version: is_known.then_some(route.version),
+        };
+        let access = catalog.access().authorize(credentials, request)?;
+        let city = match found {
             Some(city) => Arc::clone(city),
-            None if catalog.store().city(route.city).is_none() => {
-                return Err(Problem::not_found("there is no such city"));
-            }
+            None if !is_known => return Err(Problem::not_found("there is no such city")),
             None => {
                 return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
             }
         };
+        if let CityAccess::Link(scope) = access
+            && !scope.admits_node(city.manifest(), route.id)
+        {
+            return Err(NO_TILE);
+        }
         // Only leaves have meshes, so that each mesh has one route.
         let id = match route.kind {
             TileKind::Subtree | TileKind::BlockMap => route.id,
@@ -69,30 +85,33 @@ impl RequestedTile {
             Ok(body) => body.ok_or(NO_TILE)?,
             Err(error) => return Err(self.report_failure(state, &error)),
         };
-        let tile = Arc::new(self.prepare(body));
+        let tile = Arc::new(self.prepare(state, body));
         tiles.insert(self.key, Arc::clone(&tile));
         Ok(respond(&tile, request))
     }
 
-    fn prepare(&self, body: Bytes) -> CachedTile {
+    fn prepare(&self, state: &AppState, body: Bytes) -> CachedTile {
         let representation = Representation {
             body,
             content_type: HeaderValue::from_static("application/octet-stream"),
             // The version is a hash of the city's content, so version, kind and id determine the bytes.
             etag: etag(&self.city.manifest().version, self.key.kind, self.key.id),
-            cache_control: if self.access == CityAccess::Private { IMMUTABLE_PRIVATE } else { IMMUTABLE },
+            cache_control: if self.access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
             encoding: None,
             vary: None,
         };
         let whole = representation.clone().respond(&Method::GET, &HeaderMap::new());
-        CachedTile { headers: with_cors(whole.into_parts().0.headers), representation }
+        let headers = whole.into_parts().0.headers;
+        CachedTile { headers: if state.allows_any_origin() { with_cors(headers) } else { headers }, representation }
     }
 
     /// Logs and counts the failure. The client learns only whether a retry may help.
     fn report_failure(&self, state: &AppState, error: &ReadError) -> Problem {
         state.metrics().read_failed(error);
         let (place, kind, id) = (self.city.location(), self.key.kind.path_segment(), self.key.id);
-        tracing::error!(place, tile = %format_args!("{kind}/{id}"), %error, "cannot serve a tile");
+        if state.admits_message(MessageKind::TileFailure) {
+            tracing::error!(place, tile = %format_args!("{kind}/{id}"), %error, "cannot serve a tile");
+        }
         match error {
             ReadError::Damaged(_) => {
                 Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server's copy of this tile is damaged")
@@ -106,7 +125,7 @@ impl RequestedTile {
 /// Plain GET requests, the common case, get the prepared headers.
 fn respond(tile: &CachedTile, request: &Parts) -> FullResponse {
     if request.method == Method::GET && is_unconditional(&request.headers) {
-        let mut whole = FullResponse::new(Full::new(tile.representation.body.clone()));
+        let mut whole = FullResponse::new(tile.representation.body.clone());
         *whole.headers_mut() = tile.headers.clone();
         whole
     } else {

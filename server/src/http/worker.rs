@@ -3,13 +3,15 @@
 //! A worker responds with a tile without waking another thread. New connections go to the worker with the fewest.
 
 use super::{
+    client_usage::ClientSlot,
     connection::{self, connection_builder},
     connection_state::{ClientTimeouts, ConnectionState},
     service::HttpService,
+    stream_progress::StreamExecutor,
     tls::TlsIdentity,
 };
 use crate::config::ServeConfig;
-use hyper_util::{rt::TokioExecutor, server::conn::auto};
+use hyper_util::server::conn::auto;
 use slab::Slab;
 use std::{
     io,
@@ -34,7 +36,8 @@ const DRAIN_POLL: Duration = Duration::from_millis(10);
 /// An accepted stream with its connection permit.
 pub(super) struct AcceptedConnection {
     pub(super) stream: TcpStream,
-    pub(super) ip: Option<IpAddr>,
+    pub(super) ip: IpAddr,
+    pub(super) client: ClientSlot,
     /// There are too many connections: each request on this one is rejected.
     pub(super) over_limit: bool,
     pub(super) permit: OwnedSemaphorePermit,
@@ -160,6 +163,8 @@ impl WorkerState {
             sleep(interval).await;
             self.clock_ms.store(start.elapsed().as_millis() as u64 + 1, Relaxed);
             for (_, connection) in self.lock().iter() {
+                let reset = connection.state.reset_stalled_streams();
+                self.service.state().metrics().streams_reset(reset);
                 if connection.state.has_timed_out() {
                     connection.task.abort();
                 }
@@ -167,14 +172,22 @@ impl WorkerState {
         }
     }
 
-    fn spawn_connection(self: Arc<Self>, accepted: AcceptedConnection, builder: &Arc<auto::Builder<TokioExecutor>>) {
-        let AcceptedConnection { stream, ip, over_limit, permit } = accepted;
-        let state = Arc::new(ConnectionState::new(ip, over_limit, self.clock_ms.clone(), self.timeouts));
+    fn spawn_connection(self: Arc<Self>, accepted: AcceptedConnection, builder: &Arc<auto::Builder<StreamExecutor>>) {
+        let AcceptedConnection { stream, ip, client, over_limit, permit } = accepted;
+        let (usage, clock_ms) = (client.usage().clone(), self.clock_ms.clone());
+        let state = ConnectionState::new(Some(ip), Some(usage), over_limit, clock_ms, self.timeouts);
+        let state = Arc::new(state);
         self.service.state().metrics().connection_opened(over_limit);
         let (worker, builder) = (self.clone(), builder.clone());
         let mut connections = self.lock();
         let entry = connections.vacant_entry();
-        let guard = ConnectionGuard { worker: self.clone(), state: state.clone(), key: entry.key(), _permit: permit };
+        let guard = ConnectionGuard {
+            worker: self.clone(),
+            state: state.clone(),
+            key: entry.key(),
+            _permit: permit,
+            _client: client,
+        };
         let task_state = state.clone();
         let task = tokio::spawn(async move {
             // Moved into the task, so that it is dropped when the task is aborted.
@@ -185,7 +198,7 @@ impl WorkerState {
         entry.insert(Connection { state, task: task.abort_handle() });
     }
 
-    async fn serve(&self, stream: TcpStream, builder: &auto::Builder<TokioExecutor>, state: Arc<ConnectionState>) {
+    async fn serve(&self, stream: TcpStream, builder: &auto::Builder<StreamExecutor>, state: Arc<ConnectionState>) {
         let Ok(stream) = tokio::net::TcpStream::from_std(stream) else { return };
         match &self.tls {
             None => connection::serve(stream, builder, self.service.clone(), state).await,
@@ -204,6 +217,7 @@ struct ConnectionGuard {
     state: Arc<ConnectionState>,
     key: usize,
     _permit: OwnedSemaphorePermit,
+    _client: ClientSlot,
 }
 
 impl Drop for ConnectionGuard {

@@ -10,6 +10,8 @@ use crate::config::BlockCacheConfig;
 use insula_archive::city::MANIFEST_FILE;
 use std::{
     collections::BTreeMap,
+    io,
+    ops::Bound,
     path::{Path, PathBuf},
     sync::Arc,
     time::Instant,
@@ -41,7 +43,11 @@ impl Store {
         let folders = folders.iter().map(|folder| folder.as_ref().to_owned()).collect();
         let mut store = Self { folders, ..Self::default() };
         for folder in &store.folders.clone() {
-            for city in city_folders(folder)? {
+            let found = city_folders(folder)?;
+            if found.cities.is_empty() {
+                return Err(StoreError::NoCity(folder.clone()));
+            }
+            for city in found.cities {
                 store.insert(CityStore::open(&city)?)?;
             }
         }
@@ -105,25 +111,51 @@ impl Store {
         self.cities.values().map(|versions| &versions.current)
     }
 
-    /// Number of older versions that are still open.
-    pub fn older_versions(&self) -> usize {
-        self.cities.values().map(|versions| versions.older.len()).sum()
+    /// The current versions of the cities from a name on.
+    pub fn cities_from(&self, start: Bound<&str>) -> impl Iterator<Item = &Arc<CityStore>> {
+        self.cities.range::<str, _>((start, Bound::Unbounded)).map(|(_, versions)| &versions.current)
+    }
+
+    /// Number of older versions that are still open, of the cities with these names.
+    pub fn older_versions(&self, is_counted: impl Fn(&str) -> bool) -> usize {
+        let counted = self.cities.iter().filter(|(name, _)| is_counted(name));
+        counted.map(|(_, versions)| versions.older.len()).sum()
     }
 }
 
-/// The folder itself if it is a city, else the cities directly inside it, by name.
-pub(super) fn city_folders(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    if folder.join(MANIFEST_FILE).is_file() {
-        return Ok(vec![folder.to_owned()]);
-    }
+/// The cities of a folder.
+pub(super) struct CityFolders {
+    /// The folder itself if it is a city, else the cities directly inside it, by name.
+    pub(super) cities: Vec<PathBuf>,
+    /// Folders that may be cities but cannot be looked at.
+    pub(super) unreadable: Vec<(PathBuf, io::Error)>,
+}
+
+/// Looks for cities in a folder. Fails if it cannot be read.
+pub(super) fn city_folders(folder: &Path) -> Result<CityFolders, StoreError> {
     let io_error = |source| StoreError::Io { path: folder.to_owned(), source };
-    let mut cities = Vec::new();
+    let mut found = CityFolders { cities: Vec::new(), unreadable: Vec::new() };
+    if has_manifest(folder).map_err(io_error)? {
+        found.cities.push(folder.to_owned());
+        return Ok(found);
+    }
     for entry in std::fs::read_dir(folder).map_err(io_error)? {
         let path = entry.map_err(io_error)?.path();
-        if path.join(MANIFEST_FILE).is_file() {
-            cities.push(path);
+        match has_manifest(&path) {
+            Ok(true) => found.cities.push(path),
+            Ok(false) => {}
+            Err(error) => found.unreadable.push((path, error)),
         }
     }
-    cities.sort();
-    if cities.is_empty() { Err(StoreError::NoCity(folder.to_owned())) } else { Ok(cities) }
+    found.cities.sort();
+    Ok(found)
+}
+
+/// Whether a folder has a manifest. Fails if that cannot be known.
+fn has_manifest(folder: &Path) -> io::Result<bool> {
+    match std::fs::metadata(folder.join(MANIFEST_FILE)) {
+        Ok(metadata) => Ok(metadata.is_file()),
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => Ok(false),
+        Err(error) => Err(error),
+    }
 }

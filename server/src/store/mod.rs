@@ -11,6 +11,7 @@ mod error;
 mod reload;
 mod remote;
 mod requests;
+mod same_host;
 
 pub use cities::Store;
 pub use city::CityStore;

@@ -3,17 +3,19 @@
 //! A city that cannot be opened does not replace the version that is served.
 
 use super::{
-    cities::{CityVersions, Store, city_folders},
+    cities::{CityFolders, Store, city_folders},
     city::{CityStamp, CityStore},
     error::StoreError,
 };
 use std::{
-    path::Path,
+    collections::{BTreeMap, BTreeSet},
+    io,
+    path::{Path, PathBuf},
     sync::Arc,
     time::{Duration, Instant},
 };
 
-/// Consecutive checks that must miss a city before it is removed: `bake` replaces a folder by two renames.
+/// Consecutive checks that must miss a city, or its whole folder, before it is removed: `bake` replaces a folder by two renames.
 const MAX_ABSENT_CHECKS: u32 = 3;
 
 /// How long, and how many, replaced versions stay open.
@@ -36,6 +38,8 @@ pub struct StoreReload {
     pub closed: usize,
     /// Cities and folders that could not be opened.
     pub failures: Vec<StoreError>,
+    /// Some cities are missing for another number of checks than before.
+    absences_changed: bool,
 }
 
 impl Store {
@@ -56,7 +60,7 @@ impl Store {
                 Ok(Some(city)) => {
                     let name = city.manifest().name.clone();
                     if reload.replace(name.clone(), city, retention) {
-                        seen.push(name);
+                        seen.insert(name);
                     }
                 }
                 Ok(None) => {}
@@ -69,58 +73,65 @@ impl Store {
     }
 
     /// Checks all folders, which reads the disk. Also returns the names of the cities that exist.
-    fn check_folders(&self, retention: RetentionPolicy) -> (StoreReload, Vec<String>) {
+    fn check_folders(&self, retention: RetentionPolicy) -> (StoreReload, BTreeSet<String>) {
         let mut reload = StoreReload::unchanged(self);
-        let mut seen = Vec::new();
+        let mut seen = BTreeSet::new();
+        let known: BTreeMap<PathBuf, String> =
+            self.cities.iter().map(|(name, city)| (city.current.location().into(), name.clone())).collect();
         for folder in &self.folders {
             match city_folders(folder) {
-                Ok(cities) => cities.iter().for_each(|city| reload.check_folder(city, retention, &mut seen)),
+                Ok(CityFolders { cities, unreadable }) => {
+                    for city in &cities {
+                        seen.extend(reload.check_folder(city, known.get(city), retention));
+                    }
+                    // A city that cannot be looked at stays open.
+                    for (path, source) in unreadable {
+                        if let Some(name) = known.get(&path) {
+                            seen.insert(name.clone());
+                            reload.failures.push(StoreError::Io { path, source });
+                        }
+                    }
+                }
+                // The folder is gone, and its cities with it.
+                Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {}
                 // All cities from this folder stay open.
                 Err(error) => {
-                    seen.extend(self.names_below(folder));
+                    seen.extend(known.iter().filter(|(at, _)| at.starts_with(folder)).map(|(_, name)| name.clone()));
                     reload.failures.push(error);
                 }
             }
         }
         (reload, seen)
     }
-
-    fn names_below(&self, folder: &Path) -> Vec<String> {
-        let below =
-            self.cities.iter().filter(|(_, versions)| Path::new(versions.current.location()).starts_with(folder));
-        below.map(|(name, _)| name.clone()).collect()
-    }
-
-    fn name_at(&self, folder: &Path) -> Option<(String, &CityVersions)> {
-        let found = self.cities.iter().find(|(_, versions)| Path::new(versions.current.location()) == folder);
-        found.map(|(name, versions)| (name.clone(), versions))
-    }
 }
 
 impl StoreReload {
     fn unchanged(store: &Store) -> Self {
-        Self { store: store.clone(), changed: Vec::new(), closed: 0, failures: Vec::new() }
+        Self { store: store.clone(), changed: Vec::new(), closed: 0, failures: Vec::new(), absences_changed: false }
     }
 
-    /// Opens the city in a folder if it has changed.
-    fn check_folder(&mut self, folder: &Path, retention: RetentionPolicy, seen: &mut Vec<String>) {
-        let known = self.store.name_at(folder);
-        if let Some((name, versions)) = &known
-            && CityStamp::of(folder).is_ok_and(|stamp| stamp == *versions.current.stamp())
-        {
-            seen.push(name.clone());
-            return;
+    /// Whether [`Self::store`] differs from the store that was checked.
+    pub fn must_replace(&self) -> bool {
+        !self.changed.is_empty() || self.closed > 0 || self.absences_changed
+    }
+
+    /// Opens the city in a folder if it has changed. `known` is the city that was opened from there. Returns the city that exists.
+    fn check_folder(&mut self, folder: &Path, known: Option<&String>, retention: RetentionPolicy) -> Option<String> {
+        let is_unchanged = |name: &String| {
+            let city = self.store.city(name);
+            city.is_some_and(|city| CityStamp::of(folder).is_ok_and(|stamp| stamp == *city.stamp()))
+        };
+        if known.is_some_and(is_unchanged) {
+            return known.cloned();
         }
         match CityStore::open(folder) {
             Ok(city) => {
                 let name = city.manifest().name.clone();
-                if self.replace(name.clone(), city, retention) {
-                    seen.push(name);
-                }
+                self.replace(name.clone(), city, retention).then_some(name)
             }
             Err(error) => {
-                seen.extend(known.map(|(name, _)| name));
                 self.failures.push(error);
+                known.cloned()
             }
         }
     }
@@ -149,10 +160,12 @@ impl StoreReload {
         true
     }
 
-    fn remove_absent(&mut self, seen: &[String]) {
+    fn remove_absent(&mut self, seen: &BTreeSet<String>) {
         for (name, versions) in &mut self.store.cities {
-            versions.absent_checks = if seen.contains(name) { 0 } else { versions.absent_checks + 1 };
-            if versions.absent_checks >= MAX_ABSENT_CHECKS {
+            let absent_checks = if seen.contains(name) { 0 } else { versions.absent_checks + 1 };
+            self.absences_changed |= absent_checks != versions.absent_checks;
+            versions.absent_checks = absent_checks;
+            if absent_checks >= MAX_ABSENT_CHECKS {
                 self.changed.push(name.clone());
             }
         }

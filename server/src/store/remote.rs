@@ -6,21 +6,25 @@
 use super::{
     city::{CityStamp, CityStore},
     error::StoreError,
-    requests::{RemoteObject, StoreRequests},
+    requests::{RemoteObject, StoreRequests, read_body},
+    same_host::SameHostConnector,
 };
 use insula_archive::{
-    Archive, BakedCity, CityArchives, CityError,
+    Archive, BakedCity, CityArchives, CityError, ReadError,
     block_cache::BlockCache,
     city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, parse_manifest},
+    limits::MAX_OPENING_TIME,
 };
 use insula_protocol::TileKind;
 use object_store::{
     ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig, aws::AmazonS3Builder, http::HttpBuilder,
     path::Path,
 };
-use std::{sync::Arc, time::Duration};
-
-const CONNECT: Duration = Duration::from_secs(5);
+use std::{sync::Arc, time::Instant};
+use tokio::{
+    runtime::Handle,
+    task::{JoinError, spawn_blocking},
+};
 
 /// A city's URL, and where it is in its store.
 #[derive(Debug, Clone)]
@@ -42,14 +46,16 @@ impl RemoteCity {
         let (host, folder) = rest.split_once('/').unwrap_or((rest, ""));
         // `StoreRequests` repeats requests; two layers of retries would multiply.
         let retry = RetryConfig { max_retries: 0, ..RetryConfig::default() };
-        let options = ClientOptions::new().with_connect_timeout(CONNECT).with_allow_http(true);
+        let options = ClientOptions::new().with_allow_http(true);
+        let connector = SameHostConnector { timeout: requests.timeout() };
         let store: Arc<dyn ObjectStore> = match scheme {
             "s3" => {
                 let builder = AmazonS3Builder::from_env().with_bucket_name(host);
-                Arc::new(builder.with_retry(retry).with_client_options(options).build().map_err(failed)?)
+                let builder = builder.with_retry(retry).with_client_options(options);
+                Arc::new(builder.with_http_connector(connector).build().map_err(failed)?)
             }
             "http" | "https" => {
-                let builder = HttpBuilder::new().with_url(format!("{scheme}://{host}"));
+                let builder = HttpBuilder::new().with_url(format!("{scheme}://{host}")).with_http_connector(connector);
                 Arc::new(builder.with_retry(retry).with_client_options(options).build().map_err(failed)?)
             }
             _ => return Err(wrong("only s3, http and https are known".into())),
@@ -72,7 +78,8 @@ impl RemoteCity {
         if got.meta.size > MAX_MANIFEST_BYTES as u64 {
             return Err(wrong(format!("the manifest is larger than {MAX_MANIFEST_BYTES} bytes")).into());
         }
-        let text = got.bytes().await.map_err(failed)?;
+        // The length above is what the server says.
+        let text = read_body(got, MAX_MANIFEST_BYTES).await.map_err(failed)?;
         let stamp = CityStamp::Remote(blake3::hash(&text));
         if known == Some(&stamp) {
             return Ok(None);
@@ -111,7 +118,12 @@ impl RemoteCity {
         let id = hash.as_bytes()[..16].iter().fold(0, |id, byte| id << 8 | u128::from(*byte));
         let (requests, store) = (self.requests.clone(), self.store.clone());
         let object = RemoteObject { requests, store, path, tag: meta.e_tag, length: meta.size, id };
-        let archive = Archive::load(self.cache.source(Arc::new(object))).await;
+        let source = self.cache.source(Arc::new(object));
+        // Directories are parsed on a thread of their own, because this one may accept connections.
+        let (runtime, deadline) = (Handle::current(), Instant::now() + MAX_OPENING_TIME);
+        let load = move || runtime.block_on(Archive::load(source, Some(deadline)));
+        let interrupted = |error: JoinError| Err(ReadError::Failed(error.to_string()).into());
+        let archive = spawn_blocking(load).await.unwrap_or_else(interrupted);
         Ok(Some(archive.map_err(|source| CityError::Archive { location, source })?))
     }
 }

@@ -1,13 +1,14 @@
 //! Requests to object stores: bounded, repeated while they fail, counted.
 
 use crate::config::BlockCacheConfig;
-use bytes::Bytes;
+use bytes::{Bytes, BytesMut};
+use futures_util::TryStreamExt;
 use insula_archive::{
     ReadError,
     block_cache::{BlockCache, BlockCacheOptions, BlockEvent, BlockObject},
     source::BoxFuture,
 };
-use object_store::{GetOptions, GetRange, ObjectStore, path::Path};
+use object_store::{GetOptions, GetRange, GetResult, ObjectStore, path::Path};
 use prometheus_client::{
     metrics::{counter::Counter, family::Family, histogram::Histogram},
     registry::Registry,
@@ -90,6 +91,11 @@ impl StoreRequests {
         Self { permits: Semaphore::new(config.fetches), timeout, metrics }
     }
 
+    /// Time for which a request is repeated.
+    pub(super) fn timeout(&self) -> Duration {
+        self.timeout
+    }
+
     /// Repeats `request` until it succeeds, fails for good, or the timeout has passed. Waits longer each time.
     pub(super) async fn retry<T, F>(&self, mut request: impl FnMut() -> F) -> Result<T, object_store::Error>
     where
@@ -159,7 +165,7 @@ impl RemoteObject {
         if got.meta.e_tag != self.tag || got.meta.size != self.length {
             return Err(ReadError::Replaced);
         }
-        let bytes = got.bytes().await.map_err(failed)?;
+        let bytes = read_body(got, wanted as usize).await.map_err(failed)?;
         if bytes.len() as u64 == wanted { Ok(bytes) } else { Err(ReadError::Failed("an incomplete response".into())) }
     }
 }
@@ -176,6 +182,20 @@ impl BlockObject for RemoteObject {
     fn fetch(&self, range: Range<u64>) -> BoxFuture<'_, Result<Bytes, ReadError>> {
         Box::pin(self.requests.fetch(self, range))
     }
+}
+
+/// Reads a response's body. Fails if it is longer than `max_bytes`, whatever the response's headers say.
+pub(super) async fn read_body(got: GetResult, max_bytes: usize) -> Result<Bytes, object_store::Error> {
+    let mut stream = got.into_stream();
+    let mut body = BytesMut::new();
+    while let Some(part) = stream.try_next().await? {
+        if body.len() + part.len() > max_bytes {
+            let source = format!("the response is longer than {max_bytes} bytes").into();
+            return Err(object_store::Error::Generic { store: "body", source });
+        }
+        body.extend_from_slice(&part);
+    }
+    Ok(body.freeze())
 }
 
 /// Whether a retry cannot help.

@@ -14,7 +14,7 @@ use crate::{
 use glam::{IVec2, Vec2, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, blockmap::flag};
 
-/// Through which face of a solid the ray enters.
+/// The face of a solid through which the ray enters.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) enum SolidFace {
     #[default]
@@ -47,7 +47,7 @@ pub(super) struct ColumnVisit {
     pub(super) strip: usize,
     pub(super) z_min: f32,
     z_max: f32,
-    /// How the top rises, in height codes per cell.
+    /// Slope of the top, in height codes per cell.
     slope: Vec2,
     /// Bottom and top of the gap.
     gap: Vec2,
@@ -61,7 +61,7 @@ pub(super) struct ColumnVisit {
     solid: usize,
 }
 
-/// Where the ray is inside of a solid: from `s` to `e`, entered through `face`. Empty if `s >= e`.
+/// The interval of the ray inside a solid: from `s` to `e`, entered through `face`. Empty if `s >= e`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SolidSpan {
     pub(super) s: f32,
@@ -167,7 +167,7 @@ impl ColumnVisit {
             let (zs, ze) = (node.z_at(s), node.z_at(e));
             let top_at = |t: f32| top + slope.dot(node.o.xy() + node.d.xy() * t - centre);
             let span = clip_to_solid(s, e, [zs - top_at(s), ze - top_at(e)], [zs - bottom, ze - bottom]);
-            // An eye inside of a column (less than half a cell in front of a wall) sees out of it.
+            // An eye inside a column (less than half a cell in front of a wall) sees out of it.
             let inside = span.s <= 0.0 && span.face == SolidFace::Side;
             if span.s < span.e && !inside {
                 return Some(FoundSolid { span, solid, wall: split.walls[part], bottom, top });

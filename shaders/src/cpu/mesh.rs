@@ -24,7 +24,7 @@ pub(crate) const BOX_SLACK: f32 = 0.5;
 pub(crate) const TIE_M: f32 = 1e-4;
 /// How far above a mesh its ray towards the sun begins, in metres.
 pub(crate) const MESH_LIFT_M: f32 = 0.02;
-/// The part of it that grows with the distance, per metre.
+/// The part of that height that grows with the distance, per metre.
 pub(crate) const MESH_LIFT_SHARE: f32 = 1e-4;
 /// Least cosine between ray and normal that a texture's level is chosen for.
 pub(crate) const MIN_COSINE: f32 = 0.15;
@@ -41,7 +41,7 @@ struct MeshRay {
 /// The nearest triangle so far.
 struct MeshHit {
     t: f32,
-    /// Its place in the atlas, in vec4s; 0 if there is none.
+    /// Its address in the atlas, in vec4s; 0 if there is none.
     triangle: u32,
     u: f32,
     v: f32,
@@ -70,7 +70,7 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     if enter_m > exit_m || enter_m > ray.segment.reach_m {
         return;
     }
-    // Numbers are smallest, and so most exact, where the box begins.
+    // Numbers are smallest where the box begins, so rounding errors are too.
     mesh_ray.o += d * enter_m;
     mesh_ray.enter_m = enter_m;
     let reach_m = ray.segment.reach_m.min(exit_m + 1.0) - enter_m;
@@ -87,7 +87,7 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     hit_triangle(ray, index, step_m, info, &MeshHit { t, ..mesh_hit });
 }
 
-/// Where the ray is in a box, in metres; the first is larger if nowhere.
+/// The interval of the ray inside a box, in metres. Empty if the first value is larger.
 fn box_span(mesh_ray: &MeshRay, words: [u32; 4]) -> [f32; 2] {
     let (x, y, z) = (halves(words[0]), halves(words[1]), halves(words[2]));
     let low = (Vec3::new(x.x, y.x, z.x) - BOX_SLACK - mesh_ray.o) * mesh_ray.inv;
@@ -95,7 +95,7 @@ fn box_span(mesh_ray: &MeshRay, words: [u32; 4]) -> [f32; 2] {
     [low.min(high).max_element().max(0.0), low.max(high).min_element()]
 }
 
-/// Makes `mesh_hit` the nearest triangle; towards the sun, any.
+/// Sets `mesh_hit` to the nearest triangle, or towards the sun to any triangle.
 fn nearest_triangle(ray: &mut Ray<'_>, mesh_ray: &MeshRay, root: u32, mesh_hit: &mut MeshHit) {
     let mut stack = [PendingHalf::default(); TRAVERSAL_STACK];
     let mut height = 0;

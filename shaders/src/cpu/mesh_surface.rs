@@ -20,7 +20,7 @@ use insula_protocol::{NODE_CELLS, blockmap::flag, texel::AO_MAX};
 
 /// Share of the sky where no column is near.
 pub(crate) const UNKNOWN_AO: f32 = 0.7;
-/// Weight of a roof's occlusion for a wall below its edge, where the wall's own columns have none.
+/// Weight of a roof's occlusion for a wall below its edge, where the wall's own columns store none.
 pub(crate) const ROOF_WEIGHT_ON_WALL: f32 = 0.02;
 /// Least z of the normal of a surface that counts as a roof.
 pub(crate) const ROOF_NORMAL_Z: f32 = 0.7;
@@ -118,7 +118,8 @@ fn column_sky(ray: &mut Ray<'_>, node: &DrawNode, cell: IVec2, z: f32, upwards: 
         if !near_top {
             return Vec2::ZERO;
         }
-        // Walls say nothing about a roof, and a roof little about walls, which see half of its sky.
+        // The occlusion of walls does not apply to roofs. That of a roof applies to walls with a small weight, and
+        // halved, because walls see half of the sky.
         let known = if upwards > ROOF_NORMAL_Z { Vec2::ONE } else { Vec2::new(0.5, ROOF_WEIGHT_ON_WALL) };
         return Vec2::new(ao(ray.read_word(planes[ROOF_PLANE] + i)), 1.0) * known;
     }

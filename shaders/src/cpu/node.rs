@@ -8,8 +8,8 @@ use crate::layout::{DrawNode, PAGE_WORDS, QUARTER_MAX, SUMMARY_WORDS};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::NODE_CELLS;
 
-/// Makes `ray.node` and returns where the ray is between the node's lowest and highest point; the first is larger if
-/// nowhere.
+/// Sets `ray.node`, and returns the interval of the ray between the node's lowest and highest point. Empty if the first
+/// value is larger.
 #[inline]
 pub(super) fn enter_node(ray: &mut Ray<'_>, index: u32, t_in: f32, t_out: f32) -> [f32; 2] {
     let Some(node) = ray.scene.nodes.get(index as usize) else { return [1.0, 0.0] };
@@ -41,6 +41,7 @@ pub(super) fn planes_of(node: &DrawNode) -> [usize; 4] {
 }
 
 /// Highest point, with a margin of one code, of the quarters of a node that a ray crosses between two places in it.
+#[inline]
 fn highest_on(node: &DrawNode, a: Vec2, b: Vec2) -> f32 {
     let half = NODE_CELLS as f32 / 2.0;
     let quarter = |p: Vec2| usize::from(p.x >= half) + 2 * usize::from(p.y >= half);

@@ -18,7 +18,7 @@ pub struct SceneRef<'a> {
     pub atlas: &'a [u32],
 }
 
-/// Work of rays: of one ray, or of many.
+/// Counters of the work of one ray or of many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RayCounts {
     /// Rays from the eye.
@@ -64,7 +64,7 @@ pub(super) struct RaySegment {
     pub(super) reach_m: f32,
     /// Distance from the eye to the origin.
     pub(super) eye_m: f32,
-    /// It only asks whether anything is in the way.
+    /// Whether this is a shadow segment, which only tests whether anything is in the way.
     pub(super) to_sun: bool,
 }
 
@@ -76,10 +76,10 @@ pub(super) struct RayHit {
     pub(super) ao: f32,
     pub(super) normal: Vec3,
     pub(super) mean_m: f32,
-    /// Of the surface that took the light below one half.
+    /// Of the surface at which the transmittance fell below one half.
     pub(super) flags: u32,
     pub(super) level: u32,
-    /// Share of the light that is still to come from behind.
+    /// Transmittance: share of the light that comes from behind these surfaces.
     pub(super) transmittance: f32,
     pub(super) distance_m: f32,
     pub(super) node: u32,

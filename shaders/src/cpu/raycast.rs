@@ -101,7 +101,7 @@ fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
 }
 
 /// From 0 to 63, as even as possible: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
-/// that reports the pixel's hit has the lowest: it is the first to see the new node.
+/// that reports the pixel's hit has the lowest.
 fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
     let (x, y) = (x * samples + sample % samples, y * samples + sample / samples + samples / 2);
     let a = x ^ y;

@@ -79,9 +79,9 @@ pub fn encode_srgb(rgb: Vec3) -> u32 {
 /// Linear RGB on its way to the eye. The sun's part is separate until it is known whether the sun is visible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Radiance {
-    /// From sky, ground and walls.
+    /// Light from sky, ground and walls.
     pub sky: Vec3,
-    /// What the sun adds if it is visible.
+    /// Light from the sun, if it is visible.
     pub sun: Vec3,
 }
 

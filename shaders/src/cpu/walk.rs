@@ -13,7 +13,7 @@ use super::{
     fast_math::{ahead_of, fast_max, fast_min, floor2, nonzero, nonzero2},
     mesh::walk_mesh,
     node::enter_node,
-    ray::{MAX_STEPS, OPAQUE, Ray},
+    ray::{MAX_STEPS, NodeRay, OPAQUE, Ray},
     solid::hit_solid,
 };
 use crate::{
@@ -35,7 +35,7 @@ struct GridWalk {
     z: f32,
     dz: f32,
     /// 1 along the axes on which the ray's coordinate grows, else 0.
-    ahead: Vec2,
+    forward: IVec2,
     t_end: f32,
     /// Along the grid's side.
     squares: i32,
@@ -46,7 +46,7 @@ struct GridWalk {
     t: f32,
     /// Entries of the grid that were read.
     steps: u32,
-    /// No further square is to be read.
+    /// Whether the walk has ended.
     done: bool,
 }
 
@@ -60,6 +60,8 @@ struct NodeCrossing {
 /// The next block of the node that `ray.node` is in.
 struct NodeWalk {
     ahead: Vec2,
+    /// The same as a step, 1 or -1.
+    step: IVec2,
     rises: bool,
     t_end: f32,
     block: IVec2,
@@ -70,6 +72,8 @@ struct NodeWalk {
 /// A block whose heights the ray meets, and the next cell in it.
 struct BlockWalk {
     ahead: Vec2,
+    /// The same as a step, 1 or -1.
+    step: IVec2,
     rises: bool,
     t_end: f32,
     block: IVec2,
@@ -90,7 +94,7 @@ struct CellCrossing {
 /// Highest points of a block's quads of 2 x 2 cells, in height codes.
 #[derive(Debug, Clone, Copy, Default)]
 struct QuadTops {
-    /// Of the block, with a margin of one code, so that rounding hides nothing.
+    /// Highest point of the block, with a margin of one code for rounding.
     lowest: f32,
     highest: f32,
     /// Height of one unit of a quad's six bits.
@@ -119,6 +123,8 @@ pub(super) fn walk_grid(ray: &mut Ray<'_>) {
     }
 }
 
+/// Never inlined, as [`walk_column`] is not.
+#[inline(never)]
 fn walk_node(ray: &mut Ray<'_>, node: u32, t_in: f32, t_out: f32) {
     let Some(mut walk) = NodeWalk::begin_node(ray, node, t_in, t_out) else { return };
     while let Some(block) = walk.next_block(ray) {
@@ -130,7 +136,9 @@ fn walk_node(ray: &mut Ray<'_>, node: u32, t_in: f32, t_out: f32) {
 }
 
 fn walk_block(ray: &mut Ray<'_>, mut walk: BlockWalk) {
-    while let Some(CellCrossing { cell, t_in, t_out, quad_top }) = walk.next_cell(ray) {
+    // A copy, so that it stays in registers while `ray` is written.
+    let node = ray.node;
+    while let Some(CellCrossing { cell, t_in, t_out, quad_top }) = walk.next_cell(&node) {
         ray.counts.cells += 1;
         if let Some(word) = may_hit(ray, cell, t_in, t_out, quad_top) {
             walk_column(ray, cell, t_in, t_out, word);
@@ -141,6 +149,8 @@ fn walk_block(ray: &mut Ray<'_>, mut walk: BlockWalk) {
     }
 }
 
+/// Never inlined: most cells have no column that the ray may hit, and the walk over them should stay in registers.
+#[inline(never)]
 fn walk_column(ray: &mut Ray<'_>, cell: IVec2, t_in: f32, t_out: f32, word: u32) {
     let mut column = ColumnVisit::read(ray, cell, t_in, t_out, word);
     while let Some(found) = column.meets(ray) {
@@ -170,14 +180,15 @@ impl GridWalk {
         let t_end = fast_min(fast_min(fast_min(far.x, far.y), fast_max(za, zb)), segment.reach_m);
         let square = (floor2(o + d * t) + eye_cell).clamp(IVec2::ZERO, IVec2::splat(squares - 1));
         let level = level_at(frame, segment.eye_m + t);
-        let walk = Self { o, d, inv, z, dz, ahead, t_end, squares, square, level, t, steps: 0, done: false };
+        let forward = ahead.as_ivec2();
+        let walk = Self { o, d, inv, z, dz, forward, t_end, squares, square, level, t, steps: 0, done: false };
         (t < t_end).then_some(walk)
     }
 
     /// The next square that a node fills.
     fn next_square(&mut self, ray: &mut Ray<'_>) -> Option<NodeCrossing> {
         let frame = ray.scene.frame;
-        let (eye_cell, forward) = (IVec2::from(frame.eye_cell), self.ahead.as_ivec2());
+        let (eye_cell, forward) = (IVec2::from(frame.eye_cell), self.forward);
         while !self.done {
             let entry = look_up(ray, self.square, self.level);
             self.steps += 1;
@@ -228,13 +239,15 @@ impl NodeWalk {
         let node = &ray.node;
         let first = floor2((node.o.xy() + node.d.xy() * t) / BLOCK_CELLS as f32);
         let block = first.clamp(IVec2::ZERO, IVec2::splat(NODE_BLOCKS as i32 - 1));
-        Some(Self { ahead: ahead_of(node.d.xy()), rises: node.d.z > 0.0, t_end, block, t, done: false })
+        let ahead = ahead_of(node.d.xy());
+        let step = ahead.as_ivec2() * 2 - 1;
+        Some(Self { ahead, step, rises: node.d.z > 0.0, t_end, block, t, done: false })
     }
 
     /// The next block that the ray does not pass above or below.
     fn next_block(&mut self, ray: &mut Ray<'_>) -> Option<BlockWalk> {
         while !self.done {
-            let (node, block, t) = (&ray.node, self.block, self.t);
+            let (node, block, t) = (ray.node, self.block, self.t);
             let te = ((block.as_vec2() + self.ahead) * BLOCK_CELLS as f32 - node.o.xy()) * node.inv;
             let exit = fast_min(te.x, te.y);
             let t_end = fast_max(fast_min(exit, self.t_end), t);
@@ -243,15 +256,15 @@ impl NodeWalk {
             let tops = quad_tops(ray.scene.summaries.get(at..).and_then(|words| words.first_chunk()));
             let (lower_t, upper_t) = if self.rises { (t, t_end) } else { (t_end, t) };
             let meets_heights = node.z_at(lower_t) <= tops.highest && node.z_at(upper_t) >= tops.lowest;
-            self.block = block + step_to_neighbour(self.ahead, te);
+            self.block = block + step_to_neighbour(self.step, te);
             let inside = self.block.min_element() >= 0 && self.block.max_element() < NODE_BLOCKS as i32;
             self.done = exit >= self.t_end || !inside;
             self.t = t_end;
             if meets_heights {
                 let low = block * BLOCK_CELLS as i32;
                 let cell = floor2(node.o.xy() + node.d.xy() * t).clamp(low, low + (BLOCK_CELLS as i32 - 1));
-                let (ahead, rises) = (self.ahead, self.rises);
-                return Some(BlockWalk { ahead, rises, t_end, block, tops, cell, t, done: false });
+                let (ahead, step, rises) = (self.ahead, self.step, self.rises);
+                return Some(BlockWalk { ahead, step, rises, t_end, block, tops, cell, t, done: false });
             }
         }
         None
@@ -261,14 +274,13 @@ impl NodeWalk {
 impl BlockWalk {
     /// The next cell whose quad the ray does not pass above.
     #[inline]
-    fn next_cell(&mut self, ray: &Ray<'_>) -> Option<CellCrossing> {
-        let node = &ray.node;
+    fn next_cell(&mut self, node: &NodeRay) -> Option<CellCrossing> {
         while !self.done {
             let (cell, t_in) = (self.cell, self.t);
             let te = (cell.as_vec2() + self.ahead - node.o.xy()) * node.inv;
             let exit = fast_min(te.x, te.y);
             let t_out = fast_max(fast_min(exit, self.t_end), t_in);
-            self.cell = cell + step_to_neighbour(self.ahead, te);
+            self.cell = cell + step_to_neighbour(self.step, te);
             self.done = exit >= self.t_end || self.cell >> BLOCK_SHIFT != self.block;
             self.t = t_out;
             let quad_top = quad_top(&self.tops, cell);
@@ -282,8 +294,7 @@ impl BlockWalk {
 
 /// To the neighbour whose boundary the ray reaches first.
 #[inline]
-fn step_to_neighbour(ahead: Vec2, te: Vec2) -> IVec2 {
-    let step = ahead.as_ivec2() * 2 - 1;
+fn step_to_neighbour(step: IVec2, te: Vec2) -> IVec2 {
     if te.x <= te.y { IVec2::new(step.x, 0) } else { IVec2::new(0, step.y) }
 }
 

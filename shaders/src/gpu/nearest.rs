@@ -1,4 +1,4 @@
-//! Maps of the nearest triangle, drawn by a device for the bake's visibility.
+//! Maps of the nearest triangle, rendered on a GPU for the bake's visibility.
 
 use super::{GpuError, read_words, shader_module};
 use crate::layout::binding;
@@ -14,11 +14,11 @@ const DEPTHS: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 pub struct NearestVertex {
     /// Texels from the map's corner along its rows and across them; then its nearness, from 0 (far) to 1.
     pub place: [f32; 3],
-    /// What the map holds where the triangle is nearest. Not 0, which stands for no triangle.
+    /// Value of the map where the triangle is nearest. Not 0, which means no triangle.
     pub number: u32,
 }
 
-/// A device that draws maps.
+/// A device that renders maps.
 #[derive(Debug)]
 pub struct Nearest {
     device: wgpu::Device,

@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use std::collections::HashMap;
 use wgpu::util::DeviceExt;
 
-/// How much a ray-caster holds. Fixed when it is made.
+/// Capacity of a ray-caster. Fixed when it is created.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Capacity {
     /// Pages of the atlas, 16 KiB each; at most `max_storage_buffer_binding_size / 16 KiB` of the device.
@@ -147,7 +147,7 @@ impl Raycaster {
         Self { capacity, pipelines, bind_group_layout, inputs, output }
     }
 
-    /// The capacity that the ray-caster was made with.
+    /// The capacity of the ray-caster.
     pub fn capacity(&self) -> Capacity {
         self.capacity
     }

@@ -10,7 +10,7 @@ use std::ops::Range;
 const LEAF_TRIANGLES: usize = 3;
 /// Bins along an axis, between which a set may be split.
 const BINS: usize = 16;
-/// Depth from which sets are halved by number: 2^18 triangles need 17 more levels.
+/// Depth from which sets are split into equal numbers: 2^18 triangles need 17 more levels.
 const HALVING_DEPTH: u32 = 13;
 
 /// Lowest and highest corner of a box.
@@ -30,7 +30,7 @@ pub(super) struct BvhChild {
 #[derive(Debug)]
 pub(super) struct Bvh {
     pub(super) pairs: Vec<[BvhChild; 2]>,
-    /// Numbers of the triangles, those of a child side by side.
+    /// Numbers of the triangles; those of a child are contiguous.
     pub(super) order: Vec<u32>,
     pub(super) root: BvhChild,
 }
@@ -92,7 +92,7 @@ impl BvhBuilder {
         BvhChild { bounds, halves: Some(at as u32), triangles }
     }
 
-    /// Orders a set so that its halves lie side by side. Returns the size of the first one.
+    /// Sorts a set so that its halves are contiguous. Returns the size of the first one.
     fn split(&mut self, range: Range<usize>, depth: u32) -> usize {
         let (bounds, middles) = (&self.bounds, &self.middles);
         let set = &mut self.order[range];
@@ -137,6 +137,7 @@ impl BvhBuilder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::rng::Rng;
 
     /// Depth below a child, whose triangles are checked to be in their boxes and each in one leaf.
     fn check(tree: &Bvh, child: &BvhChild, corners: &[[[u32; 3]; 3]], seen: &mut [u32]) -> usize {
@@ -155,11 +156,8 @@ mod tests {
 
     #[test]
     fn every_triangle_is_in_one_leaf_and_trees_fit_the_stack() {
-        let mut n = 1u32;
-        let mut random = |below: u32| {
-            n = n.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (n >> 8) % below
-        };
+        let mut rng = Rng::new(1);
+        let mut random = |below: u32| rng.below_u32(below);
         for (count, side) in [(0, 9), (1, 9), (3, 9), (4, 1), (700, 1), (700, 4), (3000, 60_000)] {
             let mut corners: Vec<[[u32; 3]; 3]> = (0..count)
                 .map(|_| {
@@ -167,7 +165,7 @@ mod tests {
                     std::array::from_fn(|_| p.map(|v| v + random(20)))
                 })
                 .collect();
-            // Smaller and smaller, nearer and nearer to one corner: splits by surface would split off one at a time.
+            // Ever smaller triangles, ever nearer to one corner: splits by surface would split off one at a time.
             corners.extend((0..count.min(40)).map(|k| [[u32::from(u16::MAX) >> (k % 16); 3]; 3]));
             let tree = Bvh::of(&corners);
             let mut seen = vec![0; corners.len()];

@@ -26,7 +26,7 @@ pub use texture::MeshTexture;
 pub const MAX_TRIANGLES: usize = 1 << 18;
 /// Most texels along a texture's side; at most half of its square in all. A larger texture is halved until it fits.
 pub const MAX_TEXTURE_PX: u32 = 4096;
-/// Halves of the tree that a ray can have put off.
+/// Most halves of the tree that a ray can postpone.
 pub(crate) const TRAVERSAL_STACK: usize = 32;
 /// Texels along a side of a texture tile, which fills a page.
 pub(crate) const TEXTURE_TILE_PX: u32 = 64;

@@ -23,7 +23,7 @@ pub(super) struct MeshPacker {
     /// Words that hold the addresses of texture tiles.
     pub(super) table: Range<u32>,
     corners: Vec<[[u32; 3]; 3]>,
-    /// What each triangle's corners carry: texture coordinates or colours.
+    /// Values at each triangle's corners: texture coordinates or colours.
     carried: Vec<[u32; 3]>,
 }
 
@@ -43,7 +43,7 @@ impl MeshPacker {
             };
             corners.push([*a, *b, *c]);
         }
-        // A reference cannot say that there are no triangles.
+        // A reference cannot express zero triangles.
         if corners.is_empty() {
             (corners, carried) = (vec![[[0; 3]; 3]], vec![[0; 3]]);
         }
@@ -69,7 +69,7 @@ impl MeshPacker {
         bvh.root.bounds.map(|corner| z(corner[2]))
     }
 
-    /// Place, in vec4s, of `count` new ones, at most a page's. They lie in one page, as they are read together.
+    /// Address of `count` new vec4s, at most a page's. They lie in one page, because they are read together.
     fn take(&mut self, count: usize) -> u32 {
         let used = self.words.len() / 4 % PAGE_VEC4S;
         let at = self.words.len() / 4 + if used + count > PAGE_VEC4S { PAGE_VEC4S - used } else { 0 };
@@ -81,7 +81,7 @@ impl MeshPacker {
         &mut self.words[at as usize * 4..][..4]
     }
 
-    /// Writes what is below a child. Returns a reference to it.
+    /// Writes the subtree below a child. Returns a reference to it.
     fn child(&mut self, bvh: &Bvh, child: &BvhChild) -> u32 {
         let Some(pair) = child.halves else { return self.leaf(bvh, child) };
         let at = self.take(2);
@@ -125,7 +125,7 @@ fn box_words(child: &BvhChild) -> [u32; 3] {
     std::array::from_fn(|axis| low[axis] | high[axis] << 16)
 }
 
-/// What each triangle's corners carry, as the pages hold it. Fails if a corner has none.
+/// Values at each triangle's corners, as the pages store them. Fails if a corner has none.
 fn carried(mesh: &Mesh, textured: bool) -> Result<Vec<[u32; 3]>, PackError> {
     let kind = if textured { AttributeKind::TexCoord } else { AttributeKind::Colour };
     let attribute = mesh.attributes.iter().find(|attribute| attribute.kind == kind);

@@ -1,15 +1,15 @@
-//! How much pictures leap while a standing camera's city refines: the difference of consecutive frames at 60 a second, where
-//! levels of detail fade into each other and where they do not, beside that of a slow pan.
+//! Measures how much frames jump while a city loads in front of a fixed camera: the difference of consecutive frames at 60 per
+//! second, with and without cross-fades, compared with that of a slow pan.
 //!
-//! `cargo run --release -p insula-tests --bin fade -- CITY... --report fade.json`: each CITY is a baked folder, and begins without
-//! a tile. A leap is looked for in squares of 16 x 16 pixels, too: what is refined is a part of the picture.
+//! `cargo run --release -p insula-tests --bin fade -- CITY... --report fade.json`: each CITY is a baked folder. Differences are
+//! also measured in blocks of 16 x 16 pixels, because refinement changes parts of a frame.
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec3};
 use insula_client::image_files::write_png;
 use insula_shaders::cpu::raycast::Pixels;
-use insula_tests::{baked::Baked, cold::Cold};
+use insula_tests::{baked::Baked, stepped_client::SteppedClient};
 use insula_viewer::{
     camera::{Camera, View},
     frame::{MOVING_SAMPLES, RenderSettings},
@@ -18,56 +18,56 @@ use serde::Serialize;
 use std::{fs, path::PathBuf};
 
 const FRAME_SECS: f64 = 1.0 / 60.0;
-/// Side of the parts of a picture that are looked at by themselves.
+/// Side of the blocks that are measured separately.
 const BLOCK_PX: u32 = 16;
-/// No city takes more frames.
+/// Most frames per city.
 const FRAMES: usize = 20_000;
 
-/// Lets cities come, and looks at each frame.
+/// Measures the differences of consecutive frames while cities load
 #[derive(Debug, Parser)]
 struct Args {
     /// Baked cities.
     #[arg(required = true)]
     cities: Vec<PathBuf>,
-    /// Tiles that come in a frame: two are about 20 Mbit/s.
+    /// Tiles that are loaded per frame: two are about 20 Mbit/s
     #[arg(long, default_value_t = 2)]
     tiles: usize,
-    /// Width of a picture; its height is nine sixteenths.
+    /// Width of a frame in pixels; its height is 9/16 of it
     #[arg(long, default_value_t = 320)]
     width: u32,
-    /// Rays along a pixel's side.
+    /// Rays along a pixel's side
     #[arg(long, default_value_t = MOVING_SAMPLES)]
     rays: u32,
-    /// Degrees between two frames of the pan: 0.1 are 6 a second.
+    /// Rotation of the pan per frame in degrees: 0.1 is 6 per second
     #[arg(long, default_value_t = 0.1)]
     turn: f64,
-    /// Reach of shadows in metres, 0 for none.
+    /// Reach of shadows in metres, 0 for none
     #[arg(long, default_value_t = 0.0)]
     shadows: f64,
-    /// Only this view.
+    /// Only this view
     #[arg(long)]
     view: Option<String>,
-    /// Write every frame that fades as a picture into this folder.
+    /// Write every frame of a cross-fade into this folder
     #[arg(long)]
-    pictures: Option<PathBuf>,
-    /// Write all figures as JSON.
+    frames: Option<PathBuf>,
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
 }
 
-/// How far consecutive frames are apart, in 255ths of a channel.
+/// Differences of consecutive frames, in 255ths of a channel.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
-struct Leaps {
+struct Differences {
     frames: usize,
-    /// Largest of a frame's means.
-    picture: f64,
-    /// Largest of all blocks' means, and the largest that one in a hundred blocks exceeds in any frame.
+    /// Largest mean difference of a frame.
+    frame: f64,
+    /// Largest mean difference of a block, and the largest that one in a hundred blocks of a frame exceeds.
     block: f64,
     block_99: f64,
 }
 
-impl Leaps {
-    fn learn(&mut self, a: &Pixels, b: &Pixels) {
+impl Differences {
+    fn add(&mut self, a: &Pixels, b: &Pixels) {
         let across = a.width_px.div_ceil(BLOCK_PX);
         let mut sums = vec![(0.0, 0.0); (across * a.height_px.div_ceil(BLOCK_PX)) as usize];
         for (i, (a, c)) in a.colour.iter().zip(&b.colour).enumerate() {
@@ -81,45 +81,44 @@ impl Leaps {
         let mut means: Vec<f64> = sums.iter().map(|(sum, count)| sum / count).collect();
         means.sort_by(f64::total_cmp);
         self.frames += 1;
-        self.picture = self.picture.max(sum / count);
+        self.frame = self.frame.max(sum / count);
         self.block = self.block.max(means.last().copied().unwrap_or(0.0));
         self.block_99 = self.block_99.max(means[(means.len() - 1) * 99 / 100]);
     }
 }
 
-/// One view.
 #[derive(Debug, Serialize)]
 struct Row {
     city: String,
     view: &'static str,
-    at_once: Leaps,
-    fading: Leaps,
-    pan: Leaps,
+    without_fades: Differences,
+    with_fades: Differences,
+    pan: Differences,
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
     let mut rows: Vec<Row> = Vec::new();
-    println!("largest difference of consecutive frames: picture, 1 in 100 blocks, worst block (255ths of a channel)");
+    println!("largest difference of consecutive frames: frame, 1 in 100 blocks, worst block (255ths of a channel)");
     for folder in &args.cities {
         let city = Baked::open(folder)?;
         for (view, camera) in
-            cameras(&city).into_iter().filter(|(view, _)| args.view.as_deref().is_none_or(|v| v == *view))
+            city.overviews().into_iter().take(3).filter(|(view, _)| args.view.as_deref().is_none_or(|v| v == *view))
         {
-            let (at_once, _) = refine(&args, &city, view, camera, false)?;
-            let (fading, pan) = refine(&args, &city, view, camera, true)?;
-            let text = |l: &Leaps| format!("{:5.2} {:5.1} {:5.1}", l.picture, l.block_99, l.block);
+            let (without_fades, _) = refine(&args, &city, view, camera, false)?;
+            let (with_fades, pan) = refine(&args, &city, view, camera, true)?;
+            let text = |l: &Differences| format!("{:5.2} {:5.1} {:5.1}", l.frame, l.block_99, l.block);
             println!(
                 "{:8} {:6}: at once {} ({} frames); fading {} ({}); pan {}",
                 city.manifest().name,
                 view,
-                text(&at_once),
-                at_once.frames,
-                text(&fading),
-                fading.frames,
+                text(&without_fades),
+                without_fades.frames,
+                text(&with_fades),
+                with_fades.frames,
                 text(&pan)
             );
-            rows.push(Row { city: city.manifest().name.clone(), view, at_once, fading, pan });
+            rows.push(Row { city: city.manifest().name.clone(), view, without_fades, with_fades, pan });
         }
     }
     if let Some(report) = &args.report {
@@ -128,33 +127,19 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// In a street, over the roofs and from the air, in the middle of the city.
-fn cameras(city: &Baked) -> [(&'static str, [DVec3; 2]); 3] {
-    let manifest = city.manifest();
-    let [low, high] = manifest.focus.map(DVec2::from);
-    let (middle, ground) = ((low + high) / 2.0, manifest.ground_z_m);
-    let away = (high - low).min_element().min(1200.0);
-    let at = |by: DVec2, up: f64| (middle + by).extend(ground + up);
-    [
-        ("street", [at(DVec2::new(-60.0, -60.0), 8.0), at(DVec2::new(60.0, 60.0), 6.0)]),
-        ("roof", [at(DVec2::new(-100.0, -100.0), 60.0), at(DVec2::new(100.0, 100.0), 20.0)]),
-        ("air", [at(DVec2::new(-0.2, -0.8) * away, 0.5 * away), at(DVec2::ZERO, 0.0)]),
-    ]
-}
-
-/// Lets a city come; how far its frames are apart, and those of a slow pan at its end.
+/// Loads a city. Returns the differences of its frames, and of a slow pan at the end.
 fn refine(
     args: &Args,
     city: &Baked,
     name: &str,
     [position, target]: [DVec3; 2],
-    fades: bool,
-) -> Result<(Leaps, Leaps)> {
-    let mut cold = Cold::new(city, fades)?;
+    transitions: bool,
+) -> Result<(Differences, Differences)> {
+    let mut client = SteppedClient::new(city, transitions)?;
     let size_px = [args.width, args.width * 9 / 16];
     let view = |turn_deg: f64| {
         let ahead = DQuat::from_rotation_z(turn_deg.to_radians()) * (target - position);
-        let camera = Camera::look_at(position, position + ahead, DVec3::Z, 1.0).context("the camera looks nowhere")?;
+        let camera = Camera::look_at(position, position + ahead, DVec3::Z, 1.0).context("no valid view direction")?;
         let [width_px, height_px] = size_px;
         Ok::<_, anyhow::Error>(View {
             camera,
@@ -166,39 +151,39 @@ fn refine(
         })
     };
     let look = RenderSettings { samples: args.rays, shadow_m: args.shadows, ..RenderSettings::default() };
-    let mut leaps = Leaps::default();
+    let mut differences = Differences::default();
     let mut last: Option<Pixels> = None;
     for frame in 0..FRAMES {
-        let (data, changed) = cold.frame(&view(0.0)?, &look, args.tiles, FRAME_SECS)?;
+        let (data, changed) = client.frame(&view(0.0)?, &look, args.tiles, FRAME_SECS)?;
         if data.nodes.is_empty() {
             continue;
         }
-        if !changed && cold.is_at_rest(size_px) {
+        if !changed && client.is_at_rest(size_px) {
             break;
         }
         if !changed && last.is_some() {
-            // What its rays hit may not be known yet.
-            cold.draw(&data);
+            // The hits of its rays may not be known yet.
+            client.draw(&data);
             continue;
         }
-        let pixels = cold.draw(&data);
-        if let (Some(folder), true) = (&args.pictures, fades) {
+        let pixels = client.draw(&data);
+        if let (Some(folder), true) = (&args.frames, transitions) {
             let path = folder.join(format!("{}-{name}-{frame:04}.png", city.manifest().name));
             write_png(&path, &pixels)?;
         }
         if let Some(last) = &last {
-            leaps.learn(last, &pixels);
+            differences.add(last, &pixels);
         }
         last = Some(pixels);
     }
-    let mut pan = Leaps::default();
-    for i in 1..if fades { 4 } else { 1 } {
-        let (data, _) = cold.frame(&view(args.turn * f64::from(i))?, &look, usize::MAX, 1.0)?;
-        let pixels = cold.draw(&data);
+    let mut pan = Differences::default();
+    for i in 1..if transitions { 4 } else { 1 } {
+        let (data, _) = client.frame(&view(args.turn * f64::from(i))?, &look, usize::MAX, 1.0)?;
+        let pixels = client.draw(&data);
         if let Some(last) = &last {
-            pan.learn(last, &pixels);
+            pan.add(last, &pixels);
         }
         last = Some(pixels);
     }
-    Ok((leaps, pan))
+    Ok((differences, pan))
 }

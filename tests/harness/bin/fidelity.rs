@@ -1,4 +1,4 @@
-//! Bakes a city and shows how true it is to its source, camera by camera.
+//! Bakes a city and compares twelve views of it with its ray-traced source.
 //!
 //! `cargo run --release -p insula-tests --bin fidelity -- CITY_INPUTS... --cell 1.0 --out DIR --report DIR/report.json`
 
@@ -6,12 +6,12 @@ use anyhow::Result;
 use clap::Parser;
 use insula_tests::{
     baked::Baked,
-    cameras::Stand,
+    cameras::StationKind,
     compare::{self, Colour, Score},
-    fidelity::{self, Manner, Size, Summary, View},
+    fidelity::{self, MeasureOptions, Size, Summary, View},
     gpu::Gpu,
     truth::Truth,
-    view::Picture,
+    view::FrameSpec,
 };
 use serde::Serialize;
 use std::{fs, path::PathBuf, time::Instant};
@@ -19,39 +19,38 @@ use std::{fs, path::PathBuf, time::Instant};
 /// Bakes a city and compares twelve views of it with its ray-traced source.
 #[derive(Debug, Parser)]
 struct Args {
-    /// City files.
+    /// City files
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// Side of a leaf's column in metres.
+    /// Side of a leaf's column in metres
     #[arg(long, default_value_t = 1.0)]
     cell: f64,
-    /// Folder for the pictures (truth, baked, differences) and the baked city.
+    /// Folder for the frames (source, baked, differences) and the baked city
     #[arg(long)]
     out: PathBuf,
-    /// Tolerated errors in pixels.
+    /// Tolerated errors in pixels
     #[arg(long, value_delimiter = ',', default_value = "0.1,1")]
     tau: Vec<f64>,
-    /// Do not bake: take the city that is in the folder already.
+    /// Do not bake: use the city that is already in the folder
     #[arg(long)]
     no_bake: bool,
-    /// Draw with the GPU.
+    /// Draw with the GPU
     #[arg(long)]
     gpu: bool,
-    /// Draw leaves' meshes where the client would.
+    /// Draw leaves as meshes where the client does
     #[arg(long)]
     meshes: bool,
-    /// Only the cameras in the street.
+    /// Only the cameras in streets
     #[arg(long)]
     street: bool,
-    /// The pictures' width and height.
-    #[arg(long, num_args = 2, default_values_t = [fidelity::PICTURE.width_px, fidelity::PICTURE.height_px])]
+    /// Width and height of the frames
+    #[arg(long, num_args = 2, default_values_t = [fidelity::FRAME.width_px, fidelity::FRAME.height_px])]
     size: Vec<u32>,
-    /// Write all figures as JSON.
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
 }
 
-/// All figures.
 #[derive(Debug, Serialize)]
 struct Report {
     inputs: Vec<PathBuf>,
@@ -65,11 +64,11 @@ struct Report {
 #[derive(Debug, Serialize)]
 struct CameraReport {
     number: usize,
-    stand: Stand,
+    kind: StationKind,
     tau_px: f64,
     nodes: usize,
     score: Score,
-    picture: String,
+    image: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -80,7 +79,6 @@ struct SummaryReport {
     aerial_iou_worst: f64,
     deviation_median_cells: f64,
     deviation_p95_cells: f64,
-    /// Means over the cameras.
     colour: Option<Colour>,
     textured: Option<Colour>,
     aerial_textured: Option<Colour>,
@@ -93,12 +91,12 @@ impl SummaryReport {
             tau_px: summary.tau_px,
             iou_worst,
             iou_mean,
-            aerial_iou_worst: summary.iou(Some(Stand::Aerial))[0],
+            aerial_iou_worst: summary.iou(Some(StationKind::Aerial))[0],
             deviation_median_cells: median,
             deviation_p95_cells: p95,
             colour: summary.colour(None, false),
             textured: summary.colour(None, true),
-            aerial_textured: summary.colour(Some(Stand::Aerial), true),
+            aerial_textured: summary.colour(Some(StationKind::Aerial), true),
         }
     }
 }
@@ -114,22 +112,22 @@ fn main() -> Result<()> {
     let bake_secs = (!args.no_bake).then(|| started.elapsed().as_secs_f64());
     let baked = Baked::open(&folder)?;
     let truth = Truth::new(fidelity::read(&args.inputs)?);
-    let size = Size::of(&baked, &truth.scene);
+    let size = Size::new(&baked, &truth.scene);
     print_size(&size, &baked, bake_secs);
     let gpu = args.gpu.then(Gpu::open).transpose()?;
     let mut cameras = Vec::new();
     println!("camera       tau  nodes    IoU  median    p95 | all: PSNR  SSIM | textured:   px  PSNR  SSIM");
     let started = Instant::now();
-    let picture = Picture { width_px: args.size[0], height_px: args.size[1], ..fidelity::PICTURE };
-    let stand = args.street.then_some(Stand::Street);
-    let manner = Manner { taus_px: &args.tau, meshes: args.meshes, stand, picture };
-    let summaries = fidelity::measure(&truth, &baked, &manner, gpu.as_ref(), |number, view| {
+    let spec = FrameSpec { width_px: args.size[0], height_px: args.size[1], ..fidelity::FRAME };
+    let kind = args.street.then_some(StationKind::Street);
+    let options = MeasureOptions { taus_px: &args.tau, meshes: args.meshes, kind, spec };
+    let summaries = fidelity::measure(&truth, &baked, &options, gpu.as_ref(), |number, view| {
         print_view(number, view);
-        let (stand, tau_px, nodes, score) = (view.station.stand, view.tau_px, view.nodes, view.score);
-        let picture = format!("{number:02}-{stand:?}-tau{tau_px}.png").to_lowercase();
-        compare::side_by_side(&view.meant, &view.drawn, args.cell).save(args.out.join(&picture))?;
+        let (kind, tau_px, nodes, score) = (view.station.kind, view.tau_px, view.nodes, view.score);
+        let image = format!("{number:02}-{kind:?}-tau{tau_px}.png").to_lowercase();
+        compare::side_by_side(&view.reference, &view.drawn, args.cell).save(args.out.join(&image))?;
         let camera = serde_json::to_string(&view.station.camera)?;
-        cameras.push(CameraReport { number, stand, tau_px, nodes, score, picture });
+        cameras.push(CameraReport { number, kind, tau_px, nodes, score, image });
         Ok(fs::write(args.out.join(format!("{number:02}-camera.json")), camera)?)
     })?;
     println!("drawn and compared in {:.1} s", started.elapsed().as_secs_f64());
@@ -160,9 +158,9 @@ fn colour(colour: Option<Colour>) -> String {
 }
 
 fn print_view(number: usize, view: &View) {
-    let (stand, score) = (format!("{:?}", view.station.stand), view.score);
+    let (kind, score) = (format!("{:?}", view.station.kind), view.score);
     println!(
-        "{number:>2} {stand:<8} {:>5}  {:>5}  {:.4}  {:>6.3} {:>6.3} |    {}  |      {:>6} {}",
+        "{number:>2} {kind:<8} {:>5}  {:>5}  {:.4}  {:>6.3} {:>6.3} |    {}  |      {:>6} {}",
         view.tau_px,
         view.nodes,
         score.iou,

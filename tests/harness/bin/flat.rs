@@ -1,7 +1,7 @@
-//! What the size of the city costs a frame, and what triangles would cost.
+//! Measures how the frame time depends on the size of the city, for the ray-caster and for a plain renderer of triangles.
 //!
-//! `cargo run --release -p insula-tests --bin flat -- --cities DIR`: DIR holds the cities that the bin `synth` made, `synth1k`
-//! to `synth1m`; one that is missing is made. Every size is drawn in turn, round by round; the best round counts.
+//! `cargo run --release -p insula-tests --bin flat -- --cities DIR`: DIR holds the cities `synth1k` to `synth1m` that the program
+//! `synth` makes; missing ones are made. All sizes are drawn in turn, several rounds; the best round counts.
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -13,13 +13,13 @@ use insula_shaders::{
 };
 use insula_tests::{
     baked::Baked,
-    cut::{Cut, Scene},
+    draw_list::{DrawList, Scene},
     gpu::Gpu,
     synth::{
-        City, Stand,
+        City, Viewpoint,
         mesh::{Mesh, Target},
     },
-    view::Picture,
+    view::FrameSpec,
 };
 use serde::Serialize;
 use std::{
@@ -28,52 +28,51 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Draws the same views of cities of growing size.
+/// Draws the same views of cities of growing size
 #[derive(Debug, Parser)]
 struct Args {
-    /// Folder of the cities.
+    /// Folder of the cities
     #[arg(long)]
     cities: PathBuf,
-    /// Their buildings.
+    /// Numbers of buildings
     #[arg(long, value_delimiter = ',', default_value = "1000,10000,100000,1000000")]
     sizes: Vec<u64>,
-    /// Picture sizes.
+    /// Frame sizes
     #[arg(long, value_delimiter = ',', default_value = "640x360,1280x720")]
-    pictures: Vec<String>,
-    /// Views.
-    #[arg(long, value_delimiter = ',', default_value = "street,roof,aerial", value_parser = Stand::ALL.map(Stand::word))]
+    frames: Vec<String>,
+    /// Views
+    #[arg(long, value_delimiter = ',', default_value = "street,roof,aerial", value_parser = Viewpoint::ALL.map(Viewpoint::word))]
     views: Vec<String>,
-    /// Tolerated error in pixels.
+    /// Tolerated error in pixels
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
-    /// Rounds.
+    /// Number of rounds
     #[arg(long, default_value_t = 3)]
     rounds: usize,
-    /// Take the processor's time of all threads in place of the clock's: steadier on a busy machine without a graphics card
-    /// (Linux).
+    /// Measure the CPU time of all threads instead of elapsed time: more stable on a busy machine without a graphics card
+    /// (Linux)
     #[arg(long)]
     processor: bool,
-    /// Do not draw triangles.
+    /// Do not draw triangles
     #[arg(long)]
     no_triangles: bool,
-    /// Do not draw with the CPU's ray-caster.
+    /// Do not draw with the CPU ray-caster
     #[arg(long)]
     no_cpu: bool,
-    /// Folder for one picture of each view.
+    /// Folder for one frame of each view
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Write all figures as JSON.
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
 }
 
-/// One city in one view.
 #[derive(Debug, Serialize, Clone)]
 struct Row {
-    stand: &'static str,
-    picture: String,
+    viewpoint: &'static str,
+    spec: String,
     buildings: u64,
-    nodes_in_cut: usize,
+    nodes_drawn: usize,
     grid_entries: usize,
     covered_share: f64,
     gpu_ms: f64,
@@ -84,12 +83,12 @@ struct Row {
     steps_per_ray: f64,
     fetches_per_ray: f64,
     cells_per_ray: f64,
-    /// Over the pixels that the smallest city covers, which the larger ones cover with the same buildings.
+    /// Over the pixels that the smallest city covers; all cities have the same buildings there.
     common_steps_per_ray: f64,
     common_fetches_per_ray: f64,
 }
 
-/// Every picture is drawn so often in a round, by whatever draws it.
+/// Times that each frame is drawn per round.
 const TIMES: usize = 5;
 
 fn main() -> Result<()> {
@@ -99,10 +98,12 @@ fn main() -> Result<()> {
     let cities = args.sizes.iter().map(|n| open(&args.cities, *n)).collect::<Result<Vec<_>>>()?;
     let meshes = if args.no_triangles { Vec::new() } else { meshes(&gpu, &args.sizes)? };
     let mut rows = Vec::new();
-    for picture in &args.pictures {
-        let picture = parse(picture)?;
-        for stand in Stand::ALL.into_iter().filter(|stand| args.views.iter().any(|word| word == stand.word())) {
-            rows.extend(view(&args, &gpu, (&cities, &meshes), stand, &picture)?);
+    for spec in &args.frames {
+        let spec = parse(spec)?;
+        for viewpoint in
+            Viewpoint::ALL.into_iter().filter(|viewpoint| args.views.iter().any(|word| word == viewpoint.word()))
+        {
+            rows.extend(measure_view(&args, &gpu, (&cities, &meshes), viewpoint, &spec)?);
         }
     }
     summary(&rows, &args.sizes);
@@ -130,24 +131,26 @@ fn meshes(gpu: &Gpu, sizes: &[u64]) -> Result<Vec<Mesh>> {
     sizes.iter().map(|n| Mesh::new(&gpu.device, &gpu.queue, &City::new(*n, 1.0)?)).collect()
 }
 
-fn parse(text: &str) -> Result<Picture> {
+fn parse(text: &str) -> Result<FrameSpec> {
     let (width, height) = text.split_once('x').with_context(|| format!("{text}: write WIDTHxHEIGHT"))?;
-    Ok(Picture { width_px: width.parse()?, height_px: height.parse()?, shading: Shading::Lit, samples: 1 })
+    Ok(FrameSpec { width_px: width.parse()?, height_px: height.parse()?, shading: Shading::Lit, samples: 1 })
 }
 
-fn view(
+fn measure_view(
     args: &Args,
     gpu: &Gpu,
     (cities, meshes): (&[Baked], &[Mesh]),
-    stand: Stand,
-    picture: &Picture,
+    viewpoint: Viewpoint,
+    spec: &FrameSpec,
 ) -> Result<Vec<Row>> {
-    let camera = stand.camera();
-    let cuts: Vec<Cut> =
-        cities.iter().map(|city| city.cut(&city.select_in_view(&camera, picture, args.tau))).collect::<Result<_>>()?;
-    let scenes: Vec<Scene<'_>> = cuts.iter().map(|cut| cut.scene(&camera, picture)).collect();
+    let camera = viewpoint.camera();
+    let draw_lists: Vec<DrawList> = cities
+        .iter()
+        .map(|city| city.draw_list(&city.select_in_view(&camera, spec, args.tau)))
+        .collect::<Result<_>>()?;
+    let scenes: Vec<Scene<'_>> = draw_lists.iter().map(|draw_list| draw_list.scene(&camera, spec)).collect();
     let mut casters: Vec<Raycaster> = scenes.iter().map(|scene| gpu.raycaster(scene)).collect();
-    let target = Target::new(&gpu.device, picture);
+    let target = Target::new(&gpu.device, spec);
     let mut rows = Vec::new();
     let mut common = Vec::new();
     for (i, scene) in scenes.iter().enumerate() {
@@ -156,9 +159,9 @@ fn view(
         let counted = count(&scene.as_ref());
         compare_counts(gpu, &mut casters[i], scene, counted)?;
         if let Some(out) = &args.out {
-            let name = format!("{}-{}-{}.png", stand.word(), picture.height_px, args.sizes[i]);
+            let name = format!("{}-{}-{}.png", viewpoint.word(), spec.height_px, args.sizes[i]);
             let bytes: Vec<u8> = pixels.colour.iter().flat_map(|word| word.to_le_bytes()).collect();
-            let image = image::RgbaImage::from_raw(picture.width_px, picture.height_px, bytes).context("size")?;
+            let image = image::RgbaImage::from_raw(spec.width_px, spec.height_px, bytes).context("size")?;
             fs::create_dir_all(out)?;
             image.save(out.join(name))?;
         }
@@ -170,10 +173,10 @@ fn view(
         let per_common = |n: u64| n as f64 / of_common.rays as f64;
         let per_ray = |n: u64| n as f64 / counted.rays as f64;
         rows.push(Row {
-            stand: stand.word(),
-            picture: format!("{}x{}", picture.width_px, picture.height_px),
+            viewpoint: viewpoint.word(),
+            spec: format!("{}x{}", spec.width_px, spec.height_px),
             buildings: args.sizes[i],
-            nodes_in_cut: scene.nodes.len(),
+            nodes_drawn: scene.nodes.len(),
             grid_entries: scene.grid.len(),
             covered_share: covered as f64 / pixels.distance.len() as f64,
             gpu_ms: f64::INFINITY,
@@ -201,7 +204,7 @@ fn view(
             if let Some(mesh) = meshes.get(i) {
                 let ms = time(args, || {
                     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-                    row.triangles = Some(mesh.draw(&gpu.queue, &mut encoder, &target, &camera, picture));
+                    row.triangles = Some(mesh.draw(&gpu.queue, &mut encoder, &target, &camera, spec));
                     finish(gpu, encoder)
                 })?;
                 row.triangles_ms = Some(row.triangles_ms.map_or(ms, |best: f64| best.min(ms)));
@@ -226,7 +229,7 @@ fn finish(gpu: &Gpu, encoder: wgpu::CommandEncoder) -> Result<()> {
     Ok(())
 }
 
-/// Milliseconds of the best of [`TIMES`].
+/// Milliseconds of the fastest of [`TIMES`] runs.
 fn time(args: &Args, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     let begin = Instant::now();
     let now = || if args.processor { processor_time() } else { Ok(begin.elapsed()) };
@@ -239,18 +242,18 @@ fn time(args: &Args, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     Ok(best.as_secs_f64() * 1e3)
 }
 
-/// What all threads of this process have run so far.
+/// CPU time of all threads of this process.
 fn processor_time() -> Result<Duration> {
     let mut sum = Duration::ZERO;
     for thread in fs::read_dir("/proc/self/task").context("--processor wants Linux")? {
-        // A thread that has just ended is missed.
+        // A thread may just have ended.
         let Ok(text) = fs::read_to_string(thread?.path().join("schedstat")) else { continue };
         sum += Duration::from_nanos(text.split_whitespace().next().context("no time in schedstat")?.parse()?);
     }
     Ok(sum)
 }
 
-/// The device's counts must be those of the CPU but for rays on edges.
+/// Fails unless the GPU counts almost the same as the CPU; rays on edges may differ.
 fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: RayCounts) -> Result<()> {
     let data = scene.as_ref();
     let on = DeviceQueue { device: &gpu.device, queue: &gpu.queue };
@@ -265,16 +268,16 @@ fn compare_counts(gpu: &Gpu, caster: &mut Raycaster, scene: &Scene<'_>, on_cpu: 
 fn print(row: &Row) {
     let ms = |value: Option<f64>| value.map_or("-".into(), |ms| format!("{ms:.1}"));
     println!(
-        "{:6} {:>9} {:>8}: device {:6.1} ms, cpu {:>6} ms, triangles {:>7} ms ({:>8}); covered {:.3}, cut {:5}; a ray: {:.2} nodes, {:.2} steps, {:.1} fetches, {:.1} cells",
-        row.stand,
-        row.picture,
+        "{:6} {:>9} {:>8}: device {:6.1} ms, cpu {:>6} ms, triangles {:>7} ms ({:>8}); covered {:.3}, draw list {:5}; a ray: {:.2} nodes, {:.2} steps, {:.1} fetches, {:.1} cells",
+        row.viewpoint,
+        row.spec,
         row.buildings,
         row.gpu_ms,
         ms(row.cpu_ms),
         ms(row.triangles_ms),
         row.triangles.unwrap_or(0),
         row.covered_share,
-        row.nodes_in_cut,
+        row.nodes_drawn,
         row.nodes_per_ray,
         row.steps_per_ray,
         row.fetches_per_ray,
@@ -282,10 +285,10 @@ fn print(row: &Row) {
     );
 }
 
-/// The largest city against the smallest, and against triangles.
+/// Compares the largest city with the smallest, and with triangles.
 fn summary(rows: &[Row], sizes: &[u64]) {
     println!(
-        "\n| view | picture | device, largest / smallest | a covered pixel | cpu | fetches | steps | where the smallest covers: fetches | steps | against triangles, by size |"
+        "\n| view | frame | device, largest / smallest | a covered pixel | cpu | fetches | steps | where the smallest covers: fetches | steps | against triangles, by size |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for rows in rows.chunks(sizes.len()) {
@@ -298,8 +301,8 @@ fn summary(rows: &[Row], sizes: &[u64]) {
         let cpu = first.cpu_ms.zip(last.cpu_ms).map_or("-".into(), |(a, b)| format!("{:.2}", b / a));
         println!(
             "| {} | {} | {:.2} | {:.2} | {cpu} | {:.2} | {:+.2} | {:.2} | {:+.2} | {} |",
-            first.stand,
-            first.picture,
+            first.viewpoint,
+            first.spec,
             last.gpu_ms / first.gpu_ms,
             last.gpu_ms / first.gpu_ms * covered,
             last.fetches_per_ray / first.fetches_per_ray,

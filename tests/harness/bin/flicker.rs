@@ -1,11 +1,11 @@
-//! How much a slow pan shimmers: the mean difference of consecutive frames, against that of the supersampled truth.
+//! Measures how much a slow pan flickers: the mean difference of consecutive frames, compared with supersampled frames.
 //!
-//! `cargo run --release -p insula-tests --bin flicker -- CITY... --report flicker.json`: each CITY is a baked folder. A frame of
-//! too few rays a pixel differs from the next one by what its rays happen to hit, besides by what moved.
+//! `cargo run --release -p insula-tests --bin flicker -- CITY... --report flicker.json`: each CITY is a baked folder. With few
+//! rays per pixel, frames differ by what the rays happen to hit, in addition to the motion.
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec3};
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
@@ -15,49 +15,48 @@ use insula_shaders::{
 };
 use insula_tests::{
     baked::Baked,
-    cut::Cut,
-    view::{Camera, Picture},
+    draw_list::DrawList,
+    view::{Camera, FrameSpec},
 };
 use serde::Serialize;
 use std::{fs, path::PathBuf};
 
-/// The truth has so many rays along a pixel's side.
+/// Rays along a pixel's side in the supersampled frames.
 const TRUTH_RAYS: u32 = 8;
 
-/// Pans slowly, with few rays a pixel and with many.
+/// Compares slow pans with few and many rays per pixel
 #[derive(Debug, Parser)]
 struct Args {
-    /// Baked cities.
+    /// Baked cities
     #[arg(required = true)]
     cities: Vec<PathBuf>,
-    /// Rays along a pixel's side that are compared with the truth.
+    /// Rays along a pixel's side to compare
     #[arg(long, value_delimiter = ',', default_value = "1,2,3,4")]
     rays: Vec<u32>,
-    /// Width of a picture; its height is nine sixteenths.
+    /// Width of a frame in pixels; its height is 9/16 of it
     #[arg(long, default_value_t = 640)]
     width: u32,
-    /// Degrees between two frames.
+    /// Degrees between two frames
     #[arg(long, default_value_t = 0.1)]
     turn: f64,
-    /// Frames of a pan.
+    /// Frames of a pan
     #[arg(long, default_value_t = 4)]
     frames: usize,
-    /// Reach of shadows in metres, 0 for none.
+    /// Reach of shadows in metres, 0 for none
     #[arg(long, default_value_t = 3000.0)]
     shadows: f32,
-    /// Write all figures as JSON.
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
 }
 
-/// One pan.
 #[derive(Debug, Serialize)]
 struct Row {
     city: String,
     view: &'static str,
-    /// Mean absolute difference of consecutive frames over red, green and blue, in 255ths.
+    /// Mean absolute difference of consecutive supersampled frames over red, green and blue, in 255ths.
     truth: f64,
-    /// The same for each number of rays along a side, and its ratio to the truth's.
+    /// The same for each number of rays along a side, and its ratio to `truth`.
     drawn: Vec<(u32, f64, f64)>,
 }
 
@@ -66,8 +65,8 @@ fn main() -> Result<()> {
     let mut rows = Vec::new();
     for folder in &args.cities {
         let city = Baked::open(folder)?;
-        for (view, camera) in cameras(&city) {
-            let row = pan(&args, &city, view, camera)?;
+        for (view, [position, target]) in city.overviews().into_iter().skip(1) {
+            let row = pan(&args, &city, view, Camera::looking(position, target))?;
             let drawn: Vec<String> = row.drawn.iter().map(|(n, d, r)| format!("{n} x {n}: {d:.2} ({r:.2})")).collect();
             println!("{:8} {:6}: truth {:.2}; {}", row.city, row.view, row.truth, drawn.join(", "));
             rows.push(row);
@@ -84,65 +83,51 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// In a street, over the roofs and from the air, in the middle of the city.
-fn cameras(city: &Baked) -> [(&'static str, Camera); 3] {
-    let manifest = city.manifest();
-    let [low, high] = manifest.focus.map(DVec2::from);
-    let (middle, ground) = ((low + high) / 2.0, manifest.ground_z_m);
-    let away = (high - low).min_element().min(1200.0);
-    let at = |by: DVec2, up: f64| (middle + by).extend(ground + up);
-    [
-        ("roof", Camera::looking(at(DVec2::new(-100.0, -100.0), 60.0), at(DVec2::new(100.0, 100.0), 20.0))),
-        ("air", Camera::looking(at(DVec2::new(-0.2, -0.8) * away, 0.5 * away), at(DVec2::ZERO, 0.0))),
-        ("far", Camera::looking(at(DVec2::new(-0.5, -1.6) * away, 0.35 * away), at(DVec2::ZERO, 0.0))),
-    ]
-}
-
 fn pan(args: &Args, city: &Baked, view: &'static str, camera: Camera) -> Result<Row> {
-    let picture = Picture { width_px: args.width, height_px: args.width * 9 / 16, shading: Shading::Lit, samples: 1 };
-    // All around, so that turning needs no other cut.
-    let cut = city.cut(&city.select(&camera, &picture, 1.0))?;
+    let spec = FrameSpec { width_px: args.width, height_px: args.width * 9 / 16, shading: Shading::Lit, samples: 1 };
+    // In all directions, so that the draw list does not change.
+    let draw_list = city.draw_list(&city.select(&camera, &spec, 1.0))?;
     let turned: Vec<Camera> = (0..args.frames).map(|i| turn(&camera, args.turn * i as f64)).collect();
-    let truth = apart(turned.iter().map(|camera| supersampled(args, &cut, camera, &picture, city)))?;
+    let truth = apart(turned.iter().map(|camera| supersampled(args, &draw_list, camera, &spec, city)))?;
     let mut drawn = Vec::new();
     for rays in &args.rays {
-        let picture = Picture { samples: (*rays).min(MAX_SAMPLES), ..picture };
-        let apart = apart(turned.iter().map(|camera| draw(args, &cut, camera, &picture, city)))?;
+        let spec = FrameSpec { samples: (*rays).min(MAX_SAMPLES), ..spec };
+        let apart = apart(turned.iter().map(|camera| draw(args, &draw_list, camera, &spec, city)))?;
         drawn.push((*rays, apart, apart / truth));
     }
     Ok(Row { city: city.manifest().name.clone(), view, truth, drawn })
 }
 
-/// The camera, turned around the vertical.
+/// Rotates the camera around the vertical axis.
 fn turn(camera: &Camera, degrees: f64) -> Camera {
     let position = DVec3::from(camera.position);
     let ahead = DQuat::from_rotation_z(degrees.to_radians()) * (DVec3::from(camera.target) - position);
     Camera { target: (position + ahead).into(), ..*camera }
 }
 
-fn draw(args: &Args, cut: &Cut, camera: &Camera, picture: &Picture, city: &Baked) -> Pixels {
-    let mut scene = cut.scene(camera, picture);
+fn draw(args: &Args, draw_list: &DrawList, camera: &Camera, spec: &FrameSpec, city: &Baked) -> Pixels {
+    let mut scene = draw_list.scene(camera, spec);
     scene.frame.ground = 1;
     scene.frame.ground_z_m = (city.manifest().ground_z_m - camera.position[2]) as f32;
     scene.frame.shadow_m = args.shadows;
     scene.render()
 }
 
-/// Many rays a pixel: a larger picture, averaged in linear light.
-fn supersampled(args: &Args, cut: &Cut, camera: &Camera, picture: &Picture, city: &Baked) -> Pixels {
+/// A larger frame, averaged in linear light.
+fn supersampled(args: &Args, draw_list: &DrawList, camera: &Camera, spec: &FrameSpec, city: &Baked) -> Pixels {
     let side = TRUTH_RAYS / MAX_SAMPLES;
-    let (width_px, height_px) = (picture.width_px * side, picture.height_px * side);
-    let large = Picture { width_px, height_px, samples: MAX_SAMPLES, ..*picture };
-    let large = draw(args, cut, camera, &large, city);
-    let colour = (0..picture.width_px * picture.height_px).map(|i| {
-        let (x, y) = (i % picture.width_px * side, i / picture.width_px * side);
+    let (width_px, height_px) = (spec.width_px * side, spec.height_px * side);
+    let large = FrameSpec { width_px, height_px, samples: MAX_SAMPLES, ..*spec };
+    let large = draw(args, draw_list, camera, &large, city);
+    let colour = (0..spec.width_px * spec.height_px).map(|i| {
+        let (x, y) = (i % spec.width_px * side, i / spec.width_px * side);
         let part = (0..side * side).map(|k| large.colour[((y + k / side) * width_px + x + k % side) as usize]);
         encode_srgb(part.map(linear_of).sum::<glam::Vec3>() / (side * side) as f32)
     });
-    Pixels { width_px: picture.width_px, height_px: picture.height_px, colour: colour.collect(), ..Pixels::default() }
+    Pixels { width_px: spec.width_px, height_px: spec.height_px, colour: colour.collect(), ..Pixels::default() }
 }
 
-/// Mean absolute difference of each frame and the next.
+/// Mean absolute difference of consecutive frames.
 fn apart(frames: impl Iterator<Item = Pixels>) -> Result<f64> {
     let frames: Vec<Pixels> = frames.collect();
     let (mut sum, mut count) = (0u64, 0u64);

@@ -1,4 +1,4 @@
-//! How much a picture changes where leaves pass from columns to meshes, beside what a camera's motion of one pixel changes.
+//! Measures how much a frame changes when leaves switch from columns to meshes, compared with a camera motion of one pixel.
 //!
 //! `cargo run --release -p insula-tests --bin handover -- CITY_INPUTS... --city CITY`
 
@@ -10,36 +10,36 @@ use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_tests::{
     baked::Baked,
     cameras,
-    cut::Cut,
+    draw_list::DrawList,
     fidelity,
     truth::Truth,
-    view::{Camera, Picture},
+    view::{Camera, FrameSpec},
 };
 use insula_viewer::frame::STILL_SAMPLES;
 use std::{collections::HashSet, path::PathBuf};
 
-/// Sweeps the distance at which leaves pass from columns to meshes.
+/// Varies the projected error at which leaves switch from columns to meshes
 #[derive(Debug, Parser)]
 struct Args {
-    /// City files.
+    /// City files
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// The same, baked with meshes.
+    /// The same city, baked with meshes
     #[arg(long)]
     city: PathBuf,
-    /// Projected errors of the V-BlockMap at which leaves pass, in pixels.
+    /// Projected errors of the V-BlockMap at which leaves switch, in pixels
     #[arg(long, value_delimiter = ',', default_value = "0.5,1,2,4")]
     at: Vec<f64>,
-    /// Reach of shadows in metres, 0 for none.
+    /// Reach of shadows in metres, 0 for none
     #[arg(long, default_value_t = 0.0)]
     shadows: f32,
 }
 
-const PICTURE: Picture = Picture { width_px: 640, height_px: 360, shading: Shading::Lit, samples: STILL_SAMPLES };
-/// Leaves count whose error is so much off the one at which they pass, at most.
+const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Lit, samples: STILL_SAMPLES };
+/// Largest ratio of a leaf's projected error to that of the switch.
 const AROUND: f64 = 1.25;
 
-/// Mean difference of the channels over `of`'s pixels, in 255ths.
+/// Mean difference of the channels over the pixels `of`, in 255ths.
 fn difference(a: &Pixels, b: &Pixels, of: &[usize]) -> f64 {
     let apart = |at: &usize| {
         let (a, b) = (a.colour[*at].to_le_bytes(), b.colour[*at].to_le_bytes());
@@ -51,29 +51,29 @@ fn difference(a: &Pixels, b: &Pixels, of: &[usize]) -> f64 {
 fn main() -> Result<()> {
     let args = Args::parse();
     let (truth, baked) = (Truth::new(fidelity::read(&args.inputs)?), Baked::open(&args.city)?);
-    let draw = |cut: &Cut, camera: &Camera| {
-        let mut scene = cut.scene(camera, &PICTURE);
+    let draw = |draw_list: &DrawList, camera: &Camera| {
+        let mut scene = draw_list.scene(camera, &FRAME);
         scene.frame.shadow_m = args.shadows;
         scene.render()
     };
     println!("passing at px | pixels | switch | motion of a pixel: columns, meshes (mean of the channels, 255ths)");
     for at_px in &args.at {
         let (mut pixels, mut sums) = (0, [0.0; 3]);
-        for station in cameras::of(&truth) {
+        for station in cameras::stations(&truth) {
             let camera = station.camera;
-            let ids = baked.select(&camera, &PICTURE, 1.0f64.min(*at_px));
+            let ids = baked.select(&camera, &FRAME, 1.0f64.min(*at_px));
             let passing: HashSet<TileId> = ids
                 .iter()
                 .copied()
-                .filter(|id| baked.passes(*id, &camera, &PICTURE, at_px / AROUND..at_px * AROUND))
+                .filter(|id| baked.passes(*id, &camera, &FRAME, at_px / AROUND..at_px * AROUND))
                 .collect();
-            let before = baked.cut_with_meshes(&ids, |id| match passing.contains(&id) {
+            let before = baked.draw_list_with_meshes(&ids, |id| match passing.contains(&id) {
                 true => None,
-                false => baked.drawn_lod(id, &camera, &PICTURE, *at_px),
+                false => baked.drawn_lod(id, &camera, &FRAME, *at_px),
             })?;
-            let after = baked.cut_with_meshes(&ids, |id| match passing.contains(&id) {
-                true => baked.drawn_lod(id, &camera, &PICTURE, at_px / AROUND),
-                false => baked.drawn_lod(id, &camera, &PICTURE, *at_px),
+            let after = baked.draw_list_with_meshes(&ids, |id| match passing.contains(&id) {
+                true => baked.drawn_lod(id, &camera, &FRAME, at_px / AROUND),
+                false => baked.drawn_lod(id, &camera, &FRAME, *at_px),
             })?;
             let (columns, meshes) = (draw(&before, &camera), draw(&after, &camera));
             let of: Vec<usize> = (0..columns.hit.len())
@@ -83,7 +83,7 @@ fn main() -> Result<()> {
                 continue;
             }
             let away_m = of.iter().map(|at| f64::from(columns.distance[*at])).sum::<f64>() / of.len() as f64;
-            let step = camera.axes(&PICTURE).right * (2.0 / f64::from(PICTURE.width_px) * away_m);
+            let step = camera.axes(&FRAME).right * (2.0 / f64::from(FRAME.width_px) * away_m);
             let moved = |v: [f64; 3]| (DVec3::from(v) + step).to_array();
             let moved = Camera { position: moved(camera.position), target: moved(camera.target), ..camera };
             let of_each = [
@@ -93,7 +93,7 @@ fn main() -> Result<()> {
             ];
             println!(
                 "  {:?} {at_px}: {} px, {:.2} | {:.2} {:.2}",
-                station.stand,
+                station.kind,
                 of.len(),
                 of_each[0],
                 of_each[1],

@@ -1,11 +1,10 @@
-//! What is drawn and fetched that nobody sees, and whether anything is missed when the camera turns.
+//! Measures how much is drawn and fetched that is occluded, and what is missing when the camera turns.
 //!
-//! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, such as `synth` makes. Against a
-//! client that culls by the frustum alone.
+//! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, for example of `synth`. Compares with
+//! a client that culls by the view frustum only.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Parser;
-use glam::DVec3;
 use insula_client::{
     commands::headless::settle,
     report::compare_frames,
@@ -15,7 +14,7 @@ use insula_client::{
 use insula_protocol::TileId;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
-    synth::Stand,
+    synth::Viewpoint,
     viewer::{fetch_all, open, open_over},
 };
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::TileKey, select::DrawTile, streamer::FrameRequest};
@@ -26,37 +25,37 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Compares occlusion with frustum culling alone.
+/// Compares occlusion culling with frustum culling alone
 #[derive(Debug, Parser)]
 struct Args {
-    /// The city.
+    /// Folder of the baked city
     #[arg(long)]
     city: PathBuf,
-    /// A camera file; the street of the synthetic cities unless given.
+    /// Camera file (default: the street of the synthetic cities)
     #[arg(long)]
     camera: Option<PathBuf>,
-    /// Directions that are looked at, evenly all around.
+    /// Number of directions, evenly distributed
     #[arg(long, default_value_t = 4)]
     directions: u32,
-    /// Picture width.
+    /// Frame width in pixels
     #[arg(long, default_value_t = 1280)]
     width: u32,
-    /// Picture height.
+    /// Frame height in pixels
     #[arg(long, default_value_t = 720)]
     height: u32,
-    /// Tolerated error in pixels.
+    /// Tolerated error in pixels
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
-    /// Simulated network of the client that looks: megabits a second.
+    /// Bandwidth of the simulated network in Mbit/s
     #[arg(long)]
     bandwidth: Option<f64>,
-    /// Milliseconds before each answer.
+    /// Round-trip time of the simulated network in milliseconds
     #[arg(long, requires = "bandwidth")]
     rtt: Option<u64>,
-    /// Write all figures as JSON.
+    /// Write all measures as JSON
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Write the pictures into this folder.
+    /// Write the frames into this folder
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -69,12 +68,12 @@ struct Cost {
     drawn: usize,
     fetched: usize,
     unhit_share: f64,
-    /// Of what is drawn alone.
+    /// Of the drawn tiles only.
     drawn_unhit_share: f64,
     bytes: u64,
     requests: u64,
     secs: f64,
-    /// Bytes of the tiles that rays hit, of those above them, and of the others.
+    /// Bytes of the tiles that rays hit, of their ancestors, and of the others.
     seen_bytes: u64,
     above_bytes: u64,
     occluded_bytes: u64,
@@ -83,13 +82,13 @@ struct Cost {
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 struct Turn {
     degrees: f64,
-    /// With all at hand: what the decision alone costs.
+    /// With all tiles resident: the cost of the selection alone.
     wrong_share: f64,
     holes_share: f64,
-    /// With only what the view before had fetched.
+    /// With the tiles of the previous view.
     cold_wrong_share: f64,
     cold_holes_share: f64,
-    /// With what the view before had fetched and, while it rested, what lies beside it.
+    /// With the tiles of the previous view and of idle prefetch.
     rested_wrong_share: f64,
     rested_holes_share: f64,
     rested_bytes: u64,
@@ -111,20 +110,16 @@ fn main() -> Result<()> {
     let args = Args::parse();
     let camera = match &args.camera {
         Some(path) => insula_client::camera_files::read_camera(path)?,
-        None => {
-            let view = Stand::Street.camera();
-            Camera::look_at(view.position.into(), view.target.into(), DVec3::Z, view.fov_y_deg.to_radians())
-                .context("looks nowhere")?
-        }
+        None => Viewpoint::Street.camera().to_viewer()?,
     };
     let mut rows = Vec::new();
     for direction in 0..args.directions {
         let degrees = 360.0 * f64::from(direction) / f64::from(args.directions);
-        let row = look(&args, &camera.turned(degrees), direction)?;
+        let row = measure_direction(&args, &camera.turned(degrees), direction)?;
         let Row { frustum: f, occlusion: o, .. } = &row;
         println!(
             "{degrees:5.0} degrees: drawn {} of {}, fetched {} of {}, hit by no ray {:.1} % (frustum alone {:.1} %), of those drawn {:.1} % ({:.1} %), \
-             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, city in one picture only {:.4} %",
+             {} of {} KiB = {:.1} %, {} of {} requests, {:.1} s; wrong {:.4} %, city in one frame only {:.4} %",
             o.drawn,
             f.drawn,
             o.fetched,
@@ -184,30 +179,30 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-fn shot(args: &Args, camera: &Camera) -> FrameRequest {
+fn request(args: &Args, camera: &Camera) -> FrameRequest {
     FrameRequest { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
 }
 
-/// Draws without telling the session what was hit.
-fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
-    let data = session.frame_data(shot, &RenderSettings::default());
-    let cut = session.selection().draw_tiles.clone();
-    Ok((session.adapter_mut().draw(&data)?, cut))
+/// Draws without occlusion feedback.
+fn draw(session: &mut Session, request: &FrameRequest) -> Result<(Pixels, Vec<DrawTile>)> {
+    let data = session.frame_data(request, &RenderSettings::default());
+    let draw_list = session.selection().draw_tiles.clone();
+    Ok((session.adapter_mut().draw(&data)?, draw_list))
 }
 
-fn cost(session: &Session, pixels: &Pixels, cut: &[DrawTile], secs: f64) -> Cost {
+fn cost(session: &Session, pixels: &Pixels, draw_list: &[DrawTile], secs: f64) -> Cost {
     let tree = session.tree();
     let key = |item: &DrawTile| match item.mesh_lod {
         Some(lod) => TileKey::mesh(tree.node(item.node).id, lod),
         None => TileKey::block_map(tree.node(item.source).id),
     };
     let hits: HashSet<u32> = pixels.hit.iter().copied().collect();
-    let hit: Vec<&DrawTile> = (0..).zip(cut).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
+    let hit: Vec<&DrawTile> = (0..).zip(draw_list).filter(|(i, _)| hits.contains(i)).map(|(_, item)| item).collect();
     let seen: HashSet<TileKey> = hit.iter().map(|item| key(item)).collect();
     let ids = hit.iter().map(|item| tree.node(item.node).id);
     let above: HashSet<TileId> =
         ids.flat_map(|id| (0..id.level()).filter_map(move |level| id.ancestor(level))).collect();
-    let drawn: HashSet<TileKey> = cut.iter().map(key).collect();
+    let drawn: HashSet<TileKey> = draw_list.iter().map(key).collect();
     let mut fetched = Vec::new();
     for node in tree.nodes() {
         fetched.extend(node.tile.is_resident().then_some((TileKey::block_map(node.id), node.bytes)));
@@ -234,22 +229,22 @@ fn cost(session: &Session, pixels: &Pixels, cut: &[DrawTile], secs: f64) -> Cost
     }
 }
 
-fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
-    let (ahead, city) = (shot(args, camera), &args.city);
+fn measure_direction(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
+    let (ahead, city) = (request(args, camera), &args.city);
     let mut all = open(city, CACHE_MIB)?;
     let begin = Instant::now();
     fetch_all(&mut all, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
-    let (truth, cut) = picture(&mut all, &ahead)?;
-    let frustum = cost(&all, &truth, &cut, secs);
+    let (truth, draw_list) = draw(&mut all, &ahead)?;
+    let frustum = cost(&all, &truth, &draw_list, secs);
 
     let link = |mbit| SimulatedLink::new(Some(mbit), Duration::from_millis(args.rtt.unwrap_or(0)), 0.0);
     let mut few = open_over(args.bandwidth.map(link), city, CACHE_MIB)?;
     let begin = Instant::now();
     settle(&mut few, &ahead, TIMEOUT)?;
     let secs = begin.elapsed().as_secs_f64();
-    let (seen, cut) = picture(&mut few, &ahead)?;
-    let occlusion = cost(&few, &seen, &cut, secs);
+    let (seen, draw_list) = draw(&mut few, &ahead)?;
+    let occlusion = cost(&few, &seen, &draw_list, secs);
     let apart = compare_frames(&seen, &truth);
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
@@ -259,20 +254,20 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
 
     let mut turns = Vec::new();
     for degrees in [3.0, 30.0] {
-        let beside = shot(args, &camera.turned(degrees));
+        let beside = request(args, &camera.turned(degrees));
         let mut reference = open(city, CACHE_MIB)?;
         fetch_all(&mut reference, &beside, TIMEOUT)?;
         fetch_all(&mut reference, &ahead, TIMEOUT)?;
         fetch_all(&mut reference, &beside, TIMEOUT)?;
-        let (truth, _) = picture(&mut reference, &beside)?;
-        // The same client begins to look, ahead, until that rests; then it turns.
+        let (truth, _) = draw(&mut reference, &beside)?;
+        // The same client settles ahead, then turns.
         settle(&mut reference, &ahead, TIMEOUT)?;
         reference.update(&beside);
-        let warm = compare_frames(&picture(&mut reference, &beside)?.0, &truth);
+        let warm = compare_frames(&draw(&mut reference, &beside)?.0, &truth);
         let mut cold = open(city, CACHE_MIB)?;
         settle(&mut cold, &ahead, TIMEOUT)?;
         cold.update(&beside);
-        let cold_px = picture(&mut cold, &beside)?.0;
+        let cold_px = draw(&mut cold, &beside)?.0;
         if let Some(out) = &args.out {
             insula_client::image_files::write_png(&out.join(format!("{direction}-{degrees}-cold.png")), &cold_px)?;
             insula_client::image_files::write_png(&out.join(format!("{direction}-{degrees}-truth.png")), &truth)?;
@@ -288,7 +283,7 @@ fn look(args: &Args, camera: &Camera, direction: u32) -> Result<Row> {
         let rested_secs = begin.elapsed().as_secs_f64();
         rested.update(&beside);
         let rested_bytes = rested.report(1.0).bytes_fetched;
-        let rested = compare_frames(&picture(&mut rested, &beside)?.0, &truth);
+        let rested = compare_frames(&draw(&mut rested, &beside)?.0, &truth);
         turns.push(Turn {
             degrees,
             wrong_share: warm.wrong_share,

@@ -1,8 +1,8 @@
-//! The mesh codec beside Draco, meshoptimizer with zstd, and static Huffman codes: bytes, bits a vertex, time.
+//! Compares the mesh codec with Draco, meshoptimizer with zstd, and static Huffman codes: bytes, bits per vertex, time.
 //!
-//! `cargo run --release -p insula-tests --bin mesh_codec -- --scan skull.obj --city delft.city.jsonl` needs Draco's programs
-//! (Debian package `draco`) in the path. Of a city, bytes are those of its leaves, each with its headers; times are those of
-//! the whole city as one mesh, as Draco says milliseconds only.
+//! `cargo run --release -p insula-tests --bin mesh_codec -- --scan skull.obj --city delft.city.jsonl`. Needs Draco's programs
+//! (Debian package `draco`). For a city, bytes are those of its leaves with their headers; times are those of the whole city as
+//! one mesh, because Draco prints whole milliseconds.
 
 #![allow(clippy::unwrap_used, reason = "a bench may fail loudly")]
 
@@ -29,7 +29,7 @@ use std::{
     time::Instant,
 };
 
-/// Measures the mesh codec beside others.
+/// Compares the mesh codec with others
 #[derive(Debug, Parser)]
 struct Args {
     /// PLY, OFF or OBJ files
@@ -41,7 +41,7 @@ struct Args {
     /// Side of a leaf in metres
     #[arg(long, default_value_t = 64.0)]
     side: f64,
-    /// How often times are taken
+    /// Number of measurements of each time
     #[arg(long, default_value_t = 15)]
     times: usize,
 }
@@ -55,7 +55,7 @@ fn main() -> Result<()> {
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for path in &args.scan {
-        let format = ModelFormat::of(path).context("a name that ends in .ply, .off or .obj is wanted")?;
+        let format = ModelFormat::of(path).context("the name must end in .ply, .off or .obj")?;
         let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
         model.weld();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -66,12 +66,12 @@ fn main() -> Result<()> {
         let (scene, _) = read::read(std::slice::from_ref(path), &ReadOptions::default(), &|_| {})?;
         let leaves = leaves::leaves(&scene, args.side, BITS);
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        bench(&format!("{name}, {} leaves", leaves.len()), &leaves, &leaves::whole(&scene, BITS), args.times)?;
+        bench(&format!("{name}, {} leaves", leaves.len()), &leaves, &leaves::whole_mesh(&scene, BITS), args.times)?;
     }
     Ok(())
 }
 
-/// Sizes over `meshes`, times of `one`.
+/// Prints the sizes of all `meshes` and the times of `one`.
 fn bench(name: &str, meshes: &[Mesh], one: &Mesh, times: usize) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let (mut ours, mut connectivity, mut vertices) = (0, 0.0, 0);
@@ -96,7 +96,7 @@ fn bench(name: &str, meshes: &[Mesh], one: &Mesh, times: usize) -> Result<()> {
         meshopt += with_meshopt(&decoded)?;
         huffman += with_huffman(&decoded);
     }
-    // In turn, so that a busy machine is unfair to all of them.
+    // Alternating, so that other load affects all coders equally.
     let (source, coded, back) =
         (folder.path().join("one.obj"), folder.path().join("one.drc"), folder.path().join("one.ply"));
     std::fs::write(&source, obj(one, false))?;
@@ -132,7 +132,7 @@ fn bench(name: &str, meshes: &[Mesh], one: &Mesh, times: usize) -> Result<()> {
     Ok(())
 }
 
-/// What is decoded is what was given.
+/// Fails unless decoding gives the encoded mesh.
 fn check(mesh: &Mesh, bytes: &[u8], vertices: &[u32], corners: &[u32]) -> Result<()> {
     let back = Mesh::decode(bytes)?;
     let positions = vertices.iter().map(|vertex| mesh.positions[*vertex as usize]);
@@ -144,8 +144,8 @@ fn check(mesh: &Mesh, bytes: &[u8], vertices: &[u32], corners: &[u32]) -> Result
     Ok(())
 }
 
-/// As text, in steps of the grid: Draco finds the same grid again. Or with vertices that are all one point but one, once
-/// they are on a grid: what that takes is connectivity.
+/// The mesh as OBJ, in steps of the grid, which Draco then finds again. With `flat`, all vertices but one are at the same grid
+/// point, so that only connectivity takes bytes.
 fn obj(mesh: &Mesh, flat: bool) -> String {
     let mut out = String::new();
     for (i, [x, y, z]) in mesh.positions.iter().enumerate() {
@@ -169,7 +169,7 @@ fn draco_encode(source: &Path, coded: &Path, level: &str) -> Result<f64> {
     )
 }
 
-/// What a program of Draco's says it took, without reading and writing files.
+/// The time that a program of Draco prints, without reading and writing files.
 fn milliseconds(program: &str, args: &[&dyn AsRef<std::ffi::OsStr>]) -> Result<f64> {
     let output = Command::new(program).args(args.iter().map(|arg| arg.as_ref())).output();
     let output = output.with_context(|| format!("{program} cannot be run: is the package draco installed?"))?;
@@ -184,7 +184,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Indices and 16-bit positions, both in meshoptimizer's order and codes, packed once more.
+/// Bytes of indices and 16-bit positions, both optimised and coded by meshoptimizer, then compressed.
 fn with_meshopt(mesh: &Mesh) -> Result<usize> {
     let vertices: Vec<[u16; 4]> = mesh.positions.iter().map(|p| [p[0] as u16, p[1] as u16, p[2] as u16, 0]).collect();
     let mut indices = meshopt::optimize_vertex_cache(mesh.triangles.as_flattened(), vertices.len());
@@ -193,7 +193,7 @@ fn with_meshopt(mesh: &Mesh) -> Result<usize> {
     Ok(zstd::compress(&coded.concat())?.len())
 }
 
-/// Valences, and differences to single parallelograms, in the order of conquest: as the thesis of 2007 has it.
+/// Bytes of valences and single-parallelogram residuals in traversal order (Gasparello 2007).
 fn with_huffman(mesh: &Mesh) -> usize {
     let pieces = HalfEdgeMesh::new(&mesh.triangles, mesh.positions.len() as u32);
     let mut degrees = vec![0i32; pieces.vertex.len()];
@@ -208,7 +208,7 @@ fn with_huffman(mesh: &Mesh) -> usize {
             continue;
         }
         let here = place(vertex);
-        // The third corner of a triangle: beyond its first edge.
+        // The third corner of a triangle is predicted across its first edge.
         let beyond = if h % 3 == 2 { pieces.twin[h as usize - 2] } else { NONE };
         let apex = (beyond != NONE).then(|| pieces.origin[prev(beyond) as usize]).filter(|apex| met[*apex as usize]);
         let expected = match apex {
@@ -224,12 +224,12 @@ fn with_huffman(mesh: &Mesh) -> usize {
     huffman_bytes(&degrees) + huffman_bytes(&residuals)
 }
 
-/// A static Huffman code, with its table: two bytes and a length for each symbol.
+/// Bytes of a static Huffman code, with its table: two bytes and a length per symbol.
 fn huffman_bytes(symbols: &[i32]) -> usize {
     let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
     symbols.iter().for_each(|symbol| *counts.entry(*symbol).or_default() += 1);
     let mut heap: BinaryHeap<Reverse<u64>> = counts.values().map(|count| Reverse(*count)).collect();
-    // Each time two branches are joined, all symbols below get a bit longer.
+    // Joining two branches lengthens the codes of all symbols below by one bit.
     let mut bits = 0;
     while let (Some(Reverse(a)), Some(Reverse(b))) = (heap.pop(), heap.pop()) {
         bits += a + b;

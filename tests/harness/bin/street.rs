@@ -1,54 +1,52 @@
-//! Bytes of a view in the street beside those of the source's own files.
+//! Compares the bytes that views in streets fetch with those of the source's files.
 //!
-//! `cargo run --release -p insula-tests --bin street -- CITY_INPUTS... --city CITY`: of each camera that the bench of fidelity
-//! has in the street, what a client that begins with nothing fetches until its picture cannot get better (manifest, subtrees,
-//! columns of all levels, meshes), against what of the source's files belongs to the leaves that the picture shows: those
-//! that a ray hits once all in the frustum is here, and of a coarser node those below it. Which bytes belong to a leaf:
-//! `insula_tests::source_bytes`. Beside it, plainly: all of the source's bytes times the share of its leaves; and those of the
-//! source's whole files that have any of it.
+//! `cargo run --release -p insula-tests --bin street -- CITY_INPUTS... --city CITY`. For each street camera of `fidelity`: the
+//! bytes that a client with empty caches fetches until its frame is final, and the bytes of the source that belong to the visible
+//! leaves. A leaf is visible if a ray hits it, or a node above it, when everything in the view frustum is resident. See
+//! `insula_tests::source_bytes`. For comparison: the source's bytes times the fraction of visible leaves, and the bytes of whole
+//! files with a visible part.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Parser;
-use glam::DVec3;
 use insula_client::{commands::headless::settle, image_files::write_png, report::compare_frames, session::Session};
 use insula_protocol::{TileId, mesh_tile, tile::TileKind};
 use insula_server::store::CityStore;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
-    cameras::{self, Stand},
+    cameras::{self, StationKind},
     fidelity,
-    programs::Served,
+    programs::ServerProcess,
     source_bytes::Source,
     truth::Truth,
     view,
     viewer::{fetch_all, open},
 };
-use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest};
+use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
 use std::{
     collections::{BTreeSet, HashMap},
     path::{Path, PathBuf},
     time::Duration,
 };
 
-/// Compares what views in the street fetch with the source's files.
+/// Compares what views in streets fetch with the source's files
 #[derive(Debug, Parser)]
 struct Args {
-    /// City files.
+    /// City files
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// The same, baked.
+    /// The same city, baked
     #[arg(long)]
     city: PathBuf,
-    /// The pictures' width and height.
+    /// Width and height of the frames
     #[arg(long, num_args = 2, default_values_t = [1280, 720])]
     size: Vec<u32>,
-    /// Tolerated error in pixels.
+    /// Tolerated error in pixels
     #[arg(long, default_value_t = 1.0)]
     tau: f64,
-    /// Write the pictures, and those of all that is in the frustum, into this folder.
+    /// Write the frames, and those with everything in the view frustum, into this folder
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Says how many columns of each level were fetched, too.
+    /// Print how many columns of each level are fetched
     #[arg(long)]
     levels: bool,
 }
@@ -56,18 +54,17 @@ struct Args {
 const TIMEOUT: Duration = Duration::from_secs(300);
 const CACHE_MIB: u32 = 2048;
 
-/// Bytes that a view fetched.
 #[derive(Debug, Clone, Copy, Default)]
 struct Fetched {
     all: u64,
     columns: u64,
-    /// Those of them that are no leaves'.
+    /// Of nodes that are not leaves.
     coarser: u64,
     meshes: u64,
-    /// Leaves that the picture shows, and leaves drawn as meshes.
+    /// Number of visible leaves, and of leaves drawn as meshes.
     leaves: usize,
     drawn_meshes: u32,
-    /// Pixels that differ from those of a client that fetched all in the frustum.
+    /// Share of pixels that differ from those of a client that has everything in the view frustum.
     wrong_share: f64,
 }
 
@@ -75,26 +72,29 @@ fn main() -> Result<()> {
     let args = Args::parse();
     let truth = Truth::new(fidelity::read(&args.inputs)?);
     let store = CityStore::open(&args.city)?;
-    let served = Served::start(&args.city, "127.0.0.1:0")?;
+    let served = ServerProcess::serve(&args.city, "127.0.0.1:0")?;
     let depth = store.manifest().depth;
     let leaves: BTreeSet<TileId> =
         store.blockmaps().lengths().map(|(id, _)| id).filter(|id| id.level() == depth).collect();
     let source = Source::read(&args.inputs, &truth.scene, store.manifest())?;
-    let all = source.of(&leaves);
+    let all = source.bytes_of(&leaves);
     println!(
-        "source: {} kB; of its {} leaves {:.0} kB of text, {:.0} kB of pictures' area",
+        "source: {} kB; of its {} leaves {:.0} kB of text, {:.0} kB of frames' area",
         source.whole_bytes / 1000,
         leaves.len(),
         all.text / 1e3,
-        all.pictures / 1e3
+        all.textures / 1e3
     );
     println!(
-        "| camera | fetched kB | columns | no leaves' | meshes | rest | leaves | as meshes | text kB | pictures kB | times | by used area | by leaves | by files | wrong % |"
+        "| camera | fetched kB | columns | no leaves' | meshes | rest | leaves | as meshes | text kB | frames kB | times | by used area | by leaves | by files | wrong % |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
-    for (number, station) in cameras::of(&truth).into_iter().enumerate().filter(|s| s.1.stand == Stand::Street) {
-        let (fetched, shown, levels) = look(&args, (number, &station.camera), (&store, &served.address), &leaves)?;
-        let of = source.of(&shown);
+    for (number, station) in
+        cameras::stations(&truth).into_iter().enumerate().filter(|s| s.1.kind == StationKind::Street)
+    {
+        let (fetched, shown, levels) =
+            measure_view(&args, (number, &station.camera), (&store, served.address), &leaves)?;
+        let of = source.bytes_of(&shown);
         let kb = |bytes: u64| bytes as f64 / 1e3;
         let times = |bytes: f64| bytes / fetched.all as f64;
         println!(
@@ -107,9 +107,9 @@ fn main() -> Result<()> {
             fetched.leaves,
             fetched.drawn_meshes,
             of.text / 1e3,
-            of.pictures / 1e3,
-            times(of.text + of.pictures),
-            times(of.text + of.pictures_used),
+            of.textures / 1e3,
+            times(of.text + of.textures),
+            times(of.text + of.textures_used),
             times(source.whole_bytes as f64 * shown.len() as f64 / leaves.len().max(1) as f64),
             times(of.files),
             fetched.wrong_share * 100.0,
@@ -121,39 +121,38 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Some columns.
+/// Number and bytes of some tiles.
 #[derive(Debug, Clone, Copy, Default)]
-struct Pile {
+struct TileCount {
     tiles: usize,
     bytes: u64,
 }
 
-impl std::fmt::Display for Pile {
+impl std::fmt::Display for TileCount {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} of {:.1} kB", self.tiles, self.bytes as f64 / 1e3)
     }
 }
 
-/// Of each level the columns that were fetched, those of them that are hit or above what is, and those that are drawn.
-type Levels = Vec<[Pile; 3]>;
+/// For each level: V-BlockMaps that are fetched, those that are hit or above a hit one, and those that are drawn.
+type Levels = Vec<[TileCount; 3]>;
 
-/// A cold client's view, and the leaves that it shows.
-fn look(
+/// Fetches a view with empty caches. Returns the leaves that it shows, too.
+fn measure_view(
     args: &Args,
     (number, camera): (usize, &view::Camera),
-    (store, address): (&CityStore, &str),
+    (store, address): (&CityStore, std::net::SocketAddr),
     leaves: &BTreeSet<TileId>,
 ) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
-    let [position, target, up] = [camera.position, camera.target, camera.up].map(DVec3::from);
-    let camera = Camera::look_at(position, target, up, camera.fov_y_deg.to_radians()).context("looks nowhere")?;
-    let shot = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
+    let camera = camera.to_viewer()?;
+    let request = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
     let server = format!("http://{address}");
     let mut all = open(Path::new(&server), CACHE_MIB)?;
-    fetch_all(&mut all, &shot, TIMEOUT)?;
-    let (truth, hit) = picture(&mut all, &shot)?;
+    fetch_all(&mut all, &request, TIMEOUT)?;
+    let (truth, hit) = draw(&mut all, &request)?;
     let mut session = open(Path::new(&server), CACHE_MIB)?;
-    settle(&mut session, &shot, TIMEOUT)?;
-    let (seen, _) = picture(&mut session, &shot)?;
+    settle(&mut session, &request, TIMEOUT)?;
+    let (seen, _) = draw(&mut session, &request)?;
     let apart = compare_frames(&seen, &truth);
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)?;
@@ -191,10 +190,11 @@ fn look(
             fetched.columns += bytes;
             fetched.coarser += if node.id.level() < depth { bytes } else { 0 };
             let of_hit = hit.iter().any(|id| id.ancestor(node.id.level()) == Some(node.id));
-            let piles = &mut levels[usize::from(node.id.level())];
-            for pile in piles.iter_mut().zip([true, of_hit, drawn.contains(&node.id)]).filter(|of| of.1).map(|of| of.0)
+            let counts = &mut levels[usize::from(node.id.level())];
+            for count in
+                counts.iter_mut().zip([true, of_hit, drawn.contains(&node.id)]).filter(|of| of.1).map(|of| of.0)
             {
-                (pile.tiles, pile.bytes) = (pile.tiles + 1, pile.bytes + bytes);
+                (count.tiles, count.bytes) = (count.tiles + 1, count.bytes + bytes);
             }
         }
         for (lod, _) in (0..).zip(&node.lods).filter(|(_, lod)| lod.tile.is_resident()) {
@@ -204,9 +204,9 @@ fn look(
     Ok((fetched, shown, levels))
 }
 
-/// The picture, and nodes that a ray hits.
-fn picture(session: &mut Session, shot: &FrameRequest) -> Result<(Pixels, BTreeSet<TileId>)> {
-    let data = session.frame_data(shot, &RenderSettings::default());
+/// A frame, and the nodes that its rays hit.
+fn draw(session: &mut Session, request: &FrameRequest) -> Result<(Pixels, BTreeSet<TileId>)> {
+    let data = session.frame_data(request, &RenderSettings::default());
     let squares: Vec<TileId> =
         session.selection().draw_tiles.iter().map(|item| session.tree().node(item.node).id).collect();
     let pixels = session.adapter_mut().draw(&data)?;

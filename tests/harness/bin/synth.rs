@@ -1,4 +1,4 @@
-//! Makes a city by rule, ready to be served.
+//! Generates a city that can be served.
 //!
 //! `cargo run --release -p insula-tests --bin synth -- --buildings 100000 --out DIR`
 
@@ -12,24 +12,24 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Makes a city of so many buildings, the same one every time.
+/// Generates a city with a number of buildings, the same in every run
 #[derive(Debug, Parser)]
 struct Args {
-    /// How many.
+    /// Number of buildings
     #[arg(long)]
     buildings: u64,
-    /// The city's folder.
+    /// The city's folder
     #[arg(long)]
     out: PathBuf,
-    /// Side of a leaf's column in metres.
+    /// Side of a leaf's column in metres
     #[arg(long, default_value_t = 1.0)]
     cell: f64,
-    /// Worker threads; one a core unless said otherwise. The city does not depend on it.
+    /// Worker threads (default: one per core). The result does not depend on it
     #[arg(long)]
     threads: Option<usize>,
 }
 
-/// A line on standard error, every few seconds.
+/// Prints progress to standard error.
 struct Lines(Mutex<(String, u64, u64, Instant)>);
 
 impl Progress for Lines {

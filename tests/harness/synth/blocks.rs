@@ -1,52 +1,45 @@
-//! Buildings of a block: houses in rows, blocks around a courtyard, towers, squares with trees, halls.
+//! The buildings of a block: rows of houses, courtyards, towers, squares with trees, halls.
 
-use super::plan::{half_street, key, street};
+use super::streets::{half_street, key, street};
 use crate::rng::Rng;
 use glam::{DVec2, Vec2};
 
 /// Triangles of a block's ground and of the streets west and south of it.
 pub const GROUND_TRIANGLES: u64 = 6;
 
-/// What a roof is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Roof {
-    /// Level.
     Flat,
-    /// Two slopes; the ridge runs along `axis` and is so much higher than the eaves.
+    /// Two slopes. The ridge runs along `axis`, this far above the eaves.
     Gable(f64),
 }
 
-/// A box, perhaps in the air, perhaps with a pitched roof.
+/// A box, which may be above the ground and may have a pitched roof.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Middle, city metres.
     pub centre: DVec2,
     /// Unit vector along its length.
     pub axis: DVec2,
-    /// Half of its length and of its width.
+    /// Half its length and half its width.
     pub half: DVec2,
-    /// 0, or higher if it hangs.
+    /// 0 on the ground.
     pub bottom_m: f64,
-    /// Top of the walls.
     pub eaves_m: f64,
-    /// What is above them.
     pub roof: Roof,
-    /// Colour of the walls, 8-bit sRGB.
+    /// 8-bit sRGB.
     pub wall: [u8; 3],
-    /// Colour from above.
     pub top: [u8; 3],
-    /// Whether its walls have windows.
     pub windows: bool,
 }
 
 impl Part {
-    /// A point in the box's own axes: along and across, from the middle.
+    /// A point in the box's axes: along and across, from the centre.
     pub fn local(&self, p: DVec2) -> DVec2 {
         let d = p - self.centre;
         DVec2::new(d.dot(self.axis), d.dot(self.axis.perp()))
     }
 
-    /// Height of its top at a point of its own axes.
+    /// Height of its top at a point in its axes.
     pub fn top_at(&self, local: DVec2) -> f64 {
         match self.roof {
             Roof::Flat => self.eaves_m,
@@ -54,7 +47,7 @@ impl Part {
         }
     }
 
-    /// Rise of the top along x and y at a point of its own axes.
+    /// Slope of its top along x and y at a point in its axes.
     pub fn slope(&self, local: DVec2) -> Vec2 {
         match self.roof {
             Roof::Flat => Vec2::ZERO,
@@ -62,48 +55,40 @@ impl Part {
         }
     }
 
-    /// Half of the box's extent along x and y.
+    /// Half the extent along x and y.
     pub fn reach(&self) -> DVec2 {
         self.axis.abs() * self.half.x + self.axis.perp().abs() * self.half.y
     }
 }
 
-/// One building.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Building {
-    /// What stands on the ground first, what hangs over it later.
+    /// Parts on the ground come before those above them.
     pub parts: Vec<Part>,
 }
 
-/// What lies between four streets.
+/// The area between four streets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
-    /// Where the streets west and south of it are; those east and north.
+    /// Centre lines of the western and southern street, and of the eastern and northern one.
     pub streets: [DVec2; 2],
-    /// South-west corner of what is not street.
+    /// South-west corner without the streets.
     pub low: DVec2,
-    /// North-east corner.
     pub high: DVec2,
-    /// Colour of its ground.
     pub ground: [u8; 3],
-    /// Buildings.
     pub buildings: Vec<Building>,
-    /// Crowns of trees.
     pub trees: Vec<Part>,
 }
 
 impl Block {
-    /// All boxes.
     pub fn parts(&self) -> impl Iterator<Item = &Part> {
         self.buildings.iter().flat_map(|b| &b.parts).chain(&self.trees)
     }
 
-    /// Triangles of boxes and ground.
     pub fn triangles(&self) -> u64 {
         GROUND_TRIANGLES + self.parts().map(super::triangles::count).sum::<u64>()
     }
 
-    /// Leaves the ground alone.
     pub fn clear(&mut self) {
         self.buildings.clear();
         self.trees.clear();
@@ -125,7 +110,6 @@ const FLATS: [[u8; 3]; 4] = [[128, 126, 122], [150, 146, 138], [104, 106, 108], 
 const GLASS: [[u8; 3]; 4] = [[110, 130, 146], [140, 150, 156], [84, 98, 112], [170, 172, 168]];
 const CROWNS: [[u8; 3]; 3] = [[74, 104, 56], [92, 118, 60], [62, 90, 52]];
 
-/// The block `i`, `j`.
 pub fn block(i: i32, j: i32) -> Block {
     let mut rng = Rng::new(key(i, j) ^ 0x5bd1_e995);
     let west_south = DVec2::new(street(0, i), street(1, j));
@@ -133,7 +117,7 @@ pub fn block(i: i32, j: i32) -> Block {
     let low = streets[0] + DVec2::new(half_street(i), half_street(j));
     let high = streets[1] - DVec2::new(half_street(i + 1), half_street(j + 1));
     let mut block = Block { streets, low, high, ground: [122, 118, 108], buildings: Vec::new(), trees: Vec::new() };
-    // Towers stand in clusters.
+    // Towers form clusters.
     let busy = Rng::new(key(i.div_euclid(5), j.div_euclid(5)) ^ 0xc0de).unit();
     match rng.unit() {
         kind if kind < 0.05 => square(&mut rng, &mut block),
@@ -195,7 +179,7 @@ fn houses(rng: &mut Rng, block: &mut Block) {
     }
 }
 
-/// The ridge the other way, on the same plan.
+/// Turns the ridge by a quarter, on the same plan.
 fn square_turned(part: Part) -> Part {
     Part { axis: part.axis.perp(), half: DVec2::new(part.half.y, part.half.x), ..part }
 }
@@ -247,14 +231,14 @@ fn towers(rng: &mut Rng, block: &mut Block, busy: f64) {
         let place = DVec2::new((n % grid.x as usize) as f64, (n / grid.x as usize) as f64);
         let centre = block.low + (place + 0.5) * lot;
         let half = (lot / 2.0 - DVec2::new(rng.range(3.0, 5.0), rng.range(3.0, 6.0))).max(DVec2::splat(5.0));
-        let height = (22.0 + 150.0 * busy * rng.unit() * rng.unit()).min(super::HIGHEST_M - 20.0);
+        let height = (22.0 + 150.0 * busy * rng.unit() * rng.unit()).min(super::MAX_HEIGHT_M - 20.0);
         let axis = if rng.chance(0.25) { DVec2::from_angle(rng.range(-0.12, 0.12)) } else { DVec2::X };
         let (wall, top) = (pick(rng, &GLASS), pick(rng, &FLATS));
         let base =
             Part { centre, axis, half, bottom_m: 0.0, eaves_m: height, roof: Roof::Flat, wall, top, windows: true };
         let mut parts = vec![base];
         match rng.below(4) {
-            // Wider above: an overhang all around.
+            // Wider at the top: an overhang on all sides.
             0 => {
                 parts[0].half = half * 0.8;
                 parts.push(Part { bottom_m: height * 0.45, ..base });
@@ -306,7 +290,7 @@ fn halls(rng: &mut Rng, block: &mut Block) {
     }
 }
 
-/// Up to `most` crowns within `share` of the block's size around its middle, over what is lower than they are.
+/// Adds up to `most` trees within `share` of the block's size around its centre, where they touch no part.
 fn trees(rng: &mut Rng, block: &mut Block, most: usize, share: f64) {
     let (middle, size) = ((block.low + block.high) / 2.0, block.high - block.low);
     for _ in 0..most {

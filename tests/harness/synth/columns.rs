@@ -1,5 +1,5 @@
-//! From a raster to a node's columns, at any level: walls wider than a cell stand where they stand, what is smaller than a
-//! cell goes by the height that half of the cell reaches.
+//! The columns of a node at any level, from its raster. Walls wider than a cell are clipped where they are; of smaller parts, a
+//! column has the height that half of its cell reaches.
 
 use super::{
     blocks::Part,
@@ -12,34 +12,31 @@ use insula_bake::columns::voxels::{
 use insula_protocol::{NODE_CELLS, TileId, blockmap::COLUMNS};
 use std::sync::OnceLock;
 
-/// Samples of a cell.
 const ALL: usize = SUB * SUB;
-/// Fewest samples that a wall's own column is made for.
+/// Fewest samples of a part for a clipped column.
 const FEWEST: usize = 2;
-/// A storey.
 const STOREY_M: f64 = 3.2;
-/// Windows of a row from one to the next.
+/// Distance of windows in a row.
 const WINDOW_M: f64 = 2.6;
 const WINDOW: [u8; 3] = [58, 68, 78];
 
-/// A cell's column before its neighbours are known.
+/// A column before its neighbours are known.
 #[derive(Debug, Clone, Copy)]
 struct Cell {
     part: Option<u32>,
     top_m: f32,
     slope: Vec2,
-    /// Top of what is beyond the plane.
+    /// The planes and the height beyond them.
     clip: Option<(VoxelPlane, Option<VoxelPlane>, f32)>,
     gap: Option<[f32; 2]>,
     roof: [u8; 3],
-    /// Colour of what is beyond the plane.
+    /// Colour beyond the planes.
     outer: [u8; 3],
-    /// Colour of the ground.
     ground: [u8; 3],
 }
 
 impl Cell {
-    /// Height at a place relative to the middle.
+    /// Height at a position relative to the centre.
     fn height_at(&self, p: Vec2) -> f32 {
         match self.clip {
             Some((first, second, outer_m)) if beyond(&first, p) || second.is_some_and(|s| beyond(&s, p)) => outer_m,
@@ -57,7 +54,7 @@ fn beyond(plane: &VoxelPlane, p: Vec2) -> bool {
     Vec2::from(plane.normal).dot(p) > plane.offset_m
 }
 
-/// The node's columns; `None` without any.
+/// The columns of a node; `None` if it has none.
 pub fn node(id: TileId, raster: &Raster) -> Option<VoxelNode> {
     let n = NODE_CELLS as i32;
     let side = NODE_CELLS + 2;
@@ -82,7 +79,7 @@ fn cell(raster: &Raster, x: i32, y: i32) -> Option<Cell> {
     Some(wall.unwrap_or_else(|| median(raster, &samples)))
 }
 
-/// The column of the part that is highest, clipped where its walls stand; `None` if it is too small for that.
+/// The clipped column of the highest part; `None` if the part is too small.
 fn walled(raster: &Raster, samples: &[Sample; ALL], index: u32, centre: DVec2) -> Option<Cell> {
     let (part, cell_m) = (&raster.parts[index as usize], raster.cell_m);
     let count = samples.iter().filter(|s| s.part == index).count();
@@ -119,7 +116,7 @@ fn walled(raster: &Raster, samples: &[Sample; ALL], index: u32, centre: DVec2) -
     Some(Cell { part: Some(index), top_m, slope, clip, gap, roof: part.top, outer, ground: samples[ALL / 2].ground })
 }
 
-/// The height that half of the cell reaches.
+/// A column with the height that half of the cell reaches.
 fn median(raster: &Raster, samples: &[Sample; ALL]) -> Cell {
     let mut sorted: Vec<&Sample> = samples.iter().filter(|s| s.part != OUTSIDE).collect();
     sorted.sort_by(|a, b| b.top_m.total_cmp(&a.top_m));
@@ -167,23 +164,27 @@ fn column(raster: &Raster, own: &Cell, centre: DVec2, around: &[Option<&Cell>; 9
     let rows = if exposed { (own.top_m / cell_m).ceil() as i32 - first_row } else { 0 };
     let wall = (first_row..first_row + rows).map(|row| {
         let z_m = (f64::from(row) + 0.5) * raster.cell_m;
-        let of_part = |part| facade(part, centre, wall_normal, z_m, raster.cell_m);
-        let rgb = if z_m < 0.0 { own.ground } else { part.map_or(own.roof, of_part) };
-        look(rgb, wall_ao(z_m))
+        let push_part = |part| facade(part, centre, wall_normal, z_m, raster.cell_m);
+        let rgb = if z_m < 0.0 { own.ground } else { part.map_or(own.roof, push_part) };
+        appearance(rgb, wall_ao(z_m))
     });
     let inclined = own.slope != Vec2::ZERO;
     let normal = own.slope.extend(-1.0).normalize_or(glam::Vec3::NEG_Z) * -1.0;
     let roof_ao = if own.part.is_some() { 1.0 } else { 0.8 };
     let clip = own.clip.map(|(plane, second, outer_m)| {
         let corner = second.map(|plane| VoxelCorner { plane, concave: false });
-        VoxelClip { plane, corner, outer: Some(VoxelOuterTop { top_m: outer_m, appearance: look(own.outer, 0.7) }) }
+        VoxelClip {
+            plane,
+            corner,
+            outer: Some(VoxelOuterTop { top_m: outer_m, appearance: appearance(own.outer, 0.7) }),
+        }
     });
     VoxelColumn {
         solids,
         inclined,
         suspended: false,
         normal: normal.into(),
-        roof: look(own.roof, roof_ao),
+        roof: appearance(own.roof, roof_ao),
         exposed,
         wall_normal,
         first_row,
@@ -215,7 +216,7 @@ fn wall_ao(z_m: f64) -> f32 {
     (0.45 + z_m * 0.02).clamp(0.45, 0.85) as f32
 }
 
-fn look(rgb: [u8; 3], ao: f32) -> VoxelAppearance {
+fn appearance(rgb: [u8; 3], ao: f32) -> VoxelAppearance {
     static LINEAR: OnceLock<[f32; 256]> = OnceLock::new();
     let linear = LINEAR.get_or_init(|| {
         std::array::from_fn(|v| {

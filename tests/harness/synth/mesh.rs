@@ -1,25 +1,21 @@
-//! The city's triangles on a graphics device: what a plain renderer would do with them.
+//! The triangles of a city on a GPU, as a plain renderer draws them.
 //!
-//! Squares of blocks are culled against the frustum and drawn front to back, one draw call each; a corner takes 8 bytes.
+//! Tiles of blocks are culled by the view frustum and drawn front to back, with one draw call each. A corner has 8 bytes.
 
 use super::{
     City,
     triangles::{self, Corner},
 };
-use crate::view::{Camera, Picture};
+use crate::view::{Camera, FrameSpec};
 use anyhow::Result;
 use glam::{DVec2, DVec3, Vec3};
 use std::ops::Range;
 
-/// Blocks along a tile's side.
 const TILE_BLOCKS: i32 = 4;
-/// Steps of a corner's place in a metre.
+/// Resolution of positions.
 const STEPS_PER_M: f32 = 128.0;
-/// Bytes of a corner.
 const CORNER_BYTES: usize = 8;
-/// Corners of one buffer.
 const BUFFER_CORNERS: usize = 12 << 20;
-/// Nearest that is drawn.
 const NEAR_M: f32 = 0.3;
 
 const WGSL: &str = "
@@ -44,7 +40,6 @@ fn colour(in: Out) -> @location(0) vec4<f32> {
 }
 ";
 
-/// A square of blocks.
 #[derive(Debug)]
 struct Tile {
     centre: DVec3,
@@ -54,7 +49,7 @@ struct Tile {
     origin: Vec3,
 }
 
-/// All triangles of a city in device memory.
+/// The triangles of a city in GPU memory.
 #[derive(Debug)]
 pub struct Mesh {
     tiles: Vec<Tile>,
@@ -62,11 +57,10 @@ pub struct Mesh {
     pipeline: wgpu::RenderPipeline,
     view: wgpu::Buffer,
     bind_group: wgpu::BindGroup,
-    /// Triangles of the whole city.
+    /// Number of triangles.
     pub triangles: u64,
 }
 
-/// Where a picture is drawn to.
 #[derive(Debug)]
 pub struct Target {
     colour: wgpu::Texture,
@@ -74,20 +68,19 @@ pub struct Target {
 }
 
 impl Mesh {
-    /// Uploads the city.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, city: &City) -> Result<Self> {
-        let mut maker =
-            Maker { device, queue, tiles: Vec::new(), buffers: Vec::new(), pending: Vec::new(), corners: 0 };
+        let mut uploader =
+            MeshUploader { device, queue, tiles: Vec::new(), buffers: Vec::new(), pending: Vec::new(), corners: 0 };
         let [low, high] = city.plan.bounds();
         let (first, last) = (city.plan.blocks_in(low, low).next(), city.plan.blocks_in(high, high).last());
         let ([i0, j0], [i1, j1]) = (first.unwrap_or_default(), last.unwrap_or_default());
         for j in (j0..=j1).step_by(TILE_BLOCKS as usize) {
             for i in (i0..=i1).step_by(TILE_BLOCKS as usize) {
-                maker.tile(city, [i, j]);
+                uploader.tile(city, [i, j]);
             }
         }
-        maker.flush();
-        let Maker { tiles, buffers, corners, .. } = maker;
+        uploader.flush();
+        let MeshUploader { tiles, buffers, corners, .. } = uploader;
         let usage = wgpu::BufferUsages::COPY_DST;
         let make = |size, usage| {
             device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
@@ -110,18 +103,18 @@ impl Mesh {
         Ok(Self { tiles, buffers, pipeline, view, bind_group, triangles: corners / 3 })
     }
 
-    /// Records a picture; returns how many triangles are in it.
+    /// Records a frame. Returns the number of triangles drawn.
     pub fn draw(
         &self,
         queue: &wgpu::Queue,
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
         camera: &Camera,
-        picture: &Picture,
+        spec: &FrameSpec,
     ) -> u64 {
         let eye = DVec3::from(camera.position);
-        let axes = camera.axes(picture);
-        // Reversed depth without a far end.
+        let axes = camera.axes(spec);
+        // Reversed depth without a far plane.
         let row = |axis: DVec3, w: f64| axis.extend(w - axis.dot(eye));
         let (x, y) = (axes.right / axes.right.length_squared(), axes.up / axes.up.length_squared());
         let near = glam::DVec4::new(0.0, 0.0, 0.0, f64::from(NEAR_M));
@@ -131,7 +124,7 @@ impl Mesh {
         let mut words: Vec<f32> = (0..4).flat_map(column).collect();
         words.extend(sun.to_array());
         queue.write_buffer(&self.view, 0, bytemuck::cast_slice(&words));
-        let planes = crate::baked::planes(camera, picture);
+        let planes = crate::baked::planes(camera, spec);
         let mut seen: Vec<(f64, usize)> = (0..self.tiles.len())
             .filter(|i| {
                 insula_viewer::select::cull::is_box_in_view(&planes, self.tiles[*i].centre, self.tiles[*i].half)
@@ -172,12 +165,11 @@ impl Mesh {
 }
 
 impl Target {
-    /// Of a picture's size.
-    pub fn new(device: &wgpu::Device, picture: &Picture) -> Self {
+    pub fn new(device: &wgpu::Device, spec: &FrameSpec) -> Self {
         let texture = |format, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: None,
-                size: wgpu::Extent3d { width: picture.width_px, height: picture.height_px, depth_or_array_layers: 1 },
+                size: wgpu::Extent3d { width: spec.width_px, height: spec.height_px, depth_or_array_layers: 1 },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -193,13 +185,12 @@ impl Target {
         }
     }
 
-    /// The picture.
     pub fn colour(&self) -> &wgpu::Texture {
         &self.colour
     }
 }
 
-struct Maker<'a> {
+struct MeshUploader<'a> {
     device: &'a wgpu::Device,
     queue: &'a wgpu::Queue,
     tiles: Vec<Tile>,
@@ -208,14 +199,14 @@ struct Maker<'a> {
     corners: u64,
 }
 
-impl Maker<'_> {
+impl MeshUploader<'_> {
     fn tile(&mut self, city: &City, [i, j]: [i32; 2]) {
         let mut corners = Vec::new();
         let mut corner: Option<DVec2> = None;
         for (i, j) in (0..TILE_BLOCKS * TILE_BLOCKS).map(|k| (i + k % TILE_BLOCKS, j + k / TILE_BLOCKS)) {
             let Some(block) = city.plan.block([i, j]) else { continue };
             let origin = *corner.get_or_insert(block.streets[0] - 10.0);
-            triangles::of_block(&block, origin.extend(-1.0), &mut corners);
+            triangles::push_block(&block, origin.extend(-1.0), &mut corners);
         }
         let Some(origin) = corner else { return };
         let (low, high) =
@@ -250,7 +241,7 @@ impl Maker<'_> {
     }
 }
 
-/// 16 bits each: x, y, z, and colour (4 bits a channel) with the normal (up, or one of eight).
+/// 16 bits each: x, y, z, and colour (4 bits per channel) with the normal (up, or one of eight directions).
 fn words(corner: &Corner) -> [u32; 2] {
     let p = (corner.p * STEPS_PER_M).round().clamp(Vec3::ZERO, Vec3::splat(65535.0)).as_uvec3();
     let [r, g, b] = corner.rgb.map(|c| u32::from(c) >> 4);

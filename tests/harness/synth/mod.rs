@@ -1,14 +1,15 @@
-//! Cities by rule: as many buildings as are asked for, the same ones on every machine, without a source file.
+//! Generated cities with any number of buildings, the same on every machine.
 //!
-//! Around the middle of the city all sizes are alike: a city of a thousand buildings is the middle of one of a million. So
-//! the same cameras show what the size alone costs. `plan` says what stands where, `raster` and `columns` make a node of
-//! what stands in it (of a million buildings none is held), `triangles` gives the same city as a mesh.
+//! A smaller city is the middle of a larger one, so the same cameras show what size alone costs. `streets`, `blocks` and `plan` place the buildings,
+//! `raster` and `columns` make the columns of a node without holding the whole city, and `triangles` makes a mesh of the same
+//! city.
 
 pub mod blocks;
 pub mod columns;
 pub mod mesh;
 pub mod plan;
 pub mod raster;
+pub mod streets;
 pub mod triangles;
 
 use crate::view::Camera;
@@ -19,22 +20,20 @@ use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::Quality, tile_id::
 use plan::Plan;
 use std::path::Path;
 
-/// Raised whenever the same number of buildings would give another city.
+/// To be changed whenever the same number of buildings gives another city.
 const RULE: &str = "synth 1";
-/// Highest point that any building may reach.
-pub const HIGHEST_M: f64 = 190.0;
+pub const MAX_HEIGHT_M: f64 = 190.0;
 
-/// A plan on the quadtree's grid.
+/// A plan and its quadtree.
 #[derive(Debug, Clone)]
 pub struct City {
-    /// What stands where.
     pub plan: Plan,
-    /// Where nodes lie; the middle of the root square is the middle of the city.
+    /// The centre of the root is the centre of the city.
     pub grid: CityGrid,
 }
 
 impl City {
-    /// Of exactly `buildings` buildings, with leaves of `cell_m`.
+    /// A city of exactly `buildings` buildings with leaf cells of `cell_m`.
     pub fn new(buildings: u64, cell_m: f64) -> Result<Self> {
         let plan = Plan::new(buildings);
         let [low, high] = plan.bounds();
@@ -46,14 +45,13 @@ impl City {
         Ok(Self { plan, grid: CityGrid { corner: [-half, -half, 0.0], depth, cell_m } })
     }
 
-    /// Writes the city's folder.
     pub fn write(&self, out: &Path, threads: Option<usize>, progress: &dyn Progress) -> Result<Manifest> {
         let [low, high] = self.plan.bounds();
         let totals = self.plan.totals();
-        let made = GeneratedCity {
+        let generated = GeneratedCity {
             grid: self.grid,
             rule: format!("{RULE}, {} buildings", totals.buildings),
-            bounds: [low.extend(0.0).into(), high.extend(HIGHEST_M).into()],
+            bounds: [low.extend(0.0).into(), high.extend(MAX_HEIGHT_M).into()],
             ground_z_m: 0.0,
             objects: totals.buildings,
             triangles: totals.triangles,
@@ -68,10 +66,10 @@ impl City {
             quality,
             ..BakeOptions::default()
         };
-        Ok(bake_generated(&made, &|id| self.node(id), &options, progress)?)
+        Ok(bake_generated(&generated, &|id| self.node(id), &options, progress)?)
     }
 
-    /// A node's columns; `None` where the city is not.
+    /// The columns of a node; `None` outside the city.
     pub fn node(&self, id: TileId) -> Option<insula_bake::columns::voxels::VoxelNode> {
         let corner = DVec2::from(self.grid.node_corner(id));
         let raster = raster::Raster::new(&self.plan, corner, self.grid.cell_m_at(id.level()))?;
@@ -79,22 +77,20 @@ impl City {
     }
 }
 
-/// Where the cameras of the benches stand: the same places in cities of every size.
+/// Cameras of the measurements: the same in cities of every size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stand {
+pub enum Viewpoint {
     /// In the middle of a street, along it.
     Street,
-    /// Over the roofs, almost level.
+    /// Above the roofs, almost level.
     Roof,
-    /// High over the middle, a third of the way down.
+    /// High above the centre, looking down at an angle.
     Aerial,
 }
 
-impl Stand {
-    /// All.
+impl Viewpoint {
     pub const ALL: [Self; 3] = [Self::Street, Self::Roof, Self::Aerial];
 
-    /// As tables name it.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Street => "street",
@@ -103,9 +99,8 @@ impl Stand {
         }
     }
 
-    /// The camera.
     pub fn camera(self) -> Camera {
-        let street = DVec2::new(plan::street(0, 0), plan::street(1, 0) + 30.0);
+        let street = DVec2::new(streets::street(0, 0), streets::street(1, 0) + 30.0);
         let (position, ahead) = match self {
             Self::Street => (street.extend(1.7), DVec3::new(0.06, 1.0, 0.02)),
             Self::Roof => (street.extend(32.0), DVec3::new(0.55, 1.0, -0.08)),

@@ -1,54 +1,32 @@
-//! Streets and blocks: what stands where.
+//! Which blocks a city of a given size has.
 //!
-//! Blocks are named by two whole numbers, 0, 0 in the middle. Streets are not quite evenly apart. The city is a square of
-//! rings of blocks; in the outermost, the last blocks are left out where the number of buildings is reached.
+//! Blocks are numbered in two directions, with 0, 0 in the centre. The city consists of
+//! rings of blocks; the last blocks of the outermost ring are empty when the number of buildings is reached.
 
-use super::blocks::{self, Block};
-use crate::rng::Rng;
+use super::{
+    blocks::{self, Block},
+    streets::{JITTER_M, PITCH_M, street},
+};
 use glam::DVec2;
 
-/// Mean distance of streets along x and y.
-pub const PITCH_M: [f64; 2] = [88.0, 72.0];
-/// How far a street may be from its place.
-const JITTER_M: f64 = 7.0;
-/// Half of a street's width; of every fifth one.
-const HALF_STREET_M: [f64; 2] = [4.5, 10.0];
-/// Beyond the outermost streets there is that much more ground.
+/// Ground beyond the outermost streets.
 const RIM_M: f64 = 12.0;
 
-/// How much a city holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Totals {
-    /// Buildings.
     pub buildings: u64,
     /// Triangles of buildings, trees and ground.
     pub triangles: u64,
 }
 
-/// A city of a number of buildings.
 #[derive(Debug, Clone)]
 pub struct Plan {
     rings: i32,
-    /// Blocks of the outermost ring that are built, in their order.
+    /// Number of blocks with buildings in the outermost ring.
     last_blocks: usize,
-    /// Buildings of the last one of them.
+    /// Number of buildings in the last of them.
     last_buildings: usize,
     totals: Totals,
-}
-
-/// Place of the street's middle: `axis` 0 for streets that run north, at x; 1 for those that run east, at y.
-pub fn street(axis: usize, i: i32) -> f64 {
-    f64::from(i) * PITCH_M[axis] + Rng::new(key(i, 7 + axis as i32)).range(-JITTER_M, JITTER_M)
-}
-
-/// Half the width of a street.
-pub fn half_street(i: i32) -> f64 {
-    HALF_STREET_M[usize::from(i.rem_euclid(5) == 0)]
-}
-
-/// A seed from two numbers.
-pub fn key(a: i32, b: i32) -> u64 {
-    u64::from(a as u32) << 32 | u64::from(b as u32)
 }
 
 /// The blocks of a ring, in order.
@@ -57,7 +35,7 @@ fn ring(r: i32) -> Vec<[i32; 2]> {
     all.filter(|[i, j]| i.abs().max(j.abs()) == r).collect()
 }
 
-/// Where a block stands in the list that [`ring`] gives.
+/// Index of a block in [`ring`].
 fn place_in_ring(r: i32, [i, j]: [i32; 2]) -> usize {
     let row = (2 * r + 1) as usize;
     let place = match j {
@@ -69,7 +47,7 @@ fn place_in_ring(r: i32, [i, j]: [i32; 2]) -> usize {
 }
 
 impl Plan {
-    /// Of exactly `buildings` buildings (at least one).
+    /// A plan of exactly `buildings` buildings (at least one).
     pub fn new(buildings: u64) -> Self {
         let wanted = buildings.max(1);
         let mut plan = Self { rings: 0, last_blocks: 0, last_buildings: 0, totals: Totals::default() };
@@ -92,19 +70,18 @@ impl Plan {
         plan
     }
 
-    /// How much there is.
     pub fn totals(&self) -> Totals {
         self.totals
     }
 
-    /// South-west and north-east corner of the ground.
+    /// Corners of the ground.
     pub fn bounds(&self) -> [DVec2; 2] {
         let r = self.rings;
         let low = DVec2::new(street(0, -r), street(1, -r)) - RIM_M;
         [low, DVec2::new(street(0, r + 1), street(1, r + 1)) + RIM_M]
     }
 
-    /// The block `[i, j]` as far as it is built; `None` outside the city.
+    /// The block `[i, j]`; `None` outside the city.
     pub fn block(&self, [i, j]: [i32; 2]) -> Option<Block> {
         let r = i.abs().max(j.abs());
         if r > self.rings {
@@ -122,7 +99,7 @@ impl Plan {
         Some(block)
     }
 
-    /// Names of the blocks that may reach into a rectangle, row by row.
+    /// The blocks that may reach into a rectangle, row by row.
     pub fn blocks_in(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = [i32; 2]> + use<> {
         let r = self.rings;
         let first = |v: f64, axis: usize| (((v - JITTER_M) / PITCH_M[axis]).floor() as i32 - 1).clamp(-r, r);
@@ -135,10 +112,10 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use super::*;
+    use super::{super::streets::half_street, *};
 
     #[test]
-    fn a_plan_has_as_many_buildings_as_were_asked_for() {
+    fn a_plan_has_the_requested_number_of_buildings() {
         for wanted in [1, 10, 1000, 5000] {
             let plan = Plan::new(wanted);
             let [low, high] = plan.bounds();
@@ -150,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn places_in_rings() {
+    fn place_in_ring_is_the_index_in_the_ring() {
         for r in 0..5 {
             assert!(ring(r).into_iter().enumerate().all(|(n, at)| place_in_ring(r, at) == n), "{r}");
         }
@@ -165,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_keep_between_their_streets() {
+    fn blocks_lie_between_their_streets() {
         for i in -20..20 {
             let block = blocks::block(i, 3 * i);
             let low = DVec2::new(street(0, i) + half_street(i), street(1, 3 * i) + half_street(3 * i));

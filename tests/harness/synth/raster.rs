@@ -1,52 +1,46 @@
-//! What stands over a node's square, on a grid four times as fine as its columns.
+//! Samples of a node's area, four per side of a cell.
 //!
-//! The only thing that is held of the buildings under a node are those that are the highest at some sample: at most as many
-//! as there are samples, however large the city is.
+//! Only parts that are the highest at some sample are kept, so memory does not depend on the size of the city.
 
 use super::{blocks::Part, plan::Plan};
 use glam::DVec2;
 use insula_protocol::NODE_CELLS;
 
-/// Samples along a cell's side.
+/// Samples along the side of a cell.
 pub const SUB: usize = 4;
-/// Cells along the raster's side: the node's and one around.
+/// Cells along the side of the raster: the node and one cell around it.
 pub const CELLS: usize = NODE_CELLS + 2;
 const SIDE: usize = CELLS * SUB;
-/// How far parts may reach out of their block.
+/// How far parts may extend beyond their block.
 const REACH_M: f64 = 4.0;
 const STREET: [u8; 3] = [88, 88, 90];
 
 /// One vertical line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Highest point.
     pub top_m: f32,
-    /// Index of the part that has it, or [`GROUND`], or [`OUTSIDE`].
+    /// Index of the highest part, or [`GROUND`], or [`OUTSIDE`].
     pub part: u32,
-    /// Top of what is under a part that hangs here; NaN if it does not.
+    /// Height of the surface under a part that does not reach the ground; otherwise NaN.
     pub under_m: f32,
-    /// Colour of the ground.
     pub ground: [u8; 3],
 }
 
-/// No part is here.
 pub const GROUND: u32 = u32::MAX;
-/// Not even ground is here.
+/// There is no ground.
 pub const OUTSIDE: u32 = u32::MAX - 1;
 
-/// All of a node and one cell around.
+/// The samples of a node and one cell around it.
 #[derive(Debug, Clone)]
 pub struct Raster {
-    /// Side of a cell.
     pub cell_m: f64,
     low: DVec2,
-    /// What samples refer to.
     pub parts: Vec<Part>,
     samples: Vec<Sample>,
 }
 
 impl Raster {
-    /// Of the node with this south-west corner; `None` if the city's ground is not under it.
+    /// The raster of the node with this south-west corner; `None` outside the city.
     pub fn new(plan: &Plan, corner: DVec2, cell_m: f64) -> Option<Self> {
         let [ground_low, ground_high] = plan.bounds();
         let side_m = cell_m * NODE_CELLS as f64;
@@ -61,7 +55,7 @@ impl Raster {
         for at in plan.blocks_in(low - REACH_M, high + REACH_M) {
             let Some(block) = plan.block(at) else { continue };
             raster.pave(block.low, block.high, block.ground);
-            // What hangs comes after what it hangs over.
+            // Parts above the ground are drawn last.
             for hanging in [false, true] {
                 block.parts().filter(|part| (part.bottom_m > 0.0) == hanging).for_each(|part| raster.draw(part));
             }
@@ -69,13 +63,12 @@ impl Raster {
         Some(raster)
     }
 
-    /// The samples of a cell, row by row; `x`, `y` from -1 to `NODE_CELLS`.
+    /// The samples of a cell, row by row. `x` and `y` go from -1 to `NODE_CELLS`.
     pub fn cell(&self, x: i32, y: i32) -> [Sample; SUB * SUB] {
         let (x, y) = ((x + 1) as usize * SUB, (y + 1) as usize * SUB);
         std::array::from_fn(|k| self.samples[(y + k / SUB) * SIDE + x + k % SUB])
     }
 
-    /// Middle of a cell.
     pub fn centre(&self, x: i32, y: i32) -> DVec2 {
         self.low + (DVec2::new(f64::from(x), f64::from(y)) + 1.5) * self.cell_m
     }
@@ -84,7 +77,7 @@ impl Raster {
         self.cell_m / SUB as f64
     }
 
-    /// Samples whose place lies between two coordinates.
+    /// Samples between two coordinates.
     fn range(&self, from: f64, to: f64, axis: usize) -> std::ops::Range<usize> {
         let place = |v: f64| (((v - self.low[axis]) / self.step_m() - 0.5).ceil().max(0.0) as usize).min(SIDE);
         place(from)..place(to)

@@ -1,22 +1,17 @@
-//! The same city as triangles: four walls and a roof a box, an underside where it hangs, the ground.
+//! A city as triangles: walls, roofs, undersides and ground.
 
 use super::blocks::{Block, Part, Roof};
 use glam::{DVec2, DVec3, Vec3};
 
-/// A corner: place relative to an origin, colour in 8-bit sRGB, normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corner {
-    /// Metres from the origin.
     pub p: Vec3,
-    /// Unit vector.
     pub normal: Vec3,
-    /// 8-bit sRGB.
     pub rgb: [u8; 3],
 }
 
 const STREET: [u8; 3] = [88, 88, 90];
 
-/// Triangles of a box.
 pub fn count(part: &Part) -> u64 {
     let roof = match part.roof {
         Roof::Flat => 2,
@@ -25,10 +20,10 @@ pub fn count(part: &Part) -> u64 {
     8 + roof + if part.bottom_m > 0.0 { 2 } else { 0 }
 }
 
-/// All triangles of a block, three corners each, counter-clockwise from outside.
-pub fn of_block(block: &Block, origin: DVec3, out: &mut Vec<Corner>) {
+/// All triangles of a block, counter-clockwise from outside.
+pub fn push_block(block: &Block, origin: DVec3, out: &mut Vec<Corner>) {
     ground(block, origin, out);
-    block.parts().for_each(|part| of_part(part, origin, out));
+    block.parts().for_each(|part| push_part(part, origin, out));
 }
 
 fn ground(block: &Block, origin: DVec3, out: &mut Vec<Corner>) {
@@ -41,7 +36,7 @@ fn ground(block: &Block, origin: DVec3, out: &mut Vec<Corner>) {
     quad(flat(DVec2::new(block.low.x, low.y), DVec2::new(high.x, block.low.y)), STREET, origin, out);
 }
 
-fn of_part(part: &Part, origin: DVec3, out: &mut Vec<Corner>) {
+fn push_part(part: &Part, origin: DVec3, out: &mut Vec<Corner>) {
     let at = |u: f64, v: f64, z: f64| (part.centre + part.axis * u + part.axis.perp() * v).extend(z);
     let (u, v, low, high) = (part.half.x, part.half.y, part.bottom_m, part.eaves_m);
     let ring = [(-u, -v), (u, -v), (u, v), (-u, v)];
@@ -82,11 +77,11 @@ mod tests {
     use crate::synth::blocks::block;
 
     #[test]
-    fn counts_are_right_and_roofs_look_up() {
+    fn triangle_counts_are_exact_and_roofs_face_up() {
         for i in 0..30 {
             let block = block(i, -i);
             let mut corners = Vec::new();
-            of_block(&block, DVec3::ZERO, &mut corners);
+            push_block(&block, DVec3::ZERO, &mut corners);
             assert_eq!(corners.len() as u64, 3 * block.triangles());
             let under = corners.iter().filter(|c| c.normal.z < -1e-3).count();
             let hanging = block.parts().filter(|part| part.bottom_m > 0.0).count();

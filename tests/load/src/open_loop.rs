@@ -2,9 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use std::{
-    io::{BufRead, BufReader},
     net::SocketAddr,
-    process::{Child, Command, Stdio},
     sync::{
         Arc,
         atomic::{AtomicU64, Ordering::Relaxed},
@@ -12,7 +10,7 @@ use std::{
     time::Duration,
 };
 use tokio::{
-    io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader as AsyncBufReader},
+    io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader},
     net::TcpStream,
     time::{Instant, sleep_until},
 };
@@ -37,7 +35,7 @@ pub(crate) fn percentile(values: &mut [f64], fraction: f64) -> f64 {
 }
 
 /// Sends one request and reads its response. Returns the status code.
-async fn get(stream: &mut AsyncBufReader<TcpStream>, path: &str) -> Result<u16> {
+async fn get(stream: &mut BufReader<TcpStream>, path: &str) -> Result<u16> {
     stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: x\r\n\r\n").as_bytes()).await?;
     let (mut line, mut status, mut length) = (String::new(), 0, 0);
     loop {
@@ -78,7 +76,7 @@ pub(crate) async fn run(
                 sleep_until(due).await;
                 if stream.is_none() {
                     let connected = TcpStream::connect(address).await;
-                    stream = connected.ok().map(AsyncBufReader::new);
+                    stream = connected.ok().map(BufReader::new);
                 }
                 let path = &paths[next.fetch_add(7919, Relaxed) as usize % paths.len()];
                 let status = match &mut stream {
@@ -107,39 +105,6 @@ pub(crate) async fn run(
         all.failed += results.failed;
     }
     Ok(all)
-}
-
-/// A running server; killed when dropped.
-pub(crate) struct ServerProcess {
-    child: Child,
-    pub(crate) address: SocketAddr,
-}
-
-impl Drop for ServerProcess {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-impl ServerProcess {
-    /// Starts the program `server` with the city at `place`. `settings` are `key=value`. Fails if it does not listen.
-    pub(crate) fn start(server: &str, place: &str, settings: &[&str]) -> Result<Self> {
-        let mut command = Command::new(server);
-        command.args(["serve", place, "--listen", "127.0.0.1:0"]);
-        settings.iter().for_each(|setting| {
-            command.args(["--set", setting]);
-        });
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().context("the server has no standard output")?).read_line(&mut line)?;
-        let address = line.trim().strip_prefix("listening on http://").context(line.clone())?.parse()?;
-        Ok(Self { child, address })
-    }
-
-    pub(crate) fn pid(&self) -> u32 {
-        self.child.id()
-    }
 }
 
 /// Resident memory of a process in MiB; 0 if it has ended.

@@ -6,14 +6,13 @@
 //! The capacity does not depend on the machine: tiles come from a store that takes 100 ms, nothing is cached, and 64 requests
 //! may be in flight, so the server can serve about 640 requests per second.
 
-#[path = "../../faults/origin.rs"]
-mod origin;
-
 mod open_loop;
 
 use anyhow::Result;
-use open_loop::{LoadResults, ServerProcess, percentile, resident_mib};
+use insula_test_support::{faulty_host::FaultyHost, programs::ServerProcess};
+use open_loop::{LoadResults, percentile, resident_mib};
 use std::{
+    process::Command,
     sync::{Arc, atomic::Ordering::Relaxed},
     time::Duration,
 };
@@ -47,12 +46,12 @@ async fn main() -> Result<()> {
     let text = std::fs::read_to_string(paths)?;
     let paths: Arc<Vec<String>> =
         Arc::new(text.lines().filter(|l| l.contains("/blockmaps/")).map(str::to_owned).collect());
-    let origin = origin::Origin::start(std::path::Path::new(city));
+    let host = FaultyHost::start(std::path::Path::new(city));
     let in_flight = format!("limits.in_flight={IN_FLIGHT}");
     let cold = ["cache.memory_bytes=0", "cache.block_bytes=4096", "cache.fetches=1000", "limits.tile_bytes=0"];
-    let process =
-        ServerProcess::start(server, &origin.url(), &[&cold[..], &[&in_flight, "log.requests=none"]].concat())?;
-    origin.faults.slow_millis.store(STORE_DELAY_MS, Relaxed);
+    let settings = [&cold[..], &[&in_flight, "log.requests=none"]].concat();
+    let process = ServerProcess::start(&mut Command::new(server), &host.url(), "127.0.0.1:0", &settings)?;
+    host.faults.delay_ms.store(STORE_DELAY_MS, Relaxed);
     let (address, pid) = (process.address, process.pid());
     println!(
         "| phase | offered/s | accepted/s | p50 ms | p99 ms | 503s | p99 of 503s ms | failed |\n|---|---|---|---|---|---|---|---|"

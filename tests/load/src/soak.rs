@@ -5,8 +5,9 @@
 mod open_loop;
 
 use anyhow::{Result, ensure};
-use open_loop::{ServerProcess, percentile, resident_mib};
-use std::{sync::Arc, time::Duration};
+use insula_test_support::programs::ServerProcess;
+use open_loop::{percentile, resident_mib};
+use std::{process::Command, sync::Arc, time::Duration};
 
 #[tokio::main]
 async fn main() -> Result<()> {
@@ -17,7 +18,7 @@ async fn main() -> Result<()> {
     let secs: u64 = rest.first().map_or(Ok(600), |secs| secs.parse())?;
     let rate: f64 = rest.get(1).map_or(Ok(500.0), |rate| rate.parse())?;
     let paths: Arc<Vec<String>> = Arc::new(std::fs::read_to_string(paths)?.lines().map(str::to_owned).collect());
-    let process = ServerProcess::start(server, city, &[])?;
+    let process = ServerProcess::start(&mut Command::new(server), city, "127.0.0.1:0", &[])?;
     let (address, pid) = (process.address, process.pid());
     let mut resident = Vec::new();
     let (mut requests, mut failed) = (0, 0);

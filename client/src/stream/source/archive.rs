@@ -1,7 +1,7 @@
 //! A city's archives in a folder or on a plain host.
 
 use super::{PendingTile, TileSource};
-use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource, limits::max_tile_bytes};
+use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource};
 use insula_protocol::{TileKind, mesh_tile};
 use insula_viewer::{scene::TileKey, streamer::FetchError};
 
@@ -26,8 +26,7 @@ impl TileSource for ArchivedCity {
                 TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
                 TileKind::BlockMap | TileKind::Subtree => key.id,
             };
-            let bytes = self.city.archive(key.kind()).tile(id).await.map_err(from_archive)?;
-            bytes.filter(|bytes| bytes.len() <= max_tile_bytes(key.kind())).ok_or(FetchError::Missing)
+            self.city.archive(key.kind()).tile(id).await.map_err(from_archive)?.ok_or(FetchError::Missing)
         })
     }
 

@@ -1,6 +1,7 @@
 //! Fetched tiles kept on disk for the next time: `--disk-cache-mib`.
 //!
-//! Only tiles that decode are kept, under the city's name and version. Whatever fails here costs a fetch and no pixel.
+//! Only tiles that decode are kept, under the city's name, version and address: a server cannot place tiles into a city of
+//! another server. Whatever fails here costs a fetch and no pixel.
 
 use super::{PendingTile, TileSource};
 use crate::error::{ClientError, Result};
@@ -29,9 +30,10 @@ pub struct CachedCity {
 }
 
 impl CachedCity {
-    /// Tiles of the city of `manifest`, from `cache` or else from `inner`.
-    pub fn new(inner: Arc<dyn TileSource>, cache: Arc<DiskCache>, manifest: &Manifest) -> Self {
-        Self { inner, cache, prefix: format!("{}-{}", manifest.name, manifest.version) }
+    /// Tiles of the city of `manifest` at the URL `address`, from `cache` or else from `inner`.
+    pub fn new(inner: Arc<dyn TileSource>, cache: Arc<DiskCache>, address: &str, manifest: &Manifest) -> Self {
+        let Manifest { name, version, .. } = manifest;
+        Self { inner, cache, prefix: format!("{name}-{version}-{}", origin_hash(address)) }
     }
 
     fn cache_key(&self, key: TileKey) -> String {
@@ -39,6 +41,13 @@ impl CachedCity {
         let tile = format!("{}-{}-{}-{}-{}", self.prefix, key.kind().path_segment(), id.level(), id.x(), id.y());
         if key.kind() == TileKind::Mesh { format!("{tile}-{}", key.lod) } else { tile }
     }
+}
+
+/// 32 hexadecimal digits that differ between cities of other schemes, hosts, ports or paths.
+fn origin_hash(address: &str) -> String {
+    // Parsing gives the host in lower case, and leaves out the scheme's own port.
+    let address = reqwest::Url::parse(address).map_or(address.to_owned(), String::from);
+    blake3::hash(address.as_bytes()).to_hex()[..32].to_owned()
 }
 
 impl TileSource for CachedCity {
@@ -70,5 +79,59 @@ impl TileSource for CachedCity {
 
     fn location(&self) -> &str {
         self.inner.location()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_protocol::TileId;
+    use insula_viewer::{streamer::FetchError, test_support::manifest};
+
+    struct Nowhere;
+
+    impl TileSource for Nowhere {
+        fn tile(&self, _: TileKey) -> PendingTile<'_> {
+            Box::pin(async { Err(FetchError::Missing) })
+        }
+
+        fn location(&self) -> &str {
+            "nowhere"
+        }
+    }
+
+    #[test]
+    fn cities_of_the_same_name_and_version_at_other_addresses_share_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Arc::new(DiskCache::open(folder.path(), EXTENSION, 1 << 20).unwrap());
+        let city = |address: &str| CachedCity::new(Arc::new(Nowhere), cache.clone(), address, &manifest(3));
+        let key = TileKey::mesh(TileId::new(20, 1_000_000, 1_000_000).unwrap(), 3);
+        let evil = [
+            "http://h:7700/v1/cities/test",
+            "https://h/v1/cities/test",
+            "http://h/x/test",
+            "http://h.evil/v1/cities/test",
+        ];
+        evil.iter().for_each(|address| city(address).keep(key, &Bytes::from_static(b"evil")));
+        let real = "http://h/v1/cities/test";
+        assert!(!city(real).is_local(key));
+        city(real).keep(key, &Bytes::from_static(b"real"));
+        assert!(city("HTTP://H:80/v1/cities/test").is_local(key), "the same address");
+        assert_eq!(cache.read(&city(real).cache_key(key)).unwrap(), "real");
+    }
+
+    #[test]
+    fn the_longest_names_are_valid_keys() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Arc::new(DiskCache::open(folder.path(), EXTENSION, 1 << 20).unwrap());
+        let mut manifest = manifest(3);
+        (manifest.name, manifest.version) = ("n".repeat(64), "v".repeat(64));
+        let city = CachedCity::new(Arc::new(Nowhere), cache, "http://h", &manifest);
+        for key in [TileKey::mesh, |id, _| TileKey::block_map(id), |id, _| TileKey::subtree(id)]
+            .map(|key| key(TileId::new(20, 1_000_000, 1_000_000).unwrap(), 3))
+        {
+            city.keep(key, &Bytes::from_static(b"x"));
+            assert!(city.is_local(key), "{key:?}");
+        }
     }
 }

@@ -12,15 +12,17 @@ use std::sync::Arc;
 pub struct ServerSource {
     http: Arc<Http>,
     base: String,
+    /// Appended to each address: a share link, or empty.
+    query: String,
     name: String,
     version: String,
 }
 
 impl ServerSource {
-    /// The city of `manifest` on the server at `base` (`http://host:port`).
-    pub fn new(http: Arc<Http>, base: &str, manifest: &Manifest) -> Self {
+    /// The city of `manifest` on the server at `base` (`http://host:port`). `query` is appended to the address of each tile.
+    pub fn new(http: Arc<Http>, base: &str, query: &str, manifest: &Manifest) -> Self {
         let base = base.trim_end_matches('/').to_owned();
-        Self { http, base, name: manifest.name.clone(), version: manifest.version.clone() }
+        Self { http, base, query: query.to_owned(), name: manifest.name.clone(), version: manifest.version.clone() }
     }
 }
 
@@ -30,7 +32,7 @@ impl TileSource for ServerSource {
             TileKind::Mesh => route::mesh(&self.name, &self.version, key.id, key.lod),
             kind => route::tile(&self.name, &self.version, kind, key.id),
         };
-        let url = format!("{}{path}", self.base);
+        let url = format!("{}{path}{}", self.base, self.query);
         Box::pin(async move { self.http.get(&url, max_tile_bytes(key.kind())).await })
     }
 

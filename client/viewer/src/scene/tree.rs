@@ -2,6 +2,7 @@
 
 use super::{
     key::TileKey,
+    memory::TreeMemory,
     tile::{TileEvent, TileRecord},
 };
 use glam::DVec3;
@@ -10,15 +11,31 @@ use insula_protocol::{
     subtree::{MeshLod, NodeInfo},
 };
 use insula_shaders::mesh::pages_guess;
-use std::collections::HashMap;
+use std::{collections::HashMap, num::NonZeroU32};
 
 /// Pages that a V-BlockMap is assumed to take until [`MIN_SAMPLES`] have been decoded. After that, the average is assumed.
 const DEFAULT_PAGES: u32 = 6;
 const MIN_SAMPLES: u64 = 8;
 
-/// Index of a node in [`SceneTree::nodes`]. Stays valid for the life of the tree.
+/// Memory for a node: its slot, its entry in the index by id, and what selections record about it.
+pub(super) const NODE_BYTES: usize = size_of::<NodeSlot>() + 2 * size_of::<(TileId, NodeIndex)>() + 64;
+/// Memory for a leaf's level of detail.
+pub(super) const LOD_BYTES: usize = size_of::<LeafLod>();
+
+/// Index of a known node. Stays valid until the node is evicted, and never names another node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct NodeIndex(pub u32);
+pub struct NodeIndex {
+    slot: u32,
+    /// Number of the node among all that were ever known.
+    serial: NonZeroU32,
+}
+
+impl NodeIndex {
+    /// Position among [`SceneTree::slots`], which a later node may take over.
+    pub(crate) fn slot(self) -> usize {
+        self.slot as usize
+    }
+}
 
 /// A known node. Lengths in metres, world coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,13 +90,25 @@ impl LeafLod {
 #[derive(Debug, Clone)]
 pub struct SceneTree {
     manifest: Manifest,
-    nodes: Vec<TreeNode>,
+    slots: Vec<NodeSlot>,
+    /// Slots without a node.
+    vacant: Vec<u32>,
+    last_serial: NonZeroU32,
     /// State of the root's V-BlockMap while the root is unknown: it may arrive before the subtree.
     root_tile: TileRecord,
     index: HashMap<TileId, NodeIndex>,
-    subtrees: HashMap<TileId, TileRecord>,
+    pub(super) subtrees: HashMap<TileId, TileRecord>,
     decoded: DecodedPages,
     has_meshes: bool,
+    pub(super) memory: TreeMemory,
+}
+
+/// Place of a node.
+#[derive(Debug, Clone)]
+struct NodeSlot {
+    /// `None` while the slot is vacant.
+    serial: Option<NonZeroU32>,
+    node: TreeNode,
 }
 
 /// Total pages of the V-BlockMaps that have been decoded.
@@ -94,12 +123,15 @@ impl SceneTree {
     pub fn new(manifest: Manifest) -> Self {
         Self {
             manifest,
-            nodes: Vec::new(),
+            slots: Vec::new(),
+            vacant: Vec::new(),
+            last_serial: NonZeroU32::MIN,
             root_tile: TileRecord::default(),
             index: HashMap::new(),
             subtrees: HashMap::new(),
             decoded: DecodedPages::default(),
             has_meshes: true,
+            memory: TreeMemory::default(),
         }
     }
 
@@ -123,14 +155,45 @@ impl SceneTree {
         self.index.get(&id).copied()
     }
 
-    /// A node.
+    /// A node, which must not have been evicted.
     pub fn node(&self, index: NodeIndex) -> &TreeNode {
-        &self.nodes[index.0 as usize]
+        debug_assert!(self.is_known(index), "{index:?} was evicted");
+        &self.slots[index.slot()].node
+    }
+
+    fn node_mut(&mut self, index: NodeIndex) -> &mut TreeNode {
+        debug_assert!(self.is_known(index), "{index:?} was evicted");
+        &mut self.slots[index.slot()].node
+    }
+
+    /// Whether the node of `index` has not been evicted.
+    pub fn is_known(&self, index: NodeIndex) -> bool {
+        self.slots.get(index.slot()).is_some_and(|slot| slot.serial == Some(index.serial))
     }
 
     /// All known nodes.
-    pub fn nodes(&self) -> &[TreeNode] {
-        &self.nodes
+    pub fn nodes(&self) -> impl Iterator<Item = &TreeNode> {
+        self.slots.iter().filter(|slot| slot.serial.is_some()).map(|slot| &slot.node)
+    }
+
+    /// Number of known nodes.
+    pub fn len(&self) -> usize {
+        self.index.len()
+    }
+
+    /// Whether no node is known.
+    pub fn is_empty(&self) -> bool {
+        self.index.is_empty()
+    }
+
+    /// The most nodes that were known at once: all [`NodeIndex::slot`]s are below this.
+    pub(crate) fn slots(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Number of the node that became known last.
+    pub(crate) fn last_serial(&self) -> NonZeroU32 {
+        self.last_serial
     }
 
     /// State of the subtree below `root`.
@@ -162,7 +225,7 @@ impl SceneTree {
                 lod.pages = pages;
             }
         } else if let Some(index) = self.find(key.id)
-            && self.nodes[index.0 as usize].pages.replace(pages).is_none()
+            && self.node_mut(index).pages.replace(pages).is_none()
         {
             self.decoded.pages += u64::from(pages);
             self.decoded.nodes += 1;
@@ -171,7 +234,7 @@ impl SceneTree {
 
     fn lod_mut(&mut self, key: TileKey) -> Option<&mut LeafLod> {
         let index = self.find(key.id)?;
-        self.nodes[index.0 as usize].lods.get_mut(usize::from(key.lod))
+        self.node_mut(index).lods.get_mut(usize::from(key.lod))
     }
 
     /// State of a tile; `None` if its node or level of detail is unknown.
@@ -193,9 +256,12 @@ impl SceneTree {
     /// state.
     pub fn apply(&mut self, key: TileKey, event: TileEvent) -> bool {
         match key.kind() {
-            TileKind::Subtree => self.subtrees.entry(key.id).or_default().apply(event),
+            TileKind::Subtree => {
+                self.forget_loose_subtrees();
+                self.subtrees.entry(key.id).or_default().apply(event)
+            }
             TileKind::BlockMap => match self.find(key.id) {
-                Some(index) => self.nodes[index.0 as usize].tile.apply(event),
+                Some(index) => self.node_mut(index).tile.apply(event),
                 None => key.id == TileId::ROOT && self.root_tile.apply(event),
             },
             TileKind::Mesh => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
@@ -209,6 +275,7 @@ impl SceneTree {
 
     /// Adds a subtree's nodes. Ignores nodes that are known, whose parent is unknown, or that are deeper than the manifest allows.
     pub fn merge(&mut self, subtree: &Subtree) {
+        self.mark_listing_used(subtree);
         for info in &subtree.nodes {
             if info.id.level() > self.manifest.depth || self.index.contains_key(&info.id) {
                 continue;
@@ -217,21 +284,55 @@ impl SceneTree {
             if info.id != TileId::ROOT && parent.is_none() {
                 continue;
             }
-            let index = NodeIndex(self.nodes.len() as u32);
             let node = TreeNode { parent, ..self.new_node(info) };
-            self.nodes.push(node);
-            self.index.insert(info.id, index);
+            let index = self.insert(node);
+            self.memory.add_node(info.id, NODE_BYTES);
             if let Some(parent) = parent {
-                self.nodes[parent.0 as usize].children[info.id.quadrant()] = Some(index);
+                self.node_mut(parent).children[info.id.quadrant()] = Some(index);
             }
         }
-        for mesh in subtree.meshes.iter().filter(|_| self.has_meshes) {
+        let has_meshes = self.has_meshes;
+        for mesh in subtree.meshes.iter().filter(|_| has_meshes) {
             let Some(index) = self.find(mesh.id) else { continue };
-            let node = &mut self.nodes[index.0 as usize];
+            let node = self.node_mut(index);
             if node.child_mask == 0 && node.lods.is_empty() {
                 node.lods = mesh.lods.iter().map(LeafLod::new).collect();
+                self.memory.add_bytes(mesh.id, mesh.lods.len() * LOD_BYTES);
             }
         }
+    }
+
+    fn insert(&mut self, node: TreeNode) -> NodeIndex {
+        self.last_serial = self.last_serial.checked_add(1).unwrap_or(NonZeroU32::MIN);
+        let (id, serial) = (node.id, self.last_serial);
+        let filled = NodeSlot { serial: Some(serial), node };
+        let slot = match self.vacant.pop() {
+            Some(slot) => {
+                self.slots[slot as usize] = filled;
+                slot
+            }
+            None => {
+                self.slots.push(filled);
+                self.slots.len() as u32 - 1
+            }
+        };
+        let index = NodeIndex { slot, serial };
+        self.index.insert(id, index);
+        index
+    }
+
+    /// Removes a node without known children, and returns it.
+    pub(super) fn remove(&mut self, id: TileId) -> Option<TreeNode> {
+        let index = self.index.remove(&id)?;
+        if let Some(parent) = self.node(index).parent {
+            self.node_mut(parent).children[id.quadrant()] = None;
+        }
+        let slot = self.slots.get_mut(index.slot())?;
+        slot.serial = None;
+        let removed = slot.node.clone();
+        (slot.node.parent, slot.node.children, slot.node.lods) = (None, [None; 4], Vec::new());
+        self.vacant.push(index.slot);
+        Some(removed)
     }
 
     /// A node without a parent.

@@ -25,6 +25,7 @@ pub(super) fn is_box_inside_view(planes: &[FrustumPlane; 5], centre: DVec3, half
 mod tests {
     use super::*;
     use crate::camera::{Camera, View};
+    use insula_test_support::rng::Rng;
 
     fn planes(position: [f64; 3], target: [f64; 3]) -> [FrustumPlane; 5] {
         let camera = Camera::look_at(position.into(), target.into(), DVec3::Z, 1.0).unwrap();
@@ -46,9 +47,10 @@ mod tests {
     fn boxes_in_view_are_never_culled() {
         let planes = planes([10.0, -5.0, 30.0], [40.0, 60.0, 0.0]);
         let (mut in_view, mut culled) = (0, 0);
-        for i in 0..20_000u32 {
-            let r = |k: u32| f64::from(i.wrapping_mul(2_654_435_761).rotate_left(k * 7) % 1000) / 10.0 - 50.0;
-            let (centre, half) = (DVec3::new(r(1), r(2), r(3)), DVec3::new(r(4), r(5), r(1)).abs() * 0.1);
+        let mut rng = Rng::new(1);
+        for _ in 0..20_000 {
+            let mut point = |reach: f64| DVec3::from([0; 3].map(|_: i32| rng.range(-reach, reach)));
+            let (centre, half) = (point(50.0), point(5.0).abs());
             let corners = (0..9).map(|c| {
                 let s = |bit: i32| if c == 8 { 0.0 } else { f64::from((c >> bit & 1) * 2 - 1) };
                 centre + half * DVec3::new(s(0), s(1), s(2))

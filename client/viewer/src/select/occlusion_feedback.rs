@@ -59,14 +59,22 @@ pub struct OcclusionFeedback {
     last: Option<LastFrame>,
     /// Draw list of the last frame, and the most pixels that it was drawn with.
     covered: Option<(u64, u64)>,
-    /// For each node, the last frame in which it, or something in it, was hit.
-    hit: Vec<u32>,
-    /// For each node, the last frame in which it, or something in it, was next to a node that was hit.
-    near_hit: Vec<u32>,
-    /// For each node, the last frame in which it, or something in it, was drawn.
-    drawn: Vec<u32>,
-    /// For each node, pixels of the present frame. All zero outside of [`OcclusionFeedback::update`].
-    pixels: Vec<u32>,
+    /// By the nodes' slots.
+    marks: Vec<NodeMarks>,
+}
+
+/// What is recorded about a node. All zero for another node than that of `node`.
+#[derive(Debug, Clone, Copy, Default)]
+struct NodeMarks {
+    node: Option<NodeIndex>,
+    /// The last frame in which it, or something in it, was hit.
+    hit: u32,
+    /// The last frame in which it, or something in it, was next to a node that was hit.
+    near_hit: u32,
+    /// The last frame in which it, or something in it, was drawn.
+    drawn: u32,
+    /// Pixels of the present frame. Zero outside of [`OcclusionFeedback::update`].
+    pixels: u32,
 }
 
 #[derive(Debug, Clone)]
@@ -81,22 +89,53 @@ impl OcclusionFeedback {
     pub fn update(&mut self, query: &OcclusionQuery, pixels: &[u32], is_complete: bool, tree: &SceneTree) {
         let frame_pixels = u64::from(query.view.width_px) * u64::from(query.view.height_px);
         self.begin_frame(query, frame_pixels, is_complete);
-        for marks in [&mut self.hit, &mut self.near_hit, &mut self.drawn, &mut self.pixels] {
-            marks.resize(tree.nodes().len(), 0);
-        }
-        for (node, pixels) in query.nodes.iter().zip(pixels) {
-            self.pixels[node.0 as usize] += *pixels;
+        self.marks.resize(tree.slots(), NodeMarks::default());
+        let known = || query.nodes.iter().zip(pixels).filter(|(node, _)| tree.is_known(**node));
+        for (node, pixels) in known() {
+            self.marks_mut(*node).pixels += *pixels;
         }
         let min_pixels = ((frame_pixels as f64 * MIN_PIXEL_SHARE) as u32).max(1);
-        for node in &query.nodes {
-            mark_with_ancestors(&mut self.drawn, tree, Some(*node), self.frame);
-            if std::mem::take(&mut self.pixels[node.0 as usize]) >= min_pixels {
-                mark_with_ancestors(&mut self.hit, tree, Some(*node), self.frame);
+        for (node, _) in known() {
+            self.mark_with_ancestors(tree, Some(*node), |marks| &mut marks.drawn);
+            if std::mem::take(&mut self.marks_mut(*node).pixels) >= min_pixels {
+                self.mark_with_ancestors(tree, Some(*node), |marks| &mut marks.hit);
                 for neighbour in neighbours(tree.node(*node).id) {
-                    mark_with_ancestors(&mut self.near_hit, tree, tree.find(neighbour), self.frame);
+                    self.mark_with_ancestors(tree, tree.find(neighbour), |marks| &mut marks.near_hit);
                 }
             }
         }
+    }
+
+    /// What is recorded about a known node. Drops what was recorded about an evicted one in its slot.
+    fn marks_mut(&mut self, node: NodeIndex) -> &mut NodeMarks {
+        let marks = &mut self.marks[node.slot()];
+        if marks.node != Some(node) {
+            *marks = NodeMarks { node: Some(node), ..NodeMarks::default() };
+        }
+        marks
+    }
+
+    /// Marks a node and its ancestors with the present frame.
+    fn mark_with_ancestors(
+        &mut self,
+        tree: &SceneTree,
+        mut node: Option<NodeIndex>,
+        field: impl Fn(&mut NodeMarks) -> &mut u32,
+    ) {
+        let frame = self.frame;
+        while let Some(index) = node {
+            let mark = field(self.marks_mut(index));
+            if *mark == frame {
+                return;
+            }
+            *mark = frame;
+            node = tree.node(index).parent;
+        }
+    }
+
+    /// What is recorded about a node.
+    fn marks(&self, node: NodeIndex) -> NodeMarks {
+        self.marks.get(node.slot()).filter(|marks| marks.node == Some(node)).copied().unwrap_or_default()
     }
 
     fn begin_frame(&mut self, query: &OcclusionQuery, frame_pixels: u64, is_complete: bool) {
@@ -133,25 +172,26 @@ impl OcclusionFeedback {
 
     /// Whether a ray has hit a node, or something in it, since the camera is still.
     pub(super) fn was_visible(&self, node: NodeIndex) -> bool {
-        self.hit.get(node.0 as usize).is_some_and(|frame| *frame >= self.still_since.max(1))
+        self.marks(node).hit >= self.still_since.max(1)
     }
 
     /// The visibility of a node in `view`; `parent` is that of its parent.
     pub(super) fn visibility(&self, index: NodeIndex, tree: &SceneTree, view: &View, parent: Visibility) -> Visibility {
         let Some(last) = &self.last else { return Visibility::Visible };
-        let is_recent = |marks: &[u32]| marks.get(index.0 as usize).is_some_and(|frame| *frame >= self.first_frame());
-        if is_recent(&self.hit) {
+        let marks = self.marks(index);
+        let is_recent = |frame: u32| frame >= self.first_frame();
+        if is_recent(marks.hit) {
             return Visibility::Visible;
         }
         let node = tree.node(index);
-        let is_near_hit = is_recent(&self.near_hit) && !self.is_camera_still(view);
+        let is_near_hit = is_recent(marks.near_hit) && !self.is_camera_still(view);
         let was_inside_last_frame =
             || has_same_rays(&last.view, view) || cull::is_box_inside_view(&last.planes, node.centre, node.half);
         if is_near_hit || !was_inside_last_frame() {
             return Visibility::Unknown;
         }
-        match self.drawn.get(index.0 as usize) {
-            Some(frame) if *frame == self.frame => Visibility::Occluded,
+        match marks.drawn {
+            frame if frame == self.frame => Visibility::Occluded,
             _ if parent == Visibility::Occluded => Visibility::Occluded,
             _ => Visibility::Unknown,
         }
@@ -162,17 +202,6 @@ impl OcclusionFeedback {
         let is_still = self.still_since < self.frame;
         let recent = if is_still { self.frame } else { self.frame.saturating_sub(LINGER_FRAMES - 1) };
         self.complete_since.unwrap_or(u32::MAX).min(recent).max(1)
-    }
-}
-
-/// Marks a node and its ancestors with a frame.
-fn mark_with_ancestors(marks: &mut [u32], tree: &SceneTree, mut node: Option<NodeIndex>, frame: u32) {
-    while let Some(index) = node
-        && let Some(mark) = marks.get_mut(index.0 as usize)
-        && *mark != frame
-    {
-        *mark = frame;
-        node = tree.node(index).parent;
     }
 }
 

@@ -44,7 +44,9 @@ fn request_subtrees_at_eye(ctx: &SelectionContext<'_>, selection: &mut Selection
             None => !is_parent_known,
         };
         let tile = tree.subtree(id);
-        if is_too_coarse && may_exist && !tile.is_bad() && !tile.is_resident() {
+        if is_too_coarse && may_exist && tile.is_resident() {
+            selection.used_subtrees.push(id);
+        } else if is_too_coarse && may_exist && !tile.is_bad() {
             selection.requests.push(TileRequest::entry_point(TileKey::subtree(id)));
         }
     }

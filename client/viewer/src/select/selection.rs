@@ -2,6 +2,7 @@
 
 use super::priority::TileRequest;
 use crate::scene::{NodeIndex, TileKey};
+use insula_protocol::TileId;
 
 /// One entry of the draw list: a node's area, and the tile that is drawn there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +29,8 @@ pub struct Selection {
     pub used_nodes: Vec<NodeIndex>,
     /// Resident meshes that must not be evicted.
     pub used_meshes: Vec<TileKey>,
+    /// Roots of the subtrees around the eye, which must not be evicted even if they are out of view.
+    pub used_subtrees: Vec<TileId>,
     /// Tiles to fetch, most important first.
     pub requests: Vec<TileRequest>,
     pub stats: SelectionStats,

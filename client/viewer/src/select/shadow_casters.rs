@@ -32,8 +32,9 @@ pub struct ShadowCasters {
     pub nodes: Vec<NodeIndex>,
     /// Tiles to fetch, most important first.
     pub requests: Vec<TileRequest>,
+    /// Nodes that the selection visited.
+    pub(crate) visited: Vec<NodeIndex>,
     pages: u32,
-    visited: u32,
 }
 
 /// The shadow casters of a frame; none while the sun is below the horizon.
@@ -95,8 +96,8 @@ impl ShadowWalker<'_> {
                 continue;
             }
             casters.pages += self.tree.node_pages(index);
-            casters.visited += 1;
-            if casters.pages > self.view.budget_pages || casters.visited > self.view.budget_nodes {
+            casters.visited.push(index);
+            if casters.pages > self.view.budget_pages || casters.visited.len() > self.view.budget_nodes as usize {
                 return None;
             }
             let error_px = self.error_px(node, sweep);

@@ -140,7 +140,7 @@ fn drawn_sources(tree: &SceneTree, selection: &Selection) -> Vec<TileId> {
 }
 
 fn resident_nodes(tree: &SceneTree) -> Vec<TileId> {
-    tree.nodes().iter().filter(|node| node.tile.is_resident()).map(|node| node.id).collect()
+    tree.nodes().filter(|node| node.tile.is_resident()).map(|node| node.id).collect()
 }
 
 fn error_px(view: &View, node: &TreeNode, error_m: f64) -> f64 {

@@ -96,18 +96,18 @@ struct TransitionIndex(Vec<u32>);
 
 impl TransitionIndex {
     fn get(&self, node: NodeIndex) -> Option<usize> {
-        (*self.0.get(node.0 as usize)? as usize).checked_sub(1)
+        (*self.0.get(node.slot())? as usize).checked_sub(1)
     }
 
     fn set(&mut self, node: NodeIndex, position: usize) {
-        if let Some(slot) = self.0.get_mut(node.0 as usize) {
+        if let Some(slot) = self.0.get_mut(node.slot()) {
             *slot = position as u32 + 1;
         }
     }
 
     fn clear(&mut self, transitions: &[Transition]) {
-        for node in transitions.iter().map(|t| t.node.0 as usize) {
-            if let Some(slot) = self.0.get_mut(node) {
+        for node in transitions.iter().map(|t| t.node) {
+            if let Some(slot) = self.0.get_mut(node.slot()) {
                 *slot = 0;
             }
         }
@@ -175,10 +175,15 @@ impl Transitions {
         if !self.is_enabled {
             self.reset();
         }
-        let before = std::mem::take(&mut self.tiles);
+        let mut before = std::mem::take(&mut self.tiles);
+        if before.iter().any(|transition| !tree.is_known(transition.node)) {
+            self.index.clear(&before);
+            before.retain(|transition| tree.is_known(transition.node));
+            before.iter().enumerate().for_each(|(position, transition)| self.index.set(transition.node, position));
+        }
         let (mut after, mut index) = std::mem::take(&mut self.spare);
         after.clear();
-        index.0.resize(tree.nodes().len(), 0);
+        index.0.resize(tree.slots(), 0);
         let mut step = TransitionStep { tree, secs, fading_count: 0, needs_feedback: false, after, index };
         step.add_draw_list(selection, &before, &self.index);
         step.add_finer_nodes(&before);

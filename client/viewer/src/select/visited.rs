@@ -66,6 +66,11 @@ impl Visit {
 }
 
 impl SelectionScratch {
+    /// The nodes that the last selection visited.
+    pub(crate) fn visited_nodes(&self) -> impl Iterator<Item = NodeIndex> {
+        self.visits.iter().map(|visit| visit.node)
+    }
+
     pub(super) fn clear(&mut self) {
         self.visits.clear();
         self.candidates.clear();

@@ -23,7 +23,7 @@ pub(super) struct AdaptiveThreshold {
     is_changing: bool,
 }
 
-/// What a selection tells about its threshold.
+/// The result of a selection, to which the threshold adapts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SelectionOutcome {
     /// Error threshold that the selection reached, divided by the requested tau.

@@ -106,6 +106,7 @@ pub struct Downloads<F> {
     in_flight: HashMap<TileKey, InFlight>,
     last_ticket: u64,
     failing_since: Option<Duration>,
+    last_success: Duration,
     last_error: String,
     /// Why this source will never serve the city.
     fatal: Option<String>,
@@ -120,6 +121,7 @@ impl<F: TileFetcher> Downloads<F> {
             in_flight: HashMap::new(),
             last_ticket: 0,
             failing_since: None,
+            last_success: Duration::ZERO,
             last_error: String::new(),
             fatal: None,
         }
@@ -156,6 +158,7 @@ impl<F: TileFetcher> Downloads<F> {
                         self.source_responded();
                         self.queue.concurrency.succeeded(duration);
                     }
+                    self.last_success = now;
                     tree.apply(key, TileEvent::Arrive);
                     return Some((key, decoded));
                 }
@@ -209,6 +212,12 @@ impl<F: TileFetcher> Downloads<F> {
     /// Since when no request has succeeded; `None` while the source responds.
     pub fn failing_since(&self) -> Option<Duration> {
         self.failing_since
+    }
+
+    /// Since when requests have been in flight and none has succeeded; `None` if nothing is in flight.
+    pub fn waiting_since(&self) -> Option<Duration> {
+        let oldest = self.in_flight.values().map(|flight| flight.since).min();
+        oldest.map(|since| since.max(self.last_success))
     }
 
     /// The error of the last failed request; empty if none failed.

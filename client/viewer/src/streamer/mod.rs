@@ -23,7 +23,7 @@ mod tile_store;
 mod upload_queue;
 
 use crate::{
-    cache::{AtlasCache, Upload, slots_for},
+    cache::{Upload, slots_for},
     camera::{Camera, View},
     frame::{FrameData, FrameInputs, RenderSettings},
     scene::{SceneTree, TileKey},
@@ -43,11 +43,12 @@ pub use frame_request::FrameRequest;
 use glam::DVec3;
 use idle_prefetch::Lookahead;
 pub use idle_prefetch::{FEEDBACK_DOWNSCALE, LookaheadState};
+use insula_protocol::TileKind;
 use occlusion_gate::OcclusionGate;
 use request_policy::{RequestPhase, RequestPolicy};
 use std::{collections::HashSet, time::Duration};
-pub use tile_store::TileCounts;
 use tile_store::TileStore;
+pub use upload_queue::TileCounts;
 
 /// Share of the cache that one view may fill. The rest keeps what was needed recently.
 const BUDGET_SHARE: f64 = 0.85;
@@ -112,7 +113,7 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Replaces the empty cache by one of `pages` pages, once the adapter is open.
     pub fn resize_cache(&mut self, pages: u32) {
-        self.tiles.cache = AtlasCache::new(pages);
+        self.tiles.resize_cache(pages);
     }
 
     /// The view of a request seen from `camera`, with this cache's budget.
@@ -218,10 +219,28 @@ impl<F: TileFetcher> Streamer<F> {
         });
         self.selected_at = now;
         self.select_shadow_casters(&view);
+        self.mark_used_subtrees();
         self.pin_used_tiles();
         if let Some(heading) = request.heading {
             self.preload(request, heading);
         }
+    }
+
+    /// Marks the subtrees that the last selection needs, which are not evicted. Drops requests for more than fit beside them.
+    fn mark_used_subtrees(&mut self) {
+        let tree = &mut self.tiles.tree;
+        tree.begin_frame();
+        let visited = self.scratch.visited_nodes().chain(self.casters.visited.iter().copied());
+        visited.for_each(|node| tree.mark_visited(node));
+        self.transitions.fading_sources().for_each(|(node, _)| tree.mark_used(node));
+        self.selection.used_subtrees.iter().for_each(|root| tree.mark_subtree_used(*root));
+        let mut requestable = tree.requestable_subtrees();
+        self.selection.requests.retain(|request| {
+            let is_subtree = request.key.kind() == TileKind::Subtree;
+            let is_kept = !is_subtree || requestable > 0;
+            requestable = requestable.saturating_sub(usize::from(is_subtree));
+            is_kept
+        });
     }
 
     /// Pins the tiles of the last selection in the cache.
@@ -263,8 +282,10 @@ impl<F: TileFetcher> Streamer<F> {
             return;
         }
         let ahead = select(&self.view(request, heading), &self.tiles.tree, &self.feedback, &mut self.scratch);
+        let has_room = self.tiles.tree.prefetchable_subtrees() > 0;
         for mut wanted in ahead.requests {
-            if !self.selection.requests.iter().any(|w| w.key == wanted.key) {
+            let fits = has_room || wanted.key.kind() != TileKind::Subtree;
+            if fits && !self.selection.requests.iter().any(|w| w.key == wanted.key) {
                 wanted.group = PriorityGroup::Preload;
                 self.selection.requests.push(wanted);
             }
@@ -340,7 +361,10 @@ impl<F: TileFetcher> Streamer<F> {
             self.lookahead.select(&view, &self.tiles.tree, &mut self.scratch);
         }
         let next = self.lookahead.selection.requests.first();
-        let does_not_fit = |key| self.tiles.tree.tile_pages(key) > self.tiles.spare_pages();
+        let does_not_fit = |key: TileKey| match key.kind() {
+            TileKind::Subtree => self.tiles.tree.prefetchable_subtrees() == 0,
+            _ => self.tiles.tree.tile_pages(key) > self.tiles.spare_pages(),
+        };
         if self.tiles.uploads.is_empty() && next.is_some_and(|w| does_not_fit(w.key)) {
             self.lookahead.end();
         }

@@ -13,15 +13,19 @@ const CAPACITY: usize = 16;
 pub(super) struct PendingSubtrees(Vec<(TileKey, Subtree)>);
 
 impl PendingSubtrees {
-    /// Adds a subtree, and merges all that can be merged now. Returns how many were merged.
+    /// Adds a subtree, and merges all that can be merged now, for which others are evicted. Returns how many were merged.
     pub(super) fn push(&mut self, key: TileKey, subtree: Subtree, tree: &mut SceneTree) -> u64 {
         self.0.push((key, subtree));
         let mut merged = 0;
         while let Some(position) = self.0.iter().position(|(key, _)| is_root_known(*key, tree)) {
             let (key, subtree) = self.0.swap_remove(position);
-            tree.merge(&subtree);
-            tree.apply(key, TileEvent::Upload);
-            merged += 1;
+            if tree.make_room(&subtree) {
+                tree.merge(&subtree);
+                tree.apply(key, TileEvent::Upload);
+                merged += 1;
+            } else {
+                tree.apply(key, TileEvent::Drop);
+            }
         }
         if self.0.len() > CAPACITY {
             let (key, _) = self.0.remove(0);

@@ -83,7 +83,13 @@ impl<F: TileFetcher> RequestPolicy<'_, F> {
     }
 
     fn that_fit(&self, wanted: &[TileRequest], mut spare_pages: u32) -> Vec<TileRequest> {
+        let mut subtrees = self.tree.prefetchable_subtrees();
         let mut fits = |w: &&TileRequest| {
+            if w.key.kind() == TileKind::Subtree {
+                let fits = subtrees > 0;
+                subtrees = subtrees.saturating_sub(1);
+                return fits;
+            }
             let pages = self.tree.tile_pages(w.key);
             let fits = pages <= spare_pages;
             spare_pages = spare_pages.saturating_sub(pages);

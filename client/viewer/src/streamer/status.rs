@@ -1,10 +1,10 @@
-//! What a session tells about itself.
+//! The state of a session.
 
 use super::{
     Streamer,
     downloads::{Downloads, TileFetcher},
     error::StreamError,
-    tile_store::TileCounts,
+    upload_queue::TileCounts,
 };
 use crate::{
     cache::AtlasCache,

@@ -1,5 +1,7 @@
 //! Streaming from sources that never respond.
 
+mod deep_city;
+
 use super::*;
 use crate::{
     scene::TileState,

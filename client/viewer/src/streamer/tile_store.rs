@@ -3,29 +3,17 @@
 use super::{
     downloads::{Downloads, TileFetcher},
     pending_subtrees::PendingSubtrees,
-    upload_queue::{UploadQueue, UploadTarget},
+    upload_queue::{TileCounts, UploadQueue, UploadTarget},
 };
 use crate::{
-    cache::{AtlasCache, Upload},
+    cache::{AtlasCache, PAGE_BYTES, Upload},
     decode::DecodedTile,
     scene::{SceneTree, TileKey},
 };
-use serde::Serialize;
 use std::time::Duration;
 
 /// Share of the cache that prefetching leaves free.
 const SPARE_SHARE: f64 = 0.1;
-
-/// Tiles that became resident, by kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct TileCounts {
-    pub blockmaps: u64,
-    pub subtrees: u64,
-    /// Meshes of leaves; each level of detail counts.
-    pub meshes: u64,
-    /// Tiles that were given up: missing on the server, or damaged repeatedly.
-    pub bad: u64,
-}
 
 pub(super) struct TileStore {
     pub(super) tree: SceneTree,
@@ -45,18 +33,26 @@ pub(super) struct Received {
 impl TileStore {
     /// A store with an empty cache of `pages` pages.
     pub(super) fn new(tree: SceneTree, pages: u32) -> Self {
-        Self {
+        let mut store = Self {
             tree,
-            cache: AtlasCache::new(pages),
+            cache: AtlasCache::new(0),
             uploads: UploadQueue::default(),
             counts: TileCounts::default(),
             pending_subtrees: PendingSubtrees::default(),
-        }
+        };
+        store.resize_cache(pages);
+        store
+    }
+
+    /// Replaces the empty cache by one of `pages` pages, which also bounds the scene tree.
+    pub(super) fn resize_cache(&mut self, pages: u32) {
+        self.cache = AtlasCache::new(pages);
+        self.tree.bound_by_cache(u64::from(pages) * PAGE_BYTES);
     }
 
     /// Takes in what has arrived: merges subtrees into the tree, and queues other tiles for their upload.
     pub(super) fn receive<F: TileFetcher>(&mut self, downloads: &mut Downloads<F>, now: Duration) -> Received {
-        let known_nodes = self.tree.nodes().len();
+        let last_serial = self.tree.last_serial();
         let mut has_tiles = false;
         while self.uploads.has_room()
             && let Some((key, decoded)) = downloads.poll(&mut self.tree, now)
@@ -65,6 +61,10 @@ impl TileStore {
             match decoded {
                 DecodedTile::Subtree(subtree) => {
                     self.counts.subtrees += self.pending_subtrees.push(key, subtree, &mut self.tree);
+                    for key in self.tree.take_evicted_tiles() {
+                        self.cache.remove(key);
+                        self.uploads.tile_evicted(key);
+                    }
                 }
                 DecodedTile::Packed(tile) => {
                     self.tree.set_pages(key, tile.pages().len() as u32);
@@ -72,7 +72,7 @@ impl TileStore {
                 }
             }
         }
-        Received { has_tiles, has_nodes: self.tree.nodes().len() > known_nodes }
+        Received { has_tiles, has_nodes: self.tree.last_serial() != last_serial }
     }
 
     /// Uploads as many tiles as a frame has time for. Returns their keys.

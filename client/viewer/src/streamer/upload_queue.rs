@@ -3,11 +3,11 @@
 //! The queue is bounded: arrivals are taken in only while [`UploadQueue::has_room`]. A frame uploads only as many bytes as it has
 //! time for.
 
-use super::tile_store::TileCounts;
 use crate::{
     cache::{AtlasCache, InsertResult, PAGE_BYTES, PackedTile, Upload},
     scene::{SceneTree, TileEvent, TileKey},
 };
+use serde::Serialize;
 use std::{
     collections::{HashSet, VecDeque},
     ops::Range,
@@ -20,6 +20,19 @@ const UPLOAD_BYTES_PER_SEC: f64 = 512e6;
 const FRAME_BYTES: Range<f64> = 8e6..64e6;
 /// Bytes of waiting tiles above which no arrival is taken in.
 const CAPACITY_BYTES: u64 = 32 << 20;
+/// Evicted tiles that are remembered for the count of those that are fetched again.
+const MAX_EVICTED_KEYS: usize = 1 << 17;
+
+/// Tiles that became resident, by kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct TileCounts {
+    pub blockmaps: u64,
+    pub subtrees: u64,
+    /// Meshes of leaves; each level of detail counts.
+    pub meshes: u64,
+    /// Tiles that were given up: missing on the server, or damaged repeatedly.
+    pub bad: u64,
+}
 
 /// Decoded tiles in the order of their arrival.
 #[derive(Debug, Default)]
@@ -27,7 +40,7 @@ pub(super) struct UploadQueue {
     waiting: VecDeque<(TileKey, PackedTile)>,
     waiting_bytes: u64,
     uploaded_at: Duration,
-    /// Tiles that have been evicted at least once.
+    /// Tiles that have been evicted at least once, the first [`MAX_EVICTED_KEYS`] of them.
     evicted_keys: HashSet<TileKey>,
     /// Evictions so far.
     pub(super) evicted: u64,
@@ -81,14 +94,29 @@ impl UploadQueue {
             *count += u64::from(event == TileEvent::Upload);
             self.fetched_again += u64::from(self.evicted_keys.contains(&key));
             self.evicted += evicted.len() as u64;
-            tree.apply(key, event);
+            if !tree.apply(key, event) {
+                // Its node was evicted meanwhile.
+                cache.remove(key);
+            }
             keys.push(key);
             for key in evicted {
-                self.evicted_keys.insert(key);
+                self.record_eviction(key);
                 tree.apply(key, TileEvent::Drop);
             }
         }
         keys
+    }
+
+    /// Counts a tile that was evicted together with its node.
+    pub(super) fn tile_evicted(&mut self, key: TileKey) {
+        self.evicted += 1;
+        self.record_eviction(key);
+    }
+
+    fn record_eviction(&mut self, key: TileKey) {
+        if self.evicted_keys.len() < MAX_EVICTED_KEYS {
+            self.evicted_keys.insert(key);
+        }
     }
 }
 

@@ -125,6 +125,29 @@ fn manifests_that_lie_are_refused() {
     assert!(refusal(folder.path()).contains("subtrees.pmtiles"));
 }
 
+#[test]
+fn subtrees_and_meshes_that_share_a_tile_are_refused() {
+    let folder = folder();
+    let tiles = [(0, 0), (0, 1), (1, 1)].map(|(x, y)| (id(1, x, y), tile(TileKind::BlockMap)));
+    write_archive(folder.path(), TileKind::BlockMap, &tiles);
+    BakedCity::open(folder.path()).unwrap();
+    for kind in [TileKind::Mesh, TileKind::Subtree] {
+        write_archive(folder.path(), kind, &tiles);
+        let text = refusal(folder.path());
+        assert!(text.contains(kind.file_name()) && text.contains("share a tile"), "{text}");
+    }
+}
+
+#[test]
+fn tiles_longer_than_their_kind_may_be_are_refused() {
+    let folder = folder();
+    let longest = max_tile_bytes(TileKind::Subtree);
+    write_archive(folder.path(), TileKind::Subtree, &[(TileId::ROOT, vec![1; longest])]);
+    BakedCity::open(folder.path()).unwrap();
+    write_archive(folder.path(), TileKind::Subtree, &[(TileId::ROOT, vec![1; longest + 1])]);
+    assert!(refusal(folder.path()).contains("longer than any tile"));
+}
+
 #[cfg(unix)]
 #[test]
 fn pipes_are_refused_without_blocking() {
@@ -169,7 +192,7 @@ fn a_damaged_tile_is_invalidated_and_read_once_more() {
     for repaired_after in [0, 1, 2] {
         let load = |file: &[u8], times| {
             let source = DamagedSource(MemorySource::local(file.to_vec()), times);
-            Archive::load(Arc::new(source)).now_or_never().unwrap().unwrap()
+            Archive::load(Arc::new(source), None).now_or_never().unwrap().unwrap()
         };
         let archives = CityArchives { subtrees: load(&file, 0), blockmaps: load(&file, repaired_after), meshes: None };
         let city = BakedCity::new("memory".into(), manifest(), archives).unwrap();

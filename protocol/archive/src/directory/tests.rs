@@ -12,7 +12,7 @@ use std::{
 };
 
 fn load(file: Vec<u8>) -> Result<Archive, ArchiveError> {
-    Archive::load(Arc::new(MemorySource::local(file))).now_or_never().unwrap()
+    Archive::load(Arc::new(MemorySource::local(file)), None).now_or_never().unwrap()
 }
 
 /// Why the archive is refused, which takes less than a second.
@@ -176,4 +176,33 @@ fn directories_that_unpack_to_gigabytes_are_refused_quickly() {
     assert!(refusal(raw_archive(&bomb, &[], &[7; 10])).contains("too long"));
     let root = gzip(&directory(&[[0, 0, bomb.len() as u64, 1]]));
     assert!(refusal(raw_archive(&root, &bomb, &[7; 10])).contains("too long"));
+}
+
+#[test]
+fn leaf_directories_that_overlap_are_refused_quickly() {
+    // 4,000 empty directories of 21 bytes, each listed with a length of 64 kB: a section of 84 kB, 262 MB to read.
+    let empty = gzip(&directory(&[]));
+    let count = 4000;
+    let leaves = empty.repeat(count);
+    let length = 64 << 10;
+    let pointer = |i: u64| [1, 0, length, i * empty.len() as u64 + 1];
+    let root = gzip(&directory(&(0..800).map(pointer).collect::<Vec<_>>()));
+    let text = refusal(raw_archive(&root, &leaves, &[7; 5000]));
+    assert!(text.contains("overlap"), "{text}");
+}
+
+#[test]
+fn leaf_directories_that_hold_one_chain_of_each_other_are_refused() {
+    // The deepest directory lists the first one again.
+    let leaves: Vec<u8> = [1u64, 2, 0].iter().flat_map(|next| directory(&[[1, 0, 5, next * 5 + 1]])).collect();
+    let text = refusal(raw_archive(&directory(&[[1, 0, 5, 1]]), &leaves, &[7; 10]));
+    assert!(text.contains("twice") || text.contains("too deeply") || text.contains("overlap"), "{text}");
+}
+
+#[test]
+fn opening_ends_at_its_deadline() {
+    let source = Arc::new(MemorySource::local(archive_with_leaves().0));
+    let load = |deadline| Archive::load(source.clone(), Some(deadline)).now_or_never().unwrap();
+    assert_eq!(load(Instant::now()).unwrap_err(), ArchiveError::TooSlow);
+    assert!(load(Instant::now() + Duration::from_secs(3600)).is_ok());
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering;
 
 fn open(file: Vec<u8>) -> (Arc<MemorySource>, LazyArchive) {
     let source = Arc::new(MemorySource::remote(file));
-    (source.clone(), LazyArchive::new(source))
+    (source.clone(), LazyArchive::new(source, 1 << 20))
 }
 
 #[tokio::test]
@@ -30,7 +30,7 @@ async fn one_read_opens_an_archive_and_one_reads_a_tile() {
 async fn leaf_directories_are_read_once() {
     let (file, tiles) = archive_with_leaves();
     let source = Arc::new(MemorySource::local(file));
-    let lazy = LazyArchive::new(source.clone());
+    let lazy = LazyArchive::new(source.clone(), 1 << 20);
     for (id, bytes) in &tiles {
         assert_eq!(lazy.tile(*id).await.unwrap().unwrap(), bytes);
     }
@@ -108,9 +108,21 @@ async fn hostile_archives_are_refused() {
     }
 }
 
+#[tokio::test]
+async fn tiles_that_are_too_long_are_refused_unread() {
+    // Entries of 4 GiB, and one that is only longer than this kind of tile may be.
+    let data = vec![7; (1 << 20) + 1];
+    for length in [u64::from(u32::MAX), data.len() as u64] {
+        let (source, lazy) = open(raw_archive(&directory(&[[0, 1, length, 1]]), &[], &data));
+        let text = lazy.tile(TileId::ROOT).await.unwrap_err().to_string();
+        assert!(text.contains("longer than any tile"), "{text}");
+        assert_eq!(source.take_reads().len(), 1);
+    }
+}
+
 #[test]
 fn directories_in_memory_are_bounded() {
-    let lazy = LazyArchive::new(Arc::new(MemorySource::default()));
+    let lazy = LazyArchive::new(Arc::new(MemorySource::default()), 1 << 20);
     let header = ArchiveHeader::read(&raw_archive(&directory(&[]), &[], &[]), None).unwrap();
     let mut cache = lock(&lazy.cache);
     for offset in 0..40 {

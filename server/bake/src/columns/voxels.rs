@@ -4,9 +4,6 @@
 
 use insula_protocol::{TileId, blockmap::COLUMNS};
 
-/// Half the diagonal of a cube of side 1: the geometric error of a voxel, in cells (Vacca 2008, 3.6.2).
-pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
-
 /// Colour and light of one voxel. The default has no coverage and means "not known yet".
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct VoxelAppearance {

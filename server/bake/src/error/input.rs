@@ -33,7 +33,7 @@ pub enum InputError {
     #[error("{path}: {crs} is in degrees; reproject the file to a projected system in metres")]
     Degrees { path: String, crs: String },
     /// A file, a line or a count is larger than the options allow.
-    #[error("{path}: {what} exceeds the limit of {limit}; split the file, or raise the limit")]
+    #[error("{path}: {what} exceeds the limit of {limit}; split the file, or raise the limit (--memory)")]
     TooLarge { path: String, what: String, limit: u64 },
     /// A palette file is invalid.
     #[error("{path}: {what}; README.md shows a palette")]

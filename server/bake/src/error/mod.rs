@@ -67,6 +67,24 @@ pub enum BakeError {
         side_m: f64,
         cell_m: f64,
     },
+    /// The city has more blocks of leaves than the memory allows.
+    #[error(
+        "the city covers more than {limit} blocks of {side_m} m; use a larger --cell, raise --memory, or split the city"
+    )]
+    TooManyBlocks { limit: usize, side_m: f64 },
+    /// A block of leaves needs more memory than it may use.
+    #[error(
+        "object {object}: with it, the block of leaves at {x:.0}, {y:.0} needs about {needed_mib} MiB, and may use {limit_mib} MiB; repair the object, use a larger --cell, or raise --memory"
+    )]
+    BlockTooLarge {
+        /// The object with most surface in the block.
+        object: String,
+        /// World position of the block's south-west corner.
+        x: f64,
+        y: f64,
+        needed_mib: u64,
+        limit_mib: u64,
+    },
     /// A node does not fit the formats.
     #[error("tile {id}: cannot be {action}: {cause}; try a larger --cell, and report this with the input")]
     Tile {

@@ -55,14 +55,12 @@ fn pack_shelves(sizes: &[[u32; 2]], order: &[usize], width: u32) -> Option<Chart
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::rng::Rng;
 
     #[test]
     fn rectangles_do_not_overlap_and_little_space_is_wasted() {
-        let mut seed = 3u32;
-        let mut random = |most: u32| {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            1 + (seed >> 10) % most
-        };
+        let mut rng = Rng::new(3);
+        let mut random = |most: u32| 1 + rng.below_u32(most);
         for count in [1, 2, 7, 60, 400] {
             let sizes: Vec<[u32; 2]> = (0..count).map(|_| [random(60), random(40)]).collect();
             let atlas = pack(&sizes).unwrap();

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use insula_protocol::{
     DecodeError, MeshTile, TileId,
-    blockmap::Quality,
+    blockmap::{Quality, voxel_error_m},
     mesh::{Attribute, AttributeKind, Mesh},
     mesh_tile::{MAX_LODS, MAX_TRIANGLES, archive_id},
     subtree::MeshLod,
@@ -21,7 +21,6 @@ use super::{
     texture_bake::{TextureScale, bake_texture},
 };
 use crate::{
-    columns::voxels::HALF_DIAGONAL,
     error::BakeError,
     model::{CornerLayer, TriangleModel},
     scene::{Scene, grid::CityGrid},
@@ -56,7 +55,7 @@ pub(super) fn encode_lods(
     quality: Quality,
 ) -> Result<Vec<EncodedLod>, BakeError> {
     let step_m = surface.points.step;
-    let blockmap_error_m = HALF_DIAGONAL * grid.cell_m;
+    let blockmap_error_m = voxel_error_m(grid.cell_m);
     let encoder = LodEncoder { scene, id, surface, quality };
     let Some((finest, model)) = encoder.encode_finest(blockmap_error_m)? else { return Ok(Vec::new()) };
     let mut lods = vec![finest];
@@ -65,7 +64,7 @@ pub(super) fn encode_lods(
     for k in 1..MAX_LODS {
         let target_m = COARSEST_SHARE * blockmap_error_m / ERROR_RATIO.powi(i32::from(MAX_LODS - 1 - k));
         let number = lods.len() as u8;
-        if target_m < 2.0 * HALF_DIAGONAL * step_m || archive_id(id, number).is_none() {
+        if target_m < 2.0 * voxel_error_m(step_m) || archive_id(id, number).is_none() {
             continue;
         }
         let max_triangles = (MAX_TRIANGLES_SHARE * triangles_before as f64) as usize;
@@ -134,7 +133,7 @@ impl LodEncoder<'_> {
     fn encode(&self, model: &TriangleModel, spec: LodSpec) -> Result<Option<EncodedLod>, BakeError> {
         let step_m = self.surface.points.step;
         // Rounding to the grid moves a vertex by up to half the diagonal of a grid cube.
-        let mut error_m = HALF_DIAGONAL * step_m + spec.moved_m;
+        let mut error_m = voxel_error_m(step_m) + spec.moved_m;
         let (attribute, texture) = if self.surface.is_textured() {
             let scale = TextureScale { step_m, texel_m: spec.texel_m };
             let Some(baked) = bake_texture(self.scene, model, scale, self.quality) else { return Ok(None) };

@@ -107,6 +107,7 @@ fn intersect([a, b]: [PolygonVertex; 2], axis: usize, at: f64) -> PolygonVertex 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::rng::Rng;
 
     fn corner(x: f64, y: f64, z: f64) -> PolygonVertex {
         PolygonVertex { p: [x, y, z], uv: [x as f32, y as f32] }
@@ -119,11 +120,8 @@ mod tests {
 
     #[test]
     fn pieces_add_up_to_the_triangle_and_share_border_points() {
-        let mut seed = 5u32;
-        let mut random = || {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from((seed >> 8) as f32 / (1 << 24) as f32) * 4.0
-        };
+        let mut rng = Rng::new(5);
+        let mut random = || f64::from(rng.range(0.0, 4.0) as f32);
         for _ in 0..500 {
             let triangle: [PolygonVertex; 3] = array::from_fn(|_| corner(random(), random(), random()));
             let mut sum = 0.0;

@@ -4,10 +4,12 @@
 //! signal-to-noise ratio (PSNR) over the texels that triangles show. Textures with few colours are also tried without
 //! loss.
 
-use std::{collections::HashSet, io::Cursor};
+use std::collections::HashSet;
 
-use image::ImageFormat;
-use insula_protocol::{blockmap::Quality, mesh_tile::MAX_PART_BYTES};
+use insula_protocol::{
+    blockmap::Quality,
+    mesh_tile::{MAX_PART_BYTES, decode_webp},
+};
 use webp::{Encoder, WebPConfig};
 
 /// Decibels that textures may lose more than columns. Their texels are finer, and their errors are averaged on the
@@ -110,9 +112,7 @@ impl MaskedTexture<'_> {
 
     /// PSNR of the shown texels, decoded as the client will decode them.
     fn psnr_db(&self, file: &[u8]) -> Option<f64> {
-        let mut reader = image::ImageReader::new(Cursor::new(file));
-        reader.set_format(ImageFormat::WebP);
-        let decoded = reader.decode().ok()?.into_rgb8();
+        let decoded = decode_webp(file, self.size).ok()?;
         let (mut squares, mut count) = (0u64, 0u64);
         let texels = self.rgb.as_chunks::<3>().0.iter().zip(decoded.as_chunks::<3>().0);
         for ((a, b), _) in texels.zip(self.is_shown).filter(|(_, is_shown)| **is_shown) {
@@ -149,14 +149,14 @@ fn quality_of_quantiser(quantiser: i32) -> f32 {
 mod tests {
     use super::*;
     use crate::mesh::texture_fill::fill_unknown_texels;
+    use insula_test_support::rng::Rng;
 
     /// Waves with some noise.
     fn waves(width: u32, height: u32) -> Vec<u8> {
-        let mut seed = 1u32;
+        let mut rng = Rng::new(1);
         let mut texel = |i: u32| {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let (x, y) = ((i % width) as f32, (i / width) as f32);
-            let light = 120.0 + 70.0 * (x / 2.0).sin() * (y / 3.0).cos() + (seed >> 30) as f32;
+            let light = 120.0 + 70.0 * (x / 2.0).sin() * (y / 3.0).cos() + rng.below(4) as f32;
             [light as u8, (light * 0.9) as u8, (light * 0.7) as u8]
         };
         (0..width * height).flat_map(&mut texel).collect()

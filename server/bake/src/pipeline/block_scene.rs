@@ -11,6 +11,7 @@ use crate::{
     hash::{ShortHash, short_hash},
     scene::{
         ObjectKind, Scene, SceneObject, SceneTriangle,
+        block_content::BlockContent,
         grid::{BLOCK_LEAVES, CityGrid},
         partition::{LeafBlock, Partition},
         scratch_scene::ScratchScene,
@@ -101,14 +102,35 @@ impl Renumbering {
     }
 }
 
-/// Estimates the memory needed to bake the block.
-pub(super) fn estimate_memory_bytes(block: &LeafBlock, grid: &CityGrid, margin_m: f64) -> usize {
-    let cell_m = grid.cell_m;
-    let side_m = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
-    // About half of a bucket's surface is in the margin, less if the margin is narrow. Samples are half a cell apart.
-    let share = side_m * side_m / ((side_m + 2.0 * margin_m) * (side_m + 2.0 * margin_m));
-    let samples = block.surface_m2 * share * 4.0 / (cell_m * cell_m);
-    let cells = (side_m / cell_m) * (side_m / cell_m);
+/// Estimates the memory needed to bake the block, to decide how many blocks are baked at once.
+pub(super) fn estimate_memory_bytes(block: &LeafBlock, grid: &CityGrid) -> usize {
+    let cells = block_cells(grid);
+    // Samples are half a cell apart.
+    let samples = block.content.surface_m2 * 4.0 / (grid.cell_m * grid.cell_m);
     let map_texels = 16.0 * cells;
     (samples * 100.0 + cells * 500.0 + map_texels * 8.0 + block.triangles as f64 * 320.0) as usize
+}
+
+/// Memory that the block needs if all of it is visible from everywhere.
+pub(super) fn worst_memory_bytes(block: &LeafBlock, grid: &CityGrid) -> usize {
+    /// Surfels, before and after they have a colour, per cell of surface.
+    const SURFACE_BYTES: f64 = 450.0;
+    /// Crossings per cell of surface seen from above.
+    const FLAT_BYTES: f64 = 420.0;
+    /// A triangle of the block in the mesh and its levels of detail.
+    const TRIANGLE_BYTES: f64 = 600.0;
+    let BlockContent { triangles, surface_m2, flat_m2, z_range_m: [low, high] } = block.content;
+    let (cells, cell_m2) = (block_cells(grid), grid.cell_m * grid.cell_m);
+    // A visibility map from near the horizon has texels of half a cell over the block's side and height.
+    let height_m = f64::from((high - low).max(0.0));
+    let map_texels = 6.0 * cells * (1.0 + height_m / (cells.sqrt() * grid.cell_m));
+    let samples = (surface_m2 * SURFACE_BYTES + flat_m2 * FLAT_BYTES) / cell_m2;
+    let all_triangles = triangles as f64 * TRIANGLE_BYTES + block.triangles as f64 * 320.0;
+    (samples + cells * 500.0 + map_texels * 8.0 + all_triangles) as usize
+}
+
+/// Number of cells of a block.
+fn block_cells(grid: &CityGrid) -> f64 {
+    let side = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES) / grid.cell_m;
+    side * side
 }

@@ -21,6 +21,7 @@ use crate::{
         partition::{LeafBlock, Partition},
         scratch_scene::ScratchScene,
     },
+    subject,
     write::{
         mesh_pack::{self, LeafMesh, StoredMesh},
         tile_pack::{self, EncodedTile, PackId, StoredTile},
@@ -60,7 +61,7 @@ impl LeafBaker<'_> {
         run_bounded(config.threads, &blocks, |(block, fingerprint)| {
             // A block that is only copied needs hardly any memory.
             let is_copied = previous.is_some_and(|previous| previous.has_block(block, *fingerprint));
-            let bytes = if is_copied { 0 } else { estimate_memory_bytes(block, grid, config.sample.margin_m) };
+            let bytes = if is_copied { 0 } else { estimate_memory_bytes(block, grid) };
             budget.with(bytes, || pool.install(|| self.bake_block(block, *fingerprint)))
         })
     }
@@ -69,6 +70,7 @@ impl LeafBaker<'_> {
     fn bake_block(&self, block: &LeafBlock, fingerprint: ShortHash) -> Result<FinishedPack, BakeError> {
         let TileContext { grid, packs, progress, previous, config, .. } = *self.context;
         let pack = PackId { level: grid.depth, y: block.y, x: block.x };
+        subject::set(format_args!("block of leaves {}/{}/{}", grid.depth, block.x, block.y));
         let leaves = self.partition.leaves(block);
         let reused = previous.filter(|previous| previous.has_block(block, fingerprint));
         let reused = reused.and_then(|previous| {

@@ -13,7 +13,7 @@ mod work_queue;
 
 use std::cell::Cell;
 
-use rayon::{ThreadPool, prelude::*};
+use rayon::ThreadPool;
 
 use crate::{
     config::{BakeConfig, BakeOptions},
@@ -24,26 +24,32 @@ use crate::{
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
-        grid::CityGrid,
+        grid::{BLOCK_LEAVES, CityGrid},
         partition::{LeafBlock, Partition, PartitionOptions},
         scratch_scene::ScratchScene,
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
+        ownership::check_inputs,
         scratch_folder::{InputHashes, ScratchFolder},
     },
 };
 pub use generated::{GeneratedCity, bake_generated};
 
-use block_scene::BlockScene;
+use block_scene::{BlockScene, worst_memory_bytes};
 use context::{FinishedTiles, TileContext};
 use leaves::LeafBaker;
 use update::PreviousCity;
+use work_queue::{MemoryBudget, run_bounded};
+
+/// Memory of a triangle while its block is hashed.
+const HASHED_TRIANGLE_BYTES: usize = 220;
 
 /// Bakes the inputs into `options.out`. A bake that fails or is killed leaves either no city or a complete one; its
 /// finished work stays in `CITY.partial`, where a bake with `options.resume` continues.
 pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
+    check_inputs(&config.out, &options.inputs)?;
     let mut run = BakeRun::new(&config, progress)?;
     let (city, read) = run.read(options)?;
     run.bake(city, read)
@@ -78,8 +84,16 @@ impl<'a> BakeRun<'a> {
 
     /// Reads the inputs into the scratch folder.
     fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, ReadReport), BakeError> {
-        let (obj_up, palette) = (options.obj_up, options.palette.clone());
-        let read_options = ReadOptions { obj_up, palette, ..ReadOptions::default() };
+        let defaults = ReadOptions::default();
+        let read_options = ReadOptions {
+            obj_up: options.obj_up,
+            palette: options.palette.clone(),
+            texture_roots: options.texture_roots.clone(),
+            cell_m: self.config.cell_m,
+            max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
+            max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
+            ..defaults
+        };
         let folder = self.scratch.scene_folder()?;
         let scratch = ScratchOptions { folder: &folder, texture_cache_bytes: self.config.texture_cache_bytes() };
         // The reader reports bytes since the start; a step of the stage is a byte.
@@ -135,12 +149,16 @@ impl<'a> BakeRun<'a> {
         self.clock.time("partition", || {
             let folder = self.scratch.scene_folder()?.join("buckets");
             let margin_m = config.sample.margin_m;
-            let options = PartitionOptions { folder: &folder, margin_m, buffer_bytes: config.bucket_bytes() };
+            let (buffer_bytes, max_blocks) = (config.bucket_bytes(), config.max_blocks());
+            let options = PartitionOptions { folder: &folder, margin_m, buffer_bytes, max_blocks };
             let partition = Partition::new(city, grid, options, |n| progress.advance(n))?;
-            let hash =
-                |block: &LeafBlock| Ok(BlockScene::load(&partition, block)?.fingerprint(city, config, grid, block));
-            let hashes =
-                self.pool.install(|| partition.blocks.par_iter().map(hash).collect::<Result<_, BakeError>>())?;
+            partition.blocks.iter().try_for_each(|block| check_block(block, &partition, city, grid, config))?;
+            let budget = MemoryBudget::new(config.block_bytes());
+            let hashes = run_bounded(config.threads, &partition.blocks, |block| {
+                budget.with(block.triangles as usize * HASHED_TRIANGLE_BYTES, || {
+                    Ok::<_, BakeError>(BlockScene::load(&partition, block)?.fingerprint(city, config, grid, block))
+                })
+            })?;
             Ok(HashedPartition { partition, hashes })
         })
     }
@@ -224,6 +242,26 @@ impl<'a> BakeRun<'a> {
         })?;
         Ok((written, clock))
     }
+}
+
+/// Fails if a block needs more memory than it may use. The message names the object with most surface in it.
+fn check_block(
+    block: &LeafBlock,
+    partition: &Partition,
+    city: &ScratchScene,
+    grid: &CityGrid,
+    config: &BakeConfig,
+) -> Result<(), BakeError> {
+    let (needed, limit) = (worst_memory_bytes(block, grid), config.max_block_bytes());
+    if needed <= limit {
+        return Ok(());
+    }
+    let object = partition.largest_object(block, grid)?.unwrap_or(0);
+    let side_m = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
+    let [x, y] = [(0, block.x), (1, block.y)]
+        .map(|(axis, number)| city.origin[axis] + grid.corner[axis] + f64::from(number) * side_m);
+    let [needed_mib, limit_mib] = [needed, limit].map(|bytes| bytes as u64 >> 20);
+    Err(BakeError::BlockTooLarge { object: city.names.describe(object), x, y, needed_mib, limit_mib })
 }
 
 /// A partition with the fingerprint of each block.

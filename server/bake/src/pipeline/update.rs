@@ -5,7 +5,10 @@ use std::{
     path::Path,
 };
 
-use insula_archive::{BakedCity, city::MANIFEST_FILE};
+use insula_archive::{
+    BakedCity,
+    city::{MANIFEST_FILE, content_version},
+};
 use insula_protocol::{Subtree, TileId, TileKind, mesh_tile, subtree::MeshLod, tile::TileReader};
 
 use crate::{
@@ -33,6 +36,11 @@ impl PreviousCity {
             return Err("there is no city in the folder".to_owned());
         }
         let city = BakedCity::open(folder).map_err(|cause| cause.to_string())?;
+        let stated = &city.manifest().version;
+        let found = content_version(folder, stated).map_err(|cause| cause.to_string())?;
+        if found != *stated {
+            return Err("its files do not have the version that its city.json states".to_owned());
+        }
         if city.manifest().settings != config.settings {
             return Err("it was baked with different settings or by another version".to_owned());
         }

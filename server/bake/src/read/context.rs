@@ -1,5 +1,7 @@
 //! Options and shared state of reading.
 
+use std::path::PathBuf;
+
 use super::palette::Palette;
 use super::polygon::Triangulator;
 use super::report::SourceReport;
@@ -21,17 +23,23 @@ pub enum ObjUpAxis {
 }
 
 /// How to read, and the limits.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ReadOptions {
     pub obj_up: ObjUpAxis,
     /// Images with more pixels are not decoded.
     pub max_texture_pixels: u64,
     /// Sources with more unpacked bytes are refused.
     pub max_source_bytes: u64,
+    /// CityJSON documents with more unpacked bytes are refused: the text is in memory while it is read.
+    pub max_document_bytes: u64,
     /// Longer lines of a CityJSONSeq or GeoJSON are skipped. A larger feature of a GeoJSON document is an error.
     pub max_line_bytes: u64,
     /// Colours of surfaces that have none in the source.
     pub palette: Palette,
+    /// Folders from which textures and material libraries may be read besides the source's own.
+    pub texture_roots: Vec<PathBuf>,
+    /// Side of a leaf's column in metres: an object with too much surface for it is left out.
+    pub cell_m: f64,
 }
 
 impl Default for ReadOptions {
@@ -40,8 +48,11 @@ impl Default for ReadOptions {
             obj_up: ObjUpAxis::Z,
             max_texture_pixels: 64 << 20,
             max_source_bytes: 8 << 30,
+            max_document_bytes: 8 << 30,
             max_line_bytes: 256 << 20,
             palette: Palette::default(),
+            texture_roots: Vec::new(),
+            cell_m: 1.0,
         }
     }
 }
@@ -70,7 +81,7 @@ impl<'o> ReadContext<'o> {
     pub(crate) fn new(options: &'o ReadOptions, triangles: TriangleStore, textures: TextureStore) -> Self {
         Self {
             options,
-            builder: SceneBuilder::new(triangles),
+            builder: SceneBuilder::new(triangles, options.cell_m),
             textures: TextureLoader::new(options.max_texture_pixels, textures),
             triangulator: Triangulator::new(),
             source: 0,

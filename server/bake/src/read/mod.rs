@@ -1,10 +1,11 @@
 //! Reads city files of several formats into one city.
 //!
-//! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`]. Next:
-//! `partition`.
+//! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
+//! Next: `partition`.
 
 mod cityjson;
 mod context;
+mod counted_float;
 mod geojson;
 mod json;
 mod obj;
@@ -30,6 +31,7 @@ use crate::scene::Scene;
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
+use crate::subject;
 use context::{ByteProgress, ReadContext};
 use source::{CitySource, SourceKind, kind_by_name};
 
@@ -42,7 +44,7 @@ pub fn read(
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
-    read_scene(&source::list(inputs)?, options, progress)
+    read_scene(&source::list(inputs, &options.texture_roots)?, options, progress)
 }
 
 /// Reads city files from memory, each named as it would be on disk. Material libraries and textures are looked up among
@@ -74,8 +76,9 @@ pub(crate) fn read_to_disk(
     let triangles = TriangleStore::in_file(scratch.folder.join("triangles"))?;
     let textures = TextureStore::in_folder(scratch.folder.to_owned(), scratch.texture_cache_bytes);
     let context = ReadContext::new(options, triangles, textures);
-    let (mut city, report) = read_sources(&source::list(inputs)?, context, progress)?;
+    let (mut city, report) = read_sources(&source::list(inputs, &options.texture_roots)?, context, progress)?;
     city.stored.finish()?;
+    city.names.finish();
     city.textures.finish()?;
     Ok((city, report))
 }
@@ -109,6 +112,7 @@ fn read_sources(
         };
         tick(0);
         context.source = report.sources.len();
+        subject::set(format_args!("{}", source.label));
         match read_source(&mut context, source, &tick)? {
             Some(read) => report.sources.push(read),
             None => report.ignored.push(source.label.clone()),

@@ -3,10 +3,43 @@
 use earcut::Earcut;
 use glam::DVec3;
 
+use super::counted_float::{CountedFloat, with_steps};
+
 /// Smaller polygons are treated as degenerate.
 const MIN_AREA_M2: f64 = 1e-8;
 /// Polygons with more corners are treated as damage.
 pub(crate) const MAX_CORNERS: usize = 1 << 20;
+/// Polygons with more corners are triangulated under a limit of steps. Below, the worst case takes no time.
+const UNLIMITED_CORNERS: usize = 256;
+/// Steps that every polygon may take, about half a second.
+const MAX_STEPS: u64 = 200_000_000;
+/// Further steps per corner: 5,000 holes of four corners are within the limit.
+const MAX_STEPS_PER_CORNER: u64 = 20_000;
+
+/// Kind of a polygon without area in a report.
+pub(crate) const NO_AREA: &str = "polygon without area";
+
+/// Why a polygon has no triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PolygonFault {
+    /// It has no area, or its area is not a number.
+    NoArea,
+    /// It has more than [`MAX_CORNERS`] corners.
+    TooLarge,
+    /// It crosses itself so often, or has so many holes, that its triangles would take too long to find.
+    TooComplex,
+}
+
+impl PolygonFault {
+    /// For the report.
+    pub(crate) fn reason(self) -> &'static str {
+        match self {
+            Self::NoArea => NO_AREA,
+            Self::TooLarge => "polygon too large",
+            Self::TooComplex => "polygon too complex to triangulate",
+        }
+    }
+}
 
 /// Triangulates polygons, with reusable buffers.
 pub(crate) struct Triangulator {
@@ -22,26 +55,33 @@ impl Triangulator {
     }
 
     /// Triangulates the polygon whose rings are consecutive in `points`: the outer ring first, then holes that start at
-    /// `hole_starts` (ascending). The triples index `points` and turn as the outer ring does; `None` if the polygon has
-    /// no area.
+    /// `hole_starts` (ascending). The triples index `points` and turn as the outer ring does. Fails if the polygon has no
+    /// area or exceeds a limit.
     ///
     /// The plane is that of Newell's normal, so a slightly bent polygon is triangulated in its best plane.
-    pub(crate) fn triangulate(&mut self, points: &[[f64; 3]], hole_starts: &[u32]) -> Option<&[[u32; 3]]> {
+    pub(crate) fn triangulate(
+        &mut self,
+        points: &[[f64; 3]],
+        hole_starts: &[u32],
+    ) -> Result<&[[u32; 3]], PolygonFault> {
         let outer_len = hole_starts.first().map_or(points.len(), |&start| start as usize);
-        if outer_len < 3 || points.len() > MAX_CORNERS {
-            return None;
+        if points.len() > MAX_CORNERS {
+            return Err(PolygonFault::TooLarge);
+        }
+        if outer_len < 3 {
+            return Err(PolygonFault::NoArea);
         }
         // Relative to the first corner: products of full map coordinates would lose their digits by cancellation.
         let anchor = DVec3::from_array(points[0]);
         let normal = newell(&points[..outer_len], anchor);
         let twice_area_m2 = normal.length();
         if twice_area_m2.is_nan() || twice_area_m2 < 2.0 * MIN_AREA_M2 {
-            return None;
+            return Err(PolygonFault::NoArea);
         }
         self.triangles.clear();
         if points.len() == 3 {
             self.triangles.push([0, 1, 2]);
-            return Some(&self.triangles);
+            return Ok(&self.triangles);
         }
         let (u, v) = (normal / twice_area_m2).any_orthonormal_pair();
         self.flat.clear();
@@ -49,7 +89,7 @@ impl Triangulator {
             let p = DVec3::from_array(p) - anchor;
             [p.dot(u), p.dot(v)]
         }));
-        self.earcut.earcut_slice(&self.flat, hole_starts, &mut self.indices);
+        self.clip_ears(hole_starts)?;
         for corners in self.indices.chunks_exact(3) {
             let [a, b, c] = [corners[0], corners[1], corners[2]];
             let twice = twice_area(&self.flat, a, b, c);
@@ -59,7 +99,19 @@ impl Triangulator {
                 self.triangles.push([a, c, b]);
             }
         }
-        (!self.triangles.is_empty()).then_some(&self.triangles)
+        if self.triangles.is_empty() { Err(PolygonFault::NoArea) } else { Ok(&self.triangles) }
+    }
+
+    /// Fills `indices` from `flat`. Fails if that takes too many steps.
+    fn clip_ears(&mut self, hole_starts: &[u32]) -> Result<(), PolygonFault> {
+        if self.flat.len() <= UNLIMITED_CORNERS {
+            self.earcut.earcut_slice(&self.flat, hole_starts, &mut self.indices);
+            return Ok(());
+        }
+        let counted: Vec<[CountedFloat; 2]> = self.flat.iter().map(|point| point.map(CountedFloat)).collect();
+        let steps = MAX_STEPS + MAX_STEPS_PER_CORNER * counted.len() as u64;
+        let indices = &mut self.indices;
+        with_steps(steps, || Earcut::new().earcut_slice(&counted, hole_starts, indices)).ok_or(PolygonFault::TooComplex)
     }
 }
 
@@ -125,12 +177,66 @@ mod tests {
     #[test]
     fn degenerate_polygons_are_refused() {
         let mut triangulator = Triangulator::new();
-        assert!(triangulator.triangulate(&[], &[]).is_none());
-        assert!(triangulator.triangulate(&[[0., 0., 0.], [1., 0., 0.]], &[]).is_none());
-        assert!(triangulator.triangulate(&[[0., 0., 0.], [1., 0., 0.], [2., 0., 0.]], &[]).is_none());
-        assert!(triangulator.triangulate(&[[1., 1., 1.]; 5], &[]).is_none());
-        assert!(triangulator.triangulate(&[[f64::NAN; 3]; 4], &[]).is_none());
+        assert!(triangulator.triangulate(&[], &[]).is_err());
+        assert!(triangulator.triangulate(&[[0., 0., 0.], [1., 0., 0.]], &[]).is_err());
+        assert!(triangulator.triangulate(&[[0., 0., 0.], [1., 0., 0.], [2., 0., 0.]], &[]).is_err());
+        assert!(triangulator.triangulate(&[[1., 1., 1.]; 5], &[]).is_err());
+        assert!(triangulator.triangulate(&[[f64::NAN; 3]; 4], &[]).is_err());
         let closed = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 0., 0.]];
         assert_eq!(triangulator.triangulate(&closed, &[]).unwrap().len(), 1);
+    }
+
+    /// A generator of numbers from 0 to 1.
+    fn random() -> impl FnMut() -> f64 {
+        let mut state = 1_u64;
+        move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / (1_u64 << 24) as f64
+        }
+    }
+
+    #[test]
+    fn polygons_that_would_take_minutes_are_refused_in_seconds() {
+        let start = std::time::Instant::now();
+        let mut random = random();
+        let tangle: Vec<[f64; 3]> = (0..50_000).map(|_| [random() * 100.0, random() * 100.0, 0.0]).collect();
+        assert_eq!(Triangulator::new().triangulate(&tangle, &[]), Err(PolygonFault::TooComplex));
+        // Holes at random places cross each other.
+        let mut points = vec![[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1000.0, 0.0], [0.0, 1000.0, 0.0]];
+        let mut starts = Vec::new();
+        for _ in 0..12_000 {
+            let [x, y] = [random() * 990.0, random() * 990.0];
+            starts.push(points.len() as u32);
+            points.extend([[x, y, 0.0], [x, y + 9.0, 0.0], [x + 9.0, y + 9.0, 0.0], [x + 9.0, y, 0.0]]);
+        }
+        assert!(Triangulator::new().triangulate(&points, &starts).is_err_and(|fault| fault != PolygonFault::NoArea));
+        assert!(Triangulator::new().triangulate(&vec![[0.0; 3]; MAX_CORNERS + 1], &[]) == Err(PolygonFault::TooLarge));
+        assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
+    }
+
+    #[test]
+    fn large_honest_polygons_have_the_triangles_of_the_unlimited_algorithm() {
+        let mut random = random();
+        let star: Vec<[f64; 3]> = (0..20_000)
+            .map(|i| {
+                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 20_000.0).sin_cos();
+                let radius = 100.0 + random();
+                [radius * cos, radius * sin, 0.0]
+            })
+            .collect();
+        let mut points = star.clone();
+        let mut starts = Vec::new();
+        for i in 0..2000 {
+            let [x, y] = [f64::from(i % 50) - 25.0, f64::from(i / 50) - 20.0];
+            starts.push(points.len() as u32);
+            points.extend([[x, y, 0.0], [x, y + 0.5, 0.0], [x + 0.5, y + 0.5, 0.0], [x + 0.5, y, 0.0]]);
+        }
+        for (points, starts) in [(star, vec![]), (points, starts)] {
+            let mut triangulator = Triangulator::new();
+            triangulator.triangulate(&points, &starts).unwrap();
+            let mut expected = Vec::new();
+            Earcut::new().earcut_slice(&triangulator.flat, &starts, &mut expected);
+            assert_eq!(triangulator.indices, expected);
+        }
     }
 }

@@ -6,6 +6,19 @@ use serde::Serialize;
 
 /// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
+/// Longer texts of a source, such as identifiers, are cut in the report.
+const MAX_TEXT_CHARS: usize = 300;
+/// Most types of objects that are counted each; the rest is counted together.
+const MAX_TYPES: usize = 1000;
+/// Stands for all types past [`MAX_TYPES`].
+const OTHER_TYPES: &str = "(other types)";
+
+fn shorten(text: String) -> String {
+    match text.char_indices().nth(MAX_TEXT_CHARS) {
+        Some((end, _)) => text[..end].to_owned() + "...",
+        None => text,
+    }
+}
 
 /// Number of occurrences of a fault, with the first few examples.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
@@ -19,7 +32,7 @@ impl FaultCount {
     pub(crate) fn add(&mut self, example: impl FnOnce() -> String) {
         self.count += 1;
         if self.first.len() < EXAMPLES {
-            self.first.push(example());
+            self.first.push(shorten(example()));
         }
     }
 }
@@ -100,12 +113,13 @@ impl SourceReport {
     }
 
     pub(crate) fn count_type(&mut self, object_type: &str) {
-        match self.objects_by_type.get_mut(object_type) {
-            Some(count) => *count += 1,
-            None => {
-                self.objects_by_type.insert(object_type.to_owned(), 1);
-            }
+        if let Some(count) = self.objects_by_type.get_mut(object_type) {
+            *count += 1;
+            return;
         }
+        let is_full = self.objects_by_type.len() >= MAX_TYPES;
+        let name = if is_full { OTHER_TYPES.to_owned() } else { shorten(object_type.to_owned()) };
+        *self.objects_by_type.entry(name).or_default() += 1;
     }
 }
 
@@ -148,6 +162,16 @@ impl ReadReport {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texts_and_types_of_a_hostile_source_stay_few_and_short() {
+        let mut report = SourceReport::new("a", SourceFormat::Obj, 1);
+        report.skip("broken", || "x".repeat(1 << 20));
+        assert_eq!(report.skipped["broken"].first[0].len(), MAX_TEXT_CHARS + 3);
+        (0..2000).for_each(|i| report.count_type(&format!("{i} {}", "y".repeat(1000))));
+        assert_eq!((report.objects_by_type.len(), report.objects_by_type[OTHER_TYPES]), (MAX_TYPES + 1, 1000));
+        assert!(report.objects_by_type.keys().all(|name| name.len() <= MAX_TEXT_CHARS + 3));
+    }
 
     #[test]
     fn fault_count_keeps_the_first_examples() {

@@ -2,7 +2,12 @@
 
 use std::collections::HashMap;
 
+use glam::Vec3;
+use insula_protocol::NODE_CELLS;
+
 use super::report::SourceReport;
+use crate::scene::grid::BLOCK_LEAVES;
+use crate::scene::object_names::ObjectNames;
 use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial, StoredObject};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
@@ -25,16 +30,31 @@ pub(crate) struct WorldTriangle {
     pub(crate) material: u32,
 }
 
+/// An object with more cells of surface in one block of leaves is left out: the block would need gigabytes. 500 layers
+/// over a whole block have as many.
+const MAX_BLOCK_CELLS: f64 = 8.2e6;
+/// An object that is taller within one block, in cells, is left out: the format has 4096 cells of height.
+const MAX_BLOCK_HEIGHT_CELLS: f64 = 32_768.0;
+/// An object that is smaller in all directions, in cells, may fall between the lines that sample it.
+const MIN_CELLS: f32 = 0.25;
+
+/// Longer identifiers are cut: they are in memory until all sources are read.
+const MAX_ID_BYTES: usize = 1024;
+
 struct PendingObject {
     id: String,
     kind: ObjectKind,
     source: usize,
+    /// Whether it is left out, with the reason in the report already.
+    is_dropped: bool,
+    /// Area of all triangles.
+    surface_m2: f64,
     /// The stored corners are relative to this, because f32 is exact enough only near the object until the origin is
     /// known.
     anchor: [f64; 3],
     /// Minimum of the corners relative to the anchor.
     min: [f32; 3],
-    /// Maximum likewise.
+    /// Maximum of the corners relative to the anchor.
     max: [f32; 3],
     triangles: u64,
 }
@@ -49,6 +69,62 @@ impl PendingObject {
     fn high(&self, axis: usize) -> f64 {
         self.anchor[axis] + f64::from(self.max[axis])
     }
+
+    /// Extent along an axis.
+    fn extent_m(&self, axis: usize) -> f64 {
+        f64::from(self.max[axis]) - f64::from(self.min[axis])
+    }
+
+    /// Why the object cannot be baked with cells of this size, with details; `None` if it can.
+    fn size_fault(&self, cell_m: f64) -> Option<(&'static str, String)> {
+        let extent_m: [f64; 3] = std::array::from_fn(|axis| self.extent_m(axis));
+        if let Some(largest_m) =
+            extent_m.into_iter().reduce(f64::max).filter(|extent_m| *extent_m > 2.0 * MAX_DISTANCE_M)
+        {
+            return Some(("larger than 400 km", format!("{:.0} km", largest_m / 1000.0)));
+        }
+        let block_m = cell_m * (NODE_CELLS as u32 * BLOCK_LEAVES) as f64;
+        let [share_x, share_y] = [0, 1].map(|axis: usize| (block_m / extent_m[axis]).min(1.0));
+        let height_cells = extent_m[2] * share_x.min(share_y) / cell_m;
+        if height_cells > MAX_BLOCK_HEIGHT_CELLS {
+            let detail = format!(
+                "{height_cells:.0} cells high in one block, the limit is {MAX_BLOCK_HEIGHT_CELLS}; use a larger --cell"
+            );
+            return Some(("too tall for the cell size", detail));
+        }
+        let cells = self.surface_m2 * share_x * share_y / (cell_m * cell_m);
+        (cells > MAX_BLOCK_CELLS).then(|| {
+            let detail = format!(
+                "{cells:.0} cells of surface in one block, the limit is {MAX_BLOCK_CELLS:.0}; use a larger --cell"
+            );
+            ("too much surface for the cell size", detail)
+        })
+    }
+}
+
+/// An object whose triangles are added one part after the other, so that they are never in memory together.
+pub(crate) struct OpenObject {
+    kind: ObjectKind,
+    anchor: Option<[f64; 3]>,
+    min: [f32; 3],
+    max: [f32; 3],
+    surface_m2: f64,
+    /// Number of triangles so far.
+    pub(crate) triangles: u64,
+}
+
+impl OpenObject {
+    pub(crate) fn new(kind: ObjectKind) -> Self {
+        Self { kind, anchor: None, min: [0.0; 3], max: [0.0; 3], surface_m2: 0.0, triangles: 0 }
+    }
+
+    /// `None` without triangles.
+    fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
+        let Self { kind, anchor, min, max, surface_m2, triangles } = self;
+        let anchor = anchor?;
+        let id = id[..id.floor_char_boundary(MAX_ID_BYTES)].to_owned();
+        Some(PendingObject { id, kind, source, is_dropped: false, surface_m2, anchor, min, max, triangles })
+    }
 }
 
 /// Collects the objects of a city.
@@ -57,6 +133,7 @@ pub(crate) struct SceneBuilder {
     triangles: TriangleStore,
     materials: Vec<StoredMaterial>,
     material_numbers: HashMap<StoredMaterial, u32>,
+    cell_m: f64,
 }
 
 /// Whether a position is finite and within [`MAX_COORDINATE_M`].
@@ -65,8 +142,9 @@ pub(crate) fn is_valid_position(p: [f64; 3]) -> bool {
 }
 
 impl SceneBuilder {
-    pub(crate) fn new(triangles: TriangleStore) -> Self {
-        Self { pending: Vec::new(), triangles, materials: Vec::new(), material_numbers: HashMap::new() }
+    /// `cell_m` is the side of a leaf's column, by which an object is judged as too large.
+    pub(crate) fn new(triangles: TriangleStore, cell_m: f64) -> Self {
+        Self { pending: Vec::new(), triangles, materials: Vec::new(), material_numbers: HashMap::new(), cell_m }
     }
 
     /// Number of the material with this colour and texture.
@@ -80,38 +158,60 @@ impl SceneBuilder {
         index
     }
 
-    /// Adds an object and counts it in the report. Every corner must be valid (see [`is_valid_position`]). An object
-    /// without triangles is not added.
-    pub(crate) fn add(
-        &mut self,
-        source: usize,
-        id: &str,
-        kind: ObjectKind,
-        faces: &[WorldTriangle],
-        report: &mut SourceReport,
-    ) {
+    /// Adds a whole object.
+    #[cfg(test)]
+    fn add(&mut self, source: usize, id: &str, kind: ObjectKind, faces: &[WorldTriangle], report: &mut SourceReport) {
+        let mut open = OpenObject::new(kind);
+        self.push(&mut open, faces);
+        self.close(source, id, open, report);
+    }
+
+    /// Adds triangles to an object that is closed later. Every corner must be valid (see
+    /// [`is_valid_position`]). Only one object may be open.
+    pub(crate) fn push(&mut self, open: &mut OpenObject, faces: &[WorldTriangle]) {
         let Some(first) = faces.first() else { return };
-        let anchor = first.corners[0];
+        let anchor = *open.anchor.get_or_insert(first.corners[0]);
         let object = self.pending.len() as u32;
-        let (mut min, mut max) = ([0.0f32; 3], [0.0f32; 3]);
         for face in faces {
-            let face = if kind == ObjectKind::Terrain { facing_up(face) } else { *face };
+            let face = if open.kind == ObjectKind::Terrain { facing_up(face) } else { *face };
             let corners = face.corners.map(|corner| std::array::from_fn(|axis| (corner[axis] - anchor[axis]) as f32));
             for corner in &corners {
                 for axis in 0..3 {
-                    min[axis] = min[axis].min(corner[axis]);
-                    max[axis] = max[axis].max(corner[axis]);
+                    open.min[axis] = open.min[axis].min(corner[axis]);
+                    open.max[axis] = open.max[axis].max(corner[axis]);
                 }
             }
+            let [a, b, c] = corners.map(Vec3::from_array);
+            open.surface_m2 += f64::from((b - a).cross(c - a).length()) * 0.5;
             self.triangles.push(SceneTriangle { corners, uv: face.uv, material: face.material, object });
         }
-        let triangles = faces.len() as u64;
-        self.pending.push(PendingObject { id: id.to_owned(), kind, source, anchor, min, max, triangles });
-        report.objects += 1;
-        report.triangles += triangles;
-        if kind == ObjectKind::Terrain {
-            report.terrain_triangles += triangles;
+        open.triangles += faces.len() as u64;
+    }
+
+    /// Ends an object and counts it in the report. One without triangles is not added, one that is too large for the
+    /// cell size is left out.
+    pub(crate) fn close(&mut self, source: usize, id: &str, open: OpenObject, report: &mut SourceReport) {
+        let Some(mut object) = open.into_pending(source, id) else { return };
+        if let Some((reason, detail)) = object.size_fault(self.cell_m) {
+            report.skip(reason, || format!("{id}: {detail}"));
+            object.is_dropped = true;
+        } else {
+            if (0..3).all(|axis| object.extent_m(axis) < f64::from(MIN_CELLS) * self.cell_m) {
+                report.problem("smaller than a quarter of a cell", || id.to_owned());
+            }
+            report.objects += 1;
+            report.triangles += object.triangles;
+            if object.kind == ObjectKind::Terrain {
+                report.terrain_triangles += object.triangles;
+            }
         }
+        self.pending.push(object);
+    }
+
+    /// Ends an object that is left out although some of its triangles were added.
+    pub(crate) fn abandon(&mut self, source: usize, id: &str, open: OpenObject) {
+        let dropped = open.into_pending(source, id).map(|object| PendingObject { is_dropped: true, ..object });
+        self.pending.extend(dropped);
     }
 
     /// The city. Its origin is the centre of the bounds in x and y and their bottom in z, in whole metres, so that
@@ -119,7 +219,8 @@ impl SceneBuilder {
     /// `sources`.
     pub(crate) fn finish(self, textures: TextureStore, sources: &mut [SourceReport]) -> ScratchScene {
         let too_far = self.find_too_far();
-        let kept = || self.pending.iter().zip(&too_far).filter(|(_, far)| far.is_none()).map(|(object, _)| object);
+        let is_kept = |(object, far): &(&PendingObject, &Option<f64>)| far.is_none() && !object.is_dropped;
+        let kept = || self.pending.iter().zip(&too_far).filter(is_kept).map(|(object, _)| object);
         let low: [f64; 3] = std::array::from_fn(|axis| kept().map(|object| object.low(axis)).fold(f64::MAX, f64::min));
         let high: [f64; 3] =
             std::array::from_fn(|axis| kept().map(|object| object.high(axis)).fold(f64::MIN, f64::max));
@@ -131,7 +232,7 @@ impl SceneBuilder {
             materials: self.materials,
             textures,
             triangles: 0,
-            names: Vec::new(),
+            names: ObjectNames::for_triangles(&self.triangles),
             placements: Vec::with_capacity(self.pending.len()),
             stored: self.triangles,
         };
@@ -139,12 +240,13 @@ impl SceneBuilder {
             return city;
         }
         city.origin = [((low[0] + high[0]) / 2.0).floor(), ((low[1] + high[1]) / 2.0).floor(), low[2].floor()];
-        let in_memory = matches!(city.stored, TriangleStore::Memory(_));
         let (mut min, mut max) = ([f64::MAX; 3], [f64::MIN; 3]);
         for (object, far) in self.pending.into_iter().zip(too_far) {
             let offset_m: [f64; 3] = std::array::from_fn(|axis| object.anchor[axis] - city.origin[axis]);
-            if let Some(distance_m) = far {
-                remove_from_report(&object, distance_m, &mut sources[object.source]);
+            if far.is_some() || object.is_dropped {
+                if let Some(distance_m) = far.filter(|_| !object.is_dropped) {
+                    remove_from_report(&object, distance_m, &mut sources[object.source]);
+                }
                 city.placements.push(ObjectPlacement { offset_m, object: None });
                 continue;
             }
@@ -157,9 +259,7 @@ impl SceneBuilder {
             city.placements.push(ObjectPlacement { offset_m, object: Some(city.objects.len() as u32) });
             city.objects.push(StoredObject { kind: object.kind, base_z_m: placed(object.min[2], 2) });
             city.triangles += object.triangles;
-            if in_memory {
-                city.names.push(object.id);
-            }
+            city.names.push(object.id);
         }
         city.bounds = Some([min, max]);
         city
@@ -168,7 +268,8 @@ impl SceneBuilder {
     /// For each object its distance from the median object in metres, if that is too far.
     fn find_too_far(&self) -> Vec<Option<f64>> {
         let middle: [f64; 3] = std::array::from_fn(|axis| {
-            let mut values: Vec<f64> = self.pending.iter().map(|object| object.anchor[axis]).collect();
+            let mut values: Vec<f64> =
+                self.pending.iter().filter(|object| !object.is_dropped).map(|object| object.anchor[axis]).collect();
             let half = values.len() / 2;
             if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(half, f64::total_cmp).1 }
         });
@@ -216,7 +317,7 @@ mod tests {
     }
 
     fn builder() -> SceneBuilder {
-        SceneBuilder::new(TriangleStore::Memory(Vec::new()))
+        SceneBuilder::new(TriangleStore::Memory(Vec::new()), 1.0)
     }
 
     fn report() -> Vec<SourceReport> {
@@ -255,6 +356,39 @@ mod tests {
         assert_eq!(scene.triangles[1].object, 1);
         assert_eq!((sources[0].objects, sources[0].triangles, sources[0].terrain_triangles), (2, 2, 2));
         assert_eq!(sources[0].skipped["far from the city"].first, ["remote: 500 km away"]);
+    }
+
+    #[test]
+    fn objects_too_large_for_the_cells_are_left_out_and_reported() {
+        let (mut builder, mut sources) = (builder(), report());
+        let mut add = |id: &str, faces: &[WorldTriangle]| {
+            builder.add(0, id, ObjectKind::Building, faces, &mut sources[0]);
+        };
+        let tall = |z: f64| {
+            let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, z]];
+            WorldTriangle { corners, uv: [[0.0; 2]; 3], material: 0 }
+        };
+        add("spike", &[tall(40_000.0)]);
+        add("pile", &vec![tall(10_000.0); 2000]);
+        add("tower", &[tall(10_000.0)]);
+        let wide = [[0.0; 3], [500_000.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        add("wide", &[WorldTriangle { corners: wide, ..tall(1.0) }]);
+        let dot = [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]];
+        add("dot", &[WorldTriangle { corners: dot, ..tall(1.0) }]);
+        let mut open = OpenObject::new(ObjectKind::Building);
+        builder.push(&mut open, &[tall(1.0)]);
+        builder.abandon(0, "broken", open);
+        builder.add(0, "last", ObjectKind::Building, &[tall(2.0)], &mut sources[0]);
+        let scene = builder.finish(TextureStore::in_memory(), &mut sources).into_scene().unwrap();
+        let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
+        assert_eq!(ids, ["tower", "dot", "last"]);
+        assert_eq!(scene.triangles.iter().map(|triangle| triangle.object).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!((sources[0].objects, sources[0].triangles), (3, 3));
+        let first = |reason: &str| sources[0].skipped[reason].first[0].clone();
+        assert!(first("too tall for the cell size").starts_with("spike: 40000 cells"));
+        assert!(first("too much surface for the cell size").starts_with("pile: "));
+        assert_eq!(first("larger than 400 km"), "wide: 500 km");
+        assert_eq!(sources[0].problems["smaller than a quarter of a cell"].first, ["dot"]);
     }
 
     #[test]

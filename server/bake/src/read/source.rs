@@ -68,7 +68,14 @@ pub(crate) fn kind_by_name(name: &str) -> Option<SourceKind> {
 
 /// The sources of the inputs, in order. A file that is given twice is read once. Fails if an input cannot be read or a
 /// folder has no city file.
-pub(crate) fn list(inputs: &[PathBuf]) -> Result<Vec<CitySource<'static>>, InputError> {
+///
+/// Textures and material libraries are read from a source's folder and below, and from `texture_roots`.
+pub(crate) fn list(inputs: &[PathBuf], texture_roots: &[PathBuf]) -> Result<Vec<CitySource<'static>>, InputError> {
+    let roots = texture_roots.iter().map(|root| {
+        let label = root.display().to_string();
+        fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
+    });
+    let roots: Rc<[PathBuf]> = roots.collect::<Result<_, _>>()?;
     let mut sources = Vec::new();
     let mut seen = HashSet::new();
     for input in inputs {
@@ -78,7 +85,7 @@ pub(crate) fn list(inputs: &[PathBuf]) -> Result<Vec<CitySource<'static>>, Input
         for path in files {
             let identity = fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
             if seen.insert(identity) {
-                sources.push(file_source(&path, meta.is_dir())?);
+                sources.push(file_source(&path, meta.is_dir(), Rc::clone(&roots))?);
             }
         }
     }
@@ -99,13 +106,13 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     if paths.is_empty() { Err(InputError::no_source(folder)) } else { Ok(paths) }
 }
 
-fn file_source(path: &Path, found: bool) -> Result<CitySource<'static>, InputError> {
+fn file_source(path: &Path, found: bool, roots: Rc<[PathBuf]>) -> Result<CitySource<'static>, InputError> {
     let label = path.display().to_string();
     let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
         return Err(InputError::unsupported(&label, "its name is not valid text"));
     };
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-    let files = FolderFiles { path: folder };
+    let files = FolderFiles { path: folder, source: name.to_owned(), roots };
     let bytes = files.len(name).map_err(|cause| InputError::io(&label, cause))?;
     Ok(CitySource { name: name.to_owned(), label, files: Rc::new(files), bytes, found })
 }
@@ -127,22 +134,43 @@ pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<CitySource<'
 
 struct FolderFiles {
     path: PathBuf,
+    /// Name of the source, which the user chose: it may be a link to anywhere.
+    source: String,
+    /// Folders besides `path` from which files may be read, without links.
+    roots: Rc<[PathBuf]>,
 }
 
 impl FolderFiles {
-    /// Path of a plain file. A name in a city file must not make the bake read a device or wait for a pipe.
+    /// Path of a plain file. A name in a city file must not make the bake read a device, wait for a pipe, or publish a
+    /// file from elsewhere: after links and `..`, the file must lie in the source's folder or in one of the roots.
     fn path_of(&self, name: &str) -> io::Result<PathBuf> {
-        if Path::new(name).is_absolute() {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path is absolute"));
-        }
-        let path = self.path.join(name);
+        let path = if name == self.source { self.path.join(name) } else { self.allowed_path(name)? };
         if fs::metadata(&path)?.is_file() {
             Ok(path)
         } else {
             Err(io::Error::new(io::ErrorKind::InvalidInput, "not a plain file"))
         }
     }
+
+    /// The file of that name in the source's folder or a root. An absolute name must lie in a root.
+    fn allowed_path(&self, name: &str) -> io::Result<PathBuf> {
+        let own = if self.path.as_os_str().is_empty() { Path::new(".") } else { &self.path };
+        let own = fs::canonicalize(own)?;
+        let mut refused = None;
+        for folder in std::iter::once(&own).chain(&*self.roots) {
+            let Ok(path) = fs::canonicalize(folder.join(name)) else { continue };
+            let is_own = !Path::new(name).is_absolute() && path.starts_with(&own);
+            if is_own || self.roots.iter().any(|root| path.starts_with(root)) {
+                return Ok(path);
+            }
+            refused = Some(io::Error::new(io::ErrorKind::PermissionDenied, OUTSIDE));
+        }
+        Err(refused.unwrap_or_else(|| io::ErrorKind::NotFound.into()))
+    }
 }
+
+/// Why a file outside of the source's folder is not read.
+pub(super) const OUTSIDE: &str = "it lies outside of the source's folder; allow its folder with --texture-root";
 
 impl SourceFiles for FolderFiles {
     fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
@@ -333,6 +361,41 @@ mod tests {
             ("last", NextLine::Complete),
         ];
         assert_eq!(seen, expected.map(|(line, status)| (line.to_owned(), status)));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn files_beside_a_source_are_read_from_its_folder_and_the_roots_only() {
+        use std::os::unix::fs::symlink;
+        let folder = insula_test_support::folder::TestFolder::new("siblings");
+        let path = |name: &str| folder.path.join(name);
+        for name in ["in/sub", "private", "shared"] {
+            fs::create_dir_all(path(name)).unwrap();
+        }
+        for name in ["in/a.obj", "in/own.png", "in/sub/b.png", "private/photo.png", "shared/c.png"] {
+            fs::write(path(name), name).unwrap();
+        }
+        symlink(path("private/photo.png"), path("in/link.png")).unwrap();
+        symlink(path("private"), path("in/dir")).unwrap();
+        symlink(path("in/a.obj"), path("in/linked.obj")).unwrap();
+        let private = path("private/photo.png").display().to_string();
+        let shared = path("shared/c.png").display().to_string();
+        for (roots, source) in [(vec![], "in/a.obj"), (vec![path("shared")], "in/linked.obj")] {
+            let sources = list(&[path(source)], &roots).unwrap();
+            let read = |name: &str| read_sibling(&*sources[0].files, name, 99);
+            assert_eq!(read("own.png").unwrap(), b"in/own.png");
+            assert_eq!(read("sub/../sub/b.png").unwrap(), b"in/sub/b.png");
+            assert_eq!(read(&sources[0].name).unwrap(), b"in/a.obj");
+            for name in ["../private/photo.png", "link.png", "dir/photo.png", &private] {
+                assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");
+            }
+            for name in ["../shared/c.png", &shared] {
+                assert_eq!(read(name).is_ok(), !roots.is_empty(), "{name}");
+            }
+            assert_eq!(read("c.png").is_ok(), !roots.is_empty());
+            assert_eq!(read("none.png").unwrap_err().kind(), io::ErrorKind::NotFound);
+        }
+        assert!(list(&[path("in/a.obj")], &[path("none")]).is_err());
     }
 
     #[test]

@@ -8,7 +8,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use super::*;
-use crate::test_folder::TestFolder;
+use insula_test_support::folder::TestFolder;
 
 /// One square roof at z = 3.
 fn city(epsg: &str) -> String {

@@ -2,13 +2,13 @@
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::io::Cursor;
+use std::io::{Cursor, ErrorKind};
 use std::sync::Arc;
 
 use image::{ImageReader, Limits};
 
 use super::report::SourceReport;
-use super::source::{CitySource, read_sibling};
+use super::source::{CitySource, OUTSIDE, read_sibling};
 use crate::scene::SceneTexture;
 use crate::scene::texture_store::TextureStore;
 
@@ -72,8 +72,12 @@ fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<SceneTex
     // Files often have absolute paths of the machine that exported them. The image is then mostly next to the source.
     let bytes = read(&name).or_else(|error| if bare == name { Err(error) } else { read(bare).map_err(|_| error) });
     let bytes = bytes.map_err(|error| {
-        let missing = error.kind() == std::io::ErrorKind::NotFound;
-        TextureFault { kind: if missing { "texture missing" } else { "texture unreadable" }, detail: error.to_string() }
+        let kind = match error.kind() {
+            ErrorKind::NotFound => "texture missing",
+            ErrorKind::PermissionDenied if error.to_string() == OUTSIDE => "texture outside of the source's folder",
+            _ => "texture unreadable",
+        };
+        TextureFault { kind, detail: error.to_string() }
     })?;
     decode(bytes, max_pixels)
 }

@@ -25,6 +25,8 @@ const TOP_REACH: f32 = 1.0;
 const INWARD_STEPS: [f32; 5] = [0.02, 0.47, 0.92, 1.37, -0.02];
 /// Most rows of a wall.
 const MAX_ROWS: i32 = 4096;
+/// Most rows of all walls of a block. The format has space for 4 million; further columns get one row.
+const MAX_BLOCK_ROWS: usize = 6 << 20;
 
 /// Area-weighted sum of surfels.
 #[derive(Debug, Clone, Copy, Default)]
@@ -80,7 +82,8 @@ struct ColumnAccumulator {
     wall_normal: Vec2,
     /// Row of `rows[0]`, in cells above height zero.
     first_row: i32,
-    /// Empty if the column is not exposed.
+    /// Length of `rows`; 0 if the column is not exposed.
+    row_count: usize,
     rows: Vec<RowSums>,
 }
 
@@ -107,6 +110,8 @@ pub(super) fn build_nodes(
         .into_par_iter()
         .map(|i| ColumnAccumulator::new(cells, (i % width) as i32, (i / width) as i32))
         .collect();
+    limit_rows(&mut accumulators, MAX_BLOCK_ROWS);
+    accumulators.par_iter_mut().for_each(ColumnAccumulator::allocate);
     let visible: Vec<Option<VisibleSurfel>> =
         surfels.par_iter().map(|surfel| visible_surfel(block, input, surfel)).collect();
     // In the order of the surfels, so that the sums do not depend on the number of threads.
@@ -116,6 +121,17 @@ pub(super) fn build_nodes(
         }
     }
     input.leaves.par_iter().map(|leaf| leaf_node(block, *leaf, cells, &accumulators)).collect()
+}
+
+/// Leaves one row to each column past the first `limit` rows.
+fn limit_rows(accumulators: &mut [ColumnAccumulator], limit: usize) {
+    let mut sum = 0;
+    for accumulator in accumulators {
+        sum += accumulator.row_count;
+        if sum > limit {
+            accumulator.row_count = accumulator.row_count.min(1);
+        }
+    }
 }
 
 /// `None` if the surfel is not visible.
@@ -200,10 +216,14 @@ impl ColumnAccumulator {
             let top_m = cell.column.solids.last().map_or(first.top_m, |run| run.top_m);
             accumulator.first_row = (first.bottom_m / cells.cell_m()).floor() as i32;
             let end = (top_m / cells.cell_m()).ceil() as i32;
-            let rows = (end - accumulator.first_row).clamp(1, MAX_ROWS);
-            accumulator.rows = vec![RowSums::default(); rows as usize];
+            accumulator.row_count = (end.saturating_sub(accumulator.first_row)).clamp(1, MAX_ROWS) as usize;
         }
         accumulator
+    }
+
+    /// Makes space for the sums of the rows.
+    fn allocate(&mut self) {
+        self.rows = vec![RowSums::default(); self.row_count];
     }
 
     fn add(&mut self, target: SurfelTarget, surfel: &VisibleSurfel) {
@@ -290,4 +310,21 @@ fn leaf_node(block: &LocalBlock, leaf: TileId, cells: &CellGrid, accumulators: &
         *column = accumulators[y * block.cells[0] + x].finish(cells, x as i32, y as i32);
     }
     node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_past_the_row_limit_get_one_row() {
+        let counts = |counts: [usize; 4], limit: usize| {
+            let mut all = counts.map(|row_count| ColumnAccumulator { row_count, ..ColumnAccumulator::default() });
+            limit_rows(&mut all, limit);
+            all.map(|accumulator| accumulator.row_count)
+        };
+        assert_eq!(counts([5, 0, 7, 3], 15), [5, 0, 7, 3]);
+        assert_eq!(counts([5, 0, 7, 3], 14), [5, 0, 7, 1]);
+        assert_eq!(counts([50, 0, 7, 3], 14), [1, 0, 1, 1]);
+    }
 }

@@ -200,7 +200,7 @@ fn test_unseen(
 }
 
 /// Whether the line from `p` in the direction of a viewer below leaves the object's footprint only under its foot, that
-/// is, through the ground it stands on. Such a viewer, who cannot exist, would see the inside of a shell without a
+/// is, through the ground below the object. No viewer can stand there; it would see the inside of a shell without a
 /// floor.
 fn passes_through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
     if direction.z >= 0.0 {

@@ -34,7 +34,7 @@ impl CellWalls {
             }
             let normal = triangle.normal.xy().normalize() * if back > front { -1.0 } else { 1.0 };
             if triangle.normal.z.abs() < VERTICAL_NORMAL_Z {
-                cut_at_cell_borders(triangle, block.cell_m, |cell, centre, share| {
+                cut_at_cell_borders(triangle, block.cell_m, walls.size, |cell, centre, share| {
                     walls.push(cell, normal, centre, triangle.area_m2 * share);
                 });
             } else {
@@ -65,9 +65,9 @@ impl CellWalls {
     }
 }
 
-/// Cuts a vertical triangle, seen from above, at the cells' borders. Calls `each` with the cell, the centre of the
+/// Cuts a vertical triangle, seen from above, at the borders of the block's `size` cells. Calls `each` with the cell, the centre of the
 /// piece and its share of the triangle's length.
-fn cut_at_cell_borders(triangle: &LocalTriangle, cell_m: f32, mut each: impl FnMut(IVec2, Vec2, f32)) {
+fn cut_at_cell_borders(triangle: &LocalTriangle, cell_m: f32, size: [i32; 2], mut each: impl FnMut(IVec2, Vec2, f32)) {
     let along = triangle.normal.xy().normalize().perp();
     let distance = |corner: &&Vec3| along.dot(corner.xy());
     let ends = [Ordering::Less, Ordering::Greater].map(|order| {
@@ -77,7 +77,9 @@ fn cut_at_cell_borders(triangle: &LocalTriangle, cell_m: f32, mut each: impl FnM
     let mut cuts = vec![0.0, 1.0];
     for axis in 0..2 {
         let (from, to) = (a[axis] / cell_m, b[axis] / cell_m);
-        let borders = (from.min(to).ceil() as i64)..=(from.max(to).floor() as i64);
+        // Without borders beyond the block, of which a wall of many kilometres has millions.
+        let borders =
+            (from.min(to).ceil() as i64).max(-2)..=(from.max(to).floor() as i64).min(i64::from(size[axis]) + 2);
         if from != to {
             cuts.extend(borders.map(|border| ((border as f32 - from) / (to - from)).clamp(0.0, 1.0)));
         }

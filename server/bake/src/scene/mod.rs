@@ -1,6 +1,8 @@
 //! The triangles of a city, whatever format they were read from.
 
+pub(crate) mod block_content;
 pub mod grid;
+pub(crate) mod object_names;
 pub(crate) mod partition;
 pub(crate) mod scratch_scene;
 pub(crate) mod texture_store;

@@ -8,7 +8,7 @@
 use std::{
     collections::BTreeMap,
     fs::{self, File, OpenOptions},
-    io::{self, Write},
+    io::{self, BufReader, Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -18,6 +18,7 @@ use crate::{
     error::BakeError,
     scene::{
         SceneTriangle,
+        block_content::{BlockContent, TriangleExtent, span},
         grid::{BLOCK_LEAVES, CityGrid},
         scratch_scene::ScratchScene,
         triangle_store::{RECORD_BYTES, from_record, to_record},
@@ -37,8 +38,8 @@ pub(crate) struct LeafBlock {
     pub(crate) leaves: u64,
     /// Number of triangles in the bucket.
     pub(crate) triangles: u64,
-    /// Approximate area of the bucket's triangles, for the estimate of the block's memory.
-    pub(crate) surface_m2: f64,
+    /// What is in the block itself, for the estimate of its memory.
+    pub(crate) content: BlockContent,
 }
 
 /// All blocks that have content.
@@ -59,11 +60,13 @@ pub(crate) struct PartitionOptions<'a> {
     pub(crate) margin_m: f64,
     /// Size of all write buffers together.
     pub(crate) buffer_bytes: usize,
+    /// Most blocks that are in memory.
+    pub(crate) max_blocks: usize,
 }
 
 impl Partition {
     /// Sorts the city's triangles into buckets; calls `advance` with the number of triangles done since the last call.
-    /// Fails if a file cannot be read or written.
+    /// Fails if a file cannot be read or written, or if the city has too many blocks.
     pub(crate) fn new(
         city: &ScratchScene,
         grid: &CityGrid,
@@ -72,16 +75,16 @@ impl Partition {
     ) -> Result<Self, BakeError> {
         /// Triangles between two calls of `advance`.
         const STEP: u64 = 1 << 14;
-        let PartitionOptions { folder, margin_m, buffer_bytes } = options;
+        let PartitionOptions { folder, margin_m, buffer_bytes, max_blocks } = options;
         fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
-        let mut buckets = BucketWriter { grid, margin_m, folder, by_block: BTreeMap::new(), buffered: 0 };
+        let mut buckets = BucketWriter { grid, margin_m, folder, max_blocks, by_block: BTreeMap::new(), buffered: 0 };
         let mut count = 0;
         city.try_for_each(|triangle| {
             count += 1;
             if count % STEP == 0 {
                 advance(STEP);
             }
-            buckets.add(triangle);
+            buckets.add(triangle)?;
             if buckets.buffered >= buffer_bytes { buckets.flush() } else { Ok(()) }
         })?;
         buckets.flush()?;
@@ -93,8 +96,8 @@ impl Partition {
                 fs::remove_file(&path).map_err(|cause| BakeError::io(&path, "removed", cause))?;
                 continue;
             }
-            let BlockBucket { leaves, triangles, surface_m2, .. } = bucket;
-            blocks.push(LeafBlock { x, y, leaves, triangles, surface_m2 });
+            let BlockBucket { leaves, triangles, content, .. } = bucket;
+            blocks.push(LeafBlock { x, y, leaves, triangles, content });
         }
         Ok(Self { blocks, depth: grid.depth, folder: folder.to_owned() })
     }
@@ -109,6 +112,25 @@ impl Partition {
             return Err(BakeError::Scratch { path });
         }
         Ok(records.iter().map(from_record).collect())
+    }
+
+    /// Number of the object with most surface in the block. Fails if the bucket cannot be read.
+    pub(crate) fn largest_object(&self, block: &LeafBlock, grid: &CityGrid) -> Result<Option<u32>, BakeError> {
+        let path = bucket_path(&self.folder, block.x, block.y);
+        let failed = |cause| BakeError::io(&path, "read", cause);
+        let mut reader = BufReader::new(File::open(&path).map_err(failed)?);
+        let block_side = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
+        let low = [f64::from(block.x) * block_side, f64::from(block.y) * block_side];
+        let (mut by_object, mut all) = (BTreeMap::<u32, f64>::new(), BlockContent::default());
+        let mut record = [0; RECORD_BYTES];
+        for _ in 0..block.triangles {
+            reader.read_exact(&mut record).map_err(failed)?;
+            let triangle = from_record(&record);
+            let before_m2 = all.surface_m2;
+            all.add(&TriangleExtent::new(&triangle, &corners_xy(&triangle, grid)), low, block_side);
+            *by_object.entry(triangle.object).or_default() += all.surface_m2 - before_m2;
+        }
+        Ok(by_object.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(object, _)| object))
     }
 
     /// The block's leaves that may have content, row by row.
@@ -132,7 +154,7 @@ fn bucket_path(folder: &Path, x: u32, y: u32) -> PathBuf {
 struct BlockBucket {
     leaves: u64,
     triangles: u64,
-    surface_m2: f64,
+    content: BlockContent,
     /// Records that are not in the file yet.
     buffer: Vec<u8>,
 }
@@ -141,6 +163,7 @@ struct BucketWriter<'a> {
     grid: &'a CityGrid,
     margin_m: f64,
     folder: &'a Path,
+    max_blocks: usize,
     /// By (y, x).
     by_block: BTreeMap<(u32, u32), BlockBucket>,
     /// Bytes in all buffers.
@@ -148,27 +171,32 @@ struct BucketWriter<'a> {
 }
 
 impl BucketWriter<'_> {
-    fn add(&mut self, triangle: &SceneTriangle) {
+    /// Fails if there are too many blocks.
+    fn add(&mut self, triangle: &SceneTriangle) -> Result<(), BakeError> {
         let p = corners_xy(triangle, self.grid);
         let side = self.grid.node_side_m(self.grid.depth);
         let last = (1u32 << self.grid.depth) - 1;
-        self.mark_leaves(&p, side, last);
         let block_side = side * f64::from(BLOCK_LEAVES);
         let [x, y] = [0, 1].map(|axis| {
             let [low, high] = span(&p, axis);
             touched_range([low - self.margin_m, high + self.margin_m], block_side, last / BLOCK_LEAVES)
         });
         let record = to_record(triangle);
-        let surface_m2 = area_m2(triangle).min(4.0 * block_side * block_side);
+        let extent = TriangleExtent::new(triangle, &p);
         for y in y[0]..=y[1] {
             for x in x[0]..=x[1] {
                 let bucket = self.by_block.entry((y, x)).or_default();
                 bucket.triangles += 1;
-                bucket.surface_m2 += surface_m2;
+                bucket.content.add(&extent, [f64::from(x) * block_side, f64::from(y) * block_side], block_side);
                 bucket.buffer.extend_from_slice(&record);
                 self.buffered += record.len();
             }
+            if self.by_block.len() > self.max_blocks {
+                return Err(BakeError::TooManyBlocks { limit: self.max_blocks, side_m: block_side });
+            }
         }
+        self.mark_leaves(&p, side, last);
+        Ok(())
     }
 
     /// Marks the leaves that the triangle touches.
@@ -203,19 +231,9 @@ impl BucketWriter<'_> {
     }
 }
 
-fn area_m2(triangle: &SceneTriangle) -> f64 {
-    let [a, b, c] = triangle.corners.map(glam::Vec3::from_array);
-    f64::from((b - a).cross(c - a).length()) * 0.5
-}
-
 /// Corners in metres from the grid's corner, x and y.
 fn corners_xy(triangle: &SceneTriangle, grid: &CityGrid) -> [[f64; 2]; 3] {
     triangle.corners.map(|c| [f64::from(c[0]) - grid.corner[0], f64::from(c[1]) - grid.corner[1]])
-}
-
-fn span(p: &[[f64; 2]; 3], axis: usize) -> [f64; 2] {
-    let v = p.map(|corner| corner[axis]);
-    [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])]
 }
 
 /// First and last of the squares of side `side` that the closed interval touches, within `0..=last`.
@@ -240,10 +258,8 @@ fn touches(p: &[[f64; 2]; 3], low: [f64; 2], side: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        scene::{Material, ObjectKind, Scene, SceneObject},
-        test_folder::TestFolder,
-    };
+    use crate::scene::{Material, ObjectKind, Scene, SceneObject};
+    use insula_test_support::{folder::TestFolder, rng::Rng};
 
     fn triangle(corners: [[f32; 3]; 3]) -> SceneTriangle {
         SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 }
@@ -264,7 +280,7 @@ mod tests {
         };
         let folder = TestFolder::new(&format!("partition-{name}"));
         let buckets = folder.path.join("buckets");
-        let options = PartitionOptions { folder: &buckets, margin_m, buffer_bytes };
+        let options = PartitionOptions { folder: &buckets, margin_m, buffer_bytes, max_blocks: 1 << 10 };
         let city = ScratchScene::from_scene(scene).unwrap();
         (Partition::new(&city, &grid(5), options, |_| {}).unwrap(), folder)
     }
@@ -318,11 +334,8 @@ mod tests {
 
     #[test]
     fn every_point_of_every_triangle_lies_in_a_marked_leaf() {
-        let mut seed = 7u32;
-        let mut random = || {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (seed >> 8) as f32 / (1 << 24) as f32 * 2047.0
-        };
+        let mut rng = Rng::new(7);
+        let mut random = || rng.range(0.0, 2047.0) as f32;
         let triangles: Vec<_> =
             (0..200).map(|_| triangle(std::array::from_fn(|_| [random(), random(), 0.0]))).collect();
         let (partition, _folder) = partition("random", &triangles, 64.0, 1 << 20);
@@ -338,6 +351,21 @@ mod tests {
             }
         }
         assert!(partition.blocks.is_sorted_by_key(|block| (block.y, block.x)));
+    }
+
+    #[test]
+    fn too_many_blocks_are_refused() {
+        let scene = Scene {
+            triangles: vec![triangle([[0.0; 3], [2000.0, 0.0, 0.0], [0.0, 2000.0, 0.0]])],
+            objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
+            materials: vec![Material { rgb: [0; 3], texture: None }],
+            ..Scene::default()
+        };
+        let folder = TestFolder::new("partition-blocks");
+        let options =
+            PartitionOptions { folder: &folder.path.join("b"), margin_m: 0.0, buffer_bytes: 99, max_blocks: 200 };
+        let result = Partition::new(&ScratchScene::from_scene(scene).unwrap(), &grid(5), options, |_| {});
+        assert!(matches!(result, Err(BakeError::TooManyBlocks { limit: 200, .. })));
     }
 
     #[test]

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use crate::{
     error::BakeError,
     scene::{
-        Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle, texture_store::TextureStore,
-        triangle_store::TriangleStore,
+        Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle, object_names::ObjectNames,
+        texture_store::TextureStore, triangle_store::TriangleStore,
     },
 };
 
@@ -51,8 +51,7 @@ pub(crate) struct ScratchScene {
     pub(crate) textures: TextureStore,
     /// Number of triangles.
     pub(crate) triangles: u64,
-    /// Identifiers of the objects; empty unless the triangles are in memory.
-    pub(crate) names: Vec<String>,
+    pub(crate) names: ObjectNames,
     /// By the object number of the stored triangles; empty if the triangles are relative to the origin already.
     pub(crate) placements: Vec<ObjectPlacement>,
     pub(crate) stored: TriangleStore,
@@ -81,7 +80,6 @@ impl ScratchScene {
     /// Frees the triangles, whose copies in the partition's buckets are used from then on.
     pub(crate) fn drop_triangles(&mut self) {
         self.placements = Vec::new();
-        self.names = Vec::new();
         if let TriangleStore::File(file) = std::mem::replace(&mut self.stored, TriangleStore::Memory(Vec::new())) {
             file.remove();
         }
@@ -94,7 +92,7 @@ impl ScratchScene {
             triangles.push(*triangle);
             Ok(())
         })?;
-        let objects = self.objects.iter().zip(&self.names);
+        let objects = self.objects.iter().zip(self.names.in_memory());
         let objects =
             objects.map(|(object, id)| SceneObject { id: id.clone(), kind: object.kind, base_z_m: object.base_z_m });
         let materials = self.materials.iter().map(|material| self.load_material(*material));
@@ -127,6 +125,7 @@ impl ScratchScene {
         let materials = scene.materials.into_iter();
         let materials =
             materials.map(|m| StoredMaterial { rgb: m.rgb, texture: m.texture.map(&mut number_of) }).collect();
+        let names = ObjectNames::Memory(scene.objects.iter().map(|object| object.id.clone()).collect());
         let objects = scene.objects.iter().map(|o| StoredObject { kind: o.kind, base_z_m: o.base_z_m });
         Ok(Self {
             origin: scene.origin,
@@ -136,7 +135,7 @@ impl ScratchScene {
             materials,
             textures,
             triangles: scene.triangles.len() as u64,
-            names: Vec::new(),
+            names,
             placements: Vec::new(),
             stored: TriangleStore::Memory(scene.triangles),
         })

@@ -130,7 +130,7 @@ fn load(path: &Path, facts: TextureFacts) -> Result<SceneTexture, BakeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
 
     #[test]
     fn textures_are_loaded_on_demand_within_the_cache_limit() {

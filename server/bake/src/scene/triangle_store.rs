@@ -3,7 +3,7 @@
 use std::{
     fs::File,
     io::{self, BufReader, BufWriter, Read, Write},
-    path::PathBuf,
+    path::{Path, PathBuf},
 };
 
 use crate::{error::BakeError, scene::SceneTriangle};
@@ -52,6 +52,10 @@ pub(crate) struct TriangleFile {
 }
 
 impl TriangleFile {
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Removes the file. A file that cannot be removed stays until the whole scratch folder is removed.
     pub(crate) fn remove(self) {
         drop(self.writer);
@@ -62,7 +66,7 @@ impl TriangleFile {
 impl TriangleStore {
     /// Fails if the file at `path` cannot be created.
     pub(crate) fn in_file(path: PathBuf) -> Result<Self, BakeError> {
-        let file = File::create(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
+        let file = File::create_new(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
         let writer = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
         Ok(Self::File(TriangleFile { path, writer, failed: None }))
     }
@@ -114,7 +118,7 @@ impl TriangleStore {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
     use std::fs;
 
     fn triangle(i: u32) -> SceneTriangle {

@@ -22,7 +22,7 @@ pub(crate) fn write(
         ordered.push((pmtiles::TileId::from(coord), coord, *id));
     }
     ordered.sort_unstable_by_key(|(order, ..)| *order);
-    let file = fs::File::create(path).map_err(|cause| BakeError::io(path, "written", cause))?;
+    let file = fs::File::create_new(path).map_err(|cause| BakeError::io(path, "written", cause))?;
     let max_zoom = ids.iter().map(|id| id.level()).max().unwrap_or(0);
     let mut writer = PmTilesWriter::new(TileType::Unknown)
         .tile_compression(Compression::None)
@@ -48,22 +48,22 @@ fn archive_error(path: &Path, cause: PmtError) -> BakeError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
 
     #[test]
     fn equal_tiles_are_stored_once_in_an_order_independent_of_the_ids() {
         let folder = TestFolder::new("archive");
-        let path = folder.path.join("a.pmtiles");
+        let path = |name: &str| folder.path.join(name);
         let mut ids: Vec<TileId> = (0..256).filter_map(|i| TileId::new(4, i % 16, i / 16)).collect();
         let big = vec![7u8; 10_000];
-        let length = write(&path, &ids, |_| Ok(big.clone())).unwrap();
+        let length = write(&path("big"), &ids, |_| Ok(big.clone())).unwrap();
         assert!((10_000..40_000).contains(&length), "{length}");
         let tile = |id: TileId| Ok(id.to_string().into_bytes());
-        write(&path, &ids, tile).unwrap();
-        let first = fs::read(&path).unwrap();
+        write(&path("first"), &ids, tile).unwrap();
+        let first = fs::read(path("first")).unwrap();
         ids.reverse();
-        write(&path, &ids, tile).unwrap();
-        assert_eq!(fs::read(&path).unwrap(), first);
+        write(&path("second"), &ids, tile).unwrap();
+        assert_eq!(fs::read(path("second")).unwrap(), first);
         // Byte 96 of a PMTiles v3 header says "clustered".
         assert_eq!((&first[..8], first[96]), (&b"PMTiles\x03"[..], 1));
     }

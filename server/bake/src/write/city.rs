@@ -1,8 +1,8 @@
 //! Writes the final files of a city.
 //!
 //! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are meshes, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder. Next:
-//! `ScratchFolder::publish` renames them to the output.
+//! `meshes.pmtiles` if there are meshes, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder.
+//! Next: `ScratchFolder::publish` renames them to the output.
 
 use std::{
     collections::HashMap,
@@ -12,7 +12,10 @@ use std::{
 
 use insula_protocol::{
     NODE_CELLS, TileId,
-    manifest::{Attribution, CityCounts, FORMAT_VERSION, Manifest},
+    manifest::{
+        Attribution, CityCounts, FORMAT_VERSION, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES, Manifest,
+        shorten_text,
+    },
     mesh_tile, tile,
 };
 
@@ -215,20 +218,39 @@ fn attribution(requested: &[Attribution], read: &ReadReport) -> Vec<Attribution>
     if !all.is_empty() {
         return all;
     }
+    // The rest is for the title and the coordinate system.
+    let mut bytes = 0;
     for source in &read.sources {
-        let licence = (!source.licences.is_empty()).then(|| source.licences.join(", "));
+        let licence = (!source.licences.is_empty()).then(|| cut(source.licences.join(", ")));
         let names = if source.attributions.is_empty() { &source.titles } else { &source.attributions };
-        let attribution = Attribution { text: names.join(", "), licence, url: None };
-        if !attribution.text.is_empty() && !all.contains(&attribution) {
-            all.push(attribution);
+        let attribution = Attribution { text: cut(names.join(", ")), licence, url: None };
+        if attribution.text.is_empty() || all.contains(&attribution) {
+            continue;
         }
+        bytes += attribution.texts().map(String::len).sum::<usize>();
+        if all.len() == MAX_ATTRIBUTIONS || bytes > MAX_ALL_TEXT_BYTES - 3 * MAX_TEXT_BYTES {
+            tracing::warn!("{}: too many attributions, the rest is left out; give one with --attribution", source.path);
+            break;
+        }
+        all.push(attribution);
     }
     all
+}
+
+/// The text as far as a manifest can hold it.
+fn cut(text: String) -> String {
+    let short = shorten_text(&text);
+    if short.len() == text.len() {
+        return text;
+    }
+    tracing::warn!("the attribution {:.40}... is too long and is cut; give one with --attribution", short);
+    short.to_owned()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::{SourceFormat, SourceReport};
     use crate::scene::{Material, Scene, SceneObject, SceneTriangle};
 
     fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
@@ -253,5 +275,22 @@ mod tests {
         let buildings = facts(&[(Building, -9.0), (Building, 3.0), (Building, 4.0)]);
         assert_eq!((buildings.ground_z_m, buildings.has_terrain), (53.0, false));
         assert_eq!(buildings.bounds, [[1000.0, 2000.0, 41.0], [1001.0, 2001.0, 59.0]]);
+    }
+
+    #[test]
+    fn attributions_of_any_sources_fit_into_a_manifest() {
+        let source = |name: String, licence: &str| {
+            let mut source = SourceReport::new(&name, SourceFormat::Obj, 0);
+            source.attributions.push(name);
+            source.licences.push(licence.to_owned());
+            source
+        };
+        let long = "\u{1}".repeat(5000);
+        for licence in ["L", &long] {
+            let sources = (0..1000).map(|i| source(format!("office {i} {licence}"), licence)).collect();
+            let all = attribution(&[], &ReadReport { sources, ..ReadReport::default() });
+            assert!(all.len() > 10 && all.len() <= MAX_ATTRIBUTIONS);
+            assert!(all.iter().flat_map(Attribution::texts).map(String::len).sum::<usize>() <= MAX_ALL_TEXT_BYTES);
+        }
     }
 }

@@ -37,7 +37,8 @@ pub(super) fn read_hashed(path: &Path, magic: [u8; 4]) -> Option<Vec<u8>> {
 
 fn write_renamed(path: &Path, write: impl FnOnce(&mut fs::File) -> io::Result<()>) -> Result<(), BakeError> {
     let temporary = path.with_extension("tmp");
-    let written = fs::File::create(&temporary).and_then(|mut file| write(&mut file));
+    remove_file(&temporary)?;
+    let written = fs::File::create_new(&temporary).and_then(|mut file| write(&mut file));
     written.map_err(|cause| BakeError::io(&temporary, "written", cause))?;
     fs::rename(&temporary, path).map_err(|cause| BakeError::io(path, "written", cause))
 }
@@ -51,7 +52,8 @@ pub(crate) fn sync_folder(path: &Path) -> Result<(), BakeError> {
     Ok(())
 }
 
-/// Removes a folder with its content, if it exists. Fails if it exists and cannot be removed.
+/// Removes a folder with its content, if it exists. Only for folders whose content was checked ([`super::ownership`]).
+/// Links in it are removed, not followed. Fails if it exists and cannot be removed.
 pub(super) fn remove_folder(path: &Path) -> Result<(), BakeError> {
     ignore_missing(path, fs::remove_dir_all(path))
 }

@@ -4,7 +4,6 @@
 //! y (4 bytes each) and 16 bytes of hash, a BLAKE3 hash of everything before.
 
 use std::{
-    fs,
     io::Read,
     path::{Path, PathBuf},
 };
@@ -28,8 +27,11 @@ pub(crate) struct Fingerprints {
     pub(crate) blocks: Vec<((u32, u32), ShortHash)>,
 }
 
+/// The file's name in a city's folder.
+pub(super) const FILE_NAME: &str = "fingerprints.bin";
+
 fn file_path(folder: &Path) -> PathBuf {
-    folder.join("fingerprints.bin")
+    folder.join(FILE_NAME)
 }
 
 impl Fingerprints {
@@ -52,7 +54,11 @@ impl Fingerprints {
     /// Reads the file of a city folder; `None` if there is none or it is damaged.
     pub(crate) fn read(folder: &Path) -> Option<Self> {
         let mut bytes = Vec::new();
-        fs::File::open(file_path(folder)).ok()?.take(MAX_BYTES + 1).read_to_end(&mut bytes).ok()?;
+        insula_archive::file::open_regular(&file_path(folder))
+            .ok()?
+            .take(MAX_BYTES + 1)
+            .read_to_end(&mut bytes)
+            .ok()?;
         if bytes.len() as u64 > MAX_BYTES {
             return None;
         }
@@ -77,7 +83,8 @@ impl Fingerprints {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
+    use std::fs;
 
     #[test]
     fn file_round_trips_and_damage_is_detected() {

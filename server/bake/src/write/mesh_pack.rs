@@ -95,7 +95,7 @@ pub(crate) fn read(folder: &Path, stored: &StoredMesh) -> Result<Vec<u8>, BakeEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
 
     #[test]
     fn pack_round_trips_and_damage_is_detected() {

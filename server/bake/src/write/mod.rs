@@ -9,6 +9,7 @@ pub(crate) mod city;
 pub(crate) mod files;
 pub(crate) mod fingerprints;
 pub(crate) mod mesh_pack;
+pub(crate) mod ownership;
 pub(crate) mod scratch_folder;
 pub(crate) mod tile_pack;
 pub(crate) mod tile_tree;

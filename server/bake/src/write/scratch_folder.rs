@@ -1,7 +1,8 @@
 //! The folder `CITY.partial`, in which a city is baked.
 //!
 //! ```text
-//! CITY.partial/lock        locked while a bake runs; the system releases it however the bake ends
+//! CITY.partial/insula-bake-scratch  marks the folder as a bake's; without it, nothing is reused or removed
+//!              lock        locked while a bake runs; the system releases it however the bake ends
 //!              state.json  hashes of the input of the packs
 //!              packs/      finished blocks
 //!              spool/      the scratch scene and the partition's buckets; rewritten by every run
@@ -12,13 +13,16 @@
 use std::{
     cell::Cell,
     ffi::OsString,
-    fs, io,
+    fs,
     path::{Path, PathBuf},
 };
 
 use serde::{Deserialize, Serialize};
 
-use super::files::{remove_file, remove_folder, sync_folder, write_synced};
+use super::{
+    files::{remove_file, remove_folder, sync_folder, write_synced},
+    ownership::{check_mount, check_out, claim_scratch, remove_city, remove_scratch},
+};
 use crate::error::BakeError;
 
 /// Hashes of the input of the packs. Packs are reused only if both are equal.
@@ -52,7 +56,8 @@ pub(crate) struct ScratchFolder {
     scene_folder_created: Cell<bool>,
 }
 
-fn partial(out: &Path) -> PathBuf {
+/// The scratch folder of the bake of `out`.
+pub(super) fn partial(out: &Path) -> PathBuf {
     let mut name = out.file_name().map(OsString::from).unwrap_or_default();
     name.push(".partial");
     out.with_file_name(name)
@@ -63,15 +68,28 @@ impl ScratchFolder {
     /// another bake holds the lock.
     pub(crate) fn lock(out: &Path) -> Result<Self, BakeError> {
         let root = partial(out);
+        check_mount(out)?;
+        check_mount(&root)?;
+        if let Some(parent) = root.parent() {
+            fs::create_dir_all(parent).map_err(|cause| BakeError::io(parent, "created", cause))?;
+        }
+        let existed = root.exists();
+        if !existed {
+            check_out(out)?;
+        }
+        claim_scratch(&root)?;
         // A bake that was killed between the two renames of `publish` left the previous city here.
         let replaced = root.join("replaced");
         if replaced.is_dir() && !out.exists() {
             fs::rename(&replaced, out).map_err(|cause| BakeError::io(out, "restored", cause))?;
         }
-        check_out(out)?;
-        fs::create_dir_all(&root).map_err(|cause| BakeError::io(&root, "created", cause))?;
+        if existed {
+            check_out(out)?;
+        }
         let path = root.join("lock");
-        let lock = fs::File::create(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
+        // Neither truncated nor, as `claim_scratch` has checked, a link.
+        let opened = fs::OpenOptions::new().write(true).create(true).truncate(false).open(&path);
+        let lock = opened.map_err(|cause| BakeError::io(&path, "written", cause))?;
         match lock.try_lock() {
             Err(fs::TryLockError::WouldBlock) => return Err(BakeError::Busy { path: root }),
             // Some file systems have no locks. The user must then avoid two bakes of one city.
@@ -100,7 +118,7 @@ impl ScratchFolder {
             fs::create_dir_all(self.packs()).map_err(|cause| BakeError::io(&self.packs(), "created", cause))?;
             write_synced(&state, &json)?;
         }
-        remove_folder(&self.root.join("replaced"))?;
+        remove_city(&self.root.join("replaced"))?;
         remove_folder(&self.city())?;
         Ok(status)
     }
@@ -134,6 +152,11 @@ impl ScratchFolder {
         let failed = |cause| BakeError::io(&self.out, "replaced", cause);
         if self.out.exists() {
             fs::rename(&self.out, &replaced).map_err(failed)?;
+            // A file that was put into the folder since the last check is not to be removed with it.
+            if let Err(error) = check_out(&replaced) {
+                let _ = fs::rename(&replaced, &self.out);
+                return Err(error);
+            }
         }
         if let Err(cause) = fs::rename(&city, &self.out) {
             // The error of the first rename is the one to report.
@@ -144,7 +167,7 @@ impl ScratchFolder {
             sync_folder(parent)?;
         }
         self.lock = None;
-        remove_folder(&self.root)
+        remove_scratch(&self.root)
     }
 }
 
@@ -153,32 +176,16 @@ impl Drop for ScratchFolder {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(self.root.join("spool"));
         if !self.prepared && !self.root.join("state.json").exists() {
-            let _ = fs::remove_file(self.root.join("lock"));
-            let _ = fs::remove_dir(&self.root);
+            let _ = remove_scratch(&self.root);
         }
-    }
-}
-
-/// Fails unless `out` does not exist, is empty or contains a city: nothing else is ever replaced.
-fn check_out(out: &Path) -> Result<(), BakeError> {
-    let refuse = |what| Err(BakeError::Out { path: out.to_owned(), what });
-    match fs::metadata(out) {
-        Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(()),
-        Err(cause) => Err(BakeError::io(out, "read", cause)),
-        Ok(found) if !found.is_dir() => refuse("a file with this name exists"),
-        Ok(_) if out.join("city.json").is_file() => Ok(()),
-        Ok(_) => match fs::read_dir(out).map(|mut entries| entries.next().is_some()) {
-            Ok(false) => Ok(()),
-            Ok(true) => refuse("the folder is not empty and contains no city"),
-            Err(cause) => Err(BakeError::io(out, "read", cause)),
-        },
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_protocol::manifest::{CityCounts, FORMAT_VERSION, Manifest};
+    use insula_test_support::folder::TestFolder;
 
     fn input(scene: &str) -> InputHashes {
         InputHashes { settings: "s".into(), scene: scene.into() }
@@ -218,35 +225,166 @@ mod tests {
         assert!(ScratchFolder::lock(&out).is_ok());
     }
 
+    /// Writes a city's manifest with the given title.
+    fn write_manifest(folder: &Path, title: &str) {
+        fs::create_dir_all(folder).unwrap();
+        let manifest = Manifest {
+            format_version: FORMAT_VERSION,
+            name: "city".into(),
+            title: title.into(),
+            version: "0123456789abcdef".into(),
+            crs: None,
+            origin: [0.0; 3],
+            root_side_m: 64.0,
+            depth: 0,
+            node_cells: 64,
+            cell_m: 1.0,
+            bounds: [[0.0; 3]; 2],
+            focus: [[0.0; 2]; 2],
+            ground_z_m: 0.0,
+            has_terrain: false,
+            counts: CityCounts::default(),
+            attribution: Vec::new(),
+            tile_version: 1,
+            settings: String::new(),
+        };
+        fs::write(folder.join("city.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    }
+
+    fn title(folder: &Path) -> String {
+        insula_archive::city::read_manifest(folder).unwrap().title
+    }
+
+    /// The message of the refusal, which must change nothing in `folder`.
+    #[track_caller]
+    fn refused(folder: &Path, out: &Path) -> String {
+        let before = tree(folder);
+        let error = ScratchFolder::lock(out).unwrap_err();
+        assert!(matches!(error, BakeError::Out { .. }), "{error}");
+        assert_eq!(tree(folder), before, "{error}");
+        error.to_string()
+    }
+
+    /// Every path below a folder, links not followed, with the length of files.
+    fn tree(folder: &Path) -> Vec<(PathBuf, u64)> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+            let kind = entry.file_type().unwrap();
+            found.push((entry.path(), if kind.is_file() { entry.metadata().unwrap().len() } else { 0 }));
+            if kind.is_dir() {
+                found.extend(tree(&entry.path()));
+            }
+        }
+        found.sort();
+        found
+    }
+
     #[test]
     fn only_a_city_or_an_empty_folder_is_replaced() {
         let folder = TestFolder::new("foreign");
         let out = folder.path.join("city");
         fs::write(&out, "a file").unwrap();
-        assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Out { .. })));
+        refused(&folder.path, &out);
         fs::remove_file(&out).unwrap();
         fs::create_dir(&out).unwrap();
         assert!(ScratchFolder::lock(&out).is_ok());
-        fs::write(out.join("letters.txt"), "dear").unwrap();
-        assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Out { .. })));
-        fs::write(out.join("city.json"), "{}").unwrap();
+        for text in ["{}", r#"{"type": "CityJSON", "version": "2.0", "CityObjects": {}, "vertices": []}"#, ""] {
+            fs::write(out.join("city.json"), text).unwrap();
+            assert!(refused(&folder.path, &out).contains("city.json"), "{text}");
+        }
+        write_manifest(&out, "a");
         assert!(ScratchFolder::lock(&out).is_ok());
+        let text = fs::read_to_string(out.join("city.json")).unwrap();
+        fs::write(out.join("city.json"), text.replace("\"format_version\":1", "\"format_version\":99")).unwrap();
+        assert!(ScratchFolder::lock(&out).is_ok(), "a city of another version");
+        fs::write(out.join("letters.txt"), "dear").unwrap();
+        assert!(refused(&folder.path, &out).contains("letters.txt"));
+        fs::remove_file(out.join("letters.txt")).unwrap();
+        fs::create_dir(out.join("meshes.pmtiles")).unwrap();
+        assert!(refused(&folder.path, &out).contains("meshes.pmtiles"), "a folder with a city file's name");
+    }
+
+    #[test]
+    fn folder_that_no_bake_made_is_no_scratch_folder() {
+        let folder = TestFolder::new("not-scratch");
+        let (out, root) = (folder.path.join("city"), folder.path.join("city.partial"));
+        fs::create_dir_all(root.join("packs")).unwrap();
+        fs::write(root.join("state.json"), "mine").unwrap();
+        assert!(refused(&folder.path, &out).contains("city.partial"));
+        fs::remove_dir_all(&root).unwrap();
+        start(&out, "a", false);
+        for (name, part) in
+            [("notes.txt", "city.partial"), ("packs/notes.txt", "packs"), ("replaced/notes.txt", "replaced")]
+        {
+            let path = root.join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(&path, "mine").unwrap();
+            let message = refused(&folder.path, &out);
+            assert!(message.contains("notes.txt") && message.contains(part), "{message}");
+            fs::remove_file(&path).unwrap();
+        }
+        assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_refused_and_never_followed() {
+        use std::os::unix::fs::symlink;
+        let folder = TestFolder::new("links");
+        let (out, root) = (folder.path.join("city"), folder.path.join("city.partial"));
+        let (mine, target) = (folder.path.join("mine"), folder.path.join("mine/notes.txt"));
+        fs::create_dir(&mine).unwrap();
+        fs::write(&target, "dear").unwrap();
+        for link in [&out, &root] {
+            symlink(&mine, link).unwrap();
+            refused(&folder.path, &out);
+            fs::remove_file(link).unwrap();
+        }
+        start(&out, "a", false);
+        for (name, to) in
+            [("lock", &target), ("state.json", &target), ("packs", &mine), ("city", &mine), ("spool", &mine)]
+        {
+            let path = root.join(name);
+            let _ = fs::remove_file(&path);
+            let _ = fs::remove_dir_all(&path);
+            symlink(to, &path).unwrap();
+            refused(&folder.path, &out);
+            fs::remove_file(&path).unwrap();
+        }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn mount_point_is_refused_before_the_bake() {
+        let error = ScratchFolder::lock(Path::new("/proc")).unwrap_err();
+        assert!(matches!(&error, BakeError::Out { .. }) && error.to_string().contains("mounted"), "{error}");
+    }
+
+    #[test]
+    fn file_put_into_the_city_during_the_bake_stays() {
+        let folder = TestFolder::new("late");
+        let out = folder.path.join("city");
+        write_manifest(&out, "old");
+        let mut scratch = ScratchFolder::lock(&out).unwrap();
+        scratch.prepare(&input("a"), false).unwrap();
+        write_manifest(&scratch.city(), "new");
+        fs::write(out.join("letters.txt"), "dear").unwrap();
+        assert!(matches!(scratch.publish(), Err(BakeError::Out { .. })));
+        assert_eq!((title(&out), fs::read_to_string(out.join("letters.txt")).unwrap()), ("old".into(), "dear".into()));
     }
 
     #[test]
     fn previous_city_is_restored_after_a_kill_between_the_renames() {
         let folder = TestFolder::new("between");
         let out = folder.path.join("city");
-        let replaced = folder.path.join("city.partial/replaced");
-        fs::create_dir_all(&replaced).unwrap();
-        fs::write(replaced.join("city.json"), "old").unwrap();
+        start(&out, "a", false);
+        write_manifest(&folder.path.join("city.partial/replaced"), "old");
         let mut scratch = ScratchFolder::lock(&out).unwrap();
-        assert_eq!(fs::read_to_string(out.join("city.json")).unwrap(), "old");
+        assert_eq!(title(&out), "old");
         scratch.prepare(&input("a"), false).unwrap();
-        fs::create_dir(scratch.city()).unwrap();
-        fs::write(scratch.city().join("city.json"), "new").unwrap();
+        write_manifest(&scratch.city(), "new");
         scratch.publish().unwrap();
-        assert_eq!(fs::read_to_string(out.join("city.json")).unwrap(), "new");
+        assert_eq!(title(&out), "new");
         assert!(!folder.path.join("city.partial").exists());
     }
 }

@@ -59,7 +59,7 @@ pub(crate) struct EncodedTile {
     pub(crate) id: TileId,
     /// Lowest point of the node and its descendants, metres above the city's origin.
     pub(crate) z_min_m: f32,
-    /// Highest point likewise.
+    /// Highest point of the node and its descendants, metres above the city's origin.
     pub(crate) z_max_m: f32,
     pub(crate) bytes: Vec<u8>,
 }
@@ -144,7 +144,7 @@ impl<'a> PackReader<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_folder::TestFolder;
+    use insula_test_support::folder::TestFolder;
 
     fn tile([x, y]: [u32; 2], byte: u8, len: usize) -> EncodedTile {
         EncodedTile { id: TileId::new(4, x, y).unwrap(), z_min_m: -1.5, z_max_m: x as f32, bytes: vec![byte; len] }

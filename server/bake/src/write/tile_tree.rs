@@ -3,14 +3,14 @@
 //! Spheres and errors nest: a node's sphere contains its children's, and its error is at least theirs.
 
 use insula_protocol::{
-    BlockMap, Subtree, TileId, blockmap,
-    blockmap::flag,
+    BlockMap, Subtree, TileId,
+    blockmap::{self, flag, voxel_error_m},
     octahedral,
     subtree::{LEVELS, NodeInfo, NodeMesh},
 };
 
 use super::{mesh_pack::StoredMesh, tile_pack::StoredTile};
-use crate::{columns::voxels::HALF_DIAGONAL, error::BakeError, scene::grid::CityGrid};
+use crate::{error::BakeError, scene::grid::CityGrid};
 
 /// Least z of an inclined top's normal. Steeper tops are treated as if they had this slope.
 const MIN_NORMAL_Z: f32 = 0.1;
@@ -127,7 +127,7 @@ fn describe_node(grid: &CityGrid, tile: &StoredTile, below: &[NodeInfo]) -> Node
         child_mask: 0,
         z_min_m: tile.z_min_m,
         z_max_m: tile.z_max_m,
-        error_m: (HALF_DIAGONAL * grid.cell_m_at(tile.id.level())) as f32,
+        error_m: voxel_error_m(grid.cell_m_at(tile.id.level())) as f32,
         radius_m: 0.0,
         blockmap_bytes: tile.bytes,
     };

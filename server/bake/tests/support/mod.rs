@@ -18,6 +18,7 @@ use insula_bake::{
     scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
 };
 use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
+use insula_test_support::folder::TestFolder;
 use pmtiles::{AsyncBackend, AsyncPmTilesReader, BackendResponse, PmtResult, TileCoord};
 
 /// Cells so coarse that the whole city is two blocks, for tests that do not need more.
@@ -63,30 +64,9 @@ fn add_box(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
     }
 }
 
-/// An empty folder, removed when dropped.
-pub(crate) struct TestFolder {
-    pub(crate) path: PathBuf,
-}
-
-impl TestFolder {
-    /// `name` must differ between tests, which run in parallel.
-    pub(crate) fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("insula-bake-it-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).unwrap();
-        Self { path }
-    }
-
-    /// The output of a bake, in a folder of its own so that all cities have the same name.
-    pub(crate) fn out(&self, run: &str) -> PathBuf {
-        self.path.join(run).join("boxes")
-    }
-}
-
-impl Drop for TestFolder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.path);
-    }
+/// The output of a bake, in a folder of its own so that all cities have the same name.
+pub(crate) fn out_folder(folder: &TestFolder, run: &str) -> PathBuf {
+    folder.path.join(run).join("boxes")
 }
 
 pub(crate) fn options(out: &Path, threads: usize) -> BakeOptions {
@@ -125,7 +105,7 @@ impl BakedCity {
     /// Bakes a scene; `options.out` is replaced by a temporary folder.
     pub(crate) fn bake(name: &str, scene: Scene, options: BakeOptions) -> Self {
         let folder = TestFolder::new(name);
-        let out = folder.out("city");
+        let out = out_folder(&folder, "city");
         let options = BakeOptions { out: out.clone(), ..options };
         let report = bake_scene(scene, ReadReport::default(), &options, &Silent).unwrap();
         assert!(!partial(&out).exists());

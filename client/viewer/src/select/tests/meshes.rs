@@ -39,7 +39,7 @@ fn near_leaves_are_drawn_as_the_coarsest_mesh_within_tau() {
 fn meshes_can_be_disabled() {
     let mut tree = SceneTree::new(manifest(DEPTH)).with_meshes(false);
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
-    assert!(tree.nodes().iter().all(|node| node.lods.is_empty()));
+    assert!(tree.nodes().all(|node| node.lods.is_empty()));
 }
 
 /// A tree, feedback and selection after all visible leaves but `lost` got their meshes.
@@ -94,7 +94,7 @@ fn sky_of_a_mesh_comes_from_the_same_node_whatever_is_resident() {
     let before = sky_sources(&tree, &selection);
     assert!(before.iter().all(|[leaf, source]| leaf.ancestor(DEPTH - 2) == Some(*source)), "{before:?}");
     let mut full = tree.clone();
-    for node in tree.nodes().iter().filter(|node| !node.tile.is_resident()) {
+    for node in tree.nodes().filter(|node| !node.tile.is_resident()) {
         load(&mut full, TileKey::block_map(node.id));
     }
     let after = select_with(&street_view(), &full, &feedback);

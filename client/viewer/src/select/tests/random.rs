@@ -3,22 +3,10 @@
 use super::*;
 use crate::{scene::TileState, select::transitions::Transitions};
 use insula_protocol::TileKind;
-
-/// Xorshift.
-struct Random(u64);
-
-impl Random {
-    /// A number in `0..bound`.
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) % bound
-    }
-}
+use insula_test_support::rng::Rng;
 
 struct RandomSession {
-    random: Random,
+    random: Rng,
     tree: SceneTree,
     /// Subtrees that have not arrived.
     missing_subtrees: Vec<Subtree>,
@@ -30,11 +18,11 @@ struct RandomSession {
 impl RandomSession {
     /// Every fourth city has several levels of subtrees, every second one has meshes.
     fn new(seed: u64) -> Self {
-        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        let mut random = Rng::new(seed);
         let is_deep = Self::is_deep(seed);
-        let gaps = if is_deep { 2 } else { random.below(5) + 2 };
+        let gaps = if is_deep { 2 } else { random.below_u32(5) + 2 };
         let depth = if is_deep { 7 } else { DEPTH };
-        let is_gap = |id: TileId| id.level() > 1 && u64::from(id.x() * 7 + id.y() * 13).is_multiple_of(gaps);
+        let is_gap = |id: TileId| id.level() > 1 && (id.x() * 7 + id.y() * 13).is_multiple_of(gaps);
         let mut subtrees = subtrees(depth, is_gap);
         if seed % 2 == 1 {
             subtrees = subtrees.into_iter().map(with_meshes).collect();
@@ -58,22 +46,22 @@ impl RandomSession {
     }
 
     fn view(&mut self) -> View {
-        let mut below = |bound: u64| self.random.below(bound) as f64;
+        let mut below = |bound: usize| self.random.below(bound) as f64;
         let eye = [below(2400) - 200.0, below(2400) - 200.0, below(300) + 1.0];
         let mut view = view(eye, [below(2048), below(2048), below(40)]);
-        view.budget_pages = 60 + self.random.below(2000) as u32;
-        view.tau_px = [0.5, 1.0, 4.0][self.random.below(3) as usize];
+        view.budget_pages = 60 + self.random.below_u32(2000);
+        view.tau_px = [0.5, 1.0, 4.0][self.random.below(3)];
         view
     }
 
     fn frame(&mut self, view: &View, number: usize, scratch: &mut SelectionScratch) {
-        self.now += Duration::from_millis(self.random.below(300));
+        self.now += Duration::from_millis(u64::from(self.random.below_u32(300)));
         let selection = select(view, &self.tree, &self.feedback, scratch);
         assert_no_holes(&self.tree, view, &selection, number);
         let secs = self.random.below(300) as f64 / 1e3;
         super::transitions::step(&mut self.transitions, &self.tree, &selection, secs);
         selection.requests.iter().for_each(|w| self.fetch(w.key));
-        let salt = self.random.below(1000) as u32;
+        let salt = self.random.below_u32(1000);
         if self.random.below(3) > 0 {
             let is_hit = |id: TileId| (id.x() * 31 + id.y() * 17 + salt).is_multiple_of(3);
             report(&mut self.feedback, &self.tree, view, &selection, is_hit);
@@ -124,7 +112,7 @@ impl RandomSession {
                 tree.apply(TileKey::block_map(id), TileEvent::Drop);
             }
         }
-        let leaves: Vec<TileId> = tree.nodes().iter().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
+        let leaves: Vec<TileId> = tree.nodes().filter(|n| !n.lods.is_empty()).map(|n| n.id).collect();
         let meshes = leaves.into_iter().flat_map(|id| (0..3).map(move |lod| TileKey::mesh(id, lod)));
         for key in meshes.filter(|key| !selection.used_meshes.contains(key)) {
             if random.below(5) == 0 && tree.tile(key).is_some_and(|tile| tile.is_resident()) {
@@ -144,7 +132,7 @@ fn random_sessions_have_no_holes() {
             let view = session.view();
             (0..4).for_each(|_| session.frame(&view, frame, &mut scratch));
         }
-        deepened += usize::from(session.tree.nodes().iter().any(|node| node.id.level() > DEPTH));
+        deepened += usize::from(session.tree.nodes().any(|node| node.id.level() > DEPTH));
     }
     assert!(deepened >= 5, "subtrees arrived in {deepened} cities only");
 }

@@ -33,7 +33,7 @@ fn shadow_casters_cover_the_way_from_receivers_to_the_sun() {
         }
     }
     assert!(checked > 10_000, "{checked}");
-    assert!(all.len() < 400 && all.iter().any(|id| id.level() == DEPTH), "{} of {}", all.len(), tree.nodes().len());
+    assert!(all.len() < 400 && all.iter().any(|id| id.level() == DEPTH), "{} of {}", all.len(), tree.len());
 
     let receiver = tree.find(TileId::new(DEPTH, 9, 11).unwrap()).unwrap();
     let selection = Selection { unoccluded: vec![receiver], ..Selection::default() };

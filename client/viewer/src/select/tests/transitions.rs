@@ -39,7 +39,7 @@ pub(super) fn step(transitions: &mut Transitions, tree: &SceneTree, selection: &
 }
 
 fn load_level(tree: &mut SceneTree, level: u8) {
-    let ids: Vec<TileId> = tree.nodes().iter().map(|node| node.id).filter(|id| id.level() == level).collect();
+    let ids: Vec<TileId> = tree.nodes().map(|node| node.id).filter(|id| id.level() == level).collect();
     ids.into_iter().for_each(|id| load(tree, TileKey::block_map(id)));
 }
 
@@ -52,7 +52,7 @@ fn loaded_tree() -> SceneTree {
 
 /// The selection of all nodes of a level, drawn from their own tiles.
 fn select_level(tree: &SceneTree, level: u8) -> Selection {
-    let of_level = tree.nodes().iter().filter(|node| node.id.level() == level);
+    let of_level = tree.nodes().filter(|node| node.id.level() == level);
     let nodes: Vec<NodeIndex> = of_level.map(|node| tree.find(node.id).unwrap()).collect();
     let draw_tiles = nodes.iter().map(|node| DrawTile { node: *node, source: *node, mesh_lod: None }).collect();
     Selection { draw_tiles, unoccluded: nodes, ..Selection::default() }

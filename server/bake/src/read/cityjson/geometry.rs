@@ -8,10 +8,12 @@ use super::nested::{NULL, Nested};
 use super::schema::{CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, ThemeValues, VertexTransform};
 use crate::read::context::ReadContext;
 use crate::read::json::position::JsonPosition;
-use crate::read::polygon::MAX_CORNERS;
+use crate::read::palette::object_kind;
+use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
 use crate::read::report::SourceReport;
-use crate::read::scene_builder::{WorldTriangle, is_valid_position};
+use crate::read::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
 use crate::read::source::CitySource;
+use crate::scene::ObjectKind;
 
 /// Why an object is skipped.
 #[derive(Debug)]
@@ -84,13 +86,21 @@ struct ObjectName<'g> {
     object_type: &'g str,
 }
 
+/// Triangles that are collected before they are added to the city, so that an object with many instances of a template
+/// is never in memory as a whole.
+const FLUSH_TRIANGLES: usize = 1 << 14;
+/// An object with more triangles is left out: instances of a large template can make any number of them.
+const MAX_OBJECT_TRIANGLES: u64 = 32 << 20;
+
 /// Reads objects one after the other, with reusable buffers.
 pub(super) struct ObjectReader<'r, 'o, 's> {
     pub(super) context: &'r mut ReadContext<'o>,
     source: &'r CitySource<'s>,
     pub(super) report: &'r mut SourceReport,
-    /// Triangles of the last object.
-    pub(super) faces: Vec<WorldTriangle>,
+    /// The current object, without `faces`.
+    open: OpenObject,
+    /// The last triangles of the current object.
+    faces: Vec<WorldTriangle>,
     points: Vec<[f64; 3]>,
     uvs: Vec<[f32; 2]>,
     hole_starts: Vec<u32>,
@@ -102,10 +112,11 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         source: &'r CitySource<'s>,
         report: &'r mut SourceReport,
     ) -> Self {
-        Self { context, source, report, faces: vec![], points: vec![], uvs: vec![], hole_starts: vec![] }
+        let open = OpenObject::new(ObjectKind::default());
+        Self { context, source, report, open, faces: vec![], points: vec![], uvs: vec![], hole_starts: vec![] }
     }
 
-    /// Reads an object's geometries of one level into `faces`. Returns whether one of them is a volume. Fails if the
+    /// Adds an object with its geometries of one level to the city. Returns whether it has a surface. Fails if the
     /// object must be skipped.
     pub(super) fn read(
         &mut self,
@@ -115,21 +126,52 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         references: &mut ObjectReferences<'_>,
     ) -> Result<bool, ObjectFault> {
         self.faces.clear();
+        let has_volume = has_volume(object, level, references.templates);
+        self.open = OpenObject::new(object_kind(&object.kind, has_volume));
+        let result = self.read_geometries(id, object, level, references).and_then(|()| self.flush());
+        let open = std::mem::replace(&mut self.open, OpenObject::new(ObjectKind::default()));
+        let (builder, source) = (&mut self.context.builder, self.context.source);
+        if let Err(fault) = result {
+            builder.abandon(source, id, open);
+            return Err(fault);
+        }
+        let has_surface = open.triangles > 0;
+        builder.close(source, id, open, self.report);
+        Ok(has_surface)
+    }
+
+    fn read_geometries(
+        &mut self,
+        id: &str,
+        object: &CityObject,
+        level: CityJsonLod,
+        references: &mut ObjectReferences<'_>,
+    ) -> Result<(), ObjectFault> {
         let name = ObjectName { id, object_type: &object.kind };
         let ObjectReferences { frame, appearance, templates, template_appearance } = references;
-        let mut has_volume = false;
         for geometry in object.geometry.iter().flatten() {
             if level_of(geometry.lod, geometry.template, &templates.templates) != level {
                 continue;
             }
-            has_volume |= if geometry.kind == "GeometryInstance" {
+            if geometry.kind == INSTANCE {
                 let (template, frame) = place_template(geometry, frame, templates)?;
-                self.read_geometry(name, template, &frame, template_appearance)?
+                self.read_geometry(name, template, &frame, template_appearance)?;
             } else {
-                self.read_geometry(name, geometry, frame, appearance)?
-            };
+                self.read_geometry(name, geometry, frame, appearance)?;
+            }
         }
-        Ok(has_volume)
+        Ok(())
+    }
+
+    /// Adds the collected triangles to the city. Fails if the object has too many.
+    fn flush(&mut self) -> Result<(), ObjectFault> {
+        self.context.builder.push(&mut self.open, &self.faces);
+        self.faces.clear();
+        if self.open.triangles <= MAX_OBJECT_TRIANGLES {
+            return Ok(());
+        }
+        let detail = format!("more than the limit of {MAX_OBJECT_TRIANGLES}");
+        Err(ObjectFault { reason: "too many triangles in one object", detail })
     }
 
     fn read_geometry(
@@ -138,15 +180,10 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         geometry: &CityJsonGeometry,
         frame: &VertexFrame<'_>,
         appearance: &mut AppearanceReader<'_>,
-    ) -> Result<bool, ObjectFault> {
-        let depth = match geometry.kind.as_str() {
-            "MultiSurface" | "CompositeSurface" => 0,
-            "Solid" => 1,
-            "MultiSolid" | "CompositeSolid" => 2,
-            other => {
-                self.report.problem("geometry without surfaces", || format!("{}: {other}", name.id));
-                return Ok(false);
-            }
+    ) -> Result<(), ObjectFault> {
+        let Some(depth) = shell_depth(&geometry.kind) else {
+            self.report.problem("geometry without surfaces", || format!("{}: {}", name.id, geometry.kind));
+            return Ok(());
         };
         let whole = NestedSurface {
             rings: std::slice::from_ref(&geometry.boundaries),
@@ -161,8 +198,11 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             let semantic = appearance.semantic(geometry.semantics.as_ref(), surface.semantic, report);
             let properties = SurfaceProperties { semantic, object_type: name.object_type, material: surface.material };
             self.read_surface(name.id, surface, &properties, frame, appearance)?;
+            if self.faces.len() >= FLUSH_TRIANGLES {
+                self.flush()?;
+            }
         }
-        Ok(depth > 0)
+        Ok(())
     }
 
     fn read_surface(
@@ -188,9 +228,16 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
                 appearance.colour(properties, &self.context.options.palette, &mut report)
             }
         };
-        let Some(triangles) = self.context.triangulator.triangulate(&self.points, &self.hole_starts) else {
-            self.report.problem("polygon without area", || format!("{id}: {} corners", self.points.len()));
-            return Ok(());
+        let triangles = match self.context.triangulator.triangulate(&self.points, &self.hole_starts) {
+            Ok(triangles) => triangles,
+            Err(PolygonFault::NoArea) => {
+                self.report.problem(NO_AREA, || format!("{id}: {} corners", self.points.len()));
+                return Ok(());
+            }
+            Err(fault) => {
+                let detail = format!("{} corners, {} holes", self.points.len(), self.hole_starts.len());
+                return Err(ObjectFault { reason: fault.reason(), detail });
+            }
         };
         let material = self.context.builder.material(rgb, texture);
         for triangle in triangles {
@@ -233,6 +280,29 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         }
         Ok(is_textured)
     }
+}
+
+/// Type of a geometry that places a template.
+const INSTANCE: &str = "GeometryInstance";
+
+/// How many levels of nesting are above the surfaces in a geometry's boundaries; `None` if it has no surfaces.
+fn shell_depth(kind: &str) -> Option<u32> {
+    match kind {
+        "MultiSurface" | "CompositeSurface" => Some(0),
+        "Solid" => Some(1),
+        "MultiSolid" | "CompositeSolid" => Some(2),
+        _ => None,
+    }
+}
+
+/// Whether one of an object's geometries of a level is a volume.
+fn has_volume(object: &CityObject, level: CityJsonLod, templates: &GeometryTemplates) -> bool {
+    object.geometry.iter().flatten().any(|geometry| {
+        let template = geometry.template.and_then(|index| templates.templates.get(usize::try_from(index).ok()?));
+        let shape = if geometry.kind == INSTANCE { template } else { Some(geometry) };
+        level_of(geometry.lod, geometry.template, &templates.templates) == level
+            && shape.and_then(|shape| shell_depth(&shape.kind)).is_some_and(|depth| depth > 0)
+    })
 }
 
 /// The values of the theme whose name is alphabetically first.

@@ -6,6 +6,10 @@ use super::schema::{CityJsonGeometry, CityJsonLod, ObjectOutline};
 
 /// More generations than this are treated as a loop.
 const MAX_ANCESTORS: usize = 8;
+/// Further parents of one object are ignored. Hostile files name every object as a parent of every other.
+const MAX_PARENTS: usize = 32;
+/// Further ancestors of one object are ignored.
+const MAX_FOUND: usize = 64;
 
 /// Which geometries of an object are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,6 +83,7 @@ fn parents(objects: &[(&str, Option<ObjectOutline>)]) -> Vec<Vec<usize>> {
     for list in &mut parents {
         list.sort_unstable();
         list.dedup();
+        list.truncate(MAX_PARENTS);
     }
     parents
 }
@@ -87,9 +92,17 @@ fn ancestors(object: usize, parents: &[Vec<usize>]) -> Vec<usize> {
     let mut found = Vec::new();
     let mut generation = vec![object];
     for _ in 0..MAX_ANCESTORS {
-        let next: Vec<usize> = generation.iter().flat_map(|&below| &parents[below]).copied().collect();
-        generation = next.into_iter().filter(|&above| above != object && !found.contains(&above)).collect();
-        found.extend_from_slice(&generation);
+        let mut next = Vec::new();
+        for &above in generation.iter().flat_map(|&below| &parents[below]) {
+            if above != object && !found.contains(&above) {
+                if found.len() == MAX_FOUND {
+                    return found;
+                }
+                found.push(above);
+                next.push(above);
+            }
+        }
+        generation = next;
     }
     found
 }
@@ -148,5 +161,16 @@ mod tests {
     fn footprint_without_body_stays_and_loops_end() {
         let text = r#"[["a", {"geometry": [{"lod": 0}], "parents": ["b"]}], ["b", {"parents": ["a"]}]]"#;
         assert_eq!(choice(text), [LevelChoice::Level(CityJsonLod(0.0)), LevelChoice::NoGeometry]);
+    }
+
+    #[test]
+    fn objects_that_are_all_parents_of_each_other_take_no_time() {
+        let ids: Vec<String> = (0..1000).map(|i| format!("\"{i}\"")).collect();
+        let all = ids.join(",");
+        let object = |id: &String| format!(r#"[{id}, {{"geometry": [{{"lod": 1}}], "parents": [{all}]}}]"#);
+        let text = format!("[{}]", ids.iter().map(object).collect::<Vec<_>>().join(","));
+        let start = std::time::Instant::now();
+        assert!(choice(&text).iter().all(|choice| *choice == LevelChoice::Level(CityJsonLod(1.0))));
+        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
     }
 }

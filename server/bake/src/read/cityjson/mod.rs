@@ -33,7 +33,8 @@ pub(crate) fn read(
         let bytes_read = opened.bytes_read;
         return sequence::read(context, source, &mut opened.reader, &|| tick(bytes_read.get())).map(Some);
     }
-    let bytes = read_all(source, context.options.max_source_bytes)?;
+    let options = context.options;
+    let bytes = read_all(source, options.max_document_bytes.min(options.max_source_bytes))?;
     let text = without_bom(&bytes);
     if is_sequence(text) {
         return sequence::read(context, source, &mut &*text, &|| {}).map(Some);

@@ -12,9 +12,9 @@ use super::schema::{
 use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
 use crate::read::json::{metadata, position::JsonPosition};
-use crate::read::palette::object_kind;
 use crate::read::report::{SourceFormat, SourceReport};
 use crate::read::source::CitySource;
+use crate::subject;
 
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;
@@ -103,6 +103,7 @@ fn read_object(
     references: &mut ObjectReferences<'_>,
 ) {
     let id = text.id;
+    subject::set(format_args!("{}: object {id}", reader.report.path));
     let object: CityObject = match serde_json::from_str(text.json) {
         Ok(object) => object,
         Err(error) => {
@@ -120,11 +121,8 @@ fn read_object(
         LevelChoice::NoGeometry => return,
     };
     match reader.read(id, &object, level, references) {
-        Ok(_) if reader.faces.is_empty() => reader.report.skip("no surface with an area", || id.to_owned()),
-        Ok(has_volume) => {
-            let kind = object_kind(&object.kind, has_volume);
-            reader.context.builder.add(reader.context.source, id, kind, &reader.faces, reader.report);
-        }
+        Ok(true) => {}
+        Ok(false) => reader.report.skip("no surface with an area", || id.to_owned()),
         Err(fault) => reader.report.skip(fault.reason, || format!("{id}: {}", fault.detail)),
     }
 }

@@ -13,9 +13,10 @@ use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
 use crate::read::json::{lenient, metadata};
 use crate::read::report::{SourceFormat, SourceReport};
-use crate::read::scene_builder::WorldTriangle;
+use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::read::source::{CitySource, NextLine, next_line};
 use crate::scene::ObjectKind;
+use crate::subject;
 
 /// Features between two progress reports.
 const TICK_FEATURES: u64 = 64;
@@ -94,6 +95,7 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
     pub(super) fn read_feature(&mut self, text: &[u8]) -> Result<(), InputError> {
         self.count += 1;
         let number = self.count;
+        subject::set(format_args!("{}: feature number {number}", self.source.label));
         let mut repaired = Vec::new();
         let feature = match lenient::parse::<GeoJsonFeature>(text, &mut repaired) {
             Ok(feature) if feature.kind == "Feature" => feature,
@@ -107,6 +109,7 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
             }
         };
         let id = feature.id().unwrap_or_else(|| format!("feature {number}"));
+        subject::set(format_args!("{}: feature {id}", self.source.label));
         let Some(geometry) = &feature.geometry else {
             self.report.skip("no geometry", || id);
             return Ok(());
@@ -137,9 +140,10 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
             self.report.problem("colour not understood", || format!("{id}: {detail}"));
         });
         let materials = colours.map(|rgb| self.context.builder.material(rgb, None));
-        self.faces.clear();
+        let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
         for polygon in polygons {
+            self.faces.clear();
             let note = |kind: &str| self.report.problem(kind, || id.to_owned());
             let extruded = Footprint::new(polygon, &self.projection, note).and_then(|footprint| {
                 footprint.extrude(&height, materials, &mut self.context.triangulator, &mut self.faces)
@@ -149,13 +153,13 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
                 Ok(false) => self.report.problem("ring crosses itself", || id.to_owned()),
                 Err(reason) => fault = Some(reason),
             }
+            self.context.builder.push(&mut open, &self.faces);
         }
         match fault {
-            Some(reason) if self.faces.is_empty() => self.report.skip(reason, || id.to_owned()),
+            Some(reason) if open.triangles == 0 => self.report.skip(reason, || id.to_owned()),
             Some(reason) => self.report.problem(reason, || id.to_owned()),
             None => {}
         }
-        let (source, kind) = (self.context.source, ObjectKind::Building);
-        self.context.builder.add(source, id, kind, &self.faces, &mut self.report);
+        self.context.builder.close(self.context.source, id, open, &mut self.report);
     }
 }

@@ -4,7 +4,7 @@ use super::height::PrismHeight;
 use super::projection::InputProjection;
 use super::schema::GeoJsonPolygon;
 use crate::read::json::position::JsonPosition;
-use crate::read::polygon::{MAX_CORNERS, Triangulator};
+use crate::read::polygon::{MAX_CORNERS, PolygonFault, Triangulator};
 use crate::read::scene_builder::WorldTriangle;
 
 /// Corners nearer than this are welded.
@@ -57,7 +57,7 @@ impl Footprint {
         for ring in &self.rings[..self.rings.len() - 1] {
             starts.push(starts.last().copied().unwrap_or(0) + ring.len() as u32);
         }
-        let triangles = triangulator.triangulate(&points, &starts).ok_or("polygon without area")?;
+        let triangles = triangulator.triangulate(&points, &starts).map_err(PolygonFault::reason)?;
         let mut covered_m2 = 0.0;
         for triangle in triangles {
             let top = triangle.map(|i| points[i as usize]);

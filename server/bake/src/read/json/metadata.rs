@@ -1,11 +1,15 @@
 //! Metadata of a JSON file: coordinate system, titles, attributions, licences.
 
+use insula_protocol::manifest::shorten_text;
 use serde_json::Value;
 
 use crate::read::report::SourceReport;
 
 /// EPSG codes of common systems in degrees.
 const DEGREES: &[u32] = &[4258, 4269, 4283, 4326, 4612, 4937, 4979, 6668, 6697, 7844];
+
+/// Further titles, attributions or licences of a source are left out.
+const MAX_TEXTS: usize = 1000;
 
 /// Fills the report's coordinate system, titles, attributions and licences.
 pub(crate) fn describe(metadata: &Value, report: &mut SourceReport) {
@@ -43,8 +47,17 @@ fn note(name: &str, within: &str, text: &str, report: &mut SourceReport) {
         }
         _ => return,
     };
-    if !text.is_empty() && !list.iter().any(|known| known == text) {
-        list.push(text.to_owned());
+    let short = shorten_text(text);
+    if text.is_empty() || list.iter().any(|known| known == short) {
+        return;
+    }
+    if list.len() >= MAX_TEXTS {
+        report.problem("too many texts in the metadata", || name.to_owned());
+        return;
+    }
+    list.push(short.to_owned());
+    if short.len() < text.len() {
+        report.problem("text in the metadata too long, cut", || format!("{name}: {} bytes", text.len()));
     }
 }
 
@@ -83,6 +96,17 @@ mod tests {
         assert_eq!(epsg("urn:ogc:def:crs:OGC:1.3:CRS84"), None);
         assert_eq!(epsg("EPSG:"), None);
         assert!(is_degrees("EPSG:4326") && !is_degrees("EPSG:7415"));
+    }
+
+    #[test]
+    fn long_texts_are_cut_and_too_many_left_out() {
+        let mut report = SourceReport::new("a", SourceFormat::CityJson, 0);
+        describe(&serde_json::json!({ "title": "\u{e4}".repeat(1 << 20) }), &mut report);
+        assert_eq!(report.titles, ["\u{e4}".repeat(2048)]);
+        assert_eq!(report.problems["text in the metadata too long, cut"].first, ["title: 2097152 bytes"]);
+        let many: Vec<Value> = (0..1500).map(|i| serde_json::json!({ "license": i.to_string() })).collect();
+        describe(&Value::Array(many), &mut report);
+        assert_eq!((report.licences.len(), report.problems["too many texts in the metadata"].count), (1000, 500));
     }
 
     #[test]

@@ -12,10 +12,11 @@ use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::palette::unit_to_byte;
 use super::polygon::MAX_CORNERS;
 use super::report::{SourceFormat, SourceReport};
-use super::scene_builder::{WorldTriangle, is_valid_position};
+use super::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
 use super::source::{CitySource, open, read_sibling};
 use crate::error::InputError;
 use crate::scene::ObjectKind;
+use crate::subject;
 use grouping::{FaceGroups, group_faces, is_terrain};
 use mtl::MtlMaterial;
 use parse::{NONE, ObjFace, ObjFile};
@@ -159,22 +160,30 @@ impl ObjReader<'_, '_, '_> {
     fn add_objects(&mut self, faces: &[ObjFace], groups: &FaceGroups, materials: &[FaceMaterials]) {
         let mut order: Vec<usize> = (0..faces.len()).collect();
         order.sort_by_key(|&i| groups.of_face[i]);
+        /// Triangles that are collected before they are added to the city.
+        const FLUSH_TRIANGLES: usize = 1 << 14;
         let mut triangles = Vec::new();
         for run in order.chunk_by(|&a, &b| groups.of_face[a] == groups.of_face[b]) {
-            triangles.clear();
-            for &i in run {
-                let face = &faces[i];
-                self.triangulate(face, materials[face.material as usize], &mut triangles);
-            }
             let id = &groups.ids[groups.of_face[run[0]] as usize];
+            subject::set(format_args!("{}: object {id}", self.report.path));
             let (kind, name) =
                 if is_terrain(id) { (ObjectKind::Terrain, "terrain") } else { (ObjectKind::Building, "object") };
             self.report.count_type(name);
-            if triangles.is_empty() {
-                self.report.skip("no surface with an area", || id.clone());
-            } else {
-                self.context.builder.add(self.context.source, id, kind, &triangles, self.report);
+            let mut open = OpenObject::new(kind);
+            for &i in run {
+                let face = &faces[i];
+                self.triangulate(face, materials[face.material as usize], &mut triangles);
+                if triangles.len() >= FLUSH_TRIANGLES {
+                    self.context.builder.push(&mut open, &triangles);
+                    triangles.clear();
+                }
             }
+            self.context.builder.push(&mut open, &triangles);
+            triangles.clear();
+            if open.triangles == 0 {
+                self.report.skip("no surface with an area", || id.clone());
+            }
+            self.context.builder.close(self.context.source, id, open, self.report);
         }
     }
 
@@ -182,9 +191,12 @@ impl ObjReader<'_, '_, '_> {
         let (file, report) = (self.file, &mut *self.report);
         let corners = file.corners_of(face);
         let points: Vec<[f64; 3]> = corners.iter().map(|corner| file.positions[corner[0] as usize]).collect();
-        let Some(found) = self.context.triangulator.triangulate(&points, &[]) else {
-            report.problem("polygon without area", || format!("line {}", face.line));
-            return;
+        let found = match self.context.triangulator.triangulate(&points, &[]) {
+            Ok(found) => found,
+            Err(fault) => {
+                report.problem(fault.reason(), || format!("line {}", face.line));
+                return;
+            }
         };
         let uvs: Option<Vec<[f32; 2]>> =
             corners.iter().map(|corner| file.uvs.get(corner[1] as usize).copied()).collect();

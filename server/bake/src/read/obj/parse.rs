@@ -10,6 +10,8 @@ use crate::read::source::{NextLine, next_line};
 
 /// Longer lines are treated as damage.
 const MAX_LINE_BYTES: usize = 1 << 22;
+/// Further material libraries of a file are not read.
+const MAX_LIBRARIES: usize = 1000;
 /// Lines between two progress reports.
 const TICK_LINES: u64 = 1 << 14;
 /// Stands for a missing or invalid index.
@@ -142,7 +144,9 @@ impl<'r> ObjParser<'r> {
             "usemtl" => self.material = intern(rest, &mut file.materials, &mut self.material_indices),
             "o" => self.object = intern(rest, &mut file.names, &mut self.name_indices),
             "g" => self.group = intern(rest, &mut file.names, &mut self.name_indices),
-            "mtllib" if !file.libraries.iter().any(|known| known == rest) => file.libraries.push(rest.to_owned()),
+            "mtllib" if file.libraries.iter().any(|known| known == rest) => {}
+            "mtllib" if file.libraries.len() < MAX_LIBRARIES => file.libraries.push(rest.to_owned()),
+            "mtllib" => self.report.problem("too many material libraries", || format!("line {}", self.line)),
             _ => {}
         }
     }
@@ -237,6 +241,13 @@ mod tests {
         assert_eq!(named(&file.faces[1]), (["tree", "walls"], ""));
         assert_eq!(report.problems["face of less than three corners"].first, ["line 9: f 1 2"]);
         assert_eq!(report.problems["vertex without three numbers"].count, 1);
+    }
+
+    #[test]
+    fn only_the_first_thousand_libraries_are_read() {
+        let text: String = (0..1200).map(|i| format!("mtllib {i}.mtl\nmtllib {i}.mtl\n")).collect();
+        let (file, report) = parsed(&text);
+        assert_eq!((file.libraries.len(), report.problems["too many material libraries"].count), (1000, 400));
     }
 
     #[test]

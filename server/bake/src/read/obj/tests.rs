@@ -3,6 +3,7 @@
 use crate::read::texture::tests::png;
 use crate::read::{InputError, ObjUpAxis, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
+use insula_test_support::rng::Rng;
 
 fn read(files: &[(&str, &[u8])]) -> (Scene, ReadReport) {
     read_embedded(files, &ReadOptions::default(), &|_| {}).unwrap()
@@ -106,15 +107,10 @@ fn y_up_is_converted_and_orientation_is_kept() {
 
 #[test]
 fn random_bytes_never_panic() {
-    let mut state = 1_u32;
+    let mut rng = Rng::new(1);
     let alphabet = b"vftgo 0123456789.-/\\\n\n eusemtl";
     for _ in 0..300 {
-        let text: Vec<u8> = (0..200)
-            .map(|_| {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                alphabet[(state >> 16) as usize % alphabet.len()]
-            })
-            .collect();
+        let text: Vec<u8> = (0..200).map(|_| alphabet[rng.below(alphabet.len())]).collect();
         let result = read_embedded(&[("a.obj", &text)], &ReadOptions::default(), &|_| {});
         assert!(matches!(result, Ok(_) | Err(InputError::Empty { .. })));
     }

@@ -1,8 +1,8 @@
-//! A cut of a city in memory, as the client's cache would lay it out, but without limits.
+//! Nodes to draw, in memory as the client's cache lays them out, without limits.
 
-use crate::view::{Camera, Picture};
+use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec2, Vec3};
-use insula_protocol::{BlockMap, NODE_CELLS, TileId};
+use insula_protocol::{BlockMap, NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     cpu::raycast::{self, Pixels, SceneRef},
     grid::{self, GridBuilder},
@@ -11,19 +11,14 @@ use insula_shaders::{
     pack::PackedNode,
 };
 
-/// Half the diagonal of a cube of side 1: a voxel's error.
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
-
-/// Where a city lies.
+/// Position and size of a city.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    /// South-west corner of the root and the height that nodes' heights are relative to, world metres.
+pub struct CityArea {
+    /// South-west corner of the root, and the height that heights of nodes are relative to, in world metres.
     pub origin: [f64; 3],
-    /// Side of the root square.
     pub root_side_m: f64,
 }
 
-/// A node that is drawn.
 #[derive(Debug, Clone)]
 struct Drawn {
     id: TileId,
@@ -34,35 +29,32 @@ struct Drawn {
     z_range: [f32; 2],
     below: [u8; 4],
     z_shift: u32,
-    /// 1 + place of its mesh, in fours.
+    /// 1 + position of its mesh in the atlas, in units of four words; 0 without a mesh.
     mesh: u32,
-    /// Which square shows it.
     square: TileId,
-    /// How many of 64 rays see the next one in its place.
+    /// How many of 64 rays see the next node instead, during a cross-fade.
     share: u8,
 }
 
-/// Nodes of one cut; none may contain another.
+/// None of the nodes may contain another.
 #[derive(Debug, Clone)]
-pub struct Cut {
-    place: Place,
+pub struct DrawList {
+    area: CityArea,
     drawn: Vec<Drawn>,
     summaries: Vec<u32>,
     atlas: Vec<u32>,
 }
 
-impl Cut {
-    /// Without nodes.
-    pub fn new(place: Place) -> Self {
-        Self { place, drawn: Vec::new(), summaries: Vec::new(), atlas: Vec::new() }
+impl DrawList {
+    pub fn new(area: CityArea) -> Self {
+        Self { area, drawn: Vec::new(), summaries: Vec::new(), atlas: Vec::new() }
     }
 
-    /// Adds a node.
     pub fn add(&mut self, map: &BlockMap) {
         self.add_in(map.id, map);
     }
 
-    /// Adds the part of a node that lies in `square`.
+    /// Adds a node, of which only the part in `square` is drawn.
     pub fn add_in(&mut self, square: TileId, map: &BlockMap) {
         let mut packed = PackedNode::new(map);
         let first = (self.atlas.len() / PAGE_WORDS) as u32;
@@ -87,7 +79,7 @@ impl Cut {
         });
     }
 
-    /// Of 64 rays, `share` see this node (of the same square, or of one that holds it) in place of the one added last.
+    /// Adds the other side of a cross-fade: of 64 rays, `share` see this node instead of the one added last, in the same square.
     pub fn add_behind(&mut self, map: &BlockMap, share: u8) {
         let Some(front) = self.drawn.last_mut() else { return };
         front.share = share;
@@ -95,7 +87,7 @@ impl Cut {
         self.add_in(square, map);
     }
 
-    /// Draws the mesh of `leaf`, which was added by itself or as a part of another node.
+    /// Draws `leaf`, which was added before, as a mesh.
     pub fn add_mesh(&mut self, leaf: TileId, mut mesh: PackedMesh) {
         let Some(drawn) = self.drawn.iter_mut().find(|drawn| drawn.square == leaf) else { return };
         let first = (self.atlas.len() / PAGE_WORDS) as u32;
@@ -109,32 +101,30 @@ impl Cut {
         }
     }
 
-    /// How many nodes are drawn.
     pub fn len(&self) -> usize {
         self.drawn.len()
     }
 
-    /// Whether none is.
     pub fn is_empty(&self) -> bool {
         self.drawn.is_empty()
     }
 
-    /// Which node a picture's `hit` names.
+    /// The node of a pixel's `hit`.
     pub fn id(&self, hit: u32) -> Option<TileId> {
         self.drawn.get(hit as usize).map(|drawn| drawn.id)
     }
 
-    /// The cut as the ray-caster wants it for this camera.
-    pub fn scene(&self, camera: &Camera, picture: &Picture) -> Scene<'_> {
+    /// The input of the ray-caster for this camera.
+    pub fn scene(&self, camera: &Camera, spec: &FrameSpec) -> Scene<'_> {
         let p = camera.position;
         let relative = |x: f64, y: f64, z: f64| {
-            let [ox, oy, oz] = self.place.origin;
+            let [ox, oy, oz] = self.area.origin;
             [(ox + x - p[0]) as f32, (oy + y - p[1]) as f32, (oz + z - p[2]) as f32]
         };
         let nodes = self.drawn.iter().enumerate().map(|(slot, drawn)| {
-            // A mesh lies in its leaf, whosever columns tell of the sky.
+            // A mesh lies in its leaf, even if its sky occlusion is that of an ancestor's columns.
             let id = if drawn.mesh == 0 { drawn.id } else { drawn.square };
-            let side_m = self.place.root_side_m / f64::from(1u32 << id.level());
+            let side_m = self.area.root_side_m / f64::from(1u32 << id.level());
             let (x, y) = (f64::from(id.x()) * side_m, f64::from(id.y()) * side_m);
             DrawNode {
                 corner: relative(x, y, drawn.z_base_m),
@@ -152,46 +142,43 @@ impl Cut {
         });
         let nodes: Vec<DrawNode> = nodes.collect();
         let (ids, shares): (Vec<TileId>, Vec<u8>) = self.drawn.iter().map(|drawn| (drawn.square, drawn.share)).unzip();
-        let focal_px = f64::from(picture.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
-        let place = grid::GridFrame {
-            root_corner: DVec3::from(self.place.origin) - DVec3::from(p),
-            root_side_m: self.place.root_side_m,
-            // For a tolerance of one pixel; only a hint.
-            root_distance_m: HALF_DIAGONAL * self.place.root_side_m / NODE_CELLS as f64 * focal_px,
+        let focal_px = f64::from(spec.height_px) / (2.0 * (camera.fov_y_deg.to_radians() / 2.0).tan());
+        let area = grid::GridFrame {
+            root_corner: DVec3::from(self.area.origin) - DVec3::from(p),
+            root_side_m: self.area.root_side_m,
+            // For a tolerance of one pixel; the value only affects speed.
+            root_distance_m: voxel_error_m(self.area.root_side_m / NODE_CELLS as f64) * focal_px,
         };
         let mut builder = GridBuilder::default();
-        let grid = builder.build_fading(&place, &ids, &shares, &nodes);
-        let mut frame = camera.frame(picture);
+        let grid = builder.build_fading(&area, &ids, &shares, &nodes);
+        let mut frame = camera.frame(spec);
         grid.head.write(&mut frame);
-        Scene { frame, nodes, grid: grid.entries.clone(), cut: self }
+        Scene { frame, nodes, grid: grid.entries.clone(), draw_list: self }
     }
 }
 
-/// A cut seen by a camera.
+/// The input of the ray-casters for one view.
 #[derive(Debug, Clone)]
 pub struct Scene<'a> {
-    /// Camera, light, root.
     pub frame: FrameUniform,
-    /// Nodes relative to the camera.
+    /// Positions relative to the camera.
     pub nodes: Vec<DrawNode>,
-    /// Where rays find them.
     pub grid: Vec<[u32; 2]>,
-    cut: &'a Cut,
+    draw_list: &'a DrawList,
 }
 
 impl Scene<'_> {
-    /// What both ray-casters read.
     pub fn as_ref(&self) -> SceneRef<'_> {
         SceneRef {
             frame: &self.frame,
             grid: &self.grid,
             nodes: &self.nodes,
-            summaries: &self.cut.summaries,
-            atlas: &self.cut.atlas,
+            summaries: &self.draw_list.summaries,
+            atlas: &self.draw_list.atlas,
         }
     }
 
-    /// The same, but only the part of pixel `x`, `y` within `share_px` of its middle, in 17 x 17 rays.
+    /// The same scene within `share_px` of the centre of pixel `x`, `y`, with 17 x 17 rays.
     pub fn close_up(&self, [x, y]: [u32; 2], share_px: f32) -> Self {
         let mut near = self.clone();
         let frame = &mut near.frame;
@@ -205,14 +192,13 @@ impl Scene<'_> {
         near
     }
 
-    /// The CPU's picture.
     pub fn render(&self) -> Pixels {
         raycast::render(&self.as_ref())
     }
 
-    /// Resident nodes and pages, for the GPU's capacity.
+    /// Numbers of nodes and pages that a GPU must hold.
     pub fn slots_and_pages(&self) -> (u32, u32) {
-        let pages = self.cut.atlas.len() / PAGE_WORDS;
-        ((self.cut.summaries.len() / SUMMARY_WORDS) as u32, pages as u32)
+        let pages = self.draw_list.atlas.len() / PAGE_WORDS;
+        ((self.draw_list.summaries.len() / SUMMARY_WORDS) as u32, pages as u32)
     }
 }

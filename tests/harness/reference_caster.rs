@@ -1,7 +1,7 @@
-//! What a V-BlockMap looks like, said in the plainest way: every solid of every column is tested against every ray, in f64,
-//! and what they show is gathered front to back. No tree, no summaries, no pages, no stepping.
+//! Defines what V-BlockMaps look like, in the simplest way: every solid of every column is intersected with every ray in f64,
+//! and the hits are composited front to back. Without a tree, summaries, pages or stepping.
 
-use crate::{cut::Place, view::Camera};
+use crate::{draw_list::CityArea, view::Camera};
 use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel,
@@ -9,18 +9,17 @@ use insula_protocol::{
 };
 use insula_shaders::pack::slope_codes;
 
-/// Light that is left when a ray stops.
+/// Transmittance at which a ray stops.
 const OPAQUE: f64 = 0.02;
 
-/// What a ray sees.
+/// What a ray returns.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
-    /// Metres to where half of the light is gone; infinity if it never is.
+pub struct ReferencePixel {
+    /// Metres to where half of the light is absorbed; infinity if it never is.
     pub distance_m: f64,
-    /// Colours in linear light, weighted by what they cover.
+    /// Linear colour, weighted by coverage.
     pub rgb: DVec3,
-    /// Light that passed all.
-    pub left: f64,
+    pub transmittance: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -32,12 +31,12 @@ struct Solid {
     slope: DVec2,
     roof: Option<Texel>,
     wall: Wall,
-    /// Of a column without a strip: walls of the columns to the west, east, south and north, which cover its sides.
-    beside: [Option<Facade>; 4],
-    within: Within,
+    /// For a column without a wall strip: the facades of the columns to the west, east, south and north, which cover its sides.
+    neighbours: [Option<Facade>; 4],
+    part: CellPart,
 }
 
-/// A wall as a column sees it that stands behind it.
+/// A wall that covers the side of the column behind it.
 #[derive(Debug, Clone)]
 struct Facade {
     texels: Vec<Texel>,
@@ -46,64 +45,66 @@ struct Facade {
     top_m: f64,
 }
 
-/// A vertical plane: its normal, and metres from the cell's centre.
+/// A vertical plane: normal, and distance from the cell's centre in metres.
 type Plane = (DVec2, f64);
 
-/// Which part of its cell a solid fills.
+/// The part of its cell that a solid fills.
 #[derive(Debug, Clone)]
-enum Within {
-    /// The inner side of every plane.
+enum CellPart {
+    /// The inner side of all planes.
     All(Vec<Plane>),
-    /// All but the inner side of every plane.
+    /// All but that.
     NotAll(Vec<Plane>),
 }
 
 #[derive(Debug, Clone)]
 enum Wall {
-    /// One colour all over.
     Plain(Texel),
-    /// Opaque or transparent texels; row `first` begins at `base_m`, each is a cell high; only rows in `rows` belong here.
-    Strip { texels: Vec<Texel>, base_m: f64, holes: bool },
+    /// Texels from `base_m` upwards, each as high as a cell is wide. With `holes`, some are transparent.
+    Strip {
+        texels: Vec<Texel>,
+        base_m: f64,
+        holes: bool,
+    },
 }
 
-/// All solids of a city, in metres above the place's origin.
+/// The solids of a city, in metres relative to its area's origin.
 #[derive(Debug, Clone)]
-pub struct Naive {
-    place: Place,
+pub struct ReferenceCaster {
+    area: CityArea,
     solids: Vec<Solid>,
 }
 
-impl Naive {
-    /// Takes the maps apart.
-    pub fn new(place: Place, maps: &[BlockMap]) -> Self {
+impl ReferenceCaster {
+    pub fn new(area: CityArea, maps: &[BlockMap]) -> Self {
         let mut solids = Vec::new();
         for map in maps {
-            take_apart(place, map, &mut solids);
+            add_solids(area, map, &mut solids);
         }
-        Self { place, solids }
+        Self { area, solids }
     }
 
-    /// Looks from `camera` along the unit vector `dir`.
-    pub fn look(&self, camera: &Camera, dir: DVec3) -> Seen {
-        let o = DVec3::from(camera.position) - DVec3::from(self.place.origin);
+    /// Casts a ray from `camera` along the unit vector `dir`.
+    pub fn cast(&self, camera: &Camera, dir: DVec3) -> ReferencePixel {
+        let o = DVec3::from(camera.position) - DVec3::from(self.area.origin);
         let mut events = Vec::new();
         for solid in &self.solids {
-            solid.meet(o, dir, &mut events);
+            solid.intersect(o, dir, &mut events);
         }
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut seen = Seen { distance_m: f64::INFINITY, rgb: DVec3::ZERO, left: 1.0 };
+        let mut found = ReferencePixel { distance_m: f64::INFINITY, rgb: DVec3::ZERO, transmittance: 1.0 };
         for (t, texel, alpha) in events {
-            seen.rgb += linear(texel) * alpha * seen.left;
-            let before = seen.left;
-            seen.left *= 1.0 - alpha;
-            if before > 0.5 && seen.left <= 0.5 {
-                seen.distance_m = t;
+            found.rgb += linear(texel) * alpha * found.transmittance;
+            let before = found.transmittance;
+            found.transmittance *= 1.0 - alpha;
+            if before > 0.5 && found.transmittance <= 0.5 {
+                found.distance_m = t;
             }
-            if seen.left <= OPAQUE {
+            if found.transmittance <= OPAQUE {
                 break;
             }
         }
-        seen
+        found
     }
 }
 
@@ -115,8 +116,8 @@ fn linear(texel: Texel) -> DVec3 {
     DVec3::new(r, g, b)
 }
 
-fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
-    let side_m = place.root_side_m / f64::from(1u32 << map.id.level());
+fn add_solids(area: CityArea, map: &BlockMap, solids: &mut Vec<Solid>) {
+    let side_m = area.root_side_m / f64::from(1u32 << map.id.level());
     let corner = DVec2::new(f64::from(map.id.x()), f64::from(map.id.y())) * side_m;
     let cell_m = side_m / NODE_CELLS as f64;
     let step_m = cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u32 << map.z_shift);
@@ -139,19 +140,19 @@ fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
         };
         let clip = column.clip.as_ref();
         let (planes, concave) = clip.map_or((Vec::new(), false), |clip| planes(column, clip, cell_m));
-        let within = |outer: bool| match (concave != outer, outer) {
-            _ if planes.is_empty() => Within::All(Vec::new()),
-            // Beyond a concave corner is beyond both of its planes.
-            (false, true) => Within::All(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
-            (false, false) => Within::All(planes.clone()),
-            (true, true) => Within::NotAll(planes.clone()),
-            (true, false) => Within::NotAll(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
+        let part = |outer: bool| match (concave != outer, outer) {
+            _ if planes.is_empty() => CellPart::All(Vec::new()),
+            // Beyond a concave corner means beyond both planes.
+            (false, true) => CellPart::All(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
+            (false, false) => CellPart::All(planes.clone()),
+            (true, true) => CellPart::NotAll(planes.clone()),
+            (true, false) => CellPart::NotAll(planes.iter().map(|(n, offset)| (-*n, -*offset)).collect()),
         };
         if let Some(outer) = clip.and_then(|clip| clip.outer) {
             let (bottom_m, top_m) = (z_m(f64::from(column.z_min)), z_m(f64::from(outer.z)));
             let (slope, roof, wall) = (DVec2::ZERO, Some(outer.roof), Wall::Plain(outer.roof));
-            let (beside, within) = (Default::default(), within(true));
-            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, beside, within });
+            let (neighbours, part) = (Default::default(), part(true));
+            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, neighbours, part });
         }
         let facade = |dx: i32, dy: i32| {
             let (x, y) = ((i % NODE_CELLS) as i32 + dx, (i / NODE_CELLS) as i32 + dy);
@@ -181,14 +182,14 @@ fn take_apart(place: Place, map: &BlockMap, solids: &mut Vec<Solid>) {
                 slope: if is_top { slope } else { DVec2::ZERO },
                 roof: is_top.then_some(column.roof),
                 wall,
-                beside: if column.strip.is_none() { facades() } else { Default::default() },
-                within: within(false),
+                neighbours: if column.strip.is_none() { facades() } else { Default::default() },
+                part: part(false),
             });
         }
     }
 }
 
-/// The planes of a clipped column, and whether it fills the inner side of either.
+/// The planes of a clipped column, and whether they form a concave corner.
 fn planes(column: &MapColumn, clip: &ColumnClip, cell_m: f64) -> (Vec<Plane>, bool) {
     let plane = |azimuth: u8, offset: i8| {
         let normal = DVec2::from_angle(f64::from(azimuth) / 256.0 * std::f64::consts::TAU);
@@ -201,8 +202,8 @@ fn planes(column: &MapColumn, clip: &ColumnClip, cell_m: f64) -> (Vec<Plane>, bo
 }
 
 impl Solid {
-    /// Adds what the ray meets here: distance, texel, and the share of light that it takes.
-    fn meet(&self, o: DVec3, d: DVec3, events: &mut Vec<(f64, Texel, f64)>) {
+    /// Adds the intersections with a ray: distance, texel and coverage.
+    fn intersect(&self, o: DVec3, d: DVec3, events: &mut Vec<(f64, Texel, f64)>) {
         let (mut s, mut e) = (0.0, f64::INFINITY);
         for axis in 0..2 {
             clip(&mut s, &mut e, o[axis] - self.low[axis], d[axis]);
@@ -210,22 +211,22 @@ impl Solid {
         }
         let (mut from, mut to) = (s, e);
         let centre = self.low + self.cell_m / 2.0;
-        let (Within::All(planes) | Within::NotAll(planes)) = &self.within;
+        let (CellPart::All(planes) | CellPart::NotAll(planes)) = &self.part;
         for (normal, offset) in planes {
             clip(&mut from, &mut to, offset - normal.dot(o.truncate() - centre), -normal.dot(d.truncate()));
         }
-        match &self.within {
-            Within::All(_) => self.meet_part(o, d, [from, to], events),
-            Within::NotAll(_) if from < to => {
-                self.meet_part(o, d, [s, from], events);
-                self.meet_part(o, d, [to, e], events);
+        match &self.part {
+            CellPart::All(_) => self.intersect_part(o, d, [from, to], events),
+            CellPart::NotAll(_) if from < to => {
+                self.intersect_part(o, d, [s, from], events);
+                self.intersect_part(o, d, [to, e], events);
             }
-            Within::NotAll(_) => self.meet_part(o, d, [s, e], events),
+            CellPart::NotAll(_) => self.intersect_part(o, d, [s, e], events),
         }
     }
 
-    fn meet_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel, f64)>) {
-        let aside = s;
+    fn intersect_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel, f64)>) {
+        let side_entry = s;
         clip(&mut s, &mut e, o.z - self.bottom_m, d.z);
         if s >= e {
             return;
@@ -237,37 +238,37 @@ impl Solid {
             return;
         }
         let through_top = s > before;
-        // Who stands inside a solid looks out of it.
+        // From inside, a solid is invisible.
         if s <= 0.0 {
             return;
         }
         match (&self.wall, self.roof) {
             (_, Some(roof)) if through_top => events.push((s, roof, 1.0)),
             (Wall::Plain(texel), _) => {
-                let beside = if s == aside { self.facade(o, d, s) } else { None };
-                events.push((s, beside.unwrap_or(*texel), 1.0));
+                let neighbours = if s == side_entry { self.facade(o, d, s) } else { None };
+                events.push((s, neighbours.unwrap_or(*texel), 1.0));
             }
             (Wall::Strip { texels, base_m, holes }, _) => {
-                self.meet_rows(o, d, [s, e], (texels, *base_m, *holes), events)
+                self.intersect_rows(o, d, [s, e], (texels, *base_m, *holes), events)
             }
         }
     }
 
-    /// What covers the side through which the ray comes in.
+    /// The facade texel where the ray enters through a side.
     fn facade(&self, o: DVec3, d: DVec3, s: f64) -> Option<Texel> {
         let near = |axis: usize| {
             let face = self.low[axis] + if d[axis] > 0.0 { 0.0 } else { self.cell_m };
             (face - o[axis]) / d[axis]
         };
         let axis = if near(0) >= near(1) { 0 } else { 1 };
-        let facade = self.beside[axis * 2 + usize::from(d[axis] <= 0.0)].as_ref()?;
+        let facade = self.neighbours[axis * 2 + usize::from(d[axis] <= 0.0)].as_ref()?;
         let z = o.z + d.z * s;
         let row = ((z - facade.base_m) / self.cell_m).floor() as usize;
         let covers = (facade.bottom_m..facade.top_m).contains(&z);
         facade.texels.get(row).copied().filter(|texel| covers && texel.alpha() > 0)
     }
 
-    fn meet_rows(
+    fn intersect_rows(
         &self,
         o: DVec3,
         d: DVec3,
@@ -299,7 +300,7 @@ impl Solid {
     }
 }
 
-/// Keeps the part of `s..e` where `at + rate * t >= 0`.
+/// Reduces `s..e` to the part where `at + rate * t >= 0`.
 fn clip(s: &mut f64, e: &mut f64, at: f64, rate: f64) {
     if rate > 0.0 {
         *s = s.max(-at / rate);

@@ -1,16 +1,16 @@
-//! A temporary folder for unit tests.
+//! Temporary folders.
 
 use std::{fs, path::PathBuf};
 
 /// An empty folder, removed when dropped.
-pub(crate) struct TestFolder {
-    pub(crate) path: PathBuf,
+pub struct TestFolder {
+    pub path: PathBuf,
 }
 
 impl TestFolder {
     /// `name` must differ between tests, which run in parallel.
-    pub(crate) fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("insula-bake-{name}-{}", std::process::id()));
+    pub fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("insula-test-{name}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).unwrap();
         Self { path }

@@ -1,5 +1,5 @@
-//! A bucket for cities: moto's (`pip install 'moto[server]'`). Where `INSULA_TEST_STORE=s3` says so, tests that start a server
-//! have it serve from there.
+//! An S3 bucket of cities, by moto (`pip install 'moto[server]'`). With `INSULA_TEST_STORE=s3`, tests that start a server
+//! serve the city from there.
 
 use anyhow::{Context, Result, ensure};
 use std::{
@@ -15,54 +15,52 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// What `serve` is told instead of a folder, and in its environment.
+/// A city in the bucket.
 #[derive(Debug)]
-pub struct Place {
-    /// `s3://BUCKET/PATH`.
+pub struct BucketCity {
+    /// `s3://BUCKET/PATH`, for `insula-server serve`.
     pub url: String,
-    /// Where the bucket is, and who asks.
+    /// Environment of the server: the bucket's address and credentials.
     pub environment: [(&'static str, String); 5],
 }
 
-/// Puts a city into the bucket, if tests are to be served from one.
-pub fn place(city: &Path) -> Result<Option<Place>> {
+/// Uploads a city if `INSULA_TEST_STORE` asks for it.
+pub fn upload_if_requested(city: &Path) -> Result<Option<BucketCity>> {
     match std::env::var("INSULA_TEST_STORE") {
         Err(_) => return Ok(None),
-        Ok(store) => ensure!(store == "s3", "INSULA_TEST_STORE is {store:?}, only \"s3\" is known"),
+        Ok(store) => ensure!(store == "s3", "INSULA_TEST_STORE is {store:?}, only \"s3\" is supported"),
     }
-    put(city).map(Some)
+    upload(city).map(Some)
 }
 
-/// Puts a city into the bucket, beside those before it. Starts moto, once.
-pub fn put(city: &Path) -> Result<Place> {
-    /// Cities so far: each has a path of its own.
+/// Uploads a city to a path of its own. Starts moto at the first call; fails if it is not installed.
+pub fn upload(city: &Path) -> Result<BucketCity> {
     static CITIES: AtomicU32 = AtomicU32::new(0);
     static MOTO: OnceLock<std::result::Result<Moto, String>> = OnceLock::new();
     let moto = MOTO.get_or_init(|| Moto::start().map_err(|error| format!("{error:#}")));
     let moto = moto.as_ref().map_err(|error| anyhow::anyhow!("{error}"))?;
-    let name = city.file_name().and_then(|name| name.to_str()).context("a city's folder has no name")?;
+    let name = city.file_name().and_then(|name| name.to_str()).context("the city's folder has no name")?;
     let path = format!("{}/{name}", CITIES.fetch_add(1, Ordering::Relaxed));
     for entry in fs::read_dir(city)? {
-        let file = entry?.path();
-        let name = file.file_name().and_then(|name| name.to_str()).context("a file without a name")?;
-        moto.put(&format!("insula/{path}/{name}"), &fs::read(&file)?)?;
+        let entry = entry?;
+        moto.put(&format!("insula/{path}/{}", entry.file_name().display()), &fs::read(entry.path())?)?;
     }
-    let access = |name, value: &str| (name, value.to_owned());
-    Ok(Place {
+    let variable = |name, value: &str| (name, value.to_owned());
+    Ok(BucketCity {
         url: format!("s3://insula/{path}"),
         environment: [
             ("AWS_ENDPOINT", format!("http://127.0.0.1:{}", moto.port)),
-            access("AWS_ACCESS_KEY_ID", "test"),
-            access("AWS_SECRET_ACCESS_KEY", "test"),
-            access("AWS_REGION", "us-east-1"),
-            access("AWS_EC2_METADATA_DISABLED", "true"),
+            variable("AWS_ACCESS_KEY_ID", "test"),
+            variable("AWS_SECRET_ACCESS_KEY", "test"),
+            variable("AWS_REGION", "us-east-1"),
+            variable("AWS_EC2_METADATA_DISABLED", "true"),
         ],
     })
 }
 
 struct Moto {
     port: u16,
-    /// Ends moto when this process ends and its input with it.
+    /// A shell that kills moto when its input ends, which is when this process ends.
     _shell: Child,
 }
 
@@ -78,13 +76,13 @@ impl Moto {
         let moto = Self { port, _shell: shell };
         let deadline = Instant::now() + Duration::from_secs(60);
         while let Err(error) = moto.put("insula", b"") {
-            ensure!(Instant::now() < deadline, "moto_server does not answer, is it installed? {error:#}");
-            std::thread::sleep(Duration::from_millis(100));
+            ensure!(Instant::now() < deadline, "moto_server does not respond, is it installed? {error:#}");
+            std::thread::sleep(Duration::from_millis(50));
         }
         Ok(moto)
     }
 
-    /// moto asks for no signature.
+    /// Moto does not check signatures.
     fn put(&self, path: &str, bytes: &[u8]) -> Result<()> {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port))?;
         write!(
@@ -94,9 +92,9 @@ impl Moto {
             bytes.len()
         )?;
         stream.write_all(bytes)?;
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer)?;
-        ensure!(answer.starts_with("HTTP/1.1 200"), "{path}: {answer}");
+        let mut response = String::new();
+        stream.read_to_string(&mut response)?;
+        ensure!(response.starts_with("HTTP/1.1 200"), "{path}: {response}");
         Ok(())
     }
 }

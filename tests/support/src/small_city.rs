@@ -1,5 +1,4 @@
 //! A minimal city: the root and its north-eastern child, with two meshes if asked for.
-#![allow(dead_code, reason = "each test program uses a part")]
 
 use insula_protocol::{
     BlockMap, Manifest, Subtree, Texel, TileId, TileKind,
@@ -16,15 +15,15 @@ use std::{
 };
 
 /// Version of the city.
-pub(crate) const VERSION: &str = "0123456789abcdef";
+pub const VERSION: &str = "0123456789abcdef";
 
 /// The root's only child.
-pub(crate) fn child() -> TileId {
+pub fn child() -> TileId {
     TileId::ROOT.child(3).unwrap()
 }
 
 /// A V-BlockMap with one exposed column and one roof.
-pub(crate) fn blockmap(id: TileId) -> Vec<u8> {
+pub fn blockmap(id: TileId) -> Vec<u8> {
     let mut columns = vec![None; COLUMNS];
     let texels = (0..3).map(|i| Texel::new([200, 50 * i, 10], 63, 3)).collect();
     columns[65] = Some(MapColumn {
@@ -41,7 +40,7 @@ pub(crate) fn blockmap(id: TileId) -> Vec<u8> {
 }
 
 /// Writes a tile archive.
-pub(crate) fn write_archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
+pub fn write_archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
     let writer = PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None);
     let mut writer = writer.create(File::create(path).unwrap()).unwrap();
     for (id, bytes) in tiles {
@@ -51,12 +50,12 @@ pub(crate) fn write_archive(path: &Path, tiles: &[(TileId, Vec<u8>)]) {
 }
 
 /// The V-BlockMaps of the city.
-pub(crate) fn blockmaps() -> Vec<(TileId, Vec<u8>)> {
+pub fn blockmaps() -> Vec<(TileId, Vec<u8>)> {
     [TileId::ROOT, child()].map(|id| (id, blockmap(id))).to_vec()
 }
 
 /// The only subtree tile of the city.
-pub(crate) fn subtree() -> Vec<u8> {
+pub fn subtree() -> Vec<u8> {
     let node = |id: TileId, child_mask| NodeInfo {
         id,
         child_mask,
@@ -70,7 +69,7 @@ pub(crate) fn subtree() -> Vec<u8> {
 }
 
 /// The manifest of the city.
-pub(crate) fn manifest(name: &str) -> Manifest {
+pub fn manifest(name: &str) -> Manifest {
     Manifest {
         format_version: FORMAT_VERSION,
         name: name.into(),
@@ -103,13 +102,13 @@ pub(crate) fn manifest(name: &str) -> Manifest {
 }
 
 /// The meshes that [`write_city_with_meshes`] adds to [`child`], by level of detail.
-pub(crate) fn meshes() -> Vec<(u8, Vec<u8>)> {
+pub fn meshes() -> Vec<(u8, Vec<u8>)> {
     let tile = |lod: u8| mesh_tile::cuboid([2.0, 3.0, 0.0], [9.0, 9.0, 6.0], [200 + lod, 90, 60], None);
     (0..2).map(|lod| (lod, tile(lod).encode(child(), lod).unwrap())).collect()
 }
 
 /// Writes the city with meshes.
-pub(crate) fn write_city_with_meshes(folder: &Path, name: &str) {
+pub fn write_city_with_meshes(folder: &Path, name: &str) {
     write_city(folder, name);
     let place = |lod| mesh_tile::archive_id(child(), lod).unwrap();
     let tiles: Vec<_> = meshes().into_iter().map(|(lod, bytes)| (place(lod), bytes)).collect();
@@ -122,22 +121,29 @@ pub(crate) fn write_city_with_meshes(folder: &Path, name: &str) {
 }
 
 /// Writes the city without meshes.
-pub(crate) fn write_city(folder: &Path, name: &str) {
+pub fn write_city(folder: &Path, name: &str) {
     std::fs::create_dir_all(folder).unwrap();
     std::fs::write(folder.join("city.json"), serde_json::to_vec_pretty(&manifest(name)).unwrap()).unwrap();
     write_archive(&folder.join(TileKind::BlockMap.file_name()), &blockmaps());
     write_archive(&folder.join(TileKind::Subtree.file_name()), &[(TileId::ROOT, subtree())]);
 }
 
+/// Gives a city the version that its files have, as a bake does.
+pub fn set_version(folder: &Path) {
+    let path = folder.join("city.json");
+    let version = insula_archive::city::content_version(folder, VERSION).unwrap();
+    std::fs::write(&path, std::fs::read_to_string(&path).unwrap().replace(VERSION, &version)).unwrap();
+}
+
 /// A city named "two" in a temporary folder, for a test that changes it.
-pub(crate) fn temporary_city() -> tempfile::TempDir {
+pub fn temporary_city() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     write_city(folder.path(), "two");
     folder
 }
 
 /// As [`temporary_city`], with meshes.
-pub(crate) fn temporary_city_with_meshes() -> tempfile::TempDir {
+pub fn temporary_city_with_meshes() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     write_city_with_meshes(folder.path(), "two");
     folder
@@ -145,13 +151,15 @@ pub(crate) fn temporary_city_with_meshes() -> tempfile::TempDir {
 
 /// A city named "two" that all tests share and none may change. The folder's name has the hash of the test program, which
 /// determines its content, so each build writes it once.
-pub(crate) fn shared_city() -> &'static Path {
+pub fn shared_city() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let program = std::fs::read(std::env::current_exe().unwrap()).unwrap();
-        let root = Path::new(env!("CARGO_TARGET_TMPDIR"));
-        let folder = root.join(format!("city-{}", &blake3::hash(&program).to_hex()[..16]));
+        let program = std::env::current_exe().unwrap();
+        let root = program.with_file_name("test-cities");
+        let hash = blake3::hash(&std::fs::read(program).unwrap()).to_hex();
+        let folder = root.join(format!("small-{}", &hash[..16]));
         if !folder.is_dir() {
+            std::fs::create_dir_all(&root).unwrap();
             let new = tempfile::tempdir_in(root).unwrap();
             write_city(new.path(), "two");
             // Fails if another process was faster; its city is the same.

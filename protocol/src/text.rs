@@ -1,0 +1,106 @@
+//! Text from files and servers, made safe to show.
+
+use std::borrow::Cow;
+
+/// Longest text that [`printable`] returns, in characters, apart from the mark of its cut.
+pub const MAX_CHARS: usize = 8192;
+
+/// The text as it may be written to a terminal, a log or a window: on one line, without anything that a terminal obeys.
+///
+/// Line breaks and tabs become spaces. Other control characters, and characters that change the direction of text or are
+/// invisible, become escapes such as `\u{1b}`. A text of more than [`MAX_CHARS`] is cut. Everything that comes from a file,
+/// a server or an archive has to pass through here before a person sees it.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    if text.len() <= MAX_CHARS && !text.chars().any(is_unsafe) {
+        return text.into();
+    }
+    let mut safe = String::with_capacity(text.len().min(MAX_CHARS));
+    for (position, c) in text.chars().enumerate() {
+        match c {
+            _ if position >= MAX_CHARS => {
+                safe.push('…');
+                break;
+            }
+            '\n' | '\r' | '\t' => safe.push(' '),
+            c if is_unsafe(c) => safe.extend(c.escape_unicode()),
+            c => safe.push(c),
+        }
+    }
+    safe.into()
+}
+
+/// [`printable`], line by line: for a report of several lines.
+pub fn printable_lines(text: &str) -> String {
+    text.split_inclusive('\n').map(|line| line.strip_suffix('\n').map_or(printable(line), end_line)).collect()
+}
+
+/// JSON with all that [`printable`] escapes as JSON's own escapes, so that it stays the same value.
+pub fn printable_json(json: &str) -> String {
+    let mut safe = String::with_capacity(json.len());
+    for c in json.chars() {
+        // Outside of strings there is no unsafe character but the line break.
+        if is_unsafe(c) && c != '\n' {
+            let mut units = [0; 2];
+            c.encode_utf16(&mut units).iter().for_each(|unit| safe.push_str(&format!("\\u{unit:04x}")));
+        } else {
+            safe.push(c);
+        }
+    }
+    safe
+}
+
+fn end_line(line: &str) -> Cow<'_, str> {
+    (printable(line) + "\n").into_owned().into()
+}
+
+/// Controls of both sets (C0 and C1), marks that embed or override the direction of text, separators of lines, and
+/// characters without width.
+fn is_unsafe(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200b}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}')
+        || matches!(c, '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_of_people_stay_as_they_are() {
+        for text in ["", "Delft", "Zürich, 東京 & São Paulo", "👩‍👧 \u{e9}", "a\\b \"c\" <d>"] {
+            assert!(matches!(printable(text), Cow::Borrowed(found) if found == text), "{text}");
+        }
+    }
+
+    #[test]
+    fn nothing_that_a_terminal_obeys_passes() {
+        assert_eq!(printable("a\u{1b}]0;title\u{7}b"), "a\\u{1b}]0;title\\u{7}b");
+        assert_eq!(printable("line\r\nbreak\tx"), "line  break x");
+        assert_eq!(
+            printable("\u{9b}31m \u{202e}gnp.exe \u{2066}\u{feff}"),
+            "\\u{9b}31m \\u{202e}gnp.exe \\u{2066}\\u{feff}"
+        );
+        assert_eq!(printable_lines("a\u{1b}[2J\nb\n\nc"), "a\\u{1b}[2J\nb\n\nc");
+        for c in (0..=u32::from(char::MAX)).filter_map(char::from_u32) {
+            let text = c.to_string();
+            assert!(!printable(&text).chars().any(is_unsafe), "{c:?}");
+        }
+    }
+
+    #[test]
+    fn json_stays_the_same_value() {
+        let value = serde_json::json!({ "title": "\u{9b}31m \u{202e}x \u{e0041} \u{1b}", "n": [1, "é\n"] });
+        let safe = printable_json(&serde_json::to_string_pretty(&value).unwrap());
+        assert!(safe.lines().all(|line| printable(line) == line), "{safe}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&safe).unwrap(), value);
+    }
+
+    #[test]
+    fn long_texts_are_cut() {
+        let long = "\u{e9}".repeat(3 * MAX_CHARS);
+        let cut = printable(&long);
+        assert_eq!((cut.chars().count(), cut.ends_with("é…")), (MAX_CHARS + 1, true));
+        let text = "é".repeat(MAX_CHARS);
+        assert_eq!(printable(&text), text);
+    }
+}

@@ -1,0 +1,261 @@
+//! What a bake may replace or remove: only folders whose every entry it recognises as its own.
+//!
+//! Entries are classified without following links, so a planted link is an unknown entry like any other file.
+
+use std::{
+    fs,
+    io::{self, Read},
+    path::{Path, PathBuf},
+};
+
+use insula_archive::{
+    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES},
+    file::open_regular,
+};
+use insula_protocol::TileKind;
+use serde::Deserialize;
+
+use super::{
+    files::{remove_file, remove_folder},
+    fingerprints,
+};
+use crate::error::BakeError;
+
+/// Content of [`MARKER_FILE`].
+const MARKER: &[u8] = b"Insula keeps unfinished work of `bake` in this folder and removes it without asking.\n";
+/// Marks a scratch folder.
+const MARKER_FILE: &str = "insula-bake-scratch";
+
+/// What is allowed in a folder.
+type Rule = fn(&str, fs::FileType) -> bool;
+
+/// Whether a name is that of a city's file.
+fn is_city_file(name: &str) -> bool {
+    name == MANIFEST_FILE
+        || name == fingerprints::FILE_NAME
+        || TileKind::ALL.iter().any(|kind| kind.file_name() == name)
+}
+
+fn in_city(name: &str, kind: fs::FileType) -> bool {
+    kind.is_file() && (is_city_file(name) || name.strip_suffix(".tmp").is_some())
+}
+
+fn in_published_city(name: &str, kind: fs::FileType) -> bool {
+    kind.is_file() && is_city_file(name)
+}
+
+fn in_packs(name: &str, kind: fs::FileType) -> bool {
+    kind.is_file() && (name.ends_with(".pack") || name.ends_with(".tmp"))
+}
+
+fn in_scene(name: &str, kind: fs::FileType) -> bool {
+    if kind.is_dir() { name == "buckets" } else { kind.is_file() && is_scene_file(name) }
+}
+
+fn is_scene_file(name: &str) -> bool {
+    name == "triangles" || name == "names" || name.ends_with(".rgb")
+}
+
+fn in_buckets(name: &str, kind: fs::FileType) -> bool {
+    kind.is_file() && name.ends_with(".bucket")
+}
+
+fn in_scratch(name: &str, kind: fs::FileType) -> bool {
+    let is_folder = matches!(name, "packs" | "spool" | "city" | "replaced");
+    let is_file = matches!(name, MARKER_FILE | "lock" | "state.json" | "state.tmp");
+    if kind.is_dir() { is_folder } else { kind.is_file() && is_file }
+}
+
+/// The first entry of a folder that `rule` does not allow; `None` also if there is no such folder.
+fn unknown_entry(folder: &Path, rule: Rule) -> Result<Option<PathBuf>, BakeError> {
+    let failed = |cause| BakeError::io(folder, "read", cause);
+    let entries = match fs::read_dir(folder) {
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
+        entries => entries.map_err(failed)?,
+    };
+    let mut unknown = Vec::new();
+    for entry in entries {
+        let entry = entry.map_err(failed)?;
+        let kind = entry.file_type().map_err(failed)?;
+        if !entry.file_name().to_str().is_some_and(|name| rule(name, kind)) {
+            unknown.push(entry.path());
+        }
+    }
+    Ok(unknown.into_iter().min())
+}
+
+fn refuse(path: &Path, what: &'static str) -> BakeError {
+    BakeError::Out { path: path.to_owned(), what }
+}
+
+/// Kind of what has this path, without following a link; `None` if nothing has.
+fn kind_of(path: &Path) -> Result<Option<fs::FileType>, BakeError> {
+    match fs::symlink_metadata(path) {
+        Ok(found) => Ok(Some(found.file_type())),
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(cause) => Err(BakeError::io(path, "read", cause)),
+    }
+}
+
+/// Fails unless `out` does not exist, is an empty folder, or has a manifest and no files but those of a city:
+/// nothing else is ever replaced.
+pub(super) fn check_out(out: &Path) -> Result<(), BakeError> {
+    match kind_of(out)? {
+        None => return Ok(()),
+        Some(kind) if kind.is_symlink() => return Err(refuse(out, "it is a link, which a bake does not follow")),
+        Some(kind) if !kind.is_dir() => return Err(refuse(out, "a file with this name exists")),
+        Some(_) => {}
+    }
+    if let Some(unknown) = unknown_entry(out, in_published_city)? {
+        return Err(refuse(&unknown, "is not a file of a city, and the bake would remove it"));
+    }
+    let is_empty = fs::read_dir(out).map_err(|cause| BakeError::io(out, "read", cause))?.next().is_none();
+    if is_empty || has_manifest(out) {
+        return Ok(());
+    }
+    Err(refuse(&out.join(MANIFEST_FILE), "is not the manifest of a city, so the folder is not replaced"))
+}
+
+/// Whether a folder has the manifest of a city, also of another version of the program, which may not be able to open it.
+fn has_manifest(folder: &Path) -> bool {
+    /// Members that every manifest has had, and that no other JSON has together.
+    #[derive(Deserialize)]
+    #[expect(dead_code, reason = "only their presence and types matter")]
+    struct ManifestMembers {
+        format_version: u32,
+        version: String,
+        root_side_m: f64,
+        tile_version: u16,
+        settings: String,
+    }
+    let file = open_regular(&folder.join(MANIFEST_FILE)).map(|file| file.take(MAX_MANIFEST_BYTES as u64));
+    file.is_ok_and(|file| serde_json::from_reader::<_, ManifestMembers>(io::BufReader::new(file)).is_ok())
+}
+
+/// Removes a city that [`check_out`] accepts. Fails, and keeps the folder, if it contains anything else.
+pub(super) fn remove_city(folder: &Path) -> Result<(), BakeError> {
+    check_out(folder)?;
+    for name in TileKind::ALL.iter().map(|kind| kind.file_name()).chain([fingerprints::FILE_NAME, MANIFEST_FILE]) {
+        remove_file(&folder.join(name))?;
+    }
+    match fs::remove_dir(folder) {
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(BakeError::io(folder, "removed", cause)),
+        _ => Ok(()),
+    }
+}
+
+/// Creates the scratch folder, or checks that an existing one is an earlier bake's with nothing else in it.
+pub(super) fn claim_scratch(root: &Path) -> Result<(), BakeError> {
+    match kind_of(root)? {
+        None => fs::create_dir(root).map_err(|cause| BakeError::io(root, "created", cause))?,
+        Some(kind) if !kind.is_dir() => return Err(refuse(root, "a file or link with this name exists")),
+        Some(_) => {}
+    }
+    let marker = root.join(MARKER_FILE);
+    let is_marked =
+        kind_of(&marker)?.is_some_and(|kind| kind.is_file()) && fs::read(&marker).is_ok_and(|text| text == MARKER);
+    // A bake that was killed before it wrote the marker left an empty folder, or an empty marker.
+    let rule: Rule = if is_marked { in_scratch } else { |name, kind| name == MARKER_FILE && kind.is_file() };
+    if let Some(unknown) = unknown_entry(root, rule)? {
+        return Err(refuse(&unknown, "is not unfinished work of a bake, which needs the folder that it is in"));
+    }
+    if is_marked { check_scratch(root) } else { write_marker(&marker) }
+}
+
+/// Fails if a folder of the scratch folder contains anything that no bake wrote.
+fn check_scratch(root: &Path) -> Result<(), BakeError> {
+    let rules: [(&str, Rule); 4] =
+        [("packs", in_packs), ("spool", in_scene), ("spool/buckets", in_buckets), ("city", in_city)];
+    for (folder, rule) in rules {
+        if let Some(unknown) = unknown_entry(&root.join(folder), rule)? {
+            return Err(refuse(&unknown, "is not unfinished work of a bake, which would remove it"));
+        }
+    }
+    check_out(&root.join("replaced"))
+}
+
+fn write_marker(marker: &Path) -> Result<(), BakeError> {
+    remove_file(marker)?;
+    let written = fs::File::create_new(marker).and_then(|mut file| io::Write::write_all(&mut file, MARKER));
+    match written {
+        // A second bake that starts at the same moment; the lock decides between the two.
+        Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists => Ok(()),
+        written => written.map_err(|cause| BakeError::io(marker, "written", cause)),
+    }
+}
+
+/// Removes a scratch folder that [`claim_scratch`] accepts. Fails if it contains anything else, which stays.
+pub(super) fn remove_scratch(root: &Path) -> Result<(), BakeError> {
+    if let Some(unknown) = unknown_entry(root, in_scratch)? {
+        return Err(refuse(&unknown, "is not unfinished work of a bake, so its folder stays"));
+    }
+    check_scratch(root)?;
+    remove_city(&root.join("replaced"))?;
+    for folder in ["packs", "spool", "city"] {
+        remove_folder(&root.join(folder))?;
+    }
+    // The marker last: a removal that is interrupted can be repeated.
+    for file in ["state.json", "state.tmp", "lock", MARKER_FILE] {
+        remove_file(&root.join(file))?;
+    }
+    fs::remove_dir(root).map_err(|cause| BakeError::io(root, "removed", cause))
+}
+
+/// Fails if `out` or its scratch folder `partial` is, or contains, one of `inputs`, which exist.
+pub(crate) fn check_inputs(out: &Path, inputs: &[PathBuf]) -> Result<(), BakeError> {
+    let outputs = [canonical(out), canonical(&super::scratch_folder::partial(out))];
+    for input in inputs {
+        let found = canonical(input);
+        if outputs.iter().any(|output| found.starts_with(output)) {
+            return Err(refuse(out, "it is or contains an input, which the bake would remove"));
+        }
+    }
+    Ok(())
+}
+
+/// The path without links, as far as it exists.
+pub(crate) fn canonical(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    if let Ok(found) = fs::canonicalize(&absolute) {
+        return found;
+    }
+    match (absolute.parent(), absolute.file_name()) {
+        (Some(parent), Some(name)) => canonical(parent).join(name),
+        _ => absolute,
+    }
+}
+
+/// Fails if the folder cannot be renamed because a file system is mounted on it. That would show only after the bake.
+pub(super) fn check_mount(folder: &Path) -> Result<(), BakeError> {
+    if kind_of(folder)?.is_some() && is_mount_point(folder) {
+        return Err(refuse(
+            folder,
+            "a file system is mounted on it, so it cannot be replaced as a whole; name a folder in it",
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn is_mount_point(folder: &Path) -> bool {
+    use std::os::unix::{ffi::OsStrExt, fs::MetadataExt};
+    let folder = canonical(folder);
+    let device = |path: &Path| fs::symlink_metadata(path).ok().map(|found| found.dev());
+    if folder.parent().is_some_and(|parent| device(parent) != device(&folder)) {
+        return true;
+    }
+    // A bind mount has the device of its source. Blanks in a path are `\040` in the list.
+    let escaped: Vec<u8> = folder.as_os_str().as_bytes().iter().flat_map(|byte| escape_mount_byte(*byte)).collect();
+    let mounts = fs::read("/proc/self/mountinfo").unwrap_or_default();
+    mounts.split(|byte| *byte == b'\n').any(|line| line.split(|byte| *byte == b' ').nth(4) == Some(&escaped))
+}
+
+#[cfg(unix)]
+fn escape_mount_byte(byte: u8) -> Vec<u8> {
+    if matches!(byte, b' ' | b'\t' | b'\n' | b'\\') { format!("\\{byte:03o}").into_bytes() } else { vec![byte] }
+}
+
+#[cfg(not(unix))]
+fn is_mount_point(_: &Path) -> bool {
+    false
+}

@@ -1,0 +1,39 @@
+//! `sign`: prints a link that opens a private city for a time.
+
+use super::{error::CommandError, output::print};
+use crate::{
+    args::SignArgs,
+    config::{ServeConfig, environment},
+    share_link::{PARAMETER, ShareGrant, ShareKeys, ShareScope},
+};
+use insula_protocol::route;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Runs `sign`. Fails if there is no key.
+pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
+    let path = match &args.keys {
+        Some(path) => path.clone(),
+        None => {
+            let config = ServeConfig::load(args.config.as_deref(), environment(), &[])?;
+            config.access.share_keys.ok_or_else(|| {
+                CommandError::Usage("no key file: use --keys FILE, or set access.share_keys in --config".into())
+            })?
+        }
+    };
+    let (keys, faults) = ShareKeys::read(&path);
+    for fault in &faults {
+        tracing::warn!(fault, "part of the keys cannot be used");
+    }
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let grant = ShareGrant {
+        city: args.city.clone(),
+        version: args.version.clone(),
+        expires_secs: (now + args.expires).as_secs(),
+        scope: ShareScope { is_read_only: args.read_only, area_mm: args.bbox.map(|area| area.0) },
+    };
+    let link = keys.sign(&grant).ok_or_else(|| {
+        CommandError::Keys(format!("cannot sign: {}; write a line \"ID SECRET\" to it", faults.join("; ")))
+    })?;
+    print(&format!("{}{}?{PARAMETER}={link}\n", args.url, route::manifest(&args.city)));
+    Ok(())
+}

@@ -1,0 +1,61 @@
+//! The host that a request is for: `:authority` or the target's authority, else `Host`.
+
+use super::{connection_state::ConnectionState, problem::Problem};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, Version, header, request::Parts};
+use std::sync::Arc;
+
+/// The host of a request with its port. `None` if it names none, or none that is ASCII text.
+pub(super) fn request_host<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
+    let header = || headers.get(header::HOST).and_then(|host| host.to_str().ok());
+    uri.authority().map(|authority| authority.as_str()).or_else(header)
+}
+
+/// Checks the host of a request on a connection. Fails with 400 if there is none or more than one (RFC 9112, 3.2; RFC 9113,
+/// 8.3.1), or with 421 if it is none of `allowed`. Without the latter check, a page could read a server of its reader's machine
+/// under a name of its own (DNS rebinding). `allowed` may be empty: then any host will do.
+pub(super) fn check_host(
+    connection: Option<&Arc<ConnectionState>>,
+    parts: &Parts,
+    allowed: &[String],
+) -> Result<(), Problem> {
+    if connection.is_none() {
+        return Ok(());
+    }
+    let mut named = parts.headers.get_all(header::HOST).iter();
+    let (first, second) = (named.next(), named.next());
+    let authority = parts.uri.authority().map(|authority| authority.as_str());
+    let is_missing = first.is_none() && authority.is_none() && parts.version >= Version::HTTP_11;
+    // Of HTTP/1.1, the target's authority replaces `Host`.
+    let differs = |host: &HeaderValue| authority.is_some_and(|authority| authority.as_bytes() != host.as_bytes());
+    if is_missing || second.is_some() || (parts.version == Version::HTTP_2 && first.is_some_and(differs)) {
+        return Err(Problem::bad_request("a request must name one host"));
+    }
+    if allowed.is_empty() {
+        return Ok(());
+    }
+    let host = request_host(&parts.uri, &parts.headers).unwrap_or_default();
+    if allowed.iter().any(|allowed| without_port(host).eq_ignore_ascii_case(allowed)) {
+        return Ok(());
+    }
+    Err(Problem::new(StatusCode::MISDIRECTED_REQUEST, "this server does not serve this host"))
+}
+
+fn without_port(host: &str) -> &str {
+    let is_port = |port: &str| port.bytes().all(|byte| byte.is_ascii_digit());
+    match host.rsplit_once(':') {
+        Some((name, port)) if is_port(port) => name,
+        _ => host,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ports_are_no_part_of_a_host() {
+        for (host, name) in [("a.b:1", "a.b"), ("a", "a"), ("[::1]:80", "[::1]"), ("[::1]", "[::1]"), ("", "")] {
+            assert_eq!(without_port(host), name);
+        }
+    }
+}
