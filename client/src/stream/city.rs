@@ -174,7 +174,7 @@ impl CityOpener<'_> {
                     attempts = attempts.saturating_add(1);
                     let wait = match &error {
                         FetchError::Busy { retry_after: Some(wait), .. } => *wait,
-                        _ => retry_delay(attempts, jitter()),
+                        _ => retry_delay(attempts, None, jitter()),
                     };
                     let is_final = matches!(error, FetchError::Unusable(_));
                     if !is_final && start.elapsed().saturating_add(wait) <= timeout {

@@ -165,12 +165,13 @@ impl<'a> NodeList<'a> {
         for tile in transitions.tiles().iter().filter(|tile| tree.is_known(tile.node)) {
             let (drawn, fading_out) = tile.sources();
             let entry = ListEntry { node: tile.node, owner: tile.owner, drawn };
-            if !list.push_or_ancestor(entry) {
+            if !list.push(entry) {
                 continue;
             }
             if let Some((old, rays)) = fading_out
-                && list.push(ListEntry { drawn: old, ..entry })
+                && cache.get(tree.node(old.source).id).is_some()
             {
+                list.push(ListEntry { drawn: old, ..entry });
                 let new = list.fade_rays.len() - 2;
                 list.fade_rays[new] = rays;
                 list.fading_error_px = list.fading_error_px.max(old.error_px(tile.node, tree, view));
@@ -178,31 +179,20 @@ impl<'a> NodeList<'a> {
         }
         for caster in shadow_casters.iter().filter(|caster| !replaces_drawn(**caster, transitions, tree, view)) {
             let drawn = DrawSource { source: *caster, mesh_lod: None };
-            list.push_or_ancestor(ListEntry { node: *caster, owner: *caster, drawn });
+            list.push(ListEntry { node: *caster, owner: *caster, drawn });
         }
         list
     }
 
-    /// Adds an entry. Returns whether its source is in the cache.
-    fn push(&mut self, entry: ListEntry) -> bool {
-        self.push_first_cached(entry, 1)
-    }
-
     /// Adds an entry, drawn from the nearest ancestor in the cache if its source is not there. Returns whether there is one.
-    fn push_or_ancestor(&mut self, entry: ListEntry) -> bool {
-        self.push_first_cached(entry, usize::MAX)
-    }
-
-    /// Adds an entry, drawn from the first cached node among its source and that node's ancestors, of which `candidates` are
-    /// considered.
-    fn push_first_cached(&mut self, entry: ListEntry, candidates: usize) -> bool {
+    fn push(&mut self, entry: ListEntry) -> bool {
         let Self { tree, cache, eye, .. } = *self;
-        let line = std::iter::successors(Some(entry.drawn.source), |node| tree.node(*node).parent);
-        let mut sources = line.take(candidates).filter_map(|node| {
+        let mut line = std::iter::successors(Some(entry.drawn.source), |node| tree.node(*node).parent);
+        let source = line.find_map(|node| {
             let id = tree.node(node).id;
             Some(CachedSource { id, cached: cache.get(id)? })
         });
-        let Some(source) = sources.next() else { return false };
+        let Some(source) = source else { return false };
         let id = tree.node(entry.node).id;
         let mut node = source.node(tree, eye);
         if let Some(mesh) = entry.drawn.mesh_lod.and_then(|lod| cache.mesh(id, lod)) {

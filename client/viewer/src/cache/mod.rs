@@ -117,16 +117,14 @@ pub struct AtlasCache {
 }
 
 /// Slots that tiles in `pages` pages can ever need: a V-BlockMap takes at least [`PLANES`] pages.
-pub const fn slots_for(pages: u32) -> u32 {
-    let slots = pages / PLANES as u32;
-    if slots == 0 { 1 } else { slots }
+pub fn slots_for(pages: u32) -> u32 {
+    (pages / PLANES as u32).max(1)
 }
 
 /// Pages that fit into `bytes` together with their summaries.
-pub const fn pages_for(bytes: u64) -> u32 {
-    let per_page = PAGE_BYTES + (SUMMARY_WORDS as u64 * 4) / PLANES as u64;
-    let pages = bytes / per_page;
-    if pages > u32::MAX as u64 / PAGE_WORDS as u64 { u32::MAX / PAGE_WORDS as u32 } else { pages as u32 }
+pub fn pages_for(bytes: u64) -> u32 {
+    let bytes_per_page = PAGE_BYTES + (SUMMARY_WORDS as u64 * 4) / PLANES as u64;
+    (bytes / bytes_per_page).min(u64::from(u32::MAX) / PAGE_WORDS as u64) as u32
 }
 
 impl AtlasCache {

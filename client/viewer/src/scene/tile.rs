@@ -22,7 +22,7 @@ const DAMAGE_LIMIT: u8 = 3;
 const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(2);
 /// Longest delay that is accepted from a server's `Retry-After`.
-pub(crate) const MAX_RETRY_AFTER: Duration = Duration::from_secs(60);
+const MAX_RETRY_AFTER: Duration = Duration::from_secs(60);
 
 /// Where a tile is on its way from the server to the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -130,14 +130,16 @@ impl TileRecord {
 
     fn record_failure(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) -> TileState {
         self.attempts = self.attempts.saturating_add(1);
-        let delay = retry_after.map_or_else(|| retry_delay(self.attempts, jitter), |delay| delay.min(MAX_RETRY_AFTER));
-        TileState::Failed { attempts: self.attempts, retry_at: now + delay }
+        TileState::Failed { attempts: self.attempts, retry_at: now + retry_delay(self.attempts, retry_after, jitter) }
     }
 }
 
-/// Delay before a retry after `attempts` failures in a row: doubles from 100 ms to 2 s, reduced by up to half of it by `jitter`
-/// (0 to 1).
-pub fn retry_delay(attempts: u8, jitter: f64) -> Duration {
+/// Delay before a retry after `attempts` failures in a row: `retry_after` if the server sent that, up to a minute. Otherwise, it
+/// doubles from 100 ms to 2 s, and is reduced by up to half of it by `jitter` (0 to 1).
+pub fn retry_delay(attempts: u8, retry_after: Option<Duration>, jitter: f64) -> Duration {
+    if let Some(delay) = retry_after {
+        return delay.min(MAX_RETRY_AFTER);
+    }
     let full = FIRST_RETRY_DELAY.saturating_mul(1 << attempts.saturating_sub(1).min(10)).min(MAX_RETRY_DELAY);
     full.mul_f64(1.0 - 0.5 * jitter.clamp(0.0, 1.0))
 }

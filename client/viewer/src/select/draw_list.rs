@@ -10,6 +10,7 @@ use super::{
     selection::{DrawTile, Selection},
     visited::{Cover, SelectionScratch, Visit},
 };
+use crate::scene::TileKey;
 
 /// Writes the draw list, what it uses, and its statistics to `selection`.
 pub(super) fn build(ctx: &SelectionContext<'_>, scratch: &mut SelectionScratch, selection: &mut Selection) {
@@ -25,15 +26,20 @@ pub(super) fn build(ctx: &SelectionContext<'_>, scratch: &mut SelectionScratch, 
 }
 
 fn add(ctx: &SelectionContext<'_>, visit: &Visit, cover: Cover, selection: &mut Selection) {
-    let mesh = meshes::drawn_lod(ctx, visit);
-    let error_px = mesh.map_or(cover.error_px, |mesh| mesh.error_px);
-    let mesh_lod = mesh.map(|mesh| mesh.lod);
-    let sky_source = mesh_lod.and_then(|_| meshes::sky_source(visit.node, ctx.tree));
-    let source = sky_source.unwrap_or(cover.source);
-    selection.draw_tiles.push(DrawTile { node: visit.node, source, mesh_lod });
-    meshes::record_drawn_lod(visit, mesh_lod, ctx.tree, selection);
-    selection.mesh_leaves.extend(visit.mesh_lod.map(|_| visit.node));
     let stats = &mut selection.stats;
+    let (mut source, mut error_px, mut mesh_lod) = (cover.source, cover.error_px, None);
+    if let Some(mesh) = meshes::drawn_lod(ctx, visit) {
+        source = meshes::sky_source(visit.node, ctx.tree).unwrap_or(source);
+        (error_px, mesh_lod) = (mesh.error_px, Some(mesh.lod));
+        stats.meshes += 1;
+        stats.triangles += u64::from(mesh.triangles);
+        // Another level is drawn only because it is resident, and may be evicted at any time: the V-BlockMap is drawn then.
+        if mesh_lod == visit.mesh_lod {
+            selection.used_meshes.push(TileKey::mesh(ctx.tree.node(visit.node).id, mesh.lod));
+        }
+    }
+    selection.draw_tiles.push(DrawTile { node: visit.node, source, mesh_lod });
+    selection.mesh_leaves.extend(visit.mesh_lod.map(|_| visit.node));
     if visit.visibility != Visibility::Occluded {
         selection.unoccluded.push(visit.node);
         stats.worst_error_px = stats.worst_error_px.max(error_px);

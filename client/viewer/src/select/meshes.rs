@@ -7,7 +7,6 @@
 use super::{
     context::{SelectionContext, is_alternate_level},
     priority::{self, RequestReason, TileRequest},
-    selection::Selection,
     visited::{Cover, Visit},
 };
 use crate::scene::{LeafLod, NodeIndex, SceneTree, TileKey, TreeNode};
@@ -17,6 +16,7 @@ use crate::scene::{LeafLod, NodeIndex, SceneTree, TileKey, TreeNode};
 pub(super) struct DrawnLod {
     pub(super) lod: u8,
     pub(super) error_px: f64,
+    pub(super) triangles: u32,
 }
 
 /// The levels of detail that a leaf may ask for, best first: the best one, and those coarser than it; bad ones left out.
@@ -40,8 +40,9 @@ pub(super) fn drawn_lod(ctx: &SelectionContext<'_>, visit: &Visit) -> Option<Dra
     let is_resident = |lod: &usize| leaf.lods[*lod].tile.is_resident();
     let requested = usize::from(visit.mesh_lod.unwrap_or(0));
     let mut coarser = requested..leaf.lods.len();
-    let lod = coarser.find(is_resident).or_else(|| (0..requested).rev().find(is_resident))?;
-    Some(DrawnLod { lod: lod as u8, error_px: ctx.lod_error_px(leaf, &leaf.lods[lod]) })
+    let index = coarser.find(is_resident).or_else(|| (0..requested).rev().find(is_resident))?;
+    let lod = &leaf.lods[index];
+    Some(DrawnLod { lod: index as u8, error_px: ctx.lod_error_px(leaf, lod), triangles: lod.triangles })
 }
 
 /// The node whose columns tell how much sky a leaf's mesh sees: its nearest ancestor on a level that is never skipped. The
@@ -51,20 +52,6 @@ pub(super) fn sky_source(leaf: NodeIndex, tree: &SceneTree) -> Option<NodeIndex>
     let mut ancestors = std::iter::successors(tree.node(leaf).parent, |index| tree.node(*index).parent);
     let ancestor = ancestors.find(|index| !is_alternate_level(tree.node(*index), tree));
     ancestor.filter(|index| tree.node(*index).tile.is_resident())
-}
-
-/// Counts a mesh in the draw list, and marks it as used if it is the level that the view asks for.
-pub(super) fn record_drawn_lod(visit: &Visit, drawn: Option<u8>, tree: &SceneTree, selection: &mut Selection) {
-    let leaf = tree.node(visit.node);
-    let Some(lod) = drawn else { return };
-    if let Some(leaf_lod) = leaf.lods.get(usize::from(lod)) {
-        selection.stats.meshes += 1;
-        selection.stats.triangles += u64::from(leaf_lod.triangles);
-    }
-    // Another level is drawn only because it is resident, and may be evicted at any time: the V-BlockMap is drawn then.
-    if drawn == visit.mesh_lod {
-        selection.used_meshes.push(TileKey::mesh(leaf.id, lod));
-    }
 }
 
 /// The request for the mesh that `visit` asks for, if it is missing. A requested V-BlockMap comes first.

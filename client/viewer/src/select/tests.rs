@@ -19,6 +19,7 @@ use insula_protocol::{
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
 use occlusion_feedback::OcclusionQuery;
+use priority::{PriorityGroup, RequestReason, TileRequest};
 use screen_error::ErrorMetric;
 use std::{collections::HashSet, time::Duration};
 
@@ -88,6 +89,11 @@ pub(crate) fn view(position: [f64; 3], target: [f64; 3]) -> View {
 /// A view to the north from the middle of the city, 20 m above the ground.
 fn street_view() -> View {
     view([1030.0, 1015.0, 20.0], [1030.0, 3000.0, 20.0])
+}
+
+/// A request for a visible tile that is twice too coarse.
+pub(crate) fn request(key: TileKey) -> TileRequest {
+    TileRequest { key, group: PriorityGroup::Normal, reason: RequestReason::Visible, weight_px: 2.0 }
 }
 
 fn apply_all(tree: &mut SceneTree, key: TileKey, events: &[TileEvent]) {

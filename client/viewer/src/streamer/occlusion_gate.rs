@@ -110,10 +110,7 @@ mod tests {
     use super::*;
     use crate::{
         scene::TileEvent,
-        select::{
-            priority::RequestReason,
-            tests::{load, tree, view},
-        },
+        select::tests::{load, request, tree, view},
     };
     use insula_protocol::TileId;
 
@@ -122,10 +119,6 @@ mod tests {
     /// Leaves of 64 m, 30 m high: in front of the eye, half a kilometre behind that, and beside it.
     fn leaves() -> [TileKey; 3] {
         [(16, 0), (16, 8), (26, 0)].map(|(x, y)| TileKey::block_map(TileId::new(5, x, y).unwrap()))
-    }
-
-    fn request(key: TileKey) -> TileRequest {
-        TileRequest { key, group: PriorityGroup::Normal, reason: RequestReason::Visible, weight_px: 2.0 }
     }
 
     /// The requests of `all` that pass; the front leaf has been in flight for `front_ms`, if that is given.

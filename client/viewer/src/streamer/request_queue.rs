@@ -1,10 +1,7 @@
 //! Decides, frame by frame, which requests to start and which to cancel.
 
 use crate::{
-    scene::{
-        SceneTree, TileEvent, TileKey, TileState,
-        tile::{MAX_RETRY_AFTER, retry_delay},
-    },
+    scene::{SceneTree, TileEvent, TileKey, TileState, tile::retry_delay},
     select::priority::TileRequest,
 };
 use std::{collections::HashSet, time::Duration};
@@ -148,8 +145,7 @@ impl Backoff {
             return;
         }
         self.failures = self.failures.saturating_add(1);
-        let delay = retry_after.map_or_else(|| retry_delay(self.failures, jitter), |delay| delay.min(MAX_RETRY_AFTER));
-        self.retry_at = Some(now + delay);
+        self.retry_at = Some(now + retry_delay(self.failures, retry_after, jitter));
     }
 
     /// Records a response.
@@ -166,37 +162,11 @@ impl Backoff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        select::priority::{PriorityGroup, RequestReason},
-        test_support,
-    };
-    use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
-
-    fn tree() -> SceneTree {
-        let mut tree = SceneTree::new(test_support::manifest(1));
-        let node = |id, child_mask| NodeInfo {
-            id,
-            child_mask,
-            z_min_m: 0.0,
-            z_max_m: 1.0,
-            error_m: 1.0,
-            radius_m: 1.0,
-            blockmap_bytes: 1,
-        };
-        let mut nodes = vec![node(TileId::ROOT, 15)];
-        nodes.extend(TileId::ROOT.children().map(|id| node(id, 0)));
-        tree.merge(&Subtree { nodes, meshes: Vec::new() });
-        tree
-    }
+    use crate::select::tests::{request, tree};
+    use insula_protocol::TileId;
 
     fn wanted(quadrants: &[usize]) -> Vec<TileRequest> {
-        let request = |quadrant: &usize| TileRequest {
-            key: TileKey::block_map(TileId::ROOT.child(*quadrant).unwrap()),
-            group: PriorityGroup::Normal,
-            reason: RequestReason::Visible,
-            weight_px: 1.0,
-        };
-        quadrants.iter().map(request).collect()
+        quadrants.iter().map(|q| request(TileKey::block_map(TileId::ROOT.child(*q).unwrap()))).collect()
     }
 
     #[test]

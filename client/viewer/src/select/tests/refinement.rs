@@ -1,7 +1,6 @@
 //! Refinement without occlusion feedback, budgets, bad tiles and missing subtrees.
 
 use super::*;
-use crate::select::priority::TileRequest;
 
 #[test]
 fn every_frame_is_complete_and_no_coarser_than_the_last() {
