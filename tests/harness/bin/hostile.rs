@@ -1,6 +1,7 @@
 //! Runs all programs on generated hostile inputs in little memory. Ends with an error if one of them aborts, panics or hangs.
 //!
-//! Needs `prlimit`, and built programs: `cargo build --release --workspace`.
+//! Needs `prlimit`, and built programs: `cargo build --release --workspace`. With `INSULA_TEST_LOG` set, it prints how each
+//! program ends.
 
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
@@ -21,6 +22,8 @@ const COMMAND_MIB: u64 = 1024;
 const MAX_TIME: Duration = Duration::from_secs(60);
 /// A server that holds out for this long has opened its city.
 const SERVE_TIME: Duration = Duration::from_millis(700);
+const FLIGHT: &str = r#"{"seconds":1,"keys":[{"t":0,"position":[50,-80,90],"target":[50,50,0]},
+    {"t":1,"position":[60,-80,90],"target":[50,50,0]}]}"#;
 const ARCHIVES: [&str; 3] = ["blockmaps.pmtiles", "subtrees.pmtiles", "meshes.pmtiles"];
 
 #[derive(Parser)]
@@ -65,6 +68,9 @@ fn run_limited(mib: u64, max_time: Duration, program_name: &str, arguments: &[&s
     };
     let errors = reader.join().unwrap_or_default();
     let last_line = errors.lines().last().unwrap_or_default().to_owned();
+    if std::env::var_os("INSULA_TEST_LOG").is_some() {
+        println!("{program_name} {}: {status:?} {last_line}", arguments[0]);
+    }
     Ok(match status {
         _ if errors.contains("panicked") => Some(format!("panics: {last_line}")),
         None if max_time < MAX_TIME => None,
@@ -87,7 +93,7 @@ fn cityjson(objects: &str, vertices: &str) -> Vec<u8> {
 
 fn geojson(rings: &str, properties: &str) -> Vec<u8> {
     format!(
-        "{{\"type\":\"FeatureCollection\",\"features\":[{{\"type\":\"Feature\",\"properties\":{{{properties}}},\
+        "{{\"type\":\"FeatureCollection\",\"crs\":{{\"type\":\"name\",\"properties\":{{\"name\":\"EPSG:28992\"}}}},\"features\":[{{\"type\":\"Feature\",\"properties\":{{{properties}}},\
          \"geometry\":{{\"type\":\"Polygon\",\"coordinates\":[{rings}]}}}}]}}"
     )
     .into_bytes()
@@ -212,23 +218,23 @@ fn bake_case(number: u64, rng: &mut Rng, folder: &Path) -> Result<Option<String>
 fn damage(rng: &mut Rng, city: &Path) -> Result<()> {
     let archive = city.join(ARCHIVES[rng.below(3)]);
     let mut bytes = fs::read(&archive)?;
-    match rng.below(5) {
+    match rng.below(8) {
         0 => {
             let manifest = city.join("city.json");
             let altered = altered(rng, fs::read(&manifest)?);
             return Ok(fs::write(manifest, altered)?);
         }
         // The offsets and lengths of a PMTiles header are at bytes 8 to 96.
-        1 => {
+        1 | 2 => {
             let field = 8 + 8 * rng.below(11);
             let value = if rng.one_in(2) { rng.bits() } else { rng.bits() >> rng.below(64) };
             bytes[field..field + 8].copy_from_slice(&value.to_le_bytes());
         }
-        2 => (0..=rng.below(20)).for_each(|_| {
+        3..6 => (0..=rng.below(20)).for_each(|_| {
             let at = rng.below(bytes.len().min(2000));
             bytes[at] = rng.below(256) as u8;
         }),
-        3 => bytes.truncate(rng.below(bytes.len())),
+        6 => bytes.truncate(rng.below(bytes.len())),
         _ => {
             fs::remove_file(&archive)?;
             ensure!(Command::new("mkfifo").arg(&archive).status()?.success());
@@ -247,10 +253,7 @@ fn city_case(rng: &mut Rng, good: &Path, folder: &Path) -> Result<Option<String>
     damage(rng, &city)?;
     let (camera, path, image) = (folder.join("camera.json"), folder.join("path.json"), folder.join("image.png"));
     fs::write(&camera, r#"{"position":[50,-80,90],"target":[50,50,0],"up":[0,0,1],"fov_y_deg":60}"#)?;
-    fs::write(
-        &path,
-        r#"{"keyframes":[{"t":0,"position":[50,-80,90],"target":[50,50,0]},{"t":1,"position":[60,-80,90],"target":[50,50,0]}]}"#,
-    )?;
+    fs::write(&path, FLIGHT)?;
     let (city, camera, path, image) = (text(&city), text(&camera), text(&path), text(&image));
     let client = ["--server", city, "--size", "160x90", "--adapter", "cpu", "--timeout", "5", "--cache-mib", "16"];
     let snapshot = [&["snapshot", "--camera", camera, "--out", image][..], &client].concat();

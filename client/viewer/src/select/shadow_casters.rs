@@ -1,6 +1,6 @@
 //! Which nodes may cast a shadow into view: a selection of its own beside that of the view.
 //!
-//! The shadow volume of a node is its box, swept along the light until it is below all ground, or for [`MAX_SHADOW_M`]. A node
+//! The shadow volume of a node is its box, swept along the light until it is below all ground, or for `MAX_SHADOW_M`. A node
 //! is selected if its shadow volume meets the frustum and, where occlusion is known, a node that is not occluded. Nodes that are
 //! also in view are drawn as finely as the view asks for; the shadow casters fill in the rest, more coarsely.
 

@@ -1,6 +1,6 @@
 //! Cross-fades: what nodes show while they pass from one level of detail to another.
 //!
-//! A node that is drawn from another source than in the last frame cross-fades in [`FADE_SECS`]. If its target changes meanwhile,
+//! A node that is drawn from another source than in the last frame cross-fades in `FADE_SECS`. If its target changes meanwhile,
 //! the next cross-fade starts when the present one has ended. Finer nodes that a coarser one replaces stay, inside its area,
 //! until they have faded. What was not drawn in the last frame, or was occluded until now, is shown at once.
 //!
