@@ -83,7 +83,7 @@ fn assert_signal_drains_and_ends(signal: &str) {
     let mut busy = connect(&server);
     write!(busy, "GET /v1/cities/two HTTP/1.1\r\nHost: x\r\n").unwrap();
     wait_until("three connections", || get(&server, "/metrics").contains("insula_connections 3\n"));
-    // No metric tells when the half request has been read.
+    // No metric reports when the half request has been read.
     std::thread::sleep(Duration::from_millis(100));
     let start = Instant::now();
     server.signal(signal);

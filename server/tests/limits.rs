@@ -1,4 +1,4 @@
-//! What one client may hold of a running server, and that others are served meanwhile.
+//! The share of a running server that one client may use, and service for others at the same time.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 

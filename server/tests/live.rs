@@ -202,7 +202,7 @@ async fn shutdown_drops_requests_that_do_not_finish_in_time() {
     assert!(exchange(&mut client, "GET /v1/cities HTTP/1.0\r\n\r\n").await.contains("\"two\""));
     let mut stuck = TcpStream::connect(address).await.unwrap();
     stuck.write_all(b"GET / HTTP/1.1\r\nHost:").await.unwrap();
-    // Nothing tells when the half request has been read.
+    // The server does not report when it has read the half request.
     sleep(Duration::from_millis(100)).await;
     let start = Instant::now();
     stop.send(()).unwrap();

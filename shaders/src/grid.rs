@@ -1,7 +1,7 @@
 //! The grid in which rays find the nodes of a draw list: for each level, squares around the camera.
 //!
 //! A square of a level is empty, or a node fills it (its own node, or its part of a coarser one), or it is mixed: then
-//! the next finer level says what is there. So a ray may begin anywhere at the level that its distance asks for, and
+//! the next finer level has its entries. So a ray may begin anywhere at the level that its distance asks for, and
 //! the cost of a step does not depend on the depth of the city's tree. The finer levels reach only as far as the draw
 //! list has mixed squares.
 //!

@@ -53,7 +53,7 @@ pub(crate) const HIT_BLOCK_PX: u32 = 8;
 
 /// Most levels of a [`crate::grid::NodeGrid`].
 pub const GRID_LEVELS: usize = 21;
-/// First word of a grid entry whose square is mixed: the next finer level says what is there. 0 is an empty square.
+/// First word of a grid entry whose square is mixed: the next finer level has its entries. 0 is an empty square.
 pub const GRID_MIXED: u32 = 1;
 /// Set in the first word of a grid entry that a node fills.
 ///

@@ -64,14 +64,14 @@ impl Baked {
     /// columns two levels above it, as in the client.
     pub fn draw_list_with_meshes(&self, ids: &[TileId], lod: impl Fn(TileId) -> Option<u8>) -> Result<DrawList> {
         let mut draw_list = self.draw_list(&[])?;
-        let mut told = HashMap::new();
+        let mut maps = HashMap::new();
         for id in ids {
             let Some(lod) = lod(*id).filter(|_| self.lods(*id) > 0) else {
                 draw_list.add(&self.map(*id)?);
                 continue;
             };
             let by = id.ancestor(id.level().saturating_sub(2)).context("no such level")?;
-            let map = match told.entry(by) {
+            let map = match maps.entry(by) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(new) => new.insert(self.map(by)?),
             };

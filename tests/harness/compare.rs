@@ -16,7 +16,7 @@ use std::ops::Range;
 
 /// Number of hit points whose distance to the source is measured.
 pub const SAMPLES: usize = 5000;
-/// Largest deviation that is told apart, in cells.
+/// Deviations above this, in cells, count as equal.
 const MOST_CELLS: f64 = 64.0;
 
 /// Length of the shorter side from which the SSIM library scales images down.

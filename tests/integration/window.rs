@@ -325,7 +325,7 @@ fn copy_a_link(client: &mut Client) -> Result<(String, RgbImage)> {
     client.key("c")?;
     let link = client.wait_for_line("copied insula://", 0)?.trim_start_matches("copied ").to_owned();
     ensure!(ViewLink::parse(&link)?.camera.is_some(), "{link}");
-    // No line of output tells when the message disappears.
+    // No line of output reports when the message disappears.
     std::thread::sleep(MESSAGE_TIME);
     Ok((link, client.screenshot("8-view")?))
 }

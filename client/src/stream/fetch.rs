@@ -89,6 +89,8 @@ impl Http {
             .connect_timeout(options.connect)
             .read_timeout(options.read)
             .redirect(redirect_policy(options.follow_redirects))
+            // The query of a URL may be a share link, which a host that a server redirects to must not learn.
+            .referer(false)
             .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
             .build()
             .map_err(|e| failed(&e))?;
@@ -350,6 +352,25 @@ mod tests {
                 other => panic!("{other:?}"),
             }
         }
+    }
+
+    #[test]
+    fn redirects_do_not_pass_on_a_share_link() {
+        let target = TcpListener::bind("127.0.0.1:0").unwrap();
+        let location = format!("http://{}/", target.local_addr().unwrap());
+        let request = std::thread::spawn(move || {
+            let mut stream = target.accept().unwrap().0;
+            let mut request = [0; 2048];
+            let length = stream.read(&mut request).unwrap();
+            stream.write_all(response("200 OK", "").as_bytes()).unwrap();
+            String::from_utf8_lossy(&request[..length]).into_owned()
+        });
+        let url = serve(vec![response(&format!("302 Found\r\nlocation: {location}"), "")]);
+        let options = HttpOptions { follow_redirects: true, ..HttpOptions::default() };
+        let http = Http::with_options(None, options).unwrap();
+        http.block_on(http.get(&format!("{url}?share=secret"), 100)).unwrap();
+        let request = request.join().unwrap();
+        assert!(request.starts_with("GET / ") && !request.contains("secret"), "{request}");
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub type SharedSource = Arc<dyn RangeSource>;
 /// A source reads one version of its object: if the length or the version of a response differs from the first response, the
 /// read fails with [`ReadError::Replaced`].
 pub trait RangeSource: Debug {
-    /// Length in bytes. `None` while no response has told it.
+    /// Length in bytes. `None` until a response contains it.
     fn length(&self) -> Option<u64>;
 
     /// Reads a range. The result is shorter than the range only where the object ends.

@@ -28,7 +28,7 @@ pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
 const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
 /// The program and a single block need this much.
 const MIN_MEMORY_BYTES: u64 = 64 << 20;
-/// Memory besides `--memory` for what is not estimated beforehand. With the program and the allocator's overhead a bake
+/// Memory besides `--memory` for allocations that are not estimated in advance. With the program and the allocator's overhead a bake
 /// stays within 512 MiB more than `--memory`.
 const RESERVE_BYTES: u64 = 384 << 20;
 /// The part of the reserve that a single block may need.
@@ -108,7 +108,7 @@ impl Default for BakeOptions {
 
 impl BakeOptions {
     /// Memory that a bake with these options allocates at most, in bytes: the requested or default memory, and a
-    /// reserve for what is not estimated beforehand. A program that sets a limit of its own sets it here.
+    /// reserve for allocations that are not estimated in advance. A program that sets a limit of its own sets it here.
     #[must_use]
     pub fn memory_limit_bytes(&self) -> u64 {
         let threads = self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));

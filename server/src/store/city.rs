@@ -1,4 +1,4 @@
-//! An open city, and the identity of its files, which tells when they are replaced.
+//! An open city, and the identity of its files, by which a replacement is noticed.
 
 use super::error::StoreError;
 use insula_archive::{BakedCity, city::MANIFEST_FILE};

@@ -1,16 +1,17 @@
 //! The HTTP client for cities behind web servers. A server may be hostile, so it cannot send this machine elsewhere.
 
+use insula_protocol::route::is_same_host;
 use object_store::{
     ClientOptions, Result,
     client::{HttpClient, HttpConnector},
 };
-use reqwest::redirect::{Attempt, Policy};
+use reqwest::redirect::Policy;
 use std::time::Duration;
 
 const CONNECT: Duration = Duration::from_secs(5);
 const MAX_REDIRECTS: usize = 5;
 
-/// Makes clients that follow redirects to the same host only: others could lead into this machine's network.
+/// Makes clients that follow redirects to the same host only ([`is_same_host`]).
 #[derive(Debug)]
 pub(super) struct SameHostConnector {
     /// Time limit of a request with its response.
@@ -24,25 +25,16 @@ impl HttpConnector for SameHostConnector {
             .timeout(self.timeout)
             .user_agent(concat!("insula-server/", env!("CARGO_PKG_VERSION")))
             .redirect(Policy::custom(|attempt| {
-                if attempt.previous().len() > MAX_REDIRECTS {
-                    attempt.error("too many redirects")
-                } else if leads_elsewhere(&attempt) {
-                    attempt.error("it redirects to another host")
-                } else {
-                    attempt.follow()
+                let is_allowed =
+                    attempt.previous().last().is_some_and(|from| is_same_host(from.as_str(), attempt.url().as_str()));
+                match attempt.previous().len() {
+                    length if length > MAX_REDIRECTS => attempt.error("too many redirects"),
+                    _ if is_allowed => attempt.follow(),
+                    _ => attempt.error("it redirects to another host"),
                 }
             }))
             .build()
             .map_err(|error| object_store::Error::Generic { store: "HTTP", source: Box::new(error) })?;
         Ok(HttpClient::new(client))
     }
-}
-
-fn leads_elsewhere(attempt: &Attempt<'_>) -> bool {
-    let next = attempt.url();
-    let is_same = |first: &reqwest::Url| {
-        let is_upgrade = first.scheme() == "http" && next.scheme() == "https";
-        first.host_str() == next.host_str() && (first.origin() == next.origin() || is_upgrade)
-    };
-    !attempt.previous().first().is_some_and(is_same)
 }

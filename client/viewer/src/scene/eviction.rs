@@ -84,7 +84,7 @@ impl SceneTree {
         }
     }
 
-    /// Evicts what is not in use until there is room for `subtree`, whose root must be known. Returns whether there is.
+    /// Evicts unused subtrees until `subtree` fits. Its root must be known. Returns whether it fits.
     pub(crate) fn make_room(&mut self, subtree: &Subtree) -> bool {
         let free = |memory: &TreeMemory, share: usize| memory.bytes + MAX_SUBTREE_BYTES * share <= memory.max_bytes;
         if free(&self.memory, 1) {

@@ -60,7 +60,7 @@ impl<'a> SelectionContext<'a> {
     }
 
     /// Whether a node is refined without being fetched itself, because it is of a level that is skipped ([`is_alternate_level`]).
-    /// Rays tell its children apart in its ancestor's tile. Only once there is feedback, and not if its tile is resident or
+    /// Rays distinguish its children in its ancestor's tile. Only once there is feedback, and not if its tile is resident or
     /// arriving anyway.
     pub(super) fn is_skipped_level(&self, node: &TreeNode) -> bool {
         is_alternate_level(node, self.tree) && self.feedback.has_feedback() && !is_resident_or_arriving(node.tile)

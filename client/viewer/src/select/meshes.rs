@@ -45,7 +45,7 @@ pub(super) fn drawn_lod(ctx: &SelectionContext<'_>, visit: &Visit) -> Option<Dra
     Some(DrawnLod { lod: index as u8, error_px: ctx.lod_error_px(leaf, lod), triangles: lod.triangles })
 }
 
-/// The node whose columns tell how much sky a leaf's mesh sees: its nearest ancestor on a level that is never skipped. The
+/// The node whose columns give the sky visibility of a leaf's mesh: its nearest ancestor on a level that is never skipped. The
 /// leaf's own columns are not used even if they are resident, so that a frame does not depend on what was fetched before.
 /// `None` if the ancestor is not resident.
 pub(super) fn sky_source(leaf: NodeIndex, tree: &SceneTree) -> Option<NodeIndex> {

@@ -8,7 +8,7 @@
 //! 1. `visit` walks the scene tree, largest screen-space error first, until everything visible is accurate enough or the budget
 //!    of cache pages is spent. Its decision table is the heart of this module.
 //! 2. `draw_list` lists what can be drawn of the visited nodes. Every area is drawn from its node's tile or from that of the
-//!    nearest resident ancestor, so there are no holes, and rays tell areas apart before their tiles are resident.
+//!    nearest resident ancestor, so there are no holes, and rays distinguish areas before their tiles are resident.
 //! 3. `requests` lists the missing tiles in the order in which they are fetched.
 //!
 //! docs/selection.md explains the policy.
@@ -37,7 +37,7 @@ use occlusion_feedback::OcclusionFeedback;
 pub use selection::{DrawTile, Selection, SelectionStats};
 pub use visited::SelectionScratch;
 
-/// Selects for one frame. `feedback` tells which nodes the rays of the last frames hit.
+/// Selects for one frame. `feedback` holds which nodes the rays of the last frames hit.
 pub fn select(
     view: &View,
     tree: &SceneTree,

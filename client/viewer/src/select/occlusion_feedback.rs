@@ -1,7 +1,7 @@
 //! Occlusion feedback: which nodes the rays of the last frames hit, and so which nodes are occluded.
 //!
 //! For each frame, the ray-caster counts the pixels that hit each node of the draw list. [`OcclusionFeedback::update`] takes the
-//! counts in; `OcclusionFeedback::visibility` tells what follows for a node:
+//! counts in; `OcclusionFeedback::visibility` derives the visibility of a node:
 //!
 //! | visibility | condition |
 //! |---|---|
@@ -31,7 +31,7 @@ const MIN_PIXEL_SHARE: f64 = 1.0 / 300_000.0;
 pub enum Visibility {
     /// A ray hit it.
     Visible,
-    /// The next frame tells.
+    /// The next frame decides.
     Unknown,
     /// It was drawn, and no ray hit it.
     Occluded,
@@ -84,7 +84,7 @@ struct LastFrame {
 }
 
 impl OcclusionFeedback {
-    /// Takes in a frame. `pixels` holds the pixels that hit each node of `query`; `is_complete` tells whether no tile was
+    /// Takes in a frame. `pixels` holds the pixels that hit each node of `query`; `is_complete` is whether no tile was
     /// missing.
     pub fn update(&mut self, query: &OcclusionQuery, pixels: &[u32], is_complete: bool, tree: &SceneTree) {
         let frame_pixels = u64::from(query.view.width_px) * u64::from(query.view.height_px);
@@ -139,7 +139,7 @@ impl OcclusionFeedback {
     }
 
     fn begin_frame(&mut self, query: &OcclusionQuery, frame_pixels: u64, is_complete: bool) {
-        // Nothing tells whether the camera moved before the first frame.
+        // Before the first frame, there is no camera to compare with.
         let is_same_view = self.last.as_ref().is_none_or(|last| has_same_rays(&last.view, &query.view));
         self.frame += 1;
         self.still_since = if is_same_view { self.still_since } else { self.frame };

@@ -23,8 +23,8 @@ pub(super) fn request_entry_points(ctx: &SelectionContext<'_>, selection: &mut S
     }
 }
 
-/// Requests the subtrees of all levels below the eye. After a jump to an unknown place, one round trip then tells what exists
-/// there, and a second one fetches its tiles, however deep the city is.
+/// Requests the subtrees of all levels below the eye. So a jump to an unknown place takes two round trips, one for metadata and
+/// one for tiles, however deep the city is.
 fn request_subtrees_at_eye(ctx: &SelectionContext<'_>, selection: &mut Selection) {
     let (view, tree, manifest) = (ctx.view, ctx.tree, ctx.tree.manifest());
     let in_root = (view.camera.position - DVec3::from(manifest.origin)) / manifest.root_side_m;

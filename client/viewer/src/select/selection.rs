@@ -11,8 +11,8 @@ pub struct DrawTile {
     pub node: NodeIndex,
     /// Node whose V-BlockMap is drawn: `node` itself or an ancestor. Resident.
     pub source: NodeIndex,
-    /// Level of detail of `node`'s mesh that is drawn instead of the V-BlockMap. Resident. `source` then tells how much sky the
-    /// mesh sees.
+    /// Level of detail of `node`'s mesh that is drawn instead of the V-BlockMap. Resident. `source` then gives the sky
+    /// visibility of the mesh.
     pub mesh_lod: Option<u8>,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A node that is drawn from another source than in the last frame cross-fades in `FADE_SECS`. If its target changes meanwhile,
 //! the next cross-fade starts when the present one has ended. Finer nodes that a coarser one replaces stay, inside its area,
-//! until they have faded. What was not drawn in the last frame, or was occluded until now, is shown at once.
+//! until they have faded. A node that was not drawn in the last frame, or was occluded, appears without a cross-fade.
 //!
 //! Each ray sees either the old or the new source (`insula_shaders::grid`), so a node in transition has two sources and the
 //! number of rays that see the old one. The time is passed in.

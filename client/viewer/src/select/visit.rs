@@ -13,9 +13,9 @@
 //! | visible | it is a leaf with a mesh | request the mesh | a leaf has no children; its mesh takes their place |
 //! | visible | otherwise | refine | it is visible and too coarse |
 //! | unknown | error over 16 tau | refine | if it is visible, it must not be coarser than that |
-//! | unknown | its level is skipped | refine | it is not fetched itself, and the next frame's rays tell its children apart |
+//! | unknown | its level is skipped | refine | it is not fetched itself, and the next frame's rays distinguish its children |
 //! | unknown | something of a child is resident | refine | it is drawn as finely as possible without fetching anything |
-//! | unknown | otherwise | draw as it is | the next frame tells whether it is visible |
+//! | unknown | otherwise | draw as it is | the next frame decides whether it is visible |
 //! | occluded | the camera is still, and a ray has hit it since then | refine into known children | coarsening it would make it protrude above its occluder, become visible, and be refined again: an oscillation |
 //! | occluded | the camera moves, error over 64 tau | refine | if it comes into view, it must not be coarser than that |
 //! | occluded | otherwise | draw as it is | it contributes nothing to the frame |
@@ -25,7 +25,7 @@
 //! | condition | also | reason |
 //! |---|---|---|
 //! | it has no children | | there is nothing finer |
-//! | a child in view is unknown | its subtree is requested | what exists there is not known |
+//! | a child in view is unknown | its subtree is requested | the nodes of that area are not known |
 //! | a child in view is bad | | its area would stay empty |
 //! | its children exceed the budget | visiting ends, and the error threshold rises to its error | the error is as even as the memory allows |
 //!

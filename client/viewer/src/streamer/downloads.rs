@@ -82,7 +82,7 @@ pub struct FetchOutcome {
 
 /// Fetches and decodes tiles in the background; implemented by each shell.
 pub trait TileFetcher {
-    /// Starts to fetch and decode a tile. `ticket` tells this request from earlier ones for the same tile.
+    /// Starts to fetch and decode a tile. `ticket` distinguishes this request from earlier ones for the same tile.
     fn start(&mut self, key: TileKey, ticket: u64);
     /// Gives up the request for a tile. Its outcome may still arrive and is ignored then.
     fn cancel(&mut self, key: TileKey);

@@ -1,5 +1,5 @@
-//! Idle prefetch: while the camera rests and nothing is missing, the tiles that a turn of 30 degrees to either side would show
-//! are fetched.
+//! Idle prefetch: while the camera is idle and no tile is missing, tiles within 30 degrees to either side of the view are
+//! fetched.
 //!
 //! Each side view is selected like the frame itself, by what its own rays hit, so that occluded tiles are not fetched. Its
 //! occlusion feedback starts from that of the frame. Small frames, which the shell draws but does not show, refine it.
@@ -15,8 +15,8 @@ use crate::{
 
 /// Turns to the left and to the right of the view whose tiles are prefetched, in degrees.
 const TURNS_DEG: [f64; 2] = [30.0, -30.0];
-/// Frames that are drawn only for their feedback have the width and height of the view divided by this: enough to tell what
-/// occludes what while tiles are missing.
+/// Divides the width and height of frames that are drawn only for their feedback. Their rays find the occluders while tiles
+/// are missing.
 pub const FEEDBACK_DOWNSCALE: u32 = 4;
 
 /// Next step of the idle prefetch.

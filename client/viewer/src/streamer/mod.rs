@@ -161,11 +161,11 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Takes in arrivals and starts further requests for the last [`FrameRequest`] while its frame is drawn.
     ///
-    /// The frame will tell which tiles are visible, so only `fine` of the tiles without a large error are requested until then; the
+    /// The frame shows which tiles are visible, so only `fine` of the tiles without a large error are requested until then; the
     /// number is reduced by those started.
     pub fn update_while_drawing(&mut self, fine: &mut usize, now: Duration) {
         let Some(request) = self.last_request else { return };
-        // Nothing is uploaded meanwhile: only new nodes can change what is wanted.
+        // Nothing is uploaded during the frame, so only new nodes can change the requests.
         if self.receive(now) {
             self.select(&request, now);
         }

@@ -1,7 +1,7 @@
 //! The occlusion gate: holds back requests for tiles that may turn out to be occluded.
 //!
-//! Coarse columns let rays through that finer ones stop. So a tile behind one that is still on its way may no longer be visible
-//! when that has arrived. It waits until a frame has been drawn with what lies in front of it, but never for long.
+//! Coarse columns let rays through that finer ones stop. So a tile behind one in flight may be occluded after the arrival.
+//! It waits until a frame has been drawn with its possible occluders, for 250 ms at most.
 
 use crate::{
     camera::View,

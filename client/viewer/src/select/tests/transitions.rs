@@ -63,7 +63,7 @@ fn nodes_fade_from_old_to_new_level_whether_finer_or_coarser() {
     let tree = loaded_tree();
     let mut transitions = enabled();
     step(&mut transitions, &tree, &select_level(&tree, 1), FRAME_SECS);
-    assert_eq!(transitions.fading_count(), 0, "what was not drawn before is shown at once");
+    assert_eq!(transitions.fading_count(), 0, "a new node does not cross-fade");
     let source_level = |source: DrawSource| tree.node(source.source).id.level();
     for to_level in [2, 1] {
         let selection = select_level(&tree, to_level);
