@@ -148,7 +148,8 @@ async fn one_address_cannot_take_all_connections() {
         held.push(server.connect_from(ATTACKER).await);
     }
     for _ in 0..5 {
-        assert!(server.get(TILE, "").await.starts_with("HTTP/1.1 200"));
+        // Two connections are left to others. The connections before may still be closing.
+        server.get_until(TILE, |response| response.starts_with("HTTP/1.1 200")).await;
     }
     server.get_until("/metrics", |metrics| metrics.contains("insula_connections_refused_total 17\n")).await;
     server.stop().await;
