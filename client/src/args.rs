@@ -149,6 +149,10 @@ pub struct SnapshotArgs {
     /// Distance file to write: metres along each pixel's ray as little-endian PFM, infinity for the sky.
     #[arg(long, value_name = "PFM")]
     pub distance: Option<PathBuf>,
+    /// Light file to write: linear RGB of each pixel as little-endian PFM, where 1 is what a white matt surface that faces the
+    /// sun sends.
+    #[arg(long, value_name = "PFM")]
+    pub radiance: Option<PathBuf>,
     /// Report file to write.
     #[arg(long, value_name = "JSON")]
     pub report: Option<PathBuf>,
@@ -212,12 +216,45 @@ pub struct SunArgs {
     /// Whether the sun casts shadows [default: on]
     #[arg(long, value_name = "on|off", value_parser = parse_switch)]
     pub shadows: Option<bool>,
+    /// Brightness: factor from light to display, where a white surface in the sun has light 1 [default: by the frame's mean]
+    #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
+    pub exposure: Option<f32>,
+    /// Turbidity of the air: 2 very clear, 3 clear, 6 hazy [default: 3]
+    #[arg(long, value_name = "T", value_parser = parse_turbidity)]
+    pub turbidity: Option<f32>,
+    /// Distance in kilometres at which haze hides the city [default: 45]
+    #[arg(long, value_name = "KM", value_parser = parse_visibility)]
+    pub visibility: Option<f32>,
 }
 
 impl From<SunArgs> for SunOptions {
     fn from(args: SunArgs) -> Self {
-        Self { time: args.time, bearing: args.sun, shadows: args.shadows }
+        Self {
+            time: args.time,
+            bearing: args.sun,
+            shadows: args.shadows,
+            exposure: args.exposure,
+            turbidity: args.turbidity,
+            visibility_km: args.visibility,
+        }
     }
+}
+
+fn parse_in(text: &str, range: std::ops::RangeInclusive<f32>) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value| range.contains(value));
+    value.ok_or_else(|| format!("expected a number from {} to {}", range.start(), range.end()))
+}
+
+fn parse_exposure(text: &str) -> Result<f32, String> {
+    parse_in(text, 0.001..=10_000.0)
+}
+
+fn parse_turbidity(text: &str) -> Result<f32, String> {
+    parse_in(text, 1.0..=20.0)
+}
+
+fn parse_visibility(text: &str) -> Result<f32, String> {
+    parse_in(text, 0.1..=1000.0)
 }
 
 fn parse_tau(text: &str) -> Result<f64, String> {

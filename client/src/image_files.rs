@@ -1,7 +1,7 @@
-//! Image files of a rendered frame: PNG for colours, PFM for distances.
+//! Image files of a rendered frame: PNG for colours, PFM for distances and radiances.
 
 use crate::error::{ClientError, Result};
-use insula_shaders::cpu::raycast::Pixels;
+use insula_shaders::{cpu::raycast::Pixels, tone::decode_radiance};
 use std::path::Path;
 
 /// Writes the colours as PNG, whatever the extension of `path`. Fails if the file cannot be written.
@@ -25,6 +25,21 @@ pub fn encode_pfm(pixels: &Pixels) -> Vec<u8> {
     out
 }
 
+/// Writes the radiances as little-endian colour PFM: `PF`, size, -1.0, then rows from bottom to top. Fails if the frame is not
+/// lit or the file cannot be written.
+pub fn write_radiance(path: &Path, pixels: &Pixels) -> Result<()> {
+    if pixels.radiance.is_empty() {
+        return Err(ClientError::Failed("only lit frames have light: use --radiance with --shading lit".into()));
+    }
+    let mut out = format!("PF\n{} {}\n-1.0\n", pixels.width_px, pixels.height_px).into_bytes();
+    for word in pixels.radiance.chunks_exact(pixels.width_px.max(1) as usize).rev().flatten() {
+        for component in decode_radiance(*word).to_array() {
+            out.extend_from_slice(&component.to_le_bytes());
+        }
+    }
+    std::fs::write(path, out).map_err(ClientError::file(path))
+}
+
 /// Writes the distances as PFM. Fails if the file cannot be written.
 pub fn write_pfm(path: &Path, pixels: &Pixels) -> Result<()> {
     std::fs::write(path, encode_pfm(pixels)).map_err(ClientError::file(path))
@@ -37,7 +52,7 @@ mod tests {
     #[test]
     fn pfm_rows_go_from_bottom_to_top() {
         let distance = vec![1.0, 2.0, 3.0, f32::INFINITY];
-        let pixels = Pixels { width_px: 2, height_px: 2, colour: vec![0; 4], distance, hit: vec![0; 4] };
+        let pixels = Pixels { width_px: 2, height_px: 2, colour: vec![0; 4], distance, ..Pixels::default() };
         let bytes = encode_pfm(&pixels);
         let (head, body) = bytes.split_at(bytes.len() - 16);
         assert_eq!(head, b"Pf\n2 2\n-1.0\n");

@@ -46,6 +46,10 @@ pub(crate) const QUAD_TOP_MAX: u32 = (1 << QUAD_TOP_BITS) - 1;
 pub const MAX_SAMPLES: u32 = 4;
 /// Threads of a ray-casting workgroup in x and y.
 pub const WORKGROUP: [u32; 2] = [8, 8];
+/// Threads of the meter's one workgroup, and pixels that each reads at most.
+pub(crate) const METER_THREADS: u32 = 256;
+pub(crate) const METER_READS: u32 = 64;
+
 /// Threads of a workgroup that counts hits.
 pub(crate) const HIT_COUNTS_THREADS: u32 = 64;
 /// Side of the block of pixels that one thread counts.
@@ -157,16 +161,29 @@ pub struct FrameUniform {
     /// Length of rays towards the sun in metres. 0: none are cast, and [`Shading::Lit`] estimates the sun from the
     /// visible sky.
     pub shadow_m: f32,
+    /// Factor from radiance to display. 0: by the frame's mean.
+    pub exposure: f32,
+    /// Radius of the sun's disc in radians for soft shadows; 0: shadows are hard.
+    pub sun_radius: f32,
+    pub unused: [f32; 2],
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
     /// Per level of the grid, finest first: first entry, log2 of the window's side, the window's west and south end.
     pub windows: [[i32; 4]; GRID_LEVELS],
 }
 
+/// Heights above the horizon in the sky's tables, and azimuths from the sun.
+pub const SKY_HEIGHTS: usize = 20;
+pub const SKY_AZIMUTHS: usize = 9;
+/// Entries of a [`SkyTable`].
+pub(crate) const SKY_CELLS: usize = SKY_HEIGHTS * SKY_AZIMUTHS;
+/// Linear RGB and 0 by height and azimuth.
+pub type SkyTable = [[[f32; 4]; SKY_AZIMUTHS]; SKY_HEIGHTS];
+
 /// Sun, sky and haze, made by [`Light::of_sun`].
 ///
-/// Linear RGB and 0, exposed: 1 is about the radiance of a white surface in the sun. Irradiances are divided by pi, so
-/// that times an albedo they are the radiance of a surface.
+/// Linear RGB and 0 in units of what a white matt surface that faces the sun reflects. Irradiances are divided by pi, so that
+/// times an albedo they are the radiance of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Light {
@@ -174,20 +191,18 @@ pub struct Light {
     pub sun: [f32; 4],
     /// Irradiance from the open sky on a surface that faces up.
     pub sky_up: [f32; 4],
-    /// Irradiance from the open sky on walls, as twice the mean of all azimuths, because a wall sees half of the sky.
+    /// Irradiance from the open sky on walls across the sun's azimuth; doubled, because a wall sees half of the sky.
     pub sky_wall: [f32; 4],
-    /// What walls towards the sun receive above that mean, also doubled.
-    pub sky_side: [f32; 4],
-    /// Irradiance reflected by ground and walls.
-    pub bounce: [f32; 4],
-    /// Radiance of the sky overhead.
-    pub zenith: [f32; 4],
-    /// Radiance of the horizon below the sun.
-    pub horizon_sun: [f32; 4],
-    /// Radiance of the horizon opposite the sun.
-    pub horizon_away: [f32; 4],
-    /// Radiance of the sky near the sun above that of the horizon.
-    pub glow: [f32; 4],
+    /// What walls receive above that times the cosine of their azimuth from the sun, also doubled.
+    pub sky_wall_ahead: [f32; 4],
+    /// And times the square of that cosine.
+    pub sky_wall_axis: [f32; 4],
+    /// Light that open ground reflects from the sun.
+    pub ground_sun: [f32; 4],
+    /// Light that it reflects from the sky.
+    pub ground_sky: [f32; 4],
+    /// Light that facades reflect from sun and sky.
+    pub facades: [f32; 4],
     /// Extinction of the air per metre.
     pub haze: [f32; 4],
     /// East and north of the horizontal unit vector towards the sun.
@@ -196,6 +211,18 @@ pub struct Light {
     pub disc: f32,
     /// Always 0. WGSL derives infinity from it.
     pub zero: f32,
+    /// Tangent of the sun's height.
+    pub sun_tan: f32,
+    /// Share of the ground's light that facades reflect.
+    pub facade_ground: f32,
+    /// Mean radiance that a frame has after exposure.
+    pub key: f32,
+    pub unused: f32,
+    /// Radiance of the sky without forward scattering: [`SKY_AZIMUTHS`] by the cosine of the azimuth from the sun, -1 to 1,
+    /// for each of [`SKY_HEIGHTS`], by the root of the height's sine from 1.7 degrees to the zenith.
+    pub sky: SkyTable,
+    /// Radiance from forward scattering per unit of its phase function, in the same directions.
+    pub glow: SkyTable,
 }
 
 /// A node of the draw list, as rays walk it.
@@ -269,6 +296,21 @@ impl DrawNode {
     }
 }
 
+/// The uniform of metering and composition.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ComposeUniform {
+    pub frame_px: [u32; 2],
+    pub target_px: [u32; 2],
+    /// 1 if the pixels are radiances, 0 if they are colours.
+    pub is_lit: u32,
+    /// Factor from radiance to display. 0: by the frame's mean.
+    pub exposure: f32,
+    /// Mean radiance that the frame has after exposure.
+    pub key: f32,
+    pub unused: u32,
+}
+
 /// Binding numbers of the shaders, all in group 0, and locations of vertex attributes.
 pub mod binding {
     /// Ray-caster: uniform [`super::FrameUniform`].
@@ -281,7 +323,7 @@ pub mod binding {
     pub const SUMMARIES: u32 = 3;
     /// Ray-caster: storage, `array<u32>`.
     pub const ATLAS: u32 = 4;
-    /// Ray-caster: storage, written. `array<u32>`, r, g, b, 255 in sRGB.
+    /// Ray-caster: storage, written. `array<u32>`, radiances ([`crate::tone::encode_radiance`]) or r, g, b, 255 in sRGB.
     pub const COLOUR: u32 = 5;
     /// Ray-caster: storage, written. `array<f32>`, metres, infinity where no node was hit.
     pub const DISTANCE: u32 = 6;
@@ -290,10 +332,12 @@ pub mod binding {
     /// Ray-caster: storage, `array<vec4<u32>>`. The atlas again, for what is read four words at a time.
     pub const ATLAS_VEC4S: u32 = 8;
 
-    /// Composition: uniform, width and height of the frame, then of the target.
-    pub const COMPOSE_SIZE: u32 = 0;
-    /// Composition: storage, the ray-caster's colours.
+    /// Composition and meter: uniform, [`super::ComposeUniform`].
+    pub const COMPOSE_SETTINGS: u32 = 0;
+    /// Composition and meter: storage, the ray-caster's colours.
     pub const COMPOSE_COLOUR: u32 = 1;
+    /// Composition: storage, the exposure. The meter writes it.
+    pub const COMPOSE_EXPOSURE: u32 = 2;
 
     /// Hit counts: uniform, width and height of the frame.
     pub const COUNTS_SIZE: u32 = 0;

@@ -5,6 +5,7 @@
 //!
 //! Feature `gpu` adds the wgpu passes. Without it the crate has no graphics API.
 
+mod atmosphere;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -13,4 +14,5 @@ pub mod layout;
 pub mod light;
 pub mod mesh;
 pub mod pack;
+pub mod tone;
 pub mod wgsl;

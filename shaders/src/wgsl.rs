@@ -10,14 +10,16 @@
 //! declare and a binding that is written as a number. Structs are compared by `tests/layout.rs`.
 
 use crate::{
+    atmosphere::{MIE_G, PHASE_SCALE},
     cpu::{
         mesh::{BOX_SLACK, EDGE_SLACK, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE, TIE_M},
         mesh_surface::{ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
         ray::{MAX_STEPS, MIN_DIRECTION, OPAQUE, SUN_LIFT_CELLS, SUN_LIFT_M},
+        raycast::GOLDEN_ANGLE,
         shade::{
-            DISC, DISC_INNER, DISC_OUTER, GLOW, GLOW_G, GROUND, GROUND_ALBEDO, GROUND_FADE_M, HORIZON, LUMINANCE,
-            MIN_GROUND_DESCENT, SKY_FALL, TINT_EXPOSED, TINT_GAP, TINT_INCLINED, TINT_MESH, TINT_ROOF, TINT_SUSPENDED,
-            ZENITH,
+            DISC, DISC_INNER, DISC_OUTER, FACADE_SHARE, GROUND, GROUND_ALBEDO, GROUND_FADE_M, HORIZON, LUMINANCE,
+            MIN_GROUND_DESCENT, STREET_DEPTH, TINT_EXPOSED, TINT_GAP, TINT_INCLINED, TINT_MESH, TINT_ROOF,
+            TINT_SUSPENDED, ZENITH, ZENITH_SHARE,
         },
         solid::MAX_STRIP_ROWS,
     },
@@ -25,14 +27,19 @@ use crate::{
     layout::{
         ATTRIBUTE_PLANE, BLOCK_CELLS, BLOCK_SHIFT, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED,
         GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, HIT_BLOCK_PX, HIT_COUNTS_THREADS,
-        MAX_SAMPLES, MESH_FLAG, NO_NODE, NODE_BLOCKS, PAGE_WORDS, QUAD_TOP_BITS, QUAD_TOP_MAX, QUARTER_MAX,
-        QUARTER_SHIFT, ROOF_PLANE, SLOT_SHIFT, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S, Shading, WALK_PLANE,
-        WORKGROUP, binding,
+        MAX_SAMPLES, MESH_FLAG, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, PAGE_WORDS, QUAD_TOP_BITS,
+        QUAD_TOP_MAX, QUARTER_MAX, QUARTER_SHIFT, ROOF_PLANE, SKY_AZIMUTHS, SKY_CELLS, SKY_HEIGHTS, SLOT_SHIFT,
+        STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S, Shading, WALK_PLANE, WORKGROUP, binding,
     },
+    light::SKY_LOW,
     mesh::{LEAF_OFFSET_STEPS, REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TEXTURE_TILE_PX, TRAVERSAL_STACK},
     pack::{
         ALPHA_SHIFT, AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT,
         HEIGHT_BITS, HEIGHT_MASK, MIN_NORMAL_Z, OPAQUE_ALPHA,
+    },
+    tone::{
+        AGX_GAMMA, AGX_IN, AGX_LOG2_RANGE, AGX_MIN_LOG2, AGX_OUT, AGX_POWER, AGX_SATURATION, EXPONENT_BIAS,
+        MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_CUT, METER_MIN_LOG2,
     },
 };
 use insula_protocol::{
@@ -43,7 +50,9 @@ use std::f32::consts::TAU;
 
 const LAYOUT: &str = include_str!("../wgsl/shared/layout.wgsl");
 const MATH: &str = include_str!("../wgsl/shared/math.wgsl");
+const COMPOSE_UNIFORM: &str = include_str!("../wgsl/shared/compose_uniform.wgsl");
 const SRGB: &str = include_str!("../wgsl/shared/srgb.wgsl");
+const TONE: &str = include_str!("../wgsl/shared/tone.wgsl");
 const WORDS: &str = include_str!("../wgsl/shared/words.wgsl");
 
 /// The ray-caster: entry point `raycast`, bindings in [`crate::layout::binding`], workgroups of [`WORKGROUP`].
@@ -52,6 +61,7 @@ pub fn raycast() -> String {
         LAYOUT,
         MATH,
         SRGB,
+        TONE,
         WORDS,
         include_str!("../wgsl/ray.wgsl"),
         include_str!("../wgsl/raycast.wgsl"),
@@ -67,7 +77,12 @@ pub fn raycast() -> String {
 
 /// Draws the ray-caster's pixels on a render target: entry points `corner`, `compose_srgb` and `compose_linear`.
 pub fn compose() -> String {
-    source(&[SRGB, include_str!("../wgsl/compose.wgsl")])
+    source(&[COMPOSE_UNIFORM, SRGB, TONE, include_str!("../wgsl/compose.wgsl")])
+}
+
+/// Measures the exposure of the ray-caster's pixels: entry point `meter`.
+pub fn meter() -> String {
+    source(&[COMPOSE_UNIFORM, TONE, include_str!("../wgsl/meter.wgsl")])
 }
 
 /// Counts each node's pixels: entry point `hit_counts`.
@@ -94,6 +109,9 @@ macro_rules! literal {
     };
     (f32 $value:expr) => {
         format!("{:?}f", $value as f32)
+    };
+    (mat3 $value:expr) => {
+        format!("mat3x3<f32>({}, {}, {})", literal!(vec3 $value.x_axis), literal!(vec3 $value.y_axis), literal!(vec3 $value.z_axis))
     };
     (vec3 $value:expr) => {
         format!("vec3<f32>({:?}f, {:?}f, {:?}f)", $value.x, $value.y, $value.z)
@@ -126,8 +144,9 @@ fn constants() -> String {
             BINDING_DISTANCE = binding::DISTANCE,
             BINDING_HIT = binding::HIT,
             BINDING_ATLAS_VEC4S = binding::ATLAS_VEC4S,
-            BINDING_COMPOSE_SIZE = binding::COMPOSE_SIZE,
+            BINDING_COMPOSE_SETTINGS = binding::COMPOSE_SETTINGS,
             BINDING_COMPOSE_COLOUR = binding::COMPOSE_COLOUR,
+            BINDING_COMPOSE_EXPOSURE = binding::COMPOSE_EXPOSURE,
             BINDING_COUNTS_SIZE = binding::COUNTS_SIZE,
             BINDING_COUNTS_HIT = binding::COUNTS_HIT,
             BINDING_COUNTS = binding::COUNTS,
@@ -173,7 +192,15 @@ fn constants() -> String {
         // Light.
         vec3 { HORIZON, ZENITH, GROUND, GROUND_ALBEDO, LUMINANCE }
         vec3 { TINT_ROOF, TINT_MESH, TINT_GAP, TINT_SUSPENDED, TINT_EXPOSED, TINT_INCLINED }
-        f32 { GROUND_FADE_M, MIN_GROUND_DESCENT, SKY_FALL, GLOW, GLOW_G, DISC_INNER, DISC_OUTER, DISC }
+        f32 { GROUND_FADE_M, MIN_GROUND_DESCENT, DISC_INNER, DISC_OUTER, DISC, MIE_G, PHASE_SCALE, SKY_LOW }
+        f32 { FACADE_SHARE, STREET_DEPTH, ZENITH_SHARE, GOLDEN_ANGLE }
+        u32 { SKY_HEIGHTS, SKY_AZIMUTHS, SKY_CELLS }
+        // Exposure and tone.
+        u32 { MANTISSA_BITS, METER_BINS, METER_THREADS, METER_READS }
+        i32 { EXPONENT_BIAS }
+        f32 { MAX_RADIANCE, METER_BINS_PER_STOP, METER_MIN_LOG2, METER_CUT }
+        f32 { AGX_MIN_LOG2, AGX_LOG2_RANGE, AGX_POWER, AGX_SATURATION, AGX_GAMMA }
+        mat3 { AGX_IN, AGX_OUT }
     }
 }
 
@@ -232,7 +259,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(bindings, 9 + 2 + 3 + 2, "bindings and workgroup sizes");
+        assert_eq!(bindings, 9 + 3 + 3 + 3 + 3, "bindings and workgroup sizes");
     }
 
     #[test]

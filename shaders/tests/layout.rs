@@ -1,7 +1,7 @@
 //! The WGSL is valid without optional capabilities, and its structs have the layout of Rust's.
 
 use insula_shaders::{
-    layout::{DrawNode, FrameUniform, Light, WORKGROUP},
+    layout::{ComposeUniform, DrawNode, FrameUniform, Light, WORKGROUP},
     wgsl,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -56,6 +56,9 @@ fn structs_have_the_same_layout() {
             ground_z_m,
             ground,
             shadow_m,
+            exposure,
+            sun_radius,
+            unused,
             light,
             windows,
         }
@@ -66,18 +69,26 @@ fn structs_have_the_same_layout() {
             sun,
             sky_up,
             sky_wall,
-            sky_side,
-            bounce,
-            zenith,
-            horizon_sun,
-            horizon_away,
-            glow,
+            sky_wall_ahead,
+            sky_wall_axis,
+            ground_sun,
+            ground_sky,
+            facades,
             haze,
             side,
             disc,
             zero,
+            sun_tan,
+            facade_ground,
+            key,
+            unused,
+            sky,
+            glow,
         }
     );
+    let module = self::module(&wgsl::compose());
+    assert_layout!(&module, ComposeUniform { frame_px, target_px, is_lit, exposure, key, unused });
+    let module = self::module(&wgsl::raycast());
     // WGSL reads it in rows of four words: `heights` is z_step_m to slot_and_shift.
     let (span, members) = wgsl_layout(&module, "DrawNode");
     let rust = [
@@ -104,6 +115,7 @@ fn entry_points_are_valid() {
     assert_eq!((entry.name.as_str(), entry.workgroup_size), ("raycast", [WORKGROUP[0], WORKGROUP[1], 1]));
     let names: Vec<_> = module(&wgsl::compose()).entry_points.iter().map(|e| e.name.clone()).collect();
     assert_eq!(names, ["corner", "compose_srgb", "compose_linear"]);
+    assert_eq!(module(&wgsl::meter()).entry_points[0].name, "meter");
     assert_eq!(module(&wgsl::hit_counts()).entry_points[0].name, "hit_counts");
     let names: Vec<_> = module(&wgsl::nearest()).entry_points.iter().map(|e| e.name.clone()).collect();
     assert_eq!(names, ["corner", "number"]);

@@ -26,7 +26,7 @@ fn raycast(
     for (var s = 0u; s < n * n; s++) {
         let offset = (vec2<f32>(sample) + 0.5) / f32(n);
         threshold = threshold_of(id, n, sample);
-        let traced = trace(ray_direction(vec2<f32>(id) + offset));
+        let traced = trace(ray_direction(vec2<f32>(id) + offset), sun_direction(id, s, n * n));
         sum += traced.rgb;
         if s == n * n / 2u {
             pixel_distance_m[at] = traced.distance_m;
@@ -35,7 +35,12 @@ fn raycast(
         // Without a division: lavapipe divides lane by lane.
         sample = select(vec2<u32>(sample.x + 1u, sample.y), vec2<u32>(0u, sample.y + 1u), sample.x + 1u == n);
     }
-    pixel_colour[at] = encode_srgb(sum / f32(n * n));
+    let rgb = sum / f32(n * n);
+    if FOR_STUDY && frame.shading != SHADING_LIT {
+        pixel_colour[at] = encode_srgb(rgb);
+    } else {
+        pixel_colour[at] = encode_radiance(rgb);
+    }
     if COUNT {
         pixel_colour[at] = counts.x | (counts.y << 16u);
         pixel_distance_m[at] = f32(counts.z);
@@ -66,13 +71,24 @@ fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {
     return normalize(frame.forward + frame.right * ndc.x - frame.up * ndc.y);
 }
 
+// A point of the sun's disc.
+fn sun_direction(pixel: vec2<u32>, sample: u32, samples: u32) -> vec3<f32> {
+    if frame.sun_radius <= 0.0 {
+        return frame.sun;
+    }
+    let radius = frame.sun_radius * sqrt((f32(sample) + 0.5) / f32(samples));
+    let angle = GOLDEN_ANGLE * f32(sample) + TAU * gradient_noise(pixel);
+    let across = vec3<f32>(-frame.light.side.y, frame.light.side.x, 0.0);
+    return frame.sun + (across * cos(angle) + cross(across, frame.sun) * sin(angle)) * radius;
+}
+
 // Both segments share one loop, so that the walk's code exists only once.
-fn trace(dir: vec3<f32>) -> TracedRay {
+fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
     let infinity = bitcast<f32>(infinity_bits());
     var seen = RayHit();
     var light = Radiance();
     var sun_share = 1.0;
-    airlight = Airlight(horizon(dir), glow(dir));
+    airlight = low_sky(dir);
     segment = RaySegment(vec3<f32>(0.0), dir, infinity, 0.0, false);
     loop {
         ray_hit = RayHit(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0, 0u, 0u, 1.0, infinity, NO_NODE, vec3<f32>(0.0));
@@ -97,9 +113,9 @@ fn trace(dir: vec3<f32>) -> TracedRay {
         if frame.shadow_m <= 0.0 || all(light.sun <= vec3<f32>(0.0)) || eye_m >= NO_GROUND_M {
             break;
         }
-        segment = RaySegment(seen.shadow_origin, frame.sun, frame.shadow_m, eye_m, true);
+        segment = RaySegment(seen.shadow_origin, sun, frame.shadow_m, eye_m, true);
     }
-    return TracedRay(to_display(light.sky + light.sun * sun_share), seen.distance_m, seen.node);
+    return TracedRay(light.sky + light.sun * sun_share, seen.distance_m, seen.node);
 }
 
 fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {

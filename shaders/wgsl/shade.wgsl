@@ -6,14 +6,9 @@ struct Radiance {
     sun: vec3<f32>,
 }
 
-// Light that the air adds in the ray's direction.
-struct Airlight {
-    horizon: vec3<f32>,
-    glow: vec3<f32>,
-}
-
-// Computed once per ray: where each lane reads for itself, reading the light costs more than computing with it.
-var<private> airlight: Airlight;
+// The sky low above the horizon in the ray's direction: the light that haze adds. Computed once per ray: where each lane
+// reads for itself, reading the light costs more than computing with it.
+var<private> airlight: vec3<f32>;
 
 // A distance that no ray reaches, where Rust uses infinity.
 const NO_GROUND_M: f32 = 1e30;
@@ -49,11 +44,26 @@ fn shade(albedo: vec3<f32>, ao: f32, n: vec3<f32>, flags: u32, level: u32) -> Ra
 
 // Light that a surface reflects.
 fn reflected(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Radiance {
+    let up = frame.light.sky_up.rgb;
+    let upright = abs(n.z);
+    let open = min(ao / (0.5 + 0.5 * upright), 1.0);
+    let ahead = dot(n.xy, frame.light.side);
+    let wall = frame.light.sky_wall.rgb + frame.light.sky_wall_ahead.rgb * ahead
+        + frame.light.sky_wall_axis.rgb * (ahead * ahead);
+    let overhead = up * ZENITH_SHARE;
+    let sky = mix(overhead + (wall - overhead) * open, up, upright) * ao;
+    let returned = light_from_city(open, 0.5 - 0.5 * n.z, ao);
     let sun = frame.light.sun.rgb * max(dot(n, frame.sun), 0.0);
-    let wall = frame.light.sky_wall.rgb + frame.light.sky_side.rgb * dot(n.xy, frame.light.side);
-    let sky = mix(wall, frame.light.sky_up.rgb, abs(n.z)) * ao;
-    let bounced = frame.light.bounce.rgb * ((1.0 - ao) * (0.65 - 0.35 * n.z));
-    return Radiance(albedo * (sky + bounced), albedo * sun * sun_share_by_sky(ao));
+    return Radiance(albedo * (sky + returned), albedo * sun * sun_share_by_sky(ao));
+}
+
+// Light that ground and walls return to a surface. `below` is the share of its hemisphere below the horizon.
+fn light_from_city(open: f32, below: f32, ao: f32) -> vec3<f32> {
+    let reach = frame.light.sun_tan * open;
+    let lit = reach / (reach + STREET_DEPTH * (1.0 - open) + 1e-6);
+    let ground = frame.light.ground_sun.rgb * lit + frame.light.ground_sky.rgb;
+    let facades = frame.light.facades.rgb + ground * frame.light.facade_ground;
+    return ground * below + facades * (FACADE_SHARE * max(1.0 - ao - below, 0.0));
 }
 
 // Without shadow rays: a surface that sees little sky sees little sun.
@@ -66,22 +76,7 @@ fn apply_haze(light: Radiance, distance_m: f32) -> Radiance {
         return light;
     }
     let transmitted = exp(frame.light.haze.rgb * -distance_m);
-    let far = airlight.horizon + airlight.glow * (1.0 - transmitted);
-    return Radiance(far + (light.sky - far) * transmitted, light.sun * transmitted);
-}
-
-fn to_display(rgb: vec3<f32>) -> vec3<f32> {
-    if FOR_STUDY && frame.shading != SHADING_LIT {
-        return rgb;
-    }
-    return tone_map(rgb);
-}
-
-fn tone_map(rgb: vec3<f32>) -> vec3<f32> {
-    let bright = dot(rgb, LUMINANCE);
-    let v = max(mix(rgb, vec3<f32>(bright), 0.04 + 0.35 * bright / (bright + 6.0)), vec3<f32>(0.0));
-    let curve = v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14);
-    return min(curve, vec3<f32>(1.0));
+    return Radiance(airlight + (light.sky - airlight) * transmitted, light.sun * transmitted);
 }
 
 fn level_tint(level: u32) -> vec3<f32> {
@@ -112,8 +107,7 @@ fn background(dir: vec3<f32>) -> Radiance {
         return unlit(mix(sky, GROUND, near));
     }
     if ground_m < NO_GROUND_M {
-        let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze.g);
-        return apply_haze(reflected(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), hazy_m);
+        return apply_haze(reflected(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), ground_m);
     }
     return unlit(sky(dir));
 }
@@ -127,21 +121,47 @@ fn ground_distance(dir: vec3<f32>) -> f32 {
 }
 
 fn sky(dir: vec3<f32>) -> vec3<f32> {
-    let clear = mix(frame.light.zenith.rgb, airlight.horizon, exp(-SKY_FALL * max(dir.z, 0.0)));
+    let height = sqrt(max((dir.z - SKY_LOW) / (1.0 - SKY_LOW), 0.0)) * f32(SKY_HEIGHTS - 1u);
+    let row = min(u32(height), SKY_HEIGHTS - 2u);
+    let column = sky_column(dir);
+    let above = height - f32(row);
+    let low = sky_at(row, column);
+    let high = sky_at(row + 1u, column);
     let edge = clamp((DISC_OUTER - from_sun(dir)) / (DISC_OUTER - DISC_INNER), 0.0, 1.0);
-    return clear + airlight.glow + frame.light.sun.rgb * (DISC * frame.light.disc * edge);
+    return mix(low.smooth_part, high.smooth_part, above) + mix(low.forward, high.forward, above) * phase(dir)
+        + frame.light.sun.rgb * (DISC * frame.light.disc * edge);
 }
 
-fn horizon(dir: vec3<f32>) -> vec3<f32> {
+fn low_sky(dir: vec3<f32>) -> vec3<f32> {
+    let low = sky_at(0u, sky_column(dir));
+    return low.smooth_part + low.forward * phase(dir);
+}
+
+// Column of the sky's tables in direction `dir`, with the part towards the next one.
+fn sky_column(dir: vec3<f32>) -> f32 {
     let along = dot(dir.xy, frame.light.side) / max(length(dir.xy), 1e-4);
-    let sunward = 0.5 + 0.5 * along;
-    return mix(frame.light.horizon_away.rgb, frame.light.horizon_sun.rgb, sunward * sunward);
+    return (0.5 + 0.5 * clamp(along, -1.0, 1.0)) * f32(SKY_AZIMUTHS - 1u);
 }
 
-// The sky around the sun, by the phase function of Henyey and Greenstein.
-fn glow(dir: vec3<f32>) -> vec3<f32> {
-    let near = GLOW / (GLOW + GLOW_G * from_sun(dir));
-    return frame.light.glow.rgb * (near * sqrt(near));
+struct SkyLight {
+    smooth_part: vec3<f32>,
+    forward: vec3<f32>,
+}
+
+fn sky_at(row: u32, column: f32) -> SkyLight {
+    let left = min(u32(column), SKY_AZIMUTHS - 2u);
+    let right = column - f32(left);
+    let cell = row * SKY_AZIMUTHS + left;
+    return SkyLight(
+        mix(frame.light.sky[cell].rgb, frame.light.sky[cell + 1u].rgb, right),
+        mix(frame.light.glow[cell].rgb, frame.light.glow[cell + 1u].rgb, right),
+    );
+}
+
+// The phase function of Henyey and Greenstein for the angle between `dir` and the sun.
+fn phase(dir: vec3<f32>) -> f32 {
+    let near = 1.0 / ((1.0 - MIE_G) * (1.0 - MIE_G) + MIE_G * from_sun(dir));
+    return PHASE_SCALE * near * sqrt(near);
 }
 
 // Squared distance from the sun on the unit sphere.

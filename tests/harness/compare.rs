@@ -195,7 +195,14 @@ mod tests {
     fn frame(distance: &[f32], colour: u32) -> Pixels {
         let count = distance.len();
         let (width_px, height_px) = (count as u32, 1);
-        Pixels { width_px, height_px, colour: vec![colour; count], distance: distance.to_vec(), hit: vec![0; count] }
+        Pixels {
+            width_px,
+            height_px,
+            colour: vec![colour; count],
+            distance: distance.to_vec(),
+            hit: vec![0; count],
+            ..Pixels::default()
+        }
     }
 
     #[test]
@@ -212,7 +219,7 @@ mod tests {
         let colour = (0..64 * 64)
             .map(|i| u32::from_le_bytes([[level(i % 64, i / 64); 3].as_slice(), &[255]].concat().try_into().unwrap()));
         let (distance, hit) = (vec![1.0; 64 * 64], vec![0; 64 * 64]);
-        Pixels { width_px: 64, height_px: 64, colour: colour.collect(), distance, hit }
+        Pixels { width_px: 64, height_px: 64, colour: colour.collect(), distance, hit, ..Pixels::default() }
     }
 
     #[test]

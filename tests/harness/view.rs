@@ -3,7 +3,10 @@
 use anyhow::{Context, Result};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
-use insula_shaders::layout::{FrameUniform, Light, Shading};
+use insula_shaders::{
+    layout::{FrameUniform, Light, Shading},
+    light::Air,
+};
 use serde::{Deserialize, Serialize};
 
 /// A camera in the source's coordinates: the JSON of `insula snapshot --camera`.
@@ -83,7 +86,8 @@ impl Camera {
             height_px: spec.height_px,
             up: axes.up.as_vec3().into(),
             sun: sun.into(),
-            light: Light::of_sun(sun, 4000.0),
+            light: Light::of_sun(sun, Air::default()),
+            exposure: 1.2,
             shading: spec.shading as u32,
             samples: spec.samples,
             ..FrameUniform::zeroed()

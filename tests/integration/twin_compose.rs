@@ -97,6 +97,9 @@ fn compose(
 
 fn draw(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, raycaster: &Raycaster, target: &wgpu::Texture) {
     let view = target.create_view(&wgpu::TextureViewDescriptor::default());
+    let compose = Compose::new(&gpu.device, target.format());
+    let on = DeviceQueue { device: &gpu.device, queue: &gpu.queue };
+    compose.measure(on, encoder, raycaster, [target.width(), target.height()]);
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
             view: &view,
@@ -106,6 +109,5 @@ fn draw(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, raycaster: &Raycaster, ta
         })],
         ..wgpu::RenderPassDescriptor::default()
     });
-    let compose = Compose::new(&gpu.device, target.format());
-    compose.draw(&gpu.device, &gpu.queue, &mut pass, raycaster, [target.width(), target.height()]);
+    compose.draw(&gpu.device, &mut pass, raycaster);
 }

@@ -13,6 +13,7 @@ use insula_shaders::{
         shade::{Airlight, background, encode_srgb},
     },
     layout::{Light, Shading},
+    light::Air,
 };
 use insula_tests::{
     draw_list::{CityArea, DrawList, Scene},
@@ -120,8 +121,8 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
     let city = &cities()[1];
     for (i, height) in [1.2f32, 0.2, 0.02, -0.05, -0.6].into_iter().enumerate() {
         let mut rng = Rng::new(4000 + i as u64);
-        for (pose, half_m, shadow_m) in
-            [(Pose::Grazing, 50.0, 0.0), (Pose::Above, 5000.0, 0.0), (Pose::Above, 5000.0, 3e3)]
+        for (pose, visibility_m, shadow_m) in
+            [(Pose::Grazing, 300.0, 0.0), (Pose::Above, 3e4, 0.0), (Pose::Above, 3e4, 3e3)]
         {
             let camera = random::camera(&mut rng, city, pose);
             let mut scene = city.draw_list.scene(&camera, &FRAME);
@@ -129,7 +130,8 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
             let ahead = Vec3::from(scene.frame.forward).with_z(0.0).normalize_or(Vec3::X);
             let sun = (ahead * if i % 2 == 0 { 1.0 } else { -1.0 } * height.cos()).with_z(height.sin());
-            (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, half_m));
+            (scene.frame.sun, scene.frame.light) =
+                (sun.into(), Light::of_sun(sun, Air { visibility_m, ..Air::default() }));
             scene.frame.shadow_m = shadow_m;
             scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}"))?;
         }
@@ -224,7 +226,7 @@ fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
     let camera = Camera::looking(DVec3::new(32.0, 32.0, 60.0), DVec3::new(32.0, 32.0, 0.0));
     let mut scene = draw_list.scene(&camera, &FRAME);
     let sun = Vec3::new(1.0, 0.0, 1.0).normalize_or(Vec3::Z);
-    (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, 1e6));
+    (scene.frame.sun, scene.frame.light) = (sun.into(), Light::of_sun(sun, Air::default()));
     let bare = scene.render();
     scene.frame.shadow_m = 1000.0;
     let shaded = scene.render();

@@ -9,7 +9,7 @@ use crate::{
     session::Session,
     stream::{BackgroundFetcher, fetch::Http},
 };
-use insula_shaders::layout::Shading;
+use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
     cache::pages_for,
     frame::{RenderSettings, STILL_SAMPLES},
@@ -59,14 +59,15 @@ pub(super) fn render_to_file(
     shading: Shading,
     daylight: &Daylight,
     out: &Path,
-) -> Result<()> {
+) -> Result<Pixels> {
     let settings = daylight.render_settings(shading, STILL_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
     settle(session, request, Duration::from_secs(u64::from(global.timeout)))?;
     let begin = Instant::now();
     let pixels = session.draw(request, &settings)?;
     session.record_frame_time(begin.elapsed());
-    write_png(out, &pixels)
+    write_png(out, &pixels)?;
+    Ok(pixels)
 }
 
 /// Streams until nothing can improve the frame. Draws frames meanwhile, because their hits decide which tiles are occluded.

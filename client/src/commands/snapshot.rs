@@ -5,7 +5,7 @@ use crate::{
     args::{GlobalArgs, SnapshotArgs},
     camera_files::read_camera,
     error::Result,
-    image_files::write_pfm,
+    image_files::{write_pfm, write_radiance},
 };
 use insula_viewer::{streamer::FrameRequest, sun::Daylight};
 
@@ -15,7 +15,10 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let mut session = open_session(&args.server, global, None, Some(&request))?;
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
-    render_to_file(&mut session, &request, global, args.shading, &daylight, &args.out)?;
+    let pixels = render_to_file(&mut session, &request, global, args.shading, &daylight, &args.out)?;
+    if let Some(path) = &args.radiance {
+        write_radiance(path, &pixels)?;
+    }
     if let Some(path) = &args.distance {
         // With one ray per pixel, the distance is that of the pixel's centre.
         write_pfm(path, &session.draw(&request, &daylight.render_settings(args.shading, 1))?)?;

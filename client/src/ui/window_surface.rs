@@ -6,7 +6,7 @@ use crate::{
 };
 use insula_shaders::{
     cpu::raycast::Pixels,
-    gpu::{Compose, Raycaster},
+    gpu::{Compose, DeviceQueue, Raycaster},
 };
 use insula_viewer::frame::FrameData;
 use std::sync::Arc;
@@ -115,6 +115,8 @@ impl WindowSurface {
         if let Some(SceneFrame { adapter: Adapter::Gpu(gpu), data }) = scene {
             gpu.encode(&mut encoder, data)?;
             gpu.encode_query(&mut encoder, data);
+            let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+            self.compose.measure(on, &mut encoder, &gpu.raycaster, [self.config.width, self.config.height]);
             drawn = Some(gpu);
         }
         self.compose(&mut encoder, &view, drawn.as_deref().map(|gpu| &gpu.raycaster), overlay);
@@ -152,7 +154,7 @@ impl WindowSurface {
         };
         let mut pass = encoder.begin_render_pass(&descriptor).forget_lifetime();
         if let Some(raycaster) = drawn {
-            self.compose.draw(device, queue, &mut pass, raycaster, size_in_pixels);
+            self.compose.draw(device, &mut pass, raycaster);
         }
         self.painter.render(&mut pass, &overlay.primitives, &screen);
     }

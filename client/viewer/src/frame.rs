@@ -19,6 +19,7 @@ use insula_protocol::{TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     grid::{GridBuilder, GridFrame},
     layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
+    light::{Air, SUN_RADIUS_RAD},
     mesh::leaf_offset,
 };
 
@@ -42,13 +43,15 @@ pub struct RenderSettings {
     pub light: Light,
     /// Longest shadow; 0 without shadows.
     pub shadow_m: f64,
+    /// Factor from radiance to display; 0: by the frame's mean.
+    pub exposure: f32,
 }
 
 impl RenderSettings {
-    /// Lit by a sun in direction `sun`, with haze that absorbs half of the light within `haze_half_m`. One ray a pixel, no shadows.
-    pub(crate) fn lit_by(sun: DVec3, haze_half_m: f64) -> Self {
-        let light = Light::of_sun(sun.as_vec3(), haze_half_m as f32);
-        Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0 }
+    /// Lit by a sun in direction `sun` through `air`. One ray a pixel, no shadows.
+    pub(crate) fn lit_by(sun: DVec3, air: Air) -> Self {
+        let light = Light::of_sun(sun.as_vec3(), air);
+        Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0, exposure: 0.0 }
     }
 
     /// Direction to the sun if it casts shadows: by day, with shadows enabled, and where light is shown.
@@ -61,7 +64,7 @@ impl RenderSettings {
 impl Default for RenderSettings {
     /// Lit by an afternoon sun in the south-west, 45 degrees high.
     fn default() -> Self {
-        Self::lit_by(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), 6000.0)
+        Self::lit_by(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), Air::default())
     }
 }
 
@@ -235,6 +238,9 @@ fn frame_uniform(tree: &SceneTree, view: &View, settings: &RenderSettings) -> Fr
         ground: 1,
         light: settings.light,
         shadow_m: if settings.shadow_casting_sun().is_some() { settings.shadow_m as f32 } else { 0.0 },
+        exposure: settings.exposure,
+        // With many rays per pixel, those to the sun can show its penumbra.
+        sun_radius: if settings.samples >= STILL_SAMPLES { SUN_RADIUS_RAD } else { 0.0 },
         ..FrameUniform::zeroed()
     }
 }

@@ -7,7 +7,7 @@ use crate::{frame::RenderSettings, select::shadow_casters::MAX_SHADOW_M};
 use chrono::{DateTime, Datelike, Days, NaiveDate, NaiveDateTime, Timelike};
 use glam::{DVec2, DVec3};
 use insula_protocol::Manifest;
-use insula_shaders::layout::Shading;
+use insula_shaders::{layout::Shading, light::Air};
 use proj4rs::{Proj, adaptors::transform_vertex_2d};
 use solar_positioning::{Location, RefractionCorrection, SolarPositions, time::JulianDate};
 
@@ -20,10 +20,6 @@ const DEFAULT_LOCATION: Location = Location { latitude: 40.0, longitude: 0.0 };
 /// EPSG code of `JGD2011 / Japan Plane Rectangular CS I` with heights, and without. The codes of twelve more zones follow each.
 const JAPAN_WITH_HEIGHTS: u16 = 10_162;
 const JAPAN: u16 = 6669;
-/// Distance at which haze absorbs half of the light, as a multiple of the city's diagonal.
-const HAZE_DIAGONALS: f64 = 5.0;
-/// Least and largest such distance.
-const HAZE_M: [f64; 2] = [4000.0, 60_000.0];
 
 /// What the user asks for. `None` takes the default.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -33,6 +29,12 @@ pub struct SunOptions {
     pub bearing: Option<Bearing>,
     /// Whether the sun casts shadows; on by default.
     pub shadows: Option<bool>,
+    /// Factor from radiance to display; by default, the frame's mean decides.
+    pub exposure: Option<f32>,
+    /// Linke's turbidity of the air, 1 to 20.
+    pub turbidity: Option<f32>,
+    /// Distance at which haze leaves 2% of the contrast.
+    pub visibility_km: Option<f32>,
 }
 
 /// A date and hour.
@@ -73,7 +75,9 @@ pub struct Daylight {
     pub fixed_bearing: Option<Bearing>,
     /// Whether the sun casts shadows.
     pub shadows: bool,
-    haze_half_m: f64,
+    air: Air,
+    /// Factor from radiance to display; 0: by the frame's mean.
+    exposure: f32,
 }
 
 /// Parses the value of `--time`. Fails with a description of the format.
@@ -149,14 +153,18 @@ fn locate(crs: &str, point: DVec2) -> Option<SiteLocation> {
 impl Daylight {
     /// The user's options over a city. By default, it is a late afternoon in September.
     pub fn new(options: &SunOptions, manifest: &Manifest) -> Self {
-        let diagonal_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
+        let clear = Air::default();
         let mut daylight = Self {
             site: SiteLocation::from_manifest(manifest),
             date: NaiveDate::from_ymd_opt(2024, 9, 15).unwrap_or_default(),
             hour: 16.5,
             fixed_bearing: options.bearing,
             shadows: options.shadows.unwrap_or(true),
-            haze_half_m: (diagonal_m * HAZE_DIAGONALS).clamp(HAZE_M[0], HAZE_M[1]),
+            air: Air {
+                turbidity: options.turbidity.unwrap_or(clear.turbidity),
+                visibility_m: options.visibility_km.map_or(clear.visibility_m, |km| km * 1000.0),
+            },
+            exposure: options.exposure.unwrap_or(0.0),
         };
         if let Some(time) = options.time {
             daylight.set_time(&time);
@@ -218,7 +226,8 @@ impl Daylight {
     /// Render settings for this light.
     pub fn render_settings(&self, shading: Shading, samples: u32) -> RenderSettings {
         let shadow_m = if self.shadows { MAX_SHADOW_M } else { 0.0 };
-        RenderSettings { shading, samples, shadow_m, ..RenderSettings::lit_by(self.direction(), self.haze_half_m) }
+        let lit = RenderSettings::lit_by(self.direction(), self.air);
+        RenderSettings { shading, samples, shadow_m, exposure: self.exposure, ..lit }
     }
 }
 

@@ -9,14 +9,19 @@ pub use super::ray::{RayCounts, SceneRef};
 
 use super::{
     ray::{NodeRay, OPAQUE, Ray, RayHit, RaySegment, SUN_LIFT_M},
-    shade::{
-        Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, shade, to_display,
-    },
+    shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, shade},
     walk::walk_grid,
 };
-use crate::layout::{FrameUniform, MAX_SAMPLES, NO_NODE};
+use crate::{
+    layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading},
+    tone::{develop, encode_radiance, gradient_noise},
+};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use std::f32::consts::TAU;
+
+/// Turn between neighbouring points of an even spiral over a disc.
+pub(crate) const GOLDEN_ANGLE: f32 = 2.399_963_2;
 
 /// A finished frame, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -29,6 +34,16 @@ pub struct Pixels {
     pub distance: Vec<f32>,
     /// Index of the node that was hit, or [`NO_NODE`].
     pub hit: Vec<u32>,
+    /// Radiances of a lit frame ([`crate::tone::decode_radiance`]); empty with other shadings.
+    pub radiance: Vec<u32>,
+}
+
+impl Pixels {
+    /// Sets colours and radiances from the ray-caster's words.
+    pub(crate) fn set_words(&mut self, frame: &FrameUniform, words: Vec<u32>) {
+        self.colour = develop(frame, &words);
+        self.radiance = if frame.shading == Shading::Lit as u32 { words } else { Vec::new() };
+    }
 }
 
 /// A ray that has ended.
@@ -41,7 +56,8 @@ struct TracedRay {
 
 /// One pixel's part of [`Pixels`].
 struct Pixel {
-    colour: u32,
+    /// Radiance of a lit frame, else colour.
+    word: u32,
     distance_m: f32,
     hit: u32,
 }
@@ -52,11 +68,13 @@ pub fn render(scene: &SceneRef<'_>) -> Pixels {
     let row = |y: u32| (0..width_px).map(|x| pixel(scene, [x, y])).collect();
     let rows: Vec<Vec<Pixel>> = (0..height_px).into_par_iter().map(row).collect();
     let mut out = Pixels { width_px, height_px, ..Pixels::default() };
+    let mut words = Vec::with_capacity(width_px as usize * height_px as usize);
     for pixel in rows.into_iter().flatten() {
-        out.colour.push(pixel.colour);
+        words.push(pixel.word);
         out.distance.push(pixel.distance_m);
         out.hit.push(pixel.hit);
     }
+    out.set_words(scene.frame, words);
     out
 }
 
@@ -72,7 +90,7 @@ pub fn count_where(scene: &SceneRef<'_>, is_counted: impl Fn(usize) -> bool + Sy
         let mut sum = RayCounts::default();
         for x in (0..width).filter(|x| is_counted((y * width + x) as usize)) {
             let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5);
-            sum += trace(scene, dir, threshold_of([x, y], 1, 0)).counts;
+            sum += trace(scene, dir, scene.frame.sun.into(), threshold_of([x, y], 1, 0)).counts;
         }
         sum
     };
@@ -91,13 +109,28 @@ fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
     for s in 0..n * n {
         let offset = (Vec2::new((s % n) as f32, (s / n) as f32) + 0.5) / n as f32;
         let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + offset);
-        let traced = trace(scene, dir, threshold_of([x, y], n, s));
+        let traced = trace(scene, dir, sun_direction(scene.frame, [x, y], s, n * n), threshold_of([x, y], n, s));
         sum += traced.rgb;
         if s == n * n / 2 {
             (distance_m, hit) = (traced.distance_m, traced.node);
         }
     }
-    Pixel { colour: encode_srgb(sum / (n * n) as f32), distance_m, hit }
+    let rgb = sum / (n * n) as f32;
+    let is_lit = scene.frame.shading == Shading::Lit as u32;
+    Pixel { word: if is_lit { encode_radiance(rgb) } else { encode_srgb(rgb) }, distance_m, hit }
+}
+
+/// A point of the sun's disc: the rays of a pixel go to points that are spread over it (Vogel 1979), turned from pixel to
+/// pixel.
+fn sun_direction(frame: &FrameUniform, [x, y]: [u32; 2], sample: u32, samples: u32) -> Vec3 {
+    let sun = Vec3::from(frame.sun);
+    if frame.sun_radius <= 0.0 {
+        return sun;
+    }
+    let radius = frame.sun_radius * ((sample as f32 + 0.5) / samples as f32).sqrt();
+    let (sin, cos) = (GOLDEN_ANGLE * sample as f32 + TAU * gradient_noise(x, y)).sin_cos();
+    let across = Vec3::new(-frame.light.side[1], frame.light.side[0], 0.0);
+    sun + (across * cos + across.cross(sun) * sin) * radius
 }
 
 /// From 0 to 63, as even as possible: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
@@ -114,7 +147,7 @@ fn ray_direction(frame: &FrameUniform, p_px: Vec2) -> Vec3 {
 }
 
 /// Traces a ray from the eye, and one towards the sun from what it hit.
-fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> TracedRay {
+fn trace(scene: &SceneRef<'_>, dir: Vec3, sun: Vec3, threshold: u32) -> TracedRay {
     let frame = scene.frame;
     let segment = RaySegment { origin: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false };
     let counts = RayCounts { rays: 1, ..RayCounts::default() };
@@ -138,16 +171,19 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, threshold: u32) -> TracedRay {
     let mut sun_share = 1.0;
     // A thin surface in front of the sky has no place where a shadow ray could begin.
     if frame.shadow_m > 0.0 && light.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
-        let (origin, dir) = (seen.shadow_origin, Vec3::from(frame.sun));
-        ray.segment = RaySegment { origin, dir, reach_m: frame.shadow_m, eye_m, to_sun: true };
+        ray.segment = RaySegment { origin: seen.shadow_origin, dir: sun, reach_m: frame.shadow_m, eye_m, to_sun: true };
         ray.hit = RayHit::NOTHING;
         if frame.levels != 0 {
             walk_grid(&mut ray);
         }
         sun_share = if ray.hit.transmittance > OPAQUE { ray.hit.transmittance } else { 0.0 };
     }
-    let rgb = to_display(frame, light.sky + light.sun * sun_share);
-    TracedRay { rgb, distance_m: seen.distance_m, node: seen.node, counts: ray.counts }
+    TracedRay {
+        rgb: light.sky + light.sun * sun_share,
+        distance_m: seen.distance_m,
+        node: seen.node,
+        counts: ray.counts,
+    }
 }
 
 /// Light of everything that was passed, as if it were one surface.

@@ -1,8 +1,12 @@
 //! Light on a surface and from the sky. GPU twin: `shade.wgsl`.
 //!
-//! Only [`Shading::Lit`] has light, haze and tone mapping; the other shadings show what is baked.
+//! Only [`Shading::Lit`] has light and haze; the other shadings show what is baked.
 
-use crate::layout::{FrameUniform, MESH_FLAG, Shading};
+use crate::{
+    atmosphere::{MIE_G, PHASE_SCALE},
+    layout::{FrameUniform, Light, MESH_FLAG, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
+    light::SKY_LOW,
+};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use insula_protocol::blockmap::flag;
 
@@ -18,18 +22,18 @@ pub(crate) const GROUND_ALBEDO: Vec3 = Vec3::new(0.24, 0.235, 0.225);
 pub(crate) const GROUND_FADE_M: f32 = 3000.0;
 /// Least descent of a ray, per metre, that meets the plane.
 pub(crate) const MIN_GROUND_DESCENT: f32 = 1e-5;
-/// How fast the horizon's brightness falls upwards.
-pub(crate) const SKY_FALL: f32 = 4.5;
-/// Width of the glow around the sun: squared distance on the unit sphere at which it is a third.
-pub(crate) const GLOW: f32 = 0.0576;
-/// Asymmetry of the glow in the phase function of Henyey and Greenstein.
-pub(crate) const GLOW_G: f32 = 0.76;
 /// Squared radius on the unit sphere at which the sun's disc begins to fade.
 pub(crate) const DISC_INNER: f32 = 1.7e-5;
 /// Squared radius on the unit sphere at which the sun's disc ends.
 pub(crate) const DISC_OUTER: f32 = 3.2e-5;
 /// Brightness of the sun's disc.
 pub(crate) const DISC: f32 = 40.0;
+/// Share of a surface's light from the ground below that comes from walls around, where those cover the rest.
+pub(crate) const FACADE_SHARE: f32 = 0.8;
+/// Share of the open sky's light that reaches a wall from straight above, where the horizon is hidden.
+pub(crate) const ZENITH_SHARE: f32 = 0.4;
+/// How much deeper than its tangent a sun reaches into a street that sees a share of the sky.
+pub(crate) const STREET_DEPTH: f32 = 0.35;
 /// Weights of red, green and blue in luminance (Rec. 709).
 pub(crate) const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 /// Colours of [`Shading::Kind`].
@@ -66,13 +70,15 @@ pub fn linear_of(texel: u32) -> Vec3 {
     Vec3::new(channel(0), channel(8), channel(16))
 }
 
+/// The sRGB value of linear light, both 0 to 1.
+pub(crate) fn encoded(v: f32) -> f32 {
+    let v = v.clamp(0.0, 1.0);
+    if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// Linear light as r, g, b, 255 in sRGB.
 pub fn encode_srgb(rgb: Vec3) -> u32 {
-    let channel = |v: f32| {
-        let v = v.clamp(0.0, 1.0);
-        let s = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (s * 255.0 + 0.5) as u32
-    };
+    let channel = |v: f32| (encoded(v) * 255.0 + 0.5) as u32;
     channel(rgb.x) | channel(rgb.y) << 8 | channel(rgb.z) << 16 | 255 << 24
 }
 
@@ -108,12 +114,24 @@ pub fn shade(frame: &FrameUniform, surface: &SurfaceSample) -> Radiance {
 /// Light that a surface reflects.
 fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
     let light = &frame.light;
+    let (up, upright) = (rgb(light.sky_up), n.z.abs());
+    // Openness of the surroundings: 1 for a wall or a roof without neighbours.
+    let open = (ao / (0.5 + 0.5 * upright)).min(1.0);
+    let ahead = n.x * light.side[0] + n.y * light.side[1];
+    let wall = rgb(light.sky_wall) + rgb(light.sky_wall_ahead) * ahead + rgb(light.sky_wall_axis) * (ahead * ahead);
+    let overhead = up * ZENITH_SHARE;
+    let sky = (overhead + (wall - overhead) * open).lerp(up, upright) * ao;
+    let returned = light_from_city(light, open, 0.5 - 0.5 * n.z, ao);
     let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
-    let wall = rgb(light.sky_wall) + rgb(light.sky_side) * (n.x * light.side[0] + n.y * light.side[1]);
-    let sky = wall.lerp(rgb(light.sky_up), n.z.abs()) * ao;
-    // The rest of the hemisphere is lit ground and walls, which are darker the deeper the corner is.
-    let bounced = rgb(light.bounce) * ((1.0 - ao) * (0.65 - 0.35 * n.z));
-    Radiance { sky: albedo * (sky + bounced), sun: albedo * sun * sun_share_by_sky(frame, ao) }
+    Radiance { sky: albedo * (sky + returned), sun: albedo * sun * sun_share_by_sky(frame, ao) }
+}
+
+/// Light that ground and walls return to a surface. `below` is the share of its hemisphere below the horizon.
+fn light_from_city(light: &Light, open: f32, below: f32, ao: f32) -> Vec3 {
+    let reach = light.sun_tan * open;
+    let ground = rgb(light.ground_sun) * (reach / (reach + STREET_DEPTH * (1.0 - open) + 1e-6)) + rgb(light.ground_sky);
+    let facades = rgb(light.facades) + ground * light.facade_ground;
+    ground * below + facades * (FACADE_SHARE * (1.0 - ao - below).max(0.0))
 }
 
 /// Without shadow rays: a surface that sees little sky sees little sun. A wall in the open sees half of the sky.
@@ -125,17 +143,18 @@ fn rgb(v: [f32; 4]) -> Vec3 {
     Vec4::from(v).xyz()
 }
 
-/// Light that the air adds in a ray's direction.
+/// The sky low above the horizon in a ray's direction: the light that haze adds.
 #[derive(Debug, Clone, Copy)]
 pub struct Airlight {
-    horizon: Vec3,
-    glow: Vec3,
+    rgb: Vec3,
 }
 
 impl Airlight {
     /// The air's light in direction `dir`.
     pub fn new(frame: &FrameUniform, dir: Vec3) -> Self {
-        Self { horizon: horizon(frame, dir), glow: glow(frame, dir) }
+        let (column, right) = sky_column(frame, dir);
+        let [smooth, forward] = [&frame.light.sky, &frame.light.glow].map(|table| sky_at(table, 0, column, right));
+        Self { rgb: smooth + forward * phase(frame, dir) }
     }
 }
 
@@ -146,23 +165,8 @@ pub fn apply_haze(frame: &FrameUniform, light: Radiance, airlight: &Airlight, di
     }
     let haze = rgb(frame.light.haze) * -distance_m;
     let transmitted = Vec3::new(haze.x.exp(), haze.y.exp(), haze.z.exp());
-    // Near surfaces have little air in front of them that could glow.
-    let far = airlight.horizon + airlight.glow * (1.0 - transmitted);
+    let far = airlight.rgb;
     Radiance { sky: far + (light.sky - far) * transmitted, sun: light.sun * transmitted }
-}
-
-/// Radiance at the eye as linear RGB of the screen.
-pub fn to_display(frame: &FrameUniform, rgb: Vec3) -> Vec3 {
-    if frame.shading == Shading::Lit as u32 { tone_map(rgb) } else { rgb }
-}
-
-/// Narkowicz's fit to the Academy's curve ("ACES Filmic Tone Mapping Curve", 2015): contrast in the middle, and bright
-/// light approaches white instead of being cut off. Before it, bright colours lose some saturation, as on film.
-fn tone_map(rgb: Vec3) -> Vec3 {
-    let bright = rgb.dot(LUMINANCE);
-    let v = rgb.lerp(Vec3::splat(bright), 0.04 + 0.35 * bright / (bright + 6.0)).max(Vec3::ZERO);
-    let curve = v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14);
-    curve.min(Vec3::ONE)
 }
 
 fn level_tint(level: u32) -> Vec3 {
@@ -195,11 +199,9 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
         return Radiance::unlit(sky.lerp(GROUND, near));
     }
     if ground_m < f32::INFINITY {
-        // The plane has no end: haze that grows with the distance blends it into the sky.
-        let hazy_m = ground_m * (1.0 + 4.0 * ground_m * frame.light.haze[1]);
-        return apply_haze(frame, reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0), airlight, hazy_m);
+        return apply_haze(frame, reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0), airlight, ground_m);
     }
-    Radiance::unlit(sky(frame, dir, airlight))
+    Radiance::unlit(sky(frame, dir))
 }
 
 /// Metres to that plane, infinity if the ray misses it.
@@ -211,25 +213,36 @@ pub fn ground_distance(frame: &FrameUniform, dir: Vec3) -> f32 {
     }
 }
 
-fn sky(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Vec3 {
+fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
     let light = &frame.light;
-    let clear = rgb(light.zenith).lerp(airlight.horizon, (-SKY_FALL * dir.z.max(0.0)).exp());
+    let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).max(0.0).sqrt() * (SKY_HEIGHTS - 1) as f32;
+    let row = (height as usize).min(SKY_HEIGHTS - 2);
+    let (column, right) = sky_column(frame, dir);
+    let read = |table: &SkyTable| {
+        let at = |row: usize| sky_at(table, row, column, right);
+        at(row).lerp(at(row + 1), height - row as f32)
+    };
     let edge = ((DISC_OUTER - from_sun(frame, dir)) / (DISC_OUTER - DISC_INNER)).clamp(0.0, 1.0);
-    clear + airlight.glow + rgb(light.sun) * (DISC * light.disc * edge)
+    read(&light.sky) + read(&light.glow) * phase(frame, dir) + rgb(light.sun) * (DISC * light.disc * edge)
 }
 
-/// The sky just above the horizon in direction `dir`.
-fn horizon(frame: &FrameUniform, dir: Vec3) -> Vec3 {
+/// Column of the sky's tables in direction `dir`, and how far the direction is towards the next one.
+fn sky_column(frame: &FrameUniform, dir: Vec3) -> (usize, f32) {
     let flat = Vec2::new(dir.x, dir.y);
     let along = flat.dot(Vec2::from(frame.light.side)) / flat.length().max(1e-4);
-    let sunward = 0.5 + 0.5 * along;
-    rgb(frame.light.horizon_away).lerp(rgb(frame.light.horizon_sun), sunward * sunward)
+    let column = (0.5 + 0.5 * along.clamp(-1.0, 1.0)) * (SKY_AZIMUTHS - 1) as f32;
+    let left = (column as usize).min(SKY_AZIMUTHS - 2);
+    (left, column - left as f32)
 }
 
-/// The sky around the sun, by the phase function of Henyey and Greenstein.
-fn glow(frame: &FrameUniform, dir: Vec3) -> Vec3 {
-    let near = GLOW / (GLOW + GLOW_G * from_sun(frame, dir));
-    rgb(frame.light.glow) * (near * near.sqrt())
+fn sky_at(table: &SkyTable, row: usize, column: usize, right: f32) -> Vec3 {
+    rgb(table[row][column]).lerp(rgb(table[row][column + 1]), right)
+}
+
+/// The phase function of Henyey and Greenstein for the angle between `dir` and the sun.
+fn phase(frame: &FrameUniform, dir: Vec3) -> f32 {
+    let near = 1.0 / ((1.0 - MIE_G) * (1.0 - MIE_G) + MIE_G * from_sun(frame, dir));
+    PHASE_SCALE * near * near.sqrt()
 }
 
 /// Squared distance from the sun on the unit sphere: precise where a cosine is not.

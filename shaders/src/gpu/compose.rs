@@ -1,14 +1,17 @@
 //! Draws the ray-caster's pixels on a render target.
 
-use super::{Raycaster, shader_module};
-use crate::layout::binding;
+use super::{DeviceQueue, Raycaster, buffer, shader_module};
+use crate::layout::{ComposeUniform, Shading, binding};
+use bytemuck::Zeroable;
 use wgpu::util::DeviceExt;
 
 /// The pass that shows a ray-cast frame.
 #[derive(Debug)]
 pub struct Compose {
     pipeline: wgpu::RenderPipeline,
-    size: wgpu::Buffer,
+    meter: wgpu::ComputePipeline,
+    settings: wgpu::Buffer,
+    exposure: wgpu::Buffer,
 }
 
 impl Compose {
@@ -37,38 +40,70 @@ impl Compose {
             multiview_mask: None,
             cache: None,
         });
-        let size = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("compose size"),
-            contents: &[0; 16],
+        let meter = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("meter"),
+            layout: None,
+            module: &shader_module(device, "meter", crate::wgsl::meter()),
+            entry_point: Some("meter"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        let settings = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("compose settings"),
+            contents: bytemuck::bytes_of(&ComposeUniform::zeroed()),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
-        Self { pipeline, size }
+        let exposure = buffer(device, "exposure", 4, wgpu::BufferUsages::STORAGE);
+        Self { pipeline, meter, settings, exposure }
     }
 
-    /// Draws the last frame of `raycaster` over the whole target, scaled to the nearest pixel.
-    pub fn draw(
+    /// Records the measurement of the exposure of `raycaster`'s last frame, for a target of a size.
+    pub fn measure(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        pass: &mut wgpu::RenderPass<'_>,
+        DeviceQueue { device, queue }: DeviceQueue<'_>,
+        encoder: &mut wgpu::CommandEncoder,
         raycaster: &Raycaster,
         target_px: [u32; 2],
     ) {
-        let [width, height] = raycaster.size_px();
-        queue.write_buffer(&self.size, 0, bytemuck::cast_slice(&[width, height, target_px[0], target_px[1]]));
-        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("compose"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry { binding: binding::COMPOSE_SIZE, resource: self.size.as_entire_binding() },
-                wgpu::BindGroupEntry {
-                    binding: binding::COMPOSE_COLOUR,
-                    resource: raycaster.colour_buffer().as_entire_binding(),
-                },
-            ],
-        });
+        let frame = raycaster.last_frame();
+        let settings = ComposeUniform {
+            frame_px: raycaster.size_px(),
+            target_px,
+            is_lit: u32::from(frame.shading == Shading::Lit as u32),
+            exposure: frame.exposure,
+            key: frame.light.key,
+            unused: 0,
+        };
+        queue.write_buffer(&self.settings, 0, bytemuck::bytes_of(&settings));
+        let bind_group = self.bind_group(device, &self.meter.get_bind_group_layout(0), raycaster);
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("meter"), timestamp_writes: None });
+        pass.set_pipeline(&self.meter);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+    }
+
+    /// Draws the last frame of `raycaster` over the whole target, scaled to the nearest pixel, with the exposure of the last
+    /// [`Compose::measure`].
+    pub fn draw(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, raycaster: &Raycaster) {
+        let bind_group = self.bind_group(device, &self.pipeline.get_bind_group_layout(0), raycaster);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         pass.draw(0..3, 0..1);
+    }
+
+    fn bind_group(
+        &self,
+        device: &wgpu::Device,
+        layout: &wgpu::BindGroupLayout,
+        raycaster: &Raycaster,
+    ) -> wgpu::BindGroup {
+        let entries = [
+            (binding::COMPOSE_SETTINGS, &self.settings),
+            (binding::COMPOSE_COLOUR, raycaster.colour_buffer()),
+            (binding::COMPOSE_EXPOSURE, &self.exposure),
+        ]
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
+        device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("compose"), layout, entries: &entries })
     }
 }

@@ -29,6 +29,8 @@ pub struct Raycaster {
     bind_group_layout: wgpu::BindGroupLayout,
     inputs: InputBuffers,
     output: OutputBuffers,
+    /// The frame that the output holds.
+    last_frame: FrameUniform,
 }
 
 /// A specialisation of the shader: code that it leaves out costs nothing, even on devices that execute both sides of an
@@ -144,7 +146,7 @@ impl Raycaster {
             atlas: sized("atlas", capacity.atlas_pages, PAGE_WORDS * 4),
         };
         let output = OutputBuffers::new(device, &bind_group_layout, &inputs, [1, 1]);
-        Self { capacity, pipelines, bind_group_layout, inputs, output }
+        Self { capacity, pipelines, bind_group_layout, inputs, output, last_frame: FrameUniform::zeroed() }
     }
 
     /// The capacity of the ray-caster.
@@ -192,6 +194,7 @@ impl Raycaster {
         let meshes = nodes.iter().any(|node| node.mesh != 0);
         let for_study = frame.shading != Shading::Lit as u32;
         self.dispatch(on.device, encoder, PipelineVariant { count: false, meshes, for_study });
+        self.last_frame = *frame;
         Ok(())
     }
 
@@ -209,6 +212,8 @@ impl Raycaster {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
         self.dispatch(device, &mut encoder, PipelineVariant { count: true, meshes: true, for_study: true });
         queue.submit([encoder.finish()]);
+        // Not a lit frame: the words are counts.
+        self.last_frame = FrameUniform { shading: Shading::Albedo as u32, ..*frame };
         let pixels = self.read_back(device, queue)?;
         let mut counts = RayCounts { rays: pixels.colour.len() as u64, ..RayCounts::default() };
         for i in 0..pixels.colour.len() {
@@ -252,7 +257,13 @@ impl Raycaster {
         Ok(())
     }
 
-    /// Colours of the pixels: r, g, b, 255 in sRGB, row by row from the top.
+    /// The frame of the last [`Raycaster::render`].
+    pub fn last_frame(&self) -> &FrameUniform {
+        &self.last_frame
+    }
+
+    /// Radiances of the pixels ([`crate::tone::encode_radiance`]), of frames that are not lit r, g, b, 255 in sRGB, row by row
+    /// from the top.
     pub fn colour_buffer(&self) -> &wgpu::Buffer {
         &self.output.colour
     }
@@ -270,10 +281,13 @@ impl Raycaster {
     /// Waits for the device and copies the last frame. Fails if the device was lost.
     pub fn read_back(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Pixels, GpuError> {
         let read = |source: &wgpu::Buffer| read_words(device, queue, source);
-        let colour = read(&self.output.colour)?;
+        let OutputBuffers { width_px, height_px, .. } = self.output;
+        let words = read(&self.output.colour)?;
         let distance = read(&self.output.distance)?.into_iter().map(f32::from_bits).collect();
         let hit = read(&self.output.hit)?;
-        Ok(Pixels { width_px: self.output.width_px, height_px: self.output.height_px, colour, distance, hit })
+        let mut pixels = Pixels { width_px, height_px, distance, hit, ..Pixels::default() };
+        pixels.set_words(&self.last_frame, words);
+        Ok(pixels)
     }
 }
 

@@ -1,0 +1,9 @@
+// Shared by metering and composition: src/layout.rs documents its fields.
+struct ComposeUniform {
+    frame_px: vec2<u32>,
+    target_px: vec2<u32>,
+    is_lit: u32,
+    exposure: f32,
+    key: f32,
+    unused: u32,
+}
