@@ -134,7 +134,8 @@ fn sky(dir: vec3<f32>) -> vec3<f32> {
 
 fn low_sky(dir: vec3<f32>) -> vec3<f32> {
     let low = sky_at(0u, sky_column(dir));
-    return low.smooth_part + low.forward * phase(dir);
+    let level = vec3<f32>(dir.xy / max(length(dir.xy), 1e-4), SKY_LOW);
+    return low.smooth_part + low.forward * phase(level);
 }
 
 // Column of the sky's tables in direction `dir`, with the part towards the next one.

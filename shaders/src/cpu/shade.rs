@@ -154,7 +154,9 @@ impl Airlight {
     pub fn new(frame: &FrameUniform, dir: Vec3) -> Self {
         let (column, right) = sky_column(frame, dir);
         let [smooth, forward] = [&frame.light.sky, &frame.light.glow].map(|table| sky_at(table, 0, column, right));
-        Self { rgb: smooth + forward * phase(frame, dir) }
+        let flat = Vec2::new(dir.x, dir.y);
+        let level = (flat / flat.length().max(1e-4)).extend(SKY_LOW);
+        Self { rgb: smooth + forward * phase(frame, level) }
     }
 }
 
