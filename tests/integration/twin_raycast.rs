@@ -264,13 +264,18 @@ fn one_altered_gpu_pixel_is_detected(gpu: &Gpu) -> Result<()> {
     Ok(())
 }
 
+/// Whether colours are the same but for the rounding that dithering varies.
+fn is_dithered_alike(a: u32, b: u32) -> bool {
+    a.to_le_bytes().iter().zip(b.to_le_bytes()).all(|(a, b)| a.abs_diff(b) <= 2)
+}
+
 /// A pixel whose neighbours are all like it.
 fn flat_pixel(frame: &Pixels) -> Result<usize> {
     let (width, height) = (frame.width_px as usize, frame.height_px as usize);
     let flat = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x)).find(|i| {
         let around = [i - 1, i + 1, i - width, i + width, i - width - 1, i - width + 1, i + width - 1, i + width + 1];
         around.iter().all(|n| {
-            let alike = frame.hit[*n] == frame.hit[*i] && frame.colour[*n] == frame.colour[*i];
+            let alike = frame.hit[*n] == frame.hit[*i] && is_dithered_alike(frame.colour[*n], frame.colour[*i]);
             alike && frame.distance[*i].is_finite() && (frame.distance[*n] / frame.distance[*i] - 1.0).abs() < 0.01
         })
     });
