@@ -172,8 +172,9 @@ pub struct FrameUniform {
     pub windows: [[i32; 4]; GRID_LEVELS],
 }
 
-/// Heights above the horizon in the sky's tables, and azimuths from the sun.
+/// Heights above the horizon in the sky's tables.
 pub const SKY_HEIGHTS: usize = 20;
+/// Azimuths from the sun in them.
 pub const SKY_AZIMUTHS: usize = 9;
 /// Entries of a [`SkyTable`].
 pub(crate) const SKY_CELLS: usize = SKY_HEIGHTS * SKY_AZIMUTHS;
@@ -201,8 +202,10 @@ pub struct Light {
     pub ground_sun: [f32; 4],
     /// Light that it reflects from the sky.
     pub ground_sky: [f32; 4],
-    /// Light that facades reflect from sun and sky.
-    pub facades: [f32; 4],
+    /// Light that facades reflect from the sun, where it reaches them.
+    pub facade_sun: [f32; 4],
+    /// Light that they reflect from the sky.
+    pub facade_sky: [f32; 4],
     /// Extinction of the air per metre.
     pub haze: [f32; 4],
     /// East and north of the horizontal unit vector towards the sun.
@@ -217,7 +220,8 @@ pub struct Light {
     pub facade_ground: f32,
     /// Mean radiance that a frame has after exposure.
     pub key: f32,
-    pub unused: f32,
+    /// Radiance of the brightest stars; 0 by day.
+    pub stars: f32,
     /// Radiance of the sky without forward scattering: [`SKY_AZIMUTHS`] by the cosine of the azimuth from the sun, -1 to 1,
     /// for each of [`SKY_HEIGHTS`], by the root of the height's sine from 1.7 degrees to the zenith.
     pub sky: SkyTable,

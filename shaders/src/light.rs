@@ -17,9 +17,17 @@ use std::{
 pub(crate) const SKY_LOW: f32 = 0.029_666;
 /// Angular radius of the sun's disc.
 pub const SUN_RADIUS_RAD: f32 = 0.004_65;
-/// Radiance of the sky at night, relative to the sun's irradiance above the atmosphere. It is a moonlit sky: a full moon
-/// gives the ground about 1 / 400,000 of the sun's light.
-const NIGHT: DVec3 = DVec3::new(0.45e-6, 0.62e-6, 1.0e-6);
+/// Radiance of the sky at night at the zenith, relative to the sun's irradiance above the atmosphere.
+const NIGHT: DVec3 = DVec3::new(0.06e-6, 0.08e-6, 0.13e-6);
+/// Irradiance from the moon, divided by pi: a full moon gives the ground about 1 / 400,000 of the sun's light. It comes from all
+/// over the sky, without shadows.
+const MOON: DVec3 = DVec3::new(0.6e-6, 0.7e-6, 0.85e-6);
+/// Share of it that walls receive.
+const MOON_ON_WALLS: f64 = 0.4;
+/// Radiance of the brightest stars in the dark.
+const STARS: f64 = 4.0;
+/// Heights of the sun in degrees at which the first stars appear and the last ones.
+const STARS_DEG: [f64; 2] = [-5.0, -14.0];
 /// Measured over computed radiance of the sky, overhead and (as a logarithm, falling upwards by the sine of the height) at the
 /// horizon: a fit to Hosek and Wilkie's sky (2012, as in Mitsuba 3.9.1) over 26 directions, five heights of the sun and
 /// turbidities 2 to 4. Multiple scattering from all sides alike misses some of the blue light along long paths.
@@ -30,10 +38,12 @@ const HORIZON_GAIN_FALL: f64 = 0.2;
 const DAY_KEY: f64 = 0.3;
 /// Light below this share of noon's makes darker frames, by this power of the light.
 const DUSK: f64 = 0.1;
-const DUSK_POWER: f64 = 0.13;
+const DUSK_POWER: f64 = 0.18;
 /// Albedo of ground and facades that reflect light into streets.
-const GROUND_REFLECTION: f64 = 0.24;
+const GROUND_REFLECTION: f64 = 0.16;
 const FACADE_REFLECTION: f64 = 0.45;
+/// Sunlit facades fill more of a street's view than the stored occlusion says, which leaves out what is below the horizon.
+const FACADE_SUN: f64 = 2.5;
 /// Contrast at which a surface is still visible at the end of the visibility (Koschmieder): 2%.
 const VISIBLE_CONTRAST_LN: f64 = 3.912;
 /// Extinction of haze by colour, relative to that at 0.55 micrometres: Ångström's exponent 1.3 at 612, 549 and 465 nm.
@@ -98,7 +108,7 @@ impl SkyTables {
                 let level = DVec2::new(flat.x * along - flat.y * across, flat.y * along + flat.x * across);
                 let SkyLight { smooth, forward } = air.sky((level * (1.0 - z * z).sqrt()).extend(z), sun);
                 let gain = SKY_GAIN * (HORIZON_GAIN_LN * (-z / HORIZON_GAIN_FALL).exp()).exp();
-                tables.smooth.push(smooth * gain + NIGHT * (1.4 - z));
+                tables.smooth.push(smooth * gain + NIGHT * (1.0 + 2.0 * (1.0 - z).powi(4)));
                 tables.forward.push(forward * gain);
             }
         }
@@ -132,7 +142,8 @@ impl SkyTables {
             }
         });
         let [up, towards, across, away, sunward] = sums;
-        SkyIrradiance { up, walls: [towards, across, away], sunward }
+        let walls = [towards, across, away].map(|wall| wall + MOON * MOON_ON_WALLS);
+        SkyIrradiance { up: up + MOON, walls, sunward: sunward + MOON }
     }
 }
 
@@ -157,6 +168,8 @@ impl Light {
         let sunlight = atmosphere.sun(sun.z) / PI;
         let white = luminance(sunlight + sky.sunward);
         let noon = luminance(atmosphere.sun(1.0)) / PI;
+        let sun_deg = sun.z.asin().to_degrees();
+        let darkness = ((sun_deg - STARS_DEG[0]) / (STARS_DEG[1] - STARS_DEG[0])).clamp(0.0, 1.0);
         let rgb = |v: DVec3| (v / white).as_vec3().extend(0.0).to_array();
         let table = |values: &[DVec3]| -> SkyTable {
             std::array::from_fn(|row| std::array::from_fn(|column| rgb(values[row * SKY_AZIMUTHS + column])))
@@ -168,7 +181,6 @@ impl Light {
         let axis = (towards + away) * 0.5 - across;
         let flat = (1.0 - sun.z * sun.z).max(0.0).sqrt();
         let level_sun = sunlight * sun.z.max(0.0);
-        let facades = sunlight * (flat * 0.5 / PI) + sky.up * 0.5;
         Self {
             sun: rgb(sunlight),
             sky_up: rgb(sky.up),
@@ -177,7 +189,8 @@ impl Light {
             sky_wall_axis: rgb(axis * 2.0),
             ground_sun: rgb(level_sun * GROUND_REFLECTION),
             ground_sky: rgb(sky.up * GROUND_REFLECTION),
-            facades: rgb(facades * FACADE_REFLECTION),
+            facade_sun: rgb(sunlight * (flat * FACADE_SUN * FACADE_REFLECTION)),
+            facade_sky: rgb(sky.up * (0.5 * FACADE_REFLECTION)),
             haze: (HAZE_TINT * (VISIBLE_CONTRAST_LN / f64::from(air.visibility_m.max(1.0))))
                 .as_vec3()
                 .extend(0.0)
@@ -188,7 +201,7 @@ impl Light {
             sun_tan: (sun.z.max(0.0) / flat.max(1e-3)) as f32,
             facade_ground: (FACADE_REFLECTION * 0.5) as f32,
             key: (DAY_KEY * (white / noon / DUSK).min(1.0).powf(DUSK_POWER)) as f32,
-            unused: 0.0,
+            stars: (STARS * darkness) as f32,
             sky: table(&tables.smooth),
             glow: table(&tables.forward),
         }

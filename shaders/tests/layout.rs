@@ -73,7 +73,8 @@ fn structs_have_the_same_layout() {
             sky_wall_axis,
             ground_sun,
             ground_sky,
-            facades,
+            facade_sun,
+            facade_sky,
             haze,
             side,
             disc,
@@ -81,7 +82,7 @@ fn structs_have_the_same_layout() {
             sun_tan,
             facade_ground,
             key,
-            unused,
+            stars,
             sky,
             glow,
         }

@@ -52,18 +52,28 @@ fn reflected(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Radiance {
         + frame.light.sky_wall_axis.rgb * (ahead * ahead);
     let overhead = up * ZENITH_SHARE;
     let sky = mix(overhead + (wall - overhead) * open, up, upright) * ao;
-    let returned = light_from_city(open, 0.5 - 0.5 * n.z, ao);
+    let returned = light_from_city(Surroundings(open, 0.5 - 0.5 * n.z, ahead, upright), ao);
     let sun = frame.light.sun.rgb * max(dot(n, frame.sun), 0.0);
     return Radiance(albedo * (sky + returned), albedo * sun * sun_share_by_sky(ao));
 }
 
-// Light that ground and walls return to a surface. `below` is the share of its hemisphere below the horizon.
-fn light_from_city(open: f32, below: f32, ao: f32) -> vec3<f32> {
-    let reach = frame.light.sun_tan * open;
-    let lit = reach / (reach + STREET_DEPTH * (1.0 - open) + 1e-6);
-    let ground = frame.light.ground_sun.rgb * lit + frame.light.ground_sky.rgb;
-    let facades = frame.light.facades.rgb + ground * frame.light.facade_ground;
-    return ground * below + facades * (FACADE_SHARE * max(1.0 - ao - below, 0.0));
+// What a surface is turned to.
+struct Surroundings {
+    open: f32,
+    below: f32,
+    ahead: f32,
+    upright: f32,
+}
+
+// Light that ground and facades return to a surface.
+fn light_from_city(around: Surroundings, ao: f32) -> vec3<f32> {
+    let reach = frame.light.sun_tan * around.open;
+    let deep = 1.0 - around.open + 1e-6;
+    let ground = frame.light.ground_sun.rgb * (reach / (reach + GROUND_DEPTH * deep)) + frame.light.ground_sky.rgb;
+    let sunlit = reach / (reach + FACADE_DEPTH * deep) * (0.5 - 0.5 * around.ahead);
+    let facades = frame.light.facade_sun.rgb * sunlit + frame.light.facade_sky.rgb + ground * frame.light.facade_ground;
+    let share = mix(FACADES_BY_WALL, FACADES_BY_GROUND, around.upright);
+    return ground * around.below + facades * (share * max(1.0 - ao - around.below, 0.0));
 }
 
 // Without shadow rays: a surface that sees little sky sees little sun.
@@ -129,7 +139,32 @@ fn sky(dir: vec3<f32>) -> vec3<f32> {
     let high = sky_at(row + 1u, column);
     let edge = clamp((DISC_OUTER - from_sun(dir)) / (DISC_OUTER - DISC_INNER), 0.0, 1.0);
     return mix(low.smooth_part, high.smooth_part, above) + mix(low.forward, high.forward, above) * phase(dir)
-        + frame.light.sun.rgb * (DISC * frame.light.disc * edge);
+        + frame.light.sun.rgb * (DISC * frame.light.disc * edge) + stars(dir);
+}
+
+fn stars(dir: vec3<f32>) -> f32 {
+    if frame.light.stars <= 0.0 {
+        return 0.0;
+    }
+    let place = dir * STAR_CELLS;
+    let cell = floor(place);
+    let c = bitcast<vec3<u32>>(vec3<i32>(cell));
+    let hash = scramble(scramble(scramble(c.x) + c.y) + c.z);
+    if hash % STAR_RARITY != 0u {
+        return 0.0;
+    }
+    let magnitude = f32(hash >> 16u) / 65535.0;
+    let apart = place - cell - 0.5;
+    return frame.light.stars * magnitude * magnitude * magnitude * exp(-STAR_SHARPNESS * dot(apart, apart));
+}
+
+// A word whose bits depend on all bits of another.
+fn scramble(word: u32) -> u32 {
+    var h = (word ^ 61u) ^ (word >> 16u);
+    h *= 9u;
+    h ^= h >> 4u;
+    h *= 0x27d4eb2du;
+    return h ^ (h >> 15u);
 }
 
 fn low_sky(dir: vec3<f32>) -> vec3<f32> {

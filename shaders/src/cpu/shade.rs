@@ -28,12 +28,19 @@ pub(crate) const DISC_INNER: f32 = 1.7e-5;
 pub(crate) const DISC_OUTER: f32 = 3.2e-5;
 /// Brightness of the sun's disc.
 pub(crate) const DISC: f32 = 40.0;
-/// Share of a surface's light from the ground below that comes from walls around, where those cover the rest.
-pub(crate) const FACADE_SHARE: f32 = 0.8;
+/// Cells of the grid of stars along the unit sphere's radius, one in how many has a star, and how small stars are.
+pub(crate) const STAR_CELLS: f32 = 140.0;
+pub(crate) const STAR_RARITY: u32 = 90;
+pub(crate) const STAR_SHARPNESS: f32 = 30.0;
+/// Weight of facades in the part of a wall's, and of the ground's, surroundings that is neither sky nor ground.
+pub(crate) const FACADES_BY_WALL: f32 = 1.2;
+pub(crate) const FACADES_BY_GROUND: f32 = 0.55;
 /// Share of the open sky's light that reaches a wall from straight above, where the horizon is hidden.
-pub(crate) const ZENITH_SHARE: f32 = 0.4;
-/// How much deeper than its tangent a sun reaches into a street that sees a share of the sky.
-pub(crate) const STREET_DEPTH: f32 = 0.35;
+pub(crate) const ZENITH_SHARE: f32 = 0.17;
+/// Tangent of the sun's height at which it reaches half of the ground of a street that sees half of the sky, and half of its
+/// facades.
+pub(crate) const GROUND_DEPTH: f32 = 0.26;
+pub(crate) const FACADE_DEPTH: f32 = 1.0;
 /// Weights of red, green and blue in luminance (Rec. 709).
 pub(crate) const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 /// Colours of [`Shading::Kind`].
@@ -121,17 +128,32 @@ fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
     let wall = rgb(light.sky_wall) + rgb(light.sky_wall_ahead) * ahead + rgb(light.sky_wall_axis) * (ahead * ahead);
     let overhead = up * ZENITH_SHARE;
     let sky = (overhead + (wall - overhead) * open).lerp(up, upright) * ao;
-    let returned = light_from_city(light, open, 0.5 - 0.5 * n.z, ao);
+    let returned = light_from_city(light, &Surroundings { open, below: 0.5 - 0.5 * n.z, ahead, upright }, ao);
     let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
     Radiance { sky: albedo * (sky + returned), sun: albedo * sun * sun_share_by_sky(frame, ao) }
 }
 
-/// Light that ground and walls return to a surface. `below` is the share of its hemisphere below the horizon.
-fn light_from_city(light: &Light, open: f32, below: f32, ao: f32) -> Vec3 {
-    let reach = light.sun_tan * open;
-    let ground = rgb(light.ground_sun) * (reach / (reach + STREET_DEPTH * (1.0 - open) + 1e-6)) + rgb(light.ground_sky);
-    let facades = rgb(light.facades) + ground * light.facade_ground;
-    ground * below + facades * (FACADE_SHARE * (1.0 - ao - below).max(0.0))
+/// What a surface is turned to.
+struct Surroundings {
+    /// Openness: 1 without neighbours.
+    open: f32,
+    /// Share of its hemisphere below the horizon.
+    below: f32,
+    /// Cosine to the sun's azimuth.
+    ahead: f32,
+    /// 1 for level surfaces, 0 for walls.
+    upright: f32,
+}
+
+/// Light that ground and facades return to a surface. The deeper the street, the less of them the sun reaches. Facades opposite
+/// a wall that is turned away from the sun are those in the sun.
+fn light_from_city(light: &Light, around: &Surroundings, ao: f32) -> Vec3 {
+    let (reach, deep) = (light.sun_tan * around.open, 1.0 - around.open + 1e-6);
+    let ground = rgb(light.ground_sun) * (reach / (reach + GROUND_DEPTH * deep)) + rgb(light.ground_sky);
+    let sunlit = reach / (reach + FACADE_DEPTH * deep) * (0.5 - 0.5 * around.ahead);
+    let facades = rgb(light.facade_sun) * sunlit + rgb(light.facade_sky) + ground * light.facade_ground;
+    let share = FACADES_BY_WALL + (FACADES_BY_GROUND - FACADES_BY_WALL) * around.upright;
+    ground * around.below + facades * (share * (1.0 - ao - around.below).max(0.0))
 }
 
 /// Without shadow rays: a surface that sees little sky sees little sun. A wall in the open sees half of the sky.
@@ -225,7 +247,36 @@ fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
         at(row).lerp(at(row + 1), height - row as f32)
     };
     let edge = ((DISC_OUTER - from_sun(frame, dir)) / (DISC_OUTER - DISC_INNER)).clamp(0.0, 1.0);
-    read(&light.sky) + read(&light.glow) * phase(frame, dir) + rgb(light.sun) * (DISC * light.disc * edge)
+    read(&light.sky)
+        + read(&light.glow) * phase(frame, dir)
+        + rgb(light.sun) * (DISC * light.disc * edge)
+        + stars(light.stars, dir)
+}
+
+/// One cell in [`STAR_RARITY`] of a grid over the unit sphere has a star. Few are bright.
+fn stars(brightest: f32, dir: Vec3) -> f32 {
+    if brightest <= 0.0 {
+        return 0.0;
+    }
+    let place = dir * STAR_CELLS;
+    let cell = place.floor();
+    let [x, y, z] = cell.as_ivec3().as_uvec3().to_array();
+    let hash = scramble(scramble(scramble(x).wrapping_add(y)).wrapping_add(z));
+    if hash % STAR_RARITY != 0 {
+        return 0.0;
+    }
+    let magnitude = (hash >> 16) as f32 / 65_535.0;
+    let apart = (place - cell - 0.5).length_squared();
+    brightest * magnitude * magnitude * magnitude * (-STAR_SHARPNESS * apart).exp()
+}
+
+/// A word whose bits depend on all bits of another (Wang's integer hash, 2007).
+fn scramble(word: u32) -> u32 {
+    let mut h = (word ^ 61) ^ (word >> 16);
+    h = h.wrapping_mul(9);
+    h ^= h >> 4;
+    h = h.wrapping_mul(0x27d4_eb2d);
+    h ^ (h >> 15)
 }
 
 /// Column of the sky's tables in direction `dir`, and how far the direction is towards the next one.

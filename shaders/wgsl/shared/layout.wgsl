@@ -8,7 +8,8 @@ struct Light {
     sky_wall_axis: vec4<f32>,
     ground_sun: vec4<f32>,
     ground_sky: vec4<f32>,
-    facades: vec4<f32>,
+    facade_sun: vec4<f32>,
+    facade_sky: vec4<f32>,
     haze: vec4<f32>,
     side: vec2<f32>,
     disc: f32,
@@ -16,7 +17,7 @@ struct Light {
     sun_tan: f32,
     facade_ground: f32,
     key: f32,
-    unused: f32,
+    stars: f32,
     sky: array<vec4<f32>, SKY_CELLS>,
     glow: array<vec4<f32>, SKY_CELLS>,
 }
