@@ -187,6 +187,6 @@ mod tests {
         let level = |textures: &TextureStore, number| textures.get(number).unwrap().rgb[0][0];
         assert_eq!((level(&city.textures, 0), level(&city.textures, 1)), (137, 137));
         assert_eq!([0, 1].map(|number| city.textures.hash(number) == hashes[number as usize]), [false, true]);
-        assert_eq!(level_textures(&mut city, &[]).unwrap(), []);
+        assert!(level_textures(&mut city, &[]).unwrap().is_empty());
     }
 }

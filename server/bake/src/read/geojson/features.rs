@@ -137,7 +137,7 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         let height = PrismHeight::of(&feature.properties, |kind, detail| {
             self.report.problem(kind, || format!("{id}: {detail}"));
         });
-        let look = Look::new(id, walls_by_use(&feature.properties), &ObjectShape::prism(height.base_m, height.top_m));
+        let look = Look::new(id, walls_by_use(&feature.properties), &ObjectShape::new());
         let colours = prism_colours(&feature.properties, &self.context.options.palette, &look, |detail| {
             self.report.problem("colour not understood", || format!("{id}: {detail}"));
         });

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::tables::{BRICK_WALLS, CONCRETE_WALLS, FLAT_ROOFS, HALL_ROOF, PLASTER_WALLS, TILE_ROOFS};
+use super::tables::{BRICK_WALLS, CONCRETE_WALLS, FLAT_ROOF, HALL_ROOF, PLASTER_WALLS, TILED_ROOF};
 
 /// Least z of a flat roof's unit normal. It is the cosine of 14 degrees: drained flat roofs slope by up to 5, and tiles
 /// hold off rain from about 15 degrees on.
@@ -11,8 +11,6 @@ const FLAT_NORMAL_Z: f64 = 0.97;
 const ROOF_NORMAL_Z: f64 = 0.26;
 /// Larger pitched roofs are those of halls, which have sheet metal.
 const HALL_M2: f64 = 1500.0;
-/// Taller buildings have walls of concrete, unless their use is known.
-const TALL_M: f64 = 24.0;
 /// Change of lightness of one step, in percent of the sRGB values.
 const STEP_PERCENT: i32 = 5;
 
@@ -106,27 +104,16 @@ impl WallKind {
 pub(crate) struct ObjectShape {
     /// Area of the upward surfaces, seen from above.
     footprint_m2: f64,
-    low_m: f64,
-    high_m: f64,
 }
 
 impl ObjectShape {
     pub(crate) fn new() -> Self {
-        Self { footprint_m2: 0.0, low_m: f64::INFINITY, high_m: f64::NEG_INFINITY }
-    }
-
-    /// The shape of a prism, which has no pitched roof.
-    pub(crate) fn prism(low_m: f64, high_m: f64) -> Self {
-        Self { footprint_m2: 0.0, low_m, high_m }
+        Self { footprint_m2: 0.0 }
     }
 
     /// Adds a surface with this outer ring.
     pub(crate) fn add(&mut self, ring: &[[f64; 3]]) {
         self.footprint_m2 += area_vector(ring).z.max(0.0);
-        for point in ring {
-            self.low_m = self.low_m.min(point[2]);
-            self.high_m = self.high_m.max(point[2]);
-        }
     }
 }
 
@@ -158,17 +145,16 @@ pub(crate) struct Look {
 }
 
 impl Look {
-    /// `id` is that of the whole building, `walls` what its use tells. Few tones and steps, because a tile's palette is
-    /// small.
+    /// `id` is that of the whole building, `walls` what its use tells. Half of the buildings have the common look, the
+    /// others one of eight: each border between two colours costs bytes of the tiles.
     pub(crate) fn new(id: &str, walls: Option<WallKind>, shape: &ObjectShape) -> Self {
-        let by_height = || if shape.high_m - shape.low_m > TALL_M { WallKind::Concrete } else { WallKind::Plaster };
-        let [tone, step, ..] = *blake3::hash(id.as_bytes()).as_bytes();
-        Self {
-            walls: walls.unwrap_or_else(by_height),
-            is_hall: shape.footprint_m2 > HALL_M2,
-            tone: tone % 4,
-            step: i32::from(step % 3) - 1,
-        }
+        let variant = blake3::hash(id.as_bytes()).as_bytes()[0] % 16;
+        let (tone, step) = match variant.checked_sub(8) {
+            None => (0, 0),
+            Some(variant) => (variant % 4, if variant < 4 { 1 } else { -1 }),
+        };
+        let walls = walls.unwrap_or(WallKind::Plaster);
+        Self { walls, is_hall: shape.footprint_m2 > HALL_M2, tone, step }
     }
 
     /// The look of what is no building: no variation.
@@ -184,12 +170,11 @@ impl Look {
     }
 
     pub(super) fn roof(&self, normal_z: f64) -> [u8; 3] {
-        let tone = usize::from(self.tone % 2);
-        self.shade(match (normal_z > FLAT_NORMAL_Z, self.is_hall) {
-            (true, _) => FLAT_ROOFS[tone],
+        match (normal_z > FLAT_NORMAL_Z, self.is_hall) {
+            (true, _) => FLAT_ROOF,
             (false, true) => HALL_ROOF,
-            (false, false) => TILE_ROOFS[tone],
-        })
+            (false, false) => self.shade(TILED_ROOF),
+        }
     }
 
     /// Roof or wall.
@@ -208,40 +193,39 @@ impl Look {
 mod tests {
     use super::*;
 
-    fn shape(width_m: f64, height_m: f64) -> ObjectShape {
+    fn shape(width_m: f64) -> ObjectShape {
+        let ring = [[0.0, 0.0, 8.0], [width_m, 0.0, 8.0], [width_m, 10.0, 8.0], [0.0, 10.0, 8.0]];
         let mut shape = ObjectShape::new();
-        for z in [0.0, height_m] {
-            let ring = [[0.0, 0.0, z], [width_m, 0.0, z], [width_m, 10.0, z], [0.0, 10.0, z]];
-            if z > 0.0 { shape.add(&ring) } else { shape.add(&ring.map(|[x, y, z]| [y, x, z])) }
-        }
+        shape.add(&ring);
+        shape.add(&ring.map(|[x, y, _]| [y, x, 0.0]));
         shape
     }
 
     #[test]
     fn looks_differ_between_buildings_and_stay_close() {
-        let mut colours: Vec<_> = (0..200).map(|i| Look::new(&i.to_string(), None, &shape(10.0, 8.0)).wall()).collect();
+        let mut colours: Vec<_> = (0..200).map(|i| Look::new(&i.to_string(), None, &shape(10.0)).wall()).collect();
         colours.sort_unstable();
         colours.dedup();
-        assert_eq!(colours.len(), 12);
+        assert_eq!(colours.len(), 9);
         let luminance = |rgb: [u8; 3]| rgb.map(i32::from).iter().sum::<i32>();
         let levels = colours.iter().map(|rgb| luminance(*rgb));
         assert!(levels.clone().max().unwrap() - levels.min().unwrap() < 120);
-        let look = Look::new("a", None, &shape(10.0, 8.0));
-        assert_eq!(look, Look::new("a", None, &shape(20.0, 9.0)));
+        let look = Look::new("a", None, &shape(10.0));
+        assert_eq!(look, Look::new("a", None, &shape(20.0)));
     }
 
     #[test]
     fn slope_and_size_decide_the_roof() {
-        let look = Look { is_hall: shape(151.0, 8.0).footprint_m2 > HALL_M2, ..Look::PLAIN };
-        assert!(look.is_hall && shape(149.0, 8.0).footprint_m2 < HALL_M2);
+        let look = Look { is_hall: shape(151.0).footprint_m2 > HALL_M2, ..Look::PLAIN };
+        assert!(look.is_hall && shape(149.0).footprint_m2 < HALL_M2);
         let rise = |z: f64| normal_z(&[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, z], [0.0, 4.0, z]]);
-        assert_eq!((Look::PLAIN.roof(rise(0.9)), Look::PLAIN.roof(rise(1.1))), (FLAT_ROOFS[0], TILE_ROOFS[0]));
-        assert_eq!((look.roof(rise(0.9)), look.roof(rise(1.1))), (FLAT_ROOFS[0], HALL_ROOF));
+        assert_eq!((Look::PLAIN.roof(rise(0.9)), Look::PLAIN.roof(rise(1.1))), (FLAT_ROOF, TILED_ROOF));
+        assert_eq!((look.roof(rise(0.9)), look.roof(rise(1.1))), (FLAT_ROOF, HALL_ROOF));
         assert_eq!((look.shell(0.1), look.shell(0.5)), (PLASTER_WALLS[0], HALL_ROOF));
     }
 
     #[test]
-    fn use_or_height_decides_the_walls() {
+    fn use_decides_the_walls() {
         let cases = [
             ("apartments", Some(WallKind::Plaster)),
             ("warehouse", Some(WallKind::Concrete)),
@@ -254,7 +238,7 @@ mod tests {
         for (name, kind) in cases {
             assert_eq!(WallKind::of_use(name), kind, "{name}");
         }
-        assert_eq!(Look::new("a", None, &shape(10.0, 30.0)).walls, WallKind::Concrete);
-        assert_eq!(Look::new("a", Some(WallKind::Brick), &shape(10.0, 30.0)).walls, WallKind::Brick);
+        let walls = |known| Look::new("a", known, &shape(10.0)).walls;
+        assert_eq!((walls(None), walls(Some(WallKind::Brick))), (WallKind::Plaster, WallKind::Brick));
     }
 }

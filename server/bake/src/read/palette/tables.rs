@@ -111,9 +111,9 @@ pub(super) const PLASTER_WALLS: [[u8; 3]; 4] = [[199, 196, 189], [201, 191, 171]
 pub(super) const BRICK_WALLS: [[u8; 3]; 4] = [[152, 106, 86], [160, 120, 98], [140, 98, 84], [170, 142, 116]];
 /// Tones of concrete walls.
 pub(super) const CONCRETE_WALLS: [[u8; 3]; 4] = [[168, 165, 158], [178, 175, 168], [158, 159, 160], [184, 181, 176]];
-/// Tones of tiled roofs.
-pub(super) const TILE_ROOFS: [[u8; 3]; 2] = [[149, 97, 80], [143, 98, 84]];
-/// Tones of flat roofs: bitumen with gravel.
-pub(super) const FLAT_ROOFS: [[u8; 3]; 2] = [[160, 160, 158], [160, 157, 150]];
+/// Tiled roofs.
+pub(super) const TILED_ROOF: [u8; 3] = [149, 97, 80];
+/// Flat roofs: bitumen with gravel. They do not vary: in a city of flat roofs that would cost bytes and show little.
+pub(super) const FLAT_ROOF: [u8; 3] = [160, 160, 157];
 /// Roofs of halls: sheet metal.
 pub(super) const HALL_ROOF: [u8; 3] = METAL;
