@@ -302,10 +302,10 @@ fn feature_may_have_its_own_appearance() {
     let coloured = solid("1").replace("\"lod\"", r#""material": {"m": {"value": 0}}, "lod""#);
     let feature = format!(
         r#"{{"type": "CityJSONFeature", "CityObjects": {{{}}}, "vertices": [{CUBE}],
-            "appearance": {{"materials": [{{"diffuseColor": [0, 0, 1]}}]}}}}"#,
+            "appearance": {{"materials": [{{"diffuseColor": [0.2, 0.3, 0.5]}}]}}}}"#,
         object("a", &coloured)
     );
     let text = format!("{HEADER}\n{}", feature.replace('\n', " "));
     let (scene, _) = read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
-    assert_eq!(colours(&scene)[0], [0, 0, 255]);
+    assert_eq!(colours(&scene)[0], [51, 77, 128]);
 }
