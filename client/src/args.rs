@@ -108,8 +108,8 @@ pub struct OpenArgs {
     /// Side of the finest column in metres [default: 1].
     #[arg(long, value_name = "M")]
     pub cell: Option<f64>,
-    /// Colours for surfaces without any, as for `insula-server bake`.
-    #[arg(long, value_name = "FILE.json")]
+    /// Colours of surfaces, as for `insula-server bake`.
+    #[arg(long, value_name = "harmonised|source|FILE.json")]
     pub palette: Option<PathBuf>,
     #[command(flatten)]
     pub sun: SunArgs,

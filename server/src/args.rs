@@ -154,8 +154,9 @@ pub struct BakeArgs {
     /// Axis of OBJ files that points up
     #[arg(long, value_enum, default_value = "z")]
     pub obj_up: UpAxis,
-    /// Colours for surfaces, objects and materials that have none
-    #[arg(long, value_name = "FILE.json")]
+    /// harmonised (default): pure and white colours of sources become materials, photos get the level of lit walls;
+    /// source: keep the sources' colours and photos; or a file of colours for surfaces, objects and materials
+    #[arg(long, value_name = "harmonised|source|FILE.json")]
     pub palette: Option<PathBuf>,
     /// Folder from which textures may be read besides those of the inputs; may be repeated
     #[arg(long, value_name = "DIR")]

@@ -57,10 +57,10 @@ pub(super) const VERSIONS: (&str, u16, u32, u32) =
     (env!("CARGO_PKG_VERSION"), insula_protocol::tile::VERSION, insula_bake::ALGORITHM, insula_bake::MESH_ALGORITHM);
 
 /// A hash of the settings and of each file's path, size and modification time. Fails if a file cannot be read.
-pub(super) fn cache_key(inputs: &[PathBuf], palette: Option<&Path>, cell_m: f64) -> Result<u64> {
+pub(super) fn cache_key(inputs: &[PathBuf], palette: &Palette, cell_m: f64) -> Result<u64> {
     let mut hasher = DefaultHasher::new();
-    (VERSIONS, cell_m.to_bits()).hash(&mut hasher);
-    for path in inputs.iter().map(PathBuf::as_path).chain(palette) {
+    (VERSIONS, palette, cell_m.to_bits()).hash(&mut hasher);
+    for path in inputs {
         hash_path(path, &mut hasher)?;
     }
     Ok(hasher.finish())
@@ -237,7 +237,7 @@ mod tests {
         }
         symlink(&city, deepest.join("top")).unwrap();
         fs::write(deepest.join("a.obj"), "v 0 0 0").unwrap();
-        let key = || cache_key(std::slice::from_ref(&city), None, 1.0).unwrap();
+        let key = || cache_key(std::slice::from_ref(&city), &Palette::default(), 1.0).unwrap();
         let before = key();
         assert_eq!(key(), before);
         fs::write(deepest.join("a.obj"), "v 0 0 0\nv 1 1 1").unwrap();
@@ -245,6 +245,6 @@ mod tests {
         // An input that is a link itself is followed.
         let inputs = [folder.path().join("link")];
         symlink(&city, &inputs[0]).unwrap();
-        assert_eq!(cache_key(&inputs, None, 1.0).unwrap(), key());
+        assert_eq!(cache_key(&inputs, &Palette::default(), 1.0).unwrap(), key());
     }
 }

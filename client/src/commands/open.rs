@@ -14,10 +14,10 @@ use insula_bake::read::Palette;
 pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
     let cell_m = args.cell.unwrap_or(1.0);
     let palette = match &args.palette {
-        Some(path) => Palette::read(path).map_err(|e| ClientError::Usage(e.to_string()))?,
+        Some(value) => Palette::from_option(value).map_err(|e| ClientError::Usage(e.to_string()))?,
         None => Palette::default(),
     };
-    let cache_key = cache_key(&args.inputs, args.palette.as_deref(), cell_m)?;
+    let cache_key = cache_key(&args.inputs, &palette, cell_m)?;
     let job = BakeJob { inputs: args.inputs.clone(), cell_m, palette, cache_key, ..BakeJob::default() };
     let server = serve(&bake_cached(&job)?)?;
     view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global)

@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Increased whenever the same scene and settings would give different tiles than before.
-pub const ALGORITHM: u32 = 6;
+pub const ALGORITHM: u32 = 7;
 /// Cells outside this range are taken for typing errors.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// Default memory limit; 192 MiB per thread if that is more.
@@ -71,7 +71,7 @@ pub struct BakeOptions {
     pub attribution: Vec<Attribution>,
     /// The vertical axis of OBJ files.
     pub obj_up: ObjUpAxis,
-    /// Colours of surfaces that have none in the source.
+    /// Colours of surfaces, and what is done with those of the source.
     pub palette: Palette,
     /// Folders from which textures and material libraries may be read besides the source's own.
     pub texture_roots: Vec<PathBuf>,

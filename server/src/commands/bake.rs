@@ -33,7 +33,7 @@ const MAX_REPORT_BYTES: u64 = 64 << 20;
 /// Runs `bake`: writes the city and the report, and prints a summary. Fails if the bake fails or the report cannot be written.
 pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     let palette = match &args.palette {
-        Some(path) => Palette::read(path).map_err(|error| CommandError::Bake(error.to_string()))?,
+        Some(value) => Palette::from_option(value).map_err(|error| CommandError::Bake(error.to_string()))?,
         None => Palette::default(),
     };
     if let Some(report) = &args.report {

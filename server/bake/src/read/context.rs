@@ -34,7 +34,7 @@ pub struct ReadOptions {
     pub max_document_bytes: u64,
     /// Longer lines of a CityJSONSeq or GeoJSON are skipped. A larger feature of a GeoJSON document is an error.
     pub max_line_bytes: u64,
-    /// Colours of surfaces that have none in the source.
+    /// Colours of surfaces, and what is done with those of the source.
     pub palette: Palette,
     /// Folders from which textures and material libraries may be read besides the source's own.
     pub texture_roots: Vec<PathBuf>,

@@ -17,13 +17,14 @@ mod source;
 #[cfg(test)]
 mod tests;
 mod texture;
+mod texture_level;
 
 use std::path::{Path, PathBuf};
 
 pub use crate::error::InputError;
 pub use context::{ObjUpAxis, ReadOptions};
-pub use palette::Palette;
-pub use report::{FaultCount, ReadReport, SourceFormat, SourceReport};
+pub use palette::{Palette, PaletteMode};
+pub use report::{ColourCounts, FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;
 
 use crate::error::BakeError;
@@ -76,11 +77,12 @@ pub(crate) fn read_to_disk(
     let triangles = TriangleStore::in_file(scratch.folder.join("triangles"))?;
     let textures = TextureStore::in_folder(scratch.folder.to_owned(), scratch.texture_cache_bytes);
     let context = ReadContext::new(options, triangles, textures);
-    let (mut city, report) = read_sources(&source::list(inputs, &options.texture_roots)?, context, progress)?;
-    city.stored.finish()?;
-    city.names.finish();
-    city.textures.finish()?;
-    Ok((city, report))
+    let mut read = read_sources(&source::list(inputs, &options.texture_roots)?, context, progress)?;
+    read.city.stored.finish()?;
+    read.city.names.finish();
+    read.city.textures.finish()?;
+    read.level_textures(options)?;
+    Ok((read.city, read.report))
 }
 
 fn read_scene(
@@ -89,22 +91,49 @@ fn read_scene(
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
     let context = ReadContext::new(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory());
-    let (city, report) = read_sources(sources, context, progress)?;
+    let mut read = read_sources(sources, context, progress)?;
     let label = || sources.first().map_or(String::new(), |source| source.label.clone());
-    let scene = city.into_scene().map_err(|error| InputError::io(&label(), std::io::Error::other(error)))?;
-    Ok((scene, report))
+    let levelled = read.level_textures(options);
+    let scene = levelled.and_then(|()| read.city.into_scene());
+    Ok((scene.map_err(|error| InputError::io(&label(), std::io::Error::other(error)))?, read.report))
+}
+
+/// A city as it is read, with the textures of photos at the level that they have.
+struct ReadCity {
+    city: ScratchScene,
+    report: ReadReport,
+    /// The set of each texture, whose members get one factor.
+    set_of_texture: Vec<u32>,
+    /// The set of each source in the report.
+    set_of_source: Vec<u32>,
+}
+
+impl ReadCity {
+    /// Brings photo textures to the level of lit materials, unless sources stay as they are. Fails if scratch files cannot
+    /// be read.
+    fn level_textures(&mut self, options: &ReadOptions) -> Result<(), BakeError> {
+        if options.palette.mode == PaletteMode::Source {
+            return Ok(());
+        }
+        let gains = texture_level::level_textures(&mut self.city, &self.set_of_texture)?;
+        for (source, set) in self.report.sources.iter_mut().zip(&self.set_of_source) {
+            source.texture_gain = gains.get(*set as usize).copied().unwrap_or(1.0);
+        }
+        Ok(())
+    }
 }
 
 fn read_sources(
     sources: &[CitySource<'_>],
     mut context: ReadContext<'_>,
     progress: &dyn Fn(ReadProgress),
-) -> Result<(ScratchScene, ReadReport), InputError> {
+) -> Result<ReadCity, InputError> {
     if sources.is_empty() {
         return Err(InputError::NoSource { path: "the input".to_owned() });
     }
     let bytes_total = sources.iter().map(|source| source.bytes).sum();
     let mut report = ReadReport::default();
+    let mut set_of_source = Vec::new();
     let mut bytes_before = 0;
     for source in sources {
         let tick = |done: u64| {
@@ -114,17 +143,24 @@ fn read_sources(
         context.source = report.sources.len();
         subject::set(format_args!("{}", source.label));
         match read_source(&mut context, source, &tick)? {
-            Some(read) => report.sources.push(read),
+            Some(read) => {
+                report.sources.push(read);
+                set_of_source.push(context.textures.set_of(source));
+            }
             None => report.ignored.push(source.label.clone()),
         }
         bytes_before += source.bytes;
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
+    let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
     let city = context.finish(&mut report.sources);
     report.objects = city.objects.len() as u64;
     report.triangles = city.triangles;
     report.crs.clone_from(&city.crs);
-    if city.triangles == 0 { Err(empty_city(sources, &report)) } else { Ok((city, report)) }
+    if city.triangles == 0 {
+        return Err(empty_city(sources, &report));
+    }
+    Ok(ReadCity { city, report, set_of_texture, set_of_source })
 }
 
 /// Reads a source; `None` if it was found in a folder and turns out to be other JSON than a city.

@@ -50,8 +50,44 @@ pub enum SourceFormat {
     Obj,
 }
 
+/// Where a surface's colour comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ColourOrigin {
+    /// The source, as it is.
+    Source,
+    /// The source, changed to that of a material.
+    Harmonised,
+    /// The palette.
+    Palette,
+    /// A texture of the source.
+    Texture,
+}
+
+/// Number of surfaces by where their colour comes from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct ColourCounts {
+    /// As in the source.
+    pub source: u64,
+    /// Those of the source that no material has, changed to that of a material.
+    pub harmonised: u64,
+    /// Of the palette: the source has none, or plain white.
+    pub palette: u64,
+    pub textured: u64,
+}
+
+impl ColourCounts {
+    pub(crate) fn add(&mut self, origin: ColourOrigin) {
+        *match origin {
+            ColourOrigin::Source => &mut self.source,
+            ColourOrigin::Harmonised => &mut self.harmonised,
+            ColourOrigin::Palette => &mut self.palette,
+            ColourOrigin::Texture => &mut self.textured,
+        } += 1;
+    }
+}
+
 /// What was read from one source.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SourceReport {
     /// Path as it was given or found.
     pub path: String,
@@ -73,6 +109,10 @@ pub struct SourceReport {
     pub terrain_triangles: u64,
     /// Number of images decoded for this source.
     pub textures: u64,
+    /// Factor of the textures' linear light, common to the sources of a folder; 1 if they are not changed.
+    pub texture_gain: f64,
+    /// Surfaces by where their colour comes from.
+    pub colours: ColourCounts,
     /// Coordinate system such as `EPSG:7415`.
     pub crs: Option<String>,
     /// Titles in the metadata.
@@ -97,6 +137,8 @@ impl SourceReport {
             triangles: 0,
             terrain_triangles: 0,
             textures: 0,
+            texture_gain: 1.0,
+            colours: ColourCounts::default(),
             crs: None,
             titles: Vec::new(),
             attributions: Vec::new(),
@@ -131,7 +173,7 @@ fn count_fault(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl 
 }
 
 /// What was read from all sources.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ReadReport {
     /// In reading order.
     pub sources: Vec<SourceReport>,

@@ -21,6 +21,10 @@ const FILE_BYTES_BASE: u64 = 1 << 20;
 pub(crate) struct TextureLoader {
     by_name: HashMap<(String, String), Result<u32, TextureFault>>,
     max_pixels: u64,
+    /// Folders of sources.
+    sets: HashMap<String, u32>,
+    /// By texture.
+    pub(crate) set_of_texture: Vec<u32>,
     pub(crate) textures: TextureStore,
 }
 
@@ -31,17 +35,25 @@ struct TextureFault {
 
 impl TextureLoader {
     pub(crate) fn new(max_pixels: u64, textures: TextureStore) -> Self {
-        Self { by_name: HashMap::new(), max_pixels, textures }
+        Self { by_name: HashMap::new(), max_pixels, sets: HashMap::new(), set_of_texture: Vec::new(), textures }
+    }
+
+    /// The set of a source's textures: those of its folder.
+    pub(crate) fn set_of(&mut self, source: &CitySource<'_>) -> u32 {
+        let next = self.sets.len() as u32;
+        *self.sets.entry(source.files.location()).or_insert(next)
     }
 
     /// The texture's number; `None` if it cannot be loaded, with the reason in the report.
     pub(crate) fn load(&mut self, source: &CitySource<'_>, name: &str, report: &mut SourceReport) -> Option<u32> {
+        let set = self.set_of(source);
         let key = (source.files.location(), name.to_owned());
         let loaded = match self.by_name.entry(key) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(vacant) => {
                 let found = find(source, name, self.max_pixels);
                 report.textures += u64::from(found.is_ok());
+                self.set_of_texture.extend(found.as_ref().ok().map(|_| set));
                 vacant.insert(found.map(|texture| self.textures.add(Arc::new(texture))))
             }
         };

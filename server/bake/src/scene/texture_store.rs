@@ -14,12 +14,17 @@ use crate::{
     scene::SceneTexture,
 };
 
+/// New value of each 8-bit value.
+type ToneCurve = [u8; 256];
+
 /// Size and hash of a texture, kept while its texels are on disk.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct TextureFacts {
     width: u32,
     height: u32,
     hash: ShortHash,
+    /// Applied when the texels are loaded.
+    tone: Option<Arc<ToneCurve>>,
 }
 
 /// Textures by number. Those in files are loaded on demand and cached.
@@ -61,7 +66,7 @@ impl TextureStore {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&texture.width.to_le_bytes()).update(&texture.height.to_le_bytes());
         let hash = short_hash(&hasher.update(texture.rgb.as_flattened()).finalize());
-        self.facts.push(TextureFacts { width: texture.width, height: texture.height, hash });
+        self.facts.push(TextureFacts { width: texture.width, height: texture.height, hash, tone: None });
         match &mut self.storage {
             TextureStorage::Memory(all) => all.push(texture),
             TextureStorage::Folder { path, .. } => {
@@ -79,6 +84,19 @@ impl TextureStore {
         self.failed.take().map_or(Ok(()), Err)
     }
 
+    /// Changes the texels of a texture by a curve, once.
+    pub(crate) fn set_tone(&mut self, number: u32, tone: &ToneCurve) {
+        let facts = &mut self.facts[number as usize];
+        facts.hash = short_hash(&blake3::Hasher::new().update(&facts.hash).update(tone).finalize());
+        match &mut self.storage {
+            TextureStorage::Memory(all) => apply_tone(&mut Arc::make_mut(&mut all[number as usize]).rgb, tone),
+            TextureStorage::Folder { cache, .. } => {
+                facts.tone = Some(Arc::new(*tone));
+                cache.get_mut().unwrap_or_else(PoisonError::into_inner).remove(number);
+            }
+        }
+    }
+
     /// Hash of the texture's size and texels.
     pub(crate) fn hash(&self, number: u32) -> ShortHash {
         self.facts[number as usize].hash
@@ -94,7 +112,7 @@ impl TextureStore {
                 if let Some(texture) = cache.loaded.get(&number) {
                     return Ok(Arc::clone(texture));
                 }
-                let texture = Arc::new(load(&texture_path(path, number), self.facts[number as usize])?);
+                let texture = Arc::new(load(&texture_path(path, number), &self.facts[number as usize])?);
                 cache.insert(number, &texture);
                 Ok(texture)
             }
@@ -103,6 +121,12 @@ impl TextureStore {
 }
 
 impl TextureCache {
+    fn remove(&mut self, number: u32) {
+        if let Some(removed) = self.loaded.pop(&number) {
+            self.bytes -= removed.rgb.as_flattened().len();
+        }
+    }
+
     fn insert(&mut self, number: u32, texture: &Arc<SceneTexture>) {
         self.bytes += texture.rgb.as_flattened().len();
         self.loaded.put(number, Arc::clone(texture));
@@ -114,17 +138,23 @@ impl TextureCache {
     }
 }
 
+fn apply_tone(rgb: &mut [[u8; 3]], tone: &ToneCurve) {
+    rgb.as_flattened_mut().iter_mut().for_each(|v| *v = tone[usize::from(*v)]);
+}
+
 fn texture_path(folder: &Path, number: u32) -> PathBuf {
     folder.join(format!("{number}.rgb"))
 }
 
-fn load(path: &Path, facts: TextureFacts) -> Result<SceneTexture, BakeError> {
+fn load(path: &Path, facts: &TextureFacts) -> Result<SceneTexture, BakeError> {
     let bytes = fs::read(path).map_err(|cause| BakeError::io(path, "read", cause))?;
     let (texels, rest) = bytes.as_chunks::<3>();
     if !rest.is_empty() || texels.len() as u64 != u64::from(facts.width) * u64::from(facts.height) {
         return Err(BakeError::Scratch { path: path.to_owned() });
     }
-    Ok(SceneTexture { width: facts.width, height: facts.height, rgb: texels.to_vec() })
+    let mut rgb = texels.to_vec();
+    facts.tone.iter().for_each(|tone| apply_tone(&mut rgb, tone));
+    Ok(SceneTexture { width: facts.width, height: facts.height, rgb })
 }
 
 #[cfg(test)]
@@ -146,6 +176,10 @@ mod tests {
             assert!(cache.lock().unwrap().bytes <= 100);
         }
         assert_ne!(textures.hash(0), textures.hash(1));
+        let hash = textures.hash(1);
+        textures.set_tone(1, &std::array::from_fn(|v| 255 - v as u8));
+        assert_eq!((textures.get(1).unwrap().rgb[0], textures.get(0).unwrap().rgb[0]), ([254; 3], [0; 3]));
+        assert_ne!(textures.hash(1), hash);
         fs::write(folder.path.join("2.rgb"), [0; 29]).unwrap();
         assert!(matches!(textures.get(2), Err(BakeError::Scratch { .. })));
     }

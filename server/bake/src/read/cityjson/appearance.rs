@@ -1,18 +1,11 @@
-//! Appearance of surfaces: the texture, else the material, else a colour by semantics.
+//! Appearance of surfaces: semantics, materials and textures.
 
 use super::nested::Nested;
 use super::schema::{CityJsonAppearance, SurfaceSemantics};
 use crate::read::context::ReadContext;
-use crate::read::palette::{Palette, unit_to_byte};
+use crate::read::palette::unit_to_byte;
 use crate::read::report::SourceReport;
 use crate::read::source::CitySource;
-
-/// What determines a surface's colour besides its texture.
-pub(super) struct SurfaceProperties<'g> {
-    pub(super) semantic: Option<&'g str>,
-    pub(super) object_type: &'g str,
-    pub(super) material: &'g Nested,
-}
 
 /// The report of one object. Details begin with the object's identifier. A wrong index in an appearance costs only the
 /// appearance, not the object.
@@ -56,28 +49,16 @@ impl<'a> AppearanceReader<'a> {
         semantic.map(|semantic| semantic.kind.as_str())
     }
 
-    /// The colour of the surface's material, else a colour by semantics.
-    pub(super) fn colour(
-        &self,
-        surface: &SurfaceProperties<'_>,
-        palette: &Palette,
-        report: &mut ObjectReport<'_>,
-    ) -> [u8; 3] {
-        if let Some(index) = surface.material.index() {
-            let materials = &self.appearance.materials;
-            match usize::try_from(index).ok().and_then(|index| materials.get(index)) {
-                Some(material) => {
-                    if let Some(rgb) = material.diffuse_colour {
-                        return rgb.map(unit_to_byte);
-                    }
-                }
-                None => {
-                    let detail = || format!("material index {index} out of range of {}", materials.len());
-                    report.problem("material index out of range", detail);
-                }
-            }
+    /// The colour of a surface's material.
+    pub(super) fn colour(&self, material: &Nested, report: &mut ObjectReport<'_>) -> Option<[u8; 3]> {
+        let index = material.index()?;
+        let materials = &self.appearance.materials;
+        let material = usize::try_from(index).ok().and_then(|index| materials.get(index));
+        if material.is_none() {
+            let detail = || format!("material index {index} out of range of {}", materials.len());
+            report.problem("material index out of range", detail);
         }
-        palette.colour(surface.semantic, surface.object_type)
+        material?.diffuse_colour.map(|rgb| rgb.map(unit_to_byte))
     }
 
     /// The number of a surface's texture, which is that of its outer ring.

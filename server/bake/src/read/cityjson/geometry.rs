@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::appearance::{AppearanceReader, ObjectReport, SurfaceProperties};
+use super::appearance::{AppearanceReader, ObjectReport};
 use super::levels::level_of;
 use super::nested::{NULL, Nested};
 use super::schema::{CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, ThemeValues, VertexTransform};
 use crate::read::context::ReadContext;
 use crate::read::json::position::JsonPosition;
-use crate::read::palette::object_kind;
+use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
 use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
-use crate::read::report::SourceReport;
+use crate::read::report::{ColourOrigin, SourceReport};
 use crate::read::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
 use crate::read::source::CitySource;
 use crate::scene::ObjectKind;
@@ -79,11 +79,19 @@ struct NestedSurface<'g> {
     texture: &'g Nested,
 }
 
-/// An object's identifier and type.
+/// An object's identifier, its type and its look.
 #[derive(Clone, Copy)]
 struct ObjectName<'g> {
     id: &'g str,
     object_type: &'g str,
+    look: Look,
+}
+
+/// The building of which an object is a part, or the object itself.
+pub(super) struct WholeBuilding<'g> {
+    pub(super) id: &'g str,
+    /// What its use tells.
+    pub(super) walls: Option<WallKind>,
 }
 
 /// Triangles that are collected before they are added to the city, so that an object with many instances of a template
@@ -123,12 +131,19 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         id: &str,
         object: &CityObject,
         level: CityJsonLod,
+        whole: &WholeBuilding<'_>,
         references: &mut ObjectReferences<'_>,
     ) -> Result<bool, ObjectFault> {
         self.faces.clear();
+        let look = if object.kind.starts_with("Building") {
+            Look::new(whole.id, whole.walls, &self.shape(object, level, references))
+        } else {
+            Look::PLAIN
+        };
+        let name = ObjectName { id, object_type: &object.kind, look };
         let has_volume = has_volume(object, level, references.templates);
         self.open = OpenObject::new(object_kind(&object.kind, has_volume));
-        let result = self.read_geometries(id, object, level, references).and_then(|()| self.flush());
+        let result = self.read_geometries(name, object, level, references).and_then(|()| self.flush());
         let open = std::mem::replace(&mut self.open, OpenObject::new(ObjectKind::default()));
         let (builder, source) = (&mut self.context.builder, self.context.source);
         if let Err(fault) = result {
@@ -140,14 +155,32 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         Ok(has_surface)
     }
 
+    /// The extent of an object's own geometries of a level; instances of templates are not measured. A surface with an
+    /// invalid corner does not count.
+    fn shape(&mut self, object: &CityObject, level: CityJsonLod, references: &ObjectReferences<'_>) -> ObjectShape {
+        let mut shape = ObjectShape::new();
+        for geometry in object.geometry.iter().flatten().filter(|geometry| geometry.lod == level) {
+            let Some(depth) = shell_depth(&geometry.kind) else { continue };
+            for_each_outer_ring(&geometry.boundaries, depth, &mut |ring| {
+                let corners =
+                    ring.list().iter().take(MAX_CORNERS).map(|i| references.frame.point(i.index().unwrap_or(-1)));
+                self.points.clear();
+                self.points.extend(corners.map_while(Result::ok));
+                if self.points.len() == ring.list().len() {
+                    shape.add(&self.points);
+                }
+            });
+        }
+        shape
+    }
+
     fn read_geometries(
         &mut self,
-        id: &str,
+        name: ObjectName<'_>,
         object: &CityObject,
         level: CityJsonLod,
         references: &mut ObjectReferences<'_>,
     ) -> Result<(), ObjectFault> {
-        let name = ObjectName { id, object_type: &object.kind };
         let ObjectReferences { frame, appearance, templates, template_appearance } = references;
         for geometry in object.geometry.iter().flatten() {
             if level_of(geometry.lod, geometry.template, &templates.templates) != level {
@@ -196,8 +229,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         for surface in &surfaces {
             let report = &mut ObjectReport { id: name.id, report: self.report };
             let semantic = appearance.semantic(geometry.semantics.as_ref(), surface.semantic, report);
-            let properties = SurfaceProperties { semantic, object_type: name.object_type, material: surface.material };
-            self.read_surface(name.id, surface, &properties, frame, appearance)?;
+            self.read_surface(name, surface, semantic, frame, appearance)?;
             if self.faces.len() >= FLUSH_TRIANGLES {
                 self.flush()?;
             }
@@ -207,12 +239,13 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
 
     fn read_surface(
         &mut self,
-        id: &str,
+        name: ObjectName<'_>,
         surface: &NestedSurface<'_>,
-        properties: &SurfaceProperties<'_>,
+        semantic: Option<&str>,
         frame: &VertexFrame<'_>,
         appearance: &mut AppearanceReader<'_>,
     ) -> Result<(), ObjectFault> {
+        let id = name.id;
         let mut report = ObjectReport { id, report: self.report };
         let texture = appearance.texture(surface.texture, self.context, self.source, &mut report);
         let is_textured = self.collect_rings(surface, texture.is_some(), frame, appearance)?;
@@ -220,12 +253,15 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             self.report.problem("texture coordinates do not fit the ring", || id.to_owned());
         }
         let texture = texture.filter(|_| is_textured);
-        let rgb = match &texture {
+        let (rgb, origin) = match &texture {
             // In CityJSON a texture replaces the material.
-            Some(_) => [255; 3],
+            Some(_) => ([255; 3], ColourOrigin::Texture),
             None => {
-                let mut report = ObjectReport { id, report: self.report };
-                appearance.colour(properties, &self.context.options.palette, &mut report)
+                let own = appearance.colour(surface.material, &mut ObjectReport { id, report: self.report });
+                let outer = self.hole_starts.first().map_or(self.points.len(), |start| *start as usize);
+                let normal_z = normal_z(&self.points[..outer]);
+                let facts = SurfaceFacts { semantic, object_type: name.object_type, material: None, normal_z };
+                self.context.options.palette.resolve(own, &facts, &name.look)
             }
         };
         let triangles = match self.context.triangulator.triangulate(&self.points, &self.hole_starts) {
@@ -239,6 +275,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
                 return Err(ObjectFault { reason: fault.reason(), detail });
             }
         };
+        self.report.colours.add(origin);
         let material = self.context.builder.material(rgb, texture);
         for triangle in triangles {
             let corners = triangle.map(|i| self.points[i as usize]);
@@ -329,6 +366,13 @@ fn collect_surfaces<'g>(
         } else {
             collect_surfaces(below, &surface, depth - 1, surfaces);
         }
+    }
+}
+
+/// Calls `visit` for the outer ring of each surface of nested boundaries.
+fn for_each_outer_ring(boundaries: &Nested, depth: u32, visit: &mut impl FnMut(&Nested)) {
+    for below in boundaries.list() {
+        if depth == 0 { visit(below.child(0)) } else { for_each_outer_ring(below, depth - 1, visit) }
     }
 }
 

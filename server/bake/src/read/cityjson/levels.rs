@@ -24,7 +24,7 @@ pub(crate) enum LevelChoice {
 
 /// Chooses for objects that may be related. `None` stands for an object that could not be parsed.
 pub(crate) fn choose_levels(
-    objects: &[(&str, Option<ObjectOutline>)],
+    objects: &[(&str, Option<ObjectOutline<'_>>)],
     templates: &[CityJsonGeometry],
 ) -> Vec<LevelChoice> {
     let best: Vec<Option<CityJsonLod>> =
@@ -48,12 +48,20 @@ pub(crate) fn choose_levels(
     choices
 }
 
+/// For each object the furthest ancestor that is a building; the object itself where none is.
+pub(crate) fn find_wholes(objects: &[(&str, Option<ObjectOutline<'_>>)]) -> Vec<usize> {
+    let parents = parents(objects);
+    let is_building = |i: usize| objects[i].1.as_ref().is_some_and(|outline| outline.kind.starts_with("Building"));
+    let whole = |i: usize| ancestors(i, &parents).into_iter().rfind(|above| is_building(*above)).unwrap_or(i);
+    (0..objects.len()).map(whole).collect()
+}
+
 /// Whether a level is 0 or a refinement of it: a footprint or a roof outline.
 fn is_footprint(lod: CityJsonLod) -> bool {
     (0.0..1.0).contains(&lod.0)
 }
 
-fn best_level(outline: Option<&ObjectOutline>, templates: &[CityJsonGeometry]) -> Option<CityJsonLod> {
+fn best_level(outline: Option<&ObjectOutline<'_>>, templates: &[CityJsonGeometry]) -> Option<CityJsonLod> {
     let geometries = outline?.geometry.as_ref()?.iter();
     let levels = geometries.map(|geometry| level_of(geometry.lod, geometry.template, templates));
     levels.max_by(|a, b| a.0.total_cmp(&b.0))
@@ -66,7 +74,7 @@ pub(crate) fn level_of(own: CityJsonLod, template: Option<i64>, templates: &[Cit
 }
 
 /// The parents of each object, as either side names them.
-fn parents(objects: &[(&str, Option<ObjectOutline>)]) -> Vec<Vec<usize>> {
+fn parents(objects: &[(&str, Option<ObjectOutline<'_>>)]) -> Vec<Vec<usize>> {
     let by_id: HashMap<&str, usize> = objects.iter().enumerate().map(|(i, (id, _))| (*id, i)).collect();
     let mut parents = vec![Vec::new(); objects.len()];
     for (i, (_, outline)) in objects.iter().enumerate() {
@@ -114,7 +122,7 @@ mod tests {
     fn choices(text: &str) -> Vec<(String, LevelChoice)> {
         let outlines: Vec<(String, ObjectOutline)> = serde_json::from_str(text).unwrap();
         let objects: Vec<_> = outlines.into_iter().map(|(id, outline)| (id, Some(outline))).collect();
-        let borrowed: Vec<(&str, Option<ObjectOutline>)> =
+        let borrowed: Vec<(&str, Option<ObjectOutline<'_>>)> =
             objects.into_iter().map(|(id, o)| (&*id.leak(), o)).collect();
         let chosen = choose_levels(&borrowed, &[]);
         borrowed.iter().map(|(id, _)| (*id).to_owned()).zip(chosen).collect()

@@ -4,14 +4,16 @@ use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
 
 use super::appearance::AppearanceReader;
-use super::geometry::{ObjectReader, ObjectReferences, VertexFrame};
-use super::levels::{LevelChoice, choose_levels};
+use super::geometry::{ObjectReader, ObjectReferences, VertexFrame, WholeBuilding};
+use super::levels::{LevelChoice, choose_levels, find_wholes};
 use super::schema::{
-    CityJsonAppearance, CityJsonDocument, CityObject, GeometryTemplates, ObjectOutline, ObjectText, VertexTransform,
+    CityJsonAppearance, CityJsonDocument, CityObject, GeometryTemplates, ObjectOutline, ObjectText, UseAttributes,
+    VertexTransform,
 };
 use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
 use crate::read::json::{metadata, position::JsonPosition};
+use crate::read::palette::WallKind;
 use crate::read::report::{SourceFormat, SourceReport};
 use crate::read::source::CitySource;
 use crate::subject;
@@ -78,9 +80,12 @@ pub(super) fn read_objects(
     batch: &ObjectBatch<'_>,
     tick: &dyn Fn(usize),
 ) {
-    let outlines: Vec<(&str, Option<ObjectOutline>)> =
+    let outlines: Vec<(&str, Option<ObjectOutline<'_>>)> =
         batch.objects.iter().map(|object| (object.id, serde_json::from_str(object.json).ok())).collect();
     let choices = choose_levels(&outlines, &shared.templates.templates);
+    let wholes = find_wholes(&outlines);
+    let attributes: Vec<Option<&RawValue>> =
+        outlines.iter().map(|(_, outline)| outline.as_ref().and_then(|outline| outline.attributes)).collect();
     drop(outlines);
     let mut references = ObjectReferences {
         frame: VertexFrame::new(batch.vertices, shared.transform),
@@ -89,17 +94,26 @@ pub(super) fn read_objects(
         template_appearance: AppearanceReader::new(shared.appearance),
     };
     for (i, (object, choice)) in batch.objects.iter().zip(choices).enumerate() {
-        read_object(&mut reader, object, choice, &mut references);
+        let walls = attributes[wholes[i]].and_then(|text| walls_by_use(text.get()));
+        let whole = WholeBuilding { id: batch.objects[wholes[i]].id, walls };
+        read_object(&mut reader, object, choice, &whole, &mut references);
         if (i + 1) % TICK_OBJECTS == 0 {
             tick(i + 1);
         }
     }
 }
 
+/// What the walls are made of, as far as the attributes tell.
+fn walls_by_use(attributes: &str) -> Option<WallKind> {
+    let UseAttributes { function, usage, class } = serde_json::from_str(attributes).ok()?;
+    [usage, function, class].iter().find_map(|value| WallKind::of_use(value.as_str()?))
+}
+
 fn read_object(
     reader: &mut ObjectReader<'_, '_, '_>,
     text: &ObjectText<'_>,
     choice: LevelChoice,
+    whole: &WholeBuilding<'_>,
     references: &mut ObjectReferences<'_>,
 ) {
     let id = text.id;
@@ -120,7 +134,7 @@ fn read_object(
         }
         LevelChoice::NoGeometry => return,
     };
-    match reader.read(id, &object, level, references) {
+    match reader.read(id, &object, level, whole, references) {
         Ok(true) => {}
         Ok(false) => reader.report.skip("no surface with an area", || id.to_owned()),
         Err(fault) => reader.report.skip(fault.reason, || format!("{id}: {}", fault.detail)),

@@ -7,6 +7,7 @@ use std::marker::PhantomData;
 
 use serde::Deserialize;
 use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
+use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::nested::Nested;
@@ -175,15 +176,28 @@ impl ThemeValues {
     }
 }
 
-/// The part of an object that decides which of its geometries are used. It is read before everything else.
+/// The part of an object that decides which of its geometries are used, and what its parts have in common. It is read
+/// before everything else.
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(crate) struct ObjectOutline {
+pub(crate) struct ObjectOutline<'a> {
     #[serde(rename = "type")]
     pub(crate) kind: String,
     pub(crate) geometry: Option<Vec<GeometryOutline>>,
     pub(crate) parents: Option<Vec<String>>,
     pub(crate) children: Option<Vec<String>>,
+    /// [`UseAttributes`]. Unparsed, so that odd attributes do not cost the object.
+    #[serde(borrow)]
+    pub(crate) attributes: Option<&'a RawValue>,
+}
+
+/// The attributes of a building that tell its use, of any type.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(crate) struct UseAttributes {
+    pub(crate) function: Value,
+    pub(crate) usage: Value,
+    pub(crate) class: Value,
 }
 
 #[derive(Deserialize, Default)]

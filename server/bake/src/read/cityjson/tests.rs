@@ -126,19 +126,43 @@ fn materials_apply_per_surface_or_whole_and_semantics_to_the_rest() {
         "values": [[null, 0, 1, 1, 1, 77]]}"#;
     let materials = r#""material": {"z": {"value": 0}, "a": {"values": [[0, null, 1, null, 99, null]]}}"#;
     let geometry = format!(r#"{{"type": "Solid", "lod": "1", "boundaries": [[{FACES}]], {semantics}, {materials}}}"#);
-    let appearance = r#", "appearance": {"materials": [{"name": "m", "diffuseColor": [1, 0.5, 0]}, {"name": "none"}]}"#;
+    let appearance =
+        r#", "appearance": {"materials": [{"name": "m", "diffuseColor": [0.6, 0.5, 0.4]}, {"name": "none"}]}"#;
     let (scene, report) = read(&document(&object("a", &geometry), appearance));
-    let palette = Palette::default();
-    let [roof, wall] = ["RoofSurface", "WallSurface"].map(|name| palette.surfaces[name]);
-    let building = palette.objects["Building"];
-    assert_eq!(colours(&scene), [[255, 128, 0], roof, wall, wall, wall, building]);
+    let found = colours(&scene);
+    let [wall, roof] = [found[2], found[1]];
+    // The last face has no semantics: it is a wall by its normal.
+    assert_eq!(found, [[153, 128, 102], roof, wall, wall, wall, wall]);
+    assert!(roof != wall && roof != found[0]);
+    let counts = report.sources[0].colours;
+    assert_eq!((counts.source, counts.palette, counts.harmonised, counts.textured), (1, 5, 0, 0));
     assert_eq!(report.sources[0].problems["material index out of range"].count, 1);
     assert_eq!(report.sources[0].problems["semantic index out of range"].count, 1);
 
     let whole = geometry.replace(materials, r#""material": {"a": {"value": 0}}"#);
-    assert_eq!(colours(&read(&document(&object("a", &whole), appearance)).0), [[255, 128, 0]; 6]);
+    assert_eq!(colours(&read(&document(&object("a", &whole), appearance)).0), [[153, 128, 102]; 6]);
     let water = document(&object("w", &solid("1")), "").replace("Building", "WaterBody");
-    assert_eq!(colours(&read(&water).0)[0], palette.objects["WaterBody"]);
+    assert_eq!(colours(&read(&water).0), [[52, 78, 84]; 6]);
+}
+
+#[test]
+fn parts_share_the_look_of_their_building_and_its_use_decides_the_walls() {
+    let part = |id: &str, parent: &str| {
+        object(id, &solid("2")).replace("\"Building\"", &format!("\"BuildingPart\", \"parents\": [\"{parent}\"]"))
+    };
+    let wall = |attributes: &str| {
+        let whole = format!(r#""whole": {{"type": "Building", "attributes": {attributes}}}"#);
+        let text = document(&format!("{whole}, {}, {}", part("a", "whole"), part("b", "whole")), "");
+        let (scene, _) = read(&text);
+        let found = colours(&scene);
+        assert_eq!((scene.objects.len(), &found[..6]), (2, &found[6..]));
+        found[2]
+    };
+    let plaster = wall("{}");
+    assert_eq!(plaster, wall(r#"{"usage": "dwelling", "height": []}"#));
+    assert_eq!(plaster, wall("[1]"));
+    let brick = wall(r#"{"function": "Church"}"#);
+    assert!(brick[0] > brick[2] + 40 && plaster[0] < plaster[2] + 40, "{brick:?} {plaster:?}");
 }
 
 #[test]
@@ -278,10 +302,10 @@ fn feature_may_have_its_own_appearance() {
     let coloured = solid("1").replace("\"lod\"", r#""material": {"m": {"value": 0}}, "lod""#);
     let feature = format!(
         r#"{{"type": "CityJSONFeature", "CityObjects": {{{}}}, "vertices": [{CUBE}],
-            "appearance": {{"materials": [{{"diffuseColor": [0, 0, 1]}}]}}}}"#,
+            "appearance": {{"materials": [{{"diffuseColor": [0.2, 0.3, 0.5]}}]}}}}"#,
         object("a", &coloured)
     );
     let text = format!("{HEADER}\n{}", feature.replace('\n', " "));
     let (scene, _) = read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
-    assert_eq!(colours(&scene)[0], [0, 0, 255]);
+    assert_eq!(colours(&scene)[0], [51, 77, 128]);
 }

@@ -1,27 +1,37 @@
-//! Colours of a footprint's prism, from the property names of OpenStreetMap.
+//! Colours of a footprint's prism, from the property names of OpenStreetMap and city offices.
 
 use serde_json::{Map, Value};
 
-use crate::read::palette::{Palette, parse_colour};
+use crate::read::palette::{Look, Palette, SurfaceFacts, WallKind, parse_colour};
+use crate::read::report::ColourOrigin;
 
 const ROOF: &[&str] = &["roof:colour", "roof:color"];
 const WALL: &[&str] = &["building:colour", "building:color", "colour", "color"];
+/// Names of the building's use, the most telling first.
+const USE: &[&str] = &["building:use", "building", "usage", "function", "class", "subtype"];
+
+/// What the walls are made of, as far as the building's use tells.
+pub(super) fn walls_by_use(properties: &Map<String, Value>) -> Option<WallKind> {
+    USE.iter().find_map(|name| WallKind::of_use(properties.get(*name)?.as_str()?))
+}
 
 /// Colours of roof, walls and floor: the feature's own, else that of its material, else the palette's. Passes invalid
 /// colours to `note`.
 pub(super) fn prism_colours(
     properties: &Map<String, Value>,
     palette: &Palette,
+    look: &Look,
     mut note: impl FnMut(String),
-) -> [[u8; 3]; 3] {
-    let mut colour_of = |colours: &[&str], material: &str, surface: &str| {
-        named_colour(properties, colours, &mut note)
-            .or_else(|| palette.material(properties.get(material)?.as_str()?))
-            .unwrap_or_else(|| palette.colour(Some(surface), "Building"))
+) -> [([u8; 3], ColourOrigin); 3] {
+    let mut colour_of = |colours: &[&str], material: &str, semantic: &str, normal_z: f64| {
+        let own = named_colour(properties, colours, &mut note);
+        let material = properties.get(material).and_then(Value::as_str);
+        let surface = SurfaceFacts { semantic: Some(semantic), object_type: "Building", material, normal_z };
+        palette.resolve(own, &surface, look)
     };
-    let roof = colour_of(ROOF, "roof:material", "RoofSurface");
-    let wall = colour_of(WALL, "building:material", "WallSurface");
-    [roof, wall, palette.colour(Some("GroundSurface"), "Building")]
+    let roof = colour_of(ROOF, "roof:material", "RoofSurface", 1.0);
+    let wall = colour_of(WALL, "building:material", "WallSurface", 0.0);
+    [roof, wall, colour_of(&[], "", "GroundSurface", 1.0)]
 }
 
 /// The first valid colour among the named properties. Of several colours in one value, as in `red;white`, the first is

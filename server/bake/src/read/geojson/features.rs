@@ -4,7 +4,7 @@ use std::io::BufRead;
 
 use serde_json::Value;
 
-use super::colour::prism_colours;
+use super::colour::{prism_colours, walls_by_use};
 use super::footprint::Footprint;
 use super::height::PrismHeight;
 use super::projection::InputProjection;
@@ -12,6 +12,7 @@ use super::schema::{GeoJsonFeature, GeoJsonPolygon};
 use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
 use crate::read::json::{lenient, metadata};
+use crate::read::palette::{Look, ObjectShape};
 use crate::read::report::{SourceFormat, SourceReport};
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::read::source::{CitySource, NextLine, next_line};
@@ -136,10 +137,12 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         let height = PrismHeight::of(&feature.properties, |kind, detail| {
             self.report.problem(kind, || format!("{id}: {detail}"));
         });
-        let colours = prism_colours(&feature.properties, &self.context.options.palette, |detail| {
+        let look = Look::new(id, walls_by_use(&feature.properties), &ObjectShape::new());
+        let colours = prism_colours(&feature.properties, &self.context.options.palette, &look, |detail| {
             self.report.problem("colour not understood", || format!("{id}: {detail}"));
         });
-        let materials = colours.map(|rgb| self.context.builder.material(rgb, None));
+        colours.iter().for_each(|(_, origin)| self.report.colours.add(*origin));
+        let materials = colours.map(|(rgb, _)| self.context.builder.material(rgb, None));
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
         for polygon in polygons {

@@ -59,6 +59,9 @@ fn is_closed(scene: &Scene) -> bool {
     edges.values().all(|&balance| balance == 0)
 }
 
+const FLAT_ROOF: [u8; 3] = [160, 160, 157];
+const GROUND: [u8; 3] = [137, 134, 128];
+
 #[test]
 fn footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
     let (scene, report) =
@@ -66,9 +69,8 @@ fn footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
     assert_eq!((scene.objects.len(), scene.triangles.len()), (1, 12));
     assert!(is_closed(&scene) && (volume_m3(&scene) - 1250.0).abs() < 1e-3);
     assert_eq!((scene.origin[2], scene.objects[0].base_z_m), (2.0, 0.0));
-    let palette = Palette::default();
     let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
-    assert_eq!(colours, ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.surfaces[name]));
+    assert_eq!((colours.len(), colours[0], colours[2]), (3, FLAT_ROOF, GROUND));
     let source = &report.sources[0];
     assert_eq!((source.format, source.objects, report.crs.as_deref()), (SourceFormat::GeoJson, 1, Some("EPSG:6677")));
     assert!(source.problems.is_empty() && source.skipped.is_empty());
@@ -81,14 +83,17 @@ fn colours_and_materials_of_properties_are_used() {
         let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
         (colours, report.sources[0].problems.keys().cloned().collect::<Vec<_>>())
     };
-    let palette = Palette::default();
-    let [roof, wall, ground] = ["RoofSurface", "WallSurface", "GroundSurface"].map(|name| palette.surfaces[name]);
-    let own_colours = r##"{"height": 3, "building:colour": "#102030", "roof:color": "red; white"}"##;
-    assert_eq!(colours(own_colours), (vec![[255, 0, 0], [16, 32, 48], ground], vec![]));
+    let [roof, wall, ground] = colours(r#"{"height": 3}"#).0[..] else { panic!("not three colours") };
+    let own_colours = r##"{"height": 3, "building:colour": "#102030", "roof:color": "brown; white"}"##;
+    assert_eq!(colours(own_colours), (vec![[165, 42, 42], [16, 32, 48], ground], vec![]));
+    let primary = colours(r#"{"height": 3, "roof:colour": "red", "building:colour": "white"}"#).0;
+    assert!(primary[0][1] > 60 && primary[0][0] < 190 && primary[1] == wall, "{primary:?}");
     let materials = r#"{"height": 3, "building:material": "Brick", "roof:material": "slate"}"#;
-    assert_eq!(colours(materials).0, [palette.materials["slate"], palette.materials["brick"], ground]);
-    let plain = r#"{"height": 3, "colour": "azure", "roof:material": "unheard of"}"#;
-    assert_eq!(colours(plain).0, [roof, [240, 255, 255], ground]);
+    let palette = Palette::default();
+    let [slate, brick] = ["slate", "brick"].map(|name| palette.material(name).unwrap());
+    assert_eq!(colours(materials).0, [slate, brick, ground]);
+    let plain = r#"{"height": 3, "colour": "tan", "roof:material": "unheard of"}"#;
+    assert_eq!(colours(plain).0, [roof, [210, 180, 140], ground]);
     let odd = r#"{"height": 3, "building:colour": "stripy", "roof:colour": 7}"#;
     assert_eq!(colours(odd), (vec![roof, wall, ground], vec!["colour not understood".to_owned()]));
 }

@@ -9,9 +9,9 @@ mod tests;
 use std::collections::HashMap;
 
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
-use super::palette::unit_to_byte;
+use super::palette::{Look, ObjectShape, SurfaceFacts, normal_z, unit_to_byte};
 use super::polygon::MAX_CORNERS;
-use super::report::{SourceFormat, SourceReport};
+use super::report::{ColourOrigin, SourceFormat, SourceReport};
 use super::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
 use super::source::{CitySource, open, read_sibling};
 use crate::error::InputError;
@@ -54,11 +54,21 @@ fn stem(name: &str) -> &str {
     &name[..end]
 }
 
-/// Numbers of the scene's materials for one material of the file. Faces without texture coordinates are `plain`.
+/// One material of the file.
 #[derive(Clone, Copy, Default)]
-struct FaceMaterials {
-    plain: u32,
+struct FaceMaterial<'a> {
+    name: &'a str,
+    /// Colour of faces without texture coordinates.
+    diffuse: Option<[u8; 3]>,
+    /// Number of the scene's material for textured faces.
     textured: Option<u32>,
+}
+
+/// What the faces of an object have in common.
+struct FaceObject {
+    /// As in CityJSON; empty for a building.
+    object_type: &'static str,
+    look: Look,
 }
 
 /// Adds the content of a parsed file to the city.
@@ -69,7 +79,7 @@ struct ObjReader<'r, 'o, 's> {
     report: &'r mut SourceReport,
 }
 
-impl ObjReader<'_, '_, '_> {
+impl<'r> ObjReader<'r, '_, '_> {
     /// The faces whose corners all exist and have valid positions.
     fn usable_faces(&mut self) -> Vec<ObjFace> {
         let (file, report) = (self.file, &mut *self.report);
@@ -128,11 +138,12 @@ impl ObjReader<'_, '_, '_> {
     }
 
     /// Loads the materials that `faces` use, with their textures; by material number of the file.
-    fn load_materials(&mut self, faces: &[ObjFace], library: &HashMap<String, MtlMaterial>) -> Vec<FaceMaterials> {
-        let names = &self.file.materials;
+    fn load_materials(&mut self, faces: &[ObjFace], library: &HashMap<String, MtlMaterial>) -> Vec<FaceMaterial<'r>> {
+        let file = self.file;
+        let names = &file.materials;
         let mut is_used = vec![false; names.len()];
         faces.iter().for_each(|face| is_used[face.material as usize] = true);
-        let mut materials = vec![FaceMaterials::default(); names.len()];
+        let mut materials = vec![FaceMaterial::default(); names.len()];
         for (i, name) in names.iter().enumerate().filter(|(i, _)| is_used[*i]) {
             let material = library.get(name);
             if material.is_none() && !name.is_empty() {
@@ -141,10 +152,8 @@ impl ObjReader<'_, '_, '_> {
             let diffuse = material.and_then(|material| material.diffuse).map(|rgb| rgb.map(unit_to_byte));
             let image = material.and_then(|material| material.texture.as_deref());
             let texture = image.and_then(|name| self.context.textures.load(self.source, name, self.report));
-            let palette = &self.context.options.palette;
-            let plain = diffuse.or_else(|| palette.material(name)).unwrap_or(palette.fallback);
-            materials[i].plain = self.context.builder.material(plain, None);
-            materials[i].textured = texture.map(|texture| self.textured_material(diffuse, texture));
+            let textured = texture.map(|texture| self.textured_material(diffuse, texture));
+            materials[i] = FaceMaterial { name, diffuse, textured };
         }
         materials
     }
@@ -157,7 +166,7 @@ impl ObjReader<'_, '_, '_> {
     }
 
     /// Triangulates the faces and adds them as objects.
-    fn add_objects(&mut self, faces: &[ObjFace], groups: &FaceGroups, materials: &[FaceMaterials]) {
+    fn add_objects(&mut self, faces: &[ObjFace], groups: &FaceGroups, materials: &[FaceMaterial<'_>]) {
         let mut order: Vec<usize> = (0..faces.len()).collect();
         order.sort_by_key(|&i| groups.of_face[i]);
         /// Triangles that are collected before they are added to the city.
@@ -169,10 +178,11 @@ impl ObjReader<'_, '_, '_> {
             let (kind, name) =
                 if is_terrain(id) { (ObjectKind::Terrain, "terrain") } else { (ObjectKind::Building, "object") };
             self.report.count_type(name);
+            let object = self.object(kind, id, run.iter().map(|&i| &faces[i]));
             let mut open = OpenObject::new(kind);
             for &i in run {
                 let face = &faces[i];
-                self.triangulate(face, materials[face.material as usize], &mut triangles);
+                self.triangulate(face, &object, materials[face.material as usize], &mut triangles);
                 if triangles.len() >= FLUSH_TRIANGLES {
                     self.context.builder.push(&mut open, &triangles);
                     triangles.clear();
@@ -187,7 +197,28 @@ impl ObjReader<'_, '_, '_> {
         }
     }
 
-    fn triangulate(&mut self, face: &ObjFace, materials: FaceMaterials, triangles: &mut Vec<WorldTriangle>) {
+    /// Measures the faces of an object.
+    fn object<'f>(&self, kind: ObjectKind, id: &str, faces: impl Iterator<Item = &'f ObjFace>) -> FaceObject {
+        if kind == ObjectKind::Terrain {
+            return FaceObject { object_type: "TINRelief", look: Look::PLAIN };
+        }
+        let mut shape = ObjectShape::new();
+        let mut points = Vec::new();
+        for face in faces {
+            points.clear();
+            points.extend(self.file.corners_of(face).iter().map(|corner| self.file.positions[corner[0] as usize]));
+            shape.add(&points);
+        }
+        FaceObject { object_type: "", look: Look::new(id, None, &shape) }
+    }
+
+    fn triangulate(
+        &mut self,
+        face: &ObjFace,
+        object: &FaceObject,
+        material: FaceMaterial<'_>,
+        triangles: &mut Vec<WorldTriangle>,
+    ) {
         let (file, report) = (self.file, &mut *self.report);
         let corners = file.corners_of(face);
         let points: Vec<[f64; 3]> = corners.iter().map(|corner| file.positions[corner[0] as usize]).collect();
@@ -200,18 +231,27 @@ impl ObjReader<'_, '_, '_> {
         };
         let uvs: Option<Vec<[f32; 2]>> =
             corners.iter().map(|corner| file.uvs.get(corner[1] as usize).copied()).collect();
-        let (material, uvs) = match (materials.textured, uvs) {
-            (Some(material), Some(uvs)) => (material, uvs),
-            (Some(_), None) => {
-                report.problem("textured face without texture coordinates", || format!("line {}", face.line));
-                (materials.plain, Vec::new())
+        if material.textured.is_some() && uvs.is_none() {
+            report.problem("textured face without texture coordinates", || format!("line {}", face.line));
+        }
+        let (number, uvs) = match (material.textured, uvs) {
+            (Some(number), Some(uvs)) => {
+                report.colours.add(ColourOrigin::Texture);
+                (number, uvs)
             }
-            (None, _) => (materials.plain, Vec::new()),
+            _ => {
+                let FaceObject { object_type, look } = object;
+                let normal_z = normal_z(&points);
+                let facts = SurfaceFacts { semantic: None, object_type, material: Some(material.name), normal_z };
+                let (rgb, origin) = self.context.options.palette.resolve(material.diffuse, &facts, look);
+                report.colours.add(origin);
+                (self.context.builder.material(rgb, None), Vec::new())
+            }
         };
         for triangle in found {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| uvs.get(i as usize).copied().unwrap_or_default());
-            triangles.push(WorldTriangle { corners, uv, material });
+            triangles.push(WorldTriangle { corners, uv, material: number });
         }
     }
 }

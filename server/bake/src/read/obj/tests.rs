@@ -1,7 +1,7 @@
 //! Whole OBJ files with libraries and textures.
 
 use crate::read::texture::tests::png;
-use crate::read::{InputError, ObjUpAxis, ReadOptions, ReadReport, read_embedded};
+use crate::read::{InputError, ObjUpAxis, Palette, PaletteMode, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 use insula_test_support::rng::Rng;
 
@@ -16,7 +16,10 @@ const SQUARE: &str = "mtllib a.mtl\nv 0 0 1\nv 2 0 1\nv 2 2 1\nv 0 2 1\nvt 0 0\n
 fn faces_have_colour_texture_and_texture_coordinates() {
     let image = png(2, 2, [1, 2, 3]);
     let mtl = b"newmtl wall\nKd 1 0.5 0\nmap_Kd wall.png\n";
-    let (scene, report) = read(&[("a.obj", SQUARE.as_bytes()), ("a.mtl", mtl), ("wall.png", &image)]);
+    let files: [(&str, &[u8]); 3] = [("a.obj", SQUARE.as_bytes()), ("a.mtl", mtl), ("wall.png", &image)];
+    let palette = Palette { mode: PaletteMode::Source, ..Palette::default() };
+    let options = ReadOptions { palette, ..ReadOptions::default() };
+    let (scene, report) = read_embedded(&files, &options, &|_| {}).unwrap();
     assert_eq!(scene.triangles.len(), 2);
     let material = &scene.materials[scene.triangles[0].material as usize];
     assert_eq!(material.rgb, [255, 128, 0]);
@@ -62,6 +65,24 @@ fn missing_libraries_materials_and_textures_cost_only_the_appearance() {
     assert_eq!((material.rgb, &material.texture), ([51; 3], &None));
     assert_eq!(report.sources[0].problems["texture missing"].count, 1);
     assert_eq!(scene.triangles[0].uv, [[0.0; 2]; 3]);
+}
+
+#[test]
+fn white_is_unknown_and_takes_the_colour_of_its_kind() {
+    // A flat roof, a wall and a roof of 45 degrees.
+    let faces = "mtllib a.mtl\nv 0 0 1\nv 2 0 1\nv 2 2 1\nv 0 0 3\nv 0 2 3\nusemtl white\nf 1 2 3\nf 1 2 4\nf 1 2 5\n";
+    let colours = |mtl: &[u8]| {
+        let (scene, report) = read(&[("a.obj", faces.as_bytes()), ("a.mtl", mtl)]);
+        let colours: Vec<_> = scene.triangles.iter().map(|t| scene.materials[t.material as usize].rgb).collect();
+        (colours, report.sources[0].colours)
+    };
+    let (of_white, counts) = colours(b"newmtl white\nKd 1 1 1\n");
+    assert_eq!((counts.palette, counts.source), (3, 0));
+    let [flat, wall, pitched] = of_white[..] else { panic!("{of_white:?}") };
+    assert!(flat[0].abs_diff(flat[2]) < 10 && wall[0] > flat[0] && pitched[0] > pitched[2] + 40, "{of_white:?}");
+    assert_eq!(colours(b"newmtl white\n").0, of_white);
+    let (of_grey, counts) = colours(b"newmtl white\nKd .5 .5 .5\n");
+    assert_eq!((of_grey, counts.source), (vec![[128; 3]; 3], 3));
 }
 
 #[test]
