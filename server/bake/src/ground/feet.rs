@@ -18,15 +18,17 @@ const MAX_EDGE_SLOPE: f32 = 0.6;
 const MAX_WALLS: usize = 1 << 16;
 /// Most points of one edge.
 const MAX_POINTS: f32 = 4096.0;
-/// A foot that is lower than the median around it by more metres is a basement.
+/// A foot that is lower than the median around it by more metres is a basement's.
 const BASEMENT_M: f32 = 5.0;
-/// Distance, in steps, of the neighbours that a basement is compared with, and the fewest.
-const BASEMENT_REACH: usize = 6;
-const BASEMENT_NEIGHBOURS: usize = 8;
+/// A foot that is higher by more metres is that of an overhanging wall.
+const OVERHANG_M: f32 = 3.0;
+/// Distance, in steps, of the neighbours that a foot is compared with, and the fewest.
+const MEDIAN_REACH: usize = 6;
+const MEDIAN_NEIGHBOURS: usize = 8;
 /// Steepest ground, and how far above it an object's lowest walls may begin.
-const STEEP: [f32; 2] = [0.5, 3.0];
+const STEEP: [f32; 2] = [0.3, 2.0];
 /// The same for walls that begin above their object's lowest point.
-const GENTLE: [f32; 2] = [0.15, 1.0];
+const GENTLE: [f32; 2] = [0.1, 0.5];
 /// Walls that begin within this height above their object's lowest point are its lowest.
 const LOWEST_M: f32 = 1.0;
 
@@ -52,7 +54,7 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
         let low = &mut lowest[grid.index(x, y)];
         *low = low.min(foot.position[2]);
     })?;
-    remove_basements(&mut lowest, grid);
+    let ceilings = remove_outliers(&mut lowest, grid);
     let mut steep = lowest.clone();
     spread(&mut steep, grid, STEEP[0]);
     spread(&mut lowest, grid, GENTLE[0]);
@@ -61,7 +63,7 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
     for_each_foot(city, grid, |foot, [x, y]| {
         let (z, i) = (foot.position[2], grid.index(x, y));
         let is_lowest = z <= foot.base_m + LOWEST_M && z <= steep[i] + STEEP[1];
-        if is_lowest || z <= gentle[i] + GENTLE[1] {
+        if z <= ceilings[i] && (is_lowest || z <= gentle[i] + GENTLE[1]) {
             for i in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| grid.index(x, y)) {
                 feet.low[i] = feet.low[i].min(z);
                 feet.high[i] = feet.high[i].max(z);
@@ -144,23 +146,28 @@ fn edge(triangle: &SceneTriangle, k: usize) -> [[u32; 3]; 2] {
     if a <= b { [a, b] } else { [b, a] }
 }
 
-/// Removes heights far below the median of those around them.
-fn remove_basements(lowest: &mut [f32], grid: &GroundGrid) {
+/// Removes heights far from the median of those around them. Returns how high the feet in each square may be.
+fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<f32> {
     let known = lowest.to_vec();
+    let mut ceilings = vec![f32::INFINITY; grid.len()];
     let mut around = Vec::new();
     for (i, low) in lowest.iter_mut().enumerate().filter(|(_, low)| low.is_finite()) {
         let [x, y] = grid.place(i);
         around.clear();
-        for row in y.saturating_sub(BASEMENT_REACH)..=(y + BASEMENT_REACH).min(grid.size[1] - 1) {
-            let [first, last] = [x.saturating_sub(BASEMENT_REACH), (x + BASEMENT_REACH).min(grid.size[0] - 1)];
+        for row in y.saturating_sub(MEDIAN_REACH)..=(y + MEDIAN_REACH).min(grid.size[1] - 1) {
+            let [first, last] = [x.saturating_sub(MEDIAN_REACH), (x + MEDIAN_REACH).min(grid.size[0] - 1)];
             around.extend(known[grid.index(first, row)..=grid.index(last, row)].iter().filter(|z| z.is_finite()));
         }
         let middle = around.len() / 2;
         let median = *around.select_nth_unstable_by(middle, f32::total_cmp).1;
-        if around.len() > BASEMENT_NEIGHBOURS && *low < median - BASEMENT_M {
-            *low = f32::INFINITY;
+        if around.len() > MEDIAN_NEIGHBOURS {
+            ceilings[i] = median + OVERHANG_M;
+            if *low < median - BASEMENT_M || *low > ceilings[i] {
+                *low = f32::INFINITY;
+            }
         }
     }
+    ceilings
 }
 
 /// Replaces each height by the lowest that ground of a slope can have there, seen from the others.
@@ -188,5 +195,50 @@ fn spread(lowest: &mut [f32], grid: &GroundGrid, slope: f32) {
     for y in (0..height).rev() {
         (0..width).rev().for_each(|x| relax(x, y, 1, 1));
         (0..width).for_each(|x| relax(x, y, 1, -1));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, Scene, SceneObject};
+
+    /// A box without floor and roof: four walls.
+    fn walls(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
+        let object = scene.objects.len() as u32;
+        let id = object.to_string();
+        scene.objects.push(SceneObject { id, kind: ObjectKind::Building, base_z_m: low[2] });
+        let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
+        for k in 0..4 {
+            let (a, b) = (corners[k], corners[(k + 1) % 4]);
+            let at = |p: [f32; 2], z: f32| [p[0], p[1], z];
+            for corners in
+                [[at(a, low[2]), at(b, low[2]), at(b, high[2])], [at(a, low[2]), at(b, high[2]), at(a, high[2])]]
+            {
+                scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object });
+            }
+        }
+    }
+
+    #[test]
+    fn feet_stand_on_the_ground_and_not_on_roofs_or_in_basements() {
+        let materials = vec![Material { rgb: [0; 3], texture: None }];
+        let mut scene = Scene { materials, ..Scene::default() };
+        for i in 0..6 {
+            let x = 20.0 * i as f32;
+            let base = if i == 2 { -12.0 } else { 0.05 * x };
+            walls(&mut scene, [x, 0.0, base], [x + 12.0, 12.0, 15.0]);
+        }
+        // A penthouse on the roof of the first one.
+        walls(&mut scene, [4.0, 4.0, 15.0], [8.0, 8.0, 18.0]);
+        let city = ScratchScene::from_scene(scene).unwrap();
+        let [min, max] = city.bounds.unwrap();
+        let grid = GroundGrid::covering(min, max, [0.0; 3], 64.0).unwrap();
+        let feet = find(&city, &grid).unwrap();
+        let known: Vec<usize> = (0..grid.len()).filter(|i| feet.low[*i] <= feet.high[*i]).collect();
+        assert!(known.len() > 60, "{}", known.len());
+        assert!(known.iter().all(|i| feet.low[*i] >= 0.0 && feet.high[*i] <= 5.0));
+        let [x, y] = grid.square(100.0, 0.0);
+        assert_eq!(feet.high[grid.index(x, y)], 5.0);
     }
 }

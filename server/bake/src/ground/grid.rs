@@ -76,6 +76,27 @@ impl GroundGrid {
         })
     }
 
+    /// Steps from each vertex to the nearest marked one, along x or along y, whichever is more; at most `u16::MAX`.
+    pub(super) fn distances(&self, is_marked: impl Fn(usize) -> bool) -> Vec<u16> {
+        let [width, height] = self.size;
+        let mut steps: Vec<u16> = (0..self.len()).map(|i| if is_marked(i) { 0 } else { u16::MAX }).collect();
+        let mut relax = |i: usize, others: [Option<usize>; 4]| {
+            let nearest = others.into_iter().flatten().map(|other| steps[other].saturating_add(1)).min();
+            steps[i] = nearest.map_or(steps[i], |nearest| nearest.min(steps[i]));
+        };
+        let west = |i: usize| (i % width > 0).then(|| i - 1);
+        let east = |i: usize| (i % width + 1 < width).then(|| i + 1);
+        for i in 0..width * height {
+            let south = i.checked_sub(width);
+            relax(i, [west(i), south, south.and_then(west), south.and_then(east)]);
+        }
+        for i in (0..width * height).rev() {
+            let north = Some(i + width).filter(|i| *i < width * height);
+            relax(i, [east(i), north, north.and_then(west), north.and_then(east)]);
+        }
+        steps
+    }
+
     /// Whether a vertex lies on the grid's border.
     pub(super) fn is_rim(&self, [x, y]: [usize; 2]) -> bool {
         x == 0 || y == 0 || x + 1 == self.size[0] || y + 1 == self.size[1]

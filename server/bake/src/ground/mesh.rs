@@ -153,3 +153,53 @@ fn all_inside(corners: &Corners, mut is_good: impl FnMut([usize; 2]) -> bool) ->
     }
     true
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    #[test]
+    fn triangles_are_few_where_flat_accurate_elsewhere_and_share_edges() {
+        let grid = GroundGrid { corner: [0.0; 2], step_m: 4.0, size: [41, 29], skirt: 0 };
+        let height = |i: usize| {
+            let [x, y] = grid.place(i).map(|v| v as f32);
+            if x < 20.0 { 1.0 } else { 1.0 + 0.05 * (x - 20.0) * (y - 14.0) }
+        };
+        let field: Vec<f32> = (0..grid.len()).map(height).collect();
+        let range = HeightRange {
+            low: field.iter().map(|z| z - 0.1).collect(),
+            high: field.iter().map(|z| z + 0.2).collect(),
+            is_needed: vec![true; field.len()],
+        };
+        let triangles = triangulate(&grid, &field, &range, 1.0);
+        let is_west = |t: &&[[f32; 3]; 3]| t.iter().all(|corner| corner[0] <= 64.0);
+        assert!(triangles.iter().filter(is_west).count() < 60);
+        // Every edge inside of the surface belongs to two triangles.
+        let mut uses: HashMap<[[u32; 3]; 2], u32> = HashMap::new();
+        for triangle in &triangles {
+            for k in 0..3 {
+                let mut ends = [triangle[k], triangle[(k + 1) % 3]].map(|p| p.map(f32::to_bits));
+                ends.sort_unstable();
+                *uses.entry(ends).or_default() += 1;
+            }
+        }
+        let is_inside = |end: &[u32; 3]| {
+            let [x, y] = [f32::from_bits(end[0]), f32::from_bits(end[1])];
+            x > 0.0 && y > 0.0 && x < 156.0 && y < 108.0
+        };
+        assert!(uses.iter().filter(|(ends, _)| ends.iter().any(is_inside)).all(|(_, n)| *n == 2));
+        for i in (0..grid.len()).filter(|i| grid.place(*i)[0] < 40) {
+            let [x, y] = grid.place(i).map(|v| v as f32 * 4.0);
+            let z = triangles.iter().find_map(|t| height_at(t, x, y)).unwrap();
+            assert!(z >= range.low[i] - 1e-4 && z <= range.high[i] + 1e-4, "{x} {y}: {z} for {}", field[i]);
+        }
+    }
+
+    fn height_at([a, b, c]: &[[f32; 3]; 3], x: f32, y: f32) -> Option<f32> {
+        let det = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / det;
+        let v = ((y - a[1]) * (b[0] - a[0]) - (x - a[0]) * (b[1] - a[1])) / det;
+        (u >= -1e-5 && v >= -1e-5 && u + v <= 1.0 + 1e-5).then(|| a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]))
+    }
+}

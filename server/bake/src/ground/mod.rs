@@ -39,20 +39,23 @@ pub(crate) const ALGORITHM: u32 = 1;
 /// Heights are multiples of this many parts of a metre, so that a change of the city changes no ground far away.
 const STEPS_PER_M: f32 = 16.0;
 /// Buildings may sink this far where that makes the ground smoother.
-const SINK_M: f32 = 0.5;
+const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
 const UNDER_TERRAIN_M: f32 = 0.3;
 /// Distance, in steps, that it reaches below given terrain.
-const UNDER_TERRAIN_STEPS: usize = 2;
+const UNDER_TERRAIN_STEPS: u16 = 2;
 /// Ground at the plane's height that is further from all buildings is left to the plane.
 const NEAR_M: f64 = 32.0;
 /// Largest error of the triangles near buildings, and elsewhere.
-const TOLERANCE_M: [f32; 2] = [0.2, 0.5];
+const TOLERANCE_M: [f32; 2] = [0.4, 0.8];
 /// Rounding of heights between vertices.
 const ROUNDING_M: f32 = 0.01;
-/// The plane lies no higher than these shares of the city's border and of its ground: a viewer outside then never looks
-/// below the ground.
-const PLANE_SHARES: [f64; 2] = [0.05, 0.02];
+/// The plane takes the median of the border's heights, but hardly any ground lies deeper below it: a viewer outside would
+/// look under the ground there. This is the share of the ground that may, and how deep the rest may lie.
+const LOW_SHARE: f64 = 0.02;
+const MAX_DEPTH_M: f32 = 2.0;
+/// Horizontal length of the skirt per metre of its height. It is at least [`NEAR_M`] long.
+const SKIRT_RUN: f32 = 6.0;
 /// 8-bit sRGB. The plane has the same colour.
 const COLOUR: [u8; 3] = [134, 133, 130];
 
@@ -149,10 +152,15 @@ impl<'a> Surface<'a> {
         if !(0..grid.len()).any(|i| bounds.is_known(i)) {
             return Ok(None);
         }
-        let plane_m = plane_height(grid, &relax::smooth_field(&bounds));
+        let free = relax::smooth_field(&bounds);
+        let plane_m = plane_height(grid, &free);
         let mut skirted = bounds.clone();
-        for i in (0..grid.len()).filter(|i| grid.is_rim(grid.place(*i))) {
-            (skirted.low[i], skirted.high[i]) = (plane_m, plane_m);
+        let steps = grid.distances(|i| bounds.is_known(i));
+        for i in 0..grid.len() {
+            let skirt_m = (SKIRT_RUN * (free[i] - plane_m).abs()).max(NEAR_M as f32);
+            if grid.is_rim(grid.place(i)) || f32::from(steps[i]) * grid.step_m as f32 > skirt_m {
+                (skirted.low[i], skirted.high[i]) = (plane_m, plane_m);
+            }
         }
         let mut field = relax::smooth_field(&skirted);
         for (i, z) in field.iter_mut().enumerate() {
@@ -167,22 +175,26 @@ impl<'a> Surface<'a> {
     /// The heights that triangles may have.
     fn range(&self) -> HeightRange {
         let grid = self.grid;
-        let near_steps = (NEAR_M / grid.step_m).ceil().max(2.0) as usize;
-        let is_near = widen(grid, near_steps, |i| self.bounds.is_known(i) && !self.is_given[i]);
-        let is_at_edge = widen(grid, UNDER_TERRAIN_STEPS, |i| !self.is_given[i]);
+        let near_steps = (NEAR_M / grid.step_m).ceil().max(2.0) as u16;
+        let to_building = grid.distances(|i| self.bounds.is_known(i) && !self.is_given[i]);
+        let to_gap = grid.distances(|i| !self.is_given[i]);
         let n = grid.len();
         let mut range =
             HeightRange { low: vec![f32::NEG_INFINITY; n], high: vec![f32::INFINITY; n], is_needed: vec![false; n] };
         for i in 0..n {
             let z = self.field[i];
-            range.is_needed[i] = if self.is_given[i] { is_at_edge[i] } else { is_near[i] || z != self.plane_m };
-            let tolerance_m = TOLERANCE_M[usize::from(!is_near[i])];
-            if self.is_given[i] {
+            let is_near = to_building[i] <= near_steps;
+            let is_given = self.is_given[i];
+            range.is_needed[i] = if is_given { to_gap[i] <= UNDER_TERRAIN_STEPS } else { is_near || z != self.plane_m };
+            let tolerance_m = TOLERANCE_M[usize::from(!is_near)];
+            if is_given {
                 range.high[i] = z + UNDER_TERRAIN_M / 2.0;
             } else if range.is_needed[i] {
-                let lowest = if self.bounds.is_known(i) { self.bounds.low[i] } else { f32::NEG_INFINITY };
-                range.low[i] = (z - tolerance_m).max(lowest - ROUNDING_M);
-                range.high[i] = z + tolerance_m;
+                (range.low[i], range.high[i]) = (z - tolerance_m, z + tolerance_m);
+                if self.bounds.is_known(i) {
+                    range.low[i] = self.bounds.low[i] - ROUNDING_M;
+                    range.high[i] = range.high[i].max(self.bounds.high[i]);
+                }
             }
         }
         range
@@ -199,25 +211,8 @@ fn plane_height(grid: &GroundGrid, field: &[f32]) -> f32 {
         let k = (share * heights.len() as f64) as usize;
         if heights.is_empty() { f32::INFINITY } else { *heights.select_nth_unstable_by(k, f32::total_cmp).1 }
     };
-    let border = quantile(grid.border().map(|i| field[i]).collect(), PLANE_SHARES[0]);
-    round(border.min(quantile(field.to_vec(), PLANE_SHARES[1])), f32::floor)
-}
-
-/// Whether a marked vertex is at most `steps` away along x and along y.
-fn widen(grid: &GroundGrid, steps: usize, is_marked: impl Fn(usize) -> bool) -> Vec<bool> {
-    let mut marks: Vec<bool> = (0..grid.len()).map(is_marked).collect();
-    for [length, stride, lines, line_stride] in
-        [[grid.size[0], 1, grid.size[1], grid.size[0]], [grid.size[1], grid.size[0], grid.size[0], 1]]
-    {
-        for line in 0..lines {
-            let at = |k: usize| line * line_stride + k * stride;
-            let own: Vec<usize> = (0..length).filter(|k| marks[at(*k)]).collect();
-            for k in own {
-                (k.saturating_sub(steps)..=(k + steps).min(length - 1)).for_each(|k| marks[at(k)] = true);
-            }
-        }
-    }
-    marks
+    let border = quantile(grid.border().map(|i| field[i]).collect(), 0.5);
+    round(border.min(quantile(field.to_vec(), LOW_SHARE) + MAX_DEPTH_M), f32::floor)
 }
 
 /// Adds the triangles as one terrain object.
@@ -225,7 +220,7 @@ fn push_object(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]], plane_m: f3
     let (material, object) = (city.materials.len() as u32, city.objects.len() as u32);
     city.materials.push(StoredMaterial { rgb: COLOUR, texture: None });
     // The plane's height, not the lowest point, so that blocks do not depend on ground far away.
-    city.objects.push(StoredObject { kind: ObjectKind::Terrain, base_z_m: plane_m });
+    city.objects.push(StoredObject { kind: ObjectKind::GeneratedGround, base_z_m: plane_m });
     city.names.push("generated ground".into());
     let mut stored_object = object;
     if !city.placements.is_empty() {
