@@ -123,7 +123,7 @@ pub struct BakeArgs {
     #[arg(long)]
     pub no_meshes: bool,
     /// Ground where the sources have no terrain: auto to generate it, or none
-    #[arg(long, value_name = "WHICH", default_value = "auto")]
+    #[arg(long, value_name = "WHICH", default_value = "none")]
     pub ground: GroundOption,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

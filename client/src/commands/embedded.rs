@@ -1,7 +1,7 @@
 //! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
 use crate::error::{ClientError, Result};
-use insula_bake::{BakeOptions, GroundOption, Progress, read::Palette};
+use insula_bake::{BakeOptions, Progress, read::Palette};
 use insula_protocol::{
     manifest::{Attribution, to_name},
     text::printable,
@@ -128,7 +128,6 @@ pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
         title: job.title.clone(),
         attribution: job.attribution.clone(),
         palette: job.palette.clone(),
-        ground: GroundOption::Auto,
         ..BakeOptions::default()
     };
     let progress = TerminalProgress::default();

@@ -54,7 +54,7 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
         let low = &mut lowest[grid.index(x, y)];
         *low = low.min(foot.position[2]);
     })?;
-    let ceilings = remove_outliers(&mut lowest, grid);
+    let ranges = remove_outliers(&mut lowest, grid);
     let mut steep = lowest.clone();
     spread(&mut steep, grid, STEEP[0]);
     spread(&mut lowest, grid, GENTLE[0]);
@@ -63,7 +63,7 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
     for_each_foot(city, grid, |foot, [x, y]| {
         let (z, i) = (foot.position[2], grid.index(x, y));
         let is_lowest = z <= foot.base_m + LOWEST_M && z <= steep[i] + STEEP[1];
-        if z <= ceilings[i] && (is_lowest || z <= gentle[i] + GENTLE[1]) {
+        if z >= ranges[i][0] && z <= ranges[i][1] && (is_lowest || z <= gentle[i] + GENTLE[1]) {
             for i in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| grid.index(x, y)) {
                 feet.low[i] = feet.low[i].min(z);
                 feet.high[i] = feet.high[i].max(z);
@@ -146,10 +146,10 @@ fn edge(triangle: &SceneTriangle, k: usize) -> [[u32; 3]; 2] {
     if a <= b { [a, b] } else { [b, a] }
 }
 
-/// Removes heights far from the median of those around them. Returns how high the feet in each square may be.
-fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<f32> {
+/// Removes heights far from the median of those around them. Returns the range of feet in each square.
+fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<[f32; 2]> {
     let known = lowest.to_vec();
-    let mut ceilings = vec![f32::INFINITY; grid.len()];
+    let mut ranges = vec![[f32::NEG_INFINITY, f32::INFINITY]; grid.len()];
     let mut around = Vec::new();
     for (i, low) in lowest.iter_mut().enumerate().filter(|(_, low)| low.is_finite()) {
         let [x, y] = grid.place(i);
@@ -161,13 +161,13 @@ fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<f32> {
         let middle = around.len() / 2;
         let median = *around.select_nth_unstable_by(middle, f32::total_cmp).1;
         if around.len() > MEDIAN_NEIGHBOURS {
-            ceilings[i] = median + OVERHANG_M;
-            if *low < median - BASEMENT_M || *low > ceilings[i] {
+            ranges[i] = [median - BASEMENT_M, median + OVERHANG_M];
+            if *low < ranges[i][0] || *low > ranges[i][1] {
                 *low = f32::INFINITY;
             }
         }
     }
-    ceilings
+    ranges
 }
 
 /// Replaces each height by the lowest that ground of a slope can have there, seen from the others.

@@ -48,7 +48,7 @@ const UNDER_TERRAIN_STEPS: u16 = 2;
 const NEAR_M: f64 = 32.0;
 /// Largest error of the triangles near buildings, and elsewhere.
 const TOLERANCE_M: [f32; 2] = [0.4, 0.8];
-/// Rounding of heights between vertices.
+/// Rounding of heights of feet and between vertices.
 const ROUNDING_M: f32 = 0.01;
 /// The plane takes the median of the border's heights, but hardly any ground lies deeper below it: a viewer outside would
 /// look under the ground there. This is the share of the ground that may, and how deep the rest may lie.
@@ -144,7 +144,7 @@ impl<'a> Surface<'a> {
                 let z = round(terrain[i] - UNDER_TERRAIN_M, f32::floor);
                 (bounds.low[i], bounds.high[i]) = (z, z);
             } else if feet.low[i] <= feet.high[i] {
-                let low = round(feet.high[i], f32::ceil);
+                let low = round(feet.high[i] - ROUNDING_M, f32::ceil);
                 (bounds.low[i], bounds.high[i]) = (low, low.max(feet.low[i] + SINK_M));
             }
         }

@@ -107,7 +107,7 @@ mod tests {
         (bounds.low[16 * 65 + 32], bounds.high[16 * 65 + 32]) = (7.0, 9.0);
         let field = smooth_field(&bounds);
         assert_eq!(field[16 * 65 + 32], 7.0);
-        assert!((field[2 * 65 + 16] - 2.0).abs() < 0.6, "{}", field[2 * 65 + 16]);
+        assert!((field[2 * 65 + 16] - 2.0).abs() < 1.0, "{}", field[2 * 65 + 16]);
         assert!(field.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 9.0));
         assert!(field[16 * 65 + 30] > field[2 * 65 + 30]);
     }
