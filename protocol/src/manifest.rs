@@ -44,6 +44,9 @@ pub struct Manifest {
     pub ground_z_m: f64,
     /// Whether the source has terrain. If so, the ground plane is rarely visible.
     pub has_terrain: bool,
+    /// Whether the bake generated ground where the source has none. Older manifests do not have the field.
+    #[serde(default)]
+    pub generated_ground: bool,
     pub counts: CityCounts,
     /// Sources that must be named wherever the city is shown.
     pub attribution: Vec<Attribution>,
@@ -205,6 +208,7 @@ mod tests {
             focus: [[0.0; 2]; 2],
             ground_z_m: 0.0,
             has_terrain: false,
+            generated_ground: false,
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

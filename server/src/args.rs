@@ -5,6 +5,7 @@ use crate::{
     share_link::{self, parse_lifetime, parse_version},
 };
 use clap::{Parser, Subcommand, ValueEnum};
+use insula_bake::GroundOption;
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
 use std::{path::PathBuf, time::Duration};
 
@@ -121,6 +122,9 @@ pub struct BakeArgs {
     /// Omit the meshes: near views then show columns
     #[arg(long)]
     pub no_meshes: bool,
+    /// Ground where the sources have no terrain: auto to generate it, or none
+    #[arg(long, value_name = "WHICH", default_value = "none")]
+    pub ground: GroundOption,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,

@@ -20,6 +20,7 @@ pub fn manifest(depth: u8) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2]; 2],
         has_terrain: false,
+        generated_ground: false,
         counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,

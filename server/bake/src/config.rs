@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use crate::{
     error::BakeError,
+    ground::{self, GroundOption},
     hash, mesh,
     read::{ObjUpAxis, Palette},
     sample::SampleSettings,
@@ -81,6 +82,8 @@ pub struct BakeOptions {
     pub quality: Quality,
     /// Whether leaves get meshes, for near views.
     pub meshes: bool,
+    /// Whether ground is generated where the sources have none. The default is not.
+    pub ground: GroundOption,
 }
 
 impl Default for BakeOptions {
@@ -102,6 +105,7 @@ impl Default for BakeOptions {
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),
             meshes: true,
+            ground: GroundOption::default(),
         }
     }
 }
@@ -135,6 +139,7 @@ pub(crate) struct BakeConfig {
     pub(crate) sample: SampleSettings,
     pub(crate) quality: Quality,
     pub(crate) meshes: bool,
+    pub(crate) ground: GroundOption,
     /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
@@ -177,6 +182,7 @@ impl BakeConfig {
             sample: options.sample.clone(),
             quality: options.quality,
             meshes: options.meshes,
+            ground: options.ground,
             settings: hash_settings(options)?,
         })
     }
@@ -290,6 +296,9 @@ struct HashedSettings<'a> {
     /// Version of the mesh algorithm; `None` without meshes.
     #[serde(skip_serializing_if = "Option::is_none")]
     meshes: Option<u32>,
+    /// Version of the generated ground; `None` without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ground: Option<u32>,
 }
 
 fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
@@ -305,6 +314,7 @@ fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
             Quality::Decibels(db) => Some(db),
         },
         meshes: options.meshes.then_some(mesh::ALGORITHM),
+        ground: (options.ground == GroundOption::Auto).then_some(ground::ALGORITHM),
     };
     let json = serde_json::to_vec(&settings).map_err(|cause| BakeError::Option {
         option: "the sampling",
@@ -337,6 +347,7 @@ mod tests {
         assert_ne!(hash(&BakeOptions { cell_m: 2.0, ..options() }), base);
         assert_ne!(hash(&BakeOptions { quality: Quality::Lossless, ..options() }), base);
         assert_ne!(hash(&BakeOptions { meshes: false, ..options() }), base);
+        assert_ne!(hash(&BakeOptions { ground: GroundOption::Auto, ..options() }), base);
         let title = Some("Den Haag".to_owned());
         assert_eq!(
             hash(&BakeOptions {

@@ -3,6 +3,7 @@
 pub mod columns;
 pub mod config;
 pub mod error;
+pub mod ground;
 mod hash;
 mod mesh;
 pub mod model;
@@ -18,6 +19,7 @@ pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
+pub use ground::GroundOption;
 pub use mesh::ALGORITHM as MESH_ALGORITHM;
 pub use pipeline::{GeneratedCity, bake, bake_generated, bake_scene};
 pub use progress::{Progress, Silent};

@@ -6,7 +6,7 @@ use insula_protocol::{Manifest, manifest::CityCounts, subtree::MeshLod};
 use serde::Serialize;
 
 pub use crate::write::scratch_folder::ResumeStatus;
-use crate::{read::ReadReport, scene::grid::CityGrid};
+use crate::{ground::GroundReport, read::ReadReport, scene::grid::CityGrid};
 
 /// A finished bake.
 #[derive(Debug, Clone, Serialize)]
@@ -17,6 +17,8 @@ pub struct BakeReport {
     pub version: String,
     /// What was read from each source, and what was skipped and why.
     pub read: ReadReport,
+    /// The generated ground; `None` without.
+    pub ground: Option<GroundReport>,
     /// Side of a leaf's column in metres.
     pub cell_m: f64,
     /// Level of the leaves.
@@ -163,6 +165,7 @@ pub(crate) struct ReportInput {
     pub(crate) manifest: Manifest,
     pub(crate) city_bytes: u64,
     pub(crate) read: ReadReport,
+    pub(crate) ground: Option<GroundReport>,
     pub(crate) grid: CityGrid,
     pub(crate) threads: usize,
     pub(crate) start: ResumeStatus,
@@ -172,7 +175,7 @@ pub(crate) struct ReportInput {
 
 impl BakeReport {
     pub(crate) fn new(input: ReportInput, clock: StageClock) -> Self {
-        let ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes } = input;
+        let ReportInput { manifest, city_bytes, read, ground, grid, threads, start, blocks, meshes } = input;
         let seconds = clock.seconds();
         let per_second = |n: u64| n as f64 / seconds.max(1e-9);
         let counts = &manifest.counts;
@@ -187,6 +190,7 @@ impl BakeReport {
             name: manifest.name,
             version: manifest.version,
             read,
+            ground,
             cell_m: grid.cell_m,
             depth: grid.depth,
             meshes,

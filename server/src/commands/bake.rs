@@ -97,6 +97,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
         cell_m: args.cell,
         quality: args.quality,
         meshes: !args.no_meshes,
+        ground: args.ground,
         threads: args.threads.map(usize::from),
         memory_bytes: args.memory,
         update: args.update,
@@ -196,6 +197,7 @@ mod tests {
     use super::*;
     use crate::args::{Args, ServerCommand};
     use clap::Parser;
+    use insula_bake::GroundOption;
 
     #[test]
     fn progress_templates_parse() {
@@ -207,12 +209,13 @@ mod tests {
     #[test]
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
-            --attribution A --licence L --source-url U --obj-up y --no-meshes";
+            --attribution A --licence L --source-url U --obj-up y --no-meshes --ground auto";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
         let options = options(&args, Palette::default());
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
         assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
         assert!(!options.meshes);
+        assert_eq!(options.ground, GroundOption::Auto);
         assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
         assert_eq!(options.obj_up, ObjUpAxis::Y);

@@ -85,6 +85,7 @@ pub fn manifest(name: &str) -> Manifest {
         ground_z_m: 0.0,
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
+        generated_ground: false,
         counts: CityCounts {
             objects: 2,
             triangles: 24,

@@ -29,6 +29,7 @@ fn manifest() -> Manifest {
         focus: [[0.0; 2], [128.0; 2]],
         ground_z_m: 0.0,
         has_terrain: false,
+        generated_ground: false,
         counts: manifest::CityCounts::default(),
         attribution: Vec::new(),
         tile_version: tile::VERSION,

@@ -32,7 +32,7 @@ use insula_protocol::{TileId, blockmap::Quality};
 
 use crate::{
     error::BakeError,
-    scene::{Scene, grid::CityGrid},
+    scene::{ObjectKind, Scene, SceneTriangle, grid::CityGrid},
 };
 
 pub(crate) use lod_chain::EncodedLod;
@@ -49,6 +49,11 @@ pub(crate) fn leaf_lods(
     id: TileId,
     quality: Quality,
 ) -> Result<Vec<EncodedLod>, BakeError> {
+    // Columns show plain ground as exactly.
+    let kind = |triangle: &SceneTriangle| scene.objects[triangle.object as usize].kind;
+    if scene.triangles.iter().all(|triangle| kind(triangle) == ObjectKind::GeneratedGround) {
+        return Ok(Vec::new());
+    }
     match leaf_surface::LeafSurface::gather(scene, grid, id) {
         Some(surface) => lod_chain::encode_lods(scene, grid, id, &surface, quality),
         None => Ok(Vec::new()),

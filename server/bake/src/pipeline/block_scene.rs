@@ -60,7 +60,11 @@ impl BlockScene {
             bytes.extend_from_slice(&to_record(triangle));
         }
         for object in self.objects.iter().map(|number| city.objects[*number as usize]) {
-            bytes.push((object.kind == ObjectKind::Terrain).into());
+            bytes.push(match object.kind {
+                ObjectKind::Building => 0,
+                ObjectKind::Terrain => 1,
+                ObjectKind::GeneratedGround => 2,
+            });
             bytes.extend_from_slice(&object.base_z_m.to_bits().to_le_bytes());
         }
         for material in self.materials.iter().map(|number| city.materials[*number as usize]) {

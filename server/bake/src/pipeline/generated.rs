@@ -81,6 +81,7 @@ pub fn bake_generated(
         bounds: generated.bounds,
         ground_z_m: generated.ground_z_m,
         has_terrain: true,
+        generated_ground: false,
         objects: generated.objects,
         triangles: generated.triangles,
         crs: None,

@@ -18,6 +18,7 @@ use rayon::ThreadPool;
 use crate::{
     config::{BakeConfig, BakeOptions},
     error::BakeError,
+    ground::{self, GroundOption, GroundReport},
     hash::{ShortHash, short_hex},
     progress::Progress,
     read::{self, ReadOptions, ReadProgress, ReadReport, ScratchOptions},
@@ -112,8 +113,10 @@ impl<'a> BakeRun<'a> {
         let Some(bounds) = city.bounds else {
             return Err(BakeError::Empty { triangles: 0, cell_m: self.config.cell_m });
         };
-        let facts = SceneFacts::new(&city, bounds);
-        let grid = self.grid(&city, bounds)?;
+        let mut facts = SceneFacts::new(&city, bounds);
+        let ground = self.ground(&mut city)?;
+        facts.set_ground(ground.as_ref());
+        let grid = self.grid(&city, city.bounds.unwrap_or(bounds))?;
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let previous = self.open_previous();
@@ -130,7 +133,19 @@ impl<'a> BakeRun<'a> {
         let (manifest, city_bytes, threads, blocks) = (written.manifest, written.bytes, config.threads, tiles.counts);
         let meshes = MeshReport::by_lod(tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info)));
         let start = resume;
-        Ok(BakeReport::new(ReportInput { manifest, city_bytes, read, grid, threads, start, blocks, meshes }, clock))
+        Ok(BakeReport::new(
+            ReportInput { manifest, city_bytes, read, ground, grid, threads, start, blocks, meshes },
+            clock,
+        ))
+    }
+
+    /// Adds generated ground to the city, if it is wanted.
+    fn ground(&mut self, city: &mut ScratchScene) -> Result<Option<GroundReport>, BakeError> {
+        if self.config.ground == GroundOption::None {
+            return Ok(None);
+        }
+        self.progress.stage("ground", 0);
+        self.clock.time("ground", || ground::add(city, self.config.cell_m))
     }
 
     /// Places the quadtree. Fails if the city is too wide for the cell size.

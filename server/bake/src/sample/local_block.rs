@@ -18,6 +18,8 @@ pub(super) struct LocalTriangle {
     pub(super) normal: Vec3,
     pub(super) area_m2: f32,
     pub(super) is_terrain: bool,
+    /// Whether it is generated ground.
+    pub(super) is_generated: bool,
     /// Index into the scene's objects.
     pub(super) object: u32,
     /// Lowest point of its object.
@@ -114,13 +116,14 @@ fn local_triangle(input: &BlockInput<'_>, index: u32, origin: [f64; 3]) -> Optio
     if !length.is_finite() || length <= 1e-9 {
         return None;
     }
-    let is_terrain = object.kind == ObjectKind::Terrain;
+    let is_terrain = object.kind.is_terrain();
     let normal = cross / length;
     Some(LocalTriangle {
         corners,
         normal: if is_terrain && normal.z < 0.0 { -normal } else { normal },
         area_m2: length * 0.5,
         is_terrain,
+        is_generated: object.kind == ObjectKind::GeneratedGround,
         object: triangle.object,
         object_bottom_m: (f64::from(object.base_z_m) - origin[2]) as f32,
         footprint_m: [0.0; 4],
@@ -208,6 +211,7 @@ mod tests {
             normal: Vec3::Z,
             area_m2: 1.0,
             is_terrain: false,
+            is_generated: false,
             object: 0,
             object_bottom_m: 0.0,
             footprint_m: [0.0; 4],

@@ -36,6 +36,7 @@ mod wall_pieces;
 
 use crate::columns::{fill::fill_unknown, voxels::VoxelNode};
 use local_block::LocalBlock;
+pub(crate) use rasterise::rasterise;
 
 pub use settings::{BlockInput, SampleSettings, VisibilityBackend};
 

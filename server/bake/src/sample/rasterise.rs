@@ -40,7 +40,7 @@ fn max(a: f32, b: f32) -> f32 {
 
 /// Calls `run(row, first, end)` for each row of grid points inside the triangle. Point `i` of an axis lies at
 /// `(i + 0.5) * step`, with `i` in `0..size`.
-pub(super) fn rasterise(corners: [[f32; 2]; 3], step: f32, size: [usize; 2], mut run: impl FnMut(usize, usize, usize)) {
+pub(crate) fn rasterise(corners: [[f32; 2]; 3], step: f32, size: [usize; 2], mut run: impl FnMut(usize, usize, usize)) {
     let inverse = 1.0 / step;
     // The cast truncates and saturates. For positive values this is a ceiling, and cheaper than `ceil` on plain x86-64.
     let index = |v: f32, end: usize| {

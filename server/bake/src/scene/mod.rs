@@ -18,6 +18,16 @@ pub enum ObjectKind {
     Building,
     /// The ground. It is one-sided: its underside neither blocks rays nor is visible.
     Terrain,
+    /// Terrain that no source gives.
+    GeneratedGround,
+}
+
+impl ObjectKind {
+    /// Whether it is ground, given or generated.
+    #[must_use]
+    pub fn is_terrain(self) -> bool {
+        self != Self::Building
+    }
 }
 
 /// One object of the city.

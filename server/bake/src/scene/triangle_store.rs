@@ -93,6 +93,17 @@ impl TriangleStore {
         failed.map_err(|cause| BakeError::io(&file.path, "written", cause))
     }
 
+    /// Adds triangles after the writing has ended. Fails if they cannot be written.
+    pub(crate) fn append(&mut self, triangles: impl Iterator<Item = SceneTriangle>) -> Result<(), BakeError> {
+        if let Self::File(file) = self {
+            let opened = File::options().append(true).open(&file.path);
+            let opened = opened.map_err(|cause| BakeError::io(&file.path, "written", cause))?;
+            file.writer = Some(BufWriter::with_capacity(BUFFER_BYTES, opened));
+        }
+        triangles.for_each(|triangle| self.push(triangle));
+        self.finish()
+    }
+
     /// Calls `visit` for every triangle, in order. Fails if the file cannot be read, or with the first error of
     /// `visit`.
     pub(crate) fn try_for_each(

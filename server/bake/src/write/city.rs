@@ -30,6 +30,7 @@ use super::{
 use crate::{
     config::BakeConfig,
     error::BakeError,
+    ground::GroundReport,
     hash::{ShortHash, short_hex},
     read::ReadReport,
     scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
@@ -42,6 +43,7 @@ pub(crate) struct SceneFacts {
     pub(crate) bounds: [[f64; 3]; 2],
     pub(crate) ground_z_m: f64,
     pub(crate) has_terrain: bool,
+    pub(crate) generated_ground: bool,
     pub(crate) objects: u64,
     pub(crate) triangles: u64,
     pub(crate) crs: Option<String>,
@@ -58,9 +60,17 @@ impl SceneFacts {
             bounds: [world(min), world(max)],
             ground_z_m: city.origin[2] + ground,
             has_terrain: terrain_z.is_some(),
+            generated_ground: false,
             objects: city.objects.len() as u64,
             triangles: city.triangles,
             crs: city.crs.clone(),
+        }
+    }
+
+    /// Takes the plane from the generated ground, if there is some.
+    pub(crate) fn set_ground(&mut self, ground: Option<&GroundReport>) {
+        if let Some(ground) = ground {
+            (self.ground_z_m, self.generated_ground) = (ground.plane_z_m, true);
         }
     }
 }
@@ -176,6 +186,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         focus: focus(input),
         ground_z_m: facts.ground_z_m,
         has_terrain: facts.has_terrain,
+        generated_ground: facts.generated_ground,
         counts: CityCounts {
             objects: facts.objects,
             triangles: facts.triangles,

@@ -243,6 +243,7 @@ mod tests {
             focus: [[0.0; 2]; 2],
             ground_z_m: 0.0,
             has_terrain: false,
+            generated_ground: false,
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

@@ -1,0 +1,244 @@
+//! Where walls meet the ground: the lower edges of walls that no other wall continues, without those on roofs.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+
+use super::grid::GroundGrid;
+use crate::{
+    error::BakeError,
+    scene::{ObjectKind, SceneTriangle, scratch_scene::ScratchScene},
+};
+
+/// Triangles whose unit normal has a smaller absolute z are walls.
+const MAX_WALL_NORMAL_Z: f32 = 0.35;
+/// Steepest lower edge, rise over run.
+const MAX_EDGE_SLOPE: f32 = 0.6;
+/// Walls of an object that are compared with each other. More are compared in parts, for bounded memory.
+const MAX_WALLS: usize = 1 << 16;
+/// Most points of one edge.
+const MAX_POINTS: f32 = 4096.0;
+/// A foot that is lower than the median around it by more metres is a basement's.
+const BASEMENT_M: f32 = 5.0;
+/// A foot that is higher by more metres is that of an overhanging wall.
+const OVERHANG_M: f32 = 3.0;
+/// Distance, in steps, of the neighbours that a foot is compared with, and the fewest.
+const MEDIAN_REACH: usize = 6;
+const MEDIAN_NEIGHBOURS: usize = 8;
+/// Steepest ground, and how far above it an object's lowest walls may begin.
+const STEEP: [f32; 2] = [0.3, 2.0];
+/// The same for walls that begin above their object's lowest point.
+const GENTLE: [f32; 2] = [0.1, 0.5];
+/// Walls that begin within this height above their object's lowest point are its lowest.
+const LOWEST_M: f32 = 1.0;
+
+/// A point on a wall's lower edge.
+#[derive(Debug, Clone, Copy)]
+struct Foot {
+    position: [f32; 3],
+    /// Lowest point of the object.
+    base_m: f32,
+}
+
+/// Lowest and highest foot around each vertex; `low > high` where there is none.
+#[derive(Debug)]
+pub(super) struct VertexFeet {
+    pub(super) low: Vec<f32>,
+    pub(super) high: Vec<f32>,
+}
+
+/// Finds the feet that stand on the ground. Fails if the triangles cannot be read.
+pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet, BakeError> {
+    let mut lowest = vec![f32::INFINITY; grid.len()];
+    for_each_foot(city, grid, |foot, [x, y]| {
+        let low = &mut lowest[grid.index(x, y)];
+        *low = low.min(foot.position[2]);
+    })?;
+    let ranges = remove_outliers(&mut lowest, grid);
+    let mut steep = lowest.clone();
+    spread(&mut steep, grid, STEEP[0]);
+    spread(&mut lowest, grid, GENTLE[0]);
+    let gentle = lowest;
+    let mut feet = VertexFeet { low: vec![f32::INFINITY; grid.len()], high: vec![f32::NEG_INFINITY; grid.len()] };
+    for_each_foot(city, grid, |foot, [x, y]| {
+        let (z, i) = (foot.position[2], grid.index(x, y));
+        let is_lowest = z <= foot.base_m + LOWEST_M && z <= steep[i] + STEEP[1];
+        if z >= ranges[i][0] && z <= ranges[i][1] && (is_lowest || z <= gentle[i] + GENTLE[1]) {
+            for i in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| grid.index(x, y)) {
+                feet.low[i] = feet.low[i].min(z);
+                feet.high[i] = feet.high[i].max(z);
+            }
+        }
+    })?;
+    Ok(feet)
+}
+
+/// Calls `visit` for points on all lower edges with their square of the grid.
+fn for_each_foot(
+    city: &ScratchScene,
+    grid: &GroundGrid,
+    mut visit: impl FnMut(&Foot, [usize; 2]),
+) -> Result<(), BakeError> {
+    let mut walls = WallBatch { city, step_m: (0.25 * grid.step_m) as f32, walls: Vec::new(), uses: HashMap::new() };
+    let mut visit_point = |foot: &Foot| {
+        let [x, y, _] = foot.position;
+        visit(foot, grid.square(x.into(), y.into()));
+    };
+    city.try_for_each(|triangle| {
+        walls.add(triangle, &mut visit_point);
+        Ok(())
+    })?;
+    walls.flush(&mut visit_point);
+    Ok(())
+}
+
+/// Walls of one object.
+struct WallBatch<'a> {
+    city: &'a ScratchScene,
+    /// Distance of points along an edge.
+    step_m: f32,
+    walls: Vec<SceneTriangle>,
+    /// Number of walls at each edge.
+    uses: HashMap<[[u32; 3]; 2], u32>,
+}
+
+impl WallBatch<'_> {
+    fn add(&mut self, triangle: &SceneTriangle, visit: &mut impl FnMut(&Foot)) {
+        let is_other = self.walls.first().is_some_and(|wall| wall.object != triangle.object);
+        if is_other || self.walls.len() >= MAX_WALLS {
+            self.flush(visit);
+        }
+        let [a, b, c] = triangle.corners.map(Vec3::from_array);
+        let normal = (b - a).cross(c - a);
+        let is_wall = normal.z.abs() <= MAX_WALL_NORMAL_Z * normal.length() && normal.length() > 1e-6;
+        if self.city.objects[triangle.object as usize].kind != ObjectKind::Terrain && is_wall {
+            for k in 0..3 {
+                *self.uses.entry(edge(triangle, k)).or_default() += 1;
+            }
+            self.walls.push(*triangle);
+        }
+    }
+
+    fn flush(&mut self, visit: &mut impl FnMut(&Foot)) {
+        for wall in &self.walls {
+            let base_m = self.city.objects[wall.object as usize].base_z_m;
+            for k in (0..3).filter(|k| self.uses.get(&edge(wall, *k)) == Some(&1)) {
+                let [a, b, c] = [0, 1, 2].map(|i| Vec3::from_array(wall.corners[(k + i) % 3]));
+                let length_m = (b - a).truncate().length();
+                if (b.z - a.z).abs() > MAX_EDGE_SLOPE * length_m || 2.0 * c.z <= a.z + b.z {
+                    continue;
+                }
+                let n = (length_m / self.step_m).ceil().clamp(1.0, MAX_POINTS);
+                for i in 0..=n as u32 {
+                    let position = (a + (b - a) * (i as f32 / n)).to_array();
+                    visit(&Foot { position, base_m });
+                }
+            }
+        }
+        self.walls.clear();
+        self.uses.clear();
+    }
+}
+
+/// Edge `k` of a triangle, the same for both directions.
+fn edge(triangle: &SceneTriangle, k: usize) -> [[u32; 3]; 2] {
+    let [a, b] = [k, (k + 1) % 3].map(|i| triangle.corners[i].map(|v| (v + 0.0).to_bits()));
+    if a <= b { [a, b] } else { [b, a] }
+}
+
+/// Removes heights far from the median of those around them. Returns the range of feet in each square.
+fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<[f32; 2]> {
+    let known = lowest.to_vec();
+    let mut ranges = vec![[f32::NEG_INFINITY, f32::INFINITY]; grid.len()];
+    let mut around = Vec::new();
+    for (i, low) in lowest.iter_mut().enumerate().filter(|(_, low)| low.is_finite()) {
+        let [x, y] = grid.place(i);
+        around.clear();
+        for row in y.saturating_sub(MEDIAN_REACH)..=(y + MEDIAN_REACH).min(grid.size[1] - 1) {
+            let [first, last] = [x.saturating_sub(MEDIAN_REACH), (x + MEDIAN_REACH).min(grid.size[0] - 1)];
+            around.extend(known[grid.index(first, row)..=grid.index(last, row)].iter().filter(|z| z.is_finite()));
+        }
+        let middle = around.len() / 2;
+        let median = *around.select_nth_unstable_by(middle, f32::total_cmp).1;
+        if around.len() > MEDIAN_NEIGHBOURS {
+            ranges[i] = [median - BASEMENT_M, median + OVERHANG_M];
+            if *low < ranges[i][0] || *low > ranges[i][1] {
+                *low = f32::INFINITY;
+            }
+        }
+    }
+    ranges
+}
+
+/// Replaces each height by the lowest that ground of a slope can have there, seen from the others.
+fn spread(lowest: &mut [f32], grid: &GroundGrid, slope: f32) {
+    let [width, height] = grid.size;
+    let straight = slope * grid.step_m as f32;
+    let diagonal = straight * std::f32::consts::SQRT_2;
+    let mut relax = |x: usize, y: usize, dy: i32, dx: i32| {
+        let mut best = lowest[y * width + x];
+        for (step_x, step_y, rise) in [(dx, 0, straight), (-1, dy, diagonal), (0, dy, straight), (1, dy, diagonal)] {
+            let (other_x, other_y) = (x.checked_add_signed(step_x as isize), y.checked_add_signed(step_y as isize));
+            if let (Some(other_x), Some(other_y)) = (other_x, other_y)
+                && other_x < width
+                && other_y < height
+            {
+                best = best.min(lowest[other_y * width + other_x] + rise);
+            }
+        }
+        lowest[y * width + x] = best;
+    };
+    for y in 0..height {
+        (0..width).for_each(|x| relax(x, y, -1, -1));
+        (0..width).rev().for_each(|x| relax(x, y, -1, 1));
+    }
+    for y in (0..height).rev() {
+        (0..width).rev().for_each(|x| relax(x, y, 1, 1));
+        (0..width).for_each(|x| relax(x, y, 1, -1));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, Scene, SceneObject};
+
+    /// A box without floor and roof: four walls.
+    fn walls(scene: &mut Scene, low: [f32; 3], high: [f32; 3]) {
+        let object = scene.objects.len() as u32;
+        let id = object.to_string();
+        scene.objects.push(SceneObject { id, kind: ObjectKind::Building, base_z_m: low[2] });
+        let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
+        for k in 0..4 {
+            let (a, b) = (corners[k], corners[(k + 1) % 4]);
+            let at = |p: [f32; 2], z: f32| [p[0], p[1], z];
+            for corners in
+                [[at(a, low[2]), at(b, low[2]), at(b, high[2])], [at(a, low[2]), at(b, high[2]), at(a, high[2])]]
+            {
+                scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object });
+            }
+        }
+    }
+
+    #[test]
+    fn feet_stand_on_the_ground_and_not_on_roofs_or_in_basements() {
+        let materials = vec![Material { rgb: [0; 3], texture: None }];
+        let mut scene = Scene { materials, ..Scene::default() };
+        for i in 0..6 {
+            let x = 20.0 * i as f32;
+            let base = if i == 2 { -12.0 } else { 0.05 * x };
+            walls(&mut scene, [x, 0.0, base], [x + 12.0, 12.0, 15.0]);
+        }
+        // A penthouse on the roof of the first one.
+        walls(&mut scene, [4.0, 4.0, 15.0], [8.0, 8.0, 18.0]);
+        let city = ScratchScene::from_scene(scene).unwrap();
+        let [min, max] = city.bounds.unwrap();
+        let grid = GroundGrid::covering(min, max, [0.0; 3], 64.0).unwrap();
+        let feet = find(&city, &grid).unwrap();
+        let known: Vec<usize> = (0..grid.len()).filter(|i| feet.low[*i] <= feet.high[*i]).collect();
+        assert!(known.len() > 60, "{}", known.len());
+        assert!(known.iter().all(|i| feet.low[*i] >= 0.0 && feet.high[*i] <= 5.0));
+        let [x, y] = grid.square(100.0, 0.0);
+        assert_eq!(feet.high[grid.index(x, y)], 5.0);
+    }
+}

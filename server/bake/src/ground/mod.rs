@@ -1,0 +1,247 @@
+//! The generated ground: a surface under the buildings where the sources have no terrain, and a skirt around the city
+//! that meets the surrounding plane.
+//!
+//! In: the city as it was read. Out: triangles of one more terrain object, and the height of the plane.
+//! Next: `partition`, which treats them as the sources' own.
+//!
+//! | step | module |
+//! |---|---|
+//! | a regular grid over the city and its skirt | `grid` |
+//! | heights where walls meet the ground | `feet` |
+//! | heights of given terrain | `given` |
+//! | a smooth field through both, and down to the plane | `relax` |
+//! | triangles, fewer where it is flat | `mesh` |
+
+mod feet;
+mod given;
+mod grid;
+mod mesh;
+mod relax;
+
+use std::str::FromStr;
+
+use insula_protocol::NODE_CELLS;
+use serde::Serialize;
+
+use crate::{
+    error::BakeError,
+    scene::{
+        ObjectKind, SceneTriangle,
+        scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial, StoredObject},
+    },
+};
+use grid::GroundGrid;
+use mesh::HeightRange;
+use relax::Bounds;
+
+/// Increased whenever the same city would get another ground.
+pub(crate) const ALGORITHM: u32 = 1;
+/// Heights are multiples of this many parts of a metre, so that a change of the city changes no ground far away.
+const STEPS_PER_M: f32 = 16.0;
+/// Buildings may sink this far where that makes the ground smoother.
+const SINK_M: f32 = 0.8;
+/// Generated ground passes this far below given terrain, and ends below it.
+const UNDER_TERRAIN_M: f32 = 0.3;
+/// Distance, in steps, that it reaches below given terrain.
+const UNDER_TERRAIN_STEPS: u16 = 2;
+/// Ground at the plane's height that is further from all buildings is left to the plane.
+const NEAR_M: f64 = 32.0;
+/// Largest error of the triangles near buildings, and elsewhere.
+const TOLERANCE_M: [f32; 2] = [0.4, 0.8];
+/// Rounding of heights of feet and between vertices.
+const ROUNDING_M: f32 = 0.01;
+/// The plane takes the median of the border's heights, but hardly any ground lies deeper below it: a viewer outside would
+/// look under the ground there. This is the share of the ground that may, and how deep the rest may lie.
+const LOW_SHARE: f64 = 0.02;
+const MAX_DEPTH_M: f32 = 2.0;
+/// Horizontal length of the skirt per metre of its height. It is at least [`NEAR_M`] long.
+const SKIRT_RUN: f32 = 6.0;
+/// 8-bit sRGB. The plane has the same colour.
+const COLOUR: [u8; 3] = [134, 133, 130];
+
+/// Whether a bake generates ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum GroundOption {
+    /// Ground where the sources have no terrain, and a skirt around it.
+    Auto,
+    /// Only the terrain of the sources.
+    #[default]
+    None,
+}
+
+impl FromStr for GroundOption {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "none" => Ok(Self::None),
+            _ => Err("give auto or none".into()),
+        }
+    }
+}
+
+/// The generated ground of a city.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GroundReport {
+    /// Always true: tells it from terrain of the sources.
+    pub generated: bool,
+    /// Whether the sources have terrain, so that only its surroundings and holes are generated.
+    pub around_terrain: bool,
+    /// Distance of the heights in metres.
+    pub spacing_m: f64,
+    pub triangles: u64,
+    /// World height of the lowest and highest point.
+    pub z_range_m: [f64; 2],
+    /// World height of the surrounding plane.
+    pub plane_z_m: f64,
+}
+
+/// Adds generated ground to a city, unless there is nothing that stands on the ground. `cell_m` is the side of a leaf's
+/// column. Fails if the triangles cannot be read or written.
+pub(crate) fn add(city: &mut ScratchScene, cell_m: f64) -> Result<Option<GroundReport>, BakeError> {
+    let Some([min, max]) = city.bounds else { return Ok(None) };
+    let leaf_m = cell_m * NODE_CELLS as f64;
+    let Some(grid) = GroundGrid::covering(min, max, city.origin, leaf_m) else { return Ok(None) };
+    let Some(surface) = Surface::build(city, &grid)? else { return Ok(None) };
+    let triangles = mesh::triangulate(&grid, &surface.field, &surface.range(), surface.plane_m);
+    let heights = || triangles.iter().flatten().map(|corner| corner[2]);
+    let (low, high) = (heights().fold(f32::INFINITY, f32::min), heights().fold(f32::NEG_INFINITY, f32::max));
+    if triangles.is_empty() {
+        return Ok(None);
+    }
+    push_object(city, &triangles, surface.plane_m)?;
+    let world = |z: f32| city.origin[2] + f64::from(z);
+    Ok(Some(GroundReport {
+        generated: true,
+        around_terrain: surface.has_terrain,
+        spacing_m: grid.step_m,
+        triangles: triangles.len() as u64,
+        z_range_m: [world(low), world(high)],
+        plane_z_m: world(surface.plane_m),
+    }))
+}
+
+/// The height field and what is known of each vertex.
+struct Surface<'a> {
+    grid: &'a GroundGrid,
+    field: Vec<f32>,
+    bounds: Bounds,
+    /// Vertices on given terrain.
+    is_given: Vec<bool>,
+    has_terrain: bool,
+    plane_m: f32,
+}
+
+impl<'a> Surface<'a> {
+    /// `None` if no height is known anywhere.
+    fn build(city: &ScratchScene, grid: &'a GroundGrid) -> Result<Option<Self>, BakeError> {
+        let terrain = given::find(city, grid)?;
+        let feet = feet::find(city, grid)?;
+        let mut bounds = Bounds::unknown(grid.size);
+        for i in 0..grid.len() {
+            if terrain[i].is_finite() {
+                let z = round(terrain[i] - UNDER_TERRAIN_M, f32::floor);
+                (bounds.low[i], bounds.high[i]) = (z, z);
+            } else if feet.low[i] <= feet.high[i] {
+                let low = round(feet.high[i] - ROUNDING_M, f32::ceil);
+                (bounds.low[i], bounds.high[i]) = (low, low.max(feet.low[i] + SINK_M));
+            }
+        }
+        drop(feet);
+        if !(0..grid.len()).any(|i| bounds.is_known(i)) {
+            return Ok(None);
+        }
+        let free = relax::smooth_field(&bounds);
+        let plane_m = plane_height(grid, &free);
+        let mut skirted = bounds.clone();
+        let steps = grid.distances(|i| bounds.is_known(i));
+        for i in 0..grid.len() {
+            let skirt_m = (SKIRT_RUN * (free[i] - plane_m).abs()).max(NEAR_M as f32);
+            if grid.is_rim(grid.place(i)) || f32::from(steps[i]) * grid.step_m as f32 > skirt_m {
+                (skirted.low[i], skirted.high[i]) = (plane_m, plane_m);
+            }
+        }
+        let mut field = relax::smooth_field(&skirted);
+        for (i, z) in field.iter_mut().enumerate() {
+            let nearest = round(*z, f32::round);
+            *z = if skirted.is_known(i) { nearest.max(skirted.low[i]) } else { nearest };
+        }
+        let is_given: Vec<bool> = terrain.iter().map(|z| z.is_finite()).collect();
+        let has_terrain = is_given.contains(&true);
+        Ok(Some(Self { grid, field, bounds, is_given, has_terrain, plane_m }))
+    }
+
+    /// The heights that triangles may have.
+    fn range(&self) -> HeightRange {
+        let grid = self.grid;
+        let near_steps = (NEAR_M / grid.step_m).ceil().max(2.0) as u16;
+        let to_building = grid.distances(|i| self.bounds.is_known(i) && !self.is_given[i]);
+        let to_gap = grid.distances(|i| !self.is_given[i]);
+        let n = grid.len();
+        let mut range =
+            HeightRange { low: vec![f32::NEG_INFINITY; n], high: vec![f32::INFINITY; n], is_needed: vec![false; n] };
+        for i in 0..n {
+            let z = self.field[i];
+            let is_near = to_building[i] <= near_steps;
+            let is_given = self.is_given[i];
+            range.is_needed[i] = if is_given { to_gap[i] <= UNDER_TERRAIN_STEPS } else { is_near || z != self.plane_m };
+            let tolerance_m = TOLERANCE_M[usize::from(!is_near)];
+            if is_given {
+                range.high[i] = z + UNDER_TERRAIN_M / 2.0;
+            } else if range.is_needed[i] {
+                (range.low[i], range.high[i]) = (z - tolerance_m, z + tolerance_m);
+                if self.bounds.is_known(i) {
+                    range.low[i] = self.bounds.low[i] - ROUNDING_M;
+                    range.high[i] = range.high[i].max(self.bounds.high[i]);
+                }
+            }
+        }
+        range
+    }
+}
+
+fn round(z: f32, to_whole: fn(f32) -> f32) -> f32 {
+    to_whole(z * STEPS_PER_M) / STEPS_PER_M
+}
+
+/// The height of the plane for a field without a skirt.
+fn plane_height(grid: &GroundGrid, field: &[f32]) -> f32 {
+    let quantile = |mut heights: Vec<f32>, share: f64| {
+        let k = (share * heights.len() as f64) as usize;
+        if heights.is_empty() { f32::INFINITY } else { *heights.select_nth_unstable_by(k, f32::total_cmp).1 }
+    };
+    let border = quantile(grid.border().map(|i| field[i]).collect(), 0.5);
+    round(border.min(quantile(field.to_vec(), LOW_SHARE) + MAX_DEPTH_M), f32::floor)
+}
+
+/// Adds the triangles as one terrain object.
+fn push_object(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]], plane_m: f32) -> Result<(), BakeError> {
+    let (material, object) = (city.materials.len() as u32, city.objects.len() as u32);
+    city.materials.push(StoredMaterial { rgb: COLOUR, texture: None });
+    // The plane's height, not the lowest point, so that blocks do not depend on ground far away.
+    city.objects.push(StoredObject { kind: ObjectKind::GeneratedGround, base_z_m: plane_m });
+    city.names.push("generated ground".into());
+    let mut stored_object = object;
+    if !city.placements.is_empty() {
+        stored_object = city.placements.len() as u32;
+        city.placements.push(ObjectPlacement { offset_m: [0.0; 3], object: Some(object) });
+    }
+    let all = triangles.iter().map(|corners| {
+        let [a, b, c] = *corners;
+        let turn = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let corners = if turn >= 0.0 { [a, b, c] } else { [a, c, b] };
+        SceneTriangle { corners, uv: [[0.0; 2]; 3], material, object: stored_object }
+    });
+    city.stored.append(all)?;
+    city.triangles += triangles.len() as u64;
+    if let Some([min, max]) = &mut city.bounds {
+        for corner in triangles.iter().flatten() {
+            for axis in 0..3 {
+                min[axis] = min[axis].min(corner[axis].into());
+                max[axis] = max[axis].max(corner[axis].into());
+            }
+        }
+    }
+    Ok(())
+}
