@@ -30,7 +30,7 @@ pub(crate) const AGX_SATURATION: f32 = 1.2;
 pub(crate) const AGX_IN: Mat3 = Mat3::from_cols(
     Vec3::new(0.842_479_06, 0.042_328_242, 0.042_375_655),
     Vec3::new(0.078_433_6, 0.878_468_64, 0.078_433_6),
-    Vec3::new(0.079_223_745, 0.079_166_13, 0.879_142_97),
+    Vec3::new(0.079_223_745, 0.079_166_13, 0.879_143),
 );
 pub(crate) const AGX_OUT: Mat3 = Mat3::from_cols(
     Vec3::new(1.196_879, -0.052_896_85, -0.052_971_64),

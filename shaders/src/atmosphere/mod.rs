@@ -108,7 +108,7 @@ impl Atmosphere {
     /// Radiance of the sky in direction `dir` above the horizon, under a sun in direction `sun`.
     pub(crate) fn sky(&self, dir: DVec3, sun: DVec3) -> SkyLight {
         let cos = dir.dot(sun);
-        let ray = Ray { height_m: EYE_M, up: dir.z, sun_z: sun.z, sun_cos: cos };
+        let ray = AirRay { height_m: EYE_M, up: dir.z, sun_z: sun.z, sun_cos: cos };
         let (mut molecules, mut particles, mut multiple) = (Spectrum::ZERO, Spectrum::ZERO, Spectrum::ZERO);
         self.march(&ray, STEPS, |point| {
             let lit = point.seen.zip(self.transmittance(point.height_m, point.sun_z), |seen, lit| seen * lit);
@@ -146,7 +146,7 @@ impl Atmosphere {
     }
 
     /// Visits the points of a ray up to the ground or the end of the atmosphere. Returns the share of the light that passes it.
-    fn march(&self, ray: &Ray, steps: u32, mut visit: impl FnMut(RayPoint)) -> Spectrum {
+    fn march(&self, ray: &AirRay, steps: u32, mut visit: impl FnMut(RayPoint)) -> Spectrum {
         let r = EARTH_M + ray.height_m;
         let mut depth = Spectrum::ZERO;
         along(ray.length_m(), steps, |t, step| {
@@ -175,7 +175,7 @@ impl Atmosphere {
             let up = (f64::from(ring) + 0.5) / f64::from(RINGS) * 2.0 - 1.0;
             let across = ((1.0 - up * up) * (1.0 - sun_z * sun_z)).sqrt();
             let angle = (f64::from(azimuth) + 0.5) / f64::from(RINGS) * PI;
-            let ray = Ray { height_m, up, sun_z, sun_cos: up * sun_z + across * angle.cos() };
+            let ray = AirRay { height_m, up, sun_z, sun_cos: up * sun_z + across * angle.cos() };
             let passed = self.march(&ray, TABLE_STEPS, |point| {
                 let scattered = point.molecules.add_scaled(point.particles, 1.0).zip(point.seen, |a, b| a * b);
                 let lit = self.transmittance(point.height_m, point.sun_z);
@@ -209,14 +209,14 @@ impl Atmosphere {
 }
 
 /// A ray through the air: where it begins, and cosines to the vertical and to the sun.
-struct Ray {
+struct AirRay {
     height_m: f64,
     up: f64,
     sun_z: f64,
     sun_cos: f64,
 }
 
-impl Ray {
+impl AirRay {
     fn meets_ground(&self) -> bool {
         let r = EARTH_M + self.height_m;
         self.up < 0.0 && r * (1.0 - self.up * self.up).max(0.0).sqrt() < EARTH_M

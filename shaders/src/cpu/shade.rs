@@ -262,7 +262,7 @@ fn stars(brightest: f32, dir: Vec3) -> f32 {
     let cell = place.floor();
     let [x, y, z] = cell.as_ivec3().as_uvec3().to_array();
     let hash = scramble(scramble(scramble(x).wrapping_add(y)).wrapping_add(z));
-    if hash % STAR_RARITY != 0 {
+    if !hash.is_multiple_of(STAR_RARITY) {
         return 0.0;
     }
     let magnitude = (hash >> 16) as f32 / 65_535.0;

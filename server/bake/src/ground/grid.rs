@@ -84,7 +84,7 @@ impl GroundGrid {
             let nearest = others.into_iter().flatten().map(|other| steps[other].saturating_add(1)).min();
             steps[i] = nearest.map_or(steps[i], |nearest| nearest.min(steps[i]));
         };
-        let west = |i: usize| (i % width > 0).then(|| i - 1);
+        let west = |i: usize| (!i.is_multiple_of(width)).then(|| i - 1);
         let east = |i: usize| (i % width + 1 < width).then(|| i + 1);
         for i in 0..width * height {
             let south = i.checked_sub(width);

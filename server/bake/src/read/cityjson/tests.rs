@@ -1,7 +1,7 @@
 //! Whole CityJSON documents.
 
 use crate::read::texture::tests::png;
-use crate::read::{InputError, Palette, ReadOptions, ReadReport, read_embedded};
+use crate::read::{InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
