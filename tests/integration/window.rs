@@ -22,8 +22,6 @@ use std::{
 
 /// Longest wait for a change; with a software driver, frames take long.
 const MAX_WAIT: Duration = Duration::from_secs(30);
-/// Longer than a message is shown.
-const MESSAGE_TIME: Duration = Duration::from_secs(6);
 const TOOLS: [&str; 3] = ["Xvfb", "xdotool", "import"];
 
 fn main() {
@@ -326,8 +324,15 @@ fn copy_a_link(client: &mut Client) -> Result<(String, RgbImage)> {
     let link = client.wait_for_line("copied insula://", 0)?.trim_start_matches("copied ").to_owned();
     ensure!(ViewLink::parse(&link)?.camera.is_some(), "{link}");
     // No line of output reports when the message disappears.
-    std::thread::sleep(MESSAGE_TIME);
-    Ok((link, client.screenshot("8-view")?))
+    let with_message = client.screenshot("8-view")?;
+    let mut view = client.screenshot_of_change("8-view", &with_message, |_| Ok(()))?;
+    // On a busy machine, the frame is still being drawn after that.
+    client.wait_until("view at rest", |client| {
+        std::thread::sleep(Duration::from_secs(1));
+        let before = std::mem::replace(&mut view, client.screenshot("8-view")?);
+        Ok(before == view)
+    })?;
+    Ok((link, view))
 }
 
 fn stop_and_restart_server(client: &mut Client, server: ServerProcess, city: &Path, address: &str) -> Result<()> {
