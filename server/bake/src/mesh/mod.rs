@@ -50,8 +50,10 @@ pub(crate) fn leaf_lods(
     quality: Quality,
 ) -> Result<Vec<EncodedLod>, BakeError> {
     // Columns show plain ground as exactly.
-    let kind = |triangle: &SceneTriangle| scene.objects[triangle.object as usize].kind;
-    if scene.triangles.iter().all(|triangle| kind(triangle) == ObjectKind::GeneratedGround) {
+    let is_generated = |triangle: &SceneTriangle| {
+        scene.objects.get(triangle.object as usize).is_some_and(|object| object.kind == ObjectKind::GeneratedGround)
+    };
+    if scene.triangles.iter().all(is_generated) {
         return Ok(Vec::new());
     }
     match leaf_surface::LeafSurface::gather(scene, grid, id) {
