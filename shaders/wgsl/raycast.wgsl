@@ -23,10 +23,18 @@ fn raycast(
     var sum = vec3<f32>(0.0);
     let at = id.y * frame.width_px + id.x;
     var sample = vec2<u32>(0u);
+    // The sun's disc. The rays go to points on a spiral over it.
+    let across = vec3<f32>(-frame.light.side.y, frame.light.side.x, 0.0) * frame.sun_radius;
+    let along = cross(across, frame.sun);
+    let angle = TAU * gradient_noise(id);
+    var turn = vec2<f32>(cos(angle), sin(angle));
+    airlight = low_sky(ray_direction(vec2<f32>(id) + 0.5));
     for (var s = 0u; s < n * n; s++) {
         let offset = (vec2<f32>(sample) + 0.5) / f32(n);
         threshold = threshold_of(id, n, sample);
-        let traced = trace(ray_direction(vec2<f32>(id) + offset), sun_direction(id, s, n * n));
+        let sun = frame.sun + (across * turn.x + along * turn.y) * sqrt((f32(s) + 0.5) / f32(n * n));
+        turn = vec2<f32>(turn.x * GOLDEN_COS - turn.y * GOLDEN_SIN, turn.x * GOLDEN_SIN + turn.y * GOLDEN_COS);
+        let traced = trace(ray_direction(vec2<f32>(id) + offset), sun);
         sum += traced.rgb;
         if s == n * n / 2u {
             pixel_distance_m[at] = traced.distance_m;
@@ -71,24 +79,12 @@ fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {
     return normalize(frame.forward + frame.right * ndc.x - frame.up * ndc.y);
 }
 
-// A point of the sun's disc.
-fn sun_direction(pixel: vec2<u32>, sample: u32, samples: u32) -> vec3<f32> {
-    if frame.sun_radius <= 0.0 {
-        return frame.sun;
-    }
-    let radius = frame.sun_radius * sqrt((f32(sample) + 0.5) / f32(samples));
-    let angle = GOLDEN_ANGLE * f32(sample) + TAU * gradient_noise(pixel);
-    let across = vec3<f32>(-frame.light.side.y, frame.light.side.x, 0.0);
-    return frame.sun + (across * cos(angle) + cross(across, frame.sun) * sin(angle)) * radius;
-}
-
 // Both segments share one loop, so that the walk's code exists only once.
 fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
     let infinity = bitcast<f32>(infinity_bits());
     var seen = RayHit();
     var light = Radiance();
     var sun_share = 1.0;
-    airlight = low_sky(dir);
     segment = RaySegment(vec3<f32>(0.0), dir, infinity, 0.0, false);
     loop {
         ray_hit = RayHit(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0, 0u, 0u, 1.0, infinity, NO_NODE, vec3<f32>(0.0));

@@ -6,8 +6,8 @@ struct Radiance {
     sun: vec3<f32>,
 }
 
-// The sky low above the horizon in the ray's direction: the light that haze adds. Computed once per ray: where each lane
-// reads for itself, reading the light costs more than computing with it.
+// The sky low above the horizon in the ray's direction: the light that haze adds. Computed once per pixel: where each
+// lane reads for itself, reading the light costs more than computing with it.
 var<private> airlight: vec3<f32>;
 
 // A distance that no ray reaches, where Rust uses infinity.

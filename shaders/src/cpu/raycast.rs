@@ -20,8 +20,8 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 
-/// Turn between neighbouring points of an even spiral over a disc.
-pub(crate) const GOLDEN_ANGLE: f32 = 2.399_963_2;
+/// Cosine and sine of the turn between neighbouring points of an even spiral over a disc: 137.5 degrees.
+pub(crate) const GOLDEN_TURN: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 
 /// A finished frame, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -90,7 +90,8 @@ pub fn count_where(scene: &SceneRef<'_>, is_counted: impl Fn(usize) -> bool + Sy
         let mut sum = RayCounts::default();
         for x in (0..width).filter(|x| is_counted((y * width + x) as usize)) {
             let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5);
-            sum += trace(scene, dir, scene.frame.sun.into(), threshold_of([x, y], 1, 0)).counts;
+            let light = PixelLight { sun: scene.frame.sun.into(), airlight: Airlight::new(scene.frame, dir) };
+            sum += trace(scene, dir, &light, threshold_of([x, y], 1, 0)).counts;
         }
         sum
     };
@@ -106,10 +107,15 @@ fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
     let n = scene.frame.samples.clamp(1, MAX_SAMPLES);
     let mut sum = Vec3::ZERO;
     let (mut distance_m, mut hit) = (f32::INFINITY, NO_NODE);
+    let airlight = Airlight::new(scene.frame, ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5));
+    let sun_axes = sun_axes(scene.frame);
+    let mut turn = Vec2::from_angle(TAU * gradient_noise(x, y));
     for s in 0..n * n {
         let offset = (Vec2::new((s % n) as f32, (s / n) as f32) + 0.5) / n as f32;
         let dir = ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + offset);
-        let traced = trace(scene, dir, sun_direction(scene.frame, [x, y], s, n * n), threshold_of([x, y], n, s));
+        let sun = sun_direction(scene.frame, &sun_axes, (s as f32 + 0.5) / (n * n) as f32, turn);
+        turn = turn.rotate(GOLDEN_TURN);
+        let traced = trace(scene, dir, &PixelLight { sun, airlight }, threshold_of([x, y], n, s));
         sum += traced.rgb;
         if s == n * n / 2 {
             (distance_m, hit) = (traced.distance_m, traced.node);
@@ -120,17 +126,23 @@ fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
     Pixel { word: if is_lit { encode_radiance(rgb) } else { encode_srgb(rgb) }, distance_m, hit }
 }
 
-/// A point of the sun's disc: the rays of a pixel go to points that are spread over it (Vogel 1979), turned from pixel to
-/// pixel.
-fn sun_direction(frame: &FrameUniform, [x, y]: [u32; 2], sample: u32, samples: u32) -> Vec3 {
-    let sun = Vec3::from(frame.sun);
-    if frame.sun_radius <= 0.0 {
-        return sun;
-    }
-    let radius = frame.sun_radius * ((sample as f32 + 0.5) / samples as f32).sqrt();
-    let (sin, cos) = (GOLDEN_ANGLE * sample as f32 + TAU * gradient_noise(x, y)).sin_cos();
-    let across = Vec3::new(-frame.light.side[1], frame.light.side[0], 0.0);
-    sun + (across * cos + across.cross(sun) * sin) * radius
+/// Light that all rays of a pixel share: air changes little within it.
+struct PixelLight {
+    /// Towards a point of the sun's disc.
+    sun: Vec3,
+    airlight: Airlight,
+}
+
+/// The sun's disc: radii across and along its height. Zero for hard shadows.
+fn sun_axes(frame: &FrameUniform) -> [Vec3; 2] {
+    let across = Vec3::new(-frame.light.side[1], frame.light.side[0], 0.0) * frame.sun_radius;
+    [across, across.cross(Vec3::from(frame.sun))]
+}
+
+/// A point of the sun's disc: the rays of a pixel go to points on a spiral (Vogel 1979), which is turned from pixel to pixel.
+/// `area` is the share of the disc within the point.
+fn sun_direction(frame: &FrameUniform, axes: &[Vec3; 2], area: f32, turn: Vec2) -> Vec3 {
+    Vec3::from(frame.sun) + (axes[0] * turn.x + axes[1] * turn.y) * area.sqrt()
 }
 
 /// From 0 to 63, as even as possible: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
@@ -147,7 +159,7 @@ fn ray_direction(frame: &FrameUniform, p_px: Vec2) -> Vec3 {
 }
 
 /// Traces a ray from the eye, and one towards the sun from what it hit.
-fn trace(scene: &SceneRef<'_>, dir: Vec3, sun: Vec3, threshold: u32) -> TracedRay {
+fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) -> TracedRay {
     let frame = scene.frame;
     let segment = RaySegment { origin: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false };
     let counts = RayCounts { rays: 1, ..RayCounts::default() };
@@ -157,10 +169,10 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, sun: Vec3, threshold: u32) -> TracedRa
     }
     let mut seen = ray.hit;
     let mut eye_m = seen.distance_m;
-    let airlight = Airlight::new(frame, dir);
-    let mut light = radiance_of(&seen, frame, dir, &airlight);
+    let airlight = &pixel.airlight;
+    let mut light = radiance_of(&seen, frame, dir, airlight);
     if seen.transmittance > OPAQUE {
-        let behind = background(frame, dir, &airlight);
+        let behind = background(frame, dir, airlight);
         let (sky, sun) = (light.sky + behind.sky * seen.transmittance, light.sun + behind.sun * seen.transmittance);
         light = Radiance { sky, sun };
         if seen.transmittance > 0.5 {
@@ -171,7 +183,8 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, sun: Vec3, threshold: u32) -> TracedRa
     let mut sun_share = 1.0;
     // A thin surface in front of the sky has no place where a shadow ray could begin.
     if frame.shadow_m > 0.0 && light.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
-        ray.segment = RaySegment { origin: seen.shadow_origin, dir: sun, reach_m: frame.shadow_m, eye_m, to_sun: true };
+        ray.segment =
+            RaySegment { origin: seen.shadow_origin, dir: pixel.sun, reach_m: frame.shadow_m, eye_m, to_sun: true };
         ray.hit = RayHit::NOTHING;
         if frame.levels != 0 {
             walk_grid(&mut ray);

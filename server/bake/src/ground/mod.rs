@@ -1,8 +1,8 @@
 //! The generated ground: a surface under the buildings where the sources have no terrain, and a skirt around the city
 //! that meets the surrounding plane.
 //!
-//! In: the city as it was read. Out: triangles of one more terrain object, and the height of the plane.
-//! Next: `partition`, which treats them as the sources' own.
+//! It makes triangles of one more terrain object, which all later stages treat as the sources' own, and the height of the
+//! plane.
 //!
 //! | step | module |
 //! |---|---|
