@@ -5,7 +5,6 @@ use crate::{
     share_link::{self, parse_lifetime, parse_version},
 };
 use clap::{Parser, Subcommand, ValueEnum};
-use insula_bake::GroundOption;
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
 use std::{path::PathBuf, time::Duration};
 
@@ -122,9 +121,9 @@ pub struct BakeArgs {
     /// Omit the meshes: near views then show columns
     #[arg(long)]
     pub no_meshes: bool,
-    /// Ground where the sources have no terrain: auto to generate it, or none
-    #[arg(long, value_name = "WHICH", default_value = "none")]
-    pub ground: GroundOption,
+    /// Ground where the sources have no terrain
+    #[arg(long, value_enum, default_value_t = GeneratedGround::None)]
+    pub ground: GeneratedGround,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -168,6 +167,15 @@ pub struct BakeArgs {
     /// Device that renders the visibility maps; gpu needs a program built with feature `gpu`
     #[arg(long, value_enum, default_value = "cpu")]
     pub visibility: VisibilityRenderer,
+}
+
+/// Ground that a bake generates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GeneratedGround {
+    /// Under the buildings, and around given terrain
+    Auto,
+    /// Only the terrain of the sources
+    None,
 }
 
 /// Device that renders visibility maps.

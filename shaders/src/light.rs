@@ -28,7 +28,7 @@ const MOON_ON_WALLS: f64 = 0.4;
 const STARS: f64 = 4.0;
 /// Heights of the sun in degrees at which the first stars appear and the last ones.
 const STARS_DEG: [f64; 2] = [-5.0, -14.0];
-/// Measured over computed radiance of the sky, overhead and (as a logarithm, falling upwards by the sine of the height) at the
+/// Reference over computed radiance of the sky, overhead and (as a logarithm, falling upwards by the sine of the height) at the
 /// horizon: a fit to Hosek and Wilkie's sky (2012, as in Mitsuba 3.9.1) over 26 directions, five heights of the sun and
 /// turbidities 2 to 4. Multiple scattering from all sides alike misses some of the blue light along long paths.
 const SKY_GAIN: DVec3 = DVec3::new(0.948, 1.124, 1.129);
@@ -174,8 +174,8 @@ impl Light {
         let table = |values: &[DVec3]| -> SkyTable {
             std::array::from_fn(|row| std::array::from_fn(|column| rgb(values[row * SKY_AZIMUTHS + column])))
         };
-        // Through the three walls: a value for all, one along the sun's azimuth, and one along its axis. A wall sees half of
-        // the sky, and its occlusion in the open is 1/2, hence the factors.
+        // A parabola in the cosine of a wall's azimuth from the sun, through three walls. The factor 2 is that of the
+        // stored occlusion: a wall in the open sees half of the sky, so its occlusion is 1/2.
         let [towards, across, away] = sky.walls;
         let ahead = (towards - away) * 0.5;
         let axis = (towards + away) * 0.5 - across;
@@ -236,7 +236,7 @@ mod tests {
 
     /// Ratios of Hosek and Wilkie's sky with turbidity 3 over ground of albedo 0.25 (Mitsuba 3.9.1, plugin `sunsky`).
     #[test]
-    fn sun_and_sky_agree_with_measured_ones() {
+    fn sun_and_sky_agree_with_a_reference_model() {
         for (height_deg, sun, up) in [
             (12.88, [1.115, 0.735, 0.322], [0.105, 0.152, 0.202]),
             (77.8, [0.958, 0.810, 0.638], [0.112, 0.172, 0.291]),

@@ -87,6 +87,7 @@ impl Camera {
             up: axes.up.as_vec3().into(),
             sun: sun.into(),
             light: Light::of_sun(sun, Air::default()),
+            // Fixed, because an exposure by the frame's mean would change with every pixel.
             exposure: 1.2,
             shading: spec.shading as u32,
             samples: spec.samples,

@@ -88,7 +88,7 @@ def attack(kind, port, city, cores):
 
 
 def latencies(port, city, secs):
-    """Seconds of each request, one after the other on new and kept connections in turn, and the number of failures."""
+    """Requests the manifest for `secs`. Every other request opens a connection. Returns their seconds and the number of failures."""
     times, failures, kept = [], 0, None
     end = time.monotonic() + secs
     while time.monotonic() < end:

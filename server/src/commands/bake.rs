@@ -5,12 +5,12 @@ use super::{
     output::{human_bytes, print, refuse_input, refuse_inside, write},
 };
 use crate::{
-    args::{BakeArgs, UpAxis, VisibilityRenderer},
+    args::{BakeArgs, GeneratedGround, UpAxis, VisibilityRenderer},
     memory,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use insula_bake::{
-    BakeError, BakeOptions, BakeReport, Progress,
+    BakeError, BakeOptions, BakeReport, GroundOption, Progress,
     read::{ObjUpAxis, Palette},
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -97,7 +97,10 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
         cell_m: args.cell,
         quality: args.quality,
         meshes: !args.no_meshes,
-        ground: args.ground,
+        ground: match args.ground {
+            GeneratedGround::Auto => GroundOption::Auto,
+            GeneratedGround::None => GroundOption::None,
+        },
         threads: args.threads.map(usize::from),
         memory_bytes: args.memory,
         update: args.update,
@@ -197,7 +200,6 @@ mod tests {
     use super::*;
     use crate::args::{Args, ServerCommand};
     use clap::Parser;
-    use insula_bake::GroundOption;
 
     #[test]
     fn progress_templates_parse() {

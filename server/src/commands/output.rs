@@ -50,6 +50,7 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 /// Fails if writing `output` would overwrite the file `input`, also by another name or link.
+#[cfg(feature = "bake")]
 pub(super) fn refuse_input(output: &Path, input: &Path) -> Result<(), CommandError> {
     let is_same_path =
         fs::canonicalize(output).is_ok_and(|found| fs::canonicalize(input).is_ok_and(|other| found == other));
@@ -61,14 +62,14 @@ pub(super) fn refuse_input(output: &Path, input: &Path) -> Result<(), CommandErr
 }
 
 /// Whether two paths are hard links of one file.
-#[cfg(unix)]
+#[cfg(all(unix, feature = "bake"))]
 fn is_same_file(a: &Path, b: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
     let identity = |path: &Path| fs::metadata(path).ok().map(|found| (found.dev(), found.ino()));
     identity(a).is_some() && identity(a) == identity(b)
 }
 
-#[cfg(not(unix))]
+#[cfg(all(not(unix), feature = "bake"))]
 fn is_same_file(_: &Path, _: &Path) -> bool {
     false
 }

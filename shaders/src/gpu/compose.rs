@@ -57,7 +57,7 @@ impl Compose {
         Self { pipeline, meter, settings, exposure }
     }
 
-    /// Records the measurement of the exposure of `raycaster`'s last frame, for a target of a size.
+    /// Records the measurement of the exposure of `raycaster`'s last frame, which is to be drawn on a target of a size.
     pub fn measure(
         &self,
         DeviceQueue { device, queue }: DeviceQueue<'_>,

@@ -18,8 +18,6 @@ mod grid;
 mod mesh;
 mod relax;
 
-use std::str::FromStr;
-
 use insula_protocol::NODE_CELLS;
 use serde::Serialize;
 
@@ -69,22 +67,10 @@ pub enum GroundOption {
     None,
 }
 
-impl FromStr for GroundOption {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "none" => Ok(Self::None),
-            _ => Err("give auto or none".into()),
-        }
-    }
-}
-
 /// The generated ground of a city.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GroundReport {
-    /// Always true: tells it from terrain of the sources.
+    /// Always true; distinguishes it from terrain of the sources.
     pub generated: bool,
     /// Whether the sources have terrain, so that only its surroundings and holes are generated.
     pub around_terrain: bool,

@@ -7,7 +7,7 @@ use super::tables::{BRICK_WALLS, CONCRETE_WALLS, FLAT_ROOF, HALL_ROOF, PLASTER_W
 /// Least z of a flat roof's unit normal. It is the cosine of 14 degrees: drained flat roofs slope by up to 5, and tiles
 /// hold off rain from about 15 degrees on.
 const FLAT_NORMAL_Z: f64 = 0.97;
-/// Least z of a roof's unit normal where the source does not tell roofs from walls: up to 75 degrees steep.
+/// Least z of a roof's unit normal where the source does not distinguish roofs from walls: up to 75 degrees steep.
 const ROOF_NORMAL_Z: f64 = 0.26;
 /// Larger pitched roofs are those of halls, which have sheet metal.
 const HALL_M2: f64 = 1500.0;
@@ -90,7 +90,7 @@ impl WallKind {
                 _ => None,
             };
         }
-        // A warehouse is no house.
+        // Its name contains "house".
         if name.contains("warehouse") {
             return Some(Self::Concrete);
         }
@@ -145,8 +145,8 @@ pub(crate) struct Look {
 }
 
 impl Look {
-    /// `id` is that of the whole building, `walls` what its use tells. Half of the buildings have the common look, the
-    /// others one of eight: each border between two colours costs bytes of the tiles.
+    /// `id` is that of the whole building, and `walls` follows from its use. Half of the buildings have the common look,
+    /// the others one of eight: each border between two colours costs bytes of the tiles.
     pub(crate) fn new(id: &str, walls: Option<WallKind>, shape: &ObjectShape) -> Self {
         let variant = blake3::hash(id.as_bytes()).as_bytes()[0] % 16;
         let (tone, step) = match variant.checked_sub(8) {
@@ -157,7 +157,7 @@ impl Look {
         Self { walls, is_hall: shape.footprint_m2 > HALL_M2, tone, step }
     }
 
-    /// The look of what is no building: no variation.
+    /// The look of objects that are not buildings: no variation.
     pub(crate) const PLAIN: Self = Self { walls: WallKind::Plaster, is_hall: false, tone: 0, step: 0 };
 
     pub(super) fn wall(&self) -> [u8; 3] {
