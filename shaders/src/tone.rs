@@ -2,7 +2,8 @@
 //! `wgsl/shared/tone.wgsl` and `wgsl/meter.wgsl`.
 
 use crate::{
-    cpu::shade::{LUMINANCE, encoded},
+    atmosphere::LUMINANCE,
+    cpu::shade::encoded,
     layout::{FrameUniform, Shading},
 };
 use glam::{Mat3, Vec3};

@@ -10,7 +10,7 @@
 //! declare and a binding that is written as a number. Structs are compared by `tests/layout.rs`.
 
 use crate::{
-    atmosphere::{MIE_G, PHASE_SCALE},
+    atmosphere::{LUMINANCE, MIE_G, PHASE_SCALE},
     cpu::{
         mesh::{BOX_SLACK, EDGE_SLACK, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE, TIE_M},
         mesh_surface::{ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
@@ -18,9 +18,8 @@ use crate::{
         raycast::GOLDEN_TURN,
         shade::{
             DISC, DISC_INNER, DISC_OUTER, FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND, GROUND_ALBEDO,
-            GROUND_DEPTH, GROUND_FADE_M, HORIZON, LUMINANCE, MIN_GROUND_DESCENT, STAR_CELLS, STAR_RARITY,
-            STAR_SHARPNESS, TINT_EXPOSED, TINT_GAP, TINT_INCLINED, TINT_MESH, TINT_ROOF, TINT_SUSPENDED, ZENITH,
-            ZENITH_SHARE,
+            GROUND_DEPTH, GROUND_FADE_M, HORIZON, MIN_GROUND_DESCENT, STAR_CELLS, STAR_RARITY, STAR_SHARPNESS,
+            TINT_EXPOSED, TINT_GAP, TINT_INCLINED, TINT_MESH, TINT_ROOF, TINT_SUSPENDED, ZENITH, ZENITH_SHARE,
         },
         solid::MAX_STRIP_ROWS,
     },

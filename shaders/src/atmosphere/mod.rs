@@ -7,8 +7,7 @@
 
 mod spectrum;
 
-use crate::cpu::shade::LUMINANCE;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use spectrum::Spectrum;
 use std::f64::consts::{PI, TAU};
 
@@ -53,6 +52,9 @@ const SUNS: usize = 22;
 const SUN_MIN: f64 = -0.3;
 /// Rings and directions per half ring over which the table's rays go.
 const RINGS: u32 = 6;
+
+/// Weights of red, green and blue in luminance (Rec. 709).
+pub(crate) const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// Luminance of linear sRGB.
 pub(crate) fn luminance(rgb: DVec3) -> f64 {

@@ -41,8 +41,6 @@ pub(crate) const ZENITH_SHARE: f32 = 0.17;
 /// facades.
 pub(crate) const GROUND_DEPTH: f32 = 0.26;
 pub(crate) const FACADE_DEPTH: f32 = 1.0;
-/// Weights of red, green and blue in luminance (Rec. 709).
-pub(crate) const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 /// Colours of [`Shading::Kind`].
 pub(crate) const TINT_ROOF: Vec3 = Vec3::new(0.55, 0.55, 0.55);
 pub(crate) const TINT_MESH: Vec3 = Vec3::new(0.50, 0.30, 0.80);
