@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, Manifest, Subtree, TileId, TileKind,
+    blockmap::NodeGround,
     subtree::{MeshLod, NodeInfo},
 };
 use insula_server::store::CityStore;
@@ -76,7 +77,7 @@ impl Baked {
     /// All nodes of a level.
     pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
         let tiles = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == level);
-        tiles.map(|(id, bytes)| BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))).collect()
+        tiles.map(|(id, bytes)| decode(id, &bytes?)).collect()
     }
 
     /// Position and target of views in the middle of the city: in a street, above the roofs, from the air, from afar.
@@ -134,9 +135,20 @@ impl Baked {
     pub fn leaves(&self) -> Result<BTreeMap<TileId, BlockMap>> {
         let depth = self.manifest().depth;
         let leaves = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == depth);
-        leaves
-            .map(|(id, bytes)| Ok((id, BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))?)))
-            .collect()
+        leaves.map(|(id, bytes)| Ok((id, decode(id, &bytes?)?))).collect()
+    }
+
+    /// The generated ground of all leaves that have some, with the height of its zero above the city's origin in metres.
+    pub fn grounds(&self) -> Result<BTreeMap<TileId, (f64, NodeGround)>> {
+        let depth = self.manifest().depth;
+        let leaves = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == depth);
+        let mut grounds = BTreeMap::new();
+        for (id, bytes) in leaves {
+            let map = BlockMap::decode(id, &bytes?).with_context(|| format!("tile {id}"))?;
+            let base_m = map.z_base_m();
+            grounds.extend(map.ground.map(|ground| (id, (base_m, *ground))));
+        }
+        Ok(grounds)
     }
 
     pub fn draw_list(&self, ids: &[TileId]) -> Result<DrawList> {
@@ -150,6 +162,11 @@ impl Baked {
 
     pub fn map(&self, id: TileId) -> Result<BlockMap> {
         let bytes = self.store.tile(TileKind::BlockMap, id)?.with_context(|| format!("no tile {id}"))?;
-        BlockMap::decode(id, &bytes).with_context(|| format!("tile {id}"))
+        decode(id, &bytes)
     }
+}
+
+/// A node with its ground, as a client draws it.
+fn decode(id: TileId, bytes: &[u8]) -> Result<BlockMap> {
+    Ok(BlockMap::decode(id, bytes).with_context(|| format!("tile {id}"))?.stand_on_ground())
 }

@@ -29,7 +29,7 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
                 .ok_or(DecodeError::Invalid("the subtree of another node"))
         }
         TileKind::BlockMap => {
-            let map = BlockMap::decode(key.id, bytes)?;
+            let map = BlockMap::decode(key.id, bytes)?.stand_on_ground();
             Ok(DecodedTile::Packed(PackedTile::Node(Box::new(PackedNode::new(&map)))))
         }
         TileKind::Mesh => {

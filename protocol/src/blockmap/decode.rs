@@ -2,7 +2,8 @@
 
 use super::{
     BlockMap, Z_SHIFT_MAX,
-    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_META},
+    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META},
+    ground::{self, NodeGround},
     texel_coder::QuantisationSteps,
 };
 use crate::{
@@ -29,9 +30,27 @@ impl BlockMap {
         if coder.unread_bytes() > 0 {
             return Err(DecodeError::TrailingBytes(coder.unread_bytes()));
         }
+        map.ground = read_ground(&tile)?;
         map.check()?;
         Ok(map)
     }
+}
+
+fn read_ground(tile: &TileReader<'_>) -> Result<Option<Box<NodeGround>>, DecodeError> {
+    let section = tile.section(TAG_GROUND, MAX_SECTION_BYTES as usize)?;
+    if section.is_empty() {
+        return Ok(None);
+    }
+    let mut ground = Box::<NodeGround>::default();
+    let mut coder = RangeDecoder::new(&section);
+    ground::code(&mut coder, &mut ground)?;
+    if ground.squares == 0 {
+        return Err(DecodeError::Invalid("a ground without squares"));
+    }
+    if coder.unread_bytes() > 0 {
+        return Err(DecodeError::TrailingBytes(coder.unread_bytes()));
+    }
+    Ok(Some(ground))
 }
 
 fn read_meta(id: TileId, tile: &TileReader<'_>) -> Result<(BlockMap, QuantisationSteps), DecodeError> {

@@ -2,7 +2,7 @@
 //!
 //! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
-use super::{BlockMap, COLUMNS, appearance, facades, flag, texel_coder::QuantisationSteps};
+use super::{BlockMap, COLUMNS, appearance, facades, flag, ground, texel_coder::QuantisationSteps};
 use crate::{
     TileKind,
     codec::range::{NullEncoder, RangeEncoder},
@@ -13,6 +13,7 @@ use crate::{
 
 pub(super) const TAG_META: u8 = 1;
 pub(super) const TAG_COLUMNS: u8 = 2;
+pub(super) const TAG_GROUND: u8 = 3;
 
 /// Loss of a map's colours and occlusion. Shapes are always lossless.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,6 +51,11 @@ impl BlockMap {
         meta.push(steps.ao);
         writer.add_raw_section(TAG_META, &meta)?;
         writer.add_raw_section(TAG_COLUMNS, &coder.finish())?;
+        if let Some(ground) = self.ground.as_ref().filter(|ground| ground.squares != 0) {
+            let mut coder = RangeEncoder::default();
+            ground::code(&mut coder, &mut ground.clone())?;
+            writer.add_raw_section(TAG_GROUND, &coder.finish())?;
+        }
         writer.finish()
     }
 

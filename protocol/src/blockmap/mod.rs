@@ -12,6 +12,7 @@ mod bottoms;
 mod decode;
 mod encode;
 mod facades;
+pub mod ground;
 mod neighbours;
 mod texel_coder;
 mod tops;
@@ -19,6 +20,7 @@ mod walk;
 mod walls;
 
 pub use encode::Quality;
+pub use ground::NodeGround;
 pub use texel_coder::QuantisationSteps;
 
 use crate::{
@@ -171,6 +173,8 @@ pub struct BlockMap {
     pub clips: Vec<ColumnClip>,
     /// Strips of the exposed columns, concatenated in column order.
     pub strips: Vec<Texel>,
+    /// Ground that is stored beside the columns; see [`BlockMap::stand_on_ground`].
+    pub ground: Option<Box<NodeGround>>,
 }
 
 impl BlockMap {
@@ -190,10 +194,11 @@ impl BlockMap {
             gaps: Vec::new(),
             clips: Vec::new(),
             strips: Vec::new(),
+            ground: None,
         }
     }
 
-    /// Builds a map from [`COLUMNS`] columns in order. Fails on a column that breaks the rules of [`MapColumn`], and on
+    /// Builds a map without ground from [`COLUMNS`] columns in order. Fails on a column that breaks the rules of [`MapColumn`], and on
     /// more than [`MAX_TEXELS`] strip texels.
     pub fn from_columns(
         id: TileId,
@@ -264,7 +269,7 @@ impl BlockMap {
         f64::from(self.z_base_cells) * f64::from(self.cell_m)
     }
 
-    /// The inverse of [`BlockMap::from_columns`].
+    /// The inverse of [`BlockMap::from_columns`]. The ground is not among the columns.
     pub fn columns(&self) -> Vec<Option<MapColumn>> {
         let (mut gaps, mut clips, mut strips) = (self.gaps.iter(), self.clips.iter(), &self.strips[..]);
         (0..COLUMNS)
@@ -298,6 +303,7 @@ impl BlockMap {
 
     /// Checks the rules of [`MapColumn`]. Fails on the first violation.
     pub(crate) fn check(&self) -> Result<(), DecodeError> {
+        self.ground.as_ref().map_or(Ok(()), |ground| ground.check())?;
         let mut texels = 0usize;
         let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
         let heights = self.z_min.iter().zip(&self.z_max);

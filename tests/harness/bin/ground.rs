@@ -11,19 +11,15 @@ use insula_bake::{
     read::{self, ReadOptions},
     scene::ObjectKind,
 };
-use insula_protocol::{BlockMap, TileId, blockmap::flag};
+use insula_protocol::{TileId, blockmap::NodeGround};
 use insula_tests::baked::Baked;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
 };
 
-/// Tops of generated ground are at most this thick, in cells.
-const THICKNESS_CELLS: f32 = 0.8;
-/// Rounding of heights and slopes within a cell, in metres.
+/// Rounding of heights, in metres.
 const TOLERANCE_M: f64 = 0.25;
-/// Distance from a building's corner, in cells, at which ground is looked for.
-const REACH_CELLS: i64 = 2;
 
 /// Measures generated ground
 #[derive(Debug, Parser)]
@@ -42,7 +38,7 @@ fn main() -> Result<()> {
     let args = Args::parse();
     let city = Baked::open(&args.city)?;
     let (scene, _) = read::read(&args.sources, &ReadOptions::default(), &|_| {}).context("read")?;
-    let leaves = city.leaves()?;
+    let grounds = city.grounds()?;
     let origin = DVec3::from(scene.origin) - DVec3::from(city.manifest().origin);
     let mut lowest: BTreeMap<u32, Vec<DVec3>> = BTreeMap::new();
     for triangle in scene.triangles.iter().filter(|t| scene.objects[t.object as usize].kind == ObjectKind::Building) {
@@ -50,11 +46,10 @@ fn main() -> Result<()> {
         let feet = triangle.corners.iter().filter(|corner| corner[2] <= base_m + 0.01);
         lowest.entry(triangle.object).or_default().extend(feet.map(|p| DVec3::from(p.map(f64::from)) + origin));
     }
-    let (mut feet, mut standing, mut buildings, mut sunk, mut unknown) = (0, 0, 0, 0, 0);
+    let (mut feet, mut standing, mut buildings, mut sunk) = (0, 0, 0, 0);
     for corners in lowest.values() {
         // How far the ground is above each corner.
-        let mut depths: Vec<f64> = corners.iter().filter_map(|p| Some(ground_at(&city, &leaves, *p)? - p.z)).collect();
-        unknown += corners.len() - depths.len();
+        let mut depths: Vec<f64> = corners.iter().map(|p| ground_at(&city, &grounds, *p) - p.z).collect();
         feet += depths.len();
         standing += depths.iter().filter(|depth| **depth >= -TOLERANCE_M).count();
         depths.sort_unstable_by(f64::total_cmp);
@@ -64,10 +59,7 @@ fn main() -> Result<()> {
         }
     }
     let percent = |part: usize, all: usize| 100.0 * part as f64 / all.max(1) as f64;
-    println!(
-        "feet on or under the ground  {:.2} % of {feet}, {unknown} without ground nearby",
-        percent(standing, feet)
-    );
+    println!("feet on or under the ground  {:.2} % of {feet}", percent(standing, feet));
     println!("buildings sunk over a metre  {:.2} % of {buildings}", percent(sunk, buildings));
     if let Some(without) = &args.without {
         let [with, without] = [bytes_of(&args.city)?, bytes_of(without)?];
@@ -79,26 +71,15 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// The highest ground around a position, both relative to the city's origin; the plane where no column is.
-fn ground_at(city: &Baked, leaves: &BTreeMap<TileId, BlockMap>, p: DVec3) -> Option<f64> {
+/// Height of the ground at a position, both relative to the city's origin; the plane's where no ground is.
+fn ground_at(city: &Baked, grounds: &BTreeMap<TileId, (f64, NodeGround)>, p: DVec3) -> f64 {
     let manifest = city.manifest();
-    let [x, y] = [p.x, p.y].map(|v| (v / manifest.cell_m).floor() as i64);
-    let around =
-        (-REACH_CELLS..=REACH_CELLS).flat_map(|dy| (-REACH_CELLS..=REACH_CELLS).map(move |dx| (x + dx, y + dy)));
-    let side = i64::from(manifest.node_cells);
-    let height = |(x, y): (i64, i64)| {
-        let id = TileId::new(manifest.depth, u32::try_from(x / side).ok()?, u32::try_from(y / side).ok()?)?;
-        let plane = manifest.ground_z_m - manifest.origin[2];
-        let Some(map) = leaves.get(&id) else { return Some(plane) };
-        let i = (y % side * side + x % side) as usize;
-        if map.flags[i] & flag::OCCUPIED == 0 {
-            return Some(plane);
-        }
-        let (low, high) = (f32::from(map.z_min[i]), f32::from(map.z_max[i]));
-        let is_ground = (high - low) * map.z_step_m() <= THICKNESS_CELLS * map.cell_m;
-        is_ground.then(|| f64::from(map.z_base_m() as f32 + high * map.z_step_m()))
-    };
-    around.filter_map(height).reduce(f64::max)
+    let [x, y] = [p.x, p.y].map(|v| v / manifest.node_side_m(manifest.depth));
+    let plane_m = manifest.ground_z_m - manifest.origin[2];
+    let leaf = TileId::new(manifest.depth, x as u32, y as u32).filter(|_| x >= 0.0 && y >= 0.0);
+    let Some((base_m, ground)) = leaf.and_then(|leaf| grounds.get(&leaf)) else { return plane_m };
+    let [x, y] = [x, y].map(|v| (v.fract() * f64::from(manifest.node_cells)) as f32);
+    ground.at(x, y).map_or(plane_m, |point| base_m + f64::from(point.z) * manifest.cell_m)
 }
 
 fn bytes_of(folder: &Path) -> Result<u64> {

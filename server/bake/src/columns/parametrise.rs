@@ -9,15 +9,17 @@
 use crate::{
     columns::{
         srgb::srgb_from_linear,
-        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode, VoxelPlane},
+        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelPlane},
     },
     scene::grid::CityGrid,
 };
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{
-        CLIP_STEPS_PER_CELL, ColumnClip, CornerWall, MAX_TEXELS, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip,
-        Z_CODE_MAX, Z_SHIFT_MAX, strip_rows,
+        CLIP_STEPS_PER_CELL, ColumnClip, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop, STEPS_PER_CELL,
+        WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
+        ground::{HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex},
+        strip_rows,
     },
     octahedral,
     texel::{ALPHA_MAX, AO_MAX},
@@ -49,6 +51,12 @@ impl HeightCodes {
         for solid in node.columns.iter().flatten().flat_map(|column| &column.solids) {
             low = low.min(solid.bottom_m);
             high = high.max(solid.top_m);
+        }
+        if let Some(ground) = &node.ground {
+            let [lowest, highest] = ground.range_m();
+            // The columns of the ground reach below its surface.
+            low = low.min(lowest - 2.0 * cell_m as f32);
+            high = high.max(highest);
         }
         let (low, high) = if low <= high { (f64::from(low), f64::from(high)) } else { (0.0, 0.0) };
         // The cast saturates: heights beyond 2^31 cells do not exist on Earth.
@@ -93,7 +101,20 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
         .collect();
     let mut map = BlockMap::from_columns(node.id, cell_m as f32, codes.base_cells, codes.shift, &columns)?;
     map.snap_hidden_bottoms();
+    map.ground = node.ground.as_ref().map(|ground| Box::new(encode_ground(ground, &codes)));
     Ok(map)
+}
+
+fn encode_ground(ground: &VoxelGround, codes: &HeightCodes) -> NodeGround {
+    let mut encoded = NodeGround { squares: ground.squares, ..NodeGround::default() };
+    for i in 0..VERTICES * VERTICES {
+        if is_used_vertex(ground.squares, i % VERTICES, i / VERTICES) {
+            let height = (f64::from(ground.heights_m[i]) - codes.base_m) / codes.cell_m * f64::from(HEIGHTS_PER_CELL);
+            encoded.heights[i] = height.round().clamp(0.0, f64::from(MAX_HEIGHT)) as u16;
+            encoded.sky[i] = (ground.sky[i].clamp(0.0, 1.0) * f32::from(SKY_MAX)).round() as u8;
+        }
+    }
+    encoded
 }
 
 fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {

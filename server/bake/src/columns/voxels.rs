@@ -2,7 +2,13 @@
 //!
 //! `sample` makes them for leaves, `downsample` for parents; `parametrise` encodes them.
 
-use insula_protocol::{TileId, blockmap::COLUMNS};
+use insula_protocol::{
+    TileId,
+    blockmap::{
+        COLUMNS,
+        ground::{VERTICES, is_used_vertex},
+    },
+};
 
 /// Colour and light of one voxel. The default has no coverage and means "not known yet".
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -94,16 +100,81 @@ pub struct VoxelNode {
     pub id: TileId,
     /// `None` where nothing stands.
     pub columns: Vec<Option<VoxelColumn>>,
+    /// Generated ground.
+    pub ground: Option<VoxelGround>,
+}
+
+/// The generated ground of a node, at vertices in the order of [`insula_protocol::blockmap::NodeGround`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct VoxelGround {
+    /// Metres above the grid's height zero.
+    pub heights_m: [f32; VERTICES * VERTICES],
+    /// Share of the sky that is not occluded, 0 to 1.
+    pub sky: [f32; VERTICES * VERTICES],
+    /// Which squares have ground.
+    pub squares: u64,
+}
+
+impl VoxelGround {
+    /// Gives vertices with an unknown (NaN) height or sky that of the nearest ones in the node. `None` if no square has
+    /// ground, or no height is known.
+    pub fn new(
+        mut heights_m: [f32; VERTICES * VERTICES],
+        mut sky: [f32; VERTICES * VERTICES],
+        squares: u64,
+    ) -> Option<Self> {
+        if squares == 0 || heights_m.iter().all(|z| z.is_nan()) {
+            return None;
+        }
+        spread_known(&mut heights_m);
+        spread_known(&mut sky);
+        // Nothing is visible of ground that no point of sees the sky.
+        sky.iter_mut().filter(|sky| sky.is_nan()).for_each(|sky| *sky = 1.0);
+        Some(Self { heights_m, sky, squares })
+    }
+
+    /// Heights of the vertices that have ground, from the lowest to the highest.
+    pub fn range_m(&self) -> [f32; 2] {
+        let used = (0..VERTICES * VERTICES).filter(|i| is_used_vertex(self.squares, i % VERTICES, i / VERTICES));
+        used.map(|i| self.heights_m[i])
+            .fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)])
+    }
+}
+
+/// Replaces unknown values, ring by ring, by the mean of the known ones next to them.
+fn spread_known(values: &mut [f32; VERTICES * VERTICES]) {
+    for _ in 0..2 * VERTICES {
+        let before = *values;
+        for i in (0..before.len()).filter(|i| before[*i].is_nan()) {
+            let (x, y) = (i % VERTICES, i / VERTICES);
+            let sides = [
+                (x > 0).then(|| i - 1),
+                (x + 1 < VERTICES).then(|| i + 1),
+                (y > 0).then(|| i - VERTICES),
+                (y + 1 < VERTICES).then(|| i + VERTICES),
+            ];
+            let known = sides.into_iter().flatten().map(|side| before[side]).filter(|value| !value.is_nan());
+            let (sum, count) = known.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+            if count > 0.0 {
+                values[i] = sum / count;
+            }
+        }
+    }
 }
 
 impl VoxelNode {
-    /// A node without columns.
+    /// A node without columns and ground.
     pub fn empty(id: TileId) -> Self {
-        Self { id, columns: vec![None; COLUMNS] }
+        Self { id, columns: vec![None; COLUMNS], ground: None }
     }
 
-    /// Whether no column stands anywhere.
+    /// Whether it has neither columns nor ground.
     pub fn is_empty(&self) -> bool {
-        self.columns.iter().all(Option::is_none)
+        self.ground.is_none() && !self.has_columns()
+    }
+
+    /// Whether a column stands anywhere.
+    pub fn has_columns(&self) -> bool {
+        self.columns.iter().any(Option::is_some)
     }
 }

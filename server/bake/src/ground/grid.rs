@@ -1,9 +1,11 @@
 //! The regular grid of the ground's height field.
 
+use insula_protocol::blockmap::ground;
+
 /// Most steps along a side. Larger cities get a coarser grid, so that a field has at most 17 MB.
 const MAX_STEPS: usize = 2048;
-/// Steps of the finest grid along the side of a leaf.
-const STEPS_PER_LEAF: f64 = 16.0;
+/// Steps of the finest grid along the side of a leaf: those of the ground in tiles.
+const STEPS_PER_LEAF: f64 = ground::SQUARES as f64;
 /// Share of the city's extent that the skirt around it has, and its limits in metres.
 const SKIRT_SHARE: f64 = 0.1;
 const SKIRT_RANGE_M: [f64; 2] = [32.0, 300.0];

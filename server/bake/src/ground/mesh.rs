@@ -4,7 +4,7 @@
 use super::grid::GroundGrid;
 
 /// Largest triangle that covers ground together with places without ground, in steps.
-const MAX_MIXED_STEPS: usize = 8;
+const MAX_MIXED_STEPS: usize = 4;
 
 /// Heights that a simplified surface may have, and where it is needed.
 #[derive(Debug, Clone)]

@@ -18,7 +18,7 @@ mod grid;
 mod mesh;
 mod relax;
 
-use insula_protocol::NODE_CELLS;
+use insula_protocol::{NODE_CELLS, blockmap::ground::GROUND_COLOUR};
 use serde::Serialize;
 
 use crate::{
@@ -33,7 +33,7 @@ use mesh::HeightRange;
 use relax::Bounds;
 
 /// Increased whenever the same city would get another ground.
-pub(crate) const ALGORITHM: u32 = 1;
+pub(crate) const ALGORITHM: u32 = 2;
 /// Heights are multiples of this many parts of a metre, so that a change of the city changes no ground far away.
 const STEPS_PER_M: f32 = 16.0;
 /// Buildings may sink this far where that makes the ground smoother.
@@ -54,8 +54,6 @@ const LOW_SHARE: f64 = 0.02;
 const MAX_DEPTH_M: f32 = 2.0;
 /// Horizontal length of the skirt per metre of its height. It is at least [`NEAR_M`] long.
 const SKIRT_RUN: f32 = 6.0;
-/// 8-bit sRGB. The plane has the same colour.
-const COLOUR: [u8; 3] = [134, 133, 130];
 
 /// Whether a bake generates ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -204,7 +202,7 @@ fn plane_height(grid: &GroundGrid, field: &[f32]) -> f32 {
 /// Adds the triangles as one terrain object.
 fn push_object(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]], plane_m: f32) -> Result<(), BakeError> {
     let (material, object) = (city.materials.len() as u32, city.objects.len() as u32);
-    city.materials.push(StoredMaterial { rgb: COLOUR, texture: None });
+    city.materials.push(StoredMaterial { rgb: GROUND_COLOUR, texture: None });
     // The plane's height, not the lowest point, so that blocks do not depend on ground far away.
     city.objects.push(StoredObject { kind: ObjectKind::GeneratedGround, base_z_m: plane_m });
     city.names.push("generated ground".into());

@@ -32,7 +32,7 @@ use insula_protocol::{TileId, blockmap::Quality};
 
 use crate::{
     error::BakeError,
-    scene::{ObjectKind, Scene, SceneTriangle, grid::CityGrid},
+    scene::{Scene, grid::CityGrid},
 };
 
 pub(crate) use lod_chain::EncodedLod;
@@ -49,13 +49,6 @@ pub(crate) fn leaf_lods(
     id: TileId,
     quality: Quality,
 ) -> Result<Vec<EncodedLod>, BakeError> {
-    // Columns show plain ground as exactly.
-    let is_generated = |triangle: &SceneTriangle| {
-        scene.objects.get(triangle.object as usize).is_some_and(|object| object.kind == ObjectKind::GeneratedGround)
-    };
-    if scene.triangles.iter().all(is_generated) {
-        return Ok(Vec::new());
-    }
     match leaf_surface::LeafSurface::gather(scene, grid, id) {
         Some(surface) => lod_chain::encode_lods(scene, grid, id, &surface, quality),
         None => Ok(Vec::new()),

@@ -86,7 +86,7 @@ pub(super) fn encode_node<'a>(
     let map = parametrise(grid, &node).map_err(BakeError::tile(id, source))?;
     drop(node);
     let (mut z_min_m, mut z_max_m) = (f32::INFINITY, f32::NEG_INFINITY);
-    let own = z_bounds(&map).map(round_outward);
+    let own = z_bounds(&map.clone().stand_on_ground()).map(round_outward);
     for [low, high] in children.map(|child| [child.z_min_m, child.z_max_m]).chain(own) {
         (z_min_m, z_max_m) = (z_min_m.min(low), z_max_m.max(high));
     }

@@ -108,7 +108,10 @@ impl LeafBaker<'_> {
         let mut nodes = sample_block(&input, &config.sample);
         nodes.sort_unstable_by_key(|node| node.id);
         let mesh = |node: &VoxelNode| {
-            Ok(LeafMesh { id: node.id, lods: mesh::leaf_lods(&scene, grid, node.id, config.quality)? })
+            // Columns show plain ground as exactly.
+            let lods =
+                if node.has_columns() { mesh::leaf_lods(&scene, grid, node.id, config.quality)? } else { Vec::new() };
+            Ok(LeafMesh { id: node.id, lods })
         };
         let meshes =
             if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };

@@ -5,6 +5,7 @@
 
 use super::{
     cell_grid::CellGrid,
+    ground::LocalGround,
     local_block::{LocalBlock, MIN_TOP_NORMAL_Z},
     settings::BlockInput,
     surfels::{SKY_SUBSETS, Surfel},
@@ -23,8 +24,6 @@ const TOP_REACH: f32 = 1.0;
 /// Distances behind a surfel, in cells, at which a full voxel is looked for. The last one is a little in front of it: a
 /// wall on a cell's border that is visible from inside has its column behind it.
 const INWARD_STEPS: [f32; 5] = [0.02, 0.47, 0.92, 1.37, -0.02];
-/// Side, in cells, of the squares in which generated ground has one occlusion. Divides a node's side.
-const LIGHT_CELLS: usize = 8;
 /// Most rows of a wall.
 const MAX_ROWS: i32 = 4096;
 /// Most rows of all walls of a block. The format has space for 4 million; further columns get one row.
@@ -36,8 +35,6 @@ struct AppearanceSum {
     rgb: Vec3,
     ao: f32,
     weight: f32,
-    /// Part of `weight` on generated ground.
-    ground_m2: f32,
 }
 
 impl AppearanceSum {
@@ -45,7 +42,6 @@ impl AppearanceSum {
         self.rgb += surfel.rgb * surfel.area_m2;
         self.ao += surfel.ao * surfel.area_m2;
         self.weight += surfel.area_m2;
-        self.ground_m2 += if surfel.is_generated { surfel.area_m2 } else { 0.0 };
     }
 
     /// Unknown if nothing was added.
@@ -67,8 +63,6 @@ struct VisibleSurfel {
     rgb: Vec3,
     ao: f32,
     area_m2: f32,
-    /// Whether it lies on generated ground.
-    is_generated: bool,
 }
 
 /// Samples of one row of a wall.
@@ -111,6 +105,7 @@ pub(super) fn build_nodes(
     input: &BlockInput<'_>,
     cells: &CellGrid,
     surfels: &[Surfel],
+    ground: Option<&LocalGround>,
 ) -> Vec<VoxelNode> {
     let [width, height] = block.cells;
     let mut accumulators: Vec<ColumnAccumulator> = (0..width * height)
@@ -127,30 +122,11 @@ pub(super) fn build_nodes(
             accumulators[column].add(target, surfel);
         }
     }
-    share_ground_light(&mut accumulators, width);
-    input.leaves.par_iter().map(|leaf| leaf_node(block, *leaf, cells, &accumulators)).collect()
-}
-
-/// Gives generated ground the mean occlusion of its square of [`LIGHT_CELLS`] cells: fine light on plain ground would cost
-/// more bytes than its shape. Squares do not cross leaves' borders, so blocks agree on them.
-fn share_ground_light(accumulators: &mut [ColumnAccumulator], width: usize) {
-    let squares_x = width.div_ceil(LIGHT_CELLS);
-    let square_of = |i: usize| i / width / LIGHT_CELLS * squares_x + i % width / LIGHT_CELLS;
-    let is_ground = |sum: &AppearanceSum| 2.0 * sum.ground_m2 > sum.weight;
-    let squares = accumulators.len().div_ceil(width.max(1)).div_ceil(LIGHT_CELLS) * squares_x;
-    let mut sums = vec![AppearanceSum::default(); squares];
-    for (i, accumulator) in accumulators.iter().enumerate() {
-        for own in [&accumulator.roof, &accumulator.outer].into_iter().filter(|sum| is_ground(sum)) {
-            let sum = &mut sums[square_of(i)];
-            (sum.ao, sum.weight) = (sum.ao + own.ao, sum.weight + own.weight);
-        }
-    }
-    for (i, accumulator) in accumulators.iter_mut().enumerate() {
-        let sum = sums[square_of(i)];
-        for own in [&mut accumulator.roof, &mut accumulator.outer].into_iter().filter(|sum| is_ground(sum)) {
-            own.ao = sum.ao / sum.weight * own.weight;
-        }
-    }
+    let node = |leaf: &TileId| VoxelNode {
+        ground: ground.and_then(|ground| ground.of_leaf(block, *leaf)),
+        ..leaf_node(block, *leaf, cells, &accumulators)
+    };
+    input.leaves.par_iter().map(node).collect()
 }
 
 /// Leaves one row to each column past the first `limit` rows.
@@ -182,8 +158,7 @@ fn visible_surfel(block: &LocalBlock, input: &BlockInput<'_>, surfel: &Surfel) -
     // upper half. The surfel was tested against one of the subsets.
     let ao = surfel.sky_cosines[side] * (2 * SKY_SUBSETS) as f32 / block.sky_directions as f32;
     let normal = if side == 0 { triangle.normal } else { -triangle.normal };
-    let is_generated = triangle.is_generated;
-    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2, is_generated })
+    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2 })
 }
 
 /// The column and the part of it that a surfel belongs to: in its own cell if that is full there, else in the nearest
@@ -346,22 +321,6 @@ fn leaf_node(block: &LocalBlock, leaf: TileId, cells: &CellGrid, accumulators: &
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn generated_ground_shares_its_light_in_squares() {
-        let ground = |ao: f32| AppearanceSum { ao, weight: 1.0, ground_m2: 1.0, ..AppearanceSum::default() };
-        let width = 2 * LIGHT_CELLS;
-        let mut all: Vec<ColumnAccumulator> = (0..width * width)
-            .map(|i| ColumnAccumulator { roof: ground((i % 2) as f32), ..ColumnAccumulator::default() })
-            .collect();
-        all[3].roof.ground_m2 = 0.0;
-        all[5] = ColumnAccumulator { outer: ground(1.0), ..ColumnAccumulator::default() };
-        share_ground_light(&mut all, width);
-        assert_eq!(all[3].roof.ao, 1.0, "a roof keeps its light");
-        let mean = 31.0 / 63.0;
-        assert_eq!((all[0].roof.ao, all[5].outer.ao), (mean, mean));
-        assert_eq!((all[LIGHT_CELLS].roof.ao, all[width * LIGHT_CELLS].roof.ao), (0.5, 0.5));
-    }
 
     #[test]
     fn columns_past_the_row_limit_get_one_row() {

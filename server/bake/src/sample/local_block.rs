@@ -18,8 +18,6 @@ pub(super) struct LocalTriangle {
     pub(super) normal: Vec3,
     pub(super) area_m2: f32,
     pub(super) is_terrain: bool,
-    /// Whether it is generated ground.
-    pub(super) is_generated: bool,
     /// Index into the scene's objects.
     pub(super) object: u32,
     /// Lowest point of its object.
@@ -59,6 +57,8 @@ impl LocalTriangle {
 pub(super) struct LocalBlock {
     /// Triangles of one object follow each other.
     pub(super) triangles: Vec<LocalTriangle>,
+    /// Corners of the triangles of generated ground.
+    pub(super) ground: Vec<[Vec3; 3]>,
     pub(super) cell_m: f32,
     /// Width and height in cells.
     pub(super) cells: [usize; 2],
@@ -83,14 +83,17 @@ impl LocalBlock {
             input.grid.corner[1] + f64::from(first_leaf[1]) * side_m,
             input.grid.corner[2],
         ];
-        let mut triangles: Vec<LocalTriangle> =
-            input.triangles.iter().filter_map(|i| local_triangle(input, *i, origin)).collect();
+        let (ground, mut triangles): (Vec<LocalTriangle>, Vec<LocalTriangle>) =
+            input.triangles.iter().filter_map(|i| local_triangle(input, *i, origin)).partition(|triangle| {
+                input.scene.objects[triangle.object as usize].kind == ObjectKind::GeneratedGround
+            });
         set_footprints(&mut triangles);
         mark_closed_shells(&mut triangles);
         let extent_m = leaves.map(|n| (f64::from(n) * side_m) as f32);
         Some(Self {
-            z_range_m: z_range_m(&triangles, extent_m),
+            z_range_m: z_range_m(triangles.iter().chain(&ground), extent_m),
             triangles,
+            ground: ground.into_iter().map(|triangle| triangle.corners).collect(),
             cell_m: input.grid.cell_m as f32,
             cells: leaves.map(|n| n as usize * NODE_CELLS),
             first_leaf,
@@ -123,7 +126,6 @@ fn local_triangle(input: &BlockInput<'_>, index: u32, origin: [f64; 3]) -> Optio
         normal: if is_terrain && normal.z < 0.0 { -normal } else { normal },
         area_m2: length * 0.5,
         is_terrain,
-        is_generated: object.kind == ObjectKind::GeneratedGround,
         object: triangle.object,
         object_bottom_m: (f64::from(object.base_z_m) - origin[2]) as f32,
         footprint_m: [0.0; 4],
@@ -180,13 +182,12 @@ fn is_closed_shell(triangles: &[LocalTriangle]) -> bool {
 }
 
 /// Lowest and highest point of the triangles that overlap the block; `[0, 0]` if none does.
-fn z_range_m(triangles: &[LocalTriangle], extent_m: [f32; 2]) -> [f32; 2] {
+fn z_range_m<'a>(triangles: impl Iterator<Item = &'a LocalTriangle>, extent_m: [f32; 2]) -> [f32; 2] {
     let overlaps = |triangle: &&LocalTriangle| {
         let [low, high] = triangle.bounds();
         low.x < extent_m[0] && low.y < extent_m[1] && high.x > 0.0 && high.y > 0.0
     };
     let range = triangles
-        .iter()
         .filter(overlaps)
         .flat_map(|triangle| triangle.corners)
         .fold([f32::MAX, f32::MIN], |[low, high], c| [low.min(c.z), high.max(c.z)]);
@@ -211,7 +212,6 @@ mod tests {
             normal: Vec3::Z,
             area_m2: 1.0,
             is_terrain: false,
-            is_generated: false,
             object: 0,
             object_bottom_m: 0.0,
             footprint_m: [0.0; 4],

@@ -13,6 +13,7 @@
 //! | from which directions crossings and surfels are visible | `directions`, `visibility`, `visibility_map` |
 //! | full runs and slopes of each column, walls inside cells | `solids`, `wall_pieces`, `cell_grid` |
 //! | columns for walls that no vertical line meets | `thin_surfaces` |
+//! | heights and occlusion of generated ground | `ground` |
 //! | colour, normal and occlusion of the visible voxels | `attributes`, `texture` |
 //! | appearance of the voxels without surfels | `columns::fill` |
 //!
@@ -22,6 +23,7 @@ mod attributes;
 mod cell_grid;
 mod crossings;
 mod directions;
+mod ground;
 mod local_block;
 mod nearest;
 mod rasterise;
@@ -46,12 +48,13 @@ pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<Vo
     let Some(block) = LocalBlock::new(input, settings) else { return Vec::new() };
     let mut crossings = crossings::find(&block);
     let mut surfels = surfels::place(&block);
-    visibility::find_sightings(&block, settings, &mut crossings, &mut surfels);
+    let mut ground = ground::LocalGround::new(&block);
+    visibility::find_sightings(&block, settings, &mut crossings, &mut surfels, ground.as_mut());
     surfels::share_sky(&mut surfels);
     let mut cells = solids::build_columns(&block, &crossings, &surfels);
     drop(crossings);
     thin_surfaces::add_columns(&block, &surfels, &mut cells);
-    let mut nodes = attributes::build_nodes(&block, input, &cells, &surfels);
+    let mut nodes = attributes::build_nodes(&block, input, &cells, &surfels, ground.as_ref());
     for node in &mut nodes {
         fill_unknown(node);
     }

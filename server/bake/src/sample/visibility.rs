@@ -13,6 +13,7 @@
 use super::{
     crossings::{Crossing, Crossings, SURE_WEIGHT, UNSURE_WEIGHT},
     directions,
+    ground::LocalGround,
     local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
     settings::SampleSettings,
     surfels::{SKY_SUBSETS, Surfel},
@@ -26,12 +27,13 @@ const FIRST_SKY_DIRECTIONS: usize = 48;
 /// further.
 const BACK_DIRECTIONS: usize = 16;
 
-/// Counts from where the block's crossings and surfels are visible, and drops surfels that never are.
+/// Counts from where the block's crossings, surfels and generated ground are visible, and drops surfels that never are.
 pub(super) fn find_sightings(
     block: &LocalBlock,
     settings: &SampleSettings,
     crossings: &mut Crossings,
     surfels: &mut Vec<Surfel>,
+    mut ground: Option<&mut LocalGround>,
 ) {
     let sky = directions::sky(settings.sky_directions);
     let (first, rest) = sky.split_at(FIRST_SKY_DIRECTIONS.min(sky.len()));
@@ -45,6 +47,7 @@ pub(super) fn find_sightings(
         let pass =
             SurfelTest { sky_subset: Some(i % SKY_SUBSETS), tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
         tests.test_surfels(surfels, pass);
+        tests.test_ground(ground.as_deref_mut());
     }
     let has_undersides = block.triangles.iter().any(|triangle| may_have_space_below(block, triangle));
     if has_undersides || !pending.is_empty() {
@@ -63,6 +66,7 @@ pub(super) fn find_sightings(
         tests.map.draw(block, *direction);
         let sky_subset = Some((FIRST_SKY_DIRECTIONS + i) % SKY_SUBSETS);
         tests.test_surfels(surfels, SurfelTest { sky_subset, tests_unseen: false, tests_backs: false });
+        tests.test_ground(ground.as_deref_mut());
     }
 }
 
@@ -113,6 +117,12 @@ struct VisibilityTests<'a> {
 }
 
 impl VisibilityTests<'_> {
+    fn test_ground(&self, ground: Option<&mut LocalGround>) {
+        if let Some(ground) = ground {
+            ground.add_direction(self.block, &self.map);
+        }
+    }
+
     /// Tests the `pending` crossings and removes those that need no more sightings.
     fn test_crossings(&self, crossings: &mut Crossings, pending: &mut Vec<u32>) {
         pending.retain(|i| {

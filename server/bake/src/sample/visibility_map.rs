@@ -5,6 +5,7 @@
 //! Comparing depths at texel centres instead, as shadow maps do, would let light leak along slanted surfaces.
 
 use super::{
+    ground::LIGHT_CELLS,
     local_block::{LocalBlock, LocalTriangle},
     nearest::{self, FacingTriangle},
     rasterise::rasterise,
@@ -94,7 +95,8 @@ impl VisibilityMap {
         nearest::draw(&facing, self.size)
     }
 
-    /// Sets the map's axes, and its extent to the projection of the block's box with a margin of one cell.
+    /// Sets the map's axes, and its extent to the projection of the block's box with a margin of one cell, or that of the
+    /// ground's points.
     fn aim(&mut self, block: &LocalBlock, direction: Vec3) {
         self.w = direction;
         // Walls are mostly taller than wide. With rows that run upwards they fill fewer and longer runs.
@@ -104,7 +106,8 @@ impl VisibilityMap {
         self.texels_per_m = 1.0 / self.texel_m;
         self.tolerance_m = block.cell_m * TOLERANCE_CELLS;
         let [width_m, height_m] = block.extent_m();
-        let margin_m = block.cell_m;
+        let margin_cells = if block.ground.is_empty() { 1 } else { LIGHT_CELLS + 1 };
+        let margin_m = margin_cells as f32 * block.cell_m;
         let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
         for i in 0..8 {
             let corner = Vec3::new(

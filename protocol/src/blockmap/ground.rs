@@ -1,0 +1,384 @@
+//! The ground of a node where the sources have no terrain: heights and occlusion on a coarse grid.
+//!
+//! Tiles store it beside the columns, because as columns it would cost about a sixth of a city's bytes
+//! (`docs/decisions/0010-generated-ground.md`). Readers turn it into columns with [`BlockMap::stand_on_ground`].
+
+use super::{
+    BlockMap, COLUMNS, ColumnClip, MapColumn, NODE_CELLS, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
+    strip_rows,
+};
+use crate::{
+    codec::range::{BitCoder, BitModel, GroupFlag, NumberModel},
+    error::DecodeError,
+    octahedral,
+    texel::{ALPHA_MAX, AO_MAX, Texel},
+};
+
+/// Side of a square of the ground in columns.
+pub const SQUARE_CELLS: usize = 8;
+/// Squares along a node's side.
+pub const SQUARES: usize = NODE_CELLS / SQUARE_CELLS;
+/// Vertices along a node's side.
+pub const VERTICES: usize = SQUARES + 1;
+/// Colour of the ground, 8-bit sRGB. The surrounding plane has the same.
+pub const GROUND_COLOUR: [u8; 3] = [134, 133, 130];
+
+/// Columns whose bottom is at most this far above the ground, in metres, reach down to it. Higher ones hang above it.
+const MAX_FOOT_M: f32 = 3.0;
+
+/// The ground of a node: a surface of triangles over [`VERTICES`] x [`VERTICES`] vertices, row-major from the south-west
+/// corner. Vertices of no square are zero.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NodeGround {
+    /// Quarters of a cell above the node's `z_base_cells`, 0 to [`MAX_HEIGHT`].
+    pub heights: [u16; VERTICES * VERTICES],
+    /// Share of the sky that is visible, 0 to [`SKY_MAX`].
+    pub sky: [u8; VERTICES * VERTICES],
+    /// Bit `y * SQUARES + x`: whether that square has ground.
+    pub squares: u64,
+}
+
+/// Largest value of [`NodeGround::heights`]: the highest code at the coarsest step.
+pub const MAX_HEIGHT: u16 = (Z_CODE_MAX << Z_SHIFT_MAX) / HEIGHT_CODES;
+/// [`NodeGround::heights`] of one cell.
+pub const HEIGHTS_PER_CELL: u16 = 4;
+/// [`NodeGround::sky`] of the whole sky. Its few steps are not visible, because readers interpolate.
+pub const SKY_MAX: u8 = 7;
+
+/// Height codes of one unit of [`NodeGround::heights`] at `z_shift` 0.
+const HEIGHT_CODES: u16 = STEPS_PER_CELL / HEIGHTS_PER_CELL;
+
+impl Default for NodeGround {
+    fn default() -> Self {
+        Self { heights: [0; VERTICES * VERTICES], sky: [0; VERTICES * VERTICES], squares: 0 }
+    }
+}
+
+/// Whether a square has ground.
+fn has_square(squares: u64, x: usize, y: usize) -> bool {
+    x < SQUARES && y < SQUARES && squares >> (y * SQUARES + x) & 1 == 1
+}
+
+/// Whether vertex `x`, `y` belongs to one of the `squares` (as in [`NodeGround::squares`]).
+pub fn is_used_vertex(squares: u64, x: usize, y: usize) -> bool {
+    let at = |dx: usize, dy: usize| x >= dx && y >= dy && has_square(squares, x - dx, y - dy);
+    at(0, 0) || at(1, 0) || at(0, 1) || at(1, 1)
+}
+
+/// Whether the diagonal of a square leads from south-west to north-east; otherwise from south-east to north-west.
+pub fn is_rising_diagonal(x: usize, y: usize) -> bool {
+    (x + y).is_multiple_of(2)
+}
+
+/// A point of the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundPoint {
+    /// Cells above the node's `z_base_cells`.
+    pub z: f32,
+    /// Rise in cells per cell, to the east and to the north.
+    pub slope: [f32; 2],
+    /// Ambient occlusion, 0 (enclosed) to [`AO_MAX`] (open sky).
+    pub ao: u8,
+}
+
+impl NodeGround {
+    /// Fails on heights or occlusions that are out of range.
+    pub(super) fn check(&self) -> Result<(), DecodeError> {
+        if self.heights.iter().any(|z| *z > MAX_HEIGHT) || self.sky.iter().any(|sky| *sky > SKY_MAX) {
+            return Err(DecodeError::Invalid("a ground's heights or occlusions are out of range"));
+        }
+        Ok(())
+    }
+
+    /// The ground at a point, in cells from the node's south-west corner; `None` where it has none.
+    pub fn at(&self, x: f32, y: f32) -> Option<GroundPoint> {
+        let [(sx, u), (sy, v)] = [x, y].map(|at| {
+            let at = at / SQUARE_CELLS as f32;
+            let square = (at.max(0.0) as usize).min(SQUARES - 1);
+            (square, at - square as f32)
+        });
+        if !has_square(self.squares, sx, sy) || ![u, v].iter().all(|share| (0.0..=1.0).contains(share)) {
+            return None;
+        }
+        let corner = |dx: usize, dy: usize| (sy + dy) * VERTICES + sx + dx;
+        let z = |dx, dy| f32::from(self.heights[corner(dx, dy)]) / f32::from(HEIGHTS_PER_CELL);
+        let (sw, se, nw, ne) = (z(0, 0), z(1, 0), z(0, 1), z(1, 1));
+        // The rises over the whole square of the triangle that the point lies in, and its height.
+        let (east, north, height) = if is_rising_diagonal(sx, sy) {
+            let (east, north) = if u >= v { (se - sw, ne - se) } else { (ne - nw, nw - sw) };
+            (east, north, sw + east * u + north * v)
+        } else {
+            let (east, north) = if u + v <= 1.0 { (se - sw, nw - sw) } else { (ne - nw, ne - se) };
+            (east, north, if u + v <= 1.0 { sw } else { nw + se - ne } + east * u + north * v)
+        };
+        let sky = |dx, dy| f32::from(self.sky[corner(dx, dy)]);
+        let sky = (sky(0, 0) * (1.0 - u) + sky(1, 0) * u) * (1.0 - v) + (sky(0, 1) * (1.0 - u) + sky(1, 1) * u) * v;
+        let ao = (sky * f32::from(AO_MAX / SKY_MAX)).round() as u8;
+        Some(GroundPoint { z: height, slope: [east, north].map(|rise| rise / SQUARE_CELLS as f32), ao })
+    }
+}
+
+#[derive(Default)]
+struct GroundModels {
+    square: [BitModel; 3],
+    height: [NumberModel; 3],
+    sky: [NumberModel; 2],
+}
+
+/// Writes or reads the ground of a node. Fails on a height that is out of range.
+pub(super) fn code<C: BitCoder>(coder: &mut C, ground: &mut NodeGround) -> Result<(), DecodeError> {
+    let mut models = GroundModels::default();
+    code_squares(coder, &mut ground.squares, &mut models);
+    let squares = ground.squares;
+    let mut residuals = [0; VERTICES * VERTICES];
+    let (mut last_z, mut last_sky) = (0, 0);
+    for i in (0..VERTICES * VERTICES).filter(|i| is_used_vertex(squares, i % VERTICES, i / VERTICES)) {
+        let (x, y) = (i % VERTICES, i / VERTICES);
+        let known = |dx: usize, dy: usize| {
+            (x >= dx && y >= dy && is_used_vertex(squares, x - dx, y - dy)).then(|| i - dy * VERTICES - dx)
+        };
+        let (west, south, corner) = (known(1, 0), known(0, 1), known(1, 1));
+        let z = |i: usize| i32::from(ground.heights[i]);
+        let expected = match (west, south, corner) {
+            (Some(west), Some(south), Some(corner)) => z(west) + z(south) - z(corner),
+            (Some(west), None, _) if known(2, 0).is_some() => 2 * z(west) - z(west - 1),
+            (None, Some(south), _) if known(0, 2).is_some() => 2 * z(south) - z(south - VERTICES),
+            (Some(near), ..) | (_, Some(near), _) => z(near),
+            _ => last_z,
+        };
+        let is_rough = |near: Option<usize>| usize::from(near.is_some_and(|near| residuals[near] != 0));
+        let model = &mut models.height[is_rough(west) + is_rough(south)];
+        residuals[i] = coder.number(model, z(i).wrapping_sub(expected));
+        last_z = residuals[i].wrapping_add(expected);
+        let height = u16::try_from(last_z).ok().filter(|z| *z <= MAX_HEIGHT);
+        ground.heights[i] = height.ok_or(DecodeError::Invalid("a ground's height is out of range"))?;
+
+        let sky = |i: usize| i32::from(ground.sky[i]);
+        let (near, model) = match (west, south) {
+            (Some(a), Some(b)) => ((sky(a) + sky(b)) / 2, usize::from(sky(a) != sky(b))),
+            (Some(a), None) | (None, Some(a)) => (sky(a), 0),
+            _ => (last_sky, 0),
+        };
+        last_sky = coder.number(&mut models.sky[model], sky(i).wrapping_sub(near)).wrapping_add(near);
+        let share = u8::try_from(last_sky).ok().filter(|sky| *sky <= SKY_MAX);
+        ground.sky[i] = share.ok_or(DecodeError::Invalid("a ground's share of the sky is out of range"))?;
+    }
+    Ok(())
+}
+
+fn code_squares<C: BitCoder>(coder: &mut C, squares: &mut u64, models: &mut GroundModels) {
+    let written = *squares;
+    let bits = (0..SQUARES * SQUARES).map(|i| written >> i & 1 == 1);
+    let group = if C::WRITES { GroupFlag::of(bits) } else { GroupFlag::Unset };
+    let group = group.code(coder, &mut [BitModel::NEW; 2]);
+    *squares = 0;
+    for i in 0..SQUARES * SQUARES {
+        let (x, y) = (i % SQUARES, i / SQUARES);
+        let west = x > 0 && has_square(*squares, x - 1, y);
+        let south = y > 0 && has_square(*squares, x, y - 1);
+        let model = &mut models.square[usize::from(west) + usize::from(south)];
+        *squares |= u64::from(group.bit(coder, model, written >> i & 1 == 1)) << i;
+    }
+}
+
+impl BlockMap {
+    /// The map with its ground as columns: in empty cells, beyond clips, below what hangs in the air, and down to it where
+    /// columns end a little above it. A map without ground stays as it is, and so does one that would exceed
+    /// [`MAX_TEXELS`](super::MAX_TEXELS).
+    pub fn stand_on_ground(self) -> Self {
+        let Some(ground) = &self.ground else { return self };
+        let mut columns = self.columns();
+        for (i, column) in columns.iter_mut().enumerate().take(COLUMNS) {
+            let [x, y] = [i % NODE_CELLS, i / NODE_CELLS].map(|n| n as f32 + 0.5);
+            if let Some(point) = ground.at(x, y) {
+                *column = Some(match column.take() {
+                    Some(column) => self.on_ground(column, point),
+                    None => self.ground_column(point),
+                });
+            }
+        }
+        Self::from_columns(self.id, self.cell_m, self.z_base_cells, self.z_shift, &columns).unwrap_or(self)
+    }
+
+    /// Height codes of one cell.
+    fn codes_per_cell(&self) -> f32 {
+        f32::from(STEPS_PER_CELL >> self.z_shift)
+    }
+
+    /// A column of nothing but ground.
+    fn ground_column(&self, point: GroundPoint) -> MapColumn {
+        let code = |z: f32| (z * self.codes_per_cell()).round().clamp(0.0, f32::from(Z_CODE_MAX)) as u16;
+        let z_max = code(point.z).max(1);
+        let [east, north] = point.slope;
+        let rise = (east.abs() + north.abs()) / 2.0;
+        MapColumn {
+            z_min: code(point.z - rise - 1.0).min(z_max - 1),
+            z_max,
+            inclined: rise > 0.0,
+            roof: Texel::new(GROUND_COLOUR, point.ao, ALPHA_MAX),
+            roof_normal: octahedral::encode([-east, -north, 1.0]),
+            ..MapColumn::default()
+        }
+    }
+
+    /// A column of the tile with the ground around and below it.
+    fn on_ground(&self, mut column: MapColumn, point: GroundPoint) -> MapColumn {
+        let ground = self.ground_column(point);
+        if column.z_max <= ground.z_max {
+            return ground;
+        }
+        let foot = column.z_min;
+        let max_foot = (MAX_FOOT_M / self.z_step_m()).max(self.codes_per_cell());
+        let above = f32::from(foot) - f32::from(ground.z_max);
+        if foot > ground.z_min {
+            let is_above = column.suspended && above > 1.0 || above > max_foot;
+            self.lower(&mut column, ground.z_min);
+            if is_above {
+                self.hang(&mut column, [ground.z_max, foot]);
+            }
+        }
+        if let Some(clip) = &mut column.clip {
+            fill_beyond(clip, &ground, [column.z_min, column.z_max]);
+        }
+        column
+    }
+
+    /// Extends a column down to `z_min`. Its wall continues as it is at its bottom.
+    fn lower(&self, column: &mut MapColumn, z_min: u16) {
+        let (old, _) = strip_rows(column.z_min, column.z_max, self.z_shift);
+        let (new, _) = strip_rows(z_min, column.z_max, self.z_shift);
+        if let Some(strip) = &mut column.strip {
+            let lowest = strip.texels.iter().find(|texel| texel.alpha() == ALPHA_MAX).copied();
+            let added = lowest.unwrap_or(column.roof);
+            strip.texels.splice(0..0, (new..old).map(|_| added));
+        }
+        column.z_min = z_min;
+    }
+
+    /// Opens a gap in a column that was extended to the ground.
+    fn hang(&self, column: &mut MapColumn, gap: [u16; 2]) {
+        // Two gaps cannot be shown: the upper one closes.
+        column.gap = Some(gap);
+        if column.strip.is_none() {
+            let rows = strip_rows(column.z_min, column.z_max, self.z_shift).1;
+            column.strip = Some(WallStrip { texels: vec![column.roof; usize::from(rows)], azimuth: 0 });
+        }
+    }
+}
+
+/// Puts ground beyond a clip, unless something higher stands there.
+fn fill_beyond(clip: &mut ColumnClip, ground: &MapColumn, [z_min, z_max]: [u16; 2]) {
+    let is_covered = clip.outer.is_some_and(|outer| outer.z > ground.z_max);
+    if !is_covered && z_min < ground.z_max && ground.z_max < z_max {
+        clip.outer = Some(OuterTop { z: ground.z_max, roof: ground.roof });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{TileId, blockmap::Quality};
+
+    /// Ground that rises by a metre to the east in every square, without its north-eastern square.
+    fn slope() -> NodeGround {
+        let mut ground = NodeGround { squares: u64::MAX >> 1, ..NodeGround::default() };
+        for i in (0..VERTICES * VERTICES).filter(|i| is_used_vertex(ground.squares, i % VERTICES, i / VERTICES)) {
+            ground.heights[i] = 10 + 4 * (i % VERTICES) as u16;
+            ground.sky[i] = 7 - (i / VERTICES / 2) as u8;
+        }
+        ground
+    }
+
+    fn map_on(ground: NodeGround, columns: &[(usize, MapColumn)]) -> BlockMap {
+        let mut all = vec![None; COLUMNS];
+        for (i, column) in columns {
+            all[*i] = Some(column.clone());
+        }
+        let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &all).unwrap();
+        BlockMap { ground: Some(Box::new(ground)), ..map }
+    }
+
+    fn wall(z_min: u16, z_max: u16) -> MapColumn {
+        let rows = strip_rows(z_min, z_max, 0).1;
+        let texels = (0..rows).map(|row| Texel::new([row as u8; 3], 40, ALPHA_MAX)).collect();
+        MapColumn {
+            z_min,
+            z_max,
+            roof: Texel::new([200; 3], 63, ALPHA_MAX),
+            strip: Some(WallStrip { texels, azimuth: 64 }),
+            ..MapColumn::default()
+        }
+    }
+
+    #[test]
+    fn ground_round_trips_and_is_small() {
+        let map = map_on(slope(), &[(70, wall(50, 90))]);
+        let with = map.encode().unwrap();
+        assert_eq!(BlockMap::decode(TileId::ROOT, &with).unwrap(), map);
+        let without = BlockMap { ground: None, ..map.clone() }.encode().unwrap();
+        assert!(with.len() - without.len() < 50, "{} bytes", with.len() - without.len());
+        let lossy = BlockMap::decode(TileId::ROOT, &map.encode_at(Quality::Decibels(36.0)).unwrap()).unwrap();
+        assert_eq!(map.ground, lossy.ground);
+    }
+
+    #[test]
+    fn empty_cells_become_slopes_and_squares_without_ground_stay_empty() {
+        let map = map_on(slope(), &[]).stand_on_ground();
+        let columns = map.columns();
+        assert_eq!(columns.iter().flatten().count(), COLUMNS - SQUARE_CELLS * SQUARE_CELLS);
+        assert!(columns[COLUMNS - 1].is_none());
+        let column = columns[3].as_ref().unwrap();
+        assert_eq!((column.z_max, column.inclined, column.roof.rgb()), (40 + 7, true, GROUND_COLOUR));
+        let normal = octahedral::decode(column.roof_normal);
+        assert!((normal[0] / normal[2] + 1.0 / 8.0).abs() < 0.02, "{normal:?}");
+        assert!((0..20 * NODE_CELLS).all(|i| {
+            let x = (i % NODE_CELLS) as f32 + 0.5;
+            (f32::from(map.z_max[i]) - 40.0 - 2.0 * x).abs() <= 0.5
+        }));
+    }
+
+    #[test]
+    fn both_diagonals_meet_at_the_vertices() {
+        let mut ground = NodeGround { squares: u64::MAX, ..NodeGround::default() };
+        for i in 0..VERTICES * VERTICES {
+            ground.heights[i] = 250 + (i * i * 31 % 97) as u16;
+        }
+        for (x, y) in (0..SQUARES).flat_map(|y| (0..SQUARES).map(move |x| (x, y))) {
+            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let near = |v: usize, d: usize| (v * SQUARE_CELLS) as f32 + if d == 0 { 0.5 } else { 7.5 };
+                let point = ground.at(near(x, dx), near(y, dy)).unwrap();
+                let away = [dx, dy].map(|d| if d == 0 { -0.5 } else { 0.5 });
+                let at_vertex = point.z + point.slope[0] * away[0] + point.slope[1] * away[1];
+                let vertex = f32::from(ground.heights[(y + dy) * VERTICES + x + dx]) / 4.0;
+                assert!((at_vertex - vertex).abs() < 0.01, "square {x}, {y}, corner {dx}, {dy}");
+            }
+        }
+    }
+
+    #[test]
+    fn columns_reach_down_to_the_ground_or_hang_above_it() {
+        let flat = NodeGround { squares: u64::MAX, heights: [25; VERTICES * VERTICES], sky: [5; VERTICES * VERTICES] };
+        let clip = ColumnClip { offset: 0, corner: None, outer: None };
+        let columns = [
+            (0, wall(110, 300)),
+            (1, MapColumn { suspended: true, ..wall(200, 300) }),
+            (2, MapColumn { clip: Some(clip), ..wall(40, 300) }),
+            (3, MapColumn { clip: Some(clip), ..wall(200, 300) }),
+            (4, wall(40, 90)),
+            (5, MapColumn { strip: None, ..wall(300, 400) }),
+        ];
+        let map = map_on(flat, &columns).stand_on_ground();
+        let columns = map.columns();
+        let column = |i: usize| columns[i].as_ref().unwrap();
+        assert_eq!((column(0).z_min, column(0).gap), (84, None));
+        let texels = &column(0).strip.as_ref().unwrap().texels;
+        assert_eq!((texels[0].rgb(), texels[1].rgb(), texels[2].rgb()), ([0; 3], [0; 3], [1; 3]));
+        assert_eq!((column(1).z_min, column(1).gap), (84, Some([100, 200])));
+        let outer = |i: usize| column(i).clip.unwrap().outer.unwrap();
+        assert_eq!((column(2).z_min, outer(2).z, outer(2).roof.rgb()), (40, 100, GROUND_COLOUR));
+        assert_eq!((column(3).gap, outer(3).z), (Some([100, 200]), 100));
+        assert_eq!((column(4).z_max, column(4).roof.rgb(), column(4).roof.ao()), (100, GROUND_COLOUR, 45));
+        assert_eq!(column(5).gap, Some([100, 300]));
+        assert!(column(5).strip.is_some());
+    }
+}

@@ -1,0 +1,134 @@
+//! Generated ground: its heights at the vertices of a coarse grid, and how much of the sky it sees there.
+//!
+//! It takes no part in the sampling of columns, because readers make its columns from these values
+//! (`insula_protocol::blockmap::ground`).
+
+use super::{local_block::LocalBlock, visibility_map::VisibilityMap};
+use crate::columns::voxels::VoxelGround;
+use glam::{Vec2, Vec3, Vec3Swizzles};
+use insula_protocol::{
+    TileId,
+    blockmap::ground::{SQUARE_CELLS, SQUARES, VERTICES, is_rising_diagonal},
+};
+
+/// Distance of the points whose sky is measured, in cells.
+const POINT_CELLS: usize = 2;
+/// Points of a vertex lie within this distance along both axes, in cells. Points outside of the block count, too, so that
+/// blocks agree on the vertices of their common border.
+pub(super) const LIGHT_CELLS: usize = 6;
+/// Height of these points above the ground, in cells.
+const LIFT_CELLS: f32 = 0.05;
+/// Number of no triangle of a block.
+const NO_TRIANGLE: u32 = u32::MAX - 1;
+
+/// A point on the ground.
+#[derive(Debug, Clone, Copy)]
+struct LightPoint {
+    position: Vec3,
+    /// Sum of the upward parts of the directions from which it is visible.
+    cosines: f32,
+}
+
+/// The generated ground of a block.
+#[derive(Debug)]
+pub(super) struct LocalGround {
+    /// Number of vertices along x and y.
+    size: [usize; 2],
+    /// Height of each vertex; NaN beyond the ground.
+    heights_m: Vec<f32>,
+    /// Whether the square to the north-east of each vertex has ground.
+    has_ground: Vec<bool>,
+    points: Vec<LightPoint>,
+    /// What `cosines` is for a point in the open.
+    open_cosines: f32,
+}
+
+impl LocalGround {
+    /// `None` if the block has no generated ground.
+    pub(super) fn new(block: &LocalBlock) -> Option<Self> {
+        if block.ground.is_empty() {
+            return None;
+        }
+        let size = block.cells.map(|n| n / SQUARE_CELLS + 1);
+        let square_m = SQUARE_CELLS as f32 * block.cell_m;
+        let at_vertex = |x: usize, y: usize| Vec2::new(x as f32, y as f32) * square_m;
+        let vertices = || (0..size[0] * size[1]).map(|i| [i % size[0], i / size[0]]);
+        let surface = GroundSurface { triangles: &block.ground };
+        let heights_m = vertices().map(|[x, y]| surface.height_at(at_vertex(x, y)).unwrap_or(f32::NAN)).collect();
+        let has_ground = vertices().map(|[x, y]| {
+            // The middles of both triangles.
+            let [a, b] = if is_rising_diagonal(x, y) { [[0.7, 0.3], [0.3, 0.7]] } else { [[0.3, 0.3], [0.7, 0.7]] };
+            let is_covered = |at: [f32; 2]| surface.height_at(at_vertex(x, y) + Vec2::from(at) * square_m).is_some();
+            x + 1 < size[0] && y + 1 < size[1] && (is_covered(a) || is_covered(b))
+        });
+        let has_ground = has_ground.collect();
+        let mut points = Vec::new();
+        let margin = LIGHT_CELLS.div_ceil(POINT_CELLS) as i32;
+        let [columns, rows] = block.cells.map(|n| (n / POINT_CELLS) as i32 + margin);
+        for (x, y) in (-margin..rows).flat_map(|y| (-margin..columns).map(move |x| (x, y))) {
+            let at = (Vec2::new(x as f32, y as f32) + 0.5) * (POINT_CELLS as f32 * block.cell_m);
+            if let Some(z) = surface.height_at(at) {
+                points.push(LightPoint { position: at.extend(z + LIFT_CELLS * block.cell_m), cosines: 0.0 });
+            }
+        }
+        Some(Self { size, heights_m, has_ground, points, open_cosines: 0.0 })
+    }
+
+    /// Adds what the points see in the direction of a map.
+    pub(super) fn add_direction(&mut self, block: &LocalBlock, map: &VisibilityMap) {
+        let cosine = map.direction().z;
+        self.open_cosines += cosine;
+        for point in &mut self.points {
+            if map.is_visible(block, point.position, Vec3::Z, NO_TRIANGLE) {
+                point.cosines += cosine;
+            }
+        }
+    }
+
+    /// The ground of a leaf; `None` if it has none.
+    pub(super) fn of_leaf(&self, block: &LocalBlock, leaf: TileId) -> Option<VoxelGround> {
+        let first = [leaf.x() - block.first_leaf[0], leaf.y() - block.first_leaf[1]].map(|n| n as usize * SQUARES);
+        let index = |x: usize, y: usize| (first[1] + y) * self.size[0] + first[0] + x;
+        let bit = |i: usize| u64::from(self.has_ground[index(i % SQUARES, i / SQUARES)]) << i;
+        let squares = (0..SQUARES * SQUARES).map(bit).fold(0, |all, bit| all | bit);
+        let vertices = |of: &dyn Fn(usize, usize) -> f32| std::array::from_fn(|i| of(i % VERTICES, i / VERTICES));
+        let heights_m = vertices(&|x, y| self.heights_m[index(x, y)]);
+        let square_m = SQUARE_CELLS as f32 * block.cell_m;
+        let sky = vertices(&|x, y| {
+            let at = Vec2::new((first[0] + x) as f32, (first[1] + y) as f32) * square_m;
+            self.sky_at(at, LIGHT_CELLS as f32 * block.cell_m)
+        });
+        VoxelGround::new(heights_m, sky, squares)
+    }
+
+    /// Mean share of the sky around a point, without points under roofs and in buildings; NaN if there are no others.
+    fn sky_at(&self, at: Vec2, reach_m: f32) -> f32 {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for point in self.points.iter().filter(|point| point.cosines > 0.0) {
+            let tent = 1.0 - (point.position.xy() - at).abs() / reach_m;
+            if tent.x > 0.0 && tent.y > 0.0 {
+                sum += tent.x * tent.y * point.cosines;
+                weight += tent.x * tent.y;
+            }
+        }
+        sum / weight / self.open_cosines
+    }
+}
+
+/// Triangles that do not overlap, seen from above.
+struct GroundSurface<'a> {
+    triangles: &'a [[Vec3; 3]],
+}
+
+impl GroundSurface<'_> {
+    fn height_at(&self, p: Vec2) -> Option<f32> {
+        /// Share of a triangle's size by which it reaches over its edges.
+        const SLACK: f32 = 1e-4;
+        self.triangles.iter().find_map(|[a, b, c]| {
+            let (ab, ac, ap) = (b.xy() - a.xy(), c.xy() - a.xy(), p - a.xy());
+            let area = ab.perp_dot(ac);
+            let (u, v) = (ap.perp_dot(ac) / area, ab.perp_dot(ap) / area);
+            (u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK).then(|| a.z + u * (b.z - a.z) + v * (c.z - a.z))
+        })
+    }
+}
