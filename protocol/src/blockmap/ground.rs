@@ -26,32 +26,107 @@ pub const GROUND_COLOUR: [u8; 3] = [134, 133, 130];
 /// Columns whose bottom is at most this far above the ground, in metres, reach down to it. Higher ones hang above it.
 const MAX_FOOT_M: f32 = 3.0;
 
-/// The ground of a node: a surface of triangles over [`VERTICES`] x [`VERTICES`] vertices, row-major from the south-west
-/// corner. Vertices of no square are zero.
+/// Number of vertices.
+pub const VERTEX_COUNT: usize = VERTICES * VERTICES;
+/// [`NodeGround::heights`] of one cell.
+pub const HEIGHTS_PER_CELL: u16 = 4;
+/// Largest value of [`NodeGround::heights`]: the highest height code at the coarsest step.
+pub const MAX_HEIGHT: u16 = (Z_CODE_MAX << Z_SHIFT_MAX) / (STEPS_PER_CELL / HEIGHTS_PER_CELL);
+/// [`NodeGround::sky`] of the whole sky. Its few steps are not visible, because readers interpolate.
+pub const SKY_MAX: u8 = 7;
+
+/// The ground of a node on [`VERTICES`] x [`VERTICES`] vertices, row-major from the south-west corner.
+///
+/// The surface is the two triangles of the node's square south-east and north-west of its rising diagonal, each halved from
+/// its right angle to the middle of its longest edge, again and again, wherever that middle is a corner of the surface.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NodeGround {
-    /// Quarters of a cell above the node's `z_base_cells`, 0 to [`MAX_HEIGHT`].
-    pub heights: [u16; VERTICES * VERTICES],
-    /// Share of the sky that is visible, 0 to [`SKY_MAX`].
-    pub sky: [u8; VERTICES * VERTICES],
+    /// Quarters of a cell above the node's `z_base_cells`, 0 to [`MAX_HEIGHT`], of the corners; 0 elsewhere.
+    pub heights: [u16; VERTEX_COUNT],
+    /// Bit `i`: whether vertex `i` is a corner of the surface. Those of the node always are.
+    pub corners: u128,
+    /// Share of the sky that is visible from the vertices of squares with ground, 0 to [`SKY_MAX`]; 0 elsewhere.
+    pub sky: [u8; VERTEX_COUNT],
     /// Bit `y * SQUARES + x`: whether that square has ground.
     pub squares: u64,
 }
 
-/// Largest value of [`NodeGround::heights`]: the highest code at the coarsest step.
-pub const MAX_HEIGHT: u16 = (Z_CODE_MAX << Z_SHIFT_MAX) / HEIGHT_CODES;
-/// [`NodeGround::heights`] of one cell.
-pub const HEIGHTS_PER_CELL: u16 = 4;
-/// [`NodeGround::sky`] of the whole sky. Its few steps are not visible, because readers interpolate.
-pub const SKY_MAX: u8 = 7;
-
-/// Height codes of one unit of [`NodeGround::heights`] at `z_shift` 0.
-const HEIGHT_CODES: u16 = STEPS_PER_CELL / HEIGHTS_PER_CELL;
-
 impl Default for NodeGround {
     fn default() -> Self {
-        Self { heights: [0; VERTICES * VERTICES], sky: [0; VERTICES * VERTICES], squares: 0 }
+        Self { heights: [0; VERTEX_COUNT], corners: NODE_CORNERS, sky: [0; VERTEX_COUNT], squares: 0 }
     }
+}
+
+/// [`NodeGround::corners`] of a surface of two triangles.
+const NODE_CORNERS: u128 = 1 | 1 << SQUARES | 1 << (VERTEX_COUNT - VERTICES) | 1 << (VERTEX_COUNT - 1);
+
+/// A vertex that may halve triangles.
+#[derive(Debug, Clone, Copy)]
+struct Middle {
+    vertex: usize,
+    /// The ends of the edge that it is the middle of.
+    ends: [usize; 2],
+    /// The right angles of the triangles at that edge; twice the same on the node's border. It is a corner of the surface
+    /// only if they are.
+    apexes: [usize; 2],
+    /// 0 for the middle of the node, 1 for those of its sides, and so on.
+    depth: usize,
+}
+
+/// Number of different [`Middle::depth`].
+const DEPTHS: usize = 2 * SQUARES.ilog2() as usize;
+
+/// All vertices but the node's corners, from the largest triangles to the smallest.
+fn middles() -> impl Iterator<Item = Middle> {
+    (0..DEPTHS).flat_map(|depth| {
+        let half = SQUARES >> (depth / 2 + 1);
+        let is_of_diagonal = depth % 2 == 0;
+        let is_odd = move |v: usize| v / half % 2 == 1;
+        let all = (0..VERTEX_COUNT).map(|i| [i % VERTICES, i / VERTICES]);
+        let of_depth = all.filter(move |[x, y]| {
+            let is_on_grid = x.is_multiple_of(half) && y.is_multiple_of(half);
+            is_on_grid && if is_of_diagonal { is_odd(*x) && is_odd(*y) } else { is_odd(*x) != is_odd(*y) }
+        });
+        of_depth.map(move |[x, y]| {
+            let at = |x: usize, y: usize| y * VERTICES + x;
+            let (ends, apexes) = if is_of_diagonal {
+                let rising = [at(x - half, y - half), at(x + half, y + half)];
+                let falling = [at(x + half, y - half), at(x - half, y + half)];
+                let is_rising = (x / half / 2 + y / half / 2).is_multiple_of(2);
+                if is_rising { (rising, falling) } else { (falling, rising) }
+            } else if is_odd(x) {
+                let (south, north) = (y.checked_sub(half), Some(y + half).filter(|y| *y < VERTICES));
+                let apex = |y: Option<usize>, other: Option<usize>| y.or(other).map_or(0, |y| at(x, y));
+                ([at(x - half, y), at(x + half, y)], [apex(south, north), apex(north, south)])
+            } else {
+                let (west, east) = (x.checked_sub(half), Some(x + half).filter(|x| *x < VERTICES));
+                let apex = |x: Option<usize>, other: Option<usize>| x.or(other).map_or(0, |x| at(x, y));
+                ([at(x, y - half), at(x, y + half)], [apex(west, east), apex(east, west)])
+            };
+            Middle { vertex: at(x, y), ends, apexes, depth }
+        })
+    })
+}
+
+/// The least set of vertices with those of `wanted` that can be the corners of a surface ([`NodeGround::corners`]).
+pub fn close_corners(wanted: u128) -> u128 {
+    let mut corners = wanted | NODE_CORNERS;
+    let all: Vec<Middle> = middles().collect();
+    for middle in all.iter().rev() {
+        if corners >> middle.vertex & 1 == 1 {
+            corners |= 1 << middle.apexes[0] | 1 << middle.apexes[1];
+        }
+    }
+    corners
+}
+
+/// The corners of a surface that follows heights at all vertices within half a unit for each halving.
+pub fn corners_of(heights: &[f32; VERTEX_COUNT]) -> u128 {
+    let bends = middles().filter(|middle| {
+        let [a, b] = middle.ends.map(|end| heights[end]);
+        (heights[middle.vertex] - 0.5 * (a + b)).abs() > 0.5
+    });
+    close_corners(bends.map(|middle| 1 << middle.vertex).fold(0, |all: u128, bit: u128| all | bit))
 }
 
 /// Whether a square has ground.
@@ -82,14 +157,37 @@ pub struct GroundPoint {
 }
 
 impl NodeGround {
-    /// Fails on heights or occlusions that are out of range.
+    /// Fails on values that are out of range.
     pub(super) fn check(&self) -> Result<(), DecodeError> {
         if self.heights.iter().any(|z| *z > MAX_HEIGHT) || self.sky.iter().any(|sky| *sky > SKY_MAX) {
-            return Err(DecodeError::Invalid("a ground's heights or occlusions are out of range"));
+            return Err(DecodeError::Invalid("a ground's heights or shares of the sky are out of range"));
+        }
+        if self.corners >> VERTEX_COUNT != 0 || close_corners(self.corners) != self.corners {
+            return Err(DecodeError::Invalid("a ground's corners do not form triangles"));
         }
         Ok(())
     }
 
+    /// The surface with the heights of all vertices.
+    pub fn surface(&self) -> GroundSurface<'_> {
+        let mut heights = self.heights.map(|z| f32::from(z) / f32::from(HEIGHTS_PER_CELL));
+        for middle in middles().filter(|middle| self.corners >> middle.vertex & 1 == 0) {
+            let [a, b] = middle.ends.map(|end| heights[end]);
+            heights[middle.vertex] = 0.5 * (a + b);
+        }
+        GroundSurface { ground: self, heights }
+    }
+}
+
+/// The ground of a node as a function of the position.
+#[derive(Debug, Clone)]
+pub struct GroundSurface<'a> {
+    ground: &'a NodeGround,
+    /// Heights of the vertices in cells above the node's `z_base_cells`.
+    pub heights: [f32; VERTEX_COUNT],
+}
+
+impl GroundSurface<'_> {
     /// The ground at a point, in cells from the node's south-west corner; `None` where it has none.
     pub fn at(&self, x: f32, y: f32) -> Option<GroundPoint> {
         let [(sx, u), (sy, v)] = [x, y].map(|at| {
@@ -97,11 +195,11 @@ impl NodeGround {
             let square = (at.max(0.0) as usize).min(SQUARES - 1);
             (square, at - square as f32)
         });
-        if !has_square(self.squares, sx, sy) || ![u, v].iter().all(|share| (0.0..=1.0).contains(share)) {
+        if !has_square(self.ground.squares, sx, sy) || ![u, v].iter().all(|share| (0.0..=1.0).contains(share)) {
             return None;
         }
         let corner = |dx: usize, dy: usize| (sy + dy) * VERTICES + sx + dx;
-        let z = |dx, dy| f32::from(self.heights[corner(dx, dy)]) / f32::from(HEIGHTS_PER_CELL);
+        let z = |dx, dy| self.heights[corner(dx, dy)];
         let (sw, se, nw, ne) = (z(0, 0), z(1, 0), z(0, 1), z(1, 1));
         // The rises over the whole square of the triangle that the point lies in, and its height.
         let (east, north, height) = if is_rising_diagonal(sx, sy) {
@@ -111,7 +209,7 @@ impl NodeGround {
             let (east, north) = if u + v <= 1.0 { (se - sw, nw - sw) } else { (ne - nw, ne - se) };
             (east, north, if u + v <= 1.0 { sw } else { nw + se - ne } + east * u + north * v)
         };
-        let sky = |dx, dy| f32::from(self.sky[corner(dx, dy)]);
+        let sky = |dx, dy| f32::from(self.ground.sky[corner(dx, dy)]);
         let sky = (sky(0, 0) * (1.0 - u) + sky(1, 0) * u) * (1.0 - v) + (sky(0, 1) * (1.0 - u) + sky(1, 1) * u) * v;
         let ao = (sky * f32::from(AO_MAX / SKY_MAX)).round() as u8;
         Some(GroundPoint { z: height, slope: [east, north].map(|rise| rise / SQUARE_CELLS as f32), ao })
@@ -121,46 +219,67 @@ impl NodeGround {
 #[derive(Default)]
 struct GroundModels {
     square: [BitModel; 3],
-    height: [NumberModel; 3],
+    first_height: NumberModel,
+    is_corner: [BitModel; DEPTHS],
+    height: [NumberModel; 2],
     sky: [NumberModel; 2],
 }
 
-/// Writes or reads the ground of a node. Fails on a height that is out of range.
+/// Writes or reads the ground of a node. Fails on values that are out of range.
 pub(super) fn code<C: BitCoder>(coder: &mut C, ground: &mut NodeGround) -> Result<(), DecodeError> {
     let mut models = GroundModels::default();
     code_squares(coder, &mut ground.squares, &mut models);
+    code_heights(coder, ground, &mut models)?;
+    code_sky(coder, ground, &mut models)
+}
+
+fn code_heights<C: BitCoder>(
+    coder: &mut C,
+    ground: &mut NodeGround,
+    models: &mut GroundModels,
+) -> Result<(), DecodeError> {
+    let height = |z: i32| {
+        let height = u16::try_from(z).ok().filter(|z| *z <= MAX_HEIGHT);
+        height.ok_or(DecodeError::Invalid("a ground's height is out of range"))
+    };
+    let mut last = 0;
+    for i in (0..VERTEX_COUNT).filter(|i| NODE_CORNERS >> i & 1 == 1) {
+        last += coder.number(&mut models.first_height, i32::from(ground.heights[i]).wrapping_sub(last));
+        ground.heights[i] = height(last)?;
+    }
+    let written = ground.corners;
+    ground.corners = NODE_CORNERS;
+    for Middle { vertex, ends, apexes, depth } in middles() {
+        let may_be_corner = apexes.iter().all(|apex| ground.corners >> apex & 1 == 1);
+        if may_be_corner && coder.bit(&mut models.is_corner[depth], written >> vertex & 1 == 1) {
+            let [a, b] = ends.map(|end| i32::from(ground.heights[end]));
+            let expected = (a + b) / 2;
+            let model = &mut models.height[usize::from(depth > 1)];
+            let z = coder.number(model, i32::from(ground.heights[vertex]).wrapping_sub(expected)) + expected;
+            ground.heights[vertex] = height(z)?;
+            ground.corners |= 1 << vertex;
+        }
+    }
+    Ok(())
+}
+
+fn code_sky<C: BitCoder>(coder: &mut C, ground: &mut NodeGround, models: &mut GroundModels) -> Result<(), DecodeError> {
     let squares = ground.squares;
-    let mut residuals = [0; VERTICES * VERTICES];
-    let (mut last_z, mut last_sky) = (0, 0);
-    for i in (0..VERTICES * VERTICES).filter(|i| is_used_vertex(squares, i % VERTICES, i / VERTICES)) {
+    let mut last = i32::from(SKY_MAX);
+    for i in (0..VERTEX_COUNT).filter(|i| is_used_vertex(squares, i % VERTICES, i / VERTICES)) {
         let (x, y) = (i % VERTICES, i / VERTICES);
         let known = |dx: usize, dy: usize| {
-            (x >= dx && y >= dy && is_used_vertex(squares, x - dx, y - dy)).then(|| i - dy * VERTICES - dx)
+            let is_known = x >= dx && y >= dy && is_used_vertex(squares, x - dx, y - dy);
+            is_known.then(|| i32::from(ground.sky[i - dy * VERTICES - dx]))
         };
-        let (west, south, corner) = (known(1, 0), known(0, 1), known(1, 1));
-        let z = |i: usize| i32::from(ground.heights[i]);
-        let expected = match (west, south, corner) {
-            (Some(west), Some(south), Some(corner)) => z(west) + z(south) - z(corner),
-            (Some(west), None, _) if known(2, 0).is_some() => 2 * z(west) - z(west - 1),
-            (None, Some(south), _) if known(0, 2).is_some() => 2 * z(south) - z(south - VERTICES),
-            (Some(near), ..) | (_, Some(near), _) => z(near),
-            _ => last_z,
+        let (near, is_mixed) = match (known(1, 0), known(0, 1)) {
+            (Some(west), Some(south)) => ((west + south) / 2, west != south),
+            (Some(near), None) | (None, Some(near)) => (near, false),
+            _ => (last, false),
         };
-        let is_rough = |near: Option<usize>| usize::from(near.is_some_and(|near| residuals[near] != 0));
-        let model = &mut models.height[is_rough(west) + is_rough(south)];
-        residuals[i] = coder.number(model, z(i).wrapping_sub(expected));
-        last_z = residuals[i].wrapping_add(expected);
-        let height = u16::try_from(last_z).ok().filter(|z| *z <= MAX_HEIGHT);
-        ground.heights[i] = height.ok_or(DecodeError::Invalid("a ground's height is out of range"))?;
-
-        let sky = |i: usize| i32::from(ground.sky[i]);
-        let (near, model) = match (west, south) {
-            (Some(a), Some(b)) => ((sky(a) + sky(b)) / 2, usize::from(sky(a) != sky(b))),
-            (Some(a), None) | (None, Some(a)) => (sky(a), 0),
-            _ => (last_sky, 0),
-        };
-        last_sky = coder.number(&mut models.sky[model], sky(i).wrapping_sub(near)).wrapping_add(near);
-        let share = u8::try_from(last_sky).ok().filter(|sky| *sky <= SKY_MAX);
+        let model = &mut models.sky[usize::from(is_mixed)];
+        last = coder.number(model, i32::from(ground.sky[i]).wrapping_sub(near)) + near;
+        let share = u8::try_from(last).ok().filter(|sky| *sky <= SKY_MAX);
         ground.sky[i] = share.ok_or(DecodeError::Invalid("a ground's share of the sky is out of range"))?;
     }
     Ok(())
@@ -187,10 +306,11 @@ impl BlockMap {
     /// [`MAX_TEXELS`](super::MAX_TEXELS).
     pub fn stand_on_ground(self) -> Self {
         let Some(ground) = &self.ground else { return self };
+        let surface = ground.surface();
         let mut columns = self.columns();
         for (i, column) in columns.iter_mut().enumerate().take(COLUMNS) {
             let [x, y] = [i % NODE_CELLS, i / NODE_CELLS].map(|n| n as f32 + 0.5);
-            if let Some(point) = ground.at(x, y) {
+            if let Some(point) = surface.at(x, y) {
                 *column = Some(match column.take() {
                     Some(column) => self.on_ground(column, point),
                     None => self.ground_column(point),
@@ -282,11 +402,25 @@ mod tests {
     /// Ground that rises by a metre to the east in every square, without its north-eastern square.
     fn slope() -> NodeGround {
         let mut ground = NodeGround { squares: u64::MAX >> 1, ..NodeGround::default() };
-        for i in (0..VERTICES * VERTICES).filter(|i| is_used_vertex(ground.squares, i % VERTICES, i / VERTICES)) {
-            ground.heights[i] = 10 + 4 * (i % VERTICES) as u16;
+        ground.heights = at_corners(ground.corners, |x, _| 10 + 4 * x);
+        for i in (0..VERTEX_COUNT).filter(|i| is_used_vertex(ground.squares, i % VERTICES, i / VERTICES)) {
             ground.sky[i] = 7 - (i / VERTICES / 2) as u8;
         }
         ground
+    }
+
+    fn at_corners(corners: u128, height: impl Fn(u16, u16) -> u16) -> [u16; VERTEX_COUNT] {
+        std::array::from_fn(|i| {
+            let is_corner = corners >> i & 1 == 1;
+            if is_corner { height((i % VERTICES) as u16, (i / VERTICES) as u16) } else { 0 }
+        })
+    }
+
+    /// Ground with a bump at one vertex.
+    fn bump() -> NodeGround {
+        let corners = close_corners(1 << (3 * VERTICES + 5));
+        let heights = at_corners(corners, |x, y| 250 + x * x * 31 % 97 + y);
+        NodeGround { squares: u64::MAX, corners, heights, ..NodeGround::default() }
     }
 
     fn map_on(ground: NodeGround, columns: &[(usize, MapColumn)]) -> BlockMap {
@@ -312,6 +446,10 @@ mod tests {
 
     #[test]
     fn ground_round_trips_and_is_small() {
+        for ground in [slope(), bump()] {
+            let map = map_on(ground, &[]);
+            assert_eq!(BlockMap::decode(TileId::ROOT, &map.encode().unwrap()).unwrap(), map);
+        }
         let map = map_on(slope(), &[(70, wall(50, 90))]);
         let with = map.encode().unwrap();
         assert_eq!(BlockMap::decode(TileId::ROOT, &with).unwrap(), map);
@@ -338,26 +476,49 @@ mod tests {
     }
 
     #[test]
-    fn both_diagonals_meet_at_the_vertices() {
-        let mut ground = NodeGround { squares: u64::MAX, ..NodeGround::default() };
-        for i in 0..VERTICES * VERTICES {
-            ground.heights[i] = 250 + (i * i * 31 % 97) as u16;
-        }
+    fn triangles_meet_at_the_vertices() {
+        let ground = bump();
+        assert!(ground.corners.count_ones() > 10 && ground.corners.count_ones() < 40);
+        let surface = ground.surface();
         for (x, y) in (0..SQUARES).flat_map(|y| (0..SQUARES).map(move |x| (x, y))) {
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                 let near = |v: usize, d: usize| (v * SQUARE_CELLS) as f32 + if d == 0 { 0.5 } else { 7.5 };
-                let point = ground.at(near(x, dx), near(y, dy)).unwrap();
+                let point = surface.at(near(x, dx), near(y, dy)).unwrap();
                 let away = [dx, dy].map(|d| if d == 0 { -0.5 } else { 0.5 });
                 let at_vertex = point.z + point.slope[0] * away[0] + point.slope[1] * away[1];
-                let vertex = f32::from(ground.heights[(y + dy) * VERTICES + x + dx]) / 4.0;
-                assert!((at_vertex - vertex).abs() < 0.01, "square {x}, {y}, corner {dx}, {dy}");
+                let i = (y + dy) * VERTICES + x + dx;
+                assert!((at_vertex - surface.heights[i]).abs() < 0.01, "square {x}, {y}, corner {dx}, {dy}");
+                if ground.corners >> i & 1 == 1 {
+                    assert_eq!(surface.heights[i], f32::from(ground.heights[i]) / 4.0);
+                }
             }
         }
     }
 
     #[test]
+    fn corners_depend_on_each_other() {
+        let all: Vec<Middle> = middles().collect();
+        assert_eq!(all.len(), VERTEX_COUNT - 4);
+        for (k, middle) in all.iter().enumerate() {
+            let is_known = |i: usize| NODE_CORNERS >> i & 1 == 1 || all[..k].iter().any(|other| other.vertex == i);
+            assert!(middle.ends.into_iter().chain(middle.apexes).all(is_known), "{middle:?}");
+            let closed = close_corners(1 << middle.vertex);
+            assert_eq!(close_corners(closed), closed);
+        }
+        assert_eq!(close_corners(0), NODE_CORNERS);
+        assert_eq!(close_corners(u128::MAX >> (128 - VERTEX_COUNT)).count_ones() as usize, VERTEX_COUNT);
+        let open = NodeGround { corners: NODE_CORNERS | 1 << 1, squares: 1, ..NodeGround::default() };
+        assert!(open.check().is_err());
+        let plane: [f32; VERTEX_COUNT] = std::array::from_fn(|i| (i % VERTICES + 2 * (i / VERTICES)) as f32);
+        assert_eq!(corners_of(&plane), NODE_CORNERS);
+        let roof: [f32; VERTEX_COUNT] = std::array::from_fn(|i| (i % VERTICES).abs_diff(4) as f32);
+        assert_eq!(corners_of(&roof) >> 4 & 1, 1);
+    }
+
+    #[test]
     fn columns_reach_down_to_the_ground_or_hang_above_it() {
-        let flat = NodeGround { squares: u64::MAX, heights: [25; VERTICES * VERTICES], sky: [5; VERTICES * VERTICES] };
+        let heights = at_corners(NODE_CORNERS, |_, _| 25);
+        let flat = NodeGround { squares: u64::MAX, heights, sky: [5; VERTEX_COUNT], ..NodeGround::default() };
         let clip = ColumnClip { offset: 0, corner: None, outer: None };
         let columns = [
             (0, wall(110, 300)),

@@ -11,7 +11,10 @@ use insula_bake::{
     read::{self, ReadOptions},
     scene::ObjectKind,
 };
-use insula_protocol::{TileId, blockmap::NodeGround};
+use insula_protocol::{
+    BlockMap, TileId,
+    blockmap::{NodeGround, flag},
+};
 use insula_tests::baked::Baked;
 use std::{
     collections::BTreeMap,
@@ -20,6 +23,8 @@ use std::{
 
 /// Rounding of heights, in metres.
 const TOLERANCE_M: f64 = 0.25;
+/// Corners at least this far above the ground are not feet.
+const HIGH_M: f64 = 4.0;
 
 /// Measures generated ground
 #[derive(Debug, Parser)]
@@ -39,6 +44,7 @@ fn main() -> Result<()> {
     let city = Baked::open(&args.city)?;
     let (scene, _) = read::read(&args.sources, &ReadOptions::default(), &|_| {}).context("read")?;
     let grounds = city.grounds()?;
+    let leaves = city.leaves()?;
     let origin = DVec3::from(scene.origin) - DVec3::from(city.manifest().origin);
     let mut lowest: BTreeMap<u32, Vec<DVec3>> = BTreeMap::new();
     for triangle in scene.triangles.iter().filter(|t| scene.objects[t.object as usize].kind == ObjectKind::Building) {
@@ -46,10 +52,14 @@ fn main() -> Result<()> {
         let feet = triangle.corners.iter().filter(|corner| corner[2] <= base_m + 0.01);
         lowest.entry(triangle.object).or_default().extend(feet.map(|p| DVec3::from(p.map(f64::from)) + origin));
     }
-    let (mut feet, mut standing, mut buildings, mut sunk) = (0, 0, 0, 0);
+    let (mut feet, mut standing, mut buildings, mut sunk, mut roofs, mut air) = (0, 0, 0, 0, 0, 0);
     for corners in lowest.values() {
         // How far the ground is above each corner.
-        let mut depths: Vec<f64> = corners.iter().map(|p| ground_at(&city, &grounds, *p) - p.z).collect();
+        let depth = |p: &DVec3| ground_at(&city, &grounds, *p) - p.z;
+        let (high, low): (Vec<&DVec3>, Vec<&DVec3>) = corners.iter().partition(|p| depth(p) < -HIGH_M);
+        let on_roofs = high.iter().filter(|p| has_building_below(&city, &leaves, ***p)).count();
+        (roofs, air) = (roofs + on_roofs, air + high.len() - on_roofs);
+        let mut depths: Vec<f64> = low.into_iter().map(depth).collect();
         feet += depths.len();
         standing += depths.iter().filter(|depth| **depth >= -TOLERANCE_M).count();
         depths.sort_unstable_by(f64::total_cmp);
@@ -59,7 +69,10 @@ fn main() -> Result<()> {
         }
     }
     let percent = |part: usize, all: usize| 100.0 * part as f64 / all.max(1) as f64;
-    println!("feet on or under the ground  {:.2} % of {feet}", percent(standing, feet));
+    println!(
+        "feet on or under the ground  {:.2} % of {feet}; {HIGH_M} m and more above it: {roofs} on roofs, {air} in the air",
+        percent(standing, feet)
+    );
     println!("buildings sunk over a metre  {:.2} % of {buildings}", percent(sunk, buildings));
     if let Some(without) = &args.without {
         let [with, without] = [bytes_of(&args.city)?, bytes_of(without)?];
@@ -79,7 +92,22 @@ fn ground_at(city: &Baked, grounds: &BTreeMap<TileId, (f64, NodeGround)>, p: DVe
     let leaf = TileId::new(manifest.depth, x as u32, y as u32).filter(|_| x >= 0.0 && y >= 0.0);
     let Some((base_m, ground)) = leaf.and_then(|leaf| grounds.get(&leaf)) else { return plane_m };
     let [x, y] = [x, y].map(|v| (v.fract() * f64::from(manifest.node_cells)) as f32);
-    ground.at(x, y).map_or(plane_m, |point| base_m + f64::from(point.z) * manifest.cell_m)
+    ground.surface().at(x, y).map_or(plane_m, |point| base_m + f64::from(point.z) * manifest.cell_m)
+}
+
+/// Whether a column next to a position is solid from the ground to within a metre of it. What hangs there itself has a gap.
+fn has_building_below(city: &Baked, leaves: &BTreeMap<TileId, BlockMap>, p: DVec3) -> bool {
+    let manifest = city.manifest();
+    let [x, y] = [p.x, p.y].map(|v| (v / manifest.cell_m).floor() as i64);
+    let side = i64::from(manifest.node_cells);
+    (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy))).any(|(x, y)| {
+        let [column, row] = [x, y].map(|v| u32::try_from(v.div_euclid(side)).ok());
+        let leaf = column.zip(row).and_then(|(x, y)| TileId::new(manifest.depth, x, y));
+        let Some(map) = leaf.and_then(|leaf| leaves.get(&leaf)) else { return false };
+        let i = (y.rem_euclid(side) * side + x.rem_euclid(side)) as usize;
+        let top_m = map.z_base_m() + f64::from(map.z_max[i]) * f64::from(map.z_step_m());
+        map.flags[i] & (flag::OCCUPIED | flag::GAP) == flag::OCCUPIED && top_m > p.z - 1.0
+    })
 }
 
 fn bytes_of(folder: &Path) -> Result<u64> {

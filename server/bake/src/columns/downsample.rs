@@ -22,7 +22,7 @@ use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{
         CLIP_STEPS_PER_CELL, COLUMNS, MapColumn,
-        ground::{HEIGHTS_PER_CELL, SKY_MAX, SQUARES, VERTICES, is_used_vertex},
+        ground::{SKY_MAX, SQUARES, VERTEX_COUNT, VERTICES, is_used_vertex},
         strip_rows,
     },
     octahedral,
@@ -81,24 +81,24 @@ pub fn parent_node(grid: &CityGrid, id: TileId, children: [Option<&BlockMap>; 4]
 fn parent_ground(children: [Option<&BlockMap>; 4]) -> Option<VoxelGround> {
     let mut squares = 0;
     // Sums of heights and of the sky, and their number.
-    let mut sums = [[0.0; 3]; VERTICES * VERTICES];
+    let mut sums = [[0.0; 3]; VERTEX_COUNT];
     for (q, map) in children.into_iter().enumerate() {
         let Some((map, ground)) = map.and_then(|map| Some((map, map.ground.as_ref()?))) else { continue };
         let first = [q & 1, q >> 1].map(|n| n * SQUARES / 2);
         for i in (0..SQUARES * SQUARES).filter(|i| ground.squares >> i & 1 == 1) {
             squares |= 1 << ((first[1] + i / SQUARES / 2) * SQUARES + first[0] + i % SQUARES / 2);
         }
-        for i in (0..VERTICES * VERTICES).filter(|i| i % VERTICES % 2 == 0 && i / VERTICES % 2 == 0) {
+        let surface = ground.surface();
+        let base_m = map.z_base_m() as f32;
+        for i in (0..VERTEX_COUNT).filter(|i| i % VERTICES % 2 == 0 && i / VERTICES % 2 == 0) {
             if is_used_vertex(ground.squares, i % VERTICES, i / VERTICES) {
                 let sum = &mut sums[(first[1] + i / VERTICES / 2) * VERTICES + first[0] + i % VERTICES / 2];
-                let height_m = f32::from(ground.heights[i]) / f32::from(HEIGHTS_PER_CELL) * map.cell_m;
-                let z_m = map.z_base_m() as f32 + height_m;
                 let sky = f32::from(ground.sky[i]) / f32::from(SKY_MAX);
-                *sum = [sum[0] + z_m, sum[1] + sky, sum[2] + 1.0];
+                *sum = [sum[0] + base_m + surface.heights[i] * map.cell_m, sum[1] + sky, sum[2] + 1.0];
             }
         }
     }
-    VoxelGround::new(sums.map(|[z_m, _, n]| z_m / n), sums.map(|[_, sky, n]| sky / n), squares)
+    VoxelGround::new(sums.map(|[z_m, _, n]| z_m / n), sums.map(|[_, sky, n]| sky / n), squares, None)
 }
 
 /// The four child columns under the parent's column `i`, in quadrant order.

@@ -18,7 +18,7 @@ use insula_protocol::{
     blockmap::{
         CLIP_STEPS_PER_CELL, ColumnClip, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop, STEPS_PER_CELL,
         WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
-        ground::{HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex},
+        ground::{self, HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex},
         strip_rows,
     },
     octahedral,
@@ -53,7 +53,10 @@ impl HeightCodes {
             high = high.max(solid.top_m);
         }
         if let Some(ground) = &node.ground {
-            let [lowest, highest] = ground.range_m();
+            let (lowest, highest) = ground
+                .heights_m
+                .iter()
+                .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), z| (low.min(*z), high.max(*z)));
             // The columns of the ground reach below its surface.
             low = low.min(lowest - 2.0 * cell_m as f32);
             high = high.max(highest);
@@ -106,11 +109,15 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
 }
 
 fn encode_ground(ground: &VoxelGround, codes: &HeightCodes) -> NodeGround {
-    let mut encoded = NodeGround { squares: ground.squares, ..NodeGround::default() };
-    for i in 0..VERTICES * VERTICES {
+    let height = |z_m: f32| (f64::from(z_m) - codes.base_m) / codes.cell_m * f64::from(HEIGHTS_PER_CELL);
+    let exact = ground.heights_m.map(|z_m| height(z_m) as f32);
+    let corners = ground.corners.map_or_else(|| ground::corners_of(&exact), ground::close_corners);
+    let mut encoded = NodeGround { squares: ground.squares, corners, ..NodeGround::default() };
+    for (i, height) in exact.into_iter().enumerate() {
+        if corners >> i & 1 == 1 {
+            encoded.heights[i] = height.round().clamp(0.0, f32::from(MAX_HEIGHT)) as u16;
+        }
         if is_used_vertex(ground.squares, i % VERTICES, i / VERTICES) {
-            let height = (f64::from(ground.heights_m[i]) - codes.base_m) / codes.cell_m * f64::from(HEIGHTS_PER_CELL);
-            encoded.heights[i] = height.round().clamp(0.0, f64::from(MAX_HEIGHT)) as u16;
             encoded.sky[i] = (ground.sky[i].clamp(0.0, 1.0) * f32::from(SKY_MAX)).round() as u8;
         }
     }

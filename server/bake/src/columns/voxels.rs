@@ -6,7 +6,7 @@ use insula_protocol::{
     TileId,
     blockmap::{
         COLUMNS,
-        ground::{VERTICES, is_used_vertex},
+        ground::{VERTEX_COUNT, VERTICES},
     },
 };
 
@@ -108,9 +108,11 @@ pub struct VoxelNode {
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoxelGround {
     /// Metres above the grid's height zero.
-    pub heights_m: [f32; VERTICES * VERTICES],
+    pub heights_m: [f32; VERTEX_COUNT],
+    /// The corners of the surface, as in the encoded ground; `None` if those are best that follow the heights.
+    pub corners: Option<u128>,
     /// Share of the sky that is not occluded, 0 to 1.
-    pub sky: [f32; VERTICES * VERTICES],
+    pub sky: [f32; VERTEX_COUNT],
     /// Which squares have ground.
     pub squares: u64,
 }
@@ -119,30 +121,24 @@ impl VoxelGround {
     /// Gives vertices with an unknown (NaN) height or sky that of the nearest ones in the node. `None` if no square has
     /// ground, or no height is known.
     pub fn new(
-        mut heights_m: [f32; VERTICES * VERTICES],
-        mut sky: [f32; VERTICES * VERTICES],
+        mut heights_m: [f32; VERTEX_COUNT],
+        mut sky: [f32; VERTEX_COUNT],
         squares: u64,
+        corners: Option<u128>,
     ) -> Option<Self> {
         if squares == 0 || heights_m.iter().all(|z| z.is_nan()) {
             return None;
         }
         spread_known(&mut heights_m);
         spread_known(&mut sky);
-        // Nothing is visible of ground that no point of sees the sky.
+        // Nobody sees ground of which no point sees the sky.
         sky.iter_mut().filter(|sky| sky.is_nan()).for_each(|sky| *sky = 1.0);
-        Some(Self { heights_m, sky, squares })
-    }
-
-    /// Heights of the vertices that have ground, from the lowest to the highest.
-    pub fn range_m(&self) -> [f32; 2] {
-        let used = (0..VERTICES * VERTICES).filter(|i| is_used_vertex(self.squares, i % VERTICES, i / VERTICES));
-        used.map(|i| self.heights_m[i])
-            .fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)])
+        Some(Self { heights_m, corners, sky, squares })
     }
 }
 
 /// Replaces unknown values, ring by ring, by the mean of the known ones next to them.
-fn spread_known(values: &mut [f32; VERTICES * VERTICES]) {
+fn spread_known(values: &mut [f32; VERTEX_COUNT]) {
     for _ in 0..2 * VERTICES {
         let before = *values;
         for i in (0..before.len()).filter(|i| before[*i].is_nan()) {

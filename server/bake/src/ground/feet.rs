@@ -22,13 +22,16 @@ const MAX_POINTS: f32 = 4096.0;
 const BASEMENT_M: f32 = 5.0;
 /// A foot that is higher by more metres is that of an overhanging wall.
 const OVERHANG_M: f32 = 3.0;
-/// Distance, in steps, of the neighbours that a foot is compared with, and the fewest.
-const MEDIAN_REACH: usize = 6;
+/// Distance in metres of the neighbours that a foot is compared with, and the fewest.
+const MEDIAN_REACH_M: f64 = 24.0;
 const MEDIAN_NEIGHBOURS: usize = 8;
 /// Steepest ground, and how far above it an object's lowest walls may begin.
 const STEEP: [f32; 2] = [0.3, 2.0];
 /// The same for walls that begin above their object's lowest point.
 const GENTLE: [f32; 2] = [0.1, 0.5];
+/// A foot bounds the vertices that have at least this share of the ground's height at it. Bounds of all four would sink low
+/// buildings beside higher ones.
+const MIN_SHARE: f32 = 0.15;
 /// Walls that begin within this height above their object's lowest point are its lowest.
 const LOWEST_M: f32 = 1.0;
 
@@ -64,7 +67,10 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
         let (z, i) = (foot.position[2], grid.index(x, y));
         let is_lowest = z <= foot.base_m + LOWEST_M && z <= steep[i] + STEEP[1];
         if z >= ranges[i][0] && z <= ranges[i][1] && (is_lowest || z <= gentle[i] + GENTLE[1]) {
-            for i in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| grid.index(x, y)) {
+            let [u, v] = grid.within_square(foot.position, [x, y]);
+            let shares = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+            for (k, _) in shares.into_iter().enumerate().filter(|(_, share)| *share >= MIN_SHARE) {
+                let i = grid.index(x + (k & 1), y + (k >> 1));
                 feet.low[i] = feet.low[i].min(z);
                 feet.high[i] = feet.high[i].max(z);
             }
@@ -149,13 +155,14 @@ fn edge(triangle: &SceneTriangle, k: usize) -> [[u32; 3]; 2] {
 /// Removes heights far from the median of those around them. Returns the range of feet in each square.
 fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<[f32; 2]> {
     let known = lowest.to_vec();
+    let reach = (MEDIAN_REACH_M / grid.step_m).round().max(2.0) as usize;
     let mut ranges = vec![[f32::NEG_INFINITY, f32::INFINITY]; grid.len()];
     let mut around = Vec::new();
     for (i, low) in lowest.iter_mut().enumerate().filter(|(_, low)| low.is_finite()) {
         let [x, y] = grid.place(i);
         around.clear();
-        for row in y.saturating_sub(MEDIAN_REACH)..=(y + MEDIAN_REACH).min(grid.size[1] - 1) {
-            let [first, last] = [x.saturating_sub(MEDIAN_REACH), (x + MEDIAN_REACH).min(grid.size[0] - 1)];
+        for row in y.saturating_sub(reach)..=(y + reach).min(grid.size[1] - 1) {
+            let [first, last] = [x.saturating_sub(reach), (x + reach).min(grid.size[0] - 1)];
             around.extend(known[grid.index(first, row)..=grid.index(last, row)].iter().filter(|z| z.is_finite()));
         }
         let middle = around.len() / 2;

@@ -63,6 +63,12 @@ impl GroundGrid {
         [along(0, x_m), along(1, y_m)]
     }
 
+    /// Position of a point in its square, 0 to 1 along x and y.
+    pub(super) fn within_square(&self, [x_m, y_m, _]: [f32; 3], [x, y]: [usize; 2]) -> [f32; 2] {
+        let [west, south] = self.position(x, y);
+        [f64::from(x_m) - west, f64::from(y_m) - south].map(|d| (d / self.step_m).clamp(0.0, 1.0) as f32)
+    }
+
     /// Position of a vertex in scene coordinates.
     pub(super) fn position(&self, x: usize, y: usize) -> [f64; 2] {
         [self.corner[0] + x as f64 * self.step_m, self.corner[1] + y as f64 * self.step_m]

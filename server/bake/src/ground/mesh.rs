@@ -1,10 +1,15 @@
 //! Triangles of a height field: right triangles that are halved where the field is not flat (Evans, Kirkpatrick and
 //! Townsend 2001, "Right-triangulated irregular networks"). Neighbours share whole edges.
+//!
+//! They begin with two in each leaf, so that the ground of tiles (`insula_protocol::blockmap::ground`) is the same surface.
 
 use super::grid::GroundGrid;
+use insula_protocol::blockmap::ground::SQUARES;
 
 /// Largest triangle that covers ground together with places without ground, in steps.
 const MAX_MIXED_STEPS: usize = 4;
+/// Triangles of a leaf that may be halved.
+const TRIANGLES: usize = 2 * SQUARES * SQUARES - 2;
 
 /// Heights that a simplified surface may have, and where it is needed.
 #[derive(Debug, Clone)]
@@ -17,14 +22,18 @@ pub(super) struct HeightRange {
 /// Columns and rows of a triangle's corners: both ends of its longest edge, then the right angle.
 type Corners = [[usize; 2]; 3];
 
-/// Triangles with the heights `field` at their corners that keep within `range` at all vertices.
+/// Triangles with the heights `field` at their corners that keep within `range` at all vertices. The grid's vertices are
+/// those of leaves' squares from its corner on.
 pub(super) fn triangulate(grid: &GroundGrid, field: &[f32], range: &HeightRange, outside_m: f32) -> Vec<[[f32; 3]; 3]> {
-    let side = (grid.size[0].max(grid.size[1]) - 1).next_power_of_two();
-    let mut halving = Halving { grid, field, range, outside_m, side, is_halved: vec![false; (side + 1) * (side + 1)] };
+    let leaves = grid.size.map(|n| (n - 1).div_ceil(SQUARES));
+    let vertices = leaves.map(|n| n * SQUARES + 1);
+    let is_halved = vec![false; vertices[0] * vertices[1]];
+    let mut halving = Halving { grid, field, range, outside_m, width: vertices[0], leaves, is_halved };
     halving.decide();
     let mut triangles = Vec::new();
-    for half in [[[0, 0], [side, side], [side, 0]], [[side, side], [0, 0], [0, side]]] {
-        halving.emit(half, &mut triangles);
+    for leaf in halving.leaves() {
+        halving.emit(corners_of(2, leaf), &mut triangles);
+        halving.emit(corners_of(3, leaf), &mut triangles);
     }
     triangles
 }
@@ -35,48 +44,43 @@ struct Halving<'a> {
     range: &'a HeightRange,
     /// Height outside of the grid.
     outside_m: f32,
-    /// Side of the square over the grid in steps, a power of two.
-    side: usize,
+    /// Number of vertices in a row of all leaves.
+    width: usize,
+    /// Number of leaves along x and y.
+    leaves: [usize; 2],
     /// Whether the triangles with this middle of their longest edge are halved.
     is_halved: Vec<bool>,
 }
 
 impl Halving<'_> {
-    /// Decides from the smallest triangles up, because a triangle is halved where a half of it is.
-    fn decide(&mut self) {
-        let all = 2 * self.side * self.side - 2;
-        let parents = all - self.side * self.side;
-        for i in (0..all).rev() {
-            let corners = self.corners_of(i + 2);
-            let [a, b, c] = corners;
-            let middle = self.number(middle(a, b));
-            if self.is_halved[middle] {
-                continue;
-            }
-            let has_halved_half = i < parents
-                && [self.number(self::middle(a, c)), self.number(self::middle(b, c))]
-                    .into_iter()
-                    .any(|half| self.is_halved[half]);
-            self.is_halved[middle] = has_halved_half || !self.is_accurate(&corners);
-        }
+    /// The south-west vertices of all leaves.
+    fn leaves(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let [columns, rows] = self.leaves;
+        (0..rows).flat_map(move |y| (0..columns).map(move |x| [x * SQUARES, y * SQUARES]))
     }
 
-    /// The corners of triangle `id`, whose binary digits name the halves from the smallest up.
-    fn corners_of(&self, mut id: usize) -> Corners {
-        let s = self.side;
-        let [mut a, mut b, mut c] = if id & 1 == 1 { [[0, 0], [s, s], [s, 0]] } else { [[s, s], [0, 0], [0, s]] };
-        id >>= 1;
-        while id > 1 {
-            let m = middle(a, b);
-            [a, b] = if id & 1 == 1 { [c, a] } else { [b, c] };
-            c = m;
-            id >>= 1;
+    /// Decides from the smallest triangles of all leaves up, because a triangle is halved where a half of it is.
+    fn decide(&mut self) {
+        let with_halves = TRIANGLES - SQUARES * SQUARES;
+        for i in (0..TRIANGLES).rev() {
+            for leaf in self.leaves() {
+                let corners = corners_of(i + 2, leaf);
+                let [a, b, c] = corners;
+                let middle = self.number(middle(a, b));
+                if self.is_halved[middle] {
+                    continue;
+                }
+                let has_halved_half = i < with_halves
+                    && [self.number(self::middle(a, c)), self.number(self::middle(b, c))]
+                        .into_iter()
+                        .any(|half| self.is_halved[half]);
+                self.is_halved[middle] = has_halved_half || !self.is_accurate(&corners);
+            }
         }
-        [a, b, c]
     }
 
     fn number(&self, [x, y]: [usize; 2]) -> usize {
-        y * (self.side + 1) + x
+        y * self.width + x
     }
 
     fn vertex(&self, [x, y]: [usize; 2]) -> Option<usize> {
@@ -128,6 +132,20 @@ impl Halving<'_> {
             triangles.push([a, b, c].map(corner));
         }
     }
+}
+
+/// The corners of triangle `id` of a leaf, whose binary digits name the halves from the smallest up.
+fn corners_of(mut id: usize, [x, y]: [usize; 2]) -> Corners {
+    let s = SQUARES;
+    let [mut a, mut b, mut c] = if id & 1 == 1 { [[0, 0], [s, s], [s, 0]] } else { [[s, s], [0, 0], [0, s]] };
+    id >>= 1;
+    while id > 1 {
+        let m = middle(a, b);
+        [a, b] = if id & 1 == 1 { [c, a] } else { [b, c] };
+        c = m;
+        id >>= 1;
+    }
+    [a, b, c].map(|p| [x + p[0], y + p[1]])
 }
 
 fn middle(a: [usize; 2], b: [usize; 2]) -> [usize; 2] {

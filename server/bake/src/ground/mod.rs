@@ -18,7 +18,10 @@ mod grid;
 mod mesh;
 mod relax;
 
-use insula_protocol::{NODE_CELLS, blockmap::ground::GROUND_COLOUR};
+use insula_protocol::{
+    NODE_CELLS,
+    blockmap::ground::{GROUND_COLOUR, HEIGHTS_PER_CELL},
+};
 use serde::Serialize;
 
 use crate::{
@@ -34,8 +37,6 @@ use relax::Bounds;
 
 /// Increased whenever the same city would get another ground.
 pub(crate) const ALGORITHM: u32 = 2;
-/// Heights are multiples of this many parts of a metre, so that a change of the city changes no ground far away.
-const STEPS_PER_M: f32 = 16.0;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
@@ -87,7 +88,8 @@ pub(crate) fn add(city: &mut ScratchScene, cell_m: f64) -> Result<Option<GroundR
     let Some([min, max]) = city.bounds else { return Ok(None) };
     let leaf_m = cell_m * NODE_CELLS as f64;
     let Some(grid) = GroundGrid::covering(min, max, city.origin, leaf_m) else { return Ok(None) };
-    let Some(surface) = Surface::build(city, &grid)? else { return Ok(None) };
+    let steps = HeightSteps { step_m: cell_m / f64::from(HEIGHTS_PER_CELL), origin_m: city.origin[2] };
+    let Some(surface) = Surface::build(city, &grid, steps)? else { return Ok(None) };
     let triangles = mesh::triangulate(&grid, &surface.field, &surface.range(), surface.plane_m);
     let heights = || triangles.iter().flatten().map(|corner| corner[2]);
     let (low, high) = (heights().fold(f32::INFINITY, f32::min), heights().fold(f32::NEG_INFINITY, f32::max));
@@ -119,16 +121,16 @@ struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     /// `None` if no height is known anywhere.
-    fn build(city: &ScratchScene, grid: &'a GroundGrid) -> Result<Option<Self>, BakeError> {
+    fn build(city: &ScratchScene, grid: &'a GroundGrid, steps: HeightSteps) -> Result<Option<Self>, BakeError> {
         let terrain = given::find(city, grid)?;
         let feet = feet::find(city, grid)?;
         let mut bounds = Bounds::unknown(grid.size);
         for i in 0..grid.len() {
             if terrain[i].is_finite() {
-                let z = round(terrain[i] - UNDER_TERRAIN_M, f32::floor);
+                let z = steps.round(terrain[i] - UNDER_TERRAIN_M, f64::floor);
                 (bounds.low[i], bounds.high[i]) = (z, z);
             } else if feet.low[i] <= feet.high[i] {
-                let low = round(feet.high[i] - ROUNDING_M, f32::ceil);
+                let low = steps.round(feet.high[i] - ROUNDING_M, f64::ceil);
                 (bounds.low[i], bounds.high[i]) = (low, low.max(feet.low[i] + SINK_M));
             }
         }
@@ -137,18 +139,18 @@ impl<'a> Surface<'a> {
             return Ok(None);
         }
         let free = relax::smooth_field(&bounds);
-        let plane_m = plane_height(grid, &free);
+        let plane_m = plane_height(grid, &free, steps);
         let mut skirted = bounds.clone();
-        let steps = grid.distances(|i| bounds.is_known(i));
+        let distances = grid.distances(|i| bounds.is_known(i));
         for i in 0..grid.len() {
             let skirt_m = (SKIRT_RUN * (free[i] - plane_m).abs()).max(NEAR_M as f32);
-            if grid.is_rim(grid.place(i)) || f32::from(steps[i]) * grid.step_m as f32 > skirt_m {
+            if grid.is_rim(grid.place(i)) || f32::from(distances[i]) * grid.step_m as f32 > skirt_m {
                 (skirted.low[i], skirted.high[i]) = (plane_m, plane_m);
             }
         }
         let mut field = relax::smooth_field(&skirted);
         for (i, z) in field.iter_mut().enumerate() {
-            let nearest = round(*z, f32::round);
+            let nearest = steps.round(*z, f64::round);
             *z = if skirted.is_known(i) { nearest.max(skirted.low[i]) } else { nearest };
         }
         let is_given: Vec<bool> = terrain.iter().map(|z| z.is_finite()).collect();
@@ -185,18 +187,29 @@ impl<'a> Surface<'a> {
     }
 }
 
-fn round(z: f32, to_whole: fn(f32) -> f32) -> f32 {
-    to_whole(z * STEPS_PER_M) / STEPS_PER_M
+/// The heights that the ground of tiles can have, so that triangles and tiles agree, and a change of the city changes no
+/// ground far away.
+#[derive(Debug, Clone, Copy)]
+struct HeightSteps {
+    step_m: f64,
+    /// World height of the scene's zero.
+    origin_m: f64,
+}
+
+impl HeightSteps {
+    fn round(self, z: f32, to_whole: fn(f64) -> f64) -> f32 {
+        (to_whole((f64::from(z) + self.origin_m) / self.step_m) * self.step_m - self.origin_m) as f32
+    }
 }
 
 /// The height of the plane for a field without a skirt.
-fn plane_height(grid: &GroundGrid, field: &[f32]) -> f32 {
+fn plane_height(grid: &GroundGrid, field: &[f32], steps: HeightSteps) -> f32 {
     let quantile = |mut heights: Vec<f32>, share: f64| {
         let k = (share * heights.len() as f64) as usize;
         if heights.is_empty() { f32::INFINITY } else { *heights.select_nth_unstable_by(k, f32::total_cmp).1 }
     };
     let border = quantile(grid.border().map(|i| field[i]).collect(), 0.5);
-    round(border.min(quantile(field.to_vec(), LOW_SHARE) + MAX_DEPTH_M), f32::floor)
+    steps.round(border.min(quantile(field.to_vec(), LOW_SHARE) + MAX_DEPTH_M), f64::floor)
 }
 
 /// Adds the triangles as one terrain object.

@@ -8,7 +8,7 @@ use crate::columns::voxels::VoxelGround;
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{
     TileId,
-    blockmap::ground::{SQUARE_CELLS, SQUARES, VERTICES, is_rising_diagonal},
+    blockmap::ground::{SQUARE_CELLS, SQUARES, VERTEX_COUNT, VERTICES, is_rising_diagonal},
 };
 
 /// Distance of the points whose sky is measured, in cells.
@@ -36,6 +36,8 @@ pub(super) struct LocalGround {
     size: [usize; 2],
     /// Height of each vertex; NaN beyond the ground.
     heights_m: Vec<f32>,
+    /// Whether each vertex is a corner of a triangle.
+    is_corner: Vec<bool>,
     /// Whether the square to the north-east of each vertex has ground.
     has_ground: Vec<bool>,
     points: Vec<LightPoint>,
@@ -62,6 +64,13 @@ impl LocalGround {
             x + 1 < size[0] && y + 1 < size[1] && (is_covered(a) || is_covered(b))
         });
         let has_ground = has_ground.collect();
+        let mut is_corner = vec![false; size[0] * size[1]];
+        for corner in block.ground.iter().flatten() {
+            let [x, y] = [corner.x, corner.y].map(|v| (v / square_m).round());
+            if x >= 0.0 && y >= 0.0 && (x as usize) < size[0] && (y as usize) < size[1] {
+                is_corner[y as usize * size[0] + x as usize] = true;
+            }
+        }
         let mut points = Vec::new();
         let margin = LIGHT_CELLS.div_ceil(POINT_CELLS) as i32;
         let [columns, rows] = block.cells.map(|n| (n / POINT_CELLS) as i32 + margin);
@@ -71,7 +80,7 @@ impl LocalGround {
                 points.push(LightPoint { position: at.extend(z + LIFT_CELLS * block.cell_m), cosines: 0.0 });
             }
         }
-        Some(Self { size, heights_m, has_ground, points, open_cosines: 0.0 })
+        Some(Self { size, heights_m, is_corner, has_ground, points, open_cosines: 0.0 })
     }
 
     /// Adds what the points see in the direction of a map.
@@ -98,7 +107,9 @@ impl LocalGround {
             let at = Vec2::new((first[0] + x) as f32, (first[1] + y) as f32) * square_m;
             self.sky_at(at, LIGHT_CELLS as f32 * block.cell_m)
         });
-        VoxelGround::new(heights_m, sky, squares)
+        let corner = |i: usize| u128::from(self.is_corner[index(i % VERTICES, i / VERTICES)]) << i;
+        let corners = (0..VERTEX_COUNT).map(corner).fold(0, |all, bit| all | bit);
+        VoxelGround::new(heights_m, sky, squares, Some(corners))
     }
 
     /// Mean share of the sky around a point, without points under roofs and in buildings; NaN if there are no others.
