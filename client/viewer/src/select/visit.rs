@@ -19,6 +19,7 @@
 //! | occluded | the camera is still, and a ray has hit it since then | refine into known children | coarsening it would make it protrude above its occluder, become visible, and be refined again: an oscillation |
 //! | occluded | the camera moves, error over 64 tau | refine | if it comes into view, it must not be coarser than that |
 //! | occluded | otherwise | draw as it is | it contributes nothing to the frame |
+//! | any | none of its children is in view | refine, so that nothing is drawn | nothing of it is in view. Drawn whenever it is unknown and refined whenever it is occluded, it would alternate |
 //!
 //! A leaf with a mesh that is not visible is drawn as it is. A node that must be refined is drawn as it is all the same if
 //!
@@ -109,7 +110,7 @@ impl Visitor<'_> {
             if visibility == Visibility::Visible {
                 self.request_mesh(visit)?;
             }
-        } else if self.must_refine(index, visibility, error_px)
+        } else if (self.must_refine(index, visibility, error_px) || self.has_no_child_in_view(node))
             && let Some(children) = self.children_in_view(node, visibility, error_px)
         {
             self.refine(visit, &children)?;
@@ -129,6 +130,15 @@ impl Visitor<'_> {
             Visibility::Occluded if ctx.is_camera_still => ctx.feedback.was_visible(index) && has_known_children(node),
             Visibility::Occluded => ctx.is_large_error(error_px, visibility),
         }
+    }
+
+    /// Whether a node has children, all known, and none of them is in view.
+    fn has_no_child_in_view(&self, node: &TreeNode) -> bool {
+        let is_out_of_view = |quadrant: usize| {
+            let child = node.children[quadrant];
+            child.is_some_and(|child| self.ctx.is_culled(self.ctx.tree.node(child)))
+        };
+        node.child_mask != 0 && (0..4).filter(|q| node.child_mask >> q & 1 == 1).all(is_out_of_view)
     }
 
     /// Why the tile of a child is requested, if it is.

@@ -160,3 +160,23 @@ fn children_are_drawn_until_their_parent_is_resident_when_the_camera_moves_away(
     }
     assert!(checked > 5, "{checked}");
 }
+
+/// Such a node would be drawn as long as it is unknown, and refined into nothing as soon as it is occluded, in turn.
+#[test]
+fn nodes_without_children_in_view_are_not_drawn_in_turn() {
+    let node = TileId::new(1, 1, 0).unwrap();
+    let mut tree = SceneTree::new(manifest(DEPTH));
+    // Only its north-western child exists, which is behind the camera.
+    let is_missing = |id: TileId| id.level() == 2 && id.x() / 2 == 1 && id.y() / 2 == 0 && id.quadrant() != 2;
+    subtrees(DEPTH, is_missing).iter().for_each(|s| tree.merge(s));
+    // Its error is above tau and below 16 tau.
+    let view = View { tau_px: 1000.0, ..view([1800.0, 100.0, 20.0], [3000.0, 100.0, 20.0]) };
+    load_root(&mut tree);
+    let mut feedback = OcclusionFeedback::default();
+    for _ in 0..2 {
+        let query = OcclusionQuery { nodes: vec![tree.find(node).unwrap()], view, generation: 0 };
+        feedback.update(&query, &[9], false, &tree);
+    }
+    let selection = converge_with(&mut feedback, &mut tree, &view, |_| false);
+    assert!(selection.draw_tiles.iter().all(|tile| tree.node(tile.node).id != node));
+}
