@@ -122,7 +122,7 @@ pub struct BakeArgs {
     #[arg(long)]
     pub no_meshes: bool,
     /// Ground where the sources have no terrain
-    #[arg(long, value_enum, default_value_t = GeneratedGround::None)]
+    #[arg(long, value_enum, default_value_t = GeneratedGround::Auto)]
     pub ground: GeneratedGround,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

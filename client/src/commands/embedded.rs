@@ -1,7 +1,7 @@
 //! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
 use crate::error::{ClientError, Result};
-use insula_bake::{BakeOptions, Progress, read::Palette};
+use insula_bake::{BakeOptions, GroundOption, Progress, read::Palette};
 use insula_protocol::{
     manifest::{Attribution, to_name},
     text::printable,
@@ -53,8 +53,11 @@ pub(super) fn cache_folder(name: &str) -> Result<PathBuf> {
 }
 
 /// Versions that a cached city depends on: another version of the program may bake another city.
-pub(super) const VERSIONS: (&str, u16, u32, u32) =
-    (env!("CARGO_PKG_VERSION"), insula_protocol::tile::VERSION, insula_bake::ALGORITHM, insula_bake::MESH_ALGORITHM);
+pub(super) const VERSIONS: (&str, u16, [u32; 3]) = (
+    env!("CARGO_PKG_VERSION"),
+    insula_protocol::tile::VERSION,
+    [insula_bake::ALGORITHM, insula_bake::MESH_ALGORITHM, insula_bake::GROUND_ALGORITHM],
+);
 
 /// A hash of the settings and of each file's path, size and modification time. Fails if a file cannot be read.
 pub(super) fn cache_key(inputs: &[PathBuf], palette: &Palette, cell_m: f64) -> Result<u64> {
@@ -128,6 +131,7 @@ pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
         title: job.title.clone(),
         attribution: job.attribution.clone(),
         palette: job.palette.clone(),
+        ground: GroundOption::Auto,
         ..BakeOptions::default()
     };
     let progress = TerminalProgress::default();

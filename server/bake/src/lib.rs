@@ -19,7 +19,7 @@ pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
-pub use ground::GroundOption;
+pub use ground::{ALGORITHM as GROUND_ALGORITHM, GroundOption};
 pub use mesh::ALGORITHM as MESH_ALGORITHM;
 pub use pipeline::{GeneratedCity, bake, bake_generated, bake_scene};
 pub use progress::{Progress, Silent};

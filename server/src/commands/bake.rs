@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
-            --attribution A --licence L --source-url U --obj-up y --no-meshes --ground auto";
+            --attribution A --licence L --source-url U --obj-up y --no-meshes";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
         let options = options(&args, Palette::default());
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);

@@ -4,7 +4,7 @@
 //! point is on or under the ground, of those that are sunk by more than a metre, and of the bytes that the ground costs, by a bake of
 //! the same sources with `--ground none`.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use glam::DVec3;
 use insula_bake::{
@@ -42,6 +42,7 @@ struct Args {
 fn main() -> Result<()> {
     let args = Args::parse();
     let city = Baked::open(&args.city)?;
+    ensure!(!city.manifest().has_terrain, "{}: buildings stand on terrain of the sources", args.city.display());
     let (scene, _) = read::read(&args.sources, &ReadOptions::default(), &|_| {}).context("read")?;
     let grounds = city.grounds()?;
     let leaves = city.leaves()?;

@@ -36,7 +36,7 @@ use mesh::HeightRange;
 use relax::Bounds;
 
 /// Increased whenever the same city would get another ground.
-pub(crate) const ALGORITHM: u32 = 2;
+pub const ALGORITHM: u32 = 2;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
