@@ -1,7 +1,7 @@
 //! Serves one connection: HTTP/1.1 or HTTP/2, chosen by its first bytes, with slow clients detected.
 
 use super::{
-    connection_state::ConnectionState, problem::Problem, service::HttpService, stream_progress::StreamExecutor,
+    connection_state::ConnectionState, problem::Problem, service::HttpService, stream_progress::StreamExecutor, turns,
 };
 use axum::http::{Request, StatusCode};
 use hyper::{body::Incoming, service::service_fn};
@@ -18,7 +18,10 @@ use std::{
     task::{Context, Poll, ready},
     time::Duration,
 };
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::{
+    io::{AsyncRead, AsyncWrite, ReadBuf},
+    task::yield_now,
+};
 
 /// Writes of a thread between two yields of its core.
 const WRITES_PER_YIELD: u32 = 32;
@@ -51,8 +54,16 @@ pub(super) async fn serve<S>(
 {
     let stream = MonitoredStream { stream, state: state.clone(), rewrite: None };
     let request_state = state.clone();
-    let handler =
-        service_fn(move |request: Request<Incoming>| service.respond(Some(&request_state), request.into_parts().0));
+    let handler = service_fn(move |request: Request<Incoming>| {
+        let response = service.respond(Some(&request_state), request.into_parts().0);
+        let is_turn_over = turns::is_turn_over();
+        async move {
+            if is_turn_over {
+                yield_now().await;
+            }
+            response.await
+        }
+    });
     let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), handler));
     let mut shutdown_started = false;
     let ended = poll_fn(|context| {
@@ -144,9 +155,25 @@ impl<S: AsyncRead + Unpin> AsyncRead for MonitoredStream<S> {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        let before = buffer.filled().len();
-        ready!(Pin::new(&mut self.stream).poll_read(context, buffer))?;
-        if buffer.filled().len() > before {
+        let max = turns::readable_bytes().unwrap_or(usize::MAX).min(buffer.remaining());
+        if max == 0 && buffer.remaining() > 0 {
+            // The rest is for the next turn.
+            context.waker().wake_by_ref();
+            return Poll::Pending;
+        }
+        let read = if max == buffer.remaining() {
+            let before = buffer.filled().len();
+            ready!(Pin::new(&mut self.stream).poll_read(context, buffer))?;
+            buffer.filled().len() - before
+        } else {
+            let mut part = ReadBuf::new(buffer.initialize_unfilled_to(max));
+            ready!(Pin::new(&mut self.stream).poll_read(context, &mut part))?;
+            let read = part.filled().len();
+            buffer.advance(read);
+            read
+        };
+        turns::count_read(read);
+        if read > 0 {
             self.state.bytes_received();
         }
         Poll::Ready(Ok(()))

@@ -1,7 +1,7 @@
 //! Progress of one connection, and the timeouts that close it.
 
 use super::{
-    client_usage::ClientUsage,
+    client_usage::{ClientUsage, client_network},
     stream_progress::{MIN_TAKEN_BYTES, StreamProgress},
 };
 use slab::Slab;
@@ -136,7 +136,7 @@ impl ConnectionState {
     /// Watches the stream of an HTTP/2 request until [`Self::stream_ended`]. Must be called where hyper calls the service.
     pub(super) fn stream_started(&self) -> (usize, Arc<StreamProgress>) {
         self.is_multiplexed.store(true, Relaxed);
-        let stream = StreamProgress::for_request();
+        let stream = StreamProgress::for_request(self.ip.map(client_network));
         (self.streams().insert(stream.clone()), stream)
     }
 

@@ -40,6 +40,7 @@ mod stream_progress;
 mod tile;
 mod tile_cache;
 mod tls;
+mod turns;
 mod worker;
 
 pub use problem::Problem;

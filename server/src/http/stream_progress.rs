@@ -3,10 +3,12 @@
 //! A client may stop one stream by its flow control window while the connection looks healthy. Each response on HTTP/2 is
 //! therefore watched by itself, and its stream is reset if the client takes too little of it.
 
+use super::turns::InTurn;
 use hyper::rt::Executor;
 use std::{
     cell::Cell,
     future::Future,
+    net::IpAddr,
     sync::{
         Arc, OnceLock,
         atomic::{AtomicU64, Ordering::Relaxed},
@@ -23,6 +25,7 @@ pub(super) const MIN_TAKEN_BYTES: u64 = 16 << 10;
 pub(super) struct StreamProgress {
     since_ms: AtomicU64,
     taken_bytes: AtomicU64,
+    client: Option<IpAddr>,
     /// hyper's task for the stream.
     task: OnceLock<AbortHandle>,
 }
@@ -33,9 +36,9 @@ thread_local! {
 }
 
 impl StreamProgress {
-    /// Must be called where hyper calls the service: the next task that it spawns is this stream's.
-    pub(super) fn for_request() -> Arc<Self> {
-        let stream = Arc::new(Self::default());
+    /// `client` is the client's network. Must be called where hyper calls the service: the next task that it spawns is this stream's.
+    pub(super) fn for_request(client: Option<IpAddr>) -> Arc<Self> {
+        let stream = Arc::new(Self { client, ..Self::default() });
         NEXT.set(Some(stream.clone()));
         stream
     }
@@ -86,9 +89,12 @@ where
 {
     fn execute(&self, future: F) {
         let stream = NEXT.take();
-        let task = tokio::spawn(future);
+        let task = match stream.as_ref().and_then(|stream| stream.client) {
+            Some(client) => tokio::spawn(InTurn::new(client, future)).abort_handle(),
+            None => tokio::spawn(future).abort_handle(),
+        };
         if let Some(stream) = stream {
-            let _ = stream.task.set(task.abort_handle());
+            let _ = stream.task.set(task);
         }
     }
 }

@@ -3,12 +3,13 @@
 //! A worker responds with a tile without waking another thread. New connections go to the worker with the fewest.
 
 use super::{
-    client_usage::ClientSlot,
+    client_usage::{ClientSlot, client_network},
     connection::{self, connection_builder},
     connection_state::{ClientTimeouts, ConnectionState},
     service::HttpService,
     stream_progress::StreamExecutor,
     tls::TlsIdentity,
+    turns::InTurn,
 };
 use crate::config::ServeConfig;
 use hyper_util::server::conn::auto;
@@ -30,6 +31,9 @@ use tokio::{
 
 /// Accepted connections that may wait for one worker.
 const QUEUE_LENGTH: usize = 256;
+/// Tasks that a worker polls before it looks for new connections, and for sockets that have become ready. With tokio's 61,
+/// clients wait long for each other's tasks.
+const EVENT_INTERVAL: u32 = 16;
 /// Interval at which a draining worker checks whether its connections have ended.
 const DRAIN_POLL: Duration = Duration::from_millis(10);
 
@@ -61,7 +65,9 @@ impl WorkerPool {
         config: &ServeConfig,
     ) -> io::Result<Self> {
         let start_worker = |number: usize| {
-            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+            let mut runtime = tokio::runtime::Builder::new_current_thread();
+            let runtime =
+                runtime.enable_all().event_interval(EVENT_INTERVAL).global_queue_interval(EVENT_INTERVAL).build()?;
             let (connections, accepted) = mpsc::channel(QUEUE_LENGTH);
             let (ended_sender, ended) = oneshot::channel();
             let open = Arc::new(AtomicUsize::new(0));
@@ -189,12 +195,12 @@ impl WorkerState {
             _client: client,
         };
         let task_state = state.clone();
-        let task = tokio::spawn(async move {
+        let task = tokio::spawn(InTurn::new(client_network(ip), async move {
             // Moved into the task, so that it is dropped when the task is aborted.
             let guard = guard;
             worker.serve(stream, &builder, task_state).await;
             drop(guard);
-        });
+        }));
         entry.insert(Connection { state, task: task.abort_handle() });
     }
 
