@@ -107,13 +107,19 @@ proptest! {
     }
 
     #[test]
-    fn random_column_bytes_decode_to_a_valid_map_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 1..3000), shift in 0u8..=4) {
+    fn random_column_bytes_decode_to_a_valid_map_or_an_error(
+        bytes in proptest::collection::vec(any::<u8>(), 1..3000),
+        ground in proptest::collection::vec(any::<u8>(), 0..300),
+        shift in 0u8..=4,
+    ) {
         let mut writer = TileWriter::new(TileKind::BlockMap, None);
         let meta = [&1f32.to_le_bytes()[..], &0i32.to_le_bytes(), &[shift], &32u16.to_le_bytes(), &[4]].concat();
         writer.add_raw_section(1, &meta).unwrap();
         writer.add_raw_section(2, &bytes).unwrap();
+        writer.add_raw_section(3, &ground).unwrap();
         if let Ok(map) = BlockMap::decode(TileId::ROOT, &writer.finish().unwrap()) {
-            prop_assert_eq!(BlockMap::decode(TileId::ROOT, &map.encode().unwrap()).unwrap(), map);
+            prop_assert_eq!(&BlockMap::decode(TileId::ROOT, &map.encode().unwrap()).unwrap(), &map);
+            prop_assert!(map.stand_on_ground().encode().is_ok());
         }
     }
 

@@ -33,7 +33,7 @@ fn write_map_image(city: &CityStore, id: TileId, png: &Path) -> Result<(), Comma
     let tile_error = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
     let bytes = city.tile(TileKind::BlockMap, id).map_err(|error| tile_error(error.to_string()))?;
     let bytes = bytes.ok_or_else(|| tile_error("the city has no such node".into()))?;
-    let map = BlockMap::decode(id, &bytes).map_err(|error| tile_error(error.to_string()))?;
+    let map = BlockMap::decode(id, &bytes).map_err(|error| tile_error(error.to_string()))?.stand_on_ground();
     let mut out = Cursor::new(Vec::new());
     map_image::draw(&map)
         .write_to(&mut out, ImageFormat::Png)

@@ -118,14 +118,14 @@ mod tests {
     #[test]
     fn grid_covers_the_city_and_its_skirt() {
         let grid = GroundGrid::covering([-3.0, 10.0, 0.0], [997.0, 510.0, 9.0], [1000.0, 5.0, 0.0], 64.0).unwrap();
-        assert_eq!((grid.step_m, grid.skirt), (4.0, 25));
+        assert_eq!((grid.step_m, grid.skirt), (8.0, 12));
         assert!(grid.corner[0] <= -103.0 && grid.corner[1] <= -90.0);
         assert_eq!((grid.corner[0] + 1000.0) % 64.0, 0.0);
         let end = grid.position(grid.size[0] - 1, grid.size[1] - 1);
         assert!(end[0] >= 1097.0 && end[1] >= 610.0);
         assert_eq!(
             grid.square(-3.0, 10.0),
-            [((-3.0 - grid.corner[0]) / 4.0) as usize, ((10.0 - grid.corner[1]) / 4.0) as usize]
+            [((-3.0 - grid.corner[0]) / 8.0) as usize, ((10.0 - grid.corner[1]) / 8.0) as usize]
         );
     }
 

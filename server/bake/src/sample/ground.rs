@@ -3,7 +3,10 @@
 //! It takes no part in the sampling of columns, because readers make its columns from these values
 //! (`insula_protocol::blockmap::ground`).
 
-use super::{local_block::LocalBlock, visibility_map::VisibilityMap};
+use super::{
+    local_block::{GROUND_MARGIN_CELLS, LocalBlock},
+    visibility_map::VisibilityMap,
+};
 use crate::columns::voxels::VoxelGround;
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{
@@ -13,9 +16,6 @@ use insula_protocol::{
 
 /// Distance of the points whose sky is measured, in cells.
 const POINT_CELLS: usize = 2;
-/// Points of a vertex lie within this distance along both axes, in cells. Points outside of the block count, too, so that
-/// blocks agree on the vertices of their common border.
-pub(super) const LIGHT_CELLS: usize = 6;
 /// Height of these points above the ground, in cells.
 const LIFT_CELLS: f32 = 0.05;
 /// Number of no triangle of a block.
@@ -72,7 +72,7 @@ impl LocalGround {
             }
         }
         let mut points = Vec::new();
-        let margin = LIGHT_CELLS.div_ceil(POINT_CELLS) as i32;
+        let margin = GROUND_MARGIN_CELLS.div_ceil(POINT_CELLS) as i32;
         let [columns, rows] = block.cells.map(|n| (n / POINT_CELLS) as i32 + margin);
         for (x, y) in (-margin..rows).flat_map(|y| (-margin..columns).map(move |x| (x, y))) {
             let at = (Vec2::new(x as f32, y as f32) + 0.5) * (POINT_CELLS as f32 * block.cell_m);
@@ -105,7 +105,7 @@ impl LocalGround {
         let square_m = SQUARE_CELLS as f32 * block.cell_m;
         let sky = vertices(&|x, y| {
             let at = Vec2::new((first[0] + x) as f32, (first[1] + y) as f32) * square_m;
-            self.sky_at(at, LIGHT_CELLS as f32 * block.cell_m)
+            self.sky_at(at, GROUND_MARGIN_CELLS as f32 * block.cell_m)
         });
         let corner = |i: usize| u128::from(self.is_corner[index(i % VERTICES, i / VERTICES)]) << i;
         let corners = (0..VERTEX_COUNT).map(corner).fold(0, |all, bit| all | bit);

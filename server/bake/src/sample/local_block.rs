@@ -9,6 +9,9 @@ use std::collections::HashMap;
 /// Surfaces whose normal has a larger z are tops, those with a smaller z than its negative undersides, all others
 /// walls.
 pub(super) const MIN_TOP_NORMAL_Z: f32 = 0.35;
+/// Light of the ground's vertices is measured up to this distance along both axes, in cells. Points outside of the block count,
+/// too, so that blocks agree on the vertices of their common border.
+pub(super) const GROUND_MARGIN_CELLS: usize = 6;
 
 /// A triangle in metres from the block's south-west corner and the grid's height zero.
 #[derive(Debug, Clone, Copy)]

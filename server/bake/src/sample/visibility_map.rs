@@ -5,8 +5,7 @@
 //! Comparing depths at texel centres instead, as shadow maps do, would let light leak along slanted surfaces.
 
 use super::{
-    ground::LIGHT_CELLS,
-    local_block::{LocalBlock, LocalTriangle},
+    local_block::{GROUND_MARGIN_CELLS, LocalBlock, LocalTriangle},
     nearest::{self, FacingTriangle},
     rasterise::rasterise,
     settings::VisibilityBackend,
@@ -106,7 +105,7 @@ impl VisibilityMap {
         self.texels_per_m = 1.0 / self.texel_m;
         self.tolerance_m = block.cell_m * TOLERANCE_CELLS;
         let [width_m, height_m] = block.extent_m();
-        let margin_cells = if block.ground.is_empty() { 1 } else { LIGHT_CELLS + 1 };
+        let margin_cells = if block.ground.is_empty() { 1 } else { GROUND_MARGIN_CELLS + 1 };
         let margin_m = margin_cells as f32 * block.cell_m;
         let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
         for i in 0..8 {
