@@ -314,6 +314,10 @@ impl ViewerApp {
     /// Handles any event but redrawing. Returns whether to quit.
     fn handle_input(&mut self, event: &WindowEvent) -> bool {
         let Some(window) = &mut self.window else { return false };
+        // When a window gains focus, keys that are down are reported beside their own events. They would count twice.
+        if matches!(event, WindowEvent::KeyboardInput { is_synthetic: true, .. }) {
+            return false;
+        }
         let is_typing = window.egui.egui_wants_keyboard_input();
         if let WindowEvent::KeyboardInput { event: key, .. } = event
             && !is_typing

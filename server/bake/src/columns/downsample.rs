@@ -90,7 +90,8 @@ fn parent_ground(children: [Option<&BlockMap>; 4]) -> Option<VoxelGround> {
         }
         let surface = ground.surface();
         let base_m = map.z_base_m() as f32;
-        for i in (0..VERTEX_COUNT).filter(|i| i % VERTICES % 2 == 0 && i / VERTICES % 2 == 0) {
+        let is_even = |i: &usize| (i % VERTICES).is_multiple_of(2) && (i / VERTICES).is_multiple_of(2);
+        for i in (0..VERTEX_COUNT).filter(is_even) {
             if is_used_vertex(ground.squares, i % VERTICES, i / VERTICES) {
                 let sum = &mut sums[(first[1] + i / VERTICES / 2) * VERTICES + first[0] + i % VERTICES / 2];
                 let sky = f32::from(ground.sky[i]) / f32::from(SKY_MAX);

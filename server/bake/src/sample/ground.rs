@@ -139,7 +139,7 @@ impl GroundSurface<'_> {
             let (ab, ac, ap) = (b.xy() - a.xy(), c.xy() - a.xy(), p - a.xy());
             let area = ab.perp_dot(ac);
             let (u, v) = (ap.perp_dot(ac) / area, ab.perp_dot(ap) / area);
-            (u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK).then(|| a.z + u * (b.z - a.z) + v * (c.z - a.z))
+            (u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK).then_some(a.z + u * (b.z - a.z) + v * (c.z - a.z))
         })
     }
 }
