@@ -64,8 +64,9 @@ struct ParentColumns {
     cell_m: f32,
 }
 
-/// The parent `id` of `children`, which are given in quadrant order.
-pub fn parent_node(grid: &CityGrid, id: TileId, children: [Option<&BlockMap>; 4]) -> VoxelNode {
+/// The parent `id` of `children`, which are given in quadrant order. `plane_m` is the height at which generated ground ends,
+/// above the grid's height zero; without it, ground continues as at its nearest vertices.
+pub fn parent_node(grid: &CityGrid, id: TileId, children: [Option<&BlockMap>; 4], plane_m: Option<f32>) -> VoxelNode {
     let cell_m = grid.cell_m_at(id.level()) as f32;
     let columns = ParentColumns::new(children.map(|map| map.map_or_else(Vec::new, child_columns)), cell_m);
     let mut node = VoxelNode::empty(id);
@@ -73,12 +74,12 @@ pub fn parent_node(grid: &CityGrid, id: TileId, children: [Option<&BlockMap>; 4]
         node.columns[i] = columns.column(i);
     }
     fill_unknown(&mut node);
-    node.ground = parent_ground(children);
+    node.ground = parent_ground(children, plane_m);
     node
 }
 
 /// The ground of a parent: every second vertex of its children, and ground where one of four squares has some.
-fn parent_ground(children: [Option<&BlockMap>; 4]) -> Option<VoxelGround> {
+fn parent_ground(children: [Option<&BlockMap>; 4], plane_m: Option<f32>) -> Option<VoxelGround> {
     let mut squares = 0;
     // Sums of heights and of the sky, and their number.
     let mut sums = [[0.0; 3]; VERTEX_COUNT];
@@ -99,7 +100,9 @@ fn parent_ground(children: [Option<&BlockMap>; 4]) -> Option<VoxelGround> {
             }
         }
     }
-    VoxelGround::new(sums.map(|[z_m, _, n]| z_m / n), sums.map(|[_, sky, n]| sky / n), squares, None)
+    let outside_m = plane_m.unwrap_or(f32::NAN);
+    let heights_m = sums.map(|[z_m, _, n]| if n > 0.0 { z_m / n } else { outside_m });
+    VoxelGround::new(heights_m, sums.map(|[_, sky, n]| sky / n), squares, None)
 }
 
 /// The four child columns under the parent's column `i`, in quadrant order.

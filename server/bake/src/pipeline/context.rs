@@ -30,6 +30,8 @@ pub(super) struct TileContext<'a> {
     pub(super) resume: ResumeStatus,
     /// The city to update.
     pub(super) previous: Option<&'a PreviousCity>,
+    /// Height of the plane above the grid's height zero, if generated ground ends at it.
+    pub(super) plane_m: Option<f32>,
 }
 
 impl TileContext<'_> {

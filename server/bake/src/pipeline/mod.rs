@@ -122,7 +122,11 @@ impl<'a> BakeRun<'a> {
         let previous = self.open_previous();
         let resume = self.prepare_scratch(&partition)?;
         let (config, progress, packs) = (self.config, self.progress, self.scratch.packs());
-        let context = TileContext { config, grid: &grid, packs: &packs, progress, resume, previous: previous.as_ref() };
+        let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
+        let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
+        let previous_city = previous.as_ref();
+        let context =
+            TileContext { config, grid: &grid, packs: &packs, progress, resume, previous: previous_city, plane_m };
         let mut tiles = FinishedTiles::new(grid.depth);
         self.bake_leaves(&context, city, &partition, &mut tiles)?;
         self.bake_parents(&context, &mut tiles)?;

@@ -70,7 +70,7 @@ fn bake_node(context: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<E
         let child = BlockMap::decode(stored.id, &bytes).map_err(BakeError::tile(stored.id, "read back"))?;
         children[stored.id.quadrant()] = Some(child);
     }
-    let node = downsample::parent_node(context.grid, id, children.each_ref().map(Option::as_ref));
+    let node = downsample::parent_node(context.grid, id, children.each_ref().map(Option::as_ref), context.plane_m);
     drop(children);
     let stored = id.children().filter_map(|child| tree.get(child));
     encode_node(context.grid, context.config, node, "made from its children", stored)
