@@ -50,6 +50,10 @@ pub fn open_session(
     Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)
 }
 
+/// Frames with all their tiles that are drawn until feedback changes nothing. Usually one or two are enough. Nodes at the limit of
+/// visibility can alternate for ever; all of them are resident then.
+const MAX_FULL_FRAMES: u32 = 24;
+
 /// Waits until the frame is settled, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays per pixel, and writes it as PNG.
 /// Fails if the server does not respond or the file cannot be written.
 pub(super) fn render_to_file(
@@ -74,6 +78,7 @@ pub(super) fn render_to_file(
 /// Fails if the server does not respond for `timeout`, or if the adapter fails.
 pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
     let small_px = request.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1));
+    let mut full_frames = 0;
     loop {
         session.update(request);
         session.check(timeout)?;
@@ -84,7 +89,8 @@ pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) 
                 continue;
             }
             small_px
-        } else if !session.has_feedback(request.size_px) {
+        } else if !session.has_feedback(request.size_px) && full_frames < MAX_FULL_FRAMES {
+            full_frames += 1;
             request.size_px
         } else {
             return Ok(());
