@@ -8,6 +8,7 @@ use crate::{
 };
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// Bits of a component's mantissa in a stored radiance, and the bias of the common exponent.
 pub(crate) const MANTISSA_BITS: u32 = 9;
@@ -62,13 +63,14 @@ pub fn decode_radiance(word: u32) -> Vec3 {
 
 /// Colours of a frame's pixels: r, g, b, 255 in sRGB. `words` are radiances if the frame is [`Shading::Lit`], else colours.
 pub fn develop(frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
+    static DISPLAY: LazyLock<DisplayTables> = LazyLock::new(DisplayTables::new);
     if frame.shading != Shading::Lit as u32 {
         return words.to_vec();
     }
     let (exposure, width) = (exposure(frame, words), (frame.width_px as usize).max(1));
     let develop = |(i, word): (usize, &u32)| {
-        let rgb = tone_map(decode_radiance(*word) * exposure);
-        dithered(rgb, (i % width) as u32, (i / width) as u32)
+        let codes = DISPLAY.codes(decode_radiance(*word) * exposure);
+        dithered(codes, (i % width) as u32, (i / width) as u32)
     };
     words.par_iter().enumerate().map(develop).collect()
 }
@@ -108,26 +110,68 @@ fn mean_of(bins: &[u32; METER_BINS as usize]) -> f32 {
     METER_MIN_LOG2 + (sum / total.max(1) as f32 + 0.5) / METER_BINS_PER_STOP
 }
 
-/// AgX: bright colours lose saturation as on film, and keep their hue. Returns linear sRGB, 0 to 1.
-pub(crate) fn tone_map(rgb: Vec3) -> Vec3 {
-    let inset = AGX_IN * rgb;
-    let log = |v: f32| ((v.max(1e-10).log2() - AGX_MIN_LOG2) / AGX_LOG2_RANGE).clamp(0.0, 1.0);
-    let curve = Vec3::new(log(inset.x), log(inset.y), log(inset.z)).map(agx_curve).map(|v| v.max(0.0).powf(AGX_POWER));
-    let grey = Vec3::splat(curve.dot(LUMINANCE));
-    let saturated = (grey + (curve - grey) * AGX_SATURATION).max(Vec3::ZERO);
-    (AGX_OUT * saturated).map(|v| v.clamp(0.0, 1.0).powf(AGX_GAMMA))
+/// AgX: bright colours lose saturation as on film, and keep their hue. Its functions of one value are read from tables, because
+/// powers would take a tenth of a frame's time.
+struct DisplayTables {
+    /// AgX's curve by the value's exponent and the upper [`CURVE_MANTISSA_BITS`] of its mantissa.
+    curve: Vec<f32>,
+    /// Code in sRGB, 0 to 255, by AgX's output from 0 to 1.
+    codes: Vec<f32>,
 }
 
-/// Wrensch's polynomial for AgX's contrast.
-fn agx_curve(x: f32) -> f32 {
-    (((((15.5 * x - 40.14) * x + 31.96) * x - 6.868) * x + 0.4298) * x + 0.1191) * x - 0.002_32
+/// Bits of the mantissa that address the curve: straight lines between the entries differ by 1e-6 at most.
+const CURVE_MANTISSA_BITS: u32 = 8;
+const CURVE_SHIFT: u32 = 23 - CURVE_MANTISSA_BITS;
+/// Smallest value of the curve's table, where the curve is still flat: 2^-13.
+const CURVE_MIN: f32 = 1.0 / 8192.0;
+/// Powers of two that the curve's table covers.
+const CURVE_STOPS: u32 = 18;
+/// Steps of the table of codes.
+const CODE_STEPS: usize = 2048;
+
+impl DisplayTables {
+    fn new() -> Self {
+        let entry = |i: u32| agx_curve(f32::from_bits(CURVE_MIN.to_bits() + (i << CURVE_SHIFT)));
+        let code = |i: usize| encoded((i as f32 / CODE_STEPS as f32).powf(AGX_GAMMA)) * 255.0;
+        Self {
+            curve: (0..=CURVE_STOPS << CURVE_MANTISSA_BITS).map(entry).collect(),
+            codes: (0..=CODE_STEPS + 1).map(code).collect(),
+        }
+    }
+
+    /// Codes in sRGB, 0 to 255, of an exposed radiance.
+    fn codes(&self, rgb: Vec3) -> Vec3 {
+        let curve = (AGX_IN * rgb).map(|v| self.curve(v));
+        let grey = Vec3::splat(curve.dot(LUMINANCE));
+        let saturated = (grey + (curve - grey) * AGX_SATURATION).max(Vec3::ZERO);
+        (AGX_OUT * saturated).map(|v| {
+            let place = v.clamp(0.0, 1.0) * CODE_STEPS as f32;
+            let [low, high] = [self.codes[place as usize], self.codes[place as usize + 1]];
+            low + (high - low) * place.fract()
+        })
+    }
+
+    fn curve(&self, v: f32) -> f32 {
+        let last = self.curve.len() - 2;
+        let above = v.max(CURVE_MIN).to_bits() - CURVE_MIN.to_bits();
+        let i = ((above >> CURVE_SHIFT) as usize).min(last);
+        let part = (above & ((1 << CURVE_SHIFT) - 1)) as f32 / (1 << CURVE_SHIFT) as f32;
+        self.curve[i] + (self.curve[i + 1] - self.curve[i]) * part
+    }
+}
+
+/// AgX's curve with the contrast of [`AGX_POWER`]: Wrensch's polynomial in the logarithm.
+fn agx_curve(v: f32) -> f32 {
+    let x = ((v.max(1e-10).log2() - AGX_MIN_LOG2) / AGX_LOG2_RANGE).clamp(0.0, 1.0);
+    let contrast = (((((15.5 * x - 40.14) * x + 31.96) * x - 6.868) * x + 0.4298) * x + 0.1191) * x - 0.002_32;
+    contrast.max(0.0).powf(AGX_POWER)
 }
 
 /// A pixel in sRGB, rounded up or down by a pattern that has no visible structure, so that skies have no bands.
-fn dithered(rgb: Vec3, x: u32, y: u32) -> u32 {
+fn dithered(codes: Vec3, x: u32, y: u32) -> u32 {
     let noise = gradient_noise(x, y);
-    let channel = |v: f32| (encoded(v) * 255.0 + noise).min(255.0) as u32;
-    channel(rgb.x) | channel(rgb.y) << 8 | channel(rgb.z) << 16 | 255 << 24
+    let channel = |v: f32| (v + noise).min(255.0) as u32;
+    channel(codes.x) | channel(codes.y) << 8 | channel(codes.z) << 16 | 255 << 24
 }
 
 /// From 0 to 1, as different as possible in pixels next to each other (Jimenez, "Next Generation Post Processing in Call of
@@ -158,10 +202,23 @@ mod tests {
 
     #[test]
     fn the_tone_curve_keeps_order_and_greys() {
-        let greys: Vec<Vec3> = (-20..60).map(|i| tone_map(Vec3::splat(2f32.powf(i as f32 / 6.0)))).collect();
-        assert!(greys.windows(2).all(|pair| pair[0].x <= pair[1].x + 1e-4));
-        assert!(greys.iter().all(|v| v.max_element() - v.min_element() < 0.01), "{greys:?}");
-        assert!(tone_map(Vec3::splat(0.18)).x > 0.1 && greys[79].x > 0.9);
+        let tables = DisplayTables::new();
+        let grey = |stops: f32| tables.codes(Vec3::splat(stops.exp2()));
+        let greys: Vec<Vec3> = (-20..60).map(|i| grey(i as f32 / 6.0)).collect();
+        assert!(greys.windows(2).all(|pair| pair[0].x <= pair[1].x + 0.01));
+        assert!(greys.iter().all(|v| v.max_element() - v.min_element() < 1.5), "{greys:?}");
+        assert!(grey(-2.5).x > 90.0 && greys[79].x > 243.0, "{} {}", grey(-2.5), greys[79]);
+        assert!(tables.codes(Vec3::ZERO).max_element() < 1.0);
+    }
+
+    #[test]
+    fn the_tables_agree_with_their_functions() {
+        let tables = DisplayTables::new();
+        for i in -1500..500 {
+            let v = (i as f32 / 97.0).exp2();
+            assert!((tables.curve(v) - agx_curve(v)).abs() < 2e-6, "{v}: {}, not {}", tables.curve(v), agx_curve(v));
+        }
+        assert_eq!(tables.curve(f32::INFINITY), tables.curve(1e5));
     }
 
     #[test]
