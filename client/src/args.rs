@@ -225,6 +225,9 @@ pub struct SunArgs {
     /// Distance in kilometres at which haze hides the city [default: 45]
     #[arg(long, value_name = "KM", value_parser = parse_visibility)]
     pub visibility: Option<f32>,
+    /// Light windows in walls after sunset: generated, not from the sources
+    #[arg(long)]
+    pub lit_windows: bool,
 }
 
 impl From<SunArgs> for SunOptions {
@@ -236,6 +239,7 @@ impl From<SunArgs> for SunOptions {
             exposure: args.exposure,
             turbidity: args.turbidity,
             visibility_km: args.visibility,
+            lit_windows: args.lit_windows,
         }
     }
 }

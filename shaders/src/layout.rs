@@ -81,7 +81,7 @@ pub(crate) const GRID_NODE_MASK: u32 = GRID_NODES as u32 - 1;
 /// Number of thresholds of rays. Each ray changes from one node to another at its own share.
 pub const FADE_RAYS: u32 = 64;
 /// Flag of a [surface](crate::cpu::shade::SurfaceSample) that belongs to a mesh. No column has this bit.
-pub const MESH_FLAG: u32 = 128;
+pub const MESH_FLAG: u32 = 256;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
@@ -166,6 +166,9 @@ pub struct FrameUniform {
     /// Radius of the sun's disc in radians for soft shadows; 0: shadows are hard.
     pub sun_radius: f32,
     pub unused: [f32; 2],
+    /// Place of the camera among lit windows, and metres that a ray covers at a distance of one metre
+    /// ([`crate::cpu::night::bays_of`]).
+    pub bays: [f32; 4],
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
     /// Per level of the grid, finest first: first entry, log2 of the window's side, the window's west and south end.
@@ -208,6 +211,12 @@ pub struct Light {
     pub facade_sky: [f32; 4],
     /// Extinction of the air per metre.
     pub haze: [f32; 4],
+    /// Light of lamps on the ground of a street.
+    pub street: [f32; 4],
+    /// Radiance of lit windows, and 1 if there are any.
+    pub window: [f32; 4],
+    /// Unit vector towards the moon, and the radiance of its lit side; 0 without a moon.
+    pub moon: [f32; 4],
     /// East and north of the horizontal unit vector towards the sun.
     pub side: [f32; 2],
     /// 1 if the sun's disc is above the horizon, else 0.

@@ -17,13 +17,24 @@ use std::{
 pub(crate) const SKY_LOW: f32 = 0.029_666;
 /// Angular radius of the sun's disc.
 pub const SUN_RADIUS_RAD: f32 = 0.004_65;
-/// Radiance of the sky at night at the zenith, relative to the sun's irradiance above the atmosphere.
-const NIGHT: DVec3 = DVec3::new(0.06e-6, 0.08e-6, 0.13e-6);
-/// Irradiance from the moon, divided by pi: a full moon gives the ground about 1 / 400,000 of the sun's light. It comes from all
-/// over the sky, without shadows.
+/// Radiance of the sky at night at the zenith, relative to the sun's irradiance above the atmosphere: that over a city, 0.01
+/// candela per square metre.
+const NIGHT: DVec3 = DVec3::new(0.21e-6, 0.24e-6, 0.33e-6);
+/// Irradiance from a full moon overhead, divided by pi: about 1 / 400,000 of the sun's light. It comes from all over the sky,
+/// without shadows.
 const MOON: DVec3 = DVec3::new(0.6e-6, 0.7e-6, 0.85e-6);
 /// Share of it that walls receive.
 const MOON_ON_WALLS: f64 = 0.4;
+/// Albedo of the moon's lit side, and its largest radiance in a frame: photographs show it white.
+const MOON_ALBEDO: f64 = 0.12;
+const MOON_MAX: f64 = 6.0;
+/// Irradiance from lamps on the ground of a street, divided by pi: 4 lux where the sun above the atmosphere gives 128,000. The
+/// colour is that of 4000 kelvin.
+const LAMPS: DVec3 = DVec3::new(1.28e-5, 0.94e-5, 0.55e-5);
+/// Radiance of lit windows: about 5 candela per square metre, 2700 kelvin.
+const WINDOWS: DVec3 = DVec3::new(2.2e-4, 1.05e-4, 0.32e-4);
+/// Height of the sun in degrees below which windows may be lit.
+const WINDOWS_DEG: f64 = 4.0;
 /// Radiance of the brightest stars in the dark.
 const STARS: f64 = 4.0;
 /// Heights of the sun in degrees at which the first stars appear and the last ones.
@@ -66,6 +77,22 @@ impl Default for Air {
     fn default() -> Self {
         Self { turbidity: 3.0, visibility_m: 45_000.0 }
     }
+}
+
+/// What shines besides the sun and the sky.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct NightLights {
+    /// Unit vector towards the moon, which may be below the horizon. `None`: unknown. Nights are then lit by a full moon that is
+    /// not visible.
+    pub moon: Option<Vec3>,
+    /// Whether walls have lit windows after sunset.
+    pub lit_windows: bool,
+}
+
+/// Light of a full moon by its phase: magnitudes by Allen (Astrophysical Quantities, 1976). `angle_deg` is the angle between sun
+/// and earth as seen from the moon.
+fn moonlight_by_phase(angle_deg: f64) -> f64 {
+    10f64.powf(-0.4 * (0.026 * angle_deg + 4e-9 * angle_deg.powi(4)))
 }
 
 /// The atmosphere of a turbidity. Its table takes some ten milliseconds.
@@ -130,7 +157,8 @@ impl SkyTables {
         read(&self.smooth) + read(&self.forward) * phase(dir.dot(sun))
     }
 
-    fn irradiance(&self, sun: DVec3) -> SkyIrradiance {
+    /// Irradiances from the sky, and from a moon that gives surfaces that face up `moonlight`.
+    fn irradiance(&self, sun: DVec3, moonlight: DVec3) -> SkyIrradiance {
         let ahead = side_of(sun).extend(0.0);
         let across = DVec3::new(-ahead.y, ahead.x, 0.0);
         let mut sums = [DVec3::ZERO; 5];
@@ -142,8 +170,8 @@ impl SkyTables {
             }
         });
         let [up, towards, across, away, sunward] = sums;
-        let walls = [towards, across, away].map(|wall| wall + MOON * MOON_ON_WALLS);
-        SkyIrradiance { up: up + MOON, walls, sunward: sunward + MOON }
+        let walls = [towards, across, away].map(|wall| wall + moonlight * MOON_ON_WALLS);
+        SkyIrradiance { up: up + moonlight, walls, sunward: sunward + moonlight }
     }
 }
 
@@ -158,19 +186,53 @@ fn side_of(sun: DVec3) -> DVec2 {
     sun.truncate().normalize_or(DVec2::Y)
 }
 
+/// The moon above a city.
+struct Moon {
+    direction: DVec3,
+    /// Radiance of its lit side.
+    radiance: f64,
+    /// Irradiance on surfaces that face up, divided by pi.
+    irradiance: DVec3,
+}
+
+impl Moon {
+    fn new(atmosphere: &Atmosphere, direction: Option<DVec3>, sun: DVec3) -> Self {
+        let Some(direction) = direction else {
+            return Self { direction: DVec3::Z, radiance: 0.0, irradiance: MOON };
+        };
+        let passed = if direction.z > 0.0 { atmosphere.sun(direction.z) } else { DVec3::ZERO };
+        let phase_deg = (-direction.dot(sun)).clamp(-1.0, 1.0).acos().to_degrees();
+        Self {
+            direction,
+            radiance: MOON_ALBEDO * luminance(passed) / PI,
+            irradiance: MOON * passed * (direction.z.max(0.0) * moonlight_by_phase(phase_deg)),
+        }
+    }
+}
+
 impl Light {
-    /// Light under a sun in direction `sun` (any length; below the horizon it is twilight, then night).
+    /// Light under a sun in direction `sun`, with no more known of the night.
     pub fn of_sun(sun: Vec3, air: Air) -> Self {
+        Self::new(sun, air, &NightLights::default())
+    }
+
+    /// Light under a sun in direction `sun` (any length; below the horizon it is twilight, then night).
+    pub fn new(sun: Vec3, air: Air, night: &NightLights) -> Self {
         let sun = sun.as_dvec3().normalize_or(DVec3::Z);
         let atmosphere = atmosphere(air.turbidity);
         let tables = SkyTables::new(&atmosphere, sun);
-        let sky = tables.irradiance(sun);
+        let moon = Moon::new(&atmosphere, night.moon.map(Vec3::as_dvec3), sun);
+        let sky = tables.irradiance(sun, moon.irradiance);
         let sunlight = atmosphere.sun(sun.z) / PI;
         let white = luminance(sunlight + sky.sunward);
         let noon = luminance(atmosphere.sun(1.0)) / PI;
         let sun_deg = sun.z.asin().to_degrees();
         let darkness = ((sun_deg - STARS_DEG[0]) / (STARS_DEG[1] - STARS_DEG[0])).clamp(0.0, 1.0);
         let rgb = |v: DVec3| (v / white).as_vec3().extend(0.0).to_array();
+        let has_windows = night.lit_windows && sun_deg < WINDOWS_DEG;
+        let [window_r, window_g, window_b, _] = rgb(WINDOWS);
+        // Lamps brighten a city at night, so its frames are not as dark as those of a landscape.
+        let seen = white + 0.5 * luminance(LAMPS);
         let table = |values: &[DVec3]| -> SkyTable {
             std::array::from_fn(|row| std::array::from_fn(|column| rgb(values[row * SKY_AZIMUTHS + column])))
         };
@@ -195,12 +257,15 @@ impl Light {
                 .as_vec3()
                 .extend(0.0)
                 .to_array(),
+            street: rgb(LAMPS),
+            window: [window_r, window_g, window_b, f32::from(u8::from(has_windows))],
+            moon: moon.direction.extend((moon.radiance / white).min(MOON_MAX)).as_vec4().to_array(),
             side: side_of(sun).as_vec2().to_array(),
             disc: f32::from(u8::from(sunlight.x > 0.0)),
             zero: 0.0,
             sun_tan: (sun.z.max(0.0) / flat.max(1e-3)) as f32,
             facade_ground: (FACADE_REFLECTION * 0.5) as f32,
-            key: (DAY_KEY * (white / noon / DUSK).min(1.0).powf(DUSK_POWER)) as f32,
+            key: (DAY_KEY * (seen / noon / DUSK).min(1.0).powf(DUSK_POWER)) as f32,
             stars: (STARS * darkness) as f32,
             sky: table(&tables.smooth),
             glow: table(&tables.forward),
@@ -267,6 +332,33 @@ mod tests {
         assert_eq!(at(-1.0).sun, [0.0; 4]);
         let keys: Vec<f32> = [40.0, 5.0, 0.0, -6.0, -12.0, -40.0].map(|deg| at(deg).key).to_vec();
         assert!(keys.is_sorted_by(|a, b| a >= b) && keys[5] < 0.5 * keys[0] && keys[1] > 0.9 * keys[0], "{keys:?}");
+    }
+
+    #[test]
+    fn the_moon_lights_nights_by_its_phase() {
+        let sun = Vec3::new(0.6, 0.0, -0.8);
+        let at = |moon: Vec3| Light::new(sun, Air::default(), &NightLights { moon: Some(moon), lit_windows: false });
+        let (full, new, quarter) = (at(-sun), at(sun), at(Vec3::new(0.8, 0.0, 0.6)));
+        // Relative to the lamps, which are the same in all of them.
+        let level = |light: &Light| brightness(light.sky_up) / brightness(light.street);
+        assert!(
+            level(&full) > 2.0 * level(&quarter) && level(&quarter) > 1.2 * level(&new),
+            "{} {}",
+            level(&full),
+            level(&quarter)
+        );
+        assert!(full.moon[3] > 0.0 && new.moon[3] == 0.0);
+        assert!((moonlight_by_phase(0.0), moonlight_by_phase(90.0) < 0.1) == (1.0, true));
+    }
+
+    #[test]
+    fn windows_are_lit_only_after_sunset_and_on_demand() {
+        let windows = |z: f32, lit_windows| {
+            Light::new(Vec3::new(0.9, 0.0, z), Air::default(), &NightLights { moon: None, lit_windows }).window
+        };
+        assert_eq!([windows(0.9, true)[3], windows(-0.2, false)[3], windows(-0.2, true)[3]], [0.0, 0.0, 1.0]);
+        // By day, lamps are invisible.
+        assert!(brightness(at(20.0).street) < 1e-3 && brightness(at(-20.0).street) > 1.0);
     }
 
     #[test]

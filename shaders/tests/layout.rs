@@ -59,6 +59,7 @@ fn structs_have_the_same_layout() {
             exposure,
             sun_radius,
             unused,
+            bays,
             light,
             windows,
         }
@@ -76,6 +77,9 @@ fn structs_have_the_same_layout() {
             facade_sun,
             facade_sky,
             haze,
+            street,
+            window,
+            moon,
             side,
             disc,
             zero,

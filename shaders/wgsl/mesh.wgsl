@@ -178,15 +178,15 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
         let level = log2(max(t * pixel * texels_per_m / cosine, 1.0));
         albedo = sample_texture(info, (a + e1 * u + e2 * v) / size, level);
     }
-    let ao = sky_visibility(index, p, normal);
+    let light = surface_light(index, p, normal);
     let share = ray_hit.transmittance;
     ray_hit.albedo += albedo * share;
-    ray_hit.ao += ao * share;
+    ray_hit.ao += light.sky * share;
     ray_hit.normal += normal * share;
     ray_hit.mean_m += t * share;
     ray_hit.transmittance = 0.0;
     if share > 0.5 {
-        ray_hit.flags = MESH_FLAG;
+        ray_hit.flags = MESH_FLAG | select(0u, REFLECTIVE, light.is_reflective);
         ray_hit.level = nodes[index].level;
         ray_hit.distance_m = t;
         ray_hit.node = index;

@@ -46,8 +46,15 @@ fn bilinear(size: u32, table: u32, level: u32, uv: vec2<f32>) -> vec3<f32> {
     return sum;
 }
 
-// Share of the sky at `p`: a weighted mean of what the four columns just below the surface store.
-fn sky_visibility(index: u32, p: vec3<f32>, normal: vec3<f32>) -> f32 {
+// What the columns around a mesh's surface know of it.
+struct SurfaceLight {
+    sky: f32,
+    is_reflective: bool,
+}
+
+// Share of the sky at `p`: a weighted mean of what the four columns just below the surface store. The nearest of them
+// says whether it is reflective.
+fn surface_light(index: u32, p: vec3<f32>, normal: vec3<f32>) -> SurfaceLight {
     let cell_m = nodes[index].corner_and_cell_m.w;
     let below = p - nodes[index].corner_and_cell_m.xyz - normal * (0.5 * cell_m);
     let at = below.xy / cell_m + halves(nodes[index].leaf_offset) / LEAF_OFFSET_STEPS - 0.5;
@@ -65,7 +72,9 @@ fn sky_visibility(index: u32, p: vec3<f32>, normal: vec3<f32>) -> f32 {
         sum += sky.x * weight;
         weights += weight;
     }
-    return select(UNKNOWN_AO, sum / weights, weights > 0.0);
+    let nearest = clamp(vec2<i32>(floor(at + 0.5)), vec2<i32>(0), vec2<i32>(NODE_CELLS - 1));
+    let walk = read_word(planes_of(nodes[index].pages)[WALK_PLANE] + u32(nearest.y * NODE_CELLS + nearest.x));
+    return SurfaceLight(select(UNKNOWN_AO, sum / weights, weights > 0.0), (flags_of(walk) & REFLECTIVE) != 0u);
 }
 
 // Share of the sky that a column sees at height `z`, and the weight of that: 0 far above or below the column.

@@ -121,8 +121,18 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
     }
     let length_squared = dot(hit.normal, hit.normal);
     let normal = select(-dir, hit.normal * inverseSqrt(length_squared), length_squared > 1e-12);
-    let lit = shade(hit.albedo / share, hit.ao / share, normal, hit.flags, hit.level);
-    let light = apply_haze(lit, hit.mean_m / share);
+    let distance_m = hit.mean_m / share;
+    let ao = hit.ao / share;
+    var lit = shade(hit.albedo / share, ao, normal, hit.flags, hit.level);
+    if !FOR_STUDY || frame.shading == SHADING_LIT {
+        if (hit.flags & REFLECTIVE) != 0u {
+            lit = mirrored(lit, normal, ao, dir);
+        }
+        if frame.light.window.w > 0.0 {
+            lit.sky += lit_windows(dir * distance_m, normal, distance_m);
+        }
+    }
+    let light = apply_haze(lit, distance_m);
     return Radiance(light.sky * share, light.sun * share);
 }
 

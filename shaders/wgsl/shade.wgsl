@@ -53,8 +53,29 @@ fn reflected(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Radiance {
     let overhead = up * ZENITH_SHARE;
     let sky = mix(overhead + (wall - overhead) * open, up, upright) * ao;
     let returned = light_from_city(Surroundings(open, 0.5 - 0.5 * n.z, ahead, upright), ao);
+    let lamps = frame.light.street.rgb * (min(LAMP_DEPTH * (1.0 - open), 1.0) * max(n.z, LAMPS_ON_WALLS));
     let sun = frame.light.sun.rgb * max(dot(n, frame.sun), 0.0);
-    return Radiance(albedo * (sky + returned), albedo * sun * sun_share_by_sky(ao));
+    return Radiance(albedo * (sky + returned + lamps), albedo * sun * sun_share_by_sky(ao));
+}
+
+// Light of a surface of water or glass that is seen in direction `dir`: `light` below its reflection of sky, sun and city.
+fn mirrored(light: Radiance, n: vec3<f32>, ao: f32, dir: vec3<f32>) -> Radiance {
+    let cosine = clamp(-dot(dir, n), 0.0, 1.0);
+    let grazing = 1.0 - cosine;
+    let share = FACING_REFLECTANCE + (1.0 - FACING_REFLECTANCE) * grazing * grazing * grazing * grazing * grazing;
+    let towards = dir + n * (2.0 * cosine);
+    let upright = abs(n.z);
+    let open = min(ao / (0.5 + 0.5 * upright), 1.0);
+    let city = frame.light.facade_sky.rgb + frame.light.facade_sun.rgb * (0.25 * open);
+    let ground = frame.light.ground_sky.rgb + frame.light.ground_sun.rgb * open;
+    let above = city + (sky(towards) - city) * open;
+    let seen = select(ground, above, towards.z > 0.0);
+    let spread = PANES + (WAVES - PANES) * upright;
+    let glint = exp(-from_sun(towards) / (spread * spread)) / (spread * spread);
+    return Radiance(
+        light.sky + (seen - light.sky) * share,
+        light.sun * (1.0 - share) + frame.light.sun.rgb * (glint * share * sun_share_by_sky(ao)),
+    );
 }
 
 // What a surface is turned to.
@@ -119,7 +140,7 @@ fn background(dir: vec3<f32>) -> Radiance {
     if ground_m < NO_GROUND_M {
         return apply_haze(reflected(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), ground_m);
     }
-    return unlit(sky(dir));
+    return unlit(sky(dir) + celestial_light(dir));
 }
 
 // Metres to the plane; NO_GROUND_M if the ray misses it.
@@ -130,6 +151,7 @@ fn ground_distance(dir: vec3<f32>) -> f32 {
     return frame.ground_z_m / dir.z;
 }
 
+// Light that the air scatters from a direction above the horizon.
 fn sky(dir: vec3<f32>) -> vec3<f32> {
     let height = sqrt(max((dir.z - SKY_LOW) / (1.0 - SKY_LOW), 0.0)) * f32(SKY_HEIGHTS - 1u);
     let row = min(u32(height), SKY_HEIGHTS - 2u);
@@ -137,34 +159,13 @@ fn sky(dir: vec3<f32>) -> vec3<f32> {
     let above = height - f32(row);
     let low = sky_at(row, column);
     let high = sky_at(row + 1u, column);
+    return mix(low.smooth_part, high.smooth_part, above) + mix(low.forward, high.forward, above) * phase(dir);
+}
+
+// Light of the sun's disc, the moon and the stars.
+fn celestial_light(dir: vec3<f32>) -> vec3<f32> {
     let edge = clamp((DISC_OUTER - from_sun(dir)) / (DISC_OUTER - DISC_INNER), 0.0, 1.0);
-    return mix(low.smooth_part, high.smooth_part, above) + mix(low.forward, high.forward, above) * phase(dir)
-        + frame.light.sun.rgb * (DISC * frame.light.disc * edge) + stars(dir);
-}
-
-fn stars(dir: vec3<f32>) -> f32 {
-    if frame.light.stars <= 0.0 {
-        return 0.0;
-    }
-    let place = dir * STAR_CELLS;
-    let cell = floor(place);
-    let c = bitcast<vec3<u32>>(vec3<i32>(cell));
-    let hash = scramble(scramble(scramble(c.x) + c.y) + c.z);
-    if hash % STAR_RARITY != 0u {
-        return 0.0;
-    }
-    let magnitude = f32(hash >> 16u) / 65535.0;
-    let apart = place - cell - 0.5;
-    return frame.light.stars * magnitude * magnitude * magnitude * exp(-STAR_SHARPNESS * dot(apart, apart));
-}
-
-// A word whose bits depend on all bits of another.
-fn scramble(word: u32) -> u32 {
-    var h = (word ^ 61u) ^ (word >> 16u);
-    h *= 9u;
-    h ^= h >> 4u;
-    h *= 0x27d4eb2du;
-    return h ^ (h >> 15u);
+    return frame.light.sun.rgb * (DISC * frame.light.disc * edge) + stars(dir) + moon(dir);
 }
 
 fn low_sky(dir: vec3<f32>) -> vec3<f32> {

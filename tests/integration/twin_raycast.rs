@@ -4,16 +4,18 @@ use anyhow::Result;
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{COLUMNS, MapColumn, WallStrip},
+    blockmap::{COLUMNS, MapColumn, WallStrip, flag},
     octahedral,
 };
 use insula_shaders::{
     cpu::{
+        night::bays_of,
         raycast::{Pixels, count},
         shade::{Airlight, background, encode_srgb},
     },
     layout::{Light, Shading},
-    light::Air,
+    light::{Air, NightLights},
+    tone::decode_radiance,
 };
 use insula_tests::{
     draw_list::{CityArea, DrawList, Scene},
@@ -37,6 +39,7 @@ fn main() {
         .on_gpu("gpu_draws_what_the_cpu_draws", gpu_draws_what_the_cpu_draws)
         .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
         .on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour)
+        .on_gpu("gpu_and_cpu_agree_on_water", gpu_and_cpu_agree_on_water)
         .on_gpu("gpu_and_cpu_agree_during_cross_fades", gpu_and_cpu_agree_during_cross_fades)
         .on_gpu("one_altered_gpu_pixel_is_detected", one_altered_gpu_pixel_is_detected)
         .plain("each_ray_of_a_cross_fade_sees_one_side", each_ray_of_a_cross_fade_sees_one_side)
@@ -130,8 +133,10 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
             let ahead = Vec3::from(scene.frame.forward).with_z(0.0).normalize_or(Vec3::X);
             let sun = (ahead * if i % 2 == 0 { 1.0 } else { -1.0 } * height.cos()).with_z(height.sin());
+            let night = NightLights { moon: Some(scene.frame.forward.into()), lit_windows: i % 2 == 1 };
             (scene.frame.sun, scene.frame.light) =
-                (sun.into(), Light::of_sun(sun, Air { visibility_m, ..Air::default() }));
+                (sun.into(), Light::new(sun, Air { visibility_m, ..Air::default() }, &night));
+            scene.frame.bays = bays_of(camera.position.into(), 1.0 / FRAME.height_px as f32);
             scene.frame.shadow_m = shadow_m;
             scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}"))?;
         }
@@ -210,8 +215,8 @@ fn each_ray_of_a_cross_fade_sees_one_side() -> Result<()> {
     Ok(())
 }
 
-/// A wall of ten metres across a plain, with the sun 45 degrees high behind it and the camera above it.
-fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
+/// A wall of ten metres across a plain. `flags` are added to every column.
+fn wall_across_a_plain(flags: u8) -> Result<DrawList> {
     let texel = Texel::new([128; 3], 63, 3);
     let up = octahedral::encode([0.0, 0.0, 1.0]);
     let columns: Vec<_> = (0..COLUMNS)
@@ -222,7 +227,36 @@ fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
         })
         .collect();
     let mut draw_list = DrawList::new(CityArea { origin: [0.0; 3], root_side_m: NODE_CELLS as f64 });
-    draw_list.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?);
+    let mut map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns)?;
+    map.flags.iter_mut().for_each(|of_column| *of_column |= flags);
+    draw_list.add(&map);
+    Ok(draw_list)
+}
+
+/// Water reflects more of the sky the flatter it is seen, and the sun only where it stands opposite.
+fn gpu_and_cpu_agree_on_water(gpu: &Gpu) -> Result<()> {
+    let (water, matt) = (wall_across_a_plain(flag::REFLECTIVE)?, wall_across_a_plain(0)?);
+    let mut brighter = [0.0f32; 2];
+    for (i, z) in [6.0, 60.0].into_iter().enumerate() {
+        let camera = Camera::looking(DVec3::new(1.0, 32.0, z), DVec3::new(20.0, 32.0, 1.0));
+        let draw = |draw_list: &DrawList, what: &str| -> Result<f32> {
+            let mut scene = draw_list.scene(&camera, &FRAME);
+            let sun = Vec3::new(-0.4, 0.0, 0.9);
+            (scene.frame.sun, scene.frame.light) = (sun.normalize().into(), Light::of_sun(sun, Air::default()));
+            scene.frame.shadow_m = 100.0;
+            scenes_agree(gpu, &scene, &FRAME, &camera, what)?;
+            let middle = (FRAME.width_px * (FRAME.height_px / 2) + FRAME.width_px / 2) as usize;
+            Ok(decode_radiance(scene.render().radiance[middle]).z)
+        };
+        brighter[i] = draw(&water, "water")? / draw(&matt, "matt")?;
+    }
+    anyhow::ensure!(brighter[0] > brighter[1] && brighter[1] < 1.0, "water over matt ground: {brighter:?}");
+    Ok(())
+}
+
+/// With the sun 45 degrees high behind the wall and the camera above it.
+fn a_wall_casts_a_shadow_as_long_as_it_is_high() -> Result<()> {
+    let draw_list = wall_across_a_plain(0)?;
     let camera = Camera::looking(DVec3::new(32.0, 32.0, 60.0), DVec3::new(32.0, 32.0, 0.0));
     let mut scene = draw_list.scene(&camera, &FRAME);
     let sun = Vec3::new(1.0, 0.0, 1.0).normalize_or(Vec3::Z);

@@ -172,6 +172,7 @@ fn sun_sliders(ui: &mut Ui, daylight: &mut Daylight) {
         daylight.fixed_bearing = None;
     }
     ui.checkbox(&mut daylight.shadows, "sun shadows");
+    ui.checkbox(&mut daylight.lit_windows, "lit windows at night");
     if !daylight.site.is_known {
         let [north, _] = daylight.site.degrees();
         ui.label(RichText::new(format!("unknown location, using {north:.0}\u{b0} north")).small());

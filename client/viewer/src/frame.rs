@@ -17,9 +17,10 @@ use bytemuck::Zeroable;
 use glam::DVec3;
 use insula_protocol::{TileId, blockmap::voxel_error_m};
 use insula_shaders::{
+    cpu::night::bays_of,
     grid::{GridBuilder, GridFrame},
     layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
-    light::{Air, SUN_RADIUS_RAD},
+    light::{Air, NightLights, SUN_RADIUS_RAD},
     mesh::leaf_offset,
 };
 
@@ -49,8 +50,8 @@ pub struct RenderSettings {
 
 impl RenderSettings {
     /// Lit by a sun in direction `sun` through `air`. One ray a pixel, no shadows.
-    pub(crate) fn lit_by(sun: DVec3, air: Air) -> Self {
-        let light = Light::of_sun(sun.as_vec3(), air);
+    pub(crate) fn lit_by(sun: DVec3, air: Air, night: &NightLights) -> Self {
+        let light = Light::new(sun.as_vec3(), air, night);
         Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0, exposure: 0.0 }
     }
 
@@ -64,7 +65,8 @@ impl RenderSettings {
 impl Default for RenderSettings {
     /// Lit by an afternoon sun in the south-west, 45 degrees high.
     fn default() -> Self {
-        Self::lit_by(DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z), Air::default())
+        let sun = DVec3::new(-0.45, -0.55, 0.71).normalize_or(DVec3::Z);
+        Self::lit_by(sun, Air::default(), &NightLights::default())
     }
 }
 
@@ -225,17 +227,19 @@ fn replaces_drawn(caster: NodeIndex, transitions: &Transitions, tree: &SceneTree
 fn frame_uniform(tree: &SceneTree, view: &View, settings: &RenderSettings) -> FrameUniform {
     let (camera, manifest) = (&view.camera, tree.manifest());
     let tan_y = (camera.fov_y_rad * 0.5).tan();
+    let samples = settings.samples.clamp(1, MAX_SAMPLES);
     FrameUniform {
         forward: camera.forward.as_vec3().to_array(),
         width_px: view.width_px,
         right: (camera.right * tan_y * view.aspect()).as_vec3().to_array(),
         height_px: view.height_px,
         up: (camera.up * tan_y).as_vec3().to_array(),
-        samples: settings.samples.clamp(1, MAX_SAMPLES),
+        samples,
         sun: settings.sun.as_vec3().to_array(),
         shading: settings.shading as u32,
         ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
         ground: 1,
+        bays: bays_of(camera.position, (2.0 * tan_y / f64::from((view.height_px * samples).max(1))) as f32),
         light: settings.light,
         shadow_m: if settings.shadow_casting_sun().is_some() { settings.shadow_m as f32 } else { 0.0 },
         exposure: settings.exposure,

@@ -12,6 +12,7 @@ pub mod cache;
 pub mod camera;
 pub mod decode;
 pub mod frame;
+mod moon;
 pub mod scene;
 pub mod select;
 pub mod streamer;

@@ -3,11 +3,14 @@
 //! Hours are the city's own mean solar time: 12 when the sun is about highest, whatever the clocks there show. A time with an
 //! offset (`Z`, `+09:00`) is converted by the city's longitude.
 
-use crate::{frame::RenderSettings, select::shadow_casters::MAX_SHADOW_M};
+use crate::{frame::RenderSettings, moon, select::shadow_casters::MAX_SHADOW_M};
 use chrono::{DateTime, Datelike, Days, NaiveDate, NaiveDateTime, Timelike};
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use insula_protocol::Manifest;
-use insula_shaders::{layout::Shading, light::Air};
+use insula_shaders::{
+    layout::Shading,
+    light::{Air, NightLights},
+};
 use proj4rs::{Proj, adaptors::transform_vertex_2d};
 use solar_positioning::{Location, RefractionCorrection, SolarPositions, time::JulianDate};
 
@@ -35,6 +38,8 @@ pub struct SunOptions {
     pub turbidity: Option<f32>,
     /// Distance at which haze leaves 2% of the contrast.
     pub visibility_km: Option<f32>,
+    /// Whether walls have lit windows after sunset.
+    pub lit_windows: bool,
 }
 
 /// A date and hour.
@@ -75,6 +80,8 @@ pub struct Daylight {
     pub fixed_bearing: Option<Bearing>,
     /// Whether the sun casts shadows.
     pub shadows: bool,
+    /// Whether walls have lit windows after sunset.
+    pub lit_windows: bool,
     air: Air,
     /// Factor from radiance to display; 0: by the frame's mean.
     exposure: f32,
@@ -160,6 +167,7 @@ impl Daylight {
             hour: 16.5,
             fixed_bearing: options.bearing,
             shadows: options.shadows.unwrap_or(true),
+            lit_windows: options.lit_windows,
             air: Air {
                 turbidity: options.turbidity.unwrap_or(clear.turbidity),
                 visibility_m: options.visibility_km.map_or(clear.visibility_m, |km| km * 1000.0),
@@ -191,11 +199,15 @@ impl Daylight {
         self.fixed_bearing.or_else(|| self.computed_bearing()).unwrap_or(fallback)
     }
 
-    fn computed_bearing(&self) -> Option<Bearing> {
+    fn julian_date(&self) -> Option<JulianDate> {
         let midnight =
             JulianDate::from_utc(self.date.year(), self.date.month(), self.date.day(), 0, 0, 0.0, DELTA_T_SECS).ok()?;
         let universal_hour = self.hour - self.site.location.longitude / 15.0;
-        let time = JulianDate::new(midnight.julian_date() + universal_hour / 24.0, DELTA_T_SECS).ok()?;
+        JulianDate::new(midnight.julian_date() + universal_hour / 24.0, DELTA_T_SECS).ok()
+    }
+
+    fn computed_bearing(&self) -> Option<Bearing> {
+        let time = self.julian_date()?;
         let refraction = Some(RefractionCorrection::standard());
         let sun = SolarPositions::new().at_from_julian(time, self.site.location, 0.0, refraction).ok()?;
         Some(Bearing { azimuth_deg: sun.azimuth(), altitude_deg: sun.elevation_angle() })
@@ -207,6 +219,13 @@ impl Daylight {
         // A fixed bearing is measured from the grid's north.
         let north_deg = if self.fixed_bearing.is_some() { 0.0 } else { self.site.north_deg };
         Bearing { azimuth_deg: azimuth_deg + north_deg, altitude_deg }.direction()
+    }
+
+    /// Unit vector towards the moon, in the city's coordinates. `None` with a fixed bearing of the sun, which has no date.
+    pub fn moon_direction(&self) -> Option<DVec3> {
+        let time = self.julian_date().filter(|_| self.fixed_bearing.is_none())?;
+        let moon = moon::direction(time.julian_date(), self.site.degrees());
+        Some(DQuat::from_rotation_z(-self.site.north_deg.to_radians()) * moon)
     }
 
     /// Date and hour in the format of `--time`, to the minute.
@@ -226,7 +245,9 @@ impl Daylight {
     /// Render settings for this light.
     pub fn render_settings(&self, shading: Shading, samples: u32) -> RenderSettings {
         let shadow_m = if self.shadows { MAX_SHADOW_M } else { 0.0 };
-        let lit = RenderSettings::lit_by(self.direction(), self.air);
+        let night =
+            NightLights { moon: self.moon_direction().map(|moon| moon.as_vec3()), lit_windows: self.lit_windows };
+        let lit = RenderSettings::lit_by(self.direction(), self.air, &night);
         RenderSettings { shading, samples, shadow_m, exposure: self.exposure, ..lit }
     }
 }
@@ -289,6 +310,17 @@ mod tests {
         assert_eq!((day.date, day.hour), (NaiveDate::from_ymd_opt(2024, 2, 29).unwrap(), 0.5));
         day.advance(-1.0);
         assert_eq!((day.date, day.hour), (NaiveDate::from_ymd_opt(2024, 2, 28).unwrap(), 23.5));
+    }
+
+    #[test]
+    fn the_moon_follows_the_date() {
+        let full = daylight(Some("EPSG:7415"), DELFT, &at("2024-09-18T00:30"));
+        let moon = full.moon_direction().unwrap();
+        assert!(moon.z > 0.3 && moon.dot(full.direction()) < -0.97, "{moon}");
+        let new = daylight(Some("EPSG:7415"), DELFT, &at("2024-10-02T12:00"));
+        assert!(new.moon_direction().unwrap().dot(new.direction()) > 0.97);
+        let fixed = SunOptions { bearing: parse_bearing("90,-20").ok(), ..SunOptions::default() };
+        assert_eq!(daylight(None, DELFT, &fixed).moon_direction(), None);
     }
 
     #[test]

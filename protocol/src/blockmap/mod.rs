@@ -64,7 +64,9 @@ pub mod flag {
     pub const SUSPENDED: u8 = 32;
     /// A vertical plane cuts it ([`super::ColumnClip`]). What lies beyond the plane is lower.
     pub const CLIPPED: u8 = 64;
-    /// All known bits.
+    /// Its surface is water or glass. It is not part of the columns' section.
+    pub const REFLECTIVE: u8 = 128;
+    /// All bits of the columns' section.
     pub const ALL: u8 = 127;
 }
 

@@ -4,7 +4,7 @@
 
 use super::{
     fast_math::nonzero,
-    mesh_surface::{sample_texture, sky_visibility},
+    mesh_surface::{sample_texture, surface_light},
     ray::Ray,
     shade::linear_of,
     words::halves,
@@ -14,6 +14,7 @@ use crate::{
     mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK},
 };
 use glam::Vec3;
+use insula_protocol::blockmap::flag;
 
 /// Slack of barycentric coordinates, so that no ray slips between two triangles.
 pub(crate) const EDGE_SLACK: f32 = 2e-5;
@@ -189,16 +190,17 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
         let level = (t * pixel * texels_per_m / cosine).max(1.0).log2();
         sample_texture(ray, info, (a + e1 * u + e2 * v) / size, level)
     };
-    let ao = sky_visibility(ray, node, p, normal);
+    let light = surface_light(ray, node, p, normal);
     let hit = &mut ray.hit;
     let share = hit.transmittance;
     hit.albedo += albedo * share;
-    hit.ao += ao * share;
+    hit.ao += light.sky * share;
     hit.normal += normal * share;
     hit.mean_m += t * share;
     hit.transmittance = 0.0;
     if share > 0.5 {
-        (hit.flags, hit.level) = (MESH_FLAG, node.level);
+        let reflective = if light.is_reflective { u32::from(flag::REFLECTIVE) } else { 0 };
+        (hit.flags, hit.level) = (MESH_FLAG | reflective, node.level);
         (hit.distance_m, hit.node) = (t, index);
         hit.shadow_origin = p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t);
     }

@@ -80,23 +80,38 @@ fn bilinear_weight(part: Vec2, step: IVec2) -> f32 {
     along * up
 }
 
-/// Share of the sky at `p`: a weighted mean of what the four columns just below the surface store.
-pub(super) fn sky_visibility(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal: Vec3) -> f32 {
+/// What the columns around a mesh's surface know of it.
+pub(super) struct SurfaceLight {
+    /// Share of the sky that is visible.
+    pub(super) sky: f32,
+    /// Whether it is water or glass.
+    pub(super) is_reflective: bool,
+}
+
+/// Share of the sky at `p`: a weighted mean of what the four columns just below the surface store. The nearest of them says
+/// whether it is reflective.
+pub(super) fn surface_light(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal: Vec3) -> SurfaceLight {
     let below = p - Vec3::from(node.corner) - normal * (0.5 * node.cell_m);
     let at = below.xy() / node.cell_m + halves(node.leaf_offset) / LEAF_OFFSET_STEPS - 0.5;
     let z = below.z / node.z_step_m;
     let corner = at.floor();
     let part = at - corner;
     let (mut sum, mut weights) = (0.0, 0.0);
+    let within = |cell: IVec2| cell.clamp(IVec2::ZERO, IVec2::splat(NODE_CELLS as i32 - 1));
     for k in 0..4 {
         let step = IVec2::new(k & 1, k >> 1);
-        let cell = (corner.as_ivec2() + step).clamp(IVec2::ZERO, IVec2::splat(NODE_CELLS as i32 - 1));
+        let cell = within(corner.as_ivec2() + step);
         let sky = column_sky(ray, node, cell, z, normal.z);
         let weight = (bilinear_weight(part, step) + 1e-4) * sky.y;
         sum += sky.x * weight;
         weights += weight;
     }
-    if weights > 0.0 { sum / weights } else { UNKNOWN_AO }
+    let nearest = within((at + 0.5).floor().as_ivec2());
+    let walk = ray.read_word(planes_of(node)[WALK_PLANE] + nearest.y as usize * NODE_CELLS + nearest.x as usize);
+    SurfaceLight {
+        sky: if weights > 0.0 { sum / weights } else { UNKNOWN_AO },
+        is_reflective: flags_of(walk) & flag::REFLECTIVE != 0,
+    }
 }
 
 /// Share of the sky that a column sees at height `z`, and the weight of that: 0 far above or below the column.

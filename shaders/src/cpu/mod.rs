@@ -9,6 +9,7 @@ mod fast_math;
 pub mod hit_counts;
 pub(crate) mod mesh;
 pub(crate) mod mesh_surface;
+pub mod night;
 mod node;
 pub(crate) mod ray;
 pub mod raycast;

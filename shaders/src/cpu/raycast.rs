@@ -8,8 +8,9 @@
 pub use super::ray::{RayCounts, SceneRef};
 
 use super::{
+    night::lit_windows,
     ray::{NodeRay, OPAQUE, Ray, RayHit, RaySegment, SUN_LIFT_M},
-    shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, shade},
+    shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
     walk::walk_grid,
 };
 use crate::{
@@ -17,6 +18,7 @@ use crate::{
     tone::{develop, encode_radiance, gradient_noise},
 };
 use glam::{Vec2, Vec3};
+use insula_protocol::blockmap::flag;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 
@@ -212,6 +214,16 @@ fn radiance_of(hit: &RayHit, frame: &FrameUniform, dir: Vec3, airlight: &Airligh
         flags: hit.flags,
         level: hit.level,
     };
-    let light = apply_haze(frame, shade(frame, &surface), airlight, hit.mean_m / share);
+    let distance_m = hit.mean_m / share;
+    let mut light = shade(frame, &surface);
+    if frame.shading == Shading::Lit as u32 {
+        if surface.flags & u32::from(flag::REFLECTIVE) != 0 {
+            light = mirrored(frame, light, &surface, dir);
+        }
+        if frame.light.window[3] > 0.0 {
+            light.sky += lit_windows(frame, dir * distance_m, surface.normal, distance_m);
+        }
+    }
+    let light = apply_haze(frame, light, airlight, distance_m);
     Radiance { sky: light.sky * share, sun: light.sun * share }
 }

@@ -2,6 +2,7 @@
 //!
 //! Only [`Shading::Lit`] has light and haze; the other shadings show what is baked.
 
+use super::night::{moon, stars};
 use crate::{
     atmosphere::{MIE_G, PHASE_SCALE},
     layout::{FrameUniform, Light, MESH_FLAG, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
@@ -28,10 +29,6 @@ pub(crate) const DISC_INNER: f32 = 1.7e-5;
 pub(crate) const DISC_OUTER: f32 = 3.2e-5;
 /// Brightness of the sun's disc.
 pub(crate) const DISC: f32 = 40.0;
-/// Cells of the grid of stars along the unit sphere's radius, one in how many has a star, and how small stars are.
-pub(crate) const STAR_CELLS: f32 = 140.0;
-pub(crate) const STAR_RARITY: u32 = 90;
-pub(crate) const STAR_SHARPNESS: f32 = 30.0;
 /// Weight of facades in the part of a wall's, and of the ground's, surroundings that is neither sky nor ground.
 pub(crate) const FACADES_BY_WALL: f32 = 1.2;
 pub(crate) const FACADES_BY_GROUND: f32 = 0.55;
@@ -41,6 +38,14 @@ pub(crate) const ZENITH_SHARE: f32 = 0.17;
 /// facades.
 pub(crate) const GROUND_DEPTH: f32 = 0.26;
 pub(crate) const FACADE_DEPTH: f32 = 1.0;
+/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this. Walls receive a share.
+pub(crate) const LAMP_DEPTH: f32 = 3.0;
+pub(crate) const LAMPS_ON_WALLS: f32 = 0.25;
+/// Reflectance of water and glass seen from straight ahead (Schlick's approximation of Fresnel's equations).
+pub(crate) const FACING_REFLECTANCE: f32 = 0.03;
+/// Angles in radians by which waves and panes spread the sun's reflection.
+pub(crate) const WAVES: f32 = 0.07;
+pub(crate) const PANES: f32 = 0.03;
 /// Colours of [`Shading::Kind`].
 pub(crate) const TINT_ROOF: Vec3 = Vec3::new(0.55, 0.55, 0.55);
 pub(crate) const TINT_MESH: Vec3 = Vec3::new(0.50, 0.30, 0.80);
@@ -137,8 +142,30 @@ fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
     let overhead = up * ZENITH_SHARE;
     let sky = (overhead + (wall - overhead) * open).lerp(up, upright) * ao;
     let returned = light_from_city(light, &Surroundings { open, below: 0.5 - 0.5 * n.z, ahead, upright }, ao);
+    let lamps = rgb(light.street) * ((LAMP_DEPTH * (1.0 - open)).min(1.0) * n.z.max(LAMPS_ON_WALLS));
     let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
-    Radiance { sky: albedo * (sky + returned), sun: albedo * sun * sun_share_by_sky(frame, ao) }
+    Radiance { sky: albedo * (sky + returned + lamps), sun: albedo * sun * sun_share_by_sky(frame, ao) }
+}
+
+/// Light of a surface of water or glass that is seen in direction `dir`: `light` below its reflection of sky, sun and city.
+pub(super) fn mirrored(frame: &FrameUniform, light: Radiance, surface: &SurfaceSample, dir: Vec3) -> Radiance {
+    let (n, of_light) = (surface.normal, &frame.light);
+    let cosine = (-dir.dot(n)).clamp(0.0, 1.0);
+    let grazing = 1.0 - cosine;
+    let share = FACING_REFLECTANCE + (1.0 - FACING_REFLECTANCE) * grazing * grazing * grazing * grazing * grazing;
+    let towards = dir + n * (2.0 * cosine);
+    let upright = n.z.abs();
+    let open = (surface.ao / (0.5 + 0.5 * upright)).min(1.0);
+    let city = rgb(of_light.facade_sky) + rgb(of_light.facade_sun) * (0.25 * open);
+    let ground = rgb(of_light.ground_sky) + rgb(of_light.ground_sun) * open;
+    let above = city + (sky(frame, towards) - city) * open;
+    let seen = if towards.z > 0.0 { above } else { ground };
+    let spread = PANES + (WAVES - PANES) * upright;
+    let glint = (-from_sun(frame, towards) / (spread * spread)).exp() / (spread * spread);
+    Radiance {
+        sky: light.sky + (seen - light.sky) * share,
+        sun: light.sun * (1.0 - share) + rgb(of_light.sun) * (glint * share * sun_share_by_sky(frame, surface.ao)),
+    }
 }
 
 /// What a surface is turned to.
@@ -233,7 +260,7 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
     if ground_m < f32::INFINITY {
         return apply_haze(frame, reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0), airlight, ground_m);
     }
-    Radiance::unlit(sky(frame, dir))
+    Radiance::unlit(sky(frame, dir) + celestial_light(frame, dir))
 }
 
 /// Metres to that plane, infinity if the ray misses it.
@@ -245,6 +272,7 @@ pub fn ground_distance(frame: &FrameUniform, dir: Vec3) -> f32 {
     }
 }
 
+/// Light that the air scatters from a direction above the horizon.
 fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
     let light = &frame.light;
     let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).max(0.0).sqrt() * (SKY_HEIGHTS - 1) as f32;
@@ -254,37 +282,14 @@ fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
         let at = |row: usize| sky_at(table, row, column, right);
         at(row).lerp(at(row + 1), height - row as f32)
     };
+    read(&light.sky) + read(&light.glow) * phase(frame, dir)
+}
+
+/// Light of the sun's disc, the moon and the stars.
+fn celestial_light(frame: &FrameUniform, dir: Vec3) -> Vec3 {
+    let light = &frame.light;
     let edge = ((DISC_OUTER - from_sun(frame, dir)) / (DISC_OUTER - DISC_INNER)).clamp(0.0, 1.0);
-    read(&light.sky)
-        + read(&light.glow) * phase(frame, dir)
-        + rgb(light.sun) * (DISC * light.disc * edge)
-        + stars(light.stars, dir)
-}
-
-/// One cell in [`STAR_RARITY`] of a grid over the unit sphere has a star. Few are bright.
-fn stars(brightest: f32, dir: Vec3) -> f32 {
-    if brightest <= 0.0 {
-        return 0.0;
-    }
-    let place = dir * STAR_CELLS;
-    let cell = place.floor();
-    let [x, y, z] = cell.as_ivec3().as_uvec3().to_array();
-    let hash = scramble(scramble(scramble(x).wrapping_add(y)).wrapping_add(z));
-    if !hash.is_multiple_of(STAR_RARITY) {
-        return 0.0;
-    }
-    let magnitude = (hash >> 16) as f32 / 65_535.0;
-    let apart = (place - cell - 0.5).length_squared();
-    brightest * magnitude * magnitude * magnitude * (-STAR_SHARPNESS * apart).exp()
-}
-
-/// A word whose bits depend on all bits of another (Wang's integer hash, 2007).
-fn scramble(word: u32) -> u32 {
-    let mut h = (word ^ 61) ^ (word >> 16);
-    h = h.wrapping_mul(9);
-    h ^= h >> 4;
-    h = h.wrapping_mul(0x27d4_eb2d);
-    h ^ (h >> 15)
+    rgb(light.sun) * (DISC * light.disc * edge) + stars(light.stars, dir) + moon(frame, dir)
 }
 
 /// Column of the sky's tables in direction `dir`, and how far the direction is towards the next one.

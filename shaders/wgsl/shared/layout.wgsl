@@ -11,6 +11,9 @@ struct Light {
     facade_sun: vec4<f32>,
     facade_sky: vec4<f32>,
     haze: vec4<f32>,
+    street: vec4<f32>,
+    window: vec4<f32>,
+    moon: vec4<f32>,
     side: vec2<f32>,
     disc: f32,
     zero: f32,
@@ -44,6 +47,7 @@ struct FrameUniform {
     exposure: f32,
     sun_radius: f32,
     unused: vec2<f32>,
+    bays: vec4<f32>,
     light: Light,
     windows: array<vec4<i32>, GRID_LEVELS>,
 }
