@@ -70,10 +70,10 @@ mod tests {
                 SecretFile::read(file.path(), |line| if line.len() > 3 { Ok(line.to_owned()) } else { Err("short") });
             (entries, faults)
         };
-        let (entries, faults) = read(b"# note\n\nfirst \nxy\r\n\xff\xfe\xfd\xfc\nlast");
+        let (entries, faults) = read(b"# note\n\nfirst \nx!\r\n\xff\xfe\xfd\xfc\nlast");
         assert_eq!(entries, ["first", "last"]);
         assert!(faults.len() == 2 && faults[0].contains("line 4, short") && faults[1].contains("line 5"), "{faults:?}");
-        assert!(!faults.concat().contains("xy"), "no line is quoted");
+        assert!(!faults.concat().contains("x!"), "no line is quoted");
         for text in [&b""[..], b"# nothing", &vec![b'x'; 1 + MAX_FILE_BYTES as usize]] {
             let (entries, faults) = read(text);
             assert_eq!((entries.len(), faults.len()), (0, 1));
