@@ -172,10 +172,7 @@ impl CityOpener<'_> {
                 Err(FetchError::Missing) => return Ok(None),
                 Err(error) => {
                     attempts = attempts.saturating_add(1);
-                    let wait = match &error {
-                        FetchError::Busy { retry_after: Some(wait), .. } => *wait,
-                        _ => retry_delay(attempts, None, jitter()),
-                    };
+                    let wait = retry_delay(attempts, error.retry_after(), jitter());
                     let is_final = matches!(error, FetchError::Unusable(_));
                     if !is_final && start.elapsed().saturating_add(wait) <= timeout {
                         std::thread::sleep(wait);
@@ -262,7 +259,7 @@ mod tests {
     fn slow_and_busy_servers_are_given_up_at_the_timeout() {
         let timeout = Duration::from_millis(700);
         let drip = "HTTP/1.1 200 OK\r\ncontent-length: 4000\r\n\r\n";
-        let busy = "HTTP/1.1 503 Busy\r\nretry-after: 3600\r\nconnection: close\r\ncontent-length: 0\r\n\r\n";
+        let busy = "HTTP/1.1 503 Busy\r\nretry-after: 99999999\r\nconnection: close\r\ncontent-length: 0\r\n\r\n";
         for (head, bytes) in [(drip, 4000), (busy, 0)] {
             let base = serve_slowly(head, vec![b' '; bytes], Duration::from_millis(20));
             for name in [None, Some("town")] {

@@ -292,6 +292,7 @@ impl ContentRange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_viewer::scene::tile::retry_delay;
     use std::{
         io::{Read, Write},
         net::TcpListener,
@@ -336,6 +337,29 @@ mod tests {
         assert!(matches!(cut_off, Err(FetchError::Network(_))), "{cut_off:?}");
         assert!(matches!(get(), Err(FetchError::Network(_))), "the server is gone");
         assert_eq!((http.requests(), http.bytes()), (6, 5 + 4));
+    }
+
+    #[test]
+    fn no_retry_after_delays_beyond_the_limit() {
+        let values = [
+            "99999999",
+            "18446744073709551615",
+            "99999999999999999999999",
+            "-1",
+            "1e9",
+            "Thu, 01 Jan 2099 00:00:00 GMT",
+        ];
+        let busy = |value| response(&format!("503 Service Unavailable\r\nretry-after: {value}"), "");
+        let url = serve(values.map(busy).to_vec());
+        let http = Http::new(None).unwrap();
+        for value in values {
+            let error = http.block_on(http.get(&url, 8)).unwrap_err();
+            assert!(matches!(error, FetchError::Busy { .. }), "{value}: {error}");
+            for attempts in [1, u8::MAX] {
+                let delay = retry_delay(attempts, error.retry_after(), 0.0);
+                assert!(delay <= Duration::from_secs(30), "{value}: {delay:?}");
+            }
+        }
     }
 
     #[test]

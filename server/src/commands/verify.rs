@@ -14,22 +14,51 @@ use std::{
     path::Path,
 };
 
+/// Faults that are kept and printed. Further ones are counted: a damaged city can have one per tile.
+const MAX_FAULTS: usize = 1000;
+
+/// The faults of a city, one line each: the first [`MAX_FAULTS`], and the number of all.
+#[derive(Default)]
+struct FaultList {
+    first: Vec<String>,
+    count: usize,
+}
+
+impl FaultList {
+    fn push(&mut self, fault: String) {
+        self.count += 1;
+        if self.first.len() < MAX_FAULTS {
+            self.first.push(fault);
+        }
+    }
+
+    /// The lines that are printed.
+    fn text(&self) -> String {
+        let mut text: String = self.first.iter().map(|fault| printable(fault) + "\n").collect();
+        match self.count - self.first.len() {
+            0 => {}
+            more => text += &format!("and {more} more\n"),
+        }
+        text
+    }
+}
+
 /// Runs `verify` and prints the faults, one per line. Fails if the city cannot be opened or has faults.
 pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     let mut faults = find_faults(&city);
     check_version(&args.city, &city.manifest().version, &mut faults);
-    if faults.is_empty() {
+    if faults.count == 0 {
         let tiles: u64 = city.archives().map(|(_, archive)| archive.len()).sum();
         print(&format!("{}: {tiles} tiles, no faults\n", city.manifest().name));
         return Ok(());
     }
-    print(&faults.iter().map(|fault| printable(fault) + "\n").collect::<String>());
-    Err(CommandError::Faults { path: args.city.clone(), faults: faults.len() })
+    print(&faults.text());
+    Err(CommandError::Faults { path: args.city.clone(), faults: faults.count })
 }
 
 /// Checks that the files are those of one bake: the version is a hash of all of them.
-fn check_version(folder: &Path, stated: &str, faults: &mut Vec<String>) {
+fn check_version(folder: &Path, stated: &str, faults: &mut FaultList) {
     match content_version(folder, stated) {
         Ok(found) if found == stated => {}
         Ok(found) => faults.push(format!(
@@ -39,9 +68,9 @@ fn check_version(folder: &Path, stated: &str, faults: &mut Vec<String>) {
     }
 }
 
-/// The faults of a city, one line each, those of tiles first.
-fn find_faults(city: &CityStore) -> Vec<String> {
-    let mut faults = Vec::new();
+/// The faults of a city, those of tiles first.
+fn find_faults(city: &CityStore) -> FaultList {
+    let mut faults = FaultList::default();
     let lengths = check_blockmaps(city, &mut faults);
     let subtrees = read_subtrees(city, &mut faults);
     check_nodes(&lengths, &subtrees.nodes, &mut faults);
@@ -51,7 +80,7 @@ fn find_faults(city: &CityStore) -> Vec<String> {
 }
 
 /// Decodes every V-BlockMap. Returns their sizes in bytes.
-fn check_blockmaps(city: &CityStore, faults: &mut Vec<String>) -> BTreeMap<TileId, u64> {
+fn check_blockmaps(city: &CityStore, faults: &mut FaultList) -> BTreeMap<TileId, u64> {
     let mut lengths = BTreeMap::new();
     for (id, bytes) in city.blockmaps().tiles() {
         let mut fault = |what: String| faults.push(format!("blockmaps/{id}: {what}"));
@@ -85,7 +114,7 @@ struct SubtreeContents {
 }
 
 /// Decodes every subtree, and checks that exactly those exist that a node refers to.
-fn read_subtrees(city: &CityStore, faults: &mut Vec<String>) -> SubtreeContents {
+fn read_subtrees(city: &CityStore, faults: &mut FaultList) -> SubtreeContents {
     let mut contents = SubtreeContents::default();
     let mut existing = BTreeSet::new();
     let mut referenced = BTreeSet::from([TileId::ROOT]);
@@ -123,7 +152,7 @@ fn read_subtrees(city: &CityStore, faults: &mut Vec<String>) -> SubtreeContents 
 }
 
 /// Decodes every mesh, and checks that exactly those exist that the subtrees list.
-fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut Vec<String>) {
+fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut FaultList) {
     let SubtreeContents { nodes, meshes: mut listed } = subtrees;
     for (place, bytes) in city.archive(TileKind::Mesh).into_iter().flat_map(|archive| archive.tiles()) {
         let Some((id, number)) = mesh_tile::from_archive_id(place, city.manifest().depth) else {
@@ -143,7 +172,9 @@ fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut Vec<St
             fault(format!("its error of {} m is larger than that of its leaf's V-BlockMap", lod.error_m));
         }
     }
-    faults.extend(listed.keys().map(|(id, number)| format!("meshes/{id}/{number}: missing, but a subtree lists it")));
+    for (id, number) in listed.keys() {
+        faults.push(format!("meshes/{id}/{number}: missing, but a subtree lists it"));
+    }
 }
 
 /// Decodes a mesh and its texture. Fails if sizes differ from those that its subtree lists.
@@ -159,7 +190,7 @@ fn check_mesh(id: TileId, number: u8, bytes: &[u8], listed: &MeshLod) -> Result<
 }
 
 /// Checks that nodes and V-BlockMaps are the same set with the same sizes, and that no node's error exceeds its parent's.
-fn check_nodes(lengths: &BTreeMap<TileId, u64>, nodes: &BTreeMap<TileId, NodeInfo>, faults: &mut Vec<String>) {
+fn check_nodes(lengths: &BTreeMap<TileId, u64>, nodes: &BTreeMap<TileId, NodeInfo>, faults: &mut FaultList) {
     for (id, node) in nodes {
         match lengths.get(id) {
             None => faults.push(format!("blockmaps/{id}: missing, but a subtree lists it")),
@@ -180,7 +211,7 @@ fn check_nodes(lengths: &BTreeMap<TileId, u64>, nodes: &BTreeMap<TileId, NodeInf
 }
 
 /// Checks the manifest's tile format and its counts of nodes and bytes.
-fn check_manifest(city: &CityStore, lengths: &BTreeMap<TileId, u64>, faults: &mut Vec<String>) {
+fn check_manifest(city: &CityStore, lengths: &BTreeMap<TileId, u64>, faults: &mut FaultList) {
     let manifest = city.manifest();
     let mut fault = |what: String| faults.push(format!("city.json: {what}"));
     if manifest.tile_version != tile::VERSION {
@@ -199,5 +230,25 @@ fn check_manifest(city: &CityStore, lengths: &BTreeMap<TileId, u64>, faults: &mu
         if expected != found {
             fault(format!("it counts {expected:?} {what} per level, the archive has {found:?}"));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_past_the_limit_are_counted_only() {
+        let mut faults = FaultList::default();
+        let add = |faults: &mut FaultList, numbers: std::ops::Range<usize>| {
+            numbers.for_each(|number| faults.push(format!("fault {number}\u{1b}[2J")));
+        };
+        add(&mut faults, 0..MAX_FAULTS);
+        assert_eq!(faults.text().lines().count(), MAX_FAULTS);
+        add(&mut faults, MAX_FAULTS..1_000_000);
+        assert_eq!((faults.first.len(), faults.count), (MAX_FAULTS, 1_000_000));
+        let text = faults.text();
+        assert_eq!(text.lines().last(), Some("and 999000 more"));
+        assert!(text.lines().count() == MAX_FAULTS + 1 && !text.contains('\u{1b}'));
     }
 }

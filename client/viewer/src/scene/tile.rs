@@ -22,7 +22,7 @@ const DAMAGE_LIMIT: u8 = 3;
 const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(2);
 /// Longest delay that is accepted from a server's `Retry-After`.
-const MAX_RETRY_AFTER: Duration = Duration::from_secs(60);
+pub const MAX_RETRY_AFTER: Duration = Duration::from_secs(30);
 
 /// Where a tile is on its way from the server to the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -134,8 +134,8 @@ impl TileRecord {
     }
 }
 
-/// Delay before a retry after `attempts` failures in a row: `retry_after` if the server sent that, up to a minute. Otherwise, it
-/// doubles from 100 ms to 2 s, and is reduced by up to half of it by `jitter` (0 to 1).
+/// Delay before a retry after `attempts` failures in a row: `retry_after` if the server sent that, up to [`MAX_RETRY_AFTER`].
+/// Otherwise, it doubles from 100 ms to 2 s, and is reduced by up to half of it by `jitter` (0 to 1).
 pub fn retry_delay(attempts: u8, retry_after: Option<Duration>, jitter: f64) -> Duration {
     if let Some(delay) = retry_after {
         return delay.min(MAX_RETRY_AFTER);

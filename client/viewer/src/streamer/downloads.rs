@@ -49,7 +49,8 @@ impl FetchError {
         matches!(self, Self::Missing | Self::Damaged(_) | Self::Broken)
     }
 
-    fn retry_after(&self) -> Option<Duration> {
+    /// The delay that the server asks for: any value.
+    pub fn retry_after(&self) -> Option<Duration> {
         match self {
             Self::Busy { retry_after, .. } => *retry_after,
             _ => None,
