@@ -130,6 +130,9 @@ pub struct BakeArgs {
     /// Approximate memory to use, as in 600MiB or 2GB [default: 192MiB per thread, at least 512MiB]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub memory: Option<u64>,
+    /// Most scratch files beside CITY for its triangles and textures, as in 200GiB
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes, default_value = "64GiB")]
+    pub scratch: u64,
     /// Write a report of inputs, results and times
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,

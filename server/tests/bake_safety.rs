@@ -230,6 +230,17 @@ fn bake_in_little_memory(place: &Workplace, name: &str, options: &str) -> Result
     if output.status.success() { Ok(()) } else { Err(one_error(name, &output)) }
 }
 
+/// Few lines, whose triangles cover thousands of blocks each.
+#[test]
+fn scratch_files_are_refused_past_their_limit() {
+    let place = Workplace::new();
+    let triangles = "v 0 0 0\nv 16000 0 0\nv 0 16000 1\n".to_owned() + &"f 1 2 3\n".repeat(120);
+    assert!(triangles.len() < 1100);
+    place.write("wide.obj", triangles);
+    let line = place.refused("bake wide.obj --out city --ground none --no-meshes --scratch 20MiB");
+    assert!(line.contains("more than 20 MiB of scratch files") && line.contains("--scratch"), "{line}");
+}
+
 #[test]
 #[cfg(target_os = "linux")]
 fn small_files_do_not_need_gigabytes() {

@@ -36,6 +36,8 @@ const RESERVE_BYTES: u64 = 384 << 20;
 const BLOCK_RESERVE_BYTES: usize = 320 << 20;
 /// The part of the reserve that a document may need.
 const DOCUMENT_RESERVE_BYTES: u64 = 192 << 20;
+/// Default limit of the scratch scene: a thousand million copies of triangles.
+pub const DEFAULT_SCRATCH_BYTES: u64 = 64 << 30;
 /// Memory of a block's entry while the city is partitioned.
 const BLOCK_ENTRY_BYTES: usize = 200;
 /// Default quality of colours and occlusion.
@@ -60,6 +62,8 @@ pub struct BakeOptions {
     /// Approximate memory limit; `None` for [`DEFAULT_MEMORY_BYTES`], or more with many threads. The result does not
     /// depend on it.
     pub memory_bytes: Option<u64>,
+    /// Limit of triangles and textures in scratch files, which are on the disk of `out`. The result does not depend on it.
+    pub scratch_bytes: u64,
     /// Reuse the unchanged blocks of the existing city.
     pub update: bool,
     /// Continue an interrupted bake of the same input with the same settings.
@@ -94,6 +98,7 @@ impl Default for BakeOptions {
             cell_m: 1.0,
             threads: None,
             memory_bytes: None,
+            scratch_bytes: DEFAULT_SCRATCH_BYTES,
             update: false,
             resume: false,
             name: None,
@@ -131,6 +136,7 @@ pub(crate) struct BakeConfig {
     pub(crate) cell_m: f64,
     pub(crate) threads: usize,
     memory_bytes: usize,
+    pub(crate) scratch_bytes: u64,
     pub(crate) update: bool,
     pub(crate) resume: bool,
     pub(crate) name: String,
@@ -174,6 +180,7 @@ impl BakeConfig {
             cell_m,
             threads,
             memory_bytes: check_memory(options.memory_bytes, threads)?,
+            scratch_bytes: options.scratch_bytes,
             update: options.update,
             resume: options.resume,
             name: check_name(options.name.as_deref(), &folder.to_string_lossy())?,

@@ -103,6 +103,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
         },
         threads: args.threads.map(usize::from),
         memory_bytes: args.memory,
+        scratch_bytes: args.scratch,
         update: args.update,
         resume: args.resume,
         name: args.name.clone(),
@@ -211,14 +212,14 @@ mod tests {
     #[test]
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
-            --attribution A --licence L --source-url U --obj-up y --no-meshes";
+            --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
         let options = options(&args, Palette::default());
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
         assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
         assert!(!options.meshes);
         assert_eq!(options.ground, GroundOption::Auto);
-        assert_eq!((options.update, options.memory_bytes), (true, Some(2 << 30)));
+        assert_eq!((options.update, options.memory_bytes, options.scratch_bytes), (true, Some(2 << 30), 3 << 30));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
         assert_eq!(options.obj_up, ObjUpAxis::Y);
         let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };

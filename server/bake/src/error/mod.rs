@@ -47,6 +47,11 @@ pub enum BakeError {
         action: &'static str,
         cause: io::Error,
     },
+    /// The scratch scene would be larger than it may be.
+    #[error(
+        "the city needs more than {limit_mib} MiB of scratch files; repair its largest objects, use a larger --cell, raise --scratch, or split it"
+    )]
+    ScratchLimit { limit_mib: u64 },
     /// A scratch file is not as this bake wrote it.
     #[error("{path}: a scratch file changed during the bake; run the command again without --resume")]
     Scratch { path: PathBuf },

@@ -27,6 +27,7 @@ use crate::{
         Scene,
         grid::{BLOCK_LEAVES, CityGrid},
         partition::{LeafBlock, Partition, PartitionOptions},
+        scratch_budget::ScratchBudget,
         scratch_scene::ScratchScene,
     },
     write::{
@@ -73,6 +74,7 @@ struct BakeRun<'a> {
     config: &'a BakeConfig,
     progress: &'a dyn Progress,
     scratch: ScratchFolder,
+    budget: ScratchBudget,
     pool: ThreadPool,
     clock: StageClock,
 }
@@ -80,7 +82,8 @@ struct BakeRun<'a> {
 impl<'a> BakeRun<'a> {
     fn new(config: &'a BakeConfig, progress: &'a dyn Progress) -> Result<Self, BakeError> {
         let scratch = ScratchFolder::lock(&config.out)?;
-        Ok(Self { config, progress, scratch, pool: thread_pool(config.threads)?, clock: StageClock::new() })
+        let (pool, budget) = (thread_pool(config.threads)?, ScratchBudget::new(config.scratch_bytes));
+        Ok(Self { config, progress, scratch, budget, pool, clock: StageClock::new() })
     }
 
     /// Reads the inputs into the scratch folder.
@@ -96,7 +99,8 @@ impl<'a> BakeRun<'a> {
             ..defaults
         };
         let folder = self.scratch.scene_folder()?;
-        let scratch = ScratchOptions { folder: &folder, texture_cache_bytes: self.config.texture_cache_bytes() };
+        let texture_cache_bytes = self.config.texture_cache_bytes();
+        let scratch = ScratchOptions { folder: &folder, texture_cache_bytes, budget: &self.budget };
         // The reader reports bytes since the start; a step of the stage is a byte.
         let (total, done) = (Cell::new(None), Cell::new(0));
         let tick = |now: ReadProgress| {
@@ -163,13 +167,13 @@ impl<'a> BakeRun<'a> {
 
     /// Sorts the triangles into blocks and hashes each block's input.
     fn partition(&mut self, city: &ScratchScene, grid: &CityGrid) -> Result<HashedPartition, BakeError> {
-        let (config, progress) = (self.config, self.progress);
+        let (config, progress, budget) = (self.config, self.progress, &self.budget);
         progress.stage("partition", city.triangles);
         self.clock.time("partition", || {
             let folder = self.scratch.scene_folder()?.join("buckets");
             let margin_m = config.sample.margin_m;
             let (buffer_bytes, max_blocks) = (config.bucket_bytes(), config.max_blocks());
-            let options = PartitionOptions { folder: &folder, margin_m, buffer_bytes, max_blocks };
+            let options = PartitionOptions { folder: &folder, margin_m, buffer_bytes, max_blocks, budget };
             let partition = Partition::new(city, grid, options, |n| progress.advance(n))?;
             partition.blocks.iter().try_for_each(|block| check_block(block, &partition, city, grid, config))?;
             let budget = MemoryBudget::new(config.block_bytes());

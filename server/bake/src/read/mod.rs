@@ -29,6 +29,7 @@ pub use source::ReadProgress;
 
 use crate::error::BakeError;
 use crate::scene::Scene;
+use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
@@ -65,6 +66,8 @@ pub(crate) struct ScratchOptions<'a> {
     pub(crate) folder: &'a Path,
     /// Size of the loaded textures together.
     pub(crate) texture_cache_bytes: usize,
+    /// Bounds the files.
+    pub(crate) budget: &'a ScratchBudget,
 }
 
 /// Reads as [`read`] does, but keeps triangles and textures in scratch files. Fails also if these cannot be written.
@@ -74,8 +77,9 @@ pub(crate) fn read_to_disk(
     scratch: ScratchOptions<'_>,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(ScratchScene, ReadReport), BakeError> {
-    let triangles = TriangleStore::in_file(scratch.folder.join("triangles"))?;
-    let textures = TextureStore::in_folder(scratch.folder.to_owned(), scratch.texture_cache_bytes);
+    let triangles = TriangleStore::in_file(scratch.folder.join("triangles"), scratch.budget.clone())?;
+    let folder = scratch.folder.to_owned();
+    let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
     let context = ReadContext::new(options, triangles, textures);
     let mut read = read_sources(&source::list(inputs, &options.texture_roots)?, context, progress)?;
     read.city.stored.finish()?;

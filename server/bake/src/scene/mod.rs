@@ -4,6 +4,7 @@ pub(crate) mod block_content;
 pub mod grid;
 pub(crate) mod object_names;
 pub(crate) mod partition;
+pub(crate) mod scratch_budget;
 pub(crate) mod scratch_scene;
 pub(crate) mod texture_store;
 pub(crate) mod triangle_store;

@@ -85,12 +85,13 @@ fn shorten(id: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::scratch_budget::ScratchBudget;
     use insula_test_support::folder::TestFolder;
 
     #[test]
     fn names_are_found_again_in_memory_and_in_a_file() {
         let folder = TestFolder::new("names");
-        let stored = TriangleStore::in_file(folder.path.join("triangles")).unwrap();
+        let stored = TriangleStore::in_file(folder.path.join("triangles"), ScratchBudget::new(0)).unwrap();
         for triangles in [TriangleStore::Memory(Vec::new()), stored] {
             let mut names = ObjectNames::for_triangles(&triangles);
             ["a", "two\nlines", ""].into_iter().for_each(|id| names.push(id.to_owned()));

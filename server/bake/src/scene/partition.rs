@@ -20,6 +20,7 @@ use crate::{
         SceneTriangle,
         block_content::{BlockContent, TriangleExtent, span},
         grid::{BLOCK_LEAVES, CityGrid},
+        scratch_budget::ScratchBudget,
         scratch_scene::ScratchScene,
         triangle_store::{RECORD_BYTES, from_record, to_record},
     },
@@ -62,11 +63,13 @@ pub(crate) struct PartitionOptions<'a> {
     pub(crate) buffer_bytes: usize,
     /// Most blocks that are in memory.
     pub(crate) max_blocks: usize,
+    /// Bounds the buckets.
+    pub(crate) budget: &'a ScratchBudget,
 }
 
 impl Partition {
     /// Sorts the city's triangles into buckets; calls `advance` with the number of triangles done since the last call.
-    /// Fails if a file cannot be read or written, or if the city has too many blocks.
+    /// Fails if a file cannot be read or written, if the city has too many blocks, or if the buckets exceed the budget.
     pub(crate) fn new(
         city: &ScratchScene,
         grid: &CityGrid,
@@ -75,9 +78,10 @@ impl Partition {
     ) -> Result<Self, BakeError> {
         /// Triangles between two calls of `advance`.
         const STEP: u64 = 1 << 14;
-        let PartitionOptions { folder, margin_m, buffer_bytes, max_blocks } = options;
+        let PartitionOptions { folder, margin_m, buffer_bytes, max_blocks, budget } = options;
         fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
-        let mut buckets = BucketWriter { grid, margin_m, folder, max_blocks, by_block: BTreeMap::new(), buffered: 0 };
+        let by_block = BTreeMap::new();
+        let mut buckets = BucketWriter { grid, margin_m, folder, max_blocks, budget, by_block, buffered: 0 };
         let mut count = 0;
         city.try_for_each(|triangle| {
             count += 1;
@@ -164,6 +168,7 @@ struct BucketWriter<'a> {
     margin_m: f64,
     folder: &'a Path,
     max_blocks: usize,
+    budget: &'a ScratchBudget,
     /// By (y, x).
     by_block: BTreeMap<(u32, u32), BlockBucket>,
     /// Bytes in all buffers.
@@ -171,7 +176,7 @@ struct BucketWriter<'a> {
 }
 
 impl BucketWriter<'_> {
-    /// Fails if there are too many blocks.
+    /// Fails if there are too many blocks, or the buckets exceed the budget.
     fn add(&mut self, triangle: &SceneTriangle) -> Result<(), BakeError> {
         let p = corners_xy(triangle, self.grid);
         let side = self.grid.node_side_m(self.grid.depth);
@@ -190,6 +195,7 @@ impl BucketWriter<'_> {
                 bucket.content.add(&extent, [f64::from(x) * block_side, f64::from(y) * block_side], block_side);
                 bucket.buffer.extend_from_slice(&record);
                 self.buffered += record.len();
+                self.budget.spend(record.len())?;
             }
             if self.by_block.len() > self.max_blocks {
                 return Err(BakeError::TooManyBlocks { limit: self.max_blocks, side_m: block_side });
@@ -280,7 +286,8 @@ mod tests {
         };
         let folder = TestFolder::new(&format!("partition-{name}"));
         let buckets = folder.path.join("buckets");
-        let options = PartitionOptions { folder: &buckets, margin_m, buffer_bytes, max_blocks: 1 << 10 };
+        let budget = &ScratchBudget::new(u64::MAX);
+        let options = PartitionOptions { folder: &buckets, margin_m, buffer_bytes, max_blocks: 1 << 10, budget };
         let city = ScratchScene::from_scene(scene).unwrap();
         (Partition::new(&city, &grid(5), options, |_| {}).unwrap(), folder)
     }
@@ -354,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn too_many_blocks_are_refused() {
+    fn too_many_blocks_and_too_large_buckets_are_refused() {
         let scene = Scene {
             triangles: vec![triangle([[0.0; 3], [2000.0, 0.0, 0.0], [0.0, 2000.0, 0.0]])],
             objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
@@ -362,10 +369,17 @@ mod tests {
             ..Scene::default()
         };
         let folder = TestFolder::new("partition-blocks");
-        let options =
-            PartitionOptions { folder: &folder.path.join("b"), margin_m: 0.0, buffer_bytes: 99, max_blocks: 200 };
-        let result = Partition::new(&ScratchScene::from_scene(scene).unwrap(), &grid(5), options, |_| {});
-        assert!(matches!(result, Err(BakeError::TooManyBlocks { limit: 200, .. })));
+        let city = ScratchScene::from_scene(scene).unwrap();
+        let partition = |name: &str, max_blocks: usize, budget: u64| {
+            let (folder, budget) = (&folder.path.join(name), &ScratchBudget::new(budget));
+            let options = PartitionOptions { folder, margin_m: 0.0, buffer_bytes: 99, max_blocks, budget };
+            Partition::new(&city, &grid(5), options, |_| {}).map(|_| ())
+        };
+        assert!(matches!(partition("blocks", 200, u64::MAX), Err(BakeError::TooManyBlocks { limit: 200, .. })));
+        // 256 copies of the triangle.
+        let bytes = 256 * RECORD_BYTES as u64;
+        assert!(matches!(partition("bytes", 300, bytes - 1), Err(BakeError::ScratchLimit { .. })));
+        assert!(partition("fits", 300, bytes).is_ok());
     }
 
     #[test]

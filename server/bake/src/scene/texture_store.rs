@@ -11,7 +11,7 @@ use lru::LruCache;
 use crate::{
     error::BakeError,
     hash::{ShortHash, short_hash},
-    scene::SceneTexture,
+    scene::{SceneTexture, scratch_budget::ScratchBudget},
 };
 
 /// New value of each 8-bit value.
@@ -38,7 +38,7 @@ pub(crate) struct TextureStore {
 #[derive(Debug)]
 enum TextureStorage {
     Memory(Vec<Arc<SceneTexture>>),
-    Folder { path: PathBuf, cache: Mutex<TextureCache> },
+    Folder { path: PathBuf, cache: Mutex<TextureCache>, budget: ScratchBudget },
 }
 
 /// Loaded textures. Evicts the least recently used; a texture that a block still uses stays alive outside the cache.
@@ -55,9 +55,9 @@ impl TextureStore {
     }
 
     /// Keeps textures in files of the existing folder `path`, and at most `limit_bytes` of them in memory.
-    pub(crate) fn in_folder(path: PathBuf, limit_bytes: usize) -> Self {
+    pub(crate) fn in_folder(path: PathBuf, limit_bytes: usize, budget: ScratchBudget) -> Self {
         let cache = Mutex::new(TextureCache { loaded: LruCache::unbounded(), bytes: 0, limit_bytes });
-        Self { facts: Vec::new(), storage: TextureStorage::Folder { path, cache }, failed: None }
+        Self { facts: Vec::new(), storage: TextureStorage::Folder { path, cache, budget }, failed: None }
     }
 
     /// Stores a texture and returns its number. A write error is kept until [`Self::finish`].
@@ -69,17 +69,18 @@ impl TextureStore {
         self.facts.push(TextureFacts { width: texture.width, height: texture.height, hash, tone: None });
         match &mut self.storage {
             TextureStorage::Memory(all) => all.push(texture),
-            TextureStorage::Folder { path, .. } => {
-                let path = texture_path(path, number);
-                if let Err(cause) = fs::write(&path, texture.rgb.as_flattened()) {
-                    self.failed.get_or_insert(BakeError::io(&path, "written", cause));
+            TextureStorage::Folder { path, budget, .. } => {
+                let (path, texels) = (texture_path(path, number), texture.rgb.as_flattened());
+                let write = || fs::write(&path, texels).map_err(|cause| BakeError::io(&path, "written", cause));
+                if let Err(error) = budget.spend(texels.len()).and_then(|()| write()) {
+                    self.failed.get_or_insert(error);
                 }
             }
         }
         number
     }
 
-    /// Fails if a texture could not be written.
+    /// Fails if a texture could not be written, or the scratch files are larger than they may be.
     pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
         self.failed.take().map_or(Ok(()), Err)
     }
@@ -106,7 +107,7 @@ impl TextureStore {
     pub(crate) fn get(&self, number: u32) -> Result<Arc<SceneTexture>, BakeError> {
         match &self.storage {
             TextureStorage::Memory(all) => Ok(Arc::clone(&all[number as usize])),
-            TextureStorage::Folder { path, cache } => {
+            TextureStorage::Folder { path, cache, .. } => {
                 // Loading under the lock: two blocks that need the same texture load it once.
                 let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some(texture) = cache.loaded.get(&number) {
@@ -165,7 +166,7 @@ mod tests {
     #[test]
     fn textures_are_loaded_on_demand_within_the_cache_limit() {
         let folder = TestFolder::new("textures");
-        let mut textures = TextureStore::in_folder(folder.path.clone(), 100);
+        let mut textures = TextureStore::in_folder(folder.path.clone(), 100, ScratchBudget::new(120));
         for i in 0..4u8 {
             textures.add(Arc::new(SceneTexture { width: 5, height: 2, rgb: vec![[i; 3]; 10] }));
         }

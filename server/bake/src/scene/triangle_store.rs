@@ -6,7 +6,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{error::BakeError, scene::SceneTriangle};
+use crate::{
+    error::BakeError,
+    scene::{SceneTriangle, scratch_budget::ScratchBudget},
+};
 
 /// Size of a triangle in a scratch file: corners, texture coordinates, material, object; 4 bytes each, little-endian.
 pub(crate) const RECORD_BYTES: usize = 17 * 4;
@@ -48,7 +51,8 @@ pub(crate) enum TriangleStore {
 pub(crate) struct TriangleFile {
     path: PathBuf,
     writer: Option<BufWriter<File>>,
-    failed: Option<io::Error>,
+    budget: ScratchBudget,
+    failed: Option<BakeError>,
 }
 
 impl TriangleFile {
@@ -65,32 +69,33 @@ impl TriangleFile {
 
 impl TriangleStore {
     /// Fails if the file at `path` cannot be created.
-    pub(crate) fn in_file(path: PathBuf) -> Result<Self, BakeError> {
+    pub(crate) fn in_file(path: PathBuf, budget: ScratchBudget) -> Result<Self, BakeError> {
         let file = File::create_new(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
         let writer = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
-        Ok(Self::File(TriangleFile { path, writer, failed: None }))
+        Ok(Self::File(TriangleFile { path, writer, budget, failed: None }))
     }
 
     pub(crate) fn push(&mut self, triangle: SceneTriangle) {
         match self {
             Self::Memory(all) => all.push(triangle),
             Self::File(file) => {
-                if let Some(writer) = &mut file.writer
-                    && let Err(cause) = writer.write_all(&to_record(&triangle))
-                {
-                    file.failed = Some(cause);
+                let Some(writer) = &mut file.writer else { return };
+                let written = |cause| BakeError::io(&file.path, "written", cause);
+                let spent = file.budget.spend(RECORD_BYTES);
+                if let Err(error) = spent.and_then(|()| writer.write_all(&to_record(&triangle)).map_err(written)) {
+                    file.failed = Some(error);
                     file.writer = None;
                 }
             }
         }
     }
 
-    /// Ends the writing. Fails if any write failed.
+    /// Ends the writing. Fails if any write failed or the scratch files are larger than they may be.
     pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
         let Self::File(file) = self else { return Ok(()) };
         let flushed = file.writer.take().map_or(Ok(()), |mut writer| writer.flush());
-        let failed = file.failed.take().map_or(flushed, Err);
-        failed.map_err(|cause| BakeError::io(&file.path, "written", cause))
+        let flushed = flushed.map_err(|cause| BakeError::io(&file.path, "written", cause));
+        file.failed.take().map_or(flushed, Err)
     }
 
     /// Adds triangles after the writing has ended. Fails if they cannot be written.
@@ -129,8 +134,9 @@ impl TriangleStore {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{SceneTexture, texture_store::TextureStore};
     use insula_test_support::folder::TestFolder;
-    use std::fs;
+    use std::{fs, sync::Arc};
 
     fn triangle(i: u32) -> SceneTriangle {
         let corners = [[i as f32, 0.5, -1.0], [5.0, 0.0, 1.0], [0.0, -3.0, f32::MIN_POSITIVE]];
@@ -138,9 +144,25 @@ mod tests {
     }
 
     #[test]
+    fn no_more_than_the_budget_is_written() {
+        let folder = TestFolder::new("triangle-budget");
+        let path = folder.path.join("triangles");
+        let budget = ScratchBudget::new(1000 * RECORD_BYTES as u64);
+        let mut stored = TriangleStore::in_file(path.clone(), budget.clone()).unwrap();
+        (0..600).for_each(|i| stored.push(triangle(i)));
+        stored.finish().unwrap();
+        stored.append((0..400).map(triangle)).unwrap();
+        assert!(matches!(stored.append((0..100_000).map(triangle)), Err(BakeError::ScratchLimit { limit_mib: 0 })));
+        assert_eq!(fs::metadata(path).unwrap().len(), 1000 * RECORD_BYTES as u64);
+        let mut textures = TextureStore::in_folder(folder.path.clone(), 0, budget);
+        textures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[7; 3]] }));
+        assert!(matches!(textures.finish(), Err(BakeError::ScratchLimit { .. })));
+    }
+
+    #[test]
     fn triangle_file_returns_its_triangles_in_order_and_reports_truncation() {
         let folder = TestFolder::new("triangle-store");
-        let mut stored = TriangleStore::in_file(folder.path.join("triangles")).unwrap();
+        let mut stored = TriangleStore::in_file(folder.path.join("triangles"), ScratchBudget::new(u64::MAX)).unwrap();
         let all: Vec<SceneTriangle> = (0..10_000).map(triangle).collect();
         all.iter().for_each(|triangle| stored.push(*triangle));
         stored.finish().unwrap();
