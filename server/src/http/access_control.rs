@@ -64,10 +64,15 @@ impl CityAccess {
 }
 
 impl AccessControl {
+    /// Without any tokens and keys: nothing opens a private city.
+    pub(super) fn closed(config: &config::AccessConfig) -> Self {
+        let private = config.private.iter().cloned().collect();
+        Self { is_restricted: config.is_restricted(), private, ..Self::default() }
+    }
+
     /// Reads the files of tokens and keys. Also returns what is wrong with them: what they do not list opens nothing.
     pub(super) fn load(config: &config::AccessConfig) -> (Self, Vec<String>) {
-        let mut access = Self { is_restricted: config.is_restricted(), ..Self::default() };
-        access.private = config.private.iter().cloned().collect();
+        let mut access = Self::closed(config);
         let mut faults = Vec::new();
         if let Some(path) = &config.tokens {
             let tokens = read_tokens(path);

@@ -17,6 +17,7 @@ mod connection;
 mod connection_state;
 mod content_encoding;
 mod health;
+mod hung_disk;
 mod in_flight;
 mod index_page;
 mod log_limit;

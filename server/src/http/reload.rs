@@ -3,7 +3,13 @@
 //! Everything here runs apart from the thread that accepts connections. Tokens and keys are read first, and are read also while
 //! a check of the cities takes long: a token that was removed must not live as long as a disk is slow.
 
-use super::{access_control::AccessControl, city_documents::CityDocuments, state::AppState, tls::TlsIdentity};
+use super::{
+    access_control::AccessControl,
+    city_documents::CityDocuments,
+    hung_disk::{RunningChecks, TimedReads},
+    state::AppState,
+    tls::TlsIdentity,
+};
 use crate::{
     config::ServeConfig,
     store::{RetentionPolicy, StoreReload},
@@ -17,14 +23,21 @@ use std::{
 };
 use tokio::{
     sync::{Notify, oneshot},
-    task::{JoinHandle, spawn_blocking},
+    task::spawn_blocking,
     time::sleep,
 };
 
 /// Shortest time between two checks of remote cities: each one costs a request, while checking a folder is cheap.
 const REMOTE_INTERVAL: Duration = Duration::from_secs(10);
-/// A check of the cities that takes longer is reported. It goes on, but no other one starts.
+/// A check of the cities that takes longer is reported. It goes on.
 const SLOW_CHECK: Duration = Duration::from_secs(60);
+/// Another check starts beside one that takes longer: its file system may never respond.
+const HUNG_CHECK: Duration = Duration::from_secs(300);
+/// Tokens, keys and certificates are small files.
+const MAX_READ_TIME: Duration = Duration::from_secs(20);
+
+/// Error of a read that takes longer than [`MAX_READ_TIME`].
+const NO_RESPONSE: &str = "the file system does not respond";
 
 /// Checks for changes at an interval and on request, as long as the server runs.
 pub(super) struct ReloadTask {
@@ -37,21 +50,18 @@ pub(super) struct ReloadTask {
     known_failures: BTreeSet<String>,
     known_access_faults: Vec<String>,
     remote_checked_at: Instant,
-    check: Option<CityCheck>,
+    checks: RunningChecks<CityCheckResult>,
+    /// The newest check was reported as slow.
+    is_reported: bool,
     /// Checks were requested while one was running.
     is_requested_again: bool,
-}
-
-/// A running check of the cities.
-struct CityCheck {
-    task: JoinHandle<CityCheckResult>,
-    started: Instant,
-    is_requested: bool,
-    is_reported: bool,
+    certificate_reads: TimedReads,
+    access_reads: TimedReads,
 }
 
 /// What a check found, and the documents of its cities unless they are the current ones.
 struct CityCheckResult {
+    is_requested: bool,
     found: StoreReload,
     documents: Option<Arc<CityDocuments>>,
 }
@@ -76,8 +86,11 @@ impl ReloadTask {
             known_failures: BTreeSet::new(),
             known_access_faults: Vec::new(),
             remote_checked_at: Instant::now(),
-            check: None,
+            checks: RunningChecks::new(HUNG_CHECK),
+            is_reported: false,
             is_requested_again: false,
+            certificate_reads: TimedReads::new(MAX_READ_TIME),
+            access_reads: TimedReads::new(MAX_READ_TIME),
         }
     }
 
@@ -106,17 +119,11 @@ impl ReloadTask {
                     secs => sleep(Duration::from_secs(secs)).await,
                 }
             };
-            let finished = async {
-                match &mut self.check {
-                    Some(check) => (&mut check.task).await,
-                    None => pending().await,
-                }
-            };
             let is_requested = tokio::select! {
                 () = interval => false,
                 () = self.reload_signal.notified() => true,
-                result = finished => {
-                    self.finish_check(result.ok());
+                result = self.checks.next() => {
+                    self.finish_check(result);
                     if !std::mem::take(&mut self.is_requested_again) {
                         continue;
                     }
@@ -136,17 +143,22 @@ impl ReloadTask {
 
     async fn reload_certificate(&self) {
         let (Some(tls), config) = (self.tls.clone(), self.config.tls.clone()) else { return };
-        // The task fails only if it is cancelled at the end of the process.
-        if let Ok(Err(error)) = spawn_blocking(move || tls.reload(&config)).await {
-            tracing::error!(%error, "cannot use the new certificate: the old one stays in use");
-            self.state.metrics().reloaded("failed");
-        }
+        let fault = match self.certificate_reads.run(move || tls.reload(&config)).await {
+            Some(Ok(())) => return,
+            Some(Err(error)) => error.to_string(),
+            None => NO_RESPONSE.to_owned(),
+        };
+        tracing::error!(error = fault, "cannot use the new certificate: the old one stays in use");
+        self.state.metrics().reloaded("failed");
     }
 
-    /// Replaces tokens and keys. What their files do not list any more is gone, even if the files cannot be read.
+    /// Replaces tokens and keys. What their files do not list any more is gone, even if the files cannot be read, or not in
+    /// time.
     async fn reload_access(&mut self) {
         let config = self.config.access.clone();
-        let Ok((access, faults)) = spawn_blocking(move || AccessControl::load(&config)).await else { return };
+        let closed = AccessControl::closed(&config);
+        let read = self.access_reads.run(move || AccessControl::load(&config)).await;
+        let (access, faults) = read.unwrap_or_else(|| (closed, vec![NO_RESPONSE.to_owned()]));
         if faults != self.known_access_faults {
             for fault in &faults {
                 tracing::error!(fault, "part of the tokens and keys cannot be used: what is not listed opens nothing");
@@ -158,13 +170,13 @@ impl ReloadTask {
     }
 
     fn start_check(&mut self, is_requested: bool) {
-        if let Some(check) = &mut self.check {
+        if !self.is_reported && self.checks.running_for().is_some_and(|time| time > SLOW_CHECK) {
+            self.is_reported = true;
+            tracing::error!("a check of the cities takes very long: the versions that are served stay");
+            self.state.metrics().reloaded("failed");
+        }
+        if !self.checks.can_start() {
             self.is_requested_again |= is_requested;
-            if check.started.elapsed() > SLOW_CHECK && !check.is_reported {
-                check.is_reported = true;
-                tracing::error!("a check of the cities takes very long: the versions that are served stay");
-                self.state.metrics().reloaded("failed");
-            }
             return;
         }
         let include_remote = is_requested || self.remote_checked_at.elapsed() >= REMOTE_INTERVAL;
@@ -173,14 +185,14 @@ impl ReloadTask {
         }
         let reload = &self.config.reload;
         let retention = RetentionPolicy { time: Duration::from_secs(reload.keep_secs), versions: reload.keep_versions };
-        let task = tokio::spawn(check_cities(self.state.clone(), retention, include_remote));
-        self.check = Some(CityCheck { task, started: Instant::now(), is_requested, is_reported: false });
+        let check = check_cities(self.state.clone(), retention, include_remote);
+        self.checks.start(async move { CityCheckResult { is_requested, ..check.await } });
+        self.is_reported = false;
     }
 
     /// Uses the result of a check; `None` if it panicked.
     fn finish_check(&mut self, result: Option<CityCheckResult>) {
-        let is_requested = self.check.take().is_some_and(|check| check.is_requested);
-        let Some(CityCheckResult { found, documents }) = result else {
+        let Some(CityCheckResult { is_requested, found, documents }) = result else {
             tracing::error!("a check of the cities failed: the versions that are served stay");
             self.state.metrics().reloaded("failed");
             return;
@@ -212,11 +224,11 @@ async fn check_cities(state: AppState, retention: RetentionPolicy, include_remot
     let catalog = Arc::clone(&state.catalog());
     let found = catalog.store().reload(retention, include_remote).await;
     if found.changed.is_empty() {
-        return CityCheckResult { found, documents: None };
+        return CityCheckResult { is_requested: false, found, documents: None };
     }
     let store = found.store.clone();
     // Which cities are private is configured, and does not change with tokens and keys.
     let encode = move || CityDocuments::new(&store, catalog.access(), Some(catalog.documents()));
     let documents = spawn_blocking(encode).await.ok().map(Arc::new);
-    CityCheckResult { found, documents }
+    CityCheckResult { is_requested: false, found, documents }
 }
