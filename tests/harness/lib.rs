@@ -5,6 +5,7 @@ pub mod baked;
 mod baked_meshes;
 pub mod cameras;
 pub mod compare;
+pub mod deep_city;
 pub mod draw_list;
 pub mod fidelity;
 pub mod fixtures;

@@ -6,11 +6,13 @@
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use insula_test_support::{programs::program, rng::Rng};
+use insula_tests::deep_city::DeepCityServer;
 use std::{
     fs,
     io::Read,
     path::{Path, PathBuf},
     process::{Command, Stdio},
+    sync::atomic::Ordering::Relaxed,
     time::{Duration, Instant},
 };
 
@@ -20,6 +22,12 @@ const BESIDES_MIB: u64 = 512;
 /// Address space of all other commands.
 const COMMAND_MIB: u64 = 1024;
 const MAX_TIME: Duration = Duration::from_secs(60);
+/// Most memory that a client with a cache of 16 MiB may hold, in a flight through an endless city.
+const DEEP_CITY_MIB: u64 = 300;
+/// Length of that flight.
+const DEEP_CITY_SECS: u32 = 40;
+/// Four times the memory of the subtrees that the client keeps have to pass through it.
+const DEEP_CITY_SUBTREES: u64 = 600;
 /// A server that holds out for this long has opened its city.
 const SERVE_TIME: Duration = Duration::from_millis(700);
 const FLIGHT: &str = r#"{"seconds":1,"keys":[{"t":0,"position":[50,-80,90],"target":[50,50,0]},
@@ -41,6 +49,52 @@ struct Source {
     name: &'static str,
     bytes: Vec<u8>,
     options: Vec<&'static str>,
+}
+
+/// Largest resident set of a process so far, in bytes; 0 if it has ended.
+fn peak_resident_bytes(pid: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok());
+    peak.unwrap_or(0u64) << 10
+}
+
+/// Flies through an endless city. Returns what is wrong.
+fn deep_city_case(folder: &Path) -> Result<Option<String>> {
+    let server = DeepCityServer::start()?;
+    let path = folder.join("deep.json");
+    // At stops far from each other, a second each, so that all but the topmost levels are new at each.
+    let stop = |number: u32| {
+        let [x, y] = [0.381, 0.618].map(|step| (0.3 + f64::from(number) * step).fract() * 6e7);
+        let view = format!("\"position\":[{x},{y},30],\"target\":[{},{},20]", x + 90.0, y + 200.0);
+        format!("{{\"t\":{number},{view}}},{{\"t\":{number}.9,{view}}}")
+    };
+    let keys: Vec<String> = (0..DEEP_CITY_SECS).map(stop).collect();
+    fs::write(&path, format!("{{\"seconds\":{DEEP_CITY_SECS},\"keys\":[{}]}}", keys.join(",")))?;
+    let arguments = ["fly", "--path", text(&path), "--server", &server.url, "--size", "320x180", "--adapter", "cpu"];
+    let mut child = Command::new(program("insula")?);
+    let child = child.args(arguments).args(["--cache-mib", "16"]).stdin(Stdio::null()).stdout(Stdio::null());
+    let mut child = child.spawn()?;
+    let (begin, mut peak_bytes) = (Instant::now(), 0);
+    let status = loop {
+        peak_bytes = peak_bytes.max(peak_resident_bytes(child.id()));
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        if begin.elapsed() > MAX_TIME {
+            child.kill()?;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    let (subtrees, sent_mib) = (server.subtrees.load(Relaxed), server.bytes.load(Relaxed) >> 20);
+    let peak_mib = peak_bytes >> 20;
+    println!("endless city: {subtrees} subtrees, {sent_mib} MiB sent, client took {peak_mib} MiB at most");
+    Ok(if !status.success() {
+        Some(format!("fly ends with {status}"))
+    } else if subtrees < DEEP_CITY_SUBTREES {
+        Some(format!("only {subtrees} subtrees were fetched"))
+    } else {
+        (peak_mib > DEEP_CITY_MIB).then(|| format!("fly took {peak_mib} MiB, the limit is {DEEP_CITY_MIB}"))
+    })
 }
 
 /// Runs a program with at most `mib` of address space. Returns what is wrong with its end.
@@ -290,6 +344,10 @@ fn main() -> Result<()> {
     let root = tempfile::tempdir()?;
     let good = bake_good_city(root.path())?;
     let mut findings = 0;
+    if let Some(finding) = deep_city_case(root.path())? {
+        findings += 1;
+        println!("endless city: {finding}");
+    }
     for number in args.first..args.first + args.cases {
         let mut rng = Rng::new(number);
         let folder = tempfile::tempdir_in(root.path())?;

@@ -1,0 +1,120 @@
+//! A server of a city of 20 levels that is full everywhere: a client that flies through it never comes to an end.
+
+use insula_protocol::{
+    BlockMap, Manifest, NODE_CELLS, Subtree, Texel, TileId, TileKind,
+    blockmap::{COLUMNS, MapColumn},
+    manifest::CityCounts,
+    route::{self, Route, TileRoute},
+    subtree::{LEVELS, NodeInfo},
+};
+use insula_test_support::{rng::Rng, small_city};
+use std::{
+    io::{BufRead, BufReader, Write},
+    net::{TcpListener, TcpStream},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering::Relaxed},
+    },
+};
+
+const NAME: &str = "deep";
+const DEPTH: u8 = insula_protocol::tile_id::MAX_LEVEL;
+
+/// The running server.
+#[derive(Debug)]
+pub struct DeepCityServer {
+    /// Address of the server.
+    pub url: String,
+    /// Number of subtree tiles that were sent.
+    pub subtrees: Arc<AtomicU64>,
+    /// Bytes of all responses.
+    pub bytes: Arc<AtomicU64>,
+}
+
+/// Side of a node's columns; those of leaves have a metre.
+fn cell_m(id: TileId) -> f32 {
+    (1u32 << (DEPTH - id.level())) as f32
+}
+
+fn manifest() -> Manifest {
+    let root_side_m = NODE_CELLS as f64 * f64::from(cell_m(TileId::ROOT));
+    Manifest {
+        depth: DEPTH,
+        origin: [0.0; 3],
+        root_side_m,
+        bounds: [[0.0; 3], [root_side_m, root_side_m, 20.0]],
+        counts: CityCounts::default(),
+        ..small_city::manifest(NAME)
+    }
+}
+
+/// A V-BlockMap with a tower in every column.
+fn block_map(id: TileId) -> Option<Vec<u8>> {
+    let mut rng = Rng::new(u64::from(id.x()) << 32 | u64::from(id.y()));
+    let mut tower = || {
+        let texel = Texel::new([(); 3].map(|()| rng.below(256) as u8), 40, 3);
+        Some(MapColumn { z_max: 4 + rng.below(40) as u16, roof: texel, ..MapColumn::default() })
+    };
+    let columns: Vec<_> = (0..COLUMNS).map(|_| tower()).collect();
+    BlockMap::from_columns(id, cell_m(id), 0, 4, &columns).ok()?.encode().ok()
+}
+
+/// All nodes of a subtree, each with all children.
+fn subtree(root: TileId) -> Option<Vec<u8>> {
+    let (mut ids, mut nodes) = (vec![root], Vec::new());
+    while let Some(&id) = ids.get(nodes.len()) {
+        let side_m = NODE_CELLS as f32 * cell_m(id);
+        let child_mask = if id.level() == DEPTH { 0 } else { 15 };
+        let (error_m, radius_m, blockmap_bytes) = (side_m / 64.0, side_m, 16 << 10);
+        nodes.push(NodeInfo { id, child_mask, z_min_m: 0.0, z_max_m: 20.0, error_m, radius_m, blockmap_bytes });
+        if id.level() < (root.level() + LEVELS).min(DEPTH) {
+            ids.extend(id.children());
+        }
+    }
+    Subtree { nodes, meshes: Vec::new() }.encode().ok()
+}
+
+impl DeepCityServer {
+    /// Serves the city on a free port until the process ends. Fails if there is none.
+    pub fn start() -> std::io::Result<Self> {
+        let listener = TcpListener::bind("127.0.0.1:0")?;
+        let url = format!("http://{}{}", listener.local_addr()?, route::manifest(NAME));
+        let (subtrees, bytes) = <(Arc<AtomicU64>, Arc<AtomicU64>)>::default();
+        let server = Self { url, subtrees: subtrees.clone(), bytes: bytes.clone() };
+        std::thread::spawn(move || {
+            for stream in listener.incoming().flatten() {
+                let (subtrees, bytes) = (subtrees.clone(), bytes.clone());
+                std::thread::spawn(move || serve(stream, &subtrees, &bytes));
+            }
+        });
+        Ok(server)
+    }
+}
+
+/// Responds to the requests of a connection until it ends.
+fn serve(stream: TcpStream, subtrees: &AtomicU64, bytes: &AtomicU64) -> Option<()> {
+    let mut reader = BufReader::new(stream);
+    loop {
+        let mut request = String::new();
+        reader.read_line(&mut request).ok()?;
+        let path = request.split(' ').nth(1)?;
+        let mut header = String::new();
+        while header != "\r\n" {
+            header.clear();
+            (reader.read_line(&mut header).ok()? > 0).then_some(())?;
+        }
+        let body = match Route::parse(path) {
+            Ok(Route::Manifest { city: NAME }) => serde_json::to_vec(&manifest()).ok(),
+            Ok(Route::Tile(TileRoute { kind: TileKind::BlockMap, id, .. })) => block_map(id),
+            Ok(Route::Tile(TileRoute { kind: TileKind::Subtree, id, .. })) => {
+                subtrees.fetch_add(1, Relaxed);
+                subtree(id)
+            }
+            _ => None,
+        };
+        let (status, body) = body.map_or(("404 Not Found", Vec::new()), |body| ("200 OK", body));
+        bytes.fetch_add(body.len() as u64, Relaxed);
+        let head = format!("HTTP/1.1 {status}\r\ncontent-length: {}\r\n\r\n", body.len());
+        reader.get_mut().write_all(&[head.as_bytes(), &body].concat()).ok()?;
+    }
+}
