@@ -16,3 +16,5 @@ pub mod mesh;
 pub mod pack;
 pub mod tone;
 pub mod wgsl;
+
+pub use atmosphere::irradiance;

@@ -5,6 +5,7 @@
 //! a table by height and height of the sun (Hillaire, "A Scalable and Production Ready Sky and Atmosphere Rendering
 //! Technique", 2020, section 5.5). Radiances are relative to the sun's irradiance above the atmosphere.
 
+pub mod irradiance;
 mod spectrum;
 
 use glam::{DVec3, Vec3};
@@ -41,6 +42,8 @@ const MIE_ISOTROPIC: f64 = 0.42;
 const MIE_SHARE: f64 = 0.5;
 /// Albedo of the ground.
 const GROUND: f64 = 0.25;
+/// With the sun below the horizon, the last light comes along the horizon: the least sine of the sun's height.
+const SUN_LOW: f64 = 0.001;
 /// Steps along a ray to the eye, in the table, and to the sun.
 const STEPS: u32 = 24;
 const TABLE_STEPS: u32 = 16;
@@ -76,6 +79,10 @@ pub(crate) struct Atmosphere {
     rayleigh: Spectrum,
     /// Extinction by particles at the ground, per metre.
     particles: Spectrum,
+    /// Share of it that is scattered.
+    albedo: f64,
+    /// Absorption by ozone where it is densest, per metre.
+    ozone: Spectrum,
     /// Radiance from multiple scattering, per unit of scattering: [`SUNS`] for each of [`HEIGHTS_M`].
     multiple: Vec<Spectrum>,
 }
@@ -88,30 +95,44 @@ impl Atmosphere {
     pub(crate) fn new(turbidity: f64) -> Self {
         // Ångström's coefficient by turbidity (Preetham and others 1999, appendix 1).
         let beta = (0.046_08 * turbidity.clamp(1.0, 20.0) - 0.045_86).max(0.0) * MIE_SHARE;
-        let mut air = Self {
-            rayleigh: Spectrum::from_um(|um| RAYLEIGH * (um / 0.55).powf(RAYLEIGH_EXPONENT)),
+        let air = Self {
+            rayleigh: Spectrum::from_um(rayleigh),
             particles: Spectrum::from_um(|um| beta * um.powf(MIE_EXPONENT) / MIE_HEIGHT_M),
+            albedo: MIE_ALBEDO,
+            ozone: OZONE,
             multiple: Vec::new(),
         };
-        let suns = (0..SUNS).map(|k| SUN_MIN + (1.0 - SUN_MIN) * k as f64 / (SUNS - 1) as f64);
-        let places = HEIGHTS_M.iter().flat_map(|height_m| suns.clone().map(move |sun_z| (*height_m, sun_z)));
-        air.multiple = places.map(|(height_m, sun_z)| air.multiple_scattering(height_m, sun_z)).collect();
-        air
+        air.with_multiple_scattering()
     }
 
-    /// Irradiance of a surface that faces the sun, from its disc. `sun_z` is the sine of the sun's height. The disc sets while
-    /// its height goes from +0.3 to -0.8 degrees, with the refraction of the air.
+    fn with_multiple_scattering(mut self) -> Self {
+        let suns = (0..SUNS).map(|k| SUN_MIN + (1.0 - SUN_MIN) * k as f64 / (SUNS - 1) as f64);
+        let places = HEIGHTS_M.iter().flat_map(|height_m| suns.clone().map(move |sun_z| (*height_m, sun_z)));
+        self.multiple = places.map(|(height_m, sun_z)| self.multiple_scattering(height_m, sun_z)).collect();
+        self
+    }
+
+    /// Irradiance of a surface that faces the sun, from its disc. `sun_z` is the sine of the sun's height.
     pub(crate) fn sun(&self, sun_z: f64) -> DVec3 {
-        let height_deg = sun_z.clamp(-1.0, 1.0).asin().to_degrees();
-        let share = ((height_deg + 0.8) / 1.1).clamp(0.0, 1.0);
-        // With the sun below the horizon, the last light comes along the horizon.
-        self.transmittance(EYE_M, sun_z.max(0.001)).sunlight_rgb() * share
+        self.transmittance(EYE_M, sun_z.max(SUN_LOW)).sunlight_rgb() * disc_share(sun_z)
     }
 
     /// Radiance of the sky in direction `dir` above the horizon, under a sun in direction `sun`.
     pub(crate) fn sky(&self, dir: DVec3, sun: DVec3) -> SkyLight {
         let cos = dir.dot(sun);
-        let ray = AirRay { height_m: EYE_M, up: dir.z, sun_z: sun.z, sun_cos: cos };
+        let [molecules, particles, multiple] = self.scattered(EYE_M, dir, sun);
+        let smooth =
+            multiple.add_scaled(molecules, by_molecules(cos)).add_scaled(particles, MIE_ISOTROPIC / (4.0 * PI));
+        SkyLight {
+            smooth: smooth.sunlight_rgb().max(DVec3::ZERO),
+            forward: (particles.sunlight_rgb() * (1.0 - MIE_ISOTROPIC)).max(DVec3::ZERO),
+        }
+    }
+
+    /// Radiance of the sky from a height: of light that molecules and particles scatter once, per unit of their phase
+    /// functions, and of light that is scattered more often.
+    fn scattered(&self, height_m: f64, dir: DVec3, sun: DVec3) -> [Spectrum; 3] {
+        let ray = AirRay { height_m, up: dir.z, sun_z: sun.z, sun_cos: dir.dot(sun) };
         let (mut molecules, mut particles, mut multiple) = (Spectrum::ZERO, Spectrum::ZERO, Spectrum::ZERO);
         self.march(&ray, STEPS, |point| {
             let lit = point.seen.zip(self.transmittance(point.height_m, point.sun_z), |seen, lit| seen * lit);
@@ -121,31 +142,19 @@ impl Atmosphere {
             let scattered = point.molecules.add_scaled(point.particles, 1.0);
             multiple = multiple.zip(scattered.zip(again, |a, b| a * b), |a, b| a + b);
         });
-        let by_molecules = 3.0 / (16.0 * PI) * (1.0 + cos * cos);
-        let smooth = multiple.add_scaled(molecules, by_molecules).add_scaled(particles, MIE_ISOTROPIC / (4.0 * PI));
-        SkyLight {
-            smooth: smooth.sunlight_rgb().max(DVec3::ZERO),
-            forward: (particles.sunlight_rgb() * (1.0 - MIE_ISOTROPIC)).max(DVec3::ZERO),
-        }
+        [molecules, particles, multiple]
     }
 
     /// Share of the light from a direction that reaches a height; none through the Earth.
     fn transmittance(&self, height_m: f64, up: f64) -> Spectrum {
-        let r = EARTH_M + height_m;
-        if up < 0.0 && r * (1.0 - up * up).max(0.0).sqrt() < EARTH_M {
-            return Spectrum::ZERO;
+        match columns(height_m, up) {
+            Some(columns) => self.extinction(columns).map(|depth| (-depth).exp()),
+            None => Spectrum::ZERO,
         }
-        let mut columns = [0.0; 3];
-        along(path_m(height_m, up), SUN_STEPS, |t, step| {
-            let h = (r * r + t * t + 2.0 * r * t * up).sqrt() - EARTH_M;
-            let amounts = densities(h.max(0.0));
-            (0..3).for_each(|i| columns[i] += amounts[i] * step);
-        });
-        self.extinction(columns).map(|depth| (-depth).exp())
     }
 
     fn extinction(&self, [molecules, particles, ozone]: Amounts) -> Spectrum {
-        self.rayleigh.map(|v| v * molecules).add_scaled(self.particles, particles).add_scaled(OZONE, ozone)
+        self.rayleigh.map(|v| v * molecules).add_scaled(self.particles, particles).add_scaled(self.ozone, ozone)
     }
 
     /// Visits the points of a ray up to the ground or the end of the atmosphere. Returns the share of the light that passes it.
@@ -162,7 +171,7 @@ impl Atmosphere {
                 sun_z: (r * ray.sun_z + t * ray.sun_cos) / to_point,
                 seen: depth.zip(taken, |depth, taken| (-(depth + taken * 0.5)).exp() * step),
                 molecules: self.rayleigh.map(|v| v * amounts[0]),
-                particles: self.particles.map(|v| v * MIE_ALBEDO * amounts[1]),
+                particles: self.particles.map(|v| v * self.albedo * amounts[1]),
             });
             depth = depth.add_scaled(taken, 1.0);
         });
@@ -245,10 +254,41 @@ struct RayPoint {
     particles: Spectrum,
 }
 
+/// Scattering by molecules at the ground, per metre, of light with a wavelength in micrometres.
+fn rayleigh(um: f64) -> f64 {
+    RAYLEIGH * (um / 0.55).powf(RAYLEIGH_EXPONENT)
+}
+
+/// The phase function of molecules.
+fn by_molecules(cos: f64) -> f64 {
+    3.0 / (16.0 * PI) * (1.0 + cos * cos)
+}
+
+/// Share of the sun's disc above the horizon, by the sine of the sun's height. The disc sets while its height goes from +0.3 to
+/// -0.8 degrees, with the refraction of the air.
+fn disc_share(sun_z: f64) -> f64 {
+    ((sun_z.clamp(-1.0, 1.0).asin().to_degrees() + 0.8) / 1.1).clamp(0.0, 1.0)
+}
+
 /// Densities of molecules and particles relative to the ground, and of ozone relative to its maximum.
 fn densities(height_m: f64) -> Amounts {
     let ozone = 1.0 - (height_m - OZONE_HEIGHT_M).abs() / OZONE_HALF_M;
     [(-height_m / RAYLEIGH_HEIGHT_M).exp(), (-height_m / MIE_HEIGHT_M).exp(), ozone.max(0.0)]
+}
+
+/// Columns from a height to the end of the atmosphere, along a ray with the cosine `up` to the vertical; none through the Earth.
+fn columns(height_m: f64, up: f64) -> Option<Amounts> {
+    let r = EARTH_M + height_m;
+    if up < 0.0 && r * (1.0 - up * up).max(0.0).sqrt() < EARTH_M {
+        return None;
+    }
+    let mut columns = [0.0; 3];
+    along(path_m(height_m, up), SUN_STEPS, |t, step| {
+        let h = (r * r + t * t + 2.0 * r * t * up).sqrt() - EARTH_M;
+        let amounts = densities(h.max(0.0));
+        (0..3).for_each(|i| columns[i] += amounts[i] * step);
+    });
+    Some(columns)
 }
 
 /// Metres to the end of the atmosphere from a height, along a ray with the cosine `up` to the vertical.
