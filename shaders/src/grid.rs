@@ -3,7 +3,8 @@
 //! A square of a level is empty, or a node fills it (its own node, or its part of a coarser one), or it is mixed: then
 //! the next finer level has its entries. So a ray may begin anywhere at the level that its distance asks for, and
 //! the cost of a step does not depend on the depth of the city's tree. The finer levels reach only as far as the draw
-//! list has mixed squares.
+//! list has mixed squares, and no further than [`MAX_ENTRIES`] allow: squares beyond are drawn by a coarser node, if the list has
+//! one. Draw lists of a view do not reach that far. Those of a camera that has just jumped may, and hostile cities do.
 //!
 //! A node may lie in the square of a coarser one. The finer one is drawn there, the coarser one in the rest of its
 //! square.
@@ -68,6 +69,8 @@ impl GridHeader {
     }
 }
 
+/// Most entries of a grid: 32 MiB. A window may have 512 squares on a side at every level, or 1024 at three of them.
+pub const MAX_ENTRIES: usize = 1 << 22;
 /// Largest height of an entry, in steps.
 pub const Z_TOP: f32 = 65535.0;
 /// Index that means no node, or no child.
@@ -202,11 +205,12 @@ impl GridBuilder {
                 }
             }
         }
+        let wanted = |k: u32| (2 * need[k as usize] as u32).max(1).next_power_of_two().trailing_zeros().min(root.k - k);
+        let sides = bounded_sides((0..=root.k).map(wanted).collect());
         let mut base = 0i32;
         let mut windows = [[0; 4]; GRID_LEVELS];
-        for k in 0..=root.k {
+        for (k, log2) in (0..).zip(sides) {
             let whole = root.k - k;
-            let log2 = (2 * need[k as usize] as u32).max(1).next_power_of_two().trailing_zeros().min(whole);
             let low = |axis: usize| if log2 == whole { 0 } else { centre(k, axis) - (1 << log2) / 2 };
             windows[k as usize] = [base, log2 as i32, low(0), low(1)];
             base += 1 << (2 * log2);
@@ -219,7 +223,7 @@ impl GridBuilder {
     fn emit(&mut self, square: GridSquare, at: u32, inherited: u32) -> [u32; 2] {
         let quad = if at == NONE { QuadtreeNode { node: NONE, child: [NONE; 4] } } else { self.quads[at as usize] };
         let node = if quad.node == NONE { inherited } else { quad.node };
-        if quad.child == [NONE; 4] {
+        if quad.child == [NONE; 4] || !self.reaches_children(square) {
             if node == NONE {
                 return [u32::MAX, 0];
             }
@@ -236,6 +240,15 @@ impl GridBuilder {
         let [low, high] = [z[0].min(0xffff), z[1]];
         self.fill_level(square, square.k, [GRID_MIXED, low | high << 16]);
         z
+    }
+
+    /// Whether the window of the next finer level has all of a square.
+    fn reaches_children(&self, square: GridSquare) -> bool {
+        [square.child(0), square.child(3)].into_iter().all(|child| {
+            let [_, log2, low_x, low_y] = self.grid.head.windows[child.k as usize];
+            let side = 1 << log2;
+            (0..side).contains(&(child.x - low_x)) && (0..side).contains(&(child.y - low_y))
+        })
     }
 
     /// Writes `square` at its own level and at all finer ones.
@@ -259,6 +272,15 @@ impl GridBuilder {
             self.grid.entries[row + columns.start..row + columns.end].fill(entry);
         }
     }
+}
+
+/// Halves the largest windows until all have [`MAX_ENTRIES`] together. Takes and returns logarithms of sides.
+fn bounded_sides(mut sides: Vec<u32>) -> Vec<u32> {
+    while sides.iter().map(|log2| 1u64 << (2 * log2)).sum::<u64>() > MAX_ENTRIES as u64 {
+        let largest = sides.iter_mut().max();
+        largest.into_iter().for_each(|log2| *log2 -= 1);
+    }
+    sides
 }
 
 fn header(frame: &GridFrame, finest: u8) -> GridHeader {
@@ -294,6 +316,28 @@ mod tests {
         let root_corner = DVec3::new(-eye[0], -eye[1], 0.0);
         let frame = GridFrame { root_corner, root_side_m: 64.0, root_distance_m: 100.0 };
         GridBuilder::default().build(&frame, ids, &nodes).clone()
+    }
+
+    /// A city of 20 levels with a fine node beside the camera and one at the other end.
+    #[test]
+    fn far_fine_nodes_do_not_make_the_grid_large() {
+        let last = (1 << 20) - 1;
+        let ids = [id(20, 0, 0), id(20, last, last), id(1, 1, 0)];
+        let nodes: Vec<DrawNode> = (0..ids.len()).map(|i| node(i as f32, 10.0 + i as f32)).collect();
+        let frame = GridFrame { root_corner: DVec3::ZERO, root_side_m: 64.0 * 2f64.powi(20), root_distance_m: 1e8 };
+        let grid = GridBuilder::default().build(&frame, &ids, &nodes).clone();
+        assert!(grid.entries.len() <= MAX_ENTRIES, "{}", grid.entries.len());
+        let near = entry(&grid, 0, 0, 0).unwrap();
+        assert_eq!((near[0] & GRID_NODE_BIT, near[0] & (GRID_NODES as u32 - 1)), (GRID_NODE_BIT, 0));
+        let coarse = entry(&grid, 19, last as i32, 0).unwrap();
+        assert_eq!((coarse[0] & GRID_NODE_BIT, coarse[0] & (GRID_NODES as u32 - 1)), (GRID_NODE_BIT, 2));
+    }
+
+    #[test]
+    fn windows_shrink_to_the_limit() {
+        assert_eq!(bounded_sides(vec![3, 10, 10]), [3, 10, 10]);
+        let sides = bounded_sides(vec![20; 21]);
+        assert!(sides.iter().all(|log2| *log2 >= 8), "{sides:?}");
     }
 
     /// The entry of level `k` at a finest square; `None` outside the window.

@@ -138,7 +138,8 @@ fn background(dir: vec3<f32>) -> Radiance {
         return unlit(mix(sky, GROUND, near));
     }
     if ground_m < NO_GROUND_M {
-        return apply_haze(reflected(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), ground_m);
+        let hazy_m = ground_m + max(ground_m - PLANE_CLEAR_M, 0.0) * PLANE_FADE;
+        return apply_haze(reflected(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), hazy_m);
     }
     return unlit(sky(dir) + celestial_light(dir));
 }

@@ -21,6 +21,10 @@ pub(crate) const GROUND: Vec3 = Vec3::new(0.36, 0.37, 0.35);
 pub(crate) const GROUND_ALBEDO: Vec3 = Vec3::new(0.24, 0.235, 0.225);
 /// Distance in metres at which half of the plane has become horizon, behind baked values.
 pub(crate) const GROUND_FADE_M: f32 = 3000.0;
+/// Distance in metres from which the plane vanishes faster in haze than a city would, and how much faster: nobody knows what is
+/// there, and an endless plane would end in a grey band below the horizon.
+pub(crate) const PLANE_CLEAR_M: f32 = 4000.0;
+pub(crate) const PLANE_FADE: f32 = 3.0;
 /// Least descent of a ray, per metre, that meets the plane.
 pub(crate) const MIN_GROUND_DESCENT: f32 = 1e-5;
 /// Squared radius on the unit sphere at which the sun's disc begins to fade.
@@ -258,7 +262,8 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
         return Radiance::unlit(sky.lerp(GROUND, near));
     }
     if ground_m < f32::INFINITY {
-        return apply_haze(frame, reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0), airlight, ground_m);
+        let hazy_m = ground_m + (ground_m - PLANE_CLEAR_M).max(0.0) * PLANE_FADE;
+        return apply_haze(frame, reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0), airlight, hazy_m);
     }
     Radiance::unlit(sky(frame, dir) + celestial_light(frame, dir))
 }
