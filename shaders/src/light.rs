@@ -342,7 +342,7 @@ mod tests {
         // Relative to the lamps, which are the same in all of them.
         let level = |light: &Light| brightness(light.sky_up) / brightness(light.street);
         assert!(
-            level(&full) > 2.0 * level(&quarter) && level(&quarter) > 1.2 * level(&new),
+            level(&full) > 2.0 * level(&quarter) && level(&quarter) > 1.05 * level(&new),
             "{} {}",
             level(&full),
             level(&quarter)
