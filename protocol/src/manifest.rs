@@ -1,6 +1,6 @@
 //! The manifest of a city (`city.json`): what a client needs before its first tile.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Version of the manifest and of the city folder's layout.
 pub const FORMAT_VERSION: u32 = 1;
@@ -54,6 +54,19 @@ pub struct Manifest {
     pub tile_version: u16,
     /// Hash of the bake's settings. A bake with other settings is not resumed.
     pub settings: String,
+    /// Whether windows are generated, on walls of which the source has no picture. Not written if false; the last field, so
+    /// that it can be absent in bincode as well.
+    #[serde(default, deserialize_with = "absent_is_false", skip_serializing_if = "std::ops::Not::not")]
+    pub generated_facades: bool,
+}
+
+/// Reads a boolean. At the end of bincode, whose fields have no names, absence is an error of the first read.
+fn absent_is_false<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
+    let has_names = deserializer.is_human_readable();
+    match bool::deserialize(deserializer) {
+        Err(_) if !has_names => Ok(false),
+        read => read,
+    }
 }
 
 /// Sizes of a city.
@@ -213,6 +226,7 @@ mod tests {
             attribution: Vec::new(),
             tile_version: 1,
             settings: String::new(),
+            generated_facades: false,
         }
     }
 
@@ -242,6 +256,20 @@ mod tests {
         let manifest = Manifest { title: text, attribution: vec![attribution; 31], ..manifest() };
         assert_eq!(manifest.check(), Ok(()));
         assert!(serde_json::to_vec_pretty(&manifest).unwrap().len() < crate::codec::bincode::LIMIT);
+    }
+
+    #[test]
+    fn generated_facades_are_labelled_and_absent_without() {
+        for generated_facades in [false, true] {
+            let manifest = Manifest { generated_facades, ..manifest() };
+            let json = serde_json::to_string(&manifest).unwrap();
+            assert_eq!(json.contains("\"generated_facades\":true"), generated_facades);
+            assert_eq!(json.contains("generated_facades"), generated_facades);
+            assert_eq!(serde_json::from_str::<Manifest>(&json).unwrap(), manifest);
+            let packed = crate::codec::bincode::to_bytes(&manifest).unwrap();
+            assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(&packed).unwrap(), manifest);
+        }
+        assert!(serde_json::from_str::<Manifest>("{\"generated_facades\":7}").is_err());
     }
 
     #[test]

@@ -124,6 +124,9 @@ pub struct BakeArgs {
     /// Ground where the sources have no terrain
     #[arg(long, value_enum, default_value_t = GeneratedGround::Auto)]
     pub ground: GeneratedGround,
+    /// Walls of which the inputs have no picture
+    #[arg(long, value_enum, default_value_t = GeneratedFacades::Plain)]
+    pub facades: GeneratedFacades,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -179,6 +182,15 @@ pub enum GeneratedGround {
     Auto,
     /// Only the terrain of the sources
     None,
+}
+
+/// Facades that a bake generates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GeneratedFacades {
+    /// One colour
+    Plain,
+    /// Generated windows, by storey height and use of the building
+    Windows,
 }
 
 /// Device that renders visibility maps.

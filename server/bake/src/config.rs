@@ -14,7 +14,7 @@ use crate::{
     error::BakeError,
     ground::{self, GroundOption},
     hash, mesh,
-    read::{ObjUpAxis, Palette},
+    read::{FacadeOption, ObjUpAxis, Palette, facade},
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
@@ -88,6 +88,8 @@ pub struct BakeOptions {
     pub meshes: bool,
     /// Whether ground is generated where the sources have none. The default is not.
     pub ground: GroundOption,
+    /// What walls without a texture get.
+    pub facades: FacadeOption,
 }
 
 impl Default for BakeOptions {
@@ -111,6 +113,7 @@ impl Default for BakeOptions {
             quality: Quality::Decibels(QUALITY_DB),
             meshes: true,
             ground: GroundOption::default(),
+            facades: FacadeOption::default(),
         }
     }
 }
@@ -306,6 +309,9 @@ struct HashedSettings<'a> {
     /// Version of the generated ground; `None` without.
     #[serde(skip_serializing_if = "Option::is_none")]
     ground: Option<u32>,
+    /// Version of the generated facades; `None` without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    facades: Option<u32>,
 }
 
 fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
@@ -322,6 +328,7 @@ fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
         },
         meshes: options.meshes.then_some(mesh::ALGORITHM),
         ground: (options.ground == GroundOption::Auto).then_some(ground::ALGORITHM),
+        facades: (options.facades == FacadeOption::Windows).then_some(facade::ALGORITHM),
     };
     let json = serde_json::to_vec(&settings).map_err(|cause| BakeError::Option {
         option: "the sampling",
@@ -355,6 +362,7 @@ mod tests {
         assert_ne!(hash(&BakeOptions { quality: Quality::Lossless, ..options() }), base);
         assert_ne!(hash(&BakeOptions { meshes: false, ..options() }), base);
         assert_ne!(hash(&BakeOptions { ground: GroundOption::Auto, ..options() }), base);
+        assert_ne!(hash(&BakeOptions { facades: FacadeOption::Windows, ..options() }), base);
         let title = Some("Den Haag".to_owned());
         assert_eq!(
             hash(&BakeOptions {

@@ -5,13 +5,13 @@ use super::{
     output::{human_bytes, print, refuse_input, refuse_inside, write},
 };
 use crate::{
-    args::{BakeArgs, GeneratedGround, UpAxis, VisibilityRenderer},
+    args::{BakeArgs, GeneratedFacades, GeneratedGround, UpAxis, VisibilityRenderer},
     memory,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption, Progress,
-    read::{ObjUpAxis, Palette},
+    read::{FacadeOption, ObjUpAxis, Palette},
     sample::{SampleSettings, VisibilityBackend},
 };
 use insula_protocol::manifest::Attribution;
@@ -100,6 +100,10 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
         ground: match args.ground {
             GeneratedGround::Auto => GroundOption::Auto,
             GeneratedGround::None => GroundOption::None,
+        },
+        facades: match args.facades {
+            GeneratedFacades::Plain => FacadeOption::Plain,
+            GeneratedFacades::Windows => FacadeOption::Windows,
         },
         threads: args.threads.map(usize::from),
         memory_bytes: args.memory,
@@ -212,13 +216,13 @@ mod tests {
     #[test]
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
-            --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB";
+            --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB --facades windows";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
         let options = options(&args, Palette::default());
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
         assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
         assert!(!options.meshes);
-        assert_eq!(options.ground, GroundOption::Auto);
+        assert_eq!((options.ground, options.facades), (GroundOption::Auto, FacadeOption::Windows));
         assert_eq!((options.update, options.memory_bytes, options.scratch_bytes), (true, Some(2 << 30), 3 << 30));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
         assert_eq!(options.obj_up, ObjUpAxis::Y);

@@ -86,6 +86,7 @@ pub fn manifest(name: &str) -> Manifest {
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
         generated_ground: false,
+        generated_facades: false,
         counts: CityCounts {
             objects: 2,
             triangles: 24,

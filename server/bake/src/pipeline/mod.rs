@@ -57,7 +57,8 @@ pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport
     run.bake(city, read)
 }
 
-/// Bakes a scene that is in memory. `options.inputs`, `obj_up` and `palette` are not used. Fails as [`bake`] does.
+/// Bakes a scene that is in memory. `options.inputs`, `obj_up`, `palette` and `facades` are not
+/// used. Fails as [`bake`] does.
 pub fn bake_scene(
     scene: Scene,
     read_report: ReadReport,
@@ -94,6 +95,7 @@ impl<'a> BakeRun<'a> {
             palette: options.palette.clone(),
             texture_roots: options.texture_roots.clone(),
             cell_m: self.config.cell_m,
+            facades: options.facades,
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
             ..defaults

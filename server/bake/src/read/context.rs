@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
+use super::facade::{FacadeMaker, FacadeOption, FacadeReport, FacadeUse};
 use super::palette::Palette;
 use super::polygon::Triangulator;
 use super::report::SourceReport;
-use super::scene_builder::SceneBuilder;
+use super::scene_builder::{OpenObject, SceneBuilder, WorldTriangle};
 use super::texture::TextureLoader;
 use crate::error::InputError;
 use crate::scene::scratch_scene::ScratchScene;
@@ -40,6 +41,8 @@ pub struct ReadOptions {
     pub texture_roots: Vec<PathBuf>,
     /// Side of a leaf's column in metres: an object with too much surface for it is left out.
     pub cell_m: f64,
+    /// What walls without a texture get.
+    pub facades: FacadeOption,
 }
 
 impl Default for ReadOptions {
@@ -53,6 +56,7 @@ impl Default for ReadOptions {
             palette: Palette::default(),
             texture_roots: Vec::new(),
             cell_m: 1.0,
+            facades: FacadeOption::default(),
         }
     }
 }
@@ -69,6 +73,7 @@ pub(crate) struct ReadContext<'o> {
     /// Index of the current source.
     pub(crate) source: usize,
     crs: Option<NamedCrs>,
+    facades: FacadeMaker,
 }
 
 /// A coordinate system and the first source that named it.
@@ -86,7 +91,23 @@ impl<'o> ReadContext<'o> {
             triangulator: Triangulator::new(),
             source: 0,
             crs: None,
+            facades: FacadeMaker::default(),
         }
+    }
+
+    /// Moves faces to an object that is open in the builder. If facades are generated, walls get them by the building's
+    /// use.
+    pub(crate) fn push(&mut self, open: &mut OpenObject, faces: &mut Vec<WorldTriangle>, facade_use: FacadeUse) {
+        if self.options.facades == FacadeOption::Windows {
+            self.facades.apply(faces, facade_use, &mut self.builder, &mut self.textures);
+        }
+        self.builder.push(open, faces);
+        faces.clear();
+    }
+
+    /// The generated facades so far; `None` without.
+    pub(crate) fn take_facades(&mut self) -> Option<FacadeReport> {
+        std::mem::take(&mut self.facades).into_report()
     }
 
     /// The city's coordinate system, if a source named one.

@@ -6,6 +6,7 @@
 mod cityjson;
 mod context;
 mod counted_float;
+pub mod facade;
 mod geojson;
 mod json;
 mod obj;
@@ -23,6 +24,7 @@ use std::path::{Path, PathBuf};
 
 pub use crate::error::InputError;
 pub use context::{ObjUpAxis, ReadOptions};
+pub use facade::{FacadeOption, FacadeReport};
 pub use palette::{Palette, PaletteMode};
 pub use report::{ColourCounts, FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;
@@ -106,8 +108,8 @@ fn read_scene(
 struct ReadCity {
     city: ScratchScene,
     report: ReadReport,
-    /// The set of each texture, whose members get one factor.
-    set_of_texture: Vec<u32>,
+    /// The set of each photo, whose members get one factor; `None` for a generated texture.
+    set_of_texture: Vec<Option<u32>>,
     /// The set of each source in the report.
     set_of_source: Vec<u32>,
 }
@@ -156,6 +158,7 @@ fn read_sources(
         bytes_before += source.bytes;
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
+    report.facades = context.take_facades();
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
     let city = context.finish(&mut report.sources);
     report.objects = city.objects.len() as u64;

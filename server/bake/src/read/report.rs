@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::facade::FacadeReport;
+
 /// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
 /// Longer texts of a source, such as identifiers, are cut in the report.
@@ -183,6 +185,8 @@ pub struct ReadReport {
     pub triangles: u64,
     /// Common coordinate system of the sources.
     pub crs: Option<String>,
+    /// Generated facades; `None` without.
+    pub facades: Option<FacadeReport>,
 }
 
 impl ReadReport {

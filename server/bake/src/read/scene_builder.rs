@@ -28,6 +28,8 @@ pub(crate) struct WorldTriangle {
     pub(crate) uv: [[f32; 2]; 3],
     /// Number returned by [`SceneBuilder::material`].
     pub(crate) material: u32,
+    /// Whether it belongs to the outside of a building without a texture, and may get a generated facade if it is steep.
+    pub(crate) is_facade: bool,
 }
 
 /// An object with more cells of surface in one block of leaves is left out: the block would need gigabytes. 500 layers
@@ -156,6 +158,11 @@ impl SceneBuilder {
             self.materials.push(material);
         }
         index
+    }
+
+    /// Colour of a material.
+    pub(crate) fn colour(&self, material: u32) -> [u8; 3] {
+        self.materials[material as usize].rgb
     }
 
     /// Adds a whole object.
@@ -292,7 +299,7 @@ fn facing_up(face: &WorldTriangle) -> WorldTriangle {
     if z >= 0.0 {
         return *face;
     }
-    WorldTriangle { corners: [a, c, b], uv: [face.uv[0], face.uv[2], face.uv[1]], material: face.material }
+    WorldTriangle { corners: [a, c, b], uv: [face.uv[0], face.uv[2], face.uv[1]], ..*face }
 }
 
 fn remove_from_report(object: &PendingObject, distance_m: f64, report: &mut SourceReport) {
@@ -313,7 +320,7 @@ mod tests {
 
     fn face_at(p: [f64; 3]) -> WorldTriangle {
         let corners = [p, [p[0] + 1.0, p[1], p[2]], [p[0], p[1] + 1.0, p[2] + 2.0]];
-        WorldTriangle { corners, uv: [[0.0; 2]; 3], material: 0 }
+        WorldTriangle { corners, uv: [[0.0; 2]; 3], material: 0, is_facade: false }
     }
 
     fn builder() -> SceneBuilder {
@@ -366,7 +373,7 @@ mod tests {
         };
         let tall = |z: f64| {
             let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, z]];
-            WorldTriangle { corners, uv: [[0.0; 2]; 3], material: 0 }
+            WorldTriangle { corners, uv: [[0.0; 2]; 3], material: 0, is_facade: false }
         };
         add("spike", &[tall(40_000.0)]);
         add("pile", &vec![tall(10_000.0); 2000]);

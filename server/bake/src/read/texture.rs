@@ -23,8 +23,8 @@ pub(crate) struct TextureLoader {
     max_pixels: u64,
     /// Folders of sources.
     sets: HashMap<String, u32>,
-    /// By texture.
-    pub(crate) set_of_texture: Vec<u32>,
+    /// By texture; `None` for a generated one.
+    pub(crate) set_of_texture: Vec<Option<u32>>,
     pub(crate) textures: TextureStore,
 }
 
@@ -44,6 +44,12 @@ impl TextureLoader {
         *self.sets.entry(source.files.location()).or_insert(next)
     }
 
+    /// Adds a texture that no source has, and returns its number.
+    pub(crate) fn add_generated(&mut self, texture: Arc<SceneTexture>) -> u32 {
+        self.set_of_texture.push(None);
+        self.textures.add(texture)
+    }
+
     /// The texture's number; `None` if it cannot be loaded, with the reason in the report.
     pub(crate) fn load(&mut self, source: &CitySource<'_>, name: &str, report: &mut SourceReport) -> Option<u32> {
         let set = self.set_of(source);
@@ -53,7 +59,7 @@ impl TextureLoader {
             Entry::Vacant(vacant) => {
                 let found = find(source, name, self.max_pixels);
                 report.textures += u64::from(found.is_ok());
-                self.set_of_texture.extend(found.as_ref().ok().map(|_| set));
+                self.set_of_texture.extend(found.as_ref().ok().map(|_| Some(set)));
                 vacant.insert(found.map(|texture| self.textures.add(Arc::new(texture))))
             }
         };

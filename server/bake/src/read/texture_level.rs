@@ -32,18 +32,19 @@ struct Measured {
     area_m2: f32,
 }
 
-/// Measures the textures and changes their level. `set_of_texture` has the set of each texture; the result the factor of
+/// Measures the textures and changes their level. `set_of_texture` has the set of each photo; the result the factor of
 /// each set. Fails if triangles or textures cannot be read.
-pub(super) fn level_textures(city: &mut ScratchScene, set_of_texture: &[u32]) -> Result<Vec<f64>, BakeError> {
-    let sets = set_of_texture.iter().max().map_or(0, |last| *last as usize + 1);
+pub(super) fn level_textures(city: &mut ScratchScene, set_of_texture: &[Option<u32>]) -> Result<Vec<f64>, BakeError> {
+    let sets = set_of_texture.iter().flatten().max().map_or(0, |last| *last as usize + 1);
     if sets == 0 {
         return Ok(Vec::new());
     }
     let mut sums = vec![(0.0, 0.0); sets];
-    for measured in select(city)?.chunk_by(|a, b| a.texture == b.texture) {
+    for measured in select(city, set_of_texture)?.chunk_by(|a, b| a.texture == b.texture) {
         let number = measured[0].texture;
+        let Some(set) = set_of_texture[number as usize] else { continue };
         let texture = city.textures.get(number)?;
-        let (light, area_m2) = &mut sums[set_of_texture[number as usize] as usize];
+        let (light, area_m2) = &mut sums[set as usize];
         for Measured { uv, rgb, area_m2: own_m2, .. } in measured {
             let base = linear_from_srgb(*rgb);
             let mean = mean_over(uv, *own_m2, |uv| luminance(base * read_bilinear(&texture, uv)));
@@ -53,7 +54,7 @@ pub(super) fn level_textures(city: &mut ScratchScene, set_of_texture: &[u32]) ->
     }
     let gains: Vec<f64> = sums.iter().map(|&(light, area_m2)| gain(light, area_m2)).collect();
     for (number, set) in set_of_texture.iter().enumerate() {
-        let gain = gains[*set as usize];
+        let gain = set.map_or(1.0, |set| gains[set as usize]);
         if gain != 1.0 {
             city.textures.set_tone(number as u32, &tone_curve(gain as f32));
         }
@@ -71,14 +72,16 @@ fn gain(light: f64, area_m2: f64) -> f64 {
     ((TARGET / mean).clamp(GAIN_RANGE[0], GAIN_RANGE[1]) * 100.0).round() / 100.0
 }
 
-/// At most [`MAX_MEASURED`] textured triangles of buildings, evenly from the whole city, sorted by texture so that each
+/// At most [`MAX_MEASURED`] triangles of buildings with photos, evenly from the whole city, sorted by texture so that each
 /// texture is loaded once.
-fn select(city: &ScratchScene) -> Result<Vec<Measured>, BakeError> {
+fn select(city: &ScratchScene, set_of_texture: &[Option<u32>]) -> Result<Vec<Measured>, BakeError> {
     let (stride, mut textured, mut all) = (city.triangles / MAX_MEASURED + 1, 0u64, Vec::new());
     city.try_for_each(|triangle| {
         let material = city.materials[triangle.material as usize];
         let is_building = city.objects[triangle.object as usize].kind == ObjectKind::Building;
-        if let Some(texture) = material.texture.filter(|_| is_building) {
+        if let Some(texture) =
+            material.texture.filter(|number| is_building && set_of_texture[*number as usize].is_some())
+        {
             if textured.is_multiple_of(stride) {
                 let SceneTriangle { uv, .. } = triangle;
                 let [a, b, c] = triangle.corners.map(Vec3::from_array);

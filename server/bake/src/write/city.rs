@@ -196,6 +196,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         attribution: attribution(&config.attribution, read),
         tile_version: tile::VERSION,
         settings: config.settings.clone(),
+        generated_facades: read.facades.is_some(),
     }
 }
 

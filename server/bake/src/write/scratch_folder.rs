@@ -244,6 +244,7 @@ mod tests {
             ground_z_m: 0.0,
             has_terrain: false,
             generated_ground: false,
+            generated_facades: false,
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

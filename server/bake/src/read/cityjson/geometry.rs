@@ -7,6 +7,7 @@ use super::levels::level_of;
 use super::nested::{NULL, Nested};
 use super::schema::{CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, ThemeValues, VertexTransform};
 use crate::read::context::ReadContext;
+use crate::read::facade::FacadeUse;
 use crate::read::json::position::JsonPosition;
 use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
 use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
@@ -92,6 +93,7 @@ pub(super) struct WholeBuilding<'g> {
     pub(super) id: &'g str,
     /// What its use tells.
     pub(super) walls: Option<WallKind>,
+    pub(super) facade_use: FacadeUse,
 }
 
 /// Triangles that are collected before they are added to the city, so that an object with many instances of a template
@@ -109,6 +111,8 @@ pub(super) struct ObjectReader<'r, 'o, 's> {
     open: OpenObject,
     /// The last triangles of the current object.
     faces: Vec<WorldTriangle>,
+    /// That of the current object.
+    facade_use: FacadeUse,
     points: Vec<[f64; 3]>,
     uvs: Vec<[f32; 2]>,
     hole_starts: Vec<u32>,
@@ -121,7 +125,9 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         report: &'r mut SourceReport,
     ) -> Self {
         let open = OpenObject::new(ObjectKind::default());
-        Self { context, source, report, open, faces: vec![], points: vec![], uvs: vec![], hole_starts: vec![] }
+        let facade_use = FacadeUse::default();
+        let (faces, points, uvs, hole_starts) = (vec![], vec![], vec![], vec![]);
+        Self { context, source, report, open, faces, facade_use, points, uvs, hole_starts }
     }
 
     /// Adds an object with its geometries of one level to the city. Returns whether it has a surface. Fails if the
@@ -135,6 +141,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         references: &mut ObjectReferences<'_>,
     ) -> Result<bool, ObjectFault> {
         self.faces.clear();
+        self.facade_use = whole.facade_use;
         let look = if object.kind.starts_with("Building") {
             Look::new(whole.id, whole.walls, &self.shape(object, level, references))
         } else {
@@ -198,8 +205,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
 
     /// Adds the collected triangles to the city. Fails if the object has too many.
     fn flush(&mut self) -> Result<(), ObjectFault> {
-        self.context.builder.push(&mut self.open, &self.faces);
-        self.faces.clear();
+        self.context.push(&mut self.open, &mut self.faces, self.facade_use);
         if self.open.triangles <= MAX_OBJECT_TRIANGLES {
             return Ok(());
         }
@@ -276,11 +282,18 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             }
         };
         self.report.colours.add(origin);
+        // A model with windows of its own needs no others.
+        if matches!(semantic, Some("Window" | "Door")) {
+            self.facade_use = FacadeUse::Windowless;
+        }
+        let is_facade = texture.is_none()
+            && matches!(name.object_type, "Building" | "BuildingPart" | "BuildingUnit" | "BuildingStorey")
+            && matches!(semantic, None | Some("WallSurface"));
         let material = self.context.builder.material(rgb, texture);
         for triangle in triangles {
             let corners = triangle.map(|i| self.points[i as usize]);
             let uv = if is_textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };
-            self.faces.push(WorldTriangle { corners, uv, material });
+            self.faces.push(WorldTriangle { corners, uv, material, is_facade });
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ use super::schema::{
 };
 use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
+use crate::read::facade::FacadeUse;
 use crate::read::json::{metadata, position::JsonPosition};
 use crate::read::palette::WallKind;
 use crate::read::report::{SourceFormat, SourceReport};
@@ -94,8 +95,10 @@ pub(super) fn read_objects(
         template_appearance: AppearanceReader::new(shared.appearance),
     };
     for (i, (object, choice)) in batch.objects.iter().zip(choices).enumerate() {
-        let walls = attributes[wholes[i]].and_then(|text| walls_by_use(text.get()));
-        let whole = WholeBuilding { id: batch.objects[wholes[i]].id, walls };
+        let uses = attributes[wholes[i]].and_then(|text| serde_json::from_str(text.get()).ok()).unwrap_or_default();
+        let (walls, facade_use) = (by_use(&uses, WallKind::of_use), by_use(&uses, FacadeUse::of_use));
+        let whole =
+            WholeBuilding { id: batch.objects[wholes[i]].id, walls, facade_use: facade_use.unwrap_or_default() };
         read_object(&mut reader, object, choice, &whole, &mut references);
         if (i + 1) % TICK_OBJECTS == 0 {
             tick(i + 1);
@@ -103,10 +106,10 @@ pub(super) fn read_objects(
     }
 }
 
-/// What the walls are made of, as far as the attributes tell.
-fn walls_by_use(attributes: &str) -> Option<WallKind> {
-    let UseAttributes { function, usage, class } = serde_json::from_str(attributes).ok()?;
-    [usage, function, class].iter().find_map(|value| WallKind::of_use(value.as_str()?))
+/// What follows from a building's use, as far as the attributes tell.
+fn by_use<T>(attributes: &UseAttributes, of_use: fn(&str) -> Option<T>) -> Option<T> {
+    let UseAttributes { function, usage, class } = attributes;
+    [usage, function, class].iter().find_map(|value| of_use(value.as_str()?))
 }
 
 fn read_object(

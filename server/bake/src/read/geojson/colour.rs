@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use crate::read::palette::{Look, Palette, SurfaceFacts, WallKind, parse_colour};
+use crate::read::palette::{Look, Palette, SurfaceFacts, parse_colour};
 use crate::read::report::ColourOrigin;
 
 const ROOF: &[&str] = &["roof:colour", "roof:color"];
@@ -10,9 +10,9 @@ const WALL: &[&str] = &["building:colour", "building:color", "colour", "color"];
 /// Names of the building's use, the most telling first.
 const USE: &[&str] = &["building:use", "building", "usage", "function", "class", "subtype"];
 
-/// What the walls are made of, as far as the building's use tells.
-pub(super) fn walls_by_use(properties: &Map<String, Value>) -> Option<WallKind> {
-    USE.iter().find_map(|name| WallKind::of_use(properties.get(*name)?.as_str()?))
+/// What follows from the building's use, as far as the properties tell.
+pub(super) fn by_use<T>(properties: &Map<String, Value>, of_use: fn(&str) -> Option<T>) -> Option<T> {
+    USE.iter().find_map(|name| of_use(properties.get(*name)?.as_str()?))
 }
 
 /// Colours of roof, walls and floor: the feature's own, else that of its material, else the palette's. Passes invalid

@@ -4,15 +4,16 @@ use std::io::BufRead;
 
 use serde_json::Value;
 
-use super::colour::{prism_colours, walls_by_use};
+use super::colour::{by_use, prism_colours};
 use super::footprint::Footprint;
 use super::height::PrismHeight;
 use super::projection::InputProjection;
 use super::schema::{GeoJsonFeature, GeoJsonPolygon};
 use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
+use crate::read::facade::FacadeUse;
 use crate::read::json::{lenient, metadata};
-use crate::read::palette::{Look, ObjectShape};
+use crate::read::palette::{Look, ObjectShape, WallKind};
 use crate::read::report::{SourceFormat, SourceReport};
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::read::source::{CitySource, NextLine, next_line};
@@ -137,7 +138,8 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         let height = PrismHeight::of(&feature.properties, |kind, detail| {
             self.report.problem(kind, || format!("{id}: {detail}"));
         });
-        let look = Look::new(id, walls_by_use(&feature.properties), &ObjectShape::new());
+        let look = Look::new(id, by_use(&feature.properties, WallKind::of_use), &ObjectShape::new());
+        let facade_use = by_use(&feature.properties, FacadeUse::of_use).unwrap_or_default();
         let colours = prism_colours(&feature.properties, &self.context.options.palette, &look, |detail| {
             self.report.problem("colour not understood", || format!("{id}: {detail}"));
         });
@@ -156,7 +158,7 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
                 Ok(false) => self.report.problem("ring crosses itself", || id.to_owned()),
                 Err(reason) => fault = Some(reason),
             }
-            self.context.builder.push(&mut open, &self.faces);
+            self.context.push(&mut open, &mut self.faces, facade_use);
         }
         match fault {
             Some(reason) if open.triangles == 0 => self.report.skip(reason, || id.to_owned()),

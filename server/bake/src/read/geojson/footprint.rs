@@ -51,7 +51,7 @@ impl Footprint {
     ) -> Result<bool, &'static str> {
         let [roof, wall, floor] = materials;
         let at = |[x, y]: [f64; 2], z: f64| [x, y, z];
-        let face = |corners, material| WorldTriangle { corners, uv: [[0.0; 2]; 3], material };
+        let face = |corners, material, is_facade| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade };
         let points: Vec<[f64; 3]> = self.rings.iter().flatten().map(|&p| at(p, height.top_m)).collect();
         let mut starts = Vec::new();
         for ring in &self.rings[..self.rings.len() - 1] {
@@ -63,14 +63,14 @@ impl Footprint {
             let top = triangle.map(|i| points[i as usize]);
             covered_m2 += area_m2(&top.map(|[x, y, _]| [x, y]));
             let [a, b, c] = top.map(|[x, y, _]| [x, y, height.base_m]);
-            faces.extend([face(top, roof), face([a, c, b], floor)]);
+            faces.extend([face(top, roof, false), face([a, c, b], floor, false)]);
         }
         for ring in &self.rings {
             for (i, &from) in ring.iter().enumerate() {
                 let to = ring[(i + 1) % ring.len()];
                 let [a, b] = [at(from, height.base_m), at(to, height.base_m)];
                 let [c, d] = [at(to, height.top_m), at(from, height.top_m)];
-                faces.extend([face([a, b, c], wall), face([a, c, d], wall)]);
+                faces.extend([face([a, b, c], wall, true), face([a, c, d], wall, true)]);
             }
         }
         let enclosed_m2: f64 = self.rings.iter().map(|ring| area_m2(ring)).sum();

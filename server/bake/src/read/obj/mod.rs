@@ -9,6 +9,7 @@ mod tests;
 use std::collections::HashMap;
 
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
+use super::facade::FacadeUse;
 use super::palette::{Look, ObjectShape, SurfaceFacts, normal_z, unit_to_byte};
 use super::polygon::MAX_CORNERS;
 use super::report::{ColourOrigin, SourceFormat, SourceReport};
@@ -62,6 +63,12 @@ struct FaceMaterial<'a> {
     diffuse: Option<[u8; 3]>,
     /// Number of the scene's material for textured faces.
     textured: Option<u32>,
+}
+
+/// Whether a material is that of windows or doors, judged by its name.
+fn names_an_opening(material: &str) -> bool {
+    let name = material.to_lowercase();
+    ["window", "glass", "door"].iter().any(|word| name.contains(word))
 }
 
 /// What the faces of an object have in common.
@@ -184,12 +191,10 @@ impl<'r> ObjReader<'r, '_, '_> {
                 let face = &faces[i];
                 self.triangulate(face, &object, materials[face.material as usize], &mut triangles);
                 if triangles.len() >= FLUSH_TRIANGLES {
-                    self.context.builder.push(&mut open, &triangles);
-                    triangles.clear();
+                    self.context.push(&mut open, &mut triangles, FacadeUse::default());
                 }
             }
-            self.context.builder.push(&mut open, &triangles);
-            triangles.clear();
+            self.context.push(&mut open, &mut triangles, FacadeUse::default());
             if open.triangles == 0 {
                 self.report.skip("no surface with an area", || id.clone());
             }
@@ -248,10 +253,11 @@ impl<'r> ObjReader<'r, '_, '_> {
                 (self.context.builder.material(rgb, None), Vec::new())
             }
         };
+        let is_facade = uvs.is_empty() && object.object_type.is_empty() && !names_an_opening(material.name);
         for triangle in found {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| uvs.get(i as usize).copied().unwrap_or_default());
-            triangles.push(WorldTriangle { corners, uv, material: number });
+            triangles.push(WorldTriangle { corners, uv, material: number, is_facade });
         }
     }
 }

@@ -1,0 +1,205 @@
+//! Generated facades: windows on walls of which the source has no picture.
+//!
+//! A wall is what lies in one vertical plane of an object. Its parts of whole storeys and bays get texture coordinates
+//! into a small generated texture that repeats once per four bays and storeys. To everything after reading it is a
+//! texture like any other, so it is filtered by area in columns, parents and meshes.
+
+mod building_use;
+mod cut;
+mod parts;
+mod pattern;
+mod walls;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::Serialize;
+
+pub(crate) use building_use::FacadeUse;
+use cut::cut_face;
+use parts::{Storeys, WallPart, find_parts};
+use walls::{Wall, find_walls};
+
+use super::scene_builder::{SceneBuilder, WorldTriangle};
+use super::texture::TextureLoader;
+
+/// Increased whenever the same input would get other facades than before.
+pub const ALGORITHM: u32 = 1;
+/// Most generated textures. A wall in a further colour gets the nearest of these.
+const MAX_TEXTURES: usize = 96;
+/// Lower and smaller objects are garages and sheds.
+const MIN_HEIGHT_M: f64 = 4.0;
+const MIN_FOOTPRINT_M2: f64 = 20.0;
+/// Cut faces are at most this many times the given ones; further faces stay plain.
+const MAX_GROWTH: usize = 6;
+
+/// What walls without a texture get.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum FacadeOption {
+    /// Their colour.
+    #[default]
+    Plain,
+    /// Generated windows by storey height and use of the building.
+    Windows,
+}
+
+/// The generated facades of a city.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct FacadeReport {
+    /// Always true: no source has these windows.
+    pub generated: bool,
+    /// Objects with a generated facade.
+    pub objects: u64,
+    /// Parts of walls, each with whole bays and storeys.
+    pub walls: u64,
+    pub windows: u64,
+    pub textures: u64,
+}
+
+/// A generated texture and its material.
+struct FacadeMaterial {
+    facade_use: FacadeUse,
+    rgb: [u8; 3],
+    /// Number in the builder.
+    number: u32,
+}
+
+/// Puts windows on walls, and keeps the textures for it.
+#[derive(Default)]
+pub(crate) struct FacadeMaker {
+    materials: Vec<FacadeMaterial>,
+    report: FacadeReport,
+}
+
+impl FacadeMaker {
+    /// The report; `None` if there are no facades.
+    pub(crate) fn into_report(self) -> Option<FacadeReport> {
+        let textures = self.materials.len() as u64;
+        (self.report.walls > 0).then_some(FacadeReport { generated: true, textures, ..self.report })
+    }
+
+    /// Gives the walls among an object's faces windows. Faces may be cut, and keep their order.
+    pub(crate) fn apply(
+        &mut self,
+        faces: &mut Vec<WorldTriangle>,
+        facade_use: FacadeUse,
+        builder: &mut SceneBuilder,
+        textures: &mut TextureLoader,
+    ) {
+        let Some(anchor) = faces.first().map(|face| DVec3::from_array(face.corners[0])) else { return };
+        if facade_use == FacadeUse::Windowless || !faces.iter().any(|face| face.is_facade) {
+            return;
+        }
+        let corners: Vec<[DVec3; 3]> =
+            faces.iter().map(|face| face.corners.map(|p| DVec3::from_array(p) - anchor)).collect();
+        let Some(base_m) = base_of_large_object(&corners) else { return };
+        let is_facade = |i: usize| faces[i].is_facade;
+        let walls = find_walls(&corners, &is_facade);
+        let parts: Vec<Vec<WallPart>> = walls.iter().map(|wall| find_parts(&wall.outline(&corners))).collect();
+        let Some(storeys) = Storeys::of(&parts, base_m, facade_use.storey_m()) else { return };
+        let zones: Vec<Vec<FacadeZone>> =
+            parts.into_iter().map(|parts| storeys.zones(parts, facade_use.bay_m())).collect();
+        let before = self.report.walls;
+        for zone in zones.iter().flatten() {
+            self.report.walls += 1;
+            self.report.windows += zone.windows();
+        }
+        self.report.objects += u64::from(self.report.walls > before);
+        let mut wall_of = vec![None; faces.len()];
+        for (wall, zones) in walls.iter().zip(&zones).filter(|(_, zones)| !zones.is_empty()) {
+            wall.faces.iter().for_each(|face| wall_of[*face as usize] = Some((wall, zones)));
+        }
+        *faces = self.cut_all(faces, &wall_of, anchor, facade_use, (builder, textures));
+    }
+
+    /// The faces, cut at the zones of their walls, with texture coordinates in them.
+    fn cut_all(
+        &mut self,
+        faces: &[WorldTriangle],
+        wall_of: &[Option<(&Wall, &Vec<FacadeZone>)>],
+        anchor: DVec3,
+        facade_use: FacadeUse,
+        (builder, textures): (&mut SceneBuilder, &mut TextureLoader),
+    ) -> Vec<WorldTriangle> {
+        let limit = MAX_GROWTH * faces.len() + 64;
+        let mut cut = Vec::with_capacity(faces.len());
+        for (face, wall) in faces.iter().zip(wall_of) {
+            let wall = wall.filter(|_| cut.len() < limit);
+            let windows = wall.and_then(|wall| {
+                Some((wall, self.material(builder.colour(face.material), facade_use, builder, textures)?))
+            });
+            match windows {
+                Some(((wall, zones), material)) => cut_face(face, wall, zones, anchor, material, &mut cut),
+                None => cut.push(*face),
+            }
+        }
+        cut
+    }
+
+    /// The number of the material of facades of a colour; `None` if there are too many and none has this use.
+    fn material(
+        &mut self,
+        rgb: [u8; 3],
+        facade_use: FacadeUse,
+        builder: &mut SceneBuilder,
+        textures: &mut TextureLoader,
+    ) -> Option<u32> {
+        let distance =
+            |other: [u8; 3]| rgb.iter().zip(other).map(|(a, b)| (i32::from(*a) - i32::from(b)).pow(2)).sum::<i32>();
+        let of_use = self.materials.iter().filter(|material| material.facade_use == facade_use);
+        let nearest = of_use.min_by_key(|material| distance(material.rgb));
+        if let Some(known) = nearest.filter(|known| known.rgb == rgb || self.materials.len() >= MAX_TEXTURES) {
+            return Some(known.number);
+        }
+        if self.materials.len() >= MAX_TEXTURES {
+            return None;
+        }
+        let texture = textures.add_generated(Arc::new(pattern::draw(facade_use, rgb)));
+        let number = builder.material([255; 3], Some(texture));
+        self.materials.push(FacadeMaterial { facade_use, rgb, number });
+        Some(number)
+    }
+}
+
+/// The lowest height of an object; `None` if it is too small for windows.
+fn base_of_large_object(faces: &[[DVec3; 3]]) -> Option<f64> {
+    let heights = faces.iter().flatten().map(|p| p.z);
+    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), z| (low.min(z), high.max(z)));
+    let (mut up_m2, mut down_m2) = (0.0, 0.0);
+    for [a, b, c] in faces {
+        let area_m2 = (b - a).cross(c - a).z / 2.0;
+        *(if area_m2 > 0.0 { &mut up_m2 } else { &mut down_m2 }) += area_m2.abs();
+    }
+    (high - low >= MIN_HEIGHT_M && f64::max(up_m2, down_m2) >= MIN_FOOTPRINT_M2).then_some(low)
+}
+
+/// A rectangle of a wall with whole bays and storeys. Lengths are along the wall and upwards, in metres.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FacadeZone {
+    /// Ends along the wall, at which bays begin and end.
+    along_m: [f64; 2],
+    /// Where faces are cut: a little beyond the storeys if the wall has nothing else there.
+    z_m: [f64; 2],
+    bays: u32,
+    /// The first storey with windows, and the one after the last.
+    storeys: [u32; 2],
+    /// Height of the floor of storey 0.
+    base_m: f64,
+    storey_m: f64,
+}
+
+impl FacadeZone {
+    /// Bays from the zone's start and storeys from the object's base.
+    fn uv(&self, along_m: f64, z_m: f64) -> [f32; 2] {
+        let share = (along_m - self.along_m[0]) / (self.along_m[1] - self.along_m[0]);
+        let cells = [share * f64::from(self.bays), (z_m - self.base_m) / self.storey_m];
+        cells.map(|cells| (cells / f64::from(pattern::CELLS)) as f32)
+    }
+
+    fn windows(&self) -> u64 {
+        u64::from(self.bays) * u64::from(self.storeys[1] - self.storeys[0])
+    }
+}
+
+#[cfg(test)]
+mod tests;
