@@ -20,7 +20,7 @@ pub(crate) const MAX_COORDINATE_M: f64 = 1e9;
 const MAX_DISTANCE_M: f64 = 200_000.0;
 
 /// A triangle in world coordinates.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct WorldTriangle {
     /// World positions in metres.
     pub(crate) corners: [[f64; 3]; 3],

@@ -102,7 +102,7 @@ impl FacadeMaker {
         let before = self.report.walls;
         for zone in zones.iter().flatten() {
             self.report.walls += 1;
-            self.report.windows += zone.windows();
+            self.report.windows = self.report.windows.saturating_add(zone.windows());
         }
         self.report.objects += u64::from(self.report.walls > before);
         let mut wall_of = vec![None; faces.len()];
@@ -197,7 +197,7 @@ impl FacadeZone {
     }
 
     fn windows(&self) -> u64 {
-        u64::from(self.bays) * u64::from(self.storeys[1] - self.storeys[0])
+        u64::from(self.bays).saturating_mul(u64::from(self.storeys[1] - self.storeys[0]))
     }
 }
 
