@@ -186,7 +186,7 @@ mod tests {
         };
         let mut city = ScratchScene::from_scene(scene).unwrap();
         let hashes = [0, 1].map(|number| city.textures.hash(number));
-        assert_eq!(level_textures(&mut city, &[0, 1]).unwrap(), [2.0, 1.0]);
+        assert_eq!(level_textures(&mut city, &[Some(0), Some(1)]).unwrap(), [2.0, 1.0]);
         let level = |textures: &TextureStore, number| textures.get(number).unwrap().rgb[0][0];
         assert_eq!((level(&city.textures, 0), level(&city.textures, 1)), (137, 137));
         assert_eq!([0, 1].map(|number| city.textures.hash(number) == hashes[number as usize]), [false, true]);

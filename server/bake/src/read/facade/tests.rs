@@ -153,7 +153,7 @@ fn borders_of_cells_show_only_wall() {
         assert!(window.len() as u32 > side * side / 8);
         for i in window {
             let from_border = [i % side % cell, i / side % cell].map(|v| v.min(cell - 1 - v));
-            assert!(from_border[0] >= 2 && from_border[1] >= 5, "{facade_use:?}: {from_border:?}");
+            assert!(from_border[0] >= 1 && from_border[1] >= 4, "{facade_use:?}: {from_border:?}");
         }
     }
 }
