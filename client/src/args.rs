@@ -111,6 +111,9 @@ pub struct OpenArgs {
     /// Colours of surfaces, as for `insula-server bake`.
     #[arg(long, value_name = "harmonised|source|FILE.json")]
     pub palette: Option<PathBuf>,
+    /// Walls of which the files have no picture: of one colour, or with generated windows.
+    #[arg(long, value_parser = ["plain", "windows"], default_value = "plain")]
+    pub facades: String,
     #[command(flatten)]
     pub sun: SunArgs,
 }

@@ -5,6 +5,7 @@ use crate::{
     share_link::{self, parse_lifetime, parse_version},
 };
 use clap::{Parser, Subcommand, ValueEnum};
+use insula_bake::read::FacadeOption;
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
 use std::{path::PathBuf, time::Duration};
 
@@ -124,9 +125,9 @@ pub struct BakeArgs {
     /// Ground where the sources have no terrain
     #[arg(long, value_enum, default_value_t = GeneratedGround::Auto)]
     pub ground: GeneratedGround,
-    /// Walls of which the inputs have no picture
-    #[arg(long, value_enum, default_value_t = GeneratedFacades::Plain)]
-    pub facades: GeneratedFacades,
+    /// Walls of which the inputs have no picture: of one colour, or with generated windows
+    #[arg(long, value_name = "plain|windows", default_value = "plain")]
+    pub facades: FacadeOption,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -182,15 +183,6 @@ pub enum GeneratedGround {
     Auto,
     /// Only the terrain of the sources
     None,
-}
-
-/// Facades that a bake generates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GeneratedFacades {
-    /// One colour
-    Plain,
-    /// Generated windows, by storey height and use of the building
-    Windows,
 }
 
 /// Device that renders visibility maps.

@@ -1,7 +1,10 @@
 //! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
 use crate::error::{ClientError, Result};
-use insula_bake::{BakeOptions, GroundOption, Progress, read::Palette};
+use insula_bake::{
+    BakeOptions, GroundOption, Progress,
+    read::{FACADE_ALGORITHM, FacadeOption, Palette},
+};
 use insula_protocol::{
     manifest::{Attribution, to_name},
     text::printable,
@@ -39,6 +42,8 @@ pub(super) struct BakeJob {
     pub(super) attribution: Vec<Attribution>,
     /// Colours for surfaces without any.
     pub(super) palette: Palette,
+    /// What walls without a texture get.
+    pub(super) facades: FacadeOption,
     /// Hash of everything that the baked city depends on.
     pub(super) cache_key: u64,
 }
@@ -60,9 +65,10 @@ pub(super) const VERSIONS: (&str, u16, [u32; 3]) = (
 );
 
 /// A hash of the settings and of each file's path, size and modification time. Fails if a file cannot be read.
-pub(super) fn cache_key(inputs: &[PathBuf], palette: &Palette, cell_m: f64) -> Result<u64> {
+pub(super) fn cache_key(inputs: &[PathBuf], palette: &Palette, facades: FacadeOption, cell_m: f64) -> Result<u64> {
     let mut hasher = DefaultHasher::new();
-    (VERSIONS, palette, cell_m.to_bits()).hash(&mut hasher);
+    let facades = (facades == FacadeOption::Windows).then_some(FACADE_ALGORITHM);
+    (VERSIONS, palette, cell_m.to_bits(), facades).hash(&mut hasher);
     for path in inputs {
         hash_path(path, &mut hasher)?;
     }
@@ -131,6 +137,7 @@ pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
         title: job.title.clone(),
         attribution: job.attribution.clone(),
         palette: job.palette.clone(),
+        facades: job.facades,
         ground: GroundOption::Auto,
         ..BakeOptions::default()
     };
@@ -241,7 +248,7 @@ mod tests {
         }
         symlink(&city, deepest.join("top")).unwrap();
         fs::write(deepest.join("a.obj"), "v 0 0 0").unwrap();
-        let key = || cache_key(std::slice::from_ref(&city), &Palette::default(), 1.0).unwrap();
+        let key = || cache_key(std::slice::from_ref(&city), &Palette::default(), FacadeOption::Plain, 1.0).unwrap();
         let before = key();
         assert_eq!(key(), before);
         fs::write(deepest.join("a.obj"), "v 0 0 0\nv 1 1 1").unwrap();
@@ -249,6 +256,6 @@ mod tests {
         // An input that is a link itself is followed.
         let inputs = [folder.path().join("link")];
         symlink(&city, &inputs[0]).unwrap();
-        assert_eq!(cache_key(&inputs, &Palette::default(), 1.0).unwrap(), key());
+        assert_eq!(cache_key(&inputs, &Palette::default(), FacadeOption::Plain, 1.0).unwrap(), key());
     }
 }

@@ -17,8 +17,10 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
         Some(value) => Palette::from_option(value).map_err(|e| ClientError::Usage(e.to_string()))?,
         None => Palette::default(),
     };
-    let cache_key = cache_key(&args.inputs, &palette, cell_m)?;
-    let job = BakeJob { inputs: args.inputs.clone(), cell_m, palette, cache_key, ..BakeJob::default() };
+    let facades = args.facades.parse().map_err(ClientError::Usage)?;
+    let cache_key = cache_key(&args.inputs, &palette, facades, cell_m)?;
+    let inputs = args.inputs.clone();
+    let job = BakeJob { inputs, cell_m, palette, facades, cache_key, ..BakeJob::default() };
     let server = serve(&bake_cached(&job)?)?;
     view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global)
 }

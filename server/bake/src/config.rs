@@ -14,7 +14,7 @@ use crate::{
     error::BakeError,
     ground::{self, GroundOption},
     hash, mesh,
-    read::{FacadeOption, ObjUpAxis, Palette, facade},
+    read::{FACADE_ALGORITHM, FacadeOption, ObjUpAxis, Palette},
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
@@ -328,7 +328,7 @@ fn hash_settings(options: &BakeOptions) -> Result<String, BakeError> {
         },
         meshes: options.meshes.then_some(mesh::ALGORITHM),
         ground: (options.ground == GroundOption::Auto).then_some(ground::ALGORITHM),
-        facades: (options.facades == FacadeOption::Windows).then_some(facade::ALGORITHM),
+        facades: (options.facades == FacadeOption::Windows).then_some(FACADE_ALGORITHM),
     };
     let json = serde_json::to_vec(&settings).map_err(|cause| BakeError::Option {
         option: "the sampling",

@@ -5,13 +5,13 @@ use super::{
     output::{human_bytes, print, refuse_input, refuse_inside, write},
 };
 use crate::{
-    args::{BakeArgs, GeneratedFacades, GeneratedGround, UpAxis, VisibilityRenderer},
+    args::{BakeArgs, GeneratedGround, UpAxis, VisibilityRenderer},
     memory,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption, Progress,
-    read::{FacadeOption, ObjUpAxis, Palette},
+    read::{ObjUpAxis, Palette},
     sample::{SampleSettings, VisibilityBackend},
 };
 use insula_protocol::manifest::Attribution;
@@ -101,10 +101,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
             GeneratedGround::Auto => GroundOption::Auto,
             GeneratedGround::None => GroundOption::None,
         },
-        facades: match args.facades {
-            GeneratedFacades::Plain => FacadeOption::Plain,
-            GeneratedFacades::Windows => FacadeOption::Windows,
-        },
+        facades: args.facades,
         threads: args.threads.map(usize::from),
         memory_bytes: args.memory,
         scratch_bytes: args.scratch,
@@ -205,6 +202,7 @@ mod tests {
     use super::*;
     use crate::args::{Args, ServerCommand};
     use clap::Parser;
+    use insula_bake::read::FacadeOption;
 
     #[test]
     fn progress_templates_parse() {

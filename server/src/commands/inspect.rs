@@ -62,6 +62,9 @@ fn to_table(stats: &CityStats<'_>) -> String {
     );
     line("source", format!("{} objects, {} triangles", manifest.counts.objects, manifest.counts.triangles));
     line("terrain", if manifest.has_terrain { "yes".into() } else { "no".into() });
+    if manifest.generated_facades {
+        line("facades", "generated windows".into());
+    }
     line("size", format!("{nodes} nodes in {} subtree tiles, {}", human_bytes(stats.file_bytes), stats.subtree_tiles));
     for source in &manifest.attribution {
         line("attribution", credit(source));

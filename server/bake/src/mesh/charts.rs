@@ -3,11 +3,14 @@
 //! Triangles that share texture coordinates at a vertex belong to one chart. Charts of one material whose rectangles in
 //! the source's texture overlap are merged, so that a texture that repeats over many surfaces is stored once.
 
-use std::collections::BTreeMap;
+use std::{borrow::Cow, collections::BTreeMap};
 
 use glam::{DVec3, Vec2};
 
-use super::{materials::texture_of, union_find::DisjointSets};
+use super::{
+    materials::{has_pattern, texture_of},
+    union_find::DisjointSets,
+};
 use crate::{model::TriangleModel, scene::Scene};
 
 /// A chart is compared with at most this many earlier charts of its material.
@@ -71,16 +74,45 @@ pub(super) fn triangle_uv(model: &TriangleModel, t: u32) -> [Vec2; 3] {
     })
 }
 
-/// The charts of a surface, sorted by material. A material without a texture has one chart. `step_m` is the length of
-/// the model's unit.
-pub(super) fn find_charts(scene: &Scene, model: &TriangleModel, step_m: f64) -> Vec<TextureChart> {
+/// Sets of texture coordinates that triangles connect.
+fn connected_values(model: &TriangleModel) -> DisjointSets {
     let layer = &model.layers[0];
-    let material_of = |t: usize| layer.values[layer.corners[3 * t] as usize][2] as u32;
     let mut sets = DisjointSets::new(layer.values.len());
     for corners in layer.corners.as_chunks::<3>().0 {
         sets.union(corners[0], corners[1]);
         sets.union(corners[0], corners[2]);
     }
+    sets
+}
+
+/// Moves texture coordinates in patterns by whole repeats, so that charts begin in the first one and more of them
+/// overlap.
+pub(super) fn fold_patterns<'m>(scene: &Scene, model: &'m TriangleModel) -> Cow<'m, TriangleModel> {
+    let layer = &model.layers[0];
+    let is_folded: Vec<bool> = layer.values.iter().map(|value| has_pattern(scene, value[2] as u32)).collect();
+    if !is_folded.contains(&true) {
+        return Cow::Borrowed(model);
+    }
+    let mut sets = connected_values(model);
+    let set_of: Vec<usize> = (0..layer.values.len() as u32).map(|value| sets.find(value) as usize).collect();
+    let mut low = vec![Vec2::INFINITY; layer.values.len()];
+    for (value, set) in layer.values.iter().zip(&set_of) {
+        low[*set] = low[*set].min(Vec2::new(value[0], value[1]));
+    }
+    let mut folded = model.clone();
+    for (i, value) in folded.layers[0].values.iter_mut().enumerate().filter(|(i, _)| is_folded[*i]) {
+        let repeats = low[set_of[i]].floor();
+        (value[0], value[1]) = (value[0] - repeats.x, value[1] - repeats.y);
+    }
+    Cow::Owned(folded)
+}
+
+/// The charts of a surface, sorted by material. A material without a texture has one chart. `step_m` is the length of
+/// the model's unit.
+pub(super) fn find_charts(scene: &Scene, model: &TriangleModel, step_m: f64) -> Vec<TextureChart> {
+    let layer = &model.layers[0];
+    let material_of = |t: usize| layer.values[layer.corners[3 * t] as usize][2] as u32;
+    let mut sets = connected_values(model);
     let mut triangles_of: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     for t in 0..model.triangles.len() {
         let material = material_of(t);

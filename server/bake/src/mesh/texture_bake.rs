@@ -3,8 +3,11 @@
 //! Each chart gets a rectangle of the texture. A texel is the mean, in linear light, of what the chart's triangles show
 //! in it; nothing else of the source's texture can bleed in. The texels around a chart continue its colours, so that
 //! filtering in the client does not mix neighbouring charts.
+//!
+//! Generated patterns are copied by their own texels, or by means of 2 x 2, 4 x 4 and so on. Equal windows then have equal
+//! texels, of which lossless compression stores one.
 
-use glam::{Vec2, Vec2Swizzles};
+use glam::{Vec2, Vec2Swizzles, Vec3};
 use insula_protocol::{
     blockmap::Quality,
     mesh::{Attribute, AttributeKind},
@@ -13,11 +16,16 @@ use insula_protocol::{
 
 use super::{
     atlas,
-    charts::{TextureChart, find_charts, triangle_uv},
-    materials::{base_colour, texture_of},
+    charts::{TextureChart, find_charts, fold_patterns, triangle_uv},
+    materials::{base_colour, has_pattern, texture_of},
     texture_canvas::TextureCanvas,
 };
-use crate::{columns::srgb::linear_from_srgb, model::TriangleModel, sample::texture::read_bilinear, scene::Scene};
+use crate::{
+    columns::srgb::linear_from_srgb,
+    model::TriangleModel,
+    sample::texture::read_bilinear,
+    scene::{Scene, SceneTexture},
+};
 
 /// Texels around each chart that continue its colours.
 const PADDING: u32 = 1;
@@ -26,6 +34,10 @@ const PADDING: u32 = 1;
 const PLAIN_SIDE: u32 = 30;
 /// Most reads of the source's texture along a texel's side.
 const MAX_TAPS: f32 = 4.0;
+/// Most reads of a pattern along a texel's side.
+const MAX_PATTERN_TAPS: u32 = 16;
+/// Share of a texel by which a chart may exceed a pattern's texels, so that rounding adds none.
+const PATTERN_SLACK: f32 = 0.01;
 /// Bits of a texture coordinate below one texel.
 const SUBTEXEL_BITS: u32 = 3;
 /// How often the texels are enlarged until everything fits, and by how much each time.
@@ -58,6 +70,7 @@ pub(super) fn bake_texture(
     scale: TextureScale,
     quality: Quality,
 ) -> Option<BakedTexture> {
+    let model = &*fold_patterns(scene, model);
     let charts = find_charts(scene, model, scale.step_m);
     let mut texel_m = scale.texel_m;
     for _ in 0..MAX_ENLARGEMENTS {
@@ -78,17 +91,22 @@ fn bake_at(
     texel_m: f64,
     quality: Quality,
 ) -> Option<BakedTexture> {
-    let scales: Vec<f64> = charts.iter().map(|chart| (1.0 / (texel_m * chart.texels_per_m)).min(1.0)).collect();
-    let sizes: Vec<[u32; 2]> = charts.iter().zip(&scales).map(|(chart, s)| chart_size(scene, chart, *s)).collect();
+    let scales: Vec<f64> = charts.iter().map(|chart| chart_scale(scene, chart, texel_m)).collect();
+    let bounds: Vec<[Vec2; 2]> = charts.iter().zip(&scales).map(|(chart, s)| chart_bounds(scene, chart, *s)).collect();
+    let of_chart = |i: usize| chart_size(texture_of(scene, charts[i].material), bounds[i], scales[i]);
+    let sizes: Vec<[u32; 2]> = (0..charts.len()).map(of_chart).collect();
     let padded: Vec<[u32; 2]> = sizes.iter().copied().map(padded_size).collect();
     let atlas = atlas::pack(&padded)?;
     let placed: Vec<PlacedChart<'_>> = charts
         .iter()
         .zip(&sizes)
+        .zip(&bounds)
         .zip(&atlas.positions)
-        .map(|((chart, size), position)| PlacedChart::new(chart, *size, *position))
+        .map(|(((chart, size), bounds), position)| PlacedChart::new(chart, *bounds, *size, *position))
         .collect();
-    let bytes = paint(scene, model, &placed, atlas.size).encode(quality)?;
+    let canvas = paint(scene, model, &placed, atlas.size);
+    let is_photo = |chart: &TextureChart| texture_of(scene, chart.material).is_some_and(|texture| !texture.is_pattern);
+    let bytes = if charts.iter().any(is_photo) { canvas.encode(quality)? } else { canvas.encode_pattern()? };
     let is_resampled = scales.iter().any(|scale| *scale < 1.0);
     Some(BakedTexture {
         texture: TileTexture { size_px: atlas.size.map(|side| side as u16), bytes },
@@ -97,10 +115,35 @@ fn bake_at(
     })
 }
 
+/// Texels of a chart per texel of its source along a side, at most 1. That of a pattern is rounded up to 1/2, 1/4 and so
+/// on.
+fn chart_scale(scene: &Scene, chart: &TextureChart, texel_m: f64) -> f64 {
+    let wanted = (1.0 / (texel_m * chart.texels_per_m)).min(1.0);
+    if !has_pattern(scene, chart.material) {
+        return wanted;
+    }
+    let mut scale = 1.0;
+    while scale / 2.0 >= wanted && scale * f64::from(MAX_PATTERN_TAPS) > 1.0 {
+        scale /= 2.0;
+    }
+    scale
+}
+
+/// Lower and upper corner of the texture coordinates that a chart shows: in a pattern, at the borders of texels.
+fn chart_bounds(scene: &Scene, chart: &TextureChart, scale: f64) -> [Vec2; 2] {
+    let TextureChart { low, high, .. } = *chart;
+    let Some(texture) = texture_of(scene, chart.material).filter(|texture| texture.is_pattern) else {
+        return [low, high];
+    };
+    let texels = Vec2::new(texture.width as f32, texture.height as f32) * scale as f32;
+    let first = (low * texels + PATTERN_SLACK).floor();
+    [first / texels, (high * texels - PATTERN_SLACK).ceil().max(first + 1.0) / texels]
+}
+
 /// Width and height of a chart in texels, without padding.
-fn chart_size(scene: &Scene, chart: &TextureChart, scale: f64) -> [u32; 2] {
-    let Some(texture) = texture_of(scene, chart.material) else { return [PLAIN_SIDE; 2] };
-    let extent = chart.high - chart.low;
+fn chart_size(texture: Option<&SceneTexture>, [low, high]: [Vec2; 2], scale: f64) -> [u32; 2] {
+    let Some(texture) = texture else { return [PLAIN_SIDE; 2] };
+    let extent = high - low;
     let side = |extent: f32, texels: u32| (f64::from(extent) * f64::from(texels) * scale).ceil().max(1.0) as u32;
     [side(extent.x, texture.width), side(extent.y, texture.height)]
 }
@@ -130,17 +173,17 @@ struct PlacedChart<'a> {
 }
 
 impl<'a> PlacedChart<'a> {
-    fn new(chart: &'a TextureChart, size: [u32; 2], position: [u32; 2]) -> Self {
+    fn new(chart: &'a TextureChart, [low, high]: [Vec2; 2], size: [u32; 2], position: [u32; 2]) -> Self {
         let padded = padded_size(size);
         let size = Vec2::new(size[0] as f32, size[1] as f32);
-        let extent = chart.high - chart.low;
+        let extent = high - low;
         let scale = Vec2::select(extent.cmpgt(Vec2::ZERO), size / extent.max(Vec2::splat(1e-30)), Vec2::ZERO);
         Self {
             chart,
             position,
             padded,
             // v points upwards, rows run downwards.
-            origin: Vec2::new(chart.low.x, chart.high.y),
+            origin: Vec2::new(low.x, high.y),
             scale: scale * Vec2::new(1.0, -1.0),
             corner: Vec2::new(position[0] as f32, position[1] as f32) + PADDING as f32,
             size,
@@ -153,6 +196,11 @@ impl<'a> PlacedChart<'a> {
         let p = (uv - self.origin) * self.scale;
         let p = Vec2::select(self.scale.cmpeq(Vec2::ZERO), self.size / 2.0, p).clamp(Vec2::ZERO, self.size);
         if self.is_turned { p.yx() } else { p }
+    }
+
+    /// Source coordinates of a position relative to `corner`; the inverse of [`Self::texel_at`], also in the padding.
+    fn uv_at(&self, texel: Vec2) -> Vec2 {
+        self.origin + if self.is_turned { texel.yx() } else { texel } / self.scale
     }
 
     /// The middle relative to `corner`.
@@ -195,7 +243,12 @@ fn paint(scene: &Scene, model: &TriangleModel, placed: &[PlacedChart<'_>], size:
     for placed in placed {
         let chart = placed.chart;
         let base = linear_from_srgb(base_colour(scene, chart.material));
-        if let Some(texture) = texture_of(scene, chart.material) {
+        let texture = texture_of(scene, chart.material);
+        if let Some(pattern) = texture.filter(|texture| texture.is_pattern) {
+            draw_pattern(&mut canvas, placed, pattern, base);
+            continue;
+        }
+        if let Some(texture) = texture {
             let texels = (chart.high - chart.low) * Vec2::new(texture.width as f32, texture.height as f32);
             let taps = (texels / placed.size).max_element().ceil().clamp(1.0, MAX_TAPS) as u32;
             for &t in &chart.triangles {
@@ -211,4 +264,76 @@ fn paint(scene: &Scene, model: &TriangleModel, placed: &[PlacedChart<'_>], size:
         canvas.extend_into_padding(placed.position, placed.padded);
     }
     canvas
+}
+
+/// Fills the rectangle of a pattern's chart. Its reads are at the centres of the pattern's texels.
+fn draw_pattern(canvas: &mut TextureCanvas, placed: &PlacedChart<'_>, pattern: &SceneTexture, base: Vec3) {
+    let taps = ((pattern.width as f32 / placed.scale.x.abs()).round() as u32).clamp(1, MAX_PATTERN_TAPS);
+    let [width, height] = placed.padded;
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        let texel = Vec2::new(x as f32, y as f32) - PADDING as f32;
+        for (i, j) in (0..taps).flat_map(|j| (0..taps).map(move |i| (i, j))) {
+            let read = texel + (Vec2::new(i as f32, j as f32) + 0.5) / taps as f32;
+            canvas.add(placed.corner + read, base * read_bilinear(pattern, placed.uv_at(read)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        model::{CornerLayer, TriangleModel},
+        scene::Material,
+    };
+    use insula_protocol::mesh_tile::decode_webp;
+    use std::{collections::HashSet, sync::Arc};
+
+    /// A checkerboard of 8 x 8 texels of three colours.
+    fn pattern() -> SceneTexture {
+        let colour = |i: u32| [[200, 190, 180], [50, 60, 70], [120, 110, 100]][((i % 8 + i / 8) % 3) as usize];
+        SceneTexture { width: 8, height: 8, rgb: (0..64).map(colour).collect(), is_pattern: true }
+    }
+
+    /// A square of 4 x 4 m that shows the texture coordinates from `low` to `high`.
+    fn square([low, high]: [[f32; 2]; 2]) -> TriangleModel {
+        let positions = vec![[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.0, 4.0], [0.0, 0.0, 4.0]];
+        let value = |u: f32, v: f32| [u, v, 0.0, 0.0];
+        let values =
+            vec![value(low[0], low[1]), value(high[0], low[1]), value(high[0], high[1]), value(low[0], high[1])];
+        let corners = vec![0, 1, 2, 0, 2, 3];
+        let layers = vec![CornerLayer { kind: AttributeKind::Other, width: 3, values, corners }];
+        TriangleModel { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], layers }
+    }
+
+    #[test]
+    fn patterns_keep_their_texels_wherever_a_chart_begins() {
+        let materials = vec![Material { rgb: [255; 3], texture: Some(Arc::new(pattern())) }];
+        let scene = Scene { materials, ..Scene::default() };
+        for (range, expected_px) in [([[0.0, 0.0], [2.0, 1.0]], [16, 8]), ([[40.3, 7.1], [41.05, 7.6]], [7, 5])] {
+            let scale = TextureScale { step_m: 1.0, texel_m: 1e-3 };
+            let baked = bake_texture(&scene, &square(range), scale, Quality::Decibels(30.0)).unwrap();
+            assert!(baked.texture.size_px.iter().zip(expected_px).all(|(have, need)| u32::from(*have) >= need));
+            let rgb = decode_webp(&baked.texture.bytes, baked.texture.size_px.map(u32::from)).unwrap();
+            let colours: HashSet<[u8; 3]> = rgb.as_chunks::<3>().0.iter().copied().collect();
+            let known: HashSet<[u8; 3]> = pattern().rgb.into_iter().chain([[0; 3]]).collect();
+            assert!(colours.is_subset(&known), "{colours:?}");
+        }
+    }
+
+    #[test]
+    fn coarser_patterns_have_texels_of_whole_texels() {
+        let materials = vec![Material { rgb: [255; 3], texture: Some(Arc::new(pattern())) }];
+        let scene = Scene { materials, ..Scene::default() };
+        let model = square([[0.0, 0.0], [3.0, 3.0]]);
+        let chart = &find_charts(&scene, &model, 1.0)[0];
+        // 24 texels along 4 m.
+        assert_eq!(
+            [0.1, 0.2, 0.4, 100.0].map(|texel_m| chart_scale(&scene, chart, texel_m)),
+            [1.0, 1.0, 0.5, 1.0 / 16.0]
+        );
+        assert_eq!(chart_bounds(&scene, chart, 0.5), [Vec2::ZERO, Vec2::splat(3.0)]);
+        let odd = TextureChart { low: Vec2::splat(0.3), high: Vec2::splat(0.499), ..chart.clone() };
+        assert_eq!(chart_bounds(&scene, &odd, 0.5), [Vec2::splat(0.25), Vec2::splat(0.5)]);
+    }
 }

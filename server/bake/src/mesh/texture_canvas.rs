@@ -73,7 +73,8 @@ impl TextureCanvas {
         }
     }
 
-    fn add(&mut self, at: Vec2, light: Vec3) {
+    /// Adds light to the texel at a position in texels.
+    pub(super) fn add(&mut self, at: Vec2, light: Vec3) {
         let (x, y) = ((at.x as u32).min(self.size[0] - 1), (at.y as u32).min(self.size[1] - 1));
         let i = (y * self.size[0] + x) as usize;
         self.sums[i] = TexelSum { light: self.sums[i].light + light, weight: self.sums[i].weight + 1.0 };
@@ -110,6 +111,19 @@ impl TextureCanvas {
         let is_known: Vec<bool> = self.sums.iter().map(|sum| sum.weight > 0.0).collect();
         fill_unknown_texels(&mut rgb, self.size, &is_known);
         MaskedTexture { size: self.size, rgb: &rgb, is_shown: &self.is_shown }.encode(quality)
+    }
+
+    /// Encodes a texture of generated patterns and plain colours without loss. `None` if it is too large for a tile.
+    pub(super) fn encode_pattern(&self) -> Option<Vec<u8>> {
+        let mut rgb: Vec<u8> = Vec::with_capacity(3 * self.sums.len());
+        let mut last = [0; 3];
+        for sum in &self.sums {
+            if sum.weight > 0.0 {
+                last = quick_srgb(sum.light / sum.weight);
+            }
+            rgb.extend(last);
+        }
+        MaskedTexture { size: self.size, rgb: &rgb, is_shown: &self.is_shown }.encode(Quality::Lossless)
     }
 }
 

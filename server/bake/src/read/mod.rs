@@ -6,7 +6,7 @@
 mod cityjson;
 mod context;
 mod counted_float;
-pub mod facade;
+mod facade;
 mod geojson;
 mod json;
 mod obj;
@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 
 pub use crate::error::InputError;
 pub use context::{ObjUpAxis, ReadOptions};
-pub use facade::{FacadeOption, FacadeReport};
+pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption, FacadeReport};
 pub use palette::{Palette, PaletteMode};
 pub use report::{ColourCounts, FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;

@@ -402,7 +402,8 @@ mod tests {
     fn equal_materials_are_shared_and_terrain_faces_up() {
         let (mut builder, mut sources) = (builder(), report());
         let mut textures = TextureStore::in_memory();
-        let texture = textures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[1, 2, 3]] }));
+        let texture =
+            textures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[1, 2, 3]], is_pattern: false }));
         let plain = builder.material([9; 3], None);
         assert_ne!(plain, builder.material([9; 3], Some(texture)));
         assert_eq!(plain, builder.material([9; 3], None));

@@ -117,7 +117,7 @@ fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<SceneTexture, TextureFault>
     reader.limits(limits);
     let rgb = reader.decode().map_err(|error| broken(&error))?.into_rgb8();
     let rgb = rgb.into_raw().chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
-    Ok(SceneTexture { width, height, rgb })
+    Ok(SceneTexture { width, height, rgb, is_pattern: false })
 }
 
 fn one_line(error: &dyn std::fmt::Display) -> String {

@@ -168,7 +168,8 @@ mod tests {
 
     #[test]
     fn each_set_gets_the_factor_of_its_buildings() {
-        let texture = |v: u8| Some(Arc::new(SceneTexture { width: 2, height: 1, rgb: vec![[v; 3], [0; 3]] }));
+        let texture =
+            |v: u8| Some(Arc::new(SceneTexture { width: 2, height: 1, rgb: vec![[v; 3], [0; 3]], is_pattern: false }));
         // The left half of the dark texture, and the right half of both for terrain, which does not count.
         let material = |texture| Material { rgb: [255; 3], texture };
         let triangle = |material, object, u: f32| SceneTriangle {

@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn v_points_upwards() {
-        let texture = SceneTexture { width: 1, height: 2, rgb: vec![[255, 0, 0], [0, 0, 255]] };
+        let texture = SceneTexture { width: 1, height: 2, rgb: vec![[255, 0, 0], [0, 0, 255]], is_pattern: false };
         assert!(read_bilinear(&texture, Vec2::new(0.5, 0.75)).x > 0.99);
         assert!(read_bilinear(&texture, Vec2::new(0.5, 0.25)).z > 0.99);
     }

@@ -51,6 +51,8 @@ pub struct SceneTexture {
     pub height: u32,
     /// `width * height` texels of 8-bit sRGB, row by row from the top.
     pub rgb: Vec<[u8; 3]>,
+    /// Whether it is a generated pattern of few colours that repeats, with sides of a power of two.
+    pub is_pattern: bool,
 }
 
 /// Colour of triangles.

@@ -23,6 +23,7 @@ struct TextureFacts {
     width: u32,
     height: u32,
     hash: ShortHash,
+    is_pattern: bool,
     /// Applied when the texels are loaded.
     tone: Option<Arc<ToneCurve>>,
 }
@@ -66,7 +67,8 @@ impl TextureStore {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&texture.width.to_le_bytes()).update(&texture.height.to_le_bytes());
         let hash = short_hash(&hasher.update(texture.rgb.as_flattened()).finalize());
-        self.facts.push(TextureFacts { width: texture.width, height: texture.height, hash, tone: None });
+        let SceneTexture { width, height, is_pattern, .. } = *texture;
+        self.facts.push(TextureFacts { width, height, hash, is_pattern, tone: None });
         match &mut self.storage {
             TextureStorage::Memory(all) => all.push(texture),
             TextureStorage::Folder { path, budget, .. } => {
@@ -155,7 +157,7 @@ fn load(path: &Path, facts: &TextureFacts) -> Result<SceneTexture, BakeError> {
     }
     let mut rgb = texels.to_vec();
     facts.tone.iter().for_each(|tone| apply_tone(&mut rgb, tone));
-    Ok(SceneTexture { width: facts.width, height: facts.height, rgb })
+    Ok(SceneTexture { width: facts.width, height: facts.height, rgb, is_pattern: facts.is_pattern })
 }
 
 #[cfg(test)]
@@ -168,7 +170,7 @@ mod tests {
         let folder = TestFolder::new("textures");
         let mut textures = TextureStore::in_folder(folder.path.clone(), 100, ScratchBudget::new(120));
         for i in 0..4u8 {
-            textures.add(Arc::new(SceneTexture { width: 5, height: 2, rgb: vec![[i; 3]; 10] }));
+            textures.add(Arc::new(SceneTexture { width: 5, height: 2, rgb: vec![[i; 3]; 10], is_pattern: false }));
         }
         textures.finish().unwrap();
         for i in [0u8, 1, 2, 0, 3, 1] {

@@ -43,6 +43,18 @@ pub enum FacadeOption {
     Windows,
 }
 
+impl std::str::FromStr for FacadeOption {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "plain" => Ok(Self::Plain),
+            "windows" => Ok(Self::Windows),
+            _ => Err("expected plain or windows".into()),
+        }
+    }
+}
+
 /// The generated facades of a city.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct FacadeReport {

@@ -5,8 +5,8 @@ use crate::scene::SceneTexture;
 
 /// Cells along a texture's side.
 pub(super) const CELLS: u32 = 4;
-/// Texels along a cell's side: about 12 cm.
-const CELL_TEXELS: u32 = 24;
+/// Texels along a cell's side: about 10 cm.
+const CELL_TEXELS: u32 = 32;
 
 /// Panes: mostly dark, some with curtains.
 const PANES: [[u8; 3]; 8] =
@@ -25,9 +25,9 @@ struct WindowShape {
 
 fn shape_of(facade_use: FacadeUse) -> WindowShape {
     match facade_use {
-        FacadeUse::Office => WindowShape { across: [2, 21], up: [7, 20], pane: 6, frame: [128, 131, 133] },
+        FacadeUse::Office => WindowShape { across: [3, 29], up: [9, 26], pane: 5, frame: [128, 131, 133] },
         FacadeUse::Home | FacadeUse::Windowless => {
-            WindowShape { across: [7, 18], up: [7, 19], pane: 5, frame: [206, 204, 198] }
+            WindowShape { across: [10, 23], up: [9, 25], pane: 6, frame: [206, 204, 198] }
         }
     }
 }
@@ -41,7 +41,7 @@ pub(super) fn draw(facade_use: FacadeUse, wall: [u8; 3]) -> SceneTexture {
         let cell = [x / CELL_TEXELS, y / CELL_TEXELS];
         shape.texel([x % CELL_TEXELS, y % CELL_TEXELS], cell, wall)
     };
-    SceneTexture { width: side, height: side, rgb: (0..side * side).map(texel).collect() }
+    SceneTexture { width: side, height: side, rgb: (0..side * side).map(texel).collect(), is_pattern: true }
 }
 
 impl WindowShape {
