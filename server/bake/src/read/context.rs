@@ -99,7 +99,10 @@ impl<'o> ReadContext<'o> {
     /// use.
     pub(crate) fn push(&mut self, open: &mut OpenObject, faces: &mut Vec<WorldTriangle>, facade_use: FacadeUse) {
         if self.options.facades == FacadeOption::Windows {
-            self.facades.apply(faces, facade_use, &mut self.builder, &mut self.textures);
+            let has_facade = self.facades.apply(faces, facade_use, &mut self.builder, &mut self.textures);
+            if has_facade && !std::mem::replace(&mut open.has_facade, true) {
+                self.facades.count_object();
+            }
         }
         self.builder.push(open, faces);
         faces.clear();

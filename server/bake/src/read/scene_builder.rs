@@ -113,16 +113,18 @@ pub(crate) struct OpenObject {
     surface_m2: f64,
     /// Number of triangles so far.
     pub(crate) triangles: u64,
+    /// Whether a wall has a generated facade.
+    pub(crate) has_facade: bool,
 }
 
 impl OpenObject {
     pub(crate) fn new(kind: ObjectKind) -> Self {
-        Self { kind, anchor: None, min: [0.0; 3], max: [0.0; 3], surface_m2: 0.0, triangles: 0 }
+        Self { kind, anchor: None, min: [0.0; 3], max: [0.0; 3], surface_m2: 0.0, triangles: 0, has_facade: false }
     }
 
     /// `None` without triangles.
     fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
-        let Self { kind, anchor, min, max, surface_m2, triangles } = self;
+        let Self { kind, anchor, min, max, surface_m2, triangles, .. } = self;
         let anchor = anchor?;
         let id = id[..id.floor_char_boundary(MAX_ID_BYTES)].to_owned();
         Some(PendingObject { id, kind, source, is_dropped: false, surface_m2, anchor, min, max, triangles })

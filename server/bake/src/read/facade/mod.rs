@@ -90,38 +90,46 @@ impl FacadeMaker {
         (self.report.walls > 0).then_some(FacadeReport { generated: true, textures, ..self.report })
     }
 
-    /// Gives the walls among an object's faces windows. Faces may be cut, and keep their order.
+    /// Counts an object with facades.
+    pub(crate) fn count_object(&mut self) {
+        self.report.objects += 1;
+    }
+
+    /// Gives the walls among faces of one object windows. Faces may be cut, and keep their order. Returns whether there are
+    /// such walls.
     pub(crate) fn apply(
         &mut self,
         faces: &mut Vec<WorldTriangle>,
         facade_use: FacadeUse,
         builder: &mut SceneBuilder,
         textures: &mut TextureLoader,
-    ) {
-        let Some(anchor) = faces.first().map(|face| DVec3::from_array(face.corners[0])) else { return };
+    ) -> bool {
+        let Some(anchor) = faces.first().map(|face| DVec3::from_array(face.corners[0])) else { return false };
         if facade_use == FacadeUse::Windowless || !faces.iter().any(|face| face.is_facade) {
-            return;
+            return false;
         }
         let corners: Vec<[DVec3; 3]> =
             faces.iter().map(|face| face.corners.map(|p| DVec3::from_array(p) - anchor)).collect();
-        let Some(base_m) = base_of_large_object(&corners) else { return };
+        let Some(base_m) = base_of_large_object(&corners) else { return false };
         let is_facade = |i: usize| faces[i].is_facade;
         let walls = find_walls(&corners, &is_facade);
         let parts: Vec<Vec<WallPart>> = walls.iter().map(|wall| find_parts(&wall.outline(&corners))).collect();
-        let Some(storeys) = Storeys::of(&parts, base_m, facade_use.storey_m()) else { return };
+        let Some(storeys) = Storeys::of(&parts, base_m, facade_use.storey_m()) else { return false };
         let zones: Vec<Vec<FacadeZone>> =
             parts.into_iter().map(|parts| storeys.zones(parts, facade_use.bay_m())).collect();
-        let before = self.report.walls;
         for zone in zones.iter().flatten() {
             self.report.walls += 1;
             self.report.windows = self.report.windows.saturating_add(zone.windows());
         }
-        self.report.objects += u64::from(self.report.walls > before);
         let mut wall_of = vec![None; faces.len()];
         for (wall, zones) in walls.iter().zip(&zones).filter(|(_, zones)| !zones.is_empty()) {
             wall.faces.iter().for_each(|face| wall_of[*face as usize] = Some((wall, zones)));
         }
-        *faces = self.cut_all(faces, &wall_of, anchor, facade_use, (builder, textures));
+        let has_facade = wall_of.iter().any(Option::is_some);
+        if has_facade {
+            *faces = self.cut_all(faces, &wall_of, anchor, facade_use, (builder, textures));
+        }
+        has_facade
     }
 
     /// The faces, cut at the zones of their walls, with texture coordinates in them.

@@ -21,7 +21,9 @@ impl Setup {
 
     fn apply(&mut self, faces: &[WorldTriangle], facade_use: FacadeUse) -> Vec<WorldTriangle> {
         let mut faces = faces.to_vec();
-        self.maker.apply(&mut faces, facade_use, &mut self.builder, &mut self.textures);
+        if self.maker.apply(&mut faces, facade_use, &mut self.builder, &mut self.textures) {
+            self.maker.count_object();
+        }
         faces
     }
 }
