@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::facade::{FacadeMaker, FacadeOption, FacadeReport, FacadeUse};
+use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::palette::Palette;
 use super::polygon::Triangulator;
-use super::report::SourceReport;
+use super::report::{FacadeReport, SourceReport};
 use super::scene_builder::{OpenObject, SceneBuilder, WorldTriangle};
 use super::texture::TextureLoader;
 use crate::error::InputError;

@@ -24,9 +24,9 @@ use std::path::{Path, PathBuf};
 
 pub use crate::error::InputError;
 pub use context::{ObjUpAxis, ReadOptions};
-pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption, FacadeReport};
+pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use palette::{Palette, PaletteMode};
-pub use report::{ColourCounts, FaultCount, ReadReport, SourceFormat, SourceReport};
+pub use report::{ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;
 
 use crate::error::BakeError;

@@ -4,8 +4,6 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::facade::FacadeReport;
-
 /// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
 /// Longer texts of a source, such as identifiers, are cut in the report.
@@ -172,6 +170,19 @@ fn count_fault(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl 
         Some(fault) => fault.add(example),
         None => map.entry(key.to_owned()).or_default().add(example),
     }
+}
+
+/// The generated facades of a city.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct FacadeReport {
+    /// Always true: no source has these windows.
+    pub generated: bool,
+    /// Objects with a generated facade.
+    pub objects: u64,
+    /// Parts of walls, each with whole bays and storeys.
+    pub walls: u64,
+    pub windows: u64,
+    pub textures: u64,
 }
 
 /// What was read from all sources.

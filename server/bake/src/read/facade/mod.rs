@@ -9,17 +9,19 @@ mod cut;
 mod parts;
 mod pattern;
 mod walls;
+mod zone;
 
 use std::sync::Arc;
 
 use glam::DVec3;
-use serde::Serialize;
 
 pub(crate) use building_use::FacadeUse;
 use cut::cut_face;
 use parts::{Storeys, WallPart, find_parts};
 use walls::{Wall, find_walls};
+use zone::FacadeZone;
 
+use super::report::FacadeReport;
 use super::scene_builder::{SceneBuilder, WorldTriangle};
 use super::texture::TextureLoader;
 
@@ -53,19 +55,6 @@ impl std::str::FromStr for FacadeOption {
             _ => Err("expected plain or windows".into()),
         }
     }
-}
-
-/// The generated facades of a city.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct FacadeReport {
-    /// Always true: no source has these windows.
-    pub generated: bool,
-    /// Objects with a generated facade.
-    pub objects: u64,
-    /// Parts of walls, each with whole bays and storeys.
-    pub walls: u64,
-    pub windows: u64,
-    pub textures: u64,
 }
 
 /// A generated texture and its material.
@@ -191,34 +180,6 @@ fn base_of_large_object(faces: &[[DVec3; 3]]) -> Option<f64> {
         *(if area_m2 > 0.0 { &mut up_m2 } else { &mut down_m2 }) += area_m2.abs();
     }
     (high - low >= MIN_HEIGHT_M && f64::max(up_m2, down_m2) >= MIN_FOOTPRINT_M2).then_some(low)
-}
-
-/// A rectangle of a wall with whole bays and storeys. Lengths are along the wall and upwards, in metres.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct FacadeZone {
-    /// Ends along the wall, at which bays begin and end.
-    along_m: [f64; 2],
-    /// Where faces are cut: a little beyond the storeys if the wall has nothing else there.
-    z_m: [f64; 2],
-    bays: u32,
-    /// The first storey with windows, and the one after the last.
-    storeys: [u32; 2],
-    /// Height of the floor of storey 0.
-    base_m: f64,
-    storey_m: f64,
-}
-
-impl FacadeZone {
-    /// Bays from the zone's start and storeys from the object's base.
-    fn uv(&self, along_m: f64, z_m: f64) -> [f32; 2] {
-        let share = (along_m - self.along_m[0]) / (self.along_m[1] - self.along_m[0]);
-        let cells = [share * f64::from(self.bays), (z_m - self.base_m) / self.storey_m];
-        cells.map(|cells| (cells / f64::from(pattern::CELLS)) as f32)
-    }
-
-    fn windows(&self) -> u64 {
-        u64::from(self.bays).saturating_mul(u64::from(self.storeys[1] - self.storeys[0]))
-    }
 }
 
 #[cfg(test)]

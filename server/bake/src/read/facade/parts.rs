@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::FacadeZone;
+use super::zone::FacadeZone;
 
 /// Corners nearer along the wall count as one.
 const WELD_M: f64 = 0.1;
