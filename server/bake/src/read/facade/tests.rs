@@ -1,3 +1,5 @@
+//! Bays, storeys, gables, small buildings and damaged walls.
+
 use super::*;
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
