@@ -91,7 +91,8 @@ fn light_from_city(around: Surroundings, ao: f32) -> vec3<f32> {
     let reach = frame.light.sun_tan * around.open;
     let deep = 1.0 - around.open + 1e-6;
     let ground = frame.light.ground_sun.rgb * (reach / (reach + GROUND_DEPTH * deep)) + frame.light.ground_sky.rgb;
-    let sunlit = reach / (reach + FACADE_DEPTH * deep) * (0.5 - 0.5 * around.ahead);
+    let far = reach * sqrt(reach);
+    let sunlit = far / (far + FACADE_DEPTH * deep * deep) * (0.5 - 0.5 * around.ahead);
     let facades = frame.light.facade_sun.rgb * sunlit + frame.light.facade_sky.rgb + ground * frame.light.facade_ground;
     let share = mix(FACADES_BY_WALL, FACADES_BY_GROUND, around.upright);
     return ground * around.below + facades * (share * max(1.0 - ao - around.below, 0.0));

@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""Draws a city at four hours from the air, a roof and a street: contact_sheet.py CITY STREET OUT [--program INSULA] [-- OPTIONS]
+"""Draws a city at four hours from the air, a roof and a street: contact_sheet.py CITY STREET OUT [-- OPTIONS]
 
 CITY is a baked folder, STREET a camera file, OUT an image (JPEG, PNG). Rows are dawn, noon, evening and night; OPTIONS are
-those of `insula snapshot`. Needs Pillow.
+those of `insula snapshot`. With `--old PROGRAM CITY`, the same view by another build of another bake is on the left of each.
+Needs Pillow.
 """
 import argparse, json, pathlib, subprocess, tempfile
 from PIL import Image
 
 HOURS = ["2024-09-18T06:05", "2024-09-18T12:00", "2024-09-18T17:30", "2024-09-18T22:00"]
-SIZE = (400, 225)
+SIZE = (288, 162)
 
 
 def cameras(city, street):
@@ -29,17 +30,19 @@ def main():
     ap.add_argument("street", type=pathlib.Path)
     ap.add_argument("out", type=pathlib.Path)
     ap.add_argument("--program", default="target/release/insula")
+    ap.add_argument("--old", nargs=2, metavar=("PROGRAM", "CITY"))
     ap.add_argument("options", nargs="*")
     args = ap.parse_args()
-    views = cameras(args.city, args.street)
-    sheet = Image.new("RGB", (SIZE[0] * len(views), SIZE[1] * len(HOURS)))
+    builds = ([(*args.old, [])] if args.old else []) + [(args.program, args.city, args.options)]
+    columns = [(view, *build) for view in cameras(args.city, args.street) for build in builds]
+    sheet = Image.new("RGB", (SIZE[0] * len(columns), SIZE[1] * len(HOURS)))
     with tempfile.TemporaryDirectory() as folder:
         camera, picture = (pathlib.Path(folder) / name for name in ("camera.json", "picture.png"))
         for row, hour in enumerate(HOURS):
-            for column, view in enumerate(views):
+            for column, (view, program, city, options) in enumerate(columns):
                 camera.write_text(json.dumps(view))
-                subprocess.run([args.program, "snapshot", "--adapter", "cpu", "--server", args.city, "--camera", camera, "--time",
-                                hour, "--size", "{}x{}".format(*SIZE), "--out", picture, *args.options],
+                subprocess.run([program, "snapshot", "--adapter", "cpu", "--server", city, "--camera", camera, "--time",
+                                hour, "--size", "{}x{}".format(*SIZE), "--out", picture, *options],
                                check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
                 sheet.paste(Image.open(picture).convert("RGB"), (SIZE[0] * column, SIZE[1] * row))
     sheet.save(args.out, quality=80)

@@ -17,9 +17,10 @@ const WATER_CM: f64 = 1.9;
 /// Column of ozone in centimetres: 300 Dobson units.
 const OZONE_CM: f64 = 0.3;
 /// Share of the extinction by particles at 0.55 micrometres that large, grey ones have (dust). The others follow the pictures'
-/// law. The only constant that was chosen by irradiances: with less, a low sun is brighter than Ineichen and Perez's (2002).
+/// law. Chosen by irradiances: with less, a low sun is brighter than Ineichen and Perez's (2002).
 const GREY: f64 = 0.6;
-/// Single scattering albedo and asymmetry of a city's particles, with soot (World Climate Programme, WCP-112, 1986).
+/// Single scattering albedo and asymmetry of a city's particles, with soot, as urban aerosol models have them. A fit of the albedo
+/// to Ineichen and Perez's irradiances gives 0.67.
 const ALBEDO: f64 = 0.65;
 const ASYMMETRY: f64 = 0.59;
 /// Air mass at which turbidity is defined, and Kasten's mean optical depth of clean, dry air there (1996).

@@ -23,8 +23,8 @@ pub(crate) const GROUND_ALBEDO: Vec3 = Vec3::new(0.24, 0.235, 0.225);
 pub(crate) const GROUND_FADE_M: f32 = 3000.0;
 /// Distance in metres from which the plane vanishes faster in haze than a city would, and how much faster: nobody knows what is
 /// there, and an endless plane would end in a grey band below the horizon.
-pub(crate) const PLANE_CLEAR_M: f32 = 4000.0;
-pub(crate) const PLANE_FADE: f32 = 3.0;
+pub(crate) const PLANE_CLEAR_M: f32 = 7000.0;
+pub(crate) const PLANE_FADE: f32 = 5.0;
 /// Least descent of a ray, per metre, that meets the plane.
 pub(crate) const MIN_GROUND_DESCENT: f32 = 1e-5;
 /// Squared radius on the unit sphere at which the sun's disc begins to fade.
@@ -38,10 +38,11 @@ pub(crate) const FACADES_BY_WALL: f32 = 1.2;
 pub(crate) const FACADES_BY_GROUND: f32 = 0.55;
 /// Share of the open sky's light that reaches a wall from straight above, where the horizon is hidden.
 pub(crate) const ZENITH_SHARE: f32 = 0.17;
-/// Tangent of the sun's height at which it reaches half of the ground of a street that sees half of the sky, and half of its
-/// facades.
+/// Tangent of the sun's height at which it reaches half of the ground of a street that sees half of the sky.
 pub(crate) const GROUND_DEPTH: f32 = 0.26;
-pub(crate) const FACADE_DEPTH: f32 = 1.0;
+/// How fast facades lose the sun as a street becomes deeper. In a deep street a low sun reaches their tops only, which walls and
+/// ground see at flat angles, so its share falls faster than the lit area.
+pub(crate) const FACADE_DEPTH: f32 = 1.1;
 /// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this. Walls receive a share.
 pub(crate) const LAMP_DEPTH: f32 = 3.0;
 pub(crate) const LAMPS_ON_WALLS: f32 = 0.25;
@@ -189,7 +190,8 @@ struct Surroundings {
 fn light_from_city(light: &Light, around: &Surroundings, ao: f32) -> Vec3 {
     let (reach, deep) = (light.sun_tan * around.open, 1.0 - around.open + 1e-6);
     let ground = rgb(light.ground_sun) * (reach / (reach + GROUND_DEPTH * deep)) + rgb(light.ground_sky);
-    let sunlit = reach / (reach + FACADE_DEPTH * deep) * (0.5 - 0.5 * around.ahead);
+    let far = reach * reach.sqrt();
+    let sunlit = far / (far + FACADE_DEPTH * deep * deep) * (0.5 - 0.5 * around.ahead);
     let facades = rgb(light.facade_sun) * sunlit + rgb(light.facade_sky) + ground * light.facade_ground;
     let share = FACADES_BY_WALL + (FACADES_BY_GROUND - FACADES_BY_WALL) * around.upright;
     ground * around.below + facades * (share * (1.0 - ao - around.below).max(0.0))

@@ -155,7 +155,7 @@ mod tests {
         assert!(matches!(stored.append((0..100_000).map(triangle)), Err(BakeError::ScratchLimit { limit_mib: 0 })));
         assert_eq!(fs::metadata(path).unwrap().len(), 1000 * RECORD_BYTES as u64);
         let mut textures = TextureStore::in_folder(folder.path.clone(), 0, budget);
-        textures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[7; 3]] }));
+        textures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[7; 3]], is_pattern: false }));
         assert!(matches!(textures.finish(), Err(BakeError::ScratchLimit { .. })));
     }
 
