@@ -21,11 +21,11 @@ fn without_hidden_colour(texel: Texel) -> Texel {
 
 fn column() -> impl Strategy<Value = MapColumn> {
     let texel = any::<u32>().prop_map(opaque);
-    (0u16..4000, 1u16..95, any::<[bool; 8]>(), texel, any::<u16>(), any::<u32>(), any::<u8>()).prop_map(
+    (0u16..4000, 1u16..95, any::<[bool; 9]>(), texel, any::<u16>(), any::<u32>(), any::<u8>()).prop_map(
         |(
             z_min,
             height,
-            [inclined, suspended, exposed, gap, clipped, outer, corner, concave],
+            [inclined, suspended, exposed, gap, clipped, outer, corner, concave, reflective],
             roof,
             roof_normal,
             seed,
@@ -40,7 +40,7 @@ fn column() -> impl Strategy<Value = MapColumn> {
             let outer = (outer && height > 1).then_some(OuterTop { z: z_max - 1, roof: opaque(seed) });
             let corner = corner.then_some(CornerWall { azimuth, offset: (seed >> 8) as i8, concave });
             let clip = (clipped && exposed).then_some(ColumnClip { offset: seed as i8, corner, outer });
-            MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip }
+            MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip, reflective }
         },
     )
 }
@@ -110,6 +110,7 @@ proptest! {
     fn random_column_bytes_decode_to_a_valid_map_or_an_error(
         bytes in proptest::collection::vec(any::<u8>(), 1..3000),
         ground in proptest::collection::vec(any::<u8>(), 0..300),
+        reflective in proptest::collection::vec(any::<u8>(), 0..60),
         shift in 0u8..=4,
     ) {
         let mut writer = TileWriter::new(TileKind::BlockMap, None);
@@ -117,6 +118,7 @@ proptest! {
         writer.add_raw_section(1, &meta).unwrap();
         writer.add_raw_section(2, &bytes).unwrap();
         writer.add_raw_section(3, &ground).unwrap();
+        writer.add_raw_section(4, &reflective).unwrap();
         if let Ok(map) = BlockMap::decode(TileId::ROOT, &writer.finish().unwrap()) {
             prop_assert_eq!(&BlockMap::decode(TileId::ROOT, &map.encode().unwrap()).unwrap(), &map);
             prop_assert!(map.stand_on_ground().encode().is_ok());

@@ -128,6 +128,7 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<MapColumn> {
         roof_normal: octahedral::encode(n.into()),
         strip,
         clip,
+        reflective: false,
     })
 }
 

@@ -118,7 +118,7 @@ impl Shapes {
             let found = scene.materials.iter().position(|material| material.rgb == *rgb);
             let material = found.unwrap_or(scene.materials.len()) as u32;
             if found.is_none() {
-                scene.materials.push(Material { rgb: *rgb, texture: None });
+                scene.materials.push(Material { rgb: *rgb, texture: None, is_reflective: false });
             }
             let corners = corners.map(|corner| corner.as_vec3().into());
             let base = &mut scene.objects[*object as usize].base_z_m;

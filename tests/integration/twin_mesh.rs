@@ -172,6 +172,7 @@ fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
             roof_normal: flat,
             strip: None,
             clip: None,
+            reflective: false,
         };
         Some(no)
     };

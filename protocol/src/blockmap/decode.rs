@@ -2,8 +2,9 @@
 
 use super::{
     BlockMap, Z_SHIFT_MAX,
-    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META},
+    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META, TAG_REFLECTIVE},
     ground::{self, NodeGround},
+    reflective,
     texel_coder::QuantisationSteps,
 };
 use crate::{
@@ -27,10 +28,9 @@ impl BlockMap {
         let columns = tile.section(TAG_COLUMNS, MAX_SECTION_BYTES as usize)?;
         let mut coder = RangeDecoder::new(&columns);
         map.walk(&mut coder, steps)?;
-        if coder.unread_bytes() > 0 {
-            return Err(DecodeError::TrailingBytes(coder.unread_bytes()));
-        }
+        check_end(&coder)?;
         map.ground = read_ground(&tile)?;
+        read_reflective(&tile, &mut map)?;
         map.check()?;
         Ok(map)
     }
@@ -47,10 +47,27 @@ fn read_ground(tile: &TileReader<'_>) -> Result<Option<Box<NodeGround>>, DecodeE
     if ground.squares == 0 {
         return Err(DecodeError::Invalid("a ground without squares"));
     }
-    if coder.unread_bytes() > 0 {
-        return Err(DecodeError::TrailingBytes(coder.unread_bytes()));
-    }
+    check_end(&coder)?;
     Ok(Some(ground))
+}
+
+/// Sets the flags of reflective columns.
+fn read_reflective(tile: &TileReader<'_>, map: &mut BlockMap) -> Result<(), DecodeError> {
+    let section = tile.section(TAG_REFLECTIVE, MAX_SECTION_BYTES as usize)?;
+    if section.is_empty() {
+        return Ok(());
+    }
+    let mut coder = RangeDecoder::new(&section);
+    reflective::code(&mut coder, map)?;
+    check_end(&coder)
+}
+
+/// Fails on bytes after the last value of a section.
+fn check_end(coder: &RangeDecoder<'_>) -> Result<(), DecodeError> {
+    match coder.unread_bytes() {
+        0 => Ok(()),
+        unread => Err(DecodeError::TrailingBytes(unread)),
+    }
 }
 
 fn read_meta(id: TileId, tile: &TileReader<'_>) -> Result<(BlockMap, QuantisationSteps), DecodeError> {

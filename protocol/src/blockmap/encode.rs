@@ -2,7 +2,7 @@
 //!
 //! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
-use super::{BlockMap, COLUMNS, appearance, facades, flag, ground, texel_coder::QuantisationSteps};
+use super::{BlockMap, COLUMNS, appearance, facades, flag, ground, reflective, texel_coder::QuantisationSteps};
 use crate::{
     TileKind,
     codec::range::{NullEncoder, RangeEncoder},
@@ -14,6 +14,7 @@ use crate::{
 pub(super) const TAG_META: u8 = 1;
 pub(super) const TAG_COLUMNS: u8 = 2;
 pub(super) const TAG_GROUND: u8 = 3;
+pub(super) const TAG_REFLECTIVE: u8 = 4;
 
 /// Loss of a map's colours and occlusion. Shapes are always lossless.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +56,11 @@ impl BlockMap {
             let mut coder = RangeEncoder::default();
             ground::code(&mut coder, &mut ground.clone())?;
             writer.add_raw_section(TAG_GROUND, &coder.finish())?;
+        }
+        if self.has_reflective() {
+            let mut coder = RangeEncoder::default();
+            reflective::code(&mut coder, &mut self.clone())?;
+            writer.add_raw_section(TAG_REFLECTIVE, &coder.finish())?;
         }
         writer.finish()
     }

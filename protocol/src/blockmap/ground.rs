@@ -344,7 +344,9 @@ impl BlockMap {
     /// A column of the tile with the ground around and below it.
     fn on_ground(&self, mut column: MapColumn, point: GroundPoint) -> MapColumn {
         let ground = self.ground_column(point);
-        if column.z_max <= ground.z_max {
+        // In a parent, ground at a shore reaches over the water beside it, at about its height.
+        let margin = if column.reflective { self.codes_per_cell() as u16 } else { 0 };
+        if column.z_max + margin <= ground.z_max {
             return ground;
         }
         let foot = column.z_min;
@@ -527,6 +529,8 @@ mod tests {
             (3, MapColumn { clip: Some(clip), ..wall(200, 300) }),
             (4, wall(40, 90)),
             (5, MapColumn { strip: None, ..wall(300, 400) }),
+            (6, MapColumn { reflective: true, ..wall(40, 90) }),
+            (7, MapColumn { reflective: true, ..wall(40, 84) }),
         ];
         let map = map_on(flat, &columns).stand_on_ground();
         let columns = map.columns();
@@ -541,5 +545,7 @@ mod tests {
         assert_eq!((column(4).z_max, column(4).roof.rgb(), column(4).roof.ao()), (100, GROUND_COLOUR, 45));
         assert_eq!(column(5).gap, Some([100, 300]));
         assert!(column(5).strip.is_some());
+        assert_eq!((column(6).z_max, column(6).reflective), (90, true), "water a little below the ground");
+        assert_eq!((column(7).z_max, column(7).reflective), (100, false));
     }
 }

@@ -14,6 +14,7 @@ mod encode;
 mod facades;
 pub mod ground;
 mod neighbours;
+mod reflective;
 mod texel_coder;
 mod tops;
 mod walk;
@@ -64,10 +65,8 @@ pub mod flag {
     pub const SUSPENDED: u8 = 32;
     /// A vertical plane cuts it ([`super::ColumnClip`]). What lies beyond the plane is lower.
     pub const CLIPPED: u8 = 64;
-    /// Its surface is water or glass. It is not part of the columns' section.
+    /// Its surface is water or glass. It has a section of its own.
     pub const REFLECTIVE: u8 = 128;
-    /// All bits of the columns' section.
-    pub const ALL: u8 = 127;
 }
 
 /// The wall strip of an exposed column: what its sides show.
@@ -135,6 +134,8 @@ pub struct MapColumn {
     pub strip: Option<WallStrip>,
     /// Only exposed columns are clipped.
     pub clip: Option<ColumnClip>,
+    /// Whether most of its surface is water or glass.
+    pub reflective: bool,
 }
 
 /// First row and number of rows of a strip: the rows of texels that `z_min..z_max` touches.
@@ -232,6 +233,9 @@ impl BlockMap {
         if column.suspended {
             flags |= flag::SUSPENDED;
         }
+        if column.reflective {
+            flags |= flag::REFLECTIVE;
+        }
         if let Some(gap) = column.gap {
             flags |= flag::GAP;
             self.gaps.push(gap);
@@ -298,6 +302,7 @@ impl BlockMap {
                     roof_normal: self.roof_normal[i],
                     strip,
                     clip,
+                    reflective: flags & flag::REFLECTIVE != 0,
                 })
             })
             .collect()
@@ -310,8 +315,8 @@ impl BlockMap {
         let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
         let heights = self.z_min.iter().zip(&self.z_max);
         for (flags, (&z_min, &z_max)) in self.flags.iter().zip(heights).filter(|(flags, _)| **flags != 0) {
-            if flags & !flag::ALL != 0 || flags & flag::OCCUPIED == 0 {
-                return Err(DecodeError::Invalid("a column has unknown flags, or flags without being occupied"));
+            if flags & flag::OCCUPIED == 0 {
+                return Err(DecodeError::Invalid("a column has flags without being occupied"));
             }
             if z_min >= z_max || z_max > Z_CODE_MAX {
                 return Err(DecodeError::Invalid("a column's heights are inverted or out of range"));

@@ -27,7 +27,8 @@ const SLOPE: f32 = 0.05;
 
 /// Houses of 10 m in rows on a hillside, around a yard of 20 m between walls of 30 m.
 fn hillside() -> Scene {
-    let mut scene = Scene { materials: vec![Material { rgb: [200; 3], texture: None }], ..Scene::default() };
+    let mut scene =
+        Scene { materials: vec![Material { rgb: [200; 3], texture: None, is_reflective: false }], ..Scene::default() };
     for (column, row) in (0..12).flat_map(|row| (0..12).map(move |column| (column as f32, row as f32))) {
         let [x, y] = [column * STEP_M, row * STEP_M];
         let is_yard = (4.0..8.0).contains(&column) && (4.0..8.0).contains(&row);

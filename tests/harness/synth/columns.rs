@@ -190,6 +190,7 @@ fn column(raster: &Raster, own: &Cell, centre: DVec2, around: &[Option<&Cell>; 9
         first_row,
         wall: wall.collect(),
         clip,
+        reflective: false,
     }
 }
 

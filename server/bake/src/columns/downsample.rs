@@ -41,6 +41,7 @@ struct ChildColumn {
     /// The top beyond the column's clip.
     outer: Option<VoxelAppearance>,
     wall: Option<ChildWall>,
+    is_reflective: bool,
 }
 
 /// The wall strip of a child's column.
@@ -156,6 +157,7 @@ fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32)
         roof: appearance(column.roof),
         outer: column.clip.and_then(|clip| clip.outer).map(|outer| appearance(outer.roof)),
         wall,
+        is_reflective: column.reflective,
     }
 }
 
@@ -278,6 +280,7 @@ impl ParentColumns {
             outer.appearance = mean_top_at(&children, outer.top_m, cell_m);
         }
         let walls = children.iter().filter_map(|child| child.wall.as_ref());
+        let reflective = tops.iter().filter(|child| child.is_reflective).count();
         let mean_wall_normal = walls.map(|wall| wall.normal * wall.rows.len() as f32).sum::<Vec2>().to_array();
         Some(VoxelColumn {
             clip,
@@ -290,6 +293,7 @@ impl ParentColumns {
             wall_normal: clip.map_or(mean_wall_normal, |clip| clip.plane.normal),
             first_row,
             wall: (first_row..first_row + rows).map(|row| wall_row(&children, row)).collect(),
+            reflective: reflective > 0 && 2 * reflective >= tops.len(),
         })
     }
 

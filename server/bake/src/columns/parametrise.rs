@@ -146,6 +146,7 @@ fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {
         roof_normal: octahedral::encode(column.normal),
         strip: column.exposed.then(|| encode_strip(column, codes, range)),
         clip: column.clip.filter(|_| column.exposed).map(|clip| encode_clip(&clip, codes, range)),
+        reflective: column.reflective,
     }
 }
 
@@ -237,6 +238,7 @@ mod tests {
             first_row,
             wall: if exposed { wall } else { Vec::new() },
             clip: None,
+            reflective: false,
         }
     }
 

@@ -91,6 +91,8 @@ pub struct VoxelColumn {
     pub wall: Vec<VoxelAppearance>,
     /// Where the column ends inside its cell. Only exposed columns have one.
     pub clip: Option<VoxelClip>,
+    /// Whether most of its visible surface is water or glass.
+    pub reflective: bool,
 }
 
 /// The columns of one node, [`COLUMNS`] of them, row-major from the south-west corner.

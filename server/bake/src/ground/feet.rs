@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn feet_stand_on_the_ground_and_not_on_roofs_or_in_basements() {
-        let materials = vec![Material { rgb: [0; 3], texture: None }];
+        let materials = vec![Material { rgb: [0; 3], texture: None, is_reflective: false }];
         let mut scene = Scene { materials, ..Scene::default() };
         for i in 0..6 {
             let x = 20.0 * i as f32;

@@ -215,7 +215,7 @@ fn plane_height(grid: &GroundGrid, field: &[f32], steps: HeightSteps) -> f32 {
 /// Adds the triangles as one terrain object.
 fn push_object(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]], plane_m: f32) -> Result<(), BakeError> {
     let (material, object) = (city.materials.len() as u32, city.objects.len() as u32);
-    city.materials.push(StoredMaterial { rgb: GROUND_COLOUR, texture: None });
+    city.materials.push(StoredMaterial::matt(GROUND_COLOUR, None));
     // The plane's height, not the lowest point, so that blocks do not depend on ground far away.
     city.objects.push(StoredObject { kind: ObjectKind::GeneratedGround, base_z_m: plane_m });
     city.names.push("generated ground".into());

@@ -308,7 +308,7 @@ mod tests {
 
     #[test]
     fn patterns_keep_their_texels_wherever_a_chart_begins() {
-        let materials = vec![Material { rgb: [255; 3], texture: Some(Arc::new(pattern())) }];
+        let materials = vec![Material { rgb: [255; 3], texture: Some(Arc::new(pattern())), is_reflective: false }];
         let scene = Scene { materials, ..Scene::default() };
         for (range, expected_px) in [([[0.0, 0.0], [2.0, 1.0]], [16, 8]), ([[40.3, 7.1], [41.05, 7.6]], [7, 5])] {
             let scale = TextureScale { step_m: 1.0, texel_m: 1e-3 };
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn coarser_patterns_have_texels_of_whole_texels() {
-        let materials = vec![Material { rgb: [255; 3], texture: Some(Arc::new(pattern())) }];
+        let materials = vec![Material { rgb: [255; 3], texture: Some(Arc::new(pattern())), is_reflective: false }];
         let scene = Scene { materials, ..Scene::default() };
         let model = square([[0.0, 0.0], [3.0, 3.0]]);
         let chart = &find_charts(&scene, &model, 1.0)[0];

@@ -69,7 +69,7 @@ impl BlockScene {
         }
         for material in self.materials.iter().map(|number| city.materials[*number as usize]) {
             bytes.extend_from_slice(&material.rgb);
-            bytes.push(material.texture.is_some().into());
+            bytes.push(u8::from(material.texture.is_some()) | u8::from(material.is_reflective) << 1);
             bytes.extend(material.texture.iter().flat_map(|number| city.textures.hash(*number)));
         }
         short_hash(&blake3::hash(&bytes))

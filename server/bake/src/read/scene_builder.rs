@@ -151,9 +151,8 @@ impl SceneBuilder {
         Self { pending: Vec::new(), triangles, materials: Vec::new(), material_numbers: HashMap::new(), cell_m }
     }
 
-    /// Number of the material with this colour and texture.
-    pub(crate) fn material(&mut self, rgb: [u8; 3], texture: Option<u32>) -> u32 {
-        let material = StoredMaterial { rgb, texture };
+    /// Number of a material. Equal ones have the same.
+    pub(crate) fn material(&mut self, material: StoredMaterial) -> u32 {
         let next = self.materials.len() as u32;
         let index = *self.material_numbers.entry(material).or_insert(next);
         if index == next {
@@ -406,15 +405,17 @@ mod tests {
         let mut textures = TextureStore::in_memory();
         let texture =
             textures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[1, 2, 3]], is_pattern: false }));
-        let plain = builder.material([9; 3], None);
-        assert_ne!(plain, builder.material([9; 3], Some(texture)));
-        assert_eq!(plain, builder.material([9; 3], None));
+        let plain = StoredMaterial::matt([9; 3], None);
+        let number = builder.material(plain);
+        assert_ne!(number, builder.material(StoredMaterial { texture: Some(texture), ..plain }));
+        assert_ne!(number, builder.material(StoredMaterial { is_reflective: true, ..plain }));
+        assert_eq!(number, builder.material(plain));
         let mut face = face_at([0.0; 3]);
         face.corners.swap(1, 2);
         builder.add(0, "t", ObjectKind::Terrain, &[face], &mut sources[0]);
         let scene = builder.finish(textures, &mut sources).into_scene().unwrap();
         let [a, b, c] = scene.triangles[0].corners;
         assert!((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0);
-        assert_eq!(scene.materials.len(), 2);
+        assert_eq!(scene.materials.len(), 3);
     }
 }

@@ -171,7 +171,7 @@ mod tests {
         let texture =
             |v: u8| Some(Arc::new(SceneTexture { width: 2, height: 1, rgb: vec![[v; 3], [0; 3]], is_pattern: false }));
         // The left half of the dark texture, and the right half of both for terrain, which does not count.
-        let material = |texture| Material { rgb: [255; 3], texture };
+        let material = |texture| Material { rgb: [255; 3], texture, is_reflective: false };
         let triangle = |material, object, u: f32| SceneTriangle {
             corners: [[0.0; 3], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0]],
             uv: [[u, 0.5]; 3],

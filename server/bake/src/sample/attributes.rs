@@ -1,7 +1,8 @@
 //! Colour, normal and occlusion of the voxels, from the visible surfels.
 //!
 //! Every visible surfel is assigned to one voxel: the roof of a column, the top beyond its clip, or a row of its wall.
-//! A voxel's appearance is the mean of its surfels, weighted by area.
+//! A voxel's appearance is the mean of its surfels, weighted by area. A column is reflective if at least half of the
+//! visible area of its top and sides is water or glass. Tops under another run do not count: a bridge over water is matt.
 
 use super::{
     cell_grid::CellGrid,
@@ -63,6 +64,7 @@ struct VisibleSurfel {
     rgb: Vec3,
     ao: f32,
     area_m2: f32,
+    is_reflective: bool,
 }
 
 /// Samples of one row of a wall.
@@ -86,6 +88,10 @@ struct ColumnAccumulator {
     /// Length of `rows`; 0 if the column is not exposed.
     row_count: usize,
     rows: Vec<RowSums>,
+    /// Area of the roof and the sides that is matt.
+    matt_m2: f32,
+    /// The rest of that area.
+    reflective_m2: f32,
 }
 
 /// The part of a column that a surfel belongs to.
@@ -154,11 +160,12 @@ fn visible_surfel(block: &LocalBlock, input: &BlockInput<'_>, surfel: &Surfel) -
         side_m: block.cell_m * 0.5,
     };
     let rgb = texture::mean_colour(input.scene, patch);
+    let is_reflective = input.scene.is_reflective(triangle.source);
     // An unoccluded surface has the mean cosine 1/4 over all directions of the sphere, which is 1/2 over those of the
     // upper half. The surfel was tested against one of the subsets.
     let ao = surfel.sky_cosines[side] * (2 * SKY_SUBSETS) as f32 / block.sky_directions as f32;
     let normal = if side == 0 { triangle.normal } else { -triangle.normal };
-    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2 })
+    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2, is_reflective })
 }
 
 /// The column and the part of it that a surfel belongs to: in its own cell if that is full there, else in the nearest
@@ -233,6 +240,10 @@ impl ColumnAccumulator {
     }
 
     fn add(&mut self, target: SurfelTarget, surfel: &VisibleSurfel) {
+        if matches!(target, SurfelTarget::Roof | SurfelTarget::Side(_)) {
+            let sum = if surfel.is_reflective { &mut self.reflective_m2 } else { &mut self.matt_m2 };
+            *sum += surfel.area_m2;
+        }
         match target {
             SurfelTarget::Roof => {
                 self.roof.add(surfel);
@@ -291,6 +302,7 @@ impl ColumnAccumulator {
             first_row: self.first_row,
             wall: self.wall(&solids, cells.cell_m()),
             solids,
+            reflective: self.reflective_m2 > 0.0 && self.reflective_m2 >= self.matt_m2,
         })
     }
 

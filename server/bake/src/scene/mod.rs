@@ -62,6 +62,8 @@ pub struct Material {
     pub rgb: [u8; 3],
     /// Shared, because many materials may use one image.
     pub texture: Option<Arc<SceneTexture>>,
+    /// Whether it is water or glass.
+    pub is_reflective: bool,
 }
 
 /// A triangle, counter-clockwise seen from outside where the source defines an outside.
@@ -87,4 +89,12 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Coordinate system such as `EPSG:7415`; `None` where no source names one.
     pub crs: Option<String>,
+}
+
+impl Scene {
+    /// Whether a triangle is water or glass; `false` for indices that do not exist.
+    pub(crate) fn is_reflective(&self, triangle: u32) -> bool {
+        let material = self.triangles.get(triangle as usize).and_then(|t| self.materials.get(t.material as usize));
+        material.is_some_and(|material| material.is_reflective)
+    }
 }

@@ -281,7 +281,7 @@ mod tests {
         let scene = Scene {
             triangles: triangles.to_vec(),
             objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
-            materials: vec![Material { rgb: [0; 3], texture: None }],
+            materials: vec![Material { rgb: [0; 3], texture: None, is_reflective: false }],
             ..Scene::default()
         };
         let folder = TestFolder::new(&format!("partition-{name}"));
@@ -365,7 +365,7 @@ mod tests {
         let scene = Scene {
             triangles: vec![triangle([[0.0; 3], [2000.0, 0.0, 0.0], [0.0, 2000.0, 0.0]])],
             objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: 0.0 }],
-            materials: vec![Material { rgb: [0; 3], texture: None }],
+            materials: vec![Material { rgb: [0; 3], texture: None, is_reflective: false }],
             ..Scene::default()
         };
         let folder = TestFolder::new("partition-blocks");

@@ -19,6 +19,15 @@ pub(crate) struct StoredMaterial {
     pub(crate) rgb: [u8; 3],
     /// Number in [`ScratchScene::textures`].
     pub(crate) texture: Option<u32>,
+    /// Whether it is water or glass.
+    pub(crate) is_reflective: bool,
+}
+
+impl StoredMaterial {
+    /// A material that is neither water nor glass.
+    pub(crate) fn matt(rgb: [u8; 3], texture: Option<u32>) -> Self {
+        Self { rgb, texture, is_reflective: false }
+    }
 }
 
 /// A [`SceneObject`] without its identifier.
@@ -103,7 +112,7 @@ impl ScratchScene {
     /// The material with its texture. Fails if the texture cannot be read.
     pub(crate) fn load_material(&self, material: StoredMaterial) -> Result<Material, BakeError> {
         let texture = material.texture.map(|number| self.textures.get(number)).transpose()?;
-        Ok(Material { rgb: material.rgb, texture })
+        Ok(Material { rgb: material.rgb, texture, is_reflective: material.is_reflective })
     }
 
     /// Fails if a triangle has an index out of range or a coordinate that is not finite. Readers never make such
@@ -122,9 +131,12 @@ impl ScratchScene {
                 |number| number as u32,
             )
         };
-        let materials = scene.materials.into_iter();
-        let materials =
-            materials.map(|m| StoredMaterial { rgb: m.rgb, texture: m.texture.map(&mut number_of) }).collect();
+        let stored = |m: Material| StoredMaterial {
+            rgb: m.rgb,
+            texture: m.texture.map(&mut number_of),
+            is_reflective: m.is_reflective,
+        };
+        let materials = scene.materials.into_iter().map(stored).collect();
         let names = ObjectNames::Memory(scene.objects.iter().map(|object| object.id.clone()).collect());
         let objects = scene.objects.iter().map(|o| StoredObject { kind: o.kind, base_z_m: o.base_z_m });
         Ok(Self {
@@ -177,7 +189,7 @@ mod tests {
                 object: 0,
             }],
             objects: vec![SceneObject { id: "a".into(), kind: ObjectKind::Building, base_z_m: -1.0 }],
-            materials: vec![Material { rgb: [9, 8, 7], texture: None }],
+            materials: vec![Material { rgb: [9, 8, 7], texture: None, is_reflective: false }],
             ..Scene::default()
         };
         let bounds = ScratchScene::from_scene(scene()).unwrap().bounds.unwrap();

@@ -266,7 +266,7 @@ mod tests {
     use crate::scene::{Material, Scene, SceneObject, SceneTriangle};
 
     fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
-        let materials = vec![Material { rgb: [0; 3], texture: None }];
+        let materials = vec![Material { rgb: [0; 3], texture: None, is_reflective: false }];
         let mut scene = Scene { origin: [1000.0, 2000.0, 50.0], materials, ..Scene::default() };
         for (i, (kind, z)) in objects.iter().enumerate() {
             scene.objects.push(SceneObject { id: i.to_string(), kind: *kind, base_z_m: *z });

@@ -41,8 +41,10 @@ const BOXES: [[f32; 5]; 9] = [
 /// A city of boxes without terrain.
 pub(crate) fn city() -> Scene {
     let mut scene = Scene { origin: [84_000.0, 447_000.0, -2.0], crs: Some("EPSG:7415".into()), ..Scene::default() };
-    scene.materials =
-        vec![Material { rgb: [200, 90, 60], texture: None }, Material { rgb: [120, 130, 140], texture: None }];
+    scene.materials = vec![
+        Material { rgb: [200, 90, 60], texture: None, is_reflective: false },
+        Material { rgb: [120, 130, 140], texture: None, is_reflective: false },
+    ];
     for (i, [x, y, width, depth, height]) in BOXES.into_iter().enumerate() {
         let base_z_m = 1.0 + i as f32 * 0.25;
         add_box(&mut scene, [x, y, base_z_m], [x + width, y + depth, base_z_m + height]);

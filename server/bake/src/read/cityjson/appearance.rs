@@ -1,9 +1,8 @@
 //! Appearance of surfaces: semantics, materials and textures.
 
 use super::nested::Nested;
-use super::schema::{CityJsonAppearance, SurfaceSemantics};
+use super::schema::{CityJsonAppearance, CityJsonMaterial, SurfaceSemantics};
 use crate::read::context::ReadContext;
-use crate::read::palette::unit_to_byte;
 use crate::read::report::SourceReport;
 use crate::read::source::CitySource;
 
@@ -49,16 +48,16 @@ impl<'a> AppearanceReader<'a> {
         semantic.map(|semantic| semantic.kind.as_str())
     }
 
-    /// The colour of a surface's material.
-    pub(super) fn colour(&self, material: &Nested, report: &mut ObjectReport<'_>) -> Option<[u8; 3]> {
+    /// The material of a surface.
+    pub(super) fn material(&self, material: &Nested, report: &mut ObjectReport<'_>) -> Option<&'a CityJsonMaterial> {
         let index = material.index()?;
-        let materials = &self.appearance.materials;
+        let materials: &'a [CityJsonMaterial] = &self.appearance.materials;
         let material = usize::try_from(index).ok().and_then(|index| materials.get(index));
         if material.is_none() {
             let detail = || format!("material index {index} out of range of {}", materials.len());
             report.problem("material index out of range", detail);
         }
-        material?.diffuse_colour.map(|rgb| rgb.map(unit_to_byte))
+        material
     }
 
     /// The number of a surface's texture, which is that of its outer ring.

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use super::appearance::{AppearanceReader, ObjectReport};
 use super::levels::level_of;
 use super::nested::{NULL, Nested};
-use super::schema::{CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, ThemeValues, VertexTransform};
+use super::schema::{
+    CityJsonGeometry, CityJsonLod, CityJsonMaterial, CityObject, GeometryTemplates, ThemeValues, VertexTransform,
+};
 use crate::read::context::ReadContext;
 use crate::read::facade::FacadeUse;
 use crate::read::json::position::JsonPosition;
@@ -14,7 +16,7 @@ use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
 use crate::read::report::{ColourOrigin, SourceReport};
 use crate::read::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
 use crate::read::source::CitySource;
-use crate::scene::ObjectKind;
+use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 
 /// Why an object is skipped.
 #[derive(Debug)]
@@ -259,15 +261,17 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             self.report.problem("texture coordinates do not fit the ring", || id.to_owned());
         }
         let texture = texture.filter(|_| is_textured);
+        let outer = self.hole_starts.first().map_or(self.points.len(), |start| *start as usize);
+        let normal_z = normal_z(&self.points[..outer]);
+        let facts = SurfaceFacts { semantic, object_type: name.object_type, material: None, normal_z };
+        let mut is_reflective = facts.is_reflective();
         let (rgb, origin) = match &texture {
             // In CityJSON a texture replaces the material.
             Some(_) => ([255; 3], ColourOrigin::Texture),
             None => {
-                let own = appearance.colour(surface.material, &mut ObjectReport { id, report: self.report });
-                let outer = self.hole_starts.first().map_or(self.points.len(), |start| *start as usize);
-                let normal_z = normal_z(&self.points[..outer]);
-                let facts = SurfaceFacts { semantic, object_type: name.object_type, material: None, normal_z };
-                self.context.options.palette.resolve(own, &facts, &name.look)
+                let own = appearance.material(surface.material, &mut ObjectReport { id, report: self.report });
+                is_reflective |= own.is_some_and(CityJsonMaterial::is_transparent);
+                self.context.options.palette.resolve(own.and_then(CityJsonMaterial::rgb), &facts, &name.look)
             }
         };
         let triangles = match self.context.triangulator.triangulate(&self.points, &self.hole_starts) {
@@ -287,9 +291,10 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             self.facade_use = FacadeUse::Windowless;
         }
         let is_facade = texture.is_none()
+            && !is_reflective
             && matches!(name.object_type, "Building" | "BuildingPart" | "BuildingUnit" | "BuildingStorey")
             && matches!(semantic, None | Some("WallSurface"));
-        let material = self.context.builder.material(rgb, texture);
+        let material = self.context.builder.material(StoredMaterial { rgb, texture, is_reflective });
         for triangle in triangles {
             let corners = triangle.map(|i| self.points[i as usize]);
             let uv = if is_textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };

@@ -12,6 +12,7 @@ use serde_json::value::RawValue;
 
 use super::nested::Nested;
 use crate::read::json::position::JsonPosition;
+use crate::read::palette::unit_to_byte;
 
 /// A whole file, the header line of a sequence, or a feature of one: they have the same members.
 #[derive(Deserialize, Default)]
@@ -104,6 +105,20 @@ pub(crate) struct CityJsonAppearance {
 pub(crate) struct CityJsonMaterial {
     #[serde(rename = "diffuseColor")]
     pub(crate) diffuse_colour: Option<[f64; 3]>,
+    /// 0 (opaque) to 1. Of any type, so that an odd one does not cost the other materials.
+    pub(crate) transparency: Value,
+}
+
+impl CityJsonMaterial {
+    /// Its colour as 8-bit sRGB.
+    pub(crate) fn rgb(&self) -> Option<[u8; 3]> {
+        self.diffuse_colour.map(|rgb| rgb.map(unit_to_byte))
+    }
+
+    /// Whether something can be seen through it.
+    pub(crate) fn is_transparent(&self) -> bool {
+        self.transparency.as_f64().is_some_and(|share| share > 0.0)
+    }
 }
 
 #[derive(Deserialize, Default)]

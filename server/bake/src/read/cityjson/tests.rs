@@ -146,6 +146,24 @@ fn materials_apply_per_surface_or_whole_and_semantics_to_the_rest() {
 }
 
 #[test]
+fn water_windows_and_transparent_materials_are_reflective() {
+    let is_reflective = |text: &str| {
+        let (scene, _) = read(text);
+        let of_face = |t: &[crate::scene::SceneTriangle]| scene.materials[t[0].material as usize].is_reflective;
+        scene.triangles.chunks(2).map(of_face).collect::<Vec<bool>>()
+    };
+    let water = document(&object("w", &solid("1")), "").replace("Building", "WaterBody");
+    assert_eq!(is_reflective(&water), [true; 6]);
+    let semantics = r#""semantics": {"surfaces": [{"type": "Window"}], "values": [[null, null, 0]]}"#;
+    let material = r#""material": {"a": {"values": [[null, null, null, 0, 1, 2]]}}"#;
+    let geometry = format!(r#"{{"type": "Solid", "lod": "1", "boundaries": [[{FACES}]], {semantics}, {material}}}"#);
+    let appearance = r#", "appearance": {"materials": [{"diffuseColor": [0.6, 0.5, 0.4], "transparency": 0.5},
+        {"transparency": 0.0}, {"transparency": "odd"}]}"#;
+    let house = document(&object("a", &geometry), appearance);
+    assert_eq!(is_reflective(&house), [false, false, true, true, false, false]);
+}
+
+#[test]
 fn parts_share_the_look_of_their_building_and_its_use_decides_the_walls() {
     let part = |id: &str, parent: &str| {
         object(id, &solid("2")).replace("\"Building\"", &format!("\"BuildingPart\", \"parents\": [\"{parent}\"]"))

@@ -24,6 +24,7 @@ use zone::FacadeZone;
 use super::report::FacadeReport;
 use super::scene_builder::{SceneBuilder, WorldTriangle};
 use super::texture::TextureLoader;
+use crate::scene::scratch_scene::StoredMaterial;
 
 /// Increased whenever the same input would get other facades than before.
 pub const ALGORITHM: u32 = 1;
@@ -164,7 +165,7 @@ impl FacadeMaker {
             return None;
         }
         let texture = textures.add_generated(Arc::new(pattern::draw(facade_use, rgb)));
-        let number = builder.material([255; 3], Some(texture));
+        let number = builder.material(StoredMaterial::matt([255; 3], Some(texture)));
         self.materials.push(FacadeMaterial { facade_use, rgb, number });
         Some(number)
     }

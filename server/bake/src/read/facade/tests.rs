@@ -16,7 +16,7 @@ struct Setup {
 impl Setup {
     fn new() -> Self {
         let mut builder = SceneBuilder::new(TriangleStore::Memory(Vec::new()), 1.0);
-        builder.material(PLAIN, None);
+        builder.material(StoredMaterial::matt(PLAIN, None));
         let textures = TextureLoader::new(1, TextureStore::in_memory());
         Self { maker: FacadeMaker::default(), builder, textures }
     }
@@ -91,7 +91,7 @@ fn walls_have_whole_bays_from_corner_to_corner_and_whole_storeys() {
 fn pattern_continues_over_all_faces_of_a_wall() {
     // A wall of four triangles that meet in its middle, two of them of another colour, with the other walls of a house.
     let mut setup = Setup::new();
-    let other = setup.builder.material([120, 90, 80], None);
+    let other = setup.builder.material(StoredMaterial::matt([120, 90, 80], None));
     let mut faces = house(12.0, 9.0, 6.0);
     let [a, b] = [faces[4].corners[0], faces[4].corners[1]];
     let [c, d] = [faces[5].corners[1], faces[5].corners[2]];
@@ -183,7 +183,8 @@ fn small_flat_and_photographed_things_stay_plain() {
 fn textures_are_few_however_many_colours_there_are() {
     let mut setup = Setup::new();
     for i in 0..300u32 {
-        let material = setup.builder.material([100 + (i % 20) as u8, 100 + (i / 20) as u8, 90], None);
+        let material =
+            setup.builder.material(StoredMaterial::matt([100 + (i % 20) as u8, 100 + (i / 20) as u8, 90], None));
         let faces: Vec<_> = house(9.0, 9.0, 9.0).into_iter().map(|face| WorldTriangle { material, ..face }).collect();
         let cut = setup.apply(&faces, FacadeUse::Home);
         assert_eq!(cut.iter().filter(|face| face.material != material).count(), 8);

@@ -2,9 +2,9 @@
 
 use std::io::BufRead;
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 
-use super::colour::{by_use, prism_colours};
+use super::colour::{PrismMaterial, by_use, is_water, prism_materials, water_material};
 use super::footprint::Footprint;
 use super::height::PrismHeight;
 use super::projection::InputProjection;
@@ -17,13 +17,29 @@ use crate::read::palette::{Look, ObjectShape, WallKind};
 use crate::read::report::{SourceFormat, SourceReport};
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::read::source::{CitySource, NextLine, next_line};
-use crate::scene::ObjectKind;
+use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 use crate::subject;
 
 /// Features between two progress reports.
 const TICK_FEATURES: u64 = 64;
 /// Separates the records of a sequence (RFC 8142).
 const RECORD_SEPARATOR: u8 = 0x1e;
+
+/// Height of water above the ground of the footprints.
+const WATER_M: f64 = 0.0;
+
+/// What becomes of a polygon, with the numbers of its materials.
+enum PolygonForm {
+    Prism {
+        height: PrismHeight,
+        facade_use: FacadeUse,
+        materials: [u32; 3],
+    },
+    /// A level surface.
+    Water {
+        material: u32,
+    },
+}
 
 /// Reads the features of a source.
 pub(super) struct FeatureReader<'r, 'o, 's> {
@@ -133,27 +149,53 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         Ok(())
     }
 
-    /// Extrudes the polygons of a feature to one object.
-    fn add_object(&mut self, id: &str, feature: &GeoJsonFeature, polygons: &[GeoJsonPolygon]) {
-        let height = PrismHeight::of(&feature.properties, |kind, detail| {
+    /// What becomes of the polygons of a feature.
+    fn form_of(&mut self, id: &str, properties: &Map<String, Value>) -> PolygonForm {
+        let options = self.context.options;
+        let palette = &options.palette;
+        if is_water(properties) {
+            let water = water_material(palette);
+            return PolygonForm::Water { material: self.number_of(&water) };
+        }
+        let height = PrismHeight::of(properties, |kind, detail| {
             self.report.problem(kind, || format!("{id}: {detail}"));
         });
-        let look = Look::new(id, by_use(&feature.properties, WallKind::of_use), &ObjectShape::new());
-        let facade_use = by_use(&feature.properties, FacadeUse::of_use).unwrap_or_default();
-        let colours = prism_colours(&feature.properties, &self.context.options.palette, &look, |detail| {
+        let look = Look::new(id, by_use(properties, WallKind::of_use), &ObjectShape::new());
+        let materials = prism_materials(properties, palette, &look, |detail| {
             self.report.problem("colour not understood", || format!("{id}: {detail}"));
         });
-        colours.iter().for_each(|(_, origin)| self.report.colours.add(*origin));
-        let materials = colours.map(|(rgb, _)| self.context.builder.material(rgb, None));
-        let mut open = OpenObject::new(ObjectKind::Building);
+        let windows = by_use(properties, FacadeUse::of_use).unwrap_or_default();
+        // Walls of glass need no windows.
+        let facade_use = if materials[1].is_reflective { FacadeUse::Windowless } else { windows };
+        PolygonForm::Prism { height, facade_use, materials: materials.map(|material| self.number_of(&material)) }
+    }
+
+    fn number_of(&mut self, material: &PrismMaterial) -> u32 {
+        let PrismMaterial { rgb, origin, is_reflective } = *material;
+        self.report.colours.add(origin);
+        self.context.builder.material(StoredMaterial { rgb, texture: None, is_reflective })
+    }
+
+    /// Adds the polygons of a feature as one object.
+    fn add_object(&mut self, id: &str, feature: &GeoJsonFeature, polygons: &[GeoJsonPolygon]) {
+        let form = self.form_of(id, &feature.properties);
+        let (kind, facade_use) = match form {
+            PolygonForm::Prism { facade_use, .. } => (ObjectKind::Building, facade_use),
+            PolygonForm::Water { .. } => (ObjectKind::Terrain, FacadeUse::Windowless),
+        };
+        let mut open = OpenObject::new(kind);
         let mut fault = None;
         for polygon in polygons {
             self.faces.clear();
             let note = |kind: &str| self.report.problem(kind, || id.to_owned());
-            let extruded = Footprint::new(polygon, &self.projection, note).and_then(|footprint| {
-                footprint.extrude(&height, materials, &mut self.context.triangulator, &mut self.faces)
+            let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
+            let added = Footprint::new(polygon, &self.projection, note).and_then(|footprint| match &form {
+                PolygonForm::Prism { height, materials, .. } => {
+                    footprint.extrude(height, *materials, triangulator, faces)
+                }
+                PolygonForm::Water { material } => footprint.cover(WATER_M, *material, triangulator, faces),
             });
-            match extruded {
+            match added {
                 Ok(true) => {}
                 Ok(false) => self.report.problem("ring crosses itself", || id.to_owned()),
                 Err(reason) => fault = Some(reason),

@@ -52,18 +52,11 @@ impl Footprint {
         let [roof, wall, floor] = materials;
         let at = |[x, y]: [f64; 2], z: f64| [x, y, z];
         let face = |corners, material, is_facade| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade };
-        let points: Vec<[f64; 3]> = self.rings.iter().flatten().map(|&p| at(p, height.top_m)).collect();
-        let mut starts = Vec::new();
-        for ring in &self.rings[..self.rings.len() - 1] {
-            starts.push(starts.last().copied().unwrap_or(0) + ring.len() as u32);
-        }
-        let triangles = triangulator.triangulate(&points, &starts).map_err(PolygonFault::reason)?;
-        let mut covered_m2 = 0.0;
-        for triangle in triangles {
-            let top = triangle.map(|i| points[i as usize]);
-            covered_m2 += area_m2(&top.map(|[x, y, _]| [x, y]));
-            let [a, b, c] = top.map(|[x, y, _]| [x, y, height.base_m]);
-            faces.extend([face(top, roof, false), face([a, c, b], floor, false)]);
+        let mut tops = Vec::new();
+        let is_simple = self.cover(height.top_m, roof, triangulator, &mut tops)?;
+        for top in tops {
+            let [a, b, c] = top.corners.map(|[x, y, _]| [x, y, height.base_m]);
+            faces.extend([top, face([a, c, b], floor, false)]);
         }
         for ring in &self.rings {
             for (i, &from) in ring.iter().enumerate() {
@@ -72,6 +65,30 @@ impl Footprint {
                 let [c, d] = [at(to, height.top_m), at(from, height.top_m)];
                 faces.extend([face([a, b, c], wall, true), face([a, c, d], wall, true)]);
             }
+        }
+        Ok(is_simple)
+    }
+
+    /// Appends the triangles of a level surface. Returns whether the rings do not cross. Fails with the reason if there
+    /// is nothing to cover.
+    pub(super) fn cover(
+        &self,
+        z_m: f64,
+        material: u32,
+        triangulator: &mut Triangulator,
+        faces: &mut Vec<WorldTriangle>,
+    ) -> Result<bool, &'static str> {
+        let points: Vec<[f64; 3]> = self.rings.iter().flatten().map(|[x, y]| [*x, *y, z_m]).collect();
+        let mut starts = Vec::new();
+        for ring in &self.rings[..self.rings.len() - 1] {
+            starts.push(starts.last().copied().unwrap_or(0) + ring.len() as u32);
+        }
+        let triangles = triangulator.triangulate(&points, &starts).map_err(PolygonFault::reason)?;
+        let mut covered_m2 = 0.0;
+        for triangle in triangles {
+            let corners = triangle.map(|i| points[i as usize]);
+            covered_m2 += area_m2(&corners.map(|[x, y, _]| [x, y]));
+            faces.push(WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false });
         }
         let enclosed_m2: f64 = self.rings.iter().map(|ring| area_m2(ring)).sum();
         Ok((covered_m2 - enclosed_m2).abs() <= CROSSING_SHARE * enclosed_m2.abs() + MIN_AREA_M2)

@@ -265,3 +265,33 @@ fn documents_beyond_the_limits_are_refused() {
     let (scene, report) = read_embedded(&[("a.geojsonl", lines.as_bytes())], &options, &|_| {}).unwrap();
     assert_eq!((scene.objects.len(), report.sources[0].skipped["line too long"].count), (1, 1));
 }
+
+#[test]
+fn areas_of_water_are_level_surfaces_at_the_ground() {
+    for (properties, is_water) in [
+        (r#"{"natural": "water", "height": 9}"#, true),
+        (r#"{"water": "pond"}"#, true),
+        (r#"{"waterway": "riverbank"}"#, true),
+        (r#"{"natural": "water", "building": "yes"}"#, false),
+        (r#"{"water": "no"}"#, false),
+        (r#"{"building": "yes", "building:material": "glass"}"#, false),
+    ] {
+        let (scene, report) = read(&collection(&feature("a", properties, &polygon(SQUARE))));
+        assert_eq!(scene.triangles.len(), if is_water { 2 } else { 12 }, "{properties}");
+        assert_eq!(scene.objects[0].kind.is_terrain(), is_water);
+        let reflective = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].is_reflective).count();
+        let is_glass = properties.contains("glass");
+        assert_eq!(
+            reflective,
+            if is_water {
+                2
+            } else if is_glass {
+                8
+            } else {
+                0
+            },
+            "{properties}"
+        );
+        assert_eq!(report.sources[0].objects, 1);
+    }
+}

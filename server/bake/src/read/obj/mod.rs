@@ -16,7 +16,7 @@ use super::report::{ColourOrigin, SourceFormat, SourceReport};
 use super::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
 use super::source::{CitySource, open, read_sibling};
 use crate::error::InputError;
-use crate::scene::ObjectKind;
+use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 use crate::subject;
 use grouping::{FaceGroups, group_faces, is_terrain};
 use mtl::MtlMaterial;
@@ -63,6 +63,8 @@ struct FaceMaterial<'a> {
     diffuse: Option<[u8; 3]>,
     /// Number of the scene's material for textured faces.
     textured: Option<u32>,
+    /// Whether it is water or glass.
+    is_reflective: bool,
 }
 
 /// Whether a material is that of windows or doors, judged by its name.
@@ -159,17 +161,19 @@ impl<'r> ObjReader<'r, '_, '_> {
             let diffuse = material.and_then(|material| material.diffuse).map(|rgb| rgb.map(unit_to_byte));
             let image = material.and_then(|material| material.texture.as_deref());
             let texture = image.and_then(|name| self.context.textures.load(self.source, name, self.report));
-            let textured = texture.map(|texture| self.textured_material(diffuse, texture));
-            materials[i] = FaceMaterial { name, diffuse, textured };
+            let facts = SurfaceFacts { semantic: None, object_type: "", material: Some(name), normal_z: 0.0 };
+            let is_reflective = facts.is_reflective() || material.is_some_and(MtlMaterial::is_glass);
+            let textured = texture.map(|texture| self.textured_material(diffuse, texture, is_reflective));
+            materials[i] = FaceMaterial { name, diffuse, textured, is_reflective };
         }
         materials
     }
 
     /// The number of a textured material. Exporters write a black `Kd` for textured materials, which would hide the
     /// texture, so it is ignored.
-    fn textured_material(&mut self, diffuse: Option<[u8; 3]>, texture: u32) -> u32 {
+    fn textured_material(&mut self, diffuse: Option<[u8; 3]>, texture: u32, is_reflective: bool) -> u32 {
         let rgb = diffuse.filter(|rgb| *rgb != [0; 3]).unwrap_or([255; 3]);
-        self.context.builder.material(rgb, Some(texture))
+        self.context.builder.material(StoredMaterial { rgb, texture: Some(texture), is_reflective })
     }
 
     /// Triangulates the faces and adds them as objects.
@@ -250,10 +254,12 @@ impl<'r> ObjReader<'r, '_, '_> {
                 let facts = SurfaceFacts { semantic: None, object_type, material: Some(material.name), normal_z };
                 let (rgb, origin) = self.context.options.palette.resolve(material.diffuse, &facts, look);
                 report.colours.add(origin);
-                (self.context.builder.material(rgb, None), Vec::new())
+                let stored = StoredMaterial { rgb, texture: None, is_reflective: material.is_reflective };
+                (self.context.builder.material(stored), Vec::new())
             }
         };
-        let is_facade = uvs.is_empty() && object.object_type.is_empty() && !names_an_opening(material.name);
+        let is_opening = material.is_reflective || names_an_opening(material.name);
+        let is_facade = uvs.is_empty() && object.object_type.is_empty() && !is_opening;
         for triangle in found {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| uvs.get(i as usize).copied().unwrap_or_default());

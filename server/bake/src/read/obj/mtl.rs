@@ -1,6 +1,6 @@
-//! Parses material libraries. Only the diffuse colour and its texture are used.
+//! Parses material libraries. Only the diffuse colour, its texture and what tells glass are used.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::RangeInclusive};
 
 /// Options of `map_Kd` and their number of arguments.
 const MAP_OPTIONS: &[(&str, usize)] = &[
@@ -26,6 +26,28 @@ pub(super) struct MtlMaterial {
     pub(super) diffuse: Option<[f64; 3]>,
     /// File name of `map_Kd`, as written.
     pub(super) texture: Option<String>,
+    /// `d`, from 0 (invisible) to 1 (opaque).
+    dissolve: Option<f64>,
+    /// `Ni`.
+    refraction: Option<f64>,
+    /// `illum`, the number of an illumination model.
+    model: Option<f64>,
+}
+
+/// The illumination models that the format describes as glass or with refraction.
+const GLASS_MODELS: [f64; 4] = [4.0, 6.0, 7.0, 9.0];
+/// Refractive indices of water (1.33), glass (1.5 to 1.9) and diamond (2.4). Metals and air are outside.
+const GLASS_REFRACTION: RangeInclusive<f64> = 1.2..=2.5;
+
+impl MtlMaterial {
+    /// Whether it is water or glass: a little transparent all over, or drawn as glass with its refractive index.
+    ///
+    /// Leaves and fences are transparent by their texture, and some exporters write `d 0` for opaque materials.
+    pub(super) fn is_glass(&self) -> bool {
+        let is_transparent = self.texture.is_none() && self.dissolve.is_some_and(|d| d > 0.0 && d < 1.0);
+        let is_drawn_as_glass = self.model.is_some_and(|model| GLASS_MODELS.contains(&model));
+        is_transparent || is_drawn_as_glass && self.refraction.is_some_and(|n| GLASS_REFRACTION.contains(&n))
+    }
 }
 
 /// Adds the materials of a library. Of several materials with one name, the first is used.
@@ -42,6 +64,9 @@ pub(super) fn parse(text: &str, materials: &mut HashMap<String, MtlMaterial>) {
             }
             ("Kd", Some((_, material))) => material.diffuse = parse_colour(rest),
             ("map_Kd", Some((_, material))) => material.texture = parse_texture(rest),
+            ("d", Some((_, material))) => material.dissolve = rest.parse().ok(),
+            ("Ni", Some((_, material))) => material.refraction = rest.parse().ok(),
+            ("illum", Some((_, material))) => material.model = rest.parse().ok(),
             _ => {}
         }
     }
@@ -96,7 +121,24 @@ mod tests {
         assert_eq!(materials["a"].diffuse, Some([0.5, 0.25, 1.0]));
         assert_eq!(materials["a"].texture.as_deref(), Some("my wall.jpg"));
         assert_eq!(materials["b c"].diffuse, Some([0.5; 3]));
-        assert_eq!(materials["d"], MtlMaterial { diffuse: None, texture: Some("wall.jpg".to_owned()) });
+        assert_eq!(materials["d"], MtlMaterial { texture: Some("wall.jpg".to_owned()), ..MtlMaterial::default() });
         assert_eq!(materials.len(), 3);
+    }
+
+    #[test]
+    fn glass_is_known_by_transparency_or_refraction() {
+        let is_glass = |lines: &str| {
+            let mut materials = HashMap::new();
+            parse(&format!("newmtl a\n{lines}"), &mut materials);
+            materials["a"].is_glass()
+        };
+        for lines in ["d 0.4", "d 1\nillum 9\nNi 1.33", "illum 4\nNi 1.5\nmap_Kd pane.png"] {
+            assert!(is_glass(lines), "{lines}");
+        }
+        for lines in
+            ["", "d 1", "d 0", "d x", "d nan", "d 0.4\nmap_Kd leaves.png", "illum 2\nNi 1.45", "illum 7\nNi 1.0"]
+        {
+            assert!(!is_glass(lines), "{lines}");
+        }
     }
 }

@@ -15,7 +15,7 @@ use crate::error::{InputError, json_message};
 use crate::scene::ObjectKind;
 use harmonise::{harmonise, is_unknown};
 pub(crate) use look::{Look, ObjectShape, WallKind, normal_z};
-use tables::{MATERIALS, OBJECTS, OTHER, Part, SURFACES};
+use tables::{MATERIALS, OBJECTS, OTHER, Part, REFLECTIVE, REFLECTIVE_WORDS, SURFACES};
 
 /// Larger palette files are refused.
 const MAX_BYTES: u64 = 1 << 20;
@@ -57,6 +57,31 @@ pub(crate) struct SurfaceFacts<'a> {
     pub(crate) material: Option<&'a str>,
     /// Absolute z of the unit normal.
     pub(crate) normal_z: f64,
+}
+
+impl SurfaceFacts<'_> {
+    /// Whether the surface is water or glass: by a word in the material's name, else by semantics, else by the object's
+    /// type.
+    pub(crate) fn is_reflective(&self) -> bool {
+        let semantic = self.semantic.filter(|name| part_of(SURFACES, name).is_some());
+        self.material.is_some_and(|name| words(name).any(|word| REFLECTIVE_WORDS.contains(&word.as_str())))
+            || REFLECTIVE.contains(&semantic.unwrap_or(self.object_type))
+    }
+}
+
+/// The words of a name such as `Blue_glass.01` or `blueGlass`, in lower case.
+fn words(name: &str) -> impl Iterator<Item = String> {
+    let mut before = ' ';
+    let mut spaced = String::with_capacity(name.len() + 4);
+    for letter in name.chars() {
+        if before.is_lowercase() && letter.is_uppercase() {
+            spaced.push(' ');
+        }
+        spaced.extend(letter.to_lowercase());
+        before = letter;
+    }
+    let words: Vec<String> = spaced.split(|c: char| !c.is_alphabetic()).map(str::to_owned).collect();
+    words.into_iter()
 }
 
 /// A palette file. Its entries replace the built-in colours.
@@ -263,6 +288,27 @@ mod tests {
             let error = Palette::from_json(text.as_bytes()).unwrap_err();
             assert!(error.contains(part) && !error.contains('\n'), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn water_and_glass_are_known_by_material_surface_and_object() {
+        let is_reflective = |material, semantic, object_type| {
+            SurfaceFacts { semantic, object_type, material, normal_z: 1.0 }.is_reflective()
+        };
+        for name in ["water", "Blue_Glass.01", "river Water", "glass2", "WindowGlass"] {
+            assert!(is_reflective(Some(name), None, ""), "{name}");
+        }
+        for name in ["", "waterproof", "fibreglass", "Underwater", "GLASSES", "window"] {
+            assert!(!is_reflective(Some(name), None, ""), "{name}");
+        }
+        assert!(is_reflective(None, None, "WaterBody") && is_reflective(None, Some("+Odd"), "Waterway"));
+        assert!(
+            is_reflective(None, Some("Window"), "Building") && is_reflective(None, Some("WaterSurface"), "WaterBody")
+        );
+        assert!(!is_reflective(None, Some("WaterGroundSurface"), "WaterBody"));
+        assert!(!is_reflective(None, Some("WallSurface"), "Building") && !is_reflective(None, None, "Road"));
+        let known = |name: &&&str| SURFACES.iter().chain(OBJECTS).any(|(of_table, _)| of_table == *name);
+        assert_eq!(REFLECTIVE.iter().filter(known).count(), REFLECTIVE.len());
     }
 
     #[test]

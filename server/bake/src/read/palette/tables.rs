@@ -84,6 +84,11 @@ pub(super) const OBJECTS: &[(&str, Part)] = &[
     ("Waterway", Fixed(WATER)),
 ];
 
+/// Surfaces and objects above that are water or glass.
+pub(super) const REFLECTIVE: &[&str] = &["Window", "WaterSurface", "WaterBody", "Waterway"];
+/// Words in the names of materials of water or glass.
+pub(super) const REFLECTIVE_WORDS: &[&str] = &["glass", "water"];
+
 /// Objects of an unknown type.
 pub(super) const OTHER: Part = Fixed([170, 167, 160]);
 
