@@ -16,6 +16,8 @@ override COUNT: bool = false;
 override MESHES: bool = true;
 // Set for shadings other than SHADING_LIT.
 override FOR_STUDY: bool = false;
+// Whether walls have lit windows.
+override WINDOWS: bool = false;
 
 // A part of a ray: from the eye to the visible surface, or from there towards the sun.
 struct RaySegment {

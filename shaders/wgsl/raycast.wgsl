@@ -128,7 +128,7 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
         if (hit.flags & REFLECTIVE) != 0u {
             lit = mirrored(lit, normal, ao, dir);
         }
-        if frame.light.window.w > 0.0 {
+        if WINDOWS {
             lit.sky += lit_windows(dir * distance_m, normal, distance_m);
         }
     }

@@ -5,7 +5,7 @@ CITY is a baked folder, STREET a camera file, OUT an image (JPEG, PNG). Rows are
 those of `insula snapshot`. With `--old PROGRAM CITY`, the same view by another build of another bake is on the left of each.
 Needs Pillow.
 """
-import argparse, json, pathlib, subprocess, tempfile
+import argparse, json, pathlib, subprocess, sys, tempfile
 from PIL import Image
 
 HOURS = ["2024-09-18T06:05", "2024-09-18T12:00", "2024-09-18T17:30", "2024-09-18T22:00"]
@@ -31,9 +31,10 @@ def main():
     ap.add_argument("out", type=pathlib.Path)
     ap.add_argument("--program", default="target/release/insula")
     ap.add_argument("--old", nargs=2, metavar=("PROGRAM", "CITY"))
-    ap.add_argument("options", nargs="*")
-    args = ap.parse_args()
-    builds = ([(*args.old, [])] if args.old else []) + [(args.program, args.city, args.options)]
+    own = sys.argv[1 : sys.argv.index("--")] if "--" in sys.argv else sys.argv[1:]
+    options = sys.argv[len(own) + 2 :]
+    args = ap.parse_args(own)
+    builds = ([(*args.old, [])] if args.old else []) + [(args.program, args.city, options)]
     columns = [(view, *build) for view in cameras(args.city, args.street) for build in builds]
     sheet = Image.new("RGB", (SIZE[0] * len(columns), SIZE[1] * len(HOURS)))
     with tempfile.TemporaryDirectory() as folder:

@@ -26,6 +26,9 @@ pub const GROUND_COLOUR: [u8; 3] = [134, 133, 130];
 /// Columns whose bottom is at most this far above the ground, in metres, reach down to it. Higher ones hang above it.
 const MAX_FOOT_M: f32 = 3.0;
 
+/// Vertices lie in the open, so ground between them and a wall sees less of the sky than they do: by this at the foot.
+const VERTEX_BIAS: f32 = 0.3;
+
 /// Number of vertices.
 pub const VERTEX_COUNT: usize = VERTICES * VERTICES;
 /// [`NodeGround::heights`] of one cell.
@@ -211,7 +214,8 @@ impl GroundSurface<'_> {
         };
         let sky = |dx, dy| f32::from(self.ground.sky[corner(dx, dy)]);
         let sky = (sky(0, 0) * (1.0 - u) + sky(1, 0) * u) * (1.0 - v) + (sky(0, 1) * (1.0 - u) + sky(1, 1) * u) * v;
-        let ao = (sky * f32::from(AO_MAX / SKY_MAX)).round() as u8;
+        let share = sky / f32::from(SKY_MAX);
+        let ao = (share * (1.0 - VERTEX_BIAS * (1.0 - share)) * f32::from(AO_MAX)).round() as u8;
         Some(GroundPoint { z: height, slope: [east, north].map(|rise| rise / SQUARE_CELLS as f32), ao })
     }
 }
@@ -542,7 +546,7 @@ mod tests {
         let outer = |i: usize| column(i).clip.unwrap().outer.unwrap();
         assert_eq!((column(2).z_min, outer(2).z, outer(2).roof.rgb()), (40, 100, GROUND_COLOUR));
         assert_eq!((column(3).gap, outer(3).z), (Some([100, 200]), 100));
-        assert_eq!((column(4).z_max, column(4).roof.rgb(), column(4).roof.ao()), (100, GROUND_COLOUR, 45));
+        assert_eq!((column(4).z_max, column(4).roof.rgb(), column(4).roof.ao()), (100, GROUND_COLOUR, 41));
         assert_eq!(column(5).gap, Some([100, 300]));
         assert!(column(5).strip.is_some());
         assert_eq!((column(6).z_max, column(6).reflective), (90, true), "water a little below the ground");

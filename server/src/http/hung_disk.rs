@@ -95,7 +95,7 @@ impl<T: Send + 'static> RunningChecks<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::mpsc::{Receiver, channel};
+    use std::sync::mpsc::{Receiver, sync_channel};
 
     const LIMIT: Duration = Duration::from_millis(50);
 
@@ -110,7 +110,7 @@ mod tests {
         let mut ends = Vec::new();
         for _ in 0..MAX_RUNNING {
             assert_eq!(reads.run(|| "read").await, Some("read"));
-            let (end, ended) = channel();
+            let (end, ended) = sync_channel(0);
             ends.push(end);
             assert_eq!(reads.run(move || wait_for(&ended)).await, None);
         }
@@ -130,7 +130,7 @@ mod tests {
         let mut ends = Vec::new();
         for _ in 1..MAX_RUNNING {
             assert!(checks.can_start());
-            let (end, ended) = channel();
+            let (end, ended) = sync_channel(0);
             ends.push(end);
             checks.start(async move { spawn_blocking(move || wait_for(&ended)).await.unwrap_or("") });
             assert!(!checks.can_start() && checks.running_for().is_some(), "one at a time");

@@ -34,8 +34,8 @@ pub(crate) const DISC_OUTER: f32 = 3.2e-5;
 /// Brightness of the sun's disc.
 pub(crate) const DISC: f32 = 40.0;
 /// Weight of facades in the part of a wall's, and of the ground's, surroundings that is neither sky nor ground.
-pub(crate) const FACADES_BY_WALL: f32 = 1.2;
-pub(crate) const FACADES_BY_GROUND: f32 = 0.55;
+pub(crate) const FACADES_BY_WALL: f32 = 1.1;
+pub(crate) const FACADES_BY_GROUND: f32 = 0.8;
 /// Share of the open sky's light that reaches a wall from straight above, where the horizon is hidden.
 pub(crate) const ZENITH_SHARE: f32 = 0.17;
 /// Tangent of the sun's height at which it reaches half of the ground of a street that sees half of the sky.

@@ -43,6 +43,8 @@ struct PipelineVariant {
     meshes: bool,
     /// Shadings other than [`Shading::Lit`].
     for_study: bool,
+    /// With lit windows: lavapipe computes them even where they are not added.
+    windows: bool,
 }
 
 #[derive(Debug)]
@@ -116,8 +118,13 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, variant: Pipe
         module: &module,
         entry_point: Some("raycast"),
         compilation_options: wgpu::PipelineCompilationOptions {
-            constants: &[("COUNT", variant.count), ("MESHES", variant.meshes), ("FOR_STUDY", variant.for_study)]
-                .map(|(name, on)| (name, f64::from(u8::from(on)))),
+            constants: &[
+                ("COUNT", variant.count),
+                ("MESHES", variant.meshes),
+                ("FOR_STUDY", variant.for_study),
+                ("WINDOWS", variant.windows),
+            ]
+            .map(|(name, on)| (name, f64::from(u8::from(on)))),
             ..wgpu::PipelineCompilationOptions::default()
         },
         cache: None,
@@ -193,7 +200,8 @@ impl Raycaster {
         self.upload(on, frame, grid, nodes)?;
         let meshes = nodes.iter().any(|node| node.mesh != 0);
         let for_study = frame.shading != Shading::Lit as u32;
-        self.dispatch(on.device, encoder, PipelineVariant { count: false, meshes, for_study });
+        let windows = frame.light.window[3] > 0.0;
+        self.dispatch(on.device, encoder, PipelineVariant { count: false, meshes, for_study, windows });
         self.last_frame = *frame;
         Ok(())
     }
@@ -210,7 +218,11 @@ impl Raycaster {
         let DeviceQueue { device, queue } = on;
         self.upload(on, &FrameUniform { samples: 1, ..*frame }, grid, nodes)?;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("count") });
-        self.dispatch(device, &mut encoder, PipelineVariant { count: true, meshes: true, for_study: true });
+        self.dispatch(
+            device,
+            &mut encoder,
+            PipelineVariant { count: true, meshes: true, for_study: true, windows: false },
+        );
         queue.submit([encoder.finish()]);
         // Not a lit frame: the words are counts.
         self.last_frame = FrameUniform { shading: Shading::Albedo as u32, ..*frame };
