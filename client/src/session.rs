@@ -9,7 +9,10 @@ use crate::{
     stream::{BackgroundFetcher, notifier::Notifier},
 };
 use glam::DVec3;
-use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
+use insula_shaders::cpu::{
+    hit_counts::hit_counts,
+    raycast::{Pixels, RenderedRows},
+};
 use insula_viewer::{
     cache::{AtlasCache, PAGE_BYTES},
     camera::{Camera, View},
@@ -151,6 +154,19 @@ impl Session {
         Ok(pixels)
     }
 
+    /// Draws the next `count` rows of a frame that is drawn in steps. After the last one, reports their hits and returns the
+    /// pixels. `None` too on a GPU, which draws whole frames only.
+    pub fn render_rows(&mut self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> Option<Pixels> {
+        let Adapter::Cpu(cpu) = &self.adapter else { return None };
+        if !cpu.draw_rows(data, rows, count) {
+            return None;
+        }
+        let pixels = std::mem::take(rows).develop(&data.frame);
+        self.frame_drawn(data);
+        self.report_hits(&data.query, &hit_counts(&pixels.hit, data.nodes.len()));
+        Some(pixels)
+    }
+
     /// Draws the last selection, waits for the pixels, and reports their hits. Fails if the adapter fails.
     pub fn draw(&mut self, request: &FrameRequest, settings: &RenderSettings) -> Result<Pixels> {
         self.render(&self.frame_data(request, settings))
@@ -243,12 +259,12 @@ impl Session {
         let slow_limit = timeout.saturating_mul(SLOW_TIMES_TIMEOUT);
         if has_lasted(downloads.waiting_since(), slow_limit) {
             let (location, secs) = (downloads.fetcher().location(), slow_limit.as_secs());
-            return Err(ClientError::Server(format!(
+            return Err(ClientError::NoResponse(format!(
                 "{location} has sent no complete tile for {secs} s: check the network, or raise --timeout"
             )));
         }
         match downloads.failing_since() {
-            since if has_lasted(since, timeout) => Err(ClientError::Server(format!(
+            since if has_lasted(since, timeout) => Err(ClientError::NoResponse(format!(
                 "no response from {} for {} s ({}): check that the server runs, or raise --timeout",
                 downloads.fetcher().location(),
                 timeout.as_secs(),

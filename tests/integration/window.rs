@@ -259,10 +259,7 @@ fn a_user_controls_the_window() -> Result<()> {
 
     let resized = client.screenshot_after("2-resized", |p| p.xdotool(&["windowsize", &p.window, "640", "400"]))?;
     ensure!(resized.dimensions() == (640, 400) && colours(&resized) > 30, "{:?}", resized.dimensions());
-    // Hides the overlay and the map.
-    client.key("n")?;
-    let before = client.screenshot_after("3-open", |p| p.key("o"))?;
-    ensure!(colours(&before) > 30, "the window is empty: {} colours", colours(&before));
+    let before = hide_the_overlay(&mut client, &resized)?;
     let moved = client.screenshot_of_change("4-moved-by-w", &before, |p| p.hold("w", Duration::from_millis(700)))?;
     client.screenshot_of_change("5-higher-by-page-up", &moved, |p| p.hold("Page_Up", Duration::from_millis(500)))?;
 
@@ -294,6 +291,18 @@ fn a_user_controls_the_window() -> Result<()> {
     ensure!(difference(&view, &same) < 0.02, "the link opens another view: {}", difference(&view, &same));
     ensure!(other.quit()? == 0, "after Escape, the exit code is not 0");
     Ok(())
+}
+
+/// Hides the counters and the map. The scene stays as it is.
+fn hide_the_overlay(client: &mut Client, before: &RgbImage) -> Result<RgbImage> {
+    let settled = |client: &Client| client.lines().iter().filter(|line| line.contains("frame settled")).count();
+    let frames = settled(client);
+    client.key("n")?;
+    let hidden = client.screenshot_of_change("3-open", before, |p| p.key("o"))?;
+    ensure!(colours(&hidden) > 30, "the window is empty: {} colours", colours(&hidden));
+    let change = difference(&lower_half(before), &lower_half(&hidden));
+    ensure!(change < 0.02 && settled(client) == frames, "the scene was drawn anew: {change} of its pixels differ");
+    Ok(hidden)
 }
 
 fn toggle_full_screen_and_bookmark(client: &mut Client) -> Result<()> {

@@ -9,8 +9,12 @@ use crate::{
         location::CityLocation,
         source::disk::open_user_cache,
     },
+    ui::connector::StartStatus,
 };
 use std::{sync::Arc, time::Duration};
+
+/// Finds the address of a city, and may bake and serve it before. Called on a separate thread, again after a failure.
+pub(super) type FindAddress = Box<dyn Fn(&StartStatus) -> Result<String> + Send + Sync>;
 
 /// Opens the city at `location`, a URL or a path. Fails as [`open_city`] does.
 pub fn connect(http: &Arc<Http>, location: &str, global: &GlobalArgs) -> Result<OpenedCity> {

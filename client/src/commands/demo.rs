@@ -6,7 +6,7 @@ use super::{
     view,
 };
 use crate::{
-    args::{DemoArgs, GlobalArgs, ViewArgs},
+    args::{DemoArgs, GlobalArgs},
     error::{ClientError, Result},
 };
 use insula_protocol::{manifest::Attribution, text::printable};
@@ -36,15 +36,16 @@ struct DemoInfo {
 
 /// Runs the command. Fails if the city cannot be baked, viewed or rendered.
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
-    let server = serve(&bake_cached(&unpack_demo()?)?)?;
+    let job = unpack_demo()?;
     if !args.headless && has_screen() {
-        match view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global) {
+        match view::open_baked(job.clone(), args.sun, global) {
             Err(ClientError::Graphics(reason)) => {
                 eprintln!("note: {}; writing an image instead", printable(&reason));
             }
             ended => return ended,
         }
     }
+    let server = serve(&bake_cached(&job, None)?)?;
     let mut session = open_session(&server.url, global, None, None)?;
     let aspect = f64::from(args.size[0]) / f64::from(args.size[1].max(1));
     let camera = Camera::overview(session.tree().manifest().focus_bounds(), aspect);

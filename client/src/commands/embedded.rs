@@ -1,6 +1,10 @@
 //! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
-use crate::error::{ClientError, Result};
+use super::connect::FindAddress;
+use crate::{
+    error::{ClientError, Result},
+    ui::connector::StartStatus,
+};
 use insula_bake::{
     BakeOptions, GroundOption, Progress,
     read::{FACADE_ALGORITHM, FacadeOption, Palette},
@@ -20,7 +24,7 @@ use std::{
     hash::{Hash, Hasher},
     io::IsTerminal,
     path::{Path, PathBuf},
-    sync::Mutex,
+    sync::{Mutex, PoisonError},
     time::{Duration, SystemTime},
 };
 
@@ -111,8 +115,9 @@ fn hash_path(input: &Path, hasher: &mut DefaultHasher) -> Result<()> {
     Ok(())
 }
 
-/// The folder of the baked city: from the cache, or baked now. Fails if the bake fails.
-pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
+/// The folder of the baked city: from the cache, or baked now. Reports the progress to `status` and to the terminal. Fails if the
+/// bake fails.
+pub(super) fn bake_cached(job: &BakeJob, status: Option<&StartStatus>) -> Result<PathBuf> {
     let first = job.inputs.first().and_then(|path| path.file_name()).unwrap_or_default().to_string_lossy();
     let first = first.split('.').next().unwrap_or_default();
     let name = to_name(job.name.as_deref().unwrap_or(first));
@@ -141,26 +146,30 @@ pub(super) fn bake_cached(job: &BakeJob) -> Result<PathBuf> {
         ground: GroundOption::Auto,
         ..BakeOptions::default()
     };
-    let progress = TerminalProgress::default();
+    let progress =
+        BakeProgress { name: to_name(job.name.as_deref().unwrap_or(first)), status, stage: Mutex::default() };
     let baked = insula_bake::bake(&options, &progress);
     progress.clear();
     baked.map_err(|e| ClientError::Failed(e.to_string()))?;
     Ok(out)
 }
 
-/// Prints the progress of a bake to standard error, if that is a terminal.
-#[derive(Default)]
-struct TerminalProgress(Mutex<StageProgress>);
+/// Shows the progress of a bake in the window, and prints it to standard error if that is a terminal.
+struct BakeProgress<'a> {
+    name: String,
+    status: Option<&'a StartStatus>,
+    stage: Mutex<StageProgress>,
+}
 
 #[derive(Default)]
 struct StageProgress {
     stage: String,
     total: u64,
     done: u64,
-    printed_percent: Option<u64>,
+    shown_percent: Option<u64>,
 }
 
-impl TerminalProgress {
+impl BakeProgress<'_> {
     fn clear(&self) {
         if std::io::stderr().is_terminal() {
             eprint!("\r\x1b[K");
@@ -168,23 +177,44 @@ impl TerminalProgress {
     }
 }
 
-impl Progress for TerminalProgress {
+impl Progress for BakeProgress<'_> {
     fn stage(&self, name: &str, total: u64) {
-        if let Ok(mut progress) = self.0.lock() {
+        if let Ok(mut progress) = self.stage.lock() {
             *progress = StageProgress { stage: name.to_owned(), total, ..StageProgress::default() };
         }
         self.advance(0);
     }
 
     fn advance(&self, n: u64) {
-        let Ok(mut progress) = self.0.lock() else { return };
+        let Ok(mut progress) = self.stage.lock() else { return };
         progress.done += n;
         let percent = (progress.done * 100).checked_div(progress.total).unwrap_or(0);
-        if progress.printed_percent != Some(percent) && std::io::stderr().is_terminal() {
-            progress.printed_percent = Some(percent);
-            eprint!("\r\x1b[K{} {percent}%", printable(&progress.stage));
+        if progress.shown_percent == Some(percent) {
+            return;
+        }
+        progress.shown_percent = Some(percent);
+        let text = format!("{} {percent}%", progress.stage);
+        if let Some(status) = self.status {
+            status.set(format!("baking {} (once): {text}", self.name));
+        }
+        if std::io::stderr().is_terminal() {
+            eprint!("\r\x1b[K{}", printable(&text));
         }
     }
+}
+
+/// Bakes and serves the city of `job` when the window asks for its address.
+pub(super) fn find_baked(job: BakeJob) -> FindAddress {
+    let server: Mutex<Option<EmbeddedServer>> = Mutex::new(None);
+    Box::new(move |status| {
+        let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(server) = &*server {
+            return Ok(server.url.clone());
+        }
+        let started = serve(&bake_cached(&job, Some(status))?)?;
+        status.set("loading".into());
+        Ok(server.insert(started).url.clone())
+    })
 }
 
 /// A server in this process. Ends when dropped.

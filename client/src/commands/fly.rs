@@ -8,7 +8,7 @@ use crate::{
     report::{FlightReport, FlightSample, FrameDifference, compare_frames},
     session::Session,
     stream::{fetch::Http, simulated_link::SimulatedLink},
-    ui::frame_pacing::FramePacer,
+    ui::frame_pacing::{FramePacer, FrameTime},
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
@@ -112,7 +112,7 @@ impl Flight<'_> {
         let mut measured = FlightMeasurements::default();
         let begin = Instant::now();
         let mut clock = FlightClock { begin, frame_due: begin };
-        let mut pacer = FramePacer::new(begin);
+        let mut pacer = FramePacer::new(begin, false);
         let mut compare_at = self.args.compare.map(|_| 0.0);
         loop {
             let t = clock.secs();
@@ -184,7 +184,8 @@ impl Flight<'_> {
         let size_px = request.size_px.map(|side| (side / detail.divisor).max(1));
         let settings = RenderSettings { samples: detail.samples, ..self.settings };
         let pixels = session.draw(&FrameRequest { size_px, ..*request }, &settings)?;
-        pacer.end_frame(begin, detail, true);
+        let time = begin.elapsed();
+        pacer.end_frame(FrameTime { scene: time, all: time }, detail, true);
         Ok(pixels)
     }
 

@@ -1,11 +1,11 @@
 //! `insula open`: bakes, serves and views city files in one process.
 
 use super::{
-    embedded::{BakeJob, bake_cached, cache_key, serve},
+    embedded::{BakeJob, cache_key},
     view,
 };
 use crate::{
-    args::{GlobalArgs, OpenArgs, ViewArgs},
+    args::{GlobalArgs, OpenArgs},
     error::{ClientError, Result},
 };
 use insula_bake::read::Palette;
@@ -21,6 +21,5 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
     let cache_key = cache_key(&args.inputs, &palette, facades, cell_m)?;
     let inputs = args.inputs.clone();
     let job = BakeJob { inputs, cell_m, palette, facades, cache_key, ..BakeJob::default() };
-    let server = serve(&bake_cached(&job)?)?;
-    view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global)
+    view::open_baked(job, args.sun, global)
 }

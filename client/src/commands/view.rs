@@ -1,36 +1,72 @@
 //! `insula view`: a city in a window.
 
-use super::{connect::connect, headless::INITIAL_REQUESTS};
+#[cfg(feature = "embedded")]
+use super::embedded::{BakeJob, find_baked};
+use super::{
+    connect::{FindAddress, connect},
+    headless::{INITIAL_REQUESTS, settle},
+};
 use crate::{
     args::{GlobalArgs, SunArgs, ViewArgs},
     camera_files::read_path,
     error::Result,
+    render::OpenedAdapter,
     session::Session,
-    stream::{BackgroundFetcher, Wake, fetch::Http, location::CityLocation},
+    stream::{BackgroundFetcher, Wake, city::OpenedCity, fetch::Http, location::CityLocation},
     ui::{
-        event_loop::{self, ConnectFn, ConnectedCity, ViewerEvent, WindowOptions},
+        city_chooser::CityPreview,
+        connector::{ConnectFn, ConnectFns, ConnectedCity, PreviewFn, StartStatus, ViewerEvent},
+        event_loop::{self, WindowOptions},
         path_playback::PathPlayback,
         view_link::ViewLink,
     },
 };
-use insula_viewer::scene::SceneTree;
-use std::{sync::Arc, time::Instant};
+use insula_shaders::layout::Shading;
+use insula_viewer::{
+    cache::pages_for,
+    camera::Camera,
+    scene::SceneTree,
+    streamer::FrameRequest,
+    sun::{Daylight, SunOptions},
+};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 /// Longest attempt to connect, in seconds. The window shows the error and tries again.
 const ATTEMPT_SECS: u32 = 3;
 
+/// Size of a city's preview, its cache, and the longest time to load it.
+const PREVIEW_PX: [u32; 2] = [224, 126];
+const PREVIEW_CACHE_BYTES: u64 = 48 << 20;
+const PREVIEW_TIMEOUT: Duration = Duration::from_secs(5);
+
 /// Runs the command until the window is closed. Fails if an argument is invalid, or if no window can be opened.
 pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
-    let started = Instant::now();
     let link = ViewLink::parse(&args.url)?;
     CityLocation::parse(&link.address)?;
+    let address = link.address.clone();
+    open_window(link, Box::new(move |_| Ok(address.clone())), args, global)
+}
+
+/// Opens a window that bakes the city of `job` and shows it.
+#[cfg(feature = "embedded")]
+pub(super) fn open_baked(job: BakeJob, sun: SunArgs, global: &GlobalArgs) -> Result<()> {
+    let link = ViewLink { address: String::new(), camera: None, time: None };
+    open_window(link, find_baked(job), &ViewArgs { sun, ..ViewArgs::default() }, global)
+}
+
+/// Shows the city that `find` finds, with the camera and the time of `link`.
+fn open_window(link: ViewLink, find: FindAddress, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
+    let started = Instant::now();
     let path = args.path.as_deref().map(read_path).transpose()?;
     let event_loop = event_loop::event_loop()?;
     let http = Arc::new(Http::with_options(None, global.http_options())?);
     let has_sun = args.sun.time.is_some() || args.sun.sun.is_some();
     let sun = if has_sun { args.sun } else { SunArgs { time: link.time, ..args.sun } }.into();
     let options = WindowOptions {
-        address: link.address.clone(),
+        status: StartStatus::new(format!("connecting to {}", link.address)),
         camera: link.camera,
         sun,
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
@@ -44,11 +80,14 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
         let _ = proxy.send_event(ViewerEvent::Arrived);
     });
     let global = GlobalArgs { timeout: global.timeout.min(ATTEMPT_SECS), ..global.clone() };
-    let (has_meshes, has_transitions) = (!global.no_meshes, !args.no_fades);
-    let connect: ConnectFn = Arc::new(move || {
-        let city = connect(&http, &link.address, &global)?;
+    let has_transitions = !args.no_fades;
+    let has_meshes = !global.no_meshes;
+    let connector = Arc::new(CityConnector { find, http, global, status: options.status.clone() });
+    let previews = connector.clone();
+    let preview: PreviewFn = Arc::new(move |name| previews.preview(name).ok());
+    let connect: ConnectFn = Arc::new(move |name| {
+        let (city, http, wake) = (connector.connect(name)?, connector.http.clone(), wake.clone());
         let (manifest, address) = (city.manifest.clone(), city.address.clone());
-        let (http, wake) = (http.clone(), wake.clone());
         let open_session = move |adapter| {
             let downloads = BackgroundFetcher::downloads(http, city.source, INITIAL_REQUESTS, Some(wake));
             let tree = SceneTree::new(city.manifest).with_meshes(has_meshes);
@@ -58,5 +97,38 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
         };
         Ok(ConnectedCity { manifest, address, open_session: Box::new(open_session) })
     });
-    event_loop::run(event_loop, options, connect)
+    event_loop::run(event_loop, options, ConnectFns { connect, preview })
+}
+
+/// Connects to the city, or to one of a server's cities.
+struct CityConnector {
+    find: FindAddress,
+    http: Arc<Http>,
+    global: GlobalArgs,
+    status: StartStatus,
+}
+
+impl CityConnector {
+    fn connect(&self, name: Option<&str>) -> Result<OpenedCity> {
+        let address = (self.find)(&self.status)?;
+        let city = name.map(str::to_owned).or_else(|| self.global.city.clone());
+        connect(&self.http, &address, &GlobalArgs { city, ..self.global.clone() })
+    }
+
+    /// Draws the city from above with little memory and few tiles.
+    fn preview(&self, name: &str) -> Result<CityPreview> {
+        let city = self.connect(Some(name))?;
+        let [low, high] = city.manifest.bounds;
+        let aspect = f64::from(PREVIEW_PX[0]) / f64::from(PREVIEW_PX[1]);
+        let camera = Camera::overview(city.manifest.focus_bounds(), aspect);
+        let daylight = Daylight::new(&SunOptions::default(), &city.manifest);
+        let downloads = BackgroundFetcher::downloads(self.http.clone(), city.source, INITIAL_REQUESTS, None);
+        let tree = SceneTree::new(city.manifest).with_meshes(false);
+        let adapter = OpenedAdapter::cpu(pages_for(PREVIEW_CACHE_BYTES));
+        let mut session = Session::new(tree, downloads, adapter, Instant::now());
+        let request = FrameRequest { camera, heading: None, size_px: PREVIEW_PX, tau_px: 2.0 };
+        settle(&mut session, &request, PREVIEW_TIMEOUT)?;
+        let pixels = session.draw(&request, &daylight.render_settings(Shading::Lit, 2))?;
+        Ok(CityPreview { name: name.to_owned(), size_m: [high[0] - low[0], high[1] - low[1]], pixels })
+    }
 }

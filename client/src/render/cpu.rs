@@ -1,7 +1,7 @@
 //! The CPU ray-caster with its own copy of the atlas in main memory.
 
 use insula_shaders::{
-    cpu::raycast::{Pixels, RayCounts, SceneRef, count, render},
+    cpu::raycast::{Pixels, RayCounts, RenderedRows, SceneRef, count, render},
     layout::{PAGE_WORDS, SUMMARY_WORDS},
 };
 use insula_viewer::{
@@ -28,6 +28,11 @@ impl CpuAdapter {
     /// Draws a frame on all cores.
     pub fn draw(&self, data: &FrameData) -> Pixels {
         render(&self.scene(data))
+    }
+
+    /// Draws the next `count` rows of a frame on all cores. Returns whether all rows are drawn.
+    pub fn draw_rows(&self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> bool {
+        rows.render(&self.scene(data), count)
     }
 
     /// Counts the steps of a frame's rays, one ray per pixel.

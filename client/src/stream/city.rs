@@ -6,7 +6,7 @@ use super::{
     location::CityLocation,
     source::{TileSource, disk::CachedCity, folder, server::ServerSource, web},
 };
-use crate::error::{ClientError, Result};
+use crate::error::{ClientError, ListedCity, Result};
 use bytes::Bytes;
 use insula_archive::{
     city::{MANIFEST_FILE, parse_manifest, read_manifest},
@@ -27,6 +27,8 @@ use std::{
 
 /// Size of the largest manifest or list of cities.
 const MAX_MANIFEST_BYTES: usize = 4 << 20;
+/// Most cities that are offered to choose from.
+const MAX_LISTED: usize = 1000;
 /// A city in the disk cache opens offline after this time without a response.
 const OFFLINE_AFTER: Duration = Duration::from_secs(2);
 
@@ -187,7 +189,7 @@ impl CityOpener<'_> {
                         return Err(ClientError::Server(error.to_string()));
                     }
                     let secs = timeout.as_secs();
-                    return Err(ClientError::Server(format!(
+                    return Err(ClientError::NoResponse(format!(
                         "{url}: no response for {secs} s ({error}): check the address and that the server runs"
                     )));
                 }
@@ -203,23 +205,26 @@ fn no_such_city(url: &str) -> ClientError {
 /// The city of a server that has only one. Fails if it has several or none.
 fn only_city(base: &str, list: &[u8]) -> Result<String> {
     let list: Option<serde_json::Value> = serde_json::from_slice(list).ok();
-    let mut names = list.as_ref().and_then(city_names).unwrap_or_default();
-    match (names.pop(), names.is_empty()) {
-        (Some(name), true) if is_name(&name) => Ok(name),
-        (Some(last), false) => {
-            names.push(last);
-            let names = names.join(", ");
-            Err(ClientError::Usage(format!("{base} has several cities: choose one with --city: {names}")))
+    let mut cities = list.as_ref().and_then(listed_cities).unwrap_or_default();
+    cities.retain(|city| is_name(&city.name));
+    match &mut cities[..] {
+        [] => {
+            let text = format!("{base}: serves no city, or is no Insula server: check the address");
+            Err(ClientError::Server(text))
         }
-        _ => Err(ClientError::Server(format!("{base}: serves no city, or is no Insula server: check the address"))),
+        [only] => Ok(std::mem::take(&mut only.name)),
+        _ => Err(ClientError::SeveralCities { base: base.to_owned(), cities }),
     }
 }
 
-/// Names in a list of cities: strings or objects with a `name`, as an array or under `cities`.
-fn city_names(list: &serde_json::Value) -> Option<Vec<String>> {
+/// A list of cities: names or objects, as an array or under `cities`. At most [`MAX_LISTED`] are taken.
+fn listed_cities(list: &serde_json::Value) -> Option<Vec<ListedCity>> {
     let list = list.get("cities").unwrap_or(list).as_array()?;
-    let name = |entry: &serde_json::Value| entry.as_str().or_else(|| entry.get("name")?.as_str()).map(str::to_owned);
-    list.iter().map(name).collect()
+    let city = |entry: &serde_json::Value| match entry.as_str() {
+        Some(name) => Some(ListedCity { name: name.to_owned(), ..ListedCity::default() }),
+        None => serde_json::from_value(entry.clone()).ok(),
+    };
+    list.iter().take(MAX_LISTED).map(city).collect()
 }
 
 #[cfg(test)]

@@ -24,6 +24,8 @@ impl CityView {
         let display = &mut self.display;
         match action {
             KeyAction::ToggleMode => self.control.toggle_mode(),
+            KeyAction::GoHome => self.control.go_home(),
+            KeyAction::TurnNorth => self.control.turn_north(),
             KeyAction::ToggleHelp => display.shows_help = !display.shows_help,
             KeyAction::SaveImage => self.save_image(window),
             KeyAction::SetShading(shading) => display.shading = shading,
@@ -71,7 +73,7 @@ impl CityView {
             }
             ViewAction::CopyLink => self.copy_link(window),
         }
-        self.view_changed(window);
+        window.window.request_redraw();
     }
 
     fn add_bookmark(&mut self, city: &str, settings: &mut UserSettings) {
@@ -120,7 +122,7 @@ impl CityView {
     }
 
     /// Handles a click at shares of the window's width and height, 0 to 1.
-    pub(super) fn click(&mut self, x: f64, y: f64, window: &ViewerWindow) {
+    pub(super) fn click(&mut self, [x, y]: [f64; 2], window: &ViewerWindow) {
         if !self.distance_tool.is_active {
             return;
         }
@@ -131,7 +133,19 @@ impl CityView {
             }
             None => self.show_message("nothing to measure at this point".to_owned()),
         }
-        self.view_changed(window);
+        window.window.request_redraw();
+    }
+
+    /// Handles a double click: goes to what is below it.
+    pub(super) fn double_click(&mut self, at: [f64; 2], window: &ViewerWindow) {
+        if self.distance_tool.is_active {
+            return self.click(at, window);
+        }
+        match self.pick(at[0], at[1], window) {
+            Some(point) => self.control.approach(point),
+            None => self.show_message("nothing to go to at this point".to_owned()),
+        }
+        window.window.request_redraw();
     }
 
     /// The point of the city below a position of the window. Draws a frame of one pixel there.

@@ -2,6 +2,10 @@
 
 use glam::DVec3;
 use insula_viewer::camera::Camera;
+use std::{
+    f64::consts::FRAC_PI_2,
+    time::{Duration, Instant},
+};
 
 /// Angle per pixel of dragging.
 const DRAG_RAD_PER_PX: f64 = 0.004;
@@ -11,6 +15,15 @@ const MAX_PITCH_RAD: f64 = 1.55;
 const LOOKAHEAD_SECS: f64 = 0.5;
 /// Factor of the speed while Shift is held.
 const FAST_FACTOR: f64 = 4.0;
+/// Longest time step of the camera. Without a limit, it would jump after a stall.
+const MAX_STEP: Duration = Duration::from_millis(200);
+/// A key that is pressed for a shorter time, perhaps within one slow frame, moves the camera for this time.
+const MIN_PRESS: Duration = Duration::from_millis(50);
+/// Speed at the ground, in metres per second, and its increase per metre of height.
+const GROUND_SPEED: f64 = 4.0;
+const SPEED_PER_METRE: f64 = 0.4;
+/// Share of the way to a point that a double click goes.
+const APPROACH: f64 = 0.6;
 /// Height above the target of a camera that goes there without looking down: that of a person's eyes.
 const EYE_HEIGHT_M: f64 = 1.7;
 
@@ -44,16 +57,22 @@ pub struct CameraControl {
     fov_y_rad: f64,
     /// From the camera to the pivot.
     pivot_distance_m: f64,
-    speed_m_per_sec: f64,
+    /// Factor of the speed, by the wheel.
+    speed_factor: f64,
+    /// Height of the ground below the camera, as far as it is known.
     ground_z_m: f64,
-    /// Whether the key of each [`MoveDirection`] is held.
-    held: [bool; 6],
+    /// When the key of each [`MoveDirection`] was pressed, while it is held.
+    held: [Option<Instant>; 6],
     is_fast: bool,
+    /// Time up to which the camera has moved.
+    clock: Instant,
+    /// Where the view began.
+    home: Camera,
 }
 
 impl CameraControl {
-    /// Starts at `camera` with a speed that suits a city of `size_m`.
-    pub fn new(camera: &Camera, size_m: f64, ground_z_m: f64) -> Self {
+    /// Starts at `camera` above ground of the given height.
+    pub fn new(camera: &Camera, ground_z_m: f64) -> Self {
         let (yaw_rad, pitch_rad) = camera.angles();
         let mut control = Self {
             mode: ControlMode::Orbit,
@@ -62,10 +81,12 @@ impl CameraControl {
             pitch_rad,
             fov_y_rad: camera.fov_y_rad,
             pivot_distance_m: 0.0,
-            speed_m_per_sec: (size_m / 20.0).clamp(5.0, 500.0),
+            speed_factor: 1.0,
             ground_z_m,
-            held: [false; 6],
+            held: [None; 6],
             is_fast: false,
+            clock: Instant::now(),
+            home: *camera,
         };
         control.pivot_distance_m = control.distance_to_ground_m();
         control
@@ -79,7 +100,7 @@ impl CameraControl {
     /// The camera in half a second, if a movement key is held.
     pub fn heading(&self) -> Option<Camera> {
         let mut ahead = self.clone();
-        ahead.advance(LOOKAHEAD_SECS).then(|| ahead.camera())
+        ahead.advance(self.held.map(|since| since.is_some()), LOOKAHEAD_SECS).then(|| ahead.camera())
     }
 
     /// The control mode.
@@ -87,9 +108,31 @@ impl CameraControl {
         self.mode
     }
 
-    /// Speed of the movement keys, in metres per second.
+    /// Speed of the movement keys, in metres per second: the higher, the faster.
     pub fn speed_m_per_sec(&self) -> f64 {
-        self.speed_m_per_sec
+        let height_m = (self.position.z - self.ground_z_m).max(0.0);
+        ((GROUND_SPEED + SPEED_PER_METRE * height_m) * self.speed_factor).clamp(0.2, 5000.0)
+    }
+
+    /// Goes back to where the view began.
+    pub fn go_home(&mut self) {
+        let home = self.home;
+        self.set_camera(&home);
+    }
+
+    /// Turns north up: in place, or around the pivot when orbiting.
+    pub fn turn_north(&mut self) {
+        let pivot = self.pivot();
+        self.yaw_rad = FRAC_PI_2;
+        if self.mode == ControlMode::Orbit {
+            self.position = pivot - self.camera().forward * self.pivot_distance_m;
+        }
+    }
+
+    /// Goes most of the way to `point`, which stays at its place in the view.
+    pub fn approach(&mut self, point: DVec3) {
+        self.position += (point - self.position) * APPROACH;
+        self.pivot_distance_m = self.distance_to_ground_m();
     }
 
     /// Switches between flying and orbiting around the ground ahead.
@@ -127,9 +170,24 @@ impl CameraControl {
         self.pivot_distance_m = self.distance_to_ground_m();
     }
 
-    /// A movement key was pressed or released.
-    pub fn set_held(&mut self, direction: MoveDirection, is_held: bool) {
-        self.held[direction as usize] = is_held;
+    /// A movement key was pressed or released at a time.
+    pub fn set_held(&mut self, direction: MoveDirection, is_held: bool, now: Instant) {
+        if !self.is_moving() {
+            self.clock = now;
+        }
+        self.advance_to(now);
+        let key = &mut self.held[direction as usize];
+        match (is_held, *key) {
+            (true, None) => *key = Some(now),
+            (false, Some(since)) => {
+                *key = None;
+                let lacking = MIN_PRESS.saturating_sub(now.saturating_duration_since(since));
+                let mut only = [false; 6];
+                only[direction as usize] = true;
+                self.advance(only, lacking.as_secs_f64());
+            }
+            _ => {}
+        }
     }
 
     /// Shift was pressed or released.
@@ -139,7 +197,7 @@ impl CameraControl {
 
     /// Releases all keys, because the window lost the keyboard.
     pub fn release_keys(&mut self) {
-        self.held = [false; 6];
+        self.held = [None; 6];
         self.is_fast = false;
     }
 
@@ -157,7 +215,7 @@ impl CameraControl {
     pub fn turn_wheel(&mut self, steps: f64) {
         match self.mode {
             ControlMode::Fly => {
-                self.speed_m_per_sec = (self.speed_m_per_sec * 1.25f64.powf(steps)).clamp(0.5, 5000.0);
+                self.speed_factor = (self.speed_factor * 1.25f64.powf(steps)).clamp(0.01, 100.0);
             }
             ControlMode::Orbit => {
                 let pivot = self.pivot();
@@ -173,13 +231,20 @@ impl CameraControl {
 
     /// Whether a movement key is held.
     pub fn is_moving(&self) -> bool {
-        self.held.contains(&true)
+        self.held.iter().any(Option::is_some)
     }
 
-    /// Moves the camera for `secs` by the held keys. Returns whether it moved.
-    pub fn advance(&mut self, secs: f64) -> bool {
+    /// Moves the camera by the held keys up to a time.
+    pub fn advance_to(&mut self, now: Instant) {
+        let step = now.saturating_duration_since(self.clock).min(MAX_STEP);
+        self.clock = now;
+        self.advance(self.held.map(|since| since.is_some()), step.as_secs_f64());
+    }
+
+    /// Moves the camera for `secs` in the directions of `held`. Returns whether it has a direction.
+    fn advance(&mut self, held: [bool; 6], secs: f64) -> bool {
         let axis = |plus: MoveDirection, minus: MoveDirection| {
-            f64::from(u8::from(self.held[plus as usize])) - f64::from(u8::from(self.held[minus as usize]))
+            f64::from(u8::from(held[plus as usize])) - f64::from(u8::from(held[minus as usize]))
         };
         let camera = self.camera();
         let forward = match self.mode {
@@ -190,7 +255,7 @@ impl CameraControl {
         let direction = forward * axis(MoveDirection::Forward, MoveDirection::Back)
             + camera.right * axis(MoveDirection::Right, MoveDirection::Left)
             + DVec3::Z * axis(MoveDirection::Up, MoveDirection::Down);
-        let speed = self.speed_m_per_sec * if self.is_fast { FAST_FACTOR } else { 1.0 };
+        let speed = self.speed_m_per_sec() * if self.is_fast { FAST_FACTOR } else { 1.0 };
         self.position += direction.normalize_or_zero() * speed * secs;
         direction != DVec3::ZERO
     }
@@ -202,21 +267,62 @@ mod tests {
 
     fn control() -> CameraControl {
         let camera = Camera::look_at(DVec3::new(0.0, -100.0, 100.0), DVec3::ZERO, DVec3::Z, 1.0).unwrap();
-        CameraControl::new(&camera, 1000.0, 0.0)
+        CameraControl::new(&camera, 0.0)
     }
 
     #[test]
     fn flying_moves_in_the_view_direction() {
         let mut control = control();
         control.toggle_mode();
-        assert!(!control.advance(1.0) && control.heading().is_none());
-        control.set_held(MoveDirection::Forward, true);
-        assert!(control.advance(1.0));
-        let d = 50.0 / 2f64.sqrt();
+        let begin = Instant::now();
+        control.advance_to(begin);
+        assert!(control.heading().is_none());
+        control.set_held(MoveDirection::Forward, true, begin);
+        control.advance_to(begin + Duration::from_millis(100));
+        let d = 0.1 * 44.0 / 2f64.sqrt();
         assert!((control.camera().position - DVec3::new(0.0, -100.0 + d, 100.0 - d)).length() < 1e-9);
         assert!(control.heading().is_some());
         control.release_keys();
         assert!(!control.is_moving());
+    }
+
+    #[test]
+    fn keys_that_are_pressed_within_one_frame_move_the_camera() {
+        let mut control = control();
+        let (before, now) = (control.camera().position, Instant::now());
+        for (direction, is_held) in [(MoveDirection::Up, true), (MoveDirection::Up, false), (MoveDirection::Up, false)]
+        {
+            control.set_held(direction, is_held, now);
+        }
+        let risen_m = control.camera().position.z - before.z;
+        assert!((risen_m - 0.05 * 44.0).abs() < 1e-9, "{risen_m}");
+        // Two keys whose times overlap move along each for its own time.
+        let at = |ms: u64| now + Duration::from_millis(1000 + ms);
+        let mut control = self::control();
+        control.set_held(MoveDirection::Right, true, at(0));
+        control.set_held(MoveDirection::Left, true, at(100));
+        control.set_held(MoveDirection::Right, false, at(150));
+        control.set_held(MoveDirection::Left, false, at(250));
+        assert!((control.camera().position - before).length() < 1e-9);
+        assert!(!control.is_moving());
+    }
+
+    #[test]
+    fn home_and_north_are_found_again() {
+        let mut control = control();
+        let home = control.camera();
+        control.drag(400.0, 20.0);
+        let pivot = control.pivot();
+        control.turn_north();
+        assert!(control.camera().forward.x.abs() < 1e-9 && control.camera().forward.y > 0.0);
+        assert!((control.pivot() - pivot).length() < 1e-6, "north is turned up around the pivot");
+        let (point, before) = (DVec3::new(20.0, 30.0, 5.0), control.camera().position);
+        control.approach(point);
+        let (then, now) = (point - before, point - control.camera().position);
+        assert!(then.cross(now).length() < 1e-6 && (now.length() / then.length() - 0.4).abs() < 1e-9);
+        control.go_home();
+        assert!((control.camera().position - home.position).length() < 1e-9);
+        assert!((control.camera().forward - home.forward).length() < 1e-9);
     }
 
     #[test]

@@ -11,8 +11,7 @@ use super::{
     settings::UserSettings,
     window::ViewerWindow,
 };
-use crate::session::Session;
-use glam::DVec3;
+use crate::{render::Adapter, session::Session};
 use insula_protocol::text::printable;
 use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
 use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest, sun::Daylight};
@@ -59,8 +58,8 @@ impl CityView {
         let CityViewSetup { session, address, camera, daylight, tau_px, playback } = setup;
         let manifest = session.tree().manifest();
         let camera = camera.unwrap_or_else(|| Camera::overview(manifest.focus_bounds(), aspect));
-        let size_m = DVec3::from(manifest.bounds[1]).distance(manifest.bounds[0].into());
-        let control = CameraControl::new(&camera, size_m, manifest.ground_z_m);
+        let control = CameraControl::new(&camera, manifest.ground_z_m);
+        let draws_in_steps = matches!(session.adapter(), Adapter::Cpu(_));
         tracing::info!("opened {}", manifest.name);
         Self {
             session,
@@ -81,7 +80,7 @@ impl CityView {
             recorder: None,
             playback,
             playback_heading: None,
-            pacer: FramePacer::new(Instant::now()),
+            pacer: FramePacer::new(Instant::now(), draws_in_steps),
             counts_rays: false,
             ray_counts: None,
             must_store_settings: false,
@@ -96,12 +95,6 @@ impl CityView {
     pub(super) fn show_message(&mut self, text: String) {
         println!("{}", printable(&text));
         self.display.message = Some(TimedMessage { text, until: Instant::now() + MESSAGE_TIME });
-    }
-
-    /// Requests a new frame because the view changed.
-    pub(super) fn view_changed(&mut self, window: &ViewerWindow) {
-        self.pacer.view_changed(Instant::now());
-        window.window.request_redraw();
     }
 
     /// The frame for the window, with its size divided by `divisor`.

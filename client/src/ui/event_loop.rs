@@ -1,13 +1,15 @@
 //! The event loop of the window.
 //!
-//! The window opens at once. While there is no city, it shows the reason and tries to connect again. Frames are drawn only
-//! when something changes; otherwise the loop sleeps.
+//! The window opens at once. While there is no city, it shows the reason, tries to connect again, or offers the cities of the
+//! server. Frames are drawn only when something changes; otherwise the loop sleeps.
 
 use super::{
     camera_control::MoveDirection,
+    city_chooser::CityChooser,
     city_view::{CityView, CityViewSetup},
+    connector::{ConnectFns, ConnectedCity, Connector, StartStatus, ViewerEvent},
     key_bindings::{self, KeyAction},
-    overlay,
+    overlay::{self, StartNotice},
     path_playback::PathPlayback,
     settings::{UserSettings, is_window_size},
     viewport::Viewport,
@@ -15,10 +17,8 @@ use super::{
 };
 use crate::{
     error::{ClientError, Result},
-    render::{AdapterChoice, OpenedAdapter},
-    session::Session,
+    render::AdapterChoice,
 };
-use insula_protocol::Manifest;
 use insula_protocol::text::printable;
 use insula_viewer::{
     camera::Camera,
@@ -26,20 +26,19 @@ use insula_viewer::{
 };
 use std::{
     path::PathBuf,
-    sync::Arc,
     time::{Duration, Instant},
 };
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalPosition,
     event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent},
-    event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
+    event_loop::{ActiveEventLoop, ControlFlow, EventLoop},
     keyboard::PhysicalKey,
     window::WindowId,
 };
 
-/// Pause between two attempts to connect.
-const RECONNECT_AFTER: Duration = Duration::from_secs(2);
+/// Two clicks within this time are a double click.
+const DOUBLE_CLICK: Duration = Duration::from_millis(400);
 /// Interval of frames while there is no city.
 const NOTICE_INTERVAL: Duration = Duration::from_millis(100);
 /// A mouse button that is released within this distance, in pixels, was clicked rather than dragged.
@@ -47,32 +46,10 @@ const CLICK_PX: f64 = 4.0;
 /// Pixels of a touchpad that count as one step of a mouse wheel.
 const PX_PER_WHEEL_STEP: f64 = 40.0;
 
-/// Event from another thread.
-pub enum ViewerEvent {
-    /// Something arrived from the network.
-    Arrived,
-    /// An attempt to connect has ended.
-    Connected(Box<Result<ConnectedCity>>),
-}
-
-/// Opens a session with an adapter.
-pub type OpenSessionFn = Box<dyn FnOnce(OpenedAdapter) -> Session + Send>;
-
-/// A city that was connected to.
-pub struct ConnectedCity {
-    pub manifest: Manifest,
-    /// URL for view links; empty if the city has none.
-    pub address: String,
-    pub open_session: OpenSessionFn,
-}
-
-/// Connects to the city. Called on a separate thread.
-pub type ConnectFn = Arc<dyn Fn() -> Result<ConnectedCity> + Send + Sync>;
-
 /// Initial state of the window. `None` takes the user's settings.
 pub struct WindowOptions {
-    /// Location of the city, for messages.
-    pub address: String,
+    /// What is done before there is a city.
+    pub status: StartStatus,
     /// Initial camera; one that overlooks the whole city if `None`.
     pub camera: Option<Camera>,
     pub sun: SunOptions,
@@ -92,7 +69,7 @@ pub fn event_loop() -> Result<EventLoop<ViewerEvent>> {
 }
 
 /// Runs until the window is closed. Fails if no window can be opened, or if the ray-caster fails.
-pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: ConnectFn) -> Result<()> {
+pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: ConnectFns) -> Result<()> {
     event_loop.set_control_flow(ControlFlow::Wait);
     let settings_path = UserSettings::path();
     let (settings, note) = settings_path.as_deref().map(UserSettings::load).unwrap_or_default();
@@ -100,7 +77,8 @@ pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: 
         eprintln!("note: {}", printable(note));
     }
     let mut app = ViewerApp {
-        connector: Connector { connect, proxy: event_loop.create_proxy(), error: None, retry_at: None },
+        connector: Connector::new(connect, event_loop.create_proxy()),
+        chooser: None,
         options,
         settings,
         settings_path,
@@ -109,48 +87,29 @@ pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: 
         viewport: None,
         drag_px: None,
         pointer: PhysicalPosition::default(),
+        last_click: None,
         fatal_error: None,
     };
     let ended = event_loop.run_app(&mut app);
     app.store_settings();
-    match (app.fatal_error, ended) {
+    match (app.fatal_error.or(app.connector.error), ended) {
         (Some(error), _) => Err(error),
         (None, Err(error)) => Err(ClientError::Graphics(format!("the window system ended the program: {error}"))),
         (None, Ok(())) => Ok(()),
     }
 }
 
-/// Attempts to connect, until there is a city.
-struct Connector {
-    connect: ConnectFn,
-    proxy: EventLoopProxy<ViewerEvent>,
-    /// Error of the last attempt.
-    error: Option<String>,
-    retry_at: Option<Instant>,
-}
-
-impl Connector {
-    /// Starts an attempt on a separate thread.
-    fn start(&mut self, address: &str) {
-        tracing::info!("connecting to {address}");
-        self.retry_at = None;
-        let (connect, proxy) = (self.connect.clone(), self.proxy.clone());
-        std::thread::spawn(move || {
-            // Sending fails only after the event loop has ended.
-            let _ = proxy.send_event(ViewerEvent::Connected(Box::new(connect())));
-        });
-    }
-
-    fn failed(&mut self, error: &ClientError) {
-        tracing::info!("not connected: {error}");
-        self.error = Some(printable(&error.to_string()).into_owned());
-        self.retry_at = Some(Instant::now() + RECONNECT_AFTER);
-    }
+/// What the user asked for before there is a city.
+enum StartAction {
+    Choose(String),
+    TryAgain,
 }
 
 struct ViewerApp {
     options: WindowOptions,
     connector: Connector,
+    /// The cities of the server, while the user is to choose one.
+    chooser: Option<CityChooser>,
     settings: UserSettings,
     settings_path: Option<PathBuf>,
     /// Why the settings could not be loaded, until it is shown.
@@ -160,6 +119,8 @@ struct ViewerApp {
     /// How far the mouse was dragged, while a button is held over the frame.
     drag_px: Option<f64>,
     pointer: PhysicalPosition<f64>,
+    /// When and where the mouse was clicked last.
+    last_click: Option<(Instant, PhysicalPosition<f64>)>,
     /// Why the event loop ended early.
     fatal_error: Option<ClientError>,
 }
@@ -176,7 +137,7 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
                 }
                 window.window.request_redraw();
                 self.window = Some(window);
-                self.connector.start(&self.options.address);
+                self.connector.start();
             }
             Err(error) => self.fail(event_loop, error),
         }
@@ -195,8 +156,13 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
             }
             ViewerEvent::Connected(outcome) => match *outcome {
                 Ok(city) => self.open_city(city),
-                Err(error) => self.connector.failed(&error),
+                Err(error) => self.not_connected(error),
             },
+            ViewerEvent::Preview(preview) => {
+                if let (Some(chooser), Some(window)) = (&mut self.chooser, &self.window) {
+                    chooser.add_preview(&window.egui, &preview);
+                }
+            }
         }
         if let Some(window) = &self.window {
             window.window.request_redraw();
@@ -215,6 +181,11 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
+            WindowEvent::Destroyed => {
+                // Its size and surface cannot be asked for any more.
+                (self.window, self.viewport) = (None, None);
+                event_loop.exit();
+            }
             WindowEvent::RedrawRequested => match self.frame() {
                 Ok(Some(flow)) => event_loop.set_control_flow(flow),
                 Ok(None) => event_loop.exit(),
@@ -249,8 +220,17 @@ impl ViewerApp {
         true
     }
 
+    fn not_connected(&mut self, error: ClientError) {
+        if let ClientError::SeveralCities { base, cities } = &error {
+            self.connector.draw_previews(cities);
+            self.chooser = Some(CityChooser::new(base.clone(), cities));
+        }
+        self.connector.failed(error);
+    }
+
     fn open_city(&mut self, city: ConnectedCity) {
         let Some(window) = &self.window else { return };
+        self.connector.error = None;
         let mut sun = self.options.sun;
         if sun.time.is_none() && sun.bearing.is_none() {
             sun.time = self.settings.time.as_deref().and_then(|text| parse_time(text).ok());
@@ -299,15 +279,33 @@ impl ViewerApp {
             }
             return Ok(flow);
         }
-        if self.connector.retry_at.is_some_and(|at| at <= Instant::now()) {
-            self.connector.start(&self.options.address);
-        }
-        let (text, is_error) = match &self.connector.error {
-            Some(error) => (format!("{error}\nretrying"), true),
-            None => (format!("connecting to {}", self.options.address), false),
+        self.connector.poll();
+        let mut action = None;
+        let notice = match &self.connector.error {
+            Some(error) if error.is_temporary() => StartNotice::Retrying(format!("{error}\nretrying")),
+            Some(error) => StartNotice::Failed(error.to_string()),
+            None => StartNotice::Busy(self.options.status.text()),
         };
-        let layout = window.lay_out(|ctx| overlay::notice(ctx, &text, is_error));
+        let chooser = &self.chooser;
+        let layout = window.lay_out(|ctx| {
+            action = match chooser {
+                Some(chooser) => chooser.show(ctx).map(StartAction::Choose),
+                None => overlay::start_notice(ctx, &notice).then_some(StartAction::TryAgain),
+            }
+            .or(action.take());
+        });
         window.surface.present(None, &layout.shapes)?;
+        match action {
+            Some(StartAction::Choose(name)) => {
+                self.chooser = None;
+                self.connector.choose(name);
+            }
+            Some(StartAction::TryAgain) => {
+                self.connector.error = None;
+                self.connector.start();
+            }
+            None => {}
+        }
         Ok(Some(ControlFlow::WaitUntil(Instant::now() + NOTICE_INTERVAL)))
     }
 
@@ -333,7 +331,7 @@ impl ViewerApp {
                 self.drag_px = None;
             }
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
-                city.view_changed(window);
+                window.window.request_redraw();
             }
             WindowEvent::ModifiersChanged(modifiers) => city.control.set_fast(modifiers.state().shift_key()),
             WindowEvent::MouseInput { state, button: MouseButton::Left | MouseButton::Right, .. } => {
@@ -345,7 +343,7 @@ impl ViewerApp {
                     MouseScrollDelta::LineDelta(_, y) => f64::from(*y),
                     MouseScrollDelta::PixelDelta(at) => at.y / PX_PER_WHEEL_STEP,
                 });
-                city.view_changed(window);
+                window.window.request_redraw();
             }
             _ => {}
         }
@@ -359,7 +357,19 @@ impl ViewerApp {
             self.drag_px = (!is_for_overlay).then_some(0.0);
         } else if moved_px.is_some_and(|px| px < CLICK_PX) {
             let [width, height] = window.surface.size_px().map(f64::from);
-            viewport.city.click(self.pointer.x / width, self.pointer.y / height, window);
+            let at = [self.pointer.x / width, self.pointer.y / height];
+            let is_near = |other: PhysicalPosition<f64>| {
+                (other.x - self.pointer.x).abs() + (other.y - self.pointer.y).abs() < CLICK_PX
+            };
+            let now = Instant::now();
+            let last = self.last_click.take().filter(|(time, place)| now - *time < DOUBLE_CLICK && is_near(*place));
+            match last {
+                Some(_) => viewport.city.double_click(at, window),
+                None => {
+                    self.last_click = Some((now, self.pointer));
+                    viewport.city.click(at, window);
+                }
+            }
         }
     }
 
@@ -369,7 +379,7 @@ impl ViewerApp {
         if let Some(drag_px) = &mut self.drag_px {
             *drag_px += dx.abs() + dy.abs();
             viewport.city.control.drag(dx, dy);
-            viewport.city.view_changed(window);
+            window.window.request_redraw();
         }
         self.pointer = position;
     }
@@ -394,7 +404,7 @@ impl ViewerApp {
             action => {
                 if let Some(viewport) = &mut self.viewport {
                     viewport.city.perform(action, window, &mut self.settings);
-                    viewport.city.view_changed(window);
+                    window.window.request_redraw();
                 }
             }
         }
@@ -403,7 +413,6 @@ impl ViewerApp {
 }
 
 fn hold_key(city: &mut CityView, direction: MoveDirection, is_pressed: bool, window: &ViewerWindow) {
-    city.pacer.movement_began(Instant::now());
-    city.control.set_held(direction, is_pressed);
-    city.view_changed(window);
+    city.control.set_held(direction, is_pressed, Instant::now());
+    window.window.request_redraw();
 }

@@ -12,6 +12,9 @@ pub enum KeyAction {
     Quit,
     /// Switch between flying and orbiting.
     ToggleMode,
+    /// Go back to the first view.
+    GoHome,
+    TurnNorth,
     ToggleHelp,
     SaveImage,
     SetShading(Shading),
@@ -34,11 +37,13 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 19] = [
+pub const HELP: [(&str, &str); 21] = [
     ("drag", "look around (fly mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
     ("wheel", "speed (fly mode), distance (orbit mode)"),
+    ("double click", "go to this place"),
+    ("H, U", "back to the first view, north up"),
     ("Tab", "fly mode or orbit mode"),
     ("1 to 6, F2 to F7", "light, colour, ambient occlusion, normals, levels, column kinds"),
     ("B", "bookmark this view"),
@@ -67,6 +72,8 @@ pub fn action_of(code: KeyCode) -> Option<KeyAction> {
         KeyCode::KeyQ | KeyCode::PageDown => KeyAction::Move(MoveDirection::Down),
         KeyCode::Escape => KeyAction::Quit,
         KeyCode::Tab => KeyAction::ToggleMode,
+        KeyCode::KeyH | KeyCode::Home => KeyAction::GoHome,
+        KeyCode::KeyU => KeyAction::TurnNorth,
         KeyCode::F1 => KeyAction::ToggleHelp,
         KeyCode::F11 => KeyAction::ToggleFullScreen,
         KeyCode::KeyP => KeyAction::SaveImage,

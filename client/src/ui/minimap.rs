@@ -5,8 +5,11 @@ use egui::{Color32, Pos2, Rect, Sense, Shape, Stroke, StrokeKind, Ui, pos2, vec2
 use glam::{DVec2, DVec3};
 use insula_viewer::{camera::Camera, scene::SceneTree};
 
-/// Side of the map, in points.
-const SIDE: f32 = 190.0;
+/// Largest side of the map, in points, and as a share of the window's smaller side.
+const MAX_SIDE: f32 = 190.0;
+const SIDE_SHARE: f32 = 0.35;
+/// No map is drawn with a smaller side.
+const MIN_SIDE: f32 = 70.0;
 /// Length of the camera's wedge, in points.
 const WEDGE_LENGTH: f32 = 26.0;
 
@@ -34,9 +37,14 @@ impl MapExtent {
     }
 }
 
-/// Draws the map. Returns the position in the city that was clicked or dragged to.
-pub fn show(ui: &mut Ui, session: &Session, camera: &Camera) -> Option<DVec2> {
-    let (map, response) = ui.allocate_exact_size(vec2(SIDE, SIDE), Sense::click_and_drag());
+/// Side of the map in a window of a size, in points; `None` if it would cover too much.
+pub fn side(window: egui::Vec2) -> Option<f32> {
+    Some((window.min_elem() * SIDE_SHARE).min(MAX_SIDE)).filter(|side| *side >= MIN_SIDE)
+}
+
+/// Draws the map with the given side. Returns the position in the city that was clicked or dragged to.
+pub fn show(ui: &mut Ui, side: f32, session: &Session, camera: &Camera) -> Option<DVec2> {
+    let (map, response) = ui.allocate_exact_size(vec2(side, side), Sense::click_and_drag());
     let painter = ui.painter_at(map);
     let tree = session.tree();
     let extent = MapExtent::of(tree);
@@ -74,6 +82,13 @@ fn wedge(eye: Pos2, camera: &Camera) -> Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_windows_have_a_small_map_or_none() {
+        assert_eq!(side(vec2(1280.0, 720.0)), Some(MAX_SIDE));
+        assert_eq!(side(vec2(390.0, 844.0)), Some(136.5));
+        assert_eq!(side(vec2(240.0, 180.0)), None);
+    }
 
     #[test]
     fn map_positions_convert_back_to_city_positions() {

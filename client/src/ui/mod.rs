@@ -6,7 +6,9 @@
 pub mod actions;
 pub mod bookmarks;
 pub mod camera_control;
+pub mod city_chooser;
 pub mod city_view;
+pub mod connector;
 pub mod distance_tool;
 pub mod event_loop;
 pub mod frame_pacing;

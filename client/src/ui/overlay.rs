@@ -113,15 +113,46 @@ pub fn show(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) {
     }
 }
 
-/// A dark panel at an edge of the window.
+/// A dark panel at an edge of the window. In a small window, it scrolls.
 pub fn panel(ctx: &Context, id: &'static str, align: Align2, offset: [f32; 2], add: impl FnOnce(&mut Ui)) {
     let frame = Frame::new().fill(Color32::from_black_alpha(165)).inner_margin(8).corner_radius(5);
-    egui::Area::new(egui::Id::unique(id)).anchor(align, offset).show(ctx, |ui| {
+    let space = (ctx.content_rect().size() - egui::vec2(36.0, 36.0)).max(egui::vec2(60.0, 40.0));
+    egui::Area::new(egui::Id::unique(id)).anchor(align, offset).default_size(space).show(ctx, |ui| {
         frame.show(ui, |ui| {
-            ui.visuals_mut().override_text_color = Some(Color32::from_gray(225));
-            add(ui);
+            let visuals = ui.visuals_mut();
+            visuals.override_text_color = Some(Color32::from_gray(225));
+            // Rails of sliders must be visible over dark scenes.
+            visuals.widgets.inactive.bg_fill = Color32::from_gray(105);
+            let area = egui::ScrollArea::both().id_salt(id).max_width(space.x).max_height(space.y);
+            area.auto_shrink(true).show(ui, add);
         });
     });
+}
+
+/// What is to be said while there is no city.
+pub(super) enum StartNotice {
+    /// Something is being done.
+    Busy(String),
+    /// An attempt failed, another one follows.
+    Retrying(String),
+    /// Another attempt is up to the user.
+    Failed(String),
+}
+
+/// Shows a [`StartNotice`]. Returns whether the user asks for another attempt.
+pub(super) fn start_notice(ctx: &Context, shown: &StartNotice) -> bool {
+    let mut is_clicked = false;
+    match shown {
+        StartNotice::Busy(text) => notice(ctx, text, false),
+        StartNotice::Retrying(text) => notice(ctx, text, true),
+        StartNotice::Failed(text) => panel(ctx, "failed", Align2::CENTER_TOP, [0.0, 56.0], |ui| {
+            ui.set_max_width((ctx.content_rect().width() - 60.0).min(560.0));
+            let text = RichText::new(printable(text)).size(16.0).color(Color32::from_rgb(255, 190, 110));
+            ui.add(egui::Label::new(text).wrap());
+            is_clicked = ui.button("try again").clicked();
+        }),
+    }
+    is_clicked
 }
 
 /// A prominent notice that something is missing or, if `is_error`, has failed.

@@ -9,6 +9,8 @@ use std::{
 
 /// Interval between two keys. The straight lines between them are not noticeable.
 const KEY_INTERVAL: Duration = Duration::from_millis(100);
+/// Shortest path: of two presses within one slow frame.
+const MIN_SECS: f64 = 0.1;
 /// Largest number of keys: an hour of flying.
 const MAX_KEYS: usize = 36_000;
 /// Distance from the camera to a key's target, in metres.
@@ -61,7 +63,7 @@ impl PathRecorder {
     /// Ends the recording at `camera`.
     pub fn finish(mut self, now: Instant, camera: &Camera) -> CameraPath {
         let last = self.keys.last().map_or(0.0, |key| key.t);
-        let seconds = self.secs(now).max(last + 0.001);
+        let seconds = self.secs(now).max(last + 0.001).max(MIN_SECS);
         self.push(seconds, camera);
         CameraPath { seconds, keys: self.keys, fov_y_deg: self.fov_y_deg }
     }
@@ -89,6 +91,14 @@ mod tests {
     use super::*;
     use crate::camera_files::read_path;
     use glam::DVec3;
+
+    #[test]
+    fn a_path_between_two_quick_presses_is_not_in_an_instant() {
+        let (now, camera) = (Instant::now(), |x| Camera::from_angles(DVec3::new(x, 0.0, 9.0), 0.2, -0.3, 1.0));
+        let path = PathRecorder::new(now, &camera(0.0)).finish(now, &camera(3.0));
+        assert_eq!((path.seconds, path.keys.len()), (MIN_SECS, 2));
+        assert!(path.keys[1].t - path.keys[0].t >= MIN_SECS);
+    }
 
     #[test]
     fn a_recorded_path_replays_the_flight() {

@@ -3,9 +3,9 @@
 use super::{
     bookmarks::ViewAction,
     city_view::CityView,
-    frame_pacing::FrameDetail,
+    frame_pacing::{FrameDetail, FrameTime},
     minimap,
-    overlay::{self, OverlayTexts, panel},
+    overlay::{self, DisplayOptions, OverlayTexts, panel},
     settings::UserSettings,
     stream_status::StreamStatus,
     window::{OverlayLayout, ViewerWindow},
@@ -13,8 +13,9 @@ use super::{
 };
 use crate::{error::Result, render::Adapter, session::PrefetchStep};
 use egui::Align2;
-use insula_shaders::layout::Shading;
+use insula_shaders::{cpu::raycast::RenderedRows, layout::Shading};
 use insula_viewer::{
+    camera::Camera,
     frame::{FrameData, RenderSettings},
     sun::Daylight,
 };
@@ -34,56 +35,179 @@ pub struct Viewport {
     has_arrivals: bool,
     /// When a frame is due without any event.
     wake_at: Option<Instant>,
+    /// The view of the last frame, to notice changes.
+    view: Option<ViewState>,
+    /// The final frame, while it is being drawn in steps.
+    still: Option<StillFrame>,
 }
 
-/// Values of the sliders, to notice changes.
+/// What a frame depends on besides the resident tiles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct SliderValues {
+struct ViewState {
+    camera: Camera,
+    size_px: [u32; 2],
     tau_px: f64,
     daylight: Daylight,
+    shading: Shading,
+    counts_rays: bool,
+}
+
+/// A frame that is to be presented.
+struct DrawnFrame {
+    detail: FrameDetail,
+    data: FrameData,
+    /// How long the CPU ray-caster took; `None` if the GPU is still to draw it.
+    time: Option<Duration>,
+}
+
+/// A frame of a resting view that the CPU ray-caster draws in steps, so that input never waits for it.
+struct StillFrame {
+    data: FrameData,
+    rows: RenderedRows,
+    /// Rays along a pixel's side at the end. A frame that takes long is drawn with one before.
+    samples: u32,
+    /// Time of its steps.
+    duration: Duration,
 }
 
 impl Viewport {
     /// The frame loop before its first frame.
     pub fn new(city: CityView) -> Self {
-        Self { city, status: StreamStatus::Loading, has_prefetch: true, has_arrivals: false, wake_at: None }
+        let status = StreamStatus::Loading;
+        Self { city, status, has_prefetch: true, has_arrivals: false, wake_at: None, view: None, still: None }
     }
 
-    /// One frame: move, stream, draw. Returns when to draw the next frame, or `None` after the end of a playback. Fails if the
-    /// ray-caster fails.
+    /// One frame: move, stream, draw. While the view rests, only the overlay is drawn anew. Returns when to draw the next frame,
+    /// or `None` after the end of a playback. Fails if the ray-caster fails.
     pub fn frame(&mut self, window: &mut ViewerWindow, settings: &mut UserSettings) -> Result<Option<ControlFlow>> {
         let begin = Instant::now();
-        (self.has_prefetch, self.has_arrivals) = (true, false);
         if !self.advance(begin) {
             return Ok(None);
         }
-        let (detail, data) = self.stream(begin, window);
-        if matches!(self.city.session.adapter(), Adapter::Cpu(_)) {
-            window.set_background(color_image(&self.city.session.render(&data)?));
+        self.notice_view(begin, window);
+        let mut drawn = None;
+        if let Some(still) = self.still.take() {
+            self.continue_still(still, window);
+        } else if !self.city.pacer.is_finished() {
+            drawn = self.draw_scene(begin, window)?;
         }
-        self.update_status();
-        let sliders = self.slider_values();
+        let display = self.city.display.clone();
         let layout = self.lay_out(window, settings);
-        let is_presented = self.city.session.while_fetching(|adapter| {
-            window.surface.present(Some(SceneFrame { adapter, data: &data }), &layout.shapes)
-        })?;
-        self.city.session.frame_drawn(&data);
-        if self.city.pacer.end_frame(begin, detail, is_presented) {
-            tracing::debug!("frame settled");
-            self.count_rays(&data, window);
+        let is_presented = self.present(drawn, begin, &layout, window)?;
+        self.apply_options(&display, window, settings);
+        Ok(Some(self.next_frame(layout.repaint_after, is_presented, window)))
+    }
+
+    /// Draws a frame by the CPU ray-caster, or begins to. Returns a frame that is to be presented: one that the GPU is still to
+    /// draw, or that was drawn at once.
+    fn draw_scene(&mut self, now: Instant, window: &mut ViewerWindow) -> Result<Option<DrawnFrame>> {
+        (self.has_prefetch, self.has_arrivals) = (true, false);
+        let (detail, mut data) = self.stream(now, window);
+        self.update_status();
+        let session = &mut self.city.session;
+        if matches!(session.adapter(), Adapter::Gpu(_)) {
+            window.show_scene();
+        } else if detail.is_final {
+            let (rows, samples) = (RenderedRows::default(), detail.samples);
+            data.frame.samples = self.city.pacer.first_still_samples(samples);
+            self.continue_still(StillFrame { data, rows, samples, duration: Duration::ZERO }, window);
+            return Ok(None);
+        } else {
+            let begin = Instant::now();
+            window.set_background(color_image(&session.render(&data)?));
+            return Ok(Some(DrawnFrame { detail, data, time: Some(begin.elapsed()) }));
         }
-        self.city.session.record_frame_time(begin.elapsed());
-        if let Some(playback) = &mut self.city.playback {
+        Ok(Some(DrawnFrame { detail, data, time: None }))
+    }
+
+    /// Draws the next rows of a resting view. After the last one, shows them.
+    fn continue_still(&mut self, mut still: StillFrame, window: &mut ViewerWindow) {
+        let begin = Instant::now();
+        let CityView { session, pacer, playback, .. } = &mut self.city;
+        let count = pacer.rows_per_step(still.data.frame.height_px, still.data.frame.samples);
+        let pixels = session.render_rows(&still.data, &mut still.rows, count);
+        let (time, height_px) = (begin.elapsed(), still.data.frame.height_px);
+        still.duration += time;
+        pacer.end_step(time, f64::from(count) / f64::from(height_px.max(1)), still.data.frame.samples);
+        let Some(pixels) = pixels else {
+            self.still = Some(still);
+            return;
+        };
+        window.set_background(color_image(&pixels));
+        if still.data.frame.samples < still.samples {
+            still.data.frame.samples = still.samples;
+            self.still = Some(still);
+            return;
+        }
+        session.record_frame_time(still.duration);
+        if let Some(playback) = playback {
+            playback.record_frame_time(still.duration);
+        }
+        pacer.end_steps();
+        self.settled(&still.data, window);
+    }
+
+    /// Presents the scene and the overlay. Returns `false` if the frame must be presented again.
+    fn present(
+        &mut self,
+        drawn: Option<DrawnFrame>,
+        begin: Instant,
+        layout: &OverlayLayout,
+        window: &mut ViewerWindow,
+    ) -> Result<bool> {
+        let Some(DrawnFrame { detail, data, time }) = drawn else {
+            return window.surface.present(None, &layout.shapes);
+        };
+        let city = &mut self.city;
+        let is_presented = city.session.while_fetching(|adapter| {
+            let scene = match adapter {
+                Adapter::Gpu(gpu) => Some(SceneFrame { gpu, data: &data }),
+                Adapter::Cpu(_) => None,
+            };
+            window.surface.present(scene, &layout.shapes)
+        })?;
+        city.session.frame_drawn(&data);
+        city.session.record_frame_time(begin.elapsed());
+        if let Some(playback) = &mut city.playback {
             playback.record_frame_time(begin.elapsed());
         }
-        self.apply_sliders(sliders, window, settings);
-        Ok(Some(self.next_frame(layout.repaint_after, is_presented, window)))
+        let all = begin.elapsed();
+        if city.pacer.end_frame(FrameTime { scene: time.unwrap_or(all), all }, detail, is_presented) {
+            self.settled(&data, window);
+        }
+        Ok(is_presented)
+    }
+
+    /// The final frame of a view was drawn.
+    fn settled(&mut self, data: &FrameData, window: &ViewerWindow) {
+        tracing::debug!("frame settled");
+        if self.city.counts_rays {
+            // Takes about as long as drawing the frame.
+            self.city.ray_counts = self.city.session.adapter_mut().count(data).ok();
+            window.window.request_redraw();
+        }
+    }
+
+    /// Compares the view with that of the last frame: if it differs, the scene is drawn anew.
+    fn notice_view(&mut self, now: Instant, window: &ViewerWindow) {
+        let CityView { control, display, pacer, counts_rays, .. } = &mut self.city;
+        let view = ViewState {
+            camera: control.camera(),
+            size_px: window.surface.size_px(),
+            tau_px: display.tau_px,
+            daylight: display.daylight,
+            shading: display.shading,
+            counts_rays: *counts_rays,
+        };
+        if self.view != Some(view) {
+            pacer.view_changed(now);
+            (self.view, self.still) = (Some(view), None);
+        }
     }
 
     /// Moves the camera. Returns `false` at the end of a playback.
     fn advance(&mut self, now: Instant) -> bool {
         let city = &mut self.city;
-        let secs = city.pacer.begin_frame(now);
         if let Some(playback) = &mut city.playback {
             let Some(cameras) = playback.cameras(now) else {
                 println!("{}", playback.summary());
@@ -91,11 +215,8 @@ impl Viewport {
             };
             city.control.set_camera(&cameras.now);
             city.playback_heading = cameras.ahead;
-            city.pacer.view_changed(now);
         }
-        if city.control.advance(secs) {
-            city.pacer.view_changed(now);
-        }
+        city.control.advance_to(now);
         let camera = city.control.camera();
         if city.recorder.as_mut().is_some_and(|recorder| !recorder.sample(now, &camera)) {
             city.toggle_recording();
@@ -123,14 +244,6 @@ impl Viewport {
         (detail, data)
     }
 
-    /// Counts the ray steps of a frame, if that is switched on. Takes about as long as drawing it.
-    fn count_rays(&mut self, data: &FrameData, window: &ViewerWindow) {
-        if self.city.counts_rays {
-            self.city.ray_counts = self.city.session.adapter_mut().count(data).ok();
-            window.window.request_redraw();
-        }
-    }
-
     /// Updates the status, and logs it if it changed.
     fn update_status(&mut self) {
         let status = StreamStatus::of(&self.city.session);
@@ -141,23 +254,17 @@ impl Viewport {
         }
     }
 
-    fn slider_values(&self) -> SliderValues {
-        SliderValues { tau_px: self.city.display.tau_px, daylight: self.city.display.daylight }
-    }
-
-    /// Applies what the user changed by sliders since `before`.
-    fn apply_sliders(&mut self, before: SliderValues, window: &ViewerWindow, settings: &mut UserSettings) {
-        let SliderValues { tau_px, daylight } = self.slider_values();
+    /// Applies what the user changed in the panels.
+    fn apply_options(&mut self, before: &DisplayOptions, window: &ViewerWindow, settings: &mut UserSettings) {
+        let DisplayOptions { tau_px, daylight, .. } = self.city.display;
         if before.daylight != daylight {
             self.city.render_settings = daylight.render_settings(Shading::Lit, 1);
             settings.shadows = daylight.shadows;
             settings.time = daylight.fixed_bearing.is_none().then(|| daylight.time_text());
         }
-        if before.tau_px != tau_px {
-            settings.tau_px = tau_px;
-        }
-        if before != self.slider_values() {
-            self.city.view_changed(window);
+        settings.tau_px = tau_px;
+        if before.daylight != daylight || before.tau_px != tau_px {
+            window.window.request_redraw();
         }
     }
 
@@ -181,9 +288,9 @@ impl Viewport {
             if let Some(text) = &status_text {
                 overlay::notice(ctx, text, is_error);
             }
-            if display.shows_map {
+            if let Some(side) = minimap::side(ctx.content_rect().size()).filter(|_| display.shows_map) {
                 panel(ctx, "map", Align2::RIGHT_TOP, [-10.0, 10.0], |ui| {
-                    let point = minimap::show(ui, session, &camera);
+                    let point = minimap::show(ui, side, session, &camera);
                     action = point.map(|p| ViewAction::GoTo { x: p.x, y: p.y, z: None }).or(action);
                 });
             }
@@ -210,6 +317,10 @@ impl Viewport {
         self.wake_at = None;
         if !is_presented {
             return ControlFlow::WaitUntil(now + POLL_INTERVAL);
+        }
+        if self.still.is_some() {
+            window.window.request_redraw();
+            return ControlFlow::Wait;
         }
         let CityView { session, pacer, recorder, display, .. } = &self.city;
         let must_repaint = repaint_after.is_zero() && self.status == StreamStatus::Ready;
@@ -254,6 +365,7 @@ impl Viewport {
             return false;
         }
         self.city.pacer.content_changed();
+        self.still = None;
         true
     }
 

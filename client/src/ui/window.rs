@@ -21,8 +21,18 @@ pub struct ViewerWindow {
     pub surface: WindowSurface,
     pub egui: egui::Context,
     input: egui_winit::State,
-    /// Pixels of the CPU ray-caster, below the overlay.
-    background: Option<egui::TextureHandle>,
+    /// The city, below the overlay.
+    background: Background,
+}
+
+/// What is painted below the overlay.
+enum Background {
+    /// There is no city.
+    Empty,
+    /// Pixels of the CPU ray-caster.
+    Image(egui::TextureHandle),
+    /// The scene's texture on the GPU.
+    Scene(egui::TextureId),
 }
 
 /// Result of [`ViewerWindow::lay_out`].
@@ -49,7 +59,7 @@ impl ViewerWindow {
         let max_side = surface.device().device.limits().max_texture_dimension_2d as usize;
         let scale = Some(window.scale_factor() as f32);
         let input = egui_winit::State::new(egui.clone(), egui::ViewportId::ROOT, &window, scale, None, Some(max_side));
-        Ok(Self { window, surface, egui, input, background: None })
+        Ok(Self { window, surface, egui, input, background: Background::Empty })
     }
 
     /// Passes an event to the overlay. Returns whether the overlay consumed it.
@@ -66,18 +76,28 @@ impl ViewerWindow {
 
     /// Sets the image below the overlay: the frame of the CPU ray-caster.
     pub fn set_background(&mut self, image: egui::ColorImage) {
-        self.background = Some(self.egui.load_texture("frame", image, egui::TextureOptions::NEAREST));
+        let nearest = egui::TextureOptions::NEAREST;
+        self.background = Background::Image(self.egui.load_texture("frame", image, nearest));
+    }
+
+    /// Shows what the GPU draws below the overlay.
+    pub fn show_scene(&mut self) {
+        self.background = Background::Scene(self.surface.scene_texture());
     }
 
     /// Lays the overlay out.
     pub fn lay_out(&mut self, mut add_panels: impl FnMut(&egui::Context)) -> OverlayLayout {
         let raw_input = self.input.take_egui_input(&self.window);
-        let background = self.background.as_ref();
+        let background = match &self.background {
+            Background::Empty => None,
+            Background::Image(image) => Some(image.id()),
+            Background::Scene(id) => Some(*id),
+        };
         let output = self.egui.run_ui(raw_input, |ui| {
             if let Some(background) = background {
                 let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
                 let layer = ui.ctx().layer_painter(egui::LayerId::background());
-                layer.image(background.id(), ui.ctx().content_rect(), whole, egui::Color32::WHITE);
+                layer.image(background, ui.ctx().content_rect(), whole, egui::Color32::WHITE);
             }
             add_panels(ui.ctx());
         });

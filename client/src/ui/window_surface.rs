@@ -2,16 +2,18 @@
 
 use crate::{
     error::{ClientError, Result},
-    render::{Adapter, GpuDevice},
+    render::{GpuAdapter, GpuDevice},
 };
 use insula_shaders::{
     cpu::raycast::Pixels,
-    gpu::{Compose, DeviceQueue, Raycaster},
+    gpu::{Compose, DeviceQueue},
 };
 use insula_viewer::frame::FrameData;
 use std::sync::Arc;
 use winit::window::Window;
 
+/// Format of the texture with the scene: egui expects values in sRGB in a texture that does not convert them.
+const SCENE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Background while there is no city.
 const BACKGROUND: wgpu::Color = wgpu::Color { r: 0.09, g: 0.11, b: 0.14, a: 1.0 };
 
@@ -22,6 +24,14 @@ pub struct WindowSurface {
     device: GpuDevice,
     compose: Compose,
     painter: egui_wgpu::Renderer,
+    /// The last scene that the GPU drew: it stays on the screen while only the overlay changes.
+    scene: Option<SceneTexture>,
+}
+
+struct SceneTexture {
+    view: wgpu::TextureView,
+    id: egui::TextureId,
+    size_px: [u32; 2],
 }
 
 /// What egui paints in a frame.
@@ -33,9 +43,9 @@ pub struct OverlayShapes {
     pub pixels_per_point: f32,
 }
 
-/// The city in a frame.
+/// A frame of the city that the GPU is to draw.
 pub struct SceneFrame<'a> {
-    pub adapter: &'a mut Adapter,
+    pub gpu: &'a mut GpuAdapter,
     pub data: &'a FrameData,
 }
 
@@ -60,9 +70,9 @@ impl WindowSurface {
         config.format = formats.iter().copied().find(|f| !f.is_srgb()).unwrap_or(config.format);
         config.present_mode = wgpu::PresentMode::AutoVsync;
         surface.configure(&device.device, &config);
-        let compose = Compose::new(&device.device, config.format);
+        let compose = Compose::new(&device.device, SCENE_FORMAT);
         let painter = egui_wgpu::Renderer::new(&device.device, config.format, egui_wgpu::RendererOptions::default());
-        Ok(Self { surface, config, device, compose, painter })
+        Ok(Self { surface, config, device, compose, painter, scene: None })
     }
 
     /// The device, for the ray-caster.
@@ -83,7 +93,38 @@ impl WindowSurface {
         }
     }
 
-    /// Draws the scene, if there is one, and the overlay, and presents them. Returns `false` if the surface was not ready:
+    /// The texture that shows the scene as the GPU drew it last, for the overlay to paint below its panels. It has the size of
+    /// the surface.
+    pub fn scene_texture(&mut self) -> egui::TextureId {
+        let size_px = self.size_px();
+        if let Some(scene) = self.scene.as_ref().filter(|scene| scene.size_px == size_px) {
+            return scene.id;
+        }
+        let device = &self.device.device;
+        let texture = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("scene"),
+            size: wgpu::Extent3d { width: size_px[0], height: size_px[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: SCENE_FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let nearest = wgpu::FilterMode::Nearest;
+        let id = match &self.scene {
+            Some(scene) => {
+                self.painter.update_egui_texture_from_wgpu_texture(device, &view, nearest, scene.id);
+                scene.id
+            }
+            None => self.painter.register_native_texture(device, &view, nearest),
+        };
+        self.scene = Some(SceneTexture { view, id, size_px });
+        id
+    }
+
+    /// Draws the scene, if it is to be drawn anew, and the overlay, and presents them. Returns `false` if the surface was not ready:
     /// the frame must be drawn again. Fails if the ray-caster fails.
     pub fn present(&mut self, scene: Option<SceneFrame<'_>>, overlay: &OverlayShapes) -> Result<bool> {
         for (id, deltas) in &overlay.textures.set {
@@ -112,14 +153,13 @@ impl WindowSurface {
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.device.device.create_command_encoder(&label);
         let mut drawn = None;
-        if let Some(SceneFrame { adapter: Adapter::Gpu(gpu), data }) = scene {
+        if let Some(SceneFrame { gpu, data }) = scene {
             gpu.encode(&mut encoder, data)?;
             gpu.encode_query(&mut encoder, data);
-            let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
-            self.compose.measure(on, &mut encoder, &gpu.raycaster, [self.config.width, self.config.height]);
+            self.draw_scene(&mut encoder, gpu);
             drawn = Some(gpu);
         }
-        self.compose(&mut encoder, &view, drawn.as_deref().map(|gpu| &gpu.raycaster), overlay);
+        self.draw_overlay(&mut encoder, &view, overlay);
         self.device.queue.submit([encoder.finish()]);
         if let Some(gpu) = drawn {
             gpu.query_submitted();
@@ -128,36 +168,44 @@ impl WindowSurface {
         Ok(true)
     }
 
-    /// Records the pass that writes the ray-caster's pixels, if any, and the overlay into `view`.
-    fn compose(
-        &mut self,
-        encoder: &mut wgpu::CommandEncoder,
-        view: &wgpu::TextureView,
-        drawn: Option<&Raycaster>,
-        overlay: &OverlayShapes,
-    ) {
+    /// Records the passes that write the ray-caster's pixels into the scene's texture.
+    fn draw_scene(&self, encoder: &mut wgpu::CommandEncoder, gpu: &GpuAdapter) {
+        let Some(scene) = &self.scene else { return };
+        let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        self.compose.measure(on, encoder, &gpu.raycaster, scene.size_px);
+        let mut pass = begin_pass(encoder, "scene", &scene.view);
+        self.compose.draw(&self.device.device, &mut pass, &gpu.raycaster);
+    }
+
+    /// Records the pass that draws the overlay.
+    fn draw_overlay(&mut self, encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, overlay: &OverlayShapes) {
         let (device, queue) = (&self.device.device, &self.device.queue);
-        let size_in_pixels = [self.config.width, self.config.height];
-        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels, pixels_per_point: overlay.pixels_per_point };
+        let screen =
+            egui_wgpu::ScreenDescriptor { size_in_pixels: self.size_px(), pixels_per_point: overlay.pixels_per_point };
         let extra = self.painter.update_buffers(device, queue, encoder, &overlay.primitives, &screen);
         debug_assert!(extra.is_empty(), "no paint callbacks are used");
-        let attachment = wgpu::RenderPassColorAttachment {
-            view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(BACKGROUND), store: wgpu::StoreOp::Store },
-        };
-        let descriptor = wgpu::RenderPassDescriptor {
-            label: Some("compose"),
-            color_attachments: &[Some(attachment)],
-            ..wgpu::RenderPassDescriptor::default()
-        };
-        let mut pass = encoder.begin_render_pass(&descriptor).forget_lifetime();
-        if let Some(raycaster) = drawn {
-            self.compose.draw(device, &mut pass, raycaster);
-        }
+        let mut pass = begin_pass(encoder, "overlay", view);
         self.painter.render(&mut pass, &overlay.primitives, &screen);
     }
+}
+
+fn begin_pass(
+    encoder: &mut wgpu::CommandEncoder,
+    label: &'static str,
+    view: &wgpu::TextureView,
+) -> wgpu::RenderPass<'static> {
+    let attachment = wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations { load: wgpu::LoadOp::Clear(BACKGROUND), store: wgpu::StoreOp::Store },
+    };
+    let descriptor = wgpu::RenderPassDescriptor {
+        label: Some(label),
+        color_attachments: &[Some(attachment)],
+        ..wgpu::RenderPassDescriptor::default()
+    };
+    encoder.begin_render_pass(&descriptor).forget_lifetime()
 }
 
 /// Converts the CPU ray-caster's pixels to an image that egui can paint below the overlay.

@@ -66,18 +66,45 @@ struct Pixel {
 
 /// Renders the whole frame on all cores. Words that point outside of the arrays read as zero.
 pub fn render(scene: &SceneRef<'_>) -> Pixels {
-    let (width_px, height_px) = (scene.frame.width_px, scene.frame.height_px);
-    let row = |y: u32| (0..width_px).map(|x| pixel(scene, [x, y])).collect();
-    let rows: Vec<Vec<Pixel>> = (0..height_px).into_par_iter().map(row).collect();
-    let mut out = Pixels { width_px, height_px, ..Pixels::default() };
-    let mut words = Vec::with_capacity(width_px as usize * height_px as usize);
-    for pixel in rows.into_iter().flatten() {
-        words.push(pixel.word);
-        out.distance.push(pixel.distance_m);
-        out.hit.push(pixel.hit);
+    let mut rows = RenderedRows::default();
+    rows.render(scene, scene.frame.height_px);
+    rows.develop(scene.frame)
+}
+
+/// The upper rows of a frame that is rendered in steps, so that a caller can do something else meanwhile.
+#[derive(Debug, Default)]
+pub struct RenderedRows {
+    /// Number of rendered rows.
+    rows: u32,
+    words: Vec<u32>,
+    distance: Vec<f32>,
+    hit: Vec<u32>,
+}
+
+impl RenderedRows {
+    /// Renders the next `count` rows on all cores. Returns whether all rows are rendered. The scene must be the same in each step.
+    pub fn render(&mut self, scene: &SceneRef<'_>, count: u32) -> bool {
+        let (width_px, height_px) = (scene.frame.width_px, scene.frame.height_px);
+        let end = self.rows.saturating_add(count).min(height_px);
+        let row = |y: u32| (0..width_px).map(|x| pixel(scene, [x, y])).collect();
+        let rows: Vec<Vec<Pixel>> = (self.rows..end).into_par_iter().map(row).collect();
+        for pixel in rows.into_iter().flatten() {
+            self.words.push(pixel.word);
+            self.distance.push(pixel.distance_m);
+            self.hit.push(pixel.hit);
+        }
+        self.rows = end;
+        end == height_px
     }
-    out.set_words(scene.frame, words);
-    out
+
+    /// The pixels of `frame`, of which all rows were rendered.
+    pub fn develop(self, frame: &FrameUniform) -> Pixels {
+        let Self { words, distance, hit, .. } = self;
+        let mut out =
+            Pixels { width_px: frame.width_px, height_px: frame.height_px, distance, hit, ..Pixels::default() };
+        out.set_words(frame, words);
+        out
+    }
 }
 
 /// Work of the rays through the pixels' centres.
