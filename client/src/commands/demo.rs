@@ -2,7 +2,7 @@
 
 use super::{
     embedded::{BakeJob, VERSIONS, bake_cached, cache_folder, serve},
-    headless::{open_session, render_to_file},
+    headless::{PictureFile, open_session, render_to_file},
     view,
 };
 use crate::{
@@ -38,7 +38,8 @@ struct DemoInfo {
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let server = serve(&bake_cached(&unpack_demo()?)?)?;
     if !args.headless && has_screen() {
-        match view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global) {
+        let (url, pictures, sun) = (server.url.clone(), args.pictures, args.sun);
+        match view::run(&ViewArgs { url, pictures, sun, ..ViewArgs::default() }, global) {
             Err(ClientError::Graphics(reason)) => {
                 eprintln!("note: {}; writing an image instead", printable(&reason));
             }
@@ -50,7 +51,8 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let camera = Camera::overview(session.tree().manifest().focus_bounds(), aspect);
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
-    render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &args.out)?;
+    let picture = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption };
+    render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &picture)?;
     let out = args.out.canonicalize().unwrap_or_else(|_| args.out.clone());
     let note = format!("wrote {} (drawn by {})", out.display(), session.adapter_info().name);
     println!("{}", printable(&note));

@@ -22,5 +22,6 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
     let inputs = args.inputs.clone();
     let job = BakeJob { inputs, cell_m, palette, facades, cache_key, ..BakeJob::default() };
     let server = serve(&bake_cached(&job)?)?;
-    view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global)
+    let (url, pictures, sun) = (server.url.clone(), args.pictures, args.sun);
+    view::run(&ViewArgs { url, pictures, sun, ..ViewArgs::default() }, global)
 }

@@ -36,6 +36,7 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
+        has_captions: !args.pictures.no_caption,
         playback: path.map(|path| PathPlayback::new(path, args.seconds)),
     };
     let proxy = event_loop.create_proxy();

@@ -10,7 +10,7 @@ use super::{
     view_link::format_link,
     window::ViewerWindow,
 };
-use crate::image_files::write_png;
+use crate::image_files::{PictureNotes, write_picture};
 use glam::DVec3;
 use insula_viewer::{
     camera::CameraFile,
@@ -98,7 +98,9 @@ impl CityView {
         let settings = RenderSettings { samples: STILL_SAMPLES, shading: self.display.shading, ..self.render_settings };
         let path = unused_name(&std::env::current_dir().unwrap_or_default(), "insula", "png");
         let request = self.frame_request(window, 1);
-        let written = self.session.draw(&request, &settings).and_then(|pixels| write_png(&path, &pixels));
+        let link = format_link(&self.address, &request.camera, &self.display.daylight);
+        let notes = PictureNotes::new(self.session.tree().manifest(), link, self.has_captions);
+        let written = self.session.draw(&request, &settings).and_then(|pixels| write_picture(&path, &pixels, &notes));
         self.show_message(match written {
             Ok(()) => format!("wrote {}", path.display()),
             Err(error) => format!("no image saved: {error}"),
