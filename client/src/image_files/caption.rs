@@ -58,12 +58,13 @@ pub(super) fn draw_caption(image: &mut RgbImage, credits: &[Attribution]) {
 fn caption_line(credit: &Attribution, can_draw: &mut impl FnMut(char) -> bool) -> String {
     let licence = credit.licence.as_ref().map(|licence| format!(" ({licence})")).unwrap_or_default();
     let full = format!("{}{licence}", credit.text);
+    let is_complete = full.chars().all(&mut *can_draw);
     let mut drawable = |text: &str| {
         let kept: String = text.chars().filter(|c| can_draw(*c)).collect();
         kept.replace("()", "").split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let kept = drawable(&full);
-    if full.chars().all(&mut *can_draw) {
+    if is_complete {
         return kept;
     }
     let name = drawable(&credit.text);

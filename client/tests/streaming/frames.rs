@@ -1,12 +1,13 @@
 //! Frames from a server without faults.
 
 use super::{
-    fixture_city::{GROUND_M, MESH_M, ROOF_M, city, city_files, city_with_meshes},
+    fixture_city::{GROUND_M, MESH_M, ORIGIN, ROOF_M, city, city_files, city_with_meshes},
     test_server::{Reply, TestServer},
     viewers::{
         CENTRE, draw_each_until_settled, draw_until_settled, global_args, open_session, request, settle, street,
     },
 };
+use glam::DVec3;
 use insula_client::{commands::connect::connect, session::Session, stream::fetch::Http};
 use insula_protocol::route;
 use insula_shaders::layout::Shading;
@@ -112,6 +113,30 @@ fn near_leaves_are_meshes_unless_the_mesh_is_bad() {
         assert!((f64::from(distance_m) - (60.0 + MESH_M - ROOF_M)).abs() < 0.6, "{distance_m}");
         assert!(session.report(1.0).tiles.bad > 0 && session.selection().stats.meshes == 0);
     }
+}
+
+#[test]
+fn resident_tiles_say_where_the_city_is_solid() {
+    let street = request([31.0, 60.0, 5.0], [31.0, 200.0, 5.0]);
+    let server = TestServer::start(city());
+    let mut session = open_session(&server, 64);
+    let origin = DVec3::from(ORIGIN);
+    assert!(!session.solids().is_inside(origin + DVec3::new(10.0, 50.0, 5.0)), "nothing is resident");
+    settle(&mut session, &street, |_| {});
+    let solids = session.solids();
+    let ground_m = solids.ground_below(street.camera.position).unwrap();
+    assert!((ground_m - GROUND_M).abs() < 0.1 && !solids.is_inside(street.camera.position), "{ground_m}");
+    let room = origin + DVec3::new(10.0, 90.0, 5.0);
+    assert!(solids.is_inside(room) && (solids.free_height_above(room) - ROOF_M).abs() < 0.1);
+    let wall = solids.hit_on_way(street.camera.position, origin + DVec3::new(10.0, 90.0, 5.0)).unwrap() - origin;
+    assert!((wall.x - 24.0).abs() < 0.1 || (wall.y - 80.0).abs() < 0.1, "{wall}");
+    // A mesh fills a leaf but for 2 m at its border.
+    let server = TestServer::start(city_with_meshes());
+    let mut session = open_session(&server, 64);
+    settle(&mut session, &request([31.0, 60.0, 25.0], [31.0, 70.0, 19.0]), |_| {});
+    let solids = session.solids();
+    let roof_m = solids.free_height_above(origin + DVec3::new(31.0, 50.0, 5.0));
+    assert!((roof_m - MESH_M).abs() < 0.02, "{roof_m}");
 }
 
 #[test]

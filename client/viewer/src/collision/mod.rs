@@ -3,6 +3,9 @@
 //! The ray-caster's pages may be on a GPU, so that each resident tile keeps the shapes of its columns or triangles in main memory
 //! as well ([`ColumnSolids`], [`MeshSolids`]). A place has the accuracy of its finest resident tile: of a leaf's mesh if there is
 //! one, else of columns. Where nothing is resident, and beyond the city, there is only the ground plane.
+//!
+//! What a pixel shows is a question for the ray-caster: a frame of one pixel gives the point below the pointer as it is drawn, at
+//! any distance. These solids say where a camera can stand near that point, and whether a short way is free.
 
 mod column_solids;
 mod mesh_solids;
