@@ -24,7 +24,7 @@ const MAX_WIDTH_SHARE: f32 = 0.6;
 /// Rows of text of the caption's preferred size that the picture would hold.
 const ROWS_PER_PICTURE: f32 = 60.0;
 /// Sizes of text, in pixels.
-const MIN_TEXT_PX: f32 = 9.0;
+const MIN_TEXT_PX: f32 = 8.0;
 const MAX_TEXT_PX: f32 = 48.0;
 /// Characters that are laid out. A box that is large enough for more does not exist.
 const MAX_CHARS: usize = 2000;
@@ -40,12 +40,10 @@ pub(super) fn draw_caption(image: &mut RgbImage, credits: &[Attribution]) {
     if credits.is_empty() || width < MIN_PICTURE_PX[0] || height < MIN_PICTURE_PX[1] {
         return;
     }
-    // Neither hinting nor positions between pixels depend on the machine.
     let mut fonts = Fonts::new(TextOptions::default(), FontDefinitions::default());
-    let mut lines: Vec<String> = Vec::new();
-    for credit in credits {
-        let line =
-            caption_line(credit, &mut |c| fonts.has_glyph(&FontId::new(MIN_TEXT_PX, FontFamily::Proportional), c));
+    let mut can_draw = |c| fonts.has_glyph(&font(MIN_TEXT_PX), c);
+    let mut lines: Vec<CaptionLine> = Vec::new();
+    for line in credits.iter().map(|credit| CaptionLine::new(credit, &mut can_draw)) {
         if !lines.contains(&line) {
             lines.push(line);
         }
@@ -54,32 +52,38 @@ pub(super) fn draw_caption(image: &mut RgbImage, credits: &[Attribution]) {
     paint(image, &caption, &fonts.image());
 }
 
-/// `NAME (LICENCE)`, without characters that cannot be drawn.
-fn caption_line(credit: &Attribution, can_draw: &mut impl FnMut(char) -> bool) -> String {
-    let licence = credit.licence.as_ref().map(|licence| format!(" ({licence})")).unwrap_or_default();
-    let full = format!("{}{licence}", credit.text);
-    let is_complete = full.chars().all(&mut *can_draw);
-    let mut drawable = |text: &str| {
-        let kept: String = text.chars().filter(|c| can_draw(*c)).collect();
-        kept.replace("()", "").split_whitespace().collect::<Vec<_>>().join(" ")
-    };
-    let kept = drawable(&full);
-    if is_complete {
-        return kept;
-    }
-    let name = drawable(&credit.text);
-    let url = credit.url.as_deref().unwrap_or_default();
-    let is_named = name.chars().any(char::is_alphanumeric);
-    match (is_named, url.is_ascii() && !url.is_empty()) {
-        (true, true) => format!("{kept}, {url}"),
-        (true, false) => kept,
-        (false, true) => format!("{url}{}", drawable_licence(&licence)),
-        (false, false) => format!("{UNDRAWABLE}{}", drawable_licence(&licence)),
-    }
+/// The caption of one source.
+#[derive(Debug, PartialEq)]
+struct CaptionLine {
+    text: String,
+    /// The source's address, if the text lacks letters of its name.
+    address: Option<String>,
 }
 
-fn drawable_licence(licence: &str) -> &str {
-    if licence.is_ascii() { licence } else { "" }
+impl CaptionLine {
+    /// `NAME (LICENCE)`, without characters that cannot be drawn.
+    fn new(credit: &Attribution, can_draw: &mut impl FnMut(char) -> bool) -> Self {
+        let mut drawable = |text: &str| {
+            let kept: String = text.chars().filter(|c| can_draw(*c)).collect();
+            kept.replace("()", "").split_whitespace().collect::<Vec<_>>().join(" ")
+        };
+        let name = drawable(&credit.text);
+        let licence = drawable(credit.licence.as_deref().unwrap_or_default());
+        let licence = if licence.is_empty() { licence } else { format!(" ({licence})") };
+        let is_complete = credit.text.chars().all(&mut *can_draw);
+        let address = credit.url.clone().filter(|url| !is_complete && !url.is_empty() && url.is_ascii());
+        if name.chars().any(char::is_alphanumeric) {
+            return Self { text: name + &licence, address };
+        }
+        Self { text: address.unwrap_or_else(|| UNDRAWABLE.to_owned()) + &licence, address: None }
+    }
+
+    fn with_address(&self) -> String {
+        match &self.address {
+            Some(address) => format!("{}, {address}", self.text),
+            None => self.text.clone(),
+        }
+    }
 }
 
 /// Text with its place in a box.
@@ -90,6 +94,11 @@ struct Caption {
 }
 
 impl Caption {
+    fn new(fonts: &mut Fonts, text: String, text_px: f32, wrap: TextWrapping) -> Self {
+        let job = LayoutJob { wrap, ..LayoutJob::simple(text, font(text_px), Color32::WHITE, f32::INFINITY) };
+        Self { galley: fonts.with_pixels_per_point(1.0).layout_job(job), padding_px: padding(text_px) }
+    }
+
     /// Width and height of the box.
     fn size_px(&self) -> [f32; 2] {
         let size = self.galley.rect.size();
@@ -97,34 +106,42 @@ impl Caption {
     }
 }
 
-/// The caption in the largest size in which its box is small enough; cut in the smallest size if there is none.
-fn fit(fonts: &mut Fonts, lines: &[String], picture_px: [f32; 2]) -> Caption {
-    let [width, height] = picture_px;
+/// The caption in the largest size in which its box is small enough, without addresses if there is none; cut in the smallest size
+/// if even that is too large.
+fn fit(fonts: &mut Fonts, lines: &[CaptionLine], [width, height]: [f32; 2]) -> Caption {
     let max_area = width * height * MAX_AREA_SHARE;
-    let text: String = lines.join("\n").chars().take(MAX_CHARS).collect();
-    let mut text_px = (height / ROWS_PER_PICTURE).clamp(MIN_TEXT_PX, MAX_TEXT_PX).round();
-    let font = |size: f32| FontId::new(size, FontFamily::Proportional);
-    let padding = |size: f32| (size * 0.3).round().max(1.0);
-    let layout = |fonts: &mut Fonts, text: String, size: f32, wrap: TextWrapping| {
-        let job = LayoutJob { wrap, ..LayoutJob::simple(text, font(size), Color32::WHITE, f32::INFINITY) };
-        Caption { galley: fonts.with_pixels_per_point(1.0).layout_job(job), padding_px: padding(size) }
-    };
-    while text_px >= MIN_TEXT_PX {
-        let max_width = width * MAX_WIDTH_SHARE - 2.0 * padding(text_px);
-        let caption = layout(fonts, text.clone(), text_px, TextWrapping { max_width, ..TextWrapping::default() });
-        let [box_width, box_height] = caption.size_px();
-        if box_width * box_height <= max_area && box_width <= width {
-            return caption;
+    let joined =
+        |texts: Vec<String>, separator: &str| texts.join(separator).chars().take(MAX_CHARS).collect::<String>();
+    let short: Vec<String> = lines.iter().map(|line| line.text.clone()).collect();
+    let long = lines.iter().map(CaptionLine::with_address).collect();
+    for text in [joined(long, "\n"), joined(short.clone(), "\n")] {
+        let mut text_px = (height / ROWS_PER_PICTURE).clamp(MIN_TEXT_PX, MAX_TEXT_PX).round();
+        while text_px >= MIN_TEXT_PX {
+            let max_width = width * MAX_WIDTH_SHARE - 2.0 * padding(text_px);
+            let wrap = TextWrapping { max_width, ..TextWrapping::default() };
+            let caption = Caption::new(fonts, text.clone(), text_px, wrap);
+            let [box_width, box_height] = caption.size_px();
+            if box_width * box_height <= max_area && box_width <= width {
+                return caption;
+            }
+            text_px -= 1.0;
         }
-        text_px -= 1.0;
     }
-    let (size, pad) = (MIN_TEXT_PX, 2.0 * padding(MIN_TEXT_PX));
-    let row_height = fonts.with_pixels_per_point(1.0).row_height(&font(size)).ceil();
+    let pad = 2.0 * padding(MIN_TEXT_PX);
+    let row_height = fonts.with_pixels_per_point(1.0).row_height(&font(MIN_TEXT_PX)).ceil();
     let max_rows = ((max_area / (width * MAX_WIDTH_SHARE) - pad) / row_height).floor().max(1.0);
     // One pixel for rounding up.
     let max_width = (max_area / (max_rows * row_height + pad)).min(width * MAX_WIDTH_SHARE) - pad - 1.0;
     let wrap = TextWrapping { max_width, max_rows: max_rows as usize, break_anywhere: true, ..TextWrapping::default() };
-    layout(fonts, text.replace('\n', "; "), size, wrap)
+    Caption::new(fonts, joined(short, "; "), MIN_TEXT_PX, wrap)
+}
+
+fn font(text_px: f32) -> FontId {
+    FontId::new(text_px, FontFamily::Proportional)
+}
+
+fn padding(text_px: f32) -> f32 {
+    (text_px * 0.15).round().max(1.0)
 }
 
 /// Darkens the box and draws the glyphs over it. `atlas` holds the glyphs' coverage as alpha.
@@ -215,8 +232,9 @@ mod tests {
     #[test]
     fn no_box_stands_for_a_letter_that_the_fonts_lack() {
         let mut fonts = Fonts::new(TextOptions::default(), FontDefinitions::default());
-        let mut line =
-            |credit: Attribution| caption_line(&credit, &mut |c| fonts.has_glyph(&FontId::proportional(9.0), c));
+        let mut line = |credit: Attribution| {
+            CaptionLine::new(&credit, &mut |c| fonts.has_glyph(&FontId::proportional(9.0), c)).with_address()
+        };
         assert_eq!(line(credit("3DBAG – Größe, Ærø", Some("CC BY 4.0"), None)), "3DBAG – Größe, Ærø (CC BY 4.0)");
         let japanese = "国土交通省 Project PLATEAU（東京都）";
         assert_eq!(line(credit(japanese, Some("CC BY 4.0"), None)), "Project PLATEAU (CC BY 4.0)");

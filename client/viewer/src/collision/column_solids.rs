@@ -1,6 +1,6 @@
 //! The shapes of a V-BlockMap's columns, without their appearance: 8 bytes a column, and 14 more for one with a gap or a wall.
 
-use super::{SolidInterval, exit_of};
+use super::{SolidInterval, exits_of};
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
@@ -130,7 +130,9 @@ impl ColumnSolids {
         let mut cell = ((start + way * t).xy() / self.cell_m).floor().clamp(DVec2::ZERO, DVec2::splat(LAST_CELL));
         for _ in 0..MAX_CELLS {
             let square = [cell * self.cell_m, (cell + 1.0) * self.cell_m];
-            let exit = exit_of(square, start.xy(), way.xy()).clamp(t, end);
+            let exits = exits_of(square, start.xy(), way.xy());
+            let axis = usize::from(exits.y < exits.x);
+            let exit = exits[axis].clamp(t, end);
             if let Some(hit) = self.hit_in_cell(cell, start, way, [t, exit]) {
                 return Some(hit);
             }
@@ -138,9 +140,6 @@ impl ColumnSolids {
                 return None;
             }
             t = exit;
-            // Through the border that is reached first; the way itself may miss the neighbour by rounding.
-            let beyond = (start + way * t).xy() - (square[0] + square[1]) * 0.5;
-            let axis = usize::from(beyond.y.abs() > beyond.x.abs());
             cell[axis] += way[axis].signum();
             if cell.min_element() < 0.0 || cell.max_element() > LAST_CELL {
                 return None;

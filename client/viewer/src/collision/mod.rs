@@ -130,7 +130,7 @@ impl<'a> CitySolids<'a> {
         let mut t = 0.0;
         for _ in 0..MAX_TILES {
             let tile = self.tile_at((from + way * t).xy());
-            let end = exit_of(tile.square, from.xy(), way.xy()).clamp(t, 1.0);
+            let end = exits_of(tile.square, from.xy(), way.xy()).min_element().clamp(t, 1.0);
             let hit = tile.solids.and_then(|solids| solids.first_hit(from - tile.corner, way, [t, end]));
             if let Some(t) = hit {
                 return Some(from + way * t);
@@ -205,14 +205,11 @@ impl<'a> CitySolids<'a> {
     }
 }
 
-/// Where a line leaves a square that it is in, in shares of `way`; infinity if never.
-pub(crate) fn exit_of(square: [DVec2; 2], start: DVec2, way: DVec2) -> f64 {
-    let mut exit = f64::INFINITY;
-    for axis in 0..2 {
-        if way[axis] != 0.0 {
-            let border = if way[axis] > 0.0 { square[1][axis] } else { square[0][axis] };
-            exit = exit.min((border - start[axis]) / way[axis]);
-        }
-    }
-    exit
+/// Where a line crosses the borders ahead of it of a square that it is in, by axis, in shares of `way`; infinity if never.
+fn exits_of(square: [DVec2; 2], start: DVec2, way: DVec2) -> DVec2 {
+    let exit = |axis: usize| match way[axis] {
+        0.0 => f64::INFINITY,
+        along => (square[usize::from(along > 0.0)][axis] - start[axis]) / along,
+    };
+    DVec2::new(exit(0), exit(1))
 }
