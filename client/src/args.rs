@@ -1,6 +1,6 @@
 //! The command line of `insula`.
 
-use crate::{render::AdapterChoice, stream::fetch::HttpOptions};
+use crate::{image_files::parse_picture_path, render::AdapterChoice, stream::fetch::HttpOptions};
 use clap::{Args, Parser, Subcommand};
 use insula_shaders::layout::Shading;
 use insula_viewer::sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time};
@@ -96,6 +96,8 @@ pub struct ViewArgs {
     #[arg(long)]
     pub no_fades: bool,
     #[command(flatten)]
+    pub pictures: PictureArgs,
+    #[command(flatten)]
     pub sun: SunArgs,
 }
 
@@ -115,6 +117,8 @@ pub struct OpenArgs {
     #[arg(long, value_parser = ["plain", "windows"], default_value = "plain")]
     pub facades: String,
     #[command(flatten)]
+    pub pictures: PictureArgs,
+    #[command(flatten)]
     pub sun: SunArgs,
 }
 
@@ -124,12 +128,14 @@ pub struct DemoArgs {
     /// Write an image and open no window, even if there is a screen.
     #[arg(long)]
     pub headless: bool,
-    /// Image file to write (PNG).
-    #[arg(long, default_value = "demo.png", value_name = "PNG")]
+    /// Image file to write: .png, .jpg, .jpeg or .webp.
+    #[arg(long, default_value = "demo.png", value_name = "FILE", value_parser = parse_picture_path)]
     pub out: PathBuf,
     /// Size of the image in pixels.
     #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = parse_size)]
     pub size: [u32; 2],
+    #[command(flatten)]
+    pub pictures: PictureArgs,
     #[command(flatten)]
     pub sun: SunArgs,
 }
@@ -146,9 +152,11 @@ pub struct SnapshotArgs {
     /// Size of the image in pixels.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: [u32; 2],
-    /// Image file to write (PNG).
-    #[arg(long, value_name = "PNG")]
+    /// Image file to write: .png, .jpg, .jpeg or .webp.
+    #[arg(long, value_name = "FILE", value_parser = parse_picture_path)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub pictures: PictureArgs,
     /// Distance file to write: metres along each pixel's ray as little-endian PFM, infinity for the sky.
     #[arg(long, value_name = "PFM")]
     pub distance: Option<PathBuf>,
@@ -205,6 +213,14 @@ pub struct FlyArgs {
     pub report: Option<PathBuf>,
     #[command(flatten)]
     pub sun: SunArgs,
+}
+
+/// Options of saved images, for all commands that write any.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
+pub struct PictureArgs {
+    /// Draw no sources and licences into the corner of saved images: you name them beside the image, as their licences ask.
+    #[arg(long)]
+    pub no_caption: bool,
 }
 
 /// Options of the light, for all commands that render.
@@ -329,6 +345,9 @@ mod tests {
         assert_eq!((cli.global.tau, cli.global.cache_mib, cli.global.adapter), (2.0, 64, AdapterChoice::Cpu));
         let ClientCommand::Snapshot(args) = cli.command else { panic!() };
         assert_eq!((args.size, args.shading), ([640, 360], Shading::Lod));
+        assert!(!args.pictures.no_caption);
+        let refused = Cli::try_parse_from(line.replace("a.png", "a.gif").split_whitespace()).unwrap_err().to_string();
+        assert!(refused.contains(".png, .jpg, .jpeg or .webp"), "{refused}");
         for invalid in ["640", "0x5", "640x", "9000x1", "axb"] {
             assert!(parse_size(invalid).is_err(), "{invalid}");
         }

@@ -70,6 +70,9 @@ pub struct RunReport {
     /// Share of a flight's frames that lacked tiles, 0 to 1 (`fly` only).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unconverged_share: Option<f64>,
+    /// Whether the camera is inside of a building or below terrain (`snapshot` only).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_inside_solid: Option<bool>,
 }
 
 impl RunReport {

@@ -16,6 +16,7 @@ use insula_shaders::cpu::{
 use insula_viewer::{
     cache::{AtlasCache, PAGE_BYTES},
     camera::{Camera, View},
+    collision::CitySolids,
     frame::{FrameData, RenderSettings},
     scene::{SceneTree, TreeNode},
     select::{
@@ -66,6 +67,8 @@ pub struct Session {
     nearly_converged_at: Option<Duration>,
     converged_at: Option<Duration>,
     requested_tau_px: f64,
+    /// URL for view links; empty if the city has none.
+    address: String,
 }
 
 impl Session {
@@ -116,7 +119,13 @@ impl Session {
             nearly_converged_at: None,
             converged_at: None,
             requested_tau_px: 1.0,
+            address: String::new(),
         }
+    }
+
+    /// The same session of the city at `address`, a URL for view links.
+    pub fn with_address(self, address: String) -> Self {
+        Self { address, ..self }
     }
 
     /// Prepares the next frame: takes in arrivals, selects, requests, and uploads.
@@ -319,6 +328,11 @@ impl Session {
         self.downloads().retry_at().map(|at| self.started + at)
     }
 
+    /// URL for view links; empty if the city has none.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
     /// The scene tree.
     pub fn tree(&self) -> &SceneTree {
         self.streamer.tree()
@@ -332,6 +346,11 @@ impl Session {
     /// The tile cache.
     pub fn cache(&self) -> &AtlasCache {
         self.streamer.cache()
+    }
+
+    /// Where the city is solid, as far as its resident tiles say.
+    pub fn solids(&self) -> CitySolids<'_> {
+        CitySolids::new(self.tree().manifest(), self.cache())
     }
 
     /// The requests in flight.
@@ -422,6 +441,7 @@ impl Session {
             meshes_drawn: stats.meshes,
             triangles_drawn: stats.triangles,
             unconverged_share: None,
+            camera_inside_solid: None,
         }
     }
 }

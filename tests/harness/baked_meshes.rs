@@ -55,7 +55,7 @@ impl Baked {
         let place = mesh_tile::archive_id(id, lod).context("the level of detail is too high")?;
         let bytes = self.store.tile(TileKind::Mesh, place)?.with_context(|| format!("no mesh {id} {lod}"))?;
         match decode(TileKey::mesh(id, lod), &bytes).with_context(|| format!("mesh {id} {lod}"))? {
-            DecodedTile::Packed(PackedTile::Mesh(mesh)) => Ok(*mesh),
+            DecodedTile::Packed(PackedTile::Mesh(mesh, _)) => Ok(*mesh),
             other => anyhow::bail!("{other:?} is no mesh"),
         }
     }

@@ -40,7 +40,7 @@ def main():
                 reach = min((x1 - x0) / 2 / max(abs(dx), 1e-9), (y1 - y0) / 2 / max(abs(dy), 1e-9))
                 camera = {"position": [middle[0] + dx * reach, middle[1] + dy * reach, z], "target": middle}
                 (folder / "camera.json").write_text(json.dumps(camera))
-                subprocess.run([args.program, "snapshot", "--server", city, "--camera", folder / "camera.json", "--size",
+                subprocess.run([args.program, "snapshot", "--no-caption", "--server", city, "--camera", folder / "camera.json", "--size",
                                 "320x180", "--shading", "albedo", "--out", folder / "a.png", "--distance", folder / "a.pfm"],
                                check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
                 below = slice(91, None)

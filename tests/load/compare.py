@@ -61,7 +61,7 @@ def main():
                 for output in outputs.values():
                     output.mkdir(parents=True)
                 commands = {
-                    b: [programs[b] / "insula", "snapshot", "--server", city, "--camera", camera, "--size", "1280x720", "--adapter", adapter,
+                    b: [programs[b] / "insula", "snapshot", "--no-caption", "--server", city, "--camera", camera, "--size", "1280x720", "--adapter", adapter,
                         "--out", outputs[b] / "image.png", "--distance", outputs[b] / "distance.pfm"]
                     for b in programs
                 }

@@ -42,7 +42,7 @@ def main():
         for row, hour in enumerate(HOURS):
             for column, (view, program, city, options) in enumerate(columns):
                 camera.write_text(json.dumps(view))
-                subprocess.run([program, "snapshot", "--adapter", "cpu", "--server", city, "--camera", camera, "--time",
+                subprocess.run([program, "snapshot", "--no-caption", "--adapter", "cpu", "--server", city, "--camera", camera, "--time",
                                 hour, "--size", "{}x{}".format(*SIZE), "--out", picture, *options],
                                check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
                 sheet.paste(Image.open(picture).convert("RGB"), (SIZE[0] * column, SIZE[1] * row))

@@ -15,7 +15,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def snapshot(args, city, camera, *options):
-    subprocess.run([args.program, "snapshot", "--adapter", "cpu", "--server", args.cities / city, "--size", "640x360",
+    subprocess.run([args.program, "snapshot", "--no-caption", "--adapter", "cpu", "--server", args.cities / city, "--size", "640x360",
                     "--camera", args.references / "cameras" / f"{camera}.json", *options], check=True, stdout=subprocess.DEVNULL)
 
 

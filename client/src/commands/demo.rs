@@ -2,11 +2,11 @@
 
 use super::{
     embedded::{BakeJob, VERSIONS, bake_cached, cache_folder, serve},
-    headless::{open_session, render_to_file},
+    headless::{PictureFile, open_session, render_to_file},
     view,
 };
 use crate::{
-    args::{DemoArgs, GlobalArgs},
+    args::{DemoArgs, GlobalArgs, ViewArgs},
     error::{ClientError, Result},
 };
 use insula_protocol::{manifest::Attribution, text::printable};
@@ -38,7 +38,8 @@ struct DemoInfo {
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let job = unpack_demo()?;
     if !args.headless && has_screen() {
-        match view::open_baked(job.clone(), args.sun, global) {
+        let view = ViewArgs { sun: args.sun, pictures: args.pictures, ..ViewArgs::default() };
+        match view::open_baked(job.clone(), &view, global) {
             Err(ClientError::Graphics(reason)) => {
                 eprintln!("note: {}; writing an image instead", printable(&reason));
             }
@@ -51,7 +52,8 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let camera = Camera::overview(session.tree().manifest().focus_bounds(), aspect);
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
-    render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &args.out)?;
+    let picture = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption };
+    render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &picture)?;
     let out = args.out.canonicalize().unwrap_or_else(|_| args.out.clone());
     let note = format!("wrote {} (drawn by {})", out.display(), session.adapter_info().name);
     println!("{}", printable(&note));

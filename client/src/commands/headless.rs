@@ -4,10 +4,11 @@ use super::connect::connect;
 use crate::{
     args::GlobalArgs,
     error::Result,
-    image_files::write_png,
+    image_files::{PictureNotes, write_picture},
     render::Adapter,
     session::Session,
     stream::{BackgroundFetcher, fetch::Http},
+    ui::view_link::format_link,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
@@ -47,22 +48,30 @@ pub fn open_session(
     let city = connect(&http, location, global)?;
     let downloads = BackgroundFetcher::downloads(http, city.source, INITIAL_REQUESTS, None);
     let tree = SceneTree::new(city.manifest).with_meshes(!global.no_meshes);
-    Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)
+    let session = Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)?;
+    Ok(session.with_address(city.address))
+}
+
+/// An image file to write.
+pub(super) struct PictureFile<'a> {
+    pub(super) path: &'a Path,
+    /// Whether the city's sources are drawn into a corner.
+    pub(super) has_caption: bool,
 }
 
 /// Frames with all their tiles that are drawn until feedback changes nothing. Usually one or two are enough. Nodes at the limit of
 /// visibility can alternate for ever; all of them are resident then.
 const MAX_FULL_FRAMES: u32 = 24;
 
-/// Waits until the frame is settled, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays per pixel, and writes it as PNG.
-/// Fails if the server does not respond or the file cannot be written.
+/// Waits until the frame is settled, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays per pixel, and writes it with
+/// its sources. The returned pixels have no caption. Fails if the server does not respond or the file cannot be written.
 pub(super) fn render_to_file(
     session: &mut Session,
     request: &FrameRequest,
     global: &GlobalArgs,
     shading: Shading,
     daylight: &Daylight,
-    out: &Path,
+    out: &PictureFile<'_>,
 ) -> Result<Pixels> {
     let settings = daylight.render_settings(shading, STILL_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
@@ -70,7 +79,8 @@ pub(super) fn render_to_file(
     let begin = Instant::now();
     let pixels = session.draw(request, &settings)?;
     session.record_frame_time(begin.elapsed());
-    write_png(out, &pixels)?;
+    let link = format_link(session.address(), &request.camera, daylight);
+    write_picture(out.path, &pixels, &PictureNotes::new(session.tree().manifest(), link, out.has_caption))?;
     Ok(pixels)
 }
 

@@ -5,7 +5,7 @@ use super::{
     view,
 };
 use crate::{
-    args::{GlobalArgs, OpenArgs},
+    args::{GlobalArgs, OpenArgs, ViewArgs},
     error::{ClientError, Result},
 };
 use insula_bake::read::Palette;
@@ -21,5 +21,6 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
     let cache_key = cache_key(&args.inputs, &palette, facades, cell_m)?;
     let inputs = args.inputs.clone();
     let job = BakeJob { inputs, cell_m, palette, facades, cache_key, ..BakeJob::default() };
-    view::open_baked(job, args.sun, global)
+    let view = ViewArgs { sun: args.sun, pictures: args.pictures, ..ViewArgs::default() };
+    view::open_baked(job, &view, global)
 }

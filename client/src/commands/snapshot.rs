@@ -1,11 +1,12 @@
 //! `insula snapshot`: renders one view at full quality.
 
-use super::headless::{open_session, render_to_file};
+use super::headless::{PictureFile, open_session, render_to_file};
 use crate::{
     args::{GlobalArgs, SnapshotArgs},
     camera_files::read_camera,
     error::Result,
     image_files::{write_pfm, write_radiance},
+    report::RunReport,
 };
 use insula_viewer::{streamer::FrameRequest, sun::Daylight};
 
@@ -15,7 +16,8 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let mut session = open_session(&args.server, global, None, Some(&request))?;
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
-    let pixels = render_to_file(&mut session, &request, global, args.shading, &daylight, &args.out)?;
+    let out = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption };
+    let pixels = render_to_file(&mut session, &request, global, args.shading, &daylight, &out)?;
     if let Some(path) = &args.radiance {
         write_radiance(path, &pixels)?;
     }
@@ -23,8 +25,12 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
         // With one ray per pixel, the distance is that of the pixel's centre.
         write_pfm(path, &session.draw(&request, &daylight.render_settings(args.shading, 1))?)?;
     }
+    let is_inside = session.solids().is_inside(camera.position);
+    if is_inside {
+        eprintln!("note: camera is inside a building: move it outside or above the roof");
+    }
     match &args.report {
-        Some(path) => session.report(global.tau).write(path),
+        Some(path) => RunReport { camera_inside_solid: Some(is_inside), ..session.report(global.tau) }.write(path),
         None => Ok(()),
     }
 }

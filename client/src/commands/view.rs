@@ -52,9 +52,9 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
 
 /// Opens a window that bakes the city of `job` and shows it.
 #[cfg(feature = "embedded")]
-pub(super) fn open_baked(job: BakeJob, sun: SunArgs, global: &GlobalArgs) -> Result<()> {
+pub(super) fn open_baked(job: BakeJob, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     let link = ViewLink { address: String::new(), camera: None, time: None };
-    open_window(link, find_baked(job), &ViewArgs { sun, ..ViewArgs::default() }, global)
+    open_window(link, find_baked(job), args, global)
 }
 
 /// Shows the city that `find` finds, with the camera and the time of `link`.
@@ -72,6 +72,7 @@ fn open_window(link: ViewLink, find: FindAddress, args: &ViewArgs, global: &Glob
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
+        has_captions: !args.pictures.no_caption,
         playback: path.map(|path| PathPlayback::new(path, args.seconds)),
     };
     let proxy = event_loop.create_proxy();

@@ -10,7 +10,7 @@ use super::{
     view_link::format_link,
     window::ViewerWindow,
 };
-use crate::image_files::write_png;
+use crate::image_files::{PictureNotes, write_picture};
 use glam::DVec3;
 use insula_viewer::{
     camera::CameraFile,
@@ -26,6 +26,11 @@ impl CityView {
             KeyAction::ToggleMode => self.control.toggle_mode(),
             KeyAction::GoHome => self.control.go_home(),
             KeyAction::TurnNorth => self.control.turn_north(),
+            KeyAction::ToggleCollision => {
+                self.control.toggle_collision();
+                let state = if self.control.collides() { "on" } else { "off" };
+                self.show_message(format!("collision {state}"));
+            }
             KeyAction::ToggleHelp => display.shows_help = !display.shows_help,
             KeyAction::SaveImage => self.save_image(window),
             KeyAction::SetShading(shading) => display.shading = shading,
@@ -100,7 +105,9 @@ impl CityView {
         let settings = RenderSettings { samples: STILL_SAMPLES, shading: self.display.shading, ..self.render_settings };
         let path = unused_name(&std::env::current_dir().unwrap_or_default(), "insula", "png");
         let request = self.frame_request(window, 1);
-        let written = self.session.draw(&request, &settings).and_then(|pixels| write_png(&path, &pixels));
+        let link = format_link(&self.address, &request.camera, &self.display.daylight);
+        let notes = PictureNotes::new(self.session.tree().manifest(), link, self.has_captions);
+        let written = self.session.draw(&request, &settings).and_then(|pixels| write_picture(&path, &pixels, &notes));
         self.show_message(match written {
             Ok(()) => format!("wrote {}", path.display()),
             Err(error) => format!("no image saved: {error}"),

@@ -1,7 +1,7 @@
 //! Steers the camera with keys and mouse: flying, or orbiting around a point.
 
 use glam::DVec3;
-use insula_viewer::camera::Camera;
+use insula_viewer::{camera::Camera, collision::CitySolids};
 use std::{
     f64::consts::FRAC_PI_2,
     time::{Duration, Instant},
@@ -19,6 +19,10 @@ const FAST_FACTOR: f64 = 4.0;
 const MAX_STEP: Duration = Duration::from_millis(200);
 /// A key that is pressed for a shorter time, perhaps within one slow frame, moves the camera for this time.
 const MIN_PRESS: Duration = Duration::from_millis(50);
+/// Distance that a colliding camera keeps from what is ahead.
+const CLEARANCE_M: f64 = 0.5;
+/// Highest step that a person takes.
+const MAX_STEP_UP_M: f64 = 0.6;
 /// Speed at the ground, in metres per second, and its increase per metre of height.
 const GROUND_SPEED: f64 = 4.0;
 const SPEED_PER_METRE: f64 = 0.4;
@@ -45,6 +49,8 @@ pub enum ControlMode {
     Fly,
     /// The mouse turns the camera around a pivot, the keys move the pivot.
     Orbit,
+    /// The camera is at the height of a person's eyes above the ground.
+    Walk,
 }
 
 /// The camera and the state of its controls.
@@ -64,6 +70,10 @@ pub struct CameraControl {
     /// When the key of each [`MoveDirection`] was pressed, while it is held.
     held: [Option<Instant>; 6],
     is_fast: bool,
+    /// What the user chose; by default, the mode decides.
+    collision: Option<bool>,
+    /// The last position that keys did not move the camera to, or that collision has checked.
+    checked: DVec3,
     /// Time up to which the camera has moved.
     clock: Instant,
     /// Where the view began.
@@ -85,6 +95,8 @@ impl CameraControl {
             ground_z_m,
             held: [None; 6],
             is_fast: false,
+            collision: None,
+            checked: camera.position,
             clock: Instant::now(),
             home: *camera,
         };
@@ -114,6 +126,43 @@ impl CameraControl {
         ((GROUND_SPEED + SPEED_PER_METRE * height_m) * self.speed_factor).clamp(0.2, 5000.0)
     }
 
+    /// Whether ground and buildings stop the camera: when walking, unless the user chose otherwise.
+    pub fn collides(&self) -> bool {
+        self.collision.unwrap_or(self.mode == ControlMode::Walk)
+    }
+
+    /// Switches [`CameraControl::collides`].
+    pub fn toggle_collision(&mut self) {
+        self.collision = Some(!self.collides());
+    }
+
+    /// Keeps a camera that keys have moved out of solids if it collides, and on the ground if it walks. `plane_z_m` is the height
+    /// of the ground where no tile is resident.
+    pub fn keep_outside(&mut self, solids: &CitySolids<'_>, plane_z_m: f64) {
+        if self.collides() && self.position != self.checked {
+            self.position = free_way(solids, self.checked, self.position);
+        }
+        if self.mode == ControlMode::Walk {
+            let step = DVec3::Z * if self.collides() { MAX_STEP_UP_M - EYE_HEIGHT_M } else { 0.0 };
+            if let Some(ground) = solids.ground_below(self.position + step) {
+                self.position.z = ground + EYE_HEIGHT_M;
+            }
+        }
+        self.checked = self.position;
+        self.ground_z_m = solids.ground_below(self.position).unwrap_or(plane_z_m);
+    }
+
+    /// Lifts a camera that is inside of a building or below the ground to the roof or the ground. Returns whether it was.
+    pub fn lift_out(&mut self, solids: &CitySolids<'_>) -> bool {
+        let is_inside = solids.is_inside(self.position);
+        if is_inside {
+            self.position.z = solids.free_height_above(self.position) + EYE_HEIGHT_M;
+            self.checked = self.position;
+            self.pivot_distance_m = self.distance_to_ground_m();
+        }
+        is_inside
+    }
+
     /// Goes back to where the view began.
     pub fn go_home(&mut self) {
         let home = self.home;
@@ -125,20 +174,22 @@ impl CameraControl {
         let pivot = self.pivot();
         self.yaw_rad = FRAC_PI_2;
         if self.mode == ControlMode::Orbit {
-            self.position = pivot - self.camera().forward * self.pivot_distance_m;
+            self.orbit(pivot);
         }
     }
 
     /// Goes most of the way to `point`, which stays at its place in the view.
     pub fn approach(&mut self, point: DVec3) {
         self.position += (point - self.position) * APPROACH;
+        self.checked = self.position;
         self.pivot_distance_m = self.distance_to_ground_m();
     }
 
-    /// Switches between flying and orbiting around the ground ahead.
+    /// Switches from orbiting around the ground ahead to flying, walking, and back.
     pub fn toggle_mode(&mut self) {
         self.mode = match self.mode {
-            ControlMode::Fly => ControlMode::Orbit,
+            ControlMode::Fly => ControlMode::Walk,
+            ControlMode::Walk => ControlMode::Orbit,
             ControlMode::Orbit => ControlMode::Fly,
         };
         self.pivot_distance_m = self.distance_to_ground_m();
@@ -155,6 +206,7 @@ impl CameraControl {
         (self.yaw_rad, self.pitch_rad) = camera.angles();
         self.pitch_rad = self.pitch_rad.clamp(-MAX_PITCH_RAD, MAX_PITCH_RAD);
         (self.position, self.fov_y_rad) = (camera.position, camera.fov_y_rad);
+        self.checked = self.position;
         self.pivot_distance_m = self.distance_to_ground_m();
     }
 
@@ -167,6 +219,7 @@ impl CameraControl {
         } else {
             self.position = point.with_z(self.position.z.max(point.z + EYE_HEIGHT_M));
         }
+        self.checked = self.position;
         self.pivot_distance_m = self.distance_to_ground_m();
     }
 
@@ -207,22 +260,28 @@ impl CameraControl {
         self.yaw_rad -= dx_px * DRAG_RAD_PER_PX;
         self.pitch_rad = (self.pitch_rad - dy_px * DRAG_RAD_PER_PX).clamp(-MAX_PITCH_RAD, MAX_PITCH_RAD);
         if self.mode == ControlMode::Orbit {
-            self.position = pivot - self.camera().forward * self.pivot_distance_m;
+            self.orbit(pivot);
         }
     }
 
     /// The wheel was turned, positive upwards: faster when flying, closer when orbiting.
     pub fn turn_wheel(&mut self, steps: f64) {
         match self.mode {
-            ControlMode::Fly => {
+            ControlMode::Fly | ControlMode::Walk => {
                 self.speed_factor = (self.speed_factor * 1.25f64.powf(steps)).clamp(0.01, 100.0);
             }
             ControlMode::Orbit => {
                 let pivot = self.pivot();
                 self.pivot_distance_m = (self.pivot_distance_m * 0.88f64.powf(steps)).clamp(2.0, 100_000.0);
-                self.position = pivot - self.camera().forward * self.pivot_distance_m;
+                self.orbit(pivot);
             }
         }
+    }
+
+    /// Turns around `pivot`.
+    fn orbit(&mut self, pivot: DVec3) {
+        self.position = pivot - self.camera().forward * self.pivot_distance_m;
+        self.checked = self.position;
     }
 
     fn pivot(&self) -> DVec3 {
@@ -249,8 +308,8 @@ impl CameraControl {
         let camera = self.camera();
         let forward = match self.mode {
             ControlMode::Fly => camera.forward,
-            // The pivot stays at its height.
-            ControlMode::Orbit => DVec3::new(self.yaw_rad.cos(), self.yaw_rad.sin(), 0.0),
+            // The pivot stays at its height, and a person on the ground.
+            ControlMode::Orbit | ControlMode::Walk => DVec3::new(self.yaw_rad.cos(), self.yaw_rad.sin(), 0.0),
         };
         let direction = forward * axis(MoveDirection::Forward, MoveDirection::Back)
             + camera.right * axis(MoveDirection::Right, MoveDirection::Left)
@@ -259,6 +318,22 @@ impl CameraControl {
         self.position += direction.normalize_or_zero() * speed * secs;
         direction != DVec3::ZERO
     }
+}
+
+/// How far a camera gets on the way between two points: one that would come too near to a solid slides along it, or stays.
+fn free_way(solids: &CitySolids<'_>, from: DVec3, to: DVec3) -> DVec3 {
+    let way = to - from;
+    let is_free = |way: DVec3| {
+        let ahead = way + way.normalize_or_zero() * CLEARANCE_M;
+        solids.hit_on_way(from, from + ahead).is_none()
+    };
+    // One that is inside must be able to leave.
+    if solids.is_inside(from) || is_free(way) {
+        return to;
+    }
+    let slides = [DVec3::new(way.x, way.y, 0.0), DVec3::X * way.x, DVec3::Y * way.y, DVec3::Z * way.z];
+    let longest = slides.into_iter().filter(|slide| is_free(*slide)).max_by(|a, b| a.length().total_cmp(&b.length()));
+    from + longest.unwrap_or_default()
 }
 
 #[cfg(test)]

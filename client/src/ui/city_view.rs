@@ -27,6 +27,8 @@ pub struct CityViewSetup {
     pub daylight: Daylight,
     /// Tolerated screen-space error.
     pub tau_px: f64,
+    /// Whether saved images name the city's sources in a corner.
+    pub has_captions: bool,
     pub playback: Option<PathPlayback>,
 }
 
@@ -34,6 +36,8 @@ pub struct CityViewSetup {
 pub struct CityView {
     pub(super) session: Session,
     pub(super) address: String,
+    /// Whether saved images name the city's sources in a corner.
+    pub(super) has_captions: bool,
     pub(super) control: CameraControl,
     pub(super) display: DisplayOptions,
     /// Settings for the displayed daylight, with one ray per pixel.
@@ -55,7 +59,7 @@ pub struct CityView {
 impl CityView {
     /// The view of a city that was just connected to. `aspect` is the window's width divided by its height.
     pub fn new(setup: CityViewSetup, settings: &UserSettings, aspect: f64) -> Self {
-        let CityViewSetup { session, address, camera, daylight, tau_px, playback } = setup;
+        let CityViewSetup { session, address, camera, daylight, tau_px, has_captions, playback } = setup;
         let manifest = session.tree().manifest();
         let camera = camera.unwrap_or_else(|| Camera::overview(manifest.focus_bounds(), aspect));
         let control = CameraControl::new(&camera, manifest.ground_z_m);
@@ -64,6 +68,7 @@ impl CityView {
         Self {
             session,
             address,
+            has_captions,
             control,
             display: DisplayOptions {
                 tau_px,

@@ -57,6 +57,8 @@ pub struct WindowOptions {
     pub tau_px: Option<f64>,
     pub adapter: AdapterChoice,
     pub cache_bytes: u64,
+    /// Whether saved images name the city's sources in a corner.
+    pub has_captions: bool,
     pub playback: Option<PathPlayback>,
 }
 
@@ -244,6 +246,7 @@ impl ViewerApp {
             address: city.address,
             camera: self.options.camera,
             tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),
+            has_captions: self.options.has_captions,
             playback: self.options.playback.take(),
         };
         let mut view = CityView::new(setup, &self.settings, width / height.max(1.0));

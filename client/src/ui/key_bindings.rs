@@ -15,6 +15,8 @@ pub enum KeyAction {
     /// Go back to the first view.
     GoHome,
     TurnNorth,
+    /// Let ground and buildings stop the camera, or not.
+    ToggleCollision,
     ToggleHelp,
     SaveImage,
     SetShading(Shading),
@@ -37,14 +39,15 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 21] = [
-    ("drag", "look around (fly mode), turn around the point ahead (orbit mode)"),
+pub const HELP: [(&str, &str); 22] = [
+    ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
     ("wheel", "speed (fly mode), distance (orbit mode)"),
     ("double click", "go to this place"),
     ("H, U", "back to the first view, north up"),
-    ("Tab", "fly mode or orbit mode"),
+    ("X", "stop at buildings and the ground, or not; on in walk mode"),
+    ("Tab", "fly mode, walk mode or orbit mode"),
     ("1 to 6, F2 to F7", "light, colour, ambient occlusion, normals, levels, column kinds"),
     ("B", "bookmark this view"),
     ("V", "bookmarks and coordinates"),
@@ -74,6 +77,7 @@ pub fn action_of(code: KeyCode) -> Option<KeyAction> {
         KeyCode::Tab => KeyAction::ToggleMode,
         KeyCode::KeyH | KeyCode::Home => KeyAction::GoHome,
         KeyCode::KeyU => KeyAction::TurnNorth,
+        KeyCode::KeyX => KeyAction::ToggleCollision,
         KeyCode::F1 => KeyAction::ToggleHelp,
         KeyCode::F11 => KeyAction::ToggleFullScreen,
         KeyCode::KeyP => KeyAction::SaveImage,

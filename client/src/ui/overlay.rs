@@ -60,6 +60,7 @@ impl OverlayTexts {
         let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1u32 << 20));
         let mode = match control.mode() {
             ControlMode::Fly => format!("fly, {:.0} m/s", control.speed_m_per_sec()),
+            ControlMode::Walk => format!("walk, {:.0} m/s", control.speed_m_per_sec()),
             ControlMode::Orbit => "orbit".into(),
         };
         let mut lines = vec![

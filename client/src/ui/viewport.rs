@@ -104,6 +104,10 @@ impl Viewport {
         (self.has_prefetch, self.has_arrivals) = (true, false);
         let (detail, mut data) = self.stream(now, window);
         self.update_status();
+        if detail.is_final && self.lift_out() {
+            window.window.request_redraw();
+            return Ok(None);
+        }
         let session = &mut self.city.session;
         if matches!(session.adapter(), Adapter::Gpu(_)) {
             window.show_scene();
@@ -145,6 +149,16 @@ impl Viewport {
         }
         pacer.end_steps();
         self.settled(&still.data, window);
+    }
+
+    /// Lifts the camera of a resting view out of a solid. Returns whether it was in one.
+    fn lift_out(&mut self) -> bool {
+        let CityView { session, control, playback, recorder, .. } = &mut self.city;
+        let is_lifted = playback.is_none() && recorder.is_none() && control.lift_out(&session.solids());
+        if is_lifted {
+            self.city.show_message("the camera was inside of a building or below the ground: lifted out".to_owned());
+        }
+        is_lifted
     }
 
     /// Presents the scene and the overlay. Returns `false` if the frame must be presented again.
@@ -217,6 +231,8 @@ impl Viewport {
             city.playback_heading = cameras.ahead;
         }
         city.control.advance_to(now);
+        let (solids, plane_z_m) = (city.session.solids(), city.session.tree().manifest().ground_z_m);
+        city.control.keep_outside(&solids, plane_z_m);
         let camera = city.control.camera();
         if city.recorder.as_mut().is_some_and(|recorder| !recorder.sample(now, &camera)) {
             city.toggle_recording();

@@ -1,17 +1,26 @@
 //! Frames from a server without faults.
 
 use super::{
-    fixture_city::{GROUND_M, MESH_M, ROOF_M, city, city_files, city_with_meshes},
+    fixture_city::{GROUND_M, MESH_M, ORIGIN, ROOF_M, city, city_files, city_with_meshes},
     test_server::{Reply, TestServer},
     viewers::{
         CENTRE, draw_each_until_settled, draw_until_settled, global_args, open_session, request, settle, street,
     },
 };
-use insula_client::{commands::connect::connect, session::Session, stream::fetch::Http};
+use glam::DVec3;
+use insula_client::{
+    commands::connect::connect,
+    session::Session,
+    stream::fetch::Http,
+    ui::camera_control::{CameraControl, MoveDirection},
+};
 use insula_protocol::route;
 use insula_shaders::layout::Shading;
-use insula_viewer::frame::RenderSettings;
-use std::sync::{Arc, LazyLock};
+use insula_viewer::{camera::Camera, frame::RenderSettings};
+use std::{
+    sync::{Arc, LazyLock},
+    time::{Duration, Instant},
+};
 
 /// The settled frame of [`street`], and the number of requests that it takes.
 pub(crate) struct ReferenceFrame {
@@ -115,6 +124,30 @@ fn near_leaves_are_meshes_unless_the_mesh_is_bad() {
 }
 
 #[test]
+fn resident_tiles_say_where_the_city_is_solid() {
+    let street = request([31.0, 60.0, 5.0], [31.0, 200.0, 5.0]);
+    let server = TestServer::start(city());
+    let mut session = open_session(&server, 64);
+    let origin = DVec3::from(ORIGIN);
+    assert!(!session.solids().is_inside(origin + DVec3::new(10.0, 50.0, 5.0)), "nothing is resident");
+    settle(&mut session, &street, |_| {});
+    let solids = session.solids();
+    let ground_m = solids.ground_below(street.camera.position).unwrap();
+    assert!((ground_m - GROUND_M).abs() < 0.1 && !solids.is_inside(street.camera.position), "{ground_m}");
+    let room = origin + DVec3::new(10.0, 90.0, 5.0);
+    assert!(solids.is_inside(room) && (solids.free_height_above(room) - ROOF_M).abs() < 0.1);
+    let wall = solids.hit_on_way(street.camera.position, origin + DVec3::new(10.0, 90.0, 5.0)).unwrap() - origin;
+    assert!((wall.x - 24.0).abs() < 0.1 || (wall.y - 80.0).abs() < 0.1, "{wall}");
+    // A mesh fills a leaf but for 2 m at its border.
+    let server = TestServer::start(city_with_meshes());
+    let mut session = open_session(&server, 64);
+    settle(&mut session, &request([31.0, 60.0, 25.0], [31.0, 70.0, 19.0]), |_| {});
+    let solids = session.solids();
+    let roof_m = solids.free_height_above(origin + DVec3::new(31.0, 50.0, 5.0));
+    assert!((roof_m - MESH_M).abs() < 0.02, "{roof_m}");
+}
+
+#[test]
 fn one_of_several_cities_must_be_named() {
     let mut files = city_files("one");
     files.extend(city_files("two"));
@@ -131,4 +164,40 @@ fn one_of_several_cities_must_be_named() {
     assert_eq!(connect(&http, &one, &global).unwrap().manifest.name, "one");
     global.city = Some("three".into());
     assert_eq!(connect(&http, &server.url, &global).unwrap_err().exit_code(), 1);
+}
+
+#[test]
+fn a_person_walks_on_the_ground_and_stops_at_walls() {
+    let server = TestServer::start(city());
+    let mut session = open_session(&server, 64);
+    settle(&mut session, &street(), |_| {});
+    let solids = session.solids();
+    let at = |x: f64, y: f64, z: f64| DVec3::from(ORIGIN) + DVec3::new(x, y, z);
+    // South of the building at (80, 80), facing north, ten metres up.
+    let start = Camera::from_angles(at(92.0, 60.0, GROUND_M + 10.0), std::f64::consts::FRAC_PI_2, 0.0, 1.0);
+    let mut control = CameraControl::new(&start, ORIGIN[2]);
+    let mut now = Instant::now();
+    let mut walk = |control: &mut CameraControl, frames: u32| {
+        control.set_held(MoveDirection::Forward, true, now);
+        for _ in 0..frames {
+            now += Duration::from_millis(50);
+            control.advance_to(now);
+            control.keep_outside(&solids, ORIGIN[2]);
+        }
+        control.release_keys();
+        control.camera().position - DVec3::from(ORIGIN)
+    };
+    // From orbit mode to fly mode: nothing stops the camera.
+    control.toggle_mode();
+    let inside = walk(&mut control, 60);
+    assert!(inside.y > 80.0 && (inside.z - GROUND_M - 10.0).abs() < 0.1, "{inside}");
+    assert!(control.lift_out(&solids) && !control.lift_out(&solids));
+    assert!((control.camera().position.z - ORIGIN[2] - ROOF_M - 1.7).abs() < 0.2);
+    control.set_camera(&start);
+    control.toggle_mode();
+    let stopped = walk(&mut control, 400);
+    assert!((79.0..80.0).contains(&stopped.y), "{stopped}");
+    assert!((stopped.z - GROUND_M - 1.7).abs() < 0.2, "{stopped}");
+    control.toggle_collision();
+    assert!(walk(&mut control, 40).y > 80.5, "collision is off");
 }

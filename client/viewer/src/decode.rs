@@ -4,10 +4,7 @@
 
 use crate::{cache::PackedTile, scene::TileKey};
 use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind};
-use insula_shaders::{
-    mesh::{MeshTexture, PackedMesh},
-    pack::PackedNode,
-};
+use insula_shaders::mesh::MeshTexture;
 
 /// The content of a tile.
 #[derive(Debug)]
@@ -30,14 +27,13 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
         }
         TileKind::BlockMap => {
             let map = BlockMap::decode(key.id, bytes)?.stand_on_ground();
-            Ok(DecodedTile::Packed(PackedTile::Node(Box::new(PackedNode::new(&map)))))
+            Ok(DecodedTile::Packed(PackedTile::node(&map)))
         }
         TileKind::Mesh => {
             let MeshTile { mesh, texture } = MeshTile::decode(key.id, key.lod, bytes)?;
             let texture = texture.as_ref().map(MeshTexture::decode).transpose()?;
-            let packed = PackedMesh::new(&mesh, texture.as_ref());
-            let mesh = packed.map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))?;
-            Ok(DecodedTile::Packed(PackedTile::Mesh(Box::new(mesh))))
+            let packed = PackedTile::mesh(&mesh, texture.as_ref());
+            packed.map(DecodedTile::Packed).map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
         }
     }
 }
@@ -63,7 +59,7 @@ mod tests {
         };
         let webp = webp.into_inner();
         let decoded = decode(TileKey::mesh(id, 1), &tile([70, 30], webp.clone()));
-        let Ok(DecodedTile::Packed(PackedTile::Mesh(mesh))) = decoded else { panic!("the tile is valid") };
+        let Ok(DecodedTile::Packed(PackedTile::Mesh(mesh, _))) = decoded else { panic!("the tile is valid") };
         assert_eq!(mesh.triangles, 12);
         assert!(decode(TileKey::mesh(id, 0), &tile([70, 30], webp.clone())).is_err(), "another level of detail");
         for (size_px, bytes) in [([70, 31], webp.clone()), ([35, 15], webp.clone()), ([70, 30], webp[..60].to_vec())] {

@@ -10,6 +10,7 @@
 
 pub mod cache;
 pub mod camera;
+pub mod collision;
 pub mod decode;
 pub mod frame;
 mod moon;

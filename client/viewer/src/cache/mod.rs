@@ -10,11 +10,14 @@ mod pages;
 #[cfg(test)]
 mod tests;
 
-use crate::scene::TileKey;
-use insula_protocol::TileId;
+use crate::{
+    collision::{ColumnSolids, MeshSolids},
+    scene::TileKey,
+};
+use insula_protocol::{BlockMap, TileId, mesh::Mesh};
 use insula_shaders::{
     layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
-    mesh::PackedMesh,
+    mesh::{MeshTexture, PackError, PackedMesh},
     pack::{PackedNode, Page},
 };
 use lru::LruCache;
@@ -74,25 +77,35 @@ struct CacheEntry {
 
 #[derive(Debug)]
 enum CacheItem {
-    Node(CachedNode),
-    Mesh(CachedMesh),
+    Node(CachedNode, ColumnSolids),
+    Mesh(CachedMesh, MeshSolids),
 }
 
 /// A decoded tile, ready for the cache.
 #[derive(Debug)]
 pub enum PackedTile {
     /// A node's V-BlockMap.
-    Node(Box<PackedNode>),
+    Node(Box<PackedNode>, ColumnSolids),
     /// A leaf's mesh.
-    Mesh(Box<PackedMesh>),
+    Mesh(Box<PackedMesh>, MeshSolids),
 }
 
 impl PackedTile {
+    /// Packs a decoded V-BlockMap.
+    pub fn node(map: &BlockMap) -> Self {
+        Self::Node(Box::new(PackedNode::new(map)), ColumnSolids::new(map))
+    }
+
+    /// Packs a decoded mesh with its texture. Fails if it cannot be drawn.
+    pub fn mesh(mesh: &Mesh, texture: Option<&MeshTexture>) -> Result<Self, PackError> {
+        Ok(Self::Mesh(Box::new(PackedMesh::new(mesh, texture)?), MeshSolids::new(mesh)))
+    }
+
     /// Content of its pages.
     pub fn pages(&self) -> &[Page] {
         match self {
-            Self::Node(node) => &node.pages,
-            Self::Mesh(mesh) => &mesh.pages,
+            Self::Node(node, _) => &node.pages,
+            Self::Mesh(mesh, _) => &mesh.pages,
         }
     }
 }
@@ -159,16 +172,32 @@ impl AtlasCache {
     /// A node's V-BlockMap, if it is resident.
     pub fn get(&self, id: TileId) -> Option<&CachedNode> {
         match &self.entries.peek(&TileKey::block_map(id))?.item {
-            CacheItem::Node(node) => Some(node),
-            CacheItem::Mesh(_) => None,
+            CacheItem::Node(node, _) => Some(node),
+            CacheItem::Mesh(..) => None,
         }
     }
 
     /// A level of detail of a leaf's mesh, if it is resident.
     pub fn mesh(&self, id: TileId, lod: u8) -> Option<&CachedMesh> {
         match &self.entries.peek(&TileKey::mesh(id, lod))?.item {
-            CacheItem::Mesh(mesh) => Some(mesh),
-            CacheItem::Node(_) => None,
+            CacheItem::Mesh(mesh, _) => Some(mesh),
+            CacheItem::Node(..) => None,
+        }
+    }
+
+    /// The shapes of a node's columns, if its V-BlockMap is resident.
+    pub(crate) fn column_solids(&self, id: TileId) -> Option<&ColumnSolids> {
+        match &self.entries.peek(&TileKey::block_map(id))?.item {
+            CacheItem::Node(_, solids) => Some(solids),
+            CacheItem::Mesh(..) => None,
+        }
+    }
+
+    /// The shapes of a level of detail of a leaf's mesh, if it is resident.
+    pub(crate) fn mesh_solids(&self, id: TileId, lod: u8) -> Option<&MeshSolids> {
+        match &self.entries.peek(&TileKey::mesh(id, lod))?.item {
+            CacheItem::Mesh(_, solids) => Some(solids),
+            CacheItem::Node(..) => None,
         }
     }
 
@@ -176,7 +205,7 @@ impl AtlasCache {
     pub fn insert(&mut self, key: TileKey, packed: PackedTile, upload: &mut impl Upload) -> InsertResult {
         self.remove(key);
         let needed_pages = packed.pages().len() as u32;
-        let needed_slots = u32::from(matches!(packed, PackedTile::Node(_)));
+        let needed_slots = u32::from(matches!(packed, PackedTile::Node(..)));
         let mut evicted = Vec::new();
         while self.pages.free() < needed_pages || self.slots.free() < needed_slots {
             match self.evict() {
@@ -189,8 +218,10 @@ impl AtlasCache {
         };
         let slot = slot.first().copied();
         let item = match packed {
-            PackedTile::Node(node) => CacheItem::Node(upload_node(*node, &pages, slot.unwrap_or(0), upload)),
-            PackedTile::Mesh(mesh) => CacheItem::Mesh(upload_mesh(*mesh, &pages, upload)),
+            PackedTile::Node(node, solids) => {
+                CacheItem::Node(upload_node(*node, &pages, slot.unwrap_or(0), upload), solids)
+            }
+            PackedTile::Mesh(mesh, solids) => CacheItem::Mesh(upload_mesh(*mesh, &pages, upload), solids),
         };
         self.entries.put(key, CacheEntry { item, pages, slot, last_frame: self.frame });
         self.peak_pages = self.peak_pages.max(self.pages.used());

@@ -59,9 +59,9 @@ fn mesh(pages: u32) -> PackedTile {
         triangles: vec![[0, 1, 2]],
         attributes: vec![colour],
     };
-    let mut packed = PackedMesh::new(&triangle, None).unwrap();
+    let PackedTile::Mesh(mut packed, solids) = PackedTile::mesh(&triangle, None).unwrap() else { panic!() };
     packed.pages.resize(pages as usize, vec![0; PAGE_WORDS].into());
-    PackedTile::Mesh(Box::new(packed))
+    PackedTile::Mesh(packed, solids)
 }
 
 /// A V-BlockMap of `PLANES + strip_pages` pages whose roofs have `mark` as their colour.
@@ -75,7 +75,7 @@ fn node(mark: u8, strip_pages: usize) -> PackedTile {
     }
     columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..MapColumn::default() });
     let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap();
-    PackedTile::Node(Box::new(PackedNode::new(&map)))
+    PackedTile::node(&map)
 }
 
 fn read_mark(cache: &AtlasCache, atlas: &FakeAtlas, key: TileKey) -> Option<u8> {

@@ -85,7 +85,7 @@ impl UploadQueue {
         {
             self.waiting_bytes -= bytes_of(&tile);
             bytes += bytes_of(&tile);
-            let is_mesh = matches!(tile, PackedTile::Mesh(_));
+            let is_mesh = matches!(tile, PackedTile::Mesh(..));
             let (event, evicted) = match cache.insert(key, tile, upload) {
                 InsertResult::Inserted { evicted } => (TileEvent::Upload, evicted),
                 InsertResult::Full { evicted } => (TileEvent::Drop, evicted),

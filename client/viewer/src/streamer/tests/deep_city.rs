@@ -8,7 +8,7 @@ use insula_protocol::{
     blockmap::{COLUMNS, MapColumn},
     subtree::{LEVELS, NodeInfo},
 };
-use insula_shaders::{layout::SUMMARY_WORDS, pack::PackedNode};
+use insula_shaders::layout::SUMMARY_WORDS;
 use std::collections::{HashSet, VecDeque};
 
 const DEPTH: u8 = 20;
@@ -36,10 +36,10 @@ fn subtree(root: TileId) -> Subtree {
     Subtree { nodes, meshes: Vec::new() }
 }
 
-fn block_map() -> Box<PackedNode> {
+fn block_map() -> PackedTile {
     let mut columns = vec![None; COLUMNS];
     columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([9; 3], 0, 3), ..MapColumn::default() });
-    Box::new(PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap()))
+    PackedTile::node(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap())
 }
 
 impl TileFetcher for DeepCityFetcher {
@@ -58,7 +58,7 @@ impl TileFetcher for DeepCityFetcher {
                 self.subtrees += 1;
                 DecodedTile::Subtree(subtree(key.id))
             }
-            _ => DecodedTile::Packed(PackedTile::Node(block_map())),
+            _ => DecodedTile::Packed(block_map()),
         };
         Some(FetchOutcome { key, ticket, is_local: false, duration: Duration::ZERO, result: Ok(tile) })
     }

@@ -1,18 +1,47 @@
-//! Image files of a rendered frame: PNG for colours, PFM for distances and radiances.
+//! Image files of a rendered frame: PNG, JPEG or WebP for colours, PFM for distances and radiances.
+
+mod caption;
+mod picture_format;
+mod picture_notes;
+
+pub use picture_format::{PictureFormat, parse_picture_path};
+pub use picture_notes::PictureNotes;
 
 use crate::error::{ClientError, Result};
+use image::RgbImage;
 use insula_shaders::{cpu::raycast::Pixels, tone::decode_radiance};
 use std::path::Path;
 
-/// Writes the colours as PNG, whatever the extension of `path`. Fails if the file cannot be written.
+/// Writes the colours as PNG without a caption or notes, whatever the extension of `path`. For measurements. Fails if the file
+/// cannot be written.
 pub fn write_png(path: &Path, pixels: &Pixels) -> Result<()> {
-    let rgb: Vec<u8> = pixels.colour.iter().flat_map(|c| [*c as u8, (*c >> 8) as u8, (*c >> 16) as u8]).collect();
-    let failed = |e: &dyn std::fmt::Display| {
-        ClientError::Failed(format!("cannot write {}: {e}: choose another path", path.display()))
-    };
-    let image = image::RgbImage::from_raw(pixels.width_px, pixels.height_px, rgb)
-        .ok_or_else(|| failed(&"the frame has fewer pixels than its size says"))?;
-    image.save_with_format(path, image::ImageFormat::Png).map_err(|e| failed(&e))
+    write_encoded(path, picture_format::encode(PictureFormat::Png, &rgb_image(path, pixels)?, &PictureNotes::default()))
+}
+
+/// Writes the colours in the format of `path`'s extension, with `notes` in the file and, if it is to have one, their caption in
+/// the lower right corner. Fails if the extension is not that of a format, or if the file cannot be written.
+pub fn write_picture(path: &Path, pixels: &Pixels, notes: &PictureNotes) -> Result<()> {
+    let format = PictureFormat::of(path).map_err(ClientError::Usage)?;
+    let mut image = rgb_image(path, pixels)?;
+    if notes.has_caption {
+        caption::draw_caption(&mut image, &notes.credits);
+    }
+    write_encoded(path, picture_format::encode(format, &image, notes))
+}
+
+fn write_encoded(path: &Path, encoded: Result<Vec<u8>, String>) -> Result<()> {
+    let bytes = encoded.map_err(|e| cannot_write(path, &e))?;
+    std::fs::write(path, bytes).map_err(|e| cannot_write(path, &e))
+}
+
+fn cannot_write(path: &Path, reason: &dyn std::fmt::Display) -> ClientError {
+    ClientError::Failed(format!("cannot write {}: {reason}: choose another path", path.display()))
+}
+
+fn rgb_image(path: &Path, pixels: &Pixels) -> Result<RgbImage> {
+    let rgb = pixels.colour.iter().flat_map(|c| [*c as u8, (*c >> 8) as u8, (*c >> 16) as u8]).collect();
+    let image = RgbImage::from_raw(pixels.width_px, pixels.height_px, rgb);
+    image.ok_or_else(|| cannot_write(path, &"the frame has fewer pixels than its size says"))
 }
 
 /// Encodes the distances in metres as little-endian PFM: `Pf`, size, -1.0, then rows from bottom to top.
