@@ -201,8 +201,11 @@ impl CameraControl {
         if down > 0.02 && height_m > 0.0 { (height_m / down).clamp(5.0, 50_000.0) } else { 200.0 }
     }
 
-    /// Moves to `camera`.
+    /// Moves to `camera`. A walk ends, because it might be in the air.
     pub fn set_camera(&mut self, camera: &Camera) {
+        if self.mode == ControlMode::Walk {
+            self.mode = ControlMode::Fly;
+        }
         (self.yaw_rad, self.pitch_rad) = camera.angles();
         self.pitch_rad = self.pitch_rad.clamp(-MAX_PITCH_RAD, MAX_PITCH_RAD);
         (self.position, self.fov_y_rad) = (camera.position, camera.fov_y_rad);

@@ -124,6 +124,8 @@ pub fn panel(ctx: &Context, id: &'static str, align: Align2, offset: [f32; 2], a
             visuals.override_text_color = Some(Color32::from_gray(225));
             // Rails of sliders must be visible over dark scenes.
             visuals.widgets.inactive.bg_fill = Color32::from_gray(105);
+            // Areas offer no more than the size of the last frame.
+            ui.set_max_size(space);
             let area = egui::ScrollArea::both().id_salt(id).max_width(space.x).max_height(space.y);
             area.auto_shrink(true).show(ui, add);
         });

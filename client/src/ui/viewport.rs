@@ -180,6 +180,7 @@ impl Viewport {
             };
             window.surface.present(scene, &layout.shapes)
         })?;
+        tracing::trace!("frame of a new view presented");
         city.session.frame_drawn(&data);
         city.session.record_frame_time(begin.elapsed());
         if let Some(playback) = &mut city.playback {
