@@ -5,18 +5,13 @@ use crate::{
     args::GlobalArgs,
     error::Result,
     image_files::write_png,
+    picture::{self, Settling},
     render::Adapter,
     session::Session,
     stream::{BackgroundFetcher, fetch::Http},
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_viewer::{
-    cache::pages_for,
-    frame::{RenderSettings, STILL_SAMPLES},
-    scene::SceneTree,
-    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
-    sun::Daylight,
-};
+use insula_viewer::{cache::pages_for, frame::STILL_SAMPLES, scene::SceneTree, streamer::FrameRequest, sun::Daylight};
 use std::{
     path::Path,
     sync::Arc,
@@ -50,10 +45,6 @@ pub fn open_session(
     Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)
 }
 
-/// Frames with all their tiles that are drawn until feedback changes nothing. Usually one or two are enough. Nodes at the limit of
-/// visibility can alternate for ever; all of them are resident then.
-const MAX_FULL_FRAMES: u32 = 24;
-
 /// Waits until the frame is settled, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays per pixel, and writes it as PNG.
 /// Fails if the server does not respond or the file cannot be written.
 pub(super) fn render_to_file(
@@ -77,24 +68,5 @@ pub(super) fn render_to_file(
 /// Streams until nothing can improve the frame. Draws frames meanwhile, because their hits decide which tiles are occluded.
 /// Fails if the server does not respond for `timeout`, or if the adapter fails.
 pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
-    let small_px = request.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1));
-    let mut full_frames = 0;
-    loop {
-        session.update(request);
-        session.check(timeout)?;
-        let size_px = if !session.is_fetched() {
-            // A small frame shows well enough what is occluded while tiles are missing.
-            if !session.has_frame() || session.has_feedback(small_px) {
-                session.wait(POLL_INTERVAL);
-                continue;
-            }
-            small_px
-        } else if !session.has_feedback(request.size_px) && full_frames < MAX_FULL_FRAMES {
-            full_frames += 1;
-            request.size_px
-        } else {
-            return Ok(());
-        };
-        session.draw(&FrameRequest { size_px, ..*request }, &RenderSettings::default())?;
-    }
+    picture::settle(session, request, Settling { feedback_px: request.size_px, timeout }, || false)
 }

@@ -107,6 +107,26 @@ impl CameraControl {
         if down > 0.02 && height_m > 0.0 { (height_m / down).clamp(5.0, 50_000.0) } else { 200.0 }
     }
 
+    /// Turns to the left by `angle_rad`: around the pivot when orbiting, else in place.
+    pub fn turn(&mut self, angle_rad: f64) {
+        self.drag(-angle_rad / DRAG_RAD_PER_PX, 0.0);
+    }
+
+    /// Turns to the grid's north, around the pivot when orbiting.
+    pub fn turn_north(&mut self) {
+        self.turn(std::f64::consts::FRAC_PI_2 - self.yaw_rad);
+    }
+
+    /// Moves along the view until what was at the pivot's distance appears `factor` times as large.
+    pub fn approach(&mut self, factor: f64) {
+        if self.mode == ControlMode::Fly {
+            self.pivot_distance_m = self.distance_to_ground_m();
+        }
+        let (forward, before_m) = (self.camera().forward, self.pivot_distance_m);
+        self.pivot_distance_m = (before_m / factor).clamp(2.0, 100_000.0);
+        self.position += forward * (before_m - self.pivot_distance_m);
+    }
+
     /// Moves to `camera`.
     pub fn set_camera(&mut self, camera: &Camera) {
         (self.yaw_rad, self.pitch_rad) = camera.angles();
@@ -233,6 +253,21 @@ mod tests {
         assert!((camera.forward - upwards.forward).length() < 1e-12 && camera.position == upwards.position);
         control.go_to(point);
         assert_eq!(control.camera().position, DVec3::new(700.0, 300.0, 3.0));
+    }
+
+    #[test]
+    fn gestures_turn_around_the_pivot_and_approach_it() {
+        let mut control = control();
+        let distance_m = 100.0 * 2f64.sqrt();
+        control.turn(1.0);
+        let camera = control.camera();
+        assert!((camera.position + camera.forward * distance_m).length() < 1e-6, "{camera:?}");
+        control.turn_north();
+        assert!((control.camera().position - DVec3::new(0.0, -100.0, 100.0)).length() < 1e-6);
+        control.approach(2.0);
+        assert!((control.camera().position - DVec3::new(0.0, -50.0, 50.0)).length() < 1e-6);
+        control.approach(1e-9);
+        assert!((control.camera().position.length() - 1e5).abs() < 1e-3);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use super::{
     overlay,
     path_playback::PathPlayback,
     settings::{UserSettings, is_window_size},
+    touchpad::{GestureMotion, motion_of},
     viewport::Viewport,
     window::ViewerWindow,
 };
@@ -32,7 +33,7 @@ use std::{
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalPosition,
-    event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent},
+    event::{ElementState, KeyEvent, MouseButton, StartCause, WindowEvent},
     event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
     keyboard::PhysicalKey,
     window::WindowId,
@@ -44,8 +45,6 @@ const RECONNECT_AFTER: Duration = Duration::from_secs(2);
 const NOTICE_INTERVAL: Duration = Duration::from_millis(100);
 /// A mouse button that is released within this distance, in pixels, was clicked rather than dragged.
 const CLICK_PX: f64 = 4.0;
-/// Pixels of a touchpad that count as one step of a mouse wheel.
-const PX_PER_WHEEL_STEP: f64 = 40.0;
 
 /// Event from another thread.
 pub enum ViewerEvent {
@@ -265,6 +264,11 @@ impl ViewerApp {
             camera: self.options.camera,
             tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),
             playback: self.options.playback.take(),
+            open_again: Arc::new({
+                let connect = self.connector.connect.clone();
+                move |adapter| Ok((connect()?.open_session)(adapter))
+            }),
+            cache_bytes: self.options.cache_bytes,
         };
         let mut view = CityView::new(setup, &self.settings, width / height.max(1.0));
         if let Some(note) = self.settings_note.take() {
@@ -340,14 +344,12 @@ impl ViewerApp {
                 self.handle_button(*state, is_for_overlay);
             }
             WindowEvent::CursorMoved { position, .. } => self.handle_motion(*position),
-            WindowEvent::MouseWheel { delta, .. } if !is_for_overlay => {
-                city.control.turn_wheel(match delta {
-                    MouseScrollDelta::LineDelta(_, y) => f64::from(*y),
-                    MouseScrollDelta::PixelDelta(at) => at.y / PX_PER_WHEEL_STEP,
-                });
-                city.view_changed(window);
+            WindowEvent::CursorLeft { .. } => city.readout.pointer_moved(None),
+            event => {
+                if let Some(motion) = motion_of(event).filter(|_| !is_for_overlay) {
+                    perform_gesture(city, motion, window);
+                }
             }
-            _ => {}
         }
         false
     }
@@ -372,6 +374,8 @@ impl ViewerApp {
             viewport.city.view_changed(window);
         }
         self.pointer = position;
+        let [width, height] = window.surface.size_px().map(f64::from);
+        viewport.city.readout.pointer_moved(Some([position.x / width, position.y / height]));
     }
 
     /// Handles a key that is not typed into a field. Returns whether to quit.
@@ -389,7 +393,13 @@ impl ViewerApp {
         }
         match action {
             _ if !is_pressed => {}
-            KeyAction::Quit => return true,
+            KeyAction::Quit => {
+                let Some(viewport) = &mut self.viewport else { return true };
+                if !viewport.city.end_innermost() {
+                    return true;
+                }
+                viewport.city.view_changed(window);
+            }
             KeyAction::ToggleFullScreen => window.set_full_screen(!window.is_full_screen()),
             action => {
                 if let Some(viewport) = &mut self.viewport {
@@ -405,5 +415,15 @@ impl ViewerApp {
 fn hold_key(city: &mut CityView, direction: MoveDirection, is_pressed: bool, window: &ViewerWindow) {
     city.pacer.movement_began(Instant::now());
     city.control.set_held(direction, is_pressed);
+    city.view_changed(window);
+}
+
+fn perform_gesture(city: &mut CityView, motion: GestureMotion, window: &ViewerWindow) {
+    match motion {
+        GestureMotion::Wheel(steps) => city.control.turn_wheel(steps),
+        GestureMotion::Drag(dx_px, dy_px) => city.control.drag(dx_px, dy_px),
+        GestureMotion::Approach(factor) => city.control.approach(factor),
+        GestureMotion::Turn(angle_rad) => city.control.turn(angle_rad),
+    }
     city.view_changed(window);
 }
