@@ -358,7 +358,7 @@ impl ViewerApp {
         let (Some(window), Some(viewport)) = (&self.window, &mut self.viewport) else { return };
         let moved_px = self.drag_px.take();
         if state == ElementState::Pressed {
-            self.drag_px = (!is_for_overlay).then_some(0.0);
+            self.drag_px = (!is_for_overlay && !window.is_over_panel(self.pointer)).then_some(0.0);
         } else if moved_px.is_some_and(|px| px < CLICK_PX) {
             let [width, height] = window.surface.size_px().map(f64::from);
             viewport.city.click(self.pointer.x / width, self.pointer.y / height, window);

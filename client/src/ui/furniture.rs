@@ -1,7 +1,10 @@
 //! The panel that is always there: compass, scale bar, coordinates, and what is being loaded.
 
 use super::{compass, overlay::panel, scale_bar};
-use egui::{Align2, Color32, Context, RichText};
+use egui::{Align2, Context, Label, RichText};
+
+/// Width of the texts, in points: that of coordinates in metres.
+const MIN_WIDTH: f32 = 290.0;
 
 /// What the panel shows.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -26,12 +29,14 @@ pub fn show(ctx: &Context, content: &Furniture) -> bool {
             ui.vertical(|ui| {
                 let place = if content.has_pointer { "at the pointer" } else { "in the middle" };
                 scale_bar::show(ui, content.metres_per_point, place);
-                ui.label(RichText::new(content.coordinates.as_deref().unwrap_or_default()).size(12.5));
+                // Both lines are always there, so that the panel keeps its size.
+                let works = content.works.join("; ");
+                for text in [content.coordinates.as_deref().unwrap_or_default(), &works] {
+                    ui.add(Label::new(RichText::new(text).size(12.5)).extend());
+                }
+                ui.set_min_width(MIN_WIDTH);
             });
         });
-        for work in &content.works {
-            ui.label(RichText::new(work).size(12.5).color(Color32::WHITE));
-        }
     });
     is_clicked
 }

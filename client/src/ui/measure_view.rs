@@ -6,7 +6,7 @@ use super::{
     projection::{project, project_line},
     units::length_text,
 };
-use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, Ui, vec2};
+use egui::{Align2, Color32, Label, Painter, Pos2, Rect, Stroke, Ui, vec2};
 use insula_viewer::camera::View;
 
 const COLOUR: Color32 = Color32::from_rgb(255, 214, 90);
@@ -62,5 +62,6 @@ pub fn show(ui: &mut Ui, tool: &mut MeasureTool) {
             tool.toggle();
         }
     });
-    ui.label(tool.text().unwrap_or_default());
+    // The total and the last part have a line each.
+    ui.add(Label::new(tool.text().unwrap_or_default().replace("; ", "\n")).extend());
 }
