@@ -5,8 +5,8 @@
 //! ([`commands`]). The modules depend on each other in one direction only:
 //!
 //! ```text
-//! commands -> ui -> session -> report -> render -> error
-//!                           -> stream -----------> error
+//! commands -> ui -> picture -> session -> report -> render -> error
+//!                                      -> stream -----------> error
 //! ```
 //!
 //! Only `stream` uses the network. Only `render` and `ui` name wgpu.
@@ -16,6 +16,7 @@ pub mod camera_files;
 pub mod commands;
 pub mod error;
 pub mod image_files;
+pub mod picture;
 pub mod render;
 pub mod report;
 pub mod session;

@@ -318,11 +318,11 @@ fn toggle_full_screen_and_bookmark(client: &mut Client) -> Result<()> {
 fn measure_and_record(client: &mut Client) -> Result<()> {
     client.key("m")?;
     client.click(300, 240, "1")?;
-    client.wait_for_line("click a second point", 0)?;
+    client.wait_for_line("click the next point", 0)?;
     client.click(420, 290, "1")?;
-    let apart = client.wait_for_line("m apart", 0)?;
-    let metres: f64 = apart.split("measure: ").nth(1).and_then(|t| t.split(' ').next()).context("metres")?.parse()?;
-    ensure!((5.0..3000.0).contains(&metres), "{apart}");
+    let long = client.wait_for_line("m long", 0)?;
+    let metres: f64 = long.split("measure: ").nth(1).and_then(|t| t.split(' ').next()).context("metres")?.parse()?;
+    ensure!((5.0..3000.0).contains(&metres), "{long}");
     client.screenshot("7-measured")?;
     client.key("m")?;
     client.key("r")?;

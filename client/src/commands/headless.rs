@@ -5,19 +5,14 @@ use crate::{
     args::GlobalArgs,
     error::Result,
     image_files::{PictureNotes, write_picture},
+    picture::{self, Settling},
     render::Adapter,
     session::Session,
     stream::{BackgroundFetcher, fetch::Http},
     ui::view_link::format_link,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_viewer::{
-    cache::pages_for,
-    frame::{RenderSettings, STILL_SAMPLES},
-    scene::SceneTree,
-    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
-    sun::Daylight,
-};
+use insula_viewer::{cache::pages_for, frame::STILL_SAMPLES, scene::SceneTree, streamer::FrameRequest, sun::Daylight};
 use std::{
     path::Path,
     sync::Arc,
@@ -59,10 +54,6 @@ pub(super) struct PictureFile<'a> {
     pub(super) has_caption: bool,
 }
 
-/// Frames with all their tiles that are drawn until feedback changes nothing. Usually one or two are enough. Nodes at the limit of
-/// visibility can alternate for ever; all of them are resident then.
-const MAX_FULL_FRAMES: u32 = 24;
-
 /// Waits until the frame is settled, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays per pixel, and writes it with
 /// its sources. The returned pixels have no caption. Fails if the server does not respond or the file cannot be written.
 pub(super) fn render_to_file(
@@ -87,24 +78,5 @@ pub(super) fn render_to_file(
 /// Streams until nothing can improve the frame. Draws frames meanwhile, because their hits decide which tiles are occluded.
 /// Fails if the server does not respond for `timeout`, or if the adapter fails.
 pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
-    let small_px = request.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1));
-    let mut full_frames = 0;
-    loop {
-        session.update(request);
-        session.check(timeout)?;
-        let size_px = if !session.is_fetched() {
-            // A small frame shows well enough what is occluded while tiles are missing.
-            if !session.has_frame() || session.has_feedback(small_px) {
-                session.wait(POLL_INTERVAL);
-                continue;
-            }
-            small_px
-        } else if !session.has_feedback(request.size_px) && full_frames < MAX_FULL_FRAMES {
-            full_frames += 1;
-            request.size_px
-        } else {
-            return Ok(());
-        };
-        session.draw(&FrameRequest { size_px, ..*request }, &RenderSettings::default())?;
-    }
+    picture::settle(session, request, Settling { feedback_px: request.size_px, timeout }, || false)
 }

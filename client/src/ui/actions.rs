@@ -3,19 +3,14 @@
 use super::{
     bookmarks::ViewAction,
     city_view::CityView,
-    distance_tool::ray_direction,
     key_bindings::KeyAction,
-    path_recording::{PathRecorder, unused_name, write_path},
+    path_recording::{PathRecorder, write_path},
     settings::UserSettings,
     view_link::format_link,
     window::ViewerWindow,
 };
-use crate::image_files::{PictureNotes, write_picture};
 use glam::DVec3;
-use insula_viewer::{
-    camera::CameraFile,
-    frame::{RenderSettings, STILL_SAMPLES},
-};
+use insula_viewer::camera::CameraFile;
 use std::time::Instant;
 
 impl CityView {
@@ -32,20 +27,43 @@ impl CityView {
                 self.show_message(format!("collision {state}"));
             }
             KeyAction::ToggleHelp => display.shows_help = !display.shows_help,
-            KeyAction::SaveImage => self.save_image(window),
+            KeyAction::SaveImage => self.save_picture(window),
             KeyAction::SetShading(shading) => display.shading = shading,
             KeyAction::AddBookmark => self.apply(ViewAction::AddBookmark, window, settings),
             KeyAction::CopyLink => self.apply(ViewAction::CopyLink, window, settings),
             KeyAction::ToggleBookmarks => self.bookmark_panel.is_open = !self.bookmark_panel.is_open,
             KeyAction::ToggleRecording => self.toggle_recording(),
-            KeyAction::ToggleMeasuring => self.distance_tool.toggle(),
+            KeyAction::ToggleMeasuring => self.measure.toggle(),
+            KeyAction::UndoPoint => self.measure.undo(),
+            KeyAction::ToggleDay => self.toggle_day(settings),
             KeyAction::ToggleMap => display.shows_map = !display.shows_map,
+            KeyAction::ToggleSliders => display.shows_sliders = !display.shows_sliders,
             KeyAction::ToggleCounters => display.shows_counters = !display.shows_counters,
             KeyAction::ToggleRayCounts => (self.counts_rays, self.ray_counts) = (!self.counts_rays, None),
             KeyAction::ToggleShadows => self.toggle_shadows(settings),
             KeyAction::Move(_) | KeyAction::Quit | KeyAction::ToggleFullScreen => {}
         }
-        (settings.overlay, settings.minimap) = (self.display.shows_counters, self.display.shows_map);
+        let display = &self.display;
+        (settings.overlay, settings.counters) = (display.shows_sliders, display.shows_counters);
+        settings.minimap = display.shows_map;
+    }
+
+    /// Ends the innermost thing that Escape ends: measuring, then a picture. Returns whether there was one.
+    pub(super) fn end_innermost(&mut self) -> bool {
+        if self.measure.is_active {
+            self.measure.toggle();
+            return true;
+        }
+        let is_drawing = self.picture.take().is_some();
+        if is_drawing {
+            self.show_message("picture cancelled".to_owned());
+        }
+        is_drawing
+    }
+
+    fn toggle_day(&mut self, settings: &mut UserSettings) {
+        self.display.day.toggle(Instant::now());
+        settings.time = Some(self.display.daylight.time_text());
     }
 
     fn toggle_shadows(&mut self, settings: &mut UserSettings) {
@@ -77,6 +95,8 @@ impl CityView {
                 self.control.go_to(DVec3::new(x, y, z.unwrap_or(ground_z_m)));
             }
             ViewAction::CopyLink => self.copy_link(window),
+            ViewAction::NorthUp => self.control.turn_north(),
+            ViewAction::SavePicture => self.save_picture(window),
         }
         window.window.request_redraw();
     }
@@ -101,19 +121,6 @@ impl CityView {
         }
     }
 
-    fn save_image(&mut self, window: &ViewerWindow) {
-        let settings = RenderSettings { samples: STILL_SAMPLES, shading: self.display.shading, ..self.render_settings };
-        let path = unused_name(&std::env::current_dir().unwrap_or_default(), "insula", "png");
-        let request = self.frame_request(window, 1);
-        let link = format_link(&self.address, &request.camera, &self.display.daylight);
-        let notes = PictureNotes::new(self.session.tree().manifest(), link, self.has_captions);
-        let written = self.session.draw(&request, &settings).and_then(|pixels| write_picture(&path, &pixels, &notes));
-        self.show_message(match written {
-            Ok(()) => format!("wrote {}", path.display()),
-            Err(error) => format!("no image saved: {error}"),
-        });
-    }
-
     /// Starts recording the camera's path, or ends the recording and writes it.
     pub(super) fn toggle_recording(&mut self) {
         let (now, camera) = (Instant::now(), self.control.camera());
@@ -126,51 +133,5 @@ impl CityView {
             Ok(file) => format!("wrote {}", file.display()),
             Err(error) => format!("no path saved: {error}"),
         });
-    }
-
-    /// Handles a click at shares of the window's width and height, 0 to 1.
-    pub(super) fn click(&mut self, [x, y]: [f64; 2], window: &ViewerWindow) {
-        if !self.distance_tool.is_active {
-            return;
-        }
-        match self.pick(x, y, window) {
-            Some(point) => {
-                self.distance_tool.add_point(point);
-                tracing::info!("measure: {}", self.distance_tool.text().unwrap_or_default());
-            }
-            None => self.show_message("nothing to measure at this point".to_owned()),
-        }
-        window.window.request_redraw();
-    }
-
-    /// Handles a double click: goes to what is below it.
-    pub(super) fn double_click(&mut self, at: [f64; 2], window: &ViewerWindow) {
-        if self.distance_tool.is_active {
-            return self.click(at, window);
-        }
-        match self.pick(at[0], at[1], window) {
-            Some(point) => self.control.approach(point),
-            None => self.show_message("nothing to go to at this point".to_owned()),
-        }
-        window.window.request_redraw();
-    }
-
-    /// The point of the city below a position of the window. Draws a frame of one pixel there.
-    fn pick(&mut self, x: f64, y: f64, window: &ViewerWindow) -> Option<DVec3> {
-        let request = self.frame_request(window, 1);
-        let view = self.session.view(&request, request.camera);
-        let direction = ray_direction(&view, x, y);
-        let mut data = self.session.frame_data(&request, &RenderSettings { samples: 1, ..self.render_settings });
-        data.frame.forward = direction.as_vec3().to_array();
-        data.frame.right = data.frame.right.map(|v| v / view.width_px as f32);
-        data.frame.up = data.frame.up.map(|v| v / view.height_px as f32);
-        (data.frame.width_px, data.frame.height_px) = (1, 1);
-        let pixels = self.session.adapter_mut().draw(&data).ok()?;
-        let mut distance_m = f64::from(*pixels.distance.first()?);
-        if !distance_m.is_finite() {
-            // Outside of the city, the ground is a plane.
-            distance_m = (self.session.tree().manifest().ground_z_m - request.camera.position.z) / direction.z;
-        }
-        (distance_m > 0.0 && distance_m.is_finite()).then(|| request.camera.position + direction * distance_m)
     }
 }

@@ -21,6 +21,10 @@ pub enum ViewAction {
     GoTo { x: f64, y: f64, z: Option<f64> },
     /// Copy a link to the current view.
     CopyLink,
+    /// Turn to the north.
+    NorthUp,
+    /// Save a picture of the chosen size.
+    SavePicture,
 }
 
 /// State of the panel.

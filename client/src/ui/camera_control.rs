@@ -169,15 +169,6 @@ impl CameraControl {
         self.set_camera(&home);
     }
 
-    /// Turns north up: in place, or around the pivot when orbiting.
-    pub fn turn_north(&mut self) {
-        let pivot = self.pivot();
-        self.yaw_rad = FRAC_PI_2;
-        if self.mode == ControlMode::Orbit {
-            self.orbit(pivot);
-        }
-    }
-
     /// Goes most of the way to `point`, which stays at its place in the view.
     pub fn approach(&mut self, point: DVec3) {
         self.position += (point - self.position) * APPROACH;
@@ -199,6 +190,27 @@ impl CameraControl {
     fn distance_to_ground_m(&self) -> f64 {
         let (height_m, down) = (self.position.z - self.ground_z_m, -self.camera().forward.z);
         if down > 0.02 && height_m > 0.0 { (height_m / down).clamp(5.0, 50_000.0) } else { 200.0 }
+    }
+
+    /// Turns to the left by `angle_rad`: around the pivot when orbiting, else in place.
+    pub fn turn(&mut self, angle_rad: f64) {
+        self.drag(-angle_rad / DRAG_RAD_PER_PX, 0.0);
+    }
+
+    /// Turns to the grid's north, around the pivot when orbiting.
+    pub fn turn_north(&mut self) {
+        self.turn(FRAC_PI_2 - self.yaw_rad);
+    }
+
+    /// Moves along the view until what was at the pivot's distance appears `factor` times as large.
+    pub fn zoom(&mut self, factor: f64) {
+        if self.mode != ControlMode::Orbit {
+            self.pivot_distance_m = self.distance_to_ground_m();
+        }
+        let (forward, before_m) = (self.camera().forward, self.pivot_distance_m);
+        self.pivot_distance_m = (before_m / factor).clamp(2.0, 100_000.0);
+        self.position += forward * (before_m - self.pivot_distance_m);
+        self.checked = self.position;
     }
 
     /// Moves to `camera`. A walk ends, because it might be in the air.
@@ -417,6 +429,21 @@ mod tests {
         assert!((camera.forward - upwards.forward).length() < 1e-12 && camera.position == upwards.position);
         control.go_to(point);
         assert_eq!(control.camera().position, DVec3::new(700.0, 300.0, 3.0));
+    }
+
+    #[test]
+    fn gestures_turn_around_the_pivot_and_approach_it() {
+        let mut control = control();
+        let distance_m = 100.0 * 2f64.sqrt();
+        control.turn(1.0);
+        let camera = control.camera();
+        assert!((camera.position + camera.forward * distance_m).length() < 1e-6, "{camera:?}");
+        control.turn_north();
+        assert!((control.camera().position - DVec3::new(0.0, -100.0, 100.0)).length() < 1e-6);
+        control.approach(2.0);
+        assert!((control.camera().position - DVec3::new(0.0, -50.0, 50.0)).length() < 1e-6);
+        control.approach(1e-9);
+        assert!((control.camera().position.length() - 1e5).abs() < 1e-3);
     }
 
     #[test]

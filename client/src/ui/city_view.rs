@@ -3,11 +3,15 @@
 use super::{
     bookmarks::BookmarkPanel,
     camera_control::CameraControl,
-    distance_tool::DistanceTool,
+    day_animation::DayAnimation,
     frame_pacing::FramePacer,
+    measure::MeasureTool,
     overlay::{DisplayOptions, MESSAGE_TIME, TimedMessage},
     path_playback::PathPlayback,
     path_recording::PathRecorder,
+    picture_job::{OpenAgainFn, PictureJob},
+    picture_size::PictureSize,
+    pointer_readout::PointerReadout,
     settings::UserSettings,
     window::ViewerWindow,
 };
@@ -30,6 +34,10 @@ pub struct CityViewSetup {
     /// Whether saved images name the city's sources in a corner.
     pub has_captions: bool,
     pub playback: Option<PathPlayback>,
+    /// Opens another session of the city, for pictures.
+    pub open_again: OpenAgainFn,
+    /// Size of the cache.
+    pub cache_bytes: u64,
 }
 
 /// A city in the window.
@@ -43,7 +51,12 @@ pub struct CityView {
     /// Settings for the displayed daylight, with one ray per pixel.
     pub(super) render_settings: RenderSettings,
     pub(super) bookmark_panel: BookmarkPanel,
-    pub(super) distance_tool: DistanceTool,
+    pub(super) measure: MeasureTool,
+    pub(super) readout: PointerReadout,
+    pub(super) open_again: OpenAgainFn,
+    pub(super) cache_bytes: u64,
+    /// The picture that is being drawn.
+    pub(super) picture: Option<PictureJob>,
     pub(super) recorder: Option<PathRecorder>,
     pub(super) playback: Option<PathPlayback>,
     /// Camera of the playback in half a second.
@@ -59,7 +72,17 @@ pub struct CityView {
 impl CityView {
     /// The view of a city that was just connected to. `aspect` is the window's width divided by its height.
     pub fn new(setup: CityViewSetup, settings: &UserSettings, aspect: f64) -> Self {
-        let CityViewSetup { session, address, camera, daylight, tau_px, has_captions, playback } = setup;
+        let CityViewSetup {
+            session,
+            address,
+            camera,
+            daylight,
+            tau_px,
+            has_captions,
+            playback,
+            open_again,
+            cache_bytes,
+        } = setup;
         let manifest = session.tree().manifest();
         let camera = camera.unwrap_or_else(|| Camera::overview(manifest.focus_bounds(), aspect));
         let control = CameraControl::new(&camera, manifest.ground_z_m);
@@ -74,14 +97,21 @@ impl CityView {
                 tau_px,
                 shading: Shading::Lit,
                 daylight,
-                shows_counters: settings.overlay,
+                shows_sliders: settings.overlay,
+                shows_counters: settings.counters,
+                picture: PictureSize::default(),
+                day: DayAnimation::default(),
                 shows_map: settings.minimap,
                 shows_help: false,
                 message: None,
             },
             render_settings: daylight.render_settings(Shading::Lit, 1),
             bookmark_panel: BookmarkPanel::default(),
-            distance_tool: DistanceTool::default(),
+            measure: MeasureTool::default(),
+            readout: PointerReadout::default(),
+            open_again,
+            cache_bytes,
+            picture: None,
             recorder: None,
             playback,
             playback_heading: None,

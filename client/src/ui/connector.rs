@@ -102,6 +102,12 @@ impl Connector {
         });
     }
 
+    /// Connects again to the same city, when called.
+    pub(super) fn connect_again(&self) -> impl Fn() -> Result<ConnectedCity> + Send + Sync + 'static {
+        let (connect, name) = (self.fns.connect.clone(), self.name.clone());
+        move || connect(name.as_deref())
+    }
+
     /// Connects to the city that the user chose.
     pub(super) fn choose(&mut self, name: String) {
         self.has_choice.store(true, Ordering::Relaxed);

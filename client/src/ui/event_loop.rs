@@ -12,6 +12,7 @@ use super::{
     overlay::{self, StartNotice},
     path_playback::PathPlayback,
     settings::{UserSettings, is_window_size},
+    touchpad::{GestureMotion, motion_of},
     viewport::Viewport,
     window::ViewerWindow,
 };
@@ -26,12 +27,13 @@ use insula_viewer::{
 };
 use std::{
     path::PathBuf,
+    sync::Arc,
     time::{Duration, Instant},
 };
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalPosition,
-    event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent},
+    event::{ElementState, KeyEvent, MouseButton, StartCause, WindowEvent},
     event_loop::{ActiveEventLoop, ControlFlow, EventLoop},
     keyboard::PhysicalKey,
     window::WindowId,
@@ -43,8 +45,6 @@ const DOUBLE_CLICK: Duration = Duration::from_millis(400);
 const NOTICE_INTERVAL: Duration = Duration::from_millis(100);
 /// A mouse button that is released within this distance, in pixels, was clicked rather than dragged.
 const CLICK_PX: f64 = 4.0;
-/// Pixels of a touchpad that count as one step of a mouse wheel.
-const PX_PER_WHEEL_STEP: f64 = 40.0;
 
 /// Initial state of the window. `None` takes the user's settings.
 pub struct WindowOptions {
@@ -248,6 +248,11 @@ impl ViewerApp {
             tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),
             has_captions: self.options.has_captions,
             playback: self.options.playback.take(),
+            open_again: Arc::new({
+                let connect = self.connector.connect_again();
+                move |adapter| Ok((connect()?.open_session)(adapter))
+            }),
+            cache_bytes: self.options.cache_bytes,
         };
         let mut view = CityView::new(setup, &self.settings, width / height.max(1.0));
         if let Some(note) = self.settings_note.take() {
@@ -341,14 +346,12 @@ impl ViewerApp {
                 self.handle_button(*state, is_for_overlay);
             }
             WindowEvent::CursorMoved { position, .. } => self.handle_motion(*position),
-            WindowEvent::MouseWheel { delta, .. } if !is_for_overlay => {
-                city.control.turn_wheel(match delta {
-                    MouseScrollDelta::LineDelta(_, y) => f64::from(*y),
-                    MouseScrollDelta::PixelDelta(at) => at.y / PX_PER_WHEEL_STEP,
-                });
-                window.window.request_redraw();
+            WindowEvent::CursorLeft { .. } => city.readout.pointer_moved(None),
+            event => {
+                if let Some(motion) = motion_of(event).filter(|_| !is_for_overlay) {
+                    perform_gesture(city, motion, window);
+                }
             }
-            _ => {}
         }
         false
     }
@@ -357,7 +360,7 @@ impl ViewerApp {
         let (Some(window), Some(viewport)) = (&self.window, &mut self.viewport) else { return };
         let moved_px = self.drag_px.take();
         if state == ElementState::Pressed {
-            self.drag_px = (!is_for_overlay).then_some(0.0);
+            self.drag_px = (!is_for_overlay && !window.is_over_panel(self.pointer)).then_some(0.0);
         } else if moved_px.is_some_and(|px| px < CLICK_PX) {
             let [width, height] = window.surface.size_px().map(f64::from);
             let at = [self.pointer.x / width, self.pointer.y / height];
@@ -385,6 +388,8 @@ impl ViewerApp {
             window.window.request_redraw();
         }
         self.pointer = position;
+        let [width, height] = window.surface.size_px().map(f64::from);
+        viewport.city.readout.pointer_moved(Some([position.x / width, position.y / height]));
     }
 
     /// Handles a key that is not typed into a field. Returns whether to quit.
@@ -402,7 +407,13 @@ impl ViewerApp {
         }
         match action {
             _ if !is_pressed => {}
-            KeyAction::Quit => return true,
+            KeyAction::Quit => {
+                let Some(viewport) = &mut self.viewport else { return true };
+                if !viewport.city.end_innermost() {
+                    return true;
+                }
+                window.window.request_redraw();
+            }
             KeyAction::ToggleFullScreen => window.set_full_screen(!window.is_full_screen()),
             action => {
                 if let Some(viewport) = &mut self.viewport {
@@ -417,5 +428,15 @@ impl ViewerApp {
 
 fn hold_key(city: &mut CityView, direction: MoveDirection, is_pressed: bool, window: &ViewerWindow) {
     city.control.set_held(direction, is_pressed, Instant::now());
+    window.window.request_redraw();
+}
+
+fn perform_gesture(city: &mut CityView, motion: GestureMotion, window: &ViewerWindow) {
+    match motion {
+        GestureMotion::Wheel(steps) => city.control.turn_wheel(steps),
+        GestureMotion::Drag(dx_px, dy_px) => city.control.drag(dx_px, dy_px),
+        GestureMotion::Approach(factor) => city.control.zoom(factor),
+        GestureMotion::Turn(angle_rad) => city.control.turn(angle_rad),
+    }
     window.window.request_redraw();
 }

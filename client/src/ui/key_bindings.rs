@@ -28,10 +28,16 @@ pub enum KeyAction {
     CopyLink,
     /// Start or stop recording a camera path.
     ToggleRecording,
-    /// Start or stop measuring distances.
+    /// Start or stop measuring.
     ToggleMeasuring,
+    /// Remove the last measured point.
+    UndoPoint,
+    /// Run or pause the time of day.
+    ToggleDay,
     ToggleMap,
-    /// Show or hide counters and sliders.
+    /// Show or hide the sliders.
+    ToggleSliders,
+    /// Show or hide the developer counters.
     ToggleCounters,
     /// Start or stop counting ray steps.
     ToggleRayCounts,
@@ -39,11 +45,12 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 22] = [
+pub const HELP: [(&str, &str); 26] = [
     ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
     ("wheel", "speed (fly mode), distance (orbit mode)"),
+    ("touchpad", "two fingers: like the wheel, or turn; pinch: closer; rotate: turn"),
     ("double click", "go to this place"),
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
@@ -52,16 +59,19 @@ pub const HELP: [(&str, &str); 22] = [
     ("B", "bookmark this view"),
     ("V", "bookmarks and coordinates"),
     ("C", "copy a link to this view"),
-    ("M", "measure between two clicks"),
+    ("M", "measure lines, areas and heights by clicks"),
+    ("Backspace, Ctrl Z", "remove the last measured point"),
     ("N", "map; click it to go there"),
     ("R", "start or stop recording a path for insula fly"),
-    ("P", "save an image in the current folder"),
-    ("O", "counters and sliders"),
+    ("P", "save a picture in the current folder, at the size of panel O"),
+    ("O", "panel of light, detail and pictures"),
+    ("T", "run or pause the time of day"),
+    ("I", "developer counters"),
     ("L", "sun shadows on or off"),
     ("K", "count ray steps when the view rests"),
     ("F11", "full screen"),
     ("F1", "this help"),
-    ("Esc", "quit"),
+    ("Esc", "end measuring, cancel a picture, quit"),
 ];
 
 /// The action of a key, if it has one.
@@ -87,7 +97,10 @@ pub fn action_of(code: KeyCode) -> Option<KeyAction> {
         KeyCode::KeyR => KeyAction::ToggleRecording,
         KeyCode::KeyM => KeyAction::ToggleMeasuring,
         KeyCode::KeyN => KeyAction::ToggleMap,
-        KeyCode::KeyO => KeyAction::ToggleCounters,
+        KeyCode::Backspace | KeyCode::KeyZ => KeyAction::UndoPoint,
+        KeyCode::KeyT => KeyAction::ToggleDay,
+        KeyCode::KeyO => KeyAction::ToggleSliders,
+        KeyCode::KeyI => KeyAction::ToggleCounters,
         KeyCode::KeyK => KeyAction::ToggleRayCounts,
         KeyCode::KeyL => KeyAction::ToggleShadows,
         KeyCode::Digit1 | KeyCode::F2 => KeyAction::SetShading(Shading::ALL[0]),

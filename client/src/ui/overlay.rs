@@ -1,8 +1,11 @@
-//! Panels over the frame: counters, sliders, help, messages, attribution.
+//! Panels over the frame: sliders, counters, help, messages, attribution.
 
 use super::{
+    bookmarks::ViewAction,
     camera_control::{CameraControl, ControlMode},
+    day_animation::{DAY_SECS, DayAnimation},
     key_bindings::HELP,
+    picture_size::PictureSize,
     process_memory::resident_bytes,
 };
 use crate::session::Session;
@@ -26,7 +29,12 @@ pub struct DisplayOptions {
     pub tau_px: f64,
     pub shading: Shading,
     pub daylight: Daylight,
+    /// Whether the panel of light, detail and pictures is shown.
+    pub shows_sliders: bool,
+    /// Whether that panel has the developer counters.
     pub shows_counters: bool,
+    pub picture: PictureSize,
+    pub day: DayAnimation,
     pub shows_map: bool,
     pub shows_help: bool,
     pub message: Option<TimedMessage>,
@@ -97,10 +105,11 @@ impl OverlayTexts {
     }
 }
 
-/// Lays out counters, attribution, help and message. The user may change `options`.
-pub fn show(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) {
-    if options.shows_counters {
-        counter_panel(ctx, texts, options);
+/// Lays out sliders, counters, attribution, help and message. The user may change `options`. Returns what else the user asked for.
+pub fn show(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) -> Option<ViewAction> {
+    let mut action = None;
+    if options.shows_sliders {
+        action = slider_panel(ctx, texts, options);
     }
     attribution_panel(ctx, &texts.attribution);
     if options.shows_help {
@@ -112,6 +121,7 @@ pub fn show(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) {
             ui.label(RichText::new(&message.text).color(Color32::WHITE));
         });
     }
+    action
 }
 
 /// A dark panel at an edge of the window. In a small window, it scrolls.
@@ -168,20 +178,40 @@ pub fn notice(ctx: &Context, text: &str, is_error: bool) {
     });
 }
 
-fn counter_panel(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) {
+fn slider_panel(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) -> Option<ViewAction> {
+    let mut action = None;
     panel(ctx, "counters", Align2::LEFT_TOP, [10.0, 10.0], |ui| {
         ui.label(RichText::new(&texts.title).strong().color(Color32::WHITE));
-        egui::Grid::new("numbers").num_columns(2).spacing([10.0, 2.0]).show(ui, |ui| {
-            for (name, value) in &texts.counters {
-                ui.label(RichText::new(*name).color(Color32::from_gray(160)));
-                ui.label(value);
-                ui.end_row();
-            }
-        });
+        if options.shows_counters {
+            counter_grid(ui, &texts.counters);
+        }
         let slider = egui::Slider::new(&mut options.tau_px, 0.5..=16.0).logarithmic(true).text("tau, px");
         ui.add(slider.fixed_decimals(1));
         sun_sliders(ui, &mut options.daylight);
+        day_row(ui, &mut options.day);
+        action = options.picture.show(ui).then_some(ViewAction::SavePicture);
         ui.label(RichText::new(format!("{}   F1: help", options.shading.word())).color(Color32::from_gray(160)));
+    });
+    action
+}
+
+fn counter_grid(ui: &mut Ui, counters: &[(&'static str, String)]) {
+    egui::Grid::new("numbers").num_columns(2).spacing([10.0, 2.0]).show(ui, |ui| {
+        for (name, value) in counters {
+            ui.label(RichText::new(*name).color(Color32::from_gray(160)));
+            ui.label(value);
+            ui.end_row();
+        }
+    });
+}
+
+/// Runs or pauses the day, and sets how long it takes.
+fn day_row(ui: &mut Ui, day: &mut DayAnimation) {
+    ui.horizontal(|ui| {
+        if ui.button(if day.is_running() { "Pause" } else { "Run the day" }).on_hover_text("T").clicked() {
+            day.toggle(Instant::now());
+        }
+        ui.add(egui::DragValue::new(&mut day.day_secs).range(DAY_SECS).speed(0.5).fixed_decimals(0).suffix(" s"));
     });
 }
 

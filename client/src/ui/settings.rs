@@ -39,8 +39,10 @@ pub struct UserSettings {
     pub time: Option<String>,
     /// Whether the sun casts shadows.
     pub shadows: bool,
-    /// Whether the counters are shown.
+    /// Whether the panel of light and detail is shown.
     pub overlay: bool,
+    /// Whether it has the developer counters.
+    pub counters: bool,
     /// Whether the map is shown.
     pub minimap: bool,
     /// Bookmarks of each city, by its name.
@@ -56,6 +58,7 @@ impl Default for UserSettings {
             time: None,
             shadows: true,
             overlay: true,
+            counters: false,
             minimap: true,
             bookmarks: BTreeMap::new(),
         }

@@ -20,6 +20,28 @@ pub enum StreamStatus {
     Failed,
 }
 
+/// What is being loaded, for a number of missing tiles; `None` without any.
+pub fn loading_text(missing: usize) -> Option<String> {
+    match missing {
+        0 => None,
+        1 => Some("loading 1 tile".to_owned()),
+        _ => Some(format!("loading {missing} tiles")),
+    }
+}
+
+/// The error of a request in plain words. Unknown errors stay as they are.
+fn plain_words(error: &str) -> &str {
+    const CAUSES: [(&[&str], &str); 4] = [
+        (&["refused"], "it refuses connections, perhaps it does not run"),
+        (&["timed out", "timeout"], "no answer in time"),
+        (&["dns error", "failed to lookup", "name resolution"], "its name is unknown, or there is no network"),
+        (&["unreachable", "reset by peer", "closed before"], "the connection was lost"),
+    ];
+    let lower = error.to_lowercase();
+    let known = CAUSES.iter().find(|(signs, _)| signs.iter().any(|sign| lower.contains(sign)));
+    known.map_or(error, |(_, words)| words)
+}
+
 impl StreamStatus {
     /// Status of a session after its last selection.
     pub fn of(session: &Session) -> Self {
@@ -40,10 +62,25 @@ impl StreamStatus {
             Self::Loading => Some(format!("loading {}", session.tree().manifest().name)),
             Self::Reconnecting => {
                 let secs = session.failing_for().map_or(0, |time| time.as_secs());
-                let error = session.downloads().last_error();
-                Some(format!("reconnecting: the server has not responded for {secs} s ({error}); retrying"))
+                let error = printable(plain_words(session.downloads().last_error()));
+                Some(format!("reconnecting: the server has not answered for {secs} s ({error}); trying again"))
             }
             Self::Failed => session.check(Duration::MAX).err().map(|error| printable(&error.to_string()).into_owned()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_plain_words() {
+        assert_eq!(loading_text(0), None);
+        assert_eq!(loading_text(1).unwrap(), "loading 1 tile");
+        assert_eq!(loading_text(14).unwrap(), "loading 14 tiles");
+        assert!(plain_words("tcp connect error: Connection refused (os error 111)").contains("does not run"));
+        assert_eq!(plain_words("operation timed out"), "no answer in time");
+        assert_eq!(plain_words("status 503"), "status 503");
     }
 }

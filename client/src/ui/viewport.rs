@@ -4,10 +4,12 @@ use super::{
     bookmarks::ViewAction,
     city_view::CityView,
     frame_pacing::{FrameDetail, FrameTime},
-    minimap,
+    furniture::{self, Furniture},
+    measure_view, minimap,
     overlay::{self, DisplayOptions, OverlayTexts, panel},
+    picture_job::PictureJob,
     settings::UserSettings,
-    stream_status::StreamStatus,
+    stream_status::{StreamStatus, loading_text},
     window::{OverlayLayout, ViewerWindow},
     window_surface::{SceneFrame, color_image},
 };
@@ -17,6 +19,7 @@ use insula_shaders::{cpu::raycast::RenderedRows, layout::Shading};
 use insula_viewer::{
     camera::Camera,
     frame::{FrameData, RenderSettings},
+    select::priority::PriorityGroup,
     sun::Daylight,
 };
 use std::time::{Duration, Instant};
@@ -24,6 +27,9 @@ use winit::event_loop::ControlFlow;
 
 /// Shortest interval between two frames that are drawn only to check for progress.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Offset of panels above the one of [`furniture`], in points.
+const ABOVE_FURNITURE: f32 = -110.0;
 
 /// A [`CityView`] and its frame loop.
 pub struct Viewport {
@@ -223,6 +229,9 @@ impl Viewport {
     /// Moves the camera. Returns `false` at the end of a playback.
     fn advance(&mut self, now: Instant) -> bool {
         let city = &mut self.city;
+        if city.display.day.advance(&mut city.display.daylight, now) {
+            city.render_settings = city.display.daylight.render_settings(Shading::Lit, 1);
+        }
         if let Some(playback) = &mut city.playback {
             let Some(cameras) = playback.cameras(now) else {
                 println!("{}", playback.summary());
@@ -286,10 +295,12 @@ impl Viewport {
     }
 
     fn lay_out(&mut self, window: &mut ViewerWindow, settings: &mut UserSettings) -> OverlayLayout {
+        self.city.check_picture(window);
+        self.city.sample_pointer(window);
         let request = self.city.frame_request(window, 1);
         let frame_time = self.city.pacer.frame_time();
-        let CityView { session, control, display, bookmark_panel, distance_tool, recorder, ray_counts, .. } =
-            &mut self.city;
+        let furniture = self.furniture(window);
+        let CityView { session, control, display, bookmark_panel, measure, recorder, ray_counts, .. } = &mut self.city;
         let texts = OverlayTexts::new(session, frame_time, control, *ray_counts);
         let status_text = self.status.text(session);
         let is_error = self.status != StreamStatus::Loading;
@@ -300,8 +311,11 @@ impl Viewport {
         let recording = recorder.as_ref().map(|recorder| format!("recording, {:.0} s", recorder.secs(Instant::now())));
         let mut action = None;
         let layout = window.lay_out(|ctx| {
-            distance_tool.paint(&ctx.layer_painter(egui::LayerId::background()), &view, ctx.content_rect());
-            overlay::show(ctx, &texts, display);
+            measure_view::paint(measure, &ctx.layer_painter(egui::LayerId::background()), &view, ctx.content_rect());
+            action = overlay::show(ctx, &texts, display).or(action);
+            if furniture::show(ctx, &furniture) {
+                action = Some(ViewAction::NorthUp);
+            }
             if let Some(text) = &status_text {
                 overlay::notice(ctx, text, is_error);
             }
@@ -312,11 +326,15 @@ impl Viewport {
                 });
             }
             if bookmark_panel.is_open {
-                panel(ctx, "bookmarks", Align2::LEFT_BOTTOM, [10.0, -10.0], |ui| {
+                panel(ctx, "bookmarks", Align2::LEFT_BOTTOM, [10.0, ABOVE_FURNITURE], |ui| {
                     action = bookmark_panel.show(ui, bookmarks, manifest).or(action);
                 });
             }
-            if let Some(text) = distance_tool.text().or_else(|| recording.clone()) {
+            if measure.is_active {
+                panel(ctx, "measure", Align2::CENTER_BOTTOM, [0.0, ABOVE_FURNITURE], |ui| {
+                    measure_view::show(ui, measure)
+                });
+            } else if let Some(text) = &recording {
                 panel(ctx, "tool", Align2::CENTER_BOTTOM, [0.0, -12.0], |ui| {
                     ui.label(text);
                 });
@@ -326,6 +344,21 @@ impl Viewport {
             self.city.apply(action, window, settings);
         }
         layout
+    }
+
+    /// Content of the panel that is always there.
+    fn furniture(&self, window: &ViewerWindow) -> Furniture {
+        let CityView { session, control, readout, picture, .. } = &self.city;
+        let pixels_per_point = f64::from(window.egui.pixels_per_point());
+        let wanted = session.selection().requests.iter();
+        let missing = wanted.filter(|request| request.group != PriorityGroup::Preload).count();
+        Furniture {
+            yaw_rad: control.camera().angles().0,
+            metres_per_point: readout.metres_per_px().map(|metres| metres * pixels_per_point),
+            has_pointer: readout.has_pointer(),
+            coordinates: readout.text(session.tree().manifest().crs.as_deref()),
+            works: loading_text(missing).into_iter().chain(picture.as_ref().map(PictureJob::text)).collect(),
+        }
     }
 
     /// When the next frame is due.
@@ -339,7 +372,7 @@ impl Viewport {
             window.window.request_redraw();
             return ControlFlow::Wait;
         }
-        let CityView { session, pacer, recorder, display, .. } = &self.city;
+        let CityView { session, pacer, recorder, display, control, readout, .. } = &self.city;
         let must_repaint = repaint_after.is_zero() && self.status == StreamStatus::Ready;
         if self.is_moving() || session.has_work() || session.adapter().has_pending_query() || must_repaint {
             window.window.request_redraw();
@@ -354,12 +387,13 @@ impl Viewport {
         };
         let recording_at = recorder.is_some().then(|| now + POLL_INTERVAL);
         let message_at = display.message.as_ref().map(|message| message.until);
-        self.wake_at = [repaint_at, progress_at, recording_at, message_at].into_iter().flatten().min();
+        let readout_at = readout.due_at(&control.camera(), now);
+        self.wake_at = [repaint_at, progress_at, recording_at, message_at, readout_at].into_iter().flatten().min();
         if self.may_prefetch() { ControlFlow::WaitUntil(now) } else { wait_until(self.wake_at) }
     }
 
     fn is_moving(&self) -> bool {
-        self.city.control.is_moving() || self.city.playback.is_some()
+        self.city.control.is_moving() || self.city.playback.is_some() || self.city.display.day.is_running()
     }
 
     /// When to check for tiles that did not arrive. Arrivals wake the loop, but retries have a due time.

@@ -9,7 +9,7 @@ use insula_protocol::text::printable;
 use insula_viewer::cache::pages_for;
 use std::{sync::Arc, time::Duration};
 use winit::{
-    dpi::LogicalSize,
+    dpi::{LogicalSize, PhysicalPosition},
     event::WindowEvent,
     event_loop::ActiveEventLoop,
     window::{Fullscreen, Window},
@@ -72,6 +72,14 @@ impl ViewerWindow {
             self.window.request_redraw();
         }
         response.consumed
+    }
+
+    /// Whether a panel of the last frame covers a position, in pixels. The overlay itself knows of a motion only after the next
+    /// frame, which may be later than a click.
+    pub fn is_over_panel(&self, at: PhysicalPosition<f64>) -> bool {
+        let scale = self.egui.pixels_per_point();
+        let at = egui::pos2(at.x as f32 / scale, at.y as f32 / scale);
+        self.egui.layer_id_at(at).is_some_and(|layer| layer.order != egui::Order::Background)
     }
 
     /// Sets the image below the overlay: the frame of the CPU ray-caster.

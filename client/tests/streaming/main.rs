@@ -7,5 +7,6 @@ mod faults;
 mod fixture_city;
 mod frames;
 mod idle_prefetch;
+mod picture;
 mod test_server;
 mod viewers;

@@ -1,0 +1,68 @@
+//! What lies under a position of the window: for the measuring tool and for the readout of coordinates.
+
+use super::{city_view::CityView, projection::ray_direction, window::ViewerWindow};
+use glam::DVec3;
+use insula_viewer::frame::RenderSettings;
+use std::time::Instant;
+
+impl CityView {
+    /// Handles a click at shares of the window's width and height, 0 to 1.
+    pub(super) fn click(&mut self, [x, y]: [f64; 2], window: &ViewerWindow) {
+        if !self.measure.is_active {
+            return;
+        }
+        match self.pick(x, y, window) {
+            Some(point) if self.measure.add_point(point) => {
+                tracing::info!("measure: {}", self.measure.text().unwrap_or_default());
+            }
+            Some(_) => self.show_message("this figure has too many points: clear it first".to_owned()),
+            None => self.show_message("nothing to measure at this point".to_owned()),
+        }
+        window.window.request_redraw();
+    }
+
+    /// Handles a double click: goes to what is below it.
+    pub(super) fn double_click(&mut self, [x, y]: [f64; 2], window: &ViewerWindow) {
+        if self.measure.is_active {
+            return self.click([x, y], window);
+        }
+        match self.pick(x, y, window) {
+            Some(point) => self.control.approach(point),
+            None => self.show_message("nothing to go to at this point".to_owned()),
+        }
+        window.window.request_redraw();
+    }
+
+    /// Samples the surface under the pointer if that is due. Nothing is sampled while the view moves by itself.
+    pub(super) fn sample_pointer(&mut self, window: &ViewerWindow) {
+        let (now, camera) = (Instant::now(), self.control.camera());
+        if self.control.is_moving() || self.playback.is_some() || self.display.day.is_running() {
+            return;
+        }
+        if let Some([x, y]) = self.readout.due(&camera, now) {
+            let surface = self.pick(x, y, window);
+            let view = self.session.view(&self.frame_request(window, 1), camera);
+            self.readout.sample(&view, surface, now);
+        }
+    }
+
+    /// The point of the city below a position of the window. Draws a frame of one pixel there.
+    fn pick(&mut self, x: f64, y: f64, window: &ViewerWindow) -> Option<DVec3> {
+        let request = self.frame_request(window, 1);
+        let view = self.session.view(&request, request.camera);
+        let direction = ray_direction(&view, x, y);
+        let settings = RenderSettings { samples: 1, shadow_m: 0.0, ..self.render_settings };
+        let mut data = self.session.frame_data(&request, &settings);
+        data.frame.forward = direction.as_vec3().to_array();
+        data.frame.right = data.frame.right.map(|v| v / view.width_px as f32);
+        data.frame.up = data.frame.up.map(|v| v / view.height_px as f32);
+        (data.frame.width_px, data.frame.height_px) = (1, 1);
+        let pixels = self.session.adapter_mut().draw(&data).ok()?;
+        let mut distance_m = f64::from(*pixels.distance.first()?);
+        if !distance_m.is_finite() {
+            // Outside of the city, the ground is a plane.
+            distance_m = (self.session.tree().manifest().ground_z_m - request.camera.position.z) / direction.z;
+        }
+        (distance_m > 0.0 && distance_m.is_finite()).then(|| request.camera.position + direction * distance_m)
+    }
+}
