@@ -6,6 +6,8 @@ use egui::{Align2, Color32, Context, RichText, ScrollArea, TextureHandle, Textur
 use insula_protocol::text::printable;
 use insula_shaders::cpu::raycast::Pixels;
 
+/// Width of the list in points.
+const WIDTH: f32 = 520.0;
 /// Size of a picture in points.
 const PICTURE: [f32; 2] = [160.0, 90.0];
 
@@ -50,6 +52,7 @@ impl CityChooser {
     pub(super) fn show(&self, ctx: &Context) -> Option<String> {
         let mut chosen = None;
         panel(ctx, "chooser", Align2::CENTER_CENTER, [0.0, 0.0], |ui| {
+            ui.set_max_width(WIDTH.min(ctx.content_rect().width() - 52.0));
             ui.label(RichText::new(printable(&self.base)).strong().size(16.0).color(Color32::WHITE));
             ui.label(format!("{} cities: click one to open it", self.choices.len()));
             ui.separator();
@@ -70,6 +73,7 @@ impl CityChoice {
     /// Lays one city out. Returns whether it was clicked.
     fn show(&self, ui: &mut Ui) -> bool {
         let row = ui.scope_builder(egui::UiBuilder::new().sense(egui::Sense::click()), |ui| {
+            ui.set_min_width(ui.available_width());
             ui.horizontal(|ui| {
                 match &self.picture {
                     Some(picture) => ui.image((picture.id(), vec2(PICTURE[0], PICTURE[1]))),
