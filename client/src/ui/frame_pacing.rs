@@ -121,6 +121,11 @@ impl FramePacer {
         ((f64::from(height_px) * share) as u32).clamp(1, height_px.max(1))
     }
 
+    /// Estimated time of a frame with all pixels and one ray per pixel.
+    pub fn full_frame_time(&self) -> Duration {
+        self.full_frame_time
+    }
+
     /// Duration of the last frame.
     pub fn frame_time(&self) -> Duration {
         self.frame_time

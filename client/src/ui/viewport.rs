@@ -186,13 +186,16 @@ impl Viewport {
             };
             window.surface.present(scene, &layout.shapes)
         })?;
-        tracing::trace!("frame of a new view presented");
         city.session.frame_drawn(&data);
         city.session.record_frame_time(begin.elapsed());
         if let Some(playback) = &mut city.playback {
             playback.record_frame_time(begin.elapsed());
         }
         let all = begin.elapsed();
+        tracing::trace!(
+            full_frame_ms = city.pacer.full_frame_time().as_secs_f64() * 1e3,
+            "frame of a new view presented"
+        );
         if city.pacer.end_frame(FrameTime { scene: time.unwrap_or(all), all }, detail, is_presented) {
             self.settled(&data, window);
         }
