@@ -25,7 +25,7 @@ pub struct MeshSolids {
 }
 
 /// A surface that a vertical line crosses.
-struct Crossing {
+struct SurfaceCrossing {
     z: f64,
     /// Whether it is a roof or ground, not a ceiling.
     faces_up: bool,
@@ -45,7 +45,8 @@ impl MeshSolids {
     /// The solids at `p`, metres from the south-west corner, as heights above the city's height zero, from top to bottom.
     pub(super) fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
         let place = (p - self.min_m.xy()) / self.step_m;
-        let mut crossings: Vec<Crossing> = self.triangles.iter().filter_map(|t| self.crossing(t, place)).collect();
+        let mut crossings: Vec<SurfaceCrossing> =
+            self.triangles.iter().filter_map(|t| self.crossing(t, place)).collect();
         crossings.sort_by(|a, b| b.z.total_cmp(&a.z));
         let mut intervals = Vec::new();
         let mut top = None;
@@ -70,7 +71,7 @@ impl MeshSolids {
     }
 
     /// Where a vertical line through a place of the grid crosses a triangle.
-    fn crossing(&self, triangle: &[U16Vec3; 3], place: DVec2) -> Option<Crossing> {
+    fn crossing(&self, triangle: &[U16Vec3; 3], place: DVec2) -> Option<SurfaceCrossing> {
         let [low, high] = [U16Vec3::min, U16Vec3::max].map(|pick| pick(pick(triangle[0], triangle[1]), triangle[2]));
         let is_beside = place.x < f64::from(low.x)
             || place.y < f64::from(low.y)
@@ -89,7 +90,7 @@ impl MeshSolids {
         let v = e1.xy().perp_dot(d) / normal.z;
         let is_within = u >= -EDGE_SLACK && v >= -EDGE_SLACK && u + v <= 1.0 + EDGE_SLACK;
         let z = self.min_m.z + (a.z + e1.z * u + e2.z * v) * self.step_m;
-        is_within.then_some(Crossing { z, faces_up: normal.z > 0.0 })
+        is_within.then_some(SurfaceCrossing { z, faces_up: normal.z > 0.0 })
     }
 
     /// Where the way from `start` along `way` first meets a triangle from either side, from `span[0]` to `span[1]` of it (Möller
