@@ -265,6 +265,7 @@ fn a_user_controls_the_window() -> Result<()> {
 
     toggle_full_screen_and_bookmark(&mut client)?;
     measure_and_record(&mut client)?;
+    save_a_picture(&mut client)?;
     let (link, view) = copy_a_link(&mut client)?;
     stop_and_restart_server(&mut client, server, &city, &address)?;
 
@@ -324,7 +325,8 @@ fn measure_and_record(client: &mut Client) -> Result<()> {
     let metres: f64 = long.split("measure: ").nth(1).and_then(|t| t.split(' ').next()).context("metres")?.parse()?;
     ensure!((5.0..3000.0).contains(&metres), "{long}");
     client.screenshot("7-measured")?;
-    client.key("m")?;
+    // Escape ends measuring, not the program.
+    client.key("Escape")?;
     client.key("r")?;
     client.wait_for_line("recording", 0)?;
     client.hold("d", Duration::from_millis(600))?;
@@ -332,6 +334,15 @@ fn measure_and_record(client: &mut Client) -> Result<()> {
     let wrote = client.wait_for_line("insula-path-0001.json", 0)?;
     let path = insula_client::camera_files::read_path(Path::new(wrote.trim_start_matches("wrote ")))?;
     ensure!(path.seconds > 0.5 && path.keys.len() >= 3, "{path:?}");
+    Ok(())
+}
+
+/// A picture is drawn in the background and written into the current folder.
+fn save_a_picture(client: &mut Client) -> Result<()> {
+    client.key("p")?;
+    let wrote = client.wait_for_line("insula-0001.png", 0)?;
+    let picture = image::open(wrote.trim_start_matches("wrote "))?.to_rgb8();
+    ensure!(picture.dimensions() == (640, 400) && colours(&picture) > 30, "{:?}", picture.dimensions());
     Ok(())
 }
 

@@ -334,9 +334,9 @@ impl Viewport {
                 });
             }
             if measure.is_active {
-                panel(ctx, "measure", Align2::CENTER_BOTTOM, [0.0, ABOVE_FURNITURE], |ui| {
-                    measure_view::show(ui, measure)
-                });
+                let below_notice = if status_text.is_some() { 130.0 } else { 52.0 };
+                let show_tool = |ui: &mut egui::Ui| measure_view::show(ui, measure);
+                panel(ctx, "measure", Align2::CENTER_TOP, [0.0, below_notice], show_tool);
             } else if let Some(text) = &recording {
                 panel(ctx, "tool", Align2::CENTER_BOTTOM, [0.0, -12.0], |ui| {
                     ui.label(text);
