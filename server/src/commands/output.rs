@@ -93,6 +93,11 @@ fn absolute(path: &Path) -> PathBuf {
     }
 }
 
+/// A number with its noun, which gets an `s` unless it is one.
+pub(super) fn count(n: u64, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
 /// Formats a size with a decimal unit, such as `1.5 MB`.
 pub(super) fn human_bytes(bytes: u64) -> String {
     let (mut value, mut unit) = (bytes as f64, "B");
