@@ -49,6 +49,18 @@ pub fn printable_json(json: &str) -> String {
     safe
 }
 
+/// Formats a size with a decimal unit, such as `1.5 MB`.
+pub fn human_bytes(bytes: u64) -> String {
+    let (mut value, mut unit) = (bytes as f64, "B");
+    for larger in ["kB", "MB", "GB", "TB"] {
+        if value < 1000.0 {
+            break;
+        }
+        (value, unit) = (value / 1000.0, larger);
+    }
+    if unit == "B" { format!("{bytes} B") } else { format!("{value:.1} {unit}") }
+}
+
 /// A word of a command line as a shell has to read it: in quotes if it has characters that a shell does not take literally.
 /// Quotes are those of POSIX shells, on Windows those of its command prompt.
 pub fn shell_word(word: &str) -> Cow<'_, str> {

@@ -146,6 +146,9 @@ pub struct BakeArgs {
     /// Bake only what has changed since CITY was baked; the result is the same as that of a full bake
     #[arg(long)]
     pub update: bool,
+    /// Leave out inputs that cannot be read, or of which every object is left out, instead of failing
+    #[arg(long)]
+    pub skip_bad_inputs: bool,
     /// Name in URLs (a-z, 0-9, _ and -) [default: the folder's name]
     #[arg(long, value_parser = parse_name)]
     pub name: Option<String>,

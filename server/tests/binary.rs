@@ -165,7 +165,10 @@ fn inspect_shows_a_city_and_draws_a_node() {
     let output = run(&["inspect", city]);
     let table = String::from_utf8(output.stdout).unwrap();
     let bytes = small_city::archive_bytes(small_city::shared_city());
-    let size = format!("2 nodes in 1 subtree tile, {}\n", if bytes < 1000 { format!("{bytes} B") } else { format!("{:.1} kB", bytes as f64 / 1e3) });
+    let size = format!(
+        "2 nodes in 1 subtree tile, {}\n",
+        if bytes < 1000 { format!("{bytes} B") } else { format!("{:.1} kB", bytes as f64 / 1e3) }
+    );
     for word in ["two", "EPSG:7415", "3D BAG", "CC BY 4.0", "1.000 to 1.000", &size] {
         assert!(table.contains(word), "{word} is not in\n{table}");
     }

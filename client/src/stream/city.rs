@@ -81,7 +81,8 @@ impl CityOpener<'_> {
 
     fn web_folder(&self, base: &str) -> Result<OpenedCity> {
         let url = format!("{base}/{MANIFEST_FILE}");
-        let missing = || format!("{url}: no city here: give the URL of a baked city's folder, which has a {MANIFEST_FILE}");
+        let missing =
+            || format!("{url}: no city here: give the URL of a baked city's folder, which has a {MANIFEST_FILE}");
         let manifest = self.fetch_manifest(&url, missing)?;
         self.check_name(&manifest)?;
         let source = Arc::new(web::open(base, self.http));
@@ -274,7 +275,11 @@ mod tests {
 
     #[test]
     fn missing_cities_are_explained_by_what_the_address_is() {
-        let base = serve_slowly("HTTP/1.1 404 Not Found\r\nconnection: close\r\ncontent-length: 0\r\n\r\n", vec![], Duration::ZERO);
+        let base = serve_slowly(
+            "HTTP/1.1 404 Not Found\r\nconnection: close\r\ncontent-length: 0\r\n\r\n",
+            vec![],
+            Duration::ZERO,
+        );
         let http = Arc::new(Http::new(None).unwrap());
         let message = |place: &str| {
             let location = CityLocation::parse(&format!("{base}{place}")).unwrap();
@@ -283,7 +288,9 @@ mod tests {
         };
         let list = format!("{base}/v1/cities");
         assert!(message("/v1/cities/town").ends_with(&format!("see the list at {list}")));
-        for (place, advice) in [("/maps/delft", "has a city.json"), ("", "has a city.json"), ("/v1/cities", "check the address")] {
+        for (place, advice) in
+            [("/maps/delft", "has a city.json"), ("", "has a city.json"), ("/v1/cities", "check the address")]
+        {
             let message = message(place);
             assert!(message.ends_with(advice) && !message.contains("see the list"), "{message}");
         }
