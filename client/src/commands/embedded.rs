@@ -176,6 +176,11 @@ impl Progress for TerminalProgress {
         self.advance(0);
     }
 
+    fn warn(&self, message: &str) {
+        self.clear();
+        eprintln!("warning: {}", printable(message));
+    }
+
     fn advance(&self, n: u64) {
         let Ok(mut progress) = self.0.lock() else { return };
         progress.done += n;

@@ -14,10 +14,11 @@ use insula_viewer::{
     cache::pages_for,
     frame::{RenderSettings, STILL_SAMPLES},
     scene::SceneTree,
-    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
+    streamer::{FEEDBACK_DOWNSCALE, FrameRequest, TileCounts},
     sun::Daylight,
 };
 use std::{
+    io::IsTerminal,
     path::Path,
     sync::Arc,
     time::{Duration, Instant},
@@ -66,7 +67,12 @@ pub(super) fn render_to_file(
 ) -> Result<Pixels> {
     let settings = daylight.render_settings(shading, STILL_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
-    settle(session, request, Duration::from_secs(u64::from(global.timeout)))?;
+    let mut progress = TileProgress::new();
+    let settled = settle_showing(session, request, Duration::from_secs(u64::from(global.timeout)), |session| {
+        progress.show(session);
+    });
+    progress.clear();
+    settled?;
     let begin = Instant::now();
     let pixels = session.draw(request, &settings)?;
     session.record_frame_time(begin.elapsed());
@@ -77,10 +83,21 @@ pub(super) fn render_to_file(
 /// Streams until nothing can improve the frame. Draws frames meanwhile, because their hits decide which tiles are occluded.
 /// Fails if the server does not respond for `timeout`, or if the adapter fails.
 pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
+    settle_showing(session, request, timeout, |_| {})
+}
+
+/// As [`settle`]; calls `show` after each update.
+fn settle_showing(
+    session: &mut Session,
+    request: &FrameRequest,
+    timeout: Duration,
+    mut show: impl FnMut(&Session),
+) -> Result<()> {
     let small_px = request.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1));
     let mut full_frames = 0;
     loop {
         session.update(request);
+        show(session);
         session.check(timeout)?;
         let size_px = if !session.is_fetched() {
             // A small frame shows well enough what is occluded while tiles are missing.
@@ -96,5 +113,36 @@ pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) 
             return Ok(());
         };
         session.draw(&FrameRequest { size_px, ..*request }, &RenderSettings::default())?;
+    }
+}
+
+/// The tiles of a frame that are loaded and wanted, on one line of standard error, if that is a terminal.
+struct TileProgress {
+    is_terminal: bool,
+    shown_at: Option<Instant>,
+}
+
+impl TileProgress {
+    /// Time between two lines.
+    const INTERVAL: Duration = Duration::from_millis(100);
+
+    fn new() -> Self {
+        Self { is_terminal: std::io::stderr().is_terminal(), shown_at: None }
+    }
+
+    fn show(&mut self, session: &Session) {
+        if !self.is_terminal || self.shown_at.is_some_and(|shown_at| shown_at.elapsed() < Self::INTERVAL) {
+            return;
+        }
+        self.shown_at = Some(Instant::now());
+        let TileCounts { subtrees, blockmaps, meshes, .. } = session.tile_counts();
+        let pending = session.selection().requests.len();
+        eprint!("\r\x1b[K{} tiles loaded, {pending} pending", subtrees + blockmaps + meshes);
+    }
+
+    fn clear(&mut self) {
+        if self.shown_at.take().is_some() {
+            eprint!("\r\x1b[K");
+        }
     }
 }

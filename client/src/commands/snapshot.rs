@@ -7,7 +7,9 @@ use crate::{
     error::Result,
     image_files::{write_pfm, write_radiance},
 };
+use insula_protocol::text::{human_bytes, printable};
 use insula_viewer::{streamer::FrameRequest, sun::Daylight};
+use std::{fs, path::PathBuf};
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
@@ -23,8 +25,21 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
         // With one ray per pixel, the distance is that of the pixel's centre.
         write_pfm(path, &session.draw(&request, &daylight.render_settings(args.shading, 1))?)?;
     }
-    match &args.report {
-        Some(path) => session.report(global.tau).write(path),
-        None => Ok(()),
+    if let Some(path) = &args.report {
+        session.report(global.tau).write(path)?;
     }
+    eprintln!("{}", printable(&written_files(args)));
+    Ok(())
+}
+
+/// The written files with their sizes.
+fn written_files(args: &SnapshotArgs) -> String {
+    let [width, height] = args.size;
+    let describe = |path: &PathBuf, what: &str| {
+        let size = fs::metadata(path).map_or(String::new(), |found| human_bytes(found.len()));
+        format!("{} ({what}{size})", path.display())
+    };
+    let image = describe(&args.out, &format!("{width} x {height} pixels, "));
+    let others = [&args.radiance, &args.distance, &args.report].into_iter().flatten().map(|path| describe(path, ""));
+    format!("wrote {}", std::iter::once(image).chain(others).collect::<Vec<_>>().join(", "))
 }

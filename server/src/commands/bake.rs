@@ -55,9 +55,13 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
 
 /// Whether the error is of one of several inputs, without which the others could be baked.
 fn is_of_one_input(error: &InputError, args: &BakeArgs) -> bool {
-    let is_of_all = matches!(error, InputError::Empty { .. } | InputError::Palette { .. });
-    let has_others = args.inputs.len() > 1 || args.inputs.iter().any(|input| input.is_dir());
-    has_others && !is_of_all && !args.skip_bad_inputs
+    let is_of_all = match error {
+        InputError::Empty { .. } | InputError::Palette { .. } => true,
+        // Of a whole folder.
+        InputError::NoSource { .. } | InputError::NotRead { .. } => args.inputs.len() == 1,
+        _ => args.inputs.len() == 1 && !args.inputs.iter().any(|input| input.is_dir()),
+    };
+    !is_of_all && !args.skip_bad_inputs
 }
 
 /// Fails if the report would overwrite anything but an earlier report, or would lie in the city. Checked before the bake,

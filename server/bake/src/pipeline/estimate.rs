@@ -63,10 +63,10 @@ pub(super) fn warning(city: &ScratchScene, config: &BakeConfig) -> Option<String
     let coarser_m = cell_m * COARSER;
     let coarser = BakeEstimate::of(city, config, coarser_m);
     Some(format!(
-        "with cells of {cell_m} m this bake takes about {} on {} threads, {} of scratch files{}, and {} for the city; \
+        "with cells of {cell_m} m this bake takes about {} on {}, {} of scratch files{}, and {} for the city; \
          with --cell {coarser_m} it takes about {} and {}",
         duration(cost.seconds),
-        config.threads,
+        if config.threads == 1 { "one thread".to_owned() } else { format!("{} threads", config.threads) },
         bytes(cost.scratch_bytes),
         if is_refused { refused.as_str() } else { "" },
         bytes(cost.city_bytes),
