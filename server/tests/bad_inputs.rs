@@ -2,9 +2,11 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 #![cfg(feature = "bake")]
 
+use flate2::{Compression, write::GzEncoder};
 use serde_json::Value;
 use std::{
     fs,
+    io::Write,
     path::{Path, PathBuf},
     process::{Command, Output},
 };
@@ -37,9 +39,19 @@ fn workplace(files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("town.obj"), houses(0.0, 5)).unwrap();
     for (name, text) in files {
-        fs::write(folder.path().join(name), text).unwrap();
+        let bytes = if name.ends_with(".gz") { cut_gz(text) } else { text.as_bytes().to_vec() };
+        fs::write(folder.path().join(name), bytes).unwrap();
     }
     folder
+}
+
+/// The packed text without its last bytes: all of it is read before the fault is found.
+fn cut_gz(text: &str) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(text.as_bytes()).unwrap();
+    let mut bytes = encoder.finish().unwrap();
+    bytes.truncate(bytes.len() - 4);
+    bytes
 }
 
 fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
