@@ -31,20 +31,22 @@ pub(super) fn watch(
 }
 
 /// The signals of Ctrl-C and of `kill`.
-#[cfg(unix)]
-struct EndSignals([tokio::signal::unix::Signal; 2]);
+struct EndSignals {
+    #[cfg(unix)]
+    signals: [tokio::signal::unix::Signal; 2],
+}
 
 #[cfg(unix)]
 impl EndSignals {
     fn register() -> std::io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
-        Ok(Self([signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?]))
+        Ok(Self { signals: [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?] })
     }
 
     /// The number of the next signal.
     async fn next(&mut self) -> i32 {
         use tokio::signal::unix::SignalKind;
-        let [interrupt, terminate] = &mut self.0;
+        let [interrupt, terminate] = &mut self.signals;
         tokio::select! {
             _ = interrupt.recv() => SignalKind::interrupt().as_raw_value(),
             _ = terminate.recv() => SignalKind::terminate().as_raw_value(),
@@ -70,12 +72,9 @@ fn end_by(number: i32) -> ! {
 }
 
 #[cfg(not(unix))]
-struct EndSignals;
-
-#[cfg(not(unix))]
 impl EndSignals {
     fn register() -> std::io::Result<Self> {
-        Ok(Self)
+        Ok(Self {})
     }
 
     /// The number of Ctrl-C.

@@ -12,7 +12,7 @@ const SECONDS_PER_COPY: f64 = 50e-6;
 /// Time of one thread for each leaf, with its share of parents.
 const SECONDS_PER_LEAF: f64 = 0.01;
 /// Bytes of a leaf, with its meshes and its share of parents.
-const BYTES_PER_LEAF: f64 = 2500.0;
+const BYTES_PER_LEAF: f64 = 1200.0;
 /// Bytes of the meshes of a triangle.
 const BYTES_PER_TRIANGLE: f64 = 8.0;
 /// A bake that takes longer is worth a warning.
