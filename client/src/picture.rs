@@ -33,18 +33,21 @@ pub struct Settling {
     pub timeout: Duration,
 }
 
-/// Streams until nothing can improve the frame, or until `is_cancelled`. Draws frames meanwhile, because their hits decide which
+/// Streams until nothing can improve the frame, or until `goes_on`, which is called after each update, returns `false`. Draws frames meanwhile, because their hits decide which
 /// tiles are occluded. Fails if the server does not respond for the timeout, or if the adapter fails.
 pub fn settle(
     session: &mut Session,
     request: &FrameRequest,
     how: Settling,
-    is_cancelled: impl Fn() -> bool,
+    mut goes_on: impl FnMut(&Session) -> bool,
 ) -> Result<()> {
     let small_px = request.size_px.map(|side| (side / FEEDBACK_DOWNSCALE).max(1));
     let mut full_frames = 0;
-    while !is_cancelled() {
+    loop {
         session.update(request);
+        if !goes_on(session) {
+            return Ok(());
+        }
         session.check(how.timeout)?;
         let size_px = if !session.is_fetched() {
             // A small frame shows well enough what is occluded while tiles are missing.
@@ -61,7 +64,6 @@ pub fn settle(
         };
         session.draw(&FrameRequest { size_px, ..*request }, &RenderSettings::default())?;
     }
-    Ok(())
 }
 
 /// Draws the last selection in strips from top to bottom. `drawn` gets the share that is drawn, 0 to 1, and returns whether to

@@ -384,6 +384,11 @@ impl Session {
         self.frame_times.iter().filter(|time| time.as_secs_f64() * 1e3 >= limit_ms).count()
     }
 
+    /// See [`Streamer::tile_counts`].
+    pub fn tile_counts(&self) -> TileCounts {
+        self.streamer.tile_counts()
+    }
+
     /// Tiles that were evicted from the cache so far.
     pub fn evicted(&self) -> u64 {
         self.streamer.evicted()

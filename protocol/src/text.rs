@@ -49,6 +49,31 @@ pub fn printable_json(json: &str) -> String {
     safe
 }
 
+/// Formats a size with a decimal unit, such as `1.5 MB`.
+pub fn human_bytes(bytes: u64) -> String {
+    let (mut value, mut unit) = (bytes as f64, "B");
+    for larger in ["kB", "MB", "GB", "TB"] {
+        if value < 1000.0 {
+            break;
+        }
+        (value, unit) = (value / 1000.0, larger);
+    }
+    if unit == "B" { format!("{bytes} B") } else { format!("{value:.1} {unit}") }
+}
+
+/// A word of a command line as a shell has to read it: in quotes if it has characters that a shell does not take literally.
+/// Quotes are those of POSIX shells, on Windows those of its command prompt.
+pub fn shell_word(word: &str) -> Cow<'_, str> {
+    let is_plain = |c: char| c.is_alphanumeric() || "_@%+=:,./-".contains(c) || (cfg!(windows) && "\\~".contains(c));
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.into()
+    } else if cfg!(windows) {
+        format!("\"{word}\"").into()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''")).into()
+    }
+}
+
 fn end_line(line: &str) -> Cow<'_, str> {
     (printable(line) + "\n").into_owned().into()
 }
@@ -93,6 +118,17 @@ mod tests {
         let safe = printable_json(&serde_json::to_string_pretty(&value).unwrap());
         assert!(safe.lines().all(|line| printable(line) == line), "{safe}");
         assert_eq!(serde_json::from_str::<serde_json::Value>(&safe).unwrap(), value);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn words_reach_a_program_as_they_are() {
+        for word in ["cities/delft", "東京", "a b", "", "it's", "$HOME `x` \\ \"*\" !", "-1", "~", "a;b&c|d<e>f#g"] {
+            let line = format!("printf %s {}", shell_word(word));
+            let output = std::process::Command::new("sh").args(["-c", &line]).output().unwrap();
+            assert_eq!(String::from_utf8(output.stdout).unwrap(), word, "{line}");
+        }
+        assert!(matches!(shell_word("cities/delft.city.json"), Cow::Borrowed(_)));
     }
 
     #[test]

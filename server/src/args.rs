@@ -97,10 +97,10 @@ pub struct SimplifyArgs {
     /// PLY, OFF or OBJ file to write
     pub output: PathBuf,
     /// Fraction of the triangles to keep, above 0 and at most 1
-    #[arg(long, value_name = "R", group = "goal", value_parser = parse_ratio)]
+    #[arg(long, value_name = "R", group = "goal", value_parser = parse_ratio, allow_negative_numbers = true)]
     pub ratio: Option<f64>,
     /// Largest error, in the file's units
-    #[arg(long, value_name = "M", group = "goal", value_parser = parse_max_error)]
+    #[arg(long, value_name = "M", group = "goal", value_parser = parse_max_error, allow_negative_numbers = true)]
     pub error: Option<f64>,
 }
 
@@ -114,10 +114,10 @@ pub struct BakeArgs {
     #[arg(long, value_name = "CITY")]
     pub out: PathBuf,
     /// Width of a leaf's columns in metres, 0.01 to 1000
-    #[arg(long, value_name = "M", default_value = "1", value_parser = parse_cell)]
+    #[arg(long, value_name = "M", default_value = "1", value_parser = parse_cell, allow_negative_numbers = true)]
     pub cell: f64,
     /// Lowest colour quality: PSNR in dB (20 to 60), or lossless
-    #[arg(long, value_name = "DB", default_value = "36", value_parser = parse_quality)]
+    #[arg(long, value_name = "DB", default_value = "36", value_parser = parse_quality, allow_negative_numbers = true)]
     pub quality: Quality,
     /// Omit the meshes: near views then show columns
     #[arg(long)]
@@ -129,7 +129,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "plain|windows", default_value = "plain")]
     pub facades: FacadeOption,
     /// Number of threads [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Approximate memory to use, as in 600MiB or 2GB [default: 192MiB per thread, at least 512MiB]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
@@ -146,6 +146,9 @@ pub struct BakeArgs {
     /// Bake only what has changed since CITY was baked; the result is the same as that of a full bake
     #[arg(long)]
     pub update: bool,
+    /// Leave out inputs that cannot be read, or of which every object is left out, instead of failing
+    #[arg(long)]
+    pub skip_bad_inputs: bool,
     /// Name in URLs (a-z, 0-9, _ and -) [default: the folder's name]
     #[arg(long, value_parser = parse_name)]
     pub name: Option<String>,

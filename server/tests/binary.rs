@@ -143,6 +143,8 @@ fn usage_errors_are_one_line_and_exit_2() {
         assert!(line.contains("--help") || line.contains("--keys"), "{line}");
     }
     assert_eq!(run(&[]).status.code(), Some(2));
+    let (line, _) = failure(&["bake", "a", "--out", "b", "--cell", "-1"]);
+    assert!(line.contains("--cell") && line.contains("between 0.01 and 1000"), "{line}");
 }
 
 #[test]
@@ -162,7 +164,12 @@ fn inspect_shows_a_city_and_draws_a_node() {
     let (city, folder) = (text(small_city::shared_city()), tempfile::tempdir().unwrap());
     let output = run(&["inspect", city]);
     let table = String::from_utf8(output.stdout).unwrap();
-    for word in ["two", "EPSG:7415", "3D BAG", "CC BY 4.0", "1.000 to 1.000", "2 nodes"] {
+    let bytes = small_city::archive_bytes(small_city::shared_city());
+    let size = format!(
+        "2 nodes in 1 subtree tile, {}\n",
+        if bytes < 1000 { format!("{bytes} B") } else { format!("{:.1} kB", bytes as f64 / 1e3) }
+    );
+    for word in ["two", "EPSG:7415", "3D BAG", "CC BY 4.0", "1.000 to 1.000", &size] {
         assert!(table.contains(word), "{word} is not in\n{table}");
     }
     let json: serde_json::Value = serde_json::from_slice(&run(&["inspect", city, "--json"]).stdout).unwrap();
@@ -195,6 +202,9 @@ fn verify_finds_every_kind_of_damage() {
         assert!(code == Some(1) && list.lines().any(|line| line.contains(fault)), "{fault}: {list}");
     };
     assert_eq!(verify(&|_| {}).0, Some(0));
+    let city = small_city::temporary_city();
+    let (one_fault, _) = failure(&["verify", text(city.path())]);
+    assert!(one_fault.contains("error: 1 fault in "), "{one_fault}");
     let blockmaps = |tiles: &[_]| {
         let tiles = tiles.to_vec();
         move |city: &Path| small_city::write_archive(&city.join("blockmaps.pmtiles"), &tiles)

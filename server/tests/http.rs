@@ -350,6 +350,11 @@ async fn city_list_and_page_name_the_sources() {
     assert_eq!(list[0]["name"], "two");
     assert_eq!(list[0]["manifest"], "/v1/cities/two");
     assert_eq!(list[0]["version"], small_city::VERSION);
+    assert_eq!(
+        list[0]["bytes"],
+        small_city::archive_bytes(small_city::shared_city()),
+        "as on the page and in `inspect`"
+    );
     assert_eq!(list[0]["attribution"][0]["licence"], "CC BY 4.0");
     let page = request(Method::GET, "/", &[("host", "127.0.0.1:7700")]).await;
     assert_eq!(page.header("content-type"), "text/html; charset=utf-8");

@@ -118,3 +118,36 @@ fn killed_bakes_of_real_data_resume_to_the_same_bytes() {
     let times = text("INSULA_KILL_TIMES", "25").parse().unwrap();
     kill_and_resume(&path("INSULA_KILL_INPUT"), &path("INSULA_KILL_BEFORE"), &text("INSULA_KILL_CELL", "1"), times);
 }
+
+#[test]
+#[cfg(unix)]
+fn interrupted_bake_names_the_command_that_continues_it() {
+    use std::os::unix::process::ExitStatusExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("my town.geojson"), buildings(200)).unwrap();
+    let line = "bake my_town.geojson --out my_city --cell 0.25 --threads 1";
+    let words: Vec<String> = line.split(' ').map(|word| word.replace('_', " ")).collect();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
+    command.args(words).current_dir(folder.path()).env_remove("RUST_LOG").stdin(Stdio::null());
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let has_pack = || fs::read_dir(path("my city.partial/packs")).is_ok_and(|mut packs| packs.next().is_some());
+    let start = Instant::now();
+    while !has_pack() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no block is finished");
+        thread::sleep(Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.signal(), Some(2), "a shell has to know that it was interrupted");
+    let text = String::from_utf8(output.stderr).unwrap();
+    let told = text.lines().last().unwrap();
+    assert!(
+        told.starts_with("interrupted in stage sample at ") && told.contains("kept in 'my city.partial'"),
+        "{text}"
+    );
+    let (_, command) = told.split_once("continue with: ").unwrap();
+    let resumed = Command::new("sh").args(["-c", command]).current_dir(folder.path()).output().unwrap();
+    assert!(resumed.status.success() && command.contains(" --resume "), "{command}: {resumed:?}");
+    assert!(path("my city/city.json").exists() && !path("my city.partial").exists());
+}

@@ -185,6 +185,11 @@ impl Progress for BakeProgress<'_> {
         self.advance(0);
     }
 
+    fn warn(&self, message: &str) {
+        self.clear();
+        eprintln!("warning: {}", printable(message));
+    }
+
     fn advance(&self, n: u64) {
         let Ok(mut progress) = self.stage.lock() else { return };
         progress.done += n;

@@ -12,8 +12,15 @@ use crate::{
     ui::view_link::format_link,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_viewer::{cache::pages_for, frame::STILL_SAMPLES, scene::SceneTree, streamer::FrameRequest, sun::Daylight};
+use insula_viewer::{
+    cache::pages_for,
+    frame::STILL_SAMPLES,
+    scene::SceneTree,
+    streamer::{FrameRequest, TileCounts},
+    sun::Daylight,
+};
 use std::{
+    io::IsTerminal,
     path::Path,
     sync::Arc,
     time::{Duration, Instant},
@@ -66,7 +73,12 @@ pub(super) fn render_to_file(
 ) -> Result<Pixels> {
     let settings = daylight.render_settings(shading, STILL_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
-    settle(session, request, Duration::from_secs(u64::from(global.timeout)))?;
+    let mut progress = TileProgress::new();
+    let settled = settle_showing(session, request, Duration::from_secs(u64::from(global.timeout)), |session| {
+        progress.show(session);
+    });
+    progress.clear();
+    settled?;
     let begin = Instant::now();
     let pixels = session.draw(request, &settings)?;
     session.record_frame_time(begin.elapsed());
@@ -78,5 +90,49 @@ pub(super) fn render_to_file(
 /// Streams until nothing can improve the frame. Draws frames meanwhile, because their hits decide which tiles are occluded.
 /// Fails if the server does not respond for `timeout`, or if the adapter fails.
 pub fn settle(session: &mut Session, request: &FrameRequest, timeout: Duration) -> Result<()> {
-    picture::settle(session, request, Settling { feedback_px: request.size_px, timeout }, || false)
+    settle_showing(session, request, timeout, |_| {})
+}
+
+/// As [`settle`]; calls `show` after each update.
+fn settle_showing(
+    session: &mut Session,
+    request: &FrameRequest,
+    timeout: Duration,
+    mut show: impl FnMut(&Session),
+) -> Result<()> {
+    picture::settle(session, request, Settling { feedback_px: request.size_px, timeout }, |session| {
+        show(session);
+        true
+    })
+}
+
+/// The tiles of a frame that are loaded and wanted, on one line of standard error, if that is a terminal.
+struct TileProgress {
+    is_terminal: bool,
+    shown_at: Option<Instant>,
+}
+
+impl TileProgress {
+    /// Time between two lines.
+    const INTERVAL: Duration = Duration::from_millis(100);
+
+    fn new() -> Self {
+        Self { is_terminal: std::io::stderr().is_terminal(), shown_at: None }
+    }
+
+    fn show(&mut self, session: &Session) {
+        if !self.is_terminal || self.shown_at.is_some_and(|shown_at| shown_at.elapsed() < Self::INTERVAL) {
+            return;
+        }
+        self.shown_at = Some(Instant::now());
+        let TileCounts { subtrees, blockmaps, meshes, .. } = session.tile_counts();
+        let pending = session.selection().requests.len();
+        eprint!("\r\x1b[K{} tiles loaded, {pending} pending", subtrees + blockmaps + meshes);
+    }
+
+    fn clear(&mut self) {
+        if self.shown_at.take().is_some() {
+            eprint!("\r\x1b[K");
+        }
+    }
 }

@@ -8,7 +8,9 @@ use crate::{
     image_files::{write_pfm, write_radiance},
     report::RunReport,
 };
+use insula_protocol::text::{human_bytes, printable};
 use insula_viewer::{streamer::FrameRequest, sun::Daylight};
+use std::{fs, path::PathBuf};
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
@@ -29,8 +31,21 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     if is_inside {
         eprintln!("note: camera is inside a building: move it outside or above the roof");
     }
-    match &args.report {
-        Some(path) => RunReport { camera_inside_solid: Some(is_inside), ..session.report(global.tau) }.write(path),
-        None => Ok(()),
+    if let Some(path) = &args.report {
+        RunReport { camera_inside_solid: Some(is_inside), ..session.report(global.tau) }.write(path)?;
     }
+    eprintln!("{}", printable(&written_files(args)));
+    Ok(())
+}
+
+/// The written files with their sizes.
+fn written_files(args: &SnapshotArgs) -> String {
+    let [width, height] = args.size;
+    let describe = |path: &PathBuf, what: &str| {
+        let size = fs::metadata(path).map_or(String::new(), |found| human_bytes(found.len()));
+        format!("{} ({what}{size})", path.display())
+    };
+    let image = describe(&args.out, &format!("{width} x {height} pixels, "));
+    let others = [&args.radiance, &args.distance, &args.report].into_iter().flatten().map(|path| describe(path, ""));
+    format!("wrote {}", std::iter::once(image).chain(others).collect::<Vec<_>>().join(", "))
 }

@@ -83,7 +83,9 @@ impl CityOpener<'_> {
 
     fn web_folder(&self, base: &str) -> Result<OpenedCity> {
         let url = format!("{base}/{MANIFEST_FILE}");
-        let manifest = self.fetch_manifest(&url)?;
+        let missing =
+            || format!("{url}: no city here: give the URL of a baked city's folder, which has a {MANIFEST_FILE}");
+        let manifest = self.fetch_manifest(&url, missing)?;
         self.check_name(&manifest)?;
         let source = Arc::new(web::open(base, self.http));
         Ok(self.with_disk_cache(format!("{base}/"), manifest, source))
@@ -105,11 +107,15 @@ impl CityOpener<'_> {
             None => match self.fetch(&format!("{base}{CITIES}"))? {
                 Some(list) => only_city(base, &list)?,
                 None if is_bare_host => return self.web_folder(base),
-                None => return Err(no_such_city(&format!("{base}{CITIES}"))),
+                None => {
+                    let advice = "no list of cities here, so this is no Insula server: check the address";
+                    return Err(ClientError::Server(format!("{base}{CITIES}: {advice}")));
+                }
             },
         };
         let url = format!("{base}{}", route::manifest(&name));
-        let manifest = self.fetch_manifest(&url)?;
+        let missing = || format!("{url}: no such city: see the list at {base}{CITIES}");
+        let manifest = self.fetch_manifest(&url, missing)?;
         if manifest.name != name {
             return Err(ClientError::Server(format!(
                 "{url}: the server sent city {} instead: check the address, and do not trust this server",
@@ -139,8 +145,9 @@ impl CityOpener<'_> {
         OpenedCity { address, manifest, source }
     }
 
-    fn fetch_manifest(&self, url: &str) -> Result<Manifest> {
-        let json = self.fetch(url)?.ok_or_else(|| no_such_city(url))?;
+    /// `missing` is the message if there is no such file.
+    fn fetch_manifest(&self, url: &str, missing: impl FnOnce() -> String) -> Result<Manifest> {
+        let json = self.fetch(url)?.ok_or_else(|| ClientError::Server(missing()))?;
         parse_manifest(&json).map_err(|error| ClientError::Server(format!("{url}: invalid manifest: {error}")))
     }
 
@@ -196,10 +203,6 @@ impl CityOpener<'_> {
             }
         }
     }
-}
-
-fn no_such_city(url: &str) -> ClientError {
-    ClientError::Server(format!("{url}: no such city: see the list at {CITIES}"))
 }
 
 /// The city of a server that has only one. Fails if it has several or none.
@@ -272,6 +275,29 @@ mod tests {
                 assert_eq!(open(&base, name, timeout).unwrap_err().exit_code(), 1);
                 assert!(begin.elapsed() < Duration::from_secs(10), "{name:?}: {:?}", begin.elapsed());
             }
+        }
+    }
+
+    #[test]
+    fn missing_cities_are_explained_by_what_the_address_is() {
+        let base = serve_slowly(
+            "HTTP/1.1 404 Not Found\r\nconnection: close\r\ncontent-length: 0\r\n\r\n",
+            vec![],
+            Duration::ZERO,
+        );
+        let http = Arc::new(Http::new(None).unwrap());
+        let message = |place: &str| {
+            let location = CityLocation::parse(&format!("{base}{place}")).unwrap();
+            let options = OpenOptions { city: None, disk_cache: None, timeout: Duration::from_secs(5) };
+            open_city(&http, location, &options).unwrap_err().to_string()
+        };
+        let list = format!("{base}/v1/cities");
+        assert!(message("/v1/cities/town").ends_with(&format!("see the list at {list}")));
+        for (place, advice) in
+            [("/maps/delft", "has a city.json"), ("", "has a city.json"), ("/v1/cities", "check the address")]
+        {
+            let message = message(place);
+            assert!(message.ends_with(advice) && !message.contains("see the list"), "{message}");
         }
     }
 

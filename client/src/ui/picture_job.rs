@@ -106,7 +106,7 @@ fn draw(order: &PictureOrder, open: &OpenAgainFn, state: &JobState, wake: &dyn F
     session.set_transitions(false);
     session.set_sun(order.settings.shadow_casting_sun());
     let feedback_px = order.request.size_px.map(|side| side.min(MAX_FEEDBACK_PX));
-    settle(&mut session, &order.request, Settling { feedback_px, timeout: TIMEOUT }, is_cancelled)?;
+    settle(&mut session, &order.request, Settling { feedback_px, timeout: TIMEOUT }, |_| !is_cancelled())?;
     let mut reported = Instant::now();
     let pixels = draw_in_strips(&mut session, &order.request, &order.settings, |share| {
         state.percent.store((share * 100.0) as u32, Ordering::Relaxed);

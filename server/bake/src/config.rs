@@ -68,6 +68,8 @@ pub struct BakeOptions {
     pub update: bool,
     /// Continue an interrupted bake of the same input with the same settings.
     pub resume: bool,
+    /// Leave out inputs that cannot be read, or of which nothing is left, instead of failing.
+    pub skip_bad_inputs: bool,
     /// Name in URLs, of a-z, 0-9, `_` and `-`; `None` for the folder's name.
     pub name: Option<String>,
     /// Display name; `None` for the source's title.
@@ -103,6 +105,7 @@ impl Default for BakeOptions {
             scratch_bytes: DEFAULT_SCRATCH_BYTES,
             update: false,
             resume: false,
+            skip_bad_inputs: false,
             name: None,
             title: None,
             attribution: Vec::new(),

@@ -5,6 +5,7 @@ pub mod config;
 pub mod error;
 pub mod ground;
 mod hash;
+pub mod kept_work;
 mod mesh;
 pub mod model;
 pub mod pipeline;

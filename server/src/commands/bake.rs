@@ -1,31 +1,24 @@
 //! `bake`: turns city files into a city folder, with a progress bar on a terminal.
 
 use super::{
+    bake_progress::BakeProgress,
     error::CommandError,
-    output::{human_bytes, print, refuse_input, refuse_inside, write},
+    output::{count, print, refuse_input, refuse_inside, write},
 };
 use crate::{
     args::{BakeArgs, GeneratedGround, UpAxis, VisibilityRenderer},
     memory,
 };
-use indicatif::{ProgressBar, ProgressStyle};
 use insula_bake::{
-    BakeError, BakeOptions, BakeReport, GroundOption, Progress,
-    read::{ObjUpAxis, Palette},
+    BakeError, BakeOptions, BakeReport, GroundOption,
+    read::{InputError, ObjUpAxis, Palette, ReadReport},
     sample::{SampleSettings, VisibilityBackend},
 };
-use insula_protocol::manifest::Attribution;
-use std::{
-    io::{IsTerminal, Read},
-    path::Path,
-    sync::{Mutex, PoisonError},
-    time::Duration,
+use insula_protocol::{
+    manifest::Attribution,
+    text::{human_bytes, shell_word},
 };
-
-/// Progress template of a stage whose length is unknown.
-const SPINNER_TEMPLATE: &str = "{prefix:>10} {spinner} {elapsed}";
-/// Progress template of a stage with a known number of steps.
-const BAR_TEMPLATE: &str = "{prefix:>10} {wide_bar} {percent:>3}% {elapsed}, {eta} left";
+use std::{collections::BTreeMap, io::Read, path::Path};
 
 /// Longer files are not taken for a report.
 const MAX_REPORT_BYTES: u64 = 64 << 20;
@@ -39,13 +32,16 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     if let Some(report) = &args.report {
         check_report(report, args)?;
     }
-    let progress = ProgressBars::default();
+    let progress = BakeProgress::start(&args.out);
     let options = options(args, palette);
     memory::set_limit(options.memory_limit_bytes());
     let result = insula_bake::bake(&options, &progress);
     progress.clear();
     let report = result.map_err(|error| match error {
         BakeError::Option { .. } => CommandError::Usage(error.to_string()),
+        BakeError::Read(error) if is_of_one_input(&error, args) => {
+            CommandError::Bake(format!("{error}; --skip-bad-inputs bakes the other inputs"))
+        }
         error => CommandError::Bake(error.to_string()),
     })?;
     if let Some(path) = &args.report {
@@ -55,6 +51,17 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     }
     print(&summary(&report, args));
     Ok(())
+}
+
+/// Whether the error is of one of several inputs, without which the others could be baked.
+fn is_of_one_input(error: &InputError, args: &BakeArgs) -> bool {
+    let is_of_all = match error {
+        InputError::Empty { .. } | InputError::Palette { .. } => true,
+        // Of a whole folder.
+        InputError::NoSource { .. } | InputError::NotRead { .. } => args.inputs.len() == 1,
+        _ => args.inputs.len() == 1 && !args.inputs.iter().any(|input| input.is_dir()),
+    };
+    !is_of_all && !args.skip_bad_inputs
 }
 
 /// Fails if the report would overwrite anything but an earlier report, or would lie in the city. Checked before the bake,
@@ -107,6 +114,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
         scratch_bytes: args.scratch,
         update: args.update,
         resume: args.resume,
+        skip_bad_inputs: args.skip_bad_inputs,
         name: args.name.clone(),
         title: args.title.clone(),
         attribution: attribution.into_iter().collect(),
@@ -127,10 +135,6 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
 }
 
 fn summary(report: &BakeReport, args: &BakeArgs) -> String {
-    let skipped = match report.read.skipped() {
-        0 => String::new(),
-        n => format!(", {n} objects skipped (--report lists the reasons)"),
-    };
     let unchanged = match report.blocks_unchanged {
         0 => String::new(),
         n => format!(", {n} of {} blocks unchanged", n + report.blocks_baked + report.blocks_resumed),
@@ -146,7 +150,7 @@ fn summary(report: &BakeReport, args: &BakeArgs) -> String {
     };
     format!(
         "{}: {} objects, {} triangles in {:.1} s ({:.0} objects/s, {:.0} triangles/s{memory}): {} nodes, {}{meshes}\
-         {unchanged}{skipped}\nserve it with: insula-server serve {}\n",
+         {unchanged}{}\nserve it with: insula-server serve {}\n",
         report.name,
         report.objects,
         report.triangles,
@@ -155,46 +159,32 @@ fn summary(report: &BakeReport, args: &BakeArgs) -> String {
         report.triangles_per_second,
         report.nodes,
         human_bytes(report.city_bytes),
-        args.out.display(),
+        left_out(&report.read),
+        shell_word(&args.out.to_string_lossy()),
     )
 }
 
-/// A progress bar for the current stage on standard error, if that is a terminal. The remaining time covers this stage only.
-#[derive(Default)]
-struct ProgressBars {
-    current: Mutex<Option<ProgressBar>>,
-}
-
-impl ProgressBars {
-    fn clear(&self) {
-        if let Some(bar) = self.current.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            bar.finish_and_clear();
-        }
+/// What of the inputs is not in the city, and why: for the end of a sentence, empty if all is.
+fn left_out(read: &ReadReport) -> String {
+    /// Reasons that are named; `--report` has all.
+    const MAX_REASONS: usize = 3;
+    let mut text = String::new();
+    if !read.bad_inputs.is_empty() {
+        text += &format!(", {} left out", count(read.bad_inputs.len() as u64, "input"));
     }
-}
-
-impl Progress for ProgressBars {
-    fn stage(&self, name: &str, total: u64) {
-        self.clear();
-        if !std::io::stderr().is_terminal() {
-            return;
-        }
-        let (bar, template) = match total {
-            0 => (ProgressBar::new_spinner(), SPINNER_TEMPLATE),
-            total => (ProgressBar::new(total), BAR_TEMPLATE),
-        };
-        // A test proves that the templates parse.
-        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-        let bar = bar.with_style(style).with_prefix(name.to_owned());
-        bar.enable_steady_tick(Duration::from_millis(200));
-        *self.current.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar);
+    let mut by_reason = BTreeMap::<&str, u64>::new();
+    for (reason, fault) in read.sources.iter().flat_map(|source| &source.skipped) {
+        *by_reason.entry(reason).or_default() += fault.count;
     }
-
-    fn advance(&self, n: u64) {
-        if let Some(bar) = &*self.current.lock().unwrap_or_else(PoisonError::into_inner) {
-            bar.inc(n);
-        }
+    if by_reason.is_empty() {
+        return text;
     }
+    let mut reasons: Vec<_> = by_reason.into_iter().collect();
+    reasons.sort_by_key(|(reason, n)| (std::cmp::Reverse(*n), *reason));
+    let named =
+        reasons.iter().take(MAX_REASONS).map(|(reason, n)| format!("{n} {reason}")).collect::<Vec<_>>().join(", ");
+    let more = if reasons.len() > MAX_REASONS { ", ..." } else { "" };
+    text + &format!(", {} skipped: {named}{more} (--report names them)", count(read.skipped(), "object"))
 }
 
 #[cfg(test)]
@@ -205,21 +195,14 @@ mod tests {
     use insula_bake::read::FacadeOption;
 
     #[test]
-    fn progress_templates_parse() {
-        for template in [SPINNER_TEMPLATE, BAR_TEMPLATE] {
-            ProgressStyle::with_template(template).unwrap();
-        }
-    }
-
-    #[test]
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
-            --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB --facades windows";
+            --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB --facades windows --skip-bad-inputs";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
         let options = options(&args, Palette::default());
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
         assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
-        assert!(!options.meshes);
+        assert!(!options.meshes && options.skip_bad_inputs);
         assert_eq!((options.ground, options.facades), (GroundOption::Auto, FacadeOption::Windows));
         assert_eq!((options.update, options.memory_bytes, options.scratch_bytes), (true, Some(2 << 30), 3 << 30));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));

@@ -1,5 +1,6 @@
 //! Errors of the commands, one line each.
 
+use super::output::count;
 use crate::{config::ConfigError, http::ServeError, store::StoreError};
 use std::path::PathBuf;
 
@@ -24,7 +25,7 @@ pub enum CommandError {
     )]
     Tile { tile: String, reason: String },
     /// `verify` found faults and has printed them.
-    #[error("{faults} faults in {}; bake the city again, or copy it again from an intact source", path.display())]
+    #[error("{} in {}; bake the city again, or copy it again from an intact source", count(*faults as u64, "fault"), path.display())]
     Faults { path: PathBuf, faults: usize },
     #[error("{}: {reason}", path.display())]
     Mesh { path: PathBuf, reason: String },

@@ -3,12 +3,16 @@
 use super::{
     error::CommandError,
     map_image,
-    output::{human_bytes, print, print_json, refuse_inside, write},
+    output::{count, print, print_json, refuse_inside, write},
     stats::{CityStats, LevelStats, MeshLodStats},
 };
 use crate::{args::InspectArgs, store::CityStore};
 use image::ImageFormat;
-use insula_protocol::{BlockMap, TileId, TileKind, manifest::Attribution, text::printable};
+use insula_protocol::{
+    BlockMap, TileId, TileKind,
+    manifest::Attribution,
+    text::{human_bytes, printable},
+};
 use std::{fmt::Write, io::Cursor, path::Path};
 
 /// Runs `inspect`. Fails if the city cannot be opened, the tile is missing or damaged, or the image cannot be written.
@@ -65,12 +69,15 @@ fn to_table(stats: &CityStats<'_>) -> String {
     if manifest.generated_facades {
         line("facades", "generated windows".into());
     }
-    line("size", format!("{nodes} nodes in {} subtree tiles, {}", human_bytes(stats.file_bytes), stats.subtree_tiles));
+    line(
+        "size",
+        format!("{nodes} nodes in {}, {}", count(stats.subtree_tiles, "subtree tile"), human_bytes(stats.file_bytes)),
+    );
     for source in &manifest.attribution {
         line("attribution", credit(source));
     }
     if stats.damaged_subtree_tiles > 0 {
-        line("DAMAGED", format!("{} subtree tiles: run `insula-server verify`", stats.damaged_subtree_tiles));
+        line("DAMAGED", count(stats.damaged_subtree_tiles as u64, "subtree tile") + ": run `insula-server verify`");
     }
     let _ = writeln!(
         out,

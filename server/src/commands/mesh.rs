@@ -2,7 +2,7 @@
 
 use super::{
     error::CommandError,
-    output::{human_bytes, print, refuse_input, write},
+    output::{print, refuse_input, write},
 };
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
@@ -10,7 +10,10 @@ use insula_bake::{
     model::{ModelFormat, TriangleModel, quantise},
     simplify::{self, Goal},
 };
-use insula_protocol::mesh::{Mesh, half_edge::RepairReport};
+use insula_protocol::{
+    mesh::{Mesh, half_edge::RepairReport},
+    text::human_bytes,
+};
 use std::{
     io::Read,
     path::Path,

@@ -2,8 +2,12 @@
 
 #[cfg(feature = "bake")]
 mod bake;
+#[cfg(feature = "bake")]
+mod bake_progress;
 mod error;
 mod inspect;
+#[cfg(feature = "bake")]
+mod interrupt;
 mod map_image;
 #[cfg(feature = "bake")]
 mod mesh;

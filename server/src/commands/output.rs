@@ -93,16 +93,9 @@ fn absolute(path: &Path) -> PathBuf {
     }
 }
 
-/// Formats a size with a decimal unit, such as `1.5 MB`.
-pub(super) fn human_bytes(bytes: u64) -> String {
-    let (mut value, mut unit) = (bytes as f64, "B");
-    for larger in ["kB", "MB", "GB", "TB"] {
-        if value < 1000.0 {
-            break;
-        }
-        (value, unit) = (value / 1000.0, larger);
-    }
-    if unit == "B" { format!("{bytes} B") } else { format!("{value:.1} {unit}") }
+/// A number with its noun, which gets an `s` unless it is one.
+pub(super) fn count(n: u64, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
 #[cfg(test)]

@@ -1,6 +1,9 @@
 //! `verify`: checks every checksum, decodes every tile, and compares the parts of a city with each other.
 
-use super::{error::CommandError, output::print};
+use super::{
+    error::CommandError,
+    output::{count, print},
+};
 use crate::{args::VerifyArgs, store::CityStore};
 use insula_archive::city::content_version;
 use insula_protocol::{
@@ -50,7 +53,7 @@ pub(super) fn run(args: &VerifyArgs) -> Result<(), CommandError> {
     check_version(&args.city, &city.manifest().version, &mut faults);
     if faults.count == 0 {
         let tiles: u64 = city.archives().map(|(_, archive)| archive.len()).sum();
-        print(&format!("{}: {tiles} tiles, no faults\n", city.manifest().name));
+        print(&format!("{}: {}, no faults\n", city.manifest().name, count(tiles, "tile")));
         return Ok(());
     }
     print(&faults.text());

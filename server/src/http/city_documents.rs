@@ -8,7 +8,7 @@ use super::{
 };
 use crate::store::{CityStore, Store};
 use axum::http::HeaderValue;
-use insula_protocol::{Manifest, codec::bincode, manifest::Attribution, route};
+use insula_protocol::{codec::bincode, manifest::Attribution, route};
 use serde::Serialize;
 use std::{collections::BTreeMap, ops::Bound, sync::Arc};
 
@@ -56,6 +56,7 @@ struct CityListEntry<'a> {
     version: &'a str,
     manifest: String,
     nodes: u64,
+    /// Size of all archives.
     bytes: u64,
     attribution: &'a [Attribution],
 }
@@ -129,7 +130,7 @@ fn list_body(
     let (mut entries, mut bytes, mut last) = (Vec::new(), 0, None);
     while let Some(city) = cities.next_if(|_| entries.len() < limit.get() && bytes < PAGE_BYTES) {
         let manifest = city.manifest();
-        let entry = serde_json::to_value(list_entry(manifest)).unwrap_or_default();
+        let entry = serde_json::to_value(list_entry(&city)).unwrap_or_default();
         bytes += entry.to_string().len();
         last = Some(&manifest.name);
         entries.push(entry);
@@ -138,14 +139,15 @@ fn list_body(
     (serde_json::to_vec_pretty(&entries).unwrap_or_default(), last)
 }
 
-fn list_entry(manifest: &Manifest) -> CityListEntry<'_> {
+fn list_entry(city: &CityStore) -> CityListEntry<'_> {
+    let manifest = city.manifest();
     CityListEntry {
         name: &manifest.name,
         title: &manifest.title,
         version: &manifest.version,
         manifest: route::manifest(&manifest.name),
         nodes: manifest.counts.nodes_per_level.iter().sum(),
-        bytes: manifest.counts.bytes_per_level.iter().sum(),
+        bytes: city.file_bytes(),
         attribution: &manifest.attribution,
     }
 }

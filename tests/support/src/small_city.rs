@@ -137,6 +137,12 @@ pub fn set_version(folder: &Path) {
     std::fs::write(&path, std::fs::read_to_string(&path).unwrap().replace(VERSION, &version)).unwrap();
 }
 
+/// Size of a city's archives.
+pub fn archive_bytes(folder: &Path) -> u64 {
+    let length = |kind: TileKind| std::fs::metadata(folder.join(kind.file_name())).map_or(0, |found| found.len());
+    TileKind::ALL.into_iter().map(length).sum()
+}
+
 /// A city named "two" in a temporary folder, for a test that changes it.
 pub fn temporary_city() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();

@@ -26,6 +26,14 @@ pub enum InputError {
         "{path}: {what}; supported are CityJSON 1.0 to 2.0 (.city.json, .json), CityJSONSeq (.city.jsonl, .jsonl), GeoJSON (.geojson, .json; one feature per line: .geojsonl) and OBJ (.obj), each also as .gz"
     )]
     Unsupported { path: String, what: String },
+    /// A known format that is not read.
+    #[error("{path}: {format}: not read; {advice}")]
+    NotRead {
+        path: String,
+        format: &'static str,
+        /// How to make a file of it that is read.
+        advice: String,
+    },
     /// Two sources of one city use different coordinate systems.
     #[error("{path}: is in {crs}, but {first_path} is in {first_crs}; reproject one of them, or bake two cities")]
     CrsMismatch { path: String, crs: String, first_path: String, first_crs: String },
@@ -47,6 +55,15 @@ pub enum InputError {
         "{path}: contains no city file; give a .city.json, .city.jsonl, .geojson or .obj file, or a folder with such files"
     )]
     NoSource { path: String },
+    /// Every object of a source is left out, while others give the city.
+    #[error("{path}: {}: {reason}; {advice}, or leave the file out", all_left_out(*objects))]
+    NothingLeft {
+        path: String,
+        objects: u64,
+        /// The most frequent reason, with an example.
+        reason: String,
+        advice: &'static str,
+    },
     /// The sources have no triangles.
     #[error("{sources}: the city is empty, not one triangle was read{hint}; check that the input contains surfaces")]
     Empty {
@@ -71,6 +88,14 @@ impl InputError {
 
     pub(crate) fn no_source(path: &Path) -> Self {
         Self::NoSource { path: path.display().to_string() }
+    }
+}
+
+fn all_left_out(objects: u64) -> String {
+    if objects == 1 {
+        "its only object is left out".into()
+    } else {
+        format!("all of its {objects} objects are left out")
     }
 }
 

@@ -11,6 +11,8 @@ pub use input::InputError;
 pub(crate) use input::json_message;
 use insula_protocol::{DecodeError, TileId};
 
+use crate::kept_work::has_kept_work;
+
 /// An error that ends the bake. The output folder is then unchanged, and finished work stays in its `.partial` folder.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -37,8 +39,13 @@ pub enum BakeError {
         path: PathBuf,
     },
     /// No space is left, or a quota or file size limit was reached.
-    #[error("{path}: the disk is full ({cause}); make space, then run the same command with --resume")]
-    DiskFull { path: PathBuf, cause: io::Error },
+    #[error("{path}: the disk is full ({cause}); make space, then run the same command {}", if *is_kept { "with --resume" } else { "again" })]
+    DiskFull {
+        path: PathBuf,
+        cause: io::Error,
+        /// Whether finished work is kept, for a bake that resumes.
+        is_kept: bool,
+    },
     /// A file could not be written, read back or renamed.
     #[error("{path}: cannot be {action}: {cause}; check that its folder exists and is writable")]
     Io {
@@ -112,9 +119,17 @@ impl BakeError {
         use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
         let path = path.to_owned();
         if matches!(cause.kind(), StorageFull | QuotaExceeded | FileTooLarge) {
-            Self::DiskFull { path, cause }
+            Self::DiskFull { path, cause, is_kept: false }
         } else {
             Self::Io { path, action, cause }
+        }
+    }
+
+    /// The error of a bake to `out`, which says whether work is kept there. Only its end tells.
+    pub(crate) fn of_bake(self, out: &Path) -> Self {
+        match self {
+            Self::DiskFull { path, cause, .. } => Self::DiskFull { path, cause, is_kept: has_kept_work(out) },
+            other => other,
         }
     }
 
@@ -127,12 +142,19 @@ impl BakeError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_test_support::folder::TestFolder;
+    use std::fs;
 
     #[test]
     fn full_disk_has_its_own_variant_and_messages_are_one_line() {
         let full = BakeError::io(Path::new("a/b"), "written", io::ErrorKind::StorageFull.into());
         assert!(matches!(full, BakeError::DiskFull { .. }));
-        assert!(full.to_string().contains("--resume"), "{full}");
+        assert!(full.to_string().ends_with("the same command again"), "{full}");
+        let folder = TestFolder::new("disk-full");
+        fs::create_dir(folder.path.join("b.partial")).unwrap();
+        fs::write(folder.path.join("b.partial/state.json"), "{}").unwrap();
+        let full = full.of_bake(&folder.path.join("b"));
+        assert!(full.to_string().ends_with("--resume"), "{full}");
         let other = BakeError::io(Path::new("a/b"), "written", io::ErrorKind::PermissionDenied.into());
         assert!(other.to_string().starts_with("a/b: cannot be written"), "{other}");
         for error in [full, other, BakeError::tile(TileId::ROOT, "encoded")(DecodeError::Magic)] {

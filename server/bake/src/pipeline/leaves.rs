@@ -89,7 +89,10 @@ impl LeafBaker<'_> {
             FinishedPack { tiles: tile_pack::write(packs, pack, &block.tiles)?, meshes, outcome }
         };
         finished.tiles.iter_mut().for_each(|tile| tile.unchanged = is_unchanged);
-        progress.advance(leaves.len() as u64);
+        match finished.outcome {
+            PackOutcome::Baked => progress.advance(leaves.len() as u64),
+            PackOutcome::Resumed | PackOutcome::Unchanged => progress.skip(leaves.len() as u64),
+        }
         Ok(finished)
     }
 

@@ -5,6 +5,7 @@
 
 mod block_scene;
 mod context;
+mod estimate;
 mod generated;
 mod leaves;
 mod parents;
@@ -21,7 +22,7 @@ use crate::{
     ground::{self, GroundOption, GroundReport},
     hash::{ShortHash, short_hex},
     progress::Progress,
-    read::{self, ReadOptions, ReadProgress, ReadReport, ScratchOptions},
+    read::{self, BadInput, ReadOptions, ReadProgress, ReadReport, ScratchOptions},
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
@@ -52,9 +53,12 @@ const HASHED_TRIANGLE_BYTES: usize = 220;
 pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
     check_inputs(&config.out, &options.inputs)?;
-    let mut run = BakeRun::new(&config, progress)?;
-    let (city, read) = run.read(options)?;
-    run.bake(city, read)
+    let bake = || {
+        let mut run = BakeRun::new(&config, progress)?;
+        let (city, read) = run.read(options)?;
+        run.bake(city, read)
+    };
+    bake().map_err(|error| error.of_bake(&config.out))
 }
 
 /// Bakes a scene that is in memory. `options.inputs`, `obj_up`, `palette` and `facades` are not
@@ -66,8 +70,8 @@ pub fn bake_scene(
     progress: &dyn Progress,
 ) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
-    let run = BakeRun::new(&config, progress)?;
-    run.bake(ScratchScene::from_scene(scene)?, read_report)
+    let bake = || BakeRun::new(&config, progress)?.bake(ScratchScene::from_scene(scene)?, read_report);
+    bake().map_err(|error| error.of_bake(&config.out))
 }
 
 /// The state of a bake that lasts through all stages.
@@ -96,6 +100,7 @@ impl<'a> BakeRun<'a> {
             texture_roots: options.texture_roots.clone(),
             cell_m: self.config.cell_m,
             facades: options.facades,
+            skip_bad_inputs: options.skip_bad_inputs,
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
             ..defaults
@@ -111,7 +116,15 @@ impl<'a> BakeRun<'a> {
             }
             self.progress.advance(now.bytes_done.saturating_sub(done.replace(now.bytes_done)));
         };
-        self.clock.time("read", || read::read_to_disk(&options.inputs, &read_options, scratch, &tick))
+        let (city, report) =
+            self.clock.time("read", || read::read_to_disk(&options.inputs, &read_options, scratch, &tick))?;
+        for BadInput { path, reason } in &report.bad_inputs {
+            self.progress.warn(&format!("{path}: left out: {reason}"));
+        }
+        if let Some(warning) = estimate::warning(&city, self.config) {
+            self.progress.warn(&warning);
+        }
+        Ok((city, report))
     }
 
     /// Runs all stages after reading.

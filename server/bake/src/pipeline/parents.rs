@@ -35,7 +35,7 @@ pub(super) fn bake_level(
 /// the city to update.
 fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Result<FinishedPack, BakeError> {
     if let Some(tiles) = context.find_resumed(pack.pack) {
-        context.progress.advance(pack.nodes.len() as u64);
+        context.progress.skip(pack.nodes.len() as u64);
         return Ok(FinishedPack { tiles, meshes: Vec::new(), outcome: PackOutcome::Resumed });
     }
     let baked = pack.nodes.par_iter().map(|id| {
@@ -43,7 +43,11 @@ fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Re
         let reused = unchanged.and_then(|previous| previous.tile(*id));
         let is_unchanged = reused.is_some();
         let tile = reused.map_or_else(|| bake_node(context, tree, *id), Ok)?;
-        context.progress.advance(1);
+        if is_unchanged {
+            context.progress.skip(1)
+        } else {
+            context.progress.advance(1)
+        };
         Ok::<_, BakeError>((tile, is_unchanged))
     });
     let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();

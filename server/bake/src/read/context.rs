@@ -43,6 +43,8 @@ pub struct ReadOptions {
     pub cell_m: f64,
     /// What walls without a texture get.
     pub facades: FacadeOption,
+    /// Whether inputs that cannot be read, or of which nothing is left, are left out instead of being errors.
+    pub skip_bad_inputs: bool,
 }
 
 impl Default for ReadOptions {
@@ -57,6 +59,7 @@ impl Default for ReadOptions {
             texture_roots: Vec::new(),
             cell_m: 1.0,
             facades: FacadeOption::default(),
+            skip_bad_inputs: false,
         }
     }
 }
@@ -76,7 +79,14 @@ pub(crate) struct ReadContext<'o> {
     facades: FacadeMaker,
 }
 
+/// The state before a source.
+pub(crate) struct SourceMark {
+    objects: usize,
+    crs: Option<NamedCrs>,
+}
+
 /// A coordinate system and the first source that named it.
+#[derive(Clone)]
 struct NamedCrs {
     crs: String,
     path: String,
@@ -111,6 +121,17 @@ impl<'o> ReadContext<'o> {
     /// The generated facades so far; `None` without.
     pub(crate) fn take_facades(&mut self) -> Option<FacadeReport> {
         std::mem::take(&mut self.facades).into_report()
+    }
+
+    /// The state before the next source.
+    pub(crate) fn mark(&self) -> SourceMark {
+        SourceMark { objects: self.builder.len(), crs: self.crs.clone() }
+    }
+
+    /// Leaves out a source that failed, as far as it was read since the mark.
+    pub(crate) fn abandon_source(&mut self, SourceMark { objects, crs }: SourceMark) {
+        self.builder.abandon_since(objects);
+        self.crs = crs;
     }
 
     /// The city's coordinate system, if a source named one.

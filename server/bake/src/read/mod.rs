@@ -3,6 +3,7 @@
 //! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
 //! Next: `partition`.
 
+mod bad_inputs;
 mod cityjson;
 mod context;
 mod counted_float;
@@ -19,6 +20,7 @@ mod source;
 mod tests;
 mod texture;
 mod texture_level;
+mod unread_formats;
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +28,7 @@ pub use crate::error::InputError;
 pub use context::{ObjUpAxis, ReadOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use palette::{Palette, PaletteMode};
-pub use report::{ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport};
+pub use report::{BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;
 
 use crate::error::BakeError;
@@ -36,19 +38,21 @@ use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
 use crate::subject;
+use bad_inputs::{BadInputs, nothing_left};
 use context::{ByteProgress, ReadContext};
 use source::{CitySource, SourceKind, kind_by_name};
 
 /// Reads files, and the city files directly in folders by name, into one scene.
 ///
-/// Fails if a source cannot be read at all, if sources disagree on the coordinate system, or if there are no triangles.
-/// Faults of single objects are in the report instead.
+/// Fails if a source cannot be read at all, if nothing is left of it, if sources disagree on the coordinate system, or if
+/// there are no triangles. Faults of single objects are in the report instead, and so are bad sources if they are skipped.
 pub fn read(
     inputs: &[PathBuf],
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
-    read_scene(&source::list(inputs, &options.texture_roots)?, options, progress)
+    let mut bad = BadInputs::new(options.skip_bad_inputs);
+    read_scene(&source::list(inputs, &options.texture_roots, &mut bad)?, bad, options, progress)
 }
 
 /// Reads city files from memory, each named as it would be on disk. Material libraries and textures are looked up among
@@ -58,7 +62,7 @@ pub fn read_embedded(
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
-    read_scene(&source::embedded(files), options, progress)
+    read_scene(&source::embedded(files), BadInputs::new(options.skip_bad_inputs), options, progress)
 }
 
 /// Where [`read_to_disk`] keeps triangles and textures.
@@ -83,7 +87,9 @@ pub(crate) fn read_to_disk(
     let folder = scratch.folder.to_owned();
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
     let context = ReadContext::new(options, triangles, textures);
-    let mut read = read_sources(&source::list(inputs, &options.texture_roots)?, context, progress)?;
+    let mut bad = BadInputs::new(options.skip_bad_inputs);
+    let sources = source::list(inputs, &options.texture_roots, &mut bad)?;
+    let mut read = read_sources(&sources, bad, context, progress)?;
     read.city.stored.finish()?;
     read.city.names.finish();
     read.city.textures.finish()?;
@@ -93,11 +99,12 @@ pub(crate) fn read_to_disk(
 
 fn read_scene(
     sources: &[CitySource<'_>],
+    bad: BadInputs,
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
     let context = ReadContext::new(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory());
-    let mut read = read_sources(sources, context, progress)?;
+    let mut read = read_sources(sources, bad, context, progress)?;
     let label = || sources.first().map_or(String::new(), |source| source.label.clone());
     let levelled = read.level_textures(options);
     let scene = levelled.and_then(|()| read.city.into_scene());
@@ -131,10 +138,12 @@ impl ReadCity {
 
 fn read_sources(
     sources: &[CitySource<'_>],
+    mut bad: BadInputs,
     mut context: ReadContext<'_>,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<ReadCity, InputError> {
     if sources.is_empty() {
+        bad.fail_with_first()?;
         return Err(InputError::NoSource { path: "the input".to_owned() });
     }
     let bytes_total = sources.iter().map(|source| source.bytes).sum();
@@ -148,26 +157,56 @@ fn read_sources(
         tick(0);
         context.source = report.sources.len();
         subject::set(format_args!("{}", source.label));
-        match read_source(&mut context, source, &tick)? {
-            Some(read) => {
+        let mark = context.mark();
+        let result = read_source(&mut context, source, &tick);
+        match bad.skip(&source.label, result)? {
+            Some(Some(read)) => {
                 report.sources.push(read);
                 set_of_source.push(context.textures.set_of(source));
             }
-            None => report.ignored.push(source.label.clone()),
+            Some(None) => report.ignored.push(source.label.clone()),
+            None => context.abandon_source(mark),
         }
         bytes_before += source.bytes;
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
     report.facades = context.take_facades();
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
-    let city = context.finish(&mut report.sources);
+    let mut city = context.finish(&mut report.sources);
+    if city.triangles == 0 {
+        bad.fail_with_first()?;
+        return Err(empty_city(sources, &report));
+    }
+    remove_empty_sources(&mut report, &mut set_of_source, &mut city, &mut bad)?;
     report.objects = city.objects.len() as u64;
     report.triangles = city.triangles;
     report.crs.clone_from(&city.crs);
-    if city.triangles == 0 {
-        return Err(empty_city(sources, &report));
-    }
+    report.bad_inputs = bad.into_found();
     Ok(ReadCity { city, report, set_of_texture, set_of_source })
+}
+
+/// Removes the sources of which nothing is left, and their coordinate system, from the city that the others give. Fails if
+/// there is one, unless bad inputs are skipped.
+fn remove_empty_sources(
+    report: &mut ReadReport,
+    set_of_source: &mut Vec<u32>,
+    city: &mut ScratchScene,
+    bad: &mut BadInputs,
+) -> Result<(), InputError> {
+    let count = report.sources.len();
+    let all = std::mem::take(&mut report.sources).into_iter().zip(std::mem::take(set_of_source));
+    for (source, set) in all {
+        if let Some(error) = nothing_left(&source) {
+            bad.add(&source.path, error)?;
+        } else {
+            report.sources.push(source);
+            set_of_source.push(set);
+        }
+    }
+    if report.sources.len() < count {
+        city.crs = report.sources.iter().find_map(|source| source.crs.clone());
+    }
+    Ok(())
 }
 
 /// Reads a source; `None` if it was found in a folder and turns out to be other JSON than a city.
@@ -187,7 +226,7 @@ fn read_source(
         Some(SourceKind::JsonLines) => cityjson::read(context, source, tick),
         Some(SourceKind::GeoJson | SourceKind::GeoJsonLines) => geojson::read(context, source, tick).map(Some),
         Some(SourceKind::Obj) => obj::read(context, source, tick).map(Some),
-        None => Err(InputError::unsupported(&source.label, "its name is not that of a city file")),
+        None => Err(unread_formats::refusal(&source.label)),
     }
 }
 

@@ -10,6 +10,8 @@ const EXAMPLES: usize = 5;
 const MAX_TEXT_CHARS: usize = 300;
 /// Most types of objects that are counted each; the rest is counted together.
 const MAX_TYPES: usize = 1000;
+/// Reason for leaving out objects that are too far from the others.
+pub(super) const FAR: &str = "far from the city";
 /// Stands for all types past [`MAX_TYPES`].
 const OTHER_TYPES: &str = "(other types)";
 
@@ -185,6 +187,15 @@ pub struct FacadeReport {
     pub textures: u64,
 }
 
+/// An input that is left out of the city.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct BadInput {
+    /// As it was given or found.
+    pub path: String,
+    /// What is wrong with it, and what to do.
+    pub reason: String,
+}
+
 /// What was read from all sources.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ReadReport {
@@ -192,6 +203,8 @@ pub struct ReadReport {
     pub sources: Vec<SourceReport>,
     /// Files of a given folder that have a city file's name but other content.
     pub ignored: Vec<String>,
+    /// Inputs that are left out. Empty unless [`super::ReadOptions::skip_bad_inputs`] is set: they are errors otherwise.
+    pub bad_inputs: Vec<BadInput>,
     pub objects: u64,
     pub triangles: u64,
     /// Common coordinate system of the sources.

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use glam::Vec3;
 use insula_protocol::NODE_CELLS;
 
-use super::report::SourceReport;
+use super::report::{FAR, SourceReport};
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::scene::object_names::ObjectNames;
-use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial, StoredObject};
+use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
 use crate::scene::{ObjectKind, SceneTriangle};
@@ -222,6 +222,28 @@ impl SceneBuilder {
         self.pending.extend(dropped);
     }
 
+    /// Number of objects so far, for [`Self::abandon_since`].
+    pub(crate) fn len(&self) -> usize {
+        self.pending.len()
+    }
+
+    /// Leaves out all objects since there were `len`, and what was added of one that is not closed.
+    pub(crate) fn abandon_since(&mut self, len: usize) {
+        self.pending[len..].iter_mut().for_each(|object| object.is_dropped = true);
+        // Triangles of an object that was never closed have this number.
+        self.pending.push(PendingObject {
+            id: String::new(),
+            kind: ObjectKind::Building,
+            source: 0,
+            is_dropped: true,
+            surface_m2: 0.0,
+            anchor: [0.0; 3],
+            min: [0.0; 3],
+            max: [0.0; 3],
+            triangles: 0,
+        });
+    }
+
     /// The city. Its origin is the centre of the bounds in x and y and their bottom in z, in whole metres, so that
     /// corners of a city of 16 km are exact to half a millimetre. Removes objects that are left out from the reports in
     /// `sources`.
@@ -240,6 +262,7 @@ impl SceneBuilder {
             materials: self.materials,
             textures,
             triangles: 0,
+            extent: SceneExtent::default(),
             names: ObjectNames::for_triangles(&self.triangles),
             placements: Vec::with_capacity(self.pending.len()),
             stored: self.triangles,
@@ -267,6 +290,7 @@ impl SceneBuilder {
             city.placements.push(ObjectPlacement { offset_m, object: Some(city.objects.len() as u32) });
             city.objects.push(StoredObject { kind: object.kind, base_z_m: placed(object.min[2], 2) });
             city.triangles += object.triangles;
+            city.extent.add(object.surface_m2, [0, 1].map(|axis| object.extent_m(axis)));
             city.names.push(object.id);
         }
         city.bounds = Some([min, max]);
@@ -309,7 +333,7 @@ fn remove_from_report(object: &PendingObject, distance_m: f64, report: &mut Sour
     if object.kind == ObjectKind::Terrain {
         report.terrain_triangles -= object.triangles;
     }
-    report.skip("far from the city", || format!("{}: {:.0} km away", object.id, distance_m / 1000.0));
+    report.skip(FAR, || format!("{}: {:.0} km away", object.id, distance_m / 1000.0));
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use std::rc::Rc;
 
 use flate2::read::MultiGzDecoder;
 
+use super::{bad_inputs::BadInputs, unread_formats};
 use crate::error::InputError;
 
 /// Progress of reading.
@@ -66,11 +67,15 @@ pub(crate) fn kind_by_name(name: &str) -> Option<SourceKind> {
     }
 }
 
-/// The sources of the inputs, in order. A file that is given twice is read once. Fails if an input cannot be read or a
-/// folder has no city file.
+/// The sources of the inputs, in order. A file that is given twice is read once. Fails if an input cannot be read, has no
+/// known name or is a folder without a city file, unless `bad` skips it.
 ///
 /// Textures and material libraries are read from a source's folder and below, and from `texture_roots`.
-pub(crate) fn list(inputs: &[PathBuf], texture_roots: &[PathBuf]) -> Result<Vec<CitySource<'static>>, InputError> {
+pub(super) fn list(
+    inputs: &[PathBuf],
+    texture_roots: &[PathBuf],
+    bad: &mut BadInputs,
+) -> Result<Vec<CitySource<'static>>, InputError> {
     let roots = texture_roots.iter().map(|root| {
         let label = root.display().to_string();
         fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
@@ -80,30 +85,42 @@ pub(crate) fn list(inputs: &[PathBuf], texture_roots: &[PathBuf]) -> Result<Vec<
     let mut seen = HashSet::new();
     for input in inputs {
         let label = input.display().to_string();
-        let meta = fs::metadata(input).map_err(|cause| InputError::io(&label, cause))?;
-        let files = if meta.is_dir() { in_folder(input)? } else { vec![input.clone()] };
+        let Some((files, found)) = bad.skip(&label, files_of(input))? else { continue };
         for path in files {
             let identity = fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
             if seen.insert(identity) {
-                sources.push(file_source(&path, meta.is_dir(), Rc::clone(&roots))?);
+                let source = file_source(&path, found, Rc::clone(&roots));
+                sources.extend(bad.skip(&path.display().to_string(), source)?);
             }
         }
     }
     Ok(sources)
 }
 
+/// The files of an input, and whether they were found in a folder.
+fn files_of(input: &Path) -> Result<(Vec<PathBuf>, bool), InputError> {
+    let meta = fs::metadata(input).map_err(|cause| InputError::io(&input.display().to_string(), cause))?;
+    if meta.is_dir() { Ok((in_folder(input)?, true)) } else { Ok((vec![input.to_owned()], false)) }
+}
+
 fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     let label = folder.display().to_string();
-    let mut paths = Vec::new();
+    let (mut paths, mut unread): (_, Option<PathBuf>) = (Vec::new(), None);
     for entry in fs::read_dir(folder).map_err(|cause| InputError::io(&label, cause))? {
         let path = entry.map_err(|cause| InputError::io(&label, cause))?.path();
-        let is_city = path.file_name().and_then(|name| name.to_str()).is_some_and(|name| kind_by_name(name).is_some());
-        if is_city && path.is_file() {
+        let Some(name) = path.file_name().and_then(|name| name.to_str()).filter(|_| path.is_file()) else { continue };
+        if kind_by_name(name).is_some() {
             paths.push(path);
+        } else if unread_formats::is_model(name) && unread.as_ref().is_none_or(|first| path < *first) {
+            unread = Some(path);
         }
     }
     paths.sort();
-    if paths.is_empty() { Err(InputError::no_source(folder)) } else { Ok(paths) }
+    match (paths.is_empty(), unread) {
+        (false, _) => Ok(paths),
+        (true, Some(path)) => Err(unread_formats::refusal(&path.display().to_string())),
+        (true, None) => Err(InputError::no_source(folder)),
+    }
 }
 
 fn file_source(path: &Path, found: bool, roots: Rc<[PathBuf]>) -> Result<CitySource<'static>, InputError> {
@@ -111,6 +128,9 @@ fn file_source(path: &Path, found: bool, roots: Rc<[PathBuf]>) -> Result<CitySou
     let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
         return Err(InputError::unsupported(&label, "its name is not valid text"));
     };
+    if kind_by_name(name).is_none() {
+        return Err(unread_formats::refusal(&label));
+    }
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     let files = FolderFiles { path: folder, source: name.to_owned(), roots };
     let bytes = files.len(name).map_err(|cause| InputError::io(&label, cause))?;
@@ -381,7 +401,7 @@ mod tests {
         let private = path("private/photo.png").display().to_string();
         let shared = path("shared/c.png").display().to_string();
         for (roots, source) in [(vec![], "in/a.obj"), (vec![path("shared")], "in/linked.obj")] {
-            let sources = list(&[path(source)], &roots).unwrap();
+            let sources = list(&[path(source)], &roots, &mut BadInputs::new(false)).unwrap();
             let read = |name: &str| read_sibling(&*sources[0].files, name, 99);
             assert_eq!(read("own.png").unwrap(), b"in/own.png");
             assert_eq!(read("sub/../sub/b.png").unwrap(), b"in/sub/b.png");
@@ -395,7 +415,7 @@ mod tests {
             assert_eq!(read("c.png").is_ok(), !roots.is_empty());
             assert_eq!(read("none.png").unwrap_err().kind(), io::ErrorKind::NotFound);
         }
-        assert!(list(&[path("in/a.obj")], &[path("none")]).is_err());
+        assert!(list(&[path("in/a.obj")], &[path("none")], &mut BadInputs::new(true)).is_err());
     }
 
     #[test]

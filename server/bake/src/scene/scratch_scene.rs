@@ -46,6 +46,25 @@ pub(crate) struct ObjectPlacement {
     pub(crate) object: Option<u32>,
 }
 
+/// How much there is to bake, for an estimate.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SceneExtent {
+    /// Area of all triangles.
+    pub(crate) surface_m2: f64,
+    /// Area of the objects' bounding rectangles, each with [`Self::MARGIN_M`] of ground around.
+    pub(crate) covered_m2: f64,
+}
+
+impl SceneExtent {
+    const MARGIN_M: f64 = 32.0;
+
+    /// Adds an object.
+    pub(crate) fn add(&mut self, surface_m2: f64, sides_m: [f64; 2]) {
+        self.surface_m2 += surface_m2;
+        self.covered_m2 += sides_m.map(|side_m| side_m + 2.0 * Self::MARGIN_M).iter().product::<f64>();
+    }
+}
+
 /// A city that was read.
 #[derive(Debug)]
 pub(crate) struct ScratchScene {
@@ -60,6 +79,8 @@ pub(crate) struct ScratchScene {
     pub(crate) textures: TextureStore,
     /// Number of triangles.
     pub(crate) triangles: u64,
+    /// Empty for a scene that was passed in.
+    pub(crate) extent: SceneExtent,
     pub(crate) names: ObjectNames,
     /// By the object number of the stored triangles; empty if the triangles are relative to the origin already.
     pub(crate) placements: Vec<ObjectPlacement>,
@@ -147,6 +168,7 @@ impl ScratchScene {
             materials,
             textures,
             triangles: scene.triangles.len() as u64,
+            extent: SceneExtent::default(),
             names,
             placements: Vec::new(),
             stored: TriangleStore::Memory(scene.triangles),

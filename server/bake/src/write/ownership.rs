@@ -203,7 +203,7 @@ pub(super) fn remove_scratch(root: &Path) -> Result<(), BakeError> {
 
 /// Fails if `out` or its scratch folder `partial` is, or contains, one of `inputs`, which exist.
 pub(crate) fn check_inputs(out: &Path, inputs: &[PathBuf]) -> Result<(), BakeError> {
-    let outputs = [canonical(out), canonical(&super::scratch_folder::partial(out))];
+    let outputs = [canonical(out), canonical(&crate::kept_work::scratch_folder(out))];
     for input in inputs {
         let found = canonical(input);
         if outputs.iter().any(|output| found.starts_with(output)) {

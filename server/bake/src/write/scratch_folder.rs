@@ -12,7 +12,6 @@
 
 use std::{
     cell::Cell,
-    ffi::OsString,
     fs,
     path::{Path, PathBuf},
 };
@@ -23,7 +22,10 @@ use super::{
     files::{remove_file, remove_folder, sync_folder, write_synced},
     ownership::{check_mount, check_out, claim_scratch, remove_city, remove_scratch},
 };
-use crate::error::BakeError;
+use crate::{
+    error::BakeError,
+    kept_work::{STATE_FILE, scratch_folder},
+};
 
 /// Hashes of the input of the packs. Packs are reused only if both are equal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,22 +54,14 @@ pub(crate) struct ScratchFolder {
     root: PathBuf,
     out: PathBuf,
     lock: Option<fs::File>,
-    prepared: bool,
     scene_folder_created: Cell<bool>,
-}
-
-/// The scratch folder of the bake of `out`.
-pub(super) fn partial(out: &Path) -> PathBuf {
-    let mut name = out.file_name().map(OsString::from).unwrap_or_default();
-    name.push(".partial");
-    out.with_file_name(name)
 }
 
 impl ScratchFolder {
     /// Creates and locks the scratch folder without changing its content. Fails if `out` must not be replaced or
     /// another bake holds the lock.
     pub(crate) fn lock(out: &Path) -> Result<Self, BakeError> {
-        let root = partial(out);
+        let root = scratch_folder(out);
         check_mount(out)?;
         check_mount(&root)?;
         if let Some(parent) = root.parent() {
@@ -96,14 +90,13 @@ impl ScratchFolder {
             Ok(()) | Err(fs::TryLockError::Error(_)) => {}
         }
         let scene_folder_created = Cell::new(false);
-        Ok(Self { root, out: out.to_owned(), lock: Some(lock), prepared: false, scene_folder_created })
+        Ok(Self { root, out: out.to_owned(), lock: Some(lock), scene_folder_created })
     }
 
     /// Keeps the packs of an interrupted bake if `resume` is set and its input was the same, else removes them. Fails
     /// if the folder cannot be read or written.
     pub(crate) fn prepare(&mut self, input: &InputHashes, resume: bool) -> Result<ResumeStatus, BakeError> {
-        self.prepared = true;
-        let state = self.root.join("state.json");
+        let state = self.root.join(STATE_FILE);
         let found: Option<InputHashes> = fs::read(&state).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
         let status = match found {
             Some(found) if resume && found == *input => ResumeStatus::Resumed,
@@ -172,10 +165,14 @@ impl ScratchFolder {
 }
 
 impl Drop for ScratchFolder {
-    /// Removes the scratch scene, and the whole folder if the bake failed before it wrote any packs.
+    /// Removes the scratch scene, and the whole folder if a bake that resumes would find nothing in it.
     fn drop(&mut self) {
+        if self.lock.is_none() {
+            // Published: another bake may have the folder now.
+            return;
+        }
         let _ = fs::remove_dir_all(self.root.join("spool"));
-        if !self.prepared && !self.root.join("state.json").exists() {
+        if !self.root.join(STATE_FILE).exists() {
             let _ = remove_scratch(&self.root);
         }
     }

@@ -83,6 +83,14 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         }
     }
 
+    /// The report of the whole source.
+    pub(super) fn into_report(mut self) -> SourceReport {
+        // Also of a zone that an earlier source chose.
+        let zone = self.projection.zone().filter(|_| self.report.objects > 0);
+        self.report.crs = self.report.crs.or_else(|| zone.map(str::to_owned));
+        self.report
+    }
+
     /// Calls `tick` now and then.
     pub(super) fn tick(&self, tick: &dyn Fn()) {
         if self.count.is_multiple_of(TICK_FEATURES) {

@@ -33,5 +33,5 @@ pub(crate) fn read(
     } else {
         stream::read(opened.reader, &mut features, &tick)?;
     }
-    Ok(features.report)
+    Ok(features.into_report())
 }

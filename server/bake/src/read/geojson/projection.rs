@@ -57,6 +57,14 @@ impl InputProjection {
         zone.as_ref().map(|utm| utm.epsg.clone())
     }
 
+    /// EPSG code of the zone to which degrees are projected, if it is chosen.
+    pub(super) fn zone(&self) -> Option<&str> {
+        match self {
+            Self::Degrees(zone) => zone.as_ref().map(|utm| utm.epsg.as_str()),
+            Self::Metres => None,
+        }
+    }
+
     /// Position in metres; `None` if it is invalid or no zone is chosen yet.
     pub(super) fn to_metres(&self, position: &JsonPosition) -> Option<[f64; 2]> {
         let [x, y, _] = position.0;

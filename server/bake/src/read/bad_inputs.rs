@@ -1,0 +1,59 @@
+//! Inputs that give nothing to the city: they cannot be read, or all of their objects are left out.
+//!
+//! A bake fails because of one. If bad inputs are skipped, it goes on as if they had not been given, and reports them.
+
+use super::report::{BadInput, FAR, SourceReport};
+use crate::error::InputError;
+
+/// Decides what becomes of bad inputs, and collects those that are skipped.
+pub(super) struct BadInputs {
+    is_skipping: bool,
+    found: Vec<BadInput>,
+    /// The error of the first.
+    first: Option<InputError>,
+}
+
+impl BadInputs {
+    pub(super) fn new(is_skipping: bool) -> Self {
+        Self { is_skipping, found: Vec::new(), first: None }
+    }
+
+    /// Notes the bad input at `path`. Fails with its error unless bad inputs are skipped.
+    pub(super) fn add(&mut self, path: &str, error: InputError) -> Result<(), InputError> {
+        if !self.is_skipping {
+            return Err(error);
+        }
+        let text = error.to_string();
+        let reason = text.strip_prefix(path).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(&text).to_owned();
+        self.found.push(BadInput { path: path.to_owned(), reason });
+        self.first.get_or_insert(error);
+        Ok(())
+    }
+
+    /// The value of a result; `None` if it is the error of a bad input that is skipped. Fails with an error that is not
+    /// skipped.
+    pub(super) fn skip<T>(&mut self, path: &str, result: Result<T, InputError>) -> Result<Option<T>, InputError> {
+        result.map_or_else(|error| self.add(path, error).map(|()| None), |value| Ok(Some(value)))
+    }
+
+    /// Fails with the error of the first bad input, if there is one.
+    pub(super) fn fail_with_first(&mut self) -> Result<(), InputError> {
+        self.first.take().map_or(Ok(()), Err)
+    }
+
+    pub(super) fn into_found(self) -> Vec<BadInput> {
+        self.found
+    }
+}
+
+/// The error of a source of which every object is left out; `None` if it has others, or none at all.
+pub(super) fn nothing_left(source: &SourceReport) -> Option<InputError> {
+    let objects = source.skipped.values().map(|fault| fault.count).sum();
+    if source.objects > 0 || objects == 0 {
+        return None;
+    }
+    let (reason, fault) = source.skipped.iter().max_by_key(|(_, fault)| fault.count)?;
+    let example = fault.first.first().map(|first| format!(" ({first})")).unwrap_or_default();
+    let advice = if reason == FAR { "check its coordinate system and its units" } else { "repair it" };
+    Some(InputError::NothingLeft { path: source.path.clone(), objects, reason: format!("{reason}{example}"), advice })
+}
