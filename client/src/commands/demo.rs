@@ -1,7 +1,7 @@
 //! `insula demo`: the bundled city, in a window or as an image.
 
 use super::{
-    embedded::{BakeJob, VERSIONS, bake_cached, cache_folder, serve},
+    embedded::{BakeJob, CacheRoot, VERSIONS, bake_cached, serve},
     headless::{open_session, render_to_file},
     view,
 };
@@ -36,9 +36,10 @@ struct DemoInfo {
 
 /// Runs the command. Fails if the city cannot be baked, viewed or rendered.
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
-    let server = serve(&bake_cached(&unpack_demo()?)?)?;
+    let cache = CacheRoot::open()?;
+    let server = serve(&bake_cached(&unpack_demo(&cache)?, &cache)?)?;
     if !args.headless && has_screen() {
-        match view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global) {
+        match view::run(&ViewArgs { place: server.url.clone().into(), sun: args.sun, ..ViewArgs::default() }, global) {
             Err(ClientError::Graphics(reason)) => {
                 eprintln!("note: {}; writing an image instead", printable(&reason));
             }
@@ -61,14 +62,14 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
 }
 
 /// Unpacks the bundled files into a cache folder, unless they are there.
-fn unpack_demo() -> Result<BakeJob> {
+fn unpack_demo(cache: &CacheRoot) -> Result<BakeJob> {
     if FILES.is_empty() {
         return Err(ClientError::Failed("this program was built without its bundled city: use insula open".into()));
     }
     let mut hasher = DefaultHasher::new();
     (FILES, VERSIONS).hash(&mut hasher);
     let cache_key = hasher.finish();
-    let folder = cache_folder("demo")?.join(format!("chiba-{cache_key:016x}"));
+    let folder = cache.folder("demo")?.join(format!("chiba-{cache_key:016x}"));
     fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;
     let mut info = DemoInfo::default();
     for (name, bytes) in FILES {

@@ -1,17 +1,25 @@
 //! `insula open`: bakes, serves and views city files in one process.
 
 use super::{
-    embedded::{BakeJob, bake_cached, cache_key, serve},
+    embedded::{BakeJob, CacheRoot, bake_cached, cache_key, serve},
     view,
 };
 use crate::{
     args::{GlobalArgs, OpenArgs, ViewArgs},
     error::{ClientError, Result},
+    stream::location::CityLocation,
 };
+use insula_archive::city::read_manifest;
 use insula_bake::read::Palette;
+use std::path::Path;
 
 /// Runs the command. Fails if the files cannot be baked, or as `view` does.
 pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
+    if let [place] = &args.inputs[..]
+        && is_baked(place)
+    {
+        return view::run(&ViewArgs { place: place.into(), sun: args.sun, ..ViewArgs::default() }, global);
+    }
     let cell_m = args.cell.unwrap_or(1.0);
     let palette = match &args.palette {
         Some(value) => Palette::from_option(value).map_err(|e| ClientError::Usage(e.to_string()))?,
@@ -21,6 +29,15 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
     let cache_key = cache_key(&args.inputs, &palette, facades, cell_m)?;
     let inputs = args.inputs.clone();
     let job = BakeJob { inputs, cell_m, palette, facades, cache_key, ..BakeJob::default() };
-    let server = serve(&bake_cached(&job)?)?;
-    view::run(&ViewArgs { url: server.url.clone(), sun: args.sun, ..ViewArgs::default() }, global)
+    let cache = CacheRoot::open()?;
+    let server = serve(&bake_cached(&job, &cache)?)?;
+    view::run(&ViewArgs { place: server.url.clone().into(), sun: args.sun, ..ViewArgs::default() }, global)
+}
+
+/// Whether an input is the address of a city, or the folder or manifest of a baked one, and not a city file.
+fn is_baked(input: &Path) -> bool {
+    let is_address = input.to_str().is_some_and(|text| text.contains("://"));
+    // A city file may be named as a manifest is.
+    let is_city = |location| matches!(location, CityLocation::Folder(folder) if read_manifest(&folder).is_ok());
+    is_address || CityLocation::parse(input).is_ok_and(is_city)
 }

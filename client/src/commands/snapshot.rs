@@ -4,17 +4,22 @@ use super::headless::{open_session, render_to_file};
 use crate::{
     args::{GlobalArgs, SnapshotArgs},
     camera_files::read_camera,
-    error::Result,
+    error::{ClientError, Result},
     image_files::{write_pfm, write_radiance},
+    ui::view_link::ViewLink,
 };
 use insula_viewer::{streamer::FrameRequest, sun::Daylight};
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
-    let camera = read_camera(&args.camera)?;
+    let link = ViewLink::parse(&args.server)?;
+    let camera = match &args.camera {
+        Some(path) => read_camera(path)?,
+        None => link.camera.ok_or_else(no_camera)?,
+    };
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let mut session = open_session(&args.server, global, None, Some(&request))?;
-    let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
+    let daylight = Daylight::new(&args.sun.or_time(link.time).into(), session.tree().manifest());
     let pixels = render_to_file(&mut session, &request, global, args.shading, &daylight, &args.out)?;
     if let Some(path) = &args.radiance {
         write_radiance(path, &pixels)?;
@@ -27,4 +32,8 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
         Some(path) => session.report(global.tau).write(path),
         None => Ok(()),
     }
+}
+
+fn no_camera() -> ClientError {
+    ClientError::Usage("no camera: use --camera CAM.json, or a view link with a camera as --server".into())
 }

@@ -2,11 +2,11 @@
 
 use super::{connect::connect, headless::INITIAL_REQUESTS};
 use crate::{
-    args::{GlobalArgs, SunArgs, ViewArgs},
+    args::{GlobalArgs, ViewArgs},
     camera_files::read_path,
     error::Result,
     session::Session,
-    stream::{BackgroundFetcher, Wake, fetch::Http, location::CityLocation},
+    stream::{BackgroundFetcher, Wake, fetch::Http},
     ui::{
         event_loop::{self, ConnectFn, ConnectedCity, ViewerEvent, WindowOptions},
         path_playback::PathPlayback,
@@ -22,17 +22,14 @@ const ATTEMPT_SECS: u32 = 3;
 /// Runs the command until the window is closed. Fails if an argument is invalid, or if no window can be opened.
 pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     let started = Instant::now();
-    let link = ViewLink::parse(&args.url)?;
-    CityLocation::parse(&link.address)?;
+    let link = ViewLink::parse(&args.place)?;
     let path = args.path.as_deref().map(read_path).transpose()?;
     let event_loop = event_loop::event_loop()?;
     let http = Arc::new(Http::with_options(None, global.http_options())?);
-    let has_sun = args.sun.time.is_some() || args.sun.sun.is_some();
-    let sun = if has_sun { args.sun } else { SunArgs { time: link.time, ..args.sun } }.into();
     let options = WindowOptions {
-        address: link.address.clone(),
+        address: link.location.to_string(),
         camera: link.camera,
-        sun,
+        sun: args.sun.or_time(link.time).into(),
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
@@ -44,9 +41,9 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
         let _ = proxy.send_event(ViewerEvent::Arrived);
     });
     let global = GlobalArgs { timeout: global.timeout.min(ATTEMPT_SECS), ..global.clone() };
-    let (has_meshes, has_transitions) = (!global.no_meshes, !args.no_fades);
+    let (has_meshes, has_transitions, place) = (!global.no_meshes, !args.no_fades, args.place.clone());
     let connect: ConnectFn = Arc::new(move || {
-        let city = connect(&http, &link.address, &global)?;
+        let city = connect(&http, &place, &global)?;
         let (manifest, address) = (city.manifest.clone(), city.address.clone());
         let (http, wake) = (http.clone(), wake.clone());
         let open_session = move |adapter| {
