@@ -39,3 +39,11 @@ load *ARGS:
 # Accuracy of a bake against its source: just fidelity FILE... --out DIR
 fidelity *ARGS:
     cargo run --release -p insula-tests --bin fidelity -- {{ARGS}}
+
+# Debian packages and a tarball of both programs: just package OUT
+package OUT:
+    docker/package/build {{OUT}}
+
+# Installs the packages in a new Debian, bakes and serves there: sudo just package-smoke OUT
+package-smoke OUT:
+    docker/package/smoke {{OUT}}

@@ -2,13 +2,14 @@
 
 use crate::{image_files::parse_picture_path, render::AdapterChoice, stream::fetch::HttpOptions};
 use clap::{Args, Parser, Subcommand};
+use insula_command_line::SetupCommand;
 use insula_shaders::layout::Shading;
 use insula_viewer::sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time};
-use std::path::PathBuf;
+use std::{ffi::OsString, path::PathBuf};
 
 /// Insula: fly through whole cities, streamed.
 #[derive(Debug, Parser)]
-#[command(name = "insula", version, about, disable_help_subcommand = true)]
+#[command(name = "insula", version)]
 #[command(after_help = "Example:\n  insula demo\n  insula view http://127.0.0.1:7700")]
 pub struct Cli {
     #[command(subcommand)]
@@ -78,6 +79,8 @@ pub enum ClientCommand {
         after_help = "Example:\n  insula fly --server http://127.0.0.1:7700 --path path.json --bandwidth 50 --rtt 40 --report fly.json"
     )]
     Fly(FlyArgs),
+    #[command(flatten)]
+    Setup(SetupCommand),
 }
 
 /// Arguments of `insula view`.
@@ -85,7 +88,8 @@ pub enum ClientCommand {
 pub struct ViewArgs {
     /// City: `http://host:port`, `http://host:port/v1/cities/NAME`, a view link (`insula://...`), the folder of a baked city,
     /// or the URL of such a folder on any host that supports range requests.
-    pub url: String,
+    #[arg(value_name = "PLACE")]
+    pub place: OsString,
     /// Fly along a camera path repeatedly, and print frame times and memory use.
     #[arg(long, value_name = "PATH.json")]
     pub path: Option<PathBuf>,
@@ -104,8 +108,8 @@ pub struct ViewArgs {
 /// Arguments of `insula open`.
 #[derive(Debug, Args)]
 pub struct OpenArgs {
-    /// City files, as for `insula-server bake`.
-    #[arg(required = true)]
+    /// City files, as for `insula-server bake`; or one place, as for `insula view`, of a city that is baked already.
+    #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// Side of the finest column in metres [default: 1].
     #[arg(long, value_name = "M")]
@@ -143,12 +147,12 @@ pub struct DemoArgs {
 /// Arguments of `insula snapshot`.
 #[derive(Debug, Args)]
 pub struct SnapshotArgs {
-    /// City: `http://host:port`, `http://host:port/v1/cities/NAME`, or the folder of a baked city, local or as a URL.
+    /// City, as for `insula view`. A view link gives the time of the light, too.
     #[arg(long, value_name = "PLACE")]
-    pub server: String,
-    /// Camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}`.
+    pub server: OsString,
+    /// Camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` [default: that of the view link].
     #[arg(long, value_name = "CAM.json")]
-    pub camera: PathBuf,
+    pub camera: Option<PathBuf>,
     /// Size of the image in pixels.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: [u32; 2],
@@ -177,9 +181,9 @@ pub struct SnapshotArgs {
 /// Arguments of `insula fly`.
 #[derive(Debug, Args)]
 pub struct FlyArgs {
-    /// City: `http://host:port`, `http://host:port/v1/cities/NAME`, or the folder of a baked city, local or as a URL.
+    /// City, as for `insula view`. A view link gives the time of the light, too.
     #[arg(long, value_name = "PLACE")]
-    pub server: String,
+    pub server: OsString,
     /// Camera path file: `{"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]},...]}`.
     #[arg(long, value_name = "PATH.json")]
     pub path: PathBuf,
@@ -247,6 +251,13 @@ pub struct SunArgs {
     /// Light windows in walls after sunset: generated, not from the sources
     #[arg(long)]
     pub lit_windows: bool,
+}
+
+impl SunArgs {
+    /// These options, with the time of a view link where they give neither a time nor a position of the sun.
+    pub fn or_time(self, time: Option<SunTime>) -> Self {
+        if self.sun.is_some() { self } else { Self { time: self.time.or(time), ..self } }
+    }
 }
 
 impl From<SunArgs> for SunOptions {
@@ -332,7 +343,7 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent_and_every_help_has_an_example() {
         Cli::command().debug_assert();
-        for command in Cli::command().get_subcommands_mut() {
+        for command in Cli::command().get_subcommands_mut().filter(|command| !command.is_hide_set()) {
             assert!(command.render_long_help().to_string().contains("Example:"), "{}", command.get_name());
         }
     }

@@ -5,7 +5,7 @@ use crate::{
     share_link::{self, parse_lifetime, parse_version},
 };
 use clap::{Parser, Subcommand, ValueEnum};
-use insula_bake::read::FacadeOption;
+use insula_command_line::SetupCommand;
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
 use std::{path::PathBuf, time::Duration};
 
@@ -62,6 +62,8 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server simplify skull.obj skull_small.obj --ratio 0.1\n  insula-server simplify town.obj town_small.obj --error 0.5\n\nReads and writes PLY, OFF and OBJ, selected by file name extension. A small component is removed as a whole once that\ncosts less than collapsing another edge."
     )]
     Simplify(SimplifyArgs),
+    #[command(flatten)]
+    Setup(SetupCommand),
 }
 
 /// Arguments of `compress`.
@@ -126,8 +128,8 @@ pub struct BakeArgs {
     #[arg(long, value_enum, default_value_t = GeneratedGround::Auto)]
     pub ground: GeneratedGround,
     /// Walls of which the inputs have no picture: of one colour, or with generated windows
-    #[arg(long, value_name = "plain|windows", default_value = "plain")]
-    pub facades: FacadeOption,
+    #[arg(long, value_enum, default_value_t = GeneratedFacades::Plain)]
+    pub facades: GeneratedFacades,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
@@ -186,6 +188,15 @@ pub enum GeneratedGround {
     Auto,
     /// Only the terrain of the sources
     None,
+}
+
+/// Walls of which the inputs have no picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GeneratedFacades {
+    /// Their colour
+    Plain,
+    /// Generated windows
+    Windows,
 }
 
 /// Device that renders visibility maps.
@@ -372,7 +383,7 @@ mod tests {
     #[test]
     fn every_command_is_valid_and_has_an_example() {
         Args::command().debug_assert();
-        for command in Args::command().get_subcommands() {
+        for command in Args::command().get_subcommands().filter(|command| !command.is_hide_set()) {
             let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
             assert!(help.contains(&format!("insula-server {} ", command.get_name())), "{help}");
         }

@@ -4,7 +4,7 @@
 use insula_protocol::{TileKind, mesh_tile};
 use insula_server::{
     config::BlockCacheConfig,
-    store::{CityStore, Store, StoreError},
+    store::{CityStore, RetentionPolicy, Store, StoreError},
 };
 use insula_test_support::small_city;
 use std::{
@@ -27,6 +27,22 @@ fn a_folder_of_cities_opens_all_of_them() {
     let twice = Store::open(&[root.path().join("a"), root.path().to_owned()]);
     assert!(matches!(twice, Err(StoreError::SameName { .. })));
     assert!(matches!(Store::open(&[root.path().join("missing")]), Err(StoreError::Io { .. })));
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_folder_whose_name_is_not_text_changes_only_if_its_files_do() {
+    use std::os::unix::ffi::OsStrExt;
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join(std::ffi::OsStr::from_bytes(b"city\xff"));
+    small_city::write_city(&folder, "a");
+    let store = Store::open(&[&folder]).unwrap();
+    let retention = RetentionPolicy { time: std::time::Duration::ZERO, versions: 1 };
+    let unchanged = store.reload(retention, false).await;
+    assert!(!unchanged.must_replace() && unchanged.failures.is_empty(), "{unchanged:?}");
+    std::fs::remove_dir_all(&folder).unwrap();
+    small_city::write_city(&folder, "a");
+    assert_eq!(store.reload(retention, false).await.changed, ["a"]);
 }
 
 #[test]

@@ -6,23 +6,24 @@ use crate::{
     stream::{
         city::{OpenOptions, OpenedCity, open_city},
         fetch::Http,
-        location::CityLocation,
         source::disk::open_user_cache,
     },
-    ui::connector::StartStatus,
+    ui::{connector::StartStatus, view_link::ViewLink},
 };
-use std::{sync::Arc, time::Duration};
+use std::{
+    ffi::{OsStr, OsString},
+    sync::Arc,
+    time::Duration,
+};
 
-/// Finds the address of a city, and may bake and serve it before. Called on a separate thread, again after a failure.
-pub(super) type FindAddress = Box<dyn Fn(&StartStatus) -> Result<String> + Send + Sync>;
+/// Finds the place of a city, and may bake and serve it before. Called on a separate thread, again after a failure.
+pub(super) type FindPlace = Box<dyn Fn(&StartStatus) -> Result<OsString> + Send + Sync>;
 
-/// Opens the city at `location`, a URL or a path. Fails as [`open_city`] does.
-pub fn connect(http: &Arc<Http>, location: &str, global: &GlobalArgs) -> Result<OpenedCity> {
-    let disk_cache = match global.disk_cache_mib {
-        Some(mib) => Some(Arc::new(open_user_cache(u64::from(mib) << 20)?)),
-        None => None,
-    };
+/// Opens the city at `place`: a URL, a view link or a path. Fails if it is none of them, or as [`open_city`] does.
+pub fn connect(http: &Arc<Http>, place: impl AsRef<OsStr>, global: &GlobalArgs) -> Result<OpenedCity> {
+    let location = ViewLink::parse(place)?.location;
+    let disk_cache = global.disk_cache_mib.and_then(|mib| open_user_cache(u64::from(mib) << 20)).map(Arc::new);
     let timeout = Duration::from_secs(u64::from(global.timeout));
     let options = OpenOptions { city: global.city.clone(), disk_cache, timeout };
-    open_city(http, CityLocation::parse(location)?, &options)
+    open_city(http, location, &options)
 }

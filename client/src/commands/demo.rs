@@ -1,7 +1,7 @@
 //! `insula demo`: the bundled city, in a window or as an image.
 
 use super::{
-    embedded::{BakeJob, VERSIONS, bake_cached, cache_folder, serve},
+    embedded::{BakeJob, CacheRoot, VERSIONS, bake_cached, serve},
     headless::{PictureFile, open_session, render_to_file},
     view,
 };
@@ -36,17 +36,18 @@ struct DemoInfo {
 
 /// Runs the command. Fails if the city cannot be baked, viewed or rendered.
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
-    let job = unpack_demo()?;
+    let cache = CacheRoot::open()?;
+    let job = unpack_demo(&cache)?;
     if !args.headless && has_screen() {
         let view = ViewArgs { sun: args.sun, pictures: args.pictures, ..ViewArgs::default() };
-        match view::open_baked(job.clone(), &view, global) {
+        match view::open_baked(job.clone(), cache.clone(), &view, global) {
             Err(ClientError::Graphics(reason)) => {
                 eprintln!("note: {}; writing an image instead", printable(&reason));
             }
             ended => return ended,
         }
     }
-    let server = serve(&bake_cached(&job, None)?)?;
+    let server = serve(&bake_cached(&job, &cache, None)?)?;
     let mut session = open_session(&server.url, global, None, None)?;
     let aspect = f64::from(args.size[0]) / f64::from(args.size[1].max(1));
     let camera = Camera::overview(session.tree().manifest().focus_bounds(), aspect);
@@ -64,14 +65,14 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
 }
 
 /// Unpacks the bundled files into a cache folder, unless they are there.
-fn unpack_demo() -> Result<BakeJob> {
+fn unpack_demo(cache: &CacheRoot) -> Result<BakeJob> {
     if FILES.is_empty() {
         return Err(ClientError::Failed("this program was built without its bundled city: use insula open".into()));
     }
     let mut hasher = DefaultHasher::new();
     (FILES, VERSIONS).hash(&mut hasher);
     let cache_key = hasher.finish();
-    let folder = cache_folder("demo")?.join(format!("chiba-{cache_key:016x}"));
+    let folder = cache.folder("demo")?.join(format!("chiba-{cache_key:016x}"));
     fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;
     let mut info = DemoInfo::default();
     for (name, bytes) in FILES {

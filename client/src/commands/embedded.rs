@@ -1,12 +1,12 @@
 //! Baking into a cache folder and serving in this process, for `open` and `demo`.
 
-use super::connect::FindAddress;
+use super::connect::FindPlace;
 use crate::{
     error::{ClientError, Result},
     ui::connector::StartStatus,
 };
 use insula_bake::{
-    BakeOptions, GroundOption, Progress,
+    BakeError, BakeOptions, GroundOption, Progress,
     read::{FACADE_ALGORITHM, FacadeOption, Palette},
 };
 use insula_protocol::{
@@ -24,7 +24,7 @@ use std::{
     hash::{Hash, Hasher},
     io::IsTerminal,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError},
     time::{Duration, SystemTime},
 };
 
@@ -52,13 +52,43 @@ pub(super) struct BakeJob {
     pub(super) cache_key: u64,
 }
 
-/// A folder of this program in the user's cache folder, created if missing. Fails without a home folder.
-pub(super) fn cache_folder(name: &str) -> Result<PathBuf> {
-    let folders = directories::ProjectDirs::from("", "", "insula")
-        .ok_or_else(|| ClientError::Failed("there is no home folder to bake into: set HOME".into()))?;
-    let folder = folders.cache_dir().join(name);
-    fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;
-    Ok(folder)
+/// Where baked cities are kept: this program's folder in the user's cache folder. If that cannot be written, a temporary
+/// folder that ends with the last clone of this value.
+#[derive(Clone)]
+pub(super) struct CacheRoot {
+    path: PathBuf,
+    _temporary: Option<Arc<tempfile::TempDir>>,
+}
+
+impl CacheRoot {
+    /// Prints a warning if cities cannot be kept. Fails if there is no temporary folder either.
+    pub(super) fn open() -> Result<Self> {
+        let folders = directories::ProjectDirs::from("", "", "insula");
+        Self::at(folders.as_ref().map(directories::ProjectDirs::cache_dir))
+    }
+
+    fn at(folder: Option<&Path>) -> Result<Self> {
+        const ADVICE: &str = "set XDG_CACHE_HOME to a folder that can be written";
+        let reason = match folder {
+            None => "there is no home folder".to_owned(),
+            Some(path) => match fs::create_dir_all(path).and_then(|()| tempfile::tempfile_in(path)) {
+                Ok(_) => return Ok(Self { path: path.to_owned(), _temporary: None }),
+                Err(error) => format!("{}: {error}", path.display()),
+            },
+        };
+        let temporary = tempfile::Builder::new().prefix("insula-").tempdir().map_err(|error| {
+            ClientError::Failed(format!("{reason}, and there is no temporary folder ({error}): {ADVICE}"))
+        })?;
+        eprintln!("warning: the baked city is not kept: {}; {ADVICE}", printable(&reason));
+        Ok(Self { path: temporary.path().to_owned(), _temporary: Some(Arc::new(temporary)) })
+    }
+
+    /// The folder of that name in it, created if missing.
+    pub(super) fn folder(&self, name: &str) -> Result<PathBuf> {
+        let folder = self.path.join(name);
+        fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;
+        Ok(folder)
+    }
 }
 
 /// Versions that a cached city depends on: another version of the program may bake another city.
@@ -117,11 +147,11 @@ fn hash_path(input: &Path, hasher: &mut DefaultHasher) -> Result<()> {
 
 /// The folder of the baked city: from the cache, or baked now. Reports the progress to `status` and to the terminal. Fails if the
 /// bake fails.
-pub(super) fn bake_cached(job: &BakeJob, status: Option<&StartStatus>) -> Result<PathBuf> {
+pub(super) fn bake_cached(job: &BakeJob, cache: &CacheRoot, status: Option<&StartStatus>) -> Result<PathBuf> {
     let first = job.inputs.first().and_then(|path| path.file_name()).unwrap_or_default().to_string_lossy();
     let first = first.split('.').next().unwrap_or_default();
     let name = to_name(job.name.as_deref().unwrap_or(first));
-    let out = cache_folder("cities")?.join(format!("{name}-{:016x}", job.cache_key));
+    let out = cache.folder("cities")?.join(format!("{name}-{:016x}", job.cache_key));
     // A city that cannot be opened is incomplete or from an older version: it is baked again.
     if Store::open(&[&out]).is_ok() {
         return Ok(out);
@@ -150,7 +180,10 @@ pub(super) fn bake_cached(job: &BakeJob, status: Option<&StartStatus>) -> Result
         BakeProgress { name: to_name(job.name.as_deref().unwrap_or(first)), status, stage: Mutex::default() };
     let baked = insula_bake::bake(&options, &progress);
     progress.clear();
-    baked.map_err(|e| ClientError::Failed(e.to_string()))?;
+    baked.map_err(|error| match error {
+        BakeError::Option { .. } => ClientError::Usage(error.to_string()),
+        error => ClientError::Failed(error.to_string()),
+    })?;
     Ok(out)
 }
 
@@ -208,17 +241,17 @@ impl Progress for BakeProgress<'_> {
     }
 }
 
-/// Bakes and serves the city of `job` when the window asks for its address.
-pub(super) fn find_baked(job: BakeJob) -> FindAddress {
+/// Bakes and serves the city of `job` when the window asks for its place.
+pub(super) fn find_baked(job: BakeJob, cache: CacheRoot) -> FindPlace {
     let server: Mutex<Option<EmbeddedServer>> = Mutex::new(None);
     Box::new(move |status| {
         let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(server) = &*server {
-            return Ok(server.url.clone());
+            return Ok(server.url.clone().into());
         }
-        let started = serve(&bake_cached(&job, Some(status))?)?;
+        let started = serve(&bake_cached(&job, &cache, Some(status))?)?;
         status.set("loading".into());
-        Ok(server.insert(started).url.clone())
+        Ok(server.insert(started).url.clone().into())
     })
 }
 
@@ -264,6 +297,22 @@ impl Drop for EmbeddedServer {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cache_folder_that_cannot_be_written_is_replaced_for_this_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let writable = folder.path().join("a/b");
+        assert_eq!(CacheRoot::at(Some(&writable)).unwrap().folder("cities").unwrap(), writable.join("cities"));
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        for unusable in [None, Some(file.join("insula"))] {
+            let root = CacheRoot::at(unusable.as_deref()).unwrap();
+            let cities = root.folder("cities").unwrap();
+            fs::write(cities.join("x"), "x").unwrap();
+            drop(root);
+            assert!(!cities.exists(), "{}", cities.display());
+        }
+    }
 
     #[cfg(unix)]
     #[test]

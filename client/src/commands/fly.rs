@@ -8,7 +8,10 @@ use crate::{
     report::{FlightReport, FlightSample, FrameDifference, compare_frames},
     session::Session,
     stream::{fetch::Http, simulated_link::SimulatedLink},
-    ui::frame_pacing::{FramePacer, FrameTime},
+    ui::{
+        frame_pacing::{FramePacer, FrameTime},
+        view_link::ViewLink,
+    },
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
@@ -32,11 +35,12 @@ const COMPARE_CACHE_MIB: u32 = 512;
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &FlyArgs, global: &GlobalArgs) -> Result<()> {
+    let link = ViewLink::parse(&args.server)?;
     let path = read_path(&args.path)?;
     let first = frame_request(&path, args, global, 0.0)?;
     let http = Http::with_options(simulated_link(args), global.http_options())?;
     let mut session = open_session(&args.server, global, Some(http), Some(&first))?;
-    let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
+    let daylight = Daylight::new(&args.sun.or_time(link.time).into(), session.tree().manifest());
     let settings = daylight.render_settings(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
     session.set_transitions(!args.no_fades);

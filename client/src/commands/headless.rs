@@ -20,6 +20,7 @@ use insula_viewer::{
     sun::Daylight,
 };
 use std::{
+    ffi::OsStr,
     io::IsTerminal,
     path::Path,
     sync::Arc,
@@ -31,10 +32,10 @@ pub(super) const INITIAL_REQUESTS: usize = 12;
 /// Longest wait for an arrival before retries are checked.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Connects to the city at `location` and opens a session. The tiles of `first` are fetched while the adapter is being opened.
+/// Connects to the city at `place` and opens a session. The tiles of `first` are fetched while the adapter is being opened.
 /// Fails if the city or the adapter cannot be opened.
 pub fn open_session(
-    location: &str,
+    place: impl AsRef<OsStr>,
     global: &GlobalArgs,
     http: Option<Http>,
     first: Option<&FrameRequest>,
@@ -47,7 +48,7 @@ pub fn open_session(
         Some(http) => http,
         None => Http::with_options(None, global.http_options())?,
     });
-    let city = connect(&http, location, global)?;
+    let city = connect(&http, place, global)?;
     let downloads = BackgroundFetcher::downloads(http, city.source, INITIAL_REQUESTS, None);
     let tree = SceneTree::new(city.manifest).with_meshes(!global.no_meshes);
     let session = Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)?;

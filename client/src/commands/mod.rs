@@ -14,7 +14,7 @@ mod view;
 
 use crate::{
     args::{Cli, ClientCommand},
-    error::Result,
+    error::{ClientError, Result},
 };
 
 /// Runs the command of a command line. Fails as the command does.
@@ -24,12 +24,13 @@ pub fn run(cli: Cli) -> Result<()> {
         ClientCommand::View(args) => view::run(&args, &global),
         ClientCommand::Snapshot(args) => snapshot::run(&args, &global),
         ClientCommand::Fly(args) => fly::run(&args, &global),
+        ClientCommand::Setup(setup) => setup.run::<Cli>().map_err(|(path, source)| ClientError::File { path, source }),
         #[cfg(feature = "embedded")]
         ClientCommand::Open(args) => open::run(&args, &global),
         #[cfg(feature = "embedded")]
         ClientCommand::Demo(args) => demo::run(&args, &global),
         #[cfg(not(feature = "embedded"))]
-        ClientCommand::Open(_) | ClientCommand::Demo(_) => Err(crate::error::ClientError::Usage(
+        ClientCommand::Open(_) | ClientCommand::Demo(_) => Err(ClientError::Usage(
             "this program was built without the embedded server: use insula-server, then insula view".into(),
         )),
     }

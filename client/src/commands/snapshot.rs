@@ -4,9 +4,10 @@ use super::headless::{PictureFile, open_session, render_to_file};
 use crate::{
     args::{GlobalArgs, SnapshotArgs},
     camera_files::read_camera,
-    error::Result,
+    error::{ClientError, Result},
     image_files::{write_pfm, write_radiance},
     report::RunReport,
+    ui::view_link::ViewLink,
 };
 use insula_protocol::text::{human_bytes, printable};
 use insula_viewer::{streamer::FrameRequest, sun::Daylight};
@@ -14,10 +15,14 @@ use std::{fs, path::PathBuf};
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
-    let camera = read_camera(&args.camera)?;
+    let link = ViewLink::parse(&args.server)?;
+    let camera = match &args.camera {
+        Some(path) => read_camera(path)?,
+        None => link.camera.ok_or_else(no_camera)?,
+    };
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
     let mut session = open_session(&args.server, global, None, Some(&request))?;
-    let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
+    let daylight = Daylight::new(&args.sun.or_time(link.time).into(), session.tree().manifest());
     let out = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption };
     let pixels = render_to_file(&mut session, &request, global, args.shading, &daylight, &out)?;
     if let Some(path) = &args.radiance {
@@ -48,4 +53,8 @@ fn written_files(args: &SnapshotArgs) -> String {
     let image = describe(&args.out, &format!("{width} x {height} pixels, "));
     let others = [&args.radiance, &args.distance, &args.report].into_iter().flatten().map(|path| describe(path, ""));
     format!("wrote {}", std::iter::once(image).chain(others).collect::<Vec<_>>().join(", "))
+}
+
+fn no_camera() -> ClientError {
+    ClientError::Usage("no camera: use --camera CAM.json, or a view link with a camera as --server".into())
 }

@@ -1,18 +1,18 @@
 //! `insula view`: a city in a window.
 
 #[cfg(feature = "embedded")]
-use super::embedded::{BakeJob, find_baked};
+use super::embedded::{BakeJob, CacheRoot, find_baked};
 use super::{
-    connect::{FindAddress, connect},
+    connect::{FindPlace, connect},
     headless::{INITIAL_REQUESTS, settle},
 };
 use crate::{
-    args::{GlobalArgs, SunArgs, ViewArgs},
+    args::{GlobalArgs, ViewArgs},
     camera_files::read_path,
     error::Result,
     render::OpenedAdapter,
     session::Session,
-    stream::{BackgroundFetcher, Wake, city::OpenedCity, fetch::Http, location::CityLocation},
+    stream::{BackgroundFetcher, Wake, city::OpenedCity, fetch::Http},
     ui::{
         city_chooser::CityPreview,
         connector::{ConnectFn, ConnectFns, ConnectedCity, PreviewFn, StartStatus, ViewerEvent},
@@ -27,7 +27,7 @@ use insula_viewer::{
     camera::Camera,
     scene::SceneTree,
     streamer::FrameRequest,
-    sun::{Daylight, SunOptions},
+    sun::{Daylight, SunOptions, SunTime},
 };
 use std::{
     sync::Arc,
@@ -44,31 +44,41 @@ const PREVIEW_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Runs the command until the window is closed. Fails if an argument is invalid, or if no window can be opened.
 pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
-    let link = ViewLink::parse(&args.url)?;
-    CityLocation::parse(&link.address)?;
-    let address = link.address.clone();
-    open_window(link, Box::new(move |_| Ok(address.clone())), args, global)
+    let link = ViewLink::parse(&args.place)?;
+    let first = FirstView {
+        status: StartStatus::new(format!("connecting to {}", link.location)),
+        camera: link.camera,
+        time: link.time,
+    };
+    let place = args.place.clone();
+    open_window(first, Box::new(move |_| Ok(place.clone())), args, global)
 }
 
 /// Opens a window that bakes the city of `job` and shows it.
 #[cfg(feature = "embedded")]
-pub(super) fn open_baked(job: BakeJob, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
-    let link = ViewLink { address: String::new(), camera: None, time: None };
-    open_window(link, find_baked(job), args, global)
+pub(super) fn open_baked(job: BakeJob, cache: CacheRoot, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
+    let first = FirstView { status: StartStatus::new("opening the city".into()), camera: None, time: None };
+    open_window(first, find_baked(job, cache), args, global)
 }
 
-/// Shows the city that `find` finds, with the camera and the time of `link`.
-fn open_window(link: ViewLink, find: FindAddress, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
+/// What a window begins with.
+struct FirstView {
+    status: StartStatus,
+    camera: Option<Camera>,
+    /// Time of the light.
+    time: Option<SunTime>,
+}
+
+/// Shows the city that `find` finds.
+fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     let started = Instant::now();
     let path = args.path.as_deref().map(read_path).transpose()?;
     let event_loop = event_loop::event_loop()?;
     let http = Arc::new(Http::with_options(None, global.http_options())?);
-    let has_sun = args.sun.time.is_some() || args.sun.sun.is_some();
-    let sun = if has_sun { args.sun } else { SunArgs { time: link.time, ..args.sun } }.into();
     let options = WindowOptions {
-        status: StartStatus::new(format!("connecting to {}", link.address)),
-        camera: link.camera,
-        sun,
+        status: first.status,
+        camera: first.camera,
+        sun: args.sun.or_time(first.time).into(),
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
@@ -103,7 +113,7 @@ fn open_window(link: ViewLink, find: FindAddress, args: &ViewArgs, global: &Glob
 
 /// Connects to the city, or to one of a server's cities.
 struct CityConnector {
-    find: FindAddress,
+    find: FindPlace,
     http: Arc<Http>,
     global: GlobalArgs,
     status: StartStatus,
@@ -111,9 +121,9 @@ struct CityConnector {
 
 impl CityConnector {
     fn connect(&self, name: Option<&str>) -> Result<OpenedCity> {
-        let address = (self.find)(&self.status)?;
+        let place = (self.find)(&self.status)?;
         let city = name.map(str::to_owned).or_else(|| self.global.city.clone());
-        connect(&self.http, &address, &GlobalArgs { city, ..self.global.clone() })
+        connect(&self.http, &place, &GlobalArgs { city, ..self.global.clone() })
     }
 
     /// Draws the city from above with little memory and few tiles.

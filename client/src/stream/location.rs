@@ -3,7 +3,11 @@
 use crate::error::{ClientError, Result};
 use insula_archive::city::MANIFEST_FILE;
 use insula_protocol::{manifest::is_name, route::CITIES};
-use std::path::{Path, PathBuf};
+use std::{
+    ffi::OsStr,
+    fmt,
+    path::{Path, PathBuf},
+};
 
 /// Where a city, or a server with cities, is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,7 +31,10 @@ pub enum CityLocation {
 
 impl CityLocation {
     /// Parses a URL or a path. Fails if it cannot be a city.
-    pub fn parse(text: &str) -> Result<Self> {
+    pub fn parse(place: impl AsRef<OsStr>) -> Result<Self> {
+        let place = place.as_ref();
+        // Only a path may be other than text.
+        let text = &*place.to_string_lossy();
         let (text, query) = match text.split_once('?') {
             Some((address, query)) if address.contains("://") => (address, Some(query)),
             _ => (text, None),
@@ -39,7 +46,7 @@ impl CityLocation {
             ))
         };
         let Some(scheme_end) = text.find("://").map(|at| at + 3) else {
-            let path = Path::new(text);
+            let path = Path::new(place);
             let folder = if path.ends_with(MANIFEST_FILE) { path.parent().unwrap_or(path) } else { path };
             let has_manifest = folder.join(MANIFEST_FILE).is_file();
             return if has_manifest { Ok(Self::Folder(folder.to_owned())) } else { Err(invalid()) };
@@ -69,6 +76,18 @@ impl CityLocation {
             }
         };
         Ok(Self::Server { base: base.to_owned(), name, share, is_bare_host: path.is_empty() })
+    }
+}
+
+impl fmt::Display for CityLocation {
+    /// As it may be shown: without the share link.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Server { base, name: Some(name), .. } => write!(f, "{base}{CITIES}/{name}"),
+            Self::Server { base, .. } => f.write_str(base),
+            Self::WebFolder(base) => write!(f, "{base}/"),
+            Self::Folder(path) => write!(f, "{}", path.display()),
+        }
     }
 }
 
@@ -110,7 +129,8 @@ mod tests {
             share: Some(link.into()),
             is_bare_host: false,
         };
-        assert_eq!(CityLocation::parse(&format!("https://h/v1/cities/delft?share={link}")).unwrap(), expected);
+        assert_eq!(CityLocation::parse(format!("https://h/v1/cities/delft?share={link}")).unwrap(), expected);
+        assert_eq!(expected.to_string(), "https://h/v1/cities/delft");
         for invalid in
             ["https://h/v1/cities/A?share=secret", "https://h/maps/delft?share=secret", "https://h?share=secret&"]
         {

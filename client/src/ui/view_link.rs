@@ -11,6 +11,7 @@ use insula_viewer::{
     camera::Camera,
     sun::{Daylight, SunTime, parse_time},
 };
+use std::ffi::OsStr;
 
 /// Prefix of view links. Any other text is a plain city location.
 const SCHEME: &str = "insula://";
@@ -22,19 +23,20 @@ const MAX_COORDINATE_M: f64 = 1e10;
 /// A city, and optionally a view of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewLink {
-    /// Location of the city, not yet parsed unless it comes from an `insula://` link.
-    pub address: String,
+    pub location: CityLocation,
     pub camera: Option<Camera>,
     /// Time of the light.
     pub time: Option<SunTime>,
 }
 
 impl ViewLink {
-    /// Parses a view link. Text without the prefix `insula://` becomes the address as it is. Fails if a link is malformed or
-    /// names a user, or if its path names no city.
-    pub fn parse(text: &str) -> Result<Self> {
+    /// Parses a place as any command takes it: a view link, or the location of a city. Fails if a link is malformed or names a
+    /// user, or if the place cannot be a city.
+    pub fn parse(place: impl AsRef<OsStr>) -> Result<Self> {
+        let place = place.as_ref();
+        let text = &*place.to_string_lossy();
         if !text.get(..SCHEME.len()).is_some_and(|scheme| scheme.eq_ignore_ascii_case(SCHEME)) {
-            return Ok(Self { address: text.to_owned(), camera: None, time: None });
+            return Ok(Self { location: CityLocation::parse(place)?, camera: None, time: None });
         }
         let invalid = |why: &str| {
             // The link may be hostile: only its beginning is printed, without control characters.
@@ -45,22 +47,19 @@ impl ViewLink {
         };
         let url = parse_url(text).map_err(|why| invalid(&why))?;
         let host = url.host_str().filter(|host| !host.is_empty()).ok_or_else(|| invalid("no host"))?;
-        let mut link = Self { address: String::new(), camera: None, time: None };
-        let mut scheme = "http";
+        let (mut camera, mut time, mut scheme) = (None, None, "http");
         for (name, value) in url.query_pairs() {
             match &*name {
-                "camera" => link.camera = Some(parse_camera(&value).ok_or_else(|| invalid("invalid camera"))?),
-                "time" => link.time = Some(parse_time(&value).map_err(|e| invalid(&e))?),
+                "camera" => camera = Some(parse_camera(&value).ok_or_else(|| invalid("invalid camera"))?),
+                "time" => time = Some(parse_time(&value).map_err(|e| invalid(&e))?),
                 "tls" => scheme = if value == "1" { "https" } else { "http" },
                 _ => {}
             }
         }
         let port = url.port().map(|port| format!(":{port}")).unwrap_or_default();
-        link.address = format!("{scheme}://{host}{port}{}", url.path());
-        match CityLocation::parse(&link.address) {
-            Ok(CityLocation::Server { .. } | CityLocation::WebFolder(_)) => Ok(link),
-            _ => Err(invalid("its path names no city")),
-        }
+        let location = CityLocation::parse(format!("{scheme}://{host}{port}{}", url.path()))
+            .map_err(|_| invalid("its path names no city"))?;
+        Ok(Self { location, camera, time })
     }
 }
 
@@ -139,7 +138,7 @@ mod tests {
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
                 let text = format_link(&format!("{base}/v1/cities/tokyo"), &camera, &light).unwrap();
                 let link = ViewLink::parse(&text).unwrap();
-                assert_eq!(link.address, format!("{base}/v1/cities/tokyo"));
+                assert_eq!(link.location.to_string(), format!("{base}/v1/cities/tokyo"));
                 assert_eq!(link.time, Some(parse_time("2024-06-21T17:00").unwrap()));
                 let parsed = link.camera.unwrap();
                 assert!((parsed.position - camera.position).length() < 2e-3, "{parsed:?}");
@@ -187,10 +186,10 @@ mod tests {
     #[test]
     fn plain_addresses_are_unchanged_and_a_view_is_optional() {
         let plain = ViewLink::parse("http://h:1/v1/cities/a").unwrap();
-        assert_eq!((plain.address.as_str(), plain.camera), ("http://h:1/v1/cities/a", None));
+        assert_eq!((plain.location.to_string().as_str(), plain.camera), ("http://h:1/v1/cities/a", None));
         let bare = ViewLink::parse("INSULA://h:1/v1/cities/a?colour=blue").unwrap();
-        assert_eq!((bare.address.as_str(), bare.camera, bare.time), ("http://h:1/v1/cities/a", None, None));
+        assert_eq!((&bare.location, bare.camera, bare.time), (&plain.location, None, None));
         let folder = ViewLink::parse("insula://h/maps/delft/?tls=1").unwrap();
-        assert_eq!(folder.address, "https://h/maps/delft/");
+        assert_eq!(folder.location, CityLocation::WebFolder("https://h/maps/delft".into()));
     }
 }

@@ -6,12 +6,12 @@ use super::{
     output::{count, print, refuse_input, refuse_inside, write},
 };
 use crate::{
-    args::{BakeArgs, GeneratedGround, UpAxis, VisibilityRenderer},
+    args::{BakeArgs, GeneratedFacades, GeneratedGround, UpAxis, VisibilityRenderer},
     memory,
 };
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
-    read::{InputError, ObjUpAxis, Palette, ReadReport},
+    read::{FacadeOption, InputError, ObjUpAxis, Palette, ReadReport},
     sample::{SampleSettings, VisibilityBackend},
 };
 use insula_protocol::{
@@ -70,8 +70,9 @@ fn check_report(report: &Path, args: &BakeArgs) -> Result<(), CommandError> {
     let inputs = args.inputs.iter().chain(&args.palette);
     inputs.into_iter().try_for_each(|input| refuse_input(report, input))?;
     refuse_inside(report, &args.out)?;
-    let name = args.out.file_name().unwrap_or_default().to_string_lossy();
-    refuse_inside(report, &args.out.with_file_name(format!("{name}.partial")))?;
+    let mut partial = args.out.file_name().unwrap_or_default().to_owned();
+    partial.push(".partial");
+    refuse_inside(report, &args.out.with_file_name(partial))?;
     if report.is_dir() || report.is_file() && !is_report(report) {
         let reason = "it exists and is not a report of a bake; give another --report";
         return Err(CommandError::Usage(format!("{}: {reason}", report.display())));
@@ -108,7 +109,10 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
             GeneratedGround::Auto => GroundOption::Auto,
             GeneratedGround::None => GroundOption::None,
         },
-        facades: args.facades,
+        facades: match args.facades {
+            GeneratedFacades::Plain => FacadeOption::Plain,
+            GeneratedFacades::Windows => FacadeOption::Windows,
+        },
         threads: args.threads.map(usize::from),
         memory_bytes: args.memory,
         scratch_bytes: args.scratch,
@@ -192,7 +196,6 @@ mod tests {
     use super::*;
     use crate::args::{Args, ServerCommand};
     use clap::Parser;
-    use insula_bake::read::FacadeOption;
 
     #[test]
     fn arguments_become_bake_options() {

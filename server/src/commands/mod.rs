@@ -28,6 +28,9 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         ServerCommand::Sign(args) => sign::run(&args),
         ServerCommand::Inspect(args) => inspect::run(&args),
         ServerCommand::Verify(args) => verify::run(&args),
+        ServerCommand::Setup(setup) => {
+            setup.run::<Args>().map_err(|(path, error)| CommandError::Write { path, reason: error.to_string() })
+        }
         #[cfg(feature = "bake")]
         ServerCommand::Bake(args) => bake::run(&args),
         #[cfg(feature = "bake")]

@@ -6,7 +6,7 @@ use insula_protocol::TileKind;
 use std::{
     fs, io,
     ops::Deref,
-    path::Path,
+    path::{Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering},
     time::SystemTime,
 };
@@ -22,6 +22,8 @@ pub struct CityStore {
     serial: u64,
     stamp: CityStamp,
     city: BakedCity,
+    /// `None` for a remote city. Its location is text, which the name of a folder need not be.
+    folder: Option<PathBuf>,
 }
 
 /// Identity of a city's files, which changes when they are replaced.
@@ -44,19 +46,24 @@ impl CityStore {
             let stamp = CityStamp::of(folder)?;
             let city = BakedCity::open(folder);
             if CityStamp::of(folder)? == stamp {
-                return Ok(Self::new(stamp, city?));
+                return Ok(Self { folder: Some(folder.to_owned()), ..Self::new(stamp, city?) });
             }
         }
         Err(StoreError::Changing { place: folder.display().to_string() })
     }
 
     pub(super) fn new(stamp: CityStamp, city: BakedCity) -> Self {
-        Self { serial: NEXT_SERIAL.fetch_add(1, Ordering::Relaxed), stamp, city }
+        Self { serial: NEXT_SERIAL.fetch_add(1, Ordering::Relaxed), stamp, city, folder: None }
     }
 
     /// A number that differs between all cities and versions that the process has opened.
     pub fn serial(&self) -> u64 {
         self.serial
+    }
+
+    /// The folder that it was opened from; `None` if it is remote.
+    pub(super) fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
     }
 
     pub(super) fn stamp(&self) -> &CityStamp {

@@ -76,8 +76,9 @@ impl Store {
     fn check_folders(&self, retention: RetentionPolicy) -> (StoreReload, BTreeSet<String>) {
         let mut reload = StoreReload::unchanged(self);
         let mut seen = BTreeSet::new();
-        let known: BTreeMap<PathBuf, String> =
-            self.cities.iter().map(|(name, city)| (city.current.location().into(), name.clone())).collect();
+        let folders =
+            self.cities.iter().filter_map(|(name, city)| Some((city.current.folder()?.to_owned(), name.clone())));
+        let known: BTreeMap<PathBuf, String> = folders.collect();
         for folder in &self.folders {
             match city_folders(folder) {
                 Ok(CityFolders { cities, unreadable }) => {

@@ -3,6 +3,7 @@
 use crate::bucket;
 use anyhow::{Context, Result, bail};
 use std::{
+    ffi::OsStr,
     io::{BufRead, BufReader, Read},
     net::SocketAddr,
     path::{Path, PathBuf},
@@ -66,8 +67,8 @@ impl ServerProcess {
 
     /// Adds the arguments of `serve` to `command` and runs it. `settings` are `key=value`. Fails unless the server prints
     /// its address. With `INSULA_TEST_LOG` set, its log goes to standard error.
-    pub fn start(command: &mut Command, place: &str, listen: &str, settings: &[&str]) -> Result<Self> {
-        command.args(["serve", place, "--listen", listen]);
+    pub fn start(command: &mut Command, place: impl AsRef<OsStr>, listen: &str, settings: &[&str]) -> Result<Self> {
+        command.arg("serve").arg(place).args(["--listen", listen]);
         command.args(settings.iter().flat_map(|setting| ["--set", setting]));
         let log = std::env::var_os("INSULA_TEST_LOG").map_or_else(Stdio::null, |_| Stdio::inherit());
         let mut child = command

@@ -4,22 +4,42 @@
 //! another server. Whatever fails here costs a fetch and no pixel.
 
 use super::{PendingTile, TileSource};
-use crate::error::{ClientError, Result};
 use bytes::Bytes;
 use insula_archive::disk_cache::DiskCache;
-use insula_protocol::{Manifest, TileKind};
+use insula_protocol::{Manifest, TileKind, text::printable};
 use insula_viewer::scene::TileKey;
-use std::sync::Arc;
+use std::{
+    io,
+    sync::{Arc, Once},
+};
 
 /// File extension of what is kept.
 pub const EXTENSION: &str = "tile";
 
-/// The disk cache of this program's user.
-pub fn open_user_cache(max_bytes: u64) -> Result<DiskCache> {
-    let folders = directories::ProjectDirs::from("", "", "insula")
-        .ok_or_else(|| ClientError::Failed("there is no home folder to keep tiles in: set HOME".into()))?;
+/// The disk cache of this program's user. `None` if it cannot be used; a warning says why, once.
+pub fn open_user_cache(max_bytes: u64) -> Option<DiskCache> {
+    static WARNING: Once = Once::new();
+    let warn = |reason: &str| {
+        WARNING.call_once(|| {
+            let advice = "set XDG_CACHE_HOME to a folder that can be written";
+            eprintln!("warning: tiles are not kept: {}; {advice}", printable(reason));
+        });
+    };
+    let Some(folders) = directories::ProjectDirs::from("", "", "insula") else {
+        warn("there is no home folder");
+        return None;
+    };
     let path = folders.cache_dir().join("tiles");
-    DiskCache::open(&path, EXTENSION, max_bytes).map_err(ClientError::file(&path))
+    let opened = DiskCache::open(&path, EXTENSION, max_bytes).and_then(|cache| check_writable(&cache).map(|()| cache));
+    opened.inspect_err(|error| warn(&format!("{}: {error}", path.display()))).ok()
+}
+
+/// Fails if nothing can be written to the cache.
+fn check_writable(cache: &DiskCache) -> io::Result<()> {
+    const KEY: &str = "is-writable";
+    cache.replace(KEY, b"")?;
+    cache.remove(KEY);
+    Ok(())
 }
 
 /// A city whose tiles are read from a disk cache first.

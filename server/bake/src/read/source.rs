@@ -108,10 +108,12 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     let (mut paths, mut unread): (_, Option<PathBuf>) = (Vec::new(), None);
     for entry in fs::read_dir(folder).map_err(|cause| InputError::io(&label, cause))? {
         let path = entry.map_err(|cause| InputError::io(&label, cause))?.path();
-        let Some(name) = path.file_name().and_then(|name| name.to_str()).filter(|_| path.is_file()) else { continue };
-        if kind_by_name(name).is_some() {
+        let Some(name) = path.file_name().map(|name| name.to_string_lossy()).filter(|_| path.is_file()) else {
+            continue;
+        };
+        if kind_by_name(&name).is_some() {
             paths.push(path);
-        } else if unread_formats::is_model(name) && unread.as_ref().is_none_or(|first| path < *first) {
+        } else if unread_formats::is_model(&name) && unread.as_ref().is_none_or(|first| path < *first) {
             unread = Some(path);
         }
     }
@@ -125,16 +127,15 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
 
 fn file_source(path: &Path, found: bool, roots: Rc<[PathBuf]>) -> Result<CitySource<'static>, InputError> {
     let label = path.display().to_string();
-    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-        return Err(InputError::unsupported(&label, "its name is not valid text"));
-    };
-    if kind_by_name(name).is_none() {
+    // A name that is not text is shown with marks in place of what is not.
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    if kind_by_name(&name).is_none() {
         return Err(unread_formats::refusal(&label));
     }
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-    let files = FolderFiles { path: folder, source: name.to_owned(), roots };
-    let bytes = files.len(name).map_err(|cause| InputError::io(&label, cause))?;
-    Ok(CitySource { name: name.to_owned(), label, files: Rc::new(files), bytes, found })
+    let files = FolderFiles { path: folder, source: (name.clone(), path.to_owned()), roots };
+    let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
+    Ok(CitySource { name, label, files: Rc::new(files), bytes, found })
 }
 
 /// The city files among the given ones, sorted by name. All files are available as images and material libraries.
@@ -154,8 +155,8 @@ pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<CitySource<'
 
 struct FolderFiles {
     path: PathBuf,
-    /// Name of the source, which the user chose: it may be a link to anywhere.
-    source: String,
+    /// Name and path of the source, which the user chose: it may be a link to anywhere.
+    source: (String, PathBuf),
     /// Folders besides `path` from which files may be read, without links.
     roots: Rc<[PathBuf]>,
 }
@@ -164,7 +165,8 @@ impl FolderFiles {
     /// Path of a plain file. A name in a city file must not make the bake read a device, wait for a pipe, or publish a
     /// file from elsewhere: after links and `..`, the file must lie in the source's folder or in one of the roots.
     fn path_of(&self, name: &str) -> io::Result<PathBuf> {
-        let path = if name == self.source { self.path.join(name) } else { self.allowed_path(name)? };
+        let (source, path) = &self.source;
+        let path = if name == source { path.clone() } else { self.allowed_path(name)? };
         if fs::metadata(&path)?.is_file() {
             Ok(path)
         } else {
@@ -202,7 +204,8 @@ impl SourceFiles for FolderFiles {
     }
 
     fn location(&self) -> String {
-        self.path.display().to_string()
+        // Differs between any two folders, also between those whose names are not text.
+        self.path.to_str().map_or_else(|| format!("{:?}", self.path), str::to_owned)
     }
 }
 

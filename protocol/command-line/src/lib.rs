@@ -1,0 +1,130 @@
+//! What the command lines of both programs share: how errors are printed, and the commands that write shell completions and
+//! man pages.
+
+use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
+use clap_complete::Shell;
+use insula_protocol::text::printable;
+use std::{
+    fs,
+    io::{self, Write},
+    path::PathBuf,
+    process::ExitCode,
+};
+
+/// Parses the arguments of this process. If there is nothing to run, prints why, and fails with the exit code of the process:
+/// 0 after help and version that were asked for, 2 after a usage error. Without any arguments, the help is the error.
+pub fn parse<P: Parser>() -> Result<P, ExitCode> {
+    P::try_parse().map_err(|error| {
+        let is_requested = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
+        if is_requested || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+            // A closed pipe (`| head`) is no failure.
+            let _ = error.print();
+        } else {
+            eprintln!("{}; see {} --help", usage_line(&error), P::command().get_name());
+        }
+        if is_requested { ExitCode::SUCCESS } else { ExitCode::from(2) }
+    })
+}
+
+/// The message of a usage error in one line, without the usage that clap appends.
+fn usage_line(error: &clap::Error) -> String {
+    let text = error.render().to_string();
+    let message = text.split("\nUsage:").next().and_then(|text| text.split("\nFor more").next()).unwrap_or_default();
+    one_line(message)
+}
+
+/// The text in one line that is safe to print.
+pub fn one_line(text: &str) -> String {
+    printable(&text.split_whitespace().collect::<Vec<_>>().join(" ")).into_owned()
+}
+
+/// Commands that prepare a shell and `man` for a program. Help does not list them: they are for those who make packages.
+#[derive(Debug, Clone, Subcommand)]
+pub enum SetupCommand {
+    /// Print the completions of a shell
+    #[command(hide = true)]
+    Completions {
+        /// Shell that reads them
+        shell: Shell,
+    },
+    /// Write man pages, one per command
+    #[command(hide = true)]
+    Man {
+        /// Folder to write to
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+}
+
+impl SetupCommand {
+    /// Runs the command for the program with the command line `P`. Fails with the path that cannot be written.
+    pub fn run<P: CommandFactory>(&self) -> Result<(), (PathBuf, io::Error)> {
+        let mut command = P::command();
+        match self {
+            Self::Completions { shell } => {
+                let (name, mut script) = (command.get_name().to_owned(), Vec::new());
+                clap_complete::generate(*shell, &mut command, name, &mut script);
+                // A closed pipe is no failure.
+                let _ = io::stdout().lock().write_all(&script);
+                Ok(())
+            }
+            Self::Man { out } => fs::create_dir_all(out)
+                .and_then(|()| clap_mangen::generate_to(command, out))
+                .map_err(|error| (out.clone(), error)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+
+    /// A program.
+    #[derive(Debug, Parser)]
+    #[command(name = "town")]
+    struct Town {
+        #[command(subcommand)]
+        command: TownCommand,
+    }
+
+    #[derive(Debug, Subcommand)]
+    enum TownCommand {
+        /// Build a house
+        Build {
+            /// Number of storeys
+            #[arg(long)]
+            storeys: u8,
+        },
+        #[command(flatten)]
+        Setup(SetupCommand),
+    }
+
+    #[test]
+    fn usage_errors_are_one_safe_line() {
+        let error = |line: &[&str]| usage_line(&Town::try_parse_from(line).unwrap_err());
+        assert!(error(&["town", "build", "--storeys", "\u{1b}[2J"]).starts_with("error: invalid value '\\u{1b}[2J'"));
+        let missing = error(&["town", "build"]);
+        assert!(missing.ends_with("not provided: --storeys <STOREYS>"), "{missing}");
+        assert!(error(&["town", "build", "--storey", "1"]).contains("tip: "));
+    }
+
+    #[test]
+    fn man_pages_are_of_the_commands_that_help_lists() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("new/man1");
+        let TownCommand::Setup(setup) =
+            Town::try_parse_from(["town", "man", "--out", out.to_str().unwrap()]).unwrap().command
+        else {
+            panic!("not a setup command")
+        };
+        setup.run::<Town>().unwrap();
+        let mut names: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["town-build.1", "town.1"]);
+        assert!(fs::read_to_string(out.join("town-build.1")).unwrap().contains("Number of storeys"));
+        let (path, _) = SetupCommand::Man { out: out.join("town.1") }.run::<Town>().unwrap_err();
+        assert_eq!(path, out.join("town.1"));
+    }
+}

@@ -1,0 +1,228 @@
+//! The command lines of both programs: alike, and as the documentation has them.
+
+#![allow(clippy::unwrap_used)]
+
+use clap::{Command, CommandFactory};
+use insula_client::args::Cli;
+use insula_server::args::Args;
+use insula_test_support::programs::{ServerProcess, program, run};
+use insula_tests::source_code::tracked_files;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ffi::OsStr,
+    fs,
+    path::Path,
+    process::Command as Process,
+};
+
+/// A block of houses.
+const FOOTPRINTS: &str = r#"{"type": "FeatureCollection", "crs": {"type": "name", "properties": {"name": "EPSG:28992"}},
+    "features": [{"type": "Feature", "properties": {"height": 9}, "geometry": {"type": "Polygon",
+    "coordinates": [[[85000, 447000], [85020, 447000], [85020, 447012], [85000, 447012], [85000, 447000]]]}}]}"#;
+/// A view of it from the south-west.
+const CAMERA: &str =
+    r#"{"position": [84980, 446970, 30], "target": [85010, 447006, 4], "up": [0, 0, 1], "fov_y_deg": 60}"#;
+const VIEW: &str = "camera=84980,446970,30,40,-25,60";
+
+/// Options by the command that has them. Those of all commands of `insula` are its own.
+type Options = BTreeMap<String, BTreeSet<String>>;
+
+/// The words in backticks, without what follows their first space.
+fn quoted(text: &str) -> impl Iterator<Item = &str> {
+    text.split('`').skip(1).step_by(2).map(|word| word.split(' ').next().unwrap_or_default())
+}
+
+/// The options in the tables whose heading is "option of ...". A row, or else the heading, names the commands that have them.
+fn documented(text: &str) -> Options {
+    let mut options = Options::new();
+    let mut heading = None;
+    for line in text.lines() {
+        let cell = line.strip_prefix("| ").and_then(|row| row.split(" | ").next());
+        heading = match (cell, heading) {
+            (Some(cell), None) if cell.starts_with("option of ") => Some(cell),
+            (Some(cell), Some(heading)) => {
+                let names = |of: &str| quoted(of).filter(|word| !word.starts_with("--")).map(str::to_owned).collect();
+                let in_row: Vec<String> = cell.split_once('(').map(|(_, row)| names(row)).unwrap_or_default();
+                for command in if in_row.is_empty() { names(heading) } else { in_row } {
+                    let found = quoted(cell).filter(|word| word.starts_with("--")).map(str::to_owned);
+                    options.entry(command).or_default().extend(found);
+                }
+                Some(heading)
+            }
+            (None, Some(heading)) if line.starts_with('|') => Some(heading),
+            _ => None,
+        };
+    }
+    options
+}
+
+/// The options in the help of a program.
+fn in_help(program: &Command) -> Options {
+    let options_of = |command: &Command| -> BTreeSet<String> {
+        command.get_arguments().filter_map(|option| Some(format!("--{}", option.get_long()?))).collect()
+    };
+    let commands = program.get_subcommands().filter(|command| !command.is_hide_set()).chain([program]);
+    let options = commands.map(|command| (command.get_name().to_owned(), options_of(command)));
+    options.filter(|(_, options)| !options.is_empty()).collect()
+}
+
+#[test]
+fn every_option_is_documented_and_every_documented_option_exists() {
+    let files = tracked_files().unwrap();
+    let documented = documented(&[&*files["README.md"], &*files["docs/operate.md"]].join("\n"));
+    let existing: Options = in_help(&Cli::command()).into_iter().chain(in_help(&Args::command())).collect();
+    for (command, options) in &existing {
+        let none = BTreeSet::new();
+        let found = documented.get(command).unwrap_or(&none);
+        let missing: Vec<_> = options.difference(found).collect();
+        assert!(missing.is_empty(), "{command}: README.md and docs/operate.md lack {missing:?}");
+        let stale: Vec<_> = found.difference(options).collect();
+        assert!(stale.is_empty(), "{command}: README.md or docs/operate.md has {stale:?}, which does not exist");
+    }
+    let unknown: Vec<_> = documented.keys().filter(|command| !existing.contains_key(*command)).collect();
+    assert!(unknown.is_empty(), "tables of unknown commands: {unknown:?}");
+    assert!(existing["bake"].len() > 15 && existing["insula"].len() > 5 && existing["fly"].len() > 12, "{existing:?}");
+}
+
+#[test]
+fn both_programs_show_help_and_errors_alike() {
+    for name in ["insula", "insula-server"] {
+        let call = |arguments: &[&str]| {
+            let output = run(Process::new(program(name).unwrap()).args(arguments)).unwrap();
+            let text = |bytes| String::from_utf8(bytes).unwrap();
+            (output.status.code(), text(output.stdout), text(output.stderr))
+        };
+        let (code, help, errors) = call(&["--help"]);
+        assert_eq!((code, errors.as_str()), (Some(0), ""));
+        assert!(help.contains(&format!("Usage: {name}")) && !help.contains("completions"), "{help}");
+        assert_eq!(call(&["help"]).0, Some(0));
+        assert!(call(&["help"]).1.contains(&format!("Usage: {name}")));
+        let (code, output, help) = call(&[]);
+        assert_eq!((code, output.as_str()), (Some(2), ""));
+        assert!(help.contains(&format!("Usage: {name}")), "{help}");
+        let (code, output, error) = call(&["dance"]);
+        assert_eq!((code, output.as_str(), error.lines().count()), (Some(2), "", 1));
+        assert_eq!(error.trim_end(), format!("error: unrecognized subcommand 'dance'; see {name} --help"));
+        for shell in ["bash", "zsh", "fish"] {
+            let (code, script, errors) = call(&["completions", shell]);
+            assert_eq!((code, errors.as_str()), (Some(0), ""));
+            assert!(script.contains(name), "{script}");
+        }
+        let version = call(&["--version"]);
+        assert_eq!(version, call(&["-V"]));
+        assert_eq!(version.1, format!("{name} {}\n", env!("CARGO_PKG_VERSION")));
+    }
+}
+
+/// Runs a program in a folder to its end. Returns its exit code, and what it says on standard error.
+fn call(name: &str, folder: &Path, arguments: &[&OsStr]) -> (Option<i32>, String) {
+    let mut command = Process::new(program(name).unwrap());
+    command
+        .current_dir(folder)
+        .args(arguments)
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("RUST_LOG");
+    let output = run(&mut command).unwrap();
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// A folder with the city `city`.
+fn baked_city(input: &OsStr, city: &OsStr) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir_all(folder.path().join(input).parent().unwrap()).unwrap();
+    fs::write(folder.path().join(input), FOOTPRINTS).unwrap();
+    fs::write(folder.path().join("camera.json"), CAMERA).unwrap();
+    let report: &OsStr = "report.json".as_ref();
+    let arguments = ["bake".as_ref(), input, "--out".as_ref(), city, "--report".as_ref(), report];
+    assert_eq!(call("insula-server", folder.path(), &arguments), (Some(0), String::new()));
+    folder
+}
+
+/// `insula snapshot` of a place with further arguments.
+fn snapshot(folder: &Path, place: &OsStr, out: &OsStr, more: &[&str]) -> (Option<i32>, String) {
+    let fixed = ["snapshot", "--size", "64x48", "--adapter", "cpu", "--server"].map(OsStr::new);
+    let more = more.iter().map(OsStr::new);
+    let arguments: Vec<&OsStr> = fixed.into_iter().chain([place, "--out".as_ref(), out]).chain(more).collect();
+    call("insula", folder, &arguments)
+}
+
+#[test]
+fn a_view_link_is_a_place_of_all_commands() {
+    let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
+    let folder = folder.path();
+    let mut command = Process::new(program("insula-server").unwrap());
+    let server = ServerProcess::start(&mut command, folder.join("city"), "127.0.0.1:0", &[]).unwrap();
+    let link = format!("insula://{}/v1/cities/city?{VIEW}&time=2024-06-21T12:00", server.address);
+    let draw = |place: &str, out: &str, more: &[&str]| snapshot(folder, place.as_ref(), out.as_ref(), more);
+    let ok = (Some(0), String::new());
+    assert_eq!(draw(&link, "link.png", &[]), ok);
+    let address = format!("http://{}", server.address);
+    let camera = ["--camera", "camera.json"];
+    assert_eq!(draw(&address, "address.png", &camera), ok);
+    assert_eq!(draw(&link, "other.png", &camera), ok);
+    assert_eq!(draw(&link, "noon.png", &["--camera", "camera.json", "--time", "2024-06-21T12:00"]), ok);
+    let image = |name: &str| fs::read(folder.join(name)).unwrap();
+    assert_ne!(image("link.png"), image("other.png"), "--camera comes before the link's");
+    assert_ne!(image("address.png"), image("other.png"), "the light is the link's");
+    assert_eq!(image("noon.png"), image("other.png"));
+    let (code, error) = draw(&address, "none.png", &[]);
+    assert!(code == Some(2) && error.contains("--camera"), "{error}");
+    fs::write(
+        folder.join("path.json"),
+        format!(r#"{{"seconds": 0.1, "keys": [{}]}}"#, CAMERA.replacen('{', r#"{"t": 0, "#, 1)),
+    )
+    .unwrap();
+    let fly = ["fly", "--path", "path.json", "--size", "64x48", "--adapter", "cpu", "--report", "fly.json", "--server"];
+    let arguments: Vec<&OsStr> = fly.iter().map(OsStr::new).chain([OsStr::new(&link)]).collect();
+    assert_eq!(call("insula", folder, &arguments), ok);
+    // Without a screen there is no window, but the place is a city for both.
+    for command in ["view", "open"] {
+        for place in [link.as_ref(), OsStr::new("city")] {
+            let (code, error) = call("insula", folder, &[command.as_ref(), place]);
+            assert!(code == Some(1) && !error.contains("not a"), "{command}: {error}");
+        }
+        assert_eq!(call("insula", folder, &[command.as_ref(), "insula://".as_ref()]).0, Some(2));
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn names_that_are_not_text_work_everywhere() {
+    use std::os::unix::ffi::OsStrExt;
+    let [input, city, image, report] =
+        [&b"in\xff/caf\xe9.geojson"[..], b"city\xfe", b"image\xff.png", b"report\xff.json"].map(OsStr::from_bytes);
+    let folder = baked_city(input, city);
+    let folder = folder.path();
+    let ok = (Some(0), String::new());
+    let server = |arguments: &[&OsStr]| assert_eq!(call("insula-server", folder, arguments), ok, "{arguments:?}");
+    server(&["verify".as_ref(), city]);
+    server(&["inspect".as_ref(), city, "--tile".as_ref(), "0/0/0".as_ref(), "--png".as_ref(), image]);
+    // A folder of sources.
+    server(&["bake".as_ref(), OsStr::from_bytes(b"in\xff"), "--out".as_ref(), city, "--report".as_ref(), report]);
+    assert!(folder.join(report).is_file());
+    fs::remove_file(folder.join(image)).unwrap();
+    assert_eq!(snapshot(folder, city, image, &["--camera", "camera.json"]), ok);
+    assert!(fs::metadata(folder.join(image)).unwrap().len() > 100);
+    for command in ["view", "open"] {
+        let (code, error) = call("insula", folder, &[command.as_ref(), city]);
+        assert!(code == Some(1) && !error.contains("not a city"), "{error}");
+    }
+    let mut command = Process::new(program("insula-server").unwrap());
+    ServerProcess::start(command.current_dir(folder), city, "127.0.0.1:0", &[]).unwrap();
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_cache_folder_that_cannot_be_written_is_a_warning() {
+    let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
+    let mut command = Process::new(program("insula-server").unwrap());
+    let server = ServerProcess::start(&mut command, folder.path().join("city"), "127.0.0.1:0", &[]).unwrap();
+    let mut command = Process::new(program("insula").unwrap());
+    command.args(["snapshot", "--camera", "camera.json", "--size", "64x48", "--adapter", "cpu", "--out", "a.png"]);
+    command.args(["--disk-cache-mib", "8", "--server", &format!("http://{}", server.address)]);
+    let output = run(command.current_dir(folder.path()).env("XDG_CACHE_HOME", "/proc/none")).unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && folder.path().join("a.png").is_file(), "{text}");
+    assert!(text.starts_with("warning: ") && text.contains("/proc/none") && text.lines().count() == 1, "{text}");
+}
