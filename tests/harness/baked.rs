@@ -74,6 +74,13 @@ impl Baked {
         levels
     }
 
+    /// The nodes of a level in ascending order.
+    pub fn ids(&self, level: u8) -> Vec<TileId> {
+        let mut ids: Vec<TileId> = self.nodes.keys().copied().filter(|id| id.level() == level).collect();
+        ids.sort();
+        ids
+    }
+
     /// All nodes of a level.
     pub fn maps(&self, level: u8) -> Result<Vec<BlockMap>> {
         let tiles = self.store.blockmaps().tiles().filter(|(id, _)| id.level() == level);

@@ -4,13 +4,14 @@
 //!
 //! Vacca 2008 (3.6.1) samples every level from the source's triangles. Here a parent needs only its children: 4 x 4
 //! vertical lines run through each of its cells, that is, through the children's columns, and are merged as in a leaf.
-//! The children's walls propose the clip planes.
+//! The children's walls propose the clip planes. Their gaps, exact or as transparent rows of walls, stay open as long as
+//! they are higher than half a cell.
 
 use crate::{
     columns::{
         clip::{CellClip, CornerPlane, WallPlane},
         fill::fill_unknown,
-        merge::{LINES_PER_SIDE, MergedColumn, VerticalLine, line_position_m},
+        merge::{LINES_PER_SIDE, MergedColumn, PARENT_GAPS, VerticalLine, line_position_m},
         srgb::linear_from_srgb,
         voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode},
         wall_fit::{CellObservations, WallPiece},
@@ -21,7 +22,7 @@ use glam::{Vec2, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{
-        CLIP_STEPS_PER_CELL, COLUMNS, MapColumn,
+        CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, STEPS_PER_CELL,
         ground::{SKY_MAX, SQUARES, VERTEX_COUNT, VERTICES, is_used_vertex},
         strip_rows,
     },
@@ -124,13 +125,8 @@ fn child_columns(map: &BlockMap) -> Vec<Option<ChildColumn>> {
 }
 
 fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32) -> ChildColumn {
-    let solids = match column.gap {
-        Some([low, high]) => vec![
-            SolidRun { bottom_m: metres(column.z_min), top_m: metres(low) },
-            SolidRun { bottom_m: metres(high), top_m: metres(column.z_max) },
-        ],
-        None => vec![SolidRun { bottom_m: metres(column.z_min), top_m: metres(column.z_max) }],
-    };
+    let solids = solid_codes(column, map.z_shift).into_iter();
+    let solids = solids.map(|[bottom, top]| SolidRun { bottom_m: metres(bottom), top_m: metres(top) }).collect();
     let normal = Vec3::from_array(octahedral::decode(column.roof_normal));
     let slope = if column.inclined { [-normal.x / normal.z.max(0.1), -normal.y / normal.z.max(0.1)] } else { [0.0; 2] };
     let wall = column.strip.as_ref().map(|strip| ChildWall {
@@ -161,6 +157,24 @@ fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32)
     }
 }
 
+/// The full height codes of a column, from the bottom up: all but its gap and the transparent rows of its wall.
+fn solid_codes(column: &MapColumn, z_shift: u8) -> Vec<[u16; 2]> {
+    let mut solids = vec![[column.z_min, column.z_max]];
+    let mut open = |[low, high]: [u16; 2]| {
+        let split = |[bottom, top]: [u16; 2]| [[bottom, top.min(low)], [bottom.max(high), top]];
+        let parts = solids.iter().copied().flat_map(split).filter(|[bottom, top]| bottom < top).collect();
+        solids = parts;
+    };
+    column.gap.into_iter().for_each(&mut open);
+    if let Some(strip) = &column.strip {
+        let (codes, (first, _)) = (STEPS_PER_CELL >> z_shift, strip_rows(column.z_min, column.z_max, z_shift));
+        let transparent = strip.texels.iter().enumerate().filter(|(_, texel)| texel.alpha() == 0);
+        transparent.map(|(k, _)| (first + k as u16) * codes).for_each(|low| open([low, low + codes]));
+    }
+    // A column without anything opaque still has ends.
+    if solids.is_empty() { vec![[column.z_min, column.z_max]] } else { solids }
+}
+
 /// Unit vector of an azimuth in 256ths of a turn.
 fn azimuth_vector(azimuth: u8) -> Vec2 {
     Vec2::from_angle(f32::from(azimuth) / 256.0 * std::f32::consts::TAU)
@@ -174,8 +188,8 @@ fn appearance(texel: Texel) -> VoxelAppearance {
     }
 }
 
-/// The parent's column over four child columns.
-fn merge_four(four: &[Option<&ChildColumn>; 4], cell_m: f32) -> MergedColumn {
+/// The parent's column over four child columns, and whether it stands on the ground.
+fn merge_four(four: &[Option<&ChildColumn>; 4], cell_m: f32) -> (MergedColumn, bool) {
     // Thin ground columns at four heights would have nothing in common, so all grounded columns get the lowest bottom.
     let lowest_m = four
         .iter()
@@ -197,7 +211,11 @@ fn merge_four(four: &[Option<&ChildColumn>; 4], cell_m: f32) -> MergedColumn {
         .collect();
     let walls: Vec<WallPiece> =
         (0..4).filter_map(|q| Some((four[q]?, q))).flat_map(|(child, q)| wall_pieces(child, q, cell_m)).collect();
-    CellObservations { lines: &lines, walls: &walls, cell_m }.fit_column(Vec::new)
+    let observations = CellObservations { lines: &lines, walls: &walls, cell_m, least_gaps: PARENT_GAPS };
+    let merged = observations.fit_column(Vec::new);
+    // A deck does not stand on the ground because a few pillars do.
+    let is_grounded = merged.solids.first().is_some_and(|run| lowest_m.is_finite() && run.bottom_m <= lowest_m);
+    (merged, is_grounded)
 }
 
 /// Centre of the child cell in quadrant `q`, in metres from the parent cell's centre.
@@ -224,10 +242,7 @@ fn wall_pieces(child: &ChildColumn, q: usize, cell_m: f32) -> Vec<WallPiece> {
 
 impl ParentColumns {
     fn new(children: ChildColumns, cell_m: f32) -> Self {
-        let merged = (0..COLUMNS).map(|i| merge_four(&four_children(&children, i), cell_m)).collect();
-        let is_grounded = (0..COLUMNS)
-            .map(|i| four_children(&children, i).into_iter().flatten().any(|child| child.is_grounded))
-            .collect();
+        let (merged, is_grounded) = (0..COLUMNS).map(|i| merge_four(&four_children(&children, i), cell_m)).unzip();
         let mut columns = Self { children, merged, is_grounded, cell_m };
         columns.lower_bottoms();
         columns

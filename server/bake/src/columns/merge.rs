@@ -18,6 +18,11 @@ const MIN_SLOPE: f32 = 0.02;
 const SLOPE_TOLERANCE: f32 = 0.25;
 /// Fewest tops that define a slope.
 const MIN_SLOPE_POINTS: usize = 4;
+/// Gaps of a leaf's columns that are lower than this are closed, in cells: above the lowest run, and elsewhere (Vacca 2008,
+/// figure 4.3).
+pub(crate) const LEAF_GAPS: [f32; 2] = [1.0, 0.5];
+/// The same in parents. What the leaves left open stays open as long as a cell can show it.
+pub(crate) const PARENT_GAPS: [f32; 2] = [0.5, 0.5];
 /// Largest height of a slab, in cells.
 const MAX_SLAB_HEIGHT: f32 = 4.0;
 
@@ -114,14 +119,15 @@ impl MergedColumn {
     }
 }
 
-/// The column that at least half of the lines agree on. It has no solids if the cell is empty.
-pub(crate) fn merge(lines: &[VerticalLine], cell_m: f32) -> MergedColumn {
+/// The column that at least half of the lines agree on. It has no solids if the cell is empty. `least_gaps` are
+/// [`LEAF_GAPS`] or [`PARENT_GAPS`].
+pub(crate) fn merge(lines: &[VerticalLine], cell_m: f32, least_gaps: [f32; 2]) -> MergedColumn {
     let mut solids = majority_runs(lines);
     solids.retain(|run| run.top_m - run.bottom_m > cell_m / 64.0);
     if solids.is_empty() {
         solids.extend(mean_top_run(lines, cell_m));
     }
-    close_gaps(&mut solids, cell_m);
+    close_gaps(&mut solids, cell_m, least_gaps);
     let Some(top) = solids.last().copied() else { return MergedColumn::default() };
     let mut merged = MergedColumn { solids, ..MergedColumn::default() };
     let tops: Vec<[f32; 3]> = lines
@@ -184,12 +190,11 @@ fn mean_top_run(lines: &[VerticalLine], cell_m: f32) -> Option<SolidRun> {
     })
 }
 
-/// Closes gaps that the grid cannot show: under one cell above the lowest run, under half a cell elsewhere (Vacca 2008,
-/// figure 4.3).
-pub(crate) fn close_gaps(solids: &mut Vec<SolidRun>, cell_m: f32) {
+/// Closes gaps that the grid cannot show: those lower than `least_gaps`, above the lowest run and elsewhere.
+pub(crate) fn close_gaps(solids: &mut Vec<SolidRun>, cell_m: f32, least_gaps: [f32; 2]) {
     let mut i = 1;
     while i < solids.len() {
-        let limit_m = if i == 1 { cell_m } else { cell_m * 0.5 };
+        let limit_m = least_gaps[usize::from(i > 1)] * cell_m;
         if solids[i].bottom_m - solids[i - 1].top_m < limit_m {
             solids[i - 1].top_m = solids[i - 1].top_m.max(solids[i].top_m);
             solids.remove(i);
@@ -250,7 +255,7 @@ mod tests {
 
     #[test]
     fn plane_of_tops_becomes_a_slope() {
-        let merged = merge(&lines(|x, y| vec![SolidRun { bottom_m: 0.0, top_m: 10.0 + x - 0.5 * y }]), 1.0);
+        let merged = merge(&lines(|x, y| vec![SolidRun { bottom_m: 0.0, top_m: 10.0 + x - 0.5 * y }]), 1.0, LEAF_GAPS);
         assert!(merged.is_inclined);
         assert!((merged.slope[0] - 1.0).abs() < 1e-4 && (merged.slope[1] + 0.5).abs() < 1e-4);
         assert!((merged.solids[0].top_m - 10.0).abs() < 1e-4);
@@ -259,7 +264,11 @@ mod tests {
     #[test]
     fn step_in_the_cell_takes_the_height_of_the_larger_half() {
         let step = |at: f32| {
-            merge(&lines(|x, _| vec![SolidRun { bottom_m: 0.0, top_m: if x < at { 20.0 } else { 1.0 } }]), 1.0)
+            merge(
+                &lines(|x, _| vec![SolidRun { bottom_m: 0.0, top_m: if x < at { 20.0 } else { 1.0 } }]),
+                1.0,
+                LEAF_GAPS,
+            )
         };
         assert!((step(0.3).solids[0].top_m - 20.0).abs() < 1e-4);
         assert!((step(-0.2).solids[0].top_m - 1.0).abs() < 1e-4);
@@ -269,9 +278,12 @@ mod tests {
     #[test]
     fn wide_gap_stays_and_narrow_gap_is_closed() {
         let ground = SolidRun { bottom_m: f32::MIN, top_m: 2.0 };
-        let bridge = merge(&lines(|_, _| vec![ground, SolidRun { bottom_m: 7.0, top_m: 8.0 }]), 1.0);
-        assert_eq!(bridge.solids.len(), 2);
-        let crack = merge(&lines(|_, _| vec![ground, SolidRun { bottom_m: 2.5, top_m: 8.0 }]), 1.0);
-        assert_eq!(crack.solids, [SolidRun { bottom_m: f32::MIN, top_m: 8.0 }]);
+        let above = |bottom_m: f32, least_gaps: [f32; 2]| {
+            merge(&lines(|_, _| vec![ground, SolidRun { bottom_m, top_m: 8.0 }]), 1.0, least_gaps).solids
+        };
+        assert_eq!(above(7.0, LEAF_GAPS).len(), 2);
+        assert_eq!(above(2.6, LEAF_GAPS), [SolidRun { bottom_m: f32::MIN, top_m: 8.0 }]);
+        assert_eq!(above(2.6, PARENT_GAPS).len(), 2, "more than half a cell");
+        assert_eq!(above(2.4, PARENT_GAPS).len(), 1);
     }
 }

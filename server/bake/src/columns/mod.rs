@@ -8,10 +8,12 @@
 //! | `wall_fit` | the clip that fits a cell's lines and walls best |
 //! | `downsample` | a parent's columns from its children's |
 //! | `fill` | appearance for voxels that no surfel reached |
+//! | `code_gaps` | which gaps of a column are stored exactly, and which as rows of its wall |
 //! | `parametrise` | height codes and texels of a `BlockMap` |
 //! | `srgb` | 8-bit sRGB and linear light |
 
 pub(crate) mod clip;
+mod code_gaps;
 pub mod downsample;
 pub(crate) mod fill;
 pub(crate) mod merge;

@@ -2,14 +2,14 @@
 //!
 //! In: [`VoxelNode`]. Out: [`BlockMap`]. Next: `protocol` encodes it, `write` stores it.
 //!
-//! Heights are counted in steps from a base of whole cells. A column stores its bottom and top, at most one exact gap
-//! (the widest), and an exposed column a strip of wall texels, one per cell of height. Other gaps become transparent
-//! texels.
+//! Heights are counted in steps from a base of whole cells. A column stores its bottom and top, at most one exact gap,
+//! and an exposed column a strip of wall texels, one per cell of height. Other gaps become transparent texels.
 
 use crate::{
     columns::{
+        code_gaps::{CodeGap, exact_gap, gaps_between},
         srgb::srgb_from_linear,
-        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelPlane},
+        voxels::{VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelPlane},
     },
     scene::grid::CityGrid,
 };
@@ -32,21 +32,31 @@ struct HeightCodes {
     base_m: f64,
     step_m: f64,
     shift: u8,
+    is_leaf: bool,
 }
 
 /// The height codes that a column occupies.
-#[derive(Clone, Copy)]
 struct CodeRange {
     z_min: u16,
     z_max: u16,
     /// The gap that is stored exactly.
     gap: Option<[u16; 2]>,
+    /// All others.
+    other_gaps: Vec<CodeGap>,
+}
+
+impl CodeRange {
+    /// The range of a column without gaps.
+    fn whole(z_min: u16, z_max: u16) -> Self {
+        Self { z_min, z_max, gap: None, other_gaps: Vec::new() }
+    }
 }
 
 impl HeightCodes {
     /// The finest step at which the node's heights fit into 12 bits. Columns that are too tall even for the coarsest
     /// step are cut off at the top.
-    fn new(node: &VoxelNode, cell_m: f64) -> Self {
+    fn new(node: &VoxelNode, grid: &CityGrid) -> Self {
+        let (level, cell_m) = (node.id.level(), grid.cell_m_at(node.id.level()));
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         for solid in node.columns.iter().flatten().flat_map(|column| &column.solids) {
             low = low.min(solid.bottom_m);
@@ -68,7 +78,7 @@ impl HeightCodes {
         let step_m = |shift: u8| cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u16 << shift);
         let fits = |shift: &u8| (high - base_m) / step_m(*shift) < f64::from(Z_CODE_MAX);
         let shift = (0..=Z_SHIFT_MAX).find(fits).unwrap_or(Z_SHIFT_MAX);
-        Self { cell_m, base_cells, base_m, step_m: step_m(shift), shift }
+        Self { cell_m, base_cells, base_m, step_m: step_m(shift), shift, is_leaf: level >= grid.depth }
     }
 
     fn encode(&self, z_m: f32) -> u16 {
@@ -84,8 +94,7 @@ impl HeightCodes {
 ///
 /// Fails if the result exceeds a limit of the format all the same.
 pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
-    let cell_m = grid.cell_m_at(node.id.level());
-    let codes = HeightCodes::new(node, cell_m);
+    let codes = HeightCodes::new(node, grid);
     let mut texels = 0;
     let columns: Vec<Option<MapColumn>> = node
         .columns
@@ -102,7 +111,7 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
             Some(column)
         })
         .collect();
-    let mut map = BlockMap::from_columns(node.id, cell_m as f32, codes.base_cells, codes.shift, &columns)?;
+    let mut map = BlockMap::from_columns(node.id, codes.cell_m as f32, codes.base_cells, codes.shift, &columns)?;
     map.snap_hidden_bottoms();
     map.ground = node.ground.as_ref().map(|ground| Box::new(encode_ground(ground, &codes)));
     Ok(map)
@@ -129,28 +138,22 @@ fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {
     let top_m = column.solids.last().map_or(0.0, |run| run.top_m);
     let z_max = codes.encode(top_m).max(1);
     let z_min = codes.encode(bottom_m).min(z_max - 1);
-    let gap = column
-        .exposed
-        .then(|| widest_gap_m(&column.solids))
-        .flatten()
-        .map(|[low, high]| [codes.encode(low).max(z_min + 1), codes.encode(high).min(z_max.saturating_sub(1))]);
-    let gap = gap.filter(|[low, high]| low < high);
-    let range = CodeRange { z_min, z_max, gap };
+    let range = if column.exposed { code_range(column, codes, z_min, z_max) } else { CodeRange::whole(z_min, z_max) };
     MapColumn {
         z_min,
         z_max,
         inclined: column.inclined,
         suspended: column.suspended,
-        gap,
+        gap: range.gap,
         roof: encode_texel(&column.roof, ALPHA_MAX),
         roof_normal: octahedral::encode(column.normal),
-        strip: column.exposed.then(|| encode_strip(column, codes, range)),
-        clip: column.clip.filter(|_| column.exposed).map(|clip| encode_clip(&clip, codes, range)),
+        strip: column.exposed.then(|| encode_strip(column, codes, &range)),
+        clip: column.clip.filter(|_| column.exposed).map(|clip| encode_clip(&clip, codes, &range)),
         reflective: column.reflective,
     }
 }
 
-fn encode_clip(clip: &VoxelClip, codes: &HeightCodes, range: CodeRange) -> ColumnClip {
+fn encode_clip(clip: &VoxelClip, codes: &HeightCodes, range: &CodeRange) -> ColumnClip {
     let offset = |plane: &VoxelPlane| {
         let steps = (f64::from(plane.offset_m) / codes.cell_m * f64::from(CLIP_STEPS_PER_CELL)).round();
         steps.clamp(-128.0, 127.0) as i8
@@ -173,26 +176,31 @@ fn encode_azimuth([x, y]: [f32; 2]) -> u8 {
     ((turn * 256.0).round() as u32 % 256) as u8
 }
 
-/// Bottom and top of the widest gap between two runs.
-fn widest_gap_m(solids: &[SolidRun]) -> Option<[f32; 2]> {
-    solids
-        .windows(2)
-        .map(|pair| [pair[0].top_m, pair[1].bottom_m])
-        .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
+/// The range of a column with a wall strip: its widest gap is exact, or that of which rows would show the least.
+fn code_range(column: &VoxelColumn, codes: &HeightCodes, z_min: u16, z_max: u16) -> CodeRange {
+    if column.solids.len() < 2 {
+        return CodeRange::whole(z_min, z_max);
+    }
+    let solids = column.solids.iter().map(|run| [codes.encode(run.bottom_m), codes.encode(run.top_m)]);
+    let mut solids: Vec<[u16; 2]> = solids.collect();
+    // Each end has at least one code.
+    let last = solids.len() - 1;
+    solids[0] = [z_min, solids[0][1].max(z_min + 1)];
+    solids[last] = [solids[last][0].min(z_max - 1), z_max];
+    // A leaf may be seen from near, so its rows leave no run out.
+    let (codes_per_row, leaves_runs_out) = (STEPS_PER_CELL >> codes.shift, !codes.is_leaf);
+    let mut other_gaps = gaps_between(&solids, codes_per_row, leaves_runs_out);
+    let gap = exact_gap(&other_gaps).map(|i| other_gaps.remove(i).codes);
+    CodeRange { z_min, z_max, gap, other_gaps }
 }
 
-fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: CodeRange) -> WallStrip {
+fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: &CodeRange) -> WallStrip {
     let (first, rows) = strip_rows(range.z_min, range.z_max, codes.shift);
-    let codes_per_row = STEPS_PER_CELL >> codes.shift;
-    let full: Vec<[u16; 2]> =
-        column.solids.iter().map(|run| [codes.encode(run.bottom_m), codes.encode(run.top_m)]).collect();
     let texels = (first..first + rows)
         .map(|row| {
-            let (low, high) = (row * codes_per_row, (row + 1) * codes_per_row);
-            let touches_row = |[a, b]: &[u16; 2]| *a < high && *b > low;
             // Rows inside the exact gap are never read. Opaque, they compress together with their neighbours.
-            let is_in_gap = range.gap.is_some_and(|gap| gap[0] <= low && gap[1] >= high);
-            let alpha = if is_in_gap || full.iter().any(touches_row) { ALPHA_MAX } else { 0 };
+            let is_open = range.other_gaps.iter().any(|gap| gap.open_rows.contains(&row));
+            let alpha = if is_open { 0 } else { ALPHA_MAX };
             let at = codes.base_cells + i32::from(row) - column.first_row;
             let last = column.wall.len() as i32 - 1;
             if alpha == 0 {
@@ -215,7 +223,7 @@ fn encode_texel(appearance: &VoxelAppearance, alpha: u8) -> Texel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::columns::voxels::VoxelOuterTop;
+    use crate::columns::voxels::{SolidRun, VoxelOuterTop};
     use insula_protocol::{TileId, blockmap::flag};
 
     fn grid() -> CityGrid {

@@ -44,6 +44,8 @@ pub(crate) struct CellObservations<'a> {
     pub(crate) walls: &'a [WallPiece],
     /// Side of the cell.
     pub(crate) cell_m: f32,
+    /// Which gaps are closed, see [`merge`].
+    pub(crate) least_gaps: [f32; 2],
 }
 
 /// A wall plane and the area that was seen of it.
@@ -59,7 +61,7 @@ impl CellObservations<'_> {
     /// `lines_around` returns the lines up to half a cell outside of the cell; it is called only if there is a wall to
     /// try.
     pub(crate) fn fit_column(&self, lines_around: impl FnOnce() -> Vec<VerticalLine>) -> MergedColumn {
-        let whole = merge(self.lines, self.cell_m);
+        let whole = merge(self.lines, self.cell_m, self.least_gaps);
         let clips = self.proposed_clips();
         if clips.is_empty() {
             return whole;
@@ -150,8 +152,8 @@ impl CellObservations<'_> {
 
     /// The column that ends at `clip`; `None` if nothing is inside, or if what is outside is not clearly lower.
     fn clipped_column(&self, mut clip: CellClip, lines_around: &[VerticalLine]) -> Option<MergedColumn> {
-        let mut column = merge(&self.lines_of_side(lines_around, &clip, false), self.cell_m);
-        let outer = merge(&self.lines_of_side(lines_around, &clip, true), self.cell_m);
+        let mut column = merge(&self.lines_of_side(lines_around, &clip, false), self.cell_m, self.least_gaps);
+        let outer = merge(&self.lines_of_side(lines_around, &clip, true), self.cell_m, self.least_gaps);
         let top_m = column.solids.last()?.top_m;
         if let Some(lower) = outer.solids.first() {
             if lower.top_m > top_m - MIN_DROP * self.cell_m {
@@ -212,7 +214,7 @@ impl CellObservations<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::columns::merge::{LINES_PER_SIDE, line_position_m};
+    use crate::columns::merge::{LEAF_GAPS, LINES_PER_SIDE, line_position_m};
     use std::f32::consts::FRAC_PI_2;
 
     /// The lines of a cell of side 1, or with `around` those up to half a cell further out as well.
@@ -236,7 +238,7 @@ mod tests {
     }
 
     fn fit(walls: &[WallPiece], top: impl Fn(Vec2) -> f32) -> MergedColumn {
-        let observations = CellObservations { lines: &lines(false, &top), walls, cell_m: 1.0 };
+        let observations = CellObservations { lines: &lines(false, &top), walls, cell_m: 1.0, least_gaps: LEAF_GAPS };
         observations.fit_column(|| lines(true, &top))
     }
 

@@ -2,7 +2,7 @@
 
 use crate::columns::{
     clip::{CellClip, WallPlane},
-    merge::{MergedColumn, close_gaps},
+    merge::{LEAF_GAPS, MergedColumn, close_gaps},
     voxels::SolidRun,
 };
 use glam::Vec2;
@@ -69,7 +69,7 @@ impl CellGrid {
         }
         solids.push(run);
         solids.sort_unstable_by(|a, b| a.bottom_m.total_cmp(&b.bottom_m));
-        close_gaps(solids, cell_m);
+        close_gaps(solids, cell_m, LEAF_GAPS);
         if solids.last().is_some_and(|run| run.top_m > top_before_m) {
             cell.column.slope = [0.0; 2];
             cell.column.is_inclined = false;

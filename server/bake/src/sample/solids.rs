@@ -12,7 +12,7 @@ use super::{
     wall_pieces::CellWalls,
 };
 use crate::columns::{
-    merge::{LINES_PER_SIDE, VerticalLine, line_position_m},
+    merge::{LEAF_GAPS, LINES_PER_SIDE, VerticalLine, line_position_m},
     voxels::SolidRun,
     wall_fit::{CellObservations, WallPiece},
 };
@@ -79,7 +79,7 @@ impl BlockLines<'_> {
                 VerticalLine { position_m: line_position_m(i, cell_m), runs: full_runs(self.block, crossings) }
             })
             .collect();
-        let observations = CellObservations { lines: &lines, walls, cell_m };
+        let observations = CellObservations { lines: &lines, walls, cell_m, least_gaps: LEAF_GAPS };
         let column = observations.fit_column(|| self.lines_around(x, y));
         let bottom_m = column.solids.first().map_or(INTO_GROUND, |run| run.bottom_m);
         let is_grounded = bottom_m == INTO_GROUND || bottom_m < foot_m + cell_m;

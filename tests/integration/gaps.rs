@@ -1,0 +1,154 @@
+//! Openings of bridges, arcades, roads and stacked slabs: one looks through them at every level that can show them.
+//! `target/zoo/gap-NAME.png` shows the source and all levels from the leaves upwards.
+
+#![allow(clippy::unwrap_used)]
+
+use glam::DVec3;
+use image::{Rgb, RgbImage};
+use insula_bake::scene::ObjectKind;
+use insula_shaders::cpu::raycast::Pixels;
+use insula_tests::{
+    view::Camera,
+    zoo::{BakedShape, FRAME, Shapes, paint, rectangle},
+};
+
+const CELL_M: f64 = 0.5;
+/// Least share of the rays through the middle of an opening that a level lets through.
+const LEAST_OPEN: f64 = 0.8;
+
+/// An opening: one looks along y through the rectangles `[low, high]` of x and z in the plane y = 0.
+struct Opening {
+    camera: Camera,
+    rectangles: Vec<[[f64; 2]; 2]>,
+}
+
+impl Opening {
+    /// Rows of openings of the same height.
+    fn new(rectangles: &[[[f64; 2]; 2]]) -> Self {
+        let z = rectangles[0].iter().map(|corner| corner[1]).sum::<f64>() / 2.0;
+        let (position, target) = (DVec3::new(0.3, -60.0, z), DVec3::new(0.0, 0.0, z));
+        Self { camera: Camera { fov_y_deg: 35.0, ..Camera::looking(position, target) }, rectangles: rectangles.into() }
+    }
+
+    /// The pixels that look through the middle half of a rectangle.
+    fn pixels(&self) -> Vec<usize> {
+        let axes = self.camera.axes(&FRAME);
+        let is_inside = |i: &usize| {
+            let ray = axes.ray(&FRAME, *i as u32 % FRAME.width_px, *i as u32 / FRAME.width_px);
+            let p = DVec3::from(self.camera.position) + ray * (-self.camera.position[1] / ray.y);
+            self.rectangles.iter().any(|[low, high]| {
+                [(p.x, 0), (p.z, 1)]
+                    .iter()
+                    .all(|(v, k)| (v - (low[*k] + high[*k]) / 2.0).abs() < (high[*k] - low[*k]) / 4.0)
+            })
+        };
+        (0..(FRAME.width_px * FRAME.height_px) as usize).filter(is_inside).collect()
+    }
+}
+
+/// Share of `pixels` that see no surface.
+fn open_share(pixels: &[usize], drawn: &Pixels) -> f64 {
+    pixels.iter().filter(|i| drawn.distance[**i].is_infinite()).count() as f64 / pixels.len() as f64
+}
+
+/// Bakes the shapes and looks through the opening at each level whose cell is under twice `gap_m`.
+fn check(name: &str, shapes: &Shapes, gap_m: f64, opening: &Opening) {
+    let shape = BakedShape::bake(&format!("gap-{name}"), shapes.scene([0.0; 3]), CELL_M).unwrap();
+    let pixels = opening.pixels();
+    let truth = shape.truth.render(&opening.camera, &FRAME);
+    assert!(pixels.len() > 500 && open_share(&pixels, &truth) > 0.99, "{name}: the source is closed");
+    let depth = shape.baked.manifest().depth;
+    let (mut frames, mut report) = (vec![truth], Vec::new());
+    for level in (0..=depth).rev() {
+        let cell_m = CELL_M * f64::from(1 << (depth - level));
+        let ids = shape.baked.ids(level);
+        let drawn = shape.baked.draw_list(&ids).unwrap().scene(&opening.camera, &FRAME).render();
+        report.push((cell_m, open_share(&pixels, &drawn)));
+        frames.push(drawn);
+    }
+    save(name, &frames);
+    println!("{name}: {report:?}");
+    assert!(report.last().unwrap().0 >= gap_m, "{name}: the city has too few levels");
+    let closed: Vec<_> = report.iter().filter(|(cell_m, open)| *cell_m < 2.0 * gap_m && *open < LEAST_OPEN).collect();
+    assert!(closed.is_empty(), "{name}: a gap of {gap_m} m is closed: (cell, open share) = {closed:?} of {report:?}");
+}
+
+fn save(name: &str, frames: &[Pixels]) {
+    let mut image = RgbImage::new(FRAME.width_px * frames.len() as u32, FRAME.height_px);
+    for (k, frame) in frames.iter().enumerate() {
+        for (i, colour) in frame.colour.iter().enumerate() {
+            let [r, g, b, _] = colour.to_le_bytes();
+            let (x, y) = (i as u32 % FRAME.width_px, i as u32 / FRAME.width_px);
+            image.put_pixel(x + k as u32 * FRAME.width_px, y, Rgb([r, g, b]));
+        }
+    }
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
+    image.save(folder.join(format!("gap-{name}.png"))).unwrap();
+}
+
+/// Level ground at height zero, as an object of its own.
+fn ground(shapes: &mut Shapes, half_side_m: f64) {
+    let square = rectangle([-half_side_m; 2], [half_side_m; 2]);
+    let corners: Vec<DVec3> = square.iter().map(|p| p.extend(0.0)).collect();
+    shapes.object(ObjectKind::Terrain).face(&corners, paint::GROUND).object(ObjectKind::Building);
+}
+
+#[test]
+fn four_slabs_with_gaps_of_8_m() {
+    let mut shapes = Shapes::default();
+    ground(&mut shapes, 140.0);
+    for floor in 0..4 {
+        let z = 9.0 * f64::from(floor);
+        shapes.cuboid([-20.0, -14.0, z], [20.0, 14.0, z + 1.0]);
+    }
+    for (name, floor) in [("slabs-low", 0), ("slabs-middle", 1), ("slabs-high", 2)] {
+        let z = 9.0 * f64::from(floor) + 1.0;
+        check(name, &shapes, 8.0, &Opening::new(&[[[-16.0, z], [16.0, z + 8.0]]]));
+    }
+}
+
+#[test]
+fn a_bridge() {
+    for with_ground in [false, true] {
+        let mut shapes = Shapes::default();
+        if with_ground {
+            ground(&mut shapes, 140.0);
+        }
+        shapes.cuboid([-25.0, -5.0, 6.0], [25.0, 5.0, 7.0]);
+        shapes.cuboid([-25.0, -5.0, 0.0], [-23.0, 5.0, 6.0]).cuboid([23.0, -5.0, 0.0], [25.0, 5.0, 6.0]);
+        let name = if with_ground { "bridge-ground" } else { "bridge" };
+        check(name, &shapes, 6.0, &Opening::new(&[[[-15.0, 0.0], [15.0, 6.0]]]));
+    }
+}
+
+#[test]
+fn an_arcade() {
+    let mut shapes = Shapes::default();
+    ground(&mut shapes, 140.0);
+    shapes.cuboid([-19.0, -4.0, 4.0], [19.0, 4.0, 12.0]);
+    let mut openings = Vec::new();
+    for k in 0..8 {
+        let x = -19.0 + 5.3 * f64::from(k);
+        shapes.cuboid([x, -4.0, 0.0], [x + 0.9, -3.0, 4.0]).cuboid([x, 3.0, 0.0], [x + 0.9, 4.0, 4.0]);
+        openings.push([[x + 0.9, 0.0], [x + 5.3, 4.0]]);
+    }
+    openings.truncate(7);
+    check("arcade", &shapes, 4.0, &Opening::new(&openings));
+}
+
+#[test]
+fn an_elevated_road() {
+    for with_ground in [false, true] {
+        let mut shapes = Shapes::default();
+        if with_ground {
+            ground(&mut shapes, 140.0);
+        }
+        shapes.cuboid([-100.0, -6.0, 7.0], [100.0, 6.0, 8.2]);
+        for k in 0..10 {
+            let x = -95.0 + 20.0 * f64::from(k);
+            shapes.cuboid([x - 0.8, -1.0, 0.0], [x + 0.8, 1.0, 7.0]);
+        }
+        let name = if with_ground { "road-ground" } else { "road" };
+        check(name, &shapes, 7.0, &Opening::new(&[[[-14.0, 0.0], [4.0, 7.0]], [[6.0, 0.0], [14.0, 7.0]]]));
+    }
+}
