@@ -1,12 +1,14 @@
 // Hits of a ray on a leaf that is drawn as a mesh. CPU twin: src/cpu/mesh.rs.
 
-// The ray in steps of the mesh's grid, from where it enters the mesh's box; `t` stays in metres.
+// The ray in steps of the mesh's grid; `t` stays in metres.
 struct MeshRay {
     o: vec3<f32>,
-    d: vec3<f32>,
     inv: vec3<f32>,
-    // From the segment's origin to the box, in metres.
-    enter_m: f32,
+    // Coordinates across the ray, which turn points from the origin on into a picture in which the ray is a point.
+    across_x: vec3<f32>,
+    across_y: vec3<f32>,
+    // Coordinate along the ray: `t` of points on it.
+    along: vec3<f32>,
 }
 
 // The nearest triangle so far.
@@ -16,6 +18,7 @@ struct MeshHit {
     triangle: u32,
     u: f32,
     v: f32,
+    is_front: bool,
 }
 
 // A half of the tree that is still to be visited, and where the ray enters it.
@@ -40,15 +43,12 @@ fn walk_mesh(index: u32) {
     let o = (segment.origin - zero) / step_m;
     var d = segment.dir / step_m;
     d = select(d, vec3<f32>(MIN_DIRECTION), abs(d) < vec3<f32>(MIN_DIRECTION));
-    mesh_ray = MeshRay(o, d, 1.0 / d, 0.0);
+    set_mesh_ray(o, d);
     let span = box_span(whole);
     if span.x > span.y || span.x > segment.reach_m {
         return;
     }
-    // Numbers are smallest where the box begins, so rounding errors are too.
-    mesh_ray.o += d * span.x;
-    mesh_ray.enter_m = span.x;
-    mesh_hit = MeshHit(min(segment.reach_m, span.y + 1.0) - span.x, 0u, 0.0, 0.0);
+    mesh_hit = MeshHit(min(segment.reach_m, span.y + 1.0), 0u, 0.0, 0.0, true);
     nearest_triangle(info.x);
     if mesh_hit.triangle == 0u {
         return;
@@ -58,6 +58,31 @@ fn walk_mesh(index: u32) {
         return;
     }
     hit_triangle(index, step_m, info);
+}
+
+// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013). The cross product of
+// the two axes across points along the ray.
+fn set_mesh_ray(o: vec3<f32>, d: vec3<f32>) {
+    let inv = 1.0 / d;
+    let length = abs(d);
+    mesh_ray.o = o;
+    mesh_ray.inv = inv;
+    if length.z >= max(length.x, length.y) {
+        let side = sign(d.z);
+        mesh_ray.across_x = vec3<f32>(1.0, 0.0, -d.x * inv.z);
+        mesh_ray.across_y = vec3<f32>(0.0, side, -side * d.y * inv.z);
+        mesh_ray.along = vec3<f32>(0.0, 0.0, inv.z);
+    } else if length.y >= length.x {
+        let side = -sign(d.y);
+        mesh_ray.across_x = vec3<f32>(1.0, -d.x * inv.y, 0.0);
+        mesh_ray.across_y = vec3<f32>(0.0, -side * d.z * inv.y, side);
+        mesh_ray.along = vec3<f32>(0.0, inv.y, 0.0);
+    } else {
+        let side = sign(d.x);
+        mesh_ray.across_x = vec3<f32>(-d.y * inv.x, 1.0, 0.0);
+        mesh_ray.across_y = vec3<f32>(-side * d.z * inv.x, 0.0, side);
+        mesh_ray.along = vec3<f32>(inv.x, 0.0, 0.0);
+    }
 }
 
 // The interval of the ray inside a box, in metres. Empty if the first value is larger.
@@ -129,26 +154,58 @@ fn unpack_corners(words: vec4<u32>, last: u32) -> TriangleCorners {
     return TriangleCorners(vec3<f32>(low.x, high.x, low.y), vec3<f32>(high.y, low.z, high.z), c);
 }
 
-// Möller and Trumbore 1997, from both sides. Comparisons with a NaN are false.
+// Watertight, from both sides (Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"): both triangles at an
+// edge compute the same two products of its ends, so a ray that passes one of them within rounding meets the other.
+// Comparisons with a NaN are false.
 fn test_triangle(at: u32) {
     if COUNT {
         counts.w++;
     }
     let corners = unpack_corners(read_vec4(at), read_vec4(at + 1u).x);
-    let e1 = corners.b - corners.a;
-    let e2 = corners.c - corners.a;
-    let start = mesh_ray.o - corners.a;
-    let p = cross(mesh_ray.d, e2);
-    let scale = 1.0 / dot(e1, p);
-    let u = dot(start, p) * scale;
-    let q = cross(start, e1);
-    let v = dot(mesh_ray.d, q) * scale;
-    let t = dot(e2, q) * scale;
-    let inside = u >= -EDGE_SLACK && v >= -EDGE_SLACK && u + v <= 1.0 + EDGE_SLACK;
-    let nearer = t < mesh_hit.t - TIE_M || (t < mesh_hit.t + TIE_M && at < mesh_hit.triangle);
-    if inside && t >= 0.0 && nearer {
-        mesh_hit = MeshHit(t, at, u, v);
+    let a = corners.a - mesh_ray.o;
+    let b = corners.b - mesh_ray.o;
+    let c = corners.c - mesh_ray.o;
+    let x = vec3<f32>(dot(a, mesh_ray.across_x), dot(b, mesh_ray.across_x), dot(c, mesh_ray.across_x));
+    let y = vec3<f32>(dot(a, mesh_ray.across_y), dot(b, mesh_ray.across_y), dot(c, mesh_ray.across_y));
+    let products = x.yzx * y.zxy;
+    let others = y.yzx * x.zxy;
+    let sides = products - others;
+    let slack = (abs(products) + abs(others)) * EDGE_SLACK;
+    let is_back = all(sides + slack >= vec3<f32>(0.0));
+    let is_front = all(sides - slack <= vec3<f32>(0.0));
+    // Both: the ray sees the triangle edge-on, and meets its neighbours.
+    if is_back == is_front {
+        return;
     }
+    var weights = max(select(sides, -sides, is_front), vec3<f32>(0.0));
+    weights /= weights.x + weights.y + weights.z;
+    let t = dot(weights, vec3<f32>(dot(a, mesh_ray.along), dot(b, mesh_ray.along), dot(c, mesh_ray.along)));
+    let tie = TIE_M + TIE_SHARE * t;
+    if !(t >= 0.0 && t < mesh_hit.t + tie) {
+        return;
+    }
+    let found = MeshHit(t, at, weights.y, weights.z, is_front);
+    if t < mesh_hit.t - tie || wins_tie(found) {
+        mesh_hit = found;
+    }
+}
+
+// Which of two triangles at nearly the same place is seen.
+fn wins_tie(found: MeshHit) -> bool {
+    if found.is_front != mesh_hit.is_front {
+        return found.is_front;
+    }
+    let a = normal_of(found.triangle);
+    let b = normal_of(mesh_hit.triangle);
+    let turn = cross(a, b);
+    let in_one_plane = dot(turn, turn) <= PLANE_SINE_SQUARED * dot(a, a) * dot(b, b);
+    return select(found.t < mesh_hit.t, found.triangle < mesh_hit.triangle, in_one_plane);
+}
+
+// A triangle's normal, as long as twice its area.
+fn normal_of(at: u32) -> vec3<f32> {
+    let corners = unpack_corners(read_vec4(at), read_vec4(at + 1u).x);
+    return cross(corners.b - corners.a, corners.c - corners.a);
 }
 
 // Gathers the triangle that was hit. Nothing is visible behind it.
@@ -159,10 +216,10 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
     let facing = select(-across, across, dot(across, segment.dir) < 0.0);
     let area = length(across);
     let normal = select(-segment.dir, facing / area, area > 0.0);
-    let t = mesh_ray.enter_m + mesh_hit.t;
+    let t = mesh_hit.t;
     let p = segment.origin + segment.dir * t;
-    let u = clamp(mesh_hit.u, 0.0, 1.0);
-    let v = clamp(mesh_hit.v, 0.0, 1.0);
+    let u = mesh_hit.u;
+    let v = mesh_hit.v;
     var albedo = vec3<f32>(0.0);
     if info.y == 0u {
         let a = linear_of(carried.y);

@@ -109,7 +109,8 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
         if frame.shadow_m <= 0.0 || all(light.sun <= vec3<f32>(0.0)) || eye_m >= NO_GROUND_M {
             break;
         }
-        segment = RaySegment(seen.shadow_origin, sun, frame.shadow_m, eye_m, true);
+        let origin = floor(seen.shadow_origin * ORIGINS_PER_M + 0.5) / ORIGINS_PER_M;
+        segment = RaySegment(origin, sun, frame.shadow_m, eye_m, true);
     }
     return TracedRay(light.sky + light.sun * sun_share, seen.distance_m, seen.node);
 }

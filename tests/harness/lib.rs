@@ -20,6 +20,7 @@ pub mod source_bytes;
 pub mod source_code;
 pub mod stepped_client;
 pub mod synth;
+pub mod terraces;
 pub mod trials;
 pub mod truth;
 pub mod twin;

@@ -1,10 +1,18 @@
-//! No sky is visible between neighbouring leaves, at any two levels of detail.
+//! No sky is visible between neighbouring leaves, at any two levels of detail, and no ray passes a closed surface.
 
 use anyhow::{Result, ensure};
 use insula_protocol::TileId;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_tests::{baked::Baked, cameras, fidelity, truth::Truth, view::FrameSpec};
+use insula_tests::{
+    baked::Baked,
+    cameras, fidelity,
+    rng::Rng,
+    terraces::{self, Terraces},
+    truth::Truth,
+    view::FrameSpec,
+};
 use libtest_mimic::{Arguments, Failed, Trial};
+use rayon::prelude::*;
 use std::path::PathBuf;
 
 const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
@@ -16,8 +24,29 @@ fn main() {
         let run = move || check(name, &inputs).map_err(|e| Failed::from(format!("{e:#}")));
         Trial::test(format!("no_sky_between_leaves_of_{name}"), run).with_ignored_flag(name != "chiba-textured")
     };
-    let tests = fidelity::real_cities().into_iter().map(city).collect();
+    let mut tests: Vec<Trial> = fidelity::real_cities().into_iter().map(city).collect();
+    let closed = || no_ray_passes_a_closed_surface().map_err(|e| Failed::from(format!("{e:#}")));
+    tests.push(Trial::test("no_ray_passes_a_closed_surface", closed));
     libtest_mimic::run(&arguments, tests).exit();
+}
+
+/// `INSULA_CRACK_RAYS` sets the number of rays, two millions without it.
+fn no_ray_passes_a_closed_surface() -> Result<()> {
+    let rays: u64 = std::env::var("INSULA_CRACK_RAYS").map_or(Ok(2_000_000), |rays| rays.parse())?;
+    let frames = rays.div_ceil(u64::from(terraces::FRAME.width_px * terraces::FRAME.height_px));
+    let cities: Vec<Terraces> = (0..4).map(Terraces::new).collect::<Result<_>>()?;
+    let results: Vec<Result<()>> = (0..frames)
+        .into_par_iter()
+        .map(|frame| {
+            let city = &cities[frame as usize % cities.len()];
+            let camera = terraces::camera(city, &mut Rng::new(frame));
+            terraces::check(&camera, &city.draw_list.scene(&camera, &terraces::FRAME).render())
+        })
+        .collect();
+    let faults: Vec<_> = results.into_iter().filter_map(Result::err).collect();
+    ensure!(faults.is_empty(), "{} of {frames} frames: {:#}", faults.len(), faults[0]);
+    println!("{frames} frames");
+    Ok(())
 }
 
 /// Sky pixels of `mixed` that show the city in `whole`, and whose eight neighbours show one surface.

@@ -15,6 +15,7 @@ use insula_tests::{
     random::{self, Pose, RandomCity},
     random_mesh::{self, RandomMesh},
     rng::Rng,
+    terraces::{self, Terraces},
     trials::Trials,
     twin,
     view::{Camera, FrameSpec},
@@ -27,6 +28,7 @@ const CITIES: u64 = 12;
 fn main() {
     Trials::open()
         .on_gpu("gpu_draws_meshes_as_the_cpu_does", gpu_draws_meshes_as_the_cpu_does)
+        .on_gpu("no_ray_on_the_gpu_passes_a_closed_surface", no_ray_on_the_gpu_passes_a_closed_surface)
         .on_gpu("gpu_and_cpu_agree_in_every_shading", gpu_and_cpu_agree_in_every_shading)
         .plain("cpu_hits_what_an_exhaustive_search_hits", cpu_hits_what_an_exhaustive_search_hits)
         .plain("a_mesh_has_the_sky_occlusion_of_its_columns", a_mesh_has_the_sky_occlusion_of_its_columns)
@@ -71,6 +73,15 @@ fn twins_agree(
         anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));
     }
     Ok(difference)
+}
+
+fn no_ray_on_the_gpu_passes_a_closed_surface(gpu: &Gpu) -> Result<()> {
+    let city = Terraces::new(0)?;
+    for seed in 0..100 {
+        let camera = terraces::camera(&city, &mut Rng::new(seed));
+        terraces::check(&camera, &gpu.render(&city.draw_list.scene(&camera, &terraces::FRAME))?)?;
+    }
+    Ok(())
 }
 
 fn gpu_draws_meshes_as_the_cpu_does(gpu: &Gpu) -> Result<()> {

@@ -2,11 +2,11 @@
 //!
 //! In: a draw list with its cross-fades, the cache, a view, [`RenderSettings`]. Out: [`FrameData`]. Next: the shell's ray-caster.
 //!
-//! Positions are made relative to the camera in f64 and only then rounded to f32.
+//! Positions are made relative to the camera in f64 and only then rounded to f32. The camera is where rays may begin.
 
 use crate::{
     cache::{AtlasCache, CachedMesh, CachedNode},
-    camera::View,
+    camera::{Camera, View},
     scene::{NodeIndex, SceneTree},
     select::{
         occlusion_feedback::OcclusionQuery,
@@ -21,7 +21,7 @@ use insula_shaders::{
     grid::{GridBuilder, GridFrame},
     layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
     light::{Air, NightLights, SUN_RADIUS_RAD},
-    mesh::leaf_offset,
+    mesh::{leaf_offset, ray_origin},
 };
 
 /// Rays along a pixel's side while the camera is still: two miss much of a texture that is finer than the pixels, four gain
@@ -106,6 +106,7 @@ impl FrameData {
         view: &View,
         settings: &RenderSettings,
     ) -> Self {
+        let view = &View { camera: Camera { position: ray_origin(view.camera.position), ..view.camera }, ..*view };
         let mut frame = frame_uniform(tree, view, settings);
         let list = NodeList::new(&inputs, tree, cache, view);
         let manifest = tree.manifest();

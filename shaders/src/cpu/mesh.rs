@@ -16,13 +16,18 @@ use crate::{
 use glam::Vec3;
 use insula_protocol::blockmap::flag;
 
-/// Slack of barycentric coordinates, so that no ray slips between two triangles.
-pub(crate) const EDGE_SLACK: f32 = 2e-5;
+/// Slack of edges, as a share of the two products whose difference says on which side the ray passes: more than rounding
+/// can change it, whether or not a device fuses a product with the difference.
+pub(crate) const EDGE_SLACK: f32 = 2.4e-7;
 /// Slack of boxes, in steps of the grid.
 pub(crate) const BOX_SLACK: f32 = 0.5;
-/// Of triangles that are nearer to each other than this many metres, the first one in the atlas is seen, so that
-/// triangles in one plane do not flicker.
+/// Of triangles that are nearer to each other than this many metres, one that faces the ray is seen: no wall shows through
+/// the edge of the roof on it. If they also lie in one plane, the first one in the atlas is seen, so that they do not flicker.
 pub(crate) const TIE_M: f32 = 1e-4;
+/// The part of that distance that grows with the distance from the ray's origin, per metre.
+pub(crate) const TIE_SHARE: f32 = 5e-7;
+/// Squared sine of the largest angle between triangles that count as in one plane.
+pub(crate) const PLANE_SINE_SQUARED: f32 = 1e-6;
 /// How far above a mesh its ray towards the sun begins, in metres.
 pub(crate) const MESH_LIFT_M: f32 = 0.02;
 /// The part of that height that grows with the distance, per metre.
@@ -30,13 +35,14 @@ pub(crate) const MESH_LIFT_SHARE: f32 = 1e-4;
 /// Least cosine between ray and normal that a texture's level is chosen for.
 pub(crate) const MIN_COSINE: f32 = 0.15;
 
-/// The ray in steps of the mesh's grid, from where it enters the mesh's box; `t` stays in metres.
+/// The ray in steps of the mesh's grid; `t` stays in metres.
 struct MeshRay {
     o: Vec3,
-    d: Vec3,
     inv: Vec3,
-    /// From the segment's origin to the box, in metres.
-    enter_m: f32,
+    /// Coordinates across the ray, which turn points from the origin on into a picture in which the ray is a point.
+    across: [Vec3; 2],
+    /// Coordinate along the ray: `t` of points on it.
+    along: Vec3,
 }
 
 /// The nearest triangle so far.
@@ -46,6 +52,7 @@ struct MeshHit {
     triangle: u32,
     u: f32,
     v: f32,
+    is_front: bool,
 }
 
 /// A half of the tree that is still to be visited, and where the ray enters it.
@@ -65,17 +72,13 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     let whole = ray.read_vec4(head + 2);
     let zero = Vec3::new(node.corner[0], node.corner[1], node.mesh_z_m) + Vec3::new(x, y, z);
     let o = (ray.segment.origin - zero) / step_m;
-    let d = (ray.segment.dir / step_m).map(nonzero);
-    let mut mesh_ray = MeshRay { o, d, inv: 1.0 / d, enter_m: 0.0 };
+    let mesh_ray = MeshRay::new(o, (ray.segment.dir / step_m).map(nonzero));
     let [enter_m, exit_m] = box_span(&mesh_ray, whole);
     if enter_m > exit_m || enter_m > ray.segment.reach_m {
         return;
     }
-    // Numbers are smallest where the box begins, so rounding errors are too.
-    mesh_ray.o += d * enter_m;
-    mesh_ray.enter_m = enter_m;
-    let reach_m = ray.segment.reach_m.min(exit_m + 1.0) - enter_m;
-    let mut mesh_hit = MeshHit { t: reach_m, triangle: 0, u: 0.0, v: 0.0 };
+    let reach_m = ray.segment.reach_m.min(exit_m + 1.0);
+    let mut mesh_hit = MeshHit { t: reach_m, triangle: 0, u: 0.0, v: 0.0, is_front: true };
     nearest_triangle(ray, &mesh_ray, info[0], &mut mesh_hit);
     if mesh_hit.triangle == 0 {
         return;
@@ -84,8 +87,27 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
         ray.hit.transmittance = 0.0;
         return;
     }
-    let t = mesh_ray.enter_m + mesh_hit.t;
-    hit_triangle(ray, index, step_m, info, &MeshHit { t, ..mesh_hit });
+    hit_triangle(ray, index, step_m, info, &mesh_hit);
+}
+
+impl MeshRay {
+    /// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013). The cross
+    /// product of the two axes across points along the ray.
+    fn new(o: Vec3, d: Vec3) -> Self {
+        let inv = 1.0 / d;
+        let length = d.abs();
+        let (across, along) = if length.z >= length.x.max(length.y) {
+            let side = d.z.signum();
+            ([Vec3::new(1.0, 0.0, -d.x * inv.z), Vec3::new(0.0, side, -side * d.y * inv.z)], Vec3::Z * inv.z)
+        } else if length.y >= length.x {
+            let side = -d.y.signum();
+            ([Vec3::new(1.0, -d.x * inv.y, 0.0), Vec3::new(0.0, -side * d.z * inv.y, side)], Vec3::Y * inv.y)
+        } else {
+            let side = d.x.signum();
+            ([Vec3::new(-d.y * inv.x, 1.0, 0.0), Vec3::new(-side * d.z * inv.x, 0.0, side)], Vec3::X * inv.x)
+        };
+        Self { o, inv, across, along }
+    }
 }
 
 /// The interval of the ray inside a box, in metres. Empty if the first value is larger.
@@ -145,24 +167,55 @@ fn unpack_corners(words: [u32; 4], last: u32) -> [Vec3; 3] {
     [Vec3::new(a.x, a.y, b.x), Vec3::new(b.y, c.x, c.y), Vec3::new(d.x, d.y, (last & 0xffff) as f32)]
 }
 
-/// Möller and Trumbore 1997, from both sides. Comparisons with a NaN are false.
-fn test_triangle(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u32, mesh_hit: &mut MeshHit) {
-    ray.counts.cells += 1;
+fn read_corners(ray: &mut Ray<'_>, at: u32) -> [Vec3; 3] {
     let words = ray.read_vec4(at);
     let last = ray.read_vec4(at + 1)[0];
-    let [a, b, c] = unpack_corners(words, last);
-    let (e1, e2, start) = (b - a, c - a, mesh_ray.o - a);
-    let p = mesh_ray.d.cross(e2);
-    let scale = 1.0 / e1.dot(p);
-    let u = start.dot(p) * scale;
-    let q = start.cross(e1);
-    let v = mesh_ray.d.dot(q) * scale;
-    let t = e2.dot(q) * scale;
-    let inside = u >= -EDGE_SLACK && v >= -EDGE_SLACK && u + v <= 1.0 + EDGE_SLACK;
-    let nearer = t < mesh_hit.t - TIE_M || t < mesh_hit.t + TIE_M && at < mesh_hit.triangle;
-    if inside && t >= 0.0 && nearer {
-        *mesh_hit = MeshHit { t, triangle: at, u, v };
+    unpack_corners(words, last)
+}
+
+/// Watertight, from both sides (Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"): both triangles at an
+/// edge compute the same two products of its ends, so a ray that passes one of them within rounding meets the other.
+/// Comparisons with a NaN are false.
+fn test_triangle(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u32, mesh_hit: &mut MeshHit) {
+    ray.counts.cells += 1;
+    let corners = read_corners(ray, at).map(|corner| corner - mesh_ray.o);
+    let [x, y] = mesh_ray.across.map(|axis| corners.map(|corner| corner.dot(axis)));
+    let products = Vec3::new(x[1] * y[2], x[2] * y[0], x[0] * y[1]);
+    let others = Vec3::new(y[1] * x[2], y[2] * x[0], y[0] * x[1]);
+    let (sides, slack) = (products - others, (products.abs() + others.abs()) * EDGE_SLACK);
+    let is_back = (sides + slack).min_element() >= 0.0;
+    let is_front = (sides - slack).max_element() <= 0.0;
+    // Both: the ray sees the triangle edge-on, and meets its neighbours.
+    if is_back == is_front {
+        return;
     }
+    let weights = (if is_front { -sides } else { sides }).max(Vec3::ZERO);
+    let weights = weights / (weights.x + weights.y + weights.z);
+    let t = weights.dot(Vec3::from(corners.map(|corner| corner.dot(mesh_ray.along))));
+    let tie = TIE_M + TIE_SHARE * t;
+    if !(t >= 0.0 && t < mesh_hit.t + tie) {
+        return;
+    }
+    let found = MeshHit { t, triangle: at, u: weights.y, v: weights.z, is_front };
+    if t < mesh_hit.t - tie || wins_tie(ray, &found, mesh_hit) {
+        *mesh_hit = found;
+    }
+}
+
+/// Which of two triangles at nearly the same place is seen.
+fn wins_tie(ray: &mut Ray<'_>, found: &MeshHit, before: &MeshHit) -> bool {
+    if found.is_front != before.is_front {
+        return found.is_front;
+    }
+    let [a, b] = [normal_of(ray, found.triangle), normal_of(ray, before.triangle)];
+    let in_one_plane = a.cross(b).length_squared() <= PLANE_SINE_SQUARED * a.length_squared() * b.length_squared();
+    if in_one_plane { found.triangle < before.triangle } else { found.t < before.t }
+}
+
+/// A triangle's normal, as long as twice its area.
+fn normal_of(ray: &mut Ray<'_>, at: u32) -> Vec3 {
+    let [a, b, c] = read_corners(ray, at);
+    (b - a).cross(c - a)
 }
 
 /// Gathers the triangle that was hit, with `t` from the segment's origin. Nothing is visible behind it.
@@ -176,7 +229,7 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
     let facing = if across.dot(segment.dir) < 0.0 { across } else { -across };
     let normal = facing.normalize_or(-segment.dir);
     let p = segment.origin + segment.dir * t;
-    let (u, v) = (mesh_hit.u.clamp(0.0, 1.0), mesh_hit.v.clamp(0.0, 1.0));
+    let (u, v) = (mesh_hit.u, mesh_hit.v);
     let albedo = if info[1] == 0 {
         let [a, b, c] = [carried[1], carried[2], carried[3]].map(linear_of);
         a + (b - a) * u + (c - a) * v

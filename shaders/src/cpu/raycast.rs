@@ -8,6 +8,7 @@
 pub use super::ray::{RayCounts, SceneRef};
 
 use super::{
+    fast_math::floor,
     night::lit_windows,
     ray::{NodeRay, OPAQUE, Ray, RayHit, RaySegment, SUN_LIFT_M},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
@@ -15,6 +16,7 @@ use super::{
 };
 use crate::{
     layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading},
+    mesh::ORIGINS_PER_M,
     tone::{develop, encode_radiance, gradient_noise},
 };
 use glam::{Vec2, Vec3};
@@ -212,8 +214,8 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
     let mut sun_share = 1.0;
     // A thin surface in front of the sky has no place where a shadow ray could begin.
     if frame.shadow_m > 0.0 && light.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
-        ray.segment =
-            RaySegment { origin: seen.shadow_origin, dir: pixel.sun, reach_m: frame.shadow_m, eye_m, to_sun: true };
+        let origin = seen.shadow_origin.map(|v| floor(v * ORIGINS_PER_M + 0.5) as f32 / ORIGINS_PER_M);
+        ray.segment = RaySegment { origin, dir: pixel.sun, reach_m: frame.shadow_m, eye_m, to_sun: true };
         ray.hit = RayHit::NOTHING;
         if frame.levels != 0 {
             walk_grid(&mut ray);

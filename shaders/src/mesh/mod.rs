@@ -18,6 +18,7 @@ mod packer;
 mod texture;
 
 use crate::{layout::PAGE_WORDS, pack::Page};
+use glam::DVec3;
 use insula_protocol::{TileId, mesh::Mesh};
 use packer::MeshPacker;
 pub use texture::MeshTexture;
@@ -26,6 +27,9 @@ pub use texture::MeshTexture;
 pub const MAX_TRIANGLES: usize = 1 << 18;
 /// Most texels along a texture's side; at most half of its square in all. A larger texture is halved until it fits.
 pub const MAX_TEXTURE_PX: u32 = 4096;
+/// Rays begin at multiples of this part of a metre, counted from the eye, which is a multiple itself. So places of leaves
+/// relative to a ray are exact up to 4 km, and neighbouring leaves agree on which side of a shared edge it passes.
+pub const ORIGINS_PER_M: f32 = 4096.0;
 /// Most halves of the tree that a ray can postpone.
 pub(crate) const TRAVERSAL_STACK: usize = 32;
 /// Texels along a side of a texture tile, which fills a page.
@@ -44,6 +48,11 @@ pub fn pages_guess(triangles: u32, texture_px: u32) -> u32 {
     // Two vec4s a triangle, two a pair of boxes, two triangles in a leaf. A texture's coarser levels add a third.
     let words = u64::from(triangles) * 12 + u64::from(texture_px) * 3 / 2;
     1 + words.div_ceil(PAGE_WORDS as u64).min(1 << 20) as u32
+}
+
+/// The nearest place from which a ray may begin ([`ORIGINS_PER_M`]).
+pub fn ray_origin(p: DVec3) -> DVec3 {
+    (p * f64::from(ORIGINS_PER_M)).round() / f64::from(ORIGINS_PER_M)
 }
 
 /// Offset of `leaf` in `tile` (the leaf itself or an ancestor), whose columns give its mesh ambient occlusion: `x | y
