@@ -5,6 +5,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use image::RgbImage;
+use insula_bake::BakeOptions;
 use insula_client::ui::{settings::UserSettings, view_link::ViewLink};
 use insula_tests::{
     fixtures,
@@ -36,7 +37,14 @@ fn main() {
     }
     let ignored = !missing.is_empty() || driver.is_err() && !adapter_is_required();
     let run = || a_user_controls_the_window().map_err(|e| Failed::from(format!("{e:#}")));
-    let tests = vec![Trial::test("a_user_controls_the_window", run).with_ignored_flag(ignored)];
+    let chosen = || {
+        let display = Display { adapter: "gpu", scale: 2 };
+        a_user_chooses_a_city(display).map_err(|e| Failed::from(format!("{e:#}")))
+    };
+    let tests = vec![
+        Trial::test("a_user_controls_the_window", run).with_ignored_flag(ignored),
+        Trial::test("a_user_chooses_a_city", chosen).with_ignored_flag(ignored),
+    ];
     libtest_mimic::run(&arguments, tests).exit();
 }
 
@@ -78,11 +86,24 @@ struct Client {
     screenshots: PathBuf,
 }
 
+/// How a client draws.
+#[derive(Clone, Copy)]
+struct Display {
+    adapter: &'static str,
+    /// Pixels per point.
+    scale: u32,
+}
+
 impl Client {
     /// Starts `insula view ADDRESS` in `folder`, which has its settings too, and waits for the window.
     fn start(screen: &Screen, folder: &Path, address: &str) -> Result<Self> {
+        Self::start_on(Display { adapter: "cpu", scale: 1 }, screen, folder, address)
+    }
+
+    fn start_on(display: Display, screen: &Screen, folder: &Path, address: &str) -> Result<Self> {
         let mut program = Command::new(program("insula")?)
-            .args(["view", address, "--adapter", "cpu"])
+            .args(["view", address, "--adapter", display.adapter])
+            .env("WINIT_X11_SCALE_FACTOR", display.scale.to_string())
             .current_dir(folder)
             .env("DISPLAY", &screen.display)
             .env_remove("WAYLAND_DISPLAY")
@@ -291,6 +312,61 @@ fn a_user_controls_the_window() -> Result<()> {
     let [view, same] = [view, same].map(|view| lower_half(&view));
     ensure!(difference(&view, &same) < 0.02, "the link opens another view: {}", difference(&view, &same));
     ensure!(other.quit()? == 0, "after Escape, the exit code is not 0");
+    Ok(())
+}
+
+/// A server with two cities: one is chosen, viewed, left and found again. In the end, the window system destroys the window.
+fn a_user_chooses_a_city(display: Display) -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    let city = fixtures::baked_chiba()?;
+    let village = fixtures::baked(
+        "village",
+        &BakeOptions { inputs: vec![fixtures::write_city_json(folder.path(), 3)?], ..BakeOptions::default() },
+    )?;
+    let mut command = Command::new(program("insula-server")?);
+    let server = ServerProcess::start_with(&mut command, &[&city, &village], "127.0.0.1:0", &[])?;
+    let screen = Screen::start()?;
+    std::fs::create_dir_all(folder.path().join("insula"))?;
+    let settings = UserSettings { window: [640 / display.scale, 480 / display.scale], ..UserSettings::default() };
+    std::fs::write(folder.path().join("insula").join("settings.json"), serde_json::to_string(&settings)?)?;
+    let mut client = Client::start_on(display, &screen, folder.path(), &format!("http://{}", server.address))?;
+    client.wait_for_line("has several cities: choose one with --city: chiba, village", 0)?;
+    let mut choice = client.screenshot("chooser-1")?;
+    // The second picture appears after the first one.
+    client.wait_until("pictures of the cities", |client| {
+        std::thread::sleep(Duration::from_millis(500));
+        let before = std::mem::replace(&mut choice, client.screenshot("chooser-1")?);
+        Ok(colours(&choice) > 60 && before == choice)
+    })?;
+    client.click(320, 200, "1")?;
+    client.wait_for_line("opened chiba", 0)?;
+    client.wait_for_line("frame settled", 0)?;
+    let home = client.screenshot("chooser-2-home")?;
+    let before = client.lines().len();
+    let away = client.screenshot_of_change("chooser-3-away", &home, |p| p.hold("w", Duration::from_millis(900)))?;
+    client.wait_for_line("frame settled", before)?;
+    let again = client.screenshot_after("chooser-4-home", |p| p.key("h"))?;
+    ensure!(difference(&home, &away) > 0.05, "the view has not changed");
+    ensure!(difference(&home, &again) < 0.02, "H shows another view: {}", difference(&home, &again));
+    // Lines, then areas.
+    client.key("m")?;
+    client.key("m")?;
+    for (x, y) in [(300, 300), (380, 310), (350, 340)] {
+        client.click(x, y, "1")?;
+        std::thread::sleep(Duration::from_millis(600));
+    }
+    client.wait_for_line("in plan", 0)?;
+    client.screenshot("chooser-5-area")?;
+    client.xdotool(&["windowclose", &client.window])?;
+    let begin = Instant::now();
+    let status = loop {
+        match client.program.try_wait()? {
+            Some(status) => break status,
+            None => ensure!(begin.elapsed() < MAX_WAIT, "the program does not end with its window"),
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    ensure!(status.code() == Some(0), "after the window was destroyed: {status}: {:?}", client.lines());
     Ok(())
 }
 

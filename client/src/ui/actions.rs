@@ -33,7 +33,7 @@ impl CityView {
             KeyAction::CopyLink => self.apply(ViewAction::CopyLink, window, settings),
             KeyAction::ToggleBookmarks => self.bookmark_panel.is_open = !self.bookmark_panel.is_open,
             KeyAction::ToggleRecording => self.toggle_recording(),
-            KeyAction::ToggleMeasuring => self.measure.toggle(),
+            KeyAction::ToggleMeasuring => self.measure.next(),
             KeyAction::UndoPoint => self.measure.undo(),
             KeyAction::ToggleDay => self.toggle_day(settings),
             KeyAction::ToggleMap => display.shows_map = !display.shows_map,

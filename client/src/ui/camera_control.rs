@@ -440,9 +440,9 @@ mod tests {
         assert!((camera.position + camera.forward * distance_m).length() < 1e-6, "{camera:?}");
         control.turn_north();
         assert!((control.camera().position - DVec3::new(0.0, -100.0, 100.0)).length() < 1e-6);
-        control.approach(2.0);
+        control.zoom(2.0);
         assert!((control.camera().position - DVec3::new(0.0, -50.0, 50.0)).length() < 1e-6);
-        control.approach(1e-9);
+        control.zoom(1e-9);
         assert!((control.camera().position.length() - 1e5).abs() < 1e-3);
     }
 

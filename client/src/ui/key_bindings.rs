@@ -59,7 +59,7 @@ pub const HELP: [(&str, &str); 26] = [
     ("B", "bookmark this view"),
     ("V", "bookmarks and coordinates"),
     ("C", "copy a link to this view"),
-    ("M", "measure lines, areas and heights by clicks"),
+    ("M", "measure lines, then areas, then heights by clicks"),
     ("Backspace, Ctrl Z", "remove the last measured point"),
     ("N", "map; click it to go there"),
     ("R", "start or stop recording a path for insula fly"),

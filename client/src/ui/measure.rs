@@ -47,6 +47,16 @@ impl MeasureTool {
         *self = Self { is_active: !self.is_active, kind: self.kind, points: Vec::new() };
     }
 
+    /// Activates the tool, goes to its next kind, or deactivates it after the last one.
+    pub fn next(&mut self) {
+        let next = MeasureKind::ALL.iter().position(|kind| *kind == self.kind).map_or(0, |at| at + 1);
+        match MeasureKind::ALL.get(next) {
+            _ if !self.is_active => *self = Self { is_active: true, ..Self::default() },
+            Some(kind) => self.set_kind(*kind),
+            None => *self = Self::default(),
+        }
+    }
+
     /// What is measured.
     pub fn kind(&self) -> MeasureKind {
         self.kind

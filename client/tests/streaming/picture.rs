@@ -19,7 +19,7 @@ const SETTLING: Settling = Settling { feedback_px: [256, 196], timeout: TIMEOUT 
 fn strips_are_the_picture_and_can_be_cancelled() {
     let server = TestServer::start(city());
     let mut session = open_session(&server, 64);
-    settle(&mut session, &large(), SETTLING, || false).unwrap();
+    settle(&mut session, &large(), SETTLING, |_| true).unwrap();
     let settings = RenderSettings::default();
     let whole = session.draw(&large(), &settings).unwrap();
     let mut shares = Vec::new();
@@ -43,6 +43,6 @@ fn strips_are_the_picture_and_can_be_cancelled() {
 fn a_cancelled_picture_does_not_wait_for_its_tiles() {
     let server = TestServer::start(city());
     let mut session = open_session(&server, 64);
-    settle(&mut session, &large(), SETTLING, || true).unwrap();
+    settle(&mut session, &large(), SETTLING, |_| false).unwrap();
     assert!(!session.has_frame());
 }

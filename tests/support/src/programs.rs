@@ -68,7 +68,17 @@ impl ServerProcess {
     /// Adds the arguments of `serve` to `command` and runs it. `settings` are `key=value`. Fails unless the server prints
     /// its address. With `INSULA_TEST_LOG` set, its log goes to standard error.
     pub fn start(command: &mut Command, place: impl AsRef<OsStr>, listen: &str, settings: &[&str]) -> Result<Self> {
-        command.arg("serve").arg(place).args(["--listen", listen]);
+        Self::start_with(command, &[place], listen, settings)
+    }
+
+    /// The same with several cities.
+    pub fn start_with(
+        command: &mut Command,
+        places: &[impl AsRef<OsStr>],
+        listen: &str,
+        settings: &[&str],
+    ) -> Result<Self> {
+        command.arg("serve").args(places).args(["--listen", listen]);
         command.args(settings.iter().flat_map(|setting| ["--set", setting]));
         let log = std::env::var_os("INSULA_TEST_LOG").map_or_else(Stdio::null, |_| Stdio::inherit());
         let mut child = command
