@@ -343,7 +343,7 @@ impl ViewerApp {
             }
             WindowEvent::ModifiersChanged(modifiers) => city.control.set_fast(modifiers.state().shift_key()),
             WindowEvent::MouseInput { state, button: MouseButton::Left | MouseButton::Right, .. } => {
-                self.handle_button(*state, is_for_overlay);
+                self.handle_button(*state);
             }
             WindowEvent::CursorMoved { position, .. } => self.handle_motion(*position),
             WindowEvent::CursorLeft { .. } => city.readout.pointer_moved(None),
@@ -356,11 +356,11 @@ impl ViewerApp {
         false
     }
 
-    fn handle_button(&mut self, state: ElementState, is_for_overlay: bool) {
+    fn handle_button(&mut self, state: ElementState) {
         let (Some(window), Some(viewport)) = (&self.window, &mut self.viewport) else { return };
         let moved_px = self.drag_px.take();
         if state == ElementState::Pressed {
-            self.drag_px = (!is_for_overlay && !window.is_over_panel(self.pointer)).then_some(0.0);
+            self.drag_px = (!window.is_over_panel(self.pointer)).then_some(0.0);
         } else if moved_px.is_some_and(|px| px < CLICK_PX) {
             let [width, height] = window.surface.size_px().map(f64::from);
             let at = [self.pointer.x / width, self.pointer.y / height];

@@ -4,7 +4,7 @@ use super::{compass, overlay::panel, scale_bar};
 use egui::{Align2, Context, Label, RichText};
 
 /// Width of the texts, in points: that of coordinates in metres.
-const MIN_WIDTH: f32 = 290.0;
+const MIN_WIDTH: f32 = 250.0;
 
 /// What the panel shows.
 #[derive(Debug, Clone, Default, PartialEq)]
