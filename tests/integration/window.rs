@@ -353,8 +353,9 @@ fn a_user_chooses_a_city(display: Display) -> Result<()> {
     client.key("m")?;
     for (x, y) in [(300, 300), (380, 310), (350, 340)] {
         client.click(x, y, "1")?;
-        std::thread::sleep(Duration::from_millis(600));
+        std::thread::sleep(Duration::from_millis(900));
     }
+    client.screenshot("chooser-5-area")?;
     client.wait_for_line("in plan", 0)?;
     client.screenshot("chooser-5-area")?;
     client.xdotool(&["windowclose", &client.window])?;

@@ -4,6 +4,7 @@ use super::{
     bookmarks::ViewAction,
     city_view::CityView,
     key_bindings::KeyAction,
+    overlay::has_room,
     path_recording::{PathRecorder, write_path},
     settings::UserSettings,
     view_link::format_link,
@@ -37,6 +38,9 @@ impl CityView {
             KeyAction::UndoPoint => self.measure.undo(),
             KeyAction::ToggleDay => self.toggle_day(settings),
             KeyAction::ToggleMap => display.shows_map = !display.shows_map,
+            KeyAction::ToggleSliders if !has_room(window.size().map(|side| side as f32).into()) => {
+                self.show_message("no room for the sliders: enlarge the window".to_owned());
+            }
             KeyAction::ToggleSliders => display.shows_sliders = !display.shows_sliders,
             KeyAction::ToggleCounters => display.shows_counters = !display.shows_counters,
             KeyAction::ToggleRayCounts => (self.counts_rays, self.ray_counts) = (!self.counts_rays, None),

@@ -1,6 +1,10 @@
 //! The panel that is always there: compass, scale bar, coordinates, and what is being loaded.
 
-use super::{compass, overlay::panel, scale_bar};
+use super::{
+    compass,
+    overlay::{has_room, panel},
+    scale_bar,
+};
 use egui::{Align2, Context, Label, RichText};
 
 /// Width of the texts, in points: that of coordinates in metres.
@@ -29,6 +33,9 @@ pub fn show(ctx: &Context, content: &Furniture) -> bool {
             ui.vertical(|ui| {
                 let place = if content.has_pointer { "at the pointer" } else { "in the middle" };
                 scale_bar::show(ui, content.metres_per_point, place);
+                if !has_room(ctx.content_rect().size()) {
+                    return;
+                }
                 // Both lines are always there, so that the panel keeps its size.
                 let works = content.works.join("; ");
                 for text in [content.coordinates.as_deref().unwrap_or_default(), &works] {

@@ -108,7 +108,7 @@ impl OverlayTexts {
 /// Lays out sliders, counters, attribution, help and message. The user may change `options`. Returns what else the user asked for.
 pub fn show(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) -> Option<ViewAction> {
     let mut action = None;
-    if options.shows_sliders {
+    if options.shows_sliders && has_room(ctx.content_rect().size()) {
         action = slider_panel(ctx, texts, options);
     }
     attribution_panel(ctx, &texts.attribution);
@@ -122,6 +122,11 @@ pub fn show(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOptions) -
         });
     }
     action
+}
+
+/// Whether a window of a size, in points, has room for sliders and coordinates beside the map.
+pub fn has_room(size: egui::Vec2) -> bool {
+    size.x >= 480.0 && size.y >= 360.0
 }
 
 /// A dark panel at an edge of the window. In a small window, it scrolls.

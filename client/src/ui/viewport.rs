@@ -91,15 +91,18 @@ impl Viewport {
             return Ok(None);
         }
         self.notice_view(begin, window);
-        let mut drawn = None;
+        let (mut drawn, mut settled) = (None, None);
         if let Some(still) = self.still.take() {
-            self.continue_still(still, window);
+            settled = self.continue_still(still, window);
         } else if !self.city.pacer.is_finished() {
             drawn = self.draw_scene(begin, window)?;
         }
         let display = self.city.display.clone();
         let layout = self.lay_out(window, settings);
         let is_presented = self.present(drawn, begin, &layout, window)?;
+        if let Some(data) = settled {
+            self.settled(&data, window);
+        }
         self.apply_options(&display, window, settings);
         Ok(Some(self.next_frame(layout.repaint_after, is_presented, window)))
     }
@@ -120,7 +123,7 @@ impl Viewport {
         } else if detail.is_final {
             let (rows, samples) = (RenderedRows::default(), detail.samples);
             data.frame.samples = self.city.pacer.first_still_samples(samples);
-            self.continue_still(StillFrame { data, rows, samples, duration: Duration::ZERO }, window);
+            self.still = Some(StillFrame { data, rows, samples, duration: Duration::ZERO });
             return Ok(None);
         } else {
             let begin = Instant::now();
@@ -130,8 +133,8 @@ impl Viewport {
         Ok(Some(DrawnFrame { detail, data, time: None }))
     }
 
-    /// Draws the next rows of a resting view. After the last one, shows them.
-    fn continue_still(&mut self, mut still: StillFrame, window: &mut ViewerWindow) {
+    /// Draws the next rows of a resting view. After the last one, shows them and returns the final frame.
+    fn continue_still(&mut self, mut still: StillFrame, window: &mut ViewerWindow) -> Option<FrameData> {
         let begin = Instant::now();
         let CityView { session, pacer, playback, .. } = &mut self.city;
         let count = pacer.rows_per_step(still.data.frame.height_px, still.data.frame.samples);
@@ -141,20 +144,20 @@ impl Viewport {
         pacer.end_step(time, f64::from(count) / f64::from(height_px.max(1)), still.data.frame.samples);
         let Some(pixels) = pixels else {
             self.still = Some(still);
-            return;
+            return None;
         };
         window.set_background(color_image(&pixels));
         if still.data.frame.samples < still.samples {
             still.data.frame.samples = still.samples;
             self.still = Some(still);
-            return;
+            return None;
         }
         session.record_frame_time(still.duration);
         if let Some(playback) = playback {
             playback.record_frame_time(still.duration);
         }
         pacer.end_steps();
-        self.settled(&still.data, window);
+        Some(still.data)
     }
 
     /// Lifts the camera of a resting view out of a solid. Returns whether it was in one.

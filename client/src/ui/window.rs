@@ -129,8 +129,9 @@ impl ViewerWindow {
 
     /// Inner size in points.
     pub fn size(&self) -> [u32; 2] {
-        let size = self.window.inner_size().to_logical::<f64>(self.window.scale_factor());
-        [size.width.round() as u32, size.height.round() as u32]
+        // The window system may have destroyed the window: winit panics when it is asked for the size then.
+        let scale = self.window.scale_factor();
+        self.surface.size_px().map(|side| (f64::from(side) / scale).round() as u32)
     }
 
     /// Opens the ray-caster: on the surface's device, or on the CPU if that is requested, faster, or all that works.
