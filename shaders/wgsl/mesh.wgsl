@@ -235,7 +235,10 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
         let level = log2(max(t * pixel * texels_per_m / cosine, 1.0));
         albedo = sample_texture(info, (a + e1 * u + e2 * v) / size, level);
     }
-    let light = surface_light(index, p, normal);
+    var light = SurfaceLight(INSIDE_AO, false);
+    if mesh_hit.is_front || !is_inside(index, p, normal) {
+        light = surface_light(index, p, normal);
+    }
     let share = ray_hit.transmittance;
     ray_hit.albedo += albedo * share;
     ray_hit.ao += light.sky * share;

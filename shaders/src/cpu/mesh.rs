@@ -4,7 +4,7 @@
 
 use super::{
     fast_math::nonzero,
-    mesh_surface::{sample_texture, surface_light},
+    mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light},
     ray::Ray,
     shade::linear_of,
     words::halves,
@@ -243,7 +243,11 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
         let level = (t * pixel * texels_per_m / cosine).max(1.0).log2();
         sample_texture(ray, info, (a + e1 * u + e2 * v) / size, level)
     };
-    let light = surface_light(ray, node, p, normal);
+    let light = if mesh_hit.is_front || !is_inside(ray, node, p, normal) {
+        surface_light(ray, node, p, normal)
+    } else {
+        SurfaceLight { sky: INSIDE_AO, is_reflective: false }
+    };
     let hit = &mut ray.hit;
     let share = hit.transmittance;
     hit.albedo += albedo * share;

@@ -20,6 +20,8 @@ use insula_protocol::{NODE_CELLS, blockmap::flag, texel::AO_MAX};
 
 /// Share of the sky where no column is near.
 pub(crate) const UNKNOWN_AO: f32 = 0.7;
+/// Share of the sky inside of a building, whose columns only know how its outside is lit.
+pub(crate) const INSIDE_AO: f32 = 0.3;
 /// Weight of a roof's occlusion for a wall below its edge, where the wall's own columns store none.
 pub(crate) const ROOF_WEIGHT_ON_WALL: f32 = 0.02;
 /// Least z of the normal of a surface that counts as a roof.
@@ -112,6 +114,24 @@ pub(super) fn surface_light(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal:
         sky: if weights > 0.0 { sum / weights } else { UNKNOWN_AO },
         is_reflective: flags_of(walk) & flag::REFLECTIVE != 0,
     }
+}
+
+/// Whether the place in front of a surface is within a column's solid: rays that see the surface from behind look at it
+/// from inside of a building.
+pub(super) fn is_inside(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal: Vec3) -> bool {
+    let before = p - Vec3::from(node.corner) + normal * node.cell_m;
+    let at = before.xy() / node.cell_m + halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
+    let cell = at.floor().as_ivec2().clamp(IVec2::ZERO, IVec2::splat(NODE_CELLS as i32 - 1));
+    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
+    let (planes, z) = (planes_of(node), before.z / node.z_step_m);
+    let walk = ray.read_word(planes[WALK_PLANE] + i);
+    let flags = flags_of(walk);
+    // A gap may be in front of the surface.
+    if flags & flag::OCCUPIED == 0 || flags & flag::GAP != 0 {
+        return false;
+    }
+    let [z_max, z_min] = bounds_of(ray, walk, 0);
+    z > z_min && z < z_max
 }
 
 /// Share of the sky that a column sees at height `z`, and the weight of that: 0 far above or below the column.
