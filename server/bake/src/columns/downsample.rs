@@ -158,21 +158,42 @@ fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32)
 }
 
 /// The full height codes of a column, from the bottom up: all but its gap and the transparent rows of its wall.
+///
+/// A row is opaque if anything touches it, so a run that ends at a transparent row ends half a row before it on average.
 fn solid_codes(column: &MapColumn, z_shift: u8) -> Vec<[u16; 2]> {
-    let mut solids = vec![[column.z_min, column.z_max]];
-    let mut open = |[low, high]: [u16; 2]| {
-        let split = |[bottom, top]: [u16; 2]| [[bottom, top.min(low)], [bottom.max(high), top]];
-        let parts = solids.iter().copied().flat_map(split).filter(|[bottom, top]| bottom < top).collect();
-        solids = parts;
-    };
-    column.gap.into_iter().for_each(&mut open);
-    if let Some(strip) = &column.strip {
-        let (codes, (first, _)) = (STEPS_PER_CELL >> z_shift, strip_rows(column.z_min, column.z_max, z_shift));
-        let transparent = strip.texels.iter().enumerate().filter(|(_, texel)| texel.alpha() == 0);
-        transparent.map(|(k, _)| (first + k as u16) * codes).for_each(|low| open([low, low + codes]));
+    let codes = STEPS_PER_CELL >> z_shift;
+    let (first, _) = strip_rows(column.z_min, column.z_max, z_shift);
+    let rows = column.strip.iter().flat_map(|strip| strip.texels.iter().enumerate());
+    let open: Vec<u16> =
+        rows.filter(|(_, texel)| texel.alpha() == 0).map(|(k, _)| (first + k as u16) * codes).collect();
+    let exact = column.gap.map_or_else(
+        || vec![[column.z_min, column.z_max]],
+        |[low, high]| vec![[column.z_min, low], [high, column.z_max]],
+    );
+    let mut solids = Vec::new();
+    for span in exact {
+        let runs = open.iter().fold(vec![span], |runs, low| {
+            let split =
+                runs.into_iter().flat_map(|[bottom, top]| [[bottom, top.min(*low)], [bottom.max(low + codes), top]]);
+            split.filter(|[bottom, top]| bottom < top).collect()
+        });
+        solids.extend(runs.into_iter().map(|run| shrunk(run, span, codes)));
     }
     // A column without anything opaque still has ends.
     if solids.is_empty() { vec![[column.z_min, column.z_max]] } else { solids }
+}
+
+/// A run without half a row at the ends that it does not share with `span`, but at least a quarter of a row.
+fn shrunk([bottom, top]: [u16; 2], span: [u16; 2], codes_per_row: u16) -> [u16; 2] {
+    let (half, least) = (codes_per_row / 2, (codes_per_row / 4).max(1));
+    let low = if bottom > span[0] { bottom + half } else { bottom };
+    let high = if top < span[1] { top - half.min(top) } else { top };
+    if low + least <= high {
+        return [low, high];
+    }
+    let middle = low.min(top - 1);
+    let low = (middle - (least / 2).min(middle)).max(bottom);
+    [low, (low + least).min(top)]
 }
 
 /// Unit vector of an azimuth in 256ths of a turn.
