@@ -93,7 +93,10 @@ impl Http {
             .referer(false)
             .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
             .build()
-            .map_err(|e| failed(&e))?;
+            .map_err(|e| {
+                let reason = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
+                failed(&format!("{reason}: are certificates installed (package ca-certificates)?"))
+            })?;
         let (requests, bytes) = (AtomicU64::new(0), AtomicU64::new(0));
         let handle = runtime.handle().clone();
         Ok(Self { runtime: Some(runtime), handle, client, link, body_timeout: options.body, requests, bytes })
