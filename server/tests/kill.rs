@@ -125,8 +125,8 @@ fn interrupted_bake_names_the_command_that_continues_it() {
     use std::os::unix::process::ExitStatusExt;
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    fs::write(path("my town.geojson"), buildings(200)).unwrap();
-    let line = "bake my_town.geojson --out my_city --cell 0.25 --threads 1";
+    fs::write(path("my town.geojson"), buildings(60)).unwrap();
+    let line = "bake my_town.geojson --out my_city --cell 0.5 --threads 1";
     let words: Vec<String> = line.split(' ').map(|word| word.replace('_', " ")).collect();
     let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
     command.args(words).current_dir(folder.path()).env_remove("RUST_LOG").stdin(Stdio::null());

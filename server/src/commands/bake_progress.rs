@@ -176,9 +176,9 @@ impl StageState {
         (self.worked + self.skipped).saturating_mul(100).checked_div(self.total).map(|percent| percent.min(100))
     }
 
-    /// Time for the steps that are left, at the speed of those that took work; `None` before the first.
+    /// Time for the steps that are left, at the speed of those that took work; `None` before the first and after the last.
     fn remaining(&self, now: Instant) -> Option<Duration> {
-        let left = self.total.checked_sub(self.worked + self.skipped)?;
+        let left = self.total.checked_sub(self.worked + self.skipped).filter(|left| *left > 0)?;
         let elapsed = now.saturating_duration_since(self.start);
         (self.worked > 0).then(|| elapsed.mul_f64(left as f64 / self.worked as f64))
     }
@@ -200,10 +200,11 @@ fn interrupted(stage: &StageState, out: &Path, line: &[OsString]) -> String {
     let percent =
         stage.percent().filter(|_| stage.name != "read").map_or(String::new(), |percent| format!(" at {percent}%"));
     let word = |word: &dyn fmt::Display| shell_word(&printable(&word.to_string())).into_owned();
+    let partial = word(&scratch_folder(out).display());
     let kept = if is_kept {
-        format!("finished work is kept in {}; continue with", word(&scratch_folder(out).display()))
+        format!("finished work is kept in {partial}; continue with")
     } else {
-        "nothing is finished yet; start again with".to_owned()
+        format!("nothing is finished yet, so {partial} may be removed; start again with")
     };
     let mut words: Vec<String> = line.iter().map(|argument| word(&argument.display())).collect();
     if is_kept && !words.iter().any(|word| word == "--resume") {
@@ -240,7 +241,7 @@ mod tests {
         stage.skip(10, start + seconds(12));
         assert_eq!(stage.remaining(start + seconds(12)), Some(seconds(80)));
         stage.advance(80, start + seconds(92));
-        assert_eq!(stage.left(start + seconds(92)), ", 0 s left");
+        assert_eq!(stage.left(start + seconds(92)), "", "what follows the last step is not counted");
         let unknown = StageState::new("ground", 0, start);
         assert_eq!((unknown.percent(), unknown.left(start)), (None, String::new()));
     }
@@ -272,10 +273,7 @@ mod tests {
         let mut stage = StageState::new("sample", 8, Instant::now());
         stage.advance(3, Instant::now());
         let text = interrupted(&stage, &out, &line);
-        assert!(
-            text.starts_with("interrupted in stage sample at 37%: nothing is finished yet; start again with: ./ins"),
-            "{text}"
-        );
+        assert!(text.starts_with("interrupted in stage sample at 37%: nothing is finished yet, so "), "{text}");
         assert!(!text.contains("--resume"), "{text}");
         let partial = folder.path().join("my city.partial");
         fs::create_dir(&partial).unwrap();

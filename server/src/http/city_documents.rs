@@ -130,7 +130,7 @@ fn list_body(
     let (mut entries, mut bytes, mut last) = (Vec::new(), 0, None);
     while let Some(city) = cities.next_if(|_| entries.len() < limit.get() && bytes < PAGE_BYTES) {
         let manifest = city.manifest();
-        let entry = serde_json::to_value(list_entry(&city)).unwrap_or_default();
+        let entry = serde_json::to_value(list_entry(city)).unwrap_or_default();
         bytes += entry.to_string().len();
         last = Some(&manifest.name);
         entries.push(entry);
