@@ -94,7 +94,7 @@ impl Viewport {
         let (mut drawn, mut settled) = (None, None);
         if let Some(still) = self.still.take() {
             settled = self.continue_still(still, window);
-        } else if !self.city.pacer.is_finished() {
+        } else if !self.city.pacer.is_finished() || self.takes_news(window) {
             drawn = self.draw_scene(begin, window)?;
         }
         let display = self.city.display.clone();
@@ -105,6 +105,22 @@ impl Viewport {
         }
         self.apply_options(&display, window, settings);
         Ok(Some(self.next_frame(layout.repaint_after, is_presented, window)))
+    }
+
+    /// Lets the session of a resting view take in what it has been told, such as the hits of the final frame. Returns whether the
+    /// scene must be drawn again.
+    fn takes_news(&mut self, window: &ViewerWindow) -> bool {
+        if !self.city.session.has_work() {
+            return false;
+        }
+        let request = self.city.frame_request(window, 1);
+        self.city.session.update(&request);
+        self.update_status();
+        let is_changed = !self.city.session.is_settled();
+        if is_changed {
+            self.city.pacer.content_changed();
+        }
+        is_changed
     }
 
     /// Draws a frame by the CPU ray-caster, or begins to. Returns a frame that is to be presented: one that the GPU is still to
