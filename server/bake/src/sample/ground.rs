@@ -55,7 +55,7 @@ impl LocalGround {
         let square_m = SQUARE_CELLS as f32 * block.cell_m;
         let at_vertex = |x: usize, y: usize| Vec2::new(x as f32, y as f32) * square_m;
         let vertices = || (0..size[0] * size[1]).map(|i| [i % size[0], i / size[0]]);
-        let surface = GroundSurface { triangles: &block.ground };
+        let surface = InterpolatedGround { triangles: &block.ground };
         let heights_m = vertices().map(|[x, y]| surface.height_at(at_vertex(x, y)).unwrap_or(f32::NAN)).collect();
         let has_ground = vertices().map(|[x, y]| {
             // The middles of both triangles.
@@ -127,11 +127,11 @@ impl LocalGround {
 }
 
 /// Triangles that do not overlap, seen from above.
-struct GroundSurface<'a> {
+struct InterpolatedGround<'a> {
     triangles: &'a [[Vec3; 3]],
 }
 
-impl GroundSurface<'_> {
+impl InterpolatedGround<'_> {
     fn height_at(&self, p: Vec2) -> Option<f32> {
         /// Share of a triangle's size by which it reaches over its edges.
         const SLACK: f32 = 1e-4;
