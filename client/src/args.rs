@@ -1,7 +1,7 @@
 //! The command line of `insula`.
 
 use crate::{image_files::parse_picture_path, render::AdapterChoice, stream::fetch::HttpOptions};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
 use insula_command_line::SetupCommand;
 use insula_shaders::layout::Shading;
 use insula_viewer::sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time};
@@ -83,6 +83,11 @@ pub enum ClientCommand {
     Setup(SetupCommand),
 }
 
+/// Parses the name of a picture. It need not be UTF-8.
+fn picture_path() -> impl TypedValueParser<Value = PathBuf> {
+    clap::builder::PathBufValueParser::new().try_map(parse_picture_path)
+}
+
 /// Arguments of `insula view`.
 #[derive(Debug, Default, Args)]
 pub struct ViewArgs {
@@ -133,7 +138,7 @@ pub struct DemoArgs {
     #[arg(long)]
     pub headless: bool,
     /// Image file to write: .png, .jpg, .jpeg or .webp.
-    #[arg(long, default_value = "demo.png", value_name = "FILE", value_parser = parse_picture_path)]
+    #[arg(long, default_value = "demo.png", value_name = "FILE", value_parser = picture_path())]
     pub out: PathBuf,
     /// Size of the image in pixels.
     #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = parse_size)]
@@ -157,7 +162,7 @@ pub struct SnapshotArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: [u32; 2],
     /// Image file to write: .png, .jpg, .jpeg or .webp.
-    #[arg(long, value_name = "FILE", value_parser = parse_picture_path)]
+    #[arg(long, value_name = "FILE", value_parser = picture_path())]
     pub out: PathBuf,
     #[command(flatten)]
     pub pictures: PictureArgs,

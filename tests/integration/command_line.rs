@@ -144,7 +144,9 @@ fn snapshot(folder: &Path, place: &OsStr, out: &OsStr, more: &[&str]) -> (Option
     let fixed = ["snapshot", "--size", "64x48", "--adapter", "cpu", "--server"].map(OsStr::new);
     let more = more.iter().map(OsStr::new);
     let arguments: Vec<&OsStr> = fixed.into_iter().chain([place, "--out".as_ref(), out]).chain(more).collect();
-    call("insula", folder, &arguments)
+    let (code, text) = call("insula", folder, &arguments);
+    // What it wrote is no error.
+    (code, text.lines().filter(|line| !line.starts_with("wrote ")).map(|line| format!("{line}\n")).collect())
 }
 
 #[test]
@@ -224,5 +226,5 @@ fn a_cache_folder_that_cannot_be_written_is_a_warning() {
     let output = run(command.current_dir(folder.path()).env("XDG_CACHE_HOME", "/proc/none")).unwrap();
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && folder.path().join("a.png").is_file(), "{text}");
-    assert!(text.starts_with("warning: ") && text.contains("/proc/none") && text.lines().count() == 1, "{text}");
+    assert!(text.starts_with("warning: ") && text.contains("/proc/none") && text.lines().count() == 2, "{text}");
 }

@@ -276,7 +276,7 @@ fn a_user_controls_the_window() -> Result<()> {
     client.wait_for_line("not connected: ", 0)?;
     client.screenshot("1-connecting")?;
     let server = ServerProcess::serve(&city, &address)?;
-    client.wait_for_line("status: ready", 0)?;
+    client.wait_for_line("frame settled", 0)?;
 
     let resized = client.screenshot_after("2-resized", |p| p.xdotool(&["windowsize", &p.window, "640", "400"]))?;
     ensure!(resized.dimensions() == (640, 400) && colours(&resized) > 30, "{:?}", resized.dimensions());

@@ -35,8 +35,7 @@ impl PictureFormat {
 }
 
 /// Parses the path of a picture that is to be written, for the command line: fails before any work is done.
-pub fn parse_picture_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
+pub fn parse_picture_path(path: PathBuf) -> Result<PathBuf, String> {
     PictureFormat::of(&path).map(|_| path)
 }
 
@@ -105,7 +104,7 @@ mod tests {
             ("b.x.JPEG", ImageFormat::Jpeg),
             ("c.webp", ImageFormat::WebP),
         ] {
-            let path = parse_picture_path(name).unwrap();
+            let path = parse_picture_path(name.into()).unwrap();
             for notes in [PictureNotes::default(), notes()] {
                 let bytes = encode(PictureFormat::of(&path).unwrap(), &image, &notes).unwrap();
                 assert_eq!(image::guess_format(&bytes).unwrap(), expected, "{name}");
@@ -115,7 +114,7 @@ mod tests {
             }
         }
         for refused in ["a", "a.tiff", "png", ".png", "a.png/b", "a.png.", ""] {
-            let error = parse_picture_path(refused).unwrap_err();
+            let error = parse_picture_path(refused.into()).unwrap_err();
             assert!([".png", ".jpg", ".jpeg", ".webp"].iter().all(|known| error.contains(known)), "{refused}: {error}");
         }
     }

@@ -16,6 +16,7 @@ pub mod frame;
 mod moon;
 pub mod scene;
 pub mod select;
+pub mod solids;
 pub mod streamer;
 pub mod sun;
 #[cfg(any(test, feature = "test-support"))]

@@ -3,7 +3,7 @@
 use super::{
     bake_progress::BakeProgress,
     error::CommandError,
-    output::{count, print, refuse_input, refuse_inside, write},
+    output::{print, refuse_input, refuse_inside, write},
 };
 use crate::{
     args::{BakeArgs, GeneratedFacades, GeneratedGround, UpAxis, VisibilityRenderer},
@@ -16,7 +16,7 @@ use insula_bake::{
 };
 use insula_protocol::{
     manifest::Attribution,
-    text::{human_bytes, shell_word},
+    text::{count, human_bytes, shell_word},
 };
 use std::{collections::BTreeMap, io::Read, path::Path};
 

@@ -1,7 +1,7 @@
 //! Errors of the commands, one line each.
 
-use super::output::count;
 use crate::{config::ConfigError, http::ServeError, store::StoreError};
+use insula_protocol::text::count;
 use std::path::PathBuf;
 
 /// Why a command failed: what failed, where, and what to do.

@@ -3,7 +3,7 @@
 use super::{
     error::CommandError,
     map_image,
-    output::{count, print, print_json, refuse_inside, write},
+    output::{print, print_json, refuse_inside, write},
     stats::{CityStats, LevelStats, MeshLodStats},
 };
 use crate::{args::InspectArgs, store::CityStore};
@@ -11,7 +11,7 @@ use image::ImageFormat;
 use insula_protocol::{
     BlockMap, TileId, TileKind,
     manifest::Attribution,
-    text::{human_bytes, printable},
+    text::{count, human_bytes, printable},
 };
 use std::{fmt::Write, io::Cursor, path::Path};
 

@@ -93,11 +93,6 @@ fn absolute(path: &Path) -> PathBuf {
     }
 }
 
-/// A number with its noun, which gets an `s` unless it is one.
-pub(super) fn count(n: u64, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,15 +1,12 @@
 //! `verify`: checks every checksum, decodes every tile, and compares the parts of a city with each other.
 
-use super::{
-    error::CommandError,
-    output::{count, print},
-};
+use super::{error::CommandError, output::print};
 use crate::{args::VerifyArgs, store::CityStore};
 use insula_archive::city::content_version;
 use insula_protocol::{
     BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     subtree::{MeshLod, NodeInfo},
-    text::printable,
+    text::{count, printable},
     tile,
 };
 use std::{

@@ -39,10 +39,13 @@ pub(crate) const MIN_COSINE: f32 = 0.15;
 struct MeshRay {
     o: Vec3,
     inv: Vec3,
-    /// Coordinates across the ray, which turn points from the origin on into a picture in which the ray is a point.
-    across: [Vec3; 2],
-    /// Coordinate along the ray: `t` of points on it.
-    along: Vec3,
+    /// Number of the longest axis of the direction.
+    axis: usize,
+    /// Factors of the coordinate on that axis in the two others, which turn points from the origin on into a picture in which the
+    /// ray is a point, and its factor in `t`.
+    shear: [f32; 3],
+    /// Sign of the second coordinate of that picture.
+    side: f32,
 }
 
 /// The nearest triangle so far.
@@ -79,7 +82,11 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     }
     let reach_m = ray.segment.reach_m.min(exit_m + 1.0);
     let mut mesh_hit = MeshHit { t: reach_m, triangle: 0, u: 0.0, v: 0.0, is_front: true };
-    nearest_triangle(ray, &mesh_ray, info[0], &mut mesh_hit);
+    match mesh_ray.axis {
+        2 => nearest_triangle::<2>(ray, &mesh_ray, info[0], &mut mesh_hit),
+        1 => nearest_triangle::<1>(ray, &mesh_ray, info[0], &mut mesh_hit),
+        _ => nearest_triangle::<0>(ray, &mesh_ray, info[0], &mut mesh_hit),
+    }
     if mesh_hit.triangle == 0 {
         return;
     }
@@ -91,22 +98,33 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
 }
 
 impl MeshRay {
-    /// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013). The cross
-    /// product of the two axes across points along the ray.
+    /// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013).
     fn new(o: Vec3, d: Vec3) -> Self {
         let inv = 1.0 / d;
         let length = d.abs();
-        let (across, along) = if length.z >= length.x.max(length.y) {
-            let side = d.z.signum();
-            ([Vec3::new(1.0, 0.0, -d.x * inv.z), Vec3::new(0.0, side, -side * d.y * inv.z)], Vec3::Z * inv.z)
-        } else if length.y >= length.x {
-            let side = -d.y.signum();
-            ([Vec3::new(1.0, -d.x * inv.y, 0.0), Vec3::new(0.0, -side * d.z * inv.y, side)], Vec3::Y * inv.y)
-        } else {
-            let side = d.x.signum();
-            ([Vec3::new(-d.y * inv.x, 1.0, 0.0), Vec3::new(-side * d.z * inv.x, 0.0, side)], Vec3::X * inv.x)
+        let axis = match () {
+            () if length.z >= length.x.max(length.y) => 2,
+            () if length.y >= length.x => 1,
+            () => 0,
         };
-        Self { o, inv, across, along }
+        // The cross product of the two other axes points along the ray.
+        let (a, b, side) = match axis {
+            2 => (d.x, d.y, d.z.signum()),
+            1 => (d.x, d.z, -d.y.signum()),
+            _ => (d.y, d.z, d.x.signum()),
+        };
+        Self { o, inv, axis, shear: [a * inv[axis], side * b * inv[axis], inv[axis]], side }
+    }
+
+    /// A point's two coordinates across the ray, and the one along the longest axis.
+    fn shear<const AXIS: usize>(&self, p: Vec3) -> [f32; 3] {
+        let p = p - self.o;
+        let (a, b, along) = match AXIS {
+            2 => (p.x, p.y, p.z),
+            1 => (p.x, p.z, p.y),
+            _ => (p.y, p.z, p.x),
+        };
+        [a - self.shear[0] * along, self.side * b - self.shear[1] * along, along]
     }
 }
 
@@ -118,8 +136,8 @@ fn box_span(mesh_ray: &MeshRay, words: [u32; 4]) -> [f32; 2] {
     [low.min(high).max_element().max(0.0), low.max(high).min_element()]
 }
 
-/// Sets `mesh_hit` to the nearest triangle, or towards the sun to any triangle.
-fn nearest_triangle(ray: &mut Ray<'_>, mesh_ray: &MeshRay, root: u32, mesh_hit: &mut MeshHit) {
+/// Sets `mesh_hit` to the nearest triangle, or towards the sun to any triangle. `AXIS` is the ray's longest.
+fn nearest_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, root: u32, mesh_hit: &mut MeshHit) {
     let mut stack = [PendingHalf::default(); TRAVERSAL_STACK];
     let mut height = 0;
     let mut reference = root;
@@ -127,7 +145,7 @@ fn nearest_triangle(ray: &mut Ray<'_>, mesh_ray: &MeshRay, root: u32, mesh_hit: 
         let (count, at) = (reference >> REFERENCE_COUNT_SHIFT, reference & REFERENCE_MASK);
         if count > 0 {
             for k in 0..count {
-                test_triangle(ray, mesh_ray, at + 2 * k, mesh_hit);
+                test_triangle::<AXIS>(ray, mesh_ray, at + 2 * k, mesh_hit);
             }
             if ray.segment.to_sun && mesh_hit.triangle != 0 {
                 return;
@@ -176,27 +194,44 @@ fn read_corners(ray: &mut Ray<'_>, at: u32) -> [Vec3; 3] {
 /// Watertight, from both sides (Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"): both triangles at an
 /// edge compute the same two products of its ends, so a ray that passes one of them within rounding meets the other.
 /// Comparisons with a NaN are false.
-fn test_triangle(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u32, mesh_hit: &mut MeshHit) {
+fn test_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u32, mesh_hit: &mut MeshHit) {
     ray.counts.cells += 1;
-    let corners = read_corners(ray, at).map(|corner| corner - mesh_ray.o);
-    let [x, y] = mesh_ray.across.map(|axis| corners.map(|corner| corner.dot(axis)));
-    let products = Vec3::new(x[1] * y[2], x[2] * y[0], x[0] * y[1]);
-    let others = Vec3::new(y[1] * x[2], y[2] * x[0], y[0] * x[1]);
-    let (sides, slack) = (products - others, (products.abs() + others.abs()) * EDGE_SLACK);
-    let is_back = (sides + slack).min_element() >= 0.0;
-    let is_front = (sides - slack).max_element() <= 0.0;
-    // Both: the ray sees the triangle edge-on, and meets its neighbours.
-    if is_back == is_front {
+    let [a, b, c] = read_corners(ray, at).map(|corner| mesh_ray.shear::<AXIS>(corner));
+    let products = [b[0] * c[1], c[0] * a[1], a[0] * b[1]];
+    let others = [b[1] * c[0], c[1] * a[0], a[1] * b[0]];
+    let sides = [products[0] - others[0], products[1] - others[1], products[2] - others[2]];
+    let (low, high) = (sides[0].min(sides[1]).min(sides[2]), sides[0].max(sides[1]).max(sides[2]));
+    // Most rays pass the edges by far more than rounding can change.
+    let size = |p: [f32; 3]| p[0].abs().max(p[1].abs());
+    let largest = size(a).max(size(b)).max(size(c));
+    let most = largest * largest * (2.0 * EDGE_SLACK);
+    if low < -most && high > most {
         return;
     }
-    let weights = (if is_front { -sides } else { sides }).max(Vec3::ZERO);
-    let weights = weights / (weights.x + weights.y + weights.z);
-    let t = weights.dot(Vec3::from(corners.map(|corner| corner.dot(mesh_ray.along))));
+    let is_front = if low >= 0.0 && high > most {
+        false
+    } else if high <= 0.0 && low < -most {
+        true
+    } else {
+        let slack = |i: usize| (products[i].abs() + others[i].abs()) * EDGE_SLACK;
+        let is_back = (0..3).all(|i| sides[i] + slack(i) >= 0.0);
+        let is_front = (0..3).all(|i| sides[i] - slack(i) <= 0.0);
+        // Both: the ray sees the triangle edge-on, and meets its neighbours.
+        if is_back == is_front {
+            return;
+        }
+        is_front
+    };
+    let sign = if is_front { -1.0 } else { 1.0 };
+    let weights = sides.map(|side| (sign * side).max(0.0));
+    let scale = 1.0 / (weights[0] + weights[1] + weights[2]);
+    let [wa, wb, wc] = weights.map(|weight| weight * scale);
+    let t = (wa * a[2] + wb * b[2] + wc * c[2]) * mesh_ray.shear[2];
     let tie = TIE_M + TIE_SHARE * t;
     if !(t >= 0.0 && t < mesh_hit.t + tie) {
         return;
     }
-    let found = MeshHit { t, triangle: at, u: weights.y, v: weights.z, is_front };
+    let found = MeshHit { t, triangle: at, u: wb, v: wc, is_front };
     if t < mesh_hit.t - tie || wins_tie(ray, &found, mesh_hit) {
         *mesh_hit = found;
     }

@@ -11,8 +11,8 @@ mod pages;
 mod tests;
 
 use crate::{
-    collision::{ColumnSolids, MeshSolids},
     scene::TileKey,
+    solids::{ColumnSolids, MeshSolids},
 };
 use insula_protocol::{BlockMap, TileId, mesh::Mesh};
 use insula_shaders::{

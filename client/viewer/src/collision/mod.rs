@@ -1,21 +1,19 @@
 //! Where a city is solid, as far as its resident tiles say: ground below a point, points inside of buildings, obstacles on a way.
 //!
 //! The ray-caster's pages may be on a GPU, so that each resident tile keeps the shapes of its columns or triangles in main memory
-//! as well ([`ColumnSolids`], [`MeshSolids`]). A place has the accuracy of its finest resident tile: of a leaf's mesh if there is
+//! as well ([`crate::solids`]). A place has the accuracy of its finest resident tile: of a leaf's mesh if there is
 //! one, else of columns. Where nothing is resident, and beyond the city, there is only the ground plane.
 //!
 //! What a pixel shows is a question for the ray-caster: a frame of one pixel gives the point below the pointer as it is drawn, at
 //! any distance. These solids say where a camera can stand near that point, and whether a short way is free.
 
-mod column_solids;
-mod mesh_solids;
 #[cfg(test)]
 mod tests;
 
-pub use column_solids::ColumnSolids;
-pub use mesh_solids::MeshSolids;
-
-use crate::cache::AtlasCache;
+use crate::{
+    cache::AtlasCache,
+    solids::{SolidInterval, TileSolids, exits_of},
+};
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use insula_protocol::{Manifest, TileId, mesh_tile::MAX_LODS};
 
@@ -23,37 +21,6 @@ use insula_protocol::{Manifest, TileId, mesh_tile::MAX_LODS};
 const MAX_TILES: usize = 1024;
 /// Heights that differ by less are the same, in metres.
 const SAME_HEIGHT_M: f64 = 1e-3;
-
-/// A solid above and below a point: heights of bottom and top. An open bottom is minus infinity.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SolidInterval {
-    pub(crate) bottom: f64,
-    pub(crate) top: f64,
-}
-
-/// The solids of a tile, in metres from the south-west corner of its node and the city's height zero.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum TileSolids<'a> {
-    Columns(&'a ColumnSolids),
-    Mesh(&'a MeshSolids),
-}
-
-impl TileSolids<'_> {
-    fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
-        match self {
-            Self::Columns(columns) => columns.intervals_at(p),
-            Self::Mesh(mesh) => mesh.intervals_at(p),
-        }
-    }
-
-    /// Where the way from `start` along `way` first meets a solid, from `span[0]` to `span[1]` of it.
-    fn first_hit(&self, start: DVec3, way: DVec3, span: [f64; 2]) -> Option<f64> {
-        match self {
-            Self::Columns(columns) => columns.first_hit(start, way, span),
-            Self::Mesh(mesh) => mesh.first_hit(start, way, span),
-        }
-    }
-}
 
 /// A resident tile, and the place that it covers.
 struct CoveringTile<'a> {
@@ -203,13 +170,4 @@ impl<'a> CitySolids<'a> {
         }
         square
     }
-}
-
-/// Where a line crosses the borders ahead of it of a square that it is in, by axis, in shares of `way`; infinity if never.
-fn exits_of(square: [DVec2; 2], start: DVec2, way: DVec2) -> DVec2 {
-    let exit = |axis: usize| match way[axis] {
-        0.0 => f64::INFINITY,
-        along => (square[usize::from(along > 0.0)][axis] - start[axis]) / along,
-    };
-    DVec2::new(exit(0), exit(1))
 }

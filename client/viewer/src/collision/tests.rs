@@ -1,7 +1,10 @@
+//! Tests of solids in a city of four leaves.
+
 use super::*;
 use crate::{
     cache::{PackedTile, Upload},
     scene::TileKey,
+    solids::MeshSolids,
     test_support::manifest,
 };
 use glam::dvec3;
