@@ -4,11 +4,13 @@
 struct MeshRay {
     o: vec3<f32>,
     inv: vec3<f32>,
-    // Coordinates across the ray, which turn points from the origin on into a picture in which the ray is a point.
-    across_x: vec3<f32>,
-    across_y: vec3<f32>,
-    // Coordinate along the ray: `t` of points on it.
-    along: vec3<f32>,
+    // Number of the longest axis of the direction.
+    axis: u32,
+    // Factors of the coordinate on that axis in the two others, which turn points from the origin on into a picture in which the
+    // ray is a point, and its factor in `t`.
+    shear: vec3<f32>,
+    // Sign of the second coordinate of that picture.
+    side: f32,
 }
 
 // The nearest triangle so far.
@@ -60,29 +62,33 @@ fn walk_mesh(index: u32) {
     hit_triangle(index, step_m, info);
 }
 
-// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013). The cross product of
-// the two axes across points along the ray.
+// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013).
 fn set_mesh_ray(o: vec3<f32>, d: vec3<f32>) {
     let inv = 1.0 / d;
     let length = abs(d);
     mesh_ray.o = o;
     mesh_ray.inv = inv;
+    // The cross product of the two other axes points along the ray.
     if length.z >= max(length.x, length.y) {
-        let side = sign(d.z);
-        mesh_ray.across_x = vec3<f32>(1.0, 0.0, -d.x * inv.z);
-        mesh_ray.across_y = vec3<f32>(0.0, side, -side * d.y * inv.z);
-        mesh_ray.along = vec3<f32>(0.0, 0.0, inv.z);
+        mesh_ray.axis = 2u;
+        mesh_ray.side = sign(d.z);
+        mesh_ray.shear = vec3<f32>(d.x * inv.z, mesh_ray.side * d.y * inv.z, inv.z);
     } else if length.y >= length.x {
-        let side = -sign(d.y);
-        mesh_ray.across_x = vec3<f32>(1.0, -d.x * inv.y, 0.0);
-        mesh_ray.across_y = vec3<f32>(0.0, -side * d.z * inv.y, side);
-        mesh_ray.along = vec3<f32>(0.0, inv.y, 0.0);
+        mesh_ray.axis = 1u;
+        mesh_ray.side = -sign(d.y);
+        mesh_ray.shear = vec3<f32>(d.x * inv.y, mesh_ray.side * d.z * inv.y, inv.y);
     } else {
-        let side = sign(d.x);
-        mesh_ray.across_x = vec3<f32>(-d.y * inv.x, 1.0, 0.0);
-        mesh_ray.across_y = vec3<f32>(-side * d.z * inv.x, 0.0, side);
-        mesh_ray.along = vec3<f32>(inv.x, 0.0, 0.0);
+        mesh_ray.axis = 0u;
+        mesh_ray.side = sign(d.x);
+        mesh_ray.shear = vec3<f32>(d.y * inv.x, mesh_ray.side * d.z * inv.x, inv.x);
     }
+}
+
+// A point's two coordinates across the ray, and the one along the longest axis.
+fn sheared(corner: vec3<f32>) -> vec3<f32> {
+    let p = corner - mesh_ray.o;
+    let q = select(select(p.yzx, p.xzy, mesh_ray.axis == 1u), p, mesh_ray.axis == 2u);
+    return vec3<f32>(q.x - mesh_ray.shear.x * q.z, mesh_ray.side * q.y - mesh_ray.shear.y * q.z, q.z);
 }
 
 // The interval of the ray inside a box, in metres. Empty if the first value is larger.
@@ -162,11 +168,11 @@ fn test_triangle(at: u32) {
         counts.w++;
     }
     let corners = unpack_corners(read_vec4(at), read_vec4(at + 1u).x);
-    let a = corners.a - mesh_ray.o;
-    let b = corners.b - mesh_ray.o;
-    let c = corners.c - mesh_ray.o;
-    let x = vec3<f32>(dot(a, mesh_ray.across_x), dot(b, mesh_ray.across_x), dot(c, mesh_ray.across_x));
-    let y = vec3<f32>(dot(a, mesh_ray.across_y), dot(b, mesh_ray.across_y), dot(c, mesh_ray.across_y));
+    let a = sheared(corners.a);
+    let b = sheared(corners.b);
+    let c = sheared(corners.c);
+    let x = vec3<f32>(a.x, b.x, c.x);
+    let y = vec3<f32>(a.y, b.y, c.y);
     let products = x.yzx * y.zxy;
     let others = y.yzx * x.zxy;
     let sides = products - others;
@@ -178,8 +184,8 @@ fn test_triangle(at: u32) {
         return;
     }
     var weights = max(select(sides, -sides, is_front), vec3<f32>(0.0));
-    weights /= weights.x + weights.y + weights.z;
-    let t = dot(weights, vec3<f32>(dot(a, mesh_ray.along), dot(b, mesh_ray.along), dot(c, mesh_ray.along)));
+    weights *= 1.0 / (weights.x + weights.y + weights.z);
+    let t = (weights.x * a.z + weights.y * b.z + weights.z * c.z) * mesh_ray.shear.z;
     let tie = TIE_M + TIE_SHARE * t;
     if !(t >= 0.0 && t < mesh_hit.t + tie) {
         return;

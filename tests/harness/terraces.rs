@@ -116,8 +116,25 @@ pub fn camera(terraces: &Terraces, rng: &mut Rng) -> Camera {
     Camera { fov_y_deg, ..Camera::looking(position, target) }
 }
 
-/// Fails if a ray saw something hidden, or missed the ground.
-pub fn check(camera: &Camera, pixels: &Pixels) -> Result<()> {
+/// A ray that sees what lies this far behind the first surface, in metres, has passed it. Nearer surfaces meet at an edge.
+const PASSED_M: f64 = 0.002;
+
+/// Distance to the first triangle on a ray, within a slack at edges.
+fn first_surface(triangles: &[[DVec3; 3]], origin: DVec3, dir: DVec3) -> f64 {
+    let distance = |[a, b, c]: &[DVec3; 3]| {
+        let (e1, e2, start) = (*b - *a, *c - *a, origin - *a);
+        let p = dir.cross(e2);
+        let scale = 1.0 / e1.dot(p);
+        let q = start.cross(e1);
+        let (u, v) = (start.dot(p) * scale, dir.dot(q) * scale);
+        let is_hit = u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9;
+        Some(e2.dot(q) * scale).filter(|t| is_hit && *t > 0.0)
+    };
+    triangles.iter().filter_map(distance).fold(f64::INFINITY, f64::min)
+}
+
+/// Fails if a ray saw something hidden behind another surface, or missed the ground.
+pub fn check(terraces: &Terraces, camera: &Camera, pixels: &Pixels) -> Result<()> {
     for (at, colour) in (0..).zip(&pixels.colour) {
         let (x, y) = (at % pixels.width_px, at / pixels.width_px);
         let dir = camera.ray(&FRAME, x, y);
@@ -126,7 +143,10 @@ pub fn check(camera: &Camera, pixels: &Pixels) -> Result<()> {
         let distance = pixels.distance[at as usize];
         ensure!(!over_ground || distance.is_finite(), "pixel {x}, {y} misses the ground: {camera:?}");
         let is_hidden = distance.is_finite() && colour & 0xff > colour >> 16 & 0xff;
-        ensure!(!is_hidden, "pixel {x}, {y} sees something hidden at {distance} m: {camera:?}");
+        if is_hidden {
+            let behind_m = f64::from(distance) - first_surface(&terraces.triangles, camera.position.into(), dir);
+            ensure!(behind_m < PASSED_M, "pixel {x}, {y} passes a surface by {behind_m} m: {camera:?}");
+        }
     }
     Ok(())
 }

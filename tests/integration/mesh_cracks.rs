@@ -40,7 +40,7 @@ fn no_ray_passes_a_closed_surface() -> Result<()> {
         .map(|frame| {
             let city = &cities[frame as usize % cities.len()];
             let camera = terraces::camera(city, &mut Rng::new(frame));
-            terraces::check(&camera, &city.draw_list.scene(&camera, &terraces::FRAME).render())
+            terraces::check(city, &camera, &city.draw_list.scene(&camera, &terraces::FRAME).render())
         })
         .collect();
     let faults: Vec<_> = results.into_iter().filter_map(Result::err).collect();

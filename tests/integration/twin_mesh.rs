@@ -79,7 +79,7 @@ fn no_ray_on_the_gpu_passes_a_closed_surface(gpu: &Gpu) -> Result<()> {
     let city = Terraces::new(0)?;
     for seed in 0..100 {
         let camera = terraces::camera(&city, &mut Rng::new(seed));
-        terraces::check(&camera, &gpu.render(&city.draw_list.scene(&camera, &terraces::FRAME))?)?;
+        terraces::check(&city, &camera, &gpu.render(&city.draw_list.scene(&camera, &terraces::FRAME))?)?;
     }
     Ok(())
 }

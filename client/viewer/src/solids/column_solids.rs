@@ -83,7 +83,7 @@ impl ColumnSolids {
     }
 
     /// The solids at `p`, metres from the south-west corner, as heights above the city's height zero.
-    pub(super) fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
+    pub(crate) fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
         let cells = p / self.cell_m;
         let cell = cells.floor().clamp(DVec2::ZERO, DVec2::splat(LAST_CELL));
         let height = |code: f64| self.z_base_m + code * self.z_step_m;
@@ -126,7 +126,7 @@ impl ColumnSolids {
     }
 
     /// Where the way from `start` along `way` first meets a column, from `span[0]` to `span[1]` of it.
-    pub(super) fn first_hit(&self, start: DVec3, way: DVec3, [mut t, end]: [f64; 2]) -> Option<f64> {
+    pub(crate) fn first_hit(&self, start: DVec3, way: DVec3, [mut t, end]: [f64; 2]) -> Option<f64> {
         let mut cell = ((start + way * t).xy() / self.cell_m).floor().clamp(DVec2::ZERO, DVec2::splat(LAST_CELL));
         for _ in 0..MAX_CELLS {
             let square = [cell * self.cell_m, (cell + 1.0) * self.cell_m];

@@ -43,7 +43,7 @@ impl MeshSolids {
     }
 
     /// The solids at `p`, metres from the south-west corner, as heights above the city's height zero, from top to bottom.
-    pub(super) fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
+    pub(crate) fn intervals_at(&self, p: DVec2) -> Vec<SolidInterval> {
         let place = (p - self.min_m.xy()) / self.step_m;
         let mut crossings: Vec<SurfaceCrossing> =
             self.triangles.iter().filter_map(|t| self.crossing(t, place)).collect();
@@ -95,7 +95,7 @@ impl MeshSolids {
 
     /// Where the way from `start` along `way` first meets a triangle from either side, from `span[0]` to `span[1]` of it (Möller
     /// and Trumbore 1997).
-    pub(super) fn first_hit(&self, start: DVec3, way: DVec3, span: [f64; 2]) -> Option<f64> {
+    pub(crate) fn first_hit(&self, start: DVec3, way: DVec3, span: [f64; 2]) -> Option<f64> {
         let (o, d) = ((start - self.min_m) / self.step_m, way / self.step_m);
         let [from, to] = span.map(|t| o + d * t);
         let (low, high) = (from.min(to), from.max(to));
