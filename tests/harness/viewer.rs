@@ -28,7 +28,7 @@ pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
 
 /// The same with a simulated link.
 pub fn open_over(link: Option<SimulatedLink>, place: &Path, cache_mib: u32) -> Result<Session> {
-    Ok(open_session(&place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
+    Ok(open_session(place.display().to_string(), &global(cache_mib), Some(Http::new(link)?), None)?)
 }
 
 /// Fetches all tiles in the view frustum, occluded or not.

@@ -71,7 +71,7 @@ fn options(timeout: u32) -> GlobalArgs {
 }
 
 fn open_hosted(host: &FaultyHost) -> Result<Session> {
-    Ok(headless::open_session(&format!("{}/town/", host.url()), &options(3), None, None)?)
+    Ok(headless::open_session(format!("{}/town/", host.url()), &options(3), None, None)?)
 }
 
 fn start_host() -> FaultyHost {
@@ -117,7 +117,7 @@ fn a_share_link_opens_a_private_city() -> Result<()> {
     ensure!(headless::open_session(&address, &options(1), None, None).is_err(), "it is not private");
     let from_link = settle(&mut headless::open_session(&link, &options(3), None, None)?)?;
     ensure!(from_link == settle(&mut open(&city(), 256)?)?, "the frames differ");
-    let error = headless::open_session(&format!("{link}0"), &options(1), None, None).err().map(|e| e.to_string());
+    let error = headless::open_session(format!("{link}0"), &options(1), None, None).err().map(|e| e.to_string());
     ensure!(error.as_ref().is_some_and(|text| !text.contains("share")), "the link is in a message: {error:?}");
     Ok(())
 }
@@ -138,8 +138,8 @@ fn unsuitable_hosts_are_errors_of_one_line() -> Result<()> {
         ensure!(error.contains(word) && !error.contains('\n'), "{word:?} is expected: {error}");
         ensure!(host.requests() < 60, "{word:?}: {} requests", host.requests());
     }
-    let missing = headless::open_session(&format!("{}/nowhere/", start_host().url()), &options(3), None, None);
-    ensure!(missing.err().is_some_and(|error| error.to_string().contains("no such city")));
+    let missing = headless::open_session(format!("{}/nowhere/", start_host().url()), &options(3), None, None);
+    ensure!(missing.err().is_some_and(|error| error.to_string().contains("no city here")));
     Ok(())
 }
 

@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(line(credit("国土交通省", None, None)), UNDRAWABLE);
         for text in [japanese, "\u{10ffff}\u{e000}", "日本 \u{1f600}"] {
             let drawn = line(credit(text, None, None));
-            assert!(drawn.chars().all(|c| fonts_have(c)), "{drawn}");
+            assert!(drawn.chars().all(fonts_have), "{drawn}");
         }
     }
 

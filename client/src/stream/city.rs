@@ -287,7 +287,7 @@ mod tests {
         );
         let http = Arc::new(Http::new(None).unwrap());
         let message = |place: &str| {
-            let location = CityLocation::parse(&format!("{base}{place}")).unwrap();
+            let location = CityLocation::parse(format!("{base}{place}")).unwrap();
             let options = OpenOptions { city: None, disk_cache: None, timeout: Duration::from_secs(5) };
             open_city(&http, location, &options).unwrap_err().to_string()
         };

@@ -47,7 +47,7 @@ pub type ConnectFn = Arc<dyn Fn(Option<&str>) -> Result<ConnectedCity> + Send + 
 /// Draws the named city as a small picture; `None` if that fails.
 pub type PreviewFn = Arc<dyn Fn(&str) -> Option<CityPreview> + Send + Sync>;
 
-/// What a [`Connector`] calls on separate threads.
+/// What the window calls on separate threads.
 pub struct ConnectFns {
     pub connect: ConnectFn,
     pub preview: PreviewFn,
