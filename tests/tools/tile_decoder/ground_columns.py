@@ -1,0 +1,59 @@
+"""Columns that readers make from the ground section (docs/formats.md, "Where a square has ground")."""
+from .ground import ground_at, half_up, surface_heights
+from .shapes import (CODE_MAX, COLUMNS, EXPOSED, GAP, INCLINED, OCCUPIED, REFLECTIVE, SIDE, SUSPENDED, clamp)
+
+COLOUR = (134, 133, 130)
+
+
+def stand_on_ground(tile, ground):
+    """Changes the tile's columns to those with the ground."""
+    heights = surface_heights(ground)
+    for i in range(COLUMNS):
+        point = ground_at(ground, heights, i % SIDE + 0.5, i // SIDE + 0.5)
+        if point is None:
+            continue
+        made = ground_column(tile, point)
+        margin = tile.codes_per_cell if tile.has(i, REFLECTIVE) else 0
+        if not tile.has(i, OCCUPIED) or tile.z_max[i] + margin <= made["z_max"]:
+            put_ground(tile, i, made)
+        else:
+            extend(tile, i, made)
+
+
+def ground_column(tile, point):
+    z, (east, north), ao = point
+    code = lambda z: clamp(half_up(z * tile.codes_per_cell), 0, CODE_MAX)
+    rise = (abs(east) + abs(north)) / 2
+    z_max = max(1, code(z))
+    return {
+        "z_max": z_max, "z_min": min(code(z - rise - 1), z_max - 1), "rise": rise, "roof": (*COLOUR, ao, 3),
+    }
+
+
+def put_ground(tile, i, made):
+    tile.flags[i] = OCCUPIED | (INCLINED if made["rise"] > 0 else 0)
+    tile.z_min[i], tile.z_max[i], tile.roof[i] = made["z_min"], made["z_max"], made["roof"]
+    tile.gap[i] = tile.clip[i] = tile.strip[i] = None
+
+
+def extend(tile, i, made):
+    """Continues a column down to the ground, and fills what is beyond its clip."""
+    foot = tile.z_min[i]
+    if foot > made["z_min"]:
+        old_first, _ = tile.rows(i)
+        tile.z_min[i] = made["z_min"]
+        new_first, rows = tile.rows(i)
+        if tile.strip[i] is not None:
+            added = next((texel for texel in tile.strip[i] if texel[4] == 3), tile.roof[i])
+            tile.strip[i] = [added] * (old_first - new_first) + tile.strip[i]
+        above = foot - made["z_max"]
+        code_m = tile.cell_m / 16 * 2 ** tile.z_shift
+        if tile.has(i, SUSPENDED) and above > 1 or above > max(3 / code_m, tile.codes_per_cell):
+            tile.gap[i] = made["z_max"], foot
+            tile.flags[i] |= GAP | EXPOSED
+            tile.strip[i] = tile.strip[i] or [tile.roof[i]] * rows
+    if tile.clip[i] is not None:
+        outer = tile.clip[i]["outer"]
+        is_covered = outer is not None and outer[0] > made["z_max"]
+        if not is_covered and tile.z_min[i] < made["z_max"] < tile.z_max[i]:
+            tile.clip[i]["outer"] = made["z_max"], made["roof"]
