@@ -60,6 +60,8 @@ def texels_crc32(values):
 
 def mesh_values(tile_id, sections):
     """"Mesh tile", without the coded mesh."""
+    if not {1, 2} <= set(sections) or len(sections[1]) != (5 if 3 in sections else 1):
+        raise BadTile("a mesh tile lacks its mesh, or its meta has another length")
     meta = sections[1]
     values = {"kind": "mesh", "leaf": tile_id, "lod": meta[0], "mesh_sha256": hashlib.sha256(sections[2]).hexdigest()}
     if 3 in sections:
@@ -132,9 +134,9 @@ def decode_folder(folder, as_json):
             continue
         try:
             show(path.name, decode(data), as_json)
-        except (BadTile, KeyError) as error:
+        except BadTile as error:
             ok = False
-            print(f"{path.name}: {error!r}")
+            print(f"{path.name}: {error}")
     return ok
 
 
@@ -147,8 +149,8 @@ def decode_city(city, args):
             show(name, decode(data), args.json)
             decoded += 1
             equal += bool(args.program) and is_equal_to_inspect(args.program, city, name, data)
-        except (BadTile, KeyError) as error:
-            print(f"{name}: {error!r}")
+        except BadTile as error:
+            print(f"{name}: {error}")
     subtrees = [decode(data) for _, _, _, data in read_archive(city / "subtrees.pmtiles")]
     for subtree in subtrees:
         show(f"subtree {subtree['root']}", subtree, args.json)

@@ -12,12 +12,23 @@ def read_blockmap(tile_id, sections):
     """Returns the columns as the tile has them, and its ground or None."""
     if tile_id is not None:
         raise BadTile("a V-BlockMap tile has an id")
-    tile, luma_step, ao_step = read_meta(Bytes(sections[1]))
+    tile, luma_step, ao_step = read_meta(Bytes(sections.get(1, b"")))
     read_columns(sections.get(2, b""), tile, luma_step, ao_step)
     ground = read_section(sections[3], read_ground) if 3 in sections else None
     if 4 in sections:
         read_section(sections[4], lambda coder: read_reflective(coder, tile))
+    check_columns(tile)
     return tile, ground
+
+
+def check_columns(tile):
+    """The rules of "Columns" that passes do not ensure."""
+    for i in (i for i in range(COLUMNS) if tile.has(i, OCCUPIED)):
+        low, high, gap, clip = tile.z_min[i], tile.z_max[i], tile.gap[i], tile.clip[i]
+        if gap and not low < gap[0] < gap[1] < high:
+            raise BadTile("a gap lies outside its column")
+        if clip and clip["outer"] and not low < clip["outer"][0] < high:
+            raise BadTile("an outer top is not between its column's ends")
 
 
 def read_section(data, read):

@@ -34,14 +34,16 @@ class Bytes:
             raise BadTile("a varint is too long")
         return first if first <= 250 else self.one({251: "H", 252: "I", 253: "Q"}[first])
 
-    def leb128(self):
+    def leb128(self, bits=32):
         value = 0
-        for shift in range(0, 70, 7):
+        for shift in range(0, bits + 3, 7):
             byte = self.one("B")
             value |= (byte & 0x7F) << shift
             if byte < 0x80:
-                return value
-        raise BadTile("a varint is too long")
+                break
+        if byte >= 0x80 or value >> bits:
+            raise BadTile(f"a varint has more than {bits} bits")
+        return value
 
     def finish(self):
         if self.at != len(self.data):
@@ -53,8 +55,14 @@ def unpack_zstd(packed):
     try:
         import zstandard
     except ImportError:
-        return subprocess.run(["zstd", "-dcq"], input=packed, capture_output=True, check=True).stdout
-    return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+        result = subprocess.run(["zstd", "-dcq"], input=packed, capture_output=True)
+        if result.returncode:
+            raise BadTile("a zstd frame is damaged")
+        return result.stdout
+    try:
+        return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+    except zstandard.ZstdError as error:
+        raise BadTile("a zstd frame is damaged") from error
 
 
 def read_container(data):
@@ -122,8 +130,8 @@ def read_archive(path):
 def read_directory(data):
     """A PMTiles directory as (tile number, run length, length, offset)."""
     reader = Bytes(data)
-    count = reader.leb128()
-    columns = [[reader.leb128() for _ in range(count)] for _ in range(4)]
+    count = reader.leb128(64)
+    columns = [[reader.leb128(64) for _ in range(count)] for _ in range(4)]
     number, end, entries = 0, 0, []
     for step, run, length, offset in zip(*columns):
         number += step

@@ -6,7 +6,7 @@ MAX_NODES = 1365
 
 
 def read_subtree(tile_id, sections):
-    nodes = read_nodes(tile_id, Bytes(sections[1]))
+    nodes = read_nodes(tile_id, Bytes(sections.get(1, b"")))
     if 2 in sections:
         read_meshes(nodes, Bytes(sections[2]))
     return {"kind": "subtree", "root": "/".join(map(str, tile_id)), "nodes": nodes}
