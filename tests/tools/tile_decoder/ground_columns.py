@@ -3,10 +3,12 @@ from .ground import ground_at, half_up, surface_heights
 from .shapes import (CODE_MAX, COLUMNS, EXPOSED, GAP, INCLINED, OCCUPIED, REFLECTIVE, SIDE, SUSPENDED, clamp)
 
 COLOUR = (134, 133, 130)
+MAX_TEXELS = 1 << 20
 
 
 def stand_on_ground(tile, ground):
-    """Changes the tile's columns to those with the ground."""
+    """Changes the tile's columns to those with the ground, unless these would have too many strip texels."""
+    without_ground = {name: list(value) for name, value in vars(tile).items() if isinstance(value, list)}
     heights = surface_heights(ground)
     for i in range(COLUMNS):
         point = ground_at(ground, heights, i % SIDE + 0.5, i // SIDE + 0.5)
@@ -18,6 +20,8 @@ def stand_on_ground(tile, ground):
             put_ground(tile, i, made)
         else:
             extend(tile, i, made)
+    if sum(len(strip) for strip in tile.strip if strip) > MAX_TEXELS:
+        vars(tile).update(without_ground)
 
 
 def ground_column(tile, point):
@@ -56,4 +60,4 @@ def extend(tile, i, made):
         outer = tile.clip[i]["outer"]
         is_covered = outer is not None and outer[0] > made["z_max"]
         if not is_covered and tile.z_min[i] < made["z_max"] < tile.z_max[i]:
-            tile.clip[i]["outer"] = made["z_max"], made["roof"]
+            tile.clip[i] = tile.clip[i] | {"outer": (made["z_max"], made["roof"])}
