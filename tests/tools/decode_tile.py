@@ -7,14 +7,15 @@ Decodes all `.bin` files of a folder, or N random V-BlockMap tiles and all subtr
 per tile: its kind, the CRC-32 of its texels as `protocol/tests/vectors.rs` computes it, and the SHA-256 of all decoded
 values as JSON; with --json the values themselves. With --program, compares each V-BlockMap tile of a city with
 `inspect --png` and the levels with `inspect --json`. Exits with 1 if a tile cannot be decoded or differs.
-Mesh tiles are read up to their coded mesh.
+Of coded meshes only the fields before the symbols are decoded. Sizes of tiles are compared with the subtree tiles.
 """
 import argparse, hashlib, json, pathlib, random, struct, subprocess, sys, tempfile, zlib
 
 from tile_decoder import map_image
 from tile_decoder.blockmap import read_blockmap
-from tile_decoder.container import BadTile, read_archive, read_container
+from tile_decoder.container import BadTile, Bytes, read_archive, read_container
 from tile_decoder.ground_columns import stand_on_ground
+from tile_decoder.mesh import read_mesh_fields, read_mesh_tile
 from tile_decoder.shapes import CLIPPED, COLUMNS, EXPOSED, GAP, OCCUPIED
 from tile_decoder.subtree import read_subtree
 
@@ -58,24 +59,13 @@ def texels_crc32(values):
     return zlib.crc32(struct.pack(f"<{len(roofs) + len(strips)}I", *roofs, *strips))
 
 
-def mesh_values(tile_id, sections):
-    """"Mesh tile", without the coded mesh."""
-    if not {1, 2} <= set(sections) or len(sections[1]) != (5 if 3 in sections else 1):
-        raise BadTile("a mesh tile lacks its mesh, or its meta has another length")
-    meta = sections[1]
-    values = {"kind": "mesh", "leaf": tile_id, "lod": meta[0], "mesh_sha256": hashlib.sha256(sections[2]).hexdigest()}
-    if 3 in sections:
-        values["texture"] = {"size_px": struct.unpack("<HH", meta[1:]), "bytes": len(sections[3])}
-    return values
-
-
 def decode(data):
     """The values of any tile."""
     kind, tile_id, sections = read_container(data)
     if kind == "subtree":
         return read_subtree(tile_id, sections)
     if kind == "mesh":
-        return mesh_values(tile_id, sections)
+        return read_mesh_tile(tile_id, sections)
     return blockmap_values(*read_blockmap(tile_id, sections))
 
 
@@ -124,16 +114,30 @@ def are_levels_equal(program, city, subtrees):
     return equal
 
 
+def are_sizes_equal(city, blockmaps, subtrees):
+    """Compares the sizes of all tiles with those in the subtree tiles."""
+    depth = json.loads((city / "city.json").read_text())["depth"]
+    nodes = {node["id"]: node for subtree in subtrees for node in subtree["nodes"]}
+    listed = {name: node["blockmap_bytes"] for name, node in nodes.items()}
+    listed_meshes = {(name, k): lod["bytes"] for name, node in nodes.items() for k, lod in enumerate(node.get("meshes", []))}
+    meshes = {}
+    if (city / "meshes.pmtiles").exists():
+        for z, x, y, data in read_archive(city / "meshes.pmtiles"):
+            lod, found = z - depth, decode(data)
+            meshes[f"{depth}/{x >> lod}/{y >> lod}", lod] = len(data)
+            if (found["leaf"], found["lod"]) != (f"{depth}/{x >> lod}/{y >> lod}", lod):
+                raise BadTile(f"mesh tile {z}/{x}/{y} names another leaf")
+    return listed == {name: len(data) for name, data in blockmaps} and listed_meshes == meshes
+
+
 def decode_folder(folder, as_json):
-    """Frozen files. Those without a tile's container are coded meshes, which this program does not read."""
+    """Frozen files. Those without a tile's container are coded meshes."""
     ok = True
     for path in sorted(folder.glob("*.bin")):
         data = path.read_bytes()
-        if data[:4] != b"INSU":
-            print(f"{path.name:<40} not a tile")
-            continue
         try:
-            show(path.name, decode(data), as_json)
+            is_tile = data[:4] == b"INSU"
+            show(path.name, decode(data) if is_tile else {"kind": "mesh"} | read_mesh_fields(Bytes(data)), as_json)
         except BadTile as error:
             ok = False
             print(f"{path.name}: {error}")
@@ -154,10 +158,11 @@ def decode_city(city, args):
     subtrees = [decode(data) for _, _, _, data in read_archive(city / "subtrees.pmtiles")]
     for subtree in subtrees:
         show(f"subtree {subtree['root']}", subtree, args.json)
+    sizes = are_sizes_equal(city, tiles, subtrees)
     levels = bool(args.program) and are_levels_equal(args.program, city, subtrees)
     compared = f", {equal} equal to inspect, levels {'equal' if levels else 'differ'}" if args.program else ""
-    print(f"{len(chosen)} tiles, {decoded} decoded{compared}", file=sys.stderr)
-    return decoded == len(chosen) and (not args.program or equal == len(chosen) and levels)
+    print(f"{len(chosen)} tiles, {decoded} decoded, sizes {'equal' if sizes else 'differ'}{compared}", file=sys.stderr)
+    return decoded == len(chosen) and sizes and (not args.program or equal == len(chosen) and levels)
 
 
 def main():
@@ -169,7 +174,10 @@ def main():
     ap.add_argument("--program", help="insula-server, to compare with")
     args = ap.parse_args()
     is_city = (args.folder / "city.json").exists()
-    ok = decode_city(args.folder, args) if is_city else decode_folder(args.folder, args.json)
+    try:
+        ok = decode_city(args.folder, args) if is_city else decode_folder(args.folder, args.json)
+    except BadTile as error:
+        sys.exit(f"{args.folder}: {error}")
     sys.exit(0 if ok else 1)
 
 
