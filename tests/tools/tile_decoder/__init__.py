@@ -1,1 +1,1 @@
-"""A second decoder of Insula's tiles, written after docs/formats.md. It shares no code with the Rust one."""
+"""A second decoder of tiles. It shares no code with the one in `protocol/`, but follows the same models and predictions."""
