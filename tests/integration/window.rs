@@ -23,6 +23,8 @@ use std::{
 
 /// Longest wait for a change; with a software driver, frames take long.
 const MAX_WAIT: Duration = Duration::from_secs(30);
+/// Size of the window of a session in points.
+const SESSION_WINDOW: [u32; 2] = [640, 440];
 const TOOLS: [&str; 3] = ["Xvfb", "xdotool", "import"];
 
 fn main() {
@@ -36,15 +38,16 @@ fn main() {
         );
     }
     let ignored = !missing.is_empty() || driver.is_err() && !adapter_is_required();
-    let run = || a_user_controls_the_window().map_err(|e| Failed::from(format!("{e:#}")));
-    let chosen = || {
-        let display = Display { adapter: "gpu", scale: 2 };
-        a_user_chooses_a_city(display).map_err(|e| Failed::from(format!("{e:#}")))
-    };
-    let tests = vec![
-        Trial::test("a_user_controls_the_window", run).with_ignored_flag(ignored),
-        Trial::test("a_user_chooses_a_city", chosen).with_ignored_flag(ignored),
-    ];
+    let failed = |e: anyhow::Error| Failed::from(format!("{e:#}"));
+    let mut tests =
+        vec![Trial::test("a_user_controls_the_window", move || a_user_controls_the_window().map_err(failed))];
+    for adapter in ["cpu", "gpu"] {
+        for scale in [1, 2] {
+            let session = move || a_session_with_a_chosen_city(Display { adapter, scale }).map_err(failed);
+            tests.push(Trial::test(format!("a_session_with_a_chosen_city_{adapter}_{scale}x"), session));
+        }
+    }
+    let tests = tests.into_iter().map(|test| test.with_ignored_flag(ignored)).collect();
     libtest_mimic::run(&arguments, tests).exit();
 }
 
@@ -82,6 +85,8 @@ struct Client {
     program: Child,
     display: String,
     window: String,
+    /// Pixels per point.
+    scale: u32,
     output: Arc<Mutex<Vec<String>>>,
     screenshots: PathBuf,
 }
@@ -117,9 +122,12 @@ impl Client {
         let output = Arc::new(Mutex::new(Vec::new()));
         collect_lines(program.stdout.take(), &output);
         collect_lines(program.stderr.take(), &output);
-        let screenshots = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("window");
+        let Display { adapter, scale } = display;
+        let screenshots =
+            Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("window").join(format!("{adapter}-{scale}x"));
         std::fs::create_dir_all(&screenshots)?;
-        let mut client = Self { program, display: screen.display.clone(), window: String::new(), output, screenshots };
+        let display = screen.display.clone();
+        let mut client = Self { program, display, window: String::new(), scale, output, screenshots };
         let pid = client.program.id().to_string();
         client.wait_until("a window", |client| {
             let found = client.tool("xdotool", &["search", "--pid", &pid]).unwrap_or_default();
@@ -149,8 +157,9 @@ impl Client {
         self.xdotool(&["keyup", key])
     }
 
+    /// Clicks at a place in points.
     fn click(&self, x: u32, y: u32, button: &str) -> Result<()> {
-        let (x, y) = (x.to_string(), y.to_string());
+        let [x, y] = [x, y].map(|side| (side * self.scale).to_string());
         self.xdotool(&["mousemove", "--window", &self.window, &x, &y, "sleep", "0.1", "click", button])
     }
 
@@ -286,9 +295,9 @@ fn a_user_controls_the_window() -> Result<()> {
 
     toggle_full_screen_and_bookmark(&mut client)?;
     measure_and_record(&mut client)?;
-    save_a_picture(&mut client)?;
+    save_a_picture(&mut client, [640, 400])?;
     let (link, view) = copy_a_link(&mut client)?;
-    stop_and_restart_server(&mut client, server, &city, &address)?;
+    stop_and_restart_server(&mut client, server, || ServerProcess::serve(&city, &address))?;
 
     ensure!(client.quit()? == 0, "after Escape, the exit code is not 0");
     let (settings, note) = UserSettings::load(&settings_at);
@@ -315,49 +324,34 @@ fn a_user_controls_the_window() -> Result<()> {
     Ok(())
 }
 
-/// A server with two cities: one is chosen, viewed, left and found again. In the end, the window system destroys the window.
-fn a_user_chooses_a_city(display: Display) -> Result<()> {
+/// A server with two cities: one is chosen, viewed, left, found again and measured; the server stops and is restarted. In the end,
+/// the window system destroys the window.
+fn a_session_with_a_chosen_city(display: Display) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let city = fixtures::baked_chiba()?;
     let village = fixtures::baked(
         "village",
         &BakeOptions { inputs: vec![fixtures::write_city_json(folder.path(), 3)?], ..BakeOptions::default() },
     )?;
-    let mut command = Command::new(program("insula-server")?);
-    let server = ServerProcess::start_with(&mut command, &[&city, &village], "127.0.0.1:0", &[])?;
+    let serve = |at: &str| {
+        let mut command = Command::new(program("insula-server")?);
+        ServerProcess::start_with(&mut command, &[&city, &village], at, &[])
+    };
+    let server = serve("127.0.0.1:0")?;
+    let address = server.address.to_string();
     let screen = Screen::start()?;
     std::fs::create_dir_all(folder.path().join("insula"))?;
-    let settings = UserSettings { window: [640 / display.scale, 480 / display.scale], ..UserSettings::default() };
+    let settings = UserSettings { window: SESSION_WINDOW, ..UserSettings::default() };
     std::fs::write(folder.path().join("insula").join("settings.json"), serde_json::to_string(&settings)?)?;
-    let mut client = Client::start_on(display, &screen, folder.path(), &format!("http://{}", server.address))?;
-    client.wait_for_line("has several cities: choose one with --city: chiba, village", 0)?;
-    let mut choice = client.screenshot("chooser-1")?;
-    // The second picture appears after the first one.
-    client.wait_until("pictures of the cities", |client| {
-        std::thread::sleep(Duration::from_millis(500));
-        let before = std::mem::replace(&mut choice, client.screenshot("chooser-1")?);
-        Ok(colours(&choice) > 60 && before == choice)
-    })?;
-    client.click(320, 200, "1")?;
-    client.wait_for_line("opened chiba", 0)?;
-    client.wait_for_line("frame settled", 0)?;
-    let home = client.screenshot("chooser-2-home")?;
-    let before = client.lines().len();
-    let away = client.screenshot_of_change("chooser-3-away", &home, |p| p.hold("w", Duration::from_millis(900)))?;
-    client.wait_for_line("frame settled", before)?;
-    let again = client.screenshot_after("chooser-4-home", |p| p.key("h"))?;
-    ensure!(difference(&home, &away) > 0.05, "the view has not changed");
-    ensure!(difference(&home, &again) < 0.02, "H shows another view: {}", difference(&home, &again));
-    // Lines, then areas.
-    client.key("m")?;
-    client.key("m")?;
-    for (x, y) in [(300, 290), (380, 300), (440, 270)] {
-        client.click(x, y, "1")?;
-        std::thread::sleep(Duration::from_millis(900));
-    }
-    client.screenshot("chooser-5-area")?;
-    client.wait_for_line("in plan", 0)?;
-    client.screenshot("chooser-5-area")?;
+    let mut client = Client::start_on(display, &screen, folder.path(), &format!("http://{address}"))?;
+    choose_the_first_city(&mut client)?;
+    fly_away_and_home(&mut client)?;
+    measure_area_and_height(&mut client)?;
+    client.key("b")?;
+    client.wait_for_line("saved as View 1", 0)?;
+    save_a_picture(&mut client, SESSION_WINDOW.map(|side| side * display.scale))?;
+    copy_a_link(&mut client)?;
+    stop_and_restart_server(&mut client, server, || serve(&address))?;
     client.xdotool(&["windowclose", &client.window])?;
     let begin = Instant::now();
     let status = loop {
@@ -369,6 +363,49 @@ fn a_user_chooses_a_city(display: Display) -> Result<()> {
     };
     ensure!(status.code() == Some(0), "after the window was destroyed: {status}: {:?}", client.lines());
     Ok(())
+}
+
+fn choose_the_first_city(client: &mut Client) -> Result<()> {
+    client.wait_for_line("has several cities: choose one with --city: chiba, village", 0)?;
+    let mut choice = client.screenshot("1-chooser")?;
+    // The second picture appears after the first one.
+    client.wait_until("pictures of the cities", |client| {
+        std::thread::sleep(Duration::from_millis(500));
+        let before = std::mem::replace(&mut choice, client.screenshot("1-chooser")?);
+        Ok(colours(&choice) > 60 && before == choice)
+    })?;
+    client.click(320, 200, "1")?;
+    client.wait_for_line("opened chiba", 0)?;
+    client.wait_for_line("frame settled", 0)?;
+    // The window comes to rest.
+    client.wait_for_line("idle prefetch done", 0)?;
+    Ok(())
+}
+
+fn fly_away_and_home(client: &mut Client) -> Result<()> {
+    let home = client.screenshot("2-home")?;
+    let before = client.lines().len();
+    let away = client.screenshot_of_change("3-away", &home, |p| p.hold("w", Duration::from_millis(900)))?;
+    client.wait_for_line("frame settled", before)?;
+    let again = client.screenshot_after("4-home", |p| p.key("h"))?;
+    ensure!(difference(&home, &away) > 0.05, "the view has not changed");
+    ensure!(difference(&home, &again) < 0.02, "H shows another view: {}", difference(&home, &again));
+    Ok(())
+}
+
+/// Measures a line, an area and a height: M changes from one to the next.
+fn measure_area_and_height(client: &mut Client) -> Result<()> {
+    for (name, unit) in [("5-line", "m long"), ("6-area", "in plan"), ("7-height", "m high")] {
+        client.key("m")?;
+        for (x, y) in [(300, 290), (380, 300), (440, 270)] {
+            client.click(x, y, "1")?;
+            // Two clicks within a short time are a double click.
+            std::thread::sleep(Duration::from_millis(900));
+        }
+        client.wait_for_line(unit, 0)?;
+        client.screenshot(name)?;
+    }
+    client.key("Escape")
 }
 
 /// Hides the counters and the map. The scene stays as it is.
@@ -386,7 +423,7 @@ fn hide_the_overlay(client: &mut Client, before: &RgbImage) -> Result<RgbImage> 
     ensure!(colours(&hidden) > 30, "the window is empty: {} colours", colours(&hidden));
     // The panel reaches a little below the middle.
     let change = difference(&lower_half(&lower_half(before)), &lower_half(&lower_half(&hidden)));
-    ensure!(change < 0.02 && settled(client) == frames, "the scene was drawn anew: {change} of its pixels differ");
+    ensure!(change < 0.02 && settled(client) == frames, "the scene was redrawn: {change} of its pixels differ");
     Ok(hidden)
 }
 
@@ -422,11 +459,11 @@ fn measure_and_record(client: &mut Client) -> Result<()> {
 }
 
 /// A picture is drawn in the background and written into the current folder.
-fn save_a_picture(client: &mut Client) -> Result<()> {
+fn save_a_picture(client: &mut Client, size_px: [u32; 2]) -> Result<()> {
     client.key("p")?;
     let wrote = client.wait_for_line("insula-0001.png", 0)?;
     let picture = image::open(wrote.trim_start_matches("wrote "))?.to_rgb8();
-    ensure!(picture.dimensions() == (640, 400) && colours(&picture) > 30, "{:?}", picture.dimensions());
+    ensure!(picture.dimensions() == size_px.into() && colours(&picture) > 30, "{:?}", picture.dimensions());
     Ok(())
 }
 
@@ -443,7 +480,11 @@ fn copy_a_link(client: &mut Client) -> Result<(String, RgbImage)> {
     Ok((link, view))
 }
 
-fn stop_and_restart_server(client: &mut Client, server: ServerProcess, city: &Path, address: &str) -> Result<()> {
+fn stop_and_restart_server(
+    client: &mut Client,
+    server: ServerProcess,
+    restart: impl FnOnce() -> Result<ServerProcess>,
+) -> Result<()> {
     drop(server);
     let before = client.lines().len();
     // Moves closer, so that finer tiles are requested.
@@ -454,7 +495,7 @@ fn stop_and_restart_server(client: &mut Client, server: ServerProcess, city: &Pa
     let gone = client.screenshot("9-reconnecting")?;
     ensure!(colours(&gone) > 30, "resident tiles are no longer drawn");
     let before = client.lines().len();
-    let _server = ServerProcess::serve(city, address)?;
+    let _server = restart()?;
     client.wait_for_line("status: ready", before)?;
     client.wait_for_line("frame settled", before)?;
     client.screenshot("9-reconnected")?;

@@ -140,6 +140,6 @@ impl CityConnector {
         let request = FrameRequest { camera, heading: None, size_px: PREVIEW_PX, tau_px: 2.0 };
         settle(&mut session, &request, PREVIEW_TIMEOUT)?;
         let pixels = session.draw(&request, &daylight.render_settings(Shading::Lit, 2))?;
-        Ok(CityPreview { name: name.to_owned(), size_m: [high[0] - low[0], high[1] - low[1]], pixels })
+        Ok(CityPreview { size_m: [high[0] - low[0], high[1] - low[1]], pixels })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{overlay::panel, window_surface::color_image};
 use crate::error::ListedCity;
-use egui::{Align2, Color32, Context, RichText, ScrollArea, TextureHandle, TextureOptions, Ui, vec2};
+use egui::{Align2, Color32, Context, RichText, ScrollArea, TextureHandle, TextureOptions, Ui};
 use insula_protocol::text::printable;
 use insula_shaders::cpu::raycast::Pixels;
 
@@ -14,7 +14,6 @@ const PICTURE: [f32; 2] = [160.0, 90.0];
 /// A small picture of a city.
 #[derive(Debug)]
 pub struct CityPreview {
-    pub name: String,
     /// Extent from west to east and from south to north.
     pub size_m: [f64; 2],
     pub pixels: Pixels,
@@ -29,23 +28,36 @@ pub(super) struct CityChooser {
 struct CityChoice {
     city: ListedCity,
     size_m: Option<[f64; 2]>,
-    picture: Option<TextureHandle>,
+    picture: ChoicePicture,
+}
+
+enum ChoicePicture {
+    Loading,
+    Loaded(TextureHandle),
+    /// The city cannot be drawn, or there are too many.
+    None,
 }
 
 impl CityChooser {
-    /// A choice of the cities of the server at `base`.
-    pub(super) fn new(base: String, cities: &[ListedCity]) -> Self {
-        let choice = |city: &ListedCity| CityChoice { city: city.clone(), size_m: None, picture: None };
-        Self { base, choices: cities.iter().map(choice).collect() }
+    /// A choice of the cities of the server at `base`. Pictures are being drawn of the first `pictures` cities.
+    pub(super) fn new(base: String, cities: &[ListedCity], pictures: usize) -> Self {
+        let choice = |(i, city): (usize, &ListedCity)| {
+            let picture = if i < pictures { ChoicePicture::Loading } else { ChoicePicture::None };
+            CityChoice { city: city.clone(), size_m: None, picture }
+        };
+        Self { base, choices: cities.iter().enumerate().map(choice).collect() }
     }
 
-    /// Adds the picture of a city.
-    pub(super) fn add_preview(&mut self, ctx: &Context, preview: &CityPreview) {
-        if let Some(choice) = self.choices.iter_mut().find(|choice| choice.city.name == preview.name) {
-            choice.size_m = Some(preview.size_m);
-            let image = color_image(&preview.pixels);
-            choice.picture = Some(ctx.load_texture(format!("city {}", preview.name), image, TextureOptions::LINEAR));
-        }
+    /// Takes in the picture of the named city; `None` if it cannot be drawn.
+    pub(super) fn add_preview(&mut self, ctx: &Context, name: &str, preview: Option<&CityPreview>) {
+        let Some(choice) = self.choices.iter_mut().find(|choice| choice.city.name == name) else { return };
+        choice.size_m = preview.map(|preview| preview.size_m);
+        choice.picture = match preview.map(|preview| color_image(&preview.pixels)) {
+            Some(image) => {
+                ChoicePicture::Loaded(ctx.load_texture(format!("city {name}"), image, TextureOptions::LINEAR))
+            }
+            None => ChoicePicture::None,
+        };
     }
 
     /// Lays the choice out. Returns the name of a city that was clicked.
@@ -76,8 +88,9 @@ impl CityChoice {
             ui.set_min_width(ui.available_width());
             ui.horizontal(|ui| {
                 match &self.picture {
-                    Some(picture) => ui.image((picture.id(), vec2(PICTURE[0], PICTURE[1]))),
-                    None => ui.add_sized(PICTURE, egui::Spinner::new()),
+                    ChoicePicture::Loaded(picture) => ui.image((picture.id(), PICTURE.into())),
+                    ChoicePicture::Loading => ui.add_sized(PICTURE, egui::Spinner::new()),
+                    ChoicePicture::None => ui.add_sized(PICTURE, egui::Label::new("no picture")),
                 };
                 ui.vertical(|ui| {
                     let title = if self.city.title.is_empty() { &self.city.name } else { &self.city.title };

@@ -132,6 +132,13 @@ impl CityView {
         self.display.message = Some(TimedMessage { text, until: Instant::now() + MESSAGE_TIME });
     }
 
+    /// Reports the hits that the GPU has counted since.
+    pub(super) fn take_hits(&mut self) {
+        if let Some((query, pixels)) = self.session.adapter_mut().take_hits() {
+            self.session.report_hits(&query, &pixels);
+        }
+    }
+
     /// The frame for the window, with its size divided by `divisor`.
     pub(super) fn frame_request(&self, window: &ViewerWindow, divisor: u32) -> FrameRequest {
         FrameRequest {

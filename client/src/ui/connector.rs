@@ -19,7 +19,7 @@ use winit::event_loop::EventLoopProxy;
 /// Pause between two attempts to connect.
 const RECONNECT_AFTER: Duration = Duration::from_secs(2);
 /// Most previews that are drawn for a choice.
-const MAX_PREVIEWS: usize = 60;
+pub(super) const MAX_PREVIEWS: usize = 60;
 
 /// Event from another thread.
 pub enum ViewerEvent {
@@ -27,8 +27,8 @@ pub enum ViewerEvent {
     Arrived,
     /// An attempt to connect has ended.
     Connected(Box<Result<ConnectedCity>>),
-    /// A city to choose from was drawn.
-    Preview(Box<CityPreview>),
+    /// The named city, from which the user may choose, was drawn; `None` if that failed.
+    Preview(String, Option<Box<CityPreview>>),
 }
 
 /// Opens a session with an adapter.
@@ -142,9 +142,8 @@ impl Connector {
                 if has_choice.load(Ordering::Relaxed) {
                     return;
                 }
-                if let Some(preview) = preview(&name)
-                    && proxy.send_event(ViewerEvent::Preview(Box::new(preview))).is_err()
-                {
+                let drawn = preview(&name).map(Box::new);
+                if proxy.send_event(ViewerEvent::Preview(name, drawn)).is_err() {
                     return;
                 }
             }

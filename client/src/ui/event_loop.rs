@@ -7,7 +7,7 @@ use super::{
     camera_control::MoveDirection,
     city_chooser::CityChooser,
     city_view::{CityView, CityViewSetup},
-    connector::{ConnectFns, ConnectedCity, Connector, StartStatus, ViewerEvent},
+    connector::{ConnectFns, ConnectedCity, Connector, MAX_PREVIEWS, StartStatus, ViewerEvent},
     key_bindings::{self, KeyAction},
     overlay::{self, StartNotice},
     path_playback::PathPlayback,
@@ -94,7 +94,9 @@ pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: 
     };
     let ended = event_loop.run_app(&mut app);
     app.store_settings();
-    match (app.fatal_error.or(app.connector.error), ended) {
+    // A choice that is closed is no failure.
+    let unconnected = app.connector.error.filter(|_| app.chooser.is_none());
+    match (app.fatal_error.or(unconnected), ended) {
         (Some(error), _) => Err(error),
         (None, Err(error)) => Err(ClientError::Graphics(format!("the window system ended the program: {error}"))),
         (None, Ok(())) => Ok(()),
@@ -160,9 +162,9 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
                 Ok(city) => self.open_city(city),
                 Err(error) => self.not_connected(error),
             },
-            ViewerEvent::Preview(preview) => {
+            ViewerEvent::Preview(name, preview) => {
                 if let (Some(chooser), Some(window)) = (&mut self.chooser, &self.window) {
-                    chooser.add_preview(&window.egui, &preview);
+                    chooser.add_preview(&window.egui, &name, preview.as_deref());
                 }
             }
         }
@@ -225,7 +227,7 @@ impl ViewerApp {
     fn not_connected(&mut self, error: ClientError) {
         if let ClientError::SeveralCities { base, cities } = &error {
             self.connector.draw_previews(cities);
-            self.chooser = Some(CityChooser::new(base.clone(), cities));
+            self.chooser = Some(CityChooser::new(base.clone(), cities, MAX_PREVIEWS));
         }
         self.connector.failed(error);
     }

@@ -43,6 +43,8 @@ pub struct Viewport {
     wake_at: Option<Instant>,
     /// The view of the last frame, to notice changes.
     view: Option<ViewState>,
+    /// Whether a final frame of this view is on the screen. It stays there while more tiles arrive, until the next one is drawn.
+    shows_final_frame: bool,
     /// The final frame, while it is being drawn in steps.
     still: Option<StillFrame>,
 }
@@ -80,11 +82,20 @@ impl Viewport {
     /// The frame loop before its first frame.
     pub fn new(city: CityView) -> Self {
         let status = StreamStatus::Loading;
-        Self { city, status, has_prefetch: true, has_arrivals: false, wake_at: None, view: None, still: None }
+        Self {
+            city,
+            status,
+            has_prefetch: true,
+            has_arrivals: false,
+            wake_at: None,
+            view: None,
+            shows_final_frame: false,
+            still: None,
+        }
     }
 
-    /// One frame: move, stream, draw. While the view rests, only the overlay is drawn anew. Returns when to draw the next frame,
-    /// or `None` after the end of a playback. Fails if the ray-caster fails.
+    /// One frame: move, stream, draw. While the view rests, only the overlay is redrawn. Returns when to draw the next frame, or
+    /// `None` after the end of a playback. Fails if the ray-caster fails.
     pub fn frame(&mut self, window: &mut ViewerWindow, settings: &mut UserSettings) -> Result<Option<ControlFlow>> {
         let begin = Instant::now();
         if !self.advance(begin) {
@@ -110,6 +121,7 @@ impl Viewport {
     /// Lets the session of a resting view take in what it has been told, such as the hits of the final frame. Returns whether the
     /// scene must be drawn again.
     fn takes_news(&mut self, window: &ViewerWindow) -> bool {
+        self.city.take_hits();
         if !self.city.session.has_work() {
             return false;
         }
@@ -124,7 +136,7 @@ impl Viewport {
     }
 
     /// Draws a frame by the CPU ray-caster, or begins to. Returns a frame that is to be presented: one that the GPU is still to
-    /// draw, or that was drawn at once.
+    /// draw, or that was drawn at once. Fails if the ray-caster fails.
     fn draw_scene(&mut self, now: Instant, window: &mut ViewerWindow) -> Result<Option<DrawnFrame>> {
         (self.has_prefetch, self.has_arrivals) = (true, false);
         let (detail, mut data) = self.stream(now, window);
@@ -133,12 +145,21 @@ impl Viewport {
             window.window.request_redraw();
             return Ok(None);
         }
-        let session = &mut self.city.session;
+        let CityView { session, pacer, .. } = &mut self.city;
+        if self.shows_final_frame && !detail.is_final {
+            // A coarse frame in place of a fine one would look like a fault. Its hits are needed nevertheless.
+            session.render(&data)?;
+            let time = now.elapsed();
+            pacer.end_frame(FrameTime { scene: time, all: time }, detail, false);
+            return Ok(None);
+        }
         if matches!(session.adapter(), Adapter::Gpu(_)) {
             window.show_scene();
         } else if detail.is_final {
             let (rows, samples) = (RenderedRows::default(), detail.samples);
-            data.frame.samples = self.city.pacer.first_still_samples(samples);
+            if !self.shows_final_frame {
+                data.frame.samples = pacer.first_still_samples(samples);
+            }
             self.still = Some(StillFrame { data, rows, samples, duration: Duration::ZERO });
             return Ok(None);
         } else {
@@ -224,6 +245,7 @@ impl Viewport {
     /// The final frame of a view was drawn.
     fn settled(&mut self, data: &FrameData, window: &ViewerWindow) {
         tracing::debug!("frame settled");
+        self.shows_final_frame = true;
         if self.city.counts_rays {
             // Takes about as long as drawing the frame.
             self.city.ray_counts = self.city.session.adapter_mut().count(data).ok();
@@ -231,7 +253,7 @@ impl Viewport {
         }
     }
 
-    /// Compares the view with that of the last frame: if it differs, the scene is drawn anew.
+    /// Compares the view with that of the last frame. If it differs, the scene is redrawn.
     fn notice_view(&mut self, now: Instant, window: &ViewerWindow) {
         let CityView { control, display, pacer, counts_rays, .. } = &mut self.city;
         let view = ViewState {
@@ -244,7 +266,7 @@ impl Viewport {
         };
         if self.view != Some(view) {
             pacer.view_changed(now);
-            (self.view, self.still) = (Some(view), None);
+            (self.view, self.still, self.shows_final_frame) = (Some(view), None, false);
         }
     }
 
@@ -276,9 +298,7 @@ impl Viewport {
     fn stream(&mut self, now: Instant, window: &ViewerWindow) -> (FrameDetail, FrameData) {
         let city = &mut self.city;
         let detail = city.pacer.detail(now, city.session.is_settled());
-        if let Some((query, pixels)) = city.session.adapter_mut().take_hits() {
-            city.session.report_hits(&query, &pixels);
-        }
+        city.take_hits();
         let settings =
             RenderSettings { samples: detail.samples, shading: city.display.shading, ..city.render_settings };
         city.session.set_sun(settings.shadow_casting_sun());

@@ -124,8 +124,8 @@ impl WindowSurface {
         id
     }
 
-    /// Draws the scene, if it is to be drawn anew, and the overlay, and presents them. Returns `false` if the surface was not ready:
-    /// the frame must be drawn again. Fails if the ray-caster fails.
+    /// Presents the overlay, and below it the scene, which is redrawn if `scene` is given. Returns `false` if the surface was not
+    /// ready: the frame must be drawn again. Fails if the ray-caster fails.
     pub fn present(&mut self, scene: Option<SceneFrame<'_>>, overlay: &OverlayShapes) -> Result<bool> {
         for (id, deltas) in &overlay.textures.set {
             for delta in deltas {

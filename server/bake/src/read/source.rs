@@ -127,7 +127,7 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
 
 fn file_source(path: &Path, found: bool, roots: Rc<[PathBuf]>) -> Result<CitySource<'static>, InputError> {
     let label = path.display().to_string();
-    // A name that is not text is shown with marks in place of what is not.
+    // Bytes of a name that are not UTF-8 are shown as replacement characters.
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if kind_by_name(&name).is_none() {
         return Err(unread_formats::refusal(&label));
