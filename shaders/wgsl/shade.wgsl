@@ -53,7 +53,8 @@ fn reflected(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Radiance {
     let overhead = up * ZENITH_SHARE;
     let sky = mix(overhead + (wall - overhead) * open, up, upright) * ao;
     let returned = light_from_city(Surroundings(open, 0.5 - 0.5 * n.z, ahead, upright), ao);
-    let lamps = frame.light.street.rgb * (min(LAMP_DEPTH * (1.0 - open), 1.0) * max(n.z, LAMPS_ON_WALLS));
+    let least = LAMPS_IN_THE_OPEN * (1.0 - upright);
+    let lamps = frame.light.street.rgb * (clamp(LAMP_DEPTH * (1.0 - open), least, 1.0) * max(n.z, LAMPS_ON_WALLS));
     let sun = frame.light.sun.rgb * max(dot(n, frame.sun), 0.0);
     return Radiance(albedo * (sky + returned + lamps), albedo * sun * sun_share_by_sky(ao));
 }

@@ -102,6 +102,40 @@ impl Terraces {
     }
 }
 
+/// Sides of the slab, in metres from the south-west corner.
+const SLAB_M: [u32; 2] = [4, 60];
+/// Height of the slab.
+const SLAB_Z_M: u32 = 20;
+/// A ray that meets the slab's plane nearer to its border than this, in metres, may see the slab or the ground.
+const ROUNDING_M: f64 = 4e-5;
+
+/// Fails if a ray that looks down at the border of a large slab sees the slab beyond its border, or the ground within it.
+pub fn check_the_end_of_a_slab(seed: u64) -> Result<()> {
+    let (mut builder, mut rng) = (Builder::default(), Rng::new(seed));
+    let quad = |[low, high]: [u32; 2], z: u32| {
+        [[low, low, z], [high, low, z], [high, high, z], [low, high, z]].map(|p| p.map(|v| v * STEPS))
+    };
+    builder.quad(&mut rng, quad(SLAB_M, SLAB_Z_M), true);
+    builder.quad(&mut rng, quad([0, LEAF_M], 0), false);
+    let slab = builder.finish()?;
+    let [low, high] = SLAB_M.map(f64::from);
+    for _ in 0..40 {
+        let target = DVec3::new(high, rng.range(low + 1.0, high - 1.0), SLAB_Z_M.into());
+        let from = target + DVec3::new(rng.range(-2.0, 2.0), rng.range(-2.0, 2.0), rng.range(3.0, 8.0));
+        let camera = Camera { fov_y_deg: 0.03, ..Camera::looking(ray_origin(from), target) };
+        let pixels = slab.draw_list.scene(&camera, &FRAME).render();
+        for (at, colour) in (0..).zip(&pixels.colour) {
+            let dir = camera.ray(&FRAME, at % FRAME.width_px, at / FRAME.width_px);
+            let origin = DVec3::from(camera.position);
+            let beyond_m = (origin + dir * ((target.z - origin.z) / dir.z)).x - high;
+            let sees_slab = colour & 0xff > colour >> 16 & 0xff;
+            let is_wrong = beyond_m.abs() > ROUNDING_M && sees_slab == (beyond_m > 0.0);
+            ensure!(!is_wrong, "{beyond_m} m beyond the slab's border, a ray sees the slab: {sees_slab}: {camera:?}");
+        }
+    }
+    Ok(())
+}
+
 /// A camera that looks at an edge, down to the north-east. Its field of view is from ten millionths of a radian to a tenth.
 pub fn camera(terraces: &Terraces, rng: &mut Rng) -> Camera {
     let triangle = terraces.triangles[rng.below(terraces.triangles.len())];

@@ -27,6 +27,8 @@ fn main() {
     let mut tests: Vec<Trial> = fidelity::real_cities().into_iter().map(city).collect();
     let closed = || no_ray_passes_a_closed_surface().map_err(|e| Failed::from(format!("{e:#}")));
     tests.push(Trial::test("no_ray_passes_a_closed_surface", closed));
+    let slab = || terraces::check_the_end_of_a_slab(1).map_err(|e| Failed::from(format!("{e:#}")));
+    tests.push(Trial::test("a_triangle_ends_at_its_edge", slab));
     libtest_mimic::run(&arguments, tests).exit();
 }
 

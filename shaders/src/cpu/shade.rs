@@ -43,8 +43,10 @@ pub(crate) const GROUND_DEPTH: f32 = 0.26;
 /// How fast facades lose the sun as a street becomes deeper. In a deep street a low sun reaches their tops only, which walls and
 /// ground see at flat angles, so its share falls faster than the lit area.
 pub(crate) const FACADE_DEPTH: f32 = 1.1;
-/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this. Walls receive a share.
+/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this. Walls receive a share, and
+/// in the open not less than a part of it: occlusion ends a metre or two from a wall's edge, which would look like a stain.
 pub(crate) const LAMP_DEPTH: f32 = 3.0;
+pub(crate) const LAMPS_IN_THE_OPEN: f32 = 0.4;
 pub(crate) const LAMPS_ON_WALLS: f32 = 0.25;
 /// Reflectance of water and glass seen from straight ahead (Schlick's approximation of Fresnel's equations).
 pub(crate) const FACING_REFLECTANCE: f32 = 0.03;
@@ -147,7 +149,8 @@ fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
     let overhead = up * ZENITH_SHARE;
     let sky = (overhead + (wall - overhead) * open).lerp(up, upright) * ao;
     let returned = light_from_city(light, &Surroundings { open, below: 0.5 - 0.5 * n.z, ahead, upright }, ao);
-    let lamps = rgb(light.street) * ((LAMP_DEPTH * (1.0 - open)).min(1.0) * n.z.max(LAMPS_ON_WALLS));
+    let least = LAMPS_IN_THE_OPEN * (1.0 - upright);
+    let lamps = rgb(light.street) * ((LAMP_DEPTH * (1.0 - open)).max(least).min(1.0) * n.z.max(LAMPS_ON_WALLS));
     let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
     Radiance { sky: albedo * (sky + returned + lamps), sun: albedo * sun * sun_share_by_sky(frame, ao) }
 }

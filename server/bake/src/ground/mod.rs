@@ -36,7 +36,7 @@ use mesh::HeightRange;
 use relax::Bounds;
 
 /// Increased whenever the same city would get another ground.
-pub const ALGORITHM: u32 = 2;
+pub const ALGORITHM: u32 = 3;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
@@ -45,6 +45,9 @@ const UNDER_TERRAIN_M: f32 = 0.3;
 const UNDER_TERRAIN_STEPS: u16 = 2;
 /// Ground at the plane's height that is further from all buildings is left to the plane.
 const NEAR_M: f64 = 32.0;
+/// Unless a square of twice this side does not fit between the buildings there: the plane has neither occlusion nor the light of
+/// lamps, which shows as a patch in a square or on a river.
+const OPEN_M: f64 = 128.0;
 /// Largest error of the triangles near buildings, and elsewhere.
 const TOLERANCE_M: [f32; 2] = [0.4, 0.8];
 /// Rounding of heights of feet and between vertices.
@@ -164,6 +167,9 @@ impl<'a> Surface<'a> {
         let near_steps = (NEAR_M / grid.step_m).ceil().max(2.0) as u16;
         let to_building = grid.distances(|i| self.bounds.is_known(i) && !self.is_given[i]);
         let to_gap = grid.distances(|i| !self.is_given[i]);
+        let open_steps = (OPEN_M / grid.step_m).ceil() as u16;
+        let to_open =
+            grid.distances(|i| to_building[i] > near_steps.saturating_add(open_steps) || grid.is_rim(grid.place(i)));
         let n = grid.len();
         let mut range =
             HeightRange { low: vec![f32::NEG_INFINITY; n], high: vec![f32::INFINITY; n], is_needed: vec![false; n] };
@@ -171,7 +177,9 @@ impl<'a> Surface<'a> {
             let z = self.field[i];
             let is_near = to_building[i] <= near_steps;
             let is_given = self.is_given[i];
-            range.is_needed[i] = if is_given { to_gap[i] <= UNDER_TERRAIN_STEPS } else { is_near || z != self.plane_m };
+            let is_within = is_near || to_open[i] > open_steps;
+            range.is_needed[i] =
+                if is_given { to_gap[i] <= UNDER_TERRAIN_STEPS } else { is_within || z != self.plane_m };
             let tolerance_m = TOLERANCE_M[usize::from(!is_near)];
             if is_given {
                 range.high[i] = z + UNDER_TERRAIN_M / 2.0;
