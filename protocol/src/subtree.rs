@@ -19,7 +19,10 @@ pub const MAX_NODES: usize = 1365;
 
 const TAG_NODES: u8 = 1;
 const TAG_MESHES: u8 = 2;
+const TAG_DEVIATIONS: u8 = 3;
 const NODE_BYTES: usize = 21;
+/// Four distances of a node in centimetres.
+const DEVIATION_BYTES: usize = 8;
 /// Maximum bytes of a node's meshes: a count, and for each level of detail an f32 and three varints.
 const MESH_BYTES: usize = 1 + 19 * MAX_LODS as usize;
 
@@ -33,12 +36,53 @@ pub struct NodeInfo {
     pub z_min_m: f32,
     /// Highest point in metres above the city's origin.
     pub z_max_m: f32,
-    /// World error in metres (Vacca 2008, 3.6.2), never below any child's.
+    /// How far what the node draws may lie from the source, and the source from it, in metres: half the diagonal of its voxel,
+    /// or a larger one of the node's [`NodeDeviation`]. Never below any child's.
     pub error_m: f32,
     /// Radius in metres of the sphere around the centre of the node's box. It contains the children's spheres.
     pub radius_m: f32,
     /// Size of the node's V-BlockMap tile.
     pub blockmap_bytes: u32,
+}
+
+/// Measured distances between what a node draws and the source, in metres, at most 655.34. A tower that is not drawn shows in the
+/// distances from the source only, a wall that does not exist in those from what is drawn only.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct NodeDeviation {
+    /// From what is drawn to the source, of 99.9% of the points.
+    pub drawn_m: f32,
+    /// From what is drawn to the source, the largest.
+    pub drawn_max_m: f32,
+    /// From the source to what is drawn, of 99.9% of the points.
+    pub source_m: f32,
+    /// From the source to what is drawn, the largest.
+    pub source_max_m: f32,
+}
+
+impl NodeDeviation {
+    fn values(&self) -> [f32; 4] {
+        [self.drawn_m, self.drawn_max_m, self.source_m, self.source_max_m]
+    }
+
+    fn from_values([drawn_m, drawn_max_m, source_m, source_max_m]: [f32; 4]) -> Self {
+        Self { drawn_m, drawn_max_m, source_m, source_max_m }
+    }
+
+    /// The larger one of each of the distances.
+    pub fn max(&self, other: &Self) -> Self {
+        let [a, b] = [self.values(), other.values()];
+        Self::from_values(std::array::from_fn(|i| a[i].max(b[i])))
+    }
+
+    /// Rounded up to centimetres, as in tiles.
+    pub fn rounded(&self) -> Self {
+        Self::from_values(self.values().map(|metres| f32::from(centimetres(metres)) / 100.0))
+    }
+}
+
+/// Rounds up. A value that was rounded stays as it is.
+fn centimetres(metres: f32) -> u16 {
+    (metres * 100.0 - 0.01).ceil().clamp(0.0, f32::from(u16::MAX)) as u16
 }
 
 /// Metadata of one level of detail of a leaf's mesh.
@@ -69,6 +113,8 @@ pub struct Subtree {
     pub nodes: Vec<NodeInfo>,
     /// Meshes of leaves, in the order of their nodes.
     pub meshes: Vec<NodeMesh>,
+    /// One for each node, or none if they were not measured.
+    pub deviations: Vec<NodeDeviation>,
 }
 
 impl Subtree {
@@ -97,7 +143,20 @@ impl Subtree {
         let mut writer = TileWriter::new(TileKind::Subtree, Some(root));
         writer.add_section(TAG_NODES, &raw)?;
         writer.add_section(TAG_MESHES, &self.encode_meshes()?)?;
+        writer.add_section(TAG_DEVIATIONS, &self.encode_deviations()?)?;
         writer.finish()
+    }
+
+    /// Centimetres, rounded up, each kind of distance for all nodes. Empty without deviations.
+    fn encode_deviations(&self) -> Result<Vec<u8>, DecodeError> {
+        if self.deviations.is_empty() {
+            return Ok(Vec::new());
+        }
+        if self.deviations.len() != self.nodes.len() {
+            return Err(DecodeError::Invalid("a subtree must have a deviation for each node or none"));
+        }
+        let kind = |i: usize| self.deviations.iter().map(move |deviation| centimetres(deviation.values()[i]));
+        Ok((0..4).flat_map(kind).flat_map(u16::to_le_bytes).collect())
     }
 
     /// The counts of all nodes, then the errors, sizes, triangles and pixels of all levels of detail. Empty without
@@ -149,8 +208,22 @@ impl Subtree {
         }
         reader.finish()?;
         let meshes = read_meshes(&tile.section(TAG_MESHES, nodes.len() * MESH_BYTES)?, &nodes)?;
-        Ok(Self { nodes, meshes })
+        let deviations = read_deviations(&tile.section(TAG_DEVIATIONS, nodes.len() * DEVIATION_BYTES)?, nodes.len())?;
+        Ok(Self { nodes, meshes, deviations })
     }
+}
+
+/// Reads the deviations section of `count` nodes.
+fn read_deviations(raw: &[u8], count: usize) -> Result<Vec<NodeDeviation>, DecodeError> {
+    if raw.is_empty() {
+        return Ok(Vec::new());
+    }
+    if raw.len() != count * DEVIATION_BYTES {
+        return Err(DecodeError::Invalid("a subtree must have a deviation for each node or none"));
+    }
+    let metres = |i: usize| f32::from(u16::from_le_bytes([raw[2 * i], raw[2 * i + 1]])) / 100.0;
+    let deviation = |node: usize| NodeDeviation::from_values(std::array::from_fn(|kind| metres(kind * count + node)));
+    Ok((0..count).map(deviation).collect())
 }
 
 /// Reads the meshes section.
@@ -247,7 +320,14 @@ mod tests {
             NodeMesh { id: b, lods: vec![lod(0.01, 4000), lod(0.25, 700)] },
             NodeMesh { id: c, lods: vec![lod(0.5, 100_000)] },
         ];
-        Subtree { nodes: vec![node(root, 0b0110), node(a, 0b1000), node(b, 0), node(c, 0)], meshes }
+        let deviation = |k: u16| NodeDeviation {
+            drawn_m: f32::from(k) / 100.0,
+            drawn_max_m: 2.0,
+            source_m: 0.5,
+            source_max_m: f32::from(u16::MAX - k) / 100.0,
+        };
+        let nodes = vec![node(root, 0b0110), node(a, 0b1000), node(b, 0), node(c, 0)];
+        Subtree { nodes, meshes, deviations: (0..4).map(|k| deviation(777 * k)).collect() }
     }
 
     #[test]
@@ -270,6 +350,20 @@ mod tests {
             wrong[at] ^= 0x10;
             assert!(Subtree::decode(&wrong).is_err(), "{at}");
         }
+    }
+
+    #[test]
+    fn deviations_are_rounded_up_once_and_there_is_one_for_each_node() {
+        for k in 0..=u16::MAX {
+            assert_eq!(centimetres(f32::from(k) / 100.0), k);
+        }
+        assert_eq!([0.0, 0.001, 0.011, 654.321, 9e9, f32::NAN].map(centimetres), [0, 1, 2, 65433, 65535, 0]);
+        let mut fewer = sample();
+        fewer.deviations.pop();
+        assert!(fewer.encode().is_err());
+        let unmeasured = Subtree { deviations: Vec::new(), ..sample() };
+        assert_eq!(Subtree::decode(&unmeasured.encode().unwrap()).unwrap(), unmeasured);
+        assert!(read_deviations(&[0; 24], 4).is_err());
     }
 
     #[test]

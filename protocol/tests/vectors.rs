@@ -11,7 +11,7 @@ use insula_protocol::{
     mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     mesh_tile::{self, TileTexture},
     octahedral,
-    subtree::{MeshLod, NodeInfo, NodeMesh},
+    subtree::{MeshLod, NodeDeviation, NodeInfo, NodeMesh},
 };
 
 macro_rules! vector {
@@ -24,6 +24,7 @@ const BLOCKMAP: &[u8] = vector!("blockmap");
 const LOSSY_BLOCKMAP: &[u8] = vector!("lossy_blockmap");
 const SUBTREE: &[u8] = vector!("subtree");
 const SUBTREE_WITH_MESHES: &[u8] = vector!("subtree_with_meshes");
+const SUBTREE_WITH_DEVIATIONS: &[u8] = vector!("subtree_with_deviations");
 const PLAIN_TILE: &[u8] = vector!("plain_mesh_tile");
 const TEXTURED_TILE: &[u8] = vector!("textured_mesh_tile");
 const SCAN: &[u8] = vector!("scan_mesh");
@@ -100,7 +101,7 @@ fn subtree() -> Subtree {
     };
     let root = TileId::new(5, 17, 30).unwrap();
     let child = root.child(2).unwrap();
-    Subtree { nodes: vec![node(root, 0b0100), node(child, 0)], meshes: vec![] }
+    Subtree { nodes: vec![node(root, 0b0100), node(child, 0)], ..Subtree::default() }
 }
 
 fn subtree_with_meshes() -> Subtree {
@@ -113,6 +114,16 @@ fn subtree_with_meshes() -> Subtree {
     };
     subtree.meshes = vec![NodeMesh { id: subtree.nodes[1].id, lods: (0..4).map(lod).collect() }];
     subtree
+}
+
+fn subtree_with_deviations() -> Subtree {
+    let deviation = |k: u16| NodeDeviation {
+        drawn_m: f32::from(87 + k) / 100.0,
+        drawn_max_m: f32::from(u16::MAX) / 100.0,
+        source_m: f32::from(3 * k) / 100.0,
+        source_max_m: 12.5,
+    };
+    Subtree { deviations: vec![deviation(450), deviation(0)], ..subtree_with_meshes() }
 }
 
 fn plain_tile() -> MeshTile {
@@ -293,7 +304,12 @@ fn lossy_block_maps_are_read_and_written() {
 
 #[test]
 fn subtrees_are_read_and_written() {
-    for (bytes, subtree) in [(SUBTREE, subtree()), (SUBTREE_WITH_MESHES, subtree_with_meshes())] {
+    let all = [
+        (SUBTREE, subtree()),
+        (SUBTREE_WITH_MESHES, subtree_with_meshes()),
+        (SUBTREE_WITH_DEVIATIONS, subtree_with_deviations()),
+    ];
+    for (bytes, subtree) in all {
         assert_eq!(Subtree::decode(bytes).unwrap(), subtree);
         assert_eq!(subtree.encode().unwrap(), bytes);
     }
@@ -357,6 +373,7 @@ fn write_vectors() {
     write("textured_mesh_tile", textured_tile().encode(leaf(), 0).unwrap());
     write("scan_mesh", scan().encode().unwrap().bytes);
     write("architectural_mesh", architecture().encode().unwrap().bytes);
+    write("subtree_with_deviations", subtree_with_deviations().encode().unwrap());
     write("subtree_by_hand", subtree_by_hand());
     write("blockmap_by_hand", blockmap_by_hand());
 }

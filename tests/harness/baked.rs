@@ -74,6 +74,11 @@ impl Baked {
         levels
     }
 
+    /// The stated error of a node.
+    pub fn error_m(&self, id: TileId) -> Option<f64> {
+        self.nodes.get(&id).map(|node| f64::from(node.error_m))
+    }
+
     /// The nodes of a level in ascending order.
     pub fn ids(&self, level: u8) -> Vec<TileId> {
         let mut ids: Vec<TileId> = self.nodes.keys().copied().filter(|id| id.level() == level).collect();

@@ -71,7 +71,7 @@ fn subtree(root: TileId) -> Option<Vec<u8>> {
             ids.extend(id.children());
         }
     }
-    Subtree { nodes, meshes: Vec::new() }.encode().ok()
+    Subtree { nodes, ..Subtree::default() }.encode().ok()
 }
 
 impl DeepCityServer {

@@ -11,6 +11,7 @@ pub mod fidelity;
 pub mod fixtures;
 pub mod gpu;
 pub mod leaves;
+pub mod node_error;
 pub mod pfm;
 pub mod proxy;
 pub mod random;

@@ -64,7 +64,7 @@ pub(crate) fn city_files(name: &str) -> Files {
             ids.extend(id.children());
         }
     }
-    let subtree = Subtree { nodes, meshes: Vec::new() }.encode().unwrap();
+    let subtree = Subtree { nodes, ..Subtree::default() }.encode().unwrap();
     files.insert(route::tile(name, VERSION, TileKind::Subtree, TileId::ROOT), subtree);
     files.insert(route::manifest(name), serde_json::to_vec(&manifest).unwrap());
     files.insert(route::CITIES.into(), serde_json::to_vec(&serde_json::json!([{ "name": name }])).unwrap());

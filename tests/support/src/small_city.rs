@@ -65,7 +65,7 @@ pub fn subtree() -> Vec<u8> {
         radius_m: 100.0,
         blockmap_bytes: blockmap(id).len() as u32,
     };
-    Subtree { nodes: vec![node(TileId::ROOT, 0b1000), node(child(), 0)], meshes: vec![] }.encode().unwrap()
+    Subtree { nodes: vec![node(TileId::ROOT, 0b1000), node(child(), 0)], ..Subtree::default() }.encode().unwrap()
 }
 
 /// The manifest of the city.

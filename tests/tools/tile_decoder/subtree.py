@@ -9,6 +9,8 @@ def read_subtree(tile_id, sections):
     nodes = read_nodes(tile_id, Bytes(sections.get(1, b"")))
     if 2 in sections:
         read_meshes(nodes, Bytes(sections[2]))
+    if 3 in sections:
+        read_deviations(nodes, Bytes(sections[3]))
     return {"kind": "subtree", "root": "/".join(map(str, tile_id)), "nodes": nodes}
 
 
@@ -49,4 +51,12 @@ def read_meshes(nodes, reader):
             lod[name] = reader.leb128()
             if not low <= lod[name] <= high:
                 raise BadTile(f"{name} of a level of detail is out of range")
+    reader.finish()
+
+
+def read_deviations(nodes, reader):
+    """Section 3: four distances of all nodes in centimetres, value by value."""
+    for name in ["drawn_m", "drawn_max_m", "source_m", "source_max_m"]:
+        for node in nodes:
+            node[name] = reader.one("H") / 100
     reader.finish()

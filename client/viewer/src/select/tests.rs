@@ -58,7 +58,7 @@ fn subtrees(depth: u8, skip: impl Fn(TileId) -> bool) -> Vec<Subtree> {
                 roots.push(id);
             }
         }
-        all.push(Subtree { nodes, meshes: Vec::new() });
+        all.push(Subtree { nodes, ..Subtree::default() });
     }
     all
 }

@@ -3,6 +3,8 @@
 //! | module | contents |
 //! |---|---|
 //! | `voxels` | the columns of a node in metres and linear light |
+//! | `column_field` | the surface that V-BlockMaps draw |
+//! | `deviation` | how far a node lies from the source |
 //! | `clip` | vertical planes that end a column inside its cell |
 //! | `merge` | one column from the vertical lines of a cell |
 //! | `wall_fit` | the clip that fits a cell's lines and walls best |
@@ -14,6 +16,8 @@
 
 pub(crate) mod clip;
 mod code_gaps;
+pub mod column_field;
+pub(crate) mod deviation;
 pub mod downsample;
 pub(crate) mod fill;
 pub(crate) mod merge;

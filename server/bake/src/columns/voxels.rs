@@ -104,6 +104,8 @@ pub struct VoxelNode {
     pub columns: Vec<Option<VoxelColumn>>,
     /// Generated ground.
     pub ground: Option<VoxelGround>,
+    /// Of a leaf, points spread over what is visible of the source: metres from the root's corner and above the grid's height zero.
+    pub surface: Vec<[f32; 3]>,
 }
 
 /// The generated ground of a node, at vertices in the order of [`insula_protocol::blockmap::NodeGround`].
@@ -163,7 +165,7 @@ fn spread_known(values: &mut [f32; VERTEX_COUNT]) {
 impl VoxelNode {
     /// A node without columns and ground.
     pub fn empty(id: TileId) -> Self {
-        Self { id, columns: vec![None; COLUMNS], ground: None }
+        Self { id, columns: vec![None; COLUMNS], ground: None, surface: Vec::new() }
     }
 
     /// Whether it has neither columns nor ground.

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::union_find::DisjointSets;
-use crate::model::TriangleModel;
+use crate::{model::TriangleModel, triangle_distance::squared_distance};
 
 /// Most intervals between samples along a triangle's side.
 const MAX_INTERVALS: u32 = 6;
@@ -82,38 +82,6 @@ impl TriangleHash {
 
 fn corners(model: &TriangleModel, t: usize) -> [DVec3; 3] {
     model.triangles[t].map(|vertex| DVec3::from(model.positions[vertex as usize]))
-}
-
-/// Squared distance of a point from a triangle (Ericson 2005, "Real-Time Collision Detection", 5.1.5).
-fn squared_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let (ab, ac) = (b - a, c - a);
-    let to = |q: DVec3| (p - q).length_squared();
-    let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return to(a);
-    }
-    let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
-    if d3 >= 0.0 && d4 <= d3 {
-        return to(b);
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return to(a + ab * (d1 / (d1 - d3)));
-    }
-    let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
-    if d6 >= 0.0 && d5 <= d6 {
-        return to(c);
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return to(a + ac * (d2 / (d2 - d6)));
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        return to(b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6))));
-    }
-    let sum = va + vb + vc;
-    if sum <= 0.0 { to(a).min(to(b)).min(to(c)) } else { to(a + ab * (vb / sum) + ac * (vc / sum)) }
 }
 
 /// For each triangle, half the diagonal of the bounding box of its connected part: if the part is removed, no point of

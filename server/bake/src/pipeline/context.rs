@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use insula_protocol::{BlockMap, subtree::NodeDeviation};
+
 use crate::{
     columns::{parametrise::parametrise, voxels::VoxelNode},
     config::BakeConfig,
@@ -75,17 +77,19 @@ impl FinishedTiles {
     }
 }
 
-/// Encodes a node, whose bounds are to contain those of its `children`. Takes the node to free its voxels early. Fails
-/// if it exceeds the format's limits; `source` then says what the node is made from.
+/// Encodes a node, whose bounds are to contain those of its `children`. Takes the node to free its voxels early. `measure` compares
+/// it with the source, and returns points for its ancestors. Fails if it exceeds the format's limits; `source` then says what the node is made from.
 pub(super) fn encode_node<'a>(
     grid: &CityGrid,
     config: &BakeConfig,
     node: VoxelNode,
     source: &'static str,
     children: impl Iterator<Item = &'a StoredTile>,
+    measure: impl FnOnce(&BlockMap, &VoxelNode) -> (NodeDeviation, Vec<[f32; 3]>),
 ) -> Result<EncodedTile, BakeError> {
     let id = node.id;
     let map = parametrise(grid, &node).map_err(BakeError::tile(id, source))?;
+    let (deviation, points) = measure(&map, &node);
     drop(node);
     let (mut z_min_m, mut z_max_m) = (f32::INFINITY, f32::NEG_INFINITY);
     let own = z_bounds(&map.clone().stand_on_ground()).map(round_outward);
@@ -96,5 +100,5 @@ pub(super) fn encode_node<'a>(
         [z_min_m, z_max_m] = round_outward([map.z_base_m(); 2]);
     }
     let bytes = map.encode_at(config.quality).map_err(BakeError::tile(id, "encoded"))?;
-    Ok(EncodedTile { id, z_min_m, z_max_m, bytes })
+    Ok(EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes })
 }

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use insula_protocol::{Manifest, TileId};
+use insula_protocol::{BlockMap, Manifest, TileId, subtree::NodeDeviation};
 
 use super::{context::encode_node, work_queue::run_bounded};
 use crate::{
@@ -124,7 +124,8 @@ impl PackBaker<'_> {
             match (self.generate)(*id) {
                 Some(node) => {
                     let children = id.children().filter_map(|child| self.tree.get(child));
-                    tiles.push(encode_node(self.grid, self.config, node, "made from its voxels", children)?);
+                    let exact = |_: &BlockMap, _: &VoxelNode| (NodeDeviation::default(), Vec::new());
+                    tiles.push(encode_node(self.grid, self.config, node, "made from its voxels", children, exact)?);
                 }
                 None if id.level() == self.grid.depth => {}
                 None => return Err(BakeError::Scratch { path: self.packs.to_owned() }),

@@ -2,7 +2,8 @@
 
 use std::cmp::Reverse;
 
-use insula_protocol::TileId;
+use glam::DVec3;
+use insula_protocol::{BlockMap, TileId};
 use rayon::{ThreadPool, prelude::*};
 
 use super::{
@@ -11,7 +12,7 @@ use super::{
     work_queue::{MemoryBudget, run_bounded},
 };
 use crate::{
-    columns::voxels::VoxelNode,
+    columns::{deviation, voxels::VoxelNode},
     error::BakeError,
     hash::ShortHash,
     mesh,
@@ -74,7 +75,7 @@ impl LeafBaker<'_> {
         let leaves = self.partition.leaves(block);
         let reused = previous.filter(|previous| previous.has_block(block, fingerprint));
         let reused = reused.and_then(|previous| {
-            Some(BlockTiles { tiles: previous.tiles(&leaves)?, meshes: previous.meshes(&leaves)? })
+            Some(BlockTiles { tiles: previous.leaves(&leaves)?, meshes: previous.meshes(&leaves)? })
         });
         let is_unchanged = reused.is_some();
         let mut finished = if let Some((tiles, meshes)) = self.find_resumed(pack) {
@@ -118,8 +119,11 @@ impl LeafBaker<'_> {
         };
         let meshes =
             if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
-        drop((scene, triangles));
-        let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter());
+        let corner = DVec3::from(grid.corner);
+        let measure = |map: &BlockMap, node: &VoxelNode| {
+            (deviation::of_leaf(map, node, &scene, corner), deviation::leaf_points(map))
+        };
+        let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter(), measure);
         let tiles = nodes.into_par_iter().map(encode).collect::<Result<_, _>>()?;
         Ok(BlockTiles { tiles, meshes })
     }

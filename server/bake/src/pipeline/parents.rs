@@ -1,6 +1,6 @@
 //! Bakes parents from their four children, level by level towards the root.
 
-use insula_protocol::{BlockMap, TileId};
+use insula_protocol::{BlockMap, TileId, subtree::NodeDeviation};
 use rayon::{ThreadPool, prelude::*};
 
 use super::{
@@ -9,7 +9,11 @@ use super::{
     work_queue::run_bounded,
 };
 use crate::{
-    columns::downsample,
+    columns::{
+        deviation::{self, FarLeaves},
+        downsample,
+        voxels::VoxelNode,
+    },
     error::BakeError,
     report::PackOutcome,
     write::{
@@ -42,7 +46,11 @@ fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Re
         let unchanged = context.previous.filter(|previous| has_same_children(previous, tree, *id));
         let reused = unchanged.and_then(|previous| previous.tile(*id));
         let is_unchanged = reused.is_some();
-        let tile = reused.map_or_else(|| bake_node(context, tree, *id), Ok)?;
+        let points = points_of_children(context, tree, *id)?;
+        let tile = match reused {
+            Some(tile) => EncodedTile { points, ..tile },
+            None => bake_node(context, tree, *id, points)?,
+        };
         if is_unchanged {
             context.progress.skip(1)
         } else {
@@ -66,7 +74,19 @@ fn has_same_children(previous: &PreviousCity, tree: &TileTree, id: TileId) -> bo
     })
 }
 
-fn bake_node(context: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<EncodedTile, BakeError> {
+fn points_of_children(context: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<Vec<[f32; 3]>, BakeError> {
+    let mut reader = PackReader::new(context.packs);
+    let children = id.children().filter_map(|child| tree.get(child));
+    let points: Vec<_> = children.map(|child| reader.read_points(child)).collect::<Result<_, _>>()?;
+    Ok(deviation::spread(points.concat()))
+}
+
+fn bake_node(
+    context: &TileContext<'_>,
+    tree: &TileTree,
+    id: TileId,
+    points: Vec<[f32; 3]>,
+) -> Result<EncodedTile, BakeError> {
     let mut reader = PackReader::new(context.packs);
     let mut children: [Option<BlockMap>; 4] = [const { None }; 4];
     for stored in id.children().filter_map(|child| tree.get(child)) {
@@ -75,7 +95,12 @@ fn bake_node(context: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<E
         children[stored.id.quadrant()] = Some(child);
     }
     let node = downsample::parent_node(context.grid, id, children.each_ref().map(Option::as_ref), context.plane_m);
-    drop(children);
-    let stored = id.children().filter_map(|child| tree.get(child));
-    encode_node(context.grid, context.config, node, "made from its children", stored)
+    let stored = || id.children().filter_map(|child| tree.get(child));
+    let below = stored().fold(NodeDeviation::default(), |most, child| most.max(&child.deviation));
+    let leaf_cell_m = (id.level() + 1 < context.grid.depth).then_some(context.grid.cell_m);
+    let measure = |map: &BlockMap, _: &VoxelNode| {
+        let far_leaves = leaf_cell_m.map(|cell_m| FarLeaves { points: &points, cell_m });
+        (deviation::of_parent(map, children.iter().flatten(), &below, far_leaves), points)
+    };
+    encode_node(context.grid, context.config, node, "made from its children", stored(), measure)
 }

@@ -9,9 +9,14 @@ use insula_archive::{
     BakedCity,
     city::{MANIFEST_FILE, content_version},
 };
-use insula_protocol::{Subtree, TileId, TileKind, mesh_tile, subtree::MeshLod, tile::TileReader};
+use insula_protocol::{
+    BlockMap, Subtree, TileId, TileKind, mesh_tile,
+    subtree::{MeshLod, NodeDeviation},
+    tile::TileReader,
+};
 
 use crate::{
+    columns::deviation,
     config::BakeConfig,
     hash::ShortHash,
     mesh::EncodedLod,
@@ -22,10 +27,7 @@ use crate::{
 /// A city of an earlier bake.
 pub(super) struct PreviousCity {
     fingerprints: HashMap<(u32, u32), ShortHash>,
-    /// Lowest and highest point of every node, in metres above the city's origin.
-    heights: BTreeMap<TileId, [f32; 2]>,
-    /// Levels of detail of the leaves' meshes.
-    lods: BTreeMap<TileId, Vec<MeshLod>>,
+    nodes: PreviousNodes,
     city: BakedCity,
 }
 
@@ -48,8 +50,8 @@ impl PreviousCity {
         if fingerprints.version != city.manifest().version {
             return Err("its fingerprints.bin belongs to another city".to_owned());
         }
-        let PreviousNodes { heights, lods } = read_nodes(&city).ok_or("its subtrees are damaged")?;
-        Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), heights, lods, city })
+        let nodes = read_nodes(&city).ok_or("its subtrees are damaged")?;
+        Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), nodes, city })
     }
 
     /// Whether the block's input is unchanged.
@@ -59,20 +61,26 @@ impl PreviousCity {
 
     /// Whether the city has the node.
     pub(super) fn has_node(&self, id: TileId) -> bool {
-        self.heights.contains_key(&id)
+        self.nodes.heights.contains_key(&id)
     }
 
-    /// The node's tile; `None` if it does not exist or is damaged.
+    /// The node's tile without points; `None` if it does not exist or is damaged.
     pub(super) fn tile(&self, id: TileId) -> Option<EncodedTile> {
-        let [z_min_m, z_max_m] = *self.heights.get(&id)?;
+        let [z_min_m, z_max_m] = *self.nodes.heights.get(&id)?;
+        let deviation = *self.nodes.deviations.get(&id)?;
         let bytes = tile_bytes(&self.city, TileKind::BlockMap, id)?;
         let is_valid = TileReader::new(&bytes, TileKind::BlockMap).is_ok();
-        is_valid.then_some(EncodedTile { id, z_min_m, z_max_m, bytes })
+        is_valid.then_some(EncodedTile { id, z_min_m, z_max_m, deviation, points: Vec::new(), bytes })
     }
 
-    /// The tiles of those of the nodes that exist; `None` if one is damaged.
-    pub(super) fn tiles(&self, ids: &[TileId]) -> Option<Vec<EncodedTile>> {
-        ids.iter().filter(|id| self.has_node(**id)).map(|id| self.tile(*id)).collect()
+    /// The tiles of those of the leaves that exist, with their points; `None` if one is damaged.
+    pub(super) fn leaves(&self, ids: &[TileId]) -> Option<Vec<EncodedTile>> {
+        let leaf = |id: &TileId| {
+            let tile = self.tile(*id)?;
+            let points = deviation::leaf_points(&BlockMap::decode(*id, &tile.bytes).ok()?);
+            Some(EncodedTile { points, ..tile })
+        };
+        ids.iter().filter(|id| self.has_node(**id)).map(leaf).collect()
     }
 
     /// The meshes of those of the nodes that exist; `None` if one is damaged.
@@ -83,7 +91,7 @@ impl PreviousCity {
             is_valid.then_some(EncodedLod { info: *info, bytes })
         };
         let load_leaf = |id: &TileId| {
-            let lods = (0..).zip(self.lods.get(id).into_iter().flatten());
+            let lods = (0..).zip(self.nodes.lods.get(id).into_iter().flatten());
             Some(LeafMesh { id: *id, lods: lods.map(|(lod, info)| load_lod(*id, lod, info)).collect::<Option<_>>()? })
         };
         ids.iter().filter(|id| self.has_node(**id)).map(load_leaf).collect()
@@ -97,7 +105,10 @@ fn tile_bytes(city: &BakedCity, kind: TileKind, id: TileId) -> Option<Vec<u8>> {
 /// What the subtrees say of all nodes.
 #[derive(Default)]
 struct PreviousNodes {
+    /// Lowest and highest point of every node, in metres above the city's origin.
     heights: BTreeMap<TileId, [f32; 2]>,
+    deviations: BTreeMap<TileId, NodeDeviation>,
+    /// Levels of detail of the leaves' meshes.
     lods: BTreeMap<TileId, Vec<MeshLod>>,
 }
 
@@ -108,6 +119,8 @@ fn read_nodes(city: &BakedCity) -> Option<PreviousNodes> {
     while let Some(root) = roots.pop() {
         let subtree = Subtree::decode(&tile_bytes(city, TileKind::Subtree, root)?).ok()?;
         nodes.lods.extend(subtree.meshes.into_iter().map(|mesh| (mesh.id, mesh.lods)));
+        let ids = subtree.nodes.iter().map(|node| node.id);
+        nodes.deviations.extend(ids.zip(subtree.deviations));
         for node in subtree.nodes {
             nodes.heights.insert(node.id, [node.z_min_m, node.z_max_m]);
             if node.id != root && node.child_mask != 0 && Subtree::is_root(node.id) {

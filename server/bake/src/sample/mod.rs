@@ -57,6 +57,7 @@ pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<Vo
     let mut nodes = attributes::build_nodes(&block, input, &cells, &surfels, ground.as_ref());
     for node in &mut nodes {
         fill_unknown(node);
+        node.surface = surfels::visible_points(&block, &surfels, node.id, settings.sky_directions);
     }
     nodes.retain(|node| !node.is_empty());
     nodes

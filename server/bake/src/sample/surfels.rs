@@ -10,6 +10,7 @@ use super::{
     rasterise::rasterise,
 };
 use glam::Vec3;
+use insula_protocol::{NODE_CELLS, TileId};
 
 /// Number of subsets of the sky directions, and of surfels in a group.
 pub(super) const SKY_SUBSETS: usize = 4;
@@ -17,6 +18,11 @@ pub(super) const SKY_SUBSETS: usize = 4;
 const MAX_SURFELS: f32 = 65536.0;
 /// Most rows of surfels over the longest edge of a sliver.
 const MAX_SLIVER_ROWS: f32 = 4.0;
+
+/// Most points of a leaf that tell how far its columns lie from the source.
+const MAX_POINTS: usize = 1500;
+/// Points that are visible from less than this part of the directions do not count: one sees floors through seams of shells.
+const LEAST_SEEN: u32 = 10;
 
 /// One point of a surface.
 #[derive(Debug, Clone, Copy)]
@@ -89,6 +95,34 @@ pub(super) fn share_sky(surfels: &mut [Surfel]) {
             rest = after;
         }
     }
+}
+
+/// Points spread over what is visible of a leaf, dense where it is visible from many of all `directions`: metres from the root's
+/// corner and above the grid's height zero. Undersides are left out: those of buildings are visible from below the horizon only,
+/// where no viewer is.
+pub(super) fn visible_points(block: &LocalBlock, surfels: &[Surfel], leaf: TileId, directions: u32) -> Vec<[f32; 3]> {
+    let side_m = NODE_CELLS as f32 * block.cell_m;
+    let place = [leaf.x(), leaf.y()];
+    let low: [f32; 2] = std::array::from_fn(|axis| (place[axis] - block.first_leaf[axis]) as f32 * side_m);
+    let weight = |surfel: &Surfel| {
+        let within = |axis: usize| surfel.position[axis] >= low[axis] && surfel.position[axis] < low[axis] + side_m;
+        let normal_z = block.triangles[surfel.triangle as usize].normal.z;
+        let is_underside = normal_z.abs() > 0.99 && surfel.visible_side() == usize::from(normal_z > 0.0);
+        let count = u32::from(surfel.sightings[surfel.visible_side()]);
+        let is_seen = within(0) && within(1) && !is_underside && count * LEAST_SEEN >= directions;
+        if is_seen { surfel.area_m2 * count as f32 } else { 0.0 }
+    };
+    let step = surfels.iter().map(weight).sum::<f32>() / MAX_POINTS as f32;
+    let mut sum = 0.0;
+    let mut points = Vec::new();
+    for (surfel, weight) in surfels.iter().map(|surfel| (surfel, weight(surfel))).filter(|(_, weight)| *weight > 0.0) {
+        sum += weight;
+        if sum >= (points.len() as f32 + 0.5) * step {
+            let place = |axis: usize| surfel.position[axis] + block.first_leaf[axis] as f32 * side_m;
+            points.push([place(0), place(1), surfel.position.z]);
+        }
+    }
+    points
 }
 
 /// Whether the triangle is the floor of a closed shell, which no viewer can see.

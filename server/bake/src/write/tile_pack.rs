@@ -1,7 +1,7 @@
 //! The finished tiles of a block of one level in one scratch file.
 //!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, bytes (4 bytes each), the tiles, a
-//! BLAKE3 hash of everything before. Only the version of the program that wrote a pack reads it.
+//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, the four deviations, bytes and
+//! number of points (4 bytes each), per tile its bytes and points, a BLAKE3 hash of everything before. Only the version of the program that wrote a pack reads it.
 
 use std::{
     fs,
@@ -9,14 +9,15 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use insula_protocol::TileId;
+use insula_protocol::{TileId, subtree::NodeDeviation};
 
 use super::files::{read_hashed, write_hashed};
 use crate::{error::BakeError, scene::grid::BLOCK_LEAVES};
 
 const MAGIC: [u8; 4] = *b"INSP";
 const HEAD_BYTES: usize = 8;
-const ENTRY_BYTES: usize = 20;
+const ENTRY_BYTES: usize = 40;
+const POINT_BYTES: usize = 12;
 
 /// The nodes that a pack contains: `BLOCK_LEAVES` x `BLOCK_LEAVES` nodes of one level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -61,6 +62,9 @@ pub(crate) struct EncodedTile {
     pub(crate) z_min_m: f32,
     /// Highest point of the node and its descendants, metres above the city's origin.
     pub(crate) z_max_m: f32,
+    pub(crate) deviation: NodeDeviation,
+    /// Points on what its leaves draw, for the deviations of its ancestors.
+    pub(crate) points: Vec<[f32; 3]>,
     pub(crate) bytes: Vec<u8>,
 }
 
@@ -70,8 +74,10 @@ pub(crate) struct StoredTile {
     pub(crate) id: TileId,
     pub(crate) z_min_m: f32,
     pub(crate) z_max_m: f32,
+    pub(crate) deviation: NodeDeviation,
     offset: u64,
     pub(crate) bytes: u32,
+    points: u32,
     /// Whether the city that is updated has the same tile. Not stored in the pack.
     pub(crate) unchanged: bool,
 }
@@ -83,15 +89,19 @@ pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[EncodedTile]) -> Resul
     bytes.extend_from_slice(&(tiles.len() as u32).to_le_bytes());
     let mut offset = (HEAD_BYTES + ENTRY_BYTES * tiles.len()) as u64;
     for tile in tiles {
-        let (z_min_m, z_max_m, len) = (tile.z_min_m, tile.z_max_m, tile.bytes.len() as u32);
-        for word in [tile.id.x(), tile.id.y(), z_min_m.to_bits(), z_max_m.to_bits(), len] {
+        let EncodedTile { id, z_min_m, z_max_m, deviation, .. } = *tile;
+        let (len, points) = (tile.bytes.len() as u32, tile.points.len() as u32);
+        let NodeDeviation { drawn_m, drawn_max_m, source_m, source_max_m } = deviation;
+        let metres = [z_min_m, z_max_m, drawn_m, drawn_max_m, source_m, source_max_m].map(f32::to_bits);
+        for word in [id.x(), id.y()].into_iter().chain(metres).chain([len, points]) {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        stored.push(StoredTile { id: tile.id, z_min_m, z_max_m, offset, bytes: len, unchanged: false });
-        offset += u64::from(len);
+        stored.push(StoredTile { id, z_min_m, z_max_m, deviation, offset, bytes: len, points, unchanged: false });
+        offset += u64::from(len) + points_bytes(points);
     }
     for tile in tiles {
         bytes.extend_from_slice(&tile.bytes);
+        bytes.extend(tile.points.iter().flatten().flat_map(|v| v.to_le_bytes()));
     }
     write_hashed(&pack.path(folder), bytes)?;
     Ok(stored)
@@ -106,12 +116,23 @@ pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredTile>> {
     let mut stored = Vec::new();
     for at in (0..count).map(|entry| HEAD_BYTES + entry * ENTRY_BYTES) {
         let id = TileId::new(pack.level, word(at)?, word(at + 4)?)?;
-        let (z_min_m, z_max_m) = (f32::from_bits(word(at + 8)?), f32::from_bits(word(at + 12)?));
-        let bytes = word(at + 16)?;
-        stored.push(StoredTile { id, z_min_m, z_max_m, offset, bytes, unchanged: false });
-        offset += u64::from(bytes);
+        let metres = |i: usize| word(at + 8 + 4 * i).map(f32::from_bits);
+        let (z_min_m, z_max_m) = (metres(0)?, metres(1)?);
+        let deviation = NodeDeviation {
+            drawn_m: metres(2)?,
+            drawn_max_m: metres(3)?,
+            source_m: metres(4)?,
+            source_max_m: metres(5)?,
+        };
+        let (bytes, points) = (word(at + 32)?, word(at + 36)?);
+        stored.push(StoredTile { id, z_min_m, z_max_m, deviation, offset, bytes, points, unchanged: false });
+        offset += u64::from(bytes) + points_bytes(points);
     }
     (offset == bytes.len() as u64).then_some(stored)
+}
+
+fn points_bytes(count: u32) -> u64 {
+    u64::from(count) * POINT_BYTES as u64
 }
 
 /// Reads tiles back. Keeps the last pack open, because neighbours are read one after the other.
@@ -127,6 +148,20 @@ impl<'a> PackReader<'a> {
 
     /// The tile's bytes. Fails if the pack cannot be read.
     pub(crate) fn read(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
+        self.read_at(stored, stored.offset, u64::from(stored.bytes))
+    }
+
+    /// The tile's points. Fails if the pack cannot be read.
+    pub(crate) fn read_points(&mut self, stored: &StoredTile) -> Result<Vec<[f32; 3]>, BakeError> {
+        let bytes = self.read_at(stored, stored.offset + u64::from(stored.bytes), points_bytes(stored.points))?;
+        let (points, _) = bytes.as_chunks::<POINT_BYTES>();
+        let point = |b: &[u8; POINT_BYTES]| {
+            std::array::from_fn(|i| f32::from_le_bytes([b[4 * i], b[4 * i + 1], b[4 * i + 2], b[4 * i + 3]]))
+        };
+        Ok(points.iter().map(point).collect())
+    }
+
+    fn read_at(&mut self, stored: &StoredTile, offset: u64, len: u64) -> Result<Vec<u8>, BakeError> {
         let pack = PackId::of(stored.id);
         let path = pack.path(self.folder);
         let failed = |cause| BakeError::io(&path, "read", cause);
@@ -134,8 +169,8 @@ impl<'a> PackReader<'a> {
             Some((open, file)) if open == pack => file,
             _ => fs::File::open(&path).map_err(failed)?,
         };
-        let mut bytes = vec![0; stored.bytes as usize];
-        file.seek(SeekFrom::Start(stored.offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
+        let mut bytes = vec![0; len as usize];
+        file.seek(SeekFrom::Start(offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
         self.open = Some((pack, file));
         Ok(bytes)
     }
@@ -147,7 +182,10 @@ mod tests {
     use insula_test_support::folder::TestFolder;
 
     fn tile([x, y]: [u32; 2], byte: u8, len: usize) -> EncodedTile {
-        EncodedTile { id: TileId::new(4, x, y).unwrap(), z_min_m: -1.5, z_max_m: x as f32, bytes: vec![byte; len] }
+        let deviation = NodeDeviation { drawn_m: 0.5, drawn_max_m: 2.0, source_m: 0.25, source_max_m: y as f32 };
+        let id = TileId::new(4, x, y).unwrap();
+        let points = vec![[1.5, f32::from(byte), -2.0]; usize::from(byte) - 1];
+        EncodedTile { id, z_min_m: -1.5, z_max_m: x as f32, deviation, points, bytes: vec![byte; len] }
     }
 
     #[test]
@@ -161,6 +199,7 @@ mod tests {
         let mut reader = PackReader::new(&folder.path);
         for (tile, stored) in tiles.iter().zip(&stored).rev() {
             assert_eq!(reader.read(stored).unwrap(), tile.bytes);
+            assert_eq!(reader.read_points(stored).unwrap(), tile.points);
         }
         let path = pack.path(&folder.path);
         let good = fs::read(&path).unwrap();

@@ -1,6 +1,7 @@
 //! Bounds and geometric errors of all nodes, and the subtree tiles that describe them to clients.
 //!
-//! Spheres and errors nest: a node's sphere contains its children's, and its error is at least theirs.
+//! Spheres and errors nest: a node's sphere contains its children's, and its error is at least theirs. A node's error is half the
+//! diagonal of its voxel, which also bounds the size of what it colours, or what was measured, if that is more.
 
 use insula_protocol::{
     BlockMap, Subtree, TileId,
@@ -127,7 +128,9 @@ fn describe_node(grid: &CityGrid, tile: &StoredTile, below: &[NodeInfo]) -> Node
         child_mask: 0,
         z_min_m: tile.z_min_m,
         z_max_m: tile.z_max_m,
-        error_m: voxel_error_m(grid.cell_m_at(tile.id.level())) as f32,
+        error_m: (voxel_error_m(grid.cell_m_at(tile.id.level())) as f32)
+            .max(tile.deviation.drawn_m)
+            .max(tile.deviation.source_m),
         radius_m: 0.0,
         blockmap_bytes: tile.bytes,
     };
@@ -171,7 +174,9 @@ pub(crate) fn encode_subtree(tree: &TileTree, nodes: &[Vec<NodeInfo>], root: Til
         (!lods.is_empty()).then_some(NodeMesh { id: node.id, lods })
     });
     let meshes = meshes.collect();
-    Subtree { nodes: found, meshes }.encode().map_err(BakeError::tile(root, "encoded"))
+    let deviations =
+        found.iter().map(|node| tree.get(node.id).map_or_else(Default::default, |tile| tile.deviation)).collect();
+    Subtree { nodes: found, meshes, deviations }.encode().map_err(BakeError::tile(root, "encoded"))
 }
 
 /// Roots of all subtree tiles: the city's root, and the nodes of levels 5, 10, ... that have children.

@@ -33,7 +33,7 @@ fn subtree(root: TileId) -> Subtree {
             ids.extend(id.children());
         }
     }
-    Subtree { nodes, meshes: Vec::new() }
+    Subtree { nodes, ..Subtree::default() }
 }
 
 fn block_map() -> PackedTile {

@@ -1,0 +1,21 @@
+//! What nodes draw lies within their stated errors, and the source within those of what is drawn.
+
+use anyhow::{Result, ensure};
+use insula_tests::{baked::Baked, fidelity, fixtures, node_error, truth::Truth};
+
+#[test]
+fn points_lie_within_the_errors_of_their_nodes() -> Result<()> {
+    let inputs = fixtures::chiba()?;
+    let baked = Baked::open(&fidelity::baked("chiba-textured", &inputs, true)?)?;
+    let levels = node_error::measure(&Truth::new(fidelity::read(&inputs)?), &baked, 40_000, 200.0)?;
+    ensure!(levels.len() > 4, "{} levels", levels.len());
+    for level in &levels {
+        let shares = [level.drawn_to_source.within, level.source_to_drawn.within];
+        ensure!(shares.iter().all(|share| *share >= 0.999), "level {}: {shares:?}", level.level);
+    }
+    // Half the diagonal of a voxel is not enough, in either direction.
+    let least = |share: fn(&node_error::LevelError) -> f64| levels.iter().map(share).fold(1.0, f64::min);
+    let nominal = [least(|l| l.drawn_to_source.within_nominal), least(|l| l.source_to_drawn.within_nominal)];
+    ensure!(nominal.iter().all(|share| *share < 0.999), "{nominal:?}");
+    Ok(())
+}
