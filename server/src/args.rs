@@ -62,6 +62,11 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server simplify skull.obj skull_small.obj --ratio 0.1\n  insula-server simplify town.obj town_small.obj --error 0.5\n\nReads and writes PLY, OFF and OBJ, selected by file name extension. A small component is removed as a whole once that\ncosts less than collapsing another edge."
     )]
     Simplify(SimplifyArgs),
+    /// Measure how far two meshes or cities lie from each other
+    #[command(
+        after_help = "Example:\n  insula-server compare skull.obj skull_small.obj\n  insula-server compare delft.city.jsonl cities/delft --heatmap delft.ply\n\nReads PLY, OFF and OBJ, baked cities (their finest meshes) and everything that `bake` reads. Prints the mean, the root mean\nsquare and the largest distance in both directions, and in parts of the first one's diagonal."
+    )]
+    Compare(CompareArgs),
     #[command(flatten)]
     Setup(SetupCommand),
 }
@@ -101,9 +106,24 @@ pub struct SimplifyArgs {
     /// Fraction of the triangles to keep, above 0 and at most 1
     #[arg(long, value_name = "R", group = "goal", value_parser = parse_ratio, allow_negative_numbers = true)]
     pub ratio: Option<f64>,
-    /// Largest error, in the file's units
+    /// Largest distance of any point of either surface from the other one, in the file's units
     #[arg(long, value_name = "M", group = "goal", value_parser = parse_max_error, allow_negative_numbers = true)]
     pub error: Option<f64>,
+}
+
+/// Arguments of `compare`.
+#[derive(Debug, clap::Args)]
+pub struct CompareArgs {
+    /// Mesh file, baked city, or city file
+    pub a: PathBuf,
+    /// The same
+    pub b: PathBuf,
+    /// Points that are spread over each surface, besides its vertices; at most 100 million
+    #[arg(long, value_name = "N", default_value_t = 200_000, value_parser = parse_samples)]
+    pub samples: usize,
+    /// PLY file to write: the first surface, with colours from blue (near) to red (the largest distance)
+    #[arg(long, value_name = "OUT.ply")]
+    pub heatmap: Option<PathBuf>,
 }
 
 /// Arguments of `bake`.
@@ -298,6 +318,13 @@ fn parse_ratio(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(ratio) if ratio > 0.0 && ratio <= 1.0 => Ok(ratio),
         _ => Err("expected a number above 0 and at most 1, such as 0.1".into()),
+    }
+}
+
+fn parse_samples(text: &str) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Ok(samples) if (1..=100_000_000).contains(&samples) => Ok(samples),
+        _ => Err("expected a number between 1 and 100000000, such as 200000".into()),
     }
 }
 

@@ -16,6 +16,7 @@ pub mod sample;
 pub mod scene;
 pub mod simplify;
 pub mod subject;
+pub mod surface;
 mod triangle_distance;
 pub mod write;
 

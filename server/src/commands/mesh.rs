@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 use insula_bake::{
     model::{ModelFormat, TriangleModel, quantise},
     simplify::{self, Goal},
+    surface::Surface,
 };
 use insula_protocol::{
     mesh::{Mesh, half_edge::RepairReport},
@@ -41,7 +42,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
 }
 
 /// Reads a mesh and welds vertices at the same position.
-fn read_model(path: &Path) -> Result<TriangleModel, CommandError> {
+pub(super) fn read_model(path: &Path) -> Result<TriangleModel, CommandError> {
     let format = format_of(path)?;
     let mut model = TriangleModel::read(&read_bytes(path)?, format).map_err(|error| mesh_error(path, &error))?;
     model.weld();
@@ -49,7 +50,7 @@ fn read_model(path: &Path) -> Result<TriangleModel, CommandError> {
 }
 
 /// Runs `work` behind a spinner, which is shown if standard error is a terminal.
-fn with_spinner<T>(name: &'static str, work: impl FnOnce() -> T) -> T {
+pub(super) fn with_spinner<T>(name: &'static str, work: impl FnOnce() -> T) -> T {
     let bar = ProgressBar::new_spinner().with_message(name);
     bar.enable_steady_tick(Duration::from_millis(200));
     let out = work();
@@ -112,20 +113,26 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Runs `simplify`. Fails if the input is not a mesh or a file cannot be read or written.
+/// Runs `simplify`, and measures how far the result lies from the input. Fails if the input is not a mesh or a file cannot be read or written.
 pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
     refuse_input(&args.output, &args.input)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let before = model.triangles.len();
-    let triangles = args.ratio.map_or(0, |ratio| (before as f64 * ratio).round() as usize);
-    let goal = Goal { triangles, error: args.error.unwrap_or(f64::INFINITY) };
     let start = Instant::now();
-    let out = with_spinner("simplify", || simplify::simplify(&model, goal, |_| false));
+    let out = with_spinner("simplify", || match (args.error, args.ratio) {
+        (Some(limit), _) => simplify::simplify_within(&model, limit),
+        (None, ratio) => {
+            let triangles = ratio.map_or(0, |ratio| (before as f64 * ratio).round() as usize);
+            let mut out = simplify::simplify(&model, Goal { triangles, error: f64::INFINITY }, |_| false);
+            out.error = Surface::of_model(&model).map_or(0.0, |source| simplify::largest_distance(&source, &out.model));
+            out
+        }
+    });
     let seconds = start.elapsed().as_secs_f64();
     write(&args.output, &out.model.write(format))?;
     print(&format!(
-        "{}: {} of {before} triangles, error {:.6} ({:.4}% of the diagonal), {} components removed, {seconds:.2} s{}\n",
+        "{}: {} of {before} triangles, largest distance {:.6} ({:.4}% of the diagonal), {} components removed, {seconds:.2} s{}\n",
         args.output.display(),
         out.model.triangles.len(),
         out.error,

@@ -4,6 +4,8 @@
 mod bake;
 #[cfg(feature = "bake")]
 mod bake_progress;
+#[cfg(feature = "bake")]
+mod compare;
 mod error;
 mod inspect;
 #[cfg(feature = "bake")]
@@ -39,11 +41,14 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         ServerCommand::Decompress(args) => mesh::decompress(&args),
         #[cfg(feature = "bake")]
         ServerCommand::Simplify(args) => mesh::simplify(&args),
+        #[cfg(feature = "bake")]
+        ServerCommand::Compare(args) => compare::run(&args),
         #[cfg(not(feature = "bake"))]
         ServerCommand::Bake(_)
         | ServerCommand::Compress(_)
         | ServerCommand::Decompress(_)
-        | ServerCommand::Simplify(_) => Err(CommandError::Bake(
+        | ServerCommand::Simplify(_)
+        | ServerCommand::Compare(_) => Err(CommandError::Bake(
             "this program can only serve; use one that was built with the feature `bake`".into(),
         )),
     }

@@ -92,7 +92,7 @@ impl ColumnField {
         best
     }
 
-    /// The points that `count` rays from above hit first, in the directions of [`VIEWS_DEG`] and all around. Those within `margin_m` of
+    /// The points that `count` rays from above hit first, 15, 40 and 75 degrees above the horizon and all around. Those within `margin_m` of
     /// the field's border are left out.
     pub fn seen_points(&self, count: usize, margin_m: f64) -> Vec<DVec3> {
         let [low, high] = self.extent_m();

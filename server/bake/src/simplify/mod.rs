@@ -18,6 +18,7 @@
 //! | `wedges` | attribute values of the corners |
 //! | `simplifier` | the rounds of collapses |
 //! | `output` | the result as a model |
+//! | `within` | simplification within a measured distance |
 
 mod collapse;
 mod collapsible_mesh;
@@ -28,6 +29,7 @@ mod parts;
 mod quadric;
 mod simplifier;
 mod wedges;
+mod within;
 
 use crate::model::TriangleModel;
 use collapsible_mesh::VertexConstraint;
@@ -36,6 +38,7 @@ use insula_protocol::mesh::half_edge::{HalfEdgeMesh, RepairReport};
 use simplifier::Simplifier;
 
 pub use simplifier::Goal;
+pub use within::{largest_distance, simplify_within};
 
 /// The result of a simplification.
 #[derive(Debug, Clone)]

@@ -1,7 +1,7 @@
 //! Tests of whole simplifications: goals are reached, and topology, borders and seams are kept.
 
 use super::*;
-use crate::model::CornerLayer;
+use crate::{model::CornerLayer, surface::Surface};
 use insula_protocol::mesh::AttributeKind;
 
 /// A sphere of radius 10 with `n` quads around, each split into two triangles.
@@ -93,6 +93,23 @@ fn error_stays_within_the_goal() {
         let out = simplify(&model, Goal { triangles: 0, error }, |_| false);
         assert!(out.error <= error && out.model.triangles.len() < before);
         before = out.model.triangles.len();
+    }
+}
+
+#[test]
+fn a_limit_of_the_distance_is_kept_in_both_directions() {
+    for model in [sphere(48), hill(32)] {
+        let source = Surface::of_model(&model).unwrap();
+        let mut before = model.triangles.len();
+        for limit in [0.02, 0.1, 0.4] {
+            let out = simplify_within(&model, limit);
+            let found = largest_distance(&source, &out.model);
+            assert!(found <= limit && found > 0.2 * limit && out.error == found, "{found} {limit}");
+            assert!(out.model.triangles.len() < before);
+            before = out.model.triangles.len();
+        }
+        let untouched = simplify_within(&model, 0.0);
+        assert!(largest_distance(&source, &untouched.model) < 1e-9);
     }
 }
 

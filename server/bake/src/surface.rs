@@ -1,0 +1,176 @@
+//! Distances between surfaces of triangles, as Metro measures them (Cignoni, Rocchini and Scopigno 1998).
+//!
+//! Points spread over one surface, and all its vertices, are compared with the other surface. Lengths are in the unit of the
+//! triangles.
+
+use crate::{model::TriangleModel, triangle_distance::squared_distance};
+use glam::{DVec3, Vec3A};
+use obvhs::{
+    BvhBuildParams,
+    aabb::Aabb,
+    bvh2::{Bvh2, builder::build_bvh2_from_tris},
+    triangle::Triangle,
+};
+use rayon::prelude::*;
+use std::{collections::HashSet, time::Duration};
+
+/// Steps of a sequence of points that fill a square evenly (Roberts 2018, "The unreasonable effectiveness of quasirandom
+/// sequences").
+const EVEN_STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
+/// The first search reaches this part of the diagonal. Each further one reaches twice as far.
+const FIRST_REACH: f64 = 1.0 / 4096.0;
+
+/// Triangles in a hierarchy of bounding boxes.
+pub struct Surface {
+    triangles: Vec<[DVec3; 3]>,
+    /// Subtracted before numbers become f32.
+    centre: DVec3,
+    diagonal: f64,
+    bvh: Bvh2,
+}
+
+/// Distances of the points of one surface from another one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceDistance {
+    pub mean: f64,
+    pub rms: f64,
+    /// The largest distance: one side of the Hausdorff distance.
+    pub max: f64,
+    /// The point that has it.
+    pub farthest: [f64; 3],
+}
+
+impl Surface {
+    /// `None` without triangles, or if a coordinate is not finite.
+    pub fn new(triangles: Vec<[[f64; 3]; 3]>) -> Option<Self> {
+        let triangles: Vec<[DVec3; 3]> = triangles.into_iter().map(|corners| corners.map(DVec3::from)).collect();
+        let corners = || triangles.iter().flatten();
+        let low = corners().fold(DVec3::INFINITY, |low, p| low.min(*p));
+        let high = corners().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p));
+        if !low.is_finite() || !high.is_finite() || corners().any(|p| !p.is_finite()) {
+            return None;
+        }
+        let centre = (low + high) / 2.0;
+        let of_bvh = |p: DVec3| Vec3A::from((p - centre).as_vec3());
+        let boxed = |[a, b, c]: &[DVec3; 3]| Triangle { v0: of_bvh(*a), v1: of_bvh(*b), v2: of_bvh(*c) };
+        let all: Vec<Triangle> = triangles.iter().map(boxed).collect();
+        let bvh = build_bvh2_from_tris(&all, BvhBuildParams::medium_build(), &mut Duration::default());
+        Some(Self { triangles, centre, diagonal: low.distance(high), bvh })
+    }
+
+    /// The surface of a model; `None` as [`Surface::new`].
+    pub fn of_model(model: &TriangleModel) -> Option<Self> {
+        let corners = |triangle: &[u32; 3]| triangle.map(|vertex| model.positions[vertex as usize]);
+        Self::new(model.triangles.iter().map(corners).collect())
+    }
+
+    /// Diagonal of the bounding box.
+    pub fn diagonal(&self) -> f64 {
+        self.diagonal
+    }
+
+    /// Distance of a point from the nearest triangle.
+    pub fn distance(&self, p: [f64; 3]) -> f64 {
+        let p = DVec3::from(p);
+        let local = p - self.centre;
+        // Beyond this, the sphere contains the whole surface.
+        let whole = local.length() + self.diagonal;
+        let mut reach = (self.diagonal * FIRST_REACH).max(whole * 1e-6).max(f64::MIN_POSITIVE);
+        loop {
+            // Bounds are in f32.
+            let padded = Vec3A::splat(reach as f32 * 1.001 + whole as f32 * 1e-6);
+            let place = Vec3A::from(local.as_vec3());
+            let mut best = f64::INFINITY;
+            self.bvh.aabb_traverse(Aabb::new(place - padded, place + padded), |bvh, node| {
+                let node = &bvh.nodes[node as usize];
+                for at in node.first_index..node.first_index + node.prim_count {
+                    let triangle = bvh.primitive_indices[at as usize];
+                    best = best.min(squared_distance(p, self.triangles[triangle as usize]));
+                }
+                true
+            });
+            if best <= reach * reach || reach > whole {
+                return best.sqrt();
+            }
+            reach *= 2.0;
+        }
+    }
+
+    /// Distances of points from the nearest triangles, on all cores.
+    pub fn distances(&self, points: &[[f64; 3]]) -> Vec<f64> {
+        points.par_iter().map(|p| self.distance(*p)).collect()
+    }
+
+    /// About `count` points, evenly spread by area, and all corners.
+    pub fn points(&self, count: usize) -> Vec<[f64; 3]> {
+        let area = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a).length() / 2.0;
+        let step = self.triangles.iter().map(area).sum::<f64>() / count.max(1) as f64;
+        let (mut points, mut sum) = (Vec::with_capacity(count), 0.0);
+        for triangle in &self.triangles {
+            sum += area(triangle);
+            let [a, b, c] = *triangle;
+            while points.len() < count && sum > (points.len() as f64 + 0.5) * step {
+                let [u, v] = EVEN_STEPS.map(|step| (0.5 + step * (points.len() + 1) as f64).fract());
+                let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] };
+                points.push((a + (b - a) * u + (c - a) * v).to_array());
+            }
+        }
+        let mut seen = HashSet::new();
+        let corners = self.triangles.iter().flatten().map(DVec3::to_array);
+        points.extend(corners.filter(|p| seen.insert(p.map(f64::to_bits))));
+        points
+    }
+
+    /// Distances of about `samples` points, and of all corners, from `other`.
+    pub fn compare(&self, other: &Self, samples: usize) -> SurfaceDistance {
+        let points = self.points(samples);
+        let distances = other.distances(&points);
+        // Corners are dense where triangles are small, so they only count for the largest distance.
+        let even = &distances[..samples.min(distances.len())];
+        let (sum, squares) = even.iter().fold((0.0, 0.0), |(sum, squares), d| (sum + d, squares + d * d));
+        let count = even.len().max(1) as f64;
+        let farthest = (0..points.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]));
+        SurfaceDistance {
+            mean: sum / count,
+            rms: (squares / count).sqrt(),
+            max: farthest.map_or(0.0, |i| distances[i]),
+            farthest: farthest.map_or([0.0; 3], |i| points[i]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of two triangles at height `z`.
+    fn square(side: f64, z: f64) -> Surface {
+        let p = |x: f64, y: f64| [x * side, y * side, z];
+        let (a, b, c, d) = (p(0.0, 0.0), p(1.0, 0.0), p(1.0, 1.0), p(0.0, 1.0));
+        Surface::new(vec![[a, b, c], [a, c, d]]).unwrap()
+    }
+
+    #[test]
+    fn distances_of_squares_are_known() {
+        let (small, large) = (square(1.0, 0.0), square(2.0, 0.5));
+        let there = small.compare(&large, 1000);
+        assert!((there.mean - 0.5).abs() < 1e-12 && (there.rms - 0.5).abs() < 1e-12 && (there.max - 0.5).abs() < 1e-12);
+        let back = large.compare(&small, 20_000);
+        assert!((back.max - 2.25f64.sqrt()).abs() < 1e-12 && back.farthest == [2.0, 2.0, 0.5], "{back:?}");
+        // The integral of squares: a quarter lies above the small square.
+        let rms = (0.25 + (1.0 / 3.0 + 1.0 / 3.0 + 2.0 / 3.0) / 4.0f64).sqrt();
+        assert!((back.rms - rms).abs() < 0.01, "{} {rms}", back.rms);
+        assert!((small.distance([100.0, 0.5, 0.0]) - 99.0).abs() < 1e-9);
+        assert!(Surface::new(Vec::new()).is_none() && Surface::new(vec![[[f64::NAN; 3]; 3]]).is_none());
+    }
+
+    #[test]
+    fn precision_does_not_depend_on_the_place() {
+        let at = |z: f64| {
+            let p = |x: f64, y: f64| [4_500_000.0 + x, 5_400_000.0 + y, z];
+            Surface::new(vec![[p(0.0, 0.0), p(30.0, 0.0), p(0.0, 30.0)]]).unwrap()
+        };
+        let found = at(0.0).compare(&at(0.001), 500);
+        assert!((found.max - 0.001).abs() < 1e-8, "{found:?}");
+    }
+}
