@@ -44,7 +44,12 @@ fn add(ctx: &SelectionContext<'_>, visit: &Visit, cover: Cover, selection: &mut 
         selection.unoccluded.push(visit.node);
         stats.worst_error_px = stats.worst_error_px.max(error_px);
     }
-    if visit.visibility == Visibility::Visible {
+    let node = ctx.tree.node(visit.node);
+    let is_finest = match mesh_lod {
+        Some(lod) => lod == 0,
+        None => source == visit.node && node.child_mask == 0 && node.lods.is_empty(),
+    };
+    if visit.visibility == Visibility::Visible && !is_finest {
         stats.visible_error_px = stats.visible_error_px.max(error_px);
     }
 }

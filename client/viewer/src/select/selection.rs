@@ -59,6 +59,7 @@ pub struct SelectionStats {
     pub tau_px: f64,
     /// Largest screen-space error in the draw list, in pixels, occluded nodes excepted.
     pub worst_error_px: f64,
-    /// Largest screen-space error of the visible nodes in the draw list, in pixels.
+    /// Largest screen-space error of the visible nodes in the draw list, in pixels. The finest level that exists does not count: it
+    /// is good enough however near the eye is.
     pub visible_error_px: f64,
 }

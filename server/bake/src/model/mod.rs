@@ -64,13 +64,17 @@ mod tests {
         let normal = |k: usize| std::array::from_fn(|i| f32::from(i == k));
         model.layers.push(layer(AttributeKind::Normal, 3, [0, 1, 2, 0].map(normal)));
         assert_eq!(TriangleModel::read(&model.write(ModelFormat::Obj), ModelFormat::Obj).unwrap(), model);
-        let read = TriangleModel::read(&model.write(ModelFormat::Ply), ModelFormat::Ply).unwrap();
+        let grey = |v: u8| [f32::from(v) / 255.0, 1.0, f32::from(v) / 255.0, 0.0];
+        model.layers.push(layer(AttributeKind::Colour, 3, [0, 7, 128, 255].map(grey)));
+        let ply = model.write(ModelFormat::Ply);
+        assert!(String::from_utf8_lossy(&ply).contains("property uchar green\n"), "other programs expect bytes");
+        let read = TriangleModel::read(&ply, ModelFormat::Ply).unwrap();
         let values = |model: &TriangleModel, layer: usize| -> Vec<[f32; 4]> {
             let layer = &model.layers[layer];
             layer.corners.iter().map(|value| layer.values[*value as usize]).collect()
         };
-        assert_eq!(read.layers.len(), 2);
-        assert!((0..2).all(|layer| values(&read, layer) == values(&model, layer)));
+        assert_eq!(read.layers.len(), 3);
+        assert!((0..3).all(|layer| values(&read, layer) == values(&model, layer)));
     }
 
     #[test]

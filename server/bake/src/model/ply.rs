@@ -264,8 +264,10 @@ pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
     }
     for layer in &model.layers {
         let found = LAYERS.iter().find(|(kind, names)| *kind == layer.kind && names.len() == layer.width);
+        // Other programs expect bytes.
+        let number = if layer.kind == AttributeKind::Colour { "uchar" } else { "float" };
         for name in found.iter().flat_map(|(_, names)| *names) {
-            head += &format!("property float {name}\n");
+            head += &format!("property {number} {name}\n");
         }
     }
     head += &format!("element face {}\nproperty list uchar uint vertex_indices\nend_header\n", own.len() / 3);
@@ -274,7 +276,11 @@ pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
         model.positions[row[0] as usize].iter().for_each(|v| out.extend(v.to_le_bytes()));
         for (layer, value) in model.layers.iter().zip(&row[1..]) {
             if LAYERS.iter().any(|(kind, names)| *kind == layer.kind && names.len() == layer.width) {
-                layer.values[*value as usize][..layer.width].iter().for_each(|v| out.extend(v.to_le_bytes()));
+                let values = &layer.values[*value as usize][..layer.width];
+                match layer.kind {
+                    AttributeKind::Colour => out.extend(values.iter().map(|v| (v * 255.0).round() as u8)),
+                    _ => values.iter().for_each(|v| out.extend(v.to_le_bytes())),
+                }
             }
         }
     }

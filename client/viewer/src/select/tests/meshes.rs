@@ -36,6 +36,18 @@ fn near_leaves_are_drawn_as_the_coarsest_mesh_within_tau() {
 }
 
 #[test]
+fn the_finest_meshes_are_good_enough_for_any_tau() {
+    let mut tree = tree_with_meshes();
+    let view = View { tau_px: 0.001, ..street_view() };
+    let (_, selection) = converge(&mut tree, &view, 3);
+    let stats = &selection.stats;
+    assert!(stats.meshes > 9 && stats.worst_error_px > view.tau_px, "{stats:?}");
+    assert_eq!(stats.visible_error_px, 0.0, "{stats:?}");
+    let coarse = select_in_view(&view, &tree_with_meshes()).stats;
+    assert_eq!(coarse.visible_error_px, coarse.worst_error_px, "nothing is resident");
+}
+
+#[test]
 fn meshes_can_be_disabled() {
     let mut tree = SceneTree::new(manifest(DEPTH)).with_meshes(false);
     subtrees(DEPTH, |_| false).into_iter().for_each(|s| tree.merge(&with_meshes(s)));
