@@ -34,7 +34,8 @@ pub struct Settling {
 }
 
 /// Streams until nothing can improve the frame, or until `goes_on`, which is called after each update, returns `false`. Draws
-/// frames meanwhile, because their hits decide which tiles are occluded. Fails if the server does not respond for the timeout, or if the adapter fails.
+/// frames meanwhile, because their hits decide which tiles are occluded. Fails if the server does not respond for the timeout, or
+/// if the adapter fails.
 pub fn settle(
     session: &mut Session,
     request: &FrameRequest,

@@ -45,7 +45,7 @@ pub struct NodeInfo {
     pub blockmap_bytes: u32,
 }
 
-/// Measured distances between what a node draws and the source, in metres, at most 655.34. A tower that is not drawn shows in the
+/// Measured distances between what a node draws and the source, in metres; 655.35 stands for that or more. A tower that is not drawn shows in the
 /// distances from the source only, a wall that does not exist in those from what is drawn only.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct NodeDeviation {

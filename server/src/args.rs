@@ -118,7 +118,7 @@ pub struct CompareArgs {
     pub a: PathBuf,
     /// The same
     pub b: PathBuf,
-    /// Points that are spread over each surface, besides its vertices; at most 100 million
+    /// Points that are spread over each surface, besides its vertices; at most 10 million
     #[arg(long, value_name = "N", default_value_t = 200_000, value_parser = parse_samples)]
     pub samples: usize,
     /// PLY file to write: the first surface, with colours from blue (near) to red (the largest distance)
@@ -323,8 +323,8 @@ fn parse_ratio(text: &str) -> Result<f64, String> {
 
 fn parse_samples(text: &str) -> Result<usize, String> {
     match text.parse::<usize>() {
-        Ok(samples) if (1..=100_000_000).contains(&samples) => Ok(samples),
-        _ => Err("expected a number between 1 and 100000000, such as 200000".into()),
+        Ok(samples) if (1..=10_000_000).contains(&samples) => Ok(samples),
+        _ => Err("expected a number between 1 and 10000000, such as 200000".into()),
     }
 }
 

@@ -15,7 +15,7 @@ use crate::layout::{
 };
 use insula_protocol::{
     BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, ColumnClip, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, STEPS_PER_CELL, flag, strip_rows},
     octahedral,
     texel::ALPHA_MAX,
 };
@@ -42,8 +42,6 @@ pub(crate) const ALPHA_SHIFT: u32 = 24;
 pub(crate) const OPAQUE_ALPHA: u32 = ALPHA_MAX as u32;
 /// Where the visible share of the sky begins in a texel.
 pub(crate) const AO_SHIFT: u32 = 26;
-/// Least z of a top's normal: a steeper one could not be seen from above, and the bake never writes it.
-pub(crate) const MIN_NORMAL_Z: f32 = 0.1;
 
 /// One page's words.
 pub type Page = Box<[u32]>;

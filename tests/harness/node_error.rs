@@ -46,6 +46,8 @@ pub struct LevelError {
     pub stated_m: [f64; 2],
     pub drawn_to_source: Distances,
     pub source_to_drawn: Distances,
+    /// Distances of points that the ray-caster draws from the [`ColumnField`], which measures `source_to_drawn`, in cells: ascending.
+    pub field_errors: Vec<f64>,
 }
 
 /// Measures all levels, the finest first, with `samples` points in each direction. Larger distances count as `most_m`.
@@ -72,6 +74,9 @@ pub fn measure(truth: &Truth, baked: &Baked, samples: usize, most_m: f64) -> Res
         let origin = DVec3::from(baked.manifest().origin);
         let mut errors: Vec<f64> = ids.iter().filter_map(|id| baked.error_m(*id)).collect();
         errors.sort_by(f64::total_cmp);
+        let mut field_errors: Vec<f64> =
+            drawn.par_iter().map(|p| field.distance_m(*p - origin, most_m) / cell_m).collect();
+        field_errors.sort_by(f64::total_cmp);
         Ok(LevelError {
             level,
             cell_m,
@@ -81,6 +86,7 @@ pub fn measure(truth: &Truth, baked: &Baked, samples: usize, most_m: f64) -> Res
                 truth.distance_to_surface(p - DVec3::from(truth.scene.origin), nominal_m, most_m)
             }),
             source_to_drawn: distances(&seen, &|p| field.distance_m(p - origin, most_m)),
+            field_errors,
         })
     };
     (0..=baked.manifest().depth).rev().map(level).collect()

@@ -2,7 +2,7 @@
 
 use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec3, Vec3A};
-use insula_bake::scene::{Scene, SceneTexture, SceneTriangle};
+use insula_bake::scene::{Scene, SceneTexture};
 use insula_shaders::{
     cpu::{
         raycast::Pixels,
@@ -46,13 +46,6 @@ impl Truth {
             .collect();
         let bvh = build_bvh2_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
         Self { scene, bvh }
-    }
-
-    /// Triangles without objects and materials.
-    pub fn of_triangles(triangles: &[[[f32; 3]; 3]]) -> Self {
-        let triangle =
-            |corners: &[[f32; 3]; 3]| SceneTriangle { corners: *corners, uv: [[0.0; 2]; 3], material: 0, object: 0 };
-        Self::new(Scene { triangles: triangles.iter().map(triangle).collect(), ..Scene::default() })
     }
 
     pub fn bounds(&self) -> [DVec3; 2] {

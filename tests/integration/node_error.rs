@@ -1,7 +1,7 @@
 //! What nodes draw lies within their stated errors, and the source within those of what is drawn.
 
 use anyhow::{Result, ensure};
-use insula_tests::{baked::Baked, fidelity, fixtures, node_error, truth::Truth};
+use insula_tests::{baked::Baked, compare::percentile, fidelity, fixtures, node_error, truth::Truth};
 
 #[test]
 fn points_lie_within_the_errors_of_their_nodes() -> Result<()> {
@@ -12,6 +12,9 @@ fn points_lie_within_the_errors_of_their_nodes() -> Result<()> {
     for level in &levels {
         let shares = [level.drawn_to_source.within, level.source_to_drawn.within];
         ensure!(shares.iter().all(|share| *share >= 0.999), "level {}: {shares:?}", level.level);
+        // The field, by which the bake measures too, is what the ray-caster draws.
+        let apart = [0.99, 0.999].map(|share| percentile(&level.field_errors, share));
+        ensure!(apart[0] < 0.02 && apart[1] < 0.1, "level {}: {apart:?} cells between field and frame", level.level);
     }
     // Half the diagonal of a voxel is not enough, in either direction.
     let least = |share: fn(&node_error::LevelError) -> f64| levels.iter().map(share).fold(1.0, f64::min);

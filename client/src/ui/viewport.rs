@@ -148,8 +148,9 @@ impl Viewport {
         let CityView { session, pacer, .. } = &mut self.city;
         if self.shows_final_frame && !detail.is_final {
             // A coarse frame in place of a fine one would look like a fault. Its hits are needed nevertheless.
+            let begin = Instant::now();
             session.render(&data)?;
-            let time = now.elapsed();
+            let time = begin.elapsed();
             pacer.end_frame(FrameTime { scene: time, all: time }, detail, false);
             return Ok(None);
         }

@@ -78,6 +78,10 @@ pub struct WallStrip {
     pub azimuth: u8,
 }
 
+/// Least z of an inclined top's normal: a steeper top could not be seen from above, and the bake never writes it. Readers treat it
+/// as if it had this slope.
+pub const MIN_NORMAL_Z: f32 = 0.1;
+
 /// [`ColumnClip::offset`] of a plane at one cell from the cell's centre.
 pub const CLIP_STEPS_PER_CELL: i32 = 128;
 

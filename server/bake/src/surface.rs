@@ -19,6 +19,8 @@ use std::{collections::HashSet, time::Duration};
 const EVEN_STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
 /// The first search reaches this part of the diagonal. Each further one reaches twice as far.
 const FIRST_REACH: f64 = 1.0 / 4096.0;
+/// Larger coordinates are refused. Below it, all numbers stay finite, also in f32.
+const MAX_COORDINATE: f64 = 1e15;
 
 /// Triangles in a hierarchy of bounding boxes.
 pub struct Surface {
@@ -41,13 +43,13 @@ pub struct SurfaceDistance {
 }
 
 impl Surface {
-    /// `None` without triangles, or if a coordinate is not finite.
+    /// `None` without triangles, or if a coordinate is not finite or beyond 10^15.
     pub fn new(triangles: Vec<[[f64; 3]; 3]>) -> Option<Self> {
         let triangles: Vec<[DVec3; 3]> = triangles.into_iter().map(|corners| corners.map(DVec3::from)).collect();
         let corners = || triangles.iter().flatten();
         let low = corners().fold(DVec3::INFINITY, |low, p| low.min(*p));
         let high = corners().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p));
-        if !low.is_finite() || !high.is_finite() || corners().any(|p| !p.is_finite()) {
+        if triangles.is_empty() || !corners().all(|p| p.abs().max_element() <= MAX_COORDINATE && p.is_finite()) {
             return None;
         }
         let centre = (low + high) / 2.0;
@@ -101,8 +103,8 @@ impl Surface {
         points.par_iter().map(|p| self.distance(*p)).collect()
     }
 
-    /// About `count` points, evenly spread by area, and all corners.
-    pub fn points(&self, count: usize) -> Vec<[f64; 3]> {
+    /// About `count` points, evenly spread by area; none if all triangles are degenerate.
+    fn even_points(&self, count: usize) -> Vec<[f64; 3]> {
         let area = |[a, b, c]: &[DVec3; 3]| (*b - *a).cross(*c - *a).length() / 2.0;
         let step = self.triangles.iter().map(area).sum::<f64>() / count.max(1) as f64;
         let (mut points, mut sum) = (Vec::with_capacity(count), 0.0);
@@ -115,20 +117,20 @@ impl Surface {
                 points.push((a + (b - a) * u + (c - a) * v).to_array());
             }
         }
-        let mut seen = HashSet::new();
-        let corners = self.triangles.iter().flatten().map(DVec3::to_array);
-        points.extend(corners.filter(|p| seen.insert(p.map(f64::to_bits))));
         points
     }
 
     /// Distances of about `samples` points, and of all corners, from `other`.
     pub fn compare(&self, other: &Self, samples: usize) -> SurfaceDistance {
-        let points = self.points(samples);
+        let mut points = self.even_points(samples);
+        let even = points.len();
+        let mut seen = HashSet::new();
+        let corners = self.triangles.iter().flatten().map(DVec3::to_array);
+        points.extend(corners.filter(|p| seen.insert(p.map(f64::to_bits))));
         let distances = other.distances(&points);
         // Corners are dense where triangles are small, so they only count for the largest distance.
-        let even = &distances[..samples.min(distances.len())];
-        let (sum, squares) = even.iter().fold((0.0, 0.0), |(sum, squares), d| (sum + d, squares + d * d));
-        let count = even.len().max(1) as f64;
+        let sums = distances[..even].iter().fold((0.0, 0.0), |(sum, squares), d| (sum + d, squares + d * d));
+        let ((sum, squares), count) = (sums, even.max(1) as f64);
         let farthest = (0..points.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]));
         SurfaceDistance {
             mean: sum / count,
@@ -161,7 +163,13 @@ mod tests {
         let rms = (0.25 + (1.0 / 3.0 + 1.0 / 3.0 + 2.0 / 3.0) / 4.0f64).sqrt();
         assert!((back.rms - rms).abs() < 0.01, "{} {rms}", back.rms);
         assert!((small.distance([100.0, 0.5, 0.0]) - 99.0).abs() < 1e-9);
-        assert!(Surface::new(Vec::new()).is_none() && Surface::new(vec![[[f64::NAN; 3]; 3]]).is_none());
+        for bad in [f64::NAN, f64::INFINITY, 1e16, -1e300] {
+            assert!(Surface::new(vec![[[0.0; 3], [1.0, bad, 0.0], [0.0, 1.0, 0.0]]]).is_none());
+        }
+        assert!(Surface::new(Vec::new()).is_none());
+        let point = Surface::new(vec![[[3.0, 0.0, 0.0]; 3]]).unwrap();
+        assert_eq!(point.compare(&small, 10).max, 2.0);
+        assert_eq!(small.distance([1e300, 0.0, 0.0]), f64::INFINITY);
     }
 
     #[test]

@@ -2,16 +2,16 @@
 
 use super::{
     error::CommandError,
-    mesh::{read_model, with_spinner},
+    mesh::{mesh_error, read_model, surface_of, with_spinner},
     output::{print, refuse_input, write},
 };
 use crate::{args::CompareArgs, store::CityStore};
 use insula_bake::{
-    model::{CornerLayer, ModelFormat, TriangleModel},
+    model::{CornerLayer, MAX_COUNT, ModelFormat, TriangleModel},
     read::{self, ReadOptions},
     surface::{Surface, SurfaceDistance},
 };
-use insula_protocol::{MeshTile, Subtree, TileId, TileKind, mesh::AttributeKind, mesh_tile};
+use insula_protocol::{MeshTile, Subtree, TileId, TileKind, error::DecodeError, mesh::AttributeKind, mesh_tile};
 use std::path::Path;
 
 /// Colours of a heat map from no distance to the largest, with even steps between them (0 to 1).
@@ -25,13 +25,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), CommandError> {
     }
     let [a, b] = [&args.a, &args.b].map(|path| with_spinner("read", || load(path)));
     let (a, b) = (a?, b?);
-    let [first, second] = [(&args.a, &a), (&args.b, &b)].map(|(path, model)| {
-        Surface::of_model(model).ok_or_else(|| CommandError::Mesh {
-            path: path.clone(),
-            reason: "it has no triangles, or a coordinate that is not finite".into(),
-        })
-    });
-    let (first, second) = (first?, second?);
+    let (first, second) = (surface_of(&args.a, &a)?, surface_of(&args.b, &b)?);
     let (there, back) =
         with_spinner("compare", || (first.compare(&second, args.samples), second.compare(&first, args.samples)));
     let diagonal = first.diagonal().max(f64::MIN_POSITIVE);
@@ -72,31 +66,33 @@ fn load(path: &Path) -> Result<TriangleModel, CommandError> {
         .map_err(|error| CommandError::Bake(error.to_string()))?;
     let corners = scene.triangles.iter().flat_map(|triangle| triangle.corners);
     let positions = corners.map(|c| std::array::from_fn(|axis| scene.origin[axis] + f64::from(c[axis])));
-    Ok(soup(positions.collect()))
+    separate_triangles(path, positions.collect())
 }
 
-/// Every three positions are a triangle.
-fn soup(positions: Vec<[f64; 3]>) -> TriangleModel {
+/// Every three positions are a triangle. Fails if there are more than a model may have.
+fn separate_triangles(path: &Path, positions: Vec<[f64; 3]>) -> Result<TriangleModel, CommandError> {
+    if positions.len() / 3 > MAX_COUNT {
+        return Err(mesh_error(path, &format!("it has more than {MAX_COUNT} triangles: compare a part of it")));
+    }
     let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    TriangleModel { positions, triangles, layers: Vec::new() }
+    Ok(TriangleModel { positions, triangles, layers: Vec::new() })
 }
 
 /// The finest level of detail of all leaves, in world coordinates.
 fn baked_model(folder: &Path) -> Result<TriangleModel, CommandError> {
     let city = CityStore::open(folder)?;
     let manifest = city.manifest();
-    let failed = |reason: String| CommandError::Mesh { path: folder.to_owned(), reason };
     let tile = |kind: TileKind, id: TileId| {
-        let bytes = city.tile(kind, id).map_err(|error| failed(error.to_string()))?;
-        bytes.ok_or_else(|| failed("a tile is missing: see `insula-server verify`".into()))
+        let bytes = city.tile(kind, id).map_err(|error| mesh_error(folder, &error))?;
+        bytes.ok_or_else(|| mesh_error(folder, &"a tile is missing: see `insula-server verify`"))
     };
-    let decoded = |error: insula_protocol::error::DecodeError| failed(error.to_string());
+    let decoded = |error: DecodeError| mesh_error(folder, &error);
     let (mut positions, mut roots) = (Vec::new(), vec![TileId::ROOT]);
     while let Some(root) = roots.pop() {
         let subtree = Subtree::decode(&tile(TileKind::Subtree, root)?).map_err(decoded)?;
         let is_root = |id: TileId, mask: u8| id != root && mask != 0 && Subtree::is_root(id);
         roots.extend(subtree.nodes.iter().filter(|node| is_root(node.id, node.child_mask)).map(|node| node.id));
-        for leaf in subtree.meshes.iter().filter(|mesh| mesh.id != root || root == TileId::ROOT).map(|mesh| mesh.id) {
+        for leaf in subtree.meshes.iter().map(|mesh| mesh.id) {
             let Some(at) = mesh_tile::archive_id(leaf, 0) else { continue };
             let mesh = MeshTile::decode(leaf, 0, &tile(TileKind::Mesh, at)?).map_err(decoded)?.mesh;
             let side_m = manifest.root_side_m / f64::from(1u32 << leaf.level());
@@ -108,9 +104,12 @@ fn baked_model(folder: &Path) -> Result<TriangleModel, CommandError> {
                 })
             };
             positions.extend(mesh.triangles.iter().flatten().map(|vertex| place(*vertex)));
+            if positions.len() / 3 > MAX_COUNT {
+                return separate_triangles(folder, positions);
+            }
         }
     }
-    Ok(soup(positions))
+    separate_triangles(folder, positions)
 }
 
 /// The model with its vertices coloured by their distance from `other`.

@@ -24,7 +24,7 @@ use std::{
 /// First bytes of a compressed mesh file. The encoded mesh follows, then its CRC-32 (little-endian).
 const MAGIC: &[u8; 4] = b"INSM";
 
-fn mesh_error(path: &Path, reason: &dyn std::fmt::Display) -> CommandError {
+pub(super) fn mesh_error(path: &Path, reason: &dyn std::fmt::Display) -> CommandError {
     CommandError::Mesh { path: path.to_owned(), reason: reason.to_string() }
 }
 
@@ -113,19 +113,26 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Runs `simplify`, and measures how far the result lies from the input. Fails if the input is not a mesh or a file cannot be read or written.
+/// The surface of a model. Fails if it has none, or if coordinates are too large to measure distances.
+pub(super) fn surface_of(path: &Path, model: &TriangleModel) -> Result<Surface, CommandError> {
+    Surface::of_model(model).ok_or_else(|| mesh_error(path, &"it has no triangles, or coordinates beyond 10^15"))
+}
+
+/// Runs `simplify`, and measures how far the result lies from the input. Fails if the input is not a mesh or a file cannot be
+/// read or written.
 pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
     refuse_input(&args.output, &args.input)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let before = model.triangles.len();
     let start = Instant::now();
+    let source = surface_of(&args.input, &model)?;
     let out = with_spinner("simplify", || match (args.error, args.ratio) {
-        (Some(limit), _) => simplify::simplify_within(&model, limit),
+        (Some(limit), _) => simplify::simplify_within(&model, &source, limit),
         (None, ratio) => {
             let triangles = ratio.map_or(0, |ratio| (before as f64 * ratio).round() as usize);
             let mut out = simplify::simplify(&model, Goal { triangles, error: f64::INFINITY }, |_| false);
-            out.error = Surface::of_model(&model).map_or(0.0, |source| simplify::largest_distance(&source, &out.model));
+            out.error = simplify::largest_distance(&source, &out.model);
             out
         }
     });
@@ -136,7 +143,7 @@ pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
         args.output.display(),
         out.model.triangles.len(),
         out.error,
-        out.error / model.diagonal().max(f64::MIN_POSITIVE) * 100.0,
+        out.error / source.diagonal().max(f64::MIN_POSITIVE) * 100.0,
         out.removed_parts,
         describe_repairs(&out.repairs)
     ));

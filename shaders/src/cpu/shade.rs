@@ -43,11 +43,13 @@ pub(crate) const GROUND_DEPTH: f32 = 0.26;
 /// How fast facades lose the sun as a street becomes deeper. In a deep street a low sun reaches their tops only, which walls and
 /// ground see at flat angles, so its share falls faster than the lit area.
 pub(crate) const FACADE_DEPTH: f32 = 1.1;
-/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this. Walls receive a share, and
-/// in the open not less than a part of it: occlusion ends a metre or two from a wall's edge, which would look like a stain.
+/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this.
 pub(crate) const LAMP_DEPTH: f32 = 3.0;
-pub(crate) const LAMPS_IN_THE_OPEN: f32 = 0.4;
+/// Share of that light on walls.
 pub(crate) const LAMPS_ON_WALLS: f32 = 0.25;
+/// Least part of that share on a wall, however open its surroundings are. Occlusion ends a metre or two from a wall's edge: without
+/// any light, the edge would look stained.
+pub(crate) const LAMPS_IN_THE_OPEN: f32 = 0.4;
 /// Reflectance of water and glass seen from straight ahead (Schlick's approximation of Fresnel's equations).
 pub(crate) const FACING_REFLECTANCE: f32 = 0.03;
 /// Angles in radians by which waves and panes spread the sun's reflection.

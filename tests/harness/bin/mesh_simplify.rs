@@ -1,20 +1,19 @@
 //! Compares simplification with meshoptimizer's: triangles, time, distance to the source.
 //!
 //! `cargo run --release -p insula-tests --bin mesh_simplify -- skull.obj nefertiti.obj`. Distances are those of evenly spread
-//! points to the other surface, in both directions, divided by the diagonal of the bounding box.
+//! points, and for the largest one of all vertices, to the other surface, in both directions, divided by the diagonal of the
+//! bounding box.
 
 #![allow(clippy::unwrap_used, reason = "a bench may fail loudly")]
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use glam::DVec3;
 use insula_bake::{
     model::{ModelFormat, TriangleModel},
     simplify::{Goal, simplify},
+    surface::Surface,
 };
-use insula_tests::truth::Truth;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
-use rayon::prelude::*;
 use std::{path::PathBuf, time::Instant};
 
 /// Compares simplification with meshoptimizer's
@@ -32,9 +31,6 @@ struct Args {
 }
 
 type Point = [f32; 3];
-
-/// Radius of the first search for the nearest point, over the diagonal.
-const SEARCH_START: f64 = 1.0 / 4096.0;
 
 fn main() -> Result<()> {
     let args = Args::parse();
@@ -80,7 +76,7 @@ fn compare(name: &str, model: &TriangleModel, ratio: f64, args: &Args) -> Result
     let before = triangles(indices, &positions);
     let diagonal = model.diagonal();
     for ((by, times), after) in ["Insula", "simplify", "simplify_with_update"].iter().zip(times).zip(&results) {
-        let [mean, rms, largest] = distance(&before, after, args.points, diagonal).map(|d| d / diagonal);
+        let [mean, rms, largest] = distance(&before, after, args.points)?.map(|d| d / diagonal);
         let ms = median(times);
         println!("| {name} | {ratio} | {by} | {} | {ms:.0} | {mean:.3e} | {rms:.3e} | {largest:.3e} |", after.len());
     }
@@ -113,44 +109,12 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// Mean, root mean square and largest distance, each the larger of both directions.
-fn distance(a: &[[Point; 3]], b: &[[Point; 3]], points: usize, diagonal: f64) -> [f64; 3] {
-    let one_way = |from: &[[Point; 3]], to: &[[Point; 3]]| {
-        let surface = Truth::of_triangles(to);
-        let found: Vec<f64> = spread(from, points)
-            .par_iter()
-            .map(|p| surface.distance_to_surface(*p, SEARCH_START * diagonal, diagonal))
-            .collect();
-        let mean = found.iter().sum::<f64>() / found.len() as f64;
-        let square = found.iter().map(|d| d * d).sum::<f64>() / found.len() as f64;
-        [mean, square.sqrt(), found.iter().copied().fold(0.0, f64::max)]
+fn distance(a: &[[Point; 3]], b: &[[Point; 3]], points: usize) -> Result<[f64; 3]> {
+    let surface = |triangles: &[[Point; 3]]| {
+        let corners = triangles.iter().map(|t| t.map(|p| p.map(f64::from)));
+        Surface::new(corners.collect()).context("no triangles")
     };
-    let (there, back) = (one_way(a, b), one_way(b, a));
-    std::array::from_fn(|k| there[k].max(back[k]))
-}
-
-/// Points on triangles, proportional to their areas and the same in every run.
-fn spread(triangles: &[[Point; 3]], count: usize) -> Vec<DVec3> {
-    let corners = |t: &[Point; 3]| t.map(|p| DVec3::from(p.map(f64::from)));
-    let area = |t: &[Point; 3]| {
-        let [a, b, c] = corners(t);
-        (b - a).cross(c - a).length() * 0.5
-    };
-    let step = triangles.iter().map(area).sum::<f64>() / count as f64;
-    let (mut due, mut number, mut out) = (0.0, 0u64, Vec::with_capacity(count));
-    for triangle in triangles {
-        due += area(triangle) / step;
-        let [a, b, c] = corners(triangle);
-        while due >= 1.0 {
-            due -= 1.0;
-            // A low-discrepancy sequence (Roberts 2018).
-            number += 1;
-            let at = |step: f64| (number as f64 * step).fract();
-            let (mut s, mut t) = (at(0.754_877_666_246_692_7), at(0.569_840_290_998_053_2));
-            if s + t > 1.0 {
-                (s, t) = (1.0 - s, 1.0 - t);
-            }
-            out.push(a + (b - a) * s + (c - a) * t);
-        }
-    }
-    out
+    let (a, b) = (surface(a)?, surface(b)?);
+    let (there, back) = (a.compare(&b, points), b.compare(&a, points));
+    Ok([there.mean.max(back.mean), there.rms.max(back.rms), there.max.max(back.max)])
 }

@@ -17,8 +17,8 @@ pub(super) struct CodeGap {
 ///
 /// A gap opens each row that lies entirely in it. If there is no such row and `leaves_runs_out` is set, the gap opens the row
 /// that it overlaps most, provided that less than half of that row is full: losing a thin run is a smaller error than closing a
-/// high gap. The first and the last row of a column are never opened this way: the first one shows what stands on the ground, and
-/// the last one carries the roof.
+/// high gap. The first and the last row of a column stay closed in this case, because they show what stands on the ground and what
+/// carries the roof.
 pub(super) fn gaps_between(solids: &[[u16; 2]], codes_per_row: u16, leaves_runs_out: bool) -> Vec<CodeGap> {
     let [Some(first), Some(last)] = [solids.first(), solids.last()] else { return Vec::new() };
     let inner = first[0] / codes_per_row + 1..(last[1] - 1) / codes_per_row;

@@ -5,13 +5,11 @@
 use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, TileId,
-    blockmap::{CLIP_STEPS_PER_CELL, MapColumn, STEPS_PER_CELL, strip_rows},
+    blockmap::{CLIP_STEPS_PER_CELL, MIN_NORMAL_Z, MapColumn, STEPS_PER_CELL, strip_rows},
     octahedral,
 };
 use std::f64::consts::TAU;
 
-/// Least z of an inclined top's normal. Steeper tops are treated as if they had this slope.
-const MIN_NORMAL_Z: f64 = 0.1;
 /// Steps of a sequence of points that fill a box evenly: powers of the inverse of 1.167304, the root of x^5 = x + 1 (Roberts 2018,
 /// "The unreasonable effectiveness of quasirandom sequences").
 const EVEN_STEPS: [f64; 4] = [0.856_675, 0.733_892, 0.628_707, 0.538_597];
@@ -64,17 +62,14 @@ impl ColumnField {
         Some(Self { cell_m, first, size, nodes })
     }
 
-    /// Distance from a point to the nearest surface, at most `most_m`: from outside to a solid, from inside to where nothing is.
+    /// Distance from a point to the nearest surface, at most `most_m`, which must be finite: from outside to a solid, from inside to where nothing is.
     pub fn distance_m(&self, p: DVec3, most_m: f64) -> f64 {
         let cell = (p.truncate() / self.cell_m).floor();
         let own = self.parts([cell.x as i64, cell.y as i64]);
         let here = own.iter().find(|part| part.nearest_in_outline(p.truncate()).1 == 0.0);
         let is_inside = here.is_some_and(|part| part.is_full_at(p));
-        let mut best = most_m;
-        for ring in 0i64.. {
-            if (ring - 1) as f64 * self.cell_m >= best {
-                return best;
-            }
+        let (mut best, mut ring) = (most_m, 0i64);
+        while ((ring - 1) as f64) * self.cell_m < best {
             let mut visit = |dx: i64, dy: i64| {
                 best = best.min(self.cell_distance_m([cell.x as i64 + dx, cell.y as i64 + dy], p, is_inside, best));
             };
@@ -88,12 +83,13 @@ impl ColumnField {
                 visit(-ring, dy);
                 visit(ring, dy);
             }
+            ring += 1;
         }
         best
     }
 
-    /// The points that `count` rays from above hit first, 15, 40 and 75 degrees above the horizon and all around. Those within `margin_m` of
-    /// the field's border are left out.
+    /// The points that `count` rays from above hit first, from 15, 40 and 75 degrees above the horizon and all around. Points within
+    /// `margin_m` of the field's border are left out.
     pub fn seen_points(&self, count: usize, margin_m: f64) -> Vec<DVec3> {
         let [low, high] = self.extent_m();
         let solids = || self.nodes.iter().flatten().flatten().flat_map(|part| &part.solids);
@@ -273,7 +269,7 @@ fn cell_parts(map: &BlockMap, column: &MapColumn, low: DVec2, cell_m: f64) -> Ve
     let metres = |code: u16| map.z_base_m() + f64::from(code) * f64::from(map.z_step_m());
     let centre = low + cell_m / 2.0;
     let [nx, ny, nz] = octahedral::decode(column.roof_normal).map(f64::from);
-    let slope = if column.inclined { DVec2::new(-nx, -ny) / nz.max(MIN_NORMAL_Z) } else { DVec2::ZERO };
+    let slope = if column.inclined { DVec2::new(-nx, -ny) / nz.max(f64::from(MIN_NORMAL_Z)) } else { DVec2::ZERO };
     let square = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y].map(|at| low + at * cell_m).to_vec();
     let solids: Vec<[f64; 2]> = full_codes(map, column).into_iter().map(|run| run.map(metres)).collect();
     let part = |outline: Vec<DVec2>, solids: Vec<[f64; 2]>, slope: DVec2| {

@@ -3,8 +3,11 @@
 //! Both are measured at some points of either surface. A leaf is compared with the triangles, a parent with points of its leaves
 //! and with its children.
 
-use super::{column_field::ColumnField, triangle_squares::TriangleSquares, voxels::VoxelNode};
-use crate::scene::Scene;
+use super::{column_field::ColumnField, voxels::VoxelNode};
+use crate::{
+    scene::{ObjectKind, Scene},
+    surface::Surface,
+};
 use glam::{DVec2, DVec3};
 use insula_protocol::{BlockMap, NODE_CELLS, blockmap::voxel_error_m, subtree::NodeDeviation};
 
@@ -21,14 +24,21 @@ const LEAF_RAYS: usize = 150;
 /// Most such points of a node.
 const MAX_POINTS: usize = 6000;
 
-/// The distances of a leaf. `corner` is the root's south-west corner and height zero in the scene's coordinates.
-pub(crate) fn of_leaf(map: &BlockMap, node: &VoxelNode, scene: &Scene, corner: DVec3) -> NodeDeviation {
+/// The triangles that leaves are compared with: those of a scene without generated ground. `corner` is the root's south-west corner
+/// and height zero in the scene's coordinates. `None` without such triangles.
+pub(crate) fn source_surface(scene: &Scene, corner: [f64; 3]) -> Option<Surface> {
+    let is_source = |object: u32| scene.objects[object as usize].kind != ObjectKind::GeneratedGround;
+    let place = |c: [f32; 3]| std::array::from_fn(|axis| f64::from(c[axis]) - corner[axis]);
+    let triangles = scene.triangles.iter().filter(|triangle| is_source(triangle.object));
+    Surface::new(triangles.map(|triangle| triangle.corners.map(place)).collect())
+}
+
+/// The distances of a leaf from the surface around it; none without one.
+pub(crate) fn of_leaf(map: &BlockMap, node: &VoxelNode, source: Option<&Surface>) -> NodeDeviation {
     let cell_m = f64::from(map.cell_m);
-    let Some(field) = ColumnField::new([map]) else { return NodeDeviation::default() };
-    let most_m = MOST_CELLS * cell_m;
-    let drawn = field.seen_points(RAYS, MARGIN_CELLS * cell_m);
-    let triangles = TriangleSquares::new(map, scene, corner);
-    let drawn = drawn.into_iter().map(|p| triangles.distance_m(p, most_m)).collect();
+    let (Some(field), Some(source)) = (ColumnField::new([map]), source) else { return NodeDeviation::default() };
+    let drawn = field.seen_points(RAYS, MARGIN_CELLS * cell_m).into_iter();
+    let drawn = drawn.map(|p| source.distance(p.to_array()).min(MOST_CELLS * cell_m)).collect();
     deviation(drawn, to_field(map, &field, &node.surface))
 }
 

@@ -12,7 +12,6 @@
 //! | `fill` | appearance for voxels that no surfel reached |
 //! | `code_gaps` | which gaps of a column are stored exactly, and which as rows of its wall |
 //! | `parametrise` | height codes and texels of a `BlockMap` |
-//! | `triangle_squares` | the nearest triangle of a leaf |
 //! | `srgb` | 8-bit sRGB and linear light |
 
 pub(crate) mod clip;
@@ -24,6 +23,5 @@ pub(crate) mod fill;
 pub(crate) mod merge;
 pub mod parametrise;
 pub(crate) mod srgb;
-mod triangle_squares;
 pub mod voxels;
 pub(crate) mod wall_fit;

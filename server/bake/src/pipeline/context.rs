@@ -78,7 +78,8 @@ impl FinishedTiles {
 }
 
 /// Encodes a node, whose bounds are to contain those of its `children`. Takes the node to free its voxels early. `measure` compares
-/// it with the source, and returns points for its ancestors. Fails if it exceeds the format's limits; `source` then says what the node is made from.
+/// it with the source, and returns points for its ancestors. Fails if it exceeds the format's limits; `source` then says what the
+/// node is made from.
 pub(super) fn encode_node<'a>(
     grid: &CityGrid,
     config: &BakeConfig,

@@ -2,7 +2,6 @@
 
 use std::cmp::Reverse;
 
-use glam::DVec3;
 use insula_protocol::{BlockMap, TileId};
 use rayon::{ThreadPool, prelude::*};
 
@@ -119,9 +118,10 @@ impl LeafBaker<'_> {
         };
         let meshes =
             if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
-        let corner = DVec3::from(grid.corner);
+        let source = deviation::source_surface(&scene, grid.corner);
+        drop((scene, triangles));
         let measure = |map: &BlockMap, node: &VoxelNode| {
-            (deviation::of_leaf(map, node, &scene, corner), deviation::leaf_points(map))
+            (deviation::of_leaf(map, node, source.as_ref()), deviation::leaf_points(map))
         };
         let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter(), measure);
         let tiles = nodes.into_par_iter().map(encode).collect::<Result<_, _>>()?;

@@ -46,10 +46,13 @@ fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Re
         let unchanged = context.previous.filter(|previous| has_same_children(previous, tree, *id));
         let reused = unchanged.and_then(|previous| previous.tile(*id));
         let is_unchanged = reused.is_some();
-        let points = points_of_children(context, tree, *id)?;
+        let mut reader = PackReader::new(context.packs);
+        let children = id.children().filter_map(|child| tree.get(child));
+        let points: Vec<_> = children.map(|child| reader.read_points(child)).collect::<Result<_, _>>()?;
+        let points = deviation::spread(points.concat());
         let tile = match reused {
             Some(tile) => EncodedTile { points, ..tile },
-            None => bake_node(context, tree, *id, points)?,
+            None => bake_node(context, tree, *id, &mut reader, points)?,
         };
         if is_unchanged {
             context.progress.skip(1)
@@ -74,20 +77,14 @@ fn has_same_children(previous: &PreviousCity, tree: &TileTree, id: TileId) -> bo
     })
 }
 
-fn points_of_children(context: &TileContext<'_>, tree: &TileTree, id: TileId) -> Result<Vec<[f32; 3]>, BakeError> {
-    let mut reader = PackReader::new(context.packs);
-    let children = id.children().filter_map(|child| tree.get(child));
-    let points: Vec<_> = children.map(|child| reader.read_points(child)).collect::<Result<_, _>>()?;
-    Ok(deviation::spread(points.concat()))
-}
-
+/// Makes a node from its children. `points` are those of its leaves.
 fn bake_node(
     context: &TileContext<'_>,
     tree: &TileTree,
     id: TileId,
+    reader: &mut PackReader<'_>,
     points: Vec<[f32; 3]>,
 ) -> Result<EncodedTile, BakeError> {
-    let mut reader = PackReader::new(context.packs);
     let mut children: [Option<BlockMap>; 4] = [const { None }; 4];
     for stored in id.children().filter_map(|child| tree.get(child)) {
         let bytes = reader.read(stored)?;

@@ -19,9 +19,9 @@ const MAX_SURFELS: f32 = 65536.0;
 /// Most rows of surfels over the longest edge of a sliver.
 const MAX_SLIVER_ROWS: f32 = 4.0;
 
-/// Most points of a leaf that tell how far its columns lie from the source.
+/// Maximum number of points at which the distance of a leaf's columns from the source is measured.
 const MAX_POINTS: usize = 1500;
-/// Points that are visible from less than this part of the directions do not count: one sees floors through seams of shells.
+/// Points that are visible from less than one in this many directions are left out: floors are visible through seams of shells.
 const LEAST_SEEN: u32 = 10;
 
 /// One point of a surface.
@@ -97,8 +97,8 @@ pub(super) fn share_sky(surfels: &mut [Surfel]) {
     }
 }
 
-/// Points spread over what is visible of a leaf, dense where it is visible from many of all `directions`: metres from the root's
-/// corner and above the grid's height zero. Undersides are left out: those of buildings are visible from below the horizon only,
+/// Points spread over what is visible of a leaf, dense where it is visible from many directions: metres from the root's corner and
+/// above the grid's height zero. `directions` is the number of those above the horizon. Undersides are left out: those of buildings are visible from below the horizon only,
 /// where no viewer is.
 pub(super) fn visible_points(block: &LocalBlock, surfels: &[Surfel], leaf: TileId, directions: u32) -> Vec<[f32; 3]> {
     let side_m = NODE_CELLS as f32 * block.cell_m;

@@ -102,13 +102,13 @@ fn a_limit_of_the_distance_is_kept_in_both_directions() {
         let source = Surface::of_model(&model).unwrap();
         let mut before = model.triangles.len();
         for limit in [0.02, 0.1, 0.4] {
-            let out = simplify_within(&model, limit);
+            let out = simplify_within(&model, &source, limit);
             let found = largest_distance(&source, &out.model);
             assert!(found <= limit && found > 0.2 * limit && out.error == found, "{found} {limit}");
             assert!(out.model.triangles.len() < before);
             before = out.model.triangles.len();
         }
-        let untouched = simplify_within(&model, 0.0);
+        let untouched = simplify_within(&model, &source, 0.0);
         assert!(largest_distance(&source, &untouched.model) < 1e-9);
     }
 }

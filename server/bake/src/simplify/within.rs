@@ -16,14 +16,13 @@ const CLOSE: f64 = 1.15;
 /// points of each and all vertices. The error of the result is the measured distance.
 ///
 /// The errors of collapses are root mean squares, which a single vertex may exceed several times. So the model is simplified with
-/// smaller limits until the measured distance fits. If none does, the model stays as it is.
-pub fn simplify_within(model: &TriangleModel, limit: f64) -> Simplified {
-    let source = Surface::of_model(model);
+/// smaller limits until the measured distance fits. If none does, only the repairs are made. `source` is the model's surface.
+pub fn simplify_within(model: &TriangleModel, source: &Surface, limit: f64) -> Simplified {
     let (mut best, mut low, mut high): (Option<Simplified>, f64, f64) = (None, 0.0, f64::INFINITY);
     let mut goal = limit;
     for _ in 0..MAX_ATTEMPTS {
         let mut out = simplify(model, Goal { triangles: 0, error: goal }, |_| false);
-        out.error = source.as_ref().map_or(0.0, |source| largest_distance(source, &out.model));
+        out.error = largest_distance(source, &out.model);
         let ratio = out.error / limit;
         if out.error <= limit * FITS {
             low = goal;

@@ -1,7 +1,8 @@
 //! The finished tiles of a block of one level in one scratch file.
 //!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, the four deviations, bytes and
-//! number of points (4 bytes each), per tile its bytes and points, a BLAKE3 hash of everything before. Only the version of the program that wrote a pack reads it.
+//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, the four deviations, bytes and number of points (4
+//! bytes each), per tile its bytes and points, a BLAKE3 hash of everything before. Only the version of the program that wrote a
+//! pack reads it.
 
 use std::{
     fs,

@@ -5,16 +5,13 @@
 
 use insula_protocol::{
     BlockMap, Subtree, TileId,
-    blockmap::{self, flag, voxel_error_m},
+    blockmap::{self, MIN_NORMAL_Z, flag, voxel_error_m},
     octahedral,
     subtree::{LEVELS, NodeInfo, NodeMesh},
 };
 
 use super::{mesh_pack::StoredMesh, tile_pack::StoredTile};
 use crate::{error::BakeError, scene::grid::CityGrid};
-
-/// Least z of an inclined top's normal. Steeper tops are treated as if they had this slope.
-const MIN_NORMAL_Z: f32 = 0.1;
 
 /// The packed tiles of all nodes, the root's level first, each level in the order of its ids.
 #[derive(Debug, Default)]
