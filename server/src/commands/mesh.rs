@@ -7,12 +7,12 @@ use super::{
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
 use insula_bake::{
-    model::{ModelFormat, TriangleModel, quantise},
+    model::{CornerLayer, ModelFormat, TriangleModel, quantise},
     simplify::{self, Goal},
     surface::Surface,
 };
 use insula_protocol::{
-    mesh::{Mesh, half_edge::RepairReport},
+    mesh::{AttributeKind, Mesh, half_edge::RepairReport},
     text::human_bytes,
 };
 use std::{
@@ -72,6 +72,20 @@ fn describe_repairs(report: &RepairReport) -> String {
     parts.collect()
 }
 
+/// The corners without a value of a layer that others have, as text; empty without any.
+fn describe_missing(model: &TriangleModel) -> String {
+    let describe = |layer: &CornerLayer| {
+        let what = match layer.kind {
+            AttributeKind::Normal => "normal",
+            AttributeKind::Colour => "colour",
+            AttributeKind::TexCoord => "texture coordinate",
+            AttributeKind::Other => "value",
+        };
+        format!("; {} of {} corners have no {what}", layer.missing(), layer.corners.len())
+    };
+    model.layers.iter().filter(|layer| layer.missing() > 0).map(describe).collect()
+}
+
 /// Runs `compress`. Fails if the input is not a mesh or a file cannot be read or written.
 pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
     refuse_input(&args.output, &args.input)?;
@@ -87,11 +101,12 @@ pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
     let (vertices, triangles) = (encoded.vertices.len(), encoded.corners.len() / 3);
     let bits = file.len() as f64 * 8.0;
     print(&format!(
-        "{}: {triangles} triangles, {vertices} vertices, {}, {:.2} bits per vertex, {seconds:.2} s{}\n",
+        "{}: {triangles} triangles, {vertices} vertices, {}, {:.2} bits per vertex, {seconds:.2} s{}{}\n",
         args.output.display(),
         human_bytes(file.len() as u64),
         bits / vertices.max(1) as f64,
-        describe_repairs(&encoded.report)
+        describe_repairs(&encoded.report),
+        describe_missing(&model)
     ));
     Ok(())
 }
@@ -107,9 +122,11 @@ pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
         return Err(mesh_error(&args.input, &"the file is damaged: its checksum differs"));
     }
     let mesh = with_spinner("decompress", || Mesh::decode(coded)).map_err(|error| mesh_error(&args.input, &error))?;
-    write(&args.output, &quantise::to_model(&mesh).write(format))?;
+    let model = quantise::to_model(&mesh);
+    write(&args.output, &model.write(format))?;
     let (triangles, vertices) = (mesh.triangles.len(), mesh.positions.len());
-    print(&format!("{}: {triangles} triangles, {vertices} vertices\n", args.output.display()));
+    let missing = describe_missing(&model);
+    print(&format!("{}: {triangles} triangles, {vertices} vertices{missing}\n", args.output.display()));
     Ok(())
 }
 
@@ -139,13 +156,14 @@ pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     let seconds = start.elapsed().as_secs_f64();
     write(&args.output, &out.model.write(format))?;
     print(&format!(
-        "{}: {} of {before} triangles, largest distance {:.6} ({:.4}% of the diagonal), {} components removed, {seconds:.2} s{}\n",
+        "{}: {} of {before} triangles, largest distance {:.6} ({:.4}% of the diagonal), {} components removed, {seconds:.2} s{}{}\n",
         args.output.display(),
         out.model.triangles.len(),
         out.error,
         out.error / source.diagonal().max(f64::MIN_POSITIVE) * 100.0,
         out.removed_parts,
-        describe_repairs(&out.repairs)
+        describe_repairs(&out.repairs),
+        describe_missing(&out.model)
     ));
     Ok(())
 }

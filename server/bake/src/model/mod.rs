@@ -4,9 +4,11 @@ mod obj;
 mod off;
 mod ply;
 pub mod quantise;
+#[cfg(test)]
+mod tests;
 mod triangle_model;
 
-pub use triangle_model::{CornerLayer, MAX_COUNT, ModelError, ModelFormat, TriangleModel};
+pub use triangle_model::{CornerLayer, MAX_COUNT, ModelError, ModelFormat, NO_VALUE, TriangleModel};
 
 impl TriangleModel {
     /// Parses a file. Polygons become fans of triangles. Fails if it is not of the format, has a value that is not
@@ -28,85 +30,5 @@ impl TriangleModel {
             ModelFormat::Off => off::write(self),
             ModelFormat::Obj => obj::write(self),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use insula_protocol::mesh::AttributeKind;
-
-    fn model() -> TriangleModel {
-        let positions = vec![[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.25, 0.0], [0.0, 0.0, -3.0]];
-        let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
-        TriangleModel { positions, triangles, layers: vec![] }
-    }
-
-    #[test]
-    fn every_format_round_trips() {
-        for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
-            assert_eq!(TriangleModel::read(&model().write(format), format).unwrap(), model(), "{format:?}");
-        }
-    }
-
-    #[test]
-    fn layers_round_trip_in_obj_and_ply() {
-        let mut model = model();
-        let corners: Vec<u32> = model.triangles.as_flattened().to_vec();
-        let layer = |kind, width, values: [[f32; 4]; 4]| CornerLayer {
-            kind,
-            width,
-            values: values.to_vec(),
-            corners: corners.clone(),
-        };
-        let value = |v: f32| [v, 1.0 - v, 0.0, 0.0];
-        model.layers.push(layer(AttributeKind::TexCoord, 2, [0.0, 0.25, 0.5, 1.0].map(value)));
-        let normal = |k: usize| std::array::from_fn(|i| f32::from(i == k));
-        model.layers.push(layer(AttributeKind::Normal, 3, [0, 1, 2, 0].map(normal)));
-        assert_eq!(TriangleModel::read(&model.write(ModelFormat::Obj), ModelFormat::Obj).unwrap(), model);
-        let grey = |v: u8| [f32::from(v) / 255.0, 1.0, f32::from(v) / 255.0, 0.0];
-        model.layers.push(layer(AttributeKind::Colour, 3, [0, 7, 128, 255].map(grey)));
-        let ply = model.write(ModelFormat::Ply);
-        assert!(String::from_utf8_lossy(&ply).contains("property uchar green\n"), "other programs expect bytes");
-        let read = TriangleModel::read(&ply, ModelFormat::Ply).unwrap();
-        let values = |model: &TriangleModel, layer: usize| -> Vec<[f32; 4]> {
-            let layer = &model.layers[layer];
-            layer.corners.iter().map(|value| layer.values[*value as usize]).collect()
-        };
-        assert_eq!(read.layers.len(), 3);
-        assert!((0..3).all(|layer| values(&read, layer) == values(&model, layer)));
-    }
-
-    #[test]
-    fn text_variants_of_other_programs_are_read() {
-        let off =
-            "OFF # a comment\n# another\n\n5 2 0\n0 0 0\n1 0 0 \n1 1 0\n0 1 0\n0 0 1\n4 0 1 2 3\n3 0 1 4 255 0 0\n";
-        let model = TriangleModel::read(off.as_bytes(), ModelFormat::Off).unwrap();
-        assert_eq!(model.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
-        let obj = "mtllib a.mtl\nv 0 0 0 1\nv 1 0 0\n\nv 1 1 0\nusemtl x\nf -3//1 -2 3\ng\nf 1/1/1 2/1/1 3/1/1\nvt 0 0\nvn 0 0 1\n";
-        let model = TriangleModel::read(obj.as_bytes(), ModelFormat::Obj).unwrap();
-        assert_eq!(model.triangles, [[0, 1, 2], [0, 1, 2]]);
-        let ply = "ply\r\nformat ascii 1.0\r\ncomment c\r\nelement vertex 3\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\nproperty float confidence\r\nelement face 1\r\nproperty list uchar int vertex_indices\r\nend_header\r\n0 0 0 1\r\n1 0 0 1\r\n0 1 0 1\r\n3 0 1 2\r\n";
-        assert_eq!(TriangleModel::read(ply.as_bytes(), ModelFormat::Ply).unwrap().triangles, [[0, 1, 2]]);
-    }
-
-    #[test]
-    fn damaged_files_are_an_error_or_a_valid_model() {
-        for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
-            let whole = model().write(format);
-            for length in 0..whole.len() {
-                let _ = TriangleModel::read(&whole[..length], format);
-                for byte in [0, b'9', b' ', b'\n', 0xff] {
-                    let mut bytes = whole.clone();
-                    bytes[length] = byte;
-                    if let Ok(model) = TriangleModel::read(&bytes, format) {
-                        assert!(model.triangles.as_flattened().iter().all(|v| (*v as usize) < model.positions.len()));
-                    }
-                }
-            }
-        }
-        let huge = b"ply\nformat binary_little_endian 1.0\nelement vertex 9999999999\nproperty float x\nend_header\n";
-        assert!(TriangleModel::read(huge, ModelFormat::Ply).is_err());
-        assert!(TriangleModel::read(b"OFF\n4000000000 1 1\n", ModelFormat::Off).is_err());
     }
 }

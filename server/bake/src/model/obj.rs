@@ -1,7 +1,7 @@
 //! OBJ: vertices, normals, texture coordinates and faces. Materials are ignored; `read::obj` reads cities with
 //! materials.
 
-use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
+use super::triangle_model::{CornerLayer, ModelError, NO_VALUE, TriangleModel, check_count, push_fan};
 use insula_protocol::mesh::AttributeKind;
 use std::fmt::Write;
 
@@ -59,11 +59,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     Ok(model)
 }
 
-/// A layer if all corners have a value, else `None`.
+/// A layer if any corner has a value, else `None`. An index out of range counts as no value.
 fn layer(kind: AttributeKind, width: usize, values: Vec<[f32; 4]>, corners: Vec<Option<u32>>) -> Option<CornerLayer> {
-    let corners: Vec<u32> = corners.into_iter().collect::<Option<_>>()?;
-    let is_complete = !corners.is_empty() && corners.iter().all(|value| (*value as usize) < values.len());
-    is_complete.then_some(CornerLayer { kind, width, values, corners })
+    let existing = |value: Option<u32>| value.filter(|value| (*value as usize) < values.len()).unwrap_or(NO_VALUE);
+    let corners: Vec<u32> = corners.into_iter().map(existing).collect();
+    corners.iter().any(|value| *value != NO_VALUE).then_some(CornerLayer { kind, width, values, corners })
 }
 
 fn numbers<'a, const N: usize>(mut words: impl Iterator<Item = &'a str>) -> Option<[f64; N]> {
@@ -106,7 +106,7 @@ pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
     for (t, triangle) in model.triangles.iter().enumerate() {
         out.push('f');
         for (k, vertex) in triangle.iter().enumerate() {
-            let value = |layer: Option<&CornerLayer>| layer.map(|layer| layer.corners[3 * t + k] + 1);
+            let value = |layer: Option<&CornerLayer>| layer?.corners[3 * t + k].checked_add(1);
             let vertex = vertex + 1;
             let _ = match (value(uv), value(normal)) {
                 (None, None) => write!(out, " {vertex}"),

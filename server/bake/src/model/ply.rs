@@ -276,7 +276,9 @@ pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
         model.positions[row[0] as usize].iter().for_each(|v| out.extend(v.to_le_bytes()));
         for (layer, value) in model.layers.iter().zip(&row[1..]) {
             if LAYERS.iter().any(|(kind, names)| *kind == layer.kind && names.len() == layer.width) {
-                let values = &layer.values[*value as usize][..layer.width];
+                // PLY cannot leave a value out.
+                let value = layer.values.get(*value as usize).unwrap_or(&[0.0; 4]);
+                let values = &value[..layer.width];
                 match layer.kind {
                     AttributeKind::Colour => out.extend(values.iter().map(|v| (v * 255.0).round() as u8)),
                     _ => values.iter().for_each(|v| out.extend(v.to_le_bytes())),

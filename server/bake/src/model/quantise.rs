@@ -1,6 +1,6 @@
 //! Converts models to meshes with quantised values, and back.
 
-use super::triangle_model::{CornerLayer, TriangleModel};
+use super::triangle_model::{CornerLayer, NO_VALUE, TriangleModel};
 use insula_protocol::{
     mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     octahedral,
@@ -50,7 +50,26 @@ fn attribute(layer: &CornerLayer, texcoord_bits: u8) -> Attribute {
         })
     };
     let values = layer.values.iter().map(value).collect();
-    Attribute { kind: layer.kind, components, bits, range, values, corners: layer.corners.clone() }
+    let attribute = Attribute { kind: layer.kind, components, bits, range, values, corners: layer.corners.clone() };
+    if layer.missing() > 0 { with_flag(attribute) } else { attribute }
+}
+
+/// The component that tells whether a corner has no value, for kinds that may have one: 0 or 1.
+fn flag_of(kind: AttributeKind) -> Option<usize> {
+    matches!(kind, AttributeKind::Normal | AttributeKind::TexCoord).then_some(2)
+}
+
+/// Adds the component that marks corners without a value. A kind that has none gets zeros.
+fn with_flag(mut attribute: Attribute) -> Attribute {
+    let mut none = [0; 4];
+    if let Some(flag) = flag_of(attribute.kind) {
+        none[flag] = 1;
+        attribute.components = flag as u8 + 1;
+    }
+    let number = attribute.values.len() as u32;
+    attribute.values.push(none);
+    attribute.corners.iter_mut().filter(|value| **value == NO_VALUE).for_each(|value| *value = number);
+    attribute
 }
 
 /// The model of a mesh.
@@ -63,12 +82,22 @@ pub fn to_model(mesh: &Mesh) -> TriangleModel {
             }
             std::array::from_fn(|k| {
                 let [min, step] = attribute.range;
-                if k < usize::from(attribute.components) { min + value[k] as f32 * step } else { 0.0 }
+                if k < usize::from(attribute.components) && flag_of(attribute.kind).is_none_or(|flag| k < flag) {
+                    min + value[k] as f32 * step
+                } else {
+                    0.0
+                }
             })
         };
-        let width = if attribute.kind == AttributeKind::Normal { 3 } else { usize::from(attribute.components) };
-        let values = attribute.values.iter().map(value).collect();
-        CornerLayer { kind: attribute.kind, width, values, corners: attribute.corners.clone() }
+        let flag = flag_of(attribute.kind).filter(|flag| *flag < usize::from(attribute.components));
+        let width = match attribute.kind {
+            AttributeKind::Normal => 3,
+            _ => flag.unwrap_or(usize::from(attribute.components)),
+        };
+        let has_value = |number: &u32| flag.is_none_or(|flag| attribute.values[*number as usize][flag] == 0);
+        let corners = attribute.corners.iter().map(|number| if has_value(number) { *number } else { NO_VALUE });
+        let (corners, values) = (corners.collect(), attribute.values.iter().map(value).collect());
+        CornerLayer { kind: attribute.kind, width, values, corners }
     });
     TriangleModel {
         positions: mesh.positions_m().collect(),

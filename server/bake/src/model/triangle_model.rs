@@ -6,6 +6,9 @@ use std::{collections::HashMap, path::Path};
 /// Largest number of vertices or triangles.
 pub const MAX_COUNT: usize = 1 << 24;
 
+/// Stands for the value of a corner that has none.
+pub const NO_VALUE: u32 = u32::MAX;
+
 /// Values of one kind that corners carry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CornerLayer {
@@ -15,8 +18,20 @@ pub struct CornerLayer {
     pub width: usize,
     /// Unused components are 0.
     pub values: Vec<[f32; 4]>,
-    /// For each corner `3 t + k` the index of its value.
+    /// For each corner `3 t + k` the index of its value, or [`NO_VALUE`].
     pub corners: Vec<u32>,
+}
+
+impl CornerLayer {
+    /// The value of a corner, if it has one.
+    pub fn value(&self, corner: usize) -> Option<[f32; 4]> {
+        self.values.get(self.corners[corner] as usize).copied()
+    }
+
+    /// Number of corners without a value.
+    pub fn missing(&self) -> usize {
+        self.corners.iter().filter(|value| **value == NO_VALUE).count()
+    }
 }
 
 /// Triangles with the values of their corners.

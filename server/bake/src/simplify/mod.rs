@@ -16,6 +16,7 @@
 //! | `edge_queue` | the cheapest edges of a round |
 //! | `parts` | connected parts that may be removed |
 //! | `wedges` | attribute values of the corners |
+//! | `texture_quadric` | sums of squared differences of texture coordinates |
 //! | `simplifier` | the rounds of collapses |
 //! | `output` | the result as a model |
 //! | `within` | simplification within a measured distance |
@@ -28,6 +29,7 @@ mod output;
 mod parts;
 mod quadric;
 mod simplifier;
+mod texture_quadric;
 mod wedges;
 mod within;
 

@@ -4,7 +4,7 @@ use super::{
     collapsible_mesh::{CollapsibleMesh, VertexConstraint},
     wedges::WedgeValues,
 };
-use crate::model::{CornerLayer, TriangleModel};
+use crate::model::{CornerLayer, NO_VALUE, TriangleModel};
 use glam::DVec3;
 use insula_protocol::mesh::{AttributeKind, half_edge::NONE};
 use std::collections::HashMap;
@@ -83,12 +83,13 @@ impl ModelBuilder<'_> {
         }
         for (i, layer) in self.model.layers.iter_mut().enumerate() {
             if is_new {
-                let [x, y, z, w] = self.wedges.value(wedge, i);
+                let [x, y, z, w] = self.wedges.value(wedge, i).map(|v| if v.is_nan() { 0.0 } else { v });
                 let length = if layer.kind == AttributeKind::Normal { (x * x + y * y + z * z).sqrt() } else { 1.0 };
                 let scale = if length > 0.0 { 1.0 / length } else { 1.0 };
                 layer.values.push([x, y, z, w].map(|v| v * scale));
             }
-            layer.corners.push(self.value_numbers[wedge]);
+            let is_missing = self.wedges.value(wedge, i)[0].is_nan();
+            layer.corners.push(if is_missing { NO_VALUE } else { self.value_numbers[wedge] });
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Quadrics: sums of squared distances to planes (Garland and Heckbert 1997, 4).
 
 use glam::DVec3;
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Mul};
 
 /// Weight of the term that pulls the best point towards the middle of its edge, as a share of the matrix's trace.
 const REGULARISATION: f64 = 1e-4;
@@ -21,12 +21,16 @@ impl Quadric {
     /// Of the plane through `point`. `weight` is divided by the squared length of `normal`.
     #[inline]
     fn plane(normal: DVec3, point: DVec3, weight: f64) -> Self {
-        let d = -normal.dot(point);
-        let (n, w) = (normal, normal * weight);
+        Self::linear(normal, -normal.dot(point), weight)
+    }
+
+    /// The sum of the weighted square of a linear function `slope.p + offset`.
+    pub(super) fn linear(slope: DVec3, offset: f64, weight: f64) -> Self {
+        let (n, w) = (slope, slope * weight);
         Self {
             a: [n.x * w.x, n.y * w.y, n.z * w.z, n.x * w.y, n.x * w.z, n.y * w.z],
-            b: w * d,
-            c: d * d * weight,
+            b: w * offset,
+            c: offset * offset * weight,
             area: 0.0,
         }
     }
@@ -91,6 +95,15 @@ impl AddAssign for Quadric {
         self.b += other.b;
         self.c += other.c;
         self.area += other.area;
+    }
+}
+
+impl Mul<f64> for Quadric {
+    type Output = Self;
+
+    /// The area is not scaled.
+    fn mul(self, share: f64) -> Self {
+        Self { a: self.a.map(|v| v * share), b: self.b * share, c: self.c * share, area: self.area }
     }
 }
 

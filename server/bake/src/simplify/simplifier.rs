@@ -53,9 +53,10 @@ impl Default for EdgeCost {
 
 /// Where the ends of an edge become one vertex.
 struct CollapseTarget {
-    /// Sum of both ends.
+    /// Of the surface: the sum of both ends.
     quadric: Quadric,
     position: DVec3,
+    /// Of the surface and the texture.
     cost: f64,
 }
 
@@ -75,9 +76,9 @@ pub(super) struct Simplifier {
 impl Simplifier {
     pub(super) fn new(model: &TriangleModel, pieces: &HalfEdgeMesh, centre: DVec3) -> Self {
         let positions = pieces.vertex.iter().map(|vertex| DVec3::from(model.positions[*vertex as usize]) - centre);
-        let (wedge_of, wedges) = WedgeValues::number(model, pieces);
+        let (wedge_of, mut wedges) = WedgeValues::number(model, pieces);
         let mut mesh = CollapsibleMesh::new(pieces, positions, &wedge_of);
-        add_quadrics(&mut mesh);
+        add_quadrics(&mut mesh, &mut wedges);
         Self {
             changed: vec![0; mesh.vertices.len()],
             costs: vec![EdgeCost::default(); 4 * pieces.triangles()],
@@ -184,7 +185,11 @@ impl Simplifier {
         let (p, q) = (u.position, v.position);
         let mut quadric = u.quadric;
         quadric += v.quadric;
-        let at = |position: DVec3| CollapseTarget { quadric, position, cost: quadric.cost(position) };
+        let mut total = quadric;
+        for (kept, removed) in self.merged_wedges(h).into_iter().flatten() {
+            total += self.wedges.texture_cost(kept, removed);
+        }
+        let at = |position: DVec3| CollapseTarget { quadric, position, cost: total.cost(position) };
         // The end that must stay, if one must.
         let end = match (u.constraint, v.constraint) {
             (Free, Free) => None,
@@ -201,7 +206,7 @@ impl Simplifier {
         let is_near = |at: &DVec3| {
             at.distance_squared(middle) <= MAX_TARGET_DISTANCE * MAX_TARGET_DISTANCE * p.distance_squared(q)
         };
-        if let Some(best) = quadric.best_point(middle).filter(is_near) {
+        if let Some(best) = total.best_point(middle).filter(is_near) {
             return Some(at(best));
         }
         [p, q, middle].map(at).into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
@@ -219,8 +224,8 @@ impl Simplifier {
             self.costs[h as usize].cost = cost as f32;
             return false;
         }
-        let error_of = |cost: f64| (cost / quadric.area.max(f64::MIN_POSITIVE)).sqrt();
-        let mut error = error_of(cost);
+        let error_at = |at: DVec3| (quadric.cost(at) / quadric.area.max(f64::MIN_POSITIVE)).sqrt();
+        let mut error = error_at(position);
         if error > max_error || !self.mesh.can_collapse(h) {
             return false;
         }
@@ -228,13 +233,12 @@ impl Simplifier {
         let (is_movable, ends) = (kept.constraint == removed.constraint, [kept.position, removed.position]);
         if self.mesh.flips_triangles(u, v, position) {
             // One of the ends may do instead.
-            let is_possible =
-                |at: &&DVec3| error_of(quadric.cost(**at)) <= max_error && !self.mesh.flips_triangles(u, v, **at);
+            let is_possible = |at: &&DVec3| error_at(**at) <= max_error && !self.mesh.flips_triangles(u, v, **at);
             let Some(end) = ends.iter().find(is_possible).filter(|_| is_movable).copied() else { return false };
-            (position, error) = (end, error_of(quadric.cost(end)));
+            (position, error) = (end, error_at(end));
         }
         self.error = self.error.max(error);
-        self.blend_wedges(h, ends, position);
+        self.merge_wedges(h, ends, position);
         self.mesh.collapse(h, position);
         self.mesh.vertices[u as usize].quadric = quadric;
         self.changed[u as usize] = self.round;
@@ -242,32 +246,44 @@ impl Simplifier {
         true
     }
 
-    /// Sets the attributes of the new vertex, on either side of the edge, to those between the edge's ends.
-    fn blend_wedges(&mut self, h: u32, [p, q]: [DVec3; 2], position: DVec3) {
+    /// The wedges that collapsing an edge merges, on either side of it: the kept and the removed one.
+    fn merged_wedges(&self, h: u32) -> [Option<(usize, usize)>; 2] {
         if self.wedges.layers == 0 {
-            return;
+            return [None; 2];
         }
-        let edge = q - p;
-        let share = ((position - p).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0) as f32;
         let twin = self.mesh.twin(h);
         let wedge = |h: u32| self.mesh.wedge(h);
         let mut sides = [Some((wedge(h), wedge(next(h)))), None];
         if twin != NONE {
             sides[1] = Some((wedge(next(twin)), wedge(twin))).filter(|side| Some(*side) != sides[0]);
         }
-        for (kept, removed) in sides.into_iter().flatten() {
+        sides
+    }
+
+    /// Sets the attributes of the new vertex, on either side of the edge, to those between the edge's ends. Texture coordinates
+    /// get their best value if neither end stays.
+    fn merge_wedges(&mut self, h: u32, [p, q]: [DVec3; 2], position: DVec3) {
+        let edge = q - p;
+        let share = ((position - p).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0) as f32;
+        let moved = Some(position).filter(|to| *to != p && *to != q);
+        for (kept, removed) in self.merged_wedges(h).into_iter().flatten() {
             self.wedges.blend(kept, removed, share);
+            self.wedges.merge_texture(kept, removed, moved);
         }
     }
 }
 
-/// Adds the planes of all triangles to their corners, and those of borders and seams to the ends of their edges.
-fn add_quadrics(mesh: &mut CollapsibleMesh) {
+/// Adds the planes and texture coordinates of all triangles to their corners, and the planes of borders and seams to the ends of
+/// their edges.
+fn add_quadrics(mesh: &mut CollapsibleMesh, wedges: &mut WedgeValues) {
     for t in 0..mesh.is_alive.len() as u32 {
         let plane = Quadric::triangle(mesh.corners(t));
         for k in 0..3 {
             let vertex = mesh.origin(4 * t + k);
             mesh.vertices[vertex as usize].quadric += plane;
+        }
+        if wedges.layers > 0 {
+            wedges.add_triangle(mesh.corners(t), [0, 1, 2].map(|k| mesh.wedge(4 * t + k)));
         }
         for h in edges_of(t) {
             if mesh.is_feature(h) {

@@ -1,7 +1,10 @@
 //! Tests of whole simplifications: goals are reached, and topology, borders and seams are kept.
 
 use super::*;
-use crate::{model::CornerLayer, surface::Surface};
+use crate::{
+    model::{CornerLayer, NO_VALUE},
+    surface::Surface,
+};
 use insula_protocol::mesh::AttributeKind;
 
 /// A sphere of radius 10 with `n` quads around, each split into two triangles.
@@ -134,6 +137,69 @@ fn borders_and_seams_keep_their_places() {
         let [u, v, ..] = layer.values[layer.corners[corner] as usize].map(f64::from);
         let u = if u > 60.0 { u - 100.0 } else { u };
         assert!((u - x).abs() < 0.8 && (v - y).abs() < 0.8, "{u} {v} at {x} {y}");
+    }
+}
+
+/// Root mean square difference of the texture coordinates of a model's corners from a function of their places.
+fn texture_slide(model: &TriangleModel, uv: impl Fn([f64; 3]) -> [f64; 2]) -> f64 {
+    let slide = |(corner, vertex): (usize, &u32)| {
+        let [u, v, ..] = model.layers[0].value(corner).unwrap().map(f64::from);
+        let [x, y] = uv(model.positions[*vertex as usize]);
+        (u - x).powi(2) + (v - y).powi(2)
+    };
+    let corners = model.triangles.as_flattened();
+    (corners.iter().enumerate().map(slide).sum::<f64>() / corners.len() as f64).sqrt()
+}
+
+/// The centres of triangles show how far the texture has moved between the corners.
+fn with_centres(model: &TriangleModel) -> TriangleModel {
+    let mut out = TriangleModel { layers: model.layers.clone(), ..TriangleModel::default() };
+    let layer = &mut out.layers[0];
+    layer.corners.clear();
+    for (t, triangle) in model.triangles.iter().enumerate() {
+        let mean = |of: &dyn Fn(usize, usize) -> f64, axis| (0..3).map(|k| of(k, axis)).sum::<f64>() / 3.0;
+        let place = |k: usize, axis: usize| model.positions[triangle[k] as usize][axis];
+        let texture = |k: usize, axis: usize| f64::from(model.layers[0].value(3 * t + k).unwrap()[axis]);
+        out.positions.push([0, 1, 2].map(|axis| mean(&place, axis)));
+        layer.values.push([mean(&texture, 0) as f32, mean(&texture, 1) as f32, 0.0, 0.0]);
+        out.triangles.push([out.positions.len() as u32 - 1; 3]);
+        layer.corners.extend([layer.values.len() as u32 - 1; 3]);
+    }
+    out
+}
+
+#[test]
+fn a_bent_texture_on_a_plane_is_kept() {
+    // The texture is straight on the left and bent on the right, so that triangles are needed there. The plane needs none:
+    // without the texture, the slide is 0.14.
+    let uv = |[x, y, _]: [f64; 3]| [if x > 16.0 { x + 0.05 * (x - 16.0).powi(2) } else { x }, y];
+    let mut model = hill(32);
+    model.positions.iter_mut().for_each(|p| p[2] = 0.0);
+    for (corner, vertex) in model.triangles.as_flattened().iter().enumerate() {
+        let [u, v] = uv(model.positions[*vertex as usize]);
+        model.layers[0].values[corner] = [u as f32, v as f32, 0.0, 0.0];
+    }
+    let out = simplify(&model, Goal { triangles: model.triangles.len() / 20, error: UNLIMITED }, |_| false).model;
+    sound_pieces(&out);
+    let slide = texture_slide(&with_centres(&out), uv);
+    assert!(slide < 0.03, "{slide}");
+}
+
+#[test]
+fn corners_without_values_stay_without() {
+    let mut model = hill(24);
+    let has_texture = |model: &TriangleModel, t: usize| {
+        model.triangles[t].iter().map(|vertex| model.positions[*vertex as usize][0]).sum::<f64>() < 3.0 * 12.0
+    };
+    for t in (0..model.triangles.len()).filter(|t| !has_texture(&model, *t)).collect::<Vec<_>>() {
+        model.layers[0].corners[3 * t..3 * t + 3].fill(NO_VALUE);
+    }
+    let out = simplify(&model, Goal { triangles: model.triangles.len() / 10, error: UNLIMITED }, |_| false).model;
+    sound_pieces(&out);
+    assert!(out.triangles.len() <= model.triangles.len() / 10);
+    for t in 0..out.triangles.len() {
+        let values = [0, 1, 2].map(|k| out.layers[0].value(3 * t + k).is_some());
+        assert_eq!(values, [has_texture(&out, t); 3]);
     }
 }
 
