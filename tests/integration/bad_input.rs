@@ -64,8 +64,24 @@ impl Bench {
         ensure!(!error.contains("panicked"), "{what}: {error}");
         let verified = run(Command::new(program("insula-server")?).arg("verify").arg(self.path("city")))?;
         ensure!(verified.status.success(), "{what}: the city is not whole");
-        Ok(serde_json::from_slice(&fs::read(self.path("report.json"))?)?)
+        let report = serde_json::from_slice(&fs::read(self.path("report.json"))?)?;
+        every_object_is_accounted_for(&report).context(what.to_owned())?;
+        Ok(report)
     }
+}
+
+/// Asserts that each source's objects are kept, merged, replaced by a finer level, without geometry or skipped.
+fn every_object_is_accounted_for(report: &Value) -> Result<()> {
+    for source in report["read"]["sources"].as_array().context("no sources")? {
+        let number = |key: &str| source[key].as_u64().with_context(|| format!("no {key}"));
+        let mut known = number("objects")? + number("coarser_left_out")? + number("without_geometry")?;
+        for faults in ["merged", "skipped"] {
+            let faults = source[faults].as_object().context("no reasons")?;
+            known += faults.values().filter_map(|fault| fault["count"].as_u64()).sum::<u64>();
+        }
+        ensure!(number("found")? == known, "{known} objects are accounted for in {source}");
+    }
+    Ok(())
 }
 
 /// Asserts exit code 1 and one line on standard error. Returns the line.

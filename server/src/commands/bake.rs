@@ -180,6 +180,10 @@ fn left_out(read: &ReadReport) -> String {
     for (reason, fault) in read.sources.iter().flat_map(|source| &source.skipped) {
         *by_reason.entry(reason).or_default() += fault.count;
     }
+    let merged = read.merged();
+    if merged > 0 {
+        text += &format!(", {} merged into others of the same name", count(merged, "object"));
+    }
     if by_reason.is_empty() {
         return text;
     }

@@ -182,6 +182,8 @@ fn read_sources(
     report.triangles = city.triangles;
     report.crs.clone_from(&city.crs);
     report.bad_inputs = bad.into_found();
+    #[cfg(test)]
+    report.sources.iter().for_each(|source| assert_eq!(source.unaccounted(), 0, "{source:?}"));
     Ok(ReadCity { city, report, set_of_texture, set_of_source })
 }
 

@@ -96,12 +96,19 @@ pub struct SourceReport {
     pub format: SourceFormat,
     /// Size of the file, compressed if the file is.
     pub bytes: u64,
-    /// Objects with at least one triangle.
+    /// Objects that the source has: CityJSON objects, features, OBJ objects or groups, else the connected parts of an OBJ. Lines
+    /// of a source of one object per line count even if they cannot be read.
+    pub found: u64,
+    /// Objects of the city: with at least one triangle.
     pub objects: u64,
     /// All objects by the source's own type, including those without geometry.
     pub objects_by_type: BTreeMap<String, u64>,
     /// Objects left out because a part or the parent has a better level of detail.
     pub coarser_left_out: u64,
+    /// Objects that only group others or have attributes.
+    pub without_geometry: u64,
+    /// Objects that became part of another one, by reason.
+    pub merged: BTreeMap<String, FaultCount>,
     /// Skipped objects by reason.
     pub skipped: BTreeMap<String, FaultCount>,
     /// Faults that cost only a polygon or a texture of an object, by kind.
@@ -131,9 +138,12 @@ impl SourceReport {
             path: path.to_owned(),
             format,
             bytes,
+            found: 0,
             objects: 0,
             objects_by_type: BTreeMap::new(),
             coarser_left_out: 0,
+            without_geometry: 0,
+            merged: BTreeMap::new(),
             skipped: BTreeMap::new(),
             problems: BTreeMap::new(),
             triangles: 0,
@@ -146,6 +156,18 @@ impl SourceReport {
             attributions: Vec::new(),
             licences: Vec::new(),
         }
+    }
+
+    /// Objects found minus those whose fate is known: 0 unless a reader has lost some.
+    #[must_use]
+    pub fn unaccounted(&self) -> i64 {
+        let counted = |faults: &BTreeMap<String, FaultCount>| faults.values().map(|fault| fault.count).sum::<u64>();
+        let known = self.objects + self.coarser_left_out + self.without_geometry;
+        self.found as i64 - (known + counted(&self.merged) + counted(&self.skipped)) as i64
+    }
+
+    pub(crate) fn merge(&mut self, reason: &str, example: impl FnOnce() -> String) {
+        count_fault(&mut self.merged, reason, example);
     }
 
     pub(crate) fn skip(&mut self, reason: &str, example: impl FnOnce() -> String) {
@@ -218,6 +240,12 @@ impl ReadReport {
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.sources.iter().flat_map(|source| source.skipped.values()).map(|fault| fault.count).sum()
+    }
+
+    /// Number of objects that became part of another one in all sources.
+    #[must_use]
+    pub fn merged(&self) -> u64 {
+        self.sources.iter().flat_map(|source| source.merged.values()).map(|fault| fault.count).sum()
     }
 
     /// The most frequent fault, with its first example.

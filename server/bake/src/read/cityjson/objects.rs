@@ -81,6 +81,7 @@ pub(super) fn read_objects(
     batch: &ObjectBatch<'_>,
     tick: &dyn Fn(usize),
 ) {
+    reader.report.found += batch.objects.len() as u64;
     let outlines: Vec<(&str, Option<ObjectOutline<'_>>)> =
         batch.objects.iter().map(|object| (object.id, serde_json::from_str(object.json).ok())).collect();
     let choices = choose_levels(&outlines, &shared.templates.templates);
@@ -135,7 +136,10 @@ fn read_object(
             reader.report.coarser_left_out += 1;
             return;
         }
-        LevelChoice::NoGeometry => return,
+        LevelChoice::NoGeometry => {
+            reader.report.without_geometry += 1;
+            return;
+        }
     };
     match reader.read(id, &object, level, whole, references) {
         Ok(true) => {}

@@ -48,7 +48,10 @@ pub(super) fn read(
         number += 1;
         match status {
             NextLine::EndOfFile => return Ok(report),
-            NextLine::TooLong => report.skip("line too long", || format!("line {number}: more than {limit} bytes")),
+            NextLine::TooLong => {
+                report.found += 1;
+                report.skip("line too long", || format!("line {number}: more than {limit} bytes"));
+            }
             NextLine::Complete if line.trim_ascii().is_empty() => {}
             NextLine::Complete => {
                 let mut repaired = Vec::new();
@@ -74,10 +77,12 @@ fn parse_feature<'t>(
         Ok(document) if document.kind.as_deref() == Some("CityJSONFeature") => Some(document),
         Ok(document) => {
             let kind = document.kind.unwrap_or_default();
+            report.found += 1;
             report.skip("line is no feature", || format!("line {number}: its type is \"{kind}\""));
             None
         }
         Err(error) => {
+            report.found += 1;
             let detail = || format!("line {number}, column {}: {}", error.column(), json_message(&error));
             report.skip("broken line", detail);
             None

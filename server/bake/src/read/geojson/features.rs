@@ -87,6 +87,7 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
     pub(super) fn into_report(mut self) -> SourceReport {
         // Also of a zone that an earlier source chose.
         let zone = self.projection.zone().filter(|_| self.report.objects > 0);
+        self.report.found = self.count;
         self.report.crs = self.report.crs.or_else(|| zone.map(str::to_owned));
         self.report
     }
@@ -213,6 +214,7 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         match fault {
             Some(reason) if open.triangles == 0 => self.report.skip(reason, || id.to_owned()),
             Some(reason) => self.report.problem(reason, || id.to_owned()),
+            None if open.triangles == 0 => self.report.skip("no surface with an area", || id.to_owned()),
             None => {}
         }
         self.context.builder.close(self.context.source, id, open, &mut self.report);

@@ -13,14 +13,27 @@ pub(super) struct FaceGroups {
     pub(super) ids: Vec<String>,
     /// For each of the given faces the index of its object. Objects are in the order of their first face.
     pub(super) of_face: Vec<u32>,
+    pub(super) by: GroupedBy,
+}
+
+/// What makes faces one object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum GroupedBy {
+    /// The name after `o`.
+    Object,
+    /// The name after `g`.
+    Group,
+    /// That they are connected, or that all are terrain.
+    Connection,
 }
 
 /// Groups faces. `o` takes precedence over `g`. If all faces have the same name, each connected component is an object.
 /// `stem` names faces without a name.
 pub(super) fn group_faces(file: &ObjFile, faces: &[ObjFace], stem: &str) -> FaceGroups {
     type NameOf = fn(&ObjFace) -> u32;
-    let names: [NameOf; 2] = [|face| face.object, |face| face.group];
-    for name_of in names {
+    let names: [(GroupedBy, NameOf); 2] =
+        [(GroupedBy::Object, |face| face.object), (GroupedBy::Group, |face| face.group)];
+    for (by, name_of) in names {
         let first = faces.first().map(name_of);
         if faces.iter().any(|face| Some(name_of(face)) != first) {
             let labels: Vec<u32> = faces.iter().map(name_of).collect();
@@ -29,7 +42,7 @@ pub(super) fn group_faces(file: &ObjFile, faces: &[ObjFace], stem: &str) -> Face
                 "" => stem.to_owned(),
                 name => name.to_owned(),
             };
-            return FaceGroups { ids: names.iter().map(id).collect(), of_face };
+            return FaceGroups { ids: names.iter().map(id).collect(), of_face, by };
         }
     }
     let shared_name = faces.first().map_or("", |face| {
@@ -37,13 +50,14 @@ pub(super) fn group_faces(file: &ObjFile, faces: &[ObjFace], stem: &str) -> Face
         // Exporters give the names `default` and `off` to everything.
         names.into_iter().find(|name| !matches!(*name, "" | "default" | "off")).unwrap_or("")
     });
+    let by = GroupedBy::Connection;
     let prefix = if shared_name.is_empty() { stem } else { shared_name };
     if is_terrain(prefix) {
-        return FaceGroups { ids: vec![prefix.to_owned()], of_face: vec![0; faces.len()] };
+        return FaceGroups { ids: vec![prefix.to_owned()], of_face: vec![0; faces.len()], by };
     }
     let (components, of_face) = renumber(&connected_components(file, faces));
     let id = |i: usize| if components.len() == 1 { prefix.to_owned() } else { format!("{prefix}#{i}") };
-    FaceGroups { ids: (0..components.len()).map(id).collect(), of_face }
+    FaceGroups { ids: (0..components.len()).map(id).collect(), of_face, by }
 }
 
 /// Whether an object is terrain, judged by its name, because OBJ has no types.

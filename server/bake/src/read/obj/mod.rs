@@ -2,6 +2,7 @@
 
 mod grouping;
 mod mtl;
+mod object_count;
 mod parse;
 #[cfg(test)]
 mod tests;
@@ -44,6 +45,7 @@ pub(crate) fn read(
     let library = reader.read_libraries();
     let materials = reader.load_materials(&faces, &library);
     let groups = group_faces(&file, &faces, stem(&source.name));
+    object_count::count_objects(&file, &faces, &groups, reader.report);
     reader.add_objects(&faces, &groups, &materials);
     Ok(report)
 }

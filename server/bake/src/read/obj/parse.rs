@@ -45,6 +45,10 @@ pub(super) struct ObjFile {
     pub(super) materials: Vec<String>,
     /// Names after `o` and `g`. The first is that of faces without one.
     pub(super) names: Vec<String>,
+    /// For each `o` line, the index of its name.
+    pub(super) object_lines: Vec<u32>,
+    /// For each `g` line, the index of its name.
+    pub(super) group_lines: Vec<u32>,
     /// Arguments of `mtllib`.
     pub(super) libraries: Vec<String>,
 }
@@ -142,8 +146,14 @@ impl<'r> ObjParser<'r> {
             }
             "f" => self.face(rest),
             "usemtl" => self.material = intern(rest, &mut file.materials, &mut self.material_indices),
-            "o" => self.object = intern(rest, &mut file.names, &mut self.name_indices),
-            "g" => self.group = intern(rest, &mut file.names, &mut self.name_indices),
+            "o" => {
+                self.object = intern(rest, &mut file.names, &mut self.name_indices);
+                file.object_lines.push(self.object);
+            }
+            "g" => {
+                self.group = intern(rest, &mut file.names, &mut self.name_indices);
+                file.group_lines.push(self.group);
+            }
             "mtllib" if file.libraries.iter().any(|known| known == rest) => {}
             "mtllib" if file.libraries.len() < MAX_LIBRARIES => file.libraries.push(rest.to_owned()),
             "mtllib" => self.report.problem("too many material libraries", || format!("line {}", self.line)),

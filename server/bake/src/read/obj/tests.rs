@@ -136,3 +136,29 @@ fn random_bytes_never_panic() {
         assert!(matches!(result, Ok(_) | Err(InputError::Empty { .. })));
     }
 }
+
+#[test]
+fn every_object_is_kept_merged_or_skipped_with_its_reason() {
+    let square = |i: u32| format!("f {} {} {}\n", 3 * i + 1, 3 * i + 2, 3 * i + 3);
+    let corners: String = (0..4).map(|i| format!("v {0} 0 0\nv {0} 1 1\nv {1} 1 2\n", 9 * i, 9 * i + 2)).collect();
+    let text = format!(
+        "{corners}{}o a\n{}o empty\no b\n{}o a\n{}o broken\nf 1 2 99\no flat\nf 1 1 1\n",
+        square(0),
+        square(1),
+        square(2),
+        square(3)
+    );
+    let (scene, report) = read(&[("a.obj", text.as_bytes())]);
+    let source = &report.sources[0];
+    let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
+    assert_eq!((ids, source.found, source.objects), (vec!["a", "a", "b"], 7, 3));
+    assert_eq!(source.merged["name of an earlier object"].first, ["a"]);
+    for (reason, name) in [("no face", "empty"), ("no usable face", "broken"), ("no surface with an area", "flat")] {
+        assert_eq!(source.skipped[reason].first, [name]);
+    }
+    // One name for all faces: connected parts are objects, names without faces are still reported.
+    let text = format!("{corners}g none\ng all\n{}{}g all\n{}", square(0), square(1), square(3));
+    let (_, report) = read(&[("a.obj", text.as_bytes())]);
+    let source = &report.sources[0];
+    assert_eq!((source.found, source.objects, source.skipped["no face"].count), (4, 3, 1));
+}
