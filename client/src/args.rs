@@ -4,7 +4,10 @@ use crate::{image_files::parse_picture_path, render::AdapterChoice, stream::fetc
 use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
 use insula_command_line::SetupCommand;
 use insula_shaders::layout::Shading;
-use insula_viewer::sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time};
+use insula_viewer::{
+    sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
+    switching::{MAX_SWITCHES, SwitchDistances, SwitchVolume},
+};
 use std::{ffi::OsString, path::PathBuf};
 
 /// Insula: fly through whole cities, streamed.
@@ -204,6 +207,13 @@ pub struct FlyArgs {
     /// Simulated network: percentage of responses that break off half-way.
     #[arg(long, value_name = "PERCENT", value_parser = parse_percent)]
     pub loss: Option<f64>,
+    /// Distances in metres, ascending: up to the first one the finest level of detail is drawn, and beyond each one the next
+    /// coarser level [default: levels by `--tau`].
+    #[arg(long, value_name = "M,M,...", value_delimiter = ',', value_parser = parse_positive)]
+    pub switch: Vec<f64>,
+    /// Volume around a node to which these distances are measured.
+    #[arg(long, value_parser = ["box", "sphere"], default_value = "box", requires = "switch")]
+    pub switch_volume: String,
     /// Pace frames like a window: fewer pixels while frames are slow.
     #[arg(long)]
     pub paced: bool,
@@ -222,6 +232,18 @@ pub struct FlyArgs {
     pub report: Option<PathBuf>,
     #[command(flatten)]
     pub sun: SunArgs,
+}
+
+impl FlyArgs {
+    /// The switching distances, if there are any. Fails if they do not ascend.
+    pub fn switching(&self) -> Result<Option<SwitchDistances>, String> {
+        if self.switch.is_empty() {
+            return Ok(None);
+        }
+        let volume = if self.switch_volume == "sphere" { SwitchVolume::Sphere } else { SwitchVolume::Box };
+        let distances = SwitchDistances::new(&self.switch, volume);
+        distances.map(Some).ok_or_else(|| format!("--switch needs 1 to {MAX_SWITCHES} distances that ascend"))
+    }
 }
 
 /// Options of saved images, for all commands that write any.

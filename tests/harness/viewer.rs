@@ -113,7 +113,7 @@ impl Viewer {
 
 fn request(view: &Camera) -> Result<FrameRequest> {
     let camera = view.to_viewer()?;
-    Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0 })
+    Ok(FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0, switching: None })
 }
 
 /// Shows the city from the south and above; with `turned_away`, looks in the opposite direction from the same position.

@@ -49,7 +49,7 @@ fn city() -> PathBuf {
 fn request() -> FrameRequest {
     let view = Viewpoint::Roof.camera();
     let camera = Camera::look_at(view.position.into(), view.target.into(), glam::DVec3::Z, 1.0).unwrap();
-    FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0 }
+    FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0, switching: None }
 }
 
 fn settle(session: &mut Session) -> Result<Pixels> {

@@ -60,7 +60,9 @@ fn simulated_link(args: &FlyArgs) -> Option<SimulatedLink> {
 fn frame_request(path: &CameraPath, args: &FlyArgs, global: &GlobalArgs, t: f64) -> Result<FrameRequest> {
     let invalid = || ClientError::Usage(format!("camera path has no valid view direction at t={t:.3} s"));
     let camera = path.camera_at(t).ok_or_else(invalid)?;
-    Ok(FrameRequest { camera, heading: path.camera_at(t + LOOKAHEAD_SECS), size_px: args.size, tau_px: global.tau })
+    let switching = args.switching().map_err(ClientError::Usage)?;
+    let tau_px = if switching.is_some() { 1.0 } else { global.tau };
+    Ok(FrameRequest { camera, heading: path.camera_at(t + LOOKAHEAD_SECS), size_px: args.size, tau_px, switching })
 }
 
 /// A flight along a camera path.

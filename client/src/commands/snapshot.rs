@@ -20,7 +20,7 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
         Some(path) => read_camera(path)?,
         None => link.camera.ok_or_else(no_camera)?,
     };
-    let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau };
+    let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
     let mut session = open_session(&args.server, global, None, Some(&request))?;
     let daylight = Daylight::new(&args.sun.or_time(link.time).into(), session.tree().manifest());
     let out = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption };

@@ -137,7 +137,7 @@ impl CityConnector {
         let tree = SceneTree::new(city.manifest).with_meshes(false);
         let adapter = OpenedAdapter::cpu(pages_for(PREVIEW_CACHE_BYTES));
         let mut session = Session::new(tree, downloads, adapter, Instant::now());
-        let request = FrameRequest { camera, heading: None, size_px: PREVIEW_PX, tau_px: 2.0 };
+        let request = FrameRequest { camera, heading: None, size_px: PREVIEW_PX, tau_px: 2.0, switching: None };
         settle(&mut session, &request, PREVIEW_TIMEOUT)?;
         let pixels = session.draw(&request, &daylight.render_settings(Shading::Lit, 2))?;
         Ok(CityPreview { size_m: [high[0] - low[0], high[1] - low[1]], pixels })

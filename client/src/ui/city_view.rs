@@ -146,6 +146,7 @@ impl CityView {
             heading: if self.playback.is_some() { self.playback_heading } else { self.control.heading() },
             size_px: window.surface.size_px().map(|side| (side / divisor).max(1)),
             tau_px: self.display.tau_px,
+            switching: None,
         }
     }
 }

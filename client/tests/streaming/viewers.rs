@@ -48,7 +48,7 @@ pub(crate) fn global_args() -> GlobalArgs {
 pub(crate) fn request(position: [f64; 3], target: [f64; 3]) -> FrameRequest {
     let origin = DVec3::from(ORIGIN);
     let camera = Camera::look_at(origin + DVec3::from(position), origin + DVec3::from(target), DVec3::Z, 1.0).unwrap();
-    FrameRequest { camera, heading: None, size_px: [WIDTH_PX as u32, HEIGHT_PX as u32], tau_px: 1.0 }
+    FrameRequest { camera, heading: None, size_px: [WIDTH_PX as u32, HEIGHT_PX as u32], tau_px: 1.0, switching: None }
 }
 
 /// A view along a street.

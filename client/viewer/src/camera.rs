@@ -1,5 +1,6 @@
 //! Cameras in world coordinates (f64), views, and camera files.
 
+use crate::switching::SwitchDistances;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -84,6 +85,8 @@ pub struct View {
     pub height_px: u32,
     /// Tolerated screen-space error in pixels.
     pub tau_px: f64,
+    /// What decides instead of the screen-space error. A tau of 1 draws its levels.
+    pub switching: Option<SwitchDistances>,
     /// Most cache pages that the visited nodes may take.
     pub budget_pages: u32,
     /// Most nodes that may be visited.
@@ -253,7 +256,15 @@ mod tests {
     #[test]
     fn planes_bound_the_frame() {
         let camera = Camera::look_at(DVec3::new(5.0, 5.0, 5.0), DVec3::new(5.0, 50.0, 5.0), DVec3::Z, 1.0).unwrap();
-        let view = View { camera, width_px: 200, height_px: 100, tau_px: 1.0, budget_pages: 1, budget_nodes: 1 };
+        let view = View {
+            camera,
+            width_px: 200,
+            height_px: 100,
+            tau_px: 1.0,
+            switching: None,
+            budget_pages: 1,
+            budget_nodes: 1,
+        };
         let is_inside = |p: DVec3| view.planes().iter().all(|plane| plane.normal.dot(p) + plane.offset >= 0.0);
         let edge = (0.5f64).tan() * 10.0;
         let at = |x: f64, z: f64| camera.position + camera.forward * 10.0 + camera.right * x + camera.up * z;

@@ -19,5 +19,6 @@ pub mod select;
 pub mod solids;
 pub mod streamer;
 pub mod sun;
+pub mod switching;
 #[cfg(any(test, feature = "test-support"))]
 pub mod test_support;

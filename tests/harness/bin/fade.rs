@@ -146,6 +146,7 @@ fn refine(
             width_px,
             height_px,
             tau_px: 1.0,
+            switching: None,
             budget_pages: 24_000,
             budget_nodes: 6000,
         })

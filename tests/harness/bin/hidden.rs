@@ -180,7 +180,13 @@ fn main() -> Result<()> {
 }
 
 fn request(args: &Args, camera: &Camera) -> FrameRequest {
-    FrameRequest { camera: *camera, heading: None, size_px: [args.width, args.height], tau_px: args.tau }
+    FrameRequest {
+        camera: *camera,
+        heading: None,
+        size_px: [args.width, args.height],
+        tau_px: args.tau,
+        switching: None,
+    }
 }
 
 /// Draws without occlusion feedback.

@@ -145,7 +145,13 @@ fn measure_view(
     leaves: &BTreeSet<TileId>,
 ) -> Result<(Fetched, BTreeSet<TileId>, Levels)> {
     let camera = camera.to_viewer()?;
-    let request = FrameRequest { camera, heading: None, size_px: [args.size[0], args.size[1]], tau_px: args.tau };
+    let request = FrameRequest {
+        camera,
+        heading: None,
+        size_px: [args.size[0], args.size[1]],
+        tau_px: args.tau,
+        switching: None,
+    };
     let server = format!("http://{address}");
     let mut all = open(Path::new(&server), CACHE_MIB)?;
     fetch_all(&mut all, &request, TIMEOUT)?;

@@ -100,6 +100,8 @@ pub struct SceneTree {
     pub(super) subtrees: HashMap<TileId, TileRecord>,
     decoded: DecodedPages,
     has_meshes: bool,
+    /// Most levels of detail of any leaf's mesh so far.
+    mesh_levels: u8,
     pub(super) memory: TreeMemory,
 }
 
@@ -131,6 +133,7 @@ impl SceneTree {
             subtrees: HashMap::new(),
             decoded: DecodedPages::default(),
             has_meshes: true,
+            mesh_levels: 0,
             memory: TreeMemory::default(),
         }
     }
@@ -138,6 +141,11 @@ impl SceneTree {
     /// The same tree, with or without leaves' meshes. To be called before any subtree is merged.
     pub fn with_meshes(self, has_meshes: bool) -> Self {
         Self { has_meshes, ..self }
+    }
+
+    /// Most levels of detail of any known leaf's mesh.
+    pub fn mesh_levels(&self) -> u8 {
+        self.mesh_levels
     }
 
     /// The city's manifest.
@@ -297,6 +305,7 @@ impl SceneTree {
             let node = self.node_mut(index);
             if node.child_mask == 0 && node.lods.is_empty() {
                 node.lods = mesh.lods.iter().map(LeafLod::new).collect();
+                self.mesh_levels = self.mesh_levels.max(mesh.lods.len() as u8);
                 self.memory.add_bytes(mesh.id, mesh.lods.len() * LOD_BYTES);
             }
         }

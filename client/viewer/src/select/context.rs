@@ -7,7 +7,8 @@ use super::{
 };
 use crate::{
     camera::{FrustumPlane, View},
-    scene::{LeafLod, NodeIndex, SceneTree, TileRecord, TileState, TreeNode},
+    scene::{NodeIndex, SceneTree, TileRecord, TileState, TreeNode},
+    switching::NodeVolume,
 };
 
 /// A node whose visibility is unknown is requested only while its parent's error exceeds this multiple of tau. This bounds how
@@ -38,14 +39,21 @@ impl<'a> SelectionContext<'a> {
         }
     }
 
-    /// Screen-space error of a node's V-BlockMap.
+    /// Screen-space error of a node's V-BlockMap, or what stands for it with switching distances.
     pub(super) fn error_px(&self, node: &TreeNode) -> f64 {
+        if let Some(switching) = &self.view.switching {
+            let level = self.tree.mesh_levels() + self.tree.manifest().depth.saturating_sub(node.id.level());
+            return switching.error_px(level, &volume_of(node), self.metric.eye);
+        }
         self.metric.error_px(node.error_m, node.centre, node.radius_m)
     }
 
     /// Screen-space error of a level of detail of a leaf's mesh, measured with the leaf's sphere.
-    pub(super) fn lod_error_px(&self, leaf: &TreeNode, lod: &LeafLod) -> f64 {
-        self.metric.error_px(lod.error_m, leaf.centre, leaf.radius_m)
+    pub(super) fn lod_error_px(&self, leaf: &TreeNode, lod: usize) -> f64 {
+        if let Some(switching) = &self.view.switching {
+            return switching.error_px(lod as u8, &volume_of(leaf), self.metric.eye);
+        }
+        self.metric.error_px(leaf.lods[lod].error_m, leaf.centre, leaf.radius_m)
     }
 
     /// Whether a node lies outside the frustum.
@@ -88,6 +96,10 @@ impl<'a> SelectionContext<'a> {
     pub(super) fn has_drawable_child(&self, node: &TreeNode) -> bool {
         node.children.iter().flatten().any(|child| self.is_drawable(*child))
     }
+}
+
+fn volume_of(node: &TreeNode) -> NodeVolume {
+    NodeVolume { centre: node.centre, half: node.half, radius_m: node.radius_m }
 }
 
 /// Whether a node's V-BlockMap, or any level of detail of its mesh, is resident.

@@ -9,7 +9,7 @@ use super::{
     priority::{self, RequestReason, TileRequest},
     visited::{Cover, Visit},
 };
-use crate::scene::{LeafLod, NodeIndex, SceneTree, TileKey, TreeNode};
+use crate::scene::{NodeIndex, SceneTree, TileKey, TreeNode};
 
 /// The level of detail that is drawn in a leaf's area.
 #[derive(Debug, Clone, Copy)]
@@ -26,9 +26,10 @@ pub(super) fn usable_lods(ctx: &SelectionContext<'_>, leaf: &TreeNode) -> impl I
 
 /// The coarsest resident level of detail within tau; else the coarsest within tau; else the finest.
 fn best_lod(ctx: &SelectionContext<'_>, leaf: &TreeNode) -> usize {
-    let is_good = |lod: &LeafLod| !lod.tile.is_bad() && ctx.lod_error_px(leaf, lod) <= ctx.view.tau_px;
-    let resident = leaf.lods.iter().rposition(|lod| lod.tile.is_resident() && is_good(lod));
-    resident.or_else(|| leaf.lods.iter().rposition(is_good)).unwrap_or(0)
+    let is_good = |lod: &usize| !leaf.lods[*lod].tile.is_bad() && ctx.lod_error_px(leaf, *lod) <= ctx.view.tau_px;
+    let coarsest_first = || (0..leaf.lods.len()).rev().filter(is_good);
+    let resident = coarsest_first().find(|lod| leaf.lods[*lod].tile.is_resident());
+    resident.or_else(|| coarsest_first().next()).unwrap_or(0)
 }
 
 /// The level of detail that is drawn in the area of `visit`, if any.
@@ -42,7 +43,7 @@ pub(super) fn drawn_lod(ctx: &SelectionContext<'_>, visit: &Visit) -> Option<Dra
     let mut coarser = requested..leaf.lods.len();
     let index = coarser.find(is_resident).or_else(|| (0..requested).rev().find(is_resident))?;
     let lod = &leaf.lods[index];
-    Some(DrawnLod { lod: index as u8, error_px: ctx.lod_error_px(leaf, lod), triangles: lod.triangles })
+    Some(DrawnLod { lod: index as u8, error_px: ctx.lod_error_px(leaf, index), triangles: lod.triangles })
 }
 
 /// The node whose columns give the sky visibility of a leaf's mesh: its nearest ancestor on a level that is never skipped. The

@@ -1,6 +1,6 @@
 //! What a shell asks a streamer for.
 
-use crate::camera::Camera;
+use crate::{camera::Camera, switching::SwitchDistances};
 
 /// A frame that is to be shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,4 +12,6 @@ pub struct FrameRequest {
     pub size_px: [u32; 2],
     /// Tolerated screen-space error in pixels.
     pub tau_px: f64,
+    /// What decides instead of the screen-space error.
+    pub switching: Option<SwitchDistances>,
 }

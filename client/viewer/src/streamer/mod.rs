@@ -124,6 +124,7 @@ impl<F: TileFetcher> Streamer<F> {
             width_px: request.size_px[0],
             height_px: request.size_px[1],
             tau_px: request.tau_px * self.threshold.factor(),
+            switching: request.switching,
             budget_pages: pages as u32,
             budget_nodes: slots_for(pages as u32),
         }

@@ -49,7 +49,7 @@ fn after_first_frame(fails: bool) -> (Streamer<Unresponsive>, FrameRequest) {
     let downloads = Downloads::new(Unresponsive { fails, started: Vec::new() }, 12);
     let mut streamer = Streamer::new(tree, downloads, 10_000);
     let camera = view([1030.0, -10.0, 2.0], [1030.0, 3000.0, 2.0]).camera;
-    let request = FrameRequest { camera, heading: None, size_px: [640, 360], tau_px: 1.0 };
+    let request = FrameRequest { camera, heading: None, size_px: [640, 360], tau_px: 1.0, switching: None };
     streamer.select_and_request(&request, NOW);
     let nodes: Vec<_> = streamer.selection.draw_tiles.iter().map(|tile| tile.node).collect();
     let pixels = vec![9; nodes.len()];

@@ -98,7 +98,7 @@ impl DeepCityTour {
         let [x, y] = [0.381, 0.618].map(|step: f64| (0.3 + f64::from(stop) * step).fract() * side_m);
         let position = DVec3::new(x, y, 30.0);
         let camera = Camera::look_at(position, position + DVec3::new(90.0, 200.0, -9.0), DVec3::Z, 1.0).unwrap();
-        let request = FrameRequest { camera, heading: None, size_px: [160, 90], tau_px: 4.0 };
+        let request = FrameRequest { camera, heading: None, size_px: [160, 90], tau_px: 4.0, switching: None };
         for _ in 0..2000 {
             self.now += Duration::from_millis(20);
             self.streamer.update(&request, &mut NoAtlas, self.now);
