@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Compares the throughput of Insula and nginx on the same tiles with wrk. Prints Markdown, then a line of JSON.
 
-    tests/load/throughput.py CITY [--rounds 5] [--seconds 8] [--tls] [--report FILE.json]
+    tests/load/throughput.py CITY [--rounds 5] [--seconds 8] [--tls] [--peer NAME=SERVER] [--report FILE.json]
 
 Needs wrk, nginx, openssl, and `cargo build --release -p insula-server --example tile_files --bin insula-server`.
-Both servers run all the time, one of them idle. Each round measures both, in alternating order, so that other load on the
-machine affects both equally.
+All servers run all the time, all but one of them idle. Each round measures each, in alternating order, so that other load on
+the machine affects all equally. Peers are other builds of Insula.
 """
 
 import argparse, json, os, pathlib, shutil, signal, statistics, subprocess, sys, tempfile, time, urllib.request, ssl
@@ -79,6 +79,7 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--tls", action="store_true")
     parser.add_argument("--server", default=TARGET / "insula-server", help="for figures of a release, one that was built with --profile dist")
+    parser.add_argument("--peer", action="append", default=[], help="NAME=SERVER: another build, measured in the same rounds")
     parser.add_argument("--report")
     args = parser.parse_args()
     folder = pathlib.Path(tempfile.mkdtemp(prefix="insula-load-"))
@@ -100,19 +101,19 @@ def main():
         port = free_port()
         (folder / "nginx.conf").write_text(NGINX.format(dir=folder, port=port, tls=" ssl" if args.tls else "", certificate=certificate))
         started.append(subprocess.Popen(["nginx", "-c", folder / "nginx.conf", "-e", folder / "nginx.log"]))
-        insula = subprocess.Popen(
-            [args.server, "serve", args.city, "--listen", "127.0.0.1:0", *settings], stdout=subprocess.PIPE, text=True, stderr=subprocess.DEVNULL
-        )
-        started.append(insula)
-        urls = {"insula": insula.stdout.readline().split()[-1], "nginx": f"{scheme}://127.0.0.1:{port}"}
+        urls, pids = {"nginx": f"{scheme}://127.0.0.1:{port}"}, {"nginx": started[0].pid}
+        for name, program in [("insula", args.server), *(peer.split("=", 1) for peer in args.peer)]:
+            command = [program, "serve", args.city, "--listen", "127.0.0.1:0", *settings]
+            server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, stderr=subprocess.DEVNULL)
+            started.append(server)
+            urls[name], pids[name] = server.stdout.readline().split()[-1], server.pid
         wait_until_open(port)
         # The comparison is valid only if both servers send the same bytes.
         path = paths.read_text().split()[-1]
         context = ssl._create_unverified_context()
         bodies = {name: urllib.request.urlopen(url + path, context=context).read() for name, url in urls.items()}
-        assert bodies["insula"] == bodies["nginx"] != b"", "the servers send different bytes"
-        rounds = {"insula": [], "nginx": []}
-        pids = {"insula": insula.pid, "nginx": started[0].pid}
+        assert all(body == bodies["nginx"] != b"" for body in bodies.values()), "the servers send different bytes"
+        rounds = {name: [] for name in urls}
         for url in urls.values():
             wrk(url, paths, 2, args.connections, args.threads)
         for number in range(args.rounds):
@@ -132,7 +133,7 @@ def main():
         print(f"| {scheme}, {args.connections} connections, medians of {args.rounds} | requests/s | p50 ms | p99 ms | CPU us per request |\n|---|---|---|---|---|")
         for name, medians in summary.items():
             print(f"| {name} | {medians['per_second']:.0f} | {medians['p50_us'] / 1000:.2f} | {medians['p99_us'] / 1000:.2f} | {medians['cpu_us']:.2f} |")
-        print(f"| ratio | {ratio['per_second']:.3f} | | {ratio['p99_us']:.3f} | {ratio['cpu_us']:.3f} |")
+        print(f"| insula / nginx | {ratio['per_second']:.3f} | | {ratio['p99_us']:.3f} | {ratio['cpu_us']:.3f} |")
         print(json.dumps({"per_second_ratio": round(ratio["per_second"], 3), "p99_ratio": round(ratio["p99_us"], 3), "cpu_ratio": round(ratio["cpu_us"], 3)}))
     finally:
         for process in started:

@@ -1,8 +1,7 @@
 //! Baked cities over HTTP/1.1 and HTTP/2, with or without TLS.
 //!
 //! ```text
-//! server -> worker -> (tls) -> connection -> service -> tile          nearly all requests
-//!                                                   \-> router -> manifest, index_page, health
+//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, manifest, index_page, health
 //! operations -> service -> router                             a listener of its own for health and metrics
 //! ```
 //!
@@ -10,6 +9,7 @@
 //! file system path.
 
 mod access_control;
+mod cached_tiles;
 mod catalog;
 mod city_documents;
 mod client_usage;
@@ -38,6 +38,7 @@ mod server;
 mod service;
 mod state;
 mod stream_progress;
+mod thread_state;
 mod tile;
 mod tile_cache;
 mod tls;

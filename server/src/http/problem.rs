@@ -10,6 +10,10 @@ use axum::{
 };
 use serde::Serialize;
 
+/// The response to requests for addresses that do not exist.
+pub(super) const NO_ROUTE: Problem =
+    Problem::not_found("there is nothing at this path; the cities are listed at /v1/cities");
+
 /// An HTTP error with a fixed explanation and at most one extra header.
 #[derive(Debug, Clone)]
 pub struct Problem {

@@ -1,6 +1,11 @@
-//! Routes other than tiles, which [`HttpService`](super::HttpService) serves itself.
+//! The routes of all addresses.
 
-use super::{health, index_page, manifest, problem::Problem, state::AppState};
+use super::{
+    health, index_page, manifest,
+    problem::{NO_ROUTE, Problem},
+    thread_state::ThreadState,
+    tile,
+};
 use axum::{
     Router,
     http::{HeaderValue, StatusCode, header},
@@ -10,9 +15,9 @@ use insula_protocol::route::RouteTemplate;
 
 pub(super) const ALLOWED_METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
 
-/// The router of everything but tiles.
-pub(super) fn router(state: AppState) -> Router {
-    let with_route = |router: Router<AppState>, template: RouteTemplate| match template.pattern() {
+/// The router of all addresses.
+pub(super) fn router(state: ThreadState) -> Router {
+    let with_route = |router: Router<ThreadState>, template: RouteTemplate| match template.pattern() {
         Some(pattern) => router.route(pattern, handler(template)),
         None => router,
     };
@@ -24,7 +29,7 @@ pub(super) fn router(state: AppState) -> Router {
         .with_state(state)
 }
 
-fn handler(template: RouteTemplate) -> MethodRouter<AppState> {
+fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
     match template {
         RouteTemplate::Index => get(index_page::index),
         RouteTemplate::OpenApi => get(manifest::openapi),
@@ -33,16 +38,10 @@ fn handler(template: RouteTemplate) -> MethodRouter<AppState> {
         RouteTemplate::Metrics => get(health::metrics),
         RouteTemplate::Cities => get(manifest::list_cities),
         RouteTemplate::Manifest => get(manifest::manifest),
-        // The service handles GET and HEAD requests for tiles. These routes make other methods 405 instead of 404.
-        RouteTemplate::Subtrees | RouteTemplate::BlockMaps | RouteTemplate::Meshes | RouteTemplate::Other => {
-            get(not_found)
-        }
+        RouteTemplate::Subtrees | RouteTemplate::BlockMaps | RouteTemplate::Meshes => get(tile::tile),
+        RouteTemplate::Other => get(not_found),
     }
 }
-
-/// The response to requests for addresses that do not exist.
-pub(super) const NO_ROUTE: Problem =
-    Problem::not_found("there is nothing at this path; the cities are listed at /v1/cities");
 
 async fn not_found() -> Problem {
     NO_ROUTE

@@ -1,17 +1,17 @@
-//! Handles one request: the checks in their order, then a tile or the router.
+//! Handles one request: the checks in their order, then the router.
 
 use super::{
-    access_control::{AccessRequest, Credentials},
+    cached_tiles::{CachedTiles, CachedTilesFuture, CachedTilesLayer},
     connection_state::ConnectionState,
     health::ForOperators,
-    problem::Problem,
+    problem::{NO_ROUTE, Problem},
     request_guard::{RequestGuard, RequestLogEntry},
     request_host::check_host,
     response::{NO_REFERRER, with_cors},
     response_body::{GuardedBody, PlainBody, ResponseBody},
-    router::{ALLOWED_METHODS, NO_ROUTE, router},
+    router::{ALLOWED_METHODS, router},
     state::AppState,
-    tile::RequestedTile,
+    thread_state::ThreadState,
     tile_cache::TileCache,
 };
 use axum::{
@@ -21,7 +21,7 @@ use axum::{
         HeaderMap, HeaderName, HeaderValue, Method, Request, Response, StatusCode, Uri, Version, header, request::Parts,
     },
 };
-use insula_protocol::route::{Route, RouteError, RouteTemplate};
+use insula_protocol::route::RouteTemplate;
 use std::{
     convert::Infallible,
     future::Future,
@@ -29,7 +29,7 @@ use std::{
     sync::Arc,
     task::{Context, Poll},
 };
-use tower::{Service, ServiceExt};
+use tower::{Layer, Service};
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// Longest request id that is taken from a client.
@@ -38,10 +38,6 @@ const MAX_ID_BYTES: usize = 64;
 const ALLOWED_HEADERS: HeaderValue =
     HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
 
-const INVALID_TILE: Problem = Problem::bad_request(
-    "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
-);
-
 /// The server without its port. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct HttpService(Arc<ServiceShared>);
@@ -49,8 +45,7 @@ pub struct HttpService(Arc<ServiceShared>);
 #[derive(Debug)]
 struct ServiceShared {
     state: AppState,
-    router: Router,
-    tiles: TileCache,
+    routes: CachedTiles<Router>,
     served: ServedRoutes,
 }
 
@@ -96,23 +91,26 @@ impl HttpService {
     /// A service of all routes with one tile cache of the configured size.
     pub fn new(state: AppState) -> Self {
         let max_bytes = state.limits().tile_bytes;
-        Self::with_routes(router(state.clone()), state, ServedRoutes::All, max_bytes)
+        Self::with_routes(state, ServedRoutes::All, max_bytes)
     }
 
-    fn with_routes(router: Router, state: AppState, served: ServedRoutes, tile_cache_bytes: usize) -> Self {
-        Self(Arc::new(ServiceShared { state, router, tiles: TileCache::new(tile_cache_bytes), served }))
+    fn with_routes(state: AppState, served: ServedRoutes, tile_cache_bytes: usize) -> Self {
+        let shared = ThreadState { app: state.clone(), tiles: Arc::new(TileCache::new(tile_cache_bytes)) };
+        let mut router = router(shared.clone());
+        if served == ServedRoutes::Operational {
+            router = router.layer(Extension(ForOperators));
+        }
+        Self(Arc::new(ServiceShared { state, routes: CachedTilesLayer(shared).layer(router), served }))
     }
 
     /// The same without `/metrics`.
     pub(super) fn without_metrics(&self) -> Self {
-        let (router, state) = (self.0.router.clone(), self.0.state.clone());
-        Self::with_routes(router, state, ServedRoutes::WithoutMetrics, self.state().limits().tile_bytes)
+        Self::with_routes(self.0.state.clone(), ServedRoutes::WithoutMetrics, self.state().limits().tile_bytes)
     }
 
     /// A service of health and metrics only, for operators.
     pub(super) fn for_operators(&self) -> Self {
-        let router = self.0.router.clone().layer(Extension(ForOperators));
-        Self::with_routes(router, self.0.state.clone(), ServedRoutes::Operational, 0)
+        Self::with_routes(self.0.state.clone(), ServedRoutes::Operational, 0)
     }
 
     /// State that all requests share.
@@ -123,14 +121,12 @@ impl HttpService {
     /// The service of one of several threads, with a tile cache of its own: its share of the configured size.
     pub(super) fn for_thread(&self, threads: usize) -> Self {
         let tile_cache_bytes = self.state().limits().tile_bytes / threads.max(1);
-        Self::with_routes(self.0.router.clone(), self.0.state.clone(), self.0.served, tile_cache_bytes)
+        Self::with_routes(self.0.state.clone(), self.0.served, tile_cache_bytes)
     }
 
     /// Responds to a request. Its body is not read.
     pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
-        let path = parts.uri.path();
-        let parsed = Route::parse(path);
-        let route = parsed.map_or_else(|_| RouteTemplate::of_path(path), |route| route.template());
+        let route = RouteTemplate::of_path(parts.uri.path());
         let over_limit = connection.filter(|connection| connection.is_over_limit());
         if let Some(connection) = over_limit {
             connection.start_shutdown();
@@ -145,78 +141,27 @@ impl HttpService {
             // What follows an unread body cannot be parsed as a request.
             must_close: (over_limit.is_some() || has_body(&parts.headers)) && !is_stream,
         };
-        let target = match self.admit(connection, route, &parts) {
-            Ok(()) => self.target(parsed, route, &parts, &mut pending),
-            Err(problem) => RequestTarget::Problem(problem),
-        };
-        match target {
-            RequestTarget::Tile(tile) => self.respond_with_tile(tile, parts, pending),
-            RequestTarget::Router => {
-                let router = self.0.router.clone();
-                ResponseFuture::Pending(Box::pin(async move {
-                    let Ok(response) = router.oneshot(Request::from_parts(parts, Body::empty())).await;
-                    pending.finish(Ok(response.map(ResponseBody::Routed)))
-                }))
-            }
-            RequestTarget::Preflight => {
-                let response = preflight(pending.allows_any_origin);
-                pending.ready(Ok(response))
-            }
-            RequestTarget::Problem(problem) => pending.ready(Err(problem)),
-        }
-    }
-
-    fn respond_with_tile(&self, tile: RequestedTile, parts: Parts, pending: PendingRequest) -> ResponseFuture {
-        if let Some(response) = tile.cached_response(&self.0.tiles, &parts) {
-            return pending.ready(Ok(response.map(ResponseBody::Full)));
-        }
-        let service = self.clone();
-        ResponseFuture::Pending(Box::pin(async move {
-            let response = tile.read(service.state(), &service.0.tiles, &parts).await;
-            pending.finish(response.map(|response| response.map(ResponseBody::Full)))
-        }))
-    }
-
-    /// What responds to a request, which enters the budget of requests in flight.
-    fn target(
-        &self,
-        parsed: Result<Route<'_>, RouteError>,
-        route: RouteTemplate,
-        parts: &Parts,
-        pending: &mut PendingRequest,
-    ) -> RequestTarget {
-        if !self.0.served.includes(route) {
-            return RequestTarget::Problem(NO_ROUTE);
+        if let Err(problem) = self.admit(connection, route, &parts) {
+            return pending.ready(Err(problem));
         }
         if parts.method == Method::OPTIONS {
-            return RequestTarget::Preflight;
+            let response = preflight(pending.allows_any_origin);
+            return pending.ready(Ok(response));
         }
+        // Counts the request among those in flight.
         if !route.is_operational() && !pending.guard.try_enter() {
-            return RequestTarget::Problem(too_busy());
+            return pending.ready(Err(too_busy()));
         }
-        if parts.method != Method::GET && parts.method != Method::HEAD {
-            return RequestTarget::Router;
-        }
-        let (state, credentials) = (self.state(), Credentials::new(&parts.headers, &parts.uri));
-        match parsed {
-            Ok(Route::Tile(tile)) => match RequestedTile::resolve(state, tile, credentials) {
-                Ok(tile) => RequestTarget::Tile(tile),
-                Err(problem) => RequestTarget::Problem(problem),
-            },
-            Err(RouteError::InvalidTile) => RequestTarget::Problem(INVALID_TILE),
-            // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
-            Err(RouteError::InvalidName) if route != RouteTemplate::Manifest => {
-                let city = parts.uri.path().split('/').nth(3).unwrap_or_default();
-                let request = AccessRequest { route, city, version: None };
-                let denied = state.catalog().access().authorize(credentials, request).err();
-                let unknown = Problem::not_found("there is no such city or version");
-                RequestTarget::Problem(denied.unwrap_or(unknown))
-            }
-            _ => RequestTarget::Router,
+        match self.0.routes.clone().call(Request::from_parts(parts, Body::empty())) {
+            CachedTilesFuture::Ready(response) => ResponseFuture::Ready(response.map(|it| pending.finish(Ok(it)))),
+            routed => ResponseFuture::Pending(Box::pin(async move {
+                let Ok(response) = routed.await;
+                pending.finish(Ok(response))
+            })),
         }
     }
 
-    /// Checks that precede routing. Fails with 503, 431, 400, 421 or 429.
+    /// Checks that precede routing. Fails with 503, 431, 400, 421, 429 or 404.
     fn admit(
         &self,
         connection: Option<&Arc<ConnectionState>>,
@@ -235,18 +180,11 @@ impl HttpService {
         }
         check_host(connection, parts, self.state().hosts())?;
         match connection.and_then(|connection| connection.ip()) {
-            Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip),
-            _ => Ok(()),
+            Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip)?,
+            _ => {}
         }
+        if self.0.served.includes(route) { Ok(()) } else { Err(NO_ROUTE) }
     }
-}
-
-/// What responds to a request.
-enum RequestTarget {
-    Tile(RequestedTile),
-    Router,
-    Preflight,
-    Problem(Problem),
 }
 
 /// What is kept of a request until its response exists.

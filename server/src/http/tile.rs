@@ -4,23 +4,46 @@
 
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
-    problem::Problem,
+    problem::{NO_ROUTE, Problem},
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, is_unconditional, quoted},
     response::{FullResponse, with_cors},
     state::{AppState, MessageKind},
+    thread_state::ThreadState,
     tile_cache::{CachedTile, TileCache, TileCacheKey},
 };
 use crate::store::CityStore;
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header, request::Parts};
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderMap, HeaderValue, Method, Request, StatusCode, header, request::Parts},
+    response::Response,
+};
 use bytes::Bytes;
 use insula_archive::ReadError;
 use insula_protocol::{
     TileId, TileKind, mesh_tile,
-    route::{Route, TileRoute},
+    route::{Route, RouteError, RouteTemplate, TileRoute},
 };
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
+const INVALID_TILE: Problem = Problem::bad_request(
+    "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
+);
+
+/// A tile. Fails as [`RequestedTile::of_request`] and [`RequestedTile::read`].
+pub(super) async fn tile(
+    State(ThreadState { app, tiles }): State<ThreadState>,
+    request: Request<Body>,
+) -> Result<Response, Problem> {
+    let (parts, _) = request.into_parts();
+    let tile = RequestedTile::of_request(&app, &parts)?;
+    let response = match tile.cached_response(&tiles, &parts) {
+        Some(response) => response,
+        None => tile.read(&app, &tiles, &parts).await?,
+    };
+    Ok(response.map(Body::from))
+}
 
 /// A tile of an open city that the request may see. The archive may still lack it.
 pub(super) struct RequestedTile {
@@ -30,12 +53,26 @@ pub(super) struct RequestedTile {
 }
 
 impl RequestedTile {
+    /// The tile at a request's address. Fails with 400 for invalid numbers, 401 without a required token, or 404.
+    pub(super) fn of_request(state: &AppState, request: &Parts) -> Result<Self, Problem> {
+        let path = request.uri.path();
+        let credentials = Credentials::new(&request.headers, &request.uri);
+        match Route::parse(path) {
+            Ok(Route::Tile(tile)) => Self::resolve(state, tile, credentials),
+            Err(RouteError::InvalidTile) => Err(INVALID_TILE),
+            // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
+            Err(RouteError::InvalidName) => {
+                let (route, city) = (RouteTemplate::of_path(path), path.split('/').nth(3).unwrap_or_default());
+                let request = AccessRequest { route, city, version: None };
+                state.catalog().access().authorize(credentials, request)?;
+                Err(Problem::not_found("there is no such city or version"))
+            }
+            _ => Err(NO_ROUTE),
+        }
+    }
+
     /// Looks up city and version. Fails with 401 without a required token, or 404.
-    pub(super) fn resolve(
-        state: &AppState,
-        route: TileRoute<'_>,
-        credentials: Credentials<'_>,
-    ) -> Result<Self, Problem> {
+    fn resolve(state: &AppState, route: TileRoute<'_>, credentials: Credentials<'_>) -> Result<Self, Problem> {
         let catalog = state.catalog();
         let found = catalog.store().version(route.city, route.version);
         let is_known = found.is_some() || catalog.store().city(route.city).is_some();
