@@ -12,6 +12,7 @@ pub mod fixtures;
 pub mod gpu;
 pub mod leaves;
 pub mod node_error;
+pub mod open_loop;
 pub mod pfm;
 pub mod proxy;
 pub mod random;

@@ -5,8 +5,8 @@
 
 Records the requests of the real client (record.py) and repeats them with goose (scenarios): with empty caches, as a ramp, a
 spike and a soak. Then compares with nginx (throughput.py, without and with TLS) and overloads the server (overload). Build
-first: `cargo build --release --bins`, `cargo build --release -p insula-server --example tile_files`, and in tests/load
-`cargo build --release --features scenarios`. The comparison needs wrk, nginx and openssl. Exits with 1 if a target is missed.
+first: `cargo build --release --workspace --bins`, `cargo build --release -p insula-server --example tile_files`, and in tests/load
+`cargo build --release`. The comparison needs wrk, nginx and openssl. Exits with 1 if a target is missed.
 """
 
 import argparse, json, os, pathlib, platform, subprocess, sys, threading, time
@@ -129,7 +129,7 @@ def main():
     others = {
         "throughput": ("Comparison with nginx", [HERE / "throughput.py", args.city, "--server", args.server]),
         "tls": ("Comparison with nginx over TLS", [HERE / "throughput.py", args.city, "--server", args.server, "--tls"]),
-        "overload": ("Overload: 20 times the capacity", [LOAD / "overload", args.server, args.city, args.out / "paths.txt"]),
+        "overload": ("Overload: 20 times the capacity", [TARGET / "overload", args.server, args.city, args.out / "paths.txt"]),
     }
     recorded = json.loads(trace.read_text())
     (args.out / "paths.txt").write_text("\n".join(path for paths in recorded.values() for path in paths) + "\n")

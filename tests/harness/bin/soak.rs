@@ -2,11 +2,9 @@
 //!
 //! `soak SERVER CITY PATHS.txt [SECONDS [REQUESTS_PER_SECOND]]`
 
-mod open_loop;
-
 use anyhow::{Result, ensure};
 use insula_test_support::programs::ServerProcess;
-use open_loop::{percentile, resident_mib};
+use insula_tests::open_loop::{self, percentile, resident_mib};
 use std::{process::Command, sync::Arc, time::Duration};
 
 #[tokio::main]
@@ -22,17 +20,19 @@ async fn main() -> Result<()> {
     let (address, pid) = (process.address, process.pid());
     let mut resident = Vec::new();
     let (mut requests, mut failed) = (0, 0);
-    for minute in 0..secs / 60 {
-        let mut results = open_loop::run(address, &paths, rate, Duration::from_secs(60)).await?;
+    // Minutes, except in a short run.
+    let interval = Duration::from_secs(60.min(secs / 3).max(1));
+    for number in 0..secs / interval.as_secs() {
+        let mut results = open_loop::run(address, &paths, rate, interval).await?;
         requests += results.accepted_ms.len();
         failed += results.failed + results.rejected_ms.len();
         resident.push(resident_mib(pid));
         let p99 = percentile(&mut results.accepted_ms, 0.99);
         println!(
-            "minute {}: {} requests, p99 {p99:.1} ms, resident {:.1} MiB",
-            minute + 1,
+            "after {} s: {} requests, p99 {p99:.1} ms, resident {:.1} MiB",
+            (number + 1) * interval.as_secs(),
             results.accepted_ms.len(),
-            resident[minute as usize]
+            resident[number as usize]
         );
     }
     let growth = match resident[..] {

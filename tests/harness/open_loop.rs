@@ -19,17 +19,17 @@ const MAX_CONNECTIONS: usize = 2000;
 
 /// Results of a run. Times are in milliseconds, from when a request was due.
 #[derive(Default)]
-pub(crate) struct LoadResults {
+pub struct LoadResults {
     /// Times of responses with 200.
-    pub(crate) accepted_ms: Vec<f64>,
+    pub accepted_ms: Vec<f64>,
     /// Times of responses with 503.
-    pub(crate) rejected_ms: Vec<f64>,
+    pub rejected_ms: Vec<f64>,
     /// Number of other responses and broken connections.
-    pub(crate) failed: usize,
+    pub failed: usize,
 }
 
 /// The value below which `fraction` of the values lie. Sorts them.
-pub(crate) fn percentile(values: &mut [f64], fraction: f64) -> f64 {
+pub fn percentile(values: &mut [f64], fraction: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(((values.len() as f64 * fraction) as usize).min(values.len().saturating_sub(1))).copied().unwrap_or(0.0)
 }
@@ -54,13 +54,8 @@ async fn get(stream: &mut BufReader<TcpStream>, path: &str) -> Result<u16> {
     Ok(status)
 }
 
-/// Sends `rate` requests per second for `time`, spread evenly over all connections.
-pub(crate) async fn run(
-    address: SocketAddr,
-    paths: &Arc<Vec<String>>,
-    rate: f64,
-    time: Duration,
-) -> Result<LoadResults> {
+/// Sends `rate` requests per second for `time`, spread evenly over all connections. Fails if a task panics.
+pub async fn run(address: SocketAddr, paths: &Arc<Vec<String>>, rate: f64, time: Duration) -> Result<LoadResults> {
     let connections = ((rate / 4.0) as usize).clamp(64, MAX_CONNECTIONS);
     let interval = Duration::from_secs_f64(connections as f64 / rate);
     let start = Instant::now() + Duration::from_millis(500);
@@ -108,7 +103,7 @@ pub(crate) async fn run(
 }
 
 /// Resident memory of a process in MiB; 0 if it has ended.
-pub(crate) fn resident_mib(pid: u32) -> f64 {
+pub fn resident_mib(pid: u32) -> f64 {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     line.and_then(|line| line.trim().split(' ').next()?.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0

@@ -1,16 +1,15 @@
 //! Overloads a server with 20 times its capacity for a minute, in an open loop. Measures accepted and rejected requests,
 //! memory, and the recovery.
 //!
-//! `overload SERVER CITY PATHS.txt [SECONDS]`: the built `insula-server`, a baked city, the paths of its tiles.
+//! `overload SERVER CITY PATHS.txt [SECONDS]`: the built `insula-server`, a baked city, the paths of its tiles. With fewer seconds
+//! than 60, the other phases are shorter, too.
 //!
 //! The capacity does not depend on the machine: tiles come from a store that takes 100 ms, nothing is cached, and 64 requests
 //! may be in flight, so the server can serve about 640 requests per second.
 
-mod open_loop;
-
 use anyhow::Result;
 use insula_test_support::{faulty_host::FaultyHost, programs::ServerProcess};
-use open_loop::{LoadResults, percentile, resident_mib};
+use insula_tests::open_loop::{self, LoadResults, percentile, resident_mib};
 use std::{
     process::Command,
     sync::{Arc, atomic::Ordering::Relaxed},
@@ -50,16 +49,17 @@ async fn main() -> Result<()> {
     let in_flight = format!("limits.in_flight={IN_FLIGHT}");
     let cold = ["cache.memory_bytes=0", "cache.block_bytes=4096", "cache.fetches=1000", "limits.tile_bytes=0"];
     let settings = [&cold[..], &[&in_flight, "log.requests=none"]].concat();
-    let process = ServerProcess::start(&mut Command::new(server), &host.url(), "127.0.0.1:0", &settings)?;
+    let process = ServerProcess::start(&mut Command::new(server), host.url(), "127.0.0.1:0", &settings)?;
     host.faults.delay_ms.store(STORE_DELAY_MS, Relaxed);
     let (address, pid) = (process.address, process.pid());
     println!(
         "| phase | offered/s | accepted/s | p50 ms | p99 ms | 503s | p99 of 503s ms | failed |\n|---|---|---|---|---|---|---|---|"
     );
-    let mut unloaded = open_loop::run(address, &paths, 100.0, Duration::from_secs(15)).await?;
-    let (calm, _) = print_row("unloaded", &mut unloaded, 15.0);
-    let mut full = open_loop::run(address, &paths, 1500.0, Duration::from_secs(10)).await?;
-    let (_, capacity) = print_row("above capacity", &mut full, 10.0);
+    let phase = Duration::from_secs(secs.clamp(1, 15));
+    let mut unloaded = open_loop::run(address, &paths, 100.0, phase).await?;
+    let (calm, _) = print_row("unloaded", &mut unloaded, phase.as_secs_f64());
+    let mut full = open_loop::run(address, &paths, 1500.0, phase).await?;
+    let (_, capacity) = print_row("above capacity", &mut full, phase.as_secs_f64());
     sleep(Duration::from_secs(1)).await;
     let before = resident_mib(pid);
     let highest = tokio::spawn(async move {
@@ -74,8 +74,8 @@ async fn main() -> Result<()> {
     let (loaded, accepted) = print_row("20 x capacity", &mut over, secs as f64);
     let highest = highest.await?;
     sleep(Duration::from_secs(1)).await;
-    let mut after = open_loop::run(address, &paths, 0.8 * capacity, Duration::from_secs(10)).await?;
-    let (late, _) = print_row("one second later", &mut after, 10.0);
+    let mut after = open_loop::run(address, &paths, 0.8 * capacity, phase).await?;
+    let (late, _) = print_row("one second later", &mut after, phase.as_secs_f64());
     println!("resident memory: {before:.0} MiB before, at most {highest:.0} MiB");
     let report = serde_json::json!({
         "capacity_per_second": capacity, "accepted_per_second_overloaded": accepted,
