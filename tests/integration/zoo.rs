@@ -367,6 +367,31 @@ fn occlusion_is_continuous_over_node_borders() {
 }
 
 #[test]
+fn a_tower_darkens_the_roof_beyond_a_block_border() {
+    // Blocks are squares of 2 x 2 leaves. What is east of the border knows the tower only by the margin around its block.
+    let mut shapes = Shapes::default();
+    shapes.cuboid([-70.0, -70.0, 0.0], [70.0, 70.0, 6.0]).cuboid([26.0, -6.0, 6.0], [30.0, 6.0, 26.0]);
+    let shape = BakedShape::bake("block-border", shapes.scene([0.0; 3]), CELL_M).unwrap();
+    let (manifest, maps) = (shape.baked.manifest(), shape.leaves().unwrap());
+    let n = insula_protocol::NODE_CELLS;
+    let leaf_m = n as f64 * CELL_M;
+    let border = ((32.0 - manifest.origin[0]) / leaf_m) as u32;
+    let first_row = ((0.0 - manifest.origin[1]) / leaf_m) as u32;
+    assert!(border.is_multiple_of(2) && manifest.origin[0] + f64::from(border) * leaf_m == 32.0, "no border of blocks");
+    let leaf = |x: u32| maps.iter().find(|map| (map.id.x(), map.id.y()) == (x, first_row)).unwrap();
+    let (west, east) = (leaf(border - 1), leaf(border));
+    let ao = |map: &insula_protocol::BlockMap, x: usize, y: usize| f64::from(map.roof[y * n + x].ao());
+    // Rows beside the tower, whose northern half is 6 m long.
+    let mean = |of: &dyn Fn(usize) -> f64| (0..10).map(of).sum::<f64>() / 10.0;
+    let step = mean(&|y| (ao(west, n - 1, y) - ao(east, 0, y)).abs());
+    let shade = mean(&|y| ao(east, n - 1, y) - ao(east, 0, y));
+    println!("{step:.2} of 63 over the border, {shade:.2} darker than far away");
+    assert!(shade > 3.0, "the tower's shade ends at the border");
+    // Occlusion is coded with loss, tile by tile. Without a margin, the step is 26.
+    assert!(step < 6.0, "a step at the border");
+}
+
+#[test]
 fn no_seams_between_nodes_or_levels() {
     let shape = hall();
     let camera = orbit_camera([20.0, 20.0, 6.0], 110.0, -60.0, 50.0);
