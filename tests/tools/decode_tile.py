@@ -3,19 +3,23 @@
 
 decode_tile.py VECTORS_OR_CITY [--tiles N] [--seed S] [--json] [--program INSULA_SERVER]
 
-Decodes all `.bin` files of a folder, or N random V-BlockMap tiles and all subtree tiles of a city folder. Prints one line
-per tile: its kind, the CRC-32 of its texels as `protocol/tests/vectors.rs` computes it, and the SHA-256 of all decoded
-values as JSON; with --json the values themselves. With --program, compares each V-BlockMap tile of a city with
-`inspect --png` and the levels with `inspect --json`. Exits with 1 if a tile cannot be decoded or differs.
-Of coded meshes only the fields before the symbols are decoded. Sizes of tiles are compared with the subtree tiles.
-"""
-import argparse, hashlib, json, pathlib, random, struct, subprocess, sys, tempfile, zlib
+Decodes all `.bin` and `.insm` files of a folder; or N random V-BlockMap tiles, N random mesh tiles and all subtree tiles of a
+city folder. Everything is decoded but the pictures of textures, which are WebP: of these, the size is checked. Prints one line
+per tile: its kind, the number of its columns, nodes or triangles, the CRC-32 of its texels as `protocol/tests/vectors.rs`
+computes it, and the SHA-256 of all decoded values as JSON; with --json the values themselves. Compares a city's tiles with its
+subtree tiles: all sizes, and of the decoded mesh tiles the numbers of triangles and of a texture's pixels.
 
-from tile_decoder import map_image
+With --program, compares each V-BlockMap tile of a city with `inspect --png`, the levels with `inspect --json`, and each mesh
+with the OBJ and PLY files of `decompress`. Exits with 1 if a tile cannot be decoded or differs.
+"""
+import argparse, hashlib, json, pathlib, random, struct, sys, zlib
+
+from tile_decoder import city_checks
 from tile_decoder.blockmap import read_blockmap
 from tile_decoder.container import BadTile, Bytes, read_archive, read_container
-from tile_decoder.ground_columns import stand_on_ground
-from tile_decoder.mesh import read_mesh_fields, read_mesh_tile
+from tile_decoder.mesh import read_mesh
+from tile_decoder.mesh_file import MAGIC, from_file, what_differs
+from tile_decoder.mesh_tile import MESH, read_mesh_tile
 from tile_decoder.shapes import CLIPPED, COLUMNS, EXPOSED, GAP, OCCUPIED
 from tile_decoder.subtree import read_subtree
 
@@ -74,95 +78,84 @@ def show(name, values, as_json):
     if as_json:
         print(json.dumps({"tile": name, "values": values}, sort_keys=True))
         return
-    count = len(values.get("columns", values.get("nodes", [])))
+    count = next(len(values[key]) for key in ("columns", "nodes", "triangles") if key in values)
     texels = f"texels {texels_crc32(values):08x}" if "columns" in values else "-"
     print(f"{name:<40} {values['kind']:<9} {count:>5} {texels:<16} {hashlib.sha256(text.encode()).hexdigest()[:16]}")
 
 
-def is_equal_to_inspect(program, city, name, data):
-    """Compares a tile, with its ground, with the three maps that `inspect` draws."""
-    _, tile_id, sections = read_container(data)
-    tile, ground = read_blockmap(tile_id, sections)
-    if ground:
-        stand_on_ground(tile, ground)
-    with tempfile.TemporaryDirectory() as folder:
-        png = pathlib.Path(folder) / "node.png"
-        subprocess.run([program, "inspect", city, "--tile", name, "--png", png], check=True, stdout=subprocess.DEVNULL)
-        expected = map_image.read_png(png.read_bytes())
-    found = map_image.draw(tile)
-    if found == expected:
-        return True
-    rows = zip(found, expected)
-    differing = [(x, y, a, b) for y, row in enumerate(rows) for x, (a, b) in enumerate(zip(*row)) if a != b]
-    print(f"{name}: {len(differing)} pixels differ; x, y, found, expected of the first:", *differing[:3])
-    return False
+def is_equal_to_decompress(program, name, coded, values):
+    """Compares a mesh with the mesh files that `decompress` makes of its coded bytes."""
+    differing = what_differs(program, coded, values)
+    if differing:
+        print(f"{name}: other than of decompress:", *differing)
+    return not differing
 
 
-def are_levels_equal(program, city, subtrees):
-    """Compares the nodes of all subtree tiles with the levels that `inspect` counts."""
-    text = subprocess.run([program, "inspect", city, "--json"], check=True, capture_output=True).stdout
-    nodes = {node["id"]: node for subtree in subtrees for node in subtree["nodes"]}
-    equal = True
-    for level in json.loads(text)["levels"]:
-        own = [node for name, node in nodes.items() if name.startswith(f"{level['level']}/")]
-        sizes, errors = [node["blockmap_bytes"] for node in own], [node["error_m"] for node in own]
-        found = [len(own), sum(sizes), min(sizes), max(sizes), min(errors), max(errors)]
-        names = ["nodes", "bytes", "bytes_min", "bytes_max", "error_m_min", "error_m_max"]
-        if found != [level[name] for name in names]:
-            equal = False
-            print(f"level {level['level']}: found {found}")
-    return equal
-
-
-def are_sizes_equal(city, blockmaps, subtrees):
-    """Compares the sizes of all tiles with those in the subtree tiles."""
-    depth = json.loads((city / "city.json").read_text())["depth"]
-    nodes = {node["id"]: node for subtree in subtrees for node in subtree["nodes"]}
-    listed = {name: node["blockmap_bytes"] for name, node in nodes.items()}
-    listed_meshes = {(name, k): lod["bytes"] for name, node in nodes.items() for k, lod in enumerate(node.get("meshes", []))}
-    meshes = {}
-    if (city / "meshes.pmtiles").exists():
-        for z, x, y, data in read_archive(city / "meshes.pmtiles"):
-            lod, found = z - depth, decode(data)
-            meshes[f"{depth}/{x >> lod}/{y >> lod}", lod] = len(data)
-            if (found["leaf"], found["lod"]) != (f"{depth}/{x >> lod}/{y >> lod}", lod):
-                raise BadTile(f"mesh tile {z}/{x}/{y} names another leaf")
-    return listed == {name: len(data) for name, data in blockmaps} and listed_meshes == meshes
-
-
-def decode_folder(folder, as_json):
-    """Frozen files. Those without a tile's container are coded meshes."""
+def decode_folder(folder, args):
+    """Frozen files and mesh files. Files without a tile's container are coded meshes."""
     ok = True
-    for path in sorted(folder.glob("*.bin")):
+    for path in sorted([*folder.glob("*.bin"), *folder.glob("*.insm")]):
         data = path.read_bytes()
         try:
-            is_tile = data[:4] == b"INSU"
-            show(path.name, decode(data) if is_tile else {"kind": "mesh"} | read_mesh_fields(Bytes(data)), as_json)
+            if data[:4] == b"INSU":
+                values, coded = decode(data), read_container(data)[2].get(MESH)
+            else:
+                coded = from_file(data) if data[:4] == MAGIC else data
+                values = {"kind": "mesh"} | read_mesh(Bytes(coded))
+            show(path.name, values, args.json)
+            if args.program and values["kind"] == "mesh":
+                ok &= is_equal_to_decompress(args.program, path.name, coded, values)
         except BadTile as error:
             ok = False
             print(f"{path.name}: {error}")
     return ok
 
 
-def decode_city(city, args):
-    tiles = [(f"{z}/{x}/{y}", data) for z, x, y, data in read_archive(city / "blockmaps.pmtiles")]
-    chosen = random.Random(args.seed).sample(tiles, min(args.tiles, len(tiles)))
-    decoded = equal = 0
-    for name, data in chosen:
+def count_correct(tiles, args, is_correct):
+    """Decodes and shows tiles; returns the number of those that are correct."""
+    correct = 0
+    for name, data in tiles:
         try:
-            show(name, decode(data), args.json)
-            decoded += 1
-            equal += bool(args.program) and is_equal_to_inspect(args.program, city, name, data)
+            values = decode(data)
+            show(name, values, args.json)
+            correct += is_correct(name, data, values)
         except BadTile as error:
             print(f"{name}: {error}")
+    return correct
+
+
+def decode_city(city, args):
+    program = args.program
+    manifest = json.loads((city / "city.json").read_text())
+    blockmaps = [(f"{z}/{x}/{y}", data) for z, x, y, data in read_archive(city / "blockmaps.pmtiles")]
+    meshes = city_checks.read_mesh_archive(city)
     subtrees = [decode(data) for _, _, _, data in read_archive(city / "subtrees.pmtiles")]
+    nodes = city_checks.nodes_of(subtrees)
+
+    def draw(tiles):
+        return random.Random(args.seed).sample(tiles, min(args.tiles, len(tiles)))
+
+    def is_blockmap_correct(name, data, _):
+        return not program or city_checks.is_equal_to_inspect(program, city, name, data)
+
+    def is_mesh_correct(name, data, values):
+        side_m = manifest["root_side_m"] / 2 ** manifest["depth"]
+        return all([
+            city_checks.is_equal_to_subtree(name, data, values, nodes), city_checks.is_on_common_grid(name, values, side_m),
+            not program or is_equal_to_decompress(program, name, read_container(data)[2][MESH], values),
+        ])
+
+    chosen, chosen_meshes = draw(blockmaps), draw([(f"mesh {leaf}/{lod}", data) for (leaf, lod), data in meshes.items()])
+    correct = count_correct(chosen, args, is_blockmap_correct)
+    correct_meshes = count_correct(chosen_meshes, args, is_mesh_correct)
     for subtree in subtrees:
         show(f"subtree {subtree['root']}", subtree, args.json)
-    sizes = are_sizes_equal(city, tiles, subtrees)
-    levels = bool(args.program) and are_levels_equal(args.program, city, subtrees)
-    compared = f", {equal} equal to inspect, levels {'equal' if levels else 'differ'}" if args.program else ""
-    print(f"{len(chosen)} tiles, {decoded} decoded, sizes {'equal' if sizes else 'differ'}{compared}", file=sys.stderr)
-    return decoded == len(chosen) and sizes and (not args.program or equal == len(chosen) and levels)
+    sizes = city_checks.are_sizes_equal(blockmaps, meshes, subtrees)
+    levels = not program or city_checks.are_levels_equal(program, city, subtrees)
+    compared = f", levels {'equal' if levels else 'differ'}" if program else "; not compared with a program"
+    print(f"{correct} of {len(chosen)} V-BlockMap tiles and {correct_meshes} of {len(chosen_meshes)} mesh tiles correct, "
+          f"sizes {'equal' if sizes else 'differ'}{compared}", file=sys.stderr)
+    return (correct, correct_meshes) == (len(chosen), len(chosen_meshes)) and sizes and levels
 
 
 def main():
@@ -175,7 +168,7 @@ def main():
     args = ap.parse_args()
     is_city = (args.folder / "city.json").exists()
     try:
-        ok = decode_city(args.folder, args) if is_city else decode_folder(args.folder, args.json)
+        ok = decode_city(args.folder, args) if is_city else decode_folder(args.folder, args)
     except BadTile as error:
         sys.exit(f"{args.folder}: {error}")
     sys.exit(0 if ok else 1)

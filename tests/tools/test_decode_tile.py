@@ -1,10 +1,12 @@
 """Frozen tiles, decoded by the second decoder, have the values that protocol/tests/vectors.rs wrote. No test needs a program
 of this repository: python3 -m unittest discover tests/tools
 """
-import pathlib, unittest
+import pathlib, random, struct, unittest
 
 from decode_tile import decode, texels_crc32
-from tile_decoder.container import BadTile
+from tile_decoder.container import BadTile, Bytes
+from tile_decoder.mesh import read_mesh
+from tile_decoder.mesh_tile import webp_size
 
 VECTORS = pathlib.Path(__file__).parents[2] / "protocol/tests/vectors"
 UP, EAST_SLOPE = 0x7F7F, 0x7FB5
@@ -16,6 +18,83 @@ def vector(name):
 
 def texel(r, g, b, ao, alpha=3):
     return r | g << 8 | b << 16 | (ao << 2 | alpha) << 24
+
+
+def f32(value):
+    return struct.unpack("f", struct.pack("f", value))[0]
+
+
+# Kind, components, bits, range.
+COLOUR = ("colour", 3, 8, [0.0, f32(1 / 255)])
+TEXTURE_COORDINATE = ("texture coordinate", 2, 12, [0.0, f32(1 / 4095)])
+# The corners of each side, counter-clockwise from outside. Bit 0 of a corner is east, bit 1 north, bit 2 up.
+SIDES = [[0, 2, 3, 1], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6], [4, 5, 7, 6]]
+
+
+def halves(square):
+    a, b, c, d = square
+    return [(a, b, c), (a, c, d)]
+
+
+def cuboid(colour, attribute):
+    """A box of 8 x 12.5 x 24 m on a grid of 12 bits, with one colour, or with the whole texture on each side."""
+    step = 24 / 4095
+    size = [int(side / step + 0.5) for side in (8, 12.5, 24)]
+    points = [tuple(size[axis] * (i >> axis & 1) for axis in range(3)) for i in range(8)]
+    texture = [(0, 4095), (4095, 4095), (4095, 0), (0, 0)]
+    values = [colour or texture[i] for _ in SIDES for triangle in halves(range(4)) for i in triangle]
+    triangles = [triangle for side in SIDES for triangle in halves(side)]
+    return ([1.0, 2.0, -3.0], step, 12), points, triangles, [(*attribute, values)]
+
+
+def all_attributes(triangles):
+    """One of each kind. Each 31st corner has the value of the next vertex."""
+    corners = [vertex for triangle in triangles for vertex in triangle]
+    corners = [vertex + (i % 31 == 0) for i, vertex in enumerate(corners)]
+    kinds = [("normal", 2, 8), ("colour", 3, 8), ("texture coordinate", 2, 12), ("other", 4, 16)]
+    return [
+        (kind, components, bits, [0.5, 0.25], [tuple(v * (1 + 2 * c) % 2 ** bits for c in range(components)) for v in corners])
+        for kind, components, bits in kinds
+    ]
+
+
+def scan():
+    """A curved surface of 16 x 16 vertices with a hole and a fin on an edge."""
+    def noise(i):
+        number = i * 2_654_435_761 % 2 ** 32
+        number = (number ^ number >> 15) * 2_246_822_519 % 2 ** 32
+        return (number ^ number >> 13) >> 29
+
+    points = []
+    for i in range(256):
+        x, y = i % 16, i // 16
+        points.append((x * 130 + noise(3 * i), y * 130 + noise(3 * i + 1), 1000 + x * y * 3 + noise(3 * i + 2)))
+    squares = [16 * y + x for y in range(15) for x in range(15) if (x, y) != (3, 3)]
+    triangles = [triangle for a in squares for triangle in halves([a, a + 1, a + 17, a + 16])]
+    triangles.append((85, 86, 256))
+    grid = [84_123.456, 447_000.1, -1.2], 0.01, 12
+    return grid, points + [(1400, 1300, 3100)], triangles, all_attributes(triangles)
+
+
+def architecture():
+    """Two boxes that share a vertex, which the second has as its own first one. The second lacks its last side."""
+    points, triangles = [], []
+    for low, size, sides in [((0, 0, 0), (900, 500, 300), SIDES), ((900, 500, 300), (200, 350, 450), SIDES[:5])]:
+        first = len(points)
+        points += [tuple(low[axis] + size[axis] * (i >> axis & 1) for axis in range(3)) for i in range(8)]
+        for side in sides:
+            triangles += halves([7 if (first, i) == (8, 0) else first + i for i in side])
+    return ([1.0, 2.0, 3.0], 0.5, 11), points, triangles, all_attributes(triangles)
+
+
+def corners_of(points, triangles, values):
+    """The sorted triangles, as the position and the values of each corner, from the lowest corner on."""
+    out = []
+    for t, triangle in enumerate(triangles):
+        corners = [(points[vertex], *(own[3 * t + k] for own in values)) for k, vertex in enumerate(triangle)]
+        first = corners.index(min(corners))
+        out.append(corners[first:] + corners[:first])
+    return sorted(out)
 
 
 class FrozenTiles(unittest.TestCase):
@@ -59,12 +138,87 @@ class FrozenTiles(unittest.TestCase):
         self.assertEqual(root, {"id": "5/17/30", "child_mask": 4} | same)
         self.assertEqual(child, {"id": "6/34/61", "child_mask": 0, "meshes": lods} | same)
 
+    def test_plain_mesh_tile(self):
+        values = decode(vector("plain_mesh_tile"))
+        self.assertEqual((values["leaf"], values["lod"]), ("7/100/3", 1))
+        self.check_mesh(values, *cuboid((200, 90, 60), COLOUR))
+        self.assertNotIn("texture", values)
+
+    def test_textured_mesh_tile(self):
+        values = decode(vector("textured_mesh_tile"))
+        self.assertEqual((values["leaf"], values["lod"]), ("7/100/3", 0))
+        self.check_mesh(values, *cuboid(None, TEXTURE_COORDINATE))
+        self.assertEqual(values["texture"], {"size_px": (640, 20), "bytes": 56})
+
+    def test_scan_mesh(self):
+        values = read_mesh(Bytes(vector("scan_mesh")))
+        self.assertEqual(values["position_coder"], "scan")
+        self.check_mesh(values, *scan())
+
+    def test_architectural_mesh(self):
+        values = read_mesh(Bytes(vector("architectural_mesh")))
+        self.assertEqual(values["position_coder"], "architectural")
+        self.check_mesh(values, *architecture())
+
+    def check_mesh(self, values, grid, points, triangles, attributes):
+        """Compares all values of a mesh, whose vertices and triangles have another order. `attributes` are (kind, components,
+        bits, range, values of corners).
+        """
+        self.assertEqual((values["grid_min"], values["grid_step"], values["bits"]), grid)
+        used = [points[vertex] for vertex in sorted({vertex for triangle in triangles for vertex in triangle})]
+        self.assertEqual(sorted(values["points"]), sorted(used))
+        self.assertEqual(len(set(used)), len(used), "positions name vertices")
+        found = [(a["kind"], a["components"], a["bits"], a["range"]) for a in values["attributes"]]
+        self.assertEqual(found, [attribute[:4] for attribute in attributes])
+        own = corners_of(values["points"], values["triangles"], [attribute["values"] for attribute in values["attributes"]])
+        self.assertEqual(own, corners_of(points, triangles, [attribute[4] for attribute in attributes]))
+
+    def test_shortened_and_lengthened_meshes_are_refused(self):
+        for name, step in [("scan_mesh", 61), ("architectural_mesh", 1)]:
+            data = vector(name)
+            lengths = [*range(0, len(data), step), len(data) - 1]
+            for wrong in [data[:length] for length in lengths] + [data + b"\0", data + b"\0\0"]:
+                with self.assertRaises(BadTile):
+                    read_mesh(Bytes(wrong))
+
+    def test_wrong_bytes_of_meshes_are_refused_or_decoded(self):
+        rng = random.Random(1)
+        for name in ["scan_mesh", "architectural_mesh"] * 25:
+            data = bytearray(vector(name))
+            for _ in range(rng.choice([1, 1, 2, 8])):
+                data[rng.randrange(len(data))] = rng.randrange(256)
+            try:
+                read_mesh(Bytes(bytes(data)), 262_144)
+            except BadTile:
+                pass
+
+    def test_meshes_beyond_the_limits_are_refused(self):
+        start = vector("architectural_mesh")[:20]
+        for vertices, triangles in [(262_145, 1), (1, 262_145)]:
+            counts = b"".join(bytes([n & 127 | 128, n >> 7 & 127 | 128, n >> 14]) for n in (vertices, triangles))
+            with self.assertRaisesRegex(BadTile, "too many"):
+                read_mesh(Bytes(start + counts), 262_144)
+
     def test_shortened_and_lengthened_tiles_are_refused(self):
-        for name in ["blockmap", "lossy_blockmap", "subtree", "subtree_with_meshes", "plain_mesh_tile"]:
+        for name in ["blockmap", "lossy_blockmap", "subtree", "subtree_with_meshes", "plain_mesh_tile", "textured_mesh_tile"]:
             data = vector(name)
             for wrong in [data[:length] for length in range(len(data))] + [data + b"\0"]:
                 with self.assertRaises(BadTile):
                     decode(wrong)
+
+
+class WebpSizes(unittest.TestCase):
+    LOSSLESS = b"RIFF\x12\0\0\0WEBPVP8L\x05\0\0\0\x2f\x45\x40\x07\0\0"
+    LOSSY = b"RIFF\x16\0\0\0WEBPVP8 \x0a\0\0\0\x10\0\0\x9d\x01\x2a\x46\0\x1e\0"
+
+    def test_both_kinds(self):
+        self.assertEqual([webp_size(self.LOSSLESS), webp_size(self.LOSSY)], [(70, 30)] * 2)
+
+    def test_shortened_and_lengthened_files_are_refused(self):
+        for data in [self.LOSSLESS, self.LOSSY]:
+            for wrong in [data[:length] for length in range(len(data))] + [data + b"\0"]:
+                with self.assertRaises(BadTile):
+                    webp_size(wrong)
 
 
 if __name__ == "__main__":

@@ -45,6 +45,10 @@ class Bytes:
             raise BadTile(f"a varint has more than {bits} bits")
         return value
 
+    def rest(self):
+        """All further bytes."""
+        return self.take(len(self.data) - self.at)
+
     def finish(self):
         if self.at != len(self.data):
             raise BadTile(f"{len(self.data) - self.at} bytes follow the last value")

@@ -1,40 +1,76 @@
-"""Mesh tile (docs/formats.md, "Mesh tile") and the fields of a coded mesh (docs/formats.md, "Meshes") before its symbols."""
-import hashlib, math, struct
-from .container import BadTile, Bytes
+"""Coded meshes (docs/formats.md, "Meshes")."""
+import math
+from .architectural_positions import read_architectural_positions
+from .attributes import read_attribute
+from .connectivity import read_connectivity
+from .container import BadTile
+from .copies import read_copies
+from .scan_positions import read_scan_positions
+from .symbol_coder import SymbolReader
 
+VERSION = 2
+ARCHITECTURAL, WIDE_GRID = 1, 2
+MAX_TRIANGLES, MAX_VERTICES, MAX_ATTRIBUTES = 1 << 24, 1 << 23, 8
 KINDS = ["normal", "colour", "texture coordinate", "other"]
 
 
-def read_mesh_tile(tile_id, sections):
-    if not {1, 2} <= set(sections) or len(sections[1]) != (5 if 3 in sections else 1):
-        raise BadTile("a mesh tile lacks its mesh, or its meta has another length")
-    meta = sections[1]
-    values = {"kind": "mesh", "leaf": "/".join(map(str, tile_id)), "lod": meta[0]} | read_mesh_fields(Bytes(sections[2]))
-    if 3 in sections:
-        values["texture"] = {"size_px": struct.unpack("<HH", meta[1:]), "bytes": len(sections[3])}
+def read_mesh(reader, max_triangles=MAX_TRIANGLES):
+    """All values of a coded mesh, without dummies and copies: `points` on the grid, `triangles`, and the attributes' `values`
+    by corner. No more than `max_triangles` triangles and vertices are read.
+    """
+    values, weights = read_fields(reader, max_triangles)
+    coder = SymbolReader(reader.rest(), 4 if weights else 1)
+    surface = read_connectivity(coder, values["triangles_with_dummies"])
+    vertices = len(surface.degree) - len(surface.dummies)
+    if len(surface.triangles) != values["triangles_with_dummies"] or vertices != values["vertices_with_copies"]:
+        raise BadTile("a mesh has other numbers of triangles and vertices than it says")
+    originals = read_copies(coder, surface)
+    if weights:
+        points = read_scan_positions(coder, surface, originals, weights, values["bits"])
+    else:
+        points = read_architectural_positions(coder, surface, originals, values["bits"])
+    for attribute in values["attributes"]:
+        attribute["values"] = read_attribute(coder, surface, points, attribute)
+    coder.finish()
+    values["points"], values["triangles"] = without_copies_and_dummies(surface, originals, points)
     return values
 
 
-def read_mesh_fields(reader):
-    """The table "bytes, field" of "Meshes". The symbols are not decoded, only hashed."""
+def read_fields(reader, max_triangles):
+    """The table "bytes, field". Returns the values and the weights of scan positions."""
     version, flags, bits, attributes = (reader.one("B") for _ in range(4))
-    if version != 2 or flags > 3 or not 8 <= bits <= 16 or attributes > 8:
+    if version != VERSION or flags > ARCHITECTURAL | WIDE_GRID or not 8 <= bits <= 16 or attributes > MAX_ATTRIBUTES:
         raise BadTile("not a coded mesh of version 2")
-    grid = [reader.one("d" if flags & 2 else "f") for _ in range(4)]
+    grid = [reader.one("d" if flags & WIDE_GRID else "f") for _ in range(4)]
     if not all(map(math.isfinite, grid)) or grid[3] <= 0:
         raise BadTile("a mesh's grid is not finite, or its step is not positive")
-    values = {
-        "positions": "architectural" if flags & 1 else "scan", "bits": bits, "grid_min": grid[:3], "grid_step": grid[3],
-        "vertices": reader.leb128(), "triangles_with_dummies": reader.leb128(),
-        "attributes": [read_attribute(reader) for _ in range(attributes)],
-    }
-    if not flags & 1:
-        values["weights"] = [reader.one("b") for _ in range(36)]
-    return values | {"symbols_sha256": hashlib.sha256(reader.data[reader.at:]).hexdigest()}
+    vertices, triangles = reader.leb128(), reader.leb128()
+    if vertices > min(max_triangles, MAX_VERTICES) or triangles > max_triangles:
+        raise BadTile("a mesh has too many vertices or triangles")
+    attributes = [read_attribute_fields(reader) for _ in range(attributes)]
+    weights = None if flags & ARCHITECTURAL else [reader.one("b") for _ in range(36)]
+    return {
+        "position_coder": "architectural" if flags & ARCHITECTURAL else "scan", "bits": bits, "grid_min": grid[:3],
+        "grid_step": grid[3], "vertices_with_copies": vertices, "triangles_with_dummies": triangles, "attributes": attributes,
+    }, weights
 
 
-def read_attribute(reader):
+def read_attribute_fields(reader):
     kind, components, bits = (reader.one("B") for _ in range(3))
-    if kind > 3 or not 1 <= components <= 4 or not 1 <= bits <= 16:
+    scale = [reader.one("f"), reader.one("f")]
+    if kind > 3 or not 1 <= components <= 4 or not 1 <= bits <= 16 or not all(map(math.isfinite, scale)):
         raise BadTile("a mesh's attribute is out of range")
-    return {"kind": KINDS[kind], "components": components, "bits": bits, "range": [reader.one("f"), reader.one("f")]}
+    return {"kind": KINDS[kind], "components": components, "bits": bits, "range": scale}
+
+
+def without_copies_and_dummies(surface, originals, points):
+    """The points of other vertices, and the triangles between these points."""
+    numbers, kept = [None] * len(originals), []
+    for vertex, original in enumerate(originals):
+        if original != vertex:
+            numbers[vertex] = numbers[original]
+        elif surface.is_real(vertex):
+            numbers[vertex] = len(kept)
+            kept.append(points[vertex])
+    triangles = [tuple(numbers[vertex] for vertex in corners) for corners in surface.triangles]
+    return kept, [triangle for triangle in triangles if None not in triangle]
