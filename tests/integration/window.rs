@@ -465,10 +465,13 @@ fn measure_and_record(client: &mut Client) -> Result<()> {
     client.key("r")?;
     client.wait_for_line("recording", 0)?;
     client.hold("d", Duration::from_millis(600))?;
+    let moved = client.lines().len();
     client.key("r")?;
     let wrote = client.wait_for_line("insula-path-0001.json", 0)?;
     let path = insula_client::camera_files::read_path(Path::new(wrote.trim_start_matches("wrote ")))?;
     ensure!(path.seconds > 0.5 && path.keys.len() >= 3, "{path:?}");
+    // The final frame is drawn with several samples, after one with a single sample.
+    client.wait_for_line("idle prefetch done", moved)?;
     Ok(())
 }
 
@@ -487,7 +490,7 @@ fn copy_a_link(client: &mut Client) -> Result<(String, RgbImage)> {
     ensure!(ViewLink::parse(&link)?.camera.is_some(), "{link}");
     let mut view = client.screenshot("8-view")?;
     client.wait_until("view at rest", |client| {
-        std::thread::sleep(Duration::from_secs(1));
+        std::thread::sleep(Duration::from_secs(2));
         let before = std::mem::replace(&mut view, client.screenshot("8-view")?);
         Ok(before == view)
     })?;
