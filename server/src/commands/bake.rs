@@ -133,7 +133,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
                 VisibilityRenderer::Cpu => VisibilityBackend::Cpu,
                 VisibilityRenderer::Gpu => VisibilityBackend::Gpu,
             },
-            ..SampleSettings::default()
+            ..SampleSettings::with_views(args.views)
         },
     }
 }

@@ -51,6 +51,13 @@ impl Default for SampleSettings {
     }
 }
 
+impl SampleSettings {
+    /// With this many directions over the upper half of the sphere, and a quarter as many from below the horizon.
+    pub fn with_views(views: u32) -> Self {
+        Self { sky_directions: views, low_directions: views / 4, ..Self::default() }
+    }
+}
+
 /// One block of leaves to sample.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockInput<'a> {
