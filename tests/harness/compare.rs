@@ -51,6 +51,8 @@ pub struct Colour {
     /// Structural similarity of the luma (Wang, Bovik, Sheikh and Simoncelli 2004: Gaussian windows of 11 x 11 pixels):
     /// of the whole frames, averaged over these pixels.
     pub ssim: f64,
+    /// Mean difference of the luma of neighbouring pixels, divided by the reference's: below 1 is blurred.
+    pub gradient: f64,
 }
 
 /// Intersection over union of the pixels that hit something.
@@ -76,7 +78,19 @@ pub fn colour(truth: &Pixels, drawn: &Pixels, counts: impl Fn(usize) -> bool) ->
     let mean = squares.sum::<f64>() / (3 * counted.len()) as f64;
     let psnr_db = if mean == 0.0 { SAME_DB } else { 10.0 * (255.0 * 255.0 / mean).log10() };
     let ssim = ssim(truth, drawn, &counted)?;
-    Ok(Some(Colour { pixels: counted.len(), psnr_db, ssim }))
+    let gradient = gradient(drawn, &counts) / gradient(truth, &counts);
+    Ok(Some(Colour { pixels: counted.len(), psnr_db, ssim, gradient }))
+}
+
+/// Sum of the differences of the luma of horizontal and vertical neighbours that both count.
+fn gradient(of: &Pixels, counts: impl Fn(usize) -> bool) -> f64 {
+    let (width, luma) = (of.width_px as usize, luma(of).samples);
+    let pairs = (0..luma.len()).flat_map(|i| {
+        let right = (i % width + 1 < width).then_some(i + 1);
+        [right, Some(i + width)].into_iter().flatten().map(move |j| (i, j))
+    });
+    let counted = pairs.filter(|(i, j)| *j < luma.len() && counts(*i) && counts(*j));
+    counted.map(|(i, j)| f64::from((luma[i] - luma[j]).abs())).sum()
 }
 
 /// Mean SSIM of these pixels. Windows that reach beyond the edge are moved inside. Large frames are measured in quarters,

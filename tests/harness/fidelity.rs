@@ -169,7 +169,12 @@ impl Summary {
             .collect();
         let mean = |value: fn(&Colour) -> f64| of.iter().map(value).sum::<f64>() / of.len() as f64;
         let pixels = of.iter().map(|colour| colour.pixels).sum();
-        (!of.is_empty()).then(|| Colour { pixels, psnr_db: mean(|c| c.psnr_db), ssim: mean(|c| c.ssim) })
+        (!of.is_empty()).then(|| Colour {
+            pixels,
+            psnr_db: mean(|c| c.psnr_db),
+            ssim: mean(|c| c.ssim),
+            gradient: mean(|c| c.gradient),
+        })
     }
 }
 

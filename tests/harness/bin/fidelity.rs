@@ -116,7 +116,9 @@ fn main() -> Result<()> {
     print_size(&size, &baked, bake_secs);
     let gpu = args.gpu.then(Gpu::open).transpose()?;
     let mut cameras = Vec::new();
-    println!("camera       tau  nodes    IoU  median    p95 | all: PSNR  SSIM | textured:   px  PSNR  SSIM");
+    println!(
+        "camera       tau  nodes    IoU  median    p95 | all: PSNR  SSIM gradient | textured:   px  PSNR  SSIM gradient"
+    );
     let started = Instant::now();
     let spec = FrameSpec { width_px: args.size[0], height_px: args.size[1], ..fidelity::FRAME };
     let kind = args.street.then_some(StationKind::Street);
@@ -154,7 +156,10 @@ fn print_size(size: &Size, baked: &Baked, bake_secs: Option<f64>) {
 }
 
 fn colour(colour: Option<Colour>) -> String {
-    colour.map_or_else(|| "    -      -".to_owned(), |c| format!("{:>5.2} {:>6.4}", c.psnr_db, c.ssim))
+    colour.map_or_else(
+        || "    -      -     -".to_owned(),
+        |c| format!("{:>5.2} {:>6.4} {:>5.3}", c.psnr_db, c.ssim, c.gradient),
+    )
 }
 
 fn print_view(number: usize, view: &View) {
@@ -178,7 +183,7 @@ fn print_summary(of: &SummaryReport) {
         of.tau_px, of.iou_worst, of.iou_mean, of.aerial_iou_worst, of.deviation_median_cells, of.deviation_p95_cells
     );
     println!(
-        "       PSNR and SSIM, means: city {}; textured {}; textured from the air {}",
+        "       PSNR, SSIM and gradient, means: city {}; textured {}; textured from the air {}",
         colour(of.colour),
         colour(of.textured),
         colour(of.aerial_textured)
