@@ -5,18 +5,18 @@
 use insula_protocol::{
     BlockMap, DecodeError, Texel, TileId, TileKind,
     blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, WallStrip, strip_rows},
-    texel::ALPHA_MAX,
+    texel::OPAQUE,
     tile::TileWriter,
 };
 use proptest::prelude::*;
 
 fn opaque(bits: u32) -> Texel {
-    Texel(bits | u32::from(ALPHA_MAX) << 24)
+    Texel(bits | OPAQUE)
 }
 
-/// The colour of transparent texels is not kept.
-fn without_hidden_colour(texel: Texel) -> Texel {
-    if texel.alpha() == 0 { Texel::TRANSPARENT } else { texel }
+/// The colour of open texels is not kept.
+fn open_or_opaque(texel: Texel) -> Texel {
+    if texel.is_open() { Texel::OPEN } else { opaque(texel.0) }
 }
 
 fn column() -> impl Strategy<Value = MapColumn> {
@@ -33,8 +33,7 @@ fn column() -> impl Strategy<Value = MapColumn> {
         )| {
             let z_max = z_min + height;
             let rows = strip_rows(z_min, z_max, 1).1;
-            let texels =
-                (0..u32::from(rows)).map(|i| without_hidden_colour(Texel(seed.wrapping_mul(i * 2 + 1)))).collect();
+            let texels = (0..u32::from(rows)).map(|i| open_or_opaque(Texel(seed.wrapping_mul(i * 2 + 1)))).collect();
             let gap = (gap && exposed && height > 3).then_some([z_min + 1, z_max - 1]);
             let strip = exposed.then_some(WallStrip { texels, azimuth });
             let outer = (outer && height > 1).then_some(OuterTop { z: z_max - 1, roof: opaque(seed) });
@@ -85,10 +84,10 @@ proptest! {
             map.roof.iter().chain(&map.strips).copied().chain(outers).collect()
         };
         let (mut squares, mut count) = (0.0, 0.0);
-        for (a, b) in texels(&map).into_iter().zip(texels(&back)).filter(|(a, _)| *a != Texel::TRANSPARENT) {
-            prop_assert_eq!(a.alpha(), b.alpha());
+        for (a, b) in texels(&map).into_iter().zip(texels(&back)).filter(|(a, _)| *a != Texel::OPEN) {
+            prop_assert_eq!(a.is_open(), b.is_open());
             prop_assert!(a.ao().abs_diff(b.ao()) <= 3, "{} became {}", a.ao(), b.ao());
-            if a.alpha() == ALPHA_MAX {
+            if !a.is_open() {
                 squares += a.rgb().into_iter().zip(b.rgb()).map(|(a, b)| f64::from(a.abs_diff(b)).powi(2)).sum::<f64>();
                 count += 3.0;
             }

@@ -1,4 +1,5 @@
-//! Frozen bytes of format version 2: every later program must decode them, and this encoder must still write them.
+//! Frozen bytes of format version 2: every later program must decode them, and this encoder must still write
+//! them, except for the lossy one: which levels an encoder chooses is not part of the format.
 //!
 //! `write_vectors` (ignored) made the files. They never change. A new format version gets new files.
 
@@ -48,15 +49,13 @@ fn leaf() -> TileId {
 fn blockmap() -> BlockMap {
     let strip = |z_min, z_max, holes: bool| {
         let rows = strip_rows(z_min, z_max, 1).1;
-        let alpha = |row| if holes && row == 1 { 0 } else { 3 };
-        let mut texels: Vec<Texel> =
-            (0..rows).map(|row| Texel::new([row as u8, 100, 255 - row as u8], 40, alpha(row))).collect();
-        texels.iter_mut().filter(|texel| texel.alpha() == 0).for_each(|texel| *texel = Texel::TRANSPARENT);
+        let opaque = |row| Texel::new([row as u8, 100, 255 - row as u8], 40);
+        let texels = (0..rows).map(|row| if holes && row == 1 { Texel::OPEN } else { opaque(row) }).collect();
         Some(WallStrip { texels, azimuth: 64 })
     };
     let up = octahedral::encode([0.0, 0.0, 1.0]);
     let slope = octahedral::encode([0.6, 0.0, 0.8]);
-    let roof = Texel::new([200, 90, 60], 63, 3);
+    let roof = Texel::new([200, 90, 60], 63);
     let plain = MapColumn { z_min: 5, z_max: 90, roof, roof_normal: up, ..MapColumn::default() };
     let mut columns = vec![None; COLUMNS];
     columns[0] = Some(plain.clone());
@@ -64,7 +63,7 @@ fn blockmap() -> BlockMap {
     columns[63] = Some(MapColumn { strip: strip(5, 90, false), ..plain.clone() });
     columns[COLUMNS - 64] = Some(MapColumn { suspended: true, strip: strip(5, 90, true), ..plain.clone() });
     let corner = Some(CornerWall { azimuth: 3, offset: 40, concave: true });
-    let outer = Some(OuterTop { z: 12, roof: Texel::new([10, 20, 30], 50, 3) });
+    let outer = Some(OuterTop { z: 12, roof: Texel::new([10, 20, 30], 50) });
     let clip = Some(ColumnClip { offset: -20, corner, outer });
     columns[COLUMNS - 63] = Some(MapColumn { clip, strip: strip(5, 90, false), ..plain.clone() });
     columns[COLUMNS - 1] = Some(MapColumn { gap: Some([20, 60]), strip: strip(5, 90, false), ..plain });
@@ -73,8 +72,7 @@ fn blockmap() -> BlockMap {
 
 /// A map with more colours than a palette holds.
 fn colourful_blockmap() -> BlockMap {
-    let colour =
-        |i: usize| Texel::new([(i * 7 % 256) as u8, (i * i % 199) as u8, (i / 5 % 256) as u8], (i % 64) as u8, 3);
+    let colour = |i: usize| Texel::new([(i * 7 % 256) as u8, (i * i % 199) as u8, (i / 5 % 256) as u8], (i % 64) as u8);
     let columns: Vec<_> = (0..COLUMNS)
         .map(|i| {
             let is_building = i % 64 < 12 && i / 64 < 9;
@@ -279,7 +277,7 @@ fn blockmap_by_hand() -> Vec<u8> {
 /// Roofs of one colour and of full occlusion or none, which any quantisation step keeps.
 fn one_colour_blockmap() -> BlockMap {
     let roof_normal = octahedral::encode([0.0, 0.0, 1.0]);
-    let column = MapColumn { z_max: 100, roof: Texel::new([10, 200, 30], 63, 3), roof_normal, ..MapColumn::default() };
+    let column = MapColumn { z_max: 100, roof: Texel::new([10, 200, 30], 63), roof_normal, ..MapColumn::default() };
     BlockMap::from_columns(node_id(), 2.0, 4, 0, &vec![Some(column); COLUMNS]).unwrap()
 }
 

@@ -13,7 +13,6 @@ use insula_protocol::{
         range::{BitCoder, BitModel, NumberModel},
         zstd,
     },
-    texel::ALPHA_MAX,
 };
 use insula_server::store::CityStore;
 use std::{collections::HashMap, io::Cursor, path::Path, time::Instant};
@@ -209,7 +208,7 @@ fn statics(map: &BlockMap) -> anyhow::Result<CodedTile> {
 
 /// The roofs and wall strips as an image 64 texels wide: pixels and height.
 fn atlas(map: &BlockMap) -> (Vec<u8>, u32) {
-    let strips = map.strips.iter().filter(|texel| texel.alpha() == ALPHA_MAX);
+    let strips = map.strips.iter().filter(|texel| !texel.is_open());
     let mut rgb: Vec<u8> = map.roof.iter().chain(strips).flat_map(|texel| texel.rgb()).collect();
     let height = rgb.len().div_ceil(64 * 3);
     rgb.resize(height * 64 * 3, 0);
@@ -266,7 +265,7 @@ fn jpeg(map: &BlockMap) -> anyhow::Result<CodedTile> {
 /// The size of the colours: what a tile loses when all of them are black.
 fn colours_alone(map: &BlockMap) -> anyhow::Result<CodedTile> {
     let mut grey = map.clone();
-    let one = |texel: &mut Texel| *texel = if texel.alpha() == 0 { *texel } else { Texel(texel.0 & 0xff00_0000) };
+    let one = |texel: &mut Texel| *texel = if texel.is_open() { *texel } else { Texel(texel.0 & 0xff00_0000) };
     grey.roof.iter_mut().chain(&mut grey.strips).for_each(one);
     grey.clips.iter_mut().filter_map(|clip| clip.outer.as_mut()).for_each(|outer| one(&mut outer.roof));
     let whole = tile(map, Quality::Decibels(DB))?;

@@ -17,7 +17,6 @@ use insula_protocol::{
     BlockMap, NODE_CELLS,
     blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, STEPS_PER_CELL, flag, strip_rows},
     octahedral,
-    texel::ALPHA_MAX,
 };
 
 /// Bits of a height in a word of the walk plane or of a column's bounds.
@@ -36,10 +35,6 @@ pub(crate) const CLIP_OFFSET_SHIFT: u32 = 24;
 pub const CLIP_CORNER: u32 = 1 << HEIGHT_BITS;
 /// In a [`clip_word`]: the column fills the inner side of either plane, not of both.
 pub const CLIP_CONCAVE: u32 = 1 << 13;
-/// Where the coverage begins in a texel.
-pub(crate) const ALPHA_SHIFT: u32 = 24;
-/// Coverage of an opaque texel.
-pub(crate) const OPAQUE_ALPHA: u32 = ALPHA_MAX as u32;
 /// Where the visible share of the sky begins in a texel.
 pub(crate) const AO_SHIFT: u32 = 26;
 
@@ -262,7 +257,7 @@ mod tests {
 
     fn tall(z_min: u16, z_max: u16, gap: Option<[u16; 2]>) -> MapColumn {
         let rows = strip_rows(z_min, z_max, 0).1;
-        let texels = (0..rows).map(|r| Texel::new([r as u8, 1, 2], 63, 3)).collect();
+        let texels = (0..rows).map(|r| Texel::new([r as u8, 1, 2], 63)).collect();
         MapColumn { z_min, z_max, gap, strip: Some(WallStrip { texels, azimuth: 7 }), ..MapColumn::default() }
     }
 

@@ -56,7 +56,7 @@ fn walk_mesh(index: u32) {
         return;
     }
     if segment.to_sun {
-        ray_hit.transmittance = 0.0;
+        ray_hit.is_hit = true;
         return;
     }
     hit_triangle(index, step_m, info);
@@ -245,17 +245,7 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
     if mesh_hit.is_front || !is_inside(index, p, normal) {
         light = surface_light(index, p, normal);
     }
-    let share = ray_hit.transmittance;
-    ray_hit.albedo += albedo * share;
-    ray_hit.ao += light.sky * share;
-    ray_hit.normal += normal * share;
-    ray_hit.mean_m += t * share;
-    ray_hit.transmittance = 0.0;
-    if share > 0.5 {
-        ray_hit.flags = MESH_FLAG | select(0u, REFLECTIVE, light.is_reflective);
-        ray_hit.level = nodes[index].level;
-        ray_hit.distance_m = t;
-        ray_hit.node = index;
-        ray_hit.shadow_origin = p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t);
-    }
+    let flags = MESH_FLAG | select(0u, REFLECTIVE, light.is_reflective);
+    let shadow_origin = p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t);
+    ray_hit = RayHit(true, albedo, light.sky, normal, flags, nodes[index].level, t, index, shadow_origin);
 }

@@ -129,7 +129,7 @@ fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
     let low = floor(row);
     let a = read_word(texels + u32(low));
     let b = read_word(texels + u32(min(low + 1.0, rows)));
-    let covered = vec2<f32>(vec2<bool>(alpha_of(a) != 0u, alpha_of(b) != 0u));
+    let covered = vec2<f32>(vec2<bool>(!is_open(a), !is_open(b)));
     let weights = vec2<f32>(1.0 - (row - low), row - low) * covered;
     let weight = weights.x + weights.y;
     if weight <= 0.0 {

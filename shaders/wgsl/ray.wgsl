@@ -31,18 +31,16 @@ struct RaySegment {
     to_sun: bool,
 }
 
-// The surfaces that a ray segment has hit.
+// The surface that a ray segment has hit. Of a shadow segment, only `is_hit` is set.
 struct RayHit {
-    // Sums over the surfaces that were passed, each weighted by its visible share.
+    is_hit: bool,
+    // Linear RGB.
     albedo: vec3<f32>,
+    // Share of the sky that it sees, 0 to 1.
     ao: f32,
     normal: vec3<f32>,
-    mean_m: f32,
-    // Of the surface at which the transmittance fell below one half.
     flags: u32,
     level: u32,
-    // Transmittance: share of the light that comes from behind these surfaces.
-    transmittance: f32,
     distance_m: f32,
     node: u32,
     // Where the ray towards the sun begins.

@@ -87,24 +87,22 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
     var sun_share = 1.0;
     segment = RaySegment(vec3<f32>(0.0), dir, infinity, 0.0, false);
     loop {
-        ray_hit = RayHit(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0, 0u, 0u, 1.0, infinity, NO_NODE, vec3<f32>(0.0));
+        ray_hit = RayHit(false, vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0u, 0u, infinity, NO_NODE, vec3<f32>(0.0));
         if frame.levels != 0u {
             walk_grid();
         }
         if segment.to_sun {
-            sun_share = select(0.0, ray_hit.transmittance, ray_hit.transmittance > OPAQUE);
+            sun_share = select(1.0, 0.0, ray_hit.is_hit);
             break;
         }
         seen = ray_hit;
         var eye_m = seen.distance_m;
-        light = radiance_of(seen, dir);
-        if seen.transmittance > OPAQUE {
-            let behind = background(dir);
-            light = Radiance(light.sky + behind.sky * seen.transmittance, light.sun + behind.sun * seen.transmittance);
-            if seen.transmittance > 0.5 {
-                eye_m = ground_distance(dir);
-                seen.shadow_origin = dir * eye_m + vec3<f32>(0.0, 0.0, SUN_LIFT_M);
-            }
+        if seen.is_hit {
+            light = radiance_of(seen, dir);
+        } else {
+            light = background(dir);
+            eye_m = ground_distance(dir);
+            seen.shadow_origin = dir * eye_m + vec3<f32>(0.0, 0.0, SUN_LIFT_M);
         }
         if frame.shadow_m <= 0.0 || all(light.sun <= vec3<f32>(0.0)) || eye_m >= NO_GROUND_M {
             break;
@@ -116,25 +114,18 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
 }
 
 fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
-    let share = 1.0 - hit.transmittance;
-    if share <= 0.0 {
-        return Radiance(vec3<f32>(0.0), vec3<f32>(0.0));
-    }
     let length_squared = dot(hit.normal, hit.normal);
     let normal = select(-dir, hit.normal * inverseSqrt(length_squared), length_squared > 1e-12);
-    let distance_m = hit.mean_m / share;
-    let ao = hit.ao / share;
-    var lit = shade(hit.albedo / share, ao, normal, hit.flags, hit.level);
+    var lit = shade(hit.albedo, hit.ao, normal, hit.flags, hit.level);
     if !FOR_STUDY || frame.shading == SHADING_LIT {
         if (hit.flags & REFLECTIVE) != 0u {
-            lit = mirrored(lit, normal, ao, dir);
+            lit = mirrored(lit, normal, hit.ao, dir);
         }
         if WINDOWS {
-            lit.sky += lit_windows(dir * distance_m, normal, distance_m);
+            lit.sky += lit_windows(dir * hit.distance_m, normal, hit.distance_m);
         }
     }
-    let light = apply_haze(lit, distance_m);
-    return Radiance(light.sky * share, light.sun * share);
+    return apply_haze(lit, hit.distance_m);
 }
 
 // WGSL has no constant for infinity: these bits are made so that no compiler can fold them.

@@ -7,7 +7,7 @@ struct AdjacentWall {
     wall: u32,
 }
 
-// Gathers the solid that `meets` found, with the surfaces behind its transparent texels.
+// Hits the first opaque texel of the solid that `meets` found, if there is one.
 fn hit_solid(cell: vec2<i32>) {
     let i = u32(cell.y * NODE_CELLS + cell.x);
     let span = found.span;
@@ -46,8 +46,8 @@ fn hit_solid(cell: vec2<i32>) {
     var s = span.s;
     for (var n = 0; n < MAX_STRIP_ROWS; n++) {
         let texel = read_word(select(texel_at, u32(first + row), has_rows));
-        gather(s, select(as_opaque(texel), texel, has_rows), normal, flags);
-        if !has_rows || ray_hit.transmittance <= OPAQUE || (flags & HOLES) == 0u {
+        if !has_rows || !is_open(texel) {
+            hit_texel(s, texel, normal, flags);
             return;
         }
         s = (f32(row + select(0, 1, up)) * codes - node_ray.o.z) / node_ray.d.z;
@@ -81,7 +81,7 @@ fn adjacent_wall(before: vec2<i32>, t: f32) -> AdjacentWall {
     }
     let codes = codes_per_row(node_ray.z_shift);
     let texel_at = strip + u32(floor(z / codes) - floor(z_min / codes));
-    if alpha_of(read_word(texel_at)) == 0u {
+    if is_open(read_word(texel_at)) {
         return none;
     }
     return AdjacentWall(texel_at, azimuth_of(read_plane(ATTRIBUTE_PLANE, i)));
@@ -103,28 +103,20 @@ fn face_normal(cell: vec2<i32>) -> vec3<f32> {
     return vec3<f32>(0.0, 1.0 - 2.0 * ahead.y, 0.0);
 }
 
-// Adds the visible share of a texel. It is lit only once, when the ray has ended.
-fn gather(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
-    let alpha = f32(alpha_of(texel)) / ALPHA_MAX;
-    let before = ray_hit.transmittance;
-    let share = before * alpha;
-    ray_hit.transmittance *= 1.0 - alpha;
+// Ends the segment at a texel. It is lit only once, when the ray has ended.
+fn hit_texel(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
+    ray_hit.is_hit = true;
     if segment.to_sun {
         return;
     }
-    ray_hit.albedo += linear_of(texel) * share;
-    ray_hit.ao += ao_of(texel) / AO_MAX * share;
-    ray_hit.normal += normal * share;
-    ray_hit.mean_m += t * share;
-    if share > 0.0 && before > 0.5 {
-        ray_hit.flags = flags;
-        if FOR_STUDY {
-            ray_hit.level = nodes[node_ray.index].level;
-        }
-        if ray_hit.transmittance <= 0.5 {
-            ray_hit.distance_m = t;
-            ray_hit.node = node_ray.index;
-            ray_hit.shadow_origin = segment.dir * t + normal * (node_ray.cell_m * SUN_LIFT_CELLS);
-        }
+    ray_hit.albedo = linear_of(texel);
+    ray_hit.ao = ao_of(texel) / AO_MAX;
+    ray_hit.normal = normal;
+    ray_hit.flags = flags;
+    if FOR_STUDY {
+        ray_hit.level = nodes[node_ray.index].level;
     }
+    ray_hit.distance_m = t;
+    ray_hit.node = node_ray.index;
+    ray_hit.shadow_origin = segment.dir * t + normal * (node_ray.cell_m * SUN_LIFT_CELLS);
 }

@@ -113,7 +113,7 @@ fn walk_grid() {
         } else {
             hit_solid(walk.cell);
         }
-        if ray_hit.transmittance <= OPAQUE {
+        if ray_hit.is_hit {
             return;
         }
     }

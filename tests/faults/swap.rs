@@ -22,7 +22,7 @@ const VERSIONS: u32 = 200;
 fn tile(id: TileId, version: u32) -> Vec<u8> {
     let mut columns = vec![None; COLUMNS];
     for (at, digit) in format!("{version:04}").bytes().enumerate() {
-        let roof = Texel::new([digit, 1, 1], 63, 3);
+        let roof = Texel::new([digit, 1, 1], 63);
         let z_max = 16 * u16::from(digit - b'0' + 1);
         columns[at] = Some(MapColumn { z_min: 0, z_max, roof, ..MapColumn::default() });
     }

@@ -52,7 +52,7 @@ fn manifest() -> Manifest {
 fn block_map(id: TileId) -> Option<Vec<u8>> {
     let mut rng = Rng::new(u64::from(id.x()) << 32 | u64::from(id.y()));
     let mut tower = || {
-        let texel = Texel::new([(); 3].map(|()| rng.below(256) as u8), 40, 3);
+        let texel = Texel::new([(); 3].map(|()| rng.below(256) as u8), 40);
         Some(MapColumn { z_max: 4 + rng.below(40) as u16, roof: texel, ..MapColumn::default() })
     };
     let columns: Vec<_> = (0..COLUMNS).map(|_| tower()).collect();

@@ -124,7 +124,7 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<MapColumn> {
         inclined: rng.chance(style.inclined),
         suspended,
         gap,
-        roof: texel(rng, 3),
+        roof: texel(rng),
         roof_normal: octahedral::encode(n.into()),
         strip,
         clip,
@@ -139,23 +139,24 @@ fn clip(rng: &mut Rng, z_min: u16, z_max: u16) -> ColumnClip {
         concave: rng.chance(0.5),
     });
     let outer = (z_max - z_min > 1 && rng.chance(0.5))
-        .then(|| OuterTop { z: rng.between(z_min + 1, z_max - 1), roof: texel(rng, 3) });
+        .then(|| OuterTop { z: rng.between(z_min + 1, z_max - 1), roof: texel(rng) });
     ColumnClip { offset: (i32::from(rng.between(0, 180)) - 90) as i8, corner, outer }
 }
 
 fn strip(rng: &mut Rng, rows: u16) -> WallStrip {
     let holes = rng.chance(0.3);
     let texels = (0..rows).map(|_| {
-        let alpha = if holes { rng.below(4) as u8 } else { 3 };
-        texel(rng, alpha)
+        let is_open = holes && rng.below(4) == 0;
+        let texel = texel(rng);
+        if is_open { Texel::OPEN } else { texel }
     });
     let texels = texels.collect();
     WallStrip { texels, azimuth: rng.below(256) as u8 }
 }
 
-fn texel(rng: &mut Rng, alpha: u8) -> Texel {
+fn texel(rng: &mut Rng) -> Texel {
     let rgb = [0; 3].map(|_: u8| rng.below(256) as u8);
-    Texel::new(rgb, rng.below(64) as u8, alpha)
+    Texel::new(rgb, rng.below(64) as u8)
 }
 
 /// Position and direction of a random camera.

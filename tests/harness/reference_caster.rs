@@ -9,17 +9,13 @@ use insula_protocol::{
 };
 use insula_shaders::pack::slope_codes;
 
-/// Transmittance at which a ray stops.
-const OPAQUE: f64 = 0.02;
-
 /// What a ray returns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferencePixel {
-    /// Metres to where half of the light is absorbed; infinity if it never is.
+    /// Metres to the nearest surface; infinity if there is none.
     pub distance_m: f64,
-    /// Linear colour, weighted by coverage.
+    /// Its linear colour.
     pub rgb: DVec3,
-    pub transmittance: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -92,19 +88,9 @@ impl ReferenceCaster {
             solid.intersect(o, dir, &mut events);
         }
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut found = ReferencePixel { distance_m: f64::INFINITY, rgb: DVec3::ZERO, transmittance: 1.0 };
-        for (t, texel, alpha) in events {
-            found.rgb += linear(texel) * alpha * found.transmittance;
-            let before = found.transmittance;
-            found.transmittance *= 1.0 - alpha;
-            if before > 0.5 && found.transmittance <= 0.5 {
-                found.distance_m = t;
-            }
-            if found.transmittance <= OPAQUE {
-                break;
-            }
-        }
-        found
+        events.first().map_or(ReferencePixel { distance_m: f64::INFINITY, rgb: DVec3::ZERO }, |(distance_m, texel)| {
+            ReferencePixel { distance_m: *distance_m, rgb: linear(*texel) }
+        })
     }
 }
 
@@ -203,7 +189,7 @@ fn planes(column: &MapColumn, clip: &ColumnClip, cell_m: f64) -> (Vec<Plane>, bo
 
 impl Solid {
     /// Adds the intersections with a ray: distance, texel and coverage.
-    fn intersect(&self, o: DVec3, d: DVec3, events: &mut Vec<(f64, Texel, f64)>) {
+    fn intersect(&self, o: DVec3, d: DVec3, events: &mut Vec<(f64, Texel)>) {
         let (mut s, mut e) = (0.0, f64::INFINITY);
         for axis in 0..2 {
             clip(&mut s, &mut e, o[axis] - self.low[axis], d[axis]);
@@ -225,7 +211,7 @@ impl Solid {
         }
     }
 
-    fn intersect_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel, f64)>) {
+    fn intersect_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel)>) {
         let side_entry = s;
         clip(&mut s, &mut e, o.z - self.bottom_m, d.z);
         if s >= e {
@@ -243,10 +229,10 @@ impl Solid {
             return;
         }
         match (&self.wall, self.roof) {
-            (_, Some(roof)) if through_top => events.push((s, roof, 1.0)),
+            (_, Some(roof)) if through_top => events.push((s, roof)),
             (Wall::Plain(texel), _) => {
                 let neighbours = if s == side_entry { self.facade(o, d, s) } else { None };
-                events.push((s, neighbours.unwrap_or(*texel), 1.0));
+                events.push((s, neighbours.unwrap_or(*texel)));
             }
             (Wall::Strip { texels, base_m, holes }, _) => {
                 self.intersect_rows(o, d, [s, e], (texels, *base_m, *holes), events)
@@ -265,7 +251,7 @@ impl Solid {
         let z = o.z + d.z * s;
         let row = ((z - facade.base_m) / self.cell_m).floor() as usize;
         let covers = (facade.bottom_m..facade.top_m).contains(&z);
-        facade.texels.get(row).copied().filter(|texel| covers && texel.alpha() > 0)
+        facade.texels.get(row).copied().filter(|texel| covers && !texel.is_open())
     }
 
     fn intersect_rows(
@@ -274,11 +260,11 @@ impl Solid {
         d: DVec3,
         [s, e]: [f64; 2],
         (texels, base_m, holes): (&[Texel], f64, bool),
-        events: &mut Vec<(f64, Texel, f64)>,
+        events: &mut Vec<(f64, Texel)>,
     ) {
         if !holes {
             let row = ((o.z + d.z * s - base_m) / self.cell_m).floor().clamp(0.0, texels.len() as f64 - 1.0);
-            events.push((s, texels[row as usize], 1.0));
+            events.push((s, texels[row as usize]));
             return;
         }
         for (row, texel) in texels.iter().enumerate() {
@@ -289,8 +275,8 @@ impl Solid {
             if row + 1 < texels.len() {
                 clip(&mut from, &mut to, base_m + (row + 1) as f64 * self.cell_m - o.z, -d.z);
             }
-            if from < to && texel.alpha() > 0 {
-                events.push((from, *texel, f64::from(texel.alpha()) / 3.0));
+            if from < to && !texel.is_open() {
+                events.push((from, *texel));
             }
         }
     }

@@ -170,7 +170,7 @@ fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
     let area = CityArea { origin: [0.0; 3], root_side_m: 512.0 };
     let column = |i: usize| {
         let (x, y) = (i % NODE_CELLS, i / NODE_CELLS);
-        let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8, 3);
+        let texel = Texel::new([255; 3], (x / 2 + y / 2) as u8);
         let flat = octahedral::encode([0.0, 0.0, 1.0]);
         let (z_min, z_max) = (0, 32);
         let no = MapColumn {

@@ -25,8 +25,8 @@ from tile_decoder.subtree import read_subtree
 
 
 def packed_texel(texel):
-    r, g, b, ao, alpha = texel
-    return r | g << 8 | b << 16 | (ao << 2 | alpha) << 24
+    r, g, b, ao, coverage = texel
+    return r | g << 8 | b << 16 | (ao << 2 | coverage) << 24
 
 
 def blockmap_values(tile, ground):

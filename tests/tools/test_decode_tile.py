@@ -16,8 +16,8 @@ def vector(name):
     return (VECTORS / f"v2_{name}.bin").read_bytes()
 
 
-def texel(r, g, b, ao, alpha=3):
-    return r | g << 8 | b << 16 | (ao << 2 | alpha) << 24
+def texel(r, g, b, ao, coverage=3):
+    return r | g << 8 | b << 16 | (ao << 2 | coverage) << 24
 
 
 def f32(value):

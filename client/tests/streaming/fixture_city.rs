@@ -112,8 +112,8 @@ fn block_map(manifest: &Manifest, id: TileId) -> BlockMap {
             let is_building = is_building(x, y);
             let z_max = code(if is_building { ROOF_M } else { GROUND_M }).max(1);
             let rows = usize::from(strip_rows(0, z_max, 0).1);
-            let texels = (0..rows).map(|r| Texel::new([200, 120 + (r * 8 % 100) as u8, 90], 50, 3)).collect();
-            let roof = if is_building { Texel::new([170, 60, 40], 63, 3) } else { Texel::new([90, 130, 80], 45, 3) };
+            let texels = (0..rows).map(|r| Texel::new([200, 120 + (r * 8 % 100) as u8, 90], 50)).collect();
+            let roof = if is_building { Texel::new([170, 60, 40], 63) } else { Texel::new([90, 130, 80], 45) };
             let strip = is_building.then_some(WallStrip { texels, azimuth: 0 });
             let roof_normal = octahedral::encode([0.0, 0.0, 1.0]);
             Some(MapColumn { z_min: 0, z_max, roof, roof_normal, strip, ..MapColumn::default() })

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     codec::range::{BitCoder, BitModel},
-    texel::{ALPHA_MAX, AO_MAX, Texel},
+    texel::{AO_MAX, Texel},
 };
 
 /// Maximum number of colours of a palette. Maps with more colours have none.
@@ -53,7 +53,7 @@ fn code_palette<C: BitCoder>(coder: &mut C, map: &BlockMap) -> Option<Vec<Colour
 /// The visible colours, ascending; any `MAX_PALETTE + 1` of them if there are more than [`MAX_PALETTE`].
 fn distinct_colours(map: &BlockMap) -> Vec<[u8; 3]> {
     let roofs = (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0).map(|i| map.roof[i]);
-    let strips = map.strips.iter().copied().filter(|t| t.alpha() != 0);
+    let strips = map.strips.iter().copied().filter(|t| !t.is_open());
     let outer_tops = map.clips.iter().filter_map(|c| Some(c.outer?.roof));
     let mut list = Vec::new();
     let mut last = None;
@@ -169,7 +169,7 @@ fn code_strips<C: BitCoder>(
     roofs: &[ReconstructedTexel],
 ) {
     let (placements, count) = place_strips(map);
-    map.strips.resize(count, Texel::TRANSPARENT);
+    map.strips.resize(count, Texel::OPEN);
     let mut coded = vec![ReconstructedTexel::default(); count];
     for step in facade {
         let strip = placements[step.column];
@@ -178,7 +178,7 @@ fn code_strips<C: BitCoder>(
         let beside_row = |row: i32| predecessor.and_then(|strip| strip.texel_in(row));
         let mut below = None;
         let mut beside_below = beside_row(strip.first_row - 1).map(|at| coded[at]);
-        let mut alpha = ALPHA_MAX;
+        let mut is_open = false;
         for row in 0..strip.rows {
             let beside = beside_row(strip.first_row + row as i32).map(|at| coded[at]);
             let known = match (below, beside) {
@@ -190,14 +190,9 @@ fn code_strips<C: BitCoder>(
             beside_below = beside;
             let value = map.strips[strip.start + row];
             if has_holes {
-                alpha = texels.code_alpha(alpha, value.alpha());
+                is_open = texels.code_coverage(is_open, value.is_open());
             }
-            let (texel, reconstructed) = if alpha == 0 {
-                (Texel::TRANSPARENT, known[0])
-            } else {
-                let (texel, reconstructed) = texels.code(value, &known);
-                (Texel::new(texel.rgb(), texel.ao(), alpha), reconstructed)
-            };
+            let (texel, reconstructed) = if is_open { (Texel::OPEN, known[0]) } else { texels.code(value, &known) };
             map.strips[strip.start + row] = texel;
             coded[strip.start + row] = reconstructed;
             below = Some(reconstructed);

@@ -7,7 +7,7 @@ use crate::{
     TileKind,
     codec::range::{NullEncoder, RangeEncoder},
     error::DecodeError,
-    texel::{ALPHA_MAX, Texel},
+    texel::Texel,
     tile::TileWriter,
 };
 
@@ -99,7 +99,7 @@ impl BlockMap {
         for i in (0..COLUMNS).filter(|i| self.flags[*i] & flag::OCCUPIED != 0) {
             add(self.roof[i], other.roof[i]);
         }
-        let strips = self.strips.iter().zip(&other.strips).filter(|(a, _)| a.alpha() == ALPHA_MAX);
+        let strips = self.strips.iter().zip(&other.strips).filter(|(a, _)| !a.is_open());
         strips.for_each(|(a, b)| add(*a, *b));
         for (a, b) in self.clips.iter().zip(&other.clips) {
             if let (Some(a), Some(b)) = (a.outer, b.outer) {

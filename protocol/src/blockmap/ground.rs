@@ -11,7 +11,7 @@ use crate::{
     codec::range::{BitCoder, BitModel, GroupFlag, NumberModel},
     error::DecodeError,
     octahedral,
-    texel::{ALPHA_MAX, AO_MAX, Texel},
+    texel::{AO_MAX, Texel},
 };
 
 /// Side of a square of the ground in columns.
@@ -339,7 +339,7 @@ impl BlockMap {
             z_min: code(point.z - rise - 1.0).min(z_max - 1),
             z_max,
             inclined: rise > 0.0,
-            roof: Texel::new(GROUND_COLOUR, point.ao, ALPHA_MAX),
+            roof: Texel::new(GROUND_COLOUR, point.ao),
             roof_normal: octahedral::encode([-east, -north, 1.0]),
             ..MapColumn::default()
         }
@@ -374,7 +374,7 @@ impl BlockMap {
         let (old, _) = strip_rows(column.z_min, column.z_max, self.z_shift);
         let (new, _) = strip_rows(z_min, column.z_max, self.z_shift);
         if let Some(strip) = &mut column.strip {
-            let lowest = strip.texels.iter().find(|texel| texel.alpha() == ALPHA_MAX).copied();
+            let lowest = strip.texels.iter().find(|texel| !texel.is_open()).copied();
             let added = lowest.unwrap_or(column.roof);
             strip.texels.splice(0..0, (new..old).map(|_| added));
         }
@@ -440,11 +440,11 @@ mod tests {
 
     fn wall(z_min: u16, z_max: u16) -> MapColumn {
         let rows = strip_rows(z_min, z_max, 0).1;
-        let texels = (0..rows).map(|row| Texel::new([row as u8; 3], 40, ALPHA_MAX)).collect();
+        let texels = (0..rows).map(|row| Texel::new([row as u8; 3], 40)).collect();
         MapColumn {
             z_min,
             z_max,
-            roof: Texel::new([200; 3], 63, ALPHA_MAX),
+            roof: Texel::new([200; 3], 63),
             strip: Some(WallStrip { texels, azimuth: 64 }),
             ..MapColumn::default()
         }

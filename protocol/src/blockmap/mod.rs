@@ -250,7 +250,7 @@ impl BlockMap {
         }
         if let Some(strip) = &column.strip {
             flags |= flag::EXPOSED;
-            if strip.texels.iter().any(|t| t.alpha() < crate::texel::ALPHA_MAX) {
+            if strip.texels.iter().any(|t| t.is_open()) {
                 flags |= flag::HOLES;
             }
             self.wall_azimuth[i] = strip.azimuth;

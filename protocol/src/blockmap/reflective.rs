@@ -48,7 +48,6 @@ mod tests {
             MapColumn,
             encode::{TAG_COLUMNS, TAG_META, TAG_REFLECTIVE},
         },
-        texel::ALPHA_MAX,
         tile::{TileReader, TileWriter},
     };
 
@@ -56,7 +55,7 @@ mod tests {
     fn map(is_water: impl Fn(i32, i32) -> bool) -> BlockMap {
         let column = |i: usize| {
             let (x, y) = ((i % NODE_CELLS) as i32, (i / NODE_CELLS) as i32);
-            let roof = Texel::new([52, 78, 84], 63, ALPHA_MAX);
+            let roof = Texel::new([52, 78, 84], 63);
             let column = MapColumn { z_max: 20, roof, reflective: is_water(x, y), ..MapColumn::default() };
             (y - x < 32).then_some(column)
         };

@@ -6,7 +6,7 @@
 use super::neighbours::median;
 use crate::{
     codec::range::{BitCoder, BitModel, NumberModel},
-    texel::{ALPHA_MAX, AO_MAX, Texel},
+    texel::{AO_MAX, Texel},
 };
 
 /// Quantisation steps of a map's colours and occlusion.
@@ -24,6 +24,8 @@ impl QuantisationSteps {
 
 /// Largest error of the occlusion if it is lossy. A prediction that is this close is used as it is.
 const MAX_AO_ERROR: i32 = 3;
+/// The coverage of an opaque texel; that of an open one is 0. Other values were used for partial coverage.
+const OPAQUE_COVERAGE: u32 = 3;
 /// Unit of the colour step.
 const QUARTERS: i32 = 4;
 /// Part of a step, in 1/256, that is added before rounding down. Less than half, because zero is the cheapest to code.
@@ -67,7 +69,8 @@ struct TexelModels {
     /// By activity, and whether an earlier component differs from its prediction.
     chroma: [[NumberModel; 6]; 2],
     ao: [NumberModel; 8],
-    alpha: [[BitModel; 3]; 4],
+    /// By the coverage of the texel below.
+    coverage: [[BitModel; 3]; 4],
     /// Whether a palette colour is that of the first neighbour, and of the second.
     first: [BitModel; 3],
     second: BitModel,
@@ -140,12 +143,14 @@ impl<'a, C: BitCoder> TexelCoder<'a, C> {
         let colour =
             if self.palette.is_some() { self.code_index(value, known) } else { self.code_colour(value, known) };
         let ao = self.code_ao(i32::from(value.ao()), known.map(|k| i32::from(k.ao)));
-        (Texel::new(to_rgb(colour), ao as u8, ALPHA_MAX), ReconstructedTexel { colour, ao })
+        (Texel::new(to_rgb(colour), ao as u8), ReconstructedTexel { colour, ao })
     }
 
-    /// Codes a coverage, predicted from that of the texel below.
-    pub(super) fn code_alpha(&mut self, below: u8, value: u8) -> u8 {
-        self.coder.choice(&mut self.models.alpha[usize::from(below)], u32::from(value)) as u8
+    /// Codes whether a texel is open, predicted from the one below.
+    pub(super) fn code_coverage(&mut self, is_open_below: bool, is_open: bool) -> bool {
+        let coverage = |is_open: bool| if is_open { 0 } else { OPAQUE_COVERAGE };
+        let models = &mut self.models.coverage[coverage(is_open_below) as usize];
+        self.coder.choice(models, coverage(is_open)) == 0
     }
 
     fn code_ao(&mut self, value: i32, [a, b, c]: [i32; 3]) -> i16 {

@@ -59,7 +59,7 @@ fn wall_map(strips: &[Texel]) -> RgbImage {
     let height = (strips.len() as u32).div_ceil(WALL_WIDTH).clamp(SIDE, WALL_HEIGHT_MAX);
     let mut image = RgbImage::from_pixel(WALL_WIDTH, height, EMPTY);
     for (pixel, texel) in image.pixels_mut().zip(strips) {
-        *pixel = if texel.alpha() == 0 { Rgb([255, 0, 255]) } else { shade(*texel) };
+        *pixel = if texel.is_open() { Rgb([255, 0, 255]) } else { shade(*texel) };
     }
     image
 }
@@ -106,11 +106,11 @@ mod tests {
     #[test]
     fn texels_have_their_place_and_colour() {
         let mut columns = vec![None; COLUMNS];
-        let grey = Texel::new([100; 3], AO_MAX, 3);
-        let wall = [Texel::new([9, 8, 7], AO_MAX, 3), Texel::TRANSPARENT];
+        let grey = Texel::new([100; 3], AO_MAX);
+        let wall = [Texel::new([9, 8, 7], AO_MAX), Texel::OPEN];
         // In the south-west corner a roof of half the height; east of it an exposed column with 2 texels.
         columns[0] =
-            Some(MapColumn { z_min: 8, z_max: 16, roof: Texel::new([200, 100, 0], 31, 3), ..MapColumn::default() });
+            Some(MapColumn { z_min: 8, z_max: 16, roof: Texel::new([200, 100, 0], 31), ..MapColumn::default() });
         let strip = Some(WallStrip { texels: wall.to_vec(), azimuth: 0 });
         columns[1] = Some(MapColumn { z_min: 0, z_max: 32, roof: grey, strip, ..MapColumn::default() });
         let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).unwrap();
@@ -132,7 +132,7 @@ mod tests {
     fn empty_nodes_and_long_wall_maps_are_drawn() {
         let empty = BlockMap::empty(TileId::ROOT, 1.0, 0, 0);
         assert_eq!(draw(&empty).height(), (64 + 8) * SCALE);
-        assert_eq!(wall_map(&vec![Texel::TRANSPARENT; 256 * 100 + 1]).dimensions(), (256, 101));
-        assert_eq!(wall_map(&vec![Texel::TRANSPARENT; 1 << 20]).dimensions(), (256, WALL_HEIGHT_MAX));
+        assert_eq!(wall_map(&vec![Texel::OPEN; 256 * 100 + 1]).dimensions(), (256, 101));
+        assert_eq!(wall_map(&vec![Texel::OPEN; 1 << 20]).dimensions(), (256, WALL_HEIGHT_MAX));
     }
 }

@@ -5,7 +5,7 @@
 use super::{
     fast_math::nonzero,
     mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light},
-    ray::Ray,
+    ray::{Ray, RayHit},
     shade::linear_of,
     words::halves,
 };
@@ -91,7 +91,7 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
         return;
     }
     if ray.segment.to_sun {
-        ray.hit.transmittance = 0.0;
+        ray.hit.is_hit = true;
         return;
     }
     hit_triangle(ray, index, step_m, info, &mesh_hit);
@@ -283,17 +283,16 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
     } else {
         SurfaceLight { sky: INSIDE_AO, is_reflective: false }
     };
-    let hit = &mut ray.hit;
-    let share = hit.transmittance;
-    hit.albedo += albedo * share;
-    hit.ao += light.sky * share;
-    hit.normal += normal * share;
-    hit.mean_m += t * share;
-    hit.transmittance = 0.0;
-    if share > 0.5 {
-        let reflective = if light.is_reflective { u32::from(flag::REFLECTIVE) } else { 0 };
-        (hit.flags, hit.level) = (MESH_FLAG | reflective, node.level);
-        (hit.distance_m, hit.node) = (t, index);
-        hit.shadow_origin = p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t);
-    }
+    let reflective = if light.is_reflective { u32::from(flag::REFLECTIVE) } else { 0 };
+    ray.hit = RayHit {
+        is_hit: true,
+        albedo,
+        ao: light.sky,
+        normal,
+        flags: MESH_FLAG | reflective,
+        level: node.level,
+        distance_m: t,
+        node: index,
+        shadow_origin: p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t),
+    };
 }

@@ -8,7 +8,7 @@ use super::{
     node::planes_of,
     ray::Ray,
     shade::linear_of_srgb,
-    words::{alpha_of, ao_of, codes_per_row, flags_of, halves},
+    words::{ao_of, codes_per_row, flags_of, halves, is_open},
 };
 use crate::{
     layout::{DrawNode, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
@@ -164,7 +164,7 @@ fn column_sky(ray: &mut Ray<'_>, node: &DrawNode, cell: IVec2, z: f32, upwards: 
     let low = row.floor();
     let a = ray.read_word(texels + low as usize);
     let b = ray.read_word(texels + (low + 1.0).min(rows) as usize);
-    let covered = Vec2::new(f32::from(alpha_of(a) != 0), f32::from(alpha_of(b) != 0));
+    let covered = Vec2::new(f32::from(!is_open(a)), f32::from(!is_open(b)));
     let weights = Vec2::new(1.0 - (row - low), row - low) * covered;
     let weight = weights.x + weights.y;
     if weight > 0.0 { Vec2::new((ao(a) * weights.x + ao(b) * weights.y) / weight, 1.0) } else { Vec2::ZERO }

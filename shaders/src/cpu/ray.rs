@@ -45,8 +45,6 @@ impl std::ops::AddAssign for RayCounts {
 
 /// Most entries of the grid that a ray reads: a guard against damaged grids, far above any real walk.
 pub(crate) const MAX_STEPS: u32 = 4096;
-/// Transmittance at which a ray stops.
-pub(crate) const OPAQUE: f32 = 0.02;
 /// Least component of a direction, so that the distance to every boundary is a finite number.
 pub(crate) const MIN_DIRECTION: f32 = 1e-12;
 /// How far above a surface its ray towards the sun begins, in columns: steps between columns of one roof or wall must
@@ -68,19 +66,17 @@ pub(super) struct RaySegment {
     pub(super) to_sun: bool,
 }
 
-/// The surfaces that a ray segment has hit.
+/// The surface that a ray segment has hit. Of a shadow segment, only `is_hit` is set.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayHit {
-    /// Sums over the surfaces that were passed, each weighted by its visible share.
+    pub(super) is_hit: bool,
+    /// Linear RGB.
     pub(super) albedo: Vec3,
+    /// Share of the sky that it sees, 0 to 1.
     pub(super) ao: f32,
     pub(super) normal: Vec3,
-    pub(super) mean_m: f32,
-    /// Of the surface at which the transmittance fell below one half.
     pub(super) flags: u32,
     pub(super) level: u32,
-    /// Transmittance: share of the light that comes from behind these surfaces.
-    pub(super) transmittance: f32,
     pub(super) distance_m: f32,
     pub(super) node: u32,
     /// Where the ray towards the sun begins.
@@ -90,13 +86,12 @@ pub(super) struct RayHit {
 impl RayHit {
     /// Before the segment has hit anything.
     pub(super) const NOTHING: Self = Self {
+        is_hit: false,
         albedo: Vec3::ZERO,
         ao: 0.0,
         normal: Vec3::ZERO,
-        mean_m: 0.0,
         flags: 0,
         level: 0,
-        transmittance: 1.0,
         distance_m: f32::INFINITY,
         node: NO_NODE,
         shadow_origin: Vec3::ZERO,

@@ -10,7 +10,7 @@ pub use super::ray::{RayCounts, SceneRef};
 use super::{
     fast_math::floor,
     night::lit_windows,
-    ray::{NodeRay, OPAQUE, Ray, RayHit, RaySegment, SUN_LIFT_M},
+    ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
     walk::walk_grid,
 };
@@ -199,20 +199,16 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
         walk_grid(&mut ray);
     }
     let mut seen = ray.hit;
-    let mut eye_m = seen.distance_m;
     let airlight = &pixel.airlight;
-    let mut light = radiance_of(&seen, frame, dir, airlight);
-    if seen.transmittance > OPAQUE {
-        let behind = background(frame, dir, airlight);
-        let (sky, sun) = (light.sky + behind.sky * seen.transmittance, light.sun + behind.sun * seen.transmittance);
-        light = Radiance { sky, sun };
-        if seen.transmittance > 0.5 {
-            eye_m = ground_distance(frame, dir);
-            seen.shadow_origin = dir * eye_m + Vec3::Z * SUN_LIFT_M;
-        }
-    }
+    let (light, eye_m) = if seen.is_hit {
+        (radiance_of(&seen, frame, dir, airlight), seen.distance_m)
+    } else {
+        let eye_m = ground_distance(frame, dir);
+        seen.shadow_origin = dir * eye_m + Vec3::Z * SUN_LIFT_M;
+        (background(frame, dir, airlight), eye_m)
+    };
     let mut sun_share = 1.0;
-    // A thin surface in front of the sky has no place where a shadow ray could begin.
+    // Nothing shadows the sky.
     if frame.shadow_m > 0.0 && light.sun.max_element() > 0.0 && eye_m < f32::INFINITY {
         let origin = seen.shadow_origin.map(|v| floor(v * ORIGINS_PER_M + 0.5) as f32 / ORIGINS_PER_M);
         ray.segment = RaySegment { origin, dir: pixel.sun, reach_m: frame.shadow_m, eye_m, to_sun: true };
@@ -220,7 +216,7 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
         if frame.levels != 0 {
             walk_grid(&mut ray);
         }
-        sun_share = if ray.hit.transmittance > OPAQUE { ray.hit.transmittance } else { 0.0 };
+        sun_share = if ray.hit.is_hit { 0.0 } else { 1.0 };
     }
     TracedRay {
         rgb: light.sky + light.sun * sun_share,
@@ -230,20 +226,10 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
     }
 }
 
-/// Light of everything that was passed, as if it were one surface.
+/// Light of the surface that was hit.
 fn radiance_of(hit: &RayHit, frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radiance {
-    let share = 1.0 - hit.transmittance;
-    if share <= 0.0 {
-        return Radiance { sky: Vec3::ZERO, sun: Vec3::ZERO };
-    }
-    let surface = SurfaceSample {
-        albedo: hit.albedo / share,
-        ao: hit.ao / share,
-        normal: hit.normal.normalize_or(-dir),
-        flags: hit.flags,
-        level: hit.level,
-    };
-    let distance_m = hit.mean_m / share;
+    let RayHit { albedo, ao, flags, level, distance_m, .. } = *hit;
+    let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
     let mut light = shade(frame, &surface);
     if frame.shading == Shading::Lit as u32 {
         if surface.flags & u32::from(flag::REFLECTIVE) != 0 {
@@ -253,6 +239,5 @@ fn radiance_of(hit: &RayHit, frame: &FrameUniform, dir: Vec3, airlight: &Airligh
             light.sky += lit_windows(frame, dir * distance_m, surface.normal, distance_m);
         }
     }
-    let light = apply_haze(frame, light, airlight, distance_m);
-    Radiance { sky: light.sky * share, sun: light.sun * share }
+    apply_haze(frame, light, airlight, distance_m)
 }

@@ -7,13 +7,13 @@
 use super::{
     column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace, bounds_of},
     fast_math::{ahead_of, floor},
-    ray::{NodeRay, OPAQUE, Ray, SUN_LIFT_CELLS},
+    ray::{NodeRay, Ray, RayHit, SUN_LIFT_CELLS},
     shade::linear_of,
-    words::{alpha_of, ao_of, as_opaque, azimuth_direction, azimuth_of, codes_per_row, flags_of},
+    words::{ao_of, azimuth_direction, azimuth_of, codes_per_row, flags_of, is_open},
 };
 use crate::{
     layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
-    pack::{OPAQUE_ALPHA, head_words},
+    pack::head_words,
 };
 use glam::{IVec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, blockmap::flag, octahedral, texel::AO_MAX};
@@ -21,7 +21,7 @@ use insula_protocol::{NODE_CELLS, blockmap::flag, octahedral, texel::AO_MAX};
 /// Most rows of a strip: a guard, as no strip has more.
 pub(crate) const MAX_STRIP_ROWS: i32 = 256;
 
-/// Gathers a solid that the ray meets, with the surfaces behind its transparent texels.
+/// Hits the first opaque texel of a solid that the ray meets, if there is one.
 #[inline]
 pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSolid) {
     let (cell, flags, span) = (column.cell, column.flags, found.span);
@@ -31,12 +31,12 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
     let (mut texel, mut normal) = (0, flat_normal);
     let mut has_rows = false;
     if found.solid == ColumnSolid::Outer {
-        texel = as_opaque(ray.read_word(column.strip + 1));
+        texel = ray.read_word(column.strip + 1);
         if side {
             normal = face_normal(&ray.node, cell);
         }
     } else if found.solid == ColumnSolid::Upper && span.face == SolidFace::Top {
-        texel = as_opaque(ray.read_plane(ROOF_PLANE, column.i));
+        texel = ray.read_plane(ROOF_PLANE, column.i);
         normal = roof_normal;
     } else if flags & flag::EXPOSED != 0 {
         has_rows = true;
@@ -46,7 +46,7 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
     } else if side && let Some(wall) = adjacent_wall(ray, cell, span.s) {
         (texel, normal) = wall;
     } else {
-        texel = as_opaque(ray.read_plane(ROOF_PLANE, column.i));
+        texel = ray.read_plane(ROOF_PLANE, column.i);
         normal = if span.face == SolidFace::Bottom { Vec3::NEG_Z } else { roof_normal };
         if normal.dot(ray.segment.dir) >= 0.0 {
             normal = face_normal(&ray.node, cell);
@@ -62,9 +62,8 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
         if has_rows {
             texel = ray.read_word((first + row) as usize);
         }
-        gather(ray, s, texel, normal, flags);
-        if !has_rows || ray.hit.transmittance <= OPAQUE || flags & flag::HOLES == 0 {
-            return;
+        if !has_rows || !is_open(texel) {
+            return hit_texel(ray, s, texel, normal, flags);
         }
         s = ((row + i32::from(up)) as f32 * codes - ray.node.o.z) / ray.node.d.z;
         normal = if up { Vec3::NEG_Z } else { Vec3::Z };
@@ -96,7 +95,7 @@ fn adjacent_wall(ray: &mut Ray<'_>, cell: IVec2, t: f32) -> Option<(u32, Vec3)> 
     let codes = codes_per_row(ray.node.z_shift);
     let texel = ray.read_word(strip + (floor(z / codes) - floor(z_min / codes)) as usize);
     let attributes = ray.read_plane(ATTRIBUTE_PLANE, i);
-    (alpha_of(texel) != 0).then(|| (as_opaque(texel), wall_normal(ray, cell, azimuth_of(attributes))))
+    (!is_open(texel)).then(|| (texel, wall_normal(ray, cell, azimuth_of(attributes))))
 }
 
 /// Normal of a wall that the ray enters from outside, else of the cell's face.
@@ -112,26 +111,22 @@ fn face_normal(node: &NodeRay, cell: IVec2) -> Vec3 {
     if near.x >= near.y { Vec3::new(1.0 - 2.0 * ahead.x, 0.0, 0.0) } else { Vec3::new(0.0, 1.0 - 2.0 * ahead.y, 0.0) }
 }
 
-/// Adds the visible share of a texel. It is lit only once, when the ray has ended.
+/// Ends the segment at a texel. It is lit only once, when the ray has ended.
 #[inline]
-fn gather(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8) {
-    let alpha = alpha_of(texel) as f32 / OPAQUE_ALPHA as f32;
-    let hit = &mut ray.hit;
-    let (before, share) = (hit.transmittance, hit.transmittance * alpha);
-    hit.transmittance *= 1.0 - alpha;
+fn hit_texel(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8) {
+    ray.hit.is_hit = true;
     if ray.segment.to_sun {
         return;
     }
-    hit.albedo += linear_of(texel) * share;
-    hit.ao += ao_of(texel) / f32::from(AO_MAX) * share;
-    hit.normal += normal * share;
-    hit.mean_m += t * share;
-    if share > 0.0 && before > 0.5 {
-        (hit.flags, hit.level) = (u32::from(flags), ray.node.level);
-        if hit.transmittance <= 0.5 {
-            hit.distance_m = t;
-            hit.node = ray.node.index;
-            hit.shadow_origin = ray.segment.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS);
-        }
-    }
+    ray.hit = RayHit {
+        is_hit: true,
+        albedo: linear_of(texel),
+        ao: ao_of(texel) / f32::from(AO_MAX),
+        normal,
+        flags: u32::from(flags),
+        level: ray.node.level,
+        distance_m: t,
+        node: ray.node.index,
+        shadow_origin: ray.segment.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS),
+    };
 }

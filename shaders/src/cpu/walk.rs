@@ -13,7 +13,7 @@ use super::{
     fast_math::{ahead_of, fast_max, fast_min, floor2, nonzero, nonzero2},
     mesh::walk_mesh,
     node::enter_node,
-    ray::{MAX_STEPS, NodeRay, OPAQUE, Ray},
+    ray::{MAX_STEPS, NodeRay, Ray},
     solid::hit_solid,
 };
 use crate::{
@@ -117,7 +117,7 @@ pub(super) fn walk_grid(ray: &mut Ray<'_>) {
             Some(found) if found.mesh != 0 => walk_mesh(ray, node),
             Some(_) => walk_node(ray, node, t_in, t_out),
         }
-        if ray.hit.transmittance <= OPAQUE {
+        if ray.hit.is_hit {
             return;
         }
     }
@@ -129,7 +129,7 @@ fn walk_node(ray: &mut Ray<'_>, node: u32, t_in: f32, t_out: f32) {
     let Some(mut walk) = NodeWalk::begin_node(ray, node, t_in, t_out) else { return };
     while let Some(block) = walk.next_block(ray) {
         walk_block(ray, block);
-        if ray.hit.transmittance <= OPAQUE {
+        if ray.hit.is_hit {
             return;
         }
     }
@@ -142,7 +142,7 @@ fn walk_block(ray: &mut Ray<'_>, mut walk: BlockWalk) {
         ray.counts.cells += 1;
         if let Some(word) = may_hit(ray, cell, t_in, t_out, quad_top) {
             walk_column(ray, cell, t_in, t_out, word);
-            if ray.hit.transmittance <= OPAQUE {
+            if ray.hit.is_hit {
                 return;
             }
         }
@@ -155,7 +155,7 @@ fn walk_column(ray: &mut Ray<'_>, cell: IVec2, t_in: f32, t_out: f32, word: u32)
     let mut column = ColumnVisit::read(ray, cell, t_in, t_out, word);
     while let Some(found) = column.meets(ray) {
         hit_solid(ray, &column, &found);
-        if ray.hit.transmittance <= OPAQUE {
+        if ray.hit.is_hit {
             return;
         }
     }

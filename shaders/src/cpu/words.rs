@@ -1,11 +1,11 @@
 //! Fields of the atlas's words ([`crate::pack`]). GPU twin: `shared/words.wgsl`.
 
-use crate::pack::{
-    ALPHA_SHIFT, AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK,
-    OPAQUE_ALPHA,
-};
+use crate::pack::{AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK};
 use glam::Vec2;
-use insula_protocol::blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL};
+use insula_protocol::{
+    blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL},
+    texel::OPAQUE,
+};
 
 #[inline]
 pub(super) fn flags_of(walk: u32) -> u8 {
@@ -41,21 +41,16 @@ pub(super) fn clip_offset_of(word: u32) -> f32 {
     (word as i32 >> CLIP_OFFSET_SHIFT) as f32 / CLIP_STEPS_PER_CELL as f32
 }
 
-/// Coverage of a texel, 0 to [`OPAQUE_ALPHA`].
+/// Whether rays pass a texel.
 #[inline]
-pub(super) fn alpha_of(texel: u32) -> u32 {
-    texel >> ALPHA_SHIFT & OPAQUE_ALPHA
+pub(super) fn is_open(texel: u32) -> bool {
+    texel & OPAQUE == 0
 }
 
 /// Share of the sky that a texel sees, 0 to [`AO_MAX`](insula_protocol::texel::AO_MAX).
 #[inline]
 pub(super) fn ao_of(texel: u32) -> f32 {
     (texel >> AO_SHIFT) as f32
-}
-
-#[inline]
-pub(super) fn as_opaque(texel: u32) -> u32 {
-    texel | OPAQUE_ALPHA << ALPHA_SHIFT
 }
 
 /// Height codes of a strip's row.

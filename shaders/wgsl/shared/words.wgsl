@@ -29,18 +29,14 @@ fn clip_offset_of(word: u32) -> f32 {
     return f32(bitcast<i32>(word) >> CLIP_OFFSET_SHIFT) / CLIP_STEPS_PER_CELL;
 }
 
-// Coverage of a texel, 0 to ALPHA_MAX.
-fn alpha_of(texel: u32) -> u32 {
-    return (texel >> ALPHA_SHIFT) & OPAQUE_ALPHA;
+// Whether rays pass a texel.
+fn is_open(texel: u32) -> bool {
+    return (texel & OPAQUE) == 0u;
 }
 
 // Share of the sky that a texel sees, 0 to AO_MAX.
 fn ao_of(texel: u32) -> f32 {
     return f32(texel >> AO_SHIFT);
-}
-
-fn as_opaque(texel: u32) -> u32 {
-    return texel | (OPAQUE_ALPHA << ALPHA_SHIFT);
 }
 
 // Words of a strip in front of its texels.

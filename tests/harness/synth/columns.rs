@@ -225,5 +225,5 @@ fn appearance(rgb: [u8; 3], ao: f32) -> VoxelAppearance {
             if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
         })
     });
-    VoxelAppearance { rgb: rgb.map(|c| linear[usize::from(c)]), ao, alpha: 1.0 }
+    VoxelAppearance { rgb: rgb.map(|c| linear[usize::from(c)]), ao, is_known: true }
 }

@@ -25,16 +25,15 @@ pub fn child() -> TileId {
 /// A V-BlockMap with one exposed column and one roof.
 pub fn blockmap(id: TileId) -> Vec<u8> {
     let mut columns = vec![None; COLUMNS];
-    let texels = (0..3).map(|i| Texel::new([200, 50 * i, 10], 63, 3)).collect();
+    let texels = (0..3).map(|i| Texel::new([200, 50 * i, 10], 63)).collect();
     columns[65] = Some(MapColumn {
         z_min: 0,
         z_max: 48,
-        roof: Texel::new([10, 20, 30], 63, 3),
+        roof: Texel::new([10, 20, 30], 63),
         strip: Some(WallStrip { texels, azimuth: 64 }),
         ..MapColumn::default()
     });
-    columns[66] =
-        Some(MapColumn { z_min: 16, z_max: 40, roof: Texel::new([90, 80, 70], 32, 3), ..MapColumn::default() });
+    columns[66] = Some(MapColumn { z_min: 16, z_max: 40, roof: Texel::new([90, 80, 70], 32), ..MapColumn::default() });
     let cell_m = 2.0 / f32::from(1u16 << id.level());
     BlockMap::from_columns(id, cell_m, 0, 0, &columns).unwrap().encode().unwrap()
 }

@@ -53,7 +53,7 @@ class TexelReader:
         self.chroma_step = luma_step if luma_step == 4 else luma_step * 3 // 2
         self.luma, self.ao = number_models(8), number_models(8)
         self.chroma = [number_models(6) for _ in range(2)]
-        self.alpha = [bit_models(3) for _ in range(4)]
+        self.coverage = {coverage: bit_models(3) for coverage in (0, 3)}
         self.first, self.second = bit_models(3), bit_model()
         places = 1
         while palette is not None and places < len(palette):
@@ -67,8 +67,8 @@ class TexelReader:
         ao = self.read_ao([ao for _, ao in known])
         return (*to_rgb(colour), ao, 3), (colour, ao)
 
-    def read_alpha(self, below):
-        return self.coder.choice(self.alpha[below])
+    def read_coverage(self, below):
+        return self.coder.choice(self.coverage[below]) and 3
 
     def read_place(self, colours):
         a, b, c = colours
@@ -150,7 +150,7 @@ def read_strips(texels, tile, order, roofs):
     for i, predecessor in order:
         first, rows = tile.rows(i)
         tile.strip[i] = []
-        alpha, below = 3, None
+        coverage, below = 3, None
         beside_below = coded.get((predecessor, first - 1))
         for row in range(first, first + rows):
             beside = coded.get((predecessor, row))
@@ -160,10 +160,10 @@ def read_strips(texels, tile, order, roofs):
                 known = [below or beside or roofs[i]] * 3
             beside_below = beside
             if tile.has(i, HOLES):
-                alpha = texels.read_alpha(alpha)
-            if alpha == 0:
+                coverage = texels.read_coverage(coverage)
+            if coverage == 0:
                 texel, below = (0, 0, 0, 0, 0), known[0]
             else:
                 texel, below = texels.read(known)
-            tile.strip[i].append(texel[:4] + (alpha,))
+            tile.strip[i].append(texel[:4] + (coverage,))
             coded[i, row] = below

@@ -44,7 +44,7 @@ class Map:
         self.normal, self.azimuth = [0] * COLUMNS, [0] * COLUMNS
         self.slope = [(0, 0)] * COLUMNS
         self.gap, self.clip = [None] * COLUMNS, [None] * COLUMNS
-        # Texels are (r, g, b, ao, alpha).
+        # Texels are (r, g, b, ao, coverage).
         self.roof, self.strip = [None] * COLUMNS, [None] * COLUMNS
 
     def has(self, i, flag):

@@ -69,11 +69,11 @@ fn node(mark: u8, strip_pages: usize) -> PackedTile {
     let mut columns = vec![None; COLUMNS];
     for i in 0..strip_pages {
         let rows = strip_rows(0, 4095, 4).1;
-        let texels = vec![Texel::new([mark; 3], 63, 3); usize::from(rows)];
+        let texels = vec![Texel::new([mark; 3], 63); usize::from(rows)];
         let strip = Some(WallStrip { texels, azimuth: 0 });
-        columns[i] = Some(MapColumn { z_max: 4095, strip, roof: Texel::new([mark; 3], 0, 3), ..MapColumn::default() });
+        columns[i] = Some(MapColumn { z_max: 4095, strip, roof: Texel::new([mark; 3], 0), ..MapColumn::default() });
     }
-    columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([mark; 3], 0, 3), ..MapColumn::default() });
+    columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([mark; 3], 0), ..MapColumn::default() });
     let map = BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap();
     PackedTile::node(&map)
 }

@@ -58,7 +58,7 @@ fn solid(z_min: u16, z_max: u16) -> MapColumn {
 }
 
 fn walled(z_min: u16, z_max: u16) -> MapColumn {
-    let texels = vec![Texel::new([9; 3], 63, 3); usize::from(strip_rows(z_min, z_max, 0).1)];
+    let texels = vec![Texel::new([9; 3], 63); usize::from(strip_rows(z_min, z_max, 0).1)];
     MapColumn { strip: Some(WallStrip { texels, azimuth: 0 }), ..solid(z_min, z_max) }
 }
 
@@ -72,7 +72,7 @@ fn columns_have_tops_slopes_gaps_and_walls() {
     let normal = octahedral::encode([-0.6, 0.0, 0.8]);
     let slope = MapColumn { inclined: true, roof_normal: normal, ..solid(0, 160) };
     let gap = MapColumn { gap: Some([64, 128]), ..walled(0, 320) };
-    let outer = Some(OuterTop { z: 32, roof: Texel::new([9; 3], 63, 3) });
+    let outer = Some(OuterTop { z: 32, roof: Texel::new([9; 3], 63) });
     let wall = MapColumn { clip: Some(ColumnClip { offset: -32, corner: None, outer }), ..walled(0, 320) };
     let corner = Some(CornerWall { azimuth: 64, offset: 0, concave: true });
     let concave = MapColumn { clip: Some(ColumnClip { offset: 0, corner, outer: None }), ..walled(0, 320) };
@@ -114,7 +114,7 @@ fn columns_have_tops_slopes_gaps_and_walls() {
 
 #[test]
 fn a_way_ends_at_the_first_column_in_any_direction() {
-    let outer = Some(OuterTop { z: 32, roof: Texel::new([9; 3], 63, 3) });
+    let outer = Some(OuterTop { z: 32, roof: Texel::new([9; 3], 63) });
     let wall = MapColumn { clip: Some(ColumnClip { offset: -32, corner: None, outer }), ..walled(0, 320) };
     let columns = [([30, 30], wall), ([50, 30], MapColumn { gap: Some([64, 128]), ..walled(0, 320) })];
     let (manifest, cache) = (city(), cache_of(vec![block_map(leaf(0, 0), 1.0, &columns)]));

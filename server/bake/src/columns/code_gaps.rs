@@ -1,4 +1,4 @@
-//! Which gaps of a column are stored, and how: one exactly, others as transparent rows of its wall.
+//! Which gaps of a column are stored, and how: one exactly, others as open rows of its wall.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use std::ops::Range;
 pub(super) struct CodeGap {
     /// Bottom and top as height codes.
     pub(super) codes: [u16; 2],
-    /// The rows that are transparent unless the gap is stored exactly. Rows are counted from code 0.
+    /// The rows that are open unless the gap is stored exactly. Rows are counted from code 0.
     pub(super) open_rows: Range<u16>,
     /// Codes of the gap outside of these rows.
     closed: u16,

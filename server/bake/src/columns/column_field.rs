@@ -321,11 +321,11 @@ fn keep_inner(outline: &[DVec2], (normal, offset): (DVec2, f64)) -> Vec<DVec2> {
     kept
 }
 
-/// The full codes of a column from the bottom up: all but its gap and the transparent rows of its wall.
+/// The full codes of a column from the bottom up: all but its gap and the open rows of its wall.
 fn full_codes(map: &BlockMap, column: &MapColumn) -> Vec<[u16; 2]> {
     let (codes, (first, _)) = (STEPS_PER_CELL >> map.z_shift, strip_rows(column.z_min, column.z_max, map.z_shift));
     let rows = column.strip.iter().flat_map(|strip| strip.texels.iter().enumerate());
-    let open_rows = rows.filter(|(_, texel)| texel.alpha() == 0).map(|(k, _)| (first + k as u16) * codes);
+    let open_rows = rows.filter(|(_, texel)| texel.is_open()).map(|(k, _)| (first + k as u16) * codes);
     let open = column.gap.into_iter().chain(open_rows.map(|low| [low, low + codes]));
     open.fold(vec![[column.z_min, column.z_max]], |solids, [low, high]| {
         let split = solids.into_iter().flat_map(|[bottom, top]| [[bottom, top.min(low)], [bottom.max(high), top]]);

@@ -4,13 +4,13 @@
 //!
 //! Vacca 2008 (3.6.1) samples every level from the source's triangles. Here a parent needs only its children: 4 x 4
 //! vertical lines run through each of its cells, that is, through the children's columns, and are merged as in a leaf.
-//! The children's walls propose the clip planes. Their gaps, exact or as transparent rows of walls, stay open as long as
+//! The children's walls propose the clip planes. Their gaps, exact or as open rows of walls, stay open as long as
 //! they are higher than half a cell.
 
 use crate::{
     columns::{
         clip::{CellClip, CornerPlane, WallPlane},
-        fill::fill_unknown,
+        fill::{fill_unknown, mean_of_known},
         merge::{LINES_PER_SIDE, MergedColumn, PARENT_GAPS, VerticalLine, line_position_m},
         srgb::linear_from_srgb,
         voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode},
@@ -27,7 +27,7 @@ use insula_protocol::{
         strip_rows,
     },
     octahedral,
-    texel::{ALPHA_MAX, AO_MAX},
+    texel::AO_MAX,
 };
 
 /// How far, in cells, a grounded column reaches below the lowest top around it.
@@ -157,15 +157,14 @@ fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32)
     }
 }
 
-/// The full height codes of a column, from the bottom up: all but its gap and the transparent rows of its wall.
+/// The full height codes of a column, from the bottom up: all but its gap and the open rows of its wall.
 ///
-/// A row is opaque if anything touches it, so a run that ends at a transparent row ends half a row before it on average.
+/// A row is opaque if anything touches it, so a run that ends at a open row ends half a row before it on average.
 fn solid_codes(column: &MapColumn, z_shift: u8) -> Vec<[u16; 2]> {
     let codes = STEPS_PER_CELL >> z_shift;
     let (first, _) = strip_rows(column.z_min, column.z_max, z_shift);
     let rows = column.strip.iter().flat_map(|strip| strip.texels.iter().enumerate());
-    let open: Vec<u16> =
-        rows.filter(|(_, texel)| texel.alpha() == 0).map(|(k, _)| (first + k as u16) * codes).collect();
+    let open: Vec<u16> = rows.filter(|(_, texel)| texel.is_open()).map(|(k, _)| (first + k as u16) * codes).collect();
     let exact = column.gap.map_or_else(
         || vec![[column.z_min, column.z_max]],
         |[low, high]| vec![[column.z_min, low], [high, column.z_max]],
@@ -205,7 +204,7 @@ fn appearance(texel: Texel) -> VoxelAppearance {
     VoxelAppearance {
         rgb: linear_from_srgb(texel.rgb()).to_array(),
         ao: f32::from(texel.ao()) / f32::from(AO_MAX),
-        alpha: f32::from(texel.alpha()) / f32::from(ALPHA_MAX),
+        is_known: !texel.is_open(),
     }
 }
 
@@ -324,7 +323,7 @@ impl ParentColumns {
             inclined: own.is_inclined,
             suspended: !self.is_grounded[i],
             normal: normal.to_array(),
-            roof: mean_appearance(tops.iter().map(|child| child.roof)),
+            roof: mean_of_known(tops.iter().map(|child| child.roof)),
             exposed,
             wall_normal: clip.map_or(mean_wall_normal, |clip| clip.plane.normal),
             first_row,
@@ -366,29 +365,14 @@ fn mean_top_at(children: &[&ChildColumn], z_m: f32, cell_m: f32) -> VoxelAppeara
         let outer = child.merged.clip.and_then(|clip| clip.outer_top_m).zip(child.outer);
         [roof, outer].into_iter().flatten()
     });
-    mean_appearance(tops.filter(|(top_m, _)| (top_m - z_m).abs() < cell_m).map(|(_, appearance)| appearance))
+    mean_of_known(tops.filter(|(top_m, _)| (top_m - z_m).abs() < cell_m).map(|(_, appearance)| appearance))
 }
 
 /// Mean of the children's walls in a row of the parent, which is two rows of a child.
 fn wall_row(children: &[&ChildColumn], row: i32) -> VoxelAppearance {
-    mean_appearance(children.iter().filter_map(|child| child.wall.as_ref()).flat_map(|wall| {
+    mean_of_known(children.iter().filter_map(|child| child.wall.as_ref()).flat_map(|wall| {
         [row * 2, row * 2 + 1]
             .into_iter()
             .filter_map(move |r| wall.rows.get(usize::try_from(r - wall.first_row).ok()?).copied())
     }))
-}
-
-/// Mean weighted by coverage; unknown if nothing has any.
-fn mean_appearance(appearances: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
-    let (mut rgb, mut ao, mut weight) = ([0.0; 3], 0.0, 0.0);
-    for appearance in appearances {
-        rgb = [0, 1, 2].map(|k| rgb[k] + appearance.rgb[k] * appearance.alpha);
-        ao += appearance.ao * appearance.alpha;
-        weight += appearance.alpha;
-    }
-    if weight <= 0.0 {
-        VoxelAppearance::default()
-    } else {
-        VoxelAppearance { rgb: rgb.map(|v| v / weight), ao: ao / weight, alpha: 1.0 }
-    }
 }

@@ -2,13 +2,13 @@
 //!
 //! Rows of a wall take the nearest row of the same wall. Then up to [`PASSES`] passes over the node copy means of the
 //! eight neighbouring columns, so that appearance travels one cell per pass. What is still unknown takes the column's
-//! own wall or roof, or else [`GREY`]. Afterwards every appearance of the node has coverage.
+//! own wall or roof, or else [`GREY`]. Afterwards every appearance of the node is known.
 
 use crate::columns::voxels::{VoxelAppearance, VoxelColumn, VoxelNode, VoxelOuterTop};
 use insula_protocol::NODE_CELLS;
 
 /// Used where no neighbour within [`PASSES`] cells is known.
-const GREY: VoxelAppearance = VoxelAppearance { rgb: [0.4; 3], ao: 0.5, alpha: 1.0 };
+const GREY: VoxelAppearance = VoxelAppearance { rgb: [0.4; 3], ao: 0.5, is_known: true };
 /// Largest distance, in cells, that appearance spreads from other columns.
 const PASSES: usize = 8;
 /// Tops of neighbours count as equally high if they differ by less, in metres.
@@ -22,7 +22,7 @@ struct FoundAppearance {
     wall: Vec<VoxelAppearance>,
 }
 
-/// Gives every appearance of the node coverage.
+/// Makes every appearance of the node known.
 pub(crate) fn fill_unknown(node: &mut VoxelNode) {
     for column in node.columns.iter_mut().flatten() {
         fill_rows(&mut column.wall);
@@ -45,7 +45,7 @@ pub(crate) fn fill_unknown(node: &mut VoxelNode) {
 }
 
 fn is_unknown(appearance: &VoxelAppearance) -> bool {
-    appearance.alpha == 0.0
+    !appearance.is_known
 }
 
 /// The appearance beyond the column's clip, if it is unknown.
@@ -82,7 +82,7 @@ fn apply(column: &mut VoxelColumn, found: &FoundAppearance) {
 /// Sets the unknown appearances of a column to those of its own wall or roof, or else to [`GREY`].
 fn fill_from_self(column: &mut VoxelColumn) {
     if is_unknown(&column.roof) {
-        let wall = column.wall.last().copied().filter(|wall| wall.alpha > 0.0);
+        let wall = column.wall.last().copied().filter(|wall| wall.is_known);
         column.roof = wall.unwrap_or(GREY);
     }
     let roof = column.roof;
@@ -94,7 +94,7 @@ fn fill_from_self(column: &mut VoxelColumn) {
 
 /// Sets each unknown row to the nearest known one; the lower of two that are equally near.
 fn fill_rows(rows: &mut [VoxelAppearance]) {
-    let known: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].alpha > 0.0).collect();
+    let known: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].is_known).collect();
     if known.is_empty() || known.len() == rows.len() {
         return;
     }
@@ -141,7 +141,7 @@ fn tops(column: &VoxelColumn) -> impl Iterator<Item = VoxelOuterTop> {
 fn mean_of_tops_around(node: &VoxelNode, i: usize, z_m: f32) -> VoxelAppearance {
     let similar = neighbours(node, i).flat_map(tops).filter(|top| (top.top_m - z_m).abs() < SIMILAR_TOP_M);
     let mean = mean_of_known(similar.map(|top| top.appearance));
-    if mean.alpha > 0.0 { mean } else { mean_of_known(neighbours(node, i).map(|column| column.roof)) }
+    if mean.is_known { mean } else { mean_of_known(neighbours(node, i).map(|column| column.roof)) }
 }
 
 /// The column's wall, its unknown rows as means of the neighbours' rows at the same height.
@@ -152,7 +152,7 @@ fn wall_around(node: &VoxelNode, i: usize) -> Vec<VoxelAppearance> {
     (0..own.wall.len())
         .map(|k| {
             let row = own.first_row + k as i32;
-            if own.wall[k].alpha > 0.0 {
+            if own.wall[k].is_known {
                 own.wall[k]
             } else {
                 mean_of_known(neighbours(node, i).filter_map(|column| row_of(column, row)))
@@ -161,13 +161,13 @@ fn wall_around(node: &VoxelNode, i: usize) -> Vec<VoxelAppearance> {
         .collect()
 }
 
-/// Unweighted mean of the appearances with coverage; unknown if there is none.
-fn mean_of_known(appearances: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
+/// Unweighted mean of the known appearances; unknown if there is none.
+pub(crate) fn mean_of_known(appearances: impl Iterator<Item = VoxelAppearance>) -> VoxelAppearance {
     let (mut sum, mut n) = (VoxelAppearance::default(), 0.0);
-    for appearance in appearances.filter(|appearance| appearance.alpha > 0.0) {
+    for appearance in appearances.filter(|appearance| appearance.is_known) {
         sum.rgb = [0, 1, 2].map(|k| sum.rgb[k] + appearance.rgb[k]);
         sum.ao += appearance.ao;
         n += 1.0;
     }
-    if n == 0.0 { sum } else { VoxelAppearance { rgb: sum.rgb.map(|v| v / n), ao: sum.ao / n, alpha: 1.0 } }
+    if n == 0.0 { sum } else { VoxelAppearance { rgb: sum.rgb.map(|v| v / n), ao: sum.ao / n, is_known: true } }
 }

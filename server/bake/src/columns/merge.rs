@@ -1,6 +1,7 @@
 //! One column from the vertical lines of a cell.
 //!
-//! This is the supersampling of Vacca 2008, 3.4.2, with a vote instead of partial coverage: a height is full where at
+//! This is the supersampling of Vacca 2008, 3.4.2, with a vote instead of partial coverage
+//! (docs/decisions/0013-coverage.md): a height is full where at
 //! least half of the lines are full. The top becomes a slope where the lines' tops lie in one plane. For leaves the
 //! lines run through the source's surfaces (`sample::solids`), for parents through the children's columns
 //! (`downsample`).

@@ -3,7 +3,7 @@
 //! In: [`VoxelNode`]. Out: [`BlockMap`]. Next: `protocol` encodes it, `write` stores it.
 //!
 //! Heights are counted in steps from a base of whole cells. A column stores its bottom and top, at most one exact gap,
-//! and an exposed column a strip of wall texels, one per cell of height. Other gaps become transparent texels.
+//! and an exposed column a strip of wall texels, one per cell of height. Other gaps become open texels.
 
 use crate::{
     columns::{
@@ -22,7 +22,7 @@ use insula_protocol::{
         strip_rows,
     },
     octahedral,
-    texel::{ALPHA_MAX, AO_MAX},
+    texel::AO_MAX,
 };
 
 /// Conversion of metres to the height codes of one node.
@@ -145,7 +145,7 @@ fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {
         inclined: column.inclined,
         suspended: column.suspended,
         gap: range.gap,
-        roof: encode_texel(&column.roof, ALPHA_MAX),
+        roof: encode_texel(&column.roof),
         roof_normal: octahedral::encode(column.normal),
         strip: column.exposed.then(|| encode_strip(column, codes, &range)),
         clip: column.clip.filter(|_| column.exposed).map(|clip| encode_clip(&clip, codes, &range)),
@@ -165,7 +165,7 @@ fn encode_clip(clip: &VoxelClip, codes: &HeightCodes, range: &CodeRange) -> Colu
     });
     let outer = clip.outer.and_then(|outer| {
         let z = codes.encode(outer.top_m).min(range.z_max - 1);
-        (z > range.z_min).then(|| OuterTop { z, roof: encode_texel(&outer.appearance, ALPHA_MAX) })
+        (z > range.z_min).then(|| OuterTop { z, roof: encode_texel(&outer.appearance) })
     });
     ColumnClip { offset: offset(&clip.plane), corner, outer }
 }
@@ -200,24 +200,23 @@ fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: &CodeRange) ->
         .map(|row| {
             // Rows inside the exact gap are never read. Opaque, they compress together with their neighbours.
             let is_open = range.other_gaps.iter().any(|gap| gap.open_rows.contains(&row));
-            let alpha = if is_open { 0 } else { ALPHA_MAX };
             let at = codes.base_cells + i32::from(row) - column.first_row;
             let last = column.wall.len() as i32 - 1;
-            if alpha == 0 {
-                Texel::TRANSPARENT
+            if is_open {
+                Texel::OPEN
             } else if last < 0 {
-                encode_texel(&column.roof, alpha)
+                encode_texel(&column.roof)
             } else {
-                encode_texel(&column.wall[at.clamp(0, last) as usize], alpha)
+                encode_texel(&column.wall[at.clamp(0, last) as usize])
             }
         })
         .collect();
     WallStrip { texels, azimuth: encode_azimuth(column.wall_normal) }
 }
 
-fn encode_texel(appearance: &VoxelAppearance, alpha: u8) -> Texel {
+fn encode_texel(appearance: &VoxelAppearance) -> Texel {
     let ao = (appearance.ao.clamp(0.0, 1.0) * f32::from(AO_MAX)).round() as u8;
-    Texel::new(srgb_from_linear(appearance.rgb), ao, alpha)
+    Texel::new(srgb_from_linear(appearance.rgb), ao)
 }
 
 #[cfg(test)]
@@ -234,13 +233,13 @@ mod tests {
         let solids: Vec<SolidRun> = solids.iter().map(|s| SolidRun { bottom_m: s[0], top_m: s[1] }).collect();
         let first_row = solids[0].bottom_m.floor() as i32;
         let rows = solids.last().unwrap().top_m.ceil() as i32 - first_row;
-        let wall = (0..rows).map(|r| VoxelAppearance { rgb: [r as f32 / 64.0; 3], ao: 1.0, alpha: 1.0 }).collect();
+        let wall = (0..rows).map(|r| VoxelAppearance { rgb: [r as f32 / 64.0; 3], ao: 1.0, is_known: true }).collect();
         VoxelColumn {
             solids,
             inclined: false,
             suspended: false,
             normal: [0.0, 0.0, 1.0],
-            roof: VoxelAppearance { rgb: [1.0; 3], ao: 0.5, alpha: 1.0 },
+            roof: VoxelAppearance { rgb: [1.0; 3], ao: 0.5, is_known: true },
             exposed,
             wall_normal: [0.0, -1.0],
             first_row,
@@ -274,8 +273,8 @@ mod tests {
         assert_eq!(map.gaps, [[16, 80]], "the widest gap is exact");
         let columns = map.columns();
         let texels = &columns[3].as_ref().unwrap().strip.as_ref().unwrap().texels;
-        let alphas: Vec<u8> = texels.iter().map(|t| t.alpha()).collect();
-        assert_eq!(alphas, [3, 3, 3, 3, 3, 3, 0, 0, 3, 3, 3, 3, 3], "the narrower gap becomes transparent texels");
+        let open: Vec<usize> = (0..texels.len()).filter(|row| texels[*row].is_open()).collect();
+        assert_eq!((texels.len(), &open[..]), (13, &[6, 7][..]), "the narrower gap becomes open texels");
         let wall = &columns[1].as_ref().unwrap().strip.as_ref().unwrap().texels;
         assert!(wall.windows(2).all(|w| w[0].rgb()[0] < w[1].rgb()[0]), "rows run from the bottom up");
     }

@@ -10,15 +10,14 @@ use insula_protocol::{
     },
 };
 
-/// Colour and light of one voxel. The default has no coverage and means "not known yet".
+/// Colour and light of one voxel. The default is not known yet.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct VoxelAppearance {
     /// Linear RGB, 0 to 1.
     pub rgb: [f32; 3],
     /// Ambient occlusion: 0 is fully occluded, 1 sees the whole sky.
     pub ao: f32,
-    /// Coverage, 0 to 1.
-    pub alpha: f32,
+    pub is_known: bool,
 }
 
 /// A run of full voxels.

@@ -50,7 +50,11 @@ impl AppearanceSum {
         if self.weight <= 0.0 {
             return VoxelAppearance::default();
         }
-        VoxelAppearance { rgb: (self.rgb / self.weight).to_array(), ao: (self.ao / self.weight).min(1.0), alpha: 1.0 }
+        VoxelAppearance {
+            rgb: (self.rgb / self.weight).to_array(),
+            ao: (self.ao / self.weight).min(1.0),
+            is_known: true,
+        }
     }
 }
 

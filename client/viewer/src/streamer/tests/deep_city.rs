@@ -38,7 +38,7 @@ fn subtree(root: TileId) -> Subtree {
 
 fn block_map() -> PackedTile {
     let mut columns = vec![None; COLUMNS];
-    columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([9; 3], 0, 3), ..MapColumn::default() });
+    columns[100] = Some(MapColumn { z_max: 7, roof: Texel::new([9; 3], 0), ..MapColumn::default() });
     PackedTile::node(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 4, &columns).unwrap())
 }
 
