@@ -86,7 +86,7 @@ proptest! {
         let (mut squares, mut count) = (0.0, 0.0);
         for (a, b) in texels(&map).into_iter().zip(texels(&back)).filter(|(a, _)| *a != Texel::OPEN) {
             prop_assert_eq!(a.is_open(), b.is_open());
-            prop_assert!(a.ao().abs_diff(b.ao()) <= 3, "{} became {}", a.ao(), b.ao());
+            prop_assert!(a.ao().abs_diff(b.ao()) <= 2, "{} became {}", a.ao(), b.ao());
             if !a.is_open() {
                 squares += a.rgb().into_iter().zip(b.rgb()).map(|(a, b)| f64::from(a.abs_diff(b)).powi(2)).sum::<f64>();
                 count += 3.0;

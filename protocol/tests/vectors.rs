@@ -288,7 +288,7 @@ fn block_maps_are_read_and_written() {
 }
 
 #[test]
-fn lossy_block_maps_are_read_and_written() {
+fn lossy_block_maps_are_read() {
     let original = colourful_blockmap();
     let map = BlockMap::decode(node_id(), LOSSY_BLOCKMAP).unwrap();
     let error = original.colour_error(&map);
@@ -297,7 +297,6 @@ fn lossy_block_maps_are_read_and_written() {
     assert_eq!(checksum(&texels), 275_298_839);
     let shapes = BlockMap { roof: original.roof.clone(), strips: original.strips.clone(), ..map };
     assert_eq!(shapes, original);
-    assert_eq!(original.encode_at(Quality::Decibels(DB)).unwrap(), LOSSY_BLOCKMAP);
 }
 
 #[test]

@@ -21,12 +21,12 @@ pub(super) const TAG_REFLECTIVE: u8 = 4;
 pub enum Quality {
     Lossless,
     /// Minimum peak signal-to-noise ratio in dB of the node's opaque texels (8-bit sRGB, all three channels). The
-    /// occlusion is off by at most 3 of 63.
+    /// occlusion is off by at most 2 of 63.
     Decibels(f32),
 }
 
 /// Step of the occlusion if it is lossy.
-const LOSSY_AO_STEP: u8 = 4;
+const LOSSY_AO_STEP: u8 = 5;
 /// Largest step of the colours, in quarters.
 pub(super) const MAX_COLOUR_STEP: u16 = 512;
 

@@ -22,8 +22,6 @@ impl QuantisationSteps {
     pub(super) const LOSSLESS: Self = Self { colour: QUARTERS as u16, ao: 1 };
 }
 
-/// Largest error of the occlusion if it is lossy. A prediction that is this close is used as it is.
-const MAX_AO_ERROR: i32 = 3;
 /// The coverage of an opaque texel; that of an open one is 0. Other values were used for partial coverage.
 const OPAQUE_COVERAGE: u32 = 3;
 /// Unit of the colour step.
@@ -156,14 +154,10 @@ impl<'a, C: BitCoder> TexelCoder<'a, C> {
     fn code_ao(&mut self, value: i32, [a, b, c]: [i32; 3]) -> i16 {
         let activity = (a - c).abs() + (b - c).abs();
         let class = usize::from(self.ao.classes[activity as usize & 127]);
-        let ao = |level: i32| i32::from(self.ao.ao_of_level[level.clamp(0, i32::from(AO_MAX)) as usize]);
         let level = |ao: i32| i32::from(self.ao.level_of_ao[ao as usize & 63]);
         let expected = level(median(a, b, c));
-        let tolerance = if self.steps.ao == 1 { 0 } else { MAX_AO_ERROR };
-        let difference = match C::WRITES {
-            true if (value - ao(expected)).abs() > tolerance => level(value) - expected,
-            _ => 0,
-        };
+        // The nearest level, even if the prediction is only a little off: where it may drift, both sides of a border differ.
+        let difference = if C::WRITES { level(value) - expected } else { 0 };
         let difference = self.coder.number(&mut self.models.ao[class], difference);
         i16::from(self.ao.ao_of_level[(expected + difference).clamp(0, i32::from(AO_MAX)) as usize])
     }
